@@ -1,0 +1,37 @@
+# Every target works on a fresh machine: `setup` installs and builds what is missing, and is quick
+# when nothing is.
+
+CARGO ?= cargo
+# More arguments for cargo: make test ARGS="--test frames"
+ARGS ?=
+
+.DEFAULT_GOAL := help
+.PHONY: help setup setup-tests build demo test bench clean distclean
+
+help: ## This list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: ## Install what building and running need (Debian 12, Ubuntu 24.04)
+	@tools/setup.sh
+
+setup-tests:
+	@tools/setup.sh --tests
+
+build: setup ## Build the library and the program, optimised
+	$(CARGO) build --release $(ARGS)
+
+demo: build ## Draw the head; print device, time, error and where the picture is
+	@tools/demo.sh
+
+test: setup-tests ## Run all tests under the validation layers, on the default device
+	$(CARGO) test $(ARGS)
+
+bench: setup ## Run the benchmark
+	$(CARGO) bench $(ARGS)
+
+clean: ## Remove what was built and drawn (but not .deps, see distclean)
+	$(CARGO) clean
+	rm -rf out
+
+distclean: clean ## Remove .deps as well: shader compiler, second driver
+	rm -rf .deps

@@ -1,0 +1,320 @@
+//! Compiles `glsl/` to SPIR-V and writes `shaders.rs`: the modules with what they bind, the binding
+//! and specialisation numbers of `glsl/interface.glsl`, and compile-time assertions that the Rust
+//! structures of `src/interface.rs` lie in memory as the shaders read them.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::{env, fs};
+
+/// Ends the build with one line that Cargo shows as an error.
+macro_rules! refuse {
+    ($($arg:tt)*) => {{
+        println!("cargo::error={}", format!($($arg)*).trim_end().replace('\n', " | "));
+        std::process::exit(1)
+    }};
+}
+
+fn main() {
+    let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default());
+    let out = PathBuf::from(env::var_os("OUT_DIR").unwrap_or_default());
+    let folder = root.join("glsl");
+    println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rerun-if-changed=glsl");
+    println!("cargo::rerun-if-env-changed=SHADERC_LIB_DIR");
+
+    let mut files: Vec<PathBuf> = match fs::read_dir(&folder) {
+        Ok(entries) => entries.filter_map(|e| Some(e.ok()?.path())).collect(),
+        Err(error) => refuse!("{}: {error}", folder.display()),
+    };
+    files.retain(|file| file.extension().is_some_and(|e| e == "glsl"));
+    files.sort();
+
+    let compiler = match shaderc::Compiler::new() {
+        Ok(compiler) => compiler,
+        Err(error) => refuse!("the GLSL compiler does not start ({error}): run `make setup`, which installs libshaderc"),
+    };
+    // Debug builds keep names and line numbers for the validation layers' messages.
+    let optimise = env::var("PROFILE").is_ok_and(|profile| profile == "release");
+
+    let mut rust = String::from("// Written by build.rs from glsl/.\n\n");
+    constants(&read(&folder.join("interface.glsl")), &mut rust);
+    let mut layouts = BTreeMap::new();
+    for file in &files {
+        println!("cargo::rerun-if-changed={}", file.display());
+        let source = read(file);
+        for (stage, entry) in entries(file, &source) {
+            let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+            let name = format!("{stem}_{entry}").to_uppercase().replace('-', "_");
+            // Names are read from the plain module: optimisation strips them.
+            let plain = compile(&compiler, &folder, file, &source, stage, &entry, false);
+            let module = Module::parse(&plain);
+            module.layouts(file, &mut layouts);
+            let shipped = if optimise { compile(&compiler, &folder, file, &source, stage, &entry, true) } else { plain };
+            let bytes: Vec<u8> = shipped.iter().flat_map(|word| word.to_le_bytes()).collect();
+            let path = out.join(format!("{name}.spv"));
+            if let Err(error) = fs::write(&path, bytes) {
+                refuse!("{}: {error}", path.display());
+            }
+            module.describe(&name, stage, &mut rust);
+        }
+    }
+    assertions(&layouts, &mut rust);
+    let path = out.join("shaders.rs");
+    if let Err(error) = fs::write(&path, rust) {
+        refuse!("{}: {error}", path.display());
+    }
+}
+
+fn read(path: &Path) -> String {
+    match fs::read_to_string(path) {
+        Ok(text) => text,
+        Err(error) => refuse!("{}: {error}", path.display()),
+    }
+}
+
+/// The `// entry <stage> <MACRO>` lines at the top of a file.
+fn entries(file: &Path, source: &str) -> Vec<(&'static str, String)> {
+    let mut found = Vec::new();
+    for line in source.lines() {
+        let Some(rest) = line.strip_prefix("// entry ") else { continue };
+        let words: Vec<&str> = rest.split_whitespace().collect();
+        let stage = match words.first() {
+            Some(&"vertex") => "Vertex",
+            Some(&"fragment") => "Fragment",
+            Some(&"compute") => "Compute",
+            _ => refuse!("{}: `{line}`: the stage must be vertex, fragment or compute", file.display()),
+        };
+        let Some(entry) = words.get(1) else { refuse!("{}: `{line}`: no macro is named", file.display()) };
+        found.push((stage, (*entry).to_string()));
+    }
+    found
+}
+
+fn compile(
+    compiler: &shaderc::Compiler,
+    folder: &Path,
+    file: &Path,
+    source: &str,
+    stage: &str,
+    entry: &str,
+    optimise: bool,
+) -> Vec<u32> {
+    let Ok(mut options) = shaderc::CompileOptions::new() else {
+        refuse!("the GLSL compiler gives no options object: run `make setup`")
+    };
+    options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
+    // 1.5, not 1.6: Mesa 22.3's software driver crashes on gl_HelperInvocation in 1.6.
+    options.set_target_spirv(shaderc::SpirvVersion::V1_5);
+    options.set_warnings_as_errors();
+    if optimise {
+        options.set_optimization_level(shaderc::OptimizationLevel::Performance);
+    } else {
+        options.set_generate_debug_info();
+    }
+    options.add_macro_definition(entry, None);
+    options.set_include_callback(|name, _, from, _| {
+        let path = folder.join(name);
+        let content = fs::read_to_string(&path).map_err(|error| format!("{name}, included from {from}: {error}"))?;
+        Ok(shaderc::ResolvedInclude { resolved_name: format!("glsl/{name}"), content })
+    });
+    let kind = match stage {
+        "Vertex" => shaderc::ShaderKind::Vertex,
+        "Fragment" => shaderc::ShaderKind::Fragment,
+        _ => shaderc::ShaderKind::Compute,
+    };
+    let shown = format!("glsl/{}", file.file_name().unwrap_or_default().to_string_lossy());
+    match compiler.compile_into_spirv(source, kind, &shown, "main", Some(&options)) {
+        Ok(artifact) => artifact.as_binary().to_vec(),
+        Err(error) => refuse!("{shown} ({entry}): {error}"),
+    }
+}
+
+/// `#define BINDING_X n` and `#define SPEC_X n` become constants of the same name.
+fn constants(interface: &str, rust: &mut String) {
+    for line in interface.lines() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let [define, name, number, ..] = words[..] else { continue };
+        if define != "#define" || !(name.starts_with("BINDING_") || name.starts_with("SPEC_")) {
+            continue;
+        }
+        if number.parse::<u32>().is_err() {
+            refuse!("glsl/interface.glsl: `{line}`: {name} must be a plain number");
+        }
+        let _ = writeln!(rust, "/// `{name}` of `glsl/interface.glsl`.\npub(crate) const {name}: u32 = {number};");
+    }
+}
+
+/// Members of one structure as the shaders lay it out: (name, offset), then the size.
+type Layout = (Vec<(String, u32)>, u32);
+
+fn assertions(layouts: &BTreeMap<String, Layout>, rust: &mut String) {
+    for (name, (members, size)) in layouts {
+        let _ = writeln!(rust, "const _: () = {{");
+        for (member, offset) in members {
+            let _ = writeln!(
+                rust,
+                "    assert!(std::mem::offset_of!(crate::interface::{name}, {member}) == {offset}, \
+                 \"host and GLSL disagree on {name}.{member}\");"
+            );
+        }
+        let _ = writeln!(
+            rust,
+            "    assert!(size_of::<crate::interface::{name}>() == {size}, \"host and GLSL disagree on the size of {name}\");\n}};"
+        );
+    }
+}
+
+/// What this build needs to know of a SPIR-V module.
+#[derive(Default)]
+struct Module {
+    names: BTreeMap<u32, String>,
+    member_names: BTreeMap<(u32, u32), String>,
+    offsets: BTreeMap<(u32, u32), u32>,
+    strides: BTreeMap<u32, u32>,
+    bindings: BTreeMap<u32, u32>,
+    types: BTreeMap<u32, Vec<u32>>,
+    variables: Vec<(u32, u32, u32)>,
+    constants: BTreeMap<u32, u32>,
+}
+
+impl Module {
+    /// Reads names, decorations, types and variables (SPIR-V specification, section 3.42).
+    fn parse(words: &[u32]) -> Self {
+        let mut module = Self::default();
+        let mut at = 5;
+        while at < words.len() {
+            let (length, op) = ((words[at] >> 16) as usize, words[at] & 0xffff);
+            let Some(operands) = words.get(at + 1..at + length.max(1)) else { break };
+            match (op, operands) {
+                (5, [id, rest @ ..]) => drop(module.names.insert(*id, text(rest))),
+                (6, [id, member, rest @ ..]) => drop(module.member_names.insert((*id, *member), text(rest))),
+                (71, [id, 33, binding]) => drop(module.bindings.insert(*id, *binding)),
+                (71, [id, 6, stride]) => drop(module.strides.insert(*id, *stride)),
+                (72, [id, member, 35, offset]) => drop(module.offsets.insert((*id, *member), *offset)),
+                (43, [_, id, value, ..]) => drop(module.constants.insert(*id, *value)),
+                (59, [kind, id, class, ..]) => module.variables.push((*kind, *id, *class)),
+                (20..=32, [id, ..]) => {
+                    let mut kind = operands.to_vec();
+                    kind[0] = op;
+                    module.types.insert(*id, kind);
+                }
+                _ => {}
+            }
+            at += length.max(1);
+        }
+        module
+    }
+
+    /// The type that a pointer variable points at.
+    fn pointee(&self, pointer: u32) -> u32 {
+        match self.types.get(&pointer).map(Vec::as_slice) {
+            Some([32, _, target]) => *target,
+            _ => 0,
+        }
+    }
+
+    /// Structures with offsets that the push constants and buffers of the module contain. A block whose
+    /// members are all arrays of structures is only a frame around them.
+    fn layouts(&self, file: &Path, layouts: &mut BTreeMap<String, Layout>) {
+        for &(pointer, _, class) in &self.variables {
+            // Uniform, push constant, storage buffer.
+            if ![2, 9, 12].contains(&class) {
+                continue;
+            }
+            let Some([30, members @ ..]) = self.types.get(&self.pointee(pointer)).map(Vec::as_slice) else { continue };
+            let elements: Vec<u32> = members.iter().filter_map(|member| self.array_element(*member)).collect();
+            if elements.len() == members.len() {
+                for element in elements {
+                    self.layout_of(file, element, layouts);
+                }
+            } else {
+                self.layout_of(file, self.pointee(pointer), layouts);
+            }
+        }
+    }
+
+    fn array_element(&self, id: u32) -> Option<u32> {
+        match self.types.get(&id).map(Vec::as_slice) {
+            Some([28 | 29, element, ..]) => Some(*element),
+            _ => None,
+        }
+    }
+
+    fn layout_of(&self, file: &Path, id: u32, layouts: &mut BTreeMap<String, Layout>) {
+        let Some([30, members @ ..]) = self.types.get(&id).map(Vec::as_slice) else { return };
+        let name = self.names.get(&id).cloned().unwrap_or_default();
+        let mut fields = Vec::new();
+        let mut size = 0;
+        for (i, member) in (0..).zip(members) {
+            let field = self.member_names.get(&(id, i)).cloned().unwrap_or_default();
+            let offset = self.offsets.get(&(id, i)).copied().unwrap_or(0);
+            size = size.max(offset + self.size(*member));
+            fields.push((field, offset));
+        }
+        let stride = self.types.iter().find_map(|(array, kind)| match kind[..] {
+            [28 | 29, element, ..] if element == id => self.strides.get(array).copied(),
+            _ => None,
+        });
+        let layout = (fields, stride.unwrap_or(size));
+        if let Some(other) = layouts.insert(name.clone(), layout.clone())
+            && other != layout
+        {
+            refuse!("{}: {name} is laid out differently here than in another shader", file.display());
+        }
+    }
+
+    /// Size in bytes of a type that a shared structure may have.
+    fn size(&self, id: u32) -> u32 {
+        match self.types.get(&id).map(Vec::as_slice) {
+            Some([21 | 22, bits, ..]) => bits / 8,
+            Some([23, element, count]) => self.size(*element) * count,
+            Some([28, _, count]) => {
+                self.strides.get(&id).copied().unwrap_or(0) * self.constants.get(count).copied().unwrap_or(0)
+            }
+            _ => 0,
+        }
+    }
+
+    /// One `Shader` constant: code, stage, size of the push constants, bindings.
+    fn describe(&self, name: &str, stage: &str, rust: &mut String) {
+        let mut push = 0;
+        let mut bindings = BTreeMap::new();
+        for &(pointer, id, class) in &self.variables {
+            let mut target = self.pointee(pointer);
+            if class == 9 {
+                let mut layouts = BTreeMap::new();
+                self.layout_of(Path::new(name), target, &mut layouts);
+                push = layouts.values().next().map_or(0, |layout| layout.1);
+            }
+            let Some(&binding) = self.bindings.get(&id) else { continue };
+            while let Some(element) = self.array_element(target) {
+                target = element;
+            }
+            let kind = match (class, self.types.get(&target).map(Vec::as_slice)) {
+                (12, _) => "StorageBuffer",
+                (2, _) => "UniformBuffer",
+                (_, Some([27, ..])) => "SampledImage",
+                (_, Some([25, ..])) => "StorageImage",
+                _ => refuse!("{name}: binding {binding} is of a kind that this build does not know"),
+            };
+            bindings.insert(binding, kind);
+        }
+        let list: Vec<String> =
+            bindings.iter().map(|(binding, kind)| format!("({binding}, BindingKind::{kind})")).collect();
+        let _ = writeln!(
+            rust,
+            "/// `{name}`, compiled from `glsl/`.\npub(crate) const {name}: Shader = Shader {{ name: \"{name}\", \
+             stage: Stage::{stage}, push_bytes: {push}, bindings: &[{}], \
+             code: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")) }};",
+            list.join(", ")
+        );
+        let _ = writeln!(rust);
+    }
+}
+
+/// A literal string of SPIR-V: four bytes a word, ended by zero.
+fn text(words: &[u32]) -> String {
+    let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).take_while(|&byte| byte != 0).collect();
+    String::from_utf8_lossy(&bytes).into_owned()
+}

@@ -1,0 +1,61 @@
+// A regular grid as techniques see it: rays in index space, and the scalar at an index.
+//
+// Depth z is measured along the view from the plane through the domain's centre, so that a far eye
+// costs no precision. The ray of a pixel is p(z) = q + z d in units of the grid's indices, with
+//   q = q0 + kq (x px + y py),  d = d0 + kd (x px + y py),
+// x and y in pixels from the image's centre, y down. Perspective: kq = depth of the centre plane from
+// the eye, kd = 1. Orthographic: kq = 1, kd = 0.
+
+struct Ray {
+    vec3 q;
+    vec3 d;
+    float length_per_depth; // world length of one unit of depth
+};
+
+Ray pixel_ray(vec2 pixel, vec4 q0_kq, vec4 px_kd, vec4 py, vec4 d0, float scale, vec2 half_extent) {
+    vec2 xy = pixel - half_extent;
+    vec3 lateral = xy.x * px_kd.xyz + xy.y * py.xyz;
+    vec2 slope = xy * (scale * px_kd.w);
+    return Ray(q0_kq.xyz + q0_kq.w * lateral, d0.xyz + px_kd.w * lateral, sqrt(1.0 + dot(slope, slope)));
+}
+
+// Depths at which the ray enters and leaves the domain [0, last]; entry > exit when it misses.
+vec2 domain_interval(Ray ray, vec3 last) {
+    // A zero component would give 0 * inf = NaN on the face itself.
+    vec3 d = mix(ray.d, vec3(1e-30), lessThan(abs(ray.d), vec3(1e-30)));
+    vec3 inverse = 1.0 / d;
+    vec3 a = -ray.q * inverse;
+    vec3 b = (last - ray.q) * inverse;
+    vec3 near = min(a, b), far = max(a, b);
+    return vec2(max(max(near.x, near.y), near.z), min(min(far.x, far.y), far.z));
+}
+
+layout(constant_id = SPEC_FILTER_EXACT) const bool FILTER_EXACT = false;
+layout(constant_id = SPEC_HAS_NAN) const bool HAS_NAN = false;
+
+layout(set = 0, binding = BINDING_VOLUME) uniform sampler3D volume;
+
+// By its bits: float tests may be optimised away.
+bool is_nan(float value) {
+    return (floatBitsToUint(value) & 0x7fffffffu) > 0x7f800000u;
+}
+
+// The stored scalar at a fractional index, trilinear; NaN in a cell that touches a NaN sample.
+float grid_stored(vec3 index, vec3 last) {
+    if (!FILTER_EXACT) return textureLod(volume, (index + 0.5) / (last + 1.0), 0.0).r;
+    index = clamp(index, vec3(0.0), last);
+    vec3 base = min(floor(index), last - 1.0);
+    vec3 w = index - base;
+    ivec3 i = ivec3(base);
+    float v000 = texelFetch(volume, i, 0).r;
+    float v100 = texelFetch(volume, i + ivec3(1, 0, 0), 0).r;
+    float v010 = texelFetch(volume, i + ivec3(0, 1, 0), 0).r;
+    float v110 = texelFetch(volume, i + ivec3(1, 1, 0), 0).r;
+    float v001 = texelFetch(volume, i + ivec3(0, 0, 1), 0).r;
+    float v101 = texelFetch(volume, i + ivec3(1, 0, 1), 0).r;
+    float v011 = texelFetch(volume, i + ivec3(0, 1, 1), 0).r;
+    float v111 = texelFetch(volume, i + ivec3(1, 1, 1), 0).r;
+    float low = mix(mix(v000, v100, w.x), mix(v010, v110, w.x), w.y);
+    float high = mix(mix(v001, v101, w.x), mix(v011, v111, w.x), w.y);
+    return mix(low, high, w.z);
+}

@@ -1,0 +1,51 @@
+// The optical model that every technique shares: classification of a scalar, opacity of a segment.
+
+struct Knot {
+    vec4 value;       // r, g, b, tau at this knot
+    vec4 rise;        // change of the same up to the next knot; 0 at the last and at a jump
+    float s;          // scalar, the data's units
+    float inverse_ds; // 1 / (scalar of the next knot - s); 0 at the last and at a jump
+    float pad0;
+    float pad1;
+};
+
+layout(constant_id = SPEC_KNOT_SEARCH) const bool KNOT_SEARCH = false;
+
+layout(set = 0, binding = BINDING_KNOTS_UNIFORM, std140) uniform KnotsUniform {
+    Knot few[UNIFORM_KNOTS];
+} knots_uniform;
+
+layout(set = 0, binding = BINDING_KNOTS, std430) readonly buffer Knots {
+    Knot many[];
+} knots_storage;
+
+vec4 on_piece(Knot knot, float s) {
+    return knot.value + knot.rise * min((s - knot.s) * knot.inverse_ds, 1.0);
+}
+
+// Colour (rgb) and extinction per world unit (a) of scalar s: the knots' piecewise linear function,
+// evaluated exactly up to rounding, continuous from the right at jumps. `count` is the number of knots.
+vec4 classify(float s, uint count) {
+    if (KNOT_SEARCH) {
+        uint below = 0, above = count; // knots[below].s <= s < knots[above].s, or s is left of all
+        while (above - below > 1) {
+            uint middle = (below + above) / 2;
+            if (knots_storage.many[middle].s <= s) below = middle; else above = middle;
+        }
+        Knot knot = knots_storage.many[below];
+        return s < knot.s ? knot.value : on_piece(knot, s);
+    }
+    vec4 value = knots_uniform.few[0].value;
+    for (uint i = 0; i < count; ++i) {
+        Knot knot = knots_uniform.few[i];
+        value = s >= knot.s ? on_piece(knot, s) : value;
+    }
+    return value;
+}
+
+// Opacity of an optical depth: 1 - exp(-od), accurate to a few units in the last place also where od is
+// small and the subtraction would lose everything. The series' first omitted term is od^5/120, below
+// 2^-24 of the result for od < 0.05; beyond, 1 - exp loses at most 2^-24 / 0.05 of it.
+float alpha_of(float od) {
+    return od < 0.05 ? od * (1.0 - od * (0.5 - od * (1.0 / 6.0 - od * (1.0 / 24.0)))) : 1.0 - exp(-od);
+}

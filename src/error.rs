@@ -1,0 +1,121 @@
+//! The crate's one error type.
+
+use std::path::{Path, PathBuf};
+
+/// Everything that can go wrong, by who can do something about it.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The caller passed a value that breaks a rule. Nothing reached the device.
+    #[error("invalid {what}: {why}")]
+    Invalid {
+        /// The value's name, as the caller knows it.
+        what: String,
+        /// The value and the rule that it breaks.
+        why: String,
+    },
+    /// A file's contents break a rule of its format.
+    #[error("{}: {place}: {rule}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The place in it: a field, a key, a line, a byte offset.
+        place: String,
+        /// What was found there and the rule that it breaks.
+        rule: String,
+    },
+    /// A file cannot be opened, read or written.
+    #[error("{}: {action}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What was tried, such as `cannot open`.
+        action: &'static str,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// No usable Vulkan: no loader, no driver, no device that qualifies.
+    #[error("no usable Vulkan device: {why}")]
+    NoDevice {
+        /// What is missing; for devices, why each one was passed over.
+        why: String,
+    },
+    /// The device, or this build, lacks something that the request needs.
+    #[error("{what}: not supported by this device: {missing}")]
+    Unsupported {
+        /// What was asked for.
+        what: String,
+        /// The feature, format or limit that is missing, with its numbers.
+        missing: String,
+    },
+    /// The request needs more device memory than there is to give.
+    #[error("{object}: needs {needed} bytes of device memory, {available} are left of the budget of {budget}")]
+    Memory {
+        /// What the memory is for.
+        object: String,
+        /// Bytes that it needs.
+        needed: u64,
+        /// Bytes that are left.
+        available: u64,
+        /// The whole budget, in bytes.
+        budget: u64,
+    },
+    /// The device memory allocator failed although the budget allowed the request.
+    #[error("{object}: device memory allocation failed: {source}")]
+    Allocation {
+        /// What the memory is for.
+        object: String,
+        /// What the allocator said.
+        source: gpu_allocator::AllocationError,
+    },
+    /// A Vulkan call failed.
+    #[error("{call} failed: {result}")]
+    Vulkan {
+        /// The call.
+        call: &'static str,
+        /// Its return code.
+        result: ash::vk::Result,
+    },
+    /// Work on the device did not end in time.
+    #[error("{what} did not finish within {seconds} s (last pass begun: {last_pass})")]
+    Timeout {
+        /// What was waited for.
+        what: String,
+        /// How long, in seconds.
+        seconds: u64,
+        /// The last pass that was recorded into the submission.
+        last_pass: String,
+    },
+}
+
+/// The crate's result type.
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    pub(crate) fn invalid(what: impl Into<String>, why: impl Into<String>) -> Self {
+        Self::Invalid { what: what.into(), why: why.into() }
+    }
+
+    pub(crate) fn file(path: &Path, place: impl Into<String>, rule: impl Into<String>) -> Self {
+        Self::File { path: path.to_path_buf(), place: place.into(), rule: rule.into() }
+    }
+
+    pub(crate) fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
+        Self::Io { path: path.to_path_buf(), action, source }
+    }
+
+    pub(crate) fn unsupported(what: impl Into<String>, missing: impl Into<String>) -> Self {
+        Self::Unsupported { what: what.into(), missing: missing.into() }
+    }
+
+    /// The program's exit code for this error: 2 wrong input or usage, 3 the device cannot do it,
+    /// 1 anything else.
+    #[must_use]
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Invalid { .. } | Self::File { .. } | Self::Io { .. } => 2,
+            Self::NoDevice { .. } | Self::Unsupported { .. } | Self::Memory { .. } => 3,
+            Self::Allocation { .. } | Self::Vulkan { .. } | Self::Timeout { .. } => 1,
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! The image that every renderer returns.
+
+use crate::error::{Error, Result};
+use crate::num;
+
+/// A premultiplied linear RGBA image in 32-bit float, over a transparent black background.
+///
+/// # Shape
+///
+/// `pixels[y][x]`, top row first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    width: u32,
+    height: u32,
+    pixels: Vec<[f32; 4]>,
+}
+
+impl Image {
+    /// Checks the size and keeps the pixels. Their values are free: a wrong image can be looked at.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if a side is 0 or `width * height` is not the number of pixels.
+    pub fn new(width: u32, height: u32, pixels: Vec<[f32; 4]>) -> Result<Self> {
+        let needed = num::index(width).checked_mul(num::index(height));
+        if width == 0 || height == 0 || needed != Some(pixels.len()) {
+            return Err(Error::invalid(
+                "image",
+                format!(
+                    "{width} x {height} with {} pixels: both sides must be at least 1 and their product \
+                     the number of pixels",
+                    pixels.len()
+                ),
+            ));
+        }
+        Ok(Self { width, height, pixels })
+    }
+
+    /// Pixels in a row.
+    #[must_use]
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Number of rows.
+    #[must_use]
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// All pixels, premultiplied linear RGBA, top row first.
+    #[must_use]
+    pub fn pixels(&self) -> &[[f32; 4]] {
+        &self.pixels
+    }
+
+    /// One pixel; row 0 is on top.
+    ///
+    /// # Panics
+    ///
+    /// When the position lies outside the image.
+    #[must_use]
+    pub fn pixel(&self, x: u32, y: u32) -> [f32; 4] {
+        assert!(
+            x < self.width && y < self.height,
+            "pixel ({x}, {y}) lies outside {} x {}",
+            self.width,
+            self.height
+        );
+        self.pixels[num::index(y) * num::index(self.width) + num::index(x)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_run_from_the_top_and_sizes_must_agree() {
+        let pixels = (0..6_u8).map(|i| [f32::from(i); 4]).collect::<Vec<_>>();
+        let image = Image::new(3, 2, pixels.clone()).unwrap();
+        assert_eq!(image.pixel(2, 0), [2.0; 4]);
+        assert_eq!(image.pixel(0, 1), [3.0; 4]);
+        for (w, h) in [(2, 2), (0, 6), (6, 0), (u32::MAX, u32::MAX)] {
+            let why = Image::new(w, h, pixels.clone()).unwrap_err().to_string();
+            assert!(why.contains("6 pixels"), "{why}");
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! The crate's own account of device memory: every allocation is checked against the budget before
+//! the driver is asked, because some drivers never say that memory is out.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::error::{Error, Result};
+
+/// The account of one device.
+#[derive(Debug)]
+pub(crate) struct Budget {
+    total: u64,
+    live: Mutex<Live>,
+}
+
+#[derive(Debug, Default)]
+struct Live {
+    next: u64,
+    used: u64,
+    entries: BTreeMap<u64, (String, u64)>,
+}
+
+/// Memory held by one object; given back on drop.
+#[derive(Debug)]
+pub(crate) struct Reservation {
+    budget: Arc<Budget>,
+    key: u64,
+}
+
+impl Budget {
+    pub(crate) fn new(total: u64) -> Arc<Self> {
+        Arc::new(Self { total, live: Mutex::default() })
+    }
+
+    /// The whole budget, in bytes.
+    pub(crate) fn total(&self) -> u64 {
+        self.total
+    }
+
+    /// Bytes that are taken now.
+    pub(crate) fn used(&self) -> u64 {
+        self.lock().used
+    }
+
+    /// Live allocations: name and bytes, oldest first.
+    pub(crate) fn entries(&self) -> Vec<(String, u64)> {
+        self.lock().entries.values().cloned().collect()
+    }
+
+    /// Checks that `bytes` more would fit, without taking them.
+    pub(crate) fn check(&self, object: &str, bytes: u64) -> Result<()> {
+        let available = self.total.saturating_sub(self.used());
+        if bytes > available {
+            return Err(Error::Memory { object: object.to_string(), needed: bytes, available, budget: self.total });
+        }
+        Ok(())
+    }
+
+    /// Takes `bytes` for `object`.
+    pub(crate) fn reserve(self: &Arc<Self>, object: &str, bytes: u64) -> Result<Reservation> {
+        let mut live = self.lock();
+        let available = self.total.saturating_sub(live.used);
+        if bytes > available {
+            return Err(Error::Memory { object: object.to_string(), needed: bytes, available, budget: self.total });
+        }
+        let key = live.next;
+        live.next += 1;
+        live.used += bytes;
+        live.entries.insert(key, (object.to_string(), bytes));
+        Ok(Reservation { budget: Arc::clone(self), key })
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Live> {
+        // The account stays right when a thread panicked elsewhere: every change is one statement.
+        self.live.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Reservation {
+    fn drop(&mut self) {
+        let mut live = self.budget.lock();
+        if let Some((_, bytes)) = live.entries.remove(&self.key) {
+            live.used -= bytes;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refuses_what_does_not_fit_and_gives_back_on_drop() {
+        let budget = Budget::new(100);
+        let first = budget.reserve("first", 60).unwrap();
+        let error = budget.reserve("second", 41).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "second: needs 41 bytes of device memory, 40 are left of the budget of 100"
+        );
+        assert!(budget.check("second", 41).is_err());
+        let second = budget.reserve("second", 40).unwrap();
+        assert_eq!(budget.entries(), [("first".to_string(), 60), ("second".to_string(), 40)]);
+        drop(first);
+        assert_eq!(budget.used(), 40);
+        drop(second);
+        assert_eq!(budget.used(), 0);
+        assert!(budget.entries().is_empty());
+    }
+}

@@ -1,0 +1,141 @@
+//! Buffers that own their memory.
+
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+
+use super::budget::Reservation;
+use super::device::Gpu;
+use crate::error::{Error, Result};
+
+/// What a buffer is for, and with that where it lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum BufferUse {
+    /// Read by shaders as uniform or storage block; on the device.
+    ShaderRead,
+    /// Written and read by shaders, copied from; on the device.
+    ShaderWrite,
+    /// Staging to the device; written by the host.
+    Upload,
+    /// Staging from the device; read by the host.
+    Download,
+}
+
+/// A buffer with its memory.
+#[derive(Debug)]
+pub(crate) struct Buffer {
+    gpu: Gpu,
+    raw: vk::Buffer,
+    allocation: Option<Allocation>,
+    _reservation: Option<Reservation>,
+    size: u64,
+    purpose: BufferUse,
+    name: String,
+}
+
+impl Buffer {
+    pub(crate) fn new(gpu: &Gpu, name: &str, size: u64, purpose: BufferUse) -> Result<Self> {
+        use vk::BufferUsageFlags as U;
+        if size == 0 {
+            return Err(Error::invalid(name, "a buffer of 0 bytes"));
+        }
+        gpu.inner.budget.check(name, size)?;
+        let (usage, location) = match purpose {
+            BufferUse::ShaderRead => {
+                (U::UNIFORM_BUFFER | U::STORAGE_BUFFER | U::TRANSFER_DST, MemoryLocation::GpuOnly)
+            }
+            BufferUse::ShaderWrite => (U::STORAGE_BUFFER | U::TRANSFER_SRC | U::TRANSFER_DST, MemoryLocation::GpuOnly),
+            BufferUse::Upload => (U::TRANSFER_SRC, MemoryLocation::CpuToGpu),
+            BufferUse::Download => (U::TRANSFER_DST, MemoryLocation::GpuToCpu),
+        };
+        let info = vk::BufferCreateInfo::default().size(size).usage(usage);
+        // SAFETY: the device is alive; `info` points at nothing; the size is not 0
+        // (VUID-VkBufferCreateInfo-size-00912).
+        let raw = unsafe { gpu.device().create_buffer(&info, None) }
+            .map_err(|result| Error::Vulkan { call: "vkCreateBuffer", result })?;
+        // `buffer` owns `raw` from here on, so every `?` below destroys it.
+        let mut buffer =
+            Self { gpu: gpu.clone(), raw, allocation: None, _reservation: None, size, purpose, name: name.to_string() };
+        gpu.name(raw, name);
+        // SAFETY: `raw` was just made from this device.
+        let requirements = unsafe { gpu.device().get_buffer_memory_requirements(raw) };
+        buffer._reservation = Some(gpu.inner.budget.reserve(name, requirements.size)?);
+        let allocation = allocate(gpu, name, requirements, location, true)?;
+        // SAFETY: the memory belongs to an allocation that `buffer` frees after the buffer is destroyed.
+        let memory = unsafe { allocation.memory() };
+        let offset = allocation.offset();
+        buffer.allocation = Some(allocation);
+        // SAFETY: the buffer is unbound; memory type, size and alignment come from its requirements.
+        unsafe { gpu.device().bind_buffer_memory(raw, memory, offset) }
+            .map_err(|result| Error::Vulkan { call: "vkBindBufferMemory", result })?;
+        Ok(buffer)
+    }
+
+    pub(crate) fn raw(&self) -> vk::Buffer {
+        self.raw
+    }
+
+    pub(crate) fn size(&self) -> u64 {
+        self.size
+    }
+
+    /// The memory as the host sees it; `None` for buffers on the device. Staging memory is coherent or
+    /// unused by the device while the host looks: uploads are submitted after writing, downloads read
+    /// after the fence.
+    pub(crate) fn bytes(&self) -> Option<&[u8]> {
+        self.allocation.as_ref()?.mapped_slice()
+    }
+
+    /// The same, to be written.
+    pub(crate) fn bytes_mut(&mut self) -> Option<&mut [u8]> {
+        self.allocation.as_mut()?.mapped_slice_mut()
+    }
+
+    /// Whether shaders write the buffer, so that their uses need barriers between them.
+    pub(crate) fn is_written_by_shaders(&self) -> bool {
+        self.purpose == BufferUse::ShaderWrite
+    }
+
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+impl Drop for Buffer {
+    fn drop(&mut self) {
+        // SAFETY: a submission holds every resource it names until its fence has signalled, so no
+        // pending command refers to `raw` (VUID-vkDestroyBuffer-buffer-00922).
+        unsafe { self.gpu.device().destroy_buffer(self.raw, None) };
+        free(&self.gpu, self.allocation.take());
+    }
+}
+
+/// Memory for a resource.
+pub(super) fn allocate(
+    gpu: &Gpu,
+    name: &str,
+    requirements: vk::MemoryRequirements,
+    location: MemoryLocation,
+    linear: bool,
+) -> Result<Allocation> {
+    let desc = AllocationCreateDesc {
+        name,
+        requirements,
+        location,
+        linear,
+        allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+    };
+    let failed = |source| Error::Allocation { object: name.to_string(), source };
+    match gpu.allocator().as_mut() {
+        Some(allocator) => allocator.allocate(&desc).map_err(failed),
+        None => Err(failed(gpu_allocator::AllocationError::Internal("the device is being destroyed".into()))),
+    }
+}
+
+/// Gives memory back. Its resource is destroyed already.
+pub(super) fn free(gpu: &Gpu, allocation: Option<Allocation>) {
+    if let (Some(allocation), Some(allocator)) = (allocation, gpu.allocator().as_mut()) {
+        // The only error is a broken allocator invariant; a destructor has nowhere to send it.
+        let _ = allocator.free(allocation);
+    }
+}

@@ -1,0 +1,142 @@
+//! The pipeline cache on disk.
+//!
+//! Drivers may crash on foreign or damaged cache data, so the file has a header of its own that is
+//! verified first; anything odd is ignored and written anew.
+
+use std::path::{Path, PathBuf};
+
+use ash::vk;
+
+const MAGIC: &[u8; 8] = b"VOLRPC01";
+/// Magic, vendor, device, driver version, cache UUID, length, hash.
+const HEADER: usize = 8 + 4 + 4 + 4 + 16 + 8 + 8;
+/// More than any cache of this program; a larger file is not one.
+const MAX_BYTES: u64 = 256 << 20;
+
+/// Which device and driver a cache belongs to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Identity {
+    pub(crate) vendor: u32,
+    pub(crate) device: u32,
+    pub(crate) driver: u32,
+    pub(crate) uuid: [u8; 16],
+}
+
+/// A place for the cache of one device.
+#[derive(Clone, Debug)]
+pub(crate) struct PipelineCacheFile {
+    path: PathBuf,
+    identity: Identity,
+}
+
+impl PipelineCacheFile {
+    /// The file of a device in `folder`, or in the user's cache folder; `None` when there is none.
+    pub(crate) fn locate(folder: Option<&Path>, properties: &vk::PhysicalDeviceProperties) -> Option<Self> {
+        let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+        let user = || {
+            set("XDG_CACHE_HOME")
+                .or_else(|| set("LOCALAPPDATA"))
+                .or_else(|| Some(set("HOME")?.join(".cache")))
+                .map(|cache| cache.join("volraster"))
+        };
+        let folder = folder.map(Path::to_path_buf).or_else(user)?;
+        let identity = Identity {
+            vendor: properties.vendor_id,
+            device: properties.device_id,
+            driver: properties.driver_version,
+            uuid: properties.pipeline_cache_uuid,
+        };
+        let name = format!("pipelines-{:08x}-{:08x}.bin", identity.vendor, identity.device);
+        Some(Self { path: folder.join(name), identity })
+    }
+
+    /// The cached data, if the file is whole and of this device and driver.
+    pub(crate) fn load(&self) -> Option<Vec<u8>> {
+        if std::fs::metadata(&self.path).ok()?.len() > MAX_BYTES {
+            return None;
+        }
+        let bytes = std::fs::read(&self.path).ok()?;
+        unwrap(&bytes, &self.identity).map(<[u8]>::to_vec)
+    }
+
+    /// Writes the data beside and renames. A cache that cannot be written is no error.
+    pub(crate) fn store(&self, data: &[u8]) {
+        if self.load().is_some_and(|old| old == data) {
+            return;
+        }
+        let Some(folder) = self.path.parent() else { return };
+        let beside = self.path.with_extension(format!("tmp{}", std::process::id()));
+        let written = std::fs::create_dir_all(folder)
+            .and_then(|()| std::fs::write(&beside, wrap(data, &self.identity)))
+            .and_then(|()| std::fs::rename(&beside, &self.path));
+        if written.is_err() {
+            let _ = std::fs::remove_file(&beside);
+        }
+    }
+}
+
+/// FNV-1a, 64 bit: finds damage; it is not meant against an attacker who can write the user's files.
+fn hash(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+}
+
+fn header(data: &[u8], identity: &Identity) -> Vec<u8> {
+    let mut header = Vec::with_capacity(HEADER);
+    header.extend_from_slice(MAGIC);
+    for number in [identity.vendor, identity.device, identity.driver] {
+        header.extend_from_slice(&number.to_le_bytes());
+    }
+    header.extend_from_slice(&identity.uuid);
+    header.extend_from_slice(&u64::try_from(data.len()).unwrap_or(u64::MAX).to_le_bytes());
+    header.extend_from_slice(&hash(data).to_le_bytes());
+    header
+}
+
+fn wrap(data: &[u8], identity: &Identity) -> Vec<u8> {
+    let mut bytes = header(data, identity);
+    bytes.extend_from_slice(data);
+    bytes
+}
+
+/// The data of a file, if its header is exactly the one that this device would write for it.
+fn unwrap<'a>(bytes: &'a [u8], identity: &Identity) -> Option<&'a [u8]> {
+    let (found, data) = bytes.split_at_checked(HEADER)?;
+    (found == header(data, identity)).then_some(data)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn identity() -> Identity {
+        Identity { vendor: 0x10de, device: 7, driver: 99, uuid: *b"0123456789abcdef" }
+    }
+
+    #[test]
+    fn round_trip() {
+        let bytes = wrap(b"pipelines", &identity());
+        assert_eq!(unwrap(&bytes, &identity()), Some(b"pipelines".as_slice()));
+    }
+
+    #[test]
+    fn every_damaged_byte_every_length_and_every_foreign_device_is_refused() {
+        let bytes = wrap(b"pipelines", &identity());
+        for i in 0..bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[i] ^= 1;
+            assert_eq!(unwrap(&damaged, &identity()), None, "byte {i}");
+            assert_eq!(unwrap(&bytes[..i], &identity()), None, "length {i}");
+        }
+        let mut longer = bytes.clone();
+        longer.push(0);
+        assert_eq!(unwrap(&longer, &identity()), None);
+        for foreign in [
+            Identity { vendor: 1, ..identity() },
+            Identity { device: 1, ..identity() },
+            Identity { driver: 1, ..identity() },
+            Identity { uuid: [0; 16], ..identity() },
+        ] {
+            assert_eq!(unwrap(&bytes, &foreign), None);
+        }
+    }
+}

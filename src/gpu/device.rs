@@ -1,0 +1,461 @@
+//! The logical device and everything that exists once per device.
+
+use std::collections::HashMap;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+
+use ash::{ext, vk};
+use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+
+use super::budget::Budget;
+use super::cache::PipelineCacheFile;
+use super::instance::{Instance, c_name, version_text};
+use super::pipeline::{Pipeline, PipelineKey};
+use super::select::{self, Candidate, DeviceReport};
+use super::validation::{Validation, ValidationLog};
+use crate::error::{Error, Result};
+
+/// How a [`Gpu`] is made.
+#[derive(Clone, Debug, Default)]
+pub struct GpuOptions {
+    /// Part of the device's name, case ignored. Without it the environment variable
+    /// `VOLRASTER_DEVICE` counts, and without that the best device is taken, a real GPU before a
+    /// software one. The name `none` refuses every device.
+    pub device: Option<String>,
+    /// What the validation layer checks. A missing layer is an error.
+    pub validation: Validation,
+    /// Most device memory to use, in bytes. Without it: what the driver says is free, or nine tenths
+    /// of the largest device-local heap.
+    pub memory_budget: Option<u64>,
+    /// Most loop iterations of one shader invocation, instead of what the start-up probe finds.
+    pub loop_limit: Option<u32>,
+    /// Folder of the pipeline cache. Without it: `volraster` in the user's cache folder.
+    pub pipeline_cache: Option<PathBuf>,
+    /// Do not keep pipelines on disk.
+    pub no_pipeline_cache: bool,
+}
+
+/// What a device may offer beyond the baseline of Vulkan 1.3 with synchronization2 and dynamic
+/// rendering, and what happens without it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OptionalFeature {
+    /// Linear filtering of 32-bit float volumes. Without it: eight fetches in the shader.
+    LinearFilterR32f,
+    /// Linear filtering of 16-bit volumes. Without it: eight fetches in the shader.
+    LinearFilterR16,
+    /// Blending into 32-bit float images. Without it: accumulation in registers (compute).
+    BlendRgba32f,
+    /// Free device memory as the driver sees it. Without it: a share of the heap.
+    MemoryBudget,
+    /// Timestamps. Without them: wall time only.
+    Timestamps,
+    /// Names and labels for captures and messages. Without them: none.
+    DebugNames,
+}
+
+impl OptionalFeature {
+    /// All of them.
+    pub const ALL: [Self; 6] = [
+        Self::LinearFilterR32f,
+        Self::LinearFilterR16,
+        Self::BlendRgba32f,
+        Self::MemoryBudget,
+        Self::Timestamps,
+        Self::DebugNames,
+    ];
+
+    /// What happens on a device without it.
+    #[must_use]
+    pub fn fallback(self) -> &'static str {
+        match self {
+            Self::LinearFilterR32f | Self::LinearFilterR16 => "eight fetches in the shader",
+            Self::BlendRgba32f => "accumulation in registers",
+            Self::MemoryBudget => "nine tenths of the device-local heap",
+            Self::Timestamps => "wall time only",
+            Self::DebugNames => "no names or labels",
+        }
+    }
+}
+
+/// A Vulkan device, opened. Cheap to clone; every object made from it keeps it alive.
+#[derive(Clone, Debug)]
+pub struct Gpu {
+    pub(crate) inner: Arc<Inner>,
+}
+
+/// What a [`Gpu`] owns. Fields are dropped in order; the device goes in [`Inner::drop`].
+pub(crate) struct Inner {
+    pub(crate) device: ash::Device,
+    pub(crate) physical: vk::PhysicalDevice,
+    pub(crate) properties: vk::PhysicalDeviceProperties,
+    pub(crate) queue_family: u32,
+    pub(crate) timestamp_bits: u32,
+    pub(crate) budget: Arc<Budget>,
+    pub(crate) cache_file: Option<PipelineCacheFile>,
+    pub(crate) cache: vk::PipelineCache,
+    pub(crate) loop_limit: OnceLock<u32>,
+    pub(crate) filters_in_8_bit: OnceLock<bool>,
+    allocator: Mutex<Option<Allocator>>,
+    queue: Mutex<vk::Queue>,
+    pipelines: Mutex<HashMap<PipelineKey, Arc<Pipeline>>>,
+    samplers: Mutex<HashMap<vk::Filter, vk::Sampler>>,
+    debug: Option<ext::debug_utils::Device>,
+    memory_budget: bool,
+    reports: Vec<DeviceReport>,
+    report: DeviceReport,
+    // Last: destroys the instance after the device.
+    pub(crate) instance: Instance,
+}
+
+impl std::fmt::Debug for Inner {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Gpu").field("report", &self.report).finish_non_exhaustive()
+    }
+}
+
+/// Looks at every device of the system without opening one.
+///
+/// # Errors
+///
+/// [`Error::NoDevice`] without a Vulkan loader, [`Error::Vulkan`] when enumeration fails.
+pub fn devices(wanted: Option<&str>) -> Result<Vec<DeviceReport>> {
+    let instance = Instance::new(Validation::Off)?;
+    let wanted = wanted_name(wanted);
+    let (_, candidates) = select::survey(&instance, wanted.as_deref())?;
+    Ok(candidates.into_iter().map(|candidate| candidate.report).collect())
+}
+
+fn wanted_name(option: Option<&str>) -> Option<String> {
+    let from_environment = || std::env::var("VOLRASTER_DEVICE").ok().filter(|name| !name.is_empty());
+    option.map(str::to_string).or_else(from_environment)
+}
+
+impl Gpu {
+    /// Opens the best device without a window. See [`GpuOptions::device`] for how it is chosen.
+    ///
+    /// # Errors
+    ///
+    /// As [`Gpu::new`].
+    pub fn headless() -> Result<Self> {
+        Self::new(&GpuOptions::default())
+    }
+
+    /// Opens a device.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NoDevice`] without a loader or a device that qualifies (with the reason for each),
+    /// [`Error::Unsupported`] when validation is asked for and its layer is missing,
+    /// [`Error::Vulkan`] when a call fails.
+    pub fn new(options: &GpuOptions) -> Result<Self> {
+        let instance = Instance::new(options.validation)?;
+        let wanted = wanted_name(options.device.as_deref());
+        let (best, mut candidates) = select::survey(&instance, wanted.as_deref())?;
+        let reports: Vec<DeviceReport> = candidates.iter().map(|c| c.report.clone()).collect();
+        let Some(best) = best else {
+            let reasons: Vec<String> = reports.iter().map(|r| format!("{}: {}", r.name, r.reason)).collect();
+            let why = if reasons.is_empty() {
+                "no driver is installed (Debian and Ubuntu: mesa-vulkan-drivers)".to_string()
+            } else {
+                reasons.join("; ")
+            };
+            return Err(Error::NoDevice { why });
+        };
+        Self::open(options, instance, candidates.swap_remove(best), reports)
+    }
+
+    fn open(
+        options: &GpuOptions,
+        instance: Instance,
+        candidate: Candidate,
+        reports: Vec<DeviceReport>,
+    ) -> Result<Self> {
+        let physical = candidate.raw;
+        // SAFETY: `physical` was enumerated from this instance; no layer is named.
+        let extensions = unsafe { instance.raw.enumerate_device_extension_properties(physical) }
+            .map_err(|result| Error::Vulkan { call: "vkEnumerateDeviceExtensionProperties", result })?;
+        let has = |name: &std::ffi::CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+        let memory_budget = has(ext::memory_budget::NAME);
+        let mut names = Vec::new();
+        if memory_budget {
+            names.push(ext::memory_budget::NAME.as_ptr());
+        }
+        let portability = ash::khr::portability_subset::NAME;
+        if has(portability) {
+            names.push(portability.as_ptr());
+        }
+        // GPU-assisted validation writes from every stage.
+        // SAFETY: `physical` was enumerated from this instance.
+        let available = unsafe { instance.raw.get_physical_device_features(physical) };
+        let mut features = vk::PhysicalDeviceFeatures::default();
+        if options.validation == Validation::GpuAssisted {
+            features.fragment_stores_and_atomics = available.fragment_stores_and_atomics;
+            features.vertex_pipeline_stores_and_atomics = available.vertex_pipeline_stores_and_atomics;
+        }
+        let mut features13 =
+            vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).dynamic_rendering(true);
+        let priorities = [1.0];
+        let queues = [vk::DeviceQueueCreateInfo::default()
+            .queue_family_index(candidate.queue_family)
+            .queue_priorities(&priorities)];
+        let info = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_extension_names(&names)
+            .enabled_features(&features)
+            .push_next(&mut features13);
+        // SAFETY: the pointers in `info` refer to locals; extensions and features were found present.
+        let device = unsafe { instance.raw.create_device(physical, &info, None) }
+            .map_err(|result| Error::Vulkan { call: "vkCreateDevice", result })?;
+        // SAFETY: one queue of this family was asked for.
+        let queue = unsafe { device.get_device_queue(candidate.queue_family, 0) };
+        let debug = instance.debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &device));
+        let total = options.memory_budget.unwrap_or_else(|| free_memory(&instance, physical, memory_budget));
+
+        let cache_file = (!options.no_pipeline_cache)
+            .then(|| PipelineCacheFile::locate(options.pipeline_cache.as_deref(), &candidate.properties))
+            .flatten();
+        let mut inner = Inner {
+            device,
+            physical,
+            properties: candidate.properties,
+            queue_family: candidate.queue_family,
+            timestamp_bits: candidate.timestamp_bits,
+            budget: Budget::new(total),
+            cache_file,
+            cache: vk::PipelineCache::null(),
+            loop_limit: OnceLock::new(),
+            filters_in_8_bit: OnceLock::new(),
+            allocator: Mutex::new(None),
+            queue: Mutex::new(queue),
+            pipelines: Mutex::default(),
+            samplers: Mutex::default(),
+            debug,
+            memory_budget,
+            reports,
+            report: candidate.report,
+            instance,
+        };
+        // From here on `inner` destroys what was made when a `?` leaves.
+        let data = inner.cache_file.as_ref().and_then(PipelineCacheFile::load).unwrap_or_default();
+        let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
+        // SAFETY: the data is empty or was written by this program for this device and driver and has
+        // the hash that was stored with it.
+        inner.cache = unsafe { inner.device.create_pipeline_cache(&info, None) }
+            .map_err(|result| Error::Vulkan { call: "vkCreatePipelineCache", result })?;
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: inner.instance.raw.clone(),
+            device: inner.device.clone(),
+            physical_device: physical,
+            debug_settings: gpu_allocator::AllocatorDebugSettings::default(),
+            buffer_device_address: false,
+            allocation_sizes: gpu_allocator::AllocationSizes::default(),
+        })
+        .map_err(|source| Error::Allocation { object: "allocator".to_string(), source })?;
+        inner.allocator = Mutex::new(Some(allocator));
+        if let Some(limit) = options.loop_limit {
+            let _ = inner.loop_limit.set(limit.max(1));
+        }
+        let gpu = Self { inner: Arc::new(inner) };
+        gpu.name(gpu.inner.cache, "pipeline cache");
+        Ok(gpu)
+    }
+
+    /// Every device of the system, with the reason why it was taken or passed over.
+    #[must_use]
+    pub fn device_reports(&self) -> &[DeviceReport] {
+        &self.inner.reports
+    }
+
+    /// The device that is open.
+    #[must_use]
+    pub fn report(&self) -> &DeviceReport {
+        &self.inner.report
+    }
+
+    /// Version of the validation layer, when it is on.
+    #[must_use]
+    pub fn validation_layer(&self) -> Option<&str> {
+        self.inner.instance.layer_version.as_deref()
+    }
+
+    /// The validation log. Hold it, drop every clone of the [`Gpu`], and read it: the messages of the
+    /// device's destruction (leaks) are in it too.
+    #[must_use]
+    pub fn validation_log(&self) -> Arc<ValidationLog> {
+        Arc::clone(&self.inner.instance.log)
+    }
+
+    /// Whether the device offers an optional feature.
+    #[must_use]
+    pub fn has(&self, feature: OptionalFeature) -> bool {
+        use vk::FormatFeatureFlags as F;
+        let format = |format, flags| self.image_features(format).contains(flags);
+        match feature {
+            OptionalFeature::LinearFilterR32f => format(vk::Format::R32_SFLOAT, F::SAMPLED_IMAGE_FILTER_LINEAR),
+            OptionalFeature::LinearFilterR16 => format(vk::Format::R16_UNORM, F::SAMPLED_IMAGE_FILTER_LINEAR),
+            OptionalFeature::BlendRgba32f => format(vk::Format::R32G32B32A32_SFLOAT, F::COLOR_ATTACHMENT_BLEND),
+            OptionalFeature::MemoryBudget => self.inner.memory_budget,
+            OptionalFeature::Timestamps => self.inner.timestamp_bits > 0,
+            OptionalFeature::DebugNames => self.inner.debug.is_some(),
+        }
+    }
+
+    /// Device memory that this crate may use in all, in bytes.
+    #[must_use]
+    pub fn memory_budget(&self) -> u64 {
+        self.inner.budget.total()
+    }
+
+    /// Device memory that is taken now: object and bytes.
+    #[must_use]
+    pub fn memory_report(&self) -> Vec<(String, u64)> {
+        self.inner.budget.entries()
+    }
+
+    /// Names of the pipelines that have been built, sorted.
+    #[must_use]
+    pub fn pipelines(&self) -> Vec<String> {
+        let mut names: Vec<String> = self.pipeline_table().values().map(|p| p.name().to_string()).collect();
+        names.sort();
+        names
+    }
+
+    /// Largest extent of a 3D image, in samples.
+    #[must_use]
+    pub fn max_image_3d(&self) -> u32 {
+        self.inner.properties.limits.max_image_dimension3_d
+    }
+
+    /// Whether the device is a software rasteriser.
+    #[must_use]
+    pub fn is_software(&self) -> bool {
+        self.inner.properties.device_type == vk::PhysicalDeviceType::CPU
+    }
+
+    /// Features of optimally tiled images of a format.
+    pub(crate) fn image_features(&self, format: vk::Format) -> vk::FormatFeatureFlags {
+        let instance = &self.inner.instance.raw;
+        // SAFETY: the physical device belongs to this instance.
+        let properties = unsafe { instance.get_physical_device_format_properties(self.inner.physical, format) };
+        properties.optimal_tiling_features
+    }
+
+    pub(crate) fn device(&self) -> &ash::Device {
+        &self.inner.device
+    }
+
+    /// The allocator; `None` only while the device is being destroyed.
+    pub(crate) fn allocator(&self) -> MutexGuard<'_, Option<Allocator>> {
+        self.inner.allocator.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn queue(&self) -> MutexGuard<'_, vk::Queue> {
+        self.inner.queue.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn pipeline_table(&self) -> MutexGuard<'_, HashMap<PipelineKey, Arc<Pipeline>>> {
+        self.inner.pipelines.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The sampler of a filter, clamped to the edge; made on first use.
+    pub(crate) fn sampler(&self, filter: vk::Filter) -> Result<vk::Sampler> {
+        let mut samplers = self.inner.samplers.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(&sampler) = samplers.get(&filter) {
+            return Ok(sampler);
+        }
+        let clamp = vk::SamplerAddressMode::CLAMP_TO_EDGE;
+        let info = vk::SamplerCreateInfo::default()
+            .mag_filter(filter)
+            .min_filter(filter)
+            .address_mode_u(clamp)
+            .address_mode_v(clamp)
+            .address_mode_w(clamp);
+        // SAFETY: the device is alive; `info` points at nothing.
+        let sampler = unsafe { self.device().create_sampler(&info, None) }
+            .map_err(|result| Error::Vulkan { call: "vkCreateSampler", result })?;
+        samplers.insert(filter, sampler);
+        self.name(sampler, if filter == vk::Filter::LINEAR { "linear sampler" } else { "nearest sampler" });
+        Ok(sampler)
+    }
+
+    /// Gives an object its debug name, where the device takes names.
+    pub(crate) fn name<H: vk::Handle>(&self, handle: H, name: &str) {
+        let Some(debug) = &self.inner.debug else { return };
+        let name = c_name(name);
+        let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
+        // SAFETY: the handle was made from this device and is not used by another thread yet. A failure
+        // (out of host memory) loses a name, nothing else.
+        let _ = unsafe { debug.set_debug_utils_object_name(&info) };
+    }
+
+    pub(crate) fn debug(&self) -> Option<&ext::debug_utils::Device> {
+        self.inner.debug.as_ref()
+    }
+
+    /// Vulkan version of the device.
+    #[must_use]
+    pub fn api_version(&self) -> String {
+        version_text(self.inner.properties.api_version)
+    }
+
+    /// Writes the pipeline cache to disk, where there is one. Also done when the last clone goes.
+    pub fn save_pipeline_cache(&self) {
+        self.inner.save_cache();
+    }
+}
+
+impl Inner {
+    fn save_cache(&self) {
+        let Some(file) = &self.cache_file else { return };
+        // SAFETY: the cache was made from this device and is not null: `open` returns otherwise.
+        if let Ok(data) = unsafe { self.device.get_pipeline_cache_data(self.cache) } {
+            file.store(&data);
+        }
+    }
+}
+
+impl Drop for Inner {
+    fn drop(&mut self) {
+        // SAFETY: the device is alive. Its loss leaves nothing to wait for.
+        let _ = unsafe { self.device.device_wait_idle() };
+        if self.cache != vk::PipelineCache::null() {
+            self.save_cache();
+        }
+        for pipeline in self.pipelines.get_mut().unwrap_or_else(PoisonError::into_inner).values() {
+            pipeline.destroy(&self.device);
+        }
+        for &sampler in self.samplers.get_mut().unwrap_or_else(PoisonError::into_inner).values() {
+            // SAFETY: made from this device; the queue is idle and every descriptor set is gone, since
+            // each holds the `Gpu`.
+            unsafe { self.device.destroy_sampler(sampler, None) };
+        }
+        // SAFETY: made from this device, or null; no pipeline is being built.
+        unsafe { self.device.destroy_pipeline_cache(self.cache, None) };
+        // The allocator frees its blocks of memory before the device goes.
+        drop(self.allocator.get_mut().unwrap_or_else(PoisonError::into_inner).take());
+        // SAFETY: every object made from the device holds a `Gpu` and is gone, or was destroyed above.
+        unsafe { self.device.destroy_device(None) };
+    }
+}
+
+/// Memory to work with: what the driver says is free in the largest device-local heap, else nine
+/// tenths of that heap.
+fn free_memory(instance: &Instance, physical: vk::PhysicalDevice, extension: bool) -> u64 {
+    let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+    let mut properties = vk::PhysicalDeviceMemoryProperties2::default();
+    if extension {
+        properties = properties.push_next(&mut budget);
+    }
+    // SAFETY: `physical` belongs to this instance; the chained structure's extension is present.
+    unsafe { instance.raw.get_physical_device_memory_properties2(physical, &mut properties) };
+    let heaps = properties.memory_properties.memory_heaps_as_slice().to_vec();
+    let local = |flags: vk::MemoryHeapFlags| flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL);
+    let best = (0..heaps.len()).filter(|&i| local(heaps[i].flags)).max_by_key(|&i| heaps[i].size);
+    let Some(i) = best else { return 0 };
+    let share = heaps[i].size / 10 * 9;
+    if extension && budget.heap_budget[i] > 0 {
+        share.min(budget.heap_budget[i].saturating_sub(budget.heap_usage[i]))
+    } else {
+        share
+    }
+}

@@ -1,0 +1,90 @@
+//! Command buffers and images that belong to the caller.
+
+use ash::vk;
+use ash::vk::Handle as _;
+
+use super::device::Gpu;
+
+/// A command buffer that the caller began and will submit.
+#[derive(Debug)]
+pub struct CommandBuffer {
+    raw: vk::CommandBuffer,
+}
+
+impl CommandBuffer {
+    /// Wraps a command buffer for [`Plan::record`](crate::Plan::record).
+    ///
+    /// # Safety
+    ///
+    /// - `raw` belongs to the device of `gpu`, is in the recording state outside of any rendering, and
+    ///   will be submitted to the queue family of `gpu`;
+    /// - no other thread records into it while this value is in use;
+    /// - it is submitted at most once, or not again while a submission of it is pending.
+    #[must_use]
+    pub unsafe fn from_raw(gpu: &Gpu, raw: vk::CommandBuffer) -> Self {
+        debug_assert!(!raw.is_null(), "the null command buffer of {}", gpu.report().name);
+        Self { raw }
+    }
+
+    pub(crate) fn raw(&self) -> vk::CommandBuffer {
+        self.raw
+    }
+
+    pub(super) fn own(raw: vk::CommandBuffer) -> Self {
+        Self { raw }
+    }
+}
+
+/// A colour image that the caller owns and the library draws into.
+#[derive(Clone, Copy, Debug)]
+pub struct TargetImage {
+    pub(crate) image: vk::Image,
+    pub(crate) view: vk::ImageView,
+    pub(crate) format: vk::Format,
+    pub(crate) extent: [u32; 2],
+}
+
+impl TargetImage {
+    /// Wraps an image for [`Plan::record`](crate::Plan::record).
+    ///
+    /// # Safety
+    ///
+    /// - `image` and `view` belong to the device of `gpu`; the view is two-dimensional, of one level and
+    ///   one layer, of `format` and at least `extent` large, and the image has the usage
+    ///   `COLOR_ATTACHMENT`;
+    /// - both live until the caller has seen every submission that draws into them end;
+    /// - when the recorded commands run, the image is in the layout `COLOR_ATTACHMENT_OPTIMAL` and all
+    ///   earlier accesses are made available and visible to the colour attachment output stage. It is
+    ///   left in that layout, last written in that stage.
+    #[must_use]
+    pub unsafe fn from_raw(
+        gpu: &Gpu,
+        image: vk::Image,
+        view: vk::ImageView,
+        format: vk::Format,
+        extent: [u32; 2],
+    ) -> Self {
+        debug_assert!(!view.is_null(), "the null view of {}", gpu.report().name);
+        Self { image, view, format, extent }
+    }
+}
+
+/// A depth image that the caller owns: nothing behind it is to be drawn.
+#[derive(Clone, Copy, Debug)]
+pub struct DepthImage {
+    pub(crate) view: vk::ImageView,
+}
+
+impl DepthImage {
+    /// Wraps a depth image for [`Plan::record`](crate::Plan::record).
+    ///
+    /// # Safety
+    ///
+    /// As [`TargetImage::from_raw`], with the usage `SAMPLED` and the layout
+    /// `DEPTH_READ_ONLY_OPTIMAL`.
+    #[must_use]
+    pub unsafe fn from_raw(gpu: &Gpu, view: vk::ImageView) -> Self {
+        debug_assert!(!view.is_null(), "the null view of {}", gpu.report().name);
+        Self { view }
+    }
+}

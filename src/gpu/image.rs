@@ -1,0 +1,210 @@
+//! Images that own their memory and one view.
+
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::Allocation;
+
+use super::budget::Reservation;
+use super::buffer::{allocate, free};
+use super::device::Gpu;
+use crate::error::{Error, Result};
+
+/// What an image is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct ImageDesc {
+    pub(crate) format: vk::Format,
+    /// Width, height, depth; depth 1 and `layers` 1 make a 2D image, depth 1 and more layers an array.
+    pub(crate) extent: [u32; 3],
+    pub(crate) layers: u32,
+    /// Whether the image is three-dimensional even where its depth is 1.
+    pub(crate) volume: bool,
+    pub(crate) usage: vk::ImageUsageFlags,
+}
+
+impl ImageDesc {
+    /// A volume to sample.
+    pub(crate) fn sampled_volume(format: vk::Format, extent: [u32; 3]) -> Self {
+        let usage = vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST;
+        Self { format, extent, layers: 1, volume: true, usage }
+    }
+
+    /// A 2D image.
+    pub(crate) fn flat(format: vk::Format, extent: [u32; 2], usage: vk::ImageUsageFlags) -> Self {
+        Self { format, extent: [extent[0], extent[1], 1], layers: 1, volume: false, usage }
+    }
+
+    /// Bytes of the texels, without what a driver adds for alignment.
+    pub(crate) fn texel_bytes(&self) -> u64 {
+        let [w, h, d] = self.extent.map(u64::from);
+        [w, h, d, u64::from(self.layers), format_bytes(self.format)].into_iter().fold(1, u64::saturating_mul)
+    }
+}
+
+/// Size of one texel of the formats that this crate uses.
+pub(crate) fn format_bytes(format: vk::Format) -> u64 {
+    match format {
+        vk::Format::R8_UNORM => 1,
+        vk::Format::R16_UNORM => 2,
+        vk::Format::R32_SFLOAT
+        | vk::Format::R8G8B8A8_UNORM
+        | vk::Format::R8G8B8A8_SRGB
+        | vk::Format::B8G8R8A8_UNORM
+        | vk::Format::B8G8R8A8_SRGB
+        | vk::Format::A2B10G10R10_UNORM_PACK32 => 4,
+        vk::Format::R16G16B16A16_SFLOAT | vk::Format::R16G16B16A16_UNORM => 8,
+        // R32G32B32A32_SFLOAT, and the most that an uncompressed format can have otherwise.
+        _ => 16,
+    }
+}
+
+/// An image with its memory and a view of all of it.
+#[derive(Debug)]
+pub(crate) struct Image {
+    gpu: Gpu,
+    raw: vk::Image,
+    view: vk::ImageView,
+    allocation: Option<Allocation>,
+    reservation: Option<Reservation>,
+    desc: ImageDesc,
+    name: String,
+}
+
+impl Image {
+    pub(crate) fn new(gpu: &Gpu, name: &str, desc: &ImageDesc) -> Result<Self> {
+        check_limits(gpu, name, desc)?;
+        gpu.inner.budget.check(name, desc.texel_bytes())?;
+        let [width, height, depth] = desc.extent;
+        let info = vk::ImageCreateInfo::default()
+            .image_type(if desc.volume { vk::ImageType::TYPE_3D } else { vk::ImageType::TYPE_2D })
+            .format(desc.format)
+            .extent(vk::Extent3D { width, height, depth })
+            .mip_levels(1)
+            .array_layers(desc.layers)
+            .samples(vk::SampleCountFlags::TYPE_1)
+            .tiling(vk::ImageTiling::OPTIMAL)
+            .usage(desc.usage);
+        // SAFETY: the device is alive; the extent was checked against the limits; `info` points at
+        // nothing.
+        let raw = unsafe { gpu.device().create_image(&info, None) }
+            .map_err(|result| Error::Vulkan { call: "vkCreateImage", result })?;
+        // `image` owns `raw` from here on, so every `?` below destroys it.
+        let mut image = Self {
+            gpu: gpu.clone(),
+            raw,
+            view: vk::ImageView::null(),
+            allocation: None,
+            reservation: None,
+            desc: *desc,
+            name: name.to_string(),
+        };
+        gpu.name(raw, name);
+        // SAFETY: `raw` was just made from this device.
+        let requirements = unsafe { gpu.device().get_image_memory_requirements(raw) };
+        image.reservation = Some(gpu.inner.budget.reserve(name, requirements.size)?);
+        let allocation = allocate(gpu, name, requirements, MemoryLocation::GpuOnly, false)?;
+        // SAFETY: the memory belongs to an allocation that `image` frees after the image is destroyed.
+        let memory = unsafe { allocation.memory() };
+        let offset = allocation.offset();
+        image.allocation = Some(allocation);
+        // SAFETY: the image is unbound; memory type, size and alignment come from its requirements.
+        unsafe { gpu.device().bind_image_memory(raw, memory, offset) }
+            .map_err(|result| Error::Vulkan { call: "vkBindImageMemory", result })?;
+        let kind = match (desc.volume, desc.layers) {
+            (true, _) => vk::ImageViewType::TYPE_3D,
+            (false, 1) => vk::ImageViewType::TYPE_2D,
+            (false, _) => vk::ImageViewType::TYPE_2D_ARRAY,
+        };
+        let info = vk::ImageViewCreateInfo::default()
+            .image(raw)
+            .view_type(kind)
+            .format(desc.format)
+            .subresource_range(whole(vk::ImageAspectFlags::COLOR));
+        // SAFETY: the image is bound to memory and outlives its view.
+        image.view = unsafe { gpu.device().create_image_view(&info, None) }
+            .map_err(|result| Error::Vulkan { call: "vkCreateImageView", result })?;
+        gpu.name(image.view, name);
+        Ok(image)
+    }
+
+    pub(crate) fn raw(&self) -> vk::Image {
+        self.raw
+    }
+
+    pub(crate) fn view(&self) -> vk::ImageView {
+        self.view
+    }
+
+    pub(crate) fn desc(&self) -> &ImageDesc {
+        &self.desc
+    }
+
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+impl Drop for Image {
+    fn drop(&mut self) {
+        // SAFETY: a submission holds every resource it names until its fence has signalled, so no
+        // pending command refers to the view (VUID-vkDestroyImageView-imageView-01026); null is allowed.
+        unsafe { self.gpu.device().destroy_image_view(self.view, None) };
+        // SAFETY: the same for the image (VUID-vkDestroyImage-image-01000).
+        unsafe { self.gpu.device().destroy_image(self.raw, None) };
+        free(&self.gpu, self.allocation.take());
+    }
+}
+
+/// All levels and layers of an aspect.
+pub(crate) fn whole(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
+    vk::ImageSubresourceRange::default()
+        .aspect_mask(aspect)
+        .level_count(vk::REMAINING_MIP_LEVELS)
+        .layer_count(vk::REMAINING_ARRAY_LAYERS)
+}
+
+fn check_limits(gpu: &Gpu, name: &str, desc: &ImageDesc) -> Result<()> {
+    let limits = &gpu.inner.properties.limits;
+    let [w, h, d] = desc.extent;
+    let (largest, limit, kind) = if desc.volume {
+        (w.max(h).max(d), limits.max_image_dimension3_d, "3D image")
+    } else {
+        (w.max(h), limits.max_image_dimension2_d, "2D image")
+    };
+    if largest > limit {
+        return Err(Error::unsupported(
+            name,
+            format!("an extent of {largest} exceeds the limit of {limit} for a {kind}"),
+        ));
+    }
+    if desc.layers > limits.max_image_array_layers {
+        return Err(Error::unsupported(
+            name,
+            format!("{} layers exceed the limit of {}", desc.layers, limits.max_image_array_layers),
+        ));
+    }
+    // The size of one image may be limited more tightly than its extents.
+    let kind = if desc.volume { vk::ImageType::TYPE_3D } else { vk::ImageType::TYPE_2D };
+    let instance = &gpu.inner.instance.raw;
+    // SAFETY: the physical device belongs to this instance.
+    let properties = unsafe {
+        instance.get_physical_device_image_format_properties(
+            gpu.inner.physical,
+            desc.format,
+            kind,
+            vk::ImageTiling::OPTIMAL,
+            desc.usage,
+            vk::ImageCreateFlags::empty(),
+        )
+    };
+    match properties {
+        Ok(p) if desc.texel_bytes() <= p.max_resource_size => Ok(()),
+        Ok(p) => Err(Error::unsupported(
+            name,
+            format!("{} bytes exceed the limit of {} for one image", desc.texel_bytes(), p.max_resource_size),
+        )),
+        Err(vk::Result::ERROR_FORMAT_NOT_SUPPORTED) => {
+            Err(Error::unsupported(name, format!("no images of format {:?} with {:?}", desc.format, desc.usage)))
+        }
+        Err(result) => Err(Error::Vulkan { call: "vkGetPhysicalDeviceImageFormatProperties", result }),
+    }
+}

@@ -1,0 +1,180 @@
+//! Loader, instance, validation layer and messenger.
+
+use std::ffi::{CStr, CString};
+use std::sync::Arc;
+
+use ash::{ext, vk};
+
+use super::validation::{Validation, ValidationLog, messenger_info};
+use crate::error::{Error, Result};
+
+const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// A Vulkan instance with its messenger; destroys both.
+pub(crate) struct Instance {
+    pub(crate) raw: ash::Instance,
+    messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    /// Whether object names and labels can be given.
+    pub(crate) debug_utils: bool,
+    /// Version of the validation layer, when it is on.
+    pub(crate) layer_version: Option<String>,
+    pub(crate) log: Arc<ValidationLog>,
+    // Last: the library is unloaded after everything that calls into it is gone.
+    _entry: ash::Entry,
+}
+
+impl std::fmt::Debug for Instance {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Instance")
+            .field("handle", &self.raw.handle())
+            .field("layer_version", &self.layer_version)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Instance {
+    pub(crate) fn new(validation: Validation) -> Result<Self> {
+        // SAFETY: loading the system's Vulkan loader runs its initialisers; the crate relies on the
+        // installed loader being sound, as every Vulkan program does.
+        let entry = unsafe { ash::Entry::load() }.map_err(|error| Error::NoDevice {
+            why: format!("the Vulkan loader cannot be loaded ({error}); install libvulkan1 or a driver that brings it"),
+        })?;
+        let layer = if validation == Validation::Off { None } else { Some(find_layer(&entry)?) };
+        let log = Arc::new(ValidationLog::default());
+
+        // SAFETY: the loader is loaded; no layer is named.
+        let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }.map_err(|result| {
+            Error::Vulkan { call: "vkEnumerateInstanceExtensionProperties", result }
+        })?;
+        let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+        let debug_utils = layer.is_some() || has(ext::debug_utils::NAME);
+        let portability = has(ash::khr::portability_enumeration::NAME);
+
+        let mut names = Vec::new();
+        if debug_utils {
+            names.push(ext::debug_utils::NAME.as_ptr());
+        }
+        if portability {
+            names.push(ash::khr::portability_enumeration::NAME.as_ptr());
+        }
+        let mut layers = Vec::new();
+        let app = vk::ApplicationInfo::default()
+            .application_name(c"volraster")
+            .engine_name(c"volraster")
+            .api_version(vk::API_VERSION_1_3);
+
+        // Newer layers take settings, older ones take VkValidationFeaturesEXT.
+        let gpu_assisted = validation == Validation::GpuAssisted;
+        let mut features = vec![vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+        if gpu_assisted {
+            features.push(vk::ValidationFeatureEnableEXT::GPU_ASSISTED);
+        }
+        let mut features_info = vk::ValidationFeaturesEXT::default().enabled_validation_features(&features);
+        let on = 1_u32.to_ne_bytes();
+        let mut settings = vec![setting(c"validate_sync", &on), setting(c"syncval_shader_accesses_heuristic", &on)];
+        if gpu_assisted {
+            settings.push(setting(c"gpuav_enable", &on));
+        }
+        let mut settings_info = vk::LayerSettingsCreateInfoEXT::default().settings(&settings);
+        let mut messenger = messenger_info(&log);
+        let mut info = vk::InstanceCreateInfo::default();
+        if let Some(layer) = &layer {
+            layers.push(LAYER.as_ptr());
+            info = info.push_next(&mut messenger);
+            if layer.settings {
+                names.push(ext::layer_settings::NAME.as_ptr());
+                info = info.push_next(&mut settings_info);
+            } else {
+                names.push(ext::validation_features::NAME.as_ptr());
+                info = info.push_next(&mut features_info);
+            }
+        }
+        if portability {
+            info = info.flags(vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR);
+        }
+        let info = info.application_info(&app).enabled_extension_names(&names).enabled_layer_names(&layers);
+
+        // SAFETY: every pointer in `info` refers to a local that lives past the call; layer and
+        // extensions were found by enumeration.
+        let raw = unsafe { entry.create_instance(&info, None) }
+            .map_err(|result| Error::Vulkan { call: "vkCreateInstance", result })?;
+        let mut instance = Self {
+            raw,
+            messenger: None,
+            debug_utils,
+            layer_version: layer.as_ref().map(|layer| layer.version.clone()),
+            log,
+            _entry: entry,
+        };
+        if layer.is_some() {
+            let loader = ext::debug_utils::Instance::new(&instance._entry, &instance.raw);
+            let info = messenger_info(&instance.log);
+            // SAFETY: VK_EXT_debug_utils is enabled; the log that `info` points at is owned by
+            // `instance`, which destroys the messenger first.
+            let messenger = unsafe { loader.create_debug_utils_messenger(&info, None) }
+                .map_err(|result| Error::Vulkan { call: "vkCreateDebugUtilsMessengerEXT", result })?;
+            instance.messenger = Some((loader, messenger));
+        }
+        Ok(instance)
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        if let Some((loader, messenger)) = self.messenger.take() {
+            // SAFETY: created from this instance, destroyed once, before it.
+            unsafe { loader.destroy_debug_utils_messenger(messenger, None) };
+        }
+        // SAFETY: the device was destroyed before: its owner holds this instance in a later field.
+        unsafe { self.raw.destroy_instance(None) };
+    }
+}
+
+struct Layer {
+    version: String,
+    settings: bool,
+}
+
+fn find_layer(entry: &ash::Entry) -> Result<Layer> {
+    // SAFETY: the loader is loaded.
+    let layers = unsafe { entry.enumerate_instance_layer_properties() }
+        .map_err(|result| Error::Vulkan { call: "vkEnumerateInstanceLayerProperties", result })?;
+    let layer = layers.iter().find(|layer| layer.layer_name_as_c_str() == Ok(LAYER)).ok_or_else(|| {
+        Error::unsupported(
+            "validation",
+            "the layer VK_LAYER_KHRONOS_validation is not installed (Debian and Ubuntu: vulkan-validationlayers)",
+        )
+    })?;
+    // SAFETY: the layer's name was just enumerated.
+    let extensions = unsafe { entry.enumerate_instance_extension_properties(Some(LAYER)) }
+        .map_err(|result| Error::Vulkan { call: "vkEnumerateInstanceExtensionProperties", result })?;
+    let settings = extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(ext::layer_settings::NAME));
+    Ok(Layer { version: version_text(layer.spec_version), settings })
+}
+
+fn setting<'a>(name: &'a CStr, value: &'a [u8; 4]) -> vk::LayerSettingEXT<'a> {
+    let mut setting = vk::LayerSettingEXT::default()
+        .layer_name(LAYER)
+        .setting_name(name)
+        .ty(vk::LayerSettingTypeEXT::BOOL32)
+        .values(value);
+    // The count is of values, not of bytes.
+    setting.value_count = 1;
+    setting
+}
+
+/// `major.minor.patch` of a Vulkan version number.
+pub(crate) fn version_text(version: u32) -> String {
+    format!(
+        "{}.{}.{}",
+        vk::api_version_major(version),
+        vk::api_version_minor(version),
+        vk::api_version_patch(version)
+    )
+}
+
+/// A name as Vulkan takes it; it ends at the first NUL.
+pub(crate) fn c_name(name: &str) -> CString {
+    let bytes: Vec<u8> = name.bytes().take_while(|&byte| byte != 0).collect();
+    CString::new(bytes).unwrap_or_default()
+}

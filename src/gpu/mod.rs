@@ -1,0 +1,41 @@
+//! The one module that talks to Vulkan, and the only one with `unsafe`.
+//!
+//! | file | what |
+//! |---|---|
+//! | `instance`, `validation` | loader, instance, validation layer and its log |
+//! | `select`, `device` | choice of a device, the logical device, optional features |
+//! | `budget` | own account of device memory |
+//! | `buffer`, `image`, `transfer` | owning resources, staging up and down |
+//! | `shader`, `pipeline`, `cache` | modules, pipelines built on first use, the pipeline cache on disk |
+//! | `sync`, `recorder`, `submit` | uses and the barriers between them, passes, submissions |
+//! | `probe` | what the device really does, asked when it matters |
+//! | `external` | command buffers and images that belong to the caller |
+
+mod budget;
+mod buffer;
+mod cache;
+mod device;
+mod external;
+mod image;
+mod instance;
+mod pipeline;
+mod probe;
+mod recorder;
+mod select;
+pub(crate) mod shader;
+mod submit;
+pub(crate) mod sync;
+mod transfer;
+mod validation;
+
+pub(crate) use buffer::{Buffer, BufferUse};
+pub(crate) use image::{Image, ImageDesc};
+pub(crate) use pipeline::{Blend, ComputeDesc, Descriptors, GraphicsDesc, Pipeline, Resource, SpecConstant};
+pub(crate) use recorder::{Attachment, Recorder, Timers};
+pub(crate) use submit::Commands;
+
+pub use device::{Gpu, GpuOptions, OptionalFeature, devices};
+pub use external::{CommandBuffer, DepthImage, TargetImage};
+pub use select::DeviceReport;
+pub use submit::PassTime;
+pub use validation::{Validation, ValidationLog};

@@ -1,0 +1,126 @@
+//! What a device really does where Vulkan leaves it open or a driver falls short. Each question is
+//! asked once per device, when something depends on the answer.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::buffer::{Buffer, BufferUse};
+use super::device::Gpu;
+use super::image::{Image, ImageDesc};
+use super::pipeline::{ComputeDesc, Descriptors, Resource};
+use super::recorder::Recorder;
+use super::shader::{self, BINDING_RESULT, BINDING_VOLUME};
+use super::submit::Commands;
+use crate::error::Result;
+use crate::interface::ProbePush;
+use crate::num;
+
+/// Iterations that the loop probe asks for: more than the 65,535 after which Mesa 22.3's software driver
+/// silently ends an invocation.
+const PROBED_ITERATIONS: u32 = 70_000;
+
+/// What is relied on where the probe finds a limit: below it by what a shader spends outside the loops
+/// that are counted.
+const MARGIN: u32 = 512;
+
+impl Gpu {
+    /// Most loop iterations, summed over all loops, that one shader invocation may make;
+    /// [`u32::MAX`] where the device ends none early.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Vulkan`](crate::Error::Vulkan) when the probe cannot run.
+    pub fn loop_limit(&self) -> Result<u32> {
+        if let Some(&limit) = self.inner.loop_limit.get() {
+            return Ok(limit);
+        }
+        let counted = self.probe_loop(PROBED_ITERATIONS)?;
+        let limit =
+            if counted == PROBED_ITERATIONS { u32::MAX } else { counted.saturating_sub(MARGIN).max(1) };
+        Ok(*self.inner.loop_limit.get_or_init(|| limit))
+    }
+
+    /// Whether nobody has set or asked for the limit yet.
+    pub(crate) fn loop_limit_is_unknown(&self) -> bool {
+        self.inner.loop_limit.get().is_none()
+    }
+
+    /// Whether the device filters 8-bit volumes in 8-bit fixed point although it filters 16-bit ones
+    /// finely: then 8-bit data is better widened before it is filtered.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Vulkan`](crate::Error::Vulkan) when the probe cannot run.
+    pub fn filters_in_8_bit(&self) -> Result<bool> {
+        if let Some(&answer) = self.inner.filters_in_8_bit.get() {
+            return Ok(answer);
+        }
+        let linear = vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR;
+        let both = [vk::Format::R8_UNORM, vk::Format::R16_UNORM].map(|f| self.image_features(f).contains(linear));
+        let answer = if both == [true, true] {
+            let coarse = self.filter_error(vk::Format::R8_UNORM)?;
+            let fine = self.filter_error(vk::Format::R16_UNORM)?;
+            // Rounding to 8 bits costs at least half of 1/255. Weights of 8 bits, common in hardware,
+            // cost both formats the same, and nothing is won by widening.
+            coarse > 0.4 / 255.0 && fine < 0.5 * coarse
+        } else {
+            false
+        };
+        Ok(*self.inner.filters_in_8_bit.get_or_init(|| answer))
+    }
+
+    /// How many of `count` iterations of one loop an invocation makes.
+    fn probe_loop(&self, count: u32) -> Result<u32> {
+        let words = self.run_probe(&shader::PROBE_LOOP, count, 1, 1, None)?;
+        Ok(words.first().copied().unwrap_or(0))
+    }
+
+    /// Largest error of the linear filter between a 0 and a 1.
+    pub(crate) fn filter_error(&self, format: vk::Format) -> Result<f64> {
+        const POSITIONS: u32 = 1024;
+        let desc = ImageDesc::sampled_volume(format, [2, 2, 2]);
+        let texel = desc.texel_bytes() / 8;
+        let volume = Image::volume_with_data(self, "probe.volume", &desc, |_, memory| {
+            let texel = usize::try_from(texel).unwrap_or(1);
+            for (i, bytes) in memory.chunks_exact_mut(texel).enumerate() {
+                bytes.fill(if i % 2 == 1 { 0xff } else { 0 });
+            }
+        })?;
+        let words = self.run_probe(&shader::PROBE_FILTER, POSITIONS, POSITIONS, POSITIONS / 64, Some(volume))?;
+        let error = |(i, &bits): (usize, &u32)| {
+            (f64::from(f32::from_bits(bits)) - num::f64_of(i) / f64::from(POSITIONS - 1)).abs()
+        };
+        Ok(words.iter().enumerate().map(error).fold(0.0, f64::max))
+    }
+
+    fn run_probe(
+        &self,
+        shader: &'static shader::Shader,
+        count: u32,
+        words: u32,
+        groups: u32,
+        volume: Option<Arc<Image>>,
+    ) -> Result<Vec<u32>> {
+        let pipeline = self.compute_pipeline(shader.name, &ComputeDesc { shader, constants: &[] })?;
+        let result = Arc::new(Buffer::new(self, "probe.result", 4 * u64::from(words), BufferUse::ShaderWrite)?);
+        let mut resources = vec![(BINDING_RESULT, Resource::Buffer(Arc::clone(&result)))];
+        if let Some(volume) = &volume {
+            resources.push((BINDING_VOLUME, Resource::Sampled(Arc::clone(volume), vk::Filter::LINEAR)));
+        }
+        let descriptors = Arc::new(Descriptors::new(self, &pipeline, &resources)?);
+        let mut commands = Commands::new(self)?;
+        let mut recorder = Recorder::new(self, commands.begin()?, None);
+        if let Some(volume) = &volume {
+            recorder.is_ready(volume);
+        }
+        let push = ProbePush { count };
+        recorder.dispatch("probe", &pipeline, &descriptors, bytemuck::bytes_of(&push), [groups, 1, 1]);
+        let host = Arc::new(Buffer::new(self, "probe.host", result.size(), BufferUse::Download)?);
+        recorder.copy_buffer("download", &result, &host, result.size());
+        recorder.to_host(&host);
+        let (_, _keep) = recorder.finish();
+        commands.submit("probe")?;
+        Ok(host.host_copy()?.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
+    }
+}

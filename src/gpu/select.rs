@@ -1,0 +1,187 @@
+//! Devices: what there is, which one is taken, and why each other one is passed over.
+
+use ash::vk;
+use serde::Serialize;
+
+use super::instance::{Instance, version_text};
+use crate::error::{Error, Result};
+
+/// One device of the system and what became of it.
+#[derive(Clone, Debug, Serialize)]
+pub struct DeviceReport {
+    /// The device's name.
+    pub name: String,
+    /// `discrete`, `integrated`, `virtual`, `cpu` or `other`.
+    pub kind: &'static str,
+    /// Driver name and version.
+    pub driver: String,
+    /// Vulkan version that the device supports.
+    pub api: String,
+    /// Whether this one is taken.
+    pub chosen: bool,
+    /// Why it is taken or passed over.
+    pub reason: String,
+}
+
+/// A device that was looked at.
+#[derive(Clone, Debug)]
+pub(crate) struct Candidate {
+    pub(crate) raw: vk::PhysicalDevice,
+    pub(crate) properties: vk::PhysicalDeviceProperties,
+    pub(crate) queue_family: u32,
+    pub(crate) timestamp_bits: u32,
+    pub(crate) report: DeviceReport,
+    /// What the device lacks, `None` when it qualifies.
+    refused: Option<String>,
+}
+
+/// What device selection needs to know; separate from Vulkan so that the rule can be tested.
+#[derive(Clone, Debug)]
+struct Offer<'a> {
+    name: &'a str,
+    kind: &'static str,
+    refused: Option<&'a str>,
+}
+
+/// The lower, the better: a real GPU before a software one.
+fn rank(kind: &str) -> usize {
+    ["discrete", "integrated", "virtual", "other", "cpu"].iter().position(|&k| k == kind).unwrap_or(3)
+}
+
+/// Picks among the offers; the verdicts say for each one why.
+fn choose(offers: &[Offer<'_>], wanted: Option<&str>) -> (Option<usize>, Vec<String>) {
+    let matches = |name: &str| wanted.is_none_or(|w| name.to_lowercase().contains(&w.to_lowercase()));
+    let best = (0..offers.len())
+        .filter(|&i| offers[i].refused.is_none() && matches(offers[i].name))
+        .min_by_key(|&i| rank(offers[i].kind));
+    let verdicts = offers.iter().enumerate().map(|(i, offer)| match (best, wanted) {
+        (Some(b), Some(w)) if b == i => format!("its name contains \"{w}\""),
+        (Some(b), None) if b == i && offer.kind == "cpu" => "no real GPU qualifies".to_string(),
+        (Some(b), _) if b == i => "first of the best kind".to_string(),
+        _ if !matches(offer.name) => format!("its name does not contain \"{}\"", wanted.unwrap_or_default()),
+        _ => match (offer.refused, best) {
+            (Some(lack), _) => lack.to_string(),
+            (None, Some(b)) if rank(offers[b].kind) < rank(offer.kind) => {
+                format!("usable, but a {} device is taken before a {} one", offers[b].kind, offer.kind)
+            }
+            _ => "usable, but another of its kind comes first".to_string(),
+        },
+    });
+    let verdicts = verdicts.collect();
+    (best, verdicts)
+}
+
+/// Looks at every device. The first result is the one to take.
+pub(crate) fn survey(instance: &Instance, wanted: Option<&str>) -> Result<(Option<usize>, Vec<Candidate>)> {
+    // SAFETY: the instance is alive.
+    let devices = unsafe { instance.raw.enumerate_physical_devices() }
+        .map_err(|result| Error::Vulkan { call: "vkEnumeratePhysicalDevices", result })?;
+    let mut candidates: Vec<Candidate> = devices.into_iter().map(|raw| inspect(instance, raw)).collect();
+    let offers: Vec<Offer<'_>> = candidates
+        .iter()
+        .map(|c| Offer { name: &c.report.name, kind: c.report.kind, refused: c.refused.as_deref() })
+        .collect();
+    let (best, verdicts) = choose(&offers, wanted);
+    for (i, (candidate, reason)) in candidates.iter_mut().zip(verdicts).enumerate() {
+        candidate.report.chosen = best == Some(i);
+        candidate.report.reason = reason;
+    }
+    Ok((best, candidates))
+}
+
+fn inspect(instance: &Instance, raw: vk::PhysicalDevice) -> Candidate {
+    let mut driver = vk::PhysicalDeviceDriverProperties::default();
+    let mut properties2 = vk::PhysicalDeviceProperties2::default();
+    // SAFETY: `raw` was enumerated from this instance.
+    let properties = unsafe { instance.raw.get_physical_device_properties(raw) };
+    let new_enough = properties.api_version >= vk::API_VERSION_1_3;
+    if properties.api_version >= vk::API_VERSION_1_2 {
+        properties2 = properties2.push_next(&mut driver);
+        // SAFETY: as above; the driver properties structure is core since 1.2.
+        unsafe { instance.raw.get_physical_device_properties2(raw, &mut properties2) };
+    }
+    let kind = match properties.device_type {
+        vk::PhysicalDeviceType::DISCRETE_GPU => "discrete",
+        vk::PhysicalDeviceType::INTEGRATED_GPU => "integrated",
+        vk::PhysicalDeviceType::VIRTUAL_GPU => "virtual",
+        vk::PhysicalDeviceType::CPU => "cpu",
+        _ => "other",
+    };
+    // SAFETY: `raw` was enumerated from this instance.
+    let families = unsafe { instance.raw.get_physical_device_queue_family_properties(raw) };
+    let both = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
+    let family = families.iter().position(|family| family.queue_flags.contains(both));
+
+    let mut features13 = vk::PhysicalDeviceVulkan13Features::default();
+    if new_enough {
+        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut features13);
+        // SAFETY: as above; the features structure is core since 1.3, which the device supports.
+        unsafe { instance.raw.get_physical_device_features2(raw, &mut features) };
+    }
+    let refused = if !new_enough {
+        Some(format!("Vulkan {} is older than the required 1.3", version_text(properties.api_version)))
+    } else if features13.synchronization2 == vk::FALSE {
+        Some("lacks the required feature synchronization2".to_string())
+    } else if features13.dynamic_rendering == vk::FALSE {
+        Some("lacks the required feature dynamicRendering".to_string())
+    } else if family.is_none() {
+        Some("has no queue for both graphics and compute".to_string())
+    } else {
+        None
+    };
+    let name = properties.device_name_as_c_str().map_or_else(|_| String::new(), |n| n.to_string_lossy().into_owned());
+    let text = |s: std::result::Result<&std::ffi::CStr, std::ffi::FromBytesUntilNulError>| {
+        s.map_or_else(|_| String::new(), |n| n.to_string_lossy().into_owned())
+    };
+    let driver = format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str()));
+    let index = family.unwrap_or(0);
+    Candidate {
+        raw,
+        properties,
+        queue_family: crate::num::count(index),
+        timestamp_bits: families.get(index).map_or(0, |f| f.timestamp_valid_bits),
+        report: DeviceReport {
+            name,
+            kind,
+            driver: driver.trim().to_string(),
+            api: version_text(properties.api_version),
+            chosen: false,
+            reason: String::new(),
+        },
+        refused,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn offer(name: &'static str, kind: &'static str) -> Offer<'static> {
+        Offer { name, kind, refused: None }
+    }
+
+    #[test]
+    fn a_real_gpu_comes_before_a_software_one() {
+        let (best, why) = choose(&[offer("llvmpipe", "cpu"), offer("GeForce", "discrete")], None);
+        assert_eq!(best, Some(1));
+        assert_eq!(why[0], "usable, but a discrete device is taken before a cpu one");
+        assert_eq!(choose(&[offer("llvmpipe", "cpu")], None).1, ["no real GPU qualifies"]);
+    }
+
+    #[test]
+    fn a_name_wins_over_the_kind_and_case_does_not_count() {
+        let offers = [offer("llvmpipe (LLVM)", "cpu"), offer("GeForce", "discrete")];
+        let (best, why) = choose(&offers, Some("LLVMpipe"));
+        assert_eq!(best, Some(0));
+        assert_eq!(why[1], "its name does not contain \"LLVMpipe\"");
+        assert_eq!(choose(&offers, Some("radeon")).0, None);
+    }
+
+    #[test]
+    fn what_a_device_lacks_is_its_reason() {
+        let old = Offer { refused: Some("Vulkan 1.1.0 is older than the required 1.3"), ..offer("Old", "discrete") };
+        let (best, why) = choose(&[old, offer("llvmpipe", "cpu")], None);
+        assert_eq!(best, Some(1));
+        assert!(why[0].contains("1.1.0"));
+    }
+}

@@ -1,0 +1,34 @@
+//! Compiled shader modules and what they bind, as `build.rs` found it in the SPIR-V.
+
+/// Pipeline stage of a module.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Stage {
+    Vertex,
+    Fragment,
+    Compute,
+}
+
+/// Kind of a descriptor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum BindingKind {
+    UniformBuffer,
+    StorageBuffer,
+    SampledImage,
+    StorageImage,
+}
+
+/// One entry of one GLSL file, compiled.
+#[derive(Debug)]
+pub(crate) struct Shader {
+    /// File and entry, such as `SLICES_3D_FRAGMENT`; unique.
+    pub(crate) name: &'static str,
+    pub(crate) stage: Stage,
+    /// Size of the push constants in bytes; 0 without any.
+    pub(crate) push_bytes: u32,
+    /// Bindings of set 0, ascending.
+    pub(crate) bindings: &'static [(u32, BindingKind)],
+    /// SPIR-V, little endian.
+    pub(crate) code: &'static [u8],
+}
+
+include!(concat!(env!("OUT_DIR"), "/shaders.rs"));

@@ -1,0 +1,118 @@
+//! Own command buffers: begin, submit, wait with a limit.
+
+use ash::vk;
+use serde::Serialize;
+
+use super::device::Gpu;
+use super::external::CommandBuffer;
+use crate::error::{Error, Result};
+
+/// Longest wait for one submission. A software rasteriser may need minutes for a large frame; a driver
+/// that hangs must not hang the program for ever.
+const TIMEOUT_SECONDS: u64 = 600;
+
+/// Time that one pass took on the device.
+#[derive(Clone, Debug, Serialize)]
+pub struct PassTime {
+    /// The pass.
+    pub name: String,
+    /// Milliseconds between the timestamps before and after it.
+    pub ms: f64,
+}
+
+/// A command buffer with its pool and fence; used again for every submission.
+#[derive(Debug)]
+pub(crate) struct Commands {
+    gpu: Gpu,
+    pool: vk::CommandPool,
+    buffer: CommandBuffer,
+    fence: vk::Fence,
+}
+
+impl Commands {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self> {
+        let info = vk::CommandPoolCreateInfo::default()
+            .queue_family_index(gpu.inner.queue_family)
+            .flags(vk::CommandPoolCreateFlags::TRANSIENT);
+        // SAFETY: the device is alive and has this queue family.
+        let pool = unsafe { gpu.device().create_command_pool(&info, None) }
+            .map_err(|result| Error::Vulkan { call: "vkCreateCommandPool", result })?;
+        let mut commands = Self {
+            gpu: gpu.clone(),
+            pool,
+            buffer: CommandBuffer::own(vk::CommandBuffer::null()),
+            fence: vk::Fence::null(),
+        };
+        gpu.name(pool, "command pool");
+        let info = vk::CommandBufferAllocateInfo::default()
+            .command_pool(pool)
+            .level(vk::CommandBufferLevel::PRIMARY)
+            .command_buffer_count(1);
+        // SAFETY: the pool was just made from this device.
+        let buffers = unsafe { gpu.device().allocate_command_buffers(&info) }
+            .map_err(|result| Error::Vulkan { call: "vkAllocateCommandBuffers", result })?;
+        commands.buffer = CommandBuffer::own(buffers.first().copied().unwrap_or_default());
+        // SAFETY: the device is alive.
+        commands.fence = unsafe { gpu.device().create_fence(&vk::FenceCreateInfo::default(), None) }
+            .map_err(|result| Error::Vulkan { call: "vkCreateFence", result })?;
+        gpu.name(commands.fence, "fence");
+        Ok(commands)
+    }
+
+    /// Begins recording anew.
+    pub(crate) fn begin(&mut self) -> Result<&CommandBuffer> {
+        // SAFETY: nothing recorded from this pool is pending: `submit` waits.
+        unsafe { self.gpu.device().reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty()) }
+            .map_err(|result| Error::Vulkan { call: "vkResetCommandPool", result })?;
+        let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the command buffer is in the initial state.
+        unsafe { self.gpu.device().begin_command_buffer(self.buffer.raw(), &info) }
+            .map_err(|result| Error::Vulkan { call: "vkBeginCommandBuffer", result })?;
+        Ok(&self.buffer)
+    }
+
+    /// Ends recording, submits, and waits for the end. `last_pass` is named if it does not come.
+    pub(crate) fn submit(&mut self, last_pass: &str) -> Result<()> {
+        let device = self.gpu.device();
+        // SAFETY: recording was begun and every rendering ended.
+        unsafe { device.end_command_buffer(self.buffer.raw()) }
+            .map_err(|result| Error::Vulkan { call: "vkEndCommandBuffer", result })?;
+        let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(self.buffer.raw())];
+        let submits = [vk::SubmitInfo2::default().command_buffer_infos(&buffers)];
+        {
+            let queue = self.gpu.queue();
+            // SAFETY: the queue is locked; the fence is unsignalled and unused; the recorded resources are
+            // kept by the caller until this function returns.
+            unsafe { device.queue_submit2(*queue, &submits, self.fence) }
+                .map_err(|result| Error::Vulkan { call: "vkQueueSubmit2", result })?;
+        }
+        // SAFETY: the fence was submitted above.
+        let waited = unsafe { device.wait_for_fences(&[self.fence], true, TIMEOUT_SECONDS * 1_000_000_000) };
+        match waited {
+            Ok(()) => {}
+            Err(vk::Result::TIMEOUT) => {
+                return Err(Error::Timeout {
+                    what: "a submission".to_string(),
+                    seconds: TIMEOUT_SECONDS,
+                    last_pass: last_pass.to_string(),
+                });
+            }
+            Err(result) => return Err(Error::Vulkan { call: "vkWaitForFences", result }),
+        }
+        // SAFETY: the fence is signalled and not in use.
+        unsafe { device.reset_fences(&[self.fence]) }
+            .map_err(|result| Error::Vulkan { call: "vkResetFences", result })
+    }
+}
+
+impl Drop for Commands {
+    fn drop(&mut self) {
+        // After a timeout the submission may still run.
+        // SAFETY: the device is alive; an error means that it is lost and nothing runs.
+        let _ = unsafe { self.gpu.device().device_wait_idle() };
+        // SAFETY: the device is idle; null is allowed.
+        unsafe { self.gpu.device().destroy_fence(self.fence, None) };
+        // SAFETY: the device is idle; the command buffer goes with its pool.
+        unsafe { self.gpu.device().destroy_command_pool(self.pool, None) };
+    }
+}

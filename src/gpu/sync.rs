@@ -1,0 +1,241 @@
+//! Uses of resources, and the barriers that follow from them. No other file spells a stage or an
+//! access mask.
+
+use std::collections::HashMap;
+
+use ash::vk;
+
+use vk::{AccessFlags2 as Access, ImageLayout as Layout, PipelineStageFlags2 as Stage};
+
+/// Where timestamps are taken: when all work before has ended.
+pub(crate) const END_OF_ALL: Stage = Stage::ALL_COMMANDS;
+
+/// How a pass uses a resource.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Use {
+    /// Source of a copy.
+    TransferRead,
+    /// Destination of a copy or a fill.
+    TransferWrite,
+    /// Read by the host after the submission has ended.
+    HostRead,
+    /// Sampled in a fragment shader.
+    FragmentSample,
+    /// Read in a fragment shader as a uniform or storage buffer.
+    FragmentRead,
+    /// Sampled in a compute shader.
+    ComputeSample,
+    /// Read in a compute shader as a uniform or storage buffer.
+    ComputeRead,
+    /// Written, and perhaps read, in a compute shader as a storage buffer or image.
+    ComputeReadWrite,
+    /// Colour attachment, written and blended with.
+    ColorAttachment,
+    /// Sampled or read by any later shader.
+    AnyShaderRead,
+}
+
+impl Use {
+    /// Every use, for the test of the table.
+    #[cfg(test)]
+    pub(crate) const ALL: [Self; 10] = [
+        Self::TransferRead,
+        Self::TransferWrite,
+        Self::HostRead,
+        Self::FragmentSample,
+        Self::FragmentRead,
+        Self::ComputeSample,
+        Self::ComputeRead,
+        Self::ComputeReadWrite,
+        Self::ColorAttachment,
+        Self::AnyShaderRead,
+    ];
+
+    /// Stages, accesses, and for images the layout.
+    pub(crate) const fn masks(self) -> (Stage, Access, Layout) {
+        match self {
+            Self::TransferRead => (Stage::COPY, Access::TRANSFER_READ, Layout::TRANSFER_SRC_OPTIMAL),
+            Self::TransferWrite => (Stage::ALL_TRANSFER, Access::TRANSFER_WRITE, Layout::TRANSFER_DST_OPTIMAL),
+            Self::HostRead => (Stage::HOST, Access::HOST_READ, Layout::GENERAL),
+            Self::FragmentSample => {
+                (Stage::FRAGMENT_SHADER, Access::SHADER_SAMPLED_READ, Layout::SHADER_READ_ONLY_OPTIMAL)
+            }
+            Self::FragmentRead => (
+                Stage::FRAGMENT_SHADER,
+                Access::from_raw(Access::UNIFORM_READ.as_raw() | Access::SHADER_STORAGE_READ.as_raw()),
+                Layout::UNDEFINED,
+            ),
+            Self::ComputeSample => {
+                (Stage::COMPUTE_SHADER, Access::SHADER_SAMPLED_READ, Layout::SHADER_READ_ONLY_OPTIMAL)
+            }
+            Self::ComputeRead => (
+                Stage::COMPUTE_SHADER,
+                Access::from_raw(Access::UNIFORM_READ.as_raw() | Access::SHADER_STORAGE_READ.as_raw()),
+                Layout::UNDEFINED,
+            ),
+            Self::ComputeReadWrite => (
+                Stage::COMPUTE_SHADER,
+                Access::from_raw(Access::SHADER_STORAGE_READ.as_raw() | Access::SHADER_STORAGE_WRITE.as_raw()),
+                Layout::GENERAL,
+            ),
+            Self::ColorAttachment => (
+                Stage::COLOR_ATTACHMENT_OUTPUT,
+                Access::from_raw(Access::COLOR_ATTACHMENT_READ.as_raw() | Access::COLOR_ATTACHMENT_WRITE.as_raw()),
+                Layout::COLOR_ATTACHMENT_OPTIMAL,
+            ),
+            Self::AnyShaderRead => (
+                Stage::ALL_COMMANDS,
+                Access::from_raw(Access::SHADER_READ.as_raw() | Access::UNIFORM_READ.as_raw()),
+                Layout::SHADER_READ_ONLY_OPTIMAL,
+            ),
+        }
+    }
+
+    /// Whether the use writes.
+    pub(crate) const fn writes(self) -> bool {
+        matches!(self, Self::TransferWrite | Self::ComputeReadWrite | Self::ColorAttachment)
+    }
+}
+
+/// A barrier between two uses of one resource. Layouts matter for images only.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Barrier {
+    pub(crate) src_stage: Stage,
+    pub(crate) src_access: Access,
+    pub(crate) dst_stage: Stage,
+    pub(crate) dst_access: Access,
+    pub(crate) old_layout: Layout,
+    pub(crate) new_layout: Layout,
+}
+
+/// What one recording has done with one resource so far.
+#[derive(Clone, Copy, Debug)]
+struct History {
+    /// Stage and access of the last write; empty when there was none in this recording.
+    write: (Stage, Access),
+    /// Stages that have read since.
+    readers: Stage,
+    /// Stages and accesses that already see the last write.
+    visible: (Stage, Access),
+    layout: Layout,
+}
+
+/// Derives barriers from uses, within one recording: read after read is nothing, anything with a write
+/// is a barrier, a change of layout is a barrier.
+#[derive(Debug, Default)]
+pub(crate) struct Tracker {
+    histories: HashMap<u64, History>,
+}
+
+impl Tracker {
+    /// Says what state a resource is in when the recording begins: its layout, and that no access of
+    /// this recording precedes. Without this an image's contents are undefined.
+    pub(crate) fn begin(&mut self, resource: u64, layout: Layout) {
+        let none = (Stage::NONE, Access::NONE);
+        self.histories.insert(resource, History { write: none, readers: Stage::NONE, visible: none, layout });
+    }
+
+    /// Whether the resource was used or declared in this recording.
+    pub(crate) fn knows(&self, resource: u64) -> bool {
+        self.histories.contains_key(&resource)
+    }
+
+    /// The barrier that must precede this use, if any. `is_image` says whether layouts count.
+    pub(crate) fn next(&mut self, resource: u64, next: Use, is_image: bool) -> Option<Barrier> {
+        let (stage, access, layout) = next.masks();
+        let layout = if is_image { layout } else { Layout::UNDEFINED };
+        let none = (Stage::NONE, Access::NONE);
+        let history = self.histories.entry(resource).or_insert(History {
+            write: none,
+            readers: Stage::NONE,
+            visible: none,
+            layout: Layout::UNDEFINED,
+        });
+        let changes_layout = is_image && history.layout != layout;
+        let unseen = history.write.0 != Stage::NONE
+            && !(history.visible.0.contains(stage) && history.visible.1.contains(access));
+        let after_read = next.writes() && history.readers != Stage::NONE;
+        let barrier = (changes_layout || unseen || after_read).then_some(Barrier {
+            src_stage: history.write.0 | history.readers,
+            src_access: history.write.1,
+            dst_stage: stage,
+            dst_access: access,
+            old_layout: history.layout,
+            new_layout: layout,
+        });
+        history.layout = layout;
+        if next.writes() || changes_layout {
+            // A layout transition is a write too: later uses elsewhere must wait for it.
+            history.write = (stage, if next.writes() { access } else { Access::NONE });
+            history.readers = if next.writes() { Stage::NONE } else { stage };
+            history.visible = if next.writes() { none } else { (stage, access) };
+        } else {
+            history.readers |= stage;
+            if unseen {
+                history.visible.0 |= stage;
+                history.visible.1 |= access;
+            }
+        }
+        barrier
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_use_has_stage_and_access_and_writes_match_the_masks() {
+        let writing = Access::TRANSFER_WRITE | Access::SHADER_STORAGE_WRITE | Access::COLOR_ATTACHMENT_WRITE;
+        for each in Use::ALL {
+            let (stage, access, _) = each.masks();
+            assert!(!stage.is_empty() && !access.is_empty(), "{each:?}");
+            assert_eq!(access.intersects(writing), each.writes(), "{each:?}");
+        }
+    }
+
+    #[test]
+    fn read_after_read_is_nothing_and_write_after_read_waits() {
+        let mut tracker = Tracker::default();
+        tracker.begin(1, Layout::SHADER_READ_ONLY_OPTIMAL);
+        assert_eq!(tracker.next(1, Use::FragmentSample, true), None);
+        assert_eq!(tracker.next(1, Use::ComputeSample, true), None);
+        let barrier = tracker.next(1, Use::TransferWrite, true).unwrap();
+        assert_eq!(barrier.src_stage, Stage::FRAGMENT_SHADER | Stage::COMPUTE_SHADER);
+        assert_eq!(barrier.src_access, Access::NONE);
+        assert_eq!(barrier.old_layout, Layout::SHADER_READ_ONLY_OPTIMAL);
+        assert_eq!(barrier.new_layout, Layout::TRANSFER_DST_OPTIMAL);
+    }
+
+    #[test]
+    fn a_write_is_made_visible_to_each_reader_once() {
+        let mut tracker = Tracker::default();
+        assert!(tracker.next(7, Use::ComputeReadWrite, false).is_none());
+        let barrier = tracker.next(7, Use::FragmentRead, false).unwrap();
+        assert_eq!(barrier.src_access, Access::SHADER_STORAGE_READ | Access::SHADER_STORAGE_WRITE);
+        assert_eq!(tracker.next(7, Use::FragmentRead, false), None);
+        assert!(tracker.next(7, Use::TransferRead, false).is_some());
+        let barrier = tracker.next(7, Use::ComputeReadWrite, false).unwrap();
+        assert!(barrier.src_stage.contains(Stage::FRAGMENT_SHADER | Stage::COPY));
+        // Write after write.
+        assert!(tracker.next(7, Use::ComputeReadWrite, false).is_some());
+    }
+
+    #[test]
+    fn the_first_use_of_an_image_leaves_the_undefined_layout() {
+        let mut tracker = Tracker::default();
+        let barrier = tracker.next(3, Use::ColorAttachment, true).unwrap();
+        assert_eq!((barrier.old_layout, barrier.src_stage), (Layout::UNDEFINED, Stage::NONE));
+        // Blending into what the pass before wrote must wait.
+        assert!(tracker.next(3, Use::ColorAttachment, true).is_some());
+    }
+
+    #[test]
+    fn a_reader_after_a_layout_change_waits_for_the_change() {
+        let mut tracker = Tracker::default();
+        tracker.begin(1, Layout::GENERAL);
+        assert!(tracker.next(1, Use::FragmentSample, true).is_some());
+        let barrier = tracker.next(1, Use::ComputeSample, true).unwrap();
+        assert_eq!(barrier.src_stage, Stage::FRAGMENT_SHADER);
+    }
+}

@@ -1,0 +1,82 @@
+//! Staging: host to device and back.
+
+use std::sync::Arc;
+
+use super::buffer::{Buffer, BufferUse};
+use super::device::Gpu;
+use super::image::{Image, ImageDesc};
+use super::recorder::Recorder;
+use super::submit::Commands;
+use crate::error::{Error, Result};
+use crate::num;
+
+/// Staging memory for uploads: larger data goes in several turns.
+const STAGING_BYTES: u64 = 32 << 20;
+
+impl Buffer {
+    /// A buffer for shaders to read, filled with `bytes`.
+    pub(crate) fn with_data(gpu: &Gpu, name: &str, bytes: &[u8]) -> Result<Arc<Self>> {
+        let size = u64::try_from(bytes.len()).unwrap_or(u64::MAX);
+        let buffer = Arc::new(Self::new(gpu, name, size, BufferUse::ShaderRead)?);
+        let staging = Arc::new(staging(gpu, name, size, |memory| memory[..bytes.len()].copy_from_slice(bytes))?);
+        let mut commands = Commands::new(gpu)?;
+        let mut recorder = Recorder::new(gpu, commands.begin()?, None);
+        recorder.copy_buffer("upload", &staging, &buffer, size);
+        recorder.release_buffer(&buffer);
+        let (_, _keep) = recorder.finish();
+        commands.submit("upload")?;
+        Ok(buffer)
+    }
+
+    /// The first [`Buffer::size`] bytes as the host sees them.
+    pub(crate) fn host_copy(&self) -> Result<Vec<u8>> {
+        let length = usize::try_from(self.size()).unwrap_or(usize::MAX);
+        let bytes = self.bytes().and_then(|bytes| bytes.get(..length));
+        bytes.map(<[u8]>::to_vec).ok_or_else(|| Error::invalid(self.name(), "is not visible to the host"))
+    }
+}
+
+impl Image {
+    /// A volume filled plane by plane: `fill(first, memory)` writes the planes from `first` on until
+    /// `memory` is full. Ready for every shader afterwards.
+    pub(crate) fn volume_with_data(
+        gpu: &Gpu,
+        name: &str,
+        desc: &ImageDesc,
+        fill: impl Fn(usize, &mut [u8]),
+    ) -> Result<Arc<Self>> {
+        let image = Arc::new(Self::new(gpu, name, desc)?);
+        let planes = desc.extent[2];
+        let plane_bytes = desc.texel_bytes() / u64::from(planes.max(1));
+        let turn = num::count(usize::try_from(STAGING_BYTES / plane_bytes.max(1)).unwrap_or(1)).clamp(1, planes);
+        let mut first = 0;
+        let mut commands = Commands::new(gpu)?;
+        while first < planes {
+            let depth = turn.min(planes - first);
+            let bytes = usize::try_from(plane_bytes * u64::from(depth)).unwrap_or(usize::MAX);
+            let buffer = Arc::new(staging(gpu, name, plane_bytes * u64::from(depth), |memory| {
+                fill(num::index(first), &mut memory[..bytes]);
+            })?);
+            let mut recorder = Recorder::new(gpu, commands.begin()?, None);
+            if first > 0 {
+                recorder.is_ready(&image);
+            }
+            recorder.copy_buffer_to_image("upload", &buffer, &image, first, depth);
+            recorder.release_image(&image);
+            let (_, _keep) = recorder.finish();
+            commands.submit("upload")?;
+            first += depth;
+        }
+        Ok(image)
+    }
+}
+
+/// A staging buffer, filled.
+fn staging(gpu: &Gpu, name: &str, size: u64, fill: impl FnOnce(&mut [u8])) -> Result<Buffer> {
+    let mut buffer = Buffer::new(gpu, &format!("{name} (staging)"), size, BufferUse::Upload)?;
+    let Some(memory) = buffer.bytes_mut() else {
+        return Err(Error::invalid(name, "staging memory is not visible to the host"));
+    };
+    fill(memory);
+    Ok(buffer)
+}

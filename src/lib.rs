@@ -1,0 +1,14 @@
+//! volraster (stub docs)
+
+pub mod error;
+pub mod frame;
+#[expect(unsafe_code, reason = "the one module that talks to Vulkan")]
+pub mod gpu;
+mod interface;
+mod num;
+mod optics;
+pub mod scene;
+pub mod technique;
+
+pub use ash;
+pub use error::{Error, Result};

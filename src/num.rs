@@ -1,0 +1,67 @@
+//! Number conversions that state what they do, so that `as` is not scattered over the crate.
+
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "the one place where rounding and saturating casts are made, each by a named function"
+)]
+
+/// Nearest `f32` of an `f64`.
+pub(crate) fn f32_of(value: f64) -> f32 {
+    value as f32
+}
+
+/// Nearest `f32` of three `f64`, as a vector.
+pub(crate) fn vec3_of(value: glam::DVec3) -> glam::Vec3 {
+    glam::Vec3::new(f32_of(value.x), f32_of(value.y), f32_of(value.z))
+}
+
+/// An index or a length as `f64`; exact below 2^53.
+pub(crate) fn f64_of(value: usize) -> f64 {
+    value as f64
+}
+
+/// A byte count as `f64`, for ratios and reports.
+pub(crate) fn f64_of_u64(value: u64) -> f64 {
+    value as f64
+}
+
+/// Truncates towards zero and saturates at both ends; NaN gives 0.
+pub(crate) fn usize_of(value: f64) -> usize {
+    value as usize
+}
+
+/// Truncates towards zero and saturates at both ends; NaN gives 0.
+pub(crate) fn u32_of(value: f64) -> u32 {
+    value as u32
+}
+
+/// Truncates towards zero and saturates at both ends; NaN gives 0.
+pub(crate) fn u64_of(value: f64) -> u64 {
+    value as u64
+}
+
+/// Rounds to the nearest code and saturates at both ends; NaN gives 0.
+pub(crate) fn u8_code(value: f64) -> u8 {
+    value.round() as u8
+}
+
+/// Rounds to the nearest code and saturates at both ends; NaN gives 0.
+pub(crate) fn u16_code(value: f64) -> u16 {
+    value.round() as u16
+}
+
+/// Rounds to the nearest code and saturates at both ends; NaN gives 0.
+pub(crate) fn i16_code(value: f64) -> i16 {
+    value.round() as i16
+}
+
+/// A 32-bit count as an index; exact on every platform that this crate builds for.
+pub(crate) fn index(value: u32) -> usize {
+    value as usize
+}
+
+/// A length as a 32-bit count; saturates.
+pub(crate) fn count(value: usize) -> u32 {
+    u32::try_from(value).unwrap_or(u32::MAX)
+}

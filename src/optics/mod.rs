@@ -1,0 +1,100 @@
+//! The optical model's tables for the device, built in float64.
+
+use crate::interface::Knot;
+use crate::num::{count, f32_of};
+use crate::scene::TransferFunction;
+
+/// Knots that the device walks through in a uniform block; above, it searches in a storage block. Equal
+/// to `UNIFORM_KNOTS` of `glsl/interface.glsl`.
+const UNIFORM_KNOTS: usize = 16;
+
+/// The largest extinction that the device is given: large enough to be opaque over any length that
+/// float32 tells from zero, small enough that its product with zero is zero.
+const MAX_TAU: f64 = 1e30;
+
+/// The transfer function as the device evaluates it.
+#[derive(Clone, Debug)]
+pub(crate) struct DeviceKnots {
+    /// At least as many as the uniform block holds; those beyond `count` are not looked at.
+    pub(crate) knots: Vec<Knot>,
+    /// Number of knots.
+    pub(crate) count: u32,
+    /// Whether the knots are searched instead of walked through.
+    pub(crate) search: bool,
+}
+
+impl DeviceKnots {
+    /// Rounds the knots to float32. Knots whose scalars become equal make a jump, as in the original.
+    pub(crate) fn new(transfer: &TransferFunction) -> Self {
+        let rows: Vec<_> = transfer.knots().iter().map(|k| (f32_of(k.s), value(k.colour, k.tau))).collect();
+        let mut knots: Vec<Knot> = rows
+            .iter()
+            .enumerate()
+            .map(|(i, &(s, value))| {
+                let next = rows.get(i + 1).filter(|next| (1.0 / (next.0 - s)).is_finite());
+                let (rise, inverse_ds) = next.map_or(([0.0; 4], 0.0), |next| {
+                    (std::array::from_fn(|c| next.1[c] - value[c]), 1.0 / (next.0 - s))
+                });
+                Knot { value, rise, s, inverse_ds, pad0: 0.0, pad1: 0.0 }
+            })
+            .collect();
+        let number = knots.len();
+        knots.resize(number.max(UNIFORM_KNOTS), Knot::default());
+        Self { knots, count: count(number), search: number > UNIFORM_KNOTS }
+    }
+
+    /// Loop iterations of one evaluation, at most.
+    pub(crate) fn iterations(&self) -> u32 {
+        if self.search { self.count.ilog2() + 1 } else { self.count }
+    }
+}
+
+fn value(colour: glam::DVec3, tau: f64) -> [f32; 4] {
+    [colour.x, colour.y, colour.z, tau].map(|v| f32_of(v.min(MAX_TAU)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::TransferFunction;
+
+    /// The shader's evaluation, in Rust.
+    fn evaluate(device: &DeviceKnots, s: f32) -> [f32; 4] {
+        let knots = &device.knots[..crate::num::index(device.count)];
+        let on = |k: &Knot| {
+            let w = ((s - k.s) * k.inverse_ds).min(1.0);
+            std::array::from_fn(|c| k.value[c] + k.rise[c] * w)
+        };
+        knots.iter().fold(knots[0].value, |value, k| if s >= k.s { on(k) } else { value })
+    }
+
+    #[test]
+    fn device_knots_reproduce_the_function_to_rounding() {
+        let rows: Vec<[f64; 5]> =
+            vec![[0.0, 0.1, 0.2, 0.6, 0.0], [0.42, 0.9, 0.4, 0.1, 0.0], [0.5, 1.0, 0.8, 0.3, 30.0], [0.5, 0.0, 0.0, 1.0, 1e6], [0.58, 0.2, 0.6, 0.9, 0.0]];
+        let tf = TransferFunction::from_rows(&rows).unwrap();
+        let device = DeviceKnots::new(&tf);
+        assert!(!device.search);
+        assert_eq!(device.count, 5);
+        for i in -10..=1010 {
+            let s = f32_of(f64::from(i) / 1000.0 + 1e-4);
+            let (colour, tau) = tf.at(f64::from(s));
+            let [r, g, b, a] = evaluate(&device, s).map(f64::from);
+            assert!((colour - glam::DVec3::new(r, g, b)).abs().max_element() < 1e-6, "{s}");
+            // Relative to the piece's largest extinction: 3 roundings, and the piece is 0.08 wide at s = 0.5.
+            assert!((tau - a).abs() <= 1e-6 * 1e6_f64.min(tau.max(30.0) * 10.0), "{s}: {tau} {a}");
+        }
+    }
+
+    #[test]
+    fn many_knots_are_searched_and_tiny_gaps_are_jumps() {
+        let rows: Vec<[f64; 5]> = (0..100).map(|i| [f64::from(i), 0.0, 0.0, 0.0, 1.0]).collect();
+        let device = DeviceKnots::new(&TransferFunction::from_rows(&rows).unwrap());
+        assert!(device.search);
+        assert_eq!(device.iterations(), 7);
+        let rows = [[1.0, 0.0, 0.0, 0.0, 1.0], [1.0 + 1e-12, 0.0, 0.0, 0.0, 1e300]];
+        let device = DeviceKnots::new(&TransferFunction::from_rows(&rows).unwrap());
+        assert_eq!(device.knots[0].inverse_ds, 0.0);
+        assert!(device.knots[1].value[3].is_finite());
+    }
+}

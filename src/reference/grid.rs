@@ -1,0 +1,162 @@
+//! Rays through a regular grid, cut at every voxel face.
+
+use glam::{DMat3, DVec3};
+
+use crate::num;
+use crate::scene::Scene;
+
+use super::march::{Classes, March};
+use super::polynomial::Cubic;
+
+/// Samples beyond this are taken for this: their differences and products must not overflow. Only a
+/// rescale can lead here, no stored type does.
+const MAX_SAMPLE: f64 = 1e100;
+
+/// A scene's grid and transfer function, prepared for rays.
+#[derive(Debug)]
+pub(super) struct GridRays<'a> {
+    scene: &'a Scene,
+    classes: Classes,
+    to_index: DMat3,
+    centre: DVec3,
+    last: DVec3,
+    /// Scalars that -Inf and +Inf stand for.
+    ends: [f64; 2],
+}
+
+impl<'a> GridRays<'a> {
+    pub(super) fn new(scene: &'a Scene) -> Self {
+        Self {
+            scene,
+            classes: Classes::new(&scene.transfer),
+            to_index: scene.grid.index_to_world().inverse(),
+            centre: scene.grid.centre(),
+            last: scene.grid.last_index(),
+            ends: scene.transfer.domain(),
+        }
+    }
+
+    /// One ray; `direction` has unit length, so that the parameter is a length in the world.
+    pub(super) fn trace(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> [f64; 4] {
+        let mut march = March::default();
+        // Measure from the point of the ray that is nearest to the grid's centre: coordinates along the
+        // ray are then as small as the grid, however far the eye is.
+        let nearest = (self.centre - origin).dot(direction);
+        let start = self.to_index * (origin + direction * nearest - self.centre) + self.last * 0.5;
+        let slope = self.to_index * direction;
+        let (start, slope, last) = (start.to_array(), slope.to_array(), self.last.to_array());
+
+        // Clip to the closed box.
+        let [mut t0, mut t1] = range.map(|t| t - nearest);
+        for axis in 0..3 {
+            if slope[axis] == 0.0 {
+                if !(start[axis] >= 0.0 && start[axis] <= last[axis]) {
+                    return march.pixel();
+                }
+                continue;
+            }
+            let (a, b) = ((0.0 - start[axis]) / slope[axis], (last[axis] - start[axis]) / slope[axis]);
+            t0 = t0.max(a.min(b));
+            t1 = t1.min(a.max(b));
+        }
+        if !(t0 < t1 && t0.is_finite() && t1.is_finite()) {
+            return march.pixel();
+        }
+
+        // Walk from face to face. A face's place on the ray is computed from its number, never summed
+        // up, and two faces at one place leave a stretch of no length between them.
+        let dims = self.scene.grid.dims();
+        let mut cell: [u32; 3] = std::array::from_fn(|axis| {
+            num::u32_of((start[axis] + slope[axis] * t0).floor()).min(dims[axis] - 2)
+        });
+        let face = |axis: usize, cell: u32| {
+            let far = f64::from(cell + u32::from(slope[axis] > 0.0));
+            if slope[axis] == 0.0 { f64::INFINITY } else { (far - start[axis]) / slope[axis] }
+        };
+        let mut next: [f64; 3] = std::array::from_fn(|axis| face(axis, cell[axis]));
+        let mut t = t0;
+        loop {
+            let axis = match next {
+                [x, y, z] if x <= y && x <= z => 0,
+                [_, y, z] if y <= z => 1,
+                _ => 2,
+            };
+            let end = next[axis].min(t1);
+            if end > t {
+                let local = |t: f64| {
+                    DVec3::from_array(std::array::from_fn(|axis| {
+                        start[axis] + slope[axis] * t - f64::from(cell[axis])
+                    }))
+                };
+                self.add_cell(&mut march, cell, local(t), local(end), end - t);
+                t = end;
+            }
+            if next[axis] >= t1 || march.is_opaque() {
+                return march.pixel();
+            }
+            if slope[axis] > 0.0 {
+                if cell[axis] + 2 >= dims[axis] {
+                    return march.pixel();
+                }
+                cell[axis] += 1;
+            } else {
+                if cell[axis] == 0 {
+                    return march.pixel();
+                }
+                cell[axis] -= 1;
+            }
+            next[axis] = face(axis, cell[axis]);
+        }
+    }
+
+    /// The stretch of a ray inside one cell, between two places in the cell's own coordinates.
+    fn add_cell(&self, march: &mut March, cell: [u32; 3], from: DVec3, to: DVec3, length: f64) {
+        let v: [f64; 8] = std::array::from_fn(|corner| {
+            let step = |bit: usize| u32::from(corner & bit != 0);
+            self.sample(cell[0] + step(1), cell[1] + step(2), cell[2] + step(4))
+        });
+        let (mut low, mut high) = (v[0], v[0]);
+        for &value in &v {
+            if value.is_nan() {
+                return;
+            }
+            low = low.min(value);
+            high = high.max(value);
+        }
+        if !self.classes.is_vacuum(self.classes.interval(low), self.classes.interval(high)) {
+            march.add_cubic(&self.classes, &along(&v, from, to - from), length);
+        }
+    }
+
+    /// One sample; NaN is vacuum, infinities have become the transfer function's ends.
+    fn sample(&self, x: u32, y: u32, z: u32) -> f64 {
+        let value = self.scene.grid.value(x, y, z);
+        if value == f64::INFINITY {
+            self.ends[1]
+        } else if value == f64::NEG_INFINITY {
+            self.ends[0]
+        } else {
+            value.clamp(-MAX_SAMPLE, MAX_SAMPLE)
+        }
+    }
+}
+
+/// The trilinear interpolant of a cell's corners along a line, as a cubic of the line's parameter.
+///
+/// Corners by bits: 1 is x, 2 is y, 4 is z. Where corners are equal the coefficients that their
+/// differences make are exactly zero.
+fn along(v: &[f64; 8], at: DVec3, d: DVec3) -> Cubic {
+    let (x, y, z) = (v[1] - v[0], v[2] - v[0], v[4] - v[0]);
+    let xy = (v[3] - v[2]) - x;
+    let xz = (v[5] - v[4]) - x;
+    let yz = (v[6] - v[4]) - y;
+    let xyz = ((v[7] - v[6]) - (v[5] - v[4])) - xy;
+    [
+        v[0] + at.x * x + at.y * (y + at.x * xy) + at.z * (z + at.x * xz + at.y * (yz + at.x * xyz)),
+        d.x * (x + at.y * xy + at.z * (xz + at.y * xyz))
+            + d.y * (y + at.x * xy + at.z * (yz + at.x * xyz))
+            + d.z * (z + at.x * xz + at.y * (yz + at.x * xyz)),
+        d.x * d.y * (xy + at.z * xyz) + d.x * d.z * (xz + at.y * xyz) + d.y * d.z * (yz + at.x * xyz),
+        d.x * d.y * d.z * xyz,
+    ]
+}

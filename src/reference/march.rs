@@ -1,0 +1,320 @@
+//! Emission and absorption along pieces of a ray on which the transfer function is linear.
+
+use crate::scene::{Knot, TransferFunction};
+
+use super::polynomial::{self, Cubic};
+use super::quadrature::{Node, gauss_legendre};
+
+/// Optical depth at which a ray ends: what lies behind is dimmed by exp(-60) < 1e-26.
+const OPAQUE: f64 = 60.0;
+
+/// Largest optical depth of a panel, and the points that integrate any piece of that depth to
+/// 1e-12 of the panel's own emission; ascending.
+const PANELS: [(f64, usize); 3] = [(0.002, 8), (0.05, 10), (1.0, 14)];
+
+/// Extinctions above this are taken for this: the polynomials must not overflow, and a ray is opaque
+/// long before.
+const MAX_TAU: f64 = 1e150;
+
+/// A transfer function, prepared for the integration along rays.
+#[derive(Debug)]
+pub(super) struct Classes {
+    knots: Vec<Knot>,
+    /// Entry i: how many of the first i knots have an extinction.
+    absorbing: Vec<usize>,
+    rules: Vec<(f64, Vec<Node>)>,
+}
+
+impl Classes {
+    /// Copies the knots and computes the quadrature rules.
+    pub(super) fn new(transfer: &TransferFunction) -> Self {
+        let knots: Vec<Knot> =
+            transfer.knots().iter().map(|k| Knot { tau: k.tau.min(MAX_TAU), ..*k }).collect();
+        let mut absorbing = vec![0];
+        let mut count = 0;
+        for knot in &knots {
+            count += usize::from(knot.tau > 0.0);
+            absorbing.push(count);
+        }
+        let rules = PANELS.iter().map(|&(depth, points)| (depth, gauss_legendre(points))).collect();
+        Self { knots, absorbing, rules }
+    }
+
+    /// The interval between knots that holds a scalar: the number of knots at or below it.
+    pub(super) fn interval(&self, s: f64) -> usize {
+        self.knots.partition_point(|knot| knot.s <= s)
+    }
+
+    /// Scalar of a knot.
+    pub(super) fn scalar(&self, knot: usize) -> f64 {
+        self.knots[knot].s
+    }
+
+    /// The knots that bound an interval; beyond the ends both are the end knot.
+    fn ends(&self, interval: usize) -> (&Knot, &Knot) {
+        let last = self.knots.len() - 1;
+        (&self.knots[interval.saturating_sub(1)], &self.knots[interval.min(last)])
+    }
+
+    /// Whether nothing absorbs in any of these intervals.
+    pub(super) fn is_vacuum(&self, first: usize, last: usize) -> bool {
+        let from = first.saturating_sub(1);
+        let to = (last + 1).min(self.knots.len());
+        self.absorbing[to] == self.absorbing[from]
+    }
+}
+
+/// What a ray has gathered so far, front to back.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct March {
+    depth: f64,
+    colour: [f64; 3],
+}
+
+impl March {
+    /// Whether nothing behind can be seen.
+    pub(super) fn is_opaque(&self) -> bool {
+        self.depth >= OPAQUE
+    }
+
+    /// Premultiplied colour and opacity.
+    pub(super) fn pixel(&self) -> [f64; 4] {
+        let [r, g, b] = self.colour;
+        [r, g, b, -(-self.depth).exp_m1()]
+    }
+
+    /// A stretch of the ray along which the scalar is a cubic on [0, 1]: cut at the knots, integrated
+    /// piece by piece.
+    pub(super) fn add_cubic(&mut self, classes: &Classes, scalar: &Cubic, length: f64) {
+        // Between turning points the scalar is monotone: each knot is crossed once at most.
+        let mut from = 0.0;
+        let turns = polynomial::turning_points(scalar);
+        for to in turns.into_iter().filter(|x| !x.is_nan()).chain([1.0]) {
+            self.add_monotone(classes, scalar, length, from, to);
+            from = to;
+        }
+    }
+
+    fn add_monotone(&mut self, classes: &Classes, scalar: &Cubic, length: f64, from: f64, to: f64) {
+        let (start, end) = (polynomial::value(scalar, from), polynomial::value(scalar, to));
+        let (first, last) = (classes.interval(start.min(end)), classes.interval(start.max(end)));
+        if classes.is_vacuum(first, last) {
+            return;
+        }
+        let rising = end > start;
+        let mut here = from;
+        let mut crossed = None;
+        for step in first..last {
+            let knot = if rising { step } else { first + last - 1 - step };
+            let s = classes.scalar(knot);
+            // The second knot of a jump is crossed where the first one was.
+            if crossed == Some(s) {
+                continue;
+            }
+            crossed = Some(s);
+            let cut = polynomial::crossing(scalar, s, here, to);
+            self.add_piece(classes, scalar, length, here, cut);
+            if self.is_opaque() {
+                return;
+            }
+            here = cut;
+        }
+        self.add_piece(classes, scalar, length, here, to);
+    }
+
+    /// A piece inside one interval of the transfer function.
+    fn add_piece(&mut self, classes: &Classes, scalar: &Cubic, length: f64, from: f64, to: f64) {
+        let width = to - from;
+        if width <= 0.0 {
+            return;
+        }
+        let middle = polynomial::value(scalar, from + 0.5 * width);
+        let (a, b) = classes.ends(classes.interval(middle));
+        if a.tau == 0.0 && b.tau == 0.0 {
+            return;
+        }
+        // Place between the two knots, 0 to 1, along the piece.
+        let range = b.s - a.s;
+        let mut place = [0.0; 4];
+        if range > 0.0 {
+            place = polynomial::part(scalar, from, width);
+            place[0] -= a.s;
+            place = place.map(|c| c / range);
+            // A cubic with values in [0, 1] has coefficients of at most 24 (Chebyshev's). Larger ones
+            // mean that the knots are closer than the scalar's rounding.
+            if !place.iter().all(|c| c.abs() < 32.0) {
+                place = [((middle - a.s) / range).clamp(0.0, 1.0), 0.0, 0.0, 0.0];
+            }
+        }
+        self.add_linear(&classes.rules, &place, length * width, a, b);
+    }
+
+    /// A piece with extinction and colour linear between two knots, at places given by a cubic.
+    ///
+    /// The optical depth along the piece is then a quartic in closed form. So is the emission where the
+    /// colour is constant; else panels of bounded optical depth by Gauss-Legendre.
+    fn add_linear(&mut self, rules: &[(f64, Vec<Node>)], place: &Cubic, length: f64, a: &Knot, b: &Knot) {
+        let mut extinction = place.map(|c| (b.tau - a.tau) * c * length);
+        extinction[0] += a.tau * length;
+        let total = polynomial::integral(&extinction, 1.0).max(0.0);
+        if total == 0.0 {
+            return;
+        }
+        if a.colour == b.colour || place[1..] == [0.0; 3] {
+            let colour = a.colour + (b.colour - a.colour) * place[0];
+            let emitted = (-self.depth).exp() * -(-total).exp_m1();
+            for (sum, c) in self.colour.iter_mut().zip(colour.to_array()) {
+                *sum += c * emitted;
+            }
+            self.depth += total;
+            return;
+        }
+        let Some(limit) = rules.last().map(|rule| rule.0) else { return };
+        let (mut extinction, mut place) = (extinction, *place);
+        loop {
+            let rest = polynomial::integral(&extinction, 1.0).max(0.0);
+            if rest <= limit {
+                self.add_panel(rules, &extinction, &place, rest, a, b);
+                return;
+            }
+            // The depth grows along the piece: bisect for a panel between half the limit and the limit.
+            let (mut low, mut high) = (0.0, 1.0);
+            let mut width = 0.5;
+            let mut depth = polynomial::integral(&extinction, width);
+            // 600 halvings reach below 1 / MAX_TAU.
+            for _ in 0..600 {
+                if depth > limit {
+                    high = width;
+                } else if depth < 0.5 * limit {
+                    low = width;
+                } else {
+                    break;
+                }
+                width = 0.5 * (low + high);
+                depth = polynomial::integral(&extinction, width);
+            }
+            let scaled = polynomial::part(&extinction, 0.0, width).map(|c| c * width);
+            self.add_panel(rules, &scaled, &polynomial::part(&place, 0.0, width), depth.max(0.0), a, b);
+            if self.is_opaque() {
+                return;
+            }
+            let left = 1.0 - width;
+            extinction = polynomial::part(&extinction, width, left).map(|c| c * left);
+            place = polynomial::part(&place, width, left);
+        }
+    }
+
+    /// One panel: `extinction` is optical depth per unit of the parameter, `total` its integral.
+    fn add_panel(
+        &mut self,
+        rules: &[(f64, Vec<Node>)],
+        extinction: &Cubic,
+        place: &Cubic,
+        total: f64,
+        a: &Knot,
+        b: &Knot,
+    ) {
+        let Some((_, rule)) = rules.iter().find(|rule| total <= rule.0).or(rules.last()) else { return };
+        // Colour is a.colour (1 - place) + b.colour place: two moments serve all channels.
+        let (mut near, mut far) = (0.0, 0.0);
+        for node in rule {
+            let absorbed = (-(polynomial::integral(extinction, node.x))).exp();
+            let emitted = node.weight * polynomial::value(extinction, node.x) * absorbed;
+            let p = polynomial::value(place, node.x);
+            near += emitted * (1.0 - p);
+            far += emitted * p;
+        }
+        let transmittance = (-self.depth).exp();
+        for ((sum, c), d) in self.colour.iter_mut().zip(a.colour.to_array()).zip(b.colour.to_array()) {
+            *sum += transmittance * (c * near + d * far);
+        }
+        self.depth += total;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    /// Monotone cubics from 0 to 1 on the unit interval: the slope is a square or a product of factors
+    /// that do not change sign, scaled.
+    fn monotone_cubics() -> Vec<Cubic> {
+        let mut cubics = vec![[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+        for i in 0..=20 {
+            // (x - r)^2 with r inside or outside, and x (1 - x) + e.
+            let r = -0.5 + 0.1 * f64::from(i);
+            cubics.push([0.0, r * r, -r, 1.0 / 3.0]);
+            cubics.push([0.0, 0.05 * f64::from(i), 0.5, -1.0 / 3.0]);
+        }
+        for c in &mut cubics {
+            let end = polynomial::value(c, 1.0);
+            *c = c.map(|c| c / end);
+        }
+        let falling = |c: &Cubic| [1.0 - c[0], -c[1], -c[2], -c[3]];
+        let mirrored: Vec<Cubic> = cubics.iter().map(falling).collect();
+        cubics.extend(mirrored);
+        cubics
+    }
+
+    /// The stated accuracy of the panels: each rule at its largest optical depth, against the same
+    /// stretch in 64 parts.
+    #[test]
+    fn one_panel_equals_many() {
+        let transfer = TransferFunction::from_rows(&[[0.0; 5]]).unwrap();
+        let rules = Classes::new(&transfer).rules;
+        for &(limit, points) in &PANELS {
+            let mut worst = 0.0_f64;
+            for place in monotone_cubics() {
+                for (near, far) in [(0.0, 1.0), (1.0, 0.0), (1.0, 1.0), (0.2, 1.0)] {
+                    let knot = |s: f64, tau: f64| Knot { s, colour: DVec3::new(s, 1.0 - s, 1.0), tau };
+                    let (a, b) = (knot(0.0, near), knot(1.0, far));
+                    let mut extinction = place.map(|c| (far - near) * c);
+                    extinction[0] += near;
+                    let scale = limit / polynomial::integral(&extinction, 1.0);
+                    let extinction = extinction.map(|c| c * scale);
+                    let mut one = March::default();
+                    one.add_panel(&rules, &extinction, &place, limit, &a, &b);
+                    let mut many = March::default();
+                    let width = 1.0 / 64.0;
+                    for i in 0..64 {
+                        let start = f64::from(i) * width;
+                        let tau = polynomial::part(&extinction, start, width).map(|c| c * width);
+                        let total = polynomial::integral(&tau, 1.0);
+                        many.add_panel(&rules, &tau, &polynomial::part(&place, start, width), total, &a, &b);
+                    }
+                    for (one, many) in one.colour.iter().zip(many.colour) {
+                        let error = (one - many).abs() / limit;
+                        worst = worst.max(error);
+                        assert!(error < 1e-12, "{points} points, {place:?}, {near} to {far}: {error:e}");
+                    }
+                }
+            }
+            println!("{points} points, depth {limit}: {worst:e}");
+        }
+    }
+
+    /// Where the scalar's rounding is coarser than the distance of two knots, a piece that claims to lie
+    /// between them has one place: without overflow, without extrapolation.
+    #[test]
+    fn knots_closer_than_rounding_do_not_extrapolate() {
+        let rows = [[0.0, 1.0, 0.0, 0.0, 2.0], [5e-324, 0.0, 1.0, 0.0, 1e6], [1.0, 0.0, 1.0, 0.0, 2.0]];
+        let classes = Classes::new(&TransferFunction::from_rows(&rows).unwrap());
+        let mut march = March::default();
+        march.add_piece(&classes, &[-1e-9, 2e-9, 0.0, 0.0], 1.5, 0.0, 1.0);
+        let alpha = -(-3.0_f64).exp_m1();
+        assert_eq!(march.pixel(), [alpha, 0.0, 0.0, alpha]);
+    }
+
+    #[test]
+    fn intervals_know_their_vacuum() {
+        let row = |s: f64, tau: f64| [s, 0.0, 0.0, 0.0, tau];
+        let rows = [row(0.0, 0.0), row(1.0, 0.0), row(2.0, 3.0), row(3.0, 0.0), row(3.0, 1.0)];
+        let classes = Classes::new(&TransferFunction::from_rows(&rows).unwrap());
+        let vacuum = |a: f64, b: f64| classes.is_vacuum(classes.interval(a), classes.interval(b));
+        assert!(vacuum(-9.0, 0.9) && vacuum(0.5, 0.5) && vacuum(-2.0, -1.0));
+        assert!(!vacuum(0.5, 1.0), "1 opens the interval that absorbs");
+        assert!(!vacuum(2.5, 2.5) && !vacuum(-1.0, 9.0) && !vacuum(8.0, 9.0));
+    }
+}

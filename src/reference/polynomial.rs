@@ -1,0 +1,155 @@
+//! Cubics on the unit interval: evaluation, change of interval, and where they take a value.
+
+/// Coefficients of a cubic, constant first.
+pub(super) type Cubic = [f64; 4];
+
+/// The cubic's value.
+pub(super) fn value(c: &Cubic, x: f64) -> f64 {
+    ((c[3] * x + c[2]) * x + c[1]) * x + c[0]
+}
+
+/// The cubic's slope.
+pub(super) fn slope(c: &Cubic, x: f64) -> f64 {
+    (3.0 * c[3] * x + 2.0 * c[2]) * x + c[1]
+}
+
+/// Integral of the cubic from 0 to x: a quartic.
+pub(super) fn integral(c: &Cubic, x: f64) -> f64 {
+    x * (c[0] + x * (c[1] * (1.0 / 2.0) + x * (c[2] * (1.0 / 3.0) + x * (c[3] * (1.0 / 4.0)))))
+}
+
+/// The same cubic over [start, start + width], reparametrised to [0, 1].
+pub(super) fn part(c: &Cubic, start: f64, width: f64) -> Cubic {
+    [
+        value(c, start),
+        slope(c, start) * width,
+        (3.0 * c[3] * start + c[2]) * width * width,
+        c[3] * width * width * width,
+    ]
+}
+
+/// The zeros of the slope inside (0, 1), ascending; NaN stands for "none".
+///
+/// The quadratic formula in the form that never subtracts nearly equal numbers.
+pub(super) fn turning_points(c: &Cubic) -> [f64; 2] {
+    let scale = c[1].abs().max(c[2].abs()).max(c[3].abs());
+    if scale == 0.0 {
+        return [f64::NAN; 2];
+    }
+    // a x^2 + 2 h x + b = 0, scaled so that the squares cannot overflow.
+    let (a, h, b) = (3.0 * (c[3] / scale), c[2] / scale, c[1] / scale);
+    let discriminant = h * h - a * b;
+    if discriminant <= 0.0 {
+        // A double zero is a saddle: the cubic is monotone there.
+        return [f64::NAN; 2];
+    }
+    let q = -(h + discriminant.sqrt().copysign(h));
+    // Divisions by zero give infinities or NaN, which lie outside of the interval.
+    let inside = |x: f64| if x > 0.0 && x < 1.0 { x } else { f64::NAN };
+    let (first, second) = (inside(q / a), inside(b / q));
+    if first > second || first.is_nan() { [second, first] } else { [first, second] }
+}
+
+/// Where a cubic that is monotone on [low, high] takes a value that lies between the ends' values.
+///
+/// Newton steps that stay in a shrinking bracket, else bisection.
+///
+/// # Accuracy
+///
+/// To the last bits of x where the slope is not small; elsewhere the value is met to rounding.
+pub(super) fn crossing(c: &Cubic, wanted: f64, low: f64, high: f64) -> f64 {
+    let (mut low, mut high) = (low, high);
+    let (at_low, at_high) = (value(c, low) - wanted, value(c, high) - wanted);
+    let rising = at_high > at_low;
+    let mut x = low + (high - low) * (at_low / (at_low - at_high));
+    // 60 halvings of an interval inside [0, 1] leave less than its rounding.
+    for _ in 0..60 {
+        if !(x > low && x < high) {
+            x = 0.5 * (low + high);
+            if !(x > low && x < high) {
+                break;
+            }
+        }
+        let residual = value(c, x) - wanted;
+        if residual == 0.0 {
+            break;
+        }
+        if (residual > 0.0) == rising {
+            high = x;
+        } else {
+            low = x;
+        }
+        let newton = x - residual / slope(c, x);
+        if (newton - x).abs() <= f64::EPSILON * x {
+            break;
+        }
+        // A Newton step that barely shrinks the bracket is followed by a bisection: the step is
+        // taken only where it at least halves the larger side.
+        x = if newton > low && newton < high && (newton - x).abs() < 0.5 * (high - low) {
+            newton
+        } else {
+            0.5 * (low + high)
+        };
+    }
+    x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// (x - p)(x - q)(x - r) k.
+    fn from_roots(k: f64, p: f64, q: f64, r: f64) -> Cubic {
+        [-k * p * q * r, k * (p * q + p * r + q * r), -k * (p + q + r), k]
+    }
+
+    #[test]
+    fn finds_all_three_crossings_between_turning_points() {
+        let roots = [0.1, 0.35, 0.9];
+        for k in [3.0, -1e-3, 1e200] {
+            let c = from_roots(k, roots[0], roots[1], roots[2]);
+            let [a, b] = turning_points(&c);
+            assert!(a > 0.1 && a < 0.35 && b > 0.35 && b < 0.9, "{a} {b}");
+            for (root, low, high) in [(0.1, 0.0, a), (0.35, a, b), (0.9, b, 1.0)] {
+                let found = crossing(&c, 0.0, low, high);
+                assert!((found - root).abs() < 4e-15, "k {k}: {found} instead of {root}");
+            }
+        }
+    }
+
+    #[test]
+    fn turning_points_of_degenerate_cubics() {
+        let none = |c: Cubic| turning_points(&c).iter().all(|x| x.is_nan());
+        assert!(none([1.0, 0.0, 0.0, 0.0]), "constant");
+        assert!(none([1.0, 2.0, 0.0, 0.0]), "linear");
+        assert!(none(from_roots(1.0, 0.5, 0.5, 0.5)), "saddle");
+        let [x, other] = turning_points(&[0.0, -1.0, 1.0, 0.0]);
+        assert!((x - 0.5).abs() < 1e-16 && other.is_nan(), "parabola");
+        assert!(none([0.0, 0.0, -1.5, 1.0]), "zeros of the slope at both ends are not inside");
+        // Nearly linear: one far zero, one just inside, without cancellation.
+        let [x, _] = turning_points(&[0.0, -1e-9, 1.0, 1e-12]);
+        assert!((x - 5e-10).abs() < 1e-20, "{x}");
+    }
+
+    #[test]
+    fn crossing_of_a_flat_cubic_meets_the_value() {
+        // (x - 1/2)^3 has slope 0 at its root: Newton crawls, the bracket does not.
+        let c = from_roots(1.0, 0.5, 0.5, 0.5);
+        let x = crossing(&c, 0.0, 0.0, 1.0);
+        assert!(value(&c, x).abs() < 1e-16, "{x}");
+        let x = crossing(&c, 1e-9, 0.0, 1.0);
+        assert!((x - 0.501).abs() < 1e-9, "{x}");
+    }
+
+    #[test]
+    fn a_part_is_the_same_cubic() {
+        let c = [0.3, -1.0, 2.0, 0.7];
+        let p = part(&c, 0.25, 0.5);
+        for i in 0..=8 {
+            let y = f64::from(i) / 8.0;
+            assert!((value(&p, y) - value(&c, 0.25 + 0.5 * y)).abs() < 1e-15);
+        }
+        let whole = integral(&c, 0.75) - integral(&c, 0.25);
+        assert!((0.5 * integral(&p, 1.0) - whole).abs() < 1e-15);
+    }
+}

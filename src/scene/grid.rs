@@ -1,0 +1,427 @@
+//! Regular grids: samples on a lattice, and where the lattice lies in the world.
+
+use glam::{DMat3, DVec3};
+
+use crate::error::{Error, Result};
+use crate::num;
+
+/// The samples of a grid in the type that the device keeps them in.
+///
+/// Other input types (`i8`, `u32`, `i32`, `f64`) become `f32` when a grid is made.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Samples {
+    /// 8-bit unsigned.
+    U8(Vec<u8>),
+    /// 16-bit unsigned.
+    U16(Vec<u16>),
+    /// 16-bit signed.
+    I16(Vec<i16>),
+    /// 32-bit float. NaN marks vacuum.
+    F32(Vec<f32>),
+}
+
+impl Samples {
+    /// Number of samples.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        match self {
+            Self::U8(v) => v.len(),
+            Self::U16(v) => v.len(),
+            Self::I16(v) => v.len(),
+            Self::F32(v) => v.len(),
+        }
+    }
+
+    /// Whether there are no samples.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The sample's raw number, before the grid's rescale.
+    ///
+    /// # Panics
+    ///
+    /// When `index` is not below [`Samples::len`].
+    #[must_use]
+    pub fn get(&self, index: usize) -> f64 {
+        match self {
+            Self::U8(v) => f64::from(v[index]),
+            Self::U16(v) => f64::from(v[index]),
+            Self::I16(v) => f64::from(v[index]),
+            Self::F32(v) => f64::from(v[index]),
+        }
+    }
+
+    /// The type's name as scene files spell it.
+    #[must_use]
+    pub fn type_name(&self) -> &'static str {
+        match self {
+            Self::U8(_) => "u8",
+            Self::U16(_) => "u16",
+            Self::I16(_) => "i16",
+            Self::F32(_) => "f32",
+        }
+    }
+
+    /// Size of one sample in bytes.
+    #[must_use]
+    pub fn sample_bytes(&self) -> usize {
+        match self {
+            Self::U8(_) => 1,
+            Self::U16(_) | Self::I16(_) => 2,
+            Self::F32(_) => 4,
+        }
+    }
+}
+
+/// The linear map from stored numbers to the data's own units: `value = slope * stored + intercept`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rescale {
+    /// Units of the data per stored unit.
+    pub slope: f64,
+    /// Value of a stored zero.
+    pub intercept: f64,
+}
+
+impl Rescale {
+    /// Stored numbers are the values.
+    pub const IDENTITY: Self = Self { slope: 1.0, intercept: 0.0 };
+}
+
+/// What the world's axes mean to a person, where the file says so. Only the automatic camera asks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Anatomy {
+    /// The file does not say.
+    #[default]
+    Unknown,
+    /// +x right, +y anterior, +z superior (NIfTI, NRRD `right-anterior-superior`).
+    Ras,
+    /// +x left, +y posterior, +z superior (DICOM, NRRD `left-posterior-superior`).
+    Lps,
+    /// +x left, +y anterior, +z superior (NRRD `left-anterior-superior`).
+    Las,
+}
+
+/// A scalar field sampled on a regular lattice, trilinear between the samples, vacuum outside.
+///
+/// Holds the samples; owns no texture. Valid by construction.
+///
+/// # Shape
+///
+/// `values[z][y][x]`, x fastest. The sample of index `i` sits at
+/// `origin + direction * (spacing * i)`; the domain is the box that the samples span, without a
+/// half-voxel border.
+///
+/// # Units
+///
+/// `spacing` and `origin` in world units; values in the data's own units after [`Rescale`].
+#[derive(Clone, Debug)]
+pub struct Grid {
+    dims: [u32; 3],
+    spacing: DVec3,
+    origin: DVec3,
+    direction: DMat3,
+    rescale: Rescale,
+    samples: Samples,
+    anatomy: Anatomy,
+    range: [f64; 2],
+    nan_count: usize,
+    infinite_count: usize,
+}
+
+impl Grid {
+    /// A grid of unit spacing along the world's axes, at the origin.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if an extent is below 2, if their product is not the number of samples, or
+    /// if no sample is a finite number.
+    pub fn new(dims: [u32; 3], samples: Samples) -> Result<Self> {
+        if let Some(extent) = dims.iter().find(|&&extent| extent < 2) {
+            return Err(Error::invalid(
+                "grid extent",
+                format!("{dims:?} has {extent}: every extent must be at least 2 samples"),
+            ));
+        }
+        let expected = dims
+            .iter()
+            .try_fold(1_usize, |product, &extent| product.checked_mul(num::index(extent)))
+            .ok_or_else(|| Error::invalid("grid extent", format!("{dims:?} overflows the address space")))?;
+        if expected != samples.len() {
+            return Err(Error::invalid(
+                "grid samples",
+                format!("extent {dims:?} needs {expected} samples, {} were given", samples.len()),
+            ));
+        }
+        let (range, nan_count, infinite_count) = statistics(&samples);
+        if range[0] > range[1] {
+            return Err(Error::invalid("grid samples", "no sample is a finite number"));
+        }
+        Ok(Self {
+            dims,
+            spacing: DVec3::ONE,
+            origin: DVec3::ZERO,
+            direction: DMat3::IDENTITY,
+            rescale: Rescale::IDENTITY,
+            samples,
+            anatomy: Anatomy::Unknown,
+            range,
+            nan_count,
+            infinite_count,
+        })
+    }
+
+    /// Places the lattice in the world.
+    ///
+    /// `direction` holds the index axes as columns. They need neither unit length nor right angles,
+    /// and may mirror.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if a spacing is not positive and finite, another number is not finite, or
+    /// the axes do not span space.
+    pub fn with_placement(mut self, spacing: DVec3, origin: DVec3, direction: DMat3) -> Result<Self> {
+        if !(spacing.is_finite() && spacing.min_element() > 0.0) {
+            return Err(Error::invalid(
+                "grid spacing",
+                format!("{spacing}: every spacing must be positive and finite"),
+            ));
+        }
+        if !origin.is_finite() {
+            return Err(Error::invalid("grid origin", format!("{origin}: must be finite")));
+        }
+        let lengths = DVec3::new(direction.x_axis.length(), direction.y_axis.length(), direction.z_axis.length());
+        let volume = direction.determinant().abs();
+        // Relative to the axes' lengths the determinant is the sine-like measure of how far they are
+        // from lying in one plane.
+        let spans = direction.is_finite() && volume > 1e-9 * lengths.x * lengths.y * lengths.z;
+        if !spans {
+            return Err(Error::invalid(
+                "grid direction",
+                format!("{direction}: the three axes must be finite and span space"),
+            ));
+        }
+        self.spacing = spacing;
+        self.origin = origin;
+        self.direction = direction;
+        Ok(self)
+    }
+
+    /// Sets the map from stored numbers to values.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if a number is not finite or the slope is zero.
+    pub fn with_rescale(mut self, rescale: Rescale) -> Result<Self> {
+        if !(rescale.slope.is_finite() && rescale.slope != 0.0 && rescale.intercept.is_finite()) {
+            return Err(Error::invalid(
+                "grid rescale",
+                format!(
+                    "slope {} and intercept {}: both must be finite and the slope not zero",
+                    rescale.slope, rescale.intercept
+                ),
+            ));
+        }
+        self.rescale = rescale;
+        Ok(self)
+    }
+
+    /// Says what the world's axes mean.
+    #[must_use]
+    pub fn with_anatomy(mut self, anatomy: Anatomy) -> Self {
+        self.anatomy = anatomy;
+        self
+    }
+
+    /// Samples along x, y and z.
+    #[must_use]
+    pub fn dims(&self) -> [u32; 3] {
+        self.dims
+    }
+
+    /// The samples as stored.
+    #[must_use]
+    pub fn samples(&self) -> &Samples {
+        &self.samples
+    }
+
+    /// The map from stored numbers to values.
+    #[must_use]
+    pub fn rescale(&self) -> Rescale {
+        self.rescale
+    }
+
+    /// What the world's axes mean.
+    #[must_use]
+    pub fn anatomy(&self) -> Anatomy {
+        self.anatomy
+    }
+
+    /// Distance between neighbouring samples along each index axis, in world units, the length of the
+    /// direction's columns included.
+    #[must_use]
+    pub fn spacing(&self) -> DVec3 {
+        let m = self.index_to_world();
+        DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length())
+    }
+
+    /// World position of the sample of index 0, 0, 0.
+    #[must_use]
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// The linear part of the map from index to world: one column per index axis.
+    #[must_use]
+    pub fn index_to_world(&self) -> DMat3 {
+        DMat3::from_cols(
+            self.direction.x_axis * self.spacing.x,
+            self.direction.y_axis * self.spacing.y,
+            self.direction.z_axis * self.spacing.z,
+        )
+    }
+
+    /// World position of a (fractional) index.
+    #[must_use]
+    pub fn world_of_index(&self, index: DVec3) -> DVec3 {
+        self.origin + self.index_to_world() * index
+    }
+
+    /// Index of the last sample along each axis, as numbers: the far corner of the domain.
+    #[must_use]
+    pub fn last_index(&self) -> DVec3 {
+        DVec3::new(
+            f64::from(self.dims[0] - 1),
+            f64::from(self.dims[1] - 1),
+            f64::from(self.dims[2] - 1),
+        )
+    }
+
+    /// World position of the domain's centre.
+    #[must_use]
+    pub fn centre(&self) -> DVec3 {
+        self.world_of_index(self.last_index() * 0.5)
+    }
+
+    /// World positions of the domain's eight corners; bit 0 of the place selects x, bit 1 y, bit 2 z.
+    #[must_use]
+    pub fn corners(&self) -> [DVec3; 8] {
+        let last = self.last_index();
+        std::array::from_fn(|i| {
+            let pick = |bit: usize, far: f64| if i & bit != 0 { far } else { 0.0 };
+            self.world_of_index(DVec3::new(pick(1, last.x), pick(2, last.y), pick(4, last.z)))
+        })
+    }
+
+    /// Smallest and largest finite value, after the rescale, in ascending order.
+    #[must_use]
+    pub fn range(&self) -> [f64; 2] {
+        let a = self.rescale.slope * self.range[0] + self.rescale.intercept;
+        let b = self.rescale.slope * self.range[1] + self.rescale.intercept;
+        [a.min(b), a.max(b)]
+    }
+
+    /// Number of NaN samples. Every cell that touches one is vacuum.
+    #[must_use]
+    pub fn nan_count(&self) -> usize {
+        self.nan_count
+    }
+
+    /// Number of infinite samples. They take the transfer function's end positions.
+    #[must_use]
+    pub fn infinite_count(&self) -> usize {
+        self.infinite_count
+    }
+
+    /// Value of one sample after the rescale.
+    ///
+    /// # Panics
+    ///
+    /// When an index is not below its extent.
+    #[must_use]
+    pub fn value(&self, x: u32, y: u32, z: u32) -> f64 {
+        assert!(
+            x < self.dims[0] && y < self.dims[1] && z < self.dims[2],
+            "sample [{x}, {y}, {z}] lies outside {:?}",
+            self.dims
+        );
+        let [nx, ny, _] = self.dims.map(num::index);
+        let index = (num::index(z) * ny + num::index(y)) * nx + num::index(x);
+        self.rescale.slope * self.samples.get(index) + self.rescale.intercept
+    }
+}
+
+/// Finite range (empty when there is none), count of NaN, count of infinities.
+fn statistics(samples: &Samples) -> ([f64; 2], usize, usize) {
+    fn integers<T: Copy + Ord>(values: &[T]) -> [f64; 2]
+    where
+        f64: From<T>,
+    {
+        match (values.iter().min(), values.iter().max()) {
+            (Some(&lo), Some(&hi)) => [f64::from(lo), f64::from(hi)],
+            _ => [f64::INFINITY, f64::NEG_INFINITY],
+        }
+    }
+    match samples {
+        Samples::U8(v) => (integers(v), 0, 0),
+        Samples::U16(v) => (integers(v), 0, 0),
+        Samples::I16(v) => (integers(v), 0, 0),
+        Samples::F32(v) => {
+            let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+            let (mut nan, mut infinite) = (0, 0);
+            for &value in v {
+                if value.is_finite() {
+                    range[0] = range[0].min(f64::from(value));
+                    range[1] = range[1].max(f64::from(value));
+                } else if value.is_nan() {
+                    nan += 1;
+                } else {
+                    infinite += 1;
+                }
+            }
+            (range, nan, infinite)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ramp() -> Grid {
+        Grid::new([2, 3, 4], Samples::U8((0..24).collect())).unwrap()
+    }
+
+    #[test]
+    fn refuses_what_is_not_a_grid() {
+        let message = |result: Result<Grid>| result.unwrap_err().to_string();
+        assert!(message(Grid::new([1, 2, 2], Samples::U8(vec![0; 4]))).contains("at least 2"));
+        assert!(message(Grid::new([2, 2, 2], Samples::U8(vec![0; 7]))).contains("needs 8 samples, 7"));
+        assert!(message(Grid::new([u32::MAX; 3], Samples::U8(vec![]))).contains("overflows"));
+        assert!(message(Grid::new([2, 2, 2], Samples::F32(vec![f32::NAN; 8]))).contains("finite"));
+        let place = |spacing, origin, direction| message(ramp().with_placement(spacing, origin, direction));
+        assert!(place(DVec3::new(1.0, 0.0, 1.0), DVec3::ZERO, DMat3::IDENTITY).contains("positive"));
+        assert!(place(DVec3::ONE, DVec3::NAN, DMat3::IDENTITY).contains("finite"));
+        let flat = DMat3::from_cols(DVec3::X, DVec3::Y, DVec3::X + DVec3::Y);
+        assert!(place(DVec3::ONE, DVec3::ZERO, flat).contains("span space"));
+        assert!(message(ramp().with_rescale(Rescale { slope: 0.0, intercept: 0.0 })).contains("slope"));
+    }
+
+    #[test]
+    fn x_is_fastest_and_the_domain_ends_at_the_samples() {
+        let grid = ramp().with_placement(DVec3::new(1.0, 2.0, 3.0), DVec3::new(10.0, 0.0, 0.0), DMat3::IDENTITY).unwrap();
+        assert_eq!(grid.value(1, 0, 0), 1.0);
+        assert_eq!(grid.value(0, 1, 0), 2.0);
+        assert_eq!(grid.value(0, 0, 1), 6.0);
+        assert_eq!(grid.corners()[7], DVec3::new(11.0, 4.0, 9.0));
+        assert_eq!(grid.range(), [0.0, 23.0]);
+    }
+
+    #[test]
+    fn a_negative_slope_keeps_the_range_ascending() {
+        let grid = ramp().with_rescale(Rescale { slope: -2.0, intercept: 1.0 }).unwrap();
+        assert_eq!(grid.range(), [-45.0, 1.0]);
+        assert_eq!(grid.value(1, 0, 0), -1.0);
+    }
+}

@@ -1,0 +1,524 @@
+//! Techniques: the registry, and the two steps that draw, [`Renderer::prepare`] and [`Plan::record`].
+
+mod composite;
+mod gpu_scene;
+mod grid_rays;
+mod options;
+pub mod slices_3d;
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use ash::vk;
+
+use crate::error::{Error, Result};
+use crate::frame::Image as Picture;
+use crate::gpu::{
+    Buffer, BufferUse, CommandBuffer, Commands, DepthImage, Gpu, PassTime, Recorder, TargetImage, Timers,
+};
+use crate::num;
+use crate::scene::View;
+
+use composite::Composite;
+pub use gpu_scene::GpuScene;
+pub use options::OptionInfo;
+
+/// A technique.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Method {
+    /// View-aligned slices of a 3D texture.
+    Slices3d,
+}
+
+impl Method {
+    /// Every technique.
+    pub const ALL: [Self; 1] = [Self::Slices3d];
+
+    /// The technique of a name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] with the names that there are.
+    pub fn from_name(name: &str) -> Result<Self> {
+        Self::ALL.into_iter().find(|method| method.name() == name).ok_or_else(|| {
+            let names: Vec<&str> = Self::ALL.iter().map(|method| method.name()).collect();
+            Error::invalid("technique", format!("\"{name}\": must be one of {}", names.join(", ")))
+        })
+    }
+
+    /// The name in scene files and on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Slices3d => "slices-3d",
+        }
+    }
+
+    /// One line on what it does.
+    #[must_use]
+    pub fn summary(self) -> &'static str {
+        match self {
+            Self::Slices3d => "view-aligned slices of a 3D texture, post-classified (Cabral 1994)",
+        }
+    }
+
+    /// Its options.
+    #[must_use]
+    pub fn options(self) -> &'static [OptionInfo] {
+        match self {
+            Self::Slices3d => slices_3d::OPTIONS,
+        }
+    }
+
+    /// The routes that a device may offer, by name.
+    #[must_use]
+    pub fn routes(self) -> &'static [&'static str] {
+        match self {
+            Self::Slices3d => &["raster", "compute"],
+        }
+    }
+}
+
+/// A technique with its options.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Technique {
+    /// View-aligned slices of a 3D texture.
+    Slices3d(slices_3d::Options),
+}
+
+impl Technique {
+    /// A technique with the given options; the others have their defaults.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] naming option, value and range.
+    pub fn new(method: Method, options: &[(String, String)]) -> Result<Self> {
+        Ok(match method {
+            Method::Slices3d => Self::Slices3d(slices_3d::Options::parse(options)?),
+        })
+    }
+
+    /// Reads `NAME[:key=value,...]`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] naming what is wrong.
+    pub fn parse(text: &str) -> Result<Self> {
+        let (name, rest) = text.split_once(':').unwrap_or((text, ""));
+        let method = Method::from_name(name)?;
+        let pair = |pair: &str| {
+            let (key, value) = pair.split_once('=').ok_or_else(|| {
+                Error::invalid(format!("{name} option"), format!("\"{pair}\": must be key=value"))
+            })?;
+            Ok((key.trim().to_string(), value.trim().to_string()))
+        };
+        let pairs: Result<Vec<_>> = rest.split(',').filter(|p| !p.trim().is_empty()).map(pair).collect();
+        Self::new(method, &pairs?)
+    }
+
+    /// Which technique it is.
+    #[must_use]
+    pub fn method(&self) -> Method {
+        match self {
+            Self::Slices3d(_) => Method::Slices3d,
+        }
+    }
+
+    /// Every option in force.
+    #[must_use]
+    pub fn option_pairs(&self) -> Vec<(&'static str, String)> {
+        match self {
+            Self::Slices3d(options) => options.pairs(),
+        }
+    }
+}
+
+impl Default for Technique {
+    fn default() -> Self {
+        Self::Slices3d(slices_3d::Options::default())
+    }
+}
+
+/// What becomes of what the caller's image holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TargetMode {
+    /// Replaced: transparent black where the volume is not.
+    Clear,
+    /// Covered: the volume is composited over it.
+    Over,
+}
+
+/// Where a plan draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TargetDesc {
+    caller: Option<(vk::Format, TargetMode)>,
+}
+
+impl TargetDesc {
+    /// Into an image of the plan's own, to be read back.
+    #[must_use]
+    pub fn own() -> Self {
+        Self { caller: None }
+    }
+
+    /// Into a colour image of the caller, of the view's extent. Values are premultiplied linear RGBA; an
+    /// sRGB format encodes them.
+    #[must_use]
+    pub fn caller(format: vk::Format, mode: TargetMode) -> Self {
+        Self { caller: Some((format, mode)) }
+    }
+
+    fn format(&self) -> Option<vk::Format> {
+        self.caller.map(|(format, _)| format)
+    }
+
+    fn mode(&self) -> TargetMode {
+        self.caller.map_or(TargetMode::Clear, |(_, mode)| mode)
+    }
+}
+
+/// A scene on a device, drawn by one technique.
+#[derive(Clone, Debug)]
+pub struct Renderer {
+    scene: Arc<GpuScene>,
+    technique: Technique,
+}
+
+impl Renderer {
+    /// Takes scene and technique. Nothing is uploaded or built yet.
+    #[must_use]
+    pub fn new(scene: &Arc<GpuScene>, technique: Technique) -> Self {
+        Self { scene: Arc::clone(scene), technique }
+    }
+
+    /// The technique.
+    #[must_use]
+    pub fn technique(&self) -> &Technique {
+        &self.technique
+    }
+
+    /// Fixes everything that a frame of this view needs. May allocate, compile, upload, submit and wait.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] for options that do not fit the scene, [`Error::Unsupported`] and
+    /// [`Error::Memory`] for what the device lacks, [`Error::Vulkan`] when a call fails.
+    pub fn prepare(&self, view: &View, target: &TargetDesc) -> Result<Plan> {
+        let gpu = self.scene.gpu();
+        if let Some(format) = target.format() {
+            let needed = if target.mode() == TargetMode::Over {
+                vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND
+            } else {
+                vk::FormatFeatureFlags::COLOR_ATTACHMENT
+            };
+            if !gpu.image_features(format).contains(needed) {
+                return Err(Error::unsupported(format!("target of format {format:?}"), format!("{needed:?}")));
+            }
+        }
+        let prepared = match &self.technique {
+            Technique::Slices3d(options) => slices_3d::Prepared::new(&self.scene, view, target, options)?,
+        };
+        let composite = match (prepared.image(), target.caller) {
+            (Some(image), Some((format, mode))) => Some(Composite::new(gpu, image, format, mode)?),
+            _ => None,
+        };
+        let passes = prepared.passes() + u32::from(composite.is_some()) + u32::from(target.caller.is_none());
+        Ok(Plan {
+            gpu: gpu.clone(),
+            timers: Timers::new(gpu, passes)?,
+            timed_passes: passes,
+            prepared,
+            composite,
+            target: *target,
+            extent: view.extent(),
+            in_flight: Arc::new(()),
+        })
+    }
+
+    /// Draws one frame and waits for it: prepare, record, submit, wait, read back.
+    ///
+    /// # Errors
+    ///
+    /// As [`Renderer::prepare`] and [`Plan::record`].
+    pub fn render(&self, view: &View) -> Result<Picture> {
+        let mut frames = self.frames(view)?;
+        frames.draw(view)?;
+        frames.read_back()
+    }
+
+    /// Draws frame after frame with one plan. Compiles and allocates here, not in [`Frames::draw`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Renderer::prepare`].
+    pub fn frames(&self, view: &View) -> Result<Frames> {
+        let plan = self.prepare(view, &TargetDesc::own())?;
+        Ok(Frames { renderer: self.clone(), plan, commands: Commands::new(self.scene.gpu())? })
+    }
+}
+
+/// Everything that one frame needs, fixed. Belongs to one frame in flight.
+#[derive(Debug)]
+pub struct Plan {
+    gpu: Gpu,
+    prepared: slices_3d::Prepared,
+    composite: Option<Composite>,
+    timers: Option<Arc<Timers>>,
+    timed_passes: u32,
+    target: TargetDesc,
+    extent: [u32; 2],
+    /// Shared with the recording that is in flight.
+    in_flight: Arc<()>,
+}
+
+/// What a completed recording reports.
+#[derive(Clone, Debug)]
+pub struct Status {
+    /// Whether everything was drawn. `false` when a capacity was short; the next
+    /// [`Renderer::prepare`] with this status makes more room.
+    pub complete: bool,
+    /// Passes with their times on the device; empty where the device has no timestamps.
+    pub passes: Vec<PassTime>,
+}
+
+/// Owns what a recording names, until the caller says that its submission has ended. Dropping it earlier
+/// would free what the device still reads; so it must be given back through [`Recorded::completed`] or
+/// kept.
+#[derive(Debug)]
+#[must_use = "holds what the device reads until the submission has ended"]
+pub struct Recorded {
+    _keep: Vec<Arc<dyn std::any::Any + Send + Sync>>,
+    timers: Option<Arc<Timers>>,
+    passes: Vec<String>,
+    _in_flight: Arc<()>,
+}
+
+impl Recorded {
+    /// The caller has seen the submission end (a fence, a timeline semaphore, an idle queue). Reads the
+    /// status and frees what the recording held.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Vulkan`] when the timestamps cannot be read.
+    pub fn completed(self) -> Result<Status> {
+        let times = match &self.timers {
+            Some(timers) => timers.read(self.passes.len())?,
+            None => Vec::new(),
+        };
+        let passes = self.passes.into_iter().zip(times).map(|(name, ms)| PassTime { name, ms }).collect();
+        // No capacity of this technique can be short: slices are counted before the frame.
+        Ok(Status { complete: true, passes })
+    }
+
+    fn last_pass(&self) -> &str {
+        self.passes.last().map_or("none", String::as_str)
+    }
+}
+
+impl Plan {
+    /// Records the frame into the caller's command buffer: no submission, no wait, no allocation of
+    /// device memory.
+    ///
+    /// `target` is the image that [`TargetDesc::caller`] announced, and `None` for
+    /// [`TargetDesc::own`].
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] when `target` is not what the plan was made for, or when an earlier recording
+    /// of this plan has not been completed; [`Error::Unsupported`] for a depth image, which no technique
+    /// takes yet.
+    pub fn record(
+        &mut self,
+        commands: &CommandBuffer,
+        target: Option<&TargetImage>,
+        depth: Option<&DepthImage>,
+    ) -> Result<Recorded> {
+        let recorder = self.record_passes(commands, target, depth)?;
+        Ok(self.finish(recorder))
+    }
+
+    fn record_passes<'a>(
+        &mut self,
+        commands: &'a CommandBuffer,
+        target: Option<&TargetImage>,
+        depth: Option<&DepthImage>,
+    ) -> Result<Recorder<'a>> {
+        if let Some(depth) = depth {
+            return Err(Error::unsupported("depth image", format!("{:?}: no technique takes one", depth.view)));
+        }
+        if Arc::strong_count(&self.in_flight) > 1 {
+            return Err(Error::invalid("plan", "its last recording has not been completed"));
+        }
+        match (self.target.format(), target) {
+            (None, None) => {}
+            (Some(format), Some(target)) if target.format == format && target.extent == self.extent => {}
+            (wanted, given) => {
+                return Err(Error::invalid(
+                    "target",
+                    format!(
+                        "the plan is for {wanted:?} of {:?}, given is {:?}",
+                        self.extent,
+                        given.map(|target| (target.format, target.extent))
+                    ),
+                ));
+            }
+        }
+        let mut recorder = Recorder::new(&self.gpu, commands, self.timers.clone());
+        self.prepared.record(&mut recorder, target, self.target.mode() == TargetMode::Clear);
+        if let (Some(composite), Some(target)) = (&self.composite, target) {
+            composite.record(&mut recorder, target);
+        }
+        Ok(recorder)
+    }
+
+    fn finish(&self, recorder: Recorder<'_>) -> Recorded {
+        let (passes, keep) = recorder.finish();
+        Recorded { _keep: keep, timers: self.timers.clone(), passes, _in_flight: Arc::clone(&self.in_flight) }
+    }
+
+    /// Turns the plan to another view of the same image size, without allocating. `false` when the plan
+    /// has no room for it: prepare anew.
+    ///
+    /// # Errors
+    ///
+    /// As [`Renderer::prepare`].
+    pub fn set_view(&mut self, view: &View) -> Result<bool> {
+        if view.extent() != self.extent || !self.prepared.set_view(view)? {
+            return Ok(false);
+        }
+        let own = u32::from(self.composite.is_some()) + u32::from(self.target.caller.is_none());
+        Ok(self.prepared.passes() + own <= self.timed_passes)
+    }
+
+    /// The route that the technique takes on this device.
+    #[must_use]
+    pub fn route(&self) -> &'static str {
+        self.prepared.route()
+    }
+
+    /// Work of the frame, counted.
+    #[must_use]
+    pub fn counters(&self) -> Vec<(&'static str, u64)> {
+        self.prepared.counters()
+    }
+}
+
+/// Time of one frame.
+#[derive(Clone, Debug)]
+pub struct FrameTime {
+    /// Milliseconds from the start of recording to the fence.
+    pub wall_ms: f64,
+    /// Passes on the device; their sum is the frame's time there.
+    pub passes: Vec<PassTime>,
+}
+
+/// Draws frame after frame of one size into an image that can be read back.
+#[derive(Debug)]
+pub struct Frames {
+    renderer: Renderer,
+    plan: Plan,
+    commands: Commands,
+}
+
+impl Frames {
+    /// Draws a frame and waits for it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Plan::record`] and [`Renderer::prepare`]; [`Error::Timeout`] when the device does not end.
+    pub fn draw(&mut self, view: &View) -> Result<FrameTime> {
+        if !self.plan.set_view(view)? {
+            self.plan = self.renderer.prepare(view, &TargetDesc::own())?;
+        }
+        let start = Instant::now();
+        let recorded = self.plan.record(self.commands.begin()?, None, None)?;
+        self.commands.submit(recorded.last_pass())?;
+        let wall_ms = start.elapsed().as_secs_f64() * 1e3;
+        let status = recorded.completed()?;
+        Ok(FrameTime { wall_ms, passes: status.passes })
+    }
+
+    /// The plan in use.
+    #[must_use]
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Draws the current view once more and copies the image to the host. Not for timing.
+    ///
+    /// # Errors
+    ///
+    /// As [`Frames::draw`].
+    pub fn read_back(&mut self) -> Result<Picture> {
+        let gpu = &self.plan.gpu;
+        let Some(image) = self.plan.prepared.image().cloned() else {
+            return Err(Error::invalid("plan", "draws into the caller's image: there is nothing to read back"));
+        };
+        let format = image.desc().format;
+        let host = Arc::new(Buffer::new(gpu, "read back", image.desc().texel_bytes(), BufferUse::Download)?);
+        let mut recorder = self.plan.record_passes(self.commands.begin()?, None, None)?;
+        recorder.copy_image_to_buffer("read back", &image, &host);
+        let recorded = self.plan.finish(recorder);
+        self.commands.submit(recorded.last_pass())?;
+        let _ = recorded.completed()?;
+        let [width, height] = self.plan.extent;
+        Picture::new(width, height, pixels(&host.host_copy()?, format))
+    }
+}
+
+/// Texels of a readable format as float32 RGBA.
+fn pixels(bytes: &[u8], format: vk::Format) -> Vec<[f32; 4]> {
+    match format {
+        vk::Format::R8G8B8A8_UNORM => {
+            bytes.chunks_exact(4).map(|t| std::array::from_fn(|c| f32::from(t[c]) / 255.0)).collect()
+        }
+        vk::Format::R16G16B16A16_SFLOAT => bytes
+            .chunks_exact(8)
+            .map(|t| std::array::from_fn(|c| half_to_f32(u16::from_ne_bytes([t[2 * c], t[2 * c + 1]]))))
+            .collect(),
+        _ => bytes
+            .chunks_exact(16)
+            .map(|t| {
+                std::array::from_fn(|c| f32::from_ne_bytes([t[4 * c], t[4 * c + 1], t[4 * c + 2], t[4 * c + 3]]))
+            })
+            .collect(),
+    }
+}
+
+/// IEEE 754 binary16 to binary32, exact.
+fn half_to_f32(half: u16) -> f32 {
+    let sign = if half & 0x8000 == 0 { 1.0 } else { -1.0 };
+    let (exponent, fraction) = (i32::from(half >> 10 & 31), f64::from(half & 0x3ff));
+    let magnitude = match exponent {
+        0 => fraction * (-24.0_f64).exp2(),
+        31 if fraction == 0.0 => f64::INFINITY,
+        31 => f64::NAN,
+        _ => (1024.0 + fraction) * f64::from(exponent - 25).exp2(),
+    };
+    num::f32_of(sign * magnitude)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_are_read_exactly() {
+        for (bits, value) in
+            [(0x3c00, 1.0), (0xc000, -2.0), (0x3555, 0.333_251_95), (0x0001, 5.960_464_5e-8), (0x7bff, 65504.0), (0x7c00, f32::INFINITY)]
+        {
+            assert_eq!(half_to_f32(bits), value, "{bits:#x}");
+        }
+        assert!(half_to_f32(0x7e00).is_nan());
+    }
+
+    #[test]
+    fn techniques_parse_by_name_and_options() {
+        let technique = Technique::parse("slices-3d:step=0.5, filter=exact").unwrap();
+        assert_eq!(technique.option_pairs()[0], ("step", "0.5".to_string()));
+        assert!(Technique::parse("slices-4d").unwrap_err().to_string().contains("slices-3d"));
+        assert!(Technique::parse("slices-3d:step").unwrap_err().to_string().contains("key=value"));
+    }
+}
