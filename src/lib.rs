@@ -5,8 +5,10 @@ pub mod frame;
 #[expect(unsafe_code, reason = "the one module that talks to Vulkan")]
 pub mod gpu;
 mod interface;
+pub mod measure;
 mod num;
 mod optics;
+pub mod reference;
 pub mod scene;
 pub mod technique;
 

@@ -302,7 +302,7 @@ build_from_source() {
     jobs=${CARGO_BUILD_JOBS:-$(nproc)}
     say "========================================================================================"
     say "No usable libshaderc: building the shader compiler from the crate's own C++ sources, ONCE."
-    say "About 25 minutes of CPU time, on $jobs job(s) here. An interrupted build goes on from there."
+    say "About 17 minutes of CPU time, on $jobs job(s) here. An interrupted build goes on from there."
     say "========================================================================================"
     # As in the crate's build/build.rs.
     cmake -S "$source/build" -B "$build" -G Ninja \

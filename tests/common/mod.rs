@@ -1,0 +1,94 @@
+//! What the integration tests share: a device under validation, standard scenes, comparisons.
+
+#![allow(dead_code, unreachable_pub, missing_debug_implementations, clippy::unwrap_used, clippy::panic, reason = "test helpers: each test file uses its own part, and a test fails by panicking")]
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use volraster::gpu::{Gpu, GpuOptions, Validation, ValidationLog};
+use volraster::scene::{Camera, Field, Projection, Scene, TransferFunction, View};
+
+/// A device under core and synchronization validation. Dropping it destroys the device and fails the
+/// test when any message came, those of the destruction included. No device is a failure.
+pub struct TestGpu {
+    gpu: Option<Gpu>,
+    log: Arc<ValidationLog>,
+}
+
+impl std::ops::Deref for TestGpu {
+    type Target = Gpu;
+    fn deref(&self) -> &Gpu {
+        self.gpu.as_ref().unwrap()
+    }
+}
+
+impl Drop for TestGpu {
+    fn drop(&mut self) {
+        drop(self.gpu.take());
+        let messages = self.log.messages();
+        if !std::thread::panicking() {
+            assert!(messages.is_empty(), "validation messages: {messages:#?}");
+        }
+    }
+}
+
+/// The device of the run, validated, without a pipeline cache on disk.
+pub fn gpu() -> TestGpu {
+    gpu_with(GpuOptions::default())
+}
+
+pub fn gpu_with(options: GpuOptions) -> TestGpu {
+    let gpu = open(options);
+    let log = gpu.validation_log();
+    TestGpu { gpu: Some(gpu), log }
+}
+
+pub fn open(options: GpuOptions) -> Gpu {
+    let options = GpuOptions { validation: Validation::On, no_pipeline_cache: true, ..options };
+    match Gpu::new(&options) {
+        Ok(gpu) => gpu,
+        Err(error) => panic!("a validated device is required (run `make test`, which installs one): {error}"),
+    }
+}
+
+pub const SHELLS: [[f64; 5]; 7] = [
+    [0.0, 0.1, 0.2, 0.6, 0.0],
+    [0.42, 0.9, 0.4, 0.1, 0.0],
+    [0.5, 1.0, 0.8, 0.3, 30.0],
+    [0.58, 0.2, 0.6, 0.9, 0.0],
+    [0.8, 0.2, 0.6, 0.9, 0.0],
+    [0.9, 0.3, 0.4, 1.0, 2.0],
+    [1.0, 0.6, 0.2, 0.8, 2.0],
+];
+
+pub const FOG: [[f64; 5]; 5] = [
+    [0.0, 0.1, 0.2, 0.7, 0.0],
+    [0.06, 0.1, 0.2, 0.7, 0.0],
+    [0.3, 0.2, 0.6, 0.9, 1.0],
+    [0.6, 0.9, 0.85, 0.3, 3.0],
+    [1.0, 1.0, 0.25, 0.1, 8.0],
+];
+
+pub fn scene(field: Field, n: u32, kind: &str, rows: &[[f64; 5]]) -> Scene {
+    Scene {
+        grid: field.sample([n, n, n], kind).unwrap(),
+        transfer: TransferFunction::from_rows(rows).unwrap(),
+    }
+}
+
+pub fn perspective() -> Projection {
+    Projection::Perspective { fov_y_deg: 42.0 }
+}
+
+pub fn orthographic() -> Projection {
+    Projection::Orthographic { half_height: 1.6 }
+}
+
+/// The standard camera at a distance factor: 1 outside, 0.1 inside the cube.
+pub fn camera(projection: Projection, distance: f64) -> Camera {
+    Camera { eye: DVec3::new(2.0, 1.5, 3.8) * distance, target: DVec3::ZERO, up: DVec3::Y, projection }
+}
+
+pub fn view(projection: Projection, distance: f64, width: u32, height: u32) -> View {
+    View::new(camera(projection, distance), width, height).unwrap()
+}
