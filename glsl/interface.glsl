@@ -12,7 +12,7 @@
 #define SPEC_FILTER_EXACT 0 // bool: eight fetches and float32 weights instead of the sampler's filter
 #define SPEC_HAS_NAN 1      // bool: samples may be NaN, which is vacuum
 #define SPEC_CLIP_ENDS 2    // bool: slabs end at the domain and at the eye
-#define SPEC_KNOT_SEARCH 3  // bool: binary search in BINDING_KNOTS instead of the walk in BINDING_KNOTS_UNIFORM
+#define SPEC_KNOT_WALK 3    // uint: knots to walk through in BINDING_KNOTS_UNIFORM; 0: binary search in BINDING_KNOTS
 #define SPEC_RESUME 4       // bool: continue from what the accumulation image holds
 
 #define UNIFORM_KNOTS 16

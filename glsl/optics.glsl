@@ -9,7 +9,7 @@ struct Knot {
     float pad1;
 };
 
-layout(constant_id = SPEC_KNOT_SEARCH) const bool KNOT_SEARCH = false;
+layout(constant_id = SPEC_KNOT_WALK) const uint KNOT_WALK = 0;
 
 layout(set = 0, binding = BINDING_KNOTS_UNIFORM, std140) uniform KnotsUniform {
     Knot few[UNIFORM_KNOTS];
@@ -26,7 +26,7 @@ vec4 on_piece(Knot knot, float s) {
 // Colour (rgb) and extinction per world unit (a) of scalar s: the knots' piecewise linear function,
 // evaluated exactly up to rounding, continuous from the right at jumps. `count` is the number of knots.
 vec4 classify(float s, uint count) {
-    if (KNOT_SEARCH) {
+    if (KNOT_WALK == 0) {
         uint below = 0, above = count; // knots[below].s <= s < knots[above].s, or s is left of all
         while (above - below > 1) {
             uint middle = (below + above) / 2;
@@ -36,7 +36,8 @@ vec4 classify(float s, uint count) {
         return s < knot.s ? knot.value : on_piece(knot, s);
     }
     vec4 value = knots_uniform.few[0].value;
-    for (uint i = 0; i < count; ++i) {
+    // A constant number of turns: unrolled, the knots are read once for all pixels.
+    for (uint i = 0; i < KNOT_WALK; ++i) {
         Knot knot = knots_uniform.few[i];
         value = s >= knot.s ? on_piece(knot, s) : value;
     }

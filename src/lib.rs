@@ -1,10 +1,11 @@
-//! volraster (stub docs)
+//! Direct volume rendering in object order on explicit Vulkan.
 
 pub mod error;
 pub mod frame;
 #[expect(unsafe_code, reason = "the one module that talks to Vulkan")]
 pub mod gpu;
 mod interface;
+pub mod io;
 pub mod measure;
 mod num;
 mod optics;
@@ -14,3 +15,7 @@ pub mod technique;
 
 pub use ash;
 pub use error::{Error, Result};
+pub use frame::Image;
+pub use gpu::Gpu;
+pub use glam;
+pub use technique::{GpuScene, Plan, Recorded, Renderer, TargetDesc, TargetMode, Technique};

@@ -15,12 +15,14 @@ const MAX_TAU: f64 = 1e30;
 /// The transfer function as the device evaluates it.
 #[derive(Clone, Debug)]
 pub(crate) struct DeviceKnots {
-    /// At least as many as the uniform block holds; those beyond `count` are not looked at.
+    /// At least as many as the uniform block holds; those beyond `count` repeat the last, which changes
+    /// nothing.
     pub(crate) knots: Vec<Knot>,
     /// Number of knots.
     pub(crate) count: u32,
-    /// Whether the knots are searched instead of walked through.
-    pub(crate) search: bool,
+    /// Knots to walk through, a multiple of 4 so that few transfer functions need a pipeline of their own;
+    /// 0 where the knots are searched.
+    pub(crate) walk: u32,
 }
 
 impl DeviceKnots {
@@ -39,13 +41,15 @@ impl DeviceKnots {
             })
             .collect();
         let number = knots.len();
-        knots.resize(number.max(UNIFORM_KNOTS), Knot::default());
-        Self { knots, count: count(number), search: number > UNIFORM_KNOTS }
+        let last = knots.last().copied().unwrap_or_default();
+        knots.resize(number.max(UNIFORM_KNOTS), last);
+        let walk = if number > UNIFORM_KNOTS { 0 } else { count(number.next_multiple_of(4)) };
+        Self { knots, count: count(number), walk }
     }
 
     /// Loop iterations of one evaluation, at most.
     pub(crate) fn iterations(&self) -> u32 {
-        if self.search { self.count.ilog2() + 1 } else { self.count }
+        if self.walk == 0 { self.count.ilog2() + 1 } else { self.walk }
     }
 }
 
@@ -60,7 +64,7 @@ mod tests {
 
     /// The shader's evaluation, in Rust.
     fn evaluate(device: &DeviceKnots, s: f32) -> [f32; 4] {
-        let knots = &device.knots[..crate::num::index(device.count)];
+        let knots = &device.knots[..crate::num::index(device.walk)];
         let on = |k: &Knot| {
             let w = ((s - k.s) * k.inverse_ds).min(1.0);
             std::array::from_fn(|c| k.value[c] + k.rise[c] * w)
@@ -74,7 +78,7 @@ mod tests {
             vec![[0.0, 0.1, 0.2, 0.6, 0.0], [0.42, 0.9, 0.4, 0.1, 0.0], [0.5, 1.0, 0.8, 0.3, 30.0], [0.5, 0.0, 0.0, 1.0, 1e6], [0.58, 0.2, 0.6, 0.9, 0.0]];
         let tf = TransferFunction::from_rows(&rows).unwrap();
         let device = DeviceKnots::new(&tf);
-        assert!(!device.search);
+        assert_eq!(device.walk, 8);
         assert_eq!(device.count, 5);
         for i in -10..=1010 {
             let s = f32_of(f64::from(i) / 1000.0 + 1e-4);
@@ -90,7 +94,7 @@ mod tests {
     fn many_knots_are_searched_and_tiny_gaps_are_jumps() {
         let rows: Vec<[f64; 5]> = (0..100).map(|i| [f64::from(i), 0.0, 0.0, 0.0, 1.0]).collect();
         let device = DeviceKnots::new(&TransferFunction::from_rows(&rows).unwrap());
-        assert!(device.search);
+        assert_eq!(device.walk, 0);
         assert_eq!(device.iterations(), 7);
         let rows = [[1.0, 0.0, 0.0, 0.0, 1.0], [1.0 + 1e-12, 0.0, 0.0, 0.0, 1e300]];
         let device = DeviceKnots::new(&TransferFunction::from_rows(&rows).unwrap());

@@ -1,9 +1,9 @@
 //! What is drawn, without Vulkan: data, transfer function, camera, scene file.
 
-//pub mod auto;
+pub mod auto;
 mod camera;
 mod field;
-//pub mod file;
+pub mod file;
 mod grid;
 mod transfer;
 

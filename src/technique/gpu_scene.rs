@@ -48,7 +48,7 @@ pub(crate) struct Volume {
 pub(crate) struct Knots {
     pub(crate) buffer: Arc<Buffer>,
     pub(crate) count: u32,
-    pub(crate) search: bool,
+    pub(crate) walk: u32,
     pub(crate) iterations: u32,
 }
 
@@ -107,7 +107,7 @@ impl GpuScene {
         let made = Arc::new(Knots {
             buffer: Buffer::with_data(&self.gpu, "transfer.knots", bytemuck::cast_slice(&table.knots))?,
             count: table.count,
-            search: table.search,
+            walk: table.walk,
             iterations: table.iterations(),
         });
         *knots = Some(Arc::clone(&made));

@@ -24,7 +24,7 @@ use super::{TargetDesc, TargetMode};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
     BINDING_ACCUMULATION, BINDING_KNOTS, BINDING_KNOTS_UNIFORM, BINDING_VOLUME, SLICES_3D_COMPUTE, SLICES_3D_FRAGMENT,
-    SLICES_3D_VERTEX, SPEC_CLIP_ENDS, SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_KNOT_SEARCH, SPEC_RESUME,
+    SLICES_3D_VERTEX, SPEC_CLIP_ENDS, SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_KNOT_WALK, SPEC_RESUME,
 };
 use crate::gpu::{
     Attachment, Blend, ComputeDesc, Descriptors, Gpu, GraphicsDesc, Image, ImageDesc, OptionalFeature, Pipeline,
@@ -327,7 +327,7 @@ impl Prepared {
             (SPEC_FILTER_EXACT, u32::from(exact)),
             (SPEC_HAS_NAN, u32::from(scene.scene().grid.nan_count() > 0)),
             (SPEC_CLIP_ENDS, u32::from(options.ends == Ends::Clip)),
-            (SPEC_KNOT_SEARCH, u32::from(knots.search)),
+            (SPEC_KNOT_WALK, knots.walk),
         ];
         let filter = if exact { vk::Filter::NEAREST } else { vk::Filter::LINEAR };
         let mut resources = vec![

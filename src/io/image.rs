@@ -1,0 +1,227 @@
+//! Images: OpenEXR for the record, PNG for looking.
+//!
+//! Every file is written beside its place under another name and renamed when it is complete.
+
+use std::fs::{File, OpenOptions};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use ::image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use exr::prelude::{
+    Encoding, Layer, LayerAttributes, MetaData, ReadChannels, ReadLayers, SpecificChannels, Vec2,
+    WritableImage,
+};
+
+use super::ReadOptions;
+use crate::error::{Error, Result};
+use crate::frame::Image;
+use crate::num;
+
+/// Writes an image as OpenEXR or PNG, by the ending of the file's name.
+///
+/// `background` is straight linear RGBA and counts for PNG only.
+///
+/// # Errors
+///
+/// [`Error::File`] for another ending, otherwise as [`write_exr`] and [`write_png`].
+pub fn write_image(path: impl AsRef<Path>, image: &Image, background: [f64; 4]) -> Result<()> {
+    let path = path.as_ref();
+    match path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).as_deref() {
+        Some("exr") => write_exr(path, image),
+        Some("png") => write_png(path, image, background),
+        _ => Err(Error::file(path, "file name", "must end in .exr or .png")),
+    }
+}
+
+/// Writes 32-bit float OpenEXR with the channels R, G, B and A: premultiplied, linear, lossless.
+///
+/// # Errors
+///
+/// [`Error::Io`] if the file cannot be written; nothing is left behind then.
+pub fn write_exr(path: impl AsRef<Path>, image: &Image) -> Result<()> {
+    let pixel = |position: Vec2<usize>| {
+        let [r, g, b, a] = image.pixels()[position.y() * num::index(image.width()) + position.x()];
+        (r, g, b, a)
+    };
+    let size = (num::index(image.width()), num::index(image.height()));
+    let layer =
+        Layer::new(size, LayerAttributes::default(), Encoding::SMALL_LOSSLESS, SpecificChannels::rgba(pixel));
+    let file = exr::prelude::Image::from_layer(layer);
+    replace(path.as_ref(), |writer| {
+        // The format's offsets are patched at the end, which wants a seekable writer.
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        file.write().to_buffered(&mut bytes).map_err(io_error)?;
+        writer.write_all(bytes.get_ref())
+    })
+}
+
+/// Reads the first layer with R, G and B of an OpenEXR file; a missing alpha is 1.
+///
+/// # Errors
+///
+/// [`Error::Io`] if the file cannot be opened; [`Error::File`] if it is no such image or larger than
+/// `options.max_bytes` in memory.
+pub fn read_exr(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Image> {
+    let path = path.as_ref();
+    let broken = |error: exr::error::Error| Error::file(path, "OpenEXR", one_line(&error.to_string()));
+    let open =
+        || File::open(path).map(std::io::BufReader::new).map_err(|e| Error::io(path, "cannot open", e));
+
+    let meta = MetaData::read_from_buffered(open()?, false).map_err(broken)?;
+    for header in &meta.headers {
+        let (width, height) = (header.layer_size.width(), header.layer_size.height());
+        let bytes = width.checked_mul(height).and_then(|n| n.checked_mul(16)).map(u64::try_from);
+        if !matches!(bytes, Some(Ok(bytes)) if bytes <= options.max_bytes) {
+            return Err(Error::file(
+                path,
+                "dataWindow",
+                format!("{width} x {height} pixels of 16 bytes: the limit is {} bytes", options.max_bytes),
+            ));
+        }
+    }
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .rgba_channels(
+            |size, _| (size.width(), vec![[0.0; 4]; size.area()]),
+            |(width, pixels): &mut (usize, Vec<[f32; 4]>), at, (r, g, b, a): (f32, f32, f32, f32)| {
+                pixels[at.y() * *width + at.x()] = [r, g, b, a];
+            },
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(open()?)
+        .map_err(broken)?;
+    let size = image.layer_data.size;
+    let (_, pixels) = image.layer_data.channel_data.pixels;
+    Image::new(num::count(size.width()), num::count(size.height()), pixels)
+}
+
+/// Writes 8-bit PNG: composited over `background` (straight linear RGBA), then sRGB-encoded.
+///
+/// An opaque background gives RGB, any other one RGBA. What is no number becomes 0.
+///
+/// # Errors
+///
+/// [`Error::Io`] if the file cannot be written; nothing is left behind then.
+pub fn write_png(path: impl AsRef<Path>, image: &Image, background: [f64; 4]) -> Result<()> {
+    let opaque = background[3] >= 1.0;
+    let channels = if opaque { 3 } else { 4 };
+    let mut bytes = Vec::with_capacity(image.pixels().len() * channels);
+    for &pixel in image.pixels() {
+        bytes.extend_from_slice(&encode(pixel.map(f64::from), background)[..channels]);
+    }
+    let colour = if opaque { ExtendedColorType::Rgb8 } else { ExtendedColorType::Rgba8 };
+    replace(path.as_ref(), |writer| {
+        PngEncoder::new(writer).write_image(&bytes, image.width(), image.height(), colour).map_err(
+            |e| match e {
+                ::image::ImageError::IoError(error) => error,
+                other => std::io::Error::other(other.to_string()),
+            },
+        )
+    })
+}
+
+/// A premultiplied linear pixel over a straight linear background, as straight sRGB codes.
+fn encode(pixel: [f64; 4], background: [f64; 4]) -> [u8; 4] {
+    let through = 1.0 - pixel[3];
+    let alpha = pixel[3] + through * background[3];
+    let code = |i: usize| {
+        let premultiplied = pixel[i] + through * background[3] * background[i];
+        let linear = if alpha > 0.0 { premultiplied / alpha } else { 0.0 };
+        num::u8_code(srgb(linear) * 255.0)
+    };
+    [code(0), code(1), code(2), num::u8_code(alpha * 255.0)]
+}
+
+/// The sRGB transfer curve (IEC 61966-2-1) on [0, 1]; what lies outside is clamped, NaN stays.
+fn srgb(linear: f64) -> f64 {
+    let linear = linear.clamp(0.0, 1.0);
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Writes a file beside `path` and renames it onto `path` when it is complete.
+pub(crate) fn replace(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
+) -> Result<()> {
+    static NEXT: AtomicU32 = AtomicU32::new(0);
+    let Some(name) = path.file_name() else {
+        return Err(Error::file(path, "file name", "must not be empty or a folder's"));
+    };
+    let mut beside = std::ffi::OsString::from(".");
+    beside.push(name);
+    beside.push(format!(".{}-{}.part", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed)));
+    let part = path.with_file_name(beside);
+    let file = OpenOptions::new().write(true).create_new(true).open(&part);
+    let mut writer = BufWriter::new(file.map_err(|e| Error::io(path, "cannot write", e))?);
+    let guard = Part { path: &part };
+    write(&mut writer)
+        .and_then(|()| writer.flush())
+        .and_then(|()| std::fs::rename(&part, path))
+        .map_err(|e| Error::io(path, "cannot write", e))?;
+    std::mem::forget(guard);
+    Ok(())
+}
+
+/// A file that is removed unless it was renamed.
+struct Part<'a> {
+    path: &'a PathBuf,
+}
+
+impl Drop for Part<'_> {
+    fn drop(&mut self) {
+        // What failed before is the error to report.
+        let _ = std::fs::remove_file(self.path);
+    }
+}
+
+fn io_error(error: exr::error::Error) -> std::io::Error {
+    match error {
+        exr::error::Error::Io(error) => error,
+        other => std::io::Error::other(other.to_string()),
+    }
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_are_composited_in_linear_light_then_encoded() {
+        // Half white over black is linear 0.5, code 188 (0.7354 * 255), not 128.
+        assert_eq!(encode([0.5, 0.5, 0.5, 0.5], [0.0, 0.0, 0.0, 1.0]), [188, 188, 188, 255]);
+        // Nothing over a background is the background; 0.2140 is the linear value of code 127.
+        assert_eq!(encode([0.0; 4], [1.0, 0.0, 0.2140, 1.0]), [255, 0, 127, 255]);
+        // No background: straight colour, its alpha kept.
+        assert_eq!(encode([0.25, 0.0, 0.0, 0.25], [0.0; 4]), [255, 0, 0, 64]);
+        // Too much and no number.
+        assert_eq!(encode([7.0, f64::NAN, -1.0, 1.0], [0.0; 4]), [255, 0, 0, 255]);
+    }
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file_and_nothing_else() {
+        let folder = std::env::temp_dir().join(format!("volraster-replace-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let path = folder.join("picture.png");
+        std::fs::write(&path, "old").unwrap();
+        let failed = replace(&path, |writer| {
+            writer.write_all(b"half")?;
+            writer.flush()?;
+            Err(std::io::Error::other("disk is full"))
+        });
+        assert!(failed.unwrap_err().to_string().contains("disk is full"));
+        assert_eq!(std::fs::read(&path).unwrap(), b"old");
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
+        replace(&path, |writer| writer.write_all(b"new")).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"new");
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+}

@@ -1,0 +1,606 @@
+//! The scene file: JSON that names the data and says how to look at it.
+//!
+//! Unknown keys are errors that name the allowed ones. Paths are relative to the scene file.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use glam::{DMat3, DVec3};
+use serde::de::{IgnoredAny, MapAccess, SeqAccess, Visitor, value};
+use serde::{Deserialize, Deserializer};
+
+use super::{Camera, Field, Grid, Knot, Projection, Scene, TransferFunction, View, auto};
+use crate::error::{Error, Result};
+use crate::io::{self, Endian, RawLayout, ReadOptions, SampleType};
+
+/// A technique's name and options, as a scene file or a command line gives them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TechniqueChoice {
+    /// The technique.
+    pub name: String,
+    /// Names and values of its options, in the order in which they were given.
+    pub options: Vec<(String, String)>,
+}
+
+/// Everything that a picture needs, read and checked.
+#[derive(Clone, Debug)]
+pub struct LoadedScene {
+    /// Data and transfer function.
+    pub scene: Scene,
+    /// The camera.
+    pub camera: Camera,
+    /// Whether the camera was chosen for the data; for another image size it should be chosen again, by
+    /// [`auto::camera`].
+    pub camera_is_automatic: bool,
+    /// Width of the image, in pixels.
+    pub width: u32,
+    /// Height of the image, in pixels.
+    pub height: u32,
+    /// What PNG output is composited over: straight linear RGBA.
+    pub background: [f64; 4],
+    /// The technique that the file asks for.
+    pub technique: Option<TechniqueChoice>,
+}
+
+impl LoadedScene {
+    /// Image side where nothing is said.
+    pub const DEFAULT_SIDE: u32 = 512;
+    /// Background where nothing is said: opaque black.
+    pub const DEFAULT_BACKGROUND: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
+
+    /// A data file alone, with a camera and a transfer function chosen for it.
+    ///
+    /// # Errors
+    ///
+    /// As [`io::read_grid`].
+    pub fn from_data(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Self> {
+        let path = path.as_ref();
+        let grid = io::read_grid(path, options)?;
+        Self::assemble(path, grid, Rest::default())
+    }
+
+    /// A data file or a scene file: what ends in `.json` is a scene file.
+    ///
+    /// # Errors
+    ///
+    /// As [`SceneFile::load`] and [`LoadedScene::from_data`].
+    pub fn load_any(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Self> {
+        let path = path.as_ref();
+        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json")) {
+            SceneFile::load(path, options)
+        } else {
+            Self::from_data(path, options)
+        }
+    }
+
+    /// Puts the parts together and fills in what was not given.
+    fn assemble(path: &Path, grid: Grid, rest: Rest) -> Result<Self> {
+        let [width, height] = rest.extent.unwrap_or([Self::DEFAULT_SIDE; 2]);
+        let located = |error| io::in_file(path, error);
+        let transfer = match rest.transfer {
+            Some(transfer) => transfer,
+            None => auto::transfer(&grid).map_err(located)?,
+        };
+        let camera_is_automatic = rest.camera.is_none();
+        let camera = match rest.camera {
+            Some(camera) => camera,
+            None => auto::camera(&grid, width, height).map_err(located)?,
+        };
+        View::new(camera, width, height).map_err(located)?;
+        Ok(Self {
+            scene: Scene { grid, transfer },
+            camera,
+            camera_is_automatic,
+            width,
+            height,
+            background: rest.background.unwrap_or(Self::DEFAULT_BACKGROUND),
+            technique: rest.technique,
+        })
+    }
+}
+
+/// The parts of a scene that may be left out.
+#[derive(Default)]
+struct Rest {
+    transfer: Option<TransferFunction>,
+    camera: Option<Camera>,
+    extent: Option<[u32; 2]>,
+    background: Option<[f64; 4]>,
+    technique: Option<TechniqueChoice>,
+}
+
+/// Reader of scene files.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneFile;
+
+impl SceneFile {
+    /// Reads a scene file and the data that it names.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`] if a file cannot be read; [`Error::File`] naming file, place and rule if the scene
+    /// file or a file that it names breaks a rule.
+    pub fn load(path: impl AsRef<Path>, options: &ReadOptions) -> Result<LoadedScene> {
+        let path = path.as_ref();
+        let document: Document = parse(path, options)?;
+        let refuse = |place: &str, rule: &str| Err(Error::file(path, place, rule));
+        let others = [("mesh", &document.mesh), ("points", &document.points), ("opaque", &document.opaque)];
+        for (name, value) in others {
+            if value.is_some() {
+                return refuse(name, "this version draws grids: use `volume`");
+            }
+        }
+        let Some(volume) = document.volume else {
+            return refuse("volume", "missing: a scene needs data");
+        };
+        if let Some(background) = document.background {
+            let valid = background.iter().all(|v| *v >= 0.0 && v.is_finite()) && background[3] <= 1.0;
+            if !valid {
+                return refuse("background", "must be four numbers that are not negative, alpha at most 1");
+            }
+        }
+        // Small things are checked before large data is read.
+        let camera = document.camera.map(|camera| camera.check(path)).transpose()?;
+        let extent = document
+            .image
+            .map(|image| [image.width, image.height].map(|side| side.unwrap_or(LoadedScene::DEFAULT_SIDE)));
+        if let (Some(camera), [width, height]) = (camera, extent.unwrap_or([LoadedScene::DEFAULT_SIDE; 2])) {
+            View::new(camera, width, height).map_err(|error| io::in_file(path, error))?;
+        }
+        let recipe = document.transfer.map(|spec| Recipe::new(path, spec, options)).transpose()?;
+        let grid = volume.load(path, options)?;
+        let transfer = recipe.map(|recipe| recipe.build(&grid)).transpose()?;
+        let rest =
+            Rest { transfer, camera, extent, background: document.background, technique: document.technique };
+        LoadedScene::assemble(path, grid, rest)
+    }
+}
+
+/// A path as the scene file means it.
+fn beside(scene: &Path, file: &str) -> PathBuf {
+    scene.parent().unwrap_or(Path::new("")).join(file)
+}
+
+/// Largest JSON file that is read, in bytes.
+const MAX_JSON: u64 = 256 << 20;
+
+/// Reads JSON; an error names the line, the column and the key.
+fn parse<T: for<'de> Deserialize<'de>>(path: &Path, options: &ReadOptions) -> Result<T> {
+    let metadata = std::fs::metadata(path).map_err(|e| Error::io(path, "cannot open", e))?;
+    let most = MAX_JSON.min(options.max_bytes);
+    if !metadata.is_file() || metadata.len() > most {
+        return Err(Error::file(path, "file", format!("must be a regular file of at most {most} bytes")));
+    }
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, "cannot read", e))?;
+    let mut deserializer = serde_json::Deserializer::from_slice(&bytes);
+    let parsed = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
+        let key = error.path().to_string();
+        json_error(path, error.inner(), if key == "." { "" } else { &key })
+    })?;
+    deserializer.end().map_err(|error| json_error(path, &error, ""))?;
+    Ok(parsed)
+}
+
+fn json_error(path: &Path, error: &serde_json::Error, key: &str) -> Error {
+    let position = format!("line {}, column {}", error.line(), error.column());
+    let place = if key.is_empty() { position.clone() } else { format!("{position}, {key}") };
+    // The parser repeats the position at the end of its message.
+    let text = error.to_string();
+    let suffix = format!(" at line {} column {}", error.line(), error.column());
+    Error::file(path, place, text.strip_suffix(&suffix).unwrap_or(&text))
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a scene: an object with `volume`")]
+struct Document {
+    volume: Option<VolumeSpec>,
+    mesh: Option<IgnoredAny>,
+    points: Option<IgnoredAny>,
+    transfer: Option<TransferSpec>,
+    camera: Option<CameraSpec>,
+    image: Option<ImageSpec>,
+    background: Option<[f64; 4]>,
+    opaque: Option<IgnoredAny>,
+    technique: Option<TechniqueChoice>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "an object with width and height")]
+struct ImageSpec {
+    width: Option<u32>,
+    height: Option<u32>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "an object with eye, target, up and fov_y_deg or half_height")]
+struct CameraSpec {
+    eye: [f64; 3],
+    target: [f64; 3],
+    up: [f64; 3],
+    fov_y_deg: Option<f64>,
+    half_height: Option<f64>,
+}
+
+impl CameraSpec {
+    fn check(self, path: &Path) -> Result<Camera> {
+        let projection = match (self.fov_y_deg, self.half_height) {
+            (Some(fov_y_deg), None) => Projection::Perspective { fov_y_deg },
+            (None, Some(half_height)) => Projection::Orthographic { half_height },
+            _ => return Err(Error::file(path, "camera", "must have either fov_y_deg or half_height")),
+        };
+        let [eye, target, up] = [self.eye, self.target, self.up].map(DVec3::from_array);
+        Ok(Camera { eye, target, up, projection })
+    }
+}
+
+/// The three kinds of volume under one set of keys, so that every message can name its key.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "an object with `file` or `field`")]
+struct VolumeSpec {
+    file: Option<String>,
+    field: Option<String>,
+    dims: Option<[u32; 3]>,
+    r#type: Option<String>,
+    endian: Option<String>,
+    spacing: Option<[f64; 3]>,
+    origin: Option<[f64; 3]>,
+    direction: Option<[f64; 9]>,
+    offset: Option<u64>,
+}
+
+impl VolumeSpec {
+    /// The keys that only raw data has, with whether they are there.
+    fn raw_keys(&self) -> [(&'static str, bool); 5] {
+        [
+            ("volume.endian", self.endian.is_some()),
+            ("volume.spacing", self.spacing.is_some()),
+            ("volume.origin", self.origin.is_some()),
+            ("volume.direction", self.direction.is_some()),
+            ("volume.offset", self.offset.is_some()),
+        ]
+    }
+
+    fn load(&self, scene: &Path, options: &ReadOptions) -> Result<Grid> {
+        let refuse = |place: &str, rule: String| Err(Error::file(scene, place, rule));
+        let stray = || self.raw_keys().into_iter().find(|(_, given)| *given).map(|(key, _)| key);
+        match (&self.file, &self.field) {
+            (Some(_), Some(_)) => refuse("volume", "must have either `file` or `field`, not both".into()),
+            (None, None) => refuse("volume", "must have `file` or `field`".into()),
+            (None, Some(field)) => {
+                if let Some(key) = stray() {
+                    return refuse(key, "belongs to raw data: a field fills the cube from -1 to 1".into());
+                }
+                self.analytic(scene, field, options)
+            }
+            (Some(file), None) => match (self.dims, &self.r#type) {
+                (Some(dims), Some(kind)) => self.raw(scene, &beside(scene, file), dims, kind, options),
+                (Some(_), None) => refuse("volume.type", "missing: raw data has `dims` and `type`".into()),
+                (None, Some(_)) => refuse("volume.dims", "missing: raw data has `dims` and `type`".into()),
+                (None, None) => match stray() {
+                    Some(key) => {
+                        refuse(key, "belongs to raw data, which has `dims` and `type` as well".into())
+                    }
+                    None => io::read_grid(beside(scene, file), options),
+                },
+            },
+        }
+    }
+
+    fn analytic(&self, scene: &Path, field: &str, options: &ReadOptions) -> Result<Grid> {
+        let Some(dims) = self.dims else {
+            return Err(Error::file(scene, "volume.dims", "missing: a field needs dims"));
+        };
+        let at = |key: &'static str| {
+            move |error: Error| match error {
+                Error::Invalid { why, .. } => Error::file(scene, key, why),
+                other => other,
+            }
+        };
+        let field = Field::from_name(field).map_err(at("volume.field"))?;
+        let kind = self.r#type.as_deref().unwrap_or("f32");
+        let kinds = ["u8", "u16", "i16", "f32"];
+        if !kinds.contains(&kind) {
+            let rule = format!("\"{kind}\": must be one of {} for a field", kinds.join(", "));
+            return Err(Error::file(scene, "volume.type", rule));
+        }
+        // Sampling holds the values in float64, beside the result of at most four bytes.
+        let bytes = dims.iter().try_fold(12_u64, |n, &extent| n.checked_mul(u64::from(extent)));
+        if bytes.is_none_or(|bytes| bytes > options.max_bytes) {
+            let rule = format!("{dims:?}: takes 12 bytes a sample, the limit is {} bytes", options.max_bytes);
+            return Err(Error::file(scene, "volume.dims", rule));
+        }
+        field.sample(dims, kind).map_err(at("volume.dims"))
+    }
+
+    fn raw(
+        &self,
+        scene: &Path,
+        file: &Path,
+        dims: [u32; 3],
+        kind: &str,
+        options: &ReadOptions,
+    ) -> Result<Grid> {
+        let kind = SampleType::from_name(kind).map_err(|error| match error {
+            Error::Invalid { why, .. } => Error::file(scene, "volume.type", why),
+            other => other,
+        })?;
+        let endian = match self.endian.as_deref() {
+            None | Some("little") => Endian::Little,
+            Some("big") => Endian::Big,
+            Some(other) => {
+                let rule = format!("\"{other}\": must be little or big");
+                return Err(Error::file(scene, "volume.endian", rule));
+            }
+        };
+        let mut layout = RawLayout { endian, ..RawLayout::new(dims, kind) };
+        layout.offset = self.offset.unwrap_or(layout.offset);
+        layout.spacing = self.spacing.map_or(layout.spacing, DVec3::from_array);
+        layout.origin = self.origin.map_or(layout.origin, DVec3::from_array);
+        // The file has rows, the matrix columns.
+        layout.direction =
+            self.direction.map_or(layout.direction, |rows| DMat3::from_cols_array(&rows).transpose());
+        io::read_raw(file, &layout, options)
+    }
+}
+
+/// Knots, a preset, or a file that holds one of them.
+enum TransferSpec {
+    Rows(Vec<[f64; 5]>),
+    Preset(PresetSpec),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PresetSpec {
+    preset: Option<String>,
+    range: Option<[f64; 2]>,
+    tau_scale: Option<f64>,
+    file: Option<String>,
+}
+
+impl<'de> Deserialize<'de> for TransferSpec {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        struct Either;
+        impl<'de> Visitor<'de> for Either {
+            type Value = TransferSpec;
+
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("a list of knots [s, r, g, b, tau], or an object with `preset` or `file`")
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> std::result::Result<TransferSpec, A::Error> {
+                Vec::deserialize(value::SeqAccessDeserializer::new(seq)).map(TransferSpec::Rows)
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> std::result::Result<TransferSpec, A::Error> {
+                PresetSpec::deserialize(value::MapAccessDeserializer::new(map)).map(TransferSpec::Preset)
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
+}
+
+/// A transfer function that may still need the data's range.
+enum Recipe {
+    Ready(TransferFunction),
+    Stretched { path: PathBuf, rows: &'static [[f64; 5]], range: Option<[f64; 2]>, tau_scale: f64 },
+}
+
+impl Recipe {
+    fn new(path: &Path, spec: TransferSpec, options: &ReadOptions) -> Result<Self> {
+        let spec = match spec {
+            TransferSpec::Preset(PresetSpec {
+                preset: None,
+                range: None,
+                tau_scale: None,
+                file: Some(file),
+            }) => {
+                let path = beside(path, &file);
+                return match parse(&path, options)? {
+                    TransferSpec::Preset(PresetSpec { file: Some(_), .. }) => {
+                        Err(Error::file(&path, "file", "a transfer function file must not name another one"))
+                    }
+                    spec => Self::new(&path, spec, options),
+                };
+            }
+            TransferSpec::Preset(spec) => spec,
+            TransferSpec::Rows(rows) => {
+                return TransferFunction::from_rows(&rows)
+                    .map(Self::Ready)
+                    .map_err(|error| io::in_file(path, error));
+            }
+        };
+        let refuse = |place: &str, rule: String| Err(Error::file(path, place, rule));
+        let name = match (&spec.preset, &spec.file) {
+            (Some(name), None) => name,
+            _ => {
+                return refuse(
+                    "transfer",
+                    "must have either `preset`, `range` and `tau_scale`, or `file`".into(),
+                );
+            }
+        };
+        let Some(preset) = PRESETS.iter().find(|preset| preset.name == name) else {
+            let names = PRESETS.map(|preset| preset.name).join(", ");
+            return refuse("transfer.preset", format!("\"{name}\": must be one of {names}"));
+        };
+        if let Some([lo, hi]) = spec.range
+            && !(lo < hi && (hi - lo).is_finite())
+        {
+            return refuse("transfer.range", format!("[{lo}, {hi}]: the first must be below the second"));
+        }
+        let tau_scale = spec.tau_scale.unwrap_or(1.0);
+        if !(tau_scale >= 0.0 && tau_scale.is_finite()) {
+            return refuse("transfer.tau_scale", format!("{tau_scale}: must be finite and not negative"));
+        }
+        Ok(Self::Stretched { path: path.to_path_buf(), rows: preset.rows, range: spec.range, tau_scale })
+    }
+
+    fn build(self, grid: &Grid) -> Result<TransferFunction> {
+        match self {
+            Self::Ready(transfer) => Ok(transfer),
+            Self::Stretched { path, rows, range, tau_scale } => {
+                let range = range.unwrap_or_else(|| grid.range());
+                stretch(rows, range, tau_scale).map_err(|error| io::in_file(&path, error))
+            }
+        }
+    }
+}
+
+/// A ready-made transfer function on [0, 1].
+#[derive(Clone, Copy, Debug)]
+pub struct Preset {
+    /// Its name in scene files.
+    pub name: &'static str,
+    /// What it is for.
+    pub purpose: &'static str,
+    rows: &'static [[f64; 5]],
+}
+
+impl Preset {
+    /// The transfer function with its [0, 1] stretched over `range` and its extinction, which is meant
+    /// for a box of side 2, times `tau_scale`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if a number is not finite or `tau_scale` is negative.
+    pub fn transfer(&self, range: [f64; 2], tau_scale: f64) -> Result<TransferFunction> {
+        stretch(self.rows, range, tau_scale)
+    }
+}
+
+fn stretch(rows: &[[f64; 5]], [lo, hi]: [f64; 2], tau_scale: f64) -> Result<TransferFunction> {
+    let knot = |&[s, r, g, b, tau]: &[f64; 5]| Knot {
+        s: lo + (hi - lo) * s,
+        colour: DVec3::new(r, g, b),
+        tau: tau * tau_scale,
+    };
+    TransferFunction::new(rows.iter().map(knot).collect())
+}
+
+/// The presets that scene files may name. Extinction is per unit of length in a box of side 2:
+/// for other boxes `tau_scale` is about 2 over the side.
+pub const PRESETS: [Preset; 5] = [
+    Preset {
+        name: "grey",
+        purpose: "brightness and extinction grow with the value",
+        rows: &[[0.0, 0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 1.0, 1.0, 4.0]],
+    },
+    Preset {
+        name: "fog",
+        purpose: "translucent, from blue over cream to red",
+        rows: &[
+            [0.0, 0.1, 0.2, 0.7, 0.0],
+            [0.06, 0.1, 0.2, 0.7, 0.0],
+            [0.3, 0.2, 0.6, 0.9, 1.0],
+            [0.6, 0.9, 0.85, 0.3, 3.0],
+            [1.0, 1.0, 0.25, 0.1, 8.0],
+        ],
+    },
+    Preset {
+        name: "shells",
+        purpose: "a bright shell about 0.5 and a faint violet body above 0.8",
+        rows: &[
+            [0.0, 0.1, 0.2, 0.6, 0.0],
+            [0.42, 0.9, 0.4, 0.1, 0.0],
+            [0.5, 1.0, 0.8, 0.3, 30.0],
+            [0.58, 0.2, 0.6, 0.9, 0.0],
+            [0.8, 0.2, 0.6, 0.9, 0.0],
+            [0.9, 0.3, 0.4, 1.0, 2.0],
+            [1.0, 0.6, 0.2, 0.8, 2.0],
+        ],
+    },
+    Preset {
+        name: "bone",
+        purpose: "computed tomography from air to dense bone: faint soft tissue, solid bone",
+        rows: &[
+            [0.0, 0.35, 0.12, 0.06, 0.0],
+            [0.22, 0.35, 0.12, 0.06, 0.0],
+            [0.30, 0.55, 0.20, 0.10, 0.4],
+            [0.38, 0.75, 0.42, 0.25, 0.6],
+            [0.50, 0.95, 0.85, 0.65, 12.0],
+            [1.0, 1.0, 0.98, 0.92, 40.0],
+        ],
+    },
+    Preset {
+        name: "surface",
+        purpose: "an opaque body from the middle of the range up, as from a mask",
+        rows: &[
+            [0.0, 0.6, 0.3, 0.15, 0.0],
+            [0.45, 0.6, 0.3, 0.15, 0.0],
+            [0.55, 0.85, 0.6, 0.4, 60.0],
+            [1.0, 1.0, 0.95, 0.85, 60.0],
+        ],
+    },
+];
+
+impl<'de> Deserialize<'de> for TechniqueChoice {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        struct Options;
+        impl<'de> Visitor<'de> for Options {
+            type Value = TechniqueChoice;
+
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("an object with `name` and options")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(
+                self,
+                mut map: A,
+            ) -> std::result::Result<TechniqueChoice, A::Error> {
+                use serde::de::Error;
+                let (mut name, mut options) = (None, Vec::<(String, String)>::new());
+                while let Some(key) = map.next_key::<String>()? {
+                    if options.iter().any(|(other, _)| *other == key) || (key == "name" && name.is_some()) {
+                        return Err(A::Error::custom(format!("duplicate field `{key}`")));
+                    }
+                    if key == "name" {
+                        name = Some(map.next_value()?);
+                    } else {
+                        options.push((key, map.next_value::<Plain>()?.0));
+                    }
+                }
+                let name = name.ok_or_else(|| A::Error::missing_field("name"))?;
+                Ok(TechniqueChoice { name, options })
+            }
+        }
+        deserializer.deserialize_map(Options)
+    }
+}
+
+/// A number, a string or a truth value, as text.
+struct Plain(String);
+
+impl<'de> Deserialize<'de> for Plain {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        struct Text;
+        impl Visitor<'_> for Text {
+            type Value = Plain;
+
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("a number, a string or a truth value")
+            }
+
+            fn visit_bool<E>(self, value: bool) -> std::result::Result<Plain, E> {
+                Ok(Plain(value.to_string()))
+            }
+
+            fn visit_i64<E>(self, value: i64) -> std::result::Result<Plain, E> {
+                Ok(Plain(value.to_string()))
+            }
+
+            fn visit_u64<E>(self, value: u64) -> std::result::Result<Plain, E> {
+                Ok(Plain(value.to_string()))
+            }
+
+            fn visit_f64<E>(self, value: f64) -> std::result::Result<Plain, E> {
+                Ok(Plain(value.to_string()))
+            }
+
+            fn visit_str<E>(self, value: &str) -> std::result::Result<Plain, E> {
+                Ok(Plain(value.to_owned()))
+            }
+        }
+        deserializer.deserialize_any(Text)
+    }
+}
