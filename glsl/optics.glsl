@@ -19,6 +19,14 @@ layout(set = 0, binding = BINDING_KNOTS, std430) readonly buffer Knots {
     Knot many[];
 } knots_storage;
 
+// The knots that are walked through, in registers.
+Knot walked[UNIFORM_KNOTS];
+
+// Reads the knots. To be called once, before the first `classify`, outside of loops.
+void load_knots() {
+    for (uint i = 0; i < KNOT_WALK; ++i) walked[i] = knots_uniform.few[i];
+}
+
 vec4 on_piece(Knot knot, float s) {
     return knot.value + knot.rise * min((s - knot.s) * knot.inverse_ds, 1.0);
 }
@@ -35,12 +43,9 @@ vec4 classify(float s, uint count) {
         Knot knot = knots_storage.many[below];
         return s < knot.s ? knot.value : on_piece(knot, s);
     }
-    vec4 value = knots_uniform.few[0].value;
-    // A constant number of turns: unrolled, the knots are read once for all pixels.
-    for (uint i = 0; i < KNOT_WALK; ++i) {
-        Knot knot = knots_uniform.few[i];
-        value = s >= knot.s ? on_piece(knot, s) : value;
-    }
+    // A constant number of turns: unrolled.
+    vec4 value = walked[0].value;
+    for (uint i = 0; i < KNOT_WALK; ++i) value = s >= walked[i].s ? on_piece(walked[i], s) : value;
     return value;
 }
 

@@ -58,25 +58,24 @@ vec2 interval_of(Ray ray) {
     return vec2(max(interval.x, push.near), interval.y);
 }
 
-// Colour (rgb) and opacity (a) of one slab along a ray that is inside the domain over `interval`.
-vec4 slab_emission(Ray ray, vec2 interval, uint slab) {
-    float begin = slab_begin(slab), end = slab_begin(slab + 1u);
-    float middle, thickness;
+// What of the slab [begin, end] lies on the ray inside `interval`: middle and thickness, in depth.
+vec2 slab_piece(float begin, float end, vec2 interval) {
     if (CLIP_ENDS) {
         begin = max(begin, interval.x);
         end = min(end, interval.y);
-        thickness = max(end - begin, 0.0);
-        middle = 0.5 * (begin + end);
-    } else {
-        middle = 0.5 * (begin + end);
-        thickness = middle >= interval.x && middle <= interval.y ? end - begin : 0.0;
+        return vec2(0.5 * (begin + end), max(end - begin, 0.0));
     }
-    float texel = grid_stored(ray.q + middle * ray.d, push.last_scale.xyz);
-    vec4 optics = classify(fma(push.value_scale, texel, push.value_offset), push.knots);
+    float middle = 0.5 * (begin + end);
+    return vec2(middle, middle >= interval.x && middle <= interval.y ? end - begin : 0.0);
+}
+
+// Colour (rgb) and opacity (a) of a piece of the ray.
+vec4 slab_emission(Ray ray, vec2 piece, vec3 last, float value_scale, float value_offset, uint knots) {
+    float texel = grid_stored(ray.q + piece.x * ray.d, last);
+    vec4 optics = classify(fma(value_scale, texel, value_offset), knots);
     float tau = HAS_NAN && is_nan(texel) ? 0.0 : optics.a;
     // Lengths, then extinction: 0 * tau must stay 0.
-    float alpha = alpha_of(tau * (thickness * ray.length_per_depth));
-    return vec4(optics.rgb, alpha);
+    return vec4(optics.rgb, alpha_of(tau * (piece.y * ray.length_per_depth)));
 }
 
 #ifdef VERTEX
@@ -158,8 +157,11 @@ layout(location = 0) flat in uint slab_in;
 layout(location = 0) out vec4 colour;
 
 void main() {
+    load_knots();
     Ray ray = ray_of(gl_FragCoord.xy);
-    vec4 emission = slab_emission(ray, interval_of(ray), slab_in);
+    vec2 piece = slab_piece(slab_begin(slab_in), slab_begin(slab_in + 1u), interval_of(ray));
+    vec4 emission =
+        slab_emission(ray, piece, push.last_scale.xyz, push.value_scale, push.value_offset, push.knots);
     colour = vec4(emission.rgb * emission.a, emission.a);
 }
 #endif
@@ -177,8 +179,15 @@ void main() {
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray);
 
+    // Read once, before the loop: drivers do not take these loads out of it.
+    vec3 last = push.last_scale.xyz;
+    float h = push.d0_h.w, z0 = push.py_z0.w;
+    float value_scale = push.value_scale, value_offset = push.value_offset;
+    uint knots = push.knots;
+    load_knots();
+
     // The slabs that the ray meets, one more at each end against rounding: they have no length.
-    vec2 place = (interval - push.py_z0.w) / push.d0_h.w;
+    vec2 place = (interval - z0) / h;
     float begin = max(floor(place.x) - 1.0, float(push.slab_first));
     float end = min(ceil(place.y) + 1.0, float(push.slab_first + push.slab_count));
 
@@ -186,7 +195,8 @@ void main() {
     float transmittance = 1.0 - sum.a;
     if (interval.x < interval.y && begin < end) {
         for (uint slab = uint(begin); slab < uint(end) && transmittance > OPAQUE; ++slab) {
-            vec4 emission = slab_emission(ray, interval, slab);
+            vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
+            vec4 emission = slab_emission(ray, piece, last, value_scale, value_offset, knots);
             float weight = transmittance * emission.a;
             sum += vec4(emission.rgb * weight, weight);
             transmittance -= weight;

@@ -15,8 +15,10 @@ fn perf() {
         let t = Technique::parse(&format!("slices-3d:{spec}")).unwrap();
         let mut frames = Renderer::new(&gscene, t).frames(&view).unwrap();
         frames.draw(&view).unwrap();
+        let cpu = || { let t = std::fs::read_to_string("/proc/self/stat").unwrap(); let f: Vec<f64> = t.rsplit(')').next().unwrap().split_whitespace().skip(11).take(2).map(|x| x.parse().unwrap()).collect(); (f[0] + f[1]) * 10.0 };
+        let before = cpu();
         let mut times: Vec<f64> = (0..9).map(|_| frames.draw(&view).unwrap().wall_ms).collect();
         times.sort_by(f64::total_cmp);
-        println!("{} {spec}: min {:.1} median {:.1} max {:.1} ms", gpu.report().driver, times[0], times[4], times[8]);
+        println!("CPU {:.0} ms a frame; {} {spec}: min {:.1} median {:.1} max {:.1} ms", (cpu() - before) / 9.0, gpu.report().driver, times[0], times[4], times[8]);
     }
 }
