@@ -2,7 +2,6 @@
 
 pub mod error;
 pub mod frame;
-#[expect(unsafe_code, reason = "the one module that talks to Vulkan")]
 pub mod gpu;
 mod interface;
 pub mod io;

@@ -83,6 +83,26 @@ pub struct Gpu {
     pub(crate) inner: Arc<Inner>,
 }
 
+/// The Vulkan objects behind a [`Gpu`], for callers that record around it. They live as long as a clone of
+/// the [`Gpu`] does; what is made from them must be destroyed before the last one goes.
+#[derive(Clone)]
+pub struct Handles {
+    /// The instance.
+    pub instance: ash::Instance,
+    /// The physical device.
+    pub physical_device: vk::PhysicalDevice,
+    /// The device.
+    pub device: ash::Device,
+    /// The queue family; its first queue is used through [`Gpu::with_queue`].
+    pub queue_family: u32,
+}
+
+impl std::fmt::Debug for Handles {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Handles").field("physical_device", &self.physical_device).finish_non_exhaustive()
+    }
+}
+
 /// What a [`Gpu`] owns. Fields are dropped in order; the device goes in [`Inner::drop`].
 pub(crate) struct Inner {
     pub(crate) device: ash::Device,
@@ -283,6 +303,23 @@ impl Gpu {
     #[must_use]
     pub fn validation_log(&self) -> Arc<ValidationLog> {
         Arc::clone(&self.inner.instance.log)
+    }
+
+    /// The Vulkan objects behind this device.
+    #[must_use]
+    pub fn handles(&self) -> Handles {
+        Handles {
+            instance: self.inner.instance.raw.clone(),
+            physical_device: self.inner.physical,
+            device: self.inner.device.clone(),
+            queue_family: self.inner.queue_family,
+        }
+    }
+
+    /// Runs `work` with the queue, while no other thread submits to it through this crate.
+    pub fn with_queue<R>(&self, work: impl FnOnce(vk::Queue) -> R) -> R {
+        let queue = self.queue();
+        work(*queue)
     }
 
     /// Whether the device offers an optional feature.

@@ -66,7 +66,6 @@ pub(crate) struct Image {
     allocation: Option<Allocation>,
     reservation: Option<Reservation>,
     desc: ImageDesc,
-    name: String,
 }
 
 impl Image {
@@ -95,7 +94,6 @@ impl Image {
             allocation: None,
             reservation: None,
             desc: *desc,
-            name: name.to_string(),
         };
         gpu.name(raw, name);
         // SAFETY: `raw` was just made from this device.
@@ -136,10 +134,6 @@ impl Image {
 
     pub(crate) fn desc(&self) -> &ImageDesc {
         &self.desc
-    }
-
-    pub(crate) fn name(&self) -> &str {
-        &self.name
     }
 }
 

@@ -11,6 +11,8 @@
 //! | `probe` | what the device really does, asked when it matters |
 //! | `external` | command buffers and images that belong to the caller |
 
+#![expect(unsafe_code, reason = "the one module that talks to Vulkan")]
+
 mod budget;
 mod buffer;
 mod cache;
@@ -34,7 +36,7 @@ pub(crate) use pipeline::{Blend, ComputeDesc, Descriptors, GraphicsDesc, Pipelin
 pub(crate) use recorder::{Attachment, Recorder, Timers};
 pub(crate) use submit::Commands;
 
-pub use device::{Gpu, GpuOptions, OptionalFeature, devices};
+pub use device::{Gpu, GpuOptions, Handles, OptionalFeature, devices};
 pub use external::{CommandBuffer, DepthImage, TargetImage};
 pub use select::DeviceReport;
 pub use submit::PassTime;

@@ -112,13 +112,13 @@ impl Gpu {
         let mut commands = Commands::new(self)?;
         let mut recorder = Recorder::new(self, commands.begin()?, None);
         if let Some(volume) = &volume {
-            recorder.is_ready(volume);
+            recorder.assume_ready(volume);
         }
         let push = ProbePush { count };
         recorder.dispatch("probe", &pipeline, &descriptors, bytemuck::bytes_of(&push), [groups, 1, 1]);
         let host = Arc::new(Buffer::new(self, "probe.host", result.size(), BufferUse::Download)?);
         recorder.copy_buffer("download", &result, &host, result.size());
-        recorder.to_host(&host);
+        recorder.release_to_host(&host);
         let (_, _keep) = recorder.finish();
         commands.submit("probe")?;
         Ok(host.host_copy()?.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())

@@ -124,7 +124,7 @@ impl<'a> Recorder<'a> {
     }
 
     /// Declares that an image holds data that shaders may sample since before this recording.
-    pub(crate) fn is_ready(&mut self, image: &Arc<Image>) {
+    pub(crate) fn assume_ready(&mut self, image: &Arc<Image>) {
         self.tracker.begin(image.raw().as_raw(), vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);
     }
 
@@ -276,7 +276,7 @@ impl<'a> Recorder<'a> {
     }
 
     /// Makes what was written to a download buffer visible to the host.
-    pub(crate) fn to_host(&mut self, buffer: &Arc<Buffer>) {
+    pub(crate) fn release_to_host(&mut self, buffer: &Arc<Buffer>) {
         self.use_buffer(buffer, Use::HostRead);
     }
 

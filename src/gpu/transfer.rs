@@ -59,7 +59,7 @@ impl Image {
             })?);
             let mut recorder = Recorder::new(gpu, commands.begin()?, None);
             if first > 0 {
-                recorder.is_ready(&image);
+                recorder.assume_ready(&image);
             }
             recorder.copy_buffer_to_image("upload", &buffer, &image, first, depth);
             recorder.release_image(&image);

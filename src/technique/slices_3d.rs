@@ -414,7 +414,7 @@ impl Prepared {
     /// Records a frame into the own image, or into `target` where there is none. `clear` begins with
     /// transparent black.
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>, clear: bool) {
-        recorder.is_ready(&self.volume.image);
+        recorder.assume_ready(&self.volume.image);
         let mut push = self.slabs.push;
         match &self.path {
             Path::Raster { pipeline, descriptors } => {
