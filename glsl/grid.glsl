@@ -1,7 +1,8 @@
 // A regular grid as techniques see it: rays in index space, and the scalar at an index.
 //
-// Depth z is measured along the view from the plane through the domain's centre, so that a far eye
-// costs no precision. The ray of a pixel is p(z) = q + z d in units of the grid's indices, with
+// Depth z is measured along the view from the plane through the domain's centre, and positions from that
+// centre in units of the grid's indices, so that a far eye costs no precision. The ray of a pixel is
+// p(z) = q + z d with
 //   q = q0 + kq (x px + y py),  d = d0 + kd (x px + y py),
 // x and y in pixels from the image's centre, y down. Perspective: kq = depth of the centre plane from
 // the eye, kd = 1. Orthographic: kq = 1, kd = 0.
@@ -14,18 +15,18 @@ struct Ray {
 
 Ray pixel_ray(vec2 pixel, vec4 q0_kq, vec4 px_kd, vec4 py, vec4 d0, float scale, vec2 half_extent) {
     vec2 xy = pixel - half_extent;
-    vec3 lateral = xy.x * px_kd.xyz + xy.y * py.xyz;
+    vec3 lateral = fma(vec3(xy.x), px_kd.xyz, xy.y * py.xyz);
     vec2 slope = xy * (scale * px_kd.w);
-    return Ray(q0_kq.xyz + q0_kq.w * lateral, d0.xyz + px_kd.w * lateral, sqrt(1.0 + dot(slope, slope)));
+    return Ray(fma(vec3(q0_kq.w), lateral, q0_kq.xyz), fma(vec3(px_kd.w), lateral, d0.xyz), sqrt(1.0 + dot(slope, slope)));
 }
 
-// Depths at which the ray enters and leaves the domain [0, last]; entry > exit when it misses.
-vec2 domain_interval(Ray ray, vec3 last) {
+// Depths at which the ray enters and leaves the domain [-half_size, half_size]; entry > exit when it misses.
+vec2 domain_interval(Ray ray, vec3 half_size) {
     // A zero component would give 0 * inf = NaN on the face itself.
     vec3 d = mix(ray.d, vec3(1e-30), lessThan(abs(ray.d), vec3(1e-30)));
     vec3 inverse = 1.0 / d;
-    vec3 a = -ray.q * inverse;
-    vec3 b = (last - ray.q) * inverse;
+    vec3 a = (-half_size - ray.q) * inverse;
+    vec3 b = (half_size - ray.q) * inverse;
     vec3 near = min(a, b), far = max(a, b);
     return vec2(max(max(near.x, near.y), near.z), min(min(far.x, far.y), far.z));
 }
@@ -40,10 +41,11 @@ bool is_nan(float value) {
     return (floatBitsToUint(value) & 0x7fffffffu) > 0x7f800000u;
 }
 
-// The stored scalar at a fractional index, trilinear; NaN in a cell that touches a NaN sample.
-float grid_stored(vec3 index, vec3 last) {
-    if (!FILTER_EXACT) return textureLod(volume, (index + 0.5) / (last + 1.0), 0.0).r;
-    index = clamp(index, vec3(0.0), last);
+// The stored scalar at a position, trilinear; NaN in a cell that touches a NaN sample.
+float grid_stored(vec3 position, vec3 half_size) {
+    vec3 last = 2.0 * half_size; // index of the last sample along each axis
+    if (!FILTER_EXACT) return textureLod(volume, position / (last + 1.0) + 0.5, 0.0).r;
+    vec3 index = clamp(position + half_size, vec3(0.0), last);
     vec3 base = min(floor(index), last - 1.0);
     vec3 w = index - base;
     ivec3 i = ivec3(base);

@@ -34,7 +34,7 @@ layout(push_constant, std430) uniform Slices3dPush {
     vec4 px_kd;       // w: kd
     vec4 py_z0;       // w: depth at which slab 0 begins
     vec4 d0_h;        // w: thickness of a slab, depth
-    vec4 last_scale;  // index of the last sample along each axis; w: side of a pixel at unit depth, world
+    vec4 half_scale;  // half the domain, indices; w: side of a pixel at unit depth, world
     vec2 half_extent; // half the image, pixels
     float near;       // smallest depth to draw: the eye for perspective
     float value_scale; // scalar = value_scale * texel + value_offset
@@ -50,11 +50,11 @@ float slab_begin(uint slab) {
 }
 
 Ray ray_of(vec2 pixel) {
-    return pixel_ray(pixel, push.q0_kq, push.px_kd, push.py_z0, push.d0_h, push.last_scale.w, push.half_extent);
+    return pixel_ray(pixel, push.q0_kq, push.px_kd, push.py_z0, push.d0_h, push.half_scale.w, push.half_extent);
 }
 
 vec2 interval_of(Ray ray) {
-    vec2 interval = domain_interval(ray, push.last_scale.xyz);
+    vec2 interval = domain_interval(ray, push.half_scale.xyz);
     return vec2(max(interval.x, push.near), interval.y);
 }
 
@@ -70,8 +70,8 @@ vec2 slab_piece(float begin, float end, vec2 interval) {
 }
 
 // Colour (rgb) and opacity (a) of a piece of the ray.
-vec4 slab_emission(Ray ray, vec2 piece, vec3 last, float value_scale, float value_offset, uint knots) {
-    float texel = grid_stored(ray.q + piece.x * ray.d, last);
+vec4 slab_emission(Ray ray, vec2 piece, vec3 half_size, float value_scale, float value_offset, uint knots) {
+    float texel = grid_stored(fma(vec3(piece.x), ray.d, ray.q), half_size);
     vec4 optics = classify(fma(value_scale, texel, value_offset), knots);
     float tau = HAS_NAN && is_nan(texel) ? 0.0 : optics.a;
     // Lengths, then extinction: 0 * tau must stay 0.
@@ -107,9 +107,11 @@ void main() {
     // Push each face of the domain out to where the slab's outline meets it, seen on the slice's plane.
     // Perspective scales about the eye by w / (w + delta), |delta| <= h / 2; parallel rays shift by
     // delta d0.
-    vec3 low = vec3(0.0), high = push.last_scale.xyz;
+    vec3 px = push.px_kd.xyz, py = push.py_z0.xyz, d0 = push.d0_h.xyz;
+    vec3 low = -push.half_scale.xyz, high = push.half_scale.xyz;
     if (CLIP_ENDS) {
-        vec3 margin = 1e-5 * high;
+        // And by 1/32 pixel more: rasterisers round vertices to 1/256, and a pixel too many draws nothing.
+        vec3 margin = sqrt(px * px + py * py) * (w / 32.0);
         if (kd != 0.0) {
             vec3 eye = push.q0_kq.xyz - kq * push.d0_h.xyz;
             float grow = 0.5 * h / (w - 0.5 * h), shrink = -0.5 * h / (w + 0.5 * h);
@@ -124,7 +126,6 @@ void main() {
     }
 
     // Depth grows by `normal` per index; (px, py, d0) is its dual frame.
-    vec3 px = push.px_kd.xyz, py = push.py_z0.xyz, d0 = push.d0_h.xyz;
     vec3 across = cross(px, py);
     float det = dot(across, d0);
     vec3 normal = across / det;
@@ -161,7 +162,7 @@ void main() {
     Ray ray = ray_of(gl_FragCoord.xy);
     vec2 piece = slab_piece(slab_begin(slab_in), slab_begin(slab_in + 1u), interval_of(ray));
     vec4 emission =
-        slab_emission(ray, piece, push.last_scale.xyz, push.value_scale, push.value_offset, push.knots);
+        slab_emission(ray, piece, push.half_scale.xyz, push.value_scale, push.value_offset, push.knots);
     colour = vec4(emission.rgb * emission.a, emission.a);
 }
 #endif
@@ -180,7 +181,7 @@ void main() {
     vec2 interval = interval_of(ray);
 
     // Read once, before the loop: drivers do not take these loads out of it.
-    vec3 last = push.last_scale.xyz;
+    vec3 half_size = push.half_scale.xyz;
     float h = push.d0_h.w, z0 = push.py_z0.w;
     float value_scale = push.value_scale, value_offset = push.value_offset;
     uint knots = push.knots;
@@ -196,7 +197,7 @@ void main() {
     if (interval.x < interval.y && begin < end) {
         for (uint slab = uint(begin); slab < uint(end) && transmittance > OPAQUE; ++slab) {
             vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
-            vec4 emission = slab_emission(ray, piece, last, value_scale, value_offset, knots);
+            vec4 emission = slab_emission(ray, piece, half_size, value_scale, value_offset, knots);
             float weight = transmittance * emission.a;
             sum += vec4(emission.rgb * weight, weight);
             transmittance -= weight;

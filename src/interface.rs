@@ -23,7 +23,7 @@ pub(crate) struct Slices3dPush {
     pub(crate) px_kd: [f32; 4],
     pub(crate) py_z0: [f32; 4],
     pub(crate) d0_h: [f32; 4],
-    pub(crate) last_scale: [f32; 4],
+    pub(crate) half_scale: [f32; 4],
     pub(crate) half_extent: [f32; 2],
     pub(crate) near: f32,
     pub(crate) value_scale: f32,

@@ -136,7 +136,7 @@ fn sampling_converges_at_second_order() {
                     .map(|(p, t)| (0..4).map(|c| (f64::from(p[c]) - t[c]).abs()).fold(0.0, f64::max))
                     .collect()
             };
-            let steps = [1.6, 0.8, 0.4, 0.2, 0.1];
+            let steps = [0.8, 0.4, 0.2, 0.1, 0.05];
             let all: Vec<Vec<f64>> = steps.iter().map(|&step| error(step)).collect();
             for (pair, step) in all.windows(2).zip(steps) {
                 // Rays that graze an edge of the cube see less than one slab.
@@ -401,8 +401,8 @@ fn long_marches_are_split() {
     let scene = scene(Field::Homogeneous(1.0), 2, "f32", &[[0.0, 1.0, 1.0, 1.0, tau]]);
     let camera = Camera { eye: DVec3::new(0.0, 0.0, 5.0), target: DVec3::ZERO, up: DVec3::Y, projection: orthographic() };
     let view = View::new(camera, 9, 7).unwrap();
-    // Two units of depth, 80,000 slabs; voxels are two units wide.
-    let options = technique("step=1.25e-5,route=compute");
+    // Two units of depth, 140,000 slabs; voxels are two units wide.
+    let options = technique("step=7.142857e-6,route=compute");
     let alpha = |gpu: &Gpu| {
         let renderer = Renderer::new(&GpuScene::new(gpu, scene.clone()), options);
         let mut frames = renderer.frames(&view).unwrap();
@@ -412,13 +412,13 @@ fn long_marches_are_split() {
     };
     let want = -(-tau * 2.0_f64).exp_m1();
     // 1.2e-7 a piece is the worst case, which rounding in one direction would reach.
-    let bound = 1.2e-7 * 80_000.0;
+    let bound = 1.2e-7 * 140_000.0;
     let (split, dispatches) = alpha(&gpu);
     assert!((split - want).abs() <= bound, "{split} is not {want} in {dispatches} dispatches");
     // The same with a limit of our own, on any device.
     let limited = gpu_with(GpuOptions { loop_limit: Some(10_000), ..GpuOptions::default() });
     let (pieces, dispatches) = alpha(&limited);
-    assert!(dispatches >= 8, "{dispatches} dispatches");
+    assert!(dispatches >= 14, "{dispatches} dispatches");
     assert!((pieces - want).abs() <= bound, "{pieces} is not {want} in {dispatches} dispatches");
     // Without the split a device that ends long loops draws a wrong picture: that is what the probe is for.
     let unlimited = gpu_with(GpuOptions { loop_limit: Some(u32::MAX), ..GpuOptions::default() });
@@ -457,8 +457,8 @@ fn extremes_stay_exact() {
         }
         // Nothing: exactly transparent black.
         assert_eq!(centre(0.0, &parallel, &format!("route={route}")), [0.0; 4]);
-        // A million sizes away, through a small angle; the cube is 20 pixels of 31 wide.
-        let far = square(Projection::Perspective { fov_y_deg: (3.1e-6_f64 / 2.0).atan().to_degrees() * 2.0 }, 1e6, 31);
+        // A million sizes away, through a small angle; the cube is 20.2 pixels of 31 wide.
+        let far = square(Projection::Perspective { fov_y_deg: (3.07e-6_f64 / 2.0).atan().to_degrees() * 2.0 }, 1e6, 31);
         let scene = scene(Field::Blobs, 16, "f32", &FOG);
         let errors = errors(&draw(&gpu, &scene, &far, &format!("step=0.05,route={route},filter=exact")), &scene, &far);
         assert!(errors.all.rmse < 1e-4, "{route}: {errors}");
@@ -469,7 +469,8 @@ fn extremes_stay_exact() {
             square(perspective(), 1.0, 33),
         ] {
             let errors = self::errors(&draw(&gpu, &scene, &view, &format!("step=0.05,route={route},filter=exact")), &scene, &view);
-            assert!(errors.non_finite == 0 && errors.all.rmse < 5e-4, "{route} {:?}: {errors}", view.camera());
+            // At 85 degrees off the axis planar slices lie 1/cos = 11 times as far apart along the ray.
+            assert!(errors.non_finite == 0 && errors.all.rmse < 1e-3, "{route} {:?}: {errors}", view.camera());
         }
     }
 }
@@ -507,7 +508,7 @@ fn a_plain_scene_takes_what_it_needs() {
     check("route=compute", float(), &["slices-3d.march"], 32 * 32 * 32 * 4, pixels * 16);
     check("route=raster", float(), &["slices-3d.draw"], 32 * 32 * 32 * 4, pixels * 16);
     check("target=rgba8", float(), &["slices-3d.draw"], 32 * 32 * 32 * 4, pixels * 4);
-    check("filter=exact", scene(Field::MarschnerLobb, 32, "u8", &SHELLS), &["slices-3d.march"], 32 * 32 * 32, pixels * 16);
+    check("filter=exact", scene(Field::MarschnerLobb, 64, "u8", &SHELLS), &["slices-3d.march"], 64 * 64 * 64, pixels * 16);
 }
 
 /// What the device cannot hold is said before the driver is asked, with both numbers.

@@ -5,7 +5,7 @@ use glam::DVec3;
 use crate::scene::{Grid, View};
 
 /// `p(z) = q + z d` with `q = q0 + kq (x px + y py)` and `d = d0 + kd (x px + y py)`: z is the depth
-/// from the plane through the domain's centre, x and y are pixels from the image's centre, y down.
+/// from the plane through the domain's centre, positions are indices from that centre, x and y are pixels from the image's centre, y down.
 ///
 /// Everything is derived in float64; what goes to the device is of the size of the grid, so that neither
 /// a far eye nor a small angle costs digits there.
@@ -43,7 +43,7 @@ impl GridRays {
             .map(|corner| (*corner - centre).dot(view.forward()).abs())
             .fold(0.0, f64::max);
         Self {
-            q0: to_index * foot + grid.last_index() * 0.5,
+            q0: to_index * foot,
             px: to_index * view.right() * scale,
             py: to_index * view.up() * -scale,
             d0: to_index * view.forward(),
@@ -79,6 +79,7 @@ mod tests {
                 let lateral = rays.px * x + rays.py * y;
                 for z in [-3.0, 0.0, 2.5] {
                     let index = rays.q0 + lateral * rays.kq + (rays.d0 + lateral * rays.kd) * z;
+                    let index = index + grid.last_index() * 0.5;
                     let (back, _) = view.project(grid.world_of_index(index)).unwrap();
                     assert!((back - pixel).length() < 1e-9, "{projection:?} {pixel} {z}: {back}");
                 }

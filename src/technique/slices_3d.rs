@@ -273,7 +273,7 @@ fn slabs(scene: &GpuScene, volume: &Volume, knots: u32, view: &View, options: &O
         px_kd: pack(rays.px, rays.kd),
         py_z0: pack(rays.py, begin),
         d0_h: pack(rays.d0, thickness),
-        last_scale: pack(grid.last_index(), rays.scale),
+        half_scale: pack(grid.last_index() * 0.5, rays.scale),
         half_extent: [f32_of(f64::from(width) * 0.5), f32_of(f64::from(height) * 0.5)],
         near: f32_of(rays.near.max(-1e30)),
         value_scale: volume.scale,
