@@ -1,0 +1,344 @@
+//! The library's door: recording into the caller's command buffer and image.
+
+#![allow(unsafe_code, reason = "plays the caller, who owns Vulkan objects")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod common;
+
+use common::*;
+use volraster::ash::vk;
+use volraster::gpu::{CommandBuffer, DepthImage, Gpu, GpuOptions, TargetImage};
+use volraster::scene::{Field, View};
+use volraster::technique::{GpuScene, Renderer, TargetDesc, TargetMode, Technique};
+
+/// What an engine has: a colour image, a buffer to read it back, a command buffer, a fence.
+struct Caller {
+    device: volraster::ash::Device,
+    image: vk::Image,
+    image_memory: vk::DeviceMemory,
+    view: vk::ImageView,
+    buffer: vk::Buffer,
+    buffer_memory: vk::DeviceMemory,
+    pool: vk::CommandPool,
+    commands: vk::CommandBuffer,
+    fence: vk::Fence,
+    extent: [u32; 2],
+    format: vk::Format,
+    bytes: u64,
+}
+
+impl Caller {
+    fn new(gpu: &Gpu, format: vk::Format, extent: [u32; 2], texel: u64) -> Self {
+        let handles = gpu.handles();
+        let device = handles.device.clone();
+        let bytes = u64::from(extent[0]) * u64::from(extent[1]) * texel;
+        let allocate = |requirements: vk::MemoryRequirements, host: bool| {
+            // SAFETY: the physical device belongs to the instance.
+            let types = unsafe { handles.instance.get_physical_device_memory_properties(handles.physical_device) };
+            let wanted = if host { vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT } else { vk::MemoryPropertyFlags::empty() };
+            let index = (0..types.memory_type_count)
+                .find(|&i| requirements.memory_type_bits & (1 << i) != 0 && types.memory_types[i as usize].property_flags.contains(wanted))
+                .unwrap();
+            let info = vk::MemoryAllocateInfo::default().allocation_size(requirements.size).memory_type_index(index);
+            // SAFETY: the type was found among those allowed.
+            unsafe { device.allocate_memory(&info, None) }.unwrap()
+        };
+        let info = vk::ImageCreateInfo::default()
+            .image_type(vk::ImageType::TYPE_2D)
+            .format(format)
+            .extent(vk::Extent3D { width: extent[0], height: extent[1], depth: 1 })
+            .mip_levels(1)
+            .array_layers(1)
+            .samples(vk::SampleCountFlags::TYPE_1)
+            .usage(vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST);
+        // SAFETY: valid description of a small 2D image.
+        let image = unsafe { device.create_image(&info, None) }.unwrap();
+        // SAFETY: just made.
+        let image_memory = allocate(unsafe { device.get_image_memory_requirements(image) }, false);
+        // SAFETY: fresh image and memory of its size.
+        unsafe { device.bind_image_memory(image, image_memory, 0) }.unwrap();
+        let range = Self::range();
+        let info = vk::ImageViewCreateInfo::default().image(image).view_type(vk::ImageViewType::TYPE_2D).format(format).subresource_range(range);
+        // SAFETY: the image is bound.
+        let view = unsafe { device.create_image_view(&info, None) }.unwrap();
+        let info = vk::BufferCreateInfo::default().size(bytes).usage(vk::BufferUsageFlags::TRANSFER_DST);
+        // SAFETY: not empty.
+        let buffer = unsafe { device.create_buffer(&info, None) }.unwrap();
+        // SAFETY: just made.
+        let buffer_memory = allocate(unsafe { device.get_buffer_memory_requirements(buffer) }, true);
+        // SAFETY: fresh buffer and memory of its size.
+        unsafe { device.bind_buffer_memory(buffer, buffer_memory, 0) }.unwrap();
+        let info = vk::CommandPoolCreateInfo::default().queue_family_index(handles.queue_family).flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
+        // SAFETY: valid.
+        let pool = unsafe { device.create_command_pool(&info, None) }.unwrap();
+        let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
+        // SAFETY: the pool is alive.
+        let commands = unsafe { device.allocate_command_buffers(&info) }.unwrap()[0];
+        // SAFETY: valid.
+        let fence = unsafe { device.create_fence(&vk::FenceCreateInfo::default(), None) }.unwrap();
+        Self { device, image, image_memory, view, buffer, buffer_memory, pool, commands, fence, extent, format, bytes }
+    }
+
+    fn range() -> vk::ImageSubresourceRange {
+        vk::ImageSubresourceRange::default().aspect_mask(vk::ImageAspectFlags::COLOR).level_count(1).layer_count(1)
+    }
+
+    /// Begins, fills the image with `clear`, and leaves it as the contract of `TargetImage` asks.
+    fn begin(&self, clear: [f32; 4]) {
+        // SAFETY: nothing is pending.
+        unsafe { self.device.begin_command_buffer(self.commands, &vk::CommandBufferBeginInfo::default()) }.unwrap();
+        self.transition(vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
+        let colour = vk::ClearColorValue { float32: clear };
+        // SAFETY: recording; the layout is the one just set.
+        unsafe { self.device.cmd_clear_color_image(self.commands, self.image, vk::ImageLayout::TRANSFER_DST_OPTIMAL, &colour, &[Self::range()]) };
+        self.transition(vk::ImageLayout::TRANSFER_DST_OPTIMAL, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
+    }
+
+    fn transition(&self, old: vk::ImageLayout, new: vk::ImageLayout) {
+        let all = vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE;
+        let barriers = [vk::ImageMemoryBarrier2::default()
+            .src_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+            .src_access_mask(all)
+            .dst_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+            .dst_access_mask(all)
+            .old_layout(old)
+            .new_layout(new)
+            .image(self.image)
+            .subresource_range(Self::range())];
+        let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
+        // SAFETY: recording, outside of rendering.
+        unsafe { self.device.cmd_pipeline_barrier2(self.commands, &info) };
+    }
+
+    /// Copies out, submits, waits, and gives the image's bytes.
+    fn end(&self, gpu: &Gpu) -> Vec<u8> {
+        self.transition(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+        let region = vk::BufferImageCopy {
+            image_subresource: vk::ImageSubresourceLayers { aspect_mask: vk::ImageAspectFlags::COLOR, layer_count: 1, ..Default::default() },
+            image_extent: vk::Extent3D { width: self.extent[0], height: self.extent[1], depth: 1 },
+            ..Default::default()
+        };
+        // SAFETY: recording; the buffer holds the image.
+        unsafe { self.device.cmd_copy_image_to_buffer(self.commands, self.image, vk::ImageLayout::TRANSFER_SRC_OPTIMAL, self.buffer, &[region]) };
+        let barriers = [vk::BufferMemoryBarrier2::default()
+            .src_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
+            .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+            .dst_stage_mask(vk::PipelineStageFlags2::HOST)
+            .dst_access_mask(vk::AccessFlags2::HOST_READ)
+            .buffer(self.buffer)
+            .size(vk::WHOLE_SIZE)];
+        let info = vk::DependencyInfo::default().buffer_memory_barriers(&barriers);
+        // SAFETY: recording.
+        unsafe { self.device.cmd_pipeline_barrier2(self.commands, &info) };
+        // SAFETY: recording.
+        unsafe { self.device.end_command_buffer(self.commands) }.unwrap();
+        let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(self.commands)];
+        let submit = [vk::SubmitInfo2::default().command_buffer_infos(&buffers)];
+        // SAFETY: the command buffer is complete, the queue is held, the fence is unsignalled.
+        gpu.with_queue(|queue| unsafe { self.device.queue_submit2(queue, &submit, self.fence) }).unwrap();
+        // SAFETY: submitted above.
+        unsafe { self.device.wait_for_fences(&[self.fence], true, 60_000_000_000) }.unwrap();
+        // SAFETY: signalled.
+        unsafe { self.device.reset_fences(&[self.fence]) }.unwrap();
+        // SAFETY: host-visible, not mapped.
+        let pointer = unsafe { self.device.map_memory(self.buffer_memory, 0, self.bytes, vk::MemoryMapFlags::empty()) }.unwrap();
+        // SAFETY: mapped for this many bytes, written by the device, which is done.
+        let bytes = unsafe { std::slice::from_raw_parts(pointer.cast::<u8>(), usize::try_from(self.bytes).unwrap()) }.to_vec();
+        // SAFETY: mapped above.
+        unsafe { self.device.unmap_memory(self.buffer_memory) };
+        bytes
+    }
+
+    fn target(&self, gpu: &Gpu) -> TargetImage {
+        // SAFETY: image and view live until the test's end, after every submission; the layout is as asked.
+        unsafe { TargetImage::from_raw(gpu, self.image, self.view, self.format, self.extent) }
+    }
+
+    fn command_buffer(&self, gpu: &Gpu) -> CommandBuffer {
+        // SAFETY: recording, of this device's queue family, used by this thread alone.
+        unsafe { CommandBuffer::from_raw(gpu, self.commands) }
+    }
+}
+
+impl Drop for Caller {
+    fn drop(&mut self) {
+        // SAFETY: every submission was waited for; each object is destroyed once, images before memory.
+        unsafe {
+            self.device.destroy_fence(self.fence, None);
+            self.device.destroy_command_pool(self.pool, None);
+            self.device.destroy_buffer(self.buffer, None);
+            self.device.free_memory(self.buffer_memory, None);
+            self.device.destroy_image_view(self.view, None);
+            self.device.destroy_image(self.image, None);
+            self.device.free_memory(self.image_memory, None);
+        }
+    }
+}
+
+fn srgb(linear: f64) -> f64 {
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Every mode, route and kind of format: what lands in the caller's image is the volume, cleared or over
+/// what was there.
+#[test]
+fn the_volume_lands_in_the_caller_s_image() {
+    let gpu = gpu();
+    let scene = GpuScene::new(&gpu, scene(Field::Blobs, 16, "f32", &FOG));
+    let view = view(perspective(), 1.0, 40, 30);
+    let behind = [0.0, 0.5, 0.25, 1.0_f32];
+    let formats = [
+        (vk::Format::R32G32B32A32_SFLOAT, 16),
+        (vk::Format::R8G8B8A8_UNORM, 4),
+        (vk::Format::B8G8R8A8_SRGB, 4),
+    ];
+    for options in ["route=compute", "route=raster", "route=raster,order=front-to-back", "target=rgba8"] {
+        let technique = Technique::parse(&format!("slices-3d:step=0.5,{options}")).unwrap();
+        let renderer = Renderer::new(&scene, technique);
+        let alone = renderer.render(&view).unwrap();
+        for (format, texel) in formats {
+            for mode in [TargetMode::Clear, TargetMode::Over] {
+                let mut plan = renderer.prepare(&view, &TargetDesc::caller(format, mode)).unwrap();
+                let caller = Caller::new(&gpu, format, [40, 30], texel);
+                caller.begin(behind);
+                let recorded = plan.record(&caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap();
+                let bytes = caller.end(&gpu);
+                let status = recorded.completed().unwrap();
+                assert!(status.complete);
+                for (i, texels) in bytes.chunks_exact(usize::try_from(texel).unwrap()).enumerate() {
+                    let volume = alone.pixels()[i].map(f64::from);
+                    for c in 0..4 {
+                        let old = if mode == TargetMode::Over { f64::from(behind[c]) } else { 0.0 };
+                        let want = volume[c] + (1.0 - volume[3]) * old;
+                        let (got, want, bound) = match format {
+                            vk::Format::R32G32B32A32_SFLOAT => {
+                                let at = 4 * c;
+                                let got = f32::from_ne_bytes(texels[at..at + 4].try_into().unwrap());
+                                // Blended directly into float the picture is not rounded to 8 bits between.
+                                (f64::from(got), want, if options.contains("rgba8") { 1.0 / 255.0 } else { 1e-5 })
+                            }
+                            // Rounding to 8 bits, half a code each: the result; over, what was there, and in
+                            // a fixed-point blender the source, 1 - alpha and their product. With 8-bit
+                            // accumulation: at every slice.
+                            vk::Format::R8G8B8A8_UNORM => (f64::from(texels[c]) / 255.0, want, if options.contains("rgba8") { 0.04 } else if mode == TargetMode::Over { 2.6 / 255.0 } else { 0.6 / 255.0 }),
+                            _ => {
+                                let place = [2, 1, 0, 3][c];
+                                let want = if c < 3 { srgb(want) } else { want };
+                                // Blending decodes and encodes what is there: the steep end of the curve
+                                // doubles an error there. Encoders may be 0.6 codes off.
+                                (f64::from(texels[place]) / 255.0, want, if options.contains("rgba8") { 0.04 } else if mode == TargetMode::Over { 3.5 / 255.0 } else { 1.1 / 255.0 })
+                            }
+                        };
+                        assert!((got - want).abs() <= bound, "{options} {format:?} {mode:?} pixel {i} channel {c}: {got} is not {want}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A caller's image of the technique's own format is drawn into directly: no image of its own, no
+/// composite.
+#[test]
+fn a_matching_target_costs_nothing() {
+    let gpu = gpu();
+    let scene = GpuScene::new(&gpu, scene(Field::Blobs, 16, "f32", &FOG));
+    let view = view(perspective(), 1.0, 40, 30);
+    let renderer = Renderer::new(&scene, Technique::parse("slices-3d:route=raster").unwrap());
+    let plan = renderer.prepare(&view, &TargetDesc::caller(vk::Format::R32G32B32A32_SFLOAT, TargetMode::Over)).unwrap();
+    let names: Vec<String> = gpu.memory_report().into_iter().map(|(name, _)| name).collect();
+    assert_eq!(names, ["volume", "transfer.knots"]);
+    assert_eq!(gpu.pipelines(), ["slices-3d.draw"]);
+    drop(plan);
+    let plan = renderer.prepare(&view, &TargetDesc::caller(vk::Format::B8G8R8A8_SRGB, TargetMode::Over)).unwrap();
+    assert_eq!(gpu.pipelines(), ["composite.draw", "slices-3d.draw"]);
+    drop(plan);
+}
+
+#[test]
+fn what_does_not_fit_the_plan_is_refused() {
+    let gpu = gpu();
+    let scene = GpuScene::new(&gpu, scene(Field::Blobs, 8, "f32", &FOG));
+    let view = view(perspective(), 1.0, 40, 30);
+    let renderer = Renderer::new(&scene, Technique::default());
+    let format = vk::Format::R8G8B8A8_UNORM;
+    let mut plan = renderer.prepare(&view, &TargetDesc::caller(format, TargetMode::Clear)).unwrap();
+    let caller = Caller::new(&gpu, format, [40, 30], 4);
+    let other = Caller::new(&gpu, format, [41, 30], 4);
+    let (commands, target) = (caller.command_buffer(&gpu), caller.target(&gpu));
+    caller.begin([0.0; 4]);
+    let refuse = |result: volraster::Result<volraster::Recorded>| result.unwrap_err().to_string();
+    assert!(refuse(plan.record(&commands, None, None)).contains("target"));
+    assert!(refuse(plan.record(&commands, Some(&other.target(&gpu)), None)).contains("[41, 30]"));
+    // SAFETY: any view will do: it is refused before it is looked at.
+    let depth = unsafe { DepthImage::from_raw(&gpu, caller.view) };
+    assert!(refuse(plan.record(&commands, Some(&target), Some(&depth))).contains("depth image"));
+    let recorded = plan.record(&commands, Some(&target), None).unwrap();
+    assert!(refuse(plan.record(&commands, Some(&target), None)).contains("has not been completed"));
+    let _ = caller.end(&gpu);
+    let passes: Vec<String> = recorded.completed().unwrap().passes.into_iter().map(|pass| pass.name).collect();
+    assert_eq!(passes, ["slices-3d.march", "composite.draw"]);
+    // Completed, the plan can be recorded again.
+    caller.begin([0.0; 4]);
+    let recorded = plan.record(&commands, Some(&target), None).unwrap();
+    let _ = caller.end(&gpu);
+    assert!(recorded.completed().unwrap().complete);
+    let formats = renderer.prepare(&view, &TargetDesc::caller(vk::Format::D32_SFLOAT, TargetMode::Clear));
+    assert!(formats.unwrap_err().to_string().contains("D32_SFLOAT"));
+}
+
+/// Two plans in flight at once, on one scene, and everything dropped before the device but the recordings.
+#[test]
+fn recordings_keep_what_they_name() {
+    let gpu = gpu();
+    let format = vk::Format::R32G32B32A32_SFLOAT;
+    let view = view(perspective(), 1.0, 40, 30);
+    let callers = [Caller::new(&gpu, format, [40, 30], 16), Caller::new(&gpu, format, [40, 30], 16)];
+    let mut recordings = Vec::new();
+    {
+        let scene = GpuScene::new(&gpu, scene(Field::Blobs, 16, "f32", &FOG));
+        for (caller, route) in callers.iter().zip(["compute", "raster"]) {
+            let technique = Technique::parse(&format!("slices-3d:route={route}")).unwrap();
+            let mut plan = Renderer::new(&scene, technique).prepare(&view, &TargetDesc::caller(format, TargetMode::Clear)).unwrap();
+            caller.begin([0.0; 4]);
+            recordings.push(plan.record(&caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap());
+        }
+    }
+    let images: Vec<Vec<u8>> = callers.iter().map(|caller| caller.end(&gpu)).collect();
+    for recording in recordings {
+        assert!(recording.completed().unwrap().complete);
+    }
+    let alpha = |bytes: &[u8]| -> f64 {
+        bytes.chunks_exact(16).map(|t| f64::from(f32::from_ne_bytes(t[12..16].try_into().unwrap()))).sum()
+    };
+    let (a, b) = (alpha(&images[0]), alpha(&images[1]));
+    assert!(a > 10.0 && (a - b).abs() < 1e-2, "{a} {b}");
+}
+
+/// The pipeline cache is written, read again, and ignored when it is damaged.
+#[test]
+fn the_pipeline_cache_survives_damage() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("pipeline-cache");
+    let _ = std::fs::remove_dir_all(&folder);
+    let run = |expected: &str| {
+        let gpu = Gpu::new(&GpuOptions { pipeline_cache: Some(folder.clone()), validation: volraster::gpu::Validation::On, ..GpuOptions::default() }).unwrap();
+        let scene = GpuScene::new(&gpu, scene(Field::Blobs, 8, "f32", &FOG));
+        let view: View = view(perspective(), 1.0, 20, 20);
+        let image = Renderer::new(&scene, Technique::default()).render(&view).unwrap();
+        let log = gpu.validation_log();
+        drop((scene, gpu));
+        assert!(log.messages().is_empty(), "{expected}: {:?}", log.messages());
+        image
+    };
+    let first = run("no cache");
+    let files: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    assert_eq!(files.len(), 1, "{files:?}");
+    let good = std::fs::read(&files[0]).unwrap();
+    assert!(good.len() > 52, "{} bytes", good.len());
+    assert_eq!(run("a good cache"), first);
+    for damage in [good[..good.len() - 1].to_vec(), vec![0xff; 4096], [&good[..40], &[1], &good[41..]].concat()] {
+        std::fs::write(&files[0], &damage).unwrap();
+        assert_eq!(run("a damaged cache"), first);
+        assert_eq!(std::fs::read(&files[0]).unwrap(), good, "the cache is written anew");
+    }
+}

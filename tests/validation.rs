@@ -1,0 +1,165 @@
+//! The validation gate itself: provoked errors must be heard, and a missing layer must fail.
+
+#![allow(unsafe_code, reason = "provokes Vulkan errors on purpose, through raw calls")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod common;
+
+use volraster::ash::vk;
+use volraster::gpu::{Gpu, GpuOptions, Validation};
+
+/// A validated device whose messages are expected.
+fn validated() -> Gpu {
+    common::open(GpuOptions::default())
+}
+
+fn heard(messages: &[String], part: &str) -> bool {
+    messages.iter().any(|message| message.contains(part))
+}
+
+#[test]
+fn a_core_error_is_heard() {
+    let gpu = validated();
+    println!("validation layer {}", gpu.validation_layer().unwrap());
+    assert!(gpu.validation_log().messages().is_empty());
+    let info = vk::BufferCreateInfo::default().size(0).usage(vk::BufferUsageFlags::TRANSFER_SRC);
+    // SAFETY: none: a buffer of 0 bytes is the error that must be heard. Software drivers survive it.
+    let buffer = unsafe { gpu.handles().device.create_buffer(&info, None) };
+    if let Ok(buffer) = buffer {
+        // SAFETY: just made, unused.
+        unsafe { gpu.handles().device.destroy_buffer(buffer, None) };
+    }
+    let messages = gpu.validation_log().take();
+    assert!(heard(&messages, "VUID-VkBufferCreateInfo-size-00912"), "{messages:#?}");
+}
+
+#[test]
+fn a_leak_is_heard_after_the_device_is_gone() {
+    let gpu = validated();
+    let log = gpu.validation_log();
+    let info = vk::BufferCreateInfo::default().size(64).usage(vk::BufferUsageFlags::TRANSFER_SRC);
+    // SAFETY: valid; the leak is the error that must be heard.
+    let _leaked = unsafe { gpu.handles().device.create_buffer(&info, None) }.unwrap();
+    assert!(log.messages().is_empty());
+    drop(gpu);
+    assert!(heard(&log.messages(), "VUID-vkDestroyDevice-device-00378"), "{:#?}", log.messages());
+}
+
+/// Two fills of one buffer without a barrier between them: a hazard that only synchronization validation
+/// sees.
+#[test]
+fn a_missing_barrier_is_heard() {
+    let gpu = validated();
+    let handles = gpu.handles();
+    let device = &handles.device;
+    let info = vk::BufferCreateInfo::default().size(256).usage(vk::BufferUsageFlags::TRANSFER_DST);
+    // SAFETY: valid; destroyed below.
+    let buffer = unsafe { device.create_buffer(&info, None) }.unwrap();
+    // SAFETY: `buffer` is alive.
+    let requirements = unsafe { device.get_buffer_memory_requirements(buffer) };
+    let info = vk::MemoryAllocateInfo::default()
+        .allocation_size(requirements.size)
+        .memory_type_index(requirements.memory_type_bits.trailing_zeros());
+    // SAFETY: the type is one that the buffer allows.
+    let memory = unsafe { device.allocate_memory(&info, None) }.unwrap();
+    // SAFETY: fresh buffer and memory of its size.
+    unsafe { device.bind_buffer_memory(buffer, memory, 0) }.unwrap();
+    let info = vk::CommandPoolCreateInfo::default().queue_family_index(handles.queue_family);
+    // SAFETY: valid; destroyed below.
+    let pool = unsafe { device.create_command_pool(&info, None) }.unwrap();
+    let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
+    // SAFETY: `pool` is alive.
+    let commands = unsafe { device.allocate_command_buffers(&info) }.unwrap()[0];
+    // SAFETY: in the initial state.
+    unsafe { device.begin_command_buffer(commands, &vk::CommandBufferBeginInfo::default()) }.unwrap();
+    assert!(gpu.validation_log().messages().is_empty());
+    for value in [1, 2] {
+        // SAFETY: valid but for the missing barrier, which must be heard; never submitted.
+        unsafe { device.cmd_fill_buffer(commands, buffer, 0, 256, value) };
+    }
+    // SAFETY: recording.
+    unsafe { device.end_command_buffer(commands) }.unwrap();
+    // SAFETY: never submitted.
+    unsafe { device.destroy_command_pool(pool, None) };
+    // SAFETY: unused.
+    unsafe { device.destroy_buffer(buffer, None) };
+    // SAFETY: its buffer is gone.
+    unsafe { device.free_memory(memory, None) };
+    let messages = gpu.validation_log().take();
+    assert!(heard(&messages, "SYNC-HAZARD-WRITE"), "{messages:#?}");
+}
+
+/// The guard of every other test fails when a message came.
+#[test]
+fn the_guard_fails_on_a_message() {
+    let outcome = std::panic::catch_unwind(|| {
+        let gpu = common::gpu();
+        let info = vk::BufferCreateInfo::default().size(0).usage(vk::BufferUsageFlags::TRANSFER_SRC);
+        // SAFETY: as in `a_core_error_is_heard`.
+        if let Ok(buffer) = unsafe { gpu.handles().device.create_buffer(&info, None) } {
+            // SAFETY: just made, unused.
+            unsafe { gpu.handles().device.destroy_buffer(buffer, None) };
+        }
+    });
+    let message = *outcome.expect_err("the guard let a message pass").downcast::<String>().unwrap();
+    assert!(message.contains("validation messages"), "{message}");
+}
+
+/// GPU-assisted validation can be switched on as well.
+#[test]
+fn gpu_assisted_validation_starts() {
+    let options =
+        GpuOptions { validation: Validation::GpuAssisted, no_pipeline_cache: true, ..GpuOptions::default() };
+    let gpu = Gpu::new(&options).unwrap();
+    let limit = gpu.loop_limit().unwrap();
+    assert!(limit > 1000, "{limit}");
+    let log = gpu.validation_log();
+    drop(gpu);
+    assert!(log.messages().is_empty(), "{:#?}", log.messages());
+}
+
+/// Runs this test program again with one ignored test and another environment.
+fn child(test: &str, variables: &[(&str, &str)]) -> (bool, String) {
+    let output = std::process::Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", test, "--ignored", "--nocapture"])
+        .envs(variables.iter().copied())
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+    (output.status.success(), text)
+}
+
+#[test]
+#[ignore = "run by the test below, without a layer"]
+fn child_opens_a_validated_device() {
+    let error = Gpu::new(&GpuOptions { validation: Validation::On, ..GpuOptions::default() }).unwrap_err();
+    println!("refused: {error} (exit code {})", error.exit_code());
+    // And the tests' own way to a device fails.
+    let _ = common::gpu();
+}
+
+#[test]
+fn a_missing_layer_is_a_failure() {
+    let empty = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("no-layers");
+    std::fs::create_dir_all(&empty).unwrap();
+    let empty = empty.to_str().unwrap();
+    let (success, text) =
+        child("child_opens_a_validated_device", &[("VK_LAYER_PATH", empty), ("VK_ADD_LAYER_PATH", empty)]);
+    assert!(text.contains("refused: validation: not supported") && text.contains("exit code 3"), "{text}");
+    assert!(!success && text.contains("a validated device is required"), "{text}");
+}
+
+#[test]
+#[ignore = "run by the test below, without a device"]
+fn child_opens_any_device() {
+    let error = Gpu::headless().unwrap_err();
+    println!("refused: {error} (exit code {})", error.exit_code());
+}
+
+#[test]
+fn a_refused_device_says_why() {
+    let (_, text) = child("child_opens_any_device", &[("VOLRASTER_DEVICE", "none")]);
+    assert!(text.contains("its name does not contain \"none\"") && text.contains("exit code 3"), "{text}");
+    let (_, text) = child("child_opens_any_device", &[("VK_DRIVER_FILES", "/nonexistent/icd.json"), ("VK_ICD_FILENAMES", "/nonexistent/icd.json")]);
+    assert!(text.contains("refused: ") && text.contains("exit code"), "{text}");
+}
