@@ -1,4 +1,4 @@
-//! Direct volume rendering in object order on explicit Vulkan.
+#![doc = include_str!("../README.md")]
 
 pub mod error;
 pub mod frame;
@@ -15,6 +15,6 @@ pub mod technique;
 pub use ash;
 pub use error::{Error, Result};
 pub use frame::Image;
-pub use gpu::Gpu;
 pub use glam;
+pub use gpu::Gpu;
 pub use technique::{GpuScene, Plan, Recorded, Renderer, TargetDesc, TargetMode, Technique};
