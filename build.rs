@@ -32,7 +32,9 @@ fn main() {
 
     let compiler = match shaderc::Compiler::new() {
         Ok(compiler) => compiler,
-        Err(error) => refuse!("the GLSL compiler does not start ({error}): run `make setup`, which installs libshaderc"),
+        Err(error) => {
+            refuse!("the GLSL compiler does not start ({error}): run `make setup`, which installs libshaderc")
+        }
     };
     // Debug builds keep names and line numbers for the validation layers' messages.
     let optimise = env::var("PROFILE").is_ok_and(|profile| profile == "release");
@@ -50,7 +52,11 @@ fn main() {
             let plain = compile(&compiler, &folder, file, &source, stage, &entry, false);
             let module = Module::parse(&plain);
             module.layouts(file, &mut layouts);
-            let shipped = if optimise { compile(&compiler, &folder, file, &source, stage, &entry, true) } else { plain };
+            let shipped = if optimise {
+                compile(&compiler, &folder, file, &source, stage, &entry, true)
+            } else {
+                plain
+            };
             let bytes: Vec<u8> = shipped.iter().flat_map(|word| word.to_le_bytes()).collect();
             let path = out.join(format!("{name}.spv"));
             if let Err(error) = fs::write(&path, bytes) {
@@ -115,7 +121,8 @@ fn compile(
     options.add_macro_definition(entry, None);
     options.set_include_callback(|name, _, from, _| {
         let path = folder.join(name);
-        let content = fs::read_to_string(&path).map_err(|error| format!("{name}, included from {from}: {error}"))?;
+        let content =
+            fs::read_to_string(&path).map_err(|error| format!("{name}, included from {from}: {error}"))?;
         Ok(shaderc::ResolvedInclude { resolved_name: format!("glsl/{name}"), content })
     });
     let kind = match stage {
@@ -141,7 +148,10 @@ fn constants(interface: &str, rust: &mut String) {
         if number.parse::<u32>().is_err() {
             refuse!("glsl/interface.glsl: `{line}`: {name} must be a plain number");
         }
-        let _ = writeln!(rust, "/// `{name}` of `glsl/interface.glsl`.\npub(crate) const {name}: u32 = {number};");
+        let _ = writeln!(
+            rust,
+            "/// `{name}` of `glsl/interface.glsl`.\npub(crate) const {name}: u32 = {number};"
+        );
     }
 }
 
@@ -222,8 +232,11 @@ impl Module {
             if ![2, 9, 12].contains(&class) {
                 continue;
             }
-            let Some([30, members @ ..]) = self.types.get(&self.pointee(pointer)).map(Vec::as_slice) else { continue };
-            let elements: Vec<u32> = members.iter().filter_map(|member| self.array_element(*member)).collect();
+            let Some([30, members @ ..]) = self.types.get(&self.pointee(pointer)).map(Vec::as_slice) else {
+                continue;
+            };
+            let elements: Vec<u32> =
+                members.iter().filter_map(|member| self.array_element(*member)).collect();
             if elements.len() == members.len() {
                 for element in elements {
                     self.layout_of(file, element, layouts);
@@ -315,6 +328,7 @@ impl Module {
 
 /// A literal string of SPIR-V: four bytes a word, ended by zero.
 fn text(words: &[u32]) -> String {
-    let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).take_while(|&byte| byte != 0).collect();
+    let bytes: Vec<u8> =
+        words.iter().flat_map(|word| word.to_le_bytes()).take_while(|&byte| byte != 0).collect();
     String::from_utf8_lossy(&bytes).into_owned()
 }

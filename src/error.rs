@@ -49,7 +49,9 @@ pub enum Error {
         missing: String,
     },
     /// The request needs more device memory than there is to give.
-    #[error("{object}: needs {needed} bytes of device memory, {available} are left of the budget of {budget}")]
+    #[error(
+        "{object}: needs {needed} bytes of device memory, {available} are left of the budget of {budget}"
+    )]
     Memory {
         /// What the memory is for.
         object: String,

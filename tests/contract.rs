@@ -16,7 +16,9 @@ fn every_path_in_the_map_exists() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let named = text.split('`').skip(1).step_by(2).filter(|word| {
         let of_the_tree = ["src/", "glsl/", "tests/", "benches/", "tools/", ".ci/", "build.rs", "docs/"];
-        of_the_tree.iter().any(|start| word.starts_with(start)) && !word.contains('*') && !word.contains("/x.")
+        of_the_tree.iter().any(|start| word.starts_with(start))
+            && !word.contains('*')
+            && !word.contains("/x.")
     });
     let paths: Vec<&str> = named.collect();
     assert!(paths.len() > 30, "only {} paths were found in the map", paths.len());

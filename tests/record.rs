@@ -34,12 +34,21 @@ impl Caller {
         let bytes = u64::from(extent[0]) * u64::from(extent[1]) * texel;
         let allocate = |requirements: vk::MemoryRequirements, host: bool| {
             // SAFETY: the physical device belongs to the instance.
-            let types = unsafe { handles.instance.get_physical_device_memory_properties(handles.physical_device) };
-            let wanted = if host { vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT } else { vk::MemoryPropertyFlags::empty() };
+            let types =
+                unsafe { handles.instance.get_physical_device_memory_properties(handles.physical_device) };
+            let wanted = if host {
+                vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT
+            } else {
+                vk::MemoryPropertyFlags::empty()
+            };
             let index = (0..types.memory_type_count)
-                .find(|&i| requirements.memory_type_bits & (1 << i) != 0 && types.memory_types[i as usize].property_flags.contains(wanted))
+                .find(|&i| {
+                    requirements.memory_type_bits & (1 << i) != 0
+                        && types.memory_types[i as usize].property_flags.contains(wanted)
+                })
                 .unwrap();
-            let info = vk::MemoryAllocateInfo::default().allocation_size(requirements.size).memory_type_index(index);
+            let info =
+                vk::MemoryAllocateInfo::default().allocation_size(requirements.size).memory_type_index(index);
             // SAFETY: the type was found among those allowed.
             unsafe { device.allocate_memory(&info, None) }.unwrap()
         };
@@ -50,7 +59,11 @@ impl Caller {
             .mip_levels(1)
             .array_layers(1)
             .samples(vk::SampleCountFlags::TYPE_1)
-            .usage(vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST);
+            .usage(
+                vk::ImageUsageFlags::COLOR_ATTACHMENT
+                    | vk::ImageUsageFlags::TRANSFER_SRC
+                    | vk::ImageUsageFlags::TRANSFER_DST,
+            );
         // SAFETY: valid description of a small 2D image.
         let image = unsafe { device.create_image(&info, None) }.unwrap();
         // SAFETY: just made.
@@ -58,7 +71,11 @@ impl Caller {
         // SAFETY: fresh image and memory of its size.
         unsafe { device.bind_image_memory(image, image_memory, 0) }.unwrap();
         let range = Self::range();
-        let info = vk::ImageViewCreateInfo::default().image(image).view_type(vk::ImageViewType::TYPE_2D).format(format).subresource_range(range);
+        let info = vk::ImageViewCreateInfo::default()
+            .image(image)
+            .view_type(vk::ImageViewType::TYPE_2D)
+            .format(format)
+            .subresource_range(range);
         // SAFETY: the image is bound.
         let view = unsafe { device.create_image_view(&info, None) }.unwrap();
         let info = vk::BufferCreateInfo::default().size(bytes).usage(vk::BufferUsageFlags::TRANSFER_DST);
@@ -68,7 +85,9 @@ impl Caller {
         let buffer_memory = allocate(unsafe { device.get_buffer_memory_requirements(buffer) }, true);
         // SAFETY: fresh buffer and memory of its size.
         unsafe { device.bind_buffer_memory(buffer, buffer_memory, 0) }.unwrap();
-        let info = vk::CommandPoolCreateInfo::default().queue_family_index(handles.queue_family).flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
+        let info = vk::CommandPoolCreateInfo::default()
+            .queue_family_index(handles.queue_family)
+            .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
         // SAFETY: valid.
         let pool = unsafe { device.create_command_pool(&info, None) }.unwrap();
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
@@ -76,21 +95,46 @@ impl Caller {
         let commands = unsafe { device.allocate_command_buffers(&info) }.unwrap()[0];
         // SAFETY: valid.
         let fence = unsafe { device.create_fence(&vk::FenceCreateInfo::default(), None) }.unwrap();
-        Self { device, image, image_memory, view, buffer, buffer_memory, pool, commands, fence, extent, format, bytes }
+        Self {
+            device,
+            image,
+            image_memory,
+            view,
+            buffer,
+            buffer_memory,
+            pool,
+            commands,
+            fence,
+            extent,
+            format,
+            bytes,
+        }
     }
 
     fn range() -> vk::ImageSubresourceRange {
-        vk::ImageSubresourceRange::default().aspect_mask(vk::ImageAspectFlags::COLOR).level_count(1).layer_count(1)
+        vk::ImageSubresourceRange::default()
+            .aspect_mask(vk::ImageAspectFlags::COLOR)
+            .level_count(1)
+            .layer_count(1)
     }
 
     /// Begins, fills the image with `clear`, and leaves it as the contract of `TargetImage` asks.
     fn begin(&self, clear: [f32; 4]) {
         // SAFETY: nothing is pending.
-        unsafe { self.device.begin_command_buffer(self.commands, &vk::CommandBufferBeginInfo::default()) }.unwrap();
+        unsafe { self.device.begin_command_buffer(self.commands, &vk::CommandBufferBeginInfo::default()) }
+            .unwrap();
         self.transition(vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
         let colour = vk::ClearColorValue { float32: clear };
         // SAFETY: recording; the layout is the one just set.
-        unsafe { self.device.cmd_clear_color_image(self.commands, self.image, vk::ImageLayout::TRANSFER_DST_OPTIMAL, &colour, &[Self::range()]) };
+        unsafe {
+            self.device.cmd_clear_color_image(
+                self.commands,
+                self.image,
+                vk::ImageLayout::TRANSFER_DST_OPTIMAL,
+                &colour,
+                &[Self::range()],
+            )
+        };
         self.transition(vk::ImageLayout::TRANSFER_DST_OPTIMAL, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
     }
 
@@ -114,12 +158,24 @@ impl Caller {
     fn end(&self, gpu: &Gpu) -> Vec<u8> {
         self.transition(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
         let region = vk::BufferImageCopy {
-            image_subresource: vk::ImageSubresourceLayers { aspect_mask: vk::ImageAspectFlags::COLOR, layer_count: 1, ..Default::default() },
+            image_subresource: vk::ImageSubresourceLayers {
+                aspect_mask: vk::ImageAspectFlags::COLOR,
+                layer_count: 1,
+                ..Default::default()
+            },
             image_extent: vk::Extent3D { width: self.extent[0], height: self.extent[1], depth: 1 },
             ..Default::default()
         };
         // SAFETY: recording; the buffer holds the image.
-        unsafe { self.device.cmd_copy_image_to_buffer(self.commands, self.image, vk::ImageLayout::TRANSFER_SRC_OPTIMAL, self.buffer, &[region]) };
+        unsafe {
+            self.device.cmd_copy_image_to_buffer(
+                self.commands,
+                self.image,
+                vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
+                self.buffer,
+                &[region],
+            )
+        };
         let barriers = [vk::BufferMemoryBarrier2::default()
             .src_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
             .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
@@ -141,9 +197,13 @@ impl Caller {
         // SAFETY: signalled.
         unsafe { self.device.reset_fences(&[self.fence]) }.unwrap();
         // SAFETY: host-visible, not mapped.
-        let pointer = unsafe { self.device.map_memory(self.buffer_memory, 0, self.bytes, vk::MemoryMapFlags::empty()) }.unwrap();
+        let pointer =
+            unsafe { self.device.map_memory(self.buffer_memory, 0, self.bytes, vk::MemoryMapFlags::empty()) }
+                .unwrap();
         // SAFETY: mapped for this many bytes, written by the device, which is done.
-        let bytes = unsafe { std::slice::from_raw_parts(pointer.cast::<u8>(), usize::try_from(self.bytes).unwrap()) }.to_vec();
+        let bytes =
+            unsafe { std::slice::from_raw_parts(pointer.cast::<u8>(), usize::try_from(self.bytes).unwrap()) }
+                .to_vec();
         // SAFETY: mapped above.
         unsafe { self.device.unmap_memory(self.buffer_memory) };
         bytes
@@ -162,16 +222,23 @@ impl Caller {
 
 impl Drop for Caller {
     fn drop(&mut self) {
-        // SAFETY: every submission was waited for; each object is destroyed once, images before memory.
-        unsafe {
-            self.device.destroy_fence(self.fence, None);
-            self.device.destroy_command_pool(self.pool, None);
-            self.device.destroy_buffer(self.buffer, None);
-            self.device.free_memory(self.buffer_memory, None);
-            self.device.destroy_image_view(self.view, None);
-            self.device.destroy_image(self.image, None);
-            self.device.free_memory(self.image_memory, None);
-        }
+        let device = &self.device;
+        // Every submission was waited for; each object is destroyed once, images and buffers before their
+        // memory.
+        // SAFETY: not in use.
+        unsafe { device.destroy_fence(self.fence, None) };
+        // SAFETY: its command buffer is not pending.
+        unsafe { device.destroy_command_pool(self.pool, None) };
+        // SAFETY: not in use.
+        unsafe { device.destroy_buffer(self.buffer, None) };
+        // SAFETY: its buffer is gone.
+        unsafe { device.free_memory(self.buffer_memory, None) };
+        // SAFETY: not in use.
+        unsafe { device.destroy_image_view(self.view, None) };
+        // SAFETY: its view is gone.
+        unsafe { device.destroy_image(self.image, None) };
+        // SAFETY: its image is gone.
+        unsafe { device.free_memory(self.image_memory, None) };
     }
 }
 
@@ -201,7 +268,8 @@ fn the_volume_lands_in_the_caller_s_image() {
                 let mut plan = renderer.prepare(&view, &TargetDesc::caller(format, mode)).unwrap();
                 let caller = Caller::new(&gpu, format, [40, 30], texel);
                 caller.begin(behind);
-                let recorded = plan.record(&caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap();
+                let recorded =
+                    plan.record(&caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap();
                 let bytes = caller.end(&gpu);
                 let status = recorded.completed().unwrap();
                 assert!(status.complete);
@@ -215,21 +283,48 @@ fn the_volume_lands_in_the_caller_s_image() {
                                 let at = 4 * c;
                                 let got = f32::from_ne_bytes(texels[at..at + 4].try_into().unwrap());
                                 // Blended directly into float the picture is not rounded to 8 bits between.
-                                (f64::from(got), want, if options.contains("rgba8") { 1.0 / 255.0 } else { 1e-5 })
+                                (
+                                    f64::from(got),
+                                    want,
+                                    if options.contains("rgba8") { 1.0 / 255.0 } else { 1e-5 },
+                                )
                             }
                             // Rounding to 8 bits, half a code each: the result; over, what was there, and in
                             // a fixed-point blender the source, 1 - alpha and their product. With 8-bit
                             // accumulation: at every slice.
-                            vk::Format::R8G8B8A8_UNORM => (f64::from(texels[c]) / 255.0, want, if options.contains("rgba8") { 0.04 } else if mode == TargetMode::Over { 2.6 / 255.0 } else { 0.6 / 255.0 }),
+                            vk::Format::R8G8B8A8_UNORM => (
+                                f64::from(texels[c]) / 255.0,
+                                want,
+                                if options.contains("rgba8") {
+                                    0.04
+                                } else if mode == TargetMode::Over {
+                                    2.6 / 255.0
+                                } else {
+                                    0.6 / 255.0
+                                },
+                            ),
                             _ => {
                                 let place = [2, 1, 0, 3][c];
                                 let want = if c < 3 { srgb(want) } else { want };
                                 // Blending decodes and encodes what is there: the steep end of the curve
                                 // doubles an error there. Encoders may be 0.6 codes off.
-                                (f64::from(texels[place]) / 255.0, want, if options.contains("rgba8") { 0.04 } else if mode == TargetMode::Over { 3.5 / 255.0 } else { 1.1 / 255.0 })
+                                (
+                                    f64::from(texels[place]) / 255.0,
+                                    want,
+                                    if options.contains("rgba8") {
+                                        0.04
+                                    } else if mode == TargetMode::Over {
+                                        3.5 / 255.0
+                                    } else {
+                                        1.1 / 255.0
+                                    },
+                                )
                             }
                         };
-                        assert!((got - want).abs() <= bound, "{options} {format:?} {mode:?} pixel {i} channel {c}: {got} is not {want}");
+                        assert!(
+                            (got - want).abs() <= bound,
+                            "{options} {format:?} {mode:?} pixel {i} channel {c}: {got} is not {want}"
+                        );
                     }
                 }
             }
@@ -245,12 +340,15 @@ fn a_matching_target_costs_nothing() {
     let scene = GpuScene::new(&gpu, scene(Field::Blobs, 16, "f32", &FOG));
     let view = view(perspective(), 1.0, 40, 30);
     let renderer = Renderer::new(&scene, Technique::parse("slices-3d:route=raster").unwrap());
-    let plan = renderer.prepare(&view, &TargetDesc::caller(vk::Format::R32G32B32A32_SFLOAT, TargetMode::Over)).unwrap();
+    let plan = renderer
+        .prepare(&view, &TargetDesc::caller(vk::Format::R32G32B32A32_SFLOAT, TargetMode::Over))
+        .unwrap();
     let names: Vec<String> = gpu.memory_report().into_iter().map(|(name, _)| name).collect();
     assert_eq!(names, ["volume", "transfer.knots"]);
     assert_eq!(gpu.pipelines(), ["slices-3d.draw"]);
     drop(plan);
-    let plan = renderer.prepare(&view, &TargetDesc::caller(vk::Format::B8G8R8A8_SRGB, TargetMode::Over)).unwrap();
+    let plan =
+        renderer.prepare(&view, &TargetDesc::caller(vk::Format::B8G8R8A8_SRGB, TargetMode::Over)).unwrap();
     assert_eq!(gpu.pipelines(), ["composite.draw", "slices-3d.draw"]);
     drop(plan);
 }
@@ -276,7 +374,8 @@ fn what_does_not_fit_the_plan_is_refused() {
     let recorded = plan.record(&commands, Some(&target), None).unwrap();
     assert!(refuse(plan.record(&commands, Some(&target), None)).contains("has not been completed"));
     let _ = caller.end(&gpu);
-    let passes: Vec<String> = recorded.completed().unwrap().passes.into_iter().map(|pass| pass.name).collect();
+    let passes: Vec<String> =
+        recorded.completed().unwrap().passes.into_iter().map(|pass| pass.name).collect();
     assert_eq!(passes, ["slices-3d.march", "composite.draw"]);
     // Completed, the plan can be recorded again.
     caller.begin([0.0; 4]);
@@ -299,9 +398,12 @@ fn recordings_keep_what_they_name() {
         let scene = GpuScene::new(&gpu, scene(Field::Blobs, 16, "f32", &FOG));
         for (caller, route) in callers.iter().zip(["compute", "raster"]) {
             let technique = Technique::parse(&format!("slices-3d:route={route}")).unwrap();
-            let mut plan = Renderer::new(&scene, technique).prepare(&view, &TargetDesc::caller(format, TargetMode::Clear)).unwrap();
+            let mut plan = Renderer::new(&scene, technique)
+                .prepare(&view, &TargetDesc::caller(format, TargetMode::Clear))
+                .unwrap();
             caller.begin([0.0; 4]);
-            recordings.push(plan.record(&caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap());
+            recordings
+                .push(plan.record(&caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap());
         }
     }
     let images: Vec<Vec<u8>> = callers.iter().map(|caller| caller.end(&gpu)).collect();
@@ -321,7 +423,12 @@ fn the_pipeline_cache_survives_damage() {
     let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("pipeline-cache");
     let _ = std::fs::remove_dir_all(&folder);
     let run = |expected: &str| {
-        let gpu = Gpu::new(&GpuOptions { pipeline_cache: Some(folder.clone()), validation: volraster::gpu::Validation::On, ..GpuOptions::default() }).unwrap();
+        let gpu = Gpu::new(&GpuOptions {
+            pipeline_cache: Some(folder.clone()),
+            validation: volraster::gpu::Validation::On,
+            ..GpuOptions::default()
+        })
+        .unwrap();
         let scene = GpuScene::new(&gpu, scene(Field::Blobs, 8, "f32", &FOG));
         let view: View = view(perspective(), 1.0, 20, 20);
         let image = Renderer::new(&scene, Technique::default()).render(&view).unwrap();
@@ -336,7 +443,9 @@ fn the_pipeline_cache_survives_damage() {
     let good = std::fs::read(&files[0]).unwrap();
     assert!(good.len() > 52, "{} bytes", good.len());
     assert_eq!(run("a good cache"), first);
-    for damage in [good[..good.len() - 1].to_vec(), vec![0xff; 4096], [&good[..40], &[1], &good[41..]].concat()] {
+    for damage in
+        [good[..good.len() - 1].to_vec(), vec![0xff; 4096], [&good[..40], &[1], &good[41..]].concat()]
+    {
         std::fs::write(&files[0], &damage).unwrap();
         assert_eq!(run("a damaged cache"), first);
         assert_eq!(std::fs::read(&files[0]).unwrap(), good, "the cache is written anew");

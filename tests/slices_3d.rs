@@ -69,20 +69,30 @@ fn a_homogeneous_cube_is_exact() {
     for tau in [0.05, 1.0, 25.0] {
         let rows = [[0.0, 0.25, 0.5, 1.0, tau]];
         let scene = scene(Field::Homogeneous(1.0), 9, "f32", &rows);
-        for (projection, distance) in
-            [(perspective(), 1.0), (perspective(), 0.12), (perspective(), 0.3), (orthographic(), 1.0), (orthographic(), 0.1)]
-        {
+        for (projection, distance) in [
+            (perspective(), 1.0),
+            (perspective(), 0.12),
+            (perspective(), 0.3),
+            (orthographic(), 1.0),
+            (orthographic(), 0.1),
+        ] {
             let view = view(projection, distance, 72, 60);
             let eye = view.camera().eye.length();
             for step in ["4", "0.37", "0.02"] {
                 for route in routes(&gpu) {
-                    for order in if route == "raster" { ["order=back-to-front,", "order=front-to-back,"].as_slice() } else { &[""] } {
+                    for order in if route == "raster" {
+                        ["order=back-to-front,", "order=front-to-back,"].as_slice()
+                    } else {
+                        &[""]
+                    } {
                         let options = format!("{order}step={step},route={route}");
-                        let renderer = Renderer::new(&GpuScene::new(&gpu, scene.clone()), technique(&options));
+                        let renderer =
+                            Renderer::new(&GpuScene::new(&gpu, scene.clone()), technique(&options));
                         let mut frames = renderer.frames(&view).unwrap();
                         frames.draw(&view).unwrap();
                         let image = frames.read_back().unwrap();
-                        let slices = frames.plan().counters().iter().find(|c| c.0 == "slices").unwrap().1 as f64;
+                        let slices =
+                            frames.plan().counters().iter().find(|c| c.0 == "slices").unwrap().1 as f64;
                         let bound = (1.2e-7 * slices).max(2e-6) + 4.0 * (-24.0_f64).exp2() * tau * eye;
                         for y in 0..60 {
                             for x in 0..72 {
@@ -150,7 +160,11 @@ fn sampling_converges_at_second_order() {
                 assert!(orders.len() >= 1000, "{} pixels", orders.len());
                 orders.sort_by(f64::total_cmp);
                 let median = orders[orders.len() / 2];
-                println!("{projection:?} {route} step {step} to {}: order {median:.3} over {} pixels", step / 2.0, orders.len());
+                println!(
+                    "{projection:?} {route} step {step} to {}: order {median:.3} over {} pixels",
+                    step / 2.0,
+                    orders.len()
+                );
                 assert!((median - 2.0).abs() <= 0.15, "{projection:?} {route} step {step}: order {median}");
             }
         }
@@ -191,7 +205,14 @@ fn routes_agree() {
                 for filter in ["exact", "hardware"] {
                     let images: Vec<Image> = routes(&gpu)
                         .iter()
-                        .map(|route| draw(&gpu, &scene, &view, &format!("step=0.5,route={route},ends={ends},filter={filter}")))
+                        .map(|route| {
+                            draw(
+                                &gpu,
+                                &scene,
+                                &view,
+                                &format!("step=0.5,route={route},ends={ends},filter={filter}"),
+                            )
+                        })
                         .collect();
                     for pair in images.windows(2) {
                         let errors = ImageErrors::between(&pair[0], &pair[1]).unwrap();
@@ -218,12 +239,29 @@ fn sample_types_and_placements_match_the_reference() {
     let scaled = |scale: f64, offset: f64| values.iter().map(move |v| (v * scale + offset).round());
     let grids = [
         ("f32", Grid::new(dims, base.samples().clone()).unwrap(), Rescale::IDENTITY),
-        ("u8", Grid::new(dims, Samples::U8(scaled(255.0, 0.0).map(|v| v as u8).collect())).unwrap(), Rescale { slope: 1.0 / 255.0, intercept: 0.0 }),
-        ("u16", Grid::new(dims, Samples::U16(scaled(65535.0, 0.0).map(|v| v as u16).collect())).unwrap(), Rescale { slope: 1.0 / 65535.0, intercept: 0.0 }),
-        ("i16", Grid::new(dims, Samples::I16(scaled(65535.0, -32768.0).map(|v| v as i16).collect())).unwrap(), Rescale { slope: 1.0 / 65535.0, intercept: 32768.0 / 65535.0 }),
-        ("u8 negative slope", Grid::new(dims, Samples::U8(scaled(-255.0, 255.0).map(|v| v as u8).collect())).unwrap(), Rescale { slope: -1.0 / 255.0, intercept: 1.0 }),
+        (
+            "u8",
+            Grid::new(dims, Samples::U8(scaled(255.0, 0.0).map(|v| v as u8).collect())).unwrap(),
+            Rescale { slope: 1.0 / 255.0, intercept: 0.0 },
+        ),
+        (
+            "u16",
+            Grid::new(dims, Samples::U16(scaled(65535.0, 0.0).map(|v| v as u16).collect())).unwrap(),
+            Rescale { slope: 1.0 / 65535.0, intercept: 0.0 },
+        ),
+        (
+            "i16",
+            Grid::new(dims, Samples::I16(scaled(65535.0, -32768.0).map(|v| v as i16).collect())).unwrap(),
+            Rescale { slope: 1.0 / 65535.0, intercept: 32768.0 / 65535.0 },
+        ),
+        (
+            "u8 negative slope",
+            Grid::new(dims, Samples::U8(scaled(-255.0, 255.0).map(|v| v as u8).collect())).unwrap(),
+            Rescale { slope: -1.0 / 255.0, intercept: 1.0 },
+        ),
     ];
-    let shear = DMat3::from_cols(DVec3::new(0.9, 0.1, 0.0), DVec3::new(-0.2, 0.0, 1.0), DVec3::new(0.1, 0.8, 0.3));
+    let shear =
+        DMat3::from_cols(DVec3::new(0.9, 0.1, 0.0), DVec3::new(-0.2, 0.0, 1.0), DVec3::new(0.1, 0.8, 0.3));
     for (name, grid, rescale) in grids {
         for direction in [DMat3::IDENTITY, DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0)), shear] {
             let centre = direction * (DVec3::new(0.15, 0.18, 0.2) * grid.last_index() * 0.5);
@@ -242,7 +280,13 @@ fn sample_types_and_placements_match_the_reference() {
     // The comparison sees a mirrored axis.
     let view = view(perspective(), 1.0, 60, 50);
     let scene = Scene { grid: base.clone(), transfer: TransferFunction::from_rows(&rows).unwrap() };
-    let mirrored = base.with_placement(DVec3::new(2.0 / 13.0, 2.0 / 11.0, 2.0 / 9.0), DVec3::new(1.0, -1.0, -1.0), DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0))).unwrap();
+    let mirrored = base
+        .with_placement(
+            DVec3::new(2.0 / 13.0, 2.0 / 11.0, 2.0 / 9.0),
+            DVec3::new(1.0, -1.0, -1.0),
+            DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0)),
+        )
+        .unwrap();
     let mirrored = Scene { grid: mirrored, transfer: scene.transfer.clone() };
     assert!(errors(&draw(&gpu, &mirrored, &view, "step=0.1"), &scene, &view).all.rmse > 1e-2);
 }
@@ -258,7 +302,8 @@ fn an_asymmetric_volume_appears_where_it_is() {
         let grid = Grid::new([n, n, n], Samples::U8(samples)).unwrap();
         let grid = grid.with_placement(DVec3::splat(0.125), DVec3::NEG_ONE, DMat3::IDENTITY).unwrap();
         let position = grid.world_of_index(DVec3::new(f64::from(x), f64::from(y), f64::from(z)));
-        let transfer = TransferFunction::from_rows(&[[0.0, 1.0, 1.0, 1.0, 0.0], [255.0, 1.0, 1.0, 1.0, 20.0]]).unwrap();
+        let transfer =
+            TransferFunction::from_rows(&[[0.0, 1.0, 1.0, 1.0, 0.0], [255.0, 1.0, 1.0, 1.0, 20.0]]).unwrap();
         let scene = Scene { grid, transfer };
         for projection in [perspective(), orthographic()] {
             let view = view(projection, 1.0, 90, 70);
@@ -275,7 +320,11 @@ fn an_asymmetric_volume_appears_where_it_is() {
                 }
                 assert!(sum > 1.0, "nothing was drawn");
                 // The footprint is symmetric about the sample but for perspective, a tenth of a pixel.
-                assert!((centre / sum - expected).length() < 0.3, "{projection:?} {route}: {} is not {expected}", centre / sum);
+                assert!(
+                    (centre / sum - expected).length() < 0.3,
+                    "{projection:?} {route}: {} is not {expected}",
+                    centre / sum
+                );
             }
         }
     }
@@ -299,10 +348,14 @@ fn not_a_number_is_vacuum_and_infinity_is_an_end() {
             let view = view(projection, 1.0, 60, 50);
             for route in routes(&gpu) {
                 for filter in ["exact", "hardware"] {
-                    let image = draw(&gpu, &scene, &view, &format!("step=0.02,route={route},filter={filter}"));
+                    let image =
+                        draw(&gpu, &scene, &view, &format!("step=0.02,route={route},filter={filter}"));
                     let errors = errors(&image, &scene, &view);
                     // First order at the vacuum's faces: half a step of 0.006 times tau of 3.
-                    assert!(errors.all.rmse < 2e-3 && errors.all.max_abs < 1.5e-2, "{special} {projection:?} {route} {filter}: {errors}");
+                    assert!(
+                        errors.all.rmse < 2e-3 && errors.all.max_abs < 1.5e-2,
+                        "{special} {projection:?} {route} {filter}: {errors}"
+                    );
                 }
             }
         }
@@ -328,7 +381,9 @@ fn many_knots_match_few() {
     let view = view(perspective(), 1.0, 60, 50);
     for route in routes(&gpu) {
         let options = format!("step=0.5,route={route}");
-        let errors = ImageErrors::between(&draw(&gpu, &few, &view, &options), &draw(&gpu, &dense, &view, &options)).unwrap();
+        let errors =
+            ImageErrors::between(&draw(&gpu, &few, &view, &options), &draw(&gpu, &dense, &view, &options))
+                .unwrap();
         assert!(errors.all.max_abs < 1e-5, "{route}: {errors}");
     }
 }
@@ -345,11 +400,16 @@ fn targets_differ_by_their_precision() {
     let best = draw(&gpu, &scene, &view, "step=1,route=raster");
     for order in ["back-to-front", "front-to-back"] {
         // 30 slices: each blend rounds by half a unit, 2^-12 relative for half floats near 1, 1/510 for 8 bits.
-        for (target, bound) in [("rgba16f", 30.0 * (-12.0_f64).exp2()), ("rgba8", 30.0 / 510.0), ("rgba32f", 1e-5)] {
+        for (target, bound) in
+            [("rgba16f", 30.0 * (-12.0_f64).exp2()), ("rgba8", 30.0 / 510.0), ("rgba32f", 1e-5)]
+        {
             let image = draw(&gpu, &scene, &view, &format!("step=1,target={target},order={order}"));
             let errors = ImageErrors::between(&image, &best).unwrap();
             assert!(errors.all.max_abs <= bound, "{target} {order}: {errors}");
-            assert!(target == "rgba32f" || errors.all.max_abs > 1e-4, "{target} {order} is suspiciously exact: {errors}");
+            assert!(
+                target == "rgba32f" || errors.all.max_abs > 1e-4,
+                "{target} {order} is suspiciously exact: {errors}"
+            );
         }
     }
 }
@@ -361,10 +421,15 @@ fn plane_ends_are_the_classic_polygons() {
     let scene = scene(Field::Homogeneous(1.0), 9, "f32", &[[0.0, 1.0, 1.0, 1.0, 1.0]]);
     let view = view(orthographic(), 1.0, 60, 50);
     for route in routes(&gpu) {
-        let clip = errors(&draw(&gpu, &scene, &view, &format!("step=1,ends=clip,route={route}")), &scene, &view);
-        let plane = errors(&draw(&gpu, &scene, &view, &format!("step=1,ends=plane,route={route}")), &scene, &view);
+        let clip =
+            errors(&draw(&gpu, &scene, &view, &format!("step=1,ends=clip,route={route}")), &scene, &view);
+        let plane =
+            errors(&draw(&gpu, &scene, &view, &format!("step=1,ends=plane,route={route}")), &scene, &view);
         // One slice too many or too few at each end: at most a whole step of 0.25 at tau 1.
-        assert!(plane.all.max_abs > 100.0 * clip.alpha.p99 && plane.alpha.max_abs < 0.25, "{route}: {clip} / {plane}");
+        assert!(
+            plane.all.max_abs > 100.0 * clip.alpha.p99 && plane.alpha.max_abs < 0.25,
+            "{route}: {clip} / {plane}"
+        );
     }
 }
 
@@ -399,7 +464,12 @@ fn long_marches_are_split() {
     println!("loop limit: {limit}");
     let tau = 0.5;
     let scene = scene(Field::Homogeneous(1.0), 2, "f32", &[[0.0, 1.0, 1.0, 1.0, tau]]);
-    let camera = Camera { eye: DVec3::new(0.0, 0.0, 5.0), target: DVec3::ZERO, up: DVec3::Y, projection: orthographic() };
+    let camera = Camera {
+        eye: DVec3::new(0.0, 0.0, 5.0),
+        target: DVec3::ZERO,
+        up: DVec3::Y,
+        projection: orthographic(),
+    };
     let view = View::new(camera, 9, 7).unwrap();
     // Two units of depth, 140,000 slabs; voxels are two units wide.
     let options = technique("step=7.142857e-6,route=compute");
@@ -427,7 +497,10 @@ fn long_marches_are_split() {
     if limit == u32::MAX {
         assert!((whole - want).abs() <= bound, "{whole} is not {want}");
     } else {
-        assert!((whole - want).abs() > 10.0 * bound, "{whole}: this device's limit of {limit} should have cut the march short");
+        assert!(
+            (whole - want).abs() > 10.0 * bound,
+            "{whole}: this device's limit of {limit} should have cut the march short"
+        );
     }
 }
 
@@ -436,7 +509,8 @@ fn long_marches_are_split() {
 fn extremes_stay_exact() {
     let gpu = gpu();
     let square = |projection, distance, side: u32| {
-        let camera = Camera { eye: DVec3::new(0.0, 0.0, distance), target: DVec3::ZERO, up: DVec3::Y, projection };
+        let camera =
+            Camera { eye: DVec3::new(0.0, 0.0, distance), target: DVec3::ZERO, up: DVec3::Y, projection };
         View::new(camera, side, side).unwrap()
     };
     let centre = |tau: f64, view: &View, options: &str| {
@@ -458,9 +532,14 @@ fn extremes_stay_exact() {
         // Nothing: exactly transparent black.
         assert_eq!(centre(0.0, &parallel, &format!("route={route}")), [0.0; 4]);
         // A million sizes away, through a small angle; the cube is 20.2 pixels of 31 wide.
-        let far = square(Projection::Perspective { fov_y_deg: (3.07e-6_f64 / 2.0).atan().to_degrees() * 2.0 }, 1e6, 31);
+        let far = square(
+            Projection::Perspective { fov_y_deg: (3.07e-6_f64 / 2.0).atan().to_degrees() * 2.0 },
+            1e6,
+            31,
+        );
         let scene = scene(Field::Blobs, 16, "f32", &FOG);
-        let errors = errors(&draw(&gpu, &scene, &far, &format!("step=0.05,route={route},filter=exact")), &scene, &far);
+        let errors =
+            errors(&draw(&gpu, &scene, &far, &format!("step=0.05,route={route},filter=exact")), &scene, &far);
         assert!(errors.all.rmse < 1e-4, "{route}: {errors}");
         // A wide angle from inside, a very narrow image, and the view along an axis from a face.
         for view in [
@@ -468,9 +547,17 @@ fn extremes_stay_exact() {
             View::new(camera(perspective(), 1.0), 1, 64).unwrap(),
             square(perspective(), 1.0, 33),
         ] {
-            let errors = self::errors(&draw(&gpu, &scene, &view, &format!("step=0.05,route={route},filter=exact")), &scene, &view);
+            let errors = self::errors(
+                &draw(&gpu, &scene, &view, &format!("step=0.05,route={route},filter=exact")),
+                &scene,
+                &view,
+            );
             // At 85 degrees off the axis planar slices lie 1/cos = 11 times as far apart along the ray.
-            assert!(errors.non_finite == 0 && errors.all.rmse < 1e-3, "{route} {:?}: {errors}", view.camera());
+            assert!(
+                errors.non_finite == 0 && errors.all.rmse < 1e-3,
+                "{route} {:?}: {errors}",
+                view.camera()
+            );
         }
     }
 }
@@ -492,11 +579,15 @@ fn a_plain_scene_takes_what_it_needs() {
         assert_eq!(gpu.pipelines(), pipelines, "{options}");
         let mut report = gpu.memory_report();
         report.sort();
-        let want = [("slices-3d.accumulation", image_bytes), ("transfer.knots", 16 * 48), ("volume", volume_bytes)];
+        let want =
+            [("slices-3d.accumulation", image_bytes), ("transfer.knots", 16 * 48), ("volume", volume_bytes)];
         assert_eq!(report.len(), want.len(), "{options}: {report:?}");
         for ((name, bytes), (wanted, least)) in report.iter().zip(want) {
             assert_eq!(name, wanted, "{options}");
-            assert!((least..=least + least / 4 + 4096).contains(bytes), "{options}: {name} takes {bytes} for {least}");
+            assert!(
+                (least..=least + least / 4 + 4096).contains(bytes),
+                "{options}: {name} takes {bytes} for {least}"
+            );
         }
         drop(frames);
         drop(renderer);
@@ -508,7 +599,13 @@ fn a_plain_scene_takes_what_it_needs() {
     check("route=compute", float(), &["slices-3d.march"], 32 * 32 * 32 * 4, pixels * 16);
     check("route=raster", float(), &["slices-3d.draw"], 32 * 32 * 32 * 4, pixels * 16);
     check("target=rgba8", float(), &["slices-3d.draw"], 32 * 32 * 32 * 4, pixels * 4);
-    check("filter=exact", scene(Field::MarschnerLobb, 64, "u8", &SHELLS), &["slices-3d.march"], 64 * 64 * 64, pixels * 16);
+    check(
+        "filter=exact",
+        scene(Field::MarschnerLobb, 64, "u8", &SHELLS),
+        &["slices-3d.march"],
+        64 * 64 * 64,
+        pixels * 16,
+    );
 }
 
 /// What the device cannot hold is said before the driver is asked, with both numbers.
@@ -520,14 +617,20 @@ fn limits_are_reported_with_both_numbers() {
     let error = Renderer::new(&GpuScene::new(&small, big), Technique::default()).render(&view).unwrap_err();
     assert_eq!(error.exit_code(), 3);
     let message = error.to_string();
-    assert!(message.contains("volume") && message.contains(&(64 * 64 * 64 * 4).to_string()) && message.contains("100000"), "{message}");
+    assert!(
+        message.contains("volume")
+            && message.contains(&(64 * 64 * 64 * 4).to_string())
+            && message.contains("100000"),
+        "{message}"
+    );
 
     let gpu = gpu();
     let limit = gpu.max_image_3d();
     let long = limit + 1;
     let grid = Grid::new([long, 2, 2], Samples::U8(vec![1; 4 * long as usize])).unwrap();
     let scene = Scene { grid, transfer: TransferFunction::from_rows(&FOG).unwrap() };
-    let error = Renderer::new(&GpuScene::new(&gpu, scene), technique("filter=exact")).render(&view).unwrap_err();
+    let error =
+        Renderer::new(&GpuScene::new(&gpu, scene), technique("filter=exact")).render(&view).unwrap_err();
     let message = error.to_string();
     assert!(message.contains(&limit.to_string()) && message.contains(&long.to_string()), "{message}");
     assert_eq!(error.exit_code(), 3);

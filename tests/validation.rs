@@ -125,7 +125,8 @@ fn child(test: &str, variables: &[(&str, &str)]) -> (bool, String) {
         .envs(variables.iter().copied())
         .output()
         .unwrap();
-    let text = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+    let text =
+        String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
     (output.status.success(), text)
 }
 
@@ -160,6 +161,9 @@ fn child_opens_any_device() {
 fn a_refused_device_says_why() {
     let (_, text) = child("child_opens_any_device", &[("VOLRASTER_DEVICE", "none")]);
     assert!(text.contains("its name does not contain \"none\"") && text.contains("exit code 3"), "{text}");
-    let (_, text) = child("child_opens_any_device", &[("VK_DRIVER_FILES", "/nonexistent/icd.json"), ("VK_ICD_FILENAMES", "/nonexistent/icd.json")]);
+    let (_, text) = child(
+        "child_opens_any_device",
+        &[("VK_DRIVER_FILES", "/nonexistent/icd.json"), ("VK_ICD_FILENAMES", "/nonexistent/icd.json")],
+    );
     assert!(text.contains("refused: ") && text.contains("exit code"), "{text}");
 }

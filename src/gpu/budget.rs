@@ -51,7 +51,12 @@ impl Budget {
     pub(crate) fn check(&self, object: &str, bytes: u64) -> Result<()> {
         let available = self.total.saturating_sub(self.used());
         if bytes > available {
-            return Err(Error::Memory { object: object.to_string(), needed: bytes, available, budget: self.total });
+            return Err(Error::Memory {
+                object: object.to_string(),
+                needed: bytes,
+                available,
+                budget: self.total,
+            });
         }
         Ok(())
     }
@@ -61,7 +66,12 @@ impl Budget {
         let mut live = self.lock();
         let available = self.total.saturating_sub(live.used);
         if bytes > available {
-            return Err(Error::Memory { object: object.to_string(), needed: bytes, available, budget: self.total });
+            return Err(Error::Memory {
+                object: object.to_string(),
+                needed: bytes,
+                available,
+                budget: self.total,
+            });
         }
         let key = live.next;
         live.next += 1;

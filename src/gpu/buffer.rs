@@ -44,7 +44,9 @@ impl Buffer {
             BufferUse::ShaderRead => {
                 (U::UNIFORM_BUFFER | U::STORAGE_BUFFER | U::TRANSFER_DST, MemoryLocation::GpuOnly)
             }
-            BufferUse::ShaderWrite => (U::STORAGE_BUFFER | U::TRANSFER_SRC | U::TRANSFER_DST, MemoryLocation::GpuOnly),
+            BufferUse::ShaderWrite => {
+                (U::STORAGE_BUFFER | U::TRANSFER_SRC | U::TRANSFER_DST, MemoryLocation::GpuOnly)
+            }
             BufferUse::Upload => (U::TRANSFER_SRC, MemoryLocation::CpuToGpu),
             BufferUse::Download => (U::TRANSFER_DST, MemoryLocation::GpuToCpu),
         };
@@ -54,8 +56,15 @@ impl Buffer {
         let raw = unsafe { gpu.device().create_buffer(&info, None) }
             .map_err(|result| Error::Vulkan { call: "vkCreateBuffer", result })?;
         // `buffer` owns `raw` from here on, so every `?` below destroys it.
-        let mut buffer =
-            Self { gpu: gpu.clone(), raw, allocation: None, _reservation: None, size, purpose, name: name.to_string() };
+        let mut buffer = Self {
+            gpu: gpu.clone(),
+            raw,
+            allocation: None,
+            _reservation: None,
+            size,
+            purpose,
+            name: name.to_string(),
+        };
         gpu.name(raw, name);
         // SAFETY: `raw` was just made from this device.
         let requirements = unsafe { gpu.device().get_buffer_memory_requirements(raw) };

@@ -77,7 +77,9 @@ impl PipelineCacheFile {
 
 /// FNV-1a, 64 bit: finds damage; it is not meant against an attacker who can write the user's files.
 fn hash(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+    bytes
+        .iter()
+        .fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
 fn header(data: &[u8], identity: &Identity) -> Vec<u8> {

@@ -328,9 +328,13 @@ impl Gpu {
         use vk::FormatFeatureFlags as F;
         let format = |format, flags| self.image_features(format).contains(flags);
         match feature {
-            OptionalFeature::LinearFilterR32f => format(vk::Format::R32_SFLOAT, F::SAMPLED_IMAGE_FILTER_LINEAR),
+            OptionalFeature::LinearFilterR32f => {
+                format(vk::Format::R32_SFLOAT, F::SAMPLED_IMAGE_FILTER_LINEAR)
+            }
             OptionalFeature::LinearFilterR16 => format(vk::Format::R16_UNORM, F::SAMPLED_IMAGE_FILTER_LINEAR),
-            OptionalFeature::BlendRgba32f => format(vk::Format::R32G32B32A32_SFLOAT, F::COLOR_ATTACHMENT_BLEND),
+            OptionalFeature::BlendRgba32f => {
+                format(vk::Format::R32G32B32A32_SFLOAT, F::COLOR_ATTACHMENT_BLEND)
+            }
             OptionalFeature::MemoryBudget => self.inner.memory_budget,
             OptionalFeature::Timestamps => self.inner.timestamp_bits > 0,
             OptionalFeature::DebugNames => self.inner.debug.is_some(),
@@ -373,7 +377,8 @@ impl Gpu {
     pub(crate) fn image_features(&self, format: vk::Format) -> vk::FormatFeatureFlags {
         let instance = &self.inner.instance.raw;
         // SAFETY: the physical device belongs to this instance.
-        let properties = unsafe { instance.get_physical_device_format_properties(self.inner.physical, format) };
+        let properties =
+            unsafe { instance.get_physical_device_format_properties(self.inner.physical, format) };
         properties.optimal_tiling_features
     }
 

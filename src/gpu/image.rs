@@ -196,9 +196,10 @@ fn check_limits(gpu: &Gpu, name: &str, desc: &ImageDesc) -> Result<()> {
             name,
             format!("{} bytes exceed the limit of {} for one image", desc.texel_bytes(), p.max_resource_size),
         )),
-        Err(vk::Result::ERROR_FORMAT_NOT_SUPPORTED) => {
-            Err(Error::unsupported(name, format!("no images of format {:?} with {:?}", desc.format, desc.usage)))
-        }
+        Err(vk::Result::ERROR_FORMAT_NOT_SUPPORTED) => Err(Error::unsupported(
+            name,
+            format!("no images of format {:?} with {:?}", desc.format, desc.usage),
+        )),
         Err(result) => Err(Error::Vulkan { call: "vkGetPhysicalDeviceImageFormatProperties", result }),
     }
 }

@@ -37,15 +37,16 @@ impl Instance {
         // SAFETY: loading the system's Vulkan loader runs its initialisers; the crate relies on the
         // installed loader being sound, as every Vulkan program does.
         let entry = unsafe { ash::Entry::load() }.map_err(|error| Error::NoDevice {
-            why: format!("the Vulkan loader cannot be loaded ({error}); install libvulkan1 or a driver that brings it"),
+            why: format!(
+                "the Vulkan loader cannot be loaded ({error}); install libvulkan1 or a driver that brings it"
+            ),
         })?;
         let layer = if validation == Validation::Off { None } else { Some(find_layer(&entry)?) };
         let log = Arc::new(ValidationLog::default());
 
         // SAFETY: the loader is loaded; no layer is named.
-        let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }.map_err(|result| {
-            Error::Vulkan { call: "vkEnumerateInstanceExtensionProperties", result }
-        })?;
+        let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }
+            .map_err(|result| Error::Vulkan { call: "vkEnumerateInstanceExtensionProperties", result })?;
         let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
         let debug_utils = layer.is_some() || has(ext::debug_utils::NAME);
         let portability = has(ash::khr::portability_enumeration::NAME);
@@ -71,7 +72,8 @@ impl Instance {
         }
         let mut features_info = vk::ValidationFeaturesEXT::default().enabled_validation_features(&features);
         let on = 1_u32.to_ne_bytes();
-        let mut settings = vec![setting(c"validate_sync", &on), setting(c"syncval_shader_accesses_heuristic", &on)];
+        let mut settings =
+            vec![setting(c"validate_sync", &on), setting(c"syncval_shader_accesses_heuristic", &on)];
         if gpu_assisted {
             settings.push(setting(c"gpuav_enable", &on));
         }

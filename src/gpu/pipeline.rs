@@ -108,12 +108,15 @@ impl Gpu {
             constants: desc.constants.to_vec(),
             state: Some((desc.topology, desc.blend, desc.format)),
         };
-        self.find_or_build(key, name, &[desc.vertex, desc.fragment], |layout| self.build_graphics(desc, layout))
+        self.find_or_build(key, name, &[desc.vertex, desc.fragment], |layout| {
+            self.build_graphics(desc, layout)
+        })
     }
 
     /// The compute pipeline of a description, built on first use.
     pub(crate) fn compute_pipeline(&self, name: &str, desc: &ComputeDesc<'_>) -> Result<Arc<Pipeline>> {
-        let key = PipelineKey { shaders: vec![desc.shader.name], constants: desc.constants.to_vec(), state: None };
+        let key =
+            PipelineKey { shaders: vec![desc.shader.name], constants: desc.constants.to_vec(), state: None };
         self.find_or_build(key, name, &[desc.shader], |layout| self.build_compute(desc, layout))
     }
 
@@ -146,7 +149,8 @@ impl Gpu {
 
     /// Layouts from what the shaders declare: set 0 with the union of their bindings.
     fn layout_of(&self, name: &str, shaders: &[&'static Shader]) -> Result<Pipeline> {
-        let mut bindings: Vec<(u32, BindingKind)> = shaders.iter().flat_map(|s| s.bindings.iter().copied()).collect();
+        let mut bindings: Vec<(u32, BindingKind)> =
+            shaders.iter().flat_map(|s| s.bindings.iter().copied()).collect();
         bindings.sort_unstable_by_key(|&(binding, _)| binding);
         bindings.dedup();
         let stages = shaders.iter().fold(vk::ShaderStageFlags::empty(), |all, s| all | stage_flags(s.stage));
@@ -210,8 +214,8 @@ impl Gpu {
             .polygon_mode(vk::PolygonMode::FILL)
             .cull_mode(vk::CullModeFlags::NONE)
             .line_width(1.0);
-        let samples =
-            vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(vk::SampleCountFlags::TYPE_1);
+        let samples = vk::PipelineMultisampleStateCreateInfo::default()
+            .rasterization_samples(vk::SampleCountFlags::TYPE_1);
         let (source, destination) = match desc.blend {
             Blend::Copy => (vk::BlendFactor::ONE, vk::BlendFactor::ZERO),
             Blend::Over => (vk::BlendFactor::ONE, vk::BlendFactor::ONE_MINUS_SRC_ALPHA),
@@ -356,11 +360,15 @@ impl Descriptors {
     /// A set for `pipeline`. Every binding that the pipeline declares must be given; others are ignored.
     pub(crate) fn new(gpu: &Gpu, pipeline: &Pipeline, given: &[(u32, Resource)]) -> Result<Self> {
         let missing = |binding: u32| {
-            Error::invalid(format!("descriptors of {}", pipeline.name), format!("binding {binding} is not given"))
+            Error::invalid(
+                format!("descriptors of {}", pipeline.name),
+                format!("binding {binding} is not given"),
+            )
         };
         let mut resources = Vec::new();
         for &(binding, kind) in &pipeline.bindings {
-            let found = given.iter().find(|(number, _)| *number == binding).ok_or_else(|| missing(binding))?;
+            let found =
+                given.iter().find(|(number, _)| *number == binding).ok_or_else(|| missing(binding))?;
             resources.push((binding, kind, found.1.clone()));
         }
         let sizes: Vec<_> = pipeline

@@ -57,7 +57,8 @@ impl Gpu {
             return Ok(answer);
         }
         let linear = vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR;
-        let both = [vk::Format::R8_UNORM, vk::Format::R16_UNORM].map(|f| self.image_features(f).contains(linear));
+        let both =
+            [vk::Format::R8_UNORM, vk::Format::R16_UNORM].map(|f| self.image_features(f).contains(linear));
         let answer = if both == [true, true] {
             let coarse = self.filter_error(vk::Format::R8_UNORM)?;
             let fine = self.filter_error(vk::Format::R16_UNORM)?;
@@ -87,7 +88,8 @@ impl Gpu {
                 bytes.fill(if i % 2 == 1 { 0xff } else { 0 });
             }
         })?;
-        let words = self.run_probe(&shader::PROBE_FILTER, POSITIONS, POSITIONS, POSITIONS / 64, Some(volume))?;
+        let words =
+            self.run_probe(&shader::PROBE_FILTER, POSITIONS, POSITIONS, POSITIONS / 64, Some(volume))?;
         let error = |(i, &bits): (usize, &u32)| {
             (f64::from(f32::from_bits(bits)) - num::f64_of(i) / f64::from(POSITIONS - 1)).abs()
         };
@@ -103,7 +105,8 @@ impl Gpu {
         volume: Option<Arc<Image>>,
     ) -> Result<Vec<u32>> {
         let pipeline = self.compute_pipeline(shader.name, &ComputeDesc { shader, constants: &[] })?;
-        let result = Arc::new(Buffer::new(self, "probe.result", 4 * u64::from(words), BufferUse::ShaderWrite)?);
+        let result =
+            Arc::new(Buffer::new(self, "probe.result", 4 * u64::from(words), BufferUse::ShaderWrite)?);
         let mut resources = vec![(BINDING_RESULT, Resource::Buffer(Arc::clone(&result)))];
         if let Some(volume) = &volume {
             resources.push((BINDING_VOLUME, Resource::Sampled(Arc::clone(volume), vk::Filter::LINEAR)));

@@ -48,12 +48,15 @@ impl Timers {
             return Ok(Vec::new());
         }
         // SAFETY: every query read here was written by a submission that has ended.
-        unsafe { self.gpu.device().get_query_pool_results(self.pool, 0, &mut stamps, vk::QueryResultFlags::TYPE_64) }
-            .map_err(|result| Error::Vulkan { call: "vkGetQueryPoolResults", result })?;
+        unsafe {
+            self.gpu.device().get_query_pool_results(self.pool, 0, &mut stamps, vk::QueryResultFlags::TYPE_64)
+        }
+        .map_err(|result| Error::Vulkan { call: "vkGetQueryPoolResults", result })?;
         let bits = self.gpu.inner.timestamp_bits;
         let mask = if bits >= 64 { u64::MAX } else { (1 << bits) - 1 };
         let nanoseconds = f64::from(self.gpu.inner.properties.limits.timestamp_period);
-        let span = |pair: &[u64]| crate::num::f64_of_u64(pair[1].wrapping_sub(pair[0]) & mask) * nanoseconds * 1e-6;
+        let span =
+            |pair: &[u64]| crate::num::f64_of_u64(pair[1].wrapping_sub(pair[0]) & mask) * nanoseconds * 1e-6;
         Ok(stamps.chunks_exact(2).map(span).collect())
     }
 }
@@ -149,7 +152,10 @@ impl<'a> Recorder<'a> {
 
     /// One draw as a pass, into one colour attachment of which all is drawn to. `clear` begins with
     /// transparent black instead of what the attachment holds.
-    #[expect(clippy::too_many_arguments, reason = "a draw is made of these; a structure would name each once more")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "a draw is made of these; a structure would name each once more"
+    )]
     pub(crate) fn draw(
         &mut self,
         name: &str,
@@ -286,7 +292,12 @@ impl<'a> Recorder<'a> {
     }
 
     fn bind(&mut self, pipeline: &Arc<Pipeline>, descriptors: &Arc<Descriptors>, push: &[u8]) {
-        debug_assert_eq!(crate::num::count(push.len()), pipeline.push_bytes(), "push constants of {}", pipeline.name());
+        debug_assert_eq!(
+            crate::num::count(push.len()),
+            pipeline.push_bytes(),
+            "push constants of {}",
+            pipeline.name()
+        );
         let device = self.gpu.device();
         let raw = self.commands.raw();
         // SAFETY: the pipeline lives as long as the device.

@@ -129,7 +129,9 @@ fn inspect(instance: &Instance, raw: vk::PhysicalDevice) -> Candidate {
     } else {
         None
     };
-    let name = properties.device_name_as_c_str().map_or_else(|_| String::new(), |n| n.to_string_lossy().into_owned());
+    let name = properties
+        .device_name_as_c_str()
+        .map_or_else(|_| String::new(), |n| n.to_string_lossy().into_owned());
     let text = |s: std::result::Result<&std::ffi::CStr, std::ffi::FromBytesUntilNulError>| {
         s.map_or_else(|_| String::new(), |n| n.to_string_lossy().into_owned())
     };
@@ -179,7 +181,10 @@ mod tests {
 
     #[test]
     fn what_a_device_lacks_is_its_reason() {
-        let old = Offer { refused: Some("Vulkan 1.1.0 is older than the required 1.3"), ..offer("Old", "discrete") };
+        let old = Offer {
+            refused: Some("Vulkan 1.1.0 is older than the required 1.3"),
+            ..offer("Old", "discrete")
+        };
         let (best, why) = choose(&[old, offer("llvmpipe", "cpu")], None);
         assert_eq!(best, Some(1));
         assert!(why[0].contains("1.1.0"));

@@ -55,7 +55,9 @@ impl Use {
     pub(crate) const fn masks(self) -> (Stage, Access, Layout) {
         match self {
             Self::TransferRead => (Stage::COPY, Access::TRANSFER_READ, Layout::TRANSFER_SRC_OPTIMAL),
-            Self::TransferWrite => (Stage::ALL_TRANSFER, Access::TRANSFER_WRITE, Layout::TRANSFER_DST_OPTIMAL),
+            Self::TransferWrite => {
+                (Stage::ALL_TRANSFER, Access::TRANSFER_WRITE, Layout::TRANSFER_DST_OPTIMAL)
+            }
             Self::HostRead => (Stage::HOST, Access::HOST_READ, Layout::GENERAL),
             Self::FragmentSample => {
                 (Stage::FRAGMENT_SHADER, Access::SHADER_SAMPLED_READ, Layout::SHADER_READ_ONLY_OPTIMAL)
@@ -75,12 +77,16 @@ impl Use {
             ),
             Self::ComputeReadWrite => (
                 Stage::COMPUTE_SHADER,
-                Access::from_raw(Access::SHADER_STORAGE_READ.as_raw() | Access::SHADER_STORAGE_WRITE.as_raw()),
+                Access::from_raw(
+                    Access::SHADER_STORAGE_READ.as_raw() | Access::SHADER_STORAGE_WRITE.as_raw(),
+                ),
                 Layout::GENERAL,
             ),
             Self::ColorAttachment => (
                 Stage::COLOR_ATTACHMENT_OUTPUT,
-                Access::from_raw(Access::COLOR_ATTACHMENT_READ.as_raw() | Access::COLOR_ATTACHMENT_WRITE.as_raw()),
+                Access::from_raw(
+                    Access::COLOR_ATTACHMENT_READ.as_raw() | Access::COLOR_ATTACHMENT_WRITE.as_raw(),
+                ),
                 Layout::COLOR_ATTACHMENT_OPTIMAL,
             ),
             Self::AnyShaderRead => (

@@ -18,7 +18,8 @@ impl Buffer {
     pub(crate) fn with_data(gpu: &Gpu, name: &str, bytes: &[u8]) -> Result<Arc<Self>> {
         let size = u64::try_from(bytes.len()).unwrap_or(u64::MAX);
         let buffer = Arc::new(Self::new(gpu, name, size, BufferUse::ShaderRead)?);
-        let staging = Arc::new(staging(gpu, name, size, |memory| memory[..bytes.len()].copy_from_slice(bytes))?);
+        let staging =
+            Arc::new(staging(gpu, name, size, |memory| memory[..bytes.len()].copy_from_slice(bytes))?);
         let mut commands = Commands::new(gpu)?;
         let mut recorder = Recorder::new(gpu, commands.begin()?, None);
         recorder.copy_buffer("upload", &staging, &buffer, size);
@@ -48,7 +49,8 @@ impl Image {
         let image = Arc::new(Self::new(gpu, name, desc)?);
         let planes = desc.extent[2];
         let plane_bytes = desc.texel_bytes() / u64::from(planes.max(1));
-        let turn = num::count(usize::try_from(STAGING_BYTES / plane_bytes.max(1)).unwrap_or(1)).clamp(1, planes);
+        let turn =
+            num::count(usize::try_from(STAGING_BYTES / plane_bytes.max(1)).unwrap_or(1)).clamp(1, planes);
         let mut first = 0;
         let mut commands = Commands::new(gpu)?;
         while first < planes {

@@ -224,7 +224,9 @@ mod tests {
 
     #[test]
     fn project_inverts_ray_and_the_top_row_is_up() {
-        for projection in [Projection::Perspective { fov_y_deg: 42.0 }, Projection::Orthographic { half_height: 1.6 }] {
+        for projection in
+            [Projection::Perspective { fov_y_deg: 42.0 }, Projection::Orthographic { half_height: 1.6 }]
+        {
             let view = View::new(camera(projection), 64, 48).unwrap();
             let pixel = DVec2::new(3.25, 40.5);
             let (origin, direction) = view.ray(pixel);
@@ -246,7 +248,9 @@ mod tests {
         assert!(why(Camera { up: good.eye, ..good }, 4, 4).contains("parallel"));
         assert!(why(Camera { up: DVec3::ZERO, ..good }, 4, 4).contains("length"));
         assert!(why(camera(Projection::Perspective { fov_y_deg: 180.0 }), 4, 4).contains("fov_y_deg"));
-        assert!(why(camera(Projection::Orthographic { half_height: f64::NAN }), 4, 4).contains("half_height"));
+        assert!(
+            why(camera(Projection::Orthographic { half_height: f64::NAN }), 4, 4).contains("half_height")
+        );
         assert!(why(Camera { eye: DVec3::NAN, ..good }, 4, 4).contains("eye"));
     }
 

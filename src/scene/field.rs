@@ -77,7 +77,9 @@ impl Field {
             Self::Blobs => {
                 let sum: f64 = BLOBS
                     .iter()
-                    .map(|&[x, y, z, r, a]| a * (-(p - DVec3::new(x, y, z)).length_squared() / (2.0 * r * r)).exp())
+                    .map(|&[x, y, z, r, a]| {
+                        a * (-(p - DVec3::new(x, y, z)).length_squared() / (2.0 * r * r)).exp()
+                    })
                     .sum();
                 sum.clamp(0.0, 1.0)
             }

@@ -191,7 +191,8 @@ impl Grid {
         if !origin.is_finite() {
             return Err(Error::invalid("grid origin", format!("{origin}: must be finite")));
         }
-        let lengths = DVec3::new(direction.x_axis.length(), direction.y_axis.length(), direction.z_axis.length());
+        let lengths =
+            DVec3::new(direction.x_axis.length(), direction.y_axis.length(), direction.z_axis.length());
         let volume = direction.determinant().abs();
         // Relative to the axes' lengths the determinant is the sine-like measure of how far they are
         // from lying in one plane.
@@ -291,11 +292,7 @@ impl Grid {
     /// Index of the last sample along each axis, as numbers: the far corner of the domain.
     #[must_use]
     pub fn last_index(&self) -> DVec3 {
-        DVec3::new(
-            f64::from(self.dims[0] - 1),
-            f64::from(self.dims[1] - 1),
-            f64::from(self.dims[2] - 1),
-        )
+        DVec3::new(f64::from(self.dims[0] - 1), f64::from(self.dims[1] - 1), f64::from(self.dims[2] - 1))
     }
 
     /// World position of the domain's centre.
@@ -410,7 +407,9 @@ mod tests {
 
     #[test]
     fn x_is_fastest_and_the_domain_ends_at_the_samples() {
-        let grid = ramp().with_placement(DVec3::new(1.0, 2.0, 3.0), DVec3::new(10.0, 0.0, 0.0), DMat3::IDENTITY).unwrap();
+        let grid = ramp()
+            .with_placement(DVec3::new(1.0, 2.0, 3.0), DVec3::new(10.0, 0.0, 0.0), DMat3::IDENTITY)
+            .unwrap();
         assert_eq!(grid.value(1, 0, 0), 1.0);
         assert_eq!(grid.value(0, 1, 0), 2.0);
         assert_eq!(grid.value(0, 0, 1), 6.0);

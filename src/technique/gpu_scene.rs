@@ -129,7 +129,9 @@ impl GpuScene {
     }
 
     fn filterable(&self, encoding: Encoding) -> bool {
-        self.gpu.image_features(encoding.format()).contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)
+        self.gpu
+            .image_features(encoding.format())
+            .contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)
     }
 }
 
@@ -203,16 +205,27 @@ mod tests {
 
     #[test]
     fn every_encoding_keeps_every_value() {
-        let ends = |samples: Samples| Grid::new([2, 2, 2], samples).unwrap().with_rescale(Rescale { slope: -0.5, intercept: 3.0 }).unwrap();
+        let ends = |samples: Samples| {
+            Grid::new([2, 2, 2], samples)
+                .unwrap()
+                .with_rescale(Rescale { slope: -0.5, intercept: 3.0 })
+                .unwrap()
+        };
         let u8s = ends(Samples::U8(vec![0, 255, 7, 0, 0, 0, 0, 0]));
         let i16s = ends(Samples::I16(vec![i16::MIN, i16::MAX, -1, 0, 0, 0, 0, 0]));
         let u16s = ends(Samples::U16(vec![0, 65535, 77, 0, 0, 0, 0, 0]));
-        for (grid, encoding) in [(&u8s, Encoding::R8), (&u8s, Encoding::R16), (&i16s, Encoding::R16), (&u16s, Encoding::R16)] {
+        for (grid, encoding) in
+            [(&u8s, Encoding::R8), (&u8s, Encoding::R16), (&i16s, Encoding::R16), (&u16s, Encoding::R16)]
+        {
             let size = if encoding == Encoding::R8 { 1 } else { 2 };
             let memory = texels(grid, encoding, 8 * size);
             let (scale, offset) = value_map(grid, encoding);
             for i in 0..3_usize {
-                let code = if size == 1 { f64::from(memory[i]) / 255.0 } else { f64::from(u16::from_ne_bytes([memory[2 * i], memory[2 * i + 1]])) / 65535.0 };
+                let code = if size == 1 {
+                    f64::from(memory[i]) / 255.0
+                } else {
+                    f64::from(u16::from_ne_bytes([memory[2 * i], memory[2 * i + 1]])) / 65535.0
+                };
                 let want = grid.value(num::count(i % 2), num::count(i / 2), 0);
                 assert!((scale * code + offset - want).abs() < 1e-9, "{encoding:?} sample {i}");
             }
@@ -224,7 +237,10 @@ mod tests {
         let values = vec![f32::INFINITY, f32::NEG_INFINITY, 0.5, 0.0, 0.0, 0.0, 0.0, f32::NAN];
         let grid = Grid::new([2, 2, 2], Samples::F32(values)).unwrap();
         let read = |grid: &Grid| -> Vec<f32> {
-            texels(grid, Encoding::R32f, 32).chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect()
+            texels(grid, Encoding::R32f, 32)
+                .chunks_exact(4)
+                .map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]))
+                .collect()
         };
         assert_eq!(read(&grid)[..3], [2.0, -1.0, 0.5]);
         assert!(read(&grid)[7].is_nan());

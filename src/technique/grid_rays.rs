@@ -35,8 +35,11 @@ impl GridRays {
         // The centre plane's point on the ray of the image's centre, relative to the domain's centre: no
         // large numbers cancel.
         let foot = eye + view.forward() * centre_depth - centre;
-        let (kq, kd, near) =
-            if view.is_perspective() { (centre_depth, 1.0, -centre_depth) } else { (1.0, 0.0, f64::NEG_INFINITY) };
+        let (kq, kd, near) = if view.is_perspective() {
+            (centre_depth, 1.0, -centre_depth)
+        } else {
+            (1.0, 0.0, f64::NEG_INFINITY)
+        };
         let half = grid
             .corners()
             .iter()
@@ -66,10 +69,14 @@ mod tests {
     /// mirrored lattice.
     #[test]
     fn index_space_rays_are_the_camera_s_rays() {
-        let direction = DMat3::from_cols(DVec3::new(0.0, 1.0, 0.1), DVec3::new(1.0, 0.0, 0.0), DVec3::new(0.2, 0.0, 1.5));
+        let direction =
+            DMat3::from_cols(DVec3::new(0.0, 1.0, 0.1), DVec3::new(1.0, 0.0, 0.0), DVec3::new(0.2, 0.0, 1.5));
         let grid = Field::Ramp.sample([5, 6, 7], "f32").unwrap();
-        let grid = grid.with_placement(DVec3::new(0.5, 0.25, 2.0), DVec3::new(3.0, -1.0, 9.0), direction).unwrap();
-        for projection in [Projection::Perspective { fov_y_deg: 50.0 }, Projection::Orthographic { half_height: 4.0 }] {
+        let grid =
+            grid.with_placement(DVec3::new(0.5, 0.25, 2.0), DVec3::new(3.0, -1.0, 9.0), direction).unwrap();
+        for projection in
+            [Projection::Perspective { fov_y_deg: 50.0 }, Projection::Orthographic { half_height: 4.0 }]
+        {
             let camera =
                 Camera { eye: DVec3::new(9.0, 8.0, -20.0), target: grid.centre(), up: DVec3::Y, projection };
             let view = View::new(camera, 30, 20).unwrap();

@@ -248,7 +248,10 @@ impl Renderer {
                 vk::FormatFeatureFlags::COLOR_ATTACHMENT
             };
             if !gpu.image_features(format).contains(needed) {
-                return Err(Error::unsupported(format!("target of format {format:?}"), format!("{needed:?}")));
+                return Err(Error::unsupported(
+                    format!("target of format {format:?}"),
+                    format!("{needed:?}"),
+                ));
             }
         }
         let prepared = match &self.technique {
@@ -380,7 +383,10 @@ impl Plan {
         depth: Option<&DepthImage>,
     ) -> Result<Recorder<'a>> {
         if let Some(depth) = depth {
-            return Err(Error::unsupported("depth image", format!("{:?}: no technique takes one", depth.view)));
+            return Err(Error::unsupported(
+                "depth image",
+                format!("{:?}: no technique takes one", depth.view),
+            ));
         }
         if Arc::strong_count(&self.in_flight) > 1 {
             return Err(Error::invalid("plan", "its last recording has not been completed"));
@@ -488,7 +494,10 @@ impl Frames {
     pub fn read_back(&mut self) -> Result<Picture> {
         let gpu = &self.plan.gpu;
         let Some(image) = self.plan.prepared.image().cloned() else {
-            return Err(Error::invalid("plan", "draws into the caller's image: there is nothing to read back"));
+            return Err(Error::invalid(
+                "plan",
+                "draws into the caller's image: there is nothing to read back",
+            ));
         };
         let format = image.desc().format;
         let host = Arc::new(Buffer::new(gpu, "read back", image.desc().texel_bytes(), BufferUse::Download)?);
@@ -515,7 +524,9 @@ fn pixels(bytes: &[u8], format: vk::Format) -> Vec<[f32; 4]> {
         _ => bytes
             .chunks_exact(16)
             .map(|t| {
-                std::array::from_fn(|c| f32::from_ne_bytes([t[4 * c], t[4 * c + 1], t[4 * c + 2], t[4 * c + 3]]))
+                std::array::from_fn(|c| {
+                    f32::from_ne_bytes([t[4 * c], t[4 * c + 1], t[4 * c + 2], t[4 * c + 3]])
+                })
             })
             .collect(),
     }
@@ -540,9 +551,14 @@ mod tests {
 
     #[test]
     fn halves_are_read_exactly() {
-        for (bits, value) in
-            [(0x3c00, 1.0), (0xc000, -2.0), (0x3555, 0.333_251_95), (0x0001, 5.960_464_5e-8), (0x7bff, 65504.0), (0x7c00, f32::INFINITY)]
-        {
+        for (bits, value) in [
+            (0x3c00, 1.0),
+            (0xc000, -2.0),
+            (0x3555, 0.333_251_95),
+            (0x0001, 5.960_464_5e-8),
+            (0x7bff, 65504.0),
+            (0x7c00, f32::INFINITY),
+        ] {
             assert_eq!(half_to_f32(bits), value, "{bits:#x}");
         }
         assert!(half_to_f32(0x7e00).is_nan());

@@ -32,7 +32,10 @@ pub(crate) trait Choice: Copy + PartialEq + 'static {
 pub(crate) fn choice<C: Choice>(technique: &str, key: &str, text: &str) -> Result<C> {
     C::WORDS.iter().find(|(word, _)| *word == text).map(|(_, value)| *value).ok_or_else(|| {
         let words: Vec<&str> = C::WORDS.iter().map(|(word, _)| *word).collect();
-        Error::invalid(format!("{technique} option {key}"), format!("\"{text}\": must be one of {}", words.join(", ")))
+        Error::invalid(
+            format!("{technique} option {key}"),
+            format!("\"{text}\": must be one of {}", words.join(", ")),
+        )
     })
 }
 

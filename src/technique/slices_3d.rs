@@ -7,7 +7,7 @@
 //! 1. `glsl/slices-3d.glsl` makes the polygon of each slice in the vertex shader (route `raster`, one
 //!    instance a slice, blended by fixed function), or walks a pixel's slices in registers (route
 //!    `compute`).
-//! 2. The host derives the rays of the view in index space ([`GridRays`]) and the number of slabs.
+//! 2. The host derives the rays of the view in index space (`grid_rays`) and the number of slabs.
 //!
 //! Error: second order in `step` where field and transfer function are smooth, first order at a jump of
 //! the transfer function; none for a homogeneous grid. Cost: one fetch and one classification per slice
@@ -23,12 +23,13 @@ use super::options::{self, Choice, OptionInfo};
 use super::{TargetDesc, TargetMode};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
-    BINDING_ACCUMULATION, BINDING_KNOTS, BINDING_KNOTS_UNIFORM, BINDING_VOLUME, SLICES_3D_COMPUTE, SLICES_3D_FRAGMENT,
-    SLICES_3D_VERTEX, SPEC_CLIP_ENDS, SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_KNOT_WALK, SPEC_RESUME,
+    BINDING_ACCUMULATION, BINDING_KNOTS, BINDING_KNOTS_UNIFORM, BINDING_VOLUME, SLICES_3D_COMPUTE,
+    SLICES_3D_FRAGMENT, SLICES_3D_VERTEX, SPEC_CLIP_ENDS, SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_KNOT_WALK,
+    SPEC_RESUME,
 };
 use crate::gpu::{
-    Attachment, Blend, ComputeDesc, Descriptors, Gpu, GraphicsDesc, Image, ImageDesc, OptionalFeature, Pipeline,
-    Recorder, Resource, SpecConstant, TargetImage,
+    Attachment, Blend, ComputeDesc, Descriptors, Gpu, GraphicsDesc, Image, ImageDesc, OptionalFeature,
+    Pipeline, Recorder, Resource, SpecConstant, TargetImage,
 };
 use crate::interface::Slices3dPush;
 use crate::num::{self, f32_of};
@@ -166,7 +167,14 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { step: 1.0, filter: Filter::Hardware, target: None, order: None, ends: Ends::Clip, route: Route::Auto }
+        Self {
+            step: 1.0,
+            filter: Filter::Hardware,
+            target: None,
+            order: None,
+            ends: Ends::Clip,
+            route: Route::Auto,
+        }
     }
 }
 
@@ -203,9 +211,14 @@ impl Options {
 
     pub(crate) fn check(&self) -> Result<()> {
         if !(self.step.is_finite() && self.step > 0.0) {
-            return Err(Error::invalid("slices-3d option step", format!("{}: must be positive and finite", self.step)));
+            return Err(Error::invalid(
+                "slices-3d option step",
+                format!("{}: must be positive and finite", self.step),
+            ));
         }
-        if self.route == Route::Compute && (self.target.is_some_and(|t| t != Accumulation::Rgba32f) || self.order.is_some()) {
+        if self.route == Route::Compute
+            && (self.target.is_some_and(|t| t != Accumulation::Rgba32f) || self.order.is_some())
+        {
             return Err(Error::invalid(
                 "slices-3d option route",
                 "compute composites front to back in float32: leave out target and order, or take route=raster",
@@ -222,7 +235,9 @@ impl Options {
     fn route_on(&self, gpu: &Gpu) -> Result<Route> {
         let blends = self.accumulation() != Accumulation::Rgba32f || gpu.has(OptionalFeature::BlendRgba32f);
         match self.route {
-            Route::Raster | Route::Auto if self.route == Route::Raster || self.target.is_some() || self.order.is_some() => {
+            Route::Raster | Route::Auto
+                if self.route == Route::Raster || self.target.is_some() || self.order.is_some() =>
+            {
                 if blends {
                     return Ok(Route::Raster);
                 }
@@ -315,7 +330,12 @@ enum Path {
 }
 
 impl Prepared {
-    pub(crate) fn new(scene: &Arc<GpuScene>, view: &View, target: &TargetDesc, options: &Options) -> Result<Self> {
+    pub(crate) fn new(
+        scene: &Arc<GpuScene>,
+        view: &View,
+        target: &TargetDesc,
+        options: &Options,
+    ) -> Result<Self> {
         options.check()?;
         let gpu = scene.gpu();
         let route = options.route_on(gpu)?;
@@ -336,7 +356,8 @@ impl Prepared {
             (BINDING_KNOTS, Resource::Buffer(Arc::clone(&knots.buffer))),
         ];
         let (path, image) = if route == Route::Compute {
-            let image = own_image(gpu, vk::Format::R32G32B32A32_SFLOAT, vk::ImageUsageFlags::STORAGE, view, target)?;
+            let image =
+                own_image(gpu, vk::Format::R32G32B32A32_SFLOAT, vk::ImageUsageFlags::STORAGE, view, target)?;
             resources.push((BINDING_ACCUMULATION, Resource::Storage(Arc::clone(&image))));
             let slabs_per_dispatch = slabs_per_dispatch(gpu, slabs.count, knots.iterations)?;
             let pipeline = |resume: bool| {
@@ -372,7 +393,15 @@ impl Prepared {
             let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
             (Path::Raster { pipeline, descriptors }, image)
         };
-        Ok(Self { scene: Arc::clone(scene), options: *options, volume, knots: knots.count, image, slabs, path })
+        Ok(Self {
+            scene: Arc::clone(scene),
+            options: *options,
+            volume,
+            knots: knots.count,
+            image,
+            slabs,
+            path,
+        })
     }
 
     /// Turns to another view of the same image size. `false` when the plan has no room for it.
@@ -423,7 +452,8 @@ impl Prepared {
                     (None, Some(target)) => Attachment::Caller(*target),
                     (None, None) => return,
                 };
-                push.backwards = u32::from(self.options.order.unwrap_or(Order::BackToFront) == Order::BackToFront);
+                push.backwards =
+                    u32::from(self.options.order.unwrap_or(Order::BackToFront) == Order::BackToFront);
                 recorder.draw(
                     "slices-3d.draw",
                     pipeline,
@@ -444,7 +474,13 @@ impl Prepared {
                     let count = (self.slabs.count - begin).min(*slabs_per_dispatch);
                     (push.slab_first, push.slab_count) = (begin, count);
                     let pipeline = resume.as_ref().filter(|_| begin > 0).unwrap_or(first);
-                    recorder.dispatch("slices-3d.march", pipeline, descriptors, bytemuck::bytes_of(&push), groups);
+                    recorder.dispatch(
+                        "slices-3d.march",
+                        pipeline,
+                        descriptors,
+                        bytemuck::bytes_of(&push),
+                        groups,
+                    );
                     begin += count;
                     if begin >= self.slabs.count {
                         break;
@@ -481,7 +517,11 @@ fn own_image(
     target: &TargetDesc,
 ) -> Result<Arc<Image>> {
     // Read back, or composited.
-    let after = if target.format().is_none() { vk::ImageUsageFlags::TRANSFER_SRC } else { vk::ImageUsageFlags::SAMPLED };
+    let after = if target.format().is_none() {
+        vk::ImageUsageFlags::TRANSFER_SRC
+    } else {
+        vk::ImageUsageFlags::SAMPLED
+    };
     let desc = ImageDesc::flat(format, view.extent(), usage | after);
     Ok(Arc::new(Image::new(gpu, "slices-3d.accumulation", &desc)?))
 }
@@ -504,8 +544,11 @@ mod tests {
 
     #[test]
     fn options_are_read_and_written_back() {
-        let options = parse("step=0.25,filter=exact,target=rgba16f,order=front-to-back,ends=plane,route=raster").unwrap();
-        let pairs: Vec<(String, String)> = options.pairs().iter().map(|(k, v)| ((*k).to_string(), v.clone())).collect();
+        let options =
+            parse("step=0.25,filter=exact,target=rgba16f,order=front-to-back,ends=plane,route=raster")
+                .unwrap();
+        let pairs: Vec<(String, String)> =
+            options.pairs().iter().map(|(k, v)| ((*k).to_string(), v.clone())).collect();
         assert_eq!(Options::parse(&pairs).unwrap(), options);
         assert_eq!(parse("").unwrap(), Options::default());
     }

@@ -1,6 +1,13 @@
 //! What the integration tests share: a device under validation, standard scenes, comparisons.
 
-#![allow(dead_code, unreachable_pub, missing_debug_implementations, clippy::unwrap_used, clippy::panic, reason = "test helpers: each test file uses its own part, and a test fails by panicking")]
+#![allow(
+    dead_code,
+    unreachable_pub,
+    missing_debug_implementations,
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "test helpers: each test file uses its own part, and a test fails by panicking"
+)]
 
 use std::sync::Arc;
 
