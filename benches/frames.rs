@@ -1,1 +1,31 @@
-fn main() {}
+//! `cargo bench`: the program's own `bench --quick`, so that there is one way to measure.
+//!
+//! Results go to `bench` in cargo's target folder. Under `cargo test --benches`, and when asked to
+//! list, there is nothing to do.
+
+use std::path::Path;
+use std::process::{Command, ExitCode};
+
+fn main() -> ExitCode {
+    // `cargo bench` passes --bench; a test run does not, or passes --test.
+    let given = |name: &str| std::env::args().any(|argument| argument == name);
+    if !given("--bench") || given("--test") || given("--list") {
+        return ExitCode::SUCCESS;
+    }
+    // The folder for integration tests' files lies in the target folder, wherever that is.
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("bench");
+    let status = Command::new(env!("CARGO_BIN_EXE_volraster"))
+        .arg("bench")
+        .arg("--quick")
+        .arg("-o")
+        .arg(&folder)
+        .status();
+    match status {
+        Ok(status) if status.success() => ExitCode::SUCCESS,
+        Ok(_) => ExitCode::FAILURE,
+        Err(error) => {
+            eprintln!("bench: cannot run the program: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,326 @@
+//! What several commands take: a scene, an image size, techniques, a device.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use serde_json::{Map, Value};
+use volraster::gpu::{GpuOptions, Validation, ValidationLog};
+use volraster::io::ReadOptions;
+use volraster::scene::file::{LoadedScene, TechniqueChoice};
+use volraster::scene::{Scene, View, auto};
+use volraster::technique::Method;
+use volraster::{Error, Gpu, Result, Technique};
+
+use super::Failure;
+
+/// Which device draws, and under which checks.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct DeviceArgs {
+    /// Part of the device's name, case ignored; wins over the environment's `VOLRASTER_DEVICE`.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) device: Option<String>,
+}
+
+impl DeviceArgs {
+    /// Opens the device. The log outlives it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Gpu::new`].
+    pub(crate) fn open(&self, validate: bool) -> Result<(Gpu, Arc<ValidationLog>)> {
+        let validation = if validate { Validation::On } else { Validation::Off };
+        let gpu = Gpu::new(&GpuOptions { device: self.device.clone(), validation, ..GpuOptions::default() })?;
+        let log = gpu.validation_log();
+        Ok((gpu, log))
+    }
+}
+
+/// A finding, when the validation layers said anything. To be asked when the device is gone: the
+/// messages of its destruction count.
+///
+/// # Errors
+///
+/// [`Failure::Finding`] with the number of messages.
+pub(crate) fn silent(log: &ValidationLog) -> std::result::Result<(), Failure> {
+    match log.messages().len() {
+        0 => Ok(()),
+        1 => Err(Failure::Finding("the validation layers gave 1 message".to_string())),
+        n => Err(Failure::Finding(format!("the validation layers gave {n} messages"))),
+    }
+}
+
+/// An image size on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Size {
+    /// Pixels in a row.
+    pub(crate) width: u32,
+    /// Rows.
+    pub(crate) height: u32,
+}
+
+impl Size {
+    /// Reads `WxH`.
+    ///
+    /// # Errors
+    ///
+    /// The rule, for clap to name option and value.
+    pub(crate) fn parse(text: &str) -> std::result::Result<Self, String> {
+        let side = |text: &str| text.parse().ok().filter(|side| (1..=View::MAX_SIDE).contains(side));
+        text.split_once('x')
+            .and_then(|(width, height)| Some(Self { width: side(width)?, height: side(height)? }))
+            .ok_or_else(|| format!("must be WIDTHxHEIGHT, each 1 to {}", View::MAX_SIDE))
+    }
+}
+
+/// Reads a finite number.
+///
+/// # Errors
+///
+/// The rule, for clap to name option and value.
+pub(crate) fn finite(text: &str) -> std::result::Result<f64, String> {
+    text.parse().ok().filter(|n: &f64| n.is_finite()).ok_or_else(|| "must be a finite number".to_string())
+}
+
+/// A scene, and how to draw it. Two parts, since the scene goes to the device and is large.
+#[derive(Debug)]
+pub(crate) struct Input {
+    /// Data and transfer function.
+    pub(crate) scene: Scene,
+    /// Everything else.
+    pub(crate) settings: Settings,
+}
+
+/// How a scene is to be drawn.
+#[derive(Debug)]
+pub(crate) struct Settings {
+    /// The file.
+    path: PathBuf,
+    /// The camera with the image size in force.
+    pub(crate) view: View,
+    /// Whether the camera was chosen for the data.
+    pub(crate) camera_is_automatic: bool,
+    /// What PNG output is composited over.
+    pub(crate) background: [f64; 4],
+    /// The technique that the file asks for.
+    pub(crate) choice: Option<TechniqueChoice>,
+    /// Time that reading took, in milliseconds.
+    pub(crate) load_ms: f64,
+}
+
+impl Input {
+    /// Reads a scene file or a data file. For another image size an automatic camera is chosen again.
+    ///
+    /// # Errors
+    ///
+    /// As [`LoadedScene::load_any`] and [`View::new`].
+    pub(crate) fn load(path: &Path, size: Option<Size>) -> Result<Self> {
+        let start = Instant::now();
+        let LoadedScene { scene, mut camera, camera_is_automatic, width, height, background, technique } =
+            LoadedScene::load_any(path, &ReadOptions::default())?;
+        let Size { width, height } = size.unwrap_or(Size { width, height });
+        if size.is_some() && camera_is_automatic {
+            camera = auto::camera(&scene.grid, width, height).map_err(|error| in_file(path, error))?;
+        }
+        let view = View::new(camera, width, height).map_err(|error| in_file(path, error))?;
+        let settings = Settings {
+            path: path.to_path_buf(),
+            view,
+            camera_is_automatic,
+            background,
+            choice: technique,
+            load_ms: milliseconds(start),
+        };
+        Ok(Self { scene, settings })
+    }
+}
+
+impl Settings {
+    /// The technique that the file asks for, if it does.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`] naming the scene file and what is wrong.
+    pub(crate) fn technique(&self) -> Result<Option<Technique>> {
+        let Some(choice) = &self.choice else { return Ok(None) };
+        let technique = Method::from_name(&choice.name).and_then(|m| Technique::new(m, &choice.options));
+        technique.map(Some).map_err(|error| in_file(&self.path, error))
+    }
+
+    /// The technique to draw with: the one asked for, else the file's, else the default. Asked for by
+    /// its bare name, the file's technique keeps the file's options.
+    ///
+    /// # Errors
+    ///
+    /// As [`Settings::technique`].
+    pub(crate) fn choose(&self, request: Option<Request>) -> Result<Technique> {
+        let Some(Request { technique, bare }) = request else {
+            return Ok(self.technique()?.unwrap_or_default());
+        };
+        let same = self.choice.as_ref().is_some_and(|choice| choice.name == technique.method().name());
+        if bare && same {
+            return Ok(self.technique()?.unwrap_or(technique));
+        }
+        Ok(technique)
+    }
+}
+
+/// One word of a list of techniques.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Wanted {
+    /// `all`: every technique by every route.
+    All,
+    /// One technique.
+    One(Request),
+}
+
+/// A technique as the command line names it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Request {
+    /// The technique, with defaults where no option is given.
+    pub(crate) technique: Technique,
+    /// Whether no option is given.
+    pub(crate) bare: bool,
+}
+
+impl Request {
+    /// Reads `NAME[:key=value,...]`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Technique::parse`].
+    pub(crate) fn parse(text: &str) -> Result<Self> {
+        Ok(Self { technique: Technique::parse(text)?, bare: !text.contains(':') })
+    }
+}
+
+impl Wanted {
+    /// Reads several, separated by `;` or `,`. What has `=` and no `:` is an option of the technique
+    /// before it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Technique::parse`].
+    pub(crate) fn parse_list(text: &str) -> Result<Vec<Self>> {
+        let mut words: Vec<String> = Vec::new();
+        for part in text.split(';') {
+            let first = words.len();
+            for word in part.split(',').map(str::trim).filter(|word| !word.is_empty()) {
+                match words.get_mut(first..).and_then(<[String]>::last_mut) {
+                    Some(last) if word.contains('=') && !word.contains(':') => {
+                        last.push(if last.contains(':') { ',' } else { ':' });
+                        last.push_str(word);
+                    }
+                    _ => words.push(word.to_string()),
+                }
+            }
+        }
+        if words.is_empty() {
+            return Err(Error::Invalid {
+                what: "techniques".to_string(),
+                why: format!("\"{text}\": must name at least one technique"),
+            });
+        }
+        let read =
+            |word: &String| if word == "all" { Ok(Self::All) } else { Request::parse(word).map(Self::One) };
+        words.iter().map(read).collect()
+    }
+}
+
+/// A technique with given options, of which some are set anew.
+///
+/// # Errors
+///
+/// As [`Technique::new`].
+pub(crate) fn with_options(
+    method: Method,
+    given: &[(String, String)],
+    more: &[(&str, &str)],
+) -> Result<Technique> {
+    let mut options: Vec<(String, String)> =
+        given.iter().filter(|(key, _)| !more.iter().any(|(k, _)| k == key)).cloned().collect();
+    options.extend(more.iter().map(|(key, value)| ((*key).to_string(), (*value).to_string())));
+    Technique::new(method, &options)
+}
+
+/// Options as JSON, numbers and truth values as such.
+pub(crate) fn options_json(technique: &Technique) -> Value {
+    let typed = |text: String| match serde_json::from_str(&text) {
+        Ok(value @ (Value::Number(_) | Value::Bool(_))) => value,
+        _ => Value::String(text),
+    };
+    let pairs = technique.option_pairs().into_iter();
+    Value::Object(pairs.map(|(key, text)| (key.to_string(), typed(text))).collect::<Map<_, _>>())
+}
+
+/// The options that differ from their defaults, as the command line takes them; `route` is left out,
+/// since it is told on its own.
+pub(crate) fn options_text(technique: &Technique) -> String {
+    let infos = technique.method().options();
+    let is_default =
+        |key: &str, value: &str| infos.iter().any(|info| info.key == key && info.default == value);
+    let pairs = technique.option_pairs().into_iter();
+    let told: Vec<String> = pairs
+        .filter(|(key, value)| *key != "route" && !is_default(key, value))
+        .map(|(key, value)| format!("{key}={value}"))
+        .collect();
+    told.join(",")
+}
+
+/// Milliseconds since a moment.
+pub(crate) fn milliseconds(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
+}
+
+/// Gives an error about a value the file that the value came from.
+fn in_file(path: &Path, error: Error) -> Error {
+    match error {
+        Error::Invalid { what, why } => Error::File { path: path.to_path_buf(), place: what, rule: why },
+        other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_two_sides_in_range() {
+        assert_eq!(Size::parse("64x48"), Ok(Size { width: 64, height: 48 }));
+        for wrong in ["64", "0x48", "64x", "64x48x2", "-1x5", "64X48", "32769x1"] {
+            assert!(Size::parse(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn lists_of_techniques_split_at_semicolons_and_names() {
+        let text = |wanted: &Wanted| match wanted {
+            Wanted::All => "all".to_string(),
+            Wanted::One(request) => format!("{}{}", request.bare, options_text(&request.technique)),
+        };
+        let texts =
+            |list: &str| -> Vec<String> { Wanted::parse_list(list).unwrap().iter().map(text).collect() };
+        assert_eq!(texts("all, slices-3d:step=2"), ["all", "falsestep=2"]);
+        assert_eq!(texts("slices-3d"), ["true"]);
+        assert_eq!(
+            texts("slices-3d,slices-3d:step=0.5,filter=exact,slices-3d"),
+            ["true", "falsestep=0.5,filter=exact", "true"]
+        );
+        assert_eq!(texts("slices-3d:step=2;slices-3d"), ["falsestep=2", "true"]);
+        let why = |list: &str| Wanted::parse_list(list).unwrap_err().to_string();
+        assert!(why(";,").contains("at least one"));
+        assert!(why("step=1").contains("step=1"));
+        assert!(why("slices-3d;step=1").contains("step=1"));
+    }
+
+    #[test]
+    fn options_keep_their_types() {
+        let technique = Technique::parse("slices-3d:step=0.5").unwrap();
+        let json = options_json(&technique);
+        assert_eq!(json["step"], 0.5);
+        assert_eq!(json["filter"], "hardware");
+        let changed =
+            with_options(technique.method(), &[("step".into(), "4".into())], &[("step", "2")]).unwrap();
+        assert_eq!(options_json(&changed)["step"], 2.0);
+    }
+}

@@ -1,0 +1,233 @@
+//! `volraster render`: one picture, and the times of its frames.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use serde_json::{Map, Value, json};
+use volraster::scene::View;
+use volraster::technique::FrameTime;
+use volraster::{Error, GpuScene, Image, Renderer, Result, Technique};
+
+use super::input::{self, DeviceArgs, Input, Request, Size, milliseconds};
+use super::timing::{Times, gpu_ms};
+use super::{Outcome, output};
+
+/// Arguments of `render`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// A scene file (.json) or a data file.
+    #[arg(value_name = "SCENE|DATA")]
+    scene: PathBuf,
+    /// Where the picture goes: .exr (32-bit float, the record) or .png (for looking).
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Technique and options, see `volraster techniques`; otherwise the scene's, otherwise the default.
+    #[arg(long, value_name = "NAME[:key=value,...]")]
+    technique: Option<String>,
+    /// Image size instead of the scene's.
+    #[arg(long, value_name = "WxH", value_parser = Size::parse)]
+    size: Option<Size>,
+    /// Frames to time, after one that warms up. Otherwise 1 with --stats, and else none: the time that
+    /// is told is then that of the first frame.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    frames: Option<u32>,
+    /// Degrees by which the eye turns about `up` from frame to frame. The picture is that of angle 0.
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, value_parser = input::finite)]
+    orbit: f64,
+    /// Write times, memory and counters as JSON.
+    #[arg(long, value_name = "FILE")]
+    stats: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
+    /// Turn core and synchronization validation on; any message makes the exit code 1.
+    #[arg(long)]
+    validate: bool,
+}
+
+/// What a run leaves when the device is gone.
+struct Drawn {
+    image: Image,
+    /// The frame that warmed up.
+    first: FrameTime,
+    frames: Vec<FrameTime>,
+    stats: Map<String, Value>,
+    route: &'static str,
+    device: String,
+}
+
+impl Args {
+    /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong with the arguments, the input, the device or the output.
+    pub(crate) fn run(&self, quiet: bool) -> Outcome {
+        output::check_image(&self.output)?;
+        if let Some(stats) = &self.stats {
+            output::check_file(stats)?;
+            for (other, role) in [(&self.output, "the picture"), (&self.scene, "the input")] {
+                if same_place(stats, other) {
+                    return Err(Error::Invalid {
+                        what: "--stats".to_string(),
+                        why: format!("{}: is {role} as well", stats.display()),
+                    }
+                    .into());
+                }
+            }
+        }
+        let request = self.technique.as_deref().map(Request::parse).transpose()?;
+        let Input { scene, settings } = Input::load(&self.scene, self.size)?;
+        let technique = settings.choose(request)?;
+        let views = self.views(&settings.view)?;
+
+        let start = Instant::now();
+        let (gpu, log) = self.device.open(self.validate)?;
+        let open_ms = milliseconds(start);
+        let scene = GpuScene::new(&gpu, scene);
+        drop(gpu);
+        let Drawn { image, first, frames, mut stats, route, device } =
+            draw(&scene, technique, &settings.view, &views, [settings.load_ms, open_ms])?;
+        drop(scene);
+        stats.insert("validation_messages".to_string(), json!(log.messages().len()));
+
+        volraster::io::write_image(&self.output, &image, settings.background)?;
+        if let Some(path) = &self.stats {
+            output::write_json(path, &Value::Object(stats))?;
+        }
+        if !quiet {
+            let name = technique.method().name();
+            let time = match Times::wall(&frames) {
+                None => format!("first frame {:.1} ms", first.wall_ms),
+                Some(times) if frames.len() == 1 => format!("{:.1} ms a frame", times.median()),
+                Some(times) => format!("{:.1} ms a frame (median of {})", times.median(), frames.len()),
+            };
+            output::print(&format!(
+                "{name} ({route}) on {device}: {} x {}, {time}: {}",
+                image.width(),
+                image.height(),
+                self.output.display()
+            ))?;
+        }
+        input::silent(&log)
+    }
+
+    /// The view of each timed frame; that of the first one is the picture's.
+    fn views(&self, first: &View) -> Result<Vec<View>> {
+        let [width, height] = first.extent();
+        let view = |i: u32| {
+            if i == 0 {
+                return Ok(*first);
+            }
+            View::new(first.camera().orbit(self.orbit * f64::from(i))?, width, height)
+        };
+        let count = self.frames.unwrap_or(u32::from(self.stats.is_some()));
+        (0..count).map(view).collect()
+    }
+}
+
+/// Draws: one frame to warm up, the picture, then every timed view once.
+fn draw(
+    scene: &Arc<GpuScene>,
+    technique: Technique,
+    view: &View,
+    timed: &[View],
+    [load_ms, open_ms]: [f64; 2],
+) -> Result<Drawn> {
+    let renderer = Renderer::new(scene, technique);
+    let start = Instant::now();
+    let mut drawing = renderer.frames(view)?;
+    let prepare_ms = milliseconds(start);
+    let first = drawing.draw(view)?;
+    let image = drawing.read_back()?;
+    let (route, counters) = (drawing.plan().route(), drawing.plan().counters());
+    let frames: Vec<FrameTime> = timed.iter().map(|view| drawing.draw(view)).collect::<Result<_>>()?;
+
+    let gpu = scene.gpu();
+    let report = gpu.report();
+    let mut stats = Map::new();
+    let mut put = |key: &str, value: Value| stats.insert(key.to_string(), value);
+    put("schema", json!(1));
+    put("technique", json!(technique.method().name()));
+    put("route", json!(route));
+    put("options", input::options_json(&technique));
+    put(
+        "device",
+        json!({"name": report.name, "driver": report.driver, "api": report.api, "kind": report.kind}),
+    );
+    put("image", json!([image.width(), image.height()]));
+    put("frames", frames.iter().map(frame_json).collect());
+    // `prepare` holds upload and pipelines: the library does them together.
+    put("setup_ms", json!({"load": load_ms, "device": open_ms, "prepare": prepare_ms}));
+    put("device_bytes", summed(gpu.memory_report()));
+    if let Some(bytes) = peak_rss_bytes() {
+        put("peak_rss_bytes", json!(bytes));
+    }
+    put("pipelines", json!(gpu.pipelines()));
+    put(
+        "counters",
+        counters.into_iter().map(|(name, n)| (name.to_string(), json!(n))).collect::<Map<_, _>>().into(),
+    );
+    Ok(Drawn { image, first, frames, stats, route, device: report.name.clone() })
+}
+
+fn frame_json(frame: &FrameTime) -> Value {
+    let mut json = Map::new();
+    json.insert("wall_ms".to_string(), json!(frame.wall_ms));
+    if let Some(ms) = gpu_ms(frame) {
+        json.insert("gpu_ms".to_string(), json!(ms));
+        // A pass that is split, or runs several times, counts under its one name.
+        let mut passes: Vec<(&str, f64)> = Vec::new();
+        for pass in &frame.passes {
+            match passes.iter_mut().find(|(name, _)| *name == pass.name) {
+                Some((_, ms)) => *ms += pass.ms,
+                None => passes.push((&pass.name, pass.ms)),
+            }
+        }
+        let passes: Map<String, Value> =
+            passes.into_iter().map(|(name, ms)| (name.to_string(), json!(ms))).collect();
+        json.insert("passes".to_string(), Value::Object(passes));
+    }
+    Value::Object(json)
+}
+
+/// Bytes by object name, in order of first appearance.
+fn summed(report: Vec<(String, u64)>) -> Value {
+    let mut sums: Vec<(String, u64)> = Vec::new();
+    for (name, bytes) in report {
+        match sums.iter_mut().find(|(other, _)| *other == name) {
+            Some((_, sum)) => *sum += bytes,
+            None => sums.push((name, bytes)),
+        }
+    }
+    Value::Object(sums.into_iter().map(|(name, bytes)| (name, json!(bytes))).collect())
+}
+
+/// Most host memory that the process has had, where the system tells (Linux).
+fn peak_rss_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
+}
+
+/// Whether two paths name one file, as far as can be told before it is there.
+fn same_place(a: &Path, b: &Path) -> bool {
+    match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => a == b,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_of_one_name_are_summed_and_the_peak_is_plausible() {
+        let entries = [("a", 1), ("b", 5), ("a", 2)].map(|(name, n)| (name.to_string(), n));
+        assert_eq!(summed(entries.to_vec()), json!({"a": 3, "b": 5}));
+        if cfg!(target_os = "linux") {
+            assert!(peak_rss_bytes().unwrap() > 1 << 20);
+        }
+    }
+}

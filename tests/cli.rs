@@ -1,0 +1,509 @@
+//! The program from outside: exit codes, messages, files.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+use volraster::gpu::{Gpu, GpuOptions};
+use volraster::io::{ReadOptions, read_exr};
+use volraster::scene::View;
+use volraster::scene::file::SceneFile;
+use volraster::technique::{GpuScene, Renderer, Technique};
+
+/// A field small enough to draw in milliseconds, with a camera and a technique of its own.
+const SCENE: &str = r#"{
+  "volume": {"field": "marschner-lobb", "dims": [16, 16, 16], "type": "f32"},
+  "transfer": {"preset": "shells", "range": [0, 1]},
+  "camera": {"eye": [2, 1.5, 3.8], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_deg": 42},
+  "image": {"width": 64, "height": 48},
+  "technique": {"name": "slices-3d", "step": 0.5}
+}"#;
+
+/// An empty folder for one test.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(test: &str) -> Self {
+        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("cli-{test}"));
+        let _ = std::fs::remove_dir_all(&path);
+        std::fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+
+    /// The same with a scene file in it.
+    fn with_scene(test: &str) -> Self {
+        let folder = Self::new(test);
+        std::fs::write(folder.0.join("scene.json"), SCENE).unwrap();
+        folder
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+
+    /// Names of what lies in it, sorted.
+    fn names(&self) -> Vec<String> {
+        names(&self.0)
+    }
+
+    /// Runs the program here.
+    fn run(&self, line: &str) -> Run {
+        self.run_in(line, &[])
+    }
+
+    fn run_in(&self, line: &str, environment: &[(&str, &str)]) -> Run {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_volraster"));
+        // No test reads or writes the user's pipeline cache.
+        command.current_dir(&self.0).args(line.split(' ')).env("XDG_CACHE_HOME", cache());
+        command.envs(environment.iter().copied());
+        Run::of(command.output().unwrap(), line)
+    }
+
+    fn json(&self, name: &str) -> Value {
+        serde_json::from_slice(&std::fs::read(self.path(name)).unwrap()).unwrap()
+    }
+
+    fn exr(&self, name: &str) -> volraster::Image {
+        read_exr(self.path(name), &ReadOptions::default()).unwrap()
+    }
+}
+
+fn cache() -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join("cli-cache")
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let name = |entry: std::io::Result<std::fs::DirEntry>| entry.unwrap().file_name().into_string().unwrap();
+    let mut names: Vec<String> = std::fs::read_dir(folder).unwrap().map(name).collect();
+    names.sort();
+    names
+}
+
+/// What a run of the program left.
+struct Run {
+    line: String,
+    code: i32,
+    out: String,
+    err: String,
+}
+
+impl Run {
+    fn of(output: Output, line: &str) -> Self {
+        Self {
+            line: line.to_string(),
+            code: output.status.code().unwrap(),
+            out: String::from_utf8(output.stdout).unwrap(),
+            err: String::from_utf8(output.stderr).unwrap(),
+        }
+    }
+
+    /// Exit code 0, and nothing on stderr: no message, no progress.
+    #[track_caller]
+    fn done(self) -> Self {
+        assert_eq!((self.code, self.err.as_str()), (0, ""), "{}: {}", self.line, self.out);
+        self
+    }
+
+    /// An exit code, and one line on stderr with these parts.
+    #[track_caller]
+    fn fails(self, code: i32, parts: &[&str]) -> Self {
+        assert_eq!(self.code, code, "{}: {}{}", self.line, self.out, self.err);
+        assert!(self.err.starts_with("volraster: "), "{}: {}", self.line, self.err);
+        assert!(self.err.ends_with('\n') && self.err.lines().count() == 1, "{}: {}", self.line, self.err);
+        for part in parts {
+            assert!(self.err.contains(part), "{}: no {part:?} in {}", self.line, self.err);
+        }
+        assert_eq!(self.out, "", "{}", self.line);
+        self
+    }
+
+    fn json(&self) -> Value {
+        serde_json::from_str(&self.out).unwrap()
+    }
+}
+
+#[test]
+fn wrong_usage_and_input_are_exit_code_2_and_one_line() {
+    let folder = Folder::with_scene("wrong");
+    let json = |technique: &str| SCENE.replace(r#""step": 0.5"#, technique);
+    std::fs::write(folder.path("key.json"), SCENE.replace("\"image\"", "\"imago\"")).unwrap();
+    std::fs::write(folder.path("option.json"), json(r#""step": 0"#)).unwrap();
+    std::fs::write(folder.path("file.txt"), "no volume").unwrap();
+    let before = folder.names();
+    let render = |rest: &str| folder.run(&format!("render scene.json -o out.exr --size 8x8 {rest}"));
+
+    folder.run("render missing.json -o out.exr").fails(2, &["missing.json", "cannot open"]);
+    folder.run("render missing.nrrd -o out.exr").fails(2, &["missing.nrrd", "cannot open"]);
+    folder.run("render file.txt -o out.exr").fails(2, &["file.txt", "known format"]);
+    folder.run("render key.json -o out.exr").fails(2, &["key.json", "line 5", "imago", "background"]);
+    folder.run("render option.json -o out.exr").fails(2, &["option.json", "step", "0", "positive"]);
+
+    render("--technique slices-4d").fails(2, &["technique", "slices-4d", "slices-3d"]);
+    render("--technique slices-3d:step=-1").fails(2, &["slices-3d", "step", "\"-1\"", "positive"]);
+    render("--technique slices-3d:filter=cubic").fails(2, &["filter", "\"cubic\"", "hardware, exact"]);
+    render("--technique slices-3d:steps=1").fails(2, &["steps", "must be one of step"]);
+    render("--technique slices-3d:step").fails(2, &["step", "key=value"]);
+    render("--frames 0").fails(2, &["--frames", "'0'", "1.."]);
+    render("--orbit nan").fails(2, &["--orbit", "'nan'", "finite"]);
+    render("--colour red").fails(2, &["--colour"]);
+    for size in ["8", "0x8", "8x0", "8x32769", "axb"] {
+        let run = folder.run(&format!("render scene.json -o out.exr --size {size}"));
+        run.fails(2, &["--size", size, "1 to 32768"]);
+    }
+    folder.run("render scene.json").fails(2, &["--output"]);
+    folder.run("reference scene.json -o out.exr --samples 65").fails(2, &["--samples", "'65'", "64"]);
+    folder.run("compare scene.json -o out --techniques slices-3d,slices-9d").fails(2, &["slices-9d"]);
+    folder.run("compare scene.json -o out --against gone.exr").fails(2, &["gone.exr", "cannot open"]);
+    folder.run("bench gone -o out").fails(2, &["suite", "gone", "standard"]);
+    folder.run("info missing.nrrd").fails(2, &["missing.nrrd"]);
+    assert_eq!(folder.names(), before);
+}
+
+#[test]
+fn where_the_output_cannot_be_written_nothing_is_drawn_and_nothing_is_left() {
+    let folder = Folder::with_scene("output");
+    std::fs::create_dir(folder.path("folder.exr")).unwrap();
+    std::fs::write(folder.path("file"), "in the way").unwrap();
+    let before = folder.names();
+    // The place is looked at first: the missing scene and the missing device are not the error.
+    for name in ["out.jpg", "out", "exr"] {
+        folder.run(&format!("render gone.json -o {name}")).fails(2, &[name, ".exr or .png"]);
+    }
+    for name in ["gone/out.exr", "file/out.png", "/proc/out.exr"] {
+        let none = [("VOLRASTER_DEVICE", "none")];
+        folder.run_in(&format!("render scene.json -o {name}"), &none).fails(2, &[name, "cannot write"]);
+        folder.run(&format!("reference gone.json -o {name}")).fails(2, &[name, "cannot write"]);
+        let stats = format!("render gone.json -o out.exr --stats {name}");
+        folder.run(&stats).fails(2, &[name, "cannot write"]);
+    }
+    folder.run("render gone.json -o folder.exr").fails(2, &["folder.exr", "folder"]);
+    folder.run("render scene.json -o out.exr --stats out.exr").fails(2, &["--stats", "picture"]);
+    folder.run("render scene.json -o out.exr --stats scene.json").fails(2, &["--stats", "input"]);
+    folder.run("compare gone.json -o file").fails(2, &["file", "no folder"]);
+    folder.run("compare gone.json -o file/deep").fails(2, &["file/deep", "no folder"]);
+    folder.run("bench gone -o file").fails(2, &["file", "no folder"]);
+    assert_eq!(folder.names(), before);
+}
+
+#[test]
+fn without_a_device_the_exit_code_is_3_and_nothing_is_left() {
+    let folder = Folder::with_scene("device");
+    let before = folder.names();
+    let none = [("VOLRASTER_DEVICE", "none")];
+    let says = ["no usable Vulkan device", "name"];
+    folder.run_in("render scene.json -o out.exr --stats out.json", &none).fails(3, &says);
+    folder.run_in("compare scene.json -o out", &none).fails(3, &says);
+    folder.run_in("bench scene.json -o out", &none).fails(3, &says);
+    folder.run("render scene.json -o out.exr --device no-such-device").fails(3, &["no-such-device"]);
+    // The list is printed all the same, with the reasons.
+    let list = folder.run_in("devices --json", &none);
+    assert_eq!((list.code, list.err.lines().count()), (3, 1), "{}", list.err);
+    let devices = list.json()["devices"].as_array().unwrap().clone();
+    assert!(!devices.is_empty());
+    assert!(devices.iter().all(|device| device["chosen"] == false && device["reason"] != ""));
+    // The option wins over the environment; every name contains the empty one.
+    folder.run_in("render scene.json -o out.exr --size 8x6 --device=", &none).done();
+    assert_eq!(folder.names(), [vec!["out.exr".to_string()], before].concat());
+}
+
+/// Float32 pixels of the library's own picture of a scene file.
+fn drawn_by_the_library(scene: &Path, technique: &str) -> volraster::Image {
+    let loaded = SceneFile::load(scene, &ReadOptions::default()).unwrap();
+    let view = View::new(loaded.camera, loaded.width, loaded.height).unwrap();
+    let gpu = Gpu::new(&GpuOptions { no_pipeline_cache: true, ..GpuOptions::default() }).unwrap();
+    let scene = GpuScene::new(&gpu, loaded.scene);
+    Renderer::new(&scene, Technique::parse(technique).unwrap()).render(&view).unwrap()
+}
+
+#[test]
+fn a_render_is_the_library_s_and_goes_to_exr_and_png() {
+    let folder = Folder::with_scene("render");
+    let run = folder.run("render scene.json -o out.exr --validate").done();
+    assert_eq!(run.out.lines().count(), 1, "{}", run.out);
+    for part in ["slices-3d", "compute", "64 x 48", " ms", "out.exr"] {
+        assert!(run.out.contains(part), "{part}: {}", run.out);
+    }
+    let image = folder.exr("out.exr");
+    assert_eq!([image.width(), image.height()], [64, 48]);
+    assert!(image.pixels().iter().any(|pixel| pixel[3] > 0.5), "nothing is drawn");
+    // The scene's own options hold, also when its technique is named; others when they are given.
+    assert_eq!(image, drawn_by_the_library(&folder.path("scene.json"), "slices-3d:step=0.5"));
+    folder.run("render scene.json -o named.exr --technique slices-3d --validate").done();
+    assert_eq!(image, folder.exr("named.exr"));
+    folder.run("render scene.json -o coarse.exr --technique slices-3d:step=2 --validate").done();
+    let coarse = folder.exr("coarse.exr");
+    assert_ne!(image, coarse);
+    assert_eq!(coarse, drawn_by_the_library(&folder.path("scene.json"), "slices-3d:step=2"));
+
+    let run = folder.run("render scene.json -o out.png --size 20x10 --quiet --validate").done();
+    assert_eq!(run.out, "");
+    let png = std::fs::read(folder.path("out.png")).unwrap();
+    assert_eq!(png[..8], *b"\x89PNG\r\n\x1a\n");
+    // Width and height, big-endian, follow the first chunk's length and name.
+    assert_eq!(png[16..24], [0, 0, 0, 20, 0, 0, 0, 10]);
+    assert_eq!(folder.names(), ["coarse.exr", "named.exr", "out.exr", "out.png", "scene.json"]);
+}
+
+#[test]
+fn stats_follow_the_schema_and_the_picture_of_an_orbit_is_that_of_angle_0() {
+    let folder = Folder::with_scene("stats");
+    folder.run("render scene.json -o still.exr --validate").done();
+    let run = folder
+        .run("render scene.json -o orbit.exr --frames 3 --orbit -30 --stats stats.json --validate")
+        .done();
+    assert!(run.out.contains("median of 3"), "{}", run.out);
+    assert_eq!(folder.exr("still.exr"), folder.exr("orbit.exr"));
+
+    let stats = folder.json("stats.json");
+    assert_eq!(stats["schema"], 1);
+    assert_eq!((&stats["technique"], &stats["route"]), (&"slices-3d".into(), &"compute".into()));
+    assert_eq!(stats["options"]["step"], 0.5);
+    assert_eq!(stats["options"]["filter"], "hardware");
+    assert_eq!(stats["image"], serde_json::json!([64, 48]));
+    for key in ["name", "driver", "api"] {
+        assert!(!stats["device"][key].as_str().unwrap().is_empty(), "{key}");
+    }
+    let frames = stats["frames"].as_array().unwrap();
+    assert_eq!(frames.len(), 3);
+    for frame in frames {
+        assert!(frame["wall_ms"].as_f64().unwrap() > 0.0);
+        // A device may have no timestamps: then both keys are absent.
+        if let Some(gpu_ms) = frame["gpu_ms"].as_f64() {
+            let passes = frame["passes"].as_object().unwrap();
+            assert!(!passes.is_empty());
+            let sum: f64 = passes.values().map(|ms| ms.as_f64().unwrap()).sum();
+            assert!((sum - gpu_ms).abs() <= 1e-9 * gpu_ms, "{frame}");
+        } else {
+            assert!(frame.get("passes").is_none());
+        }
+    }
+    for key in ["load", "device", "prepare"] {
+        assert!(stats["setup_ms"][key].as_f64().unwrap() > 0.0, "{key}");
+    }
+    // 16^3 samples of 4 bytes at least.
+    assert!(stats["device_bytes"]["volume"].as_u64().unwrap() >= 16384, "{stats}");
+    assert!(!stats["pipelines"].as_array().unwrap().is_empty());
+    assert!(stats["counters"]["slices"].as_u64().unwrap() > 16, "{stats}");
+    assert_eq!(stats["validation_messages"], 0);
+    if cfg!(target_os = "linux") {
+        assert!(stats["peak_rss_bytes"].as_u64().unwrap() > 1 << 20);
+    }
+    assert_eq!(folder.names(), ["orbit.exr", "scene.json", "stats.json", "still.exr"]);
+}
+
+#[test]
+fn data_alone_gives_a_picture() {
+    let folder = Folder::new("data");
+    let head = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/head.nrrd");
+    // Narrow: a camera for a square picture would cut the head off at the sides.
+    let line = format!("render {head} -o head.exr --size 16x64 --technique slices-3d:step=2 --validate");
+    folder.run(&line).done();
+    let image = folder.exr("head.exr");
+    let covered = image.pixels().iter().filter(|pixel| pixel[3] > 0.1).count();
+    let share = covered as f64 / image.pixels().len() as f64;
+    // Neither empty nor a solid block.
+    assert!((0.05..0.95).contains(&share), "{share}");
+    let edge = (0..64).flat_map(|y| [image.pixel(0, y), image.pixel(15, y)]);
+    assert!(edge.into_iter().all(|pixel| pixel[3] < 0.05), "the head is cut off at the sides");
+}
+
+#[test]
+fn the_reference_is_drawn_and_filtered() {
+    let folder = Folder::with_scene("reference");
+    folder.run("reference scene.json -o one.exr --size 24x18").done();
+    folder.run("reference scene.json -o four.exr --size 24x18 --samples 2").done();
+    folder.run("reference scene.json -o two.png --size 24x18").done();
+    let (one, four) = (folder.exr("one.exr"), folder.exr("four.exr"));
+    assert_eq!([one.width(), one.height()], [24, 18]);
+    let mean = |image: &volraster::Image| image.pixels().iter().map(|p| f64::from(p[3])).sum::<f64>() / 432.0;
+    assert!(mean(&one) > 0.05);
+    assert_ne!(one, four);
+    // Both sample the same picture.
+    assert!((mean(&one) - mean(&four)).abs() < 0.02, "{} {}", mean(&one), mean(&four));
+}
+
+#[test]
+fn compare_measures_each_technique() {
+    let folder = Folder::with_scene("compare");
+    let run = folder.run("compare scene.json -o out --size 32x24 --techniques slices-3d,slices-3d:step=4,ends=plane --techniques slices-3d:step=0.125,filter=exact --validate").done();
+    let errors = folder.json("out/errors.json");
+    let errors = errors.as_array().unwrap();
+    assert_eq!(errors.len(), 3);
+    let of = |i: usize, key: &str| errors[i][key].as_f64().unwrap();
+    for (i, step) in [0.5, 4.0, 0.125].into_iter().enumerate() {
+        assert_eq!(errors[i]["technique"], "slices-3d");
+        assert_eq!(errors[i]["options"]["step"], step);
+        assert!(of(i, "max") >= of(i, "p999") && of(i, "p999") >= of(i, "p99"), "{i}");
+        assert!(of(i, "max") >= of(i, "rmse") && of(i, "wall_ms") > 0.0, "{i}");
+        assert_eq!(errors[i]["errors"]["all"]["rmse"], errors[i]["rmse"]);
+        assert_eq!(errors[i]["errors"]["width"], 32);
+    }
+    // Thinner slabs of a smooth field are better, and no technique is perfect.
+    assert!(
+        of(2, "rmse") < 5e-3 && of(2, "rmse") < of(0, "rmse") && of(0, "rmse") < of(1, "rmse"),
+        "{errors:?}"
+    );
+    assert!(of(2, "rmse") > 1e-9 && of(0, "rmse") < 0.1);
+    assert_eq!(run.out.lines().count(), 4, "{}", run.out);
+    let mut files: Vec<String> = ["slices-3d", "slices-3d-2", "slices-3d-3"]
+        .iter()
+        .flat_map(|stem| [".exr", ".heat.png", ".png"].map(|ending| format!("{stem}{ending}")))
+        .chain(["errors.json".to_string(), "reference.exr".to_string()])
+        .collect();
+    files.sort();
+    assert_eq!(names(&folder.path("out")), files);
+
+    // The reference rounded to float32 is the same truth within that rounding.
+    let line = "compare scene.json -o again --size 32x24 --techniques slices-3d --against out/reference.exr --validate";
+    folder.run(line).done();
+    let again = folder.json("again/errors.json")[0]["rmse"].as_f64().unwrap();
+    assert!((again - of(0, "rmse")).abs() < 1e-7, "{again} {}", of(0, "rmse"));
+    assert!(!folder.path("again/reference.exr").exists());
+    // A picture is its own truth.
+    folder.run(&line.replace("reference.exr", "slices-3d.exr")).done();
+    assert_eq!(folder.json("again/errors.json")[0]["max"], 0.0);
+    // A picture of another size is no truth, and nothing is written for it.
+    let line = "compare scene.json -o third --size 16x24 --against out/reference.exr";
+    folder.run(line).fails(2, &["out/reference.exr", "32 x 24", "16 x 24"]);
+    assert!(!folder.path("third").exists());
+}
+
+#[test]
+fn compare_all_draws_every_route_and_says_what_it_skips() {
+    let folder = Folder::with_scene("all");
+    // What only raster does is skipped by the other route.
+    let scene = SCENE.replace(r#""step": 0.5"#, r#""order": "front-to-back""#);
+    std::fs::write(folder.path("order.json"), scene).unwrap();
+    let run = folder.run("compare order.json -o order --size 8x6 --validate").done();
+    assert!(run.out.contains("skipped: slices-3d/compute: "), "{}", run.out);
+    let errors = folder.json("order/errors.json");
+    let routes: Vec<&str> = errors.as_array().unwrap().iter().map(|e| e["route"].as_str().unwrap()).collect();
+    assert!(!routes.contains(&"compute") && routes.contains(&"raster"), "{routes:?}");
+
+    folder.run("compare scene.json -o all --size 8x6 --validate").done();
+    let more = "compare scene.json -o more --size 8x6 --techniques all;slices-3d:step=4 --validate";
+    folder.run(more).done();
+    let errors = folder.json("all/errors.json");
+    assert_eq!(
+        folder.json("more/errors.json").as_array().unwrap().len(),
+        errors.as_array().unwrap().len() + 1
+    );
+    let routes: Vec<&str> = errors.as_array().unwrap().iter().map(|e| e["route"].as_str().unwrap()).collect();
+    assert!(routes.contains(&"compute") && routes.contains(&"raster"), "{routes:?}");
+    assert!(
+        errors
+            .as_array()
+            .unwrap()
+            .iter()
+            .filter(|e| e["technique"] == "slices-3d")
+            .all(|e| e["options"]["step"] == 0.5)
+    );
+}
+
+#[test]
+fn bench_checks_each_case_and_times_it() {
+    let folder = Folder::with_scene("bench");
+    let run = folder.run("bench scene.json -o out --size 16x12").done();
+    let text = std::fs::read_to_string(folder.path("out/bench.jsonl")).unwrap();
+    let cases: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(run.out.lines().count(), 1 + cases.len(), "{}", run.out);
+    let slices: Vec<&Value> = cases.iter().filter(|case| case["technique"] == "slices-3d").collect();
+    // Four steps and the exact filter, by raster and by compute.
+    assert_eq!(slices.len(), 10);
+    for case in &cases {
+        for key in ["version", "device", "driver", "api", "scene", "projection", "technique", "route"] {
+            assert!(!case[key].as_str().unwrap().is_empty(), "{key}: {case}");
+        }
+        assert!(case["software"].is_boolean() && case["options"].is_object());
+        assert_eq!(case["size"], serde_json::json!([16, 12]));
+        if case.get("skipped").is_some() {
+            continue;
+        }
+        assert!(case["errors"]["all"]["rmse"].as_f64().unwrap() < 0.5, "{case}");
+        assert!(case["frames"].as_u64().unwrap() >= 9, "{case}");
+        let wall = |key: &str| case["wall_ms"][key].as_f64().unwrap();
+        assert!(
+            wall("p10") > 0.0 && wall("p10") <= wall("median") && wall("median") <= wall("p90"),
+            "{case}"
+        );
+    }
+    let step = |step: f64| slices.iter().find(|case| case["step"] == step).unwrap();
+    assert!(step(0.25)["errors"]["all"]["rmse"].as_f64() < step(2.0)["errors"]["all"]["rmse"].as_f64());
+    assert_eq!(names(&folder.path("out")), ["bench.jsonl"]);
+}
+
+#[test]
+fn devices_techniques_and_info_say_the_same_as_json() {
+    let folder = Folder::with_scene("lists");
+    let devices = folder.run("devices --json").done().json();
+    let chosen = &devices["chosen"];
+    assert!(chosen["memory_budget"].as_u64().unwrap() > 0);
+    assert!(chosen["filters_in_8_bit"].is_boolean() && chosen.get("loop_limit").is_some());
+    let features = chosen["features"].as_array().unwrap();
+    assert!(features.iter().any(|feature| feature["name"] == "linear-filter-r32f"), "{features:?}");
+    let name = chosen["name"].as_str().unwrap();
+    let taken =
+        devices["devices"].as_array().unwrap().iter().find(|device| device["chosen"] == true).unwrap();
+    assert_eq!(taken["name"], name);
+    assert!(folder.run("devices").done().out.contains(name));
+
+    let techniques = folder.run("techniques --json").done().json();
+    let slices = techniques.as_array().unwrap().iter().find(|t| t["name"] == "slices-3d").unwrap();
+    let options = slices["options"].as_array().unwrap();
+    let text = folder.run("techniques").done().out;
+    assert!(options.iter().any(|option| option["key"] == "step"));
+    for option in options {
+        assert!(text.contains(option["effect"].as_str().unwrap()), "{option}");
+    }
+
+    let scene = folder.run("info scene.json --json").done().json();
+    assert_eq!(scene["dims"], serde_json::json!([16, 16, 16]));
+    assert_eq!((&scene["type"], &scene["bytes"]), (&"f32".into(), &16384.into()));
+    assert_eq!(scene["origin"], serde_json::json!([-1.0, -1.0, -1.0]));
+    let spacing = scene["spacing"][2].as_f64().unwrap();
+    assert!((spacing - 2.0 / 15.0).abs() < 1e-15);
+    assert_eq!(scene["camera"]["automatic"], false);
+    assert_eq!(scene["transfer"].as_array().unwrap().len(), 7);
+    assert_eq!(scene["technique"]["step"], "0.5");
+    let counted: u64 =
+        scene["histogram"]["counts"].as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).sum();
+    assert_eq!(counted, 4096);
+
+    let head = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/head.nrrd");
+    let data = folder.run(&format!("info {head} --json")).done().json();
+    assert_eq!(data["camera"]["automatic"], true);
+    assert!(data.get("technique").is_none());
+    assert_eq!(data["anatomy"], "right-anterior-superior");
+    let text = folder.run(&format!("info {head}")).done().out;
+    for part in ["128 x 128 x 84", "u8", "(automatic)", "transfer function", "█"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+}
+
+/// A reader that goes away is no error and no panic.
+#[cfg(unix)]
+#[test]
+fn a_closed_pipe_is_no_error() {
+    use std::process::Stdio;
+    let mut command = Command::new(env!("CARGO_BIN_EXE_volraster"));
+    command.args(["techniques", "--json"]).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    // Closed before the program has started up; whatever it writes, it writes into a closed pipe.
+    drop(child.stdout.take());
+    let run = Run::of(child.wait_with_output().unwrap(), "techniques");
+    run.done();
+}
+
+#[test]
+fn help_and_version_are_exit_code_0() {
+    let folder = Folder::new("help");
+    let version = folder.run("--version").done().out;
+    assert_eq!(version.trim(), format!("volraster {}", env!("CARGO_PKG_VERSION")));
+    let help = folder.run("--help").done().out;
+    for command in ["render", "reference", "compare", "bench", "devices", "techniques", "info"] {
+        assert!(help.contains(command), "{command}");
+        assert!(folder.run(&format!("{command} --help")).done().out.contains("Usage"));
+    }
+}
