@@ -1,5 +1,4 @@
-//! Compiles `glsl/` to SPIR-V and writes `shaders.rs`: the modules with what they bind, the binding
-//! and specialisation numbers of `glsl/interface.glsl`, and compile-time assertions that the Rust
+//! Compiles `glsl/` to SPIR-V and writes `shaders.rs`: the modules with what they bind, the numbers of `glsl/interface.glsl`, and compile-time assertions that the Rust
 //! structures of `src/interface.rs` lie in memory as the shaders read them.
 
 use std::collections::BTreeMap;
@@ -137,12 +136,12 @@ fn compile(
     }
 }
 
-/// `#define BINDING_X n` and `#define SPEC_X n` become constants of the same name.
+/// `#define NAME n` becomes a constant of the same name.
 fn constants(interface: &str, rust: &mut String) {
     for line in interface.lines() {
         let words: Vec<&str> = line.split_whitespace().collect();
         let [define, name, number, ..] = words[..] else { continue };
-        if define != "#define" || !(name.starts_with("BINDING_") || name.starts_with("SPEC_")) {
+        if define != "#define" {
             continue;
         }
         if number.parse::<u32>().is_err() {

@@ -1,7 +1,8 @@
 // A regular grid as techniques see it: rays in index space, and the scalar at an index.
 //
 // Depth z is measured along the view from the plane through the domain's centre, and positions from that
-// centre in units of the grid's indices, so that a far eye costs no precision. The ray of a pixel is
+// centre in units of the grid's indices, so that a far eye costs no precision; depth is in units of the
+// smallest voxel spacing, so that the world's scale costs none either. The ray of a pixel is
 // p(z) = q + z d with
 //   q = q0 + kq (x px + y py),  d = d0 + kd (x px + y py),
 // x and y in pixels from the image's centre, y down. Perspective: kq = depth of the centre plane from
@@ -13,11 +14,12 @@ struct Ray {
     float length_per_depth; // world length of one unit of depth
 };
 
-Ray pixel_ray(vec2 pixel, vec4 q0_kq, vec4 px_kd, vec4 py, vec4 d0, float scale, vec2 half_extent) {
+Ray pixel_ray(vec2 pixel, vec4 q0_kq, vec4 px_kd, vec4 py, vec4 d0, float scale, float unit,
+              vec2 half_extent) {
     vec2 xy = pixel - half_extent;
     vec3 lateral = fma(vec3(xy.x), px_kd.xyz, xy.y * py.xyz);
     vec2 slope = xy * (scale * px_kd.w);
-    return Ray(fma(vec3(q0_kq.w), lateral, q0_kq.xyz), fma(vec3(px_kd.w), lateral, d0.xyz), sqrt(1.0 + dot(slope, slope)));
+    return Ray(fma(vec3(q0_kq.w), lateral, q0_kq.xyz), fma(vec3(px_kd.w), lateral, d0.xyz), unit * sqrt(1.0 + dot(slope, slope)));
 }
 
 // Depths at which the ray enters and leaves the domain [-half_size, half_size]; entry > exit when it misses.

@@ -41,7 +41,8 @@ vec4 classify(float s, uint count) {
             if (knots_storage.many[middle].s <= s) below = middle; else above = middle;
         }
         Knot knot = knots_storage.many[below];
-        return s < knot.s ? knot.value : on_piece(knot, s);
+        // NaN takes the knot's value, as in the walk.
+        return s >= knot.s ? on_piece(knot, s) : knot.value;
     }
     // A constant number of turns: unrolled.
     vec4 value = walked[0].value;

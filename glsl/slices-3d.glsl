@@ -36,13 +36,15 @@ layout(push_constant, std430) uniform Slices3dPush {
     vec4 d0_h;        // w: thickness of a slab, depth
     vec4 half_scale;  // half the domain, indices; w: side of a pixel at unit depth, world
     vec2 half_extent; // half the image, pixels
-    float near;       // smallest depth to draw: the eye for perspective
+    float near;       // smallest depth to draw: that of the eye for perspective
     float value_scale; // scalar = value_scale * texel + value_offset
     float value_offset;
     uint knots;       // number of knots
     uint slab_first;  // first slab of this draw or dispatch
     uint slab_count;  // number of slabs of this draw or dispatch
     uint backwards;   // raster: 1 draws the farthest slab first
+    float unit;       // world length of one unit of depth: the smallest voxel spacing
+    float opaque;     // transmittance at which a pixel is done
 } push;
 
 float slab_begin(uint slab) {
@@ -50,7 +52,8 @@ float slab_begin(uint slab) {
 }
 
 Ray ray_of(vec2 pixel) {
-    return pixel_ray(pixel, push.q0_kq, push.px_kd, push.py_z0, push.d0_h, push.half_scale.w, push.half_extent);
+    return pixel_ray(pixel, push.q0_kq, push.px_kd, push.py_z0, push.d0_h, push.half_scale.w, push.unit,
+                     push.half_extent);
 }
 
 vec2 interval_of(Ray ray) {
@@ -171,9 +174,6 @@ void main() {
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
 
-// What is behind this transmittance changes no channel by more than 2^-22.
-const float OPAQUE = 2.4e-7;
-
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(pixel, ivec2(2.0 * push.half_extent + 0.5)))) return;
@@ -185,6 +185,7 @@ void main() {
     float h = push.d0_h.w, z0 = push.py_z0.w;
     float value_scale = push.value_scale, value_offset = push.value_offset;
     uint knots = push.knots;
+    float opaque = push.opaque;
     load_knots();
 
     // The slabs that the ray meets, one more at each end against rounding: they have no length.
@@ -195,7 +196,7 @@ void main() {
     vec4 sum = RESUME ? imageLoad(accumulation, pixel) : vec4(0.0);
     float transmittance = 1.0 - sum.a;
     if (interval.x < interval.y && begin < end) {
-        for (uint slab = uint(begin); slab < uint(end) && transmittance > OPAQUE; ++slab) {
+        for (uint slab = uint(begin); slab < uint(end) && transmittance > opaque; ++slab) {
             vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
             vec4 emission = slab_emission(ray, piece, half_size, value_scale, value_offset, knots);
             float weight = transmittance * emission.a;

@@ -32,6 +32,8 @@ pub(crate) struct Slices3dPush {
     pub(crate) slab_first: u32,
     pub(crate) slab_count: u32,
     pub(crate) backwards: u32,
+    pub(crate) unit: f32,
+    pub(crate) opaque: f32,
 }
 
 /// Push constants of `probe.glsl`.

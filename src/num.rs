@@ -57,7 +57,7 @@ pub(crate) fn i16_code(value: f64) -> i16 {
 }
 
 /// A 32-bit count as an index; exact on every platform that this crate builds for.
-pub(crate) fn index(value: u32) -> usize {
+pub(crate) const fn index(value: u32) -> usize {
     value as usize
 }
 

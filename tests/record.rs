@@ -269,7 +269,7 @@ fn the_volume_lands_in_the_caller_s_image() {
                 let caller = Caller::new(&gpu, format, [40, 30], texel);
                 caller.begin(behind);
                 let recorded =
-                    plan.record(&caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap();
+                    plan.record(&mut caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap();
                 let bytes = caller.end(&gpu);
                 let status = recorded.completed().unwrap();
                 assert!(status.complete);
@@ -363,30 +363,32 @@ fn what_does_not_fit_the_plan_is_refused() {
     let mut plan = renderer.prepare(&view, &TargetDesc::caller(format, TargetMode::Clear)).unwrap();
     let caller = Caller::new(&gpu, format, [40, 30], 4);
     let other = Caller::new(&gpu, format, [41, 30], 4);
-    let (commands, target) = (caller.command_buffer(&gpu), caller.target(&gpu));
+    let (mut commands, target) = (caller.command_buffer(&gpu), caller.target(&gpu));
     caller.begin([0.0; 4]);
     let refuse = |result: volraster::Result<volraster::Recorded>| result.unwrap_err().to_string();
-    assert!(refuse(plan.record(&commands, None, None)).contains("target"));
-    assert!(refuse(plan.record(&commands, Some(&other.target(&gpu)), None)).contains("[41, 30]"));
+    assert!(refuse(plan.record(&mut commands, None, None)).contains("target"));
+    assert!(refuse(plan.record(&mut commands, Some(&other.target(&gpu)), None)).contains("[41, 30]"));
     // SAFETY: any view will do: it is refused before it is looked at.
     let depth = unsafe { DepthImage::from_raw(&gpu, caller.view) };
-    assert!(refuse(plan.record(&commands, Some(&target), Some(&depth))).contains("depth image"));
-    let recorded = plan.record(&commands, Some(&target), None).unwrap();
-    assert!(refuse(plan.record(&commands, Some(&target), None)).contains("has not been completed"));
+    assert!(refuse(plan.record(&mut commands, Some(&target), Some(&depth))).contains("depth image"));
+    let recorded = plan.record(&mut commands, Some(&target), None).unwrap();
+    assert!(refuse(plan.record(&mut commands, Some(&target), None)).contains("has not been completed"));
     let _ = caller.end(&gpu);
     let passes: Vec<String> =
         recorded.completed().unwrap().passes.into_iter().map(|pass| pass.name).collect();
-    assert_eq!(passes, ["slices-3d.march", "composite.draw"]);
+    let timed = gpu.has(volraster::gpu::OptionalFeature::Timestamps);
+    let want = if timed { ["slices-3d.march", "composite.draw"].as_slice() } else { &[] };
+    assert_eq!(passes, want);
     // Completed, the plan can be recorded again.
     caller.begin([0.0; 4]);
-    let recorded = plan.record(&commands, Some(&target), None).unwrap();
+    let recorded = plan.record(&mut commands, Some(&target), None).unwrap();
     let _ = caller.end(&gpu);
     assert!(recorded.completed().unwrap().complete);
     let formats = renderer.prepare(&view, &TargetDesc::caller(vk::Format::D32_SFLOAT, TargetMode::Clear));
     assert!(formats.unwrap_err().to_string().contains("D32_SFLOAT"));
 }
 
-/// Two plans in flight at once, on one scene, and everything dropped before the device but the recordings.
+/// Two plans recorded on one scene, and everything but the recordings dropped before they are submitted.
 #[test]
 fn recordings_keep_what_they_name() {
     let gpu = gpu();
@@ -403,7 +405,7 @@ fn recordings_keep_what_they_name() {
                 .unwrap();
             caller.begin([0.0; 4]);
             recordings
-                .push(plan.record(&caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap());
+                .push(plan.record(&mut caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap());
         }
     }
     let images: Vec<Vec<u8>> = callers.iter().map(|caller| caller.end(&gpu)).collect();

@@ -72,7 +72,7 @@ impl Offer {
             filters_in_8_bit: gpu.filters_in_8_bit()?,
             features: OptionalFeature::ALL
                 .iter()
-                .map(|&feature| (kebab(&format!("{feature:?}")), gpu.has(feature), feature.fallback()))
+                .map(|&feature| (feature.name().to_string(), gpu.has(feature), feature.fallback()))
                 .collect(),
         })
     }
@@ -122,17 +122,5 @@ fn text(reports: &[DeviceReport], offer: Option<&Offer>) -> String {
     }
     // Writing into a string cannot fail.
     let _ = write!(text, "\n\n{}:\n{}", offer.name, table::aligned(&rows, &[0, 1]));
-    text
-}
-
-/// `LinearFilterR32f` as `linear-filter-r32f`.
-fn kebab(name: &str) -> String {
-    let mut text = String::new();
-    for c in name.chars() {
-        if c.is_uppercase() && !text.is_empty() {
-            text.push('-');
-        }
-        text.extend(c.to_lowercase());
-    }
     text
 }

@@ -157,8 +157,16 @@ fn draw(
     );
     put("image", json!([image.width(), image.height()]));
     put("frames", frames.iter().map(frame_json).collect());
-    // `prepare` holds upload and pipelines: the library does them together.
-    put("setup_ms", json!({"load": load_ms, "device": open_ms, "prepare": prepare_ms}));
+    // `prepare` is what is left of it without its parts.
+    let (times, pipelines) = (scene.times(), gpu.pipeline_ms());
+    let rest = (prepare_ms - times.upload - times.tables - pipelines).max(0.0);
+    put(
+        "setup_ms",
+        json!({
+            "load": load_ms, "device": open_ms, "upload": times.upload, "tables": times.tables,
+            "pipelines": pipelines, "prepare": rest,
+        }),
+    );
     put("device_bytes", summed(gpu.memory_report()));
     if let Some(bytes) = peak_rss_bytes() {
         put("peak_rss_bytes", json!(bytes));

@@ -4,6 +4,7 @@
 //! verified first; anything odd is ignored and written anew.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use ash::vk;
 
@@ -65,7 +66,9 @@ impl PipelineCacheFile {
             return;
         }
         let Some(folder) = self.path.parent() else { return };
-        let beside = self.path.with_extension(format!("tmp{}", std::process::id()));
+        static TURN: AtomicU32 = AtomicU32::new(0);
+        let turn = TURN.fetch_add(1, Ordering::Relaxed);
+        let beside = self.path.with_extension(format!("tmp{}-{turn}", std::process::id()));
         let written = std::fs::create_dir_all(folder)
             .and_then(|()| std::fs::write(&beside, wrap(data, &self.identity)))
             .and_then(|()| std::fs::rename(&beside, &self.path));

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use ash::{ext, vk};
@@ -64,6 +65,19 @@ impl OptionalFeature {
         Self::DebugNames,
     ];
 
+    /// Its name in reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::LinearFilterR32f => "linear-filter-r32f",
+            Self::LinearFilterR16 => "linear-filter-r16",
+            Self::BlendRgba32f => "blend-rgba32f",
+            Self::MemoryBudget => "memory-budget",
+            Self::Timestamps => "timestamps",
+            Self::DebugNames => "debug-names",
+        }
+    }
+
     /// What happens on a device without it.
     #[must_use]
     pub fn fallback(self) -> &'static str {
@@ -103,6 +117,9 @@ impl std::fmt::Debug for Handles {
     }
 }
 
+/// Smallest block of memory that is asked of the driver.
+const BLOCK_BYTES: u64 = 4 << 20;
+
 /// What a [`Gpu`] owns. Fields are dropped in order; the device goes in [`Inner::drop`].
 pub(crate) struct Inner {
     pub(crate) device: ash::Device,
@@ -115,6 +132,8 @@ pub(crate) struct Inner {
     pub(crate) cache: vk::PipelineCache,
     pub(crate) loop_limit: OnceLock<u32>,
     pub(crate) filters_in_8_bit: OnceLock<bool>,
+    /// Microseconds spent in building pipelines.
+    pub(crate) pipeline_us: AtomicU64,
     allocator: Mutex<Option<Allocator>>,
     queue: Mutex<vk::Queue>,
     pipelines: Mutex<HashMap<PipelineKey, Arc<Pipeline>>>,
@@ -245,6 +264,7 @@ impl Gpu {
             cache: vk::PipelineCache::null(),
             loop_limit: OnceLock::new(),
             filters_in_8_bit: OnceLock::new(),
+            pipeline_us: AtomicU64::new(0),
             allocator: Mutex::new(None),
             queue: Mutex::new(queue),
             pipelines: Mutex::default(),
@@ -268,7 +288,10 @@ impl Gpu {
             physical_device: physical,
             debug_settings: gpu_allocator::AllocatorDebugSettings::default(),
             buffer_device_address: false,
-            allocation_sizes: gpu_allocator::AllocationSizes::default(),
+            // Blocks grow with use: a small scene takes little more than it needs.
+            allocation_sizes: gpu_allocator::AllocationSizes::new(BLOCK_BYTES, BLOCK_BYTES)
+                .with_max_device_memblock_size(16 * BLOCK_BYTES)
+                .with_max_host_memblock_size(16 * BLOCK_BYTES),
         })
         .map_err(|source| Error::Allocation { object: "allocator".to_string(), source })?;
         inner.allocator = Mutex::new(Some(allocator));
@@ -316,7 +339,8 @@ impl Gpu {
         }
     }
 
-    /// Runs `work` with the queue, while no other thread submits to it through this crate.
+    /// Runs `work` with the queue, while no other thread submits to it through this crate. `work` must not
+    /// draw or upload through this crate itself: it would wait for the queue for ever.
     pub fn with_queue<R>(&self, work: impl FnOnce(vk::Queue) -> R) -> R {
         let queue = self.queue();
         work(*queue)
@@ -359,6 +383,12 @@ impl Gpu {
         let mut names: Vec<String> = self.pipeline_table().values().map(|p| p.name().to_string()).collect();
         names.sort();
         names
+    }
+
+    /// Milliseconds spent so far in building pipelines. Drivers may put off a part of it to the first use.
+    #[must_use]
+    pub fn pipeline_ms(&self) -> f64 {
+        crate::num::f64_of_u64(self.inner.pipeline_us.load(Ordering::Relaxed)) * 1e-3
     }
 
     /// Largest extent of a 3D image, in samples.

@@ -9,6 +9,7 @@ use super::device::Gpu;
 #[derive(Debug)]
 pub struct CommandBuffer {
     raw: vk::CommandBuffer,
+    device: vk::Device,
 }
 
 impl CommandBuffer {
@@ -19,19 +20,26 @@ impl CommandBuffer {
     /// - `raw` belongs to the device of `gpu`, is in the recording state outside of any rendering, and
     ///   will be submitted to the queue family of `gpu`;
     /// - no other thread records into it while this value is in use;
-    /// - it is submitted at most once, or not again while a submission of it is pending.
+    /// - it is submitted at most once, or not again while a submission of it is pending;
+    /// - [`Recorded::completed`](crate::Recorded::completed) of what is recorded into it is called only after
+    ///   its submission has ended.
     #[must_use]
     pub unsafe fn from_raw(gpu: &Gpu, raw: vk::CommandBuffer) -> Self {
         debug_assert!(!raw.is_null(), "the null command buffer of {}", gpu.report().name);
-        Self { raw }
+        Self::own(gpu, raw)
+    }
+
+    /// The device that it was wrapped for.
+    pub(crate) fn device(&self) -> vk::Device {
+        self.device
     }
 
     pub(crate) fn raw(&self) -> vk::CommandBuffer {
         self.raw
     }
 
-    pub(super) fn own(raw: vk::CommandBuffer) -> Self {
-        Self { raw }
+    pub(super) fn own(gpu: &Gpu, raw: vk::CommandBuffer) -> Self {
+        Self { raw, device: gpu.device().handle() }
     }
 }
 
@@ -42,6 +50,7 @@ pub struct TargetImage {
     pub(crate) view: vk::ImageView,
     pub(crate) format: vk::Format,
     pub(crate) extent: [u32; 2],
+    pub(crate) device: vk::Device,
 }
 
 impl TargetImage {
@@ -65,7 +74,7 @@ impl TargetImage {
         extent: [u32; 2],
     ) -> Self {
         debug_assert!(!view.is_null(), "the null view of {}", gpu.report().name);
-        Self { image, view, format, extent }
+        Self { image, view, format, extent, device: gpu.device().handle() }
     }
 }
 

@@ -164,6 +164,16 @@ fn check_limits(gpu: &Gpu, name: &str, desc: &ImageDesc) -> Result<()> {
     } else {
         (w.max(h), limits.max_image_dimension2_d, "2D image")
     };
+    if desc.usage.contains(vk::ImageUsageFlags::COLOR_ATTACHMENT) {
+        let [view_w, view_h] = limits.max_viewport_dimensions;
+        let most = [limits.max_framebuffer_width.min(view_w), limits.max_framebuffer_height.min(view_h)];
+        if w > most[0] || h > most[1] {
+            return Err(Error::unsupported(
+                name,
+                format!("{w} x {h} exceeds the limit of {} x {} for drawing", most[0], most[1]),
+            ));
+        }
+    }
     if largest > limit {
         return Err(Error::unsupported(
             name,

@@ -1,6 +1,8 @@
 //! Pipelines, built when first asked for, and the descriptor sets that go with them.
 
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
 
 use ash::vk;
 
@@ -131,6 +133,7 @@ impl Gpu {
         if let Some(found) = table.get(&key) {
             return Ok(Arc::clone(found));
         }
+        let start = Instant::now();
         let mut pipeline = self.layout_of(name, shaders)?;
         match build(pipeline.layout) {
             Ok(raw) => pipeline.raw = raw,
@@ -144,6 +147,8 @@ impl Gpu {
         self.name(pipeline.set_layout, name);
         let pipeline = Arc::new(pipeline);
         table.insert(key, Arc::clone(&pipeline));
+        let spent = u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
+        self.inner.pipeline_us.fetch_add(spent, Ordering::Relaxed);
         Ok(pipeline)
     }
 
@@ -397,7 +402,10 @@ impl Descriptors {
             let (buffer, image);
             let write = match resource {
                 Resource::Buffer(b) => {
-                    buffer = [vk::DescriptorBufferInfo { buffer: b.raw(), offset: 0, range: vk::WHOLE_SIZE }];
+                    // A uniform block may be the start of a larger buffer.
+                    let most = u64::from(gpu.inner.properties.limits.max_uniform_buffer_range);
+                    let range = if *kind == BindingKind::UniformBuffer { b.size().min(most) } else { b.size() };
+                    buffer = [vk::DescriptorBufferInfo { buffer: b.raw(), offset: 0, range }];
                     write.buffer_info(&buffer)
                 }
                 Resource::Sampled(i, filter) => {

@@ -104,7 +104,7 @@ impl Gpu {
         groups: u32,
         volume: Option<Arc<Image>>,
     ) -> Result<Vec<u32>> {
-        let pipeline = self.compute_pipeline(shader.name, &ComputeDesc { shader, constants: &[] })?;
+        let pipeline = self.compute_pipeline(&shader.name.to_lowercase().replace('_', "."), &ComputeDesc { shader, constants: &[] })?;
         let result =
             Arc::new(Buffer::new(self, "probe.result", 4 * u64::from(words), BufferUse::ShaderWrite)?);
         let mut resources = vec![(BINDING_RESULT, Resource::Buffer(Arc::clone(&result)))];
@@ -122,8 +122,8 @@ impl Gpu {
         let host = Arc::new(Buffer::new(self, "probe.host", result.size(), BufferUse::Download)?);
         recorder.copy_buffer("download", &result, &host, result.size());
         recorder.release_to_host(&host);
-        let (_, _keep) = recorder.finish();
-        commands.submit("probe")?;
+        let (_, keep) = recorder.finish();
+        commands.submit(keep, "probe")?;
         Ok(host.host_copy()?.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
     }
 }

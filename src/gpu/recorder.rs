@@ -43,6 +43,8 @@ impl Timers {
 
     /// Milliseconds of the first `passes` passes, after their submission has ended.
     pub(crate) fn read(&self, passes: usize) -> Result<Vec<f64>> {
+        // Passes beyond the pool's room have no stamps.
+        let passes = passes.min(crate::num::index(self.passes));
         let mut stamps = vec![0_u64; 2 * passes];
         if stamps.is_empty() {
             return Ok(Vec::new());
@@ -129,6 +131,11 @@ impl<'a> Recorder<'a> {
     /// Declares that an image holds data that shaders may sample since before this recording.
     pub(crate) fn assume_ready(&mut self, image: &Arc<Image>) {
         self.tracker.begin(image.raw().as_raw(), vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);
+    }
+
+    /// Declares how the last recording that used an image, and that has ended, used it.
+    pub(crate) fn assume_after(&mut self, image: &Arc<Image>, last: Use) {
+        self.tracker.begin_after(image.raw().as_raw(), last);
     }
 
     /// One dispatch as a pass.
@@ -271,9 +278,14 @@ impl<'a> Recorder<'a> {
         self.end();
     }
 
+    /// Leaves an image ready for a use, also of later recordings.
+    pub(crate) fn leave(&mut self, image: &Arc<Image>, next: Use) {
+        self.use_image(image, next);
+    }
+
     /// Makes what was written to an image visible to every later shader, also of later recordings.
     pub(crate) fn release_image(&mut self, image: &Arc<Image>) {
-        self.use_image(image, Use::AnyShaderRead);
+        self.leave(image, Use::AnyShaderRead);
     }
 
     /// The same for a buffer.

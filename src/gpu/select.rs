@@ -89,6 +89,12 @@ pub(crate) fn survey(instance: &Instance, wanted: Option<&str>) -> Result<(Optio
     Ok((best, candidates))
 }
 
+/// Mesa 22.3's software driver stamps a dispatch when the next draw is rasterised, once anything was drawn:
+/// compute passes then seem to take no time. 25.0 does not; what lies between is not relied on.
+fn stamps_lie(driver: vk::DriverId, version: u32) -> bool {
+    driver == vk::DriverId::MESA_LLVMPIPE && vk::api_version_major(version) < 25
+}
+
 fn inspect(instance: &Instance, raw: vk::PhysicalDevice) -> Candidate {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut properties2 = vk::PhysicalDeviceProperties2::default();
@@ -135,17 +141,21 @@ fn inspect(instance: &Instance, raw: vk::PhysicalDevice) -> Candidate {
     let text = |s: std::result::Result<&std::ffi::CStr, std::ffi::FromBytesUntilNulError>| {
         s.map_or_else(|_| String::new(), |n| n.to_string_lossy().into_owned())
     };
-    let driver = format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str()));
+    let driver_text = format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str()));
     let index = family.unwrap_or(0);
     Candidate {
         raw,
         properties,
         queue_family: crate::num::count(index),
-        timestamp_bits: families.get(index).map_or(0, |f| f.timestamp_valid_bits),
+        timestamp_bits: if stamps_lie(driver.driver_id, properties.driver_version) {
+            0
+        } else {
+            families.get(index).map_or(0, |f| f.timestamp_valid_bits)
+        },
         report: DeviceReport {
             name,
             kind,
-            driver: driver.trim().to_string(),
+            driver: driver_text.trim().to_string(),
             api: version_text(properties.api_version),
             chosen: false,
             reason: String::new(),
@@ -177,6 +187,14 @@ mod tests {
         assert_eq!(best, Some(0));
         assert_eq!(why[1], "its name does not contain \"LLVMpipe\"");
         assert_eq!(choose(&offers, Some("radeon")).0, None);
+    }
+
+    #[test]
+    fn stamps_are_not_trusted_where_they_were_seen_to_lie() {
+        let version = |major, minor| vk::make_api_version(0, major, minor, 0);
+        assert!(stamps_lie(vk::DriverId::MESA_LLVMPIPE, version(22, 3)));
+        assert!(!stamps_lie(vk::DriverId::MESA_LLVMPIPE, version(25, 0)));
+        assert!(!stamps_lie(vk::DriverId::MESA_RADV, version(22, 3)));
     }
 
     #[test]

@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use super::device::Gpu;
 use super::external::CommandBuffer;
+use super::recorder::Keep;
 use crate::error::{Error, Result};
 
 /// Longest wait for one submission. A software rasteriser may need minutes for a large frame; a driver
@@ -27,6 +28,9 @@ pub(crate) struct Commands {
     pool: vk::CommandPool,
     buffer: CommandBuffer,
     fence: vk::Fence,
+    /// What a submission that has not been seen to end names; empty otherwise.
+    held: Keep,
+    pending: bool,
 }
 
 impl Commands {
@@ -40,8 +44,10 @@ impl Commands {
         let mut commands = Self {
             gpu: gpu.clone(),
             pool,
-            buffer: CommandBuffer::own(vk::CommandBuffer::null()),
+            buffer: CommandBuffer::own(gpu, vk::CommandBuffer::null()),
             fence: vk::Fence::null(),
+            held: Keep::new(),
+            pending: false,
         };
         gpu.name(pool, "command pool");
         let info = vk::CommandBufferAllocateInfo::default()
@@ -51,7 +57,7 @@ impl Commands {
         // SAFETY: the pool was just made from this device.
         let buffers = unsafe { gpu.device().allocate_command_buffers(&info) }
             .map_err(|result| Error::Vulkan { call: "vkAllocateCommandBuffers", result })?;
-        commands.buffer = CommandBuffer::own(buffers.first().copied().unwrap_or_default());
+        commands.buffer = CommandBuffer::own(gpu, buffers.first().copied().unwrap_or_default());
         // SAFETY: the device is alive.
         commands.fence = unsafe { gpu.device().create_fence(&vk::FenceCreateInfo::default(), None) }
             .map_err(|result| Error::Vulkan { call: "vkCreateFence", result })?;
@@ -60,19 +66,23 @@ impl Commands {
     }
 
     /// Begins recording anew.
-    pub(crate) fn begin(&mut self) -> Result<&CommandBuffer> {
-        // SAFETY: nothing recorded from this pool is pending: `submit` waits.
+    pub(crate) fn begin(&mut self) -> Result<&mut CommandBuffer> {
+        if self.pending {
+            self.wait("an earlier submission")?;
+        }
+        // SAFETY: nothing recorded from this pool is pending.
         unsafe { self.gpu.device().reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty()) }
             .map_err(|result| Error::Vulkan { call: "vkResetCommandPool", result })?;
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the command buffer is in the initial state.
         unsafe { self.gpu.device().begin_command_buffer(self.buffer.raw(), &info) }
             .map_err(|result| Error::Vulkan { call: "vkBeginCommandBuffer", result })?;
-        Ok(&self.buffer)
+        Ok(&mut self.buffer)
     }
 
-    /// Ends recording, submits, and waits for the end. `last_pass` is named if it does not come.
-    pub(crate) fn submit(&mut self, last_pass: &str) -> Result<()> {
+    /// Ends recording, submits, and waits for the end. `keep` is what the recording names: it is freed when
+    /// the submission has ended, and not before. `last_pass` is named if the end does not come.
+    pub(crate) fn submit(&mut self, keep: Keep, last_pass: &str) -> Result<()> {
         let device = self.gpu.device();
         // SAFETY: recording was begun and every rendering ended.
         unsafe { device.end_command_buffer(self.buffer.raw()) }
@@ -81,12 +91,20 @@ impl Commands {
         let submits = [vk::SubmitInfo2::default().command_buffer_infos(&buffers)];
         {
             let queue = self.gpu.queue();
-            // SAFETY: the queue is locked; the fence is unsignalled and unused; the recorded resources are
-            // kept by the caller until this function returns.
+            // SAFETY: the queue is locked; the fence is unsignalled and unused; `keep` holds the recorded
+            // resources, and this object holds `keep` until the fence has signalled.
             unsafe { device.queue_submit2(*queue, &submits, self.fence) }
                 .map_err(|result| Error::Vulkan { call: "vkQueueSubmit2", result })?;
         }
-        // SAFETY: the fence was submitted above.
+        self.held = keep;
+        self.pending = true;
+        self.wait(last_pass)
+    }
+
+    /// Waits for the pending submission, then frees what it named.
+    fn wait(&mut self, last_pass: &str) -> Result<()> {
+        let device = self.gpu.device();
+        // SAFETY: the fence was submitted: `pending` is set.
         let waited = unsafe { device.wait_for_fences(&[self.fence], true, TIMEOUT_SECONDS * 1_000_000_000) };
         match waited {
             Ok(()) => {}
@@ -101,18 +119,23 @@ impl Commands {
         }
         // SAFETY: the fence is signalled and not in use.
         unsafe { device.reset_fences(&[self.fence]) }
-            .map_err(|result| Error::Vulkan { call: "vkResetFences", result })
+            .map_err(|result| Error::Vulkan { call: "vkResetFences", result })?;
+        self.pending = false;
+        self.held.clear();
+        Ok(())
     }
 }
 
 impl Drop for Commands {
     fn drop(&mut self) {
-        // After a timeout the submission may still run.
-        // SAFETY: the device is alive; an error means that it is lost and nothing runs.
-        let _ = unsafe { self.gpu.device().device_wait_idle() };
-        // SAFETY: the device is idle; null is allowed.
+        if self.pending {
+            // After a timeout the submission may still run.
+            // SAFETY: the fence was submitted; an error means that the device is lost and nothing runs.
+            let _ = unsafe { self.gpu.device().wait_for_fences(&[self.fence], true, u64::MAX) };
+        }
+        // SAFETY: nothing that uses it is pending; null is allowed.
         unsafe { self.gpu.device().destroy_fence(self.fence, None) };
-        // SAFETY: the device is idle; the command buffer goes with its pool.
+        // SAFETY: the command buffer is not pending and goes with its pool.
         unsafe { self.gpu.device().destroy_command_pool(self.pool, None) };
     }
 }

@@ -130,20 +130,29 @@ struct History {
 /// is a barrier, a change of layout is a barrier.
 #[derive(Debug, Default)]
 pub(crate) struct Tracker {
-    histories: HashMap<u64, History>,
+    /// By kind (image or not) and handle: handles of different kinds may be equal.
+    histories: HashMap<(bool, u64), History>,
 }
 
 impl Tracker {
-    /// Says what state a resource is in when the recording begins: its layout, and that no access of
+    /// Says what state an image is in when the recording begins: its layout, and that no access of
     /// this recording precedes. Without this an image's contents are undefined.
     pub(crate) fn begin(&mut self, resource: u64, layout: Layout) {
         let none = (Stage::NONE, Access::NONE);
-        self.histories.insert(resource, History { write: none, readers: Stage::NONE, visible: none, layout });
+        self.histories.insert((true, resource), History { write: none, readers: Stage::NONE, visible: none, layout });
     }
 
-    /// Whether the resource was used or declared in this recording.
+    /// Says that an earlier recording, which has ended, left an image after this use.
+    pub(crate) fn begin_after(&mut self, resource: u64, last: Use) {
+        let (stage, access, layout) = last.masks();
+        let none = (Stage::NONE, Access::NONE);
+        let history = History { write: (stage, access), readers: Stage::NONE, visible: none, layout };
+        self.histories.insert((true, resource), history);
+    }
+
+    /// Whether the image was used or declared in this recording.
     pub(crate) fn knows(&self, resource: u64) -> bool {
-        self.histories.contains_key(&resource)
+        self.histories.contains_key(&(true, resource))
     }
 
     /// The barrier that must precede this use, if any. `is_image` says whether layouts count.
@@ -151,7 +160,7 @@ impl Tracker {
         let (stage, access, layout) = next.masks();
         let layout = if is_image { layout } else { Layout::UNDEFINED };
         let none = (Stage::NONE, Access::NONE);
-        let history = self.histories.entry(resource).or_insert(History {
+        let history = self.histories.entry((is_image, resource)).or_insert(History {
             write: none,
             readers: Stage::NONE,
             visible: none,
@@ -234,6 +243,15 @@ mod tests {
         assert_eq!((barrier.old_layout, barrier.src_stage), (Layout::UNDEFINED, Stage::NONE));
         // Blending into what the pass before wrote must wait.
         assert!(tracker.next(3, Use::ColorAttachment, true).is_some());
+    }
+
+    #[test]
+    fn what_an_earlier_recording_wrote_is_made_visible() {
+        let mut tracker = Tracker::default();
+        tracker.begin_after(1, Use::ComputeReadWrite);
+        let barrier = tracker.next(1, Use::TransferRead, true).unwrap();
+        assert_eq!((barrier.src_stage, barrier.old_layout), (Stage::COMPUTE_SHADER, Layout::GENERAL));
+        assert!(barrier.src_access.contains(Access::SHADER_STORAGE_WRITE));
     }
 
     #[test]

@@ -24,8 +24,8 @@ impl Buffer {
         let mut recorder = Recorder::new(gpu, commands.begin()?, None);
         recorder.copy_buffer("upload", &staging, &buffer, size);
         recorder.release_buffer(&buffer);
-        let (_, _keep) = recorder.finish();
-        commands.submit("upload")?;
+        let (_, keep) = recorder.finish();
+        commands.submit(keep, "upload")?;
         Ok(buffer)
     }
 
@@ -65,8 +65,8 @@ impl Image {
             }
             recorder.copy_buffer_to_image("upload", &buffer, &image, first, depth);
             recorder.release_image(&image);
-            let (_, _keep) = recorder.finish();
-            commands.submit("upload")?;
+            let (_, keep) = recorder.finish();
+            commands.submit(keep, "upload")?;
             first += depth;
         }
         Ok(image)

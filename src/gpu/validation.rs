@@ -1,6 +1,7 @@
 //! The validation log: every message of the validation layers, kept per [`Gpu`](super::Gpu).
 
 use std::ffi::{CStr, c_void};
+use std::io::Write as _;
 use std::sync::{Mutex, PoisonError};
 
 use ash::vk;
@@ -58,8 +59,8 @@ pub(crate) fn messenger_info(log: &ValidationLog) -> vk::DebugUtilsMessengerCrea
         .user_data(std::ptr::from_ref(log).cast_mut().cast())
 }
 
-/// Keeps errors of every kind and warnings of the validation kind. Warnings of loaders and drivers
-/// about their own affairs (a driver that finds no hardware, say) are not about this program.
+/// Keeps errors and warnings of the validation kind. What loaders and drivers say about their own affairs
+/// (a driver that finds no hardware, say) is not about this program.
 unsafe extern "system" fn on_message(
     severity: vk::DebugUtilsMessageSeverityFlagsEXT,
     kind: vk::DebugUtilsMessageTypeFlagsEXT,
@@ -85,7 +86,8 @@ unsafe extern "system" fn on_message(
     let label = if error { "error" } else { "warning" };
     let message = format!("{label} {}: {}", text(data.p_message_id_name), text(data.p_message));
     // At once: a program that breaks the rules may crash the driver before anyone reads the log.
-    eprintln!("validation: {message}");
+    // A closed stderr must not end the program inside a callback.
+    let _ = writeln!(std::io::stderr(), "validation: {message}");
     log.push(message);
     vk::FALSE
 }

@@ -4,9 +4,8 @@ use crate::interface::Knot;
 use crate::num::{count, f32_of};
 use crate::scene::TransferFunction;
 
-/// Knots that the device walks through in a uniform block; above, it searches in a storage block. Equal
-/// to `UNIFORM_KNOTS` of `glsl/interface.glsl`.
-const UNIFORM_KNOTS: usize = 16;
+/// Knots that the device walks through in a uniform block; above, it searches in a storage block.
+const UNIFORM_KNOTS: usize = crate::num::index(crate::gpu::shader::UNIFORM_KNOTS);
 
 /// The largest extinction that the device is given: large enough to be opaque over any length that
 /// float32 tells from zero, small enough that its product with zero is zero.

@@ -105,6 +105,12 @@ impl TransferFunction {
         (a.colour + (b.colour - a.colour) * w, a.tau + (b.tau - a.tau) * w)
     }
 
+    /// Largest component of a colour anywhere.
+    #[must_use]
+    pub fn max_colour(&self) -> f64 {
+        self.knots.iter().map(|knot| knot.colour.max_element()).fold(0.0, f64::max)
+    }
+
     /// Largest extinction anywhere.
     #[must_use]
     pub fn max_tau(&self) -> f64 {

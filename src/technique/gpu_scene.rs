@@ -1,6 +1,7 @@
 //! A scene on the device: uploaded once, in the encodings that techniques ask for.
 
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
 
 use ash::vk;
 
@@ -18,6 +19,16 @@ pub struct GpuScene {
     scene: Scene,
     volumes: Mutex<Vec<Arc<Volume>>>,
     knots: Mutex<Option<Arc<Knots>>>,
+    times: Mutex<UploadTimes>,
+}
+
+/// Milliseconds that a scene's way to the device has taken so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct UploadTimes {
+    /// Samples.
+    pub upload: f64,
+    /// Tables of the transfer function.
+    pub tables: f64,
 }
 
 /// How samples are kept.
@@ -56,13 +67,19 @@ impl GpuScene {
     /// Takes a scene for a device. Nothing is uploaded yet.
     #[must_use]
     pub fn new(gpu: &Gpu, scene: Scene) -> Arc<Self> {
-        Arc::new(Self { gpu: gpu.clone(), scene, volumes: Mutex::default(), knots: Mutex::default() })
+        Arc::new(Self { gpu: gpu.clone(), scene, volumes: Mutex::default(), knots: Mutex::default(), times: Mutex::default() })
     }
 
     /// The scene.
     #[must_use]
     pub fn scene(&self) -> &Scene {
         &self.scene
+    }
+
+    /// Time that uploads have taken.
+    #[must_use]
+    pub fn times(&self) -> UploadTimes {
+        *self.times.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The device.
@@ -79,6 +96,7 @@ impl GpuScene {
         if let Some(found) = volumes.iter().find(|volume| volume.encoding == encoding) {
             return Ok(Arc::clone(found));
         }
+        let start = Instant::now();
         let desc = ImageDesc::sampled_volume(encoding.format(), grid.dims());
         let ends = self.scene.transfer.domain();
         let plane = num::index(grid.dims()[0]) * num::index(grid.dims()[1]);
@@ -94,6 +112,7 @@ impl GpuScene {
             filterable: self.filterable(encoding),
         });
         volumes.push(Arc::clone(&volume));
+        self.times.lock().unwrap_or_else(PoisonError::into_inner).upload += start.elapsed().as_secs_f64() * 1e3;
         Ok(volume)
     }
 
@@ -103,6 +122,7 @@ impl GpuScene {
         if let Some(found) = &*knots {
             return Ok(Arc::clone(found));
         }
+        let start = Instant::now();
         let table = DeviceKnots::new(&self.scene.transfer);
         let made = Arc::new(Knots {
             buffer: Buffer::with_data(&self.gpu, "transfer.knots", bytemuck::cast_slice(&table.knots))?,
@@ -111,6 +131,7 @@ impl GpuScene {
             iterations: table.iterations(),
         });
         *knots = Some(Arc::clone(&made));
+        self.times.lock().unwrap_or_else(PoisonError::into_inner).tables += start.elapsed().as_secs_f64() * 1e3;
         Ok(made)
     }
 

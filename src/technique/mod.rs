@@ -18,12 +18,14 @@
 //! let mut plan = renderer.prepare(view, &TargetDesc::caller(format, TargetMode::Over))?;
 //!
 //! // Each frame: only records, into the engine's own command buffer and image.
-//! plan.set_view(view)?;
+//! if !plan.set_view(view)? {
+//!     plan = renderer.prepare(view, &TargetDesc::caller(format, TargetMode::Over))?;
+//! }
 //! // SAFETY: the command buffer is recording, on this thread, for this device's queue family.
-//! let commands = unsafe { CommandBuffer::from_raw(gpu, commands) };
+//! let mut commands = unsafe { CommandBuffer::from_raw(gpu, commands) };
 //! // SAFETY: the image is in the layout COLOR_ATTACHMENT_OPTIMAL and outlives the submission.
 //! let target = unsafe { TargetImage::from_raw(gpu, image, image_view, format, extent) };
-//! let recorded = plan.record(&commands, Some(&target), None)?;
+//! let recorded = plan.record(&mut commands, Some(&target), None)?;
 //!
 //! // The engine submits, and later sees the submission end.
 //! let status = recorded.completed()?;
@@ -48,13 +50,13 @@ use ash::vk;
 use crate::error::{Error, Result};
 use crate::frame::Image as Picture;
 use crate::gpu::{
-    Buffer, BufferUse, CommandBuffer, Commands, DepthImage, Gpu, PassTime, Recorder, TargetImage, Timers,
+    Buffer, BufferUse, CommandBuffer, Commands, DepthImage, Gpu, Keep, PassTime, Recorder, TargetImage, Timers,
 };
 use crate::num;
 use crate::scene::View;
 
 use composite::Composite;
-pub use gpu_scene::GpuScene;
+pub use gpu_scene::{GpuScene, UploadTimes};
 pub use options::OptionInfo;
 
 /// A technique.
@@ -247,7 +249,9 @@ impl Renderer {
             } else {
                 vk::FormatFeatureFlags::COLOR_ATTACHMENT
             };
-            if !gpu.image_features(format).contains(needed) {
+            let name = format!("{format:?}");
+            let integer = name.ends_with("_UINT") || name.ends_with("_SINT");
+            if integer || !gpu.image_features(format).contains(needed) {
                 return Err(Error::unsupported(
                     format!("target of format {format:?}"),
                     format!("{needed:?}"),
@@ -285,14 +289,15 @@ impl Renderer {
         frames.read_back()
     }
 
-    /// Draws frame after frame with one plan. Compiles and allocates here, not in [`Frames::draw`].
+    /// Draws frame after frame with one plan. Compiles and allocates here, and in [`Frames::draw`] only when a
+    /// view needs more room than the plan has.
     ///
     /// # Errors
     ///
     /// As [`Renderer::prepare`].
     pub fn frames(&self, view: &View) -> Result<Frames> {
         let plan = self.prepare(view, &TargetDesc::own())?;
-        Ok(Frames { renderer: self.clone(), plan, commands: Commands::new(self.scene.gpu())? })
+        Ok(Frames { commands: Commands::new(self.scene.gpu())?, renderer: self.clone(), plan, drawn: false })
     }
 }
 
@@ -313,20 +318,24 @@ pub struct Plan {
 /// What a completed recording reports.
 #[derive(Clone, Debug)]
 pub struct Status {
-    /// Whether everything was drawn. `false` when a capacity was short; the next
-    /// [`Renderer::prepare`] with this status makes more room.
+    /// Whether everything was drawn. `false` when a capacity was short: prepare anew and repeat.
     pub complete: bool,
     /// Passes with their times on the device; empty where the device has no timestamps.
     pub passes: Vec<PassTime>,
 }
 
-/// Owns what a recording names, until the caller says that its submission has ended. Dropping it earlier
-/// would free what the device still reads; so it must be given back through [`Recorded::completed`] or
-/// kept.
+/// Owns what a recording names, until the caller says through [`Recorded::completed`] that its submission
+/// has ended. Dropped without that, it frees nothing, for the device may still read it: the memory is lost.
 #[derive(Debug)]
 #[must_use = "holds what the device reads until the submission has ended"]
 pub struct Recorded {
-    _keep: Vec<Arc<dyn std::any::Any + Send + Sync>>,
+    held: std::mem::ManuallyDrop<Held>,
+}
+
+/// What a recording holds.
+#[derive(Debug)]
+struct Held {
+    _keep: Keep,
     timers: Option<Arc<Timers>>,
     passes: Vec<String>,
     _in_flight: Arc<()>,
@@ -340,17 +349,18 @@ impl Recorded {
     ///
     /// [`Error::Vulkan`] when the timestamps cannot be read.
     pub fn completed(self) -> Result<Status> {
-        let times = match &self.timers {
-            Some(timers) => timers.read(self.passes.len())?,
+        let held = std::mem::ManuallyDrop::into_inner(self.held);
+        let times = match &held.timers {
+            Some(timers) => timers.read(held.passes.len())?,
             None => Vec::new(),
         };
-        let passes = self.passes.into_iter().zip(times).map(|(name, ms)| PassTime { name, ms }).collect();
+        let passes = held.passes.into_iter().zip(times).map(|(name, ms)| PassTime { name, ms }).collect();
         // No capacity of this technique can be short: slices are counted before the frame.
         Ok(Status { complete: true, passes })
     }
 
     fn last_pass(&self) -> &str {
-        self.passes.last().map_or("none", String::as_str)
+        self.held.passes.last().map_or("none", String::as_str)
     }
 }
 
@@ -368,25 +378,19 @@ impl Plan {
     /// takes yet.
     pub fn record(
         &mut self,
-        commands: &CommandBuffer,
+        commands: &mut CommandBuffer,
         target: Option<&TargetImage>,
         depth: Option<&DepthImage>,
     ) -> Result<Recorded> {
-        let recorder = self.record_passes(commands, target, depth)?;
-        Ok(self.finish(recorder))
-    }
-
-    fn record_passes<'a>(
-        &mut self,
-        commands: &'a CommandBuffer,
-        target: Option<&TargetImage>,
-        depth: Option<&DepthImage>,
-    ) -> Result<Recorder<'a>> {
         if let Some(depth) = depth {
             return Err(Error::unsupported(
                 "depth image",
                 format!("{:?}: no technique takes one", depth.view),
             ));
+        }
+        let device = self.gpu.device().handle();
+        if commands.device() != device || target.is_some_and(|target| target.device != device) {
+            return Err(Error::invalid("command buffer or target", "belongs to another device than the plan"));
         }
         if Arc::strong_count(&self.in_flight) > 1 {
             return Err(Error::invalid("plan", "its last recording has not been completed"));
@@ -410,12 +414,10 @@ impl Plan {
         if let (Some(composite), Some(target)) = (&self.composite, target) {
             composite.record(&mut recorder, target);
         }
-        Ok(recorder)
-    }
-
-    fn finish(&self, recorder: Recorder<'_>) -> Recorded {
         let (passes, keep) = recorder.finish();
-        Recorded { _keep: keep, timers: self.timers.clone(), passes, _in_flight: Arc::clone(&self.in_flight) }
+        let held =
+            Held { _keep: keep, timers: self.timers.clone(), passes, _in_flight: Arc::clone(&self.in_flight) };
+        Ok(Recorded { held: std::mem::ManuallyDrop::new(held) })
     }
 
     /// Turns the plan to another view of the same image size, without allocating. `false` when the plan
@@ -425,11 +427,8 @@ impl Plan {
     ///
     /// As [`Renderer::prepare`].
     pub fn set_view(&mut self, view: &View) -> Result<bool> {
-        if view.extent() != self.extent || !self.prepared.set_view(view)? {
-            return Ok(false);
-        }
-        let own = u32::from(self.composite.is_some()) + u32::from(self.target.caller.is_none());
-        Ok(self.prepared.passes() + own <= self.timed_passes)
+        let other = u32::from(self.composite.is_some()) + u32::from(self.target.caller.is_none());
+        Ok(view.extent() == self.extent && self.prepared.set_view(view, self.timed_passes - other)?)
     }
 
     /// The route that the technique takes on this device.
@@ -460,6 +459,8 @@ pub struct Frames {
     renderer: Renderer,
     plan: Plan,
     commands: Commands,
+    /// Whether the plan's image holds a frame.
+    drawn: bool,
 }
 
 impl Frames {
@@ -469,14 +470,17 @@ impl Frames {
     ///
     /// As [`Plan::record`] and [`Renderer::prepare`]; [`Error::Timeout`] when the device does not end.
     pub fn draw(&mut self, view: &View) -> Result<FrameTime> {
+        self.drawn = false;
         if !self.plan.set_view(view)? {
             self.plan = self.renderer.prepare(view, &TargetDesc::own())?;
         }
         let start = Instant::now();
         let recorded = self.plan.record(self.commands.begin()?, None, None)?;
-        self.commands.submit(recorded.last_pass())?;
+        // What the frame names stays with `recorded`, which frees nothing unless it is completed.
+        self.commands.submit(Keep::new(), recorded.last_pass())?;
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;
         let status = recorded.completed()?;
+        self.drawn = true;
         Ok(FrameTime { wall_ms, passes: status.passes })
     }
 
@@ -486,26 +490,24 @@ impl Frames {
         &self.plan
     }
 
-    /// Draws the current view once more and copies the image to the host. Not for timing.
+    /// Copies the image of the last frame to the host.
     ///
     /// # Errors
     ///
-    /// As [`Frames::draw`].
+    /// [`Error::Invalid`] when nothing has been drawn; else as [`Frames::draw`].
     pub fn read_back(&mut self) -> Result<Picture> {
         let gpu = &self.plan.gpu;
-        let Some(image) = self.plan.prepared.image().cloned() else {
-            return Err(Error::invalid(
-                "plan",
-                "draws into the caller's image: there is nothing to read back",
-            ));
+        let Some(image) = self.plan.prepared.image().filter(|_| self.drawn) else {
+            return Err(Error::invalid("frames", "nothing has been drawn: there is no image to read back"));
         };
         let format = image.desc().format;
         let host = Arc::new(Buffer::new(gpu, "read back", image.desc().texel_bytes(), BufferUse::Download)?);
-        let mut recorder = self.plan.record_passes(self.commands.begin()?, None, None)?;
-        recorder.copy_image_to_buffer("read back", &image, &host);
-        let recorded = self.plan.finish(recorder);
-        self.commands.submit(recorded.last_pass())?;
-        let _ = recorded.completed()?;
+        let mut recorder = Recorder::new(gpu, self.commands.begin()?, None);
+        recorder.assume_after(image, self.plan.prepared.last_use());
+        recorder.copy_image_to_buffer("read back", image, &host);
+        recorder.leave(image, self.plan.prepared.last_use());
+        let (_, keep) = recorder.finish();
+        self.commands.submit(keep, "read back")?;
         let [width, height] = self.plan.extent;
         Picture::new(width, height, pixels(&host.host_copy()?, format))
     }

@@ -27,6 +27,7 @@ use crate::gpu::shader::{
     SLICES_3D_FRAGMENT, SLICES_3D_VERTEX, SPEC_CLIP_ENDS, SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_KNOT_WALK,
     SPEC_RESUME,
 };
+use crate::gpu::sync::Use;
 use crate::gpu::{
     Attachment, Blend, ComputeDesc, Descriptors, Gpu, GraphicsDesc, Image, ImageDesc, OptionalFeature,
     Pipeline, Recorder, Resource, SpecConstant, TargetImage,
@@ -39,6 +40,10 @@ const NAME: &str = "slices-3d";
 
 /// More slabs than this lose their order in float32, and no image needs them.
 const MAX_SLABS: f64 = 4_194_304.0;
+
+/// Transmittance behind which the compute route stops: what lies there changes no channel by more, for
+/// colours up to 1; brighter ones lower it in proportion.
+const OPAQUE: f64 = 2.4e-7;
 
 /// Reconstruction between samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -197,16 +202,14 @@ impl Options {
         Ok(options)
     }
 
-    /// All options in force, as text.
+    /// The options as text that reads back to them; what is unset is left out.
     pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
-        vec![
-            ("step", self.step.to_string()),
-            ("filter", self.filter.word().to_string()),
-            ("target", self.accumulation().word().to_string()),
-            ("order", self.order.unwrap_or(Order::BackToFront).word().to_string()),
-            ("ends", self.ends.word().to_string()),
-            ("route", self.route.word().to_string()),
-        ]
+        let mut pairs = vec![("step", self.step.to_string()), ("filter", self.filter.word().to_string())];
+        pairs.extend(self.target.map(|target| ("target", target.word().to_string())));
+        pairs.extend(self.order.map(|order| ("order", order.word().to_string())));
+        pairs.push(("ends", self.ends.word().to_string()));
+        pairs.push(("route", self.route.word().to_string()));
+        pairs
     }
 
     pub(crate) fn check(&self) -> Result<()> {
@@ -283,21 +286,32 @@ fn slabs(scene: &GpuScene, volume: &Volume, knots: u32, view: &View, options: &O
     }
     let pack = |v: glam::DVec3, w: f64| num::vec3_of(v).extend(f32_of(w)).to_array();
     let [width, height] = view.extent();
+    // Depth in units of the smallest voxel spacing: the world's own unit may be a parsec or an angstrom.
+    let unit = grid.spacing().min_element();
     let push = Slices3dPush {
-        q0_kq: pack(rays.q0, rays.kq),
-        px_kd: pack(rays.px, rays.kd),
-        py_z0: pack(rays.py, begin),
-        d0_h: pack(rays.d0, thickness),
+        q0_kq: pack(rays.q0, rays.kq / unit),
+        px_kd: pack(rays.px * unit, rays.kd),
+        py_z0: pack(rays.py * unit, begin / unit),
+        d0_h: pack(rays.d0 * unit, options.step),
         half_scale: pack(grid.last_index() * 0.5, rays.scale),
         half_extent: [f32_of(f64::from(width) * 0.5), f32_of(f64::from(height) * 0.5)],
-        near: f32_of(rays.near.max(-1e30)),
+        near: f32_of((rays.near / unit).max(-1e30)),
         value_scale: volume.scale,
         value_offset: volume.offset,
         knots,
         slab_first: 0,
         slab_count: num::u32_of(count),
         backwards: 0,
+        unit: f32_of(unit),
+        opaque: f32_of(OPAQUE / scene.scene().transfer.max_colour().max(1.0)),
     };
+    let numbers = [push.q0_kq, push.px_kd, push.py_z0, push.d0_h, push.half_scale];
+    if !numbers.iter().flatten().chain([&push.near, &push.unit]).all(|number| number.is_finite()) {
+        return Err(Error::invalid(
+            "view",
+            "the camera is so far from the grid, or its voxels so large or small, that float32 cannot hold the rays",
+        ));
+    }
     Ok(Slabs { push, count: num::u32_of(count) })
 }
 
@@ -329,6 +343,16 @@ enum Path {
     },
 }
 
+impl Path {
+    /// Draws or dispatches for a number of slabs.
+    fn passes(&self, slabs: u32) -> u32 {
+        match self {
+            Self::Raster { .. } => 1,
+            Self::Compute { slabs_per_dispatch, .. } => slabs.div_ceil(*slabs_per_dispatch).max(1),
+        }
+    }
+}
+
 impl Prepared {
     pub(crate) fn new(
         scene: &Arc<GpuScene>,
@@ -340,12 +364,14 @@ impl Prepared {
         let gpu = scene.gpu();
         let route = options.route_on(gpu)?;
         let volume = scene.volume(options.filter == Filter::Hardware)?;
-        let exact = options.filter == Filter::Exact || !volume.filterable;
+        // A sampler need not hand NaN on.
+        let has_nan = scene.scene().grid.nan_count() > 0;
+        let exact = options.filter == Filter::Exact || !volume.filterable || has_nan;
         let knots = scene.knots()?;
         let slabs = slabs(scene, &volume, knots.count, view, options)?;
         let constants: Vec<SpecConstant> = vec![
             (SPEC_FILTER_EXACT, u32::from(exact)),
-            (SPEC_HAS_NAN, u32::from(scene.scene().grid.nan_count() > 0)),
+            (SPEC_HAS_NAN, u32::from(has_nan)),
             (SPEC_CLIP_ENDS, u32::from(options.ends == Ends::Clip)),
             (SPEC_KNOT_WALK, knots.walk),
         ];
@@ -359,7 +385,7 @@ impl Prepared {
             let image =
                 own_image(gpu, vk::Format::R32G32B32A32_SFLOAT, vk::ImageUsageFlags::STORAGE, view, target)?;
             resources.push((BINDING_ACCUMULATION, Resource::Storage(Arc::clone(&image))));
-            let slabs_per_dispatch = slabs_per_dispatch(gpu, slabs.count, knots.iterations)?;
+            let slabs_per_dispatch = slabs_per_dispatch(gpu, slabs.count, knots.iterations, view)?;
             let pipeline = |resume: bool| {
                 let mut constants = constants.clone();
                 constants.push((SPEC_RESUME, u32::from(resume)));
@@ -404,21 +430,29 @@ impl Prepared {
         })
     }
 
-    /// Turns to another view of the same image size. `false` when the plan has no room for it.
-    pub(crate) fn set_view(&mut self, view: &View) -> Result<bool> {
+    /// Turns to another view of the same image size. `false`, and nothing is changed, when the plan has no
+    /// room for it.
+    pub(crate) fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool> {
         let slabs = slabs(&self.scene, &self.volume, self.knots, view, &self.options)?;
-        if let Path::Compute { resume: None, slabs_per_dispatch, .. } = &self.path
-            && slabs.count > *slabs_per_dispatch
-        {
-            return Ok(false);
+        let passes = self.path.passes(slabs.count);
+        let fits = passes <= most_passes && (passes == 1 || !matches!(self.path, Path::Compute { resume: None, .. }));
+        if fits {
+            self.slabs = slabs;
         }
-        self.slabs = slabs;
-        Ok(true)
+        Ok(fits)
     }
 
     /// The image that the technique draws into, when that is not the caller's.
     pub(crate) fn image(&self) -> Option<&Arc<Image>> {
         self.image.as_ref()
+    }
+
+    /// How a frame leaves that image.
+    pub(crate) fn last_use(&self) -> Use {
+        match self.path {
+            Path::Raster { .. } => Use::ColorAttachment,
+            Path::Compute { .. } => Use::ComputeReadWrite,
+        }
     }
 
     pub(crate) fn route(&self) -> &'static str {
@@ -430,10 +464,7 @@ impl Prepared {
 
     /// Passes of one frame.
     pub(crate) fn passes(&self) -> u32 {
-        match &self.path {
-            Path::Raster { .. } => 1,
-            Path::Compute { slabs_per_dispatch, .. } => self.slabs.count.div_ceil(*slabs_per_dispatch).max(1),
-        }
+        self.path.passes(self.slabs.count)
     }
 
     pub(crate) fn counters(&self) -> Vec<(&'static str, u64)> {
@@ -491,16 +522,20 @@ impl Prepared {
     }
 }
 
-/// Slabs that one dispatch may walk, so that no invocation makes more loop iterations than the device
-/// allows: one for the slab, and those of the classification.
-fn slabs_per_dispatch(gpu: &Gpu, slabs: u32, knot_iterations: u32) -> Result<u32> {
-    let each = 1 + knot_iterations;
-    // Every device manages this many; the probe runs only where the answer counts.
+/// Slabs that one dispatch may walk. No invocation may make more loop iterations than the device allows (one
+/// for the slab, and those of the classification), and no dispatch may hold up the device for so long that
+/// a watchdog ends it.
+fn slabs_per_dispatch(gpu: &Gpu, slabs: u32, knot_iterations: u32, view: &View) -> Result<u32> {
+    /// Every device manages this many iterations; the probe runs only where the answer counts.
     const ALWAYS: u32 = 32_768;
-    if slabs.saturating_mul(each) <= ALWAYS && gpu.loop_limit_is_unknown() {
-        return Ok(slabs.max(1));
-    }
-    Ok((gpu.loop_limit()? / each).max(1))
+    /// Samples of one dispatch: a fifth of a second where 5e9 are taken in one.
+    const SAMPLES: u64 = 1 << 30;
+    let each = 1 + knot_iterations;
+    let few = slabs.saturating_mul(each) <= ALWAYS && gpu.loop_limit_is_unknown();
+    let iterations = if few { ALWAYS } else { gpu.loop_limit()? };
+    let [width, height] = view.extent().map(u64::from);
+    let by_time = u32::try_from(SAMPLES / (width * height)).unwrap_or(u32::MAX);
+    Ok((iterations / each).min(by_time).max(1))
 }
 
 /// Whether raster may draw into the caller's image itself: same format, and what is there is either
@@ -550,6 +585,12 @@ mod tests {
         let pairs: Vec<(String, String)> =
             options.pairs().iter().map(|(k, v)| ((*k).to_string(), v.clone())).collect();
         assert_eq!(Options::parse(&pairs).unwrap(), options);
+        for text in ["", "route=compute", "order=front-to-back"] {
+            let options = parse(text).unwrap();
+            let pairs: Vec<(String, String)> =
+                options.pairs().iter().map(|(k, v)| ((*k).to_string(), v.clone())).collect();
+            assert_eq!(Options::parse(&pairs).unwrap(), options, "{text}");
+        }
         assert_eq!(parse("").unwrap(), Options::default());
     }
 
@@ -572,7 +613,11 @@ mod tests {
     fn a_documented_default_is_the_default() {
         let pairs = Options::default().pairs();
         for info in OPTIONS {
-            let (_, value) = pairs.iter().find(|(key, _)| *key == info.key).unwrap();
+            // What is unset is not in force: the documented default is what the route then takes.
+            let Some((_, value)) = pairs.iter().find(|(key, _)| *key == info.key) else {
+                assert!(info.key == "target" || info.key == "order", "{}", info.key);
+                continue;
+            };
             assert_eq!(value, info.default, "{}", info.key);
         }
     }
