@@ -404,8 +404,9 @@ fn recordings_keep_what_they_name() {
                 .prepare(&view, &TargetDesc::caller(format, TargetMode::Clear))
                 .unwrap();
             caller.begin([0.0; 4]);
-            recordings
-                .push(plan.record(&mut caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap());
+            recordings.push(
+                plan.record(&mut caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap(),
+            );
         }
     }
     let images: Vec<Vec<u8>> = callers.iter().map(|caller| caller.end(&gpu)).collect();

@@ -404,7 +404,8 @@ impl Descriptors {
                 Resource::Buffer(b) => {
                     // A uniform block may be the start of a larger buffer.
                     let most = u64::from(gpu.inner.properties.limits.max_uniform_buffer_range);
-                    let range = if *kind == BindingKind::UniformBuffer { b.size().min(most) } else { b.size() };
+                    let range =
+                        if *kind == BindingKind::UniformBuffer { b.size().min(most) } else { b.size() };
                     buffer = [vk::DescriptorBufferInfo { buffer: b.raw(), offset: 0, range }];
                     write.buffer_info(&buffer)
                 }

@@ -104,7 +104,10 @@ impl Gpu {
         groups: u32,
         volume: Option<Arc<Image>>,
     ) -> Result<Vec<u32>> {
-        let pipeline = self.compute_pipeline(&shader.name.to_lowercase().replace('_', "."), &ComputeDesc { shader, constants: &[] })?;
+        let pipeline = self.compute_pipeline(
+            &shader.name.to_lowercase().replace('_', "."),
+            &ComputeDesc { shader, constants: &[] },
+        )?;
         let result =
             Arc::new(Buffer::new(self, "probe.result", 4 * u64::from(words), BufferUse::ShaderWrite)?);
         let mut resources = vec![(BINDING_RESULT, Resource::Buffer(Arc::clone(&result)))];

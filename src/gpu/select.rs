@@ -141,7 +141,8 @@ fn inspect(instance: &Instance, raw: vk::PhysicalDevice) -> Candidate {
     let text = |s: std::result::Result<&std::ffi::CStr, std::ffi::FromBytesUntilNulError>| {
         s.map_or_else(|_| String::new(), |n| n.to_string_lossy().into_owned())
     };
-    let driver_text = format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str()));
+    let driver_text =
+        format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str()));
     let index = family.unwrap_or(0);
     Candidate {
         raw,

@@ -139,7 +139,8 @@ impl Tracker {
     /// this recording precedes. Without this an image's contents are undefined.
     pub(crate) fn begin(&mut self, resource: u64, layout: Layout) {
         let none = (Stage::NONE, Access::NONE);
-        self.histories.insert((true, resource), History { write: none, readers: Stage::NONE, visible: none, layout });
+        self.histories
+            .insert((true, resource), History { write: none, readers: Stage::NONE, visible: none, layout });
     }
 
     /// Says that an earlier recording, which has ended, left an image after this use.

@@ -67,7 +67,13 @@ impl GpuScene {
     /// Takes a scene for a device. Nothing is uploaded yet.
     #[must_use]
     pub fn new(gpu: &Gpu, scene: Scene) -> Arc<Self> {
-        Arc::new(Self { gpu: gpu.clone(), scene, volumes: Mutex::default(), knots: Mutex::default(), times: Mutex::default() })
+        Arc::new(Self {
+            gpu: gpu.clone(),
+            scene,
+            volumes: Mutex::default(),
+            knots: Mutex::default(),
+            times: Mutex::default(),
+        })
     }
 
     /// The scene.
@@ -112,7 +118,8 @@ impl GpuScene {
             filterable: self.filterable(encoding),
         });
         volumes.push(Arc::clone(&volume));
-        self.times.lock().unwrap_or_else(PoisonError::into_inner).upload += start.elapsed().as_secs_f64() * 1e3;
+        self.times.lock().unwrap_or_else(PoisonError::into_inner).upload +=
+            start.elapsed().as_secs_f64() * 1e3;
         Ok(volume)
     }
 
@@ -131,7 +138,8 @@ impl GpuScene {
             iterations: table.iterations(),
         });
         *knots = Some(Arc::clone(&made));
-        self.times.lock().unwrap_or_else(PoisonError::into_inner).tables += start.elapsed().as_secs_f64() * 1e3;
+        self.times.lock().unwrap_or_else(PoisonError::into_inner).tables +=
+            start.elapsed().as_secs_f64() * 1e3;
         Ok(made)
     }
 

@@ -50,7 +50,8 @@ use ash::vk;
 use crate::error::{Error, Result};
 use crate::frame::Image as Picture;
 use crate::gpu::{
-    Buffer, BufferUse, CommandBuffer, Commands, DepthImage, Gpu, Keep, PassTime, Recorder, TargetImage, Timers,
+    Buffer, BufferUse, CommandBuffer, Commands, DepthImage, Gpu, Keep, PassTime, Recorder, TargetImage,
+    Timers,
 };
 use crate::num;
 use crate::scene::View;
@@ -390,7 +391,10 @@ impl Plan {
         }
         let device = self.gpu.device().handle();
         if commands.device() != device || target.is_some_and(|target| target.device != device) {
-            return Err(Error::invalid("command buffer or target", "belongs to another device than the plan"));
+            return Err(Error::invalid(
+                "command buffer or target",
+                "belongs to another device than the plan",
+            ));
         }
         if Arc::strong_count(&self.in_flight) > 1 {
             return Err(Error::invalid("plan", "its last recording has not been completed"));
@@ -415,8 +419,12 @@ impl Plan {
             composite.record(&mut recorder, target);
         }
         let (passes, keep) = recorder.finish();
-        let held =
-            Held { _keep: keep, timers: self.timers.clone(), passes, _in_flight: Arc::clone(&self.in_flight) };
+        let held = Held {
+            _keep: keep,
+            timers: self.timers.clone(),
+            passes,
+            _in_flight: Arc::clone(&self.in_flight),
+        };
         Ok(Recorded { held: std::mem::ManuallyDrop::new(held) })
     }
 

@@ -435,7 +435,8 @@ impl Prepared {
     pub(crate) fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool> {
         let slabs = slabs(&self.scene, &self.volume, self.knots, view, &self.options)?;
         let passes = self.path.passes(slabs.count);
-        let fits = passes <= most_passes && (passes == 1 || !matches!(self.path, Path::Compute { resume: None, .. }));
+        let fits = passes <= most_passes
+            && (passes == 1 || !matches!(self.path, Path::Compute { resume: None, .. }));
         if fits {
             self.slabs = slabs;
         }
