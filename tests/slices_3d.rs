@@ -12,7 +12,7 @@ use volraster::measure::ImageErrors;
 use volraster::reference::{self, ReferenceOptions};
 use volraster::scene::{Camera, Field, Grid, Projection, Rescale, Samples, Scene, TransferFunction, View};
 use volraster::technique::{GpuScene, Method, Renderer, Technique};
-use volraster::{Gpu, Image};
+use volraster::{Gpu, Image, TargetDesc};
 
 /// The routes that this device offers; the others are named aloud.
 fn routes(gpu: &Gpu) -> Vec<&'static str> {
@@ -343,8 +343,18 @@ fn not_a_number_is_vacuum_and_infinity_is_an_end() {
         values[(3 * 8 + 4) * 8 + 2] = special;
         let grid = Grid::new([8, 8, 8], Samples::F32(values)).unwrap();
         let grid = grid.with_placement(DVec3::splat(2.0 / 7.0), DVec3::NEG_ONE, DMat3::IDENTITY).unwrap();
-        let scene = Scene { grid, transfer: TransferFunction::from_rows(&rows).unwrap() };
-        for projection in [perspective(), orthographic()] {
+        // Two knots are walked through, forty are searched.
+        let few = TransferFunction::from_rows(&rows).unwrap();
+        let many: Vec<[f64; 5]> = (0..40)
+            .map(|i| {
+                let (c, tau) = few.at(f64::from(i) / 39.0);
+                [f64::from(i) / 39.0, c.x, c.y, c.z, tau]
+            })
+            .collect();
+        let many = TransferFunction::from_rows(&many).unwrap();
+        for (projection, transfer) in [(perspective(), &few), (orthographic(), &few), (perspective(), &many)]
+        {
+            let scene = Scene { grid: grid.clone(), transfer: transfer.clone() };
             let view = view(projection, 1.0, 60, 50);
             for route in routes(&gpu) {
                 for filter in ["exact", "hardware"] {
@@ -362,29 +372,60 @@ fn not_a_number_is_vacuum_and_infinity_is_an_end() {
     }
 }
 
-/// More knots than the shader walks through are searched; both evaluate the same function.
+/// More knots than the shader walks through are searched; both evaluate the same function, also where data
+/// lies left of the first knot and right of the last.
 #[test]
 fn many_knots_match_few() {
     let gpu = gpu();
-    let few = scene(Field::Blobs, 16, "f32", &FOG);
-    let many: Vec<[f64; 5]> = (0..=400)
-        .map(|i| {
-            let s = f64::from(i) / 400.0;
-            let (c, tau) = few.transfer.at(s);
-            [s, c.x, c.y, c.z, tau]
-        })
-        .chain(FOG)
-        .collect();
-    let mut many = many;
-    many.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    let dense = Scene { grid: few.grid.clone(), transfer: TransferFunction::from_rows(&many).unwrap() };
+    let grid = Field::Blobs.sample([16, 16, 16], "f32").unwrap();
     let view = view(perspective(), 1.0, 60, 50);
-    for route in routes(&gpu) {
-        let options = format!("step=0.5,route={route}");
-        let errors =
-            ImageErrors::between(&draw(&gpu, &few, &view, &options), &draw(&gpu, &dense, &view, &options))
-                .unwrap();
-        assert!(errors.all.max_abs < 1e-5, "{route}: {errors}");
+    for rows in [FOG.as_slice(), &FOG[2..4]] {
+        let few = TransferFunction::from_rows(rows).unwrap();
+        let [lo, hi] = few.domain();
+        // 2,000 knots take more bytes than a uniform buffer may bind.
+        let dense = (0..=2000).map(|i| {
+            let s = lo + (hi - lo) * f64::from(i) / 2000.0;
+            let (c, tau) = few.at(s);
+            [s, c.x, c.y, c.z, tau]
+        });
+        let mut many: Vec<[f64; 5]> = dense.chain(rows.iter().copied()).collect();
+        many.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let many = TransferFunction::from_rows(&many).unwrap();
+        for route in routes(&gpu) {
+            let image = |transfer: &TransferFunction| {
+                let scene = Scene { grid: grid.clone(), transfer: transfer.clone() };
+                draw(&gpu, &scene, &view, &format!("step=0.5,route={route}"))
+            };
+            let errors = ImageErrors::between(&image(&few), &image(&many)).unwrap();
+            assert!(errors.all.max_abs < 1e-5, "{route}: {errors}");
+        }
+    }
+}
+
+/// At two knots of one scalar the later one holds, walked through or searched.
+#[test]
+fn a_jump_is_continuous_from_the_right() {
+    let gpu = gpu();
+    let camera =
+        Camera { eye: DVec3::Z * 5.0, target: DVec3::ZERO, up: DVec3::Y, projection: orthographic() };
+    let view = View::new(camera, 3, 3).unwrap();
+    for padding in [0, 1, 2, 30] {
+        // The jump at the data's value is the last of the knots, or followed by others.
+        for after in [0, 1] {
+            let mut rows = vec![[0.0, 1.0, 1.0, 1.0, 9.0]; 1 + padding];
+            rows.extend([[1.0, 1.0, 1.0, 1.0, 9.0], [1.0, 1.0, 1.0, 1.0, 0.25]]);
+            rows.extend(vec![[2.0, 1.0, 1.0, 1.0, 5.0]; after]);
+            let scene = scene(Field::Homogeneous(1.0), 3, "f32", &rows);
+            for route in routes(&gpu) {
+                let a =
+                    f64::from(draw(&gpu, &scene, &view, &format!("step=0.5,route={route}")).pixel(1, 1)[3]);
+                let want = -(-0.5_f64).exp_m1();
+                assert!(
+                    (a - want).abs() < 2e-6,
+                    "{route} padding {padding} after {after}: {a} is not {want}"
+                );
+            }
+        }
     }
 }
 
@@ -451,6 +492,14 @@ fn eight_bit_data_is_filtered_finely() {
         ImageErrors::between_f64(&image, &truth).unwrap().all.rmse
     };
     let (hardware, exact) = (rmse("hardware"), rmse("exact"));
+    // The same numbers as floats: exact fetches make no difference between the types.
+    let Samples::U8(codes) = scene.grid.samples() else { panic!("u8 was asked for") };
+    let floats =
+        Grid::new(scene.grid.dims(), Samples::F32(codes.iter().map(|&v| f32::from(v)).collect())).unwrap();
+    let floats = floats.with_placement(DVec3::splat(2.0 / 31.0), DVec3::NEG_ONE, DMat3::IDENTITY).unwrap();
+    let floats = Scene { grid: floats, transfer: scene.transfer.clone() };
+    let twin = errors(&draw(&gpu, &floats, &view, "step=0.25,filter=exact"), &scene, &view).all.rmse;
+    assert!((exact - twin).abs() < 1e-6, "exact {exact:e} of u8, {twin:e} of the same as f32");
     // Sampling dominates: 8-bit rounding (0.75/255 at tau slopes of 375) would add some 1e-2.
     println!("hardware {hardware:e}, exact {exact:e}");
     assert!(!coarse || hardware < 1.2 * exact + 1e-4, "hardware {hardware:e}, exact {exact:e}");
@@ -490,6 +539,15 @@ fn long_marches_are_split() {
     let (pieces, dispatches) = alpha(&limited);
     assert!(dispatches >= 14, "{dispatches} dispatches");
     assert!((pieces - want).abs() <= bound, "{pieces} is not {want} in {dispatches} dispatches");
+    // A plan for one dispatch has no room for a view that needs two, and keeps its own.
+    let long = technique("step=6e-4,route=compute");
+    let renderer = Renderer::new(&GpuScene::new(&limited, scene.clone()), long);
+    let mut plan = renderer.prepare(&view, &TargetDesc::own()).unwrap();
+    let before = plan.counters();
+    let across = View::new(Camera { eye: DVec3::new(3.0, 3.0, 3.0), ..camera }, 9, 7).unwrap();
+    assert!(!plan.set_view(&across).unwrap());
+    assert_eq!(plan.counters(), before);
+    drop((plan, renderer));
     // Without the split a device that ends long loops draws a wrong picture: that is what the probe is for.
     let unlimited = gpu_with(GpuOptions { loop_limit: Some(u32::MAX), ..GpuOptions::default() });
     let (whole, dispatches) = alpha(&unlimited);
@@ -559,6 +617,67 @@ fn extremes_stay_exact() {
                 view.camera()
             );
         }
+    }
+}
+
+/// The world's unit of length does not matter, be it a parsec in centimetres or an angstrom in metres.
+#[test]
+fn the_scale_of_the_world_does_not_matter() {
+    let gpu = gpu();
+    let plain = scene(Field::Blobs, 16, "f32", &FOG);
+    for projection in [perspective(), orthographic()] {
+        let base = camera(projection, 1.0);
+        let view = View::new(base, 60, 50).unwrap();
+        for route in routes(&gpu) {
+            let options = format!("step=0.5,route={route}");
+            let want = draw(&gpu, &plain, &view, &options);
+            for unit in [3e18, 1e-10] {
+                let grid = plain.grid.clone();
+                let grid = grid
+                    .with_placement(DVec3::splat(2.0 / 15.0 * unit), DVec3::NEG_ONE * unit, DMat3::IDENTITY)
+                    .unwrap();
+                let rows: Vec<[f64; 5]> =
+                    FOG.iter().map(|&[s, r, g, b, tau]| [s, r, g, b, tau / unit]).collect();
+                let scene = Scene { grid, transfer: TransferFunction::from_rows(&rows).unwrap() };
+                let projection = match projection {
+                    Projection::Orthographic { half_height } => {
+                        Projection::Orthographic { half_height: half_height * unit }
+                    }
+                    perspective => perspective,
+                };
+                let view = View::new(Camera { eye: base.eye * unit, projection, ..base }, 60, 50).unwrap();
+                let errors = ImageErrors::between(&draw(&gpu, &scene, &view, &options), &want).unwrap();
+                // The same numbers but for the rounding of the scaled ones.
+                assert!(errors.all.max_abs < 2e-5, "{unit:e} {route} {projection:?}: {errors}");
+            }
+        }
+    }
+    // Beyond float32 it is refused, not drawn wrong.
+    let far =
+        View::new(Camera { eye: DVec3::new(0.0, 0.0, 1e39), ..camera(perspective(), 1.0) }, 8, 8).unwrap();
+    let error = Renderer::new(&GpuScene::new(&gpu, plain), Technique::default()).render(&far).unwrap_err();
+    assert!(error.to_string().contains("float32") && error.exit_code() == 2, "{error}");
+}
+
+/// Early termination counts with the colours: what is bright shows through more.
+#[test]
+fn bright_colours_behind_opaque_matter_are_not_lost() {
+    let gpu = gpu();
+    // Dark and dense in front (z = 1), bright behind: transmittance is some 1e-7 where brightness begins.
+    let rows = [[0.5, 0.0, 0.0, 0.0, 16.0], [0.5, 1e5, 1e5, 1e5, 1.0]];
+    let samples = (0..4 * 4 * 4).map(|i| if i < 32 { 1.0 } else { 0.0 }).collect();
+    let grid = Grid::new([4, 4, 4], Samples::F32(samples)).unwrap();
+    let grid = grid.with_placement(DVec3::splat(2.0 / 3.0), DVec3::NEG_ONE, DMat3::IDENTITY).unwrap();
+    let scene = Scene { grid, transfer: TransferFunction::from_rows(&rows).unwrap() };
+    let camera =
+        Camera { eye: DVec3::Z * 5.0, target: DVec3::ZERO, up: DVec3::Y, projection: orthographic() };
+    let view = View::new(camera, 9, 9).unwrap();
+    let want = truth(&scene, &view).pixel(4, 4)[0];
+    assert!(want > 1e-3, "the scene shows what it should: {want}");
+    for route in routes(&gpu) {
+        let got = f64::from(draw(&gpu, &scene, &view, &format!("step=0.01,route={route}")).pixel(4, 4)[0]);
+        // Sampling places the jump to half a step: 16 * 0.003 of optical depth in front of it.
+        assert!((got / want - 1.0).abs() < 0.1, "{route}: {got} is not {want}");
     }
 }
 
@@ -655,5 +774,16 @@ fn frames_repeat_exactly() {
         frames.draw(&a).unwrap();
         assert_eq!(frames.read_back().unwrap(), renderer.render(&a).unwrap());
         assert_ne!(turned, frames.read_back().unwrap());
+        // A plan has room for views with more slices, and reading back twice reads the same.
+        let along = View::new(Camera { eye: DVec3::Z * 4.0, ..*a.camera() }, 50, 40).unwrap();
+        let mut plan = renderer.prepare(&along, &TargetDesc::own()).unwrap();
+        let slices = |plan: &volraster::Plan| plan.counters()[0].1;
+        let before = slices(&plan);
+        assert!(plan.set_view(&a).unwrap() && slices(&plan) > before, "{route}: {before} slices");
+        assert!(
+            !plan.set_view(&view(perspective(), 1.0, 51, 40)).unwrap(),
+            "another size needs another plan"
+        );
+        assert_eq!(frames.read_back().unwrap(), frames.read_back().unwrap());
     }
 }

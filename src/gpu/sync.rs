@@ -224,6 +224,14 @@ mod tests {
     }
 
     #[test]
+    fn a_write_waits_for_reads_of_what_nobody_wrote() {
+        let mut tracker = Tracker::default();
+        assert!(tracker.next(4, Use::FragmentRead, false).is_none());
+        let barrier = tracker.next(4, Use::ComputeReadWrite, false).unwrap();
+        assert_eq!((barrier.src_stage, barrier.src_access), (Stage::FRAGMENT_SHADER, Access::NONE));
+    }
+
+    #[test]
     fn a_write_is_made_visible_to_each_reader_once() {
         let mut tracker = Tracker::default();
         assert!(tracker.next(7, Use::ComputeReadWrite, false).is_none());

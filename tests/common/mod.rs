@@ -31,9 +31,12 @@ impl std::ops::Deref for TestGpu {
 
 impl Drop for TestGpu {
     fn drop(&mut self) {
+        let held = self.gpu.as_ref().map(Gpu::memory_report).unwrap_or_default();
         drop(self.gpu.take());
         let messages = self.log.messages();
         if !std::thread::panicking() {
+            // Something that lives on keeps the device, and then nothing is heard of its end.
+            assert!(held.is_empty(), "still held when the test ends: {held:?}");
             assert!(messages.is_empty(), "validation messages: {messages:#?}");
         }
     }
