@@ -15,8 +15,11 @@ fn main() -> Result<()> {
         return Err(Error::Invalid { what: "usage".into(), why: "turn SCENE|DATA FOLDER".into() });
     };
     let (scan, folder) = (PathBuf::from(scan), PathBuf::from(folder));
-    std::fs::create_dir_all(&folder)
-        .map_err(|source| Error::Io { path: folder.clone(), action: "cannot create", source })?;
+    std::fs::create_dir_all(&folder).map_err(|source| Error::Io {
+        path: folder.clone(),
+        action: "cannot create",
+        source,
+    })?;
     let loaded = LoadedScene::load_any(&scan, &ReadOptions::default())?;
 
     let gpu = Gpu::headless()?;

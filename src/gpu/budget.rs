@@ -49,7 +49,22 @@ impl Budget {
 
     /// Checks that `bytes` more would fit, without taking them.
     pub(crate) fn check(&self, object: &str, bytes: u64) -> Result<()> {
-        let available = self.total.saturating_sub(self.used());
+        self.fits(self.used(), object, bytes)
+    }
+
+    /// Takes `bytes` for `object`.
+    pub(crate) fn reserve(self: &Arc<Self>, object: &str, bytes: u64) -> Result<Reservation> {
+        let mut live = self.lock();
+        self.fits(live.used, object, bytes)?;
+        let key = live.next;
+        live.next += 1;
+        live.used += bytes;
+        live.entries.insert(key, (object.to_string(), bytes));
+        Ok(Reservation { budget: Arc::clone(self), key })
+    }
+
+    fn fits(&self, used: u64, object: &str, bytes: u64) -> Result<()> {
+        let available = self.total.saturating_sub(used);
         if bytes > available {
             return Err(Error::Memory {
                 object: object.to_string(),
@@ -59,25 +74,6 @@ impl Budget {
             });
         }
         Ok(())
-    }
-
-    /// Takes `bytes` for `object`.
-    pub(crate) fn reserve(self: &Arc<Self>, object: &str, bytes: u64) -> Result<Reservation> {
-        let mut live = self.lock();
-        let available = self.total.saturating_sub(live.used);
-        if bytes > available {
-            return Err(Error::Memory {
-                object: object.to_string(),
-                needed: bytes,
-                available,
-                budget: self.total,
-            });
-        }
-        let key = live.next;
-        live.next += 1;
-        live.used += bytes;
-        live.entries.insert(key, (object.to_string(), bytes));
-        Ok(Reservation { budget: Arc::clone(self), key })
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Live> {

@@ -90,9 +90,11 @@ pub(crate) fn survey(instance: &Instance, wanted: Option<&str>) -> Result<(Optio
 }
 
 /// Mesa 22.3's software driver stamps a dispatch when the next draw is rasterised, once anything was drawn:
-/// compute passes then seem to take no time. 25.0 does not; what lies between is not relied on.
-fn stamps_lie(driver: vk::DriverId, version: u32) -> bool {
-    driver == vk::DriverId::MESA_LLVMPIPE && vk::api_version_major(version) < 25
+/// compute passes then seem to take no time. 25.0 does not; what lies between is not relied on. The driver
+/// tells its version in its text alone, such as `Mesa 22.3.6 (LLVM 15.0.6)`.
+fn stamps_lie(driver: vk::DriverId, info: &str) -> bool {
+    let major = info.strip_prefix("Mesa ").and_then(|rest| rest.split('.').next()?.parse::<u32>().ok());
+    driver == vk::DriverId::MESA_LLVMPIPE && major.is_none_or(|major| major < 25)
 }
 
 fn inspect(instance: &Instance, raw: vk::PhysicalDevice) -> Candidate {
@@ -141,14 +143,14 @@ fn inspect(instance: &Instance, raw: vk::PhysicalDevice) -> Candidate {
     let text = |s: std::result::Result<&std::ffi::CStr, std::ffi::FromBytesUntilNulError>| {
         s.map_or_else(|_| String::new(), |n| n.to_string_lossy().into_owned())
     };
-    let driver_text =
-        format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str()));
+    let info = text(driver.driver_info_as_c_str());
+    let driver_text = format!("{} {info}", text(driver.driver_name_as_c_str()));
     let index = family.unwrap_or(0);
     Candidate {
         raw,
         properties,
         queue_family: crate::num::count(index),
-        timestamp_bits: if stamps_lie(driver.driver_id, properties.driver_version) {
+        timestamp_bits: if stamps_lie(driver.driver_id, &info) {
             0
         } else {
             families.get(index).map_or(0, |f| f.timestamp_valid_bits)
@@ -192,10 +194,10 @@ mod tests {
 
     #[test]
     fn stamps_are_not_trusted_where_they_were_seen_to_lie() {
-        let version = |major, minor| vk::make_api_version(0, major, minor, 0);
-        assert!(stamps_lie(vk::DriverId::MESA_LLVMPIPE, version(22, 3)));
-        assert!(!stamps_lie(vk::DriverId::MESA_LLVMPIPE, version(25, 0)));
-        assert!(!stamps_lie(vk::DriverId::MESA_RADV, version(22, 3)));
+        assert!(stamps_lie(vk::DriverId::MESA_LLVMPIPE, "Mesa 22.3.6 (LLVM 15.0.6)"));
+        assert!(stamps_lie(vk::DriverId::MESA_LLVMPIPE, ""));
+        assert!(!stamps_lie(vk::DriverId::MESA_LLVMPIPE, "Mesa 25.0.7-2~bpo12+1 (LLVM 15.0.6)"));
+        assert!(!stamps_lie(vk::DriverId::MESA_RADV, "Mesa 22.3.6"));
     }
 
     #[test]
