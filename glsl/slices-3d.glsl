@@ -75,7 +75,11 @@ vec2 slab_piece(float begin, float end, vec2 interval) {
 // Colour (rgb) and opacity (a) of a piece of the ray.
 vec4 slab_emission(Ray ray, vec2 piece, vec3 half_size, float value_scale, float value_offset, uint knots) {
     float texel = grid_stored(fma(vec3(piece.x), ray.d, ray.q), half_size);
-    vec4 optics = classify(fma(value_scale, texel, value_offset), knots);
+    // Two roundings, not one: the first gives back an integer's code exactly, so that integer data falls on
+    // the right side of a jump.
+    precise float stored = value_scale * texel;
+    precise float scalar = stored + value_offset;
+    vec4 optics = classify(scalar, knots);
     float tau = HAS_NAN && is_nan(texel) ? 0.0 : optics.a;
     // Lengths, then extinction: 0 * tau must stay 0.
     return vec4(optics.rgb, alpha_of(tau * (piece.y * ray.length_per_depth)));

@@ -681,6 +681,38 @@ fn bright_colours_behind_opaque_matter_are_not_lost() {
     }
 }
 
+/// Integer data exactly on a jump takes the later knot, whatever its type and sign.
+#[test]
+fn integers_fall_on_the_right_side_of_a_jump() {
+    let gpu = gpu();
+    let camera =
+        Camera { eye: DVec3::Z * 5.0, target: DVec3::ZERO, up: DVec3::Y, projection: orthographic() };
+    let view = View::new(camera, 3, 3).unwrap();
+    let mut cases: Vec<(Samples, f64)> = Vec::new();
+    for v in [i16::MIN, i16::MIN + 1, -20_001, -16_384, -16_352, -1000, -3, -1, 0, 1, 7, 12_345, i16::MAX] {
+        cases.push((Samples::I16(vec![v; 8]), f64::from(v)));
+    }
+    for v in [0, 1, 255, 256, 40_001, 65_535] {
+        cases.push((Samples::U16(vec![v; 8]), f64::from(v)));
+    }
+    for v in [0, 1, 127, 254, 255] {
+        cases.push((Samples::U8(vec![v; 8]), f64::from(v)));
+    }
+    for (samples, value) in cases {
+        let grid = Grid::new([2, 2, 2], samples.clone()).unwrap();
+        let grid = grid.with_placement(DVec3::splat(2.0), DVec3::NEG_ONE, DMat3::IDENTITY).unwrap();
+        let rows =
+            [[value - 1.0, 1.0, 1.0, 1.0, 9.0], [value, 1.0, 1.0, 1.0, 9.0], [value, 1.0, 1.0, 1.0, 0.25]];
+        let scene = Scene { grid, transfer: TransferFunction::from_rows(&rows).unwrap() };
+        // A sampler's filter may round even between equal samples.
+        for options in ["filter=exact", "filter=exact,route=raster"] {
+            let a = f64::from(draw(&gpu, &scene, &view, options).pixel(1, 1)[3]);
+            let want = -(-0.5_f64).exp_m1();
+            assert!((a - want).abs() < 2e-6, "{} {value} {options}: {a} is not {want}", samples.type_name());
+        }
+    }
+}
+
 /// A plain scene builds one pipeline and takes the volume, the knots and the image; what is not used adds
 /// nothing.
 #[test]
