@@ -388,7 +388,9 @@ fn many_knots_match_few() {
             let (c, tau) = few.at(s);
             [s, c.x, c.y, c.z, tau]
         });
-        let mut many: Vec<[f64; 5]> = dense.chain(rows.iter().copied()).collect();
+        // No two knots at the ends: a jump there would hide an extrapolation.
+        let inner = rows.iter().copied().filter(|row| row[0] > lo && row[0] < hi);
+        let mut many: Vec<[f64; 5]> = dense.chain(inner).collect();
         many.sort_by(|a, b| a[0].total_cmp(&b[0]));
         let many = TransferFunction::from_rows(&many).unwrap();
         for route in routes(&gpu) {
