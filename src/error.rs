@@ -110,6 +110,15 @@ impl Error {
         Self::Unsupported { what: what.into(), missing: missing.into() }
     }
 
+    /// Gives an error about a value the file that the value came from.
+    #[must_use]
+    pub fn in_file(self, path: &Path) -> Self {
+        match self {
+            Self::Invalid { what, why } => Self::file(path, what, why),
+            other => other,
+        }
+    }
+
     /// The program's exit code for this error: 2 wrong input or usage, 3 the device cannot do it,
     /// 1 anything else.
     #[must_use]

@@ -225,7 +225,7 @@ impl Args {
                 report.add(gpu, &name, projection, view, case);
             }
             // After every scene, so that a run that is stopped keeps what it has.
-            output::write_text(&report.file, &report.lines)?;
+            volraster::io::write_text(&report.file, &report.lines)?;
         }
         Ok(())
     }

@@ -120,9 +120,9 @@ impl Input {
             LoadedScene::load_any(path, &ReadOptions::default())?;
         let Size { width, height } = size.unwrap_or(Size { width, height });
         if size.is_some() && camera_is_automatic {
-            camera = auto::camera(&scene.grid, width, height).map_err(|error| in_file(path, error))?;
+            camera = auto::camera(&scene.grid, width, height).map_err(|error| error.in_file(path))?;
         }
-        let view = View::new(camera, width, height).map_err(|error| in_file(path, error))?;
+        let view = View::new(camera, width, height).map_err(|error| error.in_file(path))?;
         let settings = Settings {
             path: path.to_path_buf(),
             view,
@@ -144,7 +144,7 @@ impl Settings {
     pub(crate) fn technique(&self) -> Result<Option<Technique>> {
         let Some(choice) = &self.choice else { return Ok(None) };
         let technique = Method::from_name(&choice.name).and_then(|m| Technique::new(m, &choice.options));
-        technique.map(Some).map_err(|error| in_file(&self.path, error))
+        technique.map(Some).map_err(|error| error.in_file(&self.path))
     }
 
     /// The technique to draw with: the one asked for, else the file's, else the default. Asked for by
@@ -270,14 +270,6 @@ pub(crate) fn options_text(technique: &Technique) -> String {
 /// Milliseconds since a moment.
 pub(crate) fn milliseconds(start: Instant) -> f64 {
     start.elapsed().as_secs_f64() * 1e3
-}
-
-/// Gives an error about a value the file that the value came from.
-fn in_file(path: &Path, error: Error) -> Error {
-    match error {
-        Error::Invalid { what, why } => Error::File { path: path.to_path_buf(), place: what, rule: why },
-        other => other,
-    }
 }
 
 #[cfg(test)]

@@ -101,32 +101,13 @@ pub(crate) fn make_folder(path: &Path) -> Result<()> {
     std::fs::create_dir_all(path).map_err(|source| io(path, source))
 }
 
-/// Writes a text file, complete or not at all.
-///
-/// # Errors
-///
-/// [`Error::Io`] when it cannot be written; nothing is left behind then.
-pub(crate) fn write_text(path: &Path, text: &str) -> Result<()> {
-    let part = beside(path, "part");
-    let write = || {
-        let mut file = OpenOptions::new().write(true).create_new(true).open(&part)?;
-        file.write_all(text.as_bytes())?;
-        std::fs::rename(&part, path)
-    };
-    write().map_err(|source| {
-        // What failed before is the error to report.
-        let _ = std::fs::remove_file(&part);
-        io(path, source)
-    })
-}
-
 /// Writes JSON, complete or not at all.
 ///
 /// # Errors
 ///
-/// As [`write_text`].
+/// As [`volraster::io::write_text`].
 pub(crate) fn write_json(path: &Path, value: &Value) -> Result<()> {
-    write_text(path, &format!("{value:#}\n"))
+    volraster::io::write_text(path, &format!("{value:#}\n"))
 }
 
 /// A hidden name in the same folder.

@@ -3,8 +3,8 @@
 //! Drivers may crash on foreign or damaged cache data, so the file has a header of its own that is
 //! verified first; anything odd is ignored and written anew.
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
 
 use ash::vk;
 
@@ -66,14 +66,8 @@ impl PipelineCacheFile {
             return;
         }
         let Some(folder) = self.path.parent() else { return };
-        static TURN: AtomicU32 = AtomicU32::new(0);
-        let turn = TURN.fetch_add(1, Ordering::Relaxed);
-        let beside = self.path.with_extension(format!("tmp{}-{turn}", std::process::id()));
-        let written = std::fs::create_dir_all(folder)
-            .and_then(|()| std::fs::write(&beside, wrap(data, &self.identity)))
-            .and_then(|()| std::fs::rename(&beside, &self.path));
-        if written.is_err() {
-            let _ = std::fs::remove_file(&beside);
+        if std::fs::create_dir_all(folder).is_ok() {
+            let _ = crate::io::replace(&self.path, |writer| writer.write_all(&wrap(data, &self.identity)));
         }
     }
 }

@@ -13,11 +13,13 @@ mod raw;
 mod samples;
 mod source;
 
+use std::io::Write as _;
 use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::scene::Grid;
 
+pub(crate) use image::replace;
 pub use image::{read_exr, write_exr, write_image, write_png};
 pub use raw::{RawLayout, read_raw};
 pub use samples::{Endian, SampleType};
@@ -94,10 +96,12 @@ pub fn read_grid(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Grid> 
     reader.read(&source, options)
 }
 
-/// Gives an error about a value the file that the value came from.
-pub(crate) fn in_file(path: &Path, error: Error) -> Error {
-    match error {
-        Error::Invalid { what, why } => Error::File { path: path.to_path_buf(), place: what, rule: why },
-        other => other,
-    }
+/// Writes a text file, complete or not at all.
+///
+/// # Errors
+///
+/// [`Error::File`] when the place is a folder, [`Error::Io`] when it cannot be written; nothing is left
+/// behind then.
+pub fn write_text(path: impl AsRef<Path>, text: &str) -> Result<()> {
+    replace(path.as_ref(), |writer| writer.write_all(text.as_bytes()))
 }

@@ -14,7 +14,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::samples::{self, Endian, SampleType, Stream};
 use super::source::Source;
-use super::{GridReader, ReadOptions, in_file};
+use super::{GridReader, ReadOptions};
 use crate::error::{Error, Result};
 use crate::num;
 use crate::scene::{Anatomy, Grid, Rescale};
@@ -103,7 +103,7 @@ fn read(source: &Source, options: &ReadOptions) -> Result<Grid> {
             other => other,
         }
     };
-    let grid = Grid::new(dims, samples).map_err(|error| in_file(data.path(), error))?;
+    let grid = Grid::new(dims, samples).map_err(|error| error.in_file(data.path()))?;
     let grid = grid.with_placement(spacing, origin, direction).map_err(at(place))?;
     grid.with_rescale(rescale(&header))
         .map_err(at("scl_slope, scl_inter"))

@@ -13,7 +13,7 @@ use glam::{DMat3, DVec3};
 
 use super::samples::{self, Endian, SampleType, Stream};
 use super::source::Source;
-use super::{GridReader, ReadOptions, in_file};
+use super::{GridReader, ReadOptions};
 use crate::error::{Error, Result};
 use crate::scene::{Anatomy, Grid};
 
@@ -118,7 +118,7 @@ impl GridReader for Nrrd {
         let samples = samples::read(data, "sizes", &stream, options)?;
 
         let (place, spacing, origin, direction, anatomy) = placement;
-        let grid = Grid::new(dims, samples).map_err(|error| in_file(data.path(), error))?;
+        let grid = Grid::new(dims, samples).map_err(|error| error.in_file(data.path()))?;
         let grid = grid.with_placement(spacing, origin, direction).map_err(|error| match error {
             Error::Invalid { why, .. } => header.error(place, why),
             other => other,

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use glam::{DMat3, DVec3};
 
+use super::ReadOptions;
 use super::samples::{self, Endian, SampleType, Stream};
 use super::source::Source;
-use super::{ReadOptions, in_file};
 use crate::error::Result;
 use crate::scene::Grid;
 
@@ -68,5 +68,5 @@ pub fn read_raw(path: impl AsRef<Path>, layout: &RawLayout, options: &ReadOption
     let samples = samples::read(&source, "dims", &stream, options)?;
     Grid::new(layout.dims, samples)
         .and_then(|grid| grid.with_placement(layout.spacing, layout.origin, layout.direction))
-        .map_err(|error| in_file(source.path(), error))
+        .map_err(|error| error.in_file(source.path()))
 }

@@ -76,7 +76,7 @@ impl LoadedScene {
     /// Puts the parts together and fills in what was not given.
     fn assemble(path: &Path, grid: Grid, rest: Rest) -> Result<Self> {
         let [width, height] = rest.extent.unwrap_or([Self::DEFAULT_SIDE; 2]);
-        let located = |error| io::in_file(path, error);
+        let located = |error: Error| error.in_file(path);
         let transfer = match rest.transfer {
             Some(transfer) => transfer,
             None => auto::transfer(&grid).map_err(located)?,
@@ -145,7 +145,7 @@ impl SceneFile {
             .image
             .map(|image| [image.width, image.height].map(|side| side.unwrap_or(LoadedScene::DEFAULT_SIDE)));
         if let (Some(camera), [width, height]) = (camera, extent.unwrap_or([LoadedScene::DEFAULT_SIDE; 2])) {
-            View::new(camera, width, height).map_err(|error| io::in_file(path, error))?;
+            View::new(camera, width, height).map_err(|error| error.in_file(path))?;
         }
         let recipe = document.transfer.map(|spec| Recipe::new(path, spec, options)).transpose()?;
         let grid = volume.load(path, options)?;
@@ -407,7 +407,7 @@ impl Recipe {
             TransferSpec::Rows(rows) => {
                 return TransferFunction::from_rows(&rows)
                     .map(Self::Ready)
-                    .map_err(|error| io::in_file(path, error));
+                    .map_err(|error| error.in_file(path));
             }
         };
         let refuse = |place: &str, rule: String| Err(Error::file(path, place, rule));
@@ -441,7 +441,7 @@ impl Recipe {
             Self::Ready(transfer) => Ok(transfer),
             Self::Stretched { path, rows, range, tau_scale } => {
                 let range = range.unwrap_or_else(|| grid.range());
-                stretch(rows, range, tau_scale).map_err(|error| io::in_file(&path, error))
+                stretch(rows, range, tau_scale).map_err(|error| error.in_file(&path))
             }
         }
     }

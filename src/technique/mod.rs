@@ -266,7 +266,7 @@ impl Renderer {
             (Some(image), Some((format, mode))) => Some(Composite::new(gpu, image, format, mode)?),
             _ => None,
         };
-        let passes = prepared.passes() + u32::from(composite.is_some()) + u32::from(target.caller.is_none());
+        let passes = prepared.passes() + u32::from(composite.is_some());
         Ok(Plan {
             gpu: gpu.clone(),
             timers: Timers::new(gpu, passes)?,
@@ -435,7 +435,7 @@ impl Plan {
     ///
     /// As [`Renderer::prepare`].
     pub fn set_view(&mut self, view: &View) -> Result<bool> {
-        let other = u32::from(self.composite.is_some()) + u32::from(self.target.caller.is_none());
+        let other = u32::from(self.composite.is_some());
         Ok(view.extent() == self.extent && self.prepared.set_view(view, self.timed_passes - other)?)
     }
 

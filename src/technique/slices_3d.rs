@@ -275,7 +275,10 @@ struct Slabs {
 fn slabs(scene: &GpuScene, volume: &Volume, knots: u32, view: &View, options: &Options) -> Result<Slabs> {
     let grid = &scene.scene().grid;
     let rays = GridRays::new(grid, view);
-    let thickness = options.step * grid.spacing().min_element();
+    // Depth goes to the device in units of the smallest voxel spacing: the world's own unit may be a parsec or
+    // an angstrom.
+    let unit = grid.spacing().min_element();
+    let thickness = options.step * unit;
     let [begin, end] = rays.depths;
     let count = if end > begin { ((end - begin) / thickness).ceil() } else { 0.0 };
     if count > MAX_SLABS {
@@ -286,8 +289,6 @@ fn slabs(scene: &GpuScene, volume: &Volume, knots: u32, view: &View, options: &O
     }
     let pack = |v: glam::DVec3, w: f64| num::vec3_of(v).extend(f32_of(w)).to_array();
     let [width, height] = view.extent();
-    // Depth in units of the smallest voxel spacing: the world's own unit may be a parsec or an angstrom.
-    let unit = grid.spacing().min_element();
     let push = Slices3dPush {
         q0_kq: pack(rays.q0, rays.kq / unit),
         px_kd: pack(rays.px * unit, rays.kd),
