@@ -97,7 +97,10 @@ as_root() {
 may_install() { [ "$(id -u)" = 0 ] || has sudo; }
 
 installable() { # does apt offer this package?
-    LC_ALL=C apt-cache policy "$1" 2>/dev/null | grep -q 'Candidate: [^(]'
+    # Read whole first: a grep that has seen enough would end apt-cache by a broken pipe, and pipefail with it.
+    local policy
+    policy=$(LC_ALL=C apt-cache policy "$1" 2>/dev/null) || return 1
+    grep -q 'Candidate: [^(]' <<<"$policy"
 }
 
 install() { # packages, all of them missing
