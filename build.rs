@@ -224,7 +224,7 @@ impl Module {
     }
 
     /// Structures with offsets that the push constants and buffers of the module contain. A block whose
-    /// members are all arrays of structures is only a frame around them.
+    /// members are all structures or arrays of them is only a frame around them.
     fn layouts(&self, file: &Path, layouts: &mut BTreeMap<String, Layout>) {
         for &(pointer, _, class) in &self.variables {
             // Uniform, push constant, storage buffer.
@@ -234,8 +234,7 @@ impl Module {
             let Some([30, members @ ..]) = self.types.get(&self.pointee(pointer)).map(Vec::as_slice) else {
                 continue;
             };
-            let elements: Vec<u32> =
-                members.iter().filter_map(|member| self.array_element(*member)).collect();
+            let elements: Vec<u32> = members.iter().filter_map(|member| self.framed(*member)).collect();
             if elements.len() == members.len() {
                 for element in elements {
                     self.layout_of(file, element, layouts);
@@ -244,6 +243,12 @@ impl Module {
                 self.layout_of(file, self.pointee(pointer), layouts);
             }
         }
+    }
+
+    /// A structure, or the element of an array.
+    fn framed(&self, id: u32) -> Option<u32> {
+        let is_structure = matches!(self.types.get(&id).map(Vec::as_slice), Some([30, ..]));
+        if is_structure { Some(id) } else { self.array_element(id) }
     }
 
     fn array_element(&self, id: u32) -> Option<u32> {

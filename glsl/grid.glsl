@@ -1,4 +1,4 @@
-// A regular grid as techniques see it: rays in index space, and the scalar at an index.
+// A regular grid as techniques see it: rays in index space, the scalar at a position, empty space.
 //
 // Depth z is measured along the view from the plane through the domain's centre, and positions from that
 // centre in units of the grid's indices, so that a far eye costs no precision; depth is in units of the
@@ -8,58 +8,185 @@
 // x and y in pixels from the image's centre, y down. Perspective: kq = depth of the centre plane from
 // the eye, kd = 1. Orthographic: kq = 1, kd = 0.
 
+layout(push_constant, std430) uniform GridPush {
+    vec4 q0_kq;       // w: kq
+    vec4 px_kd;       // w: kd
+    vec4 py_z0;       // w: where slab 0 begins, in the technique's own measure
+    vec4 d0_h;        // w: thickness of a slab, in the same measure
+    vec4 half_scale;  // half the domain, indices; w: side of a pixel at unit depth, world
+    vec2 half_extent; // half the image, pixels
+    float near;       // smallest depth to draw: that of the eye for perspective
+    float value_scale; // scalar = value_scale * texel + value_offset
+    float value_offset;
+    uint knots;       // number of knots
+    uint first;       // first slab of this draw or dispatch
+    uint count;       // number of slabs of this draw or dispatch
+    uint order;       // raster: how instances map to slabs, 2 (first slab) + (back to front); compute: the
+                      // grid's axis that index space calls z, the others following it cyclically
+    float unit;       // world length of one unit of depth: the smallest voxel spacing
+    float opaque;     // transmittance at which a pixel is done
+    uint seed;        // of dithering
+} push;
+
 struct Ray {
     vec3 q;
     vec3 d;
+    vec3 inverse;           // 1 / d, finite
     float length_per_depth; // world length of one unit of depth
 };
 
-Ray pixel_ray(vec2 pixel, vec4 q0_kq, vec4 px_kd, vec4 py, vec4 d0, float scale, float unit,
-              vec2 half_extent) {
-    vec2 xy = pixel - half_extent;
-    vec3 lateral = fma(vec3(xy.x), px_kd.xyz, xy.y * py.xyz);
-    vec2 slope = xy * (scale * px_kd.w);
-    return Ray(fma(vec3(q0_kq.w), lateral, q0_kq.xyz), fma(vec3(px_kd.w), lateral, d0.xyz), unit * sqrt(1.0 + dot(slope, slope)));
+// The ray through a point of the image, in pixels.
+Ray ray_of(vec2 pixel) {
+    vec2 xy = pixel - push.half_extent;
+    vec3 lateral = fma(vec3(xy.x), push.px_kd.xyz, xy.y * push.py_z0.xyz);
+    vec2 slope = xy * (push.half_scale.w * push.px_kd.w);
+    vec3 q = fma(vec3(push.q0_kq.w), lateral, push.q0_kq.xyz);
+    vec3 d = fma(vec3(push.px_kd.w), lateral, push.d0_h.xyz);
+    // A zero component would give 0 * inf = NaN on a face itself.
+    vec3 safe = mix(d, vec3(1e-30), lessThan(abs(d), vec3(1e-30)));
+    return Ray(q, d, 1.0 / safe, push.unit * sqrt(1.0 + dot(slope, slope)));
 }
 
-// Depths at which the ray enters and leaves the domain [-half_size, half_size]; entry > exit when it misses.
-vec2 domain_interval(Ray ray, vec3 half_size) {
-    // A zero component would give 0 * inf = NaN on the face itself.
-    vec3 d = mix(ray.d, vec3(1e-30), lessThan(abs(ray.d), vec3(1e-30)));
-    vec3 inverse = 1.0 / d;
-    vec3 a = (-half_size - ray.q) * inverse;
-    vec3 b = (half_size - ray.q) * inverse;
+// Depths at which the ray enters and leaves what of the domain lies in front of the eye; enters > leaves
+// when it misses.
+vec2 interval_of(Ray ray) {
+    vec3 half_size = push.half_scale.xyz;
+    vec3 a = (-half_size - ray.q) * ray.inverse;
+    vec3 b = (half_size - ray.q) * ray.inverse;
     vec3 near = min(a, b), far = max(a, b);
-    return vec2(max(max(near.x, near.y), near.z), min(min(far.x, far.y), far.z));
+    return vec2(max(max(max(near.x, near.y), near.z), push.near), min(min(far.x, far.y), far.z));
 }
+
+// ------------------------------------------------------------------------------- reconstruction
 
 layout(constant_id = SPEC_FILTER_EXACT) const bool FILTER_EXACT = false;
 layout(constant_id = SPEC_HAS_NAN) const bool HAS_NAN = false;
+layout(constant_id = SPEC_PREFILTER) const bool PREFILTER = false;
 
-layout(set = 0, binding = BINDING_VOLUME) uniform sampler3D volume;
+// What reconstruction needs of the push constants, read once before loops: drivers do not take these loads
+// out of them.
+struct Lattice {
+    vec3 half_size;
+    float value_scale;
+    float value_offset;
+    float kq;
+    float kd;
+    float lod;  // mip level of a voxel per pixel at unit distance
+};
+
+Lattice load_lattice() {
+    vec3 px = push.px_kd.xyz, py = push.py_z0.xyz;
+#ifdef STACK
+    px.z = py.z = 0.0; // a stack is minified along its slices only
+#endif
+    float footprint = max(dot(px, px), dot(py, py));
+    return Lattice(push.half_scale.xyz, push.value_scale, push.value_offset, push.q0_kq.w, push.px_kd.w,
+                   PREFILTER ? 0.5 * log2(footprint) : 0.0);
+}
+
+// Mip level at which a voxel is as large as a pixel, seen at depth z.
+float level_at(float z, Lattice lattice) {
+    return max(lattice.lod + log2(max(fma(lattice.kd, z, lattice.kq), 1e-30)), 0.0);
+}
 
 // By its bits: float tests may be optimised away.
 bool is_nan(float value) {
     return (floatBitsToUint(value) & 0x7fffffffu) > 0x7f800000u;
 }
 
-// The stored scalar at a position, trilinear; NaN in a cell that touches a NaN sample.
-float grid_stored(vec3 position, vec3 half_size) {
-    vec3 last = 2.0 * half_size; // index of the last sample along each axis
-    if (!FILTER_EXACT) return textureLod(volume, position / (last + 1.0) + 0.5, 0.0).r;
-    vec3 index = clamp(position + half_size, vec3(0.0), last);
-    vec3 base = min(floor(index), last - 1.0);
+// The scalar of a stored number. Two roundings, not one: the first gives back an integer's code exactly, so
+// that integer data falls on the right side of a jump.
+float scalar_of(float texel, Lattice lattice) {
+    precise float stored = lattice.value_scale * texel;
+    precise float scalar = stored + lattice.value_offset;
+    return scalar;
+}
+
+#ifndef STACK
+layout(set = 0, binding = BINDING_VOLUME) uniform sampler3D volume;
+
+// Eight fetches at one level, around an index of level 0.
+float fetched(vec3 index, int level) {
+    vec3 size = vec3(textureSize(volume, level));
+    if (PREFILTER) index = (index + 0.5) * (size / vec3(textureSize(volume, 0))) - 0.5;
+    index = clamp(index, vec3(0.0), size - 1.0);
+    vec3 base = min(floor(index), max(size - 2.0, 0.0));
     vec3 w = index - base;
-    ivec3 i = ivec3(base);
-    float v000 = texelFetch(volume, i, 0).r;
-    float v100 = texelFetch(volume, i + ivec3(1, 0, 0), 0).r;
-    float v010 = texelFetch(volume, i + ivec3(0, 1, 0), 0).r;
-    float v110 = texelFetch(volume, i + ivec3(1, 1, 0), 0).r;
-    float v001 = texelFetch(volume, i + ivec3(0, 0, 1), 0).r;
-    float v101 = texelFetch(volume, i + ivec3(1, 0, 1), 0).r;
-    float v011 = texelFetch(volume, i + ivec3(0, 1, 1), 0).r;
-    float v111 = texelFetch(volume, i + ivec3(1, 1, 1), 0).r;
+    ivec3 i = ivec3(base), j = min(i + 1, ivec3(size) - 1);
+    float v000 = texelFetch(volume, i, level).r;
+    float v100 = texelFetch(volume, ivec3(j.x, i.y, i.z), level).r;
+    float v010 = texelFetch(volume, ivec3(i.x, j.y, i.z), level).r;
+    float v110 = texelFetch(volume, ivec3(j.x, j.y, i.z), level).r;
+    float v001 = texelFetch(volume, ivec3(i.x, i.y, j.z), level).r;
+    float v101 = texelFetch(volume, ivec3(j.x, i.y, j.z), level).r;
+    float v011 = texelFetch(volume, ivec3(i.x, j.y, j.z), level).r;
+    float v111 = texelFetch(volume, j, level).r;
     float low = mix(mix(v000, v100, w.x), mix(v010, v110, w.x), w.y);
     float high = mix(mix(v001, v101, w.x), mix(v011, v111, w.x), w.y);
     return mix(low, high, w.z);
 }
+
+// The stored number at depth z of the ray, trilinear; NaN in a cell that touches a NaN sample.
+float stored_at(Ray ray, float z, Lattice lattice) {
+    vec3 position = fma(vec3(z), ray.d, ray.q);
+    float level = PREFILTER ? level_at(z, lattice) : 0.0;
+    if (!FILTER_EXACT) return textureLod(volume, position / (2.0 * lattice.half_size + 1.0) + 0.5, level).r;
+    vec3 index = position + lattice.half_size;
+    if (!PREFILTER) return fetched(index, 0);
+    level = min(level, float(textureQueryLevels(volume) - 1));
+    int below = int(level);
+    float fine = fetched(index, below);
+    return level == float(below) ? fine : mix(fine, fetched(index, below + 1), level - float(below));
+}
+#endif
+
+// ----------------------------------------------------------------------------------- empty space
+
+#ifdef COMPUTE
+layout(constant_id = SPEC_EMPTY_SPACE) const bool EMPTY_SPACE = false;
+
+layout(set = 0, binding = BINDING_BRICKS, std430) readonly buffer Bricks {
+    uint visible[];
+} bricks;
+
+struct BrickGrid {
+    ivec3 count;
+    ivec3 stride;
+    vec3 half_size;
+};
+
+BrickGrid load_bricks() {
+    vec3 half_size = push.half_scale.xyz;
+    ivec3 count = max(ivec3(ceil(2.0 * half_size / float(BRICK) - 1e-3)), ivec3(1));
+    // Strides are those of the grid's own axes, whichever of them is z here.
+    uint axis = push.order;
+    ivec3 stride = axis == 2u ? ivec3(1, count.x, count.x * count.y)
+                 : axis == 0u ? ivec3(count.z, count.z * count.x, 1)
+                                   : ivec3(count.y * count.z, 1, count.y);
+    return BrickGrid(count, stride, half_size);
+}
+
+// Depth up to which nothing is visible on the ray, from depth z on (x), and else the depth at which the brick
+// around z ends (y). x == z where the brick around z shows something.
+//
+// Positions may fall into a neighbouring brick by rounding, and a corner of a brick thinner than the nudge may
+// be passed over: bricks know the samples of one cell around them.
+vec2 empty_run(Ray ray, float z, float far, BrickGrid grid) {
+    const float NUDGE = 0.01; // cells
+    float speed = max(max(abs(ray.d.x), abs(ray.d.y)), abs(ray.d.z));
+    float nudge = NUDGE / max(speed, 1e-30);
+    float at = z, end = z;
+    for (int turn = 0; turn < 64; ++turn) {
+        vec3 place = (fma(vec3(at + nudge), ray.d, ray.q) + grid.half_size) / float(BRICK);
+        ivec3 brick = clamp(ivec3(floor(place)), ivec3(0), grid.count - 1);
+        vec3 face = (vec3(brick) + mix(vec3(0.0), vec3(1.0), greaterThan(ray.d, vec3(0.0)))) * float(BRICK);
+        vec3 leave = (face - grid.half_size - ray.q) * ray.inverse;
+        end = max(min(min(leave.x, leave.y), leave.z), at + nudge);
+        ivec3 word = brick * grid.stride;
+        if (bricks.visible[word.x + word.y + word.z] != 0u) break;
+        at = end;
+        if (at >= far) break;
+    }
+    return vec2(at, end);
+}
+#endif

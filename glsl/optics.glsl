@@ -1,4 +1,5 @@
-// The optical model that every technique shares: classification of a scalar, opacity of a segment.
+// The optical model that every technique shares: classification of a scalar, opacity and emission of a piece
+// of a ray.
 
 struct Knot {
     vec4 value;       // r, g, b, tau at this knot
@@ -55,4 +56,16 @@ vec4 classify(float s, uint count) {
 // 2^-24 of the result for od < 0.05; beyond, 1 - exp loses at most 2^-24 / 0.05 of it.
 float alpha_of(float od) {
     return od < 0.05 ? od * (1.0 - od * (0.5 - od * (1.0 / 6.0 - od * (1.0 / 24.0)))) : 1.0 - exp(-od);
+}
+
+// What a piece of a ray of one colour emits and hides: premultiplied colour and opacity.
+vec4 emission_of(vec3 colour, float od) {
+    float alpha = alpha_of(od);
+    return vec4(colour * alpha, alpha);
+}
+
+// Adds what lies behind, front to back.
+void add_behind(inout vec4 sum, inout float transmittance, vec4 emission) {
+    sum += transmittance * emission;
+    transmittance -= transmittance * emission.a;
 }

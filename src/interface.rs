@@ -15,10 +15,34 @@ pub(crate) struct Knot {
     pub(crate) pad1: f32,
 }
 
-/// Push constants of `slices-3d.glsl`.
+/// Head of a pre-integration table (`segments.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub(crate) struct Slices3dPush {
+pub(crate) struct TableHead {
+    /// First and last scalar, bins or node spacings per unit of scalar, their width.
+    pub(crate) range: [f32; 4],
+    /// r, g, b, tau of the constant piece left of the first knot.
+    pub(crate) before: [f32; 4],
+    /// And right of the last.
+    pub(crate) after: [f32; 4],
+    /// Bins; or nodes, layers and the longest segment.
+    pub(crate) size: [f32; 4],
+}
+
+/// One bin of a cumulative table (`segments.glsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct CumulativeBin {
+    pub(crate) high: [f32; 4],
+    pub(crate) low: [f32; 4],
+    pub(crate) mean: [f32; 4],
+    pub(crate) rise: [f32; 4],
+}
+
+/// Push constants of every technique for grids (`grid.glsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct GridPush {
     pub(crate) q0_kq: [f32; 4],
     pub(crate) px_kd: [f32; 4],
     pub(crate) py_z0: [f32; 4],
@@ -29,11 +53,21 @@ pub(crate) struct Slices3dPush {
     pub(crate) value_scale: f32,
     pub(crate) value_offset: f32,
     pub(crate) knots: u32,
-    pub(crate) slab_first: u32,
-    pub(crate) slab_count: u32,
-    pub(crate) backwards: u32,
+    pub(crate) first: u32,
+    pub(crate) count: u32,
+    pub(crate) order: u32,
     pub(crate) unit: f32,
     pub(crate) opaque: f32,
+    pub(crate) seed: u32,
+}
+
+/// Push constants of `bricks.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct BricksPush {
+    pub(crate) bricks: u32,
+    pub(crate) ranges: u32,
+    pub(crate) margin: f32,
 }
 
 /// Push constants of `probe.glsl`.

@@ -46,6 +46,8 @@ pub enum OptionalFeature {
     LinearFilterR16,
     /// Blending into 32-bit float images. Without it: accumulation in registers (compute).
     BlendRgba32f,
+    /// Shaders that write buffers while they draw. Without it: no dithering.
+    FragmentStores,
     /// Free device memory as the driver sees it. Without it: a share of the heap.
     MemoryBudget,
     /// Timestamps. Without them: wall time only.
@@ -56,10 +58,11 @@ pub enum OptionalFeature {
 
 impl OptionalFeature {
     /// All of them.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::LinearFilterR32f,
         Self::LinearFilterR16,
         Self::BlendRgba32f,
+        Self::FragmentStores,
         Self::MemoryBudget,
         Self::Timestamps,
         Self::DebugNames,
@@ -72,6 +75,7 @@ impl OptionalFeature {
             Self::LinearFilterR32f => "linear-filter-r32f",
             Self::LinearFilterR16 => "linear-filter-r16",
             Self::BlendRgba32f => "blend-rgba32f",
+            Self::FragmentStores => "fragment-stores",
             Self::MemoryBudget => "memory-budget",
             Self::Timestamps => "timestamps",
             Self::DebugNames => "debug-names",
@@ -84,6 +88,7 @@ impl OptionalFeature {
         match self {
             Self::LinearFilterR32f | Self::LinearFilterR16 => "eight fetches in the shader",
             Self::BlendRgba32f => "accumulation in registers",
+            Self::FragmentStores => "no dithering",
             Self::MemoryBudget => "nine tenths of the device-local heap",
             Self::Timestamps => "wall time only",
             Self::DebugNames => "no names or labels",
@@ -137,9 +142,10 @@ pub(crate) struct Inner {
     allocator: Mutex<Option<Allocator>>,
     queue: Mutex<vk::Queue>,
     pipelines: Mutex<HashMap<PipelineKey, Arc<Pipeline>>>,
-    samplers: Mutex<HashMap<vk::Filter, vk::Sampler>>,
+    samplers: Mutex<HashMap<(vk::Filter, bool), vk::Sampler>>,
     debug: Option<ext::debug_utils::Device>,
     memory_budget: bool,
+    fragment_stores: bool,
     reports: Vec<DeviceReport>,
     report: DeviceReport,
     // Last: destroys the instance after the device.
@@ -223,12 +229,12 @@ impl Gpu {
         if has(portability) {
             names.push(portability.as_ptr());
         }
-        // GPU-assisted validation writes from every stage.
         // SAFETY: `physical` was enumerated from this instance.
         let available = unsafe { instance.raw.get_physical_device_features(physical) };
-        let mut features = vk::PhysicalDeviceFeatures::default();
+        let mut features = vk::PhysicalDeviceFeatures::default()
+            .fragment_stores_and_atomics(available.fragment_stores_and_atomics == vk::TRUE);
+        // GPU-assisted validation writes from every stage.
         if options.validation == Validation::GpuAssisted {
-            features.fragment_stores_and_atomics = available.fragment_stores_and_atomics;
             features.vertex_pipeline_stores_and_atomics = available.vertex_pipeline_stores_and_atomics;
         }
         let mut features13 =
@@ -271,6 +277,7 @@ impl Gpu {
             samplers: Mutex::default(),
             debug,
             memory_budget,
+            fragment_stores: features.fragment_stores_and_atomics == vk::TRUE,
             reports,
             report: candidate.report,
             instance,
@@ -359,6 +366,7 @@ impl Gpu {
             OptionalFeature::BlendRgba32f => {
                 format(vk::Format::R32G32B32A32_SFLOAT, F::COLOR_ATTACHMENT_BLEND)
             }
+            OptionalFeature::FragmentStores => self.inner.fragment_stores,
             OptionalFeature::MemoryBudget => self.inner.memory_budget,
             OptionalFeature::Timestamps => self.inner.timestamp_bits > 0,
             OptionalFeature::DebugNames => self.inner.debug.is_some(),
@@ -429,10 +437,11 @@ impl Gpu {
         self.inner.pipelines.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The sampler of a filter, clamped to the edge; made on first use.
-    pub(crate) fn sampler(&self, filter: vk::Filter) -> Result<vk::Sampler> {
+    /// The sampler of a filter, clamped to the edge, that blends mip levels or knows only the first; made on
+    /// first use.
+    pub(crate) fn sampler(&self, filter: vk::Filter, mips: bool) -> Result<vk::Sampler> {
         let mut samplers = self.inner.samplers.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(&sampler) = samplers.get(&filter) {
+        if let Some(&sampler) = samplers.get(&(filter, mips)) {
             return Ok(sampler);
         }
         let clamp = vk::SamplerAddressMode::CLAMP_TO_EDGE;
@@ -441,12 +450,19 @@ impl Gpu {
             .min_filter(filter)
             .address_mode_u(clamp)
             .address_mode_v(clamp)
-            .address_mode_w(clamp);
+            .address_mode_w(clamp)
+            .mipmap_mode(if mips { vk::SamplerMipmapMode::LINEAR } else { vk::SamplerMipmapMode::NEAREST })
+            .max_lod(if mips { vk::LOD_CLAMP_NONE } else { 0.0 });
         // SAFETY: the device is alive; `info` points at nothing.
         let sampler = unsafe { self.device().create_sampler(&info, None) }
             .map_err(|result| Error::Vulkan { call: "vkCreateSampler", result })?;
-        samplers.insert(filter, sampler);
-        self.name(sampler, if filter == vk::Filter::LINEAR { "linear sampler" } else { "nearest sampler" });
+        samplers.insert((filter, mips), sampler);
+        let name = match (filter, mips) {
+            (vk::Filter::LINEAR, true) => "mip sampler",
+            (vk::Filter::LINEAR, false) => "linear sampler",
+            _ => "nearest sampler",
+        };
+        self.name(sampler, name);
         Ok(sampler)
     }
 

@@ -16,6 +16,8 @@ pub(crate) struct ImageDesc {
     /// Width, height, depth; depth 1 and `layers` 1 make a 2D image, depth 1 and more layers an array.
     pub(crate) extent: [u32; 3],
     pub(crate) layers: u32,
+    /// Mip levels.
+    pub(crate) levels: u32,
     /// Whether the image is three-dimensional even where its depth is 1.
     pub(crate) volume: bool,
     pub(crate) usage: vk::ImageUsageFlags,
@@ -25,18 +27,46 @@ impl ImageDesc {
     /// A volume to sample.
     pub(crate) fn sampled_volume(format: vk::Format, extent: [u32; 3]) -> Self {
         let usage = vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST;
-        Self { format, extent, layers: 1, volume: true, usage }
+        Self { format, extent, layers: 1, levels: 1, volume: true, usage }
+    }
+
+    /// A stack of slices to sample, one layer each.
+    pub(crate) fn sampled_stack(format: vk::Format, extent: [u32; 2], layers: u32) -> Self {
+        let usage = vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST;
+        Self { format, extent: [extent[0], extent[1], 1], layers, levels: 1, volume: false, usage }
+    }
+
+    /// The same with so many mip levels.
+    pub(crate) fn with_levels(self, levels: u32) -> Self {
+        Self { levels, ..self }
+    }
+
+    /// Extent of a mip level.
+    pub(crate) fn level_extent(&self, level: u32) -> [u32; 3] {
+        self.extent.map(|side| (side >> level).max(1))
+    }
+
+    /// Planes of a level: those of a volume, or the layers of an array.
+    pub(crate) fn planes(&self, level: u32) -> u32 {
+        if self.volume { self.level_extent(level)[2] } else { self.layers }
+    }
+
+    /// Bytes of one plane of a level.
+    pub(crate) fn plane_bytes(&self, level: u32) -> u64 {
+        let [w, h, _] = self.level_extent(level).map(u64::from);
+        w.saturating_mul(h).saturating_mul(format_bytes(self.format))
     }
 
     /// A 2D image.
     pub(crate) fn flat(format: vk::Format, extent: [u32; 2], usage: vk::ImageUsageFlags) -> Self {
-        Self { format, extent: [extent[0], extent[1], 1], layers: 1, volume: false, usage }
+        Self { format, extent: [extent[0], extent[1], 1], layers: 1, levels: 1, volume: false, usage }
     }
 
     /// Bytes of the texels, without what a driver adds for alignment.
     pub(crate) fn texel_bytes(&self) -> u64 {
-        let [w, h, d] = self.extent.map(u64::from);
-        [w, h, d, u64::from(self.layers), format_bytes(self.format)].into_iter().fold(1, u64::saturating_mul)
+        (0..self.levels)
+            .map(|level| self.plane_bytes(level).saturating_mul(u64::from(self.planes(level))))
+            .fold(0, u64::saturating_add)
     }
 }
 
@@ -70,14 +100,13 @@ pub(crate) struct Image {
 
 impl Image {
     pub(crate) fn new(gpu: &Gpu, name: &str, desc: &ImageDesc) -> Result<Self> {
-        check_limits(gpu, name, desc)?;
-        gpu.inner.budget.check(name, desc.texel_bytes())?;
+        gpu.check_image(name, desc)?;
         let [width, height, depth] = desc.extent;
         let info = vk::ImageCreateInfo::default()
             .image_type(if desc.volume { vk::ImageType::TYPE_3D } else { vk::ImageType::TYPE_2D })
             .format(desc.format)
             .extent(vk::Extent3D { width, height, depth })
-            .mip_levels(1)
+            .mip_levels(desc.levels)
             .array_layers(desc.layers)
             .samples(vk::SampleCountFlags::TYPE_1)
             .tiling(vk::ImageTiling::OPTIMAL)
@@ -154,6 +183,14 @@ pub(crate) fn whole(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
         .aspect_mask(aspect)
         .level_count(vk::REMAINING_MIP_LEVELS)
         .layer_count(vk::REMAINING_ARRAY_LAYERS)
+}
+
+impl Gpu {
+    /// Whether an image can be made, before work is put into its texels.
+    pub(crate) fn check_image(&self, name: &str, desc: &ImageDesc) -> Result<()> {
+        check_limits(self, name, desc)?;
+        self.inner.budget.check(name, desc.texel_bytes())
+    }
 }
 
 fn check_limits(gpu: &Gpu, name: &str, desc: &ImageDesc) -> Result<()> {

@@ -34,7 +34,8 @@ pub(crate) struct GraphicsDesc<'a> {
     pub(crate) fragment: &'static Shader,
     pub(crate) topology: vk::PrimitiveTopology,
     pub(crate) blend: Blend,
-    pub(crate) format: vk::Format,
+    /// Format of the colour attachment; `None` where shaders write elsewhere.
+    pub(crate) format: Option<vk::Format>,
     pub(crate) constants: &'a [SpecConstant],
 }
 
@@ -50,7 +51,7 @@ pub(crate) struct ComputeDesc<'a> {
 pub(crate) struct PipelineKey {
     shaders: Vec<&'static str>,
     constants: Vec<SpecConstant>,
-    state: Option<(vk::PrimitiveTopology, Blend, vk::Format)>,
+    state: Option<(vk::PrimitiveTopology, Blend, Option<vk::Format>)>,
 }
 
 /// A pipeline with its layout. Owned by the device's table; lives as long as the device.
@@ -235,11 +236,13 @@ impl Gpu {
             .dst_alpha_blend_factor(destination)
             .alpha_blend_op(vk::BlendOp::ADD)
             .color_write_mask(vk::ColorComponentFlags::RGBA)];
-        let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&attachments);
+        let colours = desc.format.map_or(0, |_| 1);
+        let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&attachments[..colours]);
         let states = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&states);
-        let formats = [desc.format];
-        let mut rendering = vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&formats);
+        let formats = [desc.format.unwrap_or_default()];
+        let mut rendering =
+            vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&formats[..colours]);
         let info = vk::GraphicsPipelineCreateInfo::default()
             .stages(&stages)
             .vertex_input_state(&vertex_input)
@@ -346,6 +349,8 @@ fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
 pub(crate) enum Resource {
     /// A whole buffer.
     Buffer(Arc<Buffer>),
+    /// A whole buffer that some other pass has written and this one only reads.
+    ReadOnly(Arc<Buffer>),
     /// An image with a filter to sample it with.
     Sampled(Arc<Image>, vk::Filter),
     /// A storage image.
@@ -401,7 +406,7 @@ impl Descriptors {
                 .descriptor_type(descriptor_type(*kind));
             let (buffer, image);
             let write = match resource {
-                Resource::Buffer(b) => {
+                Resource::Buffer(b) | Resource::ReadOnly(b) => {
                     // A uniform block may be the start of a larger buffer.
                     let most = u64::from(gpu.inner.properties.limits.max_uniform_buffer_range);
                     let range =
@@ -411,7 +416,7 @@ impl Descriptors {
                 }
                 Resource::Sampled(i, filter) => {
                     image = [vk::DescriptorImageInfo {
-                        sampler: gpu.sampler(*filter)?,
+                        sampler: gpu.sampler(*filter, i.desc().levels > 1)?,
                         image_view: i.view(),
                         image_layout: vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
                     }];
@@ -447,7 +452,13 @@ impl Descriptors {
                 (Resource::Buffer(_), true) if *kind == BindingKind::UniformBuffer => Use::ComputeRead,
                 (Resource::Buffer(b), true) if b.is_written_by_shaders() => Use::ComputeReadWrite,
                 (Resource::Buffer(_), true) => Use::ComputeRead,
-                (Resource::Buffer(_), false) => Use::FragmentRead,
+                (Resource::Buffer(b), false)
+                    if *kind == BindingKind::StorageBuffer && b.is_written_by_shaders() =>
+                {
+                    Use::FragmentReadWrite
+                }
+                (Resource::Buffer(_) | Resource::ReadOnly(_), false) => Use::FragmentRead,
+                (Resource::ReadOnly(_), true) => Use::ComputeRead,
             };
             (resource, usage)
         })

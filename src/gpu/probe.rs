@@ -82,7 +82,7 @@ impl Gpu {
         const POSITIONS: u32 = 1024;
         let desc = ImageDesc::sampled_volume(format, [2, 2, 2]);
         let texel = desc.texel_bytes() / 8;
-        let volume = Image::volume_with_data(self, "probe.volume", &desc, |_, memory| {
+        let volume = Image::with_data(self, "probe.volume", &desc, |_, _, memory| {
             let texel = usize::try_from(texel).unwrap_or(1);
             for (i, bytes) in memory.chunks_exact_mut(texel).enumerate() {
                 bytes.fill(if i % 2 == 1 { 0xff } else { 0 });

@@ -239,22 +239,91 @@ impl<'a> Recorder<'a> {
         self.use_buffer(buffer, Use::HostRead);
     }
 
-    /// Copies the start of a buffer to a part of an image, `depth` planes from plane `first` on.
+    /// Draws several times as one pass, without attachments: shaders write what is bound, and what one draw
+    /// wrote the next one sees. `pushes` has the push constants of each draw.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "a draw is made of these; a structure would name each once more"
+    )]
+    pub(crate) fn draw_each<P: AsRef<[u8]>>(
+        &mut self,
+        name: &str,
+        pipeline: &Arc<Pipeline>,
+        descriptors: &Arc<Descriptors>,
+        pushes: impl Iterator<Item = P>,
+        extent: [u32; 2],
+        vertices: u32,
+    ) {
+        self.use_descriptors(descriptors, false);
+        self.begin(name);
+        let [width, height] = extent;
+        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
+        let info = vk::RenderingInfo::default().render_area(area).layer_count(1);
+        let viewport = vk::Viewport {
+            x: 0.0,
+            y: 0.0,
+            width: pixels(width),
+            height: pixels(height),
+            min_depth: 0.0,
+            max_depth: 1.0,
+        };
+        let device = self.gpu.device().clone();
+        let raw = self.commands.raw();
+        // SAFETY: recording; the pipeline's viewport is dynamic.
+        unsafe { device.cmd_set_viewport(raw, 0, &[viewport]) };
+        // SAFETY: recording; the pipeline's scissor is dynamic.
+        unsafe { device.cmd_set_scissor(raw, 0, &[area]) };
+        for (i, push) in pushes.enumerate() {
+            if i > 0 {
+                self.use_descriptors(descriptors, false);
+            }
+            // SAFETY: recording, outside of rendering; there is no attachment.
+            unsafe { device.cmd_begin_rendering(raw, &info) };
+            self.bind(pipeline, descriptors, push.as_ref());
+            // SAFETY: a graphics pipeline without attachments is bound with all that it needs.
+            unsafe { device.cmd_draw(raw, vertices, 1, 0, 0) };
+            // SAFETY: rendering was begun above.
+            unsafe { device.cmd_end_rendering(raw) };
+        }
+        self.end();
+    }
+
+    /// Fills a buffer with zeros.
+    pub(crate) fn clear_buffer(&mut self, name: &str, buffer: &Arc<Buffer>) {
+        self.use_buffer(buffer, Use::TransferWrite);
+        self.begin(name);
+        // SAFETY: recording, outside of rendering; the buffer's size is a multiple of 4 or the rest is left.
+        unsafe {
+            self.gpu.device().cmd_fill_buffer(self.commands.raw(), buffer.raw(), 0, vk::WHOLE_SIZE, 0);
+        }
+        self.end();
+    }
+
+    /// Copies the start of a buffer to a part of a mip level of an image: `count` planes of a volume, or layers
+    /// of an array, from `first` on.
     pub(crate) fn copy_buffer_to_image(
         &mut self,
         name: &str,
         buffer: &Arc<Buffer>,
         image: &Arc<Image>,
-        first: u32,
-        depth: u32,
+        level: u32,
+        [first, count]: [u32; 2],
     ) {
         self.use_buffer(buffer, Use::TransferRead);
         self.use_image(image, Use::TransferWrite);
         self.begin(name);
         let mut region = image_region(image);
-        region.image_offset.z = i32::try_from(first).unwrap_or(i32::MAX);
-        region.image_extent.depth = depth;
-        // SAFETY: the buffer holds `depth` planes of the image; layouts and accesses are ordered above.
+        let [width, height, _] = image.desc().level_extent(level);
+        region.image_subresource.mip_level = level;
+        if image.desc().volume {
+            region.image_offset.z = i32::try_from(first).unwrap_or(i32::MAX);
+            region.image_extent = vk::Extent3D { width, height, depth: count };
+        } else {
+            region.image_subresource.base_array_layer = first;
+            region.image_subresource.layer_count = count;
+            region.image_extent = vk::Extent3D { width, height, depth: 1 };
+        }
+        // SAFETY: the buffer holds `count` planes of the level; layouts and accesses are ordered above.
         unsafe {
             self.gpu.device().cmd_copy_buffer_to_image(
                 self.commands.raw(),
@@ -334,7 +403,7 @@ impl<'a> Recorder<'a> {
     fn use_descriptors(&mut self, descriptors: &Arc<Descriptors>, compute: bool) {
         for (resource, usage) in descriptors.uses(compute) {
             match resource {
-                Resource::Buffer(buffer) => self.use_buffer(buffer, usage),
+                Resource::Buffer(buffer) | Resource::ReadOnly(buffer) => self.use_buffer(buffer, usage),
                 Resource::Sampled(image, _) | Resource::Storage(image) => self.use_image(image, usage),
             }
         }

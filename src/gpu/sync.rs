@@ -23,6 +23,8 @@ pub(crate) enum Use {
     FragmentSample,
     /// Read in a fragment shader as a uniform or storage buffer.
     FragmentRead,
+    /// Written, and perhaps read, in a fragment shader as a storage buffer.
+    FragmentReadWrite,
     /// Sampled in a compute shader.
     ComputeSample,
     /// Read in a compute shader as a uniform or storage buffer.
@@ -38,12 +40,13 @@ pub(crate) enum Use {
 impl Use {
     /// Every use, for the test of the table.
     #[cfg(test)]
-    pub(crate) const ALL: [Self; 10] = [
+    pub(crate) const ALL: [Self; 11] = [
         Self::TransferRead,
         Self::TransferWrite,
         Self::HostRead,
         Self::FragmentSample,
         Self::FragmentRead,
+        Self::FragmentReadWrite,
         Self::ComputeSample,
         Self::ComputeRead,
         Self::ComputeReadWrite,
@@ -65,6 +68,13 @@ impl Use {
             Self::FragmentRead => (
                 Stage::FRAGMENT_SHADER,
                 Access::from_raw(Access::UNIFORM_READ.as_raw() | Access::SHADER_STORAGE_READ.as_raw()),
+                Layout::UNDEFINED,
+            ),
+            Self::FragmentReadWrite => (
+                Stage::FRAGMENT_SHADER,
+                Access::from_raw(
+                    Access::SHADER_STORAGE_READ.as_raw() | Access::SHADER_STORAGE_WRITE.as_raw(),
+                ),
                 Layout::UNDEFINED,
             ),
             Self::ComputeSample => {
@@ -99,7 +109,10 @@ impl Use {
 
     /// Whether the use writes.
     pub(crate) const fn writes(self) -> bool {
-        matches!(self, Self::TransferWrite | Self::ComputeReadWrite | Self::ColorAttachment)
+        matches!(
+            self,
+            Self::TransferWrite | Self::FragmentReadWrite | Self::ComputeReadWrite | Self::ColorAttachment
+        )
     }
 }
 

@@ -38,36 +38,38 @@ impl Buffer {
 }
 
 impl Image {
-    /// A volume filled plane by plane: `fill(first, memory)` writes the planes from `first` on until
-    /// `memory` is full. Ready for every shader afterwards.
-    pub(crate) fn volume_with_data(
+    /// An image filled plane by plane, level by level: `fill(level, first, memory)` writes the planes of a
+    /// volume, or the layers of an array, from `first` on until `memory` is full. Ready for every shader
+    /// afterwards.
+    pub(crate) fn with_data(
         gpu: &Gpu,
         name: &str,
         desc: &ImageDesc,
-        fill: impl Fn(usize, &mut [u8]),
+        fill: impl Fn(u32, usize, &mut [u8]),
     ) -> Result<Arc<Self>> {
         let image = Arc::new(Self::new(gpu, name, desc)?);
-        let planes = desc.extent[2];
-        let plane_bytes = desc.texel_bytes() / u64::from(planes.max(1));
-        let turn =
-            num::count(usize::try_from(STAGING_BYTES / plane_bytes.max(1)).unwrap_or(1)).clamp(1, planes);
-        let mut first = 0;
         let mut commands = Commands::new(gpu)?;
-        while first < planes {
-            let depth = turn.min(planes - first);
-            let bytes = usize::try_from(plane_bytes * u64::from(depth)).unwrap_or(usize::MAX);
-            let buffer = Arc::new(staging(gpu, name, plane_bytes * u64::from(depth), |memory| {
-                fill(num::index(first), &mut memory[..bytes]);
-            })?);
-            let mut recorder = Recorder::new(gpu, commands.begin()?, None);
-            if first > 0 {
-                recorder.assume_ready(&image);
+        for level in 0..desc.levels {
+            let (planes, plane_bytes) = (desc.planes(level), desc.plane_bytes(level));
+            let turn =
+                num::count(usize::try_from(STAGING_BYTES / plane_bytes.max(1)).unwrap_or(1)).clamp(1, planes);
+            let mut first = 0;
+            while first < planes {
+                let count = turn.min(planes - first);
+                let bytes = usize::try_from(plane_bytes * u64::from(count)).unwrap_or(usize::MAX);
+                let buffer = Arc::new(staging(gpu, name, plane_bytes * u64::from(count), |memory| {
+                    fill(level, num::index(first), &mut memory[..bytes]);
+                })?);
+                let mut recorder = Recorder::new(gpu, commands.begin()?, None);
+                if level > 0 || first > 0 {
+                    recorder.assume_ready(&image);
+                }
+                recorder.copy_buffer_to_image("upload", &buffer, &image, level, [first, count]);
+                recorder.release_image(&image);
+                let (_, keep) = recorder.finish();
+                commands.submit(keep, "upload")?;
+                first += count;
             }
-            recorder.copy_buffer_to_image("upload", &buffer, &image, first, depth);
-            recorder.release_image(&image);
-            let (_, keep) = recorder.finish();
-            commands.submit(keep, "upload")?;
-            first += depth;
         }
         Ok(image)
     }

@@ -1,5 +1,8 @@
 //! The optical model's tables for the device, built in float64.
 
+pub(crate) mod cumulative;
+pub(crate) mod full;
+
 use crate::interface::Knot;
 use crate::num::{count, f32_of};
 use crate::scene::TransferFunction;

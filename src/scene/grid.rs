@@ -1,5 +1,7 @@
 //! Regular grids: samples on a lattice, and where the lattice lies in the world.
 
+use std::sync::Arc;
+
 use glam::{DMat3, DVec3};
 
 use crate::error::{Error, Result};
@@ -123,7 +125,8 @@ pub struct Grid {
     origin: DVec3,
     direction: DMat3,
     rescale: Rescale,
-    samples: Samples,
+    /// Shared, so that a grid is cheap to clone.
+    samples: Arc<Samples>,
     anatomy: Anatomy,
     range: [f64; 2],
     nan_count: usize,
@@ -164,7 +167,7 @@ impl Grid {
             origin: DVec3::ZERO,
             direction: DMat3::IDENTITY,
             rescale: Rescale::IDENTITY,
-            samples,
+            samples: Arc::new(samples),
             anatomy: Anatomy::Unknown,
             range,
             nan_count,

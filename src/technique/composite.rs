@@ -29,7 +29,7 @@ impl Composite {
                 fragment: &COMPOSITE_FRAGMENT,
                 topology: vk::PrimitiveTopology::TRIANGLE_LIST,
                 blend: if clear { Blend::Copy } else { Blend::Over },
-                format,
+                format: Some(format),
                 constants: &[],
             },
         )?;

@@ -6,10 +6,23 @@ use std::time::Instant;
 use ash::vk;
 
 use crate::error::Result;
-use crate::gpu::{Buffer, Gpu, Image, ImageDesc};
+use crate::gpu::shader::{BINDING_BRICKS, BINDING_RANGES, BINDING_VISIBLE, BRICKS_COMPUTE};
+use crate::gpu::{
+    Buffer, BufferUse, Commands, ComputeDesc, Descriptors, Gpu, Image, ImageDesc, Recorder, Resource,
+};
+use crate::interface::{BricksPush, CumulativeBin, TableHead};
 use crate::num::{self, f32_of};
 use crate::optics::DeviceKnots;
-use crate::scene::{Grid, Samples, Scene};
+use crate::optics::cumulative::Cumulative;
+use crate::optics::full::Full;
+use crate::scene::{Grid, Rescale, Samples, Scene, TransferFunction};
+
+use super::bricks::{MinMax, nonzero_ranges};
+use super::grid_options::{Integrator, SegmentOptions};
+use super::mips;
+
+/// Octaves of thickness in a 2-D table: from the domain's diagonal down to a two-thousandth of it.
+const LAYERS: u32 = 12;
 
 /// A scene with what of it lies on the device. Data is uploaded when a technique first needs it, and
 /// once.
@@ -17,9 +30,38 @@ use crate::scene::{Grid, Samples, Scene};
 pub struct GpuScene {
     gpu: Gpu,
     scene: Scene,
-    volumes: Mutex<Vec<Arc<Volume>>>,
+    data: Arc<GridData>,
     knots: Mutex<Option<Arc<Knots>>>,
+    tables: Mutex<Vec<Arc<Table>>>,
+    bricks: Mutex<Vec<(f32, Arc<Buffer>)>>,
     times: Mutex<UploadTimes>,
+}
+
+/// What the grid alone decides: scenes that differ in the transfer function share it.
+#[derive(Debug, Default)]
+struct GridData {
+    volumes: Mutex<Vec<Arc<Volume>>>,
+    /// Ranges of the bricks, and their number.
+    ranges: Mutex<Option<(Arc<Buffer>, u32)>>,
+}
+
+/// Where samples lie on the device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Layout {
+    /// One 3D image.
+    Volume,
+    /// An array of 2D slices perpendicular to an axis; the other two follow it cyclically.
+    Stack(usize),
+}
+
+/// A table of the transfer function, for segments.
+#[derive(Debug)]
+pub(crate) struct Table {
+    options: SegmentOptions,
+    /// Head, and bins of the cumulative table.
+    pub(crate) buffer: Arc<Buffer>,
+    /// The 2-D table.
+    pub(crate) image: Option<Arc<Image>>,
 }
 
 /// Milliseconds that a scene's way to the device has taken so far.
@@ -47,6 +89,7 @@ enum Encoding {
 pub(crate) struct Volume {
     pub(crate) image: Arc<Image>,
     encoding: Encoding,
+    layout: Layout,
     /// Value of a texel: `scale * texel + offset`.
     pub(crate) scale: f32,
     pub(crate) offset: f32,
@@ -67,13 +110,29 @@ impl GpuScene {
     /// Takes a scene for a device. Nothing is uploaded yet.
     #[must_use]
     pub fn new(gpu: &Gpu, scene: Scene) -> Arc<Self> {
+        Self::sharing(gpu, scene, Arc::default())
+    }
+
+    fn sharing(gpu: &Gpu, scene: Scene, data: Arc<GridData>) -> Arc<Self> {
         Arc::new(Self {
             gpu: gpu.clone(),
             scene,
-            volumes: Mutex::default(),
+            data,
             knots: Mutex::default(),
+            tables: Mutex::default(),
+            bricks: Mutex::default(),
             times: Mutex::default(),
         })
+    }
+
+    /// The same data under another transfer function. What is on the device of the samples is shared; the
+    /// transfer function's tables are made when they are first needed.
+    #[must_use]
+    pub fn with_transfer(&self, transfer: TransferFunction) -> Arc<Self> {
+        // Infinite samples were uploaded as the old transfer function's ends.
+        let shared = self.scene.grid.infinite_count() == 0;
+        let data = if shared { Arc::clone(&self.data) } else { Arc::default() };
+        Self::sharing(&self.gpu, Scene { grid: self.scene.grid.clone(), transfer }, data)
     }
 
     /// The scene.
@@ -94,25 +153,57 @@ impl GpuScene {
         &self.gpu
     }
 
-    /// The volume, encoded for exact fetches or for the sampler's filter.
-    pub(crate) fn volume(&self, for_filter: bool) -> Result<Arc<Volume>> {
+    /// The samples, encoded for exact fetches or for the sampler's filter, with mip levels or without.
+    pub(crate) fn volume(&self, layout: Layout, for_filter: bool, mip: bool) -> Result<Arc<Volume>> {
         let grid = &self.scene.grid;
-        let encoding = self.encoding(grid.samples(), for_filter)?;
-        let mut volumes = self.volumes.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = volumes.iter().find(|volume| volume.encoding == encoding) {
+        let encoding = self.encoding(grid.samples(), for_filter, mip)?;
+        let (dims, along) = match layout {
+            Layout::Volume => (grid.dims(), [true; 3]),
+            Layout::Stack(axis) => (turned(grid.dims(), axis), [true, true, false]),
+        };
+        let levels = if mip { mips::levels(dims, along) } else { 1 };
+        let mut volumes = self.data.volumes.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_it = |v: &&Arc<Volume>| {
+            v.encoding == encoding && v.layout == layout && v.image.desc().levels == levels
+        };
+        if let Some(found) = volumes.iter().find(is_it) {
             return Ok(Arc::clone(found));
         }
         let start = Instant::now();
-        let desc = ImageDesc::sampled_volume(encoding.format(), grid.dims());
-        let ends = self.scene.transfer.domain();
-        let plane = num::index(grid.dims()[0]) * num::index(grid.dims()[1]);
-        let image = Image::volume_with_data(&self.gpu, "volume", &desc, |first, memory| {
-            encode(grid, ends, encoding, first * plane, memory);
+        let [w, h, d] = dims;
+        let format = encoding.format();
+        let (name, desc) = match layout {
+            Layout::Volume => ("volume".to_string(), ImageDesc::sampled_volume(format, dims)),
+            Layout::Stack(axis) => {
+                (format!("stack.{}", ["x", "y", "z"][axis % 3]), ImageDesc::sampled_stack(format, [w, h], d))
+            }
+        };
+        let desc = desc.with_levels(levels);
+        // Before samples are turned and averaged: the device may have no room for them.
+        self.gpu.check_image(&name, &desc)?;
+        let turned_samples;
+        let samples = match layout {
+            Layout::Stack(axis) if axis != 2 => {
+                turned_samples = turn_samples(grid.samples(), grid.dims(), axis);
+                &turned_samples
+            }
+            _ => grid.samples(),
+        };
+        let source =
+            Source { samples, rescale: grid.rescale(), ends: self.scene.transfer.domain(), encoding };
+        let smaller = source.smaller_levels(dims, along, levels);
+        let image = Image::with_data(&self.gpu, &name, &desc, |level, first, memory| {
+            let plane = num::index(desc.level_extent(level)[0]) * num::index(desc.level_extent(level)[1]);
+            match num::index(level).checked_sub(1) {
+                None => source.encode(first * plane, memory),
+                Some(smaller_level) => encoding.put(&smaller[smaller_level][first * plane..], memory),
+            }
         })?;
         let (scale, offset) = value_map(grid, encoding);
         let volume = Arc::new(Volume {
             image,
             encoding,
+            layout,
             scale: f32_of(scale),
             offset: f32_of(offset),
             filterable: self.filterable(encoding),
@@ -121,6 +212,109 @@ impl GpuScene {
         self.times.lock().unwrap_or_else(PoisonError::into_inner).upload +=
             start.elapsed().as_secs_f64() * 1e3;
         Ok(volume)
+    }
+
+    /// The transfer function's table for an integrator; `None` for one that needs none.
+    pub(crate) fn table(&self, options: &SegmentOptions) -> Result<Option<Arc<Table>>> {
+        let size = options.table_size();
+        let options = SegmentOptions { table: Some(size), ..*options };
+        let mut tables = self.tables.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = tables.iter().find(|table| table.options == options) {
+            return Ok(Some(Arc::clone(found)));
+        }
+        let start = Instant::now();
+        let transfer = &self.scene.transfer;
+        let upload = |head: &TableHead, bins: &[CumulativeBin]| {
+            let mut bytes = bytemuck::bytes_of(head).to_vec();
+            bytes.extend_from_slice(bytemuck::cast_slice(bins));
+            Buffer::with_data(&self.gpu, "transfer.table", &bytes)
+        };
+        let (buffer, image) = match options.integrator {
+            Integrator::Midpoint | Integrator::Exact => return Ok(None),
+            Integrator::Integral => {
+                let table = Cumulative::new(transfer, size);
+                let bins = f32_of(f64::from(size));
+                (upload(&TableHead { size: [bins, 0.0, 0.0, 0.0], ..table.head }, &table.bins)?, None)
+            }
+            Integrator::Full => {
+                // No segment is longer than the domain.
+                let longest = diagonal(&self.scene.grid);
+                let table = Full::new(transfer, size, LAYERS, longest);
+                let head_size = [f64::from(size), f64::from(LAYERS), longest, 0.0].map(f32_of);
+                let extent = [table.size, table.size, table.layers];
+                let desc = ImageDesc::sampled_volume(vk::Format::R32G32B32A32_SFLOAT, extent);
+                let plane = num::index(size) * num::index(size);
+                let image = Image::with_data(&self.gpu, "transfer.table-2d", &desc, |_, first, memory| {
+                    let bytes = bytemuck::cast_slice(&table.texels[first * plane..]);
+                    memory.copy_from_slice(&bytes[..memory.len()]);
+                })?;
+                // One bin, so that the block's array is not empty.
+                let head = TableHead { size: head_size, ..table.head };
+                (upload(&head, &[CumulativeBin::default()])?, Some(image))
+            }
+        };
+        let table = Arc::new(Table { options, buffer, image });
+        tables.push(Arc::clone(&table));
+        self.times.lock().unwrap_or_else(PoisonError::into_inner).tables +=
+            start.elapsed().as_secs_f64() * 1e3;
+        Ok(Some(table))
+    }
+
+    /// One word for each brick: 0 where nothing is visible. `margin` widens the scalars with extinction: what
+    /// a table smears is visible too.
+    pub(crate) fn bricks(&self, margin: f32) -> Result<Arc<Buffer>> {
+        let mut known = self.bricks.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, found)) = known.iter().find(|(m, _)| *m == margin) {
+            return Ok(Arc::clone(found));
+        }
+        let (ranges, count) = self.brick_ranges()?;
+        let start = Instant::now();
+        let mut scalars = nonzero_ranges(&self.scene.transfer);
+        let push = BricksPush { bricks: count, ranges: num::count(scalars.len()), margin };
+        if scalars.is_empty() {
+            scalars.push([0.0; 2]);
+        }
+        let scalars = Buffer::with_data(&self.gpu, "transfer.visible", bytemuck::cast_slice(&scalars))?;
+        let bricks = Buffer::new(&self.gpu, "bricks", 4 * u64::from(count), BufferUse::ShaderWrite)?;
+        let bricks = Arc::new(bricks);
+        let desc = ComputeDesc { shader: &BRICKS_COMPUTE, constants: &[] };
+        let pipeline = self.gpu.compute_pipeline("bricks.mark", &desc)?;
+        let resources = [
+            (BINDING_RANGES, Resource::Buffer(ranges)),
+            (BINDING_VISIBLE, Resource::Buffer(scalars)),
+            (BINDING_BRICKS, Resource::Buffer(Arc::clone(&bricks))),
+        ];
+        let descriptors = Arc::new(Descriptors::new(&self.gpu, &pipeline, &resources)?);
+        let groups = count.div_ceil(64);
+        // At least this many workgroups are allowed along each side.
+        let across = groups.min(65_535);
+        let mut commands = Commands::new(&self.gpu)?;
+        let mut recorder = Recorder::new(&self.gpu, commands.begin()?, None);
+        let push = bytemuck::bytes_of(&push);
+        recorder.dispatch("bricks.mark", &pipeline, &descriptors, push, [across, groups.div_ceil(across), 1]);
+        recorder.release_buffer(&bricks);
+        let (_, keep) = recorder.finish();
+        commands.submit(keep, "bricks.mark")?;
+        known.push((margin, Arc::clone(&bricks)));
+        self.times.lock().unwrap_or_else(PoisonError::into_inner).tables +=
+            start.elapsed().as_secs_f64() * 1e3;
+        Ok(bricks)
+    }
+
+    /// Least and greatest scalar of each brick, and the number of bricks.
+    fn brick_ranges(&self) -> Result<(Arc<Buffer>, u32)> {
+        let mut known = self.data.ranges.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = &*known {
+            return Ok(found.clone());
+        }
+        let start = Instant::now();
+        let bricks = MinMax::of(&self.scene.grid);
+        let buffer = Buffer::with_data(&self.gpu, "bricks.ranges", bytemuck::cast_slice(&bricks.ranges))?;
+        let made = (buffer, num::count(bricks.ranges.len()));
+        *known = Some(made.clone());
+        self.times.lock().unwrap_or_else(PoisonError::into_inner).upload +=
+            start.elapsed().as_secs_f64() * 1e3;
+        Ok(made)
     }
 
     /// The transfer function.
@@ -144,9 +338,10 @@ impl GpuScene {
     }
 
     /// The encoding of samples: their own type where the device has it, widened from 8 bits where the
-    /// device's filter would round to them.
-    fn encoding(&self, samples: &Samples, for_filter: bool) -> Result<Encoding> {
+    /// device's filter would round to them, or mip levels to fewer digits than their samples have.
+    fn encoding(&self, samples: &Samples, for_filter: bool, mip: bool) -> Result<Encoding> {
         let own = match samples {
+            Samples::U8(_) if mip => Encoding::R16,
             Samples::U8(_) if for_filter && self.gpu.filters_in_8_bit()? => Encoding::R16,
             Samples::U8(_) => Encoding::R8,
             Samples::U16(_) | Samples::I16(_) => Encoding::R16,
@@ -187,37 +382,135 @@ fn value_map(grid: &Grid, encoding: Encoding) -> (f64, f64) {
     (rescale.slope * full, rescale.slope * zero + rescale.intercept)
 }
 
-/// Writes samples from `first` on as texels, until `memory` is full.
-fn encode(grid: &Grid, ends: [f64; 2], encoding: Encoding, first: usize, memory: &mut [u8]) {
-    fn put<T: Copy, const N: usize>(values: &[T], memory: &mut [u8], bytes: impl Fn(T) -> [u8; N]) {
-        for (value, place) in values.iter().zip(memory.chunks_exact_mut(N)) {
-            place.copy_from_slice(&bytes(*value));
+/// Longest chord of the domain, world units.
+pub(crate) fn diagonal(grid: &Grid) -> f64 {
+    grid.corners().iter().map(|corner| 2.0 * (*corner - grid.centre()).length()).fold(0.0, f64::max)
+}
+
+/// Axes in the order of a stack along one of them: the others follow it cyclically, the stack's comes last.
+pub(crate) fn turned<T: Copy>(xyz: [T; 3], axis: usize) -> [T; 3] {
+    [xyz[(axis + 1) % 3], xyz[(axis + 2) % 3], xyz[axis % 3]]
+}
+
+/// Samples in the order of a stack's texels.
+fn turn_samples(samples: &Samples, dims: [u32; 3], axis: usize) -> Samples {
+    fn turn<T: Copy>(values: &[T], dims: [u32; 3], axis: usize) -> Vec<T> {
+        let [nx, ny, _] = dims.map(num::index);
+        let [u, v, k] = turned(dims, axis).map(num::index);
+        let [du, dv, dk] = turned([1, nx, nx * ny], axis);
+        let mut out = Vec::with_capacity(values.len());
+        for slice in 0..k {
+            for row in 0..v {
+                let start = slice * dk + row * dv;
+                out.extend((0..u).map(|i| values[start + i * du]));
+            }
+        }
+        out
+    }
+    match samples {
+        Samples::U8(v) => Samples::U8(turn(v, dims, axis)),
+        Samples::U16(v) => Samples::U16(turn(v, dims, axis)),
+        Samples::I16(v) => Samples::I16(turn(v, dims, axis)),
+        Samples::F32(v) => Samples::F32(turn(v, dims, axis)),
+    }
+}
+
+/// Writes values as texels until `memory` or `values` end.
+fn put<T: Copy, const N: usize>(values: &[T], memory: &mut [u8], bytes: impl Fn(T) -> [u8; N]) {
+    for (value, place) in values.iter().zip(memory.chunks_exact_mut(N)) {
+        place.copy_from_slice(&bytes(*value));
+    }
+}
+
+impl Encoding {
+    /// Writes numbers as a shader reads them (0 to 1 where the format is normalised), until `memory` is full.
+    fn put(self, texels: &[f32], memory: &mut [u8]) {
+        match self {
+            Self::R8 => put(texels, memory, |x| [num::u8_code(f64::from(x) * 255.0)]),
+            Self::R16 => put(texels, memory, |x| num::u16_code(f64::from(x) * 65535.0).to_ne_bytes()),
+            Self::R32f => put(texels, memory, f32::to_ne_bytes),
         }
     }
-    // Infinities take the scalar at the transfer function's ends, as stored numbers.
-    let rescale = grid.rescale();
-    let stored = |value: f64| f32_of((value - rescale.intercept) / rescale.slope);
-    let low = stored(if rescale.slope > 0.0 { ends[0] } else { ends[1] });
-    let high = stored(if rescale.slope > 0.0 { ends[1] } else { ends[0] });
-    match (grid.samples(), encoding) {
-        (Samples::U8(v), Encoding::R8) => put(&v[first..], memory, |x| [x]),
-        (Samples::U8(v), Encoding::R16) => put(&v[first..], memory, |x| (u16::from(x) * 257).to_ne_bytes()),
-        (Samples::U8(v), Encoding::R32f) => put(&v[first..], memory, |x| f32::from(x).to_ne_bytes()),
-        (Samples::U16(v), Encoding::R32f) => put(&v[first..], memory, |x| f32::from(x).to_ne_bytes()),
-        (Samples::U16(v), _) => put(&v[first..], memory, u16::to_ne_bytes),
-        (Samples::I16(v), Encoding::R32f) => put(&v[first..], memory, |x| f32::from(x).to_ne_bytes()),
-        // -32768 becomes 0 and 32767 becomes 65535: flip the sign bit.
-        (Samples::I16(v), _) => put(&v[first..], memory, |x| (x.cast_unsigned() ^ 0x8000).to_ne_bytes()),
-        (Samples::F32(v), _) => put(&v[first..], memory, |x| {
-            let x = if x == f32::INFINITY {
-                high
-            } else if x == f32::NEG_INFINITY {
-                low
-            } else {
-                x
-            };
-            x.to_ne_bytes()
-        }),
+
+    /// What a shader reads of texels.
+    fn texels(self, memory: &[u8]) -> Vec<f32> {
+        match self {
+            Self::R8 => memory.iter().map(|&b| f32::from(b) / 255.0).collect(),
+            Self::R16 => memory
+                .chunks_exact(2)
+                .map(|b| f32::from(u16::from_ne_bytes([b[0], b[1]])) / 65535.0)
+                .collect(),
+            Self::R32f => {
+                memory.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect()
+            }
+        }
+    }
+
+    fn texel_bytes(self) -> usize {
+        match self {
+            Self::R8 => 1,
+            Self::R16 => 2,
+            Self::R32f => 4,
+        }
+    }
+}
+
+/// Samples on their way to the device.
+struct Source<'a> {
+    samples: &'a Samples,
+    rescale: Rescale,
+    /// First and last scalar of the transfer function.
+    ends: [f64; 2],
+    encoding: Encoding,
+}
+
+impl Source<'_> {
+    /// Writes samples from `first` on as texels, until `memory` is full.
+    fn encode(&self, first: usize, memory: &mut [u8]) {
+        // Infinities take the scalar at the transfer function's ends, as stored numbers.
+        let Rescale { slope, intercept } = self.rescale;
+        let stored = |value: f64| f32_of((value - intercept) / slope);
+        let low = stored(if slope > 0.0 { self.ends[0] } else { self.ends[1] });
+        let high = stored(if slope > 0.0 { self.ends[1] } else { self.ends[0] });
+        match (self.samples, self.encoding) {
+            (Samples::U8(v), Encoding::R8) => put(&v[first..], memory, |x| [x]),
+            (Samples::U8(v), Encoding::R16) => {
+                put(&v[first..], memory, |x| (u16::from(x) * 257).to_ne_bytes());
+            }
+            (Samples::U8(v), Encoding::R32f) => put(&v[first..], memory, |x| f32::from(x).to_ne_bytes()),
+            (Samples::U16(v), Encoding::R32f) => put(&v[first..], memory, |x| f32::from(x).to_ne_bytes()),
+            (Samples::U16(v), _) => put(&v[first..], memory, u16::to_ne_bytes),
+            (Samples::I16(v), Encoding::R32f) => put(&v[first..], memory, |x| f32::from(x).to_ne_bytes()),
+            // -32768 becomes 0 and 32767 becomes 65535: flip the sign bit.
+            (Samples::I16(v), _) => {
+                put(&v[first..], memory, |x| (x.cast_unsigned() ^ 0x8000).to_ne_bytes());
+            }
+            (Samples::F32(v), _) => put(&v[first..], memory, |x| {
+                let x = if x == f32::INFINITY {
+                    high
+                } else if x == f32::NEG_INFINITY {
+                    low
+                } else {
+                    x
+                };
+                x.to_ne_bytes()
+            }),
+        }
+    }
+
+    /// Texels of the levels below the first, each the mean of the one above.
+    fn smaller_levels(&self, dims: [u32; 3], along: [bool; 3], levels: u32) -> Vec<Vec<f32>> {
+        let mut smaller: Vec<Vec<f32>> = Vec::new();
+        if levels > 1 {
+            let mut memory = vec![0; self.samples.len() * self.encoding.texel_bytes()];
+            self.encode(0, &mut memory);
+            let mut above = (self.encoding.texels(&memory), dims);
+            for _ in 1..levels {
+                above = mips::halve(&above.0, above.1, along);
+                smaller.push(above.0.clone());
+            }
+        }
+        smaller
     }
 }
 
@@ -228,7 +521,8 @@ mod tests {
 
     fn texels(grid: &Grid, encoding: Encoding, bytes: usize) -> Vec<u8> {
         let mut memory = vec![0; bytes];
-        encode(grid, [-1.0, 2.0], encoding, 0, &mut memory);
+        let source = Source { samples: grid.samples(), rescale: grid.rescale(), ends: [-1.0, 2.0], encoding };
+        source.encode(0, &mut memory);
         memory
     }
 

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::gpu_scene::turned;
 use crate::scene::{Grid, View};
 
 /// `p(z) = q + z d` with `q = q0 + kq (x px + y py)` and `d = d0 + kd (x px + y py)`: z is the depth
@@ -56,6 +57,14 @@ impl GridRays {
             near,
             depths: [near.max(-half), half],
         }
+    }
+}
+
+impl GridRays {
+    /// The same with index axes in the order of a stack along `axis`.
+    pub(crate) fn turned(self, axis: usize) -> Self {
+        let turn = |v: DVec3| DVec3::from_array(turned(v.to_array(), axis));
+        Self { q0: turn(self.q0), px: turn(self.px), py: turn(self.py), d0: turn(self.d0), ..self }
     }
 }
 

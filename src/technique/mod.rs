@@ -36,10 +36,18 @@
 //! # }
 //! ```
 
+mod blue_noise;
+mod bricks;
 mod composite;
 mod gpu_scene;
+mod grid_frame;
+pub mod grid_options;
 mod grid_rays;
+mod mips;
 mod options;
+pub mod raycast;
+pub mod slabs;
+pub mod slices_2d;
 pub mod slices_3d;
 
 use std::sync::Arc;
@@ -58,19 +66,26 @@ use crate::scene::View;
 
 use composite::Composite;
 pub use gpu_scene::{GpuScene, UploadTimes};
+use grid_frame::GridFrame;
 pub use options::OptionInfo;
 
 /// A technique.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Method {
+    /// Stacks of 2D-textured slices.
+    Slices2d,
     /// View-aligned slices of a 3D texture.
     Slices3d,
+    /// Pre-integrated slabs between view-aligned slices.
+    Slabs,
+    /// Image-order ray casting.
+    Raycast,
 }
 
 impl Method {
     /// Every technique.
-    pub const ALL: [Self; 1] = [Self::Slices3d];
+    pub const ALL: [Self; 4] = [Self::Slices2d, Self::Slices3d, Self::Slabs, Self::Raycast];
 
     /// The technique of a name.
     ///
@@ -88,7 +103,10 @@ impl Method {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
+            Self::Slices2d => "slices-2d",
             Self::Slices3d => "slices-3d",
+            Self::Slabs => "slabs",
+            Self::Raycast => "raycast",
         }
     }
 
@@ -96,7 +114,10 @@ impl Method {
     #[must_use]
     pub fn summary(self) -> &'static str {
         match self {
+            Self::Slices2d => "stacks of 2D-textured slices parallel to the base plane, post-classified",
             Self::Slices3d => "view-aligned slices of a 3D texture, post-classified (Cabral 1994)",
+            Self::Slabs => "view-aligned slabs, the transfer function integrated across each (Engel 2001)",
+            Self::Raycast => "image-order ray casting, what the others are compared with (Levoy 1988)",
         }
     }
 
@@ -104,7 +125,10 @@ impl Method {
     #[must_use]
     pub fn options(self) -> &'static [OptionInfo] {
         match self {
+            Self::Slices2d => slices_2d::OPTIONS,
             Self::Slices3d => slices_3d::OPTIONS,
+            Self::Slabs => slabs::OPTIONS,
+            Self::Raycast => raycast::OPTIONS,
         }
     }
 
@@ -112,7 +136,8 @@ impl Method {
     #[must_use]
     pub fn routes(self) -> &'static [&'static str] {
         match self {
-            Self::Slices3d => &["raster", "compute"],
+            Self::Slices2d | Self::Slices3d | Self::Slabs => &["raster", "compute"],
+            Self::Raycast => &["compute"],
         }
     }
 }
@@ -121,8 +146,14 @@ impl Method {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Technique {
+    /// Stacks of 2D-textured slices.
+    Slices2d(slices_2d::Options),
     /// View-aligned slices of a 3D texture.
     Slices3d(slices_3d::Options),
+    /// Pre-integrated slabs between view-aligned slices.
+    Slabs(slabs::Options),
+    /// Image-order ray casting.
+    Raycast(raycast::Options),
 }
 
 impl Technique {
@@ -133,7 +164,10 @@ impl Technique {
     /// [`Error::Invalid`] naming option, value and range.
     pub fn new(method: Method, options: &[(String, String)]) -> Result<Self> {
         Ok(match method {
+            Method::Slices2d => Self::Slices2d(slices_2d::Options::parse(options)?),
             Method::Slices3d => Self::Slices3d(slices_3d::Options::parse(options)?),
+            Method::Slabs => Self::Slabs(slabs::Options::parse(options)?),
+            Method::Raycast => Self::Raycast(raycast::Options::parse(options)?),
         })
     }
 
@@ -159,7 +193,10 @@ impl Technique {
     #[must_use]
     pub fn method(&self) -> Method {
         match self {
+            Self::Slices2d(_) => Method::Slices2d,
             Self::Slices3d(_) => Method::Slices3d,
+            Self::Slabs(_) => Method::Slabs,
+            Self::Raycast(_) => Method::Raycast,
         }
     }
 
@@ -167,8 +204,33 @@ impl Technique {
     #[must_use]
     pub fn option_pairs(&self) -> Vec<(&'static str, String)> {
         match self {
+            Self::Slices2d(options) => options.pairs(),
             Self::Slices3d(options) => options.pairs(),
+            Self::Slabs(options) => options.pairs(),
+            Self::Raycast(options) => options.pairs(),
         }
+    }
+
+    /// The technique with its checked options, ready to be prepared.
+    fn for_grids(&self) -> Result<Box<dyn grid_frame::GridTechnique>> {
+        Ok(match self {
+            Self::Slices2d(options) => {
+                options.check()?;
+                Box::new(*options)
+            }
+            Self::Slices3d(options) => {
+                options.check()?;
+                Box::new(*options)
+            }
+            Self::Slabs(options) => {
+                options.check()?;
+                Box::new(*options)
+            }
+            Self::Raycast(options) => {
+                options.check()?;
+                Box::new(*options)
+            }
+        })
     }
 }
 
@@ -259,9 +321,7 @@ impl Renderer {
                 ));
             }
         }
-        let prepared = match &self.technique {
-            Technique::Slices3d(options) => slices_3d::Prepared::new(&self.scene, view, target, options)?,
-        };
+        let prepared = GridFrame::new(&self.scene, view, target, self.technique.for_grids()?)?;
         let composite = match (prepared.image(), target.caller) {
             (Some(image), Some((format, mode))) => Some(Composite::new(gpu, image, format, mode)?),
             _ => None,
@@ -306,7 +366,7 @@ impl Renderer {
 #[derive(Debug)]
 pub struct Plan {
     gpu: Gpu,
-    prepared: slices_3d::Prepared,
+    prepared: GridFrame,
     composite: Option<Composite>,
     timers: Option<Arc<Timers>>,
     timed_passes: u32,
@@ -527,6 +587,12 @@ fn pixels(bytes: &[u8], format: vk::Format) -> Vec<[f32; 4]> {
         vk::Format::R8G8B8A8_UNORM => {
             bytes.chunks_exact(4).map(|t| std::array::from_fn(|c| f32::from(t[c]) / 255.0)).collect()
         }
+        vk::Format::R16G16B16A16_UNORM => bytes
+            .chunks_exact(8)
+            .map(|t| {
+                std::array::from_fn(|c| f32::from(u16::from_ne_bytes([t[2 * c], t[2 * c + 1]])) / 65535.0)
+            })
+            .collect(),
         vk::Format::R16G16B16A16_SFLOAT => bytes
             .chunks_exact(8)
             .map(|t| std::array::from_fn(|c| half_to_f32(u16::from_ne_bytes([t[2 * c], t[2 * c + 1]]))))

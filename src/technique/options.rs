@@ -55,3 +55,29 @@ pub(crate) fn unknown(technique: &str, key: &str, options: &[OptionInfo]) -> Err
     let keys: Vec<&str> = options.iter().map(|option| option.key).collect();
     Error::invalid(format!("{technique} option \"{key}\""), format!("must be one of {}", keys.join(", ")))
 }
+
+/// Reads a whole number.
+pub(crate) fn whole(
+    technique: &str,
+    key: &str,
+    text: &str,
+    allowed: std::ops::RangeInclusive<u32>,
+) -> Result<u32> {
+    text.parse().ok().filter(|number| allowed.contains(number)).ok_or_else(|| {
+        Error::invalid(
+            format!("{technique} option {key}"),
+            format!("\"{text}\": must be a whole number from {} to {}", allowed.start(), allowed.end()),
+        )
+    })
+}
+
+/// Reads a number from 0 to below 1.
+pub(crate) fn below_one(technique: &str, key: &str, text: &str) -> Result<f64> {
+    let number = text.parse::<f64>().ok().filter(|n| (0.0..1.0).contains(n));
+    number.ok_or_else(|| {
+        Error::invalid(
+            format!("{technique} option {key}"),
+            format!("\"{text}\": must be a number from 0 to below 1"),
+        )
+    })
+}

@@ -1,0 +1,240 @@
+// Segments: pieces of a ray along which the scalar goes linearly from a front to a back value, and the transfer
+// function integrated between the two. For optics.glsl's knots.
+//
+//   INTEGRAL  mean extinction and mean emission from 1-D cumulative tables; self-attenuation with the tau-mean
+//             colour: opacity exact, colour second order in the segment's optical depth
+//   FULL      a 2-D table of front and back scalar, thickness as third axis: limited by the table's size
+//   EXACT     no table: the segment is cut at the knots; on each piece colour and extinction are linear
+//
+// Source: Engel, Kraus and Ertl, Graphics Hardware 2001 (FULL); partial pre-integration after Moreland, 2004
+// (EXACT).
+
+layout(constant_id = SPEC_INTEGRATOR) const uint INTEGRATOR = 0;
+
+struct TableHead {
+    vec4 range;  // first and last scalar, bins or node spacings per unit of scalar, their width
+    vec4 before; // r, g, b, tau left of the first knot
+    vec4 after;  // and right of the last
+    vec4 size;   // INTEGRAL: bins; FULL: nodes, layers, longest segment
+};
+
+// One bin of the cumulative table of the density (tau r, tau g, tau b, tau).
+struct CumulativeBin {
+    vec4 high; // sum of the means of the bins before, with `low` to twice float32's digits
+    vec4 low;
+    vec4 mean; // mean density in the bin
+    vec4 rise; // density in the bin: mean + rise (x - 1/2), x in [0, 1]
+};
+
+layout(set = 0, binding = BINDING_TABLE, std430) readonly buffer Table {
+    TableHead head;
+    CumulativeBin bins[];
+} table;
+
+layout(set = 0, binding = BINDING_TABLE_2D) uniform sampler3D table_2d;
+
+// The table's head in registers.
+TableHead head;
+
+// To be called once, before the first segment, outside of loops. Reads the knots too.
+void load_segments() {
+    load_knots();
+    if (INTEGRATOR == INTEGRATOR_INTEGRAL || INTEGRATOR == INTEGRATOR_FULL) head = table.head;
+}
+
+// One end of a segment. What is looked up for it serves the segments on both sides.
+struct End {
+    float s;
+    CumulativeBin bin;
+    float place; // index of the bin
+    float x;     // place inside the bin, in [0, 1]
+};
+
+End end_at(float s) {
+    End end;
+    end.s = clamp(s, -1e37, 1e37);
+    if (INTEGRATOR == INTEGRATOR_INTEGRAL) {
+        float width = head.range.w;
+        precise float from_first = clamp(end.s, head.range.x, head.range.y) - head.range.x;
+        float place = floor(from_first * head.range.z);
+        precise float x = from_first - place * width;
+        // The first product may round to the wrong side of an edge; edges are exact.
+        place = clamp(place + float(x >= width) - float(x < 0.0), 0.0, head.size.x - 1.0);
+        x = from_first - place * width;
+        end.place = place;
+        // Below 1, so that no two bins' parts of a segment are both empty.
+        end.x = min(x * head.range.z, 0.99999994);
+        end.bin = table.bins[uint(place)];
+    }
+    return end;
+}
+
+// Colour and opacity of a mean density over a length.
+vec4 emission_of_density(vec4 density, float len) {
+    float od = density.a * len;
+    float alpha = alpha_of(od);
+    // alpha / tau; the series is alpha_of's, divided by tau.
+    float depth = od < 0.05 ? len * (1.0 - od * (0.5 - od * (1.0 / 6.0 - od * (1.0 / 24.0)))) : alpha / density.a;
+    return vec4(density.rgb * depth, alpha);
+}
+
+// Density of a colour and an extinction.
+vec4 density_of(vec4 optics) {
+    return vec4(optics.rgb * optics.a, optics.a);
+}
+
+// Least difference of scalars that is integrated over: where the ends are nearer, it is over so much to the right
+// of the lower one, where a transfer function is continuous.
+float least_difference(float s) {
+    return max(abs(s) * 2.4e-7, 1e-30);
+}
+
+// Density of a bin at a place.
+vec4 on_line(CumulativeBin bin, float x) {
+    return bin.mean + bin.rise * (x - 0.5);
+}
+
+// Mean density between two scalars: a weighted mean of what lies left of the table's range, in it, and right of it.
+vec4 integral_density(End front, End back, uint knots) {
+    // A scalar of its own, which may lie on a jump that a bin has smeared.
+    if (front.s == back.s) return density_of(classify(front.s, knots));
+    End low = front, high = back;
+    if (front.s > back.s) {
+        low = back;
+        high = front;
+    }
+    float first = head.range.x, last = head.range.y;
+    float wide = max(high.s, low.s + least_difference(low.s));
+    vec3 weights = max(vec3(min(wide, first) - low.s, clamp(wide, first, last) - clamp(low.s, first, last),
+                            wide - max(low.s, last)), 0.0);
+    weights /= weights.x + weights.y + weights.z;
+    vec4 inside;
+    if (low.place == high.place) {
+        inside = on_line(low.bin, 0.5 * (low.x + high.x));
+    } else {
+        // The rest of the lower bin, the beginning of the higher one, and the whole bins between them: of these
+        // the lower one's mean is taken off, which leaves nothing where the two are neighbours.
+        float number = high.place - low.place - 1.0;
+        precise vec4 middle = (high.bin.high - low.bin.high) + (high.bin.low - low.bin.low) - low.bin.mean;
+        inside = (1.0 - low.x) * on_line(low.bin, 0.5 * (1.0 + low.x)) + high.x * on_line(high.bin, 0.5 * high.x);
+        if (number > 0.0) inside += middle;
+        inside /= (1.0 - low.x) + high.x + number;
+    }
+    return max(weights.x * density_of(head.before) + weights.y * inside + weights.z * density_of(head.after), 0.0);
+}
+
+// Effective mean density between two scalars inside the table's range, for a length.
+vec4 full_density(float front, float back, float len) {
+    vec2 nodes = (vec2(front, back) - head.range.x) * head.range.z;
+    float layer = clamp(log2(head.size.z / max(len, 1e-30)), 0.0, head.size.y - 1.0);
+    vec3 size = head.size.xxy;
+    vec3 place = vec3(nodes, layer);
+    if (!FILTER_EXACT) return textureLod(table_2d, (place + 0.5) / size, 0.0);
+    vec3 index = clamp(place, vec3(0.0), size - 1.0);
+    ivec3 i = ivec3(index), j = min(i + 1, ivec3(size) - 1);
+    vec3 w = index - vec3(i);
+    vec4 low = mix(mix(texelFetch(table_2d, i, 0), texelFetch(table_2d, ivec3(j.x, i.y, i.z), 0), w.x),
+                   mix(texelFetch(table_2d, ivec3(i.x, j.y, i.z), 0), texelFetch(table_2d, ivec3(j.x, j.y, i.z), 0), w.x), w.y);
+    vec4 high = mix(mix(texelFetch(table_2d, ivec3(i.x, i.y, j.z), 0), texelFetch(table_2d, ivec3(j.x, i.y, j.z), 0), w.x),
+                    mix(texelFetch(table_2d, ivec3(i.x, j.y, j.z), 0), texelFetch(table_2d, j, 0), w.x), w.y);
+    return mix(low, high, w.z);
+}
+
+vec4 behind(vec4 front, vec4 back) {
+    return front + (1.0 - front.a) * back;
+}
+
+// The table's range cuts the segment: outside, colour and extinction are constant.
+vec4 full_segment(float front, float back, float len) {
+    float s0 = head.range.x, s1 = head.range.y;
+    float inside_front = clamp(front, s0, s1), inside_back = clamp(back, s0, s1);
+    if (front == back) {
+        if (front < s0) return emission_of(head.before.rgb, head.before.a * len);
+        if (front >= s1) return emission_of(head.after.rgb, head.after.a * len);
+        return emission_of_density(full_density(front, back, len), len);
+    }
+    float per_scalar = len / (back - front);
+    vec4 ahead = front < s0 ? head.before : head.after, after = back < s0 ? head.before : head.after;
+    float inside = (inside_back - inside_front) * per_scalar;
+    vec4 first = emission_of(ahead.rgb, ahead.a * ((inside_front - front) * per_scalar));
+    vec4 last = emission_of(after.rgb, after.a * ((back - inside_back) * per_scalar));
+    vec4 middle = inside > 0.0 ? emission_of_density(full_density(inside_front, inside_back, inside), inside) : vec4(0.0);
+    return behind(behind(first, middle), last);
+}
+
+// The integral over t in [0, 1] of 1 - exp(-od(t)), where od(t) = a t + (b - a) t^2 / 2: the weight of the
+// front colour of a piece along which extinction goes from a to b (times its length) and colour is linear;
+// the back colour has the rest of the opacity. It is 1 - Psi of partial pre-integration. Gauss-Legendre with
+// four points a panel and panels of at most some 2/3 of optical depth, cut where 1 - exp(-12) is 1: within
+// 3e-6, without a difference that would lose what is small.
+float front_weight(float a, float b) {
+    const float NODE[4] = float[](0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263);
+    const float WEIGHT[4] = float[](0.17392742256872692, 0.3260725774312731, 0.3260725774312731, 0.17392742256872692);
+    float od = min(0.5 * (a + b), 12.0);
+    float root = sqrt(max(a * a + 24.0 * (b - a), 0.0));
+    float cut = min(24.0 / max(a + root, 24.0), 1.0);
+    float panels = ceil(1.5 * od + 1e-30);
+    float sum = 0.0;
+    for (float panel = 0.0; panel < panels; panel += 1.0) {
+        for (int k = 0; k < 4; ++k) {
+            float t = (panel + NODE[k]) * (cut / panels);
+            sum += WEIGHT[k] * alpha_of(t * (a + 0.5 * (b - a) * t));
+        }
+    }
+    return panels > 0.0 ? sum * (cut / panels) + (1.0 - cut) : 0.0;
+}
+
+// Adds the piece of a segment between scalars x0 <= x1 of one linear piece of the transfer function. Pieces
+// come in ascending order; `reversed` says that the ray meets the last one first.
+void add_piece(inout vec4 sum, Knot knot, float x0, float x1, float per_scalar, bool reversed) {
+    float len = (x1 - x0) * per_scalar;
+    if (!(len > 0.0)) return;
+    vec4 lower = knot.value + knot.rise * clamp((x0 - knot.s) * knot.inverse_ds, 0.0, 1.0);
+    vec4 upper = knot.value + knot.rise * clamp((x1 - knot.s) * knot.inverse_ds, 0.0, 1.0);
+    vec4 front = reversed ? upper : lower, back = reversed ? lower : upper;
+    float alpha = alpha_of(len * 0.5 * (front.a + back.a));
+    float weight = front_weight(len * front.a, len * back.a);
+    vec4 piece = vec4(front.rgb * weight + back.rgb * max(alpha - weight, 0.0), alpha);
+    sum = reversed ? behind(piece, sum) : behind(sum, piece);
+}
+
+vec4 exact_segment(float front, float back, float len, uint count) {
+    float a = min(front, back), b = max(front, back);
+    bool reversed = front > back;
+    const float INFINITE = 3e38;
+    vec4 sum = vec4(0.0);
+    if (KNOT_WALK == 0) {
+        b = max(b, a + least_difference(a));
+        float per_scalar = len / (b - a);
+        Knot first = knots_storage.many[0];
+        Knot constant = Knot(first.value, vec4(0.0), first.s, 0.0, 0.0, 0.0);
+        add_piece(sum, constant, a, min(b, first.s), per_scalar, reversed);
+        uint below = 0, above = count;
+        while (above - below > 1) {
+            uint middle = (below + above) / 2;
+            if (knots_storage.many[middle].s <= a) below = middle; else above = middle;
+        }
+        for (uint i = below; i < count && knots_storage.many[i].s < b; ++i) {
+            float next = i + 1u < count ? knots_storage.many[i + 1u].s : INFINITE;
+            Knot knot = knots_storage.many[i];
+            add_piece(sum, knot, max(a, knot.s), min(b, next), per_scalar, reversed);
+        }
+        return sum;
+    }
+    b = max(b, a + least_difference(a));
+    float per_scalar = len / (b - a);
+    Knot constant = Knot(walked[0].value, vec4(0.0), walked[0].s, 0.0, 0.0, 0.0);
+    add_piece(sum, constant, a, min(b, walked[0].s), per_scalar, reversed);
+    for (uint i = 0; i < KNOT_WALK; ++i) {
+        float next = i + 1u < KNOT_WALK ? walked[min(i + 1u, KNOT_WALK - 1u)].s : INFINITE;
+        add_piece(sum, walked[i], max(a, walked[i].s), min(b, next), per_scalar, reversed);
+    }
+    return sum;
+}
+
+// Premultiplied colour and opacity of a segment of world length `len`.
+vec4 segment(End front, End back, float len, uint knots) {
+    if (INTEGRATOR == INTEGRATOR_INTEGRAL) return emission_of_density(integral_density(front, back, knots), len);
+    if (INTEGRATOR == INTEGRATOR_FULL) return full_segment(front.s, back.s, len);
+    return exact_segment(front.s, back.s, len, knots);
+}

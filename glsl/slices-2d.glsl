@@ -1,0 +1,212 @@
+// entry vertex   VERTEX
+// entry fragment FRAGMENT
+// entry fragment SHADER_BLEND
+// entry compute  COMPUTE
+//
+// Slices of a stack of 2D textures, parallel to the base plane, post-classified. Index space is turned so that
+// the stack lies along z; z0 and h are indices from the domain's centre.
+//
+// Slab i is that of z in [z0 + i h, z0 + (i + 1) h], cut along a pixel's ray to the domain and to the eye. Its
+// slice is sampled, bilinear, at the x and y of the middle of what is left; with BETWEEN two slices are
+// sampled and blended.
+//
+//   VERTEX        one instance a slab: the faces of its box that the viewer sees from inside, so that every
+//                 pixel is covered once, also where the eye is in the box
+//   FRAGMENT      one slab of one pixel, blended by fixed function
+//   SHADER_BLEND  the same, blended by the shader into a format of low precision, rounded at random
+//   COMPUTE       one invocation owns a pixel and walks its slabs front to back in registers
+//
+//   in    stack, transfer function
+//   out   colour attachment 0, packed texels (SHADER_BLEND) or the accumulation image (COMPUTE): premultiplied
+//         linear RGBA
+//   error with BETWEEN second order in h where field and transfer function are smooth; without, the distance of
+//         slices along the ray sets it; a homogeneous domain is exact
+//   cost  one bilinear fetch (BETWEEN: two) and one classification per slab and covered pixel
+//
+// Source: the seed, page 4-3.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+
+#define STACK
+#include "interface.glsl"
+#include "optics.glsl"
+#include "grid.glsl"
+
+layout(constant_id = SPEC_RESUME) const bool RESUME = false;
+layout(constant_id = SPEC_BETWEEN) const bool BETWEEN = false;
+
+layout(set = 0, binding = BINDING_VOLUME) uniform sampler2DArray stack;
+
+// Four fetches of a slice at one level, around an index of level 0.
+float fetched(vec2 index, int slice, int level) {
+    vec2 size = vec2(textureSize(stack, level).xy);
+    if (PREFILTER) index = (index + 0.5) * (size / vec2(textureSize(stack, 0).xy)) - 0.5;
+    index = clamp(index, vec2(0.0), size - 1.0);
+    vec2 base = min(floor(index), max(size - 2.0, 0.0));
+    vec2 w = index - base;
+    ivec2 i = ivec2(base), j = min(i + 1, ivec2(size) - 1);
+    float v00 = texelFetch(stack, ivec3(i, slice), level).r;
+    float v10 = texelFetch(stack, ivec3(j.x, i.y, slice), level).r;
+    float v01 = texelFetch(stack, ivec3(i.x, j.y, slice), level).r;
+    float v11 = texelFetch(stack, ivec3(j, slice), level).r;
+    return mix(mix(v00, v10, w.x), mix(v01, v11, w.x), w.y);
+}
+
+// The stored number of a slice, bilinear.
+float on_slice(vec2 index, float slice, float level, Lattice lattice) {
+    if (!FILTER_EXACT) {
+        return textureLod(stack, vec3((index + 0.5) / (2.0 * lattice.half_size.xy + 1.0), slice), level).r;
+    }
+    if (!PREFILTER) return fetched(index, int(slice), 0);
+    level = min(level, float(textureQueryLevels(stack) - 1));
+    int below = int(level);
+    float fine = fetched(index, int(slice), below);
+    return level == float(below) ? fine : mix(fine, fetched(index, int(slice), below + 1), level - float(below));
+}
+
+// The stored number for a slab at depth z of the ray; NaN in a cell that touches a NaN sample.
+float stored_at(Ray ray, float z, uint slab, Lattice lattice) {
+    vec3 index = fma(vec3(z), ray.d, ray.q) + lattice.half_size;
+    float level = PREFILTER ? level_at(z, lattice) : 0.0;
+    if (!BETWEEN) return on_slice(index.xy, float(slab), level, lattice);
+    float last = 2.0 * lattice.half_size.z;
+    float place = clamp(index.z, 0.0, last);
+    float slice = min(floor(place), last - 1.0);
+    return mix(on_slice(index.xy, slice, level, lattice), on_slice(index.xy, slice + 1.0, level, lattice),
+               place - slice);
+}
+
+// What of a slab lies on the ray inside `interval`, as depths; empty when x >= y.
+vec2 slab_piece(uint slab, Ray ray, vec2 interval, float z0, float h) {
+    float a = (fma(float(slab), h, z0) - ray.q.z) * ray.inverse.z;
+    float b = (fma(float(slab + 1u), h, z0) - ray.q.z) * ray.inverse.z;
+    return vec2(max(min(a, b), interval.x), min(max(a, b), interval.y));
+}
+
+// Premultiplied colour and opacity of a piece of the ray.
+vec4 slice_emission(Ray ray, vec2 piece, uint slab, Lattice lattice, uint knots) {
+    float texel = stored_at(ray, 0.5 * (piece.x + piece.y), slab, lattice);
+    vec4 optics = classify(scalar_of(texel, lattice), knots);
+    float tau = HAS_NAN && is_nan(texel) ? 0.0 : optics.a;
+    // Lengths, then extinction: 0 * tau must stay 0.
+    return emission_of(optics.rgb, tau * (max(piece.y - piece.x, 0.0) * ray.length_per_depth));
+}
+
+#ifdef VERTEX
+layout(location = 0) flat out uint slab_out;
+
+void main() {
+    // Front to back: from the slab of the eye on upwards, then from the one below downwards.
+    uint begin = push.order >> 1;
+    uint place = (push.order & 1u) != 0u ? push.count - 1u - gl_InstanceIndex : gl_InstanceIndex;
+    uint upwards = push.count - begin;
+    uint slab = push.first + (place < upwards ? begin + place : push.count - 1u - place);
+    slab_out = slab;
+
+    float h = push.d0_h.w, kq = push.q0_kq.w, kd = push.px_kd.w;
+    vec3 px = push.px_kd.xyz, py = push.py_z0.xyz, d0 = push.d0_h.xyz;
+    vec3 low = -push.half_scale.xyz, high = push.half_scale.xyz;
+    low.z = max(low.z, fma(float(slab), h, push.py_z0.w));
+    high.z = min(high.z, fma(float(slab + 1u), h, push.py_z0.w));
+
+    // The box and a margin: rasterisers round vertices to 1/256 pixel, and a pixel too many draws nothing. A
+    // pixel is as large as at the box's farthest corner.
+    vec3 normal = cross(px, py) / dot(cross(px, py), d0); // depth grows by this per index
+    vec3 across = mix(low, high, greaterThan(normal, vec3(0.0)));
+    float w_far = kq + kd * dot(normal, across - push.q0_kq.xyz);
+    vec3 margin = (sqrt(px * px + py * py) + abs(d0) * 1e-4) * (max(w_far, 0.0) / 32.0);
+    low -= margin;
+    high += margin;
+
+    // Face: axis and side. A viewer on its inner side sees it from inside.
+    const ivec2 CORNER[6] = ivec2[](ivec2(0, 0), ivec2(1, 0), ivec2(0, 1), ivec2(0, 1), ivec2(1, 0), ivec2(1, 1));
+    int face = gl_VertexIndex / 6, axis = face >> 1;
+    bool upper = (face & 1) == 1;
+    float plane = upper ? high[axis] : low[axis];
+    vec3 eye = push.q0_kq.xyz - kq * d0;
+    float inside = kd != 0.0 ? plane - eye[axis] : d0[axis];
+    if (upper ? inside <= 0.0 : inside >= 0.0) {
+        gl_Position = vec4(0.0, 0.0, 0.0, 1.0); // no area
+        return;
+    }
+    ivec2 corner = CORNER[gl_VertexIndex % 6];
+    vec3 point;
+    int u = (axis + 1) % 3, v = (axis + 2) % 3;
+    point[axis] = plane;
+    point[u] = corner.x == 1 ? high[u] : low[u];
+    point[v] = corner.y == 1 ? high[v] : low[v];
+
+    vec3 offset = point - push.q0_kq.xyz;
+    float z = dot(normal, offset), w = kq + kd * z;
+    vec3 lateral = offset - z * d0;
+    vec2 xy = vec2(dot(cross(py, d0), lateral), dot(cross(d0, px), lateral)) / dot(cross(px, py), d0);
+    gl_Position = vec4(xy / push.half_extent, 0.0, w);
+}
+#endif
+
+#if defined(FRAGMENT) || defined(SHADER_BLEND)
+#include "blend.glsl"
+layout(location = 0) flat in uint slab_in;
+
+void main() {
+    load_knots();
+    Ray ray = ray_of(gl_FragCoord.xy);
+    vec2 piece = slab_piece(slab_in, ray, interval_of(ray), push.py_z0.w, push.d0_h.w);
+    blend(slice_emission(ray, piece, slab_in, load_lattice(), push.knots), slab_in);
+}
+#endif
+
+#ifdef COMPUTE
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
+
+void main() {
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (any(greaterThanEqual(pixel, ivec2(2.0 * push.half_extent + 0.5)))) return;
+    Ray ray = ray_of(vec2(pixel) + 0.5);
+    vec2 interval = interval_of(ray);
+
+    // Read once, before the loop: drivers do not take these loads out of it.
+    Lattice lattice = load_lattice();
+    BrickGrid brick_grid = load_bricks();
+    float h = push.d0_h.w, z0 = push.py_z0.w;
+    uint knots = push.knots;
+    float opaque = push.opaque;
+    load_knots();
+
+    // Slabs from where the ray enters to where it leaves, up or down the stack; one more at each end against
+    // rounding: they have no length. A turn is the place of a slab on the ray.
+    float slabs = ceil((lattice.half_size.z - z0) / h - 1e-4);
+    vec2 place = (fma(interval, vec2(ray.d.z), vec2(ray.q.z)) - z0) / h;
+    bool down = ray.d.z < 0.0;
+    float begin = clamp(floor(place.x) + (down ? 1.0 : -1.0), 0.0, slabs - 1.0);
+    float end = clamp(floor(place.y) + (down ? -1.0 : 1.0), 0.0, slabs - 1.0);
+    uint turns = interval.x < interval.y ? uint(abs(end - begin)) + 1u : 0u;
+    uint turn = push.first, last = min(turns, push.first + push.count);
+    uint first_slab = uint(begin);
+
+    vec4 sum = RESUME ? imageLoad(accumulation, pixel) : vec4(0.0);
+    float transmittance = 1.0 - sum.a;
+    while (turn < last && transmittance > opaque) {
+        uint stop = last;
+        if (EMPTY_SPACE) {
+            uint slab = down ? first_slab - turn : first_slab + turn;
+            vec2 run = empty_run(ray, slab_piece(slab, ray, interval, z0, h).x, interval.y, brick_grid);
+            // In turns, from where the depths of the run lie in the stack.
+            vec2 at = (fma(run, vec2(ray.d.z), vec2(ray.q.z)) - z0) / h;
+            vec2 passed = down ? float(first_slab) - ceil(at) + 1.0 : floor(at) - float(first_slab);
+            vec2 entered = down ? float(first_slab) - floor(at) + 1.0 : ceil(at) - float(first_slab);
+            // Slabs that end before the run does show nothing.
+            uint seen = clamp(uint(max(passed.x, 0.0)), turn, last);
+            stop = min(max(uint(max(entered.y, 0.0)), seen + 1u), last);
+            turn = seen;
+        }
+        for (; turn < stop && transmittance > opaque; ++turn) {
+            uint slab = down ? first_slab - turn : first_slab + turn;
+            vec2 piece = slab_piece(slab, ray, interval, z0, h);
+            add_behind(sum, transmittance, slice_emission(ray, piece, slab, lattice, knots));
+        }
+    }
+    imageStore(accumulation, pixel, sum);
+}
+#endif

@@ -1,0 +1,435 @@
+//! Options that every technique for grids has, and the words of their values.
+
+use ash::vk;
+
+use super::options::{self, Choice, OptionInfo};
+use crate::error::{Error, Result};
+use crate::gpu::shader::{
+    INTEGRATOR_EXACT, INTEGRATOR_FULL, INTEGRATOR_INTEGRAL, INTEGRATOR_MIDPOINT, TARGET_RGBA8, TARGET_RGBA16,
+    TARGET_RGBA16F,
+};
+use crate::gpu::{Gpu, OptionalFeature};
+
+/// Reconstruction between samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Filter {
+    /// The sampler's: fast, with the weights' precision of the device.
+    Hardware,
+    /// Single fetches and float32 weights.
+    Exact,
+}
+
+/// Reconstruction where a voxel is smaller than a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Prefilter {
+    /// As elsewhere: samples between pixels are missed.
+    None,
+    /// From mip levels, so that a pixel sees the mean of the samples that it covers.
+    Mip,
+}
+
+/// Format that raster accumulates in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Accumulation {
+    /// 8 bits a channel.
+    Rgba8,
+    /// 16 bits a channel, normalised.
+    Rgba16,
+    /// 16-bit float.
+    Rgba16f,
+    /// 32-bit float.
+    Rgba32f,
+}
+
+/// Order in which raster blends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// The operator "over".
+    BackToFront,
+    /// The operator "under".
+    FrontToBack,
+}
+
+/// How raster rounds to a format of low precision.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dither {
+    /// To nearest, by fixed function.
+    None,
+    /// At random with expected value, white noise (the seed's alpha-dithering).
+    Alpha,
+    /// The same with thresholds of a blue-noise tile.
+    Blue,
+}
+
+/// Who composites.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Route {
+    /// Compute, unless an option asks for what only raster does.
+    Auto,
+    /// Polygons and fixed-function blending.
+    Raster,
+    /// One invocation owns a pixel and composites in registers.
+    Compute,
+}
+
+/// What becomes of bricks in which nothing is visible.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EmptySpace {
+    /// Passed over, where pixels are composited in registers.
+    Skip,
+    /// Sampled like all others.
+    March,
+}
+
+/// How the transfer function is integrated along a segment with a scalar at both ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Integrator {
+    /// Not at all: classified at the middle.
+    Midpoint,
+    /// From 1-D cumulative tables.
+    Integral,
+    /// From a 2-D table for several thicknesses.
+    Full,
+    /// Cut at the knots, without a table.
+    Exact,
+}
+
+impl Choice for Filter {
+    const WORDS: &'static [(&'static str, Self)] = &[("hardware", Self::Hardware), ("exact", Self::Exact)];
+}
+impl Choice for Prefilter {
+    const WORDS: &'static [(&'static str, Self)] = &[("none", Self::None), ("mip", Self::Mip)];
+}
+impl Choice for Accumulation {
+    const WORDS: &'static [(&'static str, Self)] = &[
+        ("rgba8", Self::Rgba8),
+        ("rgba16", Self::Rgba16),
+        ("rgba16f", Self::Rgba16f),
+        ("rgba32f", Self::Rgba32f),
+    ];
+}
+impl Choice for Order {
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("back-to-front", Self::BackToFront), ("front-to-back", Self::FrontToBack)];
+}
+impl Choice for Dither {
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("none", Self::None), ("alpha", Self::Alpha), ("blue", Self::Blue)];
+}
+impl Choice for Route {
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("auto", Self::Auto), ("raster", Self::Raster), ("compute", Self::Compute)];
+}
+impl Choice for EmptySpace {
+    const WORDS: &'static [(&'static str, Self)] = &[("skip", Self::Skip), ("march", Self::March)];
+}
+impl Choice for Integrator {
+    const WORDS: &'static [(&'static str, Self)] = &[
+        ("midpoint", Self::Midpoint),
+        ("integral", Self::Integral),
+        ("full", Self::Full),
+        ("exact", Self::Exact),
+    ];
+}
+
+impl Accumulation {
+    pub(crate) fn format(self) -> vk::Format {
+        match self {
+            Self::Rgba8 => vk::Format::R8G8B8A8_UNORM,
+            Self::Rgba16 => vk::Format::R16G16B16A16_UNORM,
+            Self::Rgba16f => vk::Format::R16G16B16A16_SFLOAT,
+            Self::Rgba32f => vk::Format::R32G32B32A32_SFLOAT,
+        }
+    }
+
+    /// The shader's code of the format; `None` where the shader does not blend into it.
+    pub(crate) fn code(self) -> Option<u32> {
+        match self {
+            Self::Rgba8 => Some(TARGET_RGBA8),
+            Self::Rgba16 => Some(TARGET_RGBA16),
+            Self::Rgba16f => Some(TARGET_RGBA16F),
+            Self::Rgba32f => None,
+        }
+    }
+}
+
+impl Integrator {
+    /// The shader's code.
+    pub(crate) fn code(self) -> u32 {
+        match self {
+            Self::Midpoint => INTEGRATOR_MIDPOINT,
+            Self::Integral => INTEGRATOR_INTEGRAL,
+            Self::Full => INTEGRATOR_FULL,
+            Self::Exact => INTEGRATOR_EXACT,
+        }
+    }
+}
+
+pub(crate) const STEP: OptionInfo = OptionInfo {
+    key: "step",
+    values: "a positive number",
+    default: "1",
+    effect: "distance of slices in units of the smallest voxel spacing; time falls as 1/step, error grows as step^2 where everything is smooth",
+};
+pub(crate) const FILTER: OptionInfo = OptionInfo {
+    key: "filter",
+    values: "hardware|exact",
+    default: "hardware",
+    effect: "exact: single fetches and float32 weights, for devices whose sampler has coarse weights; several times slower",
+};
+pub(crate) const PREFILTER: OptionInfo = OptionInfo {
+    key: "prefilter",
+    values: "none|mip",
+    default: "none",
+    effect: "mip: where a voxel is smaller than a pixel, the mean of the samples that the pixel covers, against aliasing; a third more memory for the volume",
+};
+pub(crate) const TARGET: OptionInfo = OptionInfo {
+    key: "target",
+    values: "rgba8|rgba16|rgba16f|rgba32f",
+    default: "rgba32f",
+    effect: "format that raster blends in; without dithering rgba8 loses every slice whose opacity is below half of 1/255, rgba16f is good for some 64 slices, rgba16 for some 1000",
+};
+pub(crate) const ORDER: OptionInfo = OptionInfo {
+    key: "order",
+    values: "back-to-front|front-to-back",
+    default: "back-to-front",
+    effect: "raster's blending: over or under; under keeps more digits of many thin slices",
+};
+pub(crate) const DITHER: OptionInfo = OptionInfo {
+    key: "dither",
+    values: "none|alpha|blue",
+    default: "none",
+    effect: "alpha, blue: raster rounds at random (white or blue noise) with the exact expected value, so that thin slices are noise instead of lost; the shader blends, one draw and one barrier a slice; for targets below rgba32f",
+};
+pub(crate) const SEED: OptionInfo = OptionInfo {
+    key: "seed",
+    values: "a whole number below 2^32",
+    default: "0",
+    effect: "of dither: one seed, one picture",
+};
+pub(crate) const ROUTE: OptionInfo = OptionInfo {
+    key: "route",
+    values: "auto|raster|compute",
+    default: "auto",
+    effect: "compute composites in registers in float32; auto takes it unless target, order or dither is given",
+};
+pub(crate) const EMPTY_SPACE: OptionInfo = OptionInfo {
+    key: "empty-space",
+    values: "skip|march",
+    default: "skip",
+    effect: "compute passes over bricks of 8 x 8 x 8 cells in which nothing is visible; the image is the same to the bit",
+};
+pub(crate) const STOP: OptionInfo = OptionInfo {
+    key: "stop",
+    values: "a number from 0 to below 1",
+    default: "2.4e-7",
+    effect: "compute ends a ray at this transmittance: no channel is off by more; in proportion lower where colours exceed 1",
+};
+pub(crate) const TABLE: OptionInfo = OptionInfo {
+    key: "table",
+    values: "a whole number from 2 to 65536 (full: to 1024)",
+    default: "4096 (full: 256)",
+    effect: "bins of the integral's table, nodes on each axis of the full one; features of the transfer function narrower than one are blurred",
+};
+
+/// Options of every technique for grids. Not every technique reads all of them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GridOptions {
+    /// Spacing of samples, in units of the smallest voxel spacing.
+    pub step: f64,
+    /// Reconstruction.
+    pub filter: Filter,
+    /// Reconstruction where a voxel is smaller than a pixel.
+    pub prefilter: Prefilter,
+    /// Raster's accumulation; `None` is [`Accumulation::Rgba32f`].
+    pub target: Option<Accumulation>,
+    /// Raster's order; `None` is [`Order::BackToFront`].
+    pub order: Option<Order>,
+    /// Raster's rounding.
+    pub dither: Dither,
+    /// Of dithering.
+    pub seed: u32,
+    /// Route.
+    pub route: Route,
+    /// Bricks in which nothing is visible.
+    pub empty_space: EmptySpace,
+    /// Transmittance at which a ray ends in the compute route.
+    pub stop: f64,
+}
+
+impl Default for GridOptions {
+    fn default() -> Self {
+        Self {
+            step: 1.0,
+            filter: Filter::Hardware,
+            prefilter: Prefilter::None,
+            target: None,
+            order: None,
+            dither: Dither::None,
+            seed: 0,
+            route: Route::Auto,
+            empty_space: EmptySpace::Skip,
+            // What lies behind changes no channel by two units in float32's last place.
+            stop: 2.4e-7,
+        }
+    }
+}
+
+impl GridOptions {
+    /// Reads one option; `false` when the key is none of these.
+    pub(crate) fn read(&mut self, technique: &str, key: &str, text: &str) -> Result<bool> {
+        match key {
+            "step" => self.step = options::positive(technique, key, text)?,
+            "filter" => self.filter = options::choice(technique, key, text)?,
+            "prefilter" => self.prefilter = options::choice(technique, key, text)?,
+            "target" => self.target = Some(options::choice(technique, key, text)?),
+            "order" => self.order = Some(options::choice(technique, key, text)?),
+            "dither" => self.dither = options::choice(technique, key, text)?,
+            "seed" => self.seed = options::whole(technique, key, text, 0..=u32::MAX)?,
+            "route" => self.route = options::choice(technique, key, text)?,
+            "empty-space" => self.empty_space = options::choice(technique, key, text)?,
+            "stop" => self.stop = options::below_one(technique, key, text)?,
+            _ => return Ok(false),
+        }
+        Ok(true)
+    }
+
+    /// Every option that is in force, as text that reads back.
+    pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
+        let mut pairs = vec![
+            ("step", self.step.to_string()),
+            ("filter", self.filter.word().to_string()),
+            ("prefilter", self.prefilter.word().to_string()),
+        ];
+        pairs.extend(self.target.map(|target| ("target", target.word().to_string())));
+        pairs.extend(self.order.map(|order| ("order", order.word().to_string())));
+        if self.dither != Dither::None {
+            pairs.push(("dither", self.dither.word().to_string()));
+            pairs.push(("seed", self.seed.to_string()));
+        }
+        pairs.push(("route", self.route.word().to_string()));
+        pairs.push(("empty-space", self.empty_space.word().to_string()));
+        // As it was written, without digits that mean nothing.
+        pairs.push(("stop", format!("{:e}", self.stop)));
+        pairs
+    }
+
+    pub(crate) fn check(&self, technique: &str) -> Result<()> {
+        let refuse = |key: &str, why: String| Err(Error::invalid(format!("{technique} option {key}"), why));
+        if !(self.step.is_finite() && self.step > 0.0) {
+            return refuse("step", format!("{}: must be positive and finite", self.step));
+        }
+        if !(0.0..1.0).contains(&self.stop) {
+            return refuse("stop", format!("{}: must be at least 0 and below 1", self.stop));
+        }
+        if self.dither != Dither::None && self.accumulation().code().is_none() {
+            return refuse(
+                "dither",
+                format!("{}: target must be one of rgba8, rgba16, rgba16f", self.dither.word()),
+            );
+        }
+        if self.route == Route::Compute
+            && (self.target.is_some_and(|t| t != Accumulation::Rgba32f)
+                || self.order.is_some()
+                || self.dither != Dither::None)
+        {
+            return refuse(
+                "route",
+                "compute composites front to back in float32: leave out target, order and dither, or take route=raster"
+                    .to_string(),
+            );
+        }
+        Ok(())
+    }
+
+    pub(crate) fn accumulation(&self) -> Accumulation {
+        self.target.unwrap_or(Accumulation::Rgba32f)
+    }
+
+    pub(crate) fn order(&self) -> Order {
+        self.order.unwrap_or(Order::BackToFront)
+    }
+
+    /// The route on a device.
+    pub(crate) fn route_on(&self, gpu: &Gpu, technique: &str) -> Result<Route> {
+        let for_raster = self.target.is_some() || self.order.is_some() || self.dither != Dither::None;
+        if self.route == Route::Compute || (self.route == Route::Auto && !for_raster) {
+            return Ok(Route::Compute);
+        }
+        let what = |option: &str| format!("{technique} {option}");
+        if self.dither != Dither::None {
+            return if gpu.has(OptionalFeature::FragmentStores) {
+                Ok(Route::Raster)
+            } else {
+                Err(Error::unsupported(what("dither"), "stores in fragment shaders; dither=none works"))
+            };
+        }
+        let format = self.accumulation().format();
+        if gpu.image_features(format).contains(vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND) {
+            return Ok(Route::Raster);
+        }
+        Err(Error::unsupported(
+            what("route=raster"),
+            format!("blending into {format:?}; target=rgba16f or route=compute work"),
+        ))
+    }
+}
+
+/// How segments are integrated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SegmentOptions {
+    /// The method.
+    pub integrator: Integrator,
+    /// Bins of the integral's table (`None`: 4096), or nodes on each axis of the full one (`None`: 256).
+    pub table: Option<u32>,
+}
+
+/// Bins of the cumulative table unless the user says otherwise.
+const BINS: u32 = 4096;
+/// Nodes of the 2-D table unless the user says otherwise.
+const NODES: u32 = 256;
+
+impl SegmentOptions {
+    /// Reads one option; `false` when the key is none of these.
+    pub(crate) fn read(&mut self, technique: &str, key: &str, text: &str) -> Result<bool> {
+        match key {
+            "integrator" => self.integrator = options::choice(technique, key, text)?,
+            "table" => self.table = Some(options::whole(technique, key, text, 2..=65_536)?),
+            _ => return Ok(false),
+        }
+        Ok(true)
+    }
+
+    pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
+        let mut pairs = vec![("integrator", self.integrator.word().to_string())];
+        pairs.extend(self.table.map(|size| ("table", size.to_string())));
+        pairs
+    }
+
+    /// `midpoint` says whether sampling without segments is allowed.
+    pub(crate) fn check(&self, technique: &str, midpoint: bool) -> Result<()> {
+        let refuse = |key: &str, why: String| Err(Error::invalid(format!("{technique} option {key}"), why));
+        if self.integrator == Integrator::Midpoint && !midpoint {
+            return refuse("integrator", "midpoint: must be one of integral, full, exact".to_string());
+        }
+        let most = match self.integrator {
+            Integrator::Integral => 65_536,
+            Integrator::Full => 1024,
+            Integrator::Midpoint | Integrator::Exact if self.table.is_some() => {
+                return refuse("table", format!("integrator={} has no table", self.integrator.word()));
+            }
+            Integrator::Midpoint | Integrator::Exact => return Ok(()),
+        };
+        match self.table {
+            Some(size) if !(2..=most).contains(&size) => {
+                refuse("table", format!("{size}: must be from 2 to {most}"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Size of the table in force.
+    pub(crate) fn table_size(&self) -> u32 {
+        self.table.unwrap_or(if self.integrator == Integrator::Full { NODES } else { BINS })
+    }
+}
