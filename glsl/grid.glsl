@@ -166,27 +166,31 @@ BrickGrid load_bricks() {
     return BrickGrid(count, stride, half_size);
 }
 
-// Depth up to which nothing is visible on the ray, from depth z on (x), and else the depth at which the brick
-// around z ends (y). x == z where the brick around z shows something.
+// Slabs, h units of depth thick, that are walked before the next look at the bricks. All invocations walk equally
+// many, so that those that run in step do not wait for each other.
+uint slabs_between_looks(float h) {
+    return uint(clamp(float(BRICK) / h, 4.0, 64.0));
+}
+
+// Depth up to which nothing is visible on the ray, from depth z on; z where the brick around it shows something.
 //
 // Positions may fall into a neighbouring brick by rounding, and a corner of a brick thinner than the nudge may
 // be passed over: bricks know the samples of one cell around them.
-vec2 empty_run(Ray ray, float z, float far, BrickGrid grid) {
+float empty_until(Ray ray, float z, float far, BrickGrid grid) {
     const float NUDGE = 0.01; // cells
     float speed = max(max(abs(ray.d.x), abs(ray.d.y)), abs(ray.d.z));
     float nudge = NUDGE / max(speed, 1e-30);
-    float at = z, end = z;
+    float at = z;
     for (int turn = 0; turn < 64; ++turn) {
         vec3 place = (fma(vec3(at + nudge), ray.d, ray.q) + grid.half_size) / float(BRICK);
         ivec3 brick = clamp(ivec3(floor(place)), ivec3(0), grid.count - 1);
-        vec3 face = (vec3(brick) + mix(vec3(0.0), vec3(1.0), greaterThan(ray.d, vec3(0.0)))) * float(BRICK);
-        vec3 leave = (face - grid.half_size - ray.q) * ray.inverse;
-        end = max(min(min(leave.x, leave.y), leave.z), at + nudge);
         ivec3 word = brick * grid.stride;
         if (bricks.visible[word.x + word.y + word.z] != 0u) break;
-        at = end;
+        vec3 face = (vec3(brick) + mix(vec3(0.0), vec3(1.0), greaterThan(ray.d, vec3(0.0)))) * float(BRICK);
+        vec3 leave = (face - grid.half_size - ray.q) * ray.inverse;
+        at = max(min(min(leave.x, leave.y), leave.z), at + nudge);
         if (at >= far) break;
     }
-    return vec2(at, end);
+    return at;
 }
 #endif

@@ -6,8 +6,8 @@ struct Knot {
     vec4 rise;        // change of the same up to the next knot; 0 at the last and at a jump
     float s;          // scalar, the data's units
     float inverse_ds; // 1 / (scalar of the next knot - s); 0 at the last and at a jump
-    float pad0;
-    float pad1;
+    float end;        // scalar of the next knot; 3e38 at the last
+    float pad;
 };
 
 layout(constant_id = SPEC_KNOT_WALK) const uint KNOT_WALK = 0;

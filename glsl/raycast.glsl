@@ -39,6 +39,7 @@ void main() {
     BrickGrid brick_grid = load_bricks();
     uint knots = push.knots;
     float opaque = push.opaque;
+    uint walk = slabs_between_looks(push.d0_h.w);
     load_segments();
 
     // Depth of one segment: lengths on the ray are in units of the smallest voxel spacing.
@@ -53,11 +54,10 @@ void main() {
     while (i < last && transmittance > opaque) {
         uint stop = last;
         if (EMPTY_SPACE) {
-            vec2 run = empty_run(ray, fma(float(i), h, z0), interval.y, brick_grid);
-            // Segments that end before the run does show nothing.
-            uint seen = clamp(uint(max(floor((run.x - z0) / h), 0.0)), i, last);
-            stop = min(max(uint(max(ceil((run.y - z0) / h), 0.0)), seen + 1u), last);
-            i = seen;
+            float until = empty_until(ray, fma(float(i), h, z0), interval.y, brick_grid);
+            // Segments that end before there show nothing.
+            i = clamp(uint(max(floor((until - z0) / h), 0.0)), i, last);
+            stop = min(i + walk, last);
         }
         float front_texel = 0.0;
         End front;

@@ -96,8 +96,6 @@ vec4 on_line(CumulativeBin bin, float x) {
 
 // Mean density between two scalars: a weighted mean of what lies left of the table's range, in it, and right of it.
 vec4 integral_density(End front, End back, uint knots) {
-    // A scalar of its own, which may lie on a jump that a bin has smeared.
-    if (front.s == back.s) return density_of(classify(front.s, knots));
     End low = front, high = back;
     if (front.s > back.s) {
         low = back;
@@ -120,7 +118,11 @@ vec4 integral_density(End front, End back, uint knots) {
         if (number > 0.0) inside += middle;
         inside /= (1.0 - low.x) + high.x + number;
     }
-    return max(weights.x * density_of(head.before) + weights.y * inside + weights.z * density_of(head.after), 0.0);
+    vec4 density = weights.x * density_of(head.before) + weights.y * inside + weights.z * density_of(head.after);
+    // A scalar by itself may lie on a jump, which a bin has smeared. (A loop: software rasterisers run
+    // through branches that no invocation takes.)
+    for (uint turn = 0u; turn < uint(front.s == back.s); ++turn) density = density_of(classify(front.s, knots));
+    return max(density, 0.0);
 }
 
 // Effective mean density between two scalars inside the table's range, for a length.
@@ -173,61 +175,51 @@ float front_weight(float a, float b) {
     float od = min(0.5 * (a + b), 12.0);
     float root = sqrt(max(a * a + 24.0 * (b - a), 0.0));
     float cut = min(24.0 / max(a + root, 24.0), 1.0);
-    float panels = ceil(1.5 * od + 1e-30);
+    float panels = max(ceil(1.5 * od), 1.0);
+    float width = cut / panels;
     float sum = 0.0;
     for (float panel = 0.0; panel < panels; panel += 1.0) {
         for (int k = 0; k < 4; ++k) {
-            float t = (panel + NODE[k]) * (cut / panels);
+            float t = (panel + NODE[k]) * width;
             sum += WEIGHT[k] * alpha_of(t * (a + 0.5 * (b - a) * t));
         }
     }
-    return panels > 0.0 ? sum * (cut / panels) + (1.0 - cut) : 0.0;
+    return sum * width + (1.0 - cut);
 }
 
-// Adds the piece of a segment between scalars x0 <= x1 of one linear piece of the transfer function. Pieces
-// come in ascending order; `reversed` says that the ray meets the last one first.
-void add_piece(inout vec4 sum, Knot knot, float x0, float x1, float per_scalar, bool reversed) {
-    float len = (x1 - x0) * per_scalar;
-    if (!(len > 0.0)) return;
-    vec4 lower = knot.value + knot.rise * clamp((x0 - knot.s) * knot.inverse_ds, 0.0, 1.0);
-    vec4 upper = knot.value + knot.rise * clamp((x1 - knot.s) * knot.inverse_ds, 0.0, 1.0);
-    vec4 front = reversed ? upper : lower, back = reversed ? lower : upper;
-    float alpha = alpha_of(len * 0.5 * (front.a + back.a));
-    float weight = front_weight(len * front.a, len * back.a);
-    vec4 piece = vec4(front.rgb * weight + back.rgb * max(alpha - weight, 0.0), alpha);
-    sum = reversed ? behind(piece, sum) : behind(sum, piece);
-}
-
+// Cuts the segment at the knots. Pieces come in ascending order of scalars; when the ray meets the last one first,
+// each is put in front of those before.
 vec4 exact_segment(float front, float back, float len, uint count) {
-    float a = min(front, back), b = max(front, back);
+    float a = min(front, back), b = max(max(front, back), a + least_difference(a));
     bool reversed = front > back;
-    const float INFINITE = 3e38;
-    vec4 sum = vec4(0.0);
-    if (KNOT_WALK == 0) {
-        b = max(b, a + least_difference(a));
-        float per_scalar = len / (b - a);
-        Knot first = knots_storage.many[0];
-        Knot constant = Knot(first.value, vec4(0.0), first.s, 0.0, 0.0, 0.0);
-        add_piece(sum, constant, a, min(b, first.s), per_scalar, reversed);
-        uint below = 0, above = count;
-        while (above - below > 1) {
-            uint middle = (below + above) / 2;
-            if (knots_storage.many[middle].s <= a) below = middle; else above = middle;
-        }
-        for (uint i = below; i < count && knots_storage.many[i].s < b; ++i) {
-            float next = i + 1u < count ? knots_storage.many[i + 1u].s : INFINITE;
-            Knot knot = knots_storage.many[i];
-            add_piece(sum, knot, max(a, knot.s), min(b, next), per_scalar, reversed);
-        }
-        return sum;
-    }
-    b = max(b, a + least_difference(a));
     float per_scalar = len / (b - a);
-    Knot constant = Knot(walked[0].value, vec4(0.0), walked[0].s, 0.0, 0.0, 0.0);
-    add_piece(sum, constant, a, min(b, walked[0].s), per_scalar, reversed);
-    for (uint i = 0; i < KNOT_WALK; ++i) {
-        float next = i + 1u < KNOT_WALK ? walked[min(i + 1u, KNOT_WALK - 1u)].s : INFINITE;
-        add_piece(sum, walked[i], max(a, walked[i].s), min(b, next), per_scalar, reversed);
+
+    // The last knot at or below the lower scalar; -1: none, the constant piece left of all.
+    int i = -1;
+    if (KNOT_WALK == 0) {
+        int above = int(count);
+        while (above - i > 1) {
+            int middle = (i + above) / 2;
+            if (knots_storage.many[middle].s <= a) i = middle; else above = middle;
+        }
+    } else {
+        for (uint k = 0; k < KNOT_WALK; ++k) i += int(a >= walked[k].s);
+        i = min(i, int(count) - 1); // those beyond repeat the last
+    }
+    vec4 sum = vec4(0.0);
+    for (float x0 = a; x0 < b; ++i) {
+        Knot knot = knots_storage.many[max(i, 0)];
+        float x1 = min(b, i < 0 ? knot.s : knot.end);
+        vec4 rise = i < 0 ? vec4(0.0) : knot.rise;
+        vec4 lower = knot.value + rise * clamp((x0 - knot.s) * knot.inverse_ds, 0.0, 1.0);
+        vec4 upper = knot.value + rise * clamp((x1 - knot.s) * knot.inverse_ds, 0.0, 1.0);
+        vec4 ahead = reversed ? upper : lower, after = reversed ? lower : upper;
+        float piece_len = max(x1 - x0, 0.0) * per_scalar;
+        float alpha = alpha_of(piece_len * 0.5 * (ahead.a + after.a));
+        float weight = front_weight(piece_len * ahead.a, piece_len * after.a);
+        vec4 piece = vec4(ahead.rgb * weight + after.rgb * max(alpha - weight, 0.0), alpha);
+        sum = reversed ? behind(piece, sum) : behind(sum, piece);
+        x0 = x1;
     }
     return sum;
 }

@@ -172,6 +172,7 @@ void main() {
     float h = push.d0_h.w, z0 = push.py_z0.w;
     uint knots = push.knots;
     float opaque = push.opaque;
+    uint walk = slabs_between_looks(h);
     load_knots();
 
     // Slabs from where the ray enters to where it leaves, up or down the stack; one more at each end against
@@ -191,15 +192,12 @@ void main() {
         uint stop = last;
         if (EMPTY_SPACE) {
             uint slab = down ? first_slab - turn : first_slab + turn;
-            vec2 run = empty_run(ray, slab_piece(slab, ray, interval, z0, h).x, interval.y, brick_grid);
-            // In turns, from where the depths of the run lie in the stack.
-            vec2 at = (fma(run, vec2(ray.d.z), vec2(ray.q.z)) - z0) / h;
-            vec2 passed = down ? float(first_slab) - ceil(at) + 1.0 : floor(at) - float(first_slab);
-            vec2 entered = down ? float(first_slab) - floor(at) + 1.0 : ceil(at) - float(first_slab);
-            // Slabs that end before the run does show nothing.
-            uint seen = clamp(uint(max(passed.x, 0.0)), turn, last);
-            stop = min(max(uint(max(entered.y, 0.0)), seen + 1u), last);
-            turn = seen;
+            float until = empty_until(ray, slab_piece(slab, ray, interval, z0, h).x, interval.y, brick_grid);
+            // Slabs that end before there show nothing.
+            float at = (fma(until, ray.d.z, ray.q.z) - z0) / h;
+            float passed = down ? float(first_slab) - ceil(at) + 1.0 : floor(at) - float(first_slab);
+            turn = clamp(uint(max(passed, 0.0)), turn, last);
+            stop = min(turn + walk, last);
         }
         for (; turn < stop && transmittance > opaque; ++turn) {
             uint slab = down ? first_slab - turn : first_slab + turn;

@@ -78,6 +78,7 @@ void main() {
     float h = push.d0_h.w, z0 = push.py_z0.w;
     uint knots = push.knots;
     float opaque = push.opaque;
+    uint walk = slabs_between_looks(h);
     load_knots();
 
     vec4 sum = RESUME ? imageLoad(accumulation, pixel) : vec4(0.0);
@@ -86,11 +87,10 @@ void main() {
     while (slab < slabs.y && transmittance > opaque) {
         uint stop = slabs.y;
         if (EMPTY_SPACE) {
-            vec2 run = empty_run(ray, max(fma(float(slab), h, z0), interval.x), interval.y, brick_grid);
-            // Slabs that end before the run does show nothing.
-            uint seen = clamp(uint(max(floor((run.x - z0) / h), 0.0)), slab, slabs.y);
-            stop = min(max(uint(max(ceil((run.y - z0) / h), 0.0)), seen + 1u), slabs.y);
-            slab = seen;
+            float until = empty_until(ray, max(fma(float(slab), h, z0), interval.x), interval.y, brick_grid);
+            // Slabs that end before there show nothing.
+            slab = clamp(uint(max(floor((until - z0) / h), 0.0)), slab, slabs.y);
+            stop = min(slab + walk, slabs.y);
         }
         for (; slab < stop && transmittance > opaque; ++slab) {
             vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);

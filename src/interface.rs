@@ -11,8 +11,8 @@ pub(crate) struct Knot {
     pub(crate) rise: [f32; 4],
     pub(crate) s: f32,
     pub(crate) inverse_ds: f32,
-    pub(crate) pad0: f32,
-    pub(crate) pad1: f32,
+    pub(crate) end: f32,
+    pub(crate) pad: f32,
 }
 
 /// Head of a pre-integration table (`segments.glsl`).

@@ -39,7 +39,8 @@ impl DeviceKnots {
                 let (rise, inverse_ds) = next.map_or(([0.0; 4], 0.0), |next| {
                     (std::array::from_fn(|c| next.1[c] - value[c]), 1.0 / (next.0 - s))
                 });
-                Knot { value, rise, s, inverse_ds, pad0: 0.0, pad1: 0.0 }
+                let end = rows.get(i + 1).map_or(3e38, |next| next.0);
+                Knot { value, rise, s, inverse_ds, end, pad: 0.0 }
             })
             .collect();
         let number = knots.len();
