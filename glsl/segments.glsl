@@ -147,21 +147,23 @@ vec4 behind(vec4 front, vec4 back) {
 }
 
 // The table's range cuts the segment: outside, colour and extinction are constant.
-vec4 full_segment(float front, float back, float len) {
+vec4 full_segment(float front, float back, float len, uint knots) {
     float s0 = head.range.x, s1 = head.range.y;
     float inside_front = clamp(front, s0, s1), inside_back = clamp(back, s0, s1);
-    if (front == back) {
-        if (front < s0) return emission_of(head.before.rgb, head.before.a * len);
-        if (front >= s1) return emission_of(head.after.rgb, head.after.a * len);
-        return emission_of_density(full_density(front, back, len), len);
-    }
-    float per_scalar = len / (back - front);
+    // Where the segment enters and leaves the range, as fractions of its length.
+    vec2 cut = front == back ? vec2(0.0) : clamp((vec2(inside_front, inside_back) - front) / (back - front), 0.0, 1.0);
     vec4 ahead = front < s0 ? head.before : head.after, after = back < s0 ? head.before : head.after;
-    float inside = (inside_back - inside_front) * per_scalar;
-    vec4 first = emission_of(ahead.rgb, ahead.a * ((inside_front - front) * per_scalar));
-    vec4 last = emission_of(after.rgb, after.a * ((back - inside_back) * per_scalar));
+    vec4 first = emission_of(ahead.rgb, ahead.a * (len * cut.x));
+    vec4 last = emission_of(after.rgb, after.a * (len * (1.0 - cut.y)));
+    float inside = len * (cut.y - cut.x);
     vec4 middle = inside > 0.0 ? emission_of_density(full_density(inside_front, inside_back, inside), inside) : vec4(0.0);
-    return behind(behind(first, middle), last);
+    vec4 all = behind(behind(first, middle), last);
+    // A scalar by itself, as in integral_density.
+    for (uint turn = 0u; turn < uint(front == back); ++turn) {
+        vec4 optics = classify(front, knots);
+        all = emission_of(optics.rgb, optics.a * len);
+    }
+    return all;
 }
 
 // The integral over t in [0, 1] of 1 - exp(-od(t)), where od(t) = a t + (b - a) t^2 / 2: the weight of the
@@ -227,6 +229,6 @@ vec4 exact_segment(float front, float back, float len, uint count) {
 // Premultiplied colour and opacity of a segment of world length `len`.
 vec4 segment(End front, End back, float len, uint knots) {
     if (INTEGRATOR == INTEGRATOR_INTEGRAL) return emission_of_density(integral_density(front, back, knots), len);
-    if (INTEGRATOR == INTEGRATOR_FULL) return full_segment(front.s, back.s, len);
+    if (INTEGRATOR == INTEGRATOR_FULL) return full_segment(front.s, back.s, len, knots);
     return exact_segment(front.s, back.s, len, knots);
 }

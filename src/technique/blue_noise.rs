@@ -142,6 +142,7 @@ impl Points {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::num::count;
 
     /// Texels' ranks.
     fn ranks() -> Vec<usize> {

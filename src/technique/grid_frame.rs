@@ -447,7 +447,9 @@ fn raster_path(
         return Ok((Path::Raster { pipeline: Arc::clone(&pipeline), vertices }, pipeline, image));
     }
     let pipeline = gpu.graphics_pipeline(&format!("{name}.dither"), &desc)?;
-    let image = own_image(gpu, name, format, vk::ImageUsageFlags::TRANSFER_DST, view, target)?;
+    // Sampled, because a view needs some use of its own.
+    let usage = vk::ImageUsageFlags::TRANSFER_DST | vk::ImageUsageFlags::SAMPLED;
+    let image = own_image(gpu, name, format, usage, view, target)?;
     let bytes = image.desc().texel_bytes();
     let texels = Arc::new(Buffer::new(gpu, &format!("{name}.texels"), bytes, BufferUse::ShaderWrite)?);
     resources.push((BINDING_TEXELS, Resource::Buffer(Arc::clone(&texels))));

@@ -11,9 +11,13 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
-use volraster::gpu::{Gpu, GpuOptions, Validation, ValidationLog};
+use glam::{DVec2, DVec3};
+use volraster::Image;
+use volraster::gpu::{Gpu, GpuOptions, OptionalFeature, Validation, ValidationLog};
+use volraster::measure::ImageErrors;
+use volraster::reference::{self, ReferenceOptions};
 use volraster::scene::{Camera, Field, Projection, Scene, TransferFunction, View};
+use volraster::technique::{GpuScene, Method, Renderer, Technique};
 
 /// A device under core and synchronization validation. Dropping it destroys the device and fails the
 /// test when any message came, those of the destruction included. No device is a failure.
@@ -101,4 +105,70 @@ pub fn camera(projection: Projection, distance: f64) -> Camera {
 
 pub fn view(projection: Projection, distance: f64, width: u32, height: u32) -> View {
     View::new(camera(projection, distance), width, height).unwrap()
+}
+
+/// The routes of a technique that this device offers; the others are named aloud.
+pub fn routes_of(gpu: &Gpu, method: Method) -> Vec<&'static str> {
+    let offered = |route: &&str| *route != "raster" || gpu.has(OptionalFeature::BlendRgba32f);
+    for route in method.routes().iter().filter(|route| !offered(route)) {
+        println!("skipped: {}/{route}: the device does not blend into 32-bit float", method.name());
+    }
+    method.routes().iter().copied().filter(offered).collect()
+}
+
+/// Every technique by every route that this device offers, with every integrator that it has. An option may
+/// follow each after a comma.
+pub fn specs(gpu: &Gpu) -> Vec<String> {
+    let mut specs = Vec::new();
+    for method in Method::ALL {
+        for route in routes_of(gpu, method) {
+            let integrators = match method {
+                Method::Slabs => ["integral", "full", "exact"].as_slice(),
+                Method::Raycast => &["midpoint", "integral", "full", "exact"],
+                _ => &[""],
+            };
+            for integrator in integrators {
+                let option =
+                    if integrator.is_empty() { String::new() } else { format!(",integrator={integrator}") };
+                specs.push(format!("{}:route={route}{option}", method.name()));
+            }
+        }
+    }
+    specs
+}
+
+pub fn technique(spec: &str) -> Technique {
+    Technique::parse(spec).unwrap()
+}
+
+pub fn draw(gpu: &Gpu, scene: &Scene, view: &View, options: &str) -> Image {
+    Renderer::new(&GpuScene::new(gpu, scene.clone()), technique(options)).render(view).unwrap()
+}
+
+pub fn truth(scene: &Scene, view: &View) -> reference::ReferenceImage {
+    reference::render(scene, view, &ReferenceOptions::default(), None).unwrap()
+}
+
+pub fn errors(image: &Image, scene: &Scene, view: &View) -> ImageErrors {
+    ImageErrors::between_f64(image, &truth(scene, view)).unwrap()
+}
+
+/// Length of the ray inside the cube [-1, 1]³; perspective rays start at the eye.
+pub fn chord(view: &View, pixel: DVec2) -> f64 {
+    let (origin, direction) = view.ray(pixel);
+    let mut range = [if view.is_perspective() { 0.0 } else { f64::NEG_INFINITY }, f64::INFINITY];
+    for axis in 0..3 {
+        let (a, b) = ((-1.0 - origin[axis]) / direction[axis], (1.0 - origin[axis]) / direction[axis]);
+        range = [range[0].max(a.min(b)), range[1].min(a.max(b))];
+    }
+    (range[1] - range[0]).max(0.0)
+}
+
+/// Whether the outline of the cube passes within 1/64 pixel of a pixel's centre.
+pub fn on_outline(view: &View, pixel: DVec2) -> bool {
+    let hit = chord(view, pixel) > 0.0;
+    (0..16).any(|i| {
+        let angle = f64::from(i) / 16.0 * std::f64::consts::TAU;
+        (chord(view, pixel + DVec2::new(angle.cos(), angle.sin()) / 64.0) > 0.0) != hit
+    })
 }
