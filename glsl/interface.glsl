@@ -7,8 +7,8 @@
 #define BINDING_ACCUMULATION 3  // image2D, rgba32f: premultiplied colour and alpha
 #define BINDING_SOURCE 4        // sampler2D: an image to composite
 #define BINDING_RESULT 5        // storage block: results of the start-up probes
-#define BINDING_TABLE 6         // storage block: head of a pre-integration table, and its bins
-#define BINDING_TABLE_2D 7      // sampler3D: mean emission density by front scalar, back scalar, thickness
+#define BINDING_TABLE_HEAD 6    // storage block: head of a pre-integration table
+#define BINDING_TABLE 7         // sampler3D: its bins or nodes
 #define BINDING_BRICKS 8        // storage block: one word a brick, 0 where nothing is visible
 #define BINDING_RANGES 9        // storage block: least and greatest scalar of each brick
 #define BINDING_VISIBLE 10      // storage block: ranges of scalars with extinction
@@ -28,6 +28,7 @@
 #define SPEC_TARGET 9       // uint: format that the shader blends in, one of TARGET_*
 #define SPEC_ORDERED 10     // bool: thresholds from a blue-noise tile instead of white noise
 #define SPEC_UNDER 11       // bool: the shader blends front to back
+#define SPEC_TABLE_FILTER 12 // bool: the sampler interpolates the full table
 
 // Values of SPEC_INTEGRATOR.
 #define INTEGRATOR_MIDPOINT 0
@@ -40,6 +41,7 @@
 #define TARGET_RGBA16 1
 #define TARGET_RGBA16F 2
 
+#define TABLE_BINS_PER_ROW 256 // bins of a cumulative table in one row of its texture
 #define BRICK 8            // cells along each side of a brick
 #define THRESHOLD_SIDE 64  // side of the tile of thresholds
 

@@ -10,6 +10,7 @@
 // (EXACT).
 
 layout(constant_id = SPEC_INTEGRATOR) const uint INTEGRATOR = 0;
+layout(constant_id = SPEC_TABLE_FILTER) const bool TABLE_FILTER = false;
 
 struct TableHead {
     vec4 range;  // first and last scalar, bins or node spacings per unit of scalar, their width
@@ -26,12 +27,13 @@ struct CumulativeBin {
     vec4 rise; // density in the bin: mean + rise (x - 1/2), x in [0, 1]
 };
 
-layout(set = 0, binding = BINDING_TABLE, std430) readonly buffer Table {
-    TableHead head;
-    CumulativeBin bins[];
+layout(set = 0, binding = BINDING_TABLE_HEAD, std430) readonly buffer Table {
+    TableHead head[];
 } table;
 
-layout(set = 0, binding = BINDING_TABLE_2D) uniform sampler3D table_2d;
+// INTEGRAL: the four vectors of a bin side by side, TABLE_BINS_PER_ROW bins to a row. FULL: mean emission density by
+// front scalar, back scalar and thickness.
+layout(set = 0, binding = BINDING_TABLE) uniform sampler3D table_texels;
 
 // The table's head in registers.
 TableHead head;
@@ -39,7 +41,7 @@ TableHead head;
 // To be called once, before the first segment, outside of loops. Reads the knots too.
 void load_segments() {
     load_knots();
-    if (INTEGRATOR == INTEGRATOR_INTEGRAL || INTEGRATOR == INTEGRATOR_FULL) head = table.head;
+    if (INTEGRATOR == INTEGRATOR_INTEGRAL || INTEGRATOR == INTEGRATOR_FULL) head = table.head[0];
 }
 
 // One end of a segment. What is looked up for it serves the segments on both sides.
@@ -64,7 +66,12 @@ End end_at(float s) {
         end.place = place;
         // Below 1, so that no two bins' parts of a segment are both empty.
         end.x = min(x * head.range.z, 0.99999994);
-        end.bin = table.bins[uint(place)];
+        int bin = int(place);
+        ivec3 texel = ivec3(bin % TABLE_BINS_PER_ROW * 4, bin / TABLE_BINS_PER_ROW, 0);
+        end.bin.high = texelFetch(table_texels, texel, 0);
+        end.bin.low = texelFetch(table_texels, texel + ivec3(1, 0, 0), 0);
+        end.bin.mean = texelFetch(table_texels, texel + ivec3(2, 0, 0), 0);
+        end.bin.rise = texelFetch(table_texels, texel + ivec3(3, 0, 0), 0);
     }
     return end;
 }
@@ -131,14 +138,14 @@ vec4 full_density(float front, float back, float len) {
     float layer = clamp(log2(head.size.z / max(len, 1e-30)), 0.0, head.size.y - 1.0);
     vec3 size = head.size.xxy;
     vec3 place = vec3(nodes, layer);
-    if (!FILTER_EXACT) return textureLod(table_2d, (place + 0.5) / size, 0.0);
+    if (TABLE_FILTER) return textureLod(table_texels, (place + 0.5) / size, 0.0);
     vec3 index = clamp(place, vec3(0.0), size - 1.0);
     ivec3 i = ivec3(index), j = min(i + 1, ivec3(size) - 1);
     vec3 w = index - vec3(i);
-    vec4 low = mix(mix(texelFetch(table_2d, i, 0), texelFetch(table_2d, ivec3(j.x, i.y, i.z), 0), w.x),
-                   mix(texelFetch(table_2d, ivec3(i.x, j.y, i.z), 0), texelFetch(table_2d, ivec3(j.x, j.y, i.z), 0), w.x), w.y);
-    vec4 high = mix(mix(texelFetch(table_2d, ivec3(i.x, i.y, j.z), 0), texelFetch(table_2d, ivec3(j.x, i.y, j.z), 0), w.x),
-                    mix(texelFetch(table_2d, ivec3(i.x, j.y, j.z), 0), texelFetch(table_2d, j, 0), w.x), w.y);
+    vec4 low = mix(mix(texelFetch(table_texels, i, 0), texelFetch(table_texels, ivec3(j.x, i.y, i.z), 0), w.x),
+                   mix(texelFetch(table_texels, ivec3(i.x, j.y, i.z), 0), texelFetch(table_texels, ivec3(j.x, j.y, i.z), 0), w.x), w.y);
+    vec4 high = mix(mix(texelFetch(table_texels, ivec3(i.x, i.y, j.z), 0), texelFetch(table_texels, ivec3(j.x, i.y, j.z), 0), w.x),
+                    mix(texelFetch(table_texels, ivec3(i.x, j.y, j.z), 0), texelFetch(table_texels, j, 0), w.x), w.y);
     return mix(low, high, w.z);
 }
 

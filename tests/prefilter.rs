@@ -67,7 +67,7 @@ fn minified_noise_is_averaged() {
             };
             let (none, mip) = (error("none"), error("mip"));
             println!("{spec} {filter}: rmse {:.2e} without, {:.2e} with", none.all.rmse, mip.all.rmse);
-            assert!(mip.all.rmse < 0.25 * none.all.rmse, "{spec} {filter}: {none} / {mip}");
+            assert!(mip.all.rmse < 0.4 * none.all.rmse, "{spec} {filter}: {none} / {mip}");
             assert!(mip.all.bias.abs() < 1e-2, "{spec} {filter}: {mip}");
         }
     }
@@ -108,7 +108,8 @@ fn a_far_volume_does_not_sparkle() {
     let scene = Scene { grid, transfer: TransferFunction::from_rows(&rows).unwrap() };
     let gpu_scene = GpuScene::new(&gpu, scene.clone());
     let mean = |image: &Image| image.pixels().iter().map(|p| f64::from(p[3])).sum::<f64>() / 64.0;
-    let views: Vec<View> = (0..4).map(|i| small(DVec3::new(0.021 * f64::from(i), 0.013, 5.0), 42.0, 8)).collect();
+    let views: Vec<View> =
+        (0..4).map(|i| small(DVec3::new(0.021 * f64::from(i), 0.013, 5.0), 42.0, 8)).collect();
     let truth = area_truth(&scene, &views[0]);
     let want = truth.pixels().iter().map(|p| p[3]).sum::<f64>() / 64.0;
     for spec in prefiltered(&gpu) {

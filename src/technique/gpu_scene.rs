@@ -6,7 +6,9 @@ use std::time::Instant;
 use ash::vk;
 
 use crate::error::Result;
-use crate::gpu::shader::{BINDING_BRICKS, BINDING_RANGES, BINDING_VISIBLE, BRICKS_COMPUTE};
+use crate::gpu::shader::{
+    BINDING_BRICKS, BINDING_RANGES, BINDING_VISIBLE, BRICKS_COMPUTE, TABLE_BINS_PER_ROW,
+};
 use crate::gpu::{
     Buffer, BufferUse, Commands, ComputeDesc, Descriptors, Gpu, Image, ImageDesc, Recorder, Resource,
 };
@@ -20,6 +22,9 @@ use crate::scene::{Grid, Rescale, Samples, Scene, TransferFunction};
 use super::bricks::{MinMax, nonzero_ranges};
 use super::grid_options::{Integrator, SegmentOptions};
 use super::mips;
+
+/// Format of tables.
+pub(crate) const TABLE_FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 
 /// Octaves of thickness in a 2-D table: from the domain's diagonal down to a two-thousandth of it.
 const LAYERS: u32 = 12;
@@ -58,10 +63,10 @@ pub(crate) enum Layout {
 #[derive(Debug)]
 pub(crate) struct Table {
     options: SegmentOptions,
-    /// Head, and bins of the cumulative table.
+    /// Its head.
     pub(crate) buffer: Arc<Buffer>,
-    /// The 2-D table.
-    pub(crate) image: Option<Arc<Image>>,
+    /// Its bins or nodes.
+    pub(crate) image: Arc<Image>,
 }
 
 /// Milliseconds that a scene's way to the device has taken so far.
@@ -224,35 +229,32 @@ impl GpuScene {
         }
         let start = Instant::now();
         let transfer = &self.scene.transfer;
-        let upload = |head: &TableHead, bins: &[CumulativeBin]| {
-            let mut bytes = bytemuck::bytes_of(head).to_vec();
-            bytes.extend_from_slice(bytemuck::cast_slice(bins));
-            Buffer::with_data(&self.gpu, "transfer.table", &bytes)
-        };
-        let (buffer, image) = match options.integrator {
+        let volume = |extent| ImageDesc::sampled_volume(TABLE_FORMAT, extent);
+        let (head, sizes, desc, texels) = match options.integrator {
             Integrator::Midpoint | Integrator::Exact => return Ok(None),
             Integrator::Integral => {
-                let table = Cumulative::new(transfer, size);
-                let bins = f32_of(f64::from(size));
-                (upload(&TableHead { size: [bins, 0.0, 0.0, 0.0], ..table.head }, &table.bins)?, None)
+                let Cumulative { head, mut bins } = Cumulative::new(transfer, size);
+                let rows = size.div_ceil(TABLE_BINS_PER_ROW);
+                bins.resize(num::index(rows * TABLE_BINS_PER_ROW), CumulativeBin::default());
+                let texels: Vec<[f32; 4]> = bytemuck::cast_slice(&bins).to_vec();
+                let desc = volume([4 * TABLE_BINS_PER_ROW, rows, 1]);
+                (head, [f64::from(size), 0.0, 0.0, 0.0], desc, texels)
             }
             Integrator::Full => {
                 // No segment is longer than the domain.
                 let longest = diagonal(&self.scene.grid);
-                let table = Full::new(transfer, size, LAYERS, longest);
-                let head_size = [f64::from(size), f64::from(LAYERS), longest, 0.0].map(f32_of);
-                let extent = [table.size, table.size, table.layers];
-                let desc = ImageDesc::sampled_volume(vk::Format::R32G32B32A32_SFLOAT, extent);
-                let plane = num::index(size) * num::index(size);
-                let image = Image::with_data(&self.gpu, "transfer.table-2d", &desc, |_, first, memory| {
-                    let bytes = bytemuck::cast_slice(&table.texels[first * plane..]);
-                    memory.copy_from_slice(&bytes[..memory.len()]);
-                })?;
-                // One bin, so that the block's array is not empty.
-                let head = TableHead { size: head_size, ..table.head };
-                (upload(&head, &[CumulativeBin::default()])?, Some(image))
+                let Full { head, size, layers, texels } = Full::new(transfer, size, LAYERS, longest);
+                let sizes = [f64::from(size), f64::from(layers), longest, 0.0];
+                (head, sizes, volume([size, size, layers]), texels)
             }
         };
+        let head = TableHead { size: sizes.map(f32_of), ..head };
+        let buffer = Buffer::with_data(&self.gpu, "transfer.table-head", bytemuck::bytes_of(&head))?;
+        let plane = num::index(desc.extent[0]) * num::index(desc.extent[1]);
+        let image = Image::with_data(&self.gpu, "transfer.table", &desc, |_, first, memory| {
+            let bytes = bytemuck::cast_slice(&texels[first * plane..]);
+            memory.copy_from_slice(&bytes[..memory.len()]);
+        })?;
         let table = Arc::new(Table { options, buffer, image });
         tables.push(Arc::clone(&table));
         self.times.lock().unwrap_or_else(PoisonError::into_inner).tables +=

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::blue_noise;
-use super::gpu_scene::{GpuScene, Knots, Layout, Table, Volume, turned};
+use super::gpu_scene::{GpuScene, Knots, Layout, TABLE_FORMAT, Table, Volume, turned};
 use super::grid_options::{
     Dither, EmptySpace, Filter, GridOptions, Integrator, Order, Prefilter, Route, SegmentOptions,
 };
@@ -20,9 +20,9 @@ use super::{TargetDesc, TargetMode};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
     BINDING_ACCUMULATION, BINDING_BRICKS, BINDING_KNOTS, BINDING_KNOTS_UNIFORM, BINDING_TABLE,
-    BINDING_TABLE_2D, BINDING_TEXELS, BINDING_THRESHOLDS, BINDING_VOLUME, SPEC_EMPTY_SPACE,
+    BINDING_TABLE_HEAD, BINDING_TEXELS, BINDING_THRESHOLDS, BINDING_VOLUME, SPEC_EMPTY_SPACE,
     SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_INTEGRATOR, SPEC_KNOT_WALK, SPEC_ORDERED, SPEC_PREFILTER,
-    SPEC_RESUME, SPEC_TARGET, SPEC_UNDER, Shader,
+    SPEC_RESUME, SPEC_TABLE_FILTER, SPEC_TARGET, SPEC_UNDER, Shader,
 };
 use crate::gpu::sync::Use;
 use crate::gpu::{
@@ -218,7 +218,13 @@ impl GridFrame {
             (SPEC_PREFILTER, u32::from(mip)),
             (SPEC_KNOT_WALK, knots.walk),
         ];
-        constants.extend(segments.map(|segments| (SPEC_INTEGRATOR, segments.integrator.code())));
+        let filters_table = segments.is_some_and(|segments| segments.integrator == Integrator::Full)
+            && options.filter == Filter::Hardware
+            && gpu.image_features(TABLE_FORMAT).contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR);
+        if let Some(segments) = &segments {
+            constants.push((SPEC_INTEGRATOR, segments.integrator.code()));
+            constants.push((SPEC_TABLE_FILTER, u32::from(filters_table)));
+        }
         constants.extend(technique.constants());
         let filter = if exact { vk::Filter::NEAREST } else { vk::Filter::LINEAR };
         let knots_buffer = || Resource::Buffer(Arc::clone(&knots.buffer));
@@ -228,7 +234,7 @@ impl GridFrame {
         let mut resources = vec![
             (BINDING_KNOTS_UNIFORM, knots_buffer()),
             (BINDING_KNOTS, knots_buffer()),
-            (BINDING_TABLE, table_buffer),
+            (BINDING_TABLE_HEAD, table_buffer),
         ];
 
         let (path, pipeline, image) = if route == Route::Compute {
@@ -265,8 +271,9 @@ impl GridFrame {
         for (axis, volume) in axes.into_iter().zip(volumes) {
             let mut resources = resources.clone();
             resources.push((BINDING_VOLUME, Resource::Sampled(Arc::clone(&volume.image), filter)));
-            let table_2d = table.as_ref().and_then(|table| table.image.as_ref()).unwrap_or(&volume.image);
-            resources.push((BINDING_TABLE_2D, Resource::Sampled(Arc::clone(table_2d), filter)));
+            let table_texels = table.as_ref().map_or(&volume.image, |table| &table.image);
+            let filter = if filters_table { vk::Filter::LINEAR } else { vk::Filter::NEAREST };
+            resources.push((BINDING_TABLE, Resource::Sampled(Arc::clone(table_texels), filter)));
             let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
             samples.push(Samples { axis, volume, descriptors });
         }
@@ -333,8 +340,8 @@ impl GridFrame {
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>, clear: bool) {
         let Some(samples) = self.samples.get(self.current) else { return };
         recorder.assume_ready(&samples.volume.image);
-        if let Some(image) = self.table.as_ref().and_then(|table| table.image.as_ref()) {
-            recorder.assume_ready(image);
+        if let Some(table) = &self.table {
+            recorder.assume_ready(&table.image);
         }
         let name = self.technique.name();
         let options = self.technique.options();
