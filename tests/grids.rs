@@ -11,7 +11,7 @@ use volraster::gpu::GpuOptions;
 use volraster::measure::ImageErrors;
 use volraster::scene::{Camera, Field, Grid, Projection, Rescale, Samples, Scene, TransferFunction, View};
 use volraster::technique::{GpuScene, Renderer, Technique};
-use volraster::{Gpu, Image, TargetDesc};
+use volraster::{Gpu, TargetDesc};
 
 /// A homogeneous cube has opacity `1 - exp(-tau d)` at any spacing: what is left is rounding. The bound
 /// is that of every technique in rgba32f: `max(2e-6, 1.2e-7 N)` for N blended pieces, and the rounding of
@@ -880,8 +880,6 @@ fn a_changed_transfer_function_keeps_the_samples() {
 #[test]
 fn integrators_are_right_at_the_extremes() {
     let gpu = gpu();
-    let camera =
-        Camera { eye: DVec3::Z * 5.0, target: DVec3::ZERO, up: DVec3::Y, projection: orthographic() };
     let smooth: &[[f64; 5]] = &[
         [0.0, 0.2, 0.9, 0.1, 0.3],
         [0.31, 0.8, 0.3, 0.1, 9.0],

@@ -25,8 +25,7 @@ fn small(eye: DVec3, fov_y_deg: f64, side: u32) -> View {
 
 /// The truth over a pixel's whole area: 8 x 8 rays.
 fn area_truth(scene: &Scene, view: &View) -> ReferenceImage {
-    reference::render(scene, view, &ReferenceOptions { samples: 8, ..ReferenceOptions::default() }, None)
-        .unwrap()
+    reference::render(scene, view, &ReferenceOptions { samples: 8 }, None).unwrap()
 }
 
 /// A grid of values in the standard cube.

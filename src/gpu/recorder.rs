@@ -241,10 +241,6 @@ impl<'a> Recorder<'a> {
 
     /// Draws several times as one pass, without attachments: shaders write what is bound, and what one draw
     /// wrote the next one sees. `pushes` has the push constants of each draw.
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "a draw is made of these; a structure would name each once more"
-    )]
     pub(crate) fn draw_each<P: AsRef<[u8]>>(
         &mut self,
         name: &str,
