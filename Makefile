@@ -6,7 +6,7 @@ CARGO ?= cargo
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-tests build demo test bench clean distclean
+.PHONY: help setup setup-tests build demo pictures test bench clean distclean
 
 help: ## This list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -22,6 +22,9 @@ build: setup ## Build the library and the program, optimised
 
 demo: build ## Draw the head; print device, time, error and where the picture is
 	@tools/demo.sh
+
+pictures: build ## Draw the pictures of docs/TECHNIQUES.md
+	@tools/pictures.sh
 
 test: setup-tests ## Run all tests under the validation layers, on the default device
 	$(CARGO) test $(ARGS)

@@ -6,11 +6,11 @@
 // noise on the source cannot help, for the destination's own share is rounded too. Fragments of one pixel must
 // be ordered by barriers between draws.
 //
-// Source: the seed's alpha-dithering, page 4-28: x -> floor(x) + (x - floor(x) >= rand).
+// Source: alpha-dithering in Peikert, Object Space Volume Rendering, SciVis 2007, page 4-28: x -> floor(x) + (x - floor(x) >= rand).
 
 #ifdef SHADER_BLEND
 layout(constant_id = SPEC_TARGET) const uint TARGET = 0;
-layout(constant_id = SPEC_ORDERED) const bool ORDERED = false;
+layout(constant_id = SPEC_BLUE_NOISE) const bool BLUE_NOISE = false;
 layout(constant_id = SPEC_UNDER) const bool UNDER = false;
 
 layout(set = 0, binding = BINDING_TEXELS, std430) buffer Texels {
@@ -40,7 +40,7 @@ float unit_of(uint word) {
 
 // A number in [0, 1), uniform over seeds: one for all four channels, so that colour stays below opacity.
 float random_of(uvec2 pixel, uint slab) {
-    if (!ORDERED) return unit_of(hash(uvec3(pixel.x | pixel.y << 16, slab, push.seed)));
+    if (!BLUE_NOISE) return unit_of(hash(uvec3(pixel.x | pixel.y << 16, slab, push.seed)));
     // The tile, shifted anew for every slab so that slabs are independent, and turned by a random phase.
     uint shift = hash(uvec3(slab, push.seed, 0x9e3779b9u));
     uvec2 at = (pixel + uvec2(shift, shift >> 16)) % uint(THRESHOLD_SIDE);

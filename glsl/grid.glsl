@@ -166,7 +166,7 @@ BrickGrid load_bricks() {
     return BrickGrid(count, stride, half_size);
 }
 
-// Slabs, h units of depth thick, that are walked before the next look at the bricks. All invocations walk equally
+// Slabs, some h cells thick, that are walked before the next look at the bricks. All invocations walk equally
 // many, so that those that run in step do not wait for each other.
 uint slabs_between_looks(float h) {
     return uint(clamp(float(BRICK) / h, 4.0, 64.0));

@@ -13,10 +13,10 @@
 #define BINDING_RANGES 9        // storage block: least and greatest scalar of each brick
 #define BINDING_VISIBLE 10      // storage block: ranges of scalars with extinction
 #define BINDING_TEXELS 11       // storage block: an image's texels, packed, that the shader blends into
-#define BINDING_THRESHOLDS 12   // storage block: thresholds of ordered dithering
+#define BINDING_THRESHOLDS 12   // storage block: blue-noise thresholds
 
 // Specialisation constants.
-#define SPEC_FILTER_EXACT 0 // bool: eight fetches and float32 weights instead of the sampler's filter
+#define SPEC_FILTER_EXACT 0 // bool: single fetches and float32 weights instead of the sampler's filter
 #define SPEC_HAS_NAN 1      // bool: samples may be NaN, which is vacuum
 #define SPEC_CLIP_ENDS 2    // bool: slabs end at the domain and at the eye
 #define SPEC_KNOT_WALK 3    // uint: knots to walk through in BINDING_KNOTS_UNIFORM; 0: binary search in BINDING_KNOTS
@@ -26,7 +26,7 @@
 #define SPEC_INTEGRATOR 7   // uint: how a segment is integrated, one of INTEGRATOR_*
 #define SPEC_BETWEEN 8      // bool: blend two slices of the stack
 #define SPEC_TARGET 9       // uint: format that the shader blends in, one of TARGET_*
-#define SPEC_ORDERED 10     // bool: thresholds from a blue-noise tile instead of white noise
+#define SPEC_BLUE_NOISE 10  // bool: thresholds from a blue-noise tile instead of white noise
 #define SPEC_UNDER 11       // bool: the shader blends front to back
 #define SPEC_TABLE_FILTER 12 // bool: the sampler interpolates the full table
 

@@ -14,7 +14,7 @@
 //   error as slices-3d (MIDPOINT) and slabs (others) of the same spacing along the ray
 //   cost  per segment one fetch and one classification or integration
 //
-// Source: Levoy, 1988; the seed, page 4-17.
+// Source: Levoy, 1988; Peikert, SciVis 2007, page 4-17.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 

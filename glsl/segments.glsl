@@ -177,7 +177,7 @@ vec4 full_segment(float front, float back, float len, uint knots) {
 // front colour of a piece along which extinction goes from a to b (times its length) and colour is linear;
 // the back colour has the rest of the opacity. It is 1 - Psi of partial pre-integration. Gauss-Legendre with
 // four points a panel and panels of at most some 2/3 of optical depth, cut where 1 - exp(-12) is 1: within
-// 3e-6, without a difference that would lose what is small.
+// 1e-6, without a difference that would lose what is small.
 float front_weight(float a, float b) {
     const float NODE[4] = float[](0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263);
     const float WEIGHT[4] = float[](0.17392742256872692, 0.3260725774312731, 0.3260725774312731, 0.17392742256872692);
@@ -216,7 +216,10 @@ vec4 exact_segment(float front, float back, float len, uint count) {
         i = min(i, int(count) - 1); // those beyond repeat the last
     }
     vec4 sum = vec4(0.0);
-    for (float x0 = a; x0 < b; ++i) {
+    float x0 = a;
+    // There are no more pieces than knots, and the one left of all. (Bounded, because some drivers also wait for
+    // invocations that are not here.)
+    for (uint turn = 0u; turn <= count && x0 < b; ++turn, ++i) {
         Knot knot = knots_storage.many[max(i, 0)];
         float x1 = min(b, i < 0 ? knot.s : knot.end);
         vec4 rise = i < 0 ? vec4(0.0) : knot.rise;

@@ -18,11 +18,11 @@
 //   in    volume, transfer function or its table
 //   out   colour attachment 0, packed texels (SHADER_BLEND) or the accumulation image (COMPUTE): premultiplied
 //         linear RGBA
-//   error second order in h where the field is smooth, whatever the transfer function; a homogeneous domain is
-//         exact
+//   error second order in h where the field is smooth, whatever the transfer function; tables add their own; a
+//         homogeneous domain is exact
 //   cost  per slab and covered pixel one fetch (raster: two) and one integration
 //
-// Source: Engel, Kraus and Ertl, Graphics Hardware 2001; the seed, page 4-19.
+// Source: Engel, Kraus and Ertl, Graphics Hardware 2001; Peikert, SciVis 2007, page 4-19.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 

@@ -23,7 +23,7 @@
 //         slices along the ray sets it; a homogeneous domain is exact
 //   cost  one bilinear fetch (BETWEEN: two) and one classification per slab and covered pixel
 //
-// Source: the seed, page 4-3.
+// Source: Peikert, Object Space Volume Rendering, SciVis 2007, page 4-3.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 

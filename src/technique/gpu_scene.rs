@@ -26,11 +26,12 @@ use super::mips;
 /// Format of tables.
 pub(crate) const TABLE_FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 
-/// Octaves of thickness in a 2-D table: from the domain's diagonal down to a two-thousandth of it.
+/// Octaves of thickness in a 2-D table: from the domain's diagonal down to a two-thousandth of it. Thinner
+/// segments take the last one's colour.
 const LAYERS: u32 = 12;
 
-/// A scene with what of it lies on the device. Data is uploaded when a technique first needs it, and
-/// once.
+/// A scene with what of it lies on the device. Data is uploaded when a technique first needs it, once for
+/// each form in which techniques ask for it.
 #[derive(Debug)]
 pub struct GpuScene {
     gpu: Gpu,
@@ -72,9 +73,9 @@ pub(crate) struct Table {
 /// Milliseconds that a scene's way to the device has taken so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct UploadTimes {
-    /// Samples.
+    /// Samples, and the ranges of bricks.
     pub upload: f64,
-    /// Tables of the transfer function.
+    /// Tables of the transfer function, and which bricks it makes visible.
     pub tables: f64,
 }
 
@@ -270,6 +271,8 @@ impl GpuScene {
             return Ok(Arc::clone(found));
         }
         let (ranges, count) = self.brick_ranges()?;
+        let desc = ComputeDesc { shader: &BRICKS_COMPUTE, constants: &[] };
+        let pipeline = self.gpu.compute_pipeline("bricks.mark", &desc)?;
         let start = Instant::now();
         let mut scalars = nonzero_ranges(&self.scene.transfer);
         let push = BricksPush { bricks: count, ranges: num::count(scalars.len()), margin };
@@ -279,8 +282,6 @@ impl GpuScene {
         let scalars = Buffer::with_data(&self.gpu, "transfer.visible", bytemuck::cast_slice(&scalars))?;
         let bricks = Buffer::new(&self.gpu, "bricks", 4 * u64::from(count), BufferUse::ShaderWrite)?;
         let bricks = Arc::new(bricks);
-        let desc = ComputeDesc { shader: &BRICKS_COMPUTE, constants: &[] };
-        let pipeline = self.gpu.compute_pipeline("bricks.mark", &desc)?;
         let resources = [
             (BINDING_RANGES, Resource::Buffer(ranges)),
             (BINDING_VISIBLE, Resource::Buffer(scalars)),

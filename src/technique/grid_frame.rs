@@ -20,8 +20,8 @@ use super::{TargetDesc, TargetMode};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
     BINDING_ACCUMULATION, BINDING_BRICKS, BINDING_KNOTS, BINDING_KNOTS_UNIFORM, BINDING_TABLE,
-    BINDING_TABLE_HEAD, BINDING_TEXELS, BINDING_THRESHOLDS, BINDING_VOLUME, SPEC_EMPTY_SPACE,
-    SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_INTEGRATOR, SPEC_KNOT_WALK, SPEC_ORDERED, SPEC_PREFILTER,
+    BINDING_TABLE_HEAD, BINDING_TEXELS, BINDING_THRESHOLDS, BINDING_VOLUME, SPEC_BLUE_NOISE,
+    SPEC_EMPTY_SPACE, SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_INTEGRATOR, SPEC_KNOT_WALK, SPEC_PREFILTER,
     SPEC_RESUME, SPEC_TABLE_FILTER, SPEC_TARGET, SPEC_UNDER, Shader,
 };
 use crate::gpu::sync::Use;
@@ -97,7 +97,7 @@ pub(crate) trait GridTechnique: std::fmt::Debug + Send + Sync {
     fn stack_axis(&self, _grid: &Grid, _view: &View, _current: Option<usize>) -> Option<usize> {
         None
     }
-    /// Stacks to keep besides the one in use.
+    /// Whether all three stacks lie on the device.
     fn keeps_all_stacks(&self) -> bool {
         false
     }
@@ -328,8 +328,11 @@ impl GridFrame {
     }
 
     pub(crate) fn counters(&self) -> Vec<(&'static str, u64)> {
+        // Where the shader blends, each slab is a draw.
+        let draws =
+            if matches!(self.path, Path::ShaderBlend { .. }) { self.cut.count } else { self.passes() };
         let mut counters =
-            vec![("slices", u64::from(self.cut.count)), ("dispatches_or_draws", u64::from(self.passes()))];
+            vec![("slices", u64::from(self.cut.count)), ("dispatches_or_draws", u64::from(draws))];
         let axis = self.samples.get(self.current).and_then(|samples| samples.axis);
         counters.extend(axis.map(|axis| ("stack_axis", u64::from(num::count(axis)))));
         counters
@@ -427,7 +430,7 @@ fn raster_path(
     if let Some(code) = code {
         constants.extend([
             (SPEC_TARGET, code),
-            (SPEC_ORDERED, u32::from(options.dither == Dither::Blue)),
+            (SPEC_BLUE_NOISE, u32::from(options.dither == Dither::Blue)),
             (SPEC_UNDER, u32::from(order == Order::FrontToBack)),
         ]);
     }
@@ -528,7 +531,7 @@ fn cut(
     Ok(Cut { push, count: num::u32_of(slabs.count), first: slabs.first.min(num::u32_of(slabs.count)) })
 }
 
-/// By how much a scalar with extinction is smeared.
+/// By how much the integrator smears a scalar with extinction, in scalars.
 fn margin(scene: &GpuScene, segments: Option<&SegmentOptions>) -> f32 {
     let [first, last] = scene.scene().transfer.domain();
     let size = segments.map_or(0, SegmentOptions::table_size);

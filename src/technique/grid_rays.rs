@@ -6,7 +6,8 @@ use super::gpu_scene::turned;
 use crate::scene::{Grid, View};
 
 /// `p(z) = q + z d` with `q = q0 + kq (x px + y py)` and `d = d0 + kd (x px + y py)`: z is the depth
-/// from the plane through the domain's centre, positions are indices from that centre, x and y are pixels from the image's centre, y down.
+/// from the plane through the domain's centre, world units; positions are indices from that centre; x and y are
+/// pixels from the image's centre, y down. What the device reads has depth in voxel spacings (`grid_frame`).
 ///
 /// Everything is derived in float64; what goes to the device is of the size of the grid, so that neither
 /// a far eye nor a small angle costs digits there.
@@ -20,9 +21,9 @@ pub(crate) struct GridRays {
     pub(crate) kd: f64,
     /// Side of a pixel at unit depth, world units; what makes the true length of a piece of ray.
     pub(crate) scale: f64,
-    /// Depth of the eye; minus infinity for parallel rays.
+    /// Depth of the eye, world units; minus infinity for parallel rays.
     pub(crate) near: f64,
-    /// Depths between which the domain lies in front of the eye; empty when it is all behind.
+    /// Depths, world units, between which the domain lies in front of the eye; empty when it is all behind.
     pub(crate) depths: [f64; 2],
 }
 

@@ -416,7 +416,7 @@ impl Recorded {
             None => Vec::new(),
         };
         let passes = held.passes.into_iter().zip(times).map(|(name, ms)| PassTime { name, ms }).collect();
-        // No capacity of this technique can be short: slices are counted before the frame.
+        // No capacity can be short: slabs are counted before the frame.
         Ok(Status { complete: true, passes })
     }
 

@@ -65,14 +65,12 @@ impl Options {
     pub(crate) fn parse(pairs: &[(String, String)]) -> Result<Self> {
         let mut options = Self::default();
         for (key, text) in pairs {
-            let known = OPTIONS.iter().any(|info| info.key == key.as_str());
             // `route` is no choice here, but every technique can be asked for the one that it has.
-            let known = known || (key == "route" && (text == "compute" || text == "auto"));
+            let known = key == "route" || OPTIONS.iter().any(|info| info.key == key.as_str());
             if !known || !(options.segments.read(NAME, key, text)? || options.grid.read(NAME, key, text)?) {
                 return Err(options::unknown(NAME, key, OPTIONS));
             }
         }
-        options.grid.route = Route::Compute;
         options.check()?;
         Ok(options)
     }

@@ -1,4 +1,5 @@
-//! Stacks of 2D-textured slices parallel to the base plane (the seed, page 4-3).
+//! Stacks of 2D-textured slices parallel to the base plane (Peikert, Object Space Volume Rendering,
+//! SciVis 2007, page 4-3).
 //!
 //! The grid is kept as up to three stacks of 2D images, one along each axis, and drawn from the one whose
 //! planes face the viewer most. Each slice stands for the slab half-way to its neighbours: along a pixel's
@@ -14,8 +15,8 @@
 //!
 //! Error: the spacing along a ray is that of the planes over the cosine, up to sqrt(3) in a cube, and only a
 //! `step` makes it finer: then two slices are blended, which is trilinear, and the error is second order.
-//! The first and last half slab of the stored slices take their scalar from the domain's face. None for a
-//! homogeneous grid. Cost: one bilinear fetch (with `step`: two) and one classification per slice and
+//! What the domain or the eye cuts off a stored slice's slab moves its middle, but not the slice: first order
+//! there. None for a homogeneous grid. Cost: one bilinear fetch (with `step`: two) and one classification per slice and
 //! covered pixel; each stack is one more copy of the grid. Needs: core Vulkan 1.3, and as many array layers
 //! as there are slices.
 
@@ -90,7 +91,8 @@ pub struct Options {
     pub grid: GridOptions,
     /// Slices between those of the grid, `step` apart, each a blend of two.
     pub between: bool,
-    /// By how much the cosine of another stack must lead that of the one in use.
+    /// By how much the cosine of another stack must lead that of the one in use, for a plan to change stacks. A
+    /// plan's first view takes the best.
     pub hysteresis: f64,
     /// Stacks on the device.
     pub stacks: Stacks,

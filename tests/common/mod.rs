@@ -123,8 +123,9 @@ pub fn specs(gpu: &Gpu) -> Vec<String> {
     for method in Method::ALL {
         for route in routes_of(gpu, method) {
             let integrators = match method {
-                Method::Slabs => ["integral", "full", "exact"].as_slice(),
-                Method::Raycast => &["midpoint", "integral", "full", "exact"],
+                // A small 2-D table, because many tests build many.
+                Method::Slabs => ["integral", "full,table=128", "exact"].as_slice(),
+                Method::Raycast => &["midpoint", "integral", "full,table=128", "exact"],
                 _ => &[""],
             };
             for integrator in integrators {
@@ -143,6 +144,11 @@ pub fn technique(spec: &str) -> Technique {
 
 pub fn draw(gpu: &Gpu, scene: &Scene, view: &View, options: &str) -> Image {
     Renderer::new(&GpuScene::new(gpu, scene.clone()), technique(options)).render(view).unwrap()
+}
+
+/// The same of a scene that is on the device.
+pub fn draw_on(scene: &std::sync::Arc<GpuScene>, view: &View, spec: &str) -> Image {
+    Renderer::new(scene, technique(spec)).render(view).unwrap()
 }
 
 pub fn truth(scene: &Scene, view: &View) -> reference::ReferenceImage {

@@ -1,0 +1,48 @@
+#!/usr/bin/env bash
+# Draws the pictures of docs/TECHNIQUES.md into docs/images:
+#
+#     tools/pictures.sh [PROGRAM]       (after `cargo build --release`; `make pictures` does both)
+#
+#     quantised.png   thin fog in some 400 slices, blended in 8 bits and rounded to nearest
+#     dithered.png    the same, rounded at random: dither=alpha
+#     blue.png        the same with thresholds of blue noise: dither=blue
+#
+# The device is the program's choice, as always. The dithered pictures are the same on every device that
+# agrees on the slices; the quantised one shows how the device rounds.
+set -euo pipefail
+# An argument is relative to where the caller is, the default to the repository.
+program=${1:+$(realpath -m -- "$1")}
+cd "$(dirname "$0")/.."
+program=${program:-${CARGO_TARGET_DIR:-target}/release/volraster}
+
+[ -x "$program" ] || {
+    echo "pictures: $program is not there; run: make pictures" >&2
+    exit 1
+}
+scene=$(mktemp --suffix=.json)
+trap 'rm -f "$scene"' EXIT
+
+# Field blobs under fog: twelve Gaussians, and a transfer function that begins at nothing.
+cat >"$scene" <<'SCENE'
+{
+  "volume": {"field": "blobs", "dims": [64, 64, 64], "type": "f32"},
+  "transfer": [
+    [0.00, 0.1, 0.20, 0.7, 0],
+    [0.06, 0.1, 0.20, 0.7, 0],
+    [0.30, 0.2, 0.60, 0.9, 1],
+    [0.60, 0.9, 0.85, 0.3, 3],
+    [1.00, 1.0, 0.25, 0.1, 8]
+  ],
+  "camera": {"eye": [2, 1.5, 3.8], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_deg": 36},
+  "image": {"width": 256, "height": 256},
+  "background": [0, 0, 0, 1]
+}
+SCENE
+
+draw() { # NAME OPTIONS
+    "$program" render "$scene" -o "docs/images/$1.png" --technique "slices-3d:step=0.25,target=rgba8$2"
+}
+mkdir -p docs/images
+draw quantised ""
+draw dithered ",dither=alpha"
+draw blue ",dither=blue"
