@@ -408,18 +408,27 @@ fn compare_all_draws_every_route_and_says_what_it_skips() {
     );
 }
 
+/// Lines of a bench's results.
+fn bench_cases(folder: &Folder) -> Vec<Value> {
+    let text = std::fs::read_to_string(folder.path("out/bench.jsonl")).unwrap();
+    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
 #[test]
 fn bench_checks_each_case_and_times_it() {
     let folder = Folder::with_scene("bench");
     let run = folder.run("bench scene.json -o out --size 16x12").done();
-    let text = std::fs::read_to_string(folder.path("out/bench.jsonl")).unwrap();
-    let cases: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-    assert_eq!(run.out.lines().count(), 1 + cases.len(), "{}", run.out);
+    let cases = bench_cases(&folder);
+    // The cases and their heading; the fronts' name, heading and four techniques; a line below each.
+    assert_eq!(run.out.lines().count(), 1 + cases.len() + 1 + 6 + 1, "{}", run.out);
     let slices: Vec<&Value> = cases.iter().filter(|case| case["technique"] == "slices-3d").collect();
-    // Four steps and the exact filter, by raster and by compute.
-    assert_eq!(slices.len(), 10);
+    // Seven steps by compute and three by raster; the exact filter by both; three targets, dithering,
+    // marching, prefiltering and stopping.
+    assert_eq!(slices.len(), 7 + 3 + 2 + 3 + 4);
     for case in &cases {
-        for key in ["version", "device", "driver", "api", "scene", "projection", "technique", "route"] {
+        for key in
+            ["version", "device", "driver", "api", "scene", "projection", "sweep", "technique", "route"]
+        {
             assert!(!case[key].as_str().unwrap().is_empty(), "{key}: {case}");
         }
         assert!(case["software"].is_boolean() && case["options"].is_object());
@@ -428,6 +437,7 @@ fn bench_checks_each_case_and_times_it() {
             continue;
         }
         assert!(case["errors"]["all"]["rmse"].as_f64().unwrap() < 0.5, "{case}");
+        assert!(case.get("wrong").is_none(), "{case}");
         assert!(case["frames"].as_u64().unwrap() >= 9, "{case}");
         let wall = |key: &str| case["wall_ms"][key].as_f64().unwrap();
         assert!(
@@ -437,7 +447,93 @@ fn bench_checks_each_case_and_times_it() {
     }
     let step = |step: f64| slices.iter().find(|case| case["step"] == step).unwrap();
     assert!(step(0.25)["errors"]["all"]["rmse"].as_f64() < step(2.0)["errors"]["all"]["rmse"].as_f64());
-    assert_eq!(names(&folder.path("out")), ["bench.jsonl"]);
+    let slabs = |integrator: &str| {
+        cases.iter().any(|case| case["technique"] == "slabs" && case["options"]["integrator"] == integrator)
+    };
+    assert!(["integral", "full", "exact"].into_iter().all(slabs));
+    let plain = |case: &&Value| case["technique"] == "slices-2d" && case["options"]["step"] == "slices";
+    assert!(cases.iter().find(plain).unwrap().get("step").is_none());
+
+    assert_eq!(names(&folder.path("out")), ["bench.jsonl", "fronts-scene-perspective.svg", "fronts.json"]);
+    let fronts = folder.json("out/fronts.json");
+    assert_eq!((&fronts[0]["scene"], &fronts[0]["projection"]), (&"scene".into(), &"perspective".into()));
+    assert_eq!(fronts[0]["plot"], "fronts-scene-perspective.svg");
+    let lines = fronts[0]["fronts"].as_array().unwrap();
+    assert_eq!(lines.len(), 4);
+    for line in lines {
+        let members = line["members"].as_array().unwrap();
+        assert!(!members.is_empty(), "{line}");
+        for member in members {
+            // What is on a front was measured, and nothing of the technique beats it.
+            let [ms, rmse] = [&member["ms"], &member["rmse"]].map(|value| value.as_f64().unwrap());
+            let of_technique = cases.iter().filter(|case| case["technique"] == line["technique"]);
+            let costs: Vec<(f64, f64)> = of_technique
+                .filter_map(|case| {
+                    Some((case["wall_ms"]["median"].as_f64()?, case["errors"]["all"]["rmse"].as_f64()?))
+                })
+                .collect();
+            assert!(costs.contains(&(ms, rmse)), "{member}");
+            assert!(!costs.iter().any(|&(t, e)| t < ms && e < rmse), "{member}");
+        }
+        let at = line["at"].as_array().unwrap();
+        assert_eq!(at.iter().filter(|at| at["rmse"] == 1e-2).count(), 1, "{line}");
+    }
+    let svg = std::fs::read_to_string(folder.path("out/fronts-scene-perspective.svg")).unwrap();
+    assert!(["slices-2d", "slices-3d", "slabs", "raycast"].iter().all(|name| svg.contains(name)), "{svg}");
+}
+
+#[test]
+fn bench_reports_what_low_precision_loses_without_failing() {
+    let folder = Folder::new("bench-low");
+    // Five times as bright as what a normalised format holds.
+    let bright = r#"{"volume": {"field": "blobs", "dims": [8, 8, 8], "type": "f32"},
+        "transfer": [[0, 5, 5, 5, 2], [1, 5, 5, 5, 2]],
+        "camera": {"eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "half_height": 1}}"#;
+    std::fs::write(folder.path("bright.json"), bright).unwrap();
+    let run = folder.run("bench bright.json -o out --size 8x8").done();
+    let cases = bench_cases(&folder);
+    let drawn: Vec<&Value> = cases.iter().filter(|case| case.get("skipped").is_none()).collect();
+    for case in &drawn {
+        let normalised = ["rgba8", "rgba16"].iter().any(|&target| case["options"]["target"] == target);
+        assert_eq!(case.get("wrong").is_some(), normalised, "{case}");
+        assert!(case["frames"].as_u64().unwrap() >= 9, "{case}");
+    }
+    assert!(drawn.iter().any(|case| case.get("wrong").is_some()));
+    assert!(run.out.contains("wrong"), "{}", run.out);
+    let fronts = std::fs::read_to_string(folder.path("out/fronts.json")).unwrap();
+    assert!(fronts.contains("slices-3d") && !fronts.contains("\"rgba8\""), "{fronts}");
+}
+
+#[test]
+fn bench_takes_the_volumes_of_a_folder_and_says_what_it_passes_over() {
+    let folder = Folder::with_scene("bench-data");
+    std::fs::create_dir_all(folder.path("data/sub")).unwrap();
+    let header =
+        |sizes: &str| format!("NRRD0004\ntype: uint8\ndimension: 3\nsizes: {sizes}\nencoding: raw\n\n");
+    let ramp: Vec<u8> = (0..125).map(|i| i * 2).collect();
+    let volume = [header("5 5 5").into_bytes(), ramp].concat();
+    std::fs::write(folder.path("data/sub/ramp.nrrd"), volume).unwrap();
+    std::fs::write(folder.path("data/notes.txt"), "no volume").unwrap();
+    // A byte for each sample, none of them written.
+    let large = header("1024 1024 513");
+    std::fs::write(folder.path("data/large.nrrd"), &large).unwrap();
+    let file = std::fs::OpenOptions::new().write(true).open(folder.path("data/large.nrrd")).unwrap();
+    file.set_len(large.len() as u64 + (513 << 20)).unwrap();
+
+    let run = folder.run("bench scene.json -o out --size 16x12 --quick --data data");
+    assert_eq!(run.code, 0, "{}", run.err);
+    let said: Vec<&str> = run.err.lines().collect();
+    assert_eq!(said.len(), 2, "{}", run.err);
+    assert!(said.iter().all(|line| line.starts_with("volraster: skipped: ")), "{}", run.err);
+    assert!(said[0].contains("large.nrrd") && said[0].contains("536870912"), "{}", said[0]);
+    assert!(said[1].contains("notes.txt") && said[1].contains("no known format"), "{}", said[1]);
+    let cases = bench_cases(&folder);
+    let found: Vec<&Value> = cases.iter().filter(|case| case["scene"] == "sub/ramp.nrrd").collect();
+    assert!(!found.is_empty() && cases.iter().any(|case| case["scene"] == "scene"));
+    assert!(found.iter().all(|case| case["route"] == "compute" && case["size"][0] == 16));
+    assert!(folder.path("out/fronts-sub-ramp.nrrd-perspective.svg").is_file());
+    assert_eq!(folder.json("out/fronts.json").as_array().unwrap().len(), 2);
+    folder.run("bench scene.json -o out --data gone").fails(2, &["gone", "cannot list"]);
 }
 
 #[test]

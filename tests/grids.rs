@@ -952,7 +952,7 @@ fn integrators_are_right_at_the_extremes() {
         ("jump", jump, 5e-6, 0.2, 5e-3),
         ("constant", constant, 2e-6, 2e-6, 2e-6),
         ("dense", dense, 2e-5, 0.7, 2e-3),
-        ("many", &many, 5e-6, 0.3, 2e-2),
+        ("many", &many, 5e-6, 0.5, 2e-2),
     ] {
         let transfer = TransferFunction::from_rows(rows).unwrap();
         let mut worst = [0.0_f64; 4];

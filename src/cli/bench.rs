@@ -2,37 +2,42 @@
 //!
 //! An image that is wrong has no speed: each case is compared with the reference before it is timed.
 //! The frames of a scene's cases are drawn in turn, forwards and backwards, so that a machine that
-//! warms up or is disturbed treats all of them alike.
+//! warms up or is disturbed treats all of them alike. What is drawn is listed in `suite`.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use indicatif::ProgressBar;
 use serde_json::{Map, Value, json};
-use volraster::glam::DVec3;
-use volraster::measure::ImageErrors;
+use volraster::io::ReadOptions;
+use volraster::measure::{Cost, ImageErrors};
 use volraster::reference::{self, ReferenceImage, ReferenceOptions};
-use volraster::scene::file::PRESETS;
-use volraster::scene::{Camera, Field, Projection, Scene, View};
+use volraster::scene::{Scene, View};
 use volraster::technique::{FrameTime, Frames};
-use volraster::{Error, Gpu, GpuScene, Renderer, Result, Technique};
+use volraster::{Error, Gpu, GpuScene, Renderer, Result};
 
-use super::compare::{by_route, is_refusal};
+use super::compare::is_refusal;
+use super::fronts::{Fronts, Measured};
 use super::input::{self, DeviceArgs, Input, Size};
+use super::suite::{self, Setting, StandardScene, Sweep};
 use super::timing::Times;
 use super::{Failure, Outcome, output, table};
 
 /// Frames of each case that are timed, after one that warms up.
 const FRAMES: usize = 9;
 
-/// Sample spacings, in units of the smallest voxel spacing.
-const STEPS: [&str; 4] = ["2", "1", "0.5", "0.25"];
+/// A slow case has fewer: none more once it has had so many milliseconds, but never fewer than
+/// [`FEWEST`].
+const ENOUGH_MS: f64 = 4000.0;
+
+/// Frames of the slowest case.
+const FEWEST: usize = 5;
 
 /// An image with a larger RMSE is wrong, not coarse: half of the whole range.
 const WRONG: f64 = 0.5;
 
-/// Image size of the standard scenes.
-const SIZE: Size = Size { width: 512, height: 512 };
+/// Most bytes that a volume found in a folder may take.
+const MOST_BYTES: u64 = 512 << 20;
 
 /// Arguments of `bench`.
 #[derive(Debug, clap::Args)]
@@ -40,12 +45,17 @@ pub(crate) struct Args {
     /// `standard`: the scenes that the project's figures are quoted on; or a scene file or a data file.
     #[arg(value_name = "SUITE", default_value = "standard")]
     suite: PathBuf,
-    /// Folder for bench.jsonl: one line of JSON for each case.
+    /// Folder for bench.jsonl, one line of JSON for each case, fronts.json, times at equal error, and a
+    /// plot of each view's fronts.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Leave out the largest volume and the orthographic views.
+    /// Two scenes, one view of each, and fewer cases.
     #[arg(long)]
     quick: bool,
+    /// Also measure every volume file and scene file under this folder, with few cases each. Files that
+    /// cannot be read, and volumes above 512 MiB, are passed over with a line on stderr.
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
     /// Image size; otherwise 512x512, or that of the scene file.
     #[arg(long, value_name = "WxH", value_parser = Size::parse)]
     size: Option<Size>,
@@ -53,20 +63,19 @@ pub(crate) struct Args {
     device: DeviceArgs,
 }
 
-/// A scene to measure, not yet in memory.
+/// A scene to measure.
 enum Workload {
-    /// A standard scene: a field, samples along each side, and the preset of its transfer function.
-    Standard { field: &'static str, side: u32, preset: &'static str },
+    /// A standard scene, not yet in memory.
+    Standard(&'static StandardScene),
     /// What a file holds.
     File(Box<Input>),
+    /// A file found in a folder, not yet opened, and its name from there.
+    Found(PathBuf, String),
 }
 
 /// One technique with its options.
 struct Case {
-    technique: Technique,
-    /// The route that was asked for; the plan has the last word.
-    route: &'static str,
-    step: Option<&'static str>,
+    setting: Setting,
     state: State,
     errors: Option<ImageErrors>,
     frames: Vec<FrameTime>,
@@ -74,7 +83,7 @@ struct Case {
 
 /// What became of a case.
 enum State {
-    /// Its image is right; it is timed.
+    /// It is timed: its image is right, or wrong in a way that its low precision excuses.
     Ready(Box<Frames>),
     /// Its image is wrong.
     Failed(String),
@@ -82,11 +91,14 @@ enum State {
     Skipped(String),
 }
 
-/// Where the lines go.
+/// Where results go.
 struct Report {
-    file: PathBuf,
+    folder: PathBuf,
+    quiet: bool,
     lines: String,
-    rows: Vec<Vec<String>>,
+    fronts: Vec<Value>,
+    /// Names of plots, so that no two views have one.
+    plots: Vec<String>,
     failed: usize,
     cases: usize,
 }
@@ -103,36 +115,24 @@ impl Args {
         let workloads = self.workloads()?;
         let (gpu, _) = self.device.open(false)?;
         output::make_folder(&self.output)?;
-        let heading = [
-            "scene",
-            "projection",
-            "technique",
-            "route",
-            "options",
-            "rmse",
-            "max",
-            "ms",
-            "p10",
-            "p90",
-            "gpu ms",
-        ];
         let mut report = Report {
-            file: self.output.join("bench.jsonl"),
+            folder: self.output.clone(),
+            quiet,
             lines: String::new(),
-            rows: vec![heading.map(str::to_string).to_vec()],
+            fronts: Vec::new(),
+            plots: Vec::new(),
             failed: 0,
             cases: 0,
         };
-        let views: usize = workloads.iter().map(|workload| self.views_of(workload)).sum();
-        let draws = views * cases()?.len() * (FRAMES + 1);
+        let mut draws = 0;
+        for workload in &workloads {
+            draws += self.views_of(workload) * self.draws_of(workload)?;
+        }
         let bar = output::progress(draws as u64, "bench");
         for workload in workloads {
             self.measure(&gpu, workload, &bar, &mut report)?;
         }
         bar.finish_and_clear();
-        if !quiet {
-            output::print(&table::aligned(&report.rows, &[0, 1, 2, 3, 4]))?;
-        }
         match report.failed {
             0 => Ok(()),
             n => Err(Failure::Finding(format!("{n} of {} cases drew a wrong image", report.cases))),
@@ -140,7 +140,9 @@ impl Args {
     }
 
     fn workloads(&self) -> Result<Vec<Workload>> {
-        if self.suite != Path::new("standard") {
+        let mut workloads: Vec<Workload> = if self.suite == Path::new("standard") {
+            StandardScene::chosen(self.quick).map(Workload::Standard).collect()
+        } else {
             if !self.suite.exists() {
                 return Err(Error::Invalid {
                     what: "suite".to_string(),
@@ -150,16 +152,15 @@ impl Args {
                     ),
                 });
             }
-            return Ok(vec![Workload::File(Box::new(Input::load(&self.suite, self.size)?))]);
-        }
-        let standard = |field, side, preset| Workload::Standard { field, side, preset };
-        let mut workloads = vec![
-            standard("marschner-lobb", 64, "shells"),
-            standard("marschner-lobb", 128, "shells"),
-            standard("blobs", 128, "fog"),
-        ];
-        if !self.quick {
-            workloads.push(standard("marschner-lobb", 256, "shells"));
+            vec![Workload::File(Box::new(Input::load(&self.suite, self.size)?))]
+        };
+        if let Some(folder) = &self.data {
+            let name =
+                |path: &Path| path.strip_prefix(folder).unwrap_or(path).to_string_lossy().replace('\\', "/");
+            workloads.extend(files_under(folder)?.into_iter().map(|path| {
+                let name = name(&path);
+                Workload::Found(path, name)
+            }));
         }
         Ok(workloads)
     }
@@ -167,49 +168,64 @@ impl Args {
     /// Number of views of a workload.
     fn views_of(&self, workload: &Workload) -> usize {
         match workload {
-            Workload::Standard { .. } if !self.quick => 2,
-            _ => 1,
+            Workload::Standard(scene) => scene.view_count(self.quick),
+            Workload::File(_) | Workload::Found(..) => 1,
         }
+    }
+
+    /// The cases of a workload.
+    fn sweeps_of(&self, workload: &Workload) -> &'static [Sweep] {
+        match workload {
+            Workload::Found(..) => suite::DATA,
+            _ if self.quick => suite::QUICK,
+            _ => suite::STANDARD,
+        }
+    }
+
+    /// Most frames that a view of a workload takes.
+    fn draws_of(&self, workload: &Workload) -> Result<usize> {
+        Ok(suite::settings(self.sweeps_of(workload))?.len() * (FRAMES + 1))
     }
 
     /// Name, scene and views of a workload.
     fn open(&self, workload: Workload) -> Result<(String, Scene, Vec<View>)> {
+        let size = self.size.unwrap_or(suite::SIZE);
         match workload {
             Workload::File(input) => {
                 let name = self.suite.file_stem().unwrap_or_default().to_string_lossy().into_owned();
                 Ok((name, input.scene, vec![input.settings.view]))
             }
-            Workload::Standard { field, side, preset } => {
-                let Size { width, height } = self.size.unwrap_or(SIZE);
-                let perspective = Projection::Perspective { fov_y_deg: 42.0 };
-                let orthographic = Projection::Orthographic { half_height: 1.6 };
-                let projections: &[Projection] =
-                    if self.quick { &[perspective] } else { &[perspective, orthographic] };
-                let view = |&projection: &Projection| {
-                    let eye = DVec3::new(2.0, 1.5, 3.8);
-                    View::new(Camera { eye, target: DVec3::ZERO, up: DVec3::Y, projection }, width, height)
-                };
-                let views = projections.iter().map(view).collect::<Result<_>>()?;
-                let Some(preset) = PRESETS.iter().find(|known| known.name == preset) else {
-                    let why = format!("\"{preset}\": is no preset");
-                    return Err(Error::Invalid { what: "transfer function".to_string(), why });
-                };
-                let grid = Field::from_name(field)?.sample([side; 3], "f32")?;
-                let scene = Scene { grid, transfer: preset.transfer([0.0, 1.0], 1.0)? };
-                Ok((format!("{field}-{side}"), scene, views))
+            Workload::Found(path, name) => {
+                let input = Input::load_within(&path, Some(size), &ReadOptions { max_bytes: MOST_BYTES })?;
+                Ok((name, input.scene, vec![input.settings.view]))
+            }
+            Workload::Standard(scene) => {
+                Ok((scene.name.to_string(), scene.load()?, scene.views(self.quick, size)?))
             }
         }
     }
 
     /// Measures every case of a workload, one view after the other.
     fn measure(&self, gpu: &Gpu, workload: Workload, bar: &ProgressBar, report: &mut Report) -> Result<()> {
-        let (name, scene, views) = self.open(workload)?;
+        let settings = suite::settings(self.sweeps_of(&workload))?;
+        let draws = self.views_of(&workload) * self.draws_of(&workload)?;
+        let found = matches!(workload, Workload::Found(..));
+        let (name, scene, views) = match self.open(workload) {
+            Ok(opened) => opened,
+            // Nobody has asked for just this file.
+            Err(error) if found => {
+                bar.suspend(|| output::complain(&format!("skipped: {error}")));
+                bar.inc(draws as u64);
+                return Ok(());
+            }
+            Err(error) => return Err(error),
+        };
         let scene = GpuScene::new(gpu, scene);
         for view in &views {
             let projection = if view.is_perspective() { "perspective" } else { "orthographic" };
             bar.set_message(format!("{name} {projection}"));
             let truth = reference::render(scene.scene(), view, &ReferenceOptions::default(), None)?;
-            let mut cases = cases()?;
+            let mut cases: Vec<Case> = settings.iter().map(|&setting| Case::new(setting)).collect();
             for case in &mut cases {
                 case.check(&scene, view, &truth)?;
                 bar.inc(1);
@@ -221,68 +237,72 @@ impl Args {
                     bar.inc(1);
                 }
             }
-            for case in &cases {
-                report.add(gpu, &name, projection, view, case);
+            // After every view, so that a run that is stopped keeps what it has.
+            let text = report.add(gpu, &name, projection, view, &cases)?;
+            if !report.quiet {
+                bar.suspend(|| output::print(&text))?;
             }
-            // After every scene, so that a run that is stopped keeps what it has.
-            volraster::io::write_text(&report.file, &report.lines)?;
         }
         Ok(())
     }
 }
 
-/// Every technique by every route, at every spacing; with the exact filter at spacing 1 as well.
-fn cases() -> Result<Vec<Case>> {
-    let mut cases = Vec::new();
-    for (method, route) in by_route() {
-        let has = |key: &str| method.options().iter().any(|info| info.key == key);
-        let mut add = |step: Option<&'static str>, more: &[(&str, &str)]| -> Result<()> {
-            let mut options = vec![("route", route)];
-            options.extend(step.map(|step| ("step", step)));
-            options.extend(more);
-            let technique = input::with_options(method, &[], &options)?;
-            cases.push(Case {
-                technique,
-                route,
-                step,
-                state: State::Skipped(String::new()),
-                errors: None,
-                frames: Vec::new(),
-            });
-            Ok(())
-        };
-        if has("step") {
-            for step in STEPS {
-                add(Some(step), &[])?;
+/// Every file under a folder, sorted. Links to files count, links to folders are not followed.
+fn files_under(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    let mut folders = vec![folder.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        let failed = |source| Error::Io { path: folder.clone(), action: "cannot list", source };
+        for entry in std::fs::read_dir(&folder).map_err(failed)? {
+            let entry = entry.map_err(failed)?;
+            let path = entry.path();
+            if entry.file_type().map_err(failed)?.is_dir() {
+                folders.push(path);
+            } else if path.is_file() {
+                files.push(path);
             }
-        } else {
-            add(None, &[])?;
-        }
-        if has("filter") {
-            add(has("step").then_some("1"), &[("filter", "exact")])?;
         }
     }
-    Ok(cases)
+    files.sort();
+    Ok(files)
 }
 
 impl Case {
+    fn new(setting: Setting) -> Self {
+        Self { setting, state: State::Skipped(String::new()), errors: None, frames: Vec::new() }
+    }
+
+    /// Whether colours are kept in float32 until the image is done, as they are unless `target` says
+    /// otherwise. Formats of lower precision lose thin media, which is their known fault and no finding.
+    fn is_precise(&self) -> bool {
+        let pairs = self.setting.technique.option_pairs();
+        pairs.iter().all(|(key, value)| *key != "target" || value == "rgba32f")
+    }
+
+    /// Whether the image is too far from the truth to count.
+    fn is_wrong(&self) -> bool {
+        // A sample that is NaN has an infinite error, and so has the image.
+        self.errors.as_ref().is_some_and(|errors| errors.all.rmse > WRONG)
+    }
+
     /// Draws the frame that warms up and compares it with the truth.
     fn check(&mut self, scene: &Arc<GpuScene>, view: &View, truth: &ReferenceImage) -> Result<()> {
         let draw = || {
-            let mut frames = Renderer::new(scene, self.technique).frames(view)?;
+            let mut frames = Renderer::new(scene, self.setting.technique).frames(view)?;
             frames.draw(view)?;
             let image = frames.read_back()?;
             Ok((frames, image))
         };
         match draw() {
             Ok((frames, image)) => {
-                self.route = frames.plan().route();
+                self.setting.route = frames.plan().route();
                 let errors = ImageErrors::between_f64(&image, truth)?;
+                let (non_finite, rmse) = (errors.non_finite, errors.all.rmse);
                 self.errors = Some(errors);
-                self.state = if errors.non_finite > 0 {
-                    State::Failed(format!("{} samples NaN or infinite", errors.non_finite))
-                } else if errors.all.rmse > WRONG {
-                    State::Failed(format!("rmse {:.2e} is above {WRONG}", errors.all.rmse))
+                self.state = if non_finite > 0 {
+                    State::Failed(format!("{non_finite} samples NaN or infinite"))
+                } else if self.is_wrong() && self.is_precise() {
+                    State::Failed(format!("rmse {rmse:.2e} is above {WRONG}"))
                 } else {
                     State::Ready(Box::new(frames))
                 };
@@ -296,18 +316,28 @@ impl Case {
         }
     }
 
-    /// Draws one frame for its time.
+    /// Draws one frame for its time, unless the case has had enough of it.
     fn time(&mut self, view: &View) -> Result<()> {
         if let State::Ready(frames) = &mut self.state {
-            self.frames.push(frames.draw(view)?);
+            let spent: f64 = self.frames.iter().map(|frame| frame.wall_ms).sum();
+            if self.frames.len() < FEWEST || spent < ENOUGH_MS {
+                self.frames.push(frames.draw(view)?);
+            }
         }
         Ok(())
     }
-}
 
-impl Report {
-    /// A line of JSON and a row of the table.
-    fn add(&mut self, gpu: &Gpu, scene: &str, projection: &str, view: &View, case: &Case) {
+    /// Time and error for the front; nothing for a wrong image.
+    fn measured(&self) -> Option<Measured> {
+        let Setting { technique, route, .. } = self.setting;
+        let errors = self.errors.as_ref().filter(|_| !self.is_wrong())?;
+        let cost = Cost { time: Times::wall(&self.frames)?.median(), error: errors.all.rmse };
+        Some(Measured { technique, route, cost })
+    }
+
+    /// The line of JSON.
+    fn json(&self, gpu: &Gpu, scene: &str, projection: &str, view: &View) -> Value {
+        let Setting { sweep, technique, route } = &self.setting;
         let device = gpu.report();
         let mut line = Map::new();
         let mut put = |key: &str, value: Value| line.insert(key.to_string(), value);
@@ -319,48 +349,121 @@ impl Report {
         put("scene", json!(scene));
         put("projection", json!(projection));
         put("size", json!(view.extent()));
-        put("technique", json!(case.technique.method().name()));
-        put("route", json!(case.route));
-        put("options", input::options_json(&case.technique));
-        if let Some(step) = case.step.and_then(|step| step.parse::<f64>().ok()) {
-            put("step", json!(step));
+        put("sweep", json!(sweep));
+        put("technique", json!(technique.method().name()));
+        put("route", json!(route));
+        let options = input::options_json(technique);
+        // Where slices are the grid's own there is no step.
+        let step = options.get("step").filter(|step| step.is_number()).cloned();
+        put("options", options);
+        if let Some(step) = step {
+            put("step", step);
         }
-        if let Some(errors) = &case.errors {
+        if let Some(errors) = &self.errors {
             put("errors", json!(errors));
         }
-        let (wall, gpu_ms) = (Times::wall(&case.frames), Times::gpu(&case.frames));
-        match &case.state {
-            State::Ready(_) => put("frames", json!(case.frames.len())),
+        match &self.state {
+            State::Ready(_) => put("frames", json!(self.frames.len())),
             State::Failed(why) => put("failed", json!(why)),
             State::Skipped(why) => put("skipped", json!(why)),
         };
-        for (key, times) in [("wall_ms", &wall), ("gpu_ms", &gpu_ms)] {
+        if self.is_wrong() {
+            put("wrong", json!(true));
+        }
+        for (key, times) in [("wall_ms", Times::wall(&self.frames)), ("gpu_ms", Times::gpu(&self.frames))] {
             if let Some(times) = times {
                 put(key, times.json());
             }
         }
-        self.lines.push_str(&Value::Object(line).to_string());
-        self.lines.push('\n');
-        self.cases += 1;
-        self.failed += usize::from(matches!(case.state, State::Failed(_)));
+        Value::Object(line)
+    }
 
+    /// The row of the table.
+    fn row(&self, scene: &str, projection: &str) -> Vec<String> {
+        let Setting { technique, route, .. } = &self.setting;
         let error = |pick: fn(&ImageErrors) -> f64| {
-            case.errors.as_ref().map_or_else(|| "-".to_string(), |errors| format!("{:.2e}", pick(errors)))
+            self.errors.as_ref().map_or_else(|| "-".to_string(), |errors| format!("{:.2e}", pick(errors)))
         };
         let time = |times: &Option<Times>, per_cent: u32| {
             times.as_ref().map_or_else(|| "-".to_string(), |times| format!("{:.1}", times.quantile(per_cent)))
         };
-        let mut row =
-            [scene, projection, case.technique.method().name(), case.route].map(str::to_string).to_vec();
-        row.push(input::options_text(&case.technique));
+        let mut row = [scene, projection, technique.method().name(), route].map(str::to_string).to_vec();
+        row.push(input::options_text(technique));
         row.extend([error(|e| e.all.rmse), error(|e| e.all.max_abs)]);
-        match &case.state {
+        match &self.state {
             State::Ready(_) => {
+                let (wall, gpu_ms) = (Times::wall(&self.frames), Times::gpu(&self.frames));
                 row.extend([time(&wall, 50), time(&wall, 10), time(&wall, 90), time(&gpu_ms, 50)]);
+                row.extend(self.is_wrong().then(|| "wrong".to_string()));
             }
             State::Failed(_) => row.push("FAILED".to_string()),
             State::Skipped(_) => row.push("skipped".to_string()),
         }
-        self.rows.push(row);
+        row
+    }
+}
+
+/// Headings of the table of cases.
+const HEADING: [&str; 11] =
+    ["scene", "projection", "technique", "route", "options", "rmse", "max", "ms", "p10", "p90", "gpu ms"];
+
+impl Report {
+    /// Writes what a view's cases gave, and returns its tables.
+    fn add(
+        &mut self,
+        gpu: &Gpu,
+        scene: &str,
+        projection: &str,
+        view: &View,
+        cases: &[Case],
+    ) -> Result<String> {
+        let mut rows = vec![HEADING.map(str::to_string).to_vec()];
+        for case in cases {
+            self.lines.push_str(&case.json(gpu, scene, projection, view).to_string());
+            self.lines.push('\n');
+            self.cases += 1;
+            self.failed += usize::from(matches!(case.state, State::Failed(_)));
+            rows.push(case.row(scene, projection));
+        }
+        volraster::io::write_text(self.folder.join("bench.jsonl"), &self.lines)?;
+
+        let measured: Vec<Measured> = cases.iter().filter_map(Case::measured).collect();
+        let fronts = Fronts::new(&measured);
+        let device = &gpu.report().name;
+        let [width, height] = view.extent();
+        let title = format!("{scene}, {projection}, {width} x {height}: {device}");
+        let mut entry = json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "device": device,
+            "driver": gpu.report().driver,
+            "scene": scene,
+            "projection": projection,
+            "size": view.extent(),
+            "time": "wall_ms",
+            "fronts": fronts.json(),
+        });
+        if let Some(svg) = fronts.svg(&title) {
+            let name = self.plot_name(scene, projection);
+            let why = |why| Error::Invalid { what: format!("plot {name}"), why };
+            volraster::io::write_text(self.folder.join(&name), &svg.map_err(why)?)?;
+            entry["plot"] = json!(name);
+            self.plots.push(name);
+        }
+        self.fronts.push(entry);
+        output::write_json(&self.folder.join("fronts.json"), &json!(self.fronts))?;
+        let cases = table::aligned(&rows, &[0, 1, 2, 3, 4, 11]);
+        Ok(format!("{cases}\n\nfronts of {scene} {projection}\n{}\n", fronts.table()))
+    }
+
+    /// A name for a view's plot that no other has.
+    fn plot_name(&self, scene: &str, projection: &str) -> String {
+        // What a scene in a folder is called has separators.
+        let plain = |c: char| if c.is_alphanumeric() || "._-".contains(c) { c } else { '-' };
+        let stem = format!("fronts-{}-{projection}", scene.chars().map(plain).collect::<String>());
+        let numbered = (2..).map(|n| format!("{stem}-{n}.svg"));
+        let mut names = std::iter::once(format!("{stem}.svg")).chain(numbered);
+        let free = names.find(|name| !self.plots.contains(name));
+        // There are more numbers than plots.
+        free.unwrap_or(stem)
     }
 }

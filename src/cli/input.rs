@@ -115,9 +115,18 @@ impl Input {
     ///
     /// As [`LoadedScene::load_any`] and [`View::new`].
     pub(crate) fn load(path: &Path, size: Option<Size>) -> Result<Self> {
+        Self::load_within(path, size, &ReadOptions::default())
+    }
+
+    /// The same, with a limit of what may be read.
+    ///
+    /// # Errors
+    ///
+    /// As [`Input::load`].
+    pub(crate) fn load_within(path: &Path, size: Option<Size>, options: &ReadOptions) -> Result<Self> {
         let start = Instant::now();
         let LoadedScene { scene, mut camera, camera_is_automatic, width, height, background, technique } =
-            LoadedScene::load_any(path, &ReadOptions::default())?;
+            LoadedScene::load_any(path, options)?;
         let Size { width, height } = size.unwrap_or(Size { width, height });
         if size.is_some() && camera_is_automatic {
             camera = auto::camera(&scene.grid, width, height).map_err(|error| error.in_file(path))?;

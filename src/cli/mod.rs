@@ -3,6 +3,7 @@
 //! | file | what |
 //! |---|---|
 //! | `render`, `reference`, `compare`, `bench`, `devices`, `techniques`, `info` | one command each |
+//! | `suite`, `fronts`, `plot` | of `bench`: scenes and sweeps, time at equal error, its picture |
 //! | `input` | what several commands take: scene, size, technique, device |
 //! | `output` | stdout, files written beside and renamed, progress |
 //! | `table`, `timing` | aligned text, quantiles of frame times |
@@ -10,11 +11,14 @@
 mod bench;
 mod compare;
 mod devices;
+mod fronts;
 mod info;
 mod input;
 mod output;
+mod plot;
 mod reference;
 mod render;
+mod suite;
 mod table;
 mod techniques;
 mod timing;

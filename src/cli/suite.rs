@@ -1,0 +1,300 @@
+//! What `bench` measures: scenes, and sweeps of techniques' options. All of it is data: another scene,
+//! technique or option is another line.
+
+use volraster::glam::DVec3;
+use volraster::scene::file::PRESETS;
+use volraster::scene::{Camera, Field, Projection, Scene, TransferFunction, View};
+use volraster::technique::Method;
+use volraster::{Error, Result, Technique};
+
+use super::input::{self, Size};
+
+/// Image size of the standard scenes and of data found in a folder.
+pub(crate) const SIZE: Size = Size { width: 512, height: 512 };
+
+/// A scene that the project's figures are quoted on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StandardScene {
+    pub(crate) name: &'static str,
+    field: &'static str,
+    /// Samples along each side.
+    side: u32,
+    kind: &'static str,
+    /// The transfer function's \[0, 1\] in the data's own units.
+    range: [f64; 2],
+    look: Look,
+    /// From how many of [`PROJECTIONS`] it is seen; `--quick` takes the first alone.
+    views: usize,
+    /// Whether `--quick` has it.
+    quick: bool,
+}
+
+/// A transfer function over \[0, 1\].
+#[derive(Clone, Copy, Debug)]
+enum Look {
+    /// One that scene files may name.
+    Preset(&'static str),
+    /// Rows of a scalar, a colour and an extinction.
+    Rows(&'static [[f64; 5]]),
+}
+
+/// An opaque surface a fiftieth of the range thick: samples miss it, integrals do not.
+const THIN: Look =
+    Look::Rows(&[[0.49, 1.0, 0.8, 0.3, 0.0], [0.5, 1.0, 0.8, 0.3, 240.0], [0.51, 1.0, 0.8, 0.3, 0.0]]);
+const SHELLS: Look = Look::Preset("shells");
+const FOG: Look = Look::Preset("fog");
+
+const PROJECTIONS: [Projection; 2] =
+    [Projection::Perspective { fov_y_deg: 42.0 }, Projection::Orthographic { half_height: 1.6 }];
+
+const UNIT: [f64; 2] = [0.0, 1.0];
+const BYTE: [f64; 2] = [0.0, 255.0];
+
+/// The standard scenes.
+#[rustfmt::skip]
+pub(crate) const SCENES: &[StandardScene] = &[
+    StandardScene { name: "marschner-lobb-64", field: "marschner-lobb", side: 64, kind: "f32", range: UNIT, look: SHELLS, views: 1, quick: false },
+    StandardScene { name: "marschner-lobb-128", field: "marschner-lobb", side: 128, kind: "f32", range: UNIT, look: SHELLS, views: 2, quick: true },
+    StandardScene { name: "marschner-lobb-256", field: "marschner-lobb", side: 256, kind: "f32", range: UNIT, look: SHELLS, views: 1, quick: false },
+    StandardScene { name: "blobs-128", field: "blobs", side: 128, kind: "f32", range: UNIT, look: FOG, views: 2, quick: true },
+    StandardScene { name: "thin-128", field: "marschner-lobb", side: 128, kind: "f32", range: UNIT, look: THIN, views: 1, quick: false },
+    StandardScene { name: "marschner-lobb-128-u8", field: "marschner-lobb", side: 128, kind: "u8", range: BYTE, look: SHELLS, views: 1, quick: false },
+];
+
+impl StandardScene {
+    /// Those that `--quick` has, or all.
+    pub(crate) fn chosen(quick: bool) -> impl Iterator<Item = &'static Self> {
+        SCENES.iter().filter(move |scene| scene.quick || !quick)
+    }
+
+    /// Number of views.
+    pub(crate) fn view_count(&self, quick: bool) -> usize {
+        if quick { 1 } else { self.views }
+    }
+
+    /// The views.
+    ///
+    /// # Errors
+    ///
+    /// As [`View::new`].
+    pub(crate) fn views(&self, quick: bool, Size { width, height }: Size) -> Result<Vec<View>> {
+        let view = |&projection: &Projection| {
+            let eye = DVec3::new(2.0, 1.5, 3.8);
+            View::new(Camera { eye, target: DVec3::ZERO, up: DVec3::Y, projection }, width, height)
+        };
+        PROJECTIONS.iter().take(self.view_count(quick)).map(view).collect()
+    }
+
+    /// Data and transfer function.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] when the list names what does not exist.
+    pub(crate) fn load(&self) -> Result<Scene> {
+        let transfer = match self.look {
+            Look::Preset(name) => {
+                let Some(preset) = PRESETS.iter().find(|known| known.name == name) else {
+                    let why = format!("\"{name}\": is no preset");
+                    return Err(Error::Invalid { what: "transfer function".to_string(), why });
+                };
+                preset.transfer(self.range, 1.0)?
+            }
+            Look::Rows(rows) => {
+                let [lo, hi] = self.range;
+                let stretched = rows.iter().map(|&[s, r, g, b, tau]| [lo + (hi - lo) * s, r, g, b, tau]);
+                TransferFunction::from_rows(&stretched.collect::<Vec<_>>())?
+            }
+        };
+        Ok(Scene { grid: Field::from_name(self.field)?.sample([self.side; 3], self.kind)?, transfer })
+    }
+}
+
+/// Techniques whose options run through every combination of some values.
+#[derive(Debug)]
+pub(crate) struct Sweep {
+    /// Its name in results.
+    name: &'static str,
+    /// Those that have every option named; others are passed over.
+    methods: &'static [Method],
+    /// Those that the technique has; others are passed over.
+    routes: &'static [&'static str],
+    /// Options with their values.
+    options: &'static [(&'static str, &'static [&'static str])],
+}
+
+const ALL: &[Method] = &Method::ALL;
+const BOTH: &[&str] = &["raster", "compute"];
+const COMPUTE: &[&str] = &["compute"];
+const RASTER: &[&str] = &["raster"];
+
+/// From far too coarse to far too fine for most uses: times are read between, never beyond.
+const STEPS: &[&str] = &["8", "4", "2", "1", "0.5", "0.25", "0.125"];
+/// The same without what takes longest.
+const FEWER: &[&str] = &["8", "4", "2", "1", "0.5", "0.25"];
+const MIDDLE: &[&str] = &["2", "1", "0.5"];
+const COARSE: &[&str] = &["2", "1"];
+const ONE: &[&str] = &["1"];
+const INTEGRALS: &[&str] = &["integral", "full", "exact"];
+
+use Method::{Raycast, Slabs, Slices2d, Slices3d};
+
+/// The whole sweep: what a front is made of, then each further option alone, at step 1.
+#[rustfmt::skip]
+pub(crate) const STANDARD: &[Sweep] = &[
+    Sweep { name: "slices", methods: &[Slices2d], routes: BOTH, options: &[("step", &["slices"])] },
+    Sweep { name: "step", methods: &[Slices2d, Slices3d], routes: COMPUTE, options: &[("step", STEPS)] },
+    Sweep { name: "step", methods: &[Slices2d, Slices3d], routes: RASTER, options: &[("step", MIDDLE)] },
+    Sweep { name: "integrator", methods: &[Slabs], routes: COMPUTE, options: &[("integrator", &["integral"]), ("step", STEPS)] },
+    Sweep { name: "integrator", methods: &[Slabs], routes: COMPUTE, options: &[("integrator", INTEGRALS), ("step", FEWER)] },
+    Sweep { name: "integrator", methods: &[Slabs], routes: RASTER, options: &[("integrator", INTEGRALS), ("step", MIDDLE)] },
+    Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["midpoint"]), ("step", STEPS)] },
+    Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["exact"]), ("step", FEWER)] },
+    Sweep { name: "filter", methods: ALL, routes: BOTH, options: &[("step", ONE), ("filter", &["exact"])] },
+    Sweep { name: "target", methods: &[Slices3d], routes: RASTER, options: &[("step", ONE), ("target", &["rgba8", "rgba16", "rgba16f"]), ("order", &["front-to-back"])] },
+    Sweep { name: "dither", methods: &[Slices3d], routes: RASTER, options: &[("step", ONE), ("target", &["rgba8"]), ("dither", &["alpha"])] },
+    Sweep { name: "empty-space", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("empty-space", &["march"])] },
+    Sweep { name: "prefilter", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("prefilter", &["mip"])] },
+    Sweep { name: "stop", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("stop", &["1e-2"])] },
+];
+
+/// `--quick`: the same fronts from fewer points.
+#[rustfmt::skip]
+pub(crate) const QUICK: &[Sweep] = &[
+    Sweep { name: "slices", methods: &[Slices2d], routes: BOTH, options: &[("step", &["slices"])] },
+    Sweep { name: "step", methods: &[Slices2d, Slices3d], routes: COMPUTE, options: &[("step", FEWER)] },
+    Sweep { name: "step", methods: &[Slices3d], routes: RASTER, options: &[("step", ONE)] },
+    Sweep { name: "integrator", methods: &[Slabs], routes: COMPUTE, options: &[("integrator", &["integral"]), ("step", FEWER)] },
+    Sweep { name: "integrator", methods: &[Slabs], routes: COMPUTE, options: &[("integrator", INTEGRALS), ("step", COARSE)] },
+    Sweep { name: "integrator", methods: &[Slabs], routes: RASTER, options: &[("integrator", &["integral"]), ("step", ONE)] },
+    Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["midpoint"]), ("step", FEWER)] },
+    Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["exact"]), ("step", COARSE)] },
+];
+
+/// Data found in a folder: little of each, for there may be much of it.
+#[rustfmt::skip]
+pub(crate) const DATA: &[Sweep] = &[
+    Sweep { name: "slices", methods: &[Slices2d], routes: COMPUTE, options: &[("step", &["slices"])] },
+    Sweep { name: "step", methods: &[Slices2d, Slices3d], routes: COMPUTE, options: &[("step", COARSE)] },
+    Sweep { name: "integrator", methods: &[Slabs], routes: COMPUTE, options: &[("integrator", INTEGRALS), ("step", COARSE)] },
+    Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["midpoint", "exact"]), ("step", COARSE)] },
+];
+
+/// A technique with the options of one combination.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Setting {
+    /// The sweep that it belongs to.
+    pub(crate) sweep: &'static str,
+    pub(crate) technique: Technique,
+    /// The route that is asked for; the plan has the last word.
+    pub(crate) route: &'static str,
+}
+
+/// Every setting of some sweeps, each once.
+///
+/// # Errors
+///
+/// As [`Technique::new`]: a list names a value that an option does not take.
+pub(crate) fn settings(sweeps: &[Sweep]) -> Result<Vec<Setting>> {
+    let mut settings: Vec<Setting> = Vec::new();
+    for sweep in sweeps {
+        for &method in sweep.methods {
+            let has = |key: &str| method.options().iter().any(|info| info.key == key);
+            if !sweep.options.iter().all(|(key, _)| has(key)) {
+                continue;
+            }
+            for &route in sweep.routes.iter().filter(|route| method.routes().contains(route)) {
+                for mut options in combinations(sweep.options) {
+                    options.push(("route", route));
+                    let technique = input::with_options(method, &[], &options)?;
+                    if !settings.iter().any(|known| (known.technique, known.route) == (technique, route)) {
+                        settings.push(Setting { sweep: sweep.name, technique, route });
+                    }
+                }
+            }
+        }
+    }
+    Ok(settings)
+}
+
+/// Every combination of one value for each option; the last option runs fastest.
+fn combinations(
+    options: &[(&'static str, &'static [&'static str])],
+) -> Vec<Vec<(&'static str, &'static str)>> {
+    let extend = |rows: Vec<Vec<(&'static str, &'static str)>>,
+                  &(key, values): &(&'static str, &'static [&'static str])| {
+        let longer = rows.iter().flat_map(|row| {
+            values.iter().map(move |&value| row.iter().copied().chain([(key, value)]).collect())
+        });
+        longer.collect()
+    };
+    options.iter().fold(vec![Vec::new()], extend)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn texts(sweeps: &[Sweep]) -> Vec<String> {
+        let text = |setting: &Setting| {
+            let options = input::options_text(&setting.technique);
+            format!("{} {} {} {options}", setting.sweep, setting.technique.method().name(), setting.route)
+        };
+        settings(sweeps).unwrap().iter().map(text).collect()
+    }
+
+    #[test]
+    fn a_sweep_is_every_combination_once() {
+        let sweep = |routes, options| Sweep { name: "s", methods: &[Slabs, Raycast], routes, options };
+        let product = sweep(BOTH, &[("integrator", &["integral", "full"]), ("step", &["1", "2"])]);
+        let one = |method: &str, route: &str, options: [&str; 4]| {
+            options.map(|options| format!("s {method} {route} {options}")).to_vec()
+        };
+        // Defaults are not told: slabs' integrator is integral, and every step 1.
+        let slabs = ["", "step=2", "integrator=full", "step=2,integrator=full"];
+        let rays = [
+            "integrator=integral",
+            "step=2,integrator=integral",
+            "integrator=full",
+            "step=2,integrator=full",
+        ];
+        let expected =
+            [one("slabs", "raster", slabs), one("slabs", "compute", slabs), one("raycast", "compute", rays)];
+        assert_eq!(texts(&[product]), expected.concat());
+        // The same again under another guise adds nothing, and what a technique lacks is not tried.
+        let steps = || sweep(COMPUTE, &[("step", &["1", "1.0"])]);
+        assert_eq!(texts(&[steps(), steps()]), ["s slabs compute ", "s raycast compute "]);
+        assert_eq!(texts(&[sweep(RASTER, &[("order", &["front-to-back"])])]).len(), 1);
+    }
+
+    #[test]
+    fn the_lists_hold_and_cover_every_technique_and_route() {
+        for sweeps in [STANDARD, QUICK, DATA] {
+            let settings = settings(sweeps).unwrap();
+            for method in Method::ALL {
+                assert!(settings.iter().any(|setting| setting.technique.method() == method), "{method:?}");
+            }
+        }
+        let standard = settings(STANDARD).unwrap();
+        for (method, route) in super::super::compare::by_route() {
+            let drawn = |setting: &&Setting| setting.technique.method() == method && setting.route == route;
+            assert!(standard.iter().filter(drawn).count() >= MIDDLE.len(), "{method:?} {route}");
+        }
+    }
+
+    #[test]
+    fn the_standard_scenes_hold() {
+        assert_eq!(StandardScene::chosen(true).count(), 2);
+        let mut names: Vec<&str> = SCENES.iter().map(|scene| scene.name).collect();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), SCENES.len());
+        for scene in SCENES {
+            assert_eq!(scene.views(false, SIZE).unwrap().len(), scene.view_count(false));
+            let small = StandardScene { side: 4, ..*scene };
+            let loaded = small.load().unwrap();
+            assert_eq!(loaded.grid.samples().type_name(), scene.kind);
+            let [lo, hi] = loaded.transfer.domain();
+            assert!(lo >= scene.range[0] && hi <= scene.range[1] && hi > lo, "{}", scene.name);
+        }
+    }
+}
