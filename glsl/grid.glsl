@@ -22,7 +22,8 @@ layout(push_constant, std430) uniform GridPush {
     uint first;       // first slab of this draw or dispatch
     uint count;       // number of slabs of this draw or dispatch
     uint order;       // raster: how instances map to slabs, 2 (first slab) + (back to front); compute: the
-                      // grid's axis that index space calls z, the others following it cyclically
+                      // grid's axis that index space calls z, the others following it cyclically, and 4 when
+                      // another dispatch resumes
     float unit;       // world length of one unit of depth: the smallest voxel spacing
     float opaque;     // transmittance at which a pixel is done
     uint seed;        // of dithering
@@ -54,6 +55,10 @@ vec2 interval_of(Ray ray) {
     vec3 a = (-half_size - ray.q) * ray.inverse;
     vec3 b = (half_size - ray.q) * ray.inverse;
     vec3 near = min(a, b), far = max(a, b);
+    // Parallel to a pair of faces a ray lies between them all along, the faces included, or not at all.
+    vec3 between = mix(vec3(1e30), vec3(-1e30), lessThanEqual(abs(ray.q), half_size));
+    near = mix(near, between, lessThan(abs(ray.d), vec3(1e-30)));
+    far = mix(far, -between, lessThan(abs(ray.d), vec3(1e-30)));
     return vec2(max(max(max(near.x, near.y), near.z), push.near), min(min(far.x, far.y), far.z));
 }
 
@@ -99,7 +104,8 @@ bool is_nan(float value) {
 float scalar_of(float texel, Lattice lattice) {
     precise float stored = lattice.value_scale * texel;
     precise float scalar = stored + lattice.value_offset;
-    return scalar;
+    // Beyond, products with it could overflow. So are the knots.
+    return clamp(scalar, -1e37, 1e37);
 }
 
 #ifndef STACK
@@ -140,6 +146,25 @@ float stored_at(Ray ray, float z, Lattice lattice) {
 }
 #endif
 
+// ------------------------------------------------------------------------- marches in several parts
+
+#ifdef COMPUTE
+// What a dispatch leaves for the next one: opacity where it is small, else the transmittance, negative, so that
+// neither loses digits.
+vec4 paused(vec4 sum, float transmittance) {
+    bool more = (push.order & 4u) != 0u;
+    return vec4(sum.rgb, more && sum.a > 0.5 ? -max(transmittance, 1e-37) : sum.a);
+}
+
+// The same read back: the transmittance, and the sum made whole.
+float resumed(inout vec4 sum) {
+    if (sum.a >= 0.0) return 1.0 - sum.a;
+    float transmittance = -sum.a;
+    sum.a = 1.0 - transmittance;
+    return transmittance;
+}
+#endif
+
 // ----------------------------------------------------------------------------------- empty space
 
 #ifdef COMPUTE
@@ -159,7 +184,7 @@ BrickGrid load_bricks() {
     vec3 half_size = push.half_scale.xyz;
     ivec3 count = max(ivec3(ceil(2.0 * half_size / float(BRICK) - 1e-3)), ivec3(1));
     // Strides are those of the grid's own axes, whichever of them is z here.
-    uint axis = push.order;
+    uint axis = push.order & 3u;
     ivec3 stride = axis == 2u ? ivec3(1, count.x, count.x * count.y)
                  : axis == 0u ? ivec3(count.z, count.z * count.x, 1)
                                    : ivec3(count.y * count.z, 1, count.y);
@@ -186,7 +211,7 @@ float empty_until(Ray ray, float z, float far, BrickGrid grid) {
         ivec3 brick = clamp(ivec3(floor(place)), ivec3(0), grid.count - 1);
         ivec3 word = brick * grid.stride;
         if (bricks.visible[word.x + word.y + word.z] != 0u) break;
-        vec3 face = (vec3(brick) + mix(vec3(0.0), vec3(1.0), greaterThan(ray.d, vec3(0.0)))) * float(BRICK);
+        vec3 face = (vec3(brick) + mix(vec3(0.0), vec3(1.0), greaterThan(ray.inverse, vec3(0.0)))) * float(BRICK);
         vec3 leave = (face - grid.half_size - ray.q) * ray.inverse;
         at = max(min(min(leave.x, leave.y), leave.z), at + nudge);
         if (at >= far) break;

@@ -49,7 +49,7 @@ void main() {
     uint first = push.first, last = uint(min(segments, float(push.first + push.count)));
 
     vec4 sum = RESUME ? imageLoad(accumulation, pixel) : vec4(0.0);
-    float transmittance = 1.0 - sum.a;
+    float transmittance = resumed(sum);
     uint i = first;
     while (i < last && transmittance > opaque) {
         uint stop = last;
@@ -63,7 +63,7 @@ void main() {
         End front;
         if (INTEGRATOR != INTEGRATOR_MIDPOINT) {
             front_texel = stored_at(ray, fma(float(i), h, z0), lattice);
-            front = end_at(scalar_of(front_texel, lattice));
+            front = end_at(HAS_NAN && is_nan(front_texel) ? 0.0 : scalar_of(front_texel, lattice));
         }
         for (; i < stop && transmittance > opaque; ++i) {
             float begin = fma(float(i), h, z0), end = min(fma(float(i + 1u), h, z0), interval.y);
@@ -75,7 +75,7 @@ void main() {
                 emission = emission_of(optics.rgb, HAS_NAN && is_nan(texel) ? 0.0 : optics.a * len);
             } else {
                 float texel = stored_at(ray, end, lattice);
-                End back = end_at(scalar_of(texel, lattice));
+                End back = end_at(HAS_NAN && is_nan(texel) ? 0.0 : scalar_of(texel, lattice));
                 bool vacuum = HAS_NAN && (is_nan(front_texel) || is_nan(texel));
                 emission = vacuum ? vec4(0.0) : segment(front, back, len, knots);
                 front_texel = texel;
@@ -84,5 +84,5 @@ void main() {
             add_behind(sum, transmittance, emission);
         }
     }
-    imageStore(accumulation, pixel, sum);
+    imageStore(accumulation, pixel, paused(sum, transmittance));
 }

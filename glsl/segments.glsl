@@ -181,6 +181,9 @@ vec4 full_segment(float front, float back, float len, uint knots) {
 float front_weight(float a, float b) {
     const float NODE[4] = float[](0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263);
     const float WEIGHT[4] = float[](0.17392742256872692, 0.3260725774312731, 0.3260725774312731, 0.17392742256872692);
+    // Opaque is opaque: squares and differences must stay finite.
+    a = min(a, 1e15);
+    b = min(b, 1e15);
     float od = min(0.5 * (a + b), 12.0);
     float root = sqrt(max(a * a + 24.0 * (b - a), 0.0));
     float cut = min(24.0 / max(a + root, 24.0), 1.0);
@@ -201,8 +204,6 @@ float front_weight(float a, float b) {
 vec4 exact_segment(float front, float back, float len, uint count) {
     float a = min(front, back), b = max(max(front, back), a + least_difference(a));
     bool reversed = front > back;
-    float per_scalar = len / (b - a);
-
     // The last knot at or below the lower scalar; -1: none, the constant piece left of all.
     int i = -1;
     if (KNOT_WALK == 0) {
@@ -226,7 +227,8 @@ vec4 exact_segment(float front, float back, float len, uint count) {
         vec4 lower = knot.value + rise * clamp((x0 - knot.s) * knot.inverse_ds, 0.0, 1.0);
         vec4 upper = knot.value + rise * clamp((x1 - knot.s) * knot.inverse_ds, 0.0, 1.0);
         vec4 ahead = reversed ? upper : lower, after = reversed ? lower : upper;
-        float piece_len = max(x1 - x0, 0.0) * per_scalar;
+        // The fraction first: equal scalars in a large world would make len / (b - a) infinite.
+        float piece_len = max(x1 - x0, 0.0) / (b - a) * len;
         float alpha = alpha_of(piece_len * 0.5 * (ahead.a + after.a));
         float weight = front_weight(piece_len * ahead.a, piece_len * after.a);
         vec4 piece = vec4(ahead.rgb * weight + after.rgb * max(alpha - weight, 0.0), alpha);

@@ -42,7 +42,7 @@ struct Face {
 
 Face face_at(Ray ray, float z, Lattice lattice) {
     float texel = stored_at(ray, z, lattice);
-    return Face(texel, end_at(scalar_of(texel, lattice)));
+    return Face(texel, end_at(HAS_NAN && is_nan(texel) ? 0.0 : scalar_of(texel, lattice)));
 }
 
 // Premultiplied colour and opacity of the slab's piece between two places.
@@ -98,7 +98,7 @@ void main() {
     load_segments();
 
     vec4 sum = RESUME ? imageLoad(accumulation, pixel) : vec4(0.0);
-    float transmittance = 1.0 - sum.a;
+    float transmittance = resumed(sum);
     uint slab = slabs.x;
     while (slab < slabs.y && transmittance > opaque) {
         uint stop = slabs.y;
@@ -119,6 +119,6 @@ void main() {
             }
         }
     }
-    imageStore(accumulation, pixel, sum);
+    imageStore(accumulation, pixel, paused(sum, transmittance));
 }
 #endif

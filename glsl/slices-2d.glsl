@@ -85,11 +85,26 @@ vec2 slab_piece(uint slab, Ray ray, vec2 interval, float z0, float h) {
 
 // Premultiplied colour and opacity of a piece of the ray.
 vec4 slice_emission(Ray ray, vec2 piece, uint slab, Lattice lattice, uint knots) {
-    float texel = stored_at(ray, 0.5 * (piece.x + piece.y), slab, lattice);
+    float z = 0.5 * (piece.x + piece.y);
+    float texel = stored_at(ray, z, slab, lattice);
     vec4 optics = classify(scalar_of(texel, lattice), knots);
     float tau = HAS_NAN && is_nan(texel) ? 0.0 : optics.a;
+    float len = max(piece.y - piece.x, 0.0);
+    if (HAS_NAN && !BETWEEN) {
+        // The slice parts two cells, and either is vacuum where the slice on its other side has a NaN.
+        vec2 index = fma(vec2(z), ray.d.xy, ray.q.xy) + lattice.half_size.xy;
+        float last = 2.0 * lattice.half_size.z;
+        float plane = clamp((float(slab) - lattice.half_size.z - ray.q.z) * ray.inverse.z, piece.x, max(piece.x, piece.y));
+        float ahead = plane - piece.x, after = len - ahead;
+        bool down = ray.d.z < 0.0;
+        float below = on_slice(index, max(float(slab) - 1.0, 0.0), 0.0, lattice);
+        float above = on_slice(index, min(float(slab) + 1.0, last), 0.0, lattice);
+        if (is_nan(below)) len -= down ? after : ahead;
+        if (is_nan(above)) len -= down ? ahead : after;
+        len = max(len, 0.0);
+    }
     // Lengths, then extinction: 0 * tau must stay 0.
-    return emission_of(optics.rgb, tau * (max(piece.y - piece.x, 0.0) * ray.length_per_depth));
+    return emission_of(optics.rgb, tau * (len * ray.length_per_depth));
 }
 
 #ifdef VERTEX
@@ -177,7 +192,7 @@ void main() {
 
     // Slabs from where the ray enters to where it leaves, up or down the stack; one more at each end against
     // rounding: they have no length. A turn is the place of a slab on the ray.
-    float slabs = ceil((lattice.half_size.z - z0) / h - 1e-4);
+    float slabs = ceil((lattice.half_size.z - z0) / h);
     vec2 place = (fma(interval, vec2(ray.d.z), vec2(ray.q.z)) - z0) / h;
     bool down = ray.d.z < 0.0;
     float begin = clamp(floor(place.x) + (down ? 1.0 : -1.0), 0.0, slabs - 1.0);
@@ -187,7 +202,7 @@ void main() {
     uint first_slab = uint(begin);
 
     vec4 sum = RESUME ? imageLoad(accumulation, pixel) : vec4(0.0);
-    float transmittance = 1.0 - sum.a;
+    float transmittance = resumed(sum);
     while (turn < last && transmittance > opaque) {
         uint stop = last;
         if (EMPTY_SPACE) {
@@ -205,6 +220,6 @@ void main() {
             add_behind(sum, transmittance, slice_emission(ray, piece, slab, lattice, knots));
         }
     }
-    imageStore(accumulation, pixel, sum);
+    imageStore(accumulation, pixel, paused(sum, transmittance));
 }
 #endif

@@ -82,7 +82,7 @@ void main() {
     load_knots();
 
     vec4 sum = RESUME ? imageLoad(accumulation, pixel) : vec4(0.0);
-    float transmittance = 1.0 - sum.a;
+    float transmittance = resumed(sum);
     uint slab = slabs.x;
     while (slab < slabs.y && transmittance > opaque) {
         uint stop = slabs.y;
@@ -97,6 +97,6 @@ void main() {
             add_behind(sum, transmittance, slice_emission(ray, piece, lattice, knots));
         }
     }
-    imageStore(accumulation, pixel, sum);
+    imageStore(accumulation, pixel, paused(sum, transmittance));
 }
 #endif

@@ -14,7 +14,7 @@ use volraster::technique::{GpuScene, Renderer};
 
 /// The techniques that have the option, by each of their routes.
 fn prefiltered(gpu: &volraster::Gpu) -> Vec<String> {
-    specs(gpu).into_iter().filter(|spec| !spec.contains("full") && !spec.contains("integral")).collect()
+    specs(gpu).into_iter().filter(|spec| !spec.contains("full")).collect()
 }
 
 /// A small image, inside the cube's front face for an angle of 18 degrees.

@@ -39,6 +39,13 @@ impl Buffer {
         if size == 0 {
             return Err(Error::invalid(name, "a buffer of 0 bytes"));
         }
+        let most = u64::from(gpu.inner.properties.limits.max_storage_buffer_range);
+        if size > most && matches!(purpose, BufferUse::ShaderRead | BufferUse::ShaderWrite) {
+            return Err(Error::unsupported(
+                name,
+                format!("{size} bytes exceed the limit of {most} that a shader can see of a buffer"),
+            ));
+        }
         gpu.inner.budget.check(name, size)?;
         let (usage, location) = match purpose {
             BufferUse::ShaderRead => {

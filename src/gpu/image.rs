@@ -186,6 +186,20 @@ pub(crate) fn whole(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
 }
 
 impl Gpu {
+    /// Whether an area can be drawn to.
+    pub(crate) fn check_drawing(&self, name: &str, [w, h]: [u32; 2]) -> Result<()> {
+        let limits = &self.inner.properties.limits;
+        let [view_w, view_h] = limits.max_viewport_dimensions;
+        let most = [limits.max_framebuffer_width.min(view_w), limits.max_framebuffer_height.min(view_h)];
+        if w > most[0] || h > most[1] {
+            return Err(Error::unsupported(
+                name,
+                format!("{w} x {h} exceeds the limit of {} x {} for drawing", most[0], most[1]),
+            ));
+        }
+        Ok(())
+    }
+
     /// Whether an image can be made, before work is put into its texels.
     pub(crate) fn check_image(&self, name: &str, desc: &ImageDesc) -> Result<()> {
         check_limits(self, name, desc)?;
@@ -202,14 +216,7 @@ fn check_limits(gpu: &Gpu, name: &str, desc: &ImageDesc) -> Result<()> {
         (w.max(h), limits.max_image_dimension2_d, "2D image")
     };
     if desc.usage.contains(vk::ImageUsageFlags::COLOR_ATTACHMENT) {
-        let [view_w, view_h] = limits.max_viewport_dimensions;
-        let most = [limits.max_framebuffer_width.min(view_w), limits.max_framebuffer_height.min(view_h)];
-        if w > most[0] || h > most[1] {
-            return Err(Error::unsupported(
-                name,
-                format!("{w} x {h} exceeds the limit of {} x {} for drawing", most[0], most[1]),
-            ));
-        }
+        gpu.check_drawing(name, [w, h])?;
     }
     if largest > limit {
         return Err(Error::unsupported(

@@ -269,9 +269,12 @@ impl<'a> Recorder<'a> {
         unsafe { device.cmd_set_viewport(raw, 0, &[viewport]) };
         // SAFETY: recording; the pipeline's scissor is dynamic.
         unsafe { device.cmd_set_scissor(raw, 0, &[area]) };
+        let held = self.keep.len();
         for (i, push) in pushes.enumerate() {
             if i > 0 {
                 self.use_descriptors(descriptors, false);
+                // Held once is held.
+                self.keep.truncate(held);
             }
             // SAFETY: recording, outside of rendering; there is no attachment.
             unsafe { device.cmd_begin_rendering(raw, &info) };

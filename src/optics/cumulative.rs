@@ -2,16 +2,13 @@
 
 use glam::{DVec3, DVec4};
 
-use super::MAX_TAU;
+use super::{MAX_SCALAR, MAX_TAU};
 use crate::interface::{CumulativeBin, TableHead};
 use crate::num::{f32_of, f64_of, index};
 use crate::scene::TransferFunction;
 
 /// The largest product of extinction and colour: the sum over 65536 bins still fits in float32.
 const MAX_DENSITY: f64 = 1e33;
-
-/// Bound of the scalars: sums and differences of two of them, and their reciprocals, fit in float32.
-const MAX_SCALAR: f64 = 1e37;
 
 /// The narrowest domain that is not taken for a jump: bins per unit of scalar must fit in float32.
 const MIN_RANGE: f64 = 1e-30;

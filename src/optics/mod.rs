@@ -14,6 +14,9 @@ const UNIFORM_KNOTS: usize = crate::num::index(crate::gpu::shader::UNIFORM_KNOTS
 /// float32 tells from zero, small enough that its product with zero is zero.
 const MAX_TAU: f64 = 1e30;
 
+/// Bound of the scalars, so that differences and products of them fit in float32.
+const MAX_SCALAR: f64 = 1e37;
+
 /// The transfer function as the device evaluates it.
 #[derive(Clone, Debug)]
 pub(crate) struct DeviceKnots {
@@ -30,7 +33,8 @@ pub(crate) struct DeviceKnots {
 impl DeviceKnots {
     /// Rounds the knots to float32. Knots whose scalars become equal make a jump, as in the original.
     pub(crate) fn new(transfer: &TransferFunction) -> Self {
-        let rows: Vec<_> = transfer.knots().iter().map(|k| (f32_of(k.s), value(k.colour, k.tau))).collect();
+        let scalar = |s: f64| f32_of(s.clamp(-MAX_SCALAR, MAX_SCALAR));
+        let rows: Vec<_> = transfer.knots().iter().map(|k| (scalar(k.s), value(k.colour, k.tau))).collect();
         let mut knots: Vec<Knot> = rows
             .iter()
             .enumerate()

@@ -33,9 +33,43 @@ impl MinMax {
             Samples::U8(v) => in_units(grid, extremes(v, n, m, [u8::MAX, u8::MIN])),
             Samples::U16(v) => in_units(grid, extremes(v, n, m, [u16::MAX, u16::MIN])),
             Samples::I16(v) => in_units(grid, extremes(v, n, m, [i16::MAX, i16::MIN])),
-            Samples::F32(v) => in_units(grid, extremes(v, n, m, [f32::INFINITY, f32::NEG_INFINITY])),
+            Samples::F32(v) => {
+                let mut ranges = in_units(grid, extremes(v, n, m, [f32::INFINITY, f32::NEG_INFINITY]));
+                if grid.nan_count() > 0 {
+                    open_at_nan(v, n, m, &mut ranges);
+                }
+                ranges
+            }
         };
         Self { dims, ranges }
+    }
+}
+
+/// Gives bricks that touch a NaN, and show something else too, the range of the whole grid. A segment from one side
+/// of vacuum to the other passes through scalars that neither side has; where such bricks are never passed over, no
+/// segment does so in them unseen.
+fn open_at_nan(values: &[f32], n: [usize; 3], bricks: [usize; 3], ranges: &mut [[f32; 2]]) {
+    let whole = ranges
+        .iter()
+        .fold([f32::INFINITY, f32::NEG_INFINITY], |all, range| [all[0].min(range[0]), all[1].max(range[1])]);
+    let side = num::index(BRICK);
+    // Bricks whose window holds a sample's place along an axis.
+    let around = |place: usize, bricks: usize| {
+        let first = place.saturating_sub(side + APRON).div_ceil(side);
+        first..=((place + APRON) / side).min(bricks - 1)
+    };
+    for (i, _) in values.iter().enumerate().filter(|(_, value)| value.is_nan()) {
+        let [x, y, z] = [i % n[0], i / n[0] % n[1], i / n[0] / n[1]];
+        for bz in around(z, bricks[2]) {
+            for by in around(y, bricks[1]) {
+                for bx in around(x, bricks[0]) {
+                    let range = &mut ranges[(bz * bricks[1] + by) * bricks[0] + bx];
+                    if range[0] <= range[1] {
+                        *range = whole;
+                    }
+                }
+            }
+        }
     }
 }
 
@@ -292,8 +326,8 @@ mod tests {
     }
 
     #[test]
-    fn nan_is_ignored_and_infinities_reach_to_the_largest_number() {
-        let mut values = vec![f32::NAN; 34 * 4];
+    fn infinities_reach_to_the_largest_number() {
+        let mut values = vec![2.0; 34 * 4];
         values[0] = 3.0;
         values[1] = 1.0;
         values[12] = f32::NEG_INFINITY;
@@ -302,15 +336,27 @@ mod tests {
         let ranges = MinMax::of(&grid).ranges;
         assert!(ranges[0][0] < 1.0 && ranges[0][0] > 0.99 && ranges[0][1] > 3.0 && ranges[0][1] < 3.01);
         assert_eq!(ranges[1][0], -MAX);
-        assert!(ranges[1][1] < -MAX / 2.0, "nothing but minus infinity: {:?}", ranges[1]);
-        assert_eq!(ranges[2], [f32::INFINITY, f32::NEG_INFINITY]);
         assert_eq!(ranges[4][1], MAX);
-        assert!(ranges[4][0] > MAX / 2.0);
         let flipped = grid.with_rescale(Rescale { slope: -2.0, intercept: 7.0 }).unwrap();
         let ranges = MinMax::of(&flipped).ranges;
         assert_eq!(ranges[4][0], -MAX);
         assert_eq!(ranges[1][1], MAX);
         assert!(ranges[0][0] < 1.0 && ranges[0][1] > 5.0);
+    }
+
+    #[test]
+    fn bricks_that_touch_nan_have_every_scalar_and_those_of_nan_alone_none() {
+        let mut values: Vec<f32> = (0..50_u8).flat_map(|x| [f32::from(x); 4]).collect();
+        // Samples 17 to 36 along z.
+        values[17 * 4..37 * 4].fill(f32::NAN);
+        let grid = Grid::new([2, 2, 50], Samples::F32(values)).unwrap();
+        let ranges = MinMax::of(&grid).ranges;
+        assert_eq!(ranges.len(), 7);
+        let whole = |range: [f32; 2]| range[0] <= 0.0 && range[1] >= 49.0;
+        // Windows reach one sample beyond: brick 1 has samples 7 to 17, brick 3 those from 23 to 33.
+        assert!(!whole(ranges[0]) && whole(ranges[1]) && whole(ranges[2]), "{ranges:?}");
+        assert_eq!(ranges[3], [f32::INFINITY, f32::NEG_INFINITY]);
+        assert!(whole(ranges[4]) && !whole(ranges[5]) && !whole(ranges[6]), "{ranges:?}");
     }
 
     #[test]

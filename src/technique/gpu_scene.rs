@@ -471,10 +471,9 @@ impl Source<'_> {
     /// Writes samples from `first` on as texels, until `memory` is full.
     fn encode(&self, first: usize, memory: &mut [u8]) {
         // Infinities take the scalar at the transfer function's ends, as stored numbers.
-        let Rescale { slope, intercept } = self.rescale;
-        let stored = |value: f64| f32_of((value - intercept) / slope);
-        let low = stored(if slope > 0.0 { self.ends[0] } else { self.ends[1] });
-        let high = stored(if slope > 0.0 { self.ends[1] } else { self.ends[0] });
+        let slope = self.rescale.slope;
+        let low = self.stored_end(if slope > 0.0 { 0 } else { 1 });
+        let high = self.stored_end(if slope > 0.0 { 1 } else { 0 });
         match (self.samples, self.encoding) {
             (Samples::U8(v), Encoding::R8) => put(&v[first..], memory, |x| [x]),
             (Samples::U8(v), Encoding::R16) => {
@@ -499,6 +498,24 @@ impl Source<'_> {
                 x.to_ne_bytes()
             }),
         }
+    }
+
+    /// The stored number that the device takes for an end of the transfer function, or for what lies beyond.
+    fn stored_end(&self, end: usize) -> f32 {
+        let Rescale { slope, intercept } = self.rescale;
+        let mut stored = f32_of((self.ends[end] - intercept) / slope);
+        let reaches = |stored: f32| {
+            let scalar = f32_of(slope) * stored + f32_of(intercept);
+            if end == 0 { scalar <= f32_of(self.ends[0]) } else { scalar >= f32_of(self.ends[1]) }
+        };
+        // Rounding may leave it short of the end by a few units in the last place.
+        for _ in 0..64 {
+            if reaches(stored) {
+                break;
+            }
+            stored = if (end == 1) == (slope > 0.0) { stored.next_up() } else { stored.next_down() };
+        }
+        stored
     }
 
     /// Texels of the levels below the first, each the mean of the one above.

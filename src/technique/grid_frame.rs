@@ -36,6 +36,9 @@ use crate::scene::{Grid, View};
 /// More slabs than this lose their order in float32, and no image needs them.
 const MAX_SLABS: f64 = 4_194_304.0;
 
+/// More draws than this hold up the device, and the host that records them, for too long.
+const MAX_DRAWS: f64 = 65_536.0;
+
 /// Shaders of a technique.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shaders {
@@ -394,11 +397,12 @@ impl GridFrame {
                 let Some(image) = &self.image else { return };
                 let [width, height, _] = image.desc().extent;
                 let groups = [width.div_ceil(8), height.div_ceil(8), 1];
-                push.order = samples.axis.map_or(2, num::count);
                 let mut begin = 0;
                 loop {
                     push.first = begin;
                     push.count = (count - begin).min(*slabs_per_dispatch);
+                    let more = begin + push.count < count;
+                    push.order = samples.axis.map_or(2, num::count) | u32::from(more) << 2;
                     let pipeline = resume.as_ref().filter(|_| begin > 0).unwrap_or(first);
                     let pass = format!("{name}.march");
                     recorder.dispatch(&pass, pipeline, descriptors, bytemuck::bytes_of(&push), groups);
@@ -459,6 +463,7 @@ fn raster_path(
     let pipeline = gpu.graphics_pipeline(&format!("{name}.dither"), &desc)?;
     // Sampled, because a view needs some use of its own.
     let usage = vk::ImageUsageFlags::TRANSFER_DST | vk::ImageUsageFlags::SAMPLED;
+    gpu.check_drawing(name, view.extent())?;
     let image = own_image(gpu, name, format, usage, view, target)?;
     let bytes = image.desc().texel_bytes();
     let texels = Arc::new(Buffer::new(gpu, &format!("{name}.texels"), bytes, BufferUse::ShaderWrite)?);
@@ -488,13 +493,12 @@ fn cut(
     let options = technique.options();
     let rays = GridRays::new(grid, view).turned(axis.unwrap_or(2));
     let slabs = technique.slabs(grid, &rays, axis);
-    if slabs.count > MAX_SLABS {
+    // Each slab that the shader blends is a draw of its own.
+    let most = if options.dither == Dither::None { MAX_SLABS } else { MAX_DRAWS };
+    if slabs.count > most {
         return Err(Error::invalid(
             format!("{} option step", technique.name()),
-            format!(
-                "{}: makes {} slices of this grid, at most {MAX_SLABS} are drawn",
-                options.step, slabs.count
-            ),
+            format!("{}: makes {} slices of this grid, at most {most} are drawn", options.step, slabs.count),
         ));
     }
     // Depth goes to the device in units of the smallest voxel spacing: the world's own unit may be a parsec or
@@ -504,9 +508,10 @@ fn cut(
     let [width, height] = view.extent();
     let half = turned((grid.last_index() * 0.5).to_array(), axis.unwrap_or(2));
     let push = GridPush {
-        q0_kq: pack(rays.q0, rays.kq / unit),
-        px_kd: pack(rays.px * unit, rays.kd),
-        py_z0: pack(rays.py * unit, slabs.begin),
+        // Pixels of parallel rays are as large at every depth.
+        q0_kq: pack(rays.q0, if rays.kd == 0.0 { 1.0 } else { rays.kq / unit }),
+        px_kd: pack(rays.px * if rays.kd == 0.0 { 1.0 } else { unit }, rays.kd),
+        py_z0: pack(rays.py * if rays.kd == 0.0 { 1.0 } else { unit }, slabs.begin),
         d0_h: pack(rays.d0 * unit, slabs.thickness),
         half_scale: pack(half.into(), rays.scale),
         half_extent: [f32_of(f64::from(width) * 0.5), f32_of(f64::from(height) * 0.5)],
@@ -522,7 +527,8 @@ fn cut(
         seed: options.seed,
     };
     let numbers = [push.q0_kq, push.px_kd, push.py_z0, push.d0_h, push.half_scale];
-    if !numbers.iter().flatten().chain([&push.near, &push.unit]).all(|number| number.is_finite()) {
+    let finite = numbers.iter().flatten().chain([&push.near]).all(|number| number.is_finite());
+    if !(finite && push.unit.is_normal()) {
         return Err(Error::invalid(
             "view",
             "the camera is so far from the grid, or its voxels so large or small, that float32 cannot hold the rays",

@@ -9,7 +9,8 @@
     reason = "test helpers: each test file uses its own part, and a test fails by panicking"
 )]
 
-use std::sync::Arc;
+use std::cell::RefCell;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use glam::{DVec2, DVec3};
 use volraster::Image;
@@ -24,6 +25,41 @@ use volraster::technique::{GpuScene, Method, Renderer, Technique};
 pub struct TestGpu {
     gpu: Option<Gpu>,
     log: Arc<ValidationLog>,
+    _turn: Turn,
+}
+
+/// A test thread's turn with devices. The layer keeps its devices in a table without a lock: a test that makes one
+/// must not do so while another test uses its own.
+struct Turn;
+
+static TURN: Mutex<()> = Mutex::new(());
+
+thread_local! {
+    /// Devices of this thread, and the lock while there are any.
+    static HELD: RefCell<(usize, Option<MutexGuard<'static, ()>>)> = const { RefCell::new((0, None)) };
+}
+
+impl Turn {
+    fn take() -> Self {
+        HELD.with_borrow_mut(|(devices, guard)| {
+            if *devices == 0 {
+                *guard = Some(TURN.lock().unwrap_or_else(PoisonError::into_inner));
+            }
+            *devices += 1;
+        });
+        Self
+    }
+}
+
+impl Drop for Turn {
+    fn drop(&mut self) {
+        HELD.with_borrow_mut(|(devices, guard)| {
+            *devices -= 1;
+            if *devices == 0 {
+                *guard = None;
+            }
+        });
+    }
 }
 
 impl std::ops::Deref for TestGpu {
@@ -52,9 +88,10 @@ pub fn gpu() -> TestGpu {
 }
 
 pub fn gpu_with(options: GpuOptions) -> TestGpu {
+    let turn = Turn::take();
     let gpu = open(options);
     let log = gpu.validation_log();
-    TestGpu { gpu: Some(gpu), log }
+    TestGpu { gpu: Some(gpu), log, _turn: turn }
 }
 
 pub fn open(options: GpuOptions) -> Gpu {
