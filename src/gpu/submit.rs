@@ -8,8 +8,8 @@ use super::external::CommandBuffer;
 use super::recorder::Keep;
 use crate::error::{Error, Result};
 
-/// Longest wait for one submission. A software rasteriser may need minutes for a large frame; a driver
-/// that hangs must not hang the program for ever.
+/// Longest wait for one submission before it is an error. A software rasteriser may need minutes for a large frame.
+/// (What a hung driver still holds is waited for when it is dropped.)
 const TIMEOUT_SECONDS: u64 = 600;
 
 /// Time that one pass took on the device.

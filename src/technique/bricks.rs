@@ -22,7 +22,7 @@ pub(crate) struct MinMax {
 impl MinMax {
     /// The ranges of a grid, in its data's own units.
     ///
-    /// Brick b covers the samples 8b to 8b + 8 and the apron. NaN is ignored: a cell that touches it is
+    /// Brick b covers the samples 8b to 8b + 8 and the apron. NaN has no range: a cell that touches it is
     /// vacuum. An infinity counts as the largest `f32` of its sign, because where it lands is the
     /// transfer function's business; [`nonzero_ranges`] knows. Ranges are wide enough for what a
     /// device's decoding and filtering add to the values.
