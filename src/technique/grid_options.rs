@@ -217,7 +217,7 @@ pub(crate) const EMPTY_SPACE: OptionInfo = OptionInfo {
     key: "empty-space",
     values: "skip|march",
     default: "skip",
-    effect: "compute passes over bricks of 8 x 8 x 8 cells in which nothing is visible; the image is the same to the bit",
+    effect: "compute passes over bricks of 8 x 8 x 8 cells in which nothing is visible; the image is the same, on lavapipe to the bit",
 };
 pub(crate) const STOP: OptionInfo = OptionInfo {
     key: "stop",

@@ -37,7 +37,7 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
         key: "integrator",
         values: "integral|full|exact",
         default: "integral",
-        effect: "how a slab is integrated: integral from 1-D tables made in a tenth of a millisecond, opacity exact and colour second order in the slab's optical depth; full from a 2-D table for 12 thicknesses, about as fast and slow to make; exact without a table, cut at the knots, for slabs of large optical depth, 1.2 to 1.6 times the time",
+        effect: "how a slab is integrated: integral from 1-D tables made in a tenth of a millisecond, opacity exact and colour second order in the slab's optical depth; full from a 2-D table for 12 thicknesses, about as fast and slow to make; exact without a table, cut at the knots, for slabs of large optical depth, 1.1 to 1.6 times the time",
     },
     TABLE,
     FILTER,
