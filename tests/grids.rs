@@ -1288,3 +1288,21 @@ fn stored_slices_keep_cells_with_nan_empty() {
         }
     }
 }
+
+/// Segments of a ray are equally long in every direction; slabs of equal depth are not, and at a wide angle their
+/// samples lie far apart.
+#[test]
+fn rays_keep_their_spacing_at_wide_angles() {
+    let gpu = gpu();
+    let scene = scene(Field::Blobs, 24, "f32", &FOG);
+    let projection = Projection::Perspective { fov_y_deg: 160.0 };
+    let camera = Camera { eye: DVec3::new(0.1, 0.05, 0.6), target: DVec3::ZERO, up: DVec3::Y, projection };
+    let view = View::new(camera, 48, 48).unwrap();
+    let truth = truth(&scene, &view);
+    let on_device = GpuScene::new(&gpu, scene);
+    let error =
+        |spec: &str| ImageErrors::between_f64(&draw_on(&on_device, &view, spec), &truth).unwrap().all.rmse;
+    let (rays, slices) = (error("raycast:step=1"), error("slices-3d:step=1"));
+    println!("rays {rays:.2e}, slices {slices:.2e}");
+    assert!(rays < 0.5 * slices, "rays {rays:e}, slices {slices:e}");
+}
