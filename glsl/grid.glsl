@@ -191,10 +191,10 @@ BrickGrid load_bricks() {
     return BrickGrid(count, stride, half_size);
 }
 
-// Slabs, some h cells thick, that are walked before the next look at the bricks. All invocations walk equally
+// Slabs, some h cells thick, that are walked before the next look at the bricks: two bricks' worth. All invocations walk equally
 // many, so that those that run in step do not wait for each other.
 uint slabs_between_looks(float h) {
-    return uint(clamp(float(BRICK) / h, 4.0, 64.0));
+    return uint(clamp(2.0 * float(BRICK) / h, 4.0, 64.0));
 }
 
 // Depth up to which nothing is visible on the ray, from depth z on; z where the brick around it shows something.
