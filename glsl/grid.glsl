@@ -146,76 +146,13 @@ float stored_at(Ray ray, float z, Lattice lattice) {
 }
 #endif
 
-// ------------------------------------------------------------------------- marches in several parts
-
-#ifdef COMPUTE
-// What a dispatch leaves for the next one: opacity where it is small, else the transmittance, negative, so that
-// neither loses digits.
-vec4 paused(vec4 sum, float transmittance) {
-    bool more = (push.order & 4u) != 0u;
-    return vec4(sum.rgb, more && sum.a > 0.5 ? -max(transmittance, 1e-37) : sum.a);
-}
-
-// The same read back: the transmittance, and the sum made whole.
-float resumed(inout vec4 sum) {
-    if (sum.a >= 0.0) return 1.0 - sum.a;
-    float transmittance = -sum.a;
-    sum.a = 1.0 - transmittance;
-    return transmittance;
-}
-#endif
-
-// ----------------------------------------------------------------------------------- empty space
-
-#ifdef COMPUTE
-layout(constant_id = SPEC_EMPTY_SPACE) const bool EMPTY_SPACE = false;
-
-layout(set = 0, binding = BINDING_BRICKS, std430) readonly buffer Bricks {
-    uint visible[];
-} bricks;
-
-struct BrickGrid {
-    ivec3 count;
-    ivec3 stride;
-    vec3 half_size;
-};
-
-BrickGrid load_bricks() {
-    vec3 half_size = push.half_scale.xyz;
-    ivec3 count = max(ivec3(ceil(2.0 * half_size / float(BRICK) - 1e-3)), ivec3(1));
-    // Strides are those of the grid's own axes, whichever of them is z here.
-    uint axis = push.order & 3u;
-    ivec3 stride = axis == 2u ? ivec3(1, count.x, count.x * count.y)
-                 : axis == 0u ? ivec3(count.z, count.z * count.x, 1)
-                                   : ivec3(count.y * count.z, 1, count.y);
-    return BrickGrid(count, stride, half_size);
-}
-
-// Slabs, some h cells thick, that are walked before the next look at the bricks: two bricks' worth. All invocations walk equally
-// many, so that those that run in step do not wait for each other.
-uint slabs_between_looks(float h) {
-    return uint(clamp(2.0 * float(BRICK) / h, 4.0, 64.0));
-}
-
-// Depth up to which nothing is visible on the ray, from depth z on; z where the brick around it shows something.
-//
-// Positions may fall into a neighbouring brick by rounding, and a corner of a brick thinner than the nudge may
-// be passed over: bricks know the samples of one cell around them.
-float empty_until(Ray ray, float z, float far, BrickGrid grid) {
-    const float NUDGE = 0.01; // cells
-    float speed = max(max(abs(ray.d.x), abs(ray.d.y)), abs(ray.d.z));
-    float nudge = NUDGE / max(speed, 1e-30);
-    float at = z;
-    for (int turn = 0; turn < 64; ++turn) {
-        vec3 place = (fma(vec3(at + nudge), ray.d, ray.q) + grid.half_size) / float(BRICK);
-        ivec3 brick = clamp(ivec3(floor(place)), ivec3(0), grid.count - 1);
-        ivec3 word = brick * grid.stride;
-        if (bricks.visible[word.x + word.y + word.z] != 0u) break;
-        vec3 face = (vec3(brick) + mix(vec3(0.0), vec3(1.0), greaterThan(ray.inverse, vec3(0.0)))) * float(BRICK);
-        vec3 leave = (face - grid.half_size - ray.q) * ray.inverse;
-        at = max(min(min(leave.x, leave.y), leave.z), at + nudge);
-        if (at >= far) break;
-    }
-    return at;
+#ifdef VERTEX
+// Clip coordinates of a position at depth z. (px, py, d0) is a frame of index space: the lateral offset from the
+// central ray has the pixel's x and y, times w, as its first two coordinates in it.
+vec4 clip_of(vec3 position, float z) {
+    vec3 px = push.px_kd.xyz, py = push.py_z0.xyz, d0 = push.d0_h.xyz;
+    vec3 lateral = position - push.q0_kq.xyz - z * d0;
+    vec2 xy = vec2(dot(cross(py, d0), lateral), dot(cross(d0, px), lateral)) / dot(cross(px, py), d0);
+    return vec4(xy / push.half_extent, 0.0, push.q0_kq.w + push.px_kd.w * z);
 }
 #endif

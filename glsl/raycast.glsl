@@ -22,15 +22,12 @@
 #include "optics.glsl"
 #include "grid.glsl"
 #include "segments.glsl"
+#include "march.glsl"
 
-layout(constant_id = SPEC_RESUME) const bool RESUME = false;
-
-layout(local_size_x = 8, local_size_y = 8) in;
-layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
 
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
-    if (any(greaterThanEqual(pixel, ivec2(2.0 * push.half_extent + 0.5)))) return;
+    if (!in_image(pixel)) return;
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray);
 
@@ -48,23 +45,13 @@ void main() {
     float segments = interval.x < interval.y ? ceil((interval.y - z0) / h) : 0.0;
     uint first = push.first, last = uint(min(segments, float(push.first + push.count)));
 
-    vec4 sum = RESUME ? imageLoad(accumulation, pixel) : vec4(0.0);
-    float transmittance = resumed(sum);
+    float transmittance;
+    vec4 sum = begin_march(pixel, transmittance);
     uint i = first;
     while (i < last && transmittance > opaque) {
-        uint stop = last;
-        if (EMPTY_SPACE) {
-            float until = empty_until(ray, fma(float(i), h, z0), interval.y, brick_grid);
-            // Segments that end before there show nothing.
-            i = clamp(uint(max(floor((until - z0) / h), 0.0)), i, last);
-            stop = min(i + walk, last);
-        }
-        float front_texel = 0.0;
-        End front;
-        if (INTEGRATOR != INTEGRATOR_MIDPOINT) {
-            front_texel = stored_at(ray, fma(float(i), h, z0), lattice);
-            front = end_at(HAS_NAN && is_nan(front_texel) ? 0.0 : scalar_of(front_texel, lattice));
-        }
+        uint stop = pass_empty(i, last, fma(float(i), h, z0), z0, h, walk, ray, interval.y, brick_grid);
+        Face front;
+        if (INTEGRATOR != INTEGRATOR_MIDPOINT) front = face_at(ray, fma(float(i), h, z0), lattice);
         for (; i < stop && transmittance > opaque; ++i) {
             float begin = fma(float(i), h, z0), end = min(fma(float(i + 1u), h, z0), interval.y);
             float len = max(end - begin, 0.0) * ray.length_per_depth;
@@ -74,15 +61,12 @@ void main() {
                 vec4 optics = classify(scalar_of(texel, lattice), knots);
                 emission = emission_of(optics.rgb, HAS_NAN && is_nan(texel) ? 0.0 : optics.a * len);
             } else {
-                float texel = stored_at(ray, end, lattice);
-                End back = end_at(HAS_NAN && is_nan(texel) ? 0.0 : scalar_of(texel, lattice));
-                bool vacuum = HAS_NAN && (is_nan(front_texel) || is_nan(texel));
-                emission = vacuum ? vec4(0.0) : segment(front, back, len, knots);
-                front_texel = texel;
+                Face back = face_at(ray, end, lattice);
+                emission = between_faces(front, back, len, knots);
                 front = back;
             }
             add_behind(sum, transmittance, emission);
         }
     }
-    imageStore(accumulation, pixel, paused(sum, transmittance));
+    end_march(pixel, sum, transmittance);
 }

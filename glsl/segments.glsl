@@ -1,5 +1,5 @@
 // Segments: pieces of a ray along which the scalar goes linearly from a front to a back value, and the transfer
-// function integrated between the two. For optics.glsl's knots.
+// function integrated between the two. For optics.glsl's knots and grid.glsl's rays.
 //
 //   INTEGRAL  mean extinction and mean emission from 1-D cumulative tables; self-attenuation with the tau-mean
 //             colour: opacity exact, colour second order in the segment's optical depth
@@ -243,4 +243,21 @@ vec4 segment(End front, End back, float len, uint knots) {
     if (INTEGRATOR == INTEGRATOR_INTEGRAL) return emission_of_density(integral_density(front, back, knots), len);
     if (INTEGRATOR == INTEGRATOR_FULL) return full_segment(front.s, back.s, len, knots);
     return exact_segment(front.s, back.s, len, knots);
+}
+
+// A place on the ray with what the integration needs of it.
+struct Face {
+    float texel;
+    End end;
+};
+
+Face face_at(Ray ray, float z, Lattice lattice) {
+    float texel = stored_at(ray, z, lattice);
+    return Face(texel, end_at(HAS_NAN && is_nan(texel) ? 0.0 : scalar_of(texel, lattice)));
+}
+
+// Premultiplied colour and opacity of what lies between two places; vacuum where either touches a NaN.
+vec4 between_faces(Face front, Face back, float len, uint knots) {
+    if (HAS_NAN && (is_nan(front.texel) || is_nan(back.texel))) return vec4(0.0);
+    return segment(front.end, back.end, len, knots);
 }

@@ -61,9 +61,7 @@ vec4 slab_corner(uint instance, uint vertex, out uint slab) {
     }
 
     // Depth grows by `normal` per index; (px, py, d0) is its dual frame.
-    vec3 across = cross(px, py);
-    float det = dot(across, d0);
-    vec3 normal = across / det;
+    vec3 normal = cross(px, py) / dot(cross(px, py), d0);
 
     // Walk from the nearest corner of the box to the farthest: every edge leads to greater depth, so the
     // plane meets each of the three paths once, and each of the three edges between paths at most once.
@@ -82,9 +80,7 @@ vec4 slab_corner(uint instance, uint vertex, out uint slab) {
                           / max(vec3(rise[first], rise[middle], rise[last]), vec3(1e-30)), 0.0, 1.0);
     vec3 point = nearest + along(edge, first) * step.x + along(edge, middle) * step.y + along(edge, last) * step.z;
 
-    vec3 lateral = point - push.q0_kq.xyz - z * d0;
-    vec2 xy = vec2(dot(cross(py, d0), lateral), dot(cross(d0, px), lateral)) / det;
-    return vec4(xy / push.half_extent, 0.0, w);
+    return clip_of(point, z);
 }
 #endif
 

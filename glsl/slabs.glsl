@@ -32,25 +32,6 @@
 #include "segments.glsl"
 #include "slab.glsl"
 
-layout(constant_id = SPEC_RESUME) const bool RESUME = false;
-
-// A place on the ray with what the integration needs of it.
-struct Face {
-    float texel;
-    End end;
-};
-
-Face face_at(Ray ray, float z, Lattice lattice) {
-    float texel = stored_at(ray, z, lattice);
-    return Face(texel, end_at(HAS_NAN && is_nan(texel) ? 0.0 : scalar_of(texel, lattice)));
-}
-
-// Premultiplied colour and opacity of the slab's piece between two places.
-vec4 slab_emission(Face front, Face back, float len, uint knots) {
-    if (HAS_NAN && (is_nan(front.texel) || is_nan(back.texel))) return vec4(0.0);
-    return segment(front.end, back.end, len, knots);
-}
-
 #ifdef VERTEX
 layout(location = 0) flat out uint slab_out;
 
@@ -70,7 +51,7 @@ void main() {
     vec2 piece = slab_piece(slab_begin(slab_in), slab_begin(slab_in + 1u), interval_of(ray));
     vec4 emission = vec4(0.0);
     if (piece.x < piece.y) {
-        emission = slab_emission(face_at(ray, piece.x, lattice), face_at(ray, piece.y, lattice),
+        emission = between_faces(face_at(ray, piece.x, lattice), face_at(ray, piece.y, lattice),
                                  (piece.y - piece.x) * ray.length_per_depth, push.knots);
     }
     blend(emission, slab_in);
@@ -78,12 +59,11 @@ void main() {
 #endif
 
 #ifdef COMPUTE
-layout(local_size_x = 8, local_size_y = 8) in;
-layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
+#include "march.glsl"
 
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
-    if (any(greaterThanEqual(pixel, ivec2(2.0 * push.half_extent + 0.5)))) return;
+    if (!in_image(pixel)) return;
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray);
     uvec2 slabs = slabs_of(interval);
@@ -97,28 +77,23 @@ void main() {
     uint walk = slabs_between_looks(h);
     load_segments();
 
-    vec4 sum = RESUME ? imageLoad(accumulation, pixel) : vec4(0.0);
-    float transmittance = resumed(sum);
+    float transmittance;
+    vec4 sum = begin_march(pixel, transmittance);
     uint slab = slabs.x;
     while (slab < slabs.y && transmittance > opaque) {
-        uint stop = slabs.y;
-        if (EMPTY_SPACE) {
-            float until = empty_until(ray, max(fma(float(slab), h, z0), interval.x), interval.y, brick_grid);
-            // Slabs that end before there show nothing.
-            slab = clamp(uint(max(floor((until - z0) / h), 0.0)), slab, slabs.y);
-            stop = min(slab + walk, slabs.y);
-        }
+        float z = max(fma(float(slab), h, z0), interval.x);
+        uint stop = pass_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
         Face front = face_at(ray, max(fma(float(slab), h, z0), interval.x), lattice);
         for (; slab < stop && transmittance > opaque; ++slab) {
             vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
             Face back = face_at(ray, piece.y, lattice);
             if (piece.x < piece.y) {
                 float len = (piece.y - piece.x) * ray.length_per_depth;
-                add_behind(sum, transmittance, slab_emission(front, back, len, knots));
+                add_behind(sum, transmittance, between_faces(front, back, len, knots));
                 front = back;
             }
         }
     }
-    imageStore(accumulation, pixel, paused(sum, transmittance));
+    end_march(pixel, sum, transmittance);
 }
 #endif

@@ -32,7 +32,6 @@
 #include "optics.glsl"
 #include "grid.glsl"
 
-layout(constant_id = SPEC_RESUME) const bool RESUME = false;
 layout(constant_id = SPEC_BETWEEN) const bool BETWEEN = false;
 
 layout(set = 0, binding = BINDING_VOLUME) uniform sampler2DArray stack;
@@ -151,11 +150,7 @@ void main() {
     point[u] = corner.x == 1 ? high[u] : low[u];
     point[v] = corner.y == 1 ? high[v] : low[v];
 
-    vec3 offset = point - push.q0_kq.xyz;
-    float z = dot(normal, offset), w = kq + kd * z;
-    vec3 lateral = offset - z * d0;
-    vec2 xy = vec2(dot(cross(py, d0), lateral), dot(cross(d0, px), lateral)) / dot(cross(px, py), d0);
-    gl_Position = vec4(xy / push.half_extent, 0.0, w);
+    gl_Position = clip_of(point, dot(normal, point - push.q0_kq.xyz));
 }
 #endif
 
@@ -172,12 +167,11 @@ void main() {
 #endif
 
 #ifdef COMPUTE
-layout(local_size_x = 8, local_size_y = 8) in;
-layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
+#include "march.glsl"
 
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
-    if (any(greaterThanEqual(pixel, ivec2(2.0 * push.half_extent + 0.5)))) return;
+    if (!in_image(pixel)) return;
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray);
 
@@ -201,8 +195,8 @@ void main() {
     uint turn = push.first, last = min(turns, push.first + push.count);
     uint first_slab = uint(begin);
 
-    vec4 sum = RESUME ? imageLoad(accumulation, pixel) : vec4(0.0);
-    float transmittance = resumed(sum);
+    float transmittance;
+    vec4 sum = begin_march(pixel, transmittance);
     while (turn < last && transmittance > opaque) {
         uint stop = last;
         if (EMPTY_SPACE) {
@@ -220,6 +214,6 @@ void main() {
             add_behind(sum, transmittance, slice_emission(ray, piece, slab, lattice, knots));
         }
     }
-    imageStore(accumulation, pixel, paused(sum, transmittance));
+    end_march(pixel, sum, transmittance);
 }
 #endif

@@ -30,8 +30,6 @@
 #include "grid.glsl"
 #include "slab.glsl"
 
-layout(constant_id = SPEC_RESUME) const bool RESUME = false;
-
 // Premultiplied colour and opacity of a piece of the ray.
 vec4 slice_emission(Ray ray, vec2 piece, Lattice lattice, uint knots) {
     float texel = stored_at(ray, 0.5 * (piece.x + piece.y), lattice);
@@ -62,12 +60,11 @@ void main() {
 #endif
 
 #ifdef COMPUTE
-layout(local_size_x = 8, local_size_y = 8) in;
-layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
+#include "march.glsl"
 
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
-    if (any(greaterThanEqual(pixel, ivec2(2.0 * push.half_extent + 0.5)))) return;
+    if (!in_image(pixel)) return;
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray);
     uvec2 slabs = slabs_of(interval);
@@ -81,22 +78,17 @@ void main() {
     uint walk = slabs_between_looks(h);
     load_knots();
 
-    vec4 sum = RESUME ? imageLoad(accumulation, pixel) : vec4(0.0);
-    float transmittance = resumed(sum);
+    float transmittance;
+    vec4 sum = begin_march(pixel, transmittance);
     uint slab = slabs.x;
     while (slab < slabs.y && transmittance > opaque) {
-        uint stop = slabs.y;
-        if (EMPTY_SPACE) {
-            float until = empty_until(ray, max(fma(float(slab), h, z0), interval.x), interval.y, brick_grid);
-            // Slabs that end before there show nothing.
-            slab = clamp(uint(max(floor((until - z0) / h), 0.0)), slab, slabs.y);
-            stop = min(slab + walk, slabs.y);
-        }
+        float z = max(fma(float(slab), h, z0), interval.x);
+        uint stop = pass_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
         for (; slab < stop && transmittance > opaque; ++slab) {
             vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
             add_behind(sum, transmittance, slice_emission(ray, piece, lattice, knots));
         }
     }
-    imageStore(accumulation, pixel, paused(sum, transmittance));
+    end_march(pixel, sum, transmittance);
 }
 #endif

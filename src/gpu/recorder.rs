@@ -184,8 +184,7 @@ impl<'a> Recorder<'a> {
             }
         }
         self.begin(name);
-        let [width, height] = target.extent();
-        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
+        let area = self.whole_area(target.extent());
         let attachments = [vk::RenderingAttachmentInfo::default()
             .image_view(target.view())
             .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
@@ -199,18 +198,6 @@ impl<'a> Recorder<'a> {
         // or by the caller's contract.
         unsafe { device.cmd_begin_rendering(raw, &info) };
         self.bind(pipeline, descriptors, push);
-        let viewport = vk::Viewport {
-            x: 0.0,
-            y: 0.0,
-            width: pixels(width),
-            height: pixels(height),
-            min_depth: 0.0,
-            max_depth: 1.0,
-        };
-        // SAFETY: recording; the pipeline's viewport is dynamic.
-        unsafe { device.cmd_set_viewport(raw, 0, &[viewport]) };
-        // SAFETY: recording; the pipeline's scissor is dynamic.
-        unsafe { device.cmd_set_scissor(raw, 0, &[area]) };
         // SAFETY: a graphics pipeline for this attachment's format is bound with all that it needs.
         unsafe { device.cmd_draw(raw, vertices, instances, 0, 0) };
         // SAFETY: rendering was begun above.
@@ -252,23 +239,10 @@ impl<'a> Recorder<'a> {
     ) {
         self.use_descriptors(descriptors, false);
         self.begin(name);
-        let [width, height] = extent;
-        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
+        let area = self.whole_area(extent);
         let info = vk::RenderingInfo::default().render_area(area).layer_count(1);
-        let viewport = vk::Viewport {
-            x: 0.0,
-            y: 0.0,
-            width: pixels(width),
-            height: pixels(height),
-            min_depth: 0.0,
-            max_depth: 1.0,
-        };
         let device = self.gpu.device().clone();
         let raw = self.commands.raw();
-        // SAFETY: recording; the pipeline's viewport is dynamic.
-        unsafe { device.cmd_set_viewport(raw, 0, &[viewport]) };
-        // SAFETY: recording; the pipeline's scissor is dynamic.
-        unsafe { device.cmd_set_scissor(raw, 0, &[area]) };
         let held = self.keep.len();
         for (i, push) in pushes.enumerate() {
             if i > 0 {
@@ -369,6 +343,25 @@ impl<'a> Recorder<'a> {
     /// The names of the passes, and what must be kept until the submission has ended.
     pub(crate) fn finish(self) -> (Vec<String>, Keep) {
         (self.passes, self.keep)
+    }
+
+    /// Draws from here on go to the whole of an extent.
+    fn whole_area(&self, [width, height]: [u32; 2]) -> vk::Rect2D {
+        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
+        let viewport = vk::Viewport {
+            x: 0.0,
+            y: 0.0,
+            width: pixels(width),
+            height: pixels(height),
+            min_depth: 0.0,
+            max_depth: 1.0,
+        };
+        let device = self.gpu.device();
+        // SAFETY: recording; every pipeline's viewport is dynamic.
+        unsafe { device.cmd_set_viewport(self.commands.raw(), 0, &[viewport]) };
+        // SAFETY: recording; every pipeline's scissor is dynamic.
+        unsafe { device.cmd_set_scissor(self.commands.raw(), 0, &[area]) };
+        area
     }
 
     fn bind(&mut self, pipeline: &Arc<Pipeline>, descriptors: &Arc<Descriptors>, push: &[u8]) {

@@ -524,10 +524,11 @@ impl Source<'_> {
         if levels > 1 {
             let mut memory = vec![0; self.samples.len() * self.encoding.texel_bytes()];
             self.encode(0, &mut memory);
-            let mut above = (self.encoding.texels(&memory), dims);
+            let (first, mut dims) = (self.encoding.texels(&memory), dims);
             for _ in 1..levels {
-                above = mips::halve(&above.0, above.1, along);
-                smaller.push(above.0.clone());
+                let (next, next_dims) = mips::halve(smaller.last().unwrap_or(&first), dims, along);
+                smaller.push(next);
+                dims = next_dims;
             }
         }
         smaller

@@ -20,7 +20,7 @@ use super::{TargetDesc, TargetMode};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
     BINDING_ACCUMULATION, BINDING_BRICKS, BINDING_KNOTS, BINDING_KNOTS_UNIFORM, BINDING_TABLE,
-    BINDING_TABLE_HEAD, BINDING_TEXELS, BINDING_THRESHOLDS, BINDING_VOLUME, SPEC_BLUE_NOISE,
+    BINDING_TABLE_HEAD, BINDING_TEXELS, BINDING_THRESHOLDS, BINDING_VOLUME, BRICK, SPEC_BLUE_NOISE,
     SPEC_EMPTY_SPACE, SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_INTEGRATOR, SPEC_KNOT_WALK, SPEC_PREFILTER,
     SPEC_RESUME, SPEC_TABLE_FILTER, SPEC_TARGET, SPEC_UNDER, Shader,
 };
@@ -84,6 +84,8 @@ impl Slabs {
 pub(crate) trait GridTechnique: std::fmt::Debug + Send + Sync {
     /// Its name.
     fn name(&self) -> &'static str;
+    /// Whether its options hold, alone and together.
+    fn check(&self) -> Result<()>;
     /// The shared options.
     fn options(&self) -> &GridOptions;
     /// How it integrates segments, where it has any.
@@ -178,6 +180,7 @@ impl GridFrame {
         target: &TargetDesc,
         technique: Box<dyn GridTechnique>,
     ) -> Result<Self> {
+        technique.check()?;
         let name = technique.name();
         let options = *technique.options();
         let gpu = scene.gpu();
@@ -573,7 +576,7 @@ fn slabs_per_dispatch(
     // One for the slab, those of the classification, and of the way through bricks as many as there are slabs.
     let mut each = 3 + knots.iterations;
     // Bricks along a ray; panels of quadrature on it, of which opaque matter leaves few.
-    let bricks: u32 = grid.dims().iter().map(|side| side.div_ceil(8)).sum();
+    let bricks: u32 = grid.dims().iter().map(|side| side.div_ceil(BRICK)).sum();
     let mut once = LANES * (bricks + 2);
     if segments.is_some_and(|segments| segments.integrator == Integrator::Exact) {
         // Every piece has a panel of four nodes. A segment may span every knot.

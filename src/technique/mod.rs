@@ -211,26 +211,14 @@ impl Technique {
         }
     }
 
-    /// The technique with its checked options, ready to be prepared.
-    fn for_grids(&self) -> Result<Box<dyn grid_frame::GridTechnique>> {
-        Ok(match self {
-            Self::Slices2d(options) => {
-                options.check()?;
-                Box::new(*options)
-            }
-            Self::Slices3d(options) => {
-                options.check()?;
-                Box::new(*options)
-            }
-            Self::Slabs(options) => {
-                options.check()?;
-                Box::new(*options)
-            }
-            Self::Raycast(options) => {
-                options.check()?;
-                Box::new(*options)
-            }
-        })
+    /// The technique, ready to be prepared.
+    fn for_grids(&self) -> Box<dyn grid_frame::GridTechnique> {
+        match *self {
+            Self::Slices2d(options) => Box::new(options),
+            Self::Slices3d(options) => Box::new(options),
+            Self::Slabs(options) => Box::new(options),
+            Self::Raycast(options) => Box::new(options),
+        }
     }
 }
 
@@ -321,7 +309,7 @@ impl Renderer {
                 ));
             }
         }
-        let prepared = GridFrame::new(&self.scene, view, target, self.technique.for_grids()?)?;
+        let prepared = GridFrame::new(&self.scene, view, target, self.technique.for_grids())?;
         let composite = match (prepared.image(), target.caller) {
             (Some(image), Some((format, mode))) => Some(Composite::new(gpu, image, format, mode)?),
             _ => None,

@@ -82,19 +82,19 @@ impl Options {
         pairs.extend(self.segments.pairs());
         pairs
     }
-
-    pub(crate) fn check(&self) -> Result<()> {
-        if self.grid.route == Route::Raster {
-            return Err(Error::invalid("raycast option route", "raster: rays are cast by compute alone"));
-        }
-        self.segments.check(NAME, true)?;
-        GridOptions { route: Route::Compute, ..self.grid }.check(NAME)
-    }
 }
 
 impl GridTechnique for Options {
     fn name(&self) -> &'static str {
         NAME
+    }
+
+    fn check(&self) -> Result<()> {
+        if self.grid.route == Route::Raster {
+            return Err(Error::invalid("raycast option route", "raster: rays are cast by compute alone"));
+        }
+        self.segments.check(NAME, true)?;
+        GridOptions { route: Route::Compute, ..self.grid }.check(NAME)
     }
 
     fn options(&self) -> &GridOptions {

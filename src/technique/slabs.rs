@@ -86,16 +86,16 @@ impl Options {
         pairs.extend(self.segments.pairs());
         pairs
     }
-
-    pub(crate) fn check(&self) -> Result<()> {
-        self.segments.check(NAME, false)?;
-        self.grid.check(NAME)
-    }
 }
 
 impl GridTechnique for Options {
     fn name(&self) -> &'static str {
         NAME
+    }
+
+    fn check(&self) -> Result<()> {
+        self.segments.check(NAME, false)?;
+        self.grid.check(NAME)
     }
 
     fn options(&self) -> &GridOptions {

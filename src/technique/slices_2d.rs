@@ -133,16 +133,6 @@ impl Options {
         pairs.push(("stacks", self.stacks.word().to_string()));
         pairs
     }
-
-    pub(crate) fn check(&self) -> Result<()> {
-        if !(0.0..1.0).contains(&self.hysteresis) {
-            return Err(Error::invalid(
-                "slices-2d option hysteresis",
-                format!("{}: must be at least 0 and below 1", self.hysteresis),
-            ));
-        }
-        self.grid.check(NAME)
-    }
 }
 
 /// Normals of the planes of the three stacks, unit length, and the planes' distances in world units.
@@ -158,6 +148,16 @@ fn planes(grid: &Grid) -> [(DVec3, f64); 3] {
 impl GridTechnique for Options {
     fn name(&self) -> &'static str {
         NAME
+    }
+
+    fn check(&self) -> Result<()> {
+        if !(0.0..1.0).contains(&self.hysteresis) {
+            return Err(Error::invalid(
+                "slices-2d option hysteresis",
+                format!("{}: must be at least 0 and below 1", self.hysteresis),
+            ));
+        }
+        self.grid.check(NAME)
     }
 
     fn options(&self) -> &GridOptions {

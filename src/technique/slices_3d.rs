@@ -99,15 +99,15 @@ impl Options {
         pairs.push(("ends", self.ends.word().to_string()));
         pairs
     }
-
-    pub(crate) fn check(&self) -> Result<()> {
-        self.grid.check(NAME)
-    }
 }
 
 impl GridTechnique for Options {
     fn name(&self) -> &'static str {
         NAME
+    }
+
+    fn check(&self) -> Result<()> {
+        self.grid.check(NAME)
     }
 
     fn options(&self) -> &GridOptions {
