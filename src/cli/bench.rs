@@ -196,7 +196,7 @@ impl Args {
                 Ok((name, input.scene, vec![input.settings.view]))
             }
             Workload::Found(path, name) => {
-                let input = Input::load_within(&path, Some(size), &ReadOptions { max_bytes: MOST_BYTES })?;
+                let input = Input::load_within(&path, Some(size), &ReadOptions::within(MOST_BYTES))?;
                 Ok((name, input.scene, vec![input.settings.view]))
             }
             Workload::Standard(scene) => {

@@ -1,46 +1,107 @@
-//! Readers for volume files, writers for images.
+//! Readers for data files, writers for images.
 //!
-//! A reader implements `GridReader` and is listed in `READERS`; nothing else names it. Readers see
-//! their file through `source::Source` and decode samples with `samples::read`, which hold the rules
-//! that all formats share: sizes are checked against the file and the memory limit before memory is
-//! taken, compressed streams are read no further than one byte past what the header announces, and what
-//! is missing or left over is an error.
+//! A reader implements `Reader` and is listed in `READERS`; nothing else names it. What formats share:
+//!
+//! | file | what |
+//! |---|---|
+//! | `source` | a file on disk or in memory, its siblings, packed streams, the budget of memory |
+//! | `text`, `fields` | lines, words and numbers with their places; headers of named values |
+//! | `samples` | types, byte orders, and decoding within the memory that the result takes |
+//! | `arrays`, `dataset` | which array is shown; from cells and arrays to a mesh or points |
+//!
+//! Sizes are checked against the file and the memory limit before memory is taken, compressed streams are
+//! read no further than one byte past what the header announces, and what is missing or left over is an
+//! error.
 
+mod arrays;
+mod dataset;
+mod fields;
 mod image;
 mod nifti;
 mod nrrd;
+mod options;
 mod raw;
 mod samples;
 mod source;
+mod text;
 
 use std::io::Write as _;
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::scene::Grid;
+use crate::scene::{Grid, Points, Tets};
 
+pub use arrays::{ArrayInfo, Association, Pick};
 pub(crate) use image::replace;
 pub use image::{read_exr, write_exr, write_image, write_png};
+pub use options::{Progress, ReadOptions};
 pub use raw::{RawLayout, read_raw};
 pub use samples::{Endian, SampleType};
 use source::Source;
 
-/// What a reader may take.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ReadOptions {
-    /// Most bytes of memory that the samples of one volume, or the pixels of one image, may occupy.
-    pub max_bytes: u64,
+/// What a file holds.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub enum Data {
+    /// Samples on a lattice.
+    Grid(Grid),
+    /// Tetrahedra.
+    Mesh(Tets),
+    /// Scattered points.
+    Points(Points),
 }
 
-impl Default for ReadOptions {
-    /// 16 GiB.
-    fn default() -> Self {
-        Self { max_bytes: 16 << 30 }
+impl Data {
+    /// What it is, in words.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Grid(_) => "grid",
+            Self::Mesh(_) => "mesh",
+            Self::Points(_) => "points",
+        }
     }
 }
 
-/// A file format that holds a regular grid.
-trait GridReader: Sync {
+impl From<Grid> for Data {
+    fn from(grid: Grid) -> Self {
+        Self::Grid(grid)
+    }
+}
+
+/// What a person may want to know of how a file was read.
+#[derive(Clone, Debug, Default)]
+#[non_exhaustive]
+pub struct Report {
+    /// The format.
+    pub format: &'static str,
+    /// The arrays of the file, where it has several or names them.
+    pub arrays: Vec<ArrayInfo>,
+    /// The array that was read, as [`ReadOptions::array`] would name it.
+    pub shown: Option<String>,
+    /// What was done to the data.
+    pub notes: Vec<String>,
+    /// What may not be as it seems.
+    pub warnings: Vec<String>,
+}
+
+/// Data, and how it was read.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The data.
+    pub data: Data,
+    /// How it was read.
+    pub report: Report,
+}
+
+impl Loaded {
+    fn new(format: &'static str, data: impl Into<Data>) -> Self {
+        Self { data: data.into(), report: Report { format, ..Report::default() } }
+    }
+}
+
+/// A file format.
+trait Reader: Sync {
     /// The format's name, for messages.
     fn name(&self) -> &'static str;
     /// The usual endings of file names, without the leading dot.
@@ -48,44 +109,69 @@ trait GridReader: Sync {
     /// Whether the file's first bytes are this format's.
     fn recognises(&self, source: &Source) -> bool;
     /// Reads the file.
-    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Grid>;
+    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded>;
 }
 
-/// Every format that [`read_grid`] knows, in the order in which they are asked.
-static READERS: [&dyn GridReader; 2] = [&nrrd::Nrrd, &nifti::Nifti];
+/// Every format that [`read`] knows, in the order in which they are asked.
+static READERS: [&dyn Reader; 2] = [&nrrd::Nrrd, &nifti::Nifti];
 
-/// One line that names the formats that [`read_grid`] knows, with their file name endings.
+/// One line that names the formats that [`read`] knows, with their file name endings.
 #[must_use]
 pub fn known_formats() -> String {
-    let one = |reader: &&dyn GridReader| {
+    let one = |reader: &&dyn Reader| {
         let endings: Vec<String> = reader.extensions().iter().map(|ending| format!(".{ending}")).collect();
         format!("{} ({})", reader.name(), endings.join(", "))
     };
     READERS.iter().map(one).collect::<Vec<_>>().join(", ")
 }
 
-/// Reads a volume file in any known format. Content decides; the file name's ending is asked only when
-/// no format knows the content.
+/// Reads a data file in any known format. Content decides; the file name's ending is asked only when no
+/// format knows the content.
 ///
 /// # Errors
 ///
 /// [`Error::Io`] if a file cannot be read; [`Error::File`] if no format fits, the contents break a rule
-/// of the format, or the samples would take more than `options.max_bytes`.
+/// of the format, or the data would take more than `options.max_bytes`.
+pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Loaded> {
+    read_source(&Source::open(path.as_ref(), options)?, options)
+}
+
+/// The same for files in memory: the first is read, and finds the others by the names that it has for
+/// them.
+///
+/// # Errors
+///
+/// As [`read`]; [`Error::Invalid`] if there is no file.
+pub fn read_memory(files: &[(&str, &[u8])], options: &ReadOptions) -> Result<Loaded> {
+    read_source(&Source::in_memory(files)?, options)
+}
+
+/// Reads a file that holds a grid: see [`read`].
+///
+/// # Errors
+///
+/// As [`read`], and [`Error::File`] if the file holds something else.
 pub fn read_grid(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Grid> {
     let path = path.as_ref();
-    let source = Source::open(path)?;
-    let name = path.file_name().map(|name| name.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let named = |reader: &&&dyn GridReader| {
+    match read(path, options)?.data {
+        Data::Grid(grid) => Ok(grid),
+        other => Err(Error::file(path, "content", format!("{}: must be a grid", other.kind()))),
+    }
+}
+
+fn read_source(source: &Source, options: &ReadOptions) -> Result<Loaded> {
+    let name =
+        source.path().file_name().map(|name| name.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let named = |reader: &&&dyn Reader| {
         reader
             .extensions()
             .iter()
             .any(|ending| name.strip_suffix(ending).is_some_and(|stem| stem.ends_with('.')))
     };
     let reader =
-        READERS.iter().find(|reader| reader.recognises(&source)).or_else(|| READERS.iter().find(named));
+        READERS.iter().find(|reader| reader.recognises(source)).or_else(|| READERS.iter().find(named));
     let Some(reader) = reader else {
-        return Err(Error::file(
-            path,
+        return Err(source.error(
             "content",
             format!(
                 "of no known format: known are {}; raw samples need a scene file with dims and type",
@@ -93,7 +179,7 @@ pub fn read_grid(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Grid> 
             ),
         ));
     };
-    reader.read(&source, options)
+    reader.read(source, options)
 }
 
 /// Writes a text file, complete or not at all.

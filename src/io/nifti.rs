@@ -7,14 +7,14 @@
 //! The sform places the grid where its code is positive, else the qform, else the voxel sizes alone. A
 //! voxel size counts by its magnitude; one that is zero or no number counts as 1.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use ::nifti::{NiftiHeader, NiftiType};
 use glam::{DMat3, DQuat, DVec3};
 
-use super::samples::{self, Endian, SampleType, Stream};
+use super::samples::{self, Endian, Layout, Part, SampleType};
 use super::source::Source;
-use super::{GridReader, ReadOptions};
+use super::{Loaded, ReadOptions, Reader};
 use crate::error::{Error, Result};
 use crate::num;
 use crate::scene::{Anatomy, Grid, Rescale};
@@ -25,7 +25,7 @@ const HEADER: usize = 348;
 const SINGLE: &[u8] = b"n+1\0";
 const PAIR: &[u8] = b"ni1\0";
 
-impl GridReader for Nifti {
+impl Reader for Nifti {
     fn name(&self) -> &'static str {
         "NIfTI-1"
     }
@@ -38,20 +38,19 @@ impl GridReader for Nifti {
         source.head().get(344..HEADER).is_some_and(|magic| magic == SINGLE || magic == PAIR)
     }
 
-    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Grid> {
-        match sibling(source, "img", "hdr") {
-            Some(header) => read(&Source::open(&header)?, options),
+    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
+        let grid = match sibling(source, "img", "hdr") {
+            Some(header) => read(&source.sibling(&header, options)?, options),
             None => read(source, options),
-        }
+        };
+        Ok(Loaded::new(self.name(), grid?))
     }
 }
 
-/// The path with another ending, where the file's own is `from` or `from.gz`.
+/// The name with another ending, where the file's own is `from` or `from.gz`.
 fn sibling(source: &Source, from: &str, to: &str) -> Option<PathBuf> {
-    let path = source.path();
-    let is = |path: &std::path::Path, ending: &str| {
-        path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending))
-    };
+    let path = Path::new(source.path().file_name()?);
+    let is = |path: &Path, ending: &str| path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
     let plain = if is(path, "gz") { path.with_extension("") } else { path.to_path_buf() };
     if !is(&plain, from) {
         return None;
@@ -61,7 +60,7 @@ fn sibling(source: &Source, from: &str, to: &str) -> Option<PathBuf> {
     let ending = if capitals { to.to_uppercase() } else { to.to_owned() };
     let plain = plain.with_extension(&ending);
     let packed = plain.with_extension(format!("{ending}.gz"));
-    Some(if !plain.exists() && packed.exists() { packed } else { plain })
+    Some(if !source.has_sibling(&plain) && source.has_sibling(&packed) { packed } else { plain })
 }
 
 fn read(source: &Source, options: &ReadOptions) -> Result<Grid> {
@@ -80,18 +79,17 @@ fn read(source: &Source, options: &ReadOptions) -> Result<Grid> {
         ));
     }
     let skip = num::u64_of(offset);
-    let image;
     let data = if single {
-        source
+        source.clone()
     } else {
         let path = sibling(source, "hdr", "img").ok_or_else(|| {
             source.error("magic", "\"ni1\": a header with a separate image must be named .hdr or .hdr.gz")
         })?;
-        image = Source::open(&path)?;
-        &image
+        source.sibling(&path, options)?
     };
-    let stream = Stream { dims, kind, endian, offset: 0, gzip: data.is_gzip(), skip };
-    let samples = samples::read(data, "dim", &stream, options)?;
+    let part = Part { skip, ..Part::whole(data.clone()) };
+    let layout = Layout::scalar(dims, kind, endian);
+    let samples = samples::read(source, "dim", &layout, 1, &|_| Ok(part.clone()), options)?;
 
     let (place, columns, origin, anatomy) = placement(&header);
     let spacing = DVec3::new(columns.x_axis.length(), columns.y_axis.length(), columns.z_axis.length());
@@ -164,7 +162,7 @@ fn dims(source: &Source, header: &NiftiHeader) -> Result<[u32; 3]> {
 }
 
 fn sample_type(source: &Source, header: &NiftiHeader) -> Result<SampleType> {
-    let known = "u8, i8, u16, i16, u32, i32, f32 and f64 are supported";
+    let known = "whole numbers of 8 to 64 bits, f32 and f64 are supported";
     let code = header.datatype;
     let kind = match header.data_type() {
         Ok(NiftiType::Uint8) => SampleType::U8,
@@ -173,6 +171,8 @@ fn sample_type(source: &Source, header: &NiftiHeader) -> Result<SampleType> {
         Ok(NiftiType::Int16) => SampleType::I16,
         Ok(NiftiType::Uint32) => SampleType::U32,
         Ok(NiftiType::Int32) => SampleType::I32,
+        Ok(NiftiType::Uint64) => SampleType::U64,
+        Ok(NiftiType::Int64) => SampleType::I64,
         Ok(NiftiType::Float32) => SampleType::F32,
         Ok(NiftiType::Float64) => SampleType::F64,
         Ok(other) => return Err(source.error("datatype", format!("{code} ({other:?}): {known}"))),

@@ -6,14 +6,15 @@
 //! (`content`, `kinds` of spatial axes, `units`, `thicknesses`, `axis mins`, ...) are checked for their
 //! names only.
 
-use std::collections::HashMap;
 use std::io::Read;
+use std::path::Path;
 
 use glam::{DMat3, DVec3};
 
-use super::samples::{self, Endian, SampleType, Stream};
-use super::source::Source;
-use super::{GridReader, ReadOptions};
+use super::fields::Fields;
+use super::samples::{self, Endian, Layout, Part, SampleType};
+use super::source::{Encoding, Source};
+use super::{Loaded, ReadOptions, Reader};
 use crate::error::{Error, Result};
 use crate::scene::{Anatomy, Grid};
 
@@ -55,7 +56,7 @@ const FIELDS: [&str; 29] = [
     "type",
 ];
 
-impl GridReader for Nrrd {
+impl Reader for Nrrd {
     fn name(&self) -> &'static str {
         "NRRD"
     }
@@ -68,23 +69,22 @@ impl GridReader for Nrrd {
         !source.is_gzip() && source.head().starts_with(b"NRRD")
     }
 
-    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Grid> {
+    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
         let header = Header::read(source)?;
         let kind = header.sample_type()?;
         let dims = header.dims()?;
         let endian = header.endian(kind)?;
         let placement = header.placement()?;
-        let gzip = match header.required("encoding")?.to_lowercase().as_str() {
-            "raw" => false,
-            "gzip" | "gz" => true,
+        let encoding = match header.required("encoding")?.to_lowercase().as_str() {
+            "raw" => Encoding::Raw,
+            "gzip" | "gz" => Encoding::Gzip,
             other => {
                 return Err(header.error("encoding", format!("\"{other}\": raw and gzip are supported")));
             }
         };
 
-        let detached;
         let (data, start) = match header.get("data file") {
-            None => (source, header.end),
+            None => (source.clone(), header.end),
             Some(name) => {
                 let several = name == "LIST" || name.starts_with("LIST ") || name.contains('%');
                 if name.is_empty() || several {
@@ -93,29 +93,28 @@ impl GridReader for Nrrd {
                         format!("\"{name}\": must name one file; data in several files is not supported"),
                     ));
                 }
-                let folder = source.path().parent().unwrap_or(std::path::Path::new(""));
-                detached = Source::open(&folder.join(name))?;
-                (&detached, 0)
+                (source.sibling(Path::new(name), options)?, 0)
             }
         };
         let lines = header.whole_number("line skip", 0)?;
-        let start = skip_lines(data, start, lines)?;
+        let start = skip_lines(&data, start, lines)?;
+        let layout = Layout::scalar(dims, kind, endian);
         let skip = match header.whole_number("byte skip", -1)? {
-            -1 if gzip => {
+            -1 if encoding != Encoding::Raw => {
                 return Err(
                     header.error("byte skip", "-1: only raw data can be found from the end of its file")
                 );
             }
             -1 => {
-                let (_, bytes) = samples::data_size(source, "sizes", dims, kind, options)?;
+                let (_, bytes) = samples::data_size(source, "sizes", &layout, options)?;
                 (data.len() - start).checked_sub(bytes).ok_or_else(|| {
                     data.error("data", format!("needs {bytes} bytes: {} are there", data.len() - start))
                 })?
             }
             skip => skip.unsigned_abs(),
         };
-        let stream = Stream { dims, kind, endian, offset: start, gzip, skip };
-        let samples = samples::read(data, "sizes", &stream, options)?;
+        let part = Part { source: data.clone(), offset: start, encoding, skip, text: false };
+        let samples = samples::read(source, "sizes", &layout, 1, &|_| Ok(part.clone()), options)?;
 
         let (place, spacing, origin, direction, anatomy) = placement;
         let grid = Grid::new(dims, samples).map_err(|error| error.in_file(data.path()))?;
@@ -123,7 +122,7 @@ impl GridReader for Nrrd {
             Error::Invalid { why, .. } => header.error(place, why),
             other => other,
         })?;
-        Ok(grid.with_anatomy(anatomy))
+        Ok(Loaded::new(self.name(), grid.with_anatomy(anatomy)))
     }
 }
 
@@ -134,7 +133,7 @@ fn skip_lines(source: &Source, start: u64, lines: i64) -> Result<u64> {
     if left == 0 {
         return Ok(start);
     }
-    for byte in source.reader(start, false)?.bytes() {
+    for byte in source.reader(start, Encoding::Raw).bytes() {
         let byte = byte.map_err(|e| Error::io(source.path(), "cannot read", e))?;
         position += 1;
         if byte == b'\n' {
@@ -147,10 +146,10 @@ fn skip_lines(source: &Source, start: u64, lines: i64) -> Result<u64> {
     Err(source.error("line skip", format!("{lines}: the data has {} lines", lines - left)))
 }
 
-/// The header's fields by name, each with its line.
+/// The header.
 struct Header<'a> {
     source: &'a Source,
-    fields: HashMap<&'static str, (usize, String)>,
+    fields: Fields<'a>,
     /// Where attached data begins.
     end: u64,
 }
@@ -158,7 +157,7 @@ struct Header<'a> {
 impl<'a> Header<'a> {
     fn read(source: &'a Source) -> Result<Self> {
         let bytes = source.bytes(0, source.len().min(MAX_HEADER))?;
-        let mut header = Self { source, fields: HashMap::new(), end: source.len() };
+        let mut header = Self { source, fields: Fields::new(source, "NRRD"), end: source.len() };
         let mut at = 0;
         let mut complete = false;
         for (number, line) in bytes.split_inclusive(|&byte| byte == b'\n').enumerate() {
@@ -216,33 +215,23 @@ impl<'a> Header<'a> {
         let Some(name) = FIELDS.iter().find(|name| **name == key) else {
             return Err(self.source.error(place(), format!("\"{}\": no such field in NRRD", shown())));
         };
-        if let Some((first, _)) = self.fields.insert(name, (number, value.trim().to_owned())) {
-            return Err(self.source.error(place(), format!("{name}: given before, on line {first}")));
-        }
-        Ok(())
+        self.fields.add(number, name, value.trim())
     }
 
     fn get(&self, name: &str) -> Option<&str> {
-        self.fields.get(name).map(|(_, value)| value.as_str())
+        self.fields.get(name)
     }
 
     fn required(&self, name: &str) -> Result<&str> {
-        self.get(name).ok_or_else(|| self.source.error(name, "missing: NRRD needs this field"))
+        self.fields.required(name)
     }
 
-    /// An error about a field, with its line.
     fn error(&self, name: &str, rule: impl Into<String>) -> Error {
-        match self.fields.get(name) {
-            Some((line, _)) => self.source.error(format!("line {line}, {name}"), rule),
-            None => self.source.error(name, rule),
-        }
+        self.fields.error(name, rule)
     }
 
     fn whole_number(&self, name: &str, least: i64) -> Result<i64> {
-        let Some(text) = self.get(name) else { return Ok(0) };
-        text.parse().ok().filter(|&number| number >= least).ok_or_else(|| {
-            self.error(name, format!("\"{text}\": must be a whole number of at least {least}"))
-        })
+        self.fields.whole_number(name, least)
     }
 
     fn sample_type(&self) -> Result<SampleType> {

@@ -5,8 +5,8 @@ use std::path::Path;
 use glam::{DMat3, DVec3};
 
 use super::ReadOptions;
-use super::samples::{self, Endian, SampleType, Stream};
-use super::source::Source;
+use super::samples::{self, Endian, Layout, Part, SampleType};
+use super::source::{Encoding, Source};
 use crate::error::Result;
 use crate::scene::Grid;
 
@@ -53,19 +53,17 @@ impl RawLayout {
 /// [`crate::Error::Io`] if the file cannot be read; [`crate::Error::File`] if its size does not fit the
 /// layout, the layout makes no grid, or the samples would take more than `options.max_bytes`.
 pub fn read_raw(path: impl AsRef<Path>, layout: &RawLayout, options: &ReadOptions) -> Result<Grid> {
-    let source = Source::open(path.as_ref())?;
+    read(&Source::open(path.as_ref(), options)?, layout, options)
+}
+
+pub(crate) fn read(source: &Source, layout: &RawLayout, options: &ReadOptions) -> Result<Grid> {
+    let numbers = Layout::scalar(layout.dims, layout.kind, layout.endian);
     // Samples may begin with gzip's two magic bytes: a file of exactly the right size is raw.
-    let (_, bytes) = samples::data_size(&source, "dims", layout.dims, layout.kind, options)?;
-    let gzip = source.is_gzip() && layout.offset.checked_add(bytes) != Some(source.len());
-    let stream = Stream {
-        dims: layout.dims,
-        kind: layout.kind,
-        endian: layout.endian,
-        offset: 0,
-        gzip,
-        skip: layout.offset,
-    };
-    let samples = samples::read(&source, "dims", &stream, options)?;
+    let (_, bytes) = samples::data_size(source, "dims", &numbers, options)?;
+    let raw = layout.offset.checked_add(bytes) == Some(source.len());
+    let encoding = if raw { Encoding::Raw } else { source.encoding() };
+    let part = Part { skip: layout.offset, encoding, ..Part::whole(source.clone()) };
+    let samples = samples::read(source, "dims", &numbers, 1, &|_| Ok(part.clone()), options)?;
     Grid::new(layout.dims, samples)
         .and_then(|grid| grid.with_placement(layout.spacing, layout.origin, layout.direction))
         .map_err(|error| error.in_file(source.path()))

@@ -1,21 +1,70 @@
 //! A file that a reader looks at.
 
+use std::collections::BTreeMap;
+use std::fmt;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+use std::io::{BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use flate2::bufread::MultiGzDecoder;
+use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 
+use super::ReadOptions;
+use super::options::Progress;
 use crate::error::{Error, Result};
 
-/// An open regular file, its size and its first bytes.
-#[derive(Debug)]
-pub(crate) struct Source {
+/// How bytes are packed from some place of a file to its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Encoding {
+    Raw,
+    Gzip,
+    Zlib,
+}
+
+impl Encoding {
+    /// The most bytes that so many packed ones can hold. Deflate shrinks 258 bytes to two bits at best
+    /// (RFC 1951), rounded up.
+    pub(crate) fn most(self, packed: u64) -> u64 {
+        match self {
+            Self::Raw => packed,
+            Self::Gzip | Self::Zlib => packed.saturating_mul(1032),
+        }
+    }
+
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Raw => "raw",
+            Self::Gzip => "gzip",
+            Self::Zlib => "zlib",
+        }
+    }
+}
+
+/// Files in memory, by name: what a header that names other files finds.
+type Bundle = BTreeMap<String, Arc<[u8]>>;
+
+enum Body {
+    File(File),
+    Memory { bytes: Arc<[u8]>, bundle: Arc<Bundle> },
+}
+
+/// An open regular file, its size and its first bytes. Cheap to clone.
+#[derive(Clone)]
+pub(crate) struct Source(Arc<Inner>);
+
+struct Inner {
     path: PathBuf,
-    file: File,
+    body: Body,
     len: u64,
     gzip: bool,
     head: Vec<u8>,
+    progress: Option<Progress>,
+}
+
+impl fmt::Debug for Source {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.debug_struct("Source").field("path", &self.0.path).field("len", &self.0.len).finish_non_exhaustive()
+    }
 }
 
 impl Source {
@@ -23,70 +72,194 @@ impl Source {
     const HEAD: u64 = 4096;
 
     /// Opens a file and looks at its beginning, through gzip where the file is a gzip stream.
-    pub(crate) fn open(path: &Path) -> Result<Self> {
+    pub(crate) fn open(path: &Path, options: &ReadOptions) -> Result<Self> {
         let file = File::open(path).map_err(|e| Error::io(path, "cannot open", e))?;
         let metadata = file.metadata().map_err(|e| Error::io(path, "cannot look at", e))?;
         // A device or a pipe has no size to check a header against.
         if !metadata.is_file() {
             return Err(Error::file(path, "file", "is a folder or a device: must be a regular file"));
         }
-        let mut source =
-            Self { path: path.to_path_buf(), file, len: metadata.len(), gzip: false, head: Vec::new() };
-        source.head = source.bytes(0, Self::HEAD.min(source.len))?;
-        if source.head.starts_with(&[0x1f, 0x8b]) {
-            source.gzip = true;
+        Self::new(path, Body::File(file), metadata.len(), options.progress.clone())
+    }
+
+    /// The first of several files in memory; the others are found by their names.
+    pub(crate) fn in_memory(files: &[(&str, &[u8])]) -> Result<Self> {
+        let bundle: Bundle =
+            files.iter().map(|(name, bytes)| ((*name).to_owned(), (*bytes).into())).collect();
+        let Some((name, _)) = files.first() else {
+            return Err(Error::invalid("files", "there is none"));
+        };
+        Self::of_bundle(Path::new(name), &Arc::new(bundle))
+    }
+
+    fn of_bundle(path: &Path, bundle: &Arc<Bundle>) -> Result<Self> {
+        let Some(bytes) = path.to_str().and_then(|name| bundle.get(name)) else {
+            return Err(Error::io(path, "cannot open", std::io::ErrorKind::NotFound.into()));
+        };
+        let len = u64::try_from(bytes.len()).unwrap_or(u64::MAX);
+        Self::new(path, Body::Memory { bytes: bytes.clone(), bundle: bundle.clone() }, len, None)
+    }
+
+    fn new(path: &Path, body: Body, len: u64, progress: Option<Progress>) -> Result<Self> {
+        let mut inner =
+            Inner { path: path.to_path_buf(), body, len, gzip: false, head: Vec::new(), progress: None };
+        inner.head = inner.bytes(0, Self::HEAD.min(len))?;
+        if inner.head.starts_with(&[0x1f, 0x8b]) {
+            inner.gzip = true;
             let mut head = Vec::new();
             // A damaged stream leaves a short head; reading the whole says what is wrong with it.
-            let _ = source.reader(0, true)?.take(Self::HEAD).read_to_end(&mut head);
-            source.head = head;
+            let _ = inner.reader(0, Encoding::Gzip).take(Self::HEAD).read_to_end(&mut head);
+            inner.head = head;
         }
-        Ok(source)
+        inner.progress = progress;
+        Ok(Self(Arc::new(inner)))
+    }
+
+    /// Opens another file that this one names, by a path relative to this file's folder.
+    pub(crate) fn sibling(&self, name: &Path, options: &ReadOptions) -> Result<Self> {
+        let path = self.0.path.parent().unwrap_or(Path::new("")).join(name);
+        match &self.0.body {
+            Body::File(_) => Self::open(&path, options),
+            Body::Memory { bundle, .. } => Self::of_bundle(&path, bundle),
+        }
+    }
+
+    /// Whether there is such a file.
+    pub(crate) fn has_sibling(&self, name: &Path) -> bool {
+        let path = self.0.path.parent().unwrap_or(Path::new("")).join(name);
+        match &self.0.body {
+            Body::File(_) => path.exists(),
+            Body::Memory { bundle, .. } => path.to_str().is_some_and(|name| bundle.contains_key(name)),
+        }
     }
 
     /// The file's path, for messages.
     pub(crate) fn path(&self) -> &Path {
-        &self.path
+        &self.0.path
     }
 
     /// Size of the file in bytes.
     pub(crate) fn len(&self) -> u64 {
-        self.len
+        self.0.len
     }
 
     /// Whether the whole file is a gzip stream.
     pub(crate) fn is_gzip(&self) -> bool {
-        self.gzip
+        self.0.gzip
     }
 
-    /// The first bytes, uncompressed; fewer than 4096 only where there are no more.
+    /// How the file as a whole is packed.
+    pub(crate) fn encoding(&self) -> Encoding {
+        if self.0.gzip { Encoding::Gzip } else { Encoding::Raw }
+    }
+
+    /// The first bytes, unpacked; fewer than 4096 only where there are no more.
     pub(crate) fn head(&self) -> &[u8] {
-        &self.head
+        &self.0.head
     }
 
     /// An error that names this file.
     pub(crate) fn error(&self, place: impl Into<String>, rule: impl Into<String>) -> Error {
-        Error::file(&self.path, place, rule)
+        Error::file(&self.0.path, place, rule)
     }
 
-    /// A piece of the file. The caller bounds `len`.
+    /// An error of a stream that reads from this file: one of ours that went through it, or the
+    /// operating system's.
+    pub(crate) fn io_error(&self, error: std::io::Error) -> Error {
+        match error.downcast::<Error>() {
+            Ok(ours) => ours,
+            Err(error) => Error::io(&self.0.path, "cannot read", error),
+        }
+    }
+
+    /// A piece of the file as stored. The caller bounds `len`.
     pub(crate) fn bytes(&self, offset: u64, len: u64) -> Result<Vec<u8>> {
+        self.0.bytes(offset, len)
+    }
+
+    /// The stream from `offset` to the end, unpacked.
+    pub(crate) fn reader(&self, offset: u64, encoding: Encoding) -> Box<dyn BufRead + '_> {
+        self.0.reader(offset, encoding)
+    }
+}
+
+impl Inner {
+    fn bytes(&self, offset: u64, len: u64) -> Result<Vec<u8>> {
         if offset.checked_add(len).is_none_or(|end| end > self.len) {
-            return Err(self.error(
+            return Err(Error::file(
+                &self.path,
                 format!("byte {offset}"),
                 format!("needs {len} bytes here, the file has {} in all", self.len),
             ));
         }
         let mut bytes = Vec::new();
-        let read = self.reader(offset, false)?.take(len).read_to_end(&mut bytes);
+        let read = self.reader(offset, Encoding::Raw).take(len).read_to_end(&mut bytes);
         read.map_err(|e| Error::io(&self.path, "cannot read", e))?;
         Ok(bytes)
     }
 
-    /// The stream from `offset` to the end, inflated if `gzip`.
-    pub(crate) fn reader(&self, offset: u64, gzip: bool) -> Result<Box<dyn BufRead + '_>> {
-        let mut file = &self.file;
-        file.seek(SeekFrom::Start(offset)).map_err(|e| Error::io(&self.path, "cannot seek in", e))?;
-        let file = BufReader::with_capacity(1 << 16, file);
-        Ok(if gzip { Box::new(BufReader::new(MultiGzDecoder::new(file))) } else { Box::new(file) })
+    fn reader(&self, offset: u64, encoding: Encoding) -> Box<dyn BufRead + '_> {
+        let stored: Box<dyn BufRead + '_> = match &self.body {
+            Body::File(file) => {
+                let at = At { inner: self, file, position: offset };
+                Box::new(BufReader::with_capacity(1 << 16, at))
+            }
+            Body::Memory { bytes, .. } => {
+                let mut cursor = Cursor::new(&**bytes);
+                cursor.set_position(offset.min(self.len));
+                Box::new(cursor)
+            }
+        };
+        match encoding {
+            Encoding::Raw => stored,
+            Encoding::Gzip => Box::new(BufReader::with_capacity(1 << 16, MultiGzDecoder::new(stored))),
+            Encoding::Zlib => Box::new(BufReader::with_capacity(1 << 16, ZlibDecoder::new(stored))),
+        }
+    }
+}
+
+/// A position of its own in a file that several readers share.
+struct At<'a> {
+    inner: &'a Inner,
+    file: &'a File,
+    position: u64,
+}
+
+impl Read for At<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        self.file.seek(SeekFrom::Start(self.position))?;
+        let got = self.file.read(buffer)?;
+        self.position = self.position.saturating_add(u64::try_from(got).unwrap_or(u64::MAX));
+        if let Some(progress) = &self.inner.progress {
+            progress.call(self.position.min(self.inner.len), self.inner.len);
+        }
+        Ok(got)
+    }
+}
+
+/// What is left of the memory that a data set may take.
+pub(crate) struct Budget<'a> {
+    source: &'a Source,
+    limit: u64,
+    left: u64,
+}
+
+impl<'a> Budget<'a> {
+    pub(crate) fn new(source: &'a Source, options: &ReadOptions) -> Self {
+        Self { source, limit: options.max_bytes, left: options.max_bytes }
+    }
+
+    /// Takes bytes, before they are allocated.
+    pub(crate) fn take(&mut self, place: &str, bytes: u64) -> Result<()> {
+        match self.left.checked_sub(bytes) {
+            Some(left) => {
+                self.left = left;
+                Ok(())
+            }
+            None => Err(self.source.error(
+                place,
+                format!("{bytes} bytes of memory: {} are left of the limit of {}", self.left, self.limit),
+            )),
+        }
     }
 }

@@ -1,0 +1,217 @@
+//! The arrays of a data set: what there is, and which one is shown.
+
+use std::fmt;
+
+use super::samples::SampleType;
+use super::source::Source;
+use crate::error::Result;
+
+/// What the tuples of an array belong to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Association {
+    /// Samples, vertices or particles.
+    Point,
+    /// Cells.
+    Cell,
+}
+
+impl Association {
+    /// The word that prefixes a name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Point => "point",
+            Self::Cell => "cell",
+        }
+    }
+}
+
+/// What is read of each tuple of an array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pick {
+    /// One component, from 0.
+    Component(usize),
+    /// The Euclidean length.
+    Magnitude,
+}
+
+/// An array as the file announces it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ArrayInfo {
+    /// Its name; may be empty.
+    pub name: String,
+    /// Whose values it holds.
+    pub association: Association,
+    /// The type of a component.
+    pub kind: SampleType,
+    /// Components of a tuple.
+    pub components: usize,
+    /// Whether the file marks it as the one to show.
+    pub active: bool,
+}
+
+impl ArrayInfo {
+    /// Whether it numbers things or flags them: nothing to look at, unless asked for.
+    fn is_bookkeeping(&self) -> bool {
+        let whole = !matches!(self.kind, SampleType::F32 | SampleType::F64);
+        let lower = self.name.to_lowercase();
+        let number = ["id", "ids", "gid", "index", "tag"].contains(&lower.as_str())
+            || ["Id", "Ids", "ID", "IDs", "_id", "_ids"].iter().any(|end| self.name.ends_with(end));
+        whole && (number || lower.starts_with("vtkghost") || lower == "vtkvalidpointmask")
+    }
+}
+
+impl fmt::Display for ArrayInfo {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "{}:{} ({}", self.association.name(), self.name, self.kind.name())?;
+        if self.components != 1 {
+            write!(f, " x {}", self.components)?;
+        }
+        f.write_str(")")
+    }
+}
+
+/// An array that was chosen, and what of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Choice {
+    /// Its place in the list.
+    pub(crate) index: usize,
+    pub(crate) pick: Pick,
+}
+
+/// Chooses the array to show, as [`super::ReadOptions::array`] says. None, where nothing is asked for and
+/// nothing is there.
+pub(crate) fn choose(source: &Source, arrays: &[ArrayInfo], wanted: Option<&str>) -> Result<Option<Choice>> {
+    if let Some(wanted) = wanted {
+        return find(source, arrays, wanted).map(Some);
+    }
+    let all =
+        || arrays.iter().enumerate().filter(|(_, array)| array.components > 0 && !array.is_bookkeeping());
+    let of = |association| move |(_, array): &(usize, &ArrayInfo)| array.association == association;
+    let first = |association| all().filter(of(association)).find(|(_, array)| array.components == 1);
+    let found = all()
+        .find(|(_, array)| array.active)
+        .or_else(|| first(Association::Point))
+        .or_else(|| first(Association::Cell))
+        .or_else(|| all().find(of(Association::Point)))
+        .or_else(|| all().next())
+        .or_else(|| arrays.iter().enumerate().find(|(_, array)| array.components > 0));
+    Ok(found.map(|(index, array)| Choice { index, pick: usual(array) }))
+}
+
+/// Finds an array by `NAME`, `NAME:PART`, `point:NAME` or `cell:NAME:PART`.
+pub(crate) fn find(source: &Source, arrays: &[ArrayInfo], wanted: &str) -> Result<Choice> {
+    let by_name = |association: Option<Association>, name: &str| {
+        let fits = |array: &ArrayInfo| {
+            array.name == name && association.is_none_or(|association| array.association == association)
+        };
+        arrays.iter().position(fits)
+    };
+    // Names may hold colons: the reading with the longest name wins.
+    let prefix = [Association::Point, Association::Cell]
+        .into_iter()
+        .find_map(|a| Some((a, wanted.strip_prefix(a.name())?.strip_prefix(':')?)));
+    let readings = [Some((None, wanted)), prefix.map(|(association, name)| (Some(association), name))];
+    for (association, name) in readings.into_iter().flatten() {
+        if let Some(index) = by_name(association, name) {
+            return Ok(Choice { index, pick: usual(&arrays[index]) });
+        }
+    }
+    for (association, name) in readings.into_iter().flatten() {
+        if let Some((name, part)) = name.rsplit_once(':')
+            && let Some(index) = by_name(association, name)
+        {
+            return Ok(Choice { index, pick: part_of(source, &arrays[index], part)? });
+        }
+    }
+    Err(source.error(format!("array \"{wanted}\""), format!("no such array: there are {}", list(arrays))))
+}
+
+/// One line of names.
+fn list(arrays: &[ArrayInfo]) -> String {
+    /// Most names of a message.
+    const MOST: usize = 20;
+    let mut names: Vec<String> = arrays.iter().take(MOST).map(ToString::to_string).collect();
+    if arrays.len() > MOST {
+        names.push(format!("and {} more", arrays.len() - MOST));
+    }
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+}
+
+fn usual(array: &ArrayInfo) -> Pick {
+    if array.components == 1 { Pick::Component(0) } else { Pick::Magnitude }
+}
+
+fn part_of(source: &Source, array: &ArrayInfo, part: &str) -> Result<Pick> {
+    let letter = |letters: &str| letters.find(part).filter(|_| part.len() == 1);
+    let component = match part {
+        "magnitude" => return Ok(Pick::Magnitude),
+        _ => part.parse().ok().or_else(|| letter("xyzw")).or_else(|| letter("rgba")),
+    };
+    component.filter(|&component| component < array.components).map(Pick::Component).ok_or_else(|| {
+        source.error(
+            format!("array {array}"),
+            format!(
+                "\"{part}\": must be a component below {}, a letter of xyzw or rgba, or magnitude",
+                array.components
+            ),
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn array(name: &str, association: Association, components: usize) -> ArrayInfo {
+        ArrayInfo { name: name.into(), association, kind: SampleType::F32, components, active: false }
+    }
+
+    fn arrays() -> Vec<ArrayInfo> {
+        use Association::{Cell, Point};
+        vec![
+            array("velocity", Point, 3),
+            array("p", Cell, 1),
+            array("p", Point, 1),
+            array("a:x", Point, 2),
+            array("a", Point, 2),
+        ]
+    }
+
+    #[test]
+    fn names_prefixes_and_parts() {
+        let source = Source::in_memory(&[("a.vtu", b"")]).unwrap();
+        let find = |wanted: &str| find(&source, &arrays(), wanted).map(|c| (c.index, c.pick));
+        assert_eq!(find("p").unwrap(), (1, Pick::Component(0)));
+        assert_eq!(find("point:p").unwrap(), (2, Pick::Component(0)));
+        assert_eq!(find("velocity").unwrap(), (0, Pick::Magnitude));
+        assert_eq!(find("velocity:z").unwrap(), (0, Pick::Component(2)));
+        assert_eq!(find("point:velocity:1").unwrap(), (0, Pick::Component(1)));
+        assert_eq!(find("velocity:b").unwrap(), (0, Pick::Component(2)));
+        assert_eq!(find("a:x").unwrap(), (3, Pick::Magnitude), "a whole name wins");
+        assert_eq!(find("a:y").unwrap(), (4, Pick::Component(1)));
+        for (wanted, why) in [
+            ("velocity:w", "below 3"),
+            ("velocity:", "below 3"),
+            ("velocity:xy", "below 3"),
+            ("q", "no such array: there are point:velocity (f32 x 3), cell:p (f32)"),
+            ("cell:velocity", "no such array"),
+        ] {
+            let text = find(wanted).unwrap_err().to_string();
+            assert!(text.contains(why), "{wanted}: {text}");
+        }
+    }
+
+    #[test]
+    fn what_is_shown_unasked() {
+        let source = Source::in_memory(&[("a.vtu", b"")]).unwrap();
+        let choose = |arrays: &[ArrayInfo]| choose(&source, arrays, None).unwrap().map(|c| c.index);
+        let mut arrays = arrays();
+        assert_eq!(choose(&arrays), Some(2), "point data with one component");
+        arrays[4].active = true;
+        assert_eq!(choose(&arrays), Some(4));
+        assert_eq!(choose(&arrays[..2]), Some(1), "then cell data");
+        assert_eq!(choose(&arrays[..1]), Some(0), "then what there is");
+        assert_eq!(choose(&[]), None);
+    }
+}

@@ -1,0 +1,429 @@
+//! Text in files: lines and words with their places, and numbers as the bytes of a type.
+
+use std::io::{BufRead, ErrorKind, Read};
+use std::str::FromStr;
+
+use super::samples::SampleType;
+use super::source::{Encoding, Source};
+use crate::error::{Error, Result};
+use crate::num;
+
+/// Longest line that is read as one, in bytes.
+const MAX_LINE: usize = 1 << 16;
+
+/// Longest word, in bytes.
+const MAX_WORD: usize = 256;
+
+/// A stream of lines, words and binary blocks that knows where it is.
+pub(crate) struct Scanner<'a> {
+    source: &'a Source,
+    reader: Box<dyn BufRead + 'a>,
+    /// Lines behind.
+    line: u64,
+    /// Bytes behind, from where the scanner began.
+    position: u64,
+    /// The most bytes that there may be in all.
+    most: u64,
+    word: Vec<u8>,
+}
+
+impl<'a> Scanner<'a> {
+    /// From the file's beginning, unpacked.
+    pub(crate) fn new(source: &'a Source) -> Self {
+        let encoding = source.encoding();
+        Self::of(source, source.reader(0, encoding), encoding.most(source.len()))
+    }
+
+    /// From any stream that belongs to the file. `most` bounds its length.
+    pub(crate) fn of(source: &'a Source, reader: impl BufRead + 'a, most: u64) -> Self {
+        Self { source, reader: Box::new(reader), line: 0, position: 0, most, word: Vec::new() }
+    }
+
+    /// From a place in a file that is not packed, where `line` lines are behind.
+    pub(crate) fn at(source: &'a Source, offset: u64, line: u64) -> Self {
+        let mut scanner = Self::of(source, source.reader(offset, Encoding::Raw), source.len());
+        scanner.line = line;
+        scanner.position = offset;
+        scanner
+    }
+
+    pub(crate) fn source(&self) -> &'a Source {
+        self.source
+    }
+
+    /// Bytes behind.
+    pub(crate) fn position(&self) -> u64 {
+        self.position
+    }
+
+    /// Line breaks behind; those within binary blocks are not counted.
+    pub(crate) fn lines(&self) -> u64 {
+        self.line
+    }
+
+    /// The most bytes that can still come.
+    pub(crate) fn available(&self) -> u64 {
+        self.most.saturating_sub(self.position)
+    }
+
+    /// An error about the line that was begun last.
+    pub(crate) fn error(&self, rule: impl Into<String>) -> Error {
+        self.source.error(format!("line {}", self.line + 1), rule)
+    }
+
+    /// An error about the line before, for what [`Self::next_line`] returned.
+    pub(crate) fn line_error(&self, rule: impl Into<String>) -> Error {
+        self.source.error(format!("line {}", self.line.max(1)), rule)
+    }
+
+    fn advance(&mut self, bytes: usize) {
+        self.reader.consume(bytes);
+        self.position = self.position.saturating_add(u64::try_from(bytes).unwrap_or(u64::MAX));
+    }
+
+    fn fill(&mut self) -> Result<&[u8]> {
+        let source = self.source;
+        // What is interrupted is tried again.
+        loop {
+            match self.reader.fill_buf() {
+                Ok(_) => break,
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return Err(stream_error(source, error)),
+            }
+        }
+        self.reader.fill_buf().map_err(|error| stream_error(source, error))
+    }
+
+    /// The next line without its end, or None at the end of the file.
+    ///
+    /// # Errors
+    ///
+    /// If it is longer than 64 KiB.
+    pub(crate) fn next_line(&mut self) -> Result<Option<String>> {
+        let mut line = Vec::new();
+        loop {
+            let buffer = self.fill()?;
+            if buffer.is_empty() {
+                if line.is_empty() {
+                    return Ok(None);
+                }
+                break;
+            }
+            let end = buffer.iter().position(|&byte| byte == b'\n');
+            let take = end.unwrap_or(buffer.len());
+            line.extend_from_slice(&buffer[..take]);
+            self.advance(take + usize::from(end.is_some()));
+            if line.len() > MAX_LINE {
+                return Err(self.error(format!("longer than {MAX_LINE} bytes")));
+            }
+            if end.is_some() {
+                break;
+            }
+        }
+        self.line += 1;
+        if line.last() == Some(&b'\r') {
+            line.pop();
+        }
+        Ok(Some(String::from_utf8_lossy(&line).into_owned()))
+    }
+
+    /// The next line that holds more than blanks, trimmed.
+    pub(crate) fn full_line(&mut self) -> Result<Option<String>> {
+        while let Some(line) = self.next_line()? {
+            let trimmed = line.trim();
+            if !trimmed.is_empty() {
+                return Ok(Some(trimmed.to_owned()));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The next word between blanks, or None at the end of the file.
+    ///
+    /// # Errors
+    ///
+    /// If it is longer than 256 bytes.
+    pub(crate) fn word(&mut self) -> Result<Option<&str>> {
+        self.skip_blanks()?;
+        self.word.clear();
+        loop {
+            let buffer = self.fill()?;
+            let end = buffer.iter().position(u8::is_ascii_whitespace);
+            let take = end.unwrap_or(buffer.len());
+            let (done, none) = (end.is_some(), buffer.is_empty());
+            let piece = buffer[..take.min(MAX_WORD + 1)].to_vec();
+            self.word.extend_from_slice(&piece);
+            if self.word.len() > MAX_WORD {
+                return Err(self.error(format!("a word longer than {MAX_WORD} bytes")));
+            }
+            self.advance(take);
+            if done || none {
+                break;
+            }
+        }
+        if self.word.is_empty() {
+            return Ok(None);
+        }
+        match std::str::from_utf8(&self.word) {
+            Ok(word) => Ok(Some(word)),
+            Err(_) => Err(self.error(format!("\"{}\": is no text", self.word.escape_ascii()))),
+        }
+    }
+
+    /// Passes over blanks and line ends.
+    pub(crate) fn skip_blanks(&mut self) -> Result<()> {
+        loop {
+            let buffer = self.fill()?;
+            if buffer.is_empty() {
+                return Ok(());
+            }
+            let blanks = buffer.iter().take_while(|byte| byte.is_ascii_whitespace()).count();
+            let lines = buffer[..blanks].iter().filter(|&&byte| byte == b'\n').count();
+            let done = blanks < buffer.len();
+            self.line += u64::try_from(lines).unwrap_or(u64::MAX);
+            self.advance(blanks);
+            if done {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Ends the line, on which nothing but blanks may be left.
+    pub(crate) fn end_line(&mut self) -> Result<()> {
+        let place = self.line;
+        match self.next_line()? {
+            Some(rest) if !rest.trim().is_empty() => {
+                let shown: String = rest.trim().chars().take(40).collect();
+                Err(self
+                    .source
+                    .error(format!("line {}", place + 1), format!("\"{shown}\": must not follow here")))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The next word as a number.
+    pub(crate) fn number<T: FromStr>(&mut self, what: &str) -> Result<T> {
+        match self.word()?.map(|word| word.parse().map_err(|_| word.to_owned())) {
+            Some(Ok(number)) => Ok(number),
+            Some(Err(word)) => Err(self.error(format!("\"{word}\": must be {what}"))),
+            None => Err(self.source.error(format!("line {}", self.line + 1), format!("ends before {what}"))),
+        }
+    }
+
+    /// Passes over bytes.
+    pub(crate) fn skip(&mut self, bytes: u64) -> Result<()> {
+        let mut left = bytes;
+        while left > 0 {
+            let buffer = self.fill()?.len();
+            if buffer == 0 {
+                return Err(self.source.error(
+                    format!("byte {}", self.position),
+                    format!("ends here: {left} more bytes are announced"),
+                ));
+            }
+            let take = buffer.min(usize::try_from(left).unwrap_or(usize::MAX));
+            self.advance(take);
+            left -= u64::try_from(take).unwrap_or(u64::MAX);
+        }
+        Ok(())
+    }
+
+    /// The numbers that follow, as the little-endian bytes of a type.
+    pub(crate) fn numbers(&mut self, kind: SampleType) -> Numbers<'_, 'a> {
+        Numbers { scanner: self, kind, bytes: [0; 8], left: 0 }
+    }
+}
+
+impl Read for Scanner<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let got = self.reader.read(buffer)?;
+        self.position = self.position.saturating_add(u64::try_from(got).unwrap_or(u64::MAX));
+        Ok(got)
+    }
+}
+
+/// An error of a stream, said of its file; damaged compression in words of its own.
+pub(crate) fn stream_error(source: &Source, error: std::io::Error) -> Error {
+    match error.kind() {
+        ErrorKind::InvalidData | ErrorKind::InvalidInput
+            if error.get_ref().is_none_or(|e| !e.is::<Error>()) =>
+        {
+            source.error("data", format!("a packed stream is damaged: {error}"))
+        }
+        ErrorKind::UnexpectedEof => source.error("data", "ends too early"),
+        ErrorKind::OutOfMemory => source.error("data", "memory is full"),
+        _ => source.io_error(error),
+    }
+}
+
+/// Numbers in words, read as bytes: see [`Scanner::numbers`].
+pub(crate) struct Numbers<'s, 'a> {
+    scanner: &'s mut Scanner<'a>,
+    kind: SampleType,
+    bytes: [u8; 8],
+    /// How many of the last number's bytes are still to be handed out.
+    left: usize,
+}
+
+impl Numbers<'_, '_> {
+    /// Reads the next number. False at the end.
+    fn next(&mut self) -> Result<bool> {
+        let kind = self.kind;
+        let Some(word) = self.scanner.word()? else { return Ok(false) };
+        let Some(bytes) = to_bytes(word, kind) else {
+            let rule = format!("\"{word}\": must be a number of type {}", kind.name());
+            return Err(self.scanner.error(rule));
+        };
+        self.bytes = bytes;
+        self.left = usize::try_from(kind.bytes()).unwrap_or(8);
+        Ok(true)
+    }
+}
+
+impl Read for Numbers<'_, '_> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let size = usize::try_from(self.kind.bytes()).unwrap_or(8);
+        let mut filled = 0;
+        while filled < buffer.len() {
+            if self.left == 0 && !self.next().map_err(std::io::Error::other)? {
+                break;
+            }
+            let take = self.left.min(buffer.len() - filled);
+            let from = size - self.left;
+            buffer[filled..filled + take].copy_from_slice(&self.bytes[from..from + take]);
+            self.left -= take;
+            filled += take;
+        }
+        Ok(filled)
+    }
+}
+
+/// The little-endian bytes of a number in words, where it is one of the type.
+fn to_bytes(word: &str, kind: SampleType) -> Option<[u8; 8]> {
+    fn padded<const N: usize>(bytes: [u8; N]) -> [u8; 8] {
+        let mut all = [0; 8];
+        all[..N].copy_from_slice(&bytes);
+        all
+    }
+    /// Numbers as C prints them: `+1`, `1.e5`, `nan(0x1)`, `-nan(ind)`.
+    fn float<T: FromStr>(word: &str) -> Option<T> {
+        if let Ok(number) = word.parse() {
+            return Some(number);
+        }
+        let lower = word.trim_start_matches(['+', '-']).to_ascii_lowercase();
+        if lower.starts_with("nan") { "nan".parse().ok() } else { None }
+    }
+    Some(match kind {
+        SampleType::U8 => padded(word.parse::<u8>().ok()?.to_le_bytes()),
+        SampleType::I8 => padded(word.parse::<i8>().ok()?.to_le_bytes()),
+        SampleType::U16 => padded(word.parse::<u16>().ok()?.to_le_bytes()),
+        SampleType::I16 => padded(word.parse::<i16>().ok()?.to_le_bytes()),
+        SampleType::U32 => padded(word.parse::<u32>().ok()?.to_le_bytes()),
+        SampleType::I32 => padded(word.parse::<i32>().ok()?.to_le_bytes()),
+        SampleType::U64 => padded(word.parse::<u64>().ok()?.to_le_bytes()),
+        SampleType::I64 => padded(word.parse::<i64>().ok()?.to_le_bytes()),
+        SampleType::F32 => padded(float::<f32>(word)?.to_le_bytes()),
+        SampleType::F64 => padded(float::<f64>(word)?.to_le_bytes()),
+    })
+}
+
+/// A bound of how many numbers so many bytes of text can hold: a digit and a blank each.
+pub(crate) fn most_numbers(bytes: u64) -> u64 {
+    bytes / 2 + 1
+}
+
+/// Reads a list of numbers from a header's line.
+pub(crate) fn floats<const N: usize>(text: &str) -> Option<[f64; N]> {
+    let mut words = text.split_whitespace();
+    let mut numbers = [0.0; N];
+    for number in &mut numbers {
+        *number = words.next()?.parse().ok()?;
+    }
+    words.next().is_none().then_some(numbers)
+}
+
+/// The shortest text that tells a value of a header, for messages.
+pub(crate) fn shown(text: &str) -> String {
+    const MOST: usize = 60;
+    let line: String = text.chars().take(MOST).map(|c| if c.is_control() { ' ' } else { c }).collect();
+    if text.chars().nth(MOST).is_some() { format!("{line}...") } else { line }
+}
+
+/// A count as an index, for what was checked against the bytes that are there.
+pub(crate) fn index(source: &Source, place: &str, count: u64) -> Result<usize> {
+    usize::try_from(count)
+        .map_err(|_| source.error(place, format!("{count}: is more than memory can address")))
+        .and_then(|index| {
+            if index < num::index(u32::MAX) {
+                Ok(index)
+            } else {
+                Err(source.error(place, format!("{count}: must be below {}", u32::MAX)))
+            }
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scan<T>(text: &[u8], check: impl Fn(&mut Scanner) -> T) -> T {
+        let source = Source::in_memory(&[("a.txt", text)]).unwrap();
+        check(&mut Scanner::new(&source))
+    }
+
+    #[test]
+    fn lines_words_and_blocks_follow_each_other() {
+        scan(b"first line\r\n  two 3\n\n\x00\x0a\x01tail 4.5", |s| {
+            assert_eq!(s.next_line().unwrap().unwrap(), "first line");
+            assert_eq!(s.word().unwrap(), Some("two"));
+            assert_eq!(s.number::<u32>("a count").unwrap(), 3);
+            s.end_line().unwrap();
+            s.end_line().unwrap();
+            let mut block = [9; 3];
+            s.read_exact(&mut block).unwrap();
+            assert_eq!(block, [0, 10, 1]);
+            assert_eq!((s.position(), s.available()), (24, 8));
+            s.skip(4).unwrap();
+            assert_eq!(s.number::<f64>("a number").unwrap(), 4.5);
+            assert_eq!(s.word().unwrap(), None);
+            assert!(s.skip(1).unwrap_err().to_string().contains("byte 32: ends here"));
+        });
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_line() {
+        let text = |r: Result<u32>| r.unwrap_err().to_string();
+        scan(b"one\ntwo", |s| {
+            s.word().unwrap();
+            assert_eq!(text(s.number("a count")), "a.txt: line 2: \"two\": must be a count");
+            assert_eq!(text(s.number("a count")), "a.txt: line 2: ends before a count");
+        });
+        scan(b"1 2\n", |s| {
+            s.word().unwrap();
+            assert!(s.end_line().unwrap_err().to_string().contains("line 1: \"2\": must not follow"));
+        });
+        scan(&[b'x'; 300], |s| assert!(s.word().unwrap_err().to_string().contains("longer than 256")));
+        scan(&[b'x'; 70_000], |s| assert!(s.next_line().unwrap_err().to_string().contains("65536")));
+        scan(b"\xff\xfe ", |s| assert!(s.word().unwrap_err().to_string().contains("is no text")));
+    }
+
+    #[test]
+    fn numbers_become_bytes_of_their_type() {
+        let bytes = |text: &[u8], kind| {
+            scan(text, |s| {
+                let mut bytes = Vec::new();
+                s.numbers(kind).read_to_end(&mut bytes).map(|_| bytes).map_err(|e| s.source().io_error(e))
+            })
+        };
+        assert_eq!(bytes(b"1 2\n255", SampleType::U8).unwrap(), [1, 2, 255]);
+        assert_eq!(bytes(b"-2", SampleType::I16).unwrap(), (-2_i16).to_le_bytes());
+        let floats = bytes(b"1.5 nan -inf 1.e2 -nan(ind)", SampleType::F32).unwrap();
+        let floats: Vec<f32> = floats.as_chunks::<4>().0.iter().map(|&b| f32::from_le_bytes(b)).collect();
+        assert_eq!((floats[0], floats[2], floats[3]), (1.5, f32::NEG_INFINITY, 100.0));
+        assert!(floats[1].is_nan() && floats[4].is_nan());
+        let text = bytes(b"1\n256", SampleType::U8).unwrap_err().to_string();
+        assert_eq!(text, "a.txt: line 2: \"256\": must be a number of type u8");
+        assert!(bytes(b"1.5", SampleType::I32).is_err());
+    }
+}

@@ -1,0 +1,308 @@
+//! Tetrahedral meshes.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use crate::error::{Error, Result};
+use crate::num;
+
+/// The scalars of a mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TetScalars {
+    /// One at each point, linear inside each tetrahedron.
+    Point(Vec<f32>),
+    /// One for each tetrahedron, constant inside it.
+    Cell(Vec<f32>),
+}
+
+impl TetScalars {
+    /// The values.
+    #[must_use]
+    pub fn values(&self) -> &[f32] {
+        match self {
+            Self::Point(values) | Self::Cell(values) => values,
+        }
+    }
+}
+
+/// What was put right when a mesh was made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Mended {
+    /// Tetrahedra that were inside out: two of their corners were exchanged.
+    pub reoriented: usize,
+    /// Tetrahedra without volume, which were left out.
+    pub flat: usize,
+    /// Tetrahedra with a corner that is not finite, which were left out.
+    pub nowhere: usize,
+}
+
+/// A mesh of tetrahedra with a scalar at each point or in each cell; vacuum outside.
+///
+/// Valid by construction: indices are in range, corners finite, every tetrahedron has a volume that float64
+/// can tell from zero, and is positively oriented: its corner 3 lies on that side of the others from where
+/// they turn counterclockwise.
+///
+/// Points may coincide, and may be used by no tetrahedron. Cells may overlap or leave gaps: nothing checks
+/// that they are a partition of space. A tetrahedron with a scalar that is NaN is vacuum.
+#[derive(Clone, Debug)]
+pub struct Tets {
+    /// Shared, so that a mesh is cheap to clone, and with other scalars.
+    points: Arc<Vec<DVec3>>,
+    cells: Arc<Vec<[u32; 4]>>,
+    scalars: Arc<TetScalars>,
+    bounds: [DVec3; 2],
+    range: [f64; 2],
+    blank: usize,
+}
+
+impl Tets {
+    /// A mesh of points and tetrahedra, in world units. Cell scalars are those of the tetrahedra given, and
+    /// follow when some are left out.
+    ///
+    /// A volume counts as zero where the rounding of its determinant in float64 may have decided its sign
+    /// (Shewchuk 1997, bound A of `orient3d`).
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if an index is out of range, the number of scalars does not fit, no tetrahedron is
+    /// left, or no scalar is finite.
+    pub fn new(
+        points: Vec<DVec3>,
+        mut cells: Vec<[u32; 4]>,
+        mut scalars: TetScalars,
+    ) -> Result<(Self, Mended)> {
+        let wanted = match &scalars {
+            TetScalars::Point(_) => points.len(),
+            TetScalars::Cell(_) => cells.len(),
+        };
+        if scalars.values().len() != wanted {
+            return Err(Error::invalid(
+                "mesh scalars",
+                format!("{} are given, {wanted} are needed", scalars.values().len()),
+            ));
+        }
+        if let Some((i, cell)) =
+            cells.iter().enumerate().find(|(_, cell)| cell.iter().any(|&i| num::index(i) >= points.len()))
+        {
+            return Err(Error::invalid(
+                "mesh cells",
+                format!("tetrahedron {i} has the corners {cell:?}: there are {} points", points.len()),
+            ));
+        }
+        let mut mended = Mended::default();
+        let mut kept = 0;
+        for i in 0..cells.len() {
+            let mut cell = cells[i];
+            match orientation(cell.map(|i| points[num::index(i)])) {
+                Orientation::Positive => {}
+                Orientation::Negative => {
+                    cell.swap(2, 3);
+                    mended.reoriented += 1;
+                }
+                Orientation::Flat => {
+                    mended.flat += 1;
+                    continue;
+                }
+                Orientation::Nowhere => {
+                    mended.nowhere += 1;
+                    continue;
+                }
+            }
+            cells[kept] = cell;
+            if let TetScalars::Cell(values) = &mut scalars {
+                values[kept] = values[i];
+            }
+            kept += 1;
+        }
+        if kept == 0 {
+            return Err(Error::invalid(
+                "mesh cells",
+                format!("no tetrahedron has a volume: {} were given", cells.len()),
+            ));
+        }
+        cells.truncate(kept);
+        if let TetScalars::Cell(values) = &mut scalars {
+            values.truncate(kept);
+        }
+        let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        for point in cells.iter().flatten().map(|&i| points[num::index(i)]) {
+            bounds = [bounds[0].min(point), bounds[1].max(point)];
+        }
+        let mesh = Self {
+            points: Arc::new(points),
+            cells: Arc::new(cells),
+            scalars: Arc::new(TetScalars::Point(Vec::new())),
+            bounds,
+            range: [0.0; 2],
+            blank: 0,
+        };
+        mesh.with_scalars(scalars).map(|mesh| (mesh, mended))
+    }
+
+    /// The same mesh with other scalars; cell scalars are those of [`Self::cells`].
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if their number does not fit, or no tetrahedron has finite ones.
+    pub fn with_scalars(mut self, scalars: TetScalars) -> Result<Self> {
+        let wanted = match &scalars {
+            TetScalars::Point(_) => self.points.len(),
+            TetScalars::Cell(_) => self.cells.len(),
+        };
+        if scalars.values().len() != wanted {
+            return Err(Error::invalid(
+                "mesh scalars",
+                format!("{} are given, {wanted} are needed", scalars.values().len()),
+            ));
+        }
+        let (mut range, mut blank) = ([f64::INFINITY, f64::NEG_INFINITY], 0);
+        for (i, cell) in self.cells.iter().enumerate() {
+            let values: [f32; 4] = match &scalars {
+                TetScalars::Point(values) => cell.map(|i| values[num::index(i)]),
+                TetScalars::Cell(values) => [values[i]; 4],
+            };
+            if values.iter().any(|value| value.is_nan()) {
+                blank += 1;
+                continue;
+            }
+            for value in values.into_iter().filter(|value| value.is_finite()).map(f64::from) {
+                range = [range[0].min(value), range[1].max(value)];
+            }
+        }
+        if range[0] > range[1] {
+            return Err(Error::invalid("mesh scalars", "no tetrahedron has a finite one"));
+        }
+        self.scalars = Arc::new(scalars);
+        self.range = range;
+        self.blank = blank;
+        Ok(self)
+    }
+
+    /// Points, in world units.
+    #[must_use]
+    pub fn points(&self) -> &[DVec3] {
+        &self.points
+    }
+
+    /// Corners of the tetrahedra, as indices of points.
+    #[must_use]
+    pub fn cells(&self) -> &[[u32; 4]] {
+        &self.cells
+    }
+
+    /// The scalars.
+    #[must_use]
+    pub fn scalars(&self) -> &TetScalars {
+        &self.scalars
+    }
+
+    /// Least and greatest coordinates of the points that tetrahedra use.
+    #[must_use]
+    pub fn bounds(&self) -> [DVec3; 2] {
+        self.bounds
+    }
+
+    /// Smallest and largest finite scalar of the tetrahedra that are not vacuum.
+    #[must_use]
+    pub fn range(&self) -> [f64; 2] {
+        self.range
+    }
+
+    /// Number of tetrahedra that are vacuum, because a scalar of theirs is NaN.
+    #[must_use]
+    pub fn blank_count(&self) -> usize {
+        self.blank
+    }
+}
+
+enum Orientation {
+    Positive,
+    Negative,
+    Flat,
+    Nowhere,
+}
+
+/// Which way round a tetrahedron is: the sign of six times its volume, where float64 knows it.
+fn orientation([a, b, c, d]: [DVec3; 4]) -> Orientation {
+    if !(a.is_finite() && b.is_finite() && c.is_finite() && d.is_finite()) {
+        return Orientation::Nowhere;
+    }
+    let (u, v, w) = (b - a, c - a, d - a);
+    let (p, q) = (v.y * w.z - v.z * w.y, v.z * w.x - v.x * w.z);
+    let r = v.x * w.y - v.y * w.x;
+    let volume = u.x * p + u.y * q + u.z * r;
+    let magnitude = u.x.abs() * ((v.y * w.z).abs() + (v.z * w.y).abs())
+        + u.y.abs() * ((v.z * w.x).abs() + (v.x * w.z).abs())
+        + u.z.abs() * ((v.x * w.y).abs() + (v.y * w.x).abs());
+    const EPSILON: f64 = f64::EPSILON / 2.0;
+    let bound = (7.0 + 56.0 * EPSILON) * EPSILON * magnitude;
+    if volume > bound {
+        Orientation::Positive
+    } else if -volume > bound {
+        Orientation::Negative
+    } else {
+        Orientation::Flat
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn corners() -> Vec<DVec3> {
+        vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z, DVec3::new(0.5, 0.5, 0.0), DVec3::NAN, DVec3::ONE]
+    }
+
+    fn scalars() -> TetScalars {
+        TetScalars::Point(vec![0.0, 1.0, 2.0, 3.0, 4.0, 9.0, 5.0])
+    }
+
+    #[test]
+    fn cells_are_mended_and_counted() {
+        let cells = vec![[0, 1, 2, 3], [0, 2, 1, 3], [0, 1, 2, 4], [0, 1, 2, 5], [1, 1, 2, 3]];
+        let data = TetScalars::Cell(vec![1.0, 2.0, 3.0, 4.0, 5.0]);
+        let (mesh, mended) = Tets::new(corners(), cells, data).unwrap();
+        assert_eq!(mended, Mended { reoriented: 1, flat: 2, nowhere: 1 });
+        assert_eq!(mesh.cells(), [[0, 1, 2, 3], [0, 2, 3, 1]]);
+        assert_eq!(mesh.scalars(), &TetScalars::Cell(vec![1.0, 2.0]));
+        assert_eq!(mesh.bounds(), [DVec3::ZERO, DVec3::ONE]);
+        assert_eq!(mesh.range(), [1.0, 2.0]);
+        for [a, b, c, d] in mesh.cells().iter().map(|cell| cell.map(|i| mesh.points()[num::index(i)])) {
+            assert!((b - a).cross(c - a).dot(d - a) > 0.0);
+        }
+    }
+
+    #[test]
+    fn nan_blanks_cells() {
+        let (mesh, _) = Tets::new(corners(), vec![[0, 1, 2, 3], [6, 1, 2, 3]], scalars()).unwrap();
+        assert_eq!((mesh.range(), mesh.blank_count()), ([0.0, 5.0], 0));
+        let nan = TetScalars::Point(vec![f32::NAN, 1.0, 2.0, f32::INFINITY, 7.0, f32::NAN, 1.5]);
+        let mesh = mesh.with_scalars(nan).unwrap();
+        assert_eq!((mesh.range(), mesh.blank_count()), ([1.0, 2.0], 1));
+    }
+
+    #[test]
+    fn refuses_what_is_no_mesh() {
+        let why =
+            |cells: Vec<[u32; 4]>, scalars| Tets::new(corners(), cells, scalars).unwrap_err().to_string();
+        assert!(why(vec![[0, 1, 2, 7]], scalars()).contains("tetrahedron 0"));
+        assert!(why(vec![[0, 1, 2, 3]], TetScalars::Cell(vec![])).contains("0 are given, 1"));
+        assert!(why(vec![[0, 1, 2, 4]], scalars()).contains("no tetrahedron has a volume"));
+        assert!(why(vec![[0, 1, 2, 3]], TetScalars::Cell(vec![f32::NAN])).contains("finite"));
+    }
+
+    #[test]
+    fn slivers_are_told_from_flat_cells() {
+        let thin = |height: f64| {
+            let points = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::new(0.3, 0.3, height)];
+            Tets::new(points, vec![[0, 1, 2, 3]], TetScalars::Cell(vec![1.0])).is_ok()
+        };
+        assert!(thin(1e-12) && thin(-1e-300) && !thin(0.0));
+        // Far from the origin the same height is lost in the coordinates.
+        let far = DVec3::splat(1e6);
+        let points: Vec<DVec3> =
+            [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::new(0.3, 0.3, 1e-12)].map(|p| p + far).to_vec();
+        assert!(Tets::new(points, vec![[0, 1, 2, 3]], TetScalars::Cell(vec![1.0])).is_err());
+    }
+}
