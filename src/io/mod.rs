@@ -17,6 +17,7 @@ mod arrays;
 mod dataset;
 mod fields;
 mod image;
+mod lattice;
 mod nifti;
 mod nrrd;
 mod options;

@@ -1,0 +1,14 @@
+//! Data files: every format in every encoding, real files, hostile ones.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    unreachable_pub,
+    dead_code,
+    reason = "a test fails by panicking, and makes its own numbers"
+)]
+
+mod support;
