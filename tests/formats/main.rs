@@ -11,4 +11,7 @@
     reason = "a test fails by panicking, and makes its own numbers"
 )]
 
+mod container;
+mod mutations;
+mod nifti;
 mod support;
