@@ -15,3 +15,8 @@ mod container;
 mod mutations;
 mod nifti;
 mod support;
+
+/// The samples of each fuzz target.
+fn seeds() -> Vec<(&'static str, Vec<support::Sample>)> {
+    vec![("nifti", nifti::samples())]
+}

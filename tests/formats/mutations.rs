@@ -229,3 +229,17 @@ fn the_harness_can_fail() {
     });
     assert!(changed.count() > 80);
 }
+
+/// Writes the samples where `tools/fuzz.sh` begins.
+#[test]
+#[ignore = "writes the seeds of fuzzing into the folder that VOLRASTER_CORPUS names"]
+fn corpus() {
+    let root = std::env::var_os("VOLRASTER_CORPUS").expect("VOLRASTER_CORPUS names a folder");
+    for (target, samples) in super::seeds() {
+        let folder = Path::new(&root).join(target);
+        std::fs::create_dir_all(&folder).unwrap();
+        for (i, sample) in samples.iter().enumerate() {
+            std::fs::write(folder.join(format!("sample-{i}")), container::pack(&sample.files)).unwrap();
+        }
+    }
+}
