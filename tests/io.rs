@@ -253,14 +253,15 @@ fn nrrd_refuses_by_place_and_rule() {
     let path = folder.write("bad.nhdr", nrrd(&basic("raw", "data file: ."), &[]));
     contains(&refusal(read_grid(path, &OPTIONS), &folder.0), &["regular file"]);
     swap("encoding: raw", "encoding: bzip2", &["line 5, encoding", "bzip2", "raw and gzip"]);
-    swap("encoding: raw", "encoding: ascii", &["ascii"]);
+    swap("encoding: raw", "encoding: ascii", &["needs 24 numbers", "24 bytes hold at most 13"]);
     swap("encoding: raw", "encoding: hex", &["hex"]);
     swap("encoding: raw", "comment: x", &["no such field"]);
     swap("\nencoding: raw", "", &["encoding", "missing"]);
     swap("type: uchar", "type: block", &["line 2, type", "block"]);
-    swap("type: uchar", "type: int64", &["int64"]);
+    swap("type: uchar", "type: int64", &["endian", "missing", "i64"]);
     swap("type: uchar", "type: short", &["endian", "missing", "i16"]);
-    swap("dimension: 3", "dimension: 4", &["line 3, dimension", "4"]);
+    swap("dimension: 3", "dimension: 4", &["line 4, sizes", "3 numbers", "needs 4"]);
+    swap("dimension: 3", "dimension: 2", &["line 3, dimension", "2"]);
     swap("sizes: 4 3 2", "sizes: 4 3", &["2 numbers"]);
     swap("sizes: 4 3 2", "sizes: 4 -3 2", &["\"-3\""]);
     swap("sizes: 4 3 2", "sizes: 4 0 2", &["\"0\""]);

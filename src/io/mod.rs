@@ -7,6 +7,7 @@
 //! | `source` | a file on disk or in memory, its siblings, packed streams, the budget of memory |
 //! | `text`, `fields` | lines, words and numbers with their places; headers of named values |
 //! | `samples` | types, byte orders, and decoding within the memory that the result takes |
+//! | `volume` | components, and data in several files, of grids |
 //! | `arrays`, `dataset` | which array is shown; from cells and arrays to a mesh or points |
 //!
 //! Sizes are checked against the file and the memory limit before memory is taken, compressed streams are
@@ -18,13 +19,16 @@ mod dataset;
 mod fields;
 mod image;
 mod lattice;
+mod metaimage;
 mod nifti;
+mod npy;
 mod nrrd;
 mod options;
 mod raw;
 mod samples;
 mod source;
 mod text;
+mod volume;
 
 use std::io::Write as _;
 use std::path::Path;
@@ -36,6 +40,7 @@ pub use arrays::{ArrayInfo, Association, Pick};
 pub(crate) use image::replace;
 pub use image::{read_exr, write_exr, write_image, write_png};
 pub use options::{Progress, ReadOptions};
+pub(crate) use raw::describes_raw;
 pub use raw::{RawLayout, read_raw};
 pub use samples::{Endian, SampleType};
 use source::Source;
@@ -114,7 +119,7 @@ trait Reader: Sync {
 }
 
 /// Every format that [`read`] knows, in the order in which they are asked.
-static READERS: [&dyn Reader; 2] = [&nrrd::Nrrd, &nifti::Nifti];
+static READERS: [&dyn Reader; 5] = [&nrrd::Nrrd, &nifti::Nifti, &metaimage::MetaImage, &npy::Npy, &raw::Raw];
 
 /// One line that names the formats that [`read`] knows, with their file name endings.
 #[must_use]

@@ -59,14 +59,15 @@ impl LoadedScene {
         Self::assemble(path, grid, Rest::default())
     }
 
-    /// A data file or a scene file: what ends in `.json` is a scene file.
+    /// A data file or a scene file: what ends in `.json` is a scene file, unless it describes raw samples.
     ///
     /// # Errors
     ///
     /// As [`SceneFile::load`] and [`LoadedScene::from_data`].
     pub fn load_any(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Self> {
         let path = path.as_ref();
-        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json")) {
+        let json = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"));
+        if json && !io::describes_raw(path, options) {
             SceneFile::load(path, options)
         } else {
             Self::from_data(path, options)
@@ -181,7 +182,7 @@ fn parse<T: for<'de> Deserialize<'de>>(path: &Path, options: &ReadOptions) -> Re
     Ok(parsed)
 }
 
-fn json_error(path: &Path, error: &serde_json::Error, key: &str) -> Error {
+pub(crate) fn json_error(path: &Path, error: &serde_json::Error, key: &str) -> Error {
     let position = format!("line {}, column {}", error.line(), error.column());
     let place = if key.is_empty() { position.clone() } else { format!("{position}, {key}") };
     // The parser repeats the position at the end of its message.
