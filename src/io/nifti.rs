@@ -14,6 +14,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::samples::{self, Endian, Layout, Part, SampleType};
 use super::source::Source;
+use super::volume::Chosen;
 use super::{Loaded, ReadOptions, Reader};
 use crate::error::{Error, Result};
 use crate::num;
@@ -39,11 +40,10 @@ impl Reader for Nifti {
     }
 
     fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
-        let grid = match sibling(source, "img", "hdr") {
-            Some(header) => read(&source.sibling(&header, options)?, options),
-            None => read(source, options),
-        };
-        Ok(Loaded::new(self.name(), grid?))
+        match sibling(source, "img", "hdr") {
+            Some(header) => read(&source.sibling(&header, options)?, self.name(), options),
+            None => read(source, self.name(), options),
+        }
     }
 }
 
@@ -63,7 +63,7 @@ fn sibling(source: &Source, from: &str, to: &str) -> Option<PathBuf> {
     Some(if !source.has_sibling(&plain) && source.has_sibling(&packed) { packed } else { plain })
 }
 
-fn read(source: &Source, options: &ReadOptions) -> Result<Grid> {
+fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<Loaded> {
     let (header, endian) = parse(source)?;
     let dims = dims(source, &header)?;
     let kind = sample_type(source, &header)?;
@@ -88,8 +88,8 @@ fn read(source: &Source, options: &ReadOptions) -> Result<Grid> {
         source.sibling(&path, options)?
     };
     let part = Part { skip, ..Part::whole(data.clone()) };
-    let layout = Layout::scalar(dims, kind, endian);
-    let samples = samples::read(source, "dim", &layout, 1, &|_| Ok(part.clone()), options)?;
+    let chosen = Chosen::new(source, "dim", Layout::scalar(dims, kind, endian), 1, options)?;
+    let samples = samples::read(source, "dim", &chosen.layout, 1, &|_| Ok(part.clone()), options)?;
 
     let (place, columns, origin, anatomy) = placement(&header);
     let spacing = DVec3::new(columns.x_axis.length(), columns.y_axis.length(), columns.z_axis.length());
@@ -103,9 +103,33 @@ fn read(source: &Source, options: &ReadOptions) -> Result<Grid> {
     };
     let grid = Grid::new(dims, samples).map_err(|error| error.in_file(data.path()))?;
     let grid = grid.with_placement(spacing, origin, direction).map_err(at(place))?;
-    grid.with_rescale(rescale(&header))
-        .map_err(at("scl_slope, scl_inter"))
-        .map(|grid| grid.with_anatomy(anatomy))
+    let grid = grid.with_rescale(rescale(&header)).map_err(at("scl_slope, scl_inter"))?;
+    let mut loaded = chosen.loaded(format, grid.with_anatomy(anatomy));
+    loaded.report.warnings.extend(doubts(&header));
+    Ok(loaded)
+}
+
+/// What of the placement may not be as it seems.
+fn doubts(header: &NiftiHeader) -> Vec<String> {
+    let mut doubts = Vec::new();
+    if header.sform_code > 0 || header.qform_code <= 0 {
+        return doubts;
+    }
+    let handed = header.pixdim[0];
+    if ![-1.0, 0.0, 1.0].contains(&handed) {
+        doubts.push(format!("pixdim[0] is {handed}: must be 1 or -1, and counts by its sign"));
+    }
+    let squares = [header.quatern_b, header.quatern_c, header.quatern_d].map(|x| f64::from(x).powi(2));
+    let sum: f64 = squares.iter().sum();
+    // Seven digits of a float32 leave less than this.
+    if sum > 1.0 + 1e-5 {
+        doubts
+            .push(format!("quatern_b, c and d: squares sum up to {sum:.6}, beyond 1: scaled to unit length"));
+    }
+    if (1..=3).any(|axis| header.pixdim[axis] < 0.0) {
+        doubts.push("pixdim is negative: counts by its magnitude".to_owned());
+    }
+    doubts
 }
 
 /// The parsed header and its byte order.
@@ -149,9 +173,14 @@ fn dims(source: &Source, header: &NiftiHeader) -> Result<[u32; 3]> {
             return Err(source.error(format!("dim[{axis}]"), format!("{extent}: must be positive")));
         }
         if axis > 3 && extent > 1 {
+            let what = match axis {
+                4 => "times",
+                5 => "components",
+                _ => "entries",
+            };
             return Err(source.error(
                 format!("dim[{axis}]"),
-                format!("{extent}: a volume has three dimensions, further ones must be 1"),
+                format!("{extent} {what}: a volume has three dimensions, further ones must be 1"),
             ));
         }
     }
