@@ -12,8 +12,12 @@
 )]
 
 mod container;
+mod metaimage;
 mod mutations;
 mod nifti;
+mod npy;
+mod nrrd;
+mod raw;
 mod support;
 
 /// The samples of each fuzz target.
