@@ -29,6 +29,9 @@ mod samples;
 mod source;
 mod text;
 mod volume;
+mod vtk_blocks;
+mod vtk_document;
+mod vtk_xml;
 
 use std::io::Write as _;
 use std::path::Path;
@@ -119,7 +122,14 @@ trait Reader: Sync {
 }
 
 /// Every format that [`read`] knows, in the order in which they are asked.
-static READERS: [&dyn Reader; 5] = [&nrrd::Nrrd, &nifti::Nifti, &metaimage::MetaImage, &npy::Npy, &raw::Raw];
+static READERS: &[&dyn Reader] = &[
+    &nrrd::Nrrd,
+    &nifti::Nifti,
+    &metaimage::MetaImage,
+    &npy::Npy,
+    &vtk_xml::VtkXml,
+    &raw::Raw,
+];
 
 /// One line that names the formats that [`read`] knows, with their file name endings.
 #[must_use]

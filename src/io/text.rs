@@ -47,6 +47,12 @@ impl<'a> Scanner<'a> {
         scanner
     }
 
+    /// The same, where `line` lines are behind.
+    pub(crate) fn from_line(mut self, line: u64) -> Self {
+        self.line = line;
+        self
+    }
+
     pub(crate) fn source(&self) -> &'a Source {
         self.source
     }

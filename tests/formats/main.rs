@@ -24,3 +24,4 @@ mod support;
 fn seeds() -> Vec<(&'static str, Vec<support::Sample>)> {
     vec![("nifti", nifti::samples())]
 }
+mod vtk_xml;
