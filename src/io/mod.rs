@@ -31,6 +31,7 @@ mod text;
 mod volume;
 mod vtk_blocks;
 mod vtk_document;
+mod vtk_legacy;
 mod vtk_xml;
 
 use std::io::Write as _;
@@ -128,6 +129,7 @@ static READERS: &[&dyn Reader] = &[
     &metaimage::MetaImage,
     &npy::Npy,
     &vtk_xml::VtkXml,
+    &vtk_legacy::VtkLegacy,
     &raw::Raw,
 ];
 

@@ -25,6 +25,8 @@ pub(crate) struct Scanner<'a> {
     /// The most bytes that there may be in all.
     most: u64,
     word: Vec<u8>,
+    /// What was looked at and is still to come.
+    ahead: Vec<u8>,
 }
 
 impl<'a> Scanner<'a> {
@@ -36,7 +38,15 @@ impl<'a> Scanner<'a> {
 
     /// From any stream that belongs to the file. `most` bounds its length.
     pub(crate) fn of(source: &'a Source, reader: impl BufRead + 'a, most: u64) -> Self {
-        Self { source, reader: Box::new(reader), line: 0, position: 0, most, word: Vec::new() }
+        Self {
+            source,
+            reader: Box::new(reader),
+            line: 0,
+            position: 0,
+            most,
+            word: Vec::new(),
+            ahead: Vec::new(),
+        }
     }
 
     /// From a place in a file that is not packed, where `line` lines are behind.
@@ -51,6 +61,17 @@ impl<'a> Scanner<'a> {
     pub(crate) fn from_line(mut self, line: u64) -> Self {
         self.line = line;
         self
+    }
+
+    /// From a place in the unpacked file, where `line` lines are behind.
+    pub(crate) fn resume(source: &'a Source, offset: u64, line: u64) -> Result<Self> {
+        if !source.is_gzip() {
+            return Ok(Self::at(source, offset, line));
+        }
+        let mut scanner = Self::new(source);
+        scanner.skip(offset)?;
+        scanner.line = line;
+        Ok(scanner)
     }
 
     pub(crate) fn source(&self) -> &'a Source {
@@ -83,11 +104,22 @@ impl<'a> Scanner<'a> {
     }
 
     fn advance(&mut self, bytes: usize) {
-        self.reader.consume(bytes);
+        if self.ahead.is_empty() {
+            self.reader.consume(bytes);
+        } else {
+            self.ahead.drain(..bytes.min(self.ahead.len()));
+        }
         self.position = self.position.saturating_add(u64::try_from(bytes).unwrap_or(u64::MAX));
     }
 
     fn fill(&mut self) -> Result<&[u8]> {
+        if !self.ahead.is_empty() {
+            return Ok(&self.ahead);
+        }
+        self.fill_stream()
+    }
+
+    fn fill_stream(&mut self) -> Result<&[u8]> {
         let source = self.source;
         // What is interrupted is tried again.
         loop {
@@ -131,6 +163,26 @@ impl<'a> Scanner<'a> {
             line.pop();
         }
         Ok(Some(String::from_utf8_lossy(&line).into_owned()))
+    }
+
+    /// Passes over a line of any length. False at the end of the file.
+    pub(crate) fn skip_line(&mut self) -> Result<bool> {
+        let mut any = false;
+        loop {
+            let buffer = self.fill()?;
+            if buffer.is_empty() {
+                self.line += u64::from(any);
+                return Ok(any);
+            }
+            any = true;
+            let end = buffer.iter().position(|&byte| byte == b'\n');
+            let take = end.map_or(buffer.len(), |end| end + 1);
+            self.advance(take);
+            if end.is_some() {
+                self.line += 1;
+                return Ok(true);
+            }
+        }
     }
 
     /// The next line that holds more than blanks, trimmed.
@@ -194,6 +246,52 @@ impl<'a> Scanner<'a> {
         }
     }
 
+    /// What comes next, `count` bytes or all that are left, without passing over it.
+    pub(crate) fn peek(&mut self, count: usize) -> Result<&[u8]> {
+        while let Some(missing) = count.checked_sub(self.ahead.len()).filter(|&missing| missing > 0) {
+            let piece = self.fill_stream()?;
+            let piece = piece[..piece.len().min(missing)].to_vec();
+            if piece.is_empty() {
+                break;
+            }
+            self.reader.consume(piece.len());
+            self.ahead.extend_from_slice(&piece);
+        }
+        Ok(&self.ahead[..self.ahead.len().min(count)])
+    }
+
+    /// Passes over words; the blank after the last one comes next.
+    pub(crate) fn skip_words(&mut self, count: u64) -> Result<()> {
+        let mut left = count;
+        let mut inside = false;
+        while left > 0 {
+            let buffer = self.fill()?;
+            let (mut used, mut lines) = (0, 0);
+            let ended = buffer.is_empty();
+            for &byte in buffer {
+                let blank = byte.is_ascii_whitespace();
+                if blank && inside {
+                    left -= 1;
+                    if left == 0 {
+                        break;
+                    }
+                }
+                inside = !blank;
+                used += 1;
+                lines += u64::from(byte == b'\n');
+            }
+            self.line += lines;
+            self.advance(used);
+            if ended {
+                left -= u64::from(inside);
+                if left > 0 {
+                    return Err(self.error(format!("ends here: {left} more numbers are announced")));
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// Ends the line, on which nothing but blanks may be left.
     pub(crate) fn end_line(&mut self) -> Result<()> {
         let place = self.line;
@@ -243,7 +341,14 @@ impl<'a> Scanner<'a> {
 
 impl Read for Scanner<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        let got = self.reader.read(buffer)?;
+        let got = if self.ahead.is_empty() {
+            self.reader.read(buffer)?
+        } else {
+            let take = self.ahead.len().min(buffer.len());
+            buffer[..take].copy_from_slice(&self.ahead[..take]);
+            self.ahead.drain(..take);
+            take
+        };
         self.position = self.position.saturating_add(u64::try_from(got).unwrap_or(u64::MAX));
         Ok(got)
     }
@@ -412,6 +517,55 @@ mod tests {
         scan(&[b'x'; 300], |s| assert!(s.word().unwrap_err().to_string().contains("longer than 256")));
         scan(&[b'x'; 70_000], |s| assert!(s.next_line().unwrap_err().to_string().contains("65536")));
         scan(b"\xff\xfe ", |s| assert!(s.word().unwrap_err().to_string().contains("is no text")));
+    }
+
+    #[test]
+    fn looking_ahead_passes_over_nothing() {
+        // Longer than the buffer of a file, so that what is looked at lies on both sides of its end.
+        let text = "ab cd\nef ".repeat(20_000);
+        let packed = {
+            let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+            std::io::Write::write_all(&mut encoder, text.as_bytes()).unwrap();
+            encoder.finish().unwrap()
+        };
+        for bytes in [text.as_bytes(), &packed] {
+            scan(bytes, |s| {
+                let mut at = 0;
+                for step in [0, 65_530, 40, 65_000, 49_416] {
+                    s.skip(step).unwrap();
+                    at += usize::try_from(step).unwrap();
+                    let left = &text.as_bytes()[at..];
+                    assert_eq!(s.peek(20).unwrap(), &left[..left.len().min(20)]);
+                    assert_eq!(s.peek(5).unwrap(), &left[..left.len().min(5)]);
+                    assert_eq!(s.position(), u64::try_from(at).unwrap());
+                }
+                assert_eq!(s.peek(20).unwrap(), b"d\nef ab cd\nef ");
+                assert_eq!(s.word().unwrap(), Some("d"));
+                let mut rest = Vec::new();
+                s.read_to_end(&mut rest).unwrap();
+                assert_eq!(rest, b"\nef ab cd\nef ");
+                assert_eq!(s.peek(3).unwrap(), b"");
+            });
+            scan(bytes, |s| {
+                s.skip_words(50_000).unwrap();
+                assert_eq!((s.position(), s.lines()), (149_999, 16_666));
+                assert_eq!(s.word().unwrap(), Some("ef"));
+                s.skip_words(9_999).unwrap();
+                let text = s.skip_words(2).unwrap_err().to_string();
+                assert!(text.ends_with("line 20001: ends here: 2 more numbers are announced"), "{text}");
+                let place = (s.position(), s.lines());
+                let mut again = Scanner::resume(s.source(), 149_999, 16_666).unwrap();
+                assert_eq!(again.word().unwrap(), Some("ef"));
+                again.skip_words(9_999).unwrap();
+                assert_eq!((again.position() + 1, again.lines()), place);
+            });
+        }
+        scan(b"a b", |s| s.skip_words(2).unwrap());
+        let lines = [&[b'x'; 70_000][..], b"\n\nlast"].concat();
+        scan(&lines, |s| {
+            let ends: Vec<(bool, u64)> = (0..4).map(|_| (s.skip_line().unwrap(), s.lines())).collect();
+            assert_eq!(ends, [(true, 1), (true, 2), (true, 3), (false, 3)]);
+        });
     }
 
     #[test]

@@ -25,3 +25,4 @@ fn seeds() -> Vec<(&'static str, Vec<support::Sample>)> {
     vec![("nifti", nifti::samples())]
 }
 mod vtk_xml;
+mod vtk_legacy;
