@@ -57,7 +57,8 @@ impl ArrayInfo {
         let lower = self.name.to_lowercase();
         let number = ["id", "ids", "gid", "index", "tag"].contains(&lower.as_str())
             || ["Id", "Ids", "ID", "IDs", "_id", "_ids"].iter().any(|end| self.name.ends_with(end));
-        whole && (number || lower.starts_with("vtkghost") || lower == "vtkvalidpointmask")
+        let named = ["vtkvalidpointmask", "gmsh:physical"].contains(&lower.as_str());
+        whole && (number || named || lower.starts_with("vtkghost"))
     }
 }
 

@@ -17,6 +17,7 @@
 mod arrays;
 mod dataset;
 mod fields;
+mod gmsh;
 mod image;
 mod lattice;
 mod metaimage;
@@ -130,6 +131,7 @@ static READERS: &[&dyn Reader] = &[
     &npy::Npy,
     &vtk_xml::VtkXml,
     &vtk_legacy::VtkLegacy,
+    &gmsh::Gmsh,
     &raw::Raw,
 ];
 

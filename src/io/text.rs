@@ -333,6 +333,30 @@ impl<'a> Scanner<'a> {
         Ok(())
     }
 
+    /// Passes over everything up to a mark, and the mark. Its first byte must occur in it only once. False
+    /// where there is none until the end of the file.
+    pub(crate) fn pass(&mut self, mark: &[u8]) -> Result<bool> {
+        let mut met = 0;
+        while met < mark.len() {
+            let buffer = self.fill()?;
+            if buffer.is_empty() {
+                return Ok(false);
+            }
+            let (mut take, mut lines) = (0, 0);
+            for &byte in buffer {
+                take += 1;
+                lines += u64::from(byte == b'\n');
+                met = if byte == mark[met] { met + 1 } else { usize::from(byte == mark[0]) };
+                if met == mark.len() {
+                    break;
+                }
+            }
+            self.line += lines;
+            self.advance(take);
+        }
+        Ok(true)
+    }
+
     /// The numbers that follow, as the little-endian bytes of a type.
     pub(crate) fn numbers(&mut self, kind: SampleType) -> Numbers<'_, 'a> {
         Numbers { scanner: self, kind, bytes: [0; 8], left: 0 }
@@ -566,6 +590,25 @@ mod tests {
             let ends: Vec<(bool, u64)> = (0..4).map(|_| (s.skip_line().unwrap(), s.lines())).collect();
             assert_eq!(ends, [(true, 1), (true, 2), (true, 3), (false, 3)]);
         });
+    }
+
+    #[test]
+    fn marks_are_passed_and_places_found_again() {
+        let text = b"one\n$a$ab\n$abc end\n";
+        scan(text, |s| {
+            assert!(s.pass(b"$abc").unwrap());
+            assert_eq!((s.position(), s.lines()), (14, 2));
+            assert_eq!(s.word().unwrap(), Some("end"));
+            assert!(!s.pass(b"$abc").unwrap());
+        });
+        let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        std::io::Write::write_all(&mut packed, text).unwrap();
+        for bytes in [text.to_vec(), packed.finish().unwrap()] {
+            let source = Source::in_memory(&[("a.txt", &bytes)]).unwrap();
+            let mut s = Scanner::resume(&source, 14, 2).unwrap();
+            assert_eq!(s.word().unwrap(), Some("end"));
+            assert_eq!((s.position(), s.lines()), (18, 2));
+        }
     }
 
     #[test]
