@@ -9,12 +9,15 @@
 //! | `samples` | types, byte orders, and decoding within the memory that the result takes |
 //! | `volume` | components, and data in several files, of grids |
 //! | `arrays`, `dataset` | which array is shown; from cells and arrays to a mesh or points |
+//! | `columns` | vectors and tensors of columns that are named one by one |
 //!
 //! Sizes are checked against the file and the memory limit before memory is taken, compressed streams are
 //! read no further than one byte past what the header announces, and what is missing or left over is an
 //! error.
 
 mod arrays;
+mod columns;
+mod csv;
 mod dataset;
 mod fields;
 mod gmsh;
@@ -25,6 +28,7 @@ mod nifti;
 mod npy;
 mod nrrd;
 mod options;
+mod ply;
 mod raw;
 mod samples;
 mod source;
@@ -132,6 +136,8 @@ static READERS: &[&dyn Reader] = &[
     &vtk_xml::VtkXml,
     &vtk_legacy::VtkLegacy,
     &gmsh::Gmsh,
+    &ply::Ply,
+    &csv::Csv,
     &raw::Raw,
 ];
 
