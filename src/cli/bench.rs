@@ -18,7 +18,7 @@ use volraster::{Error, Gpu, GpuScene, Renderer, Result};
 
 use super::compare::is_refusal;
 use super::fronts::{Fronts, Measured};
-use super::input::{self, DeviceArgs, Input, Size};
+use super::input::{self, ArrayArg, DeviceArgs, Input, Size};
 use super::suite::{self, Setting, StandardScene, Sweep};
 use super::timing::Times;
 use super::{Failure, Outcome, output, table};
@@ -45,6 +45,8 @@ pub(crate) struct Args {
     /// `standard`: the scenes that the project's figures are quoted on; or a scene file or a data file.
     #[arg(value_name = "SUITE", default_value = "standard")]
     suite: PathBuf,
+    #[command(flatten)]
+    array: ArrayArg,
     /// Folder for bench.jsonl, one line of JSON for each case, fronts.json, times at equal error, and a
     /// plot of each view's fronts.
     #[arg(short, long, value_name = "DIR")]
@@ -112,7 +114,7 @@ impl Args {
     /// is wrong.
     pub(crate) fn run(&self, quiet: bool) -> Outcome {
         output::check_folder(&self.output)?;
-        let workloads = self.workloads()?;
+        let workloads = self.workloads(quiet)?;
         let (gpu, _) = self.device.open(false)?;
         output::make_folder(&self.output)?;
         let mut report = Report {
@@ -139,8 +141,14 @@ impl Args {
         }
     }
 
-    fn workloads(&self) -> Result<Vec<Workload>> {
+    fn workloads(&self, quiet: bool) -> Result<Vec<Workload>> {
         let mut workloads: Vec<Workload> = if self.suite == Path::new("standard") {
+            if let Some(array) = &self.array.array {
+                return Err(Error::Invalid {
+                    what: "--array".to_string(),
+                    why: format!("\"{array}\": the standard scenes have no arrays"),
+                });
+            }
             StandardScene::chosen(self.quick).map(Workload::Standard).collect()
         } else {
             if !self.suite.exists() {
@@ -152,7 +160,7 @@ impl Args {
                     ),
                 });
             }
-            vec![Workload::File(Box::new(Input::load(&self.suite, self.size)?))]
+            vec![Workload::File(Box::new(Input::load(&self.suite, self.size, &self.array, quiet)?))]
         };
         if let Some(folder) = &self.data {
             let name =

@@ -11,7 +11,7 @@ use volraster::scene::View;
 use volraster::technique::{FrameTime, Method};
 use volraster::{Error, GpuScene, Image, Renderer, Result, Technique};
 
-use super::input::{self, DeviceArgs, Input, Settings, Size, Wanted};
+use super::input::{self, ArrayArg, DeviceArgs, Input, Settings, Size, Wanted};
 use super::timing::Times;
 use super::{Outcome, output, reference, table};
 
@@ -24,6 +24,8 @@ pub(crate) struct Args {
     /// A scene file (.json) or a data file.
     #[arg(value_name = "SCENE|DATA")]
     scene: PathBuf,
+    #[command(flatten)]
+    array: ArrayArg,
     /// Folder for pictures, error pictures and errors.json.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
@@ -66,7 +68,7 @@ impl Args {
         let lists =
             self.techniques.iter().map(|list| Wanted::parse_list(list)).collect::<Result<Vec<_>>>()?;
         let given = self.given_truth()?;
-        let Input { scene, settings } = Input::load(&self.scene, self.size)?;
+        let Input { scene, settings } = Input::load(&self.scene, self.size, &self.array, quiet)?;
         if let Some(truth) = &given {
             let [width, height] = settings.view.extent();
             if [truth.width(), truth.height()] != [width, height] {

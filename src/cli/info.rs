@@ -1,20 +1,29 @@
 //! `volraster info`: what a file holds, and what would be drawn of it.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use serde_json::{Map, Value, json};
 use volraster::glam::DVec3;
-use volraster::scene::{Anatomy, Camera, Grid, Projection, Samples, TransferFunction};
+use volraster::io::{self, ArrayInfo, Data, Report};
+use volraster::scene::file::{LoadedScene, SceneFile};
+use volraster::scene::{
+    Anatomy, Camera, Grid, KernelSize, Points, Projection, TetScalars, Tets, TransferFunction,
+};
+use volraster::technique::GridBytes;
+use volraster::{Error, Result};
 
-use super::input::Input;
-use super::{Outcome, output, table};
-
-/// Most classes of the histogram.
-const CLASSES: usize = 64;
+use super::histogram::Histogram;
+use super::input::{ArraysArgs, Input};
+use super::table::{self, number, triple};
+use super::{Outcome, output};
 
 /// Knots that are listed; the JSON has all of them.
 const LISTED_KNOTS: usize = 16;
+
+/// Arrays that are listed; the JSON has all of them.
+const LISTED_ARRAYS: usize = 32;
 
 /// Arguments of `info`.
 #[derive(Debug, clap::Args)]
@@ -22,6 +31,8 @@ pub(crate) struct Args {
     /// A data file or a scene file (.json).
     #[arg(value_name = "FILE")]
     file: PathBuf,
+    #[command(flatten)]
+    arrays: ArraysArgs,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -34,178 +45,317 @@ impl Args {
     ///
     /// What is wrong with the file.
     pub(crate) fn run(&self) -> Outcome {
-        let input = Input::load(&self.file, None)?;
-        let histogram = Histogram::of(&input.scene.grid);
+        let facts = self.facts()?;
         if self.json {
-            output::print_json(&self.json_of(&input, &histogram))?;
+            output::print_json(&Value::Object(facts.json))?;
         } else {
-            output::print(&self.text_of(&input, &histogram))?;
+            output::print(&facts.text(&self.file))?;
         }
         Ok(())
     }
 
-    fn json_of(&self, input: &Input, histogram: &Histogram) -> Value {
+    fn facts(&self) -> Result<Facts> {
+        let start = Instant::now();
+        let reading = output::Reading::new(&self.file);
+        let options = reading.tell(self.arrays.options());
+        if SceneFile::is_named(&self.file) {
+            let loaded = LoadedScene::load_any(&self.file, &options)?;
+            drop(reading);
+            return Ok(self.of_grid(&Input::new(&self.file, loaded, None, start)?));
+        }
+        let loaded = io::read(&self.file, &options)?;
+        drop(reading);
+        match &loaded.data {
+            Data::Grid(_) => {
+                let loaded = LoadedScene::from_loaded(&self.file, loaded)?;
+                Ok(self.of_grid(&Input::new(&self.file, loaded, None, start)?))
+            }
+            Data::Mesh(mesh) => Ok(self.of_mesh(mesh, &loaded.report)),
+            Data::Points(points) => Ok(self.of_points(points, &loaded.report)),
+            other => Err(Error::Invalid { what: "data".into(), why: format!("{}: unknown", other.kind()) }),
+        }
+    }
+
+    fn of_grid(&self, input: &Input) -> Facts {
         let Input { scene, settings } = input;
         let grid = &scene.grid;
-        let mut json = Map::new();
-        let mut put = |key: &str, value: Value| json.insert(key.to_string(), value);
-        put("file", json!(self.file.display().to_string()));
-        put("dims", json!(grid.dims()));
-        put("type", json!(grid.samples().type_name()));
-        put("bytes", json!(bytes(grid)));
-        put("spacing", json!(grid.spacing().to_array()));
-        put("origin", json!(grid.origin().to_array()));
-        put("axes", json!(axes(grid).map(|axis| axis.to_array())));
-        put("anatomy", json!(anatomy(grid.anatomy())));
-        put("rescale", json!({"slope": grid.rescale().slope, "intercept": grid.rescale().intercept}));
-        put("range", json!(grid.range()));
-        put("nan", json!(grid.nan_count()));
-        put("infinite", json!(grid.infinite_count()));
-        put(
-            "histogram",
-            json!({"first": histogram.first, "width": histogram.width, "counts": histogram.counts}),
+        let mut facts = Facts::new(&self.file, "grid", &settings.data, &settings.report);
+        facts.lattice(grid);
+        facts.values(grid.range(), grid.nan_count(), grid.infinite_count(), &Histogram::of(grid));
+        facts.arrays(&settings.report);
+        let device = GridBytes::of(grid);
+        facts.put(
+            "device_bytes",
+            json!({
+                "volume": device.volume, "stack": device.stack, "stacks": device.stacks,
+                "bricks": device.bricks,
+            }),
         );
-        put("camera", camera_json(settings.view.camera(), settings.camera_is_automatic));
-        put("transfer", json!(rows(&scene.transfer)));
-        put("image", json!(settings.view.extent()));
-        put("background", json!(settings.background));
+        facts.line(
+            "on device",
+            format!(
+                "{} bytes (slices-3d, slabs, raycast), {} (slices-2d, {} with stacks=all); bricks {} more",
+                device.volume, device.stack, device.stacks, device.bricks
+            ),
+        );
+        facts.remarks(&settings.report);
+
+        let extent @ [width, height] = settings.view.extent();
+        let camera = settings.view.camera();
+        facts.put("camera", camera_json(camera, settings.camera_is_automatic));
+        facts.line("camera", camera_text(camera, settings.camera_is_automatic));
+        facts.put("transfer", json!(rows(&scene.transfer)));
+        facts.put("image", json!(extent));
+        facts.line("image", format!("{width} x {height}"));
+        facts.put("background", json!(settings.background));
         if let Some(choice) = &settings.choice {
             let mut technique = Map::from_iter([("name".to_string(), json!(choice.name))]);
             technique.extend(choice.options.iter().map(|(key, value)| (key.clone(), json!(value))));
-            put("technique", Value::Object(technique));
-        }
-        Value::Object(json)
-    }
-
-    fn text_of(&self, input: &Input, histogram: &Histogram) -> String {
-        let Input { scene, settings } = input;
-        let grid = &scene.grid;
-        let [nx, ny, nz] = grid.dims();
-        let [width, height] = settings.view.extent();
-        let size = grid.spacing() * grid.last_index();
-        let [lo, hi] = grid.range();
-        let [x, y, z] = axes(grid).map(triple);
-        let mut lines = vec![
-            ("samples", format!("{nx} x {ny} x {nz}, {}, {} bytes", grid.samples().type_name(), bytes(grid))),
-            ("spacing", triple(grid.spacing())),
-            ("size", triple(size)),
-            ("origin", triple(grid.origin())),
-            ("axes", format!("x {x}; y {y}; z {z}")),
-            ("anatomy", anatomy(grid.anatomy()).to_string()),
-            ("range", format!("{} to {}", number(lo), number(hi))),
-        ];
-        let rescale = grid.rescale();
-        if (rescale.slope, rescale.intercept) != (1.0, 0.0) {
-            lines.push(("rescale", format!("value = {} * stored + {}", rescale.slope, rescale.intercept)));
-        }
-        lines.push(("NaN", grid.nan_count().to_string()));
-        lines.push(("infinite", grid.infinite_count().to_string()));
-        lines.push(("histogram", format!("|{}| logarithmic", histogram.sketch())));
-        lines.push(("camera", camera_text(settings.view.camera(), settings.camera_is_automatic)));
-        lines.push(("image", format!("{width} x {height}")));
-        if let Some(choice) = &settings.choice {
+            facts.put("technique", Value::Object(technique));
             let options: Vec<String> =
                 choice.options.iter().map(|(key, value)| format!("{key}={value}")).collect();
-            lines
-                .push(("technique", format!("{} {}", choice.name, options.join(",")).trim_end().to_string()));
+            facts.line("technique", format!("{} {}", choice.name, options.join(",")).trim_end().to_string());
         }
-        let width = lines.iter().map(|(key, _)| key.len()).max().unwrap_or(0);
-        let mut text = self.file.display().to_string();
-        for (key, value) in lines {
-            // Writing into a string cannot fail.
-            let _ = write!(text, "\n  {key:<width$}  {value}");
-        }
-        let knots = rows(&scene.transfer);
-        let _ = write!(
-            text,
-            "\n  transfer function of {} knots: value, red, green, blue, extinction",
-            knots.len()
+        facts.tail = knots_text(&scene.transfer);
+        facts
+    }
+
+    fn of_mesh(&self, mesh: &Tets, report: &Report) -> Facts {
+        let mut facts = Facts::new(&self.file, "mesh", &self.file, report);
+        let (points, cells) = (mesh.points().len(), mesh.cells().len());
+        let values = mesh.scalars().values();
+        let (of, each) = match mesh.scalars() {
+            TetScalars::Point(_) => ("point", "a scalar at each point"),
+            TetScalars::Cell(_) => ("cell", "a scalar in each cell"),
+        };
+        let bytes = 24 * points + 16 * cells + 4 * values.len();
+        facts.put("points", json!(points));
+        facts.put("tetrahedra", json!(cells));
+        facts.put("scalars", json!(of));
+        facts.put("type", json!("f32"));
+        facts.put("bytes", json!(bytes));
+        facts.put("vacuum", json!(mesh.blank_count()));
+        facts.line("points", format!("{points}, {cells} tetrahedra, {bytes} bytes"));
+        facts.line("scalars", format!("f32, {each}"));
+        facts.line("vacuum", format!("{} tetrahedra", mesh.blank_count()));
+        facts.bounds(mesh.bounds());
+        facts.scalars(mesh.range(), values);
+        facts.arrays(report);
+        facts.geometry(12 * points + 16 * cells + 4 * values.len());
+        facts.remarks(report);
+        facts
+    }
+
+    fn of_points(&self, points: &Points, report: &Report) -> Facts {
+        let mut facts = Facts::new(&self.file, "points", &self.file, report);
+        let count = points.centres().len();
+        let lists = points.scalars().map_or(0, |_| 4) + points.weights().map_or(0, |_| 4);
+        let (kernel, extra) = match points.size() {
+            KernelSize::Unknown => (json!({"kind": "unknown"}), 0),
+            KernelSize::Radius(radius) => (json!({"kind": "radius", "radius": radius}), 0),
+            KernelSize::Radii(radii) => (json!({"kind": "radii", "range": range_of(radii)}), 4),
+            KernelSize::Covariances(_) => (json!({"kind": "covariances"}), 24),
+        };
+        let bytes = count * (24 + lists + extra);
+        facts.put("points", json!(count));
+        facts.put("type", json!("f32"));
+        facts.put("bytes", json!(bytes));
+        facts.line("points", format!("{count}, {bytes} bytes"));
+        facts.line(
+            "kernels",
+            match points.size() {
+                KernelSize::Unknown => "of unknown size".to_string(),
+                KernelSize::Radius(radius) => format!("radius {}", number(*radius)),
+                KernelSize::Radii(radii) => format!("radii {}", range_text(radii)),
+                KernelSize::Covariances(_) => "covariances".to_string(),
+            },
         );
-        let listed: Vec<Vec<String>> =
-            knots.iter().take(LISTED_KNOTS).map(|row| row.iter().map(|&n| number(n)).collect()).collect();
-        for line in table::aligned(&listed, &[]).lines() {
-            let _ = write!(text, "\n    {line}");
+        facts.put("kernel", kernel);
+        facts.put("weights", points.weights().map_or(Value::Null, |weights| json!(range_of(weights))));
+        facts.line("weights", points.weights().map_or_else(|| "1 each".to_string(), range_text));
+        facts.bounds(points.bounds());
+        match points.scalars() {
+            Some(scalars) => facts.scalars(points.range(), scalars),
+            None => {
+                facts.values(
+                    points.range(),
+                    0,
+                    0,
+                    &Histogram { first: 1.0, width: 1.0, counts: vec![count as u64] },
+                );
+            }
         }
-        if knots.len() > LISTED_KNOTS {
-            let _ = write!(text, "\n    and {} more", knots.len() - LISTED_KNOTS);
+        facts.arrays(report);
+        facts.geometry(count * (12 + lists + extra));
+        facts.remarks(report);
+        facts
+    }
+}
+
+/// What is told of a file: as JSON, and as lines of a word and a text.
+struct Facts {
+    json: Map<String, Value>,
+    lines: Vec<(&'static str, String)>,
+    /// What follows the lines.
+    tail: String,
+}
+
+impl Facts {
+    /// Begins with what is told of every file; `data` is the file that the data comes from.
+    fn new(file: &Path, kind: &str, data: &Path, report: &Report) -> Self {
+        let mut facts = Self { json: Map::new(), lines: Vec::new(), tail: String::new() };
+        // Read once more, so that it may be gone: then there is no number.
+        let size = std::fs::metadata(data).map(|metadata| metadata.len()).ok();
+        facts.put("file", json!(file.display().to_string()));
+        facts.put("kind", json!(kind));
+        facts.put("format", json!(report.format));
+        facts.put("file_bytes", json!(size));
+        let size = size.map_or_else(String::new, |size| format!(", {size} bytes"));
+        facts.line("format", format!("{} ({kind}){size}", report.format));
+        facts
+    }
+
+    fn put(&mut self, key: &str, value: Value) {
+        self.json.insert(key.to_string(), value);
+    }
+
+    fn line(&mut self, word: &'static str, text: String) {
+        self.lines.push((word, text));
+    }
+
+    /// Size, type and place of a grid.
+    fn lattice(&mut self, grid: &Grid) {
+        let samples = grid.samples();
+        let [nx, ny, nz] = grid.dims();
+        let bytes = samples.len() * samples.sample_bytes();
+        let m = grid.index_to_world();
+        let axes = [m.x_axis, m.y_axis, m.z_axis].map(DVec3::normalize_or_zero);
+        let anatomy = anatomy(grid.anatomy());
+        let rescale = grid.rescale();
+        self.put("dims", json!(grid.dims()));
+        self.put("type", json!(samples.type_name()));
+        self.put("bytes", json!(bytes));
+        self.put("spacing", json!(grid.spacing().to_array()));
+        self.put("origin", json!(grid.origin().to_array()));
+        self.put("axes", json!(axes.map(|axis| axis.to_array())));
+        self.put("anatomy", json!(anatomy));
+        self.put("rescale", json!({"slope": rescale.slope, "intercept": rescale.intercept}));
+        self.line("samples", format!("{nx} x {ny} x {nz}, {}, {bytes} bytes", samples.type_name()));
+        self.line("spacing", triple(grid.spacing()));
+        self.line("size", triple(grid.spacing() * grid.last_index()));
+        self.line("origin", triple(grid.origin()));
+        let [x, y, z] = axes.map(triple);
+        self.line("axes", format!("x {x}; y {y}; z {z}"));
+        self.line("anatomy", anatomy.to_string());
+        let corners = grid.corners();
+        let all = |f: fn(DVec3, DVec3) -> DVec3| corners.into_iter().reduce(f).unwrap_or_default();
+        self.bounds([all(DVec3::min), all(DVec3::max)]);
+        if (rescale.slope, rescale.intercept) != (1.0, 0.0) {
+            self.line("rescale", format!("value = {} * stored + {}", rescale.slope, rescale.intercept));
         }
+    }
+
+    fn bounds(&mut self, [low, high]: [DVec3; 2]) {
+        self.put("bounds", json!([low.to_array(), high.to_array()]));
+        self.line("bounds", format!("{} to {}", triple(low), triple(high)));
+    }
+
+    /// Scalars of a mesh or of points.
+    fn scalars(&mut self, range: [f64; 2], values: &[f32]) {
+        let nan = values.iter().filter(|value| value.is_nan()).count();
+        let infinite = values.iter().filter(|value| value.is_infinite()).count();
+        self.values(range, nan, infinite, &Histogram::of_values(range, values));
+    }
+
+    fn values(&mut self, [lo, hi]: [f64; 2], nan: usize, infinite: usize, histogram: &Histogram) {
+        let Histogram { first, width, counts } = histogram;
+        self.put("range", json!([lo, hi]));
+        self.put("nan", json!(nan));
+        self.put("infinite", json!(infinite));
+        self.put("histogram", json!({"first": first, "width": width, "counts": counts}));
+        self.line("range", format!("{} to {}", number(lo), number(hi)));
+        self.line("NaN", nan.to_string());
+        self.line("infinite", infinite.to_string());
+        self.line("histogram", format!("|{}| logarithmic", histogram.sketch()));
+    }
+
+    /// The arrays of the file, and which is shown.
+    fn arrays(&mut self, report: &Report) {
+        let shown = shown(report);
+        let json_of = |(i, array): (usize, &ArrayInfo)| {
+            json!({
+                "name": array.name, "association": array.association.name(), "type": array.kind.name(),
+                "components": array.components, "shown": shown == Some(i),
+            })
+        };
+        let all: Vec<Value> = report.arrays.iter().enumerate().map(json_of).collect();
+        self.put("arrays", Value::Array(all));
+        self.put("shown", json!(report.shown));
+        for (i, array) in report.arrays.iter().take(LISTED_ARRAYS).enumerate() {
+            let mark = match &report.shown {
+                Some(name) if shown == Some(i) => format!(", shown as {name}"),
+                _ => String::new(),
+            };
+            self.line(if i == 0 { "arrays" } else { "" }, format!("{array}{mark}"));
+        }
+        if report.arrays.len() > LISTED_ARRAYS {
+            self.line("", format!("and {} more", report.arrays.len() - LISTED_ARRAYS));
+        }
+    }
+
+    /// What the corners and scalars of a mesh, or the points, take on the device at least.
+    fn geometry(&mut self, bytes: usize) {
+        self.put("device_bytes", json!({"geometry": bytes}));
+        self.line("on device", format!("{bytes} bytes at least (geometry and scalars in 32 bits)"));
+    }
+
+    fn remarks(&mut self, report: &Report) {
+        self.put("notes", json!(report.notes));
+        self.put("warnings", json!(report.warnings));
+        for note in &report.notes {
+            self.line("note", note.clone());
+        }
+        for warning in &report.warnings {
+            self.line("warning", warning.clone());
+        }
+    }
+
+    fn text(&self, file: &Path) -> String {
+        let width = self.lines.iter().map(|(word, _)| word.len()).max().unwrap_or(0);
+        let mut text = output::plain(&file.display().to_string());
+        for (word, line) in &self.lines {
+            // Writing into a string cannot fail.
+            let _ = write!(text, "\n  {word:<width$}  {}", output::plain(line));
+        }
+        text.push_str(&self.tail);
         text
     }
 }
 
-/// How often values occur. NaN and infinities are left out.
-#[derive(Debug, PartialEq)]
-struct Histogram {
-    /// Smallest value of the first class.
-    first: f64,
-    /// Width of each class.
-    width: f64,
-    /// Samples in each class.
-    counts: Vec<u64>,
+/// The place of the array that is shown: the one with the longest name that fits.
+fn shown(report: &Report) -> Option<usize> {
+    let shown = report.shown.as_deref()?;
+    let fits = |array: &ArrayInfo| {
+        let rest = shown.strip_prefix(array.association.name())?.strip_prefix(':')?;
+        let rest = rest.strip_prefix(array.name.as_str())?;
+        (rest.is_empty() || rest.starts_with(':')).then_some(array.name.len())
+    };
+    let lengths = report.arrays.iter().enumerate().filter_map(|(i, array)| Some((fits(array)?, i)));
+    // Of equal names the first is the one that readers find.
+    lengths.max_by_key(|&(length, i)| (length, std::cmp::Reverse(i))).map(|(_, i)| i)
 }
 
-impl Histogram {
-    /// Classes over the whole range. Those of integer data hold equally many codes, so that the classes
-    /// make no pattern of their own.
-    fn of(grid: &Grid) -> Self {
-        let (samples, rescale) = (grid.samples(), grid.rescale());
-        let [lo, hi] = grid.range();
-        let unit = rescale.slope.abs();
-        let (first, width, count) = match samples {
-            Samples::F32(_) if hi > lo => (lo, (hi - lo) / CLASSES as f64, CLASSES),
-            Samples::F32(_) => (lo, 1.0, 1),
-            Samples::U8(_) | Samples::U16(_) | Samples::I16(_) => {
-                // Codes are at most 2^16, so that this is exact.
-                let codes = whole((hi - lo) / unit) + 1;
-                let each = codes.div_ceil(CLASSES);
-                (lo - unit / 2.0, each as f64 * unit, codes.div_ceil(each))
-            }
-        };
-        let mut counts = vec![0; count];
-        let last = counts.len() - 1;
-        for i in 0..samples.len() {
-            let value = rescale.slope * samples.get(i) + rescale.intercept;
-            if value.is_finite() {
-                let class = whole(((value - first) / width).floor());
-                counts[class.min(last)] += 1;
-            }
-        }
-        Self { first, width, counts }
+/// Smallest and largest finite value, if there is one.
+fn range_of(values: &[f32]) -> Option<[f32; 2]> {
+    let finite = || values.iter().copied().filter(|value| value.is_finite());
+    Some([finite().reduce(f32::min)?, finite().reduce(f32::max)?])
+}
+
+fn range_text(values: &[f32]) -> String {
+    match range_of(values) {
+        Some([lo, hi]) => format!("{} to {}", number(f64::from(lo)), number(f64::from(hi))),
+        None => "none finite".to_string(),
     }
-
-    /// One bar for each class, as high as the logarithm of its count.
-    fn sketch(&self) -> String {
-        const BARS: [char; 9] = [' ', '▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
-        let most = self.counts.iter().copied().max().unwrap_or(0);
-        let height = |count: u64| ((1 + count) as f64).ln();
-        let bar = |&count: &u64| match count {
-            // What is there at all shows.
-            0 => BARS[0],
-            _ => BARS[whole(8.0 * height(count) / height(most)).clamp(1, 8)],
-        };
-        self.counts.iter().map(bar).collect()
-    }
-}
-
-/// The nearest whole number; saturates, and no number gives 0.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "rounds and saturates, as it says"
-)]
-fn whole(value: f64) -> usize {
-    value.round() as usize
-}
-
-/// Bytes that the samples take in memory.
-fn bytes(grid: &Grid) -> usize {
-    grid.samples().len() * grid.samples().sample_bytes()
-}
-
-/// Unit vectors along the index axes.
-fn axes(grid: &Grid) -> [DVec3; 3] {
-    let m = grid.index_to_world();
-    [m.x_axis, m.y_axis, m.z_axis].map(DVec3::normalize_or_zero)
 }
 
 fn anatomy(anatomy: Anatomy) -> &'static str {
@@ -219,6 +369,21 @@ fn anatomy(anatomy: Anatomy) -> &'static str {
 
 fn rows(transfer: &TransferFunction) -> Vec<[f64; 5]> {
     transfer.knots().iter().map(|k| [k.s, k.colour.x, k.colour.y, k.colour.z, k.tau]).collect()
+}
+
+fn knots_text(transfer: &TransferFunction) -> String {
+    let knots = rows(transfer);
+    let mut text =
+        format!("\n  transfer function of {} knots: value, red, green, blue, extinction", knots.len());
+    let listed: Vec<Vec<String>> =
+        knots.iter().take(LISTED_KNOTS).map(|row| row.iter().map(|&n| number(n)).collect()).collect();
+    for line in table::aligned(&listed, &[]).lines() {
+        let _ = write!(text, "\n    {line}");
+    }
+    if knots.len() > LISTED_KNOTS {
+        let _ = write!(text, "\n    and {} more", knots.len() - LISTED_KNOTS);
+    }
+    text
 }
 
 fn camera_json(camera: &Camera, automatic: bool) -> Value {
@@ -243,57 +408,4 @@ fn camera_text(camera: &Camera, automatic: bool) -> String {
     let origin = if automatic { " (automatic)" } else { "" };
     let [eye, target, up] = [camera.eye, camera.target, camera.up].map(triple);
     format!("eye {eye}, target {target}, up {up}, {projection}{origin}")
-}
-
-fn triple(v: DVec3) -> String {
-    format!("[{}, {}, {}]", number(v.x), number(v.y), number(v.z))
-}
-
-/// Six significant digits are enough to look at.
-fn number(value: f64) -> String {
-    let magnitude = value.abs();
-    if value == 0.0 {
-        return "0".to_string();
-    }
-    if !(1e-4..1e6).contains(&magnitude) {
-        return format!("{value:.5e}");
-    }
-    let text = format!("{value:.*}", if magnitude < 1.0 { 6 } else { 4 });
-    text.trim_end_matches('0').trim_end_matches('.').to_string()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use volraster::scene::Rescale;
-
-    #[test]
-    fn classes_of_integers_hold_equally_many_codes() {
-        let codes = (0..=255_u8).cycle().take(512).collect();
-        let even = Histogram::of(&Grid::new([8, 8, 8], Samples::U8(codes)).unwrap());
-        assert_eq!((even.first, even.width), (-0.5, 4.0));
-        assert_eq!(even.counts, vec![8; 64]);
-        let mask = Grid::new([2, 2, 2], Samples::U8(vec![3, 3, 3, 3, 3, 3, 5, 5])).unwrap();
-        assert_eq!(Histogram::of(&mask).counts, [6, 0, 2]);
-        let flipped = mask.with_rescale(Rescale { slope: -0.5, intercept: 9.0 }).unwrap();
-        assert_eq!(Histogram::of(&flipped).counts, [2, 0, 6]);
-    }
-
-    #[test]
-    fn what_is_not_finite_is_not_counted() {
-        let values = vec![f32::NAN, f32::INFINITY, 0.0, 1.0, 1.0, 1.0, 0.5, f32::NEG_INFINITY];
-        let histogram = Histogram::of(&Grid::new([2, 2, 2], Samples::F32(values)).unwrap());
-        assert_eq!(histogram.counts.iter().sum::<u64>(), 5);
-        assert_eq!((histogram.counts[0], histogram.counts[32], histogram.counts[63]), (1, 1, 3));
-        assert_eq!(histogram.sketch().chars().next_back(), Some('█'));
-        assert_eq!(histogram.sketch().chars().filter(|&c| c != ' ').count(), 3);
-        let flat = Histogram::of(&Grid::new([2, 2, 2], Samples::F32(vec![2.0; 8])).unwrap());
-        assert_eq!((flat.counts.as_slice(), flat.sketch().as_str()), ([8].as_slice(), "█"));
-    }
-
-    #[test]
-    fn numbers_are_short() {
-        let texts = [0.0, 1.0, 0.1 + 0.2, 1e-7, -12.345_678, 3e9].map(number);
-        assert_eq!(texts, ["0", "1", "0.3", "1.00000e-7", "-12.3457", "3.00000e9"]);
-    }
 }

@@ -6,13 +6,13 @@ use std::time::Instant;
 
 use serde_json::{Map, Value};
 use volraster::gpu::{GpuOptions, Validation, ValidationLog};
-use volraster::io::ReadOptions;
+use volraster::io::{ReadOptions, Report};
 use volraster::scene::file::{LoadedScene, TechniqueChoice};
 use volraster::scene::{Scene, View, auto};
 use volraster::technique::Method;
 use volraster::{Error, Gpu, Result, Technique};
 
-use super::Failure;
+use super::{Failure, output};
 
 /// Which device draws, and under which checks.
 #[derive(Clone, Debug, clap::Args)]
@@ -82,6 +82,50 @@ pub(crate) fn finite(text: &str) -> std::result::Result<f64, String> {
     text.parse().ok().filter(|n: &f64| n.is_finite()).ok_or_else(|| "must be a finite number".to_string())
 }
 
+/// Which array of a file is shown.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct ArrayArg {
+    /// The array to show, where a file has several; `info` lists them. PART is a component (0, 1, ..., or a
+    /// letter of xyzw or rgba) or `magnitude`. Wins over a scene file's.
+    #[arg(long, value_name = "[point:|cell:]NAME[:PART]")]
+    pub(crate) array: Option<String>,
+}
+
+/// Which arrays of a file are read.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct ArraysArgs {
+    #[command(flatten)]
+    pub(crate) shown: ArrayArg,
+    /// Of points: the array of support radii.
+    #[arg(long, value_name = "NAME", conflicts_with = "covariance")]
+    radius: Option<String>,
+    /// Of points: the array of covariances, of 6 components (xx, xy, xz, yy, yz, zz) or 9.
+    #[arg(long, value_name = "NAME")]
+    covariance: Option<String>,
+    /// Of points: the array of weights.
+    #[arg(long, value_name = "NAME")]
+    weight: Option<String>,
+}
+
+impl ArrayArg {
+    /// What a reader is asked for.
+    fn options(&self) -> ReadOptions {
+        ReadOptions { array: self.array.clone(), ..ReadOptions::default() }
+    }
+}
+
+impl ArraysArgs {
+    /// What a reader is asked for.
+    pub(crate) fn options(&self) -> ReadOptions {
+        ReadOptions {
+            radius: self.radius.clone(),
+            covariance: self.covariance.clone(),
+            weight: self.weight.clone(),
+            ..self.shown.options()
+        }
+    }
+}
+
 /// A scene, and how to draw it. Two parts, since the scene goes to the device and is large.
 #[derive(Debug)]
 pub(crate) struct Input {
@@ -96,6 +140,10 @@ pub(crate) struct Input {
 pub(crate) struct Settings {
     /// The file.
     path: PathBuf,
+    /// The file that the data comes from.
+    pub(crate) data: PathBuf,
+    /// How it was read.
+    pub(crate) report: Report,
     /// The camera with the image size in force.
     pub(crate) view: View,
     /// Whether the camera was chosen for the data.
@@ -109,24 +157,50 @@ pub(crate) struct Settings {
 }
 
 impl Input {
-    /// Reads a scene file or a data file. For another image size an automatic camera is chosen again.
+    /// Reads a scene file or a data file, with a bar, and says what may not be as it seems. For another image
+    /// size an automatic camera is chosen again.
     ///
     /// # Errors
     ///
     /// As [`LoadedScene::load_any`] and [`View::new`].
-    pub(crate) fn load(path: &Path, size: Option<Size>) -> Result<Self> {
-        Self::load_within(path, size, &ReadOptions::default())
+    pub(crate) fn load(path: &Path, size: Option<Size>, array: &ArrayArg, quiet: bool) -> Result<Self> {
+        let reading = output::Reading::new(path);
+        let input = Self::load_within(path, size, &reading.tell(array.options()))?;
+        drop(reading);
+        if !quiet {
+            output::warn(&input.settings.data, &input.settings.report.warnings);
+        }
+        Ok(input)
     }
 
-    /// The same, with a limit of what may be read.
+    /// The same without a word.
     ///
     /// # Errors
     ///
     /// As [`Input::load`].
     pub(crate) fn load_within(path: &Path, size: Option<Size>, options: &ReadOptions) -> Result<Self> {
         let start = Instant::now();
-        let LoadedScene { scene, mut camera, camera_is_automatic, width, height, background, technique } =
-            LoadedScene::load_any(path, options)?;
+        let loaded = LoadedScene::load_any(path, options)?;
+        Self::new(path, loaded, size, start)
+    }
+
+    /// What was read, with the image size in force.
+    ///
+    /// # Errors
+    ///
+    /// As [`View::new`].
+    pub(crate) fn new(path: &Path, loaded: LoadedScene, size: Option<Size>, start: Instant) -> Result<Self> {
+        let LoadedScene {
+            scene,
+            mut camera,
+            camera_is_automatic,
+            width,
+            height,
+            background,
+            technique,
+            file,
+            report,
+        } = loaded;
         let Size { width, height } = size.unwrap_or(Size { width, height });
         if size.is_some() && camera_is_automatic {
             camera = auto::camera(&scene.grid, width, height).map_err(|error| error.in_file(path))?;
@@ -134,6 +208,8 @@ impl Input {
         let view = View::new(camera, width, height).map_err(|error| error.in_file(path))?;
         let settings = Settings {
             path: path.to_path_buf(),
+            data: file,
+            report,
             view,
             camera_is_automatic,
             background,

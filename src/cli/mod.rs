@@ -2,16 +2,18 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | `render`, `reference`, `compare`, `bench`, `devices`, `techniques`, `info` | one command each |
+//! | `render`, `reference`, `compare`, `bench`, `devices`, `techniques`, `info`, `convert` | one command each |
 //! | `suite`, `fronts`, `plot` | of `bench`: scenes and sweeps, time at equal error, its picture |
 //! | `input` | what several commands take: scene, size, technique, device |
 //! | `output` | stdout, files written beside and renamed, progress |
-//! | `table`, `timing` | aligned text, quantiles of frame times |
+//! | `table`, `timing`, `histogram` | aligned text, quantiles of frame times, how often values occur |
 
 mod bench;
 mod compare;
+mod convert;
 mod devices;
 mod fronts;
+mod histogram;
 mod info;
 mod input;
 mod output;
@@ -33,7 +35,7 @@ use volraster::Error;
 #[derive(Debug, Parser)]
 #[command(name = "volraster", version, arg_required_else_help = true)]
 struct Cli {
-    /// Print no summary after drawing. Errors, and what `devices`, `techniques` and `info` are asked for,
+    /// Print no summary and no warnings. Errors, and what `devices`, `techniques` and `info` are asked for,
     /// are printed still.
     #[arg(short, long, global = true)]
     quiet: bool,
@@ -58,6 +60,8 @@ enum Command {
     Techniques(techniques::Args),
     /// Describe a data file or a scene file.
     Info(info::Args),
+    /// Write a data file as NRRD (grids) or VTU (meshes and points).
+    Convert(convert::Args),
 }
 
 /// Why a run does not end with exit code 0.
@@ -114,6 +118,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Devices(args) => args.run(),
         Command::Techniques(args) => args.run(),
         Command::Info(args) => args.run(),
+        Command::Convert(args) => args.run(quiet),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

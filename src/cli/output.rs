@@ -6,9 +6,11 @@
 use std::fs::OpenOptions;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::Value;
+use volraster::io::{Progress, ReadOptions};
 use volraster::{Error, Result};
 
 /// Prints on stdout. A reader that has gone away (`| head`) is no error: the work goes on.
@@ -35,8 +37,12 @@ pub(crate) fn print_json(value: &Value) -> Result<()> {
 
 /// Prints one line on stderr. Nobody can be told when that fails.
 pub(crate) fn complain(line: &str) {
-    let line = line.replace(['\n', '\r'], " ");
-    let _ = writeln!(std::io::stderr(), "volraster: {line}");
+    let _ = writeln!(std::io::stderr(), "volraster: {}", plain(line));
+}
+
+/// Text of files on one line, without what a terminal would obey.
+pub(crate) fn plain(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
 /// A bar on a terminal, nothing elsewhere.
@@ -50,6 +56,66 @@ pub(crate) fn progress(total: u64, what: &str) -> ProgressBar {
     }
     bar.set_message(what.to_string());
     bar
+}
+
+/// A bar that shows how far reading is, on a terminal, where it takes a while. It goes when this does.
+#[derive(Debug)]
+pub(crate) struct Reading {
+    bar: ProgressBar,
+}
+
+impl Reading {
+    /// Reading that takes less shows no bar.
+    const PATIENCE: Duration = Duration::from_millis(300);
+
+    /// Begins now.
+    pub(crate) fn new(path: &Path) -> Self {
+        let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::hidden());
+        if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {bytes}/{total_bytes} {eta}") {
+            bar.set_style(style);
+        }
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        bar.set_message(plain(&name));
+        Self { bar }
+    }
+
+    /// The same options, with the bar told.
+    pub(crate) fn tell(&self, options: ReadOptions) -> ReadOptions {
+        if !std::io::stderr().is_terminal() {
+            return options;
+        }
+        let (bar, begin) = (self.bar.clone(), Instant::now());
+        let shown = std::sync::Once::new();
+        let progress = Progress::new(move |done, all| {
+            if begin.elapsed() >= Self::PATIENCE {
+                shown.call_once(|| bar.set_draw_target(ProgressDrawTarget::stderr()));
+                bar.set_length(all);
+                bar.set_position(done);
+            }
+        });
+        ReadOptions { progress: Some(progress), ..options }
+    }
+}
+
+impl Drop for Reading {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// Prints what may not be as it seems in a file.
+pub(crate) fn warn(path: &Path, warnings: &[String]) {
+    for warning in warnings {
+        complain(&format!("warning: {}: {warning}", path.display()));
+    }
+}
+
+/// Whether two paths name one file, as far as can be told before it is there.
+pub(crate) fn same_place(a: &Path, b: &Path) -> bool {
+    match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => a == b,
+    }
 }
 
 /// Checks an image's place: the ending, and that it can be written.

@@ -1,6 +1,6 @@
 //! `volraster render`: one picture, and the times of its frames.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -9,7 +9,7 @@ use volraster::scene::View;
 use volraster::technique::FrameTime;
 use volraster::{Error, GpuScene, Image, Renderer, Result, Technique};
 
-use super::input::{self, DeviceArgs, Input, Request, Size, milliseconds};
+use super::input::{self, ArrayArg, DeviceArgs, Input, Request, Size, milliseconds};
 use super::timing::{Times, gpu_ms};
 use super::{Outcome, output};
 
@@ -19,6 +19,8 @@ pub(crate) struct Args {
     /// A scene file (.json) or a data file.
     #[arg(value_name = "SCENE|DATA")]
     scene: PathBuf,
+    #[command(flatten)]
+    array: ArrayArg,
     /// Where the picture goes: .exr (32-bit float, the record) or .png (for looking).
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -67,7 +69,7 @@ impl Args {
         if let Some(stats) = &self.stats {
             output::check_file(stats)?;
             for (other, role) in [(&self.output, "the picture"), (&self.scene, "the input")] {
-                if same_place(stats, other) {
+                if output::same_place(stats, other) {
                     return Err(Error::Invalid {
                         what: "--stats".to_string(),
                         why: format!("{}: is {role} as well", stats.display()),
@@ -77,7 +79,7 @@ impl Args {
             }
         }
         let request = self.technique.as_deref().map(Request::parse).transpose()?;
-        let Input { scene, settings } = Input::load(&self.scene, self.size)?;
+        let Input { scene, settings } = Input::load(&self.scene, self.size, &self.array, quiet)?;
         let technique = settings.choose(request)?;
         let views = self.views(&settings.view)?;
 
@@ -216,14 +218,6 @@ fn peak_rss_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
-}
-
-/// Whether two paths name one file, as far as can be told before it is there.
-fn same_place(a: &Path, b: &Path) -> bool {
-    match (a.canonicalize(), b.canonicalize()) {
-        (Ok(a), Ok(b)) => a == b,
-        _ => a == b,
-    }
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Readers for data files, writers for images.
+//! Readers and writers for data files, writers for images.
 //!
 //! A reader implements `Reader` and is listed in `READERS`; nothing else names it. What formats share:
 //!
@@ -10,6 +10,8 @@
 //! | `volume` | components, and data in several files, of grids |
 //! | `arrays`, `dataset` | which array is shown; from cells and arrays to a mesh or points |
 //! | `columns` | vectors and tensors of columns that are named one by one |
+//! | `refused` | formats that are known by name only |
+//! | `write_nrrd`, `write_vtu`, `image` | what is written |
 //!
 //! Sizes are checked against the file and the memory limit before memory is taken, compressed streams are
 //! read no further than one byte past what the header announces, and what is missing or left over is an
@@ -30,6 +32,7 @@ mod nrrd;
 mod options;
 mod ply;
 mod raw;
+mod refused;
 mod samples;
 mod source;
 mod text;
@@ -38,6 +41,8 @@ mod vtk_blocks;
 mod vtk_document;
 mod vtk_legacy;
 mod vtk_xml;
+mod write_nrrd;
+mod write_vtu;
 
 use std::io::Write as _;
 use std::path::Path;
@@ -53,6 +58,8 @@ pub(crate) use raw::describes_raw;
 pub use raw::{RawLayout, read_raw};
 pub use samples::{Endian, SampleType};
 use source::Source;
+pub use write_nrrd::write_nrrd;
+pub use write_vtu::write_vtu;
 
 /// What a file holds.
 #[derive(Clone, Debug)]
@@ -159,7 +166,11 @@ pub fn known_formats() -> String {
 /// [`Error::Io`] if a file cannot be read; [`Error::File`] if no format fits, the contents break a rule
 /// of the format, or the data would take more than `options.max_bytes`.
 pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Loaded> {
-    read_source(&Source::open(path.as_ref(), options)?, options)
+    let path = path.as_ref();
+    if let Some(refusal) = refused::folder(path) {
+        return Err(refusal);
+    }
+    read_source(&Source::open(path, options)?, options)
 }
 
 /// The same for files in memory: the first is read, and finds the others by the names that it has for
@@ -194,18 +205,37 @@ fn read_source(source: &Source, options: &ReadOptions) -> Result<Loaded> {
             .iter()
             .any(|ending| name.strip_suffix(ending).is_some_and(|stem| stem.ends_with('.')))
     };
-    let reader =
-        READERS.iter().find(|reader| reader.recognises(source)).or_else(|| READERS.iter().find(named));
-    let Some(reader) = reader else {
-        return Err(source.error(
-            "content",
-            format!(
-                "of no known format: known are {}; raw samples need a scene file with dims and type",
-                known_formats()
-            ),
-        ));
+    let known = READERS.iter().find(|reader| reader.recognises(source));
+    if known.is_none()
+        && let Some(refusal) = refused::by_content(source)
+    {
+        return Err(refusal);
+    }
+    let Some(reader) = known.or_else(|| READERS.iter().find(named)) else {
+        return Err(refused::by_name(source).unwrap_or_else(|| {
+            source.error(
+                "content",
+                format!(
+                    "of no known format: known are {}; raw samples need a scene file with dims and type",
+                    known_formats()
+                ),
+            )
+        }));
     };
-    reader.read(source, options)
+    let loaded = reader.read(source, options)?;
+    if let Data::Grid(_) = loaded.data {
+        options.check_grid().map_err(|error| error.in_file(source.path()))?;
+    }
+    // A format without names reads what there is: what was asked for must not be passed over in silence.
+    if let Some(array) = &options.array
+        && loaded.report.arrays.is_empty()
+        && loaded.report.shown.is_none()
+    {
+        return Err(
+            source.error(format!("array \"{array}\""), "no such array: the file has one without a name")
+        );
+    }
+    Ok(loaded)
 }
 
 /// Writes a text file, complete or not at all.

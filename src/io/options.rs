@@ -3,6 +3,8 @@
 use std::fmt;
 use std::sync::Arc;
 
+use crate::error::{Error, Result};
+
 /// What is called while a file is read: bytes behind, and bytes in all, of the file as stored. A file that
 /// is gone through twice is told of twice.
 #[derive(Clone)]
@@ -53,6 +55,17 @@ impl ReadOptions {
     #[must_use]
     pub const fn within(max_bytes: u64) -> Self {
         Self { max_bytes, array: None, radius: None, covariance: None, weight: None, progress: None }
+    }
+
+    /// Refuses what belongs to points, for a grid.
+    pub(crate) fn check_grid(&self) -> Result<()> {
+        let wanted = [("radius", &self.radius), ("covariance", &self.covariance), ("weight", &self.weight)];
+        match wanted.into_iter().find_map(|(name, array)| Some((name, array.as_ref()?))) {
+            Some((name, array)) => {
+                Err(Error::invalid(format!("array \"{array}\""), format!("a grid has no {name}")))
+            }
+            None => Ok(()),
+        }
     }
 }
 

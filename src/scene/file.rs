@@ -11,7 +11,7 @@ use serde::{Deserialize, Deserializer};
 
 use super::{Camera, Field, Grid, Knot, Projection, Scene, TransferFunction, View, auto};
 use crate::error::{Error, Result};
-use crate::io::{self, Endian, RawLayout, ReadOptions, SampleType};
+use crate::io::{self, Data, Endian, Loaded, RawLayout, ReadOptions, Report, SampleType};
 
 /// A technique's name and options, as a scene file or a command line gives them.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,6 +40,10 @@ pub struct LoadedScene {
     pub background: [f64; 4],
     /// The technique that the file asks for.
     pub technique: Option<TechniqueChoice>,
+    /// The file that the data comes from; for an analytic field the scene file.
+    pub file: PathBuf,
+    /// How the data was read.
+    pub report: Report,
 }
 
 impl LoadedScene {
@@ -52,11 +56,21 @@ impl LoadedScene {
     ///
     /// # Errors
     ///
-    /// As [`io::read_grid`].
+    /// As [`io::read`]; [`Error::File`] if the file holds something else than a grid.
     pub fn from_data(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Self> {
         let path = path.as_ref();
-        let grid = io::read_grid(path, options)?;
-        Self::assemble(path, grid, Rest::default())
+        Self::from_loaded(path, io::read(path, options)?)
+    }
+
+    /// The same for data that has been read. `path` is for messages.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`] if it is no grid, or shows nothing that a camera or a transfer function could be chosen
+    /// for.
+    pub fn from_loaded(path: impl AsRef<Path>, loaded: Loaded) -> Result<Self> {
+        let path = path.as_ref();
+        Self::assemble(path, Volume::drawable(path, loaded)?, Rest::default())
     }
 
     /// A data file or a scene file: what ends in `.json` is a scene file, unless it describes raw samples.
@@ -66,8 +80,7 @@ impl LoadedScene {
     /// As [`SceneFile::load`] and [`LoadedScene::from_data`].
     pub fn load_any(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Self> {
         let path = path.as_ref();
-        let json = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"));
-        if json && !io::describes_raw(path, options) {
+        if SceneFile::is_named(path) && !io::describes_raw(path, options) {
             SceneFile::load(path, options)
         } else {
             Self::from_data(path, options)
@@ -75,7 +88,8 @@ impl LoadedScene {
     }
 
     /// Puts the parts together and fills in what was not given.
-    fn assemble(path: &Path, grid: Grid, rest: Rest) -> Result<Self> {
+    fn assemble(path: &Path, volume: Volume, rest: Rest) -> Result<Self> {
+        let Volume { grid, file, report } = volume;
         let [width, height] = rest.extent.unwrap_or([Self::DEFAULT_SIDE; 2]);
         let located = |error: Error| error.in_file(path);
         let transfer = match rest.transfer {
@@ -96,7 +110,33 @@ impl LoadedScene {
             height,
             background: rest.background.unwrap_or(Self::DEFAULT_BACKGROUND),
             technique: rest.technique,
+            file,
+            report,
         })
+    }
+}
+
+/// The data of a scene, and where it comes from.
+struct Volume {
+    grid: Grid,
+    file: PathBuf,
+    report: Report,
+}
+
+impl Volume {
+    /// What was read, if a technique can draw it.
+    fn drawable(file: &Path, loaded: Loaded) -> Result<Self> {
+        let rule = match loaded.data {
+            Data::Grid(grid) => return Ok(Self { grid, file: file.to_path_buf(), report: loaded.report }),
+            Data::Mesh(_) => "holds a mesh: no technique draws meshes, only grids",
+            Data::Points(_) => "holds points: no technique draws points, only grids",
+        };
+        Err(Error::file(file, "content", rule))
+    }
+
+    /// What was made without a reader.
+    fn made(file: &Path, grid: Grid, format: &'static str) -> Self {
+        Self { grid, file: file.to_path_buf(), report: Report { format, ..Report::default() } }
     }
 }
 
@@ -115,7 +155,13 @@ struct Rest {
 pub struct SceneFile;
 
 impl SceneFile {
-    /// Reads a scene file and the data that it names.
+    /// Whether a file's name says that it is a scene file.
+    #[must_use]
+    pub fn is_named(path: &Path) -> bool {
+        path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
+    }
+
+    /// Reads a scene file and the data that it names. `options.array` wins over the array that it names.
     ///
     /// # Errors
     ///
@@ -149,11 +195,11 @@ impl SceneFile {
             View::new(camera, width, height).map_err(|error| error.in_file(path))?;
         }
         let recipe = document.transfer.map(|spec| Recipe::new(path, spec, options)).transpose()?;
-        let grid = volume.load(path, options)?;
-        let transfer = recipe.map(|recipe| recipe.build(&grid)).transpose()?;
+        let volume = volume.load(path, options)?;
+        let transfer = recipe.map(|recipe| recipe.build(&volume.grid)).transpose()?;
         let rest =
             Rest { transfer, camera, extent, background: document.background, technique: document.technique };
-        LoadedScene::assemble(path, grid, rest)
+        LoadedScene::assemble(path, volume, rest)
     }
 }
 
@@ -239,6 +285,7 @@ impl CameraSpec {
 #[serde(deny_unknown_fields, expecting = "an object with `file` or `field`")]
 struct VolumeSpec {
     file: Option<String>,
+    array: Option<String>,
     field: Option<String>,
     dims: Option<[u32; 3]>,
     r#type: Option<String>,
@@ -261,8 +308,18 @@ impl VolumeSpec {
         ]
     }
 
-    fn load(&self, scene: &Path, options: &ReadOptions) -> Result<Grid> {
+    fn load(&self, scene: &Path, options: &ReadOptions) -> Result<Volume> {
         let refuse = |place: &str, rule: String| Err(Error::file(scene, place, rule));
+        options.check_grid().map_err(|error| error.in_file(scene))?;
+        let named = self.file.is_some() && self.dims.is_none() && self.r#type.is_none();
+        if !named {
+            // Given in the scene, or on top of it.
+            let wanted = [("volume.array", &self.array), ("array", &options.array)];
+            if let Some((key, array)) = wanted.into_iter().find_map(|(key, a)| Some((key, a.as_ref()?))) {
+                let rule = format!("\"{array}\": fields and raw data have no arrays with names");
+                return refuse(key, rule);
+            }
+        }
         let stray = || self.raw_keys().into_iter().find(|(_, given)| *given).map(|(key, _)| key);
         match (&self.file, &self.field) {
             (Some(_), Some(_)) => refuse("volume", "must have either `file` or `field`, not both".into()),
@@ -271,17 +328,24 @@ impl VolumeSpec {
                 if let Some(key) = stray() {
                     return refuse(key, "belongs to raw data: a field fills the cube from -1 to 1".into());
                 }
-                self.analytic(scene, field, options)
+                Ok(Volume::made(scene, self.analytic(scene, field, options)?, "analytic field"))
             }
             (Some(file), None) => match (self.dims, &self.r#type) {
-                (Some(dims), Some(kind)) => self.raw(scene, &beside(scene, file), dims, kind, options),
+                (Some(dims), Some(kind)) => {
+                    let file = beside(scene, file);
+                    Ok(Volume::made(&file, self.raw(scene, &file, dims, kind, options)?, "raw"))
+                }
                 (Some(_), None) => refuse("volume.type", "missing: raw data has `dims` and `type`".into()),
                 (None, Some(_)) => refuse("volume.dims", "missing: raw data has `dims` and `type`".into()),
                 (None, None) => match stray() {
                     Some(key) => {
                         refuse(key, "belongs to raw data, which has `dims` and `type` as well".into())
                     }
-                    None => io::read_grid(beside(scene, file), options),
+                    None => {
+                        let file = beside(scene, file);
+                        let array = options.array.clone().or_else(|| self.array.clone());
+                        Volume::drawable(&file, io::read(&file, &ReadOptions { array, ..options.clone() })?)
+                    }
                 },
             },
         }

@@ -19,7 +19,15 @@ pub(crate) struct MinMax {
     pub(crate) ranges: Vec<[f32; 2]>,
 }
 
+/// Bricks along each axis of a grid.
+pub(crate) fn bricks_of(dims: [u32; 3]) -> [u32; 3] {
+    dims.map(|n| n.saturating_sub(1).div_ceil(BRICK).max(1))
+}
+
 impl MinMax {
+    /// Bytes of a brick on the device: its range, and the word that says whether it shows anything.
+    pub(crate) const BYTES: u64 = 8 + 4;
+
     /// The ranges of a grid, in its data's own units.
     ///
     /// Brick b covers the samples 8b to 8b + 8 and the apron. NaN has no range: a cell that touches it is
@@ -27,7 +35,7 @@ impl MinMax {
     /// transfer function's business; [`nonzero_ranges`] knows. Ranges are wide enough for what a
     /// device's decoding and filtering add to the values.
     pub(crate) fn of(grid: &Grid) -> Self {
-        let dims = grid.dims().map(|n| n.saturating_sub(1).div_ceil(BRICK).max(1));
+        let dims = bricks_of(grid.dims());
         let [n, m] = [grid.dims().map(num::index), dims.map(num::index)];
         let ranges = match grid.samples() {
             Samples::U8(v) => in_units(grid, extremes(v, n, m, [u8::MAX, u8::MIN])),

@@ -346,9 +346,7 @@ impl GpuScene {
         let own = match samples {
             Samples::U8(_) if mip => Encoding::R16,
             Samples::U8(_) if for_filter && self.gpu.filters_in_8_bit()? => Encoding::R16,
-            Samples::U8(_) => Encoding::R8,
-            Samples::U16(_) | Samples::I16(_) => Encoding::R16,
-            Samples::F32(_) => Encoding::R32f,
+            _ => Encoding::own(samples),
         };
         // 16-bit normalised images are optional.
         let sampled = self.gpu.image_features(own.format()).contains(vk::FormatFeatureFlags::SAMPLED_IMAGE);
@@ -362,7 +360,21 @@ impl GpuScene {
     }
 }
 
+/// Bytes of a sample on a device that has the sample's own type.
+pub(super) fn texel_bytes(samples: &Samples) -> u64 {
+    u64::try_from(Encoding::own(samples).texel_bytes()).unwrap_or(u64::MAX)
+}
+
 impl Encoding {
+    /// The one that keeps samples as they are.
+    fn own(samples: &Samples) -> Self {
+        match samples {
+            Samples::U8(_) => Self::R8,
+            Samples::U16(_) | Samples::I16(_) => Self::R16,
+            Samples::F32(_) => Self::R32f,
+        }
+    }
+
     fn format(self) -> vk::Format {
         match self {
             Self::R8 => vk::Format::R8_UNORM,

@@ -39,6 +39,7 @@
 mod blue_noise;
 mod bricks;
 mod composite;
+mod footprint;
 mod gpu_scene;
 mod grid_frame;
 pub mod grid_options;
@@ -65,6 +66,7 @@ use crate::num;
 use crate::scene::View;
 
 use composite::Composite;
+pub use footprint::GridBytes;
 pub use gpu_scene::{GpuScene, UploadTimes};
 use grid_frame::GridFrame;
 pub use options::OptionInfo;

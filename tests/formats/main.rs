@@ -18,11 +18,14 @@ mod nifti;
 mod npy;
 mod nrrd;
 mod raw;
+mod real;
+mod refused;
 mod support;
+mod vtk_legacy;
+mod vtk_xml;
+mod write;
 
 /// The samples of each fuzz target.
 fn seeds() -> Vec<(&'static str, Vec<support::Sample>)> {
     vec![("nifti", nifti::samples())]
 }
-mod vtk_xml;
-mod vtk_legacy;
