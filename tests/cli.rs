@@ -7,9 +7,9 @@ use std::process::{Command, Output};
 
 use serde_json::Value;
 use volraster::gpu::{Gpu, GpuOptions};
-use volraster::io::{ReadOptions, read_exr};
-use volraster::scene::View;
+use volraster::io::{Data, ReadOptions, known_formats, read_exr, write_vtu};
 use volraster::scene::file::SceneFile;
+use volraster::scene::{KernelSize, Points, TetScalars, Tets, View};
 use volraster::technique::{GpuScene, Renderer, Technique};
 
 /// A field small enough to draw in milliseconds, with a camera and a technique of its own.
@@ -158,6 +158,13 @@ fn wrong_usage_and_input_are_exit_code_2_and_one_line() {
     folder.run("compare scene.json -o out --against gone.exr").fails(2, &["gone.exr", "cannot open"]);
     folder.run("bench gone -o out").fails(2, &["suite", "gone", "standard"]);
     folder.run("info missing.nrrd").fails(2, &["missing.nrrd"]);
+    folder.run("info scene.json --array a").fails(2, &["scene.json", "array", "\"a\"", "no arrays"]);
+    folder.run("info scene.json --weight w").fails(2, &["scene.json", "array \"w\"", "a grid has no weight"]);
+    render("--array a").fails(2, &["scene.json", "\"a\"", "no arrays"]);
+    folder.run("reference scene.json -o out.exr --array a").fails(2, &["\"a\"", "no arrays"]);
+    folder.run("compare scene.json -o out --array a").fails(2, &["\"a\"", "no arrays"]);
+    folder.run("bench scene.json -o out --array a").fails(2, &["\"a\"", "no arrays"]);
+    folder.run("bench -o out --array a").fails(2, &["--array", "\"a\"", "standard"]);
     assert_eq!(folder.names(), before);
 }
 
@@ -573,15 +580,231 @@ fn devices_techniques_and_info_say_the_same_as_json() {
         scene["histogram"]["counts"].as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).sum();
     assert_eq!(counted, 4096);
 
+    assert_eq!((&scene["kind"], &scene["format"]), (&"grid".into(), &"analytic field".into()));
+    assert_eq!((&scene["arrays"], &scene["shown"]), (&serde_json::json!([]), &Value::Null));
+    // 2 x 2 x 2 bricks of 12 bytes.
+    let device = serde_json::json!({"volume": 16384, "stack": 16384, "stacks": 49152, "bricks": 96});
+    assert_eq!(scene["device_bytes"], device);
+
     let head = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/head.nrrd");
     let data = folder.run(&format!("info {head} --json")).done().json();
+    assert_eq!((&data["kind"], &data["format"]), (&"grid".into(), &"NRRD".into()));
+    assert_eq!(data["file_bytes"], std::fs::metadata(head).unwrap().len());
+    assert_eq!(data["bounds"], serde_json::json!([[-41.5, -63.5, -63.5], [41.5, 63.5, 63.5]]));
     assert_eq!(data["camera"]["automatic"], true);
     assert!(data.get("technique").is_none());
     assert_eq!(data["anatomy"], "right-anterior-superior");
     let text = folder.run(&format!("info {head}")).done().out;
-    for part in ["128 x 128 x 84", "u8", "(automatic)", "transfer function", "█"] {
+    for part in ["128 x 128 x 84", "u8", "(automatic)", "transfer function", "█", "on device  1376256 bytes"]
+    {
         assert!(text.contains(part), "{part}: {text}");
     }
+    folder.run(&format!("info {head} --array a")).fails(2, &["head.nrrd", "array \"a\"", "without a name"]);
+    folder
+        .run(&format!("info {head} --radius r"))
+        .fails(2, &["head.nrrd", "array \"r\"", "a grid has no radius"]);
+}
+
+/// What `info` foretells is what a technique takes.
+#[test]
+fn samples_take_as_much_of_the_device_as_is_told() {
+    let folder = Folder::with_scene("device-bytes");
+    let told = folder.run("info scene.json --json").done().json()["device_bytes"].clone();
+    let bytes = |technique: &str, object: &str| {
+        let line =
+            format!("render scene.json -o out.exr --size 8x6 --stats stats.json --technique {technique}");
+        folder.run(&line).done();
+        folder.json("stats.json")["device_bytes"][object].as_u64().unwrap()
+    };
+    // Devices pad images.
+    let fits =
+        |took: u64, told: &Value| (told.as_u64().unwrap()..=told.as_u64().unwrap() * 2).contains(&took);
+    assert!(fits(bytes("raycast", "volume"), &told["volume"]), "{told}");
+    assert!(fits(bytes("slices-2d:route=raster", "stack.z"), &told["stack"]), "{told}");
+    let all = ["stack.x", "stack.y", "stack.z"].map(|stack| bytes("slices-2d:stacks=all", stack));
+    assert!(fits(all.iter().sum(), &told["stacks"]), "{told}");
+}
+
+#[test]
+fn grids_are_converted_to_nrrd() {
+    let folder = Folder::with_scene("convert");
+    let run = folder.run("convert scene.json out.nrrd").done();
+    for part in ["analytic field", "16 x 16 x 16 f32", "out.nrrd", " bytes"] {
+        assert!(run.out.contains(part), "{part}: {}", run.out);
+    }
+    assert_eq!(run.out.lines().count(), 1, "{}", run.out);
+    let made = folder.run("info out.nrrd --json").done().json();
+    let scene = folder.run("info scene.json --json").done().json();
+    for key in ["dims", "type", "spacing", "origin", "axes", "range", "histogram", "anatomy"] {
+        assert_eq!(made[key], scene[key], "{key}");
+    }
+    let head = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/head.nrrd");
+    assert_eq!(folder.run(&format!("convert {head} head.NRRD --quiet")).done().out, "");
+    let (made, head) = (
+        folder.run("info head.NRRD --json").done().json(),
+        folder.run(&format!("info {head} --json")).done().json(),
+    );
+    for key in ["dims", "type", "spacing", "origin", "axes", "range", "histogram", "anatomy"] {
+        assert_eq!(made[key], head[key], "{key}");
+    }
+    // Written over, since that is no input.
+    folder.run("convert scene.json head.NRRD").done();
+    assert_eq!(folder.run("info head.NRRD --json").done().json()["dims"][0], 16);
+    assert_eq!(folder.names(), ["head.NRRD", "out.nrrd", "scene.json"]);
+}
+
+#[test]
+fn what_cannot_be_converted_is_one_line_and_leaves_nothing() {
+    let folder = Folder::with_scene("convert-wrong");
+    folder.run("convert scene.json in.nrrd").done();
+    let raw = r#"{"volume": {"file": "raw.nrrd", "dims": [2, 2, 2], "type": "u8"}}"#;
+    std::fs::write(folder.path("raw.json"), raw).unwrap();
+    std::fs::write(folder.path("raw.nrrd"), [1, 2, 3, 4, 5, 6, 7, 8]).unwrap();
+    std::fs::create_dir(folder.path("folder.nrrd")).unwrap();
+    let before = folder.names();
+    for name in ["out.vtk", "out", "nrrd", "out.nii.gz"] {
+        folder.run(&format!("convert gone.nrrd {name}")).fails(2, &[name, ".nrrd (grids) or .vtu (meshes"]);
+    }
+    folder.run("convert in.nrrd out.vtu").fails(2, &["out.vtu", "must end in .nrrd", "in.nrrd holds a grid"]);
+    folder.run("convert in.nrrd in.nrrd").fails(2, &["output", "in.nrrd", "is the input"]);
+    folder.run("convert in.nrrd ./../convert-wrong/in.nrrd").fails(2, &["cannot write"]);
+    folder.run("convert ./in.nrrd in.nrrd").fails(2, &["output", "is the input"]);
+    folder.run("convert raw.json raw.nrrd").fails(2, &["output", "raw.nrrd", "is the input"]);
+    folder.run("convert gone.nrrd out.nrrd").fails(2, &["gone.nrrd", "cannot open"]);
+    folder.run("convert in.nrrd folder.nrrd").fails(2, &["folder.nrrd", "folder"]);
+    folder.run("convert in.nrrd gone/out.nrrd").fails(2, &["gone/out.nrrd", "cannot write"]);
+    folder.run("convert in.nrrd out.nrrd --radius r").fails(2, &["in.nrrd", "\"r\"", "a grid has no radius"]);
+    folder.run("convert in.nrrd out.nrrd --covariance c").fails(2, &["a grid has no covariance"]);
+    folder.run("convert in.nrrd out.nrrd --array a").fails(2, &["in.nrrd", "\"a\"", "without a name"]);
+    folder.run("convert in.nrrd out.nrrd --radius r --covariance c").fails(2, &["--radius", "--covariance"]);
+    folder.run("convert in.nrrd").fails(2, &["<OUT>"]);
+    assert_eq!(folder.names(), before);
+}
+
+/// Two tetrahedra and three points, written by the library.
+fn write_cells(folder: &Folder) {
+    let corners = |n: usize| {
+        let all = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -2.0]];
+        all.iter().take(n).map(|&corner| corner.into()).collect::<Vec<_>>()
+    };
+    let scalars = TetScalars::Point(vec![0.0, 1.0, 2.0, 3.0, f32::NAN]);
+    let (mesh, _) = Tets::new(corners(5), vec![[0, 1, 2, 3], [0, 2, 1, 4]], scalars).unwrap();
+    write_vtu(folder.path("mesh.vtu"), &Data::Mesh(mesh), "p").unwrap();
+    let points = Points::new(corners(3)).unwrap().with_scalars(vec![5.0, 7.0, 9.0]).unwrap();
+    let points = points.with_weights(vec![1.0, 2.0, 4.0]).unwrap();
+    let points = points.with_size(KernelSize::Radii(vec![0.5, 0.25, 1.0])).unwrap();
+    write_vtu(folder.path("points.vtu"), &Data::Points(points), "s").unwrap();
+}
+
+#[test]
+fn meshes_and_points_are_described_and_converted_and_not_drawn() {
+    if !known_formats().contains(".vtu") {
+        eprintln!("skipped: no reader of .vtu");
+        return;
+    }
+    let folder = Folder::new("cells");
+    write_cells(&folder);
+    let before = folder.names();
+    for (name, what) in [("mesh.vtu", "a mesh"), ("points.vtu", "points")] {
+        let says = [name, "content", what, "no technique draws"];
+        folder.run(&format!("render {name} -o out.exr")).fails(2, &says);
+        folder.run(&format!("reference {name} -o out.exr")).fails(2, &says);
+        folder.run(&format!("compare {name} -o out")).fails(2, &says);
+        folder.run(&format!("bench {name} -o out")).fails(2, &says);
+        folder.run(&format!("convert {name} out.nrrd")).fails(2, &["out.nrrd", "must end in .vtu", what]);
+        folder.run(&format!("convert {name} {name}")).fails(2, &["output", "is the input"]);
+        folder.run(&format!("info {name} --array q")).fails(2, &[name, "\"q\"", "no such array"]);
+    }
+    folder.run("info mesh.vtu --weight p").fails(2, &["mesh.vtu", "a mesh has no weight"]);
+    assert_eq!(folder.names(), before);
+
+    let mesh = folder.run("info mesh.vtu --json").done().json();
+    assert_eq!((&mesh["kind"], &mesh["points"]), (&"mesh".into(), &5.into()));
+    assert_eq!((&mesh["tetrahedra"], &mesh["vacuum"], &mesh["nan"]), (&2.into(), &1.into(), &1.into()));
+    assert_eq!((&mesh["scalars"], &mesh["shown"]), (&"point".into(), &"point:p".into()));
+    assert_eq!(mesh["bounds"], serde_json::json!([[0.0, 0.0, -2.0], [1.0, 1.0, 1.0]]));
+    assert_eq!(mesh["range"], serde_json::json!([0.0, 3.0]));
+    assert_eq!((&mesh["bytes"], &mesh["device_bytes"]["geometry"]), (&172.into(), &112.into()));
+    let array = serde_json::json!({
+        "name": "p", "association": "point", "type": "f32", "components": 1, "shown": true,
+    });
+    assert_eq!(mesh["arrays"], serde_json::json!([array]));
+    let counts = mesh["histogram"]["counts"].as_array().unwrap();
+    assert_eq!(counts.iter().map(|n| n.as_u64().unwrap()).sum::<u64>(), 4);
+    assert!(mesh.get("camera").is_none() && mesh.get("transfer").is_none());
+    let text = folder.run("info mesh.vtu").done().out;
+    for part in
+        ["5, 2 tetrahedra", "point:p (f32), shown as point:p", "0 to 3", "note ", "█", "112 bytes at least"]
+    {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+
+    let points = folder.run("info points.vtu --json --array s --radius radius --weight weight").done().json();
+    assert_eq!((&points["kind"], &points["points"]), (&"points".into(), &3.into()));
+    assert_eq!(points["kernel"], serde_json::json!({"kind": "radii", "range": [0.25, 1.0]}));
+    assert_eq!(
+        (&points["weights"], &points["range"]),
+        (&serde_json::json!([1.0, 4.0]), &serde_json::json!([5.0, 9.0]))
+    );
+    assert_eq!((&points["bytes"], &points["device_bytes"]["geometry"]), (&108.into(), &72.into()));
+    assert_eq!(points["arrays"].as_array().unwrap().len(), 3);
+    let text = folder.run("info points.vtu").done().out;
+    for part in ["kernels", "of unknown size", "1 each", "point:weight (f32)", "5 to 9"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+
+    let run = folder.run("convert mesh.vtu again.vtu").done();
+    for part in ["5 points and 2 tetrahedra, point:p: again.vtu"] {
+        assert!(run.out.contains(part), "{part}: {}", run.out);
+    }
+    folder.run("convert points.vtu other.vtu --array weight --radius radius --weight s").done();
+    let same = |a: &str, b: &str| {
+        assert_eq!(std::fs::read(folder.path(a)).unwrap(), std::fs::read(folder.path(b)).unwrap())
+    };
+    same("mesh.vtu", "again.vtu");
+    folder.run("convert other.vtu back.vtu --array weight_ --radius radius --weight weight").done();
+    let other = folder.run("info other.vtu --json --array weight --weight weight_").done().json();
+    assert_eq!(
+        (&other["range"], &other["weights"]),
+        (&serde_json::json!([1.0, 4.0]), &serde_json::json!([5.0, 9.0]))
+    );
+}
+
+/// Drawing says what may not be as it seems, in lines of its own, and not where it is told to be quiet.
+#[test]
+fn warnings_go_to_stderr() {
+    if !known_formats().contains(".vti") {
+        eprintln!("skipped: no reader of .vti");
+        return;
+    }
+    let folder = Folder::new("warnings");
+    let values: Vec<String> = (0..8).map(|i| format!("{}", 1e9 + f64::from(i))).collect();
+    let file = format!(
+        "<VTKFile type=\"ImageData\" version=\"1.0\" byte_order=\"LittleEndian\"><ImageData \
+         WholeExtent=\"0 1 0 1 0 1\" Origin=\"0 0 0\" Spacing=\"1 1 1\"><Piece Extent=\"0 1 0 1 0 1\"><PointData>\
+         <DataArray type=\"Float64\" Name=\"a\" format=\"ascii\">{}</DataArray></PointData></Piece></ImageData>\
+         </VTKFile>",
+        values.join(" ")
+    );
+    std::fs::write(folder.path("coarse.vti"), file).unwrap();
+    let warned = |line: &str| {
+        let run = folder.run(line);
+        assert_eq!(run.code, 0, "{line}: {}", run.err);
+        assert_eq!(run.err.lines().count(), 1, "{line}: {}", run.err);
+        for part in ["volraster: warning: ", "coarse.vti: ", "f64 values are kept as f32"] {
+            assert!(run.err.contains(part), "{line}: {}", run.err);
+        }
+    };
+    warned("render coarse.vti -o out.exr --size 8x8");
+    warned("reference coarse.vti -o out.exr --size 8x8");
+    warned("compare coarse.vti -o out --size 8x8 --techniques raycast");
+    warned("convert coarse.vti out.nrrd");
+    folder.run("render coarse.vti -o out.exr --size 8x8 --quiet").done();
+    folder.run("convert coarse.vti out.nrrd --quiet").done();
+    // What is asked for is not said twice.
+    let info = folder.run("info coarse.vti --json").done().json();
+    assert_eq!(info["warnings"].as_array().unwrap().len(), 1, "{info}");
+    assert!(folder.run("info coarse.vti").done().out.contains("warning "));
 }
 
 /// A reader that goes away is no error and no panic.
@@ -604,7 +827,7 @@ fn help_and_version_are_exit_code_0() {
     let version = folder.run("--version").done().out;
     assert_eq!(version.trim(), format!("volraster {}", env!("CARGO_PKG_VERSION")));
     let help = folder.run("--help").done().out;
-    for command in ["render", "reference", "compare", "bench", "devices", "techniques", "info"] {
+    for command in ["render", "reference", "compare", "bench", "devices", "techniques", "info", "convert"] {
         assert!(help.contains(command), "{command}");
         assert!(folder.run(&format!("{command} --help")).done().out.contains("Usage"));
     }

@@ -927,6 +927,12 @@ fn scene_files_are_refused_by_place_and_rule() {
     volume(r#"{"file": "a.raw", "dims": [4,3,2]}"#, &["volume.type", "missing"]);
     volume(r#"{"file": "a.raw", "type": "u8"}"#, &["volume.dims", "missing"]);
     volume(r#"{"file": "a.raw", "offset": 4}"#, &["volume.offset", "dims"]);
+    volume(
+        r#"{"file": "a.raw", "dims": [4,3,2], "type": "u8", "array": "a"}"#,
+        &["volume.array", "\"a\"", "raw"],
+    );
+    volume(r#"{"field": "blobs", "dims": [4,3,2], "array": "a"}"#, &["volume.array", "\"a\"", "fields"]);
+    volume(r#"{"file": "a.raw", "array": 1}"#, &["volume.array", "string"]);
     volume(r#"{"file": "a.raw", "dims": [4,3,2], "type": "int16"}"#, &["volume.type", "int16", "i16"]);
     volume(r#"{"file": "a.raw", "dims": [4,3,2], "type": "u8", "endian": "pdp"}"#, &["volume.endian", "pdp"]);
     volume(r#"{"file": "a.raw", "dims": [4,-3,2], "type": "u8"}"#, &["volume.dims[1]", "-3"]);

@@ -149,7 +149,10 @@ fn plot3d_is_told_by_its_sizes() {
             ("records of two grids", file(&[4, 2, 4, 24, 4, 3, 2, 2, 2, 2, 24], big, 12 * both + 16)),
         ] {
             refused("grid.bin", bytes.clone(), &["content: PLOT3D"]);
-            let longer = [bytes.clone(), vec![0; 4]].concat();
+            let mut filled = bytes.clone();
+            filled.resize(bytes.len().next_multiple_of(512), 0);
+            refused("grid.bin", filled, &["content: PLOT3D"]);
+            let longer = [bytes.clone(), vec![0; 1]].concat();
             Sample::one(what, "grid.bin", longer).refused(&["of no known format"]);
             Sample::one(what, "grid.raw", bytes).refused(&["of no known format"]);
         }
