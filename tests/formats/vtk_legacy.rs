@@ -502,6 +502,11 @@ fn vertices_and_points_alone_are_points() {
         assert_eq!(y.scalars().unwrap()[..3], [1.0, 4.0, 7.0], "{what}");
     }
     assert_eq!(points(sample("points alone").loaded()).scalars(), None);
+    // Binary data may end without a line end.
+    let mut vtk = Vtk::new("3.0", true).line("DATASET POLYDATA\nPOINTS 9 float").numbers("float", &NINE);
+    vtk.bytes.pop();
+    let vtk = vtk.line("POINT_DATA 9").scalars("s", "int", &list(9, |i| i));
+    assert_eq!(points(vtk.sample("no line end").loaded()).scalars().unwrap()[8], 8.0);
 }
 
 #[test]
@@ -732,6 +737,10 @@ fn memory_is_limited_before_it_is_taken() {
     // A hostile size that a packed file might hold is refused when it does not.
     let bomb = b"# vtk DataFile Version 3.0\nt\nBINARY\nDATASET POLYDATA\nPOINTS 4000 float\n123";
     Sample::one("bomb", "a.vtk", gzip(bomb)).refused(&["ends here: 47997 more bytes are announced"]);
+    let mut packed = gzip(&unstructured("3.0", true, false).bytes);
+    let sum = packed.len() - 6;
+    packed[sum] ^= 1;
+    Sample::one("sum", "a.vtk", packed).refused(&["a packed stream is damaged"]);
 }
 
 /// The samples of a `.npy` file of 16-bit numbers.

@@ -50,6 +50,9 @@ pub(super) struct Stored {
     pub(super) flags: Flags,
 }
 
+/// Appends so many numbers of a stream to a list.
+type Decode<'d, T> = dyn FnMut(&mut dyn Read, Endian, usize, &mut Vec<T>) -> std::io::Result<()> + 'd;
+
 impl Stored {
     /// The place, for messages.
     pub(super) fn place(&self) -> String {
@@ -103,7 +106,7 @@ impl Stored {
     fn pieces<T>(
         &self,
         source: &Source,
-        decode: &mut dyn FnMut(&mut dyn Read, Endian, usize, &mut Vec<T>) -> std::io::Result<()>,
+        decode: &mut Decode<T>,
         each: &mut dyn FnMut(&[T]) -> Result<bool>,
     ) -> Result<()> {
         const PIECE: u64 = 3 << 12;

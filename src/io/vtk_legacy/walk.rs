@@ -803,7 +803,7 @@ impl<'a> Walk<'a> {
             let upper = line.trim().to_ascii_uppercase();
             if upper.is_empty() {
                 if keys == 0 || may_follow(self.scanner.peek(AHEAD)?) {
-                    break;
+                    return Ok(());
                 }
             } else if upper.starts_with("COMPONENT_NAMES") {
                 for _ in 0..self.components {
@@ -816,6 +816,9 @@ impl<'a> Walk<'a> {
             } else if upper.starts_with("NAME ") {
                 keys = keys.saturating_sub(1);
             }
+        }
+        if keys > 0 {
+            return Err(self.error(format!("ends within metadata: {keys} more entries are announced")));
         }
         Ok(())
     }
