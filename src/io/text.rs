@@ -260,16 +260,26 @@ impl<'a> Scanner<'a> {
         Ok(&self.ahead[..self.ahead.len().min(count)])
     }
 
-    /// Passes over words; the blank after the last one comes next.
-    pub(crate) fn skip_words(&mut self, count: u64) -> Result<()> {
+    /// Passes over numbers, of which only the first characters are looked at; the blank after the last one
+    /// comes next.
+    pub(crate) fn skip_numbers(&mut self, count: u64) -> Result<()> {
         let mut left = count;
         let mut inside = false;
+        // `nan` and `inf` are numbers too.
+        let begins = |byte: u8| {
+            byte.is_ascii_digit() || matches!(byte, b'+' | b'-' | b'.' | b'n' | b'N' | b'i' | b'I')
+        };
         while left > 0 {
             let buffer = self.fill()?;
             let (mut used, mut lines) = (0, 0);
             let ended = buffer.is_empty();
+            let mut wrong = false;
             for &byte in buffer {
                 let blank = byte.is_ascii_whitespace();
+                wrong = !blank && !inside && !begins(byte);
+                if wrong {
+                    break;
+                }
                 if blank && inside {
                     left -= 1;
                     if left == 0 {
@@ -282,6 +292,10 @@ impl<'a> Scanner<'a> {
             }
             self.line += lines;
             self.advance(used);
+            if wrong {
+                let word = self.word()?.map(shown).unwrap_or_default();
+                return Err(self.error(format!("\"{word}\": must be a number, {left} more are announced")));
+            }
             if ended {
                 left -= u64::from(inside);
                 if left > 0 {
@@ -546,7 +560,7 @@ mod tests {
     #[test]
     fn looking_ahead_passes_over_nothing() {
         // Longer than the buffer of a file, so that what is looked at lies on both sides of its end.
-        let text = "ab cd\nef ".repeat(20_000);
+        let text = "12 34\n56 ".repeat(20_000);
         let packed = {
             let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
             std::io::Write::write_all(&mut encoder, text.as_bytes()).unwrap();
@@ -563,28 +577,32 @@ mod tests {
                     assert_eq!(s.peek(5).unwrap(), &left[..left.len().min(5)]);
                     assert_eq!(s.position(), u64::try_from(at).unwrap());
                 }
-                assert_eq!(s.peek(20).unwrap(), b"d\nef ab cd\nef ");
-                assert_eq!(s.word().unwrap(), Some("d"));
+                assert_eq!(s.peek(20).unwrap(), b"4\n56 12 34\n56 ");
+                assert_eq!(s.word().unwrap(), Some("4"));
                 let mut rest = Vec::new();
                 s.read_to_end(&mut rest).unwrap();
-                assert_eq!(rest, b"\nef ab cd\nef ");
+                assert_eq!(rest, b"\n56 12 34\n56 ");
                 assert_eq!(s.peek(3).unwrap(), b"");
             });
             scan(bytes, |s| {
-                s.skip_words(50_000).unwrap();
+                s.skip_numbers(50_000).unwrap();
                 assert_eq!((s.position(), s.lines()), (149_999, 16_666));
-                assert_eq!(s.word().unwrap(), Some("ef"));
-                s.skip_words(9_999).unwrap();
-                let text = s.skip_words(2).unwrap_err().to_string();
+                assert_eq!(s.word().unwrap(), Some("56"));
+                s.skip_numbers(9_999).unwrap();
+                let text = s.skip_numbers(2).unwrap_err().to_string();
                 assert!(text.ends_with("line 20001: ends here: 2 more numbers are announced"), "{text}");
                 let place = (s.position(), s.lines());
                 let mut again = Scanner::resume(s.source(), 149_999, 16_666).unwrap();
-                assert_eq!(again.word().unwrap(), Some("ef"));
-                again.skip_words(9_999).unwrap();
+                assert_eq!(again.word().unwrap(), Some("56"));
+                again.skip_numbers(9_999).unwrap();
                 assert_eq!((again.position() + 1, again.lines()), place);
             });
         }
-        scan(b"a b", |s| s.skip_words(2).unwrap());
+        scan(b"-nan +.5", |s| s.skip_numbers(2).unwrap());
+        scan(b"1 2\n3 VECTORS\n4", |s| {
+            let text = s.skip_numbers(5).unwrap_err().to_string();
+            assert_eq!(text, "a.txt: line 2: \"VECTORS\": must be a number, 2 more are announced");
+        });
         let lines = [&[b'x'; 70_000][..], b"\n\nlast"].concat();
         scan(&lines, |s| {
             let ends: Vec<(bool, u64)> = (0..4).map(|_| (s.skip_line().unwrap(), s.lines())).collect();

@@ -586,7 +586,11 @@ fn what_is_wrong_is_refused_with_its_place() {
         (text("DATASET POLYDATA\nPOINTS 1 string\n1\n2\n3\n"), ["type string", "numbers are needed"]),
         (
             text("DATASET POLYDATA\nPOINTS 1 float\n1 2 three\n"),
-            ["line 6: \"three\"", "must be a number of type f32"],
+            ["line 6: \"three\"", "must be a number, 1 more are announced"],
+        ),
+        (
+            text("DATASET POLYDATA\nPOINTS 1 int\n1 2 3.5\n"),
+            ["line 6: \"3.5\"", "must be a number of type i32"],
         ),
         (text("DATASET POLYDATA\nPOINTS 6148914691236517206 float\n"), ["line 5", "too many numbers"]),
         (text("DATASET POLYDATA\n"), ["POINTS", "missing: POLYDATA needs it"]),

@@ -197,8 +197,8 @@ fn number_type(word: &str) -> Option<SampleType> {
         "unsigned_int" => SampleType::U32,
         // Written as 32 bits, whatever it is in the program.
         "int" | "vtkidtype" => SampleType::I32,
-        "unsigned_long" | "vtktypeuint64" | "unsigned_long_long" => SampleType::U64,
-        "long" | "vtktypeint64" | "long_long" => SampleType::I64,
+        "unsigned_long" | "vtktypeuint64" => SampleType::U64,
+        "long" | "vtktypeint64" => SampleType::I64,
         "float" => SampleType::F32,
         "double" => SampleType::F64,
         _ => return None,
@@ -713,7 +713,7 @@ impl<'a> Walk<'a> {
             if numbers > most {
                 return Err(self.error(format!("{numbers} numbers are announced: at most {most} can follow")));
             }
-            self.scanner.skip_words(numbers)?;
+            self.scanner.skip_numbers(numbers)?;
             return Ok(Some(stored));
         }
         self.end_line()?;
