@@ -12,6 +12,7 @@
 //! Fields that do not place or scale samples (`content`, `units`, `thicknesses`, ...) are checked for their
 //! names only.
 
+use std::cell::Cell;
 use std::io::Read;
 use std::path::Path;
 
@@ -31,6 +32,9 @@ pub(super) struct Nrrd;
 
 /// Longest header that is read, in bytes.
 const MAX_HEADER: u64 = 1 << 20;
+
+/// Most bytes that are read without use before the data of several files: one file can be named often.
+const MAX_SKIP: u64 = 1 << 28;
 
 /// Every field of the format, under the one name that is used here.
 const FIELDS: [&str; 29] = [
@@ -98,15 +102,16 @@ impl Reader for Nrrd {
         }
         let (_, bytes) = samples::data_size(source, "sizes", &chosen.layout, options)?;
         let share = bytes / count.max(1);
+        let skipped = Cell::new(0_u64);
         let part = |index: usize| {
             let (data, start) = match &files {
                 None => (source.clone(), header.end),
                 Some(files) => (source.sibling(Path::new(&files.name(index)), options)?, 0),
             };
-            let offset = skip_lines(&data, start, lines)?;
+            let begin = skip_lines(&data, start, lines)?;
             let skip = match skip {
-                -1 => (data.len() - offset).checked_sub(share).ok_or_else(|| {
-                    data.error("data", format!("needs {share} bytes: {} are there", data.len() - offset))
+                -1 => (data.len() - begin).checked_sub(share).ok_or_else(|| {
+                    data.error("data", format!("needs {share} bytes: {} are there", data.len() - begin))
                 })?,
                 skip => skip.unsigned_abs(),
             };
@@ -114,6 +119,16 @@ impl Reader for Nrrd {
                 Packing::Binary(encoding) => (encoding, false),
                 Packing::Text => (Encoding::Raw, true),
             };
+            // Raw bytes need not be read to be skipped.
+            let seeks = packing == Packing::Binary(Encoding::Raw);
+            let (offset, skip) = if seeks { (begin.saturating_add(skip), 0) } else { (begin, skip) };
+            let read = skipped.get().saturating_add(begin - start).saturating_add(skip);
+            skipped.set(read);
+            if count > 1 && read > MAX_SKIP {
+                let rule =
+                    format!("passes over {read} bytes in {} files: the limit is {MAX_SKIP}", index + 1);
+                return Err(header.error(if lines > 0 { "line skip" } else { "byte skip" }, rule));
+            }
             Ok(Part { source: data, offset, encoding, skip, text })
         };
         let parts = usize::try_from(count).unwrap_or(usize::MAX);

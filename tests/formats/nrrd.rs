@@ -279,6 +279,17 @@ fn what_breaks_a_rule_is_refused_by_place() {
     files("data file:\n", &["data file", "empty"]);
     files("data file: s1.raw\n", &["needs 24 bytes", "12 are there"]);
     files("data file: LIST\ns1.raw\ns1.raw\nendian: big\n", &["3 files"]);
+    let long = gzip(&[vec![b'x'; 1 << 20], vec![1; 12]].concat());
+    let names = "z\n".repeat(600);
+    let more = format!("encoding: gzip\nbyte skip: 1048576\ndata file: LIST\n{names}");
+    Sample::one("skips", "a.nhdr", header("uchar", "4 3 600", &more))
+        .with("z", long)
+        .refused(&["byte skip", "269484032 bytes in 257 files: the limit is 268435456"]);
+    let lines = [b"line\n".repeat(1 << 18), vec![1; 12]].concat();
+    let more = format!("encoding: raw\nline skip: 262144\ndata file: LIST\n{names}");
+    Sample::one("line skips", "a.nhdr", header("uchar", "4 3 600", &more))
+        .with("z", lines)
+        .refused(&["line skip", "the limit is 268435456"]);
     Sample::one("a short file", "a.nhdr", header("uchar", "4 3 2", "encoding: raw\ndata file: LIST\na\nb\n"))
         .with("a", [0; 12])
         .with("b", [0; 11])
