@@ -58,7 +58,7 @@ impl<'a> Scanner<'a> {
     }
 
     /// The same, where `line` lines are behind.
-    pub(crate) fn from_line(mut self, line: u64) -> Self {
+    pub(crate) fn after_lines(mut self, line: u64) -> Self {
         self.line = line;
         self
     }

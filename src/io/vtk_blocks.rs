@@ -180,6 +180,9 @@ impl<'a> Store<'a> {
         self.check(array, count)?;
         let (begin, ..) = self.span(array)?;
         self.read(array, count, taker)?;
+        if let Place::Base64(text) = array.place {
+            self.blank(array, count, text.end)?;
+        }
         // Arrays may lie in the same place, but not so often that a small file is a lot of work.
         self.behind = self.behind.saturating_add(self.cursor.position.saturating_sub(begin));
         let most = self.source.encoding().most(self.source.len()).saturating_mul(MOST_OFTEN);
@@ -187,6 +190,25 @@ impl<'a> Store<'a> {
             return Ok(());
         }
         Err(self.source.error(array.at(), "too many arrays lie in the same place"))
+    }
+
+    /// Whether nothing but blanks is left of a text.
+    fn blank(&mut self, array: &Array, count: u64, end: u64) -> Result<()> {
+        while self.cursor.position < end {
+            let left = usize::try_from(end - self.cursor.position).unwrap_or(usize::MAX);
+            let take = match self.cursor.fill_buf() {
+                Ok([]) => break,
+                Ok(buffer) if !buffer[..buffer.len().min(left)].iter().all(u8::is_ascii_whitespace) => {
+                    let rule = format!("more base64 than the {count} numbers need");
+                    return Err(self.source.error(array.at(), rule));
+                }
+                Ok(buffer) => buffer.len().min(left),
+                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+                Err(error) => return Err(stream_error(self.source, error)),
+            };
+            self.cursor.consume(take);
+        }
+        Ok(())
     }
 
     fn read(&mut self, array: &Array, count: u64, taker: &mut Taker) -> Result<()> {
@@ -205,7 +227,7 @@ impl<'a> Store<'a> {
         self.cursor.seek(begin)?;
         if let Place::Words(Text { line, .. }) = array.place {
             let words = (&mut self.cursor).take(stored);
-            let mut scanner = Scanner::of(source, words, stored).from_line(line);
+            let mut scanner = Scanner::of(source, words, stored).after_lines(line);
             taker(&mut scanner.numbers(kind), kind, Endian::Little).map_err(failed)?;
             return match scanner.word()?.map(text::shown) {
                 None => Ok(()),

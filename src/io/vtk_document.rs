@@ -439,7 +439,9 @@ impl<'a> Parser<'a> {
             let value = attribute
                 .normalized_value(XmlVersion::Implicit1_0)
                 .map_err(|error| wrong(error.to_string()))?;
-            list.push((attribute.key.as_ref().to_owned(), value.into_owned()));
+            // Line ends may come as references.
+            let value = value.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+            list.push((attribute.key.as_ref().to_owned(), value));
         }
         let element: &str = &shown(tag.name().as_ref());
         Ok(Attributes { source: self.source, line, element: element.to_owned(), list })

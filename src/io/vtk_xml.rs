@@ -254,13 +254,16 @@ fn numbers(source: &Source, array: &Array, count: u64, components: usize) -> Res
         .ok_or_else(|| source.error(array.at(), format!("{count} tuples: more than memory can address")))
 }
 
+/// Appends so many numbers from a stream to a list.
+type Fill<T> = fn(&mut dyn Read, usize, SampleType, Endian, &mut Vec<T>) -> std::io::Result<()>;
+
 /// Hands numbers out in chunks.
-fn in_chunks<T: Default>(
+fn in_chunks<T>(
     reader: &mut dyn Read,
     count: usize,
     kind: SampleType,
     endian: Endian,
-    fill: fn(&mut dyn Read, usize, SampleType, Endian, &mut Vec<T>) -> std::io::Result<()>,
+    fill: Fill<T>,
     chunk: &mut dyn FnMut(&[T]) -> std::io::Result<()>,
 ) -> std::io::Result<()> {
     let mut list = Vec::new();
@@ -401,8 +404,9 @@ impl File<'_> {
             })?;
         }
 
-        if pieces.len() > 1 {
-            self.notes.push(format!("{} pieces were put together", pieces.len()));
+        let full = pieces.iter().filter(|piece| piece.points > 0).count();
+        if full > 1 {
+            self.notes.push(format!("{full} pieces were put together"));
         }
         let arrays = self.arrays.clone();
         let origin = Origin { source, format, arrays: arrays.clone() };
