@@ -247,9 +247,9 @@ fn number(cell: &str) -> Option<f64> {
     cell.parse().ok()
 }
 
-/// Whether a cell is a number, not what stands for none.
+/// Whether a cell can be nothing but a number: `Na` may be sodium.
 fn is_number(cell: &str) -> bool {
-    number(cell).is_some_and(|number| !number.is_nan())
+    cell.parse::<f64>().is_ok()
 }
 
 /// Rows, one after the other.

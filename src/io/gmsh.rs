@@ -304,6 +304,9 @@ impl Stream<'_> {
 
     /// An `int` that is a number of something.
     fn natural(&mut self, what: &str) -> Result<u64> {
+        if self.format.binary.is_none() {
+            return self.word(what);
+        }
         let number = self.int(what)?;
         u64::try_from(number).map_err(|_| self.error(format!("{number}: must be {what}, not negative")))
     }
@@ -364,11 +367,7 @@ impl Tags {
 
     fn new(source: &Source, what: &str, mut pairs: Vec<(u64, u32)>) -> Result<Self> {
         let Some(&(first, _)) = pairs.first() else { return Ok(Self::none()) };
-        if pairs
-            .iter()
-            .zip(first..)
-            .all(|(&(tag, index), next)| tag == next && u64::from(index) == next - first)
-        {
+        if pairs.iter().all(|&(tag, index)| tag.checked_sub(first) == Some(index.into())) {
             return Ok(Self::Consecutive { first, count: length(pairs.len()) });
         }
         let (first, last) =
@@ -586,6 +585,10 @@ impl File {
                 needs("MeshFormat", "$MeshFormat must come first")?;
             }
             match name {
+                "NOD" => {
+                    let rule = "$NOD: is of version 1: 2.0 to 2.2 and 4.1 are supported";
+                    return Err(stream.scanner.line_error(rule));
+                }
                 "MeshFormat" => file.format = read_format(&mut stream)?,
                 "Nodes" | "ParametricNodes" => {
                     file.read_nodes(&mut stream, name == "ParametricNodes", budget)?
@@ -956,13 +959,12 @@ fn read_format(stream: &mut Stream) -> Result<Format> {
                 Some(Endian::Big)
             } else {
                 let rule = format!("mark of byte order {one:?}: must be 1 in one of both");
-                return Err(stream.scanner.error(rule));
+                return Err(stream.scanner.line_error(rule));
             }
         }
         other => {
-            return Err(stream
-                .scanner
-                .error(format!("file type {other}: must be 0 for words or 1 for binary")));
+            let rule = format!("file type {other}: must be 0 for words or 1 for binary");
+            return Err(stream.scanner.line_error(rule));
         }
     };
     // The size is that of counts in version 4, that of reals before.

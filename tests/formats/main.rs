@@ -12,11 +12,14 @@
 )]
 
 mod container;
+mod csv;
+mod gmsh;
 mod metaimage;
 mod mutations;
 mod nifti;
 mod npy;
 mod nrrd;
+mod ply;
 mod raw;
 mod real;
 mod refused;
