@@ -24,6 +24,7 @@ mod dataset;
 mod fields;
 mod gmsh;
 mod image;
+mod jpeg;
 mod lattice;
 mod metaimage;
 mod nifti;
@@ -36,6 +37,7 @@ mod refused;
 mod samples;
 mod source;
 mod text;
+mod tiff;
 mod volume;
 mod vtk_blocks;
 mod vtk_document;
@@ -145,6 +147,7 @@ static READERS: &[&dyn Reader] = &[
     &gmsh::Gmsh,
     &ply::Ply,
     &csv::Csv,
+    &tiff::Tiff,
     &raw::Raw,
 ];
 

@@ -24,6 +24,7 @@ mod raw;
 mod real;
 mod refused;
 mod support;
+mod tiff;
 mod vtk_legacy;
 mod vtk_xml;
 mod write;
