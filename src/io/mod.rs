@@ -21,7 +21,9 @@ mod arrays;
 mod columns;
 mod csv;
 mod dataset;
+mod dicom;
 mod fields;
+mod folder;
 mod gmsh;
 mod image;
 mod jpeg;
@@ -148,6 +150,7 @@ static READERS: &[&dyn Reader] = &[
     &ply::Ply,
     &csv::Csv,
     &tiff::Tiff,
+    &dicom::Dicom,
     &raw::Raw,
 ];
 
@@ -162,7 +165,7 @@ pub fn known_formats() -> String {
 }
 
 /// Reads a data file in any known format. Content decides; the file name's ending is asked only when no
-/// format knows the content.
+/// format knows the content. A folder is read as the slices in it, or as the one data file that it holds.
 ///
 /// # Errors
 ///
@@ -172,6 +175,9 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Loaded> {
     let path = path.as_ref();
     if let Some(refusal) = refused::folder(path) {
         return Err(refusal);
+    }
+    if path.is_dir() {
+        return folder::read(path, options);
     }
     read_source(&Source::open(path, options)?, options)
 }
@@ -200,21 +206,13 @@ pub fn read_grid(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Grid> 
 }
 
 fn read_source(source: &Source, options: &ReadOptions) -> Result<Loaded> {
-    let name =
-        source.path().file_name().map(|name| name.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let named = |reader: &&&dyn Reader| {
-        reader
-            .extensions()
-            .iter()
-            .any(|ending| name.strip_suffix(ending).is_some_and(|stem| stem.ends_with('.')))
-    };
-    let known = READERS.iter().find(|reader| reader.recognises(source));
+    let known = by_content(source);
     if known.is_none()
         && let Some(refusal) = refused::by_content(source)
     {
         return Err(refusal);
     }
-    let Some(reader) = known.or_else(|| READERS.iter().find(named)) else {
+    let Some(reader) = known.or_else(|| by_name(source)) else {
         return Err(refused::by_name(source).unwrap_or_else(|| {
             source.error(
                 "content",
@@ -239,6 +237,18 @@ fn read_source(source: &Source, options: &ReadOptions) -> Result<Loaded> {
         );
     }
     Ok(loaded)
+}
+
+/// The reader that knows a file's content.
+fn by_content(source: &Source) -> Option<&'static dyn Reader> {
+    READERS.iter().find(|reader| reader.recognises(source)).copied()
+}
+
+/// The reader whose files have such a name.
+fn by_name(source: &Source) -> Option<&'static dyn Reader> {
+    let name = source.path().file_name()?.to_string_lossy().to_lowercase();
+    let is = |ending: &&str| name.strip_suffix(ending).is_some_and(|stem| stem.ends_with('.'));
+    READERS.iter().find(|reader| reader.extensions().iter().any(|ending| is(&ending))).copied()
 }
 
 /// Writes a text file, complete or not at all.

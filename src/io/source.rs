@@ -135,6 +135,38 @@ impl Source {
         }
     }
 
+    /// Names of the regular files of its folder, itself among them, in the order of their names.
+    ///
+    /// # Errors
+    ///
+    /// If the folder cannot be read, or holds more than 131,072 files.
+    pub(crate) fn neighbours(&self) -> Result<Vec<PathBuf>> {
+        const MOST: usize = 1 << 17;
+        let folder = self.0.path.parent().unwrap_or(Path::new(""));
+        let mut names = Vec::new();
+        match &self.0.body {
+            Body::File(_) => {
+                let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+                let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, "cannot list", e))?;
+                for entry in entries {
+                    let entry = entry.map_err(|e| Error::io(folder, "cannot list", e))?;
+                    if entry.path().is_file() {
+                        names.push(PathBuf::from(entry.file_name()));
+                    }
+                    if names.len() > MOST {
+                        return Err(Error::file(folder, "files", format!("more than {MOST}")));
+                    }
+                }
+            }
+            Body::Memory { bundle, .. } => {
+                let own = bundle.keys().map(Path::new).filter(|path| path.parent() == Some(folder));
+                names.extend(own.filter_map(|path| path.file_name()).map(PathBuf::from));
+            }
+        }
+        names.sort();
+        Ok(names)
+    }
+
     /// The file's path, for messages.
     pub(crate) fn path(&self) -> &Path {
         &self.0.path
@@ -195,7 +227,11 @@ impl Inner {
             ));
         }
         let mut bytes = Vec::new();
-        let read = self.reader(offset, Encoding::Raw).take(len).read_to_end(&mut bytes);
+        let read = match &self.body {
+            // Pieces are often small, and far from each other: a buffer would read more than is wanted.
+            Body::File(file) => At { inner: self, file, position: offset }.take(len).read_to_end(&mut bytes),
+            Body::Memory { .. } => self.reader(offset, Encoding::Raw).take(len).read_to_end(&mut bytes),
+        };
         read.map_err(|e| Error::io(&self.path, "cannot read", e))?;
         Ok(bytes)
     }
