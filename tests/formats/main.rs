@@ -29,7 +29,45 @@ mod vtk_legacy;
 mod vtk_xml;
 mod write;
 
-/// The samples of each fuzz target.
+/// The samples of each reader, by the name of its fuzz target.
 fn seeds() -> Vec<(&'static str, Vec<support::Sample>)> {
-    vec![("nifti", nifti::samples())]
+    let (sidecar, raw) = raw::samples().into_iter().partition(|sample| sample.files[0].0.ends_with(".json"));
+    vec![
+        ("csv", csv::samples()),
+        ("gmsh", gmsh::samples()),
+        ("metaimage", metaimage::samples()),
+        ("nifti", nifti::samples()),
+        ("npy", npy::samples()),
+        ("nrrd", nrrd::samples()),
+        ("ply", ply::samples()),
+        ("raw", raw),
+        ("sidecar", sidecar),
+        ("tiff", tiff::samples()),
+        ("vtk_legacy", vtk_legacy::samples()),
+        ("vtk_xml", vtk_xml::samples()),
+    ]
 }
+
+/// A test of damaged samples for each reader.
+macro_rules! damaged {
+    ($($format:ident)*) => {
+        mod damaged {
+            $(
+                #[test]
+                fn $format() {
+                    let seeds = super::seeds();
+                    let (name, samples) = seeds.iter().find(|seed| seed.0 == stringify!($format)).unwrap();
+                    super::mutations::damage(name, samples);
+                }
+            )*
+
+            #[test]
+            fn every_reader_has_its_test() {
+                let tested = [$(stringify!($format)),*];
+                assert!(super::seeds().iter().all(|seed| tested.contains(&seed.0)));
+            }
+        }
+    };
+}
+
+damaged!(csv gmsh metaimage nifti npy nrrd ply raw sidecar tiff vtk_legacy vtk_xml);

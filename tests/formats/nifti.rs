@@ -171,8 +171,3 @@ fn further_axes_are_refused_by_what_they_are() {
     let error = samples()[0].read(&options).unwrap_err().to_string();
     assert!(error.contains("there are point:values (u8)"), "{error}");
 }
-
-#[test]
-fn mutations() {
-    super::mutations::damage("NIfTI-1", &samples());
-}

@@ -84,7 +84,8 @@ fn meshes_have_the_counts_and_ranges_of_the_list() {
             assert!((5 * 4_800..=6 * 4_800).contains(&mesh.cells().len()), "{name}: {}", mesh.cells().len());
         }
         let [a, b] = mesh.range();
-        let near = |x: f64, listed: f64| listed.is_nan() || (x - listed).abs() <= 1e-3 * listed.abs().max(1.0);
+        let near =
+            |x: f64, listed: f64| listed.is_nan() || (x - listed).abs() <= 1e-3 * listed.abs().max(1.0);
         assert!(near(a, lo) && near(b, hi), "{name}: range {a} to {b}");
     }
 }
@@ -188,12 +189,13 @@ fn one_mesh_in_every_format() {
         if !name.starts_with("post_small") {
             continue;
         }
-        let found = match read(shared(&format!("format_conformance/{name}")).unwrap(), &ReadOptions::default()) {
-            Ok(loaded) => mesh(loaded),
-            // Refused by its name, if at all.
-            Err(error) if name.contains("lzma") && error.to_string().contains("LZMA") => continue,
-            Err(error) => panic!("{error}"),
-        };
+        let found =
+            match read(shared(&format!("format_conformance/{name}")).unwrap(), &ReadOptions::default()) {
+                Ok(loaded) => mesh(loaded),
+                // Refused by its name, if at all.
+                Err(error) if name.contains("lzma") && error.to_string().contains("LZMA") => continue,
+                Err(error) => panic!("{error}"),
+            };
         assert!(found.cells() == wanted.cells(), "{name}: other cells");
         let TetScalars::Point(other) = found.scalars() else { panic!() };
         // What is printed has fewer digits.
