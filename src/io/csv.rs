@@ -39,6 +39,9 @@ const MAX_ROW: usize = 1 << 20;
 /// Most columns.
 const MAX_COLUMNS: usize = 1 << 14;
 
+/// Longest name of a column, in bytes.
+const MAX_NAME: usize = 256;
+
 impl Reader for Csv {
     fn name(&self) -> &'static str {
         "CSV"
@@ -420,7 +423,12 @@ impl<'a> Table<'a> {
             return Err(rows.error(rule));
         };
 
-        let columns = names.into_iter().map(|name| Told { name, kind: None }).collect();
+        if let Some(i) = names.iter().position(|name| name.len() > MAX_NAME) {
+            let rule = format!("column {}: its name is longer than {MAX_NAME} bytes", i + 1);
+            return Err(rows.error(rule));
+        }
+        let names = names.iter().map(|name| text::plain(name));
+        let columns = names.map(|name| Told { name, kind: None }).collect();
         let mut table = Self { source, delimiter, header, named, columns, axes, rows: 0 };
         let mut words = vec![false; width];
         let mut more = !header || rows.next()?;

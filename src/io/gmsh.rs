@@ -22,7 +22,7 @@ use super::arrays::{ArrayInfo, Association, Pick};
 use super::dataset::{Dataset, Origin};
 use super::samples::{Endian, MAX_COMPONENTS, SampleType};
 use super::source::{Budget, Source};
-use super::text::{self, Scanner, shown};
+use super::text::{self, Scanner, plain, shown};
 use super::{Loaded, ReadOptions, Reader};
 use crate::error::{Error, Result};
 use crate::num;
@@ -86,6 +86,9 @@ impl Reader for Gmsh {
             });
         }
         let counts = (points.len(), mesh.types.len());
+        // Which values are given.
+        let most = if of_cells { counts.0.max(counts.1) } else { counts.0 };
+        budget.take("arrays", length(most))?;
         let mut warnings = BTreeSet::new();
         let mut read = |index: usize, pick: Pick| -> Result<Samples> {
             let Some(view) = views.get(index) else {
@@ -1004,14 +1007,22 @@ fn read_names(stream: &mut Stream) -> Result<Vec<String>> {
     Err(stream.scanner.error("$PhysicalNames: there is no $EndPhysicalNames"))
 }
 
-/// Which views there are.
+/// Which views there are, by whether they are of cells and by name.
 #[derive(Default)]
 struct Views {
     sections: usize,
-    /// The views of an association that have a name.
     names: HashSet<(bool, String)>,
-    /// Of those that also have a step: how many, the last one, and its partitions.
-    steps: HashMap<(bool, String, i64), (usize, usize, HashSet<i64>)>,
+    /// By their step, too.
+    steps: HashMap<(bool, String, i64), Steps>,
+}
+
+/// Views of the same association, name and step.
+#[derive(Default)]
+struct Steps {
+    count: usize,
+    /// The last one.
+    last: usize,
+    partitions: HashSet<i64>,
 }
 
 /// What a section of data tells of itself.
@@ -1046,7 +1057,7 @@ impl Views {
                     let rule = format!("a name longer than {MAX_NAME} bytes");
                     return Err(stream.scanner.line_error(rule));
                 }
-                0 => bare.clone_into(&mut name),
+                0 => name = plain(bare),
                 1 => scheme = !bare.is_empty(),
                 _ => {}
             }
@@ -1101,21 +1112,20 @@ impl Views {
         let cell = association == Association::Cell;
         let next = views.len();
         let first = self.names.insert((cell, name.clone()));
-        let (seen, last, partitions) =
-            self.steps.entry((cell, name.clone(), step)).or_insert_with(|| (0, next, HashSet::new()));
+        let steps = self.steps.entry((cell, name.clone(), step)).or_default();
         if let Some(partition) = part.partition
-            && let Some(view) = views.get_mut(*last)
+            && let Some(view) = views.get_mut(steps.last)
             && view.components == components
-            && !partitions.is_empty()
-            && partitions.insert(partition)
+            && !steps.partitions.is_empty()
+            && steps.partitions.insert(partition)
         {
             view.parts.push(part);
             return Ok(());
         }
-        *seen += 1;
-        *last = next;
-        *partitions = part.partition.into_iter().collect();
-        let name = match (first, *seen) {
+        steps.count += 1;
+        steps.last = next;
+        steps.partitions = part.partition.into_iter().collect();
+        let name = match (first, steps.count) {
             (true, _) => name,
             (false, 1) => format!("{name}@{step}"),
             (false, several) => format!("{name}@{step}#{several}"),

@@ -25,6 +25,9 @@ pub(super) struct Ply;
 /// Longest header, in bytes.
 const MAX_HEADER: u64 = 1 << 20;
 
+/// Longest name of a property, in bytes.
+const MAX_NAME: usize = 256;
+
 impl Reader for Ply {
     fn name(&self) -> &'static str {
         "PLY"
@@ -183,6 +186,9 @@ impl Header {
             };
             let wrong = |rule: String| Err(scanner.line_error(format!("\"{}\": {rule}", shown(line.trim()))));
             let words: Vec<&str> = line.split_ascii_whitespace().collect();
+            if let Some(name) = words.last().filter(|name| name.len() > MAX_NAME && words[0] == "property") {
+                return wrong(format!("a name of {} bytes: must be at most {MAX_NAME}", name.len()));
+            }
             match *words.as_slice() {
                 [] | ["comment" | "obj_info", ..] => {}
                 ["end_header"] => break,
@@ -237,7 +243,7 @@ impl Header {
                     if !properties.insert(name.to_owned()) {
                         return wrong("a second property of this name".to_owned());
                     }
-                    element.properties.push(Property { name: name.to_owned(), kind, list });
+                    element.properties.push(Property { name: text::plain(name), kind, list });
                 }
                 _ => {
                     let rule = "must be format, element, property, comment, obj_info or end_header";

@@ -492,6 +492,11 @@ pub(crate) fn floats<const N: usize>(text: &str) -> Option<[f64; N]> {
     words.next().is_none().then_some(numbers)
 }
 
+/// A name in one line.
+pub(crate) fn plain(name: &str) -> String {
+    name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+}
+
 /// The shortest text that tells a value of a header, for messages.
 pub(crate) fn shown(text: &str) -> String {
     const MOST: usize = 60;

@@ -137,7 +137,11 @@ fn broken_rules_are_refused_in_one_line() {
     Sample::one("wide", "a.csv", wide).refused(&["line 1: 20000 columns: must be at most 16384"]);
     let error = Sample::one("memory", "a.csv", TABLES[0].1).read(&ReadOptions::within(47)).unwrap_err();
     assert_refusal(&error, &["points: 48 bytes of memory: 47 are left of the limit of 47"], "memory");
+    let long = format!("x,y,z,{}\n1,2,3,4\n", "n".repeat(257));
+    Sample::one("long", "a.csv", long).refused(&["line 1: column 4: its name is longer than 256 bytes"]);
     let options = ReadOptions { array: Some("name".to_owned()), ..OPTIONS };
+    let error = Sample::one("two lines", "a.csv", "x,y,z,\"T\nK\"\n1,2,3,4\n").read(&options).unwrap_err();
+    assert_refusal(&error, &["there are point:T K (i64)"], "two lines");
     let error = Sample::one("words", "f.csv", TABLES[9].1).read(&options).unwrap_err();
     assert_refusal(&error, &["array \"name\": no such array: there are point:T (f64)"], "words");
 }
