@@ -88,9 +88,9 @@ impl Reading {
         let shown = std::sync::Once::new();
         let progress = Progress::new(move |done, all| {
             if begin.elapsed() >= Self::PATIENCE {
-                shown.call_once(|| bar.set_draw_target(ProgressDrawTarget::stderr()));
                 bar.set_length(all);
                 bar.set_position(done);
+                shown.call_once(|| bar.set_draw_target(ProgressDrawTarget::stderr()));
             }
         });
         ReadOptions { progress: Some(progress), ..options }

@@ -363,7 +363,7 @@ fn plot3d_sizes(header: u64, marker: u64, extents: &[u64]) -> Option<Vec<u64>> {
         }
         nodes = nodes.checked_add(grid.iter().product())?;
     }
-    if nodes < 8 || nodes > 1 << 40 {
+    if !(8..=1 << 40).contains(&nodes) {
         return None;
     }
     let grids = u64::try_from(extents.len() / 3).ok()?;
