@@ -671,8 +671,11 @@ impl<'a> File<'a> {
             Compression::Fax4 if bits != 1 || samples != 1 => {
                 return Err(error(258, format!("{bits} x {samples}: CCITT Group 4 has one bit for a pixel")));
             }
-            Compression::Jpeg if bits != 8 => {
-                return Err(error(258, format!("{bits}: JPEG of 8 bits is supported")));
+            Compression::Jpeg if bits != 8 || !(planar || matches!(samples, 1 | 3 | 4)) => {
+                return Err(error(
+                    258,
+                    format!("{bits} x {samples}: JPEG of 1, 3 or 4 samples of 8 bits is supported"),
+                ));
             }
             _ => {}
         }
@@ -1171,7 +1174,9 @@ impl Page {
         Decoder::new(Cursor::new(small))
             .and_then(|decoder| decoder.with_limits(limits).read_image_bytes(&mut bytes))
             .map_err(|error| {
-                source.error(place, format!("{} is damaged: {error}", self.compression.name()))
+                // Decoders break their lines.
+                let why = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+                source.error(place, format!("{} is damaged: {why}", self.compression.name()))
             })?;
         Ok(bytes)
     }

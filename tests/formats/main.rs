@@ -13,6 +13,8 @@
 
 mod container;
 mod csv;
+mod dicom;
+mod folder;
 mod gmsh;
 mod metaimage;
 mod mutations;

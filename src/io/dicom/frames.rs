@@ -7,6 +7,7 @@ use crate::error::Result;
 use crate::io::jpeg;
 use crate::io::samples::{Endian, SampleType};
 use crate::io::source::Source;
+use crate::io::text;
 
 const NATIVE: Endian = if cfg!(target_endian = "little") { Endian::Little } else { Endian::Big };
 
@@ -17,7 +18,7 @@ pub(super) fn kind(header: &Header) -> Result<SampleType> {
         return Err(header.error("SamplesPerPixel", format!("{}: 1 is supported", header.samples)));
     }
     if !matches!(header.photometric.as_str(), "MONOCHROME1" | "MONOCHROME2") {
-        let shown: String = header.photometric.chars().take(20).collect();
+        let shown = text::shown(&header.photometric);
         return Err(header.error(
             "PhotometricInterpretation",
             format!("\"{shown}\": MONOCHROME1 and MONOCHROME2 are supported"),
@@ -60,7 +61,7 @@ pub(super) fn check(header: &Header, frames: usize) -> Result<()> {
             "TransferSyntaxUID",
             format!(
                 "{}{}: uncompressed, deflated, RLE and JPEG (baseline, extended, lossless) data are supported",
-                header.syntax,
+                text::shown(&header.syntax),
                 header::named(&header.syntax)
             ),
         ));
@@ -285,10 +286,10 @@ fn decoded(packed: &[u8], header: &Header) -> Result<Vec<u8>> {
         )));
     }
     let data_set = data_set(packed, header);
-    let damaged = |why: &dyn std::fmt::Display| error(format!("is damaged: {why}"));
+    let damaged = |why: &dyn std::error::Error| error(format!("is damaged: {}", deepest(why)));
     let object = dicom_object::from_reader(data_set.as_slice()).map_err(|error| damaged(&error))?;
     drop(data_set);
-    let decoded = object.decode_pixel_data_frame(0).map_err(|error| damaged(&deepest(&error)))?;
+    let decoded = object.decode_pixel_data_frame(0).map_err(|error| damaged(&error))?;
     let bytes = decoded.data().to_vec();
     if wide(bytes.len()) != header.frame_bytes() {
         return Err(error(format!("{} bytes: {} are needed", bytes.len(), header.frame_bytes())));
@@ -302,7 +303,8 @@ fn deepest(error: &dyn std::error::Error) -> String {
     while let Some(source) = error.source() {
         error = source;
     }
-    error.to_string().replace('\n', " ")
+    // Decoders break their lines.
+    error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// A data set of one frame, for the decoder.

@@ -10,6 +10,7 @@ use crate::error::{Error, Result};
 use crate::io::ReadOptions;
 use crate::io::samples::Endian;
 use crate::io::source::{Encoding, Source};
+use crate::io::text;
 
 /// Group and element.
 pub(super) type Tag = (u16, u16);
@@ -350,7 +351,9 @@ impl<'a> Walk<'a> {
 
     fn text(&mut self, element: &Element) -> Result<String> {
         let text = String::from_utf8_lossy(self.value(element)?).into_owned();
-        Ok(text.trim_matches(|c: char| c == '\0' || c.is_whitespace()).to_owned())
+        let text = text.trim_matches(|c: char| c == '\0' || c.is_whitespace());
+        // It may come to be shown: a message has one line.
+        Ok(text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect())
     }
 
     /// Decimal numbers, separated by backslashes; None where the value is empty.
@@ -368,7 +371,7 @@ impl<'a> Walk<'a> {
         let numbers = <[f64; N]>::try_from(numbers).ok().filter(|_| wanted);
         numbers.map(Some).ok_or_else(|| {
             let (group, number) = element.tag;
-            let shown: String = text.chars().take(80).collect();
+            let shown = text::shown(&text);
             self.error(element.at, format!("({group:04x},{number:04x}) \"{shown}\": must be {N} numbers"))
         })
     }
@@ -555,7 +558,9 @@ impl<'a> Walk<'a> {
                 let text = self.text(element)?;
                 if !text.is_empty() {
                     let frames = text.parse().ok().filter(|frames| *frames > 0);
-                    let rule = || format!("NumberOfFrames \"{text}\": must be a whole number from 1");
+                    let rule = || {
+                        format!("NumberOfFrames \"{}\": must be a whole number from 1", text::shown(&text))
+                    };
                     header.frames = Some(frames.ok_or_else(|| self.error(element.at, rule()))?);
                 }
             }

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::io::arrays::Pick;
 use crate::io::samples::{self, Layout, SampleType};
 use crate::io::source::{Budget, Source};
-use crate::io::{Loaded, ReadOptions, lattice};
+use crate::io::{Loaded, ReadOptions, lattice, text};
 use crate::num;
 use crate::scene::{Anatomy, Grid, Rescale, Samples};
 
@@ -78,8 +78,11 @@ pub(in crate::io) fn read_files(folder: &Path, files: &[PathBuf], options: &Read
         *counts.entry(&header.series).or_insert(0) += 1;
     }
     if counts.len() > 1 {
-        let mut list: Vec<String> =
-            counts.iter().take(8).map(|(series, count)| format!("{series} of {count} files")).collect();
+        let mut list: Vec<String> = counts
+            .iter()
+            .take(8)
+            .map(|(series, count)| format!("{} of {count} files", text::shown(series)))
+            .collect();
         if counts.len() > list.len() {
             list.push(format!("and {} more", counts.len() - list.len()));
         }

@@ -4,6 +4,7 @@ use glam::DVec3;
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
 
+use crate::io::text;
 use crate::scene::Rescale;
 
 /// What the pages of a stack are, and how large a voxel is.
@@ -169,7 +170,7 @@ fn shape(description: &str) -> Option<Vec<u64>> {
 fn imagej(description: &str, resolution: Resolution, integer_bits: Option<u16>) -> Calibration {
     let field = |name: &str| {
         let mut values = description.lines().filter_map(|line| line.split_once('='));
-        values.find(|(key, _)| *key == name).map(|(_, value)| value.trim())
+        values.find(|(key, _)| *key == name).map(|(_, value)| text::shown(value.trim()))
     };
     let number = |name: &str| field(name)?.parse::<f64>().ok().filter(|number| number.is_finite());
     let count = |name: &str| field(name)?.parse::<u64>().ok();
@@ -228,7 +229,7 @@ fn imagej(description: &str, resolution: Resolution, integer_bits: Option<u16>) 
     }
 
     // A straight line of 8 and 16 bits; signed samples are stored with an offset of 32768 so.
-    match field("cf") {
+    match field("cf").as_deref() {
         Some("0") if integer_bits.is_some_and(|bits| bits <= 16) => {
             if let (Some(intercept), Some(slope)) = (number("c0"), number("c1"))
                 && slope != 0.0
@@ -280,14 +281,14 @@ fn ome(description: &str) -> Option<Calibration> {
 }
 
 fn pixels(element: &BytesStart) -> Calibration {
-    let text = |name: &str| {
+    let attribute = |name: &str| {
         let attribute = element.try_get_attribute(name).ok()??;
-        Some(attribute.normalized_value(XmlVersion::Implicit1_0).ok()?.into_owned())
+        Some(text::shown(&attribute.normalized_value(XmlVersion::Implicit1_0).ok()?))
     };
     let mut calibration = Calibration::unknown();
-    let order = text("DimensionOrder").unwrap_or_default();
+    let order = attribute("DimensionOrder").unwrap_or_default();
     let size = |axis: char| {
-        text(&format!("Size{axis}")).and_then(|size| size.parse::<u64>().ok()).unwrap_or(1).max(1)
+        attribute(&format!("Size{axis}")).and_then(|size| size.parse::<u64>().ok()).unwrap_or(1).max(1)
     };
     let mut axes: Vec<(char, u64)> =
         order.chars().filter(|axis| "CZT".contains(*axis)).map(|axis| (axis, size(axis))).collect();
@@ -296,9 +297,10 @@ fn pixels(element: &BytesStart) -> Calibration {
         calibration.axes = axes;
     }
 
-    let unit = |axis: char| text(&format!("PhysicalSize{axis}Unit")).unwrap_or_else(|| "\u{b5}m".to_owned());
+    let unit =
+        |axis: char| attribute(&format!("PhysicalSize{axis}Unit")).unwrap_or_else(|| "\u{b5}m".to_owned());
     let length = |axis: char| {
-        let size: f64 = text(&format!("PhysicalSize{axis}"))?.trim().parse().ok()?;
+        let size: f64 = attribute(&format!("PhysicalSize{axis}"))?.trim().parse().ok()?;
         Some(size).filter(|size| *size > 0.0 && size.is_finite())
     };
     let (x, y, z) = (length('X'), length('Y'), length('Z'));
