@@ -509,7 +509,7 @@ fn numbered(words: &[&str], slices: u64) -> Option<std::result::Result<Numbered,
     };
     let pattern = Numbered::parse(&name.join(" "))?;
     let [first, last, step] = numbers;
-    Some(pattern.from_to(first, last, step).map_err(|rule| {
+    Some(pattern.over(first, last, step).map_err(|rule| {
         format!(
             "\"{}\": {rule}; needed are a pattern, first and last number, and step",
             text::shown(&words.join(" "))

@@ -472,7 +472,7 @@ impl<'a> Header<'a> {
                     && let Some(pattern) = Numbered::parse(pattern)
                     && let (Ok(first), Ok(last), Ok(step)) = (first.parse(), last.parse(), step.parse()) =>
             {
-                let numbered = pattern.from_to(first, last, step);
+                let numbered = pattern.over(first, last, step);
                 let numbered =
                     numbered.map_err(|rule| error(format!("\"{}\": {rule}", text::shown(name))))?;
                 (Files::Numbered(numbered), sub(rest.first().copied())?)

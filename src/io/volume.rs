@@ -166,7 +166,7 @@ impl Numbered {
     /// # Errors
     ///
     /// The rule that the numbers break.
-    pub(crate) fn from_to(self, first: i64, last: i64, step: i64) -> std::result::Result<Self, &'static str> {
+    pub(crate) fn over(self, first: i64, last: i64, step: i64) -> std::result::Result<Self, &'static str> {
         let span = i128::from(last) - i128::from(first);
         let step_ = i128::from(step);
         if step == 0 {
@@ -198,7 +198,7 @@ mod tests {
     #[test]
     fn patterns_are_those_of_c() {
         let names = |pattern: &str, first, last, step| {
-            let numbered = Numbered::parse(pattern).unwrap().from_to(first, last, step).unwrap();
+            let numbered = Numbered::parse(pattern).unwrap().over(first, last, step).unwrap();
             (0..usize::try_from(numbered.count).unwrap()).map(|i| numbered.name(i)).collect::<Vec<_>>()
         };
         assert_eq!(names("a%d.raw", 9, 11, 1), ["a9.raw", "a10.raw", "a11.raw"]);
@@ -209,7 +209,7 @@ mod tests {
         for wrong in ["a.raw", "a%", "a%x", "%d%d", "%99d", "%-3d", "%%", "%5", "%s", "%0999999999999999d"] {
             assert_eq!(Numbered::parse(wrong), None, "{wrong}");
         }
-        let numbers = |first, last, step| Numbered::parse("%d").unwrap().from_to(first, last, step);
+        let numbers = |first, last, step| Numbered::parse("%d").unwrap().over(first, last, step);
         assert_eq!(numbers(1, 2, 0), Err("a step must not be 0"));
         assert_eq!(numbers(1, 2, -1), Err("the step leads away from the last number"));
         assert!(numbers(2, 1, 1).is_err());
