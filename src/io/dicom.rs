@@ -77,6 +77,10 @@ pub(super) fn is(source: &Source) -> bool {
         return false;
     };
     let explicit = a.is_ascii_uppercase() && b.is_ascii_uppercase();
+    // The group that says how the others are written names its types always.
+    if head[0] == 0x02 && !explicit {
+        return false;
+    }
     let length = u32::from_le_bytes([a, b, c, d]);
     match element {
         // The length of the group, and an element of it.

@@ -36,6 +36,7 @@ fn seeds() -> Vec<(&'static str, Vec<support::Sample>)> {
     let (sidecar, raw) = raw::samples().into_iter().partition(|sample| sample.files[0].0.ends_with(".json"));
     vec![
         ("csv", csv::samples()),
+        ("dicom", dicom::samples()),
         ("gmsh", gmsh::samples()),
         ("metaimage", metaimage::samples()),
         ("nifti", nifti::samples()),
@@ -72,4 +73,4 @@ macro_rules! damaged {
     };
 }
 
-damaged!(csv gmsh metaimage nifti npy nrrd ply raw sidecar tiff vtk_legacy vtk_xml);
+damaged!(csv dicom gmsh metaimage nifti npy nrrd ply raw sidecar tiff vtk_legacy vtk_xml);
