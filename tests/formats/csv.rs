@@ -88,6 +88,8 @@ fn what_stands_for_no_number_is_nan() {
     let loaded = Sample::one("gaps", "a.csv", "x,y,z,T,T\n1,2,3,,4\n,2,3,5,6\n7,8,9,0.5,7\n").loaded();
     assert_eq!(loaded.report.notes, ["1 points whose place is not finite left out"]);
     assert_eq!(loaded.report.warnings, ["several columns \"T\": the first is read by this name"]);
+    let kinds: Vec<String> = loaded.report.arrays.iter().map(ToString::to_string).collect();
+    assert_eq!(kinds, ["point:T (f64)", "point:T (i64)"], "all cells count");
     let scalars = points(loaded).scalars().unwrap().to_vec();
     assert!(scalars[0].is_nan() && scalars[1] == 0.5, "{scalars:?}");
 }

@@ -589,6 +589,19 @@ fn every_element_type_fills_its_shape() {
                 "{} {style:?}: {volume}",
                 shape.name
             );
+            // Nodes of opposite sides exchanged would keep the sum: no tetrahedron may lie in another.
+            let solid: Vec<[DVec3; 4]> =
+                tets.cells().iter().map(|cell| cell.map(|i| tets.points()[i as usize])).collect();
+            let near =
+                |cell: &[DVec3; 4]| cell.map(|corner| corner * 0.8 + cell.iter().sum::<DVec3>() * 0.05);
+            for place in solid.iter().flat_map(near) {
+                let inside = |[a, b, c, d]: &[DVec3; 4]| {
+                    [[a, b, c], [a, d, b], [a, c, d], [b, d, c]]
+                        .iter()
+                        .all(|[p, q, r]| (**q - **p).cross(**r - **p).dot(place - **p) > 1e-9)
+                };
+                assert_eq!(solid.iter().filter(|cell| inside(cell)).count(), 1, "{} {place}", shape.name);
+            }
             // The element is split at its own nodes, or at a centre with the value of its shape functions.
             for (point, value) in tets.points().iter().zip(tets.scalars().values()) {
                 let wanted = point.x + 2.0 * point.y + 4.0 * point.z;
