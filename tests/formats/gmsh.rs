@@ -33,6 +33,9 @@ const STYLES: [Style; 9] = [
     Style { version: 4, numbers: Numbers::Words, size: 4 },
 ];
 
+/// A type, an entity that is its own physical group, and numbers with nodes.
+type Block = (i32, i32, Vec<(u64, Vec<u64>)>);
+
 struct Writer {
     style: Style,
     out: Vec<u8>,
@@ -144,8 +147,7 @@ impl Writer {
         });
     }
 
-    /// Blocks of elements: a type, an entity that is its own physical group, and numbers with nodes.
-    fn elements(&mut self, blocks: &[(i32, i32, Vec<(u64, Vec<u64>)>)]) {
+    fn elements(&mut self, blocks: &[Block]) {
         self.section("Elements", |w| {
             let all: usize = blocks.iter().map(|(_, _, elements)| elements.len()).sum();
             if w.style.version == 2 {
