@@ -204,8 +204,9 @@ impl Facts {
     /// Begins with what is told of every file; `data` is the file that the data comes from.
     fn new(file: &Path, kind: &str, data: &Path, report: &Report) -> Self {
         let mut facts = Self { json: Map::new(), lines: Vec::new(), tail: String::new() };
-        // Read once more, so that it may be gone: then there is no number.
-        let size = std::fs::metadata(data).map(|metadata| metadata.len()).ok();
+        // A folder has no size worth telling, and a file may be gone by now.
+        let size = std::fs::metadata(data).ok().filter(std::fs::Metadata::is_file);
+        let size = size.map(|metadata| metadata.len());
         facts.put("file", json!(file.display().to_string()));
         facts.put("kind", json!(kind));
         facts.put("format", json!(report.format));
