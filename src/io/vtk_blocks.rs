@@ -485,9 +485,6 @@ impl<'s, 'a> Blocks<'s, 'a> {
         budget.take(&bytes.at, taken)?;
         let sizes = bytes.words(endian, word, count)?;
         let packed = sizes.iter().try_fold(0_u64, |sum, &size| sum.checked_add(size));
-        // What is left of the header's last group is padding.
-        bytes.decoded.clear();
-        bytes.behind = 0;
         let Some(packed) = packed.filter(|&packed| packed <= bytes.most()) else {
             let rule = format!("its header announces more compressed bytes than the {} there", bytes.most());
             return Err(bytes.error(rule));

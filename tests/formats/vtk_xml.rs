@@ -704,6 +704,11 @@ fn what_writers_add_does_not_get_in_the_way() {
     let loaded = Sample::one("", "a.vti", twice).read(&OPTIONS);
     let text = loaded.unwrap_err().to_string();
     assert!(text.contains("line 10, DataArray \"a <&A\": needs 36 numbers"), "{text}");
+    let second =
+        "</PointData><PointData><DataArray type='Int8' Name='a &lt;&amp;A'>1</DataArray></PointData>";
+    let loaded = Sample::one("", "a.vti", replaced(&decorated(), "</PointData>", second)).loaded();
+    let note = "point:a <&A left out: another array has the same name";
+    assert!(loaded.report.notes.iter().any(|own| own == note), "{:?}", loaded.report.notes);
     let ids = replaced(&decorated(), "type='Int16'", "type='vtkIdType'");
     assert_eq!(stored(&grid(Sample::one("", "a.vti", ids).loaded()))[0], -12_000.0);
     let silent = replaced(&decorated(), "byte_order='BigEndian'", "");
