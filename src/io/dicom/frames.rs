@@ -124,7 +124,8 @@ pub(super) fn scratch(header: &Header) -> u64 {
     };
     let own = if header.packing == Packing::Jpeg { 8 } else { 2 };
     // A frame is kept packed, for the decoder as a data set, and in the decoder's own words.
-    frame.saturating_mul(own).saturating_add(stored.saturating_mul(4)).saturating_add(1 << 16)
+    let inflated = header.inflated.saturating_mul(2);
+    frame.saturating_mul(own).saturating_add(stored.saturating_mul(4)).saturating_add(inflated)
 }
 
 /// The bytes of a frame, and their order.
@@ -311,7 +312,7 @@ fn deepest(error: &dyn std::error::Error) -> String {
 fn data_set(packed: &[u8], header: &Header) -> Vec<u8> {
     let mut bytes = vec![0; 128];
     bytes.extend_from_slice(b"DICM");
-    let mut text = |bytes: &mut Vec<u8>, tag: [u16; 2], vr: &[u8; 2], value: &[u8]| {
+    let text = |bytes: &mut Vec<u8>, tag: [u16; 2], vr: &[u8; 2], value: &[u8]| {
         bytes.extend(tag.iter().flat_map(|part| part.to_le_bytes()));
         bytes.extend_from_slice(vr);
         let len = u16::try_from(value.len().next_multiple_of(2)).unwrap_or(0);

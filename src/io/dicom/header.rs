@@ -111,6 +111,8 @@ pub(super) struct Header {
     /// Of a file that says it for each frame.
     pub(super) planes: Vec<Plane>,
     pub(super) pixels: Option<Pixels>,
+    /// Bytes of memory that the data set takes, where it is deflated.
+    pub(super) inflated: u64,
     /// What is not applied.
     pub(super) warnings: Vec<&'static str>,
 }
@@ -158,7 +160,8 @@ pub(super) fn read(source: &Source, options: &ReadOptions) -> Result<(Header, So
     };
     if syntax_uid == "1.2.840.10008.1.2.1.99" {
         let inflated = inflate(source, begin, options)?;
-        let header = Walk::new(&inflated).data_set(0, syntax, packing, syntax_uid, source)?;
+        let mut header = Walk::new(&inflated).data_set(0, syntax, packing, syntax_uid, source)?;
+        header.inflated = inflated.len();
         return Ok((header, inflated));
     }
     let header = walk.data_set(begin, syntax, packing, syntax_uid, source)?;
@@ -416,6 +419,7 @@ impl<'a> Walk<'a> {
             plane: Plane::default(),
             planes: Vec::new(),
             pixels: None,
+            inflated: 0,
             warnings: Vec::new(),
         };
         let mut shared = Plane::default();
