@@ -193,7 +193,7 @@ impl Dataset {
         let mut tets: Vec<[u32; 4]> = Vec::new();
         let mut cell_values = Vec::new();
         let mut begin = 0;
-        let mut made: BTreeMap<u8, (usize, usize)> = BTreeMap::new();
+        let mut made: BTreeMap<u8, Made> = BTreeMap::new();
         let mut ghost_count = 0;
         for (cell, (&end, &number)) in ends.iter().zip(&types).enumerate() {
             let own = &nodes[num::index(begin)..num::index(end)];
@@ -220,16 +220,29 @@ impl Dataset {
                 at(a).distance_squared(at(b)) < at(c).distance_squared(at(d))
             };
             kind.cut(own, centre, |node| ranks[num::index(node)], closer, |tet| tets.push(tet));
-            let count = made.entry(number).or_insert((0, 0));
-            *count = (count.0 + 1, count.1 + tets.len() - before);
+            let count = made.entry(number).or_insert_with(Made::default);
+            count.cells += 1;
+            count.tets += tets.len() - before;
+            if kind != CellKind::Tetrahedron {
+                count.turn(&points, &mut tets[before..]);
+            }
             if association == Association::Cell {
                 cell_values.resize(tets.len(), values[cell]);
             }
         }
         drop((types, ends, nodes, ranks));
-        for (number, (cells, tets)) in made {
-            if let Some(kind) = CellKind::of_vtk(number).filter(|&kind| kind != CellKind::Tetrahedron) {
-                loaded_notes.push(format!("{cells} {} became {tets} tetrahedra", kind.name()));
+        for (number, Made { cells, tets, inside_out, twisted }) in made {
+            let Some(kind) = CellKind::of_vtk(number).filter(|&kind| kind != CellKind::Tetrahedron) else {
+                continue;
+            };
+            let name = kind.name();
+            loaded_notes.push(format!("{cells} {name} became {tets} tetrahedra"));
+            // Programs do not agree which way round a wedge is.
+            if inside_out > 0 && !matches!(kind, CellKind::Wedge | CellKind::QuadraticWedge) {
+                loaded_notes.push(format!("{inside_out} {name} were inside out and were turned"));
+            }
+            if twisted > 0 {
+                warnings.push(format!("{twisted} {name} are twisted: tetrahedra of theirs overlap"));
             }
         }
         if ghost_count > 0 {
@@ -259,6 +272,33 @@ impl Dataset {
         loaded.report.notes = loaded_notes;
         loaded.report.warnings = warnings;
         Ok(loaded)
+    }
+}
+
+/// What became of the cells of one type.
+#[derive(Default)]
+struct Made {
+    cells: usize,
+    tets: usize,
+    inside_out: usize,
+    twisted: usize,
+}
+
+impl Made {
+    /// Turns the tetrahedra of a cell that are inside out: all of them, or some, where the cell is twisted.
+    fn turn(&mut self, points: &[DVec3], tets: &mut [[u32; 4]]) {
+        let (mut positive, mut negative) = (false, false);
+        for tet in tets {
+            let [a, b, c, d] = tet.map(|i| points[num::index(i)]);
+            let volume = (b - a).cross(c - a).dot(d - a);
+            positive |= volume > 0.0;
+            if volume < 0.0 {
+                negative = true;
+                tet.swap(2, 3);
+            }
+        }
+        self.inside_out += usize::from(negative && !positive);
+        self.twisted += usize::from(negative && positive);
     }
 }
 

@@ -1,5 +1,7 @@
 //! Samples in space: from the lattice of a file to an even one.
 
+use std::cmp::Ordering;
+
 use glam::{DMat3, DVec3};
 
 use super::arrays::{self, Association, Choice, Pick};
@@ -172,14 +174,14 @@ pub(crate) fn evenly(
         }
         let (Some(&first), Some(&last)) = (list.first(), list.last()) else { continue };
         let sign = (last - first).signum();
-        let gaps = || list.windows(2).map(|pair| (pair[1] - pair[0]) * sign);
-        let least = gaps().fold(f64::INFINITY, f64::min);
-        let most = gaps().fold(0.0, f64::max);
-        if !(gaps().all(|gap| gap > 0.0) && most.is_finite()) {
-            let wrong = list.windows(2).find(|pair| !((pair[1] - pair[0]) * sign > 0.0));
-            let pair = wrong.map_or([first, last], |pair| [pair[0], pair[1]]);
+        let gap = |pair: &[f64]| (pair[1] - pair[0]) * sign;
+        // NaN is no gap either.
+        let rises = |pair: &&[f64]| matches!(gap(pair).partial_cmp(&0.0), Some(Ordering::Greater));
+        if let Some(pair) = list.windows(2).find(|pair| !rises(pair) || !gap(pair).is_finite()) {
             return Err(at(format!("{} after {}: must rise or fall strictly", pair[1], pair[0])));
         }
+        let least = list.windows(2).map(gap).fold(f64::INFINITY, f64::min);
+        let most = list.windows(2).map(gap).fold(0.0, f64::max);
         let intervals = f64::from(dims[axis] - 1);
         origin[axis] = first;
         steps[axis] = (last - first) / intervals;

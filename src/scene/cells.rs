@@ -46,7 +46,8 @@ pub enum CellKind {
 
 type Face = &'static [usize];
 
-/// Faces of the linear cells, outwards or not as VTK's own orders give them: orientation is mended later.
+/// Faces of the linear cells, counterclockwise from outside; those of wedges as VTK's code has it, where most
+/// programs have the two triangles exchanged.
 const TETRAHEDRON: [Face; 4] = [&[0, 1, 3], &[1, 2, 3], &[2, 0, 3], &[0, 2, 1]];
 const HEXAHEDRON: [Face; 6] =
     [&[0, 4, 7, 3], &[1, 2, 6, 5], &[0, 1, 5, 4], &[3, 7, 6, 2], &[0, 3, 2, 1], &[4, 5, 6, 7]];
@@ -91,7 +92,7 @@ const QUADRATIC_PYRAMID: [Face; 5] = [
 const QUADRATIC_CORNERS: [[usize; 4]; 4] = [[0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3]];
 /// The three diagonals of the octahedron between them, each with the four nodes around it.
 const OCTAHEDRON: [([usize; 2], [usize; 4]); 3] =
-    [([4, 9], [5, 8, 7, 6]), ([5, 7], [4, 8, 9, 6]), ([6, 8], [4, 5, 9, 7])];
+    [([4, 9], [6, 7, 8, 5]), ([5, 7], [4, 8, 9, 6]), ([6, 8], [4, 5, 9, 7])];
 
 impl CellKind {
     /// The type of a number as VTK's files have it. None for what is no solid or has no rule here.
@@ -233,7 +234,8 @@ impl CellKind {
 
     /// Cuts a cell. `rank` orders vertices as the rule wants; `centre` is the new point of a kind that
     /// [`Self::centre`] has weights for; `closer` says whether the first two points lie closer together than
-    /// the last two. Each tetrahedron's orientation is arbitrary.
+    /// the last two. All tetrahedra of a cell that is not twisted have the same orientation; it is positive for
+    /// one whose nodes are in the order of VTK, wedges aside.
     pub(crate) fn cut(
         self,
         nodes: &[u32],
@@ -270,7 +272,7 @@ impl CellKind {
                 }
                 if let Some((far, ring)) = five(&cone) {
                     emit([tip, ring[0], ring[1], ring[2]].map(|i| nodes[i]));
-                    emit([far, ring[0], ring[1], ring[2]].map(|i| nodes[i]));
+                    emit([far, ring[0], ring[2], ring[1]].map(|i| nodes[i]));
                     cone.retain(|triangle| !triangle.contains(&far));
                 }
                 for [a, b, c] in cone {
@@ -337,10 +339,16 @@ fn five(cone: &[[usize; 3]]) -> Option<(usize, [usize; 3])> {
         ring.dedup();
         around.len() == 6 && ring.len() == 3
     })?;
-    let mut ring: Vec<usize> = touching(far).flatten().copied().filter(|&v| v != far).collect();
-    ring.sort_unstable();
-    ring.dedup();
-    Some((far, [ring[0], ring[1], ring[2]]))
+    // The far corner's triangles follow each other round it: each one's last vertex is another's first.
+    let edges: Vec<[usize; 2]> = touching(far)
+        .filter_map(|triangle| {
+            let at = triangle.iter().position(|&vertex| vertex == far)?;
+            Some([triangle[(at + 1) % 3], triangle[(at + 2) % 3]])
+        })
+        .collect();
+    let [first, second] = *edges.first()?;
+    let [_, third] = *edges.iter().find(|edge| edge[0] == second)?;
+    Some((far, [first, second, third]))
 }
 
 #[cfg(test)]
@@ -423,8 +431,12 @@ mod tests {
         CellKind::TriquadraticHexahedron,
     ];
 
-    fn volume([a, b, c, d]: [DVec3; 4]) -> f64 {
-        ((b - a).cross(c - a).dot(d - a) / 6.0).abs()
+    /// Positive, or of wedges negative: the shape has them as most programs do.
+    fn volume(kind: CellKind, [a, b, c, d]: [DVec3; 4]) -> f64 {
+        let sign = if matches!(kind, CellKind::Wedge | CellKind::QuadraticWedge) { -1.0 } else { 1.0 };
+        let volume = sign * (b - a).cross(c - a).dot(d - a) / 6.0;
+        assert!(volume > 0.0, "{kind:?}: a tetrahedron is inside out");
+        volume
     }
 
     /// The cell's tetrahedra under some ranks; index `nodes` is the new centre.
@@ -469,7 +481,7 @@ mod tests {
                 let (points, tets) = tets(kind, &ranks(kind.nodes(), seed));
                 assert!(tets.len() <= kind.most_tets(), "{kind:?}");
                 counts.insert(tets.len());
-                let sum: f64 = tets.iter().map(|tet| volume(tet.map(|i| points[i as usize]))).sum();
+                let sum: f64 = tets.iter().map(|tet| volume(kind, tet.map(|i| points[i as usize]))).sum();
                 assert!((sum - solid).abs() < 1e-12, "{kind:?}: volume {sum}, not {solid}");
                 // Inner faces occur twice, those of the hull once, and lie on it.
                 let mut faces = std::collections::HashMap::new();
