@@ -2,6 +2,7 @@
 //! an upright one.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small numbers of test files")]
 
 mod common;
 
@@ -71,6 +72,43 @@ impl Lattice {
             write!(text, "endian: little\nspace: right-anterior-superior\nspace directions: {a} {b} {c}\n");
         let _ = write!(text, "space origin: {}\n\n", vector(self.origin));
         [text.into_bytes(), self.bytes()].concat()
+    }
+
+    /// Spacings, and axes of unit length.
+    fn axes(&self) -> ([f64; 3], [DVec3; 3]) {
+        let columns = [0, 1, 2].map(|axis| self.columns.col(axis));
+        (columns.map(DVec3::length), columns.map(DVec3::normalize))
+    }
+
+    /// MetaImage: a row of the matrix is the direction of an axis.
+    fn metaimage(&self) -> Vec<u8> {
+        let ([x, y, z], ([sx, sy, sz], axes), o) = (self.dims, self.axes(), self.origin);
+        let rows = axes.map(|v| format!("{} {} {}", v.x, v.y, v.z)).join(" ");
+        let text = format!(
+            "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n\
+             TransformMatrix = {rows}\nOffset = {} {} {}\nElementSpacing = {sx} {sy} {sz}\n\
+             DimSize = {x} {y} {z}\nElementType = MET_FLOAT\nElementDataFile = LOCAL\n",
+            o.x, o.y, o.z
+        );
+        [text.into_bytes(), self.bytes()].concat()
+    }
+
+    /// VTI: the matrix is written by rows, its columns are the axes.
+    fn vti(&self) -> Vec<u8> {
+        let ([x, y, z], ([sx, sy, sz], [a, b, c]), o) = (self.dims.map(|n| n - 1), self.axes(), self.origin);
+        let rows = [0, 1, 2].map(|i| format!("{} {} {}", a[i], b[i], c[i])).join(" ");
+        let extent = format!("0 {x} 0 {y} 0 {z}");
+        let text = format!(
+            "<?xml version=\"1.0\"?>\n<VTKFile type=\"ImageData\" version=\"1.0\" byte_order=\"LittleEndian\" \
+             header_type=\"UInt64\">\n<ImageData WholeExtent=\"{extent}\" Origin=\"{} {} {}\" \
+             Spacing=\"{sx} {sy} {sz}\" Direction=\"{rows}\">\n<Piece Extent=\"{extent}\">\n\
+             <PointData Scalars=\"s\"><DataArray type=\"Float32\" Name=\"s\" format=\"appended\" offset=\"0\"/>\
+             </PointData>\n</Piece>\n</ImageData>\n<AppendedData encoding=\"raw\">\n_",
+            o.x, o.y, o.z
+        );
+        let data = self.bytes();
+        let length = (data.len() as u64).to_le_bytes();
+        [text.into_bytes(), length.to_vec(), data, b"\n</AppendedData>\n</VTKFile>\n".to_vec()].concat()
     }
 
     /// NIfTI-1 with `put` for the fields that place it.
@@ -177,7 +215,15 @@ fn oblique_and_mirrored_files_show_what_an_upright_grid_shows() {
     type Write = fn(&Lattice, DQuat) -> Vec<u8>;
     let nrrd: Write = |lattice, _| lattice.nrrd();
     let sform: Write = |lattice, _| lattice.sform();
-    let cases: [(&str, &str, DMat3, Write); 10] = [
+    let metaimage: Write = |lattice, _| lattice.metaimage();
+    let vti: Write = |lattice, _| lattice.vti();
+    let cases: [(&str, &str, DMat3, Write); 16] = [
+        ("MetaImage, oblique", "a.mha", turned, metaimage),
+        ("MetaImage, mirrored", "a.mha", mirror_x, metaimage),
+        ("MetaImage, axes exchanged", "a.mha", swapped, metaimage),
+        ("VTI, oblique", "a.vti", turned, vti),
+        ("VTI, mirrored", "a.vti", mirror_x, vti),
+        ("VTI, axes exchanged", "a.vti", swapped, vti),
         ("NRRD, oblique", "a.nrrd", turned, nrrd),
         ("NRRD, mirrored", "a.nrrd", mirror_x, nrrd),
         ("NRRD, axes exchanged", "a.nrrd", swapped, nrrd),

@@ -93,7 +93,7 @@ impl Args {
     fn load(&self) -> Result<(Data, Report)> {
         let reading = output::Reading::new(&self.input);
         let options = reading.tell(self.arrays.options());
-        if SceneFile::is_named(&self.input) {
+        if SceneFile::is_at(&self.input, &options) {
             let LoadedScene { scene, file, report, .. } = LoadedScene::load_any(&self.input, &options)?;
             self.check_place(&file)?;
             return Ok((Data::Grid(scene.grid), report));

@@ -58,7 +58,7 @@ impl Args {
         let start = Instant::now();
         let reading = output::Reading::new(&self.file);
         let options = reading.tell(self.arrays.options());
-        if SceneFile::is_named(&self.file) {
+        if SceneFile::is_at(&self.file, &options) {
             let loaded = LoadedScene::load_any(&self.file, &options)?;
             drop(reading);
             return Ok(self.of_grid(&Input::new(&self.file, loaded, None, start)?));

@@ -220,7 +220,7 @@ impl Dataset {
                 at(a).distance_squared(at(b)) < at(c).distance_squared(at(d))
             };
             kind.cut(own, centre, |node| ranks[num::index(node)], closer, |tet| tets.push(tet));
-            let count = made.entry(number).or_insert_with(Made::default);
+            let count = made.entry(number).or_default();
             count.cells += 1;
             count.tets += tets.len() - before;
             if kind != CellKind::Tetrahedron {
@@ -327,9 +327,18 @@ pub(crate) fn points(
     };
     let wanted =
         |name: &Option<String>| name.as_deref().map(|name| arrays::find(source, &arrays, name)).transpose();
-    // Cell data of vertices would be points' data too, but nothing says that there is a vertex for each.
-    let own: Vec<ArrayInfo> =
-        arrays.iter().filter(|array| array.association == Association::Point).cloned().collect();
+    // Cell data of vertices would be points' data too, but nothing says that there is a vertex for each. What
+    // is a size or a weight is not what is shown, unless it is asked for.
+    let taken: Vec<usize> = [&options.radius, &options.covariance, &options.weight]
+        .into_iter()
+        .filter_map(|name| wanted(name).ok().flatten().map(|choice| choice.index))
+        .collect();
+    let own: Vec<ArrayInfo> = arrays
+        .iter()
+        .enumerate()
+        .filter(|(i, array)| array.association == Association::Point && !taken.contains(i))
+        .map(|(_, array)| array.clone())
+        .collect();
     let chosen = match &options.array {
         Some(name) => Some(arrays::find(source, &arrays, name)?),
         None => arrays::choose(source, &own, None)?.and_then(|choice| {

@@ -31,17 +31,8 @@ impl<'a> Fields<'a> {
         }
     }
 
-    pub(crate) fn source(&self) -> &'a Source {
-        self.source
-    }
-
     pub(crate) fn get(&self, name: &str) -> Option<&str> {
         self.values.get(name).map(|(_, value)| value.as_str())
-    }
-
-    /// The first of several names for the same thing that is there: name and value.
-    pub(crate) fn any<'n>(&self, names: &[&'n str]) -> Option<(&'n str, &str)> {
-        names.iter().find_map(|name| Some((*name, self.get(name)?)))
     }
 
     pub(crate) fn required(&self, name: &str) -> Result<&str> {
@@ -63,26 +54,6 @@ impl<'a> Fields<'a> {
         text.parse().ok().filter(|&number| number >= least).ok_or_else(|| {
             self.error(name, format!("\"{text}\": must be a whole number of at least {least}"))
         })
-    }
-
-    /// Exactly so many numbers.
-    pub(crate) fn numbers<const N: usize>(&self, name: &str, text: &str) -> Result<[f64; N]> {
-        super::text::floats(text)
-            .ok_or_else(|| self.error(name, format!("\"{}\": must be {N} numbers", super::text::shown(text))))
-    }
-
-    /// The extents of a volume.
-    pub(crate) fn extents(&self, name: &str, text: &str) -> Result<[u32; 3]> {
-        let sizes: Vec<&str> = text.split_whitespace().collect();
-        let &[x, y, z] = sizes.as_slice() else {
-            return Err(self.error(name, format!("{} numbers: a volume has 3 extents", sizes.len())));
-        };
-        let size = |text: &str| {
-            text.parse::<u32>().ok().filter(|&size| size > 0).ok_or_else(|| {
-                self.error(name, format!("\"{text}\": must be a whole number from 1 to {}", u32::MAX))
-            })
-        };
-        Ok([size(x)?, size(y)?, size(z)?])
     }
 
     /// Gives an error about a value the field that the value came from.

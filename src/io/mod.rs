@@ -248,7 +248,7 @@ fn by_content(source: &Source) -> Option<&'static dyn Reader> {
 fn by_name(source: &Source) -> Option<&'static dyn Reader> {
     let name = source.path().file_name()?.to_string_lossy().to_lowercase();
     let is = |ending: &&str| name.strip_suffix(ending).is_some_and(|stem| stem.ends_with('.'));
-    READERS.iter().find(|reader| reader.extensions().iter().any(|ending| is(&ending))).copied()
+    READERS.iter().find(|reader| reader.extensions().iter().any(is)).copied()
 }
 
 /// Writes a text file, complete or not at all.

@@ -80,7 +80,7 @@ impl LoadedScene {
     /// As [`SceneFile::load`] and [`LoadedScene::from_data`].
     pub fn load_any(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Self> {
         let path = path.as_ref();
-        if SceneFile::is_named(path) && !io::describes_raw(path, options) {
+        if SceneFile::is_at(path, options) {
             SceneFile::load(path, options)
         } else {
             Self::from_data(path, options)
@@ -155,10 +155,11 @@ struct Rest {
 pub struct SceneFile;
 
 impl SceneFile {
-    /// Whether a file's name says that it is a scene file.
+    /// Whether a file is a scene file: it is named `.json`, and does not describe raw samples.
     #[must_use]
-    pub fn is_named(path: &Path) -> bool {
+    pub fn is_at(path: &Path, options: &ReadOptions) -> bool {
         path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
+            && !io::describes_raw(path, options)
     }
 
     /// Reads a scene file and the data that it names. `options.array` wins over the array that it names.
