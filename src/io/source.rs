@@ -140,6 +140,7 @@ impl Source {
     /// # Errors
     ///
     /// If the folder cannot be read, or holds more than 131,072 files.
+    #[cfg(feature = "dicom")]
     pub(crate) fn neighbours(&self) -> Result<Vec<PathBuf>> {
         const MOST: usize = 1 << 17;
         let folder = self.0.path.parent().unwrap_or(Path::new(""));

@@ -97,6 +97,17 @@ fn one_data_file_is_read() {
     assert_eq!(*grid(loaded).samples(), Samples::U8((0..8).collect()));
 }
 
+#[cfg(not(feature = "dicom"))]
+#[test]
+fn dicom_is_refused_by_name() {
+    let folder = Folder::new();
+    let path = folder.write("a", [&[0; 128][..], b"DICM\x02\0\x10\0"].concat());
+    let parts = ["a: format: DICOM: this program was built without the feature \"dicom\""];
+    assert_refusal(&read(&path, &OPTIONS).unwrap_err(), &parts, "file");
+    folder.write("b.dcm", "x");
+    refused(&folder, &parts);
+}
+
 /// Files of a ZIP archive, whose sizes stand before each.
 fn unzip(bytes: &[u8]) -> Vec<(String, Vec<u8>)> {
     let number = |at: usize, size: usize| {
