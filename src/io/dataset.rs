@@ -116,14 +116,8 @@ impl Dataset {
         options: &ReadOptions,
     ) -> Result<Loaded> {
         let Origin { source, format, arrays } = origin;
-        for (name, wanted) in
-            [("radius", &options.radius), ("covariance", &options.covariance), ("weight", &options.weight)]
-        {
-            if let Some(array) = wanted {
-                return Err(source.error(format!("array \"{array}\""), format!("a mesh has no {name}")));
-            }
-        }
-        let mut loaded_notes = Vec::new();
+        options.check_kernels("a mesh").map_err(|error| error.in_file(source.path()))?;
+        let mut notes = Vec::new();
         let mut warnings = Vec::new();
         // Three-dimensional types without a rule must not be lost silently; flat ones are no volume.
         let flat =
@@ -141,7 +135,7 @@ impl Dataset {
         }
         let surface: usize = counts.iter().filter(|&(&number, _)| flat(number)).map(|(_, count)| count).sum();
         if surface > 0 {
-            loaded_notes.push(format!("{surface} cells without volume (surfaces, lines, vertices) left out"));
+            notes.push(format!("{surface} cells without volume (surfaces, lines, vertices) left out"));
         }
 
         let ghosts = match ghost_array(&arrays) {
@@ -236,17 +230,17 @@ impl Dataset {
                 continue;
             };
             let name = kind.name();
-            loaded_notes.push(format!("{cells} {name} became {tets} tetrahedra"));
+            notes.push(format!("{cells} {name} became {tets} tetrahedra"));
             // Programs do not agree which way round a wedge is.
             if inside_out > 0 && !matches!(kind, CellKind::Wedge | CellKind::QuadraticWedge) {
-                loaded_notes.push(format!("{inside_out} {name} were inside out and were turned"));
+                notes.push(format!("{inside_out} {name} were inside out and were turned"));
             }
             if twisted > 0 {
                 warnings.push(format!("{twisted} {name} are twisted: tetrahedra of theirs overlap"));
             }
         }
         if ghost_count > 0 {
-            loaded_notes.push(format!("{ghost_count} ghost cells left out"));
+            notes.push(format!("{ghost_count} ghost cells left out"));
         }
 
         let scalars = match association {
@@ -262,14 +256,14 @@ impl Dataset {
             (mesh.blank_count(), "tetrahedra are vacuum, because a scalar of theirs is NaN"),
         ] {
             if count > 0 {
-                loaded_notes.push(format!("{count} {what}"));
+                notes.push(format!("{count} {what}"));
             }
         }
         warnings.extend(coarse(mesh.range(), &arrays[index]));
         let mut loaded = Loaded::new(format, Data::Mesh(mesh));
         loaded.report.shown = Some(describe(&arrays[index], pick));
         loaded.report.arrays = arrays;
-        loaded.report.notes = loaded_notes;
+        loaded.report.notes = notes;
         loaded.report.warnings = warnings;
         Ok(loaded)
     }

@@ -39,13 +39,6 @@ pub(crate) fn build(
     options: &ReadOptions,
 ) -> Result<Loaded> {
     let Origin { source, format, arrays } = origin;
-    for (name, wanted) in
-        [("radius", &options.radius), ("covariance", &options.covariance), ("weight", &options.weight)]
-    {
-        if let Some(array) = wanted {
-            return Err(source.error(format!("array \"{array}\""), format!("a grid has no {name}")));
-        }
-    }
     let Some(Choice { index, pick }) = arrays::choose(source, &arrays, options.array.as_deref())? else {
         return Err(source.error("arrays", "none: a grid needs point or cell data to show"));
     };

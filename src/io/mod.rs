@@ -225,7 +225,7 @@ fn read_source(source: &Source, options: &ReadOptions) -> Result<Loaded> {
     };
     let loaded = reader.read(source, options)?;
     if let Data::Grid(_) = loaded.data {
-        options.check_grid().map_err(|error| error.in_file(source.path()))?;
+        options.check_kernels("a grid").map_err(|error| error.in_file(source.path()))?;
     }
     // A format without names reads what there is: what was asked for must not be passed over in silence.
     if let Some(array) = &options.array

@@ -57,12 +57,12 @@ impl ReadOptions {
         Self { max_bytes, array: None, radius: None, covariance: None, weight: None, progress: None }
     }
 
-    /// Refuses what belongs to points, for a grid.
-    pub(crate) fn check_grid(&self) -> Result<()> {
+    /// Refuses sizes and weights of kernels for data that has no kernels.
+    pub(crate) fn check_kernels(&self, what: &str) -> Result<()> {
         let wanted = [("radius", &self.radius), ("covariance", &self.covariance), ("weight", &self.weight)];
         match wanted.into_iter().find_map(|(name, array)| Some((name, array.as_ref()?))) {
             Some((name, array)) => {
-                Err(Error::invalid(format!("array \"{array}\""), format!("a grid has no {name}")))
+                Err(Error::invalid(format!("array \"{array}\""), format!("{what} has no {name}")))
             }
             None => Ok(()),
         }

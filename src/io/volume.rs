@@ -27,13 +27,7 @@ impl Chosen {
         components: usize,
         options: &ReadOptions,
     ) -> Result<Self> {
-        for (name, wanted) in
-            [("radius", &options.radius), ("covariance", &options.covariance), ("weight", &options.weight)]
-        {
-            if let Some(array) = wanted {
-                return Err(source.error(format!("array \"{array}\""), format!("a grid has no {name}")));
-            }
-        }
+        options.check_kernels("a grid").map_err(|error| error.in_file(source.path()))?;
         if !(1..=MAX_COMPONENTS).contains(&components) {
             let rule = format!("{components} components: must be 1 to {MAX_COMPONENTS}");
             return Err(source.error(place, rule));

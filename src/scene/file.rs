@@ -311,7 +311,7 @@ impl VolumeSpec {
 
     fn load(&self, scene: &Path, options: &ReadOptions) -> Result<Volume> {
         let refuse = |place: &str, rule: String| Err(Error::file(scene, place, rule));
-        options.check_grid().map_err(|error| error.in_file(scene))?;
+        options.check_kernels("a grid").map_err(|error| error.in_file(scene))?;
         let named = self.file.is_some() && self.dims.is_none() && self.r#type.is_none();
         if !named {
             // Given in the scene, or on top of it.

@@ -24,6 +24,18 @@ impl TetScalars {
             Self::Point(values) | Self::Cell(values) => values,
         }
     }
+
+    /// Whether there is one for each point or for each tetrahedron.
+    fn check(&self, points: usize, cells: usize) -> Result<()> {
+        let (given, wanted) = match self {
+            Self::Point(values) => (values.len(), points),
+            Self::Cell(values) => (values.len(), cells),
+        };
+        if given == wanted {
+            return Ok(());
+        }
+        Err(Error::invalid("mesh scalars", format!("{given} are given, {wanted} are needed")))
+    }
 }
 
 /// What was put right when a mesh was made.
@@ -72,16 +84,7 @@ impl Tets {
         mut cells: Vec<[u32; 4]>,
         mut scalars: TetScalars,
     ) -> Result<(Self, Mended)> {
-        let wanted = match &scalars {
-            TetScalars::Point(_) => points.len(),
-            TetScalars::Cell(_) => cells.len(),
-        };
-        if scalars.values().len() != wanted {
-            return Err(Error::invalid(
-                "mesh scalars",
-                format!("{} are given, {wanted} are needed", scalars.values().len()),
-            ));
-        }
+        scalars.check(points.len(), cells.len())?;
         if let Some((i, cell)) =
             cells.iter().enumerate().find(|(_, cell)| cell.iter().any(|&i| num::index(i) >= points.len()))
         {
@@ -146,16 +149,7 @@ impl Tets {
     ///
     /// [`Error::Invalid`] if their number does not fit, or no tetrahedron has finite ones.
     pub fn with_scalars(mut self, scalars: TetScalars) -> Result<Self> {
-        let wanted = match &scalars {
-            TetScalars::Point(_) => self.points.len(),
-            TetScalars::Cell(_) => self.cells.len(),
-        };
-        if scalars.values().len() != wanted {
-            return Err(Error::invalid(
-                "mesh scalars",
-                format!("{} are given, {wanted} are needed", scalars.values().len()),
-            ));
-        }
+        scalars.check(self.points.len(), self.cells.len())?;
         let (mut range, mut blank) = ([f64::INFINITY, f64::NEG_INFINITY], 0);
         for (i, cell) in self.cells.iter().enumerate() {
             let values: [f32; 4] = match &scalars {
