@@ -183,6 +183,7 @@ pub(crate) fn evenly(
         }
         let wanted = (((last - first) * sign) / least * (1.0 - 1e-9)).ceil();
         if wanted > MOST_GROWTH * intervals {
+            let [least, most] = [least, most].map(short);
             return Err(at(format!(
                 "gaps from {least} to {most}: an even lattice would need {wanted} samples instead of {intervals}; \
                  resample the data first"
@@ -191,6 +192,7 @@ pub(crate) fn evenly(
         uneven[axis] = true;
         steps[axis] = (last - first) / wanted;
         counts[axis] = num::u32_of(wanted) + 1;
+        let [least, most] = [least, most].map(short);
         notes.push(format!(
             "{letter}: gaps from {least} to {most}, resampled linearly from {} to {} samples",
             dims[axis], counts[axis]
@@ -217,6 +219,11 @@ pub(crate) fn evenly(
         extents[axis] = num::index(counts[axis]);
     }
     Ok(Even { dims: counts, samples: Samples::F32(values), origin, steps, note: Some(notes.join("; ")) })
+}
+
+/// A number of six digits: differences carry the rounding of what they are made of.
+fn short(value: f64) -> f64 {
+    format!("{value:.5e}").parse().unwrap_or(value)
 }
 
 /// For each place of an even axis: the interval of the list that it lies in, and how far along.
