@@ -15,7 +15,7 @@ pub enum Error {
         why: String,
     },
     /// A file's contents break a rule of its format.
-    #[error("{}: {place}: {rule}", path.display())]
+    #[error("{}: {place}: {rule}", shown(path))]
     File {
         /// The file.
         path: PathBuf,
@@ -25,7 +25,7 @@ pub enum Error {
         rule: String,
     },
     /// A file cannot be opened, read or written.
-    #[error("{}: {action}: {source}", path.display())]
+    #[error("{}: {action}: {source}", shown(path))]
     Io {
         /// The file.
         path: PathBuf,
@@ -90,6 +90,15 @@ pub enum Error {
     },
 }
 
+/// A path in one line: a name may hold anything.
+fn shown(path: &Path) -> String {
+    let mut text = String::new();
+    for c in path.display().to_string().chars() {
+        if c.is_control() { text.extend(c.escape_default()) } else { text.push(c) }
+    }
+    text
+}
+
 /// The crate's result type.
 pub type Result<T> = std::result::Result<T, Error>;
 
@@ -128,5 +137,16 @@ impl Error {
             Self::NoDevice { .. } | Self::Unsupported { .. } | Self::Memory { .. } => 3,
             Self::Allocation { .. } | Self::Vulkan { .. } | Self::Timeout { .. } => 1,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_with_line_breaks_stay_in_one_line() {
+        let error = Error::file(Path::new("a\nb\u{7}é.raw"), "size", "0");
+        assert_eq!(error.to_string(), "a\\nb\\u{7}é.raw: size: 0");
     }
 }
