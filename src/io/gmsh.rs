@@ -12,29 +12,34 @@
 //!
 //! Sections for nothing of this (`$Periodic`, `$InterpolationScheme`, unknown ones) are passed over.
 
-use std::collections::{BTreeSet, HashMap, HashSet};
-use std::io::{ErrorKind, Read};
-use std::str::FromStr;
+mod elements;
+mod stream;
+mod tags;
+mod views;
+
+use std::collections::{BTreeSet, HashMap};
 
 use glam::DVec3;
 
 use super::arrays::{ArrayInfo, Association, Pick};
 use super::dataset::{Dataset, Origin};
-use super::samples::{Endian, MAX_COMPONENTS, SampleType};
+use super::samples::SampleType;
 use super::source::{Budget, Source};
-use super::text::{self, Scanner, plain, shown};
+use super::text::{self, Scanner, shown};
 use super::{Loaded, ReadOptions, Reader};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::num;
 use crate::scene::{CellKind, Samples};
+
+use elements::{Kind, family, kind_of};
+use stream::{Format, Stream, count_line, pass_section, read_format};
+use tags::Tags;
+use views::{View, Views};
 
 pub(super) struct Gmsh;
 
 /// The array of physical groups.
 const PHYSICAL: &str = "gmsh:physical";
-
-/// Most sections of views.
-const MAX_VIEWS: usize = 1 << 16;
 
 /// Most names of physical groups, and of sections passed over, that are told.
 const MAX_TOLD: usize = 16;
@@ -157,263 +162,6 @@ fn length(count: usize) -> u64 {
     u64::try_from(count).unwrap_or(u64::MAX)
 }
 
-/// An element type.
-struct Kind {
-    nodes: usize,
-    /// Its number in VTK.
-    vtk: u8,
-    /// For each node in VTK, its place here.
-    order: &'static [usize],
-}
-
-const LINEAR: [usize; 9] = [0, 1, 2, 3, 4, 5, 6, 7, 8];
-/// The last two edges are exchanged.
-const TETRAHEDRON: [usize; 10] = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8];
-/// Edges by their first corner here, round the bottom, round the top and upright in VTK; then faces.
-const HEXAHEDRON: [usize; 27] =
-    [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15, 22, 23, 21, 24, 20, 25, 26];
-const PRISM: [usize; 15] = [0, 1, 2, 3, 4, 5, 6, 9, 7, 12, 14, 13, 8, 10, 11];
-const PYRAMID: [usize; 13] = [0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12];
-
-/// The element type of a number.
-fn kind_of(number: i64) -> Option<Kind> {
-    let (nodes, vtk, order): (usize, u8, &'static [usize]) = match number {
-        1 => (2, 3, &LINEAR[..2]),
-        2 => (3, 5, &LINEAR[..3]),
-        3 => (4, 9, &LINEAR[..4]),
-        4 => (4, 10, &LINEAR[..4]),
-        5 => (8, 12, &LINEAR[..8]),
-        6 => (6, 13, &LINEAR[..6]),
-        7 => (5, 14, &LINEAR[..5]),
-        8 => (3, 21, &LINEAR[..3]),
-        9 => (6, 22, &LINEAR[..6]),
-        10 => (9, 28, &LINEAR[..9]),
-        11 => (10, 24, &TETRAHEDRON),
-        12 => (27, 29, &HEXAHEDRON),
-        13 => (18, 26, &PRISM),
-        14 => (14, 27, &PYRAMID),
-        15 => (1, 1, &LINEAR[..1]),
-        16 => (8, 23, &LINEAR[..8]),
-        17 => (20, 25, &HEXAHEDRON[..20]),
-        18 => (15, 26, &PRISM),
-        19 => (13, 27, &PYRAMID),
-        _ => return None,
-    };
-    Some(Kind { nodes, vtk, order })
-}
-
-/// What elements of other numbers are.
-fn family(number: i64) -> &'static str {
-    match number {
-        20..=25 | 42..=46 | 52..=56 => "triangles of a higher order",
-        26..=28 | 62..=66 => "lines of a higher order",
-        29..=33 | 71..=75 | 79..=83 | 137 => "tetrahedra of a higher order",
-        34 => "polygons",
-        35 => "polyhedra",
-        36..=41 | 47..=51 | 57..=61 => "quadrilaterals of a higher order",
-        90 | 91 | 106..=117 => "prisms of a higher order",
-        92..=105 => "hexahedra of a higher order",
-        118..=131 => "pyramids of a higher order",
-        _ => "unknown",
-    }
-}
-
-/// How a file has its numbers.
-#[derive(Clone, Copy)]
-struct Format {
-    /// 2 or 4.
-    version: u8,
-    /// The byte order of a binary file; None: numbers are words.
-    binary: Option<Endian>,
-    /// Of counts and tags in version 4.
-    wide: SampleType,
-    real: SampleType,
-}
-
-/// Numbers, of lines in a file of words.
-struct Stream<'a> {
-    scanner: Scanner<'a>,
-    format: Format,
-    /// The line that words come from, and how much of it is behind. None: from any line.
-    row: Option<(String, usize)>,
-}
-
-impl Stream<'_> {
-    fn error(&self, rule: impl Into<String>) -> Error {
-        if self.format.binary.is_some() {
-            self.scanner.source().error(format!("byte {}", self.scanner.position()), rule)
-        } else if self.row.is_some() {
-            self.scanner.line_error(rule)
-        } else {
-            self.scanner.error(rule)
-        }
-    }
-
-    /// Begins a line, in a file of words.
-    fn row(&mut self, what: &str) -> Result<()> {
-        if self.format.binary.is_none() {
-            let Some(line) = self.scanner.full_line()? else {
-                return Err(self.error(format!("ends before {what}")));
-            };
-            self.row = Some((line, 0));
-        }
-        Ok(())
-    }
-
-    /// Ends it.
-    fn end_row(&mut self) -> Result<()> {
-        if let Some((line, at)) = &self.row {
-            let rest = line[*at..].trim();
-            if !rest.is_empty() {
-                return Err(self.error(format!("\"{}\": must not follow here", shown(rest))));
-            }
-        }
-        self.row = None;
-        Ok(())
-    }
-
-    fn word<T: FromStr>(&mut self, what: &str) -> Result<T> {
-        let Some((line, at)) = &mut self.row else { return self.scanner.number(what) };
-        let rest = line[*at..].trim_start();
-        let word = rest.split_ascii_whitespace().next().unwrap_or("");
-        *at = line.len() - rest.len() + word.len();
-        let rule = match word.parse() {
-            Ok(number) => return Ok(number),
-            Err(_) if word.is_empty() => format!("ends before {what}"),
-            Err(_) => format!("\"{}\": must be {what}", shown(word)),
-        };
-        Err(self.error(rule))
-    }
-
-    fn bytes<const N: usize>(&mut self, what: &str) -> Result<([u8; N], bool)> {
-        let mut bytes = [0; N];
-        match self.scanner.read_exact(&mut bytes) {
-            Ok(()) => Ok((bytes, self.format.binary == Some(Endian::Little))),
-            Err(error) if error.kind() == ErrorKind::UnexpectedEof => {
-                Err(self.error(format!("ends before {what}")))
-            }
-            Err(error) => Err(text::stream_error(self.scanner.source(), error)),
-        }
-    }
-
-    /// An `int`.
-    fn int(&mut self, what: &str) -> Result<i64> {
-        if self.format.binary.is_none() {
-            return self.word(what);
-        }
-        let (bytes, little) = self.bytes(what)?;
-        Ok(if little { i32::from_le_bytes(bytes) } else { i32::from_be_bytes(bytes) }.into())
-    }
-
-    /// An `int` that is a number of something.
-    fn natural(&mut self, what: &str) -> Result<u64> {
-        if self.format.binary.is_none() {
-            return self.word(what);
-        }
-        let number = self.int(what)?;
-        u64::try_from(number).map_err(|_| self.error(format!("{number}: must be {what}, not negative")))
-    }
-
-    /// A `size_t`.
-    fn wide(&mut self, what: &str) -> Result<u64> {
-        if self.format.binary.is_none() {
-            return self.word(what);
-        }
-        if self.format.wide == SampleType::U32 {
-            let (bytes, little) = self.bytes(what)?;
-            return Ok(if little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) }.into());
-        }
-        let (bytes, little) = self.bytes(what)?;
-        Ok(if little { u64::from_le_bytes(bytes) } else { u64::from_be_bytes(bytes) })
-    }
-
-    fn real(&mut self, what: &str) -> Result<f64> {
-        if self.format.binary.is_none() {
-            return self.word(what);
-        }
-        if self.format.real == SampleType::F32 {
-            let (bytes, little) = self.bytes(what)?;
-            return Ok(if little { f32::from_le_bytes(bytes) } else { f32::from_be_bytes(bytes) }.into());
-        }
-        let (bytes, little) = self.bytes(what)?;
-        Ok(if little { f64::from_le_bytes(bytes) } else { f64::from_be_bytes(bytes) })
-    }
-
-    /// Whether so many things of at least so many bytes can follow, before memory is taken for them.
-    fn holds(&self, count: u64, least: u64, what: &str) -> Result<()> {
-        let available = self.scanner.available();
-        if count.checked_mul(least).is_some_and(|bytes| bytes <= available) {
-            return Ok(());
-        }
-        Err(self.error(format!("{count} {what}: the {available} bytes that follow cannot hold them")))
-    }
-}
-
-/// From tags to indices.
-#[derive(Debug)]
-enum Tags {
-    /// So many, one after the other from the first.
-    Consecutive { first: u64, count: u64 },
-    /// The index of each from the first; `u32::MAX` where there is none.
-    Dense { first: u64, indices: Vec<u32> },
-    /// By tag.
-    Sorted(Vec<(u64, u32)>),
-}
-
-impl Tags {
-    /// Bytes that one takes at most while it is made, with its pair.
-    const BYTES: u64 = 24;
-
-    fn none() -> Self {
-        Self::Consecutive { first: 0, count: 0 }
-    }
-
-    fn new(source: &Source, what: &str, mut pairs: Vec<(u64, u32)>) -> Result<Self> {
-        let Some(&(first, _)) = pairs.first() else { return Ok(Self::none()) };
-        if pairs.iter().all(|&(tag, index)| tag.checked_sub(first) == Some(index.into())) {
-            return Ok(Self::Consecutive { first, count: length(pairs.len()) });
-        }
-        let (first, last) =
-            pairs.iter().fold((first, first), |(lo, hi), &(tag, _)| (lo.min(tag), hi.max(tag)));
-        let twice = |tag: u64| source.error(format!("{what} {tag}"), "there are two of this number");
-        let span = usize::try_from(last - first).unwrap_or(usize::MAX);
-        // No more memory than the pairs take.
-        if span < pairs.len().saturating_mul(2) {
-            let mut indices = vec![u32::MAX; span + 1];
-            for &(tag, index) in &pairs {
-                let place = &mut indices[usize::try_from(tag - first).unwrap_or(span)];
-                if *place != u32::MAX {
-                    return Err(twice(tag));
-                }
-                *place = index;
-            }
-            return Ok(Self::Dense { first, indices });
-        }
-        pairs.sort_unstable();
-        if let Some(pair) = pairs.windows(2).find(|pair| pair[0].0 == pair[1].0) {
-            return Err(twice(pair[0].0));
-        }
-        Ok(Self::Sorted(pairs))
-    }
-
-    fn get(&self, tag: u64) -> Option<u32> {
-        match self {
-            Self::Consecutive { first, count } => {
-                let index = tag.checked_sub(*first).filter(|index| index < count)?;
-                u32::try_from(index).ok()
-            }
-            Self::Dense { first, indices } => {
-                let index = usize::try_from(tag.checked_sub(*first)?).ok()?;
-                indices.get(index).copied().filter(|&index| index != u32::MAX)
-            }
-            Self::Sorted(pairs) => {
-                let place = pairs.binary_search_by_key(&tag, |&(tag, _)| tag).ok()?;
-                Some(pairs[place].1)
-            }
-        }
-    }
-}
-
 /// Elements.
 #[derive(Default)]
 struct Cells {
@@ -447,87 +195,6 @@ impl Cells {
         }
         self.elements.push((element, num::count(types.len() - 1)));
         Ok(())
-    }
-}
-
-/// One view at one step.
-struct View {
-    name: String,
-    association: Association,
-    components: usize,
-    /// Whether it names an interpolation scheme.
-    scheme: bool,
-    parts: Vec<Part>,
-}
-
-/// Where the tuples of a view lie.
-struct Part {
-    partition: Option<i64>,
-    count: u64,
-    position: u64,
-    line: u64,
-}
-
-/// Values of an array, NaN where there is none.
-struct Filled {
-    values: Vec<f32>,
-    /// Which of them were given.
-    given: Vec<bool>,
-    /// Given for tags that nothing has.
-    strange: usize,
-    again: usize,
-}
-
-impl Filled {
-    fn missing(&self, counts: impl Fn(usize) -> bool) -> usize {
-        self.given.iter().enumerate().filter(|&(i, &given)| !given && counts(i)).count()
-    }
-}
-
-impl View {
-    fn info(&self, kind: SampleType) -> ArrayInfo {
-        ArrayInfo {
-            name: self.name.clone(),
-            association: self.association,
-            kind,
-            components: self.components,
-            active: false,
-        }
-    }
-
-    fn read(&self, source: &Source, format: Format, tags: &Tags, count: usize, pick: Pick) -> Result<Filled> {
-        let mut filled =
-            Filled { values: vec![f32::NAN; count], given: vec![false; count], strange: 0, again: 0 };
-        let mut tuple = Vec::new();
-        for part in &self.parts {
-            let scanner = Scanner::resume(source, part.position, part.line)?;
-            let mut stream = Stream { scanner, format, row: None };
-            for _ in 0..part.count {
-                stream.row("a tag and its values")?;
-                let tag = stream.natural("a tag")?;
-                tuple.clear();
-                for _ in 0..self.components {
-                    tuple.push(stream.real("a value")?);
-                }
-                stream.end_row()?;
-                let Some(index) = tags.get(tag).map(num::index).filter(|&index| index < count) else {
-                    filled.strange += 1;
-                    continue;
-                };
-                let value = match pick {
-                    Pick::Component(component) => tuple.get(component).copied().unwrap_or(f64::NAN),
-                    Pick::Magnitude => tuple.iter().map(|x| x * x).sum::<f64>().sqrt(),
-                };
-                filled.values[index] = num::f32_of(value);
-                filled.again += usize::from(std::mem::replace(&mut filled.given[index], true));
-            }
-            let next = stream.scanner.full_line()?.unwrap_or_default();
-            if !next.starts_with("$End") {
-                let rule = format!("\"{}\": {} tuples are announced", shown(&next), part.count);
-                return Err(stream.scanner.line_error(rule));
-            }
-        }
-        Ok(filled)
     }
 }
 
@@ -915,13 +582,6 @@ fn group(tag: i64) -> i32 {
     i32::try_from(tag.unsigned_abs()).unwrap_or(i32::MAX)
 }
 
-/// A line with a count alone.
-fn count_line(stream: &mut Stream, what: &str) -> Result<u64> {
-    let count = stream.scanner.number(what)?;
-    stream.scanner.end_line()?;
-    Ok(count)
-}
-
 /// Room for more numbers. Growing takes both the old list and the new one.
 fn make_room(stream: &Stream, list: &mut Vec<u32>, more: usize, budget: &mut Budget) -> Result<()> {
     let needed = list.len().saturating_add(more);
@@ -932,62 +592,6 @@ fn make_room(stream: &Stream, list: &mut Vec<u32>, more: usize, budget: &mut Bud
     budget.take("elements", length(capacity).saturating_mul(4))?;
     let full = |_| stream.scanner.source().error("elements", "memory is full");
     list.try_reserve_exact(capacity - list.len()).map_err(full)
-}
-
-fn read_format(stream: &mut Stream) -> Result<Format> {
-    let version: String = stream.scanner.number("a version")?;
-    let major = match version.as_str() {
-        "2" | "2.0" | "2.1" | "2.2" => 2,
-        "4.1" => 4,
-        other => {
-            let rule = format!("version \"{}\": 2.0 to 2.2 and 4.1 are supported", shown(other));
-            return Err(stream.scanner.error(rule));
-        }
-    };
-    let binary: u8 = stream.scanner.number("0 for words or 1 for binary")?;
-    let size: u8 = stream.scanner.number("a size in bytes")?;
-    let sizes = match size {
-        4 => (SampleType::U32, SampleType::F32),
-        8 => (SampleType::U64, SampleType::F64),
-        _ => return Err(stream.scanner.error(format!("data of {size} bytes: must be 4 or 8"))),
-    };
-    stream.scanner.end_line()?;
-    let binary = match binary {
-        0 => None,
-        1 => {
-            let (one, _) = stream.bytes::<4>("the mark of byte order")?;
-            if one == 1_i32.to_le_bytes() {
-                Some(Endian::Little)
-            } else if one == 1_i32.to_be_bytes() {
-                Some(Endian::Big)
-            } else {
-                let rule = format!("mark of byte order {one:?}: must be 1 in one of both");
-                return Err(stream.scanner.line_error(rule));
-            }
-        }
-        other => {
-            let rule = format!("file type {other}: must be 0 for words or 1 for binary");
-            return Err(stream.scanner.line_error(rule));
-        }
-    };
-    // The size is that of counts in version 4, that of reals before.
-    stream.format = if major == 4 {
-        Format { version: 4, binary, wide: sizes.0, real: SampleType::F64 }
-    } else {
-        Format { version: 2, binary, wide: SampleType::U64, real: sizes.1 }
-    };
-    Ok(stream.format)
-}
-
-/// Passes over the rest of a section, and its end.
-fn pass_section(stream: &mut Stream, name: &str) -> Result<()> {
-    let begin = stream.scanner.lines().max(1);
-    if !stream.scanner.pass(format!("$End{name}").as_bytes())? {
-        let name = shown(name);
-        let rule = format!("${name}: there is no $End{name}");
-        return Err(stream.scanner.source().error(format!("line {begin}"), rule));
-    }
-    stream.scanner.end_line()
 }
 
 /// Reads the names of the physical groups of volumes, to the section's end.
@@ -1005,147 +609,4 @@ fn read_names(stream: &mut Stream) -> Result<Vec<String>> {
         }
     }
     Err(stream.scanner.error("$PhysicalNames: there is no $EndPhysicalNames"))
-}
-
-/// Which views there are, by whether they are of cells and by name.
-#[derive(Default)]
-struct Views {
-    sections: usize,
-    names: HashSet<(bool, String)>,
-    /// By their step, too.
-    steps: HashMap<(bool, String, i64), Steps>,
-}
-
-/// Views of the same association, name and step.
-#[derive(Default)]
-struct Steps {
-    count: usize,
-    /// The last one.
-    last: usize,
-    partitions: HashSet<i64>,
-}
-
-/// What a section of data tells of itself.
-struct Header {
-    name: String,
-    scheme: bool,
-    step: i64,
-    components: usize,
-    count: u64,
-    partition: Option<i64>,
-}
-
-impl Views {
-    fn header(&mut self, stream: &mut Stream) -> Result<Header> {
-        /// Longest name, in bytes.
-        const MAX_NAME: usize = 256;
-        self.sections += 1;
-        if self.sections > MAX_VIEWS {
-            return Err(stream.scanner.line_error(format!("more than {MAX_VIEWS} sections of data")));
-        }
-        let strings = count_line(stream, "the number of string tags")?;
-        let mut name = String::new();
-        let mut scheme = false;
-        for i in 0..strings {
-            let Some(line) = stream.scanner.next_line()? else {
-                return Err(stream.error("ends before a string tag"));
-            };
-            let line = line.trim();
-            let bare = line.strip_prefix('"').and_then(|line| line.strip_suffix('"')).unwrap_or(line);
-            match i {
-                0 if bare.len() > MAX_NAME => {
-                    let rule = format!("a name longer than {MAX_NAME} bytes");
-                    return Err(stream.scanner.line_error(rule));
-                }
-                0 => name = plain(bare),
-                1 => scheme = !bare.is_empty(),
-                _ => {}
-            }
-        }
-        let reals: u64 = stream.scanner.number("the number of real tags")?;
-        for _ in 0..reals {
-            stream.scanner.number::<f64>("a real tag")?;
-        }
-        let whole: u64 = stream.scanner.number("the number of integer tags")?;
-        let mut tags = [None; 4];
-        for i in 0..whole {
-            let tag: i64 = stream.scanner.number("an integer tag")?;
-            if let Some(place) = usize::try_from(i).ok().and_then(|i| tags.get_mut(i)) {
-                *place = Some(tag);
-            }
-        }
-        let [Some(step), Some(components), Some(count), partition] = tags else {
-            let rule = format!("{whole} integer tags: step, components and number of tuples are needed");
-            return Err(stream.scanner.error(rule));
-        };
-        let size = usize::try_from(components).ok().filter(|size| (1..=MAX_COMPONENTS).contains(size));
-        let Some(size) = size else {
-            let rule = format!("{components} components: must be from 1 to {MAX_COMPONENTS}");
-            return Err(stream.scanner.error(rule));
-        };
-        let Ok(count) = u64::try_from(count) else {
-            return Err(stream.scanner.error(format!("{count} tuples: must not be negative")));
-        };
-        stream.scanner.end_line()?;
-        Ok(Header { name, scheme, step, components: size, count, partition })
-    }
-
-    /// Reads where a view's tuples are, and passes over them to the section's end.
-    fn read(&mut self, stream: &mut Stream, association: Association, views: &mut Vec<View>) -> Result<()> {
-        let Header { name, scheme, step, components, count, partition } = self.header(stream)?;
-        let Format { binary, real, .. } = stream.format;
-        let numbers = length(components);
-        // A digit and a blank each; the last needs no blank.
-        let least = match binary {
-            None => numbers.saturating_mul(2).saturating_add(2),
-            Some(_) => numbers.saturating_mul(real.bytes()).saturating_add(4),
-        };
-        stream.holds(count, least, "tuples")?;
-        let part =
-            Part { partition, count, position: stream.scanner.position(), line: stream.scanner.lines() };
-        if binary.is_some() {
-            stream.scanner.skip(count.saturating_mul(least))?;
-        }
-        let section = if association == Association::Point { "NodeData" } else { "ElementData" };
-        pass_section(stream, section)?;
-
-        let cell = association == Association::Cell;
-        let next = views.len();
-        let first = self.names.insert((cell, name.clone()));
-        let steps = self.steps.entry((cell, name.clone(), step)).or_default();
-        if let Some(partition) = part.partition
-            && let Some(view) = views.get_mut(steps.last)
-            && view.components == components
-            && !steps.partitions.is_empty()
-            && steps.partitions.insert(partition)
-        {
-            view.parts.push(part);
-            return Ok(());
-        }
-        steps.count += 1;
-        steps.last = next;
-        steps.partitions = part.partition.into_iter().collect();
-        let name = match (first, steps.count) {
-            (true, _) => name,
-            (false, 1) => format!("{name}@{step}"),
-            (false, several) => format!("{name}@{step}#{several}"),
-        };
-        views.push(View { name, association, components, scheme, parts: vec![part] });
-        Ok(())
-    }
-
-    /// Passes over element-node data to the section's end.
-    fn pass(&mut self, stream: &mut Stream, left_out: &mut BTreeSet<String>) -> Result<()> {
-        let Header { name, components, count, .. } = self.header(stream)?;
-        if stream.format.binary.is_some() {
-            let tuple = length(components).saturating_mul(stream.format.real.bytes());
-            for _ in 0..count {
-                stream.natural("an element's number")?;
-                let nodes = stream.natural("a number of nodes")?;
-                stream.scanner.skip(nodes.saturating_mul(tuple))?;
-            }
-        }
-        left_out.insert(name);
-        pass_section(stream, "ElementNodeData")
-    }
 }
