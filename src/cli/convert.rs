@@ -12,7 +12,7 @@ use super::{Outcome, output};
 /// Arguments of `convert`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// A data file, or a scene file (.json) for the volume in it.
+    /// A data file, a folder of slices, or a scene file (.json) for the volume in it.
     #[arg(value_name = "IN")]
     input: PathBuf,
     /// Where it goes: .nrrd for a grid, .vtu for a mesh or points.

@@ -26,8 +26,8 @@ impl Histogram {
         let (first, width, count) = match samples {
             Samples::F32(_) => Self::even(lo, hi),
             Samples::U8(_) | Samples::U16(_) | Samples::I16(_) => {
-                // Codes are at most 2^16, so that this is exact.
-                let codes = whole((hi - lo) / unit) + 1;
+                // Codes are at most 2^16, so that this is exact, unless the values themselves are coarser.
+                let codes = whole((hi - lo) / unit).min(0xffff) + 1;
                 let each = codes.div_ceil(CLASSES);
                 (lo - unit / 2.0, each as f64 * unit, codes.div_ceil(each))
             }

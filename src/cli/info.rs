@@ -28,7 +28,7 @@ const LISTED_ARRAYS: usize = 32;
 /// Arguments of `info`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// A data file or a scene file (.json).
+    /// A data file, a folder of slices, or a scene file (.json).
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]

@@ -58,7 +58,7 @@ enum Command {
     Devices(devices::Args),
     /// List the techniques with their options.
     Techniques(techniques::Args),
-    /// Describe a data file or a scene file.
+    /// Describe a data file, a folder of slices or a scene file.
     Info(info::Args),
     /// Write a data file as NRRD (grids) or VTU (meshes and points).
     Convert(convert::Args),

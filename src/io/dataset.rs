@@ -1,15 +1,15 @@
 //! From the cells and arrays of a file to a mesh or to points: what all formats of unstructured data share.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, TryReserveError};
 
 use glam::DVec3;
 
 use super::arrays::{self, ArrayInfo, Association, Choice, Pick};
 use super::source::{Budget, Source};
-use super::{Data, Loaded, ReadOptions};
+use super::{Data, Loaded, ReadOptions, SampleType};
 use crate::error::{Error, Result};
 use crate::num;
-use crate::scene::{CellKind, KernelSize, Points, Samples, TetScalars, Tets};
+use crate::scene::{CellKind, KernelSize, Orientation, Points, Samples, TetScalars, Tets};
 
 /// Points, and cells with nodes and types in the numbers of VTK.
 #[derive(Debug, Default)]
@@ -138,13 +138,7 @@ impl Dataset {
             notes.push(format!("{surface} cells without volume (surfaces, lines, vertices) left out"));
         }
 
-        let ghosts = match ghost_array(&arrays) {
-            Some(index) => match read(index, Pick::Component(0))? {
-                Samples::U8(ghosts) if ghosts.len() == self.types.len() => Some(ghosts),
-                _ => None,
-            },
-            None => None,
-        };
+        let ghosts = ghosts(&arrays, Association::Cell, self.types.len(), budget, read)?;
         let ghost =
             |cell: usize| ghosts.as_ref().is_some_and(|ghosts| ghosts[cell] & DUPLICATE_OR_HIDDEN != 0);
 
@@ -184,8 +178,16 @@ impl Dataset {
             types.iter().filter(|&&n| CellKind::of_vtk(n).is_some_and(|k| k.centre().is_some())).count();
         budget.take("points", u64::try_from(centres).unwrap_or(u64::MAX).saturating_mul(28))?;
 
+        let full = |_: TryReserveError| source.error("cells", "memory is full");
+        let most = usize::try_from(most).unwrap_or(usize::MAX);
         let mut tets: Vec<[u32; 4]> = Vec::new();
         let mut cell_values = Vec::new();
+        tets.try_reserve_exact(most).map_err(full)?;
+        points.try_reserve_exact(centres).map_err(full)?;
+        match association {
+            Association::Point => values.try_reserve_exact(centres).map_err(full)?,
+            Association::Cell => cell_values.try_reserve_exact(most).map_err(full)?,
+        }
         let mut begin = 0;
         let mut made: BTreeMap<u8, Made> = BTreeMap::new();
         let mut ghost_count = 0;
@@ -283,12 +285,14 @@ impl Made {
     fn turn(&mut self, points: &[DVec3], tets: &mut [[u32; 4]]) {
         let (mut positive, mut negative) = (false, false);
         for tet in tets {
-            let [a, b, c, d] = tet.map(|i| points[num::index(i)]);
-            let volume = (b - a).cross(c - a).dot(d - a);
-            positive |= volume > 0.0;
-            if volume < 0.0 {
-                negative = true;
-                tet.swap(2, 3);
+            // A cell with corners at one place has flat ones, whose sign is rounding.
+            match Orientation::of(tet.map(|i| points[num::index(i)])) {
+                Orientation::Positive => positive = true,
+                Orientation::Negative => {
+                    negative = true;
+                    tet.swap(2, 3);
+                }
+                Orientation::Flat | Orientation::Nowhere => {}
             }
         }
         self.inside_out += usize::from(negative && !positive);
@@ -306,7 +310,7 @@ pub(crate) fn points(
 ) -> Result<Loaded> {
     let Origin { source, format, arrays } = origin;
     let count = centres.len();
-    let mut column = |index: usize, pick: Pick| -> Result<Vec<f32>> {
+    let mut column = |budget: &mut Budget, index: usize, pick: Pick| -> Result<Vec<f32>> {
         let array = &arrays[index];
         if array.association == Association::Cell && array.components > 0 {
             return Err(source.error(format!("array {array}"), "cell data: points need point data"));
@@ -340,9 +344,11 @@ pub(crate) fn points(
             Some(Choice { index, ..choice })
         }),
     };
-    let mut scalars = chosen.map(|choice| column(choice.index, choice.pick)).transpose()?;
-    let mut radii = wanted(&options.radius)?.map(|choice| column(choice.index, choice.pick)).transpose()?;
-    let mut weights = wanted(&options.weight)?.map(|choice| column(choice.index, choice.pick)).transpose()?;
+    let mut scalars = chosen.map(|choice| column(budget, choice.index, choice.pick)).transpose()?;
+    let mut radii =
+        wanted(&options.radius)?.map(|choice| column(budget, choice.index, choice.pick)).transpose()?;
+    let mut weights =
+        wanted(&options.weight)?.map(|choice| column(budget, choice.index, choice.pick)).transpose()?;
     let mut covariances = match wanted(&options.covariance)? {
         None => None,
         Some(Choice { index, .. }) => {
@@ -354,9 +360,10 @@ pub(crate) fn points(
                     return Err(source.error(format!("array {}", arrays[index]), rule));
                 }
             };
+            budget.take("arrays", u64::try_from(count).unwrap_or(u64::MAX).saturating_mul(24))?;
             let mut all = vec![[0.0; 6]; count];
             for (i, place) in places.into_iter().enumerate() {
-                for (all, value) in all.iter_mut().zip(column(index, Pick::Component(place))?) {
+                for (all, value) in all.iter_mut().zip(column(budget, index, Pick::Component(place))?) {
                     all[i] = value;
                 }
             }
@@ -428,12 +435,15 @@ pub(crate) fn describe(array: &ArrayInfo, pick: Pick) -> String {
 pub(crate) fn coarse([lo, hi]: [f64; 2], array: &ArrayInfo) -> Option<String> {
     /// Steps that a range should have.
     const STEPS: f64 = 4096.0;
-    if array.kind.bytes() < 4 || array.kind == super::SampleType::F32 || lo >= hi {
+    /// Up to here f32 has every whole number.
+    const WHOLE: f64 = 16_777_216.0;
+    if array.kind.bytes() < 4 || array.kind == SampleType::F32 || lo >= hi {
         return None;
     }
-    let step = lo.abs().max(hi.abs()) * f64::from(f32::EPSILON);
-    let whole = !matches!(array.kind, super::SampleType::F64);
-    let coarse = if whole { step > 1.0 } else { (hi - lo) / step < STEPS };
+    let magnitude = lo.abs().max(hi.abs());
+    let step = magnitude * f64::from(f32::EPSILON);
+    let whole = !matches!(array.kind, SampleType::F64);
+    let coarse = if whole { magnitude > WHOLE } else { (hi - lo) / step < STEPS };
     coarse.then(|| {
         format!(
             "{} values are kept as f32: steps of {step:.1e} in a range of {:.1e}",
@@ -463,9 +473,25 @@ fn ranks(points: &[DVec3]) -> Vec<u32> {
     ranks
 }
 
-fn ghost_array(arrays: &[ArrayInfo]) -> Option<usize> {
-    arrays.iter().position(|array| {
-        array.association == Association::Cell && array.name == "vtkGhostType" && array.components == 1
+/// The flags of VTK's ghost array of points or cells, where there is one.
+pub(crate) fn ghosts(
+    arrays: &[ArrayInfo],
+    association: Association,
+    count: usize,
+    budget: &mut Budget,
+    read: &mut ReadArray,
+) -> Result<Option<Vec<u8>>> {
+    let is = |array: &ArrayInfo| {
+        array.association == association
+            && array.name == "vtkGhostType"
+            && array.components == 1
+            && array.kind == SampleType::U8
+    };
+    let Some(index) = arrays.iter().position(is) else { return Ok(None) };
+    budget.take("vtkGhostType", u64::try_from(count).unwrap_or(u64::MAX))?;
+    Ok(match read(index, Pick::Component(0))? {
+        Samples::U8(flags) if flags.len() == count => Some(flags),
+        _ => None,
     })
 }
 
@@ -488,7 +514,6 @@ mod tests {
     use std::collections::HashMap;
 
     use super::*;
-    use crate::io::SampleType;
 
     fn array(name: &str, association: Association, components: usize) -> ArrayInfo {
         ArrayInfo { name: name.into(), association, kind: SampleType::F32, components, active: false }
@@ -501,7 +526,7 @@ mod tests {
         let cells: Vec<f32> = (0..dataset.types.len()).map(|i| num::f32_of(num::f64_of(i))).collect();
         let mut arrays = vec![array("field", Association::Point, 1), array("cell", Association::Cell, 1)];
         if ghosts.is_some() {
-            arrays.push(array("vtkGhostType", Association::Cell, 1));
+            arrays.push(ArrayInfo { kind: SampleType::U8, ..array("vtkGhostType", Association::Cell, 1) });
         }
         let mut read = |index: usize, _: Pick| {
             Ok(match index {
@@ -743,7 +768,8 @@ mod tests {
         let loaded = build_with(some, &options, None).unwrap();
         let Data::Points(points) = loaded.data else { panic!() };
         assert_eq!(points.size(), &KernelSize::Radii(vec![1.0, 3.0, 1.5]));
-        assert_eq!(points.weights().unwrap(), points.scalars().unwrap());
+        assert_eq!(points.weights().unwrap(), [1.0, 3.0, 1.5]);
+        assert!(points.scalars().is_none(), "a size is not what is shown");
         // The place that is no place goes with everything that belongs to it.
         let source = Source::in_memory(&[("a.vtu", b"")]).unwrap();
         let options = ReadOptions::within(1 << 20);
@@ -762,7 +788,7 @@ mod tests {
         let of =
             |kind, range| coarse(range, &ArrayInfo { kind, ..array("a", Association::Point, 1) }).is_some();
         assert!(of(SampleType::F64, [100_000.0, 100_001.0]) && !of(SampleType::F64, [0.0, 1.0]));
-        assert!(of(SampleType::I64, [0.0, 1e9]) && !of(SampleType::I32, [-1e6, 1e6]));
+        assert!(of(SampleType::I64, [0.0, 1e9]) && !of(SampleType::I32, [-16_777_216.0, 1e6]));
         assert!(!of(SampleType::F32, [100_000.0, 100_001.0]));
     }
 }

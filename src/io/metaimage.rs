@@ -504,7 +504,10 @@ fn numbered(words: &[&str], slices: u64) -> Option<std::result::Result<Numbered,
     let (name, numbers) = match *tail.as_slice() {
         [step, last, first] => (&words[..words.len() - 3], [first, last, step]),
         [last, first] => (&words[..words.len() - 2], [first, last, 1]),
-        [_] => (words, [0, 0, 0]),
+        [first] => {
+            let count = i64::try_from(slices).unwrap_or(i64::MAX);
+            (&words[..words.len() - 1], [first, first.saturating_add(count - 1), 1])
+        }
         _ => (words, [1, i64::try_from(slices).unwrap_or(i64::MAX), 1]),
     };
     let pattern = Numbered::parse(&name.join(" "))?;

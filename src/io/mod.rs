@@ -1,6 +1,7 @@
 //! Readers and writers for data files, writers for images.
 //!
-//! A reader implements `Reader` and is listed in `READERS`; nothing else names it. What formats share:
+//! A reader implements `Reader` and is listed in `READERS`; only `folder` names those that have slices in
+//! files of their own. What formats share:
 //!
 //! | file | what |
 //! |---|---|
@@ -9,6 +10,9 @@
 //! | `samples` | types, byte orders, and decoding within the memory that the result takes |
 //! | `volume` | components, and data in several files, of grids |
 //! | `arrays`, `dataset` | which array is shown; from cells and arrays to a mesh or points |
+//! | `lattice` | from points on a lattice to a grid; resampling |
+//! | `folder` | slices in files of their own |
+//! | `jpeg` | what a JPEG stream says of itself, before it is decoded |
 //! | `columns` | vectors and tensors of columns that are named one by one |
 //! | `refused` | formats that are known by name only |
 //! | `write_nrrd`, `write_vtu`, `image` | what is written |
@@ -52,7 +56,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::scene::{Grid, Points, Tets};
+use crate::scene::{Grid, Points, Rescale, Tets};
 
 pub use arrays::{ArrayInfo, Association, Pick};
 pub(crate) use image::replace;
@@ -177,7 +181,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Loaded> {
         return Err(refusal);
     }
     if path.is_dir() {
-        return folder::read(path, options);
+        return checked(path, folder::read(path, options)?, options);
     }
     read_source(&Source::open(path, options)?, options)
 }
@@ -214,27 +218,49 @@ fn read_source(source: &Source, options: &ReadOptions) -> Result<Loaded> {
     }
     let Some(reader) = known.or_else(|| by_name(source)) else {
         return Err(refused::by_name(source).unwrap_or_else(|| {
+            if source.is_gzip() {
+                return source.error(
+                    "content",
+                    "a gzip stream: only NIfTI-1, raw samples, VTK, Gmsh, PLY and CSV are read packed, unpack it \
+                     first",
+                );
+            }
             source.error(
                 "content",
                 format!(
-                    "of no known format: known are {}; raw samples need a scene file with dims and type",
+                    "of no known format: known are {}; raw samples need size and type in their name, as \
+                     head_256x256x128_int16.raw, in a JSON file beside them, or in a scene file",
                     known_formats()
                 ),
             )
         }));
     };
-    let loaded = reader.read(source, options)?;
-    if let Data::Grid(_) = loaded.data {
-        options.check_kernels("a grid").map_err(|error| error.in_file(source.path()))?;
+    checked(source.path(), reader.read(source, options)?, options)
+}
+
+/// What was asked for must not be passed over in silence: a grid has no kernels, and a format without names
+/// reads what there is.
+fn checked(path: &Path, mut loaded: Loaded, options: &ReadOptions) -> Result<Loaded> {
+    if let Data::Grid(grid) = &loaded.data {
+        options.check_kernels("a grid").map_err(|error| error.in_file(path))?;
+        let Rescale { slope, intercept } = grid.rescale();
+        if !grid.range().iter().all(|value| value.is_finite()) {
+            let rule = format!("{slope:e} * stored + {intercept:e}: goes beyond the range of numbers");
+            return Err(Error::file(path, "rescale", rule));
+        }
+        if grid.infinite_count() > 0 {
+            loaded.report.warnings.push(format!(
+                "{} samples are infinite, or beyond f32: they take the transfer function's ends",
+                grid.infinite_count()
+            ));
+        }
     }
-    // A format without names reads what there is: what was asked for must not be passed over in silence.
     if let Some(array) = &options.array
         && loaded.report.arrays.is_empty()
         && loaded.report.shown.is_none()
     {
-        return Err(
-            source.error(format!("array \"{array}\""), "no such array: the file has one without a name")
-        );
+        let rule = "no such array: there is one without a name";
+        return Err(Error::file(path, format!("array \"{array}\""), rule));
     }
     Ok(loaded)
 }

@@ -40,7 +40,8 @@ impl Reader for Nifti {
     }
 
     fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
-        match sibling(source, "img", "hdr") {
+        let single = source.head().get(344..HEADER) == Some(SINGLE);
+        match sibling(source, "img", "hdr").filter(|_| !single) {
             Some(header) => read(&source.sibling(&header, options)?, self.name(), options),
             None => read(source, self.name(), options),
         }
@@ -70,7 +71,18 @@ fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<
 
     let single = header.magic == SINGLE;
     let first = if single { 352.0 } else { 0.0 };
-    let offset = f64::from(header.vox_offset);
+    let mut warnings = doubts(&header);
+    let mut offset = f64::from(header.vox_offset);
+    if single && offset == 0.0 {
+        offset = first;
+        warnings.push("vox_offset is 0: taken for 352, where the data of a single file begins".to_owned());
+    }
+    let bits = kind.bytes() * 8;
+    if u64::try_from(header.bitpix) != Ok(bits) {
+        let (given, code) = (header.bitpix, header.datatype);
+        warnings
+            .push(format!("bitpix is {given}: datatype {code} ({}) has {bits}, which counts", kind.name()));
+    }
     // 2^40 is beyond every offset that means something, and far below where a float64 loses units.
     if !(offset >= first && offset <= 1_099_511_627_776.0 && offset.fract() == 0.0) {
         return Err(source.error(
@@ -87,8 +99,9 @@ fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<
         })?;
         source.sibling(&path, options)?
     };
-    let part = Part { skip, ..Part::whole(data.clone()) };
     let chosen = Chosen::new(source, "dim", Layout::scalar(dims, kind, endian), 1, options)?;
+    let (_, bytes) = samples::data_size(source, "dim", &chosen.layout, options)?;
+    let part = Part::sized(data.clone(), skip, bytes);
     let samples = samples::read(source, "dim", &chosen.layout, 1, &|_| Ok(part.clone()), options)?;
 
     let (place, columns, origin, anatomy) = placement(&header);
@@ -105,7 +118,7 @@ fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<
     let grid = grid.with_placement(spacing, origin, direction).map_err(at(place))?;
     let grid = grid.with_rescale(rescale(&header)).map_err(at("scl_slope, scl_inter"))?;
     let mut loaded = chosen.loaded(format, grid.with_anatomy(anatomy));
-    loaded.report.warnings.extend(doubts(&header));
+    loaded.report.warnings.extend(warnings);
     Ok(loaded)
 }
 
@@ -207,11 +220,6 @@ fn sample_type(source: &Source, header: &NiftiHeader) -> Result<SampleType> {
         Ok(other) => return Err(source.error("datatype", format!("{code} ({other:?}): {known}"))),
         Err(_) => return Err(source.error("datatype", format!("{code}: {known}"))),
     };
-    let bits = kind.bytes() * 8;
-    if u64::try_from(header.bitpix) != Ok(bits) {
-        return Err(source
-            .error("bitpix", format!("{}: datatype {code} ({}) has {bits}", header.bitpix, kind.name())));
-    }
     Ok(kind)
 }
 

@@ -23,7 +23,7 @@ use super::samples::{self, Endian, Layout, Part, SampleType};
 use super::source::{Encoding, Source};
 use super::text;
 use super::volume::{Chosen, Files, Numbered};
-use super::{Loaded, ReadOptions, Reader};
+use super::{Loaded, Pick, ReadOptions, Reader};
 use crate::error::{Error, Result};
 use crate::num;
 use crate::scene::{Anatomy, Grid};
@@ -37,7 +37,7 @@ const MAX_HEADER: u64 = 1 << 20;
 const MAX_SKIP: u64 = 1 << 28;
 
 /// Every field of the format, under the one name that is used here.
-const FIELDS: [&str; 29] = [
+const FIELDS: [&str; 30] = [
     "axis maxs",
     "axis mins",
     "block size",
@@ -67,6 +67,7 @@ const FIELDS: [&str; 29] = [
     "spacings",
     "thicknesses",
     "type",
+    "units",
 ];
 
 impl Reader for Nrrd {
@@ -90,8 +91,12 @@ impl Reader for Nrrd {
         let endian = header.endian(kind, packing)?;
         let placement = header.placement(&axes)?;
         let dims = axes.dims();
-        let chosen =
+        let mut chosen =
             Chosen::new(source, "sizes", Layout::scalar(dims, kind, endian), axes.components(), options)?;
+        let first_alone = axes.components() > 1 && options.array.is_none() && header.has_no_length();
+        if first_alone {
+            chosen.layout.pick = Pick::Component(0);
+        }
 
         let files = header.files(&axes)?;
         let count = files.as_ref().map_or(1, Files::count);
@@ -143,6 +148,12 @@ impl Reader for Nrrd {
         let mut loaded = chosen.loaded(self.name(), grid.with_anatomy(anatomy));
         loaded.report.notes.extend(notes);
         loaded.report.warnings.extend(warnings);
+        if first_alone {
+            loaded.report.warnings.push(format!(
+                "the first of {} entries at each sample is shown: name values:1 and so on for others",
+                axes.components()
+            ));
+        }
         Ok(loaded)
     }
 }
@@ -252,6 +263,7 @@ impl<'a> Header<'a> {
         let mut header = Self { source, fields, names: Vec::new(), end: source.len() };
         let mut at = 0;
         let mut complete = false;
+        let mut list = false;
         for (number, line) in bytes.split_inclusive(|&byte| byte == b'\n').enumerate() {
             at += line.len();
             let ended = line.ends_with(b"\n");
@@ -267,10 +279,12 @@ impl<'a> Header<'a> {
             } else if text.is_empty() && ended {
                 complete = true;
                 break;
-            } else if header.get("data file").is_some_and(is_list) {
+            } else if list {
                 header.names.push(text.trim().to_owned());
             } else if !text.starts_with('#') {
                 header.field(number + 1, text)?;
+                // Decided once: a header may have many lines.
+                list = header.get("data file").is_some_and(is_list);
             }
         }
         header.end = u64::try_from(at).unwrap_or(u64::MAX);
@@ -304,6 +318,11 @@ impl<'a> Header<'a> {
             "oldmin" => "old min".to_owned(),
             "oldmax" => "old max".to_owned(),
             "sampleunits" => "sample units".to_owned(),
+            "spacedimension" => "space dimension".to_owned(),
+            "spacedirections" => "space directions".to_owned(),
+            "spaceorigin" => "space origin".to_owned(),
+            "spaceunits" => "space units".to_owned(),
+            "measurementframe" => "measurement frame".to_owned(),
             key => key.to_owned(),
         };
         let Some(name) = FIELDS.iter().find(|name| **name == key) else {
@@ -434,6 +453,14 @@ impl<'a> Header<'a> {
             return Err(self.error("sizes", "fewer than three axes beside the components"));
         }
         Ok(Axes { sizes, first })
+    }
+
+    /// Whether the components of the first axis are no vector: times, layers, or colours whose length would
+    /// count opacity or hue.
+    fn has_no_length(&self) -> bool {
+        let kind = self.get("kinds").and_then(|kinds| kinds.split_whitespace().next()).unwrap_or_default();
+        let kind = kind.to_lowercase();
+        matches!(kind.as_str(), "list" | "time" | "rgba-color" | "4-color" | "hsv-color")
     }
 
     fn packing(&self) -> Result<Packing> {
@@ -613,6 +640,7 @@ impl<'a> Header<'a> {
             from_mins &= !min.is_nan();
             origin[i] = if node { min } else { min + 0.5 * steps[i] };
         }
+        // Where one is unknown there is no place.
         let origin = if from_mins { DVec3::from_array(origin) } else { DVec3::ZERO };
         Ok(Scale { steps: DVec3::from_array(steps), origin, from_mins })
     }

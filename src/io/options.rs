@@ -38,7 +38,7 @@ pub struct ReadOptions {
     /// Splitting cells of a mesh, and resampling, count.
     pub max_bytes: u64,
     /// The array to show. Left out: the file's active one, else the first with one component, point data
-    /// before cell data, else the first.
+    /// before cell data, else the first. What numbers or flags things (`id`, `vtkGhostType`, ...) comes last.
     pub array: Option<String>,
     /// Of points: the array of support radii.
     pub radius: Option<String>,

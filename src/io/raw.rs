@@ -15,7 +15,7 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 
 use super::samples::{self, Endian, Layout, Part, SampleType};
-use super::source::{Encoding, Source};
+use super::source::Source;
 use super::text;
 use super::volume::Chosen;
 use super::{Loaded, ReadOptions, Reader};
@@ -71,11 +71,8 @@ pub fn read_raw(path: impl AsRef<Path>, layout: &RawLayout, options: &ReadOption
 
 pub(crate) fn read(source: &Source, layout: &RawLayout, options: &ReadOptions) -> Result<Grid> {
     let numbers = numbers(layout);
-    // Samples may begin with gzip's two magic bytes: a file of exactly the right size is raw.
     let (_, bytes) = samples::data_size(source, "dims", &numbers, options)?;
-    let raw = layout.offset.checked_add(bytes) == Some(source.len());
-    let encoding = if raw { Encoding::Raw } else { source.encoding() };
-    let part = Part { skip: layout.offset, encoding, ..Part::whole(source.clone()) };
+    let part = Part::sized(source.clone(), layout.offset, bytes);
     let samples = samples::read(source, "dims", &numbers, 1, &|_| Ok(part.clone()), options)?;
     Grid::new(layout.dims, samples)
         .and_then(|grid| grid.with_placement(layout.spacing, layout.origin, layout.direction))
@@ -121,7 +118,8 @@ impl Reader for Raw {
         let beside = PathBuf::from(format!("{stem}.json"));
         if source.has_sibling(&beside) {
             let json = source.sibling(&beside, options)?;
-            if is_sidecar(&json) {
+            // What is no JSON at all may be meant as one.
+            if is_sidecar(&json) || !is_json(&json) {
                 let sidecar = Sidecar::parse(&json)?;
                 if let Some(other) =
                     sidecar.file.as_ref().filter(|file| file.strip_prefix("./").unwrap_or(file) != name)
@@ -256,6 +254,14 @@ fn is_sidecar(source: &Source) -> bool {
     };
     source.len() <= MAX_JSON
         && source.bytes(0, source.len()).is_ok_and(|bytes| serde_json::from_slice(&bytes).is_ok_and(fits))
+}
+
+/// Whether a file is well-formed JSON, or too large to be looked at.
+fn is_json(source: &Source) -> bool {
+    source.len() > MAX_JSON
+        || source
+            .bytes(0, source.len())
+            .is_ok_and(|bytes| serde_json::from_slice::<IgnoredAny>(&bytes).is_ok())
 }
 
 /// Whether a file is JSON that describes raw samples, and no scene.

@@ -144,10 +144,12 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    /// The whole of a file, as it is packed.
-    pub(crate) fn whole(source: Source) -> Self {
-        let encoding = source.encoding();
-        Self { source, offset: 0, encoding, skip: 0, text: false }
+    /// A file of which so many bytes are samples, behind some that are not. Samples may begin with gzip's two
+    /// magic bytes: a file of exactly the right size is not packed.
+    pub(crate) fn sized(source: Source, skip: u64, bytes: u64) -> Self {
+        let raw = skip.checked_add(bytes) == Some(source.len());
+        let encoding = if raw { Encoding::Raw } else { source.encoding() };
+        Self { source, offset: 0, encoding, skip, text: false }
     }
 }
 

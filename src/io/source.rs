@@ -3,7 +3,7 @@
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::fmt;
-use std::fs::File;
+use std::fs::{File, Metadata};
 use std::io::{BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -75,12 +75,15 @@ impl Source {
 
     /// Opens a file and looks at its beginning, through gzip where the file is a gzip stream.
     pub(crate) fn open(path: &Path, options: &ReadOptions) -> Result<Self> {
+        // A device or a pipe has no size to check a header against, and opening a pipe waits for its other end.
+        let regular = |metadata: &Metadata| {
+            let refusal = || Error::file(path, "file", "is a folder or a device: must be a regular file");
+            if metadata.is_file() { Ok(()) } else { Err(refusal()) }
+        };
+        regular(&std::fs::metadata(path).map_err(|e| Error::io(path, "cannot open", e))?)?;
         let file = File::open(path).map_err(|e| Error::io(path, "cannot open", e))?;
         let metadata = file.metadata().map_err(|e| Error::io(path, "cannot look at", e))?;
-        // A device or a pipe has no size to check a header against.
-        if !metadata.is_file() {
-            return Err(Error::file(path, "file", "is a folder or a device: must be a regular file"));
-        }
+        regular(&metadata)?;
         Self::new(path, Body::File(file), metadata.len(), options.progress.clone())
     }
 

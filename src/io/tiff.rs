@@ -19,6 +19,7 @@ use glam::DMat3;
 use super::arrays::{self, ArrayInfo, Association, Choice, Pick};
 use super::samples::{self, Layout, MAX_COMPONENTS};
 use super::source::{Budget, Source};
+use super::volume::rescale_of;
 use super::{Loaded, ReadOptions, Reader};
 use crate::error::{Error, Result};
 use crate::scene::{Grid, Samples};
@@ -160,9 +161,9 @@ fn finish(
     let mut grid = Grid::new(dims, values)
         .and_then(|grid| grid.with_placement(calibration.spacing, calibration.origin, DMat3::IDENTITY))
         .map_err(located)?;
-    if let Some(rescale) = calibration.rescale
-        && look.pick != Pick::Magnitude
-    {
+    if let Some(rescale) = calibration.rescale {
+        let array = look.shown.trim_start_matches("point:").trim_end_matches(":magnitude");
+        let rescale = rescale_of(look.pick, array, source, "ImageDescription", rescale)?;
         grid = grid.with_rescale(rescale).map_err(located)?;
     }
     let mut loaded = Loaded::new(format, grid);

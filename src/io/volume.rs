@@ -46,17 +46,7 @@ impl Chosen {
 
     /// The map that values take when stored numbers take `rescale`. `place` is the rescale's.
     pub(crate) fn rescale(&self, source: &Source, place: &str, rescale: Rescale) -> Result<Rescale> {
-        if self.layout.pick != Pick::Magnitude {
-            return Ok(rescale);
-        }
-        if rescale.intercept != 0.0 {
-            let rule = format!(
-                "{}: shifts each component, which changes lengths: choose a component, such as {NAME}:0",
-                rescale.intercept
-            );
-            return Err(source.error(place, rule));
-        }
-        Ok(Rescale { slope: rescale.slope.abs(), ..rescale })
+        rescale_of(self.layout.pick, NAME, source, place, rescale)
     }
 
     /// The grid with what is to be told of its numbers.
@@ -73,6 +63,27 @@ impl Chosen {
         }
         loaded
     }
+}
+
+/// The map that values take when stored numbers take `rescale`: lengths of tuples have their own.
+pub(crate) fn rescale_of(
+    pick: Pick,
+    array: &str,
+    source: &Source,
+    place: &str,
+    rescale: Rescale,
+) -> Result<Rescale> {
+    if pick != Pick::Magnitude {
+        return Ok(rescale);
+    }
+    if rescale.intercept != 0.0 {
+        let rule = format!(
+            "{}: shifts each component, which changes lengths: choose a component, such as {array}:0",
+            rescale.intercept
+        );
+        return Err(source.error(place, rule));
+    }
+    Ok(Rescale { slope: rescale.slope.abs(), ..rescale })
 }
 
 /// The files that hold a volume, in the order of its samples.

@@ -600,6 +600,9 @@ pub const PRESETS: [Preset; 5] = [
     },
 ];
 
+/// Most options of a technique.
+const MAX_OPTIONS: usize = 64;
+
 impl<'de> Deserialize<'de> for TechniqueChoice {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
         struct Options;
@@ -623,6 +626,9 @@ impl<'de> Deserialize<'de> for TechniqueChoice {
                     if key == "name" {
                         name = Some(map.next_value()?);
                     } else {
+                        if options.len() == MAX_OPTIONS {
+                            return Err(A::Error::custom(format!("more than {MAX_OPTIONS} options")));
+                        }
                         options.push((key, map.next_value::<Plain>()?.0));
                     }
                 }

@@ -9,7 +9,7 @@ use crate::num;
 
 /// The samples of a grid in the type that the device keeps them in.
 ///
-/// Other input types (`i8`, `u32`, `i32`, `f64`) become `f32` when a grid is made.
+/// Other input types (`i8`, `u32`, `i32`, `u64`, `i64`, `f64`) become `f32` when a grid is made.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Samples {
     /// 8-bit unsigned.

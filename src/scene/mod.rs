@@ -15,6 +15,7 @@ pub use cells::CellKind;
 pub use field::Field;
 pub use grid::{Anatomy, Grid, Rescale, Samples};
 pub use points::{KernelSize, Points};
+pub(crate) use tets::Orientation;
 pub use tets::{Mended, TetScalars, Tets};
 pub use transfer::{Knot, TransferFunction};
 

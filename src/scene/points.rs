@@ -113,7 +113,9 @@ impl Points {
         if let Some((i, size)) = wrong {
             return Err(Error::invalid(
                 "sizes of points",
-                format!("point {i} has {size}: must be finite and not negative"),
+                format!(
+                    "point {i} has {size}: radii and variances must be finite and not negative, one for all positive"
+                ),
             ));
         }
         self.size = Arc::new(size);

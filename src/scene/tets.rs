@@ -210,14 +210,23 @@ impl Tets {
     }
 }
 
-enum Orientation {
+/// Which way round a tetrahedron is.
+pub(crate) enum Orientation {
     Positive,
     Negative,
+    /// Without a volume that float64 can tell from zero.
     Flat,
+    /// With a corner that is not finite.
     Nowhere,
 }
 
-/// Which way round a tetrahedron is: the sign of six times its volume, where float64 knows it.
+impl Orientation {
+    /// The sign of six times the volume, where float64 knows it.
+    pub(crate) fn of(corners: [DVec3; 4]) -> Self {
+        orientation(corners)
+    }
+}
+
 fn orientation([a, b, c, d]: [DVec3; 4]) -> Orientation {
     if !(a.is_finite() && b.is_finite() && c.is_finite() && d.is_finite()) {
         return Orientation::Nowhere;

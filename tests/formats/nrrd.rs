@@ -168,6 +168,40 @@ fn components_lie_on_the_first_axis() {
 }
 
 #[test]
+fn layers_and_opacities_have_no_length() {
+    for (kind, count) in [("list", 3), ("RGBA-color", 4), ("HSV-color", 3)] {
+        let text = format!(
+            "NRRD0004\ntype: uchar\ndimension: 4\nsizes: {count} 4 3 2\nkinds: {kind} domain domain domain\n\
+             encoding: raw\n\n"
+        );
+        let data: Vec<u8> = values()
+            .iter()
+            .flat_map(|&v| (0..count).map(move |i| if i == 0 { v as u8 } else { 255 }))
+            .collect();
+        let loaded = Sample::one(kind, "a.nrrd", [text.into_bytes(), data].concat()).loaded();
+        assert_eq!(loaded.report.shown.as_deref(), Some("point:values:0"), "{kind}");
+        assert!(loaded.report.warnings[0].contains("the first of"), "{kind}: {:?}", loaded.report.warnings);
+        assert_eq!(stored(&grid(loaded)), values(), "{kind}");
+    }
+}
+
+/// What teem writes beside what places samples, with and without blanks.
+#[test]
+fn every_field_of_the_format_is_known() {
+    let more = "units: \"mm\" \"mm\" \"mm\"\nspacedirections: (1,0,0) (0,2,0) (0,0,3)\nspace: RAS\n\
+                spaceorigin: (1,2,3)\nmeasurementframe: (1,0,0) (0,1,0) (0,0,1)\n";
+    let grid = grid(placed(more).loaded());
+    assert_eq!((grid.origin(), grid.spacing()), (DVec3::new(1.0, 2.0, 3.0), DVec3::new(1.0, 2.0, 3.0)));
+}
+
+#[test]
+fn a_header_of_many_lines_is_read_in_time() {
+    // Looked at once a line, the long value would be passed over a hundred thousand times: half an hour.
+    let text = format!("NRRD0004\ndata file: {}\n{}", "x".repeat(500_000), "#\n".repeat(100_000));
+    Sample::one("long", "a.nhdr", text).refused(&["type", "missing"]);
+}
+
+#[test]
 fn axis_mins_place_what_nothing_else_does() {
     let read = |more: &str| {
         let loaded = placed(more).loaded();

@@ -1099,7 +1099,12 @@ fn memory_limits_hold() {
 /// Reads a real mesh: points, cells and the report.
 fn real_mesh(name: &str) -> Option<(Tets, Vec<String>, Option<String>)> {
     let loaded = shared_loaded(name)?;
-    assert!(loaded.report.warnings.is_empty(), "{name}: {:?}", loaded.report.warnings);
+    // The can is crushed: some of its cells are bent so far that no cut of theirs is without overlaps.
+    let expected: &[&str] = match name {
+        "unstructured/can_crush_hex.vtu" => &["39 hexahedra are twisted: tetrahedra of theirs overlap"],
+        _ => &[],
+    };
+    assert_eq!(loaded.report.warnings, expected, "{name}");
     let (notes, shown) = (loaded.report.notes.clone(), loaded.report.shown.clone());
     Some((mesh(loaded), notes, shown))
 }

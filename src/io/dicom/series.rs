@@ -36,12 +36,20 @@ pub(super) fn read(source: &Source, options: &ReadOptions) -> Result<Loaded> {
     let mut names = Vec::new();
     let mut headers = Vec::new();
     let mut others = 0;
+    let mut damaged = Vec::new();
     for name in source.neighbours()? {
         let neighbour = source.sibling(&name, options)?;
         if !super::is(&neighbour) {
             continue;
         }
-        let (header, _) = header::read(&neighbour, options)?;
+        let header = match header::read(&neighbour, options) {
+            Ok((header, _)) => header,
+            // It may be of another series, or a slice that is missing now: the distances will tell.
+            Err(error) => {
+                damaged.push(error.to_string());
+                continue;
+            }
+        };
         if header.pixels.is_none() || header.series != own.series || header.frames.is_some_and(|n| n > 1) {
             others += 1;
             continue;
@@ -54,9 +62,13 @@ pub(super) fn read(source: &Source, options: &ReadOptions) -> Result<Loaded> {
     }
     let mut notes = Vec::new();
     if others > 0 {
-        notes.push(format!("{others} DICOM files of the folder are of other series and left out"));
+        notes.push(format!(
+            "{others} DICOM files of the folder are of other series, or no single slices, and left out"
+        ));
     }
-    assemble(source, headers, &|i| source.sibling(&names[i], options), notes, options)
+    let mut loaded = assemble(source, headers, &|i| source.sibling(&names[i], options), notes, options)?;
+    loaded.report.warnings.extend(damaged.into_iter().map(|error| format!("left out: {error}")));
+    Ok(loaded)
 }
 
 /// Reads the one series of several files.
