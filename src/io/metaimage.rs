@@ -21,7 +21,7 @@ use super::fields::Fields;
 use super::samples::{self, Endian, Layout, Part, SampleType};
 use super::source::{Encoding, Source};
 use super::text;
-use super::volume::{Chosen, Files, Numbered};
+use super::volume::{Chosen, Files, Numbered, Placement};
 use super::{Loaded, ReadOptions, Reader};
 use crate::error::{Error, Result};
 use crate::scene::{Anatomy, Grid, Rescale};
@@ -201,14 +201,10 @@ impl<'a> Header<'a> {
         };
         let samples = samples::read(source, "DimSize", &chosen.layout, parts, &part, options)?;
 
-        let located = |name: &'static str| move |error| fields.located(name, error);
+        let located = |name, error| fields.located(name, error);
         let grid = Grid::new(dims, samples).map_err(|error| error.in_file(source.path()))?;
-        let Placement { place, spacing, origin, direction, anatomy, notes, warnings } = placement;
-        let grid = grid.with_placement(spacing, origin, direction).map_err(located(place))?;
-        let grid = grid.with_rescale(rescale).map_err(located(SLOPE))?.with_anatomy(anatomy);
-        let mut loaded = chosen.loaded(format, grid);
-        loaded.report.notes.extend(notes);
-        loaded.report.warnings.extend(warnings);
+        let grid = grid.with_rescale(rescale).map_err(|error| located(SLOPE, error))?;
+        let mut loaded = chosen.placed(format, grid, placement, &located)?;
         // The stream has its own check sum, and real files have stale numbers here.
         if data.compressed
             && let size @ 1.. = packed
@@ -534,17 +530,6 @@ fn sides(name: &str) -> Option<[DVec3; 3]> {
     let sides: Vec<DVec3> = name.chars().map(side).collect::<Option<_>>()?;
     let &[x, y, z] = sides.as_slice() else { return None };
     (x.cross(y).dot(z) != 0.0).then_some([x, y, z])
-}
-
-struct Placement {
-    /// The field to blame where the grid cannot lie so.
-    place: &'static str,
-    spacing: DVec3,
-    origin: DVec3,
-    direction: DMat3,
-    anatomy: Anatomy,
-    notes: Vec<String>,
-    warnings: Vec<String>,
 }
 
 struct Data {

@@ -14,7 +14,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::samples::{self, Endian, Layout, Part, SampleType};
 use super::source::Source;
-use super::volume::Chosen;
+use super::volume::{Chosen, Placement};
 use super::{Loaded, ReadOptions, Reader};
 use crate::error::{Error, Result};
 use crate::num;
@@ -108,18 +108,14 @@ fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<
     let spacing = DVec3::new(columns.x_axis.length(), columns.y_axis.length(), columns.z_axis.length());
     let direction =
         DMat3::from_cols(columns.x_axis / spacing.x, columns.y_axis / spacing.y, columns.z_axis / spacing.z);
-    let at = |place: &'static str| {
-        move |error: Error| match error {
-            Error::Invalid { why, .. } => source.error(place, why),
-            other => other,
-        }
+    let located = |place: &'static str, error: Error| match error {
+        Error::Invalid { why, .. } => source.error(place, why),
+        other => other,
     };
     let grid = Grid::new(dims, samples).map_err(|error| error.in_file(data.path()))?;
-    let grid = grid.with_placement(spacing, origin, direction).map_err(at(place))?;
-    let grid = grid.with_rescale(rescale(&header)).map_err(at("scl_slope, scl_inter"))?;
-    let mut loaded = chosen.loaded(format, grid.with_anatomy(anatomy));
-    loaded.report.warnings.extend(warnings);
-    Ok(loaded)
+    let grid = grid.with_rescale(rescale(&header)).map_err(|error| located("scl_slope, scl_inter", error))?;
+    let placement = Placement { place, spacing, origin, direction, anatomy, notes: Vec::new(), warnings };
+    chosen.placed(format, grid, placement, &located)
 }
 
 /// What of the placement may not be as it seems.

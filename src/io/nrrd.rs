@@ -22,7 +22,7 @@ use super::fields::Fields;
 use super::samples::{self, Endian, Layout, Part, SampleType};
 use super::source::{Encoding, Source};
 use super::text;
-use super::volume::{Chosen, Files, Numbered};
+use super::volume::{Chosen, Files, Numbered, Placement};
 use super::{Loaded, Pick, ReadOptions, Reader};
 use crate::error::{Error, Result};
 use crate::num;
@@ -139,15 +139,9 @@ impl Reader for Nrrd {
         let parts = usize::try_from(count).unwrap_or(usize::MAX);
         let samples = samples::read(source, "sizes", &chosen.layout, parts, &part, options)?;
 
-        let Placement { place, spacing, origin, direction, anatomy, notes, warnings } = placement;
         let grid = Grid::new(dims, samples).map_err(|error| error.in_file(source.path()))?;
-        let grid = grid.with_placement(spacing, origin, direction).map_err(|error| match error {
-            Error::Invalid { why, .. } => header.error(place, why),
-            other => other,
-        })?;
-        let mut loaded = chosen.loaded(self.name(), grid.with_anatomy(anatomy));
-        loaded.report.notes.extend(notes);
-        loaded.report.warnings.extend(warnings);
+        let located = |name, error| header.fields.located(name, error);
+        let mut loaded = chosen.placed(self.name(), grid, placement, &located)?;
         if first_alone {
             loaded.report.warnings.push(format!(
                 "the first of {} entries at each sample is shown: name values:1 and so on for others",
@@ -180,17 +174,6 @@ impl Axes {
     fn components(&self) -> usize {
         if self.first == 0 { 1 } else { num::index(self.sizes[0]) }
     }
-}
-
-struct Placement {
-    /// The field that placed the grid.
-    place: &'static str,
-    spacing: DVec3,
-    origin: DVec3,
-    direction: DMat3,
-    anatomy: Anatomy,
-    notes: Vec<String>,
-    warnings: Vec<String>,
 }
 
 /// Whether an axis of such a kind lies in space or time, or may.

@@ -1,12 +1,14 @@
 //! What formats of grids share: data in several files, components, and the way from samples to a grid.
 
+use glam::{DMat3, DVec3};
+
 use super::arrays::{self, ArrayInfo, Association, Pick};
 use super::dataset;
 use super::samples::{Layout, MAX_COMPONENTS};
 use super::source::Source;
 use super::{Loaded, ReadOptions};
-use crate::error::Result;
-use crate::scene::{Grid, Rescale};
+use crate::error::{Error, Result};
+use crate::scene::{Anatomy, Grid, Rescale};
 
 /// The name of the one array that such a file has.
 const NAME: &str = "values";
@@ -16,6 +18,18 @@ const NAME: &str = "values";
 pub(crate) struct Chosen {
     pub(crate) layout: Layout,
     array: ArrayInfo,
+}
+
+/// Where a grid lies, and what was found out on the way.
+pub(crate) struct Placement {
+    /// The field to blame where the grid cannot lie so.
+    pub(crate) place: &'static str,
+    pub(crate) spacing: DVec3,
+    pub(crate) origin: DVec3,
+    pub(crate) direction: DMat3,
+    pub(crate) anatomy: Anatomy,
+    pub(crate) notes: Vec<String>,
+    pub(crate) warnings: Vec<String>,
 }
 
 impl Chosen {
@@ -47,6 +61,22 @@ impl Chosen {
     /// The map that values take when stored numbers take `rescale`. `place` is the rescale's.
     pub(crate) fn rescale(&self, source: &Source, place: &str, rescale: Rescale) -> Result<Rescale> {
         rescale_of(self.layout.pick, NAME, source, place, rescale)
+    }
+
+    /// The grid in its place. `located` gives an error about a value the field that the value came from.
+    pub(crate) fn placed(
+        self,
+        format: &'static str,
+        grid: Grid,
+        placement: Placement,
+        located: &dyn Fn(&'static str, Error) -> Error,
+    ) -> Result<Loaded> {
+        let Placement { place, spacing, origin, direction, anatomy, notes, warnings } = placement;
+        let grid = grid.with_placement(spacing, origin, direction).map_err(|error| located(place, error))?;
+        let mut loaded = self.loaded(format, grid.with_anatomy(anatomy));
+        loaded.report.notes.extend(notes);
+        loaded.report.warnings.extend(warnings);
+        Ok(loaded)
     }
 
     /// The grid with what is to be told of its numbers.
