@@ -192,7 +192,7 @@ struct Sidecar {
 
 impl Sidecar {
     fn parse(source: &Source) -> Result<Self> {
-        if !is_sidecar(source) {
+        if !is_sidecar(source) && is_json(source) {
             return Err(source.error(
                 "content",
                 format!(

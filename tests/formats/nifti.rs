@@ -171,3 +171,33 @@ fn further_axes_are_refused_by_what_they_are() {
     let error = samples()[0].read(&options).unwrap_err().to_string();
     assert!(error.contains("there are point:values (u8)"), "{error}");
 }
+
+#[test]
+fn what_other_programs_take_is_taken_with_a_warning() {
+    let read = |name: &str, bytes: Vec<u8>| {
+        let loaded = Sample::one("odd", name, bytes).loaded();
+        let warnings = loaded.report.warnings.clone();
+        (stored(&grid(loaded)), warnings)
+    };
+    let ramp: Vec<f64> = (1..=24).map(f64::from).collect();
+    let (values, warnings) = read("a.nii", file(&[(72, 16)], &[]));
+    assert_eq!((values, warnings.len()), (ramp.clone(), 1));
+    assert!(warnings[0].contains("bitpix is 16") && warnings[0].contains("u8"), "{warnings:?}");
+    let (values, warnings) = read("a.nii", file(&[], &[(108, 0.0)]));
+    assert_eq!((values, warnings.len()), (ramp.clone(), 1));
+    assert!(warnings[0].contains("taken for 352"), "{warnings:?}");
+    // A single file by the name of a pair's image.
+    assert_eq!(read("a.img", file(&[], &[])), (ramp, vec![]));
+}
+
+/// Samples that begin as a gzip stream does are samples.
+#[test]
+fn an_image_may_begin_with_any_bytes() {
+    let mut header = file(&[], &[(108, 0.0)]);
+    header.truncate(352);
+    header[344..348].copy_from_slice(b"ni1\0");
+    let mut image: Vec<u8> = (1..=24).collect();
+    image[..2].copy_from_slice(&[0x1f, 0x8b]);
+    let loaded = Sample::one("pair", "a.hdr", header).with("a.img", image).loaded();
+    assert_eq!(stored(&grid(loaded))[..3], [31.0, 139.0, 3.0]);
+}

@@ -322,3 +322,14 @@ fn real_files_have_their_known_sizes_and_ranges() {
     let head = grid(head);
     assert_eq!((head.dims(), head.range()), ([64, 64, 40], [-1024.0, 2902.0]));
 }
+
+#[test]
+fn values_beyond_f32_are_told() {
+    let mut values = [1e300_f64; 24];
+    values[5] = 2.0;
+    let data: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+    let loaded = Sample::one("large", "a.npy", file(1, &header("<f8", false, "(2, 3, 4)"), &data)).loaded();
+    let warnings = loaded.report.warnings.clone();
+    assert!(warnings.iter().any(|w| w.contains("23 samples are infinite, or beyond f32")), "{warnings:?}");
+    Sample::one("packed", "a.npy.gz", super::support::gzip(&data)).refused(&["gzip", "unpack it first"]);
+}

@@ -217,3 +217,18 @@ fn the_conformance_head_is_that_of_the_reference() {
     let Some(tooth) = shared("structured/tooth/tooth.raw") else { return };
     assert_refusal(&read(tooth, &OPTIONS).unwrap_err(), &["read tooth.nhdr instead"], "tooth");
 }
+
+/// A file that is meant to describe the samples and is no JSON must not be passed over.
+#[test]
+fn a_broken_sidecar_is_told() {
+    let broken = r#"{"dims": [4, 3, 2], "type": "u8", "spacing": [1, 1, 3],}"#;
+    Sample::one("broken", "a_4x3x2_u8.raw", bytes()).with("a_4x3x2_u8.json", broken).refused(&[
+        "a_4x3x2_u8.json",
+        "line 1",
+        "trailing comma",
+    ]);
+    // Somebody else's JSON is left alone.
+    let other = r#"{"EchoTime": 0.03}"#;
+    let loaded = Sample::one("other", "a_4x3x2_u8.raw", bytes()).with("a_4x3x2_u8.json", other).loaded();
+    assert_eq!(grid(loaded).dims(), [4, 3, 2]);
+}

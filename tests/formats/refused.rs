@@ -247,3 +247,15 @@ fn no_head_of_any_length_is_a_panic() {
         }
     }
 }
+
+/// Opening a pipe would wait for whoever writes into it.
+#[cfg(unix)]
+#[test]
+fn a_pipe_is_refused_and_not_waited_for() {
+    let folder = super::support::Folder::new();
+    let path = folder.path("a.nrrd");
+    let made = std::process::Command::new("mkfifo").arg(&path).status();
+    assert!(made.is_ok_and(|status| status.success()), "mkfifo makes a pipe");
+    let error = volraster::io::read(&path, &super::support::OPTIONS).unwrap_err();
+    super::support::assert_refusal(&error, &["a.nrrd", "must be a regular file"], "pipe");
+}
