@@ -599,7 +599,7 @@ fn devices_techniques_and_info_say_the_same_as_json() {
     {
         assert!(text.contains(part), "{part}: {text}");
     }
-    folder.run(&format!("info {head} --array a")).fails(2, &["head.nrrd", "array \"a\"", "without a name"]);
+    folder.run(&format!("info {head} --array a")).fails(2, &["head.nrrd", "array \"a\"", "no such array"]);
     folder
         .run(&format!("info {head} --radius r"))
         .fails(2, &["head.nrrd", "array \"r\"", "a grid has no radius"]);
@@ -675,7 +675,7 @@ fn what_cannot_be_converted_is_one_line_and_leaves_nothing() {
     folder.run("convert in.nrrd gone/out.nrrd").fails(2, &["gone/out.nrrd", "cannot write"]);
     folder.run("convert in.nrrd out.nrrd --radius r").fails(2, &["in.nrrd", "\"r\"", "a grid has no radius"]);
     folder.run("convert in.nrrd out.nrrd --covariance c").fails(2, &["a grid has no covariance"]);
-    folder.run("convert in.nrrd out.nrrd --array a").fails(2, &["in.nrrd", "\"a\"", "without a name"]);
+    folder.run("convert in.nrrd out.nrrd --array a").fails(2, &["in.nrrd", "\"a\"", "no such array"]);
     folder.run("convert in.nrrd out.nrrd --radius r --covariance c").fails(2, &["--radius", "--covariance"]);
     folder.run("convert in.nrrd").fails(2, &["<OUT>"]);
     assert_eq!(folder.names(), before);
