@@ -247,12 +247,12 @@ fn number(cell: &str) -> Option<f64> {
     if cell.is_empty() || ["na", "n/a", "null"].iter().any(|none| cell.eq_ignore_ascii_case(none)) {
         return Some(f64::NAN);
     }
-    cell.parse().ok()
+    text::float(cell)
 }
 
 /// Whether a cell can be nothing but a number: `Na` may be sodium.
 fn is_number(cell: &str) -> bool {
-    cell.parse::<f64>().is_ok()
+    text::float::<f64>(cell).is_some()
 }
 
 /// Rows, one after the other.

@@ -72,7 +72,9 @@ impl Reader for Gmsh {
         let solids = (0..mesh.types.len()).filter(|&cell| solid(cell)).count();
         let groups = (0..physical.len()).any(|cell| physical[cell] != 0 && solid(cell));
         let of_cells = views.iter().any(|view| view.association == Association::Cell);
+        let taken = length(elements.len()).saturating_mul(Tags::BYTES);
         let elements = if of_cells { Tags::new(source, "element", elements)? } else { Tags::none() };
+        budget.put_back(taken.saturating_sub(elements.bytes()));
         let solid: Vec<bool> = if of_cells {
             budget.take("elements", length(mesh.types.len()))?;
             (0..mesh.types.len()).map(solid).collect()
@@ -272,15 +274,15 @@ impl File {
                 }
                 // These go on to the section's end.
                 "NodeData" => {
-                    views.read(&mut stream, Association::Point, &mut file.views)?;
+                    views.read(&mut stream, Association::Point, &mut file.views, budget)?;
                     continue;
                 }
                 "ElementData" => {
-                    views.read(&mut stream, Association::Cell, &mut file.views)?;
+                    views.read(&mut stream, Association::Cell, &mut file.views, budget)?;
                     continue;
                 }
                 "ElementNodeData" => {
-                    views.pass(&mut stream, &mut file.left_out)?;
+                    views.pass(&mut stream, &mut file.left_out, budget)?;
                     continue;
                 }
                 "PhysicalNames" => {
@@ -318,8 +320,11 @@ impl File {
             self.notes
                 .push(format!("{reduced} prisms or pyramids: the nodes in the middle of faces left out"));
         }
-        for name in &self.left_out {
+        for name in self.left_out.iter().take(MAX_TOLD) {
             self.notes.push(format!("{name}: is $ElementNodeData, left out"));
+        }
+        if let Some(more @ 1..) = self.left_out.len().checked_sub(MAX_TOLD) {
+            self.notes.push(format!("and {more} more arrays of $ElementNodeData left out"));
         }
         for name in passed {
             self.notes.push(format!("section ${} left out", shown(&name)));
@@ -403,6 +408,7 @@ impl File {
             return Err(stream.scanner.source().error("$Nodes", rule));
         }
         self.nodes = Tags::new(stream.scanner.source(), "node", pairs)?;
+        budget.put_back(all.saturating_mul(Tags::BYTES).saturating_sub(self.nodes.bytes()));
         Ok(())
     }
 
@@ -590,21 +596,29 @@ fn make_room(stream: &Stream, list: &mut Vec<u32>, more: usize, budget: &mut Bud
     }
     let capacity = needed.max(list.capacity().saturating_add(list.capacity() / 2)).max(64);
     budget.take("elements", length(capacity).saturating_mul(4))?;
+    let old = length(list.capacity());
     let full = |_| stream.scanner.source().error("elements", "memory is full");
-    list.try_reserve_exact(capacity - list.len()).map_err(full)
+    list.try_reserve_exact(capacity - list.len()).map_err(full)?;
+    budget.put_back(old.saturating_mul(4));
+    Ok(())
 }
 
 /// Reads the names of the physical groups of volumes, to the section's end.
 fn read_names(stream: &mut Stream) -> Result<Vec<String>> {
     let mut names = Vec::new();
+    let mut more = 0_u64;
     while let Some(line) = stream.scanner.full_line()? {
         if line == "$EndPhysicalNames" {
+            if more > 0 {
+                names.push(format!("and {more} more names"));
+            }
             return Ok(names);
         }
-        if let Some(name) = line.strip_prefix("3 ")
-            && let Some((number, name)) = name.trim_start().split_once(' ')
-            && names.len() < MAX_TOLD
-        {
+        let name = line.strip_prefix("3 ").and_then(|name| name.trim_start().split_once(' '));
+        let Some((number, name)) = name else { continue };
+        if names.len() == MAX_TOLD {
+            more += 1;
+        } else {
             names.push(format!("{} is {}", shown(number), shown(name.trim())));
         }
     }

@@ -519,7 +519,7 @@ fn parse(word: &str, kind: SampleType) -> Option<f64> {
         SampleType::I32 => whole::<i32>(word),
         SampleType::U64 => word.parse::<u64>().ok().map(|number| number as f64),
         SampleType::I64 => word.parse::<i64>().ok().map(|number| number as f64),
-        SampleType::F32 => whole::<f32>(word),
-        SampleType::F64 => whole::<f64>(word),
+        SampleType::F32 => text::float::<f32>(word).map(Into::into),
+        SampleType::F64 => text::float(word),
     }
 }

@@ -74,6 +74,20 @@ impl<'a> Scanner<'a> {
         Ok(scanner)
     }
 
+    /// Goes on to another place of the unpacked file, where `line` lines are behind. What is packed is
+    /// unpacked from the beginning only where the place is behind.
+    pub(crate) fn go_on(mut self, offset: u64, line: u64) -> Result<Self> {
+        /// Up to here, reading is no slower than a stream of its own.
+        const NEAR: u64 = 1 << 16;
+        match offset.checked_sub(self.position) {
+            Some(gap) if self.source.is_gzip() || gap <= NEAR => {
+                self.skip(gap)?;
+                Ok(self.after_lines(line))
+            }
+            _ => Self::resume(self.source, offset, line),
+        }
+    }
+
     pub(crate) fn source(&self) -> &'a Source {
         self.source
     }
@@ -448,20 +462,23 @@ impl Read for Numbers<'_, '_> {
     }
 }
 
+/// A number as C prints it: `+1`, `1.e5`, `nan(0x1)`, `-nan(ind)`, `NaNQ`.
+pub(crate) fn float<T: FromStr>(word: &str) -> Option<T> {
+    if let Ok(number) = word.parse() {
+        return Some(number);
+    }
+    let lower = word.strip_prefix(['+', '-']).unwrap_or(word).to_ascii_lowercase();
+    let rest = lower.strip_prefix("nan")?;
+    let is_nan = matches!(rest, "q" | "s") || rest.starts_with('(') && rest.ends_with(')');
+    if is_nan { "nan".parse().ok() } else { None }
+}
+
 /// The little-endian bytes of a number in words, where it is one of the type.
 fn to_bytes(word: &str, kind: SampleType) -> Option<[u8; 8]> {
     fn padded<const N: usize>(bytes: [u8; N]) -> [u8; 8] {
         let mut all = [0; 8];
         all[..N].copy_from_slice(&bytes);
         all
-    }
-    /// Numbers as C prints them: `+1`, `1.e5`, `nan(0x1)`, `-nan(ind)`.
-    fn float<T: FromStr>(word: &str) -> Option<T> {
-        if let Ok(number) = word.parse() {
-            return Some(number);
-        }
-        let lower = word.trim_start_matches(['+', '-']).to_ascii_lowercase();
-        if lower.starts_with("nan") { "nan".parse().ok() } else { None }
     }
     Some(match kind {
         SampleType::U8 => padded(word.parse::<u8>().ok()?.to_le_bytes()),
@@ -631,6 +648,22 @@ mod tests {
             let mut s = Scanner::resume(&source, 14, 2).unwrap();
             assert_eq!(s.word().unwrap(), Some("end"));
             assert_eq!((s.position(), s.lines()), (18, 2));
+            for (place, word) in [(18, None), (4, Some("$a$ab")), (6, Some("$ab")), (0, Some("one"))] {
+                s = s.go_on(place, 7).unwrap();
+                assert_eq!((s.position(), s.lines()), (place, 7));
+                assert_eq!(s.word().unwrap(), word);
+            }
+        }
+    }
+
+    #[test]
+    fn words_of_c_are_numbers() {
+        for word in ["nan", "NaN", "-nan", "nan(0x1)", "-nan(ind)", "+NAN(snan)", "NaNQ", "nans"] {
+            assert!(float::<f64>(word).is_some_and(f64::is_nan), "{word}");
+        }
+        assert_eq!(["+1", "1.e5", "-inf"].map(float::<f64>), [Some(1.0), Some(1e5), Some(f64::NEG_INFINITY)]);
+        for word in ["", "Nancy", "nan(", "nan)", "--nan", "na", "nan1"] {
+            assert_eq!(float::<f64>(word), None, "{word}");
         }
     }
 

@@ -117,7 +117,7 @@ fn broken_rules_are_refused_in_one_line() {
         ("x,y,z\n", &["rows: there is none but that of names"]),
         ("a,b,c\n1,2,3\n", &["line 1: \"a, b, c\": no columns of positions"]),
         ("x,y,w\n1,2,3\n", &["line 1: \"x, y, w\": no columns of positions"]),
-        ("3\nwater\nO 0 0 0\n", &["line 1: \"3\": no columns of positions"]),
+        ("3\nwater\nO 0 0\n", &["line 1: \"3\": no columns of positions"]),
         ("x,y,z,Z\n1,2,3,4\n", &["line 1: column 4 is a position again"]),
         ("x,y,z\n\n1,2,3\r\n4,5\n", &["line 4: 2 cells: the first row has 3"]),
         ("x,y,z\n1,2,3\n# c\n4,5,6,7\n", &["line 4: 4 cells: the first row has 3"]),
@@ -170,4 +170,13 @@ fn text_files_are_tables_only_where_they_can_be_nothing_else() {
     let ply = "ply\nformat ascii 1.0\nelement vertex 1\nproperty int x\nproperty int y\nproperty int z\nend_header\n1 2 3\n";
     assert_eq!(Sample::one("PLY", "a.csv", ply).loaded().report.format, "PLY");
     assert!(known_formats().contains("CSV (.csv, .tsv, .xyz, "));
+}
+
+#[test]
+fn numbers_are_as_c_prints_them() {
+    let text = "x,y,z,T,name\n1,2,3,-nan(ind),nan\n4,5,6,nan(0x1),Nancy\n7,8,9,2.e1,nan\n";
+    let loaded = Sample::one("nan", "a.csv", text).loaded();
+    assert_eq!(loaded.report.notes, ["columns without numbers left out: name"]);
+    let scalars = points(loaded).scalars().unwrap().to_vec();
+    assert!(scalars[0].is_nan() && scalars[1].is_nan() && scalars[2] == 20.0, "{scalars:?}");
 }

@@ -1,7 +1,7 @@
 //! Gmsh meshes: every version and encoding hold the same, every element type fills its shape.
 
 use glam::DVec3;
-use volraster::io::ReadOptions;
+use volraster::io::{Progress, ReadOptions};
 use volraster::scene::{TetScalars, Tets};
 
 use super::support::*;
@@ -744,4 +744,82 @@ fn real_files_in_words_and_binary_hold_the_same() {
     assert_eq!(words.points()[2], DVec3::new(0.509_574_711, 0.0, 0.0));
     assert_eq!(words.scalars().values()[0], 0.955_898_4);
     assert_eq!(words.range().map(|value| (value * 1000.0).round()), [355.0, 1641.0]);
+}
+
+/// A view of one value on a node.
+fn view(name: &str, partition: usize, tag: usize) -> String {
+    format!("$NodeData\n1\n\"{name}\"\n0\n4\n0\n1\n1\n{partition}\n{tag} {tag}\n$EndNodeData\n")
+}
+
+#[test]
+fn pieces_of_a_packed_view_are_read_on_the_way() {
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    let more: String = (0..200).map(|i| view("p", i, 1 + i % 4)).collect();
+    let folder = Folder::new();
+    let path = folder.write("a.msh.gz", gzip(&tetrahedron(&more)));
+    let calls = Arc::new(AtomicUsize::new(0));
+    let counter = calls.clone();
+    let progress = Progress::new(move |_, _| {
+        counter.fetch_add(1, Ordering::Relaxed);
+    });
+    let options = ReadOptions { progress: Some(progress), ..OPTIONS };
+    let loaded = volraster::io::read(&path, &options).unwrap();
+    assert_eq!(super::support::mesh(loaded).scalars().values(), [1.0, 2.0, 3.0, 4.0]);
+    let calls = calls.load(Ordering::Relaxed);
+    assert!((1..40).contains(&calls), "{calls} pieces of the file were read");
+}
+
+#[test]
+fn views_count_as_memory() {
+    let more: String = (0..1000).map(|i| view(&format!("{i:0200}"), 0, 1)).collect();
+    let sample = Sample::one("views", "a.msh", tetrahedron(&(DATA.to_owned() + &more)));
+    let error = sample.read(&ReadOptions::within(100_000)).unwrap_err();
+    assert_refusal(&error, &["views: ", "left of the limit of 100000"], "views");
+    sample.loaded();
+    let more = more.replace("NodeData", "ElementNodeData").replace("\n1 1\n$", "\n1 1 1\n$");
+    let sample = Sample::one("left out", "a.msh", tetrahedron(&(DATA.to_owned() + &more)));
+    let error = sample.read(&ReadOptions::within(100_000)).unwrap_err();
+    assert_refusal(&error, &["views: ", "left of the limit of 100000"], "left out");
+}
+
+#[test]
+fn long_lists_are_told_in_part() {
+    let names: String = (1..=20).map(|i| format!("3 {i} \"n{i}\"\n")).collect();
+    let edges: String = (10..30)
+        .map(|i| {
+            view(&format!("e{i}"), 0, 1)
+                .replace("NodeData", "ElementNodeData")
+                .replace("\n1 1\n$", "\n1 1 1\n$")
+        })
+        .collect();
+    let more = format!("$PhysicalNames\n20\n{names}$EndPhysicalNames\n{edges}{DATA}");
+    let elements = "1\n1 4 2 7 1 1 2 3 4\n";
+    let notes = Sample::one("many", "a.msh", words("2.2", FOUR, elements, &more)).loaded().report.notes;
+    let of = |what: &str| notes.iter().filter(|note| note.contains(what)).count();
+    assert_eq!((of("is $ElementNodeData, left out"), of("gmsh:physical: ")), (16, 17), "{notes:?}");
+    for note in ["gmsh:physical: and 4 more names", "and 4 more arrays of $ElementNodeData left out"] {
+        assert!(notes.contains(&note.to_owned()), "{note}: {notes:?}");
+    }
+}
+
+#[test]
+fn lists_that_grew_are_given_back() {
+    let elements: String =
+        (0..1000).map(|i| format!("{} 4 0 {}\n", i + 1, ["1 2 3 4", "2 1 4 3"][i % 2])).collect();
+    let sample = Sample::one("many", "a.msh", words("2.2", FOUR, &format!("1000\n{elements}"), DATA));
+    // 33 bytes of each element, and 36 kB of the list of nodes with the one before; 16 bytes of a tetrahedron.
+    sample.read(&ReadOptions::within(80_000)).unwrap();
+    let error = sample.read(&ReadOptions::within(60_000)).unwrap_err();
+    assert_refusal(&error, &["elements: ", "left of the limit of 60000"], "elements");
+}
+
+#[test]
+fn numbers_are_as_c_prints_them() {
+    let nodes = FOUR.replacen('4', "5", 1) + "5 1 1 1\n";
+    let elements = "2\n1 4 0 1 2 3 4\n2 4 0 5 2 3 4\n";
+    let data = DATA.replace("1\n4\n1 1", "1\n5\n5 -nan(ind)\n1 +1.e0");
+    let loaded = Sample::one("nan", "a.msh", words("2.2", &nodes, elements, &data)).loaded();
+    assert_eq!(super::support::mesh(loaded).blank_count(), 1);
 }

@@ -281,3 +281,10 @@ fn broken_rules_are_refused_in_one_line() {
         .unwrap_err();
     assert_refusal(&error, &["points: 72 bytes of memory: 50 are left of the limit of 50"], "memory");
 }
+
+#[test]
+fn numbers_are_as_c_prints_them() {
+    let text = words(&format!("{XYZ}property float T\n"), "1 2 3 -nan(ind)\n4 5 6 nan(0x1)\n7 8 9 1.e1\n");
+    let scalars = points(Sample::one("nan", "a.ply", text).loaded()).scalars().unwrap().to_vec();
+    assert!(scalars[0].is_nan() && scalars[1].is_nan() && scalars[2] == 10.0, "{scalars:?}");
+}

@@ -19,6 +19,17 @@ pub(super) struct Format {
     pub(super) real: SampleType,
 }
 
+/// A number as C prints it.
+struct Real(f64);
+
+impl FromStr for Real {
+    type Err = ();
+
+    fn from_str(word: &str) -> std::result::Result<Self, ()> {
+        text::float(word).map(Self).ok_or(())
+    }
+}
+
 /// Numbers, of lines in a file of words.
 pub(super) struct Stream<'a> {
     pub(super) scanner: Scanner<'a>,
@@ -118,7 +129,7 @@ impl Stream<'_> {
 
     pub(super) fn real(&mut self, what: &str) -> Result<f64> {
         if self.format.binary.is_none() {
-            return self.word(what);
+            return self.word::<Real>(what).map(|Real(number)| number);
         }
         if self.format.real == SampleType::F32 {
             let (bytes, little) = self.bytes(what)?;

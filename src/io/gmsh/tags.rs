@@ -51,6 +51,15 @@ impl Tags {
         Ok(Self::Sorted(pairs))
     }
 
+    /// Bytes that they take.
+    pub(super) fn bytes(&self) -> u64 {
+        match self {
+            Self::Consecutive { .. } => 0,
+            Self::Dense { indices, .. } => length(indices.len()).saturating_mul(4),
+            Self::Sorted(pairs) => length(pairs.capacity()).saturating_mul(16),
+        }
+    }
+
     pub(super) fn get(&self, tag: u64) -> Option<u32> {
         match self {
             Self::Consecutive { first, count } => {

@@ -8,7 +8,7 @@ use super::tags::Tags;
 use crate::error::Result;
 use crate::io::arrays::{ArrayInfo, Association, Pick};
 use crate::io::samples::{MAX_COMPONENTS, SampleType};
-use crate::io::source::Source;
+use crate::io::source::{Budget, Source};
 use crate::io::text::{Scanner, plain, shown};
 use crate::num;
 
@@ -71,8 +71,13 @@ impl View {
         let mut filled =
             Filled { values: vec![f32::NAN; count], given: vec![false; count], strange: 0, again: 0 };
         let mut tuple = Vec::new();
+        // Parts lie in the file's order: a packed file is unpacked once.
+        let mut last = None;
         for part in &self.parts {
-            let scanner = Scanner::resume(source, part.position, part.line)?;
+            let scanner = match last.take() {
+                None => Scanner::resume(source, part.position, part.line)?,
+                Some(Stream { scanner, .. }) => scanner.go_on(part.position, part.line)?,
+            };
             let mut stream = Stream { scanner, format, row: None };
             for _ in 0..part.count {
                 stream.row("a tag and its values")?;
@@ -98,6 +103,7 @@ impl View {
                 let rule = format!("\"{}\": {} tuples are announced", shown(&next), part.count);
                 return Err(stream.scanner.line_error(rule));
             }
+            last = Some(stream);
         }
         Ok(filled)
     }
@@ -132,13 +138,17 @@ pub(super) struct Header {
 }
 
 impl Views {
-    pub(super) fn header(&mut self, stream: &mut Stream) -> Result<Header> {
+    pub(super) fn header(&mut self, stream: &mut Stream, budget: &mut Budget) -> Result<Header> {
         /// Longest name, in bytes.
         const MAX_NAME: usize = 256;
+        /// Of a section in lists and maps, which grow by doubling, with a partition in its set.
+        const BYTES: usize =
+            2 * (size_of::<View>() + size_of::<Part>() + 2 * size_of::<(bool, String, i64, Steps)>() + 64);
         self.sections += 1;
         if self.sections > MAX_VIEWS {
             return Err(stream.scanner.line_error(format!("more than {MAX_VIEWS} sections of data")));
         }
+        budget.take("views", length(BYTES))?;
         let strings = count_line(stream, "the number of string tags")?;
         let mut name = String::new();
         let mut scheme = false;
@@ -183,6 +193,8 @@ impl Views {
             return Err(stream.scanner.error(format!("{count} tuples: must not be negative")));
         };
         stream.scanner.end_line()?;
+        // In the view and in its array, by itself and by its step.
+        budget.take("views", length(name.len()).saturating_mul(4))?;
         Ok(Header { name, scheme, step, components: size, count, partition })
     }
 
@@ -192,8 +204,9 @@ impl Views {
         stream: &mut Stream,
         association: Association,
         views: &mut Vec<View>,
+        budget: &mut Budget,
     ) -> Result<()> {
-        let Header { name, scheme, step, components, count, partition } = self.header(stream)?;
+        let Header { name, scheme, step, components, count, partition } = self.header(stream, budget)?;
         let Format { binary, real, .. } = stream.format;
         let numbers = length(components);
         // A digit and a blank each; the last needs no blank.
@@ -236,8 +249,13 @@ impl Views {
     }
 
     /// Passes over element-node data to the section's end.
-    pub(super) fn pass(&mut self, stream: &mut Stream, left_out: &mut BTreeSet<String>) -> Result<()> {
-        let Header { name, components, count, .. } = self.header(stream)?;
+    pub(super) fn pass(
+        &mut self,
+        stream: &mut Stream,
+        left_out: &mut BTreeSet<String>,
+        budget: &mut Budget,
+    ) -> Result<()> {
+        let Header { name, components, count, .. } = self.header(stream, budget)?;
         if stream.format.binary.is_some() {
             let tuple = length(components).saturating_mul(stream.format.real.bytes());
             for _ in 0..count {
