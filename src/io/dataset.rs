@@ -53,19 +53,16 @@ impl Dataset {
     ) -> Result<Loaded> {
         let source = origin.source;
         self.check(source)?;
-        let mut counts: BTreeMap<u8, usize> = BTreeMap::new();
+        let mut counts = Counts::new();
         for &kind in &self.types {
             *counts.entry(kind).or_insert(0) += 1;
         }
         let solid = counts.keys().any(|&number| CellKind::of_vtk(number).is_some());
-        // Types 0 to 2 are nothing, vertex and vertices.
         if solid {
             self.mesh(&counts, origin, budget, read, options)
-        } else if counts.keys().all(|&number| number <= 2) {
-            points(self.points, origin, budget, read, options)
         } else {
-            Err(source
-                .error("cells", format!("{}: a volume needs solid cells, or points alone", named(&counts))))
+            check_points(source, &counts)?;
+            points(self.points, origin, budget, read, options)
         }
     }
 
@@ -109,7 +106,7 @@ impl Dataset {
 
     fn mesh(
         self,
-        counts: &BTreeMap<u8, usize>,
+        counts: &Counts,
         origin: Origin,
         budget: &mut Budget,
         read: &mut ReadArray,
@@ -119,21 +116,8 @@ impl Dataset {
         options.check_kernels("a mesh").map_err(|error| error.in_file(source.path()))?;
         let mut notes = Vec::new();
         let mut warnings = Vec::new();
-        // Three-dimensional types without a rule must not be lost silently; flat ones are no volume.
-        let flat =
-            |number: u8| matches!(number, 0..=9 | 21..=23 | 28 | 30 | 34..=36 | 60..=63 | 68..=70 | 75..=77);
-        if let Some((number, count)) =
-            counts.iter().find(|&(&number, _)| CellKind::of_vtk(number).is_none() && !flat(number))
-        {
-            return Err(source.error(
-                "cells",
-                format!(
-                    "{count} of type {number}: tetrahedra, voxels, hexahedra, wedges and pyramids, linear and \
-                     quadratic, are supported"
-                ),
-            ));
-        }
-        let surface: usize = counts.iter().filter(|&(&number, _)| flat(number)).map(|(_, count)| count).sum();
+        check_supported(source, counts)?;
+        let surface: u64 = counts.iter().filter(|&(&number, _)| flat(number)).map(|(_, count)| count).sum();
         if surface > 0 {
             notes.push(format!("{surface} cells without volume (surfaces, lines, vertices) left out"));
         }
@@ -160,7 +144,7 @@ impl Dataset {
             .iter()
             .filter_map(|(&number, &count)| {
                 let most = CellKind::of_vtk(number)?.most_tets();
-                u64::try_from(most).ok()?.checked_mul(u64::try_from(count).ok()?)
+                u64::try_from(most).ok()?.checked_mul(count)
             })
             .fold(0, u64::saturating_add);
         budget.take("cells", most.saturating_mul(if association == Association::Cell { 24 } else { 16 }))?;
@@ -269,6 +253,40 @@ impl Dataset {
         loaded.report.warnings = warnings;
         Ok(loaded)
     }
+}
+
+/// Cells of each type.
+pub(crate) type Counts = BTreeMap<u8, u64>;
+
+/// Whether cells of a type have no volume.
+fn flat(number: u8) -> bool {
+    matches!(number, 0..=9 | 21..=23 | 28 | 30 | 34..=36 | 60..=63 | 68..=70 | 75..=77)
+}
+
+/// Three-dimensional types without a rule must not be lost silently.
+fn check_supported(source: &Source, counts: &Counts) -> Result<()> {
+    let unknown = |number: u8| CellKind::of_vtk(number).is_none() && !flat(number);
+    let Some((number, count)) = counts.iter().find(|&(&number, _)| unknown(number)) else { return Ok(()) };
+    let name = match number {
+        42 => " (polyhedra)",
+        64..=67 | 71..=74 | 78..=81 => " (of a higher order)",
+        _ => "",
+    };
+    let rule = format!(
+        "{count} of type {number}{name}: tetrahedra, voxels, hexahedra, wedges and pyramids, linear and \
+         quadratic, are supported"
+    );
+    Err(source.error("cells", rule))
+}
+
+/// Whether cells among which none is solid leave the points alone. Types 0 to 2 are nothing, vertex and
+/// vertices.
+pub(crate) fn check_points(source: &Source, counts: &Counts) -> Result<()> {
+    check_supported(source, counts)?;
+    if counts.keys().all(|&number| number <= 2) {
+        return Ok(());
+    }
+    Err(source.error("cells", format!("{}: a volume needs solid cells, or points alone", named(counts))))
 }
 
 /// What became of the cells of one type.
@@ -495,7 +513,7 @@ pub(crate) fn ghosts(
     })
 }
 
-fn named(counts: &BTreeMap<u8, usize>) -> String {
+fn named(counts: &Counts) -> String {
     let name = |number: u8| match number {
         3 => "lines".to_owned(),
         4 => "polylines".to_owned(),

@@ -21,6 +21,25 @@ pub(crate) enum Places {
     Listed([Vec<f64>; 3]),
 }
 
+impl Places {
+    /// An even lattice whose first sample has an index: `origin` is the place of index 0, and a negative
+    /// spacing turns its axis round. Returns notes of both, too.
+    pub(crate) fn even(origin: DVec3, spacing: DVec3, direction: DMat3, first: DVec3) -> (Self, Vec<String>) {
+        let mut notes = Vec::new();
+        if first != DVec3::ZERO {
+            let [x, y, z] = first.to_array();
+            notes.push(format!("indices begin at {x} {y} {z}: the origin is moved there"));
+        }
+        let turned = spacing.map(|step| if step < 0.0 { -1.0 } else { 1.0 });
+        if turned != DVec3::ONE {
+            notes.push("negative spacing: axes are turned round".to_owned());
+        }
+        let origin = origin + direction * (spacing * first);
+        let direction = direction * DMat3::from_diagonal(turned);
+        (Self::Even { origin, spacing: spacing.abs(), direction }, notes)
+    }
+}
+
 /// Differences of gaps that count as rounding: coordinates are often float32, or printed with six digits.
 const EVEN: f64 = 1e-4;
 

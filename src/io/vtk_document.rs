@@ -20,6 +20,9 @@ const MAX_MARKUP: usize = 1 << 20;
 /// Most elements within each other.
 const MAX_DEPTH: usize = 64;
 
+/// Longest name of an element or an array, in bytes: those of open elements are kept.
+const MAX_NAME: usize = 256;
+
 /// Most attributes of an element.
 const MAX_ATTRIBUTES: usize = 64;
 
@@ -364,6 +367,9 @@ impl<'a> Parser<'a> {
         }
         let name = tag.name();
         let name: &str = name.as_ref();
+        if name.len() > MAX_NAME {
+            return Err(self.error(line, format!("an element whose name is longer than {MAX_NAME} bytes")));
+        }
         let element = match (self.stack.last(), name) {
             (None, "VTKFile") if self.document.is_none() => {
                 self.file(&self.attributes(tag, line)?)?;
@@ -583,6 +589,9 @@ impl<'a> Parser<'a> {
             return Err(own.error("arrays", format!("more than {MAX_COUNT}")));
         }
         let name = own.get("Name").unwrap_or_default();
+        if name.len() > MAX_NAME {
+            return Err(own.error("Name", format!("longer than {MAX_NAME} bytes")));
+        }
         let bytes = size::<(Section, Array)>().saturating_add(u64::try_from(name.len()).unwrap_or(u64::MAX));
         // Lists grow by doubling.
         budget.take("arrays", bytes.saturating_mul(2))?;

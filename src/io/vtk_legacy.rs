@@ -164,12 +164,10 @@ impl File<'_> {
         let spacing = DVec3::from_array(contents.spacing.unwrap_or([1.0; 3]));
         let rows =
             contents.direction.map_or(DMat3::IDENTITY, |rows| DMat3::from_cols_array(&rows).transpose());
-        // A negative spacing turns its axis round.
-        let signs = spacing.map(|step| if step < 0.0 { -1.0 } else { 1.0 });
         let origin = DVec3::from_array(contents.origin.unwrap_or([0.0; 3]));
-        let origin = origin + rows * (spacing * DVec3::from_array(contents.first));
-        let direction = rows * DMat3::from_diagonal(signs);
-        Places::Even { origin, spacing: spacing.abs(), direction }
+        let (places, notes) = Places::even(origin, spacing, rows, DVec3::from_array(contents.first));
+        contents.notes.extend(notes);
+        places
     }
 
     fn rectilinear(&mut self) -> Result<Places> {
@@ -320,17 +318,15 @@ impl File<'_> {
         let counts = self.contents.surface.map(|count| count.unwrap_or(0));
         let all = counts.iter().fold(0_u64, |all, &count| all.saturating_add(count));
         self.contents.fit(source, points.tuples, all)?;
-        self.budget.take("POINTS", dataset::bytes(points.tuples, all, 0))?;
-        let mut dataset = Dataset { points: points.points(source)?, ..Dataset::default() };
-        // Their nodes do not matter: vertices are the points, and others are refused by their types.
-        let all = text::index(source, "cells", all)?;
-        dataset.types = room(source, "cells", u64::from(num::count(all)))?;
-        for (count, kind) in counts.into_iter().zip([2, 4, 7, 6]) {
-            let count = text::index(source, "cells", count)?;
-            dataset.types.resize(dataset.types.len() + count, kind);
-        }
-        dataset.ends = vec![0; all];
-        self.dataset(dataset)
+        // Nodes do not matter: vertices are the points, and whatever else there is has no volume.
+        let counts = [2, 4, 7, 6].into_iter().zip(counts).filter(|&(_, count)| count > 0).collect();
+        dataset::check_points(source, &counts)?;
+        self.budget.take("POINTS", dataset::bytes(points.tuples, 0, 0))?;
+        let points = points.points(source)?;
+        let options = self.options;
+        let mut budget = self.budget.clone();
+        let (origin, mut read) = self.origin();
+        dataset::points(points, origin, &mut budget, &mut read, options)
     }
 }
 
@@ -392,11 +388,9 @@ fn even(source: &Source, points: &Stored, dims: [u32; 3]) -> Result<Option<Place
 /// Reads cells with their numbers of nodes before their nodes.
 fn inline(source: &Source, numbers: &Stored, count: u64, dataset: &mut Dataset) -> Result<()> {
     let wrong = |rule: String| numbers.error(source, rule);
-    if count > numbers.tuples {
-        return Err(wrong(format!("{count} cells in {} numbers: too few", numbers.tuples)));
-    }
+    let nodes = numbers.tuples.saturating_sub(count);
     dataset.ends = room(source, "CELLS", count)?;
-    dataset.nodes = room(source, "CELLS", numbers.tuples - count)?;
+    dataset.nodes = room(source, "CELLS", nodes)?;
     // Room was made for so many, so that lists never grow.
     let most = text::index(source, "CELLS", count)?;
     let mut left = 0;
@@ -410,7 +404,7 @@ fn inline(source: &Source, numbers: &Stored, count: u64, dataset: &mut Dataset) 
             } else {
                 left = number;
                 let end = u64::from(num::count(dataset.nodes.len())) + u64::from(number);
-                if end > numbers.tuples - count {
+                if end > nodes {
                     let cell = dataset.ends.len();
                     return Err(wrong(format!("cell {cell}: {number} nodes, fewer are left")));
                 }

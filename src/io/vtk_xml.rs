@@ -475,19 +475,9 @@ impl File<'_> {
             let rows = DMat3::from_cols_array(&direction).transpose();
             let spacing = DVec3::from_array(spacing);
             let first = DVec3::from_array(extent.map(|[first, _]| f64_of(first)));
-            if first != DVec3::ZERO {
-                let [x, y, z] = extent.map(|[first, _]| first);
-                self.notes.push(format!("indices begin at {x} {y} {z}: the origin is moved there"));
-            }
-            let turned = spacing.map(|step| if step < 0.0 { -1.0 } else { 1.0 });
-            if turned != DVec3::ONE {
-                self.notes.push("negative spacing: axes are turned round".to_owned());
-            }
-            Places::Even {
-                origin: DVec3::from_array(origin) + rows * (spacing * first),
-                spacing: spacing.abs(),
-                direction: rows * DMat3::from_diagonal(turned),
-            }
+            let (places, notes) = Places::even(DVec3::from_array(origin), spacing, rows, first);
+            self.notes.extend(notes);
+            places
         } else {
             Places::Listed(coordinates(source, &mut self.store, &mut self.budget, &pieces, extent)?)
         };
@@ -579,21 +569,18 @@ fn samples_of(
     pick: Pick,
 ) -> Result<Samples> {
     let association = info.association;
-    let own = |piece: &Piece| {
-        let count = shape(piece.extent, association).into_iter().fold(1, u64::saturating_mul);
-        (count, piece.array(section(association), &info.name).map(Array::at))
-    };
+    let own = |piece: &Piece| shape(piece.extent, association).into_iter().fold(1, u64::saturating_mul);
     let mut samples = Samples::none(info.kind, pick);
     if let [piece] = pieces {
         if let Some(array) = piece.array(section(association), &info.name) {
-            append(store, array, own(piece).0, pick, &mut samples, source)?;
+            append(store, array, own(piece), pick, &mut samples, source)?;
         }
         return Ok(samples);
     }
     // All arrays must be able to hold their share before the whole is made.
     for piece in pieces {
         if let Some(array) = piece.array(section(association), &info.name) {
-            store.check(array, numbers(source, array, own(piece).0, array.components)?)?;
+            store.check(array, numbers(source, array, own(piece), array.components)?)?;
         }
     }
     let place = format!("array {info}");
@@ -610,7 +597,7 @@ fn samples_of(
     there.try_reserve_exact(count).map_err(full)?;
     there.resize(count, false);
     for piece in pieces {
-        let (count, _) = own(piece);
+        let count = own(piece);
         let Some(array) = piece.array(section(association), &info.name).filter(|_| count > 0) else {
             continue;
         };

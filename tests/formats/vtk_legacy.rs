@@ -702,6 +702,22 @@ fn what_is_wrong_is_refused_with_its_place() {
             ["cells: 1 polylines, 1 polygons", "a volume needs solid cells"],
         ),
         (
+            text("DATASET POLYDATA\nPOINTS 1 int\n0 0 0\nVERTICES 40000000 2\n1 0\n"),
+            ["array of line 7", "40000000 cells in 2 numbers: too few"],
+        ),
+        (
+            text("DATASET POLYDATA\nPOINTS 1 int\n0 0 0\nPOLYGONS 40000000 2\n1 0\n"),
+            ["array of line 7", "40000000 cells in 2 numbers: too few"],
+        ),
+        (
+            text(&format!("{mesh}CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n42\n{data}")),
+            ["cells: 1 of type 42 (polyhedra): ", "are supported"],
+        ),
+        (
+            text(&format!("{mesh}CELLS 2 6\n3 0 1 2 1 3\nCELL_TYPES 2\n5 72\n{data}")),
+            ["cells: 1 of type 72 (of a higher order): ", "are supported"],
+        ),
+        (
             binary(b"DATASET POLYDATA\nPOINTS 3 float\n123456"),
             ["before byte 68: 36 bytes", "at most 6 can follow"],
         ),
@@ -833,4 +849,32 @@ fn shared_meshes_and_points() {
             assert_near(weighted(z.scalars().unwrap().iter().map(|&v| f64::from(v))), 2_661.620_357_750_915);
         }
     }
+}
+
+#[test]
+fn what_moves_an_image_is_told() {
+    let old = sample("image of version 1 without lookup table").loaded();
+    assert!(
+        old.report.notes.contains(&"negative spacing: axes are turned round".to_owned()),
+        "{:?}",
+        old.report.notes
+    );
+    let turned = sample("image with extent and direction").loaded();
+    let note = "indices begin at 1 -1 4: the origin is moved there";
+    assert!(turned.report.notes.contains(&note.to_owned()), "{:?}", turned.report.notes);
+}
+
+#[test]
+fn the_last_spacing_counts() {
+    let image = |spacings: &str| {
+        let head =
+            format!("DATASET STRUCTURED_POINTS\nDIMENSIONS 2 2 2\nORIGIN 0 0 0\n{spacings}\nPOINT_DATA 8");
+        Vtk::new("3.0", false).line(&head).scalars("s", "int", &list(8, |i| i)).sample("spacings").loaded()
+    };
+    let same = image("SPACING 1 2 3\nASPECT_RATIO 1 2 3");
+    assert!(same.report.warnings.is_empty(), "{:?}", same.report.warnings);
+    assert_eq!(grid(same).spacing(), DVec3::new(1.0, 2.0, 3.0));
+    let other = image("SPACING 1 2 3\nASPECT_RATIO 1 2 4");
+    assert_eq!(other.report.warnings, ["ASPECT_RATIO 1 2 4: the spacing before was 1 2 3, the last counts"]);
+    assert_eq!(grid(other).spacing(), DVec3::new(1.0, 2.0, 4.0));
 }

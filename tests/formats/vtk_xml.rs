@@ -871,6 +871,10 @@ fn limits_of_documents() {
     put(&format!("<Piece{many}/>")).refused(&["line 4: more than 64 attributes"]);
     put(&format!("<!--{}-->", "x".repeat(1 << 20))).refused(&["line 4: markup longer than 1048576 bytes"]);
     put(&format!("<{}", "x".repeat(1 << 21))).refused(&["markup longer than"]);
+    let long = "x".repeat(257);
+    put(&format!("<{long}>")).refused(&["line 4: an element whose name is longer than 256 bytes"]);
+    put(&format!("<Piece Extent='0 -1 0 0 0 0'><Cells><DataArray type='Int8' Name='{long}'/>"))
+        .refused(&["line 4, DataArray Name: longer than 256 bytes"]);
     put(&"<Piece Extent='0 -1 0 0 0 0'/>".repeat(65_536)).refused(&["pieces: more than 65536"]);
     let arrays = "<DataArray type='Int8'/>".repeat(65_537);
     put(&format!("<Piece Extent='0 -1 0 0 0 0'><Cells>{arrays}")).refused(&["arrays: more than 65536"]);
@@ -908,7 +912,7 @@ fn wrong_cells_are_refused() {
     change("10 10 12 13 14", "10 10 12 13 256", &["line 27: \"256\": must be a number of type u8"]);
     let wide = replaced(&replaced(&good, "13 14\n", "13 256"), "type=\"UInt8\"", "type=\"Int16\"");
     Sample::one("", "a.vtu", wide).refused(&["\"types\": 256: no type of a cell"]);
-    change("10 10 12 13 14", "10 10 12 13 42", &["1 of type 42"]);
+    change("10 10 12 13 14", "10 10 12 13 42", &["1 of type 42 (polyhedra): "]);
     change("10 10 12 13 14", "10 10 12 14 13", &["cells"]);
     change("0 1 5 11 0", "0 1 5 12 0", &["node 12: the piece has 12 points"]);
     change("type=\"UInt8\"", "type=\"Float32\"", &["\"types\": type f32: indices are whole numbers"]);

@@ -427,8 +427,17 @@ impl<'a> Walk<'a> {
             }
             ("EXTENT", StructuredPoints | RectilinearGrid | StructuredGrid) => self.extent(),
             ("SPACING" | "ASPECT_RATIO", StructuredPoints) => {
-                let spacing = self.numbers("a spacing")?;
-                self.once(keyword, |contents| &mut contents.spacing, spacing)
+                // VTK takes the last of both names.
+                let spacing: [f64; 3] = self.numbers("a spacing")?;
+                let before = self.contents.spacing.replace(spacing);
+                if let Some([i, j, k]) = before.filter(|before| *before != spacing)
+                    && self.contents.warnings.len() < MAX_NAMES
+                {
+                    let [x, y, z] = spacing;
+                    let rule = format!("the spacing before was {i} {j} {k}, the last counts");
+                    self.contents.warnings.push(format!("{keyword} {x} {y} {z}: {rule}"));
+                }
+                Ok(())
             }
             ("ORIGIN", StructuredPoints) => {
                 let origin = self.numbers("a coordinate")?;
@@ -509,6 +518,11 @@ impl<'a> Walk<'a> {
         let size = self.count("numbers of cells")?;
         if !self.comes("OFFSETS")? {
             let numbers = self.array("int", size, 1)?.ok_or_else(|| self.error("no numbers"))?;
+            // Each cell has its number of nodes at least.
+            if count > size {
+                let source = self.scanner.source();
+                return Err(numbers.error(source, format!("{count} cells in {size} numbers: too few")));
+            }
             return Ok(Cells::Inline { count, numbers });
         }
         self.scanner.word()?;
