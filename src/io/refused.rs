@@ -64,6 +64,12 @@ static FORMATS: &[Format] = &[
         endings: &["pdb", "ent", "cif"],
     },
     Format {
+        name: "molecular XYZ",
+        hint: "write the atoms as CSV: x, y, z and a radius",
+        content: molecule,
+        endings: &[],
+    },
+    Format {
         name: "OpenVDB",
         hint: "write a dense grid as NRRD or NPY",
         content: |s| starts(s, &[b" BDV\0\0\0\0", b"NanoVDB"]),
@@ -304,6 +310,21 @@ fn pdb(source: &Source) -> bool {
         && number(30, 38)
         && number(38, 46)
         && number(46, 54)
+}
+
+/// A number of atoms, a comment, and an atom: an element or its number, and its place.
+fn molecule(source: &Source) -> bool {
+    let mut lines = source.head().split(|&byte| byte == b'\n');
+    let mut line = || lines.next().and_then(|line| std::str::from_utf8(line).ok());
+    let (Some(count), Some(_), Some(atom)) = (line(), line(), line()) else { return false };
+    let mut words = atom.split_ascii_whitespace();
+    let element = words.next().is_some_and(|word| {
+        let letter = |c: char| c.is_ascii_alphabetic();
+        word.parse::<u8>().is_ok()
+            || word.starts_with(letter) && word.chars().all(|c| c.is_ascii_alphanumeric())
+    });
+    let mut number = || words.next().is_some_and(|word| word.parse::<f64>().is_ok());
+    count.trim().parse::<u32>().is_ok() && element && number() && number() && number()
 }
 
 /// Text with facets, or a binary file of the size that its number of triangles gives.

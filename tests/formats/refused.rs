@@ -259,3 +259,21 @@ fn a_pipe_is_refused_and_not_waited_for() {
     let error = volraster::io::read(&path, &super::support::OPTIONS).unwrap_err();
     super::support::assert_refusal(&error, &["a.nrrd", "must be a regular file"], "pipe");
 }
+
+#[test]
+fn molecules_are_told_from_tables() {
+    let hint = "molecular XYZ is not supported: write the atoms as CSV: x, y, z and a radius";
+    for text in [
+        "3\nwater\nO 0 0 0\nH 1 0 0\nH 0 1 0\n",
+        "  1 \r\n\r\nNa\t0.5 -1 2e0\r\n",
+        "2\n1 2 3\n8 0 0 0 1.5\n1 0 0 1 0.5",
+    ] {
+        for name in ["a.xyz", "a.xyz.gz", "a.txt"] {
+            let bytes = if name.ends_with("gz") { gzip(text.as_bytes()) } else { text.into() };
+            Sample::one("molecule", name, bytes).refused(&[name, "content: ", hint]);
+        }
+    }
+    for text in ["O 0 0 0\nH 1 0 0\nH 0 1 0\n", "1 2 3\n4 5 6\n7 8 9 \n"] {
+        Sample::one("table", "a.xyz", text).loaded();
+    }
+}
