@@ -15,7 +15,7 @@ const MAX_FILES: usize = 1 << 17;
 pub(super) fn read(folder: &Path, options: &ReadOptions) -> Result<Loaded> {
     let mut files = Files::list(folder)?;
     files.sort(options)?;
-    let Files { slices, images, others, left_out, .. } = &files;
+    let Files { slices, images, others, left_out, folders, .. } = &files;
     let mut loaded = match (slices.as_slice(), images.as_slice(), others.as_slice()) {
         ([path], [], []) | ([], [], [(path, _)]) => {
             super::read_source(&Source::open(path, options)?, options)
@@ -29,6 +29,11 @@ pub(super) fn read(folder: &Path, options: &ReadOptions) -> Result<Loaded> {
         _ => Err(Error::file(folder, "files", files.refusal())),
     }?;
     loaded.report.notes.extend(left_out_note(left_out));
+    match folders {
+        0 => {}
+        1 => loaded.report.notes.push("1 folder is not looked into".to_owned()),
+        _ => loaded.report.notes.push(format!("{folders} folders are not looked into")),
+    }
     Ok(loaded)
 }
 

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use glam::DMat3;
 
 use super::arrays::{self, ArrayInfo, Association, Choice, Pick};
-use super::samples::{self, Layout, MAX_COMPONENTS};
+use super::samples::{self, Layout};
 use super::source::{Budget, Source};
 use super::volume::rescale_of;
 use super::{Loaded, ReadOptions, Reader};
@@ -54,7 +54,9 @@ impl Reader for Tiff {
         let images = stack.contiguous()?.unwrap_or(stack.pages.len());
         let volumes = stack.calibration.volumes(images);
         if volumes.first().is_none_or(|volume| volume.slices < 2) {
-            return Err(source.error("pages", ONE_PAGE));
+            let announced = stack.calibration.announced();
+            let more = announced.map(|counts| format!("; {counts}, there is 1 page")).unwrap_or_default();
+            return Err(source.error("pages", format!("{ONE_PAGE}{more}")));
         }
         let Stack { mut file, shape, pages, ratio, scratch, calibration, notes } = stack;
         let look = Look::choose(source, &shape, &volumes, options)?;
@@ -198,8 +200,8 @@ struct Look {
 
 impl Look {
     fn choose(source: &Source, shape: &Page, volumes: &[Volume], options: &ReadOptions) -> Result<Self> {
-        if volumes.len() > MAX_COMPONENTS {
-            let rule = format!("{} volumes of channels and frames: at most {MAX_COMPONENTS}", volumes.len());
+        if volumes.len() > MAX_PAGES {
+            let rule = format!("{} volumes of channels and frames: at most {MAX_PAGES}", volumes.len());
             return Err(source.error("ImageDescription", rule));
         }
         let parts = shape.parts();

@@ -27,8 +27,11 @@ fn slices_in_the_order_of_their_numbers() {
     folder.write("Thumbs.db", "x");
     folder.write("README.md", "x");
     folder.write("list.txt", "x");
+    std::fs::create_dir(folder.path("more")).unwrap();
     let loaded = read(folder.path(""), &OPTIONS).unwrap();
     assert!(loaded.report.warnings.is_empty(), "{:?}", loaded.report.warnings);
+    let beside = "1 folder is not looked into".to_owned();
+    assert!(loaded.report.notes.contains(&beside), "{:?}", loaded.report.notes);
     let left_out = "left out: .hidden, README.md, Thumbs.db, list.txt".to_owned();
     assert!(loaded.report.notes.contains(&left_out), "{:?}", loaded.report.notes);
     assert_eq!(loaded.report.format, "TIFF slices");

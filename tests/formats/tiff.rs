@@ -515,6 +515,71 @@ fn channels_are_arrays() {
 }
 
 #[test]
+fn channels_of_one_slice_are_slices() {
+    let described = |text: &str| first(ramp(), |page| page.text(text));
+    let ome =
+        "<OME><Image><Pixels DimensionOrder=\"XYCZT\" SizeC=\"2\" SizeZ=\"1\" SizeT=\"1\"/></Image></OME>";
+    for (what, pages) in [
+        ("ImageJ", described("ImageJ=1.11a\nimages=2\nchannels=2\nhyperstack=true\nmode=grayscale\n")),
+        ("OME", described(ome)),
+        ("images", vec![contiguous(24).text("ImageJ=1.11a\nimages=2\nchannels=2\n")]),
+    ] {
+        let loaded = little(what, &pages).loaded();
+        assert_eq!(loaded.report.warnings, ["2 channels of one slice are taken as slices"], "{what}");
+        assert_eq!(stored(&grid(loaded)), upto(24), "{what}");
+    }
+    let one = first(ramp(), |page| page.text("ImageJ=1.11a\nchannels=3\nframes=5\n"));
+    little("one page", &one[..1])
+        .refused(&["pages: 1 slice", "announces 3 channels x 1 slices x 5 frames, there is 1 page"]);
+}
+
+#[test]
+fn many_volumes() {
+    let data = (0..8800_u32).map(|i| i.to_le_bytes()[0]).collect();
+    let page = Page::grey(2, 2, 8, 1, data).with(279, Value::Long(vec![4]));
+    let page = page.text("ImageJ=1.53t\nimages=2200\nslices=2\nframes=1100\n");
+    let options = ReadOptions { array: Some("frame 1100".into()), ..OPTIONS };
+    let loaded = little("1100 frames", &[page]).read(&options).unwrap();
+    assert_eq!(loaded.report.arrays.len(), 1100);
+    assert_eq!(stored(&grid(loaded)), (88..96).map(f64::from).collect::<Vec<_>>());
+}
+
+/// The head of `CZ_LSMINFO`: extents x, y, z, channels, time, and sizes of a voxel in metres.
+fn lsm(magic: u32, dims: [i32; 5], voxel: [f64; 3]) -> Value {
+    let mut bytes = [magic.to_le_bytes(), 64_u32.to_le_bytes()].concat();
+    bytes.extend(dims.iter().flat_map(|extent| extent.to_le_bytes()));
+    bytes.resize(40, 0);
+    bytes.extend(voxel.iter().flat_map(|size| size.to_le_bytes()));
+    Value::Bytes(bytes)
+}
+
+#[test]
+fn lsm_tells_scale_and_time() {
+    let pages = |info: &Value| {
+        let pages = (0..4).map(|i: u8| Page::grey(2, 2, 8, 1, vec![i, 10 + i, 20 + i, 30 + i])).collect();
+        first(pages, |page| page.with(34412, info.clone()))
+    };
+    let voxel = [0.5e-6, 0.25e-6, 2e-6];
+    let loaded = little("time", &pages(&lsm(0x0040_494c, [2, 2, 2, 1, 2], voxel))).loaded();
+    assert_eq!(loaded.report.arrays.len(), 2);
+    assert_eq!(loaded.report.warnings, ["2 volumes, point:frame 1 is shown: name another array to see it"]);
+    let image = grid(loaded);
+    assert!((image.spacing() - DVec3::new(0.5, 0.25, 2.0)).length() < 1e-12, "{}", image.spacing());
+    assert_eq!(stored(&image), [0., 10., 20., 30., 1., 11., 21., 31.]);
+    let other_size = little("another size", &pages(&lsm(0x0030_494c, [3, 2, 2, 1, 2], voxel))).loaded();
+    assert!(other_size.report.warnings[0].contains("CZ_LSMINFO: 3 x 2"), "{:?}", other_size.report.warnings);
+    for info in [lsm(0x0050_494c, [2, 2, 2, 1, 2], voxel), Value::Bytes(vec![0; 9])] {
+        let loaded = little("no such head", &pages(&info)).loaded();
+        let warning = &loaded.report.warnings[0];
+        assert!(warning.contains("CZ_LSMINFO") && warning.contains("time steps may be stacked"), "{warning}");
+        assert_eq!(grid(loaded).dims(), [2, 2, 4]);
+    }
+    let unknown =
+        little("no size", &pages(&lsm(0x0040_494c, [2, 2, 4, 1, 1], [0.5e-6, 0.0, f64::NAN]))).loaded();
+    assert!(unknown.report.warnings[0].contains("voxel"), "{:?}", unknown.report.warnings);
+}
+
+#[test]
 fn refusals_name_the_page_and_the_rule() {
     let refused = |what, pages: &[Page], parts: &[&str]| little(what, pages).refused(parts);
     let all = |tag, value| each(ramp(), |page| page.short(tag, value));
@@ -538,6 +603,8 @@ fn refusals_name_the_page_and_the_rule() {
     refused("complex", &all(339, 6), &["sample format 6"]);
     refused("low bits first", &all(266, 2), &["FillOrder: 2"]);
     refused("a predictor alone", &all(317, 2), &["Predictor: 2: not known with uncompressed"]);
+    refused("deep pages", &all(32997, 5), &["page 1: ImageDepth: 5: ", "one page for each slice"]);
+    refused("deep tiles", &all(32998, 2), &["page 1: TileDepth: 2: "]);
     refused("no rows", &all(278, 0), &["RowsPerStrip: 0"]);
     refused("too few strips", &all(278, 1), &["StripOffsets: 1: 3 strips or tiles are needed"]);
     refused(

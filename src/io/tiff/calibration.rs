@@ -78,6 +78,34 @@ impl Calibration {
         }
     }
 
+    /// The description's counts, where there are others than of slices.
+    pub(super) fn announced(&self) -> Option<String> {
+        let [channels, slices, frames] = ['C', 'Z', 'T'].map(|axis| extent(&self.axes, axis));
+        (channels > 1 || frames > 1).then(|| {
+            format!("the description announces {channels} channels x {slices} slices x {frames} frames")
+        })
+    }
+
+    /// What a microscope's own tag says, where nothing else says more: voxels in metres, and how many
+    /// slices and points in time there are. Channels are samples of a pixel.
+    pub(super) fn microscope(&mut self, metres: [f64; 3], slices: u64, frames: u64) {
+        self.axes = [('C', 1), ('Z', slices.max(1)), ('T', frames.max(1))];
+        self.notes.retain(|note| note != UNKNOWN_VOXEL);
+        let length = |metres: f64| Some(metres * 1e6).filter(|length| *length > 0.0 && length.is_finite());
+        let [x, y, z] = metres.map(length);
+        if let (Some(x), Some(y)) = (x, y) {
+            if z.is_none() {
+                let warning = "CZ_LSMINFO: no distance of slices: 1 \u{b5}m is assumed";
+                self.warnings.push(warning.to_owned());
+            }
+            let z = z.unwrap_or(1.0);
+            self.spacing = DVec3::new(x, y, z);
+            self.notes.push(format!("voxels of {x} x {y} x {z} \u{b5}m"));
+        } else {
+            self.warnings.push("CZ_LSMINFO: the size of a voxel is unknown and counts as 1".to_owned());
+        }
+    }
+
     /// The volumes that so many pages make; the first is the one to show.
     pub(super) fn volumes(&mut self, pages: usize) -> Vec<Volume> {
         let all = |pages| vec![Volume { name: String::new(), first: 0, stride: 1, slices: pages }];
@@ -86,9 +114,6 @@ impl Calibration {
         if product == Some(1) {
             return all(pages);
         }
-        let extent = |axes: &[(char, u64); 3], axis| {
-            axes.iter().find(|(name, _)| *name == axis).map_or(1, |(_, extent)| *extent)
-        };
         let (channels, slices, frames) = (extent(&axes, 'C'), extent(&axes, 'Z'), extent(&axes, 'T'));
         if product.and_then(|product| usize::try_from(product).ok()) != Some(pages) {
             self.warnings.push(format!(
@@ -97,11 +122,17 @@ impl Calibration {
             ));
             return all(pages);
         }
-        if slices == 1 && frames > 1 {
-            self.warnings.push(format!("{frames} frames of one slice are taken as slices"));
+        // Programs that know of no slices count them as something else.
+        let taken = match (slices, frames, channels) {
+            (1, 2.., _) => Some(('T', frames, "frames")),
+            (1, _, 2..) => Some(('C', channels, "channels")),
+            _ => None,
+        };
+        if let Some((other, count, what)) = taken {
+            self.warnings.push(format!("{count} {what} of one slice are taken as slices"));
             axes = axes.map(|(name, extent)| match name {
-                'Z' => ('T', extent),
-                'T' => ('Z', extent),
+                'Z' => (other, extent),
+                _ if name == other => ('Z', extent),
                 _ => (name, extent),
             });
         }
@@ -134,6 +165,13 @@ impl Calibration {
     }
 }
 
+const UNKNOWN_VOXEL: &str = "the size of a voxel is unknown and counts as 1";
+
+/// How many there are of `C`, `Z` or `T`.
+fn extent(axes: &[(char, u64); 3], axis: char) -> u64 {
+    axes.iter().find(|(name, _)| *name == axis).map_or(1, |(_, extent)| *extent)
+}
+
 /// A description that says nothing of voxels.
 fn plain(description: &str, resolution: Resolution) -> Calibration {
     let mut calibration = Calibration::unknown();
@@ -146,7 +184,7 @@ fn plain(description: &str, resolution: Resolution) -> Calibration {
             "pixels are {ratio} times as high as wide; the distance of slices is unknown and counts as one width"
         ));
     } else {
-        calibration.notes.push("the size of a voxel is unknown and counts as 1".to_owned());
+        calibration.notes.push(UNKNOWN_VOXEL.to_owned());
     }
     if let Some(shape) = shape(description)
         && shape.iter().rev().skip(2).filter(|&&extent| extent > 1).count() > 1
@@ -305,7 +343,7 @@ fn pixels(element: &BytesStart) -> Calibration {
     };
     let (x, y, z) = (length('X'), length('Y'), length('Z'));
     let (Some(x), Some(y)) = (x, y) else {
-        calibration.notes.push("the size of a voxel is unknown and counts as 1".to_owned());
+        calibration.notes.push(UNKNOWN_VOXEL.to_owned());
         return calibration;
     };
     let world = unit('X');

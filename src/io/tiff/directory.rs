@@ -14,6 +14,9 @@ const MAX_ENTRIES: u64 = 4096;
 /// Most bytes of a description that are looked at.
 const MAX_DESCRIPTION: u64 = 4 << 20;
 
+/// The tag of Zeiss microscopes, in the first directory.
+const LSM: u16 = 34412;
+
 /// A file as numbers, and how much of it was gone through.
 pub(super) struct File<'a> {
     pub(super) source: &'a Source,
@@ -199,6 +202,14 @@ impl<'a> File<'a> {
         };
         let width = extent(self.number(number, entries, 256, 0)?, 256)?;
         let height = extent(self.number(number, entries, 257, 0)?, 257)?;
+        for tag in [32997, 32998] {
+            let depth = self.number(number, entries, tag, 1)?;
+            if depth > 1 {
+                let rule =
+                    format!("{depth}: volumes within a page are not supported, one page for each slice is");
+                return Err(error(tag, rule));
+            }
+        }
         let samples = self.number(number, entries, 277, 1)?;
         let samples = usize::try_from(samples)
             .ok()
@@ -341,6 +352,9 @@ impl<'a> File<'a> {
         let resolution = Resolution { pixels, unit };
         let mut calibration = calibration::calibration(&description, resolution, integer_bits);
 
+        if let Some(entry) = find(entries, LSM) {
+            self.microscope(page, &entry, &mut calibration)?;
+        }
         let orientation = self.number(page.number, entries, 274, 1)?;
         if orientation != 1 {
             calibration.warnings.push(format!(
@@ -348,6 +362,38 @@ impl<'a> File<'a> {
             ));
         }
         Ok(calibration)
+    }
+
+    /// The beginning of a microscope's own tag.
+    fn microscope(&mut self, page: &Page, entry: &Entry, calibration: &mut Calibration) -> Result<()> {
+        /// Bytes that are looked at.
+        const LEN: u64 = 64;
+        let bytes = if entry.size() == 1 && entry.count >= LEN {
+            self.piece(&place_of(page.number, LSM), entry.at, LEN)?
+        } else {
+            vec![0; index(LEN)]
+        };
+        let [magic, width, height, slices, frames] =
+            [0, 8, 12, 16, 24].map(|at| self.whole(&bytes[at..at + 4]));
+        // Counts are signed.
+        let counts = [slices, frames].iter().all(|count| (1..=0x7fff_ffff).contains(count));
+        let same = (width, height) == (u64::from(page.width), u64::from(page.height));
+        let why = match magic {
+            0x0030_494c | 0x0040_494c if counts && same => {
+                let sizes = [40, 48, 56].map(|at| f64::from_bits(self.whole(&bytes[at..at + 8])));
+                calibration.microscope(sizes, slices, frames);
+                return Ok(());
+            }
+            0x0030_494c | 0x0040_494c if counts => {
+                format!("{width} x {height} pixels, the page has {} x {}", page.width, page.height)
+            }
+            0x0030_494c | 0x0040_494c => format!("{slices} slices, {frames} points in time"),
+            _ => "is none that is known".to_owned(),
+        };
+        calibration.warnings.push(format!(
+            "CZ_LSMINFO: {why}: the size of a voxel was not read, and time steps may be stacked as slices"
+        ));
+        Ok(())
     }
 
     /// Counts bytes of strips or tiles, and checks that they are there. Together they are no more than the
@@ -367,9 +413,9 @@ impl<'a> File<'a> {
 }
 
 /// Tags that are looked at.
-const WANTED: [u16; 26] = [
+const WANTED: [u16; 29] = [
     254, 255, 256, 257, 258, 259, 262, 266, 270, 273, 274, 277, 278, 279, 282, 283, 284, 296, 317, 322, 323,
-    324, 325, 338, 339, 347,
+    324, 325, 338, 339, 347, 32997, 32998, LSM,
 ];
 
 pub(super) fn place_of(number: usize, tag: u16) -> String {
@@ -400,6 +446,9 @@ pub(super) fn place_of(number: usize, tag: u16) -> String {
         338 => "ExtraSamples",
         339 => "SampleFormat",
         347 => "JPEGTables",
+        32997 => "ImageDepth",
+        32998 => "TileDepth",
+        LSM => "CZ_LSMINFO",
         _ => "tag",
     };
     format!("page {number}: {name}")
