@@ -61,6 +61,11 @@ pub(crate) const fn index(value: u32) -> usize {
     value as usize
 }
 
+/// A length as a count of bytes; exact on every platform that this crate builds for.
+pub(crate) fn wide(value: usize) -> u64 {
+    u64::try_from(value).unwrap_or(u64::MAX)
+}
+
 /// A length as a 32-bit count; saturates.
 pub(crate) fn count(value: usize) -> u32 {
     u32::try_from(value).unwrap_or(u32::MAX)

@@ -3,17 +3,15 @@
 /// The frame of a JPEG stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Frame {
-    /// The low four bits of the frame's marker: 0 and 1 sequential, 2 progressive, 3 lossless.
-    pub(crate) process: u8,
     pub(crate) bits: u8,
     pub(crate) width: u16,
     pub(crate) height: u16,
     pub(crate) components: u8,
 }
 
-/// The only frame of a stream; why not, where there is none or more than one.
+/// The only frame of a stream, which ends with its image; why not, where there is none or more than one.
 pub(crate) fn frame(bytes: &[u8]) -> Result<Frame, &'static str> {
-    let mut found = None;
+    let (mut found, mut scanned) = (None, false);
     let mut at = 0;
     while let Some(&byte) = bytes.get(at) {
         let marker = match (byte, bytes.get(at + 1)) {
@@ -31,6 +29,8 @@ pub(crate) fn frame(bytes: &[u8]) -> Result<Frame, &'static str> {
         };
         at += 2;
         match marker {
+            // What lies behind the image is nobody's.
+            0xd9 if scanned => break,
             0 | 1 | 0xd0..=0xd9 => {}
             _ => {
                 let length = match bytes.get(at..at + 2) {
@@ -49,8 +49,9 @@ pub(crate) fn frame(bytes: &[u8]) -> Result<Frame, &'static str> {
                         return Err("it has several frames");
                     }
                     let (height, width) = (u16::from_be_bytes([h1, h0]), u16::from_be_bytes([w1, w0]));
-                    found = Some(Frame { process: marker & 15, bits, width, height, components });
+                    found = Some(Frame { bits, width, height, components });
                 }
+                scanned |= marker == 0xda;
                 at += length.max(2);
             }
         }
@@ -68,10 +69,11 @@ mod tests {
         let sof = [0xff, 0xff, 0xc3, 0, 11, 16, 0, 5, 1, 4, 1, 0, 0x11, 0];
         let scan = [0xff, 0xda, 0, 3, 1, 9, 0xff, 0, 7, 0xff, 0xd3, 8, 0xff, 0xd9, 0];
         let whole = [&start[..], &sof, &scan].concat();
-        let wanted = Frame { process: 3, bits: 16, width: 260, height: 5, components: 1 };
+        let wanted = Frame { bits: 16, width: 260, height: 5, components: 1 };
         assert_eq!(frame(&whole), Ok(wanted));
         assert_eq!(frame(&[&start[..], &scan].concat()), Err("it has no frame"));
-        assert_eq!(frame(&[&whole[..], &sof].concat()), Err("it has several frames"));
+        assert_eq!(frame(&[&whole[..], &sof].concat()), Ok(wanted), "behind the end");
+        assert_eq!(frame(&[&start[..], &sof, &[0xff, 0xd9], &sof].concat()), Err("it has several frames"));
         assert_eq!(frame(&whole[..16]), Err("a segment ends after the stream"));
         assert_eq!(frame(&[0xff, 0xc0, 0, 3, 1]), Err("its frame is too short"));
         assert_eq!(frame(&[0xff, 0xc0, 0]), Err("it ends within a marker"));

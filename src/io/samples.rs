@@ -111,6 +111,20 @@ pub enum Endian {
     Big,
 }
 
+impl Endian {
+    /// The order of the machine.
+    pub(crate) const NATIVE: Self = if cfg!(target_endian = "little") { Self::Little } else { Self::Big };
+
+    /// Bytes of a whole number, at most 8.
+    pub(crate) fn whole(self, bytes: &[u8]) -> u64 {
+        let add = |sum: u64, byte: &u8| (sum << 8) | u64::from(*byte);
+        match self {
+            Self::Little => bytes.iter().rev().fold(0, add),
+            Self::Big => bytes.iter().fold(0, add),
+        }
+    }
+}
+
 /// What the samples of a grid are.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Layout {

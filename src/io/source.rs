@@ -43,11 +43,11 @@ impl Encoding {
 }
 
 /// Files in memory, by name: what a header that names other files finds.
-type Bundle = BTreeMap<String, Arc<[u8]>>;
+type Bundle = BTreeMap<String, Arc<Vec<u8>>>;
 
 enum Body {
     File(File),
-    Memory { bytes: Arc<[u8]>, bundle: Arc<Bundle> },
+    Memory { bytes: Arc<Vec<u8>>, bundle: Arc<Bundle> },
 }
 
 /// An open regular file, its size and its first bytes. Cheap to clone.
@@ -90,11 +90,18 @@ impl Source {
     /// The first of several files in memory; the others are found by their names.
     pub(crate) fn in_memory(files: &[(&str, &[u8])]) -> Result<Self> {
         let bundle: Bundle =
-            files.iter().map(|(name, bytes)| ((*name).to_owned(), (*bytes).into())).collect();
+            files.iter().map(|(name, bytes)| ((*name).to_owned(), Arc::new(bytes.to_vec()))).collect();
         let Some((name, _)) = files.first() else {
             return Err(Error::invalid("files", "there is none"));
         };
         Self::of_bundle(Path::new(name), &Arc::new(bundle))
+    }
+
+    /// What was unpacked from a file, under its name and alone. Nothing is copied.
+    #[cfg(feature = "dicom")]
+    pub(crate) fn unpacked(path: &Path, bytes: Vec<u8>) -> Result<Self> {
+        let (len, bytes) = (u64::try_from(bytes.len()).unwrap_or(u64::MAX), Arc::new(bytes));
+        Self::new(path, Body::Memory { bytes, bundle: Arc::default() }, len, None)
     }
 
     fn of_bundle(path: &Path, bundle: &Arc<Bundle>) -> Result<Self> {
@@ -247,7 +254,7 @@ impl Inner {
                 Box::new(BufReader::with_capacity(1 << 16, at))
             }
             Body::Memory { bytes, .. } => {
-                let mut cursor = Cursor::new(&**bytes);
+                let mut cursor = Cursor::new(bytes.as_slice());
                 cursor.set_position(offset.min(self.len));
                 Box::new(cursor)
             }

@@ -22,6 +22,7 @@ use super::source::{Budget, Source};
 use super::volume::rescale_of;
 use super::{Loaded, ReadOptions, Reader};
 use crate::error::{Error, Result};
+use crate::num::wide;
 use crate::scene::{Grid, Samples};
 use calibration::{Calibration, Volume};
 use directory::File;
@@ -338,11 +339,6 @@ impl<'a> Stack<'a> {
         }
         Ok(())
     }
-}
-
-/// A length as a count of bytes.
-fn wide(value: usize) -> u64 {
-    u64::try_from(value).unwrap_or(u64::MAX)
 }
 
 /// A count of bytes as a length.

@@ -383,6 +383,90 @@ fn jpeg() {
 }
 
 #[test]
+fn bytes_behind_a_jpeg_are_left_alone() {
+    let again = [LOSSLESS_JPEG, &LOSSLESS_JPEG[2..15], &[0xff, 0xe0, 0x7f, 0xff]].concat();
+    let packed = Value::Fragments(vec![Vec::new(), again]);
+    let slices = each(&ramp(), |_, slice| with(slice, PIXELS, packed.clone()));
+    let wanted = [1000, 1003, 1010, 900, 5, 70, 4095, 0].repeat(3);
+    let image = grid(series("behind", LOSSLESS, &slices).loaded());
+    assert_eq!(*image.samples(), Samples::U16(wanted));
+}
+
+#[test]
+fn fragments_within_sequences_are_passed_over() {
+    let packed = || Value::Fragments(vec![Vec::new(), LOSSLESS_JPEG.to_vec()]);
+    for (what, syntax) in [("explicit", EXPLICIT), ("implicit", IMPLICIT)] {
+        for undefined in [true, false] {
+            let icon =
+                Value::Items(vec![vec![((0x28, 0x10), Value::Short(9)), (PIXELS, packed())]], undefined);
+            let slices = each(&ramp(), |_, slice| with(slice, (0x88, 0x200), icon.clone()));
+            let image = grid(series(what, syntax, &slices).loaded());
+            assert_eq!(*image.samples(), Samples::U16((0..24).collect()), "{what}");
+        }
+    }
+    // Others are known by their types.
+    let slices = each(&ramp(), |_, slice| with(slice, (0x42, 0x11), packed()));
+    assert_eq!(*grid(series("OB", EXPLICIT, &slices).loaded()).samples(), Samples::U16((0..24).collect()));
+}
+
+#[test]
+fn slices_cut_short_are_not_passed_over() {
+    // 16 bytes of samples behind 12 that say so.
+    for cut in [28, 24, 20, 18, 1] {
+        let folder = Folder::new();
+        for (i, slice) in ramp().iter().enumerate() {
+            let mut bytes = EXPLICIT.file(slice);
+            if i == 2 {
+                bytes.truncate(bytes.len() - cut);
+            }
+            folder.write(&format!("{i}.dcm"), bytes);
+        }
+        let error = read(folder.path(""), &OPTIONS).unwrap_err();
+        assert_refusal(&error, &["2.dcm: "], "folder");
+        let loaded = read(folder.path("0.dcm"), &OPTIONS).unwrap();
+        let warnings = &loaded.report.warnings;
+        assert!(warnings[0].starts_with("left out: ") && warnings[0].contains("2.dcm: "), "{warnings:?}");
+        assert!(warnings[1].contains("1 damaged file") && warnings[1].contains("missing"), "{warnings:?}");
+        assert_eq!(grid(loaded).dims(), [4, 2, 2]);
+    }
+    // Of another series, or without rows, it is none of them.
+    let folder = Folder::new();
+    for (i, slice) in ramp().iter().enumerate() {
+        folder.write(&format!("{i}.dcm"), EXPLICIT.file(slice));
+    }
+    folder.write("9.dcm", EXPLICIT.file(&with(&without(&ramp()[0], PIXELS), SERIES, text("UI", "1.9"))));
+    let loaded = read(folder.path("0.dcm"), &OPTIONS).unwrap();
+    assert!(loaded.report.warnings.is_empty(), "{:?}", loaded.report.warnings);
+    let none = EXPLICIT.file(&without(&without(&ramp()[0], PIXELS), (0x28, 0x10)));
+    // Padding is zero.
+    folder.write("9.dcm", [&none[..], &[0; 7]].concat());
+    assert_eq!(grid(read(folder.path(""), &OPTIONS).unwrap()).dims(), [4, 2, 3]);
+    folder.write("9.dcm", [&none[..], &[0, 0, 1]].concat());
+    assert_refusal(&read(folder.path(""), &OPTIONS).unwrap_err(), &["9.dcm: byte"], "no padding");
+}
+
+#[test]
+fn damaged_neighbours_are_listed_as_far_as_they_fit() {
+    let mut sample = named("explicit");
+    let cut = sample.files[0].1[..200].to_vec();
+    for i in 0..10 {
+        sample = sample.with(&format!("f/x{i}"), cut.clone());
+    }
+    let warnings = sample.loaded().report.warnings;
+    assert_eq!(warnings.len(), 9, "{warnings:?}");
+    assert!(warnings[7].contains("f/x7: "), "{warnings:?}");
+    assert!(warnings[8].contains("10 damaged files") && warnings[8].contains("missing"), "{warnings:?}");
+}
+
+#[test]
+fn a_lookup_table_is_warned_of_once() {
+    let lut = || ((0x28, 0x3000), Value::Items(vec![Vec::new()], false));
+    let slices = each(&ramp(), |_, slice| [slice.clone(), vec![lut(), lut()]].concat());
+    let warnings = series("tables", EXPLICIT, &slices).loaded().report.warnings;
+    assert_eq!(warnings, ["ModalityLUTSequence is not applied: values are as stored"]);
+}
+
+#[test]
 fn frames_of_one_file() {
     for what in [
         "frames",
@@ -546,6 +630,11 @@ fn refusals_name_the_file_and_the_rule() {
     frames("no places", &|file| without(&file, per_frame), &["frame 1: no ImagePositionPatient of its own"]);
     frames("count", &|file| with(&file, (0x28, 8), text("IS", "4")), &["3 items for 4 frames"]);
     frames("no count", &|file| with(&file, (0x28, 8), text("IS", "-1")), &["NumberOfFrames \"-1\""]);
+    frames(
+        "more items",
+        &|file| with(&file, (0x28, 8), text("IS", "2")),
+        &["byte", "more than 2 items for 2 frames"],
+    );
     frames("many", &|file| with(&file, (0x28, 8), text("IS", "99999999")), &["99999999"]);
     frames(
         "few items",
@@ -587,13 +676,23 @@ fn broken_structures_are_refused() {
 #[test]
 fn memory_stays_within_the_limit() {
     let sample = named("explicit");
-    assert!(sample.read(&ReadOptions::within(47)).unwrap_err().to_string().contains("the limit is 47"));
-    assert!(sample.read(&ReadOptions::within(48)).unwrap_err().to_string().contains("of the limit of 48"));
+    assert!(sample.read(&ReadOptions::within(47)).unwrap_err().to_string().contains("of the limit of 47"));
+    let huge = series(
+        "huge",
+        EXPLICIT,
+        &each(&ramp(), |_, slice| with(slice, SERIES, text("UI", "1".repeat(1000)))),
+    );
+    let error = huge.read(&ReadOptions::within(2000)).unwrap_err().to_string();
+    assert!(error.contains("header: ") && error.contains("of the limit of 2000"), "{error}");
     sample.read(&ReadOptions::within(48 + (1 << 17))).unwrap();
     let zeros = with(&slice(0.0, words([])), (8, 8), Value::Bytes("OB", vec![0; 1 << 20]));
     let bomb = Sample::one("bomb", "a.dcm", DEFLATED.file(&zeros));
     let error = bomb.read(&ReadOptions::within(1 << 18)).unwrap_err();
-    assert_refusal(&error, &["deflated data set: more than 131072 bytes"], "bomb");
+    assert_refusal(&error, &["deflated data set: 1048", "of the limit of 262144"], "bomb");
+    // A data set that fits is held once.
+    let large = with(&enhanced(true), (8, 8), Value::Bytes("OB", vec![0; 1 << 20]));
+    let large = Sample::one("large", "a.dcm", DEFLATED.file(&large));
+    large.read(&ReadOptions::within((1 << 20) + (1 << 18))).unwrap();
 }
 
 #[test]

@@ -8,8 +8,7 @@ use crate::io::jpeg;
 use crate::io::samples::{Endian, SampleType};
 use crate::io::source::Source;
 use crate::io::text;
-
-const NATIVE: Endian = if cfg!(target_endian = "little") { Endian::Little } else { Endian::Big };
+use crate::num::wide;
 
 /// The type of a file's samples, after what is not theirs was taken off.
 pub(super) fn kind(header: &Header) -> Result<SampleType> {
@@ -124,8 +123,7 @@ pub(super) fn scratch(header: &Header) -> u64 {
     };
     let own = if header.packing == Packing::Jpeg { 8 } else { 2 };
     // A frame is kept packed, for the decoder as a data set, and in the decoder's own words.
-    let inflated = header.inflated.saturating_mul(2);
-    frame.saturating_mul(own).saturating_add(stored.saturating_mul(4)).saturating_add(inflated)
+    frame.saturating_mul(own).saturating_add(stored.saturating_mul(4))
 }
 
 /// The bytes of a frame, and their order.
@@ -141,7 +139,7 @@ pub(super) fn bytes(data: &Source, header: &Header, frame: usize) -> Result<(Vec
             match header.packing {
                 Packing::Native | Packing::Other => (plain(header, packed, size)?, Endian::Little),
                 Packing::RunLength => (run_lengths(&packed, header)?, Endian::Little),
-                Packing::Jpeg => (decoded(&packed, header)?, NATIVE),
+                Packing::Jpeg => (decoded(&packed, header)?, Endian::NATIVE),
             }
         }
         None => return Err(header.error("PixelData", "there is none")),
@@ -359,12 +357,7 @@ fn masked(mut bytes: Vec<u8>, endian: Endian, header: &Header) -> Vec<u8> {
     }
     let size = usize::try_from(allocated / 8).unwrap_or(1);
     for sample in bytes.chunks_exact_mut(size) {
-        let add = |sum: u64, byte: &u8| (sum << 8) | u64::from(*byte);
-        let raw = match endian {
-            Endian::Little => sample.iter().rev().fold(0, add),
-            Endian::Big => sample.iter().fold(0, add),
-        };
-        let mut value = (raw >> (high + 1 - stored)) & ((1 << stored) - 1);
+        let mut value = (endian.whole(sample) >> (high + 1 - stored)) & ((1 << stored) - 1);
         if signed && value >> (stored - 1) == 1 {
             value |= u64::MAX << stored;
         }
@@ -374,8 +367,4 @@ fn masked(mut bytes: Vec<u8>, endian: Endian, header: &Header) -> Vec<u8> {
         }
     }
     bytes
-}
-
-fn wide(value: usize) -> u64 {
-    u64::try_from(value).unwrap_or(u64::MAX)
 }

@@ -1,16 +1,16 @@
 //! The data elements of a DICOM file that place and decode its samples.
 
-use std::io::Read as _;
+use std::io::{self, Read as _};
 use std::path::PathBuf;
 
 use flate2::bufread::DeflateDecoder;
 use glam::DVec3;
 
 use crate::error::{Error, Result};
-use crate::io::ReadOptions;
 use crate::io::samples::Endian;
-use crate::io::source::{Encoding, Source};
+use crate::io::source::{Budget, Encoding, Source};
 use crate::io::text;
+use crate::num;
 
 /// Group and element.
 pub(super) type Tag = (u16, u16);
@@ -94,7 +94,6 @@ pub(super) struct Header {
     pub(super) packing: Packing,
     pub(super) syntax: String,
     pub(super) series: String,
-    pub(super) class: String,
     pub(super) photometric: String,
     pub(super) rows: u64,
     pub(super) columns: u64,
@@ -111,7 +110,9 @@ pub(super) struct Header {
     /// Of a file that says it for each frame.
     pub(super) planes: Vec<Plane>,
     pub(super) pixels: Option<Pixels>,
-    /// Bytes of memory that the data set takes, where it is deflated.
+    /// Bytes that were taken from the budget for it.
+    pub(super) taken: u64,
+    /// Bytes that were taken for its data set, where that is deflated.
     pub(super) inflated: u64,
     /// What is not applied.
     pub(super) warnings: Vec<&'static str>,
@@ -135,9 +136,44 @@ impl Header {
 }
 
 /// Reads what there is to know of a file; with it the file that places count in, which is another one
-/// where the data set is deflated.
-pub(super) fn read(source: &Source, options: &ReadOptions) -> Result<(Header, Source)> {
-    let mut walk = Walk::new(source);
+/// where the data set is deflated. What a file takes that cannot be read is given back.
+pub(super) fn read(source: &Source, account: &mut Account) -> Result<(Header, Source)> {
+    account.taken = 0;
+    let read = read_within(source, account);
+    if read.is_err() {
+        account.budget.put_back(account.taken);
+    }
+    read
+}
+
+/// What is taken from a budget, file by file.
+pub(super) struct Account<'b> {
+    pub(super) budget: Budget<'b>,
+    /// For the file that is being read.
+    taken: u64,
+    /// Whether something was refused for want of memory: no file is damaged then.
+    pub(super) full: bool,
+}
+
+impl<'b> Account<'b> {
+    pub(super) fn new(budget: Budget<'b>) -> Self {
+        Self { budget, taken: 0, full: false }
+    }
+
+    fn take(&mut self, place: &str, bytes: u64) -> Result<()> {
+        self.budget.take(place, bytes).inspect_err(|_| self.full = true)?;
+        self.taken = self.taken.saturating_add(bytes);
+        Ok(())
+    }
+
+    /// For so many things of a type.
+    fn take_for<T>(&mut self, count: usize) -> Result<()> {
+        self.take("header", num::wide(count.saturating_mul(size_of::<T>())))
+    }
+}
+
+fn read_within(source: &Source, account: &mut Account) -> Result<(Header, Source)> {
+    let mut walk = Walk::new(source, account);
     let (begin, syntax_uid) = walk.meta()?;
     let (syntax, packing) = match syntax_uid.as_str() {
         "" => (walk.guess(begin)?, Packing::Native),
@@ -159,9 +195,10 @@ pub(super) fn read(source: &Source, options: &ReadOptions) -> Result<(Header, So
         }
     };
     if syntax_uid == "1.2.840.10008.1.2.1.99" {
-        let inflated = inflate(source, begin, options)?;
-        let mut header = Walk::new(&inflated).data_set(0, syntax, packing, syntax_uid, source)?;
+        let inflated = inflate(source, begin, account)?;
+        let mut header = Walk::new(&inflated, account).data_set(0, syntax, packing, syntax_uid, source)?;
         header.inflated = inflated.len();
+        header.taken = header.taken.saturating_sub(header.inflated);
         return Ok((header, inflated));
     }
     let header = walk.data_set(begin, syntax, packing, syntax_uid, source)?;
@@ -185,19 +222,24 @@ pub(super) fn named(uid: &str) -> &'static str {
 }
 
 /// A deflated data set, unpacked in memory.
-fn inflate(source: &Source, begin: u64, options: &ReadOptions) -> Result<Source> {
+fn inflate(source: &Source, begin: u64, account: &mut Account) -> Result<Source> {
+    const PLACE: &str = "deflated data set";
+    let open = || DeflateDecoder::new(source.reader(begin, Encoding::Raw));
+    let damaged = |error| source.error(PLACE, format!("is damaged: {error}"));
+    // Its size is known only behind it: it is gone through twice, and nothing is taken that is not needed.
+    let most = Encoding::Zlib.most(source.len());
+    let len = io::copy(&mut open().take(most), &mut io::sink()).map_err(damaged)?;
+    account.take(PLACE, len)?;
     let mut bytes = Vec::new();
-    // It is copied once.
-    let most = (options.max_bytes / 2).min(Encoding::Zlib.most(source.len()));
-    let mut reader = DeflateDecoder::new(source.reader(begin, Encoding::Raw)).take(most.saturating_add(1));
-    reader.read_to_end(&mut bytes).map_err(|error| {
-        source.error("deflated data set", format!("is damaged after {} unpacked bytes: {error}", bytes.len()))
-    })?;
-    if u64::try_from(bytes.len()).unwrap_or(u64::MAX) > most {
-        let rule = format!("more than {most} bytes: the limit is {}", options.max_bytes);
-        return Err(source.error("deflated data set", rule));
+    usize::try_from(len)
+        .ok()
+        .and_then(|len| bytes.try_reserve_exact(len).ok())
+        .ok_or_else(|| source.error(PLACE, format!("{len} bytes: memory is full")))?;
+    let read = open().take(len).read_to_end(&mut bytes).map_err(damaged)?;
+    if num::wide(read) != len {
+        return Err(source.error(PLACE, "changed while it was read"));
     }
-    Source::in_memory(&[(&source.path().to_string_lossy(), &bytes)])
+    Source::unpacked(source.path(), bytes)
 }
 
 /// A data element's header.
@@ -219,19 +261,20 @@ struct Open {
 }
 
 /// A pass through a file, in one direction.
-struct Walk<'a> {
+struct Walk<'a, 'b> {
     source: &'a Source,
+    account: &'a mut Account<'b>,
     /// A piece of the file, and where it begins.
     window: Vec<u8>,
     start: u64,
 }
 
-impl<'a> Walk<'a> {
+impl<'a, 'b> Walk<'a, 'b> {
     /// Bytes that are read at a time.
     const WINDOW: u64 = 1 << 14;
 
-    fn new(source: &'a Source) -> Self {
-        Self { source, window: Vec::new(), start: 0 }
+    fn new(source: &'a Source, account: &'a mut Account<'b>) -> Self {
+        Self { source, account, window: Vec::new(), start: 0 }
     }
 
     fn error(&self, at: u64, rule: impl Into<String>) -> Error {
@@ -257,12 +300,7 @@ impl<'a> Walk<'a> {
     }
 
     fn number(&mut self, at: u64, len: u64, endian: Endian) -> Result<u64> {
-        let add = |sum: u64, byte: &u8| (sum << 8) | u64::from(*byte);
-        let bytes = self.bytes(at, len)?;
-        Ok(match endian {
-            Endian::Little => bytes.iter().rev().fold(0, add),
-            Endian::Big => bytes.iter().fold(0, add),
-        })
+        Ok(endian.whole(self.bytes(at, len)?))
     }
 
     fn element(&mut self, at: u64, syntax: Syntax) -> Result<Element> {
@@ -405,7 +443,6 @@ impl<'a> Walk<'a> {
             packing,
             syntax: syntax_uid,
             series: String::new(),
-            class: String::new(),
             photometric: String::new(),
             rows: 0,
             columns: 0,
@@ -419,6 +456,7 @@ impl<'a> Walk<'a> {
             plane: Plane::default(),
             planes: Vec::new(),
             pixels: None,
+            taken: 0,
             inflated: 0,
             warnings: Vec::new(),
         };
@@ -443,8 +481,8 @@ impl<'a> Walk<'a> {
             if left == 0 && open.is_empty() {
                 break;
             }
-            // Padding at the end is not worth a refusal.
-            if left < 8 && open.is_empty() {
+            // Padding at the end is not worth a refusal, an element that is cut short is.
+            if left < 8 && open.is_empty() && self.bytes(at, left)?.iter().all(|&byte| byte == 0) {
                 break;
             }
             let syntax = open.last().map_or(syntax, |last| last.syntax);
@@ -468,9 +506,13 @@ impl<'a> Walk<'a> {
                     let end = self.end(&element)?;
                     self.push(&mut open, at, Open { tag: ITEM, end, syntax })?;
                     if open.len() == 2 && open[0].tag == PER_FRAME {
-                        if header.planes.len() == MAX_FRAMES {
-                            return Err(self.error(at, format!("more than {MAX_FRAMES} frames")));
+                        // They are counted before: elements are in the order of their numbers.
+                        let frames = header.frames.unwrap_or(1);
+                        if num::wide(header.planes.len()) >= frames || header.planes.len() == MAX_FRAMES {
+                            let most = frames.min(num::wide(MAX_FRAMES));
+                            return Err(self.error(at, format!("more than {most} items for {frames} frames")));
                         }
+                        self.account.take_for::<Plane>(1)?;
                         header.planes.push(Plane::default());
                     }
                     at = element.at;
@@ -487,7 +529,17 @@ impl<'a> Walk<'a> {
                 return Err(self.error(at, "an element within a sequence, outside its items"));
             }
             if open.is_empty() && element.tag == (0x0028, 0x3000) && element.len > 0 {
-                header.warnings.push("ModalityLUTSequence is not applied: values are as stored");
+                const WARNING: &str = "ModalityLUTSequence is not applied: values are as stored";
+                if header.warnings.is_empty() {
+                    header.warnings.push(WARNING);
+                }
+            }
+            // Packed samples of an icon, say.
+            if element.len == UNDEFINED
+                && (element.tag == (0x7fe0, 0x0010) || matches!(&element.vr, b"OB" | b"OW"))
+            {
+                at = self.fragments(&element, syntax, None)?;
+                continue;
             }
             let looked = match open.len() {
                 0 => matches!(element.tag, SHARED | PER_FRAME),
@@ -529,6 +581,17 @@ impl<'a> Walk<'a> {
             return Err(self.error(at, format!("({group:04x},{number:04x}) does not end")));
         }
         header.plane = shared.or(header.plane);
+        // A single frame is the file.
+        if header.frames.unwrap_or(1) == 1
+            && let [own] = header.planes[..]
+        {
+            header.plane = own.or(header.plane);
+            header.planes = Vec::new();
+        }
+        let texts = [&header.series, &header.photometric, &header.syntax].map(String::capacity);
+        self.account.take_for::<u8>(texts.iter().sum::<usize>() + header.path.capacity())?;
+        self.account.take_for::<Header>(1)?;
+        header.taken = self.account.taken;
         header.high = high.unwrap_or(header.stored.saturating_sub(1));
         Ok(header)
     }
@@ -554,7 +617,6 @@ impl<'a> Walk<'a> {
         high: &mut Option<u64>,
     ) -> Result<()> {
         match element.tag {
-            (0x0008, 0x0016) => header.class = self.text(element)?,
             (0x0020, 0x000e) => header.series = self.text(element)?,
             (0x0028, 0x0002) => header.samples = self.short(element, endian)?,
             (0x0028, 0x0004) => header.photometric = self.text(element)?,
@@ -597,17 +659,30 @@ impl<'a> Walk<'a> {
             return Ok(Pixels::Plain { at: element.at, len: element.len });
         }
         let mut fragments = Vec::new();
+        self.fragments(element, syntax, Some(&mut fragments))?;
+        Ok(Pixels::Fragments(fragments))
+    }
+
+    /// Goes over the offset table and the fragments of an element, and lists them; where it ends.
+    fn fragments(
+        &mut self,
+        element: &Element,
+        syntax: Syntax,
+        mut list: Option<&mut Vec<(u64, u64)>>,
+    ) -> Result<u64> {
         let mut at = element.at;
         loop {
             let item = self.element(at, syntax)?;
             match item.tag {
-                SEQUENCE_END => return Ok(Pixels::Fragments(fragments)),
+                SEQUENCE_END => return Ok(item.at),
                 ITEM if item.len != UNDEFINED => {
                     at = self.behind(&item)?;
-                    fragments.push((item.at, item.len));
-                    if fragments.len() > 2 * MAX_FRAMES {
+                    let Some(list) = &mut list else { continue };
+                    if list.len() == 2 * MAX_FRAMES {
                         return Err(self.error(at, format!("more than {} fragments", 2 * MAX_FRAMES)));
                     }
+                    self.account.take_for::<(u64, u64)>(1)?;
+                    list.push((item.at, item.len));
                 }
                 (group, number) => {
                     let rule = format!("({group:04x},{number:04x}): must be an item of samples");

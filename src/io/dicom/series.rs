@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DVec3};
 
 use super::frames;
-use super::header::{self, Header, Packing, Plane, vector};
+use super::header::{self, Account, Header, Packing, Plane, vector};
 use crate::error::{Error, Result};
 use crate::io::arrays::Pick;
 use crate::io::samples::{self, Layout, SampleType};
@@ -27,31 +27,63 @@ const BESIDE: f64 = 0.1;
 /// Opens a file by its place in a list.
 type Open<'o> = dyn Fn(usize) -> Result<Source> + 'o;
 
+/// What a file is read for: its header alone.
+fn header_of(source: &Source, account: &mut Account) -> Result<Header> {
+    let (header, data) = header::read(source, account)?;
+    drop(data);
+    account.budget.put_back(header.inflated);
+    Ok(header)
+}
+
+/// Why an image without samples is none.
+fn cut(header: &Header) -> Error {
+    header.error("PixelData", "there is none: the file may be cut short")
+}
+
 /// Reads the series that a file belongs to.
 pub(super) fn read(source: &Source, options: &ReadOptions) -> Result<Loaded> {
-    let (own, _) = header::read(source, options)?;
+    /// Most damaged files that are named.
+    const NAMED: usize = 8;
+    let mut account = Account::new(Budget::new(source, options));
+    let own = header_of(source, &mut account)?;
+    if own.pixels.is_none() {
+        return Err(cut(&own));
+    }
     if own.frames.is_some_and(|frames| frames > 1) {
-        return assemble(source, vec![own], &|_| Ok(source.clone()), Vec::new(), options);
+        return assemble(source, vec![own], &|_| Ok(source.clone()), Vec::new(), account, options);
     }
     let mut names = Vec::new();
     let mut headers = Vec::new();
     let mut others = 0;
-    let mut damaged = Vec::new();
+    let (mut damaged, mut named) = (0_usize, Vec::new());
+    let mut is_damaged = |error: Error| {
+        damaged += 1;
+        if named.len() < NAMED {
+            named.push(format!("left out: {error}"));
+        }
+    };
     for name in source.neighbours()? {
         let neighbour = source.sibling(&name, options)?;
         if !super::is(&neighbour) {
             continue;
         }
-        let header = match header::read(&neighbour, options) {
-            Ok((header, _)) => header,
-            // It may be of another series, or a slice that is missing now: the distances will tell.
+        let header = match header_of(&neighbour, &mut account) {
+            Ok(header) => header,
+            Err(error) if account.full => return Err(error),
+            // It may be of another series, or a slice that is missing now.
             Err(error) => {
-                damaged.push(error.to_string());
+                is_damaged(error);
                 continue;
             }
         };
-        if header.pixels.is_none() || header.series != own.series || header.frames.is_some_and(|n| n > 1) {
-            others += 1;
+        let same = header.series == own.series;
+        if header.pixels.is_none() || !same || header.frames.is_some_and(|n| n > 1) {
+            if same && header.pixels.is_none() {
+                is_damaged(cut(&header));
+            } else {
+                others += 1;
+            }
+            account.budget.put_back(header.taken);
             continue;
         }
         if headers.len() == MAX_FILES {
@@ -66,18 +98,35 @@ pub(super) fn read(source: &Source, options: &ReadOptions) -> Result<Loaded> {
             "{others} DICOM files of the folder are of other series, or no single slices, and left out"
         ));
     }
-    let mut loaded = assemble(source, headers, &|i| source.sibling(&names[i], options), notes, options)?;
-    loaded.report.warnings.extend(damaged.into_iter().map(|error| format!("left out: {error}")));
+    let open = |i: usize| source.sibling(&names[i], options);
+    let mut loaded = assemble(source, headers, &open, notes, account, options)?;
+    if damaged > 0 {
+        loaded.report.warnings.extend(named);
+        let files = if damaged == 1 { "file" } else { "files" };
+        loaded.report.warnings.push(format!(
+            "{damaged} damaged {files} of the folder left out: slices of the series may be missing, at its ends or \
+             where values between others were made up"
+        ));
+    }
     Ok(loaded)
 }
 
 /// Reads the one series of several files.
 pub(in crate::io) fn read_files(folder: &Path, files: &[PathBuf], options: &ReadOptions) -> Result<Loaded> {
+    let Some(path) = files.first() else {
+        return Err(Error::file(folder, "files", "there is none"));
+    };
+    let source = &Source::open(path, options)?;
+    let mut account = Account::new(Budget::new(source, options));
     let mut headers: Vec<Header> = Vec::new();
     let mut without = 0;
     for path in files {
-        let (header, _) = header::read(&Source::open(path, options)?, options)?;
+        let header = header_of(&Source::open(path, options)?, &mut account)?;
         if header.pixels.is_none() {
+            if header.rows > 0 && header.columns > 0 {
+                return Err(cut(&header));
+            }
+            account.budget.put_back(header.taken);
             without += 1;
         } else if headers.len() == MAX_FILES {
             return Err(Error::file(folder, "series", format!("more than {MAX_FILES} files")));
@@ -114,7 +163,7 @@ pub(in crate::io) fn read_files(folder: &Path, files: &[PathBuf], options: &Read
     }
     let source = Source::open(&first.path, options)?;
     let paths: Vec<PathBuf> = headers.iter().map(|header| header.path.clone()).collect();
-    assemble(&source, headers, &|i| Source::open(&paths[i], options), notes, options)
+    assemble(&source, headers, &|i| Source::open(&paths[i], options), notes, account, options)
 }
 
 /// A frame, and how far along the normal it lies.
@@ -143,6 +192,7 @@ fn assemble(
     headers: Vec<Header>,
     open: &Open,
     mut notes: Vec<String>,
+    mut account: Account,
     options: &ReadOptions,
 ) -> Result<Loaded> {
     let Some(first) = headers.first() else {
@@ -165,7 +215,7 @@ fn assemble(
     let dims = [extent(first.columns), extent(first.rows), num::count(count)];
     let layout = Layout::scalar(dims, kind, first.endian);
     let (total, _) = samples::data_size(source, "Rows, Columns, slices", &layout, options)?;
-    let mut budget = Budget::new(source, options);
+    let mut budget = account.budget.clone();
     let stored = if same { kind.stored_bytes() } else { 4 };
     budget.take("series", u64::try_from(total).unwrap_or(u64::MAX).saturating_mul(stored))?;
     let scratch = headers.iter().map(frames::scratch).max().unwrap_or(0);
@@ -179,8 +229,12 @@ fn assemble(
     let mut opened: Option<(usize, Source, Source, Header)> = None;
     for slice in &slices {
         if opened.as_ref().is_none_or(|(file, ..)| *file != slice.file) {
+            if let Some((.., data, header)) = opened.take() {
+                drop(data);
+                budget.put_back(header.taken.saturating_add(header.inflated));
+            }
             let source = open(slice.file)?;
-            let (header, data) = header::read(&source, options)?;
+            let (header, data) = header::read(&source, &mut account)?;
             // The file may be another one by now.
             frame.check(first, &header)?;
             frames::check(&header, frames_of(&header))?;

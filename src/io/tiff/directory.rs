@@ -2,11 +2,11 @@
 
 use super::calibration::{self, Calibration, Resolution};
 use super::page::{Compression, Page};
-use super::{index, is, wide};
+use super::{index, is};
 use crate::error::Result;
 use crate::io::samples::{Endian, MAX_COMPONENTS, SampleType};
 use crate::io::source::Source;
-use crate::num;
+use crate::num::{self, wide};
 
 /// Most entries of a directory.
 const MAX_ENTRIES: u64 = 4096;
@@ -75,11 +75,7 @@ impl<'a> File<'a> {
 
     /// Bytes of a whole number, at most 8.
     pub(super) fn whole(&self, bytes: &[u8]) -> u64 {
-        let add = |sum: u64, byte: &u8| (sum << 8) | u64::from(*byte);
-        match self.endian {
-            Endian::Little => bytes.iter().rev().fold(0, add),
-            Endian::Big => bytes.iter().fold(0, add),
-        }
+        self.endian.whole(bytes)
     }
 
     /// A piece of a header. All pieces are no more than the file, give or take what pages share.

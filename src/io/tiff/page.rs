@@ -5,18 +5,16 @@ use std::io::{Cursor, Read};
 use tiff::decoder::{Decoder, Limits};
 
 use super::directory::{Entry, File, place_of};
-use super::{Look, index, wide};
+use super::{Look, index};
 use crate::error::Result;
 use crate::io::jpeg;
 use crate::io::samples::{self, Endian, Layout, SampleType};
 use crate::io::source::{Encoding, Source};
-use crate::num;
+use crate::num::{self, wide};
 use crate::scene::Samples;
 
 /// Most bytes of the tables that the strips of a page share.
 const MAX_TABLES: u64 = 4096;
-
-const NATIVE: Endian = if cfg!(target_endian = "little") { Endian::Little } else { Endian::Big };
 
 /// One image of a file: its first directory's, or that of a page.
 #[derive(Clone, Debug)]
@@ -157,7 +155,7 @@ impl Page {
         Layout {
             dims: [self.width, self.height, num::count(slices)],
             kind: self.kind,
-            endian: NATIVE,
+            endian: Endian::NATIVE,
             components: look.count,
             pick: look.pick,
         }
@@ -330,9 +328,9 @@ impl Page {
             }
         } else {
             let bytes = self.assemble(file, chunks, look)?;
-            let endian = if self.compression == Compression::None { file.endian } else { NATIVE };
+            let endian = if self.compression == Compression::None { file.endian } else { Endian::NATIVE };
             let bytes = if self.half { widened(&bytes, endian) } else { bytes };
-            let endian = if self.half { NATIVE } else { endian };
+            let endian = if self.half { Endian::NATIVE } else { endian };
             let layout = Layout { endian, ..*layout };
             samples::append(&mut &*bytes, pixels, &layout, values).map_err(|error| source.io_error(error))?;
         }
