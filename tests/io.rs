@@ -930,7 +930,7 @@ fn scene_files_are_refused_by_place_and_rule() {
     );
     volume(r#"{"field": "blobs", "dims": [4,3,2], "array": "a"}"#, &["volume.array", "\"a\"", "fields"]);
     volume(r#"{"file": "a.raw", "array": 1}"#, &["volume.array", "string"]);
-    volume(r#"{"file": "a.raw", "dims": [4,3,2], "type": "int16"}"#, &["volume.type", "int16", "i16"]);
+    volume(r#"{"file": "a.raw", "dims": [4,3,2], "type": "int17"}"#, &["volume.type", "int17", "i16"]);
     volume(r#"{"file": "a.raw", "dims": [4,3,2], "type": "u8", "endian": "pdp"}"#, &["volume.endian", "pdp"]);
     volume(r#"{"file": "a.raw", "dims": [4,-3,2], "type": "u8"}"#, &["volume.dims[1]", "-3"]);
     volume(r#"{"file": "a.raw", "dims": [4,3], "type": "u8"}"#, &["volume.dims", "length 2"]);

@@ -62,7 +62,7 @@ pub use arrays::{ArrayInfo, Association, Pick};
 pub(crate) use image::replace;
 pub use image::{read_exr, write_exr, write_image, write_png};
 pub use options::{Progress, ReadOptions};
-pub(crate) use raw::describes_raw;
+pub(crate) use raw::{Described, describes_raw, load_raw};
 pub use raw::{RawLayout, read_raw};
 pub use samples::{Endian, SampleType};
 use source::Source;

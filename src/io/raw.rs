@@ -19,7 +19,7 @@ use super::source::Source;
 use super::text;
 use super::volume::Chosen;
 use super::{Loaded, ReadOptions, Reader};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::scene::Grid;
 use crate::scene::file::json_error;
 
@@ -146,6 +146,11 @@ impl Reader for Raw {
     }
 }
 
+/// The same as [`read_raw`], with what is to be told of it.
+pub(crate) fn load_raw(path: &Path, layout: &RawLayout, options: &ReadOptions) -> Result<Loaded> {
+    Raw.load(&Source::open(path, options)?, layout, options, Vec::new())
+}
+
 impl Raw {
     fn load(
         &self,
@@ -212,17 +217,45 @@ impl Sidecar {
     }
 
     fn layout(&self, source: &Source) -> Result<RawLayout> {
-        let Some((kind, _)) = type_of(&self.r#type.to_lowercase()) else {
-            let names = SampleType::ALL.map(SampleType::name).join(", ");
-            let rule = format!("\"{}\": must be one of {names}", text::shown(&self.r#type));
-            return Err(source.error("type", rule));
+        let described = Described {
+            dims: self.dims,
+            kind: &self.r#type,
+            endian: self.endian.as_deref(),
+            spacing: self.spacing,
+            origin: self.origin,
+            direction: self.direction,
+            offset: self.offset,
         };
-        let endian = match self.endian.as_deref().map(str::to_lowercase).as_deref() {
+        described.layout(&|key, rule| source.error(key, rule))
+    }
+}
+
+/// What JSON says of raw samples, in a file of its own or in a scene.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Described<'a> {
+    pub(crate) dims: [u32; 3],
+    pub(crate) kind: &'a str,
+    pub(crate) endian: Option<&'a str>,
+    pub(crate) spacing: Option<[f64; 3]>,
+    pub(crate) origin: Option<[f64; 3]>,
+    pub(crate) direction: Option<[f64; 9]>,
+    pub(crate) offset: Option<u64>,
+}
+
+impl Described<'_> {
+    /// The layout. `refuse` makes an error of a key and the rule that its value breaks.
+    pub(crate) fn layout(&self, refuse: &dyn Fn(&str, String) -> Error) -> Result<RawLayout> {
+        let Some((kind, _)) = type_of(&self.kind.to_lowercase()) else {
+            let names = SampleType::ALL.map(SampleType::name).join(", ");
+            let rule = format!("\"{}\": must be one of {names}", text::shown(self.kind));
+            return Err(refuse("type", rule));
+        };
+        let endian = match self.endian.map(str::to_lowercase).as_deref() {
             None | Some("little") => Endian::Little,
             Some("big") => Endian::Big,
             Some(other) => {
                 let rule = format!("\"{}\": must be little or big", text::shown(other));
-                return Err(source.error("endian", rule));
+                return Err(refuse("endian", rule));
             }
         };
         let plain = RawLayout::new(self.dims, kind);

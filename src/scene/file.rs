@@ -5,13 +5,13 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use serde::de::{IgnoredAny, MapAccess, SeqAccess, Visitor, value};
 use serde::{Deserialize, Deserializer};
 
 use super::{Camera, Field, Grid, Knot, Projection, Scene, TransferFunction, View, auto};
 use crate::error::{Error, Result};
-use crate::io::{self, Data, Endian, Loaded, RawLayout, ReadOptions, Report, SampleType};
+use crate::io::{self, Data, Described, Loaded, ReadOptions, Report};
 
 /// A technique's name and options, as a scene file or a command line gives them.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -132,11 +132,6 @@ impl Volume {
             Data::Points(_) => "holds points: no technique draws points, only grids",
         };
         Err(Error::file(file, "content", rule))
-    }
-
-    /// What was made without a reader.
-    fn made(file: &Path, grid: Grid, format: &'static str) -> Self {
-        Self { grid, file: file.to_path_buf(), report: Report { format, ..Report::default() } }
     }
 }
 
@@ -329,13 +324,14 @@ impl VolumeSpec {
                 if let Some(key) = stray() {
                     return refuse(key, "belongs to raw data: a field fills the cube from -1 to 1".into());
                 }
-                Ok(Volume::made(scene, self.analytic(scene, field, options)?, "analytic field"))
+                Ok(Volume {
+                    grid: self.analytic(scene, field, options)?,
+                    file: scene.to_path_buf(),
+                    report: Report { format: "analytic field", ..Report::default() },
+                })
             }
             (Some(file), None) => match (self.dims, &self.r#type) {
-                (Some(dims), Some(kind)) => {
-                    let file = beside(scene, file);
-                    Ok(Volume::made(&file, self.raw(scene, &file, dims, kind, options)?, "raw"))
-                }
+                (Some(dims), Some(kind)) => self.raw(scene, &beside(scene, file), dims, kind, options),
                 (Some(_), None) => refuse("volume.type", "missing: raw data has `dims` and `type`".into()),
                 (None, Some(_)) => refuse("volume.dims", "missing: raw data has `dims` and `type`".into()),
                 (None, None) => match stray() {
@@ -385,27 +381,18 @@ impl VolumeSpec {
         dims: [u32; 3],
         kind: &str,
         options: &ReadOptions,
-    ) -> Result<Grid> {
-        let kind = SampleType::from_name(kind).map_err(|error| match error {
-            Error::Invalid { why, .. } => Error::file(scene, "volume.type", why),
-            other => other,
-        })?;
-        let endian = match self.endian.as_deref() {
-            None | Some("little") => Endian::Little,
-            Some("big") => Endian::Big,
-            Some(other) => {
-                let rule = format!("\"{other}\": must be little or big");
-                return Err(Error::file(scene, "volume.endian", rule));
-            }
+    ) -> Result<Volume> {
+        let described = Described {
+            dims,
+            kind,
+            endian: self.endian.as_deref(),
+            spacing: self.spacing,
+            origin: self.origin,
+            direction: self.direction,
+            offset: self.offset,
         };
-        let mut layout = RawLayout { endian, ..RawLayout::new(dims, kind) };
-        layout.offset = self.offset.unwrap_or(layout.offset);
-        layout.spacing = self.spacing.map_or(layout.spacing, DVec3::from_array);
-        layout.origin = self.origin.map_or(layout.origin, DVec3::from_array);
-        // The file has rows, the matrix columns.
-        layout.direction =
-            self.direction.map_or(layout.direction, |rows| DMat3::from_cols_array(&rows).transpose());
-        io::read_raw(file, &layout, options)
+        let layout = described.layout(&|key, rule| Error::file(scene, format!("volume.{key}"), rule))?;
+        Volume::drawable(file, io::load_raw(file, &layout, options)?)
     }
 }
 
