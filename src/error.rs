@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 #[non_exhaustive]
 pub enum Error {
     /// The caller passed a value that breaks a rule. Nothing reached the device.
-    #[error("invalid {what}: {why}")]
+    #[error("invalid {}: {}", line(what), line(why))]
     Invalid {
         /// The value's name, as the caller knows it.
         what: String,
@@ -15,7 +15,7 @@ pub enum Error {
         why: String,
     },
     /// A file's contents break a rule of its format.
-    #[error("{}: {place}: {rule}", shown(path))]
+    #[error("{}: {}: {}", shown(path), line(place), line(rule))]
     File {
         /// The file.
         path: PathBuf,
@@ -92,11 +92,16 @@ pub enum Error {
 
 /// A path in one line: a name may hold anything.
 fn shown(path: &Path) -> String {
-    let mut text = String::new();
-    for c in path.display().to_string().chars() {
-        if c.is_control() { text.extend(c.escape_default()) } else { text.push(c) }
+    line(&path.display().to_string())
+}
+
+/// Text in one line: messages quote what stands in files.
+fn line(text: &str) -> String {
+    let mut line = String::with_capacity(text.len());
+    for c in text.chars() {
+        if c.is_control() { line.extend(c.escape_default()) } else { line.push(c) }
     }
-    text
+    line
 }
 
 /// The crate's result type.
@@ -145,8 +150,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_with_line_breaks_stay_in_one_line() {
-        let error = Error::file(Path::new("a\nb\u{7}é.raw"), "size", "0");
-        assert_eq!(error.to_string(), "a\\nb\\u{7}é.raw: size: 0");
+    fn what_is_quoted_stays_in_one_line() {
+        let error = Error::file(Path::new("a\nb\u{7}é.raw"), "key\r\n", "\t0");
+        assert_eq!(error.to_string(), "a\\nb\\u{7}é.raw: key\\r\\n: \\t0");
     }
 }
