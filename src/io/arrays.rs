@@ -83,11 +83,16 @@ pub(crate) struct Choice {
 /// Chooses the array to show, as [`super::ReadOptions::array`] says. None, where nothing is asked for and
 /// nothing is there.
 pub(crate) fn choose(source: &Source, arrays: &[ArrayInfo], wanted: Option<&str>) -> Result<Option<Choice>> {
-    if let Some(wanted) = wanted {
-        return find(source, arrays, wanted).map(Some);
+    match wanted {
+        Some(wanted) => find(source, arrays, wanted).map(Some),
+        None => Ok(choose_among(arrays, |_, _| true)),
     }
-    let all =
-        || arrays.iter().enumerate().filter(|(_, array)| array.components > 0 && !array.is_bookkeeping());
+}
+
+/// Chooses the array to show where nothing is asked for, among those that may be.
+pub(crate) fn choose_among(arrays: &[ArrayInfo], may: impl Fn(usize, &ArrayInfo) -> bool) -> Option<Choice> {
+    let any = || arrays.iter().enumerate().filter(|&(i, array)| array.components > 0 && may(i, array));
+    let all = || any().filter(|(_, array)| !array.is_bookkeeping());
     let of = |association| move |(_, array): &(usize, &ArrayInfo)| array.association == association;
     let first = |association| all().filter(of(association)).find(|(_, array)| array.components == 1);
     let found = all()
@@ -96,8 +101,8 @@ pub(crate) fn choose(source: &Source, arrays: &[ArrayInfo], wanted: Option<&str>
         .or_else(|| first(Association::Cell))
         .or_else(|| all().find(of(Association::Point)))
         .or_else(|| all().next())
-        .or_else(|| arrays.iter().enumerate().find(|(_, array)| array.components > 0));
-    Ok(found.map(|(index, array)| Choice { index, pick: usual(array) }))
+        .or_else(|| any().next());
+    found.map(|(index, array)| Choice { index, pick: usual(array) })
 }
 
 /// Finds an array by `NAME`, `NAME:PART`, `point:NAME` or `cell:NAME:PART`.

@@ -132,7 +132,7 @@ impl Dataset {
         };
         let association = arrays[index].association;
         let per_tuple = if association == Association::Point { self.points.len() } else { self.types.len() };
-        budget.take("arrays", u64::try_from(per_tuple).unwrap_or(u64::MAX).saturating_mul(4))?;
+        budget.take("arrays", num::wide(per_tuple).saturating_mul(4))?;
         let mut values = read(index, pick)?.into_f32();
         if values.len() != per_tuple {
             let rule = format!("{} tuples: {per_tuple} are needed", values.len());
@@ -153,14 +153,14 @@ impl Dataset {
             .keys()
             .any(|&number| !matches!(CellKind::of_vtk(number), None | Some(CellKind::Tetrahedron)));
         let ranks = if split {
-            budget.take("points", u64::try_from(points.len()).unwrap_or(u64::MAX).saturating_mul(8))?;
+            budget.take("points", num::wide(points.len()).saturating_mul(8))?;
             ranks(&points)
         } else {
             Vec::new()
         };
         let centres: usize =
             types.iter().filter(|&&n| CellKind::of_vtk(n).is_some_and(|k| k.centre().is_some())).count();
-        budget.take("points", u64::try_from(centres).unwrap_or(u64::MAX).saturating_mul(28))?;
+        budget.take("points", num::wide(centres).saturating_mul(28))?;
 
         let full = |_: TryReserveError| source.error("cells", "memory is full");
         let most = usize::try_from(most).unwrap_or(usize::MAX);
@@ -333,7 +333,7 @@ pub(crate) fn points(
         if array.association == Association::Cell && array.components > 0 {
             return Err(source.error(format!("array {array}"), "cell data: points need point data"));
         }
-        budget.take("arrays", u64::try_from(count).unwrap_or(u64::MAX).saturating_mul(4))?;
+        budget.take("arrays", num::wide(count).saturating_mul(4))?;
         let values = read(index, pick)?.into_f32();
         if values.len() != count {
             let rule = format!("{} tuples: there are {count} points", values.len());
@@ -349,19 +349,8 @@ pub(crate) fn points(
         .into_iter()
         .filter_map(|name| wanted(name).ok().flatten().map(|choice| choice.index))
         .collect();
-    let own: Vec<ArrayInfo> = arrays
-        .iter()
-        .enumerate()
-        .filter(|(i, array)| array.association == Association::Point && !taken.contains(i))
-        .map(|(_, array)| array.clone())
-        .collect();
-    let chosen = match &options.array {
-        Some(name) => Some(arrays::find(source, &arrays, name)?),
-        None => arrays::choose(source, &own, None)?.and_then(|choice| {
-            let index = arrays.iter().position(|array| *array == own[choice.index])?;
-            Some(Choice { index, ..choice })
-        }),
-    };
+    let own = |i: usize, array: &ArrayInfo| array.association == Association::Point && !taken.contains(&i);
+    let chosen = wanted(&options.array)?.or_else(|| arrays::choose_among(&arrays, own));
     let mut scalars = chosen.map(|choice| column(budget, choice.index, choice.pick)).transpose()?;
     let mut radii =
         wanted(&options.radius)?.map(|choice| column(budget, choice.index, choice.pick)).transpose()?;
@@ -378,7 +367,7 @@ pub(crate) fn points(
                     return Err(source.error(format!("array {}", arrays[index]), rule));
                 }
             };
-            budget.take("arrays", u64::try_from(count).unwrap_or(u64::MAX).saturating_mul(24))?;
+            budget.take("arrays", num::wide(count).saturating_mul(24))?;
             let mut all = vec![[0.0; 6]; count];
             for (i, place) in places.into_iter().enumerate() {
                 for (all, value) in all.iter_mut().zip(column(budget, index, Pick::Component(place))?) {
@@ -506,7 +495,7 @@ pub(crate) fn ghosts(
             && array.kind == SampleType::U8
     };
     let Some(index) = arrays.iter().position(is) else { return Ok(None) };
-    budget.take("vtkGhostType", u64::try_from(count).unwrap_or(u64::MAX))?;
+    budget.take("vtkGhostType", num::wide(count))?;
     Ok(match read(index, Pick::Component(0))? {
         Samples::U8(flags) if flags.len() == count => Some(flags),
         _ => None,

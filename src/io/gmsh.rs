@@ -72,11 +72,11 @@ impl Reader for Gmsh {
         let solids = (0..mesh.types.len()).filter(|&cell| solid(cell)).count();
         let groups = (0..physical.len()).any(|cell| physical[cell] != 0 && solid(cell));
         let of_cells = views.iter().any(|view| view.association == Association::Cell);
-        let taken = length(elements.len()).saturating_mul(Tags::BYTES);
+        let taken = num::wide(elements.len()).saturating_mul(Tags::BYTES);
         let elements = if of_cells { Tags::new(source, "element", elements)? } else { Tags::none() };
         budget.put_back(taken.saturating_sub(elements.bytes()));
         let solid: Vec<bool> = if of_cells {
-            budget.take("elements", length(mesh.types.len()))?;
+            budget.take("elements", num::wide(mesh.types.len()))?;
             (0..mesh.types.len()).map(solid).collect()
         } else {
             Vec::new()
@@ -95,7 +95,7 @@ impl Reader for Gmsh {
         let counts = (points.len(), mesh.types.len());
         // Which values are given.
         let most = if of_cells { counts.0.max(counts.1) } else { counts.0 };
-        budget.take("arrays", length(most))?;
+        budget.take("arrays", num::wide(most))?;
         let mut warnings = BTreeSet::new();
         let mut read = |index: usize, pick: Pick| -> Result<Samples> {
             let Some(view) = views.get(index) else {
@@ -158,10 +158,6 @@ fn refuse_left_out(source: &Source, wanted: &str, views: &[View], left_out: &BTr
         }
     }
     Ok(())
-}
-
-fn length(count: usize) -> u64 {
-    u64::try_from(count).unwrap_or(u64::MAX)
 }
 
 /// Elements.
@@ -386,7 +382,7 @@ impl File {
             let parametric = stream.int("0 or 1")? != 0;
             let many = stream.wide("a number of nodes")?;
             stream.end_row()?;
-            if many > length(count - pairs.len()) {
+            if many > num::wide(count - pairs.len()) {
                 return Err(stream.error(format!("a block of {many} nodes: {count} in all are announced")));
             }
             for _ in 0..many {
@@ -494,7 +490,7 @@ impl File {
             (true, true) => 4,
             (true, false) => self.format.wide.bytes(),
         };
-        let nodes = length(kind.nodes);
+        let nodes = num::wide(kind.nodes);
         let words = tags.saturating_add(nodes).saturating_mul(size);
         // Of the first line of words a part is behind, and the last has no blank after it.
         let slack = if binary { 0 } else { size };
@@ -595,8 +591,8 @@ fn make_room(stream: &Stream, list: &mut Vec<u32>, more: usize, budget: &mut Bud
         return Ok(());
     }
     let capacity = needed.max(list.capacity().saturating_add(list.capacity() / 2)).max(64);
-    budget.take("elements", length(capacity).saturating_mul(4))?;
-    let old = length(list.capacity());
+    budget.take("elements", num::wide(capacity).saturating_mul(4))?;
+    let old = num::wide(list.capacity());
     let full = |_| stream.scanner.source().error("elements", "memory is full");
     list.try_reserve_exact(capacity - list.len()).map_err(full)?;
     budget.put_back(old.saturating_mul(4));

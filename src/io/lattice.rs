@@ -80,11 +80,10 @@ pub(crate) fn build(
     let overflow = || source.error("dimensions", format!("{dims:?}: more samples than memory can address"));
     let count =
         dims.iter().try_fold(1_u64, |n, &extent| n.checked_mul(u64::from(extent))).ok_or_else(overflow)?;
-    let size = count;
     let stored = if pick == Pick::Magnitude { 4 } else { arrays[index].kind.stored_bytes() };
-    budget.take("dimensions", size.saturating_mul(stored))?;
+    budget.take("dimensions", count.saturating_mul(stored))?;
     let mut samples = read(index, pick)?;
-    if Ok(samples.len()) != usize::try_from(size) {
+    if Ok(samples.len()) != usize::try_from(count) {
         let [x, y, z] = dims;
         let rule = format!("{} tuples: {x} x {y} x {z} are needed", samples.len());
         return Err(source.error(format!("array {}", arrays[index]), rule));
@@ -92,10 +91,10 @@ pub(crate) fn build(
 
     if let Some(flags) = dataset::ghosts(&arrays, association, samples.len(), budget, read)? {
         let hidden = if association == Association::Point { 2 } else { 32 };
-        let count = flags.iter().filter(|&&flag| flag & hidden != 0).count();
-        if count > 0 {
+        let masked = flags.iter().filter(|&&flag| flag & hidden != 0).count();
+        if masked > 0 {
             let narrow = !matches!(samples, Samples::F32(_));
-            budget.take("vtkGhostType", if narrow { size.saturating_mul(4) } else { 0 })?;
+            budget.take("vtkGhostType", if narrow { count.saturating_mul(4) } else { 0 })?;
             let mut values = samples.into_f32();
             for (value, flag) in values.iter_mut().zip(flags) {
                 if flag & hidden != 0 {
@@ -103,7 +102,7 @@ pub(crate) fn build(
                 }
             }
             samples = Samples::F32(values);
-            notes.push(format!("{count} hidden samples are NaN"));
+            notes.push(format!("{masked} hidden samples are NaN"));
         }
     }
 

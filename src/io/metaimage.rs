@@ -24,6 +24,7 @@ use super::text;
 use super::volume::{Chosen, Files, Numbered, Placement};
 use super::{Loaded, ReadOptions, Reader};
 use crate::error::{Error, Result};
+use crate::num;
 use crate::scene::{Anatomy, Grid, Rescale};
 
 pub(super) struct MetaImage;
@@ -150,7 +151,7 @@ impl<'a> Header<'a> {
                 return Err(source.error("header", format!("longer than {MAX_HEADER} bytes")));
             }
         }
-        let end = u64::try_from(at).unwrap_or(u64::MAX);
+        let end = num::wide(at);
         let mut header = Self { source, fields, names, end, rank: 3 };
         header.rank = header.parse_rank()?;
         Ok(header)

@@ -193,7 +193,7 @@ impl<'a> Array<'a> {
     /// Samples whose last axis is the slowest in the file, a block at a time.
     fn turned(&self, count: usize, layout: &Layout, options: &ReadOptions) -> Result<Samples> {
         let source = self.source;
-        let volume = u64::try_from(count).unwrap_or(u64::MAX);
+        let volume = num::wide(count);
         let plane = Layout { components: 1, pick: Pick::Component(0), ..*layout };
         let mut budget = Budget::new(source, options);
         let full = |_| source.error("shape", format!("{count} samples: memory is full"));
@@ -202,7 +202,7 @@ impl<'a> Array<'a> {
             Pick::Component(component) => {
                 let bytes = volume.saturating_mul(layout.kind.stored_bytes());
                 budget.take("shape", bytes)?;
-                let skip = volume.saturating_mul(u64::try_from(component).unwrap_or(u64::MAX));
+                let skip = volume.saturating_mul(num::wide(component));
                 let mut numbers = self.numbers(skip);
                 let mut samples = Samples::none(layout.kind, layout.pick);
                 samples.reserve(count).map_err(full)?;
@@ -302,7 +302,7 @@ impl<'a> Array<'a> {
             let column = index + 3;
             let mut samples = Samples::none(self.kind, Pick::Component(0));
             let (skip, components, pick) = if self.fortran {
-                (n.saturating_mul(u64::try_from(column).unwrap_or(u64::MAX)), 1, Pick::Component(0))
+                (n.saturating_mul(num::wide(column)), 1, Pick::Component(0))
             } else {
                 (0, columns, Pick::Component(column))
             };

@@ -270,7 +270,7 @@ impl<'a> Header<'a> {
                 list = header.get("data file").is_some_and(is_list);
             }
         }
-        header.end = u64::try_from(at).unwrap_or(u64::MAX);
+        header.end = num::wide(at);
         // A detached header may end with its file; attached data needs the empty line.
         if !complete && (header.get("data file").is_none() || source.len() > MAX_HEADER) {
             return Err(source.error(

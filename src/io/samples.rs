@@ -218,7 +218,7 @@ pub(crate) fn read(
     }
     let mut samples = Samples::none(layout.kind, layout.pick);
     for i in 0..parts {
-        let share = Share { count: count / parts, bytes: bytes / u64::try_from(parts).unwrap_or(u64::MAX) };
+        let share = Share { count: count / parts, bytes: bytes / num::wide(parts) };
         let part = part(i)?;
         share.check(&part, layout)?;
         if i == 0 {

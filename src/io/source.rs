@@ -14,6 +14,7 @@ use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 use super::ReadOptions;
 use super::options::Progress;
 use crate::error::{Error, Result};
+use crate::num;
 
 /// How bytes are packed from some place of a file to its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,7 +101,7 @@ impl Source {
     /// What was unpacked from a file, under its name and alone. Nothing is copied.
     #[cfg(feature = "dicom")]
     pub(crate) fn unpacked(path: &Path, bytes: Vec<u8>) -> Result<Self> {
-        let (len, bytes) = (u64::try_from(bytes.len()).unwrap_or(u64::MAX), Arc::new(bytes));
+        let (len, bytes) = (num::wide(bytes.len()), Arc::new(bytes));
         Self::new(path, Body::Memory { bytes, bundle: Arc::default() }, len, None)
     }
 
@@ -108,7 +109,7 @@ impl Source {
         let Some(bytes) = path.to_str().and_then(|name| bundle.get(name)) else {
             return Err(Error::io(path, "cannot open", std::io::ErrorKind::NotFound.into()));
         };
-        let len = u64::try_from(bytes.len()).unwrap_or(u64::MAX);
+        let len = num::wide(bytes.len());
         Self::new(path, Body::Memory { bytes: bytes.clone(), bundle: bundle.clone() }, len, None)
     }
 
@@ -278,7 +279,7 @@ impl Read for At<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         self.file.seek(SeekFrom::Start(self.position))?;
         let got = self.file.read(buffer)?;
-        self.position = self.position.saturating_add(u64::try_from(got).unwrap_or(u64::MAX));
+        self.position = self.position.saturating_add(num::wide(got));
         if let Some(progress) = &self.inner.progress {
             progress.call(self.position.min(self.inner.len), self.inner.len);
         }

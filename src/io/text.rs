@@ -123,7 +123,7 @@ impl<'a> Scanner<'a> {
         } else {
             self.ahead.drain(..bytes.min(self.ahead.len()));
         }
-        self.position = self.position.saturating_add(u64::try_from(bytes).unwrap_or(u64::MAX));
+        self.position = self.position.saturating_add(num::wide(bytes));
     }
 
     fn fill(&mut self) -> Result<&[u8]> {
@@ -252,7 +252,7 @@ impl<'a> Scanner<'a> {
             let blanks = buffer.iter().take_while(|byte| byte.is_ascii_whitespace()).count();
             let lines = buffer[..blanks].iter().filter(|&&byte| byte == b'\n').count();
             let done = blanks < buffer.len();
-            self.line += u64::try_from(lines).unwrap_or(u64::MAX);
+            self.line += num::wide(lines);
             self.advance(blanks);
             if done {
                 return Ok(());
@@ -356,7 +356,7 @@ impl<'a> Scanner<'a> {
             }
             let take = buffer.min(usize::try_from(left).unwrap_or(usize::MAX));
             self.advance(take);
-            left -= u64::try_from(take).unwrap_or(u64::MAX);
+            left -= num::wide(take);
         }
         Ok(())
     }
@@ -401,7 +401,7 @@ impl Read for Scanner<'_> {
             self.ahead.drain(..take);
             take
         };
-        self.position = self.position.saturating_add(u64::try_from(got).unwrap_or(u64::MAX));
+        self.position = self.position.saturating_add(num::wide(got));
         Ok(got)
     }
 }

@@ -8,6 +8,7 @@ use super::samples::{Layout, MAX_COMPONENTS};
 use super::source::Source;
 use super::{Loaded, ReadOptions};
 use crate::error::{Error, Result};
+use crate::num;
 use crate::scene::{Anatomy, Grid, Rescale};
 
 /// The name of the one array that such a file has.
@@ -130,7 +131,7 @@ impl Files {
 
     pub(crate) fn count(&self) -> u64 {
         match self {
-            Self::Named(names) => u64::try_from(names.len()).unwrap_or(u64::MAX),
+            Self::Named(names) => num::wide(names.len()),
             Self::Numbered(numbered) => numbered.count,
         }
     }

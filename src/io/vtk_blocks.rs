@@ -17,6 +17,7 @@ use super::source::{Budget, Encoding, Source};
 use super::text::{self, Scanner, stream_error};
 use super::vtk_document::{Array, Compressor, Place, Storage, Text};
 use crate::error::{Error, Result};
+use crate::num;
 
 impl Compressor {
     /// The most bytes that so many packed ones can hold.
@@ -92,7 +93,7 @@ impl<'a> Cursor<'a> {
 impl Read for Cursor<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         let got = self.reader.read(buffer)?;
-        self.position = self.position.saturating_add(u64::try_from(got).unwrap_or(u64::MAX));
+        self.position = self.position.saturating_add(num::wide(got));
         Ok(got)
     }
 }
@@ -104,7 +105,7 @@ impl BufRead for Cursor<'_> {
 
     fn consume(&mut self, bytes: usize) {
         self.reader.consume(bytes);
-        self.position = self.position.saturating_add(u64::try_from(bytes).unwrap_or(u64::MAX));
+        self.position = self.position.saturating_add(num::wide(bytes));
     }
 }
 
@@ -407,7 +408,7 @@ impl BufRead for Bytes<'_, '_> {
     }
 
     fn consume(&mut self, bytes: usize) {
-        let count = u64::try_from(bytes).unwrap_or(u64::MAX);
+        let count = num::wide(bytes);
         self.left = self.left.saturating_sub(count);
         if self.base64 {
             self.behind = self.behind.saturating_add(bytes).min(self.decoded.len());

@@ -13,6 +13,7 @@ use super::samples::{Endian, MAX_COMPONENTS, SampleType};
 use super::source::{Budget, Source};
 use super::text::{shown, stream_error};
 use crate::error::{Error, Result};
+use crate::num;
 
 /// Longest tag or comment, in bytes.
 const MAX_MARKUP: usize = 1 << 20;
@@ -223,7 +224,7 @@ impl BufRead for Counted<'_> {
             self.line += u64::try_from(lines).unwrap_or(0);
         }
         self.reader.consume(bytes);
-        self.position = self.position.saturating_add(u64::try_from(bytes).unwrap_or(u64::MAX));
+        self.position = self.position.saturating_add(num::wide(bytes));
         if let Some(fuel) = &mut self.fuel {
             *fuel = fuel.saturating_sub(bytes);
         }
@@ -592,7 +593,7 @@ impl<'a> Parser<'a> {
         if name.len() > MAX_NAME {
             return Err(own.error("Name", format!("longer than {MAX_NAME} bytes")));
         }
-        let bytes = size::<(Section, Array)>().saturating_add(u64::try_from(name.len()).unwrap_or(u64::MAX));
+        let bytes = size::<(Section, Array)>().saturating_add(num::wide(name.len()));
         // Lists grow by doubling.
         budget.take("arrays", bytes.saturating_mul(2))?;
         let components = match own.get("NumberOfComponents").map(str::trim) {

@@ -589,7 +589,7 @@ fn samples_of(
     let count =
         usize::try_from(count).map_err(|_| source.error(&place, "more samples than memory can address"))?;
     // The whole has been taken from the budget; which of it is there takes a byte each.
-    budget.take(&place, u64::try_from(count).unwrap_or(u64::MAX))?;
+    budget.take(&place, num::wide(count))?;
     let full = |_| source.error(&place, "memory is full");
     samples.reserve(count).map_err(full)?;
     samples.resize(count);

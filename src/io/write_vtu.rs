@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use super::Data;
 use super::image::replace;
 use crate::error::{Error, Result};
+use crate::num;
 use crate::scene::{KernelSize, Points, TetScalars, Tets};
 
 /// Bytes of a block before packing, at most.
@@ -193,8 +194,7 @@ fn coordinates(points: &[DVec3]) -> Array<'_> {
 /// `first`, `first + step`, and so on.
 fn counting(name: &str, tuples: usize, first: u64, step: u64) -> Array<'static> {
     let put = move |range: Range<usize>, bytes: &mut Vec<u8>| {
-        let number =
-            |i: usize| u64::try_from(i).unwrap_or(u64::MAX).saturating_mul(step).saturating_add(first);
+        let number = |i: usize| num::wide(i).saturating_mul(step).saturating_add(first);
         bytes.extend(range.flat_map(|i| number(i).to_le_bytes()));
     };
     Array { name: name.into(), kind: "Int64", components: 1, tuples, bytes: 8, put: Box::new(put) }
@@ -258,7 +258,7 @@ impl Piece<'_> {
                     escaped(&array.name),
                     array.components
                 ));
-                slots.push(u64::try_from(text.len()).unwrap_or(u64::MAX));
+                slots.push(num::wide(text.len()));
                 // Room for the number and the quote that ends it.
                 text.push_str(&" ".repeat(DIGITS + 1));
                 text.push_str("/>\n");
@@ -297,7 +297,7 @@ impl Array<'_> {
         }
         let end = writer.stream_position()?;
         writer.seek(SeekFrom::Start(table))?;
-        let word = |word: usize| u64::try_from(word).unwrap_or(u64::MAX).to_le_bytes();
+        let word = |word: usize| num::wide(word).to_le_bytes();
         writer.write_all(&words.into_iter().flat_map(word).collect::<Vec<u8>>())?;
         writer.seek(SeekFrom::Start(end)).map(drop)
     }

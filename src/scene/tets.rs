@@ -97,7 +97,7 @@ impl Tets {
         let mut kept = 0;
         for i in 0..cells.len() {
             let mut cell = cells[i];
-            match orientation(cell.map(|i| points[num::index(i)])) {
+            match Orientation::of(cell.map(|i| points[num::index(i)])) {
                 Orientation::Positive => {}
                 Orientation::Negative => {
                     cell.swap(2, 3);
@@ -222,30 +222,26 @@ pub(crate) enum Orientation {
 
 impl Orientation {
     /// The sign of six times the volume, where float64 knows it.
-    pub(crate) fn of(corners: [DVec3; 4]) -> Self {
-        orientation(corners)
-    }
-}
-
-fn orientation([a, b, c, d]: [DVec3; 4]) -> Orientation {
-    if !(a.is_finite() && b.is_finite() && c.is_finite() && d.is_finite()) {
-        return Orientation::Nowhere;
-    }
-    let (u, v, w) = (b - a, c - a, d - a);
-    let (p, q) = (v.y * w.z - v.z * w.y, v.z * w.x - v.x * w.z);
-    let r = v.x * w.y - v.y * w.x;
-    let volume = u.x * p + u.y * q + u.z * r;
-    let magnitude = u.x.abs() * ((v.y * w.z).abs() + (v.z * w.y).abs())
-        + u.y.abs() * ((v.z * w.x).abs() + (v.x * w.z).abs())
-        + u.z.abs() * ((v.x * w.y).abs() + (v.y * w.x).abs());
-    const EPSILON: f64 = f64::EPSILON / 2.0;
-    let bound = (7.0 + 56.0 * EPSILON) * EPSILON * magnitude;
-    if volume > bound {
-        Orientation::Positive
-    } else if -volume > bound {
-        Orientation::Negative
-    } else {
-        Orientation::Flat
+    pub(crate) fn of([a, b, c, d]: [DVec3; 4]) -> Self {
+        if !(a.is_finite() && b.is_finite() && c.is_finite() && d.is_finite()) {
+            return Self::Nowhere;
+        }
+        let (u, v, w) = (b - a, c - a, d - a);
+        let (p, q) = (v.y * w.z - v.z * w.y, v.z * w.x - v.x * w.z);
+        let r = v.x * w.y - v.y * w.x;
+        let volume = u.x * p + u.y * q + u.z * r;
+        let magnitude = u.x.abs() * ((v.y * w.z).abs() + (v.z * w.y).abs())
+            + u.y.abs() * ((v.z * w.x).abs() + (v.x * w.z).abs())
+            + u.z.abs() * ((v.x * w.y).abs() + (v.y * w.x).abs());
+        const EPSILON: f64 = f64::EPSILON / 2.0;
+        let bound = (7.0 + 56.0 * EPSILON) * EPSILON * magnitude;
+        if volume > bound {
+            Self::Positive
+        } else if -volume > bound {
+            Self::Negative
+        } else {
+            Self::Flat
+        }
     }
 }
 

@@ -217,7 +217,7 @@ fn assemble(
     let (total, _) = samples::data_size(source, "Rows, Columns, slices", &layout, options)?;
     let mut budget = account.budget.clone();
     let stored = if same { kind.stored_bytes() } else { 4 };
-    budget.take("series", u64::try_from(total).unwrap_or(u64::MAX).saturating_mul(stored))?;
+    budget.take("series", num::wide(total).saturating_mul(stored))?;
     let scratch = headers.iter().map(frames::scratch).max().unwrap_or(0);
     // Numbers of one slice, where each has a map of its own.
     let one = if same { 0 } else { first.rows.saturating_mul(first.columns).saturating_mul(4) };

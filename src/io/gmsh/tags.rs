@@ -1,8 +1,8 @@
 //! Numbers of nodes and elements, which may be anything.
 
-use super::length;
 use crate::error::Result;
 use crate::io::source::Source;
+use crate::num;
 
 /// From tags to indices.
 #[derive(Debug)]
@@ -26,7 +26,7 @@ impl Tags {
     pub(super) fn new(source: &Source, what: &str, mut pairs: Vec<(u64, u32)>) -> Result<Self> {
         let Some(&(first, _)) = pairs.first() else { return Ok(Self::none()) };
         if pairs.iter().all(|&(tag, index)| tag.checked_sub(first) == Some(index.into())) {
-            return Ok(Self::Consecutive { first, count: length(pairs.len()) });
+            return Ok(Self::Consecutive { first, count: num::wide(pairs.len()) });
         }
         let (first, last) =
             pairs.iter().fold((first, first), |(lo, hi), &(tag, _)| (lo.min(tag), hi.max(tag)));
@@ -55,8 +55,8 @@ impl Tags {
     pub(super) fn bytes(&self) -> u64 {
         match self {
             Self::Consecutive { .. } => 0,
-            Self::Dense { indices, .. } => length(indices.len()).saturating_mul(4),
-            Self::Sorted(pairs) => length(pairs.capacity()).saturating_mul(16),
+            Self::Dense { indices, .. } => num::wide(indices.len()).saturating_mul(4),
+            Self::Sorted(pairs) => num::wide(pairs.capacity()).saturating_mul(16),
         }
     }
 

@@ -2,7 +2,6 @@
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 
-use super::length;
 use super::stream::{Format, Stream, count_line, pass_section};
 use super::tags::Tags;
 use crate::error::Result;
@@ -148,7 +147,7 @@ impl Views {
         if self.sections > MAX_VIEWS {
             return Err(stream.scanner.line_error(format!("more than {MAX_VIEWS} sections of data")));
         }
-        budget.take("views", length(BYTES))?;
+        budget.take("views", num::wide(BYTES))?;
         let strings = count_line(stream, "the number of string tags")?;
         let mut name = String::new();
         let mut scheme = false;
@@ -194,7 +193,7 @@ impl Views {
         };
         stream.scanner.end_line()?;
         // In the view and in its array, by itself and by its step.
-        budget.take("views", length(name.len()).saturating_mul(4))?;
+        budget.take("views", num::wide(name.len()).saturating_mul(4))?;
         Ok(Header { name, scheme, step, components: size, count, partition })
     }
 
@@ -208,7 +207,7 @@ impl Views {
     ) -> Result<()> {
         let Header { name, scheme, step, components, count, partition } = self.header(stream, budget)?;
         let Format { binary, real, .. } = stream.format;
-        let numbers = length(components);
+        let numbers = num::wide(components);
         // A digit and a blank each; the last needs no blank.
         let least = match binary {
             None => numbers.saturating_mul(2).saturating_add(2),
@@ -257,7 +256,7 @@ impl Views {
     ) -> Result<()> {
         let Header { name, components, count, .. } = self.header(stream, budget)?;
         if stream.format.binary.is_some() {
-            let tuple = length(components).saturating_mul(stream.format.real.bytes());
+            let tuple = num::wide(components).saturating_mul(stream.format.real.bytes());
             for _ in 0..count {
                 stream.natural("an element's number")?;
                 let nodes = stream.natural("a number of nodes")?;

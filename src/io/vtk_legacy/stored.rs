@@ -128,7 +128,7 @@ impl Stored {
     }
 
     fn numbers(&self) -> u64 {
-        self.tuples.saturating_mul(u64::try_from(self.components).unwrap_or(u64::MAX))
+        self.tuples.saturating_mul(num::wide(self.components))
     }
 
     /// Points, until the function has enough.
