@@ -147,14 +147,15 @@ fn mutate(random: &mut Random, bytes: &mut Vec<u8>, said: &mut String) {
     }
 }
 
-/// Reads what may be anything, and checks how that ends.
-fn survive(files: &[(&str, &[u8])], what: &dyn Fn() -> String) {
+/// Reads what may be anything, and checks how that ends: whether in data.
+fn survive(files: &[(&str, &[u8])], what: &dyn Fn() -> String) -> bool {
     let options = ReadOptions::within(LIMIT);
     let given: usize = files.iter().map(|(_, bytes)| bytes.len()).sum();
     let mut outcome = None;
     let memory = allocation_counter::measure(|| {
         outcome = Some(catch_unwind(AssertUnwindSafe(|| read_memory(files, &options).map(drop))));
     });
+    let read = matches!(outcome, Some(Ok(Ok(()))));
     match outcome {
         Some(Ok(Ok(()))) => {}
         Some(Ok(Err(error))) => {
@@ -166,6 +167,7 @@ fn survive(files: &[(&str, &[u8])], what: &dyn Fn() -> String) {
     }
     let most = LIMIT + BESIDE + 2 * given as u64;
     assert!(memory.bytes_max <= most, "{}: {} bytes of memory, at most {most}", what(), memory.bytes_max);
+    read
 }
 
 /// Damages the samples of a format.
@@ -187,10 +189,10 @@ pub fn damage(format: &str, samples: &[Sample]) {
         }
         let files: Vec<(&str, &[u8])> = files.iter().map(|(n, b)| (n.as_str(), b.as_slice())).collect();
         let what = || format!("{format}, case {case}, {}: {said}", sample.what);
-        survive(&files, &what);
-        read += 1;
+        read += u64::from(survive(&files, &what));
     }
-    assert_eq!(read, cases);
+    // Damage that is never felt, or always, would test one end only.
+    assert!(0 < read && read < cases, "{format}: {read} of {cases} cases were read");
 }
 
 /// Bytes that once did harm. Each folder is named as the file that its contents are read as.
@@ -220,7 +222,7 @@ fn the_harness_can_fail() {
     let small = allocation_counter::measure(|| drop(vec![0_u8; 1 << 16]));
     assert!(small.bytes_max >= 1 << 16);
     let bytes = b"NRRD0004\ntype: uchar\ndimension: 3\nsizes: 2 2 2\nencoding: raw\n\n12345678";
-    survive(&[("a.nrrd", bytes)], &|| "a volume".to_owned());
+    assert!(survive(&[("a.nrrd", bytes)], &|| "a volume".to_owned()));
     let mut random = Random(7);
     let changed = (0..100).filter(|_| {
         let (mut copy, mut said) = (bytes.to_vec(), String::new());
