@@ -116,7 +116,7 @@ fn sample_types_and_placements_match_the_reference() {
             let centre = direction * (DVec3::new(0.15, 0.18, 0.2) * grid.last_index() * 0.5);
             let grid = grid.clone().with_rescale(rescale).unwrap();
             let grid = grid.with_placement(DVec3::new(0.15, 0.18, 0.2), -centre, direction).unwrap();
-            let scene = Scene { grid, transfer: TransferFunction::from_rows(&rows).unwrap() };
+            let scene = Scene::new(grid, TransferFunction::from_rows(&rows).unwrap());
             let view = view(perspective(), 1.0, 30, 25);
             let truth = truth(&scene, &view);
             let on_device = GpuScene::new(&gpu, scene);
@@ -131,7 +131,7 @@ fn sample_types_and_placements_match_the_reference() {
     }
     // The comparison sees a mirrored axis.
     let view = view(perspective(), 1.0, 60, 50);
-    let scene = Scene { grid: base.clone(), transfer: TransferFunction::from_rows(&rows).unwrap() };
+    let scene = Scene::new(base.clone(), TransferFunction::from_rows(&rows).unwrap());
     let mirrored = base
         .with_placement(
             DVec3::new(2.0 / 13.0, 2.0 / 11.0, 2.0 / 9.0),
@@ -139,7 +139,7 @@ fn sample_types_and_placements_match_the_reference() {
             DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0)),
         )
         .unwrap();
-    let mirrored = Scene { grid: mirrored, transfer: scene.transfer.clone() };
+    let mirrored = Scene::new(mirrored, scene.transfer.clone());
     assert!(errors(&draw(&gpu, &mirrored, &view, "slices-3d:step=0.1"), &scene, &view).all.rmse > 1e-2);
 }
 
@@ -156,7 +156,7 @@ fn an_asymmetric_volume_appears_where_it_is() {
         let position = grid.world_of_index(DVec3::new(f64::from(x), f64::from(y), f64::from(z)));
         let transfer =
             TransferFunction::from_rows(&[[0.0, 1.0, 1.0, 1.0, 0.0], [255.0, 1.0, 1.0, 1.0, 20.0]]).unwrap();
-        let scene = Scene { grid, transfer };
+        let scene = Scene::new(grid, transfer);
         let on_device = GpuScene::new(&gpu, scene);
         for projection in [perspective(), orthographic()] {
             let view = view(projection, 1.0, 90, 70);
@@ -207,7 +207,7 @@ fn not_a_number_is_vacuum_and_infinity_is_an_end() {
         let many = TransferFunction::from_rows(&many).unwrap();
         for (projection, transfer) in [(perspective(), &few), (orthographic(), &few), (perspective(), &many)]
         {
-            let scene = Scene { grid: grid.clone(), transfer: transfer.clone() };
+            let scene = Scene::new(grid.clone(), transfer.clone());
             let view = view(projection, 1.0, 36, 30);
             let truth = truth(&scene, &view);
             let on_device = GpuScene::new(&gpu, scene);
@@ -249,7 +249,7 @@ fn many_knots_match_few() {
         let many = TransferFunction::from_rows(&many).unwrap();
         for route in specs(&gpu) {
             let image = |transfer: &TransferFunction| {
-                let scene = Scene { grid: grid.clone(), transfer: transfer.clone() };
+                let scene = Scene::new(grid.clone(), transfer.clone());
                 draw(&gpu, &scene, &view, &format!("{route},step=0.5"))
             };
             let errors = ImageErrors::between(&image(&few), &image(&many)).unwrap();
@@ -355,13 +355,13 @@ fn the_scale_of_the_world_does_not_matter() {
             let options = format!("{route},step=0.5");
             let want = draw(&gpu, &plain, &view, &options);
             for unit in [3e21, 3e18, 1e-10, 1e-20] {
-                let grid = plain.grid.clone();
+                let grid = plain.grid().unwrap().clone();
                 let grid = grid
                     .with_placement(DVec3::splat(2.0 / 15.0 * unit), DVec3::NEG_ONE * unit, DMat3::IDENTITY)
                     .unwrap();
                 let rows: Vec<[f64; 5]> =
                     FOG.iter().map(|&[s, r, g, b, tau]| [s, r, g, b, tau / unit]).collect();
-                let scene = Scene { grid, transfer: TransferFunction::from_rows(&rows).unwrap() };
+                let scene = Scene::new(grid, TransferFunction::from_rows(&rows).unwrap());
                 let projection = match projection {
                     Projection::Orthographic { half_height } => {
                         Projection::Orthographic { half_height: half_height * unit }
@@ -391,7 +391,7 @@ fn bright_colours_behind_opaque_matter_are_not_lost() {
     let samples = (0..4 * 4 * 4).map(|i| if i < 32 { 1.0 } else { 0.0 }).collect();
     let grid = Grid::new([4, 4, 4], Samples::F32(samples)).unwrap();
     let grid = grid.with_placement(DVec3::splat(2.0 / 3.0), DVec3::NEG_ONE, DMat3::IDENTITY).unwrap();
-    let scene = Scene { grid, transfer: TransferFunction::from_rows(&rows).unwrap() };
+    let scene = Scene::new(grid, TransferFunction::from_rows(&rows).unwrap());
     let camera =
         Camera { eye: DVec3::Z * 5.0, target: DVec3::ZERO, up: DVec3::Y, projection: orthographic() };
     let view = View::new(camera, 9, 9).unwrap();
@@ -432,7 +432,7 @@ fn integers_fall_on_the_right_side_of_a_jump() {
         let grid = grid.with_placement(DVec3::splat(2.0), DVec3::NEG_ONE, DMat3::IDENTITY).unwrap();
         let rows =
             [[value - 1.0, 1.0, 1.0, 1.0, 9.0], [value, 1.0, 1.0, 1.0, 9.0], [value, 1.0, 1.0, 1.0, 0.25]];
-        let scene = Scene { grid, transfer: TransferFunction::from_rows(&rows).unwrap() };
+        let scene = Scene::new(grid, TransferFunction::from_rows(&rows).unwrap());
         let on_device = GpuScene::new(&gpu, scene);
         // A sampler's filter may round even between equal samples.
         for options in specs(&gpu).iter().map(|spec| format!("{spec},filter=exact")) {
@@ -550,7 +550,7 @@ fn limits_are_reported_with_both_numbers() {
     let limit = gpu.max_image_3d();
     let long = limit + 1;
     let grid = Grid::new([long, 2, 2], Samples::U8(vec![1; 4 * long as usize])).unwrap();
-    let scene = Scene { grid, transfer: TransferFunction::from_rows(&FOG).unwrap() };
+    let scene = Scene::new(grid, TransferFunction::from_rows(&FOG).unwrap());
     let error = Renderer::new(&GpuScene::new(&gpu, scene), technique("slices-3d:filter=exact"))
         .render(&view)
         .unwrap_err();
@@ -635,7 +635,7 @@ fn smooth_scenes_converge_at_second_order() {
     let gpu = gpu();
     let transfer =
         TransferFunction::from_rows(&[[0.0, 0.1, 0.9, 0.4, 0.0], [1.0, 0.9, 0.2, 0.5, 3.0]]).unwrap();
-    let scene = Scene { grid: one_cell(), transfer };
+    let scene = Scene::new(one_cell(), transfer);
     let gpu_scene = GpuScene::new(&gpu, scene.clone());
     for projection in [perspective(), orthographic()] {
         let view = view(projection, 1.0, 64, 56);
@@ -662,12 +662,12 @@ fn a_jump_costs_sampling_an_order_and_integration_none() {
         [0.5, 0.9, 0.2, 0.1, 3.0],
         [1.0, 0.9, 0.2, 0.5, 1.0],
     ];
-    let scene = Scene { grid: one_cell(), transfer: TransferFunction::from_rows(&rows).unwrap() };
+    let scene = Scene::new(one_cell(), TransferFunction::from_rows(&rows).unwrap());
     let gpu_scene = GpuScene::new(&gpu, scene.clone());
     let view = view(perspective(), 1.0, 108, 96);
     let steps = [0.2, 0.1, 0.05, 0.025, 0.0125];
     // Rays that do not meet the jump do not see it.
-    let crosses = |pixel: DVec2| meets(&scene.grid, &view, pixel, 0.5);
+    let crosses = |pixel: DVec2| meets(scene.grid().unwrap(), &view, pixel, 0.5);
     for spec in specs(&gpu).iter().filter(|spec| !spec.contains("integrator") || spec.contains("midpoint")) {
         let orders = orders(&crosses, &scene, &view, &gpu_scene, spec, &steps);
         let mean = orders.iter().sum::<f64>() / 4.0;
@@ -810,7 +810,7 @@ fn empty_space_changes_nothing() {
         bytes,
     ];
     for grid in grids {
-        let first = Scene { grid, transfer: TransferFunction::from_rows(&FOG).unwrap() };
+        let first = Scene::new(grid, TransferFunction::from_rows(&FOG).unwrap());
         let first = GpuScene::new(&gpu, first);
         for (name, rows) in transfers {
             // Only the transfer function changes: samples and their ranges stay where they are.
@@ -871,10 +871,7 @@ fn a_changed_transfer_function_keeps_the_samples() {
     values[21] = f32::INFINITY;
     let grid = Grid::new([4, 4, 4], Samples::F32(values)).unwrap();
     let grid = grid.with_placement(DVec3::splat(2.0 / 3.0), DVec3::NEG_ONE, DMat3::IDENTITY).unwrap();
-    let with = |rows: &[[f64; 5]]| Scene {
-        grid: grid.clone(),
-        transfer: TransferFunction::from_rows(rows).unwrap(),
-    };
+    let with = |rows: &[[f64; 5]]| Scene::new(grid.clone(), TransferFunction::from_rows(rows).unwrap());
     let old = GpuScene::new(&gpu, with(&FOG));
     let t = technique("slices-3d:step=0.1");
     Renderer::new(&old, t).render(&view).unwrap();
@@ -962,7 +959,7 @@ fn integrators_are_right_at_the_extremes() {
     ] {
         let transfer = TransferFunction::from_rows(rows).unwrap();
         let mut worst = [0.0_f64; 4];
-        let gpu_scene = GpuScene::new(&gpu, Scene { grid: grid.clone(), transfer });
+        let gpu_scene = GpuScene::new(&gpu, Scene::new(grid.clone(), transfer));
         let truth = truth(gpu_scene.scene(), &view);
         for (i, integrator) in ["exact", "integral", "full,table=512"].into_iter().enumerate() {
             let t = technique(&format!("slabs:integrator={integrator},filter=exact,step=2"));
@@ -1201,8 +1198,7 @@ fn equal_scalars_are_right_at_any_length() {
             let grid = Grid::new([3, 3, 3], Samples::F32(vec![0.0; 27])).unwrap();
             let grid = grid.with_placement(DVec3::splat(unit), DVec3::splat(-unit), DMat3::IDENTITY).unwrap();
             let rows = [[0.0, 1.0, 1.0, 1.0, tau], [1.0, 1.0, 1.0, 1.0, 1.0 / unit]];
-            let scene =
-                GpuScene::new(&gpu, Scene { grid, transfer: TransferFunction::from_rows(&rows).unwrap() });
+            let scene = GpuScene::new(&gpu, Scene::new(grid, TransferFunction::from_rows(&rows).unwrap()));
             let projection = Projection::Orthographic { half_height: unit };
             let eye = DVec3::Z * 5.0 * unit;
             let view =
@@ -1256,7 +1252,7 @@ fn empty_space_beside_vacuum_changes_nothing() {
     let grid =
         grid.with_placement(DVec3::splat(0.06), DVec3::new(-0.45, -0.45, -0.96), DMat3::IDENTITY).unwrap();
     let rows = [[0.45, 1.0, 0.8, 0.3, 0.0], [0.5, 1.0, 0.8, 0.3, 24.0], [0.55, 1.0, 0.8, 0.3, 0.0]];
-    let scene = GpuScene::new(&gpu, Scene { grid, transfer: TransferFunction::from_rows(&rows).unwrap() });
+    let scene = GpuScene::new(&gpu, Scene::new(grid, TransferFunction::from_rows(&rows).unwrap()));
     let view = view(perspective(), 1.0, 30, 26);
     for spec in specs(&gpu).iter().filter(|spec| spec.contains("compute")) {
         for step in ["1", "6", "9"] {
@@ -1274,7 +1270,7 @@ fn stored_slices_keep_cells_with_nan_empty() {
     let samples = (0..9 * 9 * 9).map(|i| if i / 81 == 4 { f32::NAN } else { 1.0 }).collect();
     let grid = Grid::new([9, 9, 9], Samples::F32(samples)).unwrap();
     let grid = grid.with_placement(DVec3::splat(0.25), DVec3::NEG_ONE, DMat3::IDENTITY).unwrap();
-    let scene = Scene { grid, transfer: TransferFunction::from_rows(&[[0.0, 1.0, 1.0, 1.0, 1.0]]).unwrap() };
+    let scene = Scene::new(grid, TransferFunction::from_rows(&[[0.0, 1.0, 1.0, 1.0, 1.0]]).unwrap());
     let on_device = GpuScene::new(&gpu, scene.clone());
     for projection in [perspective(), orthographic()] {
         for distance in [1.0, -1.0] {

@@ -782,7 +782,7 @@ fn the_example_of_the_design_loads() {
     }"#,
     );
     let loaded = LoadedScene::load_any(&path, &OPTIONS).unwrap();
-    assert_eq!(loaded.scene.grid.samples(), &Samples::U8(ramp()));
+    assert_eq!(loaded.scene.grid().unwrap().samples(), &Samples::U8(ramp()));
     assert_eq!(loaded.scene.transfer.at(80.0), (DVec3::new(0.9, 0.6, 0.4), 0.02));
     assert_eq!(loaded.camera.eye, DVec3::new(2.0, 1.5, 3.8));
     assert_eq!(loaded.camera.projection, Projection::Perspective { fov_y_deg: 42.0 });
@@ -809,7 +809,10 @@ fn what_is_left_out_is_chosen_and_data_alone_takes_the_same_way() {
     let (_, loaded) = scene(&folder, r#", "image": {"height": 64}"#);
     let loaded = loaded.unwrap();
     assert_eq!((loaded.width, loaded.height), (512, 64));
-    assert_eq!(loaded.scene.grid.samples(), Field::Blobs.sample([8, 9, 10], "u8").unwrap().samples());
+    assert_eq!(
+        loaded.scene.grid().unwrap().samples(),
+        Field::Blobs.sample([8, 9, 10], "u8").unwrap().samples()
+    );
 }
 
 #[test]
@@ -821,7 +824,7 @@ fn raw_volumes_are_placed_by_rows() {
         r#"{"volume": {"file": "a.raw", "dims": [4,3,2], "type": "u8",
         "spacing": [1,2,3], "origin": [5,6,7], "direction": [0,-1,0, 1,0,0, 0,0,1]}}"#,
     );
-    let grid = SceneFile::load(path, &OPTIONS).unwrap().scene.grid;
+    let grid = SceneFile::load(path, &OPTIONS).unwrap().scene.grid().unwrap().clone();
     // Rows of the matrix: x' = -y, y' = x.
     assert_eq!(grid.world_of_index(DVec3::ONE), DVec3::new(5.0 - 2.0, 6.0 + 1.0, 7.0 + 3.0));
 }
@@ -1043,7 +1046,12 @@ fn one_head_in_every_format_has_the_same_values() {
     let files = ["head_i16_gzip.nrrd", "head_i16_be_raw.nrrd", "head_i16.nii.gz", "head_u16_slope.nii.gz"];
     let files = files.map(|name| folder.join(name)).into_iter().chain([raw]);
     for file in files {
-        let grid = LoadedScene::load_any(&file, &OPTIONS).unwrap_or_else(|e| panic!("{e}")).scene.grid;
+        let grid = LoadedScene::load_any(&file, &OPTIONS)
+            .unwrap_or_else(|e| panic!("{e}"))
+            .scene
+            .grid()
+            .unwrap()
+            .clone();
         let name = file.display();
         let slope = file.ends_with("head_u16_slope.nii.gz");
         assert_eq!(grid.dims(), [64, 64, 40], "{name}");

@@ -163,7 +163,7 @@ fn scene(grid: Grid) -> Scene {
         [0.6, 0.9, 0.8, 0.2, 8.0],
         [1.0, 1.0, 0.3, 0.1, 12.0],
     ];
-    Scene { grid, transfer: TransferFunction::from_rows(&rows).unwrap() }
+    Scene::new(grid, TransferFunction::from_rows(&rows).unwrap())
 }
 
 fn read(name: &str, bytes: &[u8]) -> Grid {

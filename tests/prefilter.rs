@@ -53,7 +53,7 @@ fn minified_noise_is_averaged() {
     let rows = [[0.0, 0.3, 0.6, 1.0, 0.0], [1.0, 0.3, 0.6, 1.0, 1.0]];
     // Streaks along z, so that rays do not average by themselves.
     let grid = cube(96, |x, y, _| if noise(x, y, 7) < 0.5 { 0.0 } else { 1.0 });
-    let scene = Scene { grid, transfer: TransferFunction::from_rows(&rows).unwrap() };
+    let scene = Scene::new(grid, TransferFunction::from_rows(&rows).unwrap());
     let gpu_scene = GpuScene::new(&gpu, scene.clone());
     let view = small(DVec3::new(0.03, 0.02, 6.0), 18.0, 16);
     let truth = area_truth(&scene, &view);
@@ -87,7 +87,7 @@ fn a_minified_checkerboard_keeps_its_mean() {
     let rows = [[0.0, 1.0, 1.0, 1.0, 0.0], [1.0, 1.0, 1.0, 1.0, 1.0]];
     let checker = |x: u32, y: u32, z: u32| if (x + y + z).is_multiple_of(2) { 0.0 } else { 1.0 };
     for n in [64, 63] {
-        let scene = Scene { grid: cube(n, checker), transfer: TransferFunction::from_rows(&rows).unwrap() };
+        let scene = Scene::new(cube(n, checker), TransferFunction::from_rows(&rows).unwrap());
         let gpu_scene = GpuScene::new(&gpu, scene.clone());
         let projection = Projection::Orthographic { half_height: 1.6 };
         let camera = Camera { eye: DVec3::Z * 6.0, target: DVec3::ZERO, up: DVec3::Y, projection };
@@ -112,7 +112,7 @@ fn a_far_volume_does_not_sparkle() {
     let gpu = gpu();
     let grid = cube(128, |x, y, z| if noise(x, y, z) < 0.1 { 1.0 } else { 0.0 });
     let rows = [[0.0, 1.0, 0.9, 0.8, 0.0], [1.0, 1.0, 0.9, 0.8, 4.0]];
-    let scene = Scene { grid, transfer: TransferFunction::from_rows(&rows).unwrap() };
+    let scene = Scene::new(grid, TransferFunction::from_rows(&rows).unwrap());
     let gpu_scene = GpuScene::new(&gpu, scene.clone());
     let mean = |image: &Image| image.pixels().iter().map(|p| f64::from(p[3])).sum::<f64>() / 64.0;
     let views: Vec<View> =
@@ -162,7 +162,7 @@ fn magnified_data_is_not_blurred() {
         }
     }
     let grid = cube(8, |x, _, _| if x == 3 { f32::NAN } else { 0.5 });
-    let scene = Scene { grid, transfer: TransferFunction::from_rows(&FOG).unwrap() };
+    let scene = Scene::new(grid, TransferFunction::from_rows(&FOG).unwrap());
     let error = Renderer::new(&GpuScene::new(&gpu, scene), technique("slices-3d:prefilter=mip"))
         .render(&view)
         .unwrap_err();

@@ -195,11 +195,12 @@ fn eight_bit_data_is_filtered_finely() {
     };
     let (hardware, exact) = (rmse("hardware"), rmse("exact"));
     // The same numbers as floats: exact fetches make no difference between the types.
-    let Samples::U8(codes) = scene.grid.samples() else { panic!("u8 was asked for") };
+    let Samples::U8(codes) = scene.grid().unwrap().samples() else { panic!("u8 was asked for") };
     let floats =
-        Grid::new(scene.grid.dims(), Samples::F32(codes.iter().map(|&v| f32::from(v)).collect())).unwrap();
+        Grid::new(scene.grid().unwrap().dims(), Samples::F32(codes.iter().map(|&v| f32::from(v)).collect()))
+            .unwrap();
     let floats = floats.with_placement(DVec3::splat(2.0 / 31.0), DVec3::NEG_ONE, DMat3::IDENTITY).unwrap();
-    let floats = Scene { grid: floats, transfer: scene.transfer.clone() };
+    let floats = Scene::new(floats, scene.transfer.clone());
     let twin = errors(&draw(&gpu, &floats, &view, &spec("step=0.25,filter=exact")), &scene, &view).all.rmse;
     assert!((exact - twin).abs() < 1e-6, "exact {exact:e} of u8, {twin:e} of the same as f32");
     // Sampling dominates: 8-bit rounding (0.75/255 at tau slopes of 375) would add some 1e-2.

@@ -50,7 +50,7 @@ fn the_stack_that_faces_the_viewer_is_drawn() {
     let grid = Field::Blobs.sample([12, 12, 12], "f32").unwrap();
     let grid = grid.with_placement(DVec3::splat(0.2), DVec3::splat(-1.0), shear).unwrap();
     let centre = grid.centre();
-    let scene = Scene { grid, transfer: TransferFunction::from_rows(&FOG).unwrap() };
+    let scene = Scene::new(grid, TransferFunction::from_rows(&FOG).unwrap());
     let scene = GpuScene::new(&gpu, scene);
     let renderer = Renderer::new(&scene, technique("slices-2d:"));
     // The y planes are spanned by x and z, the z planes by x and (0, 1, 0.9): normal (0, -0.9, 1).
@@ -137,7 +137,7 @@ fn only_what_is_used_lies_on_the_device() {
     let bytes = 20 * 21 * 22 * 4;
     let make = || {
         let grid = Field::Blobs.sample([20, 21, 22], "f32").unwrap();
-        GpuScene::new(&gpu, Scene { grid, transfer: TransferFunction::from_rows(&FOG).unwrap() })
+        GpuScene::new(&gpu, Scene::new(grid, TransferFunction::from_rows(&FOG).unwrap()))
     };
     let (front, side) = (turned(orthographic(), 0.0, 16), turned(orthographic(), 90.0, 16));
     // Texels, and at most what alignment adds: lavapipe rounds a layer's rows up to 64 bytes and 4 rows.
@@ -172,7 +172,7 @@ fn only_what_is_used_lies_on_the_device() {
 fn too_many_slices_are_refused() {
     let gpu = gpu();
     let grid = Field::Ramp.sample([2, 2, 4097], "f32").unwrap();
-    let scene = Scene { grid, transfer: TransferFunction::from_rows(&FOG).unwrap() };
+    let scene = Scene::new(grid, TransferFunction::from_rows(&FOG).unwrap());
     let result = Renderer::new(&GpuScene::new(&gpu, scene), technique("slices-2d:"))
         .prepare(&turned(orthographic(), 0.0, 16), &TargetDesc::own());
     match result {

@@ -96,7 +96,7 @@ impl Args {
         if SceneFile::is_at(&self.input, &options) {
             let LoadedScene { scene, file, report, .. } = LoadedScene::load_any(&self.input, &options)?;
             self.check_place(&file)?;
-            return Ok((Data::Grid(scene.grid), report));
+            return Ok((scene.data, report));
         }
         let loaded = io::read(&self.input, &options)?;
         Ok((loaded.data, loaded.report))

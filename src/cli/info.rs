@@ -61,14 +61,14 @@ impl Args {
         if SceneFile::is_at(&self.file, &options) {
             let loaded = LoadedScene::load_any(&self.file, &options)?;
             drop(reading);
-            return Ok(self.of_grid(&Input::new(&self.file, loaded, None, start)?));
+            return self.of_grid(&Input::new(&self.file, loaded, None, start)?);
         }
         let loaded = io::read(&self.file, &options)?;
         drop(reading);
         match &loaded.data {
             Data::Grid(_) => {
                 let loaded = LoadedScene::from_loaded(&self.file, loaded)?;
-                Ok(self.of_grid(&Input::new(&self.file, loaded, None, start)?))
+                self.of_grid(&Input::new(&self.file, loaded, None, start)?)
             }
             Data::Mesh(mesh) => Ok(self.of_mesh(mesh, &loaded.report)),
             Data::Points(points) => Ok(self.of_points(points, &loaded.report)),
@@ -76,9 +76,10 @@ impl Args {
         }
     }
 
-    fn of_grid(&self, input: &Input) -> Facts {
+    fn of_grid(&self, input: &Input) -> Result<Facts> {
         let Input { scene, settings } = input;
-        let grid = &scene.grid;
+        let grid =
+            scene.grid().ok_or_else(|| Error::Invalid { what: "data".into(), why: "no grid".into() })?;
         let mut facts = Facts::new(&self.file, "grid", &settings.data, &settings.report);
         facts.lattice(grid);
         facts.values(grid.range(), grid.nan_count(), grid.infinite_count(), &Histogram::of(grid));
@@ -117,7 +118,7 @@ impl Args {
             facts.line("technique", format!("{} {}", choice.name, options.join(",")).trim_end().to_string());
         }
         facts.tail = knots_text(&scene.transfer);
-        facts
+        Ok(facts)
     }
 
     fn of_mesh(&self, mesh: &Tets, report: &Report) -> Facts {

@@ -203,7 +203,7 @@ impl Input {
         } = loaded;
         let Size { width, height } = size.unwrap_or(Size { width, height });
         if size.is_some() && camera_is_automatic {
-            camera = auto::camera(&scene.grid, width, height).map_err(|error| error.in_file(path))?;
+            camera = auto::camera_for(&scene.data, width, height).map_err(|error| error.in_file(path))?;
         }
         let view = View::new(camera, width, height).map_err(|error| error.in_file(path))?;
         let settings = Settings {

@@ -105,7 +105,7 @@ impl StandardScene {
                 TransferFunction::from_rows(&stretched.collect::<Vec<_>>())?
             }
         };
-        Ok(Scene { grid: Field::from_name(self.field)?.sample([self.side; 3], self.kind)?, transfer })
+        Ok(Scene::new(Field::from_name(self.field)?.sample([self.side; 3], self.kind)?, transfer))
     }
 }
 
@@ -292,7 +292,7 @@ mod tests {
             assert_eq!(scene.views(false, SIZE).unwrap().len(), scene.view_count(false));
             let small = StandardScene { side: 4, ..*scene };
             let loaded = small.load().unwrap();
-            assert_eq!(loaded.grid.samples().type_name(), scene.kind);
+            assert_eq!(loaded.grid().unwrap().samples().type_name(), scene.kind);
             let [lo, hi] = loaded.transfer.domain();
             assert!(lo >= scene.range[0] && hi <= scene.range[1] && hi > lo, "{}", scene.name);
         }

@@ -56,7 +56,8 @@ use std::io::Write as _;
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::scene::{Grid, Points, Rescale, Tets};
+pub use crate::scene::Data;
+use crate::scene::{Grid, Rescale};
 
 pub use arrays::{ArrayInfo, Association, Pick};
 pub(crate) use image::replace;
@@ -68,36 +69,6 @@ pub use samples::{Endian, SampleType};
 use source::Source;
 pub use write_nrrd::write_nrrd;
 pub use write_vtu::write_vtu;
-
-/// What a file holds.
-#[derive(Clone, Debug)]
-#[non_exhaustive]
-pub enum Data {
-    /// Samples on a lattice.
-    Grid(Grid),
-    /// Tetrahedra.
-    Mesh(Tets),
-    /// Scattered points.
-    Points(Points),
-}
-
-impl Data {
-    /// What it is, in words.
-    #[must_use]
-    pub fn kind(&self) -> &'static str {
-        match self {
-            Self::Grid(_) => "grid",
-            Self::Mesh(_) => "mesh",
-            Self::Points(_) => "points",
-        }
-    }
-}
-
-impl From<Grid> for Data {
-    fn from(grid: Grid) -> Self {
-        Self::Grid(grid)
-    }
-}
 
 /// What a person may want to know of how a file was read.
 #[derive(Clone, Debug, Default)]

@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3};
 
 use crate::num;
-use crate::scene::Scene;
+use crate::scene::{Grid, TransferFunction};
 
 use super::march::{Classes, March};
 use super::polynomial::Cubic;
@@ -15,7 +15,7 @@ const MAX_SAMPLE: f64 = 1e100;
 /// A scene's grid and transfer function, prepared for rays.
 #[derive(Debug)]
 pub(super) struct GridRays<'a> {
-    scene: &'a Scene,
+    grid: &'a Grid,
     classes: Classes,
     to_index: DMat3,
     centre: DVec3,
@@ -25,14 +25,14 @@ pub(super) struct GridRays<'a> {
 }
 
 impl<'a> GridRays<'a> {
-    pub(super) fn new(scene: &'a Scene) -> Self {
+    pub(super) fn new(grid: &'a Grid, transfer: &TransferFunction) -> Self {
         Self {
-            scene,
-            classes: Classes::new(&scene.transfer),
-            to_index: scene.grid.index_to_world().inverse(),
-            centre: scene.grid.centre(),
-            last: scene.grid.last_index(),
-            ends: scene.transfer.domain(),
+            grid,
+            classes: Classes::new(transfer),
+            to_index: grid.index_to_world().inverse(),
+            centre: grid.centre(),
+            last: grid.last_index(),
+            ends: transfer.domain(),
         }
     }
 
@@ -65,7 +65,7 @@ impl<'a> GridRays<'a> {
 
         // Walk from face to face. A face's place on the ray is computed from its number, never summed
         // up, and two faces at one place leave a stretch of no length between them.
-        let dims = self.scene.grid.dims();
+        let dims = self.grid.dims();
         let mut cell: [u32; 3] = std::array::from_fn(|axis| {
             num::u32_of((start[axis] + slope[axis] * t0).floor()).min(dims[axis] - 2)
         });
@@ -130,7 +130,7 @@ impl<'a> GridRays<'a> {
 
     /// One sample; NaN is vacuum, infinities have become the transfer function's ends.
     fn sample(&self, x: u32, y: u32, z: u32) -> f64 {
-        let value = self.scene.grid.value(x, y, z);
+        let value = self.grid.value(x, y, z);
         if value == f64::INFINITY {
             self.ends[1]
         } else if value == f64::NEG_INFINITY {

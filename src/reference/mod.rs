@@ -148,7 +148,7 @@ pub fn render(
     })?;
     pixels.resize(total, [0.0; 4]);
 
-    let rays = GridRays::new(scene);
+    let rays = rays(scene)?;
     let range = view_range(view);
     let done = AtomicU32::new(0);
     pixels.par_chunks_mut(num::index(width)).zip(0..height).for_each(|(row, y)| {
@@ -187,7 +187,13 @@ pub fn ray(scene: &Scene, origin: DVec3, direction: DVec3, t_range: [f64; 2]) ->
     if t_range.iter().any(|t| t.is_nan()) {
         return Err(Error::invalid("ray range", format!("{t_range:?}: must be two numbers")));
     }
-    Ok(GridRays::new(scene).trace(origin, direction, t_range))
+    Ok(rays(scene)?.trace(origin, direction, t_range))
+}
+
+/// The scene's data and transfer function, prepared for rays.
+fn rays(scene: &Scene) -> Result<GridRays<'_>> {
+    let grid = scene.grid().ok_or_else(|| Error::invalid("reference", "the scene holds no grid"))?;
+    Ok(GridRays::new(grid, &scene.transfer))
 }
 
 /// Orthographic rays run over all real numbers, perspective rays start at the eye.

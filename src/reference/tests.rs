@@ -22,7 +22,7 @@ fn grid(dims: [u32; 3], value: impl Fn(u32, u32, u32) -> f32) -> Grid {
 }
 
 fn scene(grid: Grid, rows: &[[f64; 5]]) -> Scene {
-    Scene { grid, transfer: TransferFunction::from_rows(rows).unwrap() }
+    Scene::new(grid, TransferFunction::from_rows(rows).unwrap())
 }
 
 /// The unit cube in one cell with s = x.
@@ -83,12 +83,13 @@ impl Random {
 
 /// Extinction and colour at a place in the world, by eight weights; no cells, no knots.
 fn medium(scene: &Scene, p: DVec3) -> (DVec3, f64) {
-    let m = scene.grid.index_to_world();
+    let grid = scene.grid().unwrap();
+    let m = grid.index_to_world();
     let (a, b, c) = (m.x_axis, m.y_axis, m.z_axis);
-    let r = p - scene.grid.origin();
+    let r = p - grid.origin();
     let volume = a.dot(b.cross(c));
     let index = [r.dot(b.cross(c)) / volume, a.dot(r.cross(c)) / volume, a.dot(b.cross(r)) / volume];
-    let dims = scene.grid.dims();
+    let dims = grid.dims();
     let mut base = [0_u32; 3];
     let mut w = [0.0; 3];
     for i in 0..3 {
@@ -102,7 +103,7 @@ fn medium(scene: &Scene, p: DVec3) -> (DVec3, f64) {
     for corner in 0..8_u32 {
         let bits = [corner & 1, (corner >> 1) & 1, corner >> 2];
         let weight: f64 = (0..3).map(|i| if bits[i] == 1 { w[i] } else { 1.0 - w[i] }).product();
-        s += weight * scene.grid.value(base[0] + bits[0], base[1] + bits[1], base[2] + bits[2]);
+        s += weight * grid.value(base[0] + bits[0], base[1] + bits[1], base[2] + bits[2]);
     }
     scene.transfer.at(s)
 }
@@ -395,7 +396,8 @@ fn a_placed_grid_equals_the_plain_one_seen_from_the_placed_camera() {
         let origin = DVec3::new(30.0, -20.0, 7.0);
         let spacing = DVec3::splat(2.0 / 7.0);
         let mut placed = plain.clone();
-        placed.grid = placed.grid.with_placement(spacing, origin, direction).unwrap();
+        placed.data =
+            placed.grid().unwrap().clone().with_placement(spacing, origin, direction).unwrap().into();
         for _ in 0..20 {
             let (o, d, range) = chord(&mut random);
             let want = ray(&plain, o, d, range).unwrap();
@@ -508,19 +510,17 @@ fn axis_aligned_and_face_grazing_rays_are_limits_of_their_neighbours() {
 fn a_nan_sample_empties_its_cells_and_no_other() {
     // No vacuum at any scalar: what is empty is so because of the NaN.
     let rows = [[0.0, 0.1, 0.2, 0.6, 1.0], [0.5, 1.0, 0.8, 0.3, 0.3], [1.0, 0.3, 0.4, 1.0, 2.0]];
-    let whole = Scene { transfer: TransferFunction::from_rows(&rows).unwrap(), ..marschner_lobb(6) };
-    let Samples::F32(mut samples) = whole.grid.samples().clone() else { panic!("asked for f32") };
+    let whole = scene(Field::MarschnerLobb.sample([6; 3], "f32").unwrap(), &rows);
+    let Samples::F32(mut samples) = whole.grid().unwrap().samples().clone() else { panic!("asked for f32") };
     // Sample (2, 3, 1): the cells [1, 3] x [2, 4] x [0, 2] are vacuum.
     samples[(6 + 3) * 6 + 2] = f32::NAN;
     let place = |samples| {
         let grid = Grid::new([6; 3], Samples::F32(samples)).unwrap();
-        Scene {
-            grid: grid.with_placement(DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap(),
-            transfer: whole.transfer.clone(),
-        }
+        let grid = grid.with_placement(DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        Scene::new(grid, whole.transfer.clone())
     };
     let holed = place(samples);
-    let Samples::F32(samples) = whole.grid.samples().clone() else { panic!("asked for f32") };
+    let Samples::F32(samples) = whole.grid().unwrap().samples().clone() else { panic!("asked for f32") };
     let whole = place(samples);
     let mut hit = 0;
     for y in 0..10 {
@@ -554,8 +554,9 @@ fn infinite_samples_take_the_end_knots_before_interpolation() {
     }
     // A negative slope turns the infinities round.
     let turned = scene(grid([2, 2, 2], value([f32::INFINITY, f32::NEG_INFINITY])), &rows);
-    let turned =
-        Scene { grid: turned.grid.with_rescale(Rescale { slope: -1.0, intercept: 2.0 }).unwrap(), ..turned };
+    let rescaled =
+        turned.grid().unwrap().clone().with_rescale(Rescale { slope: -1.0, intercept: 2.0 }).unwrap();
+    let turned = Scene::new(rescaled, turned.transfer);
     assert_eq!(
         everywhere(&turned, DVec3::new(-1.0, 0.3, 0.5), DVec3::X),
         everywhere(&finite, DVec3::new(-1.0, 0.3, 0.5), DVec3::X)
@@ -576,18 +577,18 @@ fn splitting_reversing_and_scaling() {
         assert!((reversed[3] - whole[3]).abs() < 1e-12);
         // Extinction times k, lengths over k.
         let k = 1000.0;
-        let m = scene.grid.spacing();
-        let small = Scene {
-            grid: scene.grid.clone().with_placement(m / k, scene.grid.origin() / k, DMat3::IDENTITY).unwrap(),
-            transfer: TransferFunction::from_rows(&SHELLS.map(|[s, r, g, b, tau]| [s, r, g, b, tau * k]))
-                .unwrap(),
-        };
+        let grid = scene.grid().unwrap();
+        let m = grid.spacing();
+        let small = Scene::new(
+            grid.clone().with_placement(m / k, grid.origin() / k, DMat3::IDENTITY).unwrap(),
+            TransferFunction::from_rows(&SHELLS.map(|[s, r, g, b, tau]| [s, r, g, b, tau * k])).unwrap(),
+        );
         same(ray(&small, o / k, d, [a / k, b / k]).unwrap(), whole, 1e-11);
         // Twice the colour is twice the image.
         let bright =
             TransferFunction::from_rows(&SHELLS.map(|[s, r, g, b, tau]| [s, 2.0 * r, 2.0 * g, 2.0 * b, tau]))
                 .unwrap();
-        let bright = ray(&Scene { grid: scene.grid.clone(), transfer: bright }, o, d, [a, b]).unwrap();
+        let bright = ray(&Scene::new(grid.clone(), bright), o, d, [a, b]).unwrap();
         same(bright, [2.0 * whole[0], 2.0 * whole[1], 2.0 * whole[2], whole[3]], 1e-14);
     }
 }

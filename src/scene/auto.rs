@@ -4,8 +4,8 @@
 
 use glam::DVec3;
 
-use super::{Anatomy, Camera, Grid, Knot, Projection, TransferFunction, View};
-use crate::error::Result;
+use super::{Anatomy, Camera, Data, Grid, Knot, Projection, TransferFunction, View};
+use crate::error::{Error, Result};
 use crate::num;
 
 /// Vertical angle of view, in degrees.
@@ -15,6 +15,18 @@ const TURN: f64 = 35.0;
 const RISE: f64 = 20.0;
 /// Share of the half image that the data's box fills in the tighter direction.
 const FILL: f64 = 0.98;
+
+/// A camera that frames data.
+///
+/// # Errors
+///
+/// As [`camera`]; [`Error::Invalid`] for data that no camera is chosen for.
+pub fn camera_for(data: &Data, width: u32, height: u32) -> Result<Camera> {
+    match data {
+        Data::Grid(grid) => camera(grid, width, height),
+        other => Err(Error::invalid("camera", format!("must be given for a {}", other.kind()))),
+    }
+}
 
 /// A camera that frames the grid's box: perspective, from the front, turned to one side and slightly
 /// from above.

@@ -103,7 +103,7 @@ impl LoadedScene {
         };
         View::new(camera, width, height).map_err(located)?;
         Ok(Self {
-            scene: Scene { grid, transfer },
+            scene: Scene::new(grid, transfer),
             camera,
             camera_is_automatic,
             width,

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use ash::vk;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::shader::{
     BINDING_BRICKS, BINDING_RANGES, BINDING_VISIBLE, BRICKS_COMPUTE, TABLE_BINS_PER_ROW,
 };
@@ -17,7 +17,7 @@ use crate::num::{self, f32_of};
 use crate::optics::DeviceKnots;
 use crate::optics::cumulative::Cumulative;
 use crate::optics::full::Full;
-use crate::scene::{Grid, Rescale, Samples, Scene, TransferFunction};
+use crate::scene::{Grid, Rescale, Samples, Scene, Tets, TransferFunction};
 
 use super::bricks::{MinMax, nonzero_ranges};
 use super::grid_options::{Integrator, SegmentOptions};
@@ -136,15 +136,37 @@ impl GpuScene {
     #[must_use]
     pub fn with_transfer(&self, transfer: TransferFunction) -> Arc<Self> {
         // Infinite samples were uploaded as the old transfer function's ends.
-        let shared = self.scene.grid.infinite_count() == 0;
+        let shared = self.scene.grid().is_none_or(|grid| grid.infinite_count() == 0);
         let data = if shared { Arc::clone(&self.data) } else { Arc::default() };
-        Self::sharing(&self.gpu, Scene { grid: self.scene.grid.clone(), transfer }, data)
+        Self::sharing(&self.gpu, Scene::new(self.scene.data.clone(), transfer), data)
     }
 
     /// The scene.
     #[must_use]
     pub fn scene(&self) -> &Scene {
         &self.scene
+    }
+
+    /// The grid.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] where the scene holds something else.
+    pub(crate) fn grid(&self) -> Result<&Grid> {
+        self.scene.grid().ok_or_else(|| self.not_drawn("grids"))
+    }
+
+    /// The mesh.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] where the scene holds something else.
+    pub(crate) fn mesh(&self) -> Result<&Tets> {
+        self.scene.mesh().ok_or_else(|| self.not_drawn("meshes"))
+    }
+
+    fn not_drawn(&self, what: &str) -> Error {
+        Error::invalid("technique", format!("draws {what}: the scene holds a {}", self.scene.data.kind()))
     }
 
     /// Time that uploads have taken.
@@ -161,7 +183,7 @@ impl GpuScene {
 
     /// The samples, encoded for exact fetches or for the sampler's filter, with mip levels or without.
     pub(crate) fn volume(&self, layout: Layout, for_filter: bool, mip: bool) -> Result<Arc<Volume>> {
-        let grid = &self.scene.grid;
+        let grid = self.grid()?;
         let encoding = self.encoding(grid.samples(), for_filter, mip)?;
         let (dims, along) = match layout {
             Layout::Volume => (grid.dims(), [true; 3]),
@@ -243,7 +265,7 @@ impl GpuScene {
             }
             Integrator::Full => {
                 // No segment is longer than the domain.
-                let longest = diagonal(&self.scene.grid);
+                let longest = diagonal(self.grid()?);
                 let Full { head, size, layers, texels } = Full::new(transfer, size, LAYERS, longest);
                 let sizes = [f64::from(size), f64::from(layers), longest, 0.0];
                 (head, sizes, volume([size, size, layers]), texels)
@@ -311,7 +333,7 @@ impl GpuScene {
             return Ok(found.clone());
         }
         let start = Instant::now();
-        let bricks = MinMax::of(&self.scene.grid);
+        let bricks = MinMax::of(self.grid()?);
         let buffer = Buffer::with_data(&self.gpu, "bricks.ranges", bytemuck::cast_slice(&bricks.ranges))?;
         let made = (buffer, num::count(bricks.ranges.len()));
         *known = Some(made.clone());

@@ -184,7 +184,7 @@ impl GridFrame {
         let name = technique.name();
         let options = *technique.options();
         let gpu = scene.gpu();
-        let grid = &scene.scene().grid;
+        let grid = scene.grid()?;
         let route = options.route_on(gpu, name)?;
         let mip = options.prefilter == Prefilter::Mip;
         // A sampler need not hand NaN on.
@@ -290,7 +290,7 @@ impl GridFrame {
     /// Turns to another view of the same image size. `false`, and nothing is changed, when the plan has no
     /// room for it.
     pub(crate) fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool> {
-        let grid = &self.scene.scene().grid;
+        let grid = self.scene.grid()?;
         let in_use = self.samples.get(self.current).and_then(|samples| samples.axis);
         let axis = self.technique.stack_axis(grid, view, in_use);
         let Some(place) = self.samples.iter().position(|samples| samples.axis == axis) else {
@@ -492,7 +492,7 @@ fn cut(
     view: &View,
     axis: Option<usize>,
 ) -> Result<Cut> {
-    let grid = &scene.scene().grid;
+    let grid = scene.grid()?;
     let options = technique.options();
     let rays = GridRays::new(grid, view).turned(axis.unwrap_or(2));
     let slabs = technique.slabs(grid, &rays, axis);

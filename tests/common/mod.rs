@@ -121,10 +121,7 @@ pub const FOG: [[f64; 5]; 5] = [
 ];
 
 pub fn scene(field: Field, n: u32, kind: &str, rows: &[[f64; 5]]) -> Scene {
-    Scene {
-        grid: field.sample([n, n, n], kind).unwrap(),
-        transfer: TransferFunction::from_rows(rows).unwrap(),
-    }
+    Scene::new(field.sample([n, n, n], kind).unwrap(), TransferFunction::from_rows(rows).unwrap())
 }
 
 pub fn perspective() -> Projection {

@@ -193,8 +193,8 @@ fn scenes_and_layouts_share_an_ending() {
     let scene = folder.write("scene.json", r#"{"volume": {"file": "a.json"}, "image": {"width": 64}}"#);
     let alone = LoadedScene::load_any(layout, &OPTIONS).unwrap();
     let named = LoadedScene::load_any(&scene, &OPTIONS).unwrap();
-    assert_eq!(alone.scene.grid.samples(), &Samples::U8(bytes()));
-    assert_eq!(named.scene.grid.samples(), &Samples::U8(bytes()));
+    assert_eq!(alone.scene.grid().unwrap().samples(), &Samples::U8(bytes()));
+    assert_eq!(named.scene.grid().unwrap().samples(), &Samples::U8(bytes()));
     assert_eq!((alone.width, named.width), (512, 64));
     // What is wrong with a scene is still told of the scene.
     let wrong = folder.write("wrong.json", r#"{"dims": [4, 3, 2], "points": {}}"#);
