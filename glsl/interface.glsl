@@ -14,6 +14,35 @@
 #define BINDING_VISIBLE 10      // storage block: ranges of scalars with extinction
 #define BINDING_TEXELS 11       // storage block: an image's texels, packed, that the shader blends into
 #define BINDING_THRESHOLDS 12   // storage block: blue-noise thresholds
+#define BINDING_MESH_POINTS 22  // storage block: points of a mesh, in its radii from its centre
+#define BINDING_MESH_SCALARS 23 // storage block: a scalar for each point or each cell
+#define BINDING_PRIMITIVES 24   // storage block: FACE_WORDS of each face, or CELL_WORDS of each cell
+#define BINDING_VIEW_POINTS 25  // storage block: points as the view sees them
+#define BINDING_RANK_KEYS 26    // storage block: a key of visibility for each primitive
+#define BINDING_ORDER 27        // storage block: primitives by rank
+#define BINDING_BOXES 28        // storage block: the pixels that each primitive may cover
+#define BINDING_BIN_TABLE 29    // storage block: places in the bins, tile by tile and run by run
+#define BINDING_BINS 30         // storage block: primitives of each tile, by rank
+#define BINDING_CURSORS 31      // storage block: places in the lists, pixel by pixel
+#define BINDING_LISTS 32        // storage block: fragments of each pixel, by rank
+#define BINDING_STATUS 33       // storage block: STATUS_* words
+#define BINDING_KBUFFER_0 34    // image2D, rgba32f: two pairs of the k-buffer each
+#define BINDING_KBUFFER_1 35
+#define BINDING_KBUFFER_2 36
+#define BINDING_KBUFFER_3 37
+#define BINDING_FLAGS 38        // storage block: a word a pixel, 1 where its sequence was not sorted
+#define BINDING_POLYGONS 39     // storage block: outline of each cell in the image, two corners a vector
+#define BINDING_FANS 40         // storage block: thick segment of each cell and the corners around it
+
+#define BINDING_SCAN_WORDS 13   // storage block: words to be replaced by their prefix sums
+#define BINDING_SCAN_SUMS 14    // storage block: sums of chunks of them, 64 bits each
+#define BINDING_SCAN_TOTAL 15   // storage block: the sum of all, lower and upper word
+#define BINDING_SORT_COUNT 16   // storage block: number of pairs
+#define BINDING_SORT_KEYS 17    // storage block: keys in
+#define BINDING_SORT_VALUES 18  // storage block: values in
+#define BINDING_SORT_DIGITS 19  // storage block: counts of digits
+#define BINDING_SORTED_KEYS 20  // storage block: keys out
+#define BINDING_SORTED_VALUES 21 // storage block: values out
 
 // Specialisation constants.
 #define SPEC_FILTER_EXACT 0 // bool: single fetches and float32 weights instead of the sampler's filter
@@ -30,11 +59,24 @@
 #define SPEC_UNDER 11       // bool: the shader blends front to back
 #define SPEC_TABLE_FILTER 12 // bool: the sampler interpolates the full table
 
+#define SPEC_CELLS 13       // bool: primitives are cells, not faces
+#define SPEC_CELL_SCALARS 14 // bool: scalars belong to cells
+#define SPEC_BACK_TO_FRONT 15 // bool: ranks descend in depth
+#define SPEC_FILL 16        // bool: entries are written, not counted
+#define SPEC_K 17           // uint: entries of the k-buffer
+#define SPEC_LAST_CHUNK 18  // bool: the k-buffer is emptied at the end
+#define SPEC_REPAIR 19      // bool: flagged pixels only, by sorting their lists
+#define SPEC_EYE_INSIDE 20  // bool: the mesh may reach behind the eye
+#define SPEC_SPACE 22       // bool: fans of triangles stand in space, not in the image
+#define SPEC_SHADED 21      // bool: colours belong to the vertices of fans
+#define SPEC_FLAGGED 23     // bool: lists of flagged pixels only
+
 // Values of SPEC_INTEGRATOR.
 #define INTEGRATOR_MIDPOINT 0
 #define INTEGRATOR_INTEGRAL 1
 #define INTEGRATOR_FULL 2
 #define INTEGRATOR_EXACT 3
+#define INTEGRATOR_SMOKE 4
 
 // Values of SPEC_TARGET.
 #define TARGET_RGBA8 0
@@ -45,4 +87,43 @@
 #define BRICK 8            // cells along each side of a brick
 #define THRESHOLD_SIDE 64  // side of the tile of thresholds
 
+#define LANE_GROUP 8    // workgroup of independent invocations on devices that emulate workgroups
+#define WIDE_GROUP 256  // workgroup of prefix sums and sorting elsewhere
+
+#define SCAN_CHUNKS 4096      // most chunks of a scan
+#define SCAN_LANE_WORDS 32768 // most words of a chunk that one invocation scans
+#define SCAN_ITEMS 8          // words in a row of an invocation of a workgroup
+#define SCAN_GROUP_TURNS 64   // most tiles of WIDE_GROUP * SCAN_ITEMS words in a chunk
+
+#define SORT_LANE_DIGITS 128  // most values of a digit, one invocation a run: 256 want more caches than a pass costs
+#define SORT_LANE_FOURS 32768 // most pairs of such a run, in fours
+#define SORT_TILE 2048        // pairs that a workgroup ranks
+
 #define UNIFORM_KNOTS 16
+
+#define TILE 8        // pixels along each side of a tile
+#define TILE_PIXELS 64
+#define FACE_WORDS 5  // corners, cell that the normal points to, cell on the other side
+#define CELL_WORDS 4  // corners
+#define NO_CELL 4294967295
+
+// Words of the status block.
+#define STATUS_OVERFLOW_PIXELS 2 // pixels whose sequence was not sorted
+#define STATUS_LOST 3            // entries that had no room
+#define STATUS_NAN_KEYS 4        // primitives without a rank
+#define STATUS_UNREPAIRED 5      // pixels that repair has not put in order yet
+#define STATUS_LONGEST_BIN 6     // primitives of the fullest tile
+#define STATUS_OVERLAPS 7        // pixels in which cells overlap
+#define STATUS_WORDS 8
+
+// Bits of a pixel's flags, when it is drawn.
+#define FLAG_UNSORTED 1 // what left the k-buffer was not in order
+#define FLAG_REPAIRED 2 // it was not, and is now
+#define FLAG_OVERLAPS 4 // cells overlap
+
+#define OUTLINE_VERTICES 6 // of the triangles that a cell's outline is cut into
+#define FAN_VERTICES 12    // of the triangles around a cell's thick vertex
+
+#define MOST_TURNS 60000 // of a loop, that every device makes
+#define LIST_WINDOW 900  // primitives of a tile in one dispatch: a turn for each pixel of the tile at most
+#define COUNT_BITS 10    // of a number up to LIST_WINDOW

@@ -22,6 +22,7 @@
 #include "optics.glsl"
 #include "grid.glsl"
 #include "segments.glsl"
+#include "faces.glsl"
 #include "march.glsl"
 
 

@@ -1,5 +1,5 @@
 // Segments: pieces of a ray along which the scalar goes linearly from a front to a back value, and the transfer
-// function integrated between the two. For optics.glsl's knots and grid.glsl's rays.
+// function integrated between the two. For optics.glsl's knots.
 //
 //   INTEGRAL  mean extinction and mean emission from 1-D cumulative tables; self-attenuation with the tau-mean
 //             colour: opacity exact, colour second order in the segment's optical depth
@@ -38,9 +38,13 @@ layout(set = 0, binding = BINDING_TABLE) uniform sampler3D table_texels;
 // The table's head in registers.
 TableHead head;
 
+// Number of the last knot.
+int last_knot;
+
 // To be called once, before the first segment, outside of loops. Reads the knots too.
 void load_segments() {
     load_knots();
+    last_knot = int(push.knots) - 1;
     if (INTEGRATOR == INTEGRATOR_INTEGRAL || INTEGRATOR == INTEGRATOR_FULL) head = table.head[0];
 }
 
@@ -50,11 +54,34 @@ struct End {
     CumulativeBin bin;
     float place; // index of the bin
     float x;     // place inside the bin, in [0, 1]
+    vec4 optics; // colour and extinction
+    int knot;    // the last knot at or below s; -1: none
 };
 
 End end_at(float s) {
     End end;
     end.s = clamp(s, -1e37, 1e37);
+    if (INTEGRATOR == INTEGRATOR_EXACT) {
+        int below = -1;
+        if (KNOT_WALK == 0) {
+            int above = last_knot + 1;
+            while (above - below > 1) {
+                int middle = (below + above) / 2;
+                if (knots_storage.many[middle].s <= end.s) below = middle; else above = middle;
+            }
+            Knot knot = knots_storage.many[max(below, 0)];
+            end.optics = below < 0 ? knot.value : on_piece(knot, end.s);
+        } else {
+            // As `classify`; knots beyond the last repeat it.
+            end.optics = walked[0].value;
+            for (uint i = 0; i < KNOT_WALK; ++i) {
+                bool reached = end.s >= walked[i].s;
+                end.optics = reached ? on_piece(walked[i], end.s) : end.optics;
+                below += int(reached);
+            }
+        }
+        end.knot = min(below, last_knot);
+    }
     if (INTEGRATOR == INTEGRATOR_INTEGRAL) {
         float width = head.range.w;
         precise float from_first = clamp(end.s, head.range.x, head.range.y) - head.range.x;
@@ -199,65 +226,93 @@ float front_weight(float a, float b) {
     return sum * width + (1.0 - cut);
 }
 
-// Cuts the segment at the knots. Pieces come in ascending order of scalars; when the ray meets the last one first,
-// each is put in front of those before.
-vec4 exact_segment(float front, float back, float len, uint count) {
-    float a = min(front, back), b = max(max(front, back), a + least_difference(a));
-    bool reversed = front > back;
-    // The last knot at or below the lower scalar; -1: none, the constant piece left of all.
-    int i = -1;
+// Opacity of an optical depth of at most 1/2, to some units in the last place: eight terms of the series.
+float alpha_of_half(float od) {
+    return od * (1.0 - od * (0.5 - od * (1.0 / 6.0 - od * (1.0 / 24.0 - od * (1.0 / 120.0 - od * (1.0 / 720.0 - od * (1.0 / 5040.0 - od * (1.0 / 40320.0))))))));
+}
+
+// A piece along which colour and extinction are linear, of optical depth at most 1/2. `front_weight` by Gauss-Legendre with three
+// points: 1 - exp(-od(t)) is within 2e-7 of a polynomial of degree 5 there.
+vec4 thin_piece(vec4 ahead, vec4 after, float len) {
+    float a = ahead.a * len, slope = 0.5 * (after.a - ahead.a) * len;
+    float alpha = alpha_of_half(a + slope);
+    float weight = (5.0 / 18.0) * (alpha_of_half(0.1127016653792583 * (a + slope * 0.1127016653792583)) +
+                                   alpha_of_half(0.8872983346207417 * (a + slope * 0.8872983346207417))) +
+                   (8.0 / 18.0) * alpha_of_half(0.5 * (a + slope * 0.5));
+    return vec4(ahead.rgb * weight + after.rgb * (alpha - weight), alpha);
+}
+
+// The knot of a number.
+void knot_at(int number, inout float s, inout vec4 optics) {
     if (KNOT_WALK == 0) {
-        int above = int(count);
-        while (above - i > 1) {
-            int middle = (i + above) / 2;
-            if (knots_storage.many[middle].s <= a) i = middle; else above = middle;
+        Knot knot = knots_storage.many[clamp(number, 0, last_knot)];
+        s = knot.s;
+        optics = knot.value;
+        return;
+    }
+    for (uint i = 0; i < KNOT_WALK; ++i) {
+        s = number == int(i) ? walked[i].s : s;
+        optics = number == int(i) ? walked[i].value : optics;
+    }
+}
+
+// Cuts the segment at the knots that it crosses, in the order in which the ray meets them.
+vec4 exact_pieces(End front, End back, float len) {
+    bool rising = back.knot > front.knot;
+    uint crossings = uint(abs(back.knot - front.knot));
+    float scale = crossings == 0u ? 0.0 : 1.0 / (back.s - front.s), done = 0.0;
+    vec4 ahead = front.optics, all = vec4(0.0);
+    for (uint turn = 0u; turn <= crossings; ++turn) {
+        bool at_back = turn == crossings;
+        int crossed = rising ? front.knot + 1 + int(turn) : front.knot - int(turn);
+        float s = 0.0;
+        vec4 after = vec4(0.0);
+        if (KNOT_WALK == 0) {
+            // A loop, because software rasterisers run through branches that no invocation takes.
+            for (uint once = 0u; once < uint(!at_back); ++once) {
+                s = knots_storage.many[crossed].s;
+                after = knots_storage.many[crossed].value;
+            }
+        } else {
+            knot_at(crossed, s, after);
         }
-    } else {
-        for (uint k = 0; k < KNOT_WALK; ++k) i += int(a >= walked[k].s);
-        i = min(i, int(count) - 1); // those beyond repeat the last
-    }
-    vec4 sum = vec4(0.0);
-    float x0 = a;
-    // There are no more pieces than knots, and the one left of all. (Bounded, because some drivers also wait for
-    // invocations that are not here.)
-    for (uint turn = 0u; turn <= count && x0 < b; ++turn, ++i) {
-        Knot knot = knots_storage.many[max(i, 0)];
-        float x1 = min(b, i < 0 ? knot.s : knot.end);
-        vec4 rise = i < 0 ? vec4(0.0) : knot.rise;
-        vec4 lower = knot.value + rise * clamp((x0 - knot.s) * knot.inverse_ds, 0.0, 1.0);
-        vec4 upper = knot.value + rise * clamp((x1 - knot.s) * knot.inverse_ds, 0.0, 1.0);
-        vec4 ahead = reversed ? upper : lower, after = reversed ? lower : upper;
+        after = at_back ? back.optics : after;
         // The fraction first: equal scalars in a large world would make len / (b - a) infinite.
-        float piece_len = max(x1 - x0, 0.0) / (b - a) * len;
-        float alpha = alpha_of(piece_len * 0.5 * (ahead.a + after.a));
-        float weight = front_weight(piece_len * ahead.a, piece_len * after.a);
-        vec4 piece = vec4(ahead.rgb * weight + after.rgb * max(alpha - weight, 0.0), alpha);
-        sum = reversed ? behind(piece, sum) : behind(sum, piece);
-        x0 = x1;
+        float x = at_back ? 1.0 : clamp((s - front.s) * scale, done, 1.0);
+        float piece_len = (x - done) * len;
+        bool thick = max(ahead.a, after.a) * piece_len > 0.5;
+        vec4 piece = thin_piece(ahead, after, piece_len);
+        for (uint once = 0u; once < uint(thick); ++once) {
+            float alpha = alpha_of(piece_len * 0.5 * (ahead.a + after.a));
+            float weight = front_weight(piece_len * ahead.a, piece_len * after.a);
+            piece = vec4(ahead.rgb * weight + after.rgb * max(alpha - weight, 0.0), alpha);
+        }
+        all = behind(all, piece);
+        ahead = after;
+        done = x;
     }
-    return sum;
+    return all;
+}
+
+// The same; a thin segment that crosses at most one knot without a loop, because software rasterisers run through what one invocation
+// of several needs.
+vec4 exact_between(End front, End back, float len) {
+    uint crossings = uint(abs(back.knot - front.knot));
+    float s = 0.0;
+    vec4 knot = back.optics;
+    if (KNOT_WALK != 0) knot_at(max(front.knot, back.knot), s, knot);
+    vec4 middle = crossings == 0u ? back.optics : knot;
+    float x = crossings == 0u ? 1.0 : clamp((s - front.s) / (back.s - front.s), 0.0, 1.0);
+    vec4 all = behind(thin_piece(front.optics, middle, len * x), thin_piece(middle, back.optics, len * (1.0 - x)));
+    bool thin = max(max(front.optics.a, back.optics.a), middle.a) * len <= 0.5;
+    bool simple = thin && crossings <= (KNOT_WALK == 0 ? 0u : 1u);
+    for (uint once = 0u; once < uint(!simple); ++once) all = exact_pieces(front, back, len);
+    return all;
 }
 
 // Premultiplied colour and opacity of a segment of world length `len`.
 vec4 segment(End front, End back, float len, uint knots) {
     if (INTEGRATOR == INTEGRATOR_INTEGRAL) return emission_of_density(integral_density(front, back, knots), len);
     if (INTEGRATOR == INTEGRATOR_FULL) return full_segment(front.s, back.s, len, knots);
-    return exact_segment(front.s, back.s, len, knots);
-}
-
-// A place on the ray with what the integration needs of it.
-struct Face {
-    float texel;
-    End end;
-};
-
-Face face_at(Ray ray, float z, Lattice lattice) {
-    float texel = stored_at(ray, z, lattice);
-    return Face(texel, end_at(HAS_NAN && is_nan(texel) ? 0.0 : scalar_of(texel, lattice)));
-}
-
-// Premultiplied colour and opacity of what lies between two places; vacuum where either touches a NaN.
-vec4 between_faces(Face front, Face back, float len, uint knots) {
-    if (HAS_NAN && (is_nan(front.texel) || is_nan(back.texel))) return vec4(0.0);
-    return segment(front.end, back.end, len, knots);
+    return exact_between(front, back, len);
 }

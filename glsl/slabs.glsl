@@ -30,6 +30,7 @@
 #include "optics.glsl"
 #include "grid.glsl"
 #include "segments.glsl"
+#include "faces.glsl"
 #include "slab.glsl"
 
 #ifdef VERTEX

@@ -70,9 +70,65 @@ pub(crate) struct BricksPush {
     pub(crate) margin: f32,
 }
 
+/// Push constants of every technique for meshes (`mesh.glsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct MeshPush {
+    pub(crate) right: [f32; 4],
+    pub(crate) up: [f32; 4],
+    pub(crate) forward: [f32; 4],
+    pub(crate) half_extent: [f32; 2],
+    pub(crate) pixel: f32,
+    pub(crate) w0: f32,
+    pub(crate) w1: f32,
+    pub(crate) slope: f32,
+    pub(crate) unit: f32,
+    pub(crate) count: u32,
+    pub(crate) first: u32,
+    pub(crate) number: u32,
+    pub(crate) runs: u32,
+    pub(crate) capacity: u32,
+    pub(crate) band: u32,
+    pub(crate) knots: u32,
+    pub(crate) opaque: f32,
+    pub(crate) smoke: f32,
+    pub(crate) bins: u32,
+}
+
+/// What of a cell is drawn as a fan of triangles (`tet-fans.glsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct Fan {
+    pub(crate) weights: [f32; 4],
+    pub(crate) thick: [f32; 4],
+    pub(crate) corners: u32,
+    pub(crate) pad0: u32,
+    pub(crate) pad1: u32,
+    pub(crate) pad2: u32,
+}
+
 /// Push constants of `probe.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct ProbePush {
     pub(crate) count: u32,
+}
+
+/// Push constants of `scan.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct ScanPush {
+    pub(crate) count: u32,
+    pub(crate) chunk: u32,
+    pub(crate) chunks: u32,
+}
+
+/// Push constants of `radix-sort.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct SortPush {
+    pub(crate) capacity: u32,
+    pub(crate) runs: u32,
+    pub(crate) shift: u32,
+    pub(crate) mask: u32,
 }

@@ -13,12 +13,13 @@ use volraster::io::ReadOptions;
 use volraster::measure::{Cost, ImageErrors};
 use volraster::reference::{self, ReferenceImage, ReferenceOptions};
 use volraster::scene::{Scene, View};
-use volraster::technique::{FrameTime, Frames};
+use volraster::technique::{FrameTime, Frames, Method};
 use volraster::{Error, Gpu, GpuScene, Renderer, Result};
 
 use super::compare::is_refusal;
 use super::fronts::{Fronts, Measured};
 use super::input::{self, ArrayArg, DeviceArgs, Input, Size};
+use super::required_k::RequiredK;
 use super::suite::{self, Setting, StandardScene, Sweep};
 use super::timing::Times;
 use super::{Failure, Outcome, output, table};
@@ -149,7 +150,9 @@ impl Args {
                     why: format!("\"{array}\": the standard scenes have no arrays"),
                 });
             }
-            StandardScene::chosen(self.quick).map(Workload::Standard).collect()
+            let mut scenes = StandardScene::chosen(self.quick).collect::<Vec<_>>();
+            scenes.retain(|scene| scene.is_drawn());
+            scenes.into_iter().map(Workload::Standard).collect()
         } else {
             if !self.suite.exists() {
                 return Err(Error::Invalid {
@@ -160,7 +163,9 @@ impl Args {
                     ),
                 });
             }
-            vec![Workload::File(Box::new(Input::load(&self.suite, self.size, &self.array, quiet)?))]
+            let input = Input::load(&self.suite, self.size, &self.array, quiet)?;
+            input::drawn(&input.scene.data)?;
+            vec![Workload::File(Box::new(input))]
         };
         if let Some(folder) = &self.data {
             let name =
@@ -205,6 +210,7 @@ impl Args {
             }
             Workload::Found(path, name) => {
                 let input = Input::load_within(&path, Some(size), &ReadOptions::within(MOST_BYTES))?;
+                input::drawn(&input.scene.data).map_err(|error| error.in_file(&path))?;
                 Ok((name, input.scene, vec![input.settings.view]))
             }
             Workload::Standard(scene) => {
@@ -215,9 +221,10 @@ impl Args {
 
     /// Measures every case of a workload, one view after the other.
     fn measure(&self, gpu: &Gpu, workload: Workload, bar: &ProgressBar, report: &mut Report) -> Result<()> {
-        let settings = suite::settings(self.sweeps_of(&workload))?;
+        let mut settings = suite::settings(self.sweeps_of(&workload))?;
         let draws = self.views_of(&workload) * self.draws_of(&workload)?;
         let found = matches!(workload, Workload::Found(..));
+        let views_of = self.views_of(&workload);
         let (name, scene, views) = match self.open(workload) {
             Ok(opened) => opened,
             // Nobody has asked for just this file.
@@ -228,6 +235,8 @@ impl Args {
             }
             Err(error) => return Err(error),
         };
+        settings.retain(|setting| setting.technique.method().draws(&scene.data));
+        bar.inc((draws - views_of * settings.len() * (FRAMES + 1)) as u64);
         let scene = GpuScene::new(gpu, scene);
         for view in &views {
             let projection = if view.is_perspective() { "perspective" } else { "orthographic" };
@@ -246,7 +255,11 @@ impl Args {
                 }
             }
             // After every view, so that a run that is stopped keeps what it has.
-            let text = report.add(gpu, &name, projection, view, &cases)?;
+            let required_k = match RequiredK::measure(&scene, view) {
+                Err(error) if is_refusal(&error) => None,
+                measured => measured?,
+            };
+            let text = report.add(gpu, &name, projection, view, &cases, required_k.as_ref())?;
             if !report.quiet {
                 bar.suspend(|| output::print(&text))?;
             }
@@ -344,7 +357,14 @@ impl Case {
     }
 
     /// The line of JSON.
-    fn json(&self, gpu: &Gpu, scene: &str, projection: &str, view: &View) -> Value {
+    fn json(
+        &self,
+        gpu: &Gpu,
+        scene: &str,
+        projection: &str,
+        view: &View,
+        required_k: Option<&RequiredK>,
+    ) -> Value {
         let Setting { sweep, technique, route } = &self.setting;
         let device = gpu.report();
         let mut line = Map::new();
@@ -369,6 +389,13 @@ impl Case {
         }
         if let Some(errors) = &self.errors {
             put("errors", json!(errors));
+        }
+        if let Some(frame) = self.frames.last().filter(|frame| !frame.counters.is_empty()) {
+            let counters = frame.counters.iter().map(|(name, n)| ((*name).to_string(), json!(n)));
+            put("counters", counters.collect::<Map<_, _>>().into());
+        }
+        if let Some(required_k) = required_k.filter(|_| technique.method() == Method::Havs) {
+            put("required_k", required_k.json());
         }
         match &self.state {
             State::Ready(_) => put("frames", json!(self.frames.len())),
@@ -424,10 +451,11 @@ impl Report {
         projection: &str,
         view: &View,
         cases: &[Case],
+        required_k: Option<&RequiredK>,
     ) -> Result<String> {
         let mut rows = vec![HEADING.map(str::to_string).to_vec()];
         for case in cases {
-            self.lines.push_str(&case.json(gpu, scene, projection, view).to_string());
+            self.lines.push_str(&case.json(gpu, scene, projection, view, required_k).to_string());
             self.lines.push('\n');
             self.cases += 1;
             self.failed += usize::from(matches!(case.state, State::Failed(_)));
@@ -436,7 +464,8 @@ impl Report {
         volraster::io::write_text(self.folder.join("bench.jsonl"), &self.lines)?;
 
         let measured: Vec<Measured> = cases.iter().filter_map(Case::measured).collect();
-        let fronts = Fronts::new(&measured);
+        let methods: Vec<Method> = cases.iter().map(|case| case.setting.technique.method()).collect();
+        let fronts = Fronts::new(&methods, &measured);
         let device = &gpu.report().name;
         let [width, height] = view.extent();
         let title = format!("{scene}, {projection}, {width} x {height}: {device}");
@@ -460,7 +489,8 @@ impl Report {
         self.fronts.push(entry);
         output::write_json(&self.folder.join("fronts.json"), &json!(self.fronts))?;
         let cases = table::aligned(&rows, &[0, 1, 2, 3, 4, 11]);
-        Ok(format!("{cases}\n\nfronts of {scene} {projection}\n{}\n", fronts.table()))
+        let required_k = required_k.map_or_else(String::new, |required| format!("\n{}\n", required.text()));
+        Ok(format!("{cases}\n\nfronts of {scene} {projection}\n{}\n{required_k}", fronts.table()))
     }
 
     /// A name for a view's plot that no other has.

@@ -30,8 +30,8 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Techniques with options, separated by `;` or `,`; may be repeated. The scene's own technique keeps
-    /// the scene's options when none is given. `all`: every technique by every route that the device
-    /// offers.
+    /// the scene's options when none is given. `all`: every technique for the scene's kind
+    /// of data, by every route that the device offers.
     #[arg(long, value_name = "all|NAME[:key=value,...];...", default_value = "all")]
     techniques: Vec<String>,
     /// The truth: the float64 reference, or an OpenEXR file.
@@ -86,6 +86,12 @@ impl Args {
         }
         // What the file asks for may be wrong; `all` would only skip it.
         settings.technique()?;
+        for wanted in lists.iter().flatten() {
+            match *wanted {
+                Wanted::All => input::drawn(&scene.data)?,
+                Wanted::One(request) => drop(settings.choose(Some(request), &scene.data)?),
+            }
+        }
         let (gpu, log) = self.device.open(self.validate)?;
         let scene = GpuScene::new(&gpu, scene);
         drop(gpu);
@@ -135,11 +141,12 @@ impl Args {
 
 /// Draws what is wanted.
 fn draw(scene: &Arc<GpuScene>, settings: &Settings, list: &[Wanted]) -> Result<Vec<Entry>> {
+    let data = &scene.scene().data;
     let mut entries: Vec<Entry> = Vec::new();
     let mut skipped = None;
     for wanted in list {
         let Wanted::One(request) = *wanted else {
-            for (method, route) in by_route() {
+            for (method, route) in by_route().filter(|(method, _)| method.draws(data)) {
                 let drawn = with_route(settings, method, route).and_then(|technique| {
                     Entry::draw(scene, &settings.view, technique, stem(&entries, technique))
                 });
@@ -155,7 +162,7 @@ fn draw(scene: &Arc<GpuScene>, settings: &Settings, list: &[Wanted]) -> Result<V
             }
             continue;
         };
-        let technique = settings.choose(Some(request))?;
+        let technique = settings.choose(Some(request), data)?;
         let stem = stem(&entries, technique);
         entries.push(Entry::draw(scene, &settings.view, technique, stem)?);
     }
@@ -168,7 +175,7 @@ fn draw(scene: &Arc<GpuScene>, settings: &Settings, list: &[Wanted]) -> Result<V
 /// A technique by one route; the scene's technique has the scene's other options.
 fn with_route(settings: &Settings, method: Method, route: &str) -> Result<Technique> {
     let given = settings.choice.as_ref().filter(|choice| choice.name == method.name());
-    input::with_options(method, given.map_or(&[], |choice| &choice.options), &[("route", route)])
+    input::by_route(method, route, given.map_or(&[], |choice| &choice.options), &[])
 }
 
 /// Whether an error says that this technique, with these options, is not for this device or scene.

@@ -34,15 +34,15 @@ pub(crate) struct Fronts {
 }
 
 impl Fronts {
-    /// Takes what was measured in one view.
-    pub(crate) fn new(measured: &[Measured]) -> Self {
+    /// Takes what was measured in one view of some techniques.
+    pub(crate) fn new(methods: &[Method], measured: &[Measured]) -> Self {
         let line = |method: Method| {
             let of_method = |one: &&Measured| one.technique.method() == method;
             let measured: Vec<Measured> = measured.iter().filter(of_method).copied().collect();
             let costs: Vec<Cost> = measured.iter().map(|one| one.cost).collect();
             Line { method, measured, front: Front::new(&costs) }
         };
-        Self { lines: Method::ALL.into_iter().map(line).collect() }
+        Self { lines: Method::ALL.into_iter().filter(|method| methods.contains(method)).map(line).collect() }
     }
 
     /// Times at the errors, one row for each technique.
@@ -110,12 +110,16 @@ mod tests {
 
     #[test]
     fn a_technique_s_front_is_over_all_its_options() {
-        let fronts = Fronts::new(&[
-            measured("slabs:step=2", 10.0, 1e-2),
-            measured("slabs:integrator=full", 30.0, 2e-2),
-            measured("raycast", 5.0, 5e-3),
-            measured("slabs", 1000.0, 1e-4),
-        ]);
+        let methods = [Method::Raycast, Method::Slices2d, Method::Slices3d, Method::Slabs];
+        let fronts = Fronts::new(
+            &methods,
+            &[
+                measured("slabs:step=2", 10.0, 1e-2),
+                measured("slabs:integrator=full", 30.0, 2e-2),
+                measured("raycast", 5.0, 5e-3),
+                measured("slabs", 1000.0, 1e-4),
+            ],
+        );
         let expected = "\
             ms at rmse   1e-2  1/255   1e-3    1e-4\n\
             slices-2d       -      -      -       -\n\
@@ -136,13 +140,14 @@ mod tests {
 
     #[test]
     fn a_picture_names_what_it_shows() {
-        let fronts = Fronts::new(&[measured("slabs", 10.0, 1e-2), measured("slabs:step=2", 3.0, 3e-2)]);
+        let both = [measured("slabs", 10.0, 1e-2), measured("slabs:step=2", 3.0, 3e-2)];
+        let fronts = Fronts::new(&Method::ALL, &both);
         let svg = fronts.svg("a <scene>").unwrap().unwrap();
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"), "{svg}");
         for part in ["a &lt;scene&gt;", "slabs", "RMSE", "0.01", "polyline"] {
             assert!(svg.contains(part), "{part}: {svg}");
         }
         assert!(!svg.contains("raycast"), "no line without a point");
-        assert!(Fronts::new(&[measured("slabs", 10.0, 0.0)]).svg("t").is_none());
+        assert!(Fronts::new(&Method::ALL, &[measured("slabs", 10.0, 0.0)]).svg("t").is_none());
     }
 }

@@ -58,47 +58,33 @@ impl Args {
         let start = Instant::now();
         let reading = output::Reading::new(&self.file);
         let options = reading.tell(self.arrays.options());
+        let scene = |loaded: LoadedScene| self.of_scene(&Input::new(&self.file, loaded, None, start)?);
         if SceneFile::is_at(&self.file, &options) {
             let loaded = LoadedScene::load_any(&self.file, &options)?;
             drop(reading);
-            return self.of_grid(&Input::new(&self.file, loaded, None, start)?);
+            return scene(loaded);
         }
         let loaded = io::read(&self.file, &options)?;
         drop(reading);
         match &loaded.data {
-            Data::Grid(_) => {
-                let loaded = LoadedScene::from_loaded(&self.file, loaded)?;
-                self.of_grid(&Input::new(&self.file, loaded, None, start)?)
-            }
-            Data::Mesh(mesh) => Ok(self.of_mesh(mesh, &loaded.report)),
             Data::Points(points) => Ok(self.of_points(points, &loaded.report)),
-            other => Err(Error::Invalid { what: "data".into(), why: format!("{}: unknown", other.kind()) }),
+            _ => scene(LoadedScene::from_loaded(&self.file, loaded)?),
         }
     }
 
-    fn of_grid(&self, input: &Input) -> Result<Facts> {
+    fn of_scene(&self, input: &Input) -> Result<Facts> {
         let Input { scene, settings } = input;
-        let grid =
-            scene.grid().ok_or_else(|| Error::Invalid { what: "data".into(), why: "no grid".into() })?;
-        let mut facts = Facts::new(&self.file, "grid", &settings.data, &settings.report);
-        facts.lattice(grid);
-        facts.values(grid.range(), grid.nan_count(), grid.infinite_count(), &Histogram::of(grid));
-        facts.arrays(&settings.report);
-        let device = GridBytes::of(grid);
-        facts.put(
-            "device_bytes",
-            json!({
-                "volume": device.volume, "stack": device.stack, "stacks": device.stacks,
-                "bricks": device.bricks,
-            }),
-        );
-        facts.line(
-            "on device",
-            format!(
-                "{} bytes (slices-3d, slabs, raycast), {} (slices-2d, {} with stacks=all); bricks {} more",
-                device.volume, device.stack, device.stacks, device.bricks
-            ),
-        );
+        let mut facts = Facts::new(&self.file, scene.data.kind(), &settings.data, &settings.report);
+        match &scene.data {
+            Data::Grid(grid) => facts.of_grid(grid, &settings.report),
+            Data::Mesh(mesh) => facts.of_mesh(mesh, &settings.report),
+            other => {
+                return Err(Error::Invalid {
+                    what: "data".into(),
+                    why: format!("{}: unknown", other.kind()),
+                });
+            }
+        }
         facts.remarks(&settings.report);
 
         let extent @ [width, height] = settings.view.extent();
@@ -119,32 +105,6 @@ impl Args {
         }
         facts.tail = knots_text(&scene.transfer);
         Ok(facts)
-    }
-
-    fn of_mesh(&self, mesh: &Tets, report: &Report) -> Facts {
-        let mut facts = Facts::new(&self.file, "mesh", &self.file, report);
-        let (points, cells) = (mesh.points().len(), mesh.cells().len());
-        let values = mesh.scalars().values();
-        let (of, each) = match mesh.scalars() {
-            TetScalars::Point(_) => ("point", "a scalar at each point"),
-            TetScalars::Cell(_) => ("cell", "a scalar in each cell"),
-        };
-        let bytes = 24 * points + 16 * cells + 4 * values.len();
-        facts.put("points", json!(points));
-        facts.put("tetrahedra", json!(cells));
-        facts.put("scalars", json!(of));
-        facts.put("type", json!("f32"));
-        facts.put("bytes", json!(bytes));
-        facts.put("vacuum", json!(mesh.blank_count()));
-        facts.line("points", format!("{points}, {cells} tetrahedra, {bytes} bytes"));
-        facts.line("scalars", format!("f32, {each}"));
-        facts.line("vacuum", format!("{} tetrahedra", mesh.blank_count()));
-        facts.bounds(mesh.bounds());
-        facts.scalars(mesh.range(), values);
-        facts.arrays(report);
-        facts.geometry(12 * points + 16 * cells + 4 * values.len());
-        facts.remarks(report);
-        facts
     }
 
     fn of_points(&self, points: &Points, report: &Report) -> Facts {
@@ -223,6 +183,50 @@ impl Facts {
 
     fn line(&mut self, word: &'static str, text: String) {
         self.lines.push((word, text));
+    }
+
+    fn of_grid(&mut self, grid: &Grid, report: &Report) {
+        self.lattice(grid);
+        self.values(grid.range(), grid.nan_count(), grid.infinite_count(), &Histogram::of(grid));
+        self.arrays(report);
+        let device = GridBytes::of(grid);
+        self.put(
+            "device_bytes",
+            json!({
+                "volume": device.volume, "stack": device.stack, "stacks": device.stacks,
+                "bricks": device.bricks,
+            }),
+        );
+        self.line(
+            "on device",
+            format!(
+                "{} bytes (slices-3d, slabs, raycast), {} (slices-2d, {} with stacks=all); bricks {} more",
+                device.volume, device.stack, device.stacks, device.bricks
+            ),
+        );
+    }
+
+    fn of_mesh(&mut self, mesh: &Tets, report: &Report) {
+        let (points, cells) = (mesh.points().len(), mesh.cells().len());
+        let values = mesh.scalars().values();
+        let (of, each) = match mesh.scalars() {
+            TetScalars::Point(_) => ("point", "a scalar at each point"),
+            TetScalars::Cell(_) => ("cell", "a scalar in each cell"),
+        };
+        let bytes = 24 * points + 16 * cells + 4 * values.len();
+        self.put("points", json!(points));
+        self.put("tetrahedra", json!(cells));
+        self.put("scalars", json!(of));
+        self.put("type", json!("f32"));
+        self.put("bytes", json!(bytes));
+        self.put("vacuum", json!(mesh.blank_count()));
+        self.line("points", format!("{points}, {cells} tetrahedra, {bytes} bytes"));
+        self.line("scalars", format!("f32, {each}"));
+        self.line("vacuum", format!("{} tetrahedra", mesh.blank_count()));
+        self.bounds(mesh.bounds());
+        self.scalars(mesh.range(), values);
+        self.arrays(report);
+        self.geometry(12 * points + 16 * cells + 4 * values.len());
     }
 
     /// Size, type and place of a grid.

@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 use volraster::gpu::{GpuOptions, Validation, ValidationLog};
 use volraster::io::{ReadOptions, Report};
 use volraster::scene::file::{LoadedScene, TechniqueChoice};
-use volraster::scene::{Scene, View, auto};
+use volraster::scene::{Data, Scene, View, auto};
 use volraster::technique::Method;
 use volraster::{Error, Gpu, Result, Technique};
 
@@ -203,7 +203,7 @@ impl Input {
         } = loaded;
         let Size { width, height } = size.unwrap_or(Size { width, height });
         if size.is_some() && camera_is_automatic {
-            camera = auto::camera_for(&scene.data, width, height).map_err(|error| error.in_file(path))?;
+            camera = auto::camera(&scene.data, width, height).map_err(|error| error.in_file(path))?;
         }
         let view = View::new(camera, width, height).map_err(|error| error.in_file(path))?;
         let settings = Settings {
@@ -232,22 +232,61 @@ impl Settings {
         technique.map(Some).map_err(|error| error.in_file(&self.path))
     }
 
-    /// The technique to draw with: the one asked for, else the file's, else the default. Asked for by
-    /// its bare name, the file's technique keeps the file's options.
+    /// The technique to draw with: the one asked for, else the file's, else the default for the data. Asked for
+    /// by its bare name, the file's technique keeps the file's options.
     ///
     /// # Errors
     ///
-    /// As [`Settings::technique`].
-    pub(crate) fn choose(&self, request: Option<Request>) -> Result<Technique> {
-        let Some(Request { technique, bare }) = request else {
-            return Ok(self.technique()?.unwrap_or_default());
+    /// As [`Settings::technique`] and [`drawn`]; [`Error::Invalid`] if it does not draw data of this kind.
+    pub(crate) fn choose(&self, request: Option<Request>, data: &Data) -> Result<Technique> {
+        let own = || self.technique().transpose();
+        let technique = match request {
+            None => own().unwrap_or_else(|| default_technique(data))?,
+            Some(Request { technique, bare }) => {
+                let name = technique.method().name();
+                let same = bare && self.choice.as_ref().is_some_and(|choice| choice.name == name);
+                own().filter(|_| same).unwrap_or(Ok(technique))?
+            }
         };
-        let same = self.choice.as_ref().is_some_and(|choice| choice.name == technique.method().name());
-        if bare && same {
-            return Ok(self.technique()?.unwrap_or(technique));
+        let method = technique.method();
+        if method.draws(data) {
+            return Ok(technique);
         }
-        Ok(technique)
+        drawn(data)?;
+        let others: Vec<&str> = Method::ALL.into_iter().filter(|m| m.draws(data)).map(Method::name).collect();
+        let why = format!("\"{}\": draws no {}; {} would", method.name(), data.kind(), others.join(", "));
+        Err(Error::Invalid { what: "technique".to_string(), why })
     }
+}
+
+/// The technique that draws a kind of data where none is asked for.
+///
+/// # Errors
+///
+/// As [`drawn`].
+fn default_technique(data: &Data) -> Result<Technique> {
+    drawn(data)?;
+    let name = match data {
+        Data::Mesh(_) => "havs",
+        _ => return Ok(Technique::default()),
+    };
+    Technique::new(Method::from_name(name)?, &[])
+}
+
+/// Nothing, if a technique draws a kind of data.
+///
+/// # Errors
+///
+/// [`Error::Invalid`] if none does.
+pub(crate) fn drawn(data: &Data) -> Result<()> {
+    if Method::ALL.into_iter().any(|method| method.draws(data)) {
+        return Ok(());
+    }
+    let why = match data {
+        Data::Mesh(_) => "no technique draws meshes; `reference` does",
+        _ => "no technique draws data of this kind",
+    };
+    Err(Error::Invalid { what: "technique".to_string(), why: why.to_string() })
 }
 
 /// One word of a list of techniques.
@@ -328,6 +367,22 @@ pub(crate) fn with_options(
     Technique::new(method, &options)
 }
 
+/// A technique by one route, as [`with_options`]. A technique of a single route may not have that as an option.
+///
+/// # Errors
+///
+/// As [`Technique::new`].
+pub(crate) fn by_route(
+    method: Method,
+    route: &str,
+    given: &[(String, String)],
+    more: &[(&str, &str)],
+) -> Result<Technique> {
+    let named = method.options().iter().any(|info| info.key == "route");
+    let route = named.then_some(("route", route));
+    with_options(method, given, &more.iter().copied().chain(route).collect::<Vec<_>>())
+}
+
 /// Options as JSON, numbers and truth values as such.
 pub(crate) fn options_json(technique: &Technique) -> Value {
     let typed = |text: String| match serde_json::from_str(&text) {
@@ -388,6 +443,45 @@ mod tests {
         assert!(why(";,").contains("at least one"));
         assert!(why("step=1").contains("step=1"));
         assert!(why("slices-3d;step=1").contains("step=1"));
+    }
+
+    #[test]
+    fn a_technique_draws_the_data_or_is_refused() {
+        let read = |name: &str, json: &str| {
+            let path =
+                std::env::temp_dir().join(format!("volraster-input-{}-{name}.json", std::process::id()));
+            std::fs::write(&path, json).unwrap();
+            let input = Input::load_within(&path, None, &ReadOptions::default());
+            std::fs::remove_file(&path).unwrap();
+            input.unwrap()
+        };
+        let grid = read(
+            "grid",
+            r#"{"volume": {"field": "ramp", "dims": [2,2,2]}, "technique": {"name": "slabs", "step": 2}}"#,
+        );
+        let mesh = read("mesh", r#"{"mesh": {"field": "ramp", "cubes": 1}}"#);
+        let choose = |input: &Input, text: Option<&str>| {
+            input.settings.choose(text.map(|text| Request::parse(text).unwrap()), &input.scene.data)
+        };
+        let text = |technique: Technique| (technique.method().name(), options_text(&technique));
+        assert_eq!(text(choose(&grid, None).unwrap()), ("slabs", "step=2".into()));
+        assert_eq!(text(choose(&grid, Some("slabs")).unwrap()), ("slabs", "step=2".into()));
+        assert_eq!(
+            text(choose(&grid, Some("slabs:filter=exact")).unwrap()),
+            ("slabs", "filter=exact".into())
+        );
+        assert_eq!(text(choose(&grid, Some("raycast")).unwrap()), ("raycast", String::new()));
+        assert_eq!(default_technique(&grid.scene.data).unwrap(), Technique::default());
+        let why = choose(&mesh, Some("slabs")).unwrap_err().to_string();
+        assert!(why.contains("mesh"), "{why}");
+        // The default draws, or it is said that nothing does.
+        match choose(&mesh, None) {
+            Ok(technique) => assert!(technique.method().draws(&mesh.scene.data)),
+            Err(error) => {
+                assert!(drawn(&mesh.scene.data).is_err());
+                assert!(error.to_string().contains("no technique draws meshes"), "{error}");
+            }
+        }
     }
 
     #[test]

@@ -20,6 +20,7 @@ mod output;
 mod plot;
 mod reference;
 mod render;
+mod required_k;
 mod suite;
 mod table;
 mod techniques;

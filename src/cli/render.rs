@@ -1,6 +1,6 @@
 //! `volraster render`: one picture, and the times of its frames.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -40,6 +40,9 @@ pub(crate) struct Args {
     /// Write times, memory and counters as JSON.
     #[arg(long, value_name = "FILE")]
     stats: Option<PathBuf>,
+    /// Write an image that is white where the k-buffer did not sort the faces of a pixel, repaired or not.
+    #[arg(long, value_name = "FILE.png")]
+    overflow_map: Option<PathBuf>,
     #[command(flatten)]
     device: DeviceArgs,
     /// Turn core and synchronization validation on; any message makes the exit code 1.
@@ -50,6 +53,8 @@ pub(crate) struct Args {
 /// What a run leaves when the device is gone.
 struct Drawn {
     image: Image,
+    /// Which of its pixels the k-buffer did not sort.
+    overflow: Option<Vec<bool>>,
     /// The frame that warmed up.
     first: FrameTime,
     frames: Vec<FrameTime>,
@@ -68,19 +73,18 @@ impl Args {
         output::check_image(&self.output)?;
         if let Some(stats) = &self.stats {
             output::check_file(stats)?;
-            for (other, role) in [(&self.output, "the picture"), (&self.scene, "the input")] {
-                if output::same_place(stats, other) {
-                    return Err(Error::Invalid {
-                        what: "--stats".to_string(),
-                        why: format!("{}: is {role} as well", stats.display()),
-                    }
-                    .into());
-                }
+            apart("--stats", stats, &[(&self.output, "the picture"), (&self.scene, "the input")])?;
+        }
+        if let Some(map) = &self.overflow_map {
+            output::check_image(map)?;
+            apart("--overflow-map", map, &[(&self.output, "the picture"), (&self.scene, "the input")])?;
+            if let Some(stats) = &self.stats {
+                apart("--overflow-map", map, &[(stats, "the file of --stats")])?;
             }
         }
         let request = self.technique.as_deref().map(Request::parse).transpose()?;
         let Input { scene, settings } = Input::load(&self.scene, self.size, &self.array, quiet)?;
-        let technique = settings.choose(request)?;
+        let technique = settings.choose(request, &scene.data)?;
         let views = self.views(&settings.view)?;
 
         let start = Instant::now();
@@ -88,12 +92,31 @@ impl Args {
         let open_ms = milliseconds(start);
         let scene = GpuScene::new(&gpu, scene);
         drop(gpu);
-        let Drawn { image, first, frames, mut stats, route, device } =
-            draw(&scene, technique, &settings.view, &views, [settings.load_ms, open_ms])?;
+        let Drawn { image, overflow, first, frames, mut stats, route, device } = draw(
+            &scene,
+            technique,
+            &settings.view,
+            &views,
+            self.overflow_map.is_some(),
+            [settings.load_ms, open_ms],
+        )?;
+        let map = self.overflow_map.as_ref().map(|path| {
+            let Some(overflow) = overflow else {
+                let why = format!("\"{}\": sorts nothing in a k-buffer", technique.method().name());
+                return Err(Error::Invalid { what: "--overflow-map".to_string(), why });
+            };
+            let grey = |is_set| [f32::from(u8::from(is_set)), 1.0];
+            let pixels = overflow.into_iter().map(grey).map(|[v, a]| [v, v, v, a]).collect();
+            Ok((path, Image::new(image.width(), image.height(), pixels)?))
+        });
+        let map = map.transpose()?;
         drop(scene);
         stats.insert("validation_messages".to_string(), json!(log.messages().len()));
 
         volraster::io::write_image(&self.output, &image, settings.background)?;
+        if let Some((path, map)) = map {
+            volraster::io::write_image(path, &map, [0.0, 0.0, 0.0, 1.0])?;
+        }
         if let Some(path) = &self.stats {
             output::write_json(path, &Value::Object(stats))?;
         }
@@ -128,12 +151,24 @@ impl Args {
     }
 }
 
+/// Refuses an output that is another file of the run as well.
+fn apart(what: &str, path: &Path, others: &[(&PathBuf, &str)]) -> Result<()> {
+    match others.iter().find(|(other, _)| output::same_place(path, other)) {
+        None => Ok(()),
+        Some((_, role)) => {
+            let why = format!("{}: is {role} as well", path.display());
+            Err(Error::Invalid { what: what.to_string(), why })
+        }
+    }
+}
+
 /// Draws: one frame to warm up, the picture, then every timed view once.
 fn draw(
     scene: &Arc<GpuScene>,
     technique: Technique,
     view: &View,
     timed: &[View],
+    wants_map: bool,
     [load_ms, open_ms]: [f64; 2],
 ) -> Result<Drawn> {
     let renderer = Renderer::new(scene, technique);
@@ -142,7 +177,10 @@ fn draw(
     let prepare_ms = milliseconds(start);
     let first = drawing.draw(view)?;
     let image = drawing.read_back()?;
+    let overflow = if wants_map { drawing.overflow_map()? } else { None };
+    // What is known before a frame, and what the device has counted in the picture's.
     let (route, counters) = (drawing.plan().route(), drawing.plan().counters());
+    let counters = counters.into_iter().chain(first.counters.iter().copied());
     let frames: Vec<FrameTime> = timed.iter().map(|view| drawing.draw(view)).collect::<Result<_>>()?;
 
     let gpu = scene.gpu();
@@ -174,11 +212,8 @@ fn draw(
         put("peak_rss_bytes", json!(bytes));
     }
     put("pipelines", json!(gpu.pipelines()));
-    put(
-        "counters",
-        counters.into_iter().map(|(name, n)| (name.to_string(), json!(n))).collect::<Map<_, _>>().into(),
-    );
-    Ok(Drawn { image, first, frames, stats, route, device: report.name.clone() })
+    put("counters", counters.map(|(name, n)| (name.to_string(), json!(n))).collect::<Map<_, _>>().into());
+    Ok(Drawn { image, overflow, first, frames, stats, route, device: report.name.clone() })
 }
 
 fn frame_json(frame: &FrameTime) -> Value {

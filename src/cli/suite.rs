@@ -3,11 +3,12 @@
 
 use volraster::glam::DVec3;
 use volraster::scene::file::PRESETS;
-use volraster::scene::{Camera, Field, Projection, Scene, TransferFunction, View};
+use volraster::scene::{Camera, Data, Field, Projection, Scene, TransferFunction, View};
 use volraster::technique::Method;
 use volraster::{Error, Result, Technique};
 
 use super::input::{self, Size};
+use Shape::{Cubes, Samples};
 
 /// Image size of the standard scenes and of data found in a folder.
 pub(crate) const SIZE: Size = Size { width: 512, height: 512 };
@@ -17,16 +18,21 @@ pub(crate) const SIZE: Size = Size { width: 512, height: 512 };
 pub(crate) struct StandardScene {
     pub(crate) name: &'static str,
     field: &'static str,
-    /// Samples along each side.
-    side: u32,
-    kind: &'static str,
-    /// The transfer function's \[0, 1\] in the data's own units.
-    range: [f64; 2],
+    shape: Shape,
     look: Look,
     /// From how many of [`PROJECTIONS`] it is seen; `--quick` takes the first alone.
     views: usize,
     /// Whether `--quick` has it.
     quick: bool,
+}
+
+/// What the field is given on.
+#[derive(Clone, Copy, Debug)]
+enum Shape {
+    /// A grid: samples along each side, their type, and the transfer function's \[0, 1\] in their own units.
+    Samples(u32, &'static str, [f64; 2]),
+    /// A mesh: cubes along each side, of five tetrahedra each.
+    Cubes(u32),
 }
 
 /// A transfer function over \[0, 1\].
@@ -53,12 +59,15 @@ const BYTE: [f64; 2] = [0.0, 255.0];
 /// The standard scenes.
 #[rustfmt::skip]
 pub(crate) const SCENES: &[StandardScene] = &[
-    StandardScene { name: "marschner-lobb-64", field: "marschner-lobb", side: 64, kind: "f32", range: UNIT, look: SHELLS, views: 1, quick: false },
-    StandardScene { name: "marschner-lobb-128", field: "marschner-lobb", side: 128, kind: "f32", range: UNIT, look: SHELLS, views: 2, quick: true },
-    StandardScene { name: "marschner-lobb-256", field: "marschner-lobb", side: 256, kind: "f32", range: UNIT, look: SHELLS, views: 1, quick: false },
-    StandardScene { name: "blobs-128", field: "blobs", side: 128, kind: "f32", range: UNIT, look: FOG, views: 2, quick: true },
-    StandardScene { name: "thin-128", field: "marschner-lobb", side: 128, kind: "f32", range: UNIT, look: THIN, views: 1, quick: false },
-    StandardScene { name: "marschner-lobb-128-u8", field: "marschner-lobb", side: 128, kind: "u8", range: BYTE, look: SHELLS, views: 1, quick: false },
+    StandardScene { name: "marschner-lobb-64", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, views: 1, quick: false },
+    StandardScene { name: "marschner-lobb-128", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: SHELLS, views: 2, quick: true },
+    StandardScene { name: "marschner-lobb-256", field: "marschner-lobb", shape: Samples(256, "f32", UNIT), look: SHELLS, views: 1, quick: false },
+    StandardScene { name: "blobs-128", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, views: 2, quick: true },
+    StandardScene { name: "thin-128", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: THIN, views: 1, quick: false },
+    StandardScene { name: "marschner-lobb-128-u8", field: "marschner-lobb", shape: Samples(128, "u8", BYTE), look: SHELLS, views: 1, quick: false },
+    StandardScene { name: "blobs-tets-12", field: "blobs", shape: Cubes(12), look: FOG, views: 2, quick: false },
+    StandardScene { name: "blobs-tets-34", field: "blobs", shape: Cubes(34), look: FOG, views: 2, quick: true },
+    StandardScene { name: "blobs-tets-58", field: "blobs", shape: Cubes(58), look: FOG, views: 2, quick: false },
 ];
 
 impl StandardScene {
@@ -85,27 +94,53 @@ impl StandardScene {
         PROJECTIONS.iter().take(self.view_count(quick)).map(view).collect()
     }
 
+    /// Whether a technique draws it.
+    pub(crate) fn is_drawn(&self) -> bool {
+        // Of its kind the smallest.
+        let small = match self.shape {
+            Samples(_, kind, range) => Samples(2, kind, range),
+            Cubes(_) => Cubes(1),
+        };
+        Self { shape: small, ..*self }.data().is_ok_and(|data| input::drawn(&data).is_ok())
+    }
+
+    fn data(&self) -> Result<Data> {
+        let field = Field::from_name(self.field)?;
+        match self.shape {
+            Samples(side, kind, _) => field.sample([side; 3], kind).map(Data::from),
+            Cubes(cubes) => field.tets(cubes).map(Data::from),
+        }
+    }
+
     /// Data and transfer function.
     ///
     /// # Errors
     ///
     /// [`Error::Invalid`] when the list names what does not exist.
     pub(crate) fn load(&self) -> Result<Scene> {
+        let range @ [lo, hi] = self.range();
         let transfer = match self.look {
             Look::Preset(name) => {
                 let Some(preset) = PRESETS.iter().find(|known| known.name == name) else {
                     let why = format!("\"{name}\": is no preset");
                     return Err(Error::Invalid { what: "transfer function".to_string(), why });
                 };
-                preset.transfer(self.range, 1.0)?
+                preset.transfer(range, 1.0)?
             }
             Look::Rows(rows) => {
-                let [lo, hi] = self.range;
                 let stretched = rows.iter().map(|&[s, r, g, b, tau]| [lo + (hi - lo) * s, r, g, b, tau]);
                 TransferFunction::from_rows(&stretched.collect::<Vec<_>>())?
             }
         };
-        Ok(Scene::new(Field::from_name(self.field)?.sample([self.side; 3], self.kind)?, transfer))
+        Ok(Scene::new(self.data()?, transfer))
+    }
+
+    /// The transfer function's \[0, 1\] in the data's own units.
+    fn range(&self) -> [f64; 2] {
+        match self.shape {
+            Samples(_, _, range) => range,
+            Cubes(_) => UNIT,
+        }
     }
 }
 
@@ -134,9 +169,11 @@ const FEWER: &[&str] = &["8", "4", "2", "1", "0.5", "0.25"];
 const MIDDLE: &[&str] = &["2", "1", "0.5"];
 const COARSE: &[&str] = &["2", "1"];
 const ONE: &[&str] = &["1"];
+const MESHES: &[Method] = &[Havs, Abuffer];
+const PAIRS: &[&str] = &["1", "2", "4", "7", "15"];
 const INTEGRALS: &[&str] = &["integral", "full", "exact"];
 
-use Method::{Raycast, Slabs, Slices2d, Slices3d};
+use Method::{Abuffer, Havs, Raycast, Slabs, Slices2d, Slices3d};
 
 /// The whole sweep: what a front is made of, then each further option alone, at step 1.
 #[rustfmt::skip]
@@ -155,6 +192,13 @@ pub(crate) const STANDARD: &[Sweep] = &[
     Sweep { name: "empty-space", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("empty-space", &["march"])] },
     Sweep { name: "prefilter", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("prefilter", &["mip"])] },
     Sweep { name: "stop", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("stop", &["1e-2"])] },
+    Sweep { name: "integrator", methods: MESHES, routes: COMPUTE, options: &[("integrator", INTEGRALS)] },
+    Sweep { name: "k", methods: &[Havs], routes: COMPUTE, options: &[("k", PAIRS)] },
+    Sweep { name: "repair", methods: &[Havs], routes: COMPUTE, options: &[("k", PAIRS), ("repair", &["none"])] },
+    Sweep { name: "chunk", methods: &[Havs], routes: COMPUTE, options: &[("chunk", &["64"])] },
+    Sweep { name: "order", methods: MESHES, routes: COMPUTE, options: &[("order", &["back-to-front"])] },
+    Sweep { name: "stop", methods: MESHES, routes: COMPUTE, options: &[("stop", &["1e-2"])] },
+    Sweep { name: "empty-space", methods: MESHES, routes: COMPUTE, options: &[("empty-space", &["march"])] },
 ];
 
 /// `--quick`: the same fronts from fewer points.
@@ -168,6 +212,7 @@ pub(crate) const QUICK: &[Sweep] = &[
     Sweep { name: "integrator", methods: &[Slabs], routes: RASTER, options: &[("integrator", &["integral"]), ("step", ONE)] },
     Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["midpoint"]), ("step", FEWER)] },
     Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["exact"]), ("step", COARSE)] },
+    Sweep { name: "integrator", methods: MESHES, routes: COMPUTE, options: &[("integrator", INTEGRALS)] },
 ];
 
 /// Data found in a folder: little of each, for there may be much of it.
@@ -177,6 +222,7 @@ pub(crate) const DATA: &[Sweep] = &[
     Sweep { name: "step", methods: &[Slices2d, Slices3d], routes: COMPUTE, options: &[("step", COARSE)] },
     Sweep { name: "integrator", methods: &[Slabs], routes: COMPUTE, options: &[("integrator", INTEGRALS), ("step", COARSE)] },
     Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["midpoint", "exact"]), ("step", COARSE)] },
+    Sweep { name: "integrator", methods: MESHES, routes: COMPUTE, options: &[("integrator", INTEGRALS)] },
 ];
 
 /// A technique with the options of one combination.
@@ -203,9 +249,8 @@ pub(crate) fn settings(sweeps: &[Sweep]) -> Result<Vec<Setting>> {
                 continue;
             }
             for &route in sweep.routes.iter().filter(|route| method.routes().contains(route)) {
-                for mut options in combinations(sweep.options) {
-                    options.push(("route", route));
-                    let technique = input::with_options(method, &[], &options)?;
+                for options in combinations(sweep.options) {
+                    let technique = input::by_route(method, route, &[], &options)?;
                     if !settings.iter().any(|known| (known.technique, known.route) == (technique, route)) {
                         settings.push(Setting { sweep: sweep.name, technique, route });
                     }
@@ -283,18 +328,28 @@ mod tests {
 
     #[test]
     fn the_standard_scenes_hold() {
-        assert_eq!(StandardScene::chosen(true).count(), 2);
+        assert_eq!(StandardScene::chosen(true).count(), 3);
         let mut names: Vec<&str> = SCENES.iter().map(|scene| scene.name).collect();
         names.sort_unstable();
         names.dedup();
         assert_eq!(names.len(), SCENES.len());
         for scene in SCENES {
             assert_eq!(scene.views(false, SIZE).unwrap().len(), scene.view_count(false));
-            let small = StandardScene { side: 4, ..*scene };
-            let loaded = small.load().unwrap();
-            assert_eq!(loaded.grid().unwrap().samples().type_name(), scene.kind);
+            let small = match scene.shape {
+                Samples(_, kind, range) => Samples(4, kind, range),
+                Cubes(_) => Cubes(2),
+            };
+            let loaded = StandardScene { shape: small, ..*scene }.load().unwrap();
+            match (scene.shape, &loaded.data) {
+                (Samples(_, kind, _), Data::Grid(grid)) => assert_eq!(grid.samples().type_name(), kind),
+                (Cubes(_), Data::Mesh(mesh)) => assert_eq!(mesh.cells().len(), 40),
+                _ => panic!("{}: another kind of data", scene.name),
+            }
+            let is_grid = matches!(loaded.data, Data::Grid(_));
+            assert!(scene.is_drawn() || !is_grid, "{}", scene.name);
             let [lo, hi] = loaded.transfer.domain();
-            assert!(lo >= scene.range[0] && hi <= scene.range[1] && hi > lo, "{}", scene.name);
+            let range = scene.range();
+            assert!(lo >= range[0] && hi <= range[1] && hi > lo, "{}", scene.name);
         }
     }
 }

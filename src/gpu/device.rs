@@ -30,6 +30,8 @@ pub struct GpuOptions {
     pub memory_budget: Option<u64>,
     /// Most loop iterations of one shader invocation, instead of what the start-up probe finds.
     pub loop_limit: Option<u32>,
+    /// Most bytes that a shader sees of a buffer, instead of what the driver says where that is more.
+    pub storage_range: Option<u32>,
     /// Folder of the pipeline cache. Without it: `volraster` in the user's cache folder.
     pub pipeline_cache: Option<PathBuf>,
     /// Do not keep pipelines on disk.
@@ -48,6 +50,12 @@ pub enum OptionalFeature {
     BlendRgba32f,
     /// Shaders that write buffers while they draw. Without it: no dithering.
     FragmentStores,
+    /// Fragments of a pixel that exclude each other, in the order of primitives
+    /// (`VK_EXT_fragment_shader_interlock`). Without it: `havs` by compute.
+    FragmentInterlock,
+    /// Stores of fragments that come in the order of primitives although nothing says so: a habit of a known
+    /// driver, which Vulkan does not promise. Only what asks for it by name uses it.
+    OrderedStores,
     /// Free device memory as the driver sees it. Without it: a share of the heap.
     MemoryBudget,
     /// Timestamps. Without them: wall time only.
@@ -58,11 +66,13 @@ pub enum OptionalFeature {
 
 impl OptionalFeature {
     /// All of them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::LinearFilterR32f,
         Self::LinearFilterR16,
         Self::BlendRgba32f,
         Self::FragmentStores,
+        Self::FragmentInterlock,
+        Self::OrderedStores,
         Self::MemoryBudget,
         Self::Timestamps,
         Self::DebugNames,
@@ -76,6 +86,8 @@ impl OptionalFeature {
             Self::LinearFilterR16 => "linear-filter-r16",
             Self::BlendRgba32f => "blend-rgba32f",
             Self::FragmentStores => "fragment-stores",
+            Self::FragmentInterlock => "fragment-interlock",
+            Self::OrderedStores => "ordered-stores",
             Self::MemoryBudget => "memory-budget",
             Self::Timestamps => "timestamps",
             Self::DebugNames => "debug-names",
@@ -89,6 +101,8 @@ impl OptionalFeature {
             Self::LinearFilterR32f | Self::LinearFilterR16 => "eight fetches in the shader",
             Self::BlendRgba32f => "accumulation in registers",
             Self::FragmentStores => "no dithering",
+            Self::FragmentInterlock => "havs by compute",
+            Self::OrderedStores => "no route implementation-ordered",
             Self::MemoryBudget => "nine tenths of the device-local heap",
             Self::Timestamps => "wall time only",
             Self::DebugNames => "no names or labels",
@@ -146,6 +160,8 @@ pub(crate) struct Inner {
     debug: Option<ext::debug_utils::Device>,
     memory_budget: bool,
     fragment_stores: bool,
+    fragment_interlock: bool,
+    orders_stores: bool,
     reports: Vec<DeviceReport>,
     report: DeviceReport,
     // Last: destroys the instance after the device.
@@ -237,17 +253,27 @@ impl Gpu {
         if options.validation == Validation::GpuAssisted {
             features.vertex_pipeline_stores_and_atomics = available.vertex_pipeline_stores_and_atomics;
         }
+        let fragment_interlock =
+            has(ext::fragment_shader_interlock::NAME) && has_pixel_interlock(&instance, physical);
+        if fragment_interlock {
+            names.push(ext::fragment_shader_interlock::NAME.as_ptr());
+        }
+        let mut interlock = vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default()
+            .fragment_shader_pixel_interlock(true);
         let mut features13 =
             vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).dynamic_rendering(true);
         let priorities = [1.0];
         let queues = [vk::DeviceQueueCreateInfo::default()
             .queue_family_index(candidate.queue_family)
             .queue_priorities(&priorities)];
-        let info = vk::DeviceCreateInfo::default()
+        let mut info = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_extension_names(&names)
             .enabled_features(&features)
             .push_next(&mut features13);
+        if fragment_interlock {
+            info = info.push_next(&mut interlock);
+        }
         // SAFETY: the pointers in `info` refer to locals; extensions and features were found present.
         let device = unsafe { instance.raw.create_device(physical, &info, None) }
             .map_err(|result| Error::Vulkan { call: "vkCreateDevice", result })?;
@@ -278,10 +304,14 @@ impl Gpu {
             debug,
             memory_budget,
             fragment_stores: features.fragment_stores_and_atomics == vk::TRUE,
+            fragment_interlock,
+            orders_stores: candidate.orders_stores,
             reports,
             report: candidate.report,
             instance,
         };
+        let range = &mut inner.properties.limits.max_storage_buffer_range;
+        *range = options.storage_range.unwrap_or(u32::MAX).min(*range);
         // From here on `inner` destroys what was made when a `?` leaves.
         let data = inner.cache_file.as_ref().and_then(PipelineCacheFile::load).unwrap_or_default();
         let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
@@ -367,6 +397,8 @@ impl Gpu {
                 format(vk::Format::R32G32B32A32_SFLOAT, F::COLOR_ATTACHMENT_BLEND)
             }
             OptionalFeature::FragmentStores => self.inner.fragment_stores,
+            OptionalFeature::FragmentInterlock => self.inner.fragment_interlock,
+            OptionalFeature::OrderedStores => self.inner.fragment_stores && self.inner.orders_stores,
             OptionalFeature::MemoryBudget => self.inner.memory_budget,
             OptionalFeature::Timestamps => self.inner.timestamp_bits > 0,
             OptionalFeature::DebugNames => self.inner.debug.is_some(),
@@ -524,6 +556,15 @@ impl Drop for Inner {
         // SAFETY: every object made from the device holds a `Gpu` and is gone, or was destroyed above.
         unsafe { self.device.destroy_device(None) };
     }
+}
+
+/// Whether fragments of a pixel can exclude each other. Only to be asked where the extension is there.
+fn has_pixel_interlock(instance: &Instance, physical: vk::PhysicalDevice) -> bool {
+    let mut interlock = vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default();
+    let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut interlock);
+    // SAFETY: `physical` belongs to this instance; the chained structure's extension is present.
+    unsafe { instance.raw.get_physical_device_features2(physical, &mut features) };
+    interlock.fragment_shader_pixel_interlock == vk::TRUE
 }
 
 /// Memory to work with: what the driver says is free in the largest device-local heap, else nine

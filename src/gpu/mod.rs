@@ -27,6 +27,8 @@ mod select;
 pub(crate) mod shader;
 mod submit;
 pub(crate) mod sync;
+#[cfg(test)]
+pub(crate) mod testing;
 mod transfer;
 mod validation;
 

@@ -363,7 +363,7 @@ pub(crate) struct Descriptors {
     gpu: Gpu,
     pool: vk::DescriptorPool,
     set: vk::DescriptorSet,
-    resources: Vec<(BindingKind, Resource)>,
+    resources: Vec<(u32, BindingKind, Resource)>,
 }
 
 impl Descriptors {
@@ -434,8 +434,13 @@ impl Descriptors {
             // SAFETY: the set is not in use; the resources are alive and `descriptors` keeps them so.
             unsafe { gpu.device().update_descriptor_sets(&[write], &[]) };
         }
-        descriptors.resources = resources.into_iter().map(|(_, kind, resource)| (kind, resource)).collect();
+        descriptors.resources = resources;
         Ok(descriptors)
+    }
+
+    /// What a binding was filled with.
+    pub(crate) fn resource(&self, binding: u32) -> Option<Resource> {
+        self.resources.iter().find(|(number, ..)| *number == binding).map(|(_, _, resource)| resource.clone())
     }
 
     pub(crate) fn set(&self) -> vk::DescriptorSet {
@@ -444,11 +449,12 @@ impl Descriptors {
 
     /// The resources with the use that a pass of this bind point makes of them.
     pub(crate) fn uses(&self, compute: bool) -> impl Iterator<Item = (&Resource, Use)> {
-        self.resources.iter().map(move |(kind, resource)| {
+        self.resources.iter().map(move |(_, kind, resource)| {
             let usage = match (resource, compute) {
                 (Resource::Sampled(..), true) => Use::ComputeSample,
                 (Resource::Sampled(..), false) => Use::FragmentSample,
-                (Resource::Storage(_), _) => Use::ComputeReadWrite,
+                (Resource::Storage(_), true) => Use::ComputeReadWrite,
+                (Resource::Storage(_), false) => Use::FragmentReadWrite,
                 (Resource::Buffer(_), true) if *kind == BindingKind::UniformBuffer => Use::ComputeRead,
                 (Resource::Buffer(b), true) if b.is_written_by_shaders() => Use::ComputeReadWrite,
                 (Resource::Buffer(_), true) => Use::ComputeRead,

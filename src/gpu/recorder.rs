@@ -135,7 +135,12 @@ impl<'a> Recorder<'a> {
 
     /// Declares how the last recording that used an image, and that has ended, used it.
     pub(crate) fn assume_after(&mut self, image: &Arc<Image>, last: Use) {
-        self.tracker.begin_after(image.raw().as_raw(), last);
+        self.tracker.begin_after(image.raw().as_raw(), last, true);
+    }
+
+    /// The same of a buffer.
+    pub(crate) fn assume_buffer_after(&mut self, buffer: &Arc<Buffer>, last: Use) {
+        self.tracker.begin_after(buffer.raw().as_raw(), last, false);
     }
 
     /// One dispatch as a pass.

@@ -30,6 +30,7 @@ pub(crate) struct Candidate {
     pub(crate) properties: vk::PhysicalDeviceProperties,
     pub(crate) queue_family: u32,
     pub(crate) timestamp_bits: u32,
+    pub(crate) orders_stores: bool,
     pub(crate) report: DeviceReport,
     /// What the device lacks, `None` when it qualifies.
     refused: Option<String>,
@@ -97,6 +98,13 @@ fn stamps_lie(driver: vk::DriverId, info: &str) -> bool {
     driver == vk::DriverId::MESA_LLVMPIPE && major.is_none_or(|major| major < 25)
 }
 
+/// Whether fragments' stores to a pixel come in the order of primitives, each seeing those before, without anything that
+/// says so. Vulkan does not promise it. Mesa's llvmpipe bins triangles to tiles of the image, and one thread works through
+/// a tile's triangles in their order: that is how it works, and no other driver is believed to.
+fn orders_stores(driver: vk::DriverId) -> bool {
+    driver == vk::DriverId::MESA_LLVMPIPE
+}
+
 fn inspect(instance: &Instance, raw: vk::PhysicalDevice) -> Candidate {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut properties2 = vk::PhysicalDeviceProperties2::default();
@@ -155,6 +163,7 @@ fn inspect(instance: &Instance, raw: vk::PhysicalDevice) -> Candidate {
         } else {
             families.get(index).map_or(0, |f| f.timestamp_valid_bits)
         },
+        orders_stores: orders_stores(driver.driver_id),
         report: DeviceReport {
             name,
             kind,
@@ -198,6 +207,14 @@ mod tests {
         assert!(stamps_lie(vk::DriverId::MESA_LLVMPIPE, ""));
         assert!(!stamps_lie(vk::DriverId::MESA_LLVMPIPE, "Mesa 25.0.7-2~bpo12+1 (LLVM 15.0.6)"));
         assert!(!stamps_lie(vk::DriverId::MESA_RADV, "Mesa 22.3.6"));
+    }
+
+    #[test]
+    fn one_driver_is_known_to_order_stores() {
+        assert!(orders_stores(vk::DriverId::MESA_LLVMPIPE));
+        for driver in [vk::DriverId::NVIDIA_PROPRIETARY, vk::DriverId::MESA_RADV, vk::DriverId::default()] {
+            assert!(!orders_stores(driver), "{driver:?}");
+        }
     }
 
     #[test]

@@ -10,6 +10,9 @@ use vk::{AccessFlags2 as Access, ImageLayout as Layout, PipelineStageFlags2 as S
 /// Where timestamps are taken: when all work before has ended.
 pub(crate) const END_OF_ALL: Stage = Stage::ALL_COMMANDS;
 
+/// Shaders that make vertices, and those that shade them.
+const GRAPHICS: Stage = Stage::from_raw(Stage::VERTEX_SHADER.as_raw() | Stage::FRAGMENT_SHADER.as_raw());
+
 /// How a pass uses a resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Use {
@@ -21,9 +24,9 @@ pub(crate) enum Use {
     HostRead,
     /// Sampled in a fragment shader.
     FragmentSample,
-    /// Read in a fragment shader as a uniform or storage buffer.
+    /// Read in a vertex or fragment shader as a uniform or storage buffer.
     FragmentRead,
-    /// Written, and perhaps read, in a fragment shader as a storage buffer.
+    /// Written, and perhaps read, in a fragment shader as a storage buffer or image.
     FragmentReadWrite,
     /// Sampled in a compute shader.
     ComputeSample,
@@ -66,16 +69,16 @@ impl Use {
                 (Stage::FRAGMENT_SHADER, Access::SHADER_SAMPLED_READ, Layout::SHADER_READ_ONLY_OPTIMAL)
             }
             Self::FragmentRead => (
-                Stage::FRAGMENT_SHADER,
+                GRAPHICS,
                 Access::from_raw(Access::UNIFORM_READ.as_raw() | Access::SHADER_STORAGE_READ.as_raw()),
                 Layout::UNDEFINED,
             ),
             Self::FragmentReadWrite => (
-                Stage::FRAGMENT_SHADER,
+                GRAPHICS,
                 Access::from_raw(
                     Access::SHADER_STORAGE_READ.as_raw() | Access::SHADER_STORAGE_WRITE.as_raw(),
                 ),
-                Layout::UNDEFINED,
+                Layout::GENERAL,
             ),
             Self::ComputeSample => {
                 (Stage::COMPUTE_SHADER, Access::SHADER_SAMPLED_READ, Layout::SHADER_READ_ONLY_OPTIMAL)
@@ -156,12 +159,13 @@ impl Tracker {
             .insert((true, resource), History { write: none, readers: Stage::NONE, visible: none, layout });
     }
 
-    /// Says that an earlier recording, which has ended, left an image after this use.
-    pub(crate) fn begin_after(&mut self, resource: u64, last: Use) {
+    /// Says that an earlier recording, which has ended, left a resource after this use.
+    pub(crate) fn begin_after(&mut self, resource: u64, last: Use, is_image: bool) {
         let (stage, access, layout) = last.masks();
+        let layout = if is_image { layout } else { Layout::UNDEFINED };
         let none = (Stage::NONE, Access::NONE);
         let history = History { write: (stage, access), readers: Stage::NONE, visible: none, layout };
-        self.histories.insert((true, resource), history);
+        self.histories.insert((is_image, resource), history);
     }
 
     /// Whether the image was used or declared in this recording.
@@ -241,7 +245,7 @@ mod tests {
         let mut tracker = Tracker::default();
         assert!(tracker.next(4, Use::FragmentRead, false).is_none());
         let barrier = tracker.next(4, Use::ComputeReadWrite, false).unwrap();
-        assert_eq!((barrier.src_stage, barrier.src_access), (Stage::FRAGMENT_SHADER, Access::NONE));
+        assert_eq!((barrier.src_stage, barrier.src_access), (GRAPHICS, Access::NONE));
     }
 
     #[test]
@@ -270,10 +274,15 @@ mod tests {
     #[test]
     fn what_an_earlier_recording_wrote_is_made_visible() {
         let mut tracker = Tracker::default();
-        tracker.begin_after(1, Use::ComputeReadWrite);
+        tracker.begin_after(1, Use::ComputeReadWrite, true);
         let barrier = tracker.next(1, Use::TransferRead, true).unwrap();
         assert_eq!((barrier.src_stage, barrier.old_layout), (Stage::COMPUTE_SHADER, Layout::GENERAL));
         assert!(barrier.src_access.contains(Access::SHADER_STORAGE_WRITE));
+        // A buffer of the same handle is another resource.
+        assert!(tracker.next(1, Use::TransferRead, false).is_none());
+        tracker.begin_after(2, Use::ComputeReadWrite, false);
+        let barrier = tracker.next(2, Use::TransferRead, false).unwrap();
+        assert_eq!((barrier.src_stage, barrier.dst_stage), (Stage::COMPUTE_SHADER, Stage::COPY));
     }
 
     #[test]

@@ -1,16 +1,18 @@
 //! The truth: images in float64 on the CPU, exact but for rounding.
 //!
-//! Every ray is cut at every voxel face. Inside a cell the trilinear scalar along the ray is a cubic of
-//! the ray's parameter; the ray is cut again where that cubic meets a knot of the transfer function.
-//! On such a piece extinction is a cubic and optical depth a quartic, both in closed form; the emission
+//! Every ray is cut at every voxel face, or at every face of a tetrahedron. Inside a cell the trilinear scalar
+//! along the ray is a cubic of the ray's parameter, that of a tetrahedron is linear; the ray is cut again where
+//! it meets a knot of the transfer function. On such a piece extinction is a cubic and optical depth a quartic, both in closed form; the emission
 //! is integrated by Gauss-Legendre over panels of bounded optical depth.
 //!
 //! Shares no code with the shaders or the pre-integration tables.
 
+mod cover;
 mod grid;
 mod march;
 mod polynomial;
 mod quadrature;
+mod tets;
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -20,9 +22,11 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::frame::Image;
 use crate::num;
-use crate::scene::{Scene, View};
+use crate::scene::{Data, Scene, View};
 
 use grid::GridRays;
+pub use tets::Piece;
+use tets::TetRays;
 
 /// How a reference image is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -125,13 +129,13 @@ impl ReferenceImage {
 ///
 /// # Errors
 ///
-/// [`Error::Invalid`] if `options.samples` is 0 or above [`ReferenceOptions::MAX_SAMPLES`], or the image
-/// does not fit into memory.
+/// [`Error::Invalid`] if `options.samples` is 0 or above [`ReferenceOptions::MAX_SAMPLES`], the image does not
+/// fit into memory, or the scene holds points.
 pub fn render(
     scene: &Scene,
     view: &View,
     options: &ReferenceOptions,
-    progress: Option<&(dyn Fn(u32, u32) + Sync)>,
+    progress: Option<&Progress>,
 ) -> Result<ReferenceImage> {
     let samples = options.samples;
     if samples == 0 || samples > ReferenceOptions::MAX_SAMPLES {
@@ -148,7 +152,13 @@ pub fn render(
     })?;
     pixels.resize(total, [0.0; 4]);
 
-    let rays = rays(scene)?;
+    let rays = match Rays::new(scene)? {
+        Rays::Grid(rays) => rays,
+        Rays::Mesh(rays) => {
+            cover::render(&rays, view, samples, &mut pixels, progress);
+            return Ok(ReferenceImage { width, height, pixels });
+        }
+    };
     let range = view_range(view);
     let done = AtomicU32::new(0);
     pixels.par_chunks_mut(num::index(width)).zip(0..height).for_each(|(row, y)| {
@@ -175,9 +185,39 @@ pub fn render(
 ///
 /// # Errors
 ///
-/// [`Error::Invalid`] if the origin is not finite, the direction has no finite length, or an end of the
-/// range is NaN.
+/// [`Error::Invalid`] if the origin is not finite, the direction has no finite length, an end of the range is
+/// NaN, or the scene holds points.
 pub fn ray(scene: &Scene, origin: DVec3, direction: DVec3, t_range: [f64; 2]) -> Result<[f64; 4]> {
+    let direction = checked(origin, direction, t_range)?;
+    Ok(match Rays::new(scene)? {
+        Rays::Grid(rays) => rays.trace(origin, direction, t_range),
+        Rays::Mesh(rays) => rays.trace(origin, direction, t_range),
+    })
+}
+
+/// What of one ray lies in the tetrahedra of a scene's mesh, front to back, with parameters and range as for
+/// [`ray`]. Those with a scalar that is NaN are left out; infinite scalars have become the transfer function's ends.
+/// Pieces of cells that share a face meet exactly, before rounding to parameters that count from the origin.
+///
+/// # Errors
+///
+/// As [`ray`]; [`Error::Invalid`] if the scene holds no mesh.
+pub fn pieces(scene: &Scene, origin: DVec3, direction: DVec3, t_range: [f64; 2]) -> Result<Vec<Piece>> {
+    let direction = checked(origin, direction, t_range)?;
+    let Rays::Mesh(rays) = Rays::new(scene)? else {
+        return Err(Error::invalid("reference", format!("the scene holds a {}", scene.data.kind())));
+    };
+    let ray = rays.ray(origin, direction, t_range);
+    let mut pieces: Vec<Piece> = rays.all().filter_map(|cell| rays.piece(cell, &ray)).collect();
+    tets::sort(&mut pieces);
+    for piece in &mut pieces {
+        piece.t = piece.t.map(|t| t + ray.nearest);
+    }
+    Ok(pieces)
+}
+
+/// The ray's direction with unit length.
+fn checked(origin: DVec3, direction: DVec3, t_range: [f64; 2]) -> Result<DVec3> {
     if !origin.is_finite() {
         return Err(Error::invalid("ray origin", format!("{origin}: must be finite")));
     }
@@ -187,13 +227,28 @@ pub fn ray(scene: &Scene, origin: DVec3, direction: DVec3, t_range: [f64; 2]) ->
     if t_range.iter().any(|t| t.is_nan()) {
         return Err(Error::invalid("ray range", format!("{t_range:?}: must be two numbers")));
     }
-    Ok(rays(scene)?.trace(origin, direction, t_range))
+    Ok(direction)
 }
 
-/// The scene's data and transfer function, prepared for rays.
-fn rays(scene: &Scene) -> Result<GridRays<'_>> {
-    let grid = scene.grid().ok_or_else(|| Error::invalid("reference", "the scene holds no grid"))?;
-    Ok(GridRays::new(grid, &scene.transfer))
+/// Told the rows done and the rows in all.
+type Progress<'a> = dyn Fn(u32, u32) + Sync + 'a;
+
+/// A scene's data and transfer function, prepared for rays.
+enum Rays<'a> {
+    Grid(GridRays<'a>),
+    Mesh(TetRays<'a>),
+}
+
+impl<'a> Rays<'a> {
+    fn new(scene: &'a Scene) -> Result<Self> {
+        match &scene.data {
+            Data::Grid(grid) => Ok(Self::Grid(GridRays::new(grid, &scene.transfer))),
+            Data::Mesh(mesh) => Ok(Self::Mesh(TetRays::new(mesh, &scene.transfer))),
+            Data::Points(_) => {
+                Err(Error::invalid("reference", "draws grids and meshes: the scene holds points"))
+            }
+        }
+    }
 }
 
 /// Orthographic rays run over all real numbers, perspective rays start at the eye.
@@ -203,17 +258,20 @@ fn view_range(view: &View) -> [f64; 2] {
 
 /// Mean of `samples` x `samples` rays through the centres of equal squares of a pixel.
 fn box_filter(samples: u32, ray: impl Fn(DVec2) -> [f64; 4]) -> [f64; 4] {
-    let n = f64::from(samples);
     let mut sum = [0.0; 4];
-    for j in 0..samples {
-        for i in 0..samples {
-            let value = ray(DVec2::new((f64::from(i) + 0.5) / n, (f64::from(j) + 0.5) / n));
-            for (sum, value) in sum.iter_mut().zip(value) {
-                *sum += value;
-            }
+    for offset in samples_of(samples) {
+        for (sum, value) in sum.iter_mut().zip(ray(offset)) {
+            *sum += value;
         }
     }
+    let n = f64::from(samples);
     sum.map(|sum| sum / (n * n))
+}
+
+/// Centres of a pixel's equal squares, row by row.
+fn samples_of(samples: u32) -> impl Iterator<Item = DVec2> {
+    let centre = move |i: u32| (f64::from(i) + 0.5) / f64::from(samples);
+    (0..samples).flat_map(move |j| (0..samples).map(move |i| DVec2::new(centre(i), centre(j))))
 }
 
 #[cfg(test)]

@@ -1,6 +1,8 @@
 //! The reference against closed forms, against integrators that know nothing of cells and knots, and
 //! against itself under changes that must not matter.
 
+mod mesh;
+
 use glam::{DMat3, DQuat};
 
 use super::*;

@@ -50,7 +50,7 @@ impl Camera {
 /// Pixel (px, py), row 0 on top, is sampled once, at its centre. Its ray looks along
 /// `forward + x * right + y * up` with `x = (px + 1/2 - W/2) * scale`, `y = (H/2 - py - 1/2) * scale`
 /// for perspective, and starts at `eye + x * right + y * up` for orthographic.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     camera: Camera,
     extent: [u32; 2],

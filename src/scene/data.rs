@@ -1,5 +1,7 @@
 //! The kinds of data that a scene may hold.
 
+use glam::DVec3;
+
 use super::{Grid, Points, Tets};
 
 /// What a file or a scene holds.
@@ -23,6 +25,30 @@ impl Data {
             Self::Mesh(_) => "mesh",
             Self::Points(_) => "points",
         }
+    }
+
+    /// Smallest and largest finite scalar.
+    #[must_use]
+    pub fn range(&self) -> [f64; 2] {
+        match self {
+            Self::Grid(grid) => grid.range(),
+            Self::Mesh(mesh) => mesh.range(),
+            Self::Points(points) => points.range(),
+        }
+    }
+
+    /// Corners of the smallest box that holds it, in world units: along its own axes for a grid, along the
+    /// world's for a mesh or points, whose kernels reach beyond.
+    #[must_use]
+    pub fn corners(&self) -> [DVec3; 8] {
+        let [low, high] = match self {
+            Self::Grid(grid) => return grid.corners(),
+            Self::Mesh(mesh) => mesh.bounds(),
+            Self::Points(points) => points.bounds(),
+        };
+        std::array::from_fn(|i| {
+            DVec3::select(glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), high, low)
+        })
     }
 }
 

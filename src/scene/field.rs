@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::grid::{Grid, Samples};
+use super::tets::{TetScalars, Tets};
 use crate::error::{Error, Result};
 use crate::num;
 
@@ -133,7 +134,56 @@ impl Field {
         };
         Grid::new(dims, samples)?.with_placement(step, DVec3::NEG_ONE, glam::DMat3::IDENTITY)
     }
+
+    /// Most cubes along each side of [`Self::tets`]: five tetrahedra each are counted in 32 bits.
+    pub const MAX_CUBES: u32 = 950;
+
+    /// The field on a mesh that fills [-1, 1]³: `cubes`³ equal cubes of five tetrahedra each, the field's value
+    /// in float32 at each of the `(cubes + 1)³` corners, x fastest.
+    ///
+    /// One tetrahedron joins every other corner of its cube, four cut off the rest. Which corners these are
+    /// alternates from cube to cube, so that the diagonals of shared faces match.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if `cubes` is 0 or above [`Self::MAX_CUBES`], or the mesh does not fit into memory.
+    pub fn tets(self, cubes: u32) -> Result<Tets> {
+        let refuse = |why: &str| Error::invalid("cubes", format!("{cubes}: {why}"));
+        if cubes == 0 || cubes > Self::MAX_CUBES {
+            return Err(refuse(&format!("must be 1 to {}", Self::MAX_CUBES)));
+        }
+        let side = num::index(cubes) + 1;
+        let (mut points, mut scalars, mut cells) = (Vec::new(), Vec::new(), Vec::new());
+        points
+            .try_reserve_exact(side.pow(3))
+            .and_then(|()| scalars.try_reserve_exact(side.pow(3)))
+            .and_then(|()| cells.try_reserve_exact(5 * (side - 1).pow(3)))
+            .map_err(|_| refuse("the mesh does not fit into memory"))?;
+        let places = |end: u32| {
+            (0..end).flat_map(move |z| (0..end).flat_map(move |y| (0..end).map(move |x| [x, y, z])))
+        };
+        for place in places(cubes + 1) {
+            let p = DVec3::from_array(place.map(|i| 2.0 * f64::from(i) / f64::from(cubes) - 1.0));
+            points.push(p);
+            scalars.push(num::f32_of(self.value(p)));
+        }
+        for [x, y, z] in places(cubes) {
+            let corner = |bits: u32| {
+                let [x, y, z] = [x + (bits & 1), y + (bits >> 1 & 1), z + (bits >> 2)];
+                (z * (cubes + 1) + y) * (cubes + 1) + x
+            };
+            // Corners whose coordinates have an even sum make the middle one, wherever the cube is.
+            let cut = if (x + y + z) % 2 == 0 { &EVEN } else { &ODD };
+            cells.extend(cut.map(|cell| cell.map(corner)));
+        }
+        Ok(Tets::new(points, cells, TetScalars::Point(scalars))?.0)
+    }
 }
+
+/// A cube in five tetrahedra, positively oriented; corners by bits: 1 is x, 2 is y, 4 is z. The middle one joins
+/// the corners of even parity, or of odd.
+const EVEN: [[u32; 4]; 5] = [[0, 3, 6, 5], [1, 3, 0, 5], [2, 0, 3, 6], [4, 0, 6, 5], [7, 3, 5, 6]];
+const ODD: [[u32; 4]; 5] = [[1, 2, 4, 7], [0, 1, 2, 4], [3, 1, 7, 2], [5, 1, 4, 7], [6, 2, 7, 4]];
 
 #[cfg(test)]
 mod tests {
@@ -147,6 +197,51 @@ mod tests {
             assert!((grid.corners()[7] - DVec3::ONE).length() < 1e-15);
             let [lo, hi] = grid.range();
             assert!(lo >= 0.0 && hi <= 1.0, "{name}: [{lo}, {hi}]");
+        }
+    }
+
+    #[test]
+    fn cubes_are_cut_into_five_tetrahedra_that_meet_face_to_face() {
+        for cubes in [1, 2, 3, 12] {
+            let mesh = Field::Ramp.tets(cubes).unwrap();
+            let n = num::index(cubes);
+            assert_eq!((mesh.points().len(), mesh.cells().len()), ((n + 1).pow(3), 5 * n.pow(3)));
+            assert_eq!(mesh.bounds(), [DVec3::NEG_ONE, DVec3::ONE]);
+            let TetScalars::Point(scalars) = mesh.scalars() else { panic!("scalars of cells") };
+            for (p, s) in mesh.points().iter().zip(scalars) {
+                assert_eq!(*s, num::f32_of(Field::Ramp.value(*p)));
+            }
+            let mut volume = 0.0;
+            let mut faces = std::collections::HashMap::new();
+            for cell in mesh.cells() {
+                let [a, b, c, d] = cell.map(|i| mesh.points()[num::index(i)]);
+                volume += (b - a).cross(c - a).dot(d - a) / 6.0;
+                for skip in 0..4 {
+                    let mut face: Vec<u32> = (0..4).filter(|&i| i != skip).map(|i| cell[i]).collect();
+                    face.sort_unstable();
+                    *faces.entry(face).or_insert(0_usize) += 1;
+                }
+            }
+            assert!((volume - 8.0).abs() < 1e-12, "{cubes}: volume {volume}");
+            assert!(faces.values().all(|&count| count <= 2));
+            // Two triangles on each of the hull's squares.
+            assert_eq!(faces.values().filter(|&&count| count == 1).count(), 12 * n * n);
+        }
+        let count = |cubes| Field::Blobs.tets(cubes).unwrap().cells().len();
+        assert_eq!([count(12), count(34)], [8640, 196_520]);
+        for wrong in [0, Field::MAX_CUBES + 1, u32::MAX] {
+            let why = Field::Blobs.tets(wrong).unwrap_err().to_string();
+            assert!(why.contains("cubes") && why.contains("1 to 950"), "{why}");
+        }
+    }
+
+    /// As written: nothing had to be turned.
+    #[test]
+    fn both_cuts_are_positively_oriented() {
+        for cell in EVEN.iter().chain(&ODD) {
+            let [a, b, c, d] = cell
+                .map(|bits| DVec3::new(f64::from(bits & 1), f64::from(bits >> 1 & 1), f64::from(bits >> 2)));
+            assert!((b - a).cross(c - a).dot(d - a) > 0.0, "{cell:?}");
         }
     }
 

@@ -2,6 +2,8 @@
 //!
 //! Unknown keys are errors that name the allowed ones. Paths are relative to the scene file.
 
+mod mesh;
+
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -12,6 +14,8 @@ use serde::{Deserialize, Deserializer};
 use super::{Camera, Field, Grid, Knot, Projection, Scene, TransferFunction, View, auto};
 use crate::error::{Error, Result};
 use crate::io::{self, Data, Described, Loaded, ReadOptions, Report};
+
+use mesh::MeshSpec;
 
 /// A technique's name and options, as a scene file or a command line gives them.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -56,7 +60,7 @@ impl LoadedScene {
     ///
     /// # Errors
     ///
-    /// As [`io::read`]; [`Error::File`] if the file holds something else than a grid.
+    /// As [`io::read`]; [`Error::File`] if the file holds neither a grid nor a mesh.
     pub fn from_data(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Self> {
         let path = path.as_ref();
         Self::from_loaded(path, io::read(path, options)?)
@@ -66,11 +70,11 @@ impl LoadedScene {
     ///
     /// # Errors
     ///
-    /// [`Error::File`] if it is no grid, or shows nothing that a camera or a transfer function could be chosen
+    /// [`Error::File`] if it is neither a grid nor a mesh, or shows nothing that a camera or a transfer function could be chosen
     /// for.
     pub fn from_loaded(path: impl AsRef<Path>, loaded: Loaded) -> Result<Self> {
         let path = path.as_ref();
-        Self::assemble(path, Volume::drawable(path, loaded)?, Rest::default())
+        Self::assemble(path, Source::drawable(path, loaded)?, Rest::default())
     }
 
     /// A data file or a scene file: what ends in `.json` is a scene file, unless it describes raw samples.
@@ -88,22 +92,22 @@ impl LoadedScene {
     }
 
     /// Puts the parts together and fills in what was not given.
-    fn assemble(path: &Path, volume: Volume, rest: Rest) -> Result<Self> {
-        let Volume { grid, file, report } = volume;
+    fn assemble(path: &Path, source: Source, rest: Rest) -> Result<Self> {
+        let Source { data, file, report } = source;
         let [width, height] = rest.extent.unwrap_or([Self::DEFAULT_SIDE; 2]);
         let located = |error: Error| error.in_file(path);
         let transfer = match rest.transfer {
             Some(transfer) => transfer,
-            None => auto::transfer(&grid).map_err(located)?,
+            None => auto::transfer(&data).map_err(located)?,
         };
         let camera_is_automatic = rest.camera.is_none();
         let camera = match rest.camera {
             Some(camera) => camera,
-            None => auto::camera(&grid, width, height).map_err(located)?,
+            None => auto::camera(&data, width, height).map_err(located)?,
         };
         View::new(camera, width, height).map_err(located)?;
         Ok(Self {
-            scene: Scene::new(grid, transfer),
+            scene: Scene::new(data, transfer),
             camera,
             camera_is_automatic,
             width,
@@ -117,21 +121,30 @@ impl LoadedScene {
 }
 
 /// The data of a scene, and where it comes from.
-struct Volume {
-    grid: Grid,
+struct Source {
+    data: Data,
     file: PathBuf,
     report: Report,
 }
 
-impl Volume {
-    /// What was read, if a technique can draw it.
+impl Source {
+    /// What was read, if it can be drawn.
     fn drawable(file: &Path, loaded: Loaded) -> Result<Self> {
-        let rule = match loaded.data {
-            Data::Grid(grid) => return Ok(Self { grid, file: file.to_path_buf(), report: loaded.report }),
-            Data::Mesh(_) => "holds a mesh: no technique draws meshes, only grids",
-            Data::Points(_) => "holds points: no technique draws points, only grids",
-        };
-        Err(Error::file(file, "content", rule))
+        let Loaded { data, report } = loaded;
+        match data {
+            Data::Grid(_) | Data::Mesh(_) => Ok(Self { data, file: file.to_path_buf(), report }),
+            Data::Points(_) => {
+                Err(Error::file(file, "content", "holds points: this version draws grids and meshes"))
+            }
+        }
+    }
+
+    /// What was read, if it is a grid.
+    fn grid(file: &Path, loaded: Loaded) -> Result<Self> {
+        match loaded.data {
+            Data::Mesh(_) => Err(Error::file(file, "content", "holds a mesh: a scene names it in `mesh`")),
+            _ => Self::drawable(file, loaded),
+        }
     }
 }
 
@@ -167,14 +180,17 @@ impl SceneFile {
         let path = path.as_ref();
         let document: Document = parse(path, options)?;
         let refuse = |place: &str, rule: &str| Err(Error::file(path, place, rule));
-        let others = [("mesh", &document.mesh), ("points", &document.points), ("opaque", &document.opaque)];
-        for (name, value) in others {
-            if value.is_some() {
-                return refuse(name, "this version draws grids: use `volume`");
-            }
+        if document.points.is_some() {
+            return refuse("points", "this version draws grids and meshes: use `volume` or `mesh`");
         }
-        let Some(volume) = document.volume else {
-            return refuse("volume", "missing: a scene needs data");
+        if document.opaque.is_some() {
+            return refuse("opaque", "this version draws no surfaces");
+        }
+        let source = match (document.volume, document.mesh) {
+            (Some(volume), None) => SourceSpec::Volume(Box::new(volume)),
+            (None, Some(mesh)) => SourceSpec::Mesh(mesh),
+            (Some(_), Some(_)) => return refuse("mesh", "a scene has either `volume` or `mesh`, not both"),
+            (None, None) => return refuse("volume", "missing: a scene needs data, in `volume` or `mesh`"),
         };
         if let Some(background) = document.background {
             let valid = background.iter().all(|v| *v >= 0.0 && v.is_finite()) && background[3] <= 1.0;
@@ -191,11 +207,14 @@ impl SceneFile {
             View::new(camera, width, height).map_err(|error| error.in_file(path))?;
         }
         let recipe = document.transfer.map(|spec| Recipe::new(path, spec, options)).transpose()?;
-        let volume = volume.load(path, options)?;
-        let transfer = recipe.map(|recipe| recipe.build(&volume.grid)).transpose()?;
+        let source = match source {
+            SourceSpec::Volume(volume) => volume.load(path, options)?,
+            SourceSpec::Mesh(mesh) => mesh.load(path, options)?,
+        };
+        let transfer = recipe.map(|recipe| recipe.build(source.data.range())).transpose()?;
         let rest =
             Rest { transfer, camera, extent, background: document.background, technique: document.technique };
-        LoadedScene::assemble(path, volume, rest)
+        LoadedScene::assemble(path, source, rest)
     }
 }
 
@@ -234,10 +253,10 @@ pub(crate) fn json_error(path: &Path, error: &serde_json::Error, key: &str) -> E
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields, expecting = "a scene: an object with `volume`")]
+#[serde(deny_unknown_fields, expecting = "a scene: an object with `volume` or `mesh`")]
 struct Document {
     volume: Option<VolumeSpec>,
-    mesh: Option<IgnoredAny>,
+    mesh: Option<MeshSpec>,
     points: Option<IgnoredAny>,
     transfer: Option<TransferSpec>,
     camera: Option<CameraSpec>,
@@ -245,6 +264,12 @@ struct Document {
     background: Option<[f64; 4]>,
     opaque: Option<IgnoredAny>,
     technique: Option<TechniqueChoice>,
+}
+
+/// Where the data comes from, not yet read.
+enum SourceSpec {
+    Volume(Box<VolumeSpec>),
+    Mesh(MeshSpec),
 }
 
 #[derive(Deserialize)]
@@ -304,7 +329,7 @@ impl VolumeSpec {
         ]
     }
 
-    fn load(&self, scene: &Path, options: &ReadOptions) -> Result<Volume> {
+    fn load(&self, scene: &Path, options: &ReadOptions) -> Result<Source> {
         let refuse = |place: &str, rule: String| Err(Error::file(scene, place, rule));
         options.check_kernels("a grid").map_err(|error| error.in_file(scene))?;
         let named = self.file.is_some() && self.dims.is_none() && self.r#type.is_none();
@@ -324,8 +349,8 @@ impl VolumeSpec {
                 if let Some(key) = stray() {
                     return refuse(key, "belongs to raw data: a field fills the cube from -1 to 1".into());
                 }
-                Ok(Volume {
-                    grid: self.analytic(scene, field, options)?,
+                Ok(Source {
+                    data: self.analytic(scene, field, options)?.into(),
                     file: scene.to_path_buf(),
                     report: Report { format: "analytic field", ..Report::default() },
                 })
@@ -341,7 +366,7 @@ impl VolumeSpec {
                     None => {
                         let file = beside(scene, file);
                         let array = options.array.clone().or_else(|| self.array.clone());
-                        Volume::drawable(&file, io::read(&file, &ReadOptions { array, ..options.clone() })?)
+                        Source::grid(&file, io::read(&file, &ReadOptions { array, ..options.clone() })?)
                     }
                 },
             },
@@ -381,7 +406,7 @@ impl VolumeSpec {
         dims: [u32; 3],
         kind: &str,
         options: &ReadOptions,
-    ) -> Result<Volume> {
+    ) -> Result<Source> {
         let described = Described {
             dims,
             kind,
@@ -392,7 +417,7 @@ impl VolumeSpec {
             offset: self.offset,
         };
         let layout = described.layout(&|key, rule| Error::file(scene, format!("volume.{key}"), rule))?;
-        Volume::drawable(file, io::load_raw(file, &layout, options)?)
+        Source::grid(file, io::load_raw(file, &layout, options)?)
     }
 }
 
@@ -489,11 +514,12 @@ impl Recipe {
         Ok(Self::Stretched { path: path.to_path_buf(), rows: preset.rows, range: spec.range, tau_scale })
     }
 
-    fn build(self, grid: &Grid) -> Result<TransferFunction> {
+    /// The transfer function for data of a range.
+    fn build(self, data: [f64; 2]) -> Result<TransferFunction> {
         match self {
             Self::Ready(transfer) => Ok(transfer),
             Self::Stretched { path, rows, range, tau_scale } => {
-                let range = range.unwrap_or_else(|| grid.range());
+                let range = range.unwrap_or(data);
                 stretch(rows, range, tau_scale).map_err(|error| error.in_file(&path))
             }
         }

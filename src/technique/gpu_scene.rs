@@ -17,10 +17,12 @@ use crate::num::{self, f32_of};
 use crate::optics::DeviceKnots;
 use crate::optics::cumulative::Cumulative;
 use crate::optics::full::Full;
-use crate::scene::{Grid, Rescale, Samples, Scene, Tets, TransferFunction};
+use crate::scene::{Grid, Rescale, Samples, Scene, TetScalars, Tets, TransferFunction};
 
 use super::bricks::{MinMax, nonzero_ranges};
 use super::grid_options::{Integrator, SegmentOptions};
+use super::mesh_data::{DrawnPrimitives, MeshData, drawn_cells_buffer, drawn_faces_buffer};
+use super::mesh_frame::Primitives;
 use super::mips;
 
 /// Format of tables.
@@ -37,11 +39,18 @@ pub struct GpuScene {
     gpu: Gpu,
     scene: Scene,
     data: Arc<GridData>,
+    mesh: Arc<MeshData>,
+    primitives: Mutex<Vec<(Choice, DrawnPrimitives)>>,
+    /// Stands for a table where an integrator reads none.
+    no_table: Mutex<Option<Arc<Image>>>,
     knots: Mutex<Option<Arc<Knots>>>,
     tables: Mutex<Vec<Arc<Table>>>,
     bricks: Mutex<Vec<(f32, Arc<Buffer>)>>,
     times: Mutex<UploadTimes>,
 }
+
+/// Faces or cells; with a margin those alone that show something.
+type Choice = (Primitives, Option<f32>);
 
 /// What the grid alone decides: scenes that differ in the transfer function share it.
 #[derive(Debug, Default)]
@@ -116,14 +125,17 @@ impl GpuScene {
     /// Takes a scene for a device. Nothing is uploaded yet.
     #[must_use]
     pub fn new(gpu: &Gpu, scene: Scene) -> Arc<Self> {
-        Self::sharing(gpu, scene, Arc::default())
+        Self::sharing(gpu, scene, Arc::default(), Arc::default())
     }
 
-    fn sharing(gpu: &Gpu, scene: Scene, data: Arc<GridData>) -> Arc<Self> {
+    fn sharing(gpu: &Gpu, scene: Scene, data: Arc<GridData>, mesh: Arc<MeshData>) -> Arc<Self> {
         Arc::new(Self {
             gpu: gpu.clone(),
             scene,
             data,
+            mesh,
+            primitives: Mutex::default(),
+            no_table: Mutex::default(),
             knots: Mutex::default(),
             tables: Mutex::default(),
             bricks: Mutex::default(),
@@ -138,7 +150,92 @@ impl GpuScene {
         // Infinite samples were uploaded as the old transfer function's ends.
         let shared = self.scene.grid().is_none_or(|grid| grid.infinite_count() == 0);
         let data = if shared { Arc::clone(&self.data) } else { Arc::default() };
-        Self::sharing(&self.gpu, Scene::new(self.scene.data.clone(), transfer), data)
+        let finite = |mesh: &Tets| mesh.scalars().values().iter().all(|s| !s.is_infinite());
+        let mesh = if self.scene.mesh().is_none_or(finite) {
+            Arc::clone(&self.mesh)
+        } else {
+            Arc::new(MeshData::with_shape(&self.mesh.shape))
+        };
+        Self::sharing(&self.gpu, Scene::new(self.scene.data.clone(), transfer), data, mesh)
+    }
+
+    /// The same mesh with other scalars, and perhaps another transfer function for them. Points and their
+    /// connections stay on the device.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if the scene holds no mesh, or as [`Tets::with_scalars`].
+    pub fn with_scalars(&self, scalars: TetScalars, transfer: TransferFunction) -> Result<Arc<Self>> {
+        let mesh = self.mesh()?.clone().with_scalars(scalars)?;
+        let data = Arc::new(MeshData::with_shape(&self.mesh.shape));
+        Ok(Self::sharing(&self.gpu, Scene::new(mesh, transfer), Arc::default(), data))
+    }
+
+    /// What of a mesh lies on the device.
+    pub(crate) fn mesh_data(&self) -> Arc<MeshData> {
+        Arc::clone(&self.mesh)
+    }
+
+    /// The faces or cells of the mesh that are drawn; with `margin` only those of cells that show something, as wide
+    /// as an integrator smears extinction, in scalars.
+    pub(crate) fn primitives(&self, kind: Primitives, margin: Option<f32>) -> Result<DrawnPrimitives> {
+        let mesh = self.mesh()?;
+        let mut known = self.primitives.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, found)) = known.iter().find(|(key, _)| *key == (kind, margin)) {
+            return Ok(found.clone());
+        }
+        let start = Instant::now();
+        let transfer = &self.scene.transfer;
+        let ranges = nonzero_ranges(transfer);
+        let seen = margin.map(|margin| (ranges.as_slice(), margin));
+        let made = match kind {
+            Primitives::Cells => drawn_cells_buffer(&self.gpu, mesh, transfer.domain(), seen)?,
+            Primitives::Faces => {
+                let topology = self.mesh.topology(mesh)?;
+                drawn_faces_buffer(&self.gpu, mesh, &topology, transfer.domain(), seen)?
+            }
+        };
+        known.push(((kind, margin), made.clone()));
+        self.times.lock().unwrap_or_else(PoisonError::into_inner).upload +=
+            start.elapsed().as_secs_f64() * 1e3;
+        Ok(made)
+    }
+
+    /// By how much an integrator smears a scalar with extinction, in scalars.
+    pub(crate) fn margin(&self, segments: Option<&SegmentOptions>) -> f32 {
+        let [first, last] = self.scene.transfer.domain();
+        let size = segments.map_or(0, SegmentOptions::table_size);
+        let rounding = 1e-6 * first.abs().max(last.abs());
+        let smear = match segments.map(|segments| segments.integrator) {
+            None | Some(Integrator::Midpoint | Integrator::Smoke) => 0.0,
+            // Interpolation rounds.
+            Some(Integrator::Exact) => rounding,
+            Some(Integrator::Integral | Integrator::Full) => {
+                (2.0 * (last - first) / f64::from(size - 1)).max(rounding)
+            }
+        };
+        f32_of(smear)
+    }
+
+    /// A table for integrators that read none.
+    pub(crate) fn no_table(&self) -> Result<Arc<Image>> {
+        let mut place = self.no_table.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = &*place {
+            return Ok(Arc::clone(found));
+        }
+        let desc = ImageDesc::sampled_volume(TABLE_FORMAT, [1; 3]);
+        let image = Image::with_data(&self.gpu, "transfer.no-table", &desc, |_, _, memory| memory.fill(0))?;
+        *place = Some(Arc::clone(&image));
+        Ok(image)
+    }
+
+    /// No segment is longer.
+    fn longest_segment(&self) -> Result<f64> {
+        if let Some(mesh) = self.scene.mesh() {
+            let [low, high] = mesh.bounds();
+            return Ok((high - low).length());
+        }
+        self.grid().map(diagonal)
     }
 
     /// The scene.
@@ -254,7 +351,7 @@ impl GpuScene {
         let transfer = &self.scene.transfer;
         let volume = |extent| ImageDesc::sampled_volume(TABLE_FORMAT, extent);
         let (head, sizes, desc, texels) = match options.integrator {
-            Integrator::Midpoint | Integrator::Exact => return Ok(None),
+            Integrator::Midpoint | Integrator::Exact | Integrator::Smoke => return Ok(None),
             Integrator::Integral => {
                 let Cumulative { head, mut bins } = Cumulative::new(transfer, size);
                 let rows = size.div_ceil(TABLE_BINS_PER_ROW);
@@ -264,8 +361,7 @@ impl GpuScene {
                 (head, [f64::from(size), 0.0, 0.0, 0.0], desc, texels)
             }
             Integrator::Full => {
-                // No segment is longer than the domain.
-                let longest = diagonal(self.grid()?);
+                let longest = self.longest_segment()?;
                 let Full { head, size, layers, texels } = Full::new(transfer, size, LAYERS, longest);
                 let sizes = [f64::from(size), f64::from(layers), longest, 0.0];
                 (head, sizes, volume([size, size, layers]), texels)

@@ -16,7 +16,7 @@ use super::grid_options::{
 };
 use super::grid_rays::GridRays;
 use super::options::Choice;
-use super::{TargetDesc, TargetMode};
+use super::{Prepared, TargetDesc, TargetMode};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
     BINDING_ACCUMULATION, BINDING_BRICKS, BINDING_KNOTS, BINDING_KNOTS_UNIFORM, BINDING_TABLE,
@@ -249,7 +249,7 @@ impl GridFrame {
             resources.push((BINDING_ACCUMULATION, Resource::Storage(Arc::clone(&image))));
             let skips = options.empty_space == EmptySpace::Skip && !mip;
             let bricks = if skips {
-                Resource::ReadOnly(scene.bricks(margin(scene, segments.as_ref()))?)
+                Resource::ReadOnly(scene.bricks(scene.margin(segments.as_ref()))?)
             } else {
                 knots_buffer()
             };
@@ -286,10 +286,10 @@ impl GridFrame {
         let scene = Arc::clone(scene);
         Ok(Self { scene, technique, knots, table, image, samples, current: 0, cut, path })
     }
+}
 
-    /// Turns to another view of the same image size. `false`, and nothing is changed, when the plan has no
-    /// room for it.
-    pub(crate) fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool> {
+impl Prepared for GridFrame {
+    fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool> {
         let grid = self.scene.grid()?;
         let in_use = self.samples.get(self.current).and_then(|samples| samples.axis);
         let axis = self.technique.stack_axis(grid, view, in_use);
@@ -307,13 +307,11 @@ impl GridFrame {
         Ok(fits)
     }
 
-    /// The image that the technique draws into, when that is not the caller's.
-    pub(crate) fn image(&self) -> Option<&Arc<Image>> {
+    fn image(&self) -> Option<&Arc<Image>> {
         self.image.as_ref()
     }
 
-    /// How a frame leaves that image.
-    pub(crate) fn last_use(&self) -> Use {
+    fn last_use(&self) -> Use {
         match self.path {
             Path::Raster { .. } => Use::ColorAttachment,
             Path::ShaderBlend { .. } => Use::TransferWrite,
@@ -321,19 +319,18 @@ impl GridFrame {
         }
     }
 
-    pub(crate) fn route(&self) -> &'static str {
+    fn route(&self) -> &'static str {
         match self.path {
             Path::Raster { .. } | Path::ShaderBlend { .. } => Route::Raster.word(),
             Path::Compute { .. } => Route::Compute.word(),
         }
     }
 
-    /// Passes of one frame.
-    pub(crate) fn passes(&self) -> u32 {
+    fn passes(&self) -> u32 {
         self.path.passes(self.cut.count)
     }
 
-    pub(crate) fn counters(&self) -> Vec<(&'static str, u64)> {
+    fn counters(&self) -> Vec<(&'static str, u64)> {
         // Where the shader blends, each slab is a draw.
         let draws =
             if matches!(self.path, Path::ShaderBlend { .. }) { self.cut.count } else { self.passes() };
@@ -344,9 +341,7 @@ impl GridFrame {
         counters
     }
 
-    /// Records a frame into the own image, or into `target` where there is none. `clear` begins with
-    /// transparent black.
-    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>, clear: bool) {
+    fn record(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>, clear: bool) {
         let Some(samples) = self.samples.get(self.current) else { return };
         recorder.assume_ready(&samples.volume.image);
         if let Some(table) = &self.table {
@@ -540,22 +535,6 @@ fn cut(
     Ok(Cut { push, count: num::u32_of(slabs.count), first: slabs.first.min(num::u32_of(slabs.count)) })
 }
 
-/// By how much the integrator smears a scalar with extinction, in scalars.
-fn margin(scene: &GpuScene, segments: Option<&SegmentOptions>) -> f32 {
-    let [first, last] = scene.scene().transfer.domain();
-    let size = segments.map_or(0, SegmentOptions::table_size);
-    let rounding = 1e-6 * first.abs().max(last.abs());
-    let smear = match segments.map(|segments| segments.integrator) {
-        None | Some(Integrator::Midpoint) => 0.0,
-        // Segments of no change take their mean a little above the scalar (segments.glsl).
-        Some(Integrator::Exact) => rounding,
-        Some(Integrator::Integral | Integrator::Full) => {
-            (2.0 * (last - first) / f64::from(size - 1)).max(rounding)
-        }
-    };
-    f32_of(smear)
-}
-
 /// Slabs that one dispatch may walk. No invocation may make more loop iterations than the device allows, and no
 /// dispatch may hold up the device for so long that a watchdog ends it.
 fn slabs_per_dispatch(
@@ -603,11 +582,11 @@ fn slabs_per_dispatch(
 
 /// Whether raster may draw into the caller's image itself: same format, and what is there is either
 /// cleared or covered back to front.
-fn draws_directly(target: &TargetDesc, format: vk::Format, order: Order) -> bool {
+pub(super) fn draws_directly(target: &TargetDesc, format: vk::Format, order: Order) -> bool {
     target.format() == Some(format) && (target.mode() == TargetMode::Clear || order == Order::BackToFront)
 }
 
-fn own_image(
+pub(super) fn own_image(
     gpu: &Gpu,
     name: &str,
     format: vk::Format,

@@ -5,8 +5,8 @@ use ash::vk;
 use super::options::{self, Choice, OptionInfo};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
-    INTEGRATOR_EXACT, INTEGRATOR_FULL, INTEGRATOR_INTEGRAL, INTEGRATOR_MIDPOINT, TARGET_RGBA8, TARGET_RGBA16,
-    TARGET_RGBA16F,
+    INTEGRATOR_EXACT, INTEGRATOR_FULL, INTEGRATOR_INTEGRAL, INTEGRATOR_MIDPOINT, INTEGRATOR_SMOKE,
+    TARGET_RGBA8, TARGET_RGBA16, TARGET_RGBA16F,
 };
 use crate::gpu::{Gpu, OptionalFeature};
 
@@ -92,6 +92,8 @@ pub enum Integrator {
     Full,
     /// Cut at the knots, without a table.
     Exact,
+    /// The mean scalar as a density of smoke; for meshes.
+    Smoke,
 }
 
 impl Choice for Filter {
@@ -129,6 +131,7 @@ impl Choice for Integrator {
         ("integral", Self::Integral),
         ("full", Self::Full),
         ("exact", Self::Exact),
+        ("smoke", Self::Smoke),
     ];
 }
 
@@ -161,6 +164,7 @@ impl Integrator {
             Self::Integral => INTEGRATOR_INTEGRAL,
             Self::Full => INTEGRATOR_FULL,
             Self::Exact => INTEGRATOR_EXACT,
+            Self::Smoke => INTEGRATOR_SMOKE,
         }
     }
 }
@@ -412,13 +416,19 @@ impl SegmentOptions {
         if self.integrator == Integrator::Midpoint && !midpoint {
             return refuse("integrator", "midpoint: must be one of integral, full, exact".to_string());
         }
+        if self.integrator == Integrator::Smoke {
+            return refuse(
+                "integrator",
+                "smoke: must be one of integral, full, exact; smoke is for meshes".to_string(),
+            );
+        }
         let most = match self.integrator {
             Integrator::Integral => 65_536,
             Integrator::Full => 1024,
-            Integrator::Midpoint | Integrator::Exact if self.table.is_some() => {
+            Integrator::Midpoint | Integrator::Exact | Integrator::Smoke if self.table.is_some() => {
                 return refuse("table", format!("integrator={} has no table", self.integrator.word()));
             }
-            Integrator::Midpoint | Integrator::Exact => return Ok(()),
+            Integrator::Midpoint | Integrator::Exact | Integrator::Smoke => return Ok(()),
         };
         match self.table {
             Some(size) if !(2..=most).contains(&size) => {

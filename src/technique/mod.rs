@@ -36,6 +36,7 @@
 //! # }
 //! ```
 
+pub mod abuffer;
 mod blue_noise;
 mod bricks;
 mod composite;
@@ -44,12 +45,30 @@ mod gpu_scene;
 mod grid_frame;
 pub mod grid_options;
 mod grid_rays;
+pub mod havs;
+mod havs_raster;
+mod mesh_data;
+mod mesh_frame;
+pub mod mesh_options;
+mod mesh_overlaps;
+mod mesh_view;
 mod mips;
 mod options;
+
+pub(crate) mod order;
+pub mod projected_tets;
+
+mod radix_sort;
+mod ranks;
 pub mod raycast;
+
+mod scan;
 pub mod slabs;
 pub mod slices_2d;
 pub mod slices_3d;
+mod tets_raster;
+
+pub(crate) mod topology;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -58,12 +77,14 @@ use ash::vk;
 
 use crate::error::{Error, Result};
 use crate::frame::Image as Picture;
+use crate::gpu::shader::{FLAG_REPAIRED, FLAG_UNSORTED, TILE, TILE_PIXELS};
+use crate::gpu::sync::Use;
 use crate::gpu::{
-    Buffer, BufferUse, CommandBuffer, Commands, DepthImage, Gpu, Keep, PassTime, Recorder, TargetImage,
-    Timers,
+    Buffer, BufferUse, CommandBuffer, Commands, DepthImage, Gpu, Image, Keep, PassTime, Recorder,
+    TargetImage, Timers,
 };
 use crate::num;
-use crate::scene::View;
+use crate::scene::{Data, View};
 
 use composite::Composite;
 pub use footprint::GridBytes;
@@ -83,11 +104,25 @@ pub enum Method {
     Slabs,
     /// Image-order ray casting.
     Raycast,
+    /// Hardware-assisted visibility sorting of a mesh's faces.
+    Havs,
+    /// Exact lists of a mesh's cells, sorted pixel by pixel.
+    Abuffer,
+    /// Projected tetrahedra.
+    ProjectedTets,
 }
 
 impl Method {
     /// Every technique.
-    pub const ALL: [Self; 4] = [Self::Slices2d, Self::Slices3d, Self::Slabs, Self::Raycast];
+    pub const ALL: [Self; 7] = [
+        Self::Slices2d,
+        Self::Slices3d,
+        Self::Slabs,
+        Self::Raycast,
+        Self::ProjectedTets,
+        Self::Havs,
+        Self::Abuffer,
+    ];
 
     /// The technique of a name.
     ///
@@ -109,6 +144,9 @@ impl Method {
             Self::Slices3d => "slices-3d",
             Self::Slabs => "slabs",
             Self::Raycast => "raycast",
+            Self::Havs => "havs",
+            Self::Abuffer => "abuffer",
+            Self::ProjectedTets => "projected-tets",
         }
     }
 
@@ -120,6 +158,11 @@ impl Method {
             Self::Slices3d => "view-aligned slices of a 3D texture, post-classified (Cabral 1994)",
             Self::Slabs => "view-aligned slabs, the transfer function integrated across each (Engel 2001)",
             Self::Raycast => "image-order ray casting, what the others are compared with (Levoy 1988)",
+            Self::Havs => "faces of a mesh nearly sorted, put in order by a k-buffer a pixel (Callahan 2005)",
+            Self::Abuffer => "cells of a mesh in a list a pixel, sorted: exact (Carpenter 1984)",
+            Self::ProjectedTets => {
+                "cells of a mesh sorted, projected and integrated one by one (Shirley 1990)"
+            }
         }
     }
 
@@ -131,6 +174,18 @@ impl Method {
             Self::Slices3d => slices_3d::OPTIONS,
             Self::Slabs => slabs::OPTIONS,
             Self::Raycast => raycast::OPTIONS,
+            Self::Havs => havs::OPTIONS,
+            Self::Abuffer => abuffer::OPTIONS,
+            Self::ProjectedTets => projected_tets::OPTIONS,
+        }
+    }
+
+    /// Whether it draws data of this kind.
+    #[must_use]
+    pub fn draws(self, data: &Data) -> bool {
+        match self {
+            Self::Slices2d | Self::Slices3d | Self::Slabs | Self::Raycast => matches!(data, Data::Grid(_)),
+            Self::ProjectedTets | Self::Havs | Self::Abuffer => matches!(data, Data::Mesh(_)),
         }
     }
 
@@ -138,8 +193,9 @@ impl Method {
     #[must_use]
     pub fn routes(self) -> &'static [&'static str] {
         match self {
-            Self::Slices2d | Self::Slices3d | Self::Slabs => &["raster", "compute"],
-            Self::Raycast => &["compute"],
+            Self::Slices2d | Self::Slices3d | Self::Slabs | Self::ProjectedTets => &["raster", "compute"],
+            Self::Havs => &["compute", "interlock", "implementation-ordered"],
+            Self::Raycast | Self::Abuffer => &["compute"],
         }
     }
 }
@@ -156,6 +212,12 @@ pub enum Technique {
     Slabs(slabs::Options),
     /// Image-order ray casting.
     Raycast(raycast::Options),
+    /// Hardware-assisted visibility sorting.
+    Havs(havs::Options),
+    /// Exact lists of cells.
+    Abuffer(abuffer::Options),
+    /// Projected tetrahedra.
+    ProjectedTets(projected_tets::Options),
 }
 
 impl Technique {
@@ -170,6 +232,9 @@ impl Technique {
             Method::Slices3d => Self::Slices3d(slices_3d::Options::parse(options)?),
             Method::Slabs => Self::Slabs(slabs::Options::parse(options)?),
             Method::Raycast => Self::Raycast(raycast::Options::parse(options)?),
+            Method::Havs => Self::Havs(havs::Options::parse(options)?),
+            Method::Abuffer => Self::Abuffer(abuffer::Options::parse(options)?),
+            Method::ProjectedTets => Self::ProjectedTets(projected_tets::Options::parse(options)?),
         })
     }
 
@@ -199,6 +264,9 @@ impl Technique {
             Self::Slices3d(_) => Method::Slices3d,
             Self::Slabs(_) => Method::Slabs,
             Self::Raycast(_) => Method::Raycast,
+            Self::Havs(_) => Method::Havs,
+            Self::Abuffer(_) => Method::Abuffer,
+            Self::ProjectedTets(_) => Method::ProjectedTets,
         }
     }
 
@@ -210,16 +278,25 @@ impl Technique {
             Self::Slices3d(options) => options.pairs(),
             Self::Slabs(options) => options.pairs(),
             Self::Raycast(options) => options.pairs(),
+            Self::Havs(options) => options.pairs(),
+            Self::Abuffer(options) => options.pairs(),
+            Self::ProjectedTets(options) => options.pairs(),
         }
     }
 
-    /// The technique, ready to be prepared.
-    fn for_grids(&self) -> Box<dyn grid_frame::GridTechnique> {
+    /// Fixes what a frame needs.
+    fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &TargetDesc) -> Result<Box<dyn Prepared>> {
+        let grid = |technique: Box<dyn grid_frame::GridTechnique>| -> Result<Box<dyn Prepared>> {
+            Ok(Box::new(GridFrame::new(scene, view, target, technique)?))
+        };
         match *self {
-            Self::Slices2d(options) => Box::new(options),
-            Self::Slices3d(options) => Box::new(options),
-            Self::Slabs(options) => Box::new(options),
-            Self::Raycast(options) => Box::new(options),
+            Self::Slices2d(options) => grid(Box::new(options)),
+            Self::Slices3d(options) => grid(Box::new(options)),
+            Self::Slabs(options) => grid(Box::new(options)),
+            Self::Raycast(options) => grid(Box::new(options)),
+            Self::Havs(options) => options.prepare(scene, view, target),
+            Self::Abuffer(options) => options.prepare(scene, view, target),
+            Self::ProjectedTets(options) => options.prepare(scene, view, target),
         }
     }
 }
@@ -228,6 +305,41 @@ impl Default for Technique {
     fn default() -> Self {
         Self::Slices3d(slices_3d::Options::default())
     }
+}
+
+/// What a technique has fixed for frames of one size.
+pub(crate) trait Prepared: std::fmt::Debug + Send {
+    /// Turns to another view of the same image size. `false`, and nothing is changed, when there is no room
+    /// for it in `most_passes` passes.
+    fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool>;
+    /// The image that the technique draws into, when that is not the caller's.
+    fn image(&self) -> Option<&Arc<Image>>;
+    /// A word for each pixel, tile by tile, that a frame leaves 0 where the list of the pixel was sorted as it came;
+    /// `None` where nothing is sorted.
+    fn overflow(&self) -> Option<&Arc<Buffer>> {
+        None
+    }
+    /// How a frame leaves image and words.
+    fn last_use(&self) -> Use;
+    /// How it draws.
+    fn route(&self) -> &'static str;
+    /// Passes of one frame.
+    fn passes(&self) -> u32;
+    /// Work of a frame that is known before it is drawn.
+    fn counters(&self) -> Vec<(&'static str, u64)>;
+    /// Records a frame into the own image, or into `target` where there is none. `clear` begins with
+    /// transparent black.
+    fn record(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>, clear: bool);
+    /// Where a frame's status can be read when it has ended.
+    fn outcome(&self) -> Option<Arc<dyn Outcome>> {
+        None
+    }
+}
+
+/// What a frame tells of itself when it has ended.
+pub(crate) trait Outcome: std::fmt::Debug + Send + Sync {
+    /// Whether everything was drawn, and work counted on the device.
+    fn read(&self) -> Result<(bool, Vec<(&'static str, u64)>)>;
 }
 
 /// What becomes of what the caller's image holds.
@@ -311,7 +423,7 @@ impl Renderer {
                 ));
             }
         }
-        let prepared = GridFrame::new(&self.scene, view, target, self.technique.for_grids())?;
+        let prepared = self.technique.prepare(&self.scene, view, target)?;
         let composite = match (prepared.image(), target.caller) {
             (Some(image), Some((format, mode))) => Some(Composite::new(gpu, image, format, mode)?),
             _ => None,
@@ -356,7 +468,7 @@ impl Renderer {
 #[derive(Debug)]
 pub struct Plan {
     gpu: Gpu,
-    prepared: GridFrame,
+    prepared: Box<dyn Prepared>,
     composite: Option<Composite>,
     timers: Option<Arc<Timers>>,
     timed_passes: u32,
@@ -373,6 +485,8 @@ pub struct Status {
     pub complete: bool,
     /// Passes with their times on the device; empty where the device has no timestamps.
     pub passes: Vec<PassTime>,
+    /// Work of the frame that only the device knows, counted.
+    pub counters: Vec<(&'static str, u64)>,
 }
 
 /// Owns what a recording names, until the caller says through [`Recorded::completed`] that its submission
@@ -389,6 +503,7 @@ struct Held {
     _keep: Keep,
     timers: Option<Arc<Timers>>,
     passes: Vec<String>,
+    outcome: Option<Arc<dyn Outcome>>,
     _in_flight: Arc<()>,
 }
 
@@ -406,8 +521,11 @@ impl Recorded {
             None => Vec::new(),
         };
         let passes = held.passes.into_iter().zip(times).map(|(name, ms)| PassTime { name, ms }).collect();
-        // No capacity can be short: slabs are counted before the frame.
-        Ok(Status { complete: true, passes })
+        let (complete, counters) = match &held.outcome {
+            Some(outcome) => outcome.read()?,
+            None => (true, Vec::new()),
+        };
+        Ok(Status { complete, passes, counters })
     }
 
     fn last_pass(&self) -> &str {
@@ -473,6 +591,7 @@ impl Plan {
             _keep: keep,
             timers: self.timers.clone(),
             passes,
+            outcome: self.prepared.outcome(),
             _in_flight: Arc::clone(&self.in_flight),
         };
         Ok(Recorded { held: std::mem::ManuallyDrop::new(held) })
@@ -509,7 +628,12 @@ pub struct FrameTime {
     pub wall_ms: f64,
     /// Passes on the device; their sum is the frame's time there.
     pub passes: Vec<PassTime>,
+    /// Work of the frame that only the device knows, counted.
+    pub counters: Vec<(&'static str, u64)>,
 }
+
+/// Frames that are drawn for one, each with the room that the one before was short of.
+const MOST_TRIES: u32 = 12;
 
 /// Draws frame after frame of one size into an image that can be read back.
 #[derive(Debug)]
@@ -532,14 +656,23 @@ impl Frames {
         if !self.plan.set_view(view)? {
             self.plan = self.renderer.prepare(view, &TargetDesc::own())?;
         }
-        let start = Instant::now();
-        let recorded = self.plan.record(self.commands.begin()?, None, None)?;
-        // What the frame names stays with `recorded`, which frees nothing unless it is completed.
-        self.commands.submit(Keep::new(), recorded.last_pass())?;
-        let wall_ms = start.elapsed().as_secs_f64() * 1e3;
-        let status = recorded.completed()?;
-        self.drawn = true;
-        Ok(FrameTime { wall_ms, passes: status.passes })
+        for _ in 0..MOST_TRIES {
+            let start = Instant::now();
+            let recorded = self.plan.record(self.commands.begin()?, None, None)?;
+            // What the frame names stays with `recorded`, which frees nothing unless it is completed.
+            self.commands.submit(Keep::new(), recorded.last_pass())?;
+            let wall_ms = start.elapsed().as_secs_f64() * 1e3;
+            let status = recorded.completed()?;
+            if status.complete {
+                self.drawn = true;
+                return Ok(FrameTime { wall_ms, passes: status.passes, counters: status.counters });
+            }
+            self.plan = self.renderer.prepare(view, &TargetDesc::own())?;
+        }
+        Err(Error::unsupported(
+            format!("{} of this view", self.renderer.technique.method().name()),
+            format!("room for it was not found in {MOST_TRIES} frames"),
+        ))
     }
 
     /// The plan in use.
@@ -569,6 +702,40 @@ impl Frames {
         let [width, height] = self.plan.extent;
         Picture::new(width, height, pixels(&host.host_copy()?, format))
     }
+
+    /// Which pixels of the last frame had a list that the k-buffer did not sort, repaired or not: row by row, top row
+    /// first. `None` where the technique has no k-buffer.
+    ///
+    /// # Errors
+    ///
+    /// As [`Frames::read_back`].
+    pub fn overflow_map(&mut self) -> Result<Option<Vec<bool>>> {
+        let gpu = &self.plan.gpu;
+        let Some(words) = self.plan.prepared.overflow() else { return Ok(None) };
+        if !self.drawn {
+            return Err(Error::invalid("frames", "nothing has been drawn: there is no map of its pixels"));
+        }
+        let host = Arc::new(Buffer::new(gpu, "overflow map", words.size(), BufferUse::Download)?);
+        let mut recorder = Recorder::new(gpu, self.commands.begin()?, None);
+        recorder.assume_buffer_after(words, self.plan.prepared.last_use());
+        recorder.copy_buffer("overflow map", words, &host, host.size());
+        recorder.release_to_host(&host);
+        let (_, keep) = recorder.finish();
+        self.commands.submit(keep, "overflow map")?;
+        Ok(Some(pixels_of_tiles(&host.host_copy()?, self.plan.extent)))
+    }
+}
+
+/// From words tile by tile to pixels row by row: whether what left the k-buffer was in order, repaired since or not.
+fn pixels_of_tiles(words: &[u8], [width, height]: [u32; 2]) -> Vec<bool> {
+    let across = width.div_ceil(TILE);
+    let place = |x: u32, y: u32| (y / TILE * across + x / TILE) * TILE_PIXELS + y % TILE * TILE + x % TILE;
+    let unsorted = |word: &[u8]| {
+        u32::from_ne_bytes([word[0], word[1], word[2], word[3]]) & (FLAG_UNSORTED | FLAG_REPAIRED) != 0
+    };
+    let words: Vec<bool> = words.chunks_exact(4).map(unsorted).collect();
+    let is_set = |(x, y)| words.get(num::index(place(x, y))).is_some_and(|&set| set);
+    (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(is_set).collect()
 }
 
 /// Texels of a readable format as float32 RGBA.
@@ -628,6 +795,20 @@ mod tests {
             assert_eq!(half_to_f32(bits), value, "{bits:#x}");
         }
         assert!(half_to_f32(0x7e00).is_nan());
+    }
+
+    #[test]
+    fn tiles_become_rows() {
+        // 10 x 9 pixels in four tiles.
+        let mut words = vec![0_u8; 4 * 4 * 64];
+        for place in [0, 7 * 8 + 1, 64 + 1, 3 * 64] {
+            words[4 * place + 2] = 1;
+        }
+        // Outside of the image.
+        words[4 * (64 + 2)] = 1;
+        let map = pixels_of_tiles(&words, [10, 9]);
+        let set: Vec<usize> = (0..90).filter(|&i| map[i]).collect();
+        assert_eq!((map.len(), set), (90, vec![0, 9, 71, 88]));
     }
 
     #[test]

@@ -1,0 +1,58 @@
+// What becomes of the pairs that leave a k-buffer: between two lies a piece of a cell, which is integrated. For havs.glsl and
+// havs-raster.glsl, after optics.glsl, segments.glsl, mesh.glsl and mesh-segments.glsl.
+
+#include "kbuffer.glsl"
+
+layout(constant_id = SPEC_CELL_SCALARS) const bool CELL_SCALARS = false;
+layout(constant_id = SPEC_BACK_TO_FRONT) const bool BACK_TO_FRONT = false;
+layout(constant_id = SPEC_EYE_INSIDE) const bool EYE_INSIDE = true;
+
+// What left last, and what it left behind.
+struct Sweep {
+    vec4 sum;
+    Pair last;
+    End end;
+    int inside; // how often the line has entered without leaving
+    bool unsorted;
+    bool overlaps; // faces do not tell which cell the line was in
+};
+
+// What faces may be apart by rounding, in radii of the mesh: coincident ones, and those of a cell that the line touches at an edge.
+const float TOUCHING = 1e-5;
+const float ROUNDING = 2e-6;
+
+float scalar_of_pair(Pair pair) {
+    return uintBitsToFloat(pair.what & 0xfffffffcu);
+}
+
+// Takes a pair from the window; begins the segment between it and the pair before.
+void leave(inout Sweep sweep, inout Pending pending, Pair pair, float begin, float world) {
+    if (pair.at == NOTHING) return;
+    sweep.unsorted = sweep.unsorted || pair.at < sweep.last.at;
+    End end = end_at(scalar_of_pair(pair));
+    End first = sweep.end, second = end;
+    if (CELL_SCALARS) second = first;
+    float from = sweep.last.at, to = pair.at;
+    if (EYE_INSIDE) {
+        // Lines begin at the eye.
+        if (BACK_TO_FRONT) to = min(to, -begin); else from = max(from, begin);
+        if (!CELL_SCALARS) {
+            bool cut = BACK_TO_FRONT ? to < pair.at : from > sweep.last.at;
+            float x = ((BACK_TO_FRONT ? to : from) - sweep.last.at) / (pair.at - sweep.last.at);
+            End between = end_at(cut ? mix(first.s, second.s, clamp(x, 0.0, 1.0)) : (BACK_TO_FRONT ? second.s : first.s));
+            if (BACK_TO_FRONT) second = between; else first = between;
+        }
+    }
+    float len = (to - from) * world;
+    // Where two faces come in either order, the one that leaves last says what is behind: right if both say the same.
+    bool inner = (pair.what & sweep.last.what & 3u) == 3u;
+    float apart = pair.at - sweep.last.at;
+    bool same = abs(end.s - sweep.end.s) <= 1e-5 * max(abs(end.s), abs(sweep.end.s));
+    sweep.overlaps = sweep.overlaps || (!same && apart <= (inner ? (CELL_SCALARS ? ROUNDING : -1.0) : TOUCHING));
+    sweep.overlaps = sweep.overlaps || ((sweep.inside > 1 || sweep.inside < 0) && to - from > TOUCHING);
+    if (sweep.inside > 0 && len > 0.0) begin_segment(pending, first, second, len);
+    int step = int(pair.what >> 1 & 1u) - int(pair.what & 1u);
+    sweep.inside += BACK_TO_FRONT ? -step : step;
+    sweep.last = pair;
+    sweep.end = end;
+}

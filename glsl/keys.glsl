@@ -1,0 +1,11 @@
+// Sort keys from floats; include only. The host's twin is `float_key` in src/technique/radix_sort.rs.
+
+// An unsigned key in the order of the float: -inf first, -0 equal to +0, +inf, then every NaN as 0xFFFFFFFF.
+// Bits alone are compared, so that subnormal numbers keep their order on devices that flush them.
+uint float_key(float value) {
+    uint bits = floatBitsToUint(value);
+    uint magnitude = bits & 0x7fffffffu;
+    if (magnitude > 0x7f800000u) return 0xffffffffu;
+    if (magnitude == 0u) return 0x80000000u;
+    return bits == magnitude ? bits | 0x80000000u : ~bits;
+}

@@ -1,0 +1,249 @@
+//! Rays through a tetrahedral mesh, cut at every face.
+//!
+//! No connectivity is used: every tetrahedron is intersected on its own, and the pieces of a ray are sorted. So
+//! cells may be given in any order, with holes, seams and overlaps.
+//!
+//! Seen along the ray the corners are points of a plane, the ray is its origin, and a face is crossed where the
+//! origin lies in the face's projection. The orientation of the origin to each edge is decided exactly; where the
+//! ray meets an edge or a corner, as if the ray were an infinitely small step aside, the same step for all cells
+//! (Edelsbrunner and Mücke 1990, simulation of simplicity). So a ray in a face or along an edge that cells share
+//! belongs to one of them, each cell is entered once and left once or not at all, and where two cells share the
+//! corners of a face, in any order, they have bit for bit the same point of crossing: nothing is counted twice,
+//! nothing is missed.
+
+use glam::{DVec2, DVec3};
+
+use crate::num;
+use crate::scene::{TetScalars, Tets, TransferFunction};
+
+use super::march::{Classes, March};
+
+/// Scalars beyond this are taken for this: their differences must not overflow. Only the transfer function's
+/// ends, which infinities stand for, lead here.
+const MAX_SCALAR: f64 = 1e100;
+
+/// What of a ray lies in one tetrahedron: the scalar is linear along it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Piece {
+    /// The tetrahedron, as an index into [`Tets::cells`].
+    pub cell: u32,
+    /// Where the piece begins and ends, in units of world length along the ray.
+    pub t: [f64; 2],
+    /// The scalars there.
+    pub s: [f64; 2],
+}
+
+/// A ray, as the cells see it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MeshRay {
+    /// The ray's point that is nearest to the mesh's centre: parameters count from there, and are as small as the
+    /// mesh, however far the eye is.
+    start: DVec3,
+    direction: DVec3,
+    /// Across the ray, at right angles, in units of the mesh's size.
+    across: [DVec3; 2],
+    range: [f64; 2],
+    /// Parameter of `start`, from the origin.
+    pub(super) nearest: f64,
+}
+
+/// A mesh and its transfer function, prepared for rays.
+#[derive(Debug)]
+pub(super) struct TetRays<'a> {
+    pub(super) mesh: &'a Tets,
+    classes: Classes,
+    centre: DVec3,
+    /// Half the diagonal of the mesh's box.
+    radius: f64,
+    /// Scalars that -Inf and +Inf stand for.
+    ends: [f64; 2],
+}
+
+impl<'a> TetRays<'a> {
+    pub(super) fn new(mesh: &'a Tets, transfer: &TransferFunction) -> Self {
+        let [low, high] = mesh.bounds();
+        Self {
+            mesh,
+            classes: Classes::new(transfer),
+            centre: 0.5 * (low + high),
+            radius: 0.5 * (high - low).length(),
+            ends: transfer.domain().map(|s| s.clamp(-MAX_SCALAR, MAX_SCALAR)),
+        }
+    }
+
+    /// A ray; `direction` has unit length, so that the parameter is a length in the world.
+    pub(super) fn ray(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> MeshRay {
+        let nearest = (self.centre - origin).dot(direction);
+        let (u, v) = direction.any_orthonormal_pair();
+        MeshRay {
+            start: origin + direction * nearest,
+            direction,
+            across: [u, v].map(|axis| axis / self.radius),
+            range: range.map(|t| t - nearest),
+            nearest,
+        }
+    }
+
+    /// One ray against every tetrahedron.
+    pub(super) fn trace(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> [f64; 4] {
+        let ray = self.ray(origin, direction, range);
+        let all = self.all().filter(|&cell| self.shows(cell));
+        let mut pieces: Vec<Piece> = all.filter_map(|cell| self.piece(cell, &ray)).collect();
+        self.integrate(&mut pieces)
+    }
+
+    /// Every tetrahedron.
+    pub(super) fn all(&self) -> std::ops::Range<u32> {
+        0..num::count(self.mesh.cells().len())
+    }
+
+    /// Whether anything of a tetrahedron emits or absorbs.
+    pub(super) fn shows(&self, cell: u32) -> bool {
+        let Some(s) = self.scalars(cell, self.corners(cell)) else { return false };
+        let low = s.into_iter().fold(f64::INFINITY, f64::min);
+        let high = s.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        !self.classes.is_vacuum(self.classes.interval(low), self.classes.interval(high))
+    }
+
+    /// Points of a tetrahedron's corners, in ascending order: what two cells share they see alike.
+    fn corners(&self, cell: u32) -> [usize; 4] {
+        let mut corners = self.mesh.cells()[num::index(cell)].map(num::index);
+        corners.sort_unstable();
+        corners
+    }
+
+    /// Scalars of a tetrahedron's corners; none where one is NaN.
+    fn scalars(&self, cell: u32, corners: [usize; 4]) -> Option<[f64; 4]> {
+        let s = match self.mesh.scalars() {
+            TetScalars::Point(values) => corners.map(|i| values[i]),
+            TetScalars::Cell(values) => [values[num::index(cell)]; 4],
+        };
+        let scalar = |value: f32| {
+            if value == f32::INFINITY {
+                self.ends[1]
+            } else if value == f32::NEG_INFINITY {
+                self.ends[0]
+            } else {
+                f64::from(value)
+            }
+        };
+        (!s.iter().any(|s| s.is_nan())).then(|| s.map(scalar))
+    }
+
+    /// What of a ray lies in a tetrahedron, if its scalars are numbers. Parameters count from the ray's `start`.
+    pub(super) fn piece(&self, cell: u32, ray: &MeshRay) -> Option<Piece> {
+        let corners = self.corners(cell);
+        let relative = corners.map(|i| self.mesh.points()[i] - ray.start);
+        let plane = relative.map(|p| DVec2::new(p.dot(ray.across[0]), p.dot(ray.across[1])));
+        // The projection's box: most cells that are tried are missed.
+        let [a, b, c, d] = plane;
+        let (low, high) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
+        if low.x > 0.0 || low.y > 0.0 || high.x < 0.0 || high.y < 0.0 {
+            return None;
+        }
+        let sides = EDGES.map(|[a, b]| side(plane[a], plane[b]));
+        // The origin lies on one side of ab, bc and ca.
+        let crossed = FACES.map(|(_, [bc, ac, ab])| sides[ab].0 == sides[bc].0 && sides[ab].0 != sides[ac].0);
+        let faces = || FACES.iter().zip(crossed).filter_map(|(face, crossed)| crossed.then_some(face));
+        faces().next()?;
+        let s = self.scalars(cell, corners)?;
+        let depths = relative.map(|p| p.dot(ray.direction));
+        let mut crossings = faces().map(|&(face, edges)| {
+            let weights = edges.map(|edge| sides[edge].1);
+            [mean(weights, face.map(|i| depths[i])), mean(weights, face.map(|i| s[i]))]
+        });
+        let (mut near, mut far) = (crossings.next()?, crossings.next()?);
+        if far[0] < near[0] {
+            (near, far) = (far, near);
+        }
+        let (t0, t1) = (near[0].max(ray.range[0]), far[0].min(ray.range[1]));
+        if !(t0 < t1 && near[0] <= far[0]) {
+            return None;
+        }
+        // The range may cut.
+        let at = |t: f64| {
+            let share = (t - near[0]) / (far[0] - near[0]);
+            (near[1] + (far[1] - near[1]) * share).max(near[1].min(far[1])).min(near[1].max(far[1]))
+        };
+        let s = [if t0 > near[0] { at(t0) } else { near[1] }, if t1 < far[0] { at(t1) } else { far[1] }];
+        Some(Piece { cell, t: [t0, t1], s })
+    }
+
+    /// Emission and absorption along pieces in any order.
+    pub(super) fn integrate(&self, pieces: &mut [Piece]) -> [f64; 4] {
+        sort(pieces);
+        let mut march = March::default();
+        for Piece { t, s, .. } in pieces {
+            march.add_cubic(&self.classes, &[s[0], s[1] - s[0], 0.0, 0.0], t[1] - t[0]);
+            if march.is_opaque() {
+                break;
+            }
+        }
+        march.pixel()
+    }
+}
+
+/// Corners of the edges.
+const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+
+/// Corners a < b < c of the faces, and the edges opposite of them: bc, ac, ab.
+const FACES: [([usize; 3], [usize; 3]); 4] =
+    [([0, 1, 2], [3, 1, 0]), ([0, 1, 3], [4, 2, 0]), ([0, 2, 3], [5, 2, 1]), ([1, 2, 3], [5, 4, 3])];
+
+/// The mean with weights that are not negative; rounding does not take it out of the values' range.
+fn mean(weights: [f64; 3], of: [f64; 3]) -> f64 {
+    let sum = weights[0] + weights[1] + weights[2];
+    let mean = (weights[0] * of[0] + weights[1] * of[1] + weights[2] * of[2]) / sum;
+    if mean.is_nan() {
+        return mean;
+    }
+    mean.max(of[0].min(of[1]).min(of[2])).min(of[0].max(of[1]).max(of[2]))
+}
+
+/// Front to back. The middle orders pieces that meet whatever rounding does to their ends; of pieces that overlap
+/// no order is right, and the cell's index makes it one.
+pub(super) fn sort(pieces: &mut [Piece]) {
+    let middle = |piece: &Piece| piece.t[0] + piece.t[1];
+    pieces.sort_unstable_by(|a, b| middle(a).total_cmp(&middle(b)).then(a.cell.cmp(&b.cell)));
+}
+
+/// On which side of the origin the edge from a to b passes, true for counterclockwise, and twice the area of its
+/// triangle with the origin.
+///
+/// The sign is exact. Where it is zero, the origin is taken to be at `(e, e²)` for an e that is positive and
+/// smaller than any number: the determinant is then `e (ay - by) + e² (bx - ax)`. The area is good to its last
+/// digits, by Kahan's difference of products, with Dekker's exact product.
+fn side(a: DVec2, b: DVec2) -> (bool, f64) {
+    let (p, q) = (a.x * b.y, a.y * b.x);
+    let mut area = p - q;
+    // Five bits cancel, or more: the difference is exact, and the products are not.
+    if area.abs() < 0.03125 * (p.abs() + q.abs()) {
+        let (e, f) = (rest(a.x, b.y, p), rest(a.y, b.x, q));
+        let difference = e - f;
+        area += difference;
+        if area == 0.0 {
+            // What rounding took from the difference (Knuth's two-sum).
+            let virtual_f = e - difference;
+            area = (e - (difference + virtual_f)) + (virtual_f - f);
+        }
+    }
+    let positive = if area != 0.0 {
+        area > 0.0
+    } else if a.y != b.y {
+        a.y > b.y
+    } else {
+        b.x > a.x
+    };
+    (positive, area.abs())
+}
+
+/// What rounding took from a product (Dekker 1971, with Veltkamp's splitting).
+fn rest(a: f64, b: f64, product: f64) -> f64 {
+    let split = |x: f64| {
+        let c = 134_217_729.0 * x;
+        let high = c - (c - x);
+        (high, x - high)
+    };
+    let ((a1, a0), (b1, b0)) = (split(a), split(b));
+    ((a1 * b1 - product) + a1 * b0 + a0 * b1) + a0 * b0
+}

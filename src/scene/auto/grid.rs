@@ -1,0 +1,211 @@
+//! What the automatic transfer function asks of a grid.
+
+use super::{BINS, DEPTH, Histogram, LINES, SAMPLES, WARM, knot, quantile, ramp, ramp_down, sorted, stride};
+use crate::error::Result;
+use crate::num;
+use crate::scene::{Grid, Knot, TransferFunction};
+
+/// The transfer function: see [`super::transfer`].
+pub(super) fn transfer(grid: &Grid) -> Result<TransferFunction> {
+    let knots = shape(grid);
+    let depth = dense_depth(grid, &TransferFunction::new(knots.clone())?);
+    // Things that every line misses are a few samples wide.
+    let scale = DEPTH / if depth > 0.0 { depth } else { grid.spacing().max_element() };
+    TransferFunction::new(knots.into_iter().map(|knot| Knot { tau: knot.tau * scale, ..knot }).collect())
+}
+
+/// The knots, with the extinction relative to its largest value.
+fn shape(grid: &Grid) -> Vec<Knot> {
+    let [lo, hi] = grid.range();
+    let values = sorted(all_samples(grid));
+    if lo >= hi || values.is_empty() {
+        return vec![knot(lo, 1.0, WARM[3])];
+    }
+    // What is left is so little that the subset may have none of it: the range knows of it all the same.
+    let or = |inside: Vec<f64>, rare: f64| if inside.is_empty() { vec![rare] } else { inside };
+    match foreground(grid, &values) {
+        (foot, true) => ramp(foot, &or(values.into_iter().filter(|s| *s > foot).collect(), hi), &WARM),
+        (foot, false) => ramp_down(foot, &or(values.into_iter().filter(|s| *s < foot).collect(), lo), &WARM),
+    }
+}
+
+/// Where the foreground starts, and whether it lies above that.
+fn foreground(grid: &Grid, values: &[f64]) -> (f64, bool) {
+    let histogram = Histogram::new(values, grid.range());
+    let peak = histogram.peak();
+    let border = histogram.bin(quantile(&sorted(faces(grid)), 0.5));
+    if border.abs_diff(peak) > BINS / 16 {
+        return (histogram.low, true); // no background to leave out
+    }
+    // The longer tail.
+    let upwards = peak < BINS / 2;
+    (histogram.foot(peak, upwards), upwards)
+}
+
+/// Optical depth that a tenth of the index lines with something on them exceeds.
+fn dense_depth(grid: &Grid, transfer: &TransferFunction) -> f64 {
+    let dims = grid.dims();
+    let mut depths = Vec::new();
+    for axis in 0..3 {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        let step = grid.spacing()[axis];
+        let area = num::index(dims[u]) * num::index(dims[v]);
+        for line in (0..area).step_by(stride(area, LINES)) {
+            let mut index = [0_u32; 3];
+            index[u] = num::count(line % num::index(dims[u]));
+            index[v] = num::count(line / num::index(dims[u]));
+            let mut depth = 0.0;
+            for i in 0..dims[axis] {
+                index[axis] = i;
+                depth += transfer.at(grid.value(index[0], index[1], index[2])).1;
+            }
+            depths.push(depth * step);
+        }
+    }
+    let most = depths.iter().copied().fold(0.0, f64::max);
+    depths.retain(|&depth| depth > 0.01 * most);
+    quantile(&sorted(depths), 0.9)
+}
+
+/// An evenly spread, repeatable subset of the samples.
+fn all_samples(grid: &Grid) -> Vec<f64> {
+    let samples = grid.samples();
+    let rescale = grid.rescale();
+    let stride = stride(samples.len(), SAMPLES);
+    (0..samples.len()).step_by(stride).map(|i| rescale.slope * samples.get(i) + rescale.intercept).collect()
+}
+
+/// The samples of the box's six faces, thinned out.
+fn faces(grid: &Grid) -> Vec<f64> {
+    let dims = grid.dims();
+    let mut values = Vec::new();
+    for axis in 0..3 {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        let area = num::index(dims[u]) * num::index(dims[v]);
+        for i in (0..area).step_by(stride(area, SAMPLES / 16)) {
+            for end in [0, dims[axis] - 1] {
+                let mut index = [end; 3];
+                index[u] = num::count(i % num::index(dims[u]));
+                index[v] = num::count(i / num::index(dims[u]));
+                values.push(grid.value(index[0], index[1], index[2]));
+            }
+        }
+    }
+    values
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::scene::{Field, Rescale, Samples};
+
+    /// Optical depth along the middle line of index axis x.
+    fn depth(grid: &Grid, transfer: &TransferFunction) -> f64 {
+        let [x, y, z] = grid.dims();
+        let taus = (0..x).map(|i| transfer.at(grid.value(i, y / 2, z / 2)).1);
+        taus.sum::<f64>() * grid.spacing().x
+    }
+
+    /// A ball of about 100 with a core of about 200, in noise of up to 20, in a box of side `side`.
+    fn ball(side: f64, sign: f64) -> Grid {
+        let n = 40_u32;
+        let mut state = 1_u32;
+        let mut values = Vec::new();
+        for i in 0..n * n * n {
+            let place = DVec3::new(f64::from(i % n), f64::from(i / n % n), f64::from(i / n / n));
+            let radius = (place - 19.5).length();
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let noise = f64::from(state >> 8) / f64::from(1 << 24) * 20.0;
+            let value = if radius < 6.0 {
+                200.0
+            } else if radius < 13.0 {
+                100.0
+            } else {
+                0.0
+            };
+            values.push(num::f32_of(sign * (value + noise)));
+        }
+        let spacing = DVec3::splat(side / 39.0);
+        let grid = Grid::new([n; 3], Samples::F32(values)).unwrap();
+        grid.with_placement(spacing, DVec3::ZERO, glam::DMat3::IDENTITY).unwrap()
+    }
+
+    #[test]
+    fn background_is_vacuum_and_depth_does_not_depend_on_the_unit_of_length() {
+        for sign in [1.0, -1.0] {
+            let metres = ball(0.2, sign);
+            let transfer_metres = transfer(&metres).unwrap();
+            for noise in [0.0, 10.0, 19.0] {
+                assert!(transfer_metres.at(sign * noise).1 < 0.01 * transfer_metres.max_tau());
+            }
+            let (shell, core) = (transfer_metres.at(sign * 110.0).1, transfer_metres.at(sign * 210.0).1);
+            assert!(shell > 0.0 && core > 2.0 * shell, "{sign}: {shell} {core}");
+            let millimetres = ball(200.0, sign);
+            let transfer_millimetres = transfer(&millimetres).unwrap();
+            let depths = [depth(&metres, &transfer_metres), depth(&millimetres, &transfer_millimetres)];
+            assert!(depths[0] > 2.0 && depths[0] < 12.0, "{depths:?}");
+            assert!((depths[0] - depths[1]).abs() < 1e-9 * depths[0]);
+            assert!(transfer_metres.knots().len() <= 12);
+        }
+    }
+
+    #[test]
+    fn outliers_do_not_hide_the_rest() {
+        let clean = ball(1.0, 1.0);
+        let Samples::F32(mut values) = clean.samples().clone() else { unreachable!() };
+        values[5] = 1e9;
+        values[6] = -1e9;
+        values[7] = f32::NAN;
+        values[8] = f32::INFINITY;
+        let dirty = Grid::new([40; 3], Samples::F32(values)).unwrap();
+        let transfer = transfer(&dirty).unwrap();
+        assert!(transfer.domain()[1] < 300.0, "{:?}", transfer.domain());
+        assert!(transfer.at(15.0).1 < 0.01 * transfer.max_tau());
+        assert!(transfer.at(110.0).1 > 0.0);
+    }
+
+    #[test]
+    fn masks_labels_and_constant_data_are_seen() {
+        let make = |values: Vec<u8>| Grid::new([16; 3], Samples::U8(values)).unwrap();
+        let inside =
+            |i: usize| (i % 16).abs_diff(8) < 4 && (i / 16 % 16).abs_diff(8) < 4 && (i / 256).abs_diff(8) < 4;
+        let mask = make((0..4096).map(|i| u8::from(inside(i))).collect());
+        let tf = transfer(&mask).unwrap();
+        assert_eq!(tf.at(0.0).1, 0.0);
+        assert!(depth(&mask, &tf) > 2.0 && depth(&mask, &tf) < 12.0);
+
+        // One sample in 4096: below every quantile that is looked at.
+        let point = make((0..4096).map(|i| u8::from(i == 2184)).collect());
+        assert!(transfer(&point).unwrap().at(1.0).1 > 0.0);
+
+        // One in two million, at an odd place: neither the subset nor a line meets it.
+        let samples = (0..1 << 21).map(|i| u8::from(i == 1_096_897)).collect();
+        let lost = Grid::new([128; 3], Samples::U8(samples)).unwrap();
+        let tf = transfer(&lost).unwrap();
+        assert!(tf.at(0.0).1 == 0.0 && tf.at(1.0).1 > 5.0 * tf.at(0.1).1, "{tf:?}");
+
+        let labels = make((0..4096).map(|i| if inside(i) { 1 + u8::from(i % 16 > 8) } else { 0 }).collect());
+        let tf = transfer(&labels).unwrap();
+        assert_eq!(tf.at(0.0).1, 0.0);
+        assert!(tf.at(1.0).1 > 0.0 && tf.at(2.0).1 > 0.0);
+
+        let constant = make(vec![7; 4096]);
+        let tf = transfer(&constant).unwrap();
+        assert!(depth(&constant, &tf) > 2.0 && depth(&constant, &tf) < 12.0);
+    }
+
+    #[test]
+    fn the_same_data_gives_the_same_function_whatever_its_scale() {
+        let grid = Field::Blobs.sample([32; 3], "u8").unwrap();
+        let first = transfer(&grid).unwrap();
+        assert_eq!(first, transfer(&grid).unwrap());
+        let rescaled = grid.with_rescale(Rescale { slope: 10.0, intercept: -1000.0 }).unwrap();
+        for (a, b) in first.knots().iter().zip(transfer(&rescaled).unwrap().knots()) {
+            assert!(
+                (a.s * 10.0 - 1000.0 - b.s).abs() < 1e-6 && (a.tau - b.tau).abs() < 1e-9 * first.max_tau()
+            );
+        }
+    }
+}

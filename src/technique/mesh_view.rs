@@ -1,0 +1,69 @@
+//! A view of a mesh in the mesh's own measure: what shaders need to know of the camera (`glsl/mesh.glsl`).
+
+use glam::DVec3;
+
+use crate::error::{Error, Result};
+use crate::interface::MeshPush;
+use crate::num::f32_of;
+use crate::scene::{Tets, View};
+
+/// Centre and radius of a mesh: its points lie within a unit of the centre. Points and views are told relative to
+/// them in float64, so that float32 has all its digits for the mesh itself, wherever and however large it is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Frame {
+    pub(crate) centre: DVec3,
+    pub(crate) radius: f64,
+}
+
+impl Frame {
+    pub(crate) fn of(mesh: &Tets) -> Self {
+        let [low, high] = mesh.bounds();
+        let half = high * 0.5 - low * 0.5;
+        Self { centre: low + half, radius: half.length().max(f64::MIN_POSITIVE) }
+    }
+
+    /// A point in radii from the centre.
+    pub(crate) fn place(&self, point: DVec3) -> [f32; 3] {
+        ((point - self.centre) / self.radius).to_array().map(f32_of)
+    }
+
+    /// The view's part of the push constants.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] where float32 cannot hold the numbers.
+    pub(crate) fn push(&self, view: &View) -> Result<MeshPush> {
+        let eye = (view.camera().eye - self.centre) / self.radius;
+        let depth = -eye.dot(view.forward());
+        let pack = |v: DVec3, w: f64| [f32_of(v.x), f32_of(v.y), f32_of(v.z), f32_of(w)];
+        // Lines pass (P w, d) with w = w0 + w1 d. In perspective w is the depth before the eye, over that of the
+        // centre where the eye is far.
+        let (w0, w1, pixel, slope, begin) = if view.is_perspective() {
+            let q = depth.max(1.0);
+            (depth / q, 1.0 / q, view.pixel_size() * q, 1.0 / q, -depth)
+        } else {
+            (1.0, 0.0, view.pixel_size() / self.radius, 0.0, -3e38)
+        };
+        let push = MeshPush {
+            right: pack(view.right(), -eye.dot(view.right())),
+            up: pack(view.up(), -eye.dot(view.up())),
+            forward: pack(view.forward(), begin),
+            half_extent: view.extent().map(|side| f32_of(f64::from(side) * 0.5)),
+            pixel: f32_of(pixel),
+            w0: f32_of(w0),
+            w1: f32_of(w1),
+            slope: f32_of(slope),
+            unit: f32_of(self.radius),
+            ..MeshPush::default()
+        };
+        let numbers = [push.right, push.up, push.forward];
+        let finite = numbers.iter().flatten().all(|number| number.is_finite());
+        if !(finite && push.pixel.is_normal() && push.unit.is_normal()) {
+            return Err(Error::invalid(
+                "view",
+                "the camera is so far from the mesh, or the mesh so large or small, that float32 cannot hold the view",
+            ));
+        }
+        Ok(push)
+    }
+}

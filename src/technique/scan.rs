@@ -1,0 +1,227 @@
+//! Exclusive prefix sums of words on the device (`glsl/scan.glsl`): reduce, then scan, in two dispatches for any
+//! number of words, without a workgroup that waits for another.
+
+use std::sync::Arc;
+
+use crate::error::{Error, Result};
+use crate::gpu::shader::{
+    BINDING_SCAN_SUMS, BINDING_SCAN_TOTAL, BINDING_SCAN_WORDS, LANE_GROUP, SCAN_CHUNKS, SCAN_GROUP_TURNS,
+    SCAN_GROUPS_REDUCE, SCAN_GROUPS_SCAN, SCAN_ITEMS, SCAN_LANE_WORDS, SCAN_LANES_REDUCE, SCAN_LANES_SCAN,
+    WIDE_GROUP,
+};
+use crate::gpu::{Buffer, BufferUse, ComputeDesc, Descriptors, Gpu, Pipeline, Recorder, Resource};
+use crate::interface::ScanPush;
+
+/// Most words of a scan.
+pub(crate) const MOST_WORDS: u32 = 1 << 27;
+
+/// Most workgroups of a scan: enough to fill a device; each adds up the sums before its own.
+const MOST_GROUPS: u32 = 1024;
+
+/// How prefix sums and sorting are spread over invocations.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Spread {
+    /// One invocation works through a long run, without barriers. Number of invocations to keep a device busy.
+    Lanes(u32),
+    /// Workgroups of [`WIDE_GROUP`] invocations share their data.
+    Groups,
+}
+
+impl Spread {
+    /// What suits a device: software suspends every invocation of a workgroup at a barrier, and emulates
+    /// shared memory.
+    pub(crate) fn of(gpu: &Gpu) -> Self {
+        let limits = &gpu.inner.properties.limits;
+        let wide = limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]);
+        if !gpu.is_software() && wide >= WIDE_GROUP {
+            return Self::Groups;
+        }
+        if gpu.is_software() { Self::software() } else { Self::Lanes(8192) }
+    }
+
+    /// Two workgroups a core: a software rasteriser runs on this machine's cores.
+    pub(crate) fn software() -> Self {
+        let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        Self::Lanes(crate::num::count(cores).clamp(1, 64) * 2 * LANE_GROUP)
+    }
+}
+
+/// Prefix sums of the words of one buffer, in place.
+#[derive(Debug)]
+pub(crate) struct Scan {
+    names: [String; 2],
+    pipelines: [Arc<Pipeline>; 2],
+    descriptors: [Arc<Descriptors>; 2],
+    total: Arc<Buffer>,
+    push: ScanPush,
+    groups: u32,
+}
+
+impl Scan {
+    /// For the first `n` words of a buffer.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] when there are fewer words or more than [`MOST_WORDS`]; when the device has no
+    /// memory.
+    pub(crate) fn new(gpu: &Gpu, name: &str, data: &Arc<Buffer>, n: u32) -> Result<Self> {
+        Self::spread(gpu, name, data, n, Spread::of(gpu))
+    }
+
+    /// The same, spread as told.
+    pub(crate) fn spread(gpu: &Gpu, name: &str, data: &Arc<Buffer>, n: u32, spread: Spread) -> Result<Self> {
+        if n > MOST_WORDS || 4 * u64::from(n) > data.size() {
+            return Err(Error::invalid(name, format!("prefix sums of {n} words in {} bytes", data.size())));
+        }
+        let (chunk, shaders) = match spread {
+            Spread::Lanes(lanes) => {
+                let chunk = n.div_ceil(lanes.clamp(1, SCAN_CHUNKS)).clamp(1, SCAN_LANE_WORDS);
+                (chunk, [&SCAN_LANES_REDUCE, &SCAN_LANES_SCAN])
+            }
+            Spread::Groups => {
+                let tile = WIDE_GROUP * SCAN_ITEMS;
+                let tiles = n.div_ceil(tile).div_ceil(MOST_GROUPS).clamp(1, SCAN_GROUP_TURNS);
+                (tiles * tile, [&SCAN_GROUPS_REDUCE, &SCAN_GROUPS_SCAN])
+            }
+        };
+        // The total is written without any words too.
+        let chunks = n.div_ceil(chunk).max(1);
+        let words = |part: &str, words: u32| {
+            Buffer::new(gpu, &format!("{name}.{part}"), 4 * u64::from(words), BufferUse::ShaderWrite)
+        };
+        let sums = Arc::new(words("sums", 2 * chunks)?);
+        let total = Arc::new(words("total", 2)?);
+        let names = ["reduce", "scan"].map(|step| format!("{name}.{step}"));
+        let pipeline = |i: usize| {
+            let desc = ComputeDesc { shader: shaders[i], constants: &[] };
+            gpu.compute_pipeline(["scan.reduce", "scan.scan"][i], &desc)
+        };
+        let pipelines = [pipeline(0)?, pipeline(1)?];
+        let resources = |second: bool| {
+            let whole = Resource::Buffer;
+            let read = Resource::ReadOnly;
+            [
+                (BINDING_SCAN_WORDS, if second { whole } else { read }(Arc::clone(data))),
+                (BINDING_SCAN_SUMS, if second { read } else { whole }(Arc::clone(&sums))),
+                (BINDING_SCAN_TOTAL, whole(Arc::clone(&total))),
+            ]
+        };
+        let descriptors = [
+            Arc::new(Descriptors::new(gpu, &pipelines[0], &resources(false))?),
+            Arc::new(Descriptors::new(gpu, &pipelines[1], &resources(true))?),
+        ];
+        let groups = match spread {
+            Spread::Lanes(_) => chunks.div_ceil(LANE_GROUP),
+            Spread::Groups => chunks,
+        };
+        let push = ScanPush { count: n, chunk, chunks };
+        Ok(Self { names, pipelines, descriptors, total, push, groups })
+    }
+
+    /// Replaces each word by the sum of those before it, modulo 2^32.
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>) {
+        for i in 0..2 {
+            let push = bytemuck::bytes_of(&self.push);
+            let groups = [self.groups, 1, 1];
+            recorder.dispatch(&self.names[i], &self.pipelines[i], &self.descriptors[i], push, groups);
+        }
+    }
+
+    /// Two words: the sum of all words modulo 2^32; its upper half, which is 0 unless the prefix sums have
+    /// wrapped.
+    pub(crate) fn total(&self) -> &Arc<Buffer> {
+        &self.total
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::testing::TestGpu;
+
+    /// Both ways of spreading, and few and many lanes.
+    const SPREADS: [Spread; 3] = [Spread::Lanes(16), Spread::Lanes(1000), Spread::Groups];
+
+    fn random(n: usize, mut state: u64) -> Vec<u32> {
+        let step = |_| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as u32
+        };
+        (0..n).map(step).collect()
+    }
+
+    fn check(gpu: &TestGpu, words: &[u32], spread: Spread) {
+        let data = gpu.upload(words);
+        let scan = Scan::spread(gpu, "test.scan", &data, crate::num::count(words.len()), spread).unwrap();
+        gpu.record(|recorder| scan.record(recorder));
+        let found = gpu.download(&data);
+        let mut sum = 0_u64;
+        for (i, &word) in words.iter().enumerate() {
+            assert_eq!(u64::from(found[i]), sum & 0xffff_ffff, "word {i} of {}, {spread:?}", words.len());
+            sum += u64::from(word);
+        }
+        let total = gpu.download(scan.total());
+        assert_eq!(u64::from(total[0]) | u64::from(total[1]) << 32, sum, "{} words, {spread:?}", words.len());
+    }
+
+    #[test]
+    fn prefix_sums_of_every_size_around_the_borders_of_chunks() {
+        let gpu = TestGpu::new();
+        for spread in SPREADS {
+            for n in [0, 1, 2, 7, 8, 9, 255, 256, 257, 2047, 2048, 2049, 4095, 4096, 4097, 65_537] {
+                let words: Vec<u32> = random(n, n as u64).iter().map(|w| w % 1000).collect();
+                check(&gpu, &words, spread);
+            }
+            check(&gpu, &vec![0; 5000], spread);
+            check(&gpu, &vec![1; 5000], spread);
+        }
+    }
+
+    #[test]
+    fn many_words_take_several_tiles_a_chunk() {
+        let gpu = TestGpu::new();
+        for spread in SPREADS {
+            // More than `MOST_GROUPS` tiles.
+            check(&gpu, &random(2_200_003, 7).iter().map(|w| w % 1000).collect::<Vec<_>>(), spread);
+        }
+    }
+
+    #[test]
+    #[ignore = "takes half a gigabyte"]
+    fn as_many_words_as_every_device_shows() {
+        let gpu = TestGpu::new();
+        for spread in SPREADS {
+            check(&gpu, &random(1 << 25, 1), spread);
+        }
+    }
+
+    #[test]
+    fn the_total_tells_that_the_sums_have_wrapped() {
+        let gpu = TestGpu::new();
+        for spread in SPREADS {
+            check(&gpu, &[u32::MAX], spread);
+            check(&gpu, &[u32::MAX, 1], spread);
+            check(&gpu, &vec![u32::MAX; 100_003], spread);
+            check(&gpu, &[&[0; 4096][..], &[1 << 31; 2], &[0; 4096]].concat(), spread);
+        }
+    }
+
+    #[test]
+    fn words_behind_the_last_stay() {
+        let gpu = TestGpu::new();
+        for spread in SPREADS {
+            let data = gpu.upload(&[3; 5000]);
+            let scan = Scan::spread(&gpu, "test.scan", &data, 4999, spread).unwrap();
+            gpu.record(|recorder| scan.record(recorder));
+            assert_eq!(gpu.download(&data)[4998..], [3 * 4998, 3], "{spread:?}");
+        }
+    }
+
+    #[test]
+    fn more_words_than_the_buffer_has_are_refused() {
+        let gpu = TestGpu::new();
+        let data = gpu.upload(&[1, 2]);
+        assert!(Scan::new(&gpu, "test.scan", &data, 3).is_err());
+        assert!(Scan::new(&gpu, "test.scan", &data, MOST_WORDS + 1).is_err());
+    }
+}
