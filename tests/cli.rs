@@ -697,7 +697,7 @@ fn write_cells(folder: &Folder) {
 }
 
 #[test]
-fn meshes_and_points_are_described_and_converted_and_not_drawn() {
+fn meshes_and_points_are_described_and_converted() {
     if !known_formats().contains(".vtu") {
         eprintln!("skipped: no reader of .vtu");
         return;
@@ -705,12 +705,14 @@ fn meshes_and_points_are_described_and_converted_and_not_drawn() {
     let folder = Folder::new("cells");
     write_cells(&folder);
     let before = folder.names();
+    for command in ["render", "reference", "compare", "bench"] {
+        let says = ["points.vtu", "content", "holds points", "grids and meshes"];
+        folder.run(&format!("{command} points.vtu -o out.exr")).fails(2, &says);
+    }
+    // Before a device is opened.
+    folder.run("render mesh.vtu -o out.exr --technique slabs").fails(2, &["technique", "mesh"]);
+    folder.run("compare mesh.vtu -o out --techniques slabs --device none").fails(2, &["technique", "mesh"]);
     for (name, what) in [("mesh.vtu", "a mesh"), ("points.vtu", "points")] {
-        let says = [name, "content", what, "no technique draws"];
-        folder.run(&format!("render {name} -o out.exr")).fails(2, &says);
-        folder.run(&format!("reference {name} -o out.exr")).fails(2, &says);
-        folder.run(&format!("compare {name} -o out")).fails(2, &says);
-        folder.run(&format!("bench {name} -o out")).fails(2, &says);
         folder.run(&format!("convert {name} out.nrrd")).fails(2, &["out.nrrd", "must end in .vtu", what]);
         folder.run(&format!("convert {name} {name}")).fails(2, &["output", "is the input"]);
         folder.run(&format!("info {name} --array q")).fails(2, &[name, "\"q\"", "no such array"]);
@@ -731,7 +733,8 @@ fn meshes_and_points_are_described_and_converted_and_not_drawn() {
     assert_eq!(mesh["arrays"], serde_json::json!([array]));
     let counts = mesh["histogram"]["counts"].as_array().unwrap();
     assert_eq!(counts.iter().map(|n| n.as_u64().unwrap()).sum::<u64>(), 4);
-    assert!(mesh.get("camera").is_none() && mesh.get("transfer").is_none());
+    assert_eq!(mesh["camera"]["automatic"], true);
+    assert!(mesh["transfer"].as_array().unwrap().len() > 1);
     let text = folder.run("info mesh.vtu").done().out;
     for part in
         ["5, 2 tetrahedra", "point:p (f32), shown as point:p", "0 to 3", "note ", "█", "112 bytes at least"]
@@ -768,6 +771,44 @@ fn meshes_and_points_are_described_and_converted_and_not_drawn() {
         (&other["range"], &other["weights"]),
         (&serde_json::json!([1.0, 4.0]), &serde_json::json!([5.0, 9.0]))
     );
+}
+
+/// A mesh alone, and through a scene file, in the reference and in what `info` tells.
+#[test]
+fn the_reference_draws_meshes() {
+    if !known_formats().contains(".vtu") {
+        eprintln!("skipped: no reader of .vtu");
+        return;
+    }
+    let folder = Folder::new("mesh");
+    write_cells(&folder);
+    let write = |name: &str, json: &str| std::fs::write(folder.path(name), json).unwrap();
+    let run = folder.run("reference mesh.vtu -o alone.exr --size 24x18").done();
+    assert!(run.out.contains("24 x 18"), "{}", run.out);
+    let seen = |name: &str| folder.exr(name).pixels().iter().filter(|pixel| pixel[3] > 0.05).count();
+    assert!(seen("alone.exr") > 8, "{} pixels", seen("alone.exr"));
+    write(
+        "mesh.json",
+        r#"{"mesh": {"file": "mesh.vtu", "array": "p"}, "transfer": {"preset": "fog"},
+            "camera": {"eye": [3, 2, 4], "target": [0.3, 0.3, 0.3], "up": [0, 1, 0], "half_height": 1},
+            "image": {"width": 20, "height": 10}}"#,
+    );
+    folder.run("reference mesh.json -o scene.exr --samples 2").done();
+    assert!(seen("scene.exr") > 10, "{} pixels", seen("scene.exr"));
+    let info = folder.run("info mesh.json --json").done().json();
+    assert_eq!((&info["kind"], &info["tetrahedra"]), (&"mesh".into(), &2.into()));
+    assert_eq!((&info["camera"]["automatic"], &info["image"]), (&false.into(), &serde_json::json!([20, 10])));
+    // The preset over the data's range.
+    assert_eq!(info["transfer"][4], serde_json::json!([3.0, 1.0, 0.25, 0.1, 8.0]));
+    write("field.json", r#"{"mesh": {"field": "blobs", "cubes": 4}}"#);
+    folder.run("reference field.json -o field.exr --size 16x16").done();
+    assert!(seen("field.exr") > 60, "{} pixels", seen("field.exr"));
+    let text = folder.run("info field.json").done().out;
+    for part in ["analytic field (mesh)", "125, 320 tetrahedra", "(automatic)", "transfer function of"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    write("both.json", r#"{"mesh": {"field": "blobs"}}"#);
+    folder.run("info both.json").fails(2, &["both.json", "mesh.cubes", "missing"]);
 }
 
 /// Drawing says what may not be as it seems, in lines of its own, and not where it is told to be quiet.

@@ -143,9 +143,14 @@ pub fn view(projection: Projection, distance: f64, width: u32, height: u32) -> V
 
 /// The routes of a technique that this device offers; the others are named aloud.
 pub fn routes_of(gpu: &Gpu, method: Method) -> Vec<&'static str> {
-    let offered = |route: &&str| *route != "raster" || gpu.has(OptionalFeature::BlendRgba32f);
+    let offered = |route: &&str| match *route {
+        "raster" => gpu.has(OptionalFeature::BlendRgba32f),
+        "interlock" => gpu.has(OptionalFeature::FragmentInterlock),
+        "implementation-ordered" => gpu.has(OptionalFeature::OrderedStores),
+        _ => true,
+    };
     for route in method.routes().iter().filter(|route| !offered(route)) {
-        println!("skipped: {}/{route}: the device does not blend into 32-bit float", method.name());
+        println!("skipped: {}/{route}: the device does not offer it", method.name());
     }
     method.routes().iter().copied().filter(offered).collect()
 }
@@ -154,7 +159,9 @@ pub fn routes_of(gpu: &Gpu, method: Method) -> Vec<&'static str> {
 /// follow each after a comma.
 pub fn specs(gpu: &Gpu) -> Vec<String> {
     let mut specs = Vec::new();
-    for method in Method::ALL {
+    // What draws meshes has the smoke model.
+    let for_meshes = |method: &Method| method.options().iter().any(|option| option.key == "smoke");
+    for method in Method::ALL.into_iter().filter(|method| !for_meshes(method)) {
         for route in routes_of(gpu, method) {
             let integrators = match method {
                 // A small 2-D table, because many tests build many.
