@@ -169,11 +169,12 @@ const FEWER: &[&str] = &["8", "4", "2", "1", "0.5", "0.25"];
 const MIDDLE: &[&str] = &["2", "1", "0.5"];
 const COARSE: &[&str] = &["2", "1"];
 const ONE: &[&str] = &["1"];
-const MESHES: &[Method] = &[Havs, Abuffer];
+const MESHES: &[Method] = &[Havs, Abuffer, ProjectedTets];
+const RASTERS: &[&str] = &["raster", "interlock", "implementation-ordered"];
 const PAIRS: &[&str] = &["1", "2", "4", "7", "15"];
 const INTEGRALS: &[&str] = &["integral", "full", "exact"];
 
-use Method::{Abuffer, Havs, Raycast, Slabs, Slices2d, Slices3d};
+use Method::{Abuffer, Havs, ProjectedTets, Raycast, Slabs, Slices2d, Slices3d};
 
 /// The whole sweep: what a front is made of, then each further option alone, at step 1.
 #[rustfmt::skip]
@@ -193,6 +194,7 @@ pub(crate) const STANDARD: &[Sweep] = &[
     Sweep { name: "prefilter", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("prefilter", &["mip"])] },
     Sweep { name: "stop", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("stop", &["1e-2"])] },
     Sweep { name: "integrator", methods: MESHES, routes: COMPUTE, options: &[("integrator", INTEGRALS)] },
+    Sweep { name: "integrator", methods: &[Havs, ProjectedTets], routes: RASTERS, options: &[("integrator", INTEGRALS)] },
     Sweep { name: "k", methods: &[Havs], routes: COMPUTE, options: &[("k", PAIRS)] },
     Sweep { name: "repair", methods: &[Havs], routes: COMPUTE, options: &[("k", PAIRS), ("repair", &["none"])] },
     Sweep { name: "chunk", methods: &[Havs], routes: COMPUTE, options: &[("chunk", &["64"])] },

@@ -802,10 +802,11 @@ mod tests {
         // 10 x 9 pixels in four tiles.
         let mut words = vec![0_u8; 4 * 4 * 64];
         for place in [0, 7 * 8 + 1, 64 + 1, 3 * 64] {
-            words[4 * place + 2] = 1;
+            words[4 * place..4 * place + 4].copy_from_slice(&FLAG_UNSORTED.to_ne_bytes());
         }
-        // Outside of the image.
+        // Outside of the image; and what says something else.
         words[4 * (64 + 2)] = 1;
+        words[4 * 5..4 * 6].copy_from_slice(&crate::gpu::shader::FLAG_OVERLAPS.to_ne_bytes());
         let map = pixels_of_tiles(&words, [10, 9]);
         let set: Vec<usize> = (0..90).filter(|&i| map[i]).collect();
         assert_eq!((map.len(), set), (90, vec![0, 9, 71, 88]));
