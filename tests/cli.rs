@@ -811,6 +811,98 @@ fn the_reference_draws_meshes() {
     folder.run("info both.json").fails(2, &["both.json", "mesh.cubes", "missing"]);
 }
 
+const CUBES: &str = r#"{"mesh": {"field": "blobs", "cubes": 4}, "transfer": {"preset": "fog", "range": [0, 1]},
+  "camera": {"eye": [2, 1.5, 3.8], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_deg": 42},
+  "image": {"width": 24, "height": 18}}"#;
+
+/// A long cell aslant, and another before its far end: the centroids of the long one's faces are nearer.
+const CROSSED: &str = "# vtk DataFile Version 3.0\ntwo\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 8 float\n\
+    -9 -1 -8  -9 1 -8  9 0 8  -9 0 -9\n 4 -1 0  6 -1 0  5 1 0  5 0 0.5\n\
+    CELLS 2 10\n4 0 1 2 3\n4 4 5 6 7\nCELL_TYPES 2\n10 10\nPOINT_DATA 8\nSCALARS s float\nLOOKUP_TABLE default\n\
+    1 1 1 1 1 1 1 1\n";
+
+#[test]
+fn a_mesh_is_rendered_with_counters_and_a_map_of_its_overflow() {
+    let folder = Folder::new("mesh-render");
+    std::fs::write(folder.path("cubes.json"), CUBES).unwrap();
+    std::fs::write(folder.path("crossed.vtk"), CROSSED).unwrap();
+    let run = folder.run("render cubes.json -o plain.exr --stats stats.json --validate").done();
+    assert!(run.out.contains("havs (compute)"), "{}", run.out);
+    let counters = folder.json("stats.json")["counters"].clone();
+    // Known before the frame, and counted on the device.
+    for key in ["tiles", "bands", "chunks", "primitives", "fragments", "bin_entries"] {
+        assert!(counters[key].as_u64().unwrap() > 0, "{key}: {counters}");
+    }
+    assert_eq!((&counters["kbuffer_overflow_pixels"], &counters["nan_keys"]), (&0.into(), &0.into()));
+
+    std::fs::write(
+        folder.path("crossed.json"),
+        r#"{"mesh": {"file": "crossed.vtk"}, "transfer": [[0, 1, 1, 1, 1], [2, 1, 1, 1, 1]],
+            "camera": {"eye": [5, 0, -30], "target": [5, 0, 0], "up": [0, 1, 0], "half_height": 1},
+            "image": {"width": 21, "height": 17}}"#,
+    )
+    .unwrap();
+    let line = "render crossed.json -o out.exr --technique havs:k=1 --overflow-map map.exr --stats stats.json --validate";
+    folder.run(line).done();
+    let map = folder.exr("map.exr");
+    assert_eq!([map.width(), map.height()], [21, 17]);
+    let white = map.pixels().iter().filter(|pixel| **pixel == [1.0; 4]).count() as u64;
+    assert!(map.pixels().iter().all(|pixel| *pixel == [1.0; 4] || *pixel == [0.0, 0.0, 0.0, 1.0]));
+    assert_eq!(folder.json("stats.json")["counters"]["kbuffer_overflow_pixels"].as_u64(), Some(white));
+    assert!(white > 3, "{white}");
+    folder.run(&line.replace("k=1", "k=4").replace("map.exr", "map.png")).done();
+    assert_eq!(folder.json("stats.json")["counters"]["kbuffer_overflow_pixels"], 0);
+    assert_eq!(std::fs::read(folder.path("map.png")).unwrap()[1..4], *b"PNG");
+
+    let before = folder.names();
+    std::fs::write(folder.path("scene.json"), SCENE).unwrap();
+    let grid = "render scene.json -o grid.exr --size 8x8 --technique slabs --overflow-map grid.png";
+    folder.run(grid).fails(2, &["--overflow-map", "slabs", "k-buffer"]);
+    folder.run("render cubes.json -o a.exr --overflow-map a.exr").fails(2, &["--overflow-map", "picture"]);
+    folder.run("render cubes.json -o a.exr --overflow-map m.jpg").fails(2, &["m.jpg", ".exr or .png"]);
+    folder
+        .run("render cubes.json -o a.exr --overflow-map m.png --stats m.png")
+        .fails(2, &["--overflow-map", "--stats"]);
+    std::fs::remove_file(folder.path("scene.json")).unwrap();
+    assert_eq!(folder.names(), before);
+}
+
+#[test]
+fn techniques_for_meshes_are_compared_and_benched() {
+    let folder = Folder::new("mesh-bench");
+    std::fs::write(folder.path("cubes.json"), CUBES).unwrap();
+    let run = folder.run("compare cubes.json -o all --validate").done();
+    let errors = folder.json("all/errors.json");
+    let errors = errors.as_array().unwrap();
+    for name in ["havs", "abuffer"] {
+        let of: Vec<&Value> = errors.iter().filter(|e| e["technique"] == name).collect();
+        assert!(!of.is_empty(), "{name}: {}", run.out);
+        assert!(of.iter().all(|e| e["rmse"].as_f64().unwrap() < 1e-6), "{name}: {errors:?}");
+    }
+    folder.run("compare cubes.json -o one --techniques havs:k=2,chunk=4;abuffer --validate").done();
+    assert_eq!(folder.json("one/errors.json")[0]["options"]["chunk"], 4);
+
+    let run = folder.run("bench cubes.json -o out --size 16x12 --quick").done();
+    let cases = bench_cases(&folder);
+    assert!(cases.iter().all(|case| ["slices-2d", "slabs"].iter().all(|grid| case["technique"] != *grid)));
+    let of = |name: &str| -> Vec<&Value> { cases.iter().filter(|case| case["technique"] == name).collect() };
+    assert!(!of("havs").is_empty() && !of("abuffer").is_empty());
+    for case in of("havs") {
+        assert!(case["counters"]["fragments"].as_u64().unwrap() > 0, "{case}");
+        let required = &case["required_k"];
+        let pixels = required["pixels"].as_array().unwrap();
+        let sum: u64 = pixels.iter().map(|n| n.as_u64().unwrap()).sum();
+        assert_eq!((pixels.len(), sum + required["more"].as_u64().unwrap()), (15, 192), "{required}");
+    }
+    assert!(of("abuffer").iter().all(|case| case.get("required_k").is_none()));
+    assert!(run.out.contains("pixels by the pairs that sort their faces: 1: "), "{}", run.out);
+    // Only what draws meshes has a front.
+    let fronts = folder.json("out/fronts.json")[0]["fronts"].clone();
+    let names: Vec<&str> =
+        fronts.as_array().unwrap().iter().map(|front| front["technique"].as_str().unwrap()).collect();
+    assert!(names.contains(&"havs") && names.contains(&"abuffer") && !names.contains(&"slabs"), "{names:?}");
+}
+
 /// Drawing says what may not be as it seems, in lines of its own, and not where it is told to be quiet.
 #[test]
 fn warnings_go_to_stderr() {

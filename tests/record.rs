@@ -8,7 +8,7 @@ mod common;
 use common::*;
 use volraster::ash::vk;
 use volraster::gpu::{CommandBuffer, DepthImage, Gpu, GpuOptions, TargetImage};
-use volraster::scene::{Field, View};
+use volraster::scene::{Field, Scene, TransferFunction, View};
 use volraster::technique::{GpuScene, Renderer, TargetDesc, TargetMode, Technique};
 
 /// What an engine has: a colour image, a buffer to read it back, a command buffer, a fence.
@@ -251,7 +251,9 @@ fn srgb(linear: f64) -> f64 {
 #[test]
 fn the_volume_lands_in_the_caller_s_image() {
     let gpu = gpu();
-    let scene = GpuScene::new(&gpu, scene(Field::Blobs, 16, "f32", &FOG));
+    let grid = GpuScene::new(&gpu, scene(Field::Blobs, 16, "f32", &FOG));
+    let transfer = TransferFunction::from_rows(&FOG).unwrap();
+    let mesh = GpuScene::new(&gpu, Scene::new(Field::Blobs.tets(5).unwrap(), transfer));
     let view = view(perspective(), 1.0, 40, 30);
     let behind = [0.0, 0.5, 0.25, 1.0_f32];
     let formats = [
@@ -259,9 +261,11 @@ fn the_volume_lands_in_the_caller_s_image() {
         (vk::Format::R8G8B8A8_UNORM, 4),
         (vk::Format::B8G8R8A8_SRGB, 4),
     ];
-    for options in ["route=compute", "route=raster", "route=raster,order=front-to-back", "target=rgba8"] {
-        let technique = Technique::parse(&format!("slices-3d:step=0.5,{options}")).unwrap();
-        let renderer = Renderer::new(&scene, technique);
+    let slices = ["route=compute", "route=raster", "route=raster,order=front-to-back", "target=rgba8"];
+    let slices = slices.map(|options| (&grid, format!("slices-3d:step=0.5,{options}")));
+    let lists = ["havs", "havs:k=2,chunk=9", "abuffer"].map(|spec| (&mesh, spec.to_string()));
+    for (scene, options) in slices.into_iter().chain(lists) {
+        let renderer = Renderer::new(scene, Technique::parse(&options).unwrap());
         let alone = renderer.render(&view).unwrap();
         for (format, texel) in formats {
             for mode in [TargetMode::Clear, TargetMode::Over] {
@@ -386,6 +390,46 @@ fn what_does_not_fit_the_plan_is_refused() {
     assert!(recorded.completed().unwrap().complete);
     let formats = renderer.prepare(&view, &TargetDesc::caller(vk::Format::D32_SFLOAT, TargetMode::Clear));
     assert!(formats.unwrap_err().to_string().contains("D32_SFLOAT"));
+}
+
+/// A recording without enough room says so, in a status that costs no wait; the next plan has it. What is drawn then is what
+/// a plan for that view draws.
+#[test]
+fn a_short_capacity_is_reported_and_the_next_plan_has_it() {
+    let gpu = gpu();
+    let transfer = TransferFunction::from_rows(&FOG).unwrap();
+    let format = vk::Format::R32G32B32A32_SFLOAT;
+    let target = TargetDesc::caller(format, TargetMode::Clear);
+    let caller = Caller::new(&gpu, format, [40, 30], 16);
+    let (far, near) = (view(perspective(), 30.0, 40, 30), view(perspective(), 0.8, 40, 30));
+    for spec in ["havs", "abuffer", "havs:chunk=9"] {
+        let mesh = Scene::new(Field::Blobs.tets(6).unwrap(), transfer.clone());
+        let renderer = Renderer::new(&GpuScene::new(&gpu, mesh), Technique::parse(spec).unwrap());
+        let mut draw = |plan: &mut volraster::Plan| {
+            caller.begin([0.0; 4]);
+            let recorded =
+                plan.record(&mut caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap();
+            let bytes = caller.end(&gpu);
+            (bytes, recorded.completed().unwrap())
+        };
+        let mut plan = renderer.prepare(&far, &target).unwrap();
+        assert!(draw(&mut plan).1.complete, "{spec}");
+        assert!(plan.set_view(&near).unwrap());
+        let status = draw(&mut plan).1;
+        assert!(!status.complete && !status.counters.is_empty(), "{spec}: {status:?}");
+        let mut tries = 0;
+        let drawn = loop {
+            let (bytes, status) = draw(&mut renderer.prepare(&near, &target).unwrap());
+            if status.complete {
+                break bytes;
+            }
+            tries += 1;
+            assert!(tries < 4, "{spec}: {status:?}");
+        };
+        let alone = renderer.render(&near).unwrap();
+        let bytes: Vec<u8> = alone.pixels().iter().flatten().flat_map(|c| c.to_ne_bytes()).collect();
+        assert!(bytes == drawn, "{spec}");
+    }
 }
 
 /// Two plans recorded on one scene, and everything but the recordings dropped before they are submitted.

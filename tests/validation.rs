@@ -7,6 +7,8 @@ mod common;
 
 use volraster::ash::vk;
 use volraster::gpu::{Gpu, GpuOptions, Validation};
+use volraster::scene::{Field, Scene, TransferFunction};
+use volraster::technique::{GpuScene, Renderer};
 
 /// A validated device whose messages are expected.
 fn validated() -> Gpu {
@@ -128,6 +130,98 @@ fn child(test: &str, variables: &[(&str, &str)]) -> (bool, String) {
     let text =
         String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
     (output.status.success(), text)
+}
+
+/// What makes the layer look at hazards between command buffers.
+const SUBMISSIONS: (&str, &str) =
+    ("VK_LAYER_ENABLES", "VALIDATION_CHECK_ENABLE_SYNCHRONIZATION_VALIDATION_QUEUE_SUBMIT");
+
+#[test]
+#[ignore = "run by the test below, with submissions looked at"]
+fn child_misses_a_barrier_between_command_buffers() {
+    let gpu = validated();
+    let handles = gpu.handles();
+    let device = &handles.device;
+    let info = vk::BufferCreateInfo::default().size(256).usage(vk::BufferUsageFlags::TRANSFER_DST);
+    // SAFETY: valid; destroyed below.
+    let buffer = unsafe { device.create_buffer(&info, None) }.unwrap();
+    // SAFETY: `buffer` is alive.
+    let requirements = unsafe { device.get_buffer_memory_requirements(buffer) };
+    let info = vk::MemoryAllocateInfo::default()
+        .allocation_size(requirements.size)
+        .memory_type_index(requirements.memory_type_bits.trailing_zeros());
+    // SAFETY: the type is one that the buffer allows.
+    let memory = unsafe { device.allocate_memory(&info, None) }.unwrap();
+    // SAFETY: fresh buffer and memory of its size.
+    unsafe { device.bind_buffer_memory(buffer, memory, 0) }.unwrap();
+    let info = vk::CommandPoolCreateInfo::default().queue_family_index(handles.queue_family);
+    // SAFETY: valid; destroyed below.
+    let pool = unsafe { device.create_command_pool(&info, None) }.unwrap();
+    let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(2);
+    // SAFETY: `pool` is alive.
+    let commands = unsafe { device.allocate_command_buffers(&info) }.unwrap();
+    for &commands in &commands {
+        // SAFETY: in the initial state.
+        unsafe { device.begin_command_buffer(commands, &vk::CommandBufferBeginInfo::default()) }.unwrap();
+        // SAFETY: recording.
+        unsafe { device.cmd_fill_buffer(commands, buffer, 0, 256, 1) };
+        // SAFETY: recording.
+        unsafe { device.end_command_buffer(commands) }.unwrap();
+    }
+    let infos: Vec<_> =
+        commands.iter().map(|&raw| vk::CommandBufferSubmitInfo::default().command_buffer(raw)).collect();
+    let submits = [vk::SubmitInfo2::default().command_buffer_infos(&infos)];
+    // SAFETY: complete but for the missing barrier, which must be heard.
+    let _ = gpu.with_queue(|queue| unsafe { device.queue_submit2(queue, &submits, vk::Fence::null()) });
+    // SAFETY: alive.
+    unsafe { device.device_wait_idle() }.unwrap();
+    // SAFETY: nothing is pending.
+    unsafe { device.destroy_command_pool(pool, None) };
+    // SAFETY: unused.
+    unsafe { device.destroy_buffer(buffer, None) };
+    // SAFETY: its buffer is gone.
+    unsafe { device.free_memory(memory, None) };
+    println!("heard: {:?}", gpu.validation_log().take());
+}
+
+/// Frames, pass by pass in command buffers of their own: silent, and the images are those of one command buffer.
+#[test]
+#[ignore = "run by the test below, with submissions looked at"]
+fn child_draws_pass_by_pass() {
+    let grid = common::scene(Field::Blobs, 12, "f32", &common::FOG);
+    let transfer = TransferFunction::from_rows(&common::FOG).unwrap();
+    let mesh = Scene::new(Field::Blobs.tets(5).unwrap(), transfer);
+    let view = common::view(common::perspective(), 1.0, 50, 30);
+    let meshes = ["havs", "havs:k=1", "havs:k=8,chunk=11", "havs:order=back-to-front", "abuffer"];
+    let draw = |options: GpuOptions| {
+        let gpu = common::gpu_with(options);
+        let (grid, mesh) = (GpuScene::new(&gpu, grid.clone()), GpuScene::new(&gpu, mesh.clone()));
+        let mut images = Vec::new();
+        for spec in common::specs(&gpu) {
+            images.push(common::draw_on(&grid, &view, &spec));
+        }
+        for spec in meshes {
+            let mut frames = Renderer::new(&mesh, common::technique(spec)).frames(&view).unwrap();
+            for _ in 0..2 {
+                frames.draw(&view).unwrap();
+            }
+            let _ = frames.overflow_map().unwrap();
+            images.push(frames.read_back().unwrap());
+        }
+        images
+    };
+    let by_pass = draw(GpuOptions { command_buffer_by_pass: true, ..GpuOptions::default() });
+    assert!(by_pass == draw(GpuOptions::default()), "the images differ");
+    println!("drawn: {}", by_pass.len());
+}
+
+/// The layer overlooks hazards between what shaders write in one command buffer. Between command buffers it sees them.
+#[test]
+fn passes_wait_for_each_other() {
+    let (_, text) = child("child_misses_a_barrier_between_command_buffers", &[SUBMISSIONS]);
+    assert!(text.contains("heard: [") && text.contains("SYNC-HAZARD-WRITE"), "{text}");
+    let (success, text) = child("child_draws_pass_by_pass", &[SUBMISSIONS]);
+    assert!(success && text.contains("drawn: "), "{text}");
 }
 
 #[test]

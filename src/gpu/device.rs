@@ -32,6 +32,9 @@ pub struct GpuOptions {
     pub loop_limit: Option<u32>,
     /// Most bytes that a shader sees of a buffer, instead of what the driver says where that is more.
     pub storage_range: Option<u32>,
+    /// Record each pass of own submissions into a command buffer of its own. Synchronization validation, where it is told to
+    /// look at submissions, then sees hazards between passes that it overlooks within a command buffer.
+    pub command_buffer_by_pass: bool,
     /// Folder of the pipeline cache. Without it: `volraster` in the user's cache folder.
     pub pipeline_cache: Option<PathBuf>,
     /// Do not keep pipelines on disk.
@@ -143,6 +146,8 @@ const BLOCK_BYTES: u64 = 4 << 20;
 pub(crate) struct Inner {
     pub(crate) device: ash::Device,
     pub(crate) physical: vk::PhysicalDevice,
+    /// Whether each pass has a command buffer.
+    pub(crate) part_by_pass: bool,
     pub(crate) properties: vk::PhysicalDeviceProperties,
     pub(crate) queue_family: u32,
     pub(crate) timestamp_bits: u32,
@@ -303,6 +308,7 @@ impl Gpu {
             samplers: Mutex::default(),
             debug,
             memory_budget,
+            part_by_pass: options.command_buffer_by_pass,
             fragment_stores: features.fragment_stores_and_atomics == vk::TRUE,
             fragment_interlock,
             orders_stores: candidate.orders_stores,

@@ -1,5 +1,7 @@
 //! Command buffers and images that belong to the caller.
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use ash::vk;
 use ash::vk::Handle as _;
 
@@ -10,6 +12,17 @@ use super::device::Gpu;
 pub struct CommandBuffer {
     raw: vk::CommandBuffer,
     device: vk::Device,
+    /// What follows the first, where each pass has a command buffer of its own.
+    parts: Option<Parts>,
+}
+
+/// Command buffers that are submitted one after the other.
+#[derive(Debug)]
+struct Parts {
+    gpu: Gpu,
+    pool: vk::CommandPool,
+    /// Those after the first; the last one is being recorded.
+    more: Mutex<Vec<vk::CommandBuffer>>,
 }
 
 impl CommandBuffer {
@@ -34,12 +47,62 @@ impl CommandBuffer {
         self.device
     }
 
+    /// The one that is being recorded.
     pub(crate) fn raw(&self) -> vk::CommandBuffer {
-        self.raw
+        self.all().last().copied().unwrap_or(self.raw)
     }
 
     pub(super) fn own(gpu: &Gpu, raw: vk::CommandBuffer) -> Self {
-        Self { raw, device: gpu.device().handle() }
+        Self { raw, device: gpu.device().handle(), parts: None }
+    }
+
+    /// With a command buffer from `pool` for each pass.
+    pub(super) fn in_parts(gpu: &Gpu, raw: vk::CommandBuffer, pool: vk::CommandPool) -> Self {
+        let parts = Parts { gpu: gpu.clone(), pool, more: Mutex::default() };
+        Self { parts: Some(parts), ..Self::own(gpu, raw) }
+    }
+
+    /// In the order in which they are submitted.
+    pub(super) fn all(&self) -> Vec<vk::CommandBuffer> {
+        let more = self.parts.iter().flat_map(|parts| parts.lock().clone());
+        std::iter::once(self.raw).chain(more).collect()
+    }
+
+    /// Ends the command buffer and goes on in another, where each pass has its own. On an error it goes on in the same.
+    pub(super) fn next_part(&self) {
+        let Some(parts) = &self.parts else { return };
+        let device = parts.gpu.device();
+        let info = vk::CommandBufferAllocateInfo::default()
+            .command_pool(parts.pool)
+            .level(vk::CommandBufferLevel::PRIMARY)
+            .command_buffer_count(1);
+        // SAFETY: the pool is this device's and used by this thread alone.
+        let Ok(made) = (unsafe { device.allocate_command_buffers(&info) }) else { return };
+        let Some(&next) = made.first() else { return };
+        let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: in the initial state.
+        let begun = unsafe { device.begin_command_buffer(next, &info) };
+        // SAFETY: recording, outside of rendering.
+        if begun.is_ok() && unsafe { device.end_command_buffer(self.raw()) }.is_ok() {
+            parts.lock().push(next);
+        }
+    }
+
+    /// Forgets all but the first; nothing is pending.
+    pub(super) fn rewind(&self) {
+        let Some(parts) = &self.parts else { return };
+        let more = std::mem::take(&mut *parts.lock());
+        if !more.is_empty() {
+            // SAFETY: from this pool, not pending.
+            unsafe { parts.gpu.device().free_command_buffers(parts.pool, &more) };
+        }
+    }
+}
+
+impl Parts {
+    fn lock(&self) -> MutexGuard<'_, Vec<vk::CommandBuffer>> {
+        // Right when a thread panicked elsewhere: every change is one statement.
+        self.more.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -480,6 +480,7 @@ impl<'a> Recorder<'a> {
             // SAFETY: a label was begun in this command buffer by `begin`.
             unsafe { debug.cmd_end_debug_utils_label(self.commands.raw()) };
         }
+        self.commands.next_part();
     }
 
     /// Writes stamp 0 (before) or 1 (after) of the pass.

@@ -57,7 +57,12 @@ impl Commands {
         // SAFETY: the pool was just made from this device.
         let buffers = unsafe { gpu.device().allocate_command_buffers(&info) }
             .map_err(|result| Error::Vulkan { call: "vkAllocateCommandBuffers", result })?;
-        commands.buffer = CommandBuffer::own(gpu, buffers.first().copied().unwrap_or_default());
+        let first = buffers.first().copied().unwrap_or_default();
+        commands.buffer = if gpu.inner.part_by_pass {
+            CommandBuffer::in_parts(gpu, first, pool)
+        } else {
+            CommandBuffer::own(gpu, first)
+        };
         // SAFETY: the device is alive.
         commands.fence = unsafe { gpu.device().create_fence(&vk::FenceCreateInfo::default(), None) }
             .map_err(|result| Error::Vulkan { call: "vkCreateFence", result })?;
@@ -70,6 +75,7 @@ impl Commands {
         if self.pending {
             self.wait("an earlier submission")?;
         }
+        self.buffer.rewind();
         // SAFETY: nothing recorded from this pool is pending.
         unsafe { self.gpu.device().reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty()) }
             .map_err(|result| Error::Vulkan { call: "vkResetCommandPool", result })?;
@@ -87,7 +93,8 @@ impl Commands {
         // SAFETY: recording was begun and every rendering ended.
         unsafe { device.end_command_buffer(self.buffer.raw()) }
             .map_err(|result| Error::Vulkan { call: "vkEndCommandBuffer", result })?;
-        let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(self.buffer.raw())];
+        let info = |raw| vk::CommandBufferSubmitInfo::default().command_buffer(raw);
+        let buffers: Vec<_> = self.buffer.all().into_iter().map(info).collect();
         let submits = [vk::SubmitInfo2::default().command_buffer_infos(&buffers)];
         {
             let queue = self.gpu.queue();
