@@ -405,7 +405,7 @@ fn a_short_capacity_is_reported_and_the_next_plan_has_it() {
     for spec in ["havs", "abuffer", "havs:chunk=9"] {
         let mesh = Scene::new(Field::Blobs.tets(6).unwrap(), transfer.clone());
         let renderer = Renderer::new(&GpuScene::new(&gpu, mesh), Technique::parse(spec).unwrap());
-        let mut draw = |plan: &mut volraster::Plan| {
+        let draw = |plan: &mut volraster::Plan| {
             caller.begin([0.0; 4]);
             let recorded =
                 plan.record(&mut caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap();
