@@ -47,7 +47,7 @@ void leave(inout Sweep sweep, inout Pending pending, Pair pair, float begin, flo
     // Where two faces come in either order, the one that leaves last says what is behind: right if both say the same.
     bool inner = (pair.what & sweep.last.what & 3u) == 3u;
     float apart = pair.at - sweep.last.at;
-    bool same = abs(end.s - sweep.end.s) <= 1e-5 * max(abs(end.s), abs(sweep.end.s));
+    bool same = abs(end.s - sweep.end.s) <= push.alike;
     sweep.overlaps = sweep.overlaps || (!same && apart <= (inner ? (CELL_SCALARS ? ROUNDING : -1.0) : TOUCHING));
     sweep.overlaps = sweep.overlaps || ((sweep.inside > 1 || sweep.inside < 0) && to - from > TOUCHING);
     if (sweep.inside > 0 && len > 0.0) begin_segment(pending, first, second, len);

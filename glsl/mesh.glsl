@@ -27,6 +27,7 @@ layout(push_constant) uniform MeshPush {
     float opaque;     // transmittance at which a line ends
     float smoke;      // extinction per scalar of the smoke model
     uint bins;        // entries that the bins have room for
+    float alike;      // scalars this far apart show the same
 } push;
 
 // A line: the place of a pixel's centre.

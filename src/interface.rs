@@ -93,6 +93,7 @@ pub(crate) struct MeshPush {
     pub(crate) opaque: f32,
     pub(crate) smoke: f32,
     pub(crate) bins: u32,
+    pub(crate) alike: f32,
 }
 
 /// What of a cell is drawn as a fan of triangles (`tet-fans.glsl`).

@@ -20,7 +20,8 @@ use super::gpu_scene::{GpuScene, Knots, Table};
 use super::havs::Route;
 use super::mesh_data::{MeshData, Needs};
 use super::mesh_frame::{
-    Lists, MeshDesc, MeshOutcome, Pass, REPAIR_K, Stage, constants, groups_of, measure, pass, shading, words,
+    Lists, MeshDesc, MeshOutcome, Pass, REPAIR_K, Stage, constants, groups_of, measure, pass, shading,
+    shading_push, words,
 };
 use super::mesh_frame::{buffer, download};
 use super::mesh_view::Frame;
@@ -41,7 +42,7 @@ use crate::gpu::{
     Resource, SpecConstant, TargetImage,
 };
 use crate::interface::MeshPush;
-use crate::num::{self, f32_of};
+use crate::num;
 use crate::scene::View;
 
 /// Most pairs of the k-buffer: with the one that left last they fill four images.
@@ -145,12 +146,7 @@ impl RasterFrame {
         let frame = Frame::of(mesh);
         let knots = scene.knots()?;
         let table = scene.table(&desc.segments)?;
-        let push = MeshPush {
-            knots: knots.count,
-            opaque: f32_of(desc.stop / scene.scene().transfer.max_colour().max(1.0)),
-            smoke: f32_of(desc.smoke),
-            ..frame.push(view)?
-        };
+        let push = frame.push(view, &shading_push(scene, &desc, &knots))?;
         let [width, height] = view.extent();
         let across = width.div_ceil(TILE);
         let tiles = across * height.div_ceil(TILE);
@@ -347,12 +343,7 @@ impl Repairs {
 
 impl Prepared for RasterFrame {
     fn set_view(&mut self, view: &View, _most_passes: u32) -> Result<bool> {
-        self.push = MeshPush {
-            knots: self.push.knots,
-            opaque: self.push.opaque,
-            smoke: self.push.smoke,
-            ..self.frame.push(view)?
-        };
+        self.push = self.frame.push(view, &self.push)?;
         self.lobes = self.lobes_of(view);
         Ok(true)
     }

@@ -67,6 +67,10 @@ pub(crate) struct MeshDesc {
     pub(crate) skip: bool,
 }
 
+/// Scalars that one may stand for the other, of the transfer function's domain: in the one segment behind two faces
+/// that cannot be told apart, an error no greater than this.
+const ALIKE: f64 = 1e-4;
+
 /// Most entries of the k-buffer that a repair sorts with.
 pub(super) const REPAIR_K: u32 = 15;
 
@@ -364,6 +368,19 @@ pub(super) fn constants(scene: &GpuScene, desc: &MeshDesc) -> Result<Vec<SpecCon
     ])
 }
 
+/// What push constants tell of the scene and the technique.
+pub(super) fn shading_push(scene: &GpuScene, desc: &MeshDesc, knots: &Knots) -> MeshPush {
+    let transfer = &scene.scene().transfer;
+    let [low, high] = transfer.domain();
+    MeshPush {
+        knots: knots.count,
+        opaque: f32_of(desc.stop / transfer.max_colour().max(1.0)),
+        smoke: f32_of(desc.smoke),
+        alike: f32_of((high - low) * ALIKE),
+        ..MeshPush::default()
+    }
+}
+
 /// What a segment's colour comes from.
 pub(super) fn shading(
     scene: &GpuScene,
@@ -529,12 +546,7 @@ impl MeshFrame {
         let frame = Frame::of(mesh);
         let knots = scene.knots()?;
         let table = scene.table(&desc.segments)?;
-        let push = MeshPush {
-            knots: knots.count,
-            opaque: f32_of(desc.stop / scene.scene().transfer.max_colour().max(1.0)),
-            smoke: f32_of(desc.smoke),
-            ..frame.push(view)?
-        };
+        let push = frame.push(view, &shading_push(scene, &desc, &knots))?;
         let [width, height] = view.extent();
         let across = width.div_ceil(TILE);
         let tiles = across * height.div_ceil(TILE);
@@ -817,12 +829,7 @@ pub(super) fn measure(
 
 impl Prepared for MeshFrame {
     fn set_view(&mut self, view: &View, _most_passes: u32) -> Result<bool> {
-        let push = MeshPush {
-            knots: self.push.knots,
-            opaque: self.push.opaque,
-            smoke: self.push.smoke,
-            ..self.frame.push(view)?
-        };
+        let push = self.frame.push(view, &self.push)?;
         if eye_inside(&push) && !eye_inside(&self.push) {
             return Ok(false);
         }

@@ -27,12 +27,12 @@ impl Frame {
         ((point - self.centre) / self.radius).to_array().map(f32_of)
     }
 
-    /// The view's part of the push constants.
+    /// Push constants for a view; the rest of them as `push` has it.
     ///
     /// # Errors
     ///
     /// [`Error::Invalid`] where float32 cannot hold the numbers.
-    pub(crate) fn push(&self, view: &View) -> Result<MeshPush> {
+    pub(crate) fn push(&self, view: &View, push: &MeshPush) -> Result<MeshPush> {
         let eye = (view.camera().eye - self.centre) / self.radius;
         let depth = -eye.dot(view.forward());
         let pack = |v: DVec3, w: f64| [f32_of(v.x), f32_of(v.y), f32_of(v.z), f32_of(w)];
@@ -54,7 +54,7 @@ impl Frame {
             w1: f32_of(w1),
             slope: f32_of(slope),
             unit: f32_of(self.radius),
-            ..MeshPush::default()
+            ..*push
         };
         let numbers = [push.right, push.up, push.forward];
         let finite = numbers.iter().flatten().all(|number| number.is_finite());

@@ -11,7 +11,9 @@ use glam::DVec3;
 use super::gpu_scene::{GpuScene, Table};
 use super::grid_frame::{draws_directly, own_image};
 use super::grid_options::{Integrator, Order};
-use super::mesh_frame::{MeshDesc, Pass, Stage, buffer, constants, download, groups_of, pass, words};
+use super::mesh_frame::{
+    MeshDesc, Pass, Stage, buffer, constants, download, groups_of, pass, shading_push, words,
+};
 use super::mesh_view::Frame;
 use super::projected_tets::{Options, Plane, Shade};
 use super::ranks::{Rank, Ranker};
@@ -30,7 +32,7 @@ use crate::gpu::{
     Attachment, Blend, Buffer, Descriptors, GraphicsDesc, Image, Pipeline, Recorder, Resource, TargetImage,
 };
 use crate::interface::{Fan, MeshPush};
-use crate::num::{self, f32_of};
+use crate::num;
 use crate::scene::{TetScalars, View};
 
 /// What views must share for fans in space and ranks to serve them: the eye, or the direction of parallel rays.
@@ -113,7 +115,7 @@ impl TetsRaster {
         let frame = Frame::of(scene.mesh()?);
         let knots = scene.knots()?;
         let table = scene.table(&desc.segments)?;
-        let push = MeshPush { knots: knots.count, smoke: f32_of(desc.smoke), ..frame.push(view)? };
+        let push = frame.push(view, &shading_push(scene, &desc, &knots))?;
         let stage = Stage::new(scene, &scene.mesh_data(), &desc, order)?;
 
         // Every fragment that walks through knots loads them all. Between two scalars a table needs none.
@@ -236,7 +238,7 @@ impl TetsRaster {
 
 impl Prepared for TetsRaster {
     fn set_view(&mut self, view: &View, _most_passes: u32) -> Result<bool> {
-        let push = MeshPush { knots: self.push.knots, smoke: self.push.smoke, ..self.frame.push(view)? };
+        let push = self.frame.push(view, &self.push)?;
         let fits = self.rank(view)?;
         if fits {
             self.push = push;
