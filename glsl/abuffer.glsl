@@ -31,11 +31,6 @@ layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[];
 layout(set = 0, binding = BINDING_FLAGS, std430) buffer Flags { uint flags[]; };
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
 
-// Middle of a piece, in the direction of ranks. It tells pieces apart whose ends meet within rounding.
-float middle_of(vec4 piece) {
-    return (piece.x + piece.y) * (BACK_TO_FRONT ? -0.5 : 0.5);
-}
-
 // A window like the k-buffer's, with the pieces themselves: they are written back where others still wait.
 const uint HELD = 8u;
 float held_at[HELD];
@@ -53,7 +48,7 @@ bool sort_list(uint begin, uint end) {
         float last = NOTHING;
         for (uint from = begin; from < end + HELD; ++from) {
             vec4 piece = lists[min(from, end - 1u)];
-            float at = from < end ? middle_of(piece) : 3.402823e38;
+            float at = from < end ? middle_of(piece, BACK_TO_FRONT) : 3.402823e38;
             for (uint j = 0u; j < HELD; ++j) {
                 bool before = at < held_at[j];
                 float kept_at = held_at[j];
@@ -111,7 +106,12 @@ void main() {
     uint i = begin;
     while ((i < end + K || pending.len > 0.0) && sum.a < opaque) {
         if (pending.len == 0.0) {
-            Pair pair = i < end ? Pair(middle_of(lists[i]), i) : Pair(EVERYTHING, 0u);
+            Pair pair = Pair(EVERYTHING, i);
+            if (i < end) {
+                vec4 piece = lists[i];
+                // What is left of a cell behind the eye has no place, and falls through the window.
+                pair.at = piece.y > piece.x ? middle_of(piece, BACK_TO_FRONT) : NOTHING;
+            }
             Pair leaves = pass_through(pair);
             if (leaves.at != NOTHING) {
                 unsorted = unsorted || leaves.at < last;

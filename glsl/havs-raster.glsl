@@ -205,7 +205,7 @@ void main() {
         if (pending.len > 0.0) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
     }
     // What is not in order tells nothing of overlaps.
-    bool overlaps = sweep.overlaps && !sweep.unsorted;
+    bool overlaps = (sweep.overlaps || (sweep.inside != 0 && sweep.sum.a < opaque)) && !sweep.unsorted;
     flags[word] = (sweep.unsorted ? FLAG_UNSORTED : 0u) | (overlaps ? FLAG_OVERLAPS : 0u);
     if (overlaps) atomicAdd(status[STATUS_OVERLAPS], 1u);
     if (sweep.unsorted) atomicAdd(status[STATUS_OVERFLOW_PIXELS], 1u);

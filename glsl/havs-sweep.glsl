@@ -17,9 +17,8 @@ struct Sweep {
     bool overlaps; // faces do not tell which cell the line was in
 };
 
-// What faces may be apart by rounding, in radii of the mesh: coincident ones, and those of a cell that the line touches at an edge.
+// What faces that coincide may be apart by rounding, in radii of the mesh: those of a cell that the line touches at an edge, by ROUNDING.
 const float TOUCHING = 1e-5;
-const float ROUNDING = 2e-6;
 
 float scalar_of_pair(Pair pair) {
     return uintBitsToFloat(pair.what & 0xfffffffcu);

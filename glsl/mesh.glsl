@@ -62,6 +62,9 @@ float side_of(vec2 a, vec2 b) {
     return side != 0.0 ? side : aside_of(a, b);
 }
 
+// What depths may be apart by rounding, in radii of the mesh.
+const float ROUNDING = 2e-6;
+
 // What a line has of a corner.
 struct Corner {
     vec2 at;
@@ -116,6 +119,11 @@ void take(inout Piece piece, Hit hit) {
         piece.d1 = hit.d;
         piece.s1 = hit.s;
     }
+}
+
+// Middle of a piece as lists have it, in the direction of ranks. It tells pieces apart whose ends meet within rounding.
+float middle_of(vec4 piece, bool back_to_front) {
+    return (piece.x + piece.y) * (back_to_front ? -0.5 : 0.5);
 }
 
 // A cell of corners with ascending indices, before the eye.

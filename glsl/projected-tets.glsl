@@ -10,7 +10,7 @@
 //   VERTEX    two triangles a cell
 //   FRAGMENT  one cell of one pixel: the piece of the line inside it, with the edge functions that all cells share;
 //             blended by fixed function
-//   COMPUTE   one invocation owns a pixel and takes its list (mesh-lists.glsl)
+//   COMPUTE   one invocation owns a pixel and takes its list (mesh-lists.glsl); whether pieces were in order is known
 //
 //   in    points as the view sees them, cells, order, boxes; transfer function or its table
 //   out   colour attachment 0 or the accumulation image: premultiplied linear RGBA
@@ -29,6 +29,7 @@
 layout(constant_id = SPEC_CELL_SCALARS) const bool CELL_SCALARS = false;
 layout(constant_id = SPEC_BACK_TO_FRONT) const bool BACK_TO_FRONT = false;
 layout(constant_id = SPEC_RESUME) const bool RESUME = false;
+layout(constant_id = SPEC_LAST_CHUNK) const bool LAST_CHUNK = true;
 
 #ifdef COMPUTE
 #include "optics.glsl"
@@ -38,7 +39,9 @@ layout(constant_id = SPEC_RESUME) const bool RESUME = false;
 
 layout(local_size_x = TILE_PIXELS) in;
 layout(set = 0, binding = BINDING_CURSORS, std430) readonly buffer Cursors { uint cursors[]; };
-layout(set = 0, binding = BINDING_LISTS, std430) readonly buffer Lists { uvec4 lists[]; };
+layout(set = 0, binding = BINDING_LISTS, std430) readonly buffer Lists { vec4 lists[]; };
+layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
+layout(set = 0, binding = BINDING_FLAGS, std430) buffer Flags { uint flags[]; };
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
 
 void main() {
@@ -53,7 +56,7 @@ void main() {
     load_segments();
     uint knots = push.knots;
     float world = length_of_depth(line_at(vec2(place) + 0.5));
-    uint slot = in_band * TILE_PIXELS + gl_LocalInvocationIndex;
+    uint slot = in_band * TILE_PIXELS + gl_LocalInvocationIndex, word = tile * TILE_PIXELS + gl_LocalInvocationIndex;
     // After the lists are written, places are where lists end.
     uint i = slot == 0u ? 0u : cursors[slot - 1u], end = min(cursors[slot], push.capacity);
     uint stop = min(end, i + push.first + push.number);
@@ -61,12 +64,20 @@ void main() {
     float opaque = BACK_TO_FRONT ? 2.0 : 1.0 - push.opaque; // from behind a line does not end
 
     vec4 sum = RESUME ? imageLoad(accumulation, pixel) : vec4(0.0);
+    bool unsorted = RESUME && flags[word] != 0u;
+    float last = RESUME && push.first > 0u && i < stop ? middle_of(lists[i - 1u], BACK_TO_FRONT) : -3e38;
     for (; i < stop && sum.a < opaque; ++i) {
-        vec4 piece = uintBitsToFloat(lists[i]);
+        vec4 piece = lists[i];
+        // What is left of a cell behind the eye has no place.
+        float middle = piece.y > piece.x ? middle_of(piece, BACK_TO_FRONT) : last;
+        unsorted = unsorted || middle < last - ROUNDING;
+        last = max(last, middle);
         End front = end_at(piece.z), back = front;
         if (!CELL_SCALARS) back = end_at(piece.w);
         composite(sum, cell_segment(front, back, (piece.y - piece.x) * world, knots), BACK_TO_FRONT);
     }
+    flags[word] = unsorted ? FLAG_UNSORTED : 0u;
+    if (LAST_CHUNK && unsorted) atomicAdd(status[STATUS_OVERFLOW_PIXELS], 1u);
     imageStore(accumulation, pixel, sum);
 }
 #endif

@@ -192,8 +192,7 @@ fn flagged_pixels_are_repaired() {
     let gpu = gpu();
     let scene = GpuScene::new(&gpu, Scene::new(graded(8), TransferFunction::from_rows(&FOG).unwrap()));
     let [near, far] = [0.7, 3.0].map(|distance| view(perspective(), distance, 93, 77));
-    // Without what only compute draws again from cells.
-    let (sorted, all) = drawn(&scene, &near, "k=15,repair=none");
+    let (sorted, all) = drawn(&scene, &near, "k=15");
     assert_eq!(all[OVERFLOW], 0);
     assert!(shows(&sorted));
     // Most pixels of the image, and some.
@@ -219,6 +218,42 @@ fn flagged_pixels_are_repaired() {
                     assert!(f64::from(u32::try_from(repaired).unwrap()) < most, "{repaired} of {whole}");
                     assert!(repaired > left[OVERFLOW]);
                 }
+            }
+        }
+    }
+}
+
+/// Where cells overlap, faces do not say which scalars hold between them: those pixels are drawn again from lists of cells, as compute
+/// does.
+#[test]
+fn overlapping_cells_are_drawn_from_lists_of_cells() {
+    let gpu = gpu();
+    let one = Field::Blobs.tets(3).unwrap();
+    let TetScalars::Point(scalars) = one.scalars() else { panic!("scalars at points") };
+    let count = u32::try_from(one.points().len()).unwrap();
+    let moved = one.points().iter().map(|point| *point * 0.8 + DVec3::new(0.11, -0.07, 0.13));
+    let points = one.points().iter().copied().chain(moved).collect();
+    let cells = one.cells().iter().copied().chain(one.cells().iter().map(|cell| cell.map(|i| i + count)));
+    let scalars = scalars.iter().copied().chain(scalars.iter().map(|s| 1.0 - s)).collect();
+    let both = Tets::new(points, cells.collect(), TetScalars::Point(scalars)).unwrap().0;
+    let scene = GpuScene::new(&gpu, Scene::new(both, TransferFunction::from_rows(&FOG).unwrap()));
+    for view in [
+        view(perspective(), 1.0, 60, 44),
+        view(orthographic(), 1.0, 60, 44),
+        view(perspective(), 0.1, 60, 44),
+    ] {
+        let mut frames = Renderer::new(&scene, technique("abuffer")).frames(&view).unwrap();
+        frames.draw(&view).unwrap();
+        let sorted = frames.read_back().unwrap();
+        assert!(shows(&sorted));
+        for route in raster_routes(&gpu) {
+            for k in [2, 7] {
+                let (image, found) = drawn(&scene, &view, &format!("k={k},route={route}"));
+                assert!(found["overlap_pixels"] > 100, "{found:?}");
+                let most = difference(&image, &sorted);
+                assert!(most < ROUNDING, "{route}, k {k}: {most:.1e}");
+                let (image, _) = drawn(&scene, &view, &format!("k={k},route={route},repair=none"));
+                assert!(difference(&image, &sorted) > 100.0 * ROUNDING);
             }
         }
     }

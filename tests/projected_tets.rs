@@ -5,6 +5,7 @@
 
 mod common;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -211,8 +212,8 @@ fn routes_and_directions_agree() {
     for distance in [1.0, 0.1] {
         let view = view(perspective(), distance, 80, 60);
         for rank in ["mpvo", "centroid", "power"] {
-            let one = frame(&on_gpu, &view, &format!("rank={rank},route=compute")).0;
-            let mut specs = vec!["route=compute,order=back-to-front"];
+            let one = frame(&on_gpu, &view, &format!("rank={rank},route=compute,repair=none")).0;
+            let mut specs = vec!["route=compute,order=back-to-front,repair=none"];
             if routes_of(&gpu, Method::ProjectedTets).contains(&"raster") {
                 specs.extend(["route=raster", "route=raster,order=back-to-front"]);
             }
@@ -226,6 +227,51 @@ fn routes_and_directions_agree() {
             }
         }
     }
+}
+
+/// Whatever the ranks: pixels in which cells do not come in order are known, and repaired.
+#[test]
+fn wrong_ranks_are_known_in_each_pixel_and_repaired() {
+    let gpu = gpu();
+    let scene = mesh_scene(Field::Blobs.tets(8).unwrap(), &FOG);
+    let on_gpu = GpuScene::new(&gpu, scene.clone());
+    let mut all_wrong = BTreeMap::new();
+    for distance in [1.0, 0.1] {
+        let view = view(perspective(), distance, 80, 60);
+        let truth = truth(&scene, &view);
+        for rank in ["centroid", "power", "mpvo"] {
+            for order in ["front-to-back", "back-to-front"] {
+                let draw = |repair: &str| {
+                    let spec = format!("projected-tets:rank={rank},order={order},repair={repair}");
+                    let mut frames = Renderer::new(&on_gpu, technique(&spec)).frames(&view).unwrap();
+                    let counters = frames.draw(&view).unwrap().counters;
+                    let flagged = frames.overflow_map().unwrap().unwrap();
+                    let count = flagged.iter().filter(|&&flag| flag).count() as u64;
+                    assert_eq!(counter(&counters, "unsorted_pixels"), count, "{spec}");
+                    let image = frames.read_back().unwrap();
+                    let off = |(p, t): (&[f32; 4], &[f64; 4])| {
+                        (0..4).map(|c| (f64::from(p[c]) - t[c]).abs()).fold(0.0, f64::max)
+                    };
+                    let off: Vec<f64> = image.pixels().iter().zip(truth.pixels()).map(off).collect();
+                    (flagged, off)
+                };
+                let what = format!("{rank} {order} from {distance}");
+                let (flagged, off) = draw("none");
+                let worst =
+                    off.iter().zip(&flagged).filter(|pair| !pair.1).map(|pair| *pair.0).fold(0.0, f64::max);
+                assert!(worst < 1e-5, "{what}: {worst:e} where cells came in order");
+                let wrong = off.iter().filter(|&&off| off > 1e-4).count();
+                let count = flagged.iter().filter(|&&flag| flag).count();
+                assert!(rank != "mpvo" || wrong + count == 0, "{what}: {wrong} wrong, {count} flagged");
+                *all_wrong.entry(rank).or_insert(0) += wrong;
+                let (known, off) = draw("exact");
+                assert_eq!(known, flagged, "{what}");
+                let worst = off.into_iter().fold(0.0, f64::max);
+                assert!(worst < 1e-5, "{what}: {worst:e} after repair");
+            }
+        }
+    }
+    assert!(all_wrong["centroid"] > 0 && all_wrong["power"] > 0, "{all_wrong:?}");
 }
 
 #[test]

@@ -2,13 +2,14 @@
 
 #![allow(unsafe_code, reason = "provokes Vulkan errors on purpose, through raw calls")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+#![allow(clippy::cast_possible_truncation, reason = "small numbers of test images")]
 
 mod common;
 
 use volraster::ash::vk;
 use volraster::gpu::{Gpu, GpuOptions, Validation};
-use volraster::scene::{Field, Scene, TransferFunction};
-use volraster::technique::{GpuScene, Renderer};
+use volraster::scene::{Field, Scene, TetScalars, Tets, TransferFunction};
+use volraster::technique::{GpuScene, Method, Renderer};
 
 /// A validated device whose messages are expected.
 fn validated() -> Gpu {
@@ -190,9 +191,16 @@ fn child_misses_a_barrier_between_command_buffers() {
 fn child_draws_pass_by_pass() {
     let grid = common::scene(Field::Blobs, 12, "f32", &common::FOG);
     let transfer = TransferFunction::from_rows(&common::FOG).unwrap();
-    let mesh = Scene::new(Field::Blobs.tets(5).unwrap(), transfer);
+    // Cells that overlap: what `havs` draws again from lists of cells.
+    let one = Field::Blobs.tets(4).unwrap();
+    let count = one.points().len() as u32;
+    let points = one.points().iter().copied().chain(one.points().iter().map(|point| *point * 0.7)).collect();
+    let cells = one.cells().iter().copied().chain(one.cells().iter().map(|cell| cell.map(|i| i + count)));
+    let TetScalars::Point(scalars) = one.scalars() else { panic!("scalars at points") };
+    let scalars = scalars.iter().copied().chain(scalars.iter().map(|s| 1.0 - s)).collect();
+    let mesh = Tets::new(points, cells.collect(), TetScalars::Point(scalars)).unwrap().0;
+    let mesh = Scene::new(mesh, transfer);
     let view = common::view(common::perspective(), 1.0, 50, 30);
-    let meshes = ["havs", "havs:k=1", "havs:k=8,chunk=11", "havs:order=back-to-front", "abuffer"];
     let draw = |options: GpuOptions| {
         let gpu = common::gpu_with(options);
         let (grid, mesh) = (GpuScene::new(&gpu, grid.clone()), GpuScene::new(&gpu, mesh.clone()));
@@ -200,7 +208,26 @@ fn child_draws_pass_by_pass() {
         for spec in common::specs(&gpu) {
             images.push(common::draw_on(&grid, &view, &spec));
         }
-        for spec in meshes {
+        let mut meshes: Vec<String> = Vec::new();
+        for method in [Method::Havs, Method::ProjectedTets] {
+            let routes = common::routes_of(&gpu, method).into_iter();
+            meshes.extend(routes.map(|route| format!("{}:route={route}", method.name())));
+        }
+        meshes.extend(
+            [
+                "havs:k=1",
+                "havs:k=8,chunk=11",
+                "havs:order=back-to-front",
+                "abuffer",
+                "projected-tets:rank=centroid",
+                "projected-tets:rank=power,repair=none",
+            ]
+            .map(String::from),
+        );
+        if meshes.contains(&"projected-tets:route=raster".to_string()) {
+            meshes.extend(["plane=space", "shade=vertex"].map(|option| format!("projected-tets:{option}")));
+        }
+        for spec in &meshes {
             let mut frames = Renderer::new(&mesh, common::technique(spec)).frames(&view).unwrap();
             for _ in 0..2 {
                 frames.draw(&view).unwrap();

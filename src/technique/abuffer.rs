@@ -74,7 +74,8 @@ impl Options {
             resolve: &ABUFFER_COMPUTE,
             k: WINDOW,
             chunk: None,
-            repair: true,
+            repair: Some(&ABUFFER_COMPUTE),
+            unsorted: "kbuffer_overflow_pixels",
             stop: self.mesh.stop,
             skip: self.mesh.skips(),
         };

@@ -22,7 +22,7 @@ use super::gpu_scene::GpuScene;
 use super::grid_options::{Order, TABLE};
 use super::havs_raster::{MOST_K, RasterFrame};
 use super::mesh_frame::{MeshDesc, MeshFrame, Primitives};
-use super::mesh_options::{EMPTY_SPACE, INTEGRATOR, MeshOptions, ORDER, SMOKE, STOP};
+use super::mesh_options::{EMPTY_SPACE, INTEGRATOR, MeshOptions, ORDER, Repair, SMOKE, STOP};
 use super::options::{self, Choice, OptionInfo};
 use super::{Prepared, TargetDesc};
 use crate::error::{Error, Result};
@@ -91,19 +91,6 @@ impl Route {
     fn rasterises(self) -> bool {
         matches!(self, Self::Interlock | Self::ImplementationOrdered)
     }
-}
-
-/// What becomes of pixels whose faces were not sorted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Repair {
-    /// They are drawn again from sorted lists.
-    Exact,
-    /// They are counted.
-    None,
-}
-
-impl Choice for Repair {
-    const WORDS: &'static [(&'static str, Self)] = &[("exact", Self::Exact), ("none", Self::None)];
 }
 
 /// Options of this technique.
@@ -189,7 +176,8 @@ impl Options {
             resolve: &HAVS_COMPUTE,
             k: self.k,
             chunk: self.chunk,
-            repair: self.repair == Repair::Exact,
+            repair: (self.repair == Repair::Exact).then_some(&HAVS_COMPUTE),
+            unsorted: "kbuffer_overflow_pixels",
             stop: self.mesh.stop,
             skip: self.mesh.skips(),
         };

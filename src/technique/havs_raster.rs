@@ -9,7 +9,7 @@
 //!   route without asking.
 //!
 //! What remains in the k-buffer is taken out by one dispatch at the end. Pixels that were not sorted are flagged, and with
-//! `repair=exact` lists are made of them alone and drawn as by the route `compute`.
+//! `repair=exact` lists are made of them alone and drawn as by the route `compute`; so are pixels in which cells overlap.
 
 use std::sync::Arc;
 
@@ -24,6 +24,7 @@ use super::mesh_frame::{
     shading_push, words,
 };
 use super::mesh_frame::{buffer, download};
+use super::mesh_overlaps::Overlaps;
 use super::mesh_view::Frame;
 use super::options::Choice as _;
 use super::{Outcome, Prepared, TargetDesc};
@@ -64,6 +65,7 @@ pub(super) struct RasterFrame {
     draw: (Arc<Pipeline>, Arc<Descriptors>),
     empty: Pass,
     repair: Option<Repairs>,
+    overlaps: Option<Overlaps>,
     image: Arc<Image>,
     flags: Arc<Buffer>,
     outcome: Arc<RasterOutcome>,
@@ -213,7 +215,8 @@ impl RasterFrame {
         let status = download(gpu, "status", 4 * u64::from(STATUS_WORDS))?;
         let mut repair = None;
         let mut outcome = None;
-        if desc.repair {
+        let mut overlaps = None;
+        if desc.repair.is_some() {
             let (runs, needs, bands) = measure(scene, &desc, &data, &stage, &push, tiles, across)?;
             let mut lists = Lists::new(scene, &desc, &stage, tiles, runs, bands, needs)?;
             only_flagged(&mut lists, scene, &desc, &flags)?;
@@ -221,6 +224,7 @@ impl RasterFrame {
                 resources.push((BINDING_LISTS, entries));
             }
             resources.push((BINDING_CURSORS, Resource::ReadOnly(Arc::clone(&lists.cursors))));
+            let shading = [(SPEC_KNOT_WALK, knots.walk), (SPEC_INTEGRATOR, desc.segments.integrator.code())];
             shared.extend([(SPEC_K, REPAIR_K), (SPEC_RESUME, 0), (SPEC_LAST_CHUNK, 1), (SPEC_REPAIR, 1)]);
             outcome = Some(outcome_of(gpu, &data, &status, &lists, needs, stage.count)?);
             repair = Some(Repairs {
@@ -228,6 +232,14 @@ impl RasterFrame {
                 pass: pass(gpu, &format!("{name}.repair"), desc.resolve, &shared, &resources)?,
                 rounds: needs.rounds,
             });
+            if needs.overlaps {
+                let found =
+                    Overlaps::new(scene, &desc, &data, &push, [tiles, across], &flags, resources, &shading)?;
+                if let Some(outcome) = &mut outcome {
+                    outcome.overlaps = Some(found.status());
+                }
+                overlaps = Some(found);
+            }
         }
         let mut frame = Self {
             frame,
@@ -242,6 +254,7 @@ impl RasterFrame {
             draw: (pipeline, descriptors),
             empty,
             repair,
+            overlaps,
             image,
             flags,
             _knots: knots,
@@ -276,7 +289,8 @@ fn outcome_of(
         lists: lists.bands.iter().map(|_| download(gpu, "lists.total", 8)).collect::<Result<_>>()?,
         capacities,
         primitives,
-        repairs_overlaps: false,
+        repairs_overlaps: true,
+        unsorted: "kbuffer_overflow_pixels",
         overlaps: None,
     })
 }
@@ -367,7 +381,7 @@ impl Prepared for RasterFrame {
             let bands = num::count(repair.lists.bands.len());
             6 + bands * (5 + 2 * repair.lists.windows + repair.rounds)
         });
-        7 + sort + 3 + repair + 2
+        7 + sort + 3 + repair + self.overlaps.as_ref().map_or(0, Overlaps::passes) + 2
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
@@ -399,6 +413,9 @@ impl Prepared for RasterFrame {
         self.empty.record(recorder, &push, groups_of(self.tiles, 1));
         if let (Some(repair), Some(outcome)) = (&self.repair, &self.outcome.repair) {
             repair.record(recorder, &self.push, self.stage.count, outcome);
+        }
+        if let Some(overlaps) = &self.overlaps {
+            overlaps.record(recorder, &self.push);
         }
         let status = &self.outcome.status;
         recorder.copy_buffer("status", &self.stage.status, status, status.size());

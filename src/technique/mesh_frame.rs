@@ -59,8 +59,10 @@ pub(crate) struct MeshDesc {
     pub(crate) k: u32,
     /// Entries of a pixel that one dispatch takes; `None`: all.
     pub(crate) chunk: Option<u32>,
-    /// Whether pixels whose sequence was not sorted are drawn again, sorted.
-    pub(crate) repair: bool,
+    /// Draws pixels whose sequence was not sorted again, sorted.
+    pub(crate) repair: Option<&'static Shader>,
+    /// What those pixels are counted as.
+    pub(crate) unsorted: &'static str,
     /// Transmittance at which a line ends.
     pub(crate) stop: f64,
     /// Whether cells in which nothing is visible are left out.
@@ -171,6 +173,8 @@ pub(super) struct MeshOutcome {
     pub(super) primitives: u32,
     /// Whether pixels in which cells overlap are to be drawn again, and the status of that.
     pub(super) repairs_overlaps: bool,
+    /// What pixels whose sequence was not sorted are counted as.
+    pub(super) unsorted: &'static str,
     pub(super) overlaps: Option<Arc<Buffer>>,
 }
 
@@ -210,7 +214,7 @@ impl Outcome for MeshOutcome {
             ("primitives", u64::from(self.primitives)),
             ("bin_entries", bins),
             ("fragments", fragments),
-            ("kbuffer_overflow_pixels", u64::from(at(STATUS_OVERFLOW_PIXELS))),
+            (self.unsorted, u64::from(at(STATUS_OVERFLOW_PIXELS))),
             ("overlap_pixels", u64::from(at(STATUS_OVERLAPS))),
             ("nan_keys", u64::from(at(STATUS_NAN_KEYS))),
         ];
@@ -580,7 +584,8 @@ impl MeshFrame {
                 lists: lists.bands.iter().map(|_| download(gpu, "lists.total", 8)).collect::<Result<_>>()?,
                 capacities: Needs { rounds: needs.rounds, ..needs },
                 primitives: stage.count,
-                repairs_overlaps: desc.repair && desc.primitives == Primitives::Faces,
+                repairs_overlaps: desc.repair.is_some() && desc.primitives == Primitives::Faces,
+                unsorted: desc.unsorted,
                 overlaps: None,
             }),
             scene: Arc::clone(scene),
@@ -615,10 +620,10 @@ impl MeshFrame {
                 frame.resolve_pass(true, true, false)?,
             ],
         };
-        if desc.repair {
+        if desc.repair.is_some() {
             frame.repair = Some(frame.resolve_pass(false, true, true)?);
         }
-        if desc.repair && desc.primitives == Primitives::Faces && needs.overlaps {
+        if desc.repair.is_some() && desc.primitives == Primitives::Faces && needs.overlaps {
             let overlaps = Overlaps::new(
                 scene,
                 &desc,
@@ -685,7 +690,8 @@ impl MeshFrame {
             (SPEC_EYE_INSIDE, u32::from(eye_inside(&self.push))),
         ]);
         let part = if repair { "repair" } else { "resolve" };
-        pass(gpu, &format!("{}.{part}", self.desc.name), self.desc.resolve, &constants, &resources)
+        let shader = self.desc.repair.filter(|_| repair).unwrap_or(self.desc.resolve);
+        pass(gpu, &format!("{}.{part}", self.desc.name), shader, &constants, &resources)
     }
 }
 

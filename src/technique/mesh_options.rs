@@ -35,6 +35,19 @@ pub(crate) const STOP: OptionInfo = OptionInfo {
     effect: "colour that what lies behind may still add where a line ends: an absolute error; what is behind is not checked for order either",
 };
 
+/// What becomes of pixels whose faces or cells did not come in order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Repair {
+    /// They are drawn again from sorted lists.
+    Exact,
+    /// They are counted.
+    None,
+}
+
+impl Choice for Repair {
+    const WORDS: &'static [(&'static str, Self)] = &[("exact", Self::Exact), ("none", Self::None)];
+}
+
 /// Options that techniques for meshes share.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshOptions {

@@ -9,7 +9,10 @@
 //!    function (`tets_raster`). `route=compute`: `mesh_frame` lists the cells of each pixel by rank, and one
 //!    invocation composites them.
 //!
-//! Error: that of the integrator where the order is right. Cost: a test and an integration for each cell of each
+//! 3. By compute a pixel whose pieces do not come in order is counted, and with `repair=exact` drawn again from its
+//!    sorted list (`glsl/abuffer.glsl`).
+//!
+//! Error: that of the integrator where the order is right or repaired. Cost: a test and an integration for each cell of each
 //! pixel. Needs: core Vulkan 1.3; `route=raster` blending into 32-bit float.
 
 use std::sync::Arc;
@@ -17,15 +20,16 @@ use std::sync::Arc;
 use super::gpu_scene::GpuScene;
 use super::grid_options::{Order, Route, TABLE};
 use super::mesh_frame::{MeshDesc, MeshFrame, Primitives};
-use super::mesh_options::{INTEGRATOR, MeshOptions, ORDER, SMOKE, STOP};
+use super::mesh_options::{INTEGRATOR, MeshOptions, ORDER, Repair, SMOKE, STOP};
 use super::options::{self, Choice, OptionInfo};
-use super::ranks::{RANK, Rank, Ranker};
+pub use super::ranks::Rank;
+use super::ranks::{RANK, Ranker};
 use super::tets_raster::TetsRaster;
 use super::{Outcome, Prepared, TargetDesc};
 use crate::error::{Error, Result};
-use crate::gpu::shader::{MOST_TURNS, PROJECTED_TETS_COMPUTE};
+use crate::gpu::shader::{ABUFFER_COMPUTE, MOST_TURNS, PROJECTED_TETS_COMPUTE};
 use crate::gpu::sync::Use;
-use crate::gpu::{Gpu, Image, OptionalFeature, Recorder, TargetImage};
+use crate::gpu::{Buffer, Gpu, Image, OptionalFeature, Recorder, TargetImage};
 use crate::scene::View;
 
 const NAME: &str = "projected-tets";
@@ -50,6 +54,12 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
         values: "fragment|vertex",
         default: "fragment",
         effect: "with route=raster: what is integrated. fragment: every cell in every pixel; vertex: the thickest place of each cell, from where opacity goes linearly to 0: fewer integrations, and wrong where a cell is not thin",
+    },
+    OptionInfo {
+        key: "repair",
+        values: "exact|none",
+        default: "exact with route=compute",
+        effect: "exact draws pixels whose cells did not come in order again from sorted lists, so that rank decides on time alone; none leaves them wrong, but counted. With route=raster they are neither",
     },
     INTEGRATOR,
     TABLE,
@@ -97,6 +107,8 @@ pub struct Options {
     pub plane: Plane,
     /// What is integrated.
     pub shade: Shade,
+    /// What becomes of pixels whose cells did not come in order; `None`: they are repaired where the route can.
+    pub repair: Option<Repair>,
 }
 
 impl Default for Options {
@@ -107,6 +119,7 @@ impl Default for Options {
             route: Route::Auto,
             plane: Plane::Image,
             shade: Shade::Fragment,
+            repair: None,
         }
     }
 }
@@ -121,6 +134,7 @@ impl Options {
                 "route" => options.route = options::choice(NAME, key, text)?,
                 "plane" => options.plane = options::choice(NAME, key, text)?,
                 "shade" => options.shade = options::choice(NAME, key, text)?,
+                "repair" => options.repair = Some(options::choice(NAME, key, text)?),
                 _ if options.mesh.read(NAME, key, text)? => {}
                 _ => return Err(options::unknown(NAME, key, OPTIONS)),
             }
@@ -133,6 +147,9 @@ impl Options {
         let refuse = |key: &str, why: &str| Err(Error::invalid(format!("{NAME} option {key}"), why));
         if self.mesh.stop > 0.0 && (self.route == Route::Raster || self.has_fans()) {
             return refuse("stop", "works with route=compute only");
+        }
+        if self.repair == Some(Repair::Exact) && (self.route == Route::Raster || self.has_fans()) {
+            return refuse("repair", "exact works with route=compute only");
         }
         if self.has_fans() && self.route == Route::Compute {
             let key = if self.plane == Plane::Space { "plane" } else { "shade" };
@@ -149,6 +166,7 @@ impl Options {
             ("plane", self.plane.word().to_string()),
             ("shade", self.shade.word().to_string()),
         ];
+        pairs.extend(self.repair.map(|repair| ("repair", repair.word().to_string())));
         pairs.extend(self.mesh.pairs());
         pairs
     }
@@ -186,7 +204,8 @@ impl Options {
             resolve: &PROJECTED_TETS_COMPUTE,
             k: 0,
             chunk: Some(MOST_TURNS),
-            repair: false,
+            repair: (self.repair != Some(Repair::None)).then_some(&ABUFFER_COMPUTE),
+            unsorted: "unsorted_pixels",
             stop: self.mesh.stop,
             skip: self.mesh.skips(),
         };
@@ -224,6 +243,10 @@ impl Prepared for Listed {
 
     fn image(&self) -> Option<&Arc<Image>> {
         self.frame.image()
+    }
+
+    fn overflow(&self) -> Option<&Arc<Buffer>> {
+        self.frame.overflow()
     }
 
     fn last_use(&self) -> Use {

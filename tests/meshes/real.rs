@@ -28,9 +28,8 @@ fn cameras(camera: Camera) -> [Camera; 3] {
 /// Both techniques on every mesh against the reference: RMSE, and the share of pixels that are wrong in the third digit.
 /// Every pixel is as opaque as the reference has it, so that there are neither holes nor specks.
 ///
-/// In `can_crush_hex` deformed bodies reach into each other by up to a thousandth of their size. There the faces of a line
-/// do not say which scalars hold between them: `havs` takes that of what was entered last, and only `abuffer` adds both, as
-/// the reference does. `post_small` and `lox_post_tets` have seams, whose faces coincide but for rounding: those are exact.
+/// In `can_crush_hex` deformed bodies reach into each other by up to a thousandth of their size: pieces of a line overlap, and no order
+/// of cells is right for all of it. `havs` and `abuffer` sort the pieces of each pixel; `projected-tets` drops relations and says so.
 fn assert_files(gpu: &volraster::Gpu, side: u32) {
     let Ok(files) = std::fs::read_dir(FOLDER) else {
         println!("skipped: no {FOLDER}");
@@ -47,7 +46,7 @@ fn assert_files(gpu: &volraster::Gpu, side: u32) {
             let truth = truth(&loaded.scene, &view);
             let mean = truth.pixels().iter().map(|p| p[3]).sum::<f64>() / f64::from(side * side);
             assert!(mean > 1e-3, "{}: nothing to see", path.display());
-            for spec in ["abuffer", "havs", "havs:order=back-to-front"] {
+            for spec in ["abuffer", "havs", "havs:order=back-to-front", "projected-tets"] {
                 let drawn = Drawn::new(&on_gpu, &view, spec);
                 let errors = ImageErrors::between_f64(&drawn.image, &truth).unwrap();
                 let off = |bound: f64| {
@@ -59,14 +58,11 @@ fn assert_files(gpu: &volraster::Gpu, side: u32) {
                     Path::new(path.file_name().unwrap()).display(),
                     ["front", "side", "inside"][i]
                 );
-                println!("{what}: {errors}; {} above 1e-3, {} overflow", off(1e-3), drawn.overflows());
-                let overlaps = spec.starts_with("havs") && what.contains("can_crush");
-                assert!(errors.all.rmse <= if overlaps { 2e-2 } else { 5e-6 }, "{what}: {errors}");
-                assert!(
-                    off(1e-3) * 100 <= if overlaps { drawn.image.pixels().len() } else { 0 },
-                    "{what}: {}",
-                    off(1e-3)
-                );
+                println!("{what}: {errors}; {} above 1e-3; {:?}", off(1e-3), drawn.counters);
+                let unordered = spec.starts_with("projected") && drawn.counter("dropped_relations") > 0;
+                assert!(!unordered || what.contains("can_crush"), "{what}: relations were dropped");
+                assert!(errors.all.rmse <= if unordered { 5e-4 } else { 5e-6 }, "{what}: {errors}");
+                assert!(unordered || off(1e-3) == 0, "{what}: {} pixels above 1e-3", off(1e-3));
                 assert_eq!(errors.non_finite, 0, "{what}");
                 assert_eq!(drawn.counter("nan_keys"), 0, "{what}");
             }
