@@ -195,6 +195,8 @@ pub(crate) const STANDARD: &[Sweep] = &[
     Sweep { name: "stop", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("stop", &["1e-2"])] },
     Sweep { name: "integrator", methods: MESHES, routes: COMPUTE, options: &[("integrator", INTEGRALS)] },
     Sweep { name: "integrator", methods: &[Havs, ProjectedTets], routes: RASTERS, options: &[("integrator", INTEGRALS)] },
+    Sweep { name: "rank", methods: &[ProjectedTets], routes: COMPUTE, options: &[("rank", &["centroid", "power"])] },
+    Sweep { name: "fan", methods: &[ProjectedTets], routes: RASTER, options: &[("plane", &["image", "space"]), ("shade", &["fragment", "vertex"])] },
     Sweep { name: "k", methods: &[Havs], routes: COMPUTE, options: &[("k", PAIRS)] },
     Sweep { name: "repair", methods: &[Havs], routes: COMPUTE, options: &[("k", PAIRS), ("repair", &["none"])] },
     Sweep { name: "chunk", methods: &[Havs], routes: COMPUTE, options: &[("chunk", &["64"])] },

@@ -20,7 +20,7 @@ use std::sync::Arc;
 use super::gpu_scene::GpuScene;
 use super::grid_options::{Order, Route, TABLE};
 use super::mesh_frame::{MeshDesc, MeshFrame, Primitives};
-use super::mesh_options::{INTEGRATOR, MeshOptions, ORDER, Repair, SMOKE, STOP};
+use super::mesh_options::{EMPTY_SPACE, INTEGRATOR, MeshOptions, ORDER, Repair, SMOKE, STOP};
 use super::options::{self, Choice, OptionInfo};
 pub use super::ranks::Rank;
 use super::ranks::{RANK, Ranker};
@@ -66,6 +66,7 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
     SMOKE,
     ORDER,
     STOP,
+    EMPTY_SPACE,
 ];
 
 /// Where polygons stand.
