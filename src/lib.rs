@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+pub mod choice;
 pub mod error;
 pub mod frame;
 pub mod gpu;

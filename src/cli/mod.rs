@@ -2,16 +2,19 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | `render`, `reference`, `compare`, `bench`, `devices`, `techniques`, `info`, `convert` | one command each |
+//! | `render`, `reference`, `compare`, `bench`, `calibrate`, `devices`, `techniques`, `info`, `convert` | one command each |
 //! | `suite`, `fronts`, `plot` | of `bench`: scenes and sweeps, time at equal error, its picture |
+//! | `draws` | of `calibrate`: random scenes on which choices are checked |
 //! | `input` | what several commands take: scene, size, technique, device |
 //! | `output` | stdout, files written beside and renamed, progress |
 //! | `table`, `timing`, `histogram` | aligned text, quantiles of frame times, how often values occur |
 
 mod bench;
+mod calibrate;
 mod compare;
 mod convert;
 mod devices;
+mod draws;
 mod fronts;
 mod histogram;
 mod info;
@@ -55,6 +58,8 @@ enum Command {
     Compare(compare::Args),
     /// Measure time and error of every technique on standard scenes.
     Bench(bench::Args),
+    /// Measure what techniques cost on this device, for `render --max-error` and `--budget`.
+    Calibrate(calibrate::Args),
     /// List the Vulkan devices and what the chosen one offers.
     Devices(devices::Args),
     /// List the techniques with their options.
@@ -116,6 +121,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Reference(args) => args.run(quiet),
         Command::Compare(args) => args.run(quiet),
         Command::Bench(args) => args.run(quiet),
+        Command::Calibrate(args) => args.run(quiet),
         Command::Devices(args) => args.run(),
         Command::Techniques(args) => args.run(),
         Command::Info(args) => args.run(),

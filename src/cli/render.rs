@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::{Map, Value, json};
+use volraster::choice::{self, Choice, Estimate, Goal, Profile, Source, Trial, TrialOutcome};
 use volraster::scene::View;
 use volraster::technique::FrameTime;
 use volraster::{Error, GpuScene, Image, Renderer, Result, Technique};
@@ -27,6 +28,13 @@ pub(crate) struct Args {
     /// Technique and options, see `volraster techniques`; otherwise the scene's, otherwise the default.
     #[arg(long, value_name = "NAME[:key=value,...]")]
     technique: Option<String>,
+    /// Choose technique and options: the fastest with at most this root mean square error (of premultiplied colour,
+    /// linear), found by drawing the scene and comparing with the float64 reference.
+    #[arg(long, value_name = "RMSE", conflicts_with = "technique", value_parser = positive)]
+    max_error: Option<f64>,
+    /// Choose technique and options: the least error within so many milliseconds a frame.
+    #[arg(long, value_name = "MS", conflicts_with_all = ["technique", "max_error"], value_parser = positive)]
+    budget: Option<f64>,
     /// Image size instead of the scene's.
     #[arg(long, value_name = "WxH", value_parser = Size::parse)]
     size: Option<Size>,
@@ -84,14 +92,22 @@ impl Args {
         }
         let request = self.technique.as_deref().map(Request::parse).transpose()?;
         let Input { scene, settings } = Input::load(&self.scene, self.size, &self.array, quiet)?;
-        let technique = settings.choose(request, &scene.data)?;
+        let mut technique = settings.choose(request, &scene.data)?;
         let views = self.views(&settings.view)?;
 
         let start = Instant::now();
         let (gpu, log) = self.device.open(self.validate)?;
         let open_ms = milliseconds(start);
+        let profile = self.goal().map(|_| Profile::load(&gpu));
         let scene = GpuScene::new(&gpu, scene);
         drop(gpu);
+        let mut chosen = None;
+        if let (Some(goal), Some(profile)) = (self.goal(), profile) {
+            let start = Instant::now();
+            let choice = choice::choose(&scene, &settings.view, goal, &profile)?;
+            technique = choice.technique;
+            chosen = Some((choice, milliseconds(start)));
+        }
         let Drawn { image, overflow, first, frames, mut stats, route, device } = draw(
             &scene,
             technique,
@@ -111,6 +127,9 @@ impl Args {
         });
         let map = map.transpose()?;
         drop(scene);
+        if let Some((choice, ms)) = &chosen {
+            stats.insert("choice".to_string(), self.choice_json(choice, *ms));
+        }
         stats.insert("validation_messages".to_string(), json!(log.messages().len()));
 
         volraster::io::write_image(&self.output, &image, settings.background)?;
@@ -127,6 +146,9 @@ impl Args {
                 Some(times) if frames.len() == 1 => format!("{:.1} ms a frame", times.median()),
                 Some(times) => format!("{:.1} ms a frame (median of {})", times.median(), frames.len()),
             };
+            if let Some((choice, _)) = &chosen {
+                output::print(&reason(choice))?;
+            }
             output::print(&format!(
                 "{name} ({route}) on {device}: {} x {}, {time}: {}",
                 image.width(),
@@ -135,6 +157,41 @@ impl Args {
             ))?;
         }
         input::silent(&log)
+    }
+
+    /// What is wanted of a choice.
+    fn goal(&self) -> Option<Goal> {
+        self.max_error.map(Goal::MaxError).or_else(|| self.budget.map(Goal::Budget))
+    }
+
+    /// What was chosen and why.
+    fn choice_json(&self, choice: &Choice, ms: f64) -> Value {
+        let trial = |trial: &Trial| {
+            let mut json = Map::new();
+            json.insert("technique".to_string(), json!(trial.spec));
+            json.insert(
+                "predicted".to_string(),
+                json!({"rmse": trial.predicted_error, "ms": trial.predicted_ms}),
+            );
+            match &trial.outcome {
+                TrialOutcome::Drawn { error, ms } => json.insert(
+                    "measured".to_string(),
+                    json!({"rmse": error.rmse, "rmse_bound": error.bound, "pixels": error.pixels, "ms": ms}),
+                ),
+                TrialOutcome::Refused(why) => json.insert("refused".to_string(), json!(why)),
+            };
+            Value::Object(json)
+        };
+        json!({
+            "max_error": self.max_error,
+            "budget_ms": self.budget,
+            "chosen": choice.trials.get(choice.chosen).map(|trial| &trial.spec),
+            "candidates": choice.candidates,
+            "confidence": CONFIDENCE,
+            "predictions": source(choice.source),
+            "search_ms": ms,
+            "trials": choice.trials.iter().map(trial).collect::<Vec<_>>(),
+        })
     }
 
     /// The view of each timed frame; that of the first one is the picture's.
@@ -149,6 +206,37 @@ impl Args {
         let count = self.frames.unwrap_or(u32::from(self.stats.is_some()));
         (0..count).map(view).collect()
     }
+}
+
+/// How often the bound of a measured error holds.
+const CONFIDENCE: f64 = 0.95;
+
+/// Reads a positive number.
+fn positive(text: &str) -> std::result::Result<f64, String> {
+    let number = text.parse().ok().filter(|n: &f64| n.is_finite() && *n > 0.0);
+    number.ok_or_else(|| "must be a positive number".to_string())
+}
+
+fn source(source: Source) -> &'static str {
+    match source {
+        Source::BuiltIn => "built in",
+        Source::Measured => "measured on this device",
+    }
+}
+
+/// A line on what was chosen.
+fn reason(choice: &Choice) -> String {
+    let Some((Estimate { rmse, bound, pixels }, ms)) = choice.measured() else {
+        return String::new();
+    };
+    let spec = choice.trials.get(choice.chosen).map_or("", |trial| &trial.spec);
+    format!(
+        "chosen: {spec}, the best of {} settings; error {rmse:.2e}, below {bound:.2e} with 95 % confidence, at {pixels} pixels; \
+         {ms:.1} ms; {} tried, predictions {}",
+        choice.candidates,
+        choice.trials.len(),
+        source(choice.source)
+    )
 }
 
 /// Refuses an output that is another file of the run as well.

@@ -33,14 +33,7 @@ pub(crate) struct PipelineCacheFile {
 impl PipelineCacheFile {
     /// The file of a device in `folder`, or in the user's cache folder; `None` when there is none.
     pub(crate) fn locate(folder: Option<&Path>, properties: &vk::PhysicalDeviceProperties) -> Option<Self> {
-        let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
-        let user = || {
-            set("XDG_CACHE_HOME")
-                .or_else(|| set("LOCALAPPDATA"))
-                .or_else(|| Some(set("HOME")?.join(".cache")))
-                .map(|cache| cache.join("volraster"))
-        };
-        let folder = folder.map(Path::to_path_buf).or_else(user)?;
+        let folder = folder.map(Path::to_path_buf).or_else(user_cache_folder)?;
         let identity = Identity {
             vendor: properties.vendor_id,
             device: properties.device_id,
@@ -70,6 +63,16 @@ impl PipelineCacheFile {
             let _ = crate::io::replace(&self.path, |writer| writer.write_all(&wrap(data, &self.identity)));
         }
     }
+}
+
+/// The user's cache folder for this library; `None` where there is none. It need not be there yet.
+#[must_use]
+pub fn user_cache_folder() -> Option<PathBuf> {
+    let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    set("XDG_CACHE_HOME")
+        .or_else(|| set("LOCALAPPDATA"))
+        .or_else(|| Some(set("HOME")?.join(".cache")))
+        .map(|cache| cache.join("volraster"))
 }
 
 /// FNV-1a, 64 bit: finds damage; it is not meant against an attacker who can write the user's files.

@@ -38,6 +38,7 @@ pub(crate) use pipeline::{Blend, ComputeDesc, Descriptors, GraphicsDesc, Pipelin
 pub(crate) use recorder::{Attachment, Keep, Recorder, Timers};
 pub(crate) use submit::Commands;
 
+pub use cache::user_cache_folder;
 pub use device::{Gpu, GpuOptions, Handles, OptionalFeature, devices};
 pub use external::{CommandBuffer, DepthImage, TargetImage};
 pub use select::DeviceReport;

@@ -67,6 +67,41 @@ pub(super) fn render(
     });
 }
 
+/// Draws some pixels, each by the ray through its centre.
+///
+/// Memory is an index for each tetrahedron and pixel that it may cover.
+pub(super) fn some(rays: &TetRays, view: &View, pixels: &[[u32; 2]]) -> Vec<[f64; 4]> {
+    // In each row its pixels from left to right.
+    let mut rows: Vec<Vec<(u32, usize)>> = vec![Vec::new(); num::index(view.extent()[1])];
+    for (place, &[x, y]) in pixels.iter().enumerate() {
+        rows[num::index(y)].push((x, place));
+    }
+    rows.par_iter_mut().for_each(|row| row.sort_unstable());
+    let covers: Vec<Cover> = rays
+        .all()
+        .into_par_iter()
+        .filter(|&cell| rays.shows(cell))
+        .filter_map(|c| cover(rays, view, c))
+        .collect();
+    let mut cells: Vec<Vec<u32>> = vec![Vec::new(); pixels.len()];
+    for cover in &covers {
+        for row in &rows[num::index(cover.rows[0])..=num::index(cover.rows[1])] {
+            let begin = row.partition_point(|&(x, _)| x < cover.columns[0]);
+            for &(_, place) in row[begin..].iter().take_while(|&&(x, _)| x <= cover.columns[1]) {
+                cells[place].push(cover.cell);
+            }
+        }
+    }
+    let range = view_range(view);
+    let draw = |(&[x, y], cells): (&[u32; 2], &Vec<u32>)| {
+        let (origin, direction) = view.ray(DVec2::new(f64::from(x), f64::from(y)) + 0.5);
+        let ray = rays.ray(origin, direction, range);
+        let mut pieces: Vec<Piece> = cells.iter().filter_map(|&cell| rays.piece(cell, &ray)).collect();
+        rays.integrate(&mut pieces)
+    };
+    pixels.par_iter().zip(&cells).map(draw).collect()
+}
+
 /// A few pixels of one row.
 struct Stretch<'a> {
     rays: &'a TetRays<'a>,

@@ -175,6 +175,34 @@ pub fn render(
     Ok(ReferenceImage { width, height, pixels })
 }
 
+/// Some pixels of the image that [`render`] makes with one ray a pixel, bit for bit, each as its column and row: what
+/// is enough to estimate an error.
+///
+/// # Accuracy
+///
+/// As [`render`].
+///
+/// # Errors
+///
+/// [`Error::Invalid`] if a pixel lies outside the image, or the scene holds points.
+pub fn pixels(scene: &Scene, view: &View, pixels: &[[u32; 2]]) -> Result<Vec<[f64; 4]>> {
+    let [width, height] = view.extent();
+    if let Some([x, y]) = pixels.iter().find(|[x, y]| *x >= width || *y >= height) {
+        let why = format!("({x}, {y}): must lie inside {width} x {height}");
+        return Err(Error::invalid("reference pixel", why));
+    }
+    let rays = match Rays::new(scene)? {
+        Rays::Grid(rays) => rays,
+        Rays::Mesh(rays) => return Ok(cover::some(&rays, view, pixels)),
+    };
+    let range = view_range(view);
+    let draw = |&[x, y]: &[u32; 2]| {
+        let (origin, direction) = view.ray(DVec2::new(f64::from(x), f64::from(y)) + 0.5);
+        rays.trace(origin, direction, range)
+    };
+    Ok(pixels.par_iter().map(draw).collect())
+}
+
 /// One ray, in float64: premultiplied linear RGBA of what lies at parameters `t_range`, in units of
 /// world length from `origin` along `direction` (whose own length does not matter). An orthographic
 /// ray has the range of all numbers, a perspective ray starts at 0.

@@ -757,3 +757,30 @@ fn time_of_the_standard_image() {
         );
     }
 }
+
+/// Single pixels are those of the image, whatever their order and number.
+#[test]
+fn some_pixels_are_those_of_the_image() {
+    let transfer = marschner_lobb(2).transfer;
+    let mesh = Scene::new(Field::MarschnerLobb.tets(5).unwrap(), transfer);
+    for scene in [marschner_lobb(9), mesh] {
+        for distance in [1.0, 0.1] {
+            let camera = Camera {
+                eye: DVec3::new(2.0, 1.5, 3.8) * distance,
+                target: DVec3::ZERO,
+                up: DVec3::Y,
+                projection: Projection::Perspective { fov_y_deg: 42.0 },
+            };
+            let view = View::new(camera, 23, 17).unwrap();
+            let image = render(&scene, &view, &ReferenceOptions::default(), None).unwrap();
+            let mut places: Vec<[u32; 2]> = (0..23 * 17).map(|i| [i * 5 % 23, i * 7 % 17]).collect();
+            places.push([3, 4]);
+            let found = pixels(&scene, &view, &places).unwrap();
+            for ([x, y], pixel) in places.into_iter().zip(found) {
+                assert_eq!(pixel, image.pixel(x, y), "({x}, {y}) from {distance}");
+            }
+            let error = pixels(&scene, &view, &[[0, 0], [23, 0]]).unwrap_err().to_string();
+            assert!(error.contains("(23, 0): must lie inside 23 x 17"), "{error}");
+        }
+    }
+}

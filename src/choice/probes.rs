@@ -1,0 +1,186 @@
+//! Pixels at which the truth is known, and what they tell of an image's error.
+
+use crate::error::Result;
+use crate::frame::Image;
+use crate::num;
+use crate::reference;
+use crate::scene::{Scene, View};
+
+/// Most pixels that are looked at. Their float64 rays cost less than a frame of a fine setting.
+const MOST: u32 = 4096;
+
+/// Quantile of the normal distribution: 95 of 100 lie below.
+const ONE_SIDED_95: f64 = 1.645;
+
+/// A pixel in each of equal rectangles of the image, at random, with its true colour.
+#[derive(Clone, Debug)]
+pub(super) struct Probes {
+    pixels: Vec<[u32; 2]>,
+    truth: Vec<[f64; 4]>,
+    /// Pixels that each stands for.
+    weights: Vec<f64>,
+}
+
+/// What probes tell of an image's error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// Root mean square over probes and the four channels of premultiplied colour.
+    pub rmse: f64,
+    /// What that of all pixels does not exceed, 19 times out of 20; `rmse` itself where all pixels were looked at.
+    pub bound: f64,
+    /// Pixels that were looked at.
+    pub pixels: u32,
+}
+
+/// Numbers in [0, 1) from a state (Steele, Lea and Flood 2014: SplitMix64).
+pub(super) fn random(state: &mut u64) -> f64 {
+    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut z = *state;
+    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    num::f64_of_u64((z ^ z >> 31) >> 11) * (-53.0_f64).exp2()
+}
+
+impl Probes {
+    /// Chooses pixels and finds their colours.
+    ///
+    /// # Errors
+    ///
+    /// As [`reference::pixels`].
+    pub(super) fn new(scene: &Scene, view: &View) -> Result<Self> {
+        let (pixels, weights) = spread(view.extent(), MOST).into_iter().unzip();
+        Self::of(scene, view, pixels, weights)
+    }
+
+    /// All pixels.
+    ///
+    /// # Errors
+    ///
+    /// As [`reference::pixels`].
+    pub(super) fn whole(scene: &Scene, view: &View) -> Result<Self> {
+        let [width, height] = view.extent();
+        let pixels: Vec<_> = (0..height).flat_map(|y| (0..width).map(move |x| [x, y])).collect();
+        let weights = vec![1.0; pixels.len()];
+        Self::of(scene, view, pixels, weights)
+    }
+
+    fn of(scene: &Scene, view: &View, pixels: Vec<[u32; 2]>, weights: Vec<f64>) -> Result<Self> {
+        let truth = reference::pixels(scene, view, &pixels)?;
+        Ok(Self { pixels, truth, weights })
+    }
+
+    /// The error of an image of the view.
+    pub(super) fn error(&self, image: &Image) -> Estimate {
+        let squares = self.pixels.iter().zip(&self.truth).map(|(&[x, y], truth)| {
+            let found = image.pixel(x, y);
+            found.iter().zip(truth).map(|(a, b)| (f64::from(*a) - b).powi(2)).sum::<f64>() * 0.25
+        });
+        let squares: Vec<f64> = squares.collect();
+        estimate(&squares, &self.weights)
+    }
+}
+
+/// Of squares at some pixels, chosen at random, the root of the mean of all and a bound of it; each stands for as many
+/// pixels as its weight says.
+fn estimate(squares: &[f64], weights: &[f64]) -> Estimate {
+    let pixels = num::count(squares.len());
+    if squares.iter().any(|square| !square.is_finite()) {
+        // A NaN is an infinite error.
+        return Estimate { rmse: f64::INFINITY, bound: f64::INFINITY, pixels };
+    }
+    let all = weights.iter().sum::<f64>().max(1.0);
+    let mean = squares.iter().zip(weights).map(|(square, weight)| square * weight).sum::<f64>() / all;
+    let spread = squares.iter().map(|square| (square - mean).powi(2)).sum::<f64>();
+    let spread = spread / (f64::from(pixels) - 1.0).max(1.0);
+    // The mean's own variance, each pixel's share of it, as if rectangles were as different within as the image is; none
+    // where a pixel stands for itself.
+    let shares = weights.iter().map(|weight| (weight / all).powi(2) * (1.0 - 1.0 / weight)).sum::<f64>();
+    let bound = (mean + ONE_SIDED_95 * (spread * shares).sqrt()).sqrt();
+    Estimate { rmse: mean.sqrt(), bound, pixels }
+}
+
+/// A pixel at random in each of at most `most` rectangles that share the image, with the pixels of the rectangle; all
+/// pixels where there are no more.
+fn spread([width, height]: [u32; 2], most: u32) -> Vec<([u32; 2], f64)> {
+    let all = f64::from(width) * f64::from(height);
+    let share = (f64::from(most) / all).sqrt();
+    let [mut across, mut down] = [width, height].map(|side| {
+        if all <= f64::from(most) {
+            side
+        } else {
+            num::u32_of((f64::from(side) * share).floor()).clamp(1, side)
+        }
+    });
+    // A long image: what one side cannot have the other may.
+    across = across.min(most);
+    down = down.min(most / across).max(1);
+    let mut state = 1;
+    let mut pixels = Vec::with_capacity(num::index(across) * num::index(down));
+    for j in 0..down {
+        for i in 0..across {
+            let (x, columns) = place(i, across, width, random(&mut state));
+            let (y, rows) = place(j, down, height, random(&mut state));
+            pixels.push(([x, y], columns * rows));
+        }
+    }
+    pixels
+}
+
+/// A place in the i-th of `count` parts of a side, and the length of the part.
+fn place(i: u32, count: u32, side: u32, at: f64) -> (u32, f64) {
+    let cut = |i: u32| u64::from(i) * u64::from(side) / u64::from(count);
+    let (begin, length) = (cut(i), num::f64_of_u64(cut(i + 1) - cut(i)));
+    let at = begin + num::u64_of((length * at).floor().min(length - 1.0));
+    (u32::try_from(at).unwrap_or(side - 1), length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_are_spread_and_small_images_are_known_whole() {
+        for extent in [[1, 1], [64, 64], [17, 5], [4096, 1]] {
+            let mut pixels = spread(extent, 4096);
+            assert!(pixels.iter().all(|(_, weight)| *weight == 1.0));
+            pixels.sort_unstable_by_key(|(pixel, _)| *pixel);
+            pixels.dedup();
+            assert_eq!(pixels.len(), num::index(extent[0] * extent[1]), "{extent:?}");
+        }
+        for extent in [[512, 512], [16384, 1], [1, 16384], [3000, 7], [65, 64]] {
+            let pixels = spread(extent, 4096);
+            assert!((2000..=4096).contains(&pixels.len()), "{extent:?}: {}", pixels.len());
+            assert!(pixels.iter().all(|([x, y], _)| *x < extent[0] && *y < extent[1]));
+            let weight = |pixels: &[([u32; 2], f64)]| pixels.iter().map(|(_, weight)| weight).sum::<f64>();
+            assert_eq!(weight(&pixels), f64::from(extent[0] * extent[1]));
+            // A part of the image has its share.
+            let is_left = |([x, _], _): &([u32; 2], f64)| 2 * x < extent[0];
+            let left: Vec<_> = pixels.iter().copied().filter(is_left).collect();
+            let share = weight(&left) / weight(&pixels);
+            assert!(extent[0] == 1 || (share - 0.5).abs() < 0.03, "{extent:?}: {share}");
+        }
+    }
+
+    /// Of many samples of numbers with a heavy tail the bound fails about once in twenty, or a little more often.
+    #[test]
+    fn the_bound_holds_as_often_as_it_says() {
+        let mut state = 5;
+        let all: Vec<f64> = (0..40_000).map(|_| random(&mut state).powi(8)).collect();
+        let truth = (all.iter().sum::<f64>() / all.len() as f64).sqrt();
+        let trials = 1000;
+        let mut broken = 0;
+        for _ in 0..trials {
+            let some: Vec<f64> =
+                (0..1000).map(|_| all[(random(&mut state) * all.len() as f64) as usize]).collect();
+            let found = estimate(&some, &[all.len() as f64 / 1000.0; 1000]);
+            assert!(found.bound > found.rmse && found.bound < 1.2 * found.rmse);
+            broken += u32::from(found.bound < truth);
+        }
+        assert!((20..90).contains(&broken), "{broken} of {trials}");
+        let whole = estimate(&all, &vec![1.0; all.len()]);
+        assert_eq!(whole.bound, whole.rmse);
+        assert_eq!(estimate(&[0.0, f64::NAN], &[4.0, 5.0]).bound, f64::INFINITY);
+        // What stands for more counts more.
+        assert_eq!(estimate(&[4.0, 0.0], &[1.0, 3.0]).rmse, 1.0);
+    }
+}

@@ -1,0 +1,281 @@
+//! What settings cost in time and error on scenes of the profile's own.
+
+use std::collections::BTreeMap;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::table::{self, Candidate};
+use super::{drawn, probes::Probes};
+use crate::error::{Error, Result};
+use crate::gpu::{Gpu, user_cache_folder};
+use crate::scene::file::PRESETS;
+use crate::scene::{Camera, Data, Field, Projection, Scene, TransferFunction, View};
+use crate::technique::GpuScene;
+
+/// Where a profile comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// Figures of one machine that come with the library.
+    BuiltIn,
+    /// This device.
+    Measured,
+}
+
+/// What each setting cost on scenes of the profile's own: root mean square error, and milliseconds, means of logarithms
+/// over the scenes. The relations among settings are what counts: a scene's own scale is found by trials.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Profile {
+    source: Source,
+    costs: BTreeMap<String, (f64, f64)>,
+}
+
+/// A profile in a file.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Stored {
+    schema: u32,
+    /// Of the library: its techniques may have become faster.
+    version: String,
+    device: String,
+    driver: String,
+    costs: Vec<StoredCost>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StoredCost {
+    technique: String,
+    rmse: f64,
+    ms: f64,
+}
+
+const SCHEMA: u32 = 1;
+
+/// A larger file is no profile.
+const MOST_BYTES: u64 = 1 << 20;
+
+/// Measured with `volraster calibrate` on lavapipe 25.0, 2 cores.
+const BUILT_IN: &str = include_str!("built-in.json");
+
+/// Scenes that settings are measured on: field, cubes or samples along a side, their type, a transfer function.
+const SCENES: &[(&str, Sides, &str)] = &[
+    ("marschner-lobb", Sides::Samples(48, "f32"), "shells"),
+    ("blobs", Sides::Samples(64, "f32"), "fog"),
+    ("marschner-lobb", Sides::Samples(64, "u8"), "fog"),
+    ("blobs", Sides::Cubes(12), "fog"),
+    ("marschner-lobb", Sides::Cubes(16), "shells"),
+];
+
+#[derive(Clone, Copy, Debug)]
+enum Sides {
+    Samples(u32, &'static str),
+    Cubes(u32),
+}
+
+/// Side of the images that are measured, pixels.
+const SIDE: u32 = 128;
+
+impl Profile {
+    pub(super) fn new(source: Source, costs: BTreeMap<String, (f64, f64)>) -> Self {
+        Self { source, costs }
+    }
+
+    /// Figures that come with the library.
+    #[must_use]
+    pub fn built_in() -> Self {
+        let stored: Option<Stored> = serde_json::from_str(BUILT_IN).ok();
+        Self::new(Source::BuiltIn, stored.map(costs_of).unwrap_or_default())
+    }
+
+    /// What is stored for a device, else what is built in. What was measured by another version of library or driver
+    /// is not taken.
+    #[must_use]
+    pub fn load(gpu: &Gpu) -> Self {
+        Self::path(gpu).and_then(|path| read(&path, gpu)).unwrap_or_else(Self::built_in)
+    }
+
+    /// Where the profile of a device is stored: in the user's cache folder. `None` where there is none.
+    #[must_use]
+    pub fn path(gpu: &Gpu) -> Option<PathBuf> {
+        let name = gpu.report().name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' });
+        Some(user_cache_folder()?.join(format!("profile-{}.json", name.collect::<String>())))
+    }
+
+    /// Measures every setting on this device. Takes some seconds; `progress` is told settings done and in all.
+    ///
+    /// # Errors
+    ///
+    /// As [`super::choose`].
+    pub fn measure(gpu: &Gpu, progress: &mut dyn FnMut(usize, usize)) -> Result<Self> {
+        let mut sums: BTreeMap<String, [f64; 3]> = BTreeMap::new();
+        let scenes = SCENES.iter().map(scene_of).collect::<Result<Vec<_>>>()?;
+        let all: usize = scenes.iter().map(|scene| table::candidates(&scene.data).len()).sum();
+        let mut done = 0;
+        for scene in scenes {
+            let projection = Projection::Perspective { fov_y_deg: 42.0 };
+            let camera =
+                Camera { eye: DVec3::new(2.0, 1.5, 3.8), target: DVec3::ZERO, up: DVec3::Y, projection };
+            let view = View::new(camera, SIDE, SIDE)?;
+            let probes = Probes::new(&scene, &view)?;
+            let candidates = table::candidates(&scene.data);
+            let on_gpu = GpuScene::new(gpu, scene);
+            for candidate in candidates {
+                if let Some((rmse, ms)) = cost_of(&on_gpu, &view, &probes, &candidate)? {
+                    let sum = sums.entry(candidate.spec).or_default();
+                    *sum = [sum[0] + rmse.ln(), sum[1] + ms.ln(), sum[2] + 1.0];
+                }
+                done += 1;
+                progress(done, all);
+            }
+        }
+        let mean = |[rmse, ms, n]: [f64; 3]| ((rmse / n).exp(), (ms / n).exp());
+        Ok(Self::new(Source::Measured, sums.into_iter().map(|(spec, sum)| (spec, mean(sum))).collect()))
+    }
+
+    /// Writes the profile where [`Profile::load`] finds it for this device.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`] naming the file; [`Error::Unsupported`] where the user has no cache folder.
+    pub fn store(&self, gpu: &Gpu) -> Result<PathBuf> {
+        let Some(path) = Self::path(gpu) else {
+            return Err(Error::unsupported("a profile", "neither XDG_CACHE_HOME nor HOME is set"));
+        };
+        let text = self.json(gpu)?;
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, "write", source))?;
+        }
+        crate::io::replace(&path, |writer| writer.write_all(text.as_bytes()))?;
+        Ok(path)
+    }
+
+    /// As text.
+    fn json(&self, gpu: &Gpu) -> Result<String> {
+        let report = gpu.report();
+        let stored = Stored {
+            schema: SCHEMA,
+            version: env!("CARGO_PKG_VERSION").to_string(),
+            device: report.name.clone(),
+            driver: report.driver.clone(),
+            costs: self
+                .costs
+                .iter()
+                .map(|(technique, &(rmse, ms))| StoredCost { technique: technique.clone(), rmse, ms })
+                .collect(),
+        };
+        serde_json::to_string_pretty(&stored)
+            .map(|text| text + "\n")
+            .map_err(|error| Error::invalid("profile", error.to_string()))
+    }
+
+    /// Where it comes from.
+    #[must_use]
+    pub fn source(&self) -> Source {
+        self.source
+    }
+
+    /// Settings that it knows, with root mean square error and milliseconds.
+    pub fn costs(&self) -> impl Iterator<Item = (&str, (f64, f64))> {
+        self.costs.iter().map(|(spec, cost)| (spec.as_str(), *cost))
+    }
+
+    pub(super) fn cost(&self, spec: &str) -> Option<(f64, f64)> {
+        self.costs.get(spec).copied()
+    }
+}
+
+/// A profile that is whole and of this device, driver and library.
+fn read(path: &Path, gpu: &Gpu) -> Option<Profile> {
+    if std::fs::metadata(path).ok()?.len() > MOST_BYTES {
+        return None;
+    }
+    let stored: Stored = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;
+    let report = gpu.report();
+    let is_ours = stored.schema == SCHEMA
+        && stored.version == env!("CARGO_PKG_VERSION")
+        && stored.device == report.name
+        && stored.driver == report.driver;
+    is_ours.then(|| Profile::new(Source::Measured, costs_of(stored)))
+}
+
+/// What of a file is meant: settings of the table, with numbers that can be.
+fn costs_of(stored: Stored) -> BTreeMap<String, (f64, f64)> {
+    let known: Vec<String> = table::every().into_iter().map(|candidate| candidate.spec).collect();
+    let valid = |cost: &StoredCost| {
+        known.contains(&cost.technique)
+            && cost.rmse.is_finite()
+            && cost.rmse >= 0.0
+            && cost.ms.is_finite()
+            && cost.ms > 0.0
+    };
+    stored.costs.into_iter().filter(valid).map(|cost| (cost.technique, (cost.rmse, cost.ms))).collect()
+}
+
+/// Error and milliseconds; `None` where the device cannot do it.
+fn cost_of(
+    scene: &Arc<GpuScene>,
+    view: &View,
+    probes: &Probes,
+    candidate: &Candidate,
+) -> Result<Option<(f64, f64)>> {
+    match drawn(scene, view, candidate, 0.0, 5) {
+        Ok((image, ms)) => Ok(Some((probes.error(&image).rmse.max(1e-9), ms.max(1e-6)))),
+        Err(Error::Unsupported { .. }) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+fn scene_of(&(field, sides, look): &(&str, Sides, &str)) -> Result<Scene> {
+    let field = Field::from_name(field)?;
+    let (data, range) = match sides {
+        Sides::Samples(side, "u8") => (Data::from(field.sample([side; 3], "u8")?), [0.0, 255.0]),
+        Sides::Samples(side, kind) => (Data::from(field.sample([side; 3], kind)?), [0.0, 1.0]),
+        Sides::Cubes(cubes) => (Data::from(field.tets(cubes)?), [0.0, 1.0]),
+    };
+    let Some(preset) = PRESETS.iter().find(|known| known.name == look) else {
+        return Err(Error::invalid("transfer function", format!("\"{look}\": is no preset")));
+    };
+    let transfer: TransferFunction = preset.transfer(range, 1.0)?;
+    Ok(Scene::new(data, transfer))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_built_in_is_whole_and_plausible() {
+        let profile = Profile::built_in();
+        for candidate in table::every() {
+            let (rmse, ms) = profile.cost(&candidate.spec).unwrap_or_else(|| panic!("{}", candidate.spec));
+            assert!((1e-9..1.0).contains(&rmse) && (0.01..1e4).contains(&ms), "{candidate:?}: {rmse} {ms}");
+        }
+        let [coarse, fine] =
+            ["8", "0.125"].map(|step| profile.cost(&format!("slices-3d:step={step}")).unwrap());
+        assert!(coarse.0 > 10.0 * fine.0 && coarse.1 < fine.1);
+    }
+
+    #[test]
+    fn what_is_damaged_is_left_out() {
+        let cost = |technique: &str, rmse, ms| StoredCost { technique: technique.to_string(), rmse, ms };
+        let stored = Stored {
+            schema: SCHEMA,
+            version: String::new(),
+            device: String::new(),
+            driver: String::new(),
+            costs: vec![
+                cost("havs", 1e-7, 3.0),
+                cost("abuffer", f64::NAN, 3.0),
+                cost("slices-3d:step=1", 1e-3, 0.0),
+                cost("slices-3d:step=2", -1e-3, 1.0),
+                cost("other", 1e-3, 1.0),
+            ],
+        };
+        let costs = costs_of(stored);
+        assert_eq!(costs.into_iter().collect::<Vec<_>>(), [("havs".to_string(), (1e-7, 3.0))]);
+    }
+}

@@ -1,0 +1,217 @@
+//! Random scenes, cameras, transfer functions and goals, on which choices are checked.
+
+use volraster::choice::{self, Goal, Profile, TrialOutcome};
+use volraster::glam::DVec3;
+use volraster::scene::{Camera, Data, Field, Projection, Scene, TransferFunction, View};
+use volraster::{Error, Gpu, GpuScene, Result};
+
+use super::input::Size;
+
+/// Random numbers (Steele, Lea and Flood 2014: SplitMix64).
+#[derive(Clone, Copy, Debug)]
+struct Random(u64);
+
+impl Random {
+    fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ z >> 31
+    }
+
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * ((self.bits() >> 11) as f64 * (-53.0_f64).exp2())
+    }
+
+    /// As often in each octave.
+    fn scale(&mut self, low: f64, high: f64) -> f64 {
+        self.between(low.ln(), high.ln()).exp()
+    }
+
+    fn whole(&mut self, low: u32, high: u32) -> u32 {
+        low + u32::try_from(self.bits() % u64::from(high - low + 1)).unwrap_or(0)
+    }
+
+    fn of<T: Copy>(&mut self, all: &[T]) -> T {
+        all[usize::try_from(self.bits() % all.len() as u64).unwrap_or(0)]
+    }
+}
+
+/// A scene, how it is seen, and the greatest error that is allowed.
+#[derive(Debug)]
+struct Draw {
+    what: String,
+    scene: Scene,
+    view: View,
+    max_error: f64,
+}
+
+impl Draw {
+    /// One in four is a mesh.
+    fn new(random: &mut Random, size: Size) -> Result<Self> {
+        let fields = [Field::MarschnerLobb, Field::Blobs, Field::Ramp, Field::Sphere];
+        let field = random.of(&fields);
+        let (data, unit, what) = if random.whole(0, 3) == 0 {
+            let cubes = random.whole(4, 20);
+            (Data::from(field.tets(cubes)?), 1.0, format!("{field:?} on {cubes} cubes"))
+        } else {
+            let side = random.whole(16, 80);
+            let kind = random.of(&["f32", "u8", "u16"]);
+            let unit = if kind == "u8" {
+                255.0
+            } else if kind == "u16" {
+                65535.0
+            } else {
+                1.0
+            };
+            (Data::from(field.sample([side; 3], kind)?), unit, format!("{field:?} {side} {kind}"))
+        };
+        let fov_y_deg = random.scale(15.0, 90.0);
+        let projection = if random.whole(0, 3) == 0 {
+            Projection::Orthographic { half_height: random.scale(0.4, 2.0) }
+        } else {
+            Projection::Perspective { fov_y_deg }
+        };
+        // From inside to where the data is small.
+        let mut direction =
+            || DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), random.between(-1.0, 1.0));
+        let (towards, target, up) = (direction(), direction() * 0.3, direction());
+        let distance = random.scale(0.5, 6.0);
+        let eye = target + towards.try_normalize().unwrap_or(DVec3::Z) * distance;
+        let camera = Camera { eye, target, up, projection };
+        Ok(Self {
+            what: format!("{what} from {distance:.2}"),
+            scene: Scene::new(data, transfer(random, unit)?),
+            view: View::new(camera, size.width, size.height)?,
+            max_error: random.scale(3e-4, 3e-2),
+        })
+    }
+}
+
+/// Some knots; every third has a peak.
+fn transfer(random: &mut Random, unit: f64) -> Result<TransferFunction> {
+    let strength = random.scale(0.3, 40.0);
+    let count = random.whole(2, 7);
+    let mut at: Vec<f64> = (0..count).map(|_| random.between(0.0, 1.0)).collect();
+    let mut rows = Vec::new();
+    let colour =
+        |random: &mut Random| [random.between(0.0, 1.0), random.between(0.0, 1.0), random.between(0.0, 1.0)];
+    at.sort_by(f64::total_cmp);
+    for s in at {
+        let [r, g, b] = colour(random);
+        let tau = if random.whole(0, 2) == 0 { 0.0 } else { strength * random.between(0.0, 1.0) };
+        rows.push([s * unit, r, g, b, tau]);
+    }
+    if random.whole(0, 2) == 0 {
+        let (middle, half) = (random.between(0.1, 0.9), random.scale(0.004, 0.1));
+        let [r, g, b] = colour(random);
+        for (s, tau) in [(middle - half, 0.0), (middle, strength * 4.0), (middle + half, 0.0)] {
+            rows.push([s * unit, r, g, b, tau]);
+        }
+    }
+    rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    TransferFunction::from_rows(&rows)
+}
+
+/// What a check found.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Check {
+    /// Draws whose goal some setting meets.
+    pub(crate) possible: u32,
+    /// Of them those for which a setting was chosen that meets it in truth.
+    pub(crate) held: u32,
+    /// Draws whose goal none meets, and for which none was chosen.
+    pub(crate) refused: u32,
+    /// Time of what was chosen over that of the fastest setting that meets the goal.
+    pub(crate) ratios: Vec<f64>,
+    /// Settings tried for each choice.
+    pub(crate) trials: Vec<f64>,
+}
+
+/// Chooses for random draws, and compares with every setting there is.
+///
+/// # Errors
+///
+/// As [`choice::choose`].
+pub(crate) fn check(
+    gpu: &Gpu,
+    profile: &Profile,
+    [count, seed]: [u32; 2],
+    size: Size,
+    tell: &mut dyn FnMut(u32, &str),
+) -> Result<Check> {
+    let mut found = Check::default();
+    for i in 0..count {
+        // Each draw is one of its own: the same whatever came before.
+        let mut random = Random(u64::from(seed) << 32 | u64::from(i));
+        let Draw { what, scene, view, max_error } = Draw::new(&mut random, size)?;
+        let scene = GpuScene::new(gpu, scene);
+        let goal = Goal::MaxError(max_error);
+        let choice = match choice::choose(&scene, &view, goal, profile) {
+            Ok(choice) => Some(choice),
+            Err(Error::Unsupported { .. }) => None,
+            Err(error) => return Err(error),
+        };
+        let all = choice::try_all(&scene, &view, goal)?;
+        let cost = |outcome: &TrialOutcome| match outcome {
+            TrialOutcome::Drawn { error, ms } => Some((error.rmse, *ms)),
+            TrialOutcome::Refused(_) => None,
+        };
+        let meets =
+            all.iter().filter_map(|(_, outcome)| cost(outcome)).filter(|(rmse, _)| *rmse <= max_error);
+        let fastest = meets.map(|(_, ms)| ms).min_by(f64::total_cmp);
+        let mut line = format!("{what}, {}, error {max_error:.1e}: ", view.extent()[0]);
+        match (fastest, choice) {
+            (None, None) => {
+                found.refused += 1;
+                line += "nothing meets it, nothing chosen";
+            }
+            (None, Some(choice)) => {
+                found.possible += 1;
+                line += &format!("nothing meets it, {} chosen", choice.trials[choice.chosen].spec);
+            }
+            (Some(_), None) => {
+                found.possible += 1;
+                line += "nothing chosen";
+            }
+            (Some(fastest), Some(choice)) => {
+                found.possible += 1;
+                let spec = &choice.trials[choice.chosen].spec;
+                found.trials.push(f64::from(u32::try_from(choice.trials.len()).unwrap_or(u32::MAX)));
+                let own = all.iter().find(|(other, _)| other == spec).and_then(|(_, outcome)| cost(outcome));
+                if let Some((rmse, ms)) = own {
+                    found.held += u32::from(rmse <= max_error);
+                    found.ratios.push(ms / fastest);
+                    line += &format!(
+                        "{spec} has {rmse:.1e} in {ms:.2} ms after {} trials; the fastest {fastest:.2} ms",
+                        choice.trials.len()
+                    );
+                }
+            }
+        }
+        tell(i + 1, &line);
+    }
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn draws_are_many_and_the_same_again() {
+        let size = Size { width: 8, height: 8 };
+        let one = |i: u64| Draw::new(&mut Random(i), size).unwrap();
+        let (mut meshes, mut parallel) = (0, 0);
+        for i in 0..60 {
+            let draw = one(i);
+            meshes += u32::from(matches!(draw.scene.data, Data::Mesh(_)));
+            parallel += u32::from(!draw.view.is_perspective());
+            let again = one(i);
+            assert_eq!((&draw.what, draw.max_error, draw.view), (&again.what, again.max_error, again.view));
+            assert_eq!(draw.scene.transfer, again.scene.transfer);
+        }
+        assert!((5..30).contains(&meshes) && (5..30).contains(&parallel), "{meshes} {parallel}");
+    }
+}
