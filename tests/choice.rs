@@ -87,10 +87,9 @@ fn what_cannot_be_met_is_refused_with_the_nearest() {
     let scene = scene(Field::MarschnerLobb, 12, "f32", &FOG);
     let view = view(perspective(), 1.0, 24, 20);
     let why = |goal| choose(&gpu, &scene, &view, goal).unwrap_err();
-    for (goal, says) in [
-        (Goal::MaxError(1e-12), "an error of at most 1e-12"),
-        (Goal::Budget(1e-6), "a frame in 0.000001 ms"),
-    ] {
+    for (goal, says) in
+        [(Goal::MaxError(1e-12), "an error of at most 1e-12"), (Goal::Budget(1e-6), "a frame in 0.000001 ms")]
+    {
         let error = why(goal);
         assert!(matches!(error, Error::Unsupported { .. }), "{error}");
         let text = error.to_string();

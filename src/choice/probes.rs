@@ -171,7 +171,7 @@ mod tests {
         let mut broken = 0;
         for _ in 0..trials {
             let some: Vec<f64> =
-                (0..1000).map(|_| all[(random(&mut state) * all.len() as f64) as usize]).collect();
+                (0..1000).map(|_| all[num::usize_of(random(&mut state) * all.len() as f64)]).collect();
             let found = estimate(&some, &[all.len() as f64 / 1000.0; 1000]);
             assert!(found.bound > found.rmse && found.bound < 1.2 * found.rmse);
             broken += u32::from(found.bound < truth);
