@@ -61,13 +61,14 @@ const MOST_BYTES: u64 = 1 << 20;
 /// Measured with `volraster calibrate` on lavapipe 25.0, 2 cores.
 const BUILT_IN: &str = include_str!("built-in.json");
 
-/// Scenes that settings are measured on: field, cubes or samples along a side, their type, a transfer function.
-const SCENES: &[(&str, Sides, &str)] = &[
-    ("marschner-lobb", Sides::Samples(48, "f32"), "shells"),
-    ("blobs", Sides::Samples(64, "f32"), "fog"),
-    ("marschner-lobb", Sides::Samples(64, "u8"), "fog"),
-    ("blobs", Sides::Cubes(12), "fog"),
-    ("marschner-lobb", Sides::Cubes(16), "shells"),
+/// Scenes that settings are measured on: field, cubes or samples along a side, their type, a transfer function, pixels
+/// along a side of the image. Large enough for what a frame costs whatever it shows to be small.
+const SCENES: &[(&str, Sides, &str, u32)] = &[
+    ("marschner-lobb", Sides::Samples(48, "f32"), "shells", 128),
+    ("blobs", Sides::Samples(64, "f32"), "fog", 128),
+    ("marschner-lobb", Sides::Samples(64, "u8"), "fog", 128),
+    ("blobs", Sides::Cubes(24), "fog", 256),
+    ("marschner-lobb", Sides::Cubes(12), "shells", 192),
 ];
 
 #[derive(Clone, Copy, Debug)]
@@ -75,9 +76,6 @@ enum Sides {
     Samples(u32, &'static str),
     Cubes(u32),
 }
-
-/// Side of the images that are measured, pixels.
-const SIDE: u32 = 128;
 
 impl Profile {
     pub(super) fn new(source: Source, costs: BTreeMap<String, (f64, f64)>) -> Self {
@@ -113,13 +111,13 @@ impl Profile {
     pub fn measure(gpu: &Gpu, progress: &mut dyn FnMut(usize, usize)) -> Result<Self> {
         let mut sums: BTreeMap<String, [f64; 3]> = BTreeMap::new();
         let scenes = SCENES.iter().map(scene_of).collect::<Result<Vec<_>>>()?;
-        let all: usize = scenes.iter().map(|scene| table::candidates(&scene.data).len()).sum();
+        let all: usize = scenes.iter().map(|(scene, _)| table::candidates(&scene.data).len()).sum();
         let mut done = 0;
-        for scene in scenes {
+        for (scene, side) in scenes {
             let projection = Projection::Perspective { fov_y_deg: 42.0 };
             let camera =
                 Camera { eye: DVec3::new(2.0, 1.5, 3.8), target: DVec3::ZERO, up: DVec3::Y, projection };
-            let view = View::new(camera, SIDE, SIDE)?;
+            let view = View::new(camera, side, side)?;
             let probes = Probes::new(&scene, &view)?;
             let candidates = table::candidates(&scene.data);
             let on_gpu = GpuScene::new(gpu, scene);
@@ -229,7 +227,7 @@ fn cost_of(
     }
 }
 
-fn scene_of(&(field, sides, look): &(&str, Sides, &str)) -> Result<Scene> {
+fn scene_of(&(field, sides, look, side): &(&str, Sides, &str, u32)) -> Result<(Scene, u32)> {
     let field = Field::from_name(field)?;
     let (data, range) = match sides {
         Sides::Samples(side, "u8") => (Data::from(field.sample([side; 3], "u8")?), [0.0, 255.0]),
@@ -240,7 +238,7 @@ fn scene_of(&(field, sides, look): &(&str, Sides, &str)) -> Result<Scene> {
         return Err(Error::invalid("transfer function", format!("\"{look}\": is no preset")));
     };
     let transfer: TransferFunction = preset.transfer(range, 1.0)?;
-    Ok(Scene::new(data, transfer))
+    Ok((Scene::new(data, transfer), side))
 }
 
 #[cfg(test)]
