@@ -27,7 +27,7 @@ vec4 next_piece(inout Pending pending, bool back_to_front, uint knots) {
         knot_at(rising ? front.knot + 1 : front.knot, s, after);
         after = crosses ? after : back.optics;
         float x = crosses ? clamp((s - front.s) / (back.s - front.s), 0.0, 1.0) : 1.0;
-        // No thicker than a thin piece; what is opaque all the same ends at its least length.
+        // No thicker than a thin piece, unless of the least length.
         float thin = max(0.5 / (max(max(front.optics.a, after.a), 1e-30) * len), pending.least / len);
         bool thick = thin < x;
         float part = thick ? thin / x : 1.0;
@@ -35,6 +35,9 @@ vec4 next_piece(inout Pending pending, bool back_to_front, uint knots) {
         x = thick ? thin : x;
         vec4 ahead = back_to_front ? optics : front.optics, behind_it = back_to_front ? front.optics : optics;
         vec4 piece = thin_piece(ahead, behind_it, len * x);
+        // A piece of the least length may be thick still. (A loop: software rasterisers run through branches that no invocation takes.)
+        bool opaque = max(ahead.a, behind_it.a) * (len * x) > 0.51;
+        for (uint once = 0u; once < uint(opaque); ++once) piece = thick_piece(ahead, behind_it, len * x);
         pending.front.s = thick ? mix(front.s, back.s, x) : crosses ? s : back.s;
         pending.front.optics = optics;
         pending.front.knot = thick ? front.knot : crosses ? front.knot + (rising ? 1 : -1) : back.knot;

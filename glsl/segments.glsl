@@ -242,6 +242,13 @@ vec4 thin_piece(vec4 ahead, vec4 after, float len) {
     return vec4(ahead.rgb * weight + after.rgb * (alpha - weight), alpha);
 }
 
+// The same of any optical depth.
+vec4 thick_piece(vec4 ahead, vec4 after, float len) {
+    float alpha = alpha_of(len * 0.5 * (ahead.a + after.a));
+    float weight = front_weight(len * ahead.a, len * after.a);
+    return vec4(ahead.rgb * weight + after.rgb * max(alpha - weight, 0.0), alpha);
+}
+
 // The knot of a number.
 void knot_at(int number, inout float s, inout vec4 optics) {
     if (KNOT_WALK == 0) {
@@ -282,11 +289,7 @@ vec4 exact_pieces(End front, End back, float len) {
         float piece_len = (x - done) * len;
         bool thick = max(ahead.a, after.a) * piece_len > 0.5;
         vec4 piece = thin_piece(ahead, after, piece_len);
-        for (uint once = 0u; once < uint(thick); ++once) {
-            float alpha = alpha_of(piece_len * 0.5 * (ahead.a + after.a));
-            float weight = front_weight(piece_len * ahead.a, piece_len * after.a);
-            piece = vec4(ahead.rgb * weight + after.rgb * max(alpha - weight, 0.0), alpha);
-        }
+        for (uint once = 0u; once < uint(thick); ++once) piece = thick_piece(ahead, after, piece_len);
         all = behind(all, piece);
         ahead = after;
         done = x;
