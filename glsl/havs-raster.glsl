@@ -248,7 +248,7 @@ Pair arrival(vec2 line) {
     weight = max(passes ? weight : weight + vec3(bc.aside, -ac.aside, ab.aside) * turn, 0.0);
     float sum = weight.x + weight.y + weight.z;
     weight = sum > 0.0 ? weight / sum : vec3(1.0 / 3.0);
-    float d = dot(weight, vec3(a.d, b.d, c.d)), s = dot(weight, vec3(a.s, b.s, c.s));
+    float d = dot(weight, vec3(a.d, b.d, c.d)), s = scalar_between(weight, a.s, b.s, c.s);
     // Outside of the mesh a line begins with nothing behind it.
     if (!(left || right) || (push.number == 1u && d < push.forward.w)) return Pair(NOTHING, 0u);
     // The view's axes are left-handed: a face that turns counterclockwise has its normal along the line's way back.

@@ -38,7 +38,7 @@ void leave(inout Sweep sweep, inout Pending pending, Pair pair, float begin, flo
         if (!CELL_SCALARS) {
             bool cut = BACK_TO_FRONT ? to < pair.at : from > sweep.last.at;
             float x = ((BACK_TO_FRONT ? to : from) - sweep.last.at) / (pair.at - sweep.last.at);
-            End between = end_at(cut ? mix(first.s, second.s, clamp(x, 0.0, 1.0)) : (BACK_TO_FRONT ? second.s : first.s));
+            End between = end_at(cut ? first.s + (second.s - first.s) * clamp(x, 0.0, 1.0) : (BACK_TO_FRONT ? second.s : first.s));
             if (BACK_TO_FRONT) second = between; else first = between;
         }
     }

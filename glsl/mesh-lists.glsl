@@ -225,7 +225,7 @@ vec2 on_face(float bc, float ac, float ab, vec3 aside, vec4 a, vec4 b, vec4 c, f
     weight = max(passes ? weight : weight + vec3(aside.x, -aside.y, aside.z) * turn, 0.0);
     float sum = weight.x + weight.y + weight.z;
     weight = sum > 0.0 ? weight / sum : vec3(1.0 / 3.0);
-    return weight.x * a.zw + weight.y * b.zw + weight.z * c.zw;
+    return vec2(weight.x * a.z + weight.y * b.z + weight.z * c.z, scalar_between(weight, a.w, b.w, c.w));
 }
 
 bool has(uvec2 mask, uint bit) {
@@ -353,7 +353,7 @@ void main() {
                 if (piece.d0 < push.forward.w) {
                     // The line begins inside.
                     float cut = clamp((push.forward.w - piece.d0) / max(piece.d1 - piece.d0, 1e-30), 0.0, 1.0);
-                    piece.s0 = mix(piece.s0, piece.s1, cut);
+                    piece.s0 += (piece.s1 - piece.s0) * cut;
                     piece.d0 = push.forward.w;
                 }
                 vec2 s = vec2(piece.s0, piece.s1);

@@ -86,6 +86,12 @@ struct Hit {
     float s;
 };
 
+// Three scalars by weights that sum to 1. Equal ones stay equal: they may lie on a jump.
+float scalar_between(vec3 weight, float a, float b, float c) {
+    precise float up = weight.y * (b - a) + weight.z * (c - a);
+    return a + up;
+}
+
 Hit meet(float e0, float e1, float e2, Corner a, Corner b, Corner c) {
     bool inside = (e0 > 0.0 && e1 > 0.0 && e2 > 0.0) || (e0 < 0.0 && e1 < 0.0 && e2 < 0.0);
     float sum = e0 + e1 + e2;
@@ -94,7 +100,7 @@ Hit meet(float e0, float e1, float e2, Corner a, Corner b, Corner c) {
     Hit hit;
     hit.hit = inside ? (sum > 0.0 ? 1.0 : -1.0) : 0.0;
     hit.d = dot(weight, vec3(a.d, b.d, c.d));
-    hit.s = dot(weight, vec3(a.s, b.s, c.s));
+    hit.s = scalar_between(weight, a.s, b.s, c.s);
     return hit;
 }
 
@@ -139,7 +145,7 @@ Piece meet_cell(vec4 p0, vec4 p1, vec4 p2, vec4 p3, vec2 line) {
     if (piece.d0 < push.forward.w) {
         // The line begins inside.
         float x = clamp((push.forward.w - piece.d0) / max(piece.d1 - piece.d0, 1e-30), 0.0, 1.0);
-        piece.s0 = mix(piece.s0, piece.s1, x);
+        piece.s0 += (piece.s1 - piece.s0) * x;
         piece.d0 = push.forward.w;
     }
     return piece;
