@@ -148,7 +148,7 @@ impl RasterFrame {
         let frame = Frame::of(mesh);
         let knots = scene.knots()?;
         let table = scene.table(&desc.segments)?;
-        let push = frame.push(view, &shading_push(scene, &desc, &knots))?;
+        let push = frame.push(view, &shading_push(scene, &desc, &knots)?)?;
         let [width, height] = view.extent();
         let across = width.div_ceil(TILE);
         let tiles = across * height.div_ceil(TILE);

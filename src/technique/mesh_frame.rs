@@ -9,7 +9,7 @@ use std::sync::{Arc, PoisonError};
 use ash::vk;
 
 use super::gpu_scene::{GpuScene, Knots, Table};
-use super::grid_options::SegmentOptions;
+use super::grid_options::{Integrator, SegmentOptions};
 use super::mesh_data::{DrawnPrimitives, MeshData, Needs};
 use super::mesh_overlaps::{self, Overlaps};
 use super::mesh_view::Frame;
@@ -373,16 +373,33 @@ pub(super) fn constants(scene: &GpuScene, desc: &MeshDesc) -> Result<Vec<SpecCon
 }
 
 /// What push constants tell of the scene and the technique.
-pub(super) fn shading_push(scene: &GpuScene, desc: &MeshDesc, knots: &Knots) -> MeshPush {
+///
+/// # Errors
+///
+/// [`Error::Unsupported`] where knots are more than a line can be cut at on this device.
+pub(super) fn shading_push(scene: &GpuScene, desc: &MeshDesc, knots: &Knots) -> Result<MeshPush> {
+    /// Every device manages this many iterations; the probe runs only where the answer counts.
+    const ALWAYS: u32 = 32_768;
+    // A segment may span every knot, and a line has several that do.
+    let turns = knots.count.saturating_mul(8).saturating_add(1024);
+    if desc.segments.integrator == Integrator::Exact && turns > ALWAYS {
+        let limit = scene.gpu().loop_limit()?;
+        if turns > limit {
+            return Err(Error::unsupported(
+                format!("{} integrator=exact", desc.name),
+                format!("{turns} loop iterations for this transfer function, the limit is {limit}; integral works"),
+            ));
+        }
+    }
     let transfer = &scene.scene().transfer;
     let [low, high] = transfer.domain();
-    MeshPush {
+    Ok(MeshPush {
         knots: knots.count,
         opaque: f32_of(desc.stop / transfer.max_colour().max(1.0)),
         smoke: f32_of(desc.smoke),
         alike: f32_of((high - low) * ALIKE),
         ..MeshPush::default()
-    }
+    })
 }
 
 /// What a segment's colour comes from.
@@ -550,7 +567,7 @@ impl MeshFrame {
         let frame = Frame::of(mesh);
         let knots = scene.knots()?;
         let table = scene.table(&desc.segments)?;
-        let push = frame.push(view, &shading_push(scene, &desc, &knots))?;
+        let push = frame.push(view, &shading_push(scene, &desc, &knots)?)?;
         let [width, height] = view.extent();
         let across = width.div_ceil(TILE);
         let tiles = across * height.div_ceil(TILE);

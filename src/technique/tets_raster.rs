@@ -115,7 +115,7 @@ impl TetsRaster {
         let frame = Frame::of(scene.mesh()?);
         let knots = scene.knots()?;
         let table = scene.table(&desc.segments)?;
-        let push = frame.push(view, &shading_push(scene, &desc, &knots))?;
+        let push = frame.push(view, &shading_push(scene, &desc, &knots)?)?;
         let stage = Stage::new(scene, &scene.mesh_data(), &desc, order)?;
 
         // Every fragment that walks through knots loads them all. Between two scalars a table needs none.
