@@ -1,0 +1,3 @@
+//! stub
+use crate::catalogue::{Family, Results};
+pub fn check(_all: &[(&Family, &Results)]) {}

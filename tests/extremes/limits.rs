@@ -1,0 +1,3 @@
+//! stub
+use crate::catalogue::Family;
+pub static FAMILY: Family = Family::new("limits", &[]);
