@@ -155,4 +155,12 @@ vec4 clip_of(vec3 position, float z) {
     vec2 xy = vec2(dot(cross(py, d0), lateral), dot(cross(d0, px), lateral)) / dot(cross(px, py), d0);
     return vec4(xy / push.half_extent, 0.0, push.q0_kq.w + push.px_kd.w * z);
 }
+
+// Whether the domain is so large in pixels, where rays are w apart, that float32 places its corners no better than to a 64th of
+// one: then what covers the whole image takes the place of outlines.
+bool magnified(float w) {
+    const float MOST_PIXELS = 262144.0;
+    vec3 px = push.px_kd.xyz, py = push.py_z0.xyz;
+    return 2.0 * length(push.half_scale.xyz) > MOST_PIXELS * w * min(length(px), length(py));
+}
 #endif

@@ -34,8 +34,8 @@ vec4 slab_corner(uint instance, uint vertex, out uint slab) {
     const int STRIP[6] = int[](0, 1, 5, 2, 4, 3);
     int corner = STRIP[vertex];
 
-    // A slab that touches the eye may cover the whole image.
-    if (CLIP_ENDS && kd != 0.0 && w - 0.5 * h < 0.25 * h) {
+    // A slab that touches the eye may cover the whole image, and so may one that is far larger than it.
+    if (CLIP_ENDS && (kd != 0.0 && w - 0.5 * h < 0.25 * h || magnified(w))) {
         return vec4(corner >= 1 && corner <= 3 ? 1.0 : -1.0, corner < 3 ? -1.0 : 1.0, 0.0, 1.0);
     }
 

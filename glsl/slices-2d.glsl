@@ -123,17 +123,21 @@ void main() {
     low.z = max(low.z, fma(float(slab), h, push.py_z0.w));
     high.z = min(high.z, fma(float(slab + 1u), h, push.py_z0.w));
 
+    const ivec2 CORNER[6] = ivec2[](ivec2(0, 0), ivec2(1, 0), ivec2(0, 1), ivec2(0, 1), ivec2(1, 0), ivec2(1, 1));
     // The box and a margin: rasterisers round vertices to 1/256 pixel, and a pixel too many draws nothing. A
     // pixel is as large as at the box's farthest corner.
     vec3 normal = cross(px, py) / dot(cross(px, py), d0); // depth grows by this per index
     vec3 across = mix(low, high, greaterThan(normal, vec3(0.0)));
     float w_far = kq + kd * dot(normal, across - push.q0_kq.xyz);
+    if (magnified(w_far)) {
+        gl_Position = gl_VertexIndex < 6 ? vec4(2.0 * vec2(CORNER[gl_VertexIndex]) - 1.0, 0.0, 1.0) : vec4(0.0, 0.0, 0.0, 1.0);
+        return;
+    }
     vec3 margin = (sqrt(px * px + py * py) + abs(d0) * 1e-4) * (max(w_far, 0.0) / 32.0);
     low -= margin;
     high += margin;
 
     // Face: axis and side. A viewer on its inner side sees it from inside.
-    const ivec2 CORNER[6] = ivec2[](ivec2(0, 0), ivec2(1, 0), ivec2(0, 1), ivec2(0, 1), ivec2(1, 0), ivec2(1, 1));
     int face = gl_VertexIndex / 6, axis = face >> 1;
     bool upper = (face & 1) == 1;
     float plane = upper ? high[axis] : low[axis];
