@@ -213,10 +213,11 @@ pub fn affine_depth(view: &View, pixel: DVec2) -> f64 {
 pub fn assert_depths(
     image: &Image,
     view: &View,
-    bound: f64,
+    bound: impl Fn(DVec2) -> f64,
     depth: impl Fn(DVec2) -> f64,
 ) -> Result<(), String> {
     for (i, pixel) in pixels(view).filter(|(_, pixel)| !on_outline(view, *pixel)) {
+        let bound = bound(pixel);
         let [r, g, b, a] = image.pixels()[i].map(f64::from);
         near(&format!("opacity at {pixel}"), a, opacity(depth(pixel)), bound)?;
         for (got, colour) in [r, g, b].into_iter().zip(COLOUR) {
