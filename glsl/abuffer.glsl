@@ -125,6 +125,9 @@ void main() {
         }
         if (pending.len > 0.0) composite(sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
     }
+    // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)
+    uint left = end + K - i + uint(pending.len != 0.0);
+    if (left != 0u && sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);
     if (!FLAGGED) flags[word] = (unsorted ? FLAG_UNSORTED : 0u) | (REPAIR ? FLAG_REPAIRED : 0u);
     // Of repair the last round counts.
     bool counts = unsorted && (!REPAIR || push.bins == 1u);

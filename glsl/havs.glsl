@@ -128,6 +128,9 @@ void main() {
         }
         if (pending.len > 0.0) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
     }
+    // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)
+    uint left = max(i, last) - i + uint(pending.len != 0.0);
+    if (left != 0u && sweep.sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);
     if (LAST_CHUNK) {
         // What is not in order tells nothing of overlaps.
         bool overlaps = (sweep.overlaps || (sweep.inside != 0 && sweep.sum.a < opaque)) && !sweep.unsorted;

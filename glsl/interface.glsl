@@ -114,7 +114,8 @@
 #define STATUS_UNREPAIRED 5      // pixels that repair has not put in order yet
 #define STATUS_LONGEST_BIN 6     // primitives of the fullest tile
 #define STATUS_OVERLAPS 7        // pixels in which cells overlap
-#define STATUS_WORDS 8
+#define STATUS_CUT 8             // pixels whose loop the device ended early
+#define STATUS_WORDS 9
 
 // Bits of a pixel's flags, when it is drawn.
 #define FLAG_UNSORTED 1 // what left the k-buffer was not in order

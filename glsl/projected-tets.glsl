@@ -76,6 +76,9 @@ void main() {
         if (!CELL_SCALARS) back = end_at(piece.w);
         composite(sum, cell_segment(front, back, (piece.y - piece.x) * world, knots), BACK_TO_FRONT);
     }
+    // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)
+    uint left = max(i, stop) - i;
+    if (left != 0u && sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);
     flags[word] = unsorted ? FLAG_UNSORTED : 0u;
     if (LAST_CHUNK && unsorted) atomicAdd(status[STATUS_OVERFLOW_PIXELS], 1u);
     imageStore(accumulation, pixel, sum);

@@ -25,7 +25,7 @@ use crate::gpu::shader::{
     BINDING_VIEW_POINTS, COUNT_BITS, FLAG_OVERLAPS, FLAG_REPAIRED, FLAG_UNSORTED, LIST_WINDOW,
     MESH_LISTS_BINS, MESH_LISTS_BOXES, MESH_LISTS_LISTS, MESH_LISTS_POINTS, MOST_TURNS, SPEC_BACK_TO_FRONT,
     SPEC_CELL_SCALARS, SPEC_CELLS, SPEC_EYE_INSIDE, SPEC_FILL, SPEC_INTEGRATOR, SPEC_K, SPEC_KNOT_WALK,
-    SPEC_LAST_CHUNK, SPEC_REPAIR, SPEC_RESUME, STATUS_LONGEST_BIN, STATUS_LOST, STATUS_NAN_KEYS,
+    SPEC_LAST_CHUNK, SPEC_REPAIR, SPEC_RESUME, STATUS_CUT, STATUS_LONGEST_BIN, STATUS_LOST, STATUS_NAN_KEYS,
     STATUS_OVERFLOW_PIXELS, STATUS_OVERLAPS, STATUS_UNREPAIRED, STATUS_WORDS, Shader, TILE, TILE_PIXELS,
 };
 use crate::gpu::sync::Use;
@@ -182,6 +182,7 @@ impl Outcome for MeshOutcome {
     fn read(&self) -> Result<(bool, Vec<(&'static str, u64)>)> {
         let status = words(&self.status.host_copy()?);
         let at = |word: u32| status.get(num::index(word)).copied().unwrap_or(0);
+        check_loops(at(STATUS_CUT))?;
         let bins = total(&self.bins)?;
         let mut fullest = 0;
         let mut fragments = 0;
@@ -220,6 +221,21 @@ impl Outcome for MeshOutcome {
         ];
         Ok((complete, counters))
     }
+}
+
+/// Refuses a frame in which the device has ended loops before they were through.
+///
+/// # Errors
+///
+/// [`Error::Unsupported`] with the number of pixels.
+pub(super) fn check_loops(pixels: u32) -> Result<()> {
+    if pixels == 0 {
+        return Ok(());
+    }
+    Err(Error::unsupported(
+        "this view of the mesh",
+        format!("{pixels} pixels need more turns of a loop than it makes; havs with chunk=5000 makes fewer in one"),
+    ))
 }
 
 pub(super) fn words(bytes: &[u8]) -> Vec<u32> {

@@ -8,13 +8,13 @@ use std::sync::Arc;
 use super::gpu_scene::GpuScene;
 use super::havs_raster::only_flagged;
 use super::mesh_data::{MeshData, Needs};
-use super::mesh_frame::{
+use super::mesh_frame::{check_loops, 
     Lists, MeshDesc, Pass, Primitives, Stage, constants, download, groups_of, measure, pass, words,
 };
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
     ABUFFER_COMPUTE, BINDING_CURSORS, BINDING_LISTS, BINDING_STATUS, SPEC_FLAGGED, SPEC_K, SPEC_REPAIR,
-    STATUS_LONGEST_BIN, STATUS_LOST, STATUS_UNREPAIRED, STATUS_WORDS,
+    STATUS_CUT, STATUS_LONGEST_BIN, STATUS_LOST, STATUS_UNREPAIRED, STATUS_WORDS,
 };
 use crate::gpu::{Buffer, Recorder, Resource, SpecConstant};
 use crate::interface::MeshPush;
@@ -111,6 +111,7 @@ pub(super) fn complete(status: &Buffer, needs: &mut Needs) -> Result<bool> {
     let status = words(&status.host_copy()?);
     let at = |word: u32| status.get(num::index(word)).copied().unwrap_or(0);
     needs.longest_bin = needs.longest_bin.max(at(STATUS_LONGEST_BIN));
+    check_loops(at(STATUS_CUT))?;
     if at(STATUS_UNREPAIRED) > 0 {
         needs.rounds = (needs.rounds * 2).max(2);
     }
