@@ -1,4 +1,4 @@
-//! `cargo bench`: the program's own `bench --quick`, so that there is one way to measure.
+//! `cargo bench`: the program's own `bench smoke`, so that there is one way to measure.
 //!
 //! Results go to `bench` in cargo's target folder. Under `cargo test --benches`, and when asked to
 //! list, there is nothing to do.
@@ -16,7 +16,7 @@ fn main() -> ExitCode {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("bench");
     let status = Command::new(env!("CARGO_BIN_EXE_volraster"))
         .arg("bench")
-        .arg("--quick")
+        .arg("smoke")
         .arg("-o")
         .arg(&folder)
         .status();

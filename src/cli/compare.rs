@@ -1,19 +1,21 @@
 //! `volraster compare`: several techniques against the truth.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use serde_json::{Map, Value, json};
 use volraster::io::{ReadOptions, read_exr, write_exr, write_png};
 use volraster::measure::{ImageErrors, heat_map_f64};
 use volraster::reference::ReferenceImage;
-use volraster::scene::View;
+use volraster::scene::{Data, Scene, View};
 use volraster::technique::{FrameTime, Method};
-use volraster::{Error, GpuScene, Image, Renderer, Result, Technique};
+use volraster::{Error, Gpu, GpuScene, Image, Renderer, Result, Technique};
 
+use super::cache::{Cache, Origin};
+use super::case::device_bytes;
 use super::input::{self, ArrayArg, DeviceArgs, Input, Settings, Size, Wanted};
-use super::timing::Times;
-use super::{Outcome, output, reference, table};
+use super::report::{self, Page, Row};
+use super::timing::{Spread, pass_medians};
+use super::{Outcome, output, table};
 
 /// Frames that are timed, after one that warms up.
 const FRAMES: u32 = 5;
@@ -26,7 +28,7 @@ pub(crate) struct Args {
     scene: PathBuf,
     #[command(flatten)]
     array: ArrayArg,
-    /// Folder for pictures, error pictures and errors.json.
+    /// Folder for pictures, error pictures, errors.json and report.html, which shows all of it in one file.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Techniques with options, separated by `;` or `,`; may be repeated. The scene's own technique keeps
@@ -40,6 +42,9 @@ pub(crate) struct Args {
     /// Image size instead of the scene's.
     #[arg(long, value_name = "WxH", value_parser = Size::parse)]
     size: Option<Size>,
+    /// Draw the reference anew, and keep none.
+    #[arg(long)]
+    no_cache: bool,
     #[command(flatten)]
     device: DeviceArgs,
     /// Turn core and synchronization validation on; any message makes the exit code 1.
@@ -55,6 +60,16 @@ struct Entry {
     stem: String,
     image: Image,
     frames: Vec<FrameTime>,
+    /// What the frame did, where it is known.
+    counters: Vec<(&'static str, u64)>,
+    device_bytes: u64,
+}
+
+/// What came of a list of techniques.
+struct Drawn {
+    entries: Vec<Entry>,
+    /// Of `all`: technique, route and why it does not draw this here.
+    refused: Vec<[String; 3]>,
 }
 
 impl Args {
@@ -93,40 +108,76 @@ impl Args {
             }
         }
         let (gpu, log) = self.device.open(self.validate)?;
-        let scene = GpuScene::new(&gpu, scene);
-        drop(gpu);
+        let device = gpu.report().clone();
         // Pictures first: what the device cannot do is found before the long work, and before anything
         // is written.
-        let entries = draw(&scene, &settings, &lists.concat())?;
-        let computed = given.is_none();
-        let truth = match given {
-            Some(truth) => truth,
-            None => reference::draw(scene.scene(), &settings.view, 1)?,
-        };
+        let Drawn { entries, refused } = draw(&gpu, &scene, &settings, &lists.concat())?;
         // The messages of the device's destruction count.
-        drop(scene);
+        drop(gpu);
+        let (truth, origin) = match given {
+            Some(truth) => (truth, None),
+            None => {
+                let (truth, origin) = self.reference(&scene, &settings.view)?;
+                (truth, Some(origin))
+            }
+        };
 
         output::make_folder(&self.output)?;
-        if computed {
-            write_exr(self.output.join("reference.exr"), &truth.to_image()?)?;
+        let picture = truth.to_image()?;
+        let truth_stem = if origin.is_some() { "reference" } else { "against" };
+        if origin.is_some() {
+            write_exr(self.output.join("reference.exr"), &picture)?;
         }
+        let truth_png = self.output.join(format!("{truth_stem}.png"));
+        write_png(&truth_png, &picture, settings.background)?;
         let mut errors = Vec::new();
-        let mut rows = vec![
+        let mut lines = vec![
             ["technique", "route", "options", "rmse", "max", "bias", "p99", "p99.9", ">1/255", "ms"]
                 .map(str::to_string)
                 .to_vec(),
         ];
+        let mut rows = Vec::new();
         for entry in &entries {
             let measured = ImageErrors::between_f64(&entry.image, &truth)?;
-            entry.write(&self.output, &truth, settings.background)?;
-            rows.push(entry.row(&measured));
+            let pictures = entry.write(&self.output, &truth, settings.background)?;
+            lines.push(entry.line(&measured));
             errors.push(entry.json(&measured));
+            rows.push(entry.row(measured, pictures));
         }
         output::write_json(&self.output.join("errors.json"), &Value::Array(errors))?;
+        let what = match origin {
+            Some(Origin::Drawn) => "float64 reference".to_string(),
+            Some(Origin::Cached) => "float64 reference, drawn before".to_string(),
+            None => self.against.display().to_string(),
+        };
+        let [width, height] = settings.view.extent();
+        let view = if settings.view.is_perspective() { "perspective" } else { "orthographic" };
+        let name = self.scene.file_name().unwrap_or_default().to_string_lossy();
+        let facts = vec![
+            ("Scene", self.scene.display().to_string()),
+            ("Data", format!("{}, {}", settings.data.display(), described(&scene.data))),
+            ("View", format!("{width} × {height}, {view}")),
+            ("Truth", what.clone()),
+            ("Device", format!("{}, {}, Vulkan {}", device.name, device.driver, device.api)),
+            ("Frames", format!("{FRAMES} timed, after one that warms up")),
+            ("volraster", env!("CARGO_PKG_VERSION").to_string()),
+        ];
+        let truth = (read(&truth_png)?, what);
+        let page = Page { title: format!("Comparison: {name}"), facts, truth, rows, refused };
+        volraster::io::write_text(self.output.join("report.html"), &report::html(&page))?;
         if !quiet {
-            output::print(&table::aligned(&rows, &[0, 1, 2]))?;
+            output::print(&table::aligned(&lines, &[0, 1, 2]))?;
         }
         input::silent(&log)
+    }
+
+    /// The reference, with a bar that counts rows.
+    fn reference(&self, scene: &Scene, view: &View) -> Result<(ReferenceImage, Origin)> {
+        let bar = output::progress(u64::from(view.extent()[1]), "reference");
+        let rows = |_: u32, _: u32| bar.inc(1);
+        let image = Cache::of_user(!self.no_cache).image(scene, view, Some(&rows));
+        bar.finish_and_clear();
+        image
     }
 
     fn given_truth(&self) -> Result<Option<ReferenceImage>> {
@@ -139,22 +190,46 @@ impl Args {
     }
 }
 
+/// Kind and size of data.
+fn described(data: &Data) -> String {
+    match data {
+        Data::Grid(grid) => {
+            let [x, y, z] = grid.dims();
+            format!("grid of {x} × {y} × {z} {}", grid.samples().type_name())
+        }
+        Data::Mesh(mesh) => {
+            format!("mesh of {} tetrahedra, {} points", mesh.cells().len(), mesh.points().len())
+        }
+        other => other.kind().to_string(),
+    }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path).map_err(|source| Error::Io {
+        path: path.to_path_buf(),
+        action: "cannot read",
+        source,
+    })
+}
+
 /// Draws what is wanted.
-fn draw(scene: &Arc<GpuScene>, settings: &Settings, list: &[Wanted]) -> Result<Vec<Entry>> {
-    let data = &scene.scene().data;
+fn draw(gpu: &Gpu, scene: &Scene, settings: &Settings, list: &[Wanted]) -> Result<Drawn> {
+    let data = &scene.data;
     let mut entries: Vec<Entry> = Vec::new();
+    let mut refused = Vec::new();
     let mut skipped = None;
     for wanted in list {
         let Wanted::One(request) = *wanted else {
             for (method, route) in by_route().filter(|(method, _)| method.draws(data)) {
                 let drawn = with_route(settings, method, route).and_then(|technique| {
-                    Entry::draw(scene, &settings.view, technique, stem(&entries, technique))
+                    Entry::draw(gpu, scene, &settings.view, technique, stem(&entries, technique))
                 });
                 match drawn {
                     Ok(entry) => entries.push(entry),
                     // Nobody has asked for just this one.
                     Err(error) if is_refusal(&error) => {
                         output::print(&format!("skipped: {}/{route}: {error}", method.name()))?;
+                        refused.push([method.name().to_string(), route.to_string(), error.to_string()]);
                         skipped = Some(error);
                     }
                     Err(error) => return Err(error),
@@ -164,11 +239,11 @@ fn draw(scene: &Arc<GpuScene>, settings: &Settings, list: &[Wanted]) -> Result<V
         };
         let technique = settings.choose(Some(request), data)?;
         let stem = stem(&entries, technique);
-        entries.push(Entry::draw(scene, &settings.view, technique, stem)?);
+        entries.push(Entry::draw(gpu, scene, &settings.view, technique, stem)?);
     }
     match skipped {
         Some(error) if entries.is_empty() => Err(error),
-        _ => Ok(entries),
+        _ => Ok(Drawn { entries, refused }),
     }
 }
 
@@ -198,21 +273,49 @@ fn stem(entries: &[Entry], technique: Technique) -> String {
 }
 
 impl Entry {
-    fn draw(scene: &Arc<GpuScene>, view: &View, technique: Technique, stem: String) -> Result<Self> {
-        let mut drawing = Renderer::new(scene, technique).frames(view)?;
-        drawing.draw(view)?;
-        let frames = (0..FRAMES).map(|_| drawing.draw(view)).collect::<Result<_>>()?;
-        Ok(Self { technique, route: drawing.plan().route(), stem, image: drawing.read_back()?, frames })
+    /// Draws with a scene of its own, so that the memory that is counted is all that is needed.
+    fn draw(gpu: &Gpu, scene: &Scene, view: &View, technique: Technique, stem: String) -> Result<Self> {
+        let scene = GpuScene::new(gpu, scene.clone());
+        let (mut drawing, device_bytes) = device_bytes(&scene, || {
+            let mut drawing = Renderer::new(&scene, technique).frames(view)?;
+            drawing.draw(view)?;
+            Ok(drawing)
+        })?;
+        let frames: Vec<FrameTime> = (0..FRAMES).map(|_| drawing.draw(view)).collect::<Result<_>>()?;
+        let last = frames.last().map_or(&[][..], |frame| &frame.counters);
+        let counters = drawing.plan().counters().into_iter().chain(last.iter().copied()).collect();
+        let (route, image) = (drawing.plan().route(), drawing.read_back()?);
+        Ok(Self { technique, route, stem, image, frames, counters, device_bytes })
     }
 
-    fn write(&self, folder: &Path, truth: &ReferenceImage, background: [f64; 4]) -> Result<()> {
+    /// Writes the picture and its error, and returns both as PNG.
+    fn write(&self, folder: &Path, truth: &ReferenceImage, background: [f64; 4]) -> Result<[Vec<u8>; 2]> {
         let file = |ending: &str| folder.join(format!("{}.{ending}", self.stem));
         write_exr(file("exr"), &self.image)?;
         write_png(file("png"), &self.image, background)?;
-        write_png(file("heat.png"), &heat_map_f64(&self.image, truth)?, [0.0, 0.0, 0.0, 1.0])
+        write_png(file("heat.png"), &heat_map_f64(&self.image, truth)?, [0.0, 0.0, 0.0, 1.0])?;
+        Ok([read(&file("png"))?, read(&file("heat.png"))?])
     }
 
-    fn row(&self, errors: &ImageErrors) -> Vec<String> {
+    /// The row of the report.
+    fn row(&self, errors: ImageErrors, pictures: [Vec<u8>; 2]) -> Row {
+        Row {
+            stem: self.stem.clone(),
+            technique: self.technique.method().name().to_string(),
+            route: self.route.to_string(),
+            options: input::options_text(&self.technique),
+            errors,
+            wall: Spread::wall(&self.frames),
+            gpu: Spread::gpu(&self.frames),
+            passes: pass_medians(&self.frames),
+            counters: self.counters.iter().map(|(name, n)| ((*name).to_string(), *n)).collect(),
+            device_bytes: self.device_bytes,
+            pictures,
+        }
+    }
+
+    /// The line of the table on stdout.
+    fn line(&self, errors: &ImageErrors) -> Vec<String> {
         let all = errors.all;
         vec![
             self.technique.method().name().to_string(),
@@ -224,7 +327,7 @@ impl Entry {
             format!("{:.2e}", all.p99),
             format!("{:.2e}", all.p999),
             format!("{:.2} %", 100.0 * errors.above_1_255),
-            Times::wall(&self.frames).map_or_else(String::new, |times| format!("{:.1}", times.median())),
+            Spread::wall(&self.frames).map_or_else(String::new, |times| format!("{:.1}", times.median)),
         ]
     }
 
@@ -243,11 +346,16 @@ impl Entry {
             put(key, full["all"][statistic].clone());
         }
         put("above_1_255", json!(errors.above_1_255));
-        for (key, times) in [("wall_ms", Times::wall(&self.frames)), ("gpu_ms", Times::gpu(&self.frames))] {
+        for (key, times) in [("wall_ms", Spread::wall(&self.frames)), ("gpu_ms", Spread::gpu(&self.frames))] {
             if let Some(times) = times {
-                put(key, json!(times.median()));
+                put(key, json!(times.median));
             }
         }
+        let passes = pass_medians(&self.frames).into_iter().map(|(name, ms)| (name, json!(ms)));
+        put("passes_ms", passes.collect::<Map<_, _>>().into());
+        put("device_bytes", json!(self.device_bytes));
+        let counters = self.counters.iter().map(|(name, n)| ((*name).to_string(), json!(n)));
+        put("counters", counters.collect::<Map<_, _>>().into());
         put("errors", full);
         Value::Object(entry)
     }

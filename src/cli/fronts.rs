@@ -1,67 +1,71 @@
 //! Fronts of techniques in one view: their table, their JSON, and what their plot shows.
 
 use serde_json::{Value, json};
-use volraster::Technique;
 use volraster::measure::{Cost, Front, TimeAt};
 use volraster::technique::Method;
 
-use super::{input, plot, table};
+use super::picture::Picture;
+use super::plot::{self, Series, Titles};
+use super::record::Record;
+use super::table;
 
 /// Errors at which times are told, with their names.
 const ERRORS: [(&str, f64); 4] = [("1e-2", 1e-2), ("1/255", 1.0 / 255.0), ("1e-3", 1e-3), ("1e-4", 1e-4)];
 
-/// A setting with its time and error.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Measured {
-    pub(crate) technique: Technique,
-    pub(crate) route: &'static str,
-    /// Median wall time in milliseconds, and RMSE.
-    pub(crate) cost: Cost,
-}
-
 /// The front of one technique, over all its routes and options.
 #[derive(Debug)]
-struct Line {
+struct Line<'a> {
     method: Method,
-    measured: Vec<Measured>,
+    /// With median wall time in milliseconds, and RMSE.
+    measured: Vec<(&'a Record, Cost)>,
     front: Front,
 }
 
 /// The fronts of all techniques.
 #[derive(Debug)]
-pub(crate) struct Fronts {
-    lines: Vec<Line>,
+pub(crate) struct Fronts<'a> {
+    lines: Vec<Line<'a>>,
 }
 
-impl Fronts {
-    /// Takes what was measured in one view of some techniques.
-    pub(crate) fn new(methods: &[Method], measured: &[Measured]) -> Self {
+impl<'a> Fronts<'a> {
+    /// Takes the cases of one view. A wrong image has no part.
+    pub(crate) fn new(records: &[&'a Record]) -> Self {
         let line = |method: Method| {
-            let of_method = |one: &&Measured| one.technique.method() == method;
-            let measured: Vec<Measured> = measured.iter().filter(of_method).copied().collect();
-            let costs: Vec<Cost> = measured.iter().map(|one| one.cost).collect();
-            Line { method, measured, front: Front::new(&costs) }
+            let own = || records.iter().copied().filter(move |record| record.technique == method.name());
+            let measured: Vec<(&Record, Cost)> = own()
+                .filter_map(|record| {
+                    let cost = Cost { time: record.wall_ms.as_ref()?.median, error: record.rmse()? };
+                    Some((record, cost))
+                })
+                .collect();
+            let costs: Vec<Cost> = measured.iter().map(|(_, cost)| *cost).collect();
+            own().next().map(|_| Line { method, measured, front: Front::new(&costs) })
         };
-        Self { lines: Method::ALL.into_iter().filter(|method| methods.contains(method)).map(line).collect() }
+        Self { lines: Method::ALL.into_iter().filter_map(line).collect() }
     }
 
-    /// Times at the errors, one row for each technique.
-    pub(crate) fn table(&self) -> String {
+    /// Times at the errors, one row for each technique, below a heading.
+    pub(crate) fn rows(&self) -> Vec<Vec<String>> {
         let heading = ["ms at rmse"].into_iter().chain(ERRORS.map(|(name, _)| name));
         let mut rows = vec![heading.map(str::to_string).collect::<Vec<_>>()];
         for line in &self.lines {
             let cells = ERRORS.map(|(_, error)| cell(line.front.time_at(error)));
             rows.push([line.method.name().to_string()].into_iter().chain(cells).collect());
         }
-        table::aligned(&rows, &[0])
+        rows
+    }
+
+    /// The same as aligned text.
+    pub(crate) fn table(&self) -> String {
+        table::aligned(&self.rows(), &[0])
     }
 
     /// Members of each front and times at the errors.
     pub(crate) fn json(&self) -> Value {
-        let line = |line: &Line| {
+        let line = |line: &Line<'_>| {
             let member = |(place, cost): &(usize, Cost)| {
-                let Measured { technique, route, .. } = &line.measured[*place];
-                let options = input::options_json(technique);
+                let record = line.measured[*place].0;
+                let (route, options) = (&record.route, &record.options);
                 json!({"ms": cost.time, "rmse": cost.error, "route": route, "options": options})
             };
             let at = |(_, error): (&str, f64)| {
@@ -78,16 +82,28 @@ impl Fronts {
     }
 
     /// The fronts as a picture; `None` where nothing has a time and an error that logarithms can show.
-    pub(crate) fn svg(&self, title: &str) -> Option<std::result::Result<String, String>> {
-        let shown = |cost: &Cost| cost.error > 0.0;
-        let series = |line: &Line| plot::Series {
-            name: line.method.name(),
-            line: line.front.members().iter().map(|(_, cost)| *cost).filter(shown).collect(),
-            dots: line.measured.iter().map(|one| one.cost).filter(shown).collect(),
+    pub(crate) fn picture(&self, title: &str, note: &str) -> Option<Picture> {
+        let place = |cost: &Cost| [cost.time, cost.error];
+        let series = |line: &Line<'_>| Series {
+            name: line.method.name().to_string(),
+            style: style(line.method.name()),
+            dashed: false,
+            line: line.front.members().iter().map(|(_, cost)| place(cost)).collect(),
+            dots: line.measured.iter().map(|(_, cost)| place(cost)).collect(),
         };
-        let series: Vec<plot::Series> = self.lines.iter().map(series).collect();
-        plot::log_log(title, "ms a frame (median)", "RMSE", &series)
+        let titles = Titles {
+            title: title.to_string(),
+            note: note.to_string(),
+            x: "ms a frame (median)",
+            y: "RMSE against the reference",
+        };
+        plot::curves(&titles, &self.lines.iter().map(series).collect::<Vec<_>>())
     }
+}
+
+/// The colour and mark of a technique, the same in all plots.
+pub(crate) fn style(technique: &str) -> usize {
+    Method::ALL.iter().position(|method| method.name() == technique).unwrap_or(Method::ALL.len())
 }
 
 /// A time in a table.
@@ -101,25 +117,28 @@ fn cell(time: TimeAt) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::record::tests::case;
     use super::*;
 
-    fn measured(technique: &str, time: f64, error: f64) -> Measured {
-        let technique = Technique::parse(technique).unwrap();
-        Measured { technique, route: "compute", cost: Cost { time, error } }
+    fn measured(technique: &str, options: &str, time: f64, error: f64) -> Record {
+        case(technique, "compute", options, error, &[time])
     }
 
     #[test]
     fn a_technique_s_front_is_over_all_its_options() {
-        let methods = [Method::Raycast, Method::Slices2d, Method::Slices3d, Method::Slabs];
-        let fronts = Fronts::new(
-            &methods,
-            &[
-                measured("slabs:step=2", 10.0, 1e-2),
-                measured("slabs:integrator=full", 30.0, 2e-2),
-                measured("raycast", 5.0, 5e-3),
-                measured("slabs", 1000.0, 1e-4),
-            ],
-        );
+        let mut refused = measured("slices-2d", "", 1.0, 1e-2);
+        refused.wall_ms = None;
+        let mut wrong = measured("slices-3d", "", 1.0, 1e-5);
+        wrong.wrong = true;
+        let cases = [
+            measured("slabs", "step=2", 10.0, 1e-2),
+            measured("slabs", "integrator=full", 30.0, 2e-2),
+            measured("raycast", "", 5.0, 5e-3),
+            measured("slabs", "", 1000.0, 1e-4),
+            refused,
+            wrong,
+        ];
+        let fronts = Fronts::new(&cases.iter().collect::<Vec<_>>());
         let expected = "\
             ms at rmse   1e-2  1/255   1e-3    1e-4\n\
             slices-2d       -      -      -       -\n\
@@ -140,14 +159,14 @@ mod tests {
 
     #[test]
     fn a_picture_names_what_it_shows() {
-        let both = [measured("slabs", 10.0, 1e-2), measured("slabs:step=2", 3.0, 3e-2)];
-        let fronts = Fronts::new(&Method::ALL, &both);
-        let svg = fronts.svg("a <scene>").unwrap().unwrap();
-        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"), "{svg}");
-        for part in ["a &lt;scene&gt;", "slabs", "RMSE", "0.01", "polyline"] {
+        let both = [measured("slabs", "", 10.0, 1e-2), measured("slabs", "step=2", 3.0, 3e-2)];
+        let fronts = Fronts::new(&both.iter().collect::<Vec<_>>());
+        let svg = fronts.picture("a <scene>", "note").unwrap().svg();
+        for part in ["a &lt;scene&gt;", "slabs", "RMSE", ">0.01<", "polyline"] {
             assert!(svg.contains(part), "{part}: {svg}");
         }
         assert!(!svg.contains("raycast"), "no line without a point");
-        assert!(Fronts::new(&Method::ALL, &[measured("slabs", 10.0, 0.0)]).svg("t").is_none());
+        let perfect = measured("slabs", "", 10.0, 0.0);
+        assert!(Fronts::new(&[&perfect]).picture("t", "n").is_none());
     }
 }

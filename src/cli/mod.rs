@@ -3,14 +3,22 @@
 //! | file | what |
 //! |---|---|
 //! | `render`, `reference`, `compare`, `bench`, `calibrate`, `devices`, `techniques`, `info`, `convert` | one command each |
-//! | `suite`, `fronts`, `plot` | of `bench`: scenes and sweeps, time at equal error, its picture |
+//! | `suite`, `case`, `required_k` | of `bench`: scenes and sweeps, one case, pairs that a k-buffer needs |
+//! | `record`, `results`, `tables`, `fronts`, `charts` | of `bench`: a line of its results, its folder, table.md, time at equal error, what plots show |
+//! | `ratios` | `bench --compare` |
+//! | `plot`, `picture` | charts; their lines and letters as SVG and PNG |
+//! | `report` | of `compare`: report.html |
+//! | `cache`, `interrupt` | reference images that were drawn before; Ctrl-C |
 //! | `draws` | of `calibrate`: random scenes on which choices are checked |
 //! | `input` | what several commands take: scene, size, technique, device |
 //! | `output` | stdout, files written beside and renamed, progress |
 //! | `table`, `timing`, `histogram` | aligned text, quantiles of frame times, how often values occur |
 
 mod bench;
+mod cache;
 mod calibrate;
+mod case;
+mod charts;
 mod compare;
 mod convert;
 mod devices;
@@ -19,13 +27,20 @@ mod fronts;
 mod histogram;
 mod info;
 mod input;
+mod interrupt;
 mod output;
+mod picture;
 mod plot;
+mod ratios;
+mod record;
 mod reference;
 mod render;
+mod report;
 mod required_k;
+mod results;
 mod suite;
 mod table;
+mod tables;
 mod techniques;
 mod timing;
 
@@ -77,6 +92,8 @@ enum Failure {
     Error(Error),
     /// Everything was done, and what came out is wrong.
     Finding(String),
+    /// The user has stopped it.
+    Interrupted(String),
 }
 
 impl From<Error> for Failure {
@@ -90,15 +107,16 @@ impl Failure {
     fn line(&self) -> String {
         match self {
             Self::Error(error) => error.to_string(),
-            Self::Finding(text) => text.clone(),
+            Self::Finding(text) | Self::Interrupted(text) => text.clone(),
         }
     }
 
-    /// 0 done, 2 wrong input or usage, 3 the device cannot do it, 1 anything else.
+    /// 0 done, 2 wrong input or usage, 3 the device cannot do it, 130 stopped, 1 anything else.
     fn exit_code(&self) -> u8 {
         match self {
             Self::Error(error) => error.exit_code(),
             Self::Finding(_) => 1,
+            Self::Interrupted(_) => interrupt::EXIT_CODE,
         }
     }
 }

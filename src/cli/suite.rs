@@ -13,17 +13,48 @@ use Shape::{Cubes, Samples};
 /// Image size of the standard scenes and of data found in a folder.
 pub(crate) const SIZE: Size = Size { width: 512, height: 512 };
 
+/// That of the suite `smoke`.
+pub(crate) const SMALL: Size = Size { width: 192, height: 192 };
+
+/// A list of scenes with what is measured on each.
+#[derive(Debug)]
+pub(crate) struct Suite {
+    pub(crate) name: &'static str,
+    /// Lists of scenes, one after the other.
+    scenes: &'static [&'static [StandardScene]],
+    pub(crate) sweeps: &'static [Sweep],
+    pub(crate) size: Size,
+    /// Frames of each case that are timed.
+    pub(crate) frames: usize,
+}
+
+/// The suites.
+pub(crate) const SUITES: &[Suite] = &[
+    Suite { name: "smoke", scenes: &[SMOKE_SCENES], sweeps: SMOKE, size: SMALL, frames: 5 },
+    Suite { name: "standard", scenes: &[SCENES], sweeps: STANDARD, size: SIZE, frames: 9 },
+    Suite { name: "full", scenes: &[SCENES, MORE_SCENES], sweeps: STANDARD, size: SIZE, frames: 15 },
+];
+
+impl Suite {
+    /// The scenes that a technique draws.
+    pub(crate) fn scenes(&self) -> impl Iterator<Item = &'static StandardScene> {
+        self.scenes.iter().flat_map(|list| list.iter()).filter(|scene| scene.is_drawn())
+    }
+}
+
 /// A scene that the project's figures are quoted on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StandardScene {
     pub(crate) name: &'static str,
+    /// What it has in common with scenes that differ in size alone.
+    pub(crate) family: &'static str,
     field: &'static str,
     shape: Shape,
     look: Look,
-    /// From how many of [`PROJECTIONS`] it is seen; `--quick` takes the first alone.
+    /// From how many of [`VIEWS`] it is seen.
     views: usize,
-    /// Whether `--quick` has it.
-    quick: bool,
+    /// Sides of further images, of the first view, with [`SIZES`] alone.
+    sides: &'static [u32],
 }
 
 /// What the field is given on.
@@ -50,48 +81,82 @@ const THIN: Look =
 const SHELLS: Look = Look::Preset("shells");
 const FOG: Look = Look::Preset("fog");
 
-const PROJECTIONS: [Projection; 2] =
-    [Projection::Perspective { fov_y_deg: 42.0 }, Projection::Orthographic { half_height: 1.6 }];
+/// A place to look from.
+#[derive(Clone, Copy, Debug)]
+struct Viewpoint {
+    name: &'static str,
+    eye: [f64; 3],
+    projection: Projection,
+}
+
+const EYE: [f64; 3] = [2.0, 1.5, 3.8];
+const PERSPECTIVE: Projection = Projection::Perspective { fov_y_deg: 42.0 };
+
+/// The first two are the standard ones; the others are from inside and from afar.
+#[rustfmt::skip]
+const VIEWS: [Viewpoint; 4] = [
+    Viewpoint { name: "perspective", eye: EYE, projection: PERSPECTIVE },
+    Viewpoint { name: "orthographic", eye: EYE, projection: Projection::Orthographic { half_height: 1.6 } },
+    Viewpoint { name: "inside", eye: [0.31, 0.22, 0.47], projection: PERSPECTIVE },
+    Viewpoint { name: "far", eye: [8.0, 6.0, 15.2], projection: PERSPECTIVE },
+];
 
 const UNIT: [f64; 2] = [0.0, 1.0];
 const BYTE: [f64; 2] = [0.0, 255.0];
+const SIDES: &[u32] = &[256, 1024];
 
 /// The standard scenes.
 #[rustfmt::skip]
 pub(crate) const SCENES: &[StandardScene] = &[
-    StandardScene { name: "marschner-lobb-64", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, views: 1, quick: false },
-    StandardScene { name: "marschner-lobb-128", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: SHELLS, views: 2, quick: true },
-    StandardScene { name: "marschner-lobb-256", field: "marschner-lobb", shape: Samples(256, "f32", UNIT), look: SHELLS, views: 1, quick: false },
-    StandardScene { name: "blobs-128", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, views: 2, quick: true },
-    StandardScene { name: "thin-128", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: THIN, views: 1, quick: false },
-    StandardScene { name: "marschner-lobb-128-u8", field: "marschner-lobb", shape: Samples(128, "u8", BYTE), look: SHELLS, views: 1, quick: false },
-    StandardScene { name: "blobs-tets-12", field: "blobs", shape: Cubes(12), look: FOG, views: 2, quick: false },
-    StandardScene { name: "blobs-tets-34", field: "blobs", shape: Cubes(34), look: FOG, views: 2, quick: true },
-    StandardScene { name: "blobs-tets-58", field: "blobs", shape: Cubes(58), look: FOG, views: 2, quick: false },
+    StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, views: 1, sides: &[] },
+    StandardScene { name: "marschner-lobb-128", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: SHELLS, views: 2, sides: SIDES },
+    StandardScene { name: "marschner-lobb-256", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(256, "f32", UNIT), look: SHELLS, views: 1, sides: &[] },
+    StandardScene { name: "blobs-128", family: "blobs", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, views: 2, sides: &[] },
+    StandardScene { name: "thin-128", family: "thin", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: THIN, views: 1, sides: &[] },
+    StandardScene { name: "marschner-lobb-128-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(128, "u8", BYTE), look: SHELLS, views: 1, sides: &[] },
+    StandardScene { name: "blobs-tets-12", family: "blobs-tets", field: "blobs", shape: Cubes(12), look: FOG, views: 2, sides: &[] },
+    StandardScene { name: "blobs-tets-34", family: "blobs-tets", field: "blobs", shape: Cubes(34), look: FOG, views: 2, sides: SIDES },
+    StandardScene { name: "blobs-tets-58", family: "blobs-tets", field: "blobs", shape: Cubes(58), look: FOG, views: 2, sides: &[] },
+];
+
+/// Those that the suite `full` has beside them: other sizes and looks, from inside and from afar.
+#[rustfmt::skip]
+pub(crate) const MORE_SCENES: &[StandardScene] = &[
+    StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32", UNIT), look: FOG, views: 1, sides: &[] },
+    StandardScene { name: "blobs-256", family: "blobs", field: "blobs", shape: Samples(256, "f32", UNIT), look: FOG, views: 1, sides: &[] },
+    StandardScene { name: "marschner-lobb-256-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(256, "u8", BYTE), look: SHELLS, views: 1, sides: &[] },
+    StandardScene { name: "blobs-thin-128", family: "blobs-thin", field: "blobs", shape: Samples(128, "f32", UNIT), look: THIN, views: 4, sides: SIDES },
+    StandardScene { name: "marschner-lobb-fog-128", family: "marschner-lobb-fog", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: FOG, views: 4, sides: &[] },
+    StandardScene { name: "ramp-fog-128", family: "ramp-fog", field: "ramp", shape: Samples(128, "f32", UNIT), look: FOG, views: 4, sides: &[] },
+    StandardScene { name: "blobs-tets-23", family: "blobs-tets", field: "blobs", shape: Cubes(23), look: FOG, views: 4, sides: &[] },
+    StandardScene { name: "marschner-lobb-tets-34", family: "marschner-lobb-tets", field: "marschner-lobb", shape: Cubes(34), look: SHELLS, views: 4, sides: &[] },
+];
+
+/// Small ones, for a look at everything.
+#[rustfmt::skip]
+pub(crate) const SMOKE_SCENES: &[StandardScene] = &[
+    StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, views: 1, sides: &[96] },
+    StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32", UNIT), look: FOG, views: 1, sides: &[] },
+    StandardScene { name: "blobs-tets-12", family: "blobs-tets", field: "blobs", shape: Cubes(12), look: FOG, views: 1, sides: &[96] },
 ];
 
 impl StandardScene {
-    /// Those that `--quick` has, or all.
-    pub(crate) fn chosen(quick: bool) -> impl Iterator<Item = &'static Self> {
-        SCENES.iter().filter(move |scene| scene.quick || !quick)
-    }
-
-    /// Number of views.
-    pub(crate) fn view_count(&self, quick: bool) -> usize {
-        if quick { 1 } else { self.views }
-    }
-
-    /// The views.
+    /// The views with their names.
     ///
     /// # Errors
     ///
     /// As [`View::new`].
-    pub(crate) fn views(&self, quick: bool, Size { width, height }: Size) -> Result<Vec<View>> {
-        let view = |&projection: &Projection| {
-            let eye = DVec3::new(2.0, 1.5, 3.8);
-            View::new(Camera { eye, target: DVec3::ZERO, up: DVec3::Y, projection }, width, height)
+    pub(crate) fn views(&self, Size { width, height }: Size) -> Result<Vec<(&'static str, View)>> {
+        let view = |&Viewpoint { name, eye, projection }: &Viewpoint| {
+            let camera = Camera { eye: DVec3::from(eye), target: DVec3::ZERO, up: DVec3::Y, projection };
+            Ok((name, View::new(camera, width, height)?))
         };
-        PROJECTIONS.iter().take(self.view_count(quick)).map(view).collect()
+        VIEWS.iter().take(self.views).map(view).collect()
+    }
+
+    /// The first view at further sizes.
+    pub(crate) fn sizes(&self) -> impl Iterator<Item = Size> {
+        self.sides.iter().map(|&side| Size { width: side, height: side })
     }
 
     /// Whether a technique draws it.
@@ -166,10 +231,13 @@ const RASTER: &[&str] = &["raster"];
 const STEPS: &[&str] = &["8", "4", "2", "1", "0.5", "0.25", "0.125"];
 /// The same without what takes longest.
 const FEWER: &[&str] = &["8", "4", "2", "1", "0.5", "0.25"];
+/// A front of few points.
+const SPARSE: &[&str] = &["4", "1", "0.5"];
 const MIDDLE: &[&str] = &["2", "1", "0.5"];
 const COARSE: &[&str] = &["2", "1"];
 const ONE: &[&str] = &["1"];
 const MESHES: &[Method] = &[Havs, Abuffer, ProjectedTets];
+const EVERY: &[&str] = &["compute", "raster", "interlock", "implementation-ordered"];
 const RASTERS: &[&str] = &["raster", "interlock", "implementation-ordered"];
 const PAIRS: &[&str] = &["1", "2", "4", "7", "15"];
 const INTEGRALS: &[&str] = &["integral", "full", "exact"];
@@ -187,12 +255,12 @@ pub(crate) const STANDARD: &[Sweep] = &[
     Sweep { name: "integrator", methods: &[Slabs], routes: RASTER, options: &[("integrator", INTEGRALS), ("step", MIDDLE)] },
     Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["midpoint"]), ("step", STEPS)] },
     Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["exact"]), ("step", FEWER)] },
-    Sweep { name: "filter", methods: ALL, routes: BOTH, options: &[("step", ONE), ("filter", &["exact"])] },
+    Sweep { name: "filter", methods: ALL, routes: BOTH, options: &[("step", ONE), ("filter", &["hardware", "exact"])] },
     Sweep { name: "target", methods: &[Slices3d], routes: RASTER, options: &[("step", ONE), ("target", &["rgba8", "rgba16", "rgba16f"]), ("order", &["front-to-back"])] },
-    Sweep { name: "dither", methods: &[Slices3d], routes: RASTER, options: &[("step", ONE), ("target", &["rgba8"]), ("dither", &["alpha"])] },
-    Sweep { name: "empty-space", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("empty-space", &["march"])] },
-    Sweep { name: "prefilter", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("prefilter", &["mip"])] },
-    Sweep { name: "stop", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("stop", &["1e-2"])] },
+    Sweep { name: "dither", methods: &[Slices3d], routes: RASTER, options: &[("step", ONE), ("target", &["rgba8"]), ("dither", &["none", "alpha", "blue"])] },
+    Sweep { name: "empty-space", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("empty-space", &["skip", "march"])] },
+    Sweep { name: "prefilter", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("prefilter", &["none", "mip"])] },
+    Sweep { name: "stop", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("stop", &["0", "1e-2"])] },
     Sweep { name: "integrator", methods: MESHES, routes: COMPUTE, options: &[("integrator", INTEGRALS)] },
     Sweep { name: "integrator", methods: &[Havs, ProjectedTets], routes: RASTERS, options: &[("integrator", INTEGRALS)] },
     Sweep { name: "rank", methods: &[ProjectedTets], routes: COMPUTE, options: &[("rank", &["centroid", "power"])] },
@@ -200,23 +268,42 @@ pub(crate) const STANDARD: &[Sweep] = &[
     Sweep { name: "k", methods: &[Havs], routes: COMPUTE, options: &[("k", PAIRS)] },
     Sweep { name: "repair", methods: &[Havs], routes: COMPUTE, options: &[("k", PAIRS), ("repair", &["none"])] },
     Sweep { name: "chunk", methods: &[Havs], routes: COMPUTE, options: &[("chunk", &["64"])] },
-    Sweep { name: "order", methods: MESHES, routes: COMPUTE, options: &[("order", &["back-to-front"])] },
-    Sweep { name: "stop", methods: MESHES, routes: COMPUTE, options: &[("stop", &["1e-2"])] },
-    Sweep { name: "empty-space", methods: MESHES, routes: COMPUTE, options: &[("empty-space", &["march"])] },
+    Sweep { name: "order", methods: MESHES, routes: COMPUTE, options: &[("order", &["front-to-back", "back-to-front"])] },
+    Sweep { name: "stop", methods: MESHES, routes: COMPUTE, options: &[("stop", &["0", "1e-2"])] },
+    Sweep { name: "empty-space", methods: MESHES, routes: COMPUTE, options: &[("empty-space", &["skip", "march"])] },
 ];
 
-/// `--quick`: the same fronts from fewer points.
+/// A little of everything: every technique by every route, and each feature off and on.
 #[rustfmt::skip]
-pub(crate) const QUICK: &[Sweep] = &[
+pub(crate) const SMOKE: &[Sweep] = &[
     Sweep { name: "slices", methods: &[Slices2d], routes: BOTH, options: &[("step", &["slices"])] },
-    Sweep { name: "step", methods: &[Slices2d, Slices3d], routes: COMPUTE, options: &[("step", FEWER)] },
-    Sweep { name: "step", methods: &[Slices3d], routes: RASTER, options: &[("step", ONE)] },
-    Sweep { name: "integrator", methods: &[Slabs], routes: COMPUTE, options: &[("integrator", &["integral"]), ("step", FEWER)] },
-    Sweep { name: "integrator", methods: &[Slabs], routes: COMPUTE, options: &[("integrator", INTEGRALS), ("step", COARSE)] },
+    Sweep { name: "step", methods: &[Slices2d, Slices3d], routes: COMPUTE, options: &[("step", SPARSE)] },
+    Sweep { name: "step", methods: &[Slices2d, Slices3d], routes: RASTER, options: &[("step", COARSE)] },
+    Sweep { name: "integrator", methods: &[Slabs], routes: COMPUTE, options: &[("integrator", &["integral"]), ("step", SPARSE)] },
+    Sweep { name: "integrator", methods: &[Slabs], routes: COMPUTE, options: &[("integrator", INTEGRALS), ("step", ONE)] },
     Sweep { name: "integrator", methods: &[Slabs], routes: RASTER, options: &[("integrator", &["integral"]), ("step", ONE)] },
-    Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["midpoint"]), ("step", FEWER)] },
-    Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["exact"]), ("step", COARSE)] },
+    Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["midpoint"]), ("step", SPARSE)] },
+    Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["exact"]), ("step", ONE)] },
+    Sweep { name: "filter", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("filter", &["hardware", "exact"])] },
+    Sweep { name: "dither", methods: &[Slices3d], routes: RASTER, options: &[("step", ONE), ("target", &["rgba8"]), ("dither", &["none", "blue"])] },
+    Sweep { name: "empty-space", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("empty-space", &["skip", "march"])] },
+    Sweep { name: "prefilter", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("prefilter", &["none", "mip"])] },
+    Sweep { name: "stop", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("stop", &["0", "1e-2"])] },
     Sweep { name: "integrator", methods: MESHES, routes: COMPUTE, options: &[("integrator", INTEGRALS)] },
+    Sweep { name: "integrator", methods: &[Havs, ProjectedTets], routes: RASTERS, options: &[("integrator", &["exact"])] },
+    Sweep { name: "rank", methods: &[ProjectedTets], routes: COMPUTE, options: &[("rank", &["centroid", "power"])] },
+    Sweep { name: "fan", methods: &[ProjectedTets], routes: RASTER, options: &[("plane", &["image", "space"]), ("shade", &["fragment", "vertex"])] },
+    Sweep { name: "repair", methods: &[Havs], routes: COMPUTE, options: &[("repair", &["exact", "none"])] },
+    Sweep { name: "stop", methods: MESHES, routes: COMPUTE, options: &[("stop", &["0", "1e-2"])] },
+    Sweep { name: "empty-space", methods: MESHES, routes: COMPUTE, options: &[("empty-space", &["skip", "march"])] },
+];
+
+/// How time grows with the image: every technique by every route.
+#[rustfmt::skip]
+pub(crate) const SIZES: &[Sweep] = &[
+    Sweep { name: "size", methods: &[Slices2d], routes: BOTH, options: &[("step", &["slices"])] },
+    Sweep { name: "size", methods: &[Slices3d, Slabs, Raycast], routes: BOTH, options: &[("step", ONE)] },
+    Sweep { name: "size", methods: MESHES, routes: EVERY, options: &[] },
 ];
 
 /// Data found in a folder: little of each, for there may be much of it.
@@ -317,33 +404,39 @@ mod tests {
 
     #[test]
     fn the_lists_hold_and_cover_every_technique_and_route() {
-        for sweeps in [STANDARD, QUICK, DATA] {
+        for sweeps in [STANDARD, SMOKE, SIZES, DATA] {
             let settings = settings(sweeps).unwrap();
             for method in Method::ALL {
                 assert!(settings.iter().any(|setting| setting.technique.method() == method), "{method:?}");
             }
         }
-        let standard = settings(STANDARD).unwrap();
-        for (method, route) in super::super::compare::by_route() {
-            let drawn = |setting: &&Setting| setting.technique.method() == method && setting.route == route;
-            assert!(standard.iter().filter(drawn).count() >= MIDDLE.len(), "{method:?} {route}");
+        for (sweeps, least) in [(STANDARD, MIDDLE.len()), (SMOKE, 1), (SIZES, 1)] {
+            let settings = settings(sweeps).unwrap();
+            for (method, route) in super::super::compare::by_route() {
+                let drawn =
+                    |setting: &&Setting| setting.technique.method() == method && setting.route == route;
+                assert!(settings.iter().filter(drawn).count() >= least, "{method:?} {route}");
+            }
         }
     }
 
     #[test]
     fn the_standard_scenes_hold() {
-        assert_eq!(StandardScene::chosen(true).count(), 3);
-        let mut names: Vec<&str> = SCENES.iter().map(|scene| scene.name).collect();
-        names.sort_unstable();
-        names.dedup();
-        assert_eq!(names.len(), SCENES.len());
-        for scene in SCENES {
-            assert_eq!(scene.views(false, SIZE).unwrap().len(), scene.view_count(false));
+        for suite in SUITES {
+            let mut names: Vec<&str> = suite.scenes().map(|scene| scene.name).collect();
+            let count = names.len();
+            assert!(count >= 3, "{}", suite.name);
+            names.sort_unstable();
+            names.dedup();
+            assert_eq!(names.len(), count, "{}", suite.name);
+        }
+        for scene in [SCENES, MORE_SCENES, SMOKE_SCENES].concat() {
+            assert_eq!(scene.views(SIZE).unwrap().len(), scene.views);
             let small = match scene.shape {
                 Samples(_, kind, range) => Samples(4, kind, range),
                 Cubes(_) => Cubes(2),
             };
-            let loaded = StandardScene { shape: small, ..*scene }.load().unwrap();
+            let loaded = StandardScene { shape: small, ..scene }.load().unwrap();
             match (scene.shape, &loaded.data) {
                 (Samples(_, kind, _), Data::Grid(grid)) => assert_eq!(grid.samples().type_name(), kind),
                 (Cubes(_), Data::Mesh(mesh)) => assert_eq!(mesh.cells().len(), 40),

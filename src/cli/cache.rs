@@ -1,0 +1,366 @@
+//! Reference images that were drawn before.
+//!
+//! A file is named by the SHA-256 of all that decides its image: samples or cells, transfer function, camera, size,
+//! and the sources that draw it. It ends in a SHA-256 of itself; one that is damaged is drawn anew. What has not been
+//! asked for longest goes when all take more than [`MOST_BYTES`].
+
+use std::io::{Read as _, Write as _};
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use flate2::Compression;
+use flate2::read::ZlibDecoder;
+use flate2::write::ZlibEncoder;
+use sha2::{Digest, Sha256};
+use volraster::reference::{self, ReferenceImage, ReferenceOptions};
+use volraster::scene::{Data, Grid, Samples, Scene, TetScalars, Tets, View};
+use volraster::{Error, Result};
+
+/// What all files may take.
+const MOST_BYTES: u64 = 1 << 30;
+
+const MAGIC: &[u8; 8] = b"VOLRREF1";
+/// Magic, width, height.
+const HEADER: usize = 8 + 4 + 4;
+const HASH: usize = 32;
+const ENDING: &str = "reference";
+
+/// The sources that an image depends on: another reference is another image.
+const SOURCES: &[(&str, &[u8])] = &[
+    ("reference/cover.rs", include_bytes!("../reference/cover.rs")),
+    ("reference/grid.rs", include_bytes!("../reference/grid.rs")),
+    ("reference/march.rs", include_bytes!("../reference/march.rs")),
+    ("reference/mod.rs", include_bytes!("../reference/mod.rs")),
+    ("reference/polynomial.rs", include_bytes!("../reference/polynomial.rs")),
+    ("reference/quadrature.rs", include_bytes!("../reference/quadrature.rs")),
+    ("reference/tets.rs", include_bytes!("../reference/tets.rs")),
+    ("scene/camera.rs", include_bytes!("../scene/camera.rs")),
+    ("scene/grid.rs", include_bytes!("../scene/grid.rs")),
+    ("scene/tets.rs", include_bytes!("../scene/tets.rs")),
+    ("scene/transfer.rs", include_bytes!("../scene/transfer.rs")),
+];
+
+/// A folder of reference images.
+#[derive(Clone, Debug)]
+pub(crate) struct Cache {
+    /// `None`: nothing is kept.
+    folder: Option<PathBuf>,
+    most_bytes: u64,
+}
+
+/// Whether drawing was needed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Origin {
+    Drawn,
+    Cached,
+}
+
+impl Cache {
+    /// The user's, or none.
+    pub(crate) fn of_user(is_used: bool) -> Self {
+        // A path that is not absolute counts as none, as the XDG base directory specification has it.
+        let set = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+        let user = || {
+            set("XDG_CACHE_HOME")
+                .or_else(|| set("LOCALAPPDATA"))
+                .or_else(|| Some(set("HOME")?.join(".cache")))
+                .map(|cache| cache.join("volraster").join("reference"))
+        };
+        Self { folder: is_used.then(user).flatten(), most_bytes: MOST_BYTES }
+    }
+
+    /// The reference image of a view, with one ray for each pixel. `progress` is told as by [`reference::render`].
+    ///
+    /// # Errors
+    ///
+    /// As [`reference::render`]. A cache that cannot be read or written is no error.
+    pub(crate) fn image(
+        &self,
+        scene: &Scene,
+        view: &View,
+        progress: Option<&(dyn Fn(u32, u32) + Sync)>,
+    ) -> Result<(ReferenceImage, Origin)> {
+        let path = self.folder.as_ref().and_then(|folder| {
+            let key = key(scene, view)?;
+            let name: String = key.iter().map(|byte| format!("{byte:02x}")).collect();
+            Some(folder.join(format!("{name}.{ENDING}")))
+        });
+        if let Some(path) = &path
+            && let Some(image) = load(path, view.extent())
+        {
+            touch(path);
+            return Ok((image, Origin::Cached));
+        }
+        let image = reference::render(scene, view, &ReferenceOptions::default(), progress)?;
+        if let Some(path) = &path {
+            // Another run finds nothing, or all of it.
+            let _ = self.store(path, &image);
+        }
+        Ok((image, Origin::Drawn))
+    }
+
+    fn store(&self, path: &Path, image: &ReferenceImage) -> Result<()> {
+        let Some(folder) = &self.folder else { return Ok(()) };
+        let failed = |source| Error::Io { path: path.to_path_buf(), action: "cannot write", source };
+        let bytes = encoded(image).map_err(failed)?;
+        if bytes.len() as u64 > self.most_bytes {
+            return Ok(());
+        }
+        std::fs::create_dir_all(folder).map_err(failed)?;
+        self.make_room(bytes.len() as u64);
+        let part = path.with_extension(format!("{}.part", std::process::id()));
+        let written = std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, path));
+        if written.is_err() {
+            let _ = std::fs::remove_file(&part);
+        }
+        written.map_err(failed)
+    }
+
+    /// Removes what has not been asked for longest until so many bytes more may be there, and what writers left.
+    fn make_room(&self, bytes: u64) {
+        let Some(entries) = self.folder.as_ref().and_then(|folder| std::fs::read_dir(folder).ok()) else {
+            return;
+        };
+        let mut files: Vec<(SystemTime, u64, PathBuf)> = Vec::new();
+        for entry in entries.flatten() {
+            let (path, Ok(meta)) = (entry.path(), entry.metadata()) else { continue };
+            let is_ours = path.extension().is_some_and(|ending| ending == ENDING || ending == "part");
+            if let (true, true, Ok(used)) = (is_ours, meta.is_file(), meta.modified()) {
+                files.push((used, meta.len(), path));
+            }
+        }
+        files.sort();
+        let mut all: u64 = files.iter().map(|(_, size, _)| size).sum();
+        for (_, size, path) in files {
+            if all + bytes <= self.most_bytes {
+                break;
+            }
+            if std::fs::remove_file(path).is_ok() {
+                all -= size;
+            }
+        }
+    }
+}
+
+/// Says that a file was asked for just now.
+fn touch(path: &Path) {
+    if let Ok(file) = std::fs::OpenOptions::new().append(true).open(path) {
+        let _ = file.set_modified(SystemTime::now());
+    }
+}
+
+/// What decides an image; `None` for data that no reference draws.
+fn key(scene: &Scene, view: &View) -> Option<[u8; HASH]> {
+    let mut hash = Sha256::new();
+    // Each part behind its length, so that no two lists of parts are one sequence of bytes.
+    let mut put = |bytes: &[u8]| {
+        hash.update((bytes.len() as u64).to_le_bytes());
+        hash.update(bytes);
+    };
+    put(env!("CARGO_PKG_VERSION").as_bytes());
+    for (name, source) in SOURCES {
+        put(name.as_bytes());
+        put(source);
+    }
+    // Numbers are written so that they are read back as they were.
+    put(format!("{:?} {:?}", view.camera(), view.extent()).as_bytes());
+    put(format!("{:?}", scene.transfer.knots()).as_bytes());
+    match &scene.data {
+        Data::Grid(grid) => of_grid(grid, &mut put),
+        Data::Mesh(mesh) => of_mesh(mesh, &mut put),
+        _ => return None,
+    }
+    Some(hash.finalize().into())
+}
+
+fn of_grid(grid: &Grid, put: &mut impl FnMut(&[u8])) {
+    let place = (grid.dims(), grid.index_to_world(), grid.origin(), grid.rescale());
+    put(format!("grid {:?} {place:?}", grid.samples().type_name()).as_bytes());
+    match grid.samples() {
+        Samples::U8(samples) => put(samples),
+        Samples::U16(samples) => put(bytemuck::cast_slice(samples)),
+        Samples::I16(samples) => put(bytemuck::cast_slice(samples)),
+        Samples::F32(samples) => put(bytemuck::cast_slice(samples)),
+    }
+}
+
+fn of_mesh(mesh: &Tets, put: &mut impl FnMut(&[u8])) {
+    let kind = match mesh.scalars() {
+        TetScalars::Point(_) => "mesh, scalars of points",
+        TetScalars::Cell(_) => "mesh, scalars of cells",
+    };
+    put(kind.as_bytes());
+    put(bytemuck::cast_slice(mesh.points()));
+    put(bytemuck::cast_slice(mesh.cells()));
+    put(bytemuck::cast_slice(mesh.scalars().values()));
+}
+
+fn encoded(image: &ReferenceImage) -> std::io::Result<Vec<u8>> {
+    let mut bytes = MAGIC.to_vec();
+    bytes.extend(image.width().to_le_bytes());
+    bytes.extend(image.height().to_le_bytes());
+    // Most of many images is empty.
+    let mut packer = ZlibEncoder::new(bytes, Compression::fast());
+    for pixel in image.pixels() {
+        for channel in pixel {
+            packer.write_all(&channel.to_le_bytes())?;
+        }
+    }
+    let mut bytes = packer.finish()?;
+    let hash = Sha256::digest(&bytes);
+    bytes.extend_from_slice(&hash);
+    Ok(bytes)
+}
+
+/// A file's image, if it is whole and of this size.
+fn load(path: &Path, extent: [u32; 2]) -> Option<ReferenceImage> {
+    let pixels = u64::from(extent[0]) * u64::from(extent[1]);
+    // Deflate adds little to what it cannot pack.
+    if std::fs::metadata(path).ok()?.len() > 33 * pixels + 4096 {
+        return None;
+    }
+    decoded(&std::fs::read(path).ok()?, extent)
+}
+
+fn decoded(bytes: &[u8], extent: [u32; 2]) -> Option<ReferenceImage> {
+    let (body, hash) = bytes.split_at_checked(bytes.len().checked_sub(HASH)?)?;
+    let (header, packed) = body.split_at_checked(HEADER)?;
+    let expected = [MAGIC.as_slice(), &extent[0].to_le_bytes(), &extent[1].to_le_bytes()].concat();
+    if header != expected || *Sha256::digest(body) != *hash {
+        return None;
+    }
+    let mut unpacked = ZlibDecoder::new(packed);
+    let pixels = (0..u64::from(extent[0]) * u64::from(extent[1])).map(|_| {
+        let mut bytes = [[0; 8]; 4];
+        for channel in &mut bytes {
+            unpacked.read_exact(channel).ok()?;
+        }
+        Some(bytes.map(f64::from_le_bytes))
+    });
+    ReferenceImage::new(extent[0], extent[1], pixels.collect::<Option<Vec<_>>>()?).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU32, Ordering};
+    use volraster::glam::DVec3;
+    use volraster::scene::{Camera, Field, Projection, TransferFunction};
+
+    fn scene(name: &str, cubes: bool, extinction: f64) -> Scene {
+        let field = Field::from_name(name).unwrap();
+        let transfer =
+            TransferFunction::from_rows(&[[0.0, 0.1, 0.2, 0.3, 0.0], [1.0, 1.0, 1.0, 0.5, extinction]]);
+        let data: Data =
+            if cubes { field.tets(2).unwrap().into() } else { field.sample([5; 3], "f32").unwrap().into() };
+        Scene::new(data, transfer.unwrap())
+    }
+
+    fn view(x: f64, width: u32) -> View {
+        let projection = Projection::Perspective { fov_y_deg: 42.0 };
+        let camera = Camera { eye: DVec3::new(x, 1.5, 3.8), target: DVec3::ZERO, up: DVec3::Y, projection };
+        View::new(camera, width, 6).unwrap()
+    }
+
+    fn cache(name: &str) -> Cache {
+        let folder = std::env::temp_dir().join(format!("volraster-{name}-{}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&folder);
+        Cache { folder: Some(folder), most_bytes: MOST_BYTES }
+    }
+
+    fn files(cache: &Cache) -> Vec<PathBuf> {
+        let entries = std::fs::read_dir(cache.folder.as_ref().unwrap()).unwrap();
+        let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+        files.sort();
+        files
+    }
+
+    #[test]
+    fn every_source_of_the_reference_counts() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/reference");
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let name = entry.unwrap().file_name().into_string().unwrap();
+            let listed = SOURCES.iter().any(|(known, _)| *known == format!("reference/{name}"));
+            assert!(listed || name.starts_with("tests"), "{name}");
+        }
+    }
+
+    #[test]
+    fn what_decides_an_image_is_its_key() {
+        let keys = [
+            key(&scene("blobs", false, 3.0), &view(2.0, 8)),
+            key(&scene("blobs", false, 3.5), &view(2.0, 8)),
+            key(&scene("marschner-lobb", false, 3.0), &view(2.0, 8)),
+            key(&scene("blobs", true, 3.0), &view(2.0, 8)),
+            key(&scene("blobs", false, 3.0), &view(2.0 + 1e-15, 8)),
+            key(&scene("blobs", false, 3.0), &view(2.0, 9)),
+        ];
+        for (i, key) in keys.iter().enumerate() {
+            assert!(key.is_some() && !keys[..i].contains(key), "{i}");
+        }
+        assert_eq!(keys[0], key(&scene("blobs", false, 3.0), &view(2.0, 8)));
+    }
+
+    #[test]
+    fn an_image_is_drawn_once_to_the_bit_and_again_when_its_file_is_damaged() {
+        let cache = cache("damaged");
+        let (scene, view) = (scene("blobs", false, 3.0), view(2.0, 8));
+        let rows = AtomicU32::new(0);
+        let progress = |_: u32, _: u32| drop(rows.fetch_add(1, Ordering::Relaxed));
+        let (image, origin) = cache.image(&scene, &view, Some(&progress)).unwrap();
+        assert_eq!((origin, rows.load(Ordering::Relaxed)), (Origin::Drawn, 6));
+        assert!(image.pixels().iter().any(|pixel| pixel[3] > 0.1));
+        assert_eq!(cache.image(&scene, &view, Some(&progress)).unwrap(), (image.clone(), Origin::Cached));
+        assert_eq!(rows.load(Ordering::Relaxed), 6);
+        let [path] = &files(&cache)[..] else { panic!("{:?}", files(&cache)) };
+        let whole = std::fs::read(path).unwrap();
+        for i in 0..whole.len() {
+            let mut damaged = whole.clone();
+            damaged[i] ^= 4;
+            assert_eq!(decoded(&damaged, [8, 6]), None, "byte {i}");
+            assert_eq!(decoded(&whole[..i], [8, 6]), None, "length {i}");
+        }
+        assert_eq!(decoded(&whole, [6, 8]), None);
+        std::fs::write(path, &whole[..whole.len() / 2]).unwrap();
+        assert_eq!(cache.image(&scene, &view, None).unwrap(), (image.clone(), Origin::Drawn));
+        assert_eq!(std::fs::read(path).unwrap(), whole);
+        // Without a cache nothing is kept.
+        let none = Cache::of_user(false);
+        assert_eq!(none.image(&scene, &view, None).unwrap(), (image, Origin::Drawn));
+        std::fs::remove_dir_all(cache.folder.unwrap()).unwrap();
+    }
+
+    #[test]
+    fn what_was_not_asked_for_longest_makes_room() {
+        let mut cache = cache("room");
+        let scene = scene("blobs", true, 3.0);
+        let views = [2.0, 2.1, 2.2].map(|x| view(x, 8));
+        for (i, view) in (0_u64..).zip(&views) {
+            cache.image(&scene, view, None).unwrap();
+            // An hour between them, so that clocks do not matter.
+            for path in files(&cache) {
+                let file = std::fs::OpenOptions::new().append(true).open(path).unwrap();
+                let age = std::time::Duration::from_secs(3600 * (10 - i));
+                if file.metadata().unwrap().modified().unwrap().elapsed().unwrap().as_secs() < 1800 {
+                    file.set_modified(SystemTime::now() - age).unwrap();
+                }
+            }
+        }
+        let sizes: Vec<u64> = files(&cache).iter().map(|path| path.metadata().unwrap().len()).collect();
+        assert_eq!(sizes.len(), 3);
+        // The first is the oldest, and is asked for again.
+        assert_eq!(cache.image(&scene, &views[0], None).unwrap().1, Origin::Cached);
+        cache.most_bytes = sizes.iter().sum::<u64>() + 10;
+        cache.image(&scene, &view(2.3, 8), None).unwrap();
+        assert!(files(&cache).len() <= 3);
+        assert_eq!(cache.image(&scene, &views[0], None).unwrap().1, Origin::Cached);
+        cache.most_bytes = u64::MAX;
+        assert_eq!(cache.image(&scene, &views[1], None).unwrap().1, Origin::Drawn);
+        // What is larger than all of it is not kept.
+        cache.most_bytes = 10;
+        cache.image(&scene, &view(2.4, 8), None).unwrap();
+        cache.most_bytes = u64::MAX;
+        assert_eq!(cache.image(&scene, &view(2.4, 8), None).unwrap().1, Origin::Drawn);
+        std::fs::remove_dir_all(cache.folder.unwrap()).unwrap();
+    }
+}

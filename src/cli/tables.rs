@@ -1,0 +1,282 @@
+//! table.md: what `bench` measured, for reading.
+
+use std::fmt::Write as _;
+
+use super::charts::{Chart, view_title};
+use super::fronts::Fronts;
+use super::plot::{count, three_digits};
+use super::record::{Record, views};
+use super::timing::{Spread, Times, ratio};
+
+/// Options that a scene may have no use for, and what to each is off.
+const FEATURES: [(&str, &str); 7] = [
+    ("empty-space", "march"),
+    ("stop", "0"),
+    ("prefilter", "none"),
+    ("filter", "hardware"),
+    ("dither", "none"),
+    ("repair", "none"),
+    ("order", "front-to-back"),
+];
+
+/// The whole text.
+pub(crate) fn markdown(records: &[Record], charts: &[Chart], is_interrupted: bool) -> String {
+    let mut text = String::from("# Benchmark\n\n");
+    if let Some(first) = records.first() {
+        // Writing into a string cannot fail.
+        let _ = writeln!(
+            text,
+            "{}, {}, Vulkan {}; volraster {}. Times are wall times from recording to fence, medians in ms, in brackets \
+             where the median lies with 95 % (bootstrap). Errors are over premultiplied linear RGBA, against the float64 \
+             reference.\n",
+            plain(&first.device),
+            plain(&first.driver),
+            plain(&first.api),
+            plain(&first.version)
+        );
+    }
+    if is_interrupted {
+        text.push_str("**The run was stopped before its end: this is what it had.**\n\n");
+    }
+    for view in views(records) {
+        let _ = writeln!(text, "## {}\n", plain(&view_title(view[0])));
+        let kind = if view[0].data == "mesh" { "tetrahedra" } else { "voxels" };
+        let _ = writeln!(text, "{} {kind}.\n", view[0].elements);
+        for chart in
+            charts.iter().filter(|chart| chart.title.ends_with(&format!(": {}", view_title(view[0]))))
+        {
+            let _ = writeln!(text, "![{}]({}.svg)\n", plain(&chart.title), address(&chart.name));
+        }
+        text.push_str("Time at equal error, the best over routes and options (`<=`: the coarsest setting is better already; `-`: not reached):\n\n");
+        text.push_str(&table(&Fronts::new(&view).rows(), 1));
+        text.push_str("\nEvery case:\n\n");
+        text.push_str(&cases(&view));
+        let features = features(&view);
+        if features.len() > 1 {
+            text.push_str("\nOptional features, off and on, everything else the same:\n\n");
+            text.push_str(&table(&features, 4));
+        }
+        let refused: Vec<Vec<String>> = view.iter().filter_map(|record| refusal(record)).collect();
+        if !refused.is_empty() {
+            text.push_str("\nNot drawn, or wrong:\n\n");
+            let heading = ["technique", "route", "options", "why"].map(str::to_string).to_vec();
+            text.push_str(&table(&[vec![heading], refused].concat(), 4));
+        }
+        text.push('\n');
+    }
+    let sizes: Vec<&Chart> = charts.iter().filter(|chart| chart.name.starts_with("size-")).collect();
+    if !sizes.is_empty() {
+        text.push_str("## Time over size\n\n");
+        for chart in sizes {
+            let _ = writeln!(text, "![{}]({}.svg)\n", plain(&chart.title), address(&chart.name));
+        }
+    }
+    text
+}
+
+fn cases(view: &[&Record]) -> String {
+    let is_mesh = view[0].data == "mesh";
+    let mut heading = vec!["technique", "route", "options", "RMSE", "max", "ms", "95 %", "gpu ms", "MiB"];
+    if is_mesh {
+        heading.extend(["tets/s", "fragments/s"]);
+    }
+    let mut rows = vec![heading.into_iter().map(str::to_string).collect::<Vec<_>>()];
+    for record in view.iter().filter(|record| record.skipped.is_none() && record.failed.is_none()) {
+        let error = |name: &str| record.error(name).map_or_else(dash, |error| format!("{error:.2e}"));
+        let wall = record.wall_ms.as_ref();
+        let per_second = |number: Option<f64>| match (number, wall) {
+            (Some(number), Some(spread)) => count(number / spread.median * 1e3),
+            _ => dash(),
+        };
+        let mut row = names(record);
+        row.extend([error("rmse"), error("max_abs")]);
+        row.push(wall.map_or_else(dash, |spread| three_digits(spread.median)));
+        row.push(wall.map_or_else(dash, interval));
+        row.push(record.gpu_ms.as_ref().map_or_else(dash, |spread| three_digits(spread.median)));
+        row.push(
+            record.device_bytes.map_or_else(dash, |bytes| three_digits(bytes as f64 / f64::from(1 << 20))),
+        );
+        if is_mesh {
+            row.extend([per_second(Some(record.elements as f64)), per_second(record.counter("fragments"))]);
+        }
+        rows.push(row);
+    }
+    table(&rows, 3)
+}
+
+/// Each feature beside the case that differs in it alone.
+fn features(view: &[&Record]) -> Vec<Vec<String>> {
+    let heading = [
+        "feature",
+        "technique",
+        "route",
+        "options",
+        "off ms",
+        "on ms",
+        "on/off",
+        "95 %",
+        "off RMSE",
+        "on RMSE",
+    ];
+    let mut rows = vec![heading.map(str::to_string).to_vec()];
+    for (key, off) in FEATURES {
+        for record in view.iter().filter(|record| record.wall_ms.is_some()) {
+            let word = |record: &Record| {
+                record
+                    .options
+                    .get(key)
+                    .map(|value| value.as_str().map_or_else(|| value.to_string(), str::to_string))
+            };
+            let Some(on) = word(record).filter(|value| value.trim_end_matches(".0") != off) else { continue };
+            let others = |record: &Record| {
+                // The seed of random rounding says nothing where nothing is rounded.
+                let kept = record.options.iter().filter(|(name, _)| *name != key && *name != "seed");
+                kept.map(|(name, value)| (name.clone(), value.clone())).collect::<Vec<_>>()
+            };
+            let same = |other: &&&Record| {
+                other.wall_ms.is_some()
+                    && (&other.technique, &other.route) == (&record.technique, &record.route)
+                    && word(other).is_some_and(|value| value.trim_end_matches(".0") == off)
+                    && others(other) == others(record)
+            };
+            let Some(base) = view.iter().find(same) else { continue };
+            let times =
+                |record: &Record| record.wall_ms.as_ref().and_then(|spread| Times::new(spread.times.clone()));
+            let (Some(before), Some(after)) = (times(base), times(record)) else { continue };
+            let Some(ratio) = ratio(&[[&before, &after]]) else { continue };
+            let error =
+                |record: &Record| record.error("rmse").map_or_else(dash, |error| format!("{error:.2e}"));
+            let [technique, route, options] = <[String; 3]>::try_from(names(base)).unwrap_or_default();
+            // The feature's own value stands before.
+            let others: Vec<&str> =
+                options.split(',').filter(|pair| pair.split('=').next() != Some(key)).collect();
+            rows.push(vec![
+                format!("{key}: {off} → {on}"),
+                technique,
+                route,
+                others.join(","),
+                three_digits(before.median()),
+                three_digits(after.median()),
+                format!("{:.2}", ratio.value),
+                format!("{:.2}..{:.2}", ratio.low, ratio.high),
+                error(base),
+                error(record),
+            ]);
+        }
+    }
+    rows
+}
+
+fn refusal(record: &Record) -> Option<Vec<String>> {
+    let rmse = || record.error("rmse").map_or_else(dash, |error| format!("{error:.2e}"));
+    let why = match (&record.skipped, &record.failed) {
+        (Some(why), _) | (_, Some(why)) => why.clone(),
+        _ if record.wrong => format!("RMSE {}: its precision is too low for this scene", rmse()),
+        _ => return None,
+    };
+    Some([names(record), vec![why]].concat())
+}
+
+fn names(record: &Record) -> Vec<String> {
+    vec![record.technique.clone(), record.route.clone(), record.options_text()]
+}
+
+fn interval(spread: &Spread) -> String {
+    format!("[{}, {}]", three_digits(spread.low), three_digits(spread.high))
+}
+
+fn dash() -> String {
+    "-".to_string()
+}
+
+/// A table, the first row its heading; columns before `text` are left-aligned, the others are of numbers.
+fn table(rows: &[Vec<String>], text: usize) -> String {
+    let line = |row: &Vec<String>| {
+        let cells: Vec<String> = row.iter().map(|cell| plain(cell)).collect();
+        format!("| {} |\n", cells.join(" | "))
+    };
+    let columns = rows.first().map_or(0, Vec::len);
+    let rule: Vec<&str> = (0..columns).map(|i| if i < text { "---" } else { "---:" }).collect();
+    let mut lines = rows.iter().map(line);
+    let heading = lines.next().unwrap_or_default();
+    format!("{heading}|{}|\n{}", rule.join("|"), lines.collect::<String>())
+}
+
+/// Text of files, without what Markdown or HTML in it would obey.
+fn plain(text: &str) -> String {
+    let mut out = String::new();
+    for c in text.chars() {
+        match c {
+            '|' | '*' | '_' | '`' | '[' | ']' | '<' | '#' | '\\' => {
+                // A backslash keeps each of them a sign.
+                out.push('\\');
+                out.push(c);
+            }
+            '&' => out.push_str("&amp;"),
+            c if c.is_control() => out.push(' '),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// A file's name as a link's address: letters beyond ASCII as bytes.
+fn address(name: &str) -> String {
+    let byte = |byte: u8| match byte {
+        b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'.' | b'_' | b'-' => char::from(byte).to_string(),
+        byte => format!("%{byte:02X}"),
+    };
+    name.bytes().map(byte).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::charts::charts;
+    use super::super::record::tests::case;
+    use super::*;
+
+    #[test]
+    fn a_feature_stands_beside_the_same_without_it() {
+        let records = [
+            case("slabs", "compute", "", 1e-3, &[10.0, 10.1]),
+            case("slabs", "compute", "stop=0", 1e-3, &[10.0, 10.1]),
+            case("slabs", "compute", "empty-space=march", 1e-3, &[8.0, 8.1]),
+            case("slabs", "compute", "step=2,stop=0.01", 2e-3, &[5.0]),
+            case("slabs", "compute", "stop=0.01", 2e-3, &[5.0, 5.1]),
+            case("slabs", "raster", "empty-space=march", 1e-3, &[1.0]),
+        ];
+        let rows = features(&records.iter().collect::<Vec<_>>());
+        let texts: Vec<String> = rows.iter().skip(1).map(|row| row.join(" ")).collect();
+        // The default stops, too, if late.
+        assert_eq!(texts.len(), 3, "{texts:?}");
+        assert!(texts[0].starts_with("empty-space: march → skip slabs compute  8.05 10.1 1.25"), "{texts:?}");
+        assert!(texts[2].starts_with("stop: 0 → 0.01 slabs compute  10.1 5.05 0.50"), "{texts:?}");
+    }
+
+    #[test]
+    fn meshes_have_rates_and_what_was_refused_its_reason() {
+        let mut havs = case("havs", "compute", "", 1e-3, &[10.0]);
+        havs.counters.insert("fragments".to_string(), serde_json::json!(50_000));
+        havs.device_bytes = Some(3 << 20);
+        havs.scene = "a|b".to_string();
+        let mut refused = havs.clone();
+        refused.skipped = Some("no <room>".to_string());
+        refused.wall_ms = None;
+        let records = [havs, refused];
+        let text = markdown(&records, &charts(&records), true);
+        assert!(
+            text.contains(
+                "| havs | compute |  | 1.00e-3 | 2.00e-3 | 10.0 | \\[10.0, 10.0\\] | - | 3.00 | 100k | 5M |"
+            ),
+            "{text}"
+        );
+        assert!(
+            text.contains("| havs | compute |  | no \\<room> |") && text.contains("was stopped"),
+            "{text}"
+        );
+        assert!(
+            text.contains("## a\\|b, perspective, 64 x 48") && text.contains("(fronts-a-b-perspective.svg)"),
+            "{text}"
+        );
+    }
+}

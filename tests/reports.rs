@@ -1,0 +1,326 @@
+//! What `compare` and `bench` leave for reading: report, tables, plots, comparisons of runs, the cache of references.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use serde_json::Value;
+
+const GRID: &str = r#"{
+  "volume": {"field": "marschner-lobb", "dims": [12, 12, 12], "type": "f32"},
+  "transfer": {"preset": "shells", "range": [0, 1]},
+  "camera": {"eye": [2, 1.5, 3.8], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_deg": 42},
+  "image": {"width": 24, "height": 16}
+}"#;
+
+const MESH: &str = r#"{
+  "mesh": {"field": "blobs", "cubes": 2},
+  "transfer": {"preset": "fog", "range": [0, 1]},
+  "camera": {"eye": [2, 1.5, 3.8], "target": [0, 0, 0], "up": [0, 1, 0], "half_height": 1.6},
+  "image": {"width": 24, "height": 16}
+}"#;
+
+/// An empty folder for one test, with a cache of its own.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(test: &str) -> Self {
+        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("reports-{test}"));
+        let _ = std::fs::remove_dir_all(&path);
+        std::fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        let path = self.0.join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    }
+
+    fn command(&self, line: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_volraster"));
+        command.current_dir(&self.0).args(line.split(' ')).env("XDG_CACHE_HOME", self.0.join("cache"));
+        command
+    }
+
+    /// Exit code, stdout, stderr.
+    fn run(&self, line: &str) -> (i32, String, String) {
+        let output = self.command(line).output().unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+    }
+
+    /// Stdout of a run that ends well and says nothing on stderr.
+    #[track_caller]
+    fn done(&self, line: &str) -> String {
+        let (code, out, err) = self.run(line);
+        assert_eq!((code, err.as_str()), (0, ""), "{line}: {out}");
+        out
+    }
+
+    /// A run that ends in one line on stderr.
+    #[track_caller]
+    fn fails(&self, line: &str, parts: &[&str]) {
+        let (code, out, err) = self.run(line);
+        assert_eq!((code, out.as_str(), err.lines().count()), (2, "", 1), "{line}: {err}");
+        assert!(parts.iter().all(|part| err.contains(part)), "{line}: {err}");
+    }
+
+    fn text(&self, name: &str) -> String {
+        std::fs::read_to_string(self.0.join(name)).unwrap()
+    }
+
+    fn json(&self, name: &str) -> Value {
+        serde_json::from_str(&self.text(name)).unwrap()
+    }
+
+    fn names(&self, folder: &str) -> Vec<String> {
+        let Ok(entries) = std::fs::read_dir(self.0.join(folder)) else { return Vec::new() };
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    fn cases(&self, name: &str) -> Vec<Value> {
+        self.text(name).lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+    }
+}
+
+/// Pictures in a page, decoded.
+fn pictures(html: &str) -> Vec<image::RgbImage> {
+    use base64::Engine as _;
+    let decode = |rest: &str| {
+        let bytes =
+            base64::engine::general_purpose::STANDARD.decode(rest.split('"').next().unwrap()).unwrap();
+        image::load_from_memory(&bytes).unwrap().to_rgb8()
+    };
+    html.split("data:image/png;base64,").skip(1).map(decode).collect()
+}
+
+#[test]
+fn a_report_shows_every_technique_and_says_what_it_refused() {
+    let folder = Folder::new("report");
+    folder.write("a&b.json", MESH);
+    let out = folder.done("compare a&b.json -o out --validate");
+    let html = folder.text("out/report.html");
+    let errors = folder.json("out/errors.json");
+    let errors = errors.as_array().unwrap();
+    for name in ["havs", "abuffer", "projected-tets"] {
+        assert!(html.contains(&format!("id=\"{name}\"")), "{name}");
+    }
+    // The truth; picture and error of each.
+    let pictures = pictures(&html);
+    assert_eq!(pictures.len(), 1 + 2 * errors.len());
+    assert!(pictures.iter().all(|picture| picture.dimensions() == (24, 16)));
+    let apart = |a: u8, b: u8| a.abs_diff(b);
+    let off = pictures[0].iter().zip(pictures[1].iter()).map(|(&a, &b)| apart(a, b)).max().unwrap();
+    assert!(off <= 1 && pictures[0].iter().any(|&code| code > 40), "{off}");
+    let refused = out.lines().filter(|line| line.starts_with("skipped: ")).count();
+    assert_eq!(html.contains("<h2>Not drawn</h2>"), refused > 0);
+    assert!(html.contains("a&amp;b.json") && !html.contains("a&b"), "{html}");
+    for entry in errors {
+        assert!(entry["device_bytes"].as_u64().unwrap() > 0, "{entry}");
+        assert_eq!(
+            entry.get("gpu_ms").is_some(),
+            !entry["passes_ms"].as_object().unwrap().is_empty(),
+            "{entry}"
+        );
+    }
+}
+
+#[test]
+fn a_reference_is_drawn_once() {
+    let folder = Folder::new("cache");
+    folder.write("grid.json", GRID);
+    let line = "compare grid.json -o out --techniques raycast:step=0.5";
+    let is_cached = || folder.text("out/report.html").contains("drawn before");
+    let cached = || folder.names("cache/volraster/reference");
+    folder.done(&format!("{line} --no-cache"));
+    assert!(cached().is_empty() && !is_cached());
+    folder.done(line);
+    let first = folder.json("out/errors.json")[0]["errors"].clone();
+    let [name] = &cached()[..] else { panic!("{:?}", cached()) };
+    assert!(!is_cached());
+    folder.done(line);
+    assert!(is_cached());
+    assert_eq!(folder.json("out/errors.json")[0]["errors"], first);
+    // Another size is another image, and a file that is damaged is drawn anew.
+    folder.done(&format!("{line} --size 8x8"));
+    assert_eq!((cached().len(), is_cached()), (2, false));
+    let path = folder.0.join("cache/volraster/reference").join(name);
+    let whole = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &whole[..whole.len() - 1]).unwrap();
+    folder.done(line);
+    assert!(!is_cached());
+    assert_eq!(folder.json("out/errors.json")[0]["errors"], first);
+    assert_eq!(std::fs::read(&path).unwrap(), whole);
+}
+
+#[test]
+fn a_folder_of_scenes_is_benched_with_tables_and_plots() {
+    let folder = Folder::new("suite");
+    folder.write("scenes/grid.json", GRID);
+    folder.write("scenes/mesh.json", MESH);
+    folder.write("scenes/odd.json", "{\"volume\": 7}");
+    let (code, out, err) = folder.run("bench scenes -o out --frames 2");
+    assert_eq!(code, 0, "{err}");
+    assert!(err.lines().count() == 1 && err.contains("skipped: ") && err.contains("odd.json"), "{err}");
+    assert!(
+        out.contains("fronts of grid.json perspective") && out.contains("fronts of mesh.json orthographic")
+    );
+    let cases = folder.cases("out/bench.jsonl");
+    for (scene, kind, elements) in [("grid.json", "grid", 1728), ("mesh.json", "mesh", 40)] {
+        let own: Vec<&Value> = cases.iter().filter(|case| case["scene"] == scene).collect();
+        assert!(own.iter().all(|case| case["data"] == kind && case["elements"] == elements), "{scene}");
+        // What a file says of its size holds.
+        assert!(own.iter().all(|case| case["size"] == serde_json::json!([24, 16])));
+        assert!(own.iter().any(|case| case["device_bytes"].as_u64().is_some_and(|bytes| bytes > 0)));
+    }
+    for case in cases.iter().filter(|case| case.get("skipped").is_none()) {
+        let wall = &case["wall_ms"];
+        assert_eq!(wall["times"].as_array().unwrap().len(), 2, "{case}");
+        let [low, median, high] = ["low", "median", "high"].map(|key| wall[key].as_f64().unwrap());
+        assert!(low <= median && median <= high, "{case}");
+    }
+    let has = |technique: &str, route: &str, options: &[(&str, &str)]| {
+        cases.iter().any(|case| {
+            case["technique"] == technique
+                && case["route"] == route
+                && options.iter().all(|(key, value)| case["options"][key] == *value)
+        })
+    };
+    assert!(has("projected-tets", "compute", &[("rank", "centroid")]));
+    assert!(has("projected-tets", "compute", &[("rank", "power")]));
+    for plane in ["image", "space"] {
+        for shade in ["fragment", "vertex"] {
+            assert!(
+                has("projected-tets", "raster", &[("plane", plane), ("shade", shade)]),
+                "{plane} {shade}"
+            );
+        }
+    }
+    let table = folder.text("out/table.md");
+    for part in [
+        "## grid.json, perspective, 24 x 16",
+        "## mesh.json, orthographic, 24 x 16",
+        "| tets/s | fragments/s |",
+        "| empty-space: march → skip | slabs | compute |",
+        "| prefilter: none → mip | raycast | compute |",
+        "| dither: none → blue | slices-3d | raster |",
+        "| filter: hardware → exact | slices-2d | raster |",
+        "| stop: 0 → 0.01 | slices-3d | compute |",
+        "| repair: none → exact | havs | compute |",
+    ] {
+        assert!(table.contains(part), "{part}: {table}");
+    }
+    assert!(!table.contains("was stopped"));
+    for scene in ["grid.json-perspective", "mesh.json-orthographic"] {
+        let svg = folder.text(&format!("out/fronts-{scene}.svg"));
+        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"), "{svg}");
+        assert!(table.contains(&format!("(fronts-{scene}.svg)")), "{table}");
+        let png = image::open(folder.0.join(format!("out/fronts-{scene}.png"))).unwrap().to_rgb8();
+        assert!(png.width() > 1000 && png.pixels().any(|pixel| pixel.0 != [255; 3]));
+    }
+    // With timestamps, each pass has its time.
+    let timed = cases.iter().any(|case| case.get("gpu_ms").is_some());
+    assert_eq!(folder.names("out").iter().any(|name| name.starts_with("passes-")), timed);
+}
+
+#[test]
+fn suites_are_chosen_by_name_and_sizes_have_a_plot() {
+    let folder = Folder::new("smoke");
+    folder.done("bench smoke -o out --only blobs-tets,no-such --frames 1");
+    let cases = folder.cases("out/bench.jsonl");
+    assert!(cases.iter().all(|case| case["scene"] == "blobs-tets-12" && case["family"] == "blobs-tets"));
+    let names = folder.names("out");
+    for ending in ["svg", "png"] {
+        let name = format!("size-pixels-blobs-tets-12-perspective.{ending}");
+        assert!(names.contains(&name), "{names:?}");
+    }
+    assert!(names.contains(&"fronts-blobs-tets-12-perspective-96x96.svg".to_string()), "{names:?}");
+    folder.fails("bench smoke -o out --only no-such", &["--only", "no-such"]);
+    folder.fails("bench", &["--output"]);
+}
+
+#[test]
+fn runs_are_compared_case_by_case() {
+    let folder = Folder::new("ratios");
+    folder.write("grid.json", GRID);
+    folder.done("bench grid.json -o a --frames 3 --size 8x8 --quiet");
+    // The same twice as slow, and one case fewer.
+    let cases = folder.cases("a/bench.jsonl");
+    let slower: Vec<String> = cases[1..]
+        .iter()
+        .map(|case| {
+            let mut case = case.clone();
+            if let Some(times) = case["wall_ms"]["times"].as_array_mut() {
+                for time in times {
+                    *time = (2.0 * time.as_f64().unwrap()).into();
+                }
+            }
+            case.to_string()
+        })
+        .collect();
+    folder.write("b.jsonl", &slower.join("\n"));
+    let text = folder.done("bench --compare a/bench.jsonl b.jsonl -o out");
+    let json = folder.json("out/ratios.json");
+    let timed = cases[1..].iter().filter(|case| case.get("wall_ms").is_some()).count();
+    assert_eq!(json["cases"].as_array().unwrap().len(), timed);
+    let near = |value: &Value, wanted: f64| (value.as_f64().unwrap() / wanted - 1.0).abs() < 1e-9;
+    for case in json["cases"].as_array().unwrap() {
+        assert!(near(&case["ratio"], 2.0), "{case}");
+        assert!(
+            case["low"].as_f64() <= case["ratio"].as_f64() && case["ratio"].as_f64() <= case["high"].as_f64()
+        );
+    }
+    let means = json["means"].as_array().unwrap();
+    assert_eq!(means.len(), 5, "{means:?}");
+    assert!(means.iter().all(|mean| near(&mean["ratio"], 2.0)) && means[4]["technique"] == "all");
+    assert!(text.contains("geometric mean") && text.contains("Timed in A alone: 1"), "{text}");
+    // With itself nothing is beyond noise.
+    let text = folder.done("bench --compare a/bench.jsonl a/bench.jsonl");
+    assert!(text.contains(&format!(": 0 of {} cases", timed + 1)), "{text}");
+
+    folder.write("broken.jsonl", &format!("{}\nnonsense\n{}\n", slower[0], slower[1]));
+    folder.write("other.jsonl", &slower[0].replace("grid", "other"));
+    folder.fails("bench --compare a/bench.jsonl gone.jsonl", &["gone.jsonl", "cannot read"]);
+    folder.fails("bench --compare broken.jsonl b.jsonl", &["broken.jsonl", "line 2"]);
+    folder.fails("bench --compare a/bench.jsonl other.jsonl", &["no timed case in common"]);
+    folder.fails("bench --compare a/bench.jsonl", &["--compare"]);
+    folder.fails("bench smoke --compare a/bench.jsonl b.jsonl", &["--compare", "SUITE"]);
+}
+
+/// Ctrl-C ends a run soon, with all that it had.
+#[cfg(unix)]
+#[test]
+fn a_run_that_is_stopped_keeps_what_it_has() {
+    let folder = Folder::new("stopped");
+    folder.write("scenes/1.json", GRID);
+    // Long enough to be stopped in.
+    folder.write("scenes/2.json", &GRID.replace("12, 12, 12", "96, 96, 96"));
+    let mut command = folder.command("bench scenes -o out --frames 40");
+    let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let lines = || std::fs::read_to_string(folder.0.join("out/bench.jsonl")).unwrap_or_default();
+    for _ in 0..6000 {
+        if lines().ends_with('\n') {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let stopped = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(stopped.success());
+    let output = child.wait_with_output().unwrap();
+    let err = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(130), "{err}");
+    assert!(err.contains("stopped; what was measured is in out"), "{err}");
+    let cases = folder.cases("out/bench.jsonl");
+    assert!(cases.iter().any(|case| case["scene"] == "1.json" && case.get("wall_ms").is_some()));
+    assert!(folder.text("out/table.md").contains("was stopped"));
+    assert!(folder.names("out").contains(&"fronts-1.json-perspective.png".to_string()));
+    // Cases of the scene that was not measured to its end have times, or a reason why not, or are not there.
+    for case in cases.iter().filter(|case| case["scene"] == "2.json") {
+        assert!(case.get("wall_ms").is_some() || case.get("skipped").is_some(), "{case}");
+    }
+}
