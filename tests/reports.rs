@@ -299,8 +299,9 @@ fn a_run_that_is_stopped_keeps_what_it_has() {
     let folder = Folder::new("stopped");
     folder.write("scenes/1.json", GRID);
     // Long enough to be stopped in.
-    folder.write("scenes/2.json", &GRID.replace("12, 12, 12", "96, 96, 96"));
-    let mut command = folder.command("bench scenes -o out --frames 40");
+    let long = GRID.replace("12, 12, 12", "96, 96, 96").replace("\"width\": 24", "\"width\": 640");
+    folder.write("scenes/2.json", &long.replace("\"height\": 16", "\"height\": 480"));
+    let mut command = folder.command("bench scenes -o out --frames 3");
     let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let lines = || std::fs::read_to_string(folder.0.join("out/bench.jsonl")).unwrap_or_default();
     for _ in 0..6000 {

@@ -306,7 +306,9 @@ mod tests {
         let cache = cache("damaged");
         let (scene, view) = (scene("blobs", false, 3.0), view(2.0, 8));
         let rows = AtomicU32::new(0);
-        let progress = |_: u32, _: u32| drop(rows.fetch_add(1, Ordering::Relaxed));
+        let progress = |_: u32, _: u32| {
+            rows.fetch_add(1, Ordering::Relaxed);
+        };
         let (image, origin) = cache.image(&scene, &view, Some(&progress)).unwrap();
         assert_eq!((origin, rows.load(Ordering::Relaxed)), (Origin::Drawn, 6));
         assert!(image.pixels().iter().any(|pixel| pixel[3] > 0.1));

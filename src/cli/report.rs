@@ -149,16 +149,20 @@ fn errors_table(out: &mut String, rows: &[Row]) {
     for head in ["technique", "route", "options"] {
         let _ = write!(out, "<th scope=\"col\" class=\"text\">{head}</th>");
     }
-    for Column { head, about, .. } in &COLUMNS {
+    // A column in which all is well is no news.
+    let has_nan = rows.iter().any(|row| row.errors.non_finite > 0);
+    let columns: Vec<&Column> = COLUMNS.iter().filter(|column| has_nan || column.head != "NaN").collect();
+    for Column { head, about, .. } in &columns {
         let _ = write!(out, "<th scope=\"col\" title=\"{}\">{}</th>", escaped(about), escaped(head));
     }
     out.push_str("</tr></thead>\n<tbody>\n");
     // What reads the same is as good.
-    let best = COLUMNS.each_ref().map(|column| {
+    let best = columns.iter().map(|column| {
         let cells = rows.iter().map(|row| (column.cell)(row)).filter(|(value, _)| value.is_finite());
         let best = cells.min_by(|a, b| a.0.total_cmp(&b.0));
         best.filter(|_| column.marks_best && rows.len() > 1).map(|(_, text)| text)
     });
+    let best: Vec<Option<String>> = best.collect();
     for row in rows {
         let (stem, technique) = (escaped(&row.stem), escaped(&row.technique));
         let _ = write!(
@@ -167,7 +171,7 @@ fn errors_table(out: &mut String, rows: &[Row]) {
             escaped(&row.route),
             escaped(&row.options)
         );
-        for (column, best) in COLUMNS.iter().zip(&best) {
+        for (column, best) in columns.iter().zip(&best) {
             let (value, text) = (column.cell)(row);
             let class = if best.as_ref() == Some(&text) { " class=\"best\"" } else { "" };
             let _ = write!(out, "<td data-v=\"{value:e}\"{class}>{}</td>", escaped(&text));
@@ -190,41 +194,62 @@ fn refusals(out: &mut String, refused: &[[String; 3]]) {
     out.push_str("</tbody>\n</table>\n</div>\n</section>\n");
 }
 
+/// Passes of a row with their names without the technique's; those below a hundredth of their sum are one, at the end.
+fn shown_passes(row: &Row) -> Vec<(String, f64)> {
+    let sum: f64 = row.passes.iter().map(|(_, ms)| ms).sum();
+    let (shown, small): (Vec<_>, Vec<_>) = row.passes.iter().partition(|(_, ms)| *ms >= 0.01 * sum);
+    let short = |name: &str| {
+        let own = name.strip_prefix(row.technique.as_str()).and_then(|rest| rest.strip_prefix('.'));
+        own.unwrap_or(name).to_string()
+    };
+    let rest = match small.len() {
+        0 => None,
+        n => Some((format!("{n} more"), small.iter().map(|(_, ms)| ms).sum())),
+    };
+    shown.into_iter().map(|(name, ms)| (short(name), *ms)).chain(rest).collect()
+}
+
 fn passes(out: &mut String, rows: &[Row]) {
     let sum = |row: &Row| row.passes.iter().map(|(_, ms)| ms).sum::<f64>();
     let most = rows.iter().map(sum).fold(0.0, f64::max);
     if most <= 0.0 {
         return;
     }
-    out.push_str("<section>\n<h2>Time per pass</h2>\n<p class=\"note\">Medians on the device, in ms. All bars have one scale.</p>\n<div class=\"passes\">\n");
+    out.push_str(
+        "<section>\n<h2>Time per pass</h2>\n<p class=\"note\">Medians on the device, in ms; errors.json has every pass. \
+         All bars have one scale.</p>\n<div class=\"passes\">\n",
+    );
+    // A pass has one colour in all rows.
+    let mut names: Vec<String> = Vec::new();
     for row in rows.iter().filter(|row| !row.passes.is_empty()) {
-        let _ = write!(
+        let passes = shown_passes(row);
+        let mut bar = String::new();
+        let mut parts = String::new();
+        for (name, ms) in &passes {
+            if !names.contains(name) {
+                names.push(name.clone());
+            }
+            let colour = if name.ends_with(" more") {
+                "p8".to_string()
+            } else {
+                format!("p{}", names.iter().position(|known| known == name).unwrap_or(0) % 8)
+            };
+            let (name, time) = (escaped(name), three_digits(*ms));
+            // Writing into a string cannot fail.
+            let _ = write!(
+                bar,
+                "<i class=\"{colour}\" style=\"width:{:.3}%\" title=\"{name} {time} ms\"></i>",
+                100.0 * ms / most
+            );
+            let _ = write!(parts, "<span><i class=\"{colour}\"></i>{name} <b>{time}</b></span> ");
+        }
+        let _ = writeln!(
             out,
-            "<div class=\"name\">{} <span>{}</span></div><div><div class=\"bar\">",
+            "<div class=\"name\">{} <span>{}</span></div><div><div class=\"bar\">{bar}</div><div class=\"parts\">{parts}</div></div><div class=\"sum\">{}</div>",
             escaped(&row.technique),
-            escaped(&row.route)
+            escaped(&row.route),
+            three_digits(sum(row))
         );
-        for (i, (name, ms)) in row.passes.iter().enumerate() {
-            let _ = write!(
-                out,
-                "<i class=\"p{}\" style=\"width:{:.3}%\" title=\"{} {} ms\"></i>",
-                i % 8,
-                100.0 * ms / most,
-                escaped(name),
-                three_digits(*ms)
-            );
-        }
-        out.push_str("</div><div class=\"parts\">");
-        for (i, (name, ms)) in row.passes.iter().enumerate() {
-            let _ = write!(
-                out,
-                "<span><i class=\"p{}\"></i>{} <b>{}</b></span> ",
-                i % 8,
-                escaped(name),
-                three_digits(*ms)
-            );
-        }
-        let _ = writeln!(out, "</div></div><div class=\"sum\">{}</div>", three_digits(sum(row)));
     }
     out.push_str("</div>\n</section>\n");
 }
@@ -340,7 +365,9 @@ mod tests {
             errors: ImageErrors::between(&image(error), &image(0.0)).unwrap(),
             wall: Spread::new(vec![ms]),
             gpu: None,
-            passes: vec![("a&b".to_string(), 1.0), ("c".to_string(), 3.0)],
+            passes: [("a&b", 1.0), ("slabs<.c", 3.0), ("x", 0.01), ("y", 0.02)]
+                .map(|(name, ms)| (name.to_string(), ms))
+                .to_vec(),
             counters: vec![("samples".to_string(), 77)],
             device_bytes: 3 << 20,
             pictures: [b"one".to_vec(), b"two".to_vec()],
@@ -372,10 +399,12 @@ mod tests {
             "data:image/png;base64,dHJ1dGg=",
             ">77<",
             ">3.00<",
+            ">2 more <b>0.030<",
+            "</i>c <b>",
             "rgb(0,255,255)",
             "href=\"#slabs-2\"",
             "id=\"slabs-2\"",
-            "width:75.000%",
+            "width:74.442%",
         ] {
             assert!(html.contains(part), "{part}");
         }

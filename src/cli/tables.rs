@@ -121,13 +121,16 @@ fn features(view: &[&Record]) -> Vec<Vec<String>> {
     let mut rows = vec![heading.map(str::to_string).to_vec()];
     for (key, off) in FEATURES {
         for record in view.iter().filter(|record| record.wall_ms.is_some()) {
+            // What is not told is off: dithering is told only where it is on.
             let word = |record: &Record| {
-                record
-                    .options
-                    .get(key)
-                    .map(|value| value.as_str().map_or_else(|| value.to_string(), str::to_string))
+                let told = record.options.get(key);
+                let text = told.map(|value| value.as_str().map_or_else(|| value.to_string(), str::to_string));
+                text.map_or_else(|| off.to_string(), |text| text.trim_end_matches(".0").to_string())
             };
-            let Some(on) = word(record).filter(|value| value.trim_end_matches(".0") != off) else { continue };
+            let on = word(record);
+            if on == off {
+                continue;
+            }
             let others = |record: &Record| {
                 // The seed of random rounding says nothing where nothing is rounded.
                 let kept = record.options.iter().filter(|(name, _)| *name != key && *name != "seed");
@@ -136,7 +139,7 @@ fn features(view: &[&Record]) -> Vec<Vec<String>> {
             let same = |other: &&&Record| {
                 other.wall_ms.is_some()
                     && (&other.technique, &other.route) == (&record.technique, &record.route)
-                    && word(other).is_some_and(|value| value.trim_end_matches(".0") == off)
+                    && word(other) == off
                     && others(other) == others(record)
             };
             let Some(base) = view.iter().find(same) else { continue };
@@ -244,11 +247,17 @@ mod tests {
             case("slabs", "compute", "step=2,stop=0.01", 2e-3, &[5.0]),
             case("slabs", "compute", "stop=0.01", 2e-3, &[5.0, 5.1]),
             case("slabs", "raster", "empty-space=march", 1e-3, &[1.0]),
+            case("slices-3d", "raster", "target=rgba8", 1e-3, &[4.0]),
+            case("slices-3d", "raster", "target=rgba8,dither=blue", 1e-3, &[5.0]),
         ];
         let rows = features(&records.iter().collect::<Vec<_>>());
         let texts: Vec<String> = rows.iter().skip(1).map(|row| row.join(" ")).collect();
         // The default stops, too, if late.
-        assert_eq!(texts.len(), 3, "{texts:?}");
+        assert_eq!(texts.len(), 4, "{texts:?}");
+        assert!(
+            texts[3].starts_with("dither: none → blue slices-3d raster target=rgba8 4.00 5.00 1.25"),
+            "{texts:?}"
+        );
         assert!(texts[0].starts_with("empty-space: march → skip slabs compute  8.05 10.1 1.25"), "{texts:?}");
         assert!(texts[2].starts_with("stop: 0 → 0.01 slabs compute  10.1 5.05 0.50"), "{texts:?}");
     }
