@@ -3,6 +3,7 @@
 //! Both show the same: text is measured with the letters of the PNG, which are wide, so that it does not
 //! overlap where a browser takes others.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Cursor;
 
@@ -315,12 +316,43 @@ impl Canvas {
         }
     }
 
-    /// A line with round ends: what is nearer than a radius.
+    /// A line with round ends: what is nearer than a radius. Each pixel is blended once, however many pieces of the
+    /// line are near it.
     fn stroke(&mut self, points: &[[f64; 2]], radius: f64, colour: Colour) {
-        self.cover(points, radius + 1.0, colour, |place| {
-            let near = points.windows(2).map(|pair| distance(place, pair[0], pair[1]));
-            (radius + 0.5 - near.fold(f64::INFINITY, f64::min)).clamp(0.0, 1.0)
-        });
+        let mut near: BTreeMap<(u32, u32), f64> = BTreeMap::new();
+        let reach = radius + 1.0;
+        for pair in points.windows(2) {
+            let ([ax, ay], [bx, by]) = (pair[0], pair[1]);
+            let rows = pixel((ay.min(by) - reach).floor(), self.height)
+                ..pixel((ay.max(by) + reach).ceil(), self.height);
+            for y in rows {
+                // Of a steep piece only what passes the row.
+                let middle = f64::from(y) + 0.5;
+                let at = |y: f64| {
+                    if ay.total_cmp(&by).is_eq() {
+                        None
+                    } else {
+                        Some(((y - ay) / (by - ay)).clamp(0.0, 1.0))
+                    }
+                };
+                let [from, to] =
+                    [at(middle - reach), at(middle + reach)].map(|t| t.map(|t| ax + (bx - ax) * t));
+                let (from, to) = (from.unwrap_or(ax), to.unwrap_or(bx));
+                let columns = pixel((from.min(to) - reach).floor(), self.width)
+                    ..pixel((from.max(to) + reach).ceil(), self.width);
+                for x in columns {
+                    let away = distance([f64::from(x) + 0.5, middle], pair[0], pair[1]);
+                    let coverage = (radius + 0.5 - away).clamp(0.0, 1.0);
+                    if coverage > 0.0 {
+                        let known = near.entry((y, x)).or_insert(0.0);
+                        *known = known.max(coverage);
+                    }
+                }
+            }
+        }
+        for ((y, x), coverage) in near {
+            self.blend(x, y, colour, coverage);
+        }
     }
 
     /// A convex polygon, either way round.
@@ -335,6 +367,13 @@ impl Canvas {
         };
         let offset = |i: u32| (f64::from(i) + 0.5) / f64::from(SAMPLES) - 0.5;
         self.cover(points, 1.0, colour, |[x, y]| {
+            // A pixel whose corners are inside is, since the polygon is convex.
+            if [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]
+                .iter()
+                .all(|[dx, dy]| inside([x + dx, y + dy]))
+            {
+                return 1.0;
+            }
             let hits = (0..SAMPLES * SAMPLES)
                 .filter(|i| inside([x + offset(i % SAMPLES), y + offset(i / SAMPLES)]))
                 .count();
@@ -454,6 +493,19 @@ mod tests {
     #[test]
     fn what_files_say_stays_text() {
         assert_eq!(escaped("<a b=\"c\">&'\u{1}"), "&lt;a b=&quot;c&quot;&gt;&amp;&#39;\u{fffd}");
+    }
+
+    #[test]
+    fn a_bent_line_is_as_dark_at_its_bends_and_whole_along_them() {
+        let mut picture = Picture::new(40, 40);
+        let half: Colour = ([0, 0, 0], 0.5);
+        picture.line(vec![[5.0, 5.0], [30.0, 10.0], [10.0, 35.0], [5.0, 35.0]], 3.0, half, false);
+        let image = decoded(&picture);
+        for (x, y) in [(10, 10), (60, 20), (20, 70), (35, 15), (41, 43), (12, 70)] {
+            let [r, g, b] = image.get_pixel(x, y).0;
+            assert!(r.abs_diff(128) <= 1 && r == g && g == b, "{x} {y}: {r}");
+        }
+        assert!(image.pixels().all(|pixel| pixel.0[0] >= 127));
     }
 
     #[test]
