@@ -244,52 +244,56 @@ fn suites_are_chosen_by_name_and_sizes_have_a_plot() {
     folder.fails("bench", &["--output"]);
 }
 
+/// A line of bench.jsonl.
+fn line(technique: &str, step: f64, times: &[f64]) -> String {
+    let spread =
+        serde_json::json!({"median": 0.0, "low": 0.0, "high": 0.0, "p10": 0.0, "p90": 0.0, "times": times});
+    let line = serde_json::json!({
+        "scene": "grid", "projection": "perspective", "size": [8, 8], "technique": technique, "route": "compute",
+        "options": {"step": step}, "errors": {"all": {"rmse": 1e-3}}, "wall_ms": spread,
+    });
+    line.to_string()
+}
+
 #[test]
 fn runs_are_compared_case_by_case() {
     let folder = Folder::new("ratios");
-    folder.write("grid.json", GRID);
-    folder.done("bench grid.json -o a --frames 3 --size 8x8 --quiet");
-    // The same twice as slow, and one case fewer.
-    let cases = folder.cases("a/bench.jsonl");
-    let slower: Vec<String> = cases[1..]
-        .iter()
-        .map(|case| {
-            let mut case = case.clone();
-            if let Some(times) = case["wall_ms"]["times"].as_array_mut() {
-                for time in times {
-                    *time = (2.0 * time.as_f64().unwrap()).into();
-                }
-            }
-            case.to_string()
-        })
-        .collect();
-    folder.write("b.jsonl", &slower.join("\n"));
-    let text = folder.done("bench --compare a/bench.jsonl b.jsonl -o out");
+    let steps = [0.5, 1.0, 2.0];
+    let run = |times: [f64; 5]| -> Vec<String> {
+        let of = |technique| steps.map(|step| line(technique, step, &times.map(|ms| ms * step)));
+        [of("slices-3d"), of("raycast")].concat()
+    };
+    let first = run([10.0, 10.1, 9.9, 10.2, 9.8]);
+    // Twice as slow, and one case fewer.
+    let second = run([20.0, 20.2, 19.8, 20.4, 19.6])[1..].to_vec();
+    folder.write("a.jsonl", &first.join("\n"));
+    folder.write("b.jsonl", &second.join("\n"));
+    let text = folder.done("bench --compare a.jsonl b.jsonl -o out");
     let json = folder.json("out/ratios.json");
-    let timed = cases[1..].iter().filter(|case| case.get("wall_ms").is_some()).count();
-    assert_eq!(json["cases"].as_array().unwrap().len(), timed);
+    assert_eq!(json["cases"].as_array().unwrap().len(), 5);
     let near = |value: &Value, wanted: f64| (value.as_f64().unwrap() / wanted - 1.0).abs() < 1e-9;
     for case in json["cases"].as_array().unwrap() {
-        assert!(near(&case["ratio"], 2.0), "{case}");
-        assert!(
-            case["low"].as_f64() <= case["ratio"].as_f64() && case["ratio"].as_f64() <= case["high"].as_f64()
-        );
+        assert!(near(&case["ratio"], 2.0) && case["outside_noise"] == true, "{case}");
+        let [low, high] = ["low", "high"].map(|key| case[key].as_f64().unwrap());
+        assert!(low < 2.0 && 2.0 < high && low > 1.9 && high < 2.1, "{case}");
     }
     let means = json["means"].as_array().unwrap();
-    assert_eq!(means.len(), 5, "{means:?}");
-    assert!(means.iter().all(|mean| near(&mean["ratio"], 2.0)) && means[4]["technique"] == "all");
+    let names: Vec<&str> = means.iter().map(|mean| mean["technique"].as_str().unwrap()).collect();
+    assert_eq!(names, ["slices-3d", "raycast", "all"]);
+    assert!(means.iter().all(|mean| near(&mean["ratio"], 2.0)), "{means:?}");
     assert!(text.contains("geometric mean") && text.contains("Timed in A alone: 1"), "{text}");
+    assert!(text.contains("5 of 5 cases"), "{text}");
     // With itself nothing is beyond noise.
-    let text = folder.done("bench --compare a/bench.jsonl a/bench.jsonl");
-    assert!(text.contains(&format!(": 0 of {} cases", timed + 1)), "{text}");
+    let text = folder.done("bench --compare a.jsonl a.jsonl");
+    assert!(text.contains(": 0 of 6 cases"), "{text}");
 
-    folder.write("broken.jsonl", &format!("{}\nnonsense\n{}\n", slower[0], slower[1]));
-    folder.write("other.jsonl", &slower[0].replace("grid", "other"));
-    folder.fails("bench --compare a/bench.jsonl gone.jsonl", &["gone.jsonl", "cannot read"]);
+    folder.write("broken.jsonl", &format!("{}\nnonsense\n{}\n", first[0], first[1]));
+    folder.write("other.jsonl", &first[0].replace("grid", "other"));
+    folder.fails("bench --compare a.jsonl gone.jsonl", &["gone.jsonl", "cannot read"]);
     folder.fails("bench --compare broken.jsonl b.jsonl", &["broken.jsonl", "line 2"]);
-    folder.fails("bench --compare a/bench.jsonl other.jsonl", &["no timed case in common"]);
-    folder.fails("bench --compare a/bench.jsonl", &["--compare"]);
-    folder.fails("bench smoke --compare a/bench.jsonl b.jsonl", &["--compare", "SUITE"]);
+    folder.fails("bench --compare a.jsonl other.jsonl", &["no timed case in common"]);
+    folder.fails("bench --compare a.jsonl", &["--compare"]);
+    folder.fails("bench smoke --compare a.jsonl b.jsonl", &["--compare", "SUITE"]);
 }
 
 /// Ctrl-C ends a run soon, with all that it had.
