@@ -146,10 +146,11 @@ fn errors_table(out: &mut String, rows: &[Row]) {
         "<section>\n<h2>Errors and times</h2>\n<p class=\"note\">Errors are over all pixels and the four channels of premultiplied \
          linear RGBA. The best of a column is bold. <span class=\"js\">Click a head to sort.</span></p>\n<div class=\"scroll\">\n<table class=\"sortable\">\n<thead><tr>",
     );
-    for head in ["technique", "route", "options"] {
+    // A column that is empty, or in which all is well, is no news.
+    let has_options = rows.iter().any(|row| !row.options.is_empty());
+    for head in ["technique", "route"].into_iter().chain(has_options.then_some("options")) {
         let _ = write!(out, "<th scope=\"col\" class=\"text\">{head}</th>");
     }
-    // A column in which all is well is no news.
     let has_nan = rows.iter().any(|row| row.errors.non_finite > 0);
     let columns: Vec<&Column> = COLUMNS.iter().filter(|column| has_nan || column.head != "NaN").collect();
     for Column { head, about, .. } in &columns {
@@ -167,10 +168,12 @@ fn errors_table(out: &mut String, rows: &[Row]) {
         let (stem, technique) = (escaped(&row.stem), escaped(&row.technique));
         let _ = write!(
             out,
-            "<tr><th scope=\"row\" class=\"text\"><a href=\"#{stem}\">{technique}</a></th><td class=\"text\">{}</td><td class=\"text options\">{}</td>",
-            escaped(&row.route),
-            escaped(&row.options)
+            "<tr><th scope=\"row\" class=\"text\"><a href=\"#{stem}\">{technique}</a></th><td class=\"text route\">{}</td>",
+            escaped(&row.route)
         );
+        if has_options {
+            let _ = write!(out, "<td class=\"text options\">{}</td>", escaped(&row.options));
+        }
         for (column, best) in columns.iter().zip(&best) {
             let (value, text) = (column.cell)(row);
             let class = if best.as_ref() == Some(&text) { " class=\"best\"" } else { "" };
@@ -415,6 +418,19 @@ mod tests {
         let best: Vec<&str> =
             html.split("class=\"best\">").skip(1).map(|rest| rest.split('<').next().unwrap()).collect();
         assert_eq!(best, ["2.50e-1", "2.50e-1", "2.50e-1", "2.50e-1", "3.00", "2.00", "3.00"]);
+    }
+
+    #[test]
+    fn columns_without_news_are_left_out() {
+        let heads = |page: &Page| html(page).split("<tbody>").next().unwrap().matches("<th ").count();
+        let mut page = page();
+        let all = heads(&page);
+        for row in &mut page.rows {
+            row.options.clear();
+        }
+        assert_eq!(heads(&page), all - 1);
+        page.rows[1].errors.non_finite = 3;
+        assert_eq!(heads(&page), all);
     }
 
     #[test]
