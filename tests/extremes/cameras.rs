@@ -57,7 +57,12 @@ fn far(run: &mut Run<'_>, distance: f64) {
     let direction = DVec3::new(0.31, 0.22, 0.92).normalize();
     let eye = direction * 2.0 * distance;
     let fov = 2.0 * (1.8 / (2.0 * distance)).atan().to_degrees();
-    let near_by = Camera { eye, target: DVec3::ZERO, up: DVec3::Y, projection: Projection::Perspective { fov_y_deg: fov } };
+    let near_by = Camera {
+        eye,
+        target: DVec3::ZERO,
+        up: DVec3::Y,
+        projection: Projection::Perspective { fov_y_deg: fov },
+    };
     let perspective = View::new(near_by, 13, 13).unwrap();
     let projection = Projection::Orthographic { half_height: 1.8 };
     let parallel = View::new(Camera { projection, ..near_by }, 13, 13).unwrap();
@@ -66,7 +71,12 @@ fn far(run: &mut Run<'_>, distance: f64) {
         let options: &[(&str, &str)] = &[("step", "0.25"), ("filter", "exact")];
         run.pairs([&scene; 2], [&perspective, &parallel], [options; 2], |_, a, b| {
             for (i, pixel) in pixels(&parallel).filter(|(_, pixel)| !on_outline(&parallel, *pixel)) {
-                near(&format!("perspective at {pixel}"), a.pixels()[i][3].into(), b.pixels()[i][3].into(), 1e-4)?;
+                near(
+                    &format!("perspective at {pixel}"),
+                    a.pixels()[i][3].into(),
+                    b.pixels()[i][3].into(),
+                    1e-4,
+                )?;
             }
             Ok(())
         });
@@ -90,7 +100,9 @@ fn from(run: &mut Run<'_>, eye: DVec3) {
 fn perturbed(run: &mut Run<'_>, direction: DVec3) {
     let up = if direction.x == 0.0 && direction.z == 0.0 { DVec3::Z } else { DVec3::Y };
     for scene in scenes(4, &ramp(ENDS[0], ENDS[1]), affine) {
-        for projection in [Projection::Orthographic { half_height: 1.7 }, Projection::Perspective { fov_y_deg: 40.0 }] {
+        for projection in
+            [Projection::Orthographic { half_height: 1.7 }, Projection::Perspective { fov_y_deg: 40.0 }]
+        {
             let view = |aside: f64| {
                 let eye = direction.normalize() * 5.0 + DVec3::new(0.7, -0.4, 0.6) * aside;
                 View::new(Camera { eye, target: DVec3::ZERO, up, projection }, 12, 12).unwrap()
@@ -100,9 +112,19 @@ fn perturbed(run: &mut Run<'_>, direction: DVec3) {
             for other in [&less, &more] {
                 run.pairs([&scene; 2], [&exact, other], [options; 2], |_, a, b| {
                     for (i, pixel) in pixels(&exact).filter(|(_, pixel)| !on_outline(&exact, *pixel)) {
-                        near(&format!("aside at {pixel}"), b.pixels()[i][3].into(), a.pixels()[i][3].into(), 1e-5)?;
+                        near(
+                            &format!("aside at {pixel}"),
+                            b.pixels()[i][3].into(),
+                            a.pixels()[i][3].into(),
+                            1e-5,
+                        )?;
                     }
-                    assert_depths(a, &exact, |pixel| bound() + slack(&exact, pixel), |pixel| affine_depth(&exact, pixel))
+                    assert_depths(
+                        a,
+                        &exact,
+                        |pixel| bound() + slack(&exact, pixel),
+                        |pixel| affine_depth(&exact, pixel),
+                    )
                 });
             }
         }
@@ -122,7 +144,12 @@ fn planes_through_corners(run: &mut Run<'_>) {
             for pieces in [1.0, 2.0, 3.0, 4.0, 6.0] {
                 let step = format!("{}", extent / pieces);
                 run.each(&scene, &view, &[("step", &step)], |_, frame| {
-                    assert_depths(&frame.image, &view, |_| t32(20.0) + 1e-6, |pixel| 0.8 * chord(&view, pixel))
+                    assert_depths(
+                        &frame.image,
+                        &view,
+                        |_| t32(20.0) + 1e-6,
+                        |pixel| 0.8 * chord(&view, pixel),
+                    )
                 });
             }
         }

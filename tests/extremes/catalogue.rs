@@ -34,6 +34,8 @@ pub struct Family {
 /// What became of a family.
 pub struct Results {
     pub cases: Vec<Outcome>,
+    /// Routes of each technique that the device offers.
+    pub offered: Vec<(Method, &'static str)>,
     pub seconds: f64,
 }
 
@@ -42,7 +44,7 @@ pub struct Results {
 pub struct Outcome {
     /// Techniques by route and integrator that drew it.
     pub drawn: BTreeSet<String>,
-    /// Kinds of data that it was drawn from.
+    /// Kinds of data that it is drawn from.
     pub kinds: BTreeSet<&'static str>,
     pub refusals: Vec<Refusal>,
     failures: Vec<String>,
@@ -73,9 +75,12 @@ impl Family {
     pub fn results(&self) -> &Results {
         self.results.get_or_init(|| {
             let start = Instant::now();
-            let mut cases = Vec::new();
+            let (mut cases, mut offered) = (Vec::new(), Vec::new());
             let device = catch_unwind(AssertUnwindSafe(|| {
                 let gpu = gpu();
+                for method in Method::ALL {
+                    offered.extend(routes_of(&gpu, method).into_iter().map(|route| (method, route)));
+                }
                 for case in self.cases {
                     let begun = Instant::now();
                     let mut run = Run { gpu: &gpu, outcome: Outcome::default() };
@@ -84,9 +89,6 @@ impl Family {
                     }
                     if run.outcome.drawn.is_empty() && run.outcome.refusals.is_empty() {
                         run.outcome.failures.push("nothing was drawn".to_string());
-                    }
-                    for refusal in &run.outcome.refusals {
-                        println!("     {refusal:?}");
                     }
                     println!("{:>4} {}: {:.2} s", case.number, case.name, begun.elapsed().as_secs_f64());
                     cases.push(run.outcome);
@@ -97,7 +99,7 @@ impl Family {
                 let last = cases.last_mut().unwrap();
                 last.failures.push(text_of(panic.as_ref()));
             }
-            Results { cases, seconds: start.elapsed().as_secs_f64() }
+            Results { cases, offered, seconds: start.elapsed().as_secs_f64() }
         })
     }
 }
@@ -247,6 +249,7 @@ impl Run<'_> {
         options: &[(&str, &str)],
     ) -> Option<Frame> {
         let text = spec.with(options);
+        self.outcome.kinds.insert(scene.scene().data.kind());
         let drawn = || {
             let mut frames = Renderer::new(scene, volraster::Technique::parse(&text)?).frames(view)?;
             let time = frames.draw(view)?;
@@ -256,7 +259,6 @@ impl Run<'_> {
         match drawn() {
             Ok(frame) => {
                 self.outcome.drawn.insert(spec.to_string());
-                self.outcome.kinds.insert(scene.scene().data.kind());
                 Some(frame)
             }
             Err(error) => {

@@ -95,20 +95,27 @@ fn attenuated(run: &mut Run<'_>, steps: u32) {
 /// integrates between knots; tables and samples take a mean. Panels of Gauss-Legendre are within 1e-6.
 fn opaque_ramp(run: &mut Run<'_>, depth: f64) {
     let rows = [[0.0, 0.0, 1.0, 1.0, 0.0], [1.0, 1.0, 1.0, 1.0, depth]];
-    for (rising, want) in
-        [(true, (std::f64::consts::PI / depth).sqrt() / 2.0), (false, 1.0 - (1.0 + 0.5 / depth) / (2.0 * depth))]
-    {
+    for (rising, want) in [
+        (true, (std::f64::consts::PI / depth).sqrt() / 2.0),
+        (false, 1.0 - (1.0 + 0.5 / depth) / (2.0 * depth)),
+    ] {
         let field = |p: DVec3| 0.5 - 0.5 * if rising { p.z } else { -p.z };
         for data in kinds(1, field) {
             let scene = Scene::new(data, transfer(&rows));
             for order in ["front-to-back", "back-to-front"] {
                 let options: &[(&str, &str)] = &[("step", "1"), ("order", order)];
-                run.only(|spec| spec.integrator == "exact", &scene, &through(2, 2), options, |_, frame| {
-                    frame.image.pixels().iter().try_for_each(|p| {
-                        near("opacity", p[3].into(), 1.0, 2e-6)?;
-                        near("colour", p[0].into(), want, 1e-5)
-                    })
-                });
+                run.only(
+                    |spec| spec.integrator == "exact",
+                    &scene,
+                    &through(2, 2),
+                    options,
+                    |_, frame| {
+                        frame.image.pixels().iter().try_for_each(|p| {
+                            near("opacity", p[3].into(), 1.0, 2e-6)?;
+                            near("colour", p[0].into(), want, 1e-5)
+                        })
+                    },
+                );
             }
         }
     }

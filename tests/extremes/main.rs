@@ -67,9 +67,7 @@ macro_rules! families {
     };
 }
 
-families!(
-    integrals, transfer, targets, cameras, samples, sizes, meshes, metamorphic, limits, refusals
-);
+families!(integrals, transfer, targets, cameras, samples, sizes, meshes, metamorphic, limits, refusals);
 
 /// The document lists the cases and exactly the refusals that happen, and there are enough of both.
 #[test]
@@ -79,7 +77,9 @@ fn the_document_is_what_happens() {
     let drawn: usize = all.iter().map(|(_, results)| results.drawn()).sum();
     let refused: usize = all.iter().map(|(_, results)| results.refused()).sum();
     let seconds: f64 = all.iter().map(|(_, results)| results.seconds).sum();
-    println!("{cases} cases, {drawn} times drawn by a technique and route, {refused} refusals, {seconds:.0} s");
+    println!(
+        "{cases} cases, {drawn} times drawn by a technique and route, {refused} refusals, {seconds:.0} s"
+    );
     assert!(cases >= 60, "{cases} cases");
     document::check(&all);
 }

@@ -69,9 +69,7 @@ fn needle(run: &mut Run<'_>) {
     let sides = [-thin, 0.1 * thin, thin];
     let mesh = blocks([&sides, &sides, &planes(2)], Cut::Five, |_| 0.5);
     // From the side optical depth is that of 2e-4, from the end that of 2.
-    for (eye, up, tau, length) in
-        [(DVec3::X, DVec3::Z, 4e3, 2.0 * thin), (DVec3::Z, DVec3::Y, 0.6, 2.0)]
-    {
+    for (eye, up, tau, length) in [(DVec3::X, DVec3::Z, 4e3, 2.0 * thin), (DVec3::Z, DVec3::Y, 0.6, 2.0)] {
         let projection = volraster::scene::Projection::Orthographic { half_height: 0.3 * thin };
         let aside = DVec3::new(0.37, 0.41, 0.43) * (0.5 * thin);
         let camera = volraster::scene::Camera { eye: eye * 3.0 + aside, target: aside, up, projection };
@@ -139,14 +137,24 @@ fn cycle(run: &mut Run<'_>) {
         // Along x at y = -0.35, from far at one end to near at the other.
         let bar = [(-0.95, -0.45), (0.95, 0.45)].map(|(x, z)| DVec3::new(x, -0.35, z));
         let first = points.len() as u32;
-        for p in [bar[0] - DVec3::Y * 0.15, bar[0] + DVec3::Y * 0.15, bar[1] - DVec3::Y * 0.15, bar[1] + DVec3::new(0.0, 0.15, 0.08)] {
+        for p in [
+            bar[0] - DVec3::Y * 0.15,
+            bar[0] + DVec3::Y * 0.15,
+            bar[1] - DVec3::Y * 0.15,
+            bar[1] + DVec3::new(0.0, 0.15, 0.08),
+        ] {
             points.push(turn(p));
             scalars.push(0.1 + 0.4 * i as f32);
         }
         cells.push([first, first + 1, first + 2, first + 3]);
     }
     let mesh = Tets::new(points, cells, TetScalars::Point(scalars)).unwrap().0;
-    let rows = [[0.0, 1.0, 0.0, 0.0, 30.0], [0.3, 0.0, 1.0, 0.0, 30.0], [0.6, 0.0, 1.0, 0.0, 30.0], [1.0, 0.0, 0.0, 1.0, 30.0]];
+    let rows = [
+        [0.0, 1.0, 0.0, 0.0, 30.0],
+        [0.3, 0.0, 1.0, 0.0, 30.0],
+        [0.6, 0.0, 1.0, 0.0, 30.0],
+        [1.0, 0.0, 0.0, 1.0, 30.0],
+    ];
     let scene = Scene::new(mesh, transfer(&rows));
     let view = along(DVec3::Z, DVec3::Y, 24, 24);
     let truth = truth(&scene, &view);
@@ -155,8 +163,9 @@ fn cycle(run: &mut Run<'_>) {
     run.only(ordered, &scene, &view, &[], |_, frame| {
         let mut off = 0;
         for (i, _) in pixels(&view) {
-            let difference =
-                (0..4).map(|c| (f64::from(frame.image.pixels()[i][c]) - truth.pixels()[i][c]).abs()).fold(0.0, f64::max);
+            let difference = (0..4)
+                .map(|c| (f64::from(frame.image.pixels()[i][c]) - truth.pixels()[i][c]).abs())
+                .fold(0.0, f64::max);
             off += usize::from(difference > 2e-4);
         }
         // Pixels within rounding of a silhouette.

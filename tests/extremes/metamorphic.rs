@@ -52,7 +52,8 @@ fn turned(run: &mut Run<'_>, turn: DQuat, by: DVec3) {
     let before = view(perspective(), 1.0, 14, 12);
     let camera = *before.camera();
     let place = |p: DVec3| turn * p + by;
-    let after = Camera { eye: place(camera.eye), target: place(camera.target), up: turn * camera.up, ..camera };
+    let after =
+        Camera { eye: place(camera.eye), target: place(camera.target), up: turn * camera.up, ..camera };
     let after = View::new(after, 14, 12).unwrap();
     for data in blobs() {
         let other: Data = match &data {
@@ -90,9 +91,8 @@ fn permuted(run: &mut Run<'_>) {
     let spacing = grid.spacing();
     let direction = DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X);
     let other = Grid::new([ny, nz, nx], Samples::F32(values)).unwrap();
-    let other = other
-        .with_placement(DVec3::new(spacing.y, spacing.z, spacing.x), grid.origin(), direction)
-        .unwrap();
+    let other =
+        other.with_placement(DVec3::new(spacing.y, spacing.z, spacing.x), grid.origin(), direction).unwrap();
     let count = mesh.points().len();
     let points: Vec<DVec3> = mesh.points().iter().rev().copied().collect();
     let scalars: Vec<f32> = mesh.scalars().values().iter().rev().copied().collect();
@@ -108,7 +108,12 @@ fn permuted(run: &mut Run<'_>) {
 
 /// From behind, mirrored: the optical depth of a ray is the same in either direction.
 fn from_behind(run: &mut Run<'_>) {
-    let one = Camera { eye: DVec3::new(0.02, 0.03, 5.0), target: DVec3::new(0.02, 0.03, 0.0), up: DVec3::Y, projection: Projection::Orthographic { half_height: 1.3 } };
+    let one = Camera {
+        eye: DVec3::new(0.02, 0.03, 5.0),
+        target: DVec3::new(0.02, 0.03, 0.0),
+        up: DVec3::Y,
+        projection: Projection::Orthographic { half_height: 1.3 },
+    };
     let other = Camera { eye: DVec3::new(0.02, 0.03, -5.0), ..one };
     let views = [one, other].map(|camera| View::new(camera, 15, 15).unwrap());
     for data in blobs() {

@@ -18,7 +18,10 @@ fn with_sample(value: f32, transfer: &TransferFunction) -> Vec<[Scene; 2]> {
     let Samples::F32(plain) = centre.samples().clone() else { return Vec::new() };
     let place = |values: Vec<f32>| {
         let grid = Grid::new([9; 3], Samples::F32(values)).unwrap();
-        Scene::new(grid.with_placement(DVec3::splat(0.25), DVec3::NEG_ONE, DMat3::IDENTITY).unwrap(), transfer.clone())
+        Scene::new(
+            grid.with_placement(DVec3::splat(0.25), DVec3::NEG_ONE, DMat3::IDENTITY).unwrap(),
+            transfer.clone(),
+        )
     };
     let mesh = cube(8, Cut::Five, affine);
     let scalars = mesh.scalars().values().to_vec();
@@ -54,7 +57,11 @@ fn not_a_number(run: &mut Run<'_>) {
                     near(&format!("at {pixel}"), damaged.pixels()[i][3].into(), truth.pixels()[i][3], bound)?;
                     changed += usize::from(plain.pixels()[i] != damaged.pixels()[i]);
                 } else if plain.pixels()[i] != damaged.pixels()[i] {
-                    return Err(format!("{pixel} is not the same: {:?}, {:?}", plain.pixels()[i], damaged.pixels()[i]));
+                    return Err(format!(
+                        "{pixel} is not the same: {:?}, {:?}",
+                        plain.pixels()[i],
+                        damaged.pixels()[i]
+                    ));
                 }
             }
             if changed > 4 { Ok(()) } else { Err(format!("{changed} pixels see the NaN")) }
@@ -95,7 +102,12 @@ fn denormal(run: &mut Run<'_>) {
     for scene in scenes(2, &tf, |_| 1e-39) {
         run.each(&scene, &through(2, 2), EXACT, |_, frame| {
             let alpha = f64::from(frame.image.pixel(0, 0)[3]);
-            near("opacity", alpha, 0.5 * (opacity(1.0) + opacity(2.0)), 0.5 * (opacity(2.0) - opacity(1.0)) + t32(20.0))
+            near(
+                "opacity",
+                alpha,
+                0.5 * (opacity(1.0) + opacity(2.0)),
+                0.5 * (opacity(2.0) - opacity(1.0)) + t32(20.0),
+            )
         });
     }
     // Among ordinary knots they are nothing.
@@ -127,7 +139,8 @@ fn codes(run: &mut Run<'_>) {
     let value = |i: usize| ((i * 37) % 256) as u8;
     let place = |samples, slope| {
         let grid = Grid::new([5, 4, 6], samples).unwrap();
-        let grid = grid.with_placement(DVec3::new(0.5, 2.0 / 3.0, 0.4), DVec3::NEG_ONE, DMat3::IDENTITY).unwrap();
+        let grid =
+            grid.with_placement(DVec3::new(0.5, 2.0 / 3.0, 0.4), DVec3::NEG_ONE, DMat3::IDENTITY).unwrap();
         grid.with_rescale(Rescale { slope, intercept: 0.0 }).unwrap()
     };
     let tf = transfer(&[[0.0, r, g, b, 0.2], [0.4981, r, g, b, 4.0], [1.0, r, g, b, 8.0]]);
@@ -157,7 +170,8 @@ fn codes(run: &mut Run<'_>) {
 fn oblique(run: &mut Run<'_>) {
     let mirror = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0));
     let cyclic = DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X);
-    let shear = DMat3::from_cols(DVec3::new(1.0, 0.3, 0.0), DVec3::new(-0.2, 0.0, 1.0), DVec3::new(0.1, 0.9, 0.4));
+    let shear =
+        DMat3::from_cols(DVec3::new(1.0, 0.3, 0.0), DVec3::new(-0.2, 0.0, 1.0), DVec3::new(0.1, 0.9, 0.4));
     let view = view(perspective(), 1.0, 12, 12);
     for direction in [mirror, cyclic, shear] {
         let dims = [5, 6, 7];
@@ -173,7 +187,8 @@ fn oblique(run: &mut Run<'_>) {
             }
         }
         let grid = Grid::new(dims, Samples::F32(values)).unwrap();
-        let scene = Scene::new(grid.with_placement(spacing, origin, direction).unwrap(), ramp(ENDS[0], ENDS[1]));
+        let scene =
+            Scene::new(grid.with_placement(spacing, origin, direction).unwrap(), ramp(ENDS[0], ENDS[1]));
         let truth = truth(&scene, &view);
         run.each(&scene, &view, EXACT, |_, frame| {
             // Rays that the outline passes within 1/64 pixel see it or not.

@@ -83,9 +83,15 @@ fn minified(run: &mut Run<'_>) {
     let camera = Camera { eye: DVec3::Z * 5.0, target: DVec3::ZERO, up: DVec3::Y, projection };
     let view = View::new(camera, 4, 4).unwrap();
     let options: &[(&str, &str)] = &[("prefilter", "mip"), ("step", "0.5")];
-    run.only(|spec| spec.has("prefilter"), &scene, &view, options, |_, frame| {
-        frame.image.pixels().iter().try_for_each(|p| near("opacity", p[3].into(), opacity(1.0), 1e-2))
-    });
+    run.only(
+        |spec| spec.has("prefilter"),
+        &scene,
+        &view,
+        options,
+        |_, frame| {
+            frame.image.pixels().iter().try_for_each(|p| near("opacity", p[3].into(), opacity(1.0), 1e-2))
+        },
+    );
 }
 
 /// Ten thousand pixels a voxel: no stairs. Neighbouring pixels differ by less than rounding, and all are right.

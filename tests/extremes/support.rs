@@ -88,8 +88,7 @@ pub fn blocks(planes: [&[f64]; 3], cut: Cut, field: impl Fn(DVec3) -> f64) -> Te
                     Cut::Five => {
                         // Mirrored in every other block, so that diagonals of shared faces meet.
                         let flip = (x + y + z) % 2;
-                        let five =
-                            [[0, 1, 2, 4], [3, 2, 1, 7], [5, 4, 7, 1], [6, 7, 4, 2], [1, 2, 4, 7]];
+                        let five = [[0, 1, 2, 4], [3, 2, 1, 7], [5, 4, 7, 1], [6, 7, 4, 2], [1, 2, 4, 7]];
                         cells.extend(five.map(|cell| cell.map(|i| corner(i ^ flip))));
                     }
                     Cut::Six => {
@@ -106,7 +105,12 @@ pub fn blocks(planes: [&[f64]; 3], cut: Cut, field: impl Fn(DVec3) -> f64) -> Te
                         };
                         let body = at(&[0, 1, 2, 3, 4, 5, 6, 7]);
                         let faces = [
-                            [0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5],
+                            [0, 1, 3, 2],
+                            [4, 5, 7, 6],
+                            [0, 1, 5, 4],
+                            [2, 3, 7, 6],
+                            [0, 2, 6, 4],
+                            [1, 3, 7, 5],
                         ];
                         let middles = faces.map(|face| at(&face));
                         let first = points.len() as u32;
@@ -145,10 +149,7 @@ pub fn layered(layers: u32, field: impl Fn(DVec3) -> f64) -> Tets {
 
 /// The cube as each kind of data: samples at each `n`-th, and as many blocks.
 pub fn kinds(n: u32, field: impl Fn(DVec3) -> f64) -> Vec<Data> {
-    vec![
-        grid([n + 1; 3], DVec3::NEG_ONE, DVec3::ONE, &field).into(),
-        cube(n, Cut::Five, &field).into(),
-    ]
+    vec![grid([n + 1; 3], DVec3::NEG_ONE, DVec3::ONE, &field).into(), cube(n, Cut::Five, &field).into()]
 }
 
 pub fn scenes(n: u32, transfer: &TransferFunction, field: impl Fn(DVec3) -> f64) -> Vec<Scene> {
@@ -232,7 +233,13 @@ pub fn apart(a: &Image, b: &Image) -> f64 {
     let pairs = a.pixels().iter().flatten().zip(b.pixels().iter().flatten());
     pairs.fold(0.0, |most, (a, b)| {
         let apart = (f64::from(*a) - f64::from(*b)).abs();
-        if apart <= most { most } else if apart.is_nan() { f64::INFINITY } else { apart }
+        if apart <= most {
+            most
+        } else if apart.is_nan() {
+            f64::INFINITY
+        } else {
+            apart
+        }
     })
 }
 

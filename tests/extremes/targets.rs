@@ -70,11 +70,15 @@ fn layers(run: &mut Run<'_>, target: &str) {
             let off = |model: f64| (got - model).abs() <= 0.2 * (model - want).abs();
             // Half a step of 65,535 for each of the layers' blends, as the loss goes on: the equilibrium of a share s
             // less half a step q/2 instead of s is off by q / (2 s) = 7.6 % of the colour.
-            let rounded = target == "rgba16" && (got - want).abs() <= 1.2 * want * 0.5 / 65535.0 / opacity(1e-4);
+            let rounded =
+                target == "rgba16" && (got - want).abs() <= 1.2 * want * 0.5 / 65535.0 / opacity(1e-4);
             if models.into_iter().any(off) || rounded {
                 Ok(())
             } else {
-                Err(format!("{order}: {got} of {want}; stored to nearest it would be {}, towards zero {}", models[0], models[1]))
+                Err(format!(
+                    "{order}: {got} of {want}; stored to nearest it would be {}, towards zero {}",
+                    models[0], models[1]
+                ))
             }
         });
     }
@@ -103,8 +107,14 @@ fn dithered(run: &mut Run<'_>) {
 /// What is behind an opaque layer does not show, to the bit.
 fn hidden(run: &mut Run<'_>) {
     // Dense in front, where z is above 0; two different pasts behind.
-    let rows = [[0.0, 0.1, 0.9, 0.4, 0.7], [1.0, 0.9, 0.2, 0.1, 2.0], [1.0, 0.3, 0.6, 0.9, 1e9], [2.0, 0.3, 0.6, 0.9, 1e9]];
-    let behind = |scale: f64| move |p: DVec3| if p.z >= 0.0 { 2.0 } else { scale * (0.5 - 0.3 * p.z + 0.2 * p.x) };
+    let rows = [
+        [0.0, 0.1, 0.9, 0.4, 0.7],
+        [1.0, 0.9, 0.2, 0.1, 2.0],
+        [1.0, 0.3, 0.6, 0.9, 1e9],
+        [2.0, 0.3, 0.6, 0.9, 1e9],
+    ];
+    let behind =
+        |scale: f64| move |p: DVec3| if p.z >= 0.0 { 2.0 } else { scale * (0.5 - 0.3 * p.z + 0.2 * p.x) };
     let (a, b) = (scenes(4, &transfer(&rows), behind(1.0)), scenes(4, &transfer(&rows), behind(0.3)));
     for (a, b) in a.iter().zip(&b) {
         for step in ["0.25", "1"] {
@@ -123,7 +133,8 @@ fn early(run: &mut Run<'_>, stop: f64) {
     for scene in scenes(8, &transfer, affine) {
         let text = format!("{stop}");
         let mut ends = 0;
-        let options: [&[(&str, &str)]; 2] = [&[("step", "0.1"), ("stop", &text)], &[("step", "0.1"), ("stop", "0")]];
+        let options: [&[(&str, &str)]; 2] =
+            [&[("step", "0.1"), ("stop", &text)], &[("step", "0.1"), ("stop", "0")]];
         let view = through(6, 6);
         run.pairs([&scene; 2], [&view; 2], options, |_, early, whole| {
             ends += usize::from(apart(early, whole) > 0.0);

@@ -128,7 +128,8 @@ const CASES: &[Case] = &[
         tolerance: "1e-6 relative",
         run: |run| {
             for od in [1e-6, 1e-3, 1.0] {
-                let scenes = between(0.7, 0.7, &transfer(&[[0.0, 1.0, 1.0, 1.0, 0.0], [1.4, 1.0, 1.0, 1.0, od]]));
+                let scenes =
+                    between(0.7, 0.7, &transfer(&[[0.0, 1.0, 1.0, 1.0, 0.0], [1.4, 1.0, 1.0, 1.0, od]]));
                 expect(run, &scenes, 1, od, 1e-6 * od);
             }
         },
