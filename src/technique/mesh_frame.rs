@@ -234,7 +234,9 @@ pub(super) fn check_loops(pixels: u32) -> Result<()> {
     }
     Err(Error::unsupported(
         "this view of the mesh",
-        format!("{pixels} pixels need more turns of a loop than it makes; havs with chunk=5000 makes fewer in one"),
+        format!(
+            "{pixels} pixels need more turns of a loop than it makes; havs with chunk=5000 makes fewer in one"
+        ),
     ))
 }
 
@@ -403,7 +405,9 @@ pub(super) fn shading_push(scene: &GpuScene, desc: &MeshDesc, knots: &Knots) -> 
         if turns > limit {
             return Err(Error::unsupported(
                 format!("{} integrator=exact", desc.name),
-                format!("{turns} loop iterations for this transfer function, the limit is {limit}; integral works"),
+                format!(
+                    "{turns} loop iterations for this transfer function, the limit is {limit}; integral works"
+                ),
             ));
         }
     }

@@ -8,8 +8,9 @@ use std::sync::Arc;
 use super::gpu_scene::GpuScene;
 use super::havs_raster::only_flagged;
 use super::mesh_data::{MeshData, Needs};
-use super::mesh_frame::{check_loops, 
-    Lists, MeshDesc, Pass, Primitives, Stage, constants, download, groups_of, measure, pass, words,
+use super::mesh_frame::{
+    Lists, MeshDesc, Pass, Primitives, Stage, check_loops, constants, download, groups_of, measure, pass,
+    words,
 };
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
