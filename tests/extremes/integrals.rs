@@ -4,7 +4,6 @@ use glam::DVec3;
 use volraster::scene::{Camera, Projection, Scene, View};
 
 use crate::catalogue::{Case, Family, Run};
-use crate::common::*;
 use crate::support::*;
 
 pub static FAMILY: Family = Family::new("integrals", CASES);

@@ -68,8 +68,6 @@ fn peak(run: &mut Run<'_>, steps: u32) {
             let claims = |spec: &crate::catalogue::Spec| match spec.integrator {
                 "" | "midpoint" => !is_grid || steps >= 100_000,
                 "full" => steps == 1 && is_grid,
-                // Cells cut the range where they like; bins of 2^-12 lie across the peak then.
-                "integral" => steps < 100_000,
                 _ => steps < 100_000,
             };
             run.only(claims, &scene, &through(2, 2), &[("step", &step)], |spec, frame| {
