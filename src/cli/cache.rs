@@ -12,6 +12,7 @@ use flate2::Compression;
 use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
 use sha2::{Digest, Sha256};
+use volraster::gpu::user_cache_folder;
 use volraster::reference::{self, ReferenceImage, ReferenceOptions};
 use volraster::scene::{Data, Grid, Samples, Scene, TetScalars, Tets, View};
 use volraster::{Error, Result};
@@ -58,15 +59,8 @@ pub(crate) enum Origin {
 impl Cache {
     /// The user's, or none.
     pub(crate) fn of_user(is_used: bool) -> Self {
-        // A path that is not absolute counts as none, as the XDG base directory specification has it.
-        let set = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-        let user = || {
-            set("XDG_CACHE_HOME")
-                .or_else(|| set("LOCALAPPDATA"))
-                .or_else(|| Some(set("HOME")?.join(".cache")))
-                .map(|cache| cache.join("volraster").join("reference"))
-        };
-        Self { folder: is_used.then(user).flatten(), most_bytes: MOST_BYTES }
+        let folder = user_cache_folder().filter(|_| is_used).map(|cache| cache.join("reference"));
+        Self { folder, most_bytes: MOST_BYTES }
     }
 
     /// The reference image of a view, with one ray for each pixel. `progress` is told as by [`reference::render`].

@@ -6,37 +6,7 @@ use volraster::scene::{Camera, Data, Field, Projection, Scene, TransferFunction,
 use volraster::{Error, Gpu, GpuScene, Result};
 
 use super::input::Size;
-
-/// Random numbers (Steele, Lea and Flood 2014: SplitMix64).
-#[derive(Clone, Copy, Debug)]
-struct Random(u64);
-
-impl Random {
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
-    }
-
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * ((self.bits() >> 11) as f64 * (-53.0_f64).exp2())
-    }
-
-    /// As often in each octave.
-    fn scale(&mut self, low: f64, high: f64) -> f64 {
-        self.between(low.ln(), high.ln()).exp()
-    }
-
-    fn whole(&mut self, low: u32, high: u32) -> u32 {
-        low + u32::try_from(self.bits() % u64::from(high - low + 1)).unwrap_or(0)
-    }
-
-    fn of<T: Copy>(&mut self, all: &[T]) -> T {
-        all[usize::try_from(self.bits() % all.len() as u64).unwrap_or(0)]
-    }
-}
+use super::random::Random;
 
 /// A scene, how it is seen, and the greatest error that is allowed.
 #[derive(Debug)]

@@ -13,6 +13,7 @@
 //! | `input` | what several commands take: scene, size, technique, device |
 //! | `output` | stdout, files written beside and renamed, progress |
 //! | `table`, `timing`, `histogram` | aligned text, quantiles of frame times, how often values occur |
+//! | `random` | random numbers that are the same in every run |
 
 mod bench;
 mod cache;
@@ -31,6 +32,7 @@ mod interrupt;
 mod output;
 mod picture;
 mod plot;
+mod random;
 mod ratios;
 mod record;
 mod reference;

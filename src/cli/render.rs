@@ -11,7 +11,7 @@ use volraster::technique::FrameTime;
 use volraster::{Error, GpuScene, Image, Renderer, Result, Technique};
 
 use super::input::{self, ArrayArg, DeviceArgs, Input, Request, Size, milliseconds};
-use super::timing::{Times, gpu_ms};
+use super::timing::{Times, gpu_ms, passes};
 use super::{Outcome, output};
 
 /// Arguments of `render`.
@@ -309,16 +309,8 @@ fn frame_json(frame: &FrameTime) -> Value {
     json.insert("wall_ms".to_string(), json!(frame.wall_ms));
     if let Some(ms) = gpu_ms(frame) {
         json.insert("gpu_ms".to_string(), json!(ms));
-        // A pass that is split, or runs several times, counts under its one name.
-        let mut passes: Vec<(&str, f64)> = Vec::new();
-        for pass in &frame.passes {
-            match passes.iter_mut().find(|(name, _)| *name == pass.name) {
-                Some((_, ms)) => *ms += pass.ms,
-                None => passes.push((&pass.name, pass.ms)),
-            }
-        }
         let passes: Map<String, Value> =
-            passes.into_iter().map(|(name, ms)| (name.to_string(), json!(ms))).collect();
+            passes(frame).into_iter().map(|(name, ms)| (name.to_string(), json!(ms))).collect();
         json.insert("passes".to_string(), Value::Object(passes));
     }
     Value::Object(json)

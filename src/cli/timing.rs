@@ -3,6 +3,11 @@
 use serde::{Deserialize, Serialize};
 use volraster::technique::FrameTime;
 
+use super::random::Random;
+
+/// Always the same: the same times give the same interval.
+const SEED: u64 = 1;
+
 /// Samples that are drawn anew for an interval.
 const RESAMPLES: u32 = 2000;
 
@@ -85,7 +90,7 @@ impl Times {
 
     /// Where the median lies with 95 % (bootstrap, percentiles). The same for the same times.
     pub(crate) fn interval(&self) -> [f64; 2] {
-        let mut random = Random::new();
+        let mut random = Random(SEED);
         middle_95((0..RESAMPLES).map(|_| self.resampled(&mut random)).collect())
     }
 }
@@ -152,36 +157,13 @@ pub(crate) fn ratio(pairs: &[[&Times; 2]]) -> Option<Ratio> {
     let count = pairs.len() as f64;
     let mean = |logs: f64| (logs / count).exp();
     let value = mean(pairs.iter().map(|[a, b]| (b.median() / a.median()).ln()).sum());
-    let mut random = Random::new();
+    let mut random = Random(SEED);
     let mut once = || {
         let log = |[a, b]: &[&Times; 2]| (b.resampled(&mut random) / a.resampled(&mut random)).ln();
         mean(pairs.iter().map(log).sum())
     };
     let [low, high] = middle_95((0..RESAMPLES).map(|_| once()).collect());
     Some(Ratio { value, low, high })
-}
-
-/// SplitMix64, always from the same seed: the same times give the same interval.
-struct Random(u64);
-
-impl Random {
-    fn new() -> Self {
-        Self(0x9e37_79b9_7f4a_7c15)
-    }
-
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// A place in a list of so many.
-    fn below(&mut self, count: usize) -> usize {
-        let wide = u128::from(self.next()) * count as u128;
-        usize::try_from(wide >> 64).unwrap_or(0)
-    }
 }
 
 #[cfg(test)]
@@ -206,8 +188,8 @@ mod tests {
     #[test]
     fn intervals_hold_the_median_as_often_as_they_say() {
         // 400 samples of 15 times, each a median of 10 by its law.
-        let mut random = Random::new();
-        let mut uniform = || random.next() as f64 / u64::MAX as f64;
+        let mut random = Random(SEED);
+        let mut uniform = || random.between(0.0, 1.0);
         let held = (0..400).filter(|_| {
             let some = times(&(0..15).map(|_| 8.0 + 4.0 * uniform()).collect::<Vec<_>>());
             let [low, high] = some.interval();

@@ -68,7 +68,8 @@ impl PipelineCacheFile {
 /// The user's cache folder for this library; `None` where there is none. It need not be there yet.
 #[must_use]
 pub fn user_cache_folder() -> Option<PathBuf> {
-    let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    // A path that is not absolute counts as none, as the XDG base directory specification has it.
+    let set = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     set("XDG_CACHE_HOME")
         .or_else(|| set("LOCALAPPDATA"))
         .or_else(|| Some(set("HOME")?.join(".cache")))
