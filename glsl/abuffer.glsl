@@ -80,8 +80,7 @@ void main() {
     uint in_band = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x;
     if (in_band >= push.count) return;
     uint tile = push.band + in_band;
-    uint across = (uint(2.0 * push.half_extent.x) + TILE - 1u) / TILE;
-    uvec2 place = uvec2(tile % across, tile / across) * TILE + uvec2(gl_LocalInvocationIndex % TILE, gl_LocalInvocationIndex / TILE);
+    uvec2 place = pixel_of(tile, gl_LocalInvocationIndex);
     if (any(greaterThanEqual(vec2(place), 2.0 * push.half_extent))) return;
 
     load_segments();

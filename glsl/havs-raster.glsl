@@ -172,9 +172,8 @@ void store_sweep(ivec2 pixel, Sweep sweep) {
 
 // The word of a pixel, as the lists have it: tile by tile.
 uint word_of(uvec2 pixel) {
-    uint across = (uint(2.0 * push.half_extent.x) + TILE - 1u) / TILE;
     uvec2 tile = pixel / TILE, inner = pixel % TILE;
-    return (tile.y * across + tile.x) * TILE_PIXELS + inner.y * TILE + inner.x;
+    return (tile.y * tiles_across() + tile.x) * TILE_PIXELS + inner.y * TILE + inner.x;
 }
 
 #ifdef EMPTY
@@ -184,8 +183,7 @@ layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[];
 void main() {
     uint tile = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x;
     if (tile >= push.count) return;
-    uint across = (uint(2.0 * push.half_extent.x) + TILE - 1u) / TILE;
-    uvec2 place = uvec2(tile % across, tile / across) * TILE + uvec2(gl_LocalInvocationIndex % TILE, gl_LocalInvocationIndex / TILE);
+    uvec2 place = pixel_of(tile, gl_LocalInvocationIndex);
     if (any(greaterThanEqual(vec2(place), 2.0 * push.half_extent))) return;
     load_segments();
     uint knots = push.knots;

@@ -126,7 +126,7 @@ layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[];
 
 void main() {
     uint run = gl_GlobalInvocationID.x;
-    uint runs = push.runs, capacity = push.capacity, across = (uint(2.0 * push.half_extent.x) + TILE - 1u) / TILE;
+    uint runs = push.runs, capacity = push.capacity, across = tiles_across();
     if (run >= runs) return;
     if (FLAGGED && !CELLS && status[STATUS_OVERFLOW_PIXELS] == 0u) return;
     uint i = min(run * push.number, push.count), end = min(i + push.number, push.count);
@@ -245,9 +245,8 @@ void add_face(inout Piece piece, Cover there, uint bit, vec2 met) {
 void main() {
     uint in_band = gl_GlobalInvocationID.x;
     uint tile = push.band + in_band, runs = push.runs, capacity = push.capacity;
-    uint across = (uint(2.0 * push.half_extent.x) + TILE - 1u) / TILE;
     if (in_band >= push.count) return;
-    uvec2 origin = uvec2(tile % across, tile / across) * TILE;
+    uvec2 origin = pixel_of(tile, 0u);
     vec2 line0 = line_at(vec2(origin) + 0.5);
     // After the bins are written, places are where runs end.
     uint begin = tile == 0u ? 0u : bin_table[tile * runs - 1u];

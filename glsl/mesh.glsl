@@ -30,6 +30,17 @@ layout(push_constant) uniform MeshPush {
     float alike;      // scalars this far apart show the same
 } push;
 
+// Tiles in a row of the image.
+uint tiles_across() {
+    return (uint(2.0 * push.half_extent.x) + TILE - 1u) / TILE;
+}
+
+// The pixel with a number in a tile, row by row. It may lie beyond the image's edge.
+uvec2 pixel_of(uint tile, uint number) {
+    uint across = tiles_across();
+    return uvec2(tile % across, tile / across) * TILE + uvec2(number % TILE, number / TILE);
+}
+
 // A line: the place of a pixel's centre.
 vec2 line_at(vec2 pixel) {
     return vec2(pixel.x - push.half_extent.x, push.half_extent.y - pixel.y) * push.pixel;

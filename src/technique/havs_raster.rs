@@ -17,6 +17,7 @@ use ash::vk;
 use glam::DVec3;
 
 use super::gpu_scene::{GpuScene, Knots, Table};
+use super::grid_frame::own_image;
 use super::havs::Route;
 use super::mesh_data::{MeshData, Needs};
 use super::mesh_frame::{
@@ -161,14 +162,8 @@ impl RasterFrame {
             ));
         }
 
-        let after = if target.format().is_none() {
-            vk::ImageUsageFlags::TRANSFER_SRC
-        } else {
-            vk::ImageUsageFlags::SAMPLED
-        };
         let format = vk::Format::R32G32B32A32_SFLOAT;
-        let image_desc = ImageDesc::flat(format, view.extent(), vk::ImageUsageFlags::STORAGE | after);
-        let image = Arc::new(Image::new(gpu, &format!("{name}.accumulation"), &image_desc)?);
+        let image = own_image(gpu, name, format, vk::ImageUsageFlags::STORAGE, view, target)?;
         let flags = buffer(gpu, "flags", u64::from(tiles) * u64::from(TILE_PIXELS))?;
         let kbuffer_desc = ImageDesc::flat(format, view.extent(), vk::ImageUsageFlags::STORAGE);
         // As many as K pairs and the last one fill.

@@ -9,6 +9,7 @@ use std::sync::{Arc, PoisonError};
 use ash::vk;
 
 use super::gpu_scene::{GpuScene, Knots, Table};
+use super::grid_frame::own_image;
 use super::grid_options::{Integrator, SegmentOptions};
 use super::mesh_data::{DrawnPrimitives, MeshData, Needs};
 use super::mesh_overlaps::{self, Overlaps};
@@ -596,14 +597,8 @@ impl MeshFrame {
         let (runs, needs, bands) = measure(scene, &desc, &data, &stage, &push, tiles, across)?;
         let lists = Lists::new(scene, &desc, &stage, tiles, runs, bands, needs)?;
 
-        let after = if target.format().is_none() {
-            vk::ImageUsageFlags::TRANSFER_SRC
-        } else {
-            vk::ImageUsageFlags::SAMPLED
-        };
         let format = vk::Format::R32G32B32A32_SFLOAT;
-        let image_desc = ImageDesc::flat(format, view.extent(), vk::ImageUsageFlags::STORAGE | after);
-        let image = Arc::new(Image::new(gpu, &format!("{name}.accumulation"), &image_desc)?);
+        let image = own_image(gpu, name, format, vk::ImageUsageFlags::STORAGE, view, target)?;
         let flags = buffer(gpu, "flags", u64::from(tiles) * u64::from(TILE_PIXELS))?;
         let mut kbuffer = Vec::new();
         if desc.chunk.is_some() && desc.k > 0 {
