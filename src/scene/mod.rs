@@ -7,6 +7,7 @@ mod data;
 mod field;
 pub mod file;
 mod grid;
+mod kernel;
 mod points;
 mod tets;
 mod transfer;
@@ -16,10 +17,13 @@ pub use cells::CellKind;
 pub use data::Data;
 pub use field::Field;
 pub use grid::{Anatomy, Grid, Rescale, Samples};
+pub use kernel::{Kernel, Kernels, Model};
 pub use points::{KernelSize, Points};
 pub(crate) use tets::Orientation;
 pub use tets::{Mended, TetScalars, Tets};
 pub use transfer::{Knot, TransferFunction};
+
+use crate::error::{Error, Result};
 
 /// A volume with the optical properties of its scalars: what every technique draws.
 #[derive(Clone, Debug)]
@@ -28,13 +32,34 @@ pub struct Scene {
     pub data: Data,
     /// From scalar to emission and extinction.
     pub transfer: TransferFunction,
+    /// Kernels that make a field of the samples; `None`: what is usual for the data, trilinear on a grid, linear in the
+    /// cells of a mesh, [`Kernels::of_points`] on points.
+    pub kernels: Option<Kernels>,
 }
 
 impl Scene {
     /// A scene of data, which may be given as what it is: a grid, a mesh, points.
     #[must_use]
     pub fn new(data: impl Into<Data>, transfer: TransferFunction) -> Self {
-        Self { data: data.into(), transfer }
+        Self { data: data.into(), transfer, kernels: None }
+    }
+
+    /// The same with a field that kernels make of the samples: of a grid's, of the scalars at a mesh's points, of
+    /// points. It is what the reference draws; techniques that splat draw it, others refuse it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Kernels::check`]; [`Error::Invalid`] for a kernel that the data cannot have.
+    pub fn with_kernels(mut self, kernels: Kernels) -> Result<Self> {
+        kernels.check()?;
+        let of_grids = matches!(kernels.kernel, Kernel::Tent | Kernel::Sinc);
+        if of_grids && !matches!(self.data, Data::Grid(_)) {
+            let why =
+                format!("{}: is for grids, the scene holds a {}", kernels.kernel.name(), self.data.kind());
+            return Err(Error::invalid("kernel", why));
+        }
+        self.kernels = Some(kernels);
+        Ok(self)
     }
 
     /// The grid, where the data is one.
@@ -51,6 +76,15 @@ impl Scene {
     pub fn mesh(&self) -> Option<&Tets> {
         match &self.data {
             Data::Mesh(mesh) => Some(mesh),
+            _ => None,
+        }
+    }
+
+    /// The points, where the data is such.
+    #[must_use]
+    pub fn points(&self) -> Option<&Points> {
+        match &self.data {
+            Data::Points(points) => Some(points),
             _ => None,
         }
     }
