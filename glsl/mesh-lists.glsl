@@ -1,6 +1,5 @@
 // entry compute POINTS
 // entry compute BOXES
-// entry compute BINS
 // entry compute LISTS
 //
 // The lists that techniques for meshes draw from: for each pixel the faces or cells that its line meets, in order of rank.
@@ -8,9 +7,7 @@
 //   POINTS  one invocation a point: as the view sees it
 //   BOXES   one invocation a primitive: the pixels that it may cover, and a key of visibility, the signed distance of its centroid
 //           from the eye less that of the mesh's centre
-//   BINS    one invocation a run of ranks: which tiles its primitives may cover; first counted, then, with the counts summed up,
-//           written. Runs are summed up within tiles, so that each tile has its primitives by rank without an atomic.
-//   LISTS   one invocation a tile: which pixels of the tile its primitives do cover, and where; counted, then written. No other
+//   LISTS   one invocation a tile, from its bin (bins.glsl): which pixels of the tile its primitives do cover, and where; counted, then written. No other
 //           invocation has these pixels: ranks stay in order.
 //
 //   cost  LISTS finds the pixels of a tile that a primitive covers from where its edges cross rows, twice
@@ -113,51 +110,6 @@ void main() {
     // What is not there goes last.
     sort_keys[i] = there ? float_key(BACK_TO_FRONT ? -key : key) : 0xffffffffu;
     order[i] = i;
-}
-#endif
-
-#ifdef BINS
-layout(local_size_x = 8) in;
-layout(set = 0, binding = BINDING_ORDER, std430) readonly buffer Order { uint order[]; };
-layout(set = 0, binding = BINDING_BOXES, std430) readonly buffer Boxes { uvec2 boxes[]; };
-layout(set = 0, binding = BINDING_BIN_TABLE, std430) buffer BinTable { uint bin_table[]; };
-layout(set = 0, binding = BINDING_BINS, std430) writeonly buffer Bins { uint bins[]; };
-layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
-
-void main() {
-    uint run = gl_GlobalInvocationID.x;
-    uint runs = push.runs, capacity = push.capacity, across = tiles_across();
-    if (run >= runs) return;
-    if (FLAGGED && !CELLS && status[STATUS_OVERFLOW_PIXELS] == 0u) return;
-    uint i = min(run * push.number, push.count), end = min(i + push.number, push.count);
-    // One turn a tile of a primitive: runs next to each other stay in step.
-    uint id = 0u, x = 0u, y = 0u, x0 = 0u, x1 = 0u, y1 = 0u, lost = 0u;
-    for (uint turn = 0u; turn < MOST_TURNS && (i < end || y < y1); ++turn) {
-        if (y >= y1) {
-            id = order[i++];
-            uvec2 box = boxes[id];
-            x0 = (box.x & 0xffffu) / TILE;
-            x1 = ((box.x >> 16) + TILE - 1u) / TILE;
-            y = (box.y & 0xffffu) / TILE;
-            y1 = ((box.y >> 16) + TILE - 1u) / TILE;
-            x = x0;
-        }
-        if (y < y1) {
-            uint place = (y * across + x) * runs + run;
-            uint slot = bin_table[place];
-            bin_table[place] = slot + 1u;
-            if (FILL && slot < capacity) bins[slot] = id;
-            lost += uint(FILL && slot >= capacity);
-            ++x;
-            if (x >= x1) {
-                x = x0;
-                ++y;
-            }
-        }
-    }
-    // Runs are made short enough for what every device makes of a loop.
-    lost += end - i + uint(y < y1);
-    if (lost > 0u) atomicAdd(status[STATUS_LOST], lost);
 }
 #endif
 

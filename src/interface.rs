@@ -96,6 +96,62 @@ pub(crate) struct MeshPush {
     pub(crate) alike: f32,
 }
 
+/// Push constants of `bins.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct BinsPush {
+    pub(crate) across: u32,
+    pub(crate) first: u32,
+    pub(crate) tiles: u32,
+    pub(crate) count: u32,
+    pub(crate) number: u32,
+    pub(crate) runs: u32,
+    pub(crate) capacity: u32,
+}
+
+/// Push constants of what draws splats (`splats.glsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct SplatPush {
+    pub(crate) q0_kq: [f32; 4],
+    pub(crate) px_kd: [f32; 4],
+    pub(crate) py_scale: [f32; 4],
+    pub(crate) d0_near: [f32; 4],
+    pub(crate) forward_reach: [f32; 4],
+    pub(crate) half_extent: [f32; 2],
+    pub(crate) unit: f32,
+    pub(crate) h: f32,
+    pub(crate) cut: f32,
+    pub(crate) least: f32,
+    pub(crate) amplitude: f32,
+    pub(crate) opaque: f32,
+    pub(crate) knots: u32,
+    pub(crate) band: u32,
+    pub(crate) tiles: u32,
+    pub(crate) turns: u32,
+}
+
+/// Push constants of `splat-project.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct SplatViewPush {
+    pub(crate) right: [f32; 4],
+    pub(crate) up: [f32; 4],
+    pub(crate) forward: [f32; 4],
+    pub(crate) half_extent: [f32; 2],
+    pub(crate) pixel: f32,
+    pub(crate) w0: f32,
+    pub(crate) w1: f32,
+    pub(crate) unit: f32,
+    pub(crate) cut: f32,
+    pub(crate) amplitude: f32,
+    pub(crate) lowpass: f32,
+    pub(crate) thickness: f32,
+    pub(crate) eye: f32,
+    pub(crate) middle: f32,
+    pub(crate) count: u32,
+}
+
 /// What of a cell is drawn as a fan of triangles (`tet-fans.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

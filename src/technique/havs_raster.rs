@@ -21,22 +21,22 @@ use super::grid_frame::own_image;
 use super::havs::Route;
 use super::mesh_data::{MeshData, Needs};
 use super::mesh_frame::{
-    Lists, MeshDesc, MeshOutcome, Pass, REPAIR_K, Stage, constants, groups_of, measure, pass, shading,
-    shading_push, words,
+    Lists, MeshDesc, MeshOutcome, Primitives, REPAIR_K, Stage, constants, measure, shading, shading_push,
 };
-use super::mesh_frame::{buffer, download};
 use super::mesh_overlaps::Overlaps;
 use super::mesh_view::Frame;
 use super::options::Choice as _;
+use super::passes::{Pass, groups_of, pass, words};
+use super::passes::{buffer, download};
 use super::{Outcome, Prepared, TargetDesc};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
     BINDING_ACCUMULATION, BINDING_BOXES, BINDING_CURSORS, BINDING_FLAGS, BINDING_KBUFFER_0,
     BINDING_KBUFFER_1, BINDING_KBUFFER_2, BINDING_KBUFFER_3, BINDING_LISTS, BINDING_MESH_SCALARS,
     BINDING_ORDER, BINDING_PRIMITIVES, BINDING_STATUS, BINDING_VIEW_POINTS, HAVS_RASTER_EMPTY,
-    HAVS_RASTER_IMPLEMENTATION, HAVS_RASTER_INTERLOCK, HAVS_RASTER_VERTEX, MESH_LISTS_BINS, MESH_LISTS_LISTS,
-    SPEC_FILL, SPEC_FLAGGED, SPEC_INTEGRATOR, SPEC_K, SPEC_KNOT_WALK, SPEC_LAST_CHUNK, SPEC_REPAIR,
-    SPEC_RESUME, STATUS_NAN_KEYS, STATUS_OVERFLOW_PIXELS, STATUS_WORDS, TILE, TILE_PIXELS,
+    HAVS_RASTER_IMPLEMENTATION, HAVS_RASTER_INTERLOCK, HAVS_RASTER_VERTEX, MESH_LISTS_LISTS, SPEC_FILL,
+    SPEC_FLAGGED, SPEC_INTEGRATOR, SPEC_K, SPEC_KNOT_WALK, SPEC_LAST_CHUNK, SPEC_REPAIR, SPEC_RESUME,
+    STATUS_NAN_KEYS, STATUS_OVERFLOW_PIXELS, STATUS_WORDS, TILE, TILE_PIXELS,
 };
 use crate::gpu::sync::Use;
 use crate::gpu::{
@@ -297,13 +297,13 @@ pub(super) fn only_flagged(
     desc: &MeshDesc,
     flags: &Arc<Buffer>,
 ) -> Result<()> {
+    // Lists of cells are there where a frame before has flagged something.
+    if desc.primitives == Primitives::Faces {
+        lists.bins.only_where_flagged(scene.gpu())?;
+    }
     let constants = constants(scene, desc)?;
-    let passes = [
-        (&mut lists.bin_count, &MESH_LISTS_BINS, 0),
-        (&mut lists.bin_fill, &MESH_LISTS_BINS, 1),
-        (&mut lists.list_count, &MESH_LISTS_LISTS, 0),
-        (&mut lists.list_fill, &MESH_LISTS_LISTS, 1),
-    ];
+    let passes =
+        [(&mut lists.list_count, &MESH_LISTS_LISTS, 0), (&mut lists.list_fill, &MESH_LISTS_LISTS, 1)];
     for (old, shader, fill) in passes {
         let resource = |&(binding, _): &(u32, _)| {
             let found = match binding {
@@ -324,7 +324,7 @@ impl Repairs {
     fn record(&self, recorder: &mut Recorder<'_>, push: &MeshPush, count: u32, outcome: &MeshOutcome) {
         let lists = &self.lists;
         lists.bin(recorder, push, count);
-        recorder.copy_buffer("bins.total", lists.bin_scan.total(), &outcome.bins, 8);
+        recorder.copy_buffer("bins.total", lists.bins.total(), &outcome.bins, 8);
         recorder.release_to_host(&outcome.bins);
         for (i, band) in lists.bands.iter().enumerate() {
             recorder.clear_buffer("lists.clear", &lists.cursors);

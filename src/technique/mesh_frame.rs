@@ -8,12 +8,14 @@ use std::sync::{Arc, PoisonError};
 
 use ash::vk;
 
+use super::bins::{Bins, Fill};
 use super::gpu_scene::{GpuScene, Knots, Table};
 use super::grid_frame::own_image;
 use super::grid_options::{Integrator, SegmentOptions};
 use super::mesh_data::{DrawnPrimitives, MeshData, Needs};
 use super::mesh_overlaps::{self, Overlaps};
 use super::mesh_view::Frame;
+use super::passes::{Pass, buffer, download, groups_of, pass, total, words};
 use super::radix_sort::RadixSort;
 use super::scan::Scan;
 use super::{Outcome, Prepared, TargetDesc};
@@ -24,15 +26,14 @@ use crate::gpu::shader::{
     BINDING_KNOTS_UNIFORM, BINDING_LISTS, BINDING_MESH_POINTS, BINDING_MESH_SCALARS, BINDING_ORDER,
     BINDING_PRIMITIVES, BINDING_RANK_KEYS, BINDING_STATUS, BINDING_TABLE, BINDING_TABLE_HEAD,
     BINDING_VIEW_POINTS, COUNT_BITS, FLAG_OVERLAPS, FLAG_REPAIRED, FLAG_UNSORTED, LIST_WINDOW,
-    MESH_LISTS_BINS, MESH_LISTS_BOXES, MESH_LISTS_LISTS, MESH_LISTS_POINTS, MOST_TURNS, SPEC_BACK_TO_FRONT,
-    SPEC_CELL_SCALARS, SPEC_CELLS, SPEC_EYE_INSIDE, SPEC_FILL, SPEC_INTEGRATOR, SPEC_K, SPEC_KNOT_WALK,
-    SPEC_LAST_CHUNK, SPEC_REPAIR, SPEC_RESUME, STATUS_CUT, STATUS_LONGEST_BIN, STATUS_LOST, STATUS_NAN_KEYS,
-    STATUS_OVERFLOW_PIXELS, STATUS_OVERLAPS, STATUS_UNREPAIRED, STATUS_WORDS, Shader, TILE, TILE_PIXELS,
+    MESH_LISTS_BOXES, MESH_LISTS_LISTS, MESH_LISTS_POINTS, SPEC_BACK_TO_FRONT, SPEC_CELL_SCALARS, SPEC_CELLS,
+    SPEC_EYE_INSIDE, SPEC_FILL, SPEC_INTEGRATOR, SPEC_K, SPEC_KNOT_WALK, SPEC_LAST_CHUNK, SPEC_REPAIR,
+    SPEC_RESUME, STATUS_CUT, STATUS_LONGEST_BIN, STATUS_LOST, STATUS_NAN_KEYS, STATUS_OVERFLOW_PIXELS,
+    STATUS_OVERLAPS, STATUS_UNREPAIRED, STATUS_WORDS, Shader, TILE, TILE_PIXELS,
 };
 use crate::gpu::sync::Use;
 use crate::gpu::{
-    Buffer, BufferUse, Commands, ComputeDesc, Descriptors, Gpu, Image, ImageDesc, Pipeline, Recorder,
-    Resource, SpecConstant, TargetImage,
+    Buffer, BufferUse, Commands, Gpu, Image, ImageDesc, Recorder, Resource, SpecConstant, TargetImage,
 };
 use crate::interface::MeshPush;
 use crate::num::{self, f32_of};
@@ -87,19 +88,6 @@ pub(super) struct Band {
     pub(super) tiles: u32,
 }
 
-#[derive(Debug)]
-pub(super) struct Pass {
-    pub(super) name: String,
-    pub(super) pipeline: Arc<Pipeline>,
-    pub(super) descriptors: Arc<Descriptors>,
-}
-
-impl Pass {
-    pub(super) fn record(&self, recorder: &mut Recorder<'_>, push: &MeshPush, groups: [u32; 3]) {
-        recorder.dispatch(&self.name, &self.pipeline, &self.descriptors, bytemuck::bytes_of(push), groups);
-    }
-}
-
 /// What of a frame does not depend on how much the view needs.
 #[derive(Debug)]
 pub(super) struct Stage {
@@ -122,17 +110,11 @@ pub(super) struct Stage {
 /// Bins and lists.
 #[derive(Debug)]
 pub(super) struct Lists {
-    pub(super) runs: u32,
-    pub(super) run_length: u32,
-    pub(super) bin_capacity: u32,
+    pub(super) bins: Bins,
     pub(super) list_capacity: u32,
     pub(super) windows: u32,
     pub(super) bands: Vec<Band>,
-    pub(super) table: Arc<Buffer>,
     pub(super) cursors: Arc<Buffer>,
-    pub(super) bin_count: Pass,
-    pub(super) bin_scan: Scan,
-    pub(super) bin_fill: Pass,
     pub(super) list_count: Pass,
     pub(super) list_scans: Vec<Scan>,
     pub(super) list_fill: Pass,
@@ -241,17 +223,6 @@ pub(super) fn check_loops(pixels: u32) -> Result<()> {
     ))
 }
 
-pub(super) fn words(bytes: &[u8]) -> Vec<u32> {
-    bytes.chunks_exact(4).map(|b| u32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect()
-}
-
-/// The sum that a scan has left, all 64 bits of it.
-pub(super) fn total(buffer: &Buffer) -> Result<u64> {
-    let words = words(&buffer.host_copy()?);
-    let at = |i: usize| u64::from(words.get(i).copied().unwrap_or(0));
-    Ok(at(0) | at(1) << 32)
-}
-
 /// Ranks from the host, to be copied from each frame.
 fn given_order(gpu: &Gpu, order: &[u32]) -> Result<Arc<Buffer>> {
     let bytes: &[u8] = bytemuck::cast_slice(order);
@@ -260,21 +231,6 @@ fn given_order(gpu: &Gpu, order: &[u32]) -> Result<Arc<Buffer>> {
         place.copy_from_slice(bytes);
     }
     Ok(Arc::new(buffer))
-}
-
-pub(super) fn groups_of(count: u32, size: u32) -> [u32; 3] {
-    // At least this many workgroups are allowed along each side.
-    let groups = count.div_ceil(size).max(1);
-    let across = groups.min(65_535);
-    [across, groups.div_ceil(across), 1]
-}
-
-pub(super) fn buffer(gpu: &Gpu, name: &str, words: u64) -> Result<Arc<Buffer>> {
-    Buffer::new(gpu, name, 4 * words.max(1), BufferUse::ShaderWrite).map(Arc::new)
-}
-
-pub(super) fn download(gpu: &Gpu, name: &str, bytes: u64) -> Result<Arc<Buffer>> {
-    Buffer::new(gpu, name, bytes.max(4), BufferUse::Download).map(Arc::new)
 }
 
 impl Stage {
@@ -440,18 +396,6 @@ pub(super) fn shading(
     ])
 }
 
-pub(super) fn pass(
-    gpu: &Gpu,
-    name: &str,
-    shader: &'static Shader,
-    constants: &[SpecConstant],
-    resources: &[(u32, Resource)],
-) -> Result<Pass> {
-    let pipeline = gpu.compute_pipeline(name, &ComputeDesc { shader, constants })?;
-    let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, resources)?);
-    Ok(Pass { name: name.to_string(), pipeline, descriptors })
-}
-
 impl Lists {
     /// Room for what `needs` says.
     pub(super) fn new(
@@ -465,8 +409,8 @@ impl Lists {
     ) -> Result<Self> {
         let gpu = scene.gpu();
         let name = desc.name;
-        let table = buffer(gpu, "bins.table", u64::from(tiles) * u64::from(runs))?;
-        let bins = buffer(gpu, "bins", needs.bins.into())?;
+        let bins =
+            Bins::new(gpu, name, [&stage.order, &stage.boxed, &stage.status], tiles, runs, needs.bins)?;
         let widest = bands.iter().map(|band| band.tiles).max().unwrap_or(1);
         let cursors = buffer(gpu, "lists.cursors", u64::from(widest) * u64::from(TILE_PIXELS))?;
         let lists = buffer(gpu, "lists", u64::from(needs.lists) * entry_words(desc.primitives))?;
@@ -474,10 +418,9 @@ impl Lists {
             (BINDING_PRIMITIVES, Resource::Buffer(Arc::clone(&stage.primitives))),
             (BINDING_MESH_SCALARS, Resource::Buffer(Arc::clone(&stage.scalars))),
             (BINDING_VIEW_POINTS, Resource::ReadOnly(Arc::clone(&stage.view_points))),
-            (BINDING_ORDER, Resource::ReadOnly(Arc::clone(&stage.order))),
             (BINDING_BOXES, Resource::ReadOnly(Arc::clone(&stage.boxed))),
-            (BINDING_BIN_TABLE, Resource::Buffer(Arc::clone(&table))),
-            (BINDING_BINS, Resource::Buffer(Arc::clone(&bins))),
+            (BINDING_BIN_TABLE, Resource::ReadOnly(Arc::clone(&bins.table))),
+            (BINDING_BINS, Resource::ReadOnly(Arc::clone(&bins.entries))),
             (BINDING_CURSORS, Resource::Buffer(Arc::clone(&cursors))),
             (BINDING_LISTS, Resource::Buffer(lists)),
             (BINDING_STATUS, Resource::Buffer(Arc::clone(&stage.status))),
@@ -492,36 +435,21 @@ impl Lists {
         let band_scan =
             |band: &Band| Scan::new(gpu, &format!("{name}.lists"), &cursors, band.tiles * TILE_PIXELS);
         Ok(Self {
-            runs,
-            run_length: stage.count.div_ceil(runs),
-            bin_capacity: needs.bins,
+            bins,
             list_capacity: needs.lists,
             windows: needs.longest_bin.div_ceil(LIST_WINDOW).max(1),
-            bin_count: pass("bins.count", &MESH_LISTS_BINS, false)?,
-            bin_scan: Scan::new(gpu, &format!("{name}.bins"), &table, tiles * runs)?,
-            bin_fill: pass("bins.fill", &MESH_LISTS_BINS, true)?,
             list_count: pass("lists.count", &MESH_LISTS_LISTS, false)?,
             list_scans: bands.iter().map(band_scan).collect::<Result<_>>()?,
             list_fill: pass("lists.fill", &MESH_LISTS_LISTS, true)?,
             bands,
-            table,
             cursors,
         })
     }
 
     pub(super) fn bin(&self, recorder: &mut Recorder<'_>, push: &MeshPush, count: u32) {
-        recorder.clear_buffer("bins.clear", &self.table);
-        let push = MeshPush {
-            count,
-            number: self.run_length,
-            runs: self.runs,
-            capacity: self.bin_capacity,
-            ..*push
-        };
-        let groups = [self.runs.div_ceil(8), 1, 1];
-        self.bin_count.record(recorder, &push, groups);
-        self.bin_scan.record(recorder);
-        self.bin_fill.record(recorder, &push, groups);
+        // As `tiles_across` has it.
+        let across = num::u32_of(f64::from(2.0 * push.half_extent[0])).div_ceil(TILE);
+        self.bins.record(recorder, across, [0, self.bins.tiles], count);
     }
 
     pub(super) fn list(&self, recorder: &mut Recorder<'_>, push: &MeshPush, band: usize, fill: bool) {
@@ -533,9 +461,9 @@ impl Lists {
                 band: first,
                 first: window * LIST_WINDOW,
                 number: LIST_WINDOW,
-                runs: self.runs,
+                runs: self.bins.runs,
                 capacity: self.list_capacity,
-                bins: self.bin_capacity,
+                bins: self.bins.capacity,
                 ..*push
             };
             let pass = if fill { &self.list_fill } else { &self.list_count };
@@ -738,59 +666,13 @@ pub(super) fn measure(
     across: u32,
 ) -> Result<(u32, Needs, Vec<Band>)> {
     let gpu = scene.gpu();
-    // The boxes by rank.
+    let Stage { order, boxed, count, .. } = stage;
+    let fill = Fill::measure(gpu, desc.name, [order, boxed], *count, [tiles, across], |recorder| {
+        stage.record(recorder, push);
+    })?;
+    let runs = fill.runs;
     let submit = |recorder: Recorder<'_>| recorder.finish().1;
     let mut commands = Commands::new(gpu)?;
-    let host_boxes = download(gpu, "boxes", 8 * u64::from(stage.count))?;
-    let host_order = download(gpu, "order", 4 * u64::from(stage.count))?;
-    let keep = {
-        let mut recorder = Recorder::new(gpu, commands.begin()?, None);
-        stage.record(&mut recorder, push);
-        recorder.copy_buffer("boxes", &stage.boxed, &host_boxes, host_boxes.size().min(stage.boxed.size()));
-        recorder.copy_buffer("order", &stage.order, &host_order, host_order.size());
-        recorder.release_to_host(&host_boxes);
-        recorder.release_to_host(&host_order);
-        submit(recorder)
-    };
-    commands.submit(keep, desc.name)?;
-    let boxes = words(&host_boxes.host_copy()?);
-    let mut order = words(&host_order.host_copy()?);
-    order.truncate(num::index(stage.count));
-    drop((host_boxes, host_order));
-
-    // Turns of the binning loop up to each rank, and how full tiles get.
-    let tile_box = |id: u32| {
-        let at = num::index(id) * 2;
-        let (x, y) = (boxes[at], boxes[at + 1]);
-        [(x & 0xffff) / TILE, (x >> 16).div_ceil(TILE), (y & 0xffff) / TILE, (y >> 16).div_ceil(TILE)]
-    };
-    let mut turns = vec![0_u64; order.len() + 1];
-    let mut fill = vec![0_u32; num::index(tiles)];
-    for (rank, &id) in order.iter().enumerate() {
-        let [x0, x1, y0, y1] = tile_box(id);
-        let covered = x1.saturating_sub(x0) * y1.saturating_sub(y0);
-        turns[rank + 1] = turns[rank] + 1 + u64::from(covered);
-        for y in y0..y1 {
-            for x in x0..x1 {
-                fill[num::index(y * across + x)] += 1;
-            }
-        }
-    }
-    let entries: u64 = fill.iter().map(|&n| u64::from(n)).sum();
-    let longest = |runs: u32| {
-        let length = num::index(stage.count.div_ceil(runs)).max(1);
-        (0..order.len())
-            .step_by(length)
-            .map(|begin| turns[(begin + length).min(order.len())] - turns[begin])
-            .max()
-            .unwrap_or(0)
-    };
-    // Enough to keep a device busy, short enough for its loops.
-    let mut runs = if gpu.is_software() { 64 } else { 2048 };
-    let most_runs = (1_u32 << 26) / tiles.max(1);
-    while longest(runs) > u64::from(MOST_TURNS / 2) && runs < most_runs {
-        runs *= 2;
-    }
     let known = *data.needs.lock().unwrap_or_else(PoisonError::into_inner);
     let whole = |what: &str, n: u64| {
         u32::try_from(n).map_err(|_| {
@@ -798,8 +680,8 @@ pub(super) fn measure(
         })
     };
     let mut needs = Needs {
-        bins: with_margin(whole("entries of bins", entries)?.max(known.bins)),
-        longest_bin: with_margin(fill.iter().copied().max().unwrap_or(0).max(known.longest_bin)),
+        bins: with_margin(whole("entries of bins", fill.entries())?.max(known.bins)),
+        longest_bin: with_margin(fill.longest().max(known.longest_bin)),
         lists: 1,
         rounds: known.rounds.max(1),
         overlaps: known.overlaps,
@@ -917,7 +799,7 @@ impl Prepared for MeshFrame {
         }
         self.stage.record(recorder, &self.push);
         self.lists.bin(recorder, &self.push, self.stage.count);
-        recorder.copy_buffer("bins.total", self.lists.bin_scan.total(), &self.outcome.bins, 8);
+        recorder.copy_buffer("bins.total", self.lists.bins.total(), &self.outcome.bins, 8);
         recorder.release_to_host(&self.outcome.bins);
         for (i, band) in self.lists.bands.iter().enumerate() {
             recorder.clear_buffer("lists.clear", &self.lists.cursors);

@@ -8,10 +8,8 @@ use std::sync::Arc;
 use super::gpu_scene::GpuScene;
 use super::havs_raster::only_flagged;
 use super::mesh_data::{MeshData, Needs};
-use super::mesh_frame::{
-    Lists, MeshDesc, Pass, Primitives, Stage, check_loops, constants, download, groups_of, measure, pass,
-    words,
-};
+use super::mesh_frame::{Lists, MeshDesc, Primitives, Stage, check_loops, constants, measure};
+use super::passes::{Pass, download, groups_of, pass, words};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
     ABUFFER_COMPUTE, BINDING_CURSORS, BINDING_LISTS, BINDING_STATUS, SPEC_FLAGGED, SPEC_K, SPEC_REPAIR,

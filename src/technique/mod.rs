@@ -37,6 +37,7 @@
 //! ```
 
 pub mod abuffer;
+mod bins;
 mod blue_noise;
 mod bricks;
 mod composite;
@@ -56,6 +57,7 @@ mod mips;
 mod options;
 
 pub(crate) mod order;
+mod passes;
 pub mod projected_tets;
 
 mod radix_sort;

@@ -11,10 +11,9 @@ use glam::DVec3;
 use super::gpu_scene::{GpuScene, Table};
 use super::grid_frame::{draws_directly, own_image};
 use super::grid_options::{Integrator, Order};
-use super::mesh_frame::{
-    MeshDesc, Pass, Stage, buffer, constants, download, groups_of, pass, shading_push, words,
-};
+use super::mesh_frame::{MeshDesc, Stage, constants, shading_push};
 use super::mesh_view::Frame;
+use super::passes::{Pass, buffer, download, groups_of, pass, words};
 use super::projected_tets::{Options, Plane, Shade};
 use super::ranks::{Rank, Ranker};
 use super::{Outcome, Prepared, TargetDesc};
