@@ -5,6 +5,9 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use crate::error::{Error, Result};
+use crate::num;
+
+use super::{TetScalars, Tets};
 
 /// How far the kernels of points reach.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,6 +60,50 @@ impl Points {
             bounds,
             range: [1.0; 2],
         })
+    }
+
+    /// The points of a mesh that tetrahedra use, in the mesh's order, each with its scalar and with the longest edge
+    /// that ends there as its radius, in world units: a point's kernel reaches all its neighbours.
+    ///
+    /// Where each tetrahedron has a scalar, a point takes the mean of those around it that are not NaN; it is NaN where
+    /// all are, or where +Inf meets -Inf.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if no scalar is finite, or an edge is longer than float32 can tell.
+    pub fn of_vertices(mesh: &Tets) -> Result<Self> {
+        let all = mesh.points();
+        let mut longest = vec![0.0_f64; all.len()];
+        let mut used = vec![false; all.len()];
+        for cell in mesh.cells() {
+            let corners = cell.map(num::index);
+            for (i, &a) in corners.iter().enumerate() {
+                used[a] = true;
+                for &b in &corners[i + 1..] {
+                    let length = all[a].distance(all[b]);
+                    longest[a] = longest[a].max(length);
+                    longest[b] = longest[b].max(length);
+                }
+            }
+        }
+        let scalars = match mesh.scalars() {
+            TetScalars::Point(values) => values.clone(),
+            TetScalars::Cell(values) => {
+                let mut sums = vec![(0.0, 0_u32); all.len()];
+                for (cell, &value) in mesh.cells().iter().zip(values).filter(|(_, value)| !value.is_nan()) {
+                    for corner in cell {
+                        let (sum, count) = &mut sums[num::index(*corner)];
+                        *sum += f64::from(value);
+                        *count += 1;
+                    }
+                }
+                sums.into_iter().map(|(sum, count)| num::f32_of(sum / f64::from(count))).collect()
+            }
+        };
+        let kept = || used.iter().enumerate().filter_map(|(i, &used)| used.then_some(i));
+        Self::new(kept().map(|i| all[i]).collect())?
+            .with_scalars(kept().map(|i| scalars[i]).collect())?
+            .with_size(KernelSize::Radii(kept().map(|i| num::f32_of(longest[i])).collect()))
     }
 
     /// Sets the scalars.
@@ -192,5 +239,35 @@ mod tests {
         covariance[3] = -0.1;
         assert!(points().with_size(KernelSize::Covariances(vec![[0.0; 6], covariance])).is_err());
         assert!(Points::new(vec![]).is_err() && Points::new(vec![DVec3::NAN]).is_err());
+    }
+
+    #[test]
+    fn vertices_reach_their_neighbours() {
+        let corners = vec![
+            DVec3::ZERO,
+            DVec3::X * 3.0,
+            DVec3::NAN,
+            DVec3::Y * 4.0,
+            DVec3::Z,
+            DVec3::new(1.0, 1.0, -2.0),
+        ];
+        let cells = vec![[0, 1, 3, 4], [0, 1, 3, 5]];
+        let scalars = TetScalars::Point(vec![1.0, 2.0, 9.0, f32::NAN, 4.0, 5.0]);
+        let (mesh, _) = Tets::new(corners, cells, TetScalars::Cell(vec![2.0, 5.0])).unwrap();
+        let points = Points::of_vertices(&mesh).unwrap();
+        assert_eq!(points.centres().len(), 5, "a point that no cell uses");
+        assert_eq!(points.centres()[2], DVec3::Y * 4.0);
+        assert_eq!(points.scalars().unwrap(), [3.5, 3.5, 3.5, 2.0, 5.0]);
+        let KernelSize::Radii(radii) = points.size() else { panic!("{:?}", points.size()) };
+        assert_eq!(radii[..], [16.0_f64, 25.0, 25.0, 17.0, 14.0].map(|square| num::f32_of(square.sqrt())));
+
+        let blank = mesh.clone().with_scalars(TetScalars::Cell(vec![f32::NAN, 5.0])).unwrap();
+        let blank = Points::of_vertices(&blank).unwrap();
+        let values = blank.scalars().unwrap();
+        assert!(values[3].is_nan() && values[0] == 5.0, "{values:?}");
+
+        let mesh = mesh.with_scalars(TetScalars::Point(vec![1.0, 2.0, 9.0, 3.0, 4.0, 5.0])).unwrap();
+        assert_eq!(Points::of_vertices(&mesh).unwrap().scalars().unwrap(), [1.0, 2.0, 3.0, 4.0, 5.0]);
+        assert!(mesh.with_scalars(scalars).is_err(), "both cells are blank");
     }
 }
