@@ -34,6 +34,14 @@
 #define BINDING_POLYGONS 39     // storage block: outline of each cell in the image, two corners a vector
 #define BINDING_FANS 40         // storage block: thick segment of each cell and the corners around it
 
+#define BINDING_SPLAT_POINTS 41 // storage block: centre of each splat, with a scalar or an inverse size
+#define BINDING_SPLAT_VALUES 42 // storage block: its colour and extinction, or scalar and weight
+#define BINDING_SPLAT_SHAPES 43 // storage block: its covariance and a root of the inverse
+#define BINDING_SPLAT_DOMAIN 44 // storage block: half extents of a lattice, offset of its sheets; scale of the template
+#define BINDING_SPLAT_RECORDS 45 // storage block: ellipse or span of each splat as the view sees it
+#define BINDING_SPLAT_STATE 46  // storage block: where each invocation goes on
+#define BINDING_SPLAT_TEMPLATE 47 // sampler2D: the footprint that all kernels of a lattice have in parallel lines
+
 #define BINDING_SCAN_WORDS 13   // storage block: words to be replaced by their prefix sums
 #define BINDING_SCAN_SUMS 14    // storage block: sums of chunks of them, 64 bits each
 #define BINDING_SCAN_TOTAL 15   // storage block: the sum of all, lower and upper word
@@ -71,6 +79,16 @@
 #define SPEC_SHADED 21      // bool: colours belong to the vertices of fans
 #define SPEC_FLAGGED 23     // bool: lists of flagged pixels only
 
+#define SPEC_SPLAT_SHAPE 24   // uint: which sizes splats have, one of SHAPE_*
+#define SPEC_SPLAT_KERNEL 25  // uint: one of KERNEL_*
+#define SPEC_SPLAT_DENSITY 26 // bool: extinctions add up; else scalars are interpolated
+#define SPEC_SPLAT_EWA 27     // bool: footprints are ellipses in the image
+#define SPEC_SPLAT_ORDER 28   // uint: what splats are sorted by, one of ORDER_*
+#define SPEC_SPLAT_AXIS 29    // uint: axis that sheets are stacked along
+#define SPEC_SPLAT_LOWPASS 30 // uint: what is done against footprints below a pixel, one of LOWPASS_*
+#define SPEC_SPLAT_TEMPLATE 31 // bool: footprints come from a table
+#define SPEC_RUNS 32          // uint: runs of ranks of each tile's bin
+
 // Values of SPEC_INTEGRATOR.
 #define INTEGRATOR_MIDPOINT 0
 #define INTEGRATOR_INTEGRAL 1
@@ -82,6 +100,25 @@
 #define TARGET_RGBA8 0
 #define TARGET_RGBA16 1
 #define TARGET_RGBA16F 2
+
+// Values of SPEC_SPLAT_SHAPE, SPEC_SPLAT_KERNEL, SPEC_SPLAT_ORDER, SPEC_SPLAT_LOWPASS.
+#define SHAPE_ALIKE 0
+#define SHAPE_RADII 1
+#define SHAPE_COVARIANCES 2
+#define KERNEL_GAUSSIAN 0
+#define KERNEL_BSPLINE 1
+#define KERNEL_TENT 2
+#define KERNEL_SINC 3
+#define ORDER_CENTRES 0
+#define ORDER_NEAREST 1
+#define ORDER_SHEETS 2
+#define LOWPASS_NONE 0
+#define LOWPASS_AUTO 1
+#define LOWPASS_FULL 2
+
+#define SHEETS 4          // slabs that are summed up at a time
+#define SPLAT_WINDOW 8    // splats that wait to be sorted
+#define FOOTPRINT_PARTS 8 // of a line integral without a closed form, two points each
 
 #define TABLE_BINS_PER_ROW 256 // bins of a cumulative table in one row of its texture
 #define BRICK 8            // cells along each side of a brick
@@ -115,7 +152,8 @@
 #define STATUS_LONGEST_BIN 6     // primitives of the fullest tile
 #define STATUS_OVERLAPS 7        // pixels in which cells overlap
 #define STATUS_CUT 8             // pixels whose loop the device ended early
-#define STATUS_WORDS 9
+#define STATUS_UNFINISHED 9      // invocations that another dispatch is to go on with
+#define STATUS_WORDS 10
 
 // Bits of a pixel's flags, when it is drawn.
 #define FLAG_UNSORTED 1 // what left the k-buffer was not in order

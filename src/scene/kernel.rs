@@ -62,6 +62,19 @@ pub enum Model {
 }
 
 impl Model {
+    /// The model of a name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] with the names that there are.
+    pub fn from_name(name: &str) -> Result<Self> {
+        match name {
+            "density" => Ok(Self::Density),
+            "interpolate" => Ok(Self::Interpolate),
+            _ => Err(Error::invalid("model", format!("\"{name}\": must be one of density, interpolate"))),
+        }
+    }
+
     /// The name in scene files and options.
     #[must_use]
     pub fn name(self) -> &'static str {

@@ -17,13 +17,15 @@ use crate::num::{self, f32_of};
 use crate::optics::DeviceKnots;
 use crate::optics::cumulative::Cumulative;
 use crate::optics::full::Full;
-use crate::scene::{Grid, Rescale, Samples, Scene, TetScalars, Tets, TransferFunction};
+use crate::scene::{Grid, Kernels, Rescale, Samples, Scene, TetScalars, Tets, TransferFunction};
 
 use super::bricks::{MinMax, nonzero_ranges};
 use super::grid_options::{Integrator, SegmentOptions};
 use super::mesh_data::{DrawnPrimitives, MeshData, drawn_cells_buffer, drawn_faces_buffer};
 use super::mesh_frame::Primitives;
 use super::mips;
+use super::splat_data::SplatSet;
+use super::splat_frame::SplatNeeds;
 
 /// Format of tables.
 pub(crate) const TABLE_FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
@@ -46,11 +48,17 @@ pub struct GpuScene {
     knots: Mutex<Option<Arc<Knots>>>,
     tables: Mutex<Vec<Arc<Table>>>,
     bricks: Mutex<Vec<(f32, Arc<Buffer>)>>,
+    splats: Mutex<Vec<(SplatChoice, Arc<SplatSet>)>>,
+    /// What frames of splats have needed so far.
+    pub(crate) splat_needs: Mutex<SplatNeeds>,
     times: Mutex<UploadTimes>,
 }
 
 /// Faces or cells; with a margin those alone that show something.
 type Choice = (Primitives, Option<f32>);
+
+/// Kernels, and how thick sheets may be at most, in the data's steps.
+type SplatChoice = (Kernels, f64);
 
 /// What the grid alone decides: scenes that differ in the transfer function share it.
 #[derive(Debug, Default)]
@@ -139,6 +147,8 @@ impl GpuScene {
             knots: Mutex::default(),
             tables: Mutex::default(),
             bricks: Mutex::default(),
+            splats: Mutex::default(),
+            splat_needs: Mutex::default(),
             times: Mutex::default(),
         })
     }
@@ -215,6 +225,23 @@ impl GpuScene {
             }
         };
         f32_of(smear)
+    }
+
+    /// The kernels of the scene that show something, for sheets no thicker than `thickness`, in the data's steps.
+    pub(crate) fn splats(&self, kernels: &Kernels, thickness: f64) -> Result<Arc<SplatSet>> {
+        // A power of two, so that a sweep over thicknesses does not upload each time.
+        let thickness = thickness.log2().ceil().max(0.0).exp2();
+        let mut known = self.splats.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, found)) = known.iter().find(|(key, _)| *key == (*kernels, thickness)) {
+            return Ok(Arc::clone(found));
+        }
+        let start = Instant::now();
+        let slab = thickness * SplatSet::step(&self.scene)?;
+        let made = Arc::new(SplatSet::new(&self.gpu, &self.scene, kernels, slab)?);
+        known.push(((*kernels, thickness), Arc::clone(&made)));
+        self.times.lock().unwrap_or_else(PoisonError::into_inner).upload +=
+            start.elapsed().as_secs_f64() * 1e3;
+        Ok(made)
     }
 
     /// A table for integrators that read none.

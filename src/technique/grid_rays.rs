@@ -1,6 +1,6 @@
 //! The rays of a view in a grid's index space, in the form that `glsl/grid.glsl` reads.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use super::gpu_scene::turned;
 use crate::scene::{Grid, View};
@@ -29,9 +29,14 @@ pub(crate) struct GridRays {
 
 impl GridRays {
     pub(crate) fn new(grid: &Grid, view: &View) -> Self {
-        let to_index = grid.index_to_world().inverse();
-        let scale = view.pixel_size();
         let centre = grid.centre();
+        let corners = grid.corners().map(|corner| corner - centre);
+        Self::of(grid.index_to_world().inverse(), centre, &corners, view)
+    }
+
+    /// The same in any affine space: `to_index` leads there from offsets to `centre`, as `corners` are.
+    pub(crate) fn of(to_index: DMat3, centre: DVec3, corners: &[DVec3], view: &View) -> Self {
+        let scale = view.pixel_size();
         let eye = view.camera().eye;
         let centre_depth = (centre - eye).dot(view.forward());
         // The centre plane's point on the ray of the image's centre, relative to the domain's centre: no
@@ -42,11 +47,7 @@ impl GridRays {
         } else {
             (1.0, 0.0, f64::NEG_INFINITY)
         };
-        let half = grid
-            .corners()
-            .iter()
-            .map(|corner| (*corner - centre).dot(view.forward()).abs())
-            .fold(0.0, f64::max);
+        let half = corners.iter().map(|corner| corner.dot(view.forward()).abs()).fold(0.0, f64::max);
         Self {
             q0: to_index * foot,
             px: to_index * view.right() * scale,
@@ -73,7 +74,7 @@ impl GridRays {
 mod tests {
     use super::*;
     use crate::scene::{Camera, Field, Projection};
-    use glam::{DMat3, DVec2};
+    use glam::DVec2;
 
     /// The formula gives the same positions as the camera, for both projections and a sheared,
     /// mirrored lattice.

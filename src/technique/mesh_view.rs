@@ -33,21 +33,12 @@ impl Frame {
     ///
     /// [`Error::Invalid`] where float32 cannot hold the numbers.
     pub(crate) fn push(&self, view: &View, push: &MeshPush) -> Result<MeshPush> {
-        let eye = (view.camera().eye - self.centre) / self.radius;
-        let depth = -eye.dot(view.forward());
-        let pack = |v: DVec3, w: f64| [f32_of(v.x), f32_of(v.y), f32_of(v.z), f32_of(w)];
-        // Lines pass (P w, d) with w = w0 + w1 d. In perspective w is the depth before the eye, over that of the
-        // centre where the eye is far.
-        let (w0, w1, pixel, slope, begin) = if view.is_perspective() {
-            let q = depth.max(1.0);
-            (depth / q, 1.0 / q, view.pixel_size() * q, 1.0 / q, -depth)
-        } else {
-            (1.0, 0.0, view.pixel_size() / self.radius, 0.0, -3e38)
-        };
+        let Lines { rows: [right, up, forward], begin, pixel, w0, w1, slope } = self.lines(view);
+        let pack = |(v, w): (DVec3, f64)| [v.x, v.y, v.z, w].map(f32_of);
         let push = MeshPush {
-            right: pack(view.right(), -eye.dot(view.right())),
-            up: pack(view.up(), -eye.dot(view.up())),
-            forward: pack(view.forward(), begin),
+            right: pack(right),
+            up: pack(up),
+            forward: pack((forward.0, begin)),
             half_extent: view.extent().map(|side| f32_of(f64::from(side) * 0.5)),
             pixel: f32_of(pixel),
             w0: f32_of(w0),
@@ -61,9 +52,40 @@ impl Frame {
         if !(finite && push.pixel.is_normal() && push.unit.is_normal()) {
             return Err(Error::invalid(
                 "view",
-                "the camera is so far from the mesh, or the mesh so large or small, that float32 cannot hold the view",
+                "the camera is so far from the data, or the data so large or small, that float32 cannot hold the view",
             ));
         }
         Ok(push)
     }
+
+    /// A view in radii from the centre, in float64.
+    pub(crate) fn lines(&self, view: &View) -> Lines {
+        let eye = (view.camera().eye - self.centre) / self.radius;
+        let depth = -eye.dot(view.forward());
+        // In perspective w is the depth before the eye, over that of the centre where the eye is far.
+        let (w0, w1, pixel, slope, begin) = if view.is_perspective() {
+            let q = depth.max(1.0);
+            (depth / q, 1.0 / q, view.pixel_size() * q, 1.0 / q, -depth)
+        } else {
+            (1.0, 0.0, view.pixel_size() / self.radius, 0.0, -3e38)
+        };
+        let row = |axis: DVec3| (axis, -eye.dot(axis));
+        let rows = [row(view.right()), row(view.up()), (view.forward(), 0.0)];
+        Lines { rows, begin, pixel, w0, w1, slope }
+    }
+}
+
+/// A view in radii of the data: a point p is seen at X, Y and depth, each the dot of p with a row's vector plus its number.
+/// A pixel's line passes at (P w, depth) with w = `w0` + `w1` depth.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lines {
+    pub(crate) rows: [(DVec3, f64); 3],
+    /// Depth of the eye, where lines begin.
+    pub(crate) begin: f64,
+    /// Change of P from pixel to pixel.
+    pub(crate) pixel: f64,
+    pub(crate) w0: f64,
+    pub(crate) w1: f64,
+    /// Tangent of the angle between a line and the axis, for a unit of P.
+    pub(crate) slope: f64,
 }

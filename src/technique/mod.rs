@@ -68,6 +68,12 @@ mod scan;
 pub mod slabs;
 pub mod slices_2d;
 pub mod slices_3d;
+mod splat_data;
+pub mod splat_ewa;
+mod splat_frame;
+pub mod splat_options;
+pub mod splat_sheets;
+mod splat_template;
 mod tets_raster;
 
 pub(crate) mod topology;
@@ -112,11 +118,15 @@ pub enum Method {
     Abuffer,
     /// Projected tetrahedra.
     ProjectedTets,
+    /// Sheet buffers of splats.
+    SplatSheets,
+    /// Gaussian splats: elliptical weighted averages, or exact along each line.
+    SplatEwa,
 }
 
 impl Method {
     /// Every technique.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::Slices2d,
         Self::Slices3d,
         Self::Slabs,
@@ -124,6 +134,8 @@ impl Method {
         Self::ProjectedTets,
         Self::Havs,
         Self::Abuffer,
+        Self::SplatSheets,
+        Self::SplatEwa,
     ];
 
     /// The technique of a name.
@@ -149,6 +161,8 @@ impl Method {
             Self::Havs => "havs",
             Self::Abuffer => "abuffer",
             Self::ProjectedTets => "projected-tets",
+            Self::SplatSheets => "splat-sheets",
+            Self::SplatEwa => "splat-ewa",
         }
     }
 
@@ -165,6 +179,12 @@ impl Method {
             Self::ProjectedTets => {
                 "cells of a mesh sorted, projected and integrated one by one (Shirley 1990)"
             }
+            Self::SplatSheets => {
+                "kernels added up in sheets, the sheets composited (Westover 1990, Mueller 1998)"
+            }
+            Self::SplatEwa => {
+                "Gaussian splats, elliptical weighted averages or exact along lines (Zwicker 2001)"
+            }
         }
     }
 
@@ -179,6 +199,8 @@ impl Method {
             Self::Havs => havs::OPTIONS,
             Self::Abuffer => abuffer::OPTIONS,
             Self::ProjectedTets => projected_tets::OPTIONS,
+            Self::SplatSheets => splat_sheets::OPTIONS,
+            Self::SplatEwa => splat_ewa::OPTIONS,
         }
     }
 
@@ -188,6 +210,8 @@ impl Method {
         match self {
             Self::Slices2d | Self::Slices3d | Self::Slabs | Self::Raycast => matches!(data, Data::Grid(_)),
             Self::ProjectedTets | Self::Havs | Self::Abuffer => matches!(data, Data::Mesh(_)),
+            Self::SplatSheets => matches!(data, Data::Grid(_) | Data::Points(_)),
+            Self::SplatEwa => true,
         }
     }
 
@@ -197,7 +221,7 @@ impl Method {
         match self {
             Self::Slices2d | Self::Slices3d | Self::Slabs | Self::ProjectedTets => &["raster", "compute"],
             Self::Havs => &["compute", "interlock", "implementation-ordered"],
-            Self::Raycast | Self::Abuffer => &["compute"],
+            Self::Raycast | Self::Abuffer | Self::SplatSheets | Self::SplatEwa => &["compute"],
         }
     }
 }
@@ -220,6 +244,10 @@ pub enum Technique {
     Abuffer(abuffer::Options),
     /// Projected tetrahedra.
     ProjectedTets(projected_tets::Options),
+    /// Sheet buffers of splats.
+    SplatSheets(splat_sheets::Options),
+    /// Gaussian splats.
+    SplatEwa(splat_ewa::Options),
 }
 
 impl Technique {
@@ -237,6 +265,8 @@ impl Technique {
             Method::Havs => Self::Havs(havs::Options::parse(options)?),
             Method::Abuffer => Self::Abuffer(abuffer::Options::parse(options)?),
             Method::ProjectedTets => Self::ProjectedTets(projected_tets::Options::parse(options)?),
+            Method::SplatSheets => Self::SplatSheets(splat_sheets::Options::parse(options)?),
+            Method::SplatEwa => Self::SplatEwa(splat_ewa::Options::parse(options)?),
         })
     }
 
@@ -269,6 +299,8 @@ impl Technique {
             Self::Havs(_) => Method::Havs,
             Self::Abuffer(_) => Method::Abuffer,
             Self::ProjectedTets(_) => Method::ProjectedTets,
+            Self::SplatSheets(_) => Method::SplatSheets,
+            Self::SplatEwa(_) => Method::SplatEwa,
         }
     }
 
@@ -283,6 +315,8 @@ impl Technique {
             Self::Havs(options) => options.pairs(),
             Self::Abuffer(options) => options.pairs(),
             Self::ProjectedTets(options) => options.pairs(),
+            Self::SplatSheets(options) => options.pairs(),
+            Self::SplatEwa(options) => options.pairs(),
         }
     }
 
@@ -299,6 +333,8 @@ impl Technique {
             Self::Havs(options) => options.prepare(scene, view, target),
             Self::Abuffer(options) => options.prepare(scene, view, target),
             Self::ProjectedTets(options) => options.prepare(scene, view, target),
+            Self::SplatSheets(options) => options.prepare(scene, view, target),
+            Self::SplatEwa(options) => options.prepare(scene, view, target),
         }
     }
 }

@@ -1,0 +1,521 @@
+//! Splats on the device: the kernels of a scene that show something (`glsl/splats.glsl`), in a space of their own.
+//!
+//! A lattice's kernels lie at voxel indices, relative to the domain's centre, over sigma where they are Gaussians: there all
+//! are alike. Those of points and of a mesh's vertices lie in radii of the data from its centre. So float32 has all its
+//! digits for the data, wherever and however large it is.
+
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3};
+use rayon::prelude::*;
+
+use super::bricks::nonzero_ranges;
+use super::gpu_scene::diagonal;
+use crate::error::{Error, Result};
+use crate::gpu::shader::{SHAPE_ALIKE, SHAPE_COVARIANCES, SHAPE_RADII};
+use crate::gpu::{Buffer, Gpu};
+use crate::num::{self, f32_of};
+
+use crate::scene::{Data, Grid, Kernel, KernelSize, Kernels, Model, Points, Scene, TransferFunction};
+
+/// Which sizes splats have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Shape {
+    Alike,
+    Radii,
+    Covariances,
+}
+
+impl Shape {
+    pub(super) fn code(self) -> u32 {
+        match self {
+            Self::Alike => SHAPE_ALIKE,
+            Self::Radii => SHAPE_RADII,
+            Self::Covariances => SHAPE_COVARIANCES,
+        }
+    }
+}
+
+/// Where splats lie.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Space {
+    /// The middle of the data, in the world.
+    pub(super) centre: DVec3,
+    /// World length of a unit of depth: from the centre to the furthest corner of the data.
+    pub(super) unit: f64,
+    /// From splat space to the world, relative to the centre.
+    pub(super) to_world: DMat3,
+    /// A box that holds all kernels, half extents in the world relative to the centre, along its own axes.
+    pub(super) corners: [DVec3; 8],
+    /// Half extents of a lattice's domain, in splat space; infinite where there is none.
+    pub(super) domain: DVec3,
+    /// Distance of a lattice's layers, in splat space; of points, that of sheets for a step of 1.
+    pub(super) layer: f64,
+    /// Where the middle of the sheet of number 0 lies, in sheets, for each axis.
+    pub(super) middles: [f64; 3],
+    /// World length that a step of 1 means.
+    pub(super) step: f64,
+}
+
+/// The splats of a scene.
+#[derive(Debug)]
+pub(crate) struct SplatSet {
+    pub(super) kernels: Kernels,
+    pub(super) shape: Shape,
+    pub(super) space: Space,
+    pub(super) count: u32,
+    /// Centres, with a scalar or the inverse of sigma.
+    pub(super) points: Arc<Buffer>,
+    pub(super) values: Arc<Buffer>,
+    pub(super) shapes: Arc<Buffer>,
+    /// Distance at which kernels end: in sigmas, or along each axis.
+    pub(super) cut: f64,
+    /// What a kernel is multiplied by.
+    pub(super) amplitude: f64,
+}
+
+/// What goes to the device, four floats each.
+#[derive(Debug, Default)]
+struct Lists {
+    points: Vec<[f32; 4]>,
+    values: Vec<[f32; 4]>,
+    shapes: Vec<[f32; 4]>,
+}
+
+impl SplatSet {
+    /// The kernels of a scene that may show something. `slab` is how far a sheet reaches in depth, in world units.
+    pub(crate) fn new(gpu: &Gpu, scene: &Scene, kernels: &Kernels, slab: f64) -> Result<Self> {
+        kernels.check()?;
+        match &scene.data {
+            Data::Grid(grid) => Self::of_grid(gpu, grid, &scene.transfer, kernels, slab),
+            Data::Mesh(mesh) => Self::of_points(gpu, &Points::of_vertices(mesh)?, &scene.transfer, kernels),
+            Data::Points(points) => Self::of_points(gpu, points, &scene.transfer, kernels),
+        }
+    }
+
+    /// World length that a step of 1 means for the data of a scene.
+    pub(crate) fn step(scene: &Scene) -> Result<f64> {
+        match &scene.data {
+            Data::Grid(grid) => Ok(smallest_spacing(grid)),
+            Data::Mesh(mesh) => median_sigma(&Points::of_vertices(mesh)?),
+            Data::Points(points) => median_sigma(points),
+        }
+    }
+
+    fn of_grid(
+        gpu: &Gpu,
+        grid: &Grid,
+        transfer: &TransferFunction,
+        kernels: &Kernels,
+        slab: f64,
+    ) -> Result<Self> {
+        let gaussian = kernels.kernel == Kernel::Gaussian;
+        let sigma = if gaussian { kernels.sigma } else { 1.0 };
+        let last = grid.last_index();
+        let step = smallest_spacing(grid);
+        let reach = kernels.reach();
+        let to_world = grid.index_to_world() * sigma;
+        // Kernels reach beyond the domain where extinctions add up.
+        let beyond = last * 0.5 + reach;
+        let corner = |i: usize| {
+            let sign = |bit: usize| if i & bit == 0 { -1.0 } else { 1.0 };
+            grid.index_to_world() * (beyond * DVec3::new(sign(1), sign(2), sign(4)))
+        };
+        let corners: [DVec3; 8] = std::array::from_fn(corner);
+        let space = Space {
+            centre: grid.centre(),
+            unit: corners.iter().map(|corner| corner.length()).fold(f64::MIN_POSITIVE, f64::max),
+            to_world,
+            corners,
+            domain: last * (0.5 / sigma),
+            layer: 1.0 / sigma,
+            middles: grid.dims().map(|n| if n % 2 == 0 { 0.5 } else { 0.0 }),
+            step,
+        };
+        let slab = (slab / step).min(f64::from(u32::MAX));
+        let lists = lattice(grid, transfer, kernels, slab)?;
+        let cut = if gaussian { kernels.cut } else { reach };
+        let set = Self::upload(gpu, *kernels, Shape::Alike, space, lists, cut, kernels.peak_on_grid())?;
+        Ok(set)
+    }
+
+    fn of_points(gpu: &Gpu, points: &Points, transfer: &TransferFunction, kernels: &Kernels) -> Result<Self> {
+        if !matches!(kernels.kernel, Kernel::Gaussian | Kernel::BSpline) {
+            let why = format!("{}: is for grids; points have gaussian or bspline", kernels.kernel.name());
+            return Err(Error::invalid("kernel", why));
+        }
+        let shape = match points.size() {
+            KernelSize::Unknown => {
+                return Err(Error::invalid(
+                    "points",
+                    "have no radius: a radius or covariances must be given",
+                ));
+            }
+            KernelSize::Radius(_) | KernelSize::Radii(_) => Shape::Radii,
+            KernelSize::Covariances(_) if kernels.kernel == Kernel::BSpline => {
+                return Err(Error::invalid("kernel", "bspline: points with covariances have gaussian"));
+            }
+            KernelSize::Covariances(_) => Shape::Covariances,
+        };
+        let [low, high] = points.bounds();
+        let half = high * 0.5 - low * 0.5;
+        let step = median_sigma(points)?;
+        // Sizes are bounded by the greatest.
+        let cut = if kernels.kernel == Kernel::Gaussian { kernels.cut } else { 2.0 };
+        let reach = cut
+            * sigmas(points).fold(0.0, f64::max)
+            * if cut == 2.0 && kernels.kernel == Kernel::BSpline { 1.5 } else { 1.0 };
+        let half = half + reach;
+        let unit = half.length().max(f64::MIN_POSITIVE);
+        let corner = |i: usize| {
+            let sign = |bit: usize| if i & bit == 0 { -1.0 } else { 1.0 };
+            half * DVec3::new(sign(1), sign(2), sign(4))
+        };
+        let space = Space {
+            centre: low + (half - reach),
+            unit,
+            to_world: DMat3::from_diagonal(DVec3::splat(unit)),
+            corners: std::array::from_fn(corner),
+            domain: DVec3::INFINITY,
+            layer: step / unit,
+            middles: [0.25; 3],
+            step,
+        };
+        let lists = scattered(points, transfer, kernels, &space)?;
+        Self::upload(gpu, *kernels, shape, space, lists, cut, 1.0)
+    }
+
+    fn upload(
+        gpu: &Gpu,
+        kernels: Kernels,
+        shape: Shape,
+        space: Space,
+        mut lists: Lists,
+        cut: f64,
+        amplitude: f64,
+    ) -> Result<Self> {
+        let count = lists.points.len();
+        let most = u64::from(gpu.inner.properties.limits.max_storage_buffer_range);
+        let widest = if shape == Shape::Covariances { 64 } else { 16 };
+        if num::wide(count) * widest > most || count >= 1 << 27 {
+            return Err(Error::unsupported(
+                "splats of this scene",
+                format!("{count} kernels that show something: {} fit a buffer", most / widest),
+            ));
+        }
+        // Nothing to bind is not allowed.
+        for list in [&mut lists.points, &mut lists.values, &mut lists.shapes] {
+            if list.is_empty() {
+                list.push([0.0; 4]);
+            }
+        }
+        let buffer = |name: &str, list: &[[f32; 4]]| Buffer::with_data(gpu, name, bytemuck::cast_slice(list));
+        Ok(Self {
+            kernels,
+            shape,
+            space,
+            count: num::count(count),
+            points: buffer("splats.points", &lists.points)?,
+            values: buffer("splats.values", &lists.values)?,
+            shapes: buffer("splats.shapes", &lists.shapes)?,
+            cut,
+            amplitude,
+        })
+    }
+}
+
+/// Smallest distance of samples along an axis, of axes that have several.
+fn smallest_spacing(grid: &Grid) -> f64 {
+    let spacing = grid.spacing().to_array();
+    let dims = grid.dims();
+    let several = dims.iter().zip(spacing).filter(|(n, _)| **n > 1).map(|(_, s)| s);
+    several.reduce(f64::min).unwrap_or_else(|| diagonal(grid).max(1.0))
+}
+
+/// Standard deviations of points, the greatest of each covariance's axes bounded from above; of kernels that show nothing
+/// too.
+fn sigmas(points: &Points) -> Box<dyn Iterator<Item = f64> + '_> {
+    match points.size() {
+        KernelSize::Unknown => Box::new(std::iter::empty()),
+        KernelSize::Radius(radius) => Box::new(std::iter::once(*radius / 3.0)),
+        KernelSize::Radii(radii) => {
+            Box::new(radii.iter().map(|&r| f64::from(r) / 3.0).filter(|r| r.is_finite()))
+        }
+        KernelSize::Covariances(all) => Box::new(all.iter().filter_map(|c| {
+            let trace = f64::from(c[0]) + f64::from(c[3]) + f64::from(c[5]);
+            (trace >= 0.0).then(|| trace.sqrt())
+        })),
+    }
+}
+
+fn median_sigma(points: &Points) -> Result<f64> {
+    let mut all: Vec<f64> = sigmas(points).filter(|&sigma| sigma > 0.0).collect();
+    if all.is_empty() {
+        return Err(Error::invalid("points", "none has a size: a radius or covariances must be given"));
+    }
+    let middle = all.len() / 2;
+    Ok(*all.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// Premultiplied by nothing: colour, and extinction times weight.
+fn classified(transfer: &TransferFunction, s: f64, weight: f64) -> [f32; 4] {
+    let (colour, tau) = transfer.at(s);
+    // What overflows is opaque long before.
+    let extinction = (tau * weight).clamp(0.0, 1e30);
+    [colour.x, colour.y, colour.z, extinction].map(f32_of)
+}
+
+/// A scalar with infinities as the transfer function's ends.
+fn finite(s: f64, [low, high]: [f64; 2]) -> f64 {
+    if s == f64::INFINITY {
+        high
+    } else if s == f64::NEG_INFINITY {
+        low
+    } else {
+        s
+    }
+}
+
+/// Side of the blocks of voxels that are looked at together.
+const BLOCK: usize = 4;
+
+/// The kernels of a grid that show something.
+fn lattice(grid: &Grid, transfer: &TransferFunction, kernels: &Kernels, slab: f64) -> Result<Lists> {
+    let dims = grid.dims().map(num::index);
+    let [nx, ny, nz] = dims;
+    let ends = transfer.domain();
+    let rescale = grid.rescale();
+    let value = |i: usize| finite(rescale.slope * grid.samples().get(i) + rescale.intercept, ends);
+    let sigma = if kernels.kernel == Kernel::Gaussian { kernels.sigma } else { 1.0 };
+    let half = grid.last_index() * 0.5;
+    let centre = |x: usize, y: usize, z: usize| {
+        let index = DVec3::new(num::f64_of(x), num::f64_of(y), num::f64_of(z));
+        ((index - half) / sigma).to_array().map(f32_of)
+    };
+    if kernels.model == Model::Density {
+        let slice = |z: usize| {
+            let mut lists = Lists::default();
+            for y in 0..ny {
+                for x in 0..nx {
+                    let shown = classified(transfer, value((z * ny + y) * nx + x), 1.0);
+                    if shown[3] > 0.0 {
+                        let [a, b, c] = centre(x, y, z);
+                        lists.points.push([a, b, c, 0.0]);
+                        lists.values.push(shown);
+                    }
+                }
+            }
+            lists
+        };
+        return Ok(joined((0..nz).into_par_iter().map(slice).collect()));
+    }
+
+    let scalars: Vec<f64> = if kernels.kernel == Kernel::BSpline {
+        if grid.nan_count() > 0 {
+            return Err(Error::unsupported(
+                "kernel bspline on this grid",
+                "samples without NaN: its coefficients need all",
+            ));
+        }
+        let mut all: Vec<f64> = (0..nx * ny * nz).into_par_iter().map(value).collect();
+        prefilter(&mut all, dims);
+        all
+    } else {
+        (0..nx * ny * nz).into_par_iter().map(value).collect()
+    };
+    let shown = needed_blocks(&scalars, dims, transfer, kernels, slab);
+    let blocks = dims.map(|n| n.div_ceil(BLOCK));
+    let slice = |z: usize| {
+        let mut lists = Lists::default();
+        for y in 0..ny {
+            let row = (z / BLOCK * blocks[1] + y / BLOCK) * blocks[0];
+            for x in 0..nx {
+                let s = scalars[(z * ny + y) * nx + x];
+                if shown[row + x / BLOCK] && !s.is_nan() {
+                    let [a, b, c] = centre(x, y, z);
+                    lists.points.push([a, b, c, f32_of(s)]);
+                }
+            }
+        }
+        lists
+    };
+    Ok(joined((0..nz).into_par_iter().map(slice).collect()))
+}
+
+fn joined(parts: Vec<Lists>) -> Lists {
+    let mut all = Lists::default();
+    for part in parts {
+        all.points.extend(part.points);
+        all.values.extend(part.values);
+        all.shapes.extend(part.shapes);
+    }
+    all
+}
+
+/// Blocks of voxels without which something that shows would be missing: within reach of a place at which the sum of kernels,
+/// which lies between the scalars in reach, may show something.
+fn needed_blocks(
+    scalars: &[f64],
+    dims: [usize; 3],
+    transfer: &TransferFunction,
+    kernels: &Kernels,
+    slab: f64,
+) -> Vec<bool> {
+    let blocks = dims.map(|n| n.div_ceil(BLOCK));
+    let [bx, by, bz] = blocks;
+    let range = |b: usize| {
+        let (x0, y0, z0) = (b % bx * BLOCK, b / bx % by * BLOCK, b / (bx * by) * BLOCK);
+        let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+        for z in z0..(z0 + BLOCK).min(dims[2]) {
+            for y in y0..(y0 + BLOCK).min(dims[1]) {
+                for x in x0..(x0 + BLOCK).min(dims[0]) {
+                    let s = scalars[(z * dims[1] + y) * dims[0] + x];
+                    range = [range[0].min(s), range[1].max(s)];
+                }
+            }
+        }
+        range
+    };
+    let mut ranges: Vec<[f64; 2]> = (0..bx * by * bz).into_par_iter().map(range).collect();
+    let steps = num::usize_of((kernels.reach() / num::f64_of(BLOCK)).ceil());
+    for axis in 0..3 {
+        ranges = spread(&ranges, blocks, axis, steps, |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+    }
+    let seen = nonzero_ranges(transfer);
+    // Negative lobes go beyond the scalars in reach; those of a product of three are no more than 2.4 in all.
+    let beyond = if kernels.kernel == Kernel::Sinc { 0.75 } else { 1e-6 };
+    let shows = |[low, high]: &[f64; 2]| {
+        let margin = beyond * (high - low) + 1e-6 * low.abs().max(high.abs());
+        let (low, high) = (f32_of(low - margin), f32_of(high + margin));
+        seen.iter().any(|range| low <= range[1] && high >= range[0])
+    };
+    let mut shown: Vec<bool> = ranges.iter().map(shows).collect();
+    // A sheet that holds something is averaged over all of its depth.
+    let steps = num::usize_of(((kernels.reach() + slab) / num::f64_of(BLOCK)).ceil().min(1e6));
+    for axis in 0..3 {
+        shown = spread(&shown, blocks, axis, steps.min(blocks[axis]), |a, b| a || b);
+    }
+    shown
+}
+
+/// Each value joined with those up to `steps` before and behind it along an axis.
+fn spread<T: Copy>(
+    values: &[T],
+    blocks: [usize; 3],
+    axis: usize,
+    steps: usize,
+    join: impl Fn(T, T) -> T,
+) -> Vec<T> {
+    let stride = [1, blocks[0], blocks[0] * blocks[1]][axis];
+    let one = |i: usize| {
+        let place = i / stride % blocks[axis];
+        let (first, last) = (place - steps.min(place), (place + steps).min(blocks[axis] - 1));
+        (first..=last).map(|p| values[i - place * stride + p * stride]).reduce(&join).unwrap_or(values[i])
+    };
+    (0..values.len()).map(one).collect()
+}
+
+/// The kernels of points that show something.
+fn scattered(
+    points: &Points,
+    transfer: &TransferFunction,
+    kernels: &Kernels,
+    space: &Space,
+) -> Result<Lists> {
+    let ends = transfer.domain();
+    let density = kernels.model == Model::Density;
+    let mut lists = Lists::default();
+    for (i, centre) in points.centres().iter().enumerate() {
+        let s = finite(points.scalars().map_or(1.0, |all| f64::from(all[i])), ends);
+        let weight = points.weights().map_or(1.0, |all| f64::from(all[i]));
+        let [x, y, z] = ((*centre - space.centre) / space.unit).to_array().map(f32_of);
+        // Inverse of sigma in splat space; of a B-spline half the radius is 1.
+        let per_radius = if kernels.kernel == Kernel::Gaussian { 3.0 } else { 2.0 };
+        let mut shape = None;
+        let inverse = match points.size() {
+            KernelSize::Radius(radius) => per_radius * space.unit / radius,
+            KernelSize::Radii(radii) => per_radius * space.unit / f64::from(radii[i]),
+            KernelSize::Covariances(all) => {
+                shape = root(all[i].map(f64::from).map(|c| c / (space.unit * space.unit)));
+                if shape.is_some() { 1.0 } else { f64::NAN }
+            }
+            KernelSize::Unknown => f64::NAN,
+        };
+        let valid =
+            s.is_finite() && weight.is_finite() && weight != 0.0 && inverse > 0.0 && inverse.is_finite();
+        if !valid {
+            continue;
+        }
+        let value = if density {
+            let value = classified(transfer, s, weight);
+            if value[3] <= 0.0 {
+                continue;
+            }
+            value
+        } else {
+            [f32_of(s), f32_of(weight), 0.0, 0.0]
+        };
+        lists.points.push([x, y, z, f32_of(inverse)]);
+        lists.values.push(value);
+        lists.shapes.extend(shape.into_iter().flatten());
+    }
+    Ok(lists)
+}
+
+/// From a covariance (xx, xy, xz, yy, yz, zz) the root L of its inverse, `L^T L`, lower triangular, and itself, as shaders have
+/// them; none where it is not positive definite in float32.
+fn root([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Option<[[f32; 4]; 4]> {
+    // Cholesky: S = C C^T.
+    let c00 = xx.sqrt();
+    let (c10, c20) = (xy / c00, xz / c00);
+    let c11 = (yy - c10 * c10).sqrt();
+    let c21 = (yz - c10 * c20) / c11;
+    let c22 = (zz - c20 * c20 - c21 * c21).sqrt();
+    // L = C^-1.
+    let (l00, l11, l22) = (1.0 / c00, 1.0 / c11, 1.0 / c22);
+    let l10 = -c10 * l00 * l11;
+    let l21 = -c21 * l11 * l22;
+    let l20 = (c10 * c21 * l11 - c20) * l00 * l22;
+    let all = [l00, l10, l11, l20, l21, l22];
+    let positive = [c00, c11, c22].iter().all(|c| c.is_finite() && *c > 0.0);
+    let rows = [[l00, l10, l11, l20], [l21, l22, 0.0, 0.0], [xx, xy, xz, yy], [yz, zz, 0.0, 0.0]];
+    let rows = rows.map(|row| row.map(f32_of));
+    (positive && all.iter().all(|l| f32_of(*l).is_finite())).then_some(rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn roots_are_those_of_the_inverse() {
+        let covariance = [2.0, 0.3, -0.4, 1.0, 0.2, 0.5];
+        let [r0, r1, ..] = root(covariance).unwrap().map(|row| row.map(f64::from));
+        let l = DMat3::from_cols(
+            DVec3::new(r0[0], r0[1], r0[3]),
+            DVec3::new(0.0, r0[2], r1[0]),
+            DVec3::new(0.0, 0.0, r1[1]),
+        );
+        let [xx, xy, xz, yy, yz, zz] = covariance;
+        let s = DMat3::from_cols(DVec3::new(xx, xy, xz), DVec3::new(xy, yy, yz), DVec3::new(xz, yz, zz));
+        let one = l.transpose() * l * s;
+        assert!((one - DMat3::IDENTITY).to_cols_array().iter().all(|x| x.abs() < 1e-6), "{one}");
+        for singular in
+            [[0.0; 6], [1.0, 1.0, 0.0, 1.0, 0.0, 1.0], [f64::NAN; 6], [1.0, 2.0, 0.0, 1.0, 0.0, 1.0]]
+        {
+            assert!(root(singular).is_none(), "{singular:?}");
+        }
+    }
+
+    #[test]
+    fn values_spread_by_steps_along_an_axis() {
+        let mut values = vec![false; 5 * 3 * 2];
+        values[5 + 1] = true;
+        let x = spread(&values, [5, 3, 2], 0, 2, |a, b| a || b);
+        assert_eq!((0..30).filter(|&i| x[i]).collect::<Vec<_>>(), [5, 6, 7, 8]);
+        let z = spread(&values, [5, 3, 2], 2, 1, |a, b| a || b);
+        assert_eq!((0..30).filter(|&i| z[i]).collect::<Vec<_>>(), [6, 21]);
+    }
+}
+
+fn prefilter(_all: &mut [f64], _dims: [usize; 3]) {}
