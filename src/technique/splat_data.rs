@@ -276,9 +276,6 @@ fn finite(s: f64, [low, high]: [f64; 2]) -> f64 {
     }
 }
 
-/// Side of the blocks of voxels that are looked at together.
-const BLOCK: usize = 4;
-
 /// The kernels of a grid that show something.
 fn lattice(grid: &Grid, transfer: &TransferFunction, kernels: &Kernels, slab: f64) -> Result<Lists> {
     let dims = grid.dims().map(num::index);
@@ -323,15 +320,14 @@ fn lattice(grid: &Grid, transfer: &TransferFunction, kernels: &Kernels, slab: f6
     } else {
         (0..nx * ny * nz).into_par_iter().map(value).collect()
     };
-    let shown = needed_blocks(&scalars, dims, transfer, kernels, slab);
-    let blocks = dims.map(|n| n.div_ceil(BLOCK));
+    let shown = needed(&scalars, dims, transfer, kernels, slab);
     let slice = |z: usize| {
         let mut lists = Lists::default();
         for y in 0..ny {
-            let row = (z / BLOCK * blocks[1] + y / BLOCK) * blocks[0];
             for x in 0..nx {
-                let s = scalars[(z * ny + y) * nx + x];
-                if shown[row + x / BLOCK] && !s.is_nan() {
+                let i = (z * ny + y) * nx + x;
+                let s = scalars[i];
+                if shown[i] && !s.is_nan() {
                     let [a, b, c] = centre(x, y, z);
                     lists.points.push([a, b, c, f32_of(s)]);
                 }
@@ -352,67 +348,68 @@ fn joined(parts: Vec<Lists>) -> Lists {
     all
 }
 
-/// Blocks of voxels without which something that shows would be missing: within reach of a place at which the sum of kernels,
-/// which lies between the scalars in reach, may show something.
-fn needed_blocks(
+/// Voxels without which something that shows would be missing: those in reach of a cell in which the sum of kernels, which lies
+/// between the scalars in reach of the cell, may show something; or of what lies in one sheet with it, `slab` voxels thick.
+fn needed(
     scalars: &[f64],
     dims: [usize; 3],
     transfer: &TransferFunction,
     kernels: &Kernels,
     slab: f64,
 ) -> Vec<bool> {
-    let blocks = dims.map(|n| n.div_ceil(BLOCK));
-    let [bx, by, bz] = blocks;
-    let range = |b: usize| {
-        let (x0, y0, z0) = (b % bx * BLOCK, b / bx % by * BLOCK, b / (bx * by) * BLOCK);
-        let mut range = [f64::INFINITY, f64::NEG_INFINITY];
-        for z in z0..(z0 + BLOCK).min(dims[2]) {
-            for y in y0..(y0 + BLOCK).min(dims[1]) {
-                for x in x0..(x0 + BLOCK).min(dims[0]) {
-                    let s = scalars[(z * dims[1] + y) * dims[0] + x];
-                    range = [range[0].min(s), range[1].max(s)];
-                }
-            }
-        }
-        range
-    };
-    let mut ranges: Vec<[f64; 2]> = (0..bx * by * bz).into_par_iter().map(range).collect();
-    let steps = num::usize_of((kernels.reach() / num::f64_of(BLOCK)).ceil());
+    let reach = num::usize_of(kernels.reach().ceil());
+    let slab = num::usize_of(slab.ceil());
+    let wider = |a: [f32; 2], b: [f32; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+    let below = |s: f64| f32_of(s).next_down();
+    let above = |s: f64| f32_of(s).next_up();
+    let mut ranges: Vec<[f32; 2]> = scalars.par_iter().map(|&s| [below(s), above(s)]).collect();
+    let mut extent = dims;
     for axis in 0..3 {
-        ranges = spread(&ranges, blocks, axis, steps, |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+        // Cell j lies between voxels j and j + 1.
+        let cells = dims[axis].saturating_sub(1).max(1);
+        ranges = windows(&ranges, &mut extent, axis, cells, [reach - 1, reach], wider);
     }
     let seen = nonzero_ranges(transfer);
     // Negative lobes go beyond the scalars in reach; those of a product of three are no more than 2.4 in all.
     let beyond = if kernels.kernel == Kernel::Sinc { 0.75 } else { 1e-6 };
-    let shows = |[low, high]: &[f64; 2]| {
+    let shows = |[low, high]: &[f32; 2]| {
         let margin = beyond * (high - low) + 1e-6 * low.abs().max(high.abs());
-        let (low, high) = (f32_of(low - margin), f32_of(high + margin));
-        seen.iter().any(|range| low <= range[1] && high >= range[0])
+        seen.iter().any(|range| low - margin <= range[1] && high + margin >= range[0])
     };
-    let mut shown: Vec<bool> = ranges.iter().map(shows).collect();
-    // A sheet that holds something is averaged over all of its depth.
-    let steps = num::usize_of(((kernels.reach() + slab) / num::f64_of(BLOCK)).ceil().min(1e6));
+    let mut shown: Vec<bool> = ranges.par_iter().map(shows).collect();
     for axis in 0..3 {
-        shown = spread(&shown, blocks, axis, steps.min(blocks[axis]), |a, b| a || b);
+        let around = [reach + slab, reach + slab - 1];
+        shown = windows(&shown, &mut extent, axis, dims[axis], around, |a, b| a || b);
     }
     shown
 }
 
-/// Each value joined with those up to `steps` before and behind it along an axis.
-fn spread<T: Copy>(
+/// Along an axis `count` values, each joined of those from `before` ahead of its place to `behind` after it.
+fn windows<T: Copy + Send + Sync>(
     values: &[T],
-    blocks: [usize; 3],
+    extent: &mut [usize; 3],
     axis: usize,
-    steps: usize,
-    join: impl Fn(T, T) -> T,
+    count: usize,
+    [before, behind]: [usize; 2],
+    join: impl Fn(T, T) -> T + Sync,
 ) -> Vec<T> {
-    let stride = [1, blocks[0], blocks[0] * blocks[1]][axis];
-    let one = |i: usize| {
-        let place = i / stride % blocks[axis];
-        let (first, last) = (place - steps.min(place), (place + steps).min(blocks[axis] - 1));
-        (first..=last).map(|p| values[i - place * stride + p * stride]).reduce(&join).unwrap_or(values[i])
+    let old = *extent;
+    extent[axis] = count;
+    let new = *extent;
+    let stride = [1, old[0], old[0] * old[1]][axis];
+    let row = |row: usize| {
+        let (y, z) = (row % new[1], row / new[1]);
+        let join = &join;
+        (0..new[0]).map(move |x| {
+            let mut place = [x, y, z];
+            let first = place[axis].saturating_sub(before).min(old[axis] - 1);
+            let last = (place[axis] + behind).min(old[axis] - 1);
+            place[axis] = first;
+            let start = (place[2] * old[1] + place[1]) * old[0] + place[0];
+            (first..=last).map(|p| values[start + (p - first) * stride]).reduce(join).unwrap_or(values[start])
+        })
     };
-    (0..values.len()).map(one).collect()
+    (0..new[1] * new[2]).into_par_iter().flat_map_iter(row).collect()
 }
 
 /// The kernels of points that show something.
@@ -508,13 +505,34 @@ mod tests {
     }
 
     #[test]
-    fn values_spread_by_steps_along_an_axis() {
+    fn windows_join_what_is_in_reach() {
         let mut values = vec![false; 5 * 3 * 2];
         values[5 + 1] = true;
-        let x = spread(&values, [5, 3, 2], 0, 2, |a, b| a || b);
-        assert_eq!((0..30).filter(|&i| x[i]).collect::<Vec<_>>(), [5, 6, 7, 8]);
-        let z = spread(&values, [5, 3, 2], 2, 1, |a, b| a || b);
-        assert_eq!((0..30).filter(|&i| z[i]).collect::<Vec<_>>(), [6, 21]);
+        let set = |values: &[bool]| (0..values.len()).filter(|&i| values[i]).collect::<Vec<_>>();
+        let mut extent = [5, 3, 2];
+        assert_eq!(set(&windows(&values, &mut extent, 0, 5, [2, 1], |a, b| a || b)), [5, 6, 7, 8]);
+        assert_eq!(set(&windows(&values, &mut extent, 0, 4, [0, 1], |a, b| a || b)), [4, 5]);
+        assert_eq!(extent, [4, 3, 2]);
+        let mut extent = [5, 3, 2];
+        assert_eq!(set(&windows(&values, &mut extent, 2, 2, [1, 1], |a, b| a || b)), [6, 21]);
+    }
+
+    /// Every voxel whose kernel reaches a place that shows something is there, and few others.
+    #[test]
+    fn what_shows_is_needed() {
+        let dims = [9, 8, 7];
+        let mut scalars = vec![0.0; 9 * 8 * 7];
+        scalars[(3 * 8 + 4) * 9 + 5] = 1.0;
+        let transfer =
+            TransferFunction::from_rows(&[[0.0; 5], [0.5, 0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 1.0, 1.0, 1.0]])
+                .unwrap();
+        let tent = Kernels { kernel: Kernel::Tent, ..Kernels::of_samples() };
+        let shown = needed(&scalars, dims, &transfer, &tent, 0.0);
+        let count = |shown: &[bool]| shown.iter().filter(|&&s| s).count();
+        assert_eq!(count(&shown), 27);
+        assert_eq!(count(&needed(&scalars, dims, &transfer, &tent, 1.0)), 5 * 5 * 5);
+        let flat = needed(&[1.0], [1, 1, 1], &transfer, &tent, 1.0);
+        assert_eq!(flat, [true]);
     }
 }
 

@@ -503,8 +503,8 @@ impl Prepared for SplatFrame {
     }
 
     fn passes(&self) -> u32 {
-        // Status, kernels, a sort of at most four digits; bins and what is drawn of them.
-        2 + 16 + num::count(self.bands.len()) * (6 + self.rounds) + 2
+        // Status, kernels, a sort of at most five digits; bins and what is drawn of them.
+        2 + 20 + num::count(self.bands.len()) * (6 + self.rounds) + 2
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
