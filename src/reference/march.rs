@@ -6,7 +6,7 @@ use super::polynomial::{self, Cubic};
 use super::quadrature::{Node, gauss_legendre};
 
 /// Optical depth at which a ray ends: what lies behind is dimmed by exp(-60) < 1e-26.
-const OPAQUE: f64 = 60.0;
+pub(super) const OPAQUE: f64 = 60.0;
 
 /// Largest optical depth of a panel, and the points that integrate any piece of that depth to
 /// 1e-12 of the panel's own emission; ascending.

@@ -1,6 +1,7 @@
 //! The reference against closed forms, against integrators that know nothing of cells and knots, and
 //! against itself under changes that must not matter.
 
+mod kernels;
 mod mesh;
 
 use glam::{DMat3, DQuat};
@@ -119,8 +120,11 @@ fn compose(front: Stretch, back: Stretch) -> Stretch {
 }
 
 fn midpoint_step(scene: &Scene, origin: DVec3, direction: DVec3, a: f64, b: f64) -> Stretch {
-    let (c, tau) = medium(scene, origin + direction * (0.5 * (a + b)));
-    let depth = tau * (b - a);
+    step_of(medium(scene, origin + direction * (0.5 * (a + b))), b - a)
+}
+
+fn step_of((c, tau): (DVec3, f64), length: f64) -> Stretch {
+    let depth = tau * length;
     let alpha = -(-depth).exp_m1();
     [c.x * alpha, c.y * alpha, c.z * alpha, depth]
 }
@@ -143,7 +147,17 @@ fn midpoint(scene: &Scene, origin: DVec3, direction: DVec3, [a, b]: [f64; 2], st
 /// Midpoint rule that halves its steps where they matter, with one extrapolation: finds kinks by
 /// halving, knows nothing of where they are. Good to about 1e-11, but for a peak that hides between two
 /// of its 3000 first steps: finer grids than those of these tests need more of them.
-fn adaptive(scene: &Scene, origin: DVec3, direction: DVec3, [a, b]: [f64; 2]) -> [f64; 4] {
+fn adaptive(scene: &Scene, origin: DVec3, direction: DVec3, range: [f64; 2]) -> [f64; 4] {
+    adaptive_in(&|p| medium(scene, p), origin, direction, range)
+}
+
+/// The same in any medium of colour and extinction.
+fn adaptive_in(
+    medium: &dyn Fn(DVec3) -> (DVec3, f64),
+    origin: DVec3,
+    direction: DVec3,
+    [a, b]: [f64; 2],
+) -> [f64; 4] {
     // Emission and extinction at the ends belong to the test: a kink near an end is seen by no midpoint.
     type Function<'a> = &'a dyn Fn(f64) -> [f64; 4];
     type Step<'a> = &'a dyn Fn(f64, f64) -> Stretch;
@@ -159,10 +173,10 @@ fn adaptive(scene: &Scene, origin: DVec3, direction: DVec3, [a, b]: [f64; 2]) ->
         compose(refine(at, step, [a, m], front, left - 1), refine(at, step, [m, b], back, left - 1))
     }
     let at = |t: f64| {
-        let (c, tau) = medium(scene, origin + direction * t);
+        let (c, tau) = medium(origin + direction * t);
         [tau * c.x, tau * c.y, tau * c.z, tau]
     };
-    let step = |a, b| midpoint_step(scene, origin, direction, a, b);
+    let step = |a: f64, b: f64| step_of(medium(origin + direction * (0.5 * (a + b))), b - a);
     let steps = 3000;
     let h = (b - a) / f64::from(steps);
     let mut sum = Stretch::default();

@@ -1,0 +1,300 @@
+//! Kernels at the samples of a grid.
+
+use glam::{DMat3, DVec3};
+
+use crate::error::{Error, Result};
+use crate::num;
+use crate::scene::{Grid, Kernel, Kernels, Model};
+
+use super::hits::{self, Hit, Shape};
+use super::{Medium, Sums, Values};
+
+/// Reach of the widest product of kernels, in voxels, and its weights along an axis.
+const WIDEST: usize = 3;
+
+#[derive(Clone, Debug)]
+pub(super) struct Lattice {
+    dims: [usize; 3],
+    last: DVec3,
+    centre: DVec3,
+    to_index: DMat3,
+    kernels: Kernels,
+    /// What each kernel adds, x fastest; all 0 where it shows nothing.
+    values: Vec<Sums>,
+}
+
+/// A ray in index space.
+#[derive(Clone, Copy, Debug)]
+struct Line {
+    start: DVec3,
+    slope: DVec3,
+}
+
+impl Lattice {
+    pub(super) fn new(grid: &Grid, kernels: &Kernels, values: &Values) -> Result<Self> {
+        let dims = grid.dims().map(num::index);
+        let samples = || (0..grid.samples().len()).map(|i| sample(grid, i));
+        let amplitude = match kernels.kernel {
+            Kernel::Gaussian => kernels.peak_on_grid(),
+            // The product below has its own peak.
+            _ => 1.0,
+        };
+        let prefilters = kernels.kernel == Kernel::BSpline && kernels.model == Model::Interpolate;
+        let value = |s: f64| values.of(s, amplitude).unwrap_or_default();
+        let values: Vec<Sums> = if prefilters {
+            if grid.nan_count() > 0 {
+                let why = format!(
+                    "bspline interpolates all samples: {} of the grid's are NaN (use gaussian or tent)",
+                    grid.nan_count()
+                );
+                return Err(Error::invalid("kernel", why));
+            }
+            let mut coefficients: Vec<f64> = samples().map(|s| values.scalar(s)).collect();
+            interpolating(&mut coefficients, dims);
+            coefficients.into_iter().map(value).collect()
+        } else {
+            samples().map(value).collect()
+        };
+        Ok(Self {
+            dims,
+            last: grid.last_index(),
+            centre: grid.centre(),
+            to_index: grid.index_to_world().inverse(),
+            kernels: *kernels,
+            values,
+        })
+    }
+
+    pub(super) fn walk(&self, origin: DVec3, direction: DVec3, range: [f64; 2], medium: &mut impl Medium) {
+        // Measure from the point of the ray that is nearest to the grid's centre.
+        let nearest = (self.centre - origin).dot(direction);
+        let line = Line {
+            start: self.to_index * (origin + direction * nearest - self.centre) + self.last * 0.5,
+            slope: self.to_index * direction,
+        };
+        let range = range.map(|t| t - nearest);
+        // Interpolation ends at the domain, density at the kernels' ends.
+        let beyond = if self.kernels.model == Model::Interpolate { 0.0 } else { self.kernels.reach() };
+        let Some(range) = line.inside(DVec3::splat(-beyond), self.last + beyond, range) else { return };
+        if self.kernels.kernel == Kernel::Gaussian {
+            let hits = self.hits(line, range);
+            hits::sweep(&hits, Shape::Gaussian, range, medium);
+        } else {
+            self.products(line, range, medium);
+        }
+    }
+
+    fn value(&self, index: [usize; 3]) -> Sums {
+        self.values[index[0] + self.dims[0] * (index[1] + self.dims[1] * index[2])]
+    }
+
+    /// Gaussians that a ray meets.
+    fn hits(&self, line: Line, range: [f64; 2]) -> Vec<Hit> {
+        let Kernels { sigma, cut, .. } = self.kernels;
+        let reach = sigma * cut;
+        let mut hits = Vec::new();
+        // In slices across the steepest axis: a cylinder about the ray cuts an ellipse from each.
+        let axis = line.slope.abs().max_position();
+        let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
+        let steep = line.slope[axis];
+        let half = [u, v].map(|other| reach * (line.slope[other] / steep).hypot(1.0));
+        let ends = range.map(|t| line.start[axis] + line.slope[axis] * t);
+        let slices = self.between(axis, ends[0].min(ends[1]) - reach, ends[0].max(ends[1]) + reach);
+        for k in slices {
+            let t = (num::f64_of(k) - line.start[axis]) / steep;
+            let at = line.start + line.slope * t;
+            for j in self.between(v, at[v] - half[1], at[v] + half[1]) {
+                for i in self.between(u, at[u] - half[0], at[u] + half[0]) {
+                    let mut index = [0; 3];
+                    (index[axis], index[u], index[v]) = (k, i, j);
+                    let value = self.value(index);
+                    if value[0] == 0.0 {
+                        continue;
+                    }
+                    let to = DVec3::from_array(index.map(num::f64_of)) - at;
+                    let along = line.slope.dot(to) / line.slope.length_squared();
+                    let nearest = (to - line.slope * along).length_squared() / (sigma * sigma);
+                    hits.extend(Hit::new(t + along, nearest, line.slope.length() / sigma, cut, value));
+                }
+            }
+        }
+        hits
+    }
+
+    /// Indices along an axis that lie between two coordinates.
+    fn between(&self, axis: usize, low: f64, high: f64) -> std::ops::Range<usize> {
+        let last = self.dims[axis] - 1;
+        if !(low <= num::f64_of(last) && high >= 0.0) {
+            return 0..0;
+        }
+        num::usize_of(low.ceil().max(0.0))..num::usize_of(high.floor()).min(last) + 1
+    }
+
+    /// Kernels that are products of one along each axis: cut at every plane of samples.
+    fn products(&self, line: Line, range: [f64; 2], medium: &mut impl Medium) {
+        let mut cuts = vec![range[0], range[1]];
+        for axis in 0..3 {
+            let (start, slope) = (line.start[axis], line.slope[axis]);
+            if slope == 0.0 {
+                continue;
+            }
+            let ends = range.map(|t| start + slope * t);
+            let (mut plane, end) = (ends[0].min(ends[1]).ceil(), ends[0].max(ends[1]));
+            while plane <= end {
+                let t = (plane - start) / slope;
+                if t > range[0] && t < range[1] {
+                    cuts.push(t);
+                }
+                plane += 1.0;
+            }
+        }
+        cuts.sort_unstable_by(f64::total_cmp);
+        let reach = num::usize_of(self.kernels.reach());
+        let mut block = Vec::with_capacity(8 * reach * reach * reach);
+        for ends in cuts.windows(2) {
+            let (from, to) = (ends[0], ends[1]);
+            if to <= from {
+                continue;
+            }
+            let cell = (line.start + line.slope * (0.5 * (from + to))).floor();
+            if !self.gather(cell, reach, &mut block) {
+                continue;
+            }
+            let scale = match (self.kernels.kernel, self.kernels.model) {
+                // Polynomials of degree 9 and 3, which the rule for this scale integrates exactly.
+                (Kernel::BSpline | Kernel::Tent, Model::Density) => (to - from) / 1.5,
+                (Kernel::Tent, Model::Interpolate) => to - from,
+                _ => 0.5 / line.slope.length(),
+            };
+            let sums = |t: f64| {
+                let place = line.start + line.slope * t - cell;
+                product(self.kernels.kernel, reach, &block, place)
+            };
+            medium.add(from, to, scale, &sums);
+            if medium.is_opaque() {
+                return;
+            }
+        }
+    }
+
+    /// Values of the kernels that reach a cell; false where none does.
+    fn gather(&self, cell: DVec3, reach: usize, block: &mut Vec<Sums>) -> bool {
+        block.clear();
+        let first = cell - (num::f64_of(reach) - 1.0);
+        let mut any = false;
+        let inside = |axis: usize, offset: usize| {
+            let at = first[axis] + num::f64_of(offset);
+            (at >= 0.0 && at <= self.last[axis]).then(|| num::usize_of(at))
+        };
+        for z in 0..2 * reach {
+            for y in 0..2 * reach {
+                for x in 0..2 * reach {
+                    let index = (inside(0, x), inside(1, y), inside(2, z));
+                    let (Some(x), Some(y), Some(z)) = index else {
+                        block.push([0.0; 4]);
+                        continue;
+                    };
+                    let value = self.value([x, y, z]);
+                    any |= value[0] != 0.0;
+                    block.push(value);
+                }
+            }
+        }
+        any
+    }
+}
+
+impl Line {
+    /// What of a range lies in a closed box.
+    fn inside(self, low: DVec3, high: DVec3, [mut from, mut to]: [f64; 2]) -> Option<[f64; 2]> {
+        for axis in 0..3 {
+            let (start, slope) = (self.start[axis], self.slope[axis]);
+            if slope == 0.0 {
+                if !(start >= low[axis] && start <= high[axis]) {
+                    return None;
+                }
+                continue;
+            }
+            let (a, b) = ((low[axis] - start) / slope, (high[axis] - start) / slope);
+            from = from.max(a.min(b));
+            to = to.min(a.max(b));
+        }
+        (from < to && from.is_finite() && to.is_finite()).then_some([from, to])
+    }
+}
+
+/// A sample; infinities and NaN are as they are.
+fn sample(grid: &Grid, i: usize) -> f64 {
+    let rescale = grid.rescale();
+    rescale.slope * grid.samples().get(i) + rescale.intercept
+}
+
+/// Sums at a place in a cell, of kernels at 2 `reach` samples along each axis around it.
+fn product(kernel: Kernel, reach: usize, block: &[Sums], place: DVec3) -> Sums {
+    let [wx, wy, wz] = place.to_array().map(|f| weights(kernel, f));
+    let n = 2 * reach;
+    let mut sums = [0.0; 4];
+    for (plane, wz) in block.chunks(n * n).zip(wz) {
+        for (row, wy) in plane.chunks(n).zip(wy) {
+            for (value, wx) in row.iter().zip(wx) {
+                let w = wx * wy * wz;
+                for (sum, value) in sums.iter_mut().zip(value) {
+                    *sum += w * value;
+                }
+            }
+        }
+    }
+    sums
+}
+
+/// Weights of the samples around a place between two, from the lowest on; beyond the kernel's reach without meaning.
+fn weights(kernel: Kernel, f: f64) -> [f64; 2 * WIDEST] {
+    let g = 1.0 - f;
+    match kernel {
+        Kernel::BSpline => {
+            let near = |f: f64| 2.0 / 3.0 + f * f * (0.5 * f - 1.0);
+            [g * g * g / 6.0, near(f), near(g), f * f * f / 6.0, 0.0, 0.0]
+        }
+        Kernel::Sinc => {
+            let sinc = |x: f64| {
+                let x = x * std::f64::consts::PI;
+                if x.abs() < 1e-8 { 1.0 } else { x.sin() / x }
+            };
+            std::array::from_fn(|i| {
+                let x = f + 2.0 - num::f64_of(i);
+                sinc(x) * sinc(x / 3.0)
+            })
+        }
+        _ => [g, f, 0.0, 0.0, 0.0, 0.0],
+    }
+}
+
+/// Coefficients whose sum of cubic B-splines, divided by the sum of those splines, goes through the samples.
+///
+/// Along each axis the rows are (1, 4, 1) / 6, and at the ends, where a neighbour lacks, (4, 1) / 5: diagonally
+/// dominant, solved by elimination without pivots.
+fn interpolating(values: &mut [f64], dims: [usize; 3]) {
+    let strides = [1, dims[0], dims[0] * dims[1]];
+    for axis in 0..3 {
+        let (n, stride) = (dims[axis], strides[axis]);
+        let mut ratio = vec![0.0; n];
+        for first in 0..values.len() {
+            if (first / stride) % n != 0 {
+                continue;
+            }
+            let at = |i: usize| first + i * stride;
+            // Both sides of each row times its divisor, so that off the diagonal stand ones.
+            let mut before = 0.0;
+            for i in 0..n {
+                let whole = if i == 0 || i == n - 1 { 5.0 } else { 6.0 };
+                let pivot = if i == 0 { 4.0 } else { 4.0 - ratio[i - 1] };
+                ratio[i] = 1.0 / pivot;
+                before = (whole * values[at(i)] - before) / pivot;
+                values[at(i)] = before;
+            }
+            for i in (0..n - 1).rev() {
+                values[at(i)] -= ratio[i] * values[at(i + 1)];
+            }
+        }
+    }
+}

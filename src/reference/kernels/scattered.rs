@@ -1,0 +1,181 @@
+//! Kernels at scattered centres, and which of them a ray may meet: a tree of boxes.
+
+use glam::{DMat3, DVec3};
+
+use crate::error::{Error, Result};
+use crate::scene::{Kernel, KernelSize, Kernels, Points};
+
+use super::hits::{self, Hit, Shape};
+use super::{Medium, Sums, Values};
+
+/// A kernel.
+#[derive(Clone, Debug)]
+struct Blob {
+    centre: DVec3,
+    /// From the world to the kernel's own measure of distance: standard deviations, or halves of the radius.
+    measure: DMat3,
+    /// Half of the sides of its box.
+    reach: DVec3,
+    value: Sums,
+}
+
+/// A node of the tree: a box, and its blobs or its two children, which lie next to each other.
+#[derive(Clone, Debug)]
+struct Node {
+    low: DVec3,
+    high: DVec3,
+    first: usize,
+    /// 0 for a node with children.
+    count: usize,
+}
+
+/// Blobs of a leaf, at most.
+const LEAF: usize = 4;
+
+#[derive(Clone, Debug)]
+pub(super) struct Scattered {
+    blobs: Vec<Blob>,
+    nodes: Vec<Node>,
+    shape: Shape,
+    support: f64,
+    centre: DVec3,
+}
+
+impl Scattered {
+    pub(super) fn new(points: &Points, kernels: &Kernels, values: &Values) -> Result<Self> {
+        let (shape, support) = match kernels.kernel {
+            Kernel::Gaussian => (Shape::Gaussian, kernels.cut),
+            Kernel::BSpline => (Shape::BSpline, 2.0),
+            _ => return Err(Error::invalid("kernel", format!("{}: is for grids", kernels.kernel.name()))),
+        };
+        // Units of distance in a radius.
+        let units = if shape == Shape::Gaussian { 3.0 } else { 2.0 };
+        let round = |radius: f64| {
+            (radius > 0.0).then(|| {
+                // Squares must neither overflow nor vanish.
+                let radius = radius.clamp(1e-100, 1e100);
+                (DMat3::from_diagonal(DVec3::splat(units / radius)), DVec3::splat(support * radius / units))
+            })
+        };
+        if *points.size() == KernelSize::Unknown {
+            return Err(Error::invalid("points", "have no size: they need a radius"));
+        }
+        if matches!(points.size(), KernelSize::Covariances(_)) && shape == Shape::BSpline {
+            return Err(Error::invalid("points", "have covariances: those are for the kernel gaussian"));
+        }
+        let blob = |i: usize| {
+            let (measure, reach) = match points.size() {
+                KernelSize::Unknown => None,
+                KernelSize::Radius(radius) => round(*radius),
+                KernelSize::Radii(radii) => round(f64::from(radii[i])),
+                KernelSize::Covariances(all) => ellipsoid(all[i].map(f64::from), support),
+            }?;
+            let scalar = points.scalars().map_or(1.0, |s| f64::from(s[i]));
+            let weight = points.weights().map_or(1.0, |w| f64::from(w[i]));
+            let value = values.of(scalar, weight)?;
+            Some(Blob { centre: points.centres()[i], measure, reach, value })
+        };
+        let mut blobs: Vec<Blob> = (0..points.centres().len()).filter_map(blob).collect();
+        let nodes = tree(&mut blobs);
+        let [low, high] = points.bounds();
+        Ok(Self { blobs, nodes, shape, support, centre: 0.5 * low + 0.5 * high })
+    }
+
+    pub(super) fn walk(&self, origin: DVec3, direction: DVec3, range: [f64; 2], medium: &mut impl Medium) {
+        // Measure from the point of the ray that is nearest to the middle of all.
+        let nearest = (self.centre - origin).dot(direction);
+        let start = origin + direction * nearest;
+        let range = range.map(|t| t - nearest);
+        let mut hits = Vec::new();
+        let mut open = Vec::new();
+        if !self.nodes.is_empty() {
+            open.push(0);
+        }
+        while let Some(node) = open.pop() {
+            let node: &Node = &self.nodes[node];
+            if !meets(node, start, direction, range) {
+                continue;
+            }
+            if node.count == 0 {
+                open.extend([node.first, node.first + 1]);
+            }
+            for blob in &self.blobs[node.first..][..node.count] {
+                hits.extend(self.hit(blob, start, direction));
+            }
+        }
+        hits::sweep(&hits, self.shape, range, medium);
+    }
+
+    fn hit(&self, blob: &Blob, start: DVec3, direction: DVec3) -> Option<Hit> {
+        let (way, to) = (blob.measure * direction, blob.measure * (blob.centre - start));
+        let middle = way.dot(to) / way.length_squared();
+        // The rest, not a difference of squares: it keeps its digits far from the centre.
+        let rest = to - way * middle;
+        Hit::new(middle, rest.length_squared(), way.length(), self.support, blob.value)
+    }
+}
+
+/// The measure of a covariance (xx, xy, xz, yy, yz, zz), the inverse of its Cholesky factor, and half of the sides of
+/// the box at a distance; none where it is not positive definite beyond rounding.
+fn ellipsoid([xx, xy, xz, yy, yz, zz]: [f64; 6], support: f64) -> Option<(DMat3, DVec3)> {
+    let pivot = |rest: f64, variance: f64| {
+        (rest > 16.0 * f64::EPSILON * variance && rest.is_finite()).then(|| rest.sqrt())
+    };
+    let a = pivot(xx, xx)?;
+    let (b, c) = (xy / a, xz / a);
+    let d = pivot(yy - b * b, yy)?;
+    let e = (yz - b * c) / d;
+    let f = pivot(zz - c * c - e * e, zz)?;
+    let lower = DMat3::from_cols(DVec3::new(a, b, c), DVec3::new(0.0, d, e), DVec3::new(0.0, 0.0, f));
+    let measure = lower.inverse();
+    measure.is_finite().then(|| (measure, DVec3::new(xx.sqrt(), yy.sqrt(), zz.sqrt()) * support))
+}
+
+/// Sorts the blobs into a tree: each node's are parted at the median along the longest side of their centres' box.
+fn tree(blobs: &mut [Blob]) -> Vec<Node> {
+    let mut nodes = Vec::new();
+    if blobs.is_empty() {
+        return nodes;
+    }
+    let leaf = |first: usize, count: usize| Node { low: DVec3::ZERO, high: DVec3::ZERO, first, count };
+    nodes.push(leaf(0, blobs.len()));
+    let mut next = 0;
+    while next < nodes.len() {
+        let Node { first, count, .. } = nodes[next];
+        let some = &mut blobs[first..first + count];
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let (mut least, mut most) = (low, high);
+        for blob in some.iter() {
+            (low, high) = (low.min(blob.centre - blob.reach), high.max(blob.centre + blob.reach));
+            (least, most) = (least.min(blob.centre), most.max(blob.centre));
+        }
+        (nodes[next].low, nodes[next].high) = (low, high);
+        if count > LEAF {
+            let axis = (most - least).max_position();
+            some.select_nth_unstable_by(count / 2, |a, b| a.centre[axis].total_cmp(&b.centre[axis]));
+            (nodes[next].first, nodes[next].count) = (nodes.len(), 0);
+            nodes.push(leaf(first, count / 2));
+            nodes.push(leaf(first + count / 2, count - count / 2));
+        }
+        next += 1;
+    }
+    nodes
+}
+
+/// Whether a ray may meet a box.
+fn meets(node: &Node, start: DVec3, direction: DVec3, [mut from, mut to]: [f64; 2]) -> bool {
+    for axis in 0..3 {
+        let (low, high) = (node.low[axis] - start[axis], node.high[axis] - start[axis]);
+        if direction[axis] == 0.0 {
+            if low > 0.0 || high < 0.0 {
+                return false;
+            }
+        } else {
+            let (a, b) = (low / direction[axis], high / direction[axis]);
+            from = from.max(a.min(b));
+            to = to.min(a.max(b));
+        }
+    }
+    // Rounding of the parameters.
+    from <= to + 1e-12 * (from.abs() + to.abs())
+}
