@@ -709,13 +709,15 @@ fn meshes_and_points_are_described_and_converted() {
     let folder = Folder::new("cells");
     write_cells(&folder);
     let before = folder.names();
-    for command in ["render", "reference", "compare", "bench"] {
-        let says = ["points.vtu", "content", "holds points", "grids and meshes"];
-        folder.run(&format!("{command} points.vtu -o out.exr")).fails(2, &says);
-    }
     // Before a device is opened.
     folder.run("render mesh.vtu -o out.exr --technique slabs").fails(2, &["technique", "mesh"]);
     folder.run("compare mesh.vtu -o out --techniques slabs --device none").fails(2, &["technique", "mesh"]);
+    folder.run("render points.vtu -o out.exr --technique slabs").fails(2, &["technique", "points"]);
+    for command in ["render", "reference", "compare", "bench"] {
+        let says = ["points.vtu", "\"q\"", "no such array"];
+        folder.run(&format!("{command} points.vtu -o out.exr --radius q")).fails(2, &says);
+    }
+    folder.run("bench -o out --weight q").fails(2, &["--weight", "\"q\"", "standard"]);
     for (name, what) in [("mesh.vtu", "a mesh"), ("points.vtu", "points")] {
         folder.run(&format!("convert {name} out.nrrd")).fails(2, &["out.nrrd", "must end in .vtu", what]);
         folder.run(&format!("convert {name} {name}")).fails(2, &["output", "is the input"]);
@@ -756,7 +758,8 @@ fn meshes_and_points_are_described_and_converted() {
     assert_eq!((&points["bytes"], &points["device_bytes"]["geometry"]), (&108.into(), &72.into()));
     assert_eq!(points["arrays"].as_array().unwrap().len(), 3);
     let text = folder.run("info points.vtu").done().out;
-    for part in ["kernels", "of unknown size", "1 each", "point:weight (f32)", "5 to 9"] {
+    // Distances 1, 1 and 1.
+    for part in ["kernels", "radius 3", "spacing", "1 each", "point:weight (f32)", "5 to 9", "automatic"] {
         assert!(text.contains(part), "{part}: {text}");
     }
 

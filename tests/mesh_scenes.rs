@@ -131,18 +131,17 @@ fn meshes_are_refused_by_place_and_rule() {
         folder.refused(&format!("{{{spec}{REST}"), file, parts);
     };
     file(r#""mesh": {"file": "grid.nrrd"}"#, "grid.nrrd", &["holds a grid", "`volume`"]);
-    file(r#""mesh": {"file": "points.vtu"}"#, "points.vtu", &["holds points", "grids and meshes"]);
+    file(r#""mesh": {"file": "points.vtu"}"#, "points.vtu", &["holds points", "`points`"]);
     file(r#""volume": {"file": "mesh.vtu"}"#, "mesh.vtu", &["holds a mesh", "`mesh`"]);
-    file(r#""volume": {"file": "points.vtu"}"#, "points.vtu", &["holds points"]);
+    file(r#""volume": {"file": "points.vtu"}"#, "points.vtu", &["holds points", "`points`"]);
     file(r#""mesh": {"file": "mesh.vtu", "array": "r"}"#, "mesh.vtu", &["\"r\"", "no such array"]);
     file(r#""mesh": {"file": "none.vtu"}"#, "none.vtu", &["cannot open"]);
-    file(r#""points": {"file": "points.vtu"}"#, "scene.json", &["points", "grids and meshes"]);
     file(
         r#""volume": {"field": "ramp", "dims": [2,2,2]}, "mesh": {"field": "ramp", "cubes": 1}"#,
         "scene.json",
-        &["mesh", "not both"],
+        &["mesh", "one of"],
     );
-    file(r#""background": [0,0,0,1]"#, "scene.json", &["missing", "`volume` or `mesh`"]);
+    file(r#""background": [0,0,0,1]"#, "scene.json", &["missing", "`volume`, `mesh` or `points`"]);
 }
 
 #[test]

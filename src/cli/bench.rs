@@ -19,7 +19,7 @@ use volraster::{Error, Gpu, GpuScene, Result};
 use super::cache::Cache;
 use super::case::{Case, Shared};
 use super::compare::is_refusal;
-use super::input::{self, ArrayArg, DeviceArgs, Input, Size};
+use super::input::{self, ArraysArgs, DeviceArgs, Input, Size};
 use super::ratios::Ratios;
 use super::required_k::RequiredK;
 use super::results::Results;
@@ -40,7 +40,7 @@ pub(crate) struct Args {
     #[arg(value_name = "SUITE", default_value = "standard")]
     suite: PathBuf,
     #[command(flatten)]
-    array: ArrayArg,
+    arrays: ArraysArgs,
     /// Folder for bench.jsonl, one line of JSON for each case, fronts.json, times at equal error, table.md, and
     /// plots as SVG and PNG.
     #[arg(short, long, value_name = "DIR", required_unless_present = "compare")]
@@ -165,11 +165,9 @@ impl Args {
         let invalid = |what: &str, why: String| Error::Invalid { what: what.to_string(), why };
         let suite = SUITES.iter().find(|suite| self.suite == Path::new(suite.name));
         let mut workloads: Vec<Workload> = if let Some(suite) = suite {
-            if let Some(array) = &self.array.array {
-                return Err(invalid(
-                    "--array",
-                    format!("\"{array}\": the scenes of {} have no arrays", suite.name),
-                ));
+            if let Some((option, array)) = self.arrays.first() {
+                let why = format!("\"{array}\": the scenes of {} have no arrays", suite.name);
+                return Err(invalid(&format!("--{option}"), why));
             }
             suite.scenes().map(|scene| Workload::Standard(suite, scene)).collect()
         } else {
@@ -184,7 +182,7 @@ impl Args {
             }
             let scenes = if self.suite.is_dir() { scene_files(&self.suite)? } else { Vec::new() };
             if scenes.is_empty() {
-                let input = Input::load(&self.suite, self.size, &self.array, quiet)?;
+                let input = Input::load(&self.suite, self.size, &self.arrays, quiet)?;
                 input::drawn(&input.scene.data)?;
                 vec![Workload::File(Box::new(input))]
             } else {

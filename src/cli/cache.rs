@@ -14,7 +14,7 @@ use flate2::write::ZlibEncoder;
 use sha2::{Digest, Sha256};
 use volraster::gpu::user_cache_folder;
 use volraster::reference::{self, ReferenceImage, ReferenceOptions};
-use volraster::scene::{Data, Grid, Samples, Scene, TetScalars, Tets, View};
+use volraster::scene::{Data, Grid, KernelSize, Points, Samples, Scene, TetScalars, Tets, View};
 use volraster::{Error, Result};
 
 /// What all files may take.
@@ -37,6 +37,8 @@ const SOURCES: &[(&str, &[u8])] = &[
     ("reference/tets.rs", include_bytes!("../reference/tets.rs")),
     ("scene/camera.rs", include_bytes!("../scene/camera.rs")),
     ("scene/grid.rs", include_bytes!("../scene/grid.rs")),
+    ("scene/kernel.rs", include_bytes!("../scene/kernel.rs")),
+    ("scene/points.rs", include_bytes!("../scene/points.rs")),
     ("scene/tets.rs", include_bytes!("../scene/tets.rs")),
     ("scene/transfer.rs", include_bytes!("../scene/transfer.rs")),
 ];
@@ -159,9 +161,11 @@ fn key(scene: &Scene, view: &View) -> Option<[u8; HASH]> {
     // Numbers are written so that they are read back as they were.
     put(format!("{:?} {:?}", view.camera(), view.extent()).as_bytes());
     put(format!("{:?}", scene.transfer.knots()).as_bytes());
+    put(format!("{:?}", scene.kernels).as_bytes());
     match &scene.data {
         Data::Grid(grid) => of_grid(grid, &mut put),
         Data::Mesh(mesh) => of_mesh(mesh, &mut put),
+        Data::Points(points) => of_points(points, &mut put),
         _ => return None,
     }
     Some(hash.finalize().into())
@@ -187,6 +191,27 @@ fn of_mesh(mesh: &Tets, put: &mut impl FnMut(&[u8])) {
     put(bytemuck::cast_slice(mesh.points()));
     put(bytemuck::cast_slice(mesh.cells()));
     put(bytemuck::cast_slice(mesh.scalars().values()));
+}
+
+fn of_points(points: &Points, put: &mut impl FnMut(&[u8])) {
+    put(b"points");
+    put(bytemuck::cast_slice(points.centres()));
+    for list in [points.scalars(), points.weights()] {
+        put(&[u8::from(list.is_some())]);
+        put(bytemuck::cast_slice(list.unwrap_or_default()));
+    }
+    match points.size() {
+        KernelSize::Unknown => put(b"unknown"),
+        KernelSize::Radius(radius) => put(&radius.to_le_bytes()),
+        KernelSize::Radii(radii) => {
+            put(b"radii");
+            put(bytemuck::cast_slice(radii));
+        }
+        KernelSize::Covariances(all) => {
+            put(b"covariances");
+            put(bytemuck::cast_slice(all));
+        }
+    }
 }
 
 fn encoded(image: &ReferenceImage) -> std::io::Result<Vec<u8>> {
@@ -239,7 +264,7 @@ mod tests {
     use super::*;
     use std::sync::atomic::{AtomicU32, Ordering};
     use volraster::glam::DVec3;
-    use volraster::scene::{Camera, Field, Projection, TransferFunction};
+    use volraster::scene::{Camera, Field, Kernel, Kernels, Model, Projection, TransferFunction};
 
     fn scene(name: &str, cubes: bool, extinction: f64) -> Scene {
         let field = Field::from_name(name).unwrap();
@@ -293,6 +318,39 @@ mod tests {
             assert!(key.is_some() && !keys[..i].contains(key), "{i}");
         }
         assert_eq!(keys[0], key(&scene("blobs", false, 3.0), &view(2.0, 8)));
+
+        let points = || Field::Blobs.points(2).unwrap();
+        let sized = |size: KernelSize| points().with_size(size).unwrap();
+        let transfer = || scene("blobs", false, 3.0).transfer;
+        let of = |points: Points| key(&Scene::new(points, transfer()), &view(2.0, 8));
+        let with = |kernels: Kernels| {
+            key(&Scene::new(points(), transfer()).with_kernels(kernels).unwrap(), &view(2.0, 8))
+        };
+        let kernels = Kernels::of_points();
+        let keys = [
+            of(points()),
+            of(Field::Blobs.points(3).unwrap()),
+            of(Points::new(points().centres().to_vec()).unwrap()),
+            of(points().with_scalars(vec![1.0, 2.0]).unwrap()),
+            of(points().with_weights(vec![1.0, 2.0]).unwrap()),
+            of(sized(KernelSize::Radius(1.0))),
+            of(sized(KernelSize::Radius(2.0))),
+            of(sized(KernelSize::Radii(vec![1.0, 2.0]))),
+            of(sized(KernelSize::Radii(vec![2.0, 1.0]))),
+            of(sized(KernelSize::Covariances(vec![[1.0; 6]; 2]))),
+            of(sized(KernelSize::Covariances(vec![[2.0; 6]; 2]))),
+            with(Kernels { kernel: Kernel::BSpline, ..kernels }),
+            with(Kernels { cut: 2.0, ..kernels }),
+            with(Kernels { least: 0.1, ..kernels }),
+            with(Kernels { model: Model::Interpolate, ..kernels }),
+        ];
+        for (i, key) in keys.iter().enumerate() {
+            assert!(key.is_some() && !keys[..i].contains(key), "points {i}");
+        }
+        let mut grid = scene("blobs", false, 3.0);
+        let plain = key(&grid, &view(2.0, 8));
+        grid = grid.with_kernels(Kernels::of_samples()).unwrap();
+        assert_ne!(key(&grid, &view(2.0, 8)), plain);
     }
 
     #[test]

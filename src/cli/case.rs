@@ -249,11 +249,12 @@ pub(crate) fn device_bytes<T>(scene: &GpuScene, work: impl FnOnce() -> Result<T>
     Ok((result, taken().saturating_sub(before)))
 }
 
-/// Voxels of a grid, tetrahedra of a mesh.
+/// Voxels of a grid, tetrahedra of a mesh, points.
 pub(crate) fn elements(data: &Data) -> u64 {
     match data {
         Data::Grid(grid) => grid.dims().into_iter().map(u64::from).product(),
         Data::Mesh(mesh) => mesh.cells().len() as u64,
+        Data::Points(points) => points.centres().len() as u64,
         _ => 0,
     }
 }

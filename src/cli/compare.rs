@@ -12,7 +12,7 @@ use volraster::{Error, Gpu, GpuScene, Image, Renderer, Result, Technique};
 
 use super::cache::{Cache, Origin};
 use super::case::device_bytes;
-use super::input::{self, ArrayArg, DeviceArgs, Input, Settings, Size, Wanted};
+use super::input::{self, ArraysArgs, DeviceArgs, Input, Settings, Size, Wanted};
 use super::report::{self, Page, Row};
 use super::timing::{Spread, pass_medians};
 use super::{Outcome, output, table};
@@ -27,7 +27,7 @@ pub(crate) struct Args {
     #[arg(value_name = "SCENE|DATA")]
     scene: PathBuf,
     #[command(flatten)]
-    array: ArrayArg,
+    arrays: ArraysArgs,
     /// Folder for pictures, error pictures, errors.json and report.html, which shows all of it in one file.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
@@ -83,7 +83,7 @@ impl Args {
         let lists =
             self.techniques.iter().map(|list| Wanted::parse_list(list)).collect::<Result<Vec<_>>>()?;
         let given = self.given_truth()?;
-        let Input { scene, settings } = Input::load(&self.scene, self.size, &self.array, quiet)?;
+        let Input { scene, settings } = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
         if let Some(truth) = &given {
             let [width, height] = settings.view.extent();
             if [truth.width(), truth.height()] != [width, height] {
@@ -200,6 +200,7 @@ fn described(data: &Data) -> String {
         Data::Mesh(mesh) => {
             format!("mesh of {} tetrahedra, {} points", mesh.cells().len(), mesh.points().len())
         }
+        Data::Points(points) => format!("{} points", points.centres().len()),
         other => other.kind().to_string(),
     }
 }

@@ -9,7 +9,8 @@ use volraster::glam::DVec3;
 use volraster::io::{self, ArrayInfo, Data, Report};
 use volraster::scene::file::{LoadedScene, SceneFile};
 use volraster::scene::{
-    Anatomy, Camera, Grid, KernelSize, Points, Projection, TetScalars, Tets, TransferFunction,
+    Anatomy, Camera, Grid, Kernel, KernelSize, Kernels, Model, Points, Projection, TetScalars, Tets,
+    TransferFunction,
 };
 use volraster::technique::GridBytes;
 use volraster::{Error, Result};
@@ -66,10 +67,7 @@ impl Args {
         }
         let loaded = io::read(&self.file, &options)?;
         drop(reading);
-        match &loaded.data {
-            Data::Points(points) => Ok(self.of_points(points, &loaded.report)),
-            _ => scene(LoadedScene::from_loaded(&self.file, loaded)?),
-        }
+        scene(LoadedScene::from_loaded(&self.file, loaded)?)
     }
 
     fn of_scene(&self, input: &Input) -> Result<Facts> {
@@ -78,12 +76,16 @@ impl Args {
         match &scene.data {
             Data::Grid(grid) => facts.of_grid(grid, &settings.report),
             Data::Mesh(mesh) => facts.of_mesh(mesh, &settings.report),
+            Data::Points(points) => facts.of_points(points, &settings.report),
             other => {
                 return Err(Error::Invalid {
                     what: "data".into(),
                     why: format!("{}: unknown", other.kind()),
                 });
             }
+        }
+        if let Some(kernels) = &scene.kernels {
+            facts.kernels(kernels, matches!(scene.data, Data::Grid(_)));
         }
         facts.remarks(&settings.report);
 
@@ -105,51 +107,6 @@ impl Args {
         }
         facts.tail = knots_text(&scene.transfer);
         Ok(facts)
-    }
-
-    fn of_points(&self, points: &Points, report: &Report) -> Facts {
-        let mut facts = Facts::new(&self.file, "points", &self.file, report);
-        let count = points.centres().len();
-        let lists = points.scalars().map_or(0, |_| 4) + points.weights().map_or(0, |_| 4);
-        let (kernel, extra) = match points.size() {
-            KernelSize::Unknown => (json!({"kind": "unknown"}), 0),
-            KernelSize::Radius(radius) => (json!({"kind": "radius", "radius": radius}), 0),
-            KernelSize::Radii(radii) => (json!({"kind": "radii", "range": range_of(radii)}), 4),
-            KernelSize::Covariances(_) => (json!({"kind": "covariances"}), 24),
-        };
-        let bytes = count * (24 + lists + extra);
-        facts.put("points", json!(count));
-        facts.put("type", json!("f32"));
-        facts.put("bytes", json!(bytes));
-        facts.line("points", format!("{count}, {bytes} bytes"));
-        facts.line(
-            "kernels",
-            match points.size() {
-                KernelSize::Unknown => "of unknown size".to_string(),
-                KernelSize::Radius(radius) => format!("radius {}", number(*radius)),
-                KernelSize::Radii(radii) => format!("radii {}", range_text(radii)),
-                KernelSize::Covariances(_) => "covariances".to_string(),
-            },
-        );
-        facts.put("kernel", kernel);
-        facts.put("weights", points.weights().map_or(Value::Null, |weights| json!(range_of(weights))));
-        facts.line("weights", points.weights().map_or_else(|| "1 each".to_string(), range_text));
-        facts.bounds(points.bounds());
-        match points.scalars() {
-            Some(scalars) => facts.scalars(points.range(), scalars),
-            None => {
-                facts.values(
-                    points.range(),
-                    0,
-                    0,
-                    &Histogram { first: 1.0, width: 1.0, counts: vec![count as u64] },
-                );
-            }
-        }
-        facts.arrays(report);
-        facts.geometry(count * (12 + lists + extra));
-        facts.remarks(report);
-        facts
     }
 }
 
@@ -227,6 +184,70 @@ impl Facts {
         self.scalars(mesh.range(), values);
         self.arrays(report);
         self.geometry(12 * points + 16 * cells + 4 * values.len());
+    }
+
+    fn of_points(&mut self, points: &Points, report: &Report) {
+        let count = points.centres().len();
+        let lists = points.scalars().map_or(0, |_| 4) + points.weights().map_or(0, |_| 4);
+        let (kernel, extra) = match points.size() {
+            KernelSize::Unknown => (json!({"kind": "unknown"}), 0),
+            KernelSize::Radius(radius) => (json!({"kind": "radius", "radius": radius}), 0),
+            KernelSize::Radii(radii) => (json!({"kind": "radii", "range": range_of(radii)}), 4),
+            KernelSize::Covariances(_) => (json!({"kind": "covariances"}), 24),
+        };
+        let bytes = count * (24 + lists + extra);
+        self.put("points", json!(count));
+        self.put("type", json!("f32"));
+        self.put("bytes", json!(bytes));
+        self.line("points", format!("{count}, {bytes} bytes"));
+        self.line(
+            "kernels",
+            match points.size() {
+                KernelSize::Unknown => "of unknown size".to_string(),
+                KernelSize::Radius(radius) => format!("radius {}", number(*radius)),
+                KernelSize::Radii(radii) => format!("radii {}", range_text(radii)),
+                KernelSize::Covariances(_) => "covariances".to_string(),
+            },
+        );
+        self.put("kernel", kernel);
+        self.put("weights", points.weights().map_or(Value::Null, |weights| json!(range_of(weights))));
+        self.line("weights", points.weights().map_or_else(|| "1 each".to_string(), range_text));
+        self.bounds(points.bounds());
+        match points.scalars() {
+            Some(scalars) => self.scalars(points.range(), scalars),
+            None => {
+                self.values(
+                    points.range(),
+                    0,
+                    0,
+                    &Histogram { first: 1.0, width: 1.0, counts: vec![count as u64] },
+                );
+            }
+        }
+        self.arrays(report);
+        self.geometry(count * (12 + lists + extra));
+    }
+
+    /// Kernels that a scene asks for.
+    fn kernels(&mut self, kernels: &Kernels, on_grid: bool) {
+        let Kernels { kernel, sigma, cut, model, least } = *kernels;
+        let mut json = Map::from_iter([
+            ("kernel".to_string(), json!(kernel.name())),
+            ("model".to_string(), json!(model.name())),
+        ]);
+        let numbers = [
+            ("sigma", sigma, kernel == Kernel::Gaussian && on_grid),
+            ("cut", cut, kernel == Kernel::Gaussian),
+            ("least", least, model == Model::Interpolate),
+        ];
+        let mut text = format!("{}, {}", kernel.name(), model.name());
+        for (name, value, _) in numbers.into_iter().filter(|(.., counts)| *counts) {
+            json.insert(name.to_string(), json!(value));
+            // Writing into a string cannot fail.
+            let _ = write!(text, ", {name} {}", number(value));
+        }
+        self.put("kernels", Value::Object(json));
+        self.line("field", text);
     }
 
     /// Size, type and place of a grid.

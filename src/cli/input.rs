@@ -82,21 +82,14 @@ pub(crate) fn finite(text: &str) -> std::result::Result<f64, String> {
     text.parse().ok().filter(|n: &f64| n.is_finite()).ok_or_else(|| "must be a finite number".to_string())
 }
 
-/// Which array of a file is shown.
+/// Which arrays of a file are read. They win over a scene file's.
 #[derive(Clone, Debug, clap::Args)]
-pub(crate) struct ArrayArg {
+pub(crate) struct ArraysArgs {
     /// The array to show, where a file has several; `info` lists them. PART is a component (0, 1, ..., or a
     /// letter of xyzw or rgba) or `magnitude`. Wins over a scene file's.
     #[arg(long, value_name = "[point:|cell:]NAME[:PART]")]
-    pub(crate) array: Option<String>,
-}
-
-/// Which arrays of a file are read.
-#[derive(Clone, Debug, clap::Args)]
-pub(crate) struct ArraysArgs {
-    #[command(flatten)]
-    pub(crate) shown: ArrayArg,
-    /// Of points: the array of support radii.
+    array: Option<String>,
+    /// Of points: the array of support radii. Without any size one is estimated from the spacing.
     #[arg(long, value_name = "NAME", conflicts_with = "covariance")]
     radius: Option<String>,
     /// Of points: the array of covariances, of 6 components (xx, xy, xz, yy, yz, zz) or 9.
@@ -107,13 +100,6 @@ pub(crate) struct ArraysArgs {
     weight: Option<String>,
 }
 
-impl ArrayArg {
-    /// What a reader is asked for.
-    fn options(&self) -> ReadOptions {
-        ReadOptions { array: self.array.clone(), ..ReadOptions::default() }
-    }
-}
-
 impl ArraysArgs {
     /// What a reader is asked for.
     pub(crate) fn options(&self) -> ReadOptions {
@@ -121,8 +107,20 @@ impl ArraysArgs {
             radius: self.radius.clone(),
             covariance: self.covariance.clone(),
             weight: self.weight.clone(),
-            ..self.shown.options()
+            array: self.array.clone(),
+            ..ReadOptions::default()
         }
+    }
+
+    /// The first array that is asked for, with the option's name.
+    pub(crate) fn first(&self) -> Option<(&'static str, &str)> {
+        let all = [
+            ("array", &self.array),
+            ("radius", &self.radius),
+            ("covariance", &self.covariance),
+            ("weight", &self.weight),
+        ];
+        all.into_iter().find_map(|(name, array)| Some((name, array.as_deref()?)))
     }
 }
 
@@ -163,9 +161,9 @@ impl Input {
     /// # Errors
     ///
     /// As [`LoadedScene::load_any`] and [`View::new`].
-    pub(crate) fn load(path: &Path, size: Option<Size>, array: &ArrayArg, quiet: bool) -> Result<Self> {
+    pub(crate) fn load(path: &Path, size: Option<Size>, arrays: &ArraysArgs, quiet: bool) -> Result<Self> {
         let reading = output::Reading::new(path);
-        let input = Self::load_within(path, size, &reading.tell(array.options()))?;
+        let input = Self::load_within(path, size, &reading.tell(arrays.options()))?;
         drop(reading);
         if !quiet {
             output::warn(&input.settings.data, &input.settings.report.warnings);
@@ -268,6 +266,7 @@ fn default_technique(data: &Data) -> Result<Technique> {
     drawn(data)?;
     let name = match data {
         Data::Mesh(_) => "havs",
+        Data::Points(_) => "splat-ewa",
         _ => return Ok(Technique::default()),
     };
     Technique::new(Method::from_name(name)?, &[])
@@ -282,11 +281,8 @@ pub(crate) fn drawn(data: &Data) -> Result<()> {
     if Method::ALL.into_iter().any(|method| method.draws(data)) {
         return Ok(());
     }
-    let why = match data {
-        Data::Mesh(_) => "no technique draws meshes; `reference` does",
-        _ => "no technique draws data of this kind",
-    };
-    Err(Error::Invalid { what: "technique".to_string(), why: why.to_string() })
+    let why = format!("no technique draws data of this kind: {}; `reference` does", data.kind());
+    Err(Error::Invalid { what: "technique".to_string(), why })
 }
 
 /// One word of a list of techniques.
@@ -474,12 +470,17 @@ mod tests {
         assert_eq!(default_technique(&grid.scene.data).unwrap(), Technique::default());
         let why = choose(&mesh, Some("slabs")).unwrap_err().to_string();
         assert!(why.contains("mesh"), "{why}");
+        let points = read("points", r#"{"points": {"field": "ramp", "count": 10}}"#);
+        assert!(choose(&mesh, None).unwrap().method().draws(&mesh.scene.data));
         // The default draws, or it is said that nothing does.
-        match choose(&mesh, None) {
-            Ok(technique) => assert!(technique.method().draws(&mesh.scene.data)),
+        match choose(&points, None) {
+            Ok(technique) => assert!(technique.method().draws(&points.scene.data)),
             Err(error) => {
-                assert!(drawn(&mesh.scene.data).is_err());
-                assert!(error.to_string().contains("no technique draws meshes"), "{error}");
+                assert!(drawn(&points.scene.data).is_err());
+                assert!(
+                    error.to_string().contains("no technique draws data of this kind: points"),
+                    "{error}"
+                );
             }
         }
     }

@@ -7,7 +7,7 @@ use volraster::Result;
 use volraster::reference::{self, ReferenceImage, ReferenceOptions};
 use volraster::scene::{Scene, View};
 
-use super::input::{ArrayArg, Input, Size};
+use super::input::{ArraysArgs, Input, Size};
 use super::{Outcome, output};
 
 /// Arguments of `reference`.
@@ -17,7 +17,7 @@ pub(crate) struct Args {
     #[arg(value_name = "SCENE|DATA")]
     scene: PathBuf,
     #[command(flatten)]
-    array: ArrayArg,
+    arrays: ArraysArgs,
     /// Where the picture goes: .exr (rounded to 32-bit float) or .png.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -37,7 +37,7 @@ impl Args {
     /// What is wrong with the arguments, the input or the output.
     pub(crate) fn run(&self, quiet: bool) -> Outcome {
         output::check_image(&self.output)?;
-        let Input { scene, settings } = Input::load(&self.scene, self.size, &self.array, quiet)?;
+        let Input { scene, settings } = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
         let start = Instant::now();
         let image = draw(&scene, &settings.view, self.samples)?.to_image()?;
         let seconds = start.elapsed().as_secs_f64();

@@ -10,7 +10,7 @@ use volraster::scene::View;
 use volraster::technique::FrameTime;
 use volraster::{Error, GpuScene, Image, Renderer, Result, Technique};
 
-use super::input::{self, ArrayArg, DeviceArgs, Input, Request, Size, milliseconds};
+use super::input::{self, ArraysArgs, DeviceArgs, Input, Request, Size, milliseconds};
 use super::timing::{Times, gpu_ms, passes};
 use super::{Outcome, output};
 
@@ -21,7 +21,7 @@ pub(crate) struct Args {
     #[arg(value_name = "SCENE|DATA")]
     scene: PathBuf,
     #[command(flatten)]
-    array: ArrayArg,
+    arrays: ArraysArgs,
     /// Where the picture goes: .exr (32-bit float, the record) or .png (for looking).
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -91,7 +91,7 @@ impl Args {
             }
         }
         let request = self.technique.as_deref().map(Request::parse).transpose()?;
-        let Input { scene, settings } = Input::load(&self.scene, self.size, &self.array, quiet)?;
+        let Input { scene, settings } = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
         let mut technique = settings.choose(request, &scene.data)?;
         let views = self.views(&settings.view)?;
 

@@ -4,11 +4,12 @@
 
 mod grid;
 mod mesh;
+mod points;
 
 use glam::DVec3;
 
-use super::{Anatomy, Camera, Data, Knot, Projection, TransferFunction, View};
-use crate::error::{Error, Result};
+use super::{Anatomy, Camera, Data, Kernels, Knot, Projection, TransferFunction, View};
+use crate::error::Result;
 use crate::num;
 
 /// Vertical angle of view, in degrees.
@@ -98,7 +99,8 @@ const WARM: [[f64; 3]; RAMP.len()] = [
 /// The background of a grid - air, zero, padding - is the histogram's peak, if that is also what the box's faces
 /// show; it is vacuum, and the foreground starts at the peak's foot. The background of a mesh is what a tenth of its
 /// volume or more has about one value - the free stream, rest -; it is a haze that shows the mesh's shape, and what
-/// differs is warm above it and cool below.
+/// differs is warm above it and cool below. Of points those with low scalars are a haze; points without scalars have one
+/// colour.
 ///
 /// Knots stand at quantiles of the foreground, by samples or by volume, so that outliers do not matter
 /// and every kind of data uses all colours. Extinction is scaled so that the densest tenth of the lines through the
@@ -107,12 +109,22 @@ const WARM: [[f64; 3]; RAMP.len()] = [
 ///
 /// # Errors
 ///
-/// [`Error::Invalid`] if the values are so large that float64 cannot hold their differences, and for points.
+/// [`crate::Error::Invalid`] if the values are so large that float64 cannot hold their differences.
 pub fn transfer(data: &Data) -> Result<TransferFunction> {
+    transfer_of(data, None)
+}
+
+/// The same for a scene with kernels of its own: where those of points add up, extinction is scaled by their sums; where
+/// they interpolate, by the length on which there are any.
+///
+/// # Errors
+///
+/// As [`transfer`].
+pub fn transfer_of(data: &Data, kernels: Option<&Kernels>) -> Result<TransferFunction> {
     match data {
         Data::Grid(grid) => grid::transfer(grid),
         Data::Mesh(mesh) => mesh::transfer(mesh),
-        Data::Points(_) => Err(Error::invalid("transfer function", "must be given for points")),
+        Data::Points(points) => points::transfer(points, kernels.unwrap_or(&Kernels::of_points())),
     }
 }
 

@@ -38,13 +38,13 @@ impl Data {
     }
 
     /// Corners of the smallest box that holds it, in world units: along its own axes for a grid, along the
-    /// world's for a mesh or points, whose kernels reach beyond.
+    /// world's for a mesh or points, whose kernels it holds: see [`Points::reach`].
     #[must_use]
     pub fn corners(&self) -> [DVec3; 8] {
         let [low, high] = match self {
             Self::Grid(grid) => return grid.corners(),
             Self::Mesh(mesh) => mesh.bounds(),
-            Self::Points(points) => points.bounds(),
+            Self::Points(points) => points.reach(),
         };
         std::array::from_fn(|i| {
             DVec3::select(glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), high, low)

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::grid::{Grid, Samples};
+use super::points::Points;
 use super::tets::{TetScalars, Tets};
 use crate::error::{Error, Result};
 use crate::num;
@@ -178,6 +179,40 @@ impl Field {
         }
         Ok(Tets::new(points, cells, TetScalars::Point(scalars))?.0)
     }
+
+    /// The field at so many points, of unknown size, that are spread evenly over [-1, 1]³ at random: the same in every
+    /// run, and the first of them whatever the count.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if `count` is 0, or the points do not fit into memory.
+    pub fn points(self, count: u32) -> Result<Points> {
+        let refuse = |why: &str| Error::invalid("count", format!("{count}: {why}"));
+        if count == 0 {
+            return Err(refuse("must be at least 1"));
+        }
+        let (mut centres, mut scalars) = (Vec::new(), Vec::new());
+        centres
+            .try_reserve_exact(num::index(count))
+            .and_then(|()| scalars.try_reserve_exact(num::index(count)))
+            .map_err(|_| refuse("the points do not fit into memory"))?;
+        let mut state = 0;
+        for _ in 0..count {
+            let centre = DVec3::from_array(std::array::from_fn(|_| 2.0 * random(&mut state) - 1.0));
+            centres.push(centre);
+            scalars.push(num::f32_of(self.value(centre)));
+        }
+        Points::new(centres)?.with_scalars(scalars)
+    }
+}
+
+/// Numbers in [0, 1) from a state (Steele, Lea and Flood 2014: SplitMix64).
+fn random(state: &mut u64) -> f64 {
+    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut z = *state;
+    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    num::f64_of_u64((z ^ z >> 31) >> 11) * (-53.0_f64).exp2()
 }
 
 /// A cube in five tetrahedra, positively oriented; corners by bits: 1 is x, 2 is y, 4 is z. The middle one joins
@@ -243,6 +278,23 @@ mod tests {
                 .map(|bits| DVec3::new(f64::from(bits & 1), f64::from(bits >> 1 & 1), f64::from(bits >> 2)));
             assert!((b - a).cross(c - a).dot(d - a) > 0.0, "{cell:?}");
         }
+    }
+
+    #[test]
+    fn points_are_spread_evenly_and_the_same_again() {
+        let points = Field::Ramp.points(4096).unwrap();
+        let [low, high] = points.bounds();
+        assert!(low.min_element() >= -1.0 && high.max_element() < 1.0);
+        let mut octants = [0; 8];
+        for (p, s) in points.centres().iter().zip(points.scalars().unwrap()) {
+            octants[usize::from(p.x > 0.0) + 2 * usize::from(p.y > 0.0) + 4 * usize::from(p.z > 0.0)] += 1;
+            assert_eq!(*s, num::f32_of(Field::Ramp.value(*p)));
+        }
+        // 512 each; the standard deviation is 21.
+        assert!(octants.iter().all(|count| (420..=604).contains(count)), "{octants:?}");
+        let again = Field::Blobs.points(100).unwrap();
+        assert_eq!(again.centres(), &points.centres()[..100]);
+        assert!(Field::Ramp.points(0).unwrap_err().to_string().contains("at least 1"));
     }
 
     #[test]

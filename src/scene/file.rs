@@ -2,7 +2,9 @@
 //!
 //! Unknown keys are errors that name the allowed ones. Paths are relative to the scene file.
 
+mod kernels;
 mod mesh;
+mod points;
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -11,11 +13,16 @@ use glam::DVec3;
 use serde::de::{IgnoredAny, MapAccess, SeqAccess, Visitor, value};
 use serde::{Deserialize, Deserializer};
 
-use super::{Camera, Field, Grid, Knot, Projection, Scene, TransferFunction, View, auto};
+use super::{
+    Camera, Field, Grid, KernelSize, Kernels, Knot, Points, Projection, Scene, TransferFunction, View, auto,
+};
 use crate::error::{Error, Result};
 use crate::io::{self, Data, Described, Loaded, ReadOptions, Report};
+use crate::num;
 
+use kernels::{KernelsSpec, Kind};
 use mesh::MeshSpec;
+use points::PointsSpec;
 
 /// A technique's name and options, as a scene file or a command line gives them.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -56,11 +63,11 @@ impl LoadedScene {
     /// Background where nothing is said: opaque black.
     pub const DEFAULT_BACKGROUND: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 
-    /// A data file alone, with a camera and a transfer function chosen for it.
+    /// A data file alone, with a camera and a transfer function chosen for it, and a radius for points of unknown size.
     ///
     /// # Errors
     ///
-    /// As [`io::read`]; [`Error::File`] if the file holds neither a grid nor a mesh.
+    /// As [`io::read`] and [`Self::from_loaded`].
     pub fn from_data(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Self> {
         let path = path.as_ref();
         Self::from_loaded(path, io::read(path, options)?)
@@ -70,11 +77,10 @@ impl LoadedScene {
     ///
     /// # Errors
     ///
-    /// [`Error::File`] if it is neither a grid nor a mesh, or shows nothing that a camera or a transfer function could be chosen
-    /// for.
+    /// [`Error::File`] if no camera or no transfer function can be chosen for it.
     pub fn from_loaded(path: impl AsRef<Path>, loaded: Loaded) -> Result<Self> {
         let path = path.as_ref();
-        Self::assemble(path, Source::drawable(path, loaded)?, Rest::default())
+        Self::assemble(path, Source::new(path, loaded), Rest::default())
     }
 
     /// A data file or a scene file: what ends in `.json` is a scene file, unless it describes raw samples.
@@ -98,7 +104,7 @@ impl LoadedScene {
         let located = |error: Error| error.in_file(path);
         let transfer = match rest.transfer {
             Some(transfer) => transfer,
-            None => auto::transfer(&data).map_err(located)?,
+            None => auto::transfer_of(&data, rest.kernels.as_ref()).map_err(located)?,
         };
         let camera_is_automatic = rest.camera.is_none();
         let camera = match rest.camera {
@@ -106,8 +112,12 @@ impl LoadedScene {
             None => auto::camera(&data, width, height).map_err(located)?,
         };
         View::new(camera, width, height).map_err(located)?;
+        let mut scene = Scene::new(data, transfer);
+        if let Some(kernels) = rest.kernels {
+            scene = scene.with_kernels(kernels).map_err(located)?;
+        }
         Ok(Self {
-            scene: Scene::new(data, transfer),
+            scene,
             camera,
             camera_is_automatic,
             width,
@@ -128,29 +138,53 @@ struct Source {
 }
 
 impl Source {
-    /// What was read, if it can be drawn.
-    fn drawable(file: &Path, loaded: Loaded) -> Result<Self> {
+    /// What was read.
+    fn new(file: &Path, loaded: Loaded) -> Self {
         let Loaded { data, report } = loaded;
         match data {
-            Data::Grid(_) | Data::Mesh(_) => Ok(Self { data, file: file.to_path_buf(), report }),
-            Data::Points(_) => {
-                Err(Error::file(file, "content", "holds points: this version draws grids and meshes"))
+            Data::Points(points) => Self::of_points(file, points, report),
+            data => Self { data, file: file.to_path_buf(), report },
+        }
+    }
+
+    /// Points, which get a radius where they have none.
+    fn of_points(file: &Path, mut points: Points, mut report: Report) -> Self {
+        if *points.size() == KernelSize::Unknown {
+            points = points.with_estimated_radius();
+            if let KernelSize::Radius(radius) = points.size() {
+                report.notes.push(format!("radius {}: from the spacing of points", short(*radius)));
             }
         }
+        Self { data: points.into(), file: file.to_path_buf(), report }
     }
 
     /// What was read, if it is a grid.
     fn grid(file: &Path, loaded: Loaded) -> Result<Self> {
         match loaded.data {
+            Data::Grid(_) => Ok(Self::new(file, loaded)),
             Data::Mesh(_) => Err(Error::file(file, "content", "holds a mesh: a scene names it in `mesh`")),
-            _ => Self::drawable(file, loaded),
+            Data::Points(_) => Err(Error::file(file, "content", HOLDS_POINTS)),
         }
+    }
+}
+
+/// The rule for files of points in the wrong place.
+const HOLDS_POINTS: &str = "holds points: a scene names them in `points`";
+
+/// A positive number, to three digits.
+fn short(value: f64) -> String {
+    if (1e-3..1e5).contains(&value) {
+        let digits = num::usize_of((2.0 - value.log10().floor()).max(0.0));
+        format!("{value:.digits$}")
+    } else {
+        format!("{value:.2e}")
     }
 }
 
 /// The parts of a scene that may be left out.
 #[derive(Default)]
 struct Rest {
+    kernels: Option<Kernels>,
     transfer: Option<TransferFunction>,
     camera: Option<Camera>,
     extent: Option<[u32; 2]>,
@@ -170,7 +204,7 @@ impl SceneFile {
             && !io::describes_raw(path, options)
     }
 
-    /// Reads a scene file and the data that it names. `options.array` wins over the array that it names.
+    /// Reads a scene file and the data that it names. The arrays of `options` win over those that it names.
     ///
     /// # Errors
     ///
@@ -180,17 +214,20 @@ impl SceneFile {
         let path = path.as_ref();
         let document: Document = parse(path, options)?;
         let refuse = |place: &str, rule: &str| Err(Error::file(path, place, rule));
-        if document.points.is_some() {
-            return refuse("points", "this version draws grids and meshes: use `volume` or `mesh`");
-        }
         if document.opaque.is_some() {
             return refuse("opaque", "this version draws no surfaces");
         }
-        let source = match (document.volume, document.mesh) {
-            (Some(volume), None) => SourceSpec::Volume(Box::new(volume)),
-            (None, Some(mesh)) => SourceSpec::Mesh(mesh),
-            (Some(_), Some(_)) => return refuse("mesh", "a scene has either `volume` or `mesh`, not both"),
-            (None, None) => return refuse("volume", "missing: a scene needs data, in `volume` or `mesh`"),
+        let source = match (document.volume, document.mesh, document.points) {
+            (Some(volume), None, None) => SourceSpec::Volume(Box::new(volume)),
+            (None, Some(mesh), None) => SourceSpec::Mesh(mesh),
+            (None, None, Some(points)) => SourceSpec::Points(points),
+            (None, None, None) => {
+                return refuse("volume", "missing: a scene needs data, in `volume`, `mesh` or `points`");
+            }
+            (_, _, points) => {
+                let second = if points.is_some() { "points" } else { "mesh" };
+                return refuse(second, "a scene has one of `volume`, `mesh` and `points`");
+            }
         };
         if let Some(background) = document.background {
             let valid = background.iter().all(|v| *v >= 0.0 && v.is_finite()) && background[3] <= 1.0;
@@ -207,13 +244,15 @@ impl SceneFile {
             View::new(camera, width, height).map_err(|error| error.in_file(path))?;
         }
         let recipe = document.transfer.map(|spec| Recipe::new(path, spec, options)).transpose()?;
+        let kernels = source.kernels(path, document.kernels)?;
         let source = match source {
             SourceSpec::Volume(volume) => volume.load(path, options)?,
             SourceSpec::Mesh(mesh) => mesh.load(path, options)?,
+            SourceSpec::Points(points) => points.load(path, options)?,
         };
         let transfer = recipe.map(|recipe| recipe.build(source.data.range())).transpose()?;
-        let rest =
-            Rest { transfer, camera, extent, background: document.background, technique: document.technique };
+        let Document { background, technique, .. } = document;
+        let rest = Rest { kernels, transfer, camera, extent, background, technique };
         LoadedScene::assemble(path, source, rest)
     }
 }
@@ -253,11 +292,12 @@ pub(crate) fn json_error(path: &Path, error: &serde_json::Error, key: &str) -> E
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields, expecting = "a scene: an object with `volume` or `mesh`")]
+#[serde(deny_unknown_fields, expecting = "a scene: an object with `volume`, `mesh` or `points`")]
 struct Document {
     volume: Option<VolumeSpec>,
     mesh: Option<MeshSpec>,
-    points: Option<IgnoredAny>,
+    points: Option<PointsSpec>,
+    kernels: Option<KernelsSpec>,
     transfer: Option<TransferSpec>,
     camera: Option<CameraSpec>,
     image: Option<ImageSpec>,
@@ -270,6 +310,26 @@ struct Document {
 enum SourceSpec {
     Volume(Box<VolumeSpec>),
     Mesh(MeshSpec),
+    Points(PointsSpec),
+}
+
+impl SourceSpec {
+    /// The kernels that a scene asks for, beside its data or, with points, among their keys.
+    fn kernels(&self, path: &Path, spec: Option<KernelsSpec>) -> Result<Option<Kernels>> {
+        let kind = match self {
+            Self::Volume(_) => Kind::Grid,
+            Self::Mesh(_) => Kind::Mesh,
+            Self::Points(points) => match (points.kernels_key(), &spec) {
+                (_, None) => return points.kernels(path),
+                (Some(key), Some(_)) => {
+                    let rule = "stands in `kernels` or in `points`, not in both";
+                    return Err(Error::file(path, format!("points.{key}"), rule));
+                }
+                (None, Some(_)) => Kind::Points,
+            },
+        };
+        spec.map(|spec| spec.check(path, "kernels", kind)).transpose()
+    }
 }
 
 #[derive(Deserialize)]

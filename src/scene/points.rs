@@ -1,5 +1,7 @@
 //! Scattered points.
 
+mod spacing;
+
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -212,6 +214,72 @@ impl Points {
     pub fn range(&self) -> [f64; 2] {
         self.range
     }
+
+    /// Whether a point may show anything: neither scalar, weight nor size is NaN, and neither weight nor size zero.
+    #[must_use]
+    pub fn shows(&self, i: usize) -> bool {
+        let scalar = self.scalars().is_none_or(|scalars| !scalars[i].is_nan());
+        let weight = self.weights().is_none_or(|weights| !weights[i].is_nan() && weights[i] != 0.0);
+        let sized = match self.size() {
+            KernelSize::Unknown | KernelSize::Radius(_) => true,
+            KernelSize::Radii(radii) => radii[i] > 0.0,
+            KernelSize::Covariances(all) => {
+                let c = all[i];
+                !c.iter().any(|c| c.is_nan()) && c[0].max(c[3]).max(c[5]) > 0.0
+            }
+        };
+        scalar && weight && sized
+    }
+
+    /// Least and greatest coordinates that kernels reach, of those points that show anything: a radius, or three
+    /// standard deviations of a covariance, from their centres. Where none shows anything, or the size is unknown, those
+    /// of centres.
+    #[must_use]
+    pub fn reach(&self) -> [DVec3; 2] {
+        let deviations = |c: &[f32; 6]| DVec3::new(c[0].into(), c[3].into(), c[5].into()).map(f64::sqrt);
+        let reach = |i: usize| match self.size() {
+            KernelSize::Unknown => DVec3::ZERO,
+            KernelSize::Radius(radius) => DVec3::splat(*radius),
+            KernelSize::Radii(radii) => DVec3::splat(radii[i].into()),
+            KernelSize::Covariances(all) => 3.0 * deviations(&all[i]),
+        };
+        let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        let shown = (0..self.centres.len()).filter(|&i| self.shows(i));
+        let [low, high] = shown.fold(none, |[low, high], i| {
+            let (centre, reach) = (self.centres[i], reach(i));
+            [low.min(centre - reach), high.max(centre + reach)]
+        });
+        if low.x <= high.x { [low, high] } else { self.bounds }
+    }
+
+    /// Median distance from a point to the nearest one at another place, in world units; `None` where all are at one
+    /// place. Neither points that coincide nor a few outliers change it much. Exact to 65,536 places; of more every so
+    /// many-th is asked.
+    #[must_use]
+    pub fn spacing(&self) -> Option<f64> {
+        spacing::median(&self.centres)
+    }
+
+    /// What [`Self::with_estimated_radius`] makes of the spacing.
+    ///
+    /// On a cubic lattice a Gaussian then has a standard deviation of one spacing, and the sum of all is even to 6e-3.
+    /// Where points are random, 19 kernels reach a place on average, and the odds that none does are 7e-9.
+    pub const RADIUS_IN_SPACINGS: f64 = 3.0;
+
+    /// The same with one radius for all, that of kernels which overlap: [`Self::RADIUS_IN_SPACINGS`] times the spacing.
+    ///
+    /// Where all points are at one place it is 1, or, where that is lost in the rounding of coordinates, a millionth of
+    /// the largest of them.
+    #[must_use]
+    pub fn with_estimated_radius(mut self) -> Self {
+        let alone = || {
+            let [low, high] = self.bounds;
+            (1e-6 * low.abs().max(high.abs()).max_element()).max(1.0)
+        };
+        let radius = self.spacing().map_or_else(alone, |spacing| Self::RADIUS_IN_SPACINGS * spacing);
+        self.size = Arc::new(KernelSize::Radius(radius.min(f64::MAX)));
+        self
+    }
 }
 
 #[cfg(test)]
@@ -269,5 +337,38 @@ mod tests {
         let mesh = mesh.with_scalars(TetScalars::Point(vec![1.0, 2.0, 9.0, 3.0, 4.0, 5.0])).unwrap();
         assert_eq!(Points::of_vertices(&mesh).unwrap().scalars().unwrap(), [1.0, 2.0, 3.0, 4.0, 5.0]);
         assert!(mesh.with_scalars(scalars).is_err(), "both cells are blank");
+    }
+
+    #[test]
+    fn kernels_reach_beyond_centres_where_they_show_anything() {
+        let line = || Points::new((0..4).map(|i| DVec3::X * f64::from(i)).collect()).unwrap();
+        let box_of = |low: [f64; 3], high: [f64; 3]| [DVec3::from_array(low), DVec3::from_array(high)];
+        assert_eq!(line().reach(), line().bounds());
+        let sized = |size: KernelSize| line().with_size(size).unwrap();
+        assert_eq!(sized(KernelSize::Radius(0.5)).reach(), box_of([-0.5; 3], [3.5, 0.5, 0.5]));
+        let radii = sized(KernelSize::Radii(vec![0.0, 0.5, 2.0, f32::NAN]));
+        assert_eq!(radii.reach(), box_of([0.0, -2.0, -2.0], [4.0, 2.0, 2.0]));
+        assert_eq!((0..4).map(|i| radii.shows(i)).collect::<Vec<_>>(), [false, true, true, false]);
+        let dark = radii.clone().with_scalars(vec![1.0, 1.0, f32::NAN, 1.0]).unwrap();
+        assert_eq!(dark.reach(), box_of([0.5, -0.5, -0.5], [1.5, 0.5, 0.5]));
+        let nothing = dark.with_weights(vec![1.0, 0.0, 1.0, 1.0]).unwrap();
+        assert_eq!(nothing.reach(), nothing.bounds());
+        let one = [4.0, 0.0, 0.0, 1.0, 0.0, 0.25];
+        let all = sized(KernelSize::Covariances(vec![one, [0.0; 6], [f32::NAN; 6], one]));
+        assert_eq!(all.reach(), box_of([-6.0, -3.0, -1.5], [9.0, 3.0, 1.5]));
+    }
+
+    #[test]
+    fn an_estimated_radius_is_three_spacings_or_what_coordinates_resolve() {
+        let radius = |centres: Vec<DVec3>| match Points::new(centres).unwrap().with_estimated_radius().size()
+        {
+            KernelSize::Radius(radius) => *radius,
+            other => panic!("{other:?}"),
+        };
+        let small = radius((0..7).map(|i| DVec3::Y * f64::from(i) * 1e-9).collect());
+        assert!((small - 3e-9).abs() < 1e-20, "{small}");
+        assert_eq!(radius(vec![DVec3::X; 4]), 1.0);
+        assert_eq!(radius(vec![DVec3::NEG_X * 1e9; 4]), 1e3);
+        assert_eq!(radius(vec![DVec3::ZERO]), 1.0);
     }
 }

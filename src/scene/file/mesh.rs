@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::{Source, beside};
+use super::{HOLDS_POINTS, Source, beside};
 use crate::error::{Error, Result};
 use crate::io::{self, Data, ReadOptions, Report};
 use crate::scene::Field;
@@ -33,10 +33,13 @@ impl MeshSpec {
                 let file = beside(scene, file);
                 let array = options.array.clone().or_else(|| self.array.clone());
                 let loaded = io::read(&file, &ReadOptions { array, ..options.clone() })?;
-                if let Data::Grid(_) = loaded.data {
-                    return Err(Error::file(&file, "content", "holds a grid: a scene names it in `volume`"));
+                match loaded.data {
+                    Data::Mesh(_) => Ok(Source::new(&file, loaded)),
+                    Data::Grid(_) => {
+                        Err(Error::file(&file, "content", "holds a grid: a scene names it in `volume`"))
+                    }
+                    Data::Points(_) => Err(Error::file(&file, "content", HOLDS_POINTS)),
                 }
-                Source::drawable(&file, loaded)
             }
             (None, Some(field)) => {
                 // Given in the scene, or on top of it.
