@@ -8,8 +8,7 @@ mod common;
 use common::*;
 use glam::{DVec2, DVec3};
 use volraster::scene::{
-    Camera, Field, Grid, Kernel, KernelSize, Kernels, Model, Points, Projection, Samples, Scene,
-    TransferFunction, View,
+    Field, Kernel, KernelSize, Kernels, Model, Points, Projection, Scene, TransferFunction, View,
 };
 
 fn erf(x: f64) -> f64 {
@@ -101,6 +100,105 @@ fn a_homogeneous_box_is_exact_in_sheets() {
                 }
             }
             println!("{spec}: {worst:e}");
+        }
+    }
+}
+
+/// Repeatable numbers from -1 to 1.
+fn random(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        f64::from((state >> 33) as u32) / f64::from(1_u32 << 30) - 1.0
+    }
+}
+
+/// Points in the cube, with scalars and weights.
+fn cloud(n: usize, seed: u64) -> Points {
+    let mut next = random(seed);
+    let centres = (0..n).map(|_| 0.7 * DVec3::new(next(), next(), next())).collect();
+    let scalars = (0..n).map(|_| (0.5 + 0.5 * next()) as f32).collect();
+    let weights = (0..n).map(|_| (0.7 + 0.3 * next()) as f32).collect();
+    Points::new(centres).unwrap().with_scalars(scalars).unwrap().with_weights(weights).unwrap()
+}
+
+fn radii(n: usize) -> KernelSize {
+    let mut next = random(3);
+    KernelSize::Radii((0..n).map(|_| (0.5 + 0.2 * next()) as f32).collect())
+}
+
+fn covariances(n: usize) -> KernelSize {
+    let mut next = random(5);
+    // A A^T is positive definite.
+    let one = |_| {
+        let a = glam::DMat3::from_cols_array(&std::array::from_fn(|i| {
+            0.12 * next() + f64::from(i % 4 == 0) * 0.12
+        }));
+        let s = a * a.transpose();
+        [s.x_axis.x, s.x_axis.y, s.x_axis.z, s.y_axis.y, s.y_axis.z, s.z_axis.z].map(|x| x as f32)
+    };
+    KernelSize::Covariances((0..n).map(one).collect())
+}
+
+const SMOOTH: [[f64; 5]; 3] =
+    [[0.0, 0.1, 0.2, 0.9, 0.5], [0.5, 0.9, 0.3, 0.2, 3.0], [1.0, 0.3, 0.9, 0.4, 1.0]];
+
+fn with(scene: Scene, kernel: Kernel, model: Model) -> Scene {
+    scene.with_kernels(Kernels { kernel, model, ..Kernels::of_points() }).unwrap()
+}
+
+/// Scenes of every kind of splats, with kernels that both techniques or only sheets draw.
+fn scenes() -> Vec<(&'static str, Scene, bool)> {
+    let transfer = || TransferFunction::from_rows(&SMOOTH).unwrap();
+    let points = |size| Scene::new(cloud(40, 1).with_size(size).unwrap(), transfer());
+    let grid = || scene(Field::Blobs, 9, "f32", &SMOOTH);
+    let mesh = || Scene::new(Field::Blobs.tets(4).unwrap(), transfer());
+    vec![
+        ("radii density", with(points(radii(40)), Kernel::Gaussian, Model::Density), true),
+        ("radii interpolate", with(points(radii(40)), Kernel::Gaussian, Model::Interpolate), true),
+        ("covariances density", with(points(covariances(40)), Kernel::Gaussian, Model::Density), true),
+        (
+            "covariances interpolate",
+            with(points(covariances(40)), Kernel::Gaussian, Model::Interpolate),
+            true,
+        ),
+        ("radial b-spline density", with(points(radii(40)), Kernel::BSpline, Model::Density), false),
+        ("grid gaussian density", with(grid(), Kernel::Gaussian, Model::Density), true),
+        ("grid gaussian interpolate", with(grid(), Kernel::Gaussian, Model::Interpolate), true),
+        ("grid tent interpolate", with(grid(), Kernel::Tent, Model::Interpolate), false),
+        ("grid tent density", with(grid(), Kernel::Tent, Model::Density), false),
+        ("grid b-spline interpolate", with(grid(), Kernel::BSpline, Model::Interpolate), false),
+        ("grid sinc interpolate", with(grid(), Kernel::Sinc, Model::Interpolate), false),
+        ("mesh interpolate", with(mesh(), Kernel::Gaussian, Model::Interpolate), true),
+    ]
+}
+
+/// Slabs get thinner: the error falls with their thickness squared.
+#[test]
+fn slabs_converge_to_the_reference_of_the_same_kernels() {
+    let gpu = gpu();
+    for (what, scene, gaussian) in scenes() {
+        let mesh = scene.mesh().is_some();
+        for (name, view) in [
+            ("perspective", view(perspective(), 1.0, 24, 20)),
+            ("orthographic", view(orthographic(), 1.0, 24, 20)),
+            ("inside", view(perspective(), 0.15, 24, 20)),
+        ] {
+            let truth = truth(&scene, &view);
+            let techniques = [("splat-sheets:", !mesh), ("splat-ewa:order=slabs,", gaussian)];
+            for (technique, draws) in techniques {
+                if !draws {
+                    continue;
+                }
+                let error = |step: f64| {
+                    let image = draw(&gpu, &scene, &view, &format!("{technique}step={step},stop=0"));
+                    volraster::measure::ImageErrors::between_f64(&image, &truth).unwrap().all.rmse
+                };
+                let errors = [1.0, 0.5, 0.25, 0.125].map(error);
+                let order = (errors[0] / errors[3]).log2() / 3.0;
+                let list = errors.map(|e| format!("{e:.1e}")).join(" ");
+                println!("{what}, {name}, {technique} {list} order {order:.2}");
+            }
         }
     }
 }
