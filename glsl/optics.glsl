@@ -51,11 +51,14 @@ vec4 classify(float s, uint count) {
     return value;
 }
 
-// Opacity of an optical depth: 1 - exp(-od), accurate to a few units in the last place also where od is
-// small and the subtraction would lose everything. The series' first omitted term is od^5/120, below
-// 2^-24 of the result for od < 0.05; beyond, 1 - exp loses at most 2^-24 / 0.05 of it.
+// Opacity of an optical depth that is not negative: 1 - exp(-od), accurate to a few units in the last place also where od is small and
+// the subtraction would lose everything. With od log2(e) = k + f, |f| <= 1/2, it is (1 - 2^-k) - 2^-k (2^-f - 1), and what stands in the last
+// parentheses is f times a series: the first omitted term is below 2e-8 of it. Where k is 0 nothing is subtracted.
 float alpha_of(float od) {
-    return od < 0.05 ? od * (1.0 - od * (0.5 - od * (1.0 / 6.0 - od * (1.0 / 24.0)))) : 1.0 - exp(-od);
+    float x = min(od * 1.44269504, 120.0), k = floor(x + 0.5), f = x - k;
+    float rest = f * (-0.693147181 + f * (0.240226507 + f * (-0.0555041087 + f * (0.00961812911 + f * (-0.00133335581 + f * (0.000154035304 + f * -0.0000152527338))))));
+    float scale = intBitsToFloat((127 - int(k)) << 23);
+    return (1.0 - scale) - scale * rest;
 }
 
 // What a piece of a ray of one colour emits and hides: premultiplied colour and opacity.
@@ -68,4 +71,11 @@ vec4 emission_of(vec3 colour, float od) {
 void add_behind(inout vec4 sum, inout float transmittance, vec4 emission) {
     sum += transmittance * emission;
     transmittance -= transmittance * emission.a;
+}
+
+// The same of a piece of one colour.
+void add_piece_behind(inout vec4 sum, inout float transmittance, vec3 colour, float od) {
+    float share = transmittance * alpha_of(od);
+    sum += share * vec4(colour, 1.0);
+    transmittance -= share;
 }

@@ -38,8 +38,9 @@ layout(set = 0, binding = BINDING_SPLAT_RECORDS, std430) readonly buffer SplatRe
 float depth_of(uint id, vec4 record0, vec4 record1, Splat splat, Line line, vec2 pixel, float extinction) {
     if (EWA) {
         vec2 from = pixel - record0.xy;
-        float e = from.x * (record0.z * from.x + 2.0 * record0.w * from.y) + record1.x * from.y * from.y;
-        return e < push.cut * push.cut ? record1.y * exp(-0.5 * e) : 0.0;
+        // The logarithm of the optical depth is a quadratic form less that of the peak.
+        float e = from.x * (record0.z * from.x + record0.w * from.y) + (record1.x * from.y * from.y + record1.y);
+        return e < record1.z ? exp2(-e) : 0.0;
     }
     return extinction * line.unit * push.amplitude * footprint(meet(line, splat));
 }
@@ -75,7 +76,7 @@ void main() {
         live = 0.0;
 #define BLEND(r) { \
             float depth = depth_of(id, record0, record1, splat, lines[r], from + vec2(0.0, float(r)), value.a); \
-            add_behind(sum[r], transmittance[r], emission_of(value.rgb, depth)); \
+            add_piece_behind(sum[r], transmittance[r], value.rgb, depth); \
             live = max(live, transmittance[r]); \
         }
         EACH_ROW(BLEND)
@@ -142,7 +143,7 @@ void main() {
         bool full = at < 3e38 || !more || held_depth[0] == 0.0;
         if (full) {
             vec3 colour = splat_values[held_id[0]].rgb;
-            add_behind(sum, transmittance, emission_of(colour, held_depth[0]));
+            add_piece_behind(sum, transmittance, colour, held_depth[0]);
             for (uint j = 1u; j < HELD; ++j) {
                 held_at[j - 1u] = held_at[j];
                 held_depth[j - 1u] = held_depth[j];

@@ -165,8 +165,10 @@ void main() {
         box = vec4(centre - side, centre + side);
         // Behind the eye there is no ellipse.
         there = there && w > 0.0 && z > push.forward.w && det2 > 0.0;
-        splat_records[2u * i] = vec4(centre, syy / det2, -sxy / det2);
-        splat_records[2u * i + 1u] = vec4(sxx / det2, there ? peak : 0.0, 0.0, 0.0);
+        // For the exponential to base 2: the form, less the logarithm of the peak; and where it is cut.
+        float half_bits = 0.72134752 / det2, lowered = -log2(max(peak, 1e-37));
+        splat_records[2u * i] = vec4(centre, syy * half_bits, -2.0 * sxy * half_bits);
+        splat_records[2u * i + 1u] = vec4(sxx * half_bits, lowered, lowered + 0.72134752 * cut2, 0.0);
     } else if (SHAPE == SHAPE_COVARIANCES) {
         splat_records[2u * i] = vec4(z - reach, z + reach, 0.0, 0.0);
     }
