@@ -2,6 +2,8 @@
 
 pub(crate) mod cumulative;
 pub(crate) mod full;
+#[allow(dead_code, unused_imports, reason = "for techniques that splat")]
+pub(crate) mod kernel;
 
 use crate::interface::Knot;
 use crate::num::{count, f32_of};

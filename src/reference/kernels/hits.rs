@@ -84,8 +84,7 @@ pub(super) fn sweep(hits: &[Hit], shape: Shape, range: [f64; 2], medium: &mut im
         let t = t.clamp(range[0], range[1]);
         if t > here {
             if !inside.is_empty() {
-                let fastest = inside.iter().map(|(_, hit)| hit.speed).fold(0.0, f64::max);
-                medium.add(here, t, shape.scale() / fastest, &|t| sums(&inside, shape, t));
+                stretch(&inside, shape, [here, t], medium);
                 if medium.is_opaque() {
                     return;
                 }
@@ -100,6 +99,81 @@ pub(super) fn sweep(hits: &[Hit], shape: Shape, range: [f64; 2], medium: &mut im
     }
 }
 
+/// A stretch of the ray on which the kernels that reach it do not change.
+fn stretch(inside: &[(usize, Hit)], shape: Shape, [from, to]: [f64; 2], medium: &mut impl Medium) {
+    let fastest = inside.iter().map(|(_, hit)| hit.speed).fold(0.0, f64::max);
+    let scale = shape.scale() / fastest;
+    if shape == Shape::BSpline {
+        medium.add(from, to, scale, &|t| sums(inside, shape, t));
+        return;
+    }
+    let parts = ((to - from) / (2.0 * Series::LONGEST * scale)).ceil().max(1.0);
+    let (mut here, mut part) = (from, 1.0);
+    while part <= parts && !medium.is_opaque() {
+        let end = if part < parts { from + (to - from) * (part / parts) } else { to };
+        let series = Series::new(inside, here, end, fastest);
+        medium.add(here, end, scale, &|t| series.at(t));
+        here = end;
+        part += 1.0;
+    }
+}
+
+/// A sum of Gaussians about the middle of a short stretch, as a polynomial of the place, -1 to 1: each is
+/// `exp(-(u + v)² / 2) = exp(-u² / 2) Σ He_k(u) (-v)^k / k!` with Hermite's polynomials. It takes one exponential for
+/// each kernel, however often the sum is evaluated.
+struct Series {
+    middle: f64,
+    half: f64,
+    terms: [Sums; Self::TERMS],
+    count: usize,
+}
+
+impl Series {
+    /// Terms that follow the longest stretch to rounding.
+    const TERMS: usize = 15;
+
+    /// Half of the longest stretch, in standard deviations.
+    const LONGEST: f64 = 0.2;
+
+    fn new(inside: &[(usize, Hit)], from: f64, to: f64, fastest: f64) -> Self {
+        let (middle, half) = (from + 0.5 * (to - from), 0.5 * (to - from));
+        // Term k is at most v^k / sqrt(k!) of a Gaussian of twice the variance.
+        let (mut count, mut size, mut k) = (1, 1.0, 1.0);
+        while count < Self::TERMS && size > 1e-17 {
+            size *= half * fastest / f64::sqrt(k);
+            k += 1.0;
+            count += 1;
+        }
+        let mut terms = [[0.0; 4]; Self::TERMS];
+        for (_, hit) in inside {
+            let u = (middle - hit.middle) * hit.speed;
+            let v = -half * hit.speed;
+            let (mut before, mut term) = (0.0, Shape::Gaussian.at(hit.nearest + u * u));
+            let mut k = 1.0;
+            for sums in &mut terms[..count] {
+                for (sum, value) in sums.iter_mut().zip(hit.value) {
+                    *sum += term * value;
+                }
+                // He_k+1 = u He_k - k He_k-1.
+                (before, term) = (term, v * (u * term - v * before) / k);
+                k += 1.0;
+            }
+        }
+        Self { middle, half, terms, count }
+    }
+
+    fn at(&self, t: f64) -> Sums {
+        let x = ((t - self.middle) / self.half).clamp(-1.0, 1.0);
+        let mut sums = [0.0; 4];
+        for terms in self.terms[..self.count].iter().rev() {
+            for (sum, term) in sums.iter_mut().zip(terms) {
+                *sum = *sum * x + term;
+            }
+        }
+        sums
+    }
+}
+
 fn sums(inside: &[(usize, Hit)], shape: Shape, t: f64) -> Sums {
     let mut sums = [0.0; 4];
     for (_, hit) in inside {
@@ -110,4 +184,34 @@ fn sums(inside: &[(usize, Hit)], shape: Shape, t: f64) -> Sums {
         }
     }
     sums
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Series of the longest and of shorter stretches, anywhere in a kernel, against the kernels themselves.
+    #[test]
+    fn series_are_the_sums() {
+        for half in [Series::LONGEST, 0.1, 0.02, 1e-3, 1e-9] {
+            for place in -12..=12 {
+                let hit = |offset: f64, speed: f64, nearest: f64| Hit {
+                    middle: offset,
+                    nearest,
+                    speed,
+                    half: 9.0,
+                    value: [1.0, 0.3, 0.0, 2.0],
+                };
+                let all = [(0, hit(0.0, 1.0, 0.2)), (1, hit(0.4, 0.7, 0.0)), (2, hit(-0.3, 0.2, 3.0))];
+                let middle = 0.5 * f64::from(place);
+                let series = Series::new(&all, middle - half, middle + half, 1.0);
+                for i in 0..=10 {
+                    let t = middle + half * (0.2 * f64::from(i) - 1.0);
+                    for (got, want) in series.at(t).into_iter().zip(sums(&all, Shape::Gaussian, t)) {
+                        assert!((got - want).abs() < 3e-15, "{half} at {t}: {:e}", got - want);
+                    }
+                }
+            }
+        }
+    }
 }
