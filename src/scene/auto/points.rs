@@ -128,9 +128,10 @@ fn dense_depth(points: &Points, kernels: &Kernels, transfer: &TransferFunction) 
         (0..3).into_par_iter().flat_map(|axis| lines(points, kernels, transfer, axis)).collect();
     let most = depths.iter().copied().fold(0.0, f64::max);
     depths.retain(|&depth| depth > 0.01 * most);
-    let depth = quantile(&sorted(depths), 0.9);
-    // What every line misses is small, and rarely behind another.
-    let depth = if depth > 0.0 { depth } else { single_depth(points, kernels, transfer) };
+    // What lines rarely meet is small, and rarely behind another.
+    let few = depths.len() < FEWEST * FEWEST;
+    let single = if few { single_depth(points, kernels, transfer) } else { 0.0 };
+    let depth = quantile(&sorted(depths), 0.9).max(single);
     if depth > 0.0 && depth.is_finite() { depth } else { 1.0 }
 }
 
