@@ -40,8 +40,8 @@ fn shape(points: &Points) -> Vec<Knot> {
     let values = sorted(shown.map(|i| f64::from(scalars[i])).collect());
     let [low, high] = [quantile(&values, 0.0), quantile(&values, 1.0)];
     // Where all is at one value, or the subset shows nothing.
-    if !(low < high) {
-        let s = if low.is_finite() { low } else { points.range()[0] };
+    if values.is_empty() || low >= high {
+        let s = if values.is_empty() { points.range()[0] } else { low };
         return vec![knot(s, 1.0, WARM[3])];
     }
     // Outliers below would leave no room for colours.
