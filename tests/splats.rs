@@ -168,6 +168,7 @@ fn scenes() -> Vec<(&'static str, Scene, bool)> {
         ("grid tent interpolate", with(grid(), Kernel::Tent, Model::Interpolate), false),
         ("grid tent density", with(grid(), Kernel::Tent, Model::Density), false),
         ("grid b-spline interpolate", with(grid(), Kernel::BSpline, Model::Interpolate), false),
+        ("grid b-spline density", with(grid(), Kernel::BSpline, Model::Density), false),
         ("grid sinc interpolate", with(grid(), Kernel::Sinc, Model::Interpolate), false),
         ("mesh interpolate", with(mesh(), Kernel::Gaussian, Model::Interpolate), true),
     ]
@@ -200,5 +201,26 @@ fn slabs_converge_to_the_reference_of_the_same_kernels() {
                 println!("{what}, {name}, {technique} {list} order {order:.2}");
             }
         }
+    }
+}
+
+/// Westover's: every kernel of a lattice has one footprint in parallel lines; a finer table is nearer to the integral.
+#[test]
+fn templates_are_the_integrals() {
+    let gpu = gpu();
+    let view = view(orthographic(), 1.0, 40, 32);
+    for kernel in ["gaussian", "tent", "bspline", "sinc,model=interpolate", "gaussian,model=density"] {
+        let scene = scene(Field::Blobs, 10, "f32", &SMOOTH);
+        let spec = |template: u32| format!("splat-sheets:sheets=axis,kernel={kernel},template={template}");
+        let exact = draw(&gpu, &scene, &view, &spec(0));
+        let error = |template| {
+            volraster::measure::ImageErrors::between(&draw(&gpu, &scene, &view, &spec(template)), &exact)
+                .unwrap()
+                .all
+                .rmse
+        };
+        let (coarse, fine) = (error(16), error(128));
+        println!("{kernel}: {coarse:.1e} {fine:.1e}");
+        assert!(fine < 2e-3 && coarse > 2.0 * fine, "{kernel}: {coarse:e}, {fine:e}");
     }
 }

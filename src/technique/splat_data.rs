@@ -15,6 +15,7 @@ use crate::error::{Error, Result};
 use crate::gpu::shader::{SHAPE_ALIKE, SHAPE_COVARIANCES, SHAPE_RADII};
 use crate::gpu::{Buffer, Gpu};
 use crate::num::{self, f32_of};
+use crate::optics::kernel::prefilter;
 
 use crate::scene::{Data, Grid, Kernel, KernelSize, Kernels, Model, Points, Scene, TransferFunction};
 
@@ -135,8 +136,9 @@ impl SplatSet {
         let slab = (slab / step).min(f64::from(u32::MAX));
         let lists = lattice(grid, transfer, kernels, slab)?;
         let cut = if gaussian { kernels.cut } else { reach };
-        let set = Self::upload(gpu, *kernels, Shape::Alike, space, lists, cut, kernels.peak_on_grid())?;
-        Ok(set)
+        // Products along the axes have their own peak.
+        let amplitude = if gaussian { kernels.peak_on_grid() } else { 1.0 };
+        Self::upload(gpu, *kernels, Shape::Alike, space, lists, cut, amplitude)
     }
 
     fn of_points(gpu: &Gpu, points: &Points, transfer: &TransferFunction, kernels: &Kernels) -> Result<Self> {
@@ -535,5 +537,3 @@ mod tests {
         assert_eq!(flat, [true]);
     }
 }
-
-fn prefilter(_all: &mut [f64], _dims: [usize; 3]) {}

@@ -18,7 +18,7 @@ use super::options::{self, Choice, OptionInfo};
 use super::splat_frame::{Lowpass, SplatDesc, SplatFrame, SplatOrder};
 use super::splat_options::{CUT, KERNEL, KernelOptions, LEAST, MODEL, PAIRS, SIGMA, STEP, STOP};
 use super::{Prepared, TargetDesc};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::scene::{Kernel, Kernels, Scene, View};
 
 const NAME: &str = "splat-sheets";
@@ -135,6 +135,10 @@ impl Options {
         view: &View,
         target: &TargetDesc,
     ) -> Result<Box<dyn Prepared>> {
+        if self.template > 0 && self.sheets != Sheets::Axis {
+            let why = "image sheets get parts of footprints: works with sheets=axis only";
+            return Err(Error::invalid(format!("{NAME} option template"), why));
+        }
         let desc = SplatDesc {
             name: NAME,
             kernels: self.kernels_of(scene.scene())?,
