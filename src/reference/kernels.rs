@@ -109,6 +109,9 @@ trait Medium {
     /// vary as a Gaussian does on one standard deviation, at most.
     fn add(&mut self, from: f64, to: f64, scale: f64, sums: &impl Fn(f64) -> Sums);
 
+    /// Whether nothing shows where kernels overlap that add these values, whatever the place.
+    fn is_vacuum(&self, values: impl Iterator<Item = Sums>) -> bool;
+
     /// Whether nothing behind can be seen.
     fn is_opaque(&self) -> bool;
 }
@@ -144,6 +147,6 @@ impl Values<'_> {
         }
         let (colour, tau) = self.transfer.at(s);
         let tau = (tau.min(MAX_TAU) * w).min(MAX_TAU);
-        (tau > 0.0).then(|| [tau, tau * colour.x, tau * colour.y, tau * colour.z])
+        (tau > 0.0).then_some([tau, tau * colour.x, tau * colour.y, tau * colour.z])
     }
 }

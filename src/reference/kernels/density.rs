@@ -140,6 +140,10 @@ impl Medium for Density<'_> {
         }
     }
 
+    fn is_vacuum(&self, mut values: impl Iterator<Item = Sums>) -> bool {
+        values.all(|value| value[0] == 0.0)
+    }
+
     fn is_opaque(&self) -> bool {
         self.depth >= OPAQUE
     }

@@ -101,6 +101,9 @@ pub(super) fn sweep(hits: &[Hit], shape: Shape, range: [f64; 2], medium: &mut im
 
 /// A stretch of the ray on which the kernels that reach it do not change.
 fn stretch(inside: &[(usize, Hit)], shape: Shape, [from, to]: [f64; 2], medium: &mut impl Medium) {
+    if medium.is_vacuum(inside.iter().map(|(_, hit)| hit.value)) {
+        return;
+    }
     let fastest = inside.iter().map(|(_, hit)| hit.speed).fold(0.0, f64::max);
     let scale = shape.scale() / fastest;
     if shape == Shape::BSpline {

@@ -143,6 +143,21 @@ impl Medium for Interpolate<'_> {
         }
     }
 
+    fn is_vacuum(&self, values: impl Iterator<Item = Sums>) -> bool {
+        // Where no weight is negative the scalar is a mean of theirs, but for rounding.
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for [weight, weighted, ..] in values {
+            if weight < 0.0 {
+                return false;
+            }
+            if weight > 0.0 {
+                (low, high) = (low.min(weighted / weight), high.max(weighted / weight));
+            }
+        }
+        let interval = |s: f64| self.classes.interval(s);
+        low > high || self.classes.is_vacuum(interval(low - self.tolerance), interval(high + self.tolerance))
+    }
+
     fn is_opaque(&self) -> bool {
         self.march.is_opaque()
     }

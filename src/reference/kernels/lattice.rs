@@ -157,7 +157,9 @@ impl Lattice {
                 continue;
             }
             let cell = (line.start + line.slope * (0.5 * (from + to))).floor();
-            if !self.gather(cell, reach, &mut block) {
+            self.gather(cell, reach, &mut block);
+            // Lobes below zero: sums are no means.
+            if self.kernels.kernel != Kernel::Sinc && medium.is_vacuum(block.iter().copied()) {
                 continue;
             }
             let scale = match (self.kernels.kernel, self.kernels.model) {
@@ -177,11 +179,10 @@ impl Lattice {
         }
     }
 
-    /// Values of the kernels that reach a cell; false where none does.
-    fn gather(&self, cell: DVec3, reach: usize, block: &mut Vec<Sums>) -> bool {
+    /// Values of the kernels that reach a cell; 0 for those that lack.
+    fn gather(&self, cell: DVec3, reach: usize, block: &mut Vec<Sums>) {
         block.clear();
         let first = cell - (num::f64_of(reach) - 1.0);
-        let mut any = false;
         let inside = |axis: usize, offset: usize| {
             let at = first[axis] + num::f64_of(offset);
             (at >= 0.0 && at <= self.last[axis]).then(|| num::usize_of(at))
@@ -194,13 +195,10 @@ impl Lattice {
                         block.push([0.0; 4]);
                         continue;
                     };
-                    let value = self.value([x, y, z]);
-                    any |= value[0] != 0.0;
-                    block.push(value);
+                    block.push(self.value([x, y, z]));
                 }
             }
         }
-        any
     }
 }
 
