@@ -104,7 +104,7 @@ impl Args {
         for wanted in lists.iter().flatten() {
             match *wanted {
                 Wanted::All => input::drawn(&scene.data)?,
-                Wanted::One(request) => drop(settings.choose(Some(request), &scene.data)?),
+                Wanted::One(request) => drop(settings.choose(Some(request), &scene)?),
             }
         }
         let (gpu, log) = self.device.open(self.validate)?;
@@ -238,7 +238,7 @@ fn draw(gpu: &Gpu, scene: &Scene, settings: &Settings, list: &[Wanted]) -> Resul
             }
             continue;
         };
-        let technique = settings.choose(Some(request), data)?;
+        let technique = settings.choose(Some(request), scene)?;
         let stem = stem(&entries, technique);
         entries.push(Entry::draw(gpu, scene, &settings.view, technique, stem)?);
     }

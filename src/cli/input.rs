@@ -230,16 +230,17 @@ impl Settings {
         technique.map(Some).map_err(|error| error.in_file(&self.path))
     }
 
-    /// The technique to draw with: the one asked for, else the file's, else the default for the data. Asked for
+    /// The technique to draw with: the one asked for, else the file's, else the default for the scene. Asked for
     /// by its bare name, the file's technique keeps the file's options.
     ///
     /// # Errors
     ///
     /// As [`Settings::technique`] and [`drawn`]; [`Error::Invalid`] if it does not draw data of this kind.
-    pub(crate) fn choose(&self, request: Option<Request>, data: &Data) -> Result<Technique> {
+    pub(crate) fn choose(&self, request: Option<Request>, scene: &Scene) -> Result<Technique> {
+        let data = &scene.data;
         let own = || self.technique().transpose();
         let technique = match request {
-            None => own().unwrap_or_else(|| default_technique(data))?,
+            None => own().unwrap_or_else(|| default_technique(scene))?,
             Some(Request { technique, bare }) => {
                 let name = technique.method().name();
                 let same = bare && self.choice.as_ref().is_some_and(|choice| choice.name == name);
@@ -257,16 +258,18 @@ impl Settings {
     }
 }
 
-/// The technique that draws a kind of data where none is asked for.
+/// The technique that draws a scene where none is asked for.
 ///
 /// # Errors
 ///
 /// As [`drawn`].
-fn default_technique(data: &Data) -> Result<Technique> {
-    drawn(data)?;
-    let name = match data {
-        Data::Mesh(_) => "havs",
+fn default_technique(scene: &Scene) -> Result<Technique> {
+    drawn(&scene.data)?;
+    let name = match &scene.data {
         Data::Points(_) => "splat-ewa",
+        // The others know no kernels.
+        _ if scene.kernels.is_some() => "splat-ewa",
+        Data::Mesh(_) => "havs",
         _ => return Ok(Technique::default()),
     };
     Technique::new(Method::from_name(name)?, &[])
@@ -457,7 +460,7 @@ mod tests {
         );
         let mesh = read("mesh", r#"{"mesh": {"field": "ramp", "cubes": 1}}"#);
         let choose = |input: &Input, text: Option<&str>| {
-            input.settings.choose(text.map(|text| Request::parse(text).unwrap()), &input.scene.data)
+            input.settings.choose(text.map(|text| Request::parse(text).unwrap()), &input.scene)
         };
         let text = |technique: Technique| (technique.method().name(), options_text(&technique));
         assert_eq!(text(choose(&grid, None).unwrap()), ("slabs", "step=2".into()));
@@ -467,11 +470,17 @@ mod tests {
             ("slabs", "filter=exact".into())
         );
         assert_eq!(text(choose(&grid, Some("raycast")).unwrap()), ("raycast", String::new()));
-        assert_eq!(default_technique(&grid.scene.data).unwrap(), Technique::default());
+        assert_eq!(default_technique(&grid.scene).unwrap(), Technique::default());
         let why = choose(&mesh, Some("slabs")).unwrap_err().to_string();
         assert!(why.contains("mesh"), "{why}");
         let points = read("points", r#"{"points": {"field": "ramp", "count": 10}}"#);
         assert!(choose(&mesh, None).unwrap().method().draws(&mesh.scene.data));
+        // What knows no kernels is not chosen for them.
+        let kernels = read("kernels", r#"{"mesh": {"field": "ramp", "cubes": 1}, "kernels": {}}"#);
+        match choose(&kernels, None) {
+            Ok(technique) => assert_eq!(technique.method().name(), "splat-ewa"),
+            Err(error) => assert!(error.to_string().contains("splat-ewa"), "{error}"),
+        }
         // The default draws, or it is said that nothing does.
         match choose(&points, None) {
             Ok(technique) => assert!(technique.method().draws(&points.scene.data)),

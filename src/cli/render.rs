@@ -92,7 +92,7 @@ impl Args {
         }
         let request = self.technique.as_deref().map(Request::parse).transpose()?;
         let Input { scene, settings } = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
-        let mut technique = settings.choose(request, &scene.data)?;
+        let mut technique = settings.choose(request, &scene)?;
         let views = self.views(&settings.view)?;
 
         let start = Instant::now();
