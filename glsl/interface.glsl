@@ -34,8 +34,7 @@
 #define BINDING_POLYGONS 39     // storage block: outline of each cell in the image, two corners a vector
 #define BINDING_FANS 40         // storage block: thick segment of each cell and the corners around it
 
-#define BINDING_SPLAT_POINTS 41 // storage block: centre of each splat, with a scalar or an inverse size
-#define BINDING_SPLAT_VALUES 42 // storage block: its colour and extinction, or scalar and weight
+#define BINDING_SPLAT_POINTS 41 // storage block: each splat's centre, with its scalar or with its size, colour and extinction
 #define BINDING_SPLAT_SHAPES 43 // storage block: its covariance and a root of the inverse
 #define BINDING_SPLAT_DOMAIN 44 // storage block: half extents of a lattice, offset of its sheets; scale of the template
 #define BINDING_SPLAT_RECORDS 45 // storage block: ellipse or span of each splat as the view sees it

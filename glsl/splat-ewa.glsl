@@ -21,6 +21,8 @@
 
 #ifdef CENTRE
 #define ROWS 8
+#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_vote : require
 #else
 #define ROWS 1
 #endif
@@ -34,20 +36,15 @@ layout(constant_id = SPEC_SPLAT_EWA) const bool EWA = false;
 layout(local_size_x = 64 / ROWS) in;
 layout(set = 0, binding = BINDING_SPLAT_RECORDS, std430) readonly buffer SplatRecords { vec4 splat_records[]; };
 
-// What a splat gives to a pixel: optical depth.
-float depth_of(uint id, vec4 record0, vec4 record1, Splat splat, Line line, vec2 pixel, float extinction) {
-    if (EWA) {
-        vec2 from = pixel - record0.xy;
-        // The logarithm of the optical depth is a quadratic form less that of the peak.
-        float e = from.x * (record0.z * from.x + record0.w * from.y) + (record1.x * from.y * from.y + record1.y);
-        return e < record1.z ? exp2(-e) : 0.0;
-    }
-    return extinction * line.unit * push.amplitude * footprint(meet(line, splat));
+// The logarithm to base 2 of an ellipse's optical depth at a pixel is a quadratic form less that of the peak: minus this.
+float form_of(vec4 record0, vec4 record1, vec2 pixel) {
+    vec2 from = pixel - record0.xy;
+    return fma(from.x, record0.z * from.x, record1.y) + from.y * (record0.w * from.x + record1.x * from.y);
 }
 
 #ifndef WINDOW
 void main() {
-    uint lane = gl_LocalInvocationID.x;
+    uint lane = LANE;
     uint in_band = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x;
     if (in_band >= push.tiles) return;
     uvec2 bin = bin_of(in_band);
@@ -63,20 +60,27 @@ void main() {
 #define BEGIN(r) { lines[r] = line_of(vec2(origin + uvec2(0, r)) + 0.5); load_pixel(origin + uvec2(0, r), sum[r], transmittance[r]); }
     EACH_ROW(BEGIN)
     float live = 1.0;
-    for (; i < stop && live > opaque; ++i) {
+    for (; i < stop && ANY(live > opaque); ++i) {
         uint id = bins[i];
-        vec4 value = splat_values[id], record0 = vec4(0.0), record1 = vec4(0.0);
+        vec4 value, record0 = vec4(0.0), record1 = vec4(0.0);
         Splat splat;
         if (EWA) {
-            record0 = splat_records[2u * id];
-            record1 = splat_records[2u * id + 1u];
+            FETCH_TWO(splat_records, 2u * id, record0, record1)
+            value = FETCH(splat_points, 2u * id + 1u);
         } else {
-            splat = splat_of(id, splat_points[id]);
+            Read read = read_splat(id);
+            value = read.value;
+            splat = splat_of(id, read.point);
         }
         live = 0.0;
 #define BLEND(r) { \
-            float depth = depth_of(id, record0, record1, splat, lines[r], from + vec2(0.0, float(r)), value.a); \
-            add_piece_behind(sum[r], transmittance[r], value.rgb, depth); \
+            if (EWA) { \
+                float form = form_of(record0, record1, from + vec2(0.0, float(r))); \
+                if (form < record1.z) add_piece_behind(sum[r], transmittance[r], value.rgb, exp2(-form)); \
+            } else { \
+                Meeting met = meet(lines[r], splat); \
+                if (met.beyond > 0.0) add_piece_behind(sum[r], transmittance[r], value.rgb, value.a * push.amplitude * lines[r].unit * footprint(met)); \
+            } \
             live = max(live, transmittance[r]); \
         }
         EACH_ROW(BLEND)
@@ -96,7 +100,7 @@ float held_depth[HELD];
 uint held_id[HELD];
 
 void main() {
-    uint lane = gl_LocalInvocationID.x;
+    uint lane = LANE;
     uint in_band = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x;
     if (in_band >= push.tiles) return;
     uvec2 bin = bin_of(in_band);
@@ -119,15 +123,23 @@ void main() {
     for (; i < through && transmittance > opaque; ++i) {
         bool more = i < stop;
         uint id = bins[more ? i : max(stop, 1u) - 1u];
-        vec4 value = splat_values[id], record0 = vec4(0.0), record1 = vec4(0.0);
-        Splat splat = splat_of(id, splat_points[id]);
+        vec4 record0 = vec4(0.0), record1 = vec4(0.0);
+        Read read = read_splat(id);
+        Splat splat = splat_of(id, read.point);
         if (EWA) {
             record0 = splat_records[2u * id];
             record1 = splat_records[2u * id + 1u];
         }
-        float depth = more ? depth_of(id, record0, record1, splat, line, from, value.a) : 0.0;
+        Meeting met = meet(line, splat);
+        float depth = 0.0;
+        if (EWA) {
+            float form = form_of(record0, record1, from);
+            if (more && form < record1.z) depth = exp2(-form);
+        } else if (more && met.beyond > 0.0) {
+            depth = read.value.a * push.amplitude * line.unit * footprint(met);
+        }
         // Splats that the line misses must not push others out.
-        float at = more ? (depth > 0.0 ? meet(line, splat).u : -3e38) : 3e38;
+        float at = more ? (depth > 0.0 ? met.u : -3e38) : 3e38;
         for (uint j = 0u; j < HELD; ++j) {
             bool before = at < held_at[j];
             float kept_at = held_at[j], kept_depth = held_depth[j];
@@ -142,7 +154,7 @@ void main() {
         // The nearest leaves when the window is full, or with a splat that is missed, which is nothing.
         bool full = at < 3e38 || !more || held_depth[0] == 0.0;
         if (full) {
-            vec3 colour = splat_values[held_id[0]].rgb;
+            vec3 colour = splat_points[2u * held_id[0] + 1u].rgb;
             add_piece_behind(sum, transmittance, colour, held_depth[0]);
             for (uint j = 1u; j < HELD; ++j) {
                 held_at[j - 1u] = held_at[j];

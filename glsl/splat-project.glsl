@@ -23,6 +23,7 @@
 
 layout(constant_id = SPEC_SPLAT_SHAPE) const uint SHAPE = SHAPE_ALIKE;
 layout(constant_id = SPEC_SPLAT_KERNEL) const uint KERNEL = KERNEL_GAUSSIAN;
+layout(constant_id = SPEC_SPLAT_DENSITY) const bool DENSITY = false;
 layout(constant_id = SPEC_SPLAT_EWA) const bool EWA = false;
 layout(constant_id = SPEC_SPLAT_ORDER) const uint ORDER = ORDER_CENTRES;
 layout(constant_id = SPEC_SPLAT_AXIS) const uint AXIS_OF_SHEETS = 0;
@@ -47,7 +48,6 @@ layout(push_constant) uniform SplatViewPush {
 
 layout(local_size_x = 64) in;
 layout(set = 0, binding = BINDING_SPLAT_POINTS, std430) readonly buffer SplatPoints { vec4 splat_points[]; };
-layout(set = 0, binding = BINDING_SPLAT_VALUES, std430) readonly buffer SplatValues { vec4 splat_values[]; };
 // COVARIANCES: roots (splats.glsl) in two, then covariances xx xy xz yy, yz zz.
 layout(set = 0, binding = BINDING_SPLAT_SHAPES, std430) readonly buffer SplatShapes { vec4 splat_shapes[]; };
 layout(set = 0, binding = BINDING_SPLAT_RECORDS, std430) writeonly buffer SplatRecords { vec4 splat_records[]; };
@@ -91,7 +91,7 @@ vec2 places(float x, float w, float xx, float xz, float ww) {
 void main() {
     uint i = gl_GlobalInvocationID.x + gl_GlobalInvocationID.y * (gl_NumWorkGroups.x * 64u);
     if (i >= push.count) return;
-    vec4 point = splat_points[i];
+    vec4 point = splat_points[SHAPE == SHAPE_ALIKE && !DENSITY ? i : 2u * i];
     vec3 m = point.xyz;
     float x = dot(m, push.right.xyz) + push.right.w, y = dot(m, push.up.xyz) + push.up.w, z = dot(m, push.forward.xyz);
     float w = push.w0 + push.w1 * z;
@@ -142,7 +142,7 @@ void main() {
         float cyy = xx * zz - xz * xz, cyz = xy * xz - xx * yz, czz = xx * yy - xy * xy;
         float det = xx * cxx + xy * cxy + xz * cxz;
         float along = (cxx * t.x * t.x + cyy * t.y * t.y + czz * t.z * t.z + 2.0 * (cxy * t.x * t.y + cxz * t.x * t.z + cyz * t.y * t.z)) / det;
-        float peak = splat_values[i].a * push.amplitude * push.unit * sqrt(6.283185307 / along) * length(t);
+        float peak = splat_points[2u * i + 1u].a * push.amplitude * push.unit * sqrt(6.283185307 / along) * length(t);
         float det2 = sxx * syy - sxy * sxy;
         if (LOWPASS != LOWPASS_NONE) {
             float middle = 0.5 * (sxx + syy), spread = sqrt(max(middle * middle - det2, 0.0));

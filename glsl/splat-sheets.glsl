@@ -24,6 +24,8 @@
 
 #if defined(IMAGE) || defined(AXIS)
 #define ROWS 8
+#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_vote : require
 #else
 #define ROWS 1
 #endif
@@ -50,15 +52,13 @@ vec4 sheet(vec4 sum, float depths, float unit, uint knots) {
 }
 
 // What a kernel's integral in depth is multiplied by.
-vec4 share_of(uint id, vec4 point, float amplitude) {
+vec4 share_of(Read read, float amplitude) {
     if (DENSITY) {
-        vec4 value = splat_values[id];
-        float extinction = value.a * amplitude;
-        return vec4(value.rgb * extinction, extinction);
+        float extinction = read.value.a * amplitude;
+        return vec4(read.value.rgb * extinction, extinction);
     }
-    if (SHAPE == SHAPE_ALIKE) return vec4(point.w * amplitude, amplitude, 0.0, 0.0);
-    vec4 value = splat_values[id];
-    return vec4(value.x * value.y, value.y, 0.0, 0.0);
+    if (SHAPE == SHAPE_ALIKE) return vec4(read.point.w * amplitude, amplitude, 0.0, 0.0);
+    return vec4(read.value.x * read.value.y, read.value.y, 0.0, 0.0);
 }
 
 #ifdef SLABS
@@ -81,16 +81,16 @@ struct Row {
 
 void add_to(inout Row row, Splat splat, vec4 share, float z0, float h) {
     Meeting met = meet(row.line, splat);
+    if (!meets(met)) return;
     float a = clamp(z0, row.range.x, row.range.y), b = clamp(z0 + h, row.range.x, row.range.y), c = clamp(fma(2.0, h, z0), row.range.x, row.range.y);
     float d = clamp(fma(3.0, h, z0), row.range.x, row.range.y), e = clamp(fma(4.0, h, z0), row.range.x, row.range.y);
     vec4 parts;
     if (KERNEL == KERNEL_GAUSSIAN) {
-        float most = max(met.most, 0.0);
+        float most = most_of(met);
         vec4 from = clamp((vec4(a, b, c, d) - met.u) * met.along, -most, most);
         float last = clamp((e - met.u) * met.along, -most, most);
         float ea = error_function(from.x), eb = error_function(from.y), ec = error_function(from.z), ed = error_function(from.w), ee = error_function(last);
-        float scale = 0.5 * SQRT_2PI * SQRT_HALF * met.peak / met.along;
-        parts = scale * vec4(eb - ea, ec - eb, ed - ec, ee - ed);
+        parts = peak_of(met) * vec4(eb - ea, ec - eb, ed - ec, ee - ed);
     } else {
         vec2 range = support_of(met);
         a = clamp(a, range.x, max(range.x, range.y));
@@ -118,7 +118,7 @@ void take_slab(inout Row row, float z0, float z1, uint knots) {
 }
 
 void main() {
-    uint lane = gl_LocalInvocationID.x;
+    uint lane = LANE;
     uint in_band = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x;
     if (in_band >= push.tiles) return;
     uvec2 bin = bin_of(in_band);
@@ -143,17 +143,17 @@ void main() {
     float k = RESUME ? uintBitsToFloat(splat_state[place].y) : -3e38;
     float live = 1.0;
     bool through = i >= end;
-    while (!through && turn < budget && live > opaque) {
+    while (!through && turn < budget && ANY(live > opaque)) {
         // Splats that end before the next slab.
         uint id = bins[i];
-        vec4 point = splat_points[id];
-        vec2 span = span_of(id, point);
+        Read read = read_splat(id);
+        vec2 span = span_of(id, read.point);
         while (turn < MOST && i < end && span.y <= k * h) {
             ++turn;
             ++i;
             id = bins[min(i, end - 1u)];
-            point = splat_points[id];
-            span = span_of(id, point);
+            read = read_splat(id);
+            span = span_of(id, read.point);
         }
         if (i >= end) {
             through = true;
@@ -164,16 +164,15 @@ void main() {
         float z0 = k * h, z1 = fma(float(SHEETS), h, z0);
         for (uint j = i; turn < MOST && j < end && span.x < z1;) {
             ++turn;
-            if (span.y > z0) {
-                vec4 share = share_of(id, point, amplitude);
-                Splat splat = splat_of(id, point);
+            vec4 share = share_of(read, amplitude);
+            Splat splat = splat_of(id, read.point);
+            // One that has ended before the slabs gives nothing to them.
 #define ADD(r) add_to(rows[r], splat, share, z0, h);
-                EACH_ROW(ADD)
-            }
+            EACH_ROW(ADD)
             ++j;
             id = bins[min(j, end - 1u)];
-            point = splat_points[id];
-            span = span_of(id, point);
+            read = read_splat(id);
+            span = span_of(id, read.point);
         }
         live = 0.0;
         for (uint s = 0u; s < SHEETS; ++s) {
@@ -211,7 +210,7 @@ struct Row {
 };
 
 void main() {
-    uint lane = gl_LocalInvocationID.x;
+    uint lane = LANE;
     uint in_band = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x;
     if (in_band >= push.tiles) return;
     uvec2 bin = bin_of(in_band);
@@ -242,16 +241,16 @@ void main() {
 
     uint i = RESUME ? splat_state[place].x : bin.x, end = bin.y;
     float live = 1.0;
-    while (i < end && turn < budget && live > opaque) {
+    while (i < end && turn < budget && ANY(live > opaque)) {
         uint id = bins[i];
-        vec4 point = splat_points[id];
-        float number = sheet_of(point);
+        Read read = read_splat(id);
+        float number = sheet_of(read.point);
 #define EMPTY(r) rows[r].sheet = vec4(0.0);
         EACH_ROW(EMPTY)
-        while (turn < MOST && i < end && sheet_of(point) == number) {
+        while (turn < MOST && i < end && sheet_of(read.point) == number) {
             ++turn;
-            vec4 share = share_of(id, point, amplitude);
-            Splat splat = splat_of(id, point);
+            vec4 share = share_of(read, amplitude);
+            Splat splat = splat_of(id, read.point);
 #define ADD(r) { \
                 float part; \
                 if (TEMPLATE) { \
@@ -259,14 +258,16 @@ void main() {
                     vec2 place = vec2(dot(b, to_x), dot(b, to_y)) * scale; \
                     part = max(abs(place.x), abs(place.y)) < 1.0 ? textureLod(splat_template, 0.5 * splat_domain[1].zw * place + 0.5, 0.0).x : 0.0; \
                 } else { \
-                    part = footprint(meet(rows[r].line, splat)); \
+                    Meeting met = meet(rows[r].line, splat); \
+                    part = 0.0; \
+                    if (meets(met)) part = footprint(met); \
                 } \
                 rows[r].sheet += part * rows[r].unit * share; \
             }
             EACH_ROW(ADD)
             ++i;
             id = bins[min(i, end - 1u)];
-            point = splat_points[id];
+            read = read_splat(id);
         }
         live = 0.0;
         float middle = h * (number + splat_domain[0].w);

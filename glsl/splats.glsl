@@ -38,8 +38,9 @@ layout(push_constant) uniform SplatPush {
     uint turns;         // of a dispatch's loops; the highest bit where no other follows
 } push;
 
-layout(set = 0, binding = BINDING_SPLAT_POINTS, std430) readonly buffer SplatPoints { vec4 splat_points[]; };   // xyz; scalar, or 1 / sigma
-layout(set = 0, binding = BINDING_SPLAT_VALUES, std430) readonly buffer SplatValues { vec4 splat_values[]; };   // colour, extinction; or scalar, weight
+// Each splat's centre with its scalar, on a lattice whose scalars are interpolated; else two: centre and 1 / sigma, then colour and
+// extinction, or scalar and weight.
+layout(set = 0, binding = BINDING_SPLAT_POINTS, std430) readonly buffer SplatPoints { vec4 splat_points[]; };
 layout(set = 0, binding = BINDING_SPLAT_SHAPES, std430) readonly buffer SplatShapes { vec4 splat_shapes[]; };   // see splat-project.glsl
 layout(set = 0, binding = BINDING_SPLAT_DOMAIN, std430) readonly buffer SplatDomain { vec4 splat_domain[]; };   // half extents of a lattice, 0 where there is none
 layout(set = 0, binding = BINDING_BIN_TABLE, std430) readonly buffer BinTable { uint bin_table[]; };
@@ -59,13 +60,50 @@ layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumul
 #define MOST (push.turns & 0x7fffffffu)
 #define IS_LAST ((push.turns >> 31) != 0u)
 
-const float SQRT_2PI = 2.5066283;
-const float SQRT_HALF = 0.70710678;
+// The eight invocations of a column's workgroup read eight words at once, one each, and tell each other: to load one word that all share
+// costs them as much. They go on together, as long as one of them does.
+#if ROWS == 8
+#define LANE gl_SubgroupInvocationID
+#define ANY(condition) subgroupAny(condition)
+
+vec4 words_from(float word, uint first) {
+    return first == 0u ? vec4(subgroupBroadcast(word, 0), subgroupBroadcast(word, 1), subgroupBroadcast(word, 2), subgroupBroadcast(word, 3))
+                       : vec4(subgroupBroadcast(word, 4), subgroupBroadcast(word, 5), subgroupBroadcast(word, 6), subgroupBroadcast(word, 7));
+}
+
+#define FETCH(list, at) words_from(list[at][LANE & 3u], 0u)
+#define FETCH_TWO(list, at, a, b) { float word = list[(at) + (LANE >> 2 & 1u)][LANE & 3u]; a = words_from(word, 0u); b = words_from(word, 4u); }
+#else
+#define LANE gl_LocalInvocationID.x
+#define ANY(condition) (condition)
+#define FETCH(list, at) list[at]
+#define FETCH_TWO(list, at, a, b) { a = list[at]; b = list[(at) + 1u]; }
+#endif
+
+// What is read of a splat.
+struct Read {
+    vec4 point;
+    vec4 value;
+};
+
+Read read_splat(uint id) {
+    Read read = Read(vec4(0.0), vec4(0.0));
+    if (SHAPE == SHAPE_ALIKE && !DENSITY) {
+        read.point = FETCH(splat_points, id);
+    } else {
+        FETCH_TWO(splat_points, 2u * id, read.point, read.value)
+    }
+    return read;
+}
+
+const float HALF_SQRT_PI = 0.88622693;
 
 struct Line {
     vec3 q, d;
     float a;         // |d|^2
     float inverse_a;
+    float along;     // sqrt(a / 2): depths to arguments of the error function
+    float scale;     // sqrt(pi) / 2 over that: half a Gaussian's integral over depths for each error function
     float unit;      // world length of a unit of depth along the line
 };
 
@@ -77,6 +115,8 @@ Line line_of(vec2 pixel) {
     line.d = push.d0_near.xyz + push.px_kd.w * lateral;
     line.a = dot(line.d, line.d);
     line.inverse_a = 1.0 / line.a;
+    line.along = sqrt(0.5 * line.a);
+    line.scale = HALF_SQRT_PI / line.along;
     vec2 slope = from * (push.px_kd.w * push.py_scale.w);
     line.unit = push.unit * sqrt(1.0 + dot(slope, slope));
     return line;
@@ -94,22 +134,23 @@ float error_function(float x) {
 // A kernel as a line meets it.
 struct Meeting {
     float u;     // depth of the nearest point
-    float along; // depths to arguments of the error function: sqrt(A / 2)
-    float most;  // greatest argument before the cut; negative where the line misses
-    float peak;  // of the Gaussian along the line
+    float along; // depths to arguments of the error function
+    float beyond; // square of the distance to the cut, less that of the line; not positive where it misses
+    float scale; // half a Gaussian's integral over depths, of peak 1, for each error function
     vec3 from;   // the line's point at depth 0, from the centre: for kernels that are summed up at points
     vec3 step;   // and its direction
 };
 
 struct Splat {
     vec3 centre;
-    float inverse;   // 1 / sigma
+    float inverse, sigma;
     vec4 root0;      // COVARIANCE: L with precision L^T L, l00 l10 l11 l20
     vec2 root1;      // l21 l22
 };
 
 Splat splat_of(uint id, vec4 point) {
-    Splat splat = Splat(point.xyz, SHAPE == SHAPE_RADII ? point.w : 1.0, vec4(0.0), vec2(0.0));
+    float inverse = SHAPE == SHAPE_RADII ? point.w : 1.0;
+    Splat splat = Splat(point.xyz, inverse, 1.0 / inverse, vec4(0.0), vec2(0.0));
     if (SHAPE == SHAPE_COVARIANCES) {
         splat.root0 = splat_shapes[4u * id];
         splat.root1 = splat_shapes[4u * id + 1u].xy;
@@ -124,23 +165,34 @@ vec3 in_sigmas(Splat splat, vec3 v) {
 Meeting meet(Line line, Splat splat) {
     Meeting met;
     vec3 b = splat.centre - line.q, d = line.d;
-    float a = line.a, inverse_a = line.inverse_a;
+    float inverse_a = line.inverse_a, along = line.along * splat.inverse, scale = line.scale * splat.sigma;
     if (SHAPE == SHAPE_COVARIANCES) {
         b = in_sigmas(splat, b);
         d = in_sigmas(splat, d);
-        a = dot(d, d);
+        float a = dot(d, d);
         inverse_a = 1.0 / a;
+        along = sqrt(0.5 * a);
+        scale = HALF_SQRT_PI / along;
     }
     met.u = dot(b, d) * inverse_a;
     vec3 r = b - met.u * d;
     float e = dot(r, r) * (splat.inverse * splat.inverse);
     float beyond = push.cut * push.cut - e;
-    met.along = sqrt(0.5 * a) * splat.inverse;
-    met.most = beyond > 0.0 ? min(sqrt(0.5 * beyond), 3.9) : -1.0;
-    met.peak = exp(-0.5 * min(e, 80.0));
+    met.along = along;
+    met.beyond = beyond;
+    met.scale = scale;
     met.from = -b * splat.inverse;
     met.step = d * splat.inverse;
     return met;
+}
+
+// Of a Gaussian whose cut the line does not miss: the greatest argument of the error function before the cut, and the peak along the line.
+float most_of(Meeting met) {
+    return min(sqrt(0.5 * met.beyond), 3.9);
+}
+
+float peak_of(Meeting met) {
+    return exp(0.5 * (met.beyond - push.cut * push.cut)) * met.scale;
 }
 
 // One factor of a kernel that is a product.
@@ -171,8 +223,8 @@ float kernel_at(vec3 p) {
 // Depths between which a kernel that is no Gaussian is not 0.
 vec2 support_of(Meeting met) {
     if (SHAPE == SHAPE_RADII) {
-        float half_length = met.most * 1.41421356 / length(met.step);
-        return met.most > 0.0 ? vec2(met.u - half_length, met.u + half_length) : vec2(0.0);
+        float half_length = sqrt(max(met.beyond, 0.0)) / length(met.step);
+        return vec2(met.u - half_length, met.u + half_length);
     }
     // Where the line runs along a face, it is inside or outside for all depths.
     vec3 inverse = 1.0 / mix(met.step, vec3(1e-12), lessThan(abs(met.step), vec3(1e-12)));
@@ -188,13 +240,18 @@ float sampled(Meeting met, float z0, float z1) {
     return half_length * (kernel_at(met.from + (middle - offset) * met.step) + kernel_at(met.from + (middle + offset) * met.step));
 }
 
-// The whole line integral in depth, of what lies before the eye.
+// Whether the line passes a kernel before its cut. What follows is worth a branch: half of the lines of a tile miss a small kernel.
+bool meets(Meeting met) {
+    return (KERNEL != KERNEL_GAUSSIAN && SHAPE != SHAPE_RADII) || met.beyond > 0.0;
+}
+
+// The whole line integral in depth, of what lies before the eye, where the line meets the kernel.
 float footprint(Meeting met) {
     if (KERNEL == KERNEL_GAUSSIAN) {
-        float high = met.most;
+        float high = most_of(met);
         float low = EYE_INSIDE ? clamp((push.d0_near.w - met.u) * met.along, -high, high) : -high;
         float part = EYE_INSIDE ? error_function(high) - error_function(low) : 2.0 * error_function(high);
-        return met.most > 0.0 ? 0.5 * SQRT_2PI * SQRT_HALF * met.peak * part / met.along : 0.0;
+        return peak_of(met) * part;
     }
     vec2 range = support_of(met);
     if (EYE_INSIDE) range.x = max(range.x, push.d0_near.w);

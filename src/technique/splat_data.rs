@@ -65,9 +65,8 @@ pub(crate) struct SplatSet {
     pub(super) shape: Shape,
     pub(super) space: Space,
     pub(super) count: u32,
-    /// Centres, with a scalar or the inverse of sigma.
+    /// Each one's centre with its scalar; or centre and inverse of sigma, then what it is.
     pub(super) points: Arc<Buffer>,
-    pub(super) values: Arc<Buffer>,
     pub(super) shapes: Arc<Buffer>,
     /// Distance at which kernels end: in sigmas, or along each axis.
     pub(super) cut: f64,
@@ -79,7 +78,6 @@ pub(crate) struct SplatSet {
 #[derive(Debug, Default)]
 struct Lists {
     points: Vec<[f32; 4]>,
-    values: Vec<[f32; 4]>,
     shapes: Vec<[f32; 4]>,
 }
 
@@ -196,9 +194,10 @@ impl SplatSet {
         cut: f64,
         amplitude: f64,
     ) -> Result<Self> {
-        let count = lists.points.len();
+        let each = if shape == Shape::Alike && kernels.model == Model::Interpolate { 1 } else { 2 };
+        let count = lists.points.len() / each;
         let most = u64::from(gpu.inner.properties.limits.max_storage_buffer_range);
-        let widest = if shape == Shape::Covariances { 64 } else { 16 };
+        let widest = if shape == Shape::Covariances { 64 } else { 16 * num::wide(each) };
         if num::wide(count) * widest > most || count >= 1 << 27 {
             return Err(Error::unsupported(
                 "splats of this scene",
@@ -206,9 +205,9 @@ impl SplatSet {
             ));
         }
         // Nothing to bind is not allowed.
-        for list in [&mut lists.points, &mut lists.values, &mut lists.shapes] {
+        for list in [&mut lists.points, &mut lists.shapes] {
             if list.is_empty() {
-                list.push([0.0; 4]);
+                list.extend([[0.0; 4]; 2]);
             }
         }
         let buffer = |name: &str, list: &[[f32; 4]]| Buffer::with_data(gpu, name, bytemuck::cast_slice(list));
@@ -218,7 +217,6 @@ impl SplatSet {
             space,
             count: num::count(count),
             points: buffer("splats.points", &lists.points)?,
-            values: buffer("splats.values", &lists.values)?,
             shapes: buffer("splats.shapes", &lists.shapes)?,
             cut,
             amplitude,
@@ -299,8 +297,7 @@ fn lattice(grid: &Grid, transfer: &TransferFunction, kernels: &Kernels, slab: f6
                     let shown = classified(transfer, value((z * ny + y) * nx + x), 1.0);
                     if shown[3] > 0.0 {
                         let [a, b, c] = centre(x, y, z);
-                        lists.points.push([a, b, c, 0.0]);
-                        lists.values.push(shown);
+                        lists.points.extend([[a, b, c, 1.0], shown]);
                     }
                 }
             }
@@ -344,7 +341,6 @@ fn joined(parts: Vec<Lists>) -> Lists {
     let mut all = Lists::default();
     for part in parts {
         all.points.extend(part.points);
-        all.values.extend(part.values);
         all.shapes.extend(part.shapes);
     }
     all
@@ -454,8 +450,7 @@ fn scattered(
         } else {
             [f32_of(s), f32_of(weight), 0.0, 0.0]
         };
-        lists.points.push([x, y, z, f32_of(inverse)]);
-        lists.values.push(value);
+        lists.points.extend([[x, y, z, f32_of(inverse)], value]);
         lists.shapes.extend(shape.into_iter().flatten());
     }
     Ok(lists)
