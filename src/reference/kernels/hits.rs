@@ -1,5 +1,7 @@
 //! Kernels of the distance that one ray meets.
 
+use crate::num;
+
 use super::{Medium, Sums};
 
 /// Kernels of the distance.
@@ -147,19 +149,18 @@ impl Series {
             k += 1.0;
             count += 1;
         }
+        let inverses: [f64; Self::TERMS] = std::array::from_fn(|k| 1.0 / (num::f64_of(k) + 1.0));
         let mut terms = [[0.0; 4]; Self::TERMS];
         for (_, hit) in inside {
             let u = (middle - hit.middle) * hit.speed;
             let v = -half * hit.speed;
             let (mut before, mut term) = (0.0, Shape::Gaussian.at(hit.nearest + u * u));
-            let mut k = 1.0;
-            for sums in &mut terms[..count] {
+            for (sums, inverse) in terms[..count].iter_mut().zip(inverses) {
                 for (sum, value) in sums.iter_mut().zip(hit.value) {
                     *sum += term * value;
                 }
                 // He_k+1 = u He_k - k He_k-1.
-                (before, term) = (term, v * (u * term - v * before) / k);
-                k += 1.0;
+                (before, term) = (term, v * inverse * (u * term - v * before));
             }
         }
         Self { middle, half, terms, count }

@@ -381,6 +381,29 @@ fn random_grids_equal_an_adaptive_integrator() {
     }
 }
 
+/// Splines of a linear field are linear inside. They are not at the ends: there the sum is divided by what remains of
+/// the weights, and coefficients that make up for that die away by 2 - sqrt(3) from sample to sample.
+#[test]
+fn splines_of_a_linear_field() {
+    let n = 41_u32;
+    let field = grid([n, 3, 3], |x, _, _| num::f32_of(f64::from(x)));
+    let kernels = Kernels { kernel: Kernel::BSpline, ..Kernels::of_samples() };
+    let scene = scene(field, &[[0.0, 1.0, 1.0, 1.0, 0.0], [40.0, 1.0, 1.0, 1.0, 0.04]]);
+    let scene = scene.with_kernels(kernels).unwrap();
+    // Mean of the scalar between two places.
+    let mean = |from: f64, to: f64| {
+        let pixel = ray(&scene, DVec3::new(0.0, 0.8, 1.3), DVec3::X, [from, to]).unwrap();
+        -(-pixel[3]).ln_1p() / (to - from) * 1000.0
+    };
+    for i in 0..40 {
+        let place = f64::from(i) + 0.3;
+        let error = mean(place, place + 0.5) - (place + 0.25);
+        let decay = (2.0 - 3.0_f64.sqrt()).powi(i.min(39 - i));
+        assert!(error.abs() < 0.2 * decay + 1e-10, "{place}: {error:e}");
+        assert!(error.abs() > 1e-3 * decay, "{place}: {error:e}");
+    }
+}
+
 /// Where the transfer function has a narrow peak, cubics of the stated error still find it.
 #[test]
 fn narrow_peaks_of_a_smooth_field() {
