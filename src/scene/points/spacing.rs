@@ -25,11 +25,11 @@ pub(super) fn median(centres: &[DVec3]) -> Option<f64> {
     let same = SAME * inner_extent(&mut tree);
     // One point of each place.
     if same > 0.0 {
-        let cell = |p: &DVec3| (*p / same).floor();
-        tree.par_sort_unstable_by(|a, b| order(cell(a), cell(b)).then(order(*a, *b)));
-        tree.dedup_by_key(|p| cell(p));
+        let cell = |x: f64| (x / same).floor();
+        tree.par_sort_unstable_by(|a, b| order(*a, *b, cell).then_with(|| order(*a, *b, |x| x)));
+        tree.dedup_by(|a, b| order(*a, *b, cell).is_eq());
     } else {
-        tree.par_sort_unstable_by(|a, b| order(*a, *b));
+        tree.par_sort_unstable_by(|a, b| order(*a, *b, |x| x));
         tree.dedup();
     }
     let step = tree.len().div_ceil(DRAWN).max(1);
@@ -56,8 +56,10 @@ fn inner_extent(points: &mut [DVec3]) -> f64 {
     (0..3).map(|axis| rank(axis, last - tenth) - rank(axis, tenth)).fold(0.0, f64::max)
 }
 
-fn order(a: DVec3, b: DVec3) -> Ordering {
-    a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z))
+/// By x, then y, then z, of each what a function makes of it, which is asked no more often than needed.
+fn order(a: DVec3, b: DVec3, of: impl Fn(f64) -> f64) -> Ordering {
+    let along = |axis: usize| of(a[axis]).total_cmp(&of(b[axis]));
+    along(0).then_with(|| along(1)).then_with(|| along(2))
 }
 
 /// Puts the median along an axis into the middle, what is below before it, what is above behind, and so on.
