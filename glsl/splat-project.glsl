@@ -14,7 +14,7 @@
 // ELLIPSE: the affine approximation of the projection at the centre maps the covariance to the image (Zwicker 2001); the peak is the
 // line integral through the centre. A footprint with a standard deviation below that of the pixel's filter is widened to it (LOWPASS_AUTO,
 // Mueller 1998) or convolved with it (LOWPASS_FULL, Zwicker). A pixel averages opacity, not optical depth: the peak is lowered so that the
-// sum of opacities over the image, 2 pi sqrt(det) Ein(peak), stays.
+// sum of opacities over the image, 2 pi sqrt(det) (Ein(peak) - Ein(its value at the cut)), stays.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
@@ -69,12 +69,18 @@ float ein(float x) {
     return 0.5772156649 + log(x) + e1;
 }
 
-// The optical depth whose Ein is y, from above: Ein is concave.
-float inverse_ein(float y, float start) {
+// Sum of opacities of an ellipse in units of 2 pi sqrt(det): the integral of (1 - exp(-t)) / t between the optical depths at the cut and at the
+// peak. `end` is the one over the other.
+float hidden(float peak, float end) {
+    return ein(peak) - ein(peak * end);
+}
+
+// The peak that hides y, which is less than what `start` hides: its root is found from above, where it is concave.
+float peak_that_hides(float y, float start, float end) {
     float x = start;
     for (uint i = 0u; i < 8u; ++i) {
-        float slope = x < 1e-3 ? 1.0 - 0.5 * x : (1.0 - exp(-x)) / x;
-        x = clamp(x + (y - ein(x)) / slope, y, start);
+        float slope = x < 1e-3 ? 1.0 - end : (exp(-x * end) - exp(-x)) / x;
+        x = clamp(x + (y - hidden(x, end)) / max(slope, 1e-30), y, start);
     }
     return x;
 }
@@ -157,7 +163,8 @@ void main() {
                 sxy *= by;
             }
             float wide = sxx * syy - sxy * sxy, ratio = sqrt(clamp(large * small / wide, 0.0, 1.0));
-            if (ratio < 0.9999) peak = inverse_ein(ratio * ein(min(peak, 1e30)), peak);
+            float bounded = min(peak, 1e30), end = exp(-0.5 * cut2);
+            if (ratio < 0.9999) peak = peak_that_hides(ratio * hidden(bounded, end), bounded, end);
             det2 = wide;
         }
         vec2 centre = vec2(x, -y) / (max(w, 1e-20) * push.pixel);

@@ -449,6 +449,22 @@ impl Gpu {
         self.inner.properties.device_type == vk::PhysicalDeviceType::CPU
     }
 
+    /// Whether the invocations of a workgroup of eight are in one subgroup, and can tell each other words and votes.
+    pub(crate) fn eight_share_words(&self) -> bool {
+        let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup);
+        // SAFETY: the physical device belongs to this instance; subgroup properties are core since 1.1.
+        unsafe {
+            self.inner.instance.raw.get_physical_device_properties2(self.inner.physical, &mut properties);
+        }
+        let needed = vk::SubgroupFeatureFlags::BASIC
+            | vk::SubgroupFeatureFlags::BALLOT
+            | vk::SubgroupFeatureFlags::VOTE;
+        subgroup.subgroup_size >= 8
+            && subgroup.supported_operations.contains(needed)
+            && subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE)
+    }
+
     /// Features of optimally tiled images of a format.
     pub(crate) fn image_features(&self, format: vk::Format) -> vk::FormatFeatureFlags {
         let instance = &self.inner.instance.raw;

@@ -441,8 +441,9 @@ fn rounds_of(desc: &SplatDesc, longest: u32) -> u32 {
 }
 
 fn shader_of(gpu: &Gpu, order: SplatOrder) -> &'static Shader {
-    // Software runs the lanes of a workgroup in step, and what they share is read once.
-    match (order, gpu.is_software()) {
+    // Software runs the lanes of a workgroup in step, and what they share is read once; elsewhere a column would leave most
+    // lanes of a subgroup idle.
+    match (order, gpu.is_software() && gpu.eight_share_words()) {
         (SplatOrder::Centres, true) => &SPLAT_EWA_CENTRE,
         (SplatOrder::Centres, false) => &SPLAT_EWA_CENTRE_WIDE,
         (SplatOrder::Window, _) => &SPLAT_EWA_WINDOW,
