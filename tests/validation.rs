@@ -8,7 +8,7 @@ mod common;
 
 use volraster::ash::vk;
 use volraster::gpu::{Gpu, GpuOptions, Validation};
-use volraster::scene::{Field, Scene, TetScalars, Tets, TransferFunction};
+use volraster::scene::{Field, KernelSize, Points, Scene, TetScalars, Tets, TransferFunction};
 use volraster::technique::{GpuScene, Method, Renderer};
 
 /// A validated device whose messages are expected.
@@ -199,14 +199,56 @@ fn child_draws_pass_by_pass() {
     let TetScalars::Point(scalars) = one.scalars() else { panic!("scalars at points") };
     let scalars = scalars.iter().copied().chain(scalars.iter().map(|s| 1.0 - s)).collect();
     let mesh = Tets::new(points, cells.collect(), TetScalars::Point(scalars)).unwrap().0;
+    let points = Points::of_vertices(&mesh).unwrap();
+    let ellipsoid = [0.05, 0.01, 0.0, 0.04, -0.01, 0.06];
+    let covariances = KernelSize::Covariances(vec![ellipsoid; points.centres().len()]);
+    let points = Scene::new(points.with_size(covariances).unwrap(), transfer.clone());
     let mesh = Scene::new(mesh, transfer);
     let view = common::view(common::perspective(), 1.0, 50, 30);
+    let parallel = common::view(common::orthographic(), 1.0, 50, 30);
     let draw = |options: GpuOptions| {
         let gpu = common::gpu_with(options);
         let (grid, mesh) = (GpuScene::new(&gpu, grid.clone()), GpuScene::new(&gpu, mesh.clone()));
+        let points = GpuScene::new(&gpu, points.clone());
         let mut images = Vec::new();
-        for spec in common::specs(&gpu) {
+        for spec in common::specs(&gpu).into_iter().filter(|spec| !spec.starts_with("splat-")) {
             images.push(common::draw_on(&grid, &view, &spec));
+        }
+        // Splats by each order, in bands, and frame after frame.
+        for (scene, specs) in [
+            (
+                &points,
+                [
+                    "splat-ewa:order=center",
+                    "splat-ewa:order=center,pairs=500",
+                    "splat-ewa:order=window",
+                    "splat-ewa:order=slabs",
+                    "splat-ewa:footprint=ewa",
+                    "splat-sheets:sheets=image",
+                    "splat-sheets:sheets=axis",
+                ]
+                .as_slice(),
+            ),
+            (
+                &grid,
+                &[
+                    "splat-ewa:",
+                    "splat-ewa:model=density",
+                    "splat-sheets:sheets=image,pairs=1500",
+                    "splat-sheets:sheets=axis",
+                    "splat-sheets:sheets=axis,kernel=bspline,template=32",
+                ],
+            ),
+            (&mesh, &["splat-ewa:"]),
+        ] {
+            for spec in specs {
+                let view = if spec.contains("template") { &parallel } else { &view };
+                let mut frames = Renderer::new(scene, common::technique(spec)).frames(view).unwrap();
+                for _ in 0..2 {
+                    frames.draw(view).unwrap();
+                }
+                images.push(frames.read_back().unwrap());
+            }
         }
         let mut meshes: Vec<String> = Vec::new();
         for method in [Method::Havs, Method::ProjectedTets] {

@@ -94,6 +94,9 @@ struct Band {
     tiles: u32,
 }
 
+/// Most sheets of a frame.
+const MAX_SHEETS: f64 = 4_194_304.0;
+
 // What docs say of it.
 const _: () = assert!(FOOTPRINT_PARTS == 8);
 
@@ -196,6 +199,21 @@ impl SplatView {
         } else {
             desc.step * space.step / space.unit
         };
+        // All data lies within two units of depth, or of extent along an axis. Float32 counts sheets.
+        let sheets = match desc.order {
+            SplatOrder::Slabs => 2.0 / h,
+            SplatOrder::Sheets if set.shape != Shape::Alike => 2.0 / h,
+            _ => 0.0,
+        };
+        if sheets > MAX_SHEETS {
+            return Err(Error::invalid(
+                format!("{} option step", desc.name),
+                format!(
+                    "{}: makes {sheets:.0} sheets of this scene, at most {MAX_SHEETS} are drawn",
+                    desc.step
+                ),
+            ));
+        }
         let ahead = space.to_world.inverse() * view.forward();
         let eye = match view.camera().projection {
             Projection::Perspective { .. } => (space.to_world.inverse() * (view.camera().eye - space.centre))

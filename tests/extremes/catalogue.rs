@@ -166,6 +166,16 @@ impl Spec {
         self.method.options().iter().any(|known| known.key == option)
     }
 
+    /// Whether it draws grids and meshes through Gaussians, which are another field: blurred, and of a mesh beyond it.
+    pub fn blurs(&self, data: &Data) -> bool {
+        self.method == Method::SplatEwa && !matches!(data, Data::Points(_))
+    }
+
+    /// Whether a slab of trilinear interpolation is two points of each kernel.
+    pub fn sheets(&self) -> bool {
+        self.method == Method::SplatSheets
+    }
+
     /// Whether segments are taken by a sample in their middle.
     pub fn samples(&self) -> bool {
         matches!(self.integrator, "" | "midpoint")
@@ -268,7 +278,7 @@ impl Run<'_> {
         }
     }
 
-    /// A scene by everything that draws it.
+    /// A scene by everything that draws its field.
     pub fn each(
         &mut self,
         scene: &Scene,
@@ -276,7 +286,50 @@ impl Run<'_> {
         options: &[(&str, &str)],
         check: impl FnMut(&Spec, &Frame) -> Result<(), String>,
     ) {
+        self.only(|spec| !spec.blurs(&scene.data), scene, view, options, check);
+    }
+
+    /// A scene by everything that draws it, also where that blurs.
+    pub fn every(
+        &mut self,
+        scene: &Scene,
+        view: &View,
+        options: &[(&str, &str)],
+        check: impl FnMut(&Spec, &Frame) -> Result<(), String>,
+    ) {
         self.only(|_| true, scene, view, options, check);
+    }
+
+    /// The same technique from several views of one size, frame after frame.
+    pub fn views(
+        &mut self,
+        scene: &Arc<GpuScene>,
+        views: &[View],
+        spec: &Spec,
+        options: &[(&str, &str)],
+    ) -> Option<Vec<Image>> {
+        let text = spec.with(options);
+        self.outcome.kinds.insert(scene.scene().data.kind());
+        let drawn = || -> volraster::Result<Vec<Image>> {
+            let renderer = Renderer::new(scene, volraster::Technique::parse(&text)?);
+            let Some(first) = views.first() else { return Ok(Vec::new()) };
+            let mut frames = renderer.frames(first)?;
+            let one = |view| {
+                frames.draw(view)?;
+                frames.read_back()
+            };
+            views.iter().map(one).collect()
+        };
+        match drawn() {
+            Ok(images) => {
+                self.outcome.drawn.insert(spec.to_string());
+                Some(images)
+            }
+            Err(error) => {
+                self.refused(Who::Technique(spec.method, spec.route), &error);
+                None
+            }
+        }
     }
 
     /// A scene by those of everything that draws it that claim the case.
@@ -307,7 +360,9 @@ impl Run<'_> {
         mut check: impl FnMut(&Spec, &Image, &Image) -> Result<(), String>,
     ) {
         let on_gpu = scenes.map(|scene| GpuScene::new(self.gpu, scene.clone()));
-        for spec in Spec::all(self.gpu, &scenes[0].data) {
+        for spec in
+            Spec::all(self.gpu, &scenes[0].data).into_iter().filter(|spec| !spec.blurs(&scenes[0].data))
+        {
             let drawn = [0, 1].map(|i| self.frame(&on_gpu[i], views[i], &spec, options[i]));
             if let [Some(a), Some(b)] = drawn
                 && let Err(wrong) = check(&spec, &a.image, &b.image)

@@ -26,6 +26,8 @@ mod metamorphic;
 mod refusals;
 mod samples;
 mod sizes;
+mod splat_limits;
+mod splats;
 mod support;
 mod targets;
 mod transfer;
@@ -33,7 +35,7 @@ mod transfer;
 use catalogue::{Family, Results};
 
 /// Every family, in the order of the document.
-static FAMILIES: [&Family; 10] = [
+static FAMILIES: [&Family; 12] = [
     &integrals::FAMILY,
     &transfer::FAMILY,
     &targets::FAMILY,
@@ -41,6 +43,8 @@ static FAMILIES: [&Family; 10] = [
     &samples::FAMILY,
     &sizes::FAMILY,
     &meshes::FAMILY,
+    &splats::FAMILY,
+    &splat_limits::FAMILY,
     &metamorphic::FAMILY,
     &limits::FAMILY,
     &refusals::FAMILY,
@@ -67,7 +71,20 @@ macro_rules! families {
     };
 }
 
-families!(integrals, transfer, targets, cameras, samples, sizes, meshes, metamorphic, limits, refusals);
+families!(
+    integrals,
+    transfer,
+    targets,
+    cameras,
+    samples,
+    sizes,
+    meshes,
+    splats,
+    splat_limits,
+    metamorphic,
+    limits,
+    refusals
+);
 
 /// The document lists the cases and exactly the refusals that happen, and there are enough of both.
 #[test]

@@ -37,7 +37,7 @@ fn beyond(run: &mut Run<'_>) {
 /// Steps that make more slabs than are drawn.
 fn steps(run: &mut Run<'_>) {
     let scene = Scene::new(grid([8; 3], DVec3::NEG_ONE, DVec3::ONE, affine), fog(1.0));
-    run.each(&scene, &through(2, 2), &[("step", "1e-9")], |_, _| Err("drawn".to_string()));
+    run.every(&scene, &through(2, 2), &[("step", "1e-9")], |_, _| Err("drawn".to_string()));
     for step in ["0", "-1", "NaN", "inf"] {
         run.refuses("option", Technique::parse(&format!("slices-3d:step={step}")), &["step"]);
     }
