@@ -144,25 +144,41 @@ void main() {
         float syy = s * s * yy - 2.0 * s * gy * yz + gy * gy * zz;
         // Line integral through the centre: sqrt(2 pi / (t^T S^-1 t)).
         vec3 t = vec3(x * push.w1, y * push.w1, w) / max(w, 1e-20);
-        float cxx = yy * zz - yz * yz, cxy = xz * yz - xy * zz, cxz = xy * yz - xz * yy;
-        float cyy = xx * zz - xz * xz, cyz = xy * xz - xx * yz, czz = xx * yy - xy * xy;
-        float det = xx * cxx + xy * cxy + xz * cxz;
-        float along = (cxx * t.x * t.x + cyy * t.y * t.y + czz * t.z * t.z + 2.0 * (cxy * t.x * t.y + cxz * t.x * t.z + cyz * t.y * t.z)) / det;
+        float along, det2;
+        if (SHAPE == SHAPE_COVARIANCES) {
+            // By the root of the inverse: cofactors of discs and needles cancel. The line's direction is what the projection maps to 0.
+            vec4 l0 = splat_shapes[4u * i];
+            vec2 l1 = splat_shapes[4u * i + 1u].xy;
+            vec3 v = t.x * r + t.y * u + t.z * f;
+            vec3 lv = vec3(l0.x * v.x, l0.y * v.x + l0.z * v.y, l0.w * v.x + l1.x * v.y + l1.y * v.z);
+            along = dot(lv, lv);
+            float root = s * s / (l0.x * l0.z * l1.y);
+            det2 = root * root * along;
+        } else {
+            float cxx = yy * zz - yz * yz, cxy = xz * yz - xy * zz, cxz = xy * yz - xz * yy;
+            float cyy = xx * zz - xz * xz, cyz = xy * xz - xx * yz, czz = xx * yy - xy * xy;
+            float det = xx * cxx + xy * cxy + xz * cxz;
+            along = (cxx * t.x * t.x + cyy * t.y * t.y + czz * t.z * t.z + 2.0 * (cxy * t.x * t.y + cxz * t.x * t.z + cyz * t.y * t.z)) / det;
+            det2 = sxx * syy - sxy * sxy;
+        }
         float peak = splat_points[2u * i + 1u].a * push.amplitude * push.unit * sqrt(6.283185307 / along) * length(t);
-        float det2 = sxx * syy - sxy * sxy;
         if (LOWPASS != LOWPASS_NONE) {
             float middle = 0.5 * (sxx + syy), spread = sqrt(max(middle * middle - det2, 0.0));
-            float large = middle + spread, small = max(middle - spread, 0.0);
+            float large = middle + spread, small = max(det2, 0.0) / max(large, 1e-30), wide;
             if (LOWPASS == LOWPASS_FULL) {
                 sxx += push.lowpass;
                 syy += push.lowpass;
+                wide = (large + push.lowpass) * (small + push.lowpass);
             } else if (small < push.lowpass) {
                 float large_to = max(large, push.lowpass), by = spread > 1e-6 * middle ? (large_to - push.lowpass) / (2.0 * spread) : 0.0;
                 sxx = push.lowpass + by * (sxx - small);
                 syy = push.lowpass + by * (syy - small);
                 sxy *= by;
+                wide = large_to * push.lowpass;
+            } else {
+                wide = large * small;
             }
-            float wide = sxx * syy - sxy * sxy, ratio = sqrt(clamp(large * small / wide, 0.0, 1.0));
+            float ratio = sqrt(clamp(large * small / wide, 0.0, 1.0));
             float bounded = min(peak, 1e30), end = exp(-0.5 * cut2);
             if (ratio < 0.9999) peak = peak_that_hides(ratio * hidden(bounded, end), bounded, end);
             det2 = wide;

@@ -176,6 +176,13 @@ Meeting meet(Line line, Splat splat) {
     }
     met.u = dot(b, d) * inverse_a;
     vec3 r = b - met.u * d;
+    if (SHAPE == SHAPE_COVARIANCES) {
+        // Of a disc both terms are as long as its distance is in its thickness: what they were rounded by lies along the line, and is taken
+        // out again.
+        float rest = dot(r, d) * inverse_a;
+        met.u += rest;
+        r -= rest * d;
+    }
     float e = dot(r, r) * (splat.inverse * splat.inverse);
     float beyond = push.cut * push.cut - e;
     met.along = along;

@@ -351,18 +351,39 @@ impl Run<'_> {
         }
     }
 
-    /// The same scene drawn in two ways of `options`, or two scenes of the same view, compared.
+    /// The same scene drawn in two ways of `options`, or two scenes of the same view, compared, by everything that draws
+    /// its field.
     pub fn pairs(
         &mut self,
+        scenes: [&Scene; 2],
+        views: [&View; 2],
+        options: [&[(&str, &str)]; 2],
+        check: impl FnMut(&Spec, &Image, &Image) -> Result<(), String>,
+    ) {
+        self.pairs_by(|spec| !spec.blurs(&scenes[0].data), scenes, views, options, check);
+    }
+
+    /// The same by everything, also what blurs.
+    pub fn every_pair(
+        &mut self,
+        scenes: [&Scene; 2],
+        views: [&View; 2],
+        options: [&[(&str, &str)]; 2],
+        check: impl FnMut(&Spec, &Image, &Image) -> Result<(), String>,
+    ) {
+        self.pairs_by(|_| true, scenes, views, options, check);
+    }
+
+    fn pairs_by(
+        &mut self,
+        claims: impl Fn(&Spec) -> bool,
         scenes: [&Scene; 2],
         views: [&View; 2],
         options: [&[(&str, &str)]; 2],
         mut check: impl FnMut(&Spec, &Image, &Image) -> Result<(), String>,
     ) {
         let on_gpu = scenes.map(|scene| GpuScene::new(self.gpu, scene.clone()));
-        for spec in
-            Spec::all(self.gpu, &scenes[0].data).into_iter().filter(|spec| !spec.blurs(&scenes[0].data))
-        {
+        for spec in Spec::all(self.gpu, &scenes[0].data).into_iter().filter(&claims) {
             let drawn = [0, 1].map(|i| self.frame(&on_gpu[i], views[i], &spec, options[i]));
             if let [Some(a), Some(b)] = drawn
                 && let Err(wrong) = check(&spec, &a.image, &b.image)

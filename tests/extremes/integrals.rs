@@ -22,7 +22,7 @@ fn homogeneous(run: &mut Run<'_>, od: f64, steps: u32, bound: f64) {
     for scene in [Scene::new(grid, transfer.clone()), Scene::new(mesh, transfer)] {
         // What a grid's Gaussians interpolate is homogeneous too, in the grid's domain.
         let claims = |spec: &Spec| !spec.blurs(&scene.data) || (scene.grid().is_some() && steps <= 1000);
-        run.only(claims, &scene, &view, &[("step", &step)], |_, frame| {
+        run.only(claims, &scene, &view, &[("step", &step), ("stop", "0")], |_, frame| {
             let want = opacity(od.min(1e9));
             for pixel in frame.image.pixels() {
                 let [r, g, b, a] = pixel.map(f64::from);

@@ -149,7 +149,7 @@ fn sweep(run: &mut Run<'_>) {
     let truth = truth(&scene, &view);
     let on_gpu = GpuScene::new(run.gpu, scene.clone());
     // The 2-D table has an error of its own.
-    let claims = |spec: &Spec| spec.has("step") && spec.integrator != "full";
+    let claims = |spec: &Spec| spec.has("step") && spec.integrator != "full" && !spec.blurs(&scene.data);
     for spec in Spec::all(run.gpu, &scene.data).into_iter().filter(claims) {
         let mut errors = Vec::new();
         for exponent in 3..=13 {

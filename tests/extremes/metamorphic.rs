@@ -36,7 +36,7 @@ fn rescaled(run: &mut Run<'_>, k: f64) {
             _ => continue,
         };
         let scenes = [Scene::new(data, transfer(&FOG)), Scene::new(small, transfer(&thicker))];
-        run.pairs([&scenes[0], &scenes[1]], [&before, &after], [OPTIONS; 2], |_, a, b| {
+        run.every_pair([&scenes[0], &scenes[1]], [&before, &after], [OPTIONS; 2], |_, a, b| {
             near("apart", apart(a, b), 0.0, BOUND)
         });
     }
@@ -66,7 +66,7 @@ fn turned(run: &mut Run<'_>, turn: DQuat, by: DVec3) {
             _ => continue,
         };
         let scenes = [data, other].map(|data| Scene::new(data, transfer(&FOG)));
-        run.pairs([&scenes[0], &scenes[1]], [&before, &after], [OPTIONS; 2], |_, a, b| {
+        run.every_pair([&scenes[0], &scenes[1]], [&before, &after], [OPTIONS; 2], |_, a, b| {
             // A pixel at the outline may see a grazing piece of it or not: 1e-6 of length at an angle of 1e-3.
             near("apart", apart(a, b), 0.0, BOUND + 1e-4)
         });
@@ -100,7 +100,7 @@ fn permuted(run: &mut Run<'_>) {
     let reversed = Tets::new(points, cells, TetScalars::Point(scalars)).unwrap().0;
     for [a, b] in [[Data::Grid(grid), Data::Grid(other)], [Data::Mesh(mesh), Data::Mesh(reversed)]] {
         let scenes = [a, b].map(|data| Scene::new(data, transfer(&FOG)));
-        run.pairs([&scenes[0], &scenes[1]], [&view; 2], [OPTIONS; 2], |_, a, b| {
+        run.every_pair([&scenes[0], &scenes[1]], [&view; 2], [OPTIONS; 2], |_, a, b| {
             near("apart", apart(a, b), 0.0, BOUND + 1e-4)
         });
     }

@@ -73,7 +73,7 @@ fn not_a_number(run: &mut Run<'_>) {
 fn infinite(run: &mut Run<'_>, value: f32, end: f32) {
     let transfer = ramp(ENDS[0], ENDS[1]);
     for (infinite, at_end) in with_sample(value, &transfer).into_iter().zip(with_sample(end, &transfer)) {
-        run.pairs([&infinite[1], &at_end[1]], [&through(7, 7); 2], [EXACT; 2], |_, a, b| {
+        run.every_pair([&infinite[1], &at_end[1]], [&through(7, 7); 2], [EXACT; 2], |_, a, b| {
             finite(a)?;
             equal("infinite", a, b)
         });

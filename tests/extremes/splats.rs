@@ -26,7 +26,7 @@ pub const EXACT: [Mode; 5] = [
 ];
 
 /// Affine ellipses.
-const ELLIPSES: Mode = (Method::SplatEwa, &[("footprint", "ewa"), ("filter", "none")]);
+pub const ELLIPSES: Mode = (Method::SplatEwa, &[("footprint", "ewa"), ("filter", "none")]);
 
 /// What draws splats whole, in the order of their centres.
 const CENTRES: [Mode; 3] = [EXACT[0], EXACT[1], ELLIPSES];
@@ -186,7 +186,8 @@ fn gaussians(run: &mut Run<'_>, sigma: f64, by_mode: &[Mode]) {
             let eye = DVec3::new(0.3, -0.4, 0.5).normalize() * (sigma / rho);
             let (to, up) = (-eye.normalize(), eye.cross(DVec3::Y).normalize());
             let ahead = to * theta.cos() + up.cross(to) * theta.sin();
-            let pixel = (1.3 * theta.tan() / 1024.0).max(rho / (2.0 * theta.cos()));
+            // No line is flatter than 85 degrees: places on it round as they are far.
+            let pixel = (1.3 * theta.tan() / 1024.0).max((rho / (2.0 * theta.cos())).min(11.4 / 1024.0));
             let fov_y_deg = 2.0 * (4.0 * pixel).atan().to_degrees();
             let camera = Camera {
                 eye,
@@ -240,10 +241,11 @@ fn ellipse_bound(rho: f64, theta: f64) -> f64 {
     1.2 * rho * theta.tan() + 1.1 * rho * rho
 }
 
-/// Ten thousand faint Gaussians on one pixel: none is dropped, and all are opaque.
+/// Ten thousand faint Gaussians on one pixel: none is dropped, and all are opaque. Each of some 300 that are near to the end
+/// adds a share that rounds to 2^-24.
 fn layers(run: &mut Run<'_>) {
     let view = through(1, 1);
-    for (count, bound) in [(1000, t32(1000.0)), (10_000, 1e-6)] {
+    for (count, bound) in [(1000, t32(1000.0)), (10_000, 2e-5)] {
         let mut next = random(3);
         let (_, _) = (next(), next());
         let mut balls: Vec<Ball> =
@@ -388,7 +390,7 @@ const CASES: &[Case] = &[
         number: "31",
         name: "1,000 and 10,000 splats of opacity 0.003 on one pixel",
         expect: "0.9504; 1",
-        tolerance: "t32(N); 1e-6",
+        tolerance: "t32(1000); 2e-5",
         run: layers,
     },
     Case {

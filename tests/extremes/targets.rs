@@ -136,7 +136,7 @@ fn early(run: &mut Run<'_>, stop: f64) {
         let options: [&[(&str, &str)]; 2] =
             [&[("step", "0.1"), ("stop", &text)], &[("step", "0.1"), ("stop", "0")]];
         let view = through(6, 6);
-        run.pairs([&scene; 2], [&view; 2], options, |_, early, whole| {
+        run.every_pair([&scene; 2], [&view; 2], options, |_, early, whole| {
             ends += usize::from(apart(early, whole) > 0.0);
             near("off by", apart(early, whole), 0.0, stop + 2e-6)
         });
@@ -151,7 +151,7 @@ fn brighter(run: &mut Run<'_>) {
     let view: View = through(5, 5);
     let options: &[(&str, &str)] = &[("step", "0.1")];
     for (a, b) in scenes(4, &transfer(&rows), affine).iter().zip(&scenes(4, &transfer(&twice), affine)) {
-        run.pairs([a, b], [&view; 2], [options; 2], |_, a, b| {
+        run.every_pair([a, b], [&view; 2], [options; 2], |_, a, b| {
             let same = |(a, b): (&[f32; 4], &[f32; 4])| [2.0 * a[0], 2.0 * a[1], 2.0 * a[2], a[3]] == *b;
             let right = a.pixels().iter().zip(b.pixels()).all(same);
             if right { Ok(()) } else { Err(format!("{:?} and {:?}", a.pixel(2, 2), b.pixel(2, 2))) }
