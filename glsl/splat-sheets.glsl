@@ -44,21 +44,28 @@ layout(local_size_x = 64 / ROWS) in;
 layout(set = 0, binding = BINDING_SPLAT_RECORDS, std430) readonly buffer SplatRecords { vec4 splat_records[]; };
 
 // What a sheet makes of its sum: of extinction, with colours; or of scalar and weight. `depths` lie between its planes.
-vec4 sheet(vec4 sum, float depths, float unit, uint knots) {
+vec4 sheet(vec4 sum, float depths, float unit, uint knots, float origin) {
     if (DENSITY) return sum.a > 0.0 ? emission_of(sum.rgb / sum.a, sum.a) : vec4(0.0);
     bool shows = depths > 0.0 && sum.y >= push.least * depths;
-    vec4 optics = classify(shows ? sum.x / sum.y : 0.0, knots);
+    vec4 optics = classify(origin + (shows ? sum.x / sum.y : 0.0), knots);
     return emission_of(optics.rgb, shows ? optics.a * depths * unit : 0.0);
 }
 
+// A scalar of the tile that others are told from: what is everywhere the same is interpolated without rounding.
+float origin_of(uvec2 bin) {
+    if (DENSITY || bin.x >= bin.y) return 0.0;
+    uint id = bins[bin.x];
+    return SHAPE == SHAPE_ALIKE ? splat_points[id].w : splat_points[2u * id + 1u].x;
+}
+
 // What a kernel's integral in depth is multiplied by.
-vec4 share_of(Read read, float amplitude) {
+vec4 share_of(Read read, float amplitude, float origin) {
     if (DENSITY) {
         float extinction = read.value.a * amplitude;
         return vec4(read.value.rgb * extinction, extinction);
     }
-    if (SHAPE == SHAPE_ALIKE) return vec4(read.point.w * amplitude, amplitude, 0.0, 0.0);
-    return vec4(read.value.x * read.value.y, read.value.y, 0.0, 0.0);
+    if (SHAPE == SHAPE_ALIKE) return vec4((read.point.w - origin) * amplitude, amplitude, 0.0, 0.0);
+    return vec4((read.value.x - origin) * read.value.y, read.value.y, 0.0, 0.0);
 }
 
 #ifdef SLABS
@@ -108,9 +115,9 @@ void add_to(inout Row row, Splat splat, vec4 share, float z0, float h) {
 }
 
 // Composites the first of the slabs and moves the others up.
-void take_slab(inout Row row, float z0, float z1, uint knots) {
+void take_slab(inout Row row, float z0, float z1, uint knots, float origin) {
     float depths = max(clamp(z1, row.range.x, row.range.y) - clamp(z0, row.range.x, row.range.y), 0.0);
-    add_behind(row.sum, row.transmittance, sheet(row.slab0, depths, row.line.unit, knots));
+    add_behind(row.sum, row.transmittance, sheet(row.slab0, depths, row.line.unit, knots, origin));
     row.slab0 = row.slab1;
     row.slab1 = row.slab2;
     row.slab2 = row.slab3;
@@ -124,7 +131,7 @@ void main() {
     uvec2 bin = bin_of(in_band);
     uint place = in_band * (64u / ROWS) + lane;
     uvec2 origin = first_pixel(in_band, lane);
-    float h = push.h, amplitude = push.amplitude, opaque = push.opaque;
+    float h = push.h, amplitude = push.amplitude, opaque = push.opaque, origin_scalar = origin_of(bin);
     uint knots = push.knots, budget = MOST / 2u, turn = 0u;
     load_knots();
     Row rows[ROWS];
@@ -164,7 +171,7 @@ void main() {
         float z0 = k * h, z1 = fma(float(SHEETS), h, z0);
         for (uint j = i; turn < MOST && j < end && span.x < z1;) {
             ++turn;
-            vec4 share = share_of(read, amplitude);
+            vec4 share = share_of(read, amplitude, origin_scalar);
             Splat splat = splat_of(id, read.point);
             // One that has ended before the slabs gives nothing to them.
 #define ADD(r) add_to(rows[r], splat, share, z0, h);
@@ -177,7 +184,7 @@ void main() {
         live = 0.0;
         for (uint s = 0u; s < SHEETS; ++s) {
             ++turn;
-#define TAKE(r) take_slab(rows[r], z0 + float(s) * h, z0 + float(s + 1u) * h, knots);
+#define TAKE(r) take_slab(rows[r], z0 + float(s) * h, z0 + float(s + 1u) * h, knots, origin_scalar);
             EACH_ROW(TAKE)
         }
 #define LIVE(r) live = max(live, rows[r].transmittance);
@@ -216,7 +223,7 @@ void main() {
     uvec2 bin = bin_of(in_band);
     uint place = in_band * (64u / ROWS) + lane;
     uvec2 origin = first_pixel(in_band, lane);
-    float h = push.h, amplitude = push.amplitude, opaque = push.opaque;
+    float h = push.h, amplitude = push.amplitude, opaque = push.opaque, origin_scalar = origin_of(bin);
     uint knots = push.knots, budget = MOST / 2u, turn = 0u;
     load_knots();
     Row rows[ROWS];
@@ -249,7 +256,7 @@ void main() {
         EACH_ROW(EMPTY)
         while (turn < MOST && i < end && sheet_of(read.point) == number) {
             ++turn;
-            vec4 share = share_of(read, amplitude);
+            vec4 share = share_of(read, amplitude, origin_scalar);
             Splat splat = splat_of(id, read.point);
 #define ADD(r) { \
                 float part; \
@@ -275,7 +282,7 @@ void main() {
             float along = rows[r].line.d[AXIS_OF_SHEETS], inverse = 1.0 / (abs(along) > 1e-6 ? along : 1e-6); \
             float z = (middle - rows[r].line.q[AXIS_OF_SHEETS]) * inverse, half_depth = abs(0.5 * h * inverse); \
             float depths = clamp(z + half_depth, rows[r].range.x, rows[r].range.y) - clamp(z - half_depth, rows[r].range.x, rows[r].range.y); \
-            add_behind(rows[r].sum, rows[r].transmittance, sheet(rows[r].sheet, depths, rows[r].line.unit, knots)); \
+            add_behind(rows[r].sum, rows[r].transmittance, sheet(rows[r].sheet, depths, rows[r].line.unit, knots, origin_scalar)); \
             live = max(live, rows[r].transmittance); \
         }
         EACH_ROW(TAKE)

@@ -66,6 +66,7 @@ fn peak(run: &mut Run<'_>, steps: u32) {
         for scene in between(front, back, &transfer(&rows)) {
             let is_grid = scene.grid().is_some();
             let claims = |spec: &crate::catalogue::Spec| match spec.integrator {
+                _ if spec.blurs(&scene.data) => false,
                 "" | "midpoint" => !is_grid || steps >= 100_000,
                 "full" => steps == 1 && is_grid,
                 _ => steps < 100_000,
