@@ -247,6 +247,9 @@ fn child_draws_pass_by_pass() {
                 for _ in 0..2 {
                     frames.draw(view).unwrap();
                 }
+                let bands =
+                    frames.plan().counters().iter().any(|counter| counter.0 == "bands" && counter.1 > 1);
+                assert_eq!(bands, spec.contains("pairs"), "{spec}");
                 images.push(frames.read_back().unwrap());
             }
         }
