@@ -204,6 +204,10 @@ impl Spec {
             if self.route == "compute" && blended(key) {
                 continue;
             }
+            // That of footprints is not that of volumes.
+            if self.method == Method::SplatEwa && *key == "filter" && matches!(*value, "exact" | "hardware") {
+                continue;
+            }
             add(key, value);
         }
         text
