@@ -44,8 +44,8 @@ fn a_homogeneous_cube_is_exact() {
                         let mut frames = renderer.frames(&view).unwrap();
                         frames.draw(&view).unwrap();
                         let image = frames.read_back().unwrap();
-                        let slices =
-                            frames.plan().counters().iter().find(|c| c.0 == "slices").unwrap().1 as f64;
+                        let counters = frames.plan().counters();
+                        let slices = counters.iter().find(|c| c.0 == "slices").map_or(0.0, |c| c.1 as f64);
                         let bound = (1.2e-7 * slices).max(2e-6) + 4.0 * (-24.0_f64).exp2() * tau * eye;
                         for y in 0..30 {
                             for x in 0..36 {
@@ -122,7 +122,8 @@ fn sample_types_and_placements_match_the_reference() {
             let on_device = GpuScene::new(&gpu, scene);
             for spec in specs(&gpu) {
                 for filter in ["hardware", "exact"] {
-                    let image = draw_on(&on_device, &view, &format!("{spec},step=0.1,filter={filter}"));
+                    let options = with_option(&format!("{spec},step=0.1"), "filter", filter);
+                    let image = draw_on(&on_device, &view, &options);
                     let errors = ImageErrors::between_f64(&image, &truth).unwrap();
                     assert!(errors.all.rmse < 3e-4, "{name} {direction} {spec} {filter}: {errors}");
                 }
@@ -211,7 +212,8 @@ fn not_a_number_is_vacuum_and_infinity_is_an_end() {
             let view = view(projection, 1.0, 36, 30);
             let truth = truth(&scene, &view);
             let on_device = GpuScene::new(&gpu, scene);
-            for route in specs(&gpu) {
+            // Beside a NaN splats go on: what is left of a sum of weights has a mean.
+            for route in specs(&gpu).iter().filter(|spec| has_option(spec, "filter")) {
                 for filter in ["exact", "hardware"] {
                     let image = draw_on(&on_device, &view, &format!("{route},step=0.02,filter={filter}"));
                     let errors = ImageErrors::between_f64(&image, &truth).unwrap();
@@ -318,8 +320,11 @@ fn extremes_stay_exact() {
             31,
         );
         let scene = scene(Field::Blobs, 16, "f32", &FOG);
-        let errors =
-            errors(&draw(&gpu, &scene, &far, &format!("{route},step=0.05,filter=exact")), &scene, &far);
+        let errors = errors(
+            &draw(&gpu, &scene, &far, &with_option(&format!("{route},step=0.05"), "filter", "exact")),
+            &scene,
+            &far,
+        );
         assert!(errors.all.rmse < 1e-4, "{route}: {errors}");
         // A wide angle from inside, a very narrow image, and the view along an axis from a face.
         for view in [
@@ -328,7 +333,7 @@ fn extremes_stay_exact() {
             square(perspective(), 1.0, 33),
         ] {
             let errors = self::errors(
-                &draw(&gpu, &scene, &view, &format!("{route},step=0.05,filter=exact")),
+                &draw(&gpu, &scene, &view, &with_option(&format!("{route},step=0.05"), "filter", "exact")),
                 &scene,
                 &view,
             );
@@ -435,7 +440,7 @@ fn integers_fall_on_the_right_side_of_a_jump() {
         let scene = Scene::new(grid, TransferFunction::from_rows(&rows).unwrap());
         let on_device = GpuScene::new(&gpu, scene);
         // A sampler's filter may round even between equal samples.
-        for options in specs(&gpu).iter().map(|spec| format!("{spec},filter=exact")) {
+        for options in specs(&gpu).iter().map(|spec| with_option(spec, "filter", "exact")) {
             let a = f64::from(draw_on(&on_device, &view, &options).pixel(1, 1)[3]);
             let want = -(-0.5_f64).exp_m1();
             assert!((a - want).abs() < 2e-6, "{} {value} {options}: {a} is not {want}", samples.type_name());
@@ -601,7 +606,7 @@ fn orders(
     let truth = truth(scene, view);
     let [width, _] = view.extent();
     let error = |step: f64| -> Vec<f64> {
-        let t = technique(&format!("{spec},filter=exact,step={step}"));
+        let t = technique(&with_option(&format!("{spec},step={step}"), "filter", "exact"));
         let image = Renderer::new(gpu_scene, t).render(view).unwrap();
         let difference = |(p, t): (&[f32; 4], &[f64; 4])| {
             (0..4).map(|c| (f64::from(p[c]) - t[c]).abs()).fold(0.0, f64::max)
@@ -1204,7 +1209,8 @@ fn equal_scalars_are_right_at_any_length() {
             let view =
                 View::new(Camera { eye, target: DVec3::ZERO, up: DVec3::Y, projection }, 3, 3).unwrap();
             for spec in specs(&gpu) {
-                let image = draw_on(&scene, &view, &format!("{spec},step=0.25,empty-space=march"));
+                let options = with_option(&format!("{spec},step=0.25"), "empty-space", "march");
+                let image = draw_on(&scene, &view, &options);
                 // Two units of length.
                 let want = if tau == 0.5 / unit { -(-1.0_f64).exp_m1() } else { alpha };
                 for p in [image.pixel(1, 1), image.pixel(0, 2)] {

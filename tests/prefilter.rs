@@ -14,7 +14,8 @@ use volraster::technique::{GpuScene, Renderer};
 
 /// The techniques that have the option, by each of their routes.
 fn prefiltered(gpu: &volraster::Gpu) -> Vec<String> {
-    specs(gpu).into_iter().filter(|spec| !spec.contains("full")).collect()
+    let has_it = |spec: &String| has_option(spec, "prefilter") && !spec.contains("full");
+    specs(gpu).into_iter().filter(has_it).collect()
 }
 
 /// A small image, inside the cube's front face for an angle of 18 degrees.

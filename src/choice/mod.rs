@@ -127,9 +127,9 @@ impl Choice {
 /// may meet, but for what a single setting cannot do.
 pub fn choose(scene: &Arc<GpuScene>, view: &View, goal: Goal, profile: &Profile) -> Result<Choice> {
     goal.check()?;
-    let candidates = table::candidates(&scene.scene().data);
+    let candidates = table::candidates(scene.scene());
     if candidates.is_empty() {
-        let why = format!("nothing draws data of this kind: {}", scene.scene().data.kind());
+        let why = format!("nothing draws data of this kind with its kernels: {}", scene.scene().data.kind());
         return Err(Error::invalid("technique", why));
     }
     let probes = Probes::new(scene.scene(), view)?;
@@ -169,7 +169,7 @@ pub fn try_all(scene: &Arc<GpuScene>, view: &View, goal: Goal) -> Result<Vec<(St
         let outcome = tried(scene, view, &probes, &candidate, goal.stop())?;
         Ok((candidate.spec, outcome))
     };
-    table::candidates(&scene.scene().data).into_iter().map(tried).collect()
+    table::candidates(scene.scene()).into_iter().map(tried).collect()
 }
 
 /// The nearest that there is to a goal that is missed.

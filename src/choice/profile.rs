@@ -13,7 +13,9 @@ use super::{drawn, probes::Probes};
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, user_cache_folder};
 use crate::scene::file::PRESETS;
-use crate::scene::{Camera, Data, Field, Projection, Scene, TransferFunction, View};
+use crate::scene::{
+    Camera, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, TransferFunction, View,
+};
 use crate::technique::GpuScene;
 
 /// Where a profile comes from.
@@ -61,7 +63,7 @@ const MOST_BYTES: u64 = 1 << 20;
 /// Measured with `volraster calibrate` on lavapipe 25.0, 2 cores.
 const BUILT_IN: &str = include_str!("built-in.json");
 
-/// Scenes that settings are measured on: field, cubes or samples along a side, their type, a transfer function, pixels
+/// Scenes that settings are measured on: field, what it is given on, a transfer function, pixels
 /// along a side of the image. Large enough for what a frame costs whatever it shows to be small.
 const SCENES: &[(&str, Sides, &str, u32)] = &[
     ("marschner-lobb", Sides::Samples(48, "f32"), "shells", 128),
@@ -69,12 +71,20 @@ const SCENES: &[(&str, Sides, &str, u32)] = &[
     ("marschner-lobb", Sides::Samples(64, "u8"), "fog", 128),
     ("blobs", Sides::Cubes(24), "fog", 256),
     ("marschner-lobb", Sides::Cubes(12), "shells", 192),
+    ("blobs", Sides::Points(4000, 0.09), "fog", 128),
+    ("blobs", Sides::Kernels(24, Kernel::Gaussian, Model::Density), "fog", 96),
+    ("blobs", Sides::Kernels(24, Kernel::Gaussian, Model::Interpolate), "fog", 96),
+    ("blobs", Sides::Kernels(16, Kernel::BSpline, Model::Interpolate), "fog", 96),
 ];
 
 #[derive(Clone, Copy, Debug)]
 enum Sides {
     Samples(u32, &'static str),
     Cubes(u32),
+    /// Their number and radius.
+    Points(u32, f64),
+    /// Samples that are kernels.
+    Kernels(u32, Kernel, Model),
 }
 
 impl Profile {
@@ -111,7 +121,7 @@ impl Profile {
     pub fn measure(gpu: &Gpu, progress: &mut dyn FnMut(usize, usize)) -> Result<Self> {
         let mut sums: BTreeMap<String, [f64; 3]> = BTreeMap::new();
         let scenes = SCENES.iter().map(scene_of).collect::<Result<Vec<_>>>()?;
-        let all: usize = scenes.iter().map(|(scene, _)| table::candidates(&scene.data).len()).sum();
+        let all: usize = scenes.iter().map(|(scene, _)| table::candidates(scene).len()).sum();
         let mut done = 0;
         for (scene, side) in scenes {
             let projection = Projection::Perspective { fov_y_deg: 42.0 };
@@ -119,7 +129,7 @@ impl Profile {
                 Camera { eye: DVec3::new(2.0, 1.5, 3.8), target: DVec3::ZERO, up: DVec3::Y, projection };
             let view = View::new(camera, side, side)?;
             let probes = Probes::new(&scene, &view)?;
-            let candidates = table::candidates(&scene.data);
+            let candidates = table::candidates(&scene);
             let on_gpu = GpuScene::new(gpu, scene);
             for candidate in candidates {
                 if let Some((rmse, ms)) = cost_of(&on_gpu, &view, &probes, &candidate)? {
@@ -232,13 +242,21 @@ fn scene_of(&(field, sides, look, side): &(&str, Sides, &str, u32)) -> Result<(S
     let (data, range) = match sides {
         Sides::Samples(side, "u8") => (Data::from(field.sample([side; 3], "u8")?), [0.0, 255.0]),
         Sides::Samples(side, kind) => (Data::from(field.sample([side; 3], kind)?), [0.0, 1.0]),
+        Sides::Kernels(side, ..) => (Data::from(field.sample([side; 3], "f32")?), [0.0, 1.0]),
         Sides::Cubes(cubes) => (Data::from(field.tets(cubes)?), [0.0, 1.0]),
+        Sides::Points(count, radius) => {
+            (Data::from(field.points(count)?.with_size(KernelSize::Radius(radius))?), [0.0, 1.0])
+        }
     };
     let Some(preset) = PRESETS.iter().find(|known| known.name == look) else {
         return Err(Error::invalid("transfer function", format!("\"{look}\": is no preset")));
     };
     let transfer: TransferFunction = preset.transfer(range, 1.0)?;
-    Ok((Scene::new(data, transfer), side))
+    let mut scene = Scene::new(data, transfer);
+    if let Sides::Kernels(_, kernel, model) = sides {
+        scene = scene.with_kernels(Kernels { kernel, model, ..Kernels::of_samples() })?;
+    }
+    Ok((scene, side))
 }
 
 #[cfg(test)]

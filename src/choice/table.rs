@@ -1,7 +1,7 @@
 //! What is chosen from: techniques with their knobs, from coarse to fine.
 
 use crate::error::Result;
-use crate::scene::Data;
+use crate::scene::{Data, Kernel, Kernels, Model, Scene};
 use crate::technique::Technique;
 
 /// Settings of one technique that differ in one knob: errors fall and times rise along it.
@@ -12,6 +12,40 @@ struct Family {
     values: &'static [&'static str],
     /// Whether it may end a line where little more is to come.
     stops: bool,
+    of: Of,
+}
+
+/// What a family draws, as the reference does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Of {
+    /// Grids without kernels.
+    Grids,
+    /// Meshes without kernels.
+    Meshes,
+    /// Gaussians that add up.
+    Densities,
+    /// Gaussians.
+    Gaussians,
+    /// Other kernels: not of meshes.
+    Others,
+}
+
+impl Of {
+    fn is(self, scene: &Scene) -> bool {
+        let kernels = match (&scene.data, scene.kernels) {
+            (Data::Grid(_), None) => return self == Self::Grids,
+            (Data::Mesh(_), None) => return self == Self::Meshes,
+            (Data::Points(_), None) => Kernels::of_points(),
+            (_, Some(kernels)) => kernels,
+        };
+        let gaussian = kernels.kernel == Kernel::Gaussian;
+        match self {
+            Self::Grids | Self::Meshes => false,
+            Self::Densities => gaussian && kernels.model == Model::Density,
+            Self::Gaussians => gaussian,
+            Self::Others => !gaussian && scene.mesh().is_none(),
+        }
+    }
 }
 
 /// A setting that may be chosen.
@@ -29,22 +63,29 @@ const STEPS: &[&str] = &["8", "4", "2", "1", "0.5", "0.25", "0.125", "0.0625"];
 const FINE: &[&str] = &["1", "0.5", "0.25", "0.125", "0.0625"];
 const ONE: &[&str] = &[""];
 
-const GRIDS: &[Family] = &[
-    Family { spec: "slices-3d:step=", values: STEPS, stops: true },
-    Family { spec: "raycast:step=", values: STEPS, stops: true },
-    Family { spec: "slabs:step=", values: STEPS, stops: true },
-    Family { spec: "slabs:integrator=exact,step=", values: STEPS, stops: true },
-    Family { spec: "slabs:integrator=exact,filter=exact,step=", values: FINE, stops: true },
-    Family { spec: "slices-2d", values: ONE, stops: true },
-];
+/// Thicknesses of slabs of splats.
+const SLABS: &[&str] = &["8", "4", "2", "1", "0.5", "0.25", "0.125"];
 
-const MESHES: &[Family] = &[
-    Family { spec: "havs", values: ONE, stops: true },
-    Family { spec: "havs:integrator=integral", values: ONE, stops: true },
-    Family { spec: "projected-tets:route=raster,shade=vertex", values: ONE, stops: false },
-    Family { spec: "projected-tets:route=raster", values: ONE, stops: false },
-    Family { spec: "projected-tets:rank=centroid", values: ONE, stops: true },
-    Family { spec: "abuffer", values: ONE, stops: true },
+#[rustfmt::skip]
+const FAMILIES: &[Family] = &[
+    Family { spec: "slices-3d:step=", values: STEPS, stops: true, of: Of::Grids },
+    Family { spec: "raycast:step=", values: STEPS, stops: true, of: Of::Grids },
+    Family { spec: "slabs:step=", values: STEPS, stops: true, of: Of::Grids },
+    Family { spec: "slabs:integrator=exact,step=", values: STEPS, stops: true, of: Of::Grids },
+    Family { spec: "slabs:integrator=exact,filter=exact,step=", values: FINE, stops: true, of: Of::Grids },
+    Family { spec: "slices-2d", values: ONE, stops: true, of: Of::Grids },
+    Family { spec: "havs", values: ONE, stops: true, of: Of::Meshes },
+    Family { spec: "havs:integrator=integral", values: ONE, stops: true, of: Of::Meshes },
+    Family { spec: "projected-tets:route=raster,shade=vertex", values: ONE, stops: false, of: Of::Meshes },
+    Family { spec: "projected-tets:route=raster", values: ONE, stops: false, of: Of::Meshes },
+    Family { spec: "projected-tets:rank=centroid", values: ONE, stops: true, of: Of::Meshes },
+    Family { spec: "abuffer", values: ONE, stops: true, of: Of::Meshes },
+    Family { spec: "splat-ewa:order=center,footprint=ewa", values: ONE, stops: true, of: Of::Densities },
+    Family { spec: "splat-ewa:order=center,footprint=exact", values: ONE, stops: true, of: Of::Densities },
+    Family { spec: "splat-ewa:order=window,footprint=exact", values: ONE, stops: true, of: Of::Densities },
+    Family { spec: "splat-ewa:order=slabs,step=", values: SLABS, stops: true, of: Of::Gaussians },
+    Family { spec: "splat-sheets:sheets=image,step=", values: SLABS, stops: true, of: Of::Others },
+    Family { spec: "splat-sheets:sheets=axis,step=", values: &["1"], stops: true, of: Of::Others },
 ];
 
 impl Candidate {
@@ -58,36 +99,63 @@ impl Candidate {
     }
 }
 
-/// What draws a kind of data.
-pub(crate) fn candidates(data: &Data) -> Vec<Candidate> {
-    match data {
-        Data::Grid(_) => all(GRIDS),
-        Data::Mesh(_) => all(MESHES),
-        Data::Points(_) => Vec::new(),
-    }
+/// What draws a scene.
+pub(crate) fn candidates(scene: &Scene) -> Vec<Candidate> {
+    all().filter(|candidate| FAMILIES[candidate.family].of.is(scene)).collect()
 }
 
-/// Candidates for every kind of data.
+/// Candidates for every kind of scene.
 pub(crate) fn every() -> Vec<Candidate> {
-    [GRIDS, MESHES].into_iter().flat_map(all).collect()
+    all().collect()
 }
 
-fn all(families: &[Family]) -> Vec<Candidate> {
-    let of = |(family, &Family { spec, values, stops }): (usize, &Family)| {
+fn all() -> impl Iterator<Item = Candidate> {
+    FAMILIES.iter().enumerate().flat_map(|(family, &Family { spec, values, stops, .. })| {
         let one = move |(place, value): (usize, &&str)| Candidate {
             spec: format!("{spec}{value}"),
             family,
             place,
             stops,
         };
-        values.iter().enumerate().map(one).collect::<Vec<_>>()
-    };
-    families.iter().enumerate().flat_map(of).collect()
+        values.iter().enumerate().map(one)
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::{Field, TransferFunction};
+
+    /// What is chosen from draws the scene, as the reference does; and there is something to choose from.
+    #[test]
+    fn candidates_draw_the_scene() {
+        let transfer = || TransferFunction::from_rows(&[[0.0, 1.0, 1.0, 1.0, 1.0]]).unwrap();
+        let grid = || Scene::new(Field::Ramp.sample([2; 3], "f32").unwrap(), transfer());
+        let mesh = || Scene::new(Field::Ramp.tets(1).unwrap(), transfer());
+        let points = || Scene::new(Field::Ramp.points(3).unwrap(), transfer());
+        let with = |scene: Scene, kernel, model| {
+            scene.with_kernels(Kernels { kernel, model, ..Kernels::of_points() }).unwrap()
+        };
+        for (scene, least) in [
+            (grid(), 30),
+            (mesh(), 6),
+            (points(), 9),
+            (with(points(), Kernel::Gaussian, Model::Interpolate), 6),
+            (with(points(), Kernel::BSpline, Model::Density), 7),
+            (with(grid(), Kernel::Gaussian, Model::Density), 9),
+            (with(grid(), Kernel::Sinc, Model::Interpolate), 7),
+            (with(mesh(), Kernel::Gaussian, Model::Interpolate), 6),
+        ] {
+            let candidates = candidates(&scene);
+            assert!(candidates.len() >= least, "{:?}: {}", scene.kernels, candidates.len());
+            for candidate in candidates {
+                let method = Technique::parse(&candidate.spec).unwrap().method();
+                assert!(method.fits(&scene), "{candidate:?} for {:?}", scene.kernels);
+            }
+        }
+        // Kernels that nothing draws.
+        assert_eq!(candidates(&with(mesh(), Kernel::BSpline, Model::Interpolate)), []);
+    }
 
     #[test]
     fn every_candidate_is_a_technique_of_its_own() {

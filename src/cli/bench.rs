@@ -183,7 +183,7 @@ impl Args {
             let scenes = if self.suite.is_dir() { scene_files(&self.suite)? } else { Vec::new() };
             if scenes.is_empty() {
                 let input = Input::load(&self.suite, self.size, &self.arrays, quiet)?;
-                input::drawn(&input.scene.data)?;
+                input::drawn(&input.scene)?;
                 vec![Workload::File(Box::new(input))]
             } else {
                 found(scenes, &self.suite, suite::STANDARD)
@@ -242,7 +242,7 @@ impl Args {
                 let is_scene = SceneFile::is_at(&path, &ReadOptions::default());
                 let size = self.size.or_else(|| (!is_scene).then_some(suite::SIZE));
                 let input = Input::load_within(&path, size, &ReadOptions::within(MOST_BYTES))?;
-                input::drawn(&input.scene.data).map_err(|error| error.in_file(&path))?;
+                input::drawn(&input.scene).map_err(|error| error.in_file(&path))?;
                 Ok(of_file(name, input, sweeps))
             }
             Workload::Standard(suite, scene) => {
@@ -304,7 +304,7 @@ impl Args {
             return Ok(Going::Stopped);
         };
         let mut settings = suite::settings(sweeps)?;
-        settings.retain(|setting| setting.technique.method().draws(&scene.scene().data));
+        settings.retain(|setting| setting.is_for(scene.scene()));
         let mut cases: Vec<Case> = settings.into_iter().map(Case::new).collect();
         let mut weighed = Vec::new();
         for case in &mut cases {

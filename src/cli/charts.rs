@@ -125,7 +125,7 @@ fn passes(view: &[&Record]) -> Option<Picture> {
 /// What grows while the rest stays.
 type Size = (&'static str, fn(&Record) -> f64);
 
-/// Time over voxels, tetrahedra and pixels: a name, a title and a picture of each, where there are two sizes.
+/// Time over voxels, tetrahedra, points and pixels: a name, a title and a picture of each, where there are two sizes.
 fn growths(records: &[Record]) -> Vec<(String, String, Option<Picture>)> {
     let elements: fn(&Record) -> f64 = |record| record.elements as f64;
     let pixels: fn(&Record) -> f64 = |record| f64::from(record.size[0]) * f64::from(record.size[1]);
@@ -133,7 +133,7 @@ fn growths(records: &[Record]) -> Vec<(String, String, Option<Picture>)> {
     for view in views(records) {
         let first = view[0];
         let [width, height] = first.size;
-        let axis = if first.data == "mesh" { "tetrahedra" } else { "voxels" };
+        let axis = first.elements_name();
         let family = first.family.as_ref().map(|family| {
             let title = format!("{family}, {}, {width} x {height}", first.projection);
             (format!("{axis}-{family}-{}", first.projection), title, (axis, elements))

@@ -103,7 +103,7 @@ impl Args {
         settings.technique()?;
         for wanted in lists.iter().flatten() {
             match *wanted {
-                Wanted::All => input::drawn(&scene.data)?,
+                Wanted::All => input::drawn(&scene)?,
                 Wanted::One(request) => drop(settings.choose(Some(request), &scene)?),
             }
         }
@@ -215,13 +215,17 @@ fn read(path: &Path) -> Result<Vec<u8>> {
 
 /// Draws what is wanted.
 fn draw(gpu: &Gpu, scene: &Scene, settings: &Settings, list: &[Wanted]) -> Result<Drawn> {
-    let data = &scene.data;
     let mut entries: Vec<Entry> = Vec::new();
     let mut refused = Vec::new();
     let mut skipped = None;
     for wanted in list {
         let Wanted::One(request) = *wanted else {
-            for (method, route) in by_route().filter(|(method, _)| method.draws(data)) {
+            for (method, route) in by_route().filter(|(method, _)| method.fits(scene)) {
+                if let (Some(why), None) = (input::too_many_splats(method, &scene.data), &scene.kernels) {
+                    output::print(&format!("skipped: {}/{route}: {why}", method.name()))?;
+                    refused.push([method.name().to_string(), route.to_string(), why]);
+                    continue;
+                }
                 let drawn = with_route(settings, method, route).and_then(|technique| {
                     Entry::draw(gpu, scene, &settings.view, technique, stem(&entries, technique))
                 });

@@ -2,7 +2,9 @@
 
 use volraster::choice::{self, Goal, Profile, TrialOutcome};
 use volraster::glam::DVec3;
-use volraster::scene::{Camera, Data, Field, Projection, Scene, TransferFunction, View};
+use volraster::scene::{
+    Camera, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, TransferFunction, View,
+};
 use volraster::{Error, Gpu, GpuScene, Result};
 
 use super::input::Size;
@@ -18,13 +20,27 @@ struct Draw {
 }
 
 impl Draw {
-    /// One in four is a mesh.
+    /// Two in eight are meshes, one is of points, one of a grid whose samples are kernels.
     fn new(random: &mut Random, size: Size) -> Result<Self> {
         let fields = [Field::MarschnerLobb, Field::Blobs, Field::Ramp, Field::Sphere];
         let field = random.of(&fields);
-        let (data, unit, what) = if random.whole(0, 3) == 0 {
+        let kind = random.whole(0, 7);
+        let mut kernels = None;
+        let (data, unit, what) = if kind < 2 {
             let cubes = random.whole(4, 20);
             (Data::from(field.tets(cubes)?), 1.0, format!("{field:?} on {cubes} cubes"))
+        } else if kind == 2 {
+            let count = random.whole(10, 3000);
+            let radius = random.scale(0.05, 0.3);
+            let points = field.points(count)?.with_size(KernelSize::Radius(radius))?;
+            (Data::from(points), 1.0, format!("{field:?} at {count} points of {radius:.3}"))
+        } else if kind == 3 {
+            let side = random.whole(4, 24);
+            let kernel = random.of(&[Kernel::Gaussian, Kernel::Gaussian, Kernel::BSpline, Kernel::Tent]);
+            let model = random.of(&[Model::Density, Model::Interpolate]);
+            kernels = Some(Kernels { kernel, model, ..Kernels::of_samples() });
+            let what = format!("{field:?} {side} {} {}", kernel.name(), model.name());
+            (Data::from(field.sample([side; 3], "f32")?), 1.0, what)
         } else {
             let side = random.whole(16, 80);
             let kind = random.of(&["f32", "u8", "u16"]);
@@ -50,9 +66,13 @@ impl Draw {
         let distance = random.scale(0.5, 6.0);
         let eye = target + towards.try_normalize().unwrap_or(DVec3::Z) * distance;
         let camera = Camera { eye, target, up, projection };
+        let mut scene = Scene::new(data, transfer(random, unit)?);
+        if let Some(kernels) = kernels {
+            scene = scene.with_kernels(kernels)?;
+        }
         Ok(Self {
             what: format!("{what} from {distance:.2}"),
-            scene: Scene::new(data, transfer(random, unit)?),
+            scene,
             view: View::new(camera, size.width, size.height)?,
             max_error: random.scale(3e-4, 3e-2),
         })
@@ -173,15 +193,17 @@ mod tests {
     fn draws_are_many_and_the_same_again() {
         let size = Size { width: 8, height: 8 };
         let one = |i: u64| Draw::new(&mut Random(i), size).unwrap();
-        let (mut meshes, mut parallel) = (0, 0);
+        let (mut meshes, mut parallel, mut splats) = (0, 0, 0);
         for i in 0..60 {
             let draw = one(i);
             meshes += u32::from(matches!(draw.scene.data, Data::Mesh(_)));
+            splats += u32::from(matches!(draw.scene.data, Data::Points(_)) || draw.scene.kernels.is_some());
             parallel += u32::from(!draw.view.is_perspective());
             let again = one(i);
             assert_eq!((&draw.what, draw.max_error, draw.view), (&again.what, again.max_error, again.view));
             assert_eq!(draw.scene.transfer, again.scene.transfer);
         }
         assert!((5..30).contains(&meshes) && (5..30).contains(&parallel), "{meshes} {parallel}");
+        assert!((5..30).contains(&splats), "{splats}");
     }
 }

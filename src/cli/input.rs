@@ -235,9 +235,8 @@ impl Settings {
     ///
     /// # Errors
     ///
-    /// As [`Settings::technique`] and [`drawn`]; [`Error::Invalid`] if it does not draw data of this kind.
+    /// As [`Settings::technique`] and [`drawn`]; [`Error::Invalid`] if it does not draw the scene's data or kernels.
     pub(crate) fn choose(&self, request: Option<Request>, scene: &Scene) -> Result<Technique> {
-        let data = &scene.data;
         let own = || self.technique().transpose();
         let technique = match request {
             None => own().unwrap_or_else(|| default_technique(scene))?,
@@ -248,14 +247,24 @@ impl Settings {
             }
         };
         let method = technique.method();
-        if method.draws(data) {
+        if method.draws_scene(scene) {
             return Ok(technique);
         }
-        drawn(data)?;
-        let others: Vec<&str> = Method::ALL.into_iter().filter(|m| m.draws(data)).map(Method::name).collect();
-        let why = format!("\"{}\": draws no {}; {} would", method.name(), data.kind(), others.join(", "));
+        drawn(scene)?;
+        let others: Vec<&str> =
+            Method::ALL.into_iter().filter(|m| m.draws_scene(scene)).map(Method::name).collect();
+        let why =
+            format!("\"{}\": draws no {}; {} would", method.name(), described(scene), others.join(", "));
         Err(Error::Invalid { what: "technique".to_string(), why })
     }
+}
+
+/// The kind of data, and of its kernels where it has some of its own.
+fn described(scene: &Scene) -> String {
+    let kind = scene.data.kind();
+    scene
+        .kernels
+        .map_or_else(|| kind.to_string(), |kernels| format!("{kind} of {} kernels", kernels.kernel.name()))
 }
 
 /// The technique that draws a scene where none is asked for.
@@ -264,28 +273,36 @@ impl Settings {
 ///
 /// As [`drawn`].
 fn default_technique(scene: &Scene) -> Result<Technique> {
-    drawn(&scene.data)?;
-    let name = match &scene.data {
-        Data::Points(_) => "splat-ewa",
-        // The others know no kernels.
-        _ if scene.kernels.is_some() => "splat-ewa",
-        Data::Mesh(_) => "havs",
-        _ => return Ok(Technique::default()),
-    };
-    Technique::new(Method::from_name(name)?, &[])
+    drawn(scene)?;
+    Method::default_for(scene).map_or_else(|| Ok(Technique::default()), |method| Technique::new(method, &[]))
 }
 
-/// Nothing, if a technique draws a kind of data.
+/// Nothing, if a technique draws a scene.
 ///
 /// # Errors
 ///
 /// [`Error::Invalid`] if none does.
-pub(crate) fn drawn(data: &Data) -> Result<()> {
-    if Method::ALL.into_iter().any(|method| method.draws(data)) {
+pub(crate) fn drawn(scene: &Scene) -> Result<()> {
+    if Method::default_for(scene).is_some() {
         return Ok(());
     }
-    let why = format!("no technique draws data of this kind: {}; `reference` does", data.kind());
+    let why = format!("no technique draws data of this kind: {}; `reference` does", described(scene));
     Err(Error::Invalid { what: "technique".to_string(), why })
+}
+
+/// Most samples that are splatted unasked where other techniques draw the same field in a hundredth of the time.
+const MOST_SPLATS: u64 = 1 << 18;
+
+/// Why a technique is not tried unasked on data without kernels of its own: it would take too long.
+pub(crate) fn too_many_splats(method: Method, data: &Data) -> Option<String> {
+    let count = match data {
+        Data::Grid(grid) if method == Method::SplatSheets => {
+            grid.dims().into_iter().map(u64::from).product::<u64>()
+        }
+        _ => 0,
+    };
+    let why = || format!("{count} samples without kernels: it is tried unasked up to {MOST_SPLATS}");
+    (count > MOST_SPLATS).then(why)
 }
 
 /// One word of a list of techniques.
@@ -473,25 +490,25 @@ mod tests {
         assert_eq!(default_technique(&grid.scene).unwrap(), Technique::default());
         let why = choose(&mesh, Some("slabs")).unwrap_err().to_string();
         assert!(why.contains("mesh"), "{why}");
-        let points = read("points", r#"{"points": {"field": "ramp", "count": 10}}"#);
         assert!(choose(&mesh, None).unwrap().method().draws(&mesh.scene.data));
-        // What knows no kernels is not chosen for them.
-        let kernels = read("kernels", r#"{"mesh": {"field": "ramp", "cubes": 1}, "kernels": {}}"#);
-        match choose(&kernels, None) {
-            Ok(technique) => assert_eq!(technique.method().name(), "splat-ewa"),
-            Err(error) => assert!(error.to_string().contains("splat-ewa"), "{error}"),
+        let points = read("points", r#"{"points": {"field": "ramp", "count": 10}}"#);
+        assert_eq!(choose(&points, None).unwrap().method().name(), "splat-ewa");
+        // What knows no kernels is not chosen for them, and refused.
+        let kernels = |data: &str, kernel: &str| {
+            read(kernel, &format!(r#"{{{data}, "kernels": {{"kernel": "{kernel}"}}}}"#))
+        };
+        let (of_mesh, of_grid) =
+            (r#""mesh": {"field": "ramp", "cubes": 1}"#, r#""volume": {"field": "ramp", "dims": [2,2,2]}"#);
+        let gaussian = kernels(of_mesh, "gaussian");
+        assert_eq!(choose(&gaussian, None).unwrap().method().name(), "splat-ewa");
+        let bspline = kernels(of_grid, "bspline");
+        assert_eq!(choose(&bspline, None).unwrap().method().name(), "splat-sheets");
+        for name in ["slices-3d", "raycast", "splat-ewa"] {
+            let why = choose(&bspline, Some(name)).unwrap_err().to_string();
+            assert!(why.contains("no grid of bspline kernels; splat-sheets would"), "{why}");
         }
-        // The default draws, or it is said that nothing does.
-        match choose(&points, None) {
-            Ok(technique) => assert!(technique.method().draws(&points.scene.data)),
-            Err(error) => {
-                assert!(drawn(&points.scene.data).is_err());
-                assert!(
-                    error.to_string().contains("no technique draws data of this kind: points"),
-                    "{error}"
-                );
-            }
-        }
+        let why = choose(&kernels(of_mesh, "bspline"), None).unwrap_err().to_string();
+        assert!(why.contains("no technique draws data of this kind: mesh of bspline kernels"), "{why}");
     }
 
     #[test]

@@ -24,7 +24,7 @@ pub(crate) struct Record {
     pub(crate) family: Option<String>,
     pub(crate) projection: String,
     pub(crate) size: [u32; 2],
-    /// `grid` or `mesh`, and the number of its voxels or tetrahedra.
+    /// `grid`, `mesh` or `points`, and the number of voxels, tetrahedra or points.
     pub(crate) data: String,
     pub(crate) elements: u64,
     pub(crate) sweep: String,
@@ -142,6 +142,15 @@ impl Record {
         told.join(",")
     }
 
+    /// What its elements are.
+    pub(crate) fn elements_name(&self) -> &'static str {
+        match self.data.as_str() {
+            "mesh" => "tetrahedra",
+            "points" => "points",
+            _ => "voxels",
+        }
+    }
+
     /// What was seen: scene, projection and size.
     pub(crate) fn view(&self) -> (&str, &str, [u32; 2]) {
         (&self.scene, &self.projection, self.size)
@@ -173,7 +182,12 @@ pub(crate) mod tests {
             scene: "s".to_string(),
             projection: "perspective".to_string(),
             size: [64, 48],
-            data: if wanted.method() == Method::Havs { "mesh" } else { "grid" }.to_string(),
+            data: match wanted.method() {
+                Method::Havs => "mesh",
+                Method::SplatEwa => "points",
+                _ => "grid",
+            }
+            .to_string(),
             elements: 1000,
             technique: technique.to_string(),
             route: route.to_string(),

@@ -28,7 +28,7 @@ impl RequiredK {
     ///
     /// As [`Renderer::frames`] and [`Frames::draw`](volraster::technique::Frames::draw).
     pub(crate) fn measure(scene: &Arc<GpuScene>, view: &View) -> Result<Option<Self>> {
-        if !Method::Havs.draws(&scene.scene().data) {
+        if !Method::Havs.draws_scene(scene.scene()) {
             return Ok(None);
         }
         let [width, height] = view.extent();

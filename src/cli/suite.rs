@@ -3,12 +3,14 @@
 
 use volraster::glam::DVec3;
 use volraster::scene::file::PRESETS;
-use volraster::scene::{Camera, Data, Field, Projection, Scene, TransferFunction, View};
+use volraster::scene::{
+    Camera, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, TransferFunction, View,
+};
 use volraster::technique::Method;
 use volraster::{Error, Result, Technique};
 
 use super::input::{self, Size};
-use Shape::{Cubes, Samples};
+use Shape::{Cubes, Gaussians, Points, Samples};
 
 /// Image size of the standard scenes and of data found in a folder.
 pub(crate) const SIZE: Size = Size { width: 512, height: 512 };
@@ -62,9 +64,17 @@ pub(crate) struct StandardScene {
 enum Shape {
     /// A grid: samples along each side, their type, and the transfer function's \[0, 1\] in their own units.
     Samples(u32, &'static str, [f64; 2]),
+    /// A grid: samples along each side, whose Gaussians add up.
+    Gaussians(u32),
     /// A mesh: cubes along each side, of five tetrahedra each.
     Cubes(u32),
+    /// Points at random places: their number, and their radius.
+    Points(u32, f64),
 }
+
+/// The kernels of [`Gaussians`].
+const GAUSSIANS: Kernels =
+    Kernels { kernel: Kernel::Gaussian, sigma: 0.7, cut: 2.5, model: Model::Density, least: Kernels::LEAST };
 
 /// A transfer function over \[0, 1\].
 #[derive(Clone, Copy, Debug)]
@@ -104,6 +114,10 @@ const VIEWS: [Viewpoint; 4] = [
 const UNIT: [f64; 2] = [0.0, 1.0];
 const BYTE: [f64; 2] = [0.0, 255.0];
 const SIDES: &[u32] = &[256, 1024];
+/// Three pixels of [`SIZE`] from the standard eye, in the middle of the data: a standard deviation is one.
+const RADIUS: f64 = 0.0205;
+/// The same of [`SMALL`].
+const RADIUS_SMALL: f64 = 0.0546;
 
 /// The standard scenes.
 #[rustfmt::skip]
@@ -117,6 +131,9 @@ pub(crate) const SCENES: &[StandardScene] = &[
     StandardScene { name: "blobs-tets-12", family: "blobs-tets", field: "blobs", shape: Cubes(12), look: FOG, views: 2, sides: &[] },
     StandardScene { name: "blobs-tets-34", family: "blobs-tets", field: "blobs", shape: Cubes(34), look: FOG, views: 2, sides: SIDES },
     StandardScene { name: "blobs-tets-58", family: "blobs-tets", field: "blobs", shape: Cubes(58), look: FOG, views: 2, sides: &[] },
+    StandardScene { name: "blobs-gaussians-128", family: "blobs-gaussians", field: "blobs", shape: Gaussians(128), look: FOG, views: 2, sides: &[] },
+    StandardScene { name: "blobs-points-100k", family: "blobs-points", field: "blobs", shape: Points(100_000, RADIUS), look: FOG, views: 2, sides: SIDES },
+    StandardScene { name: "blobs-points-1m", family: "blobs-points", field: "blobs", shape: Points(1_000_000, RADIUS), look: FOG, views: 1, sides: &[] },
 ];
 
 /// Those that the suite `full` has beside them: other sizes and looks, from inside and from afar.
@@ -138,6 +155,8 @@ pub(crate) const SMOKE_SCENES: &[StandardScene] = &[
     StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, views: 1, sides: &[96] },
     StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32", UNIT), look: FOG, views: 1, sides: &[] },
     StandardScene { name: "blobs-tets-12", family: "blobs-tets", field: "blobs", shape: Cubes(12), look: FOG, views: 1, sides: &[96] },
+    StandardScene { name: "blobs-gaussians-32", family: "blobs-gaussians", field: "blobs", shape: Gaussians(32), look: FOG, views: 1, sides: &[] },
+    StandardScene { name: "blobs-points-10k", family: "blobs-points", field: "blobs", shape: Points(10_000, RADIUS_SMALL), look: FOG, views: 1, sides: &[96] },
 ];
 
 impl StandardScene {
@@ -164,20 +183,26 @@ impl StandardScene {
         // Of its kind the smallest.
         let small = match self.shape {
             Samples(_, kind, range) => Samples(2, kind, range),
+            Gaussians(_) => Gaussians(2),
             Cubes(_) => Cubes(1),
+            Points(_, radius) => Points(1, radius),
         };
-        Self { shape: small, ..*self }.data().is_ok_and(|data| input::drawn(&data).is_ok())
+        Self { shape: small, ..*self }.load().is_ok_and(|scene| input::drawn(&scene).is_ok())
     }
 
     fn data(&self) -> Result<Data> {
         let field = Field::from_name(self.field)?;
         match self.shape {
             Samples(side, kind, _) => field.sample([side; 3], kind).map(Data::from),
+            Gaussians(side) => field.sample([side; 3], "f32").map(Data::from),
             Cubes(cubes) => field.tets(cubes).map(Data::from),
+            Points(count, radius) => {
+                field.points(count)?.with_size(KernelSize::Radius(radius)).map(Data::from)
+            }
         }
     }
 
-    /// Data and transfer function.
+    /// Data, transfer function and kernels.
     ///
     /// # Errors
     ///
@@ -197,14 +222,15 @@ impl StandardScene {
                 TransferFunction::from_rows(&stretched.collect::<Vec<_>>())?
             }
         };
-        Ok(Scene::new(self.data()?, transfer))
+        let scene = Scene::new(self.data()?, transfer);
+        if matches!(self.shape, Gaussians(_)) { scene.with_kernels(GAUSSIANS) } else { Ok(scene) }
     }
 
     /// The transfer function's \[0, 1\] in the data's own units.
     fn range(&self) -> [f64; 2] {
         match self.shape {
             Samples(_, _, range) => range,
-            Cubes(_) => UNIT,
+            Gaussians(_) | Cubes(_) | Points(..) => UNIT,
         }
     }
 }
@@ -242,7 +268,11 @@ const RASTERS: &[&str] = &["raster", "interlock", "implementation-ordered"];
 const PAIRS: &[&str] = &["1", "2", "4", "7", "15"];
 const INTEGRALS: &[&str] = &["integral", "full", "exact"];
 
-use Method::{Abuffer, Havs, ProjectedTets, Raycast, Slabs, Slices2d, Slices3d};
+/// Of slabs of splats, whose frames take long.
+const SLABS: &[&str] = &["4", "2", "1", "0.5"];
+const SPLATS: &[Method] = &[SplatSheets, SplatEwa];
+
+use Method::{Abuffer, Havs, ProjectedTets, Raycast, Slabs, Slices2d, Slices3d, SplatEwa, SplatSheets};
 
 /// The whole sweep: what a front is made of, then each further option alone, at step 1.
 #[rustfmt::skip]
@@ -271,6 +301,12 @@ pub(crate) const STANDARD: &[Sweep] = &[
     Sweep { name: "order", methods: MESHES, routes: COMPUTE, options: &[("order", &["front-to-back", "back-to-front"])] },
     Sweep { name: "stop", methods: MESHES, routes: COMPUTE, options: &[("stop", &["0", "1e-2"])] },
     Sweep { name: "empty-space", methods: MESHES, routes: COMPUTE, options: &[("empty-space", &["skip", "march"])] },
+    Sweep { name: "footprint", methods: &[SplatEwa], routes: COMPUTE, options: &[("order", &["center"]), ("footprint", &["ewa", "exact"])] },
+    Sweep { name: "window", methods: &[SplatEwa], routes: COMPUTE, options: &[("order", &["window"]), ("footprint", &["ewa", "exact"])] },
+    Sweep { name: "cut", methods: &[SplatEwa], routes: COMPUTE, options: &[("order", &["center"]), ("footprint", &["ewa", "exact"]), ("cut", &["1.5", "2"])] },
+    Sweep { name: "step", methods: &[SplatEwa], routes: COMPUTE, options: &[("order", &["slabs"]), ("step", SLABS)] },
+    Sweep { name: "step", methods: &[SplatSheets], routes: COMPUTE, options: &[("sheets", &["image"]), ("step", SLABS)] },
+    Sweep { name: "sheets", methods: &[SplatSheets], routes: COMPUTE, options: &[("sheets", &["axis"]), ("step", COARSE)] },
 ];
 
 /// A little of everything: every technique by every route, and each feature off and on.
@@ -296,6 +332,11 @@ pub(crate) const SMOKE: &[Sweep] = &[
     Sweep { name: "repair", methods: &[Havs], routes: COMPUTE, options: &[("repair", &["exact", "none"])] },
     Sweep { name: "stop", methods: MESHES, routes: COMPUTE, options: &[("stop", &["0", "1e-2"])] },
     Sweep { name: "empty-space", methods: MESHES, routes: COMPUTE, options: &[("empty-space", &["skip", "march"])] },
+    Sweep { name: "footprint", methods: &[SplatEwa], routes: COMPUTE, options: &[("order", &["center"]), ("footprint", &["ewa", "exact"])] },
+    Sweep { name: "window", methods: &[SplatEwa], routes: COMPUTE, options: &[("order", &["window"])] },
+    Sweep { name: "step", methods: &[SplatEwa], routes: COMPUTE, options: &[("order", &["slabs"]), ("step", COARSE)] },
+    Sweep { name: "step", methods: &[SplatSheets], routes: COMPUTE, options: &[("sheets", &["image"]), ("step", COARSE)] },
+    Sweep { name: "sheets", methods: &[SplatSheets], routes: COMPUTE, options: &[("sheets", &["axis"])] },
 ];
 
 /// How time grows with the image: every technique by every route.
@@ -304,6 +345,7 @@ pub(crate) const SIZES: &[Sweep] = &[
     Sweep { name: "size", methods: &[Slices2d], routes: BOTH, options: &[("step", &["slices"])] },
     Sweep { name: "size", methods: &[Slices3d, Slabs, Raycast], routes: BOTH, options: &[("step", ONE)] },
     Sweep { name: "size", methods: MESHES, routes: EVERY, options: &[] },
+    Sweep { name: "size", methods: SPLATS, routes: COMPUTE, options: &[] },
 ];
 
 /// Data found in a folder: little of each, for there may be much of it.
@@ -314,6 +356,7 @@ pub(crate) const DATA: &[Sweep] = &[
     Sweep { name: "integrator", methods: &[Slabs], routes: COMPUTE, options: &[("integrator", INTEGRALS), ("step", COARSE)] },
     Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["midpoint", "exact"]), ("step", COARSE)] },
     Sweep { name: "integrator", methods: MESHES, routes: COMPUTE, options: &[("integrator", INTEGRALS)] },
+    Sweep { name: "splats", methods: SPLATS, routes: COMPUTE, options: &[] },
 ];
 
 /// A technique with the options of one combination.
@@ -324,6 +367,22 @@ pub(crate) struct Setting {
     pub(crate) technique: Technique,
     /// The route that is asked for; the plan has the last word.
     pub(crate) route: &'static str,
+}
+
+impl Setting {
+    /// Whether it draws a scene as the reference does, in a time that others do not make look foolish.
+    pub(crate) fn is_for(&self, scene: &Scene) -> bool {
+        let method = self.technique.method();
+        let (adds_up, has_kernels) = match (&scene.data, &scene.kernels) {
+            (_, Some(kernels)) => (kernels.model == Model::Density, true),
+            (Data::Points(_), None) => (true, true),
+            _ => (false, false),
+        };
+        // Splats as a whole have a colour of their own only where they add up.
+        let ordered = |(key, value): &(&str, String)| *key == "order" && value != "slabs";
+        let fits = adds_up || method != SplatEwa || !self.technique.option_pairs().iter().any(ordered);
+        method.fits(scene) && fits && (has_kernels || input::too_many_splats(method, &scene.data).is_none())
+    }
 }
 
 /// Every setting of some sweeps, each once.
@@ -420,6 +479,41 @@ mod tests {
         }
     }
 
+    /// A standard deviation of points is a pixel, as seen from the standard eye in the middle of the data.
+    #[test]
+    fn points_are_of_the_size_of_pixels() {
+        for (scene, size, radius) in
+            [(SCENES[10], SIZE, RADIUS), (SCENES[11], SIZE, RADIUS), (SMOKE_SCENES[4], SMALL, RADIUS_SMALL)]
+        {
+            let (_, view) = scene.views(size).unwrap()[0];
+            let right = view.forward().cross(DVec3::Y).normalize();
+            let across = |at: DVec3| view.project(at).unwrap().0.x;
+            let pixels = across(right * radius) - across(DVec3::ZERO);
+            assert!(matches!(scene.shape, Points(_, r) if r == radius), "{}", scene.name);
+            assert!((pixels - 3.0).abs() < 0.01, "{}: {pixels}", scene.name);
+        }
+    }
+
+    #[test]
+    fn splats_are_tried_where_they_may_win() {
+        let settings = settings(STANDARD).unwrap();
+        let of = |shape: Shape| {
+            let scene = StandardScene { shape, ..SCENES[3] }.load().unwrap();
+            let own = settings.iter().filter(|setting| setting.is_for(&scene));
+            own.map(|setting| (setting.technique.method(), input::options_text(&setting.technique)))
+                .filter(|(method, _)| SPLATS.contains(method))
+                .collect::<Vec<_>>()
+        };
+        let small = of(Samples(8, "f32", UNIT));
+        assert!(small.len() > 3 && small.iter().all(|(method, _)| *method == SplatSheets), "{small:?}");
+        assert_eq!(of(Samples(65, "f32", UNIT)), []);
+        for shape in [Gaussians(65), Points(9, 0.1)] {
+            let all = of(shape);
+            assert!(all.contains(&(SplatEwa, "order=center,footprint=ewa".into())), "{all:?}");
+            assert!(all.contains(&(SplatSheets, "sheets=axis".into())), "{all:?}");
+        }
+    }
+
     #[test]
     fn the_standard_scenes_hold() {
         for suite in SUITES {
@@ -434,16 +528,32 @@ mod tests {
             assert_eq!(scene.views(SIZE).unwrap().len(), scene.views);
             let small = match scene.shape {
                 Samples(_, kind, range) => Samples(4, kind, range),
+                Gaussians(_) => Gaussians(4),
                 Cubes(_) => Cubes(2),
+                Points(_, radius) => Points(20, radius),
             };
             let loaded = StandardScene { shape: small, ..scene }.load().unwrap();
             match (scene.shape, &loaded.data) {
                 (Samples(_, kind, _), Data::Grid(grid)) => assert_eq!(grid.samples().type_name(), kind),
                 (Cubes(_), Data::Mesh(mesh)) => assert_eq!(mesh.cells().len(), 40),
+                (Gaussians(_), Data::Grid(_)) => assert_eq!(loaded.kernels, Some(GAUSSIANS)),
+                (Points(_, radius), Data::Points(points)) => {
+                    assert_eq!(points.size(), &KernelSize::Radius(radius));
+                    assert_eq!(points.centres().len(), 20);
+                }
                 _ => panic!("{}: another kind of data", scene.name),
             }
-            let is_grid = matches!(loaded.data, Data::Grid(_));
-            assert!(scene.is_drawn() || !is_grid, "{}", scene.name);
+            assert!(scene.is_drawn(), "{}", scene.name);
+            // Something of each list is for it.
+            for sweeps in [STANDARD, SMOKE, SIZES, DATA] {
+                let settings = settings(sweeps).unwrap();
+                let own: Vec<&Setting> = settings.iter().filter(|setting| setting.is_for(&loaded)).collect();
+                assert!(own.len() >= 2, "{}", scene.name);
+                let splats =
+                    own.iter().filter(|setting| SPLATS.contains(&setting.technique.method())).count();
+                let has_kernels = matches!(scene.shape, Gaussians(_) | Points(..));
+                assert_eq!(splats == own.len(), has_kernels, "{}", scene.name);
+            }
             let [lo, hi] = loaded.transfer.domain();
             let range = scene.range();
             assert!(lo >= range[0] && hi <= range[1] && hi > lo, "{}", scene.name);

@@ -19,6 +19,9 @@ const FEATURES: [(&str, &str); 7] = [
     ("order", "front-to-back"),
 ];
 
+/// Kernels that are evaluated for a pair of a splat and a tile: one for each pixel.
+const EVALUATIONS: f64 = 64.0;
+
 /// The whole text.
 pub(crate) fn markdown(records: &[Record], charts: &[Chart], is_interrupted: bool) -> String {
     let mut text = String::from("# Benchmark\n\n");
@@ -40,8 +43,7 @@ pub(crate) fn markdown(records: &[Record], charts: &[Chart], is_interrupted: boo
     }
     for view in views(records) {
         let _ = writeln!(text, "## {}\n", plain(&view_title(view[0])));
-        let kind = if view[0].data == "mesh" { "tetrahedra" } else { "voxels" };
-        let _ = writeln!(text, "{} {kind}.\n", view[0].elements);
+        let _ = writeln!(text, "{} {}.\n", view[0].elements, view[0].elements_name());
         for chart in
             charts.iter().filter(|chart| chart.title.ends_with(&format!(": {}", view_title(view[0]))))
         {
@@ -80,6 +82,10 @@ fn cases(view: &[&Record]) -> String {
     if is_mesh {
         heading.extend(["tets/s", "fragments/s"]);
     }
+    let has_splats = view.iter().any(|record| record.counter("pairs").is_some());
+    if has_splats {
+        heading.extend(["pairs/s", "evaluations/s"]);
+    }
     let mut rows = vec![heading.into_iter().map(str::to_string).collect::<Vec<_>>()];
     for record in view.iter().filter(|record| record.skipped.is_none() && record.failed.is_none()) {
         let error = |name: &str| record.error(name).map_or_else(dash, |error| format!("{error:.2e}"));
@@ -98,6 +104,10 @@ fn cases(view: &[&Record]) -> String {
         );
         if is_mesh {
             row.extend([per_second(Some(record.elements as f64)), per_second(record.counter("fragments"))]);
+        }
+        if has_splats {
+            let pairs = record.counter("pairs");
+            row.extend([per_second(pairs), per_second(pairs.map(|pairs| pairs * EVALUATIONS))]);
         }
         rows.push(row);
     }
@@ -260,6 +270,18 @@ mod tests {
         );
         assert!(texts[0].starts_with("empty-space: march → skip slabs compute  8.05 10.1 1.25"), "{texts:?}");
         assert!(texts[2].starts_with("stop: 0 → 0.01 slabs compute  10.1 5.05 0.50"), "{texts:?}");
+    }
+
+    #[test]
+    fn splats_have_rates() {
+        let mut ewa = case("splat-ewa", "compute", "order=center", 1e-3, &[10.0]);
+        ewa.counters.insert("pairs".to_string(), serde_json::json!(50_000));
+        let text = markdown(std::slice::from_ref(&ewa), &charts(std::slice::from_ref(&ewa)), false);
+        assert!(text.contains("1000 points.") && text.contains("| pairs/s | evaluations/s |"), "{text}");
+        assert!(text.contains("| splat-ewa | compute | order=center | 1.00e-3 | 2.00e-3 | 10.0 |"), "{text}");
+        assert!(text.contains("| - | - | 5M | 320M |"), "{text}");
+        let grid = [case("slabs", "compute", "", 1e-3, &[10.0])];
+        assert!(!markdown(&grid, &charts(&grid), false).contains("pairs/s"));
     }
 
     #[test]

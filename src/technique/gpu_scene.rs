@@ -153,7 +153,7 @@ impl GpuScene {
         })
     }
 
-    /// The same data under another transfer function. What is on the device of the samples is shared; the
+    /// The same data and kernels under another transfer function. What is on the device of the samples is shared; the
     /// transfer function's tables are made when they are first needed.
     #[must_use]
     pub fn with_transfer(&self, transfer: TransferFunction) -> Arc<Self> {
@@ -166,7 +166,8 @@ impl GpuScene {
         } else {
             Arc::new(MeshData::with_shape(&self.mesh.shape))
         };
-        Self::sharing(&self.gpu, Scene::new(self.scene.data.clone(), transfer), data, mesh)
+        let scene = Scene { transfer, ..self.scene.clone() };
+        Self::sharing(&self.gpu, scene, data, mesh)
     }
 
     /// The same mesh with other scalars, and perhaps another transfer function for them. Points and their
@@ -178,7 +179,8 @@ impl GpuScene {
     pub fn with_scalars(&self, scalars: TetScalars, transfer: TransferFunction) -> Result<Arc<Self>> {
         let mesh = self.mesh()?.clone().with_scalars(scalars)?;
         let data = Arc::new(MeshData::with_shape(&self.mesh.shape));
-        Ok(Self::sharing(&self.gpu, Scene::new(mesh, transfer), Arc::default(), data))
+        let scene = Scene { data: mesh.into(), transfer, kernels: self.scene.kernels };
+        Ok(Self::sharing(&self.gpu, scene, Arc::default(), data))
     }
 
     /// What of a mesh lies on the device.

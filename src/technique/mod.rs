@@ -92,7 +92,7 @@ use crate::gpu::{
     TargetImage, Timers,
 };
 use crate::num;
-use crate::scene::{Data, View};
+use crate::scene::{Data, Kernel, Scene, View};
 
 use composite::Composite;
 pub use footprint::GridBytes;
@@ -204,7 +204,7 @@ impl Method {
         }
     }
 
-    /// Whether it draws data of this kind.
+    /// Whether it draws data of this kind; [`Method::draws_scene`] asks for kernels, too.
     #[must_use]
     pub fn draws(self, data: &Data) -> bool {
         match self {
@@ -213,6 +213,38 @@ impl Method {
             Self::SplatSheets => matches!(data, Data::Grid(_) | Data::Points(_)),
             Self::SplatEwa => true,
         }
+    }
+
+    /// Whether it draws a scene: data of this kind, and kernels where the scene has such. A scene without is drawn also
+    /// by what has kernels of its own, blurred by them.
+    #[must_use]
+    pub fn draws_scene(self, scene: &Scene) -> bool {
+        self.draws(&scene.data)
+            && match (self, &scene.kernels) {
+                (_, None) | (Self::SplatSheets, Some(_)) => true,
+                (Self::SplatEwa, Some(kernels)) => kernels.kernel == Kernel::Gaussian,
+                _ => false,
+            }
+    }
+
+    /// Whether the field that it draws of a scene is the one that the reference draws: what has kernels of its own draws
+    /// another of a scene without.
+    #[must_use]
+    pub fn fits(self, scene: &Scene) -> bool {
+        let has_kernels = scene.kernels.is_some() || scene.points().is_some();
+        self.draws_scene(scene) && (has_kernels || self != Self::SplatEwa)
+    }
+
+    /// The technique that draws a scene where none is asked for; `None` where none does.
+    #[must_use]
+    pub fn default_for(scene: &Scene) -> Option<Self> {
+        // Before what draws the scene's data without its kernels.
+        let first = match (&scene.data, &scene.kernels) {
+            (Data::Points(_), _) | (_, Some(_)) => Self::SplatEwa,
+            (Data::Mesh(_), None) => Self::Havs,
+            (Data::Grid(_), None) => Self::Slices3d,
+        };
+        std::iter::once(first).chain(Self::ALL).find(|method| method.draws_scene(scene))
     }
 
     /// The routes that a device may offer, by name.
@@ -322,6 +354,12 @@ impl Technique {
 
     /// Fixes what a frame needs.
     fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &TargetDesc) -> Result<Box<dyn Prepared>> {
+        let splats = matches!(self, Self::SplatSheets(_) | Self::SplatEwa(_));
+        if scene.scene().kernels.is_some() && !splats {
+            let linear = if scene.scene().mesh().is_some() { "linear cells" } else { "trilinear grids" };
+            let why = format!("{} draws {linear}: the scene has kernels", self.method().name());
+            return Err(Error::invalid("technique", why));
+        }
         let grid = |technique: Box<dyn grid_frame::GridTechnique>| -> Result<Box<dyn Prepared>> {
             Ok(Box::new(GridFrame::new(scene, view, target, technique)?))
         };

@@ -155,13 +155,17 @@ pub fn routes_of(gpu: &Gpu, method: Method) -> Vec<&'static str> {
     method.routes().iter().copied().filter(offered).collect()
 }
 
-/// Every technique by every route that this device offers, with every integrator that it has. An option may
-/// follow each after a comma.
+/// Every technique that draws a grid's trilinear field by every route that this device offers, with every integrator that it
+/// has. An option may follow each after a comma. `splat-ewa` is left out: Gaussians are another field.
 pub fn specs(gpu: &Gpu) -> Vec<String> {
     let mut specs = Vec::new();
-    // What draws meshes has the smoke model.
-    let for_meshes = |method: &Method| method.options().iter().any(|option| option.key == "smoke");
-    for method in Method::ALL.into_iter().filter(|method| !for_meshes(method)) {
+    let grid = scene(Field::Homogeneous(1.0), 2, "f32", &FOG);
+    for method in Method::ALL.into_iter().filter(|method| method.fits(&grid)) {
+        if method == Method::SplatSheets {
+            // One route, which is no option.
+            specs.push(format!("{}:sheets=image", method.name()));
+            continue;
+        }
         for route in routes_of(gpu, method) {
             let integrators = match method {
                 // A small 2-D table, because many tests build many.
@@ -177,6 +181,16 @@ pub fn specs(gpu: &Gpu) -> Vec<String> {
         }
     }
     specs
+}
+
+/// Whether the technique of a spec has an option.
+pub fn has_option(spec: &str, key: &str) -> bool {
+    technique(spec).method().options().iter().any(|option| option.key == key)
+}
+
+/// A spec with a value for an option that some techniques lack, which are left as they are.
+pub fn with_option(spec: &str, key: &str, value: &str) -> String {
+    if has_option(spec, key) { format!("{spec},{key}={value}") } else { spec.to_string() }
 }
 
 pub fn technique(spec: &str) -> Technique {
