@@ -207,7 +207,12 @@ fn read(path: &Path, gpu: &Gpu) -> Option<Profile> {
         && stored.version == env!("CARGO_PKG_VERSION")
         && stored.device == report.name
         && stored.driver == report.driver;
-    is_ours.then(|| Profile::new(Source::Measured, costs_of(stored)))
+    // What it lacks costs what it does elsewhere.
+    let Profile { mut costs, .. } = Profile::built_in();
+    is_ours.then(|| {
+        costs.extend(costs_of(stored));
+        Profile::new(Source::Measured, costs)
+    })
 }
 
 /// What of a file is meant: settings of the table, with numbers that can be.

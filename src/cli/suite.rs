@@ -249,6 +249,7 @@ pub(crate) struct Sweep {
 }
 
 const ALL: &[Method] = &Method::ALL;
+const GRIDS: &[Method] = &[Slices2d, Slices3d, Slabs, Raycast];
 const BOTH: &[&str] = &["raster", "compute"];
 const COMPUTE: &[&str] = &["compute"];
 const RASTER: &[&str] = &["raster"];
@@ -285,7 +286,7 @@ pub(crate) const STANDARD: &[Sweep] = &[
     Sweep { name: "integrator", methods: &[Slabs], routes: RASTER, options: &[("integrator", INTEGRALS), ("step", MIDDLE)] },
     Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["midpoint"]), ("step", STEPS)] },
     Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["exact"]), ("step", FEWER)] },
-    Sweep { name: "filter", methods: ALL, routes: BOTH, options: &[("step", ONE), ("filter", &["hardware", "exact"])] },
+    Sweep { name: "filter", methods: GRIDS, routes: BOTH, options: &[("step", ONE), ("filter", &["hardware", "exact"])] },
     Sweep { name: "target", methods: &[Slices3d], routes: RASTER, options: &[("step", ONE), ("target", &["rgba8", "rgba16", "rgba16f"]), ("order", &["front-to-back"])] },
     Sweep { name: "dither", methods: &[Slices3d], routes: RASTER, options: &[("step", ONE), ("target", &["rgba8"]), ("dither", &["none", "alpha", "blue"])] },
     Sweep { name: "empty-space", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("empty-space", &["skip", "march"])] },
@@ -320,7 +321,7 @@ pub(crate) const SMOKE: &[Sweep] = &[
     Sweep { name: "integrator", methods: &[Slabs], routes: RASTER, options: &[("integrator", &["integral"]), ("step", ONE)] },
     Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["midpoint"]), ("step", SPARSE)] },
     Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["exact"]), ("step", ONE)] },
-    Sweep { name: "filter", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("filter", &["hardware", "exact"])] },
+    Sweep { name: "filter", methods: GRIDS, routes: COMPUTE, options: &[("step", ONE), ("filter", &["hardware", "exact"])] },
     Sweep { name: "dither", methods: &[Slices3d], routes: RASTER, options: &[("step", ONE), ("target", &["rgba8"]), ("dither", &["none", "blue"])] },
     Sweep { name: "empty-space", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("empty-space", &["skip", "march"])] },
     Sweep { name: "prefilter", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("prefilter", &["none", "mip"])] },

@@ -355,6 +355,11 @@ impl Technique {
     /// Fixes what a frame needs.
     fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &TargetDesc) -> Result<Box<dyn Prepared>> {
         let splats = matches!(self, Self::SplatSheets(_) | Self::SplatEwa(_));
+        if splats && !self.method().draws(&scene.scene().data) {
+            let (name, kind) = (self.method().name(), scene.scene().data.kind());
+            let why = format!("{name} draws grids and points: the scene holds a {kind}");
+            return Err(Error::invalid("technique", why));
+        }
         if scene.scene().kernels.is_some() && !splats {
             let linear = if scene.scene().mesh().is_some() { "linear cells" } else { "trilinear grids" };
             let why = format!("{} draws {linear}: the scene has kernels", self.method().name());
