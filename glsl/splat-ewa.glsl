@@ -85,8 +85,8 @@ void main() {
         }
         EACH_ROW(BLEND)
     }
-    // What is opaque has ended.
-    bool unfinished = i < end && live > opaque;
+    // What is opaque has ended. The same for all that go on together.
+    bool unfinished = i < end && ANY(live > opaque);
     splat_state[place] = uvec2(unfinished ? i : end, 0u);
     if (unfinished && IS_LAST) atomicAdd(status[STATUS_UNFINISHED], 1u);
 #define END(r) store_pixel(origin + uvec2(0, r), sum[r]);

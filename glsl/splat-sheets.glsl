@@ -169,18 +169,34 @@ void main() {
         // Where nothing is, slabs are passed over.
         k = max(k, floor(max(span.x, push.d0_near.w) / h));
         float z0 = k * h, z1 = fma(float(SHEETS), h, z0);
-        for (uint j = i; turn < MOST && j < end && span.x < z1;) {
+        uint next = i, going_on = 0u;
+        while (turn < MOST && next < end && span.x < z1) {
             ++turn;
+            going_on += uint(span.y > z1);
             vec4 share = share_of(read, amplitude, origin_scalar);
             Splat splat = splat_of(id, read.point);
             // One that has ended before the slabs gives nothing to them.
 #define ADD(r) add_to(rows[r], splat, share, z0, h);
             EACH_ROW(ADD)
-            ++j;
-            id = bins[min(j, end - 1u)];
+            ++next;
+            id = bins[min(next, end - 1u)];
             read = read_splat(id);
             span = span_of(id, read.point);
         }
+#if ROWS == 8
+        // Large splats keep small ones in the list that have long ended: now and then those that go on are moved together, to the others that
+        // are to come. The invocations of the subgroup write the same, and nobody else has this bin.
+        if (next - i > 32u + 3u * going_on) {
+            uint to = next;
+            for (uint from = next; from > i && turn < MOST; --from) {
+                ++turn;
+                id = bins[from - 1u];
+                read = read_splat(id);
+                if (span_of(id, read.point).y > z1) bins[--to] = id;
+            }
+            i = to;
+        }
+#endif
         live = 0.0;
         for (uint s = 0u; s < SHEETS; ++s) {
             ++turn;
@@ -193,7 +209,8 @@ void main() {
     }
     // The device ended a loop before it was through.
     if (turn >= MOST) atomicAdd(status[STATUS_CUT], 1u);
-    bool unfinished = !through && live > opaque;
+    // The same for all that go on together.
+    bool unfinished = !through && ANY(live > opaque);
     splat_state[place] = uvec2(unfinished ? i : end, floatBitsToUint(k));
     if (unfinished && IS_LAST) atomicAdd(status[STATUS_UNFINISHED], 1u);
 #define END(r) store_pixel(origin + uvec2(0, r), rows[r].sum);
@@ -288,7 +305,8 @@ void main() {
         EACH_ROW(TAKE)
     }
     if (turn >= MOST) atomicAdd(status[STATUS_CUT], 1u);
-    bool unfinished = i < end && live > opaque;
+    // The same for all that go on together.
+    bool unfinished = i < end && ANY(live > opaque);
     splat_state[place] = uvec2(unfinished ? i : end, 0u);
     if (unfinished && IS_LAST) atomicAdd(status[STATUS_UNFINISHED], 1u);
 #define END(r) store_pixel(origin + uvec2(0, r), rows[r].sum);

@@ -44,7 +44,7 @@ layout(set = 0, binding = BINDING_SPLAT_POINTS, std430) readonly buffer SplatPoi
 layout(set = 0, binding = BINDING_SPLAT_SHAPES, std430) readonly buffer SplatShapes { vec4 splat_shapes[]; };   // see splat-project.glsl
 layout(set = 0, binding = BINDING_SPLAT_DOMAIN, std430) readonly buffer SplatDomain { vec4 splat_domain[]; };   // half extents of a lattice, 0 where there is none
 layout(set = 0, binding = BINDING_BIN_TABLE, std430) readonly buffer BinTable { uint bin_table[]; };
-layout(set = 0, binding = BINDING_BINS, std430) readonly buffer Bins { uint bins[]; };
+layout(set = 0, binding = BINDING_BINS, std430) buffer Bins { uint bins[]; };
 layout(set = 0, binding = BINDING_SPLAT_STATE, std430) buffer SplatState { uvec2 splat_state[]; };
 layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;

@@ -389,7 +389,7 @@ impl SplatFrame {
             (BINDING_KNOTS_UNIFORM, knots_buffer()),
             (BINDING_SPLAT_DOMAIN, Resource::Buffer(domain)),
             (BINDING_BIN_TABLE, Resource::ReadOnly(Arc::clone(&bins.table))),
-            (BINDING_BINS, Resource::ReadOnly(Arc::clone(&bins.entries))),
+            (BINDING_BINS, Resource::Buffer(Arc::clone(&bins.entries))),
             (BINDING_SPLAT_STATE, Resource::Buffer(state)),
             (BINDING_STATUS, Resource::Buffer(Arc::clone(&status))),
             (BINDING_ACCUMULATION, Resource::Storage(Arc::clone(&image))),
