@@ -426,8 +426,8 @@ fn bench_checks_each_case_and_times_it() {
     let folder = Folder::with_scene("bench");
     let run = folder.run("bench scene.json -o out --size 16x12").done();
     let cases = bench_cases(&folder);
-    // The cases and their heading; the fronts' name, heading and four techniques; a line below each.
-    assert_eq!(run.out.lines().count(), 1 + cases.len() + 1 + 6 + 1, "{}", run.out);
+    // The cases and their heading; the fronts' name, heading and five techniques; a line below each.
+    assert_eq!(run.out.lines().count(), 1 + cases.len() + 1 + 7 + 1, "{}", run.out);
     let slices: Vec<&Value> = cases.iter().filter(|case| case["technique"] == "slices-3d").collect();
     // Seven steps by compute and three by raster; the exact filter by both; three targets, no dithering and two
     // kinds of it, marching, prefiltering, never stopping and stopping.

@@ -39,7 +39,9 @@ fn a_homogeneous_cube_is_exact() {
                     } else {
                         &[""]
                     } {
-                        let options = format!("{route},{order}step={step}");
+                        // Splats end lines sooner than the others.
+                        let stop = if route.starts_with("splat") { ",stop=0" } else { "" };
+                        let options = format!("{route},{order}step={step}{stop}");
                         let renderer = Renderer::new(&scene, technique(&options));
                         let mut frames = renderer.frames(&view).unwrap();
                         frames.draw(&view).unwrap();
@@ -440,7 +442,9 @@ fn integers_fall_on_the_right_side_of_a_jump() {
         let scene = Scene::new(grid, TransferFunction::from_rows(&rows).unwrap());
         let on_device = GpuScene::new(&gpu, scene);
         // A sampler's filter may round even between equal samples.
-        for options in specs(&gpu).iter().map(|spec| with_option(spec, "filter", "exact")) {
+        // Splats divide two sums: equal scalars are within rounding only, which a jump does not forgive.
+        for spec in specs(&gpu).iter().filter(|spec| has_option(spec, "filter")) {
+            let options = format!("{spec},filter=exact");
             let a = f64::from(draw_on(&on_device, &view, &options).pixel(1, 1)[3]);
             let want = -(-0.5_f64).exp_m1();
             assert!((a - want).abs() < 2e-6, "{} {value} {options}: {a} is not {want}", samples.type_name());
@@ -866,8 +870,11 @@ fn a_changed_transfer_function_keeps_the_samples() {
         let new = old.with_transfer(TransferFunction::from_rows(&FOG).unwrap());
         let image = Renderer::new(&new, t).render(&view).unwrap();
         assert_eq!(volumes(&gpu), before, "{spec}");
-        assert_eq!(new.times().upload, 0.0, "{spec}");
-        assert!(new.times().tables > 0.0, "{spec}");
+        // Splats are those that show something: another transfer function has others.
+        if has_option(&spec, "filter") {
+            assert_eq!(new.times().upload, 0.0, "{spec}");
+            assert!(new.times().tables > 0.0, "{spec}");
+        }
         let fresh = GpuScene::new(&gpu, scene(Field::Blobs, 24, "f32", &FOG));
         assert_eq!(image, Renderer::new(&fresh, t).render(&view).unwrap(), "{spec}");
     }

@@ -1,7 +1,7 @@
 //! Kernels in float64: shapes, line integrals (footprints), and how flat their sum on a lattice is.
 //!
 //! A kernel on a lattice lives in index space, where samples are one unit apart; its reach and its peak are those of
-//! [`Kernels`](crate::scene::Kernels). Shares no code with the reference.
+//! [`crate::scene::Kernels`]. Shares no code with the reference.
 //!
 //! # How kernels treat a signal
 //!
