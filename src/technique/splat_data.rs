@@ -362,9 +362,9 @@ fn needed(
     let above = |s: f64| f32_of(s).next_up();
     let mut ranges: Vec<[f32; 2]> = scalars.par_iter().map(|&s| [below(s), above(s)]).collect();
     let mut extent = dims;
-    for axis in 0..3 {
+    for (axis, n) in dims.into_iter().enumerate() {
         // Cell j lies between voxels j and j + 1.
-        let cells = dims[axis].saturating_sub(1).max(1);
+        let cells = n.saturating_sub(1).max(1);
         ranges = windows(&ranges, &mut extent, axis, cells, [reach - 1, reach], wider);
     }
     let seen = nonzero_ranges(transfer);
@@ -375,9 +375,9 @@ fn needed(
         seen.iter().any(|range| low - margin <= range[1] && high + margin >= range[0])
     };
     let mut shown: Vec<bool> = ranges.par_iter().map(shows).collect();
-    for axis in 0..3 {
+    for (axis, n) in dims.into_iter().enumerate() {
         let around = [reach + slab, reach + slab - 1];
-        shown = windows(&shown, &mut extent, axis, dims[axis], around, |a, b| a || b);
+        shown = windows(&shown, &mut extent, axis, n, around, |a, b| a || b);
     }
     shown
 }

@@ -43,7 +43,7 @@ pub(crate) const STEP: OptionInfo = OptionInfo {
 pub(crate) const STOP: OptionInfo = OptionInfo {
     key: "stop",
     values: "a number from 0 to below 1",
-    default: "0.00001",
+    default: "2.4e-7",
     effect: "colour that what lies behind may still add where a line ends: an absolute error",
 };
 pub(crate) const PAIRS: OptionInfo = OptionInfo {

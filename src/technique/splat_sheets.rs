@@ -84,7 +84,7 @@ impl Default for Options {
             template: 0,
             step: 1.0,
             kernels: KernelOptions::default(),
-            stop: 1e-5,
+            stop: 2.4e-7,
             pairs: None,
         }
     }
@@ -117,7 +117,7 @@ impl Options {
         }
         pairs.push(("step", self.step.to_string()));
         pairs.extend(self.kernels.pairs());
-        pairs.push(("stop", self.stop.to_string()));
+        pairs.push(("stop", format!("{:e}", self.stop)));
         if let Some(number) = self.pairs {
             pairs.push(("pairs", number.to_string()));
         }

@@ -295,11 +295,12 @@ fn hidden(run: &mut Run<'_>) {
 /// A line that ends early is off by no more than what it says.
 fn early(run: &mut Run<'_>) {
     let mut balls = cloud(1.0, DVec3::ZERO);
-    balls.iter_mut().for_each(|ball| ball.tau *= 8.0);
+    balls.iter_mut().for_each(|ball| ball.tau *= 100.0);
     let rows = transfer(&[[0.0, 0.1, 0.9, 0.4, 1.0], [1.0, 0.3, 0.6, 0.9, 1.0]]);
     let points = points_of(&balls).with_scalars((0..12).map(|i| i as f32 / 12.0).collect()).unwrap();
     let scene = GpuScene::new(run.gpu, Scene::new(points, rows));
-    let view = view(orthographic(), 1.0, 24, 24);
+    // Tiles end as a whole: each lies within the balls.
+    let view = view(Projection::Orthographic { half_height: 0.2 }, 1.0, 24, 24);
     for mode in EXACT.iter().chain([&ELLIPSES]) {
         let Some(whole) = run.frame(&scene, &view, &spec_of(mode), &[mode.1, &[("stop", "0")]].concat())
         else {
