@@ -89,8 +89,14 @@ struct Row {
 void add_to(inout Row row, Splat splat, vec4 share, float z0, float h) {
     Meeting met = meet(row.line, splat);
     if (!meets(met)) return;
-    float a = clamp(z0, row.range.x, row.range.y), b = clamp(z0 + h, row.range.x, row.range.y), c = clamp(fma(2.0, h, z0), row.range.x, row.range.y);
-    float d = clamp(fma(3.0, h, z0), row.range.x, row.range.y), e = clamp(fma(4.0, h, z0), row.range.x, row.range.y);
+    vec2 range = row.range;
+    if (KERNEL != KERNEL_GAUSSIAN) {
+        vec2 support = support_of(met);
+        range = vec2(max(range.x, support.x), min(range.y, support.y));
+        if (range.x >= range.y) return;
+    }
+    float a = clamp(z0, range.x, range.y), b = clamp(z0 + h, range.x, range.y), c = clamp(fma(2.0, h, z0), range.x, range.y);
+    float d = clamp(fma(3.0, h, z0), range.x, range.y), e = clamp(fma(4.0, h, z0), range.x, range.y);
     vec4 parts;
     if (KERNEL == KERNEL_GAUSSIAN) {
         float most = most_of(met);
@@ -99,12 +105,6 @@ void add_to(inout Row row, Splat splat, vec4 share, float z0, float h) {
         float ea = error_function(from.x), eb = error_function(from.y), ec = error_function(from.z), ed = error_function(from.w), ee = error_function(last);
         parts = peak_of(met) * vec4(eb - ea, ec - eb, ed - ec, ee - ed);
     } else {
-        vec2 range = support_of(met);
-        a = clamp(a, range.x, max(range.x, range.y));
-        b = clamp(b, range.x, max(range.x, range.y));
-        c = clamp(c, range.x, max(range.x, range.y));
-        d = clamp(d, range.x, max(range.x, range.y));
-        e = clamp(e, range.x, max(range.x, range.y));
         parts = vec4(sampled(met, a, b), sampled(met, b, c), sampled(met, c, d), sampled(met, d, e));
     }
     parts *= row.unit;
