@@ -329,3 +329,28 @@ fn templates_are_the_integrals() {
         assert!(fine < 2e-3 && coarse > 2.0 * fine, "{kernel}: {coarse:e}, {fine:e}");
     }
 }
+
+/// How pixels are spread over invocations decides nothing but time.
+#[test]
+fn columns_and_pixels_are_the_same_image() {
+    let gpu = gpu();
+    let view = view(perspective(), 0.6, 37, 29);
+    for (what, scene, gaussian) in scenes() {
+        let density = scene.kernels.unwrap().model == Model::Density;
+        let mut specs = Vec::new();
+        if scene.mesh().is_none() {
+            specs.extend(["splat-sheets:sheets=image", "splat-sheets:sheets=axis"]);
+        } else {
+            specs.push("splat-ewa:order=slabs");
+        }
+        if gaussian && density {
+            specs.extend(["splat-ewa:order=center", "splat-ewa:order=center,footprint=ewa"]);
+        }
+        for spec in specs {
+            let [columns, pixels] = ["columns", "pixels"]
+                .map(|spread| draw(&gpu, &scene, &view, &format!("{spec},spread={spread},stop=0")));
+            let apart = ImageErrors::between(&columns, &pixels).unwrap().all.max_abs;
+            assert!(apart < 2e-6, "{what}, {spec}: {apart:e}");
+        }
+    }
+}

@@ -18,7 +18,7 @@ use std::sync::Arc;
 use super::gpu_scene::GpuScene;
 use super::options::{self, Choice, OptionInfo};
 use super::splat_frame::{Lowpass, SplatDesc, SplatFrame, SplatOrder};
-use super::splat_options::{CUT, KernelOptions, LEAST, MODEL, PAIRS, SIGMA, STEP, STOP};
+use super::splat_options::{CUT, KernelOptions, LEAST, MODEL, PAIRS, SIGMA, SPREAD, STEP, STOP, Spread};
 use super::{Prepared, TargetDesc};
 use crate::error::{Error, Result};
 use crate::scene::{Kernel, Kernels, Model, Scene, View};
@@ -87,6 +87,7 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
     LEAST,
     STOP,
     PAIRS,
+    SPREAD,
 ];
 
 /// Options of this technique.
@@ -108,6 +109,8 @@ pub struct Options {
     pub stop: f64,
     /// Most entries of bins at a time.
     pub pairs: Option<u32>,
+    /// How a tile's pixels are spread over invocations.
+    pub spread: Spread,
 }
 
 /// What is done against footprints below a pixel.
@@ -137,6 +140,7 @@ impl Default for Options {
             kernels: KernelOptions::default(),
             stop: 2.4e-7,
             pairs: None,
+            spread: Spread::Auto,
         }
     }
 }
@@ -153,6 +157,7 @@ impl Options {
                 "variance" => options.variance = options::positive(NAME, key, text)?,
                 "step" => options.step = options::positive(NAME, key, text)?,
                 "stop" => options.stop = options::below_one(NAME, key, text)?,
+                "spread" => options.spread = options::choice(NAME, key, text)?,
                 "pairs" => options.pairs = Some(options::whole(NAME, key, text, 64..=u32::MAX)?),
                 "kernel" => return Err(options::unknown(NAME, key, OPTIONS)),
                 _ if options.kernels.read(NAME, key, text)? => {}
@@ -178,6 +183,9 @@ impl Options {
         pairs.push(("stop", format!("{:e}", self.stop)));
         if let Some(number) = self.pairs {
             pairs.push(("pairs", number.to_string()));
+        }
+        if self.spread != Spread::Auto {
+            pairs.push(("spread", self.spread.word().to_string()));
         }
         pairs
     }
@@ -234,6 +242,7 @@ impl Options {
             step: self.step,
             stop: self.stop,
             pairs: self.pairs,
+            spread: self.spread,
         };
         Ok(Box::new(SplatFrame::new(scene, view, target, desc)?))
     }

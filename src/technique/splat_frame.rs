@@ -16,6 +16,7 @@ use super::mesh_view::Frame;
 use super::passes::{Pass, buffer, download, groups_of, pass, total, words};
 use super::radix_sort::RadixSort;
 use super::splat_data::{Shape, SplatSet};
+use super::splat_options::Spread;
 use super::{Outcome, Prepared, TargetDesc};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
@@ -76,6 +77,8 @@ pub(crate) struct SplatDesc {
     pub(crate) stop: f64,
     /// Most entries of bins at a time.
     pub(crate) pairs: Option<u32>,
+    /// How a tile's pixels are spread over invocations.
+    pub(crate) spread: Spread,
 }
 
 /// What frames of a scene have needed.
@@ -400,7 +403,7 @@ impl SplatFrame {
             }
         }
         resources.push((BINDING_SPLAT_TEMPLATE, Resource::Sampled(template.image, vk::Filter::LINEAR)));
-        let shader = shader_of(gpu, desc.order);
+        let shader = shader_of(gpu, &desc)?;
         let rounds = rounds_of(&desc, fill.longest()).max(known.rounds);
         let draw = |resume: bool| {
             let part = if resume { "draw.resume" } else { "draw" };
@@ -458,10 +461,22 @@ fn rounds_of(desc: &SplatDesc, longest: u32) -> u32 {
     }
 }
 
-fn shader_of(gpu: &Gpu, order: SplatOrder) -> &'static Shader {
+fn shader_of(gpu: &Gpu, desc: &SplatDesc) -> Result<&'static Shader> {
     // Software runs the lanes of a workgroup in step, and what they share is read once; elsewhere a column would leave most
     // lanes of a subgroup idle.
-    match (order, gpu.is_software() && gpu.eight_share_words()) {
+    let columns = match desc.spread {
+        Spread::Auto => gpu.is_software() && gpu.eight_share_words(),
+        Spread::Pixels => false,
+        Spread::Columns if gpu.eight_share_words() => true,
+        Spread::Columns => {
+            let what = format!("{} spread=columns", desc.name);
+            return Err(Error::unsupported(
+                what,
+                "subgroups of eight invocations that tell each other words",
+            ));
+        }
+    };
+    Ok(match (desc.order, columns) {
         (SplatOrder::Centres, true) => &SPLAT_EWA_CENTRE,
         (SplatOrder::Centres, false) => &SPLAT_EWA_CENTRE_WIDE,
         (SplatOrder::Window, _) => &SPLAT_EWA_WINDOW,
@@ -469,7 +484,7 @@ fn shader_of(gpu: &Gpu, order: SplatOrder) -> &'static Shader {
         (SplatOrder::Slabs, false) => &SPLAT_SHEETS_IMAGE_WIDE,
         (SplatOrder::Sheets, true) => &SPLAT_SHEETS_AXIS,
         (SplatOrder::Sheets, false) => &SPLAT_SHEETS_AXIS_WIDE,
-    }
+    })
 }
 
 /// Bands of tiles of at most so many entries each, and those of the fullest.

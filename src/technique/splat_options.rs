@@ -1,6 +1,6 @@
 //! Options that techniques for splats share.
 
-use super::options::{self, OptionInfo};
+use super::options::{self, Choice, OptionInfo};
 use crate::error::{Error, Result};
 use crate::scene::{Data, Kernel, Kernels, Model, Scene};
 
@@ -52,6 +52,30 @@ pub(crate) const PAIRS: OptionInfo = OptionInfo {
     default: "what a buffer holds",
     effect: "splats of tiles that are listed at a time; more are drawn in several bands of the image",
 };
+
+pub(crate) const SPREAD: OptionInfo = OptionInfo {
+    key: "spread",
+    values: "auto|columns|pixels",
+    default: "auto",
+    effect: "columns: an invocation draws eight pixels below each other, and what is read of a splat serves all; pixels: one, which fills the subgroups of a GPU; auto: columns on software; the image is the same but for rounding",
+};
+
+/// How a tile's pixels are spread over invocations.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Spread {
+    /// As suits the device.
+    #[default]
+    Auto,
+    /// Eight below each other in each.
+    Columns,
+    /// One in each.
+    Pixels,
+}
+
+impl Choice for Spread {
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("auto", Self::Auto), ("columns", Self::Columns), ("pixels", Self::Pixels)];
+}
 
 /// What of the kernels is told by options; the rest is the scene's.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -16,7 +16,9 @@ use std::sync::Arc;
 use super::gpu_scene::GpuScene;
 use super::options::{self, Choice, OptionInfo};
 use super::splat_frame::{Lowpass, SplatDesc, SplatFrame, SplatOrder};
-use super::splat_options::{CUT, KERNEL, KernelOptions, LEAST, MODEL, PAIRS, SIGMA, STEP, STOP};
+use super::splat_options::{
+    CUT, KERNEL, KernelOptions, LEAST, MODEL, PAIRS, SIGMA, SPREAD, STEP, STOP, Spread,
+};
 use super::{Prepared, TargetDesc};
 use crate::error::{Error, Result};
 use crate::scene::{Kernel, Kernels, Scene, View};
@@ -58,6 +60,7 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
     LEAST,
     STOP,
     PAIRS,
+    SPREAD,
 ];
 
 /// Options of this technique.
@@ -75,6 +78,8 @@ pub struct Options {
     pub stop: f64,
     /// Most entries of bins at a time.
     pub pairs: Option<u32>,
+    /// How a tile's pixels are spread over invocations.
+    pub spread: Spread,
 }
 
 impl Default for Options {
@@ -86,6 +91,7 @@ impl Default for Options {
             kernels: KernelOptions::default(),
             stop: 2.4e-7,
             pairs: None,
+            spread: Spread::Auto,
         }
     }
 }
@@ -101,6 +107,7 @@ impl Options {
                 "template" => options.template = options::whole(NAME, key, text, 8..=1024)?,
                 "step" => options.step = options::positive(NAME, key, text)?,
                 "stop" => options.stop = options::below_one(NAME, key, text)?,
+                "spread" => options.spread = options::choice(NAME, key, text)?,
                 "pairs" => options.pairs = Some(options::whole(NAME, key, text, 64..=u32::MAX)?),
                 _ if options.kernels.read(NAME, key, text)? => {}
                 _ => return Err(options::unknown(NAME, key, OPTIONS)),
@@ -120,6 +127,9 @@ impl Options {
         pairs.push(("stop", format!("{:e}", self.stop)));
         if let Some(number) = self.pairs {
             pairs.push(("pairs", number.to_string()));
+        }
+        if self.spread != Spread::Auto {
+            pairs.push(("spread", self.spread.word().to_string()));
         }
         pairs
     }
@@ -153,6 +163,7 @@ impl Options {
             step: self.step,
             stop: self.stop,
             pairs: self.pairs,
+            spread: self.spread,
         };
         Ok(Box::new(SplatFrame::new(scene, view, target, desc)?))
     }
