@@ -470,7 +470,7 @@ fn bench_checks_each_case_and_times_it() {
     assert_eq!((&fronts[0]["scene"], &fronts[0]["projection"]), (&"scene".into(), &"perspective".into()));
     assert_eq!(fronts[0]["plot"], "fronts-scene-perspective.svg");
     let lines = fronts[0]["fronts"].as_array().unwrap();
-    assert_eq!(lines.len(), 4);
+    assert_eq!(lines.len(), 5);
     for line in lines {
         let members = line["members"].as_array().unwrap();
         assert!(!members.is_empty(), "{line}");

@@ -56,7 +56,10 @@ fn on_grid(kernels: &Kernels, offset: DVec3) -> f64 {
     match kernels.kernel {
         Kernel::Gaussian => {
             let square = offset.length_squared() / kernels.sigma.powi(2);
-            let all = (2.0 * pi * kernels.sigma.powi(2)).powf(-1.5) * (-0.5 * square).exp();
+            // Of unit mass after the cut.
+            let mass = erf(kernels.cut / 2.0_f64.sqrt())
+                - (2.0 / pi).sqrt() * kernels.cut * (-0.5 * kernels.cut.powi(2)).exp();
+            let all = (2.0 * pi * kernels.sigma.powi(2)).powf(-1.5) * (-0.5 * square).exp() / mass;
             if square <= kernels.cut.powi(2) { all } else { 0.0 }
         }
         Kernel::BSpline => product(&|x| spline(x.clamp(-2.0, 2.0))),
@@ -217,7 +220,12 @@ fn one_voxel_on_a_stretched_grid() {
         for (kernel, depth) in [
             (Kernel::Tent, tau),
             (Kernel::BSpline, tau * 4.0 / 9.0),
-            (Kernel::Gaussian, tau * erf(2.5 / 2.0_f64.sqrt()) / (2.0 * std::f64::consts::PI * 0.64)),
+            (
+                Kernel::Gaussian,
+                tau * erf(2.5 / 2.0_f64.sqrt())
+                    / (2.0 * std::f64::consts::PI * 0.64)
+                    / 0.899_939_166_880_604_9,
+            ),
         ] {
             let one = base.clone().with_kernels(Kernels { kernel, ..gauss }).unwrap();
             same(everywhere(&one, centre + d * 50.0, -d), uniform([0.8, 0.4, 0.1], depth), CLOSED);
