@@ -161,10 +161,10 @@ impl SplatSet {
         let half = high * 0.5 - low * 0.5;
         let step = median_sigma(points)?;
         // Sizes are bounded by the greatest.
-        let cut = if kernels.kernel == Kernel::Gaussian { kernels.cut } else { 2.0 };
-        let reach = cut
-            * sigmas(points).fold(0.0, f64::max)
-            * if cut == 2.0 && kernels.kernel == Kernel::BSpline { 1.5 } else { 1.0 };
+        // A B-spline's radius is two of its units, and three standard deviations of the Gaussian that has it, too.
+        let (cut, in_sigmas) =
+            if kernels.kernel == Kernel::Gaussian { (kernels.cut, kernels.cut) } else { (2.0, 3.0) };
+        let reach = in_sigmas * sigmas(points).fold(0.0, f64::max);
         let half = half + reach;
         let unit = half.length().max(f64::MIN_POSITIVE);
         let corner = |i: usize| {
