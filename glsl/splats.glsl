@@ -100,7 +100,6 @@ const float HALF_SQRT_PI = 0.88622693;
 
 struct Line {
     vec3 q, d;
-    float a;         // |d|^2
     float inverse_a;
     float along;     // sqrt(a / 2): depths to arguments of the error function
     float scale;     // sqrt(pi) / 2 over that: half a Gaussian's integral over depths for each error function
@@ -113,9 +112,9 @@ Line line_of(vec2 pixel) {
     Line line;
     line.q = push.q0_kq.xyz + push.q0_kq.w * lateral;
     line.d = push.d0_near.xyz + push.px_kd.w * lateral;
-    line.a = dot(line.d, line.d);
-    line.inverse_a = 1.0 / line.a;
-    line.along = sqrt(0.5 * line.a);
+    float a = dot(line.d, line.d);
+    line.inverse_a = 1.0 / a;
+    line.along = sqrt(0.5 * a);
     line.scale = HALF_SQRT_PI / line.along;
     vec2 slope = from * (push.px_kd.w * push.py_scale.w);
     line.unit = push.unit * sqrt(1.0 + dot(slope, slope));

@@ -2,7 +2,7 @@
 
 pub(crate) mod cumulative;
 pub(crate) mod full;
-#[allow(dead_code, unused_imports, reason = "for techniques that splat")]
+#[allow(dead_code, unused_imports, reason = "what documents state of kernels is computed by tests")]
 pub(crate) mod kernel;
 
 use crate::interface::Knot;
