@@ -8,6 +8,7 @@
 // x and y in pixels from the image's centre, y down. Perspective: kq = depth of the centre plane from
 // the eye, kd = 1. Orthographic: kq = 1, kd = 0.
 
+#ifndef BASE_PLANE
 layout(push_constant, std430) uniform GridPush {
     vec4 q0_kq;       // w: kq
     vec4 px_kd;       // w: kd
@@ -28,6 +29,7 @@ layout(push_constant, std430) uniform GridPush {
     float opaque;     // transmittance at which a pixel is done
     uint seed;        // of dithering
 } push;
+#endif
 
 struct Ray {
     vec3 q;
@@ -36,6 +38,11 @@ struct Ray {
     float length_per_depth; // world length of one unit of depth
 };
 
+#ifdef BASE_PLANE
+#include "base-plane.glsl"
+#define NEAR push.slope_u.w
+#else
+#define NEAR push.near
 // The ray through a point of the image, in pixels.
 Ray ray_of(vec2 pixel) {
     vec2 xy = pixel - push.half_extent;
@@ -47,6 +54,7 @@ Ray ray_of(vec2 pixel) {
     vec3 safe = mix(d, vec3(1e-30), lessThan(abs(d), vec3(1e-30)));
     return Ray(q, d, 1.0 / safe, push.unit * sqrt(1.0 + dot(slope, slope)));
 }
+#endif
 
 // Depths at which the ray enters and leaves what of the domain lies in front of the eye; enters > leaves
 // when it misses.
@@ -59,7 +67,7 @@ vec2 interval_of(Ray ray) {
     vec3 between = mix(vec3(1e30), vec3(-1e30), lessThanEqual(abs(ray.q), half_size));
     near = mix(near, between, lessThan(abs(ray.d), vec3(1e-30)));
     far = mix(far, -between, lessThan(abs(ray.d), vec3(1e-30)));
-    return vec2(max(max(max(near.x, near.y), near.z), push.near), min(min(far.x, far.y), far.z));
+    return vec2(max(max(max(near.x, near.y), near.z), NEAR), min(min(far.x, far.y), far.z));
 }
 
 // ------------------------------------------------------------------------------- reconstruction
@@ -80,6 +88,9 @@ struct Lattice {
 };
 
 Lattice load_lattice() {
+#ifdef BASE_PLANE
+    return Lattice(push.half_scale.xyz, push.value_scale, push.value_offset, 0.0, 0.0, 0.0);
+#else
     vec3 px = push.px_kd.xyz, py = push.py_z0.xyz;
 #ifdef STACK
     px.z = py.z = 0.0; // a stack is minified along its slices only
@@ -87,6 +98,7 @@ Lattice load_lattice() {
     float footprint = max(dot(px, px), dot(py, py));
     return Lattice(push.half_scale.xyz, push.value_scale, push.value_offset, push.q0_kq.w, push.px_kd.w,
                    PREFILTER ? 0.5 * log2(footprint) : 0.0);
+#endif
 }
 
 // Mip level at which a voxel is as large as a pixel, seen at depth z.
@@ -146,7 +158,7 @@ float stored_at(Ray ray, float z, Lattice lattice) {
 }
 #endif
 
-#ifdef VERTEX
+#if defined(VERTEX) && !defined(BASE_PLANE)
 // Clip coordinates of a position at depth z. (px, py, d0) is a frame of index space: the lateral offset from the
 // central ray has the pixel's x and y, times w, as its first two coordinates in it.
 vec4 clip_of(vec3 position, float z) {

@@ -3,23 +3,50 @@
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = SPEC_RESUME) const bool RESUME = false;
+
+#ifdef BASE_PLANE
+layout(set = 0, binding = BINDING_INTERMEDIATE, std430) buffer Intermediate {
+    vec4 intermediate[];
+};
+
+bool in_image(ivec2 texel) {
+    return all(lessThan(texel, ivec2(push.size)));
+}
+
+vec4 kept(ivec2 texel) {
+    return intermediate[push.offset + uint(texel.y) * push.size.x + uint(texel.x)];
+}
+
+void keep(ivec2 texel, vec4 sum) {
+    intermediate[push.offset + uint(texel.y) * push.size.x + uint(texel.x)] = sum;
+}
+#else
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
 
 bool in_image(ivec2 pixel) {
     return all(lessThan(pixel, ivec2(2.0 * push.half_extent + 0.5)));
 }
 
+vec4 kept(ivec2 pixel) {
+    return imageLoad(accumulation, pixel);
+}
+
+void keep(ivec2 pixel, vec4 sum) {
+    imageStore(accumulation, pixel, sum);
+}
+#endif
+
 // Ends the march, or leaves for the next dispatch opacity where it is small and else the transmittance, negative, so
 // that neither loses digits.
 void end_march(ivec2 pixel, vec4 sum, float transmittance) {
     bool more = (push.order & 4u) != 0u;
     if (more && sum.a > 0.5) sum.a = -max(transmittance, 1e-37);
-    imageStore(accumulation, pixel, sum);
+    keep(pixel, sum);
 }
 
 // Begins the march, or reads back what the dispatch before has left: what was summed, and the transmittance.
 vec4 begin_march(ivec2 pixel, out float transmittance) {
-    vec4 sum = RESUME ? imageLoad(accumulation, pixel) : vec4(0.0);
+    vec4 sum = RESUME ? kept(pixel) : vec4(0.0);
     transmittance = 1.0 - sum.a;
     if (sum.a < 0.0) {
         transmittance = -sum.a;

@@ -32,78 +32,13 @@
 #include "optics.glsl"
 #include "grid.glsl"
 
-layout(constant_id = SPEC_BETWEEN) const bool BETWEEN = false;
-
-layout(set = 0, binding = BINDING_VOLUME) uniform sampler2DArray stack;
-
-// Four fetches of a slice at one level, around an index of level 0.
-float fetched(vec2 index, int slice, int level) {
-    vec2 size = vec2(textureSize(stack, level).xy);
-    if (PREFILTER) index = (index + 0.5) * (size / vec2(textureSize(stack, 0).xy)) - 0.5;
-    index = clamp(index, vec2(0.0), size - 1.0);
-    vec2 base = min(floor(index), max(size - 2.0, 0.0));
-    vec2 w = index - base;
-    ivec2 i = ivec2(base), j = min(i + 1, ivec2(size) - 1);
-    float v00 = texelFetch(stack, ivec3(i, slice), level).r;
-    float v10 = texelFetch(stack, ivec3(j.x, i.y, slice), level).r;
-    float v01 = texelFetch(stack, ivec3(i.x, j.y, slice), level).r;
-    float v11 = texelFetch(stack, ivec3(j, slice), level).r;
-    return mix(mix(v00, v10, w.x), mix(v01, v11, w.x), w.y);
-}
-
-// The stored number of a slice, bilinear.
-float on_slice(vec2 index, float slice, float level, Lattice lattice) {
-    if (!FILTER_EXACT) {
-        return textureLod(stack, vec3((index + 0.5) / (2.0 * lattice.half_size.xy + 1.0), slice), level).r;
-    }
-    if (!PREFILTER) return fetched(index, int(slice), 0);
-    level = min(level, float(textureQueryLevels(stack) - 1));
-    int below = int(level);
-    float fine = fetched(index, int(slice), below);
-    return level == float(below) ? fine : mix(fine, fetched(index, int(slice), below + 1), level - float(below));
-}
-
-// The stored number for a slab at depth z of the ray; NaN in a cell that touches a NaN sample.
-float stored_at(Ray ray, float z, uint slab, Lattice lattice) {
-    vec3 index = fma(vec3(z), ray.d, ray.q) + lattice.half_size;
-    float level = PREFILTER ? level_at(z, lattice) : 0.0;
-    if (!BETWEEN) return on_slice(index.xy, float(slab), level, lattice);
-    float last = 2.0 * lattice.half_size.z;
-    float place = clamp(index.z, 0.0, last);
-    float slice = min(floor(place), last - 1.0);
-    return mix(on_slice(index.xy, slice, level, lattice), on_slice(index.xy, slice + 1.0, level, lattice),
-               place - slice);
-}
+#include "stack.glsl"
 
 // What of a slab lies on the ray inside `interval`, as depths; empty when x >= y.
 vec2 slab_piece(uint slab, Ray ray, vec2 interval, float z0, float h) {
     float a = (fma(float(slab), h, z0) - ray.q.z) * ray.inverse.z;
     float b = (fma(float(slab + 1u), h, z0) - ray.q.z) * ray.inverse.z;
     return vec2(max(min(a, b), interval.x), min(max(a, b), interval.y));
-}
-
-// Premultiplied colour and opacity of a piece of the ray.
-vec4 slice_emission(Ray ray, vec2 piece, uint slab, Lattice lattice, uint knots) {
-    float z = 0.5 * (piece.x + piece.y);
-    float texel = stored_at(ray, z, slab, lattice);
-    vec4 optics = classify(scalar_of(texel, lattice), knots);
-    float tau = HAS_NAN && is_nan(texel) ? 0.0 : optics.a;
-    float len = max(piece.y - piece.x, 0.0);
-    if (HAS_NAN && !BETWEEN) {
-        // The slice parts two cells, and either is vacuum where the slice on its other side has a NaN.
-        vec2 index = fma(vec2(z), ray.d.xy, ray.q.xy) + lattice.half_size.xy;
-        float last = 2.0 * lattice.half_size.z;
-        float plane = clamp((float(slab) - lattice.half_size.z - ray.q.z) * ray.inverse.z, piece.x, max(piece.x, piece.y));
-        float ahead = plane - piece.x, after = len - ahead;
-        bool down = ray.d.z < 0.0;
-        float below = on_slice(index, max(float(slab) - 1.0, 0.0), 0.0, lattice);
-        float above = on_slice(index, min(float(slab) + 1.0, last), 0.0, lattice);
-        if (is_nan(below)) len -= down ? after : ahead;
-        if (is_nan(above)) len -= down ? ahead : after;
-        len = max(len, 0.0);
-    }
-    // Lengths, then extinction: 0 * tau must stay 0.
-    return emission_of(optics.rgb, tau * (len * ray.length_per_depth));
 }
 
 #ifdef VERTEX

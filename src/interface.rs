@@ -61,6 +61,47 @@ pub(crate) struct GridPush {
     pub(crate) seed: u32,
 }
 
+/// Push constants of what is composited on a base plane (`base-plane.glsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct BasePlanePush {
+    pub(crate) q0_step: [f32; 4],
+    pub(crate) d0_step: [f32; 4],
+    pub(crate) half_scale: [f32; 4],
+    pub(crate) slope_u: [f32; 4],
+    pub(crate) slope_v: [f32; 2],
+    pub(crate) z0: f32,
+    pub(crate) h: f32,
+    pub(crate) value_scale: f32,
+    pub(crate) value_offset: f32,
+    pub(crate) knots: u32,
+    pub(crate) first: u32,
+    pub(crate) count: u32,
+    pub(crate) order: u32,
+    pub(crate) opaque: f32,
+    pub(crate) offset: u32,
+    pub(crate) size: [u32; 2],
+    pub(crate) atlas: [u32; 2],
+}
+
+/// Push constants of the warp (`warp.glsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct WarpPush {
+    pub(crate) to_x: [f32; 4],
+    pub(crate) to_y: [f32; 4],
+    pub(crate) to_w: [f32; 4],
+    pub(crate) ahead: [f32; 4],
+    pub(crate) aside_u: [f32; 4],
+    pub(crate) aside_v: [f32; 4],
+    pub(crate) half_extent: [f32; 2],
+    pub(crate) size: [u32; 2],
+    pub(crate) offset: u32,
+    pub(crate) stride: u32,
+    pub(crate) levels: u32,
+    pub(crate) flags: u32,
+}
+
 /// Push constants of `bricks.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

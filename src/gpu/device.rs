@@ -443,6 +443,11 @@ impl Gpu {
         self.inner.properties.limits.max_image_dimension3_d
     }
 
+    /// Largest side of a 2D image.
+    pub(crate) fn max_image_2d(&self) -> u32 {
+        self.inner.properties.limits.max_image_dimension2_d
+    }
+
     /// Whether the device is a software rasteriser.
     #[must_use]
     pub fn is_software(&self) -> bool {

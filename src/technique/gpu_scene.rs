@@ -26,6 +26,7 @@ use super::mesh_frame::Primitives;
 use super::mips;
 use super::splat_data::SplatSet;
 use super::splat_frame::SplatNeeds;
+use super::stack_words::{self, StackWords};
 
 /// Format of tables.
 pub(crate) const TABLE_FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
@@ -64,6 +65,7 @@ type SplatChoice = (Kernels, f64);
 #[derive(Debug, Default)]
 struct GridData {
     volumes: Mutex<Vec<Arc<Volume>>>,
+    stacks: Mutex<Vec<Arc<StackWords>>>,
     /// Ranges of the bricks, and their number.
     ranges: Mutex<Option<(Arc<Buffer>, u32)>>,
 }
@@ -368,6 +370,44 @@ impl GpuScene {
         Ok(volume)
     }
 
+    /// The samples as a stack of words along an axis.
+    pub(crate) fn stack_words(&self, axis: usize) -> Result<Arc<StackWords>> {
+        let grid = self.grid()?;
+        let mut stacks = self.data.stacks.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = stacks.iter().find(|stack| stack.axis == axis) {
+            return Ok(Arc::clone(found));
+        }
+        let start = Instant::now();
+        let name = format!("stack.words.{}", ["x", "y", "z"][axis % 3]);
+        let bytes = stack_words::bytes(grid);
+        // Before samples are turned: the device may have no room for them.
+        self.gpu.check_buffer(&name, bytes)?;
+        let turned_samples;
+        let samples = if axis == 2 {
+            grid.samples()
+        } else {
+            turned_samples = turn_samples(grid.samples(), grid.dims(), axis);
+            &turned_samples
+        };
+        let rescale = grid.rescale();
+        let ends = self.scene.transfer.domain();
+        let source = Source { samples, rescale, ends, encoding: Encoding::own(samples) };
+        let words = stack_words::words(samples, turned(grid.dims(), axis), |x| source.finite(x));
+        let buffer = Buffer::with_data(&self.gpu, &name, bytemuck::cast_slice(&words))?;
+        let (bits, zero) = stack_words::code(samples);
+        let stack = Arc::new(StackWords {
+            axis,
+            buffer,
+            bits,
+            scale: f32_of(rescale.slope),
+            offset: f32_of(rescale.slope * zero + rescale.intercept),
+        });
+        stacks.push(Arc::clone(&stack));
+        self.times.lock().unwrap_or_else(PoisonError::into_inner).upload +=
+            start.elapsed().as_secs_f64() * 1e3;
+        Ok(stack)
+    }
+
     /// The transfer function's table for an integrator; `None` for one that needs none.
     pub(crate) fn table(&self, options: &SegmentOptions) -> Result<Option<Arc<Table>>> {
         let size = options.table_size();
@@ -629,10 +669,6 @@ struct Source<'a> {
 impl Source<'_> {
     /// Writes samples from `first` on as texels, until `memory` is full.
     fn encode(&self, first: usize, memory: &mut [u8]) {
-        // Infinities take the scalar at the transfer function's ends, as stored numbers.
-        let slope = self.rescale.slope;
-        let low = self.stored_end(if slope > 0.0 { 0 } else { 1 });
-        let high = self.stored_end(if slope > 0.0 { 1 } else { 0 });
         match (self.samples, self.encoding) {
             (Samples::U8(v), Encoding::R8) => put(&v[first..], memory, |x| [x]),
             (Samples::U8(v), Encoding::R16) => {
@@ -646,17 +682,17 @@ impl Source<'_> {
             (Samples::I16(v), _) => {
                 put(&v[first..], memory, |x| (x.cast_unsigned() ^ 0x8000).to_ne_bytes());
             }
-            (Samples::F32(v), _) => put(&v[first..], memory, |x| {
-                let x = if x == f32::INFINITY {
-                    high
-                } else if x == f32::NEG_INFINITY {
-                    low
-                } else {
-                    x
-                };
-                x.to_ne_bytes()
-            }),
+            (Samples::F32(v), _) => put(&v[first..], memory, |x| self.finite(x).to_ne_bytes()),
         }
+    }
+
+    /// A stored float: infinities take the scalar at the transfer function's ends, as stored numbers.
+    fn finite(&self, stored: f32) -> f32 {
+        if !stored.is_infinite() {
+            return stored;
+        }
+        let up = (stored > 0.0) == (self.rescale.slope > 0.0);
+        self.stored_end(usize::from(up))
     }
 
     /// The stored number that the device takes for an end of the transfer function, or for what lies beyond.

@@ -34,7 +34,7 @@ use crate::num::{self, f32_of};
 use crate::scene::{Grid, View};
 
 /// More slabs than this lose their order in float32, and no image needs them.
-const MAX_SLABS: f64 = 4_194_304.0;
+pub(super) const MAX_SLABS: f64 = 4_194_304.0;
 
 /// More draws than this hold up the device, and the host that records them, for too long.
 const MAX_DRAWS: f64 = 65_536.0;
@@ -562,7 +562,7 @@ fn too_many_loops(name: &str, each: u32, limit: u32) -> Error {
 }
 
 /// A fragment takes one slab, and cannot be split.
-fn check_loops(gpu: &Gpu, name: &str, knots: &Knots, segments: Option<&SegmentOptions>) -> Result<()> {
+pub(super) fn check_loops(gpu: &Gpu, name: &str, knots: &Knots, segments: Option<&SegmentOptions>) -> Result<()> {
     let (each, once) = loops(knots, segments);
     let all = each.saturating_add(once);
     if all <= ALWAYS {
@@ -574,7 +574,7 @@ fn check_loops(gpu: &Gpu, name: &str, knots: &Knots, segments: Option<&SegmentOp
 
 /// Slabs that one dispatch may walk. No invocation may make more loop iterations than the device allows, and no
 /// dispatch may hold up the device for so long that a watchdog ends it.
-fn slabs_per_dispatch(
+pub(super) fn slabs_per_dispatch(
     gpu: &Gpu,
     name: &str,
     slabs: u32,

@@ -37,10 +37,12 @@
 //! ```
 
 pub mod abuffer;
+mod base_planes;
 mod bins;
 mod blue_noise;
 mod bricks;
 mod composite;
+mod factorisation;
 mod footprint;
 mod gpu_scene;
 mod grid_frame;
@@ -65,6 +67,8 @@ mod ranks;
 pub mod raycast;
 
 mod scan;
+mod shear_frame;
+pub mod shear_warp;
 pub mod slabs;
 pub mod slices_2d;
 pub mod slices_3d;
@@ -74,6 +78,7 @@ mod splat_frame;
 pub mod splat_options;
 pub mod splat_sheets;
 mod splat_template;
+mod stack_words;
 mod tets_raster;
 
 pub(crate) mod topology;
@@ -110,6 +115,8 @@ pub enum Method {
     Slices3d,
     /// Pre-integrated slabs between view-aligned slices.
     Slabs,
+    /// Slices composited in a base plane, and warped to the image.
+    ShearWarp,
     /// Image-order ray casting.
     Raycast,
     /// Hardware-assisted visibility sorting of a mesh's faces.
@@ -126,10 +133,11 @@ pub enum Method {
 
 impl Method {
     /// Every technique.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Slices2d,
         Self::Slices3d,
         Self::Slabs,
+        Self::ShearWarp,
         Self::Raycast,
         Self::ProjectedTets,
         Self::Havs,
@@ -157,6 +165,7 @@ impl Method {
             Self::Slices2d => "slices-2d",
             Self::Slices3d => "slices-3d",
             Self::Slabs => "slabs",
+            Self::ShearWarp => "shear-warp",
             Self::Raycast => "raycast",
             Self::Havs => "havs",
             Self::Abuffer => "abuffer",
@@ -173,6 +182,7 @@ impl Method {
             Self::Slices2d => "stacks of 2D-textured slices parallel to the base plane, post-classified",
             Self::Slices3d => "view-aligned slices of a 3D texture, post-classified (Cabral 1994)",
             Self::Slabs => "view-aligned slabs, the transfer function integrated across each (Engel 2001)",
+            Self::ShearWarp => "slices composited in a base plane, and warped to the image (Lacroute 1994)",
             Self::Raycast => "image-order ray casting, what the others are compared with (Levoy 1988)",
             Self::Havs => "faces of a mesh nearly sorted, put in order by a k-buffer a pixel (Callahan 2005)",
             Self::Abuffer => "cells of a mesh in a list a pixel, sorted: exact (Carpenter 1984)",
@@ -195,6 +205,7 @@ impl Method {
             Self::Slices2d => slices_2d::OPTIONS,
             Self::Slices3d => slices_3d::OPTIONS,
             Self::Slabs => slabs::OPTIONS,
+            Self::ShearWarp => shear_warp::OPTIONS,
             Self::Raycast => raycast::OPTIONS,
             Self::Havs => havs::OPTIONS,
             Self::Abuffer => abuffer::OPTIONS,
@@ -208,7 +219,9 @@ impl Method {
     #[must_use]
     pub fn draws(self, data: &Data) -> bool {
         match self {
-            Self::Slices2d | Self::Slices3d | Self::Slabs | Self::Raycast => matches!(data, Data::Grid(_)),
+            Self::Slices2d | Self::Slices3d | Self::Slabs | Self::ShearWarp | Self::Raycast => {
+                matches!(data, Data::Grid(_))
+            }
             Self::ProjectedTets | Self::Havs | Self::Abuffer => matches!(data, Data::Mesh(_)),
             Self::SplatSheets => matches!(data, Data::Grid(_) | Data::Points(_)),
             Self::SplatEwa => true,
@@ -251,7 +264,7 @@ impl Method {
     #[must_use]
     pub fn routes(self) -> &'static [&'static str] {
         match self {
-            Self::Slices2d | Self::Slices3d | Self::Slabs | Self::ProjectedTets => &["raster", "compute"],
+            Self::Slices2d | Self::Slices3d | Self::Slabs | Self::ShearWarp | Self::ProjectedTets => &["raster", "compute"],
             Self::Havs => &["compute", "interlock", "implementation-ordered"],
             Self::Raycast | Self::Abuffer | Self::SplatSheets | Self::SplatEwa => &["compute"],
         }
@@ -268,6 +281,8 @@ pub enum Technique {
     Slices3d(slices_3d::Options),
     /// Pre-integrated slabs between view-aligned slices.
     Slabs(slabs::Options),
+    /// Slices composited in a base plane, and warped to the image.
+    ShearWarp(shear_warp::Options),
     /// Image-order ray casting.
     Raycast(raycast::Options),
     /// Hardware-assisted visibility sorting.
@@ -293,6 +308,7 @@ impl Technique {
             Method::Slices2d => Self::Slices2d(slices_2d::Options::parse(options)?),
             Method::Slices3d => Self::Slices3d(slices_3d::Options::parse(options)?),
             Method::Slabs => Self::Slabs(slabs::Options::parse(options)?),
+            Method::ShearWarp => Self::ShearWarp(shear_warp::Options::parse(options)?),
             Method::Raycast => Self::Raycast(raycast::Options::parse(options)?),
             Method::Havs => Self::Havs(havs::Options::parse(options)?),
             Method::Abuffer => Self::Abuffer(abuffer::Options::parse(options)?),
@@ -327,6 +343,7 @@ impl Technique {
             Self::Slices2d(_) => Method::Slices2d,
             Self::Slices3d(_) => Method::Slices3d,
             Self::Slabs(_) => Method::Slabs,
+            Self::ShearWarp(_) => Method::ShearWarp,
             Self::Raycast(_) => Method::Raycast,
             Self::Havs(_) => Method::Havs,
             Self::Abuffer(_) => Method::Abuffer,
@@ -343,6 +360,7 @@ impl Technique {
             Self::Slices2d(options) => options.pairs(),
             Self::Slices3d(options) => options.pairs(),
             Self::Slabs(options) => options.pairs(),
+            Self::ShearWarp(options) => options.pairs(),
             Self::Raycast(options) => options.pairs(),
             Self::Havs(options) => options.pairs(),
             Self::Abuffer(options) => options.pairs(),
@@ -372,6 +390,7 @@ impl Technique {
             Self::Slices2d(options) => grid(Box::new(options)),
             Self::Slices3d(options) => grid(Box::new(options)),
             Self::Slabs(options) => grid(Box::new(options)),
+            Self::ShearWarp(options) => options.prepare(scene, view, target),
             Self::Raycast(options) => grid(Box::new(options)),
             Self::Havs(options) => options.prepare(scene, view, target),
             Self::Abuffer(options) => options.prepare(scene, view, target),

@@ -21,9 +21,8 @@
 //! as there are slices.
 
 use ash::vk;
-use glam::DVec3;
 
-use super::gpu_scene::turned;
+use super::base_planes::{planes, steepest_axis};
 use super::grid_frame::{GridTechnique, RasterShaders, Shaders, Slabs};
 use super::grid_options::{
     DITHER, EMPTY_SPACE, FILTER, GridOptions, ORDER, PREFILTER, ROUTE, SEED, STOP, TARGET,
@@ -135,16 +134,6 @@ impl Options {
     }
 }
 
-/// Normals of the planes of the three stacks, unit length, and the planes' distances in world units.
-fn planes(grid: &Grid) -> [(DVec3, f64); 3] {
-    let axes = grid.index_to_world();
-    [0, 1, 2].map(|axis| {
-        let [u, v, along] = turned([axes.x_axis, axes.y_axis, axes.z_axis], axis);
-        let normal = u.cross(v).normalize_or_zero();
-        (normal, normal.dot(along).abs())
-    })
-}
-
 impl GridTechnique for Options {
     fn name(&self) -> &'static str {
         NAME
@@ -182,24 +171,7 @@ impl GridTechnique for Options {
     }
 
     fn stack_axis(&self, grid: &Grid, view: &View, current: Option<usize>) -> Option<usize> {
-        let to_index = grid.index_to_world().inverse();
-        let from_centre = view.camera().eye - grid.centre();
-        let place = (to_index * from_centre).abs() - grid.last_index() * 0.5;
-        let outside = place.max_element() > 0.0;
-        let direction =
-            if view.is_perspective() && outside { from_centre.normalize_or_zero() } else { view.forward() };
-        let cosines = planes(grid).map(|(normal, _)| normal.dot(direction).abs());
-        let mut best = 2;
-        for axis in [1, 0] {
-            // On a tie the last axis: its slices lie as the file has them.
-            if cosines[axis] > cosines[best] {
-                best = axis;
-            }
-        }
-        match current {
-            Some(current) if cosines[best] - cosines[current] <= self.hysteresis => Some(current),
-            _ => Some(best),
-        }
+        Some(steepest_axis(grid, view, current, self.hysteresis))
     }
 
     fn keeps_all_stacks(&self) -> bool {

@@ -1,0 +1,171 @@
+// entry compute  COMPUTE
+// entry compute  WORDS
+// entry vertex   VERTEX
+// entry fragment FRAGMENT
+//
+// Slices composited in the base plane. A texel of the intermediate image is a line of sight, so slices are resampled where the
+// line passes them: sheared by a constant for parallel rays, and scaled too in perspective. The warp comes after
+// (warp.glsl).
+//
+// Slab i is that of depths [z0 + i h, z0 + (i + 1) h], cut along a line to the domain and to the eye. MIDPOINT: its slice, or
+// with BETWEEN what lies in its middle, is classified. Else the scalar is taken at both ends of the slab, and the
+// transfer function integrated between them.
+//
+//   COMPUTE   one invocation owns a texel and walks its slabs front to back in registers; samples come from a texture
+//   WORDS     the same; samples come from a storage buffer
+//   VERTEX    one instance a slab: the rectangle of its sheared and scaled outline
+//   FRAGMENT  one slab of one texel, blended by fixed function
+//
+//   in    stack, transfer function or its table
+//   out   intermediate image, or colour attachment 0: premultiplied linear RGBA
+//   error of a line, before the warp: as slices-2d, or as slabs. A homogeneous domain is exact
+//   cost  per slab and covered texel one bilinear look-up (BETWEEN: two) and one classification or integration
+//
+// Source: Lacroute and Levoy, SIGGRAPH 1994; Peikert, Object Space Volume Rendering, SciVis 2007, pages 4-5 to 4-17.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+
+#define STACK
+#define BASE_PLANE
+#include "interface.glsl"
+#include "optics.glsl"
+#include "grid.glsl"
+#include "stack.glsl"
+#include "segments.glsl"
+
+// The slice that slab i stands for: rays may go down the stack.
+float slice_of(uint slab, Lattice lattice) {
+    return (push.order & 8u) != 0u ? 2.0 * lattice.half_size.z - float(slab) : float(slab);
+}
+
+// What of a slab lies inside `interval`, as depths; empty when x >= y.
+vec2 slab_piece(uint slab, float z0, float h, vec2 interval) {
+    return vec2(max(fma(float(slab), h, z0), interval.x), min(fma(float(slab + 1u), h, z0), interval.y));
+}
+
+// A place on the ray with what the integration needs of it. Slices themselves are looked up alone.
+struct Face {
+    float texel;
+    End end;
+};
+
+Face face_at(Ray ray, float z, Lattice lattice) {
+    vec3 index = fma(vec3(z), ray.d, ray.q) + lattice.half_size;
+    float last = 2.0 * lattice.half_size.z;
+    float place = clamp(index.z, 0.0, last);
+    float slice = floor(place), share = place - slice;
+    float texel = on_slice(index.xy, slice, 0.0, lattice);
+    // A loop: software rasterisers run through branches that no invocation takes.
+    for (uint once = 0u; once < uint(share > 0.0); ++once) {
+        texel = mix(texel, on_slice(index.xy, slice + 1.0, 0.0, lattice), share);
+    }
+    return Face(texel, end_at(HAS_NAN && is_nan(texel) ? 0.0 : scalar_of(texel, lattice)));
+}
+
+// Premultiplied colour and opacity of what lies between two places; vacuum where either touches a NaN.
+vec4 between_faces(Face front, Face back, float len, uint knots) {
+    if (HAS_NAN && (is_nan(front.texel) || is_nan(back.texel))) return vec4(0.0);
+    return segment(front.end, back.end, len, knots);
+}
+
+#ifdef VERTEX
+layout(location = 0) flat out uint slab_out;
+
+void main() {
+    bool back_to_front = (push.order & 16u) != 0u;
+    uint slab = back_to_front ? push.count - 1u - gl_InstanceIndex : gl_InstanceIndex;
+    slab_out = slab;
+    vec3 half_size = push.half_scale.xyz;
+    vec2 ends = slab_piece(slab, push.z0, push.h, vec2(max(-half_size.z, push.slope_u.w), half_size.z));
+    // Texels that see the slab's near and far side; where the eye is at hand, all may.
+    vec2 low = vec2(push.size), high = vec2(0.0);
+    for (int i = 0; i < 2; ++i) {
+        vec2 step = fma(vec2(ends[i]), push.d0_step.zw, push.q0_step.zw);
+        vec2 at = fma(vec2(ends[i]), push.d0_step.xy, push.q0_step.xy);
+        bool near = any(lessThanEqual(step, 1e-3 * abs(push.q0_step.zw)));
+        step = max(step, 1e-30);
+        vec2 t0 = near ? vec2(0.0) : (-half_size.xy - at) / step + vec2(push.size / 2u);
+        vec2 t1 = near ? vec2(push.size) : (half_size.xy - at) / step + vec2(push.size / 2u);
+        low = min(low, t0);
+        high = max(high, t1);
+    }
+    // A margin: rasterisers round vertices, and a texel too many draws nothing.
+    low = clamp(low - 1.0, vec2(0.0), vec2(push.size));
+    high = clamp(high + 1.0, vec2(0.0), vec2(push.size));
+    ivec2 corner = ivec2(gl_VertexIndex & 1, gl_VertexIndex >> 1);
+    vec2 texel = vec2(corner.x == 1 ? high.x : low.x, corner.y == 1 ? high.y : low.y);
+    texel.y += float(push.offset); // base planes lie below each other
+    gl_Position = vec4(texel / vec2(push.atlas) * 2.0 - 1.0, 0.0, 1.0);
+}
+#endif
+
+#ifdef FRAGMENT
+#include "blend.glsl"
+layout(location = 0) flat in uint slab_in;
+
+void main() {
+    load_segments();
+    Lattice lattice = load_lattice();
+    Ray ray = ray_of(floor(gl_FragCoord.xy) - vec2(0.0, float(push.offset)));
+    vec2 piece = slab_piece(slab_in, push.z0, push.h, interval_of(ray));
+    vec4 emission = vec4(0.0);
+    if (INTEGRATOR == INTEGRATOR_MIDPOINT) {
+        emission = slice_emission(ray, piece, uint(slice_of(slab_in, lattice)), lattice, push.knots);
+    } else if (piece.x < piece.y) {
+        emission = between_faces(face_at(ray, piece.x, lattice), face_at(ray, piece.y, lattice),
+                                 (piece.y - piece.x) * ray.length_per_depth, push.knots);
+    }
+    blend(emission, slab_in);
+}
+#endif
+
+#if defined(COMPUTE) || defined(WORDS)
+#include "march.glsl"
+
+void main() {
+    ivec2 texel = ivec2(gl_GlobalInvocationID.xy);
+    if (!in_image(texel)) return;
+    Ray ray = ray_of(vec2(texel));
+    vec2 interval = interval_of(ray);
+
+    // Read once, before the loop: drivers do not take these loads out of it.
+    Lattice lattice = load_lattice();
+    BrickGrid brick_grid = load_bricks();
+    float h = push.h, z0 = push.z0;
+    uint knots = push.knots;
+    float opaque = push.opaque;
+    uint walk = slabs_between_looks(h);
+    load_segments();
+
+    // Slabs from where the ray enters to where it leaves; one more at each end against rounding: they have no length.
+    float slabs = ceil((lattice.half_size.z - z0) / h);
+    float begin = clamp(floor((interval.x - z0) / h) - 1.0, 0.0, slabs - 1.0);
+    float end = clamp(floor((interval.y - z0) / h) + 1.0, 0.0, slabs - 1.0);
+    bool hits = interval.x < interval.y;
+    uint slab = uint(begin) + push.first, last = hits ? min(uint(end) + 1u, slab + push.count) : 0u;
+
+    float transmittance;
+    vec4 sum = begin_march(texel, transmittance);
+    while (slab < last && transmittance > opaque) {
+        uint stop = pass_empty(slab, last, slab_piece(slab, z0, h, interval).x, z0, h, walk, ray, interval.y, brick_grid);
+        if (INTEGRATOR == INTEGRATOR_MIDPOINT) {
+            for (; slab < stop && transmittance > opaque; ++slab) {
+                vec2 piece = slab_piece(slab, z0, h, interval);
+                add_behind(sum, transmittance, slice_emission(ray, piece, uint(slice_of(slab, lattice)), lattice, knots));
+            }
+        } else {
+            Face front = face_at(ray, slab_piece(slab, z0, h, interval).x, lattice);
+            for (; slab < stop && transmittance > opaque; ++slab) {
+                vec2 piece = slab_piece(slab, z0, h, interval);
+                Face back = face_at(ray, piece.y, lattice);
+                if (piece.x < piece.y) {
+                    float len = (piece.y - piece.x) * ray.length_per_depth;
+                    add_behind(sum, transmittance, between_faces(front, back, len, knots));
+                    front = back;
+                }
+            }
+        }
+    }
+    end_march(texel, sum, transmittance);
+}
+#endif

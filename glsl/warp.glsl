@@ -1,0 +1,179 @@
+// entry compute  COMPUTE
+// entry vertex   VERTEX
+// entry fragment FRAGMENT
+// entry compute  HALVE
+//
+// The warp of the shear-warp factorisation: from base planes to the image, affine for parallel rays, projective in perspective.
+// A pixel shows the base plane whose slices its line crosses most steeply.
+//
+//   COMPUTE   one invocation owns a pixel
+//   FRAGMENT  the same, as one quad
+//   HALVE     one invocation owns a texel of a level of half the size: the mean of four
+//
+//   in    intermediate image, its texels row by row
+//   out   accumulation image, or colour attachment 0: premultiplied linear RGBA
+//   error that of resampling an image: bilinear second order in the distance of texels, bicubic third; mip blurs where
+//         texels are smaller than pixels, so that none is left out
+//   cost  four texels a pixel (bilinear), eight (mip), sixteen (bicubic)
+//
+// Source: Lacroute and Levoy, SIGGRAPH 1994; bicubic: Keys, Cubic convolution interpolation, 1981.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+
+#include "interface.glsl"
+
+layout(constant_id = SPEC_WARP) const uint WARP = 0;
+
+layout(push_constant, std430) uniform WarpPush {
+    vec4 to_x;        // from (x, y, 1), pixels from the image's centre, y down, to a texel's x w
+    vec4 to_y;        // y w
+    vec4 to_w;        // w, positive in front of the eye; last, as bits: texel 0 of the level of half the size
+    vec4 ahead;       // the same to how steeply the line crosses this plane's slices, and those of the two others
+    vec4 aside_u;
+    vec4 aside_v;
+    vec2 half_extent; // half the image, pixels
+    uvec2 size;       // texels
+    uint offset;      // of texel 0
+    uint stride;      // of rows
+    uint levels;      // of the intermediate image
+    uint flags;       // 1: other planes have pixels of this image; 2: they have been drawn
+} push;
+
+#ifdef HALVE
+layout(set = 0, binding = BINDING_INTERMEDIATE, std430) buffer Intermediate {
+    vec4 intermediate[];
+};
+#else
+layout(set = 0, binding = BINDING_INTERMEDIATE, std430) readonly buffer Intermediate {
+    vec4 intermediate[];
+};
+
+// A level of the intermediate image.
+struct Level {
+    ivec2 last;
+    int offset;
+    int stride;
+    int below; // offset of the next
+};
+
+vec4 texel_of(ivec2 at, Level level) {
+    at = clamp(at, ivec2(0), level.last);
+    return intermediate[level.offset + at.y * level.stride + at.x];
+}
+
+vec4 bilinear(vec2 at, Level level) {
+    vec2 base = floor(at), w = at - base;
+    ivec2 i = ivec2(base);
+    vec4 low = mix(texel_of(i, level), texel_of(i + ivec2(1, 0), level), w.x);
+    vec4 high = mix(texel_of(i + ivec2(0, 1), level), texel_of(i + ivec2(1, 1), level), w.x);
+    return mix(low, high, w.y);
+}
+
+// Weights of four texels in a row (Keys, a = -1/2).
+vec4 cubic(float x) {
+    vec4 far = vec4(1.0 + x, x, 1.0 - x, 2.0 - x);
+    vec4 inner = fma(far * far, fma(far, vec4(1.5), vec4(-2.5)), vec4(1.0));
+    vec4 outer = fma(far, fma(far, fma(far, vec4(-0.5), vec4(2.5)), vec4(-4.0)), vec4(2.0));
+    return vec4(outer.x, inner.yz, outer.w);
+}
+
+vec4 bicubic(vec2 at, Level level) {
+    vec2 base = floor(at);
+    ivec2 i = ivec2(base) - 1;
+    vec4 across = cubic(at.x - base.x), down = cubic(at.y - base.y);
+    vec4 sum = vec4(0.0);
+    for (int y = 0; y < 4; ++y) {
+        vec4 row = vec4(0.0);
+        for (int x = 0; x < 4; ++x) row += across[x] * texel_of(i + ivec2(x, y), level);
+        sum += down[y] * row;
+    }
+    // It overshoots: opacity stays one, and light is not negative.
+    return vec4(max(sum.rgb, 0.0), clamp(sum.a, 0.0, 1.0));
+}
+
+// The level of half the size of one.
+Level halved(Level level) {
+    ivec2 size = (level.last + 2) / 2;
+    return Level(size - 1, level.below, size.x, level.below + size.x * size.y);
+}
+
+// Whether a pixel is this plane's, and what it shows of it.
+bool shown(vec2 pixel, out vec4 colour) {
+    colour = vec4(0.0);
+    vec3 p = vec3(pixel, 1.0);
+    if (push.flags != 0u) {
+        precise float ahead = push.ahead.x * p.x + push.ahead.y * p.y + push.ahead.z;
+        precise float u = push.aside_u.x * p.x + push.aside_u.y * p.y + push.aside_u.z;
+        precise float v = push.aside_v.x * p.x + push.aside_v.y * p.y + push.aside_v.z;
+        if (ahead < max(abs(u), abs(v))) return false;
+    }
+    float w = dot(push.to_w.xyz, p);
+    if (!(w > 0.0)) return push.flags == 0u;
+    vec2 at = vec2(dot(push.to_x.xyz, p), dot(push.to_y.xyz, p)) / w;
+    Level level = Level(ivec2(push.size) - 1, int(push.offset), int(push.stride), floatBitsToInt(push.to_w.w));
+    // Around the texels there is nothing; so there is in the outermost.
+    if (any(lessThan(at, vec2(-1.0))) || any(greaterThan(at, vec2(push.size)))) return true;
+    if (WARP == WARP_BICUBIC) {
+        colour = bicubic(at, level);
+    } else if (WARP == WARP_MIP) {
+        // How far a step of a pixel goes.
+        vec2 dx = (vec2(push.to_x.x, push.to_y.x) - at * push.to_w.x) / w;
+        vec2 dy = (vec2(push.to_x.y, push.to_y.y) - at * push.to_w.y) / w;
+        float wanted = clamp(0.5 * log2(max(max(dot(dx, dx), dot(dy, dy)), 1e-30)), 0.0, float(push.levels - 1u));
+        float share = wanted - floor(wanted);
+        for (int i = 0; i < int(wanted); ++i) {
+            level = halved(level);
+            at = 0.5 * at - 0.25;
+        }
+        colour = bilinear(at, level);
+        if (share > 0.0) colour = mix(colour, bilinear(0.5 * at - 0.25, halved(level)), share);
+    } else {
+        colour = bilinear(at, level);
+    }
+    return true;
+}
+#endif
+
+#ifdef COMPUTE
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
+
+void main() {
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (any(greaterThanEqual(pixel, ivec2(2.0 * push.half_extent + 0.5)))) return;
+    vec4 colour;
+    bool own = shown(vec2(pixel) + 0.5 - push.half_extent, colour);
+    // The first plane clears what is not its own.
+    if (own || (push.flags & 2u) == 0u) imageStore(accumulation, pixel, colour);
+}
+#endif
+
+#ifdef VERTEX
+void main() {
+    gl_Position = vec4(2.0 * vec2(gl_VertexIndex & 1, gl_VertexIndex >> 1) - 1.0, 0.0, 1.0);
+}
+#endif
+
+#ifdef FRAGMENT
+layout(location = 0) out vec4 colour_out;
+
+void main() {
+    vec4 colour;
+    if (!shown(gl_FragCoord.xy - push.half_extent, colour)) discard;
+    colour_out = colour;
+}
+#endif
+
+#ifdef HALVE
+layout(local_size_x = 8, local_size_y = 8) in;
+
+void main() {
+    ivec2 at = ivec2(gl_GlobalInvocationID.xy), size = (ivec2(push.size) + 1) / 2;
+    if (any(greaterThanEqual(at, size))) return;
+    ivec2 i = 2 * at, j = min(i + 1, ivec2(push.size) - 1);
+    int from = int(push.offset), row = int(push.stride), to = floatBitsToInt(push.to_w.w);
+    intermediate[to + at.y * size.x + at.x] =
+        0.25 * (intermediate[from + i.y * row + i.x] + intermediate[from + i.y * row + j.x] +
+                intermediate[from + j.y * row + i.x] + intermediate[from + j.y * row + j.x]);
+}
+#endif

@@ -1,0 +1,727 @@
+//! A frame of `shear-warp`: stacks, the intermediate image, what is composited on each base plane, and the warp.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::base_planes::{BasePlane, base_planes};
+use super::gpu_scene::{GpuScene, Knots, Layout, TABLE_FORMAT, Table, Volume, turned};
+use super::grid_frame::{check_loops, draws_directly, own_image, slabs_per_dispatch, MAX_SLABS};
+use super::grid_options::{EmptySpace, Filter, Integrator, Order, Route};
+use super::options::Choice;
+use super::passes::buffer;
+use super::shear_warp::{NAME, Options, Source, Warp};
+use super::slices_2d::Stacks;
+use super::stack_words::{self, StackWords};
+use super::{Prepared, TargetDesc};
+use crate::error::{Error, Result};
+use crate::gpu::shader::{
+    BINDING_ACCUMULATION, BINDING_BRICKS, BINDING_INTERMEDIATE, BINDING_KNOTS, BINDING_KNOTS_UNIFORM,
+    BINDING_STACK_WORDS, BINDING_TABLE, BINDING_TABLE_HEAD, BINDING_VOLUME, SHEAR_WARP_COMPUTE,
+    SHEAR_WARP_FRAGMENT, SHEAR_WARP_VERTEX, SHEAR_WARP_WORDS, SPEC_BETWEEN, SPEC_EMPTY_SPACE,
+    SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_INTEGRATOR, SPEC_KNOT_WALK, SPEC_RESUME, SPEC_TABLE_FILTER,
+    SPEC_WARP, SPEC_WORD_BITS, WARP_BICUBIC, WARP_BILINEAR, WARP_COMPUTE, WARP_FRAGMENT, WARP_HALVE, WARP_MIP,
+    WARP_VERTEX,
+};
+use crate::gpu::sync::Use;
+use crate::gpu::{
+    Attachment, Blend, Buffer, ComputeDesc, Descriptors, Gpu, GraphicsDesc, Image, ImageDesc, Pipeline,
+    Recorder, Resource, SpecConstant, TargetImage,
+};
+use crate::interface::{BasePlanePush, WarpPush};
+use crate::num::{self, f32_of};
+use crate::scene::{Grid, View};
+
+/// Format of the intermediate image.
+const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
+
+/// Bytes of a texel.
+const TEXEL: u64 = 16;
+
+/// Share of a buffer that a first view takes, so that the next ones fit it too.
+const FILL: f64 = 0.6;
+
+/// Bits of `BasePlanePush::order`.
+const MORE: u32 = 4;
+const DOWN: u32 = 8;
+const BACK_TO_FRONT: u32 = 16;
+
+/// A stack on the device with the descriptors that name it.
+#[derive(Debug)]
+struct Stack {
+    axis: usize,
+    samples: StackSamples,
+    descriptors: Arc<Descriptors>,
+}
+
+#[derive(Clone, Debug)]
+enum StackSamples {
+    Words(Arc<StackWords>),
+    Texture(Arc<Volume>),
+}
+
+impl StackSamples {
+    /// What turns a stored number into a value.
+    fn scale_and_offset(&self) -> [f32; 2] {
+        match self {
+            Self::Words(stack) => [stack.scale, stack.offset],
+            Self::Texture(volume) => [volume.scale, volume.offset],
+        }
+    }
+}
+
+/// One base plane of a view, ready to be recorded.
+#[derive(Clone, Debug)]
+struct Face {
+    /// Which of the stacks.
+    stack: usize,
+    push: BasePlanePush,
+    slabs: u32,
+    warp: WarpPush,
+    /// Levels of the intermediate image below the first.
+    halves: Vec<WarpPush>,
+}
+
+/// What of a view is drawn.
+#[derive(Clone, Debug, Default)]
+struct Faces {
+    faces: Vec<Face>,
+    /// The axis of the only base plane.
+    axis: Option<usize>,
+    /// Texels of all levels; raster: of all but the first.
+    texels: u32,
+    /// Raster: columns and rows of the image that holds all base planes.
+    atlas: [u32; 2],
+}
+
+/// Everything that is fixed between frames of one size.
+#[derive(Debug)]
+pub(super) struct ShearFrame {
+    scene: Arc<GpuScene>,
+    options: Options,
+    knots: Arc<Knots>,
+    table: Option<Arc<Table>>,
+    stacks: Vec<Stack>,
+    path: Path,
+    /// Texels of the intermediate image, the levels of each base plane one after the other.
+    intermediate: Arc<Buffer>,
+    image: Option<Arc<Image>>,
+    halve: Option<(Arc<Pipeline>, Arc<Descriptors>)>,
+    warp: Arc<Pipeline>,
+    warp_descriptors: Arc<Descriptors>,
+    faces: Faces,
+    /// Passes that there is room for.
+    passes: u32,
+}
+
+#[derive(Debug)]
+enum Path {
+    Compute {
+        first: Arc<Pipeline>,
+        /// Continues where a dispatch before stopped.
+        resume: Option<Arc<Pipeline>>,
+        /// Slabs that one dispatch may walk.
+        slabs_per_dispatch: u32,
+    },
+    Raster {
+        pipeline: Arc<Pipeline>,
+        /// All base planes, one below the other.
+        atlas: Arc<Image>,
+    },
+}
+
+impl Path {
+    /// Dispatches or draws for slabs.
+    fn parts(&self, slabs: u32) -> u32 {
+        match self {
+            Self::Compute { slabs_per_dispatch, .. } => slabs.div_ceil(*slabs_per_dispatch).max(1),
+            Self::Raster { .. } => 1,
+        }
+    }
+}
+
+/// Axes of a view's base planes, and what is drawn on them.
+struct Planned {
+    planes: Vec<BasePlane>,
+    axes: Vec<usize>,
+}
+
+fn plan(gpu: &Gpu, grid: &Grid, options: &Options, view: &View, current: Option<usize>) -> Result<Planned> {
+    // Smaller levels take a third more.
+    let most = num::f64_of_u64(gpu.most_buffer_bytes() / TEXEL) * FILL * 0.7;
+    let planes = base_planes(grid, view, current, options.hysteresis, options.resolution(), most)?;
+    let mut axes: Vec<usize> = planes.iter().map(|plane| plane.axis).collect();
+    axes.dedup();
+    Ok(Planned { planes, axes })
+}
+
+impl ShearFrame {
+    pub(super) fn new(
+        scene: &Arc<GpuScene>,
+        view: &View,
+        target: &TargetDesc,
+        options: Options,
+    ) -> Result<Self> {
+        options.check()?;
+        let gpu = scene.gpu();
+        let grid = scene.grid()?;
+        let route = options.grid.route_on(gpu, NAME)?;
+        let raster = route == Route::Raster;
+        let has_nan = grid.nan_count() > 0;
+        let planned = plan(gpu, grid, &options, view, None)?;
+        let axes = match (options.stacks, planned.axes.as_slice()) {
+            (Stacks::All, _) => vec![0, 1, 2],
+            // Something must be bound.
+            (Stacks::Used, []) => vec![2],
+            (Stacks::Used, axes) => axes.to_vec(),
+        };
+
+        // Words where they are faster, or asked for.
+        let fits = gpu.check_buffer("stack", stack_words::bytes(grid)).is_ok();
+        let in_words = match options.samples {
+            Source::Words if raster => {
+                return Err(Error::unsupported(
+                    format!("{NAME} route=raster"),
+                    "samples=words; samples=texture works",
+                ));
+            }
+            Source::Words => true,
+            Source::Texture => false,
+            Source::Auto => !raster && fits && gpu.is_software(),
+        };
+        let mut samples = Vec::new();
+        for &axis in &axes {
+            samples.push(if in_words {
+                StackSamples::Words(scene.stack_words(axis)?)
+            } else {
+                let hardware = options.grid.filter == Filter::Hardware;
+                StackSamples::Texture(scene.volume(Layout::Stack(axis), hardware, false)?)
+            });
+        }
+
+        let knots = scene.knots()?;
+        let segments = Some(options.segments).filter(|s| s.integrator != Integrator::Midpoint);
+        let table = match &segments {
+            Some(segments) => scene.table(segments)?,
+            None => None,
+        };
+        let no_table = scene.no_table()?;
+        let table_texels = table.as_ref().map_or(&no_table, |table| &table.image);
+        let filters_table = options.segments.integrator == Integrator::Full
+            && options.grid.filter == Filter::Hardware
+            && gpu.image_features(TABLE_FORMAT).contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR);
+        let exact = options.grid.filter == Filter::Exact
+            || has_nan
+            || samples.iter().any(|s| matches!(s, StackSamples::Texture(volume) if !volume.filterable));
+        let mut constants: Vec<SpecConstant> = vec![
+            (SPEC_FILTER_EXACT, u32::from(exact)),
+            (SPEC_HAS_NAN, u32::from(has_nan)),
+            (SPEC_KNOT_WALK, knots.walk),
+            (SPEC_INTEGRATOR, options.segments.integrator.code()),
+            (SPEC_TABLE_FILTER, u32::from(filters_table)),
+            (SPEC_BETWEEN, u32::from(options.between)),
+        ];
+        if let Some(StackSamples::Words(stack)) = samples.first() {
+            constants.push((SPEC_WORD_BITS, stack.bits));
+        }
+        let knots_buffer = || Resource::Buffer(Arc::clone(&knots.buffer));
+        let table_head =
+            table.as_ref().map_or_else(knots_buffer, |table| Resource::Buffer(Arc::clone(&table.buffer)));
+        let table_filter = if filters_table { vk::Filter::LINEAR } else { vk::Filter::NEAREST };
+        let mut resources = vec![
+            (BINDING_KNOTS_UNIFORM, knots_buffer()),
+            (BINDING_KNOTS, knots_buffer()),
+            (BINDING_TABLE_HEAD, table_head),
+            (BINDING_TABLE, Resource::Sampled(Arc::clone(table_texels), table_filter)),
+        ];
+
+        // Room for views that need more.
+        let faces = Faces::of(scene, &options, &planned, &axes, &samples, &knots, view, raster)?;
+        let most = gpu.most_buffer_bytes() / TEXEL;
+        let [columns, rows] = faces.atlas.map(|side| {
+            let with_room = num::u32_of(f64::from(side.max(1)) * 1.3);
+            with_room.min(gpu.max_image_2d()).max(side)
+        });
+        let atlas_texels = if raster { u64::from(columns) * u64::from(rows) } else { 0 };
+        let needed = atlas_texels + u64::from(faces.texels);
+        let room = num::u64_of(num::f64_of_u64(needed.max(64)) / FILL).min(most).max(needed);
+        let intermediate = buffer(gpu, &format!("{NAME}.intermediate"), room.saturating_mul(TEXEL / 4))?;
+        resources.push((BINDING_INTERMEDIATE, Resource::Buffer(Arc::clone(&intermediate))));
+
+        let most_slabs = faces.faces.iter().map(|face| face.slabs).max().unwrap_or(1);
+        let (path, pipeline) = if raster {
+            check_loops(gpu, NAME, &knots, segments.as_ref())?;
+            let pipeline = gpu.graphics_pipeline(
+                &format!("{NAME}.draw"),
+                &GraphicsDesc {
+                    vertex: &SHEAR_WARP_VERTEX,
+                    fragment: &SHEAR_WARP_FRAGMENT,
+                    topology: vk::PrimitiveTopology::TRIANGLE_STRIP,
+                    blend: if options.grid.order() == Order::BackToFront { Blend::Over } else { Blend::Under },
+                    format: Some(FORMAT),
+                    constants: &constants,
+                },
+            )?;
+            gpu.check_drawing(NAME, [columns, rows])?;
+            let usage = vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC;
+            let desc = ImageDesc::flat(FORMAT, [columns, rows], usage);
+            let atlas = Arc::new(Image::new(gpu, &format!("{NAME}.base-planes"), &desc)?);
+            (Path::Raster { pipeline: Arc::clone(&pipeline), atlas }, pipeline)
+        } else {
+            let skips = options.grid.empty_space == EmptySpace::Skip;
+            let bricks = if skips {
+                Resource::ReadOnly(scene.bricks(scene.margin(segments.as_ref()))?)
+            } else {
+                knots_buffer()
+            };
+            resources.push((BINDING_BRICKS, bricks));
+            let slabs_per_dispatch =
+                slabs_per_dispatch(gpu, NAME, most_slabs, &knots, segments.as_ref(), grid, view)?;
+            let shader = if in_words { &SHEAR_WARP_WORDS } else { &SHEAR_WARP_COMPUTE };
+            let pipeline = |resume: bool| {
+                let mut constants = constants.clone();
+                constants.push((SPEC_RESUME, u32::from(resume)));
+                constants.push((SPEC_EMPTY_SPACE, u32::from(skips)));
+                let name = if resume { format!("{NAME}.march.resume") } else { format!("{NAME}.march") };
+                gpu.compute_pipeline(&name, &ComputeDesc { shader, constants: &constants })
+            };
+            let first = pipeline(false)?;
+            let resume = if most_slabs > slabs_per_dispatch { Some(pipeline(true)?) } else { None };
+            (Path::Compute { first: Arc::clone(&first), resume, slabs_per_dispatch }, first)
+        };
+        let filter = if exact { vk::Filter::NEAREST } else { vk::Filter::LINEAR };
+        let mut stacks = Vec::new();
+        for (&axis, samples) in axes.iter().zip(samples) {
+            let mut resources = resources.clone();
+            resources.push(match &samples {
+                StackSamples::Words(stack) => {
+                    (BINDING_STACK_WORDS, Resource::Buffer(Arc::clone(&stack.buffer)))
+                }
+                StackSamples::Texture(volume) => {
+                    (BINDING_VOLUME, Resource::Sampled(Arc::clone(&volume.image), filter))
+                }
+            });
+            let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
+            stacks.push(Stack { axis, samples, descriptors });
+        }
+
+        let code = match options.warp {
+            Warp::Bilinear => WARP_BILINEAR,
+            Warp::Mip => WARP_MIP,
+            Warp::Bicubic => WARP_BICUBIC,
+        };
+        let warp_constants = [(SPEC_WARP, code)];
+        let mut warp_resources =
+            vec![(BINDING_INTERMEDIATE, Resource::ReadOnly(Arc::clone(&intermediate)))];
+        let (warp, image) = if raster {
+            let directly = target.format().filter(|&format| draws_directly(target, format, Order::BackToFront));
+            let warp = gpu.graphics_pipeline(
+                &format!("{NAME}.warp"),
+                &GraphicsDesc {
+                    vertex: &WARP_VERTEX,
+                    fragment: &WARP_FRAGMENT,
+                    topology: vk::PrimitiveTopology::TRIANGLE_STRIP,
+                    blend: Blend::Over,
+                    format: Some(directly.unwrap_or(FORMAT)),
+                    constants: &warp_constants,
+                },
+            )?;
+            let image = match directly {
+                Some(_) => None,
+                None => {
+                    gpu.check_drawing(NAME, view.extent())?;
+                    Some(own_image(gpu, NAME, FORMAT, vk::ImageUsageFlags::COLOR_ATTACHMENT, view, target)?)
+                }
+            };
+            (warp, image)
+        } else {
+            let image = own_image(gpu, NAME, FORMAT, vk::ImageUsageFlags::STORAGE, view, target)?;
+            warp_resources.push((BINDING_ACCUMULATION, Resource::Storage(Arc::clone(&image))));
+            let desc = ComputeDesc { shader: &WARP_COMPUTE, constants: &warp_constants };
+            (gpu.compute_pipeline(&format!("{NAME}.warp"), &desc)?, Some(image))
+        };
+        let warp_descriptors = Arc::new(Descriptors::new(gpu, &warp, &warp_resources)?);
+        let halve = if options.warp == Warp::Mip {
+            let desc = ComputeDesc { shader: &WARP_HALVE, constants: &[] };
+            let pipeline = gpu.compute_pipeline(&format!("{NAME}.halve"), &desc)?;
+            let resources = [(BINDING_INTERMEDIATE, Resource::Buffer(Arc::clone(&intermediate)))];
+            let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
+            Some((pipeline, descriptors))
+        } else {
+            None
+        };
+        let mut frame = Self {
+            scene: Arc::clone(scene),
+            options,
+            knots,
+            table,
+            stacks,
+            path,
+            intermediate,
+            image,
+            halve,
+            warp,
+            warp_descriptors,
+            faces,
+            passes: 0,
+        };
+        // As many as a turn of the view may need: six base planes, and half as many slabs again.
+        let parts = frame.path.parts(most_slabs.saturating_add(most_slabs / 2));
+        let halves = if options.warp == Warp::Mip { 16 } else { 0 };
+        let planes = if view.is_perspective() { 6 } else { 1 };
+        frame.passes = frame.needed_passes(&frame.faces).max(planes * (parts + halves + 1) + 1);
+        Ok(frame)
+    }
+
+    fn needed_passes(&self, faces: &Faces) -> u32 {
+        let of_face = |face: &Face| self.path.parts(face.slabs) + num::count(face.halves.len()) + 1;
+        // Raster copies its image.
+        faces.faces.iter().map(of_face).sum::<u32>() + 2
+    }
+}
+
+impl Faces {
+    /// The base planes of a view with what shaders need to know of them.
+    #[expect(clippy::too_many_arguments, reason = "two callers, which have all of these at hand")]
+    fn of(
+        scene: &GpuScene,
+        options: &Options,
+        planned: &Planned,
+        axes: &[usize],
+        samples: &[StackSamples],
+        knots: &Knots,
+        view: &View,
+        raster: bool,
+    ) -> Result<Self> {
+        let parted = planned.planes.len() > 1;
+        let axis = match planned.planes.as_slice() {
+            [only] => Some(only.axis),
+            _ => None,
+        };
+        let mut faces = Self { axis, ..Self::default() };
+        faces.atlas = planned.planes.iter().fold([0, 0], |[columns, rows], plane| {
+            [columns.max(plane.size[0]), rows + plane.size[1]]
+        });
+        let mut row = 0;
+        for (i, plane) in planned.planes.iter().enumerate() {
+            let stack = axes.iter().position(|&axis| axis == plane.axis).unwrap_or(0);
+            let [scale, offset] = samples[stack].scale_and_offset();
+            let (mut push, slabs) = base_plane_push(scene, options, plane, knots)?;
+            push.value_scale = scale;
+            push.value_offset = offset;
+            push.atlas = faces.atlas;
+            let [width, height] = plane.size;
+            let flags = u32::from(parted) | u32::from(i > 0) << 1;
+            let mut warp = warp_push(plane, view, flags);
+            warp.offset = if raster { row } else { faces.texels };
+            push.offset = warp.offset;
+            row += height;
+            if !raster {
+                faces.texels += width * height;
+            }
+            let below = |at: u32| f32::from_bits(at);
+            warp.to_w[3] = below(faces.texels);
+            let mut halves = Vec::new();
+            if options.warp == Warp::Mip {
+                let levels = plane.texels_per_pixel.max(1.0).log2().ceil();
+                let mut level = warp;
+                while f64::from(num::count(halves.len())) < levels && level.size != [1, 1] {
+                    halves.push(level);
+                    let [w, h] = level.size.map(|side| side.div_ceil(2));
+                    level = WarpPush { size: [w, h], stride: w, offset: faces.texels, ..level };
+                    faces.texels += w * h;
+                    level.to_w[3] = below(faces.texels);
+                }
+            }
+            warp.levels = num::count(halves.len()) + 1;
+            faces.faces.push(Face { stack, push, slabs, warp, halves });
+        }
+        Ok(faces)
+    }
+}
+
+/// What a base plane's compositing needs to know; the place of its texels is left out.
+fn base_plane_push(
+    scene: &GpuScene,
+    options: &Options,
+    plane: &BasePlane,
+    knots: &Knots,
+) -> Result<(BasePlanePush, u32)> {
+    let grid = scene.grid()?;
+    let half = turned((grid.last_index() * 0.5).to_array(), plane.axis);
+    let last = 2.0 * half[2];
+    let midpoint = options.segments.integrator == Integrator::Midpoint;
+    let (begin, thickness, count) = if options.between {
+        let thickness = options.grid.step * grid.spacing().min_element() / plane.length;
+        (-half[2], thickness, (last / thickness).ceil())
+    } else if midpoint {
+        (-half[2] - 0.5, 1.0, last + 1.0)
+    } else {
+        (-half[2], 1.0, last)
+    };
+    if count > MAX_SLABS {
+        return Err(Error::invalid(
+            format!("{NAME} option step"),
+            format!(
+                "{}: makes {count} slices of this grid, at most {MAX_SLABS} are drawn",
+                options.grid.step
+            ),
+        ));
+    }
+    // Lengths: the axes as an upper triangle, by Gram and Schmidt from the normal of the slices on.
+    let axes = grid.index_to_world();
+    let [u, v, w] = turned([axes.x_axis, axes.y_axis, axes.z_axis], plane.axis);
+    let across = u.cross(v).normalize_or_zero();
+    let along_u = u.normalize_or_zero();
+    let along_v = across.cross(along_u);
+    let unit = across.dot(w).abs();
+    let slope_u = [u.dot(along_u), v.dot(along_u), w.dot(along_u) * plane.sign].map(|x| x / unit);
+    let slope_v = [v.dot(along_v), w.dot(along_v) * plane.sign].map(|x| x / unit);
+    let push = BasePlanePush {
+        q0_step: [plane.q.x, plane.q.y, plane.step_q.x, plane.step_q.y].map(f32_of),
+        d0_step: [plane.d.x, plane.d.y, plane.step_d.x, plane.step_d.y].map(f32_of),
+        half_scale: [half[0], half[1], half[2], unit].map(f32_of),
+        slope_u: [slope_u[0], slope_u[1], slope_u[2], plane.near.max(-1e30)].map(f32_of),
+        slope_v: slope_v.map(f32_of),
+        z0: f32_of(begin),
+        h: f32_of(thickness),
+        value_scale: 1.0,
+        value_offset: 0.0,
+        knots: knots.count,
+        first: 0,
+        count: num::u32_of(count),
+        order: num::count(plane.axis) | if plane.sign < 0.0 { DOWN } else { 0 },
+        opaque: f32_of(options.grid.stop / scene.scene().transfer.max_colour().max(1.0)),
+        offset: 0,
+        size: plane.size,
+        atlas: [0; 2],
+    };
+    let numbers = [push.q0_step, push.d0_step, push.half_scale, push.slope_u];
+    let finite = numbers.iter().flatten().chain(&push.slope_v).all(|number| number.is_finite());
+    if !(finite && push.half_scale[3].is_normal() && push.h > 0.0) && count > 0.0 {
+        return Err(Error::invalid(
+            "view",
+            "the camera is so far from the grid, or its voxels so large or small, that float32 cannot hold the rays",
+        ));
+    }
+    Ok((push, num::u32_of(count)))
+}
+
+/// What the warp needs to know of a base plane; the place of its texels is left out.
+fn warp_push(plane: &BasePlane, view: &View, flags: u32) -> WarpPush {
+    let [width, height] = view.extent();
+    let row = |m: glam::DMat3, i: usize| num::vec3_of(m.row(i)).extend(0.0).to_array();
+    WarpPush {
+        to_x: row(plane.to_texel, 0),
+        to_y: row(plane.to_texel, 1),
+        to_w: row(plane.to_texel, 2),
+        ahead: row(plane.steepness, 0),
+        aside_u: row(plane.steepness, 1),
+        aside_v: row(plane.steepness, 2),
+        half_extent: [f32_of(f64::from(width) * 0.5), f32_of(f64::from(height) * 0.5)],
+        size: plane.size,
+        offset: 0,
+        stride: plane.size[0],
+        levels: 1,
+        flags,
+    }
+}
+
+/// Workgroups of 8 x 8 invocations.
+fn groups([width, height]: [u32; 2]) -> [u32; 3] {
+    [width.div_ceil(8), height.div_ceil(8), 1]
+}
+
+impl Prepared for ShearFrame {
+    fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool> {
+        let gpu = self.scene.gpu().clone();
+        let grid = self.scene.grid()?;
+        let planned = plan(&gpu, grid, &self.options, view, self.faces.axis)?;
+        let axes: Vec<usize> = self.stacks.iter().map(|stack| stack.axis).collect();
+        if !planned.axes.iter().all(|axis| axes.contains(axis)) {
+            return Ok(false);
+        }
+        let samples: Vec<StackSamples> = self.stacks.iter().map(|stack| stack.samples.clone()).collect();
+        let raster = matches!(self.path, Path::Raster { .. });
+        let faces =
+            Faces::of(&self.scene, &self.options, &planned, &axes, &samples, &self.knots, view, raster)?;
+        let passes = self.needed_passes(&faces);
+        let parts = faces.faces.iter().map(|face| self.path.parts(face.slabs)).max().unwrap_or(1);
+        let splits = parts == 1 || !matches!(self.path, Path::Compute { resume: None, .. });
+        let room = match &self.path {
+            Path::Compute { .. } => u64::from(faces.texels) * TEXEL <= self.intermediate.size(),
+            Path::Raster { atlas, .. } => {
+                let [columns, rows, _] = atlas.desc().extent;
+                let texels = u64::from(columns) * u64::from(rows) + u64::from(faces.texels);
+                faces.atlas[0] <= columns
+                    && faces.atlas[1] <= rows
+                    && texels * TEXEL <= self.intermediate.size()
+            }
+        };
+        let fits = passes <= most_passes && splits && room;
+        if fits {
+            self.faces = faces;
+        }
+        Ok(fits)
+    }
+
+    fn image(&self) -> Option<&Arc<Image>> {
+        self.image.as_ref()
+    }
+
+    fn last_use(&self) -> Use {
+        match self.path {
+            Path::Raster { .. } => Use::ColorAttachment,
+            Path::Compute { .. } => Use::ComputeReadWrite,
+        }
+    }
+
+    fn route(&self) -> &'static str {
+        match self.path {
+            Path::Raster { .. } => Route::Raster.word(),
+            Path::Compute { .. } => Route::Compute.word(),
+        }
+    }
+
+    fn passes(&self) -> u32 {
+        self.passes
+    }
+
+    fn counters(&self) -> Vec<(&'static str, u64)> {
+        let faces = &self.faces;
+        let texels = |face: &Face| u64::from(face.push.size[0]) * u64::from(face.push.size[1]);
+        let mut counters = vec![
+            ("slices", faces.faces.iter().map(|face| u64::from(face.slabs)).sum()),
+            ("base_planes", num::wide(faces.faces.len())),
+            ("intermediate_texels", faces.faces.iter().map(texels).sum()),
+            ("dispatches_or_draws", self.needed_passes(faces).into()),
+        ];
+        counters.extend(faces.axis.map(|axis| ("stack_axis", u64::from(num::count(axis)))));
+        counters
+    }
+
+    fn record(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>, clear: bool) {
+        for stack in &self.stacks {
+            if let StackSamples::Texture(volume) = &stack.samples {
+                recorder.assume_ready(&volume.image);
+            }
+        }
+        if let Some(table) = &self.table {
+            recorder.assume_ready(&table.image);
+        } else if let Some(Resource::Sampled(image, _)) =
+            self.stacks.first().and_then(|stack| stack.descriptors.resource(BINDING_TABLE))
+        {
+            recorder.assume_ready(&image);
+        }
+        match &self.path {
+            Path::Compute { first, resume, slabs_per_dispatch } => {
+                for face in &self.faces.faces {
+                    let mut begin = 0;
+                    loop {
+                        let count = (face.slabs - begin).min(*slabs_per_dispatch);
+                        let more = begin + count < face.slabs;
+                        let order = face.push.order | if more { MORE } else { 0 };
+                        let push = BasePlanePush { first: begin, count, order, ..face.push };
+                        let pipeline = resume.as_ref().filter(|_| begin > 0).unwrap_or(first);
+                        recorder.dispatch(
+                            &format!("{NAME}.march"),
+                            pipeline,
+                            &self.stacks[face.stack].descriptors,
+                            bytemuck::bytes_of(&push),
+                            groups(face.push.size),
+                        );
+                        begin += count;
+                        if !more {
+                            break;
+                        }
+                    }
+                }
+            }
+            Path::Raster { pipeline, atlas } => {
+                let [columns, rows, _] = atlas.desc().extent;
+                let back_to_front = self.options.grid.order() == Order::BackToFront;
+                for (i, face) in self.faces.faces.iter().enumerate() {
+                    let order = face.push.order | if back_to_front { BACK_TO_FRONT } else { 0 };
+                    let push = BasePlanePush { order, atlas: [columns, rows], ..face.push };
+                    recorder.draw(
+                        &format!("{NAME}.draw"),
+                        pipeline,
+                        &self.stacks[face.stack].descriptors,
+                        bytemuck::bytes_of(&push),
+                        &Attachment::Own(Arc::clone(atlas)),
+                        i == 0,
+                        4,
+                        face.slabs,
+                    );
+                }
+                if !self.faces.faces.is_empty() {
+                    recorder.copy_image_to_buffer(&format!("{NAME}.copy"), atlas, &self.intermediate);
+                }
+            }
+        }
+        self.record_warp(recorder, target, clear);
+    }
+}
+
+impl ShearFrame {
+    /// Raster's base planes lie in the buffer as they do in its image, so many rows down; smaller levels come after it.
+    fn placed(&self, push: &WarpPush, first: bool) -> WarpPush {
+        let Path::Raster { atlas, .. } = &self.path else { return *push };
+        let [columns, rows, _] = atlas.desc().extent;
+        let mut placed = *push;
+        placed.to_w[3] = f32::from_bits(push.to_w[3].to_bits() + columns * rows);
+        if first {
+            (placed.offset, placed.stride) = (push.offset * columns, columns);
+        } else {
+            placed.offset += columns * rows;
+        }
+        placed
+    }
+
+    fn record_warp(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>, clear: bool) {
+        if let Some((pipeline, descriptors)) = &self.halve {
+            for face in &self.faces.faces {
+                for (level, half) in face.halves.iter().enumerate() {
+                    let [w, h] = half.size;
+                    let push = self.placed(half, level == 0);
+                    recorder.dispatch(
+                        &format!("{NAME}.halve"),
+                        pipeline,
+                        descriptors,
+                        bytemuck::bytes_of(&push),
+                        groups([w.div_ceil(2), h.div_ceil(2)]),
+                    );
+                }
+            }
+        }
+        // Without a base plane nothing is seen: a warp that shows nothing clears the image.
+        let nothing = [WarpPush::default()];
+        let [width, height] = match (&self.image, target) {
+            (Some(image), _) => [image.desc().extent[0], image.desc().extent[1]],
+            (None, Some(target)) => target.extent,
+            (None, None) => return,
+        };
+        let mut pushes: Vec<WarpPush> =
+            self.faces.faces.iter().map(|face| self.placed(&face.warp, true)).collect();
+        if pushes.is_empty() {
+            let half_extent = [width, height].map(|side| f32_of(f64::from(side) * 0.5));
+            pushes.extend(nothing.map(|push| WarpPush { half_extent, levels: 1, ..push }));
+        }
+        for (i, push) in pushes.iter().enumerate() {
+            let name = format!("{NAME}.warp");
+            let bytes = bytemuck::bytes_of(push);
+            if matches!(self.path, Path::Compute { .. }) {
+                let groups = groups([width, height]);
+                recorder.dispatch(&name, &self.warp, &self.warp_descriptors, bytes, groups);
+                continue;
+            }
+            let attachment = match (&self.image, target) {
+                (Some(image), _) => Attachment::Own(Arc::clone(image)),
+                (None, Some(target)) => Attachment::Caller(*target),
+                (None, None) => return,
+            };
+            let clear = i == 0 && (clear || self.image.is_some());
+            recorder.draw(&name, &self.warp, &self.warp_descriptors, bytes, &attachment, clear, 4, 1);
+        }
+    }
+}

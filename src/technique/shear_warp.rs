@@ -1,0 +1,270 @@
+//! Shear-warp: slices composited in a base plane along the lines of sight, and the result warped to the image (Lacroute and
+//! Levoy 1994; Peikert, Object Space Volume Rendering, SciVis 2007, pages 4-5 to 4-17).
+//!
+//! A view is factored into a permutation of the axes, a shear of the slices (in perspective with a scaling) and a warp
+//! that does not depend on depth. A texel of the base plane is one line of sight: what is composited there is what
+//! `slices-2d` or, with an integrator of segments, `slabs` composites along that line. How many lines there are is
+//! independent of the image's pixels, and that is what is saved.
+//!
+//! 1. `factorisation` factors views; `base_planes` chooses base planes, up to six where the eye is near the domain or in it,
+//!    and lays a lattice of texels on each.
+//! 2. `glsl/shear-warp.glsl` composites slabs: a march along the line of each texel (route `compute`), or a quad a slab,
+//!    blended by fixed function (route `raster`).
+//! 3. `glsl/warp.glsl` resamples the intermediate image: each pixel that of the base plane whose slices its line
+//!    crosses most steeply. `warp=mip` averages texels that are smaller than pixels.
+//!
+//! Error: along a line that of `slices-2d` or `slabs`; then that of resampling, second order in the texels' distance (third
+//! with `warp=bicubic`) where the image is smooth, and blur of the size of a texel at edges. The homogeneous domain is
+//! exact for lines through both faces. Cost: per slab and covered texel one bilinear look-up (with `step` two) and one
+//! classification or integration; four to sixteen texels a pixel. Each axis is one more copy of the grid. Needs: core Vulkan
+//! 1.3.
+
+use std::sync::Arc;
+
+use super::base_planes::Resolution;
+use super::gpu_scene::GpuScene;
+use super::grid_options::{
+    EMPTY_SPACE, GridOptions, Integrator, ORDER, ROUTE, STOP, SegmentOptions, TABLE,
+};
+use super::options::{self, Choice, OptionInfo};
+use super::shear_frame::ShearFrame;
+use super::slices_2d::Stacks;
+use super::{Prepared, TargetDesc};
+use crate::error::{Error, Result};
+use crate::scene::View;
+
+pub(super) const NAME: &str = "shear-warp";
+
+/// Where samples come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// Words in software, where they fit a buffer; else the texture.
+    Auto,
+    /// A storage buffer, a word a sample: float32 weights.
+    Words,
+    /// An array of 2D images.
+    Texture,
+}
+
+impl Choice for Source {
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("auto", Self::Auto), ("words", Self::Words), ("texture", Self::Texture)];
+}
+
+/// How the intermediate image is resampled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Warp {
+    /// Between four texels.
+    Bilinear,
+    /// The same, in smaller versions of the intermediate image where its texels are smaller than pixels.
+    Mip,
+    /// Between sixteen texels (Keys 1981).
+    Bicubic,
+}
+
+impl Choice for Warp {
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("bilinear", Self::Bilinear), ("mip", Self::Mip), ("bicubic", Self::Bicubic)];
+}
+
+/// What sets the number of texels of the intermediate image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Intermediate {
+    /// A texel a voxel, or a texel a pixel where pixels are smaller.
+    Auto,
+    /// A texel for each voxel of the nearest slice.
+    Voxel,
+    /// So many texels for each pixel, along each side.
+    Pixel(f64),
+}
+
+/// What can be chosen, with its effect on error and time.
+pub(crate) const OPTIONS: &[OptionInfo] = &[
+    OptionInfo {
+        key: "step",
+        values: "slices, or a positive number",
+        default: "slices",
+        effect: "slices: those of the grid, whose distance along the line grows to sqrt(3) voxels; a number: slices so far apart along the line, in units of the smallest voxel spacing, whatever the view, each a blend of two, twice the look-ups",
+    },
+    OptionInfo {
+        key: "integrator",
+        values: "midpoint|integral|full|exact",
+        default: "midpoint",
+        effect: "midpoint classifies each slice; the others integrate the transfer function between slices, as slabs does",
+    },
+    TABLE,
+    OptionInfo {
+        key: "intermediate",
+        values: "auto|voxel|pixel, or texels a pixel, a positive number",
+        default: "auto",
+        effect: "lines of sight that are composited: one a voxel of the nearest slice (voxel), one a pixel (pixel), so many along a pixel's side, or the finer of voxel and pixel (auto); time grows with their number, and what is smaller than their distance is blurred",
+    },
+    OptionInfo {
+        key: "warp",
+        values: "bilinear|mip|bicubic",
+        default: "bilinear",
+        effect: "bicubic resamples the intermediate image sharper than bilinear, four times the texels; mip averages texels that are smaller than pixels, which other techniques would need many rays a pixel for",
+    },
+    OptionInfo {
+        key: "filter",
+        values: "hardware|exact, or bilinear|mip|bicubic",
+        default: "hardware",
+        effect: "of samples: exact has float32 weights, hardware those of the sampler where it is used; the last three words are those of warp",
+    },
+    OptionInfo {
+        key: "samples",
+        values: "auto|words|texture",
+        default: "auto",
+        effect: "words: a storage buffer with a word a sample and exact weights, faster in software; texture: an array of images, faster elsewhere and smaller; raster has textures only",
+    },
+    OptionInfo {
+        key: "hysteresis",
+        values: "a number from 0 to below 1",
+        default: "0.01",
+        effect: "the base plane in use is kept until the cosine of another leads by this; the picture jumps later and less often",
+    },
+    OptionInfo {
+        key: "stacks",
+        values: "used|all",
+        default: "used",
+        effect: "all: three copies of the grid on the device, so that no turn of the view needs an upload",
+    },
+    ROUTE,
+    ORDER,
+    EMPTY_SPACE,
+    STOP,
+];
+
+/// Options of this technique.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Those that techniques for grids share; `step` counts only with `between`. `prefilter`, `target` and `dither` are not
+    /// for this technique.
+    pub grid: GridOptions,
+    /// Slices between those of the grid, `step` apart along the line, each a blend of two.
+    pub between: bool,
+    /// How slabs are integrated; [`Integrator::Midpoint`] classifies slices.
+    pub segments: SegmentOptions,
+    /// Texels of the intermediate image.
+    pub intermediate: Intermediate,
+    /// How it is resampled.
+    pub warp: Warp,
+    /// Where samples come from.
+    pub samples: Source,
+    /// By how much the cosine of another axis must lead that of the one in use, for a plan to change base planes.
+    pub hysteresis: f64,
+    /// Stacks on the device.
+    pub stacks: Stacks,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            grid: GridOptions::default(),
+            between: false,
+            segments: SegmentOptions { integrator: Integrator::Midpoint, table: None },
+            intermediate: Intermediate::Auto,
+            warp: Warp::Bilinear,
+            samples: Source::Auto,
+            hysteresis: 0.01,
+            stacks: Stacks::Used,
+        }
+    }
+}
+
+impl Options {
+    /// Reads `key`, `value` pairs.
+    pub(crate) fn parse(pairs: &[(String, String)]) -> Result<Self> {
+        let mut options = Self::default();
+        for (key, text) in pairs {
+            let is_warp = Warp::WORDS.iter().any(|(word, _)| word == text);
+            match key.as_str() {
+                "step" if text == "slices" => options.between = false,
+                "hysteresis" => options.hysteresis = options::below_one(NAME, key, text)?,
+                "stacks" => options.stacks = options::choice(NAME, key, text)?,
+                "samples" => options.samples = options::choice(NAME, key, text)?,
+                "warp" => options.warp = options::choice(NAME, key, text)?,
+                "filter" if is_warp => options.warp = options::choice(NAME, key, text)?,
+                "intermediate" => {
+                    options.intermediate = match text.as_str() {
+                        "auto" => Intermediate::Auto,
+                        "voxel" => Intermediate::Voxel,
+                        "pixel" => Intermediate::Pixel(1.0),
+                        _ => Intermediate::Pixel(options::positive(NAME, key, text)?),
+                    };
+                }
+                "prefilter" | "target" | "dither" | "seed" => {
+                    return Err(options::unknown(NAME, key, OPTIONS));
+                }
+                _ if options.segments.read(NAME, key, text)? => {}
+                _ if options.grid.read(NAME, key, text)? => options.between |= key == "step",
+                _ => return Err(options::unknown(NAME, key, OPTIONS)),
+            }
+        }
+        options.check()?;
+        Ok(options)
+    }
+
+    /// The options as text that reads back to them; what is unset is left out.
+    pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
+        let mut pairs = self.grid.pairs();
+        pairs.retain(|(key, _)| *key != "prefilter");
+        if !self.between {
+            for pair in pairs.iter_mut().filter(|(key, _)| *key == "step") {
+                pair.1 = "slices".to_string();
+            }
+        }
+        pairs.extend(self.segments.pairs());
+        let intermediate = match self.intermediate {
+            Intermediate::Auto => "auto".to_string(),
+            Intermediate::Voxel => "voxel".to_string(),
+            Intermediate::Pixel(1.0) => "pixel".to_string(),
+            Intermediate::Pixel(texels) => texels.to_string(),
+        };
+        pairs.push(("intermediate", intermediate));
+        pairs.push(("warp", self.warp.word().to_string()));
+        pairs.push(("samples", self.samples.word().to_string()));
+        pairs.push(("hysteresis", self.hysteresis.to_string()));
+        pairs.push(("stacks", self.stacks.word().to_string()));
+        pairs
+    }
+
+    pub(super) fn check(&self) -> Result<()> {
+        let refuse = |key: &str, why: String| Err(Error::invalid(format!("{NAME} option {key}"), why));
+        if !(0.0..1.0).contains(&self.hysteresis) {
+            return refuse("hysteresis", format!("{}: must be at least 0 and below 1", self.hysteresis));
+        }
+        match self.intermediate {
+            Intermediate::Pixel(texels) if !(texels.is_finite() && texels > 0.0) => {
+                return refuse("intermediate", format!("{texels}: must be positive and finite"));
+            }
+            _ => {}
+        }
+        if self.grid.target.is_some() {
+            return refuse("target", "the intermediate image is rgba32f".to_string());
+        }
+        let default = GridOptions::default();
+        if self.grid.prefilter != default.prefilter || self.grid.dither != default.dither {
+            return refuse("prefilter", "neither it nor dither is for this technique".to_string());
+        }
+        self.segments.check(NAME, true)?;
+        self.grid.check(NAME)
+    }
+
+    pub(super) fn resolution(&self) -> Resolution {
+        match self.intermediate {
+            Intermediate::Auto => Resolution::Finer,
+            Intermediate::Voxel => Resolution::Voxel,
+            Intermediate::Pixel(texels) => Resolution::Pixel(texels),
+        }
+    }
+
+    pub(super) fn prepare(
+        &self,
+        scene: &Arc<GpuScene>,
+        view: &View,
+        target: &TargetDesc,
+    ) -> Result<Box<dyn Prepared>> {
+        Ok(Box::new(ShearFrame::new(scene, view, target, *self)?))
+    }
+}
