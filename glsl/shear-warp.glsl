@@ -35,7 +35,8 @@
 
 // The slice that slab i stands for: rays may go down the stack.
 float slice_of(uint slab, Lattice lattice) {
-    return (push.order & 8u) != 0u ? 2.0 * lattice.half_size.z - float(slab) : float(slab);
+    float slice = min(float(slab * (push.order >> 8)), 2.0 * lattice.half_size.z);
+    return (push.order & 8u) != 0u ? 2.0 * lattice.half_size.z - slice : slice;
 }
 
 // What of a slab lies inside `interval`, as depths; empty when x >= y.

@@ -33,7 +33,7 @@ const TEXELS_PER_PIXEL: f64 = 4.0;
 pub(crate) enum Resolution {
     /// A texel for each voxel of the nearest slice.
     Voxel,
-    /// So many texels for each pixel, along each side, where pixels are finest.
+    /// So many texels for each pixel, along each side, in the middle of what is drawn.
     Pixel(f64),
     /// The finer of the two.
     Finer,
@@ -218,13 +218,18 @@ impl Seen<'_> {
         let scale = self.view.pixel_size();
         let forward = row(self.view.forward(), 1.0);
         let last = if self.view.is_perspective() { forward } else { glam::DVec4::W };
-        DMat4::from_cols(row(self.view.right(), scale), row(-self.view.up(), scale), forward, last).transpose()
+        DMat4::from_cols(row(self.view.right(), scale), row(-self.view.up(), scale), forward, last)
+            .transpose()
     }
 
     /// From pixels to a direction's component along a vector; parallel rays have all the same.
     fn along(&self, v: DVec3) -> DVec3 {
         let lateral = if self.view.is_perspective() { self.view.pixel_size() } else { 0.0 };
-        DVec3::new(v.dot(self.view.right()) * lateral, -v.dot(self.view.up()) * lateral, v.dot(self.view.forward()))
+        DVec3::new(
+            v.dot(self.view.right()) * lateral,
+            -v.dot(self.view.up()) * lateral,
+            v.dot(self.view.forward()),
+        )
     }
 
     /// The one base plane along an axis, or along another, if its shears allow it; an empty one where nothing is seen.
@@ -281,12 +286,9 @@ impl Seen<'_> {
     fn region(&self, axis: usize, sign: f64, reach: Option<f64>) -> Result<Option<Region>> {
         let [hx, hy, hz] = turned((self.grid.last_index() * 0.5).to_array(), axis);
         let normals = turned([0, 1, 2].map(|axis| self.normals_along(axis)), axis);
-        let steepness = DMat3::from_cols(
-            self.along(normals[2]) * sign,
-            self.along(normals[0]),
-            self.along(normals[1]),
-        )
-        .transpose();
+        let steepness =
+            DMat3::from_cols(self.along(normals[2]) * sign, self.along(normals[0]), self.along(normals[1]))
+                .transpose();
         // The base plane is the nearest slice, or one in front of the eye.
         let mut base = -hz;
         let mut front = -hz;
@@ -306,7 +308,10 @@ impl Seen<'_> {
         let factors = Factorisation::of(self.matrix(DVec3::from_array(offset)), axis)?;
         let to_base = factors.to_image().inverse();
         if !to_base.is_finite() {
-            return Err(Error::invalid("view", "float64 cannot hold the way from its pixels to the base plane"));
+            return Err(Error::invalid(
+                "view",
+                "float64 cannot hold the way from its pixels to the base plane",
+            ));
         }
         let mut region =
             Region { axis, sign, factors, base, front, to_base, steepness, polygon: Polygon::new() };
@@ -398,19 +403,12 @@ impl Region {
     fn pitch(&self, resolution: Resolution) -> DVec2 {
         // A voxel of the slice in front, where its lines meet the base plane.
         let voxel = DVec2::splat(1.0 / (1.0 + self.factors.scaling() * self.sign * (self.front - self.base)));
+        // Where the lattice's cells are as large as pixels of the middle of what is drawn.
         let pixel = || {
-            let mut least = DVec2::INFINITY;
-            for point in self.looks() {
-                let [x, y] = self.per_pixel(point);
-                let determinant = x.perp_dot(y).abs();
-                // Pixels for each step on the base plane: rows of the inverse.
-                let steps = DVec2::new(DVec2::new(x.y, y.y).length(), DVec2::new(x.x, y.x).length());
-                let pitch = determinant / steps;
-                if pitch.is_finite() && pitch.min_element() > 0.0 {
-                    least = least.min(pitch);
-                }
-            }
-            least
+            let [x, y] = self.per_pixel(self.middle());
+            // Pixels for each step on the base plane: rows of the inverse.
+            let steps = DVec2::new(DVec2::new(x.y, y.y).length(), DVec2::new(x.x, y.x).length());
+            x.perp_dot(y).abs() / steps
         };
         let pitch = match resolution {
             Resolution::Voxel => voxel,
@@ -475,7 +473,8 @@ impl Region {
         let axes = seen.grid.index_to_world();
         let turned_axes = turned([axes.x_axis, axes.y_axis, axes.z_axis], self.axis);
         let middle_slope = self.sign * (scaling * self.of_pixel(self.middle()) - shears);
-        let step = turned_axes[0] * middle_slope.x + turned_axes[1] * middle_slope.y + turned_axes[2] * self.sign;
+        let step =
+            turned_axes[0] * middle_slope.x + turned_axes[1] * middle_slope.y + turned_axes[2] * self.sign;
         let plane = BasePlane {
             axis: self.axis,
             sign: self.sign,

@@ -562,7 +562,12 @@ fn too_many_loops(name: &str, each: u32, limit: u32) -> Error {
 }
 
 /// A fragment takes one slab, and cannot be split.
-pub(super) fn check_loops(gpu: &Gpu, name: &str, knots: &Knots, segments: Option<&SegmentOptions>) -> Result<()> {
+pub(super) fn check_loops(
+    gpu: &Gpu,
+    name: &str,
+    knots: &Knots,
+    segments: Option<&SegmentOptions>,
+) -> Result<()> {
     let (each, once) = loops(knots, segments);
     let all = each.saturating_add(once);
     if all <= ALWAYS {

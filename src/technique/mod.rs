@@ -264,7 +264,9 @@ impl Method {
     #[must_use]
     pub fn routes(self) -> &'static [&'static str] {
         match self {
-            Self::Slices2d | Self::Slices3d | Self::Slabs | Self::ShearWarp | Self::ProjectedTets => &["raster", "compute"],
+            Self::Slices2d | Self::Slices3d | Self::Slabs | Self::ShearWarp | Self::ProjectedTets => {
+                &["raster", "compute"]
+            }
             Self::Havs => &["compute", "interlock", "implementation-ordered"],
             Self::Raycast | Self::Abuffer | Self::SplatSheets | Self::SplatEwa => &["compute"],
         }

@@ -6,7 +6,7 @@ use ash::vk;
 
 use super::base_planes::{BasePlane, base_planes};
 use super::gpu_scene::{GpuScene, Knots, Layout, TABLE_FORMAT, Table, Volume, turned};
-use super::grid_frame::{check_loops, draws_directly, own_image, slabs_per_dispatch, MAX_SLABS};
+use super::grid_frame::{MAX_SLABS, check_loops, draws_directly, own_image, slabs_per_dispatch};
 use super::grid_options::{EmptySpace, Filter, Integrator, Order, Route};
 use super::options::Choice;
 use super::passes::buffer;
@@ -20,8 +20,8 @@ use crate::gpu::shader::{
     BINDING_STACK_WORDS, BINDING_TABLE, BINDING_TABLE_HEAD, BINDING_VOLUME, SHEAR_WARP_COMPUTE,
     SHEAR_WARP_FRAGMENT, SHEAR_WARP_VERTEX, SHEAR_WARP_WORDS, SPEC_BETWEEN, SPEC_EMPTY_SPACE,
     SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_INTEGRATOR, SPEC_KNOT_WALK, SPEC_RESUME, SPEC_TABLE_FILTER,
-    SPEC_WARP, SPEC_WORD_BITS, WARP_BICUBIC, WARP_BILINEAR, WARP_COMPUTE, WARP_FRAGMENT, WARP_HALVE, WARP_MIP,
-    WARP_VERTEX,
+    SPEC_WARP, SPEC_WORD_BITS, WARP_BICUBIC, WARP_BILINEAR, WARP_COMPUTE, WARP_FRAGMENT, WARP_HALVE,
+    WARP_MIP, WARP_VERTEX,
 };
 use crate::gpu::sync::Use;
 use crate::gpu::{
@@ -45,6 +45,7 @@ const FILL: f64 = 0.6;
 const MORE: u32 = 4;
 const DOWN: u32 = 8;
 const BACK_TO_FRONT: u32 = 16;
+const EVERY: u32 = 8;
 
 /// A stack on the device with the descriptors that name it.
 #[derive(Debug)]
@@ -168,6 +169,12 @@ impl ShearFrame {
         let route = options.grid.route_on(gpu, NAME)?;
         let raster = route == Route::Raster;
         let has_nan = grid.nan_count() > 0;
+        if has_nan && options.every > 1 {
+            return Err(Error::unsupported(
+                format!("{NAME} every={}", options.every),
+                "a grid without NaN: slices that are not looked up may hold it",
+            ));
+        }
         let planned = plan(gpu, grid, &options, view, None)?;
         let axes = match (options.stacks, planned.axes.as_slice()) {
             (Stacks::All, _) => vec![0, 1, 2],
@@ -257,7 +264,11 @@ impl ShearFrame {
                     vertex: &SHEAR_WARP_VERTEX,
                     fragment: &SHEAR_WARP_FRAGMENT,
                     topology: vk::PrimitiveTopology::TRIANGLE_STRIP,
-                    blend: if options.grid.order() == Order::BackToFront { Blend::Over } else { Blend::Under },
+                    blend: if options.grid.order() == Order::BackToFront {
+                        Blend::Over
+                    } else {
+                        Blend::Under
+                    },
                     format: Some(FORMAT),
                     constants: &constants,
                 },
@@ -311,10 +322,10 @@ impl ShearFrame {
             Warp::Bicubic => WARP_BICUBIC,
         };
         let warp_constants = [(SPEC_WARP, code)];
-        let mut warp_resources =
-            vec![(BINDING_INTERMEDIATE, Resource::ReadOnly(Arc::clone(&intermediate)))];
+        let mut warp_resources = vec![(BINDING_INTERMEDIATE, Resource::ReadOnly(Arc::clone(&intermediate)))];
         let (warp, image) = if raster {
-            let directly = target.format().filter(|&format| draws_directly(target, format, Order::BackToFront));
+            let directly =
+                target.format().filter(|&format| draws_directly(target, format, Order::BackToFront));
             let warp = gpu.graphics_pipeline(
                 &format!("{NAME}.warp"),
                 &GraphicsDesc {
@@ -399,9 +410,10 @@ impl Faces {
             _ => None,
         };
         let mut faces = Self { axis, ..Self::default() };
-        faces.atlas = planned.planes.iter().fold([0, 0], |[columns, rows], plane| {
-            [columns.max(plane.size[0]), rows + plane.size[1]]
-        });
+        faces.atlas = planned
+            .planes
+            .iter()
+            .fold([0, 0], |[columns, rows], plane| [columns.max(plane.size[0]), rows + plane.size[1]]);
         let mut row = 0;
         for (i, plane) in planned.planes.iter().enumerate() {
             let stack = axes.iter().position(|&axis| axis == plane.axis).unwrap_or(0);
@@ -451,13 +463,15 @@ fn base_plane_push(
     let half = turned((grid.last_index() * 0.5).to_array(), plane.axis);
     let last = 2.0 * half[2];
     let midpoint = options.segments.integrator == Integrator::Midpoint;
+    let every = f64::from(options.every);
     let (begin, thickness, count) = if options.between {
         let thickness = options.grid.step * grid.spacing().min_element() / plane.length;
         (-half[2], thickness, (last / thickness).ceil())
     } else if midpoint {
-        (-half[2] - 0.5, 1.0, last + 1.0)
+        // Slices 0, every, 2 every... from the near side; the last slab may reach over it.
+        (-half[2] - 0.5 * every, every, ((last + 0.5 * every) / every).ceil())
     } else {
-        (-half[2], 1.0, last)
+        (-half[2], every, (last / every).ceil())
     };
     if count > MAX_SLABS {
         return Err(Error::invalid(
@@ -490,7 +504,7 @@ fn base_plane_push(
         knots: knots.count,
         first: 0,
         count: num::u32_of(count),
-        order: num::count(plane.axis) | if plane.sign < 0.0 { DOWN } else { 0 },
+        order: num::count(plane.axis) | options.every << EVERY | if plane.sign < 0.0 { DOWN } else { 0 },
         opaque: f32_of(options.grid.stop / scene.scene().transfer.max_colour().max(1.0)),
         offset: 0,
         size: plane.size,

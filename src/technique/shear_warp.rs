@@ -23,9 +23,7 @@ use std::sync::Arc;
 
 use super::base_planes::Resolution;
 use super::gpu_scene::GpuScene;
-use super::grid_options::{
-    EMPTY_SPACE, GridOptions, Integrator, ORDER, ROUTE, STOP, SegmentOptions, TABLE,
-};
+use super::grid_options::{EMPTY_SPACE, GridOptions, Integrator, ORDER, ROUTE, STOP, SegmentOptions, TABLE};
 use super::options::{self, Choice, OptionInfo};
 use super::shear_frame::ShearFrame;
 use super::slices_2d::Stacks;
@@ -34,6 +32,9 @@ use crate::error::{Error, Result};
 use crate::scene::View;
 
 pub(super) const NAME: &str = "shear-warp";
+
+/// Most slices that one stands for.
+const MOST_EVERY: u32 = 64;
 
 /// Where samples come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,6 +86,12 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
         values: "slices, or a positive number",
         default: "slices",
         effect: "slices: those of the grid, whose distance along the line grows to sqrt(3) voxels; a number: slices so far apart along the line, in units of the smallest voxel spacing, whatever the view, each a blend of two, twice the look-ups",
+    },
+    OptionInfo {
+        key: "every",
+        values: "a whole number from 1 to 64",
+        default: "1",
+        effect: "with step=slices only every so manieth slice is looked up, and stands for so many: as much less time, and the distance of slices sets the error",
     },
     OptionInfo {
         key: "integrator",
@@ -143,6 +150,8 @@ pub struct Options {
     pub grid: GridOptions,
     /// Slices between those of the grid, `step` apart along the line, each a blend of two.
     pub between: bool,
+    /// Without `between`: every so manieth slice of the grid is looked up.
+    pub every: u32,
     /// How slabs are integrated; [`Integrator::Midpoint`] classifies slices.
     pub segments: SegmentOptions,
     /// Texels of the intermediate image.
@@ -162,6 +171,7 @@ impl Default for Options {
         Self {
             grid: GridOptions::default(),
             between: false,
+            every: 1,
             segments: SegmentOptions { integrator: Integrator::Midpoint, table: None },
             intermediate: Intermediate::Auto,
             warp: Warp::Bilinear,
@@ -180,6 +190,7 @@ impl Options {
             let is_warp = Warp::WORDS.iter().any(|(word, _)| word == text);
             match key.as_str() {
                 "step" if text == "slices" => options.between = false,
+                "every" => options.every = options::whole(NAME, key, text, 1..=MOST_EVERY)?,
                 "hysteresis" => options.hysteresis = options::below_one(NAME, key, text)?,
                 "stacks" => options.stacks = options::choice(NAME, key, text)?,
                 "samples" => options.samples = options::choice(NAME, key, text)?,
@@ -214,6 +225,9 @@ impl Options {
                 pair.1 = "slices".to_string();
             }
         }
+        if self.every > 1 {
+            pairs.push(("every", self.every.to_string()));
+        }
         pairs.extend(self.segments.pairs());
         let intermediate = match self.intermediate {
             Intermediate::Auto => "auto".to_string(),
@@ -233,6 +247,12 @@ impl Options {
         let refuse = |key: &str, why: String| Err(Error::invalid(format!("{NAME} option {key}"), why));
         if !(0.0..1.0).contains(&self.hysteresis) {
             return refuse("hysteresis", format!("{}: must be at least 0 and below 1", self.hysteresis));
+        }
+        if !(1..=MOST_EVERY).contains(&self.every) {
+            return refuse("every", format!("{}: must be from 1 to {MOST_EVERY}", self.every));
+        }
+        if self.every > 1 && self.between {
+            return refuse("every", "of slices of the grid: step must be slices".to_string());
         }
         match self.intermediate {
             Intermediate::Pixel(texels) if !(texels.is_finite() && texels > 0.0) => {
