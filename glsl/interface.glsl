@@ -41,8 +41,7 @@
 #define BINDING_SPLAT_STATE 46  // storage block: where each invocation goes on
 #define BINDING_SPLAT_TEMPLATE 47 // sampler2D: the footprint that all kernels of a lattice have in parallel lines
 
-#define BINDING_STACK_WORDS 48  // storage block: samples of a stack, a word each
-#define BINDING_INTERMEDIATE 49 // storage block: texels of base planes
+#define BINDING_INTERMEDIATE 48 // storage block: texels of base planes
 
 #define BINDING_SCAN_WORDS 13   // storage block: words to be replaced by their prefix sums
 #define BINDING_SCAN_SUMS 14    // storage block: sums of chunks of them, 64 bits each
@@ -91,8 +90,7 @@
 #define SPEC_SPLAT_TEMPLATE 31 // bool: footprints come from a table
 #define SPEC_RUNS 32          // uint: runs of ranks of each tile's bin
 
-#define SPEC_WORD_BITS 33     // uint: bits of a sample of BINDING_STACK_WORDS
-#define SPEC_WARP 34          // uint: the warp's filter, one of WARP_*
+#define SPEC_WARP 33          // uint: the warp's filter, one of WARP_*
 
 // Values of SPEC_INTEGRATOR.
 #define INTEGRATOR_MIDPOINT 0

@@ -1,5 +1,4 @@
 // entry compute  COMPUTE
-// entry compute  WORDS
 // entry vertex   VERTEX
 // entry fragment FRAGMENT
 //
@@ -11,8 +10,7 @@
 // with BETWEEN what lies in its middle, is classified. Else the scalar is taken at both ends of the slab, and the
 // transfer function integrated between them.
 //
-//   COMPUTE   one invocation owns a texel and walks its slabs front to back in registers; samples come from a texture
-//   WORDS     the same; samples come from a storage buffer
+//   COMPUTE   one invocation owns a texel and walks its slabs front to back in registers
 //   VERTEX    one instance a slab: the rectangle of its sheared and scaled outline
 //   FRAGMENT  one slab of one texel, blended by fixed function
 //
@@ -33,15 +31,25 @@
 #include "stack.glsl"
 #include "segments.glsl"
 
-// The slice that slab i stands for: rays may go down the stack.
-float slice_of(uint slab, Lattice lattice) {
-    float slice = min(float(slab * (push.order >> 8)), 2.0 * lattice.half_size.z);
-    return (push.order & 8u) != 0u ? 2.0 * lattice.half_size.z - slice : slice;
+// The slice that a slab stands for: rays may go down the stack.
+struct Slices {
+    float first;
+    float step;
+    float last;
+};
+
+Slices load_slices() {
+    float last = 2.0 * push.half_scale.z, every = float(int(push.order >> 8));
+    return (push.order & 8u) != 0u ? Slices(last, -every, last) : Slices(0.0, every, last);
+}
+
+float slice_of(float slab, Slices slices) {
+    return clamp(fma(slab, slices.step, slices.first), 0.0, slices.last);
 }
 
 // What of a slab lies inside `interval`, as depths; empty when x >= y.
-vec2 slab_piece(uint slab, float z0, float h, vec2 interval) {
-    return vec2(max(fma(float(slab), h, z0), interval.x), min(fma(float(slab + 1u), h, z0), interval.y));
+vec2 slab_piece(float slab, float z0, float h, vec2 interval) {
+    return vec2(max(fma(slab, h, z0), interval.x), min(fma(slab + 1.0, h, z0), interval.y));
 }
 
 // A place on the ray with what the integration needs of it. Slices themselves are looked up alone.
@@ -77,7 +85,7 @@ void main() {
     uint slab = back_to_front ? push.count - 1u - gl_InstanceIndex : gl_InstanceIndex;
     slab_out = slab;
     vec3 half_size = push.half_scale.xyz;
-    vec2 ends = slab_piece(slab, push.z0, push.h, vec2(max(-half_size.z, push.slope_u.w), half_size.z));
+    vec2 ends = slab_piece(float(slab), push.z0, push.h, vec2(max(-half_size.z, push.slope_u.w), half_size.z));
     // Texels that see the slab's near and far side; where the eye is at hand, all may.
     vec2 low = vec2(push.size), high = vec2(0.0);
     for (int i = 0; i < 2; ++i) {
@@ -108,10 +116,10 @@ void main() {
     load_segments();
     Lattice lattice = load_lattice();
     Ray ray = ray_of(floor(gl_FragCoord.xy) - vec2(0.0, float(push.offset)));
-    vec2 piece = slab_piece(slab_in, push.z0, push.h, interval_of(ray));
+    vec2 piece = slab_piece(float(slab_in), push.z0, push.h, interval_of(ray));
     vec4 emission = vec4(0.0);
     if (INTEGRATOR == INTEGRATOR_MIDPOINT) {
-        emission = slice_emission(ray, piece, uint(slice_of(slab_in, lattice)), lattice, push.knots);
+        emission = slice_emission(ray, piece, slice_of(float(slab_in), load_slices()), lattice, push.knots);
     } else if (piece.x < piece.y) {
         emission = between_faces(face_at(ray, piece.x, lattice), face_at(ray, piece.y, lattice),
                                  (piece.y - piece.x) * ray.length_per_depth, push.knots);
@@ -120,7 +128,7 @@ void main() {
 }
 #endif
 
-#if defined(COMPUTE) || defined(WORDS)
+#ifdef COMPUTE
 #include "march.glsl"
 
 void main() {
@@ -135,28 +143,35 @@ void main() {
     float h = push.h, z0 = push.z0;
     uint knots = push.knots;
     float opaque = push.opaque;
-    uint walk = slabs_between_looks(h);
+    float walk = float(slabs_between_looks(h));
     load_segments();
 
     // Slabs from where the ray enters to where it leaves; one more at each end against rounding: they have no length.
+    // Counted in floats: conversions are slow in software.
     float slabs = ceil((lattice.half_size.z - z0) / h);
     float begin = clamp(floor((interval.x - z0) / h) - 1.0, 0.0, slabs - 1.0);
     float end = clamp(floor((interval.y - z0) / h) + 1.0, 0.0, slabs - 1.0);
-    bool hits = interval.x < interval.y;
-    uint slab = uint(begin) + push.first, last = hits ? min(uint(end) + 1u, slab + push.count) : 0u;
+    Slices slices = load_slices();
+    float slab = begin + float(push.first), last = interval.x < interval.y ? min(end + 1.0, slab + float(push.count)) : 0.0;
 
     float transmittance;
     vec4 sum = begin_march(texel, transmittance);
     while (slab < last && transmittance > opaque) {
-        uint stop = pass_empty(slab, last, slab_piece(slab, z0, h, interval).x, z0, h, walk, ray, interval.y, brick_grid);
+        float stop = last;
+        if (EMPTY_SPACE) {
+            float until = empty_until(ray, slab_piece(slab, z0, h, interval).x, interval.y, brick_grid);
+            // Slabs that end before there show nothing.
+            slab = clamp(floor((until - z0) / h), slab, last);
+            stop = min(slab + walk, last);
+        }
         if (INTEGRATOR == INTEGRATOR_MIDPOINT) {
-            for (; slab < stop && transmittance > opaque; ++slab) {
+            for (; slab < stop && transmittance > opaque; slab += 1.0) {
                 vec2 piece = slab_piece(slab, z0, h, interval);
-                add_behind(sum, transmittance, slice_emission(ray, piece, uint(slice_of(slab, lattice)), lattice, knots));
+                add_behind(sum, transmittance, slice_emission(ray, piece, slice_of(slab, slices), lattice, knots));
             }
         } else {
             Face front = face_at(ray, slab_piece(slab, z0, h, interval).x, lattice);
-            for (; slab < stop && transmittance > opaque; ++slab) {
+            for (; slab < stop && transmittance > opaque; slab += 1.0) {
                 vec2 piece = slab_piece(slab, z0, h, interval);
                 Face back = face_at(ray, piece.y, lattice);
                 if (piece.x < piece.y) {

@@ -48,9 +48,7 @@ pub(crate) struct BasePlane {
     pub(crate) sign: f64,
     /// Texels along each side.
     pub(crate) size: [u32; 2],
-    /// The texel that lines are counted from.
-    pub(crate) middle: [u32; 2],
-    /// The line of a texel t, counted from there, at depth z from the domain's centre is at
+    /// The line of a texel t, counted from the one at half the size, rounded down, at depth z from the domain's centre is at
     /// `q + step_q t + z (d + step_d t)`.
     pub(crate) q: DVec2,
     pub(crate) step_q: DVec2,
@@ -479,7 +477,6 @@ impl Region {
             axis: self.axis,
             sign: self.sign,
             size: sides,
-            middle,
             q: origin - self.base * slope,
             step_q: pitch - self.base * step_slope,
             d: slope,

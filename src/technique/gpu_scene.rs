@@ -26,7 +26,6 @@ use super::mesh_frame::Primitives;
 use super::mips;
 use super::splat_data::SplatSet;
 use super::splat_frame::SplatNeeds;
-use super::stack_words::{self, StackWords};
 
 /// Format of tables.
 pub(crate) const TABLE_FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
@@ -65,7 +64,6 @@ type SplatChoice = (Kernels, f64);
 #[derive(Debug, Default)]
 struct GridData {
     volumes: Mutex<Vec<Arc<Volume>>>,
-    stacks: Mutex<Vec<Arc<StackWords>>>,
     /// Ranges of the bricks, and their number.
     ranges: Mutex<Option<(Arc<Buffer>, u32)>>,
 }
@@ -368,44 +366,6 @@ impl GpuScene {
         self.times.lock().unwrap_or_else(PoisonError::into_inner).upload +=
             start.elapsed().as_secs_f64() * 1e3;
         Ok(volume)
-    }
-
-    /// The samples as a stack of words along an axis.
-    pub(crate) fn stack_words(&self, axis: usize) -> Result<Arc<StackWords>> {
-        let grid = self.grid()?;
-        let mut stacks = self.data.stacks.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = stacks.iter().find(|stack| stack.axis == axis) {
-            return Ok(Arc::clone(found));
-        }
-        let start = Instant::now();
-        let name = format!("stack.words.{}", ["x", "y", "z"][axis % 3]);
-        let bytes = stack_words::bytes(grid);
-        // Before samples are turned: the device may have no room for them.
-        self.gpu.check_buffer(&name, bytes)?;
-        let turned_samples;
-        let samples = if axis == 2 {
-            grid.samples()
-        } else {
-            turned_samples = turn_samples(grid.samples(), grid.dims(), axis);
-            &turned_samples
-        };
-        let rescale = grid.rescale();
-        let ends = self.scene.transfer.domain();
-        let source = Source { samples, rescale, ends, encoding: Encoding::own(samples) };
-        let words = stack_words::words(samples, turned(grid.dims(), axis), |x| source.finite(x));
-        let buffer = Buffer::with_data(&self.gpu, &name, bytemuck::cast_slice(&words))?;
-        let (bits, zero) = stack_words::code(samples);
-        let stack = Arc::new(StackWords {
-            axis,
-            buffer,
-            bits,
-            scale: f32_of(rescale.slope),
-            offset: f32_of(rescale.slope * zero + rescale.intercept),
-        });
-        stacks.push(Arc::clone(&stack));
-        self.times.lock().unwrap_or_else(PoisonError::into_inner).upload +=
-            start.elapsed().as_secs_f64() * 1e3;
-        Ok(stack)
     }
 
     /// The transfer function's table for an integrator; `None` for one that needs none.

@@ -78,7 +78,6 @@ mod splat_frame;
 pub mod splat_options;
 pub mod splat_sheets;
 mod splat_template;
-mod stack_words;
 mod tets_raster;
 
 pub(crate) mod topology;

@@ -10,18 +10,16 @@ use super::grid_frame::{MAX_SLABS, check_loops, draws_directly, own_image, slabs
 use super::grid_options::{EmptySpace, Filter, Integrator, Order, Route};
 use super::options::Choice;
 use super::passes::buffer;
-use super::shear_warp::{NAME, Options, Source, Warp};
+use super::shear_warp::{NAME, Options, Warp};
 use super::slices_2d::Stacks;
-use super::stack_words::{self, StackWords};
 use super::{Prepared, TargetDesc};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
     BINDING_ACCUMULATION, BINDING_BRICKS, BINDING_INTERMEDIATE, BINDING_KNOTS, BINDING_KNOTS_UNIFORM,
-    BINDING_STACK_WORDS, BINDING_TABLE, BINDING_TABLE_HEAD, BINDING_VOLUME, SHEAR_WARP_COMPUTE,
-    SHEAR_WARP_FRAGMENT, SHEAR_WARP_VERTEX, SHEAR_WARP_WORDS, SPEC_BETWEEN, SPEC_EMPTY_SPACE,
-    SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_INTEGRATOR, SPEC_KNOT_WALK, SPEC_RESUME, SPEC_TABLE_FILTER,
-    SPEC_WARP, SPEC_WORD_BITS, WARP_BICUBIC, WARP_BILINEAR, WARP_COMPUTE, WARP_FRAGMENT, WARP_HALVE,
-    WARP_MIP, WARP_VERTEX,
+    BINDING_TABLE, BINDING_TABLE_HEAD, BINDING_VOLUME, SHEAR_WARP_COMPUTE, SHEAR_WARP_FRAGMENT,
+    SHEAR_WARP_VERTEX, SPEC_BETWEEN, SPEC_EMPTY_SPACE, SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_INTEGRATOR,
+    SPEC_KNOT_WALK, SPEC_RESUME, SPEC_TABLE_FILTER, SPEC_WARP, WARP_BICUBIC, WARP_BILINEAR, WARP_COMPUTE,
+    WARP_FRAGMENT, WARP_HALVE, WARP_MIP, WARP_VERTEX,
 };
 use crate::gpu::sync::Use;
 use crate::gpu::{
@@ -51,24 +49,8 @@ const EVERY: u32 = 8;
 #[derive(Debug)]
 struct Stack {
     axis: usize,
-    samples: StackSamples,
+    volume: Arc<Volume>,
     descriptors: Arc<Descriptors>,
-}
-
-#[derive(Clone, Debug)]
-enum StackSamples {
-    Words(Arc<StackWords>),
-    Texture(Arc<Volume>),
-}
-
-impl StackSamples {
-    /// What turns a stored number into a value.
-    fn scale_and_offset(&self) -> [f32; 2] {
-        match self {
-            Self::Words(stack) => [stack.scale, stack.offset],
-            Self::Texture(volume) => [volume.scale, volume.offset],
-        }
-    }
 }
 
 /// One base plane of a view, ready to be recorded.
@@ -183,28 +165,16 @@ impl ShearFrame {
             (Stacks::Used, axes) => axes.to_vec(),
         };
 
-        // Words where they are faster, or asked for.
-        let fits = gpu.check_buffer("stack", stack_words::bytes(grid)).is_ok();
-        let in_words = match options.samples {
-            Source::Words if raster => {
-                return Err(Error::unsupported(
-                    format!("{NAME} route=raster"),
-                    "samples=words; samples=texture works",
-                ));
-            }
-            Source::Words => true,
-            Source::Texture => false,
-            Source::Auto => !raster && fits && gpu.is_software(),
-        };
-        let mut samples = Vec::new();
+        let mut volumes = Vec::new();
         for &axis in &axes {
-            samples.push(if in_words {
-                StackSamples::Words(scene.stack_words(axis)?)
-            } else {
-                let hardware = options.grid.filter == Filter::Hardware;
-                StackSamples::Texture(scene.volume(Layout::Stack(axis), hardware, false)?)
-            });
+            volumes.push(scene.volume(
+                Layout::Stack(axis),
+                options.grid.filter == Filter::Hardware,
+                false,
+            )?);
         }
+        let Some(volume) = volumes.first() else { return Err(Error::invalid(NAME, "no volume")) };
+        let exact = options.grid.filter == Filter::Exact || !volume.filterable || has_nan;
 
         let knots = scene.knots()?;
         let segments = Some(options.segments).filter(|s| s.integrator != Integrator::Midpoint);
@@ -217,10 +187,7 @@ impl ShearFrame {
         let filters_table = options.segments.integrator == Integrator::Full
             && options.grid.filter == Filter::Hardware
             && gpu.image_features(TABLE_FORMAT).contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR);
-        let exact = options.grid.filter == Filter::Exact
-            || has_nan
-            || samples.iter().any(|s| matches!(s, StackSamples::Texture(volume) if !volume.filterable));
-        let mut constants: Vec<SpecConstant> = vec![
+        let constants: Vec<SpecConstant> = vec![
             (SPEC_FILTER_EXACT, u32::from(exact)),
             (SPEC_HAS_NAN, u32::from(has_nan)),
             (SPEC_KNOT_WALK, knots.walk),
@@ -228,9 +195,6 @@ impl ShearFrame {
             (SPEC_TABLE_FILTER, u32::from(filters_table)),
             (SPEC_BETWEEN, u32::from(options.between)),
         ];
-        if let Some(StackSamples::Words(stack)) = samples.first() {
-            constants.push((SPEC_WORD_BITS, stack.bits));
-        }
         let knots_buffer = || Resource::Buffer(Arc::clone(&knots.buffer));
         let table_head =
             table.as_ref().map_or_else(knots_buffer, |table| Resource::Buffer(Arc::clone(&table.buffer)));
@@ -243,7 +207,7 @@ impl ShearFrame {
         ];
 
         // Room for views that need more.
-        let faces = Faces::of(scene, &options, &planned, &axes, &samples, &knots, view, raster)?;
+        let faces = Faces::of(scene, &options, &planned, &axes, volume, &knots, view, raster)?;
         let most = gpu.most_buffer_bytes() / TEXEL;
         let [columns, rows] = faces.atlas.map(|side| {
             let with_room = num::u32_of(f64::from(side.max(1)) * 1.3);
@@ -288,13 +252,15 @@ impl ShearFrame {
             resources.push((BINDING_BRICKS, bricks));
             let slabs_per_dispatch =
                 slabs_per_dispatch(gpu, NAME, most_slabs, &knots, segments.as_ref(), grid, view)?;
-            let shader = if in_words { &SHEAR_WARP_WORDS } else { &SHEAR_WARP_COMPUTE };
             let pipeline = |resume: bool| {
                 let mut constants = constants.clone();
                 constants.push((SPEC_RESUME, u32::from(resume)));
                 constants.push((SPEC_EMPTY_SPACE, u32::from(skips)));
                 let name = if resume { format!("{NAME}.march.resume") } else { format!("{NAME}.march") };
-                gpu.compute_pipeline(&name, &ComputeDesc { shader, constants: &constants })
+                gpu.compute_pipeline(
+                    &name,
+                    &ComputeDesc { shader: &SHEAR_WARP_COMPUTE, constants: &constants },
+                )
             };
             let first = pipeline(false)?;
             let resume = if most_slabs > slabs_per_dispatch { Some(pipeline(true)?) } else { None };
@@ -302,18 +268,11 @@ impl ShearFrame {
         };
         let filter = if exact { vk::Filter::NEAREST } else { vk::Filter::LINEAR };
         let mut stacks = Vec::new();
-        for (&axis, samples) in axes.iter().zip(samples) {
+        for (axis, volume) in axes.into_iter().zip(volumes) {
             let mut resources = resources.clone();
-            resources.push(match &samples {
-                StackSamples::Words(stack) => {
-                    (BINDING_STACK_WORDS, Resource::Buffer(Arc::clone(&stack.buffer)))
-                }
-                StackSamples::Texture(volume) => {
-                    (BINDING_VOLUME, Resource::Sampled(Arc::clone(&volume.image), filter))
-                }
-            });
+            resources.push((BINDING_VOLUME, Resource::Sampled(Arc::clone(&volume.image), filter)));
             let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
-            stacks.push(Stack { axis, samples, descriptors });
+            stacks.push(Stack { axis, volume, descriptors });
         }
 
         let code = match options.warp {
@@ -399,7 +358,7 @@ impl Faces {
         options: &Options,
         planned: &Planned,
         axes: &[usize],
-        samples: &[StackSamples],
+        volume: &Volume,
         knots: &Knots,
         view: &View,
         raster: bool,
@@ -417,10 +376,9 @@ impl Faces {
         let mut row = 0;
         for (i, plane) in planned.planes.iter().enumerate() {
             let stack = axes.iter().position(|&axis| axis == plane.axis).unwrap_or(0);
-            let [scale, offset] = samples[stack].scale_and_offset();
             let (mut push, slabs) = base_plane_push(scene, options, plane, knots)?;
-            push.value_scale = scale;
-            push.value_offset = offset;
+            push.value_scale = volume.scale;
+            push.value_offset = volume.offset;
             push.atlas = faces.atlas;
             let [width, height] = plane.size;
             let flags = u32::from(parted) | u32::from(i > 0) << 1;
@@ -555,10 +513,10 @@ impl Prepared for ShearFrame {
         if !planned.axes.iter().all(|axis| axes.contains(axis)) {
             return Ok(false);
         }
-        let samples: Vec<StackSamples> = self.stacks.iter().map(|stack| stack.samples.clone()).collect();
+        let Some(Stack { volume, .. }) = self.stacks.first() else { return Ok(false) };
         let raster = matches!(self.path, Path::Raster { .. });
         let faces =
-            Faces::of(&self.scene, &self.options, &planned, &axes, &samples, &self.knots, view, raster)?;
+            Faces::of(&self.scene, &self.options, &planned, &axes, volume, &self.knots, view, raster)?;
         let passes = self.needed_passes(&faces);
         let parts = faces.faces.iter().map(|face| self.path.parts(face.slabs)).max().unwrap_or(1);
         let splits = parts == 1 || !matches!(self.path, Path::Compute { resume: None, .. });
@@ -616,9 +574,7 @@ impl Prepared for ShearFrame {
 
     fn record(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>, clear: bool) {
         for stack in &self.stacks {
-            if let StackSamples::Texture(volume) = &stack.samples {
-                recorder.assume_ready(&volume.image);
-            }
+            recorder.assume_ready(&stack.volume.image);
         }
         if let Some(table) = &self.table {
             recorder.assume_ready(&table.image);

@@ -36,22 +36,6 @@ pub(super) const NAME: &str = "shear-warp";
 /// Most slices that one stands for.
 const MOST_EVERY: u32 = 64;
 
-/// Where samples come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Source {
-    /// Words in software, where they fit a buffer; else the texture.
-    Auto,
-    /// A storage buffer, a word a sample: float32 weights.
-    Words,
-    /// An array of 2D images.
-    Texture,
-}
-
-impl Choice for Source {
-    const WORDS: &'static [(&'static str, Self)] =
-        &[("auto", Self::Auto), ("words", Self::Words), ("texture", Self::Texture)];
-}
-
 /// How the intermediate image is resampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Warp {
@@ -116,13 +100,7 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
         key: "filter",
         values: "hardware|exact, or bilinear|mip|bicubic",
         default: "hardware",
-        effect: "of samples: exact has float32 weights, hardware those of the sampler where it is used; the last three words are those of warp",
-    },
-    OptionInfo {
-        key: "samples",
-        values: "auto|words|texture",
-        default: "auto",
-        effect: "words: a storage buffer with a word a sample and exact weights, faster in software; texture: an array of images, faster elsewhere and smaller; raster has textures only",
+        effect: "of samples: exact has float32 weights, hardware those of the sampler; the last three words are those of warp",
     },
     OptionInfo {
         key: "hysteresis",
@@ -158,8 +136,6 @@ pub struct Options {
     pub intermediate: Intermediate,
     /// How it is resampled.
     pub warp: Warp,
-    /// Where samples come from.
-    pub samples: Source,
     /// By how much the cosine of another axis must lead that of the one in use, for a plan to change base planes.
     pub hysteresis: f64,
     /// Stacks on the device.
@@ -175,7 +151,6 @@ impl Default for Options {
             segments: SegmentOptions { integrator: Integrator::Midpoint, table: None },
             intermediate: Intermediate::Auto,
             warp: Warp::Bilinear,
-            samples: Source::Auto,
             hysteresis: 0.01,
             stacks: Stacks::Used,
         }
@@ -193,7 +168,6 @@ impl Options {
                 "every" => options.every = options::whole(NAME, key, text, 1..=MOST_EVERY)?,
                 "hysteresis" => options.hysteresis = options::below_one(NAME, key, text)?,
                 "stacks" => options.stacks = options::choice(NAME, key, text)?,
-                "samples" => options.samples = options::choice(NAME, key, text)?,
                 "warp" => options.warp = options::choice(NAME, key, text)?,
                 "filter" if is_warp => options.warp = options::choice(NAME, key, text)?,
                 "intermediate" => {
@@ -237,7 +211,6 @@ impl Options {
         };
         pairs.push(("intermediate", intermediate));
         pairs.push(("warp", self.warp.word().to_string()));
-        pairs.push(("samples", self.samples.word().to_string()));
         pairs.push(("hysteresis", self.hysteresis.to_string()));
         pairs.push(("stacks", self.stacks.word().to_string()));
         pairs
