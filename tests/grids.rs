@@ -1169,7 +1169,7 @@ fn a_plain_scene_takes_what_it_needs() {
         ),
     ];
     for (options, kind, pipelines, mut want) in cases {
-        let gpu = gpu();
+        let gpu = fresh_gpu();
         assert_eq!(gpu.pipelines(), Vec::<String>::new());
         assert_eq!(gpu.memory_report(), []);
         let gpu_scene = GpuScene::new(&gpu, scene(Field::MarschnerLobb, 32, kind, &SHELLS));

@@ -340,7 +340,7 @@ fn the_volume_lands_in_the_caller_s_image() {
 /// composite.
 #[test]
 fn a_matching_target_costs_nothing() {
-    let gpu = gpu();
+    let gpu = fresh_gpu();
     let scene = GpuScene::new(&gpu, scene(Field::Blobs, 16, "f32", &FOG));
     let view = view(perspective(), 1.0, 40, 30);
     let renderer = Renderer::new(&scene, Technique::parse("slices-3d:route=raster").unwrap());

@@ -6,14 +6,15 @@
 
 mod common;
 
+use common::TestGpu;
 use volraster::ash::vk;
 use volraster::gpu::{Gpu, GpuOptions, Validation};
 use volraster::scene::{Field, KernelSize, Points, Scene, TetScalars, Tets, TransferFunction};
 use volraster::technique::{GpuScene, Method, Renderer};
 
 /// A validated device whose messages are expected.
-fn validated() -> Gpu {
-    common::open(GpuOptions::default())
+fn validated() -> TestGpu {
+    common::provoked_gpu()
 }
 
 fn heard(messages: &[String], part: &str) -> bool {

@@ -2,6 +2,7 @@
 
 #![allow(
     dead_code,
+    unused_imports,
     unreachable_pub,
     missing_debug_implementations,
     clippy::unwrap_used,
@@ -9,98 +10,16 @@
     reason = "test helpers: each test file uses its own part, and a test fails by panicking"
 )]
 
-use std::cell::RefCell;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+mod devices;
 
+pub use devices::{TestGpu, fresh_gpu, gpu, gpu_with, provoked_gpu};
 use glam::{DVec2, DVec3};
 use volraster::Image;
-use volraster::gpu::{Gpu, GpuOptions, OptionalFeature, Validation, ValidationLog};
+use volraster::gpu::{Gpu, OptionalFeature};
 use volraster::measure::ImageErrors;
 use volraster::reference::{self, ReferenceOptions};
 use volraster::scene::{Camera, Field, Projection, Scene, TransferFunction, View};
 use volraster::technique::{GpuScene, Method, Renderer, Technique};
-
-/// A device under core and synchronization validation. Dropping it destroys the device and fails the
-/// test when any message came, those of the destruction included. No device is a failure.
-pub struct TestGpu {
-    gpu: Option<Gpu>,
-    log: Arc<ValidationLog>,
-    _turn: Turn,
-}
-
-/// A test thread's turn with devices. The layer keeps its devices in a table without a lock: a test that makes one
-/// must not do so while another test uses its own.
-struct Turn;
-
-static TURN: Mutex<()> = Mutex::new(());
-
-thread_local! {
-    /// Devices of this thread, and the lock while there are any.
-    static HELD: RefCell<(usize, Option<MutexGuard<'static, ()>>)> = const { RefCell::new((0, None)) };
-}
-
-impl Turn {
-    fn take() -> Self {
-        HELD.with_borrow_mut(|(devices, guard)| {
-            if *devices == 0 {
-                *guard = Some(TURN.lock().unwrap_or_else(PoisonError::into_inner));
-            }
-            *devices += 1;
-        });
-        Self
-    }
-}
-
-impl Drop for Turn {
-    fn drop(&mut self) {
-        HELD.with_borrow_mut(|(devices, guard)| {
-            *devices -= 1;
-            if *devices == 0 {
-                *guard = None;
-            }
-        });
-    }
-}
-
-impl std::ops::Deref for TestGpu {
-    type Target = Gpu;
-    fn deref(&self) -> &Gpu {
-        self.gpu.as_ref().unwrap()
-    }
-}
-
-impl Drop for TestGpu {
-    fn drop(&mut self) {
-        let held = self.gpu.as_ref().map(Gpu::memory_report).unwrap_or_default();
-        drop(self.gpu.take());
-        let messages = self.log.messages();
-        if !std::thread::panicking() {
-            // Something that lives on keeps the device, and then nothing is heard of its end.
-            assert!(held.is_empty(), "still held when the test ends: {held:?}");
-            assert!(messages.is_empty(), "validation messages: {messages:#?}");
-        }
-    }
-}
-
-/// The device of the run, validated, without a pipeline cache on disk.
-pub fn gpu() -> TestGpu {
-    gpu_with(GpuOptions::default())
-}
-
-pub fn gpu_with(options: GpuOptions) -> TestGpu {
-    let turn = Turn::take();
-    let gpu = open(options);
-    let log = gpu.validation_log();
-    TestGpu { gpu: Some(gpu), log, _turn: turn }
-}
-
-pub fn open(options: GpuOptions) -> Gpu {
-    let options = GpuOptions { validation: Validation::On, no_pipeline_cache: true, ..options };
-    match Gpu::new(&options) {
-        Ok(gpu) => gpu,
-        Err(error) => panic!("a validated device is required (run `make test`, which installs one): {error}"),
-    }
-}
 
 pub const SHELLS: [[f64; 5]; 7] = [
     [0.0, 0.1, 0.2, 0.6, 0.0],
