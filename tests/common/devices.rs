@@ -23,9 +23,11 @@ struct Shared {
     free: Vec<Gpu>,
     /// All that there are, or are being made.
     made: usize,
+    /// Who wants them to stay while no test has any.
+    keepers: usize,
 }
 
-static SHARED: Mutex<Shared> = Mutex::new(Shared { free: Vec::new(), made: 0 });
+static SHARED: Mutex<Shared> = Mutex::new(Shared { free: Vec::new(), made: 0, keepers: 0 });
 static RETURNED: Condvar = Condvar::new();
 
 /// The layer keeps its devices in a table without a lock: whoever adds one or takes one out writes, everybody else with a
@@ -134,7 +136,12 @@ fn give_back(gpu: Gpu, sound: bool) -> Vec<String> {
         shared.made -= 1;
         ending.push(gpu);
     }
-    if shared.free.len() == shared.made {
+    end(shared, ending)
+}
+
+/// Destroys devices, and the shared ones if nobody has or wants them. What the layer said of that.
+fn end(mut shared: MutexGuard<'static, Shared>, mut ending: Vec<Gpu>) -> Vec<String> {
+    if shared.free.len() == shared.made && shared.keepers == 0 {
         shared.made = 0;
         ending.append(&mut shared.free);
     }
@@ -145,6 +152,28 @@ fn give_back(gpu: Gpu, sound: bool) -> Vec<String> {
         alone(|| drop(ending));
     }
     logs.iter().flat_map(|log| log.take()).collect()
+}
+
+/// Keeps shared devices for a test that gives its own back now and then. The last one to go fails as the last test does.
+pub struct Keeper(());
+
+/// See [`Keeper`].
+pub fn keep() -> Keeper {
+    lock().keepers += 1;
+    Keeper(())
+}
+
+impl Drop for Keeper {
+    fn drop(&mut self) {
+        let last = aside(|| {
+            let mut shared = lock();
+            shared.keepers -= 1;
+            end(shared, Vec::new())
+        });
+        if !std::thread::panicking() {
+            assert!(last.is_empty(), "validation messages at the end of shared devices: {last:#?}");
+        }
+    }
 }
 
 /// A device of the run, validated, without a pipeline cache on disk. Another test may have used it: it may have pipelines.

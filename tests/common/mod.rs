@@ -12,7 +12,7 @@
 
 mod devices;
 
-pub use devices::{TestGpu, fresh_gpu, gpu, gpu_with, provoked_gpu};
+pub use devices::{TestGpu, fresh_gpu, gpu, gpu_with, keep, provoked_gpu};
 use glam::{DVec2, DVec3};
 use volraster::Image;
 use volraster::gpu::{Gpu, OptionalFeature};

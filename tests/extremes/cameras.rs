@@ -15,18 +15,19 @@ pub static FAMILY: Family = Family::new("cameras", CASES);
 /// The affine cube from views, each with a bound.
 fn affine_cube(run: &mut Run<'_>, views: &[View], bound: f64) {
     for scene in scenes(4, &ramp(ENDS[0], ENDS[1]), affine) {
-        for view in views {
-            run.each(&scene, view, &[("step", "0.25"), ("filter", "exact")], |spec, frame| {
-                let seen = frame.image.pixels().iter().any(|p| p[3] > 1e-3);
+        run.each_view(&scene, views, &[("step", "0.25"), ("filter", "exact")], |spec, images| {
+            for (view, image) in views.iter().zip(images) {
+                let seen = image.pixels().iter().any(|p| p[3] > 1e-3);
                 if !seen {
                     return Err(format!("{:?}: nothing to see", view.camera()));
                 }
                 let rule = |pixel| if spec.sheets() { two_points(view, pixel, 0.25) } else { 0.0 };
                 let bound = |pixel| bound + slack(view, pixel) + rule(pixel);
-                assert_depths(&frame.image, view, bound, |pixel| affine_depth(view, pixel))
-                    .map_err(|wrong| format!("{:?}: {wrong}", view.camera()))
-            });
-        }
+                assert_depths(image, view, bound, |pixel| affine_depth(view, pixel))
+                    .map_err(|wrong| format!("{:?}: {wrong}", view.camera()))?;
+            }
+            Ok(())
+        });
     }
 }
 
@@ -116,11 +117,13 @@ fn perturbed(run: &mut Run<'_>, direction: DVec3) {
                 let eye = direction.normalize() * 5.0 + DVec3::new(0.7, -0.4, 0.6) * aside;
                 View::new(Camera { eye, target: DVec3::ZERO, up, projection }, 12, 12).unwrap()
             };
-            let [less, exact, more] = [-1e-7, 0.0, 1e-7].map(view);
-            let options: &[(&str, &str)] = &[("step", "0.25"), ("filter", "exact")];
-            for other in [&less, &more] {
-                run.pairs([&scene; 2], [&exact, other], [options; 2], |_, a, b| {
-                    for (i, pixel) in pixels(&exact).filter(|(_, pixel)| !on_outline(&exact, *pixel)) {
+            let views = [0.0, -1e-7, 1e-7].map(view);
+            let exact = &views[0];
+            let inside: Vec<_> = pixels(exact).filter(|(_, pixel)| !on_outline(exact, *pixel)).collect();
+            run.each_view(&scene, &views, &[("step", "0.25"), ("filter", "exact")], |_, images| {
+                let [a, others @ ..] = images else { return Err("no image".to_string()) };
+                for b in others {
+                    for &(i, pixel) in &inside {
                         near(
                             &format!("aside at {pixel}"),
                             b.pixels()[i][3].into(),
@@ -128,14 +131,14 @@ fn perturbed(run: &mut Run<'_>, direction: DVec3) {
                             1e-5,
                         )?;
                     }
-                    assert_depths(
-                        a,
-                        &exact,
-                        |pixel| bound() + slack(&exact, pixel),
-                        |pixel| affine_depth(&exact, pixel),
-                    )
-                });
-            }
+                }
+                assert_depths(
+                    a,
+                    exact,
+                    |pixel| bound() + slack(exact, pixel),
+                    |pixel| affine_depth(exact, pixel),
+                )
+            });
         }
     }
 }

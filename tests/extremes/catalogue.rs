@@ -24,7 +24,7 @@ pub struct Case {
     pub run: fn(&mut Run<'_>),
 }
 
-/// Cases that belong together, and run on one device.
+/// Cases that belong together, and run one after the other.
 pub struct Family {
     pub name: &'static str,
     pub cases: &'static [Case],
@@ -76,27 +76,36 @@ impl Family {
         self.results.get_or_init(|| {
             let start = Instant::now();
             let (mut cases, mut offered) = (Vec::new(), Vec::new());
-            let device = catch_unwind(AssertUnwindSafe(|| {
-                let gpu = gpu();
-                for method in Method::ALL {
-                    offered.extend(routes_of(&gpu, method).into_iter().map(|route| (method, route)));
-                }
-                for case in self.cases {
-                    let begun = Instant::now();
-                    let mut run = Run { gpu: &gpu, outcome: Outcome::default() };
+            let kept = keep();
+            for case in self.cases {
+                let begun = Instant::now();
+                let mut outcome = Outcome::default();
+                // Validation messages count when the device is given back. That is after each case: cases of other
+                // families wait for that when they want a device of their own.
+                let device = catch_unwind(AssertUnwindSafe(|| {
+                    let gpu = gpu();
+                    if offered.is_empty() {
+                        for method in Method::ALL {
+                            offered.extend(routes_of(&gpu, method).into_iter().map(|route| (method, route)));
+                        }
+                    }
+                    let mut run = Run { gpu: &gpu, outcome: std::mem::take(&mut outcome) };
                     if let Err(panic) = catch_unwind(AssertUnwindSafe(|| (case.run)(&mut run))) {
                         run.outcome.failures.push(text_of(panic.as_ref()));
                     }
-                    if run.outcome.drawn.is_empty() && run.outcome.refusals.is_empty() {
-                        run.outcome.failures.push("nothing was drawn".to_string());
-                    }
-                    println!("{:>4} {}: {:.2} s", case.number, case.name, begun.elapsed().as_secs_f64());
-                    cases.push(run.outcome);
+                    outcome = run.outcome;
+                }));
+                if let Err(panic) = device {
+                    outcome.failures.push(text_of(panic.as_ref()));
                 }
-            }));
-            // Validation messages come when the device goes.
-            if let Err(panic) = device {
-                let last = cases.last_mut().unwrap();
+                if outcome.drawn.is_empty() && outcome.refusals.is_empty() {
+                    outcome.failures.push("nothing was drawn".to_string());
+                }
+                println!("{:>4} {}: {:.2} s", case.number, case.name, begun.elapsed().as_secs_f64());
+                cases.push(outcome);
+            }
+            let kept = catch_unwind(AssertUnwindSafe(|| drop(kept)));
+            if let (Err(panic), Some(last)) = (kept, cases.last_mut()) {
                 last.failures.push(text_of(panic.as_ref()));
             }
             Results { cases, offered, seconds: start.elapsed().as_secs_f64() }
@@ -332,6 +341,25 @@ impl Run<'_> {
             Err(error) => {
                 self.refused(Who::Technique(spec.method, spec.route), &error);
                 None
+            }
+        }
+    }
+
+    /// A scene by everything that draws its field, from several views of one size: a plan that is turned draws what a new
+    /// one does.
+    pub fn each_view(
+        &mut self,
+        scene: &Scene,
+        views: &[View],
+        options: &[(&str, &str)],
+        mut check: impl FnMut(&Spec, &[Image]) -> Result<(), String>,
+    ) {
+        let on_gpu = GpuScene::new(self.gpu, scene.clone());
+        for spec in Spec::all(self.gpu, &scene.data).into_iter().filter(|spec| !spec.blurs(&scene.data)) {
+            if let Some(images) = self.views(&on_gpu, views, &spec, options)
+                && let Err(wrong) = check(&spec, &images)
+            {
+                self.fail(format!("{} {options:?}: {wrong}", spec.with(&[])));
             }
         }
     }
