@@ -351,12 +351,14 @@ fn colours_of_vertices_err_by_what_is_documented() {
         return;
     }
     let view = view(perspective(), 1.0, 96, 96);
+    let scenes = [6, 12, 24].map(|cubes| {
+        let scene = mesh_scene(Field::Blobs.tets(cubes).unwrap(), &FOG);
+        (GpuScene::new(&gpu, scene.clone()), truth(&scene, &view))
+    });
     for plane in ["image", "space"] {
-        let rmse = [6, 12, 24].map(|cubes| {
-            let scene = mesh_scene(Field::Blobs.tets(cubes).unwrap(), &FOG);
-            let image =
-                frame(&GpuScene::new(&gpu, scene.clone()), &view, &format!("plane={plane},shade=vertex")).0;
-            errors(&image, &scene, &view).all.rmse
+        let rmse = scenes.each_ref().map(|(on_gpu, truth)| {
+            let image = frame(on_gpu, &view, &format!("plane={plane},shade=vertex")).0;
+            ImageErrors::between_f64(&image, truth).unwrap().all.rmse
         });
         println!("{plane}: {rmse:?}");
         // docs/TECHNIQUES.md: 1.2e-2 of 12 cubes; it falls with the cells' thickness.
@@ -530,12 +532,13 @@ fn real_meshes() {
             (middle, centre + size * DVec3::new(0.31, 0.17, 0.11), wide),
         ] {
             let view = View::new(Camera { eye, target, up: DVec3::Z, projection }, 56, 56).unwrap();
+            let truth = truth(&scene, &view);
             for spec in exact_specs(&gpu) {
                 let (image, counters) = frame(&on_gpu, &view, spec);
                 // Cells of the crushed can overlap: no order is right.
                 let dropped = counter(&counters, "dropped_relations");
                 assert!(dropped == 0 || name == "can_crush_hex.vtu", "{name}: {counters:?}");
-                let errors = errors(&image, &scene, &view);
+                let errors = ImageErrors::between_f64(&image, &truth).unwrap();
                 // Of so few pixels a single one at an outline, where faces are edge-on and thickness has a step, is
                 // the error of fans in space.
                 let (error, most) = match spec.contains("space") {
