@@ -109,6 +109,34 @@ fn the_guard_fails_on_a_message() {
     assert!(message.contains("validation messages"), "{message}");
 }
 
+#[test]
+#[ignore = "run by the test below, alone: the last test with a shared device ends it"]
+fn child_leaks_on_a_shared_device() {
+    let gpu = common::gpu();
+    let info = vk::BufferCreateInfo::default().size(64).usage(vk::BufferUsageFlags::TRANSFER_SRC);
+    // SAFETY: valid; the leak is the error that must be heard.
+    let _leaked = unsafe { gpu.handles().device.create_buffer(&info, None) }.unwrap();
+}
+
+#[test]
+#[ignore = "run by the test below, alone"]
+fn child_keeps_memory_of_a_shared_device() {
+    let gpu = common::gpu();
+    let scene = GpuScene::new(&gpu, common::scene(Field::Blobs, 4, "f32", &common::FOG));
+    common::draw_on(&scene, &common::view(common::perspective(), 1.0, 4, 4), "slices-3d");
+    std::mem::forget(scene);
+}
+
+/// The guard fails on what is left on a device that tests share, be it memory or an object.
+#[test]
+fn the_guard_fails_on_leaks_of_shared_devices() {
+    let (success, text) = child("child_leaks_on_a_shared_device", &[]);
+    assert!(!success && text.contains("at the end of shared devices"), "{text}");
+    assert!(text.contains("VUID-vkDestroyDevice-device-00378"), "{text}");
+    let (success, text) = child("child_keeps_memory_of_a_shared_device", &[]);
+    assert!(!success && text.contains("still held when the test ends"), "{text}");
+}
+
 /// GPU-assisted validation can be switched on as well.
 #[test]
 fn gpu_assisted_validation_starts() {
