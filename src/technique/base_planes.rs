@@ -22,6 +22,9 @@ pub(crate) const MOST_SHEAR: f64 = 1.2;
 /// How far pyramids reach over their seams: what rounding may put on the other side.
 const SEAM: f64 = 1.0 + 1e-6;
 
+/// Smallest depth that is seen, in halves of the stack and a slice more.
+const NEAREST: f64 = 1e-9;
+
 /// Texels around what is drawn, for the warp's filter.
 const MARGIN: f64 = 2.0;
 
@@ -294,7 +297,8 @@ impl Seen<'_> {
             let from_eye = self.grid.centre() - self.view.camera().eye;
             let step = planes(self.grid)[axis].1;
             let eye = -sign * from_eye.dot(normals[2]) / step;
-            if eye >= hz {
+            // On the last slice or beyond it. What lies ahead of an eye this near is no longer than rounding.
+            if eye >= hz - NEAREST * (hz + 1.0) {
                 return Ok(None);
             }
             let least = 0.25 * hz.max(1.0);
@@ -336,7 +340,7 @@ impl Seen<'_> {
         // The domain's outline in the base plane: rectangles of its nearest and its farthest slice.
         let [mut low, mut high] = [DVec2::INFINITY, DVec2::NEG_INFINITY];
         let eye = region.eye();
-        let nearest = (-hz).max(eye + 1e-9 * (hz + 1.0));
+        let nearest = (-hz).max(eye + NEAREST * (hz + 1.0));
         let half = DVec2::new(hx, hy);
         for depth in [nearest, hz] {
             for corner in [-half, half] {
