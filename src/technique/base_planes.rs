@@ -28,7 +28,7 @@ const NEAREST: f64 = 1e-9;
 /// Texels around what is drawn, for the warp's filter.
 const MARGIN: f64 = 2.0;
 
-/// Most texels of all base planes for each pixel of the image, where texels follow pixels.
+/// Most texels of all base planes for each pixel of the image, or for each texel that was asked for of it.
 const TEXELS_PER_PIXEL: f64 = 4.0;
 
 /// What sets the distance of texels.
@@ -169,12 +169,14 @@ pub(crate) fn base_planes(
         }
     }
     let parted = regions.len() > 1;
+    let pixels = (width * height).max(4096.0);
     // What texels would be too many is made of coarser ones.
     let mut pitches: Vec<DVec2> = regions.iter().map(|region| region.pitch(resolution)).collect();
-    let most = if matches!(resolution, Resolution::Voxel) {
-        most_texels
-    } else {
-        most_texels.min(TEXELS_PER_PIXEL * (width * height).max(4096.0))
+    // As many as were asked for are not.
+    let most = match resolution {
+        Resolution::Voxel => most_texels,
+        Resolution::Finer => most_texels.min(TEXELS_PER_PIXEL * pixels),
+        Resolution::Pixel(side) => most_texels.min(TEXELS_PER_PIXEL * pixels * (side * side).max(1.0)),
     };
     for _ in 0..8 {
         let texels: f64 = regions.iter().zip(&pitches).map(|(region, &pitch)| region.texels(pitch)).sum();
