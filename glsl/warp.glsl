@@ -36,7 +36,8 @@ layout(push_constant, std430) uniform WarpPush {
     uint offset;      // of texel 0
     uint stride;      // of rows
     uint levels;      // of the intermediate image
-    uint flags;       // 1: other planes have pixels of this image; 2: they have been drawn
+    uint flags;       // 1: other planes have pixels of this image; 2: they have been drawn; 4, 8: on a seam with those
+                      // of u, of v, the other has the pixel
 } push;
 
 #ifdef HALVE
@@ -105,7 +106,12 @@ bool shown(vec2 pixel, out vec4 colour) {
         precise float ahead = push.ahead.x * p.x + push.ahead.y * p.y + push.ahead.z;
         precise float u = push.aside_u.x * p.x + push.aside_u.y * p.y + push.aside_u.z;
         precise float v = push.aside_v.x * p.x + push.aside_v.y * p.y + push.aside_v.z;
-        if (ahead < max(abs(u), abs(v))) return false;
+        u = abs(u);
+        v = abs(v);
+        // On a seam, exactly, one of the two has the pixel.
+        bool beyond_u = (push.flags & 4u) != 0u ? ahead <= u : ahead < u;
+        bool beyond_v = (push.flags & 8u) != 0u ? ahead <= v : ahead < v;
+        if (beyond_u || beyond_v) return false;
     }
     float w = dot(push.to_w.xyz, p);
     if (!(w > 0.0)) return push.flags == 0u;

@@ -381,7 +381,10 @@ impl Faces {
             push.value_offset = volume.offset;
             push.atlas = faces.atlas;
             let [width, height] = plane.size;
-            let flags = u32::from(parted) | u32::from(i > 0) << 1;
+            // Seams are of the axis that comes last.
+            let [after_u, after_v] = [1, 2].map(|turn| u32::from((plane.axis + turn) % 3 > plane.axis));
+            let seams = if parted { after_u << 2 | after_v << 3 } else { 0 };
+            let flags = u32::from(parted) | u32::from(i > 0) << 1 | seams;
             let mut warp = warp_push(plane, view, flags);
             warp.offset = if raster { row } else { faces.texels };
             push.offset = warp.offset;
