@@ -88,8 +88,9 @@ vec4 bicubic(vec2 at, Level level) {
         for (int x = 0; x < 4; ++x) row += across[x] * texel_of(i + ivec2(x, y), level);
         sum += down[y] * row;
     }
-    // It overshoots: opacity stays one, and light is not negative.
-    return vec4(max(sum.rgb, 0.0), clamp(sum.a, 0.0, 1.0));
+    // It overshoots: opacity stays below one, and its light with it; neither is negative.
+    if (!(sum.a > 0.0)) return vec4(0.0);
+    return vec4(max(sum.rgb, 0.0), sum.a) / max(sum.a, 1.0);
 }
 
 // The level of half the size of one.
