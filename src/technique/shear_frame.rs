@@ -698,3 +698,6 @@ impl ShearFrame {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
