@@ -249,7 +249,7 @@ pub(crate) struct Sweep {
 }
 
 const ALL: &[Method] = &Method::ALL;
-const GRIDS: &[Method] = &[Slices2d, Slices3d, Slabs, Raycast];
+const GRIDS: &[Method] = &[Slices2d, Slices3d, Slabs, ShearWarp, Raycast];
 const BOTH: &[&str] = &["raster", "compute"];
 const COMPUTE: &[&str] = &["compute"];
 const RASTER: &[&str] = &["raster"];
@@ -271,9 +271,16 @@ const INTEGRALS: &[&str] = &["integral", "full", "exact"];
 
 /// Of slabs of splats, whose frames take long.
 const SLABS: &[&str] = &["4", "2", "1", "0.5"];
+/// Texels of the intermediate image, from few to many.
+const TEXELS: &[&str] = &["0.33", "0.5", "voxel", "pixel"];
+const FEW_TEXELS: &[&str] = &["0.5", "auto"];
+const WARPS: &[&str] = &["bilinear", "mip", "bicubic"];
+const EACH: &[&str] = &["1", "2", "4"];
 const SPLATS: &[Method] = &[SplatSheets, SplatEwa];
 
-use Method::{Abuffer, Havs, ProjectedTets, Raycast, Slabs, Slices2d, Slices3d, SplatEwa, SplatSheets};
+use Method::{
+    Abuffer, Havs, ProjectedTets, Raycast, ShearWarp, Slabs, Slices2d, Slices3d, SplatEwa, SplatSheets,
+};
 
 /// The whole sweep: what a front is made of, then each further option alone, at step 1.
 #[rustfmt::skip]
@@ -282,6 +289,14 @@ pub(crate) const STANDARD: &[Sweep] = &[
     Sweep { name: "step", methods: &[Slices2d, Slices3d], routes: COMPUTE, options: &[("step", STEPS)] },
     Sweep { name: "step", methods: &[Slices2d, Slices3d], routes: RASTER, options: &[("step", MIDDLE)] },
     Sweep { name: "integrator", methods: &[Slabs], routes: COMPUTE, options: &[("integrator", &["integral"]), ("step", STEPS)] },
+    Sweep { name: "slices", methods: &[ShearWarp], routes: BOTH, options: &[("intermediate", TEXELS)] },
+    Sweep { name: "every", methods: &[ShearWarp], routes: COMPUTE, options: &[("intermediate", FEW_TEXELS), ("every", EACH)] },
+    Sweep { name: "warp", methods: &[ShearWarp], routes: COMPUTE, options: &[("intermediate", FEW_TEXELS), ("warp", WARPS)] },
+    Sweep { name: "samples", methods: &[ShearWarp], routes: COMPUTE, options: &[("samples", &["words", "texture"])] },
+    Sweep { name: "step", methods: &[ShearWarp], routes: COMPUTE, options: &[("warp", &["bicubic"]), ("step", FEWER)] },
+    Sweep { name: "step", methods: &[ShearWarp], routes: RASTER, options: &[("step", MIDDLE)] },
+    Sweep { name: "integrator", methods: &[ShearWarp], routes: BOTH, options: &[("integrator", INTEGRALS), ("step", COARSE)] },
+    Sweep { name: "integrator", methods: &[ShearWarp], routes: COMPUTE, options: &[("integrator", &["exact"]), ("intermediate", &["2"]), ("warp", &["bicubic"]), ("step", MIDDLE)] },
     Sweep { name: "integrator", methods: &[Slabs], routes: COMPUTE, options: &[("integrator", INTEGRALS), ("step", FEWER)] },
     Sweep { name: "integrator", methods: &[Slabs], routes: RASTER, options: &[("integrator", INTEGRALS), ("step", MIDDLE)] },
     Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["midpoint"]), ("step", STEPS)] },
@@ -316,6 +331,11 @@ pub(crate) const SMOKE: &[Sweep] = &[
     Sweep { name: "slices", methods: &[Slices2d], routes: BOTH, options: &[("step", &["slices"])] },
     Sweep { name: "step", methods: &[Slices2d, Slices3d], routes: COMPUTE, options: &[("step", SPARSE)] },
     Sweep { name: "step", methods: &[Slices2d, Slices3d], routes: RASTER, options: &[("step", COARSE)] },
+    Sweep { name: "slices", methods: &[ShearWarp], routes: BOTH, options: &[("intermediate", &["auto"])] },
+    Sweep { name: "slices", methods: &[ShearWarp], routes: COMPUTE, options: &[("intermediate", TEXELS)] },
+    Sweep { name: "every", methods: &[ShearWarp], routes: COMPUTE, options: &[("intermediate", &["0.5"]), ("every", EACH)] },
+    Sweep { name: "warp", methods: &[ShearWarp], routes: COMPUTE, options: &[("warp", WARPS)] },
+    Sweep { name: "integrator", methods: &[ShearWarp], routes: COMPUTE, options: &[("integrator", &["exact"]), ("step", ONE)] },
     Sweep { name: "integrator", methods: &[Slabs], routes: COMPUTE, options: &[("integrator", &["integral"]), ("step", SPARSE)] },
     Sweep { name: "integrator", methods: &[Slabs], routes: COMPUTE, options: &[("integrator", INTEGRALS), ("step", ONE)] },
     Sweep { name: "integrator", methods: &[Slabs], routes: RASTER, options: &[("integrator", &["integral"]), ("step", ONE)] },
@@ -343,7 +363,7 @@ pub(crate) const SMOKE: &[Sweep] = &[
 /// How time grows with the image: every technique by every route.
 #[rustfmt::skip]
 pub(crate) const SIZES: &[Sweep] = &[
-    Sweep { name: "size", methods: &[Slices2d], routes: BOTH, options: &[("step", &["slices"])] },
+    Sweep { name: "size", methods: &[Slices2d, ShearWarp], routes: BOTH, options: &[("step", &["slices"])] },
     Sweep { name: "size", methods: &[Slices3d, Slabs, Raycast], routes: BOTH, options: &[("step", ONE)] },
     Sweep { name: "size", methods: MESHES, routes: EVERY, options: &[] },
     Sweep { name: "size", methods: SPLATS, routes: COMPUTE, options: &[] },
@@ -353,6 +373,9 @@ pub(crate) const SIZES: &[Sweep] = &[
 #[rustfmt::skip]
 pub(crate) const DATA: &[Sweep] = &[
     Sweep { name: "slices", methods: &[Slices2d], routes: COMPUTE, options: &[("step", &["slices"])] },
+    Sweep { name: "slices", methods: &[ShearWarp], routes: COMPUTE, options: &[("intermediate", FEW_TEXELS)] },
+    Sweep { name: "every", methods: &[ShearWarp], routes: COMPUTE, options: &[("intermediate", &["0.5"]), ("every", &["4"])] },
+    Sweep { name: "integrator", methods: &[ShearWarp], routes: COMPUTE, options: &[("integrator", &["exact"]), ("warp", &["bicubic"]), ("step", ONE)] },
     Sweep { name: "step", methods: &[Slices2d, Slices3d], routes: COMPUTE, options: &[("step", COARSE)] },
     Sweep { name: "integrator", methods: &[Slabs], routes: COMPUTE, options: &[("integrator", INTEGRALS), ("step", COARSE)] },
     Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["midpoint", "exact"]), ("step", COARSE)] },

@@ -17,7 +17,7 @@ the variable the test fails where it differs.
 
 Numbers are rows of the catalogue; 5.x are changes that change nothing. `t32(N) = max(2e-6, 1.2e-7 N)`, absolute, for N
 blended pieces of values in [0, 1]. od: optical depth. Tolerances are derived where the case is run. Rows on what the
-project does not have (shear-warp, refined grids, shading) are left out. Pixels whose centre lies within 1/64 pixel
+project does not have (refined grids, shading) are left out. Pixels whose centre lies within 1/64 pixel
 of a cube's outline are left out.
 
 `splat-sheets` draws a grid's trilinear field, as slices do. `splat-ewa` draws grids and meshes through Gaussians, another
