@@ -150,16 +150,14 @@ impl Facts {
         self.put(
             "device_bytes",
             json!({
-                "volume": device.volume, "stack": device.stack, "stacks": device.stacks,
-                "words": device.words, "bricks": device.bricks,
+                "volume": device.volume, "stack": device.stack, "stacks": device.stacks, "bricks": device.bricks,
             }),
         );
         self.line(
             "on device",
             format!(
-                "{} bytes (slices-3d, slabs, raycast), {} (slices-2d, {} with stacks=all), {} (shear-warp in \
-                 software, elsewhere as slices-2d); bricks {} more",
-                device.volume, device.stack, device.stacks, device.words, device.bricks
+                "{} bytes (slices-3d, slabs, raycast), {} (slices-2d and shear-warp, {} with stacks=all); bricks {} more",
+                device.volume, device.stack, device.stacks, device.bricks
             ),
         );
     }

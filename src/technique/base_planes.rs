@@ -28,7 +28,8 @@ const NEAREST: f64 = 1e-9;
 /// Texels around what is drawn, for the warp's filter.
 const MARGIN: f64 = 2.0;
 
-/// Most texels of all base planes for each pixel of the image, or for each texel that was asked for of it.
+/// Most texels of all base planes for each pixel of the image, or for each texel that was asked for of it, without their
+/// margins.
 const TEXELS_PER_PIXEL: f64 = 4.0;
 
 /// What sets the distance of texels.
@@ -179,12 +180,16 @@ pub(crate) fn base_planes(
         Resolution::Pixel(side) => most_texels.min(TEXELS_PER_PIXEL * pixels * (side * side).max(1.0)),
     };
     for _ in 0..8 {
-        let texels: f64 = regions.iter().zip(&pitches).map(|(region, &pitch)| region.texels(pitch)).sum();
-        if texels <= most {
+        let texels = |around: f64| -> f64 {
+            regions.iter().zip(&pitches).map(|(region, &pitch)| region.texels(pitch, around)).sum()
+        };
+        // Around an image of one row there are more texels than in it.
+        let over = (texels(2.0 * MARGIN + 2.0) / most_texels).max(texels(1.0) / most);
+        if over <= 1.0 {
             break;
         }
         for pitch in &mut pitches {
-            *pitch *= (texels / most).sqrt() * 1.01;
+            *pitch *= over.sqrt() * 1.01;
         }
     }
     regions.iter().zip(pitches).map(|(region, pitch)| region.base_plane(&seen, pitch, parted)).collect()
@@ -435,9 +440,10 @@ impl Region {
         bounds
     }
 
-    fn texels(&self, pitch: DVec2) -> f64 {
+    /// Texels of a lattice with so many more along each side than what is drawn is long.
+    fn texels(&self, pitch: DVec2, around: f64) -> f64 {
         let [low, high] = self.bounds();
-        let size = (high - low) / pitch + 2.0 * MARGIN + 2.0;
+        let size = (high - low) / pitch + around;
         size.x * size.y
     }
 

@@ -2,7 +2,6 @@
 
 use super::bricks::{MinMax, bricks_of};
 use super::gpu_scene::texel_bytes;
-use super::stack_words;
 use crate::scene::Grid;
 
 /// Bytes of device memory that techniques ask for, at least: devices pad images, and some keep 8-bit samples in
@@ -11,13 +10,10 @@ use crate::scene::Grid;
 pub struct GridBytes {
     /// Samples as one 3D image: `slices-3d`, `slabs`, `raycast`.
     pub volume: u64,
-    /// Samples as one stack of 2D slices: `slices-2d`, and `shear-warp` with `samples=texture`.
+    /// Samples as one stack of 2D slices: `slices-2d` and `shear-warp`.
     pub stack: u64,
     /// All three stacks, as `stacks=all` keeps them.
     pub stacks: u64,
-    /// Samples as one stack of words: `shear-warp` with `samples=words`, its choice on software devices. As much for each
-    /// further axis.
-    pub words: u64,
     /// Ranges of bricks, and which of them show anything: with `empty-space`.
     pub bricks: u64,
 }
@@ -32,7 +28,6 @@ impl GridBytes {
             volume,
             stack: volume,
             stacks: volume.saturating_mul(3),
-            words: stack_words::bytes(grid),
             bricks: product(bricks_of(grid.dims())).saturating_mul(MinMax::BYTES),
         }
     }
