@@ -28,6 +28,9 @@ const NEAREST: f64 = 1e-9;
 /// Texels around what is drawn, for the warp's filter.
 const MARGIN: f64 = 2.0;
 
+/// Pixels that a texel is at most wide where nobody has said how wide it shall be.
+const COARSEST: f64 = 3.0;
+
 /// Most texels of all base planes for each pixel of the image, or for each texel that was asked for of it, without their
 /// margins.
 const TEXELS_PER_PIXEL: f64 = 4.0;
@@ -39,8 +42,8 @@ pub(crate) enum Resolution {
     Voxel,
     /// So many texels for each pixel, along each side, in the middle of what is drawn.
     Pixel(f64),
-    /// The finer of the two.
-    Finer,
+    /// A texel for each voxel of the nearest slice, but no finer than pixels, and no coarser than [`COARSEST`] of them.
+    Auto,
 }
 
 /// A base plane of a view. Positions are indices from the domain's centre, axes in the order of the stack.
@@ -176,7 +179,7 @@ pub(crate) fn base_planes(
     // As many as were asked for are not.
     let most = match resolution {
         Resolution::Voxel => most_texels,
-        Resolution::Finer => most_texels.min(TEXELS_PER_PIXEL * pixels),
+        Resolution::Auto => most_texels.min(TEXELS_PER_PIXEL * pixels),
         Resolution::Pixel(side) => most_texels.min(TEXELS_PER_PIXEL * pixels * (side * side).max(1.0)),
     };
     for _ in 0..8 {
@@ -422,7 +425,7 @@ impl Region {
         let pitch = match resolution {
             Resolution::Voxel => voxel,
             Resolution::Pixel(texels) => pixel() / texels,
-            Resolution::Finer => voxel.min(pixel()),
+            Resolution::Auto => voxel.min(COARSEST * pixel()).max(pixel()),
         };
         // Far more coarse than what is drawn would have no texel in it.
         let [low, high] = self.bounds();

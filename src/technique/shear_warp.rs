@@ -55,7 +55,7 @@ impl Choice for Warp {
 /// What sets the number of texels of the intermediate image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Intermediate {
-    /// A texel a voxel, or a texel a pixel where pixels are smaller.
+    /// A texel a voxel, but from one to three pixels wide.
     Auto,
     /// A texel for each voxel of the nearest slice.
     Voxel,
@@ -88,7 +88,7 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
         key: "intermediate",
         values: "auto|voxel|pixel, or texels a pixel, a positive number",
         default: "auto",
-        effect: "lines of sight that are composited: one a voxel of the nearest slice (voxel), one a pixel (pixel), so many along a pixel's side, or the finer of voxel and pixel (auto); time grows with their number, and what is smaller than their distance is blurred",
+        effect: "lines of sight that are composited: one a voxel of the nearest slice (voxel), one a pixel (pixel), so many along a pixel's side, or one a voxel that is from one to three pixels wide (auto); time grows with their number, and what is smaller than their distance is blurred",
     },
     OptionInfo {
         key: "warp",
@@ -246,7 +246,7 @@ impl Options {
 
     pub(super) fn resolution(&self) -> Resolution {
         match self.intermediate {
-            Intermediate::Auto => Resolution::Finer,
+            Intermediate::Auto => Resolution::Auto,
             Intermediate::Voxel => Resolution::Voxel,
             Intermediate::Pixel(texels) => Resolution::Pixel(texels),
         }
