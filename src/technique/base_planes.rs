@@ -509,3 +509,6 @@ impl Region {
         Ok(plane)
     }
 }
+
+#[cfg(test)]
+mod tests;
