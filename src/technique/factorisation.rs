@@ -46,7 +46,7 @@ impl Factorisation {
         // Columns have different units: each is solved for in its own.
         let lengths = columns.map(DVec3::length);
         if lengths.contains(&0.0) {
-            return refuse("the view has no extent in the base plane");
+            return refuse("it is seen edge-on");
         }
         let [x, y, w] = [0, 1, 2].map(|i| columns[i] / lengths[i]);
         // So have rows: pixels, and what divides them.
