@@ -63,6 +63,13 @@ const STEPS: &[&str] = &["8", "4", "2", "1", "0.5", "0.25", "0.125", "0.0625"];
 const FINE: &[&str] = &["1", "0.5", "0.25", "0.125", "0.0625"];
 const ONE: &[&str] = &[""];
 
+/// Slices that one stands for.
+const EVERY: &[&str] = &["8", "4", "2", "1"];
+
+/// Texels of an intermediate image for each pixel, along a side.
+const TEXELS: &[&str] = &["0.25", "0.33", "0.5", "pixel"];
+const FINE_TEXELS: &[&str] = &["0.5", "0.7", "pixel", "2"];
+
 /// Thicknesses of slabs of splats.
 const SLABS: &[&str] = &["8", "4", "2", "1", "0.5", "0.25", "0.125"];
 
@@ -74,6 +81,11 @@ const FAMILIES: &[Family] = &[
     Family { spec: "slabs:integrator=exact,step=", values: STEPS, stops: true, of: Of::Grids },
     Family { spec: "slabs:integrator=exact,filter=exact,step=", values: FINE, stops: true, of: Of::Grids },
     Family { spec: "slices-2d", values: ONE, stops: true, of: Of::Grids },
+    Family { spec: "shear-warp:every=", values: EVERY, stops: true, of: Of::Grids },
+    Family { spec: "shear-warp:every=2,intermediate=", values: TEXELS, stops: true, of: Of::Grids },
+    Family { spec: "shear-warp:warp=bicubic,intermediate=", values: FINE_TEXELS, stops: true, of: Of::Grids },
+    Family { spec: "shear-warp:warp=bicubic,step=", values: &["1", "0.5", "0.25"], stops: true, of: Of::Grids },
+    Family { spec: "shear-warp:integrator=exact,warp=bicubic,step=", values: &["2", "1", "0.5", "0.25"], stops: true, of: Of::Grids },
     Family { spec: "havs", values: ONE, stops: true, of: Of::Meshes },
     Family { spec: "havs:integrator=integral", values: ONE, stops: true, of: Of::Meshes },
     Family { spec: "projected-tets:route=raster,shade=vertex", values: ONE, stops: false, of: Of::Meshes },
