@@ -627,6 +627,8 @@ fn samples_take_as_much_of_the_device_as_is_told() {
     assert!(fits(bytes("slices-2d:route=raster", "stack.z"), &told["stack"]), "{told}");
     let all = ["stack.x", "stack.y", "stack.z"].map(|stack| bytes("slices-2d:stacks=all", stack));
     assert!(fits(all.iter().sum(), &told["stacks"]), "{told}");
+    assert!(fits(bytes("shear-warp:samples=texture", "stack.z"), &told["stack"]), "{told}");
+    assert!(fits(bytes("shear-warp:samples=words", "stack.words.z"), &told["words"]), "{told}");
 }
 
 #[test]

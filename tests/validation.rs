@@ -236,13 +236,43 @@ fn child_draws_pass_by_pass() {
     let view = common::view(common::perspective(), 1.0, 50, 30);
     let parallel = common::view(common::orthographic(), 1.0, 50, 30);
     let draw = |options: GpuOptions| {
-        let gpu = common::gpu_with(options);
+        let gpu = common::gpu_with(options.clone());
         let (grid, mesh) = (GpuScene::new(&gpu, grid.clone()), GpuScene::new(&gpu, mesh.clone()));
         let points = GpuScene::new(&gpu, points.clone());
         let mut images = Vec::new();
         for spec in common::specs(&gpu).into_iter().filter(|spec| !spec.starts_with("splat-")) {
             images.push(common::draw_on(&grid, &view, &spec));
         }
+        // From inside, by base planes on all sides; smaller levels of each.
+        let inside = common::view(common::perspective(), 0.1, 50, 30);
+        for route in common::routes_of(&gpu, Method::ShearWarp) {
+            for spec in ["intermediate=0.5", "intermediate=3,warp=mip", "integrator=exact,stacks=all"] {
+                let spec = format!("shear-warp:route={route},{spec}");
+                let mut frames = Renderer::new(&grid, common::technique(&spec)).frames(&inside).unwrap();
+                for _ in 0..2 {
+                    frames.draw(&inside).unwrap();
+                }
+                let planes = frames
+                    .plan()
+                    .counters()
+                    .iter()
+                    .any(|counter| counter.0 == "base_planes" && counter.1 > 2);
+                assert!(planes, "{spec}");
+                images.push(frames.read_back().unwrap());
+            }
+        }
+        // Marches that go on where another stopped.
+        let short = common::gpu_with(GpuOptions { loop_limit: Some(1500), ..options });
+        let resumed = GpuScene::new(&short, grid.scene().clone());
+        let mut frames =
+            Renderer::new(&resumed, common::technique("shear-warp:step=0.02")).frames(&view).unwrap();
+        for _ in 0..2 {
+            frames.draw(&view).unwrap();
+        }
+        let dispatches = frames.plan().counters().iter().find(|c| c.0 == "dispatches_or_draws").map(|c| c.1);
+        assert!(dispatches > Some(5), "{dispatches:?}");
+        images.push(frames.read_back().unwrap());
+        drop((frames, resumed, short));
         // Splats by each order, in bands, and frame after frame.
         for (scene, specs) in [
             (

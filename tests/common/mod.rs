@@ -102,6 +102,11 @@ pub fn specs(gpu: &Gpu) -> Vec<String> {
     specs
 }
 
+/// Whether a pixel is what lies on its own line, and not resampled from lines beside it.
+pub fn by_pixel(spec: &str) -> bool {
+    technique(spec).method() != Method::ShearWarp
+}
+
 /// Whether the technique of a spec has an option.
 pub fn has_option(spec: &str, key: &str) -> bool {
     technique(spec).method().options().iter().any(|option| option.key == key)

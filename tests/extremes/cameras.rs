@@ -12,23 +12,51 @@ use crate::support::*;
 
 pub static FAMILY: Family = Family::new("cameras", CASES);
 
-/// The affine cube from views, each with a bound.
-fn affine_cube(run: &mut Run<'_>, views: &[View], bound: f64) {
+/// What a warp may be off by at each pixel of the affine cube, texels so many pixels apart where they are farthest.
+fn warps(view: &View, texel: f64) -> Vec<f64> {
+    let value = |pixel| opacity(affine_depth(view, pixel));
+    let bounds: Vec<f64> = pixels(view).map(|(_, pixel)| warped(pixel, texel, value)).collect();
+    // Of some use: no pop above 2e-3 passes where no edge of the domain is near. At 179 degrees edges are near everywhere.
+    let sharp = bounds.iter().filter(|bound| **bound < 1e-3).count();
+    assert!(
+        texel >= 1.0 || 6 * sharp > bounds.len(),
+        "{sharp} of {} pixels: {:?}",
+        bounds.len(),
+        view.camera()
+    );
+    bounds
+}
+
+/// The affine cube from views, each with a bound, and the distance of the warp's texels.
+fn affine_cube(run: &mut Run<'_>, views: &[View], bound: f64, texel: f64) {
     for scene in scenes(4, &ramp(ENDS[0], ENDS[1]), affine) {
-        run.each_view(&scene, views, &[("step", "0.25"), ("filter", "exact")], |spec, images| {
-            for (view, image) in views.iter().zip(images) {
+        let warps: Vec<Vec<f64>> =
+            views.iter().map(|view| if scene.grid().is_some() { warps(view, texel) } else { Vec::new() }).collect();
+        run.each_view(&scene, views, FINE, |spec, images| {
+            for ((view, image), warps) in views.iter().zip(images).zip(&warps) {
                 let seen = image.pixels().iter().any(|p| p[3] > 1e-3);
                 if !seen {
                     return Err(format!("{:?}: nothing to see", view.camera()));
                 }
                 let rule = |pixel| if spec.sheets() { two_points(view, pixel, 0.25) } else { 0.0 };
-                let bound = |pixel| bound + slack(view, pixel) + rule(pixel);
+                let warp = |pixel: DVec2| if spec.warps() { warps[index(view, pixel)] } else { 0.0 };
+                let bound = |pixel| bound + slack(view, pixel) + rule(pixel) + warp(pixel);
                 assert_depths(image, view, bound, |pixel| affine_depth(view, pixel))
                     .map_err(|wrong| format!("{:?}: {wrong}", view.camera()))?;
             }
             Ok(())
         });
     }
+}
+
+/// Distance of the warp's texels under [`FINE`], in pixels: an eighth in the middle of what is drawn, and along a slanting base
+/// plane up to twice as much.
+const TEXEL: f64 = 0.25;
+
+/// The place of a pixel in an image.
+fn index(view: &View, pixel: DVec2) -> usize {
+    let [width, _] = view.extent();
+    pixel.y as usize * width as usize + pixel.x as usize
 }
 
 /// Up to some 60 pieces.
@@ -76,10 +104,9 @@ fn far(run: &mut Run<'_>, distance: f64) {
     let perspective = View::new(near_by, 13, 13).unwrap();
     let projection = Projection::Orthographic { half_height: 1.8 };
     let parallel = View::new(Camera { projection, ..near_by }, 13, 13).unwrap();
-    affine_cube(run, &[perspective, parallel], bound());
+    affine_cube(run, &[perspective, parallel], bound(), TEXEL);
     for scene in scenes(4, &ramp(ENDS[0], ENDS[1]), affine) {
-        let options: &[(&str, &str)] = &[("step", "0.25"), ("filter", "exact")];
-        run.pairs([&scene; 2], [&perspective, &parallel], [options; 2], |_, a, b| {
+        run.pairs([&scene; 2], [&perspective, &parallel], [FINE; 2], |_, a, b| {
             for (i, pixel) in pixels(&parallel).filter(|(_, pixel)| !on_outline(&parallel, *pixel)) {
                 near(
                     &format!("perspective at {pixel}"),
@@ -103,7 +130,8 @@ fn from(run: &mut Run<'_>, eye: DVec3) {
         let ahead = DVec3::select(outside, -eye.signum() * ahead.abs(), ahead);
         views.push(look(eye, eye + ahead, DVec3::new(0.1, 1.0, 0.2), 70.0, 16));
     }
-    affine_cube(run, &views, bound());
+    // Several base planes, each as fine as in the middle of its own part of the image.
+    affine_cube(run, &views, bound(), 2.0 * TEXEL);
 }
 
 /// Along an axis or a diagonal, and a little aside: no other slices, no pop.
@@ -120,22 +148,25 @@ fn perturbed(run: &mut Run<'_>, direction: DVec3) {
             let views = [0.0, -1e-7, 1e-7].map(view);
             let exact = &views[0];
             let inside: Vec<_> = pixels(exact).filter(|(_, pixel)| !on_outline(exact, *pixel)).collect();
-            run.each_view(&scene, &views, &[("step", "0.25"), ("filter", "exact")], |_, images| {
+            let warps = if scene.grid().is_some() { warps(exact, TEXEL) } else { Vec::new() };
+            run.each_view(&scene, &views, FINE, |spec, images| {
                 let [a, others @ ..] = images else { return Err("no image".to_string()) };
+                let warp = |pixel: DVec2| if spec.warps() { warps[index(exact, pixel)] } else { 0.0 };
                 for b in others {
                     for &(i, pixel) in &inside {
                         near(
                             &format!("aside at {pixel}"),
                             b.pixels()[i][3].into(),
                             a.pixels()[i][3].into(),
-                            1e-5,
+                            // Another base plane has other texels.
+                            1e-5 + 2.0 * warp(pixel),
                         )?;
                     }
                 }
                 assert_depths(
                     a,
                     exact,
-                    |pixel| bound() + slack(exact, pixel),
+                    |pixel| bound() + slack(exact, pixel) + warp(pixel),
                     |pixel| affine_depth(exact, pixel),
                 )
             });
@@ -151,15 +182,19 @@ fn planes_through_corners(run: &mut Run<'_>) {
         let camera = Camera { eye: direction * 4.0, target: DVec3::ZERO, up, projection };
         let view = View::new(camera, 16, 16).unwrap();
         let extent = 2.0 * direction.abs().element_sum() / direction.length();
+        let value = |pixel| opacity(0.8 * chord(&view, pixel));
+        let warps: Vec<f64> = pixels(&view).map(|(_, pixel)| warped(pixel, TEXEL, value)).collect();
         for scene in scenes(2, &fog(0.8), |_| 0.5) {
             // Voxels are one unit wide.
             for pieces in [1.0, 2.0, 3.0, 4.0, 6.0] {
                 let step = format!("{}", extent / pieces);
-                run.each(&scene, &view, &[("step", &step)], |_, frame| {
+                let options: &[(&str, &str)] = &[("step", &step), ("intermediate", "8"), ("warp", "bicubic")];
+                run.each(&scene, &view, options, |spec, frame| {
+                    let warp = |pixel: DVec2| if spec.warps() { warps[index(&view, pixel)] } else { 0.0 };
                     assert_depths(
                         &frame.image,
                         &view,
-                        |_| t32(20.0) + 1e-6,
+                        |pixel| t32(20.0) + 1e-6 + warp(pixel),
                         |pixel| 0.8 * chord(&view, pixel),
                     )
                 });
@@ -175,13 +210,15 @@ fn wide(run: &mut Run<'_>) {
     let outside = look(DVec3::new(0.3, 0.2, 1.01), DVec3::new(0.1, 0.0, 0.0), DVec3::Y, 179.0, 17);
     // At 89.5 degrees slabs of equal depth are 115 times as long along the ray, and depths of places on it round as
     // much more: 115 2^-23 of the cube's size.
-    affine_cube(run, &[inside, outside], bound() + ENDS[1] * 2.0 * 115.0 * (-23.0_f64).exp2());
+    let depths = bound() + ENDS[1] * 2.0 * 115.0 * (-23.0_f64).exp2();
+    // Texels follow pixels in the middle of the image of each plane: to its corner they grow by as much as pixels shrink.
+    affine_cube(run, &[inside, outside], depths, 4.0 * TEXEL);
 }
 
 fn narrow(run: &mut Run<'_>) {
     let eye = DVec3::new(2.0, 1.5, 3.8);
     let views = [1e-3, 1e-6].map(|fov| look(eye, DVec3::new(0.1, 0.2, 0.05), DVec3::Y, fov, 9));
-    affine_cube(run, &views, bound());
+    affine_cube(run, &views, bound(), TEXEL);
 }
 
 const CASES: &[Case] = &[
@@ -193,7 +230,7 @@ const CASES: &[Case] = &[
         run: |run| {
             let eye = DVec3::new(0.31, 0.22, 0.92).normalize() * 2e3;
             let view = look(eye, DVec3::ZERO, DVec3::Y, 2.0 * (1.8_f64 / 2e3).atan().to_degrees(), 13);
-            affine_cube(run, &[view], bound());
+            affine_cube(run, &[view], bound(), TEXEL);
         },
     },
     Case {

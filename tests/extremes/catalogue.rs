@@ -185,6 +185,11 @@ impl Spec {
         self.method == Method::SplatSheets
     }
 
+    /// Whether it resamples an intermediate image.
+    pub fn warps(&self) -> bool {
+        self.method == Method::ShearWarp
+    }
+
     /// Whether segments are taken by a sample in their middle.
     pub fn samples(&self) -> bool {
         matches!(self.integrator, "" | "midpoint")
@@ -206,6 +211,10 @@ impl Spec {
         // A small table: many are made.
         if self.integrator == "full" {
             add("table", "128");
+        }
+        // Lines of sight that are those of pixels, where parallel rays run along an axis.
+        if self.has("intermediate") && options.iter().all(|(key, _)| *key != "intermediate") {
+            add("intermediate", "pixel");
         }
         // Registers have neither a format nor a choice of operator.
         let blended = |key: &str| matches!(key, "target" | "order" | "dither") && self.has("target");

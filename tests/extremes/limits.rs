@@ -156,10 +156,8 @@ fn sweep(run: &mut Run<'_>) {
             // Voxels are 2 wide; so many steps in 2 units.
             let steps = f64::from(exponent).exp2();
             let step = format!("{}", 1.0 / steps);
-            let Some(frame) = run.frame(&on_gpu, &view, &spec, &[("step", &step), ("filter", "exact")])
-            else {
-                continue;
-            };
+            let options = [&[("step", step.as_str())], &FINE[1..]].concat();
+            let Some(frame) = run.frame(&on_gpu, &view, &spec, &options) else { continue };
             let mut all: Vec<f64> = pixels(&view)
                 .filter(|(_, pixel)| chord(&view, *pixel) > 0.85)
                 .map(|(i, _)| {

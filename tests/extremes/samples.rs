@@ -190,7 +190,12 @@ fn oblique(run: &mut Run<'_>) {
         let scene =
             Scene::new(grid.with_placement(spacing, origin, direction).unwrap(), ramp(ENDS[0], ENDS[1]));
         let truth = truth(&scene, &view);
-        run.each(&scene, &view, EXACT, |_, frame| {
+        let value = |pixel| {
+            let (origin, direction) = view.ray(pixel);
+            reference::ray(&scene, origin, direction, [0.0, f64::INFINITY]).unwrap()[3]
+        };
+        let warps: Vec<f64> = pixels(&view).map(|(_, pixel)| warped(pixel, 0.25, value)).collect();
+        run.each(&scene, &view, FINE, |spec, frame| {
             // Rays that the outline passes within 1/64 pixel see it or not.
             let edge = |pixel: glam::DVec2| {
                 let at = |pixel| {
@@ -204,7 +209,8 @@ fn oblique(run: &mut Run<'_>) {
             };
             for (i, pixel) in pixels(&view).filter(|(_, pixel)| !edge(*pixel)) {
                 // As in the tests of cameras: 8 units of 2^-24, along the ray up to 20 times as much, extinction up to 2.2.
-                let bound = t32(60.0) + 2.2 * 2.0 * 20.0 * 8.0 * (-24.0_f64).exp2();
+                let warp = if spec.warps() { warps[i] } else { 0.0 };
+                let bound = t32(60.0) + 2.2 * 2.0 * 20.0 * 8.0 * (-24.0_f64).exp2() + warp;
                 near(&format!("at {pixel}"), frame.image.pixels()[i][3].into(), truth.pixels()[i][3], bound)?;
             }
             Ok(())
