@@ -107,7 +107,7 @@ fn without_a_warp_it_is_slices_or_slabs() {
         let spacing = DVec3::new(0.17, 0.1, 0.13);
         let scene = GpuScene::new(&gpu, brick(Field::Blobs, [12, 19, 15], spacing, kind, &FOG));
         for (i, view) in views.iter().enumerate().step_by(nth) {
-            let mut specs = vec!["samples=words", "samples=texture,route=compute,every=1", "route=raster"];
+            let mut specs = vec!["route=compute,every=1", "route=raster"];
             // What else shall change nothing.
             specs.extend((kind == "f32").then_some("order=front-to-back"));
             specs.extend((kind == "u8" && i < 3).then(|| ["empty-space=march", "stacks=all", "stop=0"][i]));
@@ -121,13 +121,13 @@ fn without_a_warp_it_is_slices_or_slabs() {
             if kind == "f32" { ["exact", "integral", "full,table=64"].as_slice() } else { &["exact"] };
         for view in views.iter().step_by(nth) {
             for integrator in integrators {
-                let specs = ["samples=words", "samples=texture", "route=raster"];
+                let specs = ["route=compute", "route=raster"];
                 let specs = specs.map(|spec| format!("{spec},integrator={integrator}"));
                 let want = format!("slabs:step=1,filter=exact,integrator={integrator}");
                 compare(&scene, view, &want, &specs.each_ref().map(String::as_str), kind);
             }
             if !view.is_perspective() {
-                let specs = ["step=0.5,samples=words", "step=0.5,route=raster"];
+                let specs = ["step=0.5", "step=0.5,route=raster"];
                 compare(&scene, view, "slices-2d:filter=exact,step=0.5", &specs, kind);
             }
         }
@@ -664,7 +664,7 @@ fn raster_is_compute_to_rounding() {
             for warp in
                 if lines.is_empty() { ["bilinear", "mip", "bicubic"].as_slice() } else { &["bilinear"] }
             {
-                let spec = format!("shear-warp:samples=texture,warp={warp},stop=0,{lines}");
+                let spec = format!("shear-warp:warp={warp},stop=0,{lines}");
                 let mut frames = Renderer::new(&scene, technique(&spec)).frames(view).unwrap();
                 frames.draw(view).unwrap();
                 several += u32::from(counter(frames.plan(), "base_planes").unwrap() > 1);
@@ -699,7 +699,6 @@ fn options_are_checked() {
         ("intermediate=texel", ["intermediate", "positive"]),
         ("warp=nearest", ["warp", "bilinear, mip, bicubic"]),
         ("filter=nearest", ["filter", "hardware, exact"]),
-        ("samples=bricks", ["samples", "auto, words, texture"]),
         ("hysteresis=1", ["hysteresis", "below 1"]),
         ("hysteresis=-0.1", ["hysteresis", "below 1"]),
         ("hysteresis=nan", ["hysteresis", "below 1"]),
@@ -724,9 +723,9 @@ fn options_are_checked() {
         "every=7",
         "step=0.5,integrator=full,table=64,warp=mip",
         "filter=bicubic,intermediate=voxel",
-        "filter=exact,intermediate=1.5,samples=texture,hysteresis=0",
+        "filter=exact,intermediate=1.5,hysteresis=0",
         "intermediate=pixel,stacks=all,route=raster,order=front-to-back,stop=0.01",
-        "empty-space=march,samples=words,step=3",
+        "empty-space=march,step=3",
     ] {
         let technique = technique(&format!("shear-warp:{options}"));
         let pairs: Vec<(String, String)> =
@@ -748,8 +747,6 @@ fn what_cannot_be_drawn_is_refused() {
         (error.to_string(), error.exit_code())
     };
     let blobs = || scene(Field::Blobs, 8, "f32", &FOG);
-    let (text, code) = why(blobs(), "shear-warp:route=raster,samples=words");
-    assert!(text.contains("samples=texture") && code == 3, "{text}");
     let (text, code) = why(blobs(), "shear-warp:step=1e-7");
     assert!(text.contains("step") && text.contains("slices") && code == 2, "{text}");
     let mut samples = vec![0.5; 512];
@@ -767,8 +764,8 @@ fn what_cannot_be_drawn_is_refused() {
 fn odd_inputs_are_drawn() {
     let gpu = gpu();
     let specs = [
-        "samples=words",
-        "samples=texture",
+        "route=compute",
+        "filter=exact",
         "route=raster",
         "integrator=exact,warp=mip",
         "step=0.3,warp=bicubic",

@@ -292,7 +292,6 @@ pub(crate) const STANDARD: &[Sweep] = &[
     Sweep { name: "slices", methods: &[ShearWarp], routes: BOTH, options: &[("intermediate", TEXELS)] },
     Sweep { name: "every", methods: &[ShearWarp], routes: COMPUTE, options: &[("intermediate", FEW_TEXELS), ("every", EACH)] },
     Sweep { name: "warp", methods: &[ShearWarp], routes: COMPUTE, options: &[("intermediate", FEW_TEXELS), ("warp", WARPS)] },
-    Sweep { name: "samples", methods: &[ShearWarp], routes: COMPUTE, options: &[("samples", &["words", "texture"])] },
     Sweep { name: "step", methods: &[ShearWarp], routes: COMPUTE, options: &[("warp", &["bicubic"]), ("step", FEWER)] },
     Sweep { name: "step", methods: &[ShearWarp], routes: RASTER, options: &[("step", MIDDLE)] },
     Sweep { name: "integrator", methods: &[ShearWarp], routes: BOTH, options: &[("integrator", INTEGRALS), ("step", COARSE)] },

@@ -30,8 +30,10 @@ fn warps(view: &View, texel: f64) -> Vec<f64> {
 /// The affine cube from views, each with a bound, and the distance of the warp's texels.
 fn affine_cube(run: &mut Run<'_>, views: &[View], bound: f64, texel: f64) {
     for scene in scenes(4, &ramp(ENDS[0], ENDS[1]), affine) {
-        let warps: Vec<Vec<f64>> =
-            views.iter().map(|view| if scene.grid().is_some() { warps(view, texel) } else { Vec::new() }).collect();
+        let warps: Vec<Vec<f64>> = views
+            .iter()
+            .map(|view| if scene.grid().is_some() { warps(view, texel) } else { Vec::new() })
+            .collect();
         run.each_view(&scene, views, FINE, |spec, images| {
             for ((view, image), warps) in views.iter().zip(images).zip(&warps) {
                 let seen = image.pixels().iter().any(|p| p[3] > 1e-3);
