@@ -127,13 +127,14 @@ pub(crate) const SCENES: &[StandardScene] = &[
     StandardScene { name: "marschner-lobb-256", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(256, "f32", UNIT), look: SHELLS, views: 1, sides: &[] },
     StandardScene { name: "blobs-128", family: "blobs", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, views: 2, sides: &[] },
     StandardScene { name: "thin-128", family: "thin", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: THIN, views: 1, sides: &[] },
-    StandardScene { name: "marschner-lobb-128-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(128, "u8", BYTE), look: SHELLS, views: 1, sides: &[] },
+    StandardScene { name: "marschner-lobb-128-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(128, "u8", BYTE), look: SHELLS, views: 2, sides: &[] },
     StandardScene { name: "blobs-tets-12", family: "blobs-tets", field: "blobs", shape: Cubes(12), look: FOG, views: 2, sides: &[] },
     StandardScene { name: "blobs-tets-34", family: "blobs-tets", field: "blobs", shape: Cubes(34), look: FOG, views: 2, sides: SIDES },
     StandardScene { name: "blobs-tets-58", family: "blobs-tets", field: "blobs", shape: Cubes(58), look: FOG, views: 2, sides: &[] },
     StandardScene { name: "blobs-gaussians-128", family: "blobs-gaussians", field: "blobs", shape: Gaussians(128), look: FOG, views: 2, sides: &[] },
     StandardScene { name: "blobs-points-100k", family: "blobs-points", field: "blobs", shape: Points(100_000, RADIUS), look: FOG, views: 2, sides: SIDES },
     StandardScene { name: "blobs-points-1m", family: "blobs-points", field: "blobs", shape: Points(1_000_000, RADIUS), look: FOG, views: 1, sides: &[] },
+    StandardScene { name: "marschner-lobb-256-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(256, "u8", BYTE), look: SHELLS, views: 2, sides: &[] },
 ];
 
 /// Those that the suite `full` has beside them: other sizes and looks, from inside and from afar.
@@ -141,7 +142,6 @@ pub(crate) const SCENES: &[StandardScene] = &[
 pub(crate) const MORE_SCENES: &[StandardScene] = &[
     StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32", UNIT), look: FOG, views: 1, sides: &[] },
     StandardScene { name: "blobs-256", family: "blobs", field: "blobs", shape: Samples(256, "f32", UNIT), look: FOG, views: 1, sides: &[] },
-    StandardScene { name: "marschner-lobb-256-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(256, "u8", BYTE), look: SHELLS, views: 1, sides: &[] },
     StandardScene { name: "blobs-thin-128", family: "blobs-thin", field: "blobs", shape: Samples(128, "f32", UNIT), look: THIN, views: 4, sides: SIDES },
     StandardScene { name: "marschner-lobb-fog-128", family: "marschner-lobb-fog", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: FOG, views: 4, sides: &[] },
     StandardScene { name: "ramp-fog-128", family: "ramp-fog", field: "ramp", shape: Samples(128, "f32", UNIT), look: FOG, views: 4, sides: &[] },
@@ -292,6 +292,7 @@ pub(crate) const STANDARD: &[Sweep] = &[
     Sweep { name: "slices", methods: &[ShearWarp], routes: BOTH, options: &[("intermediate", TEXELS)] },
     Sweep { name: "every", methods: &[ShearWarp], routes: COMPUTE, options: &[("intermediate", FEW_TEXELS), ("every", EACH)] },
     Sweep { name: "warp", methods: &[ShearWarp], routes: COMPUTE, options: &[("intermediate", FEW_TEXELS), ("warp", WARPS)] },
+    Sweep { name: "preview", methods: &[ShearWarp], routes: COMPUTE, options: &[("intermediate", &["voxel", "0.4"]), ("every", EACH), ("stop", &["1e-2"])] },
     Sweep { name: "step", methods: &[ShearWarp], routes: COMPUTE, options: &[("warp", &["bicubic"]), ("step", FEWER)] },
     Sweep { name: "step", methods: &[ShearWarp], routes: RASTER, options: &[("step", MIDDLE)] },
     Sweep { name: "integrator", methods: &[ShearWarp], routes: BOTH, options: &[("integrator", INTEGRALS), ("step", COARSE)] },

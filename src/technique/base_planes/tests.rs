@@ -134,7 +134,7 @@ fn every_pixel_s_line_lies_on_one_base_plane() {
         let view = view_of(&mut random, &grid, place, parallel);
         let resolution = match turn / 140 % 4 {
             0 => Resolution::Voxel,
-            1 => Resolution::Finer,
+            1 => Resolution::Auto,
             2 => Resolution::Pixel(1.0),
             _ => Resolution::Pixel(random.between(0.3, 3.0)),
         };
@@ -153,7 +153,7 @@ fn every_pixel_s_line_lies_on_one_base_plane() {
         let pixels = (width * height).max(4096.0);
         let most = match resolution {
             Resolution::Voxel => 1e6,
-            Resolution::Finer => TEXELS_PER_PIXEL * pixels,
+            Resolution::Auto => TEXELS_PER_PIXEL * pixels,
             Resolution::Pixel(side) => TEXELS_PER_PIXEL * pixels * (side * side).max(1.0),
         };
         assert!(texels <= most, "{what}: {texels} texels");
@@ -270,7 +270,7 @@ fn a_plane_is_kept_and_nothing_has_none() {
         View::new(Camera { eye, target, up: DVec3::Y, projection }, 16, 16).unwrap()
     };
     let axes = |view: &View, current| -> Vec<usize> {
-        let planes = base_planes(&grid, view, current, 0.01, Resolution::Finer, 1e6).unwrap();
+        let planes = base_planes(&grid, view, current, 0.01, Resolution::Auto, 1e6).unwrap();
         planes.iter().map(|plane| plane.axis).collect()
     };
     for projection in
