@@ -60,7 +60,7 @@ impl Factorisation {
         }
         let balanced = DMat3::from_cols(x / rows, y / rows, w / rows);
         let determinant = balanced.determinant();
-        if !(determinant.abs() > EDGE_ON) {
+        if determinant.is_nan() || determinant.abs() <= EDGE_ON {
             return refuse("it is seen edge-on");
         }
         let solve = |right: DVec3| balanced.inverse() * (right / rows);
