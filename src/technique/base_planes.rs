@@ -187,7 +187,7 @@ pub(crate) fn base_planes(
             regions.iter().zip(&pitches).map(|(region, &pitch)| region.texels(pitch, around)).sum()
         };
         // Around an image of one row there are more texels than in it.
-        let over = (texels(2.0 * MARGIN + 2.0) / most_texels).max(texels(1.0) / most);
+        let over = (texels(2.0 * MARGIN + 3.0) / most_texels).max(texels(1.0) / most);
         if over <= 1.0 {
             break;
         }
