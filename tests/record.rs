@@ -254,7 +254,7 @@ fn the_volume_lands_in_the_caller_s_image() {
     let grid = GpuScene::new(&gpu, scene(Field::Blobs, 16, "f32", &FOG));
     let transfer = TransferFunction::from_rows(&FOG).unwrap();
     let mesh = GpuScene::new(&gpu, Scene::new(Field::Blobs.tets(5).unwrap(), transfer));
-    let view = view(perspective(), 1.0, 40, 30);
+    let [outside, inside] = [1.0, 0.1].map(|distance| view(perspective(), distance, 40, 30));
     let behind = [0.0, 0.5, 0.25, 1.0_f32];
     let formats = [
         (vk::Format::R32G32B32A32_SFLOAT, 16),
@@ -264,7 +264,11 @@ fn the_volume_lands_in_the_caller_s_image() {
     let slices = ["route=compute", "route=raster", "route=raster,order=front-to-back", "target=rgba8"];
     let slices = slices.map(|options| (&grid, format!("slices-3d:step=0.5,{options}")));
     let lists = ["havs", "havs:k=2,chunk=9", "abuffer"].map(|spec| (&mesh, spec.to_string()));
-    for (scene, options) in slices.into_iter().chain(lists) {
+    let warped = ["route=compute,warp=mip", "route=raster", "route=raster,order=front-to-back,warp=bicubic"];
+    let warped = warped.map(|options| (&grid, format!("shear-warp:step=0.5,{options}")));
+    for (scene, options) in slices.into_iter().chain(lists).chain(warped) {
+        // From inside the warp composites several base planes, side by side.
+        let view = if options.starts_with("shear-warp") { inside } else { outside };
         let renderer = Renderer::new(scene, Technique::parse(&options).unwrap());
         let alone = renderer.render(&view).unwrap();
         for (format, texel) in formats {
