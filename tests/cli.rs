@@ -426,8 +426,8 @@ fn bench_checks_each_case_and_times_it() {
     let folder = Folder::with_scene("bench");
     let run = folder.run("bench scene.json -o out --size 16x12").done();
     let cases = bench_cases(&folder);
-    // The cases and their heading; the fronts' name, heading and five techniques; a line below each.
-    assert_eq!(run.out.lines().count(), 1 + cases.len() + 1 + 7 + 1, "{}", run.out);
+    // The cases and their heading; the fronts' name, heading and six techniques; a line below each.
+    assert_eq!(run.out.lines().count(), 1 + cases.len() + 1 + 8 + 1, "{}", run.out);
     let slices: Vec<&Value> = cases.iter().filter(|case| case["technique"] == "slices-3d").collect();
     // Seven steps by compute and three by raster; the exact filter by both; three targets, no dithering and two
     // kinds of it, marching, prefiltering, never stopping and stopping.
@@ -470,7 +470,7 @@ fn bench_checks_each_case_and_times_it() {
     assert_eq!((&fronts[0]["scene"], &fronts[0]["projection"]), (&"scene".into(), &"perspective".into()));
     assert_eq!(fronts[0]["plot"], "fronts-scene-perspective.svg");
     let lines = fronts[0]["fronts"].as_array().unwrap();
-    assert_eq!(lines.len(), 5);
+    assert_eq!(lines.len(), 6);
     for line in lines {
         let members = line["members"].as_array().unwrap();
         assert!(!members.is_empty(), "{line}");
@@ -490,16 +490,19 @@ fn bench_checks_each_case_and_times_it() {
         assert_eq!(at.iter().filter(|at| at["rmse"] == 1e-2).count(), 1, "{line}");
     }
     let svg = std::fs::read_to_string(folder.path("out/fronts-scene-perspective.svg")).unwrap();
-    assert!(["slices-2d", "slices-3d", "slabs", "raycast"].iter().all(|name| svg.contains(name)), "{svg}");
+    assert!(
+        ["slices-2d", "slices-3d", "slabs", "shear-warp", "raycast"].iter().all(|name| svg.contains(name)),
+        "{svg}"
+    );
 }
 
 #[test]
 fn bench_reports_what_low_precision_loses_without_failing() {
     let folder = Folder::new("bench-low");
-    // Five times as bright as what a normalised format holds.
+    // Five times as bright as what a normalised format holds, without an outline that coarse texels blur.
     let bright = r#"{"volume": {"field": "blobs", "dims": [8, 8, 8], "type": "f32"},
         "transfer": [[0, 5, 5, 5, 2], [1, 5, 5, 5, 2]],
-        "camera": {"eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "half_height": 1}}"#;
+        "camera": {"eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "half_height": 0.5}}"#;
     std::fs::write(folder.path("bright.json"), bright).unwrap();
     let run = folder.run("bench bright.json -o out --size 8x8").done();
     let cases = bench_cases(&folder);
@@ -587,7 +590,8 @@ fn devices_techniques_and_info_say_the_same_as_json() {
     assert_eq!((&scene["kind"], &scene["format"]), (&"grid".into(), &"analytic field".into()));
     assert_eq!((&scene["arrays"], &scene["shown"]), (&serde_json::json!([]), &Value::Null));
     // 2 x 2 x 2 bricks of 12 bytes.
-    let device = serde_json::json!({"volume": 16384, "stack": 16384, "stacks": 49152, "bricks": 96});
+    let device =
+        serde_json::json!({"volume": 16384, "stack": 16384, "stacks": 49152, "words": 16384, "bricks": 96});
     assert_eq!(scene["device_bytes"], device);
 
     let head = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/head.nrrd");
