@@ -237,7 +237,7 @@ impl ShearFrame {
                     constants: &constants,
                 },
             )?;
-            gpu.check_drawing(NAME, [columns, rows])?;
+            gpu.check_drawing(&format!("{NAME}.base-planes"), [columns, rows])?;
             let usage = vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC;
             let desc = ImageDesc::flat(FORMAT, [columns, rows], usage);
             let atlas = Arc::new(Image::new(gpu, &format!("{NAME}.base-planes"), &desc)?);
@@ -299,7 +299,7 @@ impl ShearFrame {
             let image = match directly {
                 Some(_) => None,
                 None => {
-                    gpu.check_drawing(NAME, view.extent())?;
+                    gpu.check_drawing(&format!("{NAME}.accumulation"), view.extent())?;
                     Some(own_image(gpu, NAME, FORMAT, vk::ImageUsageFlags::COLOR_ATTACHMENT, view, target)?)
                 }
             };
@@ -343,10 +343,15 @@ impl ShearFrame {
         Ok(frame)
     }
 
-    fn needed_passes(&self, faces: &Faces) -> u32 {
+    /// Dispatches and draws, those of the warp among them.
+    fn draws(&self, faces: &Faces) -> u32 {
         let of_face = |face: &Face| self.path.parts(face.slabs) + num::count(face.halves.len()) + 1;
+        faces.faces.iter().map(of_face).sum()
+    }
+
+    fn needed_passes(&self, faces: &Faces) -> u32 {
         // Raster copies its image.
-        faces.faces.iter().map(of_face).sum::<u32>() + 2
+        self.draws(faces) + 2
     }
 }
 
@@ -569,7 +574,8 @@ impl Prepared for ShearFrame {
             ("slices", faces.faces.iter().map(|face| u64::from(face.slabs)).sum()),
             ("base_planes", num::wide(faces.faces.len())),
             ("intermediate_texels", faces.faces.iter().map(texels).sum()),
-            ("dispatches_or_draws", self.needed_passes(faces).into()),
+            // The warp of nothing clears.
+            ("dispatches_or_draws", self.draws(faces).max(1).into()),
         ];
         counters.extend(faces.axis.map(|axis| ("stack_axis", u64::from(num::count(axis)))));
         counters
