@@ -1097,6 +1097,9 @@ fn a_plain_scene_takes_what_it_needs() {
     let march = image("slices-3d.accumulation");
     let table = ("transfer.table", 4096 * 64);
     let head = ("transfer.table-head", 64);
+    let no_table = ("transfer.no-table", 16);
+    // What the cube covers of the image, and room for views that need more.
+    let texels = ("shear-warp.intermediate", 2000 * 16);
     type Wanted<'a> = (&'a str, &'a str, &'a [&'a str], Vec<(&'a str, u64)>);
     let cases: Vec<Wanted<'_>> = vec![
         ("slices-3d:empty-space=march", "f32", &["slices-3d.march"], vec![march, knots, volume]),
@@ -1172,6 +1175,18 @@ fn a_plain_scene_takes_what_it_needs() {
             "f32",
             &["slices-2d.march"],
             vec![image("slices-2d.accumulation"), ("stack.z", SAMPLES), knots],
+        ),
+        (
+            "shear-warp:empty-space=march,samples=texture",
+            "f32",
+            &["shear-warp.march", "shear-warp.warp"],
+            vec![image("shear-warp.accumulation"), texels, ("stack.z", SAMPLES), knots, no_table],
+        ),
+        (
+            "shear-warp:empty-space=march,samples=words,warp=mip",
+            "u8",
+            &["shear-warp.halve", "shear-warp.march", "shear-warp.warp"],
+            vec![image("shear-warp.accumulation"), texels, ("stack.words.z", SAMPLES), knots, no_table],
         ),
     ];
     for (options, kind, pipelines, mut want) in cases {

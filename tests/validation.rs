@@ -270,7 +270,7 @@ fn child_draws_pass_by_pass() {
             frames.draw(&view).unwrap();
         }
         let dispatches = frames.plan().counters().iter().find(|c| c.0 == "dispatches_or_draws").map(|c| c.1);
-        assert!(dispatches > Some(5), "{dispatches:?}");
+        assert!(dispatches > Some(2), "{dispatches:?}");
         images.push(frames.read_back().unwrap());
         drop((frames, resumed, short));
         // Splats by each order, in bands, and frame after frame.

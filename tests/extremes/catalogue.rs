@@ -217,7 +217,8 @@ impl Spec {
             add("intermediate", "pixel");
         }
         // Registers have neither a format nor a choice of operator.
-        let blended = |key: &str| matches!(key, "target" | "order" | "dither") && self.has("target");
+        let blended =
+            |key: &str| matches!(key, "target" | "order" | "dither") && (self.has("target") || self.warps());
         for (key, value) in options.iter().filter(|(key, _)| self.has(key)) {
             if self.route == "compute" && blended(key) {
                 continue;
