@@ -310,9 +310,13 @@ fn there_are_as_many_texels_as_asked_for() {
     for (half_height, want) in [(1.4, 280.0 * 280.0), (9.0, 400.0 * 300.0)] {
         let got = texels(Resolution::Voxel, half_height, 16);
         assert!(got > 0.99 * want && got < 1.12 * want, "{half_height}: {got}");
-        // Far more than pixels.
-        let most = TEXELS_PER_PIXEL * 4096.0;
-        let got = texels(Resolution::Finer, half_height, 16);
-        assert!(got > 0.8 * most && got <= most, "{half_height}: {got}");
+        // No finer than pixels.
+        let got = texels(Resolution::Auto, half_height, 16);
+        assert!(got <= 30.0 * 30.0, "{half_height}: {got}");
+    }
+    // A texel a voxel between one and three pixels; three pixels where voxels are larger.
+    for (half_height, side, want) in [(1.4, 560, 280.0), (0.14, 100, 100.0 / 3.0)] {
+        let got = texels(Resolution::Auto, half_height, side);
+        assert!(got >= want * want && got <= (want + 14.0) * (want + 14.0), "{half_height}: {got}");
     }
 }
