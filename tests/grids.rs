@@ -1177,16 +1177,16 @@ fn a_plain_scene_takes_what_it_needs() {
             vec![image("slices-2d.accumulation"), ("stack.z", SAMPLES), knots],
         ),
         (
-            "shear-warp:empty-space=march,samples=texture",
+            "shear-warp:empty-space=march",
             "f32",
             &["shear-warp.march", "shear-warp.warp"],
             vec![image("shear-warp.accumulation"), texels, ("stack.z", SAMPLES), knots, no_table],
         ),
         (
-            "shear-warp:empty-space=march,samples=words,warp=mip",
-            "u8",
+            "shear-warp:empty-space=march,warp=mip",
+            "f32",
             &["shear-warp.halve", "shear-warp.march", "shear-warp.warp"],
-            vec![image("shear-warp.accumulation"), texels, ("stack.words.z", SAMPLES), knots, no_table],
+            vec![image("shear-warp.accumulation"), texels, ("stack.z", SAMPLES), knots, no_table],
         ),
     ];
     for (options, kind, pipelines, mut want) in cases {

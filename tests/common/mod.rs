@@ -95,6 +95,9 @@ pub fn specs(gpu: &Gpu) -> Vec<String> {
             for integrator in integrators {
                 let option =
                     if integrator.is_empty() { String::new() } else { format!(",integrator={integrator}") };
+                // As many lines as the others have.
+                let option =
+                    if method == Method::ShearWarp { ",intermediate=pixel".to_string() } else { option };
                 specs.push(format!("{}:route={route}{option}", method.name()));
             }
         }
