@@ -19,8 +19,8 @@ layout(push_constant, std430) uniform BasePlanePush {
     uint knots;       // number of knots
     uint first;       // first slab of this dispatch, from where each ray enters
     uint count;       // number of slabs of this dispatch
-    uint order;       // axis of the stack, 4 when another dispatch resumes, 8 when rays go down the stack; 256
-                      // times the slices that one stands for
+    uint order;       // axis of the stack, 4 when another dispatch resumes, 8 when rays go down the stack; 16 when
+                      // raster begins at the back; 256 times the slices that one stands for
     float opaque;     // transmittance at which a texel is done
     uint offset;      // of texel 0 in the intermediate image; raster: of the first row
     uvec2 size;       // texels

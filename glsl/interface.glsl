@@ -91,6 +91,7 @@
 #define SPEC_RUNS 32          // uint: runs of ranks of each tile's bin
 
 #define SPEC_WARP 33          // uint: the warp's filter, one of WARP_*
+#define SPEC_EVERY 34         // bool: a slab holds several slices of the stack
 
 // Values of SPEC_INTEGRATOR.
 #define INTEGRATOR_MIDPOINT 0

@@ -47,6 +47,19 @@ float slice_of(float slab, Slices slices) {
     return clamp(fma(slab, slices.step, slices.first), 0.0, slices.last);
 }
 
+layout(constant_id = SPEC_EVERY) const bool EVERY = false;
+
+// What a slab gives on the ray: looked up in the middle of its piece, on its slice. Where that stands for several, it may be far from a piece that
+// is cut off: then where the piece comes nearest to it, on the slice that is nearest there.
+vec4 slab_emission(Ray ray, vec2 piece, float slab, float z0, float h, Slices slices, Lattice lattice, uint knots) {
+    float z = 0.5 * (piece.x + piece.y), slice = slice_of(slab, slices);
+    if (EVERY && !BETWEEN) {
+        z = min(max(fma(slab + 0.5, h, z0), piece.x), max(piece.x, piece.y));
+        slice = clamp(floor(fma(z, ray.d.z, lattice.half_size.z) + 0.5), 0.0, slices.last);
+    }
+    return slice_emission(ray, piece, z, slice, lattice, knots);
+}
+
 // What of a slab lies inside `interval`, as depths; empty when x >= y.
 vec2 slab_piece(float slab, float z0, float h, vec2 interval) {
     return vec2(max(fma(slab, h, z0), interval.x), min(fma(slab + 1.0, h, z0), interval.y));
@@ -86,6 +99,10 @@ void main() {
     slab_out = slab;
     vec3 half_size = push.half_scale.xyz;
     vec2 ends = slab_piece(float(slab), push.z0, push.h, vec2(max(-half_size.z, push.slope_u.w), half_size.z));
+    if (ends.x >= ends.y) {
+        gl_Position = vec4(0.0, 0.0, 0.0, 1.0); // no area
+        return;
+    }
     // Texels that see the slab's near and far side; where the eye is at hand, all may.
     vec2 low = vec2(push.size), high = vec2(0.0);
     for (int i = 0; i < 2; ++i) {
@@ -119,7 +136,7 @@ void main() {
     vec2 piece = slab_piece(float(slab_in), push.z0, push.h, interval_of(ray));
     vec4 emission = vec4(0.0);
     if (INTEGRATOR == INTEGRATOR_MIDPOINT) {
-        emission = slice_emission(ray, piece, slice_of(float(slab_in), load_slices()), lattice, push.knots);
+        emission = slab_emission(ray, piece, float(slab_in), push.z0, push.h, load_slices(), lattice, push.knots);
     } else if (piece.x < piece.y) {
         emission = between_faces(face_at(ray, piece.x, lattice), face_at(ray, piece.y, lattice),
                                  (piece.y - piece.x) * ray.length_per_depth, push.knots);
@@ -167,7 +184,7 @@ void main() {
         if (INTEGRATOR == INTEGRATOR_MIDPOINT) {
             for (; slab < stop && transmittance > opaque; slab += 1.0) {
                 vec2 piece = slab_piece(slab, z0, h, interval);
-                add_behind(sum, transmittance, slice_emission(ray, piece, slice_of(slab, slices), lattice, knots));
+                add_behind(sum, transmittance, slab_emission(ray, piece, slab, z0, h, slices, lattice, knots));
             }
         } else {
             Face front = face_at(ray, slab_piece(slab, z0, h, interval).x, lattice);

@@ -101,7 +101,7 @@ void main() {
     load_knots();
     Ray ray = ray_of(gl_FragCoord.xy);
     vec2 piece = slab_piece(slab_in, ray, interval_of(ray), push.py_z0.w, push.d0_h.w);
-    blend(slice_emission(ray, piece, float(slab_in), load_lattice(), push.knots), slab_in);
+    blend(slice_emission(ray, piece, 0.5 * (piece.x + piece.y), float(slab_in), load_lattice(), push.knots), slab_in);
 }
 #endif
 
@@ -150,7 +150,7 @@ void main() {
         for (; turn < stop && transmittance > opaque; ++turn) {
             uint slab = down ? first_slab - turn : first_slab + turn;
             vec2 piece = slab_piece(slab, ray, interval, z0, h);
-            add_behind(sum, transmittance, slice_emission(ray, piece, float(slab), lattice, knots));
+            add_behind(sum, transmittance, slice_emission(ray, piece, 0.5 * (piece.x + piece.y), float(slab), lattice, knots));
         }
     }
     end_march(pixel, sum, transmittance);

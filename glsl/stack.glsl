@@ -49,9 +49,8 @@ float stored_at(Ray ray, float z, float slice, Lattice lattice) {
     return between_slices(index, level, lattice);
 }
 
-// Premultiplied colour and opacity of a piece of the ray.
-vec4 slice_emission(Ray ray, vec2 piece, float slice, Lattice lattice, uint knots) {
-    float z = 0.5 * (piece.x + piece.y);
+// Premultiplied colour and opacity of a piece of the ray that a slice stands for, looked up at depth z.
+vec4 slice_emission(Ray ray, vec2 piece, float z, float slice, Lattice lattice, uint knots) {
     float texel = stored_at(ray, z, slice, lattice);
     vec4 optics = classify(scalar_of(texel, lattice), knots);
     float tau = HAS_NAN && is_nan(texel) ? 0.0 : optics.a;

@@ -158,9 +158,19 @@ fn every_third_slice_is_a_grid_of_every_third() {
             for route in ["compute", "raster"] {
                 let spec = format!("shear-warp:intermediate=pixel,filter=exact,every=3,route={route}");
                 let off = apart(&draw_on(&full, &view, &spec), &want);
-                assert!(off < 2e-5, "{projection:?} {up} {route}: {off:e}");
+                // The first and the last slab are cut at their slices. There lines are looked up where they pass the slice,
+                // and the thinned grid beside the middle of the piece: across lines that is a shift.
+                let most = if view.is_perspective() { 3e-2 } else { 2e-5 };
+                assert!(off < most, "{projection:?} {up} {route}: {off:e}");
             }
         }
+    }
+    // Oblique lines look up nothing that lies off them, so what shows nothing may be passed over.
+    let view = view_of(DVec3::new(3.0, 2.0, 4.0), DVec3::ZERO, DVec3::Y, parallel(1.3), [40, 40]);
+    for every in [3, 8, 21] {
+        let draw = |options: &str| draw_on(&full, &view, &format!("shear-warp:every={every}{options}"));
+        let off = apart(&draw(""), &draw(",empty-space=march"));
+        assert!(off < 1e-6, "every {every}: {off:e}");
     }
     // 22 slices: with every=4 the last stands for less, and with every=64 one stands for all.
     let rows = [[0.0, 0.25, 0.5, 1.0, 1.0]];
@@ -660,7 +670,7 @@ fn raster_is_compute_to_rounding() {
     }
     let (mut several, mut worst) = (0, 0.0_f64);
     for view in &views {
-        for lines in ["", "step=0.6", "integrator=exact", "step=1.5,integrator=integral"] {
+        for lines in ["", "step=0.6", "every=4", "integrator=exact", "step=1.5,integrator=integral"] {
             for warp in
                 if lines.is_empty() { ["bilinear", "mip", "bicubic"].as_slice() } else { &["bilinear"] }
             {

@@ -206,7 +206,7 @@ fn tried(
 ) -> Result<TrialOutcome> {
     match drawn(scene, view, candidate, stop, TIMED) {
         Ok((image, ms)) => Ok(TrialOutcome::Drawn { error: probes.error(&image), ms }),
-        Err(error @ (Error::Unsupported { .. } | Error::Invalid { .. })) => {
+        Err(error @ (Error::Unsupported { .. } | Error::Invalid { .. } | Error::Memory { .. })) => {
             Ok(TrialOutcome::Refused(error.to_string()))
         }
         Err(error) => Err(error),

@@ -22,22 +22,6 @@ pub(crate) enum BufferUse {
 }
 
 impl Gpu {
-    /// Whether the device can have a buffer that shaders see.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Unsupported`] beyond the limit of a buffer, [`Error::Memory`] beyond what is left of memory.
-    pub(crate) fn check_buffer(&self, name: &str, size: u64) -> Result<()> {
-        let most = self.most_buffer_bytes();
-        if size > most {
-            return Err(Error::unsupported(
-                name,
-                format!("{size} bytes exceed the limit of {most} that a shader can see of a buffer"),
-            ));
-        }
-        self.inner.budget.check(name, size)
-    }
-
     /// Bytes of a buffer that shaders see, at most.
     pub(crate) fn most_buffer_bytes(&self) -> u64 {
         u64::from(self.inner.properties.limits.max_storage_buffer_range)
@@ -62,11 +46,14 @@ impl Buffer {
         if size == 0 {
             return Err(Error::invalid(name, "a buffer of 0 bytes"));
         }
-        if matches!(purpose, BufferUse::ShaderRead | BufferUse::ShaderWrite) {
-            gpu.check_buffer(name, size)?;
-        } else {
-            gpu.inner.budget.check(name, size)?;
+        let most = gpu.most_buffer_bytes();
+        if size > most && matches!(purpose, BufferUse::ShaderRead | BufferUse::ShaderWrite) {
+            return Err(Error::unsupported(
+                name,
+                format!("{size} bytes exceed the limit of {most} that a shader can see of a buffer"),
+            ));
         }
+        gpu.inner.budget.check(name, size)?;
         let (usage, location) = match purpose {
             BufferUse::ShaderRead => {
                 (U::UNIFORM_BUFFER | U::STORAGE_BUFFER | U::TRANSFER_DST, MemoryLocation::GpuOnly)

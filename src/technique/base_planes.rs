@@ -138,18 +138,29 @@ fn clip(polygon: &[DVec2], side: DVec3) -> Polygon {
     kept
 }
 
+/// What a device has room for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Room {
+    /// Texels of all base planes.
+    pub(crate) texels: f64,
+    /// Texels along a side of one.
+    pub(crate) side: f64,
+    /// Rows of all base planes.
+    pub(crate) rows: f64,
+}
+
 /// The base planes of a view. `current` is the axis of parallel rays' plane, or of the only plane, that was used last.
 ///
 /// # Errors
 ///
-/// [`Error::Invalid`] where float64 cannot hold the view.
+/// [`Error::Invalid`] where float64 cannot hold the view, or the planes of every axis are seen edge-on.
 pub(crate) fn base_planes(
     grid: &Grid,
     view: &View,
     current: Option<usize>,
     hysteresis: f64,
     resolution: Resolution,
-    most_texels: f64,
+    room: Room,
 ) -> Result<Vec<BasePlane>> {
     let [width, height] = view.extent().map(f64::from);
     let seen = Seen {
@@ -161,6 +172,10 @@ pub(crate) fn base_planes(
     let axis = steepest_axis(grid, view, current, hysteresis);
     let mut regions = Vec::new();
     if !view.is_perspective() {
+        // A plane that is kept must not be seen edge-on.
+        let cosines = seen.normals.map(|normal| normal.dot(view.forward()).abs());
+        let too_flat = cosines.iter().any(|cosine| *cosine > MOST_SHEAR * cosines[axis]);
+        let axis = if too_flat { steepest_axis(grid, view, None, 0.0) } else { axis };
         let sign = seen.normals_along(axis).dot(view.forward()).signum();
         regions.extend(seen.region(axis, sign, None)?);
     } else if let Some(only) = seen.only_region(axis)? {
@@ -178,21 +193,28 @@ pub(crate) fn base_planes(
     let mut pitches: Vec<DVec2> = regions.iter().map(|region| region.pitch(resolution)).collect();
     // As many as were asked for are not.
     let most = match resolution {
-        Resolution::Voxel => most_texels,
-        Resolution::Auto => most_texels.min(TEXELS_PER_PIXEL * pixels),
-        Resolution::Pixel(side) => most_texels.min(TEXELS_PER_PIXEL * pixels * (side * side).max(1.0)),
+        Resolution::Voxel => room.texels,
+        Resolution::Auto => TEXELS_PER_PIXEL * pixels,
+        Resolution::Pixel(side) => TEXELS_PER_PIXEL * pixels * (side * side).max(1.0),
     };
-    for _ in 0..8 {
-        let texels = |around: f64| -> f64 {
-            regions.iter().zip(&pitches).map(|(region, &pitch)| region.texels(pitch, around)).sum()
+    let around = 2.0 * MARGIN + 3.0;
+    for (region, pitch) in regions.iter().zip(&mut pitches) {
+        *pitch = pitch.max(region.extent() / (room.side - around).max(1.0));
+    }
+    for _ in 0..16 {
+        let sum = |of: &dyn Fn(DVec2) -> f64| -> f64 {
+            regions.iter().zip(&pitches).map(|(region, &pitch)| of(region.extent() / pitch)).sum()
         };
         // Around an image of one row there are more texels than in it.
-        let over = (texels(2.0 * MARGIN + 3.0) / most_texels).max(texels(1.0) / most);
-        if over <= 1.0 {
+        let texels = sum(&|sides| (sides + around).element_product()) / room.texels;
+        let over = texels.max(sum(&|sides| (sides + 1.0).element_product()) / most);
+        let rows = sum(&|sides| sides.y + around) / room.rows;
+        if over <= 1.0 && rows <= 1.0 {
             break;
         }
+        let coarser = if rows > 1.0 { over.sqrt().max(rows) } else { over.sqrt() };
         for pitch in &mut pitches {
-            *pitch *= over.sqrt() * 1.01;
+            *pitch *= coarser * 1.01;
         }
     }
     regions.iter().zip(pitches).map(|(region, pitch)| region.base_plane(&seen, pitch, parted)).collect()
@@ -443,11 +465,10 @@ impl Region {
         bounds
     }
 
-    /// Texels of a lattice with so many more along each side than what is drawn is long.
-    fn texels(&self, pitch: DVec2, around: f64) -> f64 {
+    /// How large what is drawn is on the base plane.
+    fn extent(&self) -> DVec2 {
         let [low, high] = self.bounds();
-        let size = (high - low) / pitch + around;
-        size.x * size.y
+        high - low
     }
 
     /// The texels of a base plane and their lines.
@@ -458,7 +479,9 @@ impl Region {
         let centre = DVec2::splat(0.5) - parity;
         let ahead = (self.to_base * centre.extend(1.0)).z;
         let mut anchor = if ahead > 0.0 { self.of_pixel(centre) } else { self.of_pixel(self.middle()) };
-        if !anchor.is_finite() {
+        // That pixel's line may all but run along the plane, and meet it where numbers have no digits left.
+        let away = ((low - anchor) / pitch).abs().max_element();
+        if away.is_nan() || away > 1e9 {
             anchor = (low + high) * 0.5;
         }
         let first = anchor + ((low - anchor) / pitch - MARGIN).floor() * pitch;

@@ -254,8 +254,9 @@ impl GridFrame {
                 knots_buffer()
             };
             resources.push((BINDING_BRICKS, bricks));
+            let rays = view.extent().map(u64::from).iter().product();
             let slabs_per_dispatch =
-                slabs_per_dispatch(gpu, name, cut.count, &knots, segments.as_ref(), grid, view)?;
+                slabs_per_dispatch(gpu, name, cut.count, &knots, segments.as_ref(), grid, rays)?;
             let pipeline = |resume: bool| {
                 let mut constants = constants.clone();
                 constants.push((SPEC_RESUME, u32::from(resume)));
@@ -586,7 +587,7 @@ pub(super) fn slabs_per_dispatch(
     knots: &Knots,
     segments: Option<&SegmentOptions>,
     grid: &Grid,
-    view: &View,
+    rays: u64,
 ) -> Result<u32> {
     /// Samples of one dispatch: a fifth of a second where 5e9 are taken in one.
     const SAMPLES: u64 = 1 << 30;
@@ -601,8 +602,7 @@ pub(super) fn slabs_per_dispatch(
     if each > iterations && segments.is_some_and(|segments| segments.integrator == Integrator::Exact) {
         return Err(too_many_loops(name, each, limit));
     }
-    let [width, height] = view.extent().map(u64::from);
-    let by_time = u32::try_from(SAMPLES / (width * height)).unwrap_or(u32::MAX);
+    let by_time = u32::try_from(SAMPLES / rays.max(1)).unwrap_or(u32::MAX);
     Ok((iterations / each).min(by_time).max(1))
 }
 

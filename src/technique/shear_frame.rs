@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use super::base_planes::{BasePlane, base_planes};
+use super::base_planes::{BasePlane, Room, base_planes};
 use super::gpu_scene::{GpuScene, Knots, Layout, TABLE_FORMAT, Table, Volume, turned};
 use super::grid_frame::{MAX_SLABS, check_loops, draws_directly, own_image, slabs_per_dispatch};
 use super::grid_options::{EmptySpace, Filter, Integrator, Order, Route};
@@ -17,9 +17,9 @@ use crate::error::{Error, Result};
 use crate::gpu::shader::{
     BINDING_ACCUMULATION, BINDING_BRICKS, BINDING_INTERMEDIATE, BINDING_KNOTS, BINDING_KNOTS_UNIFORM,
     BINDING_TABLE, BINDING_TABLE_HEAD, BINDING_VOLUME, SHEAR_WARP_COMPUTE, SHEAR_WARP_FRAGMENT,
-    SHEAR_WARP_VERTEX, SPEC_BETWEEN, SPEC_EMPTY_SPACE, SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_INTEGRATOR,
-    SPEC_KNOT_WALK, SPEC_RESUME, SPEC_TABLE_FILTER, SPEC_WARP, WARP_BICUBIC, WARP_BILINEAR, WARP_COMPUTE,
-    WARP_FRAGMENT, WARP_HALVE, WARP_MIP, WARP_VERTEX,
+    SHEAR_WARP_VERTEX, SPEC_BETWEEN, SPEC_EMPTY_SPACE, SPEC_EVERY, SPEC_FILTER_EXACT, SPEC_HAS_NAN,
+    SPEC_INTEGRATOR, SPEC_KNOT_WALK, SPEC_RESUME, SPEC_TABLE_FILTER, SPEC_WARP, WARP_BICUBIC, WARP_BILINEAR,
+    WARP_COMPUTE, WARP_FRAGMENT, WARP_HALVE, WARP_MIP, WARP_VERTEX,
 };
 use crate::gpu::sync::Use;
 use crate::gpu::{
@@ -39,7 +39,10 @@ const TEXEL: u64 = 16;
 /// Share of a buffer that a first view takes, so that the next ones fit it too.
 const FILL: f64 = 0.6;
 
-/// Bits of `BasePlanePush::order`.
+/// Most texels along a side: every device allows so many workgroups of 8.
+const MOST_SIDE: u32 = 8 * 65_535;
+
+/// Bits of `BasePlanePush::order`, and the first of those that count slices.
 const MORE: u32 = 4;
 const DOWN: u32 = 8;
 const BACK_TO_FRONT: u32 = 16;
@@ -129,10 +132,20 @@ struct Planned {
     axes: Vec<usize>,
 }
 
-fn plan(gpu: &Gpu, grid: &Grid, options: &Options, view: &View, current: Option<usize>) -> Result<Planned> {
-    // Smaller levels take a third more.
-    let most = num::f64_of_u64(gpu.most_buffer_bytes() / TEXEL) * FILL * 0.7;
-    let planes = base_planes(grid, view, current, options.hysteresis, options.resolution(), most)?;
+fn plan(
+    gpu: &Gpu,
+    grid: &Grid,
+    options: &Options,
+    view: &View,
+    current: Option<usize>,
+    raster: bool,
+) -> Result<Planned> {
+    // Smaller levels take a third more. Raster's planes lie below each other in one image, and leave room beside them.
+    let share = if raster { 0.3 } else { 0.7 };
+    let texels = num::f64_of_u64(gpu.most_buffer_bytes() / TEXEL) * FILL * share;
+    let side = f64::from(if raster { gpu.max_image_2d() } else { MOST_SIDE });
+    let room = Room { texels, side, rows: if raster { side } else { f64::INFINITY } };
+    let planes = base_planes(grid, view, current, options.hysteresis, options.resolution(), room)?;
     let mut axes: Vec<usize> = planes.iter().map(|plane| plane.axis).collect();
     axes.dedup();
     Ok(Planned { planes, axes })
@@ -157,7 +170,7 @@ impl ShearFrame {
                 "a grid without NaN: slices that are not looked up may hold it",
             ));
         }
-        let planned = plan(gpu, grid, &options, view, None)?;
+        let planned = plan(gpu, grid, &options, view, None, raster)?;
         let axes = match (options.stacks, planned.axes.as_slice()) {
             (Stacks::All, _) => vec![0, 1, 2],
             // Something must be bound.
@@ -194,6 +207,7 @@ impl ShearFrame {
             (SPEC_INTEGRATOR, options.segments.integrator.code()),
             (SPEC_TABLE_FILTER, u32::from(filters_table)),
             (SPEC_BETWEEN, u32::from(options.between)),
+            (SPEC_EVERY, u32::from(options.every > 1)),
         ];
         let knots_buffer = || Resource::Buffer(Arc::clone(&knots.buffer));
         let table_head =
@@ -215,7 +229,8 @@ impl ShearFrame {
         });
         let atlas_texels = if raster { u64::from(columns) * u64::from(rows) } else { 0 };
         let needed = atlas_texels + u64::from(faces.texels);
-        let room = num::u64_of(num::f64_of_u64(needed.max(64)) / FILL).min(most).max(needed);
+        let with_room = num::u64_of(f64::from(faces.texels.max(64)) / FILL);
+        let room = (atlas_texels + with_room).min(most).max(needed);
         let intermediate = buffer(gpu, &format!("{NAME}.intermediate"), room.saturating_mul(TEXEL / 4))?;
         resources.push((BINDING_INTERMEDIATE, Resource::Buffer(Arc::clone(&intermediate))));
 
@@ -250,8 +265,10 @@ impl ShearFrame {
                 knots_buffer()
             };
             resources.push((BINDING_BRICKS, bricks));
+            // Of the largest base plane that there is room for.
+            let rays = room;
             let slabs_per_dispatch =
-                slabs_per_dispatch(gpu, NAME, most_slabs, &knots, segments.as_ref(), grid, view)?;
+                slabs_per_dispatch(gpu, NAME, most_slabs, &knots, segments.as_ref(), grid, rays)?;
             let pipeline = |resume: bool| {
                 let mut constants = constants.clone();
                 constants.push((SPEC_RESUME, u32::from(resume)));
@@ -516,13 +533,13 @@ impl Prepared for ShearFrame {
     fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool> {
         let gpu = self.scene.gpu().clone();
         let grid = self.scene.grid()?;
-        let planned = plan(&gpu, grid, &self.options, view, self.faces.axis)?;
+        let raster = matches!(self.path, Path::Raster { .. });
+        let planned = plan(&gpu, grid, &self.options, view, self.faces.axis, raster)?;
         let axes: Vec<usize> = self.stacks.iter().map(|stack| stack.axis).collect();
         if !planned.axes.iter().all(|axis| axes.contains(axis)) {
             return Ok(false);
         }
         let Some(Stack { volume, .. }) = self.stacks.first() else { return Ok(false) };
-        let raster = matches!(self.path, Path::Raster { .. });
         let faces =
             Faces::of(&self.scene, &self.options, &planned, &axes, volume, &self.knots, view, raster)?;
         let passes = self.needed_passes(&faces);
@@ -674,7 +691,6 @@ impl ShearFrame {
             }
         }
         // Without a base plane nothing is seen: a warp that shows nothing clears the image.
-        let nothing = [WarpPush::default()];
         let [width, height] = match (&self.image, target) {
             (Some(image), _) => [image.desc().extent[0], image.desc().extent[1]],
             (None, Some(target)) => target.extent,
@@ -684,7 +700,7 @@ impl ShearFrame {
             self.faces.faces.iter().map(|face| self.placed(&face.warp, true)).collect();
         if pushes.is_empty() {
             let half_extent = [width, height].map(|side| f32_of(f64::from(side) * 0.5));
-            pushes.extend(nothing.map(|push| WarpPush { half_extent, levels: 1, ..push }));
+            pushes.push(WarpPush { half_extent, levels: 1, ..WarpPush::default() });
         }
         for (i, push) in pushes.iter().enumerate() {
             let name = format!("{NAME}.warp");

@@ -237,8 +237,14 @@ impl Options {
             return refuse("target", "the intermediate image is rgba32f".to_string());
         }
         let default = GridOptions::default();
-        if self.grid.prefilter != default.prefilter || self.grid.dither != default.dither {
-            return refuse("prefilter", "neither it nor dither is for this technique".to_string());
+        if self.grid.prefilter != default.prefilter {
+            return refuse("prefilter", "is not for this technique, which has warp=mip".to_string());
+        }
+        if self.grid.dither != default.dither {
+            return refuse(
+                "dither",
+                "is not for this technique: the intermediate image is rgba32f".to_string(),
+            );
         }
         self.segments.check(NAME, true)?;
         self.grid.check(NAME)

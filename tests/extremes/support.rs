@@ -210,7 +210,7 @@ pub fn affine_depth(view: &View, pixel: DVec2) -> f64 {
     (ENDS[0] + (ENDS[1] - ENDS[0]) * mean) * length
 }
 
-/// The finest warp: what other techniques lack is left out. An image of at most 4096 pixels may have 16,384 texels.
+/// The finest warp: what other techniques lack is left out.
 pub const FINE: &[(&str, &str)] =
     &[("step", "0.25"), ("filter", "exact"), ("intermediate", "8"), ("warp", "bicubic")];
 

@@ -128,6 +128,11 @@ fn on_line(grid: &Grid, plane: &BasePlane, texel: DVec2, z: f64) -> DVec3 {
     grid.centre() + grid.index_to_world() * index
 }
 
+/// Room for so many texels, however they lie.
+fn of(texels: f64) -> Room {
+    Room { texels, side: 1e9, rows: 1e9 }
+}
+
 /// Every pixel that sees the domain has one plane, which holds its line, exactly, a texel or more from the lattice's edge;
 /// lines are no steeper than they may be, and texels no more.
 #[test]
@@ -147,7 +152,7 @@ fn every_pixel_s_line_lies_on_one_base_plane() {
         let what = format!("{turn}: {view:?} {resolution:?} {:?} {}", grid.dims(), grid.index_to_world());
         // What a buffer holds, or so few that texels must be coarser.
         let room = if turn % 3 == 0 { 900.0 } else { 1e6 };
-        let planes = base_planes(&grid, &view, None, 0.0, resolution, room)
+        let planes = base_planes(&grid, &view, None, 0.0, resolution, of(room))
             .unwrap_or_else(|error| panic!("{what}: {error}"));
         let normals = super::planes(&grid).map(|(normal, _)| normal);
         let [width, height] = view.extent().map(f64::from);
@@ -240,7 +245,8 @@ fn seen_along_an_axis_texels_are_pixels() {
                         projection,
                     };
                     let view = View::new(camera, width, height).unwrap();
-                    let planes = base_planes(&grid, &view, None, 0.0, Resolution::Pixel(1.0), 1e6).unwrap();
+                    let planes =
+                        base_planes(&grid, &view, None, 0.0, Resolution::Pixel(1.0), of(1e6)).unwrap();
                     assert_eq!(planes.len(), 1);
                     let plane = planes[0];
                     assert_eq!((plane.axis, plane.sign), (axis, -sign));
@@ -272,7 +278,7 @@ fn a_plane_is_kept_and_nothing_has_none() {
         View::new(Camera { eye, target, up: DVec3::Y, projection }, 16, 16).unwrap()
     };
     let axes = |view: &View, current| -> Vec<usize> {
-        let planes = base_planes(&grid, view, current, 0.01, Resolution::Auto, 1e6).unwrap();
+        let planes = base_planes(&grid, view, current, 0.01, Resolution::Auto, of(1e6)).unwrap();
         planes.iter().map(|plane| plane.axis).collect()
     };
     for projection in
@@ -298,7 +304,7 @@ fn there_are_as_many_texels_as_asked_for() {
         let projection = Projection::Orthographic { half_height };
         let view =
             View::new(Camera { eye, target: grid.centre(), up: DVec3::Y, projection }, side, side).unwrap();
-        let planes = base_planes(&grid, &view, None, 0.0, resolution, 1e9).unwrap();
+        let planes = base_planes(&grid, &view, None, 0.0, resolution, of(1e9)).unwrap();
         f64::from(planes[0].size[0]) * f64::from(planes[0].size[1])
     };
     // The image lies inside the domain; margins have no more than 14 texels to a side.
@@ -319,4 +325,53 @@ fn there_are_as_many_texels_as_asked_for() {
         let got = texels(Resolution::Auto, half_height, side);
         assert!(got >= want * want && got <= (want + 14.0) * (want + 14.0), "{half_height}: {got}");
     }
+}
+
+/// A view along an axis to rounding, whose line meets the planes beside it nowhere near, has all of them.
+#[test]
+fn a_view_along_an_axis_to_rounding_has_its_planes() {
+    let grid = grid([65, 65, 65], DVec3::ONE, DMat3::IDENTITY);
+    for tilt in [0.0, 1e-18, 1.2e-16, -1.2e-16, 1e-14, 1e-12, 1e-9] {
+        let eye = grid.centre();
+        let camera = Camera {
+            eye,
+            target: eye + DVec3::new(tilt, 0.0, -1.0),
+            up: DVec3::Y,
+            projection: Projection::Perspective { fov_y_deg: 120.0 },
+        };
+        let view = View::new(camera, 33, 33).unwrap();
+        let planes = base_planes(&grid, &view, None, 0.0, Resolution::Pixel(1.0), of(1e6)).unwrap();
+        assert_eq!(planes.len(), 5, "{tilt}");
+        for plane in planes {
+            assert!(
+                plane.size[0].min(plane.size[1]) >= 5 && plane.size[0].max(plane.size[1]) < 400,
+                "{tilt}: {plane:?}"
+            );
+        }
+    }
+}
+
+/// What a device has no room for along a side, or in rows, is made of coarser texels; a plane that is kept is not edge-on.
+#[test]
+fn sides_and_shears_have_their_limits() {
+    let grid = grid([40, 40, 40], DVec3::ONE, DMat3::IDENTITY);
+    let look = |direction: DVec3, size: [u32; 2]| {
+        let projection = Projection::Orthographic { half_height: 10.0 };
+        let eye = grid.centre() - 100.0 * direction;
+        View::new(Camera { eye, target: grid.centre(), up: DVec3::Y, projection }, size[0], size[1]).unwrap()
+    };
+    let room = Room { texels: 1e9, side: 700.0, rows: 500.0 };
+    let view = look(DVec3::new(0.2, 0.1, -1.0), [1, 4096]);
+    let [plane] = base_planes(&grid, &view, None, 0.0, Resolution::Pixel(128.0), room).unwrap()[..] else {
+        panic!()
+    };
+    assert!(plane.size[0] <= 700 && plane.size[1] <= 500 && plane.size[1] > 400, "{:?}", plane.size);
+    // As much as anyone may ask for.
+    let planes = base_planes(&grid, &view, None, 0.0, Resolution::Pixel(1e200), room).unwrap();
+    assert!(planes[0].size[1] <= 500, "{:?}", planes[0].size);
+    let along = look(DVec3::new(1.0, 0.0, -0.01), [16, 16]);
+    let [plane] = base_planes(&grid, &along, Some(2), 0.99, Resolution::Auto, room).unwrap()[..] else {
+        panic!()
+    };
+    assert_eq!(plane.axis, 0);
 }
