@@ -74,8 +74,8 @@ fn what_knows_no_kernels_refuses_them() {
         let splats = [Method::SplatSheets, Method::SplatEwa].contains(&default);
         assert_eq!(splats, scene.kernels.is_some() || scene.points().is_some());
     }
-    // Four techniques for grids twice, three for meshes.
-    assert_eq!(refused, 11);
+    // Five techniques for grids twice, three for meshes.
+    assert_eq!(refused, 13);
     // What has kernels of its own draws another field.
     assert!(Method::SplatEwa.draws_scene(&grid) && !Method::SplatEwa.fits(&grid));
     assert!(Method::SplatSheets.fits(&grid) && !Method::SplatSheets.draws_scene(&mesh));

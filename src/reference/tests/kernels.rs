@@ -3,6 +3,7 @@
 
 use super::*;
 use crate::scene::{Kernel, KernelSize, Kernels, Model, Points, TetScalars, Tets};
+use rayon::prelude::*;
 
 /// Accuracy that comparisons with closed forms ask for.
 const CLOSED: f64 = 1e-10;
@@ -376,13 +377,13 @@ fn random_grids_equal_an_adaptive_integrator() {
                 });
                 of_sum(all, &base.transfer, &kernels)
             };
-            let mut worst = 0.0_f64;
-            for _ in 0..4 {
-                let (o, d, range) = chord(&mut random);
+            let chords: Vec<_> = (0..4).map(|_| chord(&mut random)).collect();
+            let differences = chords.into_par_iter().map(|(o, d, range)| {
                 let got = ray(&scene, o, d, range).unwrap();
                 assert!(got[3] > 0.01, "{got:?}");
-                worst = worst.max(difference(got, adaptive_in(&medium, o, d, range)));
-            }
+                difference(got, adaptive_in(&medium, o, d, range))
+            });
+            let worst = differences.reduce(|| 0.0, f64::max);
             println!("{kernel:?} {model:?}: {worst:e}");
             assert!(worst < EXACT, "{kernel:?} {model:?}: {worst:e}");
         }
