@@ -331,6 +331,8 @@ fn there_are_as_many_texels_as_asked_for() {
 #[test]
 fn a_view_along_an_axis_to_rounding_has_its_planes() {
     let grid = grid([65, 65, 65], DVec3::ONE, DMat3::IDENTITY);
+    // About the origin, where so small a tilt is one.
+    let grid = grid.with_placement(DVec3::ONE, DVec3::splat(-32.0), DMat3::IDENTITY).unwrap();
     for tilt in [0.0, 1e-18, 1.2e-16, -1.2e-16, 1e-14, 1e-12, 1e-9] {
         let eye = grid.centre();
         let camera = Camera {
@@ -342,11 +344,21 @@ fn a_view_along_an_axis_to_rounding_has_its_planes() {
         let view = View::new(camera, 33, 33).unwrap();
         let planes = base_planes(&grid, &view, None, 0.0, Resolution::Pixel(1.0), of(1e6)).unwrap();
         assert_eq!(planes.len(), 5, "{tilt}");
-        for plane in planes {
-            assert!(
-                plane.size[0].min(plane.size[1]) >= 5 && plane.size[0].max(plane.size[1]) < 400,
-                "{tilt}: {plane:?}"
-            );
+        for i in 0..33 * 33 {
+            let pixel = DVec2::new(f64::from(i % 33), f64::from(i / 33)) - 16.0;
+            for plane in &planes {
+                let s = plane.steepness * pixel.extend(1.0);
+                if s.x < s.y.abs().max(s.z.abs()) {
+                    continue;
+                }
+                let p = plane.to_texel * pixel.extend(1.0);
+                let texel = p.truncate() / p.z;
+                let last = DVec2::from_array(plane.size.map(f64::from)) - 2.0;
+                assert!(
+                    texel.min_element() > 1.0 && texel.cmplt(last).all(),
+                    "{tilt} {pixel}: {texel} {plane:?}"
+                );
+            }
         }
     }
 }
