@@ -65,13 +65,8 @@ vec2 slab_piece(float slab, float z0, float h, vec2 interval) {
     return vec2(max(fma(slab, h, z0), interval.x), min(fma(slab + 1.0, h, z0), interval.y));
 }
 
-// A place on the ray with what the integration needs of it. Slices themselves are looked up alone.
-struct Face {
-    float texel;
-    End end;
-};
-
-Face face_at(Ray ray, float z, Lattice lattice) {
+// The stored number at depth z of the ray, trilinear. Slices themselves are looked up alone.
+float stored_at(Ray ray, float z, Lattice lattice) {
     vec3 index = fma(vec3(z), ray.d, ray.q) + lattice.half_size;
     float last = 2.0 * lattice.half_size.z;
     float place = clamp(index.z, 0.0, last);
@@ -81,14 +76,10 @@ Face face_at(Ray ray, float z, Lattice lattice) {
     for (uint once = 0u; once < uint(share > 0.0); ++once) {
         texel = mix(texel, on_slice(index.xy, slice + 1.0, 0.0, lattice), share);
     }
-    return Face(texel, end_at(HAS_NAN && is_nan(texel) ? 0.0 : scalar_of(texel, lattice)));
+    return texel;
 }
 
-// Premultiplied colour and opacity of what lies between two places; vacuum where either touches a NaN.
-vec4 between_faces(Face front, Face back, float len, uint knots) {
-    if (HAS_NAN && (is_nan(front.texel) || is_nan(back.texel))) return vec4(0.0);
-    return segment(front.end, back.end, len, knots);
-}
+#include "faces.glsl"
 
 #ifdef VERTEX
 layout(location = 0) flat out uint slab_out;

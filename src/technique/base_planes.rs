@@ -85,13 +85,15 @@ struct Seen<'a> {
     half_image: DVec2,
 }
 
-/// Normals of the planes perpendicular to each axis, of unit length, and the planes' distances, world units.
+/// Normals of the planes perpendicular to each axis, of unit length, such that indices grow along them, and the planes'
+/// distances, world units.
 pub(crate) fn planes(grid: &Grid) -> [(DVec3, f64); 3] {
     let axes = grid.index_to_world();
     [0, 1, 2].map(|axis| {
         let [u, v, along] = turned([axes.x_axis, axes.y_axis, axes.z_axis], axis);
         let normal = u.cross(v).normalize_or_zero();
-        (normal, normal.dot(along).abs())
+        let distance = normal.dot(along);
+        (if distance < 0.0 { -normal } else { normal }, distance.abs())
     })
 }
 
@@ -176,7 +178,7 @@ pub(crate) fn base_planes(
         let cosines = seen.normals.map(|normal| normal.dot(view.forward()).abs());
         let too_flat = cosines.iter().any(|cosine| *cosine > MOST_SHEAR * cosines[axis]);
         let axis = if too_flat { steepest_axis(grid, view, None, 0.0) } else { axis };
-        let sign = seen.normals_along(axis).dot(view.forward()).signum();
+        let sign = seen.normals[axis].dot(view.forward()).signum();
         regions.extend(seen.region(axis, sign, None)?);
     } else if let Some(only) = seen.only_region(axis)? {
         regions.extend(only);
@@ -236,13 +238,6 @@ struct Region {
 }
 
 impl Seen<'_> {
-    /// The normal of an axis's planes, in the direction in which its index grows.
-    fn normals_along(&self, axis: usize) -> DVec3 {
-        let along = [0, 1, 2].map(|i| self.grid.index_to_world().col(i))[axis];
-        let normal = self.normals[axis];
-        if normal.dot(along) < 0.0 { -normal } else { normal }
-    }
-
     /// The view as a matrix from indices, from the domain's centre plus `offset` on, to pixels from the image's centre.
     fn matrix(&self, offset: DVec3) -> DMat4 {
         let axes = self.grid.index_to_world();
@@ -297,7 +292,7 @@ impl Seen<'_> {
 
     /// Largest shear of lines from the eye to the domain, which lies in front of it along the axis.
     fn shear_of_domain(&self, region: &Region) -> f64 {
-        let normals = turned([0, 1, 2].map(|axis| self.normals_along(axis)), region.axis);
+        let normals = turned(self.normals, region.axis);
         self.grid
             .corners()
             .iter()
@@ -318,7 +313,7 @@ impl Seen<'_> {
     /// `None`: there is no need to. `None` as result: nothing.
     fn region(&self, axis: usize, sign: f64, reach: Option<f64>) -> Result<Option<Region>> {
         let [hx, hy, hz] = turned((self.grid.last_index() * 0.5).to_array(), axis);
-        let normals = turned([0, 1, 2].map(|axis| self.normals_along(axis)), axis);
+        let normals = turned(self.normals, axis);
         let steepness =
             DMat3::from_cols(self.along(normals[2]) * sign, self.along(normals[0]), self.along(normals[1]))
                 .transpose();

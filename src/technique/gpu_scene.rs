@@ -629,6 +629,10 @@ struct Source<'a> {
 impl Source<'_> {
     /// Writes samples from `first` on as texels, until `memory` is full.
     fn encode(&self, first: usize, memory: &mut [u8]) {
+        // Infinities take the scalar at the transfer function's ends, as stored numbers.
+        let slope = self.rescale.slope;
+        let low = self.stored_end(if slope > 0.0 { 0 } else { 1 });
+        let high = self.stored_end(if slope > 0.0 { 1 } else { 0 });
         match (self.samples, self.encoding) {
             (Samples::U8(v), Encoding::R8) => put(&v[first..], memory, |x| [x]),
             (Samples::U8(v), Encoding::R16) => {
@@ -642,17 +646,17 @@ impl Source<'_> {
             (Samples::I16(v), _) => {
                 put(&v[first..], memory, |x| (x.cast_unsigned() ^ 0x8000).to_ne_bytes());
             }
-            (Samples::F32(v), _) => put(&v[first..], memory, |x| self.finite(x).to_ne_bytes()),
+            (Samples::F32(v), _) => put(&v[first..], memory, |x| {
+                let x = if x == f32::INFINITY {
+                    high
+                } else if x == f32::NEG_INFINITY {
+                    low
+                } else {
+                    x
+                };
+                x.to_ne_bytes()
+            }),
         }
-    }
-
-    /// A stored float: infinities take the scalar at the transfer function's ends, as stored numbers.
-    fn finite(&self, stored: f32) -> f32 {
-        if !stored.is_infinite() {
-            return stored;
-        }
-        let up = (stored > 0.0) == (self.rescale.slope > 0.0);
-        self.stored_end(usize::from(up))
     }
 
     /// The stored number that the device takes for an end of the transfer function, or for what lies beyond.

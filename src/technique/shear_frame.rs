@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::base_planes::{BasePlane, Room, base_planes};
-use super::gpu_scene::{GpuScene, Knots, Layout, TABLE_FORMAT, Table, Volume, turned};
+use super::gpu_scene::{GpuScene, Knots, Layout, TABLE_FORMAT, Volume, turned};
 use super::grid_frame::{MAX_SLABS, check_loops, draws_directly, own_image, slabs_per_dispatch};
 use super::grid_options::{EmptySpace, Filter, Integrator, Order, Route};
 use super::options::Choice;
@@ -86,7 +86,8 @@ pub(super) struct ShearFrame {
     scene: Arc<GpuScene>,
     options: Options,
     knots: Arc<Knots>,
-    table: Option<Arc<Table>>,
+    /// The transfer function's table, or what stands for one.
+    table: Arc<Image>,
     stacks: Vec<Stack>,
     path: Path,
     /// Texels of the intermediate image, the levels of each base plane one after the other.
@@ -195,8 +196,10 @@ impl ShearFrame {
             Some(segments) => scene.table(segments)?,
             None => None,
         };
-        let no_table = scene.no_table()?;
-        let table_texels = table.as_ref().map_or(&no_table, |table| &table.image);
+        let table_texels = match &table {
+            Some(table) => Arc::clone(&table.image),
+            None => scene.no_table()?,
+        };
         let filters_table = options.segments.integrator == Integrator::Full
             && options.grid.filter == Filter::Hardware
             && gpu.image_features(TABLE_FORMAT).contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR);
@@ -217,7 +220,7 @@ impl ShearFrame {
             (BINDING_KNOTS_UNIFORM, knots_buffer()),
             (BINDING_KNOTS, knots_buffer()),
             (BINDING_TABLE_HEAD, table_head),
-            (BINDING_TABLE, Resource::Sampled(Arc::clone(table_texels), table_filter)),
+            (BINDING_TABLE, Resource::Sampled(Arc::clone(&table_texels), table_filter)),
         ];
 
         // Room for views that need more.
@@ -341,7 +344,7 @@ impl ShearFrame {
             scene: Arc::clone(scene),
             options,
             knots,
-            table,
+            table: table_texels,
             stacks,
             path,
             intermediate,
@@ -401,7 +404,6 @@ impl Faces {
             let (mut push, slabs) = base_plane_push(scene, options, plane, knots)?;
             push.value_scale = volume.scale;
             push.value_offset = volume.offset;
-            push.atlas = faces.atlas;
             let [width, height] = plane.size;
             // Seams are of the axis that comes last.
             let [after_u, after_v] = [1, 2].map(|turn| u32::from((plane.axis + turn) % 3 > plane.axis));
@@ -602,13 +604,7 @@ impl Prepared for ShearFrame {
         for stack in &self.stacks {
             recorder.assume_ready(&stack.volume.image);
         }
-        if let Some(table) = &self.table {
-            recorder.assume_ready(&table.image);
-        } else if let Some(Resource::Sampled(image, _)) =
-            self.stacks.first().and_then(|stack| stack.descriptors.resource(BINDING_TABLE))
-        {
-            recorder.assume_ready(&image);
-        }
+        recorder.assume_ready(&self.table);
         match &self.path {
             Path::Compute { first, resume, slabs_per_dispatch } => {
                 for face in &self.faces.faces {
