@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::Clip;
 use crate::error::{Error, Result};
 
 /// How depth becomes size.
@@ -45,7 +46,7 @@ impl Camera {
     }
 }
 
-/// A camera with an image size: everything that says which ray belongs to which pixel.
+/// A camera with an image size: everything that says which ray belongs to which pixel, and what of it is kept.
 ///
 /// Pixel (px, py), row 0 on top, is sampled once, at its centre. Its ray looks along
 /// `forward + x * right + y * up` with `x = (px + 1/2 - W/2) * scale`, `y = (H/2 - py - 1/2) * scale`
@@ -58,6 +59,7 @@ pub struct View {
     up: DVec3,
     forward: DVec3,
     scale: f64,
+    clip: Clip,
 }
 
 impl View {
@@ -122,7 +124,27 @@ impl View {
                 half_height / half_rows
             }
         };
-        Ok(Self { camera, extent: [width, height], right, up: right.cross(forward), forward, scale })
+        Ok(Self {
+            camera,
+            extent: [width, height],
+            right,
+            up: right.cross(forward),
+            forward,
+            scale,
+            clip: Clip::none(),
+        })
+    }
+
+    /// The same with parts of the volume cut away.
+    #[must_use]
+    pub fn with_clip(self, clip: Clip) -> Self {
+        Self { clip, ..self }
+    }
+
+    /// What is cut away.
+    #[must_use]
+    pub fn clip(&self) -> &Clip {
+        &self.clip
     }
 
     /// The camera.

@@ -3,22 +3,26 @@
 pub mod auto;
 mod camera;
 mod cells;
+mod clip;
 mod data;
 mod field;
 pub mod file;
 mod grid;
 mod kernel;
 mod points;
+mod surface;
 mod tets;
 mod transfer;
 
 pub use camera::{Camera, Projection, View};
 pub use cells::CellKind;
+pub use clip::{Clip, ClipPlane};
 pub use data::Data;
 pub use field::Field;
 pub use grid::{Anatomy, Grid, Rescale, Samples};
 pub use kernel::{Kernel, Kernels, Model};
 pub use points::{KernelSize, Points};
+pub use surface::{Shading, Surface};
 pub(crate) use tets::Orientation;
 pub use tets::{Mended, TetScalars, Tets};
 pub use transfer::{Knot, TransferFunction};
@@ -35,13 +39,15 @@ pub struct Scene {
     /// Kernels that make a field of the samples; `None`: what is usual for the data, trilinear on a grid, linear in the
     /// cells of a mesh, [`Kernels::of_points`] on points.
     pub kernels: Option<Kernels>,
+    /// Triangle meshes that stand in the volume, opaque and translucent.
+    pub surfaces: Vec<Surface>,
 }
 
 impl Scene {
     /// A scene of data, which may be given as what it is: a grid, a mesh, points.
     #[must_use]
     pub fn new(data: impl Into<Data>, transfer: TransferFunction) -> Self {
-        Self { data: data.into(), transfer, kernels: None }
+        Self { data: data.into(), transfer, kernels: None, surfaces: Vec::new() }
     }
 
     /// The same with a field that kernels make of the samples: of a grid's, of the scalars at a mesh's points, of
@@ -60,6 +66,12 @@ impl Scene {
         }
         self.kernels = Some(kernels);
         Ok(self)
+    }
+
+    /// The same with triangle meshes in it.
+    #[must_use]
+    pub fn with_surfaces(self, surfaces: Vec<Surface>) -> Self {
+        Self { surfaces, ..self }
     }
 
     /// The grid, where the data is one.

@@ -179,7 +179,12 @@ impl GpuScene {
     pub fn with_scalars(&self, scalars: TetScalars, transfer: TransferFunction) -> Result<Arc<Self>> {
         let mesh = self.mesh()?.clone().with_scalars(scalars)?;
         let data = Arc::new(MeshData::with_shape(&self.mesh.shape));
-        let scene = Scene { data: mesh.into(), transfer, kernels: self.scene.kernels };
+        let scene = Scene {
+            data: mesh.into(),
+            transfer,
+            kernels: self.scene.kernels,
+            surfaces: self.scene.surfaces.clone(),
+        };
         Ok(Self::sharing(&self.gpu, scene, Arc::default(), data))
     }
 

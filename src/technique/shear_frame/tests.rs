@@ -139,7 +139,7 @@ fn before_the_warp(
 fn before_the_warp_lines_are_as_good_as_slabs_from_everywhere() {
     let gpu = TestGpu::new();
     let grid = Field::MarschnerLobb.sample([40; 3], "f32").unwrap();
-    let scene = Scene { data: grid.into(), transfer: shells(), kernels: None };
+    let scene = Scene::new(grid, shells());
     let on_device = GpuScene::new(&gpu, scene.clone());
     let mut all = [Sum::default(); 2];
     let mut worst: f64 = 0.0;
@@ -166,7 +166,7 @@ fn before_the_warp_lines_are_as_good_as_slabs_from_everywhere() {
 fn table_over_the_angle() {
     let gpu = TestGpu::new();
     let grid = Field::MarschnerLobb.sample([40; 3], "f32").unwrap();
-    let scene = Scene { data: grid.into(), transfer: shells(), kernels: None };
+    let scene = Scene::new(grid, shells());
     let on_device = GpuScene::new(&gpu, scene.clone());
     let angles = [
         ("0", DVec3::Z),
@@ -235,7 +235,7 @@ fn time_of_a_new_transfer_function() {
                 .collect();
             TransferFunction::from_rows(&rows).unwrap()
         };
-        let scene = Scene { data: grid.into(), transfer: scaled(0.0), kernels: None };
+        let scene = Scene::new(grid, scaled(0.0));
         let on_device = GpuScene::new(&gpu, scene);
         let view = along(-DVec3::new(2.0, 1.5, 3.8).normalize(), 512);
         let technique = Technique::parse("shear-warp:intermediate=voxel,stop=0.01").unwrap();

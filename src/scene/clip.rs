@@ -1,0 +1,153 @@
+//! What of a volume is cut away: planes and a crop box.
+
+use glam::DVec3;
+
+use crate::error::{Error, Result};
+
+/// A plane that cuts the half-space away which its normal points away from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClipPlane {
+    /// A point of the plane, world units.
+    pub point: DVec3,
+    /// Points to what is kept; unit length.
+    pub normal: DVec3,
+}
+
+/// A convex region outside of which nothing of the volume is drawn: up to six planes and a box along the world's axes.
+///
+/// Every technique cuts each pixel's line where it crosses the region's boundary, so that what is kept is exact to the
+/// segment. Surfaces are not cut.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Clip {
+    planes: [Option<ClipPlane>; Self::MAX_PLANES],
+    crop: Option<[DVec3; 2]>,
+}
+
+impl Clip {
+    /// Most planes beside the box.
+    pub const MAX_PLANES: usize = 6;
+
+    /// Nothing is cut away.
+    #[must_use]
+    pub fn none() -> Self {
+        Self::default()
+    }
+
+    /// One plane more, through `point`; kept is what `normal`, of any length, points to.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if a number is not finite, the normal has no length, or there are six planes.
+    pub fn with_plane(mut self, point: DVec3, normal: DVec3) -> Result<Self> {
+        if !point.is_finite() {
+            return Err(Error::invalid("clip plane point", format!("{point}: must be finite")));
+        }
+        let normal = normal.try_normalize().filter(|_| normal.is_finite()).ok_or_else(|| {
+            Error::invalid("clip plane normal", format!("{normal}: must have a finite length"))
+        })?;
+        let Some(free) = self.planes.iter_mut().find(|plane| plane.is_none()) else {
+            return Err(Error::invalid("clip planes", format!("at most {} are taken", Self::MAX_PLANES)));
+        };
+        *free = Some(ClipPlane { point, normal });
+        Ok(self)
+    }
+
+    /// Kept is what lies between two corners of a box along the world's axes.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if a number is NaN, or `low` is not below `high` on every axis. Infinite sides cut nothing.
+    pub fn with_crop(mut self, low: DVec3, high: DVec3) -> Result<Self> {
+        if !low.cmplt(high).all() {
+            let why = format!("{low} to {high}: low must be below high on every axis");
+            return Err(Error::invalid("crop box", why));
+        }
+        self.crop = Some([low, high]);
+        Ok(self)
+    }
+
+    /// The planes that were given.
+    pub fn planes(&self) -> impl Iterator<Item = ClipPlane> + '_ {
+        self.planes.iter().flatten().copied()
+    }
+
+    /// The crop box, as its least and greatest corner.
+    #[must_use]
+    pub fn crop(&self) -> Option<[DVec3; 2]> {
+        self.crop
+    }
+
+    /// Whether nothing is cut away.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        self.half_spaces().next().is_none()
+    }
+
+    /// Every half-space that is kept, the box's finite sides included; at most twelve.
+    pub fn half_spaces(&self) -> impl Iterator<Item = ClipPlane> + '_ {
+        let sides = self.crop.into_iter().flat_map(|[low, high]| {
+            [DVec3::X, DVec3::Y, DVec3::Z]
+                .into_iter()
+                .flat_map(move |axis| [(low, axis), (high, -axis)])
+                .filter(|(corner, axis)| corner.dot(axis.abs()).is_finite())
+                .map(|(corner, normal)| {
+                    // Other coordinates may be infinite.
+                    let axis = normal.abs();
+                    ClipPlane { point: DVec3::select(axis.cmpgt(DVec3::ZERO), corner, DVec3::ZERO), normal }
+                })
+        });
+        self.planes().chain(sides)
+    }
+
+    /// The parameters of a ray between which it lies in the region, inside `range`; empty when begin >= end.
+    #[must_use]
+    pub fn range(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> [f64; 2] {
+        let [mut begin, mut end] = range;
+        for plane in self.half_spaces() {
+            let height = (origin - plane.point).dot(plane.normal);
+            let rise = direction.dot(plane.normal);
+            if rise > 0.0 {
+                begin = begin.max(-height / rise);
+            } else if rise < 0.0 {
+                end = end.min(-height / rise);
+            } else if height < 0.0 {
+                return [0.0, 0.0];
+            }
+        }
+        [begin, end]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ray_is_cut_where_it_crosses_planes_and_box() {
+        let clip = Clip::none()
+            .with_plane(DVec3::new(0.25, 9.0, 9.0), DVec3::new(2.0, 0.0, 0.0))
+            .unwrap()
+            .with_crop(DVec3::new(-1.0, -1.0, f64::NEG_INFINITY), DVec3::new(1.0, 1.0, f64::INFINITY))
+            .unwrap();
+        let all = [f64::NEG_INFINITY, f64::INFINITY];
+        assert_eq!(clip.half_spaces().count(), 5);
+        assert_eq!(clip.range(DVec3::ZERO, DVec3::X, all), [0.25, 1.0]);
+        assert_eq!(clip.range(DVec3::ZERO, -DVec3::X, all), [-1.0, -0.25]);
+        let [begin, end] = clip.range(DVec3::ZERO, DVec3::Z, all);
+        assert!(begin >= end, "beside the plane");
+        assert_eq!(clip.range(DVec3::X * 0.5, DVec3::Z, [0.0, f64::INFINITY]), [0.0, f64::INFINITY]);
+        assert!(Clip::none().is_none() && !clip.is_none());
+    }
+
+    #[test]
+    fn refuses_what_is_no_region() {
+        let why = |result: Result<Clip>| result.unwrap_err().to_string();
+        assert!(why(Clip::none().with_plane(DVec3::NAN, DVec3::X)).contains("finite"));
+        assert!(why(Clip::none().with_plane(DVec3::X, DVec3::ZERO)).contains("length"));
+        assert!(why(Clip::none().with_crop(DVec3::ONE, DVec3::ONE)).contains("below"));
+        assert!(why(Clip::none().with_crop(DVec3::NAN, DVec3::ONE)).contains("below"));
+        let six = (0..6).try_fold(Clip::none(), |clip, _| clip.with_plane(DVec3::ZERO, DVec3::X)).unwrap();
+        assert_eq!(six.planes().count(), 6);
+        assert!(why(six.with_plane(DVec3::ZERO, DVec3::X)).contains("at most 6"));
+    }
+}
