@@ -16,6 +16,7 @@
 #include "interface.glsl"
 #include "optics.glsl"
 #include "mesh.glsl"
+#include "mesh-bounds.glsl"
 #include "segments.glsl"
 #include "mesh-segments.glsl"
 #include "kbuffer.glsl"
@@ -86,6 +87,7 @@ void main() {
     load_segments();
     uint knots = push.knots;
     float world = length_of_depth(line_at(vec2(place) + 0.5));
+    vec2 bounds = bounds_at(place);
     uint slot = in_band * TILE_PIXELS + gl_LocalInvocationIndex, word = tile * TILE_PIXELS + gl_LocalInvocationIndex;
     // After the lists are written, places are where lists end.
     uint begin = slot == 0u ? 0u : min(cursors[slot - 1u], push.capacity), end = min(cursors[slot], push.capacity);
@@ -115,9 +117,11 @@ void main() {
             if (leaves.at != NOTHING) {
                 unsorted = unsorted || leaves.at < last;
                 last = leaves.at;
-                vec4 piece = lists[leaves.what];
-                End near = end_at(piece.z), far = end_at(piece.w);
-                float len = (piece.y - piece.x) * world;
+                vec4 listed = lists[leaves.what];
+                Piece piece = Piece(listed.x, listed.y, listed.z, listed.w);
+                if (BOUNDED) cut(piece, bounds);
+                End near = end_at(piece.s0), far = end_at(piece.s1);
+                float len = max(piece.d1 - piece.d0, 0.0) * world;
                 if (BACK_TO_FRONT) begin_segment(pending, far, near, len); else begin_segment(pending, near, far, len);
             }
             ++i;

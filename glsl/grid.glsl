@@ -58,7 +58,7 @@ Ray ray_of(vec2 pixel) {
 
 // Depths at which the ray enters and leaves what of the domain lies in front of the eye; enters > leaves
 // when it misses.
-vec2 interval_of(Ray ray) {
+vec2 domain_of(Ray ray) {
     vec3 half_size = push.half_scale.xyz;
     vec3 a = (-half_size - ray.q) * ray.inverse;
     vec3 b = (half_size - ray.q) * ray.inverse;
@@ -69,6 +69,16 @@ vec2 interval_of(Ray ray) {
     far = mix(far, -between, lessThan(abs(ray.d), vec3(1e-30)));
     return vec2(max(max(max(near.x, near.y), near.z), NEAR), min(min(far.x, far.y), far.z));
 }
+
+#if !defined(BASE_PLANE) && !defined(VERTEX)
+#include "bounded.glsl"
+
+// The same, cut to the bounds of the pixel's line.
+vec2 interval_of(Ray ray, vec2 pixel) {
+    vec2 interval = domain_of(ray), bounds = bounds_of(uvec2(pixel), uint(2.0 * push.half_extent.x + 0.5));
+    return BOUNDED ? vec2(max(interval.x, bounds.x), min(interval.y, bounds.y)) : interval;
+}
+#endif
 
 // ------------------------------------------------------------------------------- reconstruction
 

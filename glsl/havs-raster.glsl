@@ -197,7 +197,7 @@ void main() {
     while ((j < K || pending.len > 0.0) && sweep.sum.a < opaque) {
         if (pending.len == 0.0) {
             // What is greater than all lets the least out.
-            leave(sweep, pending, pass_through(Pair(EVERYTHING, 0u)), push.forward.w, world);
+            leave(sweep, pending, pass_through(Pair(EVERYTHING, 0u)), drawn_depths(place), world);
             ++j;
         }
         if (pending.len > 0.0) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
@@ -279,7 +279,7 @@ void main() {
     if (pair.at != NOTHING && sweep.sum.a < opaque) {
         Pending pending;
         begin_segment(pending, sweep.end, sweep.end, 0.0);
-        leave(sweep, pending, pass_through(pair), push.forward.w, world);
+        leave(sweep, pending, pass_through(pair), drawn_depths(uvec2(pixel)), world);
         while (pending.len > 0.0 && sweep.sum.a < opaque) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
         store_sweep(pixel, sweep);
         flags[word] = uint(sweep.unsorted) | BEGUN | (sweep.overlaps ? OVERLAPS : 0u) | uint(sweep.inside << 3);

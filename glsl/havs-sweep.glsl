@@ -2,6 +2,7 @@
 // havs-raster.glsl, after optics.glsl, segments.glsl, mesh.glsl and mesh-segments.glsl.
 
 #include "kbuffer.glsl"
+#include "mesh-bounds.glsl"
 
 layout(constant_id = SPEC_CELL_SCALARS) const bool CELL_SCALARS = false;
 layout(constant_id = SPEC_BACK_TO_FRONT) const bool BACK_TO_FRONT = false;
@@ -24,17 +25,31 @@ float scalar_of_pair(Pair pair) {
     return uintBitsToFloat(pair.what & 0xfffffffcu);
 }
 
+// Depths between which a pixel's line is drawn: from the eye on, and where anything else bounds it.
+vec2 drawn_depths(uvec2 pixel) {
+    vec2 bounds = bounds_at(pixel);
+    return vec2(max(bounds.x, push.forward.w), bounds.y);
+}
+
 // Takes a pair from the window; begins the segment between it and the pair before.
-void leave(inout Sweep sweep, inout Pending pending, Pair pair, float begin, float world) {
+void leave(inout Sweep sweep, inout Pending pending, Pair pair, vec2 drawn, float world) {
     if (pair.at == NOTHING) return;
     sweep.unsorted = sweep.unsorted || pair.at < sweep.last.at;
     End end = end_at(scalar_of_pair(pair));
     End first = sweep.end, second = end;
     if (CELL_SCALARS) second = first;
     float from = sweep.last.at, to = pair.at;
-    if (EYE_INSIDE) {
+    if (BOUNDED) {
+        from = max(from, BACK_TO_FRONT ? -drawn.y : drawn.x);
+        to = min(to, BACK_TO_FRONT ? -drawn.x : drawn.y);
+        if (!CELL_SCALARS) {
+            float inverse = 1.0 / (pair.at - sweep.last.at), s = first.s, rise = second.s - first.s;
+            if (from > sweep.last.at) first = end_at(s + rise * clamp((from - sweep.last.at) * inverse, 0.0, 1.0));
+            if (to < pair.at) second = end_at(s + rise * clamp((to - sweep.last.at) * inverse, 0.0, 1.0));
+        }
+    } else if (EYE_INSIDE) {
         // Lines begin at the eye.
-        if (BACK_TO_FRONT) to = min(to, -begin); else from = max(from, begin);
+        if (BACK_TO_FRONT) to = min(to, -drawn.x); else from = max(from, drawn.x);
         if (!CELL_SCALARS) {
             bool cut = BACK_TO_FRONT ? to < pair.at : from > sweep.last.at;
             float x = ((BACK_TO_FRONT ? to : from) - sweep.last.at) / (pair.at - sweep.last.at);

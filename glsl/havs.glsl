@@ -58,7 +58,7 @@ void main() {
 
     load_segments();
     uint knots = push.knots;
-    float begin = push.forward.w;
+    vec2 drawn = drawn_depths(place);
     float world = length_of_depth(line_at(vec2(place) + 0.5));
     uint slot = in_band * TILE_PIXELS + gl_LocalInvocationIndex, word = tile * TILE_PIXELS + gl_LocalInvocationIndex;
     // After the lists are written, places are where lists end.
@@ -122,7 +122,7 @@ void main() {
             Pair pair = Pair(uintBitsToFloat(entry.x) * (BACK_TO_FRONT ? -1.0 : 1.0), entry.y);
             // What is greater than all lets the least out.
             if (i >= stop) pair = Pair(EVERYTHING, 0u);
-            leave(sweep, pending, pass_through(pair), begin, world);
+            leave(sweep, pending, pass_through(pair), drawn, world);
             ++i;
         }
         if (pending.len > 0.0) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);

@@ -43,6 +43,9 @@
 
 #define BINDING_INTERMEDIATE 48 // storage block: texels of base planes
 
+#define BINDING_LINE_BOUNDS 49  // storage block: the depths between which each pixel's line is drawn
+#define BINDING_DEPTH 50        // sampler2D: depths of opaque surfaces, as a projection stores them
+
 #define BINDING_SCAN_WORDS 13   // storage block: words to be replaced by their prefix sums
 #define BINDING_SCAN_SUMS 14    // storage block: sums of chunks of them, 64 bits each
 #define BINDING_SCAN_TOTAL 15   // storage block: the sum of all, lower and upper word
@@ -92,6 +95,8 @@
 
 #define SPEC_WARP 33          // uint: the warp's filter, one of WARP_*
 #define SPEC_EVERY 34         // bool: a slab holds several slices of the stack
+
+#define SPEC_BOUNDED 35       // bool: lines are drawn between the depths of BINDING_LINE_BOUNDS
 
 // Values of SPEC_INTEGRATOR.
 #define INTEGRATOR_MIDPOINT 0

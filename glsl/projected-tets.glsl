@@ -34,6 +34,7 @@ layout(constant_id = SPEC_LAST_CHUNK) const bool LAST_CHUNK = true;
 #ifdef COMPUTE
 #include "optics.glsl"
 #include "mesh.glsl"
+#include "mesh-bounds.glsl"
 #include "segments.glsl"
 #include "mesh-segments.glsl"
 
@@ -55,6 +56,7 @@ void main() {
     load_segments();
     uint knots = push.knots;
     float world = length_of_depth(line_at(vec2(place) + 0.5));
+    vec2 bounds = bounds_at(place);
     uint slot = in_band * TILE_PIXELS + gl_LocalInvocationIndex, word = tile * TILE_PIXELS + gl_LocalInvocationIndex;
     // After the lists are written, places are where lists end.
     uint i = slot == 0u ? 0u : cursors[slot - 1u], end = min(cursors[slot], push.capacity);
@@ -66,14 +68,16 @@ void main() {
     bool unsorted = RESUME && flags[word] != 0u;
     float last = RESUME && push.first > 0u && i < stop ? middle_of(lists[i - 1u], BACK_TO_FRONT) : -3e38;
     for (; i < stop && sum.a < opaque; ++i) {
-        vec4 piece = lists[i];
+        vec4 listed = lists[i];
         // What is left of a cell behind the eye has no place.
-        float middle = piece.y > piece.x ? middle_of(piece, BACK_TO_FRONT) : last;
+        float middle = listed.y > listed.x ? middle_of(listed, BACK_TO_FRONT) : last;
         unsorted = unsorted || middle < last - ROUNDING;
         last = max(last, middle);
-        End front = end_at(piece.z), back = front;
-        if (!CELL_SCALARS) back = end_at(piece.w);
-        composite(sum, cell_segment(front, back, (piece.y - piece.x) * world, knots), BACK_TO_FRONT);
+        Piece piece = Piece(listed.x, listed.y, listed.z, listed.w);
+        if (BOUNDED) cut(piece, bounds);
+        End front = end_at(piece.s0), back = front;
+        if (!CELL_SCALARS) back = end_at(piece.s1);
+        composite(sum, cell_segment(front, back, max(piece.d1 - piece.d0, 0.0) * world, knots), BACK_TO_FRONT);
     }
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)
     uint left = max(i, stop) - i;
@@ -137,6 +141,7 @@ void main() {
 #ifdef FRAGMENT
 #include "optics.glsl"
 #include "mesh.glsl"
+#include "mesh-bounds.glsl"
 #include "segments.glsl"
 #include "mesh-segments.glsl"
 
@@ -150,6 +155,7 @@ void main() {
     load_segments();
     vec2 line = line_at(gl_FragCoord.xy);
     Piece piece = meet_cell(a_in, b_in, c_in, d_in, line);
+    if (BOUNDED) cut(piece, bounds_at(uvec2(gl_FragCoord.xy)));
     bool meets = piece.d1 > piece.d0;
     float len = meets ? (piece.d1 - piece.d0) * length_of_depth(line) : 0.0;
     End front = end_at(CELL_SCALARS ? a_in.w : piece.s0), back = front;

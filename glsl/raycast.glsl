@@ -30,7 +30,7 @@ void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!in_image(pixel)) return;
     Ray ray = ray_of(vec2(pixel) + 0.5);
-    vec2 interval = interval_of(ray);
+    vec2 interval = interval_of(ray, vec2(pixel));
 
     // Read once, before the loop: drivers do not take these loads out of it.
     Lattice lattice = load_lattice();

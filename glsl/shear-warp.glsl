@@ -124,7 +124,7 @@ void main() {
     load_segments();
     Lattice lattice = load_lattice();
     Ray ray = ray_of(floor(gl_FragCoord.xy) - vec2(0.0, float(push.offset)));
-    vec2 piece = slab_piece(float(slab_in), push.z0, push.h, interval_of(ray));
+    vec2 piece = slab_piece(float(slab_in), push.z0, push.h, domain_of(ray));
     vec4 emission = vec4(0.0);
     if (INTEGRATOR == INTEGRATOR_MIDPOINT) {
         emission = slab_emission(ray, piece, float(slab_in), push.z0, push.h, load_slices(), lattice, push.knots);
@@ -143,7 +143,7 @@ void main() {
     ivec2 texel = ivec2(gl_GlobalInvocationID.xy);
     if (!in_image(texel)) return;
     Ray ray = ray_of(vec2(texel));
-    vec2 interval = interval_of(ray);
+    vec2 interval = domain_of(ray);
 
     // Read once, before the loop: drivers do not take these loads out of it.
     Lattice lattice = load_lattice();

@@ -49,7 +49,7 @@ void main() {
     load_segments();
     Ray ray = ray_of(gl_FragCoord.xy);
     Lattice lattice = load_lattice();
-    vec2 piece = slab_piece(slab_begin(slab_in), slab_begin(slab_in + 1u), interval_of(ray));
+    vec2 piece = slab_piece(slab_begin(slab_in), slab_begin(slab_in + 1u), interval_of(ray, gl_FragCoord.xy));
     vec4 emission = vec4(0.0);
     if (piece.x < piece.y) {
         emission = between_faces(face_at(ray, piece.x, lattice), face_at(ray, piece.y, lattice),
@@ -66,7 +66,7 @@ void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!in_image(pixel)) return;
     Ray ray = ray_of(vec2(pixel) + 0.5);
-    vec2 interval = interval_of(ray);
+    vec2 interval = interval_of(ray, vec2(pixel));
     uvec2 slabs = slabs_of(interval);
 
     // Read once, before the loop: drivers do not take these loads out of it.

@@ -100,7 +100,7 @@ layout(location = 0) flat in uint slab_in;
 void main() {
     load_knots();
     Ray ray = ray_of(gl_FragCoord.xy);
-    vec2 piece = slab_piece(slab_in, ray, interval_of(ray), push.py_z0.w, push.d0_h.w);
+    vec2 piece = slab_piece(slab_in, ray, interval_of(ray, gl_FragCoord.xy), push.py_z0.w, push.d0_h.w);
     blend(slice_emission(ray, piece, 0.5 * (piece.x + piece.y), float(slab_in), load_lattice(), push.knots), slab_in);
 }
 #endif
@@ -112,7 +112,7 @@ void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!in_image(pixel)) return;
     Ray ray = ray_of(vec2(pixel) + 0.5);
-    vec2 interval = interval_of(ray);
+    vec2 interval = interval_of(ray, vec2(pixel));
 
     // Read once, before the loop: drivers do not take these loads out of it.
     Lattice lattice = load_lattice();

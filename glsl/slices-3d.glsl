@@ -54,7 +54,7 @@ layout(location = 0) flat in uint slab_in;
 void main() {
     load_knots();
     Ray ray = ray_of(gl_FragCoord.xy);
-    vec2 piece = slab_piece(slab_begin(slab_in), slab_begin(slab_in + 1u), interval_of(ray));
+    vec2 piece = slab_piece(slab_begin(slab_in), slab_begin(slab_in + 1u), interval_of(ray, gl_FragCoord.xy));
     blend(slice_emission(ray, piece, load_lattice(), push.knots), slab_in);
 }
 #endif
@@ -66,7 +66,7 @@ void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!in_image(pixel)) return;
     Ray ray = ray_of(vec2(pixel) + 0.5);
-    vec2 interval = interval_of(ray);
+    vec2 interval = interval_of(ray, vec2(pixel));
     uvec2 slabs = slabs_of(interval);
 
     // Read once, before the loop: drivers do not take these loads out of it.

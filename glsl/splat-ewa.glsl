@@ -42,6 +42,14 @@ float form_of(vec4 record0, vec4 record1, vec2 pixel) {
     return fma(from.x, record0.z * from.x, record1.y) + from.y * (record0.w * from.x + record1.x * from.y);
 }
 
+// What of a footprint, an ellipse's or the line's own, is drawn: of an ellipse the same share as of the kernel on the pixel's line.
+float drawn_share(Meeting met, vec2 drawn) {
+    if (met.beyond <= 0.0) return met.u >= drawn.x && met.u <= drawn.y ? 1.0 : 0.0;
+    float most = most_of(met);
+    vec2 ends = clamp((drawn - met.u) * met.along, -most, most);
+    return max(error_function(ends.y) - error_function(ends.x), 0.0) / (2.0 * error_function(most));
+}
+
 #ifndef WINDOW
 void main() {
     uint lane = LANE;
@@ -54,10 +62,15 @@ void main() {
     uvec2 origin = first_pixel(in_band, lane);
     vec2 from = vec2(origin) + 0.5 - push.half_extent;
     Line lines[ROWS];
+    vec2 drawn[ROWS];
     vec4 sum[ROWS];
     float transmittance[ROWS];
     float opaque = push.opaque;
-#define BEGIN(r) { lines[r] = line_of(vec2(origin + uvec2(0, r)) + 0.5); load_pixel(origin + uvec2(0, r), sum[r], transmittance[r]); }
+#define BEGIN(r) { \
+        lines[r] = line_of(vec2(origin + uvec2(0, r)) + 0.5); \
+        drawn[r] = drawn_depths(origin + uvec2(0, r)); \
+        load_pixel(origin + uvec2(0, r), sum[r], transmittance[r]); \
+    }
     EACH_ROW(BEGIN)
     float live = 1.0;
     for (; i < stop && ANY(live > opaque); ++i) {
@@ -67,6 +80,7 @@ void main() {
         if (EWA) {
             FETCH_TWO(splat_records, 2u * id, record0, record1)
             value = FETCH(splat_points, 2u * id + 1u);
+            if (BOUNDED) splat = splat_of(id, FETCH(splat_points, 2u * id));
         } else {
             Read read = read_splat(id);
             value = read.value;
@@ -76,10 +90,12 @@ void main() {
 #define BLEND(r) { \
             if (EWA) { \
                 float form = form_of(record0, record1, from + vec2(0.0, float(r))); \
-                if (form < record1.z) add_piece_behind(sum[r], transmittance[r], value.rgb, exp2(-form)); \
+                float share = 1.0; \
+                if (BOUNDED) share = drawn_share(meet(lines[r], splat), drawn[r]); \
+                if (form < record1.z) add_piece_behind(sum[r], transmittance[r], value.rgb, share * exp2(-form)); \
             } else { \
                 Meeting met = meet(lines[r], splat); \
-                if (met.beyond > 0.0) add_piece_behind(sum[r], transmittance[r], value.rgb, value.a * push.amplitude * lines[r].unit * footprint(met)); \
+                if (met.beyond > 0.0) add_piece_behind(sum[r], transmittance[r], value.rgb, value.a * push.amplitude * lines[r].unit * footprint(met, drawn[r])); \
             } \
             live = max(live, transmittance[r]); \
         }
@@ -110,6 +126,7 @@ void main() {
     uvec2 pixel = first_pixel(in_band, lane);
     vec2 from = vec2(pixel) + 0.5 - push.half_extent;
     Line line = line_of(vec2(pixel) + 0.5);
+    vec2 drawn = drawn_depths(pixel);
     vec4 sum;
     float transmittance, opaque = push.opaque;
     load_pixel(pixel, sum, transmittance);
@@ -134,9 +151,9 @@ void main() {
         float depth = 0.0;
         if (EWA) {
             float form = form_of(record0, record1, from);
-            if (more && form < record1.z) depth = exp2(-form);
+            if (more && form < record1.z) depth = exp2(-form) * (BOUNDED ? drawn_share(met, drawn) : 1.0);
         } else if (more && met.beyond > 0.0) {
-            depth = read.value.a * push.amplitude * line.unit * footprint(met);
+            depth = read.value.a * push.amplitude * line.unit * footprint(met, drawn);
         }
         // Splats that the line misses must not push others out.
         float at = more ? (depth > 0.0 ? met.u : -3e38) : 3e38;

@@ -137,7 +137,7 @@ void main() {
     Row rows[ROWS];
 #define BEGIN(r) { \
         rows[r].line = line_of(vec2(origin + uvec2(0, r)) + 0.5); \
-        rows[r].range = domain_of(rows[r].line); \
+        rows[r].range = domain_of(rows[r].line, drawn_depths(origin + uvec2(0, r))); \
         load_pixel(origin + uvec2(0, r), rows[r].sum, rows[r].transmittance); \
         rows[r].slab0 = rows[r].slab1 = rows[r].slab2 = rows[r].slab3 = vec4(0.0); \
         rows[r].unit = DENSITY ? rows[r].line.unit : 1.0; \
@@ -226,7 +226,8 @@ float sheet_of(vec4 point) {
 
 struct Row {
     Line line;
-    vec2 range;
+    vec2 drawn;              // depths that are drawn
+    vec2 range;              // those in the domain
     vec4 sum;
     float transmittance;
     vec4 sheet;
@@ -246,7 +247,8 @@ void main() {
     Row rows[ROWS];
 #define BEGIN(r) { \
         rows[r].line = line_of(vec2(origin + uvec2(0, r)) + 0.5); \
-        rows[r].range = domain_of(rows[r].line); \
+        rows[r].drawn = drawn_depths(origin + uvec2(0, r)); \
+        rows[r].range = domain_of(rows[r].line, rows[r].drawn); \
         load_pixel(origin + uvec2(0, r), rows[r].sum, rows[r].transmittance); \
         rows[r].unit = DENSITY ? rows[r].line.unit : 1.0; \
         if (rows[r].range.x >= rows[r].range.y) rows[r].transmittance = 0.0; \
@@ -284,7 +286,7 @@ void main() {
                 } else { \
                     Meeting met = meet(rows[r].line, splat); \
                     part = 0.0; \
-                    if (meets(met)) part = footprint(met); \
+                    if (meets(met)) part = footprint(met, rows[r].drawn); \
                 } \
                 rows[r].sheet += part * rows[r].unit * share; \
             }

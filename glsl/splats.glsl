@@ -19,6 +19,8 @@ layout(constant_id = SPEC_RESUME) const bool RESUME = false;
 layout(constant_id = SPEC_EYE_INSIDE) const bool EYE_INSIDE = false; // kernels may reach behind the eye
 layout(constant_id = SPEC_RUNS) const uint RUNS = 64;
 
+#include "bounded.glsl"
+
 layout(push_constant) uniform SplatPush {
     vec4 q0_kq;
     vec4 px_kd;
@@ -251,24 +253,36 @@ bool meets(Meeting met) {
     return (KERNEL != KERNEL_GAUSSIAN && SHAPE != SHAPE_RADII) || met.beyond > 0.0;
 }
 
-// The whole line integral in depth, of what lies before the eye, where the line meets the kernel.
-float footprint(Meeting met) {
+// Depths between which a pixel's line is drawn: from the eye on, and where anything else bounds it.
+vec2 drawn_depths(uvec2 pixel) {
+    uvec2 size = uvec2(2.0 * push.half_extent);
+    vec2 bounds = bounds_of(min(pixel, size - 1u), size.x);
+    return vec2(max(bounds.x, push.d0_near.w), bounds.y);
+}
+
+// The whole line integral in depth, of what is drawn, where the line meets the kernel.
+float footprint(Meeting met, vec2 drawn) {
     if (KERNEL == KERNEL_GAUSSIAN) {
-        float high = most_of(met);
-        float low = EYE_INSIDE ? clamp((push.d0_near.w - met.u) * met.along, -high, high) : -high;
-        float part = EYE_INSIDE ? error_function(high) - error_function(low) : 2.0 * error_function(high);
+        float most = most_of(met);
+        if (BOUNDED) {
+            vec2 ends = clamp((drawn - met.u) * met.along, -most, most);
+            return peak_of(met) * max(error_function(ends.y) - error_function(ends.x), 0.0);
+        }
+        float low = EYE_INSIDE ? clamp((drawn.x - met.u) * met.along, -most, most) : -most;
+        float part = EYE_INSIDE ? error_function(most) - error_function(low) : 2.0 * error_function(most);
         return peak_of(met) * part;
     }
     vec2 range = support_of(met);
-    if (EYE_INSIDE) range.x = max(range.x, push.d0_near.w);
+    if (EYE_INSIDE || BOUNDED) range.x = max(range.x, drawn.x);
+    if (BOUNDED) range.y = min(range.y, drawn.y);
     float sum = 0.0, width = max(range.y - range.x, 0.0) * (1.0 / FOOTPRINT_PARTS);
     for (uint i = 0u; i < FOOTPRINT_PARTS; ++i) sum += sampled(met, range.x + float(i) * width, range.x + float(i + 1u) * width);
     return sum;
 }
 
-// Depths of a line inside a lattice's domain and before the eye.
-vec2 domain_of(Line line) {
-    vec2 range = vec2(push.d0_near.w, 1e30);
+// What of the depths that are drawn lies inside a lattice's domain.
+vec2 domain_of(Line line, vec2 drawn) {
+    vec2 range = vec2(drawn.x, min(drawn.y, 1e30));
     vec3 half_box = splat_domain[0].xyz;
     if (SHAPE != SHAPE_ALIKE || DENSITY) return range;
     vec3 inverse = 1.0 / mix(line.d, vec3(1e-12), lessThan(abs(line.d), vec3(1e-12)));

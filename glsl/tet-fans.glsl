@@ -161,6 +161,7 @@ layout(location = 0) flat out vec4 a_out;
 layout(location = 1) flat out vec4 b_out;
 layout(location = 2) flat out vec4 c_out;
 layout(location = 3) flat out vec4 d_out;
+layout(location = 4) flat out vec3 depths_out;
 #endif
 
 layout(set = 0, binding = BINDING_PRIMITIVES, std430) readonly buffer Primitives { uvec4 cells[]; };
@@ -225,11 +226,13 @@ void main() {
     b_out = vec4(homogeneous(thin2), thin2.w);
     c_out = around ? vec4(homogeneous(thick), thick.w) : vec4(homogeneous(one), one.w);
     d_out = around ? vec4(0.0, 1.0, one.w, 1.0) : vec4(between, homogeneous(two).z, two.w, 0.0);
+    depths_out = vec3(thin1.z, thin2.z, one.z);
 #endif
 }
 #endif
 
 #ifdef FRAGMENT
+#include "mesh-bounds.glsl"
 #include "optics.glsl"
 #include "segments.glsl"
 #include "mesh-segments.glsl"
@@ -240,12 +243,13 @@ layout(location = 0) flat in vec4 a_in;
 layout(location = 1) flat in vec4 b_in;
 layout(location = 2) flat in vec4 c_in;
 layout(location = 3) flat in vec4 d_in;
+layout(location = 4) flat in vec3 depths_in; // of the thin vertices and of the one end, where lines are bounded
 layout(location = 0) out vec4 colour;
 
 // What a line passes between the two triangles of thin vertices and either end of the thick segment: difference of depths, scalars in
-// front and behind. Both triangles have the same three numbers, as in mesh.glsl, but for the scale of what their third corners
+// front and behind; and the depth in front. Both triangles have the same three numbers, as in mesh.glsl, but for the scale of what their third corners
 // are seen with: m = k r, r the ratio of w. Numbers below 0 are a rasteriser's rounding: a neighbour has what is beyond.
-vec3 between_faces(vec2 line) {
+vec4 between_faces(vec2 line) {
     vec2 a = a_in.xy - a_in.z * line, b = b_in.xy - b_in.z * line, c = c_in.xy - c_in.z * line;
     precise vec3 k = vec3(b.x * c.y - b.y * c.x, c.x * a.y - c.y * a.x, a.x * b.y - a.y * b.x);
     k = max(k.x + k.y + k.z < 0.0 ? -k : k, 0.0);
@@ -260,16 +264,26 @@ vec3 between_faces(vec2 line) {
     bool around = d_in.w > 0.0;
     depth = around ? (k.x * a_in.z + k.y * b_in.z + k.z * c_in.z) / push.w1 : depth;
     s = around ? vec2(d_in.z, s.x) : s;
-    return vec3(abs(depth), depth < 0.0 ? s.yx : s);
+    // Of the face that the one end lies on.
+    float from = around ? push.forward.w : dot(k, depths_in);
+    return vec4(abs(depth), depth < 0.0 ? s.yx : s, min(from, from + depth));
 }
 
 void main() {
     load_segments();
     vec2 line = line_at(gl_FragCoord.xy);
-    vec3 piece = between_faces(line);
-    End front = end_at(CELL_SCALARS ? a_in.w : piece.y), back = front;
-    if (!CELL_SCALARS) back = end_at(piece.z);
-    colour = cell_segment(front, back, piece.x * length_of_depth(line), push.knots);
+    vec4 between = between_faces(line);
+    float depth = between.x;
+    vec2 s = between.yz;
+    if (BOUNDED) {
+        Piece piece = Piece(between.w, between.w + depth, s.x, s.y);
+        cut(piece, bounds_at(uvec2(gl_FragCoord.xy)));
+        depth = max(piece.d1 - piece.d0, 0.0);
+        s = vec2(piece.s0, piece.s1);
+    }
+    End front = end_at(CELL_SCALARS ? a_in.w : s.x), back = front;
+    if (!CELL_SCALARS) back = end_at(s.y);
+    colour = cell_segment(front, back, depth * length_of_depth(line), push.knots);
     // A triangle that the rasteriser's grid turns over covers what others of the fan cover too.
     if (!gl_FrontFacing && d_in.w == 0.0) colour = vec4(0.0);
 }

@@ -230,3 +230,17 @@ pub(crate) struct SortPush {
     pub(crate) shift: u32,
     pub(crate) mask: u32,
 }
+
+/// Push constants of the pass that bounds lines (`line-bounds.glsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct BoundsPush {
+    pub(crate) planes: [[f32; 4]; 6],
+    pub(crate) half_extent: [f32; 2],
+    pub(crate) kq: f32,
+    pub(crate) kd: f32,
+    pub(crate) at_zero: f32,
+    pub(crate) at_one: f32,
+    pub(crate) centre: f32,
+    pub(crate) count: u32,
+}

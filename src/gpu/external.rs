@@ -140,23 +140,3 @@ impl TargetImage {
         Self { image, view, format, extent, device: gpu.device().handle() }
     }
 }
-
-/// A depth image that the caller owns: nothing behind it is to be drawn.
-#[derive(Clone, Copy, Debug)]
-pub struct DepthImage {
-    pub(crate) view: vk::ImageView,
-}
-
-impl DepthImage {
-    /// Wraps a depth image for [`Plan::record`](crate::Plan::record).
-    ///
-    /// # Safety
-    ///
-    /// As [`TargetImage::from_raw`], with the usage `SAMPLED` and the layout
-    /// `DEPTH_READ_ONLY_OPTIMAL`.
-    #[must_use]
-    pub unsafe fn from_raw(gpu: &Gpu, view: vk::ImageView) -> Self {
-        debug_assert!(!view.is_null(), "the null view of {}", gpu.report().name);
-        Self { view }
-    }
-}

@@ -9,13 +9,14 @@
 //! | `shader`, `pipeline`, `cache` | modules, pipelines built on first use, the pipeline cache on disk |
 //! | `sync`, `recorder`, `submit` | uses and the barriers between them, passes, submissions |
 //! | `probe` | what the device really does, asked when it matters |
-//! | `external` | command buffers and images that belong to the caller |
+//! | `external`, `depth` | command buffers and images that belong to the caller; depth images and their projections |
 
 #![expect(unsafe_code, reason = "the one module that talks to Vulkan")]
 
 mod budget;
 mod buffer;
 mod cache;
+mod depth;
 mod device;
 mod external;
 mod image;
@@ -39,8 +40,9 @@ pub(crate) use recorder::{Attachment, Keep, Recorder, Timers};
 pub(crate) use submit::Commands;
 
 pub use cache::user_cache_folder;
+pub use depth::{DepthImage, DepthProjection};
 pub use device::{Gpu, GpuOptions, Handles, OptionalFeature, devices};
-pub use external::{CommandBuffer, DepthImage, TargetImage};
+pub use external::{CommandBuffer, TargetImage};
 pub use select::DeviceReport;
 pub use submit::PassTime;
 pub use validation::{Validation, ValidationLog};

@@ -7,6 +7,7 @@ use std::time::Instant;
 use ash::vk;
 
 use super::buffer::Buffer;
+use super::depth::DepthImage;
 use super::device::Gpu;
 use super::image::Image;
 use super::shader::{BindingKind, Shader, Stage};
@@ -355,6 +356,8 @@ pub(crate) enum Resource {
     Sampled(Arc<Image>, vk::Filter),
     /// A storage image.
     Storage(Arc<Image>),
+    /// An image of the caller, named by [`Descriptors::sample_external`] before each recording.
+    External,
 }
 
 /// A descriptor set that keeps what it names alive.
@@ -430,12 +433,31 @@ impl Descriptors {
                     }];
                     write.image_info(&image)
                 }
+                Resource::External => continue,
             };
             // SAFETY: the set is not in use; the resources are alive and `descriptors` keeps them so.
             unsafe { gpu.device().update_descriptor_sets(&[write], &[]) };
         }
         descriptors.resources = resources;
         Ok(descriptors)
+    }
+
+    /// Fills a binding that was left for an image of the caller. No recording that names the set may be pending.
+    pub(crate) fn sample_external(&self, binding: u32, depth: &DepthImage) -> Result<()> {
+        let image = [vk::DescriptorImageInfo {
+            sampler: self.gpu.sampler(vk::Filter::NEAREST, false)?,
+            image_view: depth.view,
+            image_layout: depth.layout,
+        }];
+        let write = vk::WriteDescriptorSet::default()
+            .dst_set(self.set)
+            .dst_binding(binding)
+            .descriptor_type(vk::DescriptorType::COMBINED_IMAGE_SAMPLER)
+            .image_info(&image);
+        // SAFETY: the set is not in use, by this function's contract with its one caller, which has the plan to itself and its
+        // last recording completed; the view is alive by the contract of `DepthImage::from_raw`.
+        unsafe { self.gpu.device().update_descriptor_sets(&[write], &[]) };
+        Ok(())
     }
 
     /// What a binding was filled with.
@@ -449,8 +471,10 @@ impl Descriptors {
 
     /// The resources with the use that a pass of this bind point makes of them.
     pub(crate) fn uses(&self, compute: bool) -> impl Iterator<Item = (&Resource, Use)> {
-        self.resources.iter().map(move |(_, kind, resource)| {
+        self.resources.iter().filter_map(move |(_, kind, resource)| {
             let usage = match (resource, compute) {
+                // Ready by its owner's word.
+                (Resource::External, _) => return None,
                 (Resource::Sampled(..), true) => Use::ComputeSample,
                 (Resource::Sampled(..), false) => Use::FragmentSample,
                 (Resource::Storage(_), true) => Use::ComputeReadWrite,
@@ -466,7 +490,7 @@ impl Descriptors {
                 (Resource::Buffer(_) | Resource::ReadOnly(_), false) => Use::FragmentRead,
                 (Resource::ReadOnly(_), true) => Use::ComputeRead,
             };
-            (resource, usage)
+            Some((resource, usage))
         })
     }
 }

@@ -402,6 +402,7 @@ impl<'a> Recorder<'a> {
             match resource {
                 Resource::Buffer(buffer) | Resource::ReadOnly(buffer) => self.use_buffer(buffer, usage),
                 Resource::Sampled(image, _) | Resource::Storage(image) => self.use_image(image, usage),
+                Resource::External => {}
             }
         }
         self.keep(Arc::clone(descriptors) as _);

@@ -20,7 +20,7 @@ use super::grid_options::{Order, TABLE};
 use super::mesh_frame::{MeshDesc, MeshFrame, Primitives};
 use super::mesh_options::{EMPTY_SPACE, INTEGRATOR, MeshOptions, ORDER, SMOKE, STOP};
 use super::options::{self, OptionInfo};
-use super::{Prepared, TargetDesc};
+use super::{Canvas, Prepared};
 use crate::error::Result;
 use crate::gpu::shader::ABUFFER_COMPUTE;
 use crate::scene::View;
@@ -62,7 +62,7 @@ impl Options {
         &self,
         scene: &Arc<GpuScene>,
         view: &View,
-        target: &TargetDesc,
+        target: &Canvas,
     ) -> Result<Box<dyn Prepared>> {
         self.mesh.check(NAME)?;
         let desc = MeshDesc {

@@ -15,8 +15,9 @@ use super::grid_options::{
     Dither, EmptySpace, Filter, GridOptions, Integrator, Order, Prefilter, Route, SegmentOptions,
 };
 use super::grid_rays::GridRays;
+use super::line_bounds::DepthMeasure;
 use super::options::Choice;
-use super::{Prepared, TargetDesc, TargetMode};
+use super::{Canvas, Prepared, TargetMode};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
     BINDING_ACCUMULATION, BINDING_BRICKS, BINDING_KNOTS, BINDING_KNOTS_UNIFORM, BINDING_TABLE,
@@ -130,6 +131,7 @@ struct Samples {
 #[derive(Debug)]
 pub(crate) struct GridFrame {
     scene: Arc<GpuScene>,
+    measure: DepthMeasure,
     technique: Box<dyn GridTechnique>,
     knots: Arc<Knots>,
     table: Option<Arc<Table>>,
@@ -177,7 +179,7 @@ impl GridFrame {
     pub(crate) fn new(
         scene: &Arc<GpuScene>,
         view: &View,
-        target: &TargetDesc,
+        target: &Canvas,
         technique: Box<dyn GridTechnique>,
     ) -> Result<Self> {
         technique.check()?;
@@ -231,6 +233,7 @@ impl GridFrame {
             constants.push((SPEC_INTEGRATOR, segments.integrator.code()));
             constants.push((SPEC_TABLE_FILTER, u32::from(filters_table)));
         }
+        constants.push(target.bounded());
         constants.extend(technique.constants());
         let filter = if exact { vk::Filter::NEAREST } else { vk::Filter::LINEAR };
         let knots_buffer = || Resource::Buffer(Arc::clone(&knots.buffer));
@@ -242,6 +245,7 @@ impl GridFrame {
             (BINDING_KNOTS, knots_buffer()),
             (BINDING_TABLE_HEAD, table_buffer),
         ];
+        resources.extend(target.bounds(&knots.buffer));
 
         let (path, pipeline, image) = if route == Route::Compute {
             let format = vk::Format::R32G32B32A32_SFLOAT;
@@ -285,8 +289,9 @@ impl GridFrame {
             let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
             samples.push(Samples { axis, volume, descriptors });
         }
+        let measure = DepthMeasure::of_grid(grid);
         let scene = Arc::clone(scene);
-        Ok(Self { scene, technique, knots, table, image, samples, current: 0, cut, path })
+        Ok(Self { scene, measure, technique, knots, table, image, samples, current: 0, cut, path })
     }
 }
 
@@ -307,6 +312,10 @@ impl Prepared for GridFrame {
             (self.cut, self.current) = (cut, place);
         }
         Ok(fits)
+    }
+
+    fn measure(&self) -> DepthMeasure {
+        self.measure
     }
 
     fn image(&self) -> Option<&Arc<Image>> {
@@ -426,7 +435,7 @@ fn raster_path(
     mut constants: Vec<SpecConstant>,
     resources: &mut Vec<(u32, Resource)>,
     view: &View,
-    target: &TargetDesc,
+    target: &Canvas,
 ) -> Result<(Path, Arc<Pipeline>, Option<Arc<Image>>)> {
     let order = options.order();
     let format = options.accumulation().format();
@@ -608,7 +617,7 @@ pub(super) fn slabs_per_dispatch(
 
 /// Whether raster may draw into the caller's image itself: same format, and what is there is either
 /// cleared or covered back to front.
-pub(super) fn draws_directly(target: &TargetDesc, format: vk::Format, order: Order) -> bool {
+pub(super) fn draws_directly(target: &Canvas, format: vk::Format, order: Order) -> bool {
     target.format() == Some(format) && (target.mode() == TargetMode::Clear || order == Order::BackToFront)
 }
 
@@ -618,7 +627,7 @@ pub(super) fn own_image(
     format: vk::Format,
     usage: vk::ImageUsageFlags,
     view: &View,
-    target: &TargetDesc,
+    target: &Canvas,
 ) -> Result<Arc<Image>> {
     // Read back, or composited.
     let after = if target.format().is_none() {

@@ -24,7 +24,7 @@ use super::havs_raster::{MOST_K, RasterFrame};
 use super::mesh_frame::{MeshDesc, MeshFrame, Primitives};
 use super::mesh_options::{EMPTY_SPACE, INTEGRATOR, MeshOptions, ORDER, Repair, SMOKE, STOP};
 use super::options::{self, Choice, OptionInfo};
-use super::{Prepared, TargetDesc};
+use super::{Canvas, Prepared};
 use crate::error::{Error, Result};
 use crate::gpu::shader::HAVS_COMPUTE;
 use crate::scene::View;
@@ -164,7 +164,7 @@ impl Options {
         &self,
         scene: &Arc<GpuScene>,
         view: &View,
-        target: &TargetDesc,
+        target: &Canvas,
     ) -> Result<Box<dyn Prepared>> {
         self.check()?;
         let desc = MeshDesc {

@@ -19,6 +19,7 @@ use glam::DVec3;
 use super::gpu_scene::{GpuScene, Knots, Table};
 use super::grid_frame::own_image;
 use super::havs::Route;
+use super::line_bounds::DepthMeasure;
 use super::mesh_data::{MeshData, Needs};
 use super::mesh_frame::{
     Lists, MeshDesc, MeshOutcome, Primitives, REPAIR_K, Stage, constants, measure, shading, shading_push,
@@ -28,7 +29,7 @@ use super::mesh_view::Frame;
 use super::options::Choice as _;
 use super::passes::{Pass, groups_of, pass, words};
 use super::passes::{buffer, download};
-use super::{Outcome, Prepared, TargetDesc};
+use super::{Canvas, Outcome, Prepared};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
     BINDING_ACCUMULATION, BINDING_BOXES, BINDING_CURSORS, BINDING_FLAGS, BINDING_KBUFFER_0,
@@ -136,7 +137,7 @@ impl RasterFrame {
     pub(super) fn new(
         scene: &Arc<GpuScene>,
         view: &View,
-        target: &TargetDesc,
+        target: &Canvas,
         desc: MeshDesc,
         route: Route,
     ) -> Result<Self> {
@@ -187,8 +188,14 @@ impl RasterFrame {
             (BINDING_KBUFFER_2, storage(2)),
             (BINDING_KBUFFER_3, storage(3)),
         ]);
+        resources.extend(target.bounds(&knots.buffer));
         let mut shared = constants(scene, &desc)?;
-        shared.extend([(SPEC_KNOT_WALK, knots.walk), (SPEC_INTEGRATOR, desc.segments.integrator.code())]);
+        let shading = [
+            (SPEC_KNOT_WALK, knots.walk),
+            (SPEC_INTEGRATOR, desc.segments.integrator.code()),
+            target.bounded(),
+        ];
+        shared.extend(shading);
         let own: Vec<SpecConstant> = shared.iter().copied().chain([(SPEC_K, desc.k)]).collect();
         let pipeline = gpu.graphics_pipeline(
             &format!("{name}.draw"),
@@ -219,7 +226,6 @@ impl RasterFrame {
                 resources.push((BINDING_LISTS, entries));
             }
             resources.push((BINDING_CURSORS, Resource::ReadOnly(Arc::clone(&lists.cursors))));
-            let shading = [(SPEC_KNOT_WALK, knots.walk), (SPEC_INTEGRATOR, desc.segments.integrator.code())];
             shared.extend([(SPEC_K, REPAIR_K), (SPEC_RESUME, 0), (SPEC_LAST_CHUNK, 1), (SPEC_REPAIR, 1)]);
             outcome = Some(outcome_of(gpu, &data, &status, &lists, needs, stage.count)?);
             repair = Some(Repairs {
@@ -355,6 +361,10 @@ impl Prepared for RasterFrame {
         self.push = self.frame.push(view, &self.push)?;
         self.lobes = self.lobes_of(view);
         Ok(true)
+    }
+
+    fn measure(&self) -> DepthMeasure {
+        DepthMeasure::of_frame(&self.frame)
     }
 
     fn image(&self) -> Option<&Arc<Image>> {

@@ -12,13 +12,14 @@ use super::bins::{Bins, Fill};
 use super::gpu_scene::{GpuScene, Knots, Table};
 use super::grid_frame::own_image;
 use super::grid_options::{Integrator, SegmentOptions};
+use super::line_bounds::DepthMeasure;
 use super::mesh_data::{DrawnPrimitives, MeshData, Needs};
 use super::mesh_overlaps::{self, Overlaps};
 use super::mesh_view::Frame;
 use super::passes::{Pass, buffer, download, groups_of, pass, total, words};
 use super::radix_sort::RadixSort;
 use super::scan::Scan;
-use super::{Outcome, Prepared, TargetDesc};
+use super::{Canvas, Outcome, Prepared};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
     BINDING_ACCUMULATION, BINDING_BIN_TABLE, BINDING_BINS, BINDING_BOXES, BINDING_CURSORS, BINDING_FLAGS,
@@ -126,6 +127,7 @@ pub(crate) struct MeshFrame {
     scene: Arc<GpuScene>,
     data: Arc<MeshData>,
     desc: MeshDesc,
+    canvas: Canvas,
     frame: Frame,
     push: MeshPush,
     tiles: u32,
@@ -492,12 +494,7 @@ fn with_margin(need: u32) -> u32 {
 }
 
 impl MeshFrame {
-    pub(crate) fn new(
-        scene: &Arc<GpuScene>,
-        view: &View,
-        target: &TargetDesc,
-        desc: MeshDesc,
-    ) -> Result<Self> {
+    pub(crate) fn new(scene: &Arc<GpuScene>, view: &View, target: &Canvas, desc: MeshDesc) -> Result<Self> {
         Self::with_order(scene, view, target, desc, None)
     }
 
@@ -505,7 +502,7 @@ impl MeshFrame {
     pub(crate) fn with_order(
         scene: &Arc<GpuScene>,
         view: &View,
-        target: &TargetDesc,
+        target: &Canvas,
         desc: MeshDesc,
         order: Option<&[u32]>,
     ) -> Result<Self> {
@@ -551,6 +548,7 @@ impl MeshFrame {
             scene: Arc::clone(scene),
             data,
             desc,
+            canvas: target.clone(),
             frame,
             push,
             tiles,
@@ -630,11 +628,13 @@ impl MeshFrame {
             (BINDING_KBUFFER_2, kbuffer(2)),
             (BINDING_KBUFFER_3, kbuffer(3)),
         ]);
+        resources.extend(self.canvas.bounds(&self._knots.buffer));
         Ok(resources)
     }
 
-    fn shading_constants(&self) -> [SpecConstant; 2] {
-        [(SPEC_KNOT_WALK, self._knots.walk), (SPEC_INTEGRATOR, self.desc.segments.integrator.code())]
+    fn shading_constants(&self) -> [SpecConstant; 3] {
+        let integrator = (SPEC_INTEGRATOR, self.desc.segments.integrator.code());
+        [(SPEC_KNOT_WALK, self._knots.walk), integrator, self.canvas.bounded()]
     }
 
     fn resolve_pass(&self, resume: bool, last: bool, repair: bool) -> Result<Pass> {
@@ -755,6 +755,10 @@ impl Prepared for MeshFrame {
         }
         self.push = push;
         Ok(true)
+    }
+
+    fn measure(&self) -> DepthMeasure {
+        DepthMeasure::of_frame(&self.frame)
     }
 
     fn image(&self) -> Option<&Arc<Image>> {

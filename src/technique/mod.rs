@@ -50,6 +50,7 @@ pub mod grid_options;
 mod grid_rays;
 pub mod havs;
 mod havs_raster;
+mod line_bounds;
 mod mesh_data;
 mod mesh_frame;
 pub mod mesh_options;
@@ -89,11 +90,13 @@ use ash::vk;
 
 use crate::error::{Error, Result};
 use crate::frame::Image as Picture;
-use crate::gpu::shader::{FLAG_REPAIRED, FLAG_UNSORTED, TILE, TILE_PIXELS};
+use crate::gpu::shader::{
+    BINDING_LINE_BOUNDS, FLAG_REPAIRED, FLAG_UNSORTED, SPEC_BOUNDED, TILE, TILE_PIXELS,
+};
 use crate::gpu::sync::Use;
 use crate::gpu::{
-    Buffer, BufferUse, CommandBuffer, Commands, DepthImage, Gpu, Image, Keep, PassTime, Recorder,
-    TargetImage, Timers,
+    Buffer, BufferUse, CommandBuffer, Commands, DepthImage, Gpu, Image, Keep, PassTime, Recorder, Resource,
+    SpecConstant, TargetImage, Timers,
 };
 use crate::num;
 use crate::scene::{Data, Kernel, Scene, View};
@@ -102,6 +105,7 @@ use composite::Composite;
 pub use footprint::GridBytes;
 pub use gpu_scene::{GpuScene, UploadTimes};
 use grid_frame::GridFrame;
+use line_bounds::{DepthMeasure, LineBounds};
 pub use options::OptionInfo;
 
 /// A technique.
@@ -372,7 +376,7 @@ impl Technique {
     }
 
     /// Fixes what a frame needs.
-    fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &TargetDesc) -> Result<Box<dyn Prepared>> {
+    fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
         let splats = matches!(self, Self::SplatSheets(_) | Self::SplatEwa(_));
         if splats && !self.method().draws(&scene.scene().data) {
             let (name, kind) = (self.method().name(), scene.scene().data.kind());
@@ -413,6 +417,8 @@ pub(crate) trait Prepared: std::fmt::Debug + Send {
     /// Turns to another view of the same image size. `false`, and nothing is changed, when there is no room
     /// for it in `most_passes` passes.
     fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool>;
+    /// How it measures depth.
+    fn measure(&self) -> DepthMeasure;
     /// The image that the technique draws into, when that is not the caller's.
     fn image(&self) -> Option<&Arc<Image>>;
     /// A word for each pixel, tile by tile, that a frame leaves 0 where the list of the pixel was sorted as it came;
@@ -456,20 +462,28 @@ pub enum TargetMode {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TargetDesc {
     caller: Option<(vk::Format, TargetMode)>,
+    depth: bool,
 }
 
 impl TargetDesc {
     /// Into an image of the plan's own, to be read back.
     #[must_use]
     pub fn own() -> Self {
-        Self { caller: None }
+        Self { caller: None, depth: false }
     }
 
     /// Into a colour image of the caller, of the view's extent. Values are premultiplied linear RGBA; an
     /// sRGB format encodes them.
     #[must_use]
     pub fn caller(format: vk::Format, mode: TargetMode) -> Self {
-        Self { caller: Some((format, mode)) }
+        Self { caller: Some((format, mode)), depth: false }
+    }
+
+    /// The same with a depth image in each recording: nothing behind what it shows is drawn, and what passes through it is cut
+    /// there, along each pixel's line.
+    #[must_use]
+    pub fn with_depth(self) -> Self {
+        Self { depth: true, ..self }
     }
 
     fn format(&self) -> Option<vk::Format> {
@@ -478,6 +492,34 @@ impl TargetDesc {
 
     fn mode(&self) -> TargetMode {
         self.caller.map_or(TargetMode::Clear, |(_, mode)| mode)
+    }
+}
+
+/// What a technique is to draw into, and between which depths of each pixel's line.
+#[derive(Clone, Debug)]
+pub(crate) struct Canvas {
+    target: TargetDesc,
+    /// Two depths a pixel, where anything bounds lines.
+    bounds: Option<Arc<Buffer>>,
+}
+
+impl Canvas {
+    fn format(&self) -> Option<vk::Format> {
+        self.target.format()
+    }
+
+    fn mode(&self) -> TargetMode {
+        self.target.mode()
+    }
+
+    /// The bounds of lines as a shader binds them; what is there anyway, for variants that do not read any.
+    fn bounds(&self, unread: &Arc<Buffer>) -> [(u32, Resource); 1] {
+        [(BINDING_LINE_BOUNDS, Resource::ReadOnly(Arc::clone(self.bounds.as_ref().unwrap_or(unread))))]
+    }
+
+    /// Whether lines are bounded.
+    fn bounded(&self) -> SpecConstant {
+        (SPEC_BOUNDED, u32::from(self.bounds.is_some()))
     }
 }
 
@@ -524,16 +566,27 @@ impl Renderer {
                 ));
             }
         }
-        let prepared = self.technique.prepare(&self.scene, view, target)?;
+        let bounds = match target.depth || !view.clip().is_none() {
+            true => Some(line_bounds::bounds_buffer(gpu, view)?),
+            false => None,
+        };
+        let canvas = Canvas { target: *target, bounds };
+        let prepared = self.technique.prepare(&self.scene, view, &canvas)?;
+        let bounds = match &canvas.bounds {
+            Some(bounds) => Some(LineBounds::new(gpu, bounds, target.depth, prepared.measure(), view)?),
+            None => None,
+        };
         let composite = match (prepared.image(), target.caller) {
             (Some(image), Some((format, mode))) => Some(Composite::new(gpu, image, format, mode)?),
             _ => None,
         };
-        let passes = prepared.passes() + u32::from(composite.is_some());
+        let others = u32::from(composite.is_some()) + bounds.as_ref().map_or(0, |_| LineBounds::passes());
+        let passes = prepared.passes() + others;
         Ok(Plan {
             gpu: gpu.clone(),
+            bounds,
             timers: Timers::new(gpu, passes)?,
-            timed_passes: passes,
+            technique_passes: passes - others,
             prepared,
             composite,
             target: *target,
@@ -571,8 +624,10 @@ pub struct Plan {
     gpu: Gpu,
     prepared: Box<dyn Prepared>,
     composite: Option<Composite>,
+    bounds: Option<LineBounds>,
     timers: Option<Arc<Timers>>,
-    timed_passes: u32,
+    /// Passes of the technique that are timed.
+    technique_passes: u32,
     target: TargetDesc,
     extent: [u32; 2],
     /// Shared with the recording that is in flight.
@@ -639,29 +694,25 @@ impl Plan {
     /// device memory.
     ///
     /// `target` is the image that [`TargetDesc::caller`] announced, and `None` for
-    /// [`TargetDesc::own`].
+    /// [`TargetDesc::own`]; `depth` the one that [`TargetDesc::with_depth`] did.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] when `target` is not what the plan was made for, or when an earlier recording
-    /// of this plan has not been completed; [`Error::Unsupported`] for a depth image, which no technique
-    /// takes yet.
+    /// [`Error::Invalid`] when `target` or `depth` is not what the plan was made for, or when an earlier recording
+    /// of this plan has not been completed; [`Error::Unsupported`] for a depth image of a format that the device
+    /// cannot sample.
     pub fn record(
         &mut self,
         commands: &mut CommandBuffer,
         target: Option<&TargetImage>,
         depth: Option<&DepthImage>,
     ) -> Result<Recorded> {
-        if let Some(depth) = depth {
-            return Err(Error::unsupported(
-                "depth image",
-                format!("{:?}: no technique takes one", depth.view),
-            ));
-        }
         let device = self.gpu.device().handle();
-        if commands.device() != device || target.is_some_and(|target| target.device != device) {
+        let strange = target.is_some_and(|target| target.device != device)
+            || depth.is_some_and(|depth| depth.device != device);
+        if commands.device() != device || strange {
             return Err(Error::invalid(
-                "command buffer or target",
+                "command buffer, target or depth image",
                 "belongs to another device than the plan",
             ));
         }
@@ -682,7 +733,20 @@ impl Plan {
                 ));
             }
         }
+        match &self.bounds {
+            Some(bounds) => bounds.check_depth(&self.gpu, depth)?,
+            None if depth.is_some() => {
+                return Err(Error::invalid(
+                    "depth image",
+                    "the plan is for none: see TargetDesc::with_depth",
+                ));
+            }
+            None => {}
+        }
         let mut recorder = Recorder::new(&self.gpu, commands, self.timers.clone());
+        if let Some(bounds) = &self.bounds {
+            bounds.record(&mut recorder, depth)?;
+        }
         self.prepared.record(&mut recorder, target, self.target.mode() == TargetMode::Clear);
         if let (Some(composite), Some(target)) = (&self.composite, target) {
             composite.record(&mut recorder, target);
@@ -705,8 +769,18 @@ impl Plan {
     ///
     /// As [`Renderer::prepare`].
     pub fn set_view(&mut self, view: &View) -> Result<bool> {
-        let other = u32::from(self.composite.is_some());
-        Ok(view.extent() == self.extent && self.prepared.set_view(view, self.timed_passes - other)?)
+        if view.extent() != self.extent || (self.bounds.is_none() && !view.clip().is_none()) {
+            return Ok(false);
+        }
+        let Some(bounds) = &mut self.bounds else {
+            return self.prepared.set_view(view, self.technique_passes);
+        };
+        bounds.check(view)?;
+        let fits = self.prepared.set_view(view, self.technique_passes)?;
+        if fits {
+            bounds.set_view(view);
+        }
+        Ok(fits)
     }
 
     /// The route that the technique takes on this device.

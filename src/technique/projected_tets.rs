@@ -19,13 +19,14 @@ use std::sync::Arc;
 
 use super::gpu_scene::GpuScene;
 use super::grid_options::{Order, Route, TABLE};
+use super::line_bounds::DepthMeasure;
 use super::mesh_frame::{MeshDesc, MeshFrame, Primitives};
 use super::mesh_options::{EMPTY_SPACE, INTEGRATOR, MeshOptions, ORDER, Repair, SMOKE, STOP};
 use super::options::{self, Choice, OptionInfo};
 pub use super::ranks::Rank;
 use super::ranks::{RANK, Ranker};
 use super::tets_raster::TetsRaster;
-use super::{Outcome, Prepared, TargetDesc};
+use super::{Canvas, Outcome, Prepared};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{ABUFFER_COMPUTE, MOST_TURNS, PROJECTED_TETS_COMPUTE};
 use crate::gpu::sync::Use;
@@ -192,7 +193,7 @@ impl Options {
         &self,
         scene: &Arc<GpuScene>,
         view: &View,
-        target: &TargetDesc,
+        target: &Canvas,
     ) -> Result<Box<dyn Prepared>> {
         self.check()?;
         let back_to_front = self.mesh.order == Order::BackToFront;
@@ -240,6 +241,10 @@ impl Prepared for Listed {
             return Ok(false);
         }
         self.frame.set_view(view, most_passes)
+    }
+
+    fn measure(&self) -> DepthMeasure {
+        self.frame.measure()
     }
 
     fn image(&self) -> Option<&Arc<Image>> {

@@ -8,11 +8,12 @@ use super::base_planes::{BasePlane, Room, base_planes};
 use super::gpu_scene::{GpuScene, Knots, Layout, TABLE_FORMAT, Volume, turned};
 use super::grid_frame::{MAX_SLABS, check_loops, draws_directly, own_image, slabs_per_dispatch};
 use super::grid_options::{EmptySpace, Filter, Integrator, Order, Route};
+use super::line_bounds::DepthMeasure;
 use super::options::Choice;
 use super::passes::buffer;
 use super::shear_warp::{NAME, Options, Warp};
 use super::slices_2d::Stacks;
-use super::{Prepared, TargetDesc};
+use super::{Canvas, Prepared};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
     BINDING_ACCUMULATION, BINDING_BRICKS, BINDING_INTERMEDIATE, BINDING_KNOTS, BINDING_KNOTS_UNIFORM,
@@ -84,6 +85,7 @@ struct Faces {
 #[derive(Debug)]
 pub(super) struct ShearFrame {
     scene: Arc<GpuScene>,
+    measure: DepthMeasure,
     options: Options,
     knots: Arc<Knots>,
     /// The transfer function's table, or what stands for one.
@@ -153,12 +155,7 @@ fn plan(
 }
 
 impl ShearFrame {
-    pub(super) fn new(
-        scene: &Arc<GpuScene>,
-        view: &View,
-        target: &TargetDesc,
-        options: Options,
-    ) -> Result<Self> {
+    pub(super) fn new(scene: &Arc<GpuScene>, view: &View, target: &Canvas, options: Options) -> Result<Self> {
         options.check()?;
         let gpu = scene.gpu();
         let grid = scene.grid()?;
@@ -342,6 +339,7 @@ impl ShearFrame {
         };
         let mut frame = Self {
             scene: Arc::clone(scene),
+            measure: DepthMeasure::of_grid(grid),
             options,
             knots,
             table: table_texels,
@@ -562,6 +560,10 @@ impl Prepared for ShearFrame {
             self.faces = faces;
         }
         Ok(fits)
+    }
+
+    fn measure(&self) -> DepthMeasure {
+        self.measure
     }
 
     fn image(&self) -> Option<&Arc<Image>> {

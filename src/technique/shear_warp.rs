@@ -27,7 +27,7 @@ use super::grid_options::{EMPTY_SPACE, GridOptions, Integrator, ORDER, ROUTE, ST
 use super::options::{self, Choice, OptionInfo};
 use super::shear_frame::ShearFrame;
 use super::slices_2d::Stacks;
-use super::{Prepared, TargetDesc};
+use super::{Canvas, Prepared};
 use crate::error::{Error, Result};
 use crate::scene::View;
 
@@ -262,7 +262,7 @@ impl Options {
         &self,
         scene: &Arc<GpuScene>,
         view: &View,
-        target: &TargetDesc,
+        target: &Canvas,
     ) -> Result<Box<dyn Prepared>> {
         Ok(Box::new(ShearFrame::new(scene, view, target, *self)?))
     }

@@ -19,7 +19,7 @@ use super::gpu_scene::GpuScene;
 use super::options::{self, Choice, OptionInfo};
 use super::splat_frame::{Lowpass, SplatDesc, SplatFrame, SplatOrder};
 use super::splat_options::{CUT, KernelOptions, LEAST, MODEL, PAIRS, SIGMA, SPREAD, STEP, STOP, Spread};
-use super::{Prepared, TargetDesc};
+use super::{Canvas, Prepared};
 use crate::error::{Error, Result};
 use crate::scene::{Kernel, Kernels, Model, Scene, View};
 
@@ -204,7 +204,7 @@ impl Options {
         &self,
         scene: &Arc<GpuScene>,
         view: &View,
-        target: &TargetDesc,
+        target: &Canvas,
     ) -> Result<Box<dyn Prepared>> {
         let refuse = |key: &str, why: &str| Err(Error::invalid(format!("{NAME} option {key}"), why));
         let kernels = self.kernels_of(scene.scene())?;

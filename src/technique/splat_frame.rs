@@ -12,12 +12,13 @@ use super::bins::{Bins, Fill};
 use super::gpu_scene::{GpuScene, Knots};
 use super::grid_frame::own_image;
 use super::grid_rays::GridRays;
+use super::line_bounds::DepthMeasure;
 use super::mesh_view::Frame;
 use super::passes::{Pass, buffer, download, groups_of, pass, total, words};
 use super::radix_sort::RadixSort;
 use super::splat_data::{Shape, SplatSet};
 use super::splat_options::Spread;
-use super::{Outcome, Prepared, TargetDesc};
+use super::{Canvas, Outcome, Prepared};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
     BINDING_ACCUMULATION, BINDING_BIN_TABLE, BINDING_BINS, BINDING_BOXES, BINDING_KNOTS,
@@ -299,12 +300,7 @@ fn sheet_axis(set: &SplatSet, view: &View) -> usize {
 }
 
 impl SplatFrame {
-    pub(crate) fn new(
-        scene: &Arc<GpuScene>,
-        view: &View,
-        target: &TargetDesc,
-        desc: SplatDesc,
-    ) -> Result<Self> {
+    pub(crate) fn new(scene: &Arc<GpuScene>, view: &View, target: &Canvas, desc: SplatDesc) -> Result<Self> {
         let gpu = scene.gpu();
         let name = desc.name;
         let set = scene.splats(&desc.kernels, desc.step)?;
@@ -353,6 +349,7 @@ impl SplatFrame {
             (SPEC_SPLAT_TEMPLATE, u32::from(desc.template.is_some())),
             (SPEC_KNOT_WALK, knots.walk),
             (SPEC_EYE_INSIDE, u32::from(seen.eye_inside)),
+            target.bounded(),
         ];
         let resources = vec![
             (BINDING_SPLAT_POINTS, Resource::Buffer(Arc::clone(&set.points))),
@@ -397,6 +394,7 @@ impl SplatFrame {
             (BINDING_STATUS, Resource::Buffer(Arc::clone(&status))),
             (BINDING_ACCUMULATION, Resource::Storage(Arc::clone(&image))),
         ]);
+        resources.extend(target.bounds(&knots.buffer));
         for (binding, resource) in &mut resources {
             if *binding == BINDING_SPLAT_RECORDS {
                 *resource = Resource::ReadOnly(Arc::clone(&records));
@@ -522,6 +520,10 @@ impl Prepared for SplatFrame {
         }
         self.view = seen;
         Ok(true)
+    }
+
+    fn measure(&self) -> DepthMeasure {
+        DepthMeasure { centre: self.set.space.centre, unit: self.set.space.unit }
     }
 
     fn image(&self) -> Option<&Arc<Image>> {

@@ -19,7 +19,7 @@ use super::splat_frame::{Lowpass, SplatDesc, SplatFrame, SplatOrder};
 use super::splat_options::{
     CUT, KERNEL, KernelOptions, LEAST, MODEL, PAIRS, SIGMA, SPREAD, STEP, STOP, Spread,
 };
-use super::{Prepared, TargetDesc};
+use super::{Canvas, Prepared};
 use crate::error::{Error, Result};
 use crate::scene::{Kernel, Kernels, Scene, View};
 
@@ -143,7 +143,7 @@ impl Options {
         &self,
         scene: &Arc<GpuScene>,
         view: &View,
-        target: &TargetDesc,
+        target: &Canvas,
     ) -> Result<Box<dyn Prepared>> {
         if self.template > 0 && self.sheets != Sheets::Axis {
             let why = "image sheets get parts of footprints: works with sheets=axis only";

@@ -11,13 +11,14 @@ use glam::DVec3;
 use super::gpu_scene::{GpuScene, Table};
 use super::grid_frame::{draws_directly, own_image};
 use super::grid_options::{Integrator, Order};
+use super::line_bounds::DepthMeasure;
 use super::mesh_frame::{MeshDesc, Stage, constants, shading_push};
 use super::mesh_view::Frame;
 use super::passes::{Pass, buffer, download, groups_of, pass, words};
 use super::projected_tets::{Options, Plane, Shade};
 use super::ranks::{Rank, Ranker};
-use super::{Outcome, Prepared, TargetDesc};
-use crate::error::Result;
+use super::{Canvas, Outcome, Prepared};
+use crate::error::{Error, Result};
 use crate::gpu::shader::{
     BINDING_BOXES, BINDING_FANS, BINDING_KNOTS, BINDING_KNOTS_UNIFORM, BINDING_MESH_SCALARS, BINDING_ORDER,
     BINDING_POLYGONS, BINDING_PRIMITIVES, BINDING_RANK_KEYS, BINDING_TABLE, BINDING_TABLE_HEAD,
@@ -102,7 +103,7 @@ impl TetsRaster {
     pub(crate) fn new(
         scene: &Arc<GpuScene>,
         view: &View,
-        target: &TargetDesc,
+        target: &Canvas,
         desc: MeshDesc,
         options: &Options,
         ranker: Ranker,
@@ -111,6 +112,13 @@ impl TetsRaster {
         let gpu = scene.gpu();
         let name = desc.name;
         let fans = options.has_fans();
+        if options.shade == Shade::Vertex && target.bounds.is_some() {
+            let missing = "colours of a cell's corners, which cannot be cut: shade=fragment works";
+            return Err(Error::unsupported(
+                format!("{name} shade=vertex with clipping or a depth image"),
+                missing,
+            ));
+        }
         let frame = Frame::of(scene.mesh()?);
         let knots = scene.knots()?;
         let table = scene.table(&desc.segments)?;
@@ -126,6 +134,7 @@ impl TetsRaster {
             (SPEC_INTEGRATOR, desc.segments.integrator.code()),
             (SPEC_SPACE, u32::from(options.plane == Plane::Space)),
             (SPEC_SHADED, u32::from(options.shade == Shade::Vertex)),
+            target.bounded(),
         ]);
         let size = if fans { size_of::<Fan>() } else { size_of::<[[f32; 2]; 4]>() };
         let polygons = buffer(gpu, "polygons", num::wide(size / 4) * u64::from(stage.count))?;
@@ -177,7 +186,8 @@ impl TetsRaster {
                 constants: &constants,
             },
         )?;
-        let given: Vec<_> = shared.iter().cloned().chain(read).collect();
+        let bounds = target.bounds(&knots.buffer);
+        let given: Vec<_> = shared.iter().cloned().chain(read).chain(bounds).collect();
         let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &given)?);
         let direction = if desc.back_to_front { Order::BackToFront } else { Order::FrontToBack };
         let image = if draws_directly(target, format, direction) {
@@ -244,6 +254,10 @@ impl Prepared for TetsRaster {
             self.view = *view;
         }
         Ok(fits)
+    }
+
+    fn measure(&self) -> DepthMeasure {
+        DepthMeasure::of_frame(&self.frame)
     }
 
     fn image(&self) -> Option<&Arc<Image>> {

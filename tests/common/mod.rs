@@ -7,9 +7,12 @@
     missing_debug_implementations,
     clippy::unwrap_used,
     clippy::panic,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
     reason = "test helpers: each test file uses its own part, and a test fails by panicking"
 )]
 
+pub mod caller;
 mod devices;
 
 pub use devices::{TestGpu, fresh_gpu, gpu, gpu_with, keep, provoked_gpu};

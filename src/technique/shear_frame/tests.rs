@@ -68,7 +68,8 @@ fn frame(scene: &Arc<GpuScene>, view: &View, options: &str) -> ShearFrame {
     let Technique::ShearWarp(options) = Technique::parse(&format!("shear-warp:{options}")).unwrap() else {
         unreachable!()
     };
-    ShearFrame::new(scene, view, &TargetDesc::own(), options).unwrap()
+    let canvas = Canvas { target: TargetDesc::own(), bounds: None };
+    ShearFrame::new(scene, view, &canvas, options).unwrap()
 }
 
 /// Sum of squared differences over four channels, with their number.

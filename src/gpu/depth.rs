@@ -1,0 +1,191 @@
+//! Depth images of the caller, and how they store depth.
+
+use ash::vk;
+use ash::vk::Handle as _;
+use glam::DMat4;
+
+use super::device::Gpu;
+use crate::error::{Error, Result};
+
+/// How a projection stores depth: what the depth along the view is where an image holds 0, and where it holds 1.
+///
+/// The far end of a perspective projection may lie at infinity, and either end may be stored as 1: `perspective(near, far)` is
+/// the usual one, `perspective(far, near)` reversed, `perspective(f64::INFINITY, near)` reversed without an end.
+/// What holds the far end itself shows no surface: it is what images are cleared with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DepthProjection {
+    pub(crate) at_zero: f64,
+    pub(crate) at_one: f64,
+    pub(crate) perspective: bool,
+    /// Scale from view coordinates to clip coordinates, x and y, where a matrix told.
+    pub(crate) scale: Option<[f64; 2]>,
+}
+
+impl DepthProjection {
+    /// Of a perspective camera: distances from the eye along the view, world units.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] unless both are positive, different, and one at least is finite.
+    pub fn perspective(at_zero: f64, at_one: f64) -> Result<Self> {
+        let fits = at_zero > 0.0 && at_one > 0.0 && at_zero != at_one;
+        if !fits {
+            let why =
+                format!("{at_zero} and {at_one}: must be positive and different, infinity for one at most");
+            return Err(Error::invalid("depth projection", why));
+        }
+        Ok(Self { at_zero, at_one, perspective: true, scale: None })
+    }
+
+    /// Of a camera with parallel rays: distances from the camera's `eye` along the view, world units; negative behind it.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] unless both are finite and different.
+    pub fn orthographic(at_zero: f64, at_one: f64) -> Result<Self> {
+        let fits = at_zero.is_finite() && at_one.is_finite() && at_zero != at_one;
+        if !fits {
+            let why = format!("{at_zero} and {at_one}: must be finite and different");
+            return Err(Error::invalid("depth projection", why));
+        }
+        Ok(Self { at_zero, at_one, perspective: false, scale: None })
+    }
+
+    /// Of a matrix from view coordinates (x to the right, looking along -z or, in perspective, +z) to clip coordinates
+    /// with depths from 0 to 1, such as [`glam::DMat4::perspective_infinite_reverse_rh`] makes. Its x and y must be those of the view that
+    /// is drawn, which is checked then; y may point up or down.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if it is no such matrix: oblique, off its centre, or without depth.
+    pub fn from_matrix(matrix: &DMat4) -> Result<Self> {
+        let row = |i: usize| matrix.row(i);
+        let (x, y, z, w) = (row(0), row(1), row(2), row(3));
+        let wrong = |why: &str| Err(Error::invalid("depth projection", format!("{matrix}: {why}")));
+        if !matrix.is_finite() {
+            return wrong("must be finite");
+        }
+        let straight = [x.y, x.z, x.w, y.x, y.z, y.w, z.x, z.y, w.x, w.y].iter().all(|&e| e == 0.0);
+        if !straight || x.x == 0.0 || y.y == 0.0 {
+            return wrong("must have x and y of its own, neither oblique nor off the centre");
+        }
+        let scale = [x.x.abs(), y.y.abs()];
+        if w.z != 0.0 && w.w == 0.0 {
+            // Clip z = z.z v + z.w, w = w.z v, and the depth is |v|: stored = z.z / w.z + z.w / |w.z| / depth.
+            let (level, rise) = (z.z / w.z, z.w / w.z.abs());
+            let depth = |stored: f64| {
+                let inverse = (stored - level) / rise;
+                if inverse == 0.0 { f64::INFINITY } else { 1.0 / inverse }
+            };
+            let scale = scale.map(|s| s / w.z.abs());
+            return Ok(Self { scale: Some(scale), ..Self::perspective(depth(0.0), depth(1.0))? });
+        }
+        if w.z == 0.0 && w.w != 0.0 {
+            let depth = |stored: f64| -(stored * w.w - z.w) / z.z;
+            let scale = scale.map(|s| s / w.w.abs());
+            return Ok(Self { scale: Some(scale), ..Self::orthographic(depth(0.0), depth(1.0))? });
+        }
+        wrong("must be a perspective or a parallel projection")
+    }
+}
+
+/// A depth image that the caller owns: what of the volume lies behind it is not drawn.
+#[derive(Clone, Copy, Debug)]
+pub struct DepthImage {
+    pub(crate) view: vk::ImageView,
+    pub(crate) format: vk::Format,
+    pub(crate) extent: [u32; 2],
+    pub(crate) layout: vk::ImageLayout,
+    pub(crate) projection: DepthProjection,
+    pub(crate) device: vk::Device,
+}
+
+impl DepthImage {
+    /// Formats that are taken, where the device can sample them.
+    pub const FORMATS: [vk::Format; 6] = [
+        vk::Format::D32_SFLOAT,
+        vk::Format::X8_D24_UNORM_PACK32,
+        vk::Format::D16_UNORM,
+        vk::Format::D32_SFLOAT_S8_UINT,
+        vk::Format::D24_UNORM_S8_UINT,
+        vk::Format::D16_UNORM_S8_UINT,
+    ];
+
+    /// Wraps a depth image for [`Plan::record`](crate::Plan::record). Its projection is the one that made it.
+    ///
+    /// # Safety
+    ///
+    /// - `view` belongs to the device of `gpu`; it is two-dimensional, of one level, one layer and the depth aspect alone, of
+    ///   `format` and exactly `extent` large, and its image, of one sample, has the usage `SAMPLED`;
+    /// - both live until the caller has seen every submission that reads them end;
+    /// - when the recorded commands run, the image is in the layout `DEPTH_READ_ONLY_OPTIMAL`, or that of
+    ///   [`DepthImage::in_layout`], and what was drawn is available and visible to sampled reads in the compute shader stage. It is
+    ///   left in that layout, last read in that stage.
+    #[must_use]
+    pub unsafe fn from_raw(
+        gpu: &Gpu,
+        view: vk::ImageView,
+        format: vk::Format,
+        extent: [u32; 2],
+        projection: DepthProjection,
+    ) -> Self {
+        debug_assert!(!view.is_null(), "the null view of {}", gpu.report().name);
+        let layout = vk::ImageLayout::DEPTH_READ_ONLY_OPTIMAL;
+        Self { view, format, extent, layout, projection, device: gpu.device().handle() }
+    }
+
+    /// The same in another layout that can be sampled, such as `SHADER_READ_ONLY_OPTIMAL`.
+    #[must_use]
+    pub fn in_layout(self, layout: vk::ImageLayout) -> Self {
+        Self { layout, ..self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    /// What a matrix stores at a depth is what the two ends say.
+    #[test]
+    fn matrices_tell_their_ends() {
+        let (near, far) = (0.1, 50.0);
+        let cases = [
+            (DMat4::perspective_rh(0.7, 1.5, near, far), near, far),
+            (DMat4::perspective_lh(0.7, 1.5, near, far), near, far),
+            (DMat4::perspective_rh(0.7, 1.5, far, near), far, near),
+            (DMat4::perspective_infinite_rh(0.7, 1.5, near), near, f64::INFINITY),
+            (DMat4::perspective_infinite_reverse_rh(0.7, 1.5, near), f64::INFINITY, near),
+            (DMat4::orthographic_rh(-1.5, 1.5, -1.0, 1.0, -3.0, 7.0), -3.0, 7.0),
+            (DMat4::orthographic_rh(-1.5, 1.5, -1.0, 1.0, 7.0, -3.0), 7.0, -3.0),
+        ];
+        for (matrix, at_zero, at_one) in cases {
+            let got = DepthProjection::from_matrix(&matrix).unwrap();
+            let same = |a: f64, b: f64| a == b || (a - b).abs() < 1e-9 * b.abs();
+            assert!(same(got.at_zero, at_zero) && same(got.at_one, at_one), "{matrix}: {got:?}");
+            // Clip coordinates of a point 2.5 away.
+            let ahead = if matrix.row(3).z > 0.0 { 2.5 } else { -2.5 };
+            let stored = matrix.project_point3(DVec3::new(0.0, 0.0, ahead)).z;
+            let back = if got.perspective {
+                1.0 / ((1.0 - stored) / got.at_zero + stored / got.at_one)
+            } else {
+                (1.0 - stored) * got.at_zero + stored * got.at_one
+            };
+            assert!((back - 2.5).abs() < 1e-9, "{matrix}: {back}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_projection_is_refused() {
+        let why = |result: Result<DepthProjection>| result.unwrap_err().to_string();
+        assert!(why(DepthProjection::perspective(0.0, 1.0)).contains("positive"));
+        assert!(why(DepthProjection::perspective(f64::INFINITY, f64::INFINITY)).contains("different"));
+        assert!(why(DepthProjection::perspective(f64::NAN, 1.0)).contains("positive"));
+        assert!(why(DepthProjection::orthographic(1.0, f64::INFINITY)).contains("finite"));
+        assert!(why(DepthProjection::from_matrix(&DMat4::ZERO)).contains("centre"));
+        let mut oblique = DMat4::perspective_rh(0.7, 1.0, 0.1, 9.0);
+        oblique.x_axis.z = 0.2;
+        assert!(why(DepthProjection::from_matrix(&oblique)).contains("oblique"));
+        assert!(why(DepthProjection::from_matrix(&DMat4::IDENTITY.mul_scalar(f64::NAN))).contains("finite"));
+    }
+}

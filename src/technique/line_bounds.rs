@@ -1,0 +1,213 @@
+//! What bounds the lines of pixels: clip planes and crop box of a view, and opaque surfaces by a depth image
+//! (`glsl/line-bounds.glsl`).
+//!
+//! Half-spaces are convex, and so is what lies before a surface on one line. So a line is left with one interval, and
+//! every technique cuts its pieces to it, whatever bounds it. A scene without any of it has no such pass, and its pipelines no
+//! such code.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::mesh_view::Frame;
+use super::passes::{Pass, pass};
+use crate::error::{Error, Result};
+use crate::gpu::shader::{
+    BINDING_DEPTH, BINDING_LINE_BOUNDS, LINE_BOUNDS_DEPTH, LINE_BOUNDS_PLANES, SPEC_RESUME,
+};
+use crate::gpu::{Buffer, BufferUse, DepthImage, Gpu, Recorder, Resource};
+use crate::interface::BoundsPush;
+use crate::num::{self, f32_of};
+use crate::scene::{Grid, View};
+
+/// How a technique measures depth: from the plane through a point, in a unit.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DepthMeasure {
+    pub(crate) centre: DVec3,
+    /// World length.
+    pub(crate) unit: f64,
+}
+
+impl DepthMeasure {
+    /// In voxel spacings from the middle of a grid.
+    pub(crate) fn of_grid(grid: &Grid) -> Self {
+        Self { centre: grid.centre(), unit: grid.spacing().min_element() }
+    }
+
+    /// In radii from a centre.
+    pub(crate) fn of_frame(frame: &Frame) -> Self {
+        Self { centre: frame.centre, unit: frame.radius }
+    }
+}
+
+/// Half-spaces that one dispatch takes.
+const PLANES: usize = 6;
+
+/// Two depths for each pixel, in units of a technique.
+pub(crate) fn bounds_buffer(gpu: &Gpu, view: &View) -> Result<Arc<Buffer>> {
+    let [width, height] = view.extent().map(u64::from);
+    Buffer::new(gpu, "line.bounds", 8 * width * height, BufferUse::ShaderWrite).map(Arc::new)
+}
+
+/// The pass that finds them.
+#[derive(Debug)]
+pub(crate) struct LineBounds {
+    first: Pass,
+    more: Pass,
+    takes_depth: bool,
+    measure: DepthMeasure,
+    view: View,
+}
+
+impl LineBounds {
+    /// `takes_depth`: each recording brings a depth image.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        bounds: &Arc<Buffer>,
+        takes_depth: bool,
+        measure: DepthMeasure,
+        view: &View,
+    ) -> Result<Self> {
+        let make = |shader, resume: bool| {
+            let resources = [
+                (BINDING_LINE_BOUNDS, Resource::Buffer(Arc::clone(bounds))),
+                (BINDING_DEPTH, Resource::External),
+            ];
+            pass(gpu, "line.bounds", shader, &[(SPEC_RESUME, u32::from(resume))], &resources)
+        };
+        let first = make(if takes_depth { &LINE_BOUNDS_DEPTH } else { &LINE_BOUNDS_PLANES }, false)?;
+        let more = make(&LINE_BOUNDS_PLANES, true)?;
+        let made = Self { first, more, takes_depth, measure, view: *view };
+        made.check(view)?;
+        Ok(made)
+    }
+
+    /// Passes of a frame, at most.
+    pub(crate) fn passes() -> u32 {
+        2
+    }
+
+    /// Turns to another view of the same extent, which has been checked.
+    pub(crate) fn set_view(&mut self, view: &View) {
+        self.view = *view;
+    }
+
+    /// Whether float32 holds a view's planes.
+    pub(crate) fn check(&self, view: &View) -> Result<()> {
+        let finite = |push: &BoundsPush| {
+            let [kq, centre] = [push.kq, push.centre];
+            push.planes.iter().flatten().chain([&kq, &centre]).all(|number| number.is_finite())
+        };
+        if self.pushes(view, None).iter().all(finite) {
+            return Ok(());
+        }
+        let why = "a clip plane or the camera is so far from the data that float32 cannot hold its distance";
+        Err(Error::invalid("view", why))
+    }
+
+    /// Push constants of each dispatch.
+    fn pushes(&self, view: &View, depth: Option<&DepthImage>) -> Vec<BoundsPush> {
+        let DepthMeasure { centre, unit } = self.measure;
+        let eye = view.camera().eye;
+        let centre_depth = (centre - eye).dot(view.forward());
+        // The centre plane's point on the line of the image's middle.
+        let foot = eye + view.forward() * centre_depth;
+        let perspective = view.is_perspective();
+        let scale = if perspective { view.pixel_size() } else { view.pixel_size() / unit };
+        let planes: Vec<[f32; 4]> = view
+            .clip()
+            .half_spaces()
+            .map(|plane| {
+                let n = plane.normal;
+                [
+                    n.dot(view.right()) * scale,
+                    -n.dot(view.up()) * scale,
+                    n.dot(view.forward()),
+                    n.dot(foot - plane.point) / unit,
+                ]
+                .map(f32_of)
+            })
+            .collect();
+        let [at_zero, at_one] = depth.map_or([0.0, 1.0], |depth| {
+            let ends = [depth.projection.at_zero, depth.projection.at_one];
+            ends.map(|end| if perspective { unit / end } else { end / unit })
+        });
+        let push = BoundsPush {
+            planes: [[0.0; 4]; PLANES],
+            half_extent: view.extent().map(|side| f32_of(f64::from(side) * 0.5)),
+            kq: f32_of(if perspective { centre_depth / unit } else { 1.0 }),
+            kd: if perspective { 1.0 } else { 0.0 },
+            at_zero: f32_of(at_zero),
+            at_one: f32_of(at_one),
+            centre: f32_of(centre_depth / unit),
+            count: 0,
+        };
+        let mut pushes = vec![push; planes.len().div_ceil(PLANES).max(1)];
+        for (push, planes) in pushes.iter_mut().zip(planes.chunks(PLANES)) {
+            push.count = num::count(planes.len());
+            for (place, plane) in push.planes.iter_mut().zip(planes) {
+                *place = *plane;
+            }
+        }
+        pushes
+    }
+
+    /// Whether a depth image is what the plan was made for.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if there should be one and is none, or the other way round, or its extent, projection or format is wrong;
+    /// [`Error::Unsupported`] if the device cannot sample its format.
+    pub(crate) fn check_depth(&self, gpu: &Gpu, depth: Option<&DepthImage>) -> Result<()> {
+        let Some(depth) = depth else {
+            if self.takes_depth {
+                return Err(Error::invalid("depth image", "the plan is for one: none is given"));
+            }
+            return Ok(());
+        };
+        if !self.takes_depth {
+            return Err(Error::invalid("depth image", "the plan is for none: see TargetDesc::with_depth"));
+        }
+        check_depth(gpu, &self.view, depth)
+    }
+
+    /// Records the pass. `depth` has been checked.
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, depth: Option<&DepthImage>) -> Result<()> {
+        if let Some(depth) = depth {
+            self.first.descriptors.sample_external(BINDING_DEPTH, depth)?;
+        }
+        let [width, height] = self.view.extent();
+        let groups = [width.div_ceil(8), height.div_ceil(8), 1];
+        for (i, push) in self.pushes(&self.view, depth).iter().enumerate() {
+            if i == 0 { &self.first } else { &self.more }.record(recorder, push, groups);
+        }
+        Ok(())
+    }
+}
+
+fn check_depth(gpu: &Gpu, view: &View, depth: &DepthImage) -> Result<()> {
+    let invalid = |why: String| Err(Error::invalid("depth image", why));
+    if depth.extent != view.extent() {
+        return invalid(format!("{:?}: must have the view's extent, {:?}", depth.extent, view.extent()));
+    }
+    if !DepthImage::FORMATS.contains(&depth.format) {
+        return invalid(format!("{:?}: must be one of {:?}", depth.format, DepthImage::FORMATS));
+    }
+    if depth.projection.perspective != view.is_perspective() {
+        let kind = |perspective| if perspective { "perspective" } else { "orthographic" };
+        let (given, wanted) = (kind(depth.projection.perspective), kind(view.is_perspective()));
+        return invalid(format!("its projection is {given}: the view is {wanted}"));
+    }
+    if let Some(scale) = depth.projection.scale {
+        let [width, height] = view.extent().map(f64::from);
+        let wanted = [2.0 / (view.pixel_size() * width), 2.0 / (view.pixel_size() * height)];
+        if scale.iter().zip(wanted).any(|(scale, wanted)| (scale - wanted).abs() > 1e-4 * wanted) {
+            return invalid(format!("its projection scales x and y by {scale:?}: the view by {wanted:?}"));
+        }
+    }
+    let needed = ash::vk::FormatFeatureFlags::SAMPLED_IMAGE;
+    if !gpu.image_features(depth.format).contains(needed) {
+        return Err(Error::unsupported(format!("depth image of {:?}", depth.format), format!("{needed:?}")));
+    }
+    Ok(())
+}

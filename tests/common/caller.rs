@@ -1,0 +1,392 @@
+//! What an engine has around the library: a colour image, a depth image, a command buffer, a fence.
+
+#![allow(unsafe_code, reason = "plays the caller, who owns Vulkan objects")]
+
+use volraster::ash::vk;
+use volraster::gpu::{CommandBuffer, DepthImage, DepthProjection, Gpu, Handles, TargetImage};
+
+/// Memory of the first kind that fits.
+fn allocate(handles: &Handles, requirements: vk::MemoryRequirements, host: bool) -> vk::DeviceMemory {
+    // SAFETY: the physical device belongs to the instance.
+    let types = unsafe { handles.instance.get_physical_device_memory_properties(handles.physical_device) };
+    let wanted = if host {
+        vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT
+    } else {
+        vk::MemoryPropertyFlags::empty()
+    };
+    let index = (0..types.memory_type_count)
+        .find(|&i| {
+            requirements.memory_type_bits & (1 << i) != 0
+                && types.memory_types[i as usize].property_flags.contains(wanted)
+        })
+        .unwrap();
+    let info = vk::MemoryAllocateInfo::default().allocation_size(requirements.size).memory_type_index(index);
+    // SAFETY: the type was found among those allowed.
+    unsafe { handles.device.allocate_memory(&info, None) }.unwrap()
+}
+
+/// What an engine has: a colour image, a buffer to read it back, a command buffer, a fence.
+pub struct Caller {
+    pub device: volraster::ash::Device,
+    pub image: vk::Image,
+    pub image_memory: vk::DeviceMemory,
+    pub view: vk::ImageView,
+    pub buffer: vk::Buffer,
+    pub buffer_memory: vk::DeviceMemory,
+    pub pool: vk::CommandPool,
+    pub commands: vk::CommandBuffer,
+    pub fence: vk::Fence,
+    pub extent: [u32; 2],
+    pub format: vk::Format,
+    pub bytes: u64,
+}
+
+impl Caller {
+    pub fn new(gpu: &Gpu, format: vk::Format, extent: [u32; 2], texel: u64) -> Self {
+        let handles = gpu.handles();
+        let device = handles.device.clone();
+        let bytes = u64::from(extent[0]) * u64::from(extent[1]) * texel;
+        let allocate = |requirements, host| allocate(&handles, requirements, host);
+        let info = vk::ImageCreateInfo::default()
+            .image_type(vk::ImageType::TYPE_2D)
+            .format(format)
+            .extent(vk::Extent3D { width: extent[0], height: extent[1], depth: 1 })
+            .mip_levels(1)
+            .array_layers(1)
+            .samples(vk::SampleCountFlags::TYPE_1)
+            .usage(
+                vk::ImageUsageFlags::COLOR_ATTACHMENT
+                    | vk::ImageUsageFlags::TRANSFER_SRC
+                    | vk::ImageUsageFlags::TRANSFER_DST,
+            );
+        // SAFETY: valid description of a small 2D image.
+        let image = unsafe { device.create_image(&info, None) }.unwrap();
+        // SAFETY: just made.
+        let image_memory = allocate(unsafe { device.get_image_memory_requirements(image) }, false);
+        // SAFETY: fresh image and memory of its size.
+        unsafe { device.bind_image_memory(image, image_memory, 0) }.unwrap();
+        let range = Self::range();
+        let info = vk::ImageViewCreateInfo::default()
+            .image(image)
+            .view_type(vk::ImageViewType::TYPE_2D)
+            .format(format)
+            .subresource_range(range);
+        // SAFETY: the image is bound.
+        let view = unsafe { device.create_image_view(&info, None) }.unwrap();
+        let info = vk::BufferCreateInfo::default().size(bytes).usage(vk::BufferUsageFlags::TRANSFER_DST);
+        // SAFETY: not empty.
+        let buffer = unsafe { device.create_buffer(&info, None) }.unwrap();
+        // SAFETY: just made.
+        let buffer_memory = allocate(unsafe { device.get_buffer_memory_requirements(buffer) }, true);
+        // SAFETY: fresh buffer and memory of its size.
+        unsafe { device.bind_buffer_memory(buffer, buffer_memory, 0) }.unwrap();
+        let info = vk::CommandPoolCreateInfo::default()
+            .queue_family_index(handles.queue_family)
+            .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
+        // SAFETY: valid.
+        let pool = unsafe { device.create_command_pool(&info, None) }.unwrap();
+        let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
+        // SAFETY: the pool is alive.
+        let commands = unsafe { device.allocate_command_buffers(&info) }.unwrap()[0];
+        // SAFETY: valid.
+        let fence = unsafe { device.create_fence(&vk::FenceCreateInfo::default(), None) }.unwrap();
+        Self {
+            device,
+            image,
+            image_memory,
+            view,
+            buffer,
+            buffer_memory,
+            pool,
+            commands,
+            fence,
+            extent,
+            format,
+            bytes,
+        }
+    }
+
+    fn range() -> vk::ImageSubresourceRange {
+        vk::ImageSubresourceRange::default()
+            .aspect_mask(vk::ImageAspectFlags::COLOR)
+            .level_count(1)
+            .layer_count(1)
+    }
+
+    /// Begins, fills the image with `clear`, and leaves it as the contract of `TargetImage` asks.
+    pub fn begin(&self, clear: [f32; 4]) {
+        // SAFETY: nothing is pending.
+        unsafe { self.device.begin_command_buffer(self.commands, &vk::CommandBufferBeginInfo::default()) }
+            .unwrap();
+        self.transition(vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
+        let colour = vk::ClearColorValue { float32: clear };
+        // SAFETY: recording; the layout is the one just set.
+        unsafe {
+            self.device.cmd_clear_color_image(
+                self.commands,
+                self.image,
+                vk::ImageLayout::TRANSFER_DST_OPTIMAL,
+                &colour,
+                &[Self::range()],
+            )
+        };
+        self.transition(vk::ImageLayout::TRANSFER_DST_OPTIMAL, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
+    }
+
+    pub fn transition(&self, old: vk::ImageLayout, new: vk::ImageLayout) {
+        let all = vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE;
+        let barriers = [vk::ImageMemoryBarrier2::default()
+            .src_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+            .src_access_mask(all)
+            .dst_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+            .dst_access_mask(all)
+            .old_layout(old)
+            .new_layout(new)
+            .image(self.image)
+            .subresource_range(Self::range())];
+        let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
+        // SAFETY: recording, outside of rendering.
+        unsafe { self.device.cmd_pipeline_barrier2(self.commands, &info) };
+    }
+
+    /// Copies out, submits, waits, and gives the image's bytes.
+    pub fn end(&self, gpu: &Gpu) -> Vec<u8> {
+        self.transition(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+        let region = vk::BufferImageCopy {
+            image_subresource: vk::ImageSubresourceLayers {
+                aspect_mask: vk::ImageAspectFlags::COLOR,
+                layer_count: 1,
+                ..Default::default()
+            },
+            image_extent: vk::Extent3D { width: self.extent[0], height: self.extent[1], depth: 1 },
+            ..Default::default()
+        };
+        // SAFETY: recording; the buffer holds the image.
+        unsafe {
+            self.device.cmd_copy_image_to_buffer(
+                self.commands,
+                self.image,
+                vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
+                self.buffer,
+                &[region],
+            )
+        };
+        let barriers = [vk::BufferMemoryBarrier2::default()
+            .src_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
+            .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+            .dst_stage_mask(vk::PipelineStageFlags2::HOST)
+            .dst_access_mask(vk::AccessFlags2::HOST_READ)
+            .buffer(self.buffer)
+            .size(vk::WHOLE_SIZE)];
+        let info = vk::DependencyInfo::default().buffer_memory_barriers(&barriers);
+        // SAFETY: recording.
+        unsafe { self.device.cmd_pipeline_barrier2(self.commands, &info) };
+        // SAFETY: recording.
+        unsafe { self.device.end_command_buffer(self.commands) }.unwrap();
+        let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(self.commands)];
+        let submit = [vk::SubmitInfo2::default().command_buffer_infos(&buffers)];
+        // SAFETY: the command buffer is complete, the queue is held, the fence is unsignalled.
+        gpu.with_queue(|queue| unsafe { self.device.queue_submit2(queue, &submit, self.fence) }).unwrap();
+        // SAFETY: submitted above.
+        unsafe { self.device.wait_for_fences(&[self.fence], true, 60_000_000_000) }.unwrap();
+        // SAFETY: signalled.
+        unsafe { self.device.reset_fences(&[self.fence]) }.unwrap();
+        // SAFETY: host-visible, not mapped.
+        let pointer =
+            unsafe { self.device.map_memory(self.buffer_memory, 0, self.bytes, vk::MemoryMapFlags::empty()) }
+                .unwrap();
+        // SAFETY: mapped for this many bytes, written by the device, which is done.
+        let bytes =
+            unsafe { std::slice::from_raw_parts(pointer.cast::<u8>(), usize::try_from(self.bytes).unwrap()) }
+                .to_vec();
+        // SAFETY: mapped above.
+        unsafe { self.device.unmap_memory(self.buffer_memory) };
+        bytes
+    }
+
+    pub fn target(&self, gpu: &Gpu) -> TargetImage {
+        // SAFETY: image and view live until the test's end, after every submission; the layout is as asked.
+        unsafe { TargetImage::from_raw(gpu, self.image, self.view, self.format, self.extent) }
+    }
+
+    pub fn command_buffer(&self, gpu: &Gpu) -> CommandBuffer {
+        // SAFETY: recording, of this device's queue family, used by this thread alone.
+        unsafe { CommandBuffer::from_raw(gpu, self.commands) }
+    }
+}
+
+impl Drop for Caller {
+    fn drop(&mut self) {
+        let device = &self.device;
+        // Every submission was waited for; each object is destroyed once, images and buffers before their
+        // memory.
+        // SAFETY: not in use.
+        unsafe { device.destroy_fence(self.fence, None) };
+        // SAFETY: its command buffer is not pending.
+        unsafe { device.destroy_command_pool(self.pool, None) };
+        // SAFETY: not in use.
+        unsafe { device.destroy_buffer(self.buffer, None) };
+        // SAFETY: its buffer is gone.
+        unsafe { device.free_memory(self.buffer_memory, None) };
+        // SAFETY: not in use.
+        unsafe { device.destroy_image_view(self.view, None) };
+        // SAFETY: its view is gone.
+        unsafe { device.destroy_image(self.image, None) };
+        // SAFETY: its image is gone.
+        unsafe { device.free_memory(self.image_memory, None) };
+    }
+}
+
+/// A depth image of the caller, filled from the host.
+pub struct Depth {
+    device: volraster::ash::Device,
+    image: vk::Image,
+    image_memory: vk::DeviceMemory,
+    view: vk::ImageView,
+    buffer: vk::Buffer,
+    buffer_memory: vk::DeviceMemory,
+    format: vk::Format,
+    extent: [u32; 2],
+}
+
+impl Depth {
+    /// What is stored, from 0 to 1, row by row; rounded as the format does. `None` where the device has no such images.
+    pub fn new(gpu: &Gpu, format: vk::Format, extent: [u32; 2], stored: &[f32]) -> Option<Self> {
+        let handles = gpu.handles();
+        let device = handles.device.clone();
+        // SAFETY: the physical device belongs to the instance.
+        let features = unsafe {
+            handles.instance.get_physical_device_format_properties(handles.physical_device, format)
+        };
+        let wanted = vk::FormatFeatureFlags::SAMPLED_IMAGE | vk::FormatFeatureFlags::TRANSFER_DST;
+        if !features.optimal_tiling_features.contains(wanted) {
+            return None;
+        }
+        let bytes: Vec<u8> = match format {
+            vk::Format::D16_UNORM => {
+                stored.iter().flat_map(|s| ((s * 65535.0).round() as u16).to_ne_bytes()).collect()
+            }
+            vk::Format::X8_D24_UNORM_PACK32 | vk::Format::D24_UNORM_S8_UINT => {
+                let fixed = |s: &f32| (f64::from(*s) * 16_777_215.0).round() as u32;
+                stored.iter().flat_map(|s| fixed(s).to_ne_bytes()).collect()
+            }
+            _ => stored.iter().flat_map(|s| s.to_ne_bytes()).collect(),
+        };
+        let size = bytes.len() as u64;
+        let info = vk::ImageCreateInfo::default()
+            .image_type(vk::ImageType::TYPE_2D)
+            .format(format)
+            .extent(vk::Extent3D { width: extent[0], height: extent[1], depth: 1 })
+            .mip_levels(1)
+            .array_layers(1)
+            .samples(vk::SampleCountFlags::TYPE_1)
+            .usage(vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST);
+        // SAFETY: valid description of a small 2D image.
+        let image = unsafe { device.create_image(&info, None) }.unwrap();
+        // SAFETY: just made.
+        let image_memory = allocate(&handles, unsafe { device.get_image_memory_requirements(image) }, false);
+        // SAFETY: fresh image and memory of its size.
+        unsafe { device.bind_image_memory(image, image_memory, 0) }.unwrap();
+        let info = vk::ImageViewCreateInfo::default()
+            .image(image)
+            .view_type(vk::ImageViewType::TYPE_2D)
+            .format(format)
+            .subresource_range(Self::range(vk::ImageAspectFlags::DEPTH));
+        // SAFETY: the image is bound.
+        let view = unsafe { device.create_image_view(&info, None) }.unwrap();
+        let info = vk::BufferCreateInfo::default().size(size).usage(vk::BufferUsageFlags::TRANSFER_SRC);
+        // SAFETY: not empty.
+        let buffer = unsafe { device.create_buffer(&info, None) }.unwrap();
+        // SAFETY: just made.
+        let buffer_memory =
+            allocate(&handles, unsafe { device.get_buffer_memory_requirements(buffer) }, true);
+        // SAFETY: fresh buffer and memory of its size.
+        unsafe { device.bind_buffer_memory(buffer, buffer_memory, 0) }.unwrap();
+        // SAFETY: host-visible, not mapped.
+        let pointer =
+            unsafe { device.map_memory(buffer_memory, 0, size, vk::MemoryMapFlags::empty()) }.unwrap();
+        // SAFETY: mapped for this many bytes; coherent.
+        unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), pointer.cast::<u8>(), bytes.len()) };
+        // SAFETY: mapped above.
+        unsafe { device.unmap_memory(buffer_memory) };
+        Some(Self { device, image, image_memory, view, buffer, buffer_memory, format, extent })
+    }
+
+    fn range(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
+        vk::ImageSubresourceRange::default().aspect_mask(aspect).level_count(1).layer_count(1)
+    }
+
+    /// Records the fill, and leaves the image as the contract of `DepthImage` asks.
+    pub fn fill(&self, commands: vk::CommandBuffer) {
+        self.transition(commands, vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
+        let region = vk::BufferImageCopy {
+            image_subresource: vk::ImageSubresourceLayers {
+                aspect_mask: vk::ImageAspectFlags::DEPTH,
+                layer_count: 1,
+                ..Default::default()
+            },
+            image_extent: vk::Extent3D { width: self.extent[0], height: self.extent[1], depth: 1 },
+            ..Default::default()
+        };
+        let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
+        // SAFETY: recording; the buffer holds the image's depths.
+        unsafe { self.device.cmd_copy_buffer_to_image(commands, self.buffer, self.image, layout, &[region]) };
+        self.transition(commands, layout, vk::ImageLayout::DEPTH_READ_ONLY_OPTIMAL);
+    }
+
+    fn transition(&self, commands: vk::CommandBuffer, old: vk::ImageLayout, new: vk::ImageLayout) {
+        let aspect = match self.format {
+            vk::Format::D24_UNORM_S8_UINT | vk::Format::D32_SFLOAT_S8_UINT => {
+                vk::ImageAspectFlags::DEPTH | vk::ImageAspectFlags::STENCIL
+            }
+            _ => vk::ImageAspectFlags::DEPTH,
+        };
+        let all = vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE;
+        let new = match new {
+            vk::ImageLayout::DEPTH_READ_ONLY_OPTIMAL if aspect.contains(vk::ImageAspectFlags::STENCIL) => {
+                vk::ImageLayout::DEPTH_STENCIL_READ_ONLY_OPTIMAL
+            }
+            new => new,
+        };
+        let barriers = [vk::ImageMemoryBarrier2::default()
+            .src_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+            .src_access_mask(all)
+            .dst_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+            .dst_access_mask(all)
+            .old_layout(old)
+            .new_layout(new)
+            .image(self.image)
+            .subresource_range(Self::range(aspect))];
+        let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
+        // SAFETY: recording, outside of rendering.
+        unsafe { self.device.cmd_pipeline_barrier2(commands, &info) };
+    }
+
+    pub fn image(&self, gpu: &Gpu, projection: DepthProjection) -> DepthImage {
+        // SAFETY: image and view live until the test's end, after every submission; the layout is as asked.
+        let image = unsafe { DepthImage::from_raw(gpu, self.view, self.format, self.extent, projection) };
+        match self.format {
+            vk::Format::D24_UNORM_S8_UINT | vk::Format::D32_SFLOAT_S8_UINT => {
+                image.in_layout(vk::ImageLayout::DEPTH_STENCIL_READ_ONLY_OPTIMAL)
+            }
+            _ => image,
+        }
+    }
+}
+
+impl Drop for Depth {
+    fn drop(&mut self) {
+        let device = &self.device;
+        // Every submission was waited for; each object is destroyed once, before its memory.
+        // SAFETY: not in use.
+        unsafe { device.destroy_image_view(self.view, None) };
+        // SAFETY: its view is gone.
+        unsafe { device.destroy_image(self.image, None) };
+        // SAFETY: its image is gone.
+        unsafe { device.free_memory(self.image_memory, None) };
+        // SAFETY: not in use.
+        unsafe { device.destroy_buffer(self.buffer, None) };
+        // SAFETY: its buffer is gone.
+        unsafe { device.free_memory(self.buffer_memory, None) };
+    }
+}
