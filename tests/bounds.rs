@@ -19,7 +19,7 @@ use volraster::ash::vk;
 use volraster::gpu::{DepthProjection, Gpu};
 use volraster::measure::ImageErrors;
 use volraster::reference::{self, ReferenceImage};
-use volraster::scene::{Clip, Field, KernelSize, Kernels, Points, Scene, TransferFunction, View};
+use volraster::scene::{Clip, Field, KernelSize, Points, Scene, TransferFunction, View};
 use volraster::technique::{GpuScene, Renderer, TargetDesc, TargetMode};
 
 /// What a view's clipping leaves of a pixel's ray, up to a depth along the view.
@@ -161,4 +161,273 @@ fn clipped_matter_has_its_length() {
             }
         }
     }
+}
+
+/// Scenes with the specs that draw them exactly enough, and the bound of the root-mean-square error.
+fn scenes(gpu: &Gpu) -> Vec<(&'static str, Scene, Vec<(String, f64)>)> {
+    let transfer = |rows: &[[f64; 5]]| TransferFunction::from_rows(rows).unwrap();
+    let mut all = Vec::new();
+    let grid = scene(Field::Blobs, 24, "f32", &FOG);
+    let of_grid = specs(gpu)
+        .into_iter()
+        .filter(|spec| by_pixel(spec))
+        .map(|spec| match spec.as_str() {
+            sheets if sheets.starts_with("splat") => (format!("{sheets},step=0.25"), 2e-4),
+            other => (format!("{},filter=exact", with_option(other, "step", "0.25")), 2e-4),
+        })
+        .collect();
+    all.push(("grid", grid, of_grid));
+    let mesh = Scene::new(Field::Blobs.tets(7).unwrap(), transfer(&FOG));
+    let of_mesh = [
+        "havs:integrator=exact",
+        "havs:integrator=exact,order=back-to-front",
+        "havs:integrator=exact,route=implementation-ordered",
+        "abuffer:integrator=exact",
+        "abuffer:integrator=exact,order=back-to-front",
+        "projected-tets:integrator=exact",
+        "projected-tets:integrator=exact,route=raster",
+        "projected-tets:integrator=exact,plane=space",
+    ];
+    let offered = |spec: &&&str| {
+        !spec.contains("implementation") || gpu.has(volraster::gpu::OptionalFeature::OrderedStores)
+    };
+    let of_mesh = of_mesh.iter().filter(offered);
+    let of_mesh =
+        of_mesh.map(|spec| (spec.to_string(), if spec.contains("space") { 5e-6 } else { 1e-6 })).collect();
+    all.push(("mesh", mesh.clone(), of_mesh));
+    let cells = {
+        let tets = mesh.mesh().unwrap();
+        let scalars = (0..tets.cells().len()).map(|i| (i % 10) as f32 * 0.1).collect();
+        tets.clone().with_scalars(volraster::scene::TetScalars::Cell(scalars)).unwrap()
+    };
+    let of_cells = ["havs:integrator=exact", "abuffer:integrator=exact", "projected-tets:integrator=exact"];
+    all.push((
+        "cells",
+        Scene::new(cells, transfer(&FOG)),
+        of_cells.iter().map(|spec| (spec.to_string(), 1e-6)).collect(),
+    ));
+    let points: Vec<DVec3> = (0..120)
+        .map(|i| {
+            let at = |k: f64| ((f64::from(i) * k).fract() - 0.5) * 1.8;
+            DVec3::new(at(0.754_877), at(0.569_840), at(0.362_437))
+        })
+        .collect();
+    let scalars: Vec<f32> = (0..120).map(|i| (i % 11) as f32 / 10.0).collect();
+    let points = Points::new(points)
+        .unwrap()
+        .with_scalars(scalars)
+        .unwrap()
+        .with_size(KernelSize::Radius(0.45))
+        .unwrap();
+    /// That of the same view, uncut.
+    const OWN: f64 = 0.0;
+    let of_points = [
+        ("splat-sheets:sheets=image,step=0.05", 3e-5),
+        ("splat-sheets:sheets=axis", OWN),
+        ("splat-ewa:footprint=exact", OWN),
+        ("splat-ewa:footprint=exact,order=window", OWN),
+        ("splat-ewa:footprint=exact,order=slabs,step=0.05", 3e-5),
+        ("splat-ewa:footprint=ewa", OWN),
+        ("splat-ewa:footprint=ewa,order=window", OWN),
+    ];
+    all.push((
+        "points",
+        Scene::new(points, transfer(&FOG)),
+        of_points.iter().map(|&(spec, bound)| (spec.to_string(), bound)).collect(),
+    ));
+    all
+}
+
+/// What is clipped and what lies behind a depth image is not drawn, and what passes through is cut there: every technique
+/// is as near to the reference as it is without.
+#[test]
+fn every_technique_is_cut_where_the_reference_is() {
+    let gpu = gpu();
+    for (name, scene, specs) in scenes(&gpu) {
+        let on_device = GpuScene::new(&gpu, scene.clone());
+        for (i, plain) in views().into_iter().enumerate() {
+            let [width, height] = plain.extent();
+            let perspective = plain.is_perspective();
+            let at = |i: u32| DVec2::new(f64::from(i % width) + 0.5, f64::from(i / width) + 0.5);
+            let ends = if perspective { [f64::INFINITY, 0.03] } else { [0.5, 9.0] };
+            let (values, depths): (Vec<f32>, Vec<f64>) =
+                (0..width * height).map(|i| stored(ends, perspective, None, wall(&plain, at(i)))).unzip();
+            let projection = if perspective {
+                DepthProjection::perspective(ends[0], ends[1])
+            } else {
+                DepthProjection::orthographic(ends[0], ends[1])
+            }
+            .unwrap();
+            let image = Depth::new(&gpu, vk::Format::D32_SFLOAT, [width, height], &values).unwrap();
+            let depth_of = |p: DVec2| depths[p.y as usize * width as usize + p.x as usize];
+            let nothing = |_: DVec2| f64::INFINITY;
+            let clipped = plain.with_clip(clip());
+            let cases: [(&str, View, bool); 3] =
+                [("clip", clipped, false), ("depth", plain, true), ("both", clipped, true)];
+            let whole = truth_before(&scene, &plain, &nothing);
+            // What blends whole splats has an error of its own, that of the same view with nothing cut.
+            let usual = |spec: &str, bound: f64| {
+                if bound > 0.0 {
+                    return bound;
+                }
+                let drawn = draw_on(&on_device, &plain, spec);
+                1.5 * ImageErrors::between_f64(&drawn, &whole).unwrap().all.rmse
+            };
+            let specs: Vec<_> = specs.iter().map(|(spec, bound)| (spec, usual(spec, *bound))).collect();
+            for (case, view, with_depth) in cases {
+                let truth = if with_depth {
+                    truth_before(&scene, &view, &depth_of)
+                } else {
+                    truth_before(&scene, &view, &nothing)
+                };
+                for (spec, bound) in &specs {
+                    let given = with_depth.then(|| (&image, projection));
+                    let drawn = draw_before(&gpu, &on_device, &view, spec, given);
+                    let errors = ImageErrors::between_f64(&drawn, &truth).unwrap();
+                    println!(
+                        "{name} view {i} {case} {spec}: rmse {:.1e} of {bound:.1e}, worst {:.1e}",
+                        errors.all.rmse, errors.all.max_abs
+                    );
+                    assert!(
+                        errors.all.rmse < *bound,
+                        "{name} view {i} {case} {spec}: {:.1e}",
+                        errors.all.rmse
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// Every format and every way to store depth: near plane first, reversed, without a far end, parallel. What is left of
+/// homogeneous matter before the wall has its length.
+#[test]
+fn depth_is_read_as_it_was_stored() {
+    let gpu = gpu();
+    let rows = [[0.0, 0.2, 0.5, 0.9, 0.7], [1.0, 0.2, 0.5, 0.9, 0.7]];
+    let grid = GpuScene::new(&gpu, scene(Field::Homogeneous(0.5), 12, "f32", &rows));
+    let formats = [
+        (vk::Format::D32_SFLOAT, None),
+        (vk::Format::D16_UNORM, Some(16)),
+        (vk::Format::X8_D24_UNORM_PACK32, Some(24)),
+        (vk::Format::D24_UNORM_S8_UINT, Some(24)),
+    ];
+    let infinity = f64::INFINITY;
+    let perspectives = [[0.5, 12.0], [12.0, 0.5], [0.5, infinity], [infinity, 0.5], [infinity, 0.001]];
+    let mut seen = 0;
+    for (ends, plain) in perspectives
+        .map(|ends| (ends, view(perspective(), 1.0, 40, 30)))
+        .into_iter()
+        .chain([[-1.0, 12.0], [12.0, 0.0]].map(|ends| (ends, view(orthographic(), 1.0, 40, 30))))
+    {
+        let perspective = plain.is_perspective();
+        let projection = if perspective {
+            DepthProjection::perspective(ends[0], ends[1])
+        } else {
+            DepthProjection::orthographic(ends[0], ends[1])
+        }
+        .unwrap();
+        let at = |i: u32| DVec2::new(f64::from(i % 40) + 0.5, f64::from(i / 40) + 0.5);
+        for (format, bits) in formats {
+            let (values, depths): (Vec<f32>, Vec<f64>) =
+                (0..1200).map(|i| stored(ends, perspective, bits, wall(&plain, at(i)))).unzip();
+            let Some(image) = Depth::new(&gpu, format, [40, 30], &values) else {
+                println!("skipped: {format:?}: the device does not sample it");
+                continue;
+            };
+            seen += 1;
+            let drawn = draw_before(&gpu, &grid, &plain, "slices-3d", Some((&image, projection)));
+            for (i, alpha) in drawn.pixels().iter().map(|p| f64::from(p[3])).enumerate() {
+                let pixel = at(i as u32);
+                let (mut range, origin, direction) = range_of(&plain, pixel, depths[i]);
+                for axis in 0..3 {
+                    let (a, b) =
+                        ((-1.0 - origin[axis]) / direction[axis], (1.0 - origin[axis]) / direction[axis]);
+                    range = [range[0].max(a.min(b)), range[1].min(a.max(b))];
+                }
+                if on_outline(&plain, pixel) {
+                    continue;
+                }
+                let want = -(-0.7 * (range[1] - range[0]).max(0.0)).exp_m1();
+                // Of distances z float32 knows the inverse to 3 / 2^24 of that of the near plane, and what is stored so close: depth to
+                // z^2 over the near plane's distance times as much.
+                let near = ends[0].min(ends[1]).abs().max(0.5);
+                let depth = plain.camera().eye.length() + 1.0;
+                let lost = if ends.contains(&infinity) && ends[0] == infinity {
+                    depth
+                } else {
+                    depth * depth / near
+                };
+                let bound = 4e-6 + 0.7 * 3.0 * lost / 16_777_216.0 * 2.0;
+                let what = format!("{format:?} {ends:?} {pixel}: {alpha} is not {want}");
+                assert!((alpha - want).abs() < bound, "{what}: {:.1e} of {bound:.1e}", alpha - want);
+            }
+        }
+    }
+    assert!(seen >= 14, "{seen} formats of depth");
+}
+
+/// What does not fit the view is refused, and so is a plan with a depth image that gets none.
+#[test]
+fn depth_images_that_do_not_fit_are_refused() {
+    let gpu = gpu();
+    let grid = GpuScene::new(&gpu, scene(Field::Blobs, 8, "f32", &FOG));
+    let plain = view(perspective(), 1.0, 40, 30);
+    let format = vk::Format::R8G8B8A8_UNORM;
+    let caller = Caller::new(&gpu, format, [40, 30], 4);
+    let target = TargetDesc::caller(format, TargetMode::Over).with_depth();
+    let mut plan = Renderer::new(&grid, technique("slices-3d")).prepare(&plain, &target).unwrap();
+    let right = Depth::new(&gpu, vk::Format::D32_SFLOAT, [40, 30], &[0.5; 1200]).unwrap();
+    let small = Depth::new(&gpu, vk::Format::D32_SFLOAT, [40, 29], &[0.5; 1160]).unwrap();
+    let projection = DepthProjection::perspective(0.1, 9.0).unwrap();
+    let parallel = DepthProjection::orthographic(0.1, 9.0).unwrap();
+    let of = |fov: f64, aspect: f64| {
+        DepthProjection::from_matrix(&glam::dcamera::rh::proj::vulkan::perspective_infinite_reverse(
+            fov, aspect, 0.1,
+        ))
+        .unwrap()
+    };
+    let fov = 42_f64.to_radians();
+    caller.begin([0.0; 4]);
+    let mut commands = caller.command_buffer(&gpu);
+    let mut refuse = |depth: Option<volraster::gpu::DepthImage>, part: &str| {
+        let why =
+            plan.record(&mut commands, Some(&caller.target(&gpu)), depth.as_ref()).unwrap_err().to_string();
+        assert!(why.contains(part), "{why}");
+    };
+    refuse(None, "none is given");
+    refuse(Some(small.image(&gpu, projection)), "[40, 30]");
+    refuse(Some(right.image(&gpu, parallel)), "orthographic");
+    refuse(Some(right.image(&gpu, of(fov, 1.0))), "scales");
+    refuse(Some(right.image(&gpu, of(fov * 1.01, 4.0 / 3.0))), "scales");
+    right.fill(caller.commands);
+    let depth = right.image(&gpu, of(fov, 4.0 / 3.0));
+    let recorded = plan.record(&mut commands, Some(&caller.target(&gpu)), Some(&depth)).unwrap();
+    let _ = caller.end(&gpu);
+    assert!(recorded.completed().unwrap().complete);
+}
+
+/// Clipping comes and goes with views; a plan that has none says that it must be prepared anew.
+#[test]
+fn plans_turn_between_clipped_views() {
+    let gpu = gpu();
+    let grid = GpuScene::new(&gpu, scene(Field::Blobs, 16, "f32", &FOG));
+    let plain = view(perspective(), 1.0, 40, 30);
+    let clipped = plain.with_clip(clip());
+    let renderer = Renderer::new(&grid, technique("slabs"));
+    let mut plan = renderer.prepare(&plain, &TargetDesc::own()).unwrap();
+    assert!(plan.set_view(&view(perspective(), 0.9, 40, 30)).unwrap());
+    assert!(!plan.set_view(&clipped).unwrap());
+    let mut frames = renderer.frames(&plain).unwrap();
+    let mut draw = |view: &View| {
+        frames.draw(view).unwrap();
+        frames.read_back().unwrap()
+    };
+    let [a, b, c] = [&plain, &clipped, &plain].map(|view| draw(view));
+    assert_eq!(a.pixels(), c.pixels());
+    assert_ne!(a.pixels(), b.pixels());
+    assert_eq!(b.pixels(), renderer.render(&clipped).unwrap().pixels());
+    let far = Clip::none().with_plane(DVec3::splat(1e300), DVec3::X).unwrap();
+    let why = renderer.render(&plain.with_clip(far)).unwrap_err().to_string();
+    assert!(why.contains("clip plane"), "{why}");
 }

@@ -8,7 +8,7 @@ mod common;
 use common::caller::Caller;
 use common::*;
 use volraster::ash::vk;
-use volraster::gpu::{DepthImage, DepthProjection, GpuOptions};
+use volraster::gpu::{DepthImage, DepthProjection, Gpu, GpuOptions};
 use volraster::scene::{Field, Scene, TransferFunction, View};
 use volraster::technique::{GpuScene, Renderer, TargetDesc, TargetMode, Technique};
 

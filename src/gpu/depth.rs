@@ -52,7 +52,7 @@ impl DepthProjection {
     }
 
     /// Of a matrix from view coordinates (x to the right, looking along -z or, in perspective, +z) to clip coordinates
-    /// with depths from 0 to 1, such as [`glam::DMat4::perspective_infinite_reverse_rh`] makes. Its x and y must be those of the view that
+    /// with depths from 0 to 1, such as [`glam::dcamera::rh::proj::vulkan::perspective_infinite_reverse`] makes. Its x and y must be those of the view that
     /// is drawn, which is checked then; y may point up or down.
     ///
     /// # Errors
@@ -145,19 +145,20 @@ impl DepthImage {
 mod tests {
     use super::*;
     use glam::DVec3;
+    use glam::dcamera::rh::proj::vulkan;
 
     /// What a matrix stores at a depth is what the two ends say.
     #[test]
     fn matrices_tell_their_ends() {
         let (near, far) = (0.1, 50.0);
         let cases = [
-            (DMat4::perspective_rh(0.7, 1.5, near, far), near, far),
-            (DMat4::perspective_lh(0.7, 1.5, near, far), near, far),
-            (DMat4::perspective_rh(0.7, 1.5, far, near), far, near),
-            (DMat4::perspective_infinite_rh(0.7, 1.5, near), near, f64::INFINITY),
-            (DMat4::perspective_infinite_reverse_rh(0.7, 1.5, near), f64::INFINITY, near),
-            (DMat4::orthographic_rh(-1.5, 1.5, -1.0, 1.0, -3.0, 7.0), -3.0, 7.0),
-            (DMat4::orthographic_rh(-1.5, 1.5, -1.0, 1.0, 7.0, -3.0), 7.0, -3.0),
+            (vulkan::perspective(0.7, 1.5, near, far), near, far),
+            (glam::dcamera::lh::proj::directx::perspective(0.7, 1.5, near, far), near, far),
+            (vulkan::perspective(0.7, 1.5, far, near), far, near),
+            (vulkan::perspective_infinite(0.7, 1.5, near), near, f64::INFINITY),
+            (vulkan::perspective_infinite_reverse(0.7, 1.5, near), f64::INFINITY, near),
+            (vulkan::orthographic(-1.5, 1.5, -1.0, 1.0, -3.0, 7.0), -3.0, 7.0),
+            (vulkan::orthographic(-1.5, 1.5, -1.0, 1.0, 7.0, -3.0), 7.0, -3.0),
         ];
         for (matrix, at_zero, at_one) in cases {
             let got = DepthProjection::from_matrix(&matrix).unwrap();
@@ -183,9 +184,9 @@ mod tests {
         assert!(why(DepthProjection::perspective(f64::NAN, 1.0)).contains("positive"));
         assert!(why(DepthProjection::orthographic(1.0, f64::INFINITY)).contains("finite"));
         assert!(why(DepthProjection::from_matrix(&DMat4::ZERO)).contains("centre"));
-        let mut oblique = DMat4::perspective_rh(0.7, 1.0, 0.1, 9.0);
+        let mut oblique = vulkan::perspective(0.7, 1.0, 0.1, 9.0);
         oblique.x_axis.z = 0.2;
         assert!(why(DepthProjection::from_matrix(&oblique)).contains("oblique"));
-        assert!(why(DepthProjection::from_matrix(&DMat4::IDENTITY.mul_scalar(f64::NAN))).contains("finite"));
+        assert!(why(DepthProjection::from_matrix(&(DMat4::IDENTITY * f64::NAN))).contains("finite"));
     }
 }

@@ -280,7 +280,11 @@ impl Depth {
             .mip_levels(1)
             .array_layers(1)
             .samples(vk::SampleCountFlags::TYPE_1)
-            .usage(vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST);
+            .usage(
+                vk::ImageUsageFlags::SAMPLED
+                    | vk::ImageUsageFlags::TRANSFER_DST
+                    | vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
+            );
         // SAFETY: valid description of a small 2D image.
         let image = unsafe { device.create_image(&info, None) }.unwrap();
         // SAFETY: just made.
