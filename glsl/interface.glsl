@@ -45,6 +45,8 @@
 
 #define BINDING_LINE_BOUNDS 49  // storage block: the depths between which each pixel's line is drawn
 #define BINDING_DEPTH 50        // sampler2D: depths of opaque surfaces, as a projection stores them
+#define BINDING_TEXEL_BOUNDS 51 // storage block: the same for each texel of base planes, along the stack
+#define BINDING_EDGES 52        // storage block: the texel that each pixel lies at, and its bounds where it is marched by itself
 
 #define BINDING_SCAN_WORDS 13   // storage block: words to be replaced by their prefix sums
 #define BINDING_SCAN_SUMS 14    // storage block: sums of chunks of them, 64 bits each
@@ -176,6 +178,8 @@
 
 #define OUTLINE_VERTICES 6 // of the triangles that a cell's outline is cut into
 #define FAN_VERTICES 12    // of the triangles around a cell's thick vertex
+
+#define EDGE_NONE 1000000000 // in place of bounds: the warp's pixel stands
 
 #define MOST_TURNS 60000 // of a loop, that every device makes
 #define LIST_WINDOW 900  // primitives of a tile in one dispatch: a turn for each pixel of the tile at most

@@ -4,7 +4,7 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = SPEC_RESUME) const bool RESUME = false;
 
-#ifdef BASE_PLANE
+#if defined(BASE_PLANE) && !defined(EDGE)
 layout(set = 0, binding = BINDING_INTERMEDIATE, std430) buffer Intermediate {
     vec4 intermediate[];
 };
@@ -24,7 +24,11 @@ void keep(ivec2 texel, vec4 sum) {
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
 
 bool in_image(ivec2 pixel) {
+#ifdef EDGE
+    return all(lessThan(pixel, imageSize(accumulation)));
+#else
     return all(lessThan(pixel, ivec2(2.0 * push.half_extent + 0.5)));
+#endif
 }
 
 vec4 kept(ivec2 pixel) {

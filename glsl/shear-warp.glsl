@@ -1,4 +1,5 @@
 // entry compute  COMPUTE
+// entry compute  EDGE
 // entry vertex   VERTEX
 // entry fragment FRAGMENT
 //
@@ -11,6 +12,7 @@
 // transfer function integrated between them.
 //
 //   COMPUTE   one invocation owns a texel and walks its slabs front to back in registers
+//   EDGE      one invocation owns a pixel, and does so where the warp cannot tell it from texels (shear-bounds.glsl)
 //   VERTEX    one instance a slab: the rectangle of its sheared and scaled outline
 //   FRAGMENT  one slab of one texel, blended by fixed function
 //
@@ -81,6 +83,20 @@ float stored_at(Ray ray, float z, Lattice lattice) {
 
 #include "faces.glsl"
 
+layout(constant_id = SPEC_BOUNDED) const bool BOUNDED = false;
+
+#ifndef VERTEX
+#ifndef EDGE
+layout(set = 0, binding = BINDING_TEXEL_BOUNDS, std430) readonly buffer TexelBounds { vec2 texel_bounds[]; };
+#endif
+
+// What of the domain lies on the ray, between bounds.
+vec2 between_bounds(Ray ray, vec2 bounds) {
+    vec2 interval = domain_of(ray);
+    return vec2(max(interval.x, bounds.x), min(interval.y, bounds.y));
+}
+#endif
+
 #ifdef VERTEX
 layout(location = 0) flat out uint slab_out;
 
@@ -124,7 +140,9 @@ void main() {
     load_segments();
     Lattice lattice = load_lattice();
     Ray ray = ray_of(floor(gl_FragCoord.xy) - vec2(0.0, float(push.offset)));
-    vec2 piece = slab_piece(float(slab_in), push.z0, push.h, domain_of(ray));
+    vec2 interval = domain_of(ray);
+    if (BOUNDED) interval = between_bounds(ray, texel_bounds[uint(gl_FragCoord.y) * push.atlas.x + uint(gl_FragCoord.x)]);
+    vec2 piece = slab_piece(float(slab_in), push.z0, push.h, interval);
     vec4 emission = vec4(0.0);
     if (INTEGRATOR == INTEGRATOR_MIDPOINT) {
         emission = slab_emission(ray, piece, float(slab_in), push.z0, push.h, load_slices(), lattice, push.knots);
@@ -136,14 +154,26 @@ void main() {
 }
 #endif
 
-#ifdef COMPUTE
+#if defined(COMPUTE) || defined(EDGE)
 #include "march.glsl"
+
+#ifdef EDGE
+layout(set = 0, binding = BINDING_EDGES, std430) readonly buffer Edges { vec4 edges[]; };
+#endif
 
 void main() {
     ivec2 texel = ivec2(gl_GlobalInvocationID.xy);
     if (!in_image(texel)) return;
+#ifdef EDGE
+    vec4 edge = edges[uint(texel.y) * uint(imageSize(accumulation).x) + uint(texel.x)];
+    if (edge.z == float(EDGE_NONE)) return;
+    Ray ray = ray_of(edge.xy);
+    vec2 interval = between_bounds(ray, edge.zw);
+#else
     Ray ray = ray_of(vec2(texel));
     vec2 interval = domain_of(ray);
+    if (BOUNDED) interval = between_bounds(ray, texel_bounds[push.offset + uint(texel.y) * push.size.x + uint(texel.x)]);
+#endif
 
     // Read once, before the loop: drivers do not take these loads out of it.
     Lattice lattice = load_lattice();

@@ -1,4 +1,5 @@
 // entry compute  COMPUTE
+// entry compute  BOUNDED
 // entry vertex   VERTEX
 // entry fragment FRAGMENT
 // entry compute  HALVE
@@ -7,6 +8,7 @@
 // A pixel shows the base plane whose slices its line crosses most steeply.
 //
 //   COMPUTE   one invocation owns a pixel
+//   BOUNDED   the same, and says at which texel each pixel lies (shear-bounds.glsl)
 //   FRAGMENT  the same, as one quad
 //   HALVE     one invocation owns a texel of a level of half the size: the mean of four
 //
@@ -99,9 +101,10 @@ Level halved(Level level) {
     return Level(size - 1, level.below, size.x, level.below + size.x * size.y);
 }
 
-// Whether a pixel is this plane's, and what it shows of it.
-bool shown(vec2 pixel, out vec4 colour) {
+// Whether a pixel is this plane's, what it shows of it, and the texel that it lies at.
+bool shown(vec2 pixel, out vec4 colour, out vec2 at) {
     colour = vec4(0.0);
+    at = vec2(-3e38);
     vec3 p = vec3(pixel, 1.0);
     if (push.flags != 0u) {
         precise float ahead = push.ahead.x * p.x + push.ahead.y * p.y + push.ahead.z;
@@ -116,42 +119,50 @@ bool shown(vec2 pixel, out vec4 colour) {
     }
     float w = dot(push.to_w.xyz, p);
     if (!(w > 0.0)) return push.flags == 0u;
-    vec2 at = vec2(dot(push.to_x.xyz, p), dot(push.to_y.xyz, p)) / w;
+    vec2 place = vec2(dot(push.to_x.xyz, p), dot(push.to_y.xyz, p)) / w;
     Level level = Level(ivec2(push.size) - 1, int(push.offset), int(push.stride), floatBitsToInt(push.to_w.w));
     // Around the texels there is nothing; so there is in the outermost.
-    if (any(lessThan(at, vec2(-1.0))) || any(greaterThan(at, vec2(push.size)))) return true;
+    if (any(lessThan(place, vec2(-1.0))) || any(greaterThan(place, vec2(push.size)))) return true;
+    at = place;
     if (WARP == WARP_BICUBIC) {
-        colour = bicubic(at, level);
+        colour = bicubic(place, level);
     } else if (WARP == WARP_MIP) {
         // How far a step of a pixel goes.
-        vec2 dx = (vec2(push.to_x.x, push.to_y.x) - at * push.to_w.x) / w;
-        vec2 dy = (vec2(push.to_x.y, push.to_y.y) - at * push.to_w.y) / w;
+        vec2 dx = (vec2(push.to_x.x, push.to_y.x) - place * push.to_w.x) / w;
+        vec2 dy = (vec2(push.to_x.y, push.to_y.y) - place * push.to_w.y) / w;
         // A level's texel is a mean, interpolated: of variance 1/4, where a pixel's area has 1/12.
         float step = max(dot(dx, dx), dot(dy, dy)) / 3.0;
         float wanted = clamp(0.5 * log2(max(step, 1e-30)), 0.0, float(push.levels - 1u));
         float share = wanted - floor(wanted);
         for (int i = 0; i < int(wanted); ++i) {
             level = halved(level);
-            at = 0.5 * at - 0.25;
+            place = 0.5 * place - 0.25;
         }
-        colour = bilinear(at, level);
-        if (share > 0.0) colour = mix(colour, bilinear(0.5 * at - 0.25, halved(level)), share);
+        colour = bilinear(place, level);
+        if (share > 0.0) colour = mix(colour, bilinear(0.5 * place - 0.25, halved(level)), share);
     } else {
-        colour = bilinear(at, level);
+        colour = bilinear(place, level);
     }
     return true;
 }
 #endif
 
-#ifdef COMPUTE
+#if defined(COMPUTE) || defined(BOUNDED)
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
+#ifdef BOUNDED
+layout(set = 0, binding = BINDING_EDGES, std430) writeonly buffer Edges { vec4 edges[]; };
+#endif
 
 void main() {
-    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
-    if (any(greaterThanEqual(pixel, ivec2(2.0 * push.half_extent + 0.5)))) return;
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy), extent = ivec2(2.0 * push.half_extent + 0.5);
+    if (any(greaterThanEqual(pixel, extent))) return;
     vec4 colour;
-    bool own = shown(vec2(pixel) + 0.5 - push.half_extent, colour);
+    vec2 at;
+    bool own = shown(vec2(pixel) + 0.5 - push.half_extent, colour, at);
+#ifdef BOUNDED
+    edges[pixel.y * extent.x + pixel.x] = vec4(own ? at : vec2(-3e38), vec2(float(EDGE_NONE)));
+#endif
     // The first plane clears what is not its own.
     if (own || (push.flags & 2u) == 0u) imageStore(accumulation, pixel, colour);
 }
@@ -168,7 +179,8 @@ layout(location = 0) out vec4 colour_out;
 
 void main() {
     vec4 colour;
-    if (!shown(gl_FragCoord.xy - push.half_extent, colour)) discard;
+    vec2 at;
+    if (!shown(gl_FragCoord.xy - push.half_extent, colour, at)) discard;
     colour_out = colour;
 }
 #endif

@@ -244,3 +244,22 @@ pub(crate) struct BoundsPush {
     pub(crate) centre: f32,
     pub(crate) count: u32,
 }
+
+/// Push constants of `shear-bounds.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct ShearBoundsPush {
+    pub(crate) q0_step: [f32; 4],
+    pub(crate) d0_step: [f32; 4],
+    pub(crate) ahead_sign: [f32; 4],
+    pub(crate) to_x: [f32; 4],
+    pub(crate) to_y: [f32; 4],
+    pub(crate) to_w: [f32; 4],
+    pub(crate) size: [u32; 2],
+    pub(crate) offset: u32,
+    pub(crate) stride: u32,
+    pub(crate) tolerance: f32,
+    pub(crate) pad0: f32,
+    pub(crate) pad1: f32,
+    pub(crate) pad2: f32,
+}

@@ -68,6 +68,7 @@ mod ranks;
 pub mod raycast;
 
 mod scan;
+mod shear_bounds;
 mod shear_frame;
 pub mod shear_warp;
 pub mod slabs;

@@ -11,23 +11,25 @@ use super::grid_options::{EmptySpace, Filter, Integrator, Order, Route};
 use super::line_bounds::DepthMeasure;
 use super::options::Choice;
 use super::passes::buffer;
+use super::shear_bounds::{ShearBounds, bounds_push};
 use super::shear_warp::{NAME, Options, Warp};
 use super::slices_2d::Stacks;
 use super::{Canvas, Prepared};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
-    BINDING_ACCUMULATION, BINDING_BRICKS, BINDING_INTERMEDIATE, BINDING_KNOTS, BINDING_KNOTS_UNIFORM,
-    BINDING_TABLE, BINDING_TABLE_HEAD, BINDING_VOLUME, SHEAR_WARP_COMPUTE, SHEAR_WARP_FRAGMENT,
-    SHEAR_WARP_VERTEX, SPEC_BETWEEN, SPEC_EMPTY_SPACE, SPEC_EVERY, SPEC_FILTER_EXACT, SPEC_HAS_NAN,
-    SPEC_INTEGRATOR, SPEC_KNOT_WALK, SPEC_RESUME, SPEC_TABLE_FILTER, SPEC_WARP, WARP_BICUBIC, WARP_BILINEAR,
-    WARP_COMPUTE, WARP_FRAGMENT, WARP_HALVE, WARP_MIP, WARP_VERTEX,
+    BINDING_ACCUMULATION, BINDING_BRICKS, BINDING_EDGES, BINDING_INTERMEDIATE, BINDING_KNOTS,
+    BINDING_KNOTS_UNIFORM, BINDING_TABLE, BINDING_TABLE_HEAD, BINDING_TEXEL_BOUNDS, BINDING_VOLUME,
+    SHEAR_WARP_COMPUTE, SHEAR_WARP_EDGE, SHEAR_WARP_FRAGMENT, SHEAR_WARP_VERTEX, SPEC_BETWEEN,
+    SPEC_EMPTY_SPACE, SPEC_EVERY, SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_INTEGRATOR, SPEC_KNOT_WALK,
+    SPEC_RESUME, SPEC_TABLE_FILTER, SPEC_WARP, WARP_BICUBIC, WARP_BILINEAR, WARP_BOUNDED, WARP_COMPUTE,
+    WARP_FRAGMENT, WARP_HALVE, WARP_MIP, WARP_VERTEX,
 };
 use crate::gpu::sync::Use;
 use crate::gpu::{
     Attachment, Blend, Buffer, ComputeDesc, Descriptors, Gpu, GraphicsDesc, Image, ImageDesc, Pipeline,
     Recorder, Resource, SpecConstant, TargetImage,
 };
-use crate::interface::{BasePlanePush, WarpPush};
+use crate::interface::{BasePlanePush, ShearBoundsPush, WarpPush};
 use crate::num::{self, f32_of};
 use crate::scene::{Grid, View};
 
@@ -64,6 +66,7 @@ struct Face {
     stack: usize,
     push: BasePlanePush,
     slabs: u32,
+    bounds: ShearBoundsPush,
     warp: WarpPush,
     /// Levels of the intermediate image below the first.
     halves: Vec<WarpPush>,
@@ -92,6 +95,8 @@ pub(super) struct ShearFrame {
     table: Arc<Image>,
     stacks: Vec<Stack>,
     path: Path,
+    /// Where lines are bounded.
+    bounded: Option<(ShearBounds, EdgeMarch)>,
     /// Texels of the intermediate image, the levels of each base plane one after the other.
     intermediate: Arc<Buffer>,
     image: Option<Arc<Image>>,
@@ -119,6 +124,16 @@ enum Path {
     },
 }
 
+/// The march of pixels that the warp cannot tell.
+#[derive(Debug)]
+struct EdgeMarch {
+    first: Arc<Pipeline>,
+    resume: Arc<Pipeline>,
+    /// For each stack.
+    descriptors: Vec<Arc<Descriptors>>,
+    slabs_per_dispatch: u32,
+}
+
 impl Path {
     /// Dispatches or draws for slabs.
     fn parts(&self, slabs: u32) -> u32 {
@@ -126,6 +141,45 @@ impl Path {
             Self::Compute { slabs_per_dispatch, .. } => slabs.div_ceil(*slabs_per_dispatch).max(1),
             Self::Raster { .. } => 1,
         }
+    }
+}
+
+impl EdgeMarch {
+    fn new(
+        gpu: &Gpu,
+        bounds: &ShearBounds,
+        image: &Arc<Image>,
+        knots: &Knots,
+        constants: &[SpecConstant],
+        stacks: Vec<Vec<(u32, Resource)>>,
+        slabs_per_dispatch: u32,
+    ) -> Result<Self> {
+        let pipeline = |resume: bool| {
+            let constants: Vec<SpecConstant> = constants
+                .iter()
+                .copied()
+                .chain([(SPEC_RESUME, u32::from(resume)), (SPEC_EMPTY_SPACE, 0)])
+                .collect();
+            let desc = ComputeDesc { shader: &SHEAR_WARP_EDGE, constants: &constants };
+            gpu.compute_pipeline(&format!("{NAME}.edge"), &desc)
+        };
+        let (first, resume) = (pipeline(false)?, pipeline(true)?);
+        let mut descriptors = Vec::new();
+        for mut resources in stacks {
+            resources.retain(|(binding, _)| *binding != BINDING_BRICKS);
+            resources.extend([
+                (BINDING_BRICKS, Resource::Buffer(Arc::clone(&knots.buffer))),
+                (BINDING_EDGES, Resource::ReadOnly(Arc::clone(&bounds.edge_pixels))),
+                (BINDING_ACCUMULATION, Resource::Storage(Arc::clone(image))),
+            ]);
+            descriptors.push(Arc::new(Descriptors::new(gpu, &first, &resources)?));
+        }
+        Ok(Self { first, resume, descriptors, slabs_per_dispatch })
+    }
+
+    /// Dispatches for slabs.
+    fn parts(&self, slabs: u32) -> u32 {
+        slabs.div_ceil(self.slabs_per_dispatch)
     }
 }
 
@@ -208,6 +262,7 @@ impl ShearFrame {
             (SPEC_TABLE_FILTER, u32::from(filters_table)),
             (SPEC_BETWEEN, u32::from(options.between)),
             (SPEC_EVERY, u32::from(options.every > 1)),
+            target.bounded(),
         ];
         let knots_buffer = || Resource::Buffer(Arc::clone(&knots.buffer));
         let table_head =
@@ -233,6 +288,12 @@ impl ShearFrame {
         let room = (atlas_texels + with_room).min(most).max(needed);
         let intermediate = buffer(gpu, &format!("{NAME}.intermediate"), room.saturating_mul(TEXEL / 4))?;
         resources.push((BINDING_INTERMEDIATE, Resource::Buffer(Arc::clone(&intermediate))));
+        let bounds = match &target.bounds {
+            Some(bounds) => Some(ShearBounds::new(gpu, bounds, view, room)?),
+            None => None,
+        };
+        let texel_bounds = bounds.as_ref().map_or(&knots.buffer, |bounds| &bounds.texel_bounds);
+        resources.push((BINDING_TEXEL_BOUNDS, Resource::ReadOnly(Arc::clone(texel_bounds))));
 
         let most_slabs = faces.faces.iter().map(|face| face.slabs).max().unwrap_or(1);
         let (path, pipeline) = if raster {
@@ -285,9 +346,11 @@ impl ShearFrame {
         };
         let filter = if exact { vk::Filter::NEAREST } else { vk::Filter::LINEAR };
         let mut stacks = Vec::new();
+        let mut stack_resources = Vec::new();
         for (axis, volume) in axes.into_iter().zip(volumes) {
             let mut resources = resources.clone();
             resources.push((BINDING_VOLUME, Resource::Sampled(Arc::clone(&volume.image), filter)));
+            stack_resources.push(resources.clone());
             let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
             stacks.push(Stack { axis, volume, descriptors });
         }
@@ -299,7 +362,11 @@ impl ShearFrame {
         };
         let warp_constants = [(SPEC_WARP, code)];
         let mut warp_resources = vec![(BINDING_INTERMEDIATE, Resource::ReadOnly(Arc::clone(&intermediate)))];
-        let (warp, image) = if raster {
+        if let Some(bounds) = &bounds {
+            warp_resources.push((BINDING_EDGES, Resource::Buffer(Arc::clone(&bounds.edge_pixels))));
+        }
+        // Pixels that are marched by themselves are stored by a shader.
+        let (warp, image) = if raster && bounds.is_none() {
             let directly =
                 target.format().filter(|&format| draws_directly(target, format, Order::BackToFront));
             let warp = gpu.graphics_pipeline(
@@ -324,10 +391,22 @@ impl ShearFrame {
         } else {
             let image = own_image(gpu, NAME, FORMAT, vk::ImageUsageFlags::STORAGE, view, target)?;
             warp_resources.push((BINDING_ACCUMULATION, Resource::Storage(Arc::clone(&image))));
-            let desc = ComputeDesc { shader: &WARP_COMPUTE, constants: &warp_constants };
+            let shader = if bounds.is_some() { &WARP_BOUNDED } else { &WARP_COMPUTE };
+            let desc = ComputeDesc { shader, constants: &warp_constants };
             (gpu.compute_pipeline(&format!("{NAME}.warp"), &desc)?, Some(image))
         };
         let warp_descriptors = Arc::new(Descriptors::new(gpu, &warp, &warp_resources)?);
+        let bounded = match (bounds, &image) {
+            (Some(bounds), Some(image)) => {
+                let rays = view.extent().map(u64::from).iter().product();
+                let per_dispatch =
+                    slabs_per_dispatch(gpu, NAME, most_slabs, &knots, segments.as_ref(), grid, rays)?;
+                let march =
+                    EdgeMarch::new(gpu, &bounds, image, &knots, &constants, stack_resources, per_dispatch)?;
+                Some((bounds, march))
+            }
+            _ => None,
+        };
         let halve = if options.warp == Warp::Mip {
             let desc = ComputeDesc { shader: &WARP_HALVE, constants: &[] };
             let pipeline = gpu.compute_pipeline(&format!("{NAME}.halve"), &desc)?;
@@ -345,6 +424,7 @@ impl ShearFrame {
             table: table_texels,
             stacks,
             path,
+            bounded,
             intermediate,
             image,
             halve,
@@ -357,13 +437,20 @@ impl ShearFrame {
         let parts = frame.path.parts(most_slabs.saturating_add(most_slabs / 2));
         let halves = if options.warp == Warp::Mip { 16 } else { 0 };
         let planes = if view.is_perspective() { 6 } else { 1 };
-        frame.passes = frame.needed_passes(&frame.faces).max(planes * (parts + halves + 1) + 1);
+        let beside =
+            frame.bounded.as_ref().map_or(0, |(_, march)| 2 + march.parts(most_slabs + most_slabs / 2));
+        frame.passes = frame.needed_passes(&frame.faces).max(planes * (parts + halves + 1 + beside) + 1);
         Ok(frame)
     }
 
     /// Dispatches and draws, those of the warp among them.
     fn draws(&self, faces: &Faces) -> u32 {
-        let of_face = |face: &Face| self.path.parts(face.slabs) + num::count(face.halves.len()) + 1;
+        let beside = |face: &Face| match &self.bounded {
+            Some((_, march)) => 2 + march.parts(face.slabs),
+            None => 0,
+        };
+        let of_face =
+            |face: &Face| self.path.parts(face.slabs) + num::count(face.halves.len()) + 1 + beside(face);
         faces.faces.iter().map(of_face).sum()
     }
 
@@ -387,6 +474,8 @@ impl Faces {
         raster: bool,
     ) -> Result<Self> {
         let parted = planned.planes.len() > 1;
+        let grid = scene.grid()?;
+        let measure = DepthMeasure::of_grid(grid);
         let axis = match planned.planes.as_slice() {
             [only] => Some(only.axis),
             _ => None,
@@ -429,7 +518,8 @@ impl Faces {
                 }
             }
             warp.levels = num::count(halves.len()) + 1;
-            faces.faces.push(Face { stack, push, slabs, warp, halves });
+            let bounds = bounds_push(grid, &measure, view, plane, &push);
+            faces.faces.push(Face { stack, push, slabs, bounds, warp, halves });
         }
         Ok(faces)
     }
@@ -572,8 +662,8 @@ impl Prepared for ShearFrame {
 
     fn last_use(&self) -> Use {
         match self.path {
-            Path::Raster { .. } => Use::ColorAttachment,
-            Path::Compute { .. } => Use::ComputeReadWrite,
+            Path::Raster { .. } if self.bounded.is_none() => Use::ColorAttachment,
+            _ => Use::ComputeReadWrite,
         }
     }
 
@@ -607,6 +697,11 @@ impl Prepared for ShearFrame {
             recorder.assume_ready(&stack.volume.image);
         }
         recorder.assume_ready(&self.table);
+        if let Some((bounds, _)) = &self.bounded {
+            for face in &self.faces.faces {
+                bounds.record_texels(recorder, &self.placed_bounds(face));
+            }
+        }
         match &self.path {
             Path::Compute { first, resume, slabs_per_dispatch } => {
                 for face in &self.faces.faces {
@@ -672,6 +767,30 @@ impl ShearFrame {
         placed
     }
 
+    /// Bounds of texels lie as the texels themselves.
+    fn placed_bounds(&self, face: &Face) -> ShearBoundsPush {
+        let Path::Raster { atlas, .. } = &self.path else { return face.bounds };
+        let [columns, ..] = atlas.desc().extent;
+        ShearBoundsPush { offset: face.bounds.offset * columns, stride: columns, ..face.bounds }
+    }
+
+    /// After the warp of a base plane: its pixels that are marched by themselves.
+    fn record_edges(&self, recorder: &mut Recorder<'_>, face: &Face, extent: [u32; 2]) {
+        let Some((bounds, march)) = &self.bounded else { return };
+        bounds.record_edges(recorder, &self.placed_bounds(face), extent);
+        let Some(descriptors) = march.descriptors.get(face.stack) else { return };
+        let mut begin = 0;
+        while begin < face.slabs {
+            let count = (face.slabs - begin).min(march.slabs_per_dispatch);
+            let order = face.push.order | if begin + count < face.slabs { MORE } else { 0 };
+            let push = BasePlanePush { first: begin, count, order, ..face.push };
+            let pipeline = if begin > 0 { &march.resume } else { &march.first };
+            let bytes = bytemuck::bytes_of(&push);
+            recorder.dispatch(&format!("{NAME}.edge"), pipeline, descriptors, bytes, groups(extent));
+            begin += count;
+        }
+    }
+
     fn record_warp(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>, clear: bool) {
         if let Some((pipeline, descriptors)) = &self.halve {
             for face in &self.faces.faces {
@@ -703,9 +822,12 @@ impl ShearFrame {
         for (i, push) in pushes.iter().enumerate() {
             let name = format!("{NAME}.warp");
             let bytes = bytemuck::bytes_of(push);
-            if matches!(self.path, Path::Compute { .. }) {
+            if self.bounded.is_some() || matches!(self.path, Path::Compute { .. }) {
                 let groups = groups([width, height]);
                 recorder.dispatch(&name, &self.warp, &self.warp_descriptors, bytes, groups);
+                if let Some(face) = self.faces.faces.get(i) {
+                    self.record_edges(recorder, face, [width, height]);
+                }
                 continue;
             }
             let attachment = match (&self.image, target) {

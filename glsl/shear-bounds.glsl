@@ -1,0 +1,90 @@
+// entry compute TEXELS
+// entry compute EDGES
+//
+// What bounds the lines of a base plane's texels, where clipping or surfaces bound those of pixels (line-bounds.glsl).
+//
+//   TEXELS  one invocation a texel: depths along the stack, from those of the four pixels around
+//   EDGES   one invocation a pixel, after the warp: whether what its four texels were cut at is, interpolated, where its own line is
+//           cut. Where it is not, as at outlines, the pixel's line is marched by itself (shear-warp.glsl)
+//
+//   in    bounds of pixels; texels that pixels lie at (warp.glsl)
+//   out   bounds of texels; bounds of the pixels that are to be marched
+#version 460
+#extension GL_GOOGLE_include_directive : require
+
+#include "interface.glsl"
+
+layout(push_constant, std430) uniform ShearBoundsPush {
+    vec4 q0_step;    // lines of texels, as in base-plane.glsl
+    vec4 d0_step;
+    vec4 ahead_sign; // change of the view's depth with each index; the way of z along the stack
+    vec4 to_x;       // from (x, y, 1), texels, to pixels from the image's centre, x w; last: half the image's width
+    vec4 to_y;       // y w; half its height
+    vec4 to_w;       // w; half the stack
+    uvec2 size;      // texels
+    uint offset;     // of texel 0
+    uint stride;     // of rows
+    float tolerance; // of depth along the stack
+    float pad0, pad1, pad2;
+} push;
+
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(set = 0, binding = BINDING_LINE_BOUNDS, std430) readonly buffer LineBounds { vec2 line_bounds[]; };
+
+// From the view's depth on the line of a texel, or of a place between texels, to that along the stack; what lies beyond the stack
+// is all the same.
+vec2 along_stack(vec2 depths, vec2 texel) {
+    vec2 t = texel - vec2(push.size / 2u);
+    vec2 q = fma(push.q0_step.zw, t, push.q0_step.xy), d = fma(push.d0_step.zw, t, push.d0_step.xy);
+    vec2 z = (depths - dot(push.ahead_sign.xy, q)) / dot(push.ahead_sign.xyz, vec3(d, push.ahead_sign.w));
+    return clamp(z, -push.to_w.w - 1.0, push.to_w.w + 1.0);
+}
+
+#ifdef TEXELS
+layout(set = 0, binding = BINDING_TEXEL_BOUNDS, std430) writeonly buffer TexelBounds { vec2 texel_bounds[]; };
+
+void main() {
+    uvec2 texel = gl_GlobalInvocationID.xy;
+    if (any(greaterThanEqual(texel, push.size))) return;
+    vec3 p = vec3(texel, 1.0);
+    float w = dot(push.to_w.xyz, p);
+    vec2 half_extent = vec2(push.to_x.w, push.to_y.w);
+    vec2 place = vec2(dot(push.to_x.xyz, p), dot(push.to_y.xyz, p)) / w + half_extent - 0.5;
+    // Texels beyond the image have its edge's.
+    vec2 last = 2.0 * half_extent - 1.0;
+    place = w > 0.0 ? clamp(place, vec2(0.0), last) : vec2(0.0);
+    vec2 base = floor(place), share = place - base;
+    uvec2 i = uvec2(base), j = min(i + 1u, uvec2(last));
+    uint width = uint(last.x) + 1u;
+    vec2 low = mix(line_bounds[i.y * width + i.x], line_bounds[i.y * width + j.x], share.x);
+    vec2 high = mix(line_bounds[j.y * width + i.x], line_bounds[j.y * width + j.x], share.x);
+    texel_bounds[push.offset + texel.y * push.stride + texel.x] = along_stack(mix(low, high, share.y), vec2(texel));
+}
+#endif
+
+#ifdef EDGES
+layout(set = 0, binding = BINDING_TEXEL_BOUNDS, std430) readonly buffer TexelBounds { vec2 texel_bounds[]; };
+layout(set = 0, binding = BINDING_EDGES, std430) buffer Edges { vec4 edges[]; };
+
+vec2 texel_of(ivec2 at) {
+    at = clamp(at, ivec2(0), ivec2(push.size) - 1);
+    return texel_bounds[push.offset + uint(at.y) * push.stride + uint(at.x)];
+}
+
+void main() {
+    uvec2 pixel = gl_GlobalInvocationID.xy, extent = uvec2(2.0 * vec2(push.to_x.w, push.to_y.w) + 0.5);
+    if (any(greaterThanEqual(pixel, extent))) return;
+    uint word = pixel.y * extent.x + pixel.x;
+    vec2 at = edges[word].xy;
+    vec2 bounds = vec2(float(EDGE_NONE));
+    if (at.x > -1e30) {
+        vec2 base = floor(at), share = at - base;
+        ivec2 i = ivec2(base);
+        vec2 a = texel_of(i), b = texel_of(i + ivec2(1, 0)), c = texel_of(i + ivec2(0, 1)), d = texel_of(i + ivec2(1, 1));
+        vec2 own = along_stack(line_bounds[word], at);
+        vec2 between = mix(mix(a, b, share.x), mix(c, d, share.x), share.y);
+        if (any(greaterThan(abs(between - own), vec2(push.tolerance)))) bounds = own;
+    }
+    edges[word] = vec4(at, bounds);
+}
+#endif
