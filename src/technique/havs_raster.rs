@@ -219,8 +219,8 @@ impl RasterFrame {
         let mut outcome = None;
         let mut overlaps = None;
         if desc.repair.is_some() {
-            let (runs, needs, bands) = measure(scene, &desc, &data, &stage, &push, tiles, across)?;
-            let mut lists = Lists::new(scene, &desc, &stage, tiles, runs, bands, needs)?;
+            let (runs, needs, bands) = measure(gpu, &stage, &data.needs, &push, tiles, across)?;
+            let mut lists = Lists::new(gpu, &stage, tiles, runs, bands, needs)?;
             only_flagged(&mut lists, scene, &desc, &flags)?;
             if let Some(entries) = lists.list_fill.descriptors.resource(BINDING_LISTS) {
                 resources.push((BINDING_LISTS, entries));

@@ -4,7 +4,7 @@
 //! there to pixels, and lets the technique resolve each pixel's list. The image is cut into bands of tiles whose lists
 //! fit a buffer. How much room is needed is counted when a view is prepared; a frame that needs more says so.
 
-use std::sync::{Arc, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use ash::vk;
 
@@ -13,7 +13,7 @@ use super::gpu_scene::{GpuScene, Knots, Table};
 use super::grid_frame::own_image;
 use super::grid_options::{Integrator, SegmentOptions};
 use super::line_bounds::DepthMeasure;
-use super::mesh_data::{DrawnPrimitives, MeshData, Needs};
+use super::mesh_data::{MeshData, Needs};
 use super::mesh_overlaps::{self, Overlaps};
 use super::mesh_view::Frame;
 use super::passes::{Pass, buffer, download, groups_of, pass, total, words};
@@ -89,9 +89,26 @@ pub(super) struct Band {
     pub(super) tiles: u32,
 }
 
+/// Faces or cells on the device.
+#[derive(Debug)]
+pub(super) struct Geometry {
+    pub(super) kind: Primitives,
+    /// Points in radii from the centre.
+    pub(super) points: Arc<Buffer>,
+    pub(super) point_count: u32,
+    pub(super) scalars: Arc<Buffer>,
+    /// Whether scalars belong to cells.
+    pub(super) cell_scalars: bool,
+    pub(super) primitives: Arc<Buffer>,
+    pub(super) count: u32,
+}
+
 /// What of a frame does not depend on how much the view needs.
 #[derive(Debug)]
 pub(super) struct Stage {
+    name: &'static str,
+    kind: Primitives,
+    constants: Vec<SpecConstant>,
     pub(super) keys: Arc<Buffer>,
     pub(super) points: Pass,
     pub(super) boxes: Pass,
@@ -246,23 +263,43 @@ impl Stage {
         let mesh = scene.mesh()?;
         let margin = desc.skip.then(|| scene.margin(Some(&desc.segments)));
         let drawn = scene.primitives(desc.primitives, margin)?;
-        let DrawnPrimitives { buffer: primitives, count, .. } = drawn;
-        let points = data.points(gpu, mesh)?;
         let scalars = match drawn.scalars {
             Some(scalars) => scalars,
             None => data.scalars(gpu, mesh, scene.scene().transfer.domain())?,
         };
-        let point_count = num::count(mesh.points().len());
+        let geometry = Geometry {
+            kind: desc.primitives,
+            points: data.points(gpu, mesh)?,
+            point_count: num::count(mesh.points().len()),
+            scalars,
+            cell_scalars: matches!(mesh.scalars(), TetScalars::Cell(_)),
+            primitives: drawn.buffer,
+            count: drawn.count,
+        };
+        Self::of(gpu, desc.name, geometry, desc.back_to_front, order_given)
+    }
+
+    /// The same of faces or cells that are there already.
+    pub(super) fn of(
+        gpu: &Gpu,
+        name: &'static str,
+        geometry: Geometry,
+        back_to_front: bool,
+        order_given: Option<&[u32]>,
+    ) -> Result<Self> {
+        let Geometry { kind, points, point_count, scalars, cell_scalars, primitives, count } = geometry;
         let view_points = buffer(gpu, "view.points", 4 * u64::from(point_count))?;
         let keys = buffer(gpu, "order.keys", count.into())?;
         let order = buffer(gpu, "order", count.into())?;
         let boxed = buffer(gpu, "boxes", 2 * u64::from(count))?;
         let status = buffer(gpu, "status", STATUS_WORDS.into())?;
-        let constants = constants(scene, desc)?;
+        let constants = listing_constants(kind, cell_scalars, back_to_front);
         let pass = |part: &str, shader, resources: &[(u32, Resource)]| {
-            pass(gpu, &format!("{}.{part}", desc.name), shader, &constants, resources)
+            pass(gpu, &format!("{name}.{part}"), shader, &constants, resources)
         };
         Ok(Self {
+            name,
+            kind,
             points: pass(
                 "points",
                 &MESH_LISTS_POINTS,
@@ -284,7 +321,7 @@ impl Stage {
                     (BINDING_STATUS, Resource::Buffer(Arc::clone(&status))),
                 ],
             )?,
-            sort: RadixSort::new(gpu, &format!("{}.sort", desc.name), &keys, &order, count, 32)?,
+            sort: RadixSort::new(gpu, &format!("{name}.sort"), &keys, &order, count, 32)?,
             view_points,
             primitives,
             scalars,
@@ -298,6 +335,7 @@ impl Stage {
                 Some(order) => Some(given_order(gpu, order)?),
                 None => None,
             },
+            constants,
         })
     }
 
@@ -342,11 +380,15 @@ impl Stage {
 /// Specialisation constants that every pass of a technique shares.
 pub(super) fn constants(scene: &GpuScene, desc: &MeshDesc) -> Result<Vec<SpecConstant>> {
     let cell_scalars = matches!(scene.mesh()?.scalars(), TetScalars::Cell(_));
-    Ok(vec![
-        (SPEC_CELLS, u32::from(desc.primitives == Primitives::Cells)),
+    Ok(listing_constants(desc.primitives, cell_scalars, desc.back_to_front))
+}
+
+fn listing_constants(kind: Primitives, cell_scalars: bool, back_to_front: bool) -> Vec<SpecConstant> {
+    vec![
+        (SPEC_CELLS, u32::from(kind == Primitives::Cells)),
         (SPEC_CELL_SCALARS, u32::from(cell_scalars)),
-        (SPEC_BACK_TO_FRONT, u32::from(desc.back_to_front)),
-    ])
+        (SPEC_BACK_TO_FRONT, u32::from(back_to_front)),
+    ]
 }
 
 /// What push constants tell of the scene and the technique.
@@ -401,21 +443,19 @@ pub(super) fn shading(
 impl Lists {
     /// Room for what `needs` says.
     pub(super) fn new(
-        scene: &GpuScene,
-        desc: &MeshDesc,
+        gpu: &Gpu,
         stage: &Stage,
         tiles: u32,
         runs: u32,
         bands: Vec<Band>,
         needs: Needs,
     ) -> Result<Self> {
-        let gpu = scene.gpu();
-        let name = desc.name;
+        let name = stage.name;
         let bins =
             Bins::new(gpu, name, [&stage.order, &stage.boxed, &stage.status], tiles, runs, needs.bins)?;
         let widest = bands.iter().map(|band| band.tiles).max().unwrap_or(1);
         let cursors = buffer(gpu, "lists.cursors", u64::from(widest) * u64::from(TILE_PIXELS))?;
-        let lists = buffer(gpu, "lists", u64::from(needs.lists) * entry_words(desc.primitives))?;
+        let lists = buffer(gpu, "lists", u64::from(needs.lists) * entry_words(stage.kind))?;
         let resources = [
             (BINDING_PRIMITIVES, Resource::Buffer(Arc::clone(&stage.primitives))),
             (BINDING_MESH_SCALARS, Resource::Buffer(Arc::clone(&stage.scalars))),
@@ -429,9 +469,9 @@ impl Lists {
             // Of no pixel, unless `havs_raster` has it otherwise.
             (BINDING_FLAGS, Resource::Buffer(Arc::clone(&stage.status))),
         ];
-        let constants = constants(scene, desc)?;
         let pass = |part: &str, shader, fill: bool| {
-            let constants: Vec<_> = constants.iter().copied().chain([(SPEC_FILL, u32::from(fill))]).collect();
+            let constants: Vec<_> =
+                stage.constants.iter().copied().chain([(SPEC_FILL, u32::from(fill))]).collect();
             pass(gpu, &format!("{name}.{part}"), shader, &constants, &resources)
         };
         let band_scan =
@@ -519,8 +559,8 @@ impl MeshFrame {
         let tiles = across * height.div_ceil(TILE);
         let stage = Stage::new(scene, &data, &desc, order)?;
 
-        let (runs, needs, bands) = measure(scene, &desc, &data, &stage, &push, tiles, across)?;
-        let lists = Lists::new(scene, &desc, &stage, tiles, runs, bands, needs)?;
+        let (runs, needs, bands) = measure(gpu, &stage, &data.needs, &push, tiles, across)?;
+        let lists = Lists::new(gpu, &stage, tiles, runs, bands, needs)?;
 
         let format = vk::Format::R32G32B32A32_SFLOAT;
         let image = own_image(gpu, name, format, vk::ImageUsageFlags::STORAGE, view, target)?;
@@ -657,26 +697,24 @@ impl MeshFrame {
 
 /// What a view needs: runs of ranks, entries of bins and lists, bands. Draws its lists once, without keeping them.
 pub(super) fn measure(
-    scene: &GpuScene,
-    desc: &MeshDesc,
-    data: &MeshData,
+    gpu: &Gpu,
     stage: &Stage,
+    known: &Mutex<Needs>,
     push: &MeshPush,
     tiles: u32,
     across: u32,
 ) -> Result<(u32, Needs, Vec<Band>)> {
-    let gpu = scene.gpu();
-    let Stage { order, boxed, count, .. } = stage;
-    let fill = Fill::measure(gpu, desc.name, [order, boxed], *count, [tiles, across], |recorder| {
+    let Stage { name, order, boxed, count, .. } = stage;
+    let fill = Fill::measure(gpu, name, [order, boxed], *count, [tiles, across], |recorder| {
         stage.record(recorder, push);
     })?;
     let runs = fill.runs;
     let submit = |recorder: Recorder<'_>| recorder.finish().1;
     let mut commands = Commands::new(gpu)?;
-    let known = *data.needs.lock().unwrap_or_else(PoisonError::into_inner);
+    let known = *known.lock().unwrap_or_else(PoisonError::into_inner);
     let whole = |what: &str, n: u64| {
         u32::try_from(n).map_err(|_| {
-            Error::unsupported(format!("{} of this view", desc.name), format!("{n} {what} in one frame"))
+            Error::unsupported(format!("{name} of this view"), format!("{n} {what} in one frame"))
         })
     };
     let mut needs = Needs {
@@ -694,7 +732,7 @@ pub(super) fn measure(
         .step_by(num::index(widest))
         .map(|first| Band { first, tiles: widest.min(tiles - first) })
         .collect();
-    let lists = Lists::new(scene, desc, stage, tiles, runs, trial.clone(), needs)?;
+    let lists = Lists::new(gpu, stage, tiles, runs, trial.clone(), needs)?;
     let mut fragments = Vec::with_capacity(num::index(tiles));
     for (i, band) in trial.iter().enumerate() {
         let bytes = 4 * u64::from(band.tiles) * u64::from(TILE_PIXELS);
@@ -709,7 +747,7 @@ pub(super) fn measure(
             recorder.release_to_host(&host);
             submit(recorder)
         };
-        commands.submit(keep, desc.name)?;
+        commands.submit(keep, name)?;
         let counts = words(&host.host_copy()?);
         fragments.extend(
             counts
@@ -719,14 +757,14 @@ pub(super) fn measure(
     }
 
     // Bands as wide as a buffer holds.
-    let most = most_words / entry_words(desc.primitives);
+    let most = most_words / entry_words(stage.kind);
     let most = most - most / 5 - 64;
     let mut bands = vec![Band { first: 0, tiles: 0 }];
     let (mut sum, mut fullest) = (0_u64, 0_u64);
     for (tile, &count) in (0..tiles).zip(&fragments) {
         if count > most {
             return Err(Error::unsupported(
-                format!("{} of this view", desc.name),
+                format!("{name} of this view"),
                 format!("{count} fragments in one tile of {TILE} pixels; {most} fit a buffer"),
             ));
         }

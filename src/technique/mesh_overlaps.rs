@@ -48,8 +48,8 @@ impl Overlaps {
         let gpu = scene.gpu();
         let desc = MeshDesc { name: "havs.overlaps", primitives: Primitives::Cells, chunk: None, ..*desc };
         let stage = Stage::new(scene, data, &desc, None)?;
-        let (runs, needs, bands) = measure(scene, &desc, data, &stage, push, tiles, across)?;
-        let mut lists = Lists::new(scene, &desc, &stage, tiles, runs, bands, needs)?;
+        let (runs, needs, bands) = measure(gpu, &stage, &data.needs, push, tiles, across)?;
+        let mut lists = Lists::new(gpu, &stage, tiles, runs, bands, needs)?;
         only_flagged(&mut lists, scene, &desc, flags)?;
         let Some(entries) = lists.list_fill.descriptors.resource(BINDING_LISTS) else {
             return Err(Error::invalid(desc.name, "no lists"));
