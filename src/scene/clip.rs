@@ -85,16 +85,13 @@ impl Clip {
 
     /// Every half-space that is kept, the box's finite sides included; at most twelve.
     pub fn half_spaces(&self) -> impl Iterator<Item = ClipPlane> + '_ {
-        let sides = self.crop.into_iter().flat_map(|[low, high]| {
-            [DVec3::X, DVec3::Y, DVec3::Z]
-                .into_iter()
-                .flat_map(move |axis| [(low, axis), (high, -axis)])
-                .filter(|(corner, axis)| corner.dot(axis.abs()).is_finite())
-                .map(|(corner, normal)| {
-                    // Other coordinates may be infinite.
-                    let axis = normal.abs();
-                    ClipPlane { point: DVec3::select(axis.cmpgt(DVec3::ZERO), corner, DVec3::ZERO), normal }
-                })
+        // The other two coordinates of a corner may be infinite.
+        let side = |corner: DVec3, axis: usize, towards: f64| {
+            let unit = DVec3::AXES[axis];
+            corner[axis].is_finite().then(|| ClipPlane { point: unit * corner[axis], normal: unit * towards })
+        };
+        let sides = self.crop.into_iter().flat_map(move |[low, high]| {
+            (0..3).flat_map(move |axis| [side(low, axis, 1.0), side(high, axis, -1.0)]).flatten()
         });
         self.planes().chain(sides)
     }
