@@ -45,8 +45,11 @@ const SOURCES: &[(&str, &[u8])] = &[
     ("reference/mod.rs", include_bytes!("../reference/mod.rs")),
     ("reference/polynomial.rs", include_bytes!("../reference/polynomial.rs")),
     ("reference/quadrature.rs", include_bytes!("../reference/quadrature.rs")),
+    ("reference/sight.rs", include_bytes!("../reference/sight.rs")),
+    ("reference/surfaces.rs", include_bytes!("../reference/surfaces.rs")),
     ("reference/tets.rs", include_bytes!("../reference/tets.rs")),
     ("scene/camera.rs", include_bytes!("../scene/camera.rs")),
+    ("scene/clip.rs", include_bytes!("../scene/clip.rs")),
     ("scene/grid.rs", include_bytes!("../scene/grid.rs")),
     ("scene/kernel.rs", include_bytes!("../scene/kernel.rs")),
     ("scene/points.rs", include_bytes!("../scene/points.rs")),
@@ -170,9 +173,14 @@ fn key(scene: &Scene, view: &View) -> Option<[u8; HASH]> {
         put(source);
     }
     // Numbers are written so that they are read back as they were.
-    put(format!("{:?} {:?}", view.camera(), view.extent()).as_bytes());
+    put(format!("{:?} {:?} {:?}", view.camera(), view.extent(), view.clip()).as_bytes());
     put(format!("{:?}", scene.transfer.knots()).as_bytes());
     put(format!("{:?}", scene.kernels).as_bytes());
+    for surface in &scene.surfaces {
+        put(format!("surface {:?} {:?}", surface.colour(), surface.shading()).as_bytes());
+        put(bytemuck::cast_slice(surface.points()));
+        put(bytemuck::cast_slice(surface.triangles()));
+    }
     match &scene.data {
         Data::Grid(grid) => of_grid(grid, &mut put),
         Data::Mesh(mesh) => of_mesh(mesh, &mut put),
@@ -275,7 +283,9 @@ mod tests {
     use super::*;
     use std::sync::atomic::{AtomicU32, Ordering};
     use volraster::glam::DVec3;
-    use volraster::scene::{Camera, Field, Kernel, Kernels, Model, Projection, TransferFunction};
+    use volraster::scene::{
+        Camera, Clip, Field, Kernel, Kernels, Model, Projection, Shading, Surface, TransferFunction,
+    };
 
     fn scene(name: &str, cubes: bool, extinction: f64) -> Scene {
         let field = Field::from_name(name).unwrap();
@@ -365,6 +375,25 @@ mod tests {
         }
         let mut grid = scene("blobs", false, 3.0);
         let plain = key(&grid, &view(2.0, 8));
+        let clip = |x: f64| view(2.0, 8).with_clip(Clip::none().with_plane(DVec3::X * x, DVec3::X).unwrap());
+        let surface = |p: [DVec3; 3], triangle, opacity| {
+            Surface::new(p.to_vec(), vec![triangle], [1.0, 1.0, 1.0, opacity]).unwrap()
+        };
+        let corners = [DVec3::X, DVec3::Y, DVec3::Z];
+        let with = |surface: Surface| key(&grid.clone().with_surfaces(vec![surface]), &view(2.0, 8));
+        let keys = [
+            plain,
+            key(&grid, &clip(0.1)),
+            key(&grid, &clip(0.2)),
+            with(surface(corners, [0, 1, 2], 0.5)),
+            with(surface(corners, [0, 1, 2], 0.6)),
+            with(surface(corners, [0, 2, 1], 0.5)),
+            with(surface([DVec3::X, DVec3::Y, -DVec3::Z], [0, 1, 2], 0.5)),
+            with(surface(corners, [0, 1, 2], 0.5).with_shading(Shading::Headlight)),
+        ];
+        for (i, key) in keys.iter().enumerate() {
+            assert!(key.is_some() && !keys[..i].contains(key), "clips and surfaces {i}");
+        }
         grid = grid.with_kernels(Kernels::of_samples()).unwrap();
         assert_ne!(key(&grid, &view(2.0, 8)), plain);
     }

@@ -2,14 +2,15 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use rayon::prelude::*;
 
 use crate::num;
 use crate::scene::View;
 
+use super::sight::{Sight, Sights};
 use super::tets::{MeshRay, Piece, TetRays};
-use super::{Progress, samples_of, view_range};
+use super::{Progress, samples_of};
 
 /// Rows that are drawn together, and columns: their pieces are in memory at a time.
 const ROWS: usize = 8;
@@ -31,6 +32,7 @@ struct Cover {
 /// Memory is that of the covers, 20 bytes for each tetrahedron, and a few rows' share of them on each thread.
 pub(super) fn render(
     rays: &TetRays,
+    sights: &Sights,
     view: &View,
     samples: u32,
     pixels: &mut [[f64; 4]],
@@ -53,7 +55,7 @@ pub(super) fn render(
             let right = (left + COLUMNS).min(width) - 1;
             let block: Vec<Cover> =
                 band.iter().filter(|c| c.columns[0] <= right && c.columns[1] >= left).copied().collect();
-            let mut stretch = Stretch::new(rays, view, left, right);
+            let mut stretch = Stretch::new(rays, sights, left, right);
             for (row, y) in pixels.chunks_mut(num::index(width)).zip(first..) {
                 let row = &mut row[num::index(left)..=num::index(right)];
                 stretch.draw(&block, y, samples, row);
@@ -70,7 +72,7 @@ pub(super) fn render(
 /// Draws some pixels, each by the ray through its centre.
 ///
 /// Memory is an index for each tetrahedron and pixel that it may cover.
-pub(super) fn some(rays: &TetRays, view: &View, pixels: &[[u32; 2]]) -> Vec<[f64; 4]> {
+pub(super) fn some(rays: &TetRays, sights: &Sights, view: &View, pixels: &[[u32; 2]]) -> Vec<[f64; 4]> {
     // In each row its pixels from left to right.
     let mut rows: Vec<Vec<(u32, usize)>> = vec![Vec::new(); num::index(view.extent()[1])];
     for (place, &[x, y]) in pixels.iter().enumerate() {
@@ -92,50 +94,79 @@ pub(super) fn some(rays: &TetRays, view: &View, pixels: &[[u32; 2]]) -> Vec<[f64
             }
         }
     }
-    let range = view_range(view);
     let draw = |(&[x, y], cells): (&[u32; 2], &Vec<u32>)| {
-        let (origin, direction) = view.ray(DVec2::new(f64::from(x), f64::from(y)) + 0.5);
-        let ray = rays.ray(origin, direction, range);
-        let mut pieces: Vec<Piece> = cells.iter().filter_map(|&cell| rays.piece(cell, &ray)).collect();
-        rays.integrate(&mut pieces)
+        let mut pixel = Pixel::new(rays, sights.at(DVec2::new(f64::from(x), f64::from(y)) + 0.5));
+        pixel.pieces.extend(cells.iter().filter_map(|&cell| rays.piece(cell, &pixel.ray)));
+        pixel.draw(rays)
     };
     pixels.par_iter().zip(&cells).map(draw).collect()
+}
+
+/// A line of sight, and the pieces of it found so far.
+struct Pixel {
+    sight: Sight,
+    ray: MeshRay,
+    pieces: Vec<Piece>,
+}
+
+impl Pixel {
+    fn new(rays: &TetRays, sight: Sight) -> Self {
+        Self { ray: rays.ray(sight.origin, sight.direction, sight.range), sight, pieces: Vec::new() }
+    }
+
+    /// The same memory for another line of sight.
+    fn restart(&mut self, rays: &TetRays, sight: Sight) {
+        self.ray = rays.ray(sight.origin, sight.direction, sight.range);
+        self.sight = sight;
+        self.pieces.clear();
+    }
+
+    fn draw(&mut self, rays: &TetRays) -> [f64; 4] {
+        let Self { sight, ray, pieces } = self;
+        sight.composite(|range| {
+            if range == sight.range {
+                return rays.integrate(pieces);
+            }
+            // Surfaces part the pieces.
+            let range = range.map(|t| t - ray.nearest);
+            let mut part: Vec<Piece> = pieces.iter().filter_map(|piece| piece.within(range)).collect();
+            rays.integrate(&mut part)
+        })
+    }
 }
 
 /// A few pixels of one row.
 struct Stretch<'a> {
     rays: &'a TetRays<'a>,
-    view: &'a View,
+    sights: &'a Sights<'a>,
     left: u32,
     right: u32,
-    /// For each pixel its ray, and the pieces of it found so far.
-    pieces: Vec<(MeshRay, Vec<Piece>)>,
+    pixels: Vec<Pixel>,
 }
 
 impl<'a> Stretch<'a> {
-    fn new(rays: &'a TetRays, view: &'a View, left: u32, right: u32) -> Self {
-        let ray = rays.ray(DVec3::ZERO, DVec3::Z, [0.0; 2]);
-        let pieces = vec![(ray, Vec::new()); num::index(right - left) + 1];
-        Self { rays, view, left, right, pieces }
+    fn new(rays: &'a TetRays, sights: &'a Sights, left: u32, right: u32) -> Self {
+        Self { rays, sights, left, right, pixels: Vec::new() }
     }
 
     fn draw(&mut self, block: &[Cover], y: u32, samples: u32, row: &mut [[f64; 4]]) {
-        let range = view_range(self.view);
         for offset in samples_of(samples) {
-            for ((ray, pieces), x) in self.pieces.iter_mut().zip(self.left..) {
-                let (origin, direction) = self.view.ray(DVec2::new(f64::from(x), f64::from(y)) + offset);
-                *ray = self.rays.ray(origin, direction, range);
-                pieces.clear();
+            for (i, x) in (self.left..=self.right).enumerate() {
+                let sight = self.sights.at(DVec2::new(f64::from(x), f64::from(y)) + offset);
+                match self.pixels.get_mut(i) {
+                    Some(pixel) => pixel.restart(self.rays, sight),
+                    None => self.pixels.push(Pixel::new(self.rays, sight)),
+                }
             }
             for cover in block.iter().filter(|c| c.rows[0] <= y && c.rows[1] >= y) {
                 let (first, last) = (cover.columns[0].max(self.left), cover.columns[1].min(self.right));
                 let places = num::index(first - self.left)..=num::index(last - self.left);
-                for (ray, pieces) in &mut self.pieces[places] {
-                    pieces.extend(self.rays.piece(cover.cell, ray));
+                for pixel in &mut self.pixels[places] {
+                    pixel.pieces.extend(self.rays.piece(cover.cell, &pixel.ray));
                 }
             }
-            for (pixel, (_, pieces)) in row.iter_mut().zip(&mut self.pieces) {
-                for (sum, value) in pixel.iter_mut().zip(self.rays.integrate(pieces)) {
+            for (sum, pixel) in row.iter_mut().zip(&mut self.pixels) {
+                for (sum, value) in sum.iter_mut().zip(pixel.draw(self.rays)) {
                     *sum += value;
                 }
             }

@@ -6,6 +6,9 @@
 //! is integrated by Gauss-Legendre over panels of bounded optical depth. Sums of kernels have no such closed forms:
 //! rays through them are cut where a kernel begins or ends, and integrated numerically in between.
 //!
+//! Surfaces part a ray where it meets their triangles: what of the volume lies in front of one, between two and behind
+//! is drawn on its own.
+//!
 //! Shares no code with the shaders or the pre-integration tables.
 
 mod cover;
@@ -14,6 +17,8 @@ mod kernels;
 mod march;
 mod polynomial;
 mod quadrature;
+mod sight;
+mod surfaces;
 mod tets;
 
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -24,10 +29,12 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::frame::Image;
 use crate::num;
-use crate::scene::{Data, Scene, View};
+use crate::scene::{Data, Scene, Surface, View};
 
 use grid::GridRays;
 use kernels::KernelRays;
+use sight::{Sight, Sights};
+use surfaces::SurfaceRays;
 pub use tets::Piece;
 use tets::TetRays;
 
@@ -119,7 +126,10 @@ impl ReferenceImage {
     }
 }
 
-/// Renders the reference image on all cores.
+/// Renders the reference image on all cores: the volume as the view's clip region leaves it, and the scene's surfaces.
+///
+/// Surfaces are composited at their places in the volume, in front of or behind it, as if the volume were drawn up to
+/// them and behind them; those at one place in the order of the scene. An opaque one ends the ray.
 ///
 /// `progress` is told the rows done and the rows in all, from any thread, once for each row; counts
 /// may arrive out of order. The image does not depend on the number of threads.
@@ -159,17 +169,16 @@ pub fn render(
     pixels.resize(total, [0.0; 4]);
 
     let rays = Rays::new(scene)?;
+    let sights = Sights::new(scene, view);
     if let Rays::Mesh(rays) = &rays {
-        cover::render(rays, view, samples, &mut pixels, progress);
+        cover::render(rays, &sights, view, samples, &mut pixels, progress);
         return Ok(ReferenceImage { width, height, pixels });
     }
-    let range = view_range(view);
     let done = AtomicU32::new(0);
     pixels.par_chunks_mut(num::index(width)).zip(0..height).for_each(|(row, y)| {
         for (pixel, x) in row.iter_mut().zip(0..width) {
             *pixel = box_filter(samples, |offset| {
-                let (origin, direction) = view.ray(DVec2::new(f64::from(x), f64::from(y)) + offset);
-                rays.trace(origin, direction, range)
+                rays.draw(&sights.at(DVec2::new(f64::from(x), f64::from(y)) + offset))
             });
         }
         if let Some(progress) = progress {
@@ -196,20 +205,18 @@ pub fn pixels(scene: &Scene, view: &View, pixels: &[[u32; 2]]) -> Result<Vec<[f6
         return Err(Error::invalid("reference pixel", why));
     }
     let rays = Rays::new(scene)?;
+    let sights = Sights::new(scene, view);
     if let Rays::Mesh(rays) = &rays {
-        return Ok(cover::some(rays, view, pixels));
+        return Ok(cover::some(rays, &sights, view, pixels));
     }
-    let range = view_range(view);
-    let draw = |&[x, y]: &[u32; 2]| {
-        let (origin, direction) = view.ray(DVec2::new(f64::from(x), f64::from(y)) + 0.5);
-        rays.trace(origin, direction, range)
-    };
+    let draw = |&[x, y]: &[u32; 2]| rays.draw(&sights.at(DVec2::new(f64::from(x), f64::from(y)) + 0.5));
     Ok(pixels.par_iter().map(draw).collect())
 }
 
 /// One ray, in float64: premultiplied linear RGBA of what lies at parameters `t_range`, in units of
 /// world length from `origin` along `direction` (whose own length does not matter). An orthographic
-/// ray has the range of all numbers, a perspective ray starts at 0.
+/// ray has the range of all numbers, a perspective ray starts at 0. A surface at the range's end belongs to it, one at
+/// its beginning does not; nothing is clipped.
 ///
 /// # Accuracy
 ///
@@ -221,7 +228,35 @@ pub fn pixels(scene: &Scene, view: &View, pixels: &[[u32; 2]]) -> Result<Vec<[f6
 /// NaN, or kernels do not fit, as for [`render`].
 pub fn ray(scene: &Scene, origin: DVec3, direction: DVec3, t_range: [f64; 2]) -> Result<[f64; 4]> {
     let direction = checked(origin, direction, t_range)?;
-    Ok(Rays::new(scene)?.trace(origin, direction, t_range))
+    let surfaces = SurfaceRays::once(&scene.surfaces);
+    Ok(Rays::new(scene)?.draw(&Sight::new(surfaces.as_ref(), origin, direction, t_range, t_range)))
+}
+
+/// How far away the nearest opaque surface is seen through each pixel's centre: along the view's direction, in world
+/// units, as [`View::project`] measures. Infinite where there is none. Row by row from the top.
+///
+/// # Errors
+///
+/// [`Error::Invalid`] if so many numbers do not fit into memory.
+pub fn depth(scene: &Scene, view: &View) -> Result<Vec<f64>> {
+    let [width, height] = view.extent();
+    let total = num::index(width) * num::index(height);
+    let mut depths = Vec::new();
+    depths.try_reserve_exact(total).map_err(|_| {
+        Error::invalid("reference depth", format!("{width} x {height}: does not fit into memory"))
+    })?;
+    depths.resize(total, f64::INFINITY);
+    let Some(surfaces) = SurfaceRays::new(&scene.surfaces, Surface::is_opaque) else { return Ok(depths) };
+    let range = view_range(view);
+    depths.par_chunks_mut(num::index(width)).zip(0..height).for_each(|(row, y)| {
+        for (depth, x) in row.iter_mut().zip(0..width) {
+            let (origin, direction) = view.ray(DVec2::new(f64::from(x), f64::from(y)) + 0.5);
+            if let Some(hit) = surfaces.hits(origin, direction, range).first() {
+                *depth = hit.t * direction.dot(view.forward());
+            }
+        }
+    });
+    Ok(depths)
 }
 
 /// What of one ray lies in the tetrahedra of a scene's mesh, front to back, with parameters and range as for
@@ -282,6 +317,12 @@ impl<'a> Rays<'a> {
         }
     }
 
+    /// Volume and surfaces.
+    fn draw(&self, sight: &Sight) -> [f64; 4] {
+        sight.composite(|range| self.trace(sight.origin, sight.direction, range))
+    }
+
+    /// The volume.
     fn trace(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> [f64; 4] {
         match self {
             Self::Grid(rays) => rays.trace(origin, direction, range),

@@ -3,6 +3,7 @@
 
 mod kernels;
 mod mesh;
+mod surfaces;
 
 use glam::{DMat3, DQuat};
 

@@ -33,6 +33,23 @@ pub struct Piece {
     pub s: [f64; 2],
 }
 
+impl Piece {
+    /// What of it lies in a range.
+    pub(super) fn within(self, range: [f64; 2]) -> Option<Self> {
+        let Self { cell, t: [near, far], s: [first, last] } = self;
+        let (t0, t1) = (near.max(range[0]), far.min(range[1]));
+        if !(t0 < t1 && near <= far) {
+            return None;
+        }
+        let at = |t: f64| {
+            let share = (t - near) / (far - near);
+            (first + (last - first) * share).max(first.min(last)).min(first.max(last))
+        };
+        let s = [if t0 > near { at(t0) } else { first }, if t1 < far { at(t1) } else { last }];
+        Some(Self { cell, t: [t0, t1], s })
+    }
+}
+
 /// A ray, as the cells see it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MeshRay {
@@ -156,17 +173,7 @@ impl<'a> TetRays<'a> {
         if far[0] < near[0] {
             (near, far) = (far, near);
         }
-        let (t0, t1) = (near[0].max(ray.range[0]), far[0].min(ray.range[1]));
-        if !(t0 < t1 && near[0] <= far[0]) {
-            return None;
-        }
-        // The range may cut.
-        let at = |t: f64| {
-            let share = (t - near[0]) / (far[0] - near[0]);
-            (near[1] + (far[1] - near[1]) * share).max(near[1].min(far[1])).min(near[1].max(far[1]))
-        };
-        let s = [if t0 > near[0] { at(t0) } else { near[1] }, if t1 < far[0] { at(t1) } else { far[1] }];
-        Some(Piece { cell, t: [t0, t1], s })
+        Piece { cell, t: [near[0], far[0]], s: [near[1], far[1]] }.within(ray.range)
     }
 
     /// Emission and absorption along pieces in any order.
@@ -191,7 +198,7 @@ const FACES: [([usize; 3], [usize; 3]); 4] =
     [([0, 1, 2], [3, 1, 0]), ([0, 1, 3], [4, 2, 0]), ([0, 2, 3], [5, 2, 1]), ([1, 2, 3], [5, 4, 3])];
 
 /// The mean with weights that are not negative; rounding does not take it out of the values' range.
-fn mean(weights: [f64; 3], of: [f64; 3]) -> f64 {
+pub(super) fn mean(weights: [f64; 3], of: [f64; 3]) -> f64 {
     let sum = weights[0] + weights[1] + weights[2];
     let mean = (weights[0] * of[0] + weights[1] * of[1] + weights[2] * of[2]) / sum;
     if mean.is_nan() {
@@ -213,7 +220,7 @@ pub(super) fn sort(pieces: &mut [Piece]) {
 /// The sign is exact. Where it is zero, the origin is taken to be at `(e, e²)` for an e that is positive and
 /// smaller than any number: the determinant is then `e (ay - by) + e² (bx - ax)`. The area is good to its last
 /// digits, by Kahan's difference of products, with Dekker's exact product.
-fn side(a: DVec2, b: DVec2) -> (bool, f64) {
+pub(super) fn side(a: DVec2, b: DVec2) -> (bool, f64) {
     let (p, q) = (a.x * b.y, a.y * b.x);
     let mut area = p - q;
     // Five bits cancel, or more: the difference is exact, and the products are not.
