@@ -18,6 +18,8 @@
 #include "mesh.glsl"
 #include "mesh-bounds.glsl"
 #include "segments.glsl"
+#include "layers.glsl"
+#define MESH_LAYERS
 #include "mesh-segments.glsl"
 #include "kbuffer.glsl"
 
@@ -98,6 +100,7 @@ void main() {
         if ((flags[word] & (FLAGGED ? FLAG_OVERLAPS : FLAG_UNSORTED)) == 0u) return;
         unsorted = !sort_list(begin, end);
     }
+    LayersAhead ahead = layers_from(place, uint(2.0 * push.half_extent.x), -3e38);
     vec4 sum = vec4(0.0);
     float last = NOTHING;
     clear_window();
@@ -121,6 +124,11 @@ void main() {
                 Piece piece = Piece(listed.x, listed.y, listed.z, listed.w);
                 if (BOUNDED) cut(piece, bounds);
                 End near = end_at(piece.s0), far = end_at(piece.s1);
+                if (LAYERS) {
+                    vec2 depths = vec2(piece.d0, piece.d1);
+                    cut_at_layers(ahead, depths, near, far, false, world, knots, sum);
+                    piece.d0 = depths.x;
+                }
                 float len = max(piece.d1 - piece.d0, 0.0) * world;
                 if (BACK_TO_FRONT) begin_segment(pending, far, near, len); else begin_segment(pending, near, far, len);
             }
@@ -128,6 +136,7 @@ void main() {
         }
         if (pending.len > 0.0) composite(sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
     }
+    if (LAYERS && sum.a < opaque) pass_layers(ahead, 3e37, sum);
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)
     uint left = end + K - i + uint(pending.len != 0.0);
     if (left != 0u && sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);

@@ -32,7 +32,7 @@ vec2 drawn_depths(uvec2 pixel) {
 }
 
 // Takes a pair from the window; begins the segment between it and the pair before.
-void leave(inout Sweep sweep, inout Pending pending, Pair pair, vec2 drawn, float world) {
+void leave(inout Sweep sweep, inout Pending pending, inout LayersAhead ahead, Pair pair, vec2 drawn, float world, uint knots) {
     if (pair.at == NOTHING) return;
     sweep.unsorted = sweep.unsorted || pair.at < sweep.last.at;
     End end = end_at(scalar_of_pair(pair));
@@ -64,7 +64,13 @@ void leave(inout Sweep sweep, inout Pending pending, Pair pair, vec2 drawn, floa
     bool same = abs(end.s - sweep.end.s) <= push.alike;
     sweep.overlaps = sweep.overlaps || (!same && apart <= (inner ? (CELL_SCALARS ? ROUNDING : -1.0) : TOUCHING));
     sweep.overlaps = sweep.overlaps || ((sweep.inside > 1 || sweep.inside < 0) && to - from > TOUCHING);
-    if (sweep.inside > 0 && len > 0.0) begin_segment(pending, first, second, len);
+    bool begins = sweep.inside > 0 && len > 0.0;
+    if (LAYERS && begins) {
+        vec2 depths = vec2(from, to);
+        cut_at_layers(ahead, depths, first, second, CELL_SCALARS, world, knots, sweep.sum);
+        len = (depths.y - depths.x) * world;
+    }
+    if (begins) begin_segment(pending, first, second, len);
     int step = int(pair.what >> 1 & 1u) - int(pair.what & 1u);
     sweep.inside += BACK_TO_FRONT ? -step : step;
     sweep.last = pair;

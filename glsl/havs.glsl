@@ -19,6 +19,8 @@
 #include "optics.glsl"
 #include "mesh.glsl"
 #include "segments.glsl"
+#include "layers.glsl"
+#define MESH_LAYERS
 #include "mesh-segments.glsl"
 #include "havs-sweep.glsl"
 
@@ -112,6 +114,9 @@ void main() {
         sweep.unsorted = (flags[word] & 1u) != 0u;
         sweep.overlaps = (flags[word] & 2u) != 0u;
     }
+    // Those up to what left last have been passed, also behind the last segment.
+    LayersAhead ahead = layers_from(place, uint(2.0 * push.half_extent.x), -3e38);
+    if (LAYERS && RESUME) skip_layers(ahead, sweep.last.at);
     Pending pending;
     begin_segment(pending, sweep.end, sweep.end, 0.0);
     // A turn for each pair and for each further piece of a segment. After the last one the window is emptied.
@@ -122,11 +127,12 @@ void main() {
             Pair pair = Pair(uintBitsToFloat(entry.x) * (BACK_TO_FRONT ? -1.0 : 1.0), entry.y);
             // What is greater than all lets the least out.
             if (i >= stop) pair = Pair(EVERYTHING, 0u);
-            leave(sweep, pending, pass_through(pair), drawn, world);
+            leave(sweep, pending, ahead, pass_through(pair), drawn, world, knots);
             ++i;
         }
         if (pending.len > 0.0) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
     }
+    if (LAYERS && sweep.sum.a < opaque) pass_layers(ahead, LAST_CHUNK ? 3e37 : sweep.last.at, sweep.sum);
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)
     uint left = max(i, last) - i + uint(pending.len != 0.0);
     if (left != 0u && sweep.sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);

@@ -47,6 +47,12 @@
 #define BINDING_DEPTH 50        // sampler2D: depths of opaque surfaces, as a projection stores them
 #define BINDING_TEXEL_BOUNDS 51 // storage block: the same for each texel of base planes, along the stack
 #define BINDING_EDGES 52        // storage block: the texel that each pixel lies at, and its bounds where it is marched by itself
+#define BINDING_TRIANGLES 53    // storage block: plane and colour of each triangle of surfaces
+#define BINDING_LAYERS 54       // storage block: colours of the translucent surfaces of each pixel
+#define BINDING_LAYER_ENDS 55   // storage block: where those of each pixel end
+#define BINDING_LAYER_CURSORS 57 // storage block: and where those of the pixel before do
+#define BINDING_LAYER_DEPTHS 58 // storage block: their depths
+#define BINDING_BACKGROUND 56   // storage block: the opaque surface that each pixel shows
 
 #define BINDING_SCAN_WORDS 13   // storage block: words to be replaced by their prefix sums
 #define BINDING_SCAN_SUMS 14    // storage block: sums of chunks of them, 64 bits each
@@ -99,6 +105,7 @@
 #define SPEC_EVERY 34         // bool: a slab holds several slices of the stack
 
 #define SPEC_BOUNDED 35       // bool: lines are drawn between the depths of BINDING_LINE_BOUNDS
+#define SPEC_LAYERS 36        // bool: translucent surfaces stand in the volume
 
 // Values of SPEC_INTEGRATOR.
 #define INTEGRATOR_MIDPOINT 0

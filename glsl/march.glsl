@@ -40,6 +40,21 @@ void keep(ivec2 pixel, vec4 sum) {
 }
 #endif
 
+#ifndef BASE_PLANE
+#define MARCH_LAYERS
+#include "layers.glsl"
+
+// The translucent surfaces that lie before `begin`, where this dispatch begins, have been passed by the one before.
+LayersAhead begin_layers(ivec2 pixel, float begin) {
+    return layers_from(uvec2(pixel), uint(2.0 * push.half_extent.x + 0.5), push.first > 0u ? begin : -3e38);
+}
+
+// Where another dispatch goes on; never where none does.
+float layers_end(float end) {
+    return (push.order & 4u) != 0u ? end : 3e38;
+}
+#endif
+
 // Ends the march, or leaves for the next dispatch opacity where it is small and else the transmittance, negative, so
 // that neither loses digits.
 void end_march(ivec2 pixel, vec4 sum, float transmittance) {

@@ -67,3 +67,25 @@ vec4 cell_segment(End front, End back, float len, uint knots) {
     for (uint turn = 0u; turn < 128u + knots && pending.len > 0.0; ++turn) composite(sum, next_piece(pending, false, knots), false);
     return sum;
 }
+
+#ifdef MESH_LAYERS
+// Composites the translucent surfaces up to a depth, front to back.
+void pass_layers(inout LayersAhead ahead, float depth, inout vec4 sum) {
+    for (uint turn = 0u; turn < MOST_TURNS / 2u && ahead.depth <= depth; ++turn) composite(sum, take_layer(ahead), false);
+}
+
+// Composites a segment between two depths up to the last of the surfaces in it; what is left, behind that, is to be begun. One scalar
+// is constant, two are linear.
+void cut_at_layers(inout LayersAhead ahead, inout vec2 depths, inout End front, End back, bool constant, float world, uint knots, inout vec4 sum) {
+    pass_layers(ahead, depths.x, sum);
+    for (uint turn = 0u; turn < MOST_TURNS / 8u && ahead.depth < depths.y; ++turn) {
+        float x = (ahead.depth - depths.x) / (depths.y - depths.x);
+        End cut = front;
+        if (!constant) cut = end_at(front.s + (back.s - front.s) * clamp(x, 0.0, 1.0));
+        composite(sum, cell_segment(front, constant ? front : cut, (ahead.depth - depths.x) * world, knots), false);
+        depths.x = ahead.depth;
+        front = cut;
+        pass_layers(ahead, depths.x, sum);
+    }
+}
+#endif

@@ -48,13 +48,17 @@ void main() {
 
     float transmittance;
     vec4 sum = begin_march(pixel, transmittance);
+    LayersAhead ahead = begin_layers(pixel, fma(float(first), h, z0));
+    float reached = -3e38, layers_until = layers_end(fma(float(push.first + push.count), h, z0));
     uint i = first;
     while (i < last && transmittance > opaque) {
         uint stop = pass_empty(i, last, fma(float(i), h, z0), z0, h, walk, ray, interval.y, brick_grid);
         Face front;
         if (INTEGRATOR != INTEGRATOR_MIDPOINT) front = face_at(ray, fma(float(i), h, z0), lattice);
         for (; i < stop && transmittance > opaque; ++i) {
-            float begin = fma(float(i), h, z0), end = min(fma(float(i + 1u), h, z0), interval.y);
+            vec2 piece = vec2(fma(float(i), h, z0), min(fma(float(i + 1u), h, z0), interval.y));
+            if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --i;
+            float begin = piece.x, end = piece.y;
             float len = max(end - begin, 0.0) * ray.length_per_depth;
             vec4 emission;
             if (INTEGRATOR == INTEGRATOR_MIDPOINT) {
@@ -69,5 +73,6 @@ void main() {
             add_behind(sum, transmittance, emission);
         }
     }
+    if (LAYERS) end_layers(ahead, layers_until, opaque, sum, transmittance);
     end_march(pixel, sum, transmittance);
 }

@@ -80,6 +80,8 @@ void main() {
 
     float transmittance;
     vec4 sum = begin_march(pixel, transmittance);
+    LayersAhead ahead = begin_layers(pixel, fma(float(push.first), h, z0));
+    float reached = -3e38, layers_until = layers_end(fma(float(push.first + push.count), h, z0));
     uint slab = slabs.x;
     while (slab < slabs.y && transmittance > opaque) {
         float z = max(fma(float(slab), h, z0), interval.x);
@@ -87,6 +89,7 @@ void main() {
         Face front = face_at(ray, max(fma(float(slab), h, z0), interval.x), lattice);
         for (; slab < stop && transmittance > opaque; ++slab) {
             vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
+            if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --slab;
             Face back = face_at(ray, piece.y, lattice);
             if (piece.x < piece.y) {
                 float len = (piece.y - piece.x) * ray.length_per_depth;
@@ -95,6 +98,7 @@ void main() {
             }
         }
     }
+    if (LAYERS) end_layers(ahead, layers_until, opaque, sum, transmittance);
     end_march(pixel, sum, transmittance);
 }
 #endif

@@ -136,6 +136,11 @@ void main() {
 
     float transmittance;
     vec4 sum = begin_march(pixel, transmittance);
+    // Between the slabs of two turns.
+    float first_plane = fma(down ? begin + 1.0 - float(push.first) : begin + float(push.first), h, z0);
+    float last_plane = first_plane + (down ? -1.0 : 1.0) * float(push.count) * h;
+    LayersAhead ahead = begin_layers(pixel, (first_plane - ray.q.z) * ray.inverse.z);
+    float reached = -3e38, layers_until = layers_end((last_plane - ray.q.z) * ray.inverse.z);
     while (turn < last && transmittance > opaque) {
         uint stop = last;
         if (EMPTY_SPACE) {
@@ -150,9 +155,11 @@ void main() {
         for (; turn < stop && transmittance > opaque; ++turn) {
             uint slab = down ? first_slab - turn : first_slab + turn;
             vec2 piece = slab_piece(slab, ray, interval, z0, h);
+            if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --turn;
             add_behind(sum, transmittance, slice_emission(ray, piece, 0.5 * (piece.x + piece.y), float(slab), lattice, knots));
         }
     }
+    if (LAYERS) end_layers(ahead, layers_until, opaque, sum, transmittance);
     end_march(pixel, sum, transmittance);
 }
 #endif

@@ -80,15 +80,19 @@ void main() {
 
     float transmittance;
     vec4 sum = begin_march(pixel, transmittance);
+    LayersAhead ahead = begin_layers(pixel, fma(float(push.first), h, z0));
+    float reached = -3e38, layers_until = layers_end(fma(float(push.first + push.count), h, z0));
     uint slab = slabs.x;
     while (slab < slabs.y && transmittance > opaque) {
         float z = max(fma(float(slab), h, z0), interval.x);
         uint stop = pass_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
         for (; slab < stop && transmittance > opaque; ++slab) {
             vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
+            if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --slab;
             add_behind(sum, transmittance, slice_emission(ray, piece, lattice, knots));
         }
     }
+    if (LAYERS) end_layers(ahead, layers_until, opaque, sum, transmittance);
     end_march(pixel, sum, transmittance);
 }
 #endif

@@ -263,3 +263,28 @@ pub(crate) struct ShearBoundsPush {
     pub(crate) pad1: f32,
     pub(crate) pad2: f32,
 }
+
+/// Push constants of `surfaces.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct SurfacePush {
+    pub(crate) q0_kq: [f32; 4],
+    pub(crate) right_kd: [f32; 4],
+    pub(crate) up_near: [f32; 4],
+    pub(crate) forward_ratio: [f32; 4],
+    pub(crate) half_extent: [f32; 2],
+    pub(crate) offset: f32,
+    pub(crate) capacity: u32,
+    pub(crate) across: u32,
+    pub(crate) tiles: u32,
+    pub(crate) slack: f32,
+    pub(crate) pad0: u32,
+}
+
+/// A triangle of a surface (`surfaces.glsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct Triangle {
+    pub(crate) plane: [f32; 4],
+    pub(crate) colour: [f32; 4],
+}

@@ -26,6 +26,7 @@ use super::mesh_frame::Primitives;
 use super::mips;
 use super::splat_data::SplatSet;
 use super::splat_frame::SplatNeeds;
+use super::surfaces::SurfaceData;
 
 /// Format of tables.
 pub(crate) const TABLE_FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
@@ -51,6 +52,7 @@ pub struct GpuScene {
     splats: Mutex<Vec<(SplatChoice, Arc<SplatSet>)>>,
     /// What frames of splats have needed so far.
     pub(crate) splat_needs: Mutex<SplatNeeds>,
+    surfaces: Mutex<Option<Option<Arc<SurfaceData>>>>,
     times: Mutex<UploadTimes>,
 }
 
@@ -149,6 +151,7 @@ impl GpuScene {
             bricks: Mutex::default(),
             splats: Mutex::default(),
             splat_needs: Mutex::default(),
+            surfaces: Mutex::default(),
             times: Mutex::default(),
         })
     }
@@ -270,6 +273,18 @@ impl GpuScene {
             return Ok((high - low).length());
         }
         self.grid().map(diagonal)
+    }
+
+    /// The scene's surfaces; none where it has no triangles.
+    pub(crate) fn surfaces(&self) -> Result<Option<Arc<SurfaceData>>> {
+        let mut place = self.surfaces.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = &*place {
+            return Ok(found.clone());
+        }
+        let made =
+            SurfaceData::new(&self.gpu, &self.scene.surfaces, &self.scene.data.corners())?.map(Arc::new);
+        *place = Some(made.clone());
+        Ok(made)
     }
 
     /// The scene.

@@ -188,6 +188,9 @@ impl GridFrame {
         let gpu = scene.gpu();
         let grid = scene.grid()?;
         let route = options.route_on(gpu, name)?;
+        if route == Route::Raster {
+            target.refuse_layers(&format!("{name} route=raster"), "route=compute")?;
+        }
         let mip = options.prefilter == Prefilter::Mip;
         // A sampler need not hand NaN on.
         let has_nan = grid.nan_count() > 0;
@@ -233,7 +236,7 @@ impl GridFrame {
             constants.push((SPEC_INTEGRATOR, segments.integrator.code()));
             constants.push((SPEC_TABLE_FILTER, u32::from(filters_table)));
         }
-        constants.push(target.bounded());
+        constants.extend([target.bounded(), target.layered()]);
         constants.extend(technique.constants());
         let filter = if exact { vk::Filter::NEAREST } else { vk::Filter::LINEAR };
         let knots_buffer = || Resource::Buffer(Arc::clone(&knots.buffer));
@@ -246,6 +249,7 @@ impl GridFrame {
             (BINDING_TABLE_HEAD, table_buffer),
         ];
         resources.extend(target.bounds(&knots.buffer));
+        resources.extend(target.layers(&knots.buffer));
 
         let (path, pipeline, image) = if route == Route::Compute {
             let format = vk::Format::R32G32B32A32_SFLOAT;
@@ -618,7 +622,9 @@ pub(super) fn slabs_per_dispatch(
 /// Whether raster may draw into the caller's image itself: same format, and what is there is either
 /// cleared or covered back to front.
 pub(super) fn draws_directly(target: &Canvas, format: vk::Format, order: Order) -> bool {
-    target.format() == Some(format) && (target.mode() == TargetMode::Clear || order == Order::BackToFront)
+    !target.behind
+        && target.format() == Some(format)
+        && (target.mode() == TargetMode::Clear || order == Order::BackToFront)
 }
 
 pub(super) fn own_image(
@@ -630,7 +636,7 @@ pub(super) fn own_image(
     target: &Canvas,
 ) -> Result<Arc<Image>> {
     // Read back, or composited.
-    let after = if target.format().is_none() {
+    let after = if target.format().is_none() && !target.behind {
         vk::ImageUsageFlags::TRANSFER_SRC
     } else {
         vk::ImageUsageFlags::SAMPLED

@@ -144,6 +144,7 @@ impl RasterFrame {
         let gpu = scene.gpu();
         let name = desc.name;
         offers(gpu, route, name)?;
+        target.refuse_layers(&format!("{name} route={}", route.word()), "route=compute")?;
         gpu.check_drawing(name, view.extent())?;
         let mesh = scene.mesh()?;
         let data = scene.mesh_data();
@@ -189,6 +190,7 @@ impl RasterFrame {
             (BINDING_KBUFFER_3, storage(3)),
         ]);
         resources.extend(target.bounds(&knots.buffer));
+        resources.extend(target.layers(&knots.buffer));
         let mut shared = constants(scene, &desc)?;
         let shading = [
             (SPEC_KNOT_WALK, knots.walk),

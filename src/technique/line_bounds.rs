@@ -11,6 +11,7 @@ use glam::DVec3;
 
 use super::mesh_view::Frame;
 use super::passes::{Pass, pass};
+use super::surfaces::SurfaceFrame;
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
     BINDING_DEPTH, BINDING_LINE_BOUNDS, LINE_BOUNDS_DEPTH, LINE_BOUNDS_PLANES, SPEC_RESUME,
@@ -84,7 +85,7 @@ impl LineBounds {
 
     /// Passes of a frame, at most.
     pub(crate) fn passes() -> u32 {
-        2
+        3
     }
 
     /// Turns to another view of the same extent, which has been checked.
@@ -171,15 +172,32 @@ impl LineBounds {
         check_depth(gpu, &self.view, depth)
     }
 
-    /// Records the pass. `depth` has been checked.
-    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, depth: Option<&DepthImage>) -> Result<()> {
+    /// Records the passes: bounds by the depth image, which has been checked, then by what `between` finds, then by planes.
+    /// Surfaces are hidden by the one and not cut by the others. Without `between` all is one.
+    pub(crate) fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        depth: Option<&DepthImage>,
+        between: Option<&SurfaceFrame>,
+    ) -> Result<()> {
         if let Some(depth) = depth {
             self.first.descriptors.sample_external(BINDING_DEPTH, depth)?;
         }
         let [width, height] = self.view.extent();
         let groups = [width.div_ceil(8), height.div_ceil(8), 1];
-        for (i, push) in self.pushes(&self.view, depth).iter().enumerate() {
-            if i == 0 { &self.first } else { &self.more }.record(recorder, push, groups);
+        let mut pushes = self.pushes(&self.view, depth);
+        if let Some(surfaces) = between {
+            if self.takes_depth
+                && let Some(push) = pushes.first()
+            {
+                self.first.record(recorder, &BoundsPush { count: 0, ..*push }, groups);
+            }
+            surfaces.record(recorder);
+            pushes.retain(|push| push.count > 0);
+        }
+        for (i, push) in pushes.iter().enumerate() {
+            let begins = i == 0 && between.is_none();
+            if begins { &self.first } else { &self.more }.record(recorder, push, groups);
         }
         Ok(())
     }

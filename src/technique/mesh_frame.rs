@@ -546,6 +546,9 @@ impl MeshFrame {
         desc: MeshDesc,
         order: Option<&[u32]>,
     ) -> Result<Self> {
+        if desc.back_to_front {
+            target.refuse_layers(&format!("{} order=back-to-front", desc.name), "order=front-to-back")?;
+        }
         let gpu = scene.gpu();
         let mesh = scene.mesh()?;
         let name = desc.name;
@@ -669,12 +672,14 @@ impl MeshFrame {
             (BINDING_KBUFFER_3, kbuffer(3)),
         ]);
         resources.extend(self.canvas.bounds(&self._knots.buffer));
+        resources.extend(self.canvas.layers(&self._knots.buffer));
         Ok(resources)
     }
 
-    fn shading_constants(&self) -> [SpecConstant; 3] {
+    fn shading_constants(&self) -> [SpecConstant; 4] {
         let integrator = (SPEC_INTEGRATOR, self.desc.segments.integrator.code());
-        [(SPEC_KNOT_WALK, self._knots.walk), integrator, self.canvas.bounded()]
+        let canvas = &self.canvas;
+        [(SPEC_KNOT_WALK, self._knots.walk), integrator, canvas.bounded(), canvas.layered()]
     }
 
     fn resolve_pass(&self, resume: bool, last: bool, repair: bool) -> Result<Pass> {

@@ -80,6 +80,7 @@ mod splat_frame;
 pub mod splat_options;
 pub mod splat_sheets;
 mod splat_template;
+mod surfaces;
 mod tets_raster;
 
 pub(crate) mod topology;
@@ -92,7 +93,7 @@ use ash::vk;
 use crate::error::{Error, Result};
 use crate::frame::Image as Picture;
 use crate::gpu::shader::{
-    BINDING_LINE_BOUNDS, FLAG_REPAIRED, FLAG_UNSORTED, SPEC_BOUNDED, TILE, TILE_PIXELS,
+    BINDING_LINE_BOUNDS, FLAG_REPAIRED, FLAG_UNSORTED, SPEC_BOUNDED, SPEC_LAYERS, TILE, TILE_PIXELS,
 };
 use crate::gpu::sync::Use;
 use crate::gpu::{
@@ -108,6 +109,7 @@ pub use gpu_scene::{GpuScene, UploadTimes};
 use grid_frame::GridFrame;
 use line_bounds::{DepthMeasure, LineBounds};
 pub use options::OptionInfo;
+use surfaces::{Layers, SurfaceData, SurfaceFrame, SurfaceLists};
 
 /// A technique.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -250,6 +252,28 @@ impl Method {
     pub fn fits(self, scene: &Scene) -> bool {
         let has_kernels = scene.kernels.is_some() || scene.points().is_some();
         self.draws_scene(scene) && (has_kernels || self != Self::SplatEwa)
+    }
+
+    /// Whether lines are cut at translucent surfaces: others blend whole splats or cells, or lines that several pixels share.
+    #[must_use]
+    pub fn draws_translucent_surfaces(self) -> bool {
+        match self {
+            Self::Slices2d | Self::Slices3d | Self::Slabs | Self::Raycast | Self::Havs | Self::Abuffer => {
+                true
+            }
+            Self::ShearWarp | Self::ProjectedTets | Self::SplatSheets | Self::SplatEwa => false,
+        }
+    }
+
+    /// Whether it draws a scene with such surfaces.
+    fn check_surfaces(self, surfaces: &SurfaceData) -> Result<()> {
+        if !surfaces.translucent || self.draws_translucent_surfaces() {
+            return Ok(());
+        }
+        let others = Self::ALL.into_iter().filter(|method| method.draws_translucent_surfaces());
+        let names: Vec<&str> = others.map(Self::name).collect();
+        let missing = format!("lines that are cut at them, as by {}", names.join(", "));
+        Err(Error::unsupported(format!("{} with translucent surfaces", self.name()), missing))
     }
 
     /// The technique that draws a scene where none is asked for; `None` where none does.
@@ -502,6 +526,10 @@ pub(crate) struct Canvas {
     target: TargetDesc,
     /// Two depths a pixel, where anything bounds lines.
     bounds: Option<Arc<Buffer>>,
+    /// Translucent surfaces.
+    layers: Option<Layers>,
+    /// Whether what is drawn is put before opaque surfaces, in an image of its own.
+    behind: bool,
 }
 
 impl Canvas {
@@ -516,6 +544,25 @@ impl Canvas {
     /// The bounds of lines as a shader binds them; what is there anyway, for variants that do not read any.
     fn bounds(&self, unread: &Arc<Buffer>) -> [(u32, Resource); 1] {
         [(BINDING_LINE_BOUNDS, Resource::ReadOnly(Arc::clone(self.bounds.as_ref().unwrap_or(unread))))]
+    }
+
+    /// The translucent surfaces of pixels as a shader binds them, with the same stand-in.
+    fn layers(&self, unread: &Arc<Buffer>) -> [(u32, Resource); 4] {
+        Layers::bound(self.layers.as_ref(), unread)
+    }
+
+    /// Whether there are any.
+    fn layered(&self) -> SpecConstant {
+        (SPEC_LAYERS, u32::from(self.layers.is_some()))
+    }
+
+    /// Refuses a way to draw that cannot cut lines at translucent surfaces.
+    fn refuse_layers(&self, what: &str, instead: &str) -> Result<()> {
+        if self.layers.is_none() {
+            return Ok(());
+        }
+        let missing = format!("lines that are cut at them: {instead} works");
+        Err(Error::unsupported(format!("{what} with translucent surfaces"), missing))
     }
 
     /// Whether lines are bounded.
@@ -567,25 +614,46 @@ impl Renderer {
                 ));
             }
         }
-        let bounds = match target.depth || !view.clip().is_none() {
+        let lists = match self.scene.surfaces()? {
+            Some(data) => {
+                self.technique.method().check_surfaces(&data)?;
+                Some(SurfaceLists::new(gpu, &data, view)?)
+            }
+            None => None,
+        };
+        let bounds = match target.depth || lists.is_some() || !view.clip().is_none() {
             true => Some(line_bounds::bounds_buffer(gpu, view)?),
             false => None,
         };
-        let canvas = Canvas { target: *target, bounds };
+        let layers = lists.as_ref().and_then(SurfaceLists::layers);
+        let canvas = Canvas { target: *target, bounds, layers, behind: lists.is_some() };
         let prepared = self.technique.prepare(&self.scene, view, &canvas)?;
+        let measure = prepared.measure();
+        let surfaces = match (lists, &canvas.bounds, prepared.image()) {
+            (Some(lists), Some(bounds), Some(image)) => {
+                let mut frame = SurfaceFrame::new(gpu, lists, view, bounds, target.depth, &measure)?;
+                frame.put_behind(gpu, image, &canvas)?;
+                Some(frame)
+            }
+            _ => None,
+        };
         let bounds = match &canvas.bounds {
-            Some(bounds) => Some(LineBounds::new(gpu, bounds, target.depth, prepared.measure(), view)?),
+            Some(bounds) => Some(LineBounds::new(gpu, bounds, target.depth, measure, view)?),
             None => None,
         };
-        let composite = match (prepared.image(), target.caller) {
+        let image = surfaces.as_ref().map_or(prepared.image(), SurfaceFrame::image);
+        let composite = match (image, target.caller) {
             (Some(image), Some((format, mode))) => Some(Composite::new(gpu, image, format, mode)?),
             _ => None,
         };
-        let others = u32::from(composite.is_some()) + bounds.as_ref().map_or(0, |_| LineBounds::passes());
+        let others = u32::from(composite.is_some())
+            + bounds.as_ref().map_or(0, |_| LineBounds::passes())
+            + surfaces.as_ref().map_or(0, SurfaceFrame::passes);
         let passes = prepared.passes() + others;
         Ok(Plan {
             gpu: gpu.clone(),
             bounds,
+            surfaces,
             timers: Timers::new(gpu, passes)?,
             technique_passes: passes - others,
             prepared,
@@ -626,6 +694,7 @@ pub struct Plan {
     prepared: Box<dyn Prepared>,
     composite: Option<Composite>,
     bounds: Option<LineBounds>,
+    surfaces: Option<SurfaceFrame>,
     timers: Option<Arc<Timers>>,
     /// Passes of the technique that are timed.
     technique_passes: u32,
@@ -660,7 +729,7 @@ struct Held {
     _keep: Keep,
     timers: Option<Arc<Timers>>,
     passes: Vec<String>,
-    outcome: Option<Arc<dyn Outcome>>,
+    outcomes: Vec<Arc<dyn Outcome>>,
     _in_flight: Arc<()>,
 }
 
@@ -678,10 +747,12 @@ impl Recorded {
             None => Vec::new(),
         };
         let passes = held.passes.into_iter().zip(times).map(|(name, ms)| PassTime { name, ms }).collect();
-        let (complete, counters) = match &held.outcome {
-            Some(outcome) => outcome.read()?,
-            None => (true, Vec::new()),
-        };
+        let (mut complete, mut counters) = (true, Vec::new());
+        for outcome in &held.outcomes {
+            let (fits, counted) = outcome.read()?;
+            complete &= fits;
+            counters.extend(counted);
+        }
         Ok(Status { complete, passes, counters })
     }
 
@@ -746,9 +817,12 @@ impl Plan {
         }
         let mut recorder = Recorder::new(&self.gpu, commands, self.timers.clone());
         if let Some(bounds) = &self.bounds {
-            bounds.record(&mut recorder, depth)?;
+            bounds.record(&mut recorder, depth, self.surfaces.as_ref())?;
         }
         self.prepared.record(&mut recorder, target, self.target.mode() == TargetMode::Clear);
+        if let Some(surfaces) = &self.surfaces {
+            surfaces.record_behind(&mut recorder);
+        }
         if let (Some(composite), Some(target)) = (&self.composite, target) {
             composite.record(&mut recorder, target);
         }
@@ -757,7 +831,12 @@ impl Plan {
             _keep: keep,
             timers: self.timers.clone(),
             passes,
-            outcome: self.prepared.outcome(),
+            outcomes: self
+                .prepared
+                .outcome()
+                .into_iter()
+                .chain(self.surfaces.as_ref().map(SurfaceFrame::outcome))
+                .collect(),
             _in_flight: Arc::clone(&self.in_flight),
         };
         Ok(Recorded { held: std::mem::ManuallyDrop::new(held) })
@@ -780,8 +859,19 @@ impl Plan {
         let fits = self.prepared.set_view(view, self.technique_passes)?;
         if fits {
             bounds.set_view(view);
+            if let Some(surfaces) = &mut self.surfaces {
+                surfaces.set_view(view)?;
+            }
         }
         Ok(fits)
+    }
+
+    /// The image that a frame leaves, and how it has used it last.
+    fn image(&self) -> Option<(&Arc<Image>, Use)> {
+        match &self.surfaces {
+            Some(surfaces) => surfaces.image().map(|image| (image, Use::ComputeReadWrite)),
+            None => self.prepared.image().map(|image| (image, self.prepared.last_use())),
+        }
     }
 
     /// The route that the technique takes on this device.
@@ -864,15 +954,15 @@ impl Frames {
     /// [`Error::Invalid`] when nothing has been drawn; else as [`Frames::draw`].
     pub fn read_back(&mut self) -> Result<Picture> {
         let gpu = &self.plan.gpu;
-        let Some(image) = self.plan.prepared.image().filter(|_| self.drawn) else {
+        let Some((image, last)) = self.plan.image().filter(|_| self.drawn) else {
             return Err(Error::invalid("frames", "nothing has been drawn: there is no image to read back"));
         };
         let format = image.desc().format;
         let host = Arc::new(Buffer::new(gpu, "read back", image.desc().texel_bytes(), BufferUse::Download)?);
         let mut recorder = Recorder::new(gpu, self.commands.begin()?, None);
-        recorder.assume_after(image, self.plan.prepared.last_use());
+        recorder.assume_after(image, last);
         recorder.copy_image_to_buffer("read back", image, &host);
-        recorder.leave(image, self.plan.prepared.last_use());
+        recorder.leave(image, last);
         let (_, keep) = recorder.finish();
         self.commands.submit(keep, "read back")?;
         let [width, height] = self.plan.extent;

@@ -1,0 +1,406 @@
+//! Surfaces in the volume (`glsl/surfaces.glsl`): which of them each pixel's line meets, found as faces of meshes are, and in which order.
+//!
+//! The nearest opaque one bounds the line, for every technique alike, and shows where what is drawn before it is not opaque. Translucent
+//! ones before it are handed to techniques that can cut lines at them, as lists of depths and colours. Surfaces see no clipping.
+//!
+//! Edges belong to one of the triangles that share them, whatever the view, as in meshes. Points at the same place are one.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use ash::vk;
+use glam::DVec3;
+
+use super::line_bounds::DepthMeasure;
+use super::mesh_data::Needs;
+use super::mesh_frame::{Geometry, Lists, Primitives, Stage, measure};
+use super::mesh_view::Frame;
+use super::passes::{Pass, buffer, download, groups_of, pass, total, words};
+use super::{Canvas, Outcome};
+use crate::error::{Error, Result};
+use crate::gpu::shader::{
+    BINDING_ACCUMULATION, BINDING_BACKGROUND, BINDING_CURSORS, BINDING_LAYER_CURSORS, BINDING_LAYER_DEPTHS,
+    BINDING_LAYER_ENDS, BINDING_LAYERS, BINDING_LINE_BOUNDS, BINDING_LISTS, BINDING_SOURCE, BINDING_STATUS,
+    BINDING_TRIANGLES, SPEC_BOUNDED, STATUS_CUT, STATUS_LONGEST_BIN, STATUS_LOST, STATUS_WORDS,
+    SURFACES_BEHIND, SURFACES_RESOLVE, TILE, TILE_PIXELS,
+};
+use crate::gpu::{Buffer, Gpu, Image, ImageDesc, Recorder, Resource};
+use crate::interface::{MeshPush, SurfacePush, Triangle};
+use crate::num::{self, f32_of};
+use crate::scene::{Shading, Surface, View};
+
+const NAME: &str = "surfaces";
+
+/// Numbers of triangles are kept in the bits of floats above 2, of which there are more.
+const MOST_TRIANGLES: usize = 1 << 27;
+
+/// Depths of lists may differ from those of planes that are seen edge-on by so much, in radii of the data.
+const SLACK: f64 = 1e-3;
+
+/// What of a scene's surfaces does not depend on the view.
+#[derive(Debug)]
+pub(crate) struct SurfaceData {
+    frame: Frame,
+    points: Arc<Buffer>,
+    point_count: u32,
+    primitives: Arc<Buffer>,
+    numbers: Arc<Buffer>,
+    triangles: Vec<(DVec3, DVec3, [f64; 4])>,
+    /// Whether any is seen through.
+    pub(crate) translucent: bool,
+    needs: Mutex<Needs>,
+}
+
+impl SurfaceData {
+    /// `None` where there is no triangle with an area. `corners` are those of the volume's data: what is near it has all digits.
+    pub(crate) fn new(gpu: &Gpu, surfaces: &[Surface], corners: &[DVec3]) -> Result<Option<Self>> {
+        let mut places: HashMap<[u64; 3], u32> = HashMap::new();
+        let mut points: Vec<DVec3> = Vec::new();
+        let mut primitives: Vec<[u32; 5]> = Vec::new();
+        let mut triangles = Vec::new();
+        for surface in surfaces {
+            let index: Vec<u32> = surface
+                .points()
+                .iter()
+                .map(|&point| {
+                    // Both zeros are one place.
+                    let point = point + DVec3::ZERO;
+                    *places.entry(point.to_array().map(f64::to_bits)).or_insert_with(|| {
+                        points.push(point);
+                        num::count(points.len() - 1)
+                    })
+                })
+                .collect();
+            let [r, g, b, opacity] = surface.colour();
+            let colour = [r, g, b, if surface.shading() == Shading::Headlight { -opacity } else { opacity }];
+            for corners in surface.triangles() {
+                let mut corners = corners.map(|i| index[num::index(i)]);
+                let [a, b, c] = corners.map(|i| points[num::index(i)]);
+                let Some(normal) = (b - a).cross(c - a).try_normalize() else { continue };
+                if surface.colour()[3] == 0.0 {
+                    continue;
+                }
+                corners.sort_unstable();
+                let number = num::count(triangles.len());
+                primitives.push([corners[0], corners[1], corners[2], number, number]);
+                triangles.push((a, normal, colour));
+            }
+        }
+        if triangles.is_empty() {
+            return Ok(None);
+        }
+        if triangles.len() > MOST_TRIANGLES {
+            let why = format!("{} triangles: at most {MOST_TRIANGLES} are drawn", triangles.len());
+            return Err(Error::invalid(NAME, why));
+        }
+        let low = corners.iter().copied().reduce(DVec3::min).unwrap_or_default();
+        let high = corners.iter().copied().reduce(DVec3::max).unwrap_or_default();
+        let half = high * 0.5 - low * 0.5;
+        let frame = Frame { centre: low + half, radius: half.length().max(f64::MIN_POSITIVE) };
+        let places: Vec<[f32; 4]> = points
+            .iter()
+            .map(|&point| {
+                let [x, y, z] = frame.place(point);
+                [x, y, z, 0.0]
+            })
+            .collect();
+        let numbers: Vec<u32> = (0..num::count(triangles.len())).map(|i| 0x4000_0000 | i << 2).collect();
+        Ok(Some(Self {
+            frame,
+            points: Buffer::with_data(gpu, "surfaces.points", bytemuck::cast_slice(&places))?,
+            point_count: num::count(points.len()),
+            primitives: Buffer::with_data(gpu, "surfaces.faces", bytemuck::cast_slice(&primitives))?,
+            numbers: Buffer::with_data(gpu, "surfaces.numbers", bytemuck::cast_slice(&numbers))?,
+            translucent: surfaces
+                .iter()
+                .any(|s| !s.is_opaque() && s.colour()[3] > 0.0 && !s.triangles().is_empty()),
+            triangles,
+            needs: Mutex::default(),
+        }))
+    }
+
+    /// Planes as heights over them, in a technique's units from its data's centre, with colours.
+    fn planes(&self, measure: &DepthMeasure) -> Vec<Triangle> {
+        let plane = |&(point, normal, colour): &(DVec3, DVec3, [f64; 4])| {
+            let height = normal.dot(measure.centre - point) / measure.unit;
+            Triangle { plane: [normal.x, normal.y, normal.z, height].map(f32_of), colour: colour.map(f32_of) }
+        };
+        self.triangles.iter().map(plane).collect()
+    }
+}
+
+/// Where techniques find the translucent surfaces of each pixel.
+#[derive(Clone, Debug)]
+pub(crate) struct Layers {
+    cursors: Arc<Buffer>,
+    ends: Arc<Buffer>,
+    depths: Arc<Buffer>,
+    colours: Arc<Buffer>,
+}
+
+impl Layers {
+    /// As shaders bind them; what is there anyway, for variants that do not read any.
+    pub(crate) fn bound(layers: Option<&Self>, unread: &Arc<Buffer>) -> [(u32, Resource); 4] {
+        let resource =
+            |buffer: fn(&Self) -> &Arc<Buffer>| Resource::ReadOnly(Arc::clone(layers.map_or(unread, buffer)));
+        [
+            (BINDING_LAYER_CURSORS, resource(|layers| &layers.cursors)),
+            (BINDING_LAYER_ENDS, resource(|layers| &layers.ends)),
+            (BINDING_LAYER_DEPTHS, resource(|layers| &layers.depths)),
+            (BINDING_LAYERS, resource(|layers| &layers.colours)),
+        ]
+    }
+}
+
+/// Lists of triangles for each pixel, and room for what becomes of them.
+#[derive(Debug)]
+pub(crate) struct SurfaceLists {
+    data: Arc<SurfaceData>,
+    stage: Stage,
+    lists: Lists,
+    needs: Needs,
+    push: MeshPush,
+    tiles: u32,
+    layers: Layers,
+    background: Arc<Buffer>,
+}
+
+/// The passes of a frame's surfaces.
+#[derive(Debug)]
+pub(crate) struct SurfaceFrame {
+    lists: SurfaceLists,
+    resolve: Pass,
+    push: SurfacePush,
+    measure: DepthMeasure,
+    outcome: Arc<SurfaceOutcome>,
+    behind: Option<(Pass, Arc<Image>)>,
+}
+
+/// What a frame tells of its surfaces when it has ended.
+#[derive(Debug)]
+pub(crate) struct SurfaceOutcome {
+    data: Arc<SurfaceData>,
+    status: Arc<Buffer>,
+    bins: Arc<Buffer>,
+    lists: Arc<Buffer>,
+    capacities: Needs,
+}
+
+impl Outcome for SurfaceOutcome {
+    fn read(&self) -> Result<(bool, Vec<(&'static str, u64)>)> {
+        let status = words(&self.status.host_copy()?);
+        let at = |word: u32| status.get(num::index(word)).copied().unwrap_or(0);
+        if at(STATUS_CUT) > 0 {
+            return Err(Error::unsupported(
+                "surfaces of this view",
+                format!("{} pixels have more translucent ones than are put in order", at(STATUS_CUT)),
+            ));
+        }
+        let (bins, lists) = (total(&self.bins)?, total(&self.lists)?);
+        let fits = bins <= u64::from(self.capacities.bins)
+            && lists <= u64::from(self.capacities.lists)
+            && at(STATUS_LONGEST_BIN) <= self.capacities.longest_bin
+            && at(STATUS_LOST) == 0;
+        let mut needs = self.data.needs.lock().unwrap_or_else(PoisonError::into_inner);
+        needs.bins = needs.bins.max(u32::try_from(bins).unwrap_or(u32::MAX));
+        needs.lists = needs.lists.max(u32::try_from(lists).unwrap_or(u32::MAX));
+        needs.longest_bin = needs.longest_bin.max(at(STATUS_LONGEST_BIN));
+        Ok((fits, vec![("surface_fragments", lists)]))
+    }
+}
+
+impl SurfaceLists {
+    /// For an image of a view.
+    pub(crate) fn new(gpu: &Gpu, data: &Arc<SurfaceData>, view: &View) -> Result<Self> {
+        let geometry = Geometry {
+            kind: Primitives::Faces,
+            points: Arc::clone(&data.points),
+            point_count: data.point_count,
+            scalars: Arc::clone(&data.numbers),
+            cell_scalars: true,
+            primitives: Arc::clone(&data.primitives),
+            count: num::count(data.triangles.len()),
+        };
+        // Lists are sorted pixel by pixel: any order will do.
+        let order: Vec<u32> = (0..geometry.count).collect();
+        let stage = Stage::of(gpu, NAME, geometry, false, Some(&order))?;
+        let push = data.frame.push(view, &MeshPush::default())?;
+        let [width, height] = view.extent();
+        let across = width.div_ceil(TILE);
+        let tiles = across * height.div_ceil(TILE);
+        let (runs, needs, bands) = measure(gpu, &stage, &data.needs, &push, tiles, across)?;
+        if bands.len() > 1 {
+            return Err(Error::unsupported(
+                "surfaces of this view",
+                format!("{} triangles in its pixels, which one buffer does not hold", needs.lists),
+            ));
+        }
+        let lists = Lists::new(gpu, &stage, tiles, runs, bands, needs)?;
+        let Some(Resource::Buffer(depths)) = lists.list_fill.descriptors.resource(BINDING_LISTS) else {
+            return Err(Error::invalid(NAME, "no lists"));
+        };
+        let layers = Layers {
+            cursors: Arc::clone(&lists.cursors),
+            ends: buffer(gpu, "surfaces.ends", u64::from(tiles) * u64::from(TILE_PIXELS))?,
+            colours: buffer(gpu, "surfaces.layers", 4 * u64::from(lists.list_capacity))?,
+            depths,
+        };
+        let background = buffer(gpu, "surfaces.background", 4 * u64::from(width) * u64::from(height))?;
+        Ok(Self { data: Arc::clone(data), stage, lists, needs, push, tiles, layers, background })
+    }
+
+    /// Where techniques find translucent surfaces, if there are any.
+    pub(crate) fn layers(&self) -> Option<Layers> {
+        self.data.translucent.then(|| self.layers.clone())
+    }
+}
+
+impl SurfaceFrame {
+    /// For a technique that measures depth so; `bounds` are those of lines, which hold something already where `bounded`.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        lists: SurfaceLists,
+        view: &View,
+        bounds: &Arc<Buffer>,
+        bounded: bool,
+        measured: &DepthMeasure,
+    ) -> Result<Self> {
+        let planes = lists.data.planes(measured);
+        let planes = Buffer::with_data(gpu, "surfaces.planes", bytemuck::cast_slice(&planes))?;
+        let resources = [
+            (BINDING_CURSORS, Resource::ReadOnly(Arc::clone(&lists.lists.cursors))),
+            (BINDING_LISTS, Resource::Buffer(Arc::clone(&lists.layers.depths))),
+            (BINDING_STATUS, Resource::Buffer(Arc::clone(&lists.stage.status))),
+            (BINDING_TRIANGLES, Resource::Buffer(planes)),
+            (BINDING_LINE_BOUNDS, Resource::Buffer(Arc::clone(bounds))),
+            (BINDING_LAYERS, Resource::Buffer(Arc::clone(&lists.layers.colours))),
+            (BINDING_LAYER_ENDS, Resource::Buffer(Arc::clone(&lists.layers.ends))),
+            (BINDING_BACKGROUND, Resource::Buffer(Arc::clone(&lists.background))),
+        ];
+        let constants = [(SPEC_BOUNDED, u32::from(bounded))];
+        let resolve = pass(gpu, "surfaces.resolve", &SURFACES_RESOLVE, &constants, &resources)?;
+        let outcome = SurfaceOutcome {
+            data: Arc::clone(&lists.data),
+            status: download(gpu, "surfaces.status", 4 * u64::from(STATUS_WORDS))?,
+            bins: download(gpu, "surfaces.bins.total", 8)?,
+            lists: download(gpu, "surfaces.lists.total", 8)?,
+            capacities: lists.needs,
+        };
+        let mut frame = Self {
+            lists,
+            resolve,
+            push: SurfacePush::default(),
+            measure: *measured,
+            outcome: Arc::new(outcome),
+            behind: None,
+        };
+        frame.push = frame.push_of(view)?;
+        Ok(frame)
+    }
+
+    /// What a technique draws into `drawn` is put before the opaque surfaces, in an image of its own.
+    pub(crate) fn put_behind(&mut self, gpu: &Gpu, drawn: &Arc<Image>, canvas: &Canvas) -> Result<()> {
+        let [width, height, _] = drawn.desc().extent;
+        let after = match canvas.format() {
+            None => vk::ImageUsageFlags::TRANSFER_SRC,
+            Some(_) => vk::ImageUsageFlags::SAMPLED,
+        };
+        let desc = ImageDesc::flat(
+            vk::Format::R32G32B32A32_SFLOAT,
+            [width, height],
+            vk::ImageUsageFlags::STORAGE | after,
+        );
+        let image = Arc::new(Image::new(gpu, "surfaces.image", &desc)?);
+        let resources = [
+            (BINDING_SOURCE, Resource::Sampled(Arc::clone(drawn), vk::Filter::NEAREST)),
+            (BINDING_ACCUMULATION, Resource::Storage(Arc::clone(&image))),
+            (BINDING_BACKGROUND, Resource::ReadOnly(Arc::clone(&self.lists.background))),
+        ];
+        self.behind = Some((pass(gpu, "surfaces.behind", &SURFACES_BEHIND, &[], &resources)?, image));
+        Ok(())
+    }
+
+    /// The image with both; there once [`SurfaceFrame::put_behind`] has made it.
+    pub(crate) fn image(&self) -> Option<&Arc<Image>> {
+        self.behind.as_ref().map(|(_, image)| image)
+    }
+
+    /// Passes of a frame.
+    pub(crate) fn passes(&self) -> u32 {
+        // Status, points, boxes, order; bins; lists, twice, and their sums; resolve, totals, status; behind.
+        4 + 7 + (4 + 2 * self.lists.lists.windows) + 4 + 2
+    }
+
+    /// Turns to another view of the same extent.
+    pub(crate) fn set_view(&mut self, view: &View) -> Result<()> {
+        let push = self.lists.data.frame.push(view, &self.lists.push)?;
+        self.push = self.push_of(view)?;
+        self.lists.push = push;
+        Ok(())
+    }
+
+    fn push_of(&self, view: &View) -> Result<SurfacePush> {
+        let DepthMeasure { centre, unit } = self.measure;
+        let frame = &self.lists.data.frame;
+        let eye = view.camera().eye;
+        let centre_depth = (centre - eye).dot(view.forward());
+        let foot = eye + view.forward() * centre_depth - centre;
+        let perspective = view.is_perspective();
+        let scale = if perspective { view.pixel_size() } else { view.pixel_size() / unit };
+        let pack = |v: DVec3, w: f64| num::vec3_of(v).extend(f32_of(w)).to_array();
+        let [width, height] = view.extent();
+        let push = SurfacePush {
+            q0_kq: pack(foot / unit, if perspective { centre_depth / unit } else { 1.0 }),
+            right_kd: pack(view.right() * scale, if perspective { 1.0 } else { 0.0 }),
+            up_near: pack(view.up() * scale, if perspective { -centre_depth / unit } else { -3e38 }),
+            forward_ratio: pack(view.forward(), frame.radius / unit),
+            half_extent: [width, height].map(|side| f32_of(f64::from(side) * 0.5)),
+            offset: f32_of((frame.centre - centre).dot(view.forward()) / unit),
+            capacity: self.lists.lists.list_capacity,
+            across: width.div_ceil(TILE),
+            tiles: self.lists.tiles,
+            slack: f32_of(SLACK * frame.radius / unit),
+            pad0: 0,
+        };
+        let numbers = [push.q0_kq, push.right_kd, push.up_near, push.forward_ratio];
+        if numbers.iter().flatten().chain([&push.offset]).all(|number| number.is_finite()) {
+            return Ok(push);
+        }
+        let why = "surfaces or the camera are so far from the data that float32 cannot hold their distance";
+        Err(Error::invalid("view", why))
+    }
+
+    /// Finds the surfaces of each line; bounds that hold something have been written.
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>) {
+        let SurfaceLists { stage, lists, push, tiles, .. } = &self.lists;
+        stage.record(recorder, push);
+        lists.bin(recorder, push, stage.count);
+        recorder.copy_buffer("surfaces.bins.total", lists.bins.total(), &self.outcome.bins, 8);
+        recorder.release_to_host(&self.outcome.bins);
+        recorder.clear_buffer("surfaces.lists.clear", &lists.cursors);
+        lists.list(recorder, push, 0, false);
+        if let Some(scan) = lists.list_scans.first() {
+            scan.record(recorder);
+            recorder.copy_buffer("surfaces.lists.total", scan.total(), &self.outcome.lists, 8);
+            recorder.release_to_host(&self.outcome.lists);
+        }
+        lists.list(recorder, push, 0, true);
+        self.resolve.record(recorder, &self.push, groups_of(*tiles, 1));
+        let bytes = self.outcome.status.size();
+        recorder.copy_buffer("surfaces.status", &stage.status, &self.outcome.status, bytes);
+        recorder.release_to_host(&self.outcome.status);
+    }
+
+    /// After the technique.
+    pub(crate) fn record_behind(&self, recorder: &mut Recorder<'_>) {
+        if let Some((pass, image)) = &self.behind {
+            let [width, height, _] = image.desc().extent;
+            pass.record(recorder, &[0_u8; 0], [width.div_ceil(8), height.div_ceil(8), 1]);
+        }
+    }
+
+    /// Where a frame's status can be read when it has ended.
+    pub(crate) fn outcome(&self) -> Arc<dyn Outcome> {
+        Arc::clone(&self.outcome) as _
+    }
+}

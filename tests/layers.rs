@@ -1,0 +1,209 @@
+//! Surfaces in the volume: opaque ones, by every technique; translucent ones, by those that cut lines at them. Against the reference.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::cast_possible_truncation,
+    reason = "a test fails by panicking, and makes its own numbers"
+)]
+
+mod common;
+
+use common::*;
+use glam::DVec3;
+use volraster::gpu::{Gpu, OptionalFeature};
+use volraster::scene::{
+    Clip, Field, KernelSize, Points, Scene, Shading, Surface, TetScalars, TransferFunction, View,
+};
+use volraster::technique::{GpuScene, Method, Renderer, TargetDesc};
+
+fn views() -> [View; 3] {
+    [view(perspective(), 1.0, 40, 30), view(orthographic(), 1.0, 40, 30), view(perspective(), 0.1, 40, 30)]
+}
+
+/// A ball, a box that it cuts, and a triangle that reaches far beyond the volume on both sides of the eye.
+fn opaque() -> Vec<Surface> {
+    let low = DVec3::new(-0.75, -0.2, -0.9);
+    vec![
+        Surface::sphere(DVec3::new(0.35, 0.1, -0.3), 0.45, [0.9, 0.3, 0.2, 1.0], 3)
+            .unwrap()
+            .with_shading(Shading::Headlight),
+        Surface::cuboid(low, low + 0.7, [0.2, 0.7, 0.3, 1.0]).unwrap().with_shading(Shading::Headlight),
+        Surface::new(
+            vec![
+                DVec3::new(-900.0, -0.8, 400.0),
+                DVec3::new(900.0, -0.8, 500.0),
+                DVec3::new(0.0, -0.85, -700.0),
+            ],
+            vec![[0, 1, 2]],
+            [0.3, 0.4, 0.8, 1.0],
+        )
+        .unwrap(),
+    ]
+}
+
+/// Panes that cross each other, inside and outside of the volume, and a ball in a ball.
+fn translucent() -> Vec<Surface> {
+    let pane = |corners: [[f64; 3]; 4], colour| {
+        Surface::new(corners.map(DVec3::from_array).to_vec(), vec![[0, 1, 2], [0, 2, 3]], colour).unwrap()
+    };
+    vec![
+        pane(
+            [[-1.2, -0.6, 0.3], [1.2, -0.7, 0.5], [1.2, 0.8, -0.1], [-1.2, 0.9, -0.4]],
+            [0.2, 0.5, 1.0, 0.4],
+        ),
+        pane([[0.1, -1.4, -1.3], [0.1, -1.2, 1.4], [0.2, 1.3, 1.2], [0.3, 1.1, -1.4]], [1.0, 0.7, 0.1, 0.3]),
+        Surface::sphere(DVec3::new(-0.2, 0.1, 0.2), 0.5, [0.4, 0.9, 0.5, 0.25], 3)
+            .unwrap()
+            .with_shading(Shading::Headlight),
+        Surface::sphere(DVec3::new(-0.2, 0.1, 0.2), 0.3, [0.9, 0.2, 0.6, 0.5], 3).unwrap(),
+    ]
+}
+
+fn transfer(rows: &[[f64; 5]]) -> TransferFunction {
+    TransferFunction::from_rows(rows).unwrap()
+}
+
+/// The error of the same scene without surfaces, as a bound.
+const OWN: f64 = 0.0;
+
+/// Scenes with the specs that draw them, and bounds of the root-mean-square error.
+fn scenes(gpu: &Gpu) -> Vec<(&'static str, Scene, Vec<(String, f64)>)> {
+    let grid = scene(Field::Blobs, 24, "f32", &FOG);
+    let of_grid = specs(gpu)
+        .into_iter()
+        .map(|spec| match spec.as_str() {
+            resampled if !by_pixel(resampled) => (format!("{resampled},filter=exact"), OWN),
+            sheets if sheets.starts_with("splat") => (format!("{sheets},step=0.25"), 2e-4),
+            other => (format!("{},filter=exact", with_option(other, "step", "0.25")), 2e-4),
+        })
+        .collect();
+    let mesh = Scene::new(Field::Blobs.tets(7).unwrap(), transfer(&FOG));
+    let of_mesh = |spec: &str| (spec.to_string(), 1e-6);
+    let mut of_meshes = vec![
+        of_mesh("havs:integrator=exact"),
+        of_mesh("havs:integrator=exact,chunk=3"),
+        of_mesh("abuffer:integrator=exact"),
+        of_mesh("projected-tets:integrator=exact"),
+        of_mesh("projected-tets:integrator=exact,route=raster"),
+    ];
+    if gpu.has(OptionalFeature::OrderedStores) {
+        of_meshes.push(of_mesh("havs:integrator=exact,route=implementation-ordered"));
+    }
+    let cells = {
+        let tets = mesh.mesh().unwrap();
+        let scalars = (0..tets.cells().len()).map(|i| (i % 10) as f32 * 0.1).collect();
+        tets.clone().with_scalars(TetScalars::Cell(scalars)).unwrap()
+    };
+    let centres = (0..120).map(|i| {
+        let at = |k: f64| ((f64::from(i) * k).fract() - 0.5) * 1.8;
+        DVec3::new(at(0.754_877), at(0.569_840), at(0.362_437))
+    });
+    let scalars = (0..120_u8).map(|i| f32::from(i % 11) / 10.0).collect();
+    let points = Points::new(centres.collect()).unwrap().with_scalars(scalars).unwrap();
+    let points = points.with_size(KernelSize::Radius(0.45)).unwrap();
+    vec![
+        ("grid", grid, of_grid),
+        ("mesh", mesh.clone(), of_meshes),
+        (
+            "cells",
+            Scene::new(cells, transfer(&FOG)),
+            vec![of_mesh("havs:integrator=exact"), of_mesh("abuffer:integrator=exact")],
+        ),
+        (
+            "points",
+            Scene::new(points, transfer(&FOG)),
+            vec![
+                ("splat-sheets:sheets=image,step=0.05".to_string(), 3e-5),
+                ("splat-ewa:footprint=exact".to_string(), OWN),
+            ],
+        ),
+    ]
+}
+
+/// Whether a spec cuts lines at translucent surfaces.
+fn cuts(spec: &str) -> bool {
+    technique(spec).method().draws_translucent_surfaces()
+        && !spec.contains("route=raster")
+        && !spec.contains("implementation-ordered")
+}
+
+fn check(surfaces: &[Surface], translucent: bool, clip: Clip) {
+    let gpu = gpu();
+    let mut drawn = 0;
+    for (name, plain, specs) in scenes(&gpu) {
+        let scene = plain.clone().with_surfaces(surfaces.to_vec());
+        let on_device = GpuScene::new(&gpu, scene.clone());
+        for (i, view) in views().map(|view| view.with_clip(clip)).into_iter().enumerate() {
+            let truth = truth(&scene, &view);
+            for (spec, bound) in &specs {
+                if translucent && !cuts(spec) {
+                    let renderer = Renderer::new(&on_device, technique(spec));
+                    let why = renderer.prepare(&view, &TargetDesc::own()).unwrap_err();
+                    let text = why.to_string();
+                    assert!(
+                        matches!(why, volraster::Error::Unsupported { .. }) && text.contains("translucent"),
+                        "{spec}: {text}"
+                    );
+                    continue;
+                }
+                let image = draw_on(&on_device, &view, spec);
+                let bound = if *bound > 0.0 {
+                    *bound
+                } else {
+                    1.5 * errors(&draw(&gpu, &plain, &view, spec), &plain, &view).all.rmse
+                };
+                let found = volraster::measure::ImageErrors::between_f64(&image, &truth).unwrap();
+                // A line that passes an edge within rounding meets either side of it.
+                let off = image
+                    .pixels()
+                    .iter()
+                    .zip(truth.pixels())
+                    .filter(|(a, b)| a.iter().zip(*b).any(|(a, b)| (f64::from(*a) - b).abs() > 0.02));
+                let off = off.count();
+                println!(
+                    "{name} view {i} {spec}: rmse {:.1e} of {bound:.1e}, worst {:.1e}, {off} off",
+                    found.all.rmse, found.all.max_abs
+                );
+                assert!(found.all.rmse < bound, "{name} view {i} {spec}: {:.1e}", found.all.rmse);
+                drawn += 1;
+            }
+        }
+    }
+    assert!(drawn >= 30, "{drawn} images");
+}
+
+#[test]
+fn opaque_surfaces_hide_what_is_behind_them() {
+    check(&opaque(), false, Clip::none());
+}
+
+#[test]
+fn translucent_surfaces_tint_what_is_behind_them() {
+    check(&[opaque(), translucent()].concat(), true, Clip::none());
+}
+
+/// Clipping cuts the volume, not the surfaces in it.
+#[test]
+fn surfaces_see_no_clipping() {
+    let clip = Clip::none()
+        .with_plane(DVec3::new(0.1, 0.0, 0.2), DVec3::new(-0.5, 0.3, -1.0))
+        .unwrap()
+        .with_crop(DVec3::splat(-0.9), DVec3::new(0.9, 0.7, 0.8))
+        .unwrap();
+    check(&[opaque(), translucent()].concat(), true, clip);
+}
+
+/// Of techniques that refuse translucent surfaces each says which do not.
+#[test]
+fn refusals_name_what_works() {
+    let gpu = gpu();
+    let scene = scene(Field::Blobs, 8, "f32", &FOG).with_surfaces(translucent());
+    let on_device = GpuScene::new(&gpu, scene);
+    let plain = view(perspective(), 1.0, 40, 30);
+    for method in [Method::ShearWarp, Method::SplatSheets, Method::SplatEwa] {
+        let renderer = Renderer::new(&on_device, technique(method.name()));
+        let why = renderer.prepare(&plain, &TargetDesc::own()).unwrap_err().to_string();
+        assert!(why.contains("raycast") && why.contains(method.name()), "{why}");
+    }
+}
