@@ -14,6 +14,7 @@
 //! | `folder` | slices in files of their own |
 //! | `jpeg` | what a JPEG stream says of itself, before it is decoded |
 //! | `columns` | vectors and tensors of columns that are named one by one |
+//! | `triangles`, `obj` | triangle meshes, of PLY and OBJ |
 //! | `refused` | formats that are known by name only |
 //! | `write_nrrd`, `write_vtu`, `image` | what is written |
 //!
@@ -36,6 +37,7 @@ mod metaimage;
 mod nifti;
 mod npy;
 mod nrrd;
+mod obj;
 mod options;
 mod ply;
 mod raw;
@@ -44,6 +46,7 @@ mod samples;
 mod source;
 mod text;
 mod tiff;
+mod triangles;
 mod volume;
 mod vtk_blocks;
 mod vtk_document;
@@ -67,6 +70,7 @@ pub(crate) use raw::{Described, describes_raw, load_raw};
 pub use raw::{RawLayout, read_raw};
 pub use samples::{Endian, SampleType};
 use source::Source;
+pub use triangles::{Triangles, read_triangles, read_triangles_memory};
 pub use write_nrrd::write_nrrd;
 pub use write_vtu::write_vtu;
 

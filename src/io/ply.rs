@@ -3,7 +3,9 @@
 //! The element `vertex` is read, with its properties `x`, `y`, `z` of any type; further properties that are
 //! numbers are arrays, and together as [`super::columns`] says: `nx ny nz` are `normal`, `red green blue`
 //! are `colour`, `scale_0 scale_1 scale_2` are `scale`. Properties that are lists, faces and other elements
-//! are passed over, yet must be there as announced. In words, each vertex is a line.
+//! are passed over, yet must be there as announced. In words, each vertex is a line. Of surfaces [`faces`] are read.
+
+pub(super) mod faces;
 
 use std::io::{ErrorKind, Read};
 
@@ -38,30 +40,15 @@ impl Reader for Ply {
     }
 
     fn recognises(&self, source: &Source) -> bool {
-        source
-            .head()
-            .strip_prefix(b"ply")
-            .is_some_and(|rest| rest.first().is_some_and(u8::is_ascii_whitespace))
+        recognises(source)
     }
 
     fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
         let mut budget = Budget::new(source, options);
         let mut scanner = Scanner::new(source);
         let header = Header::read(&mut scanner)?;
-        let Some(place) = header.elements.iter().position(|element| element.name == "vertex") else {
-            let names: Vec<&str> =
-                header.elements.iter().take(16).map(|element| element.name.as_str()).collect();
-            let rule = format!("none: elements are {}", shown(&names.join(", ")));
-            return Err(source.error("element vertex", rule));
-        };
+        let (place, axes) = header.vertex(source)?;
         let vertex = &header.elements[place];
-        let mut axes = [0; 3];
-        for (axis, name) in axes.iter_mut().zip(["x", "y", "z"]) {
-            let found = vertex.properties.iter().position(|p| p.name == name && p.list.is_none());
-            *axis = found.ok_or_else(|| {
-                source.error("element vertex", format!("has no property \"{name}\" that is a number"))
-            })?;
-        }
 
         for element in &header.elements[..place] {
             header.pass(&mut scanner, element)?;
@@ -118,6 +105,11 @@ impl Reader for Ply {
         loaded.report.notes.splice(0..0, notes);
         Ok(loaded)
     }
+}
+
+/// Whether a file begins as PLY does.
+pub(super) fn recognises(source: &Source) -> bool {
+    source.head().strip_prefix(b"ply").is_some_and(|rest| rest.first().is_some_and(u8::is_ascii_whitespace))
 }
 
 struct Property {
@@ -255,6 +247,25 @@ impl Header {
             Some(binary) => Ok(Self { binary, elements }),
             None => Err(scanner.source().error("header", "has no format")),
         }
+    }
+
+    /// The place of the element `vertex`, and those of `x`, `y` and `z` in it.
+    fn vertex(&self, source: &Source) -> Result<(usize, [usize; 3])> {
+        let Some(place) = self.elements.iter().position(|element| element.name == "vertex") else {
+            let names: Vec<&str> =
+                self.elements.iter().take(16).map(|element| element.name.as_str()).collect();
+            let rule = format!("none: elements are {}", shown(&names.join(", ")));
+            return Err(source.error("element vertex", rule));
+        };
+        let mut axes = [0; 3];
+        for (axis, name) in axes.iter_mut().zip(["x", "y", "z"]) {
+            let vertex = &self.elements[place];
+            let found = vertex.properties.iter().position(|p| p.name == name && p.list.is_none());
+            *axis = found.ok_or_else(|| {
+                source.error("element vertex", format!("has no property \"{name}\" that is a number"))
+            })?;
+        }
+        Ok((place, axes))
     }
 
     /// Whether so many elements can follow, before memory is taken for them.
@@ -441,13 +452,13 @@ fn number(scanner: &mut Scanner, kind: SampleType, endian: Endian) -> std::io::R
     Ok(decode(bytes, kind, endian))
 }
 
-/// Passes over a list in binary.
-fn pass_list(
+/// The length of a list in binary, whose numbers can follow.
+fn list_length(
     scanner: &mut Scanner,
     property: &Property,
     length: SampleType,
     endian: Endian,
-) -> std::io::Result<()> {
+) -> std::io::Result<u64> {
     let count = number(scanner, length, endian)?;
     let name = shown(&property.name);
     let place = format!("byte {}", scanner.position());
@@ -455,11 +466,22 @@ fn pass_list(
     if count < 0.0 {
         return Err(wrong(format!("property {name}: a list of {count}")));
     }
-    let bytes = num::u64_of(count).saturating_mul(property.kind.bytes());
-    if bytes > scanner.available() {
+    let length = num::u64_of(count);
+    if length.saturating_mul(property.kind.bytes()) > scanner.available() {
         return Err(wrong(format!("property {name}: a list of {count} is longer than what follows")));
     }
-    scanner.skip(bytes).map_err(std::io::Error::other)
+    Ok(length)
+}
+
+/// Passes over a list in binary.
+fn pass_list(
+    scanner: &mut Scanner,
+    property: &Property,
+    length: SampleType,
+    endian: Endian,
+) -> std::io::Result<()> {
+    let count = list_length(scanner, property, length, endian)?;
+    scanner.skip(count * property.kind.bytes()).map_err(std::io::Error::other)
 }
 
 /// The numbers that are wanted of a vertex in words.

@@ -27,6 +27,7 @@ mod real;
 mod refused;
 mod support;
 mod tiff;
+mod triangles;
 mod vtk_legacy;
 mod vtk_xml;
 mod write;

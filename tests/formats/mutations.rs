@@ -147,13 +147,20 @@ fn mutate(random: &mut Random, bytes: &mut Vec<u8>, said: &mut String) {
     }
 }
 
+/// What reads files in memory.
+pub type Read = fn(&[(&str, &[u8])], &ReadOptions) -> volraster::Result<()>;
+
 /// Reads what may be anything, and checks how that ends: whether in data.
 fn survive(files: &[(&str, &[u8])], what: &dyn Fn() -> String) -> bool {
+    survive_by(|files, options| read_memory(files, options).map(drop), files, what)
+}
+
+fn survive_by(read: Read, files: &[(&str, &[u8])], what: &dyn Fn() -> String) -> bool {
     let options = ReadOptions::within(LIMIT);
     let given: usize = files.iter().map(|(_, bytes)| bytes.len()).sum();
     let mut outcome = None;
     let memory = allocation_counter::measure(|| {
-        outcome = Some(catch_unwind(AssertUnwindSafe(|| read_memory(files, &options).map(drop))));
+        outcome = Some(catch_unwind(AssertUnwindSafe(|| read(files, &options))));
     });
     let read = matches!(outcome, Some(Ok(Ok(()))));
     match outcome {
@@ -172,9 +179,15 @@ fn survive(files: &[(&str, &[u8])], what: &dyn Fn() -> String) -> bool {
 
 /// Damages the samples of a format.
 pub fn damage(format: &str, samples: &[Sample]) {
+    damage_by(|files, options| read_memory(files, options).map(drop), format, samples);
+}
+
+/// The same where something else reads them.
+pub fn damage_by(reader: Read, format: &str, samples: &[Sample]) {
     assert!(!samples.is_empty());
-    for sample in samples {
-        sample.loaded();
+    for Sample { what, files } in samples {
+        let files: Vec<(&str, &[u8])> = files.iter().map(|(n, b)| (n.as_str(), b.as_slice())).collect();
+        reader(&files, &ReadOptions::within(1 << 30)).unwrap_or_else(|e| panic!("{what}: {e}"));
     }
     let cases = std::env::var("VOLRASTER_MUTATIONS").ok().and_then(|n| n.parse().ok()).unwrap_or(CASES);
     let mut read = 0;
@@ -189,7 +202,7 @@ pub fn damage(format: &str, samples: &[Sample]) {
         }
         let files: Vec<(&str, &[u8])> = files.iter().map(|(n, b)| (n.as_str(), b.as_slice())).collect();
         let what = || format!("{format}, case {case}, {}: {said}", sample.what);
-        read += u64::from(survive(&files, &what));
+        read += u64::from(survive_by(reader, &files, &what));
     }
     // Damage that is never felt, or always, would test one end only.
     assert!(0 < read && read < cases, "{format}: {read} of {cases} cases were read");
