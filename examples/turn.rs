@@ -5,7 +5,6 @@
 use std::path::PathBuf;
 
 use volraster::io::{self, ReadOptions};
-use volraster::scene::View;
 use volraster::scene::file::LoadedScene;
 use volraster::{Error, Gpu, GpuScene, Renderer, Result, Technique};
 
@@ -22,15 +21,16 @@ fn main() -> Result<()> {
     })?;
     let loaded = LoadedScene::load_any(&scan, &ReadOptions::default())?;
 
+    let first = loaded.view(loaded.width, loaded.height)?;
+
     let gpu = Gpu::headless()?;
     println!("{}", gpu.report().name);
     let scene = GpuScene::new(&gpu, loaded.scene);
     let renderer = Renderer::new(&scene, Technique::parse("slices-3d:step=0.5")?);
-    let first = View::new(loaded.camera, loaded.width, loaded.height)?;
     let mut frames = renderer.frames(&first)?;
     for side in 0..8_u8 {
         let camera = loaded.camera.orbit(45.0 * f64::from(side))?;
-        let time = frames.draw(&View::new(camera, loaded.width, loaded.height)?)?;
+        let time = frames.draw(&first.with_camera(camera)?)?;
         let path = folder.join(format!("turn-{side}.png"));
         io::write_image(&path, &frames.read_back()?, loaded.background)?;
         println!("{}: {:.1} ms", path.display(), time.wall_ms);

@@ -868,7 +868,7 @@ fn scene_files_are_refused_by_place_and_rule() {
     check(r#", "mesh": {"file": "x"}"#, &["mesh", "one of `volume`, `mesh` and `points`"]);
     check(r#", "points": 1"#, &["points", "1"]);
     check(r#", "points": {"file": "x"}"#, &["points", "one of `volume`, `mesh` and `points`"]);
-    check(r#", "opaque": []"#, &["opaque", "this version"]);
+    check(r#", "opaque": {}"#, &["opaque", "a sequence"]);
     check(",\n \"camera\": {\"eye\": [1,2]}", &["line 2", "camera.eye", "length 2"]);
     check(
         r#", "camera": {"eye": [1,2,3], "target": [0,0,0], "up": [0,1,0]}"#,

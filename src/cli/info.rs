@@ -9,8 +9,8 @@ use volraster::glam::DVec3;
 use volraster::io::{self, ArrayInfo, Data, Report};
 use volraster::scene::file::{LoadedScene, SceneFile};
 use volraster::scene::{
-    Anatomy, Camera, Grid, Kernel, KernelSize, Kernels, Model, Points, Projection, TetScalars, Tets,
-    TransferFunction,
+    Anatomy, Camera, Clip, Grid, Kernel, KernelSize, Kernels, Model, Points, Projection, Shading, Surface,
+    TetScalars, Tets, TransferFunction,
 };
 use volraster::technique::GridBytes;
 use volraster::{Error, Result};
@@ -25,6 +25,9 @@ const LISTED_KNOTS: usize = 16;
 
 /// Arrays that are listed; the JSON has all of them.
 const LISTED_ARRAYS: usize = 32;
+
+/// Surfaces that are listed; the JSON has all of them.
+const LISTED_SURFACES: usize = 16;
 
 /// Arguments of `info`.
 #[derive(Debug, clap::Args)]
@@ -97,6 +100,8 @@ impl Args {
         facts.put("image", json!(extent));
         facts.line("image", format!("{width} x {height}"));
         facts.put("background", json!(settings.background));
+        facts.surfaces(&scene.surfaces);
+        facts.clip(settings.view.clip());
         if let Some(choice) = &settings.choice {
             let mut technique = Map::from_iter([("name".to_string(), json!(choice.name))]);
             technique.extend(choice.options.iter().map(|(key, value)| (key.clone(), json!(value))));
@@ -247,6 +252,59 @@ impl Facts {
         }
         self.put("kernels", Value::Object(json));
         self.line("field", text);
+    }
+
+    /// Triangle meshes in the volume.
+    fn surfaces(&mut self, surfaces: &[Surface]) {
+        let shade = |surface: &Surface| match surface.shading() {
+            Shading::Flat => "flat",
+            Shading::Headlight => "headlight",
+        };
+        let json_of = |surface: &Surface| {
+            let [r, g, b, opacity] = surface.colour();
+            json!({
+                "points": surface.points().len(), "triangles": surface.triangles().len(),
+                "bounds": surface.bounds().map(|bounds| bounds.map(|corner| corner.to_array())),
+                "colour": [r, g, b], "opacity": opacity, "shade": shade(surface),
+            })
+        };
+        self.put("surfaces", Value::Array(surfaces.iter().map(json_of).collect()));
+        for (i, surface) in surfaces.iter().take(LISTED_SURFACES).enumerate() {
+            let [r, g, b, opacity] = surface.colour();
+            let bounds = surface
+                .bounds()
+                .map_or_else(String::new, |[low, high]| format!(", {} to {}", triple(low), triple(high)));
+            let text = format!(
+                "{} triangles{bounds}, colour {}, opacity {}, {}",
+                surface.triangles().len(),
+                triple(DVec3::new(r, g, b)),
+                number(opacity),
+                shade(surface)
+            );
+            self.line(if i == 0 { "surfaces" } else { "" }, text);
+        }
+        if surfaces.len() > LISTED_SURFACES {
+            self.line("", format!("and {} more", surfaces.len() - LISTED_SURFACES));
+        }
+    }
+
+    /// What is cut away, if anything is.
+    fn clip(&mut self, clip: &Clip) {
+        // JSON has no infinite numbers: a side that cuts nothing is null.
+        let planes: Vec<Value> = clip
+            .planes()
+            .map(|plane| json!({"point": plane.point.to_array(), "normal": plane.normal.to_array()}))
+            .collect();
+        let crop = clip.crop().map(|[low, high]| json!({"low": low.to_array(), "high": high.to_array()}));
+        let is_none = planes.is_empty() && crop.is_none();
+        self.put("clip", if is_none { Value::Null } else { json!({"planes": planes, "crop": crop}) });
+        let planes = clip
+            .planes()
+            .map(|plane| format!("plane through {} along {}", triple(plane.point), triple(plane.normal)));
+        let crop = clip.crop().map(|[low, high]| format!("box {} to {}", bounds(low), bounds(high)));
+        for (i, text) in planes.chain(crop).enumerate() {
+            self.line(if i == 0 { "kept" } else { "" }, text);
+        }
     }
 
     /// Size, type and place of a grid.
@@ -410,6 +468,13 @@ fn knots_text(transfer: &TransferFunction) -> String {
         let _ = write!(text, "\n    and {} more", knots.len() - LISTED_KNOTS);
     }
     text
+}
+
+/// A corner of a crop box; `-` where it cuts nothing.
+fn bounds(corner: DVec3) -> String {
+    let [x, y, z] =
+        corner.to_array().map(|bound| if bound.is_finite() { number(bound) } else { "-".to_string() });
+    format!("[{x}, {y}, {z}]")
 }
 
 fn camera_json(camera: &Camera, automatic: bool) -> Value {

@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 use volraster::gpu::{GpuOptions, Validation, ValidationLog};
 use volraster::io::{ReadOptions, Report};
 use volraster::scene::file::{LoadedScene, TechniqueChoice};
-use volraster::scene::{Data, Scene, View, auto};
+use volraster::scene::{Data, Scene, View};
 use volraster::technique::Method;
 use volraster::{Error, Gpu, Result, Technique};
 
@@ -188,22 +188,9 @@ impl Input {
     ///
     /// As [`View::new`].
     pub(crate) fn new(path: &Path, loaded: LoadedScene, size: Option<Size>, start: Instant) -> Result<Self> {
-        let LoadedScene {
-            scene,
-            mut camera,
-            camera_is_automatic,
-            width,
-            height,
-            background,
-            technique,
-            file,
-            report,
-        } = loaded;
-        let Size { width, height } = size.unwrap_or(Size { width, height });
-        if size.is_some() && camera_is_automatic {
-            camera = auto::camera(&scene.data, width, height).map_err(|error| error.in_file(path))?;
-        }
-        let view = View::new(camera, width, height).map_err(|error| error.in_file(path))?;
+        let Size { width, height } = size.unwrap_or(Size { width: loaded.width, height: loaded.height });
+        let view = loaded.view(width, height).map_err(|error| error.in_file(path))?;
+        let LoadedScene { scene, camera_is_automatic, background, technique, file, report, .. } = loaded;
         let settings = Settings {
             path: path.to_path_buf(),
             data: file,

@@ -196,12 +196,11 @@ impl Args {
 
     /// The view of each timed frame; that of the first one is the picture's.
     fn views(&self, first: &View) -> Result<Vec<View>> {
-        let [width, height] = first.extent();
         let view = |i: u32| {
             if i == 0 {
                 return Ok(*first);
             }
-            View::new(first.camera().orbit(self.orbit * f64::from(i))?, width, height)
+            first.with_camera(first.camera().orbit(self.orbit * f64::from(i))?)
         };
         let count = self.frames.unwrap_or(u32::from(self.stats.is_some()));
         (0..count).map(view).collect()

@@ -141,6 +141,16 @@ impl View {
         Self { clip, ..self }
     }
 
+    /// The same size and the same cuts seen by another camera.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::new`].
+    pub fn with_camera(&self, camera: Camera) -> Result<Self> {
+        let [width, height] = self.extent;
+        Ok(Self::new(camera, width, height)?.with_clip(self.clip))
+    }
+
     /// What is cut away.
     #[must_use]
     pub fn clip(&self) -> &Clip {

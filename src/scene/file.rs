@@ -2,9 +2,11 @@
 //!
 //! Unknown keys are errors that name the allowed ones. Paths are relative to the scene file.
 
+mod clip;
 mod kernels;
 mod mesh;
 mod points;
+mod surfaces;
 mod transfer;
 mod volume;
 
@@ -12,17 +14,21 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use serde::de::{IgnoredAny, MapAccess, Visitor};
+use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-use super::{Camera, KernelSize, Kernels, Points, Projection, Scene, TransferFunction, View, auto};
+use super::{
+    Camera, Clip, KernelSize, Kernels, Points, Projection, Scene, Surface, TransferFunction, View, auto,
+};
 use crate::error::{Error, Result};
 use crate::io::{self, Data, Loaded, ReadOptions, Report};
 use crate::num;
 
+use clip::ClipSpec;
 use kernels::{KernelsSpec, Kind};
 use mesh::MeshSpec;
 use points::PointsSpec;
+use surfaces::SurfaceSpec;
 pub use transfer::{PRESETS, Preset};
 use transfer::{Recipe, TransferSpec};
 use volume::VolumeSpec;
@@ -39,8 +45,10 @@ pub struct TechniqueChoice {
 /// Everything that a picture needs, read and checked.
 #[derive(Clone, Debug)]
 pub struct LoadedScene {
-    /// Data and transfer function.
+    /// Data, transfer function and surfaces.
     pub scene: Scene,
+    /// What of the volume is cut away.
+    pub clip: Clip,
     /// The camera.
     pub camera: Camera,
     /// Whether the camera was chosen for the data; for another image size it should be chosen again, by
@@ -100,6 +108,21 @@ impl LoadedScene {
         }
     }
 
+    /// The view of an image of a size: an automatic camera is chosen again where it is not the scene's own size, and the
+    /// scene's clip region cuts.
+    ///
+    /// # Errors
+    ///
+    /// As [`View::new`] and [`auto::camera`].
+    pub fn view(&self, width: u32, height: u32) -> Result<View> {
+        let camera = if self.camera_is_automatic && [width, height] != [self.width, self.height] {
+            auto::camera(&self.scene.data, width, height)?
+        } else {
+            self.camera
+        };
+        Ok(View::new(camera, width, height)?.with_clip(self.clip))
+    }
+
     /// Puts the parts together and fills in what was not given.
     fn assemble(path: &Path, source: Source, rest: Rest) -> Result<Self> {
         let Source { data, file, report } = source;
@@ -120,7 +143,8 @@ impl LoadedScene {
             scene = scene.with_kernels(kernels).map_err(located)?;
         }
         Ok(Self {
-            scene,
+            scene: scene.with_surfaces(rest.surfaces),
+            clip: rest.clip,
             camera,
             camera_is_automatic,
             width,
@@ -193,6 +217,8 @@ struct Rest {
     extent: Option<[u32; 2]>,
     background: Option<[f64; 4]>,
     technique: Option<TechniqueChoice>,
+    surfaces: Vec<Surface>,
+    clip: Clip,
 }
 
 /// Reader of scene files.
@@ -217,9 +243,6 @@ impl SceneFile {
         let path = path.as_ref();
         let document: Document = parse(path, options)?;
         let refuse = |place: &str, rule: &str| Err(Error::file(path, place, rule));
-        if document.opaque.is_some() {
-            return refuse("opaque", "this version draws no surfaces");
-        }
         let source = match (document.volume, document.mesh, document.points) {
             (Some(volume), None, None) => SourceSpec::Volume(Box::new(volume)),
             (None, Some(mesh), None) => SourceSpec::Mesh(mesh),
@@ -248,6 +271,8 @@ impl SceneFile {
         }
         let recipe = document.transfer.map(|spec| Recipe::new(path, spec, options)).transpose()?;
         let kernels = source.kernels(path, document.kernels)?;
+        let clip = document.clip.map(|clip| clip.check(path)).transpose()?.unwrap_or_default();
+        let surfaces = surfaces::load(&document.opaque.unwrap_or_default(), path, options)?;
         let source = match source {
             SourceSpec::Volume(volume) => volume.load(path, options)?,
             SourceSpec::Mesh(mesh) => mesh.load(path, options)?,
@@ -255,7 +280,7 @@ impl SceneFile {
         };
         let transfer = recipe.map(|recipe| recipe.build(source.data.range())).transpose()?;
         let Document { background, technique, .. } = document;
-        let rest = Rest { kernels, transfer, camera, extent, background, technique };
+        let rest = Rest { kernels, transfer, camera, extent, background, technique, surfaces, clip };
         LoadedScene::assemble(path, source, rest)
     }
 }
@@ -305,7 +330,8 @@ struct Document {
     camera: Option<CameraSpec>,
     image: Option<ImageSpec>,
     background: Option<[f64; 4]>,
-    opaque: Option<IgnoredAny>,
+    opaque: Option<Vec<SurfaceSpec>>,
+    clip: Option<ClipSpec>,
     technique: Option<TechniqueChoice>,
 }
 

@@ -116,6 +116,21 @@ impl Surface {
         Self { shading, ..self }
     }
 
+    /// The same, each point times `scale`, moved by `offset`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if a point is not finite then.
+    pub fn placed(mut self, scale: f64, offset: DVec3) -> Result<Self> {
+        for (i, point) in self.points.iter_mut().enumerate() {
+            *point = *point * scale + offset;
+            if !point.is_finite() {
+                return Err(Error::invalid("surface", format!("point {i}: {point}: must be finite")));
+            }
+        }
+        Ok(self)
+    }
+
     /// Least and greatest corner of the box around its points; none without points.
     #[must_use]
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
