@@ -10,13 +10,15 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
 use super::budget::Budget;
 use super::cache::PipelineCacheFile;
+use super::feature::{Enabled, OptionalFeature};
 use super::instance::{Instance, c_name, version_text};
 use super::pipeline::{Pipeline, PipelineKey};
+use super::queue::Queue;
 use super::select::{self, Candidate, DeviceReport};
 use super::validation::{Validation, ValidationLog};
 use crate::error::{Error, Result};
 
-/// How a [`Gpu`] is made.
+/// How a [`Gpu`] is made. [`Gpu::from_raw`] takes no `device` and no `validation`: the caller chose.
 #[derive(Clone, Debug, Default)]
 pub struct GpuOptions {
     /// Part of the device's name, case ignored. Without it the environment variable
@@ -41,86 +43,17 @@ pub struct GpuOptions {
     pub no_pipeline_cache: bool,
 }
 
-/// What a device may offer beyond the baseline of Vulkan 1.3 with synchronization2 and dynamic
-/// rendering, and what happens without it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OptionalFeature {
-    /// Linear filtering of 32-bit float volumes. Without it: eight fetches in the shader.
-    LinearFilterR32f,
-    /// Linear filtering of 16-bit volumes. Without it: eight fetches in the shader.
-    LinearFilterR16,
-    /// Blending into 32-bit float images. Without it: accumulation in registers (compute).
-    BlendRgba32f,
-    /// Shaders that write buffers while they draw. Without it: no dithering.
-    FragmentStores,
-    /// Fragments of a pixel that exclude each other, in the order of primitives
-    /// (`VK_EXT_fragment_shader_interlock`). Without it: `havs` by compute.
-    FragmentInterlock,
-    /// Stores of fragments that come in the order of primitives although nothing says so: a habit of a known
-    /// driver, which Vulkan does not promise. Only what asks for it by name uses it.
-    OrderedStores,
-    /// Free device memory as the driver sees it. Without it: a share of the heap.
-    MemoryBudget,
-    /// Timestamps. Without them: wall time only.
-    Timestamps,
-    /// Names and labels for captures and messages. Without them: none.
-    DebugNames,
-}
-
-impl OptionalFeature {
-    /// All of them.
-    pub const ALL: [Self; 9] = [
-        Self::LinearFilterR32f,
-        Self::LinearFilterR16,
-        Self::BlendRgba32f,
-        Self::FragmentStores,
-        Self::FragmentInterlock,
-        Self::OrderedStores,
-        Self::MemoryBudget,
-        Self::Timestamps,
-        Self::DebugNames,
-    ];
-
-    /// Its name in reports.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::LinearFilterR32f => "linear-filter-r32f",
-            Self::LinearFilterR16 => "linear-filter-r16",
-            Self::BlendRgba32f => "blend-rgba32f",
-            Self::FragmentStores => "fragment-stores",
-            Self::FragmentInterlock => "fragment-interlock",
-            Self::OrderedStores => "ordered-stores",
-            Self::MemoryBudget => "memory-budget",
-            Self::Timestamps => "timestamps",
-            Self::DebugNames => "debug-names",
-        }
-    }
-
-    /// What happens on a device without it.
-    #[must_use]
-    pub fn fallback(self) -> &'static str {
-        match self {
-            Self::LinearFilterR32f | Self::LinearFilterR16 => "eight fetches in the shader",
-            Self::BlendRgba32f => "accumulation in registers",
-            Self::FragmentStores => "no dithering",
-            Self::FragmentInterlock => "havs by compute",
-            Self::OrderedStores => "no route implementation-ordered",
-            Self::MemoryBudget => "nine tenths of the device-local heap",
-            Self::Timestamps => "wall time only",
-            Self::DebugNames => "no names or labels",
-        }
-    }
-}
-
-/// A Vulkan device, opened. Cheap to clone; every object made from it keeps it alive.
+/// A Vulkan device, opened here or [by the caller](Gpu::from_raw). Cheap to clone; every object made from it keeps it
+/// alive.
+///
+/// `Send` and `Sync`: threads may prepare, record and draw on one at the same time, and take turns at the queue.
 #[derive(Clone, Debug)]
 pub struct Gpu {
     pub(crate) inner: Arc<Inner>,
 }
 
-/// The Vulkan objects behind a [`Gpu`], for callers that record around it. They live as long as a clone of
-/// the [`Gpu`] does; what is made from them must be destroyed before the last one goes.
+/// The Vulkan objects behind a [`Gpu`], for callers that record around it. Those that the crate opened live as long as
+/// a clone of the [`Gpu`] does; what is made from them must be destroyed before the last one goes.
 #[derive(Clone)]
 pub struct Handles {
     /// The instance.
@@ -129,7 +62,7 @@ pub struct Handles {
     pub physical_device: vk::PhysicalDevice,
     /// The device.
     pub device: ash::Device,
-    /// The queue family; its first queue is used through [`Gpu::with_queue`].
+    /// The queue family of the queue of [`Gpu::with_queue`].
     pub queue_family: u32,
 }
 
@@ -159,7 +92,7 @@ pub(crate) struct Inner {
     /// Microseconds spent in building pipelines.
     pub(crate) pipeline_us: AtomicU64,
     allocator: Mutex<Option<Allocator>>,
-    queue: Mutex<vk::Queue>,
+    queue: Queue,
     pipelines: Mutex<HashMap<PipelineKey, Arc<Pipeline>>>,
     samplers: Mutex<HashMap<(vk::Filter, bool), vk::Sampler>>,
     debug: Option<ext::debug_utils::Device>,
@@ -169,8 +102,22 @@ pub(crate) struct Inner {
     orders_stores: bool,
     reports: Vec<DeviceReport>,
     report: DeviceReport,
+    /// Whether the device goes with this.
+    owned: bool,
     // Last: destroys the instance after the device.
     pub(crate) instance: Instance,
+}
+
+/// A device that is open, whoever opened it.
+pub(super) struct Opened {
+    pub(super) instance: Instance,
+    pub(super) device: ash::Device,
+    pub(super) candidate: Candidate,
+    pub(super) enabled: Enabled,
+    pub(super) queue: Queue,
+    pub(super) reports: Vec<DeviceReport>,
+    /// Whether device and instance are destroyed with the [`Gpu`].
+    pub(super) owned: bool,
 }
 
 impl std::fmt::Debug for Inner {
@@ -237,36 +184,22 @@ impl Gpu {
         reports: Vec<DeviceReport>,
     ) -> Result<Self> {
         let physical = candidate.raw;
-        // SAFETY: `physical` was enumerated from this instance; no layer is named.
-        let extensions = unsafe { instance.raw.enumerate_device_extension_properties(physical) }
-            .map_err(|result| Error::Vulkan { call: "vkEnumerateDeviceExtensionProperties", result })?;
-        let has = |name: &std::ffi::CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
-        let memory_budget = has(ext::memory_budget::NAME);
-        let mut names = Vec::new();
-        if memory_budget {
-            names.push(ext::memory_budget::NAME.as_ptr());
-        }
-        let portability = ash::khr::portability_subset::NAME;
-        if has(portability) {
-            names.push(portability.as_ptr());
-        }
-        // SAFETY: `physical` was enumerated from this instance.
-        let available = unsafe { instance.raw.get_physical_device_features(physical) };
+        // SAFETY: `physical` was enumerated from this instance and supports Vulkan 1.3: it was chosen.
+        let enabled = unsafe { Enabled::useful(&instance.raw, physical) }?;
+        let names: Vec<_> = enabled.extensions.iter().map(|name| name.as_ptr()).collect();
         let mut features = vk::PhysicalDeviceFeatures::default()
-            .fragment_stores_and_atomics(available.fragment_stores_and_atomics == vk::TRUE);
+            .fragment_stores_and_atomics(enabled.fragment_stores_and_atomics);
         // GPU-assisted validation writes from every stage.
         if options.validation == Validation::GpuAssisted {
+            // SAFETY: `physical` was enumerated from this instance.
+            let available = unsafe { instance.raw.get_physical_device_features(physical) };
             features.vertex_pipeline_stores_and_atomics = available.vertex_pipeline_stores_and_atomics;
-        }
-        let fragment_interlock =
-            has(ext::fragment_shader_interlock::NAME) && has_pixel_interlock(&instance, physical);
-        if fragment_interlock {
-            names.push(ext::fragment_shader_interlock::NAME.as_ptr());
         }
         let mut interlock = vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default()
             .fragment_shader_pixel_interlock(true);
-        let mut features13 =
-            vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).dynamic_rendering(true);
+        let mut features13 = vk::PhysicalDeviceVulkan13Features::default()
+            .synchronization2(enabled.synchronization2)
+            .dynamic_rendering(enabled.dynamic_rendering);
         let priorities = [1.0];
         let queues = [vk::DeviceQueueCreateInfo::default()
             .queue_family_index(candidate.queue_family)
@@ -276,7 +209,7 @@ impl Gpu {
             .enabled_extension_names(&names)
             .enabled_features(&features)
             .push_next(&mut features13);
-        if fragment_interlock {
+        if enabled.fragment_shader_pixel_interlock {
             info = info.push_next(&mut interlock);
         }
         // SAFETY: the pointers in `info` refer to locals; extensions and features were found present.
@@ -284,7 +217,16 @@ impl Gpu {
             .map_err(|result| Error::Vulkan { call: "vkCreateDevice", result })?;
         // SAFETY: one queue of this family was asked for.
         let queue = unsafe { device.get_device_queue(candidate.queue_family, 0) };
+        let queue = Queue::new(queue, None);
+        Self::assemble(options, Opened { instance, device, candidate, enabled, queue, reports, owned: true })
+    }
+
+    /// Everything that exists once per device, around one that is open.
+    pub(super) fn assemble(options: &GpuOptions, opened: Opened) -> Result<Self> {
+        let Opened { instance, device, candidate, enabled, queue, reports, owned } = opened;
+        let physical = candidate.raw;
         let debug = instance.debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &device));
+        let memory_budget = enabled.has(ext::memory_budget::NAME);
         let total = options.memory_budget.unwrap_or_else(|| free_memory(&instance, physical, memory_budget));
 
         let cache_file = (!options.no_pipeline_cache)
@@ -303,17 +245,18 @@ impl Gpu {
             filters_in_8_bit: OnceLock::new(),
             pipeline_us: AtomicU64::new(0),
             allocator: Mutex::new(None),
-            queue: Mutex::new(queue),
+            queue,
             pipelines: Mutex::default(),
             samplers: Mutex::default(),
             debug,
             memory_budget,
             part_by_pass: options.command_buffer_by_pass,
-            fragment_stores: features.fragment_stores_and_atomics == vk::TRUE,
-            fragment_interlock,
+            fragment_stores: enabled.fragment_stores_and_atomics,
+            fragment_interlock: enabled.fragment_shader_pixel_interlock,
             orders_stores: candidate.orders_stores,
             reports,
             report: candidate.report,
+            owned,
             instance,
         };
         let range = &mut inner.properties.limits.max_storage_buffer_range;
@@ -346,7 +289,8 @@ impl Gpu {
         Ok(gpu)
     }
 
-    /// Every device of the system, with the reason why it was taken or passed over.
+    /// Every device of the system, with the reason why it was taken or passed over. Of the caller's device only
+    /// that.
     #[must_use]
     pub fn device_reports(&self) -> &[DeviceReport] {
         &self.inner.reports
@@ -358,14 +302,15 @@ impl Gpu {
         &self.inner.report
     }
 
-    /// Version of the validation layer, when it is on.
+    /// Version of the validation layer, when it is on. `None` for a caller's instance, layer or not.
     #[must_use]
     pub fn validation_layer(&self) -> Option<&str> {
         self.inner.instance.layer_version.as_deref()
     }
 
     /// The validation log. Hold it, drop every clone of the [`Gpu`], and read it: the messages of the
-    /// device's destruction (leaks) are in it too.
+    /// device's destruction (leaks) are in it too. Always empty for a caller's instance, whose messages go to the
+    /// caller's messenger.
     #[must_use]
     pub fn validation_log(&self) -> Arc<ValidationLog> {
         Arc::clone(&self.inner.instance.log)
@@ -382,11 +327,11 @@ impl Gpu {
         }
     }
 
-    /// Runs `work` with the queue, while no other thread submits to it through this crate. `work` must not
-    /// draw or upload through this crate itself: it would wait for the queue for ever.
+    /// Runs `work` with the queue, while no other thread submits to it through this crate, and under the caller's
+    /// [`QueueLock`](super::QueueLock) where there is one. `work` must not draw or upload through this crate itself: it
+    /// would wait for the queue for ever.
     pub fn with_queue<R>(&self, work: impl FnOnce(vk::Queue) -> R) -> R {
-        let queue = self.queue();
-        work(*queue)
+        self.inner.queue.with(work)
     }
 
     /// Whether the device offers an optional feature.
@@ -488,10 +433,6 @@ impl Gpu {
         self.inner.allocator.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(crate) fn queue(&self) -> MutexGuard<'_, vk::Queue> {
-        self.inner.queue.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     pub(crate) fn pipeline_table(&self) -> MutexGuard<'_, HashMap<PipelineKey, Arc<Pipeline>>> {
         self.inner.pipelines.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -563,8 +504,12 @@ impl Inner {
 
 impl Drop for Inner {
     fn drop(&mut self) {
-        // SAFETY: the device is alive. Its loss leaves nothing to wait for.
-        let _ = unsafe { self.device.device_wait_idle() };
+        // Nothing of this crate is pending: a submission holds the `Gpu` until it has ended. The caller's queues are not
+        // this crate's to wait for.
+        if self.owned {
+            // SAFETY: the device is alive. Its loss leaves nothing to wait for.
+            let _ = unsafe { self.device.device_wait_idle() };
+        }
         if self.cache != vk::PipelineCache::null() {
             self.save_cache();
         }
@@ -580,18 +525,11 @@ impl Drop for Inner {
         unsafe { self.device.destroy_pipeline_cache(self.cache, None) };
         // The allocator frees its blocks of memory before the device goes.
         drop(self.allocator.get_mut().unwrap_or_else(PoisonError::into_inner).take());
-        // SAFETY: every object made from the device holds a `Gpu` and is gone, or was destroyed above.
-        unsafe { self.device.destroy_device(None) };
+        if self.owned {
+            // SAFETY: every object made from the device holds a `Gpu` and is gone, or was destroyed above.
+            unsafe { self.device.destroy_device(None) };
+        }
     }
-}
-
-/// Whether fragments of a pixel can exclude each other. Only to be asked where the extension is there.
-fn has_pixel_interlock(instance: &Instance, physical: vk::PhysicalDevice) -> bool {
-    let mut interlock = vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default();
-    let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut interlock);
-    // SAFETY: `physical` belongs to this instance; the chained structure's extension is present.
-    unsafe { instance.raw.get_physical_device_features2(physical, &mut features) };
-    interlock.fragment_shader_pixel_interlock == vk::TRUE
 }
 
 /// Memory to work with: what the driver says is free in the largest device-local heap, else nine

@@ -1,5 +1,6 @@
 //! Loader, instance, validation layer and messenger.
 
+use std::any::Any;
 use std::ffi::{CStr, CString};
 use std::sync::Arc;
 
@@ -10,7 +11,7 @@ use crate::error::{Error, Result};
 
 const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// A Vulkan instance with its messenger; destroys both.
+/// A Vulkan instance. One that was made here has a messenger where it is validated, and destroys both.
 pub(crate) struct Instance {
     pub(crate) raw: ash::Instance,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
@@ -19,6 +20,10 @@ pub(crate) struct Instance {
     /// Version of the validation layer, when it is on.
     pub(crate) layer_version: Option<String>,
     pub(crate) log: Arc<ValidationLog>,
+    /// Whether it was made here.
+    owned: bool,
+    /// What the caller's instance and device live in.
+    _keep: Option<Arc<dyn Any + Send + Sync>>,
     // Last: the library is unloaded after everything that calls into it is gone.
     _entry: ash::Entry,
 }
@@ -106,6 +111,8 @@ impl Instance {
             debug_utils,
             layer_version: layer.as_ref().map(|layer| layer.version.clone()),
             log,
+            owned: true,
+            _keep: None,
             _entry: entry,
         };
         if layer.is_some() {
@@ -119,10 +126,32 @@ impl Instance {
         }
         Ok(instance)
     }
+
+    /// An instance of the caller, which is left as it is. `keep` is let go with this.
+    pub(super) fn adopt(
+        entry: ash::Entry,
+        raw: ash::Instance,
+        debug_utils: bool,
+        keep: Option<Arc<dyn Any + Send + Sync>>,
+    ) -> Self {
+        Self {
+            raw,
+            messenger: None,
+            debug_utils,
+            layer_version: None,
+            log: Arc::default(),
+            owned: false,
+            _keep: keep,
+            _entry: entry,
+        }
+    }
 }
 
 impl Drop for Instance {
     fn drop(&mut self) {
+        if !self.owned {
+            return;
+        }
         if let Some((loader, messenger)) = self.messenger.take() {
             // SAFETY: created from this instance, destroyed once, before it.
             unsafe { loader.destroy_debug_utils_messenger(messenger, None) };

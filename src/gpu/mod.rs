@@ -3,7 +3,8 @@
 //! | file | what |
 //! |---|---|
 //! | `instance`, `validation` | loader, instance, validation layer and its log |
-//! | `select`, `device` | choice of a device, the logical device, optional features |
+//! | `select`, `device`, `feature` | choice of a device, the logical device, what is enabled on it |
+//! | `adopt`, `queue` | a device that the caller made; the queue and its lock |
 //! | `budget` | own account of device memory |
 //! | `buffer`, `image`, `transfer` | owning resources, staging up and down |
 //! | `shader`, `pipeline`, `cache` | modules, pipelines built on first use, the pipeline cache on disk |
@@ -13,16 +14,19 @@
 
 #![expect(unsafe_code, reason = "the one module that talks to Vulkan")]
 
+mod adopt;
 mod budget;
 mod buffer;
 mod cache;
 mod depth;
 mod device;
 mod external;
+mod feature;
 mod image;
 mod instance;
 mod pipeline;
 mod probe;
+mod queue;
 mod recorder;
 mod select;
 pub(crate) mod shader;
@@ -39,10 +43,13 @@ pub(crate) use pipeline::{Blend, ComputeDesc, Descriptors, GraphicsDesc, Pipelin
 pub(crate) use recorder::{Attachment, Keep, Recorder, Timers};
 pub(crate) use submit::Commands;
 
+pub use adopt::GpuParts;
 pub use cache::user_cache_folder;
 pub use depth::{DepthImage, DepthProjection};
-pub use device::{Gpu, GpuOptions, Handles, OptionalFeature, devices};
+pub use device::{Gpu, GpuOptions, Handles, devices};
 pub use external::{CommandBuffer, TargetImage};
+pub use feature::{Enabled, OptionalFeature};
+pub use queue::QueueLock;
 pub use select::DeviceReport;
 pub use submit::PassTime;
 pub use validation::{Validation, ValidationLog};

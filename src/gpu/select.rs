@@ -33,7 +33,7 @@ pub(crate) struct Candidate {
     pub(crate) orders_stores: bool,
     pub(crate) report: DeviceReport,
     /// What the device lacks, `None` when it qualifies.
-    refused: Option<String>,
+    pub(super) refused: Option<String>,
 }
 
 /// What device selection needs to know; separate from Vulkan so that the rule can be tested.
@@ -77,7 +77,8 @@ pub(crate) fn survey(instance: &Instance, wanted: Option<&str>) -> Result<(Optio
     // SAFETY: the instance is alive.
     let devices = unsafe { instance.raw.enumerate_physical_devices() }
         .map_err(|result| Error::Vulkan { call: "vkEnumeratePhysicalDevices", result })?;
-    let mut candidates: Vec<Candidate> = devices.into_iter().map(|raw| inspect(instance, raw)).collect();
+    let mut candidates: Vec<Candidate> =
+        devices.into_iter().map(|raw| inspect(&instance.raw, raw, None)).collect();
     let offers: Vec<Offer<'_>> = candidates
         .iter()
         .map(|c| Offer { name: &c.report.name, kind: c.report.kind, refused: c.refused.as_deref() })
@@ -105,16 +106,17 @@ fn orders_stores(driver: vk::DriverId) -> bool {
     driver == vk::DriverId::MESA_LLVMPIPE
 }
 
-fn inspect(instance: &Instance, raw: vk::PhysicalDevice) -> Candidate {
+/// Looks at a device, and at a queue family of it: the first that will do, or `family`.
+pub(super) fn inspect(instance: &ash::Instance, raw: vk::PhysicalDevice, family: Option<usize>) -> Candidate {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut properties2 = vk::PhysicalDeviceProperties2::default();
     // SAFETY: `raw` was enumerated from this instance.
-    let properties = unsafe { instance.raw.get_physical_device_properties(raw) };
+    let properties = unsafe { instance.get_physical_device_properties(raw) };
     let new_enough = properties.api_version >= vk::API_VERSION_1_3;
     if properties.api_version >= vk::API_VERSION_1_2 {
         properties2 = properties2.push_next(&mut driver);
         // SAFETY: as above; the driver properties structure is core since 1.2.
-        unsafe { instance.raw.get_physical_device_properties2(raw, &mut properties2) };
+        unsafe { instance.get_physical_device_properties2(raw, &mut properties2) };
     }
     let kind = match properties.device_type {
         vk::PhysicalDeviceType::DISCRETE_GPU => "discrete",
@@ -124,15 +126,19 @@ fn inspect(instance: &Instance, raw: vk::PhysicalDevice) -> Candidate {
         _ => "other",
     };
     // SAFETY: `raw` was enumerated from this instance.
-    let families = unsafe { instance.raw.get_physical_device_queue_family_properties(raw) };
+    let families = unsafe { instance.get_physical_device_queue_family_properties(raw) };
     let both = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
-    let family = families.iter().position(|family| family.queue_flags.contains(both));
+    let draws = |family: &vk::QueueFamilyProperties| family.queue_flags.contains(both);
+    let family = match family {
+        None => families.iter().position(draws),
+        given => given.filter(|&index| families.get(index).is_some_and(draws)),
+    };
 
     let mut features13 = vk::PhysicalDeviceVulkan13Features::default();
     if new_enough {
         let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut features13);
         // SAFETY: as above; the features structure is core since 1.3, which the device supports.
-        unsafe { instance.raw.get_physical_device_features2(raw, &mut features) };
+        unsafe { instance.get_physical_device_features2(raw, &mut features) };
     }
     let refused = if !new_enough {
         Some(format!("Vulkan {} is older than the required 1.3", version_text(properties.api_version)))

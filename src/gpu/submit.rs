@@ -96,13 +96,12 @@ impl Commands {
         let info = |raw| vk::CommandBufferSubmitInfo::default().command_buffer(raw);
         let buffers: Vec<_> = self.buffer.all().into_iter().map(info).collect();
         let submits = [vk::SubmitInfo2::default().command_buffer_infos(&buffers)];
-        {
-            let queue = self.gpu.queue();
+        let submitted = self.gpu.with_queue(|queue| {
             // SAFETY: the queue is locked; the fence is unsignalled and unused; `keep` holds the recorded
             // resources, and this object holds `keep` until the fence has signalled.
-            unsafe { device.queue_submit2(*queue, &submits, self.fence) }
-                .map_err(|result| Error::Vulkan { call: "vkQueueSubmit2", result })?;
-        }
+            unsafe { device.queue_submit2(queue, &submits, self.fence) }
+        });
+        submitted.map_err(|result| Error::Vulkan { call: "vkQueueSubmit2", result })?;
         self.held = keep;
         self.pending = true;
         self.wait(last_pass)

@@ -14,6 +14,7 @@
 
 pub mod caller;
 mod devices;
+pub mod offscreen;
 
 pub use devices::{TestGpu, fresh_gpu, gpu, gpu_with, keep, provoked_gpu};
 use glam::{DVec2, DVec3};

@@ -1,0 +1,303 @@
+//! What is enabled on a device, and what may be missing.
+
+use std::ffi::{CStr, CString};
+
+use ash::{ext, vk};
+
+use crate::error::{Error, Result};
+
+/// What a device may offer beyond the baseline of Vulkan 1.3 with synchronization2 and dynamic
+/// rendering, and what happens without it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OptionalFeature {
+    /// Linear filtering of 32-bit float volumes. Without it: eight fetches in the shader.
+    LinearFilterR32f,
+    /// Linear filtering of 16-bit volumes. Without it: eight fetches in the shader.
+    LinearFilterR16,
+    /// Blending into 32-bit float images. Without it: accumulation in registers (compute).
+    BlendRgba32f,
+    /// Shaders that write buffers while they draw. Without it: no dithering.
+    FragmentStores,
+    /// Fragments of a pixel that exclude each other, in the order of primitives
+    /// (`VK_EXT_fragment_shader_interlock`). Without it: `havs` by compute.
+    FragmentInterlock,
+    /// Stores of fragments that come in the order of primitives although nothing says so: a habit of a known
+    /// driver, which Vulkan does not promise. Only what asks for it by name uses it.
+    OrderedStores,
+    /// Free device memory as the driver sees it. Without it: a share of the heap.
+    MemoryBudget,
+    /// Timestamps. Without them: wall time only.
+    Timestamps,
+    /// Names and labels for captures and messages. Without them: none.
+    DebugNames,
+}
+
+impl OptionalFeature {
+    /// All of them.
+    pub const ALL: [Self; 9] = [
+        Self::LinearFilterR32f,
+        Self::LinearFilterR16,
+        Self::BlendRgba32f,
+        Self::FragmentStores,
+        Self::FragmentInterlock,
+        Self::OrderedStores,
+        Self::MemoryBudget,
+        Self::Timestamps,
+        Self::DebugNames,
+    ];
+
+    /// Its name in reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::LinearFilterR32f => "linear-filter-r32f",
+            Self::LinearFilterR16 => "linear-filter-r16",
+            Self::BlendRgba32f => "blend-rgba32f",
+            Self::FragmentStores => "fragment-stores",
+            Self::FragmentInterlock => "fragment-interlock",
+            Self::OrderedStores => "ordered-stores",
+            Self::MemoryBudget => "memory-budget",
+            Self::Timestamps => "timestamps",
+            Self::DebugNames => "debug-names",
+        }
+    }
+
+    /// What happens on a device without it.
+    #[must_use]
+    pub fn fallback(self) -> &'static str {
+        match self {
+            Self::LinearFilterR32f | Self::LinearFilterR16 => "eight fetches in the shader",
+            Self::BlendRgba32f => "accumulation in registers",
+            Self::FragmentStores => "no dithering",
+            Self::FragmentInterlock => "havs by compute",
+            Self::OrderedStores => "no route implementation-ordered",
+            Self::MemoryBudget => "nine tenths of the device-local heap",
+            Self::Timestamps => "wall time only",
+            Self::DebugNames => "no names or labels",
+        }
+    }
+}
+
+/// What is enabled on a device, as far as this crate has a use for it.
+///
+/// A caller that makes the device enables [`Enabled::useful`], or what of it there shall be, and says what was enabled,
+/// by hand or by [`Enabled::from_create_info`].
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Enabled {
+    /// Device extensions; those without a use are ignored. Used are `VK_EXT_memory_budget` and
+    /// `VK_EXT_fragment_shader_interlock`.
+    pub extensions: Vec<CString>,
+    /// The feature `synchronization2`: required.
+    pub synchronization2: bool,
+    /// The feature `dynamicRendering`: required.
+    pub dynamic_rendering: bool,
+    /// The feature `fragmentStoresAndAtomics`: [`OptionalFeature::FragmentStores`].
+    pub fragment_stores_and_atomics: bool,
+    /// The feature `fragmentShaderPixelInterlock`: with its extension [`OptionalFeature::FragmentInterlock`].
+    pub fragment_shader_pixel_interlock: bool,
+}
+
+impl Enabled {
+    /// All that a physical device offers and this crate has a use for. What else the caller enables is no matter.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Vulkan`] when the extensions cannot be enumerated.
+    ///
+    /// # Safety
+    ///
+    /// `physical` belongs to `instance`, which was made for Vulkan 1.3 or later, and supports Vulkan 1.3.
+    pub unsafe fn useful(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Result<Self> {
+        // SAFETY: `physical` belongs to this instance; no layer is named.
+        let offered = unsafe { instance.enumerate_device_extension_properties(physical) }
+            .map_err(|result| Error::Vulkan { call: "vkEnumerateDeviceExtensionProperties", result })?;
+        let has = |name: &CStr| offered.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+        let has_interlock = has(ext::fragment_shader_interlock::NAME);
+        let mut interlock = vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default();
+        let mut features13 = vk::PhysicalDeviceVulkan13Features::default();
+        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut features13);
+        if has_interlock {
+            features = features.push_next(&mut interlock);
+        }
+        // SAFETY: `physical` belongs to this instance; the chained structures are core or their extension is present.
+        unsafe { instance.get_physical_device_features2(physical, &mut features) };
+        let stores = features.features.fragment_stores_and_atomics == vk::TRUE;
+        let pixel_interlock = interlock.fragment_shader_pixel_interlock == vk::TRUE;
+        let mut extensions = Vec::new();
+        // A device that has the last one is not to be made without it.
+        for name in [ext::memory_budget::NAME, ash::khr::portability_subset::NAME] {
+            if has(name) {
+                extensions.push(name.to_owned());
+            }
+        }
+        if pixel_interlock {
+            extensions.push(ext::fragment_shader_interlock::NAME.to_owned());
+        }
+        Ok(Self {
+            extensions,
+            synchronization2: features13.synchronization2 == vk::TRUE,
+            dynamic_rendering: features13.dynamic_rendering == vk::TRUE,
+            fragment_stores_and_atomics: stores,
+            fragment_shader_pixel_interlock: pixel_interlock,
+        })
+    }
+
+    /// What a device was made with: extensions, and features in any of the structures that may hold them.
+    ///
+    /// # Safety
+    ///
+    /// `info` is valid for `vkCreateDevice`: its pointers are, and those of its chain.
+    #[must_use]
+    pub unsafe fn from_create_info(info: &vk::DeviceCreateInfo<'_>) -> Self {
+        let mut enabled = Self::default();
+        let count = crate::num::index(info.enabled_extension_count);
+        if count > 0 {
+            // SAFETY: there are as many names as the structure counts.
+            let names = unsafe { std::slice::from_raw_parts(info.pp_enabled_extension_names, count) };
+            // SAFETY: each is a string that ends with zero.
+            enabled.extensions.extend(names.iter().map(|&name| unsafe { CStr::from_ptr(name) }.to_owned()));
+        }
+        // SAFETY: null or valid.
+        if let Some(features) = unsafe { info.p_enabled_features.as_ref() } {
+            enabled.fragment_stores_and_atomics = features.fragment_stores_and_atomics == vk::TRUE;
+        }
+        let mut next = info.p_next.cast::<vk::BaseInStructure<'_>>();
+        // SAFETY: every structure of a chain begins with its type and the next one's address.
+        while let Some(&link) = unsafe { next.as_ref() } {
+            // SAFETY: the structure is of the type that it names.
+            unsafe { enabled.read(link.s_type, next) };
+            next = link.p_next;
+        }
+        enabled
+    }
+
+    /// Reads one structure of a chain.
+    ///
+    /// # Safety
+    ///
+    /// `link` is valid, and of the type that `kind` says.
+    unsafe fn read(&mut self, kind: vk::StructureType, link: *const vk::BaseInStructure<'_>) {
+        use vk::StructureType as T;
+        match kind {
+            T::PHYSICAL_DEVICE_FEATURES_2 => {
+                // SAFETY: the type says what it is.
+                let it = unsafe { &*link.cast::<vk::PhysicalDeviceFeatures2<'_>>() };
+                self.fragment_stores_and_atomics |= it.features.fragment_stores_and_atomics == vk::TRUE;
+            }
+            T::PHYSICAL_DEVICE_VULKAN_1_3_FEATURES => {
+                // SAFETY: the type says what it is.
+                let it = unsafe { &*link.cast::<vk::PhysicalDeviceVulkan13Features<'_>>() };
+                self.synchronization2 |= it.synchronization2 == vk::TRUE;
+                self.dynamic_rendering |= it.dynamic_rendering == vk::TRUE;
+            }
+            T::PHYSICAL_DEVICE_SYNCHRONIZATION_2_FEATURES => {
+                // SAFETY: the type says what it is.
+                let it = unsafe { &*link.cast::<vk::PhysicalDeviceSynchronization2Features<'_>>() };
+                self.synchronization2 |= it.synchronization2 == vk::TRUE;
+            }
+            T::PHYSICAL_DEVICE_DYNAMIC_RENDERING_FEATURES => {
+                // SAFETY: the type says what it is.
+                let it = unsafe { &*link.cast::<vk::PhysicalDeviceDynamicRenderingFeatures<'_>>() };
+                self.dynamic_rendering |= it.dynamic_rendering == vk::TRUE;
+            }
+            T::PHYSICAL_DEVICE_FRAGMENT_SHADER_INTERLOCK_FEATURES_EXT => {
+                // SAFETY: the type says what it is.
+                let it = unsafe { &*link.cast::<vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT<'_>>() };
+                self.fragment_shader_pixel_interlock |= it.fragment_shader_pixel_interlock == vk::TRUE;
+            }
+            _ => {}
+        }
+    }
+
+    /// Whether an extension is enabled.
+    pub(super) fn has(&self, name: &CStr) -> bool {
+        self.extensions.iter().any(|extension| extension.as_c_str() == name)
+    }
+
+    /// The first thing here that `offered` lacks.
+    pub(super) fn beyond(&self, offered: &Self) -> Option<&'static str> {
+        let budget = ext::memory_budget::NAME;
+        let budget = (self.has(budget), offered.has(budget), "VK_EXT_memory_budget");
+        let features = [
+            (self.synchronization2, offered.synchronization2, "synchronization2"),
+            (self.dynamic_rendering, offered.dynamic_rendering, "dynamicRendering"),
+            (
+                self.fragment_stores_and_atomics,
+                offered.fragment_stores_and_atomics,
+                "fragmentStoresAndAtomics",
+            ),
+            (
+                self.fragment_shader_pixel_interlock,
+                offered.fragment_shader_pixel_interlock,
+                "fragmentShaderPixelInterlock",
+            ),
+        ];
+        std::iter::once(budget).chain(features).find(|&(on, there, _)| on && !there).map(|(.., text)| text)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_structure_that_may_hold_a_feature_is_read() {
+        let names = [ext::memory_budget::NAME.as_ptr(), c"VK_KHR_swapchain".as_ptr()];
+        let plain = vk::PhysicalDeviceFeatures::default().fragment_stores_and_atomics(true);
+        let mut features2 = vk::PhysicalDeviceFeatures2::default().features(plain);
+        let mut sync = vk::PhysicalDeviceSynchronization2Features::default().synchronization2(true);
+        let mut dynamic = vk::PhysicalDeviceDynamicRenderingFeatures::default().dynamic_rendering(true);
+        let mut core = vk::PhysicalDeviceVulkan13Features::default().synchronization2(true);
+        let mut other = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
+        let mut interlock = vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default()
+            .fragment_shader_pixel_interlock(true);
+        // SAFETY: every pointer refers to a local.
+        let read = |info: vk::DeviceCreateInfo<'_>| unsafe { Enabled::from_create_info(&info) };
+        let none = Enabled::default();
+        let info = vk::DeviceCreateInfo::default;
+        assert_eq!(read(info()), none);
+        let extensions = read(info().enabled_extension_names(&names)).extensions;
+        assert_eq!(extensions, [ext::memory_budget::NAME, c"VK_KHR_swapchain"]);
+        let stores = Enabled { fragment_stores_and_atomics: true, ..none.clone() };
+        assert_eq!(read(info().enabled_features(&plain)), stores);
+        assert_eq!(read(info().push_next(&mut features2)), stores);
+        let synchronization2 = Enabled { synchronization2: true, ..none.clone() };
+        assert_eq!(read(info().push_next(&mut core)), synchronization2);
+        assert_eq!(read(info().push_next(&mut sync)), synchronization2);
+        // In one chain, behind what is of no interest.
+        let all = info()
+            .push_next(&mut dynamic)
+            .push_next(&mut core)
+            .push_next(&mut interlock)
+            .push_next(&mut other);
+        let want =
+            Enabled { dynamic_rendering: true, fragment_shader_pixel_interlock: true, ..synchronization2 };
+        assert_eq!(read(all), want);
+    }
+
+    #[test]
+    fn what_a_device_does_not_offer_cannot_be_enabled() {
+        let all = Enabled {
+            extensions: vec![ext::memory_budget::NAME.to_owned()],
+            synchronization2: true,
+            dynamic_rendering: true,
+            fragment_stores_and_atomics: true,
+            fragment_shader_pixel_interlock: true,
+        };
+        assert_eq!(all.beyond(&all), None);
+        assert_eq!(Enabled::default().beyond(&Enabled::default()), None);
+        for (offered, want) in [
+            (Enabled { extensions: Vec::new(), ..all.clone() }, "VK_EXT_memory_budget"),
+            (Enabled { synchronization2: false, ..all.clone() }, "synchronization2"),
+            (Enabled { dynamic_rendering: false, ..all.clone() }, "dynamicRendering"),
+            (Enabled { fragment_stores_and_atomics: false, ..all.clone() }, "fragmentStoresAndAtomics"),
+            (
+                Enabled { fragment_shader_pixel_interlock: false, ..all.clone() },
+                "fragmentShaderPixelInterlock",
+            ),
+        ] {
+            assert_eq!(all.beyond(&offered), Some(want));
+            assert_eq!(offered.beyond(&all), None);
+        }
+    }
+}

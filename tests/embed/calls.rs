@@ -1,0 +1,148 @@
+//! A device whose functions note that they were called.
+
+use std::cell::{Cell, RefCell};
+use std::ffi::{CStr, c_void};
+
+use volraster::ash::{self, vk};
+
+/// Hears of each call.
+type Watch = Box<dyn Fn(&'static str)>;
+
+thread_local! {
+    static CALLS: RefCell<Vec<&'static str>> = const { RefCell::new(Vec::new()) };
+    static WATCH: RefCell<Option<Watch>> = const { RefCell::new(None) };
+}
+
+fn note(name: &'static str) {
+    CALLS.with_borrow_mut(|calls| calls.push(name));
+    WATCH.with_borrow(|watch| {
+        if let Some(watch) = watch {
+            watch(name);
+        }
+    });
+}
+
+/// The noted calls of this thread while `work` ran.
+pub fn during<R>(work: impl FnOnce() -> R) -> (R, Vec<&'static str>) {
+    CALLS.take();
+    let result = work();
+    (result, CALLS.take())
+}
+
+/// Runs `watch` before each noted call of this thread while `work` runs.
+pub fn watched<R>(watch: impl Fn(&'static str) + 'static, work: impl FnOnce() -> R) -> R {
+    WATCH.set(Some(Box::new(watch)));
+    let result = work();
+    WATCH.set(None);
+    result
+}
+
+/// Points at something for the driver to read or to write.
+type In = *const c_void;
+type Out = *mut c_void;
+type Vr = vk::Result;
+
+macro_rules! noted {
+    ($($name:ident($($arg:ident: $kind:ty),*) $(-> $result:ty)?;)*) => {
+        /// What stands in for a function: a note and the function itself, or that alone.
+        fn stand_in(name: &CStr, real: *const c_void) -> *const c_void {
+            match name.to_str().unwrap() {
+                $(stringify!($name) => {
+                    // Of the one device that a test has; its thread alone calls.
+                    thread_local! {
+                        static REAL: Cell<*const c_void> = const { Cell::new(std::ptr::null()) };
+                    }
+                    unsafe extern "system" fn call($($arg: $kind),*) $(-> $result)? {
+                        note(stringify!($name));
+                        let real = REAL.get();
+                        // SAFETY: the address was given for a function of this name and type.
+                        let real: unsafe extern "system" fn($($kind),*) $(-> $result)? =
+                            unsafe { std::mem::transmute(real) };
+                        // SAFETY: what the caller promised.
+                        unsafe { real($($arg),*) }
+                    }
+                    REAL.set(real);
+                    call as *const c_void
+                })*
+                _ => real,
+            }
+        }
+
+        /// What is noted.
+        pub const NOTED: &[&str] = &[$(stringify!($name)),*];
+    };
+}
+
+// All but `vkCmd...` that a device without a window may be asked to do.
+noted! {
+    vkAllocateMemory(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkFreeMemory(d: vk::Device, a: vk::DeviceMemory, b: In);
+    vkMapMemory(d: vk::Device, a: vk::DeviceMemory, b: u64, c: u64, e: u32, f: Out) -> Vr;
+    vkUnmapMemory(d: vk::Device, a: vk::DeviceMemory);
+    vkFlushMappedMemoryRanges(d: vk::Device, a: u32, b: In) -> Vr;
+    vkInvalidateMappedMemoryRanges(d: vk::Device, a: u32, b: In) -> Vr;
+    vkBindBufferMemory(d: vk::Device, a: vk::Buffer, b: vk::DeviceMemory, c: u64) -> Vr;
+    vkBindImageMemory(d: vk::Device, a: vk::Image, b: vk::DeviceMemory, c: u64) -> Vr;
+    vkBindBufferMemory2(d: vk::Device, a: u32, b: In) -> Vr;
+    vkBindImageMemory2(d: vk::Device, a: u32, b: In) -> Vr;
+    vkCreateBuffer(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreateBufferView(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreateImage(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreateImageView(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreateSampler(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreateShaderModule(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreatePipelineCache(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreatePipelineLayout(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreateDescriptorSetLayout(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreateDescriptorPool(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreateQueryPool(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreateFence(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreateSemaphore(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreateEvent(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreateCommandPool(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreateRenderPass(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreateFramebuffer(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreateComputePipelines(d: vk::Device, a: vk::PipelineCache, b: u32, c: In, e: In, f: Out) -> Vr;
+    vkCreateGraphicsPipelines(d: vk::Device, a: vk::PipelineCache, b: u32, c: In, e: In, f: Out) -> Vr;
+    vkGetPipelineCacheData(d: vk::Device, a: vk::PipelineCache, b: Out, c: Out) -> Vr;
+    vkDestroyBuffer(d: vk::Device, a: vk::Buffer, b: In);
+    vkDestroyImage(d: vk::Device, a: vk::Image, b: In);
+    vkDestroyImageView(d: vk::Device, a: vk::ImageView, b: In);
+    vkDestroyDescriptorPool(d: vk::Device, a: vk::DescriptorPool, b: In);
+    vkDestroyQueryPool(d: vk::Device, a: vk::QueryPool, b: In);
+    vkAllocateDescriptorSets(d: vk::Device, a: In, b: Out) -> Vr;
+    vkFreeDescriptorSets(d: vk::Device, a: vk::DescriptorPool, b: u32, c: In) -> Vr;
+    vkResetDescriptorPool(d: vk::Device, a: vk::DescriptorPool, b: u32) -> Vr;
+    vkUpdateDescriptorSets(d: vk::Device, a: u32, b: In, c: u32, e: In);
+    vkAllocateCommandBuffers(d: vk::Device, a: In, b: Out) -> Vr;
+    vkFreeCommandBuffers(d: vk::Device, a: vk::CommandPool, b: u32, c: In);
+    vkResetCommandPool(d: vk::Device, a: vk::CommandPool, b: u32) -> Vr;
+    vkBeginCommandBuffer(d: vk::CommandBuffer, a: In) -> Vr;
+    vkEndCommandBuffer(d: vk::CommandBuffer) -> Vr;
+    vkResetCommandBuffer(d: vk::CommandBuffer, a: u32) -> Vr;
+    vkQueueSubmit(d: vk::Queue, a: u32, b: In, c: vk::Fence) -> Vr;
+    vkQueueSubmit2(d: vk::Queue, a: u32, b: In, c: vk::Fence) -> Vr;
+    vkQueueBindSparse(d: vk::Queue, a: u32, b: In, c: vk::Fence) -> Vr;
+    vkQueueWaitIdle(d: vk::Queue) -> Vr;
+    vkDeviceWaitIdle(d: vk::Device) -> Vr;
+    vkWaitForFences(d: vk::Device, a: u32, b: In, c: u32, e: u64) -> Vr;
+    vkResetFences(d: vk::Device, a: u32, b: In) -> Vr;
+    vkGetFenceStatus(d: vk::Device, a: vk::Fence) -> Vr;
+    vkWaitSemaphores(d: vk::Device, a: In, b: u64) -> Vr;
+    vkSignalSemaphore(d: vk::Device, a: In) -> Vr;
+    vkResetQueryPool(d: vk::Device, a: vk::QueryPool, b: u32, c: u32);
+    vkGetQueryPoolResults(d: vk::Device, a: vk::QueryPool, b: u32, c: u32, e: usize, f: Out, g: u64, h: u32) -> Vr;
+    vkDestroyDevice(d: vk::Device, a: In);
+}
+
+/// The device, with functions that note their calls.
+pub fn noting(instance: &ash::Instance, device: vk::Device) -> ash::Device {
+    let get = instance.fp_v1_0().get_device_proc_addr;
+    let load = |name: &CStr| {
+        // SAFETY: a device of this instance, and the name of a function.
+        let real = unsafe { get(device, name.as_ptr()) };
+        real.map_or(std::ptr::null(), |real| stand_in(name, real as *const c_void))
+    };
+    // SAFETY: each function is the device's own, or calls it.
+    unsafe { ash::Device::load_with(load, device) }
+}
