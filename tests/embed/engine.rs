@@ -49,6 +49,11 @@ pub struct Engine {
 impl Engine {
     /// An engine on the device that the crate would take. `choose` says what of all that is useful shall be enabled.
     pub fn new(choose: impl FnOnce(Enabled) -> Enabled) -> Self {
+        Self::for_version(vk::API_VERSION_1_3, choose)
+    }
+
+    /// One whose instance is for another version; an older one has nothing that is useful.
+    pub fn for_version(version: u32, choose: impl FnOnce(Enabled) -> Enabled) -> Self {
         // SAFETY: loads the system's loader.
         let entry = unsafe { ash::Entry::load() }.unwrap();
         let log = Arc::new(Log::default());
@@ -60,7 +65,7 @@ impl Engine {
             .pfn_user_callback(Some(on_message))
             .user_data(Arc::as_ptr(&log).cast_mut().cast());
         let messenger_info = info;
-        let app = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_3);
+        let app = vk::ApplicationInfo::default().api_version(version);
         let layers = [c"VK_LAYER_KHRONOS_validation".as_ptr()];
         let names = [ext::debug_utils::NAME.as_ptr(), ext::validation_features::NAME.as_ptr()];
         let checks = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
@@ -83,8 +88,14 @@ impl Engine {
         let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
         let both = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
         let family = families.iter().position(|family| family.queue_flags.contains(both)).unwrap() as u32;
-        // SAFETY: of this instance, for Vulkan 1.3: the device was chosen.
-        let enabled = choose(unsafe { Enabled::useful(&instance, physical) }.unwrap());
+        let new = version >= vk::API_VERSION_1_3;
+        let useful = if new {
+            // SAFETY: of this instance, for Vulkan 1.3: the device was chosen.
+            unsafe { Enabled::useful(&instance, physical) }.unwrap()
+        } else {
+            Enabled::default()
+        };
+        let enabled = choose(useful);
 
         let names: Vec<_> = enabled.extensions.iter().map(|name| name.as_ptr()).collect();
         let queues =
@@ -100,9 +111,10 @@ impl Engine {
         let mut create = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_extension_names(&names)
-            .enabled_features(&features)
-            .push_next(&mut features12)
-            .push_next(&mut features13);
+            .enabled_features(&features);
+        if new {
+            create = create.push_next(&mut features12).push_next(&mut features13);
+        }
         if enabled.fragment_shader_pixel_interlock {
             create = create.push_next(&mut interlock);
         }

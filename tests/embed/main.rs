@@ -197,6 +197,13 @@ fn what_is_missing_is_named() {
         let error = options(&set);
         assert!(error.to_string().contains("leave them unset"), "{error}");
     }
+    // Whatever is said, a device of an instance for less does not have the functions.
+    let old = Engine::for_version(vk::API_VERSION_1_1, |none| none);
+    let mut parts = old.parts();
+    parts.enabled = engine.enabled.clone();
+    let error = adopt(parts).unwrap_err();
+    assert!(error.to_string().contains("not made for Vulkan 1.3"), "{error}");
+    drop(old);
     // Refusals leave the device as it was.
     assert!(engine.gpu().loop_limit().unwrap() > 0);
     for engine in [engine, other] {
