@@ -345,6 +345,9 @@ fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
     }
 }
 
+/// How images of the caller are sampled.
+const EXTERNAL_FILTER: vk::Filter = vk::Filter::NEAREST;
+
 /// What a binding is filled with.
 #[derive(Clone, Debug)]
 pub(crate) enum Resource {
@@ -433,7 +436,11 @@ impl Descriptors {
                     }];
                     write.image_info(&image)
                 }
-                Resource::External => continue,
+                Resource::External => {
+                    // Made now: recording makes nothing.
+                    gpu.sampler(EXTERNAL_FILTER, false)?;
+                    continue;
+                }
             };
             // SAFETY: the set is not in use; the resources are alive and `descriptors` keeps them so.
             unsafe { gpu.device().update_descriptor_sets(&[write], &[]) };
@@ -445,7 +452,7 @@ impl Descriptors {
     /// Fills a binding that was left for an image of the caller. No recording that names the set may be pending.
     pub(crate) fn sample_external(&self, binding: u32, depth: &DepthImage) -> Result<()> {
         let image = [vk::DescriptorImageInfo {
-            sampler: self.gpu.sampler(vk::Filter::NEAREST, false)?,
+            sampler: self.gpu.sampler(EXTERNAL_FILTER, false)?,
             image_view: depth.view,
             image_layout: depth.layout,
         }];

@@ -37,6 +37,8 @@ const LAYERS: u32 = 12;
 
 /// A scene with what of it lies on the device. Data is uploaded when a technique first needs it, once for
 /// each form in which techniques ask for it.
+///
+/// `Send` and `Sync`: what several threads ask for at once is uploaded by the first.
 #[derive(Debug)]
 pub struct GpuScene {
     gpu: Gpu,

@@ -438,7 +438,7 @@ impl Default for Technique {
 }
 
 /// What a technique has fixed for frames of one size.
-pub(crate) trait Prepared: std::fmt::Debug + Send {
+pub(crate) trait Prepared: std::fmt::Debug + Send + Sync {
     /// Turns to another view of the same image size. `false`, and nothing is changed, when there is no room
     /// for it in `most_passes` passes.
     fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool>;
@@ -571,7 +571,7 @@ impl Canvas {
     }
 }
 
-/// A scene on a device, drawn by one technique.
+/// A scene on a device, drawn by one technique. `Send` and `Sync`; several threads may prepare plans of one.
 #[derive(Clone, Debug)]
 pub struct Renderer {
     scene: Arc<GpuScene>,
@@ -688,6 +688,9 @@ impl Renderer {
 }
 
 /// Everything that one frame needs, fixed. Belongs to one frame in flight.
+///
+/// `Send` and `Sync`: it may be prepared, recorded and completed on different threads, and plans of one scene or device be
+/// recorded at the same time, each into a command buffer of its own pool.
 #[derive(Debug)]
 pub struct Plan {
     gpu: Gpu,
@@ -704,7 +707,7 @@ pub struct Plan {
     in_flight: Arc<()>,
 }
 
-/// What a completed recording reports.
+/// What a completed recording reports. `Send` and `Sync`.
 #[derive(Clone, Debug)]
 pub struct Status {
     /// Whether everything was drawn. `false` when a capacity was short: prepare anew and repeat.
@@ -716,7 +719,8 @@ pub struct Status {
 }
 
 /// Owns what a recording names, until the caller says through [`Recorded::completed`] that its submission
-/// has ended. Dropped without that, it frees nothing, for the device may still read it: the memory is lost.
+/// has ended. Dropped without that, it frees nothing, for the device may still read it: the memory is lost. `Send` and
+/// `Sync`.
 #[derive(Debug)]
 #[must_use = "holds what the device reads until the submission has ended"]
 pub struct Recorded {
@@ -901,7 +905,7 @@ pub struct FrameTime {
 /// Frames that are drawn for one, each with the room that the one before was short of.
 const MOST_TRIES: u32 = 12;
 
-/// Draws frame after frame of one size into an image that can be read back.
+/// Draws frame after frame of one size into an image that can be read back. `Send` and `Sync`.
 #[derive(Debug)]
 pub struct Frames {
     renderer: Renderer,

@@ -5,6 +5,15 @@
 use volraster::ash::vk;
 use volraster::gpu::{CommandBuffer, DepthImage, DepthProjection, Gpu, Handles, TargetImage};
 
+/// How the end of a submission is told.
+#[derive(Clone, Copy, Debug)]
+pub enum Signal {
+    /// By the caller's fence.
+    Fence,
+    /// By a timeline semaphore, and the value that it gets.
+    Timeline(vk::Semaphore, u64),
+}
+
 /// Memory of the first kind that fits.
 fn allocate(handles: &Handles, requirements: vk::MemoryRequirements, host: bool) -> vk::DeviceMemory {
     // SAFETY: the physical device belongs to the instance.
@@ -151,6 +160,13 @@ impl Caller {
 
     /// Copies out, submits, waits, and gives the image's bytes.
     pub fn end(&self, gpu: &Gpu) -> Vec<u8> {
+        self.submit(gpu, Signal::Fence);
+        self.wait();
+        self.read()
+    }
+
+    /// Copies out and submits.
+    pub fn submit(&self, gpu: &Gpu, signal: Signal) {
         self.transition(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
         let region = vk::BufferImageCopy {
             image_subresource: vk::ImageSubresourceLayers {
@@ -184,13 +200,36 @@ impl Caller {
         // SAFETY: recording.
         unsafe { self.device.end_command_buffer(self.commands) }.unwrap();
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(self.commands)];
-        let submit = [vk::SubmitInfo2::default().command_buffer_infos(&buffers)];
-        // SAFETY: the command buffer is complete, the queue is held, the fence is unsignalled.
-        gpu.with_queue(|queue| unsafe { self.device.queue_submit2(queue, &submit, self.fence) }).unwrap();
-        // SAFETY: submitted above.
+        let (mut signals, mut fence) = (Vec::new(), vk::Fence::null());
+        match signal {
+            Signal::Fence => fence = self.fence,
+            Signal::Timeline(semaphore, value) => signals.push(
+                vk::SemaphoreSubmitInfo::default()
+                    .semaphore(semaphore)
+                    .value(value)
+                    .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS),
+            ),
+        }
+        let submit =
+            [vk::SubmitInfo2::default().command_buffer_infos(&buffers).signal_semaphore_infos(&signals)];
+        let submitted = gpu.with_queue(|queue| {
+            // SAFETY: the command buffer is complete, the queue is held, the fence is unsignalled, the semaphore's value
+            // only grows.
+            unsafe { self.device.queue_submit2(queue, &submit, fence) }
+        });
+        submitted.unwrap();
+    }
+
+    /// Waits for a submission with [`Signal::Fence`].
+    pub fn wait(&self) {
+        // SAFETY: submitted.
         unsafe { self.device.wait_for_fences(&[self.fence], true, 60_000_000_000) }.unwrap();
         // SAFETY: signalled.
         unsafe { self.device.reset_fences(&[self.fence]) }.unwrap();
+    }
+
+    /// The bytes of the image, whose submission has ended.
+    pub fn read(&self) -> Vec<u8> {
         // SAFETY: host-visible, not mapped.
         let pointer =
             unsafe { self.device.map_memory(self.buffer_memory, 0, self.bytes, vk::MemoryMapFlags::empty()) }

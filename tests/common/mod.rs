@@ -14,7 +14,6 @@
 
 pub mod caller;
 mod devices;
-pub mod offscreen;
 
 pub use devices::{TestGpu, fresh_gpu, gpu, gpu_with, keep, provoked_gpu};
 use glam::{DVec2, DVec3};
@@ -107,6 +106,32 @@ pub fn specs(gpu: &Gpu) -> Vec<String> {
         }
     }
     specs
+}
+
+/// A small scene of each kind, with every technique that draws it by every route that the device offers.
+pub fn every_kind(gpu: &Gpu) -> Vec<(std::sync::Arc<GpuScene>, Vec<String>)> {
+    let transfer = TransferFunction::from_rows(&FOG).unwrap();
+    let scenes = [
+        scene(Field::Blobs, 16, "u8", &FOG),
+        Scene::new(Field::Blobs.tets(5).unwrap(), transfer.clone()),
+        Scene::new(Field::Blobs.points(300).unwrap().with_estimated_radius(), transfer),
+    ];
+    let specs = |scene: &Scene| {
+        let methods = Method::ALL.into_iter().filter(|method| method.draws_scene(scene));
+        let routes = methods.flat_map(|method| {
+            let several = method.routes().len() > 1;
+            let spec = move |route: &str| {
+                if several { format!("{}:route={route}", method.name()) } else { method.name().to_string() }
+            };
+            routes_of(gpu, method).into_iter().map(spec)
+        });
+        routes.collect()
+    };
+    let with_specs = |scene: Scene| {
+        let specs = specs(&scene);
+        (GpuScene::new(gpu, scene), specs)
+    };
+    scenes.map(with_specs).into()
 }
 
 /// Whether a pixel is what lies on its own line, and not resampled from lines beside it.

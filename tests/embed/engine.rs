@@ -4,7 +4,7 @@ use std::ffi::{CStr, CString, c_void};
 use std::sync::{Arc, Mutex};
 
 use volraster::ash::{self, ext, vk};
-use volraster::gpu::{Enabled, Gpu, GpuOptions, GpuParts, Handles, devices};
+use volraster::gpu::{Enabled, Gpu, GpuOptions, GpuParts, devices};
 
 /// What the validation layers said.
 #[derive(Default)]
@@ -158,15 +158,6 @@ impl Engine {
     /// The crate's part on it.
     pub fn gpu(&self) -> Gpu {
         adopt(self.parts()).unwrap()
-    }
-
-    pub fn handles(&self) -> Handles {
-        Handles {
-            instance: self.instance.clone(),
-            physical_device: self.physical,
-            device: self.device.clone(),
-            queue_family: self.family,
-        }
     }
 }
 
