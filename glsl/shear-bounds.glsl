@@ -24,8 +24,9 @@ layout(push_constant, std430) uniform ShearBoundsPush {
     uvec2 size;      // texels
     uint offset;     // of texel 0
     uint stride;     // of rows
-    float tolerance; // of depth along the stack
-    float pad0, pad1, pad2;
+    float tolerance; // of depth along the stack, between what texels say and the pixel's own
+    float spread;    // and among texels: what is composited is not linear in it
+    float pad0, pad1;
 } push;
 
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -83,7 +84,9 @@ void main() {
         vec2 a = texel_of(i), b = texel_of(i + ivec2(1, 0)), c = texel_of(i + ivec2(0, 1)), d = texel_of(i + ivec2(1, 1));
         vec2 own = along_stack(line_bounds[word], at);
         vec2 between = mix(mix(a, b, share.x), mix(c, d, share.x), share.y);
-        if (any(greaterThan(abs(between - own), vec2(push.tolerance)))) bounds = own;
+        vec2 spread = max(max(a, b), max(c, d)) - min(min(a, b), min(c, d));
+        bool told = all(lessThanEqual(abs(between - own), vec2(push.tolerance))) && all(lessThanEqual(spread, vec2(push.spread)));
+        if (!told) bounds = own;
     }
     edges[word] = vec4(at, bounds);
 }

@@ -259,9 +259,9 @@ pub(crate) struct ShearBoundsPush {
     pub(crate) offset: u32,
     pub(crate) stride: u32,
     pub(crate) tolerance: f32,
+    pub(crate) spread: f32,
     pub(crate) pad0: f32,
     pub(crate) pad1: f32,
-    pub(crate) pad2: f32,
 }
 
 /// Push constants of `surfaces.glsl`.

@@ -272,7 +272,7 @@ fn every_technique_is_cut_where_the_reference_is() {
                     return bound;
                 }
                 let drawn = draw_on(&on_device, &plain, spec);
-                1.5 * ImageErrors::between_f64(&drawn, &whole).unwrap().all.rmse
+                2.0 * ImageErrors::between_f64(&drawn, &whole).unwrap().all.rmse
             };
             let specs: Vec<_> = specs.iter().map(|(spec, bound)| (spec, usual(spec, *bound))).collect();
             for (case, view, with_depth) in cases {

@@ -26,6 +26,9 @@ use crate::scene::{Grid, View};
 /// Depth along the stack, in slabs, by which pixel and texels may differ.
 const TOLERANCE: f64 = 0.05;
 
+/// The same among a pixel's four texels.
+const SPREAD: f64 = 2.0;
+
 // No depth in a stack is as large.
 const _: () = assert!(EDGE_NONE > 1 << 24);
 
@@ -116,6 +119,7 @@ pub(super) fn bounds_push(
         offset: base.offset,
         stride: plane.size[0],
         tolerance: f32_of(TOLERANCE * f64::from(base.h)),
+        spread: f32_of(SPREAD * f64::from(base.h)),
         ..ShearBoundsPush::default()
     }
 }
