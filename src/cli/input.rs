@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 use volraster::gpu::{GpuOptions, Validation, ValidationLog};
 use volraster::io::{ReadOptions, Report};
 use volraster::scene::file::{LoadedScene, TechniqueChoice};
-use volraster::scene::{Data, Scene, View};
+use volraster::scene::{Data, Scene, Surface, View};
 use volraster::technique::Method;
 use volraster::{Error, Gpu, Result, Technique};
 
@@ -246,12 +246,17 @@ impl Settings {
     }
 }
 
-/// The kind of data, and of its kernels where it has some of its own.
+/// The kind of data, of its kernels where it has some of its own, and surfaces that not all techniques draw.
 fn described(scene: &Scene) -> String {
     let kind = scene.data.kind();
-    scene
-        .kernels
-        .map_or_else(|| kind.to_string(), |kernels| format!("{kind} of {} kernels", kernels.kernel.name()))
+    let surfaces = match scene.surfaces.iter().any(Surface::is_translucent) {
+        true => " with translucent surfaces",
+        false => "",
+    };
+    scene.kernels.map_or_else(
+        || format!("{kind}{surfaces}"),
+        |kernels| format!("{kind} of {} kernels{surfaces}", kernels.kernel.name()),
+    )
 }
 
 /// The technique that draws a scene where none is asked for.

@@ -162,6 +162,12 @@ impl Surface {
         self.shading
     }
 
+    /// Whether it has triangles that something is seen through, and that are seen.
+    #[must_use]
+    pub fn is_translucent(&self) -> bool {
+        !self.triangles.is_empty() && self.colour[3] > 0.0 && !self.is_opaque()
+    }
+
     /// Whether nothing is seen through it.
     #[must_use]
     pub fn is_opaque(&self) -> bool {

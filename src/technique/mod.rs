@@ -101,7 +101,7 @@ use crate::gpu::{
     SpecConstant, TargetImage, Timers,
 };
 use crate::num;
-use crate::scene::{Data, Kernel, Scene, View};
+use crate::scene::{Data, Kernel, Scene, Surface, View};
 
 use composite::Composite;
 pub use footprint::GridBytes;
@@ -234,11 +234,12 @@ impl Method {
         }
     }
 
-    /// Whether it draws a scene: data of this kind, and kernels where the scene has such. A scene without is drawn also
-    /// by what has kernels of its own, blurred by them.
+    /// Whether it draws a scene: data of this kind, kernels where the scene has such, and translucent surfaces. A scene without kernels
+    /// is drawn also by what has kernels of its own, blurred by them.
     #[must_use]
     pub fn draws_scene(self, scene: &Scene) -> bool {
         self.draws(&scene.data)
+            && (self.draws_translucent_surfaces() || !scene.surfaces.iter().any(Surface::is_translucent))
             && match (self, &scene.kernels) {
                 (_, None) | (Self::SplatSheets, Some(_)) => true,
                 (Self::SplatEwa, Some(kernels)) => kernels.kernel == Kernel::Gaussian,

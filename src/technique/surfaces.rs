@@ -111,9 +111,7 @@ impl SurfaceData {
             point_count: num::count(points.len()),
             primitives: Buffer::with_data(gpu, "surfaces.faces", bytemuck::cast_slice(&primitives))?,
             numbers: Buffer::with_data(gpu, "surfaces.numbers", bytemuck::cast_slice(&numbers))?,
-            translucent: surfaces
-                .iter()
-                .any(|s| !s.is_opaque() && s.colour()[3] > 0.0 && !s.triangles().is_empty()),
+            translucent: surfaces.iter().any(Surface::is_translucent),
             triangles,
             needs: Mutex::default(),
         }))
