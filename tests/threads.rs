@@ -127,7 +127,7 @@ fn views(around: f64) -> Vec<View> {
         let camera = camera(perspective(), 1.0).orbit(around + 7.0 * f64::from(i)).unwrap();
         View::new(camera, SIZE[0], SIZE[1]).unwrap()
     };
-    (0_u32..).take(FRAMES).map(view).collect()
+    (0_u8..).take(FRAMES).map(view).collect()
 }
 
 /// Two threads with two frames in flight each, on one device: first one volume each, then one between them. Everything is
