@@ -23,7 +23,8 @@ use crate::error::{Error, Result};
 /// [`ash::Instance::load`], [`ash::Device::load`], and `from_raw` of [`vk::Handle`].
 #[derive(Clone)]
 pub struct GpuParts {
-    /// The loader. A clone of it is kept, so that the library stays loaded.
+    /// The loader, which is unloaded with the last clone: the caller keeps one for as long as it uses instance or device
+    /// itself.
     pub entry: ash::Entry,
     /// The instance.
     pub instance: ash::Instance,
