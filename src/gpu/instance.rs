@@ -5,6 +5,8 @@ use std::sync::Arc;
 
 use ash::{ext, vk};
 
+use super::device::GpuOptions;
+use super::inject::Hook;
 use super::validation::{Validation, ValidationLog, messenger_info};
 use crate::error::{Error, Result};
 
@@ -19,8 +21,11 @@ pub(crate) struct Instance {
     /// Version of the validation layer, when it is on.
     pub(crate) layer_version: Option<String>,
     pub(crate) log: Arc<ValidationLog>,
-    // Last: the library is unloaded after everything that calls into it is gone.
+    /// The loader, or what stands in for it.
     _entry: ash::Entry,
+    _hook: Option<Hook>,
+    // Last: the library is unloaded after everything that calls into it is gone.
+    _library: ash::Entry,
 }
 
 impl std::fmt::Debug for Instance {
@@ -33,20 +38,28 @@ impl std::fmt::Debug for Instance {
 }
 
 impl Instance {
-    pub(crate) fn new(validation: Validation) -> Result<Self> {
+    pub(crate) fn new(options: &GpuOptions) -> Result<Self> {
+        let validation = options.validation;
         // SAFETY: loading the system's Vulkan loader runs its initialisers; the crate relies on the
         // installed loader being sound, as every Vulkan program does.
-        let entry = unsafe { ash::Entry::load() }.map_err(|error| Error::NoDevice {
+        let library = unsafe { ash::Entry::load() }.map_err(|error| Error::NoDevice {
             why: format!(
                 "the Vulkan loader cannot be loaded ({error}); install libvulkan1 or a driver that brings it"
             ),
         })?;
+        let (hook, entry) = match &options.inject {
+            Some(injection) => {
+                let (hook, entry) = Hook::new(injection, &library)?;
+                (Some(hook), entry)
+            }
+            None => (None, library.clone()),
+        };
         let layer = if validation == Validation::Off { None } else { Some(find_layer(&entry)?) };
-        let log = Arc::new(ValidationLog::default());
+        let log = options.validation_log.clone().unwrap_or_default();
 
         // SAFETY: the loader is loaded; no layer is named.
         let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }
-            .map_err(|result| Error::Vulkan { call: "vkEnumerateInstanceExtensionProperties", result })?;
+            .map_err(|result| Error::vulkan("vkEnumerateInstanceExtensionProperties", result))?;
         let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
         let debug_utils = layer.is_some() || has(ext::debug_utils::NAME);
         let portability = has(ash::khr::portability_enumeration::NAME);
@@ -99,7 +112,7 @@ impl Instance {
         // SAFETY: every pointer in `info` refers to a local that lives past the call; layer and
         // extensions were found by enumeration.
         let raw = unsafe { entry.create_instance(&info, None) }
-            .map_err(|result| Error::Vulkan { call: "vkCreateInstance", result })?;
+            .map_err(|result| Error::vulkan("vkCreateInstance", result))?;
         let mut instance = Self {
             raw,
             messenger: None,
@@ -107,6 +120,8 @@ impl Instance {
             layer_version: layer.as_ref().map(|layer| layer.version.clone()),
             log,
             _entry: entry,
+            _hook: hook,
+            _library: library,
         };
         if layer.is_some() {
             let loader = ext::debug_utils::Instance::new(&instance._entry, &instance.raw);
@@ -114,7 +129,7 @@ impl Instance {
             // SAFETY: VK_EXT_debug_utils is enabled; the log that `info` points at is owned by
             // `instance`, which destroys the messenger first.
             let messenger = unsafe { loader.create_debug_utils_messenger(&info, None) }
-                .map_err(|result| Error::Vulkan { call: "vkCreateDebugUtilsMessengerEXT", result })?;
+                .map_err(|result| Error::vulkan("vkCreateDebugUtilsMessengerEXT", result))?;
             instance.messenger = Some((loader, messenger));
         }
         Ok(instance)
@@ -140,7 +155,7 @@ struct Layer {
 fn find_layer(entry: &ash::Entry) -> Result<Layer> {
     // SAFETY: the loader is loaded.
     let layers = unsafe { entry.enumerate_instance_layer_properties() }
-        .map_err(|result| Error::Vulkan { call: "vkEnumerateInstanceLayerProperties", result })?;
+        .map_err(|result| Error::vulkan("vkEnumerateInstanceLayerProperties", result))?;
     let layer = layers.iter().find(|layer| layer.layer_name_as_c_str() == Ok(LAYER)).ok_or_else(|| {
         Error::unsupported(
             "validation",
@@ -149,7 +164,7 @@ fn find_layer(entry: &ash::Entry) -> Result<Layer> {
     })?;
     // SAFETY: the layer's name was just enumerated.
     let extensions = unsafe { entry.enumerate_instance_extension_properties(Some(LAYER)) }
-        .map_err(|result| Error::Vulkan { call: "vkEnumerateInstanceExtensionProperties", result })?;
+        .map_err(|result| Error::vulkan("vkEnumerateInstanceExtensionProperties", result))?;
     let settings = extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(ext::layer_settings::NAME));
     Ok(Layer { version: version_text(layer.spec_version), settings })
 }

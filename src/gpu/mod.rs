@@ -10,6 +10,8 @@
 //! | `sync`, `recorder`, `submit` | uses and the barriers between them, passes, submissions |
 //! | `probe` | what the device really does, asked when it matters |
 //! | `external` | command buffers and images that belong to the caller |
+//! | `loss` | a device that is lost |
+//! | `inject` | Vulkan calls that fail on request, for tests |
 
 #![expect(unsafe_code, reason = "the one module that talks to Vulkan")]
 
@@ -19,7 +21,9 @@ mod cache;
 mod device;
 mod external;
 mod image;
+mod inject;
 mod instance;
+mod loss;
 mod pipeline;
 mod probe;
 mod recorder;
@@ -41,6 +45,7 @@ pub(crate) use submit::Commands;
 pub use cache::user_cache_folder;
 pub use device::{Gpu, GpuOptions, Handles, OptionalFeature, devices};
 pub use external::{CommandBuffer, DepthImage, TargetImage};
+pub use inject::Injection;
 pub use select::DeviceReport;
 pub use submit::PassTime;
 pub use validation::{Validation, ValidationLog};

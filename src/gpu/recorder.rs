@@ -13,7 +13,7 @@ use super::image::{Image, whole};
 use super::instance::c_name;
 use super::pipeline::{Descriptors, Pipeline, Resource};
 use super::sync::{Barrier, Tracker, Use};
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 use ash::vk::Handle as _;
 
@@ -36,7 +36,7 @@ impl Timers {
             .query_count(2 * passes.max(1));
         // SAFETY: the device is alive and its queue has timestamps.
         let pool = unsafe { gpu.device().create_query_pool(&info, None) }
-            .map_err(|result| Error::Vulkan { call: "vkCreateQueryPool", result })?;
+            .map_err(|result| gpu.failed("vkCreateQueryPool", result))?;
         gpu.name(pool, "pass timers");
         Ok(Some(Arc::new(Self { gpu: gpu.clone(), pool, passes: passes.max(1) })))
     }
@@ -53,7 +53,7 @@ impl Timers {
         unsafe {
             self.gpu.device().get_query_pool_results(self.pool, 0, &mut stamps, vk::QueryResultFlags::TYPE_64)
         }
-        .map_err(|result| Error::Vulkan { call: "vkGetQueryPoolResults", result })?;
+        .map_err(|result| self.gpu.failed("vkGetQueryPoolResults", result))?;
         let bits = self.gpu.inner.timestamp_bits;
         let mask = if bits >= 64 { u64::MAX } else { (1 << bits) - 1 };
         let nanoseconds = f64::from(self.gpu.inner.properties.limits.timestamp_period);
@@ -273,6 +273,24 @@ impl<'a> Recorder<'a> {
         // SAFETY: recording, outside of rendering; the buffer's size is a multiple of 4 or the rest is left.
         unsafe {
             self.gpu.device().cmd_fill_buffer(self.commands.raw(), buffer.raw(), 0, vk::WHOLE_SIZE, 0);
+        }
+        self.end();
+    }
+
+    /// Fills an image with one colour, as a pass.
+    pub(crate) fn clear_image(&mut self, name: &str, image: &Arc<Image>, colour: [f32; 4]) {
+        self.use_image(image, Use::TransferWrite);
+        self.begin(name);
+        let colour = vk::ClearColorValue { float32: colour };
+        // SAFETY: recording, outside of rendering; a colour image in this layout by the barrier above.
+        unsafe {
+            self.gpu.device().cmd_clear_color_image(
+                self.commands.raw(),
+                image.raw(),
+                vk::ImageLayout::TRANSFER_DST_OPTIMAL,
+                &colour,
+                &[whole(vk::ImageAspectFlags::COLOR)],
+            );
         }
         self.end();
     }
