@@ -56,6 +56,7 @@ pub mod mesh_options;
 mod mesh_overlaps;
 mod mesh_view;
 mod mips;
+mod offscreen;
 mod options;
 
 pub(crate) mod order;
@@ -102,6 +103,7 @@ use composite::Composite;
 pub use footprint::GridBytes;
 pub use gpu_scene::{GpuScene, UploadTimes};
 use grid_frame::GridFrame;
+pub use offscreen::Offscreen;
 pub use options::OptionInfo;
 
 /// A technique.
@@ -509,6 +511,7 @@ impl Renderer {
     /// [`Error::Memory`] for what the device lacks, [`Error::Vulkan`] when a call fails.
     pub fn prepare(&self, view: &View, target: &TargetDesc) -> Result<Plan> {
         let gpu = self.scene.gpu();
+        gpu.alive()?;
         if let Some(format) = target.format() {
             let needed = if target.mode() == TargetMode::Over {
                 vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND
@@ -601,7 +604,8 @@ pub struct Recorded {
 /// What a recording holds.
 #[derive(Debug)]
 struct Held {
-    _keep: Keep,
+    gpu: Gpu,
+    keep: Keep,
     timers: Option<Arc<Timers>>,
     passes: Vec<String>,
     outcome: Option<Arc<dyn Outcome>>,
@@ -614,9 +618,11 @@ impl Recorded {
     ///
     /// # Errors
     ///
-    /// [`Error::Vulkan`] when the timestamps cannot be read.
+    /// [`Error::Vulkan`] when the timestamps cannot be read, [`Error::DeviceLost`] when the device is known to be lost. What
+    /// was held is freed all the same.
     pub fn completed(self) -> Result<Status> {
         let held = std::mem::ManuallyDrop::into_inner(self.held);
+        held.gpu.alive()?;
         let times = match &held.timers {
             Some(timers) => timers.read(held.passes.len())?,
             None => Vec::new(),
@@ -627,6 +633,16 @@ impl Recorded {
             None => (true, Vec::new()),
         };
         Ok(Status { complete, passes, counters })
+    }
+
+    /// What must live until the submission has ended.
+    fn keep(&self) -> Keep {
+        self.held.keep.clone()
+    }
+
+    /// Gives up the recording: it was not submitted, or whoever submitted it keeps what it names.
+    fn abandon(self) {
+        drop(std::mem::ManuallyDrop::into_inner(self.held));
     }
 
     fn last_pass(&self) -> &str {
@@ -652,6 +668,7 @@ impl Plan {
         target: Option<&TargetImage>,
         depth: Option<&DepthImage>,
     ) -> Result<Recorded> {
+        self.gpu.alive()?;
         if let Some(depth) = depth {
             return Err(Error::unsupported(
                 "depth image",
@@ -689,7 +706,8 @@ impl Plan {
         }
         let (passes, keep) = recorder.finish();
         let held = Held {
-            _keep: keep,
+            gpu: self.gpu.clone(),
+            keep,
             timers: self.timers.clone(),
             passes,
             outcome: self.prepared.outcome(),
@@ -705,6 +723,7 @@ impl Plan {
     ///
     /// As [`Renderer::prepare`].
     pub fn set_view(&mut self, view: &View) -> Result<bool> {
+        self.gpu.alive()?;
         let other = u32::from(self.composite.is_some());
         Ok(view.extent() == self.extent && self.prepared.set_view(view, self.timed_passes - other)?)
     }
@@ -754,14 +773,19 @@ impl Frames {
     /// As [`Plan::record`] and [`Renderer::prepare`]; [`Error::Timeout`] when the device does not end.
     pub fn draw(&mut self, view: &View) -> Result<FrameTime> {
         self.drawn = false;
+        // After an error the last frame may run still: it reads what a view changes.
+        self.commands.settle()?;
         if !self.plan.set_view(view)? {
             self.plan = self.renderer.prepare(view, &TargetDesc::own())?;
         }
         for _ in 0..MOST_TRIES {
             let start = Instant::now();
             let recorded = self.plan.record(self.commands.begin()?, None, None)?;
-            // What the frame names stays with `recorded`, which frees nothing unless it is completed.
-            self.commands.submit(Keep::new(), recorded.last_pass())?;
+            // What the frame names stays with `commands` for as long as the submission may run.
+            if let Err(error) = self.commands.submit(recorded.keep(), recorded.last_pass()) {
+                recorded.abandon();
+                return Err(error);
+            }
             let wall_ms = start.elapsed().as_secs_f64() * 1e3;
             let status = recorded.completed()?;
             if status.complete {
