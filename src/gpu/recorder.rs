@@ -419,7 +419,14 @@ impl<'a> Recorder<'a> {
         for (resource, usage) in descriptors.uses(compute) {
             match resource {
                 Resource::Buffer(buffer) | Resource::ReadOnly(buffer) => self.use_buffer(buffer, usage),
-                Resource::Sampled(image, _) | Resource::Storage(image) => self.use_image(image, usage),
+                Resource::Sampled(image, _) => {
+                    // What is sampled and was not written here was made ready before: its contents must be kept.
+                    if !self.tracker.knows(image.raw().as_raw()) {
+                        self.assume_ready(image);
+                    }
+                    self.use_image(image, usage);
+                }
+                Resource::Storage(image) => self.use_image(image, usage),
             }
         }
         self.keep(Arc::clone(descriptors) as _);
