@@ -267,7 +267,7 @@ impl Gpu {
         let mut features = vk::PhysicalDeviceFeatures::default()
             .fragment_stores_and_atomics(available.fragment_stores_and_atomics == vk::TRUE);
         // GPU-assisted validation writes from every stage.
-        if options.validation == Validation::GpuAssisted {
+        if options.validation.gpu_assisted() {
             features.vertex_pipeline_stores_and_atomics = available.vertex_pipeline_stores_and_atomics;
         }
         let fragment_interlock =

@@ -406,7 +406,7 @@ unsafe extern "system" fn instance_proc<const PLACE: usize>(
     let own = match name.to_bytes() {
         b"vkGetInstanceProcAddr" => instance_proc::<PLACE> as *const c_void,
         b"vkGetDeviceProcAddr" => {
-            let Some(function) = found else { return None };
+            let function = found?;
             place.device_proc.store((function as *const c_void).cast_mut(), Ordering::Release);
             device_proc::<PLACE> as *const c_void
         }

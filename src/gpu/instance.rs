@@ -78,10 +78,14 @@ impl Instance {
             .api_version(vk::API_VERSION_1_3);
 
         // Newer layers take settings, older ones take VkValidationFeaturesEXT.
-        let gpu_assisted = validation == Validation::GpuAssisted;
+        let (gpu_assisted, best_practices) = (validation.gpu_assisted(), validation.best_practices());
         let mut features = vec![vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         if gpu_assisted {
             features.push(vk::ValidationFeatureEnableEXT::GPU_ASSISTED);
+        }
+        if best_practices {
+            features.push(vk::ValidationFeatureEnableEXT::BEST_PRACTICES);
+            log.keep_advice();
         }
         let mut features_info = vk::ValidationFeaturesEXT::default().enabled_validation_features(&features);
         let on = 1_u32.to_ne_bytes();
@@ -89,6 +93,9 @@ impl Instance {
             vec![setting(c"validate_sync", &on), setting(c"syncval_shader_accesses_heuristic", &on)];
         if gpu_assisted {
             settings.push(setting(c"gpuav_enable", &on));
+        }
+        if best_practices {
+            settings.push(setting(c"validate_best_practices", &on));
         }
         let mut settings_info = vk::LayerSettingsCreateInfoEXT::default().settings(&settings);
         let mut messenger = messenger_info(&log);

@@ -8,6 +8,7 @@
 //! | `buffer`, `image`, `transfer` | owning resources, staging up and down |
 //! | `shader`, `pipeline`, `cache` | modules, pipelines built on first use, the pipeline cache on disk |
 //! | `sync`, `recorder`, `submit` | uses and the barriers between them, passes, submissions |
+//! | `provoke` | errors on purpose, one for each kind of validation |
 //! | `probe` | what the device really does, asked when it matters |
 //! | `external` | command buffers and images that belong to the caller |
 //! | `loss` | a device that is lost |
@@ -26,6 +27,7 @@ mod instance;
 mod loss;
 mod pipeline;
 mod probe;
+mod provoke;
 mod recorder;
 mod select;
 pub(crate) mod shader;
@@ -46,6 +48,7 @@ pub use cache::user_cache_folder;
 pub use device::{Gpu, GpuOptions, Handles, OptionalFeature, devices};
 pub use external::{CommandBuffer, DepthImage, TargetImage};
 pub use inject::Injection;
+pub use provoke::Provocation;
 pub use select::DeviceReport;
 pub use submit::PassTime;
 pub use validation::{Validation, ValidationLog};

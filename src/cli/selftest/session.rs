@@ -9,7 +9,7 @@ use volraster::ash::vk;
 use volraster::glam::DVec3;
 use volraster::gpu::{Gpu, GpuOptions, Injection, Validation, ValidationLog};
 use volraster::scene::{Camera, Field, Points, Projection, Scene, TetScalars, TransferFunction, View};
-use volraster::technique::Offscreen;
+use volraster::technique::{Method, Offscreen};
 use volraster::{Error, GpuScene, Renderer, Result, TargetDesc, TargetMode, Technique};
 
 /// A technique with a scene that it draws.
@@ -103,6 +103,11 @@ fn bytes(image: &volraster::Image) -> Vec<u8> {
 }
 
 impl Session {
+    /// The technique.
+    pub(crate) fn method(&self) -> Method {
+        self.technique.method()
+    }
+
     /// Uploads, draws, reads back; another view, another size, another transfer function, other scalars; into images as a
     /// caller has them, two frames in flight. Everything is dropped at the end.
     ///
