@@ -1,11 +1,13 @@
 // entry compute LOOP
 // entry compute FILTER
+// entry compute OVERRUN
 //
 // Start-up probes: what the device does, where Vulkan leaves it open or a driver falls short.
 //
 //   LOOP    counts to `count` in one loop, with a body that cannot be folded into arithmetic; some
 //           drivers end an invocation after a fixed number of iterations, without a message
 //   FILTER  samples a 2x2x2 volume along x at `count` evenly spread positions
+//   OVERRUN writes word `count`, which the buffer does not have: for whoever must hear of it
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
@@ -40,5 +42,12 @@ void main() {
     if (i >= push.count) return;
     float x = float(i) / float(push.count - 1u);
     result.words[i] = floatBitsToUint(textureLod(volume, vec3((x + 0.5) / 2.0, 0.5, 0.5), 0.0).r);
+}
+#endif
+
+#ifdef OVERRUN
+layout(local_size_x = 1) in;
+void main() {
+    result.words[push.count] = 1u;
 }
 #endif

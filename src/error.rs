@@ -78,6 +78,13 @@ pub enum Error {
         /// Its return code.
         result: ash::vk::Result,
     },
+    /// The device is lost: a fault of the driver, the hardware or a shader ended it. Nothing more can be done on it; its
+    /// objects can be dropped, and another device be opened.
+    #[error("the device is lost (told by {call}): open it again")]
+    DeviceLost {
+        /// The call that told first.
+        call: &'static str,
+    },
     /// Work on the device did not end in time.
     #[error("{what} did not finish within {seconds} s (last pass begun: {last_pass})")]
     Timeout {
@@ -120,6 +127,15 @@ impl Error {
         Self::Io { path: path.to_path_buf(), action, source }
     }
 
+    /// A call that failed. To be made by what knows the device, where there is one, which remembers a loss.
+    pub(crate) fn vulkan(call: &'static str, result: ash::vk::Result) -> Self {
+        if result == ash::vk::Result::ERROR_DEVICE_LOST {
+            Self::DeviceLost { call }
+        } else {
+            Self::Vulkan { call, result }
+        }
+    }
+
     pub(crate) fn unsupported(what: impl Into<String>, missing: impl Into<String>) -> Self {
         Self::Unsupported { what: what.into(), missing: missing.into() }
     }
@@ -139,7 +155,10 @@ impl Error {
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Invalid { .. } | Self::File { .. } | Self::Io { .. } => 2,
-            Self::NoDevice { .. } | Self::Unsupported { .. } | Self::Memory { .. } => 3,
+            Self::NoDevice { .. }
+            | Self::Unsupported { .. }
+            | Self::Memory { .. }
+            | Self::DeviceLost { .. } => 3,
             Self::Allocation { .. } | Self::Vulkan { .. } | Self::Timeout { .. } => 1,
         }
     }

@@ -4,6 +4,7 @@
     clippy::unwrap_used,
     clippy::panic,
     clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
     reason = "a test fails by panicking, and makes its own numbers"
 )]
 
@@ -93,7 +94,7 @@ fn clip() -> Clip {
 fn wall(view: &View, pixel: DVec2) -> f64 {
     let middle = -view.camera().eye.dot(view.forward());
     let depth = middle.max(0.0) + 0.3 * (0.2 * pixel.x).sin() - 0.01 * pixel.y;
-    if (pixel.x as u32 + pixel.y as u32) % 7 == 0 || depth <= 0.05 { f64::INFINITY } else { depth }
+    if (pixel.x as u32 + pixel.y as u32).is_multiple_of(7) || depth <= 0.05 { f64::INFINITY } else { depth }
 }
 
 /// Stored numbers of depths, and what is left of the depths when a format has rounded them.
@@ -163,11 +164,14 @@ fn clipped_matter_has_its_length() {
     }
 }
 
+/// A scene by name, and the specs that draw it, each with a bound of its error.
+type Case = (&'static str, Scene, Vec<(String, f64)>);
+
 /// The error of the same view, uncut, as a bound.
 const OWN: f64 = 0.0;
 
 /// Scenes with the specs that draw them exactly enough, and the bound of the root-mean-square error.
-fn scenes(gpu: &Gpu) -> Vec<(&'static str, Scene, Vec<(String, f64)>)> {
+fn scenes(gpu: &Gpu) -> Vec<Case> {
     let transfer = |rows: &[[f64; 5]]| TransferFunction::from_rows(rows).unwrap();
     let mut all = Vec::new();
     let grid = scene(Field::Blobs, 24, "f32", &FOG);
@@ -282,7 +286,7 @@ fn every_technique_is_cut_where_the_reference_is() {
                     truth_before(&scene, &view, &nothing)
                 };
                 for (spec, bound) in &specs {
-                    let given = with_depth.then(|| (&image, projection));
+                    let given = with_depth.then_some((&image, projection));
                     let drawn = draw_before(&gpu, &on_device, &view, spec, given);
                     let errors = ImageErrors::between_f64(&drawn, &truth).unwrap();
                     println!(
@@ -424,7 +428,7 @@ fn plans_turn_between_clipped_views() {
         frames.draw(view).unwrap();
         frames.read_back().unwrap()
     };
-    let [a, b, c] = [&plain, &clipped, &plain].map(|view| draw(view));
+    let [a, b, c] = [&plain, &clipped, &plain].map(&mut draw);
     assert_eq!(a.pixels(), c.pixels());
     assert_ne!(a.pixels(), b.pixels());
     assert_eq!(b.pixels(), renderer.render(&clipped).unwrap().pixels());

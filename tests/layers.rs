@@ -64,11 +64,14 @@ fn transfer(rows: &[[f64; 5]]) -> TransferFunction {
     TransferFunction::from_rows(rows).unwrap()
 }
 
+/// A scene by name, and the specs that draw it, each with a bound of its error.
+type Case = (&'static str, Scene, Vec<(String, f64)>);
+
 /// The error of the same scene without surfaces, as a bound.
 const OWN: f64 = 0.0;
 
 /// Scenes with the specs that draw them, and bounds of the root-mean-square error.
-fn scenes(gpu: &Gpu) -> Vec<(&'static str, Scene, Vec<(String, f64)>)> {
+fn scenes(gpu: &Gpu) -> Vec<Case> {
     let grid = scene(Field::Blobs, 24, "f32", &FOG);
     let of_grid = specs(gpu)
         .into_iter()

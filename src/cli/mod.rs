@@ -5,6 +5,7 @@
 //! | `render`, `reference`, `compare`, `bench`, `calibrate`, `devices`, `techniques`, `info`, `convert` | one command each |
 //! | `suite`, `case`, `required_k` | of `bench`: scenes and sweeps, one case, pairs that a k-buffer needs |
 //! | `record`, `results`, `tables`, `fronts`, `charts` | of `bench`: a line of its results, its folder, table.md, time at equal error, what plots show |
+//! | `selftest` | everything on this device, under validation |
 //! | `ratios` | `bench --compare` |
 //! | `plot`, `picture` | charts; their lines and letters as SVG and PNG |
 //! | `report` | of `compare`: report.html |
@@ -40,6 +41,7 @@ mod render;
 mod report;
 mod required_k;
 mod results;
+mod selftest;
 mod suite;
 mod table;
 mod tables;
@@ -83,6 +85,8 @@ enum Command {
     Techniques(techniques::Args),
     /// Describe a data file, a folder of slices or a scene file.
     Info(info::Args),
+    /// Check every technique, route and resource path on this device, under every kind of validation.
+    Selftest(selftest::Args),
     /// Write a data file as NRRD (grids) or VTU (meshes and points).
     Convert(convert::Args),
 }
@@ -145,6 +149,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Devices(args) => args.run(),
         Command::Techniques(args) => args.run(),
         Command::Info(args) => args.run(),
+        Command::Selftest(args) => args.run(quiet),
         Command::Convert(args) => args.run(quiet),
     };
     match outcome {

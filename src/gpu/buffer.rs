@@ -24,7 +24,19 @@ pub(crate) enum BufferUse {
 impl Gpu {
     /// Bytes of a buffer that shaders see, at most.
     pub(crate) fn most_buffer_bytes(&self) -> u64 {
-        u64::from(self.inner.properties.limits.max_storage_buffer_range)
+        u64::from(self.inner.properties.limits.max_storage_buffer_range).min(self.inner.max_allocation)
+    }
+
+    /// Whether the driver gives so much memory at once. What a driver does beyond its limit is its own affair.
+    pub(crate) fn check_allocation(&self, name: &str, bytes: u64) -> Result<()> {
+        let most = self.inner.max_allocation;
+        if bytes > most {
+            return Err(Error::unsupported(
+                name,
+                format!("{bytes} bytes exceed the limit of {most} for one allocation of device memory"),
+            ));
+        }
+        Ok(())
     }
 }
 
@@ -43,6 +55,7 @@ pub(crate) struct Buffer {
 impl Buffer {
     pub(crate) fn new(gpu: &Gpu, name: &str, size: u64, purpose: BufferUse) -> Result<Self> {
         use vk::BufferUsageFlags as U;
+        gpu.alive()?;
         if size == 0 {
             return Err(Error::invalid(name, "a buffer of 0 bytes"));
         }
@@ -53,6 +66,7 @@ impl Buffer {
                 format!("{size} bytes exceed the limit of {most} that a shader can see of a buffer"),
             ));
         }
+        gpu.check_allocation(name, size)?;
         gpu.inner.budget.check(name, size)?;
         let (usage, location) = match purpose {
             BufferUse::ShaderRead => {
@@ -68,7 +82,7 @@ impl Buffer {
         // SAFETY: the device is alive; `info` points at nothing; the size is not 0
         // (VUID-VkBufferCreateInfo-size-00912).
         let raw = unsafe { gpu.device().create_buffer(&info, None) }
-            .map_err(|result| Error::Vulkan { call: "vkCreateBuffer", result })?;
+            .map_err(|result| gpu.failed("vkCreateBuffer", result))?;
         // `buffer` owns `raw` from here on, so every `?` below destroys it.
         let mut buffer = Self {
             gpu: gpu.clone(),
@@ -82,6 +96,7 @@ impl Buffer {
         gpu.name(raw, name);
         // SAFETY: `raw` was just made from this device.
         let requirements = unsafe { gpu.device().get_buffer_memory_requirements(raw) };
+        gpu.check_allocation(name, requirements.size)?;
         buffer._reservation = Some(gpu.inner.budget.reserve(name, requirements.size)?);
         let allocation = allocate(gpu, name, requirements, location, true)?;
         // SAFETY: the memory belongs to an allocation that `buffer` frees after the buffer is destroyed.
@@ -90,7 +105,7 @@ impl Buffer {
         buffer.allocation = Some(allocation);
         // SAFETY: the buffer is unbound; memory type, size and alignment come from its requirements.
         unsafe { gpu.device().bind_buffer_memory(raw, memory, offset) }
-            .map_err(|result| Error::Vulkan { call: "vkBindBufferMemory", result })?;
+            .map_err(|result| gpu.failed("vkBindBufferMemory", result))?;
         Ok(buffer)
     }
 

@@ -11,6 +11,7 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use super::budget::Budget;
 use super::cache::PipelineCacheFile;
 use super::feature::{Enabled, OptionalFeature};
+use super::inject::Injection;
 use super::instance::{Instance, c_name, version_text};
 use super::pipeline::{Pipeline, PipelineKey};
 use super::queue::Queue;
@@ -27,6 +28,9 @@ pub struct GpuOptions {
     pub device: Option<String>,
     /// What the validation layer checks. A missing layer is an error.
     pub validation: Validation,
+    /// Where its messages go; without it into a log of the device's own. One that is given hears of a device that cannot be
+    /// opened, too.
+    pub validation_log: Option<Arc<ValidationLog>>,
     /// Most device memory to use, in bytes. Without it: what the driver says is free, or nine tenths
     /// of the largest device-local heap.
     pub memory_budget: Option<u64>,
@@ -34,6 +38,8 @@ pub struct GpuOptions {
     pub loop_limit: Option<u32>,
     /// Most bytes that a shader sees of a buffer, instead of what the driver says where that is more.
     pub storage_range: Option<u32>,
+    /// Most bytes of one allocation of device memory, instead of what the driver says where that is more.
+    pub allocation_size: Option<u64>,
     /// Record each pass of own submissions into a command buffer of its own. Synchronization validation, where it is told to
     /// look at submissions, then sees hazards between passes that it overlooks within a command buffer.
     pub command_buffer_by_pass: bool,
@@ -41,6 +47,8 @@ pub struct GpuOptions {
     pub pipeline_cache: Option<PathBuf>,
     /// Do not keep pipelines on disk.
     pub no_pipeline_cache: bool,
+    /// Counts the device's Vulkan calls and makes some fail: for tests and the self-test.
+    pub inject: Option<Injection>,
 }
 
 /// A Vulkan device, opened here or [by the caller](Gpu::from_raw). Cheap to clone; every object made from it keeps it
@@ -85,8 +93,12 @@ pub(crate) struct Inner {
     pub(crate) queue_family: u32,
     pub(crate) timestamp_bits: u32,
     pub(crate) budget: Arc<Budget>,
+    /// Most bytes of one allocation.
+    pub(super) max_allocation: u64,
     pub(crate) cache_file: Option<PipelineCacheFile>,
     pub(crate) cache: vk::PipelineCache,
+    /// The call that told of the device's loss.
+    pub(super) lost: OnceLock<&'static str>,
     pub(crate) loop_limit: OnceLock<u32>,
     pub(crate) filters_in_8_bit: OnceLock<bool>,
     /// Microseconds spent in building pipelines.
@@ -132,7 +144,7 @@ impl std::fmt::Debug for Inner {
 ///
 /// [`Error::NoDevice`] without a Vulkan loader, [`Error::Vulkan`] when enumeration fails.
 pub fn devices(wanted: Option<&str>) -> Result<Vec<DeviceReport>> {
-    let instance = Instance::new(Validation::Off)?;
+    let instance = Instance::new(&GpuOptions::default())?;
     let wanted = wanted_name(wanted);
     let (_, candidates) = select::survey(&instance, wanted.as_deref())?;
     Ok(candidates.into_iter().map(|candidate| candidate.report).collect())
@@ -161,7 +173,7 @@ impl Gpu {
     /// [`Error::Unsupported`] when validation is asked for and its layer is missing,
     /// [`Error::Vulkan`] when a call fails.
     pub fn new(options: &GpuOptions) -> Result<Self> {
-        let instance = Instance::new(options.validation)?;
+        let instance = Instance::new(options)?;
         let wanted = wanted_name(options.device.as_deref());
         let (best, mut candidates) = select::survey(&instance, wanted.as_deref())?;
         let reports: Vec<DeviceReport> = candidates.iter().map(|c| c.report.clone()).collect();
@@ -190,7 +202,7 @@ impl Gpu {
         let mut features = vk::PhysicalDeviceFeatures::default()
             .fragment_stores_and_atomics(enabled.fragment_stores_and_atomics);
         // GPU-assisted validation writes from every stage.
-        if options.validation == Validation::GpuAssisted {
+        if options.validation.gpu_assisted() {
             // SAFETY: `physical` was enumerated from this instance.
             let available = unsafe { instance.raw.get_physical_device_features(physical) };
             features.vertex_pipeline_stores_and_atomics = available.vertex_pipeline_stores_and_atomics;
@@ -214,7 +226,7 @@ impl Gpu {
         }
         // SAFETY: the pointers in `info` refer to locals; extensions and features were found present.
         let device = unsafe { instance.raw.create_device(physical, &info, None) }
-            .map_err(|result| Error::Vulkan { call: "vkCreateDevice", result })?;
+            .map_err(|result| Error::vulkan("vkCreateDevice", result))?;
         // SAFETY: one queue of this family was asked for.
         let queue = unsafe { device.get_device_queue(candidate.queue_family, 0) };
         let queue = Queue::new(queue, None);
@@ -229,6 +241,9 @@ impl Gpu {
         let memory_budget = enabled.has(ext::memory_budget::NAME);
         let total = options.memory_budget.unwrap_or_else(|| free_memory(&instance, physical, memory_budget));
 
+        let max_allocation =
+            options.allocation_size.unwrap_or(u64::MAX).min(largest_allocation(&instance, physical));
+
         let cache_file = (!options.no_pipeline_cache)
             .then(|| PipelineCacheFile::locate(options.pipeline_cache.as_deref(), &candidate.properties))
             .flatten();
@@ -239,8 +254,10 @@ impl Gpu {
             queue_family: candidate.queue_family,
             timestamp_bits: candidate.timestamp_bits,
             budget: Budget::new(total),
+            max_allocation,
             cache_file,
             cache: vk::PipelineCache::null(),
+            lost: OnceLock::new(),
             loop_limit: OnceLock::new(),
             filters_in_8_bit: OnceLock::new(),
             pipeline_us: AtomicU64::new(0),
@@ -267,7 +284,7 @@ impl Gpu {
         // SAFETY: the data is empty or was written by this program for this device and driver and has
         // the hash that was stored with it.
         inner.cache = unsafe { inner.device.create_pipeline_cache(&info, None) }
-            .map_err(|result| Error::Vulkan { call: "vkCreatePipelineCache", result })?;
+            .map_err(|result| Error::vulkan("vkCreatePipelineCache", result))?;
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: inner.instance.raw.clone(),
             device: inner.device.clone(),
@@ -276,8 +293,8 @@ impl Gpu {
             buffer_device_address: false,
             // Blocks grow with use: a small scene takes little more than it needs.
             allocation_sizes: gpu_allocator::AllocationSizes::new(BLOCK_BYTES, BLOCK_BYTES)
-                .with_max_device_memblock_size(16 * BLOCK_BYTES)
-                .with_max_host_memblock_size(16 * BLOCK_BYTES),
+                .with_max_device_memblock_size(max_allocation.min(16 * BLOCK_BYTES))
+                .with_max_host_memblock_size(max_allocation.min(16 * BLOCK_BYTES)),
         })
         .map_err(|source| Error::Allocation { object: "allocator".to_string(), source })?;
         inner.allocator = Mutex::new(Some(allocator));
@@ -455,7 +472,7 @@ impl Gpu {
             .max_lod(if mips { vk::LOD_CLAMP_NONE } else { 0.0 });
         // SAFETY: the device is alive; `info` points at nothing.
         let sampler = unsafe { self.device().create_sampler(&info, None) }
-            .map_err(|result| Error::Vulkan { call: "vkCreateSampler", result })?;
+            .map_err(|result| self.failed("vkCreateSampler", result))?;
         samplers.insert((filter, mips), sampler);
         let name = match (filter, mips) {
             (vk::Filter::LINEAR, true) => "mip sampler",
@@ -530,6 +547,15 @@ impl Drop for Inner {
             unsafe { self.device.destroy_device(None) };
         }
     }
+}
+
+/// Most bytes that the driver allocates at once.
+fn largest_allocation(instance: &Instance, physical: vk::PhysicalDevice) -> u64 {
+    let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();
+    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut maintenance);
+    // SAFETY: `physical` belongs to this instance; the chained structure is core since 1.1.
+    unsafe { instance.raw.get_physical_device_properties2(physical, &mut properties) };
+    maintenance.max_memory_allocation_size
 }
 
 /// Memory to work with: what the driver says is free in the largest device-local heap, else nine

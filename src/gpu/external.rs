@@ -140,3 +140,17 @@ impl TargetImage {
         Self { image, view, format, extent, device: gpu.device().handle() }
     }
 }
+
+impl TargetImage {
+    /// An image of the crate's own, as if it were a caller's. Whoever records into it keeps it until the submission has ended.
+    pub(crate) fn own(gpu: &Gpu, image: &super::image::Image) -> Self {
+        let [width, height, _] = image.desc().extent;
+        Self {
+            image: image.raw(),
+            view: image.view(),
+            format: image.desc().format,
+            extent: [width, height],
+            device: gpu.device().handle(),
+        }
+    }
+}

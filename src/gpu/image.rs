@@ -114,7 +114,7 @@ impl Image {
         // SAFETY: the device is alive; the extent was checked against the limits; `info` points at
         // nothing.
         let raw = unsafe { gpu.device().create_image(&info, None) }
-            .map_err(|result| Error::Vulkan { call: "vkCreateImage", result })?;
+            .map_err(|result| gpu.failed("vkCreateImage", result))?;
         // `image` owns `raw` from here on, so every `?` below destroys it.
         let mut image = Self {
             gpu: gpu.clone(),
@@ -127,6 +127,7 @@ impl Image {
         gpu.name(raw, name);
         // SAFETY: `raw` was just made from this device.
         let requirements = unsafe { gpu.device().get_image_memory_requirements(raw) };
+        gpu.check_allocation(name, requirements.size)?;
         image.reservation = Some(gpu.inner.budget.reserve(name, requirements.size)?);
         let allocation = allocate(gpu, name, requirements, MemoryLocation::GpuOnly, false)?;
         // SAFETY: the memory belongs to an allocation that `image` frees after the image is destroyed.
@@ -135,7 +136,7 @@ impl Image {
         image.allocation = Some(allocation);
         // SAFETY: the image is unbound; memory type, size and alignment come from its requirements.
         unsafe { gpu.device().bind_image_memory(raw, memory, offset) }
-            .map_err(|result| Error::Vulkan { call: "vkBindImageMemory", result })?;
+            .map_err(|result| gpu.failed("vkBindImageMemory", result))?;
         let kind = match (desc.volume, desc.layers) {
             (true, _) => vk::ImageViewType::TYPE_3D,
             (false, 1) => vk::ImageViewType::TYPE_2D,
@@ -148,7 +149,7 @@ impl Image {
             .subresource_range(whole(vk::ImageAspectFlags::COLOR));
         // SAFETY: the image is bound to memory and outlives its view.
         image.view = unsafe { gpu.device().create_image_view(&info, None) }
-            .map_err(|result| Error::Vulkan { call: "vkCreateImageView", result })?;
+            .map_err(|result| gpu.failed("vkCreateImageView", result))?;
         gpu.name(image.view, name);
         Ok(image)
     }
@@ -202,7 +203,9 @@ impl Gpu {
 
     /// Whether an image can be made, before work is put into its texels.
     pub(crate) fn check_image(&self, name: &str, desc: &ImageDesc) -> Result<()> {
+        self.alive()?;
         check_limits(self, name, desc)?;
+        self.check_allocation(name, desc.texel_bytes())?;
         self.inner.budget.check(name, desc.texel_bytes())
     }
 }
@@ -254,6 +257,6 @@ fn check_limits(gpu: &Gpu, name: &str, desc: &ImageDesc) -> Result<()> {
             name,
             format!("no images of format {:?} with {:?}", desc.format, desc.usage),
         )),
-        Err(result) => Err(Error::Vulkan { call: "vkGetPhysicalDeviceImageFormatProperties", result }),
+        Err(result) => Err(gpu.failed("vkGetPhysicalDeviceImageFormatProperties", result)),
     }
 }

@@ -6,6 +6,8 @@ use std::sync::Arc;
 
 use ash::{ext, vk};
 
+use super::device::GpuOptions;
+use super::inject::Hook;
 use super::validation::{Validation, ValidationLog, messenger_info};
 use crate::error::{Error, Result};
 
@@ -24,8 +26,11 @@ pub(crate) struct Instance {
     owned: bool,
     /// What the caller's instance and device live in.
     _keep: Option<Arc<dyn Any + Send + Sync>>,
-    // Last: the library is unloaded after everything that calls into it is gone.
+    /// The loader, or what stands in for it.
     _entry: ash::Entry,
+    _hook: Option<Hook>,
+    // Last: the library is unloaded after everything that calls into it is gone.
+    _library: ash::Entry,
 }
 
 impl std::fmt::Debug for Instance {
@@ -38,20 +43,28 @@ impl std::fmt::Debug for Instance {
 }
 
 impl Instance {
-    pub(crate) fn new(validation: Validation) -> Result<Self> {
+    pub(crate) fn new(options: &GpuOptions) -> Result<Self> {
+        let validation = options.validation;
         // SAFETY: loading the system's Vulkan loader runs its initialisers; the crate relies on the
         // installed loader being sound, as every Vulkan program does.
-        let entry = unsafe { ash::Entry::load() }.map_err(|error| Error::NoDevice {
+        let library = unsafe { ash::Entry::load() }.map_err(|error| Error::NoDevice {
             why: format!(
                 "the Vulkan loader cannot be loaded ({error}); install libvulkan1 or a driver that brings it"
             ),
         })?;
+        let (hook, entry) = match &options.inject {
+            Some(injection) => {
+                let (hook, entry) = Hook::new(injection, &library)?;
+                (Some(hook), entry)
+            }
+            None => (None, library.clone()),
+        };
         let layer = if validation == Validation::Off { None } else { Some(find_layer(&entry)?) };
-        let log = Arc::new(ValidationLog::default());
+        let log = options.validation_log.clone().unwrap_or_default();
 
         // SAFETY: the loader is loaded; no layer is named.
         let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }
-            .map_err(|result| Error::Vulkan { call: "vkEnumerateInstanceExtensionProperties", result })?;
+            .map_err(|result| Error::vulkan("vkEnumerateInstanceExtensionProperties", result))?;
         let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
         let debug_utils = layer.is_some() || has(ext::debug_utils::NAME);
         let portability = has(ash::khr::portability_enumeration::NAME);
@@ -70,10 +83,14 @@ impl Instance {
             .api_version(vk::API_VERSION_1_3);
 
         // Newer layers take settings, older ones take VkValidationFeaturesEXT.
-        let gpu_assisted = validation == Validation::GpuAssisted;
+        let (gpu_assisted, best_practices) = (validation.gpu_assisted(), validation.best_practices());
         let mut features = vec![vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         if gpu_assisted {
             features.push(vk::ValidationFeatureEnableEXT::GPU_ASSISTED);
+        }
+        if best_practices {
+            features.push(vk::ValidationFeatureEnableEXT::BEST_PRACTICES);
+            log.keep_advice();
         }
         let mut features_info = vk::ValidationFeaturesEXT::default().enabled_validation_features(&features);
         let on = 1_u32.to_ne_bytes();
@@ -81,6 +98,9 @@ impl Instance {
             vec![setting(c"validate_sync", &on), setting(c"syncval_shader_accesses_heuristic", &on)];
         if gpu_assisted {
             settings.push(setting(c"gpuav_enable", &on));
+        }
+        if best_practices {
+            settings.push(setting(c"validate_best_practices", &on));
         }
         let mut settings_info = vk::LayerSettingsCreateInfoEXT::default().settings(&settings);
         let mut messenger = messenger_info(&log);
@@ -104,7 +124,7 @@ impl Instance {
         // SAFETY: every pointer in `info` refers to a local that lives past the call; layer and
         // extensions were found by enumeration.
         let raw = unsafe { entry.create_instance(&info, None) }
-            .map_err(|result| Error::Vulkan { call: "vkCreateInstance", result })?;
+            .map_err(|result| Error::vulkan("vkCreateInstance", result))?;
         let mut instance = Self {
             raw,
             messenger: None,
@@ -114,6 +134,8 @@ impl Instance {
             owned: true,
             _keep: None,
             _entry: entry,
+            _hook: hook,
+            _library: library,
         };
         if layer.is_some() {
             let loader = ext::debug_utils::Instance::new(&instance._entry, &instance.raw);
@@ -121,7 +143,7 @@ impl Instance {
             // SAFETY: VK_EXT_debug_utils is enabled; the log that `info` points at is owned by
             // `instance`, which destroys the messenger first.
             let messenger = unsafe { loader.create_debug_utils_messenger(&info, None) }
-                .map_err(|result| Error::Vulkan { call: "vkCreateDebugUtilsMessengerEXT", result })?;
+                .map_err(|result| Error::vulkan("vkCreateDebugUtilsMessengerEXT", result))?;
             instance.messenger = Some((loader, messenger));
         }
         Ok(instance)
@@ -142,6 +164,8 @@ impl Instance {
             log: Arc::default(),
             owned: false,
             _keep: keep,
+            _hook: None,
+            _library: entry.clone(),
             _entry: entry,
         }
     }
@@ -169,7 +193,7 @@ struct Layer {
 fn find_layer(entry: &ash::Entry) -> Result<Layer> {
     // SAFETY: the loader is loaded.
     let layers = unsafe { entry.enumerate_instance_layer_properties() }
-        .map_err(|result| Error::Vulkan { call: "vkEnumerateInstanceLayerProperties", result })?;
+        .map_err(|result| Error::vulkan("vkEnumerateInstanceLayerProperties", result))?;
     let layer = layers.iter().find(|layer| layer.layer_name_as_c_str() == Ok(LAYER)).ok_or_else(|| {
         Error::unsupported(
             "validation",
@@ -178,7 +202,7 @@ fn find_layer(entry: &ash::Entry) -> Result<Layer> {
     })?;
     // SAFETY: the layer's name was just enumerated.
     let extensions = unsafe { entry.enumerate_instance_extension_properties(Some(LAYER)) }
-        .map_err(|result| Error::Vulkan { call: "vkEnumerateInstanceExtensionProperties", result })?;
+        .map_err(|result| Error::vulkan("vkEnumerateInstanceExtensionProperties", result))?;
     let settings = extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(ext::layer_settings::NAME));
     Ok(Layer { version: version_text(layer.spec_version), settings })
 }

@@ -9,8 +9,11 @@
 //! | `buffer`, `image`, `transfer` | owning resources, staging up and down |
 //! | `shader`, `pipeline`, `cache` | modules, pipelines built on first use, the pipeline cache on disk |
 //! | `sync`, `recorder`, `submit` | uses and the barriers between them, passes, submissions |
+//! | `provoke` | errors on purpose, one for each kind of validation |
 //! | `probe` | what the device really does, asked when it matters |
 //! | `external`, `depth` | command buffers and images that belong to the caller; depth images and their projections |
+//! | `loss` | a device that is lost |
+//! | `inject` | Vulkan calls that fail on request, for tests |
 
 #![expect(unsafe_code, reason = "the one module that talks to Vulkan")]
 
@@ -23,9 +26,12 @@ mod device;
 mod external;
 mod feature;
 mod image;
+mod inject;
 mod instance;
+mod loss;
 mod pipeline;
 mod probe;
+mod provoke;
 mod queue;
 mod recorder;
 mod select;
@@ -49,6 +55,8 @@ pub use depth::{DepthImage, DepthProjection};
 pub use device::{Gpu, GpuOptions, Handles, devices};
 pub use external::{CommandBuffer, TargetImage};
 pub use feature::{Enabled, OptionalFeature};
+pub use inject::Injection;
+pub use provoke::Provocation;
 pub use queue::QueueLock;
 pub use select::DeviceReport;
 pub use submit::PassTime;

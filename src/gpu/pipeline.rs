@@ -131,6 +131,7 @@ impl Gpu {
         shaders: &[&'static Shader],
         build: impl FnOnce(vk::PipelineLayout) -> Result<vk::Pipeline>,
     ) -> Result<Arc<Pipeline>> {
+        self.alive()?;
         let mut table = self.pipeline_table();
         if let Some(found) = table.get(&key) {
             return Ok(Arc::clone(found));
@@ -175,7 +176,7 @@ impl Gpu {
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&entries);
         // SAFETY: the device is alive; `info` points at `entries`, which outlive the call.
         let set_layout = unsafe { self.device().create_descriptor_set_layout(&info, None) }
-            .map_err(|result| Error::Vulkan { call: "vkCreateDescriptorSetLayout", result })?;
+            .map_err(|result| self.failed("vkCreateDescriptorSetLayout", result))?;
         let mut pipeline = Pipeline {
             name: name.to_string(),
             raw: vk::Pipeline::null(),
@@ -202,7 +203,7 @@ impl Gpu {
             Ok(layout) => pipeline.layout = layout,
             Err(result) => {
                 pipeline.destroy(self.device());
-                return Err(Error::Vulkan { call: "vkCreatePipelineLayout", result });
+                return Err(self.failed("vkCreatePipelineLayout", result));
             }
         }
         Ok(pipeline)
@@ -258,7 +259,7 @@ impl Gpu {
         // SAFETY: every pointer in `info` refers to a local; the modules are alive; dynamic rendering is
         // enabled, so no render pass is needed.
         let built = unsafe { self.device().create_graphics_pipelines(self.inner.cache, &[info], None) };
-        first(built, "vkCreateGraphicsPipelines")
+        self.first(built, "vkCreateGraphicsPipelines")
     }
 
     fn build_compute(&self, desc: &ComputeDesc<'_>, layout: vk::PipelineLayout) -> Result<vk::Pipeline> {
@@ -268,18 +269,19 @@ impl Gpu {
         let info = vk::ComputePipelineCreateInfo::default().stage(module.stage(&constants)).layout(layout);
         // SAFETY: every pointer in `info` refers to a local; the module is alive.
         let built = unsafe { self.device().create_compute_pipelines(self.inner.cache, &[info], None) };
-        first(built, "vkCreateComputePipelines")
+        self.first(built, "vkCreateComputePipelines")
     }
-}
 
-fn first(
-    built: std::result::Result<Vec<vk::Pipeline>, (Vec<vk::Pipeline>, vk::Result)>,
-    call: &'static str,
-) -> Result<vk::Pipeline> {
-    match built {
-        Ok(pipelines) => Ok(pipelines.first().copied().unwrap_or_default()),
-        // One pipeline was asked for: on failure there is none to destroy.
-        Err((_, result)) => Err(Error::Vulkan { call, result }),
+    fn first(
+        &self,
+        built: std::result::Result<Vec<vk::Pipeline>, (Vec<vk::Pipeline>, vk::Result)>,
+        call: &'static str,
+    ) -> Result<vk::Pipeline> {
+        match built {
+            Ok(pipelines) => Ok(pipelines.first().copied().unwrap_or_default()),
+            // One pipeline was asked for: on failure there is none to destroy.
+            Err((_, result)) => Err(self.failed(call, result)),
+        }
     }
 }
 
@@ -297,7 +299,7 @@ impl<'a> Module<'a> {
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
         // SAFETY: the device is alive; the code was compiled for this version of Vulkan at build time.
         let raw = unsafe { gpu.device().create_shader_module(&info, None) }
-            .map_err(|result| Error::Vulkan { call: "vkCreateShaderModule", result })?;
+            .map_err(|result| gpu.failed("vkCreateShaderModule", result))?;
         gpu.name(raw, shader.name);
         Ok(Self { gpu, raw, stage: shader.stage })
     }
@@ -375,6 +377,7 @@ pub(crate) struct Descriptors {
 impl Descriptors {
     /// A set for `pipeline`. Every binding that the pipeline declares must be given; others are ignored.
     pub(crate) fn new(gpu: &Gpu, pipeline: &Pipeline, given: &[(u32, Resource)]) -> Result<Self> {
+        gpu.alive()?;
         let missing = |binding: u32| {
             Error::invalid(
                 format!("descriptors of {}", pipeline.name),
@@ -396,14 +399,14 @@ impl Descriptors {
         // SAFETY: the device is alive; every pipeline here has at least one binding, so the sizes are not
         // empty.
         let pool = unsafe { gpu.device().create_descriptor_pool(&info, None) }
-            .map_err(|result| Error::Vulkan { call: "vkCreateDescriptorPool", result })?;
+            .map_err(|result| gpu.failed("vkCreateDescriptorPool", result))?;
         let mut descriptors =
             Self { gpu: gpu.clone(), pool, set: vk::DescriptorSet::null(), resources: Vec::new() };
         let layouts = [pipeline.set_layout];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: the pool has room for one set of this layout.
         let sets = unsafe { gpu.device().allocate_descriptor_sets(&info) }
-            .map_err(|result| Error::Vulkan { call: "vkAllocateDescriptorSets", result })?;
+            .map_err(|result| gpu.failed("vkAllocateDescriptorSets", result))?;
         descriptors.set = sets.first().copied().unwrap_or_default();
         for (binding, kind, resource) in &resources {
             let write = vk::WriteDescriptorSet::default()

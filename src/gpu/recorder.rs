@@ -13,7 +13,7 @@ use super::image::{Image, whole};
 use super::instance::c_name;
 use super::pipeline::{Descriptors, Pipeline, Resource};
 use super::sync::{Barrier, Tracker, Use};
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 use ash::vk::Handle as _;
 
@@ -36,7 +36,7 @@ impl Timers {
             .query_count(2 * passes.max(1));
         // SAFETY: the device is alive and its queue has timestamps.
         let pool = unsafe { gpu.device().create_query_pool(&info, None) }
-            .map_err(|result| Error::Vulkan { call: "vkCreateQueryPool", result })?;
+            .map_err(|result| gpu.failed("vkCreateQueryPool", result))?;
         gpu.name(pool, "pass timers");
         Ok(Some(Arc::new(Self { gpu: gpu.clone(), pool, passes: passes.max(1) })))
     }
@@ -53,7 +53,7 @@ impl Timers {
         unsafe {
             self.gpu.device().get_query_pool_results(self.pool, 0, &mut stamps, vk::QueryResultFlags::TYPE_64)
         }
-        .map_err(|result| Error::Vulkan { call: "vkGetQueryPoolResults", result })?;
+        .map_err(|result| self.gpu.failed("vkGetQueryPoolResults", result))?;
         let bits = self.gpu.inner.timestamp_bits;
         let mask = if bits >= 64 { u64::MAX } else { (1 << bits) - 1 };
         let nanoseconds = f64::from(self.gpu.inner.properties.limits.timestamp_period);
@@ -277,6 +277,24 @@ impl<'a> Recorder<'a> {
         self.end();
     }
 
+    /// Fills an image with one colour, as a pass.
+    pub(crate) fn clear_image(&mut self, name: &str, image: &Arc<Image>, colour: [f32; 4]) {
+        self.use_image(image, Use::TransferWrite);
+        self.begin(name);
+        let colour = vk::ClearColorValue { float32: colour };
+        // SAFETY: recording, outside of rendering; a colour image in this layout by the barrier above.
+        unsafe {
+            self.gpu.device().cmd_clear_color_image(
+                self.commands.raw(),
+                image.raw(),
+                vk::ImageLayout::TRANSFER_DST_OPTIMAL,
+                &colour,
+                &[whole(vk::ImageAspectFlags::COLOR)],
+            );
+        }
+        self.end();
+    }
+
     /// Copies the start of a buffer to a part of a mip level of an image: `count` planes of a volume, or layers
     /// of an array, from `first` on.
     pub(crate) fn copy_buffer_to_image(
@@ -401,7 +419,14 @@ impl<'a> Recorder<'a> {
         for (resource, usage) in descriptors.uses(compute) {
             match resource {
                 Resource::Buffer(buffer) | Resource::ReadOnly(buffer) => self.use_buffer(buffer, usage),
-                Resource::Sampled(image, _) | Resource::Storage(image) => self.use_image(image, usage),
+                Resource::Sampled(image, _) => {
+                    // What is sampled and was not written here was made ready before: its contents must be kept.
+                    if !self.tracker.knows(image.raw().as_raw()) {
+                        self.assume_ready(image);
+                    }
+                    self.use_image(image, usage);
+                }
+                Resource::Storage(image) => self.use_image(image, usage),
                 Resource::External => {}
             }
         }

@@ -76,7 +76,7 @@ fn choose(offers: &[Offer<'_>], wanted: Option<&str>) -> (Option<usize>, Vec<Str
 pub(crate) fn survey(instance: &Instance, wanted: Option<&str>) -> Result<(Option<usize>, Vec<Candidate>)> {
     // SAFETY: the instance is alive.
     let devices = unsafe { instance.raw.enumerate_physical_devices() }
-        .map_err(|result| Error::Vulkan { call: "vkEnumeratePhysicalDevices", result })?;
+        .map_err(|result| Error::vulkan("vkEnumeratePhysicalDevices", result))?;
     let mut candidates: Vec<Candidate> =
         devices.into_iter().map(|raw| inspect(&instance.raw, raw, None)).collect();
     let offers: Vec<Offer<'_>> = candidates

@@ -35,12 +35,13 @@ pub(crate) struct Commands {
 
 impl Commands {
     pub(crate) fn new(gpu: &Gpu) -> Result<Self> {
+        gpu.alive()?;
         let info = vk::CommandPoolCreateInfo::default()
             .queue_family_index(gpu.inner.queue_family)
             .flags(vk::CommandPoolCreateFlags::TRANSIENT);
         // SAFETY: the device is alive and has this queue family.
         let pool = unsafe { gpu.device().create_command_pool(&info, None) }
-            .map_err(|result| Error::Vulkan { call: "vkCreateCommandPool", result })?;
+            .map_err(|result| gpu.failed("vkCreateCommandPool", result))?;
         let mut commands = Self {
             gpu: gpu.clone(),
             pool,
@@ -56,7 +57,7 @@ impl Commands {
             .command_buffer_count(1);
         // SAFETY: the pool was just made from this device.
         let buffers = unsafe { gpu.device().allocate_command_buffers(&info) }
-            .map_err(|result| Error::Vulkan { call: "vkAllocateCommandBuffers", result })?;
+            .map_err(|result| gpu.failed("vkAllocateCommandBuffers", result))?;
         let first = buffers.first().copied().unwrap_or_default();
         commands.buffer = if gpu.inner.part_by_pass {
             CommandBuffer::in_parts(gpu, first, pool)
@@ -65,34 +66,44 @@ impl Commands {
         };
         // SAFETY: the device is alive.
         commands.fence = unsafe { gpu.device().create_fence(&vk::FenceCreateInfo::default(), None) }
-            .map_err(|result| Error::Vulkan { call: "vkCreateFence", result })?;
+            .map_err(|result| gpu.failed("vkCreateFence", result))?;
         gpu.name(commands.fence, "fence");
         Ok(commands)
     }
 
+    /// Waits for a submission that has not been seen to end, if there is one.
+    pub(crate) fn settle(&mut self) -> Result<()> {
+        if self.pending { self.wait("an earlier submission") } else { Ok(()) }
+    }
+
     /// Begins recording anew.
     pub(crate) fn begin(&mut self) -> Result<&mut CommandBuffer> {
-        if self.pending {
-            self.wait("an earlier submission")?;
-        }
+        self.gpu.alive()?;
+        self.settle()?;
         self.buffer.rewind();
         // SAFETY: nothing recorded from this pool is pending.
         unsafe { self.gpu.device().reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty()) }
-            .map_err(|result| Error::Vulkan { call: "vkResetCommandPool", result })?;
+            .map_err(|result| self.gpu.failed("vkResetCommandPool", result))?;
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the command buffer is in the initial state.
         unsafe { self.gpu.device().begin_command_buffer(self.buffer.raw(), &info) }
-            .map_err(|result| Error::Vulkan { call: "vkBeginCommandBuffer", result })?;
+            .map_err(|result| self.gpu.failed("vkBeginCommandBuffer", result))?;
         Ok(&mut self.buffer)
     }
 
     /// Ends recording, submits, and waits for the end. `keep` is what the recording names: it is freed when
     /// the submission has ended, and not before. `last_pass` is named if the end does not come.
     pub(crate) fn submit(&mut self, keep: Keep, last_pass: &str) -> Result<()> {
+        self.send(keep)?;
+        self.wait(last_pass)
+    }
+
+    /// Ends recording and submits, without waiting: see [`Commands::settle`]. `keep` is held until then.
+    pub(crate) fn send(&mut self, keep: Keep) -> Result<()> {
         let device = self.gpu.device();
         // SAFETY: recording was begun and every rendering ended.
         unsafe { device.end_command_buffer(self.buffer.raw()) }
-            .map_err(|result| Error::Vulkan { call: "vkEndCommandBuffer", result })?;
+            .map_err(|result| self.gpu.failed("vkEndCommandBuffer", result))?;
         let info = |raw| vk::CommandBufferSubmitInfo::default().command_buffer(raw);
         let buffers: Vec<_> = self.buffer.all().into_iter().map(info).collect();
         let submits = [vk::SubmitInfo2::default().command_buffer_infos(&buffers)];
@@ -101,10 +112,17 @@ impl Commands {
             // resources, and this object holds `keep` until the fence has signalled.
             unsafe { device.queue_submit2(queue, &submits, self.fence) }
         });
-        submitted.map_err(|result| Error::Vulkan { call: "vkQueueSubmit2", result })?;
+        if let Err(result) = submitted {
+            if result == vk::Result::ERROR_DEVICE_LOST {
+                // The work counts as submitted until a wait has returned, be it with the same error.
+                // SAFETY: the queue is held.
+                let _ = self.gpu.with_queue(|queue| unsafe { device.queue_wait_idle(queue) });
+            }
+            return Err(self.gpu.failed("vkQueueSubmit2", result));
+        }
         self.held = keep;
         self.pending = true;
-        self.wait(last_pass)
+        Ok(())
     }
 
     /// Waits for the pending submission, then frees what it named.
@@ -121,23 +139,40 @@ impl Commands {
                     last_pass: last_pass.to_string(),
                 });
             }
-            Err(result) => return Err(Error::Vulkan { call: "vkWaitForFences", result }),
+            Err(result) => {
+                // To wait in vain for a lost device counts as to see the work end.
+                if result == vk::Result::ERROR_DEVICE_LOST {
+                    self.pending = false;
+                    self.held.clear();
+                }
+                return Err(self.gpu.failed("vkWaitForFences", result));
+            }
         }
         // SAFETY: the fence is signalled and not in use.
         unsafe { device.reset_fences(&[self.fence]) }
-            .map_err(|result| Error::Vulkan { call: "vkResetFences", result })?;
+            .map_err(|result| self.gpu.failed("vkResetFences", result))?;
         self.pending = false;
         self.held.clear();
         Ok(())
+    }
+
+    /// Waits for the pending submission without a limit, also after a timeout. Whether it has ended.
+    fn outlast(&self) -> bool {
+        // A wait may fail for want of memory. It may not the next time.
+        (0..4).any(|_| {
+            // SAFETY: the fence was submitted: `pending` is set.
+            let waited = unsafe { self.gpu.device().wait_for_fences(&[self.fence], true, u64::MAX) };
+            matches!(waited, Ok(()) | Err(vk::Result::ERROR_DEVICE_LOST))
+        })
     }
 }
 
 impl Drop for Commands {
     fn drop(&mut self) {
-        if self.pending {
-            // After a timeout the submission may still run.
-            // SAFETY: the fence was submitted; an error means that the device is lost and nothing runs.
-            let _ = unsafe { self.gpu.device().wait_for_fences(&[self.fence], true, u64::MAX) };
+        if self.pending && !self.outlast() {
+            // Nobody knows whether it runs: what it uses is left to it, the device too.
+            std::mem::forget((std::mem::take(&mut self.held), self.gpu.clone()));
+            return;
         }
         // SAFETY: nothing that uses it is pending; null is allowed.
         unsafe { self.gpu.device().destroy_fence(self.fence, None) };

@@ -177,6 +177,8 @@ impl Tracker {
     pub(crate) fn next(&mut self, resource: u64, next: Use, is_image: bool) -> Option<Barrier> {
         let (stage, access, layout) = next.masks();
         let layout = if is_image { layout } else { Layout::UNDEFINED };
+        // Images are no uniform blocks.
+        let access = if is_image { access & !Access::UNIFORM_READ } else { access };
         let none = (Stage::NONE, Access::NONE);
         let history = self.histories.entry((is_image, resource)).or_insert(History {
             write: none,

@@ -57,6 +57,7 @@ pub mod mesh_options;
 mod mesh_overlaps;
 mod mesh_view;
 mod mips;
+mod offscreen;
 mod options;
 
 pub(crate) mod order;
@@ -108,6 +109,7 @@ pub use footprint::GridBytes;
 pub use gpu_scene::{GpuScene, UploadTimes};
 use grid_frame::GridFrame;
 use line_bounds::{DepthMeasure, LineBounds};
+pub use offscreen::Offscreen;
 pub use options::OptionInfo;
 use surfaces::{Layers, SurfaceData, SurfaceFrame, SurfaceLists};
 
@@ -600,6 +602,7 @@ impl Renderer {
     /// [`Error::Memory`] for what the device lacks, [`Error::Vulkan`] when a call fails.
     pub fn prepare(&self, view: &View, target: &TargetDesc) -> Result<Plan> {
         let gpu = self.scene.gpu();
+        gpu.alive()?;
         if let Some(format) = target.format() {
             let needed = if target.mode() == TargetMode::Over {
                 vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND
@@ -731,7 +734,8 @@ pub struct Recorded {
 /// What a recording holds.
 #[derive(Debug)]
 struct Held {
-    _keep: Keep,
+    gpu: Gpu,
+    keep: Keep,
     timers: Option<Arc<Timers>>,
     passes: Vec<String>,
     outcomes: Vec<Arc<dyn Outcome>>,
@@ -744,9 +748,11 @@ impl Recorded {
     ///
     /// # Errors
     ///
-    /// [`Error::Vulkan`] when the timestamps cannot be read.
+    /// [`Error::Vulkan`] when the timestamps cannot be read, [`Error::DeviceLost`] when the device is known to be lost. What
+    /// was held is freed all the same.
     pub fn completed(self) -> Result<Status> {
         let held = std::mem::ManuallyDrop::into_inner(self.held);
+        held.gpu.alive()?;
         let times = match &held.timers {
             Some(timers) => timers.read(held.passes.len())?,
             None => Vec::new(),
@@ -759,6 +765,16 @@ impl Recorded {
             counters.extend(counted);
         }
         Ok(Status { complete, passes, counters })
+    }
+
+    /// What must live until the submission has ended.
+    fn keep(&self) -> Keep {
+        self.held.keep.clone()
+    }
+
+    /// Gives up the recording: it was not submitted, or whoever submitted it keeps what it names.
+    fn abandon(self) {
+        drop(std::mem::ManuallyDrop::into_inner(self.held));
     }
 
     fn last_pass(&self) -> &str {
@@ -784,6 +800,7 @@ impl Plan {
         target: Option<&TargetImage>,
         depth: Option<&DepthImage>,
     ) -> Result<Recorded> {
+        self.gpu.alive()?;
         let device = self.gpu.device().handle();
         let strange = target.is_some_and(|target| target.device != device)
             || depth.is_some_and(|depth| depth.device != device);
@@ -833,7 +850,8 @@ impl Plan {
         }
         let (passes, keep) = recorder.finish();
         let held = Held {
-            _keep: keep,
+            gpu: self.gpu.clone(),
+            keep,
             timers: self.timers.clone(),
             passes,
             outcomes: self
@@ -854,6 +872,7 @@ impl Plan {
     ///
     /// As [`Renderer::prepare`].
     pub fn set_view(&mut self, view: &View) -> Result<bool> {
+        self.gpu.alive()?;
         if view.extent() != self.extent || (self.bounds.is_none() && !view.clip().is_none()) {
             return Ok(false);
         }
@@ -924,14 +943,19 @@ impl Frames {
     /// As [`Plan::record`] and [`Renderer::prepare`]; [`Error::Timeout`] when the device does not end.
     pub fn draw(&mut self, view: &View) -> Result<FrameTime> {
         self.drawn = false;
+        // After an error the last frame may run still: it reads what a view changes.
+        self.commands.settle()?;
         if !self.plan.set_view(view)? {
             self.plan = self.renderer.prepare(view, &TargetDesc::own())?;
         }
         for _ in 0..MOST_TRIES {
             let start = Instant::now();
             let recorded = self.plan.record(self.commands.begin()?, None, None)?;
-            // What the frame names stays with `recorded`, which frees nothing unless it is completed.
-            self.commands.submit(Keep::new(), recorded.last_pass())?;
+            // What the frame names stays with `commands` for as long as the submission may run.
+            if let Err(error) = self.commands.submit(recorded.keep(), recorded.last_pass()) {
+                recorded.abandon();
+                return Err(error);
+            }
             let wall_ms = start.elapsed().as_secs_f64() * 1e3;
             let status = recorded.completed()?;
             if status.complete {

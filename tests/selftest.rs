@@ -1,0 +1,102 @@
+//! `volraster selftest` from outside: what it prints, what its report says, and that it fails where something is wrong.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::cast_possible_truncation,
+    reason = "a test fails by panicking"
+)]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn path(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join(name)
+}
+
+fn run(arguments: &[&str], environment: &[(&str, &str)]) -> (Option<i32>, String, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_volraster"));
+    command.arg("selftest").args(arguments).env("XDG_CACHE_HOME", path("selftest-cache"));
+    let Output { status, stdout, stderr } = command.envs(environment.iter().copied()).output().unwrap();
+    (status.code(), String::from_utf8(stdout).unwrap(), String::from_utf8(stderr).unwrap())
+}
+
+fn report(name: &str) -> Value {
+    serde_json::from_slice(&std::fs::read(path(name)).unwrap()).unwrap()
+}
+
+fn status<'a>(report: &'a Value, case: &str) -> &'a str {
+    let cases = report["cases"].as_array().unwrap();
+    cases.iter().find(|found| found["name"] == case).unwrap()["status"].as_str().unwrap()
+}
+
+#[test]
+fn a_few_cases_pass_and_are_reported() {
+    let file = path("selftest.json");
+    let arguments =
+        ["--filter", "draw/raycast:step=0.25", "--filter", "upload/slices-3d", "-o", file.to_str().unwrap()];
+    let (code, out, err) = run(&arguments, &[]);
+    assert_eq!(code, Some(0), "{out}{err}");
+    assert!(out.contains("missing: none") && out.contains("ok   draw/raycast:step=0.25 "), "{out}");
+    let report = report("selftest.json");
+    assert_eq!(report["schema"], "volraster-selftest/1");
+    for kind in ["core", "leaks", "synchronization", "gpu-assisted", "best-practices"] {
+        assert_eq!(report["validation"][kind], true, "{kind}");
+        assert_eq!(status(&report, &format!("validation/{kind}")), "ok");
+    }
+    assert!(report["device"]["name"].is_string() && report["layer"].is_string());
+    assert_eq!(report["failed"], 0);
+    assert_eq!(report["whole"], false);
+    let cases = report["cases"].as_array().unwrap();
+    assert_eq!(report["passed"].as_u64().unwrap() as usize, cases.len());
+    // Five controls, three pictures, two routes of an upload, the end.
+    let drawn = cases.iter().filter(|case| case["name"].as_str().unwrap().starts_with("draw/")).count();
+    assert_eq!([drawn, cases.len()], [3, 11], "{cases:#?}");
+    let advice = report["allowed"].as_array().unwrap();
+    assert!(advice.iter().any(|entry| entry["matched"].as_u64().unwrap() > 0), "{advice:#?}");
+}
+
+#[test]
+fn a_fault_in_a_case_fails_it() {
+    let file = path("selftest-fault.json");
+    let arguments =
+        ["--filter", "upload/slabs", "--provoke", "slabs:route=compute", "-o", file.to_str().unwrap()];
+    let (code, out, err) = run(&arguments, &[]);
+    assert_eq!(code, Some(1), "{out}{err}");
+    assert!(err.contains("selftest: 1 of 8 cases failed"), "{err}");
+    let report = report("selftest-fault.json");
+    assert_eq!(status(&report, "upload/slabs:route=compute"), "fail");
+    assert_eq!(status(&report, "upload/slabs:route=raster"), "ok");
+    let failed = &report["cases"].as_array().unwrap().iter().find(|case| case["status"] == "fail").unwrap();
+    assert!(failed["messages"][0].as_str().unwrap().contains("VUID-VkBufferCreateInfo-size-00912"));
+}
+
+/// Without the layer every control fails: nothing is skipped in silence. Unless that is asked for, and then it is told.
+#[test]
+fn a_missing_layer_fails_unless_it_is_not_wanted() {
+    let empty = path("selftest-no-layers");
+    std::fs::create_dir_all(&empty).unwrap();
+    let empty = empty.to_str().unwrap();
+    let without = [("VK_LAYER_PATH", empty), ("VK_ADD_LAYER_PATH", empty)];
+    let (code, out, _) = run(&["--filter", "upload/raycast"], &without);
+    assert_eq!(code, Some(1), "{out}");
+    assert!(out.contains("on: none; missing: core, leaks, synchronization"), "{out}");
+    assert!(out.contains("VK_LAYER_KHRONOS_validation is not installed"), "{out}");
+    let (code, out, _) = run(&["--filter", "upload/raycast", "--without-validation"], &without);
+    assert_eq!(code, Some(0), "{out}");
+    assert!(out.contains("skip validation/core") && out.contains("ok   upload/raycast"), "{out}");
+}
+
+#[test]
+fn cases_are_listed_by_name_and_technique() {
+    let (code, out, _) = run(&["--list", "--technique", "havs,abuffer"], &[]);
+    assert_eq!(code, Some(0));
+    assert!(out.lines().count() > 20 && out.lines().all(|line| line.contains('/')), "{out}");
+    assert!(out.contains("failures/mesh-lists") && !out.contains("raycast"), "{out}");
+    let (code, _, err) = run(&["--filter", "no such case"], &[]);
+    assert_eq!(code, Some(2), "{err}");
+    let (code, _, err) = run(&["--technique", "none"], &[]);
+    assert_eq!(code, Some(2), "{err}");
+}
