@@ -154,6 +154,7 @@ pub(crate) struct Stage {
     pub(crate) validation: Validation,
     pub(crate) log: Arc<ValidationLog>,
     shared: RefCell<Option<Gpu>>,
+    light: RefCell<Option<Gpu>>,
     truths: RefCell<HashMap<Sight, Rc<ReferenceImage>>>,
 }
 
@@ -164,6 +165,7 @@ impl Stage {
             validation,
             log: Arc::default(),
             shared: RefCell::default(),
+            light: RefCell::default(),
             truths: RefCell::default(),
         }
     }
@@ -207,9 +209,30 @@ impl Stage {
         Ok(gpu)
     }
 
-    /// Ends the device that cases share.
+    /// Another, under the same but for instrumented shaders: for more variants of shaders than a driver compiles in minutes
+    /// when they are instrumented.
+    ///
+    /// # Errors
+    ///
+    /// As [`Gpu::new`].
+    pub(crate) fn light(&self) -> Result<Gpu> {
+        if let Some(gpu) = &*self.light.borrow() {
+            return Ok(gpu.clone());
+        }
+        let validation = match self.validation {
+            Validation::Full => Validation::BestPractices,
+            Validation::GpuAssisted => Validation::On,
+            other => other,
+        };
+        let gpu = self.open_under(validation, GpuOptions::default())?;
+        *self.light.borrow_mut() = Some(gpu.clone());
+        Ok(gpu)
+    }
+
+    /// Ends the devices that cases share.
     pub(crate) fn end(&self) {
         self.shared.borrow_mut().take();
+        self.light.borrow_mut().take();
     }
 
     /// What a picture ought to be.
