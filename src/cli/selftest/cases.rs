@@ -85,7 +85,7 @@ const PICTURES: &[Picture] = &[
     (Subject::Points, "splat-ewa:order=slabs,step=0.25", [4e-5, 4e-4]),
     (Subject::Points, "splat-ewa:order=window", [6e-3, 3e-2]),
     (Subject::Points, "splat-ewa:order=center,pairs=500", [6e-3, 3e-2]),
-    (Subject::Points, "splat-ewa:footprint=ewa,filter=none,order=slabs", [0.4, 0.9]),
+    (Subject::Gaussians, "splat-ewa:footprint=ewa,filter=none", [0.2, 0.5]),
     (Subject::Points, "splat-sheets:sheets=image,step=0.25", [4e-5, 4e-4]),
     (Subject::Points, "splat-sheets:sheets=image,step=0.5,spread=pixels,pairs=1500", [2e-4, 2e-3]),
     (Subject::Gaussians, "splat-ewa:order=slabs,step=0.25", [2e-4, 7e-4]),
