@@ -1,7 +1,12 @@
 //! Threads that share a device: what may go from one to another, and what they draw at the same time.
 
 #![allow(unsafe_code, reason = "plays the caller, who owns Vulkan objects")]
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::cast_precision_loss,
+    reason = "a test fails by panicking, and makes its own numbers"
+)]
 
 mod common;
 
@@ -9,12 +14,13 @@ use std::sync::{Arc, Barrier};
 
 use common::caller::{Caller, Signal};
 use common::*;
+use glam::{DMat3, DVec3};
 use volraster::ash::vk;
 use volraster::gpu::{
     CommandBuffer, DepthImage, DepthProjection, DeviceReport, Enabled, GpuOptions, GpuParts, Handles,
     PassTime, QueueLock, TargetImage, ValidationLog,
 };
-use volraster::scene::View;
+use volraster::scene::{Grid, Samples, Scene, TransferFunction, View};
 use volraster::technique::{FrameTime, Frames, Method, Status};
 use volraster::{Error, Gpu, GpuScene, Image, Plan, Recorded, Renderer, TargetDesc, TargetMode, Technique};
 
@@ -206,4 +212,58 @@ fn threads_wait_for_their_own_frames() {
     for ((scene, specs), drawn) in scenes.iter().zip(drawn) {
         assert!(drawn == draw(scene, &specs[0]), "{}", specs[0]);
     }
+}
+
+/// A time series: while one thread draws frames of the last step, another uploads the next, plane by plane, and prepares
+/// what draws it. No frame is anything but one of the two, and what was prepared beside others is what is prepared alone.
+#[test]
+fn values_change_while_frames_go_on() {
+    if !alone("values_change_while_frames_go_on") {
+        return;
+    }
+    let options = GpuOptions { staging_bytes: Some(1), ..GpuOptions::default() };
+    let gpu = gpu_with(options);
+    let gpu: &Gpu = &gpu;
+    let view = views(0.0)[0];
+    let step = |i: u8| {
+        let samples = (0..24_u32.pow(3)).map(|n| (n as f32 * 0.01 * f32::from(i + 1)).sin().abs());
+        Samples::F32(samples.collect())
+    };
+    let grid = Grid::new([24; 3], step(0)).unwrap();
+    let grid = grid.with_placement(DVec3::splat(2.0 / 23.0), DVec3::splat(-1.0), DMat3::IDENTITY).unwrap();
+    let first = GpuScene::new(gpu, Scene::new(grid.clone(), TransferFunction::from_rows(&FOG).unwrap()));
+    for spec in ["slabs", "shear-warp", "splat-sheets:sheets=image"] {
+        let draw = |scene: &Arc<GpuScene>| Renderer::new(scene, technique(spec)).render(&view).unwrap();
+        let mut scene = Arc::clone(&first);
+        let mut frames = Renderer::new(&scene, technique(spec)).frames(&view).unwrap();
+        let pipelines = |gpu: &Gpu| gpu.pipelines().len();
+        let mut drawn = draw(&scene);
+        let built = pipelines(gpu);
+        for i in 1..4 {
+            let next = scene.with_samples(step(i)).unwrap();
+            let prepared = std::thread::scope(|scope| {
+                let worker = scope.spawn(|| {
+                    let mut frames = Renderer::new(&next, technique(spec)).frames(&view).unwrap();
+                    frames.draw(&view).unwrap();
+                    frames
+                });
+                while !worker.is_finished() {
+                    frames.draw(&view).unwrap();
+                    assert!(frames.read_back().unwrap() == drawn, "{spec}: step {i}");
+                }
+                worker.join().unwrap()
+            });
+            (frames, scene) = (prepared, next);
+            frames.draw(&view).unwrap();
+            let now = frames.read_back().unwrap();
+            assert!(now != drawn, "{spec}: step {i} is the one before");
+            let alone = grid.with_samples(step(i)).unwrap();
+            let alone = GpuScene::new(gpu, Scene::new(alone, TransferFunction::from_rows(&FOG).unwrap()));
+            assert!(now == draw(&alone), "{spec}: step {i}");
+            drawn = now;
+        }
+        assert_eq!(pipelines(gpu), built, "{spec}: nothing is built anew");
+    }
+    let short = first.with_samples(Samples::F32(vec![0.0; 7])).unwrap_err().to_string();
+    assert!(short.contains("13824"), "{short}");
 }

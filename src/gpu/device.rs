@@ -43,6 +43,9 @@ pub struct GpuOptions {
     /// Record each pass of own submissions into a command buffer of its own. Synchronization validation, where it is told to
     /// look at submissions, then sees hazards between passes that it overlooks within a command buffer.
     pub command_buffer_by_pass: bool,
+    /// Most bytes of a volume that one submission uploads, in whole planes, instead of 32 MiB: what a queue is busy with before
+    /// it comes to a frame that another thread has submitted.
+    pub staging_bytes: Option<u64>,
     /// Folder of the pipeline cache. Without it: `volraster` in the user's cache folder.
     pub pipeline_cache: Option<PathBuf>,
     /// Do not keep pipelines on disk.
@@ -80,6 +83,9 @@ impl std::fmt::Debug for Handles {
     }
 }
 
+/// Staging memory for uploads, unless something else is asked for: larger data goes in several turns.
+const STAGING_BYTES: u64 = 32 << 20;
+
 /// Smallest block of memory that is asked of the driver.
 const BLOCK_BYTES: u64 = 4 << 20;
 
@@ -99,6 +105,7 @@ pub(crate) struct Inner {
     pub(crate) cache: vk::PipelineCache,
     /// The call that told of the device's loss.
     pub(super) lost: OnceLock<&'static str>,
+    pub(crate) staging_bytes: u64,
     pub(crate) loop_limit: OnceLock<u32>,
     pub(crate) filters_in_8_bit: OnceLock<bool>,
     /// Microseconds spent in building pipelines.
@@ -258,6 +265,7 @@ impl Gpu {
             cache_file,
             cache: vk::PipelineCache::null(),
             lost: OnceLock::new(),
+            staging_bytes: options.staging_bytes.unwrap_or(STAGING_BYTES).max(1),
             loop_limit: OnceLock::new(),
             filters_in_8_bit: OnceLock::new(),
             pipeline_us: AtomicU64::new(0),

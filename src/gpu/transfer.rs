@@ -10,9 +10,6 @@ use super::submit::Commands;
 use crate::error::{Error, Result};
 use crate::num;
 
-/// Staging memory for uploads: larger data goes in several turns.
-const STAGING_BYTES: u64 = 32 << 20;
-
 impl Buffer {
     /// A buffer for shaders to read, filled with `bytes`.
     pub(crate) fn with_data(gpu: &Gpu, name: &str, bytes: &[u8]) -> Result<Arc<Self>> {
@@ -51,8 +48,8 @@ impl Image {
         let mut commands = Commands::new(gpu)?;
         for level in 0..desc.levels {
             let (planes, plane_bytes) = (desc.planes(level), desc.plane_bytes(level));
-            let turn =
-                num::count(usize::try_from(STAGING_BYTES / plane_bytes.max(1)).unwrap_or(1)).clamp(1, planes);
+            let turn = num::count(usize::try_from(gpu.inner.staging_bytes / plane_bytes.max(1)).unwrap_or(1))
+                .clamp(1, planes);
             let mut first = 0;
             while first < planes {
                 let count = turn.min(planes - first);

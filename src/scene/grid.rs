@@ -212,6 +212,17 @@ impl Grid {
         Ok(self)
     }
 
+    /// The same lattice with other samples, of any type; their map to values stays.
+    ///
+    /// # Errors
+    ///
+    /// As [`Grid::new`].
+    pub fn with_samples(&self, samples: Samples) -> Result<Self> {
+        let other = Self::new(self.dims, samples)?;
+        let (spacing, origin, direction) = (self.spacing, self.origin, self.direction);
+        Ok(Self { spacing, origin, direction, rescale: self.rescale, anatomy: self.anatomy, ..other })
+    }
+
     /// Sets the map from stored numbers to values.
     ///
     /// # Errors

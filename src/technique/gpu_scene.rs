@@ -54,9 +54,12 @@ pub struct GpuScene {
     splats: Mutex<Vec<(SplatChoice, Arc<SplatSet>)>>,
     /// What frames of splats have needed so far.
     pub(crate) splat_needs: Mutex<SplatNeeds>,
-    surfaces: Mutex<Option<Option<Arc<SurfaceData>>>>,
+    surfaces: SurfacePlace,
     times: Mutex<UploadTimes>,
 }
+
+/// Surfaces, once they have been looked for; none where there is no triangle.
+type SurfacePlace = Arc<Mutex<Option<Option<Arc<SurfaceData>>>>>;
 
 /// Faces or cells; with a margin those alone that show something.
 type Choice = (Primitives, Option<f32>);
@@ -137,10 +140,16 @@ impl GpuScene {
     /// Takes a scene for a device. Nothing is uploaded yet.
     #[must_use]
     pub fn new(gpu: &Gpu, scene: Scene) -> Arc<Self> {
-        Self::sharing(gpu, scene, Arc::default(), Arc::default())
+        Self::sharing(gpu, scene, Arc::default(), Arc::default(), Arc::default())
     }
 
-    fn sharing(gpu: &Gpu, scene: Scene, data: Arc<GridData>, mesh: Arc<MeshData>) -> Arc<Self> {
+    fn sharing(
+        gpu: &Gpu,
+        scene: Scene,
+        data: Arc<GridData>,
+        mesh: Arc<MeshData>,
+        surfaces: SurfacePlace,
+    ) -> Arc<Self> {
         Arc::new(Self {
             gpu: gpu.clone(),
             scene,
@@ -153,7 +162,7 @@ impl GpuScene {
             bricks: Mutex::default(),
             splats: Mutex::default(),
             splat_needs: Mutex::default(),
-            surfaces: Mutex::default(),
+            surfaces,
             times: Mutex::default(),
         })
     }
@@ -172,7 +181,7 @@ impl GpuScene {
             Arc::new(MeshData::with_shape(&self.mesh.shape))
         };
         let scene = Scene { transfer, ..self.scene.clone() };
-        Self::sharing(&self.gpu, scene, data, mesh)
+        Self::sharing(&self.gpu, scene, data, mesh, Arc::clone(&self.surfaces))
     }
 
     /// The same mesh with other scalars, and perhaps another transfer function for them. Points and their
@@ -190,7 +199,26 @@ impl GpuScene {
             kernels: self.scene.kernels,
             surfaces: self.scene.surfaces.clone(),
         };
-        Ok(Self::sharing(&self.gpu, scene, Arc::default(), data))
+        Ok(Self::sharing(&self.gpu, scene, Arc::default(), data, Arc::clone(&self.surfaces)))
+    }
+
+    /// The same place and transfer function with other samples of a grid, of any type: a step of a time series. Nothing is
+    /// uploaded yet. Pipelines, knots and tables do not depend on samples; plans are prepared for the new scene, if the frames in
+    /// flight should not wait for the upload on another thread, and then take the place of the old ones.
+    ///
+    /// # Errors
+    ///
+    /// As [`Grid::with_samples`]; [`Error::Invalid`] where the scene holds no grid.
+    pub fn with_samples(&self, samples: Samples) -> Result<Arc<Self>> {
+        let grid = self.grid()?.with_samples(samples)?;
+        let scene = Scene {
+            data: grid.into(),
+            transfer: self.scene.transfer.clone(),
+            kernels: self.scene.kernels,
+            surfaces: self.scene.surfaces.clone(),
+        };
+        let surfaces = Arc::clone(&self.surfaces);
+        Ok(Self::sharing(&self.gpu, scene, Arc::default(), Arc::default(), surfaces))
     }
 
     /// What of a mesh lies on the device.
