@@ -45,6 +45,16 @@ fn fail_each(name: &str, most: usize) {
     }
 }
 
+fn fail_frames(name: &str) {
+    let _turn = turn();
+    let swept = session::fail_frames(&place(), &named(name), usize::MAX)
+        .unwrap_or_else(|finding| panic!("{finding}"));
+    report(name, &swept);
+    for call in ["vkBeginCommandBuffer", "vkQueueSubmit2", "vkWaitForFences", "vkCreateBuffer"] {
+        assert!(swept.failed.contains_key(call), "{call} of {:?}", swept.failed);
+    }
+}
+
 fn fail_opening(name: &str, most: usize) {
     let _turn = turn();
     let swept =
@@ -70,6 +80,11 @@ macro_rules! sweeps {
             #[test]
             fn each_call_may_fail() {
                 super::fail_each($session, 6);
+            }
+
+            #[test]
+            fn each_call_of_a_frame_may_fail() {
+                super::fail_frames($session);
             }
 
             #[test]

@@ -387,7 +387,8 @@ fn caller(stage: &Stage, spec: &str) -> Verdict {
 /// Failures of calls and losses of the device, in sessions of each kind of data and route.
 fn failures() -> Result<Vec<Case>> {
     type Sweep = fn(&Place, &Session, usize) -> std::result::Result<session::Swept, session::Finding>;
-    let sweeps: [(&str, Sweep, usize); 3] = [
+    let sweeps: [(&str, Sweep, usize); 4] = [
+        ("frames", session::fail_frames, 8),
         ("failures", session::fail_each, 2),
         ("opening", session::fail_opening, 1),
         ("lost", session::lose, 2),

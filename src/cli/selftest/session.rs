@@ -363,6 +363,65 @@ impl Swept {
     }
 }
 
+/// Lets each call of a frame fail in turn, on a plan that is drawn again afterwards, of another view and then of the same: what it
+/// holds has not grown, and the pictures are right to the bit.
+///
+/// # Errors
+///
+/// The first thing that is wrong.
+pub(crate) fn fail_frames(place: &Place, session: &Session, most: usize) -> Outcome<Swept> {
+    let bench = Bench::new(place, session);
+    let gpu = bench.at("open", bench.open())?;
+    let scene = GpuScene::new(&gpu, session.scene.clone());
+    let views = [[2.0, 1.5, 3.8], [-3.0, 1.0, 2.0]].map(|eye| view(eye, 20, 14));
+    let [first, second] = views;
+    let (first, second) = (bench.at("view", first)?, bench.at("view", second)?);
+    let mut frames = bench.at("prepare", Renderer::new(&scene, session.technique).frames(&first))?;
+    let mut picture = |view: &View| -> Result<Pictures> {
+        frames.draw(view)?;
+        Ok(vec![(
+            if std::ptr::eq(view, &raw const first) { "first view" } else { "second view" },
+            bytes(&frames.read_back()?),
+        )])
+    };
+    let mut expected = Pictures::new();
+    // Room for both views, once and for all.
+    for view in [&second, &first, &second, &first] {
+        expected = [expected, bench.at("first frames", picture(view))?].concat();
+    }
+    let held = gpu.memory_report().len();
+    bench.injection.rewind();
+    bench.injection.keep_names(true);
+    bench.at("a frame", picture(&first))?;
+    let names = bench.injection.names();
+    bench.injection.keep_names(false);
+    let mut swept = Swept { calls: bench.injection.calls(), ..Swept::default() };
+    for (call, result) in spread(&names, most, |_, _| true).into_iter().zip(RESULTS.iter().cycle()) {
+        let what = format!("call {call} of a frame, {}", name_of(&names, call));
+        bench.injection.rewind();
+        bench.injection.fail_at(call, *result);
+        let run = picture(&first);
+        swept.tell(&bench, &what, run, &expected)?;
+        for view in [&second, &first] {
+            let again = bench.at(&format!("the frame after {what}"), picture(view))?;
+            bench.same(&format!("the frame after {what}"), &again, &expected)?;
+        }
+        let holds = gpu.memory_report();
+        if holds.len() != held {
+            return Err(format!("{}: {what}: {} objects were held, now {holds:?}", session.name, held));
+        }
+        if let Some(message) = bench.log.take().first() {
+            return Err(format!("{}: {what}: {message}", session.name));
+        }
+    }
+    bench.injection.rewind();
+    drop((frames, scene));
+    bench.clean("the end of the plan", Some(&gpu))?;
+    drop(gpu);
+    bench.clean("the end of the device", None)?;
+    Ok(swept)
+}
+
 /// Calls that a device makes once, which [`fail_each`] does not see.
 const ONCE: [&str; 9] = [
     "vkCreateDescriptorSetLayout",
