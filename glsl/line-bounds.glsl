@@ -26,11 +26,11 @@ layout(push_constant, std430) uniform BoundsPush {
     // y for pixels from the image's centre, y down.
     vec4 planes[6];
     vec2 half_extent; // of the image, pixels
-    float kq, kd;
-    float at_zero;    // perspective: inverse of the eye's distance where 0 is stored, else that depth
-    float at_one;     // where 1 is
-    float centre;     // depth of the centre from the eye
-    uint count;       // planes
+    vec2 inverse;     // perspective: of the distances from the eye where 0 and where 1 is stored
+    vec2 depths;      // those depths, in perspective times the same: z = (between depths) / (between inverses), whose parts are small
+                      // where the eye is far
+    float kq;
+    uint count;       // planes; 16 more for perspective, 32 more where the far end is stored as 1
 } push;
 
 #ifdef DEPTH
@@ -38,13 +38,12 @@ layout(set = 0, binding = BINDING_DEPTH) uniform sampler2D depth_image;
 
 // Depth of what the image shows.
 float surface_depth(float stored) {
-    float between = (1.0 - stored) * push.at_zero + stored * push.at_one;
-    bool perspective = push.kd != 0.0;
     // The far end itself is what the image was cleared with.
-    bool far_at_one = perspective ? push.at_one < push.at_zero : push.at_one > push.at_zero;
-    if (stored == (far_at_one ? 1.0 : 0.0)) return 3e38;
-    if (!perspective) return between - push.centre;
-    return between > 0.0 ? 1.0 / between - push.centre : 3e38;
+    if (stored == ((push.count & 32u) != 0u ? 1.0 : 0.0)) return 3e38;
+    vec2 share = vec2(1.0 - stored, stored);
+    float depth = dot(share, push.depths), inverse = dot(share, push.inverse);
+    if ((push.count & 16u) == 0u) return depth;
+    return inverse > 0.0 ? depth / inverse : 3e38;
 }
 #endif
 
@@ -58,11 +57,12 @@ void main() {
     bounds.y = min(bounds.y, surface_depth(texelFetch(depth_image, ivec2(pixel), 0).r));
 #endif
     vec2 xy = vec2(pixel) + 0.5 - push.half_extent;
+    float kd = (push.count & 16u) != 0u ? 1.0 : 0.0;
     for (uint i = 0u; i < 6u; ++i) {
-        if (i >= push.count) break;
+        if (i >= (push.count & 15u)) break;
         vec4 plane = push.planes[i];
         float lateral = dot(xy, plane.xy);
-        float height = fma(push.kq, lateral, plane.w), rise = fma(push.kd, lateral, plane.z);
+        float height = fma(push.kq, lateral, plane.w), rise = fma(kd, lateral, plane.z);
         float z = -height / (rise != 0.0 ? rise : 1.0);
         if (rise > 0.0) bounds.x = max(bounds.x, z);
         if (rise < 0.0) bounds.y = min(bounds.y, z);

@@ -64,6 +64,7 @@ void main() {
 #endif
 
 #ifdef EDGES
+layout(constant_id = SPEC_WARP) const uint WARP = 0;
 layout(set = 0, binding = BINDING_TEXEL_BOUNDS, std430) readonly buffer TexelBounds { vec2 texel_bounds[]; };
 layout(set = 0, binding = BINDING_EDGES, std430) buffer Edges { vec4 edges[]; };
 
@@ -84,10 +85,28 @@ void main() {
         vec2 a = texel_of(i), b = texel_of(i + ivec2(1, 0)), c = texel_of(i + ivec2(0, 1)), d = texel_of(i + ivec2(1, 1));
         vec2 own = along_stack(line_bounds[word], at);
         vec2 between = mix(mix(a, b, share.x), mix(c, d, share.x), share.y);
-        vec2 spread = max(max(a, b), max(c, d)) - min(min(a, b), min(c, d));
+        vec2 least = min(min(a, b), min(c, d)), most = max(max(a, b), max(c, d));
+        if (WARP != WARP_BILINEAR) {
+            // Filters that reach further: bicubic a texel, mip as far as the next pixel's.
+            int reach = 1;
+            if (WARP == WARP_MIP) {
+                vec2 beside = edges[pixel.x + 1u < extent.x ? word + 1u : word - min(pixel.x, 1u)].xy;
+                vec2 below = edges[pixel.y + 1u < extent.y ? word + extent.x : word - (pixel.y > 0u ? extent.x : 0u)].xy;
+                vec2 step = max(beside.x > -1e30 ? abs(beside - at) : vec2(0.0), below.x > -1e30 ? abs(below - at) : vec2(0.0));
+                reach = int(clamp(ceil(max(step.x, step.y)), 1.0, 64.0));
+            }
+            for (int k = 0; k < 16; ++k) {
+                ivec2 offset = ivec2(k & 3, k >> 2);
+                vec2 far = texel_of(i + mix(mix(ivec2(0), ivec2(1), equal(offset, ivec2(2))), mix(ivec2(-reach), ivec2(1 + reach), equal(offset, ivec2(3))),
+                                            bvec2(offset.x == 0 || offset.x == 3, offset.y == 0 || offset.y == 3)));
+                least = min(least, far);
+                most = max(most, far);
+            }
+        }
+        vec2 spread = most - least;
         bool told = all(lessThanEqual(abs(between - own), vec2(push.tolerance))) && all(lessThanEqual(spread, vec2(push.spread)));
         if (!told) bounds = own;
     }
-    edges[word] = vec4(at, bounds);
+    edges[word].zw = bounds;
 }
 #endif

@@ -141,7 +141,7 @@ void main() {
     Lattice lattice = load_lattice();
     Ray ray = ray_of(floor(gl_FragCoord.xy) - vec2(0.0, float(push.offset)));
     vec2 interval = domain_of(ray);
-    if (BOUNDED) interval = between_bounds(ray, texel_bounds[uint(gl_FragCoord.y) * push.atlas.x + uint(gl_FragCoord.x)]);
+    if (BOUNDED) interval = between_bounds(ray, texel_bounds[min(uint(gl_FragCoord.y) * push.atlas.x + uint(gl_FragCoord.x), uint(texel_bounds.length()) - 1u)]);
     vec2 piece = slab_piece(float(slab_in), push.z0, push.h, interval);
     vec4 emission = vec4(0.0);
     if (INTEGRATOR == INTEGRATOR_MIDPOINT) {

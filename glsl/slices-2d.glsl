@@ -138,7 +138,7 @@ void main() {
     vec4 sum = begin_march(pixel, transmittance);
     // Between the slabs of two turns.
     float first_plane = fma(down ? begin + 1.0 - float(push.first) : begin + float(push.first), h, z0);
-    float last_plane = first_plane + (down ? -1.0 : 1.0) * float(push.count) * h;
+    float done = float(push.first + push.count), last_plane = fma(down ? begin + 1.0 - done : begin + done, h, z0);
     LayersAhead ahead = begin_layers(pixel, (first_plane - ray.q.z) * ray.inverse.z);
     float reached = -3e38, layers_until = layers_end((last_plane - ray.q.z) * ray.inverse.z);
     while (turn < last && transmittance > opaque) {

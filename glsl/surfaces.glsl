@@ -113,7 +113,7 @@ void main() {
         }
         lists[at] = entry;
     }
-    if (turns >= MOST_TURNS / 2u) atomicAdd(status[STATUS_CUT], 1u);
+    if (turns >= MOST_TURNS / 2u || kept - begin > MOST_LAYERS) atomicAdd(status[STATUS_CUT], 1u);
     for (uint i = begin; i < kept; ++i) {
         Triangle triangle = triangles[(lists[i].y & 0x3fffffffu) >> 2];
         float shade = triangle.colour.a < 0.0 ? abs(dot(triangle.plane.xyz, ray)) : 1.0, opacity = abs(triangle.colour.a);

@@ -237,11 +237,9 @@ pub(crate) struct SortPush {
 pub(crate) struct BoundsPush {
     pub(crate) planes: [[f32; 4]; 6],
     pub(crate) half_extent: [f32; 2],
+    pub(crate) inverse: [f32; 2],
+    pub(crate) depths: [f32; 2],
     pub(crate) kq: f32,
-    pub(crate) kd: f32,
-    pub(crate) at_zero: f32,
-    pub(crate) at_one: f32,
-    pub(crate) centre: f32,
     pub(crate) count: u32,
 }
 

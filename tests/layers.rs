@@ -9,9 +9,12 @@
 
 mod common;
 
+use common::caller::{Depth, draw_before};
 use common::*;
 use glam::DVec3;
-use volraster::gpu::{Gpu, OptionalFeature};
+use volraster::ash::vk;
+use volraster::gpu::{DepthProjection, Gpu, OptionalFeature};
+use volraster::reference;
 use volraster::scene::{
     Clip, Field, KernelSize, Points, Scene, Shading, Surface, TetScalars, TransferFunction, View,
 };
@@ -208,5 +211,98 @@ fn refusals_name_what_works() {
         let renderer = Renderer::new(&on_device, technique(method.name()));
         let why = renderer.prepare(&plain, &TargetDesc::own()).unwrap_err().to_string();
         assert!(why.contains("raycast") && why.contains(method.name()), "{why}");
+    }
+}
+
+/// A depth image hides surfaces as it hides the volume, and clipping cuts the volume alone. The reference has a black wall in its
+/// place, which adds opacity and no light.
+#[test]
+fn a_depth_image_hides_surfaces_too() {
+    let gpu = gpu();
+    let clip = Clip::none().with_plane(DVec3::new(0.1, 0.0, 0.2), DVec3::new(-0.5, 0.3, -1.0)).unwrap();
+    let wall = Surface::sphere(DVec3::new(0.0, 0.3, 0.1), 0.55, [0.0, 0.0, 0.0, 1.0], 3).unwrap();
+    let surfaces = [opaque(), translucent()].concat();
+    let transfer = TransferFunction::from_rows(&FOG).unwrap();
+    let scenes = [
+        (
+            scene(Field::Blobs, 24, "f32", &FOG),
+            ["raycast:step=0.25,filter=exact", "slabs:step=0.25,filter=exact"],
+        ),
+        (
+            Scene::new(Field::Blobs.tets(7).unwrap(), transfer),
+            ["havs:integrator=exact", "abuffer:integrator=exact"],
+        ),
+    ];
+    for (plain, specs) in scenes {
+        let on_device = GpuScene::new(&gpu, plain.clone().with_surfaces(surfaces.clone()));
+        let with_wall = plain.clone().with_surfaces([surfaces.clone(), vec![wall.clone()]].concat());
+        let wall_alone = plain.clone().with_surfaces(vec![wall.clone()]);
+        for view in &views()[..2] {
+            let view = view.with_clip(clip);
+            let depths = reference::depth(&wall_alone, &view).unwrap();
+            let stored: Vec<f32> = match view.is_perspective() {
+                true => depths.iter().map(|d| (0.03 / d) as f32).collect(),
+                false => depths.iter().map(|d| ((d - 9.0) / (0.5 - 9.0)).max(0.0) as f32).collect(),
+            };
+            let projection = match view.is_perspective() {
+                true => DepthProjection::perspective(f64::INFINITY, 0.03),
+                false => DepthProjection::orthographic(9.0, 0.5),
+            };
+            let image = Depth::new(&gpu, vk::Format::D32_SFLOAT, view.extent(), &stored).unwrap();
+            let truth = truth(&with_wall, &view);
+            for spec in specs {
+                let drawn = draw_before(
+                    &gpu,
+                    &on_device,
+                    &view,
+                    spec,
+                    Some((&image, projection.as_ref().copied().unwrap())),
+                );
+                let mut worst = 0.0_f64;
+                for (drawn, truth) in drawn.pixels().iter().zip(truth.pixels()) {
+                    for (a, b) in drawn.iter().zip(truth).take(3) {
+                        worst = worst.max((f64::from(*a) - b).abs());
+                    }
+                }
+                let hidden = depths.iter().filter(|d| d.is_finite()).count();
+                assert!(hidden > 50 && worst < 5e-3, "{spec}: {worst:.1e}, {hidden} pixels");
+            }
+        }
+    }
+}
+
+/// Frames turn to other views with surfaces in them; what then needs more room gets it.
+#[test]
+fn frames_turn_with_their_surfaces() {
+    let gpu = gpu();
+    let scene = scene(Field::Blobs, 16, "f32", &FOG).with_surfaces([opaque(), translucent()].concat());
+    let on_device = GpuScene::new(&gpu, scene);
+    let far = view(perspective(), 8.0, 40, 30);
+    let mut frames = Renderer::new(&on_device, technique("slices-3d")).frames(&far).unwrap();
+    for view in views() {
+        frames.draw(&view).unwrap();
+        let turned = frames.read_back().unwrap();
+        assert_eq!(turned.pixels(), draw_on(&on_device, &view, "slices-3d").pixels());
+    }
+}
+
+/// Hundreds of panes, listed from behind: order comes from depth alone.
+#[test]
+fn many_panes_are_put_in_order() {
+    let gpu = gpu();
+    let pane = |i: i32| {
+        let z = 0.9 - f64::from(i) * 0.006;
+        let corner = |x: f64, y: f64| DVec3::new(x, y, z);
+        let corners = vec![corner(-0.8, -0.8), corner(0.8, -0.8), corner(0.8, 0.8), corner(-0.8, 0.8)];
+        let colour = if i % 2 == 0 { [1.0, 0.2, 0.1, 0.02] } else { [0.1, 0.3, 1.0, 0.03] };
+        Surface::new(corners, vec![[0, 1, 2], [0, 2, 3]], colour).unwrap()
+    };
+    for turn in [1, -1] {
+        let panes = (0..300).map(|i| pane(if turn > 0 { i } else { 299 - i })).collect();
+        let scene = scene(Field::Blobs, 12, "f32", &FOG).with_surfaces(panes);
+        let view = view(perspective(), 1.0, 24, 24);
+        let image = draw(&gpu, &scene, &view, "slabs:step=0.25,filter=exact");
+        let found = errors(&image, &scene, &view).all;
+        assert!(found.rmse < 3e-4, "{turn}: {:.1e}, worst {:.1e}", found.rmse, found.max_abs);
     }
 }

@@ -42,7 +42,9 @@ impl Clip {
         if !point.is_finite() {
             return Err(Error::invalid("clip plane point", format!("{point}: must be finite")));
         }
-        let normal = normal.try_normalize().filter(|_| normal.is_finite()).ok_or_else(|| {
+        // Squares of its components may be too large or too small.
+        let scaled = normal / normal.abs().max_element();
+        let normal = scaled.try_normalize().filter(|_| normal.is_finite()).ok_or_else(|| {
             Error::invalid("clip plane normal", format!("{normal}: must have a finite length"))
         })?;
         let Some(free) = self.planes.iter_mut().find(|plane| plane.is_none()) else {
@@ -143,6 +145,11 @@ mod tests {
         assert!(why(Clip::none().with_plane(DVec3::X, DVec3::ZERO)).contains("length"));
         assert!(why(Clip::none().with_crop(DVec3::ONE, DVec3::ONE)).contains("below"));
         assert!(why(Clip::none().with_crop(DVec3::NAN, DVec3::ONE)).contains("below"));
+        for length in [1e200, 1e-170] {
+            let plane = Clip::none().with_plane(DVec3::ZERO, DVec3::new(3.0, 4.0, 0.0) * length).unwrap();
+            let normal = plane.planes().next().unwrap().normal;
+            assert!((normal - DVec3::new(0.6, 0.8, 0.0)).length() < 1e-15, "{length}: {normal}");
+        }
         let six = (0..6).try_fold(Clip::none(), |clip, _| clip.with_plane(DVec3::ZERO, DVec3::X)).unwrap();
         assert_eq!(six.planes().count(), 6);
         assert!(why(six.with_plane(DVec3::ZERO, DVec3::X)).contains("at most 6"));

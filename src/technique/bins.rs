@@ -176,11 +176,35 @@ impl Fill {
                 .max()
                 .unwrap_or(0)
         };
-        let mut runs = if software { 64 } else { 2048 };
-        let most_runs = (1_u32 << 26) / tiles.max(1);
+        // A table has a word for each run of each tile.
+        let most_runs = ((1_u32 << 26) / tiles.max(1)).max(1);
+        let few = num::count(order.len()).div_ceil(8).next_power_of_two();
+        let mut runs = if software { 64 } else { 2048 }.min(few).min(most_runs);
         while longest(runs) > u64::from(MOST_TURNS / 2) && runs < most_runs {
             runs *= 2;
         }
         Self { runs, tiles: fill }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Tables of large images are no larger than a scan takes, and few primitives have small ones.
+    #[test]
+    fn tables_stay_small() {
+        let boxes = |count: u32| -> Vec<u32> { (0..count).flat_map(|_| [8 << 16, 8 << 16]).collect() };
+        for (tiles, across, count) in [(129_600, 480, 12), (129_600, 480, 1_000_000), (16_777_216, 4096, 12)]
+        {
+            let order: Vec<u32> = (0..count).collect();
+            for software in [true, false] {
+                let fill = Fill::of(&order, &boxes(count), [tiles, across], software);
+                let words = u64::from(fill.runs) * u64::from(tiles);
+                assert!(fill.runs >= 1 && words <= 1 << 26, "{tiles} tiles, {count}: {}", fill.runs);
+                assert!(count > 12 || fill.runs <= 2, "{}", fill.runs);
+                assert_eq!((fill.entries(), fill.longest()), (u64::from(count), count));
+            }
+        }
     }
 }

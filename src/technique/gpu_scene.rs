@@ -317,6 +317,12 @@ impl GpuScene {
         Ok(made)
     }
 
+    /// The largest channel of what is seen, 1 at least: what a line that ends early may miss is dimmer than it.
+    pub(crate) fn max_colour(&self) -> f64 {
+        let surfaces = self.scene.surfaces.iter().flat_map(|surface| surface.colour()[..3].to_vec());
+        surfaces.fold(self.scene.transfer.max_colour().max(1.0), f64::max)
+    }
+
     /// The scene.
     #[must_use]
     pub fn scene(&self) -> &Scene {

@@ -265,6 +265,11 @@ impl GridFrame {
             let rays = view.extent().map(u64::from).iter().product();
             let slabs_per_dispatch =
                 slabs_per_dispatch(gpu, name, cut.count, &knots, segments.as_ref(), grid, rays)?;
+            // Translucent surfaces take turns of their own.
+            let slabs_per_dispatch = match target.layers {
+                Some(_) => (slabs_per_dispatch / 2).max(1),
+                None => slabs_per_dispatch,
+            };
             let pipeline = |resume: bool| {
                 let mut constants = constants.clone();
                 constants.push((SPEC_RESUME, u32::from(resume)));
@@ -536,7 +541,7 @@ fn cut(
         count: num::u32_of(slabs.count),
         order: 0,
         unit: f32_of(unit),
-        opaque: f32_of(options.stop / scene.scene().transfer.max_colour().max(1.0)),
+        opaque: f32_of(options.stop / scene.max_colour()),
         seed: options.seed,
     };
     let numbers = [push.q0_kq, push.px_kd, push.py_z0, push.d0_h, push.half_scale];

@@ -44,6 +44,11 @@ impl DepthMeasure {
 /// Half-spaces that one dispatch takes.
 const PLANES: usize = 6;
 
+/// Beside their number: lines start at the eye; the far end is stored as 1.
+const PERSPECTIVE: u32 = 16;
+const FAR_AT_ONE: u32 = 32;
+const PLANE_COUNT: u32 = 15;
+
 /// Two depths for each pixel, in units of a technique.
 pub(crate) fn bounds_buffer(gpu: &Gpu, view: &View) -> Result<Arc<Buffer>> {
     let [width, height] = view.extent().map(u64::from);
@@ -96,8 +101,7 @@ impl LineBounds {
     /// Whether float32 holds a view's planes.
     pub(crate) fn check(&self, view: &View) -> Result<()> {
         let finite = |push: &BoundsPush| {
-            let [kq, centre] = [push.kq, push.centre];
-            push.planes.iter().flatten().chain([&kq, &centre]).all(|number| number.is_finite())
+            push.planes.iter().flatten().chain([&push.kq]).all(|number| number.is_finite())
         };
         if self.pushes(view, None).iter().all(finite) {
             return Ok(());
@@ -129,23 +133,29 @@ impl LineBounds {
                 .map(f32_of)
             })
             .collect();
-        let [at_zero, at_one] = depth.map_or([0.0, 1.0], |depth| {
-            let ends = [depth.projection.at_zero, depth.projection.at_one];
-            ends.map(|end| if perspective { unit / end } else { end / unit })
+        let ends = depth.map_or([1.0, 2.0], |depth| [depth.projection.at_zero, depth.projection.at_one]);
+        let far = if ends[1] > ends[0] { FAR_AT_ONE } else { 0 };
+        let flags = far | if perspective { PERSPECTIVE } else { 0 };
+        // Differences in float64: the eye may be far, and the ends about the data.
+        let depths = ends.map(|end| {
+            let from_centre = if end.is_infinite() { end } else { end - centre_depth };
+            match (perspective, end.is_infinite()) {
+                (true, true) => 1.0,
+                (true, false) => from_centre / end,
+                (false, _) => from_centre / unit,
+            }
         });
         let push = BoundsPush {
             planes: [[0.0; 4]; PLANES],
             half_extent: view.extent().map(|side| f32_of(f64::from(side) * 0.5)),
             kq: f32_of(if perspective { centre_depth / unit } else { 1.0 }),
-            kd: if perspective { 1.0 } else { 0.0 },
-            at_zero: f32_of(at_zero),
-            at_one: f32_of(at_one),
-            centre: f32_of(centre_depth / unit),
-            count: 0,
+            inverse: ends.map(|end| f32_of(unit / end)),
+            depths: depths.map(f32_of),
+            count: flags,
         };
         let mut pushes = vec![push; planes.len().div_ceil(PLANES).max(1)];
         for (push, planes) in pushes.iter_mut().zip(planes.chunks(PLANES)) {
-            push.count = num::count(planes.len());
+            push.count += num::count(planes.len());
             for (place, plane) in push.planes.iter_mut().zip(planes) {
                 *place = *plane;
             }
@@ -190,10 +200,14 @@ impl LineBounds {
             if self.takes_depth
                 && let Some(push) = pushes.first()
             {
-                self.first.record(recorder, &BoundsPush { count: 0, ..*push }, groups);
+                self.first.record(
+                    recorder,
+                    &BoundsPush { count: push.count & !PLANE_COUNT, ..*push },
+                    groups,
+                );
             }
             surfaces.record(recorder);
-            pushes.retain(|push| push.count > 0);
+            pushes.retain(|push| push.count & PLANE_COUNT > 0);
         }
         for (i, push) in pushes.iter().enumerate() {
             let begins = i == 0 && between.is_none();

@@ -416,7 +416,7 @@ pub(super) fn shading_push(scene: &GpuScene, desc: &MeshDesc, knots: &Knots) -> 
     let [low, high] = transfer.domain();
     Ok(MeshPush {
         knots: knots.count,
-        opaque: f32_of(desc.stop / transfer.max_colour().max(1.0)),
+        opaque: f32_of(desc.stop / scene.max_colour()),
         smoke: f32_of(desc.smoke),
         alike: f32_of((high - low) * ALIKE),
         ..MeshPush::default()

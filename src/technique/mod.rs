@@ -880,11 +880,16 @@ impl Plan {
             return self.prepared.set_view(view, self.technique_passes);
         };
         bounds.check(view)?;
+        let seen = match &self.surfaces {
+            Some(surfaces) => Some(surfaces.pushes(view)?),
+            None => None,
+        };
+        // Nothing has been changed where anything is refused.
         let fits = self.prepared.set_view(view, self.technique_passes)?;
         if fits {
             bounds.set_view(view);
-            if let Some(surfaces) = &mut self.surfaces {
-                surfaces.set_view(view)?;
+            if let (Some(surfaces), Some(seen)) = (&mut self.surfaces, seen) {
+                surfaces.set_view(seen);
             }
         }
         Ok(fits)

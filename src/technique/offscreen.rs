@@ -37,7 +37,8 @@ impl Offscreen {
         Ok(Self { gpu: gpu.clone(), image, host, recorded: None, commands: Commands::new(gpu)? })
     }
 
-    /// Fills the image with a colour, lets the plan record over it, and submits. The frame before must be finished.
+    /// Fills the image with a colour, lets the plan, one without a depth image, record over it, and submits. The frame before must
+    /// be finished.
     ///
     /// # Errors
     ///

@@ -18,7 +18,7 @@ use crate::gpu::shader::{
     BINDING_EDGES, BINDING_LINE_BOUNDS, BINDING_TEXEL_BOUNDS, EDGE_NONE, SHEAR_BOUNDS_EDGES,
     SHEAR_BOUNDS_TEXELS,
 };
-use crate::gpu::{Buffer, Gpu, Recorder, Resource};
+use crate::gpu::{Buffer, Gpu, Recorder, Resource, SpecConstant};
 use crate::interface::{BasePlanePush, ShearBoundsPush};
 use crate::num::{self, f32_of};
 use crate::scene::{Grid, View};
@@ -27,7 +27,7 @@ use crate::scene::{Grid, View};
 const TOLERANCE: f64 = 0.05;
 
 /// The same among a pixel's four texels.
-const SPREAD: f64 = 2.0;
+const SPREAD: f64 = 1.0;
 
 // No depth in a stack is as large.
 const _: () = assert!(EDGE_NONE > 1 << 24);
@@ -44,8 +44,14 @@ pub(super) struct ShearBounds {
 }
 
 impl ShearBounds {
-    /// `bounds` are those of pixels; there are at most `texels` texels.
-    pub(super) fn new(gpu: &Gpu, bounds: &Arc<Buffer>, view: &View, texels: u64) -> Result<Self> {
+    /// `bounds` are those of pixels; there are at most `texels` texels, and `warp` is the filter between them.
+    pub(super) fn new(
+        gpu: &Gpu,
+        bounds: &Arc<Buffer>,
+        view: &View,
+        texels: u64,
+        warp: SpecConstant,
+    ) -> Result<Self> {
         let pixels: u64 = view.extent().map(u64::from).iter().product();
         let texel_bounds = buffer(gpu, &format!("{NAME}.texel-bounds"), 2 * texels)?;
         let edge_pixels = buffer(gpu, &format!("{NAME}.edges"), 4 * pixels)?;
@@ -62,7 +68,7 @@ impl ShearBounds {
                 gpu,
                 &format!("{NAME}.edges"),
                 &SHEAR_BOUNDS_EDGES,
-                &[],
+                &[warp],
                 &[
                     of_pixels,
                     (BINDING_TEXEL_BOUNDS, Resource::ReadOnly(Arc::clone(&texel_bounds))),

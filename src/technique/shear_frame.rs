@@ -288,8 +288,13 @@ impl ShearFrame {
         let room = (atlas_texels + with_room).min(most).max(needed);
         let intermediate = buffer(gpu, &format!("{NAME}.intermediate"), room.saturating_mul(TEXEL / 4))?;
         resources.push((BINDING_INTERMEDIATE, Resource::Buffer(Arc::clone(&intermediate))));
+        let code = match options.warp {
+            Warp::Bilinear => WARP_BILINEAR,
+            Warp::Mip => WARP_MIP,
+            Warp::Bicubic => WARP_BICUBIC,
+        };
         let bounds = match &target.bounds {
-            Some(bounds) => Some(ShearBounds::new(gpu, bounds, view, room)?),
+            Some(bounds) => Some(ShearBounds::new(gpu, bounds, view, room, (SPEC_WARP, code))?),
             None => None,
         };
         let texel_bounds = bounds.as_ref().map_or(&knots.buffer, |bounds| &bounds.texel_bounds);
@@ -355,11 +360,6 @@ impl ShearFrame {
             stacks.push(Stack { axis, volume, descriptors });
         }
 
-        let code = match options.warp {
-            Warp::Bilinear => WARP_BILINEAR,
-            Warp::Mip => WARP_MIP,
-            Warp::Bicubic => WARP_BICUBIC,
-        };
         let warp_constants = [(SPEC_WARP, code)];
         let mut warp_resources = vec![(BINDING_INTERMEDIATE, Resource::ReadOnly(Arc::clone(&intermediate)))];
         if let Some(bounds) = &bounds {
@@ -578,7 +578,7 @@ fn base_plane_push(
         first: 0,
         count: num::u32_of(count),
         order: num::count(plane.axis) | options.every << EVERY | if plane.sign < 0.0 { DOWN } else { 0 },
-        opaque: f32_of(options.grid.stop / scene.scene().transfer.max_colour().max(1.0)),
+        opaque: f32_of(options.grid.stop / scene.max_colour()),
         offset: 0,
         size: plane.size,
         atlas: [0; 2],

@@ -301,11 +301,14 @@ fn sheet_axis(set: &SplatSet, view: &View) -> usize {
 
 impl SplatFrame {
     pub(crate) fn new(scene: &Arc<GpuScene>, view: &View, target: &Canvas, desc: SplatDesc) -> Result<Self> {
+        // A table holds whole footprints.
+        let template = desc.template.filter(|_| target.bounds.is_none());
+        let desc = SplatDesc { template, ..desc };
         let gpu = scene.gpu();
         let name = desc.name;
         let set = scene.splats(&desc.kernels, desc.step)?;
         let knots = scene.knots()?;
-        let opaque = desc.stop / scene.scene().transfer.max_colour().max(1.0);
+        let opaque = desc.stop / scene.max_colour();
         let seen = SplatView::new(&set, &desc, knots.count, opaque, view)?;
         let [width, height] = view.extent();
         let across = width.div_ceil(TILE);

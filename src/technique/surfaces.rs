@@ -21,7 +21,7 @@ use crate::error::{Error, Result};
 use crate::gpu::shader::{
     BINDING_ACCUMULATION, BINDING_BACKGROUND, BINDING_CURSORS, BINDING_LAYER_CURSORS, BINDING_LAYER_DEPTHS,
     BINDING_LAYER_ENDS, BINDING_LAYERS, BINDING_LINE_BOUNDS, BINDING_LISTS, BINDING_SOURCE, BINDING_STATUS,
-    BINDING_TRIANGLES, SPEC_BOUNDED, STATUS_CUT, STATUS_LONGEST_BIN, STATUS_LOST, STATUS_WORDS,
+    BINDING_TRIANGLES, MOST_LAYERS, SPEC_BOUNDED, STATUS_CUT, STATUS_LONGEST_BIN, STATUS_LOST, STATUS_WORDS,
     SURFACES_BEHIND, SURFACES_RESOLVE, TILE, TILE_PIXELS,
 };
 use crate::gpu::{Buffer, Gpu, Image, ImageDesc, Recorder, Resource};
@@ -76,7 +76,10 @@ impl SurfaceData {
             for corners in surface.triangles() {
                 let mut corners = corners.map(|i| index[num::index(i)]);
                 let [a, b, c] = corners.map(|i| points[num::index(i)]);
-                let Some(normal) = (b - a).cross(c - a).try_normalize() else { continue };
+                let (ab, ac) = (b - a, c - a);
+                // Of any size.
+                let unit = |edge: DVec3| edge / edge.abs().max_element();
+                let Some(normal) = unit(ab).cross(unit(ac)).try_normalize() else { continue };
                 if surface.colour()[3] == 0.0 {
                     continue;
                 }
@@ -163,6 +166,10 @@ pub(crate) struct SurfaceLists {
     background: Arc<Buffer>,
 }
 
+/// Push constants of a view.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SurfaceView(MeshPush, SurfacePush);
+
 /// The passes of a frame's surfaces.
 #[derive(Debug)]
 pub(crate) struct SurfaceFrame {
@@ -191,7 +198,7 @@ impl Outcome for SurfaceOutcome {
         if at(STATUS_CUT) > 0 {
             return Err(Error::unsupported(
                 "surfaces of this view",
-                format!("{} pixels have more translucent ones than are put in order", at(STATUS_CUT)),
+                format!("{} pixels have more translucent ones than {MOST_LAYERS}", at(STATUS_CUT)),
             ));
         }
         let (bins, lists) = (total(&self.bins)?, total(&self.lists)?);
@@ -219,9 +226,8 @@ impl SurfaceLists {
             primitives: Arc::clone(&data.primitives),
             count: num::count(data.triangles.len()),
         };
-        // Lists are sorted pixel by pixel: any order will do.
-        let order: Vec<u32> = (0..geometry.count).collect();
-        let stage = Stage::of(gpu, NAME, geometry, false, Some(&order))?;
+        // By rank lists come nearly sorted, and little is left to do in each pixel.
+        let stage = Stage::of(gpu, NAME, geometry, false, None)?;
         let push = data.frame.push(view, &MeshPush::default())?;
         let [width, height] = view.extent();
         let across = width.div_ceil(TILE);
@@ -237,10 +243,12 @@ impl SurfaceLists {
         let Some(Resource::Buffer(depths)) = lists.list_fill.descriptors.resource(BINDING_LISTS) else {
             return Err(Error::invalid(NAME, "no lists"));
         };
+        // Opaque ones have none.
+        let layers = if data.translucent { u64::from(lists.list_capacity) } else { 1 };
         let layers = Layers {
             cursors: Arc::clone(&lists.cursors),
             ends: buffer(gpu, "surfaces.ends", u64::from(tiles) * u64::from(TILE_PIXELS))?,
-            colours: buffer(gpu, "surfaces.layers", 4 * u64::from(lists.list_capacity))?,
+            colours: buffer(gpu, "surfaces.layers", 4 * layers)?,
             depths,
         };
         let background = buffer(gpu, "surfaces.background", 4 * u64::from(width) * u64::from(height))?;
@@ -326,15 +334,17 @@ impl SurfaceFrame {
     /// Passes of a frame.
     pub(crate) fn passes(&self) -> u32 {
         // Status, points, boxes, order; bins; lists, twice, and their sums; resolve, totals, status; behind.
-        4 + 7 + (4 + 2 * self.lists.lists.windows) + 4 + 2
+        3 + 16 + 7 + (4 + 2 * self.lists.lists.windows) + 4 + 2
     }
 
-    /// Turns to another view of the same extent.
-    pub(crate) fn set_view(&mut self, view: &View) -> Result<()> {
-        let push = self.lists.data.frame.push(view, &self.lists.push)?;
-        self.push = self.push_of(view)?;
-        self.lists.push = push;
-        Ok(())
+    /// What another view of the same extent is told of by.
+    pub(crate) fn pushes(&self, view: &View) -> Result<SurfaceView> {
+        Ok(SurfaceView(self.lists.data.frame.push(view, &self.lists.push)?, self.push_of(view)?))
+    }
+
+    /// Turns to it.
+    pub(crate) fn set_view(&mut self, view: SurfaceView) {
+        (self.lists.push, self.push) = (view.0, view.1);
     }
 
     fn push_of(&self, view: &View) -> Result<SurfacePush> {

@@ -115,7 +115,7 @@ impl TetsRaster {
         if options.shade == Shade::Vertex && target.bounds.is_some() {
             let missing = "colours of a cell's corners, which cannot be cut: shade=fragment works";
             return Err(Error::unsupported(
-                format!("{name} shade=vertex with clipping or a depth image"),
+                format!("{name} shade=vertex with clipping, a depth image or opaque surfaces"),
                 missing,
             ));
         }

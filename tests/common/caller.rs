@@ -2,8 +2,13 @@
 
 #![allow(unsafe_code, reason = "plays the caller, who owns Vulkan objects")]
 
+use std::sync::Arc;
+
+use volraster::Image;
 use volraster::ash::vk;
 use volraster::gpu::{CommandBuffer, DepthImage, DepthProjection, Gpu, Handles, TargetImage};
+use volraster::scene::View;
+use volraster::technique::{GpuScene, Renderer, TargetDesc, TargetMode};
 
 /// How the end of a submission is told.
 #[derive(Clone, Copy, Debug)]
@@ -432,4 +437,39 @@ impl Drop for Depth {
         // SAFETY: its buffer is gone.
         unsafe { device.free_memory(self.buffer_memory, None) };
     }
+}
+
+/// Draws into an image of the caller, behind whose depths nothing shows.
+pub fn draw_before(
+    gpu: &Gpu,
+    scene: &Arc<GpuScene>,
+    view: &View,
+    spec: &str,
+    depth: Option<(&Depth, DepthProjection)>,
+) -> Image {
+    let format = vk::Format::R32G32B32A32_SFLOAT;
+    let [width, height] = view.extent();
+    let caller = Caller::new(gpu, format, [width, height], 16);
+    let renderer = Renderer::new(scene, super::technique(spec));
+    let mut target = TargetDesc::caller(format, TargetMode::Clear);
+    if depth.is_some() {
+        target = target.with_depth();
+    }
+    for _ in 0..8 {
+        let mut plan = renderer.prepare(view, &target).unwrap_or_else(|error| panic!("{spec}: {error}"));
+        caller.begin([0.25; 4]);
+        if let Some((depth, _)) = depth {
+            depth.fill(caller.commands);
+        }
+        let image = depth.map(|(depth, projection)| depth.image(gpu, projection));
+        let mut commands = caller.command_buffer(gpu);
+        let recorded = plan.record(&mut commands, Some(&caller.target(gpu)), image.as_ref()).unwrap();
+        let bytes = caller.end(gpu);
+        if recorded.completed().unwrap().complete {
+            let float = |b: &[u8]| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]);
+            let pixel = |t: &[u8]| [float(t), float(&t[4..]), float(&t[8..]), float(&t[12..])];
+            return Image::new(width, height, bytes.chunks_exact(16).map(pixel).collect()).unwrap();
+        }
+    }
+    panic!("{spec}: never complete");
 }
