@@ -10,12 +10,9 @@
 
 mod common;
 
-use std::sync::Arc;
-
 use common::caller::{Caller, Depth, draw_before};
 use common::*;
 use glam::{DVec2, DVec3};
-use volraster::Image;
 use volraster::ash::vk;
 use volraster::gpu::{DepthProjection, Gpu, GpuOptions};
 use volraster::measure::ImageErrors;
