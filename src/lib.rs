@@ -2,6 +2,8 @@
 
 pub mod choice;
 pub mod error;
+#[cfg(feature = "capi")]
+pub mod ffi;
 pub mod frame;
 pub mod gpu;
 mod interface;

@@ -1,0 +1,149 @@
+//! What the library is: version, techniques.
+
+use std::ffi::{CString, c_char};
+use std::sync::OnceLock;
+
+use super::argument::{self, Structure};
+use super::result::{c_text, call, vr_result};
+use crate::error::Error;
+use crate::num;
+use crate::technique::{Method, Technique};
+
+/// The library's version, such as "1.2.3".
+///
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub extern "C" fn vr_version() -> *const c_char {
+    const TEXT: &str = concat!(env!("CARGO_PKG_VERSION"), "\0");
+    TEXT.as_ptr().cast()
+}
+
+/// An option of a technique.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct vr_option_info {
+    /// Its key.
+    pub key: *const c_char,
+    /// The values that it takes.
+    pub values: *const c_char,
+    /// Its default.
+    pub default_value: *const c_char,
+    /// What it does.
+    pub effect: *const c_char,
+}
+
+/// A technique. Everything that it points to lives as long as the library.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct vr_technique_info {
+    /// sizeof(vr_technique_info).
+    pub struct_size: usize,
+    /// Its name.
+    pub name: *const c_char,
+    /// One line on what it does.
+    pub summary: *const c_char,
+    /// Its options.
+    pub options: *const vr_option_info,
+    /// Number of options.
+    pub option_count: usize,
+}
+
+// SAFETY: repr(C), numbers and pointers, the first its size.
+unsafe impl Structure for vr_technique_info {
+    const FIRST: usize = size_of::<Self>();
+}
+
+/// The words of a technique for C.
+struct Words {
+    name: CString,
+    summary: CString,
+    options: Vec<vr_option_info>,
+    /// What `options` point to.
+    _texts: Vec<CString>,
+}
+
+// SAFETY: the pointers are to texts that never change.
+unsafe impl Send for Words {}
+// SAFETY: the same.
+unsafe impl Sync for Words {}
+
+impl Words {
+    fn of(method: Method) -> Self {
+        let mut texts = Vec::new();
+        // A text stays where it is when its owner moves.
+        let mut keep = |text: &str| -> *const c_char {
+            let text = c_text(text);
+            let pointer = text.as_ptr();
+            texts.push(text);
+            pointer
+        };
+        let options = method.options().iter().map(|option| vr_option_info {
+            key: keep(option.key),
+            values: keep(option.values),
+            default_value: keep(option.default),
+            effect: keep(option.effect),
+        });
+        let options = options.collect();
+        Self { name: c_text(method.name()), summary: c_text(method.summary()), options, _texts: texts }
+    }
+}
+
+fn techniques() -> &'static [Words] {
+    static ALL: OnceLock<Vec<Words>> = OnceLock::new();
+    ALL.get_or_init(|| Method::ALL.into_iter().map(Words::of).collect())
+}
+
+/// Number of techniques.
+///
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub extern "C" fn vr_technique_count() -> u32 {
+    num::count(Method::ALL.len())
+}
+
+/// Describes a technique, from 0 to vr_technique_count() - 1.
+///
+/// Fails with VR_ERROR_INVALID.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// `info` is NULL or valid, with its size.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_technique_query(index: u32, info: *mut vr_technique_info) -> vr_result {
+    call(|| {
+        let words = techniques().get(num::index(index)).ok_or_else(|| {
+            Error::invalid("index", format!("{index}: there are {} techniques", Method::ALL.len()))
+        })?;
+        let value = vr_technique_info {
+            struct_size: 0,
+            name: words.name.as_ptr(),
+            summary: words.summary.as_ptr(),
+            options: words.options.as_ptr(),
+            option_count: words.options.len(),
+        };
+        // SAFETY: the caller's promise.
+        unsafe { argument::fill(info, value, "vr_technique_info") }?;
+        Ok(vr_result::VR_OK)
+    })
+}
+
+/// Checks a technique with its options, NAME[:key=value,...].
+///
+/// Fails with VR_ERROR_INVALID, and the message says what may stand there.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// `technique` is NULL or ends with NUL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_technique_parse(technique: *const c_char) -> vr_result {
+    call(|| {
+        // SAFETY: the caller's promise.
+        let text = unsafe { argument::text(technique, "technique") }?;
+        Technique::parse(text.ok_or_else(|| Error::invalid("technique", "is NULL"))?)?;
+        Ok(vr_result::VR_OK)
+    })
+}

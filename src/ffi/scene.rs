@@ -1,0 +1,590 @@
+//! Scenes: data and transfer function on a device.
+
+use std::ffi::{CString, c_char, c_void};
+use std::sync::Arc;
+
+use super::argument::{self, Structure};
+use super::data::{self, vr_grid_info, vr_knot, vr_mesh_info, vr_points_info};
+use super::gpu::vr_gpu;
+use super::result::{c_text, call, quietly, vr_result};
+use super::view::vr_view;
+use super::vulkan::VkBool32;
+use crate::error::{Error, Result};
+use crate::io::{Progress, ReadOptions};
+use crate::scene::file::LoadedScene;
+use crate::scene::{Camera, Clip, Data, Grid, Scene, View, auto};
+use crate::technique::{GpuScene, Method, Technique};
+
+/// Data with a transfer function, on a device. What of it a technique needs is uploaded when a plan is first created for it,
+/// and kept with the scene. It does not change: functions that change something make another scene, which shares the rest.
+#[derive(Debug)]
+pub struct vr_scene {
+    pub(super) scene: Arc<GpuScene>,
+    /// `NAME:key=value,...`.
+    pub(super) technique: CString,
+    /// What a file said of views.
+    file: Option<FileView>,
+    warnings: CString,
+}
+
+/// The view of a file.
+#[derive(Clone, Copy, Debug)]
+struct FileView {
+    /// `None` where it is chosen for the data.
+    camera: Option<Camera>,
+    clip: Clip,
+    extent: [u32; 2],
+}
+
+/// What a scene holds.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum vr_data_kind {
+    /// Samples on a lattice.
+    VR_DATA_GRID = 1,
+    /// Tetrahedra.
+    VR_DATA_MESH = 2,
+    /// Scattered points.
+    VR_DATA_POINTS = 3,
+}
+
+/// What a scene is, to place a camera and to make a transfer function.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct vr_scene_info {
+    /// sizeof(vr_scene_info).
+    pub struct_size: usize,
+    /// Least corner of the box along the world's axes that holds the data.
+    pub low: [f64; 3],
+    /// Its greatest corner.
+    pub high: [f64; 3],
+    /// Smallest and largest finite scalar.
+    pub range: [f64; 2],
+    /// A vr_data_kind.
+    pub data_kind: u32,
+    /// Samples along x, y and z; 0 where the data is no grid.
+    pub dims: [u32; 3],
+}
+
+// SAFETY: repr(C), numbers, the first its size.
+unsafe impl Structure for vr_scene_info {
+    const FIRST: usize = size_of::<Self>();
+}
+
+/// Is told how many of how many bytes have been read, now and then, by any thread; 0 of all where their number is not known.
+pub type vr_progress_callback = Option<unsafe extern "C" fn(done: u64, all: u64, user: *mut c_void)>;
+
+/// Which of a file's arrays are read, and how. Zeros are the defaults. Arrays are named NAME, NAME:PART, point:NAME or
+/// cell:NAME:PART, PART being a component (0, x, r, ...) or magnitude.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct vr_read_info {
+    /// sizeof(vr_read_info).
+    pub struct_size: usize,
+    /// Most bytes of memory that the data may take. 0: 16 GiB.
+    pub max_bytes: u64,
+    /// The array to show. NULL: the file's active one, else the first with one component.
+    pub array: *const c_char,
+    /// Of points: the array of support radii.
+    pub radius: *const c_char,
+    /// Of points: the array of covariances.
+    pub covariance: *const c_char,
+    /// Of points: the array of weights.
+    pub weight: *const c_char,
+    /// Told how far reading is, with `user`. May be NULL.
+    pub progress: vr_progress_callback,
+    /// For progress.
+    pub user: *mut c_void,
+}
+
+// SAFETY: repr(C), numbers and pointers, which may be null, the first its size.
+unsafe impl Structure for vr_read_info {
+    const FIRST: usize = size_of::<Self>();
+}
+
+/// Whom to tell how far reading is.
+struct Listener(unsafe extern "C" fn(u64, u64, *mut c_void), *mut c_void);
+
+// SAFETY: the pointer is handed back and never followed; the caller's function may be called by any thread.
+unsafe impl Send for Listener {}
+// SAFETY: the same.
+unsafe impl Sync for Listener {}
+
+impl Listener {
+    fn tell(&self, done: u64, all: u64) {
+        // SAFETY: the caller's function with what was given for it.
+        unsafe { (self.0)(done, all, self.1) };
+    }
+}
+
+/// # Safety
+///
+/// Its strings are null or end with NUL.
+unsafe fn read_options(info: &vr_read_info) -> Result<ReadOptions> {
+    let name = |pointer, what| -> Result<Option<String>> {
+        // SAFETY: the caller's promise.
+        Ok(unsafe { argument::text(pointer, what) }?.map(str::to_string))
+    };
+    let mut options = ReadOptions {
+        array: name(info.array, "array")?,
+        radius: name(info.radius, "radius")?,
+        covariance: name(info.covariance, "covariance")?,
+        weight: name(info.weight, "weight")?,
+        ..ReadOptions::default()
+    };
+    if info.max_bytes > 0 {
+        options.max_bytes = info.max_bytes;
+    }
+    if let Some(progress) = info.progress {
+        let listener = Listener(progress, info.user);
+        options.progress = Some(Progress::new(move |done, all| listener.tell(done, all)));
+    }
+    Ok(options)
+}
+
+impl vr_scene {
+    /// What was made of the caller's data. `None` chooses a transfer function.
+    fn from_data(
+        gpu: &vr_gpu,
+        data: impl Into<Data>,
+        transfer: Option<crate::scene::TransferFunction>,
+    ) -> Result<Self> {
+        let data = data.into();
+        let transfer = match transfer {
+            Some(transfer) => transfer,
+            None => auto::transfer(&data)?,
+        };
+        let scene = Scene::new(data, transfer);
+        let technique = default_technique(&scene);
+        let scene = GpuScene::new(&gpu.gpu, scene);
+        Ok(Self { scene, technique, file: None, warnings: CString::default() })
+    }
+
+    /// Another scene of the same kind.
+    fn with(&self, scene: Arc<GpuScene>) -> Self {
+        Self { scene, technique: self.technique.clone(), file: self.file, warnings: self.warnings.clone() }
+    }
+
+    /// The view that the scene asks for; with sides of 0 also its size.
+    fn view(&self, width: u32, height: u32) -> Result<View> {
+        let file = self.file;
+        let extent = file.map_or([LoadedScene::DEFAULT_SIDE; 2], |file| file.extent);
+        let [width, height] = if [width, height] == [0; 2] { extent } else { [width, height] };
+        let camera = match file.and_then(|file| file.camera) {
+            Some(camera) => camera,
+            None => auto::camera(&self.scene.scene().data, width, height)?,
+        };
+        let clip = file.map_or(Clip::none(), |file| file.clip);
+        Ok(View::new(camera, width, height)?.with_clip(clip))
+    }
+
+    /// The technique of a text, or the scene's own.
+    ///
+    /// # Safety
+    ///
+    /// `technique` is null or ends with NUL.
+    pub(super) unsafe fn chosen(&self, technique: *const c_char) -> Result<Technique> {
+        // SAFETY: the caller's promise.
+        match unsafe { argument::text(technique, "technique") }? {
+            Some(text) => Technique::parse(text),
+            None => Technique::parse(&self.technique.to_string_lossy()),
+        }
+    }
+}
+
+fn default_technique(scene: &Scene) -> CString {
+    c_text(Method::default_for(scene).map_or("", Method::name))
+}
+
+fn give(scene: vr_scene, out: &mut *mut vr_scene) -> vr_result {
+    *out = Box::into_raw(Box::new(scene));
+    vr_result::VR_OK
+}
+
+/// Makes a scene of a grid in memory, which is copied. Without knots (NULL, 0) a transfer function is chosen.
+///
+/// Fails with VR_ERROR_INVALID.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// Pointers are NULL or valid, arrays as long as is said.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_scene_create_grid(
+    gpu: *const vr_gpu,
+    info: *const vr_grid_info,
+    knots: *const vr_knot,
+    knot_count: usize,
+    scene: *mut *mut vr_scene,
+) -> vr_result {
+    call(|| {
+        // SAFETY: the caller's promise.
+        let out = unsafe { argument::out(scene, "scene") }?;
+        // SAFETY: the caller's promise.
+        let gpu = unsafe { argument::reference(gpu, "gpu") }?;
+        // SAFETY: the caller's promise.
+        let info = unsafe { argument::structure(info, "vr_grid_info") }?;
+        // SAFETY: the caller's promise.
+        let transfer = unsafe { data::transfer(knots, knot_count) }?;
+        // SAFETY: the caller's promise.
+        let grid = unsafe { data::grid(&info) }?;
+        Ok(give(vr_scene::from_data(gpu, grid, transfer)?, out))
+    })
+}
+
+/// Makes a scene of tetrahedra in memory, which are copied. Without knots (NULL, 0) a transfer function is chosen.
+///
+/// Fails with VR_ERROR_INVALID.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// Pointers are NULL or valid, arrays as long as is said.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_scene_create_mesh(
+    gpu: *const vr_gpu,
+    info: *const vr_mesh_info,
+    knots: *const vr_knot,
+    knot_count: usize,
+    scene: *mut *mut vr_scene,
+) -> vr_result {
+    call(|| {
+        // SAFETY: the caller's promise.
+        let out = unsafe { argument::out(scene, "scene") }?;
+        // SAFETY: the caller's promise.
+        let gpu = unsafe { argument::reference(gpu, "gpu") }?;
+        // SAFETY: the caller's promise.
+        let info = unsafe { argument::structure(info, "vr_mesh_info") }?;
+        // SAFETY: the caller's promise.
+        let transfer = unsafe { data::transfer(knots, knot_count) }?;
+        // SAFETY: the caller's promise.
+        let mesh = unsafe { data::mesh(&info) }?;
+        Ok(give(vr_scene::from_data(gpu, mesh, transfer)?, out))
+    })
+}
+
+/// Makes a scene of points in memory, which are copied. Without knots (NULL, 0) a transfer function is chosen.
+///
+/// Fails with VR_ERROR_INVALID.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// Pointers are NULL or valid, arrays as long as is said.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_scene_create_points(
+    gpu: *const vr_gpu,
+    info: *const vr_points_info,
+    knots: *const vr_knot,
+    knot_count: usize,
+    scene: *mut *mut vr_scene,
+) -> vr_result {
+    call(|| {
+        // SAFETY: the caller's promise.
+        let out = unsafe { argument::out(scene, "scene") }?;
+        // SAFETY: the caller's promise.
+        let gpu = unsafe { argument::reference(gpu, "gpu") }?;
+        // SAFETY: the caller's promise.
+        let info = unsafe { argument::structure(info, "vr_points_info") }?;
+        // SAFETY: the caller's promise.
+        let transfer = unsafe { data::transfer(knots, knot_count) }?;
+        // SAFETY: the caller's promise.
+        let points = unsafe { data::points(&info) }?;
+        Ok(give(vr_scene::from_data(gpu, points, transfer)?, out))
+    })
+}
+
+/// Reads a scene file (.json), a data file of any format that the library knows, or a folder of slices. A data file gets a
+/// camera and a transfer function that are chosen for it. `info` may be NULL.
+///
+/// `path` is UTF-8, on Unix any bytes. Fails with VR_ERROR_IO, VR_ERROR_FILE naming file, place and rule,
+/// VR_ERROR_INVALID.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// Pointers are NULL or valid, strings end with NUL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_scene_load(
+    gpu: *const vr_gpu,
+    path: *const c_char,
+    info: *const vr_read_info,
+    scene: *mut *mut vr_scene,
+) -> vr_result {
+    call(|| {
+        // SAFETY: the caller's promise.
+        let out = unsafe { argument::out(scene, "scene") }?;
+        // SAFETY: the caller's promise.
+        let gpu = unsafe { argument::reference(gpu, "gpu") }?;
+        // SAFETY: the caller's promise.
+        let path = unsafe { argument::path(path, "path") }?;
+        let path = path.ok_or_else(|| Error::invalid("path", "is NULL"))?;
+        let options = if info.is_null() {
+            ReadOptions::default()
+        } else {
+            // SAFETY: the caller's promise.
+            let info = unsafe { argument::structure(info, "vr_read_info") }?;
+            // SAFETY: the caller's promise.
+            unsafe { read_options(&info) }?
+        };
+        let loaded = LoadedScene::load_any(path, &options)?;
+        let technique = match &loaded.technique {
+            Some(choice) => {
+                // Refused here, and not when it is first used.
+                Technique::new(Method::from_name(&choice.name)?, &choice.options)?;
+                let pairs: Vec<String> = choice.options.iter().map(|(k, v)| format!("{k}={v}")).collect();
+                c_text(&format!("{}:{}", choice.name, pairs.join(",")))
+            }
+            None => default_technique(&loaded.scene),
+        };
+        let file = FileView {
+            camera: (!loaded.camera_is_automatic).then_some(loaded.camera),
+            clip: loaded.clip,
+            extent: [loaded.width, loaded.height],
+        };
+        let warnings = c_text(&loaded.report.warnings.join("\n"));
+        let scene = GpuScene::new(&gpu.gpu, loaded.scene);
+        Ok(give(vr_scene { scene, technique, file: Some(file), warnings }, out))
+    })
+}
+
+/// Makes a scene of the same data under another transfer function, which shares what is on the device of the data. `source` stays
+/// as it is.
+///
+/// Fails with VR_ERROR_INVALID.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// Pointers are NULL or valid, arrays as long as is said.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_scene_with_transfer(
+    source: *const vr_scene,
+    knots: *const vr_knot,
+    knot_count: usize,
+    scene: *mut *mut vr_scene,
+) -> vr_result {
+    call(|| {
+        // SAFETY: the caller's promise.
+        let out = unsafe { argument::out(scene, "scene") }?;
+        // SAFETY: the caller's promise.
+        let source = unsafe { argument::reference(source, "source") }?;
+        // SAFETY: the caller's promise.
+        let transfer = unsafe { data::transfer(knots, knot_count) }?;
+        let transfer = transfer.ok_or_else(|| Error::invalid("knot_count", "0: there must be at least 1"))?;
+        Ok(give(source.with(source.scene.with_transfer(transfer)), out))
+    })
+}
+
+/// Makes a scene of other samples in the same grid: place, transfer function, surfaces and view stay. The samples are copied, and
+/// may be of another type; see vr_grid_info. `source` stays as it is.
+///
+/// Fails with VR_ERROR_INVALID.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// Pointers are NULL or valid, `samples` as large as is said.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_scene_with_samples(
+    source: *const vr_scene,
+    sample_type: u32,
+    samples: *const c_void,
+    sample_bytes: usize,
+    scene: *mut *mut vr_scene,
+) -> vr_result {
+    call(|| {
+        // SAFETY: the caller's promise.
+        let out = unsafe { argument::out(scene, "scene") }?;
+        // SAFETY: the caller's promise.
+        let source = unsafe { argument::reference(source, "source") }?;
+        let old = source.scene.scene();
+        let Some(grid) = old.grid() else {
+            return Err(Error::invalid("source", format!("holds a {}, not a grid", old.data.kind())));
+        };
+        // SAFETY: the caller's promise.
+        let samples = unsafe { data::samples(grid.dims(), sample_type, samples, sample_bytes) }?;
+        // The map holds the spacing.
+        let grid = Grid::new(grid.dims(), samples)?
+            .with_placement(glam::DVec3::ONE, grid.origin(), grid.index_to_world())?
+            .with_rescale(grid.rescale())?
+            .with_anatomy(grid.anatomy());
+        let new = Scene {
+            data: grid.into(),
+            transfer: old.transfer.clone(),
+            kernels: old.kernels,
+            surfaces: old.surfaces.clone(),
+        };
+        Ok(give(source.with(GpuScene::new(source.scene.gpu(), new)), out))
+    })
+}
+
+/// Makes a scene of the same mesh with other scalars, as vr_mesh_info has them, and with another transfer function where there are
+/// knots. Points and tetrahedra stay on the device. Scalars for tetrahedra are those of the tetrahedra that were kept. `source`
+/// stays as it is.
+///
+/// Fails with VR_ERROR_INVALID.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// Pointers are NULL or valid, arrays as long as is said.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_scene_with_scalars(
+    source: *const vr_scene,
+    scalars_per: u32,
+    scalars: *const f32,
+    scalar_count: usize,
+    knots: *const vr_knot,
+    knot_count: usize,
+    scene: *mut *mut vr_scene,
+) -> vr_result {
+    call(|| {
+        // SAFETY: the caller's promise.
+        let out = unsafe { argument::out(scene, "scene") }?;
+        // SAFETY: the caller's promise.
+        let source = unsafe { argument::reference(source, "source") }?;
+        // SAFETY: the caller's promise.
+        let scalars = unsafe { data::scalars(scalars, scalar_count, scalars_per) }?;
+        // SAFETY: the caller's promise.
+        let transfer = unsafe { data::transfer(knots, knot_count) }?;
+        let transfer = transfer.unwrap_or_else(|| source.scene.scene().transfer.clone());
+        Ok(give(source.with(source.scene.with_scalars(scalars, transfer)?), out))
+    })
+}
+
+/// Destroys a scene's handle; NULL is nothing. Plans and recordings that were made from it go on.
+///
+/// Threads: any, while no other function uses this handle.
+///
+/// # Safety
+///
+/// `scene` is NULL, or a handle that was not destroyed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_scene_destroy(scene: *mut vr_scene) {
+    if !scene.is_null() {
+        // SAFETY: made by `give`, and not destroyed before.
+        quietly(|| drop(unsafe { Box::from_raw(scene) }));
+    }
+}
+
+/// Tells what a scene is.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// `scene` is NULL or valid; `info` is NULL or valid, with its size.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_scene_query(scene: *const vr_scene, info: *mut vr_scene_info) -> vr_result {
+    call(|| {
+        // SAFETY: the caller's promise.
+        let data = &unsafe { argument::reference(scene, "scene") }?.scene.scene().data;
+        let corners = data.corners();
+        let (kind, dims) = match data {
+            Data::Grid(grid) => (vr_data_kind::VR_DATA_GRID, grid.dims()),
+            Data::Mesh(_) => (vr_data_kind::VR_DATA_MESH, [0; 3]),
+            Data::Points(_) => (vr_data_kind::VR_DATA_POINTS, [0; 3]),
+        };
+        let value = vr_scene_info {
+            struct_size: 0,
+            low: corners.into_iter().reduce(glam::DVec3::min).unwrap_or_default().into(),
+            high: corners.into_iter().reduce(glam::DVec3::max).unwrap_or_default().into(),
+            range: data.range(),
+            data_kind: kind as u32,
+            dims,
+        };
+        // SAFETY: the caller's promise.
+        unsafe { argument::fill(info, value, "vr_scene_info") }?;
+        Ok(vr_result::VR_OK)
+    })
+}
+
+/// Fills in the view that a scene file asks for, or one that is chosen for the data, of an image of this size; width and height 0:
+/// of the scene's own size.
+///
+/// Fails with VR_ERROR_INVALID.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// `scene` is NULL or valid; `view` is NULL or valid, with its size.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_scene_view(
+    scene: *const vr_scene,
+    width: u32,
+    height: u32,
+    view: *mut vr_view,
+) -> vr_result {
+    call(|| {
+        // SAFETY: the caller's promise.
+        let scene = unsafe { argument::reference(scene, "scene") }?;
+        let value = vr_view::of(&scene.view(width, height)?);
+        // SAFETY: the caller's promise.
+        unsafe { argument::fill(view, value, "vr_view") }?;
+        Ok(vr_result::VR_OK)
+    })
+}
+
+/// The technique that the scene's file asks for, else the default for its data, as vr_plan_info takes it; NULL for NULL. Valid as
+/// long as the handle.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// `scene` is NULL or valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_scene_technique(scene: *const vr_scene) -> *const c_char {
+    // SAFETY: the caller's promise.
+    unsafe { scene.as_ref() }.map_or(std::ptr::null(), |scene| scene.technique.as_ptr())
+}
+
+/// What may not be as it seems in the file that was read, one warning a line; "" if there is none, NULL for NULL. Valid as long as
+/// the handle.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// `scene` is NULL or valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_scene_warnings(scene: *const vr_scene) -> *const c_char {
+    // SAFETY: the caller's promise.
+    unsafe { scene.as_ref() }.map_or(std::ptr::null(), |scene| scene.warnings.as_ptr())
+}
+
+/// Whether a technique, with or without options, draws a scene's kind of data.
+///
+/// Fails with VR_ERROR_INVALID for what is no technique.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// Pointers are NULL or valid, strings end with NUL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_scene_draws(
+    scene: *const vr_scene,
+    technique: *const c_char,
+    draws: *mut VkBool32,
+) -> vr_result {
+    call(|| {
+        // SAFETY: the caller's promise.
+        let scene = unsafe { argument::reference(scene, "scene") }?;
+        // SAFETY: the caller's promise.
+        let technique = unsafe { scene.chosen(technique) }?;
+        // SAFETY: the caller's promise.
+        let draws = unsafe { argument::place(draws, "draws") }?;
+        *draws = VkBool32::from(technique.method().draws_scene(scene.scene.scene()));
+        Ok(vr_result::VR_OK)
+    })
+}

@@ -1,0 +1,196 @@
+//! Views: camera, size, and what is cut away.
+
+use glam::DVec3;
+
+use super::argument::{Structure, choice};
+use crate::error::{Error, Result};
+use crate::num;
+use crate::scene::{Camera, Clip, Projection, View};
+
+/// How depth becomes size.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum vr_projection {
+    /// Rays start at the eye.
+    VR_PROJECTION_PERSPECTIVE = 1,
+    /// Parallel rays, also from behind the eye.
+    VR_PROJECTION_ORTHOGRAPHIC = 2,
+}
+
+/// A plane that cuts away what lies on the side that its normal points away from.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default)]
+pub struct vr_clip_plane {
+    /// A point of the plane, world units.
+    pub point: [f64; 3],
+    /// Points to what is kept; of any length but 0.
+    pub normal: [f64; 3],
+}
+
+/// A camera, the size of its image, and what of the volume is cut away. Pixels are square; row 0 is on top.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct vr_view {
+    /// sizeof(vr_view).
+    pub struct_size: usize,
+    /// Position of the eye, world units. May lie inside the data.
+    pub eye: [f64; 3],
+    /// A point straight ahead.
+    pub target: [f64; 3],
+    /// A direction that points up in the picture; need not be perpendicular to the view.
+    pub up: [f64; 3],
+    /// A vr_projection.
+    pub projection: u32,
+    /// Image width, in pixels: 1 to 32768.
+    pub width: u32,
+    /// Image height, in pixels: 1 to 32768.
+    pub height: u32,
+    /// Number of clip_planes, at most 6.
+    pub clip_plane_count: u32,
+    /// Of a perspective projection: the full vertical angle of view, in degrees, between 0 and 180.
+    pub fov_y_deg: f64,
+    /// Of an orthographic projection: half of the image's height, in world units.
+    pub half_height: f64,
+    /// What is cut away. Every technique cuts lines of sight exactly there.
+    pub clip_planes: [vr_clip_plane; 6],
+    /// Least corner of a box along the world's axes, outside of which nothing is drawn; minus infinity for a side cuts
+    /// nothing. Both corners all 0: no box.
+    pub crop_low: [f64; 3],
+    /// Its greatest corner.
+    pub crop_high: [f64; 3],
+}
+
+// SAFETY: repr(C), numbers, the first its size.
+unsafe impl Structure for vr_view {
+    const FIRST: usize = size_of::<Self>();
+}
+
+impl vr_view {
+    pub(super) fn view(&self) -> Result<View> {
+        let kinds = [
+            (
+                Projection::Perspective { fov_y_deg: self.fov_y_deg },
+                vr_projection::VR_PROJECTION_PERSPECTIVE as u32,
+            ),
+            (
+                Projection::Orthographic { half_height: self.half_height },
+                vr_projection::VR_PROJECTION_ORTHOGRAPHIC as u32,
+            ),
+        ];
+        let camera = Camera {
+            eye: self.eye.into(),
+            target: self.target.into(),
+            up: self.up.into(),
+            projection: choice(self.projection, &kinds, "projection")?,
+        };
+        let planes = self.clip_planes.get(..num::index(self.clip_plane_count)).ok_or_else(|| {
+            Error::invalid("clip_plane_count", format!("{}: at most 6 are taken", self.clip_plane_count))
+        })?;
+        let mut clip = Clip::none();
+        for plane in planes {
+            clip = clip.with_plane(plane.point.into(), plane.normal.into())?;
+        }
+        if self.crop_low != [0.0; 3] || self.crop_high != [0.0; 3] {
+            clip = clip.with_crop(self.crop_low.into(), self.crop_high.into())?;
+        }
+        Ok(View::new(camera, self.width, self.height)?.with_clip(clip))
+    }
+
+    /// What [`Self::view`] is made from; its size is not told.
+    pub(super) fn of(view: &View) -> Self {
+        let camera = view.camera();
+        let (projection, fov_y_deg, half_height) = match camera.projection {
+            Projection::Perspective { fov_y_deg } => {
+                (vr_projection::VR_PROJECTION_PERSPECTIVE, fov_y_deg, 0.0)
+            }
+            Projection::Orthographic { half_height } => {
+                (vr_projection::VR_PROJECTION_ORTHOGRAPHIC, 0.0, half_height)
+            }
+        };
+        let mut clip_planes = [vr_clip_plane::default(); Clip::MAX_PLANES];
+        let mut count = 0;
+        for (place, plane) in clip_planes.iter_mut().zip(view.clip().planes()) {
+            *place = vr_clip_plane { point: plane.point.into(), normal: plane.normal.into() };
+            count += 1;
+        }
+        let [crop_low, crop_high] = view.clip().crop().unwrap_or([DVec3::ZERO; 2]);
+        let [width, height] = view.extent();
+        Self {
+            struct_size: 0,
+            eye: camera.eye.into(),
+            target: camera.target.into(),
+            up: camera.up.into(),
+            projection: projection as u32,
+            width,
+            height,
+            clip_plane_count: count,
+            fov_y_deg,
+            half_height,
+            clip_planes,
+            crop_low: crop_low.into(),
+            crop_high: crop_high.into(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plain() -> vr_view {
+        vr_view {
+            struct_size: size_of::<vr_view>(),
+            eye: [1.0, 2.0, 3.0],
+            target: [0.0; 3],
+            up: [0.0, 1.0, 0.0],
+            projection: vr_projection::VR_PROJECTION_PERSPECTIVE as u32,
+            width: 40,
+            height: 30,
+            clip_plane_count: 0,
+            fov_y_deg: 50.0,
+            half_height: 2.0,
+            clip_planes: [vr_clip_plane::default(); 6],
+            crop_low: [0.0; 3],
+            crop_high: [0.0; 3],
+        }
+    }
+
+    #[test]
+    fn there_and_back_is_the_same_view() {
+        let mut views = vec![plain()];
+        views.push(vr_view { projection: vr_projection::VR_PROJECTION_ORTHOGRAPHIC as u32, ..plain() });
+        let mut cut = plain();
+        cut.clip_plane_count = 2;
+        cut.clip_planes[0] = vr_clip_plane { point: [0.1, 0.2, 0.3], normal: [1.0, 0.0, 0.0] };
+        cut.clip_planes[1] = vr_clip_plane { point: [0.4, 0.5, 0.6], normal: [0.0, 0.0, -2.0] };
+        // Not asked for.
+        cut.clip_planes[2] = vr_clip_plane { point: [f64::NAN; 3], normal: [0.0; 3] };
+        cut.crop_low = [-1.0, f64::NEG_INFINITY, -1.0];
+        cut.crop_high = [1.0; 3];
+        views.push(cut);
+        for (i, given) in views.iter().enumerate() {
+            let view = given.view().unwrap();
+            assert_eq!(view.extent(), [40, 30]);
+            assert_eq!(view.clip().planes().count(), if i == 2 { 2 } else { 0 });
+            assert_eq!(view.clip().crop().is_some(), i == 2);
+            assert_eq!(vr_view::of(&view).view().unwrap(), view, "{i}");
+        }
+        assert_eq!(views[0].view().unwrap().camera().eye, DVec3::new(1.0, 2.0, 3.0));
+        assert_eq!(views[0].view().unwrap().camera().projection, Projection::Perspective { fov_y_deg: 50.0 });
+        assert_eq!(
+            views[1].view().unwrap().camera().projection,
+            Projection::Orthographic { half_height: 2.0 }
+        );
+    }
+
+    #[test]
+    fn what_is_no_view_is_refused() {
+        let why = |view: vr_view| view.view().unwrap_err().to_string();
+        assert!(why(vr_view { projection: 0, ..plain() }).contains("projection 0"));
+        assert!(why(vr_view { clip_plane_count: 7, ..plain() }).contains("at most 6"));
+        assert!(why(vr_view { clip_plane_count: 1, ..plain() }).contains("normal"));
+        assert!(why(vr_view { crop_low: [1.0; 3], ..plain() }).contains("crop"));
+        assert!(why(vr_view { width: 0, ..plain() }).contains("width"));
+        assert!(why(vr_view { up: [0.0; 3], ..plain() }).contains("up"));
+    }
+}
