@@ -238,7 +238,7 @@ typedef struct vr_plan vr_plan;
 
 /**
  * A recording in a command buffer: it keeps what the commands name, until vr_recording_completed() says that their submission has
- * ended, and then what the frame told.
+ * ended, or vr_recording_discard() that there is none, and then what the frame told.
  */
 typedef struct vr_recording vr_recording;
 
@@ -1361,11 +1361,11 @@ enum vr_result vr_plan_record(struct vr_plan *plan,
 void vr_plan_destroy(struct vr_plan *plan);
 
 /**
- * Says that the submission of a recording has ended, or that its command buffer was reset or freed without having been submitted
- * again. Frees what the recording kept, and tells what the frame told: of the passes of a command buffer that never ran, nothing
- * of use. `status` may be NULL. Called again it tells the same.
+ * Says that the submission of a recording has ended: a fence or a semaphore was signalled, or the queue is idle. Frees what the
+ * recording kept, and tells what the frame told. `status` may be NULL. Called again it tells the same.
  *
- * Fails with VR_ERROR_VULKAN where the status cannot be read; what the recording kept is freed nevertheless.
+ * Fails with VR_ERROR_VULKAN where the status cannot be read, though what the recording kept is freed, and with
+ * VR_ERROR_INVALID for a recording that was discarded.
  *
  * Threads: any; calls with one recording wait for each other.
  *
@@ -1377,7 +1377,22 @@ enum vr_result vr_recording_completed(struct vr_recording *recording,
                                       struct vr_status *status);
 
 /**
- * Destroys a recording's handle; NULL is nothing. Where vr_recording_completed() was not called, what the recording kept is never
+ * Says that a recording will not be submitted, or not again: its command buffer was reset, freed or forgotten, as when a frame is
+ * dropped because the window changed. Frees what the recording kept. The plan can be recorded again. Of a recording that was
+ * completed or discarded: does nothing.
+ *
+ * Fails with VR_ERROR_INVALID for NULL.
+ *
+ * Threads: any; calls with one recording wait for each other.
+ *
+ * # Safety
+ *
+ * `recording` is NULL or valid, and no submission of what it recorded is pending or will be made.
+ */
+enum vr_result vr_recording_discard(struct vr_recording *recording);
+
+/**
+ * Destroys a recording's handle; NULL is nothing. Where it was neither completed nor discarded, what the recording kept is never
  * freed, for the device may still use it, and the plan records no more until vr_plan_prepare().
  *
  * Threads: any, while no other function uses this handle.

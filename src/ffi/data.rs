@@ -370,7 +370,7 @@ mod tests {
             |dims, kind, bytes| unsafe { samples(dims, kind, place, bytes) }.unwrap_err().to_string();
         assert!(refused([2; 3], 2, 8).contains("need 16 bytes, 8 are given"));
         assert!(refused([u32::MAX; 3], 10, usize::MAX).contains("more than 2^64"));
-        assert!(refused([2; 3], 0, 8).contains("sample_type 0"));
+        assert!(refused([2; 3], 0, 8).contains("sample_type: 0"));
         assert!(refused([2; 3], 11, 8).contains("must be one of 1, 2"));
     }
 

@@ -36,7 +36,8 @@ pub use info::{
 pub use plan::{
     vr_counter, vr_depth_image, vr_depth_kind, vr_pass_time, vr_plan, vr_plan_create, vr_plan_destroy,
     vr_plan_info, vr_plan_prepare, vr_plan_record, vr_plan_route, vr_plan_set_view, vr_record_info,
-    vr_recording, vr_recording_completed, vr_recording_destroy, vr_render, vr_status, vr_target_mode,
+    vr_recording, vr_recording_completed, vr_recording_destroy, vr_recording_discard, vr_render, vr_status,
+    vr_target_mode,
 };
 pub use result::{vr_last_error, vr_last_vulkan_result, vr_result};
 pub use scene::{

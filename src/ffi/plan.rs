@@ -29,7 +29,7 @@ pub struct vr_plan {
 }
 
 /// A recording in a command buffer: it keeps what the commands name, until vr_recording_completed() says that their submission has
-/// ended, and then what the frame told.
+/// ended, or vr_recording_discard() that there is none, and then what the frame told.
 #[derive(Debug)]
 pub struct vr_recording {
     state: Mutex<State>,
@@ -42,7 +42,7 @@ enum State {
     Pending(Box<Recorded>),
     /// Its status was read.
     Completed(Box<Told>),
-    /// Its status cannot be read.
+    /// Discarded, or its status cannot be read.
     Lost,
 }
 
@@ -445,11 +445,11 @@ pub unsafe extern "C" fn vr_plan_destroy(plan: *mut vr_plan) {
     }
 }
 
-/// Says that the submission of a recording has ended, or that its command buffer was reset or freed without having been submitted
-/// again. Frees what the recording kept, and tells what the frame told: of the passes of a command buffer that never ran, nothing
-/// of use. `status` may be NULL. Called again it tells the same.
+/// Says that the submission of a recording has ended: a fence or a semaphore was signalled, or the queue is idle. Frees what the
+/// recording kept, and tells what the frame told. `status` may be NULL. Called again it tells the same.
 ///
-/// Fails with VR_ERROR_VULKAN where the status cannot be read; what the recording kept is freed nevertheless.
+/// Fails with VR_ERROR_VULKAN where the status cannot be read, though what the recording kept is freed, and with
+/// VR_ERROR_INVALID for a recording that was discarded.
 ///
 /// Threads: any; calls with one recording wait for each other.
 ///
@@ -464,7 +464,7 @@ pub unsafe extern "C" fn vr_recording_completed(
     call(|| {
         // SAFETY: the caller's promise.
         let recording = unsafe { argument::reference(recording, "recording") }?;
-        let lost = || Error::invalid("recording", "its status could not be read");
+        let lost = || Error::invalid("recording", "was discarded, or its status could not be read");
         let mut state = recording.state.lock().map_err(|_| lost())?;
         // Lost, if the status cannot be read.
         *state = match std::mem::replace(&mut *state, State::Lost) {
@@ -480,7 +480,37 @@ pub unsafe extern "C" fn vr_recording_completed(
     })
 }
 
-/// Destroys a recording's handle; NULL is nothing. Where vr_recording_completed() was not called, what the recording kept is never
+/// Says that a recording will not be submitted, or not again: its command buffer was reset, freed or forgotten, as when a frame is
+/// dropped because the window changed. Frees what the recording kept. The plan can be recorded again. Of a recording that was
+/// completed or discarded: does nothing.
+///
+/// Fails with VR_ERROR_INVALID for NULL.
+///
+/// Threads: any; calls with one recording wait for each other.
+///
+/// # Safety
+///
+/// `recording` is NULL or valid, and no submission of what it recorded is pending or will be made.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_recording_discard(recording: *mut vr_recording) -> vr_result {
+    call(|| {
+        // SAFETY: the caller's promise.
+        let recording = unsafe { argument::reference(recording, "recording") }?;
+        let poisoned =
+            |_| Error::invalid("recording", "an earlier call with it failed by a defect: destroy it");
+        let mut state = recording.state.lock().map_err(poisoned)?;
+        *state = match std::mem::replace(&mut *state, State::Lost) {
+            State::Pending(recorded) => {
+                recorded.discarded();
+                State::Lost
+            }
+            known => known,
+        };
+        Ok(vr_result::VR_OK)
+    })
+}
+
+/// Destroys a recording's handle; NULL is nothing. Where it was neither completed nor discarded, what the recording kept is never
 /// freed, for the device may still use it, and the plan records no more until vr_plan_prepare().
 ///
 /// Threads: any, while no other function uses this handle.

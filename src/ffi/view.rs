@@ -186,7 +186,7 @@ mod tests {
     #[test]
     fn what_is_no_view_is_refused() {
         let why = |view: vr_view| view.view().unwrap_err().to_string();
-        assert!(why(vr_view { projection: 0, ..plain() }).contains("projection 0"));
+        assert!(why(vr_view { projection: 0, ..plain() }).contains("projection: 0"));
         assert!(why(vr_view { clip_plane_count: 7, ..plain() }).contains("at most 6"));
         assert!(why(vr_view { clip_plane_count: 1, ..plain() }).contains("normal"));
         assert!(why(vr_view { crop_low: [1.0; 3], ..plain() }).contains("crop"));

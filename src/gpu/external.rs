@@ -35,7 +35,7 @@ impl CommandBuffer {
     /// - no other thread records into it while this value is in use;
     /// - it is submitted at most once, or not again while a submission of it is pending;
     /// - [`Recorded::completed`](crate::Recorded::completed) of what is recorded into it is called only after
-    ///   its submission has ended.
+    ///   its submission has ended, [`Recorded::discarded`](crate::Recorded::discarded) only if none is pending or will be made.
     #[must_use]
     pub unsafe fn from_raw(gpu: &Gpu, raw: vk::CommandBuffer) -> Self {
         debug_assert!(!raw.is_null(), "the null command buffer of {}", gpu.report().name);

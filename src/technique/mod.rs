@@ -723,8 +723,8 @@ pub struct Status {
 }
 
 /// Owns what a recording names, until the caller says through [`Recorded::completed`] that its submission
-/// has ended. Dropped without that, it frees nothing, for the device may still read it: the memory is lost. `Send` and
-/// `Sync`.
+/// has ended, or through [`Recorded::discarded`] that there is none. Dropped
+/// without that, it frees nothing, for the device may still read it: the memory is lost. `Send` and `Sync`.
 #[derive(Debug)]
 #[must_use = "holds what the device reads until the submission has ended"]
 pub struct Recorded {
@@ -772,8 +772,9 @@ impl Recorded {
         self.held.keep.clone()
     }
 
-    /// Gives up the recording: it was not submitted, or whoever submitted it keeps what it names.
-    fn abandon(self) {
+    /// The caller will never submit what was recorded, or never again: its command buffer was reset, freed or forgotten
+    /// (a frame that was dropped because the window changed). Frees what the recording held; the plan can be recorded again.
+    pub fn discarded(self) {
         drop(std::mem::ManuallyDrop::into_inner(self.held));
     }
 
@@ -958,7 +959,7 @@ impl Frames {
             let recorded = self.plan.record(self.commands.begin()?, None, None)?;
             // What the frame names stays with `commands` for as long as the submission may run.
             if let Err(error) = self.commands.submit(recorded.keep(), recorded.last_pass()) {
-                recorded.abandon();
+                recorded.discarded();
                 return Err(error);
             }
             let wall_ms = start.elapsed().as_secs_f64() * 1e3;

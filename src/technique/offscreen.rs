@@ -63,7 +63,7 @@ impl Offscreen {
         match self.commands.send(keep) {
             Ok(()) => self.recorded = Some(recorded),
             Err(error) => {
-                recorded.abandon();
+                recorded.discarded();
                 return Err(error);
             }
         }
@@ -82,7 +82,7 @@ impl Offscreen {
         };
         if let Err(error) = self.commands.settle() {
             // What it names is kept by `commands` for as long as it may run.
-            recorded.abandon();
+            recorded.discarded();
             return Err(error);
         }
         Ok((recorded.completed()?, self.host.host_copy()?))
@@ -92,7 +92,7 @@ impl Offscreen {
 impl Drop for Offscreen {
     fn drop(&mut self) {
         if let Some(recorded) = self.recorded.take() {
-            recorded.abandon();
+            recorded.discarded();
         }
     }
 }

@@ -286,7 +286,7 @@ pub struct Depth {
     device: volraster::ash::Device,
     image: vk::Image,
     image_memory: vk::DeviceMemory,
-    view: vk::ImageView,
+    pub view: vk::ImageView,
     buffer: vk::Buffer,
     buffer_memory: vk::DeviceMemory,
     format: vk::Format,
