@@ -6,7 +6,7 @@ CARGO ?= cargo
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-tests build demo pictures test bench clean distclean
+.PHONY: help setup setup-tests build capi header demo pictures test bench clean distclean
 
 help: ## This list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -19,6 +19,14 @@ setup-tests:
 
 build: setup ## Build the library and the program, optimised
 	$(CARGO) build --release $(ARGS)
+
+capi: setup ## Build the libraries for C, dynamic and static, optimised
+	$(CARGO) build --release -p volraster-capi $(ARGS)
+	$(CARGO) rustc --release -p volraster-capi --crate-type staticlib $(ARGS)
+
+header: ## Write include/volraster.h anew
+	$(CARGO) run -q -p volraster-header >include/volraster.h.new
+	mv include/volraster.h.new include/volraster.h
 
 demo: build ## Draw the head; print device, time, error and where the picture is
 	@tools/demo.sh

@@ -476,7 +476,7 @@ typedef struct vr_grid_info {
      */
     const void *samples;
     /**
-     * Their size: dims[0] * dims[1] * dims[2] times that of a sample.
+     * Their size in bytes: that of a sample times the product of dims.
      */
     size_t sample_bytes;
     /**

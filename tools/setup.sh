@@ -2,7 +2,7 @@
 # Makes a fresh Debian or Ubuntu machine able to build and run volraster:
 #
 #     tools/setup.sh            what building and running need
-#     tools/setup.sh --tests    the validation layers too
+#     tools/setup.sh --tests    the validation layers and Vulkan's C headers too
 #
 # It installs only what is missing, and does nothing (in well under a second) when all is there.
 # The system is touched by apt alone; everything else goes to .deps/ inside the checkout.
@@ -59,6 +59,7 @@ why() {
     spirv-tools-dev) echo "the optimiser's static libraries, packed apart on this system" ;;
     libvulkan1) echo "the Vulkan loader" ;;
     mesa-vulkan-drivers) echo "Mesa's drivers, among them lavapipe, which needs no GPU" ;;
+    libvulkan-dev) echo "Vulkan's C headers, for the C example that the tests build" ;;
     vulkan-validationlayers) echo "the validation layers, which every test runs under" ;;
     cmake | git | python3 | ninja-build) echo "building the shader compiler from source" ;;
     *) echo "needed" ;;
@@ -116,7 +117,7 @@ install() { # packages, all of them missing
 
 # What the program and the tests need at run time, and the compilers: nothing replaces these.
 required=(make g++ binutils spirv-tools libvulkan1 mesa-vulkan-drivers)
-if $with_tests; then required+=(vulkan-validationlayers); fi
+if $with_tests; then required+=(vulkan-validationlayers libvulkan-dev); fi
 # The shader compiler: where these are not to be had it is built from source.
 compiler=(libshaderc-dev glslang-dev)
 

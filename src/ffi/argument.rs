@@ -85,7 +85,7 @@ pub(super) unsafe fn array<'a, T>(pointer: *const T, count: usize, name: &str) -
 ///
 /// # Safety
 ///
-/// As [`array`].
+/// As [`array()`].
 pub(super) unsafe fn tuples<'a, const N: usize, T>(
     pointer: *const T,
     count: usize,

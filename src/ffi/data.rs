@@ -60,7 +60,7 @@ pub struct vr_grid_info {
     pub sample_type: u32,
     /// The samples, x fastest, then y, without gaps, of any alignment. They are copied.
     pub samples: *const std::ffi::c_void,
-    /// Their size: dims[0] * dims[1] * dims[2] times that of a sample.
+    /// Their size in bytes: that of a sample times the product of dims.
     pub sample_bytes: usize,
     /// Distance of neighbouring samples along x, y and z, in world units. All 0: 1.
     pub spacing: [f64; 3],
@@ -207,7 +207,7 @@ fn copied<T: AnyBitPattern, U: NoUninit>(bytes: &[u8], convert: impl Fn(T) -> U)
 ///
 /// # Safety
 ///
-/// As [`argument::array`].
+/// As [`argument::array()`].
 unsafe fn list<T: Copy>(pointer: *const T, count: usize, name: &str) -> Result<Vec<T>> {
     // SAFETY: the caller's promise.
     let given = unsafe { argument::array(pointer, count, name) }?;
@@ -222,7 +222,7 @@ unsafe fn list<T: Copy>(pointer: *const T, count: usize, name: &str) -> Result<V
 ///
 /// # Safety
 ///
-/// As [`argument::array`].
+/// As [`argument::array()`].
 unsafe fn positions(pointer: *const f64, count: usize, name: &str) -> Result<Vec<DVec3>> {
     // SAFETY: the caller's promise.
     let given = unsafe { argument::tuples::<3, f64>(pointer, count, name) }?;
@@ -248,13 +248,14 @@ pub(super) unsafe fn grid(info: &vr_grid_info) -> Result<Grid> {
 ///
 /// `values` is null or has so many.
 pub(super) unsafe fn scalars(values: *const f32, count: usize, per: u32) -> Result<TetScalars> {
-    let kinds: [(fn(Vec<f32>) -> TetScalars, u32); 2] = [
-        (TetScalars::Point, vr_scalars_per::VR_SCALARS_PER_POINT as u32),
-        (TetScalars::Cell, vr_scalars_per::VR_SCALARS_PER_CELL as u32),
-    ];
-    let kind = choice(per, &kinds, "scalars_per")?;
+    let kinds = [vr_scalars_per::VR_SCALARS_PER_POINT, vr_scalars_per::VR_SCALARS_PER_CELL];
+    let kind = choice(per, &kinds.map(|kind| (kind, kind as u32)), "scalars_per")?;
     // SAFETY: the caller's promise.
-    Ok(kind(unsafe { list(values, count, "scalars") }?))
+    let values = unsafe { list(values, count, "scalars") }?;
+    Ok(match kind {
+        vr_scalars_per::VR_SCALARS_PER_POINT => TetScalars::Point(values),
+        vr_scalars_per::VR_SCALARS_PER_CELL => TetScalars::Cell(values),
+    })
 }
 
 /// # Safety
@@ -306,7 +307,7 @@ pub(super) unsafe fn points(info: &vr_points_info) -> Result<Points> {
 ///
 /// # Safety
 ///
-/// As [`argument::array`].
+/// As [`argument::array()`].
 pub(super) unsafe fn transfer(knots: *const vr_knot, count: usize) -> Result<Option<TransferFunction>> {
     // SAFETY: the caller's promise.
     let knots = unsafe { argument::array(knots, count, "knots") }?;
