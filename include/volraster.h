@@ -81,6 +81,10 @@ typedef enum vr_result {
      * A defect of the library, which was caught. Destroy the handles of the call; their other functions refuse.
      */
     VR_ERROR_PANIC = -10,
+    /**
+     * The device was lost, by this call or before it: vr_last_vulkan_result() is VK_ERROR_DEVICE_LOST. Destroy what belongs to it.
+     */
+    VR_ERROR_DEVICE_LOST = -11,
 } vr_result;
 
 /**
@@ -930,8 +934,8 @@ extern "C" {
 const char *vr_last_error(void);
 
 /**
- * The code of the Vulkan call that failed, where this thread's last failure was VR_ERROR_VULKAN, such as
- * VK_ERROR_DEVICE_LOST; else VK_SUCCESS.
+ * The code of the Vulkan call that failed, where this thread's last failure was VR_ERROR_VULKAN; VK_ERROR_DEVICE_LOST where it
+ * was VR_ERROR_DEVICE_LOST; else VK_SUCCESS.
  *
  * Threads: each has its own.
  */

@@ -39,6 +39,8 @@ pub enum vr_result {
     VR_ERROR_TIMEOUT = -9,
     /// A defect of the library, which was caught. Destroy the handles of the call; their other functions refuse.
     VR_ERROR_PANIC = -10,
+    /// The device was lost, by this call or before it: vr_last_vulkan_result() is VK_ERROR_DEVICE_LOST. Destroy what belongs to it.
+    VR_ERROR_DEVICE_LOST = -11,
 }
 
 /// Of a thread.
@@ -61,8 +63,8 @@ pub extern "C" fn vr_last_error() -> *const c_char {
     LAST.try_with(|last| last.borrow().message.as_ptr()).unwrap_or(c"".as_ptr())
 }
 
-/// The code of the Vulkan call that failed, where this thread's last failure was VR_ERROR_VULKAN, such as
-/// VK_ERROR_DEVICE_LOST; else VK_SUCCESS.
+/// The code of the Vulkan call that failed, where this thread's last failure was VR_ERROR_VULKAN; VK_ERROR_DEVICE_LOST where it
+/// was VR_ERROR_DEVICE_LOST; else VK_SUCCESS.
 ///
 /// Threads: each has its own.
 #[unsafe(no_mangle)]
@@ -81,6 +83,7 @@ fn code(error: &Error) -> vr_result {
         Error::Allocation { .. } => vr_result::VR_ERROR_ALLOCATION,
         Error::Vulkan { .. } => vr_result::VR_ERROR_VULKAN,
         Error::Timeout { .. } => vr_result::VR_ERROR_TIMEOUT,
+        Error::DeviceLost { .. } => vr_result::VR_ERROR_DEVICE_LOST,
     }
 }
 
@@ -104,6 +107,7 @@ pub(super) fn call(work: impl FnOnce() -> Result<vr_result>) -> vr_result {
         Ok(Err(error)) => {
             let vulkan = match error {
                 Error::Vulkan { result, .. } => result,
+                Error::DeviceLost { .. } => vk::Result::ERROR_DEVICE_LOST,
                 _ => vk::Result::SUCCESS,
             };
             fail(code(&error), &error.to_string(), vulkan)
