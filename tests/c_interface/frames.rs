@@ -1,0 +1,321 @@
+//! What C programs draw is what Rust programs do.
+
+use std::ffi::{CStr, CString, c_void};
+use std::path::Path;
+use std::ptr::{null, null_mut};
+use std::sync::Mutex;
+
+use volraster::ash::vk;
+use volraster::ffi::*;
+use volraster::gpu::DepthProjection;
+use volraster::scene::{Clip, Field, Samples, Scene, TetScalars, TransferFunction};
+use volraster::technique::{GpuScene, Renderer, TargetDesc, TargetMode};
+
+use crate::common::caller::{Caller, Depth};
+use crate::common::{FOG, SHELLS, draw, perspective, technique, view};
+use crate::engine::Engine;
+use crate::programs::scratch;
+use crate::support::*;
+
+/// Frames that C records are those of Rust to the bit: plain, cut, and with a depth image.
+#[test]
+fn frames_are_those_of_rust() {
+    let _turn = turn();
+    let engine = Engine::least();
+    let (gpu, own) = (adopt(&engine), engine.gpu());
+    let extent = [40, 30];
+    let frame = Caller::new(&own, FORMAT, extent, 16);
+    let transfer = TransferFunction::from_rows(&FOG).unwrap();
+    let grid = Field::Blobs.sample([16; 3], "u8").unwrap();
+    let scene = c_scene(gpu, &grid, &FOG);
+    let rust = GpuScene::new(&own, Scene::new(grid, transfer));
+    let first = view(perspective(), 1.0, 40, 30);
+    let clip = Clip::none().with_plane([0.1, 0.0, 0.0].into(), [1.0, 0.3, 0.0].into()).unwrap();
+    let clip = clip.with_crop([-0.8; 3].into(), [0.9, f64::INFINITY, 0.7].into()).unwrap();
+    let second = view(perspective(), 1.1, 40, 30).with_clip(clip);
+    // Half of the image behind a wall, stored in reverse without a far end.
+    let wall: Vec<f32> = (0..1200).map(|i| if i % 40 < 20 { 0.0 } else { 0.5 / 4.6 }).collect();
+    let depth = Depth::new(&own, vk::Format::D32_SFLOAT, extent, &wall).unwrap();
+    let projection = DepthProjection::perspective(f64::INFINITY, 0.5).unwrap();
+    let depth_image = depth.image(&own, projection);
+    for (spec, with_depth) in [(c"slabs:step=0.5", true), (c"slices-3d:route=raster", false)] {
+        let info = sized!(vr_plan_info {
+            technique: spec.as_ptr(),
+            format: FORMAT,
+            mode: vr_target_mode::VR_TARGET_OVER as u32,
+            with_depth: u32::from(with_depth),
+        });
+        let mut plan = null_mut();
+        // SAFETY: all are valid, and live.
+        done(unsafe { vr_plan_create(scene, &info, &c_view(&second), &mut plan) });
+        // SAFETY: a plan.
+        let route = text(unsafe { vr_plan_route(plan) });
+        assert_eq!(route, if with_depth { "compute" } else { "raster" });
+        let target = TargetDesc::caller(FORMAT, TargetMode::Over);
+        let target = if with_depth { target.with_depth() } else { target };
+        let renderer = Renderer::new(&rust, technique(spec.to_str().unwrap()));
+        let mut rust_plan = renderer.prepare(&second, &target).unwrap();
+        let mut images = Vec::new();
+        for view in [&first, &second] {
+            // SAFETY: all are valid.
+            done(unsafe { vr_plan_set_view(plan, &c_view(view)) });
+            frame.begin([0.1, 0.2, 0.3, 1.0]);
+            if with_depth {
+                depth.fill(frame.commands);
+            }
+            let c_depth = sized!(vr_depth_image {
+                view: depth.view,
+                format: vk::Format::D32_SFLOAT,
+                extent: vk::Extent2D { width: 40, height: 30 },
+                kind: vr_depth_kind::VR_DEPTH_PERSPECTIVE as u32,
+                at_zero: f64::INFINITY,
+                at_one: 0.5,
+            });
+            let mut info = record_info(&frame);
+            if with_depth {
+                info.depth = &raw const c_depth;
+            }
+            let mut recording = null_mut();
+            // SAFETY: all are valid; the frame is submitted once.
+            done(unsafe { vr_plan_record(plan, &info, &mut recording) });
+            let bytes = frame.end(&own);
+            let mut status = sized!(vr_status {});
+            for _ in 0..2 {
+                // SAFETY: the submission has ended.
+                done(unsafe { vr_recording_completed(recording, &mut status) });
+                assert_eq!((status.struct_size, status.complete), (size_of::<vr_status>(), 1));
+            }
+            assert!(rust_plan.set_view(view).unwrap());
+            frame.begin([0.1, 0.2, 0.3, 1.0]);
+            if with_depth {
+                depth.fill(frame.commands);
+            }
+            let recorded = rust_plan
+                .record(
+                    &mut frame.command_buffer(&own),
+                    Some(&frame.target(&own)),
+                    with_depth.then_some(&depth_image),
+                )
+                .unwrap();
+            let want = frame.end(&own);
+            let rust_status = recorded.completed().unwrap();
+            assert!(bytes == want, "{spec:?}");
+            // Times differ from frame to frame; their names do not.
+            // SAFETY: valid until the recording goes; never null.
+            let passes = unsafe { std::slice::from_raw_parts(status.passes, status.pass_count as usize) };
+            let names: Vec<String> = passes.iter().map(|pass| text(pass.name)).collect();
+            let want: Vec<String> = rust_status.passes.iter().map(|pass| pass.name.clone()).collect();
+            assert_eq!(names, want);
+            assert!(passes.iter().all(|pass| pass.ms >= 0.0));
+            end_recording(recording);
+            images.push(bytes);
+        }
+        assert!(images[0] != images[1]);
+        end_plan(plan);
+    }
+    // And without a command buffer.
+    for view in [&first, &second] {
+        let want = Renderer::new(&rust, technique("slices-3d")).render(view).unwrap();
+        assert!(c_render(scene, None, view) == want.pixels());
+    }
+    end_scene(scene);
+    end_gpu(gpu);
+    drop((depth, frame, rust, own));
+    silent(engine);
+}
+
+/// Scenes that are made of others, of a mesh, of points and of files draw what Rust's do.
+#[test]
+fn scenes_are_those_of_rust() {
+    let _turn = turn();
+    let engine = Engine::full();
+    let (gpu, own) = (adopt(&engine), engine.gpu());
+    let view = view(perspective(), 1.0, 24, 18);
+    let [fog, shells] = [&FOG[..], &SHELLS].map(|rows| TransferFunction::from_rows(rows).unwrap());
+    let c_shells = knots(&SHELLS);
+    let same = |scene: *mut vr_scene, want: Scene, spec: &CStr| {
+        let want = draw(&own, &want, &view, spec.to_str().unwrap());
+        assert!(want.pixel(12, 9)[3] > 0.05, "{spec:?}");
+        assert!(c_render(scene, Some(spec), &view) == want.pixels(), "{spec:?}");
+    };
+    let mut handles = Vec::new();
+    let grid = Field::Blobs.sample([12; 3], "u8").unwrap();
+    let first = c_scene(gpu, &grid, &FOG);
+    let mut made = null_mut();
+    // SAFETY: all are valid.
+    done(unsafe { vr_scene_with_transfer(first, c_shells.as_ptr(), c_shells.len(), &mut made) });
+    same(made, Scene::new(grid.clone(), shells.clone()), c"raycast");
+    handles.push(made);
+    // Samples of another type.
+    let floats: Vec<f32> = (0..12 * 12 * 12).map(|i| (i % 7) as f32 * 30.0).collect();
+    let kind = vr_sample_type::VR_SAMPLE_F32 as u32;
+    // SAFETY: all are valid.
+    done(unsafe { vr_scene_with_samples(first, kind, floats.as_ptr().cast(), 4 * floats.len(), &mut made) });
+    let other = volraster::scene::Grid::new([12; 3], Samples::F32(floats)).unwrap();
+    let other = other.with_placement(glam::DVec3::ONE, grid.origin(), grid.index_to_world()).unwrap();
+    same(made, Scene::new(other.with_rescale(grid.rescale()).unwrap(), fog.clone()), c"slabs");
+    handles.push(made);
+    same(first, Scene::new(grid, fog.clone()), c"slices-2d");
+    handles.push(first);
+
+    let mesh = Field::Blobs.tets(4).unwrap();
+    let TetScalars::Point(scalars) = mesh.scalars() else { panic!() };
+    let points: Vec<[f64; 3]> = mesh.points().iter().map(|p| p.to_array()).collect();
+    let mut info = sized!(vr_mesh_info {
+        points: points.as_ptr().cast(),
+        point_count: points.len(),
+        cells: mesh.cells().as_ptr().cast(),
+        cell_count: mesh.cells().len(),
+        scalars: scalars.as_ptr(),
+        scalar_count: scalars.len(),
+        scalars_per: vr_scalars_per::VR_SCALARS_PER_POINT as u32,
+    });
+    let c_fog = knots(&FOG);
+    // SAFETY: all are valid.
+    done(unsafe { vr_scene_create_mesh(gpu, &info, c_fog.as_ptr(), c_fog.len(), &mut made) });
+    same(made, Scene::new(mesh.clone(), fog.clone()), c"abuffer");
+    handles.push(made);
+    let cells: Vec<f32> = (0..mesh.cells().len()).map(|i| (i % 5) as f32 * 0.25).collect();
+    let per_cell = vr_scalars_per::VR_SCALARS_PER_CELL as u32;
+    let source = made;
+    // SAFETY: all are valid.
+    done(unsafe {
+        vr_scene_with_scalars(source, per_cell, cells.as_ptr(), cells.len(), null(), 0, &mut made)
+    });
+    let by_cell = mesh.clone().with_scalars(TetScalars::Cell(cells.clone())).unwrap();
+    same(made, Scene::new(by_cell.clone(), fog.clone()), c"havs");
+    handles.push(made);
+    (info.scalars, info.scalar_count, info.scalars_per) = (cells.as_ptr(), cells.len(), per_cell);
+    // SAFETY: all are valid.
+    done(unsafe { vr_scene_create_mesh(gpu, &info, c_shells.as_ptr(), c_shells.len(), &mut made) });
+    same(made, Scene::new(by_cell, shells.clone()), c"havs");
+    handles.push(made);
+
+    let splats = Field::Blobs.points(200).unwrap();
+    let centres: Vec<[f64; 3]> = splats.centres().iter().map(|p| p.to_array()).collect();
+    let scalars = splats.scalars().unwrap();
+    let radii = vec![0.3_f32; centres.len()];
+    let covariances = vec![[0.02_f32, 0.0, 0.0, 0.03, 0.0, 0.01]; centres.len()];
+    use volraster::scene::KernelSize;
+    for (radius, size) in [
+        (0.0, None),
+        (0.4, Some(KernelSize::Radius(0.4))),
+        (0.0, Some(KernelSize::Radii(radii.clone()))),
+        (0.0, Some(KernelSize::Covariances(covariances.clone()))),
+    ] {
+        let info = sized!(vr_points_info {
+            centres: centres.as_ptr().cast(),
+            point_count: centres.len(),
+            scalars: scalars.as_ptr(),
+            weights: radii.as_ptr(),
+            radii: if matches!(size, Some(KernelSize::Radii(_))) { radii.as_ptr() } else { null() },
+            covariances: if matches!(size, Some(KernelSize::Covariances(_))) {
+                covariances.as_ptr().cast()
+            } else {
+                null()
+            },
+            radius: radius,
+        });
+        // SAFETY: all are valid.
+        done(unsafe { vr_scene_create_points(gpu, &info, c_fog.as_ptr(), c_fog.len(), &mut made) });
+        let want = volraster::scene::Points::new(splats.centres().to_vec()).unwrap();
+        let want = want.with_scalars(scalars.to_vec()).unwrap().with_weights(radii.clone()).unwrap();
+        let want = match size {
+            Some(size) => want.with_size(size).unwrap(),
+            None => want.with_estimated_radius(),
+        };
+        same(made, Scene::new(want, fog.clone()), c"splat-ewa");
+        handles.push(made);
+    }
+    for handle in handles {
+        end_scene(handle);
+    }
+    end_gpu(gpu);
+    drop(own);
+    silent(engine);
+}
+
+/// Files: what they ask for, and how far they were read.
+#[test]
+fn files_are_read() {
+    let _turn = turn();
+    let engine = Engine::full();
+    let gpu = adopt(&engine);
+    let data = scratch("read.nrrd");
+    volraster::io::write_nrrd(&data, &Field::Blobs.sample([16; 3], "u16").unwrap()).unwrap();
+    let scene_file = scratch("read.json");
+    let document = r#"{
+        "volume": {"file": "read.nrrd"},
+        "transfer": [[0, 1, 1, 1, 0], [1, 1, 1, 1, 4]],
+        "camera": {"eye": [3, 2, 1], "target": [0, 0, 0], "up": [0, 0, 1], "half_height": 1.5},
+        "image": {"width": 31, "height": 17},
+        "clip": {"crop": {"low": [-1, -1, 0], "high": [1, 1, 1]}},
+        "technique": {"name": "slabs", "step": 2}
+    }"#;
+    std::fs::write(&scene_file, document).unwrap();
+    extern "C" fn progress(done: u64, all: u64, user: *mut c_void) {
+        // SAFETY: the cell of this test, which waits.
+        let seen = unsafe { &*user.cast::<Mutex<Vec<(u64, u64)>>>() };
+        seen.lock().unwrap().push((done, all));
+    }
+    let seen: Mutex<Vec<(u64, u64)>> = Mutex::default();
+    let info = sized!(vr_read_info { progress: Some(progress), user: (&raw const seen).cast_mut().cast() });
+    let path = |path: &Path| CString::new(path.to_str().unwrap()).unwrap();
+    let mut scene = null_mut();
+    // SAFETY: all are valid.
+    done(unsafe { vr_scene_load(gpu, path(&data).as_ptr(), &info, &mut scene) });
+    assert!(!seen.lock().unwrap().is_empty());
+    let mut told = sized!(vr_scene_info {});
+    // SAFETY: all are valid.
+    done(unsafe { vr_scene_query(scene, &mut told) });
+    assert_eq!((told.data_kind, told.dims), (vr_data_kind::VR_DATA_GRID as u32, [16; 3]));
+    let near = |a: f64, b: f64| (a - b).abs() < 1e-9;
+    assert!(near(told.low[0], -1.0) && near(told.high[2], 1.0) && told.range[0] < told.range[1], "{told:?}");
+    // SAFETY: a scene.
+    assert_eq!(text(unsafe { vr_scene_technique(scene) }), "slices-3d");
+    let mut view = sized!(vr_view {});
+    for (asked, want) in [([0, 0], [512, 512]), ([20, 10], [20, 10])] {
+        // SAFETY: all are valid.
+        done(unsafe { vr_scene_view(scene, asked[0], asked[1], &mut view) });
+        assert_eq!(([view.width, view.height], view.clip_plane_count), (want, 0));
+        assert_eq!(view.projection, vr_projection::VR_PROJECTION_PERSPECTIVE as u32);
+    }
+    let mut pixels = [0_f32; 4 * 200];
+    // SAFETY: all are valid.
+    done(unsafe { vr_render(scene, null(), &view, pixels.as_mut_ptr(), pixels.len()) });
+    assert!(pixels.chunks(4).any(|p| p[3] > 0.1));
+    end_scene(scene);
+
+    // SAFETY: all are valid.
+    done(unsafe { vr_scene_load(gpu, path(&scene_file).as_ptr(), null(), &mut scene) });
+    // SAFETY: a scene.
+    assert_eq!(text(unsafe { vr_scene_technique(scene) }), "slabs:step=2");
+    // SAFETY: a scene.
+    assert_eq!(text(unsafe { vr_scene_warnings(scene) }), "");
+    // SAFETY: all are valid.
+    done(unsafe { vr_scene_view(scene, 0, 0, &mut view) });
+    assert_eq!(([view.width, view.height], view.eye, view.half_height), ([31, 17], [3.0, 2.0, 1.0], 1.5));
+    assert_eq!((view.crop_low[2], view.crop_high), (0.0, [1.0; 3]));
+    let mut draws = 7;
+    for (spec, want) in [(c"raycast", 1), (c"havs:k=4", 0)] {
+        // SAFETY: all are valid.
+        done(unsafe { vr_scene_draws(scene, spec.as_ptr(), &mut draws) });
+        assert_eq!(draws, want);
+    }
+    end_scene(scene);
+    for (name, code, words) in
+        [(c"/no/such/file.nrrd", vr_result::VR_ERROR_IO, "cannot"), (c"/", vr_result::VR_ERROR_FILE, "/")]
+    {
+        scene = std::ptr::dangling_mut();
+        // SAFETY: all are valid.
+        refused(unsafe { vr_scene_load(gpu, name.as_ptr(), null(), &mut scene) }, code, words);
+        assert!(scene.is_null());
+    }
+    std::fs::write(&scene_file, document.replace("\"step\": 2", "\"stride\": 2")).unwrap();
+    // SAFETY: all are valid.
+    let result = unsafe { vr_scene_load(gpu, path(&scene_file).as_ptr(), null(), &mut scene) };
+    assert!(result == vr_result::VR_ERROR_FILE || result == vr_result::VR_ERROR_INVALID, "{}", message());
+    assert!(message().contains("stride"), "{}", message());
+    end_gpu(gpu);
+    silent(engine);
+}
