@@ -38,8 +38,11 @@ layout(set = 0, binding = BINDING_DEPTH) uniform sampler2D depth_image;
 
 // Depth of what the image shows.
 float surface_depth(float stored) {
+    // No number shows no surface. By its bits: float tests may be optimised away.
+    if ((floatBitsToUint(stored) & 0x7fffffffu) > 0x7f800000u) return 3e38;
     // The far end itself is what the image was cleared with.
     if (stored == ((push.count & 32u) != 0u ? 1.0 : 0.0)) return 3e38;
+    stored = clamp(stored, -1e15, 1e15); // infinite ones have products with nothing
     vec2 share = vec2(1.0 - stored, stored);
     float depth = dot(share, push.depths), inverse = dot(share, push.inverse);
     if ((push.count & 16u) == 0u) return depth;

@@ -441,3 +441,29 @@ fn split_marches_are_cut_alike() {
         }
     }
 }
+
+/// A float image may hold anything. No number is no surface; what lies beyond the ends is where the projection says.
+#[test]
+fn odd_depths_hide_what_they_say() {
+    let gpu = gpu();
+    let rows = [[0.0, 0.2, 0.5, 0.9, 0.7], [1.0, 0.2, 0.5, 0.9, 0.7]];
+    let grid = GpuScene::new(&gpu, scene(Field::Homogeneous(0.5), 12, "f32", &rows));
+    for plain in [view(perspective(), 1.0, 40, 30), view(orthographic(), 1.0, 40, 30)] {
+        let projection = match plain.is_perspective() {
+            true => DepthProjection::perspective(f64::INFINITY, 0.03),
+            false => DepthProjection::orthographic(9.0, 0.5),
+        };
+        let open = draw_on(&grid, &plain, "slices-3d");
+        // Nothing, infinitely near, behind the eye or beyond the far end, beyond the near end.
+        for (stored, hides) in
+            [(f32::NAN, false), (f32::INFINITY, true), (-0.5, false), (2.0, true), (f32::NEG_INFINITY, false)]
+        {
+            let image = Depth::new(&gpu, vk::Format::D32_SFLOAT, [40, 30], &[stored; 1200]).unwrap();
+            let depth = (&image, projection.as_ref().copied().unwrap());
+            let drawn = draw_before(&gpu, &grid, &plain, "slices-3d", Some(depth));
+            let seen = drawn.pixels().iter().any(|p| p[3] > 0.0);
+            assert_eq!(seen, !hides, "{stored}");
+            assert!(hides || drawn.pixels() == open.pixels(), "{stored}");
+        }
+    }
+}
