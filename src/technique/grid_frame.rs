@@ -17,6 +17,7 @@ use super::grid_options::{
 use super::grid_rays::GridRays;
 use super::line_bounds::DepthMeasure;
 use super::options::Choice;
+use super::passes::tiles_of;
 use super::{Canvas, Prepared, TargetMode};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
@@ -414,7 +415,7 @@ impl Prepared for GridFrame {
             Path::Compute { first, resume, slabs_per_dispatch } => {
                 let Some(image) = &self.image else { return };
                 let [width, height, _] = image.desc().extent;
-                let groups = [width.div_ceil(8), height.div_ceil(8), 1];
+                let groups = tiles_of([width, height]);
                 let mut begin = 0;
                 loop {
                     push.first = begin;

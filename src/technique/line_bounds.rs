@@ -10,7 +10,7 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::mesh_view::Frame;
-use super::passes::{Pass, pass};
+use super::passes::{Pass, pass, tiles_of};
 use super::surfaces::SurfaceFrame;
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
@@ -38,6 +38,31 @@ impl DepthMeasure {
     /// In radii from a centre.
     pub(crate) fn of_frame(frame: &Frame) -> Self {
         Self { centre: frame.centre, unit: frame.radius }
+    }
+}
+
+/// The lines of a view's pixels, in a technique's measure: at depth z that of a pixel, x to the right and y up from the image's
+/// middle, is at `foot / unit + z forward + (kq + kd z) scale (x right + y up)` from the centre, kd 1 in perspective and else 0.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PixelLines {
+    /// The centre plane's point on the line of the image's middle, from the centre, world units.
+    pub(crate) foot: DVec3,
+    pub(crate) kq: f64,
+    pub(crate) scale: f64,
+    /// Depth of the centre from the eye, world units.
+    pub(crate) centre_depth: f64,
+}
+
+impl DepthMeasure {
+    pub(crate) fn lines(&self, view: &View) -> PixelLines {
+        let eye = view.camera().eye;
+        let centre_depth = (self.centre - eye).dot(view.forward());
+        let foot = eye + view.forward() * centre_depth - self.centre;
+        let (kq, scale) = match view.is_perspective() {
+            true => (centre_depth / self.unit, view.pixel_size()),
+            false => (1.0, view.pixel_size() / self.unit),
+        };
+        PixelLines { foot, kq, scale, centre_depth }
     }
 }
 
@@ -113,12 +138,8 @@ impl LineBounds {
     /// Push constants of each dispatch.
     fn pushes(&self, view: &View, depth: Option<&DepthImage>) -> Vec<BoundsPush> {
         let DepthMeasure { centre, unit } = self.measure;
-        let eye = view.camera().eye;
-        let centre_depth = (centre - eye).dot(view.forward());
-        // The centre plane's point on the line of the image's middle.
-        let foot = eye + view.forward() * centre_depth;
+        let PixelLines { foot, kq, scale, centre_depth } = self.measure.lines(view);
         let perspective = view.is_perspective();
-        let scale = if perspective { view.pixel_size() } else { view.pixel_size() / unit };
         let planes: Vec<[f32; 4]> = view
             .clip()
             .half_spaces()
@@ -128,7 +149,7 @@ impl LineBounds {
                     n.dot(view.right()) * scale,
                     -n.dot(view.up()) * scale,
                     n.dot(view.forward()),
-                    n.dot(foot - plane.point) / unit,
+                    n.dot(foot + (centre - plane.point)) / unit,
                 ]
                 .map(f32_of)
             })
@@ -148,7 +169,7 @@ impl LineBounds {
         let push = BoundsPush {
             planes: [[0.0; 4]; PLANES],
             half_extent: view.extent().map(|side| f32_of(f64::from(side) * 0.5)),
-            kq: f32_of(if perspective { centre_depth / unit } else { 1.0 }),
+            kq: f32_of(kq),
             inverse: ends.map(|end| f32_of(unit / end)),
             depths: depths.map(f32_of),
             count: flags,
@@ -193,8 +214,7 @@ impl LineBounds {
         if let Some(depth) = depth {
             self.first.descriptors.sample_external(BINDING_DEPTH, depth)?;
         }
-        let [width, height] = self.view.extent();
-        let groups = [width.div_ceil(8), height.div_ceil(8), 1];
+        let groups = tiles_of(self.view.extent());
         let mut pushes = self.pushes(&self.view, depth);
         if let Some(surfaces) = between {
             if self.takes_depth

@@ -58,6 +58,11 @@ pub(super) fn groups_of(count: u32, size: u32) -> [u32; 3] {
     [across, groups.div_ceil(across), 1]
 }
 
+/// Workgroups of 8 x 8 invocations, one each for a pixel or a texel.
+pub(super) fn tiles_of([width, height]: [u32; 2]) -> [u32; 3] {
+    [width.div_ceil(8), height.div_ceil(8), 1]
+}
+
 /// Words that shaders write.
 pub(super) fn buffer(gpu: &Gpu, name: &str, words: u64) -> Result<Arc<Buffer>> {
     Buffer::new(gpu, name, 4 * words.max(1), BufferUse::ShaderWrite).map(Arc::new)

@@ -11,7 +11,7 @@ use glam::DMat3;
 use super::base_planes::BasePlane;
 use super::gpu_scene::turned;
 use super::line_bounds::DepthMeasure;
-use super::passes::{Pass, buffer, pass};
+use super::passes::{Pass, buffer, pass, tiles_of};
 use super::shear_warp::NAME;
 use crate::error::Result;
 use crate::gpu::shader::{
@@ -82,18 +82,12 @@ impl ShearBounds {
 
     /// Before a base plane is composited.
     pub(super) fn record_texels(&self, recorder: &mut Recorder<'_>, push: &ShearBoundsPush) {
-        let [width, height] = push.size;
-        self.texels.record(recorder, push, [width.div_ceil(8), height.div_ceil(8), 1]);
+        self.texels.record(recorder, push, tiles_of(push.size));
     }
 
     /// After its warp.
-    pub(super) fn record_edges(
-        &self,
-        recorder: &mut Recorder<'_>,
-        push: &ShearBoundsPush,
-        [width, height]: [u32; 2],
-    ) {
-        self.edges.record(recorder, push, [width.div_ceil(8), height.div_ceil(8), 1]);
+    pub(super) fn record_edges(&self, recorder: &mut Recorder<'_>, push: &ShearBoundsPush, extent: [u32; 2]) {
+        self.edges.record(recorder, push, tiles_of(extent));
     }
 }
 

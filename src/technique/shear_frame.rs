@@ -10,7 +10,7 @@ use super::grid_frame::{MAX_SLABS, check_loops, draws_directly, own_image, slabs
 use super::grid_options::{EmptySpace, Filter, Integrator, Order, Route};
 use super::line_bounds::DepthMeasure;
 use super::options::Choice;
-use super::passes::buffer;
+use super::passes::{buffer, tiles_of};
 use super::shear_bounds::{ShearBounds, bounds_push};
 use super::shear_warp::{NAME, Options, Warp};
 use super::slices_2d::Stacks;
@@ -614,11 +614,6 @@ fn warp_push(plane: &BasePlane, view: &View, flags: u32) -> WarpPush {
     }
 }
 
-/// Workgroups of 8 x 8 invocations.
-fn groups([width, height]: [u32; 2]) -> [u32; 3] {
-    [width.div_ceil(8), height.div_ceil(8), 1]
-}
-
 impl Prepared for ShearFrame {
     fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool> {
         let gpu = self.scene.gpu().clone();
@@ -717,7 +712,7 @@ impl Prepared for ShearFrame {
                             pipeline,
                             &self.stacks[face.stack].descriptors,
                             bytemuck::bytes_of(&push),
-                            groups(face.push.size),
+                            tiles_of(face.push.size),
                         );
                         begin += count;
                         if !more {
@@ -786,7 +781,7 @@ impl ShearFrame {
             let push = BasePlanePush { first: begin, count, order, ..face.push };
             let pipeline = if begin > 0 { &march.resume } else { &march.first };
             let bytes = bytemuck::bytes_of(&push);
-            recorder.dispatch(&format!("{NAME}.edge"), pipeline, descriptors, bytes, groups(extent));
+            recorder.dispatch(&format!("{NAME}.edge"), pipeline, descriptors, bytes, tiles_of(extent));
             begin += count;
         }
     }
@@ -802,7 +797,7 @@ impl ShearFrame {
                         pipeline,
                         descriptors,
                         bytemuck::bytes_of(&push),
-                        groups([w.div_ceil(2), h.div_ceil(2)]),
+                        tiles_of([w.div_ceil(2), h.div_ceil(2)]),
                     );
                 }
             }
@@ -823,7 +818,7 @@ impl ShearFrame {
             let name = format!("{NAME}.warp");
             let bytes = bytemuck::bytes_of(push);
             if self.bounded.is_some() || matches!(self.path, Path::Compute { .. }) {
-                let groups = groups([width, height]);
+                let groups = tiles_of([width, height]);
                 recorder.dispatch(&name, &self.warp, &self.warp_descriptors, bytes, groups);
                 if let Some(face) = self.faces.faces.get(i) {
                     self.record_edges(recorder, face, [width, height]);

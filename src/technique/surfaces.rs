@@ -11,11 +11,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use ash::vk;
 use glam::DVec3;
 
-use super::line_bounds::DepthMeasure;
+use super::line_bounds::{DepthMeasure, PixelLines};
 use super::mesh_data::Needs;
 use super::mesh_frame::{Geometry, Lists, Primitives, Stage, measure};
 use super::mesh_view::Frame;
-use super::passes::{Pass, buffer, download, groups_of, pass, total, words};
+use super::passes::{Pass, buffer, download, groups_of, pass, tiles_of, total, words};
 use super::{Canvas, Outcome};
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
@@ -350,15 +350,12 @@ impl SurfaceFrame {
     fn push_of(&self, view: &View) -> Result<SurfacePush> {
         let DepthMeasure { centre, unit } = self.measure;
         let frame = &self.lists.data.frame;
-        let eye = view.camera().eye;
-        let centre_depth = (centre - eye).dot(view.forward());
-        let foot = eye + view.forward() * centre_depth - centre;
+        let PixelLines { foot, kq, scale, centre_depth } = self.measure.lines(view);
         let perspective = view.is_perspective();
-        let scale = if perspective { view.pixel_size() } else { view.pixel_size() / unit };
         let pack = |v: DVec3, w: f64| num::vec3_of(v).extend(f32_of(w)).to_array();
         let [width, height] = view.extent();
         let push = SurfacePush {
-            q0_kq: pack(foot / unit, if perspective { centre_depth / unit } else { 1.0 }),
+            q0_kq: pack(foot / unit, kq),
             right_kd: pack(view.right() * scale, if perspective { 1.0 } else { 0.0 }),
             up_near: pack(view.up() * scale, if perspective { -centre_depth / unit } else { -3e38 }),
             forward_ratio: pack(view.forward(), frame.radius / unit),
@@ -403,7 +400,7 @@ impl SurfaceFrame {
     pub(crate) fn record_behind(&self, recorder: &mut Recorder<'_>) {
         if let Some((pass, image)) = &self.behind {
             let [width, height, _] = image.desc().extent;
-            pass.record(recorder, &[0_u8; 0], [width.div_ceil(8), height.div_ceil(8), 1]);
+            pass.record(recorder, &[0_u8; 0], tiles_of([width, height]));
         }
     }
 
