@@ -39,6 +39,52 @@ fn allocate(handles: &Handles, requirements: vk::MemoryRequirements, host: bool)
     unsafe { handles.device.allocate_memory(&info, None) }.unwrap()
 }
 
+/// A 2D image, its memory, and a view of one aspect.
+fn image_of(
+    handles: &Handles,
+    format: vk::Format,
+    extent: [u32; 2],
+    usage: vk::ImageUsageFlags,
+    aspect: vk::ImageAspectFlags,
+) -> (vk::Image, vk::DeviceMemory, vk::ImageView) {
+    let device = &handles.device;
+    let info = vk::ImageCreateInfo::default()
+        .image_type(vk::ImageType::TYPE_2D)
+        .format(format)
+        .extent(vk::Extent3D { width: extent[0], height: extent[1], depth: 1 })
+        .mip_levels(1)
+        .array_layers(1)
+        .samples(vk::SampleCountFlags::TYPE_1)
+        .usage(usage);
+    // SAFETY: valid description of a small 2D image.
+    let image = unsafe { device.create_image(&info, None) }.unwrap();
+    // SAFETY: just made.
+    let memory = allocate(handles, unsafe { device.get_image_memory_requirements(image) }, false);
+    // SAFETY: fresh image and memory of its size.
+    unsafe { device.bind_image_memory(image, memory, 0) }.unwrap();
+    let range = vk::ImageSubresourceRange::default().aspect_mask(aspect).level_count(1).layer_count(1);
+    let info = vk::ImageViewCreateInfo::default()
+        .image(image)
+        .view_type(vk::ImageViewType::TYPE_2D)
+        .format(format)
+        .subresource_range(range);
+    // SAFETY: the image is bound.
+    (image, memory, unsafe { device.create_image_view(&info, None) }.unwrap())
+}
+
+/// A buffer that the host sees, with its memory.
+fn host_buffer(handles: &Handles, size: u64, usage: vk::BufferUsageFlags) -> (vk::Buffer, vk::DeviceMemory) {
+    let device = &handles.device;
+    let info = vk::BufferCreateInfo::default().size(size).usage(usage);
+    // SAFETY: not empty.
+    let buffer = unsafe { device.create_buffer(&info, None) }.unwrap();
+    // SAFETY: just made.
+    let memory = allocate(handles, unsafe { device.get_buffer_memory_requirements(buffer) }, true);
+    // SAFETY: fresh buffer and memory of its size.
+    unsafe { device.bind_buffer_memory(buffer, memory, 0) }.unwrap();
+    (buffer, memory)
+}
+
 /// What an engine has: a colour image, a buffer to read it back, a command buffer, a fence.
 pub struct Caller {
     pub device: volraster::ash::Device,
@@ -60,40 +106,12 @@ impl Caller {
         let handles = gpu.handles();
         let device = handles.device.clone();
         let bytes = u64::from(extent[0]) * u64::from(extent[1]) * texel;
-        let allocate = |requirements, host| allocate(&handles, requirements, host);
-        let info = vk::ImageCreateInfo::default()
-            .image_type(vk::ImageType::TYPE_2D)
-            .format(format)
-            .extent(vk::Extent3D { width: extent[0], height: extent[1], depth: 1 })
-            .mip_levels(1)
-            .array_layers(1)
-            .samples(vk::SampleCountFlags::TYPE_1)
-            .usage(
-                vk::ImageUsageFlags::COLOR_ATTACHMENT
-                    | vk::ImageUsageFlags::TRANSFER_SRC
-                    | vk::ImageUsageFlags::TRANSFER_DST,
-            );
-        // SAFETY: valid description of a small 2D image.
-        let image = unsafe { device.create_image(&info, None) }.unwrap();
-        // SAFETY: just made.
-        let image_memory = allocate(unsafe { device.get_image_memory_requirements(image) }, false);
-        // SAFETY: fresh image and memory of its size.
-        unsafe { device.bind_image_memory(image, image_memory, 0) }.unwrap();
-        let range = Self::range();
-        let info = vk::ImageViewCreateInfo::default()
-            .image(image)
-            .view_type(vk::ImageViewType::TYPE_2D)
-            .format(format)
-            .subresource_range(range);
-        // SAFETY: the image is bound.
-        let view = unsafe { device.create_image_view(&info, None) }.unwrap();
-        let info = vk::BufferCreateInfo::default().size(bytes).usage(vk::BufferUsageFlags::TRANSFER_DST);
-        // SAFETY: not empty.
-        let buffer = unsafe { device.create_buffer(&info, None) }.unwrap();
-        // SAFETY: just made.
-        let buffer_memory = allocate(unsafe { device.get_buffer_memory_requirements(buffer) }, true);
-        // SAFETY: fresh buffer and memory of its size.
-        unsafe { device.bind_buffer_memory(buffer, buffer_memory, 0) }.unwrap();
+        let usage = vk::ImageUsageFlags::COLOR_ATTACHMENT
+            | vk::ImageUsageFlags::TRANSFER_SRC
+            | vk::ImageUsageFlags::TRANSFER_DST;
+        let (image, image_memory, view) =
+            image_of(&handles, format, extent, usage, vk::ImageAspectFlags::COLOR);
+        let (buffer, buffer_memory) = host_buffer(&handles, bytes, vk::BufferUsageFlags::TRANSFER_DST);
         let info = vk::CommandPoolCreateInfo::default()
             .queue_family_index(handles.queue_family)
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
@@ -317,39 +335,12 @@ impl Depth {
             _ => stored.iter().flat_map(|s| s.to_ne_bytes()).collect(),
         };
         let size = bytes.len() as u64;
-        let info = vk::ImageCreateInfo::default()
-            .image_type(vk::ImageType::TYPE_2D)
-            .format(format)
-            .extent(vk::Extent3D { width: extent[0], height: extent[1], depth: 1 })
-            .mip_levels(1)
-            .array_layers(1)
-            .samples(vk::SampleCountFlags::TYPE_1)
-            .usage(
-                vk::ImageUsageFlags::SAMPLED
-                    | vk::ImageUsageFlags::TRANSFER_DST
-                    | vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
-            );
-        // SAFETY: valid description of a small 2D image.
-        let image = unsafe { device.create_image(&info, None) }.unwrap();
-        // SAFETY: just made.
-        let image_memory = allocate(&handles, unsafe { device.get_image_memory_requirements(image) }, false);
-        // SAFETY: fresh image and memory of its size.
-        unsafe { device.bind_image_memory(image, image_memory, 0) }.unwrap();
-        let info = vk::ImageViewCreateInfo::default()
-            .image(image)
-            .view_type(vk::ImageViewType::TYPE_2D)
-            .format(format)
-            .subresource_range(Self::range(vk::ImageAspectFlags::DEPTH));
-        // SAFETY: the image is bound.
-        let view = unsafe { device.create_image_view(&info, None) }.unwrap();
-        let info = vk::BufferCreateInfo::default().size(size).usage(vk::BufferUsageFlags::TRANSFER_SRC);
-        // SAFETY: not empty.
-        let buffer = unsafe { device.create_buffer(&info, None) }.unwrap();
-        // SAFETY: just made.
-        let buffer_memory =
-            allocate(&handles, unsafe { device.get_buffer_memory_requirements(buffer) }, true);
-        // SAFETY: fresh buffer and memory of its size.
-        unsafe { device.bind_buffer_memory(buffer, buffer_memory, 0) }.unwrap();
+        let usage = vk::ImageUsageFlags::SAMPLED
+            | vk::ImageUsageFlags::TRANSFER_DST
+            | vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT;
+        let (image, image_memory, view) =
+            image_of(&handles, format, extent, usage, vk::ImageAspectFlags::DEPTH);
+        let (buffer, buffer_memory) = host_buffer(&handles, size, vk::BufferUsageFlags::TRANSFER_SRC);
         // SAFETY: host-visible, not mapped.
         let pointer =
             unsafe { device.map_memory(buffer_memory, 0, size, vk::MemoryMapFlags::empty()) }.unwrap();
