@@ -110,13 +110,13 @@ void main() {
         sweep.last = Pair(rest.z, floatBitsToUint(rest.w));
         sweep.end = end_at(scalar_of_pair(sweep.last));
         sweep.sum = imageLoad(accumulation, pixel);
-        sweep.inside = int(flags[word]) >> 2;
+        sweep.inside = bitfieldExtract(int(flags[word]), 2, 20);
         sweep.unsorted = (flags[word] & 1u) != 0u;
         sweep.overlaps = (flags[word] & 2u) != 0u;
     }
-    // Those up to what left last have been passed, also behind the last segment.
     LayersAhead ahead = layers_from(place, uint(2.0 * push.half_extent.x), -3e38);
-    if (LAYERS && RESUME) skip_layers(ahead, sweep.last.at);
+    uint nearest = ahead.next;
+    if (LAYERS && RESUME) skip_layers(ahead, flags[word] >> 22u);
     Pending pending;
     begin_segment(pending, sweep.end, sweep.end, 0.0);
     // A turn for each pair and for each further piece of a segment. After the last one the window is emptied.
@@ -132,7 +132,7 @@ void main() {
         }
         if (pending.len > 0.0) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
     }
-    if (LAYERS && sweep.sum.a < opaque) pass_layers(ahead, LAST_CHUNK ? 3e37 : sweep.last.at, sweep.sum);
+    if (LAYERS && LAST_CHUNK && sweep.sum.a < opaque) pass_layers(ahead, 3e37, sweep.sum);
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)
     uint left = max(i, last) - i + uint(pending.len != 0.0);
     if (left != 0u && sweep.sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);
@@ -163,7 +163,9 @@ void main() {
             imageStore(kbuffer_2, texel + ivec2(1, 0), pairs[6]);
             imageStore(kbuffer_3, texel + ivec2(1, 0), pairs[7]);
         }
-        flags[word] = uint(sweep.unsorted) | uint(sweep.overlaps) << 1 | uint(sweep.inside << 2);
+        // Depths do not tell which surfaces were passed, where pairs leave out of order.
+        uint passed = LAYERS ? min(ahead.next - nearest, MOST_LAYERS) : 0u;
+        flags[word] = uint(sweep.unsorted) | uint(sweep.overlaps) << 1 | (uint(sweep.inside) & 0xfffffu) << 2 | passed << 22;
     }
     imageStore(accumulation, pixel, sweep.sum);
 }

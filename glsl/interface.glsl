@@ -186,7 +186,7 @@
 #define OUTLINE_VERTICES 6 // of the triangles that a cell's outline is cut into
 #define FAN_VERTICES 12    // of the triangles around a cell's thick vertex
 
-#define MOST_LAYERS 1000  // translucent surfaces that a pixel's line may pass
+#define MOST_LAYERS 1000  // translucent surfaces that a pixel's line may pass; a number of 10 bits
 #define EDGE_NONE 1000000000 // in place of bounds: the warp's pixel stands
 
 #define MOST_TURNS 60000 // of a loop, that every device makes

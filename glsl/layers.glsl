@@ -33,12 +33,10 @@ LayersAhead layers_from(uvec2 pixel, uint width, float depth) {
     return ahead;
 }
 
-// Leaves those up to a depth out, which have been passed.
-void skip_layers(inout LayersAhead ahead, float depth) {
-    for (uint turn = 0u; turn < MOST_TURNS / 2u && ahead.depth <= depth; ++turn) {
-        ++ahead.next;
-        look_ahead(ahead);
-    }
+// Leaves out those that an earlier dispatch has passed.
+void skip_layers(inout LayersAhead ahead, uint passed) {
+    ahead.next = min(ahead.next + passed, ahead.end);
+    look_ahead(ahead);
 }
 
 // Premultiplied colour and opacity of the next, which is passed.

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
-use volraster::scene::{Scene, Tets, View};
+use volraster::scene::{Scene, Surface, Tets, View};
 use volraster::technique::{GpuScene, Renderer};
 
 use crate::common::*;
@@ -161,6 +161,26 @@ fn chunks_change_nothing() {
                     assert_eq!(parts.overflow, whole.overflow, "{what}");
                 }
             }
+        }
+    }
+}
+
+/// Each translucent surface is passed once, also where pairs leave the k-buffer out of order and another dispatch goes on.
+#[test]
+fn chunks_pass_surfaces_once() {
+    let gpu = gpu();
+    let shell = |i: u8| Surface::sphere(DVec3::ZERO, f64::from(i) * 0.7, [0.9, 0.5, 0.2, 0.04], 2).unwrap();
+    let scene = Scene::new(needles(4), transfer(&FOG)).with_surfaces((1..=20).map(shell).collect());
+    let on_gpu = GpuScene::new(&gpu, scene);
+    let view = needles_view(26, 19);
+    for (k, repair) in [(1, "none"), (2, "none"), (1, "exact")] {
+        let whole = Drawn::new(&on_gpu, &view, &format!("havs:k={k},repair={repair}"));
+        let unsorted = whole.overflow.iter().filter(|overflow| **overflow).count();
+        assert!(unsorted > 20 / k, "k {k}: {unsorted}");
+        for chunk in [1, 5, 17] {
+            let parts = Drawn::new(&on_gpu, &view, &format!("havs:k={k},repair={repair},chunk={chunk}"));
+            assert!(parts.counter("chunks") > 1);
+            assert_eq!(parts.image, whole.image, "k {k}, repair {repair}, chunk {chunk}");
         }
     }
 }
