@@ -1,5 +1,7 @@
 //! Thresholds that turn the error of one sample per pixel into noise without low frequencies.
 
+use std::sync::OnceLock;
+
 use crate::gpu::shader::THRESHOLD_SIDE;
 use crate::num::{f32_of, f64_of, index, u64_of};
 
@@ -22,8 +24,13 @@ const REACH: usize = 10;
 /// Void-and-cluster (Ulichney 1993) threshold tile, toroidal: (rank + 0.5) / SIDE^2, row by row.
 ///
 /// The same numbers on every machine: positions come from integers, and crowding is kept in fixed point,
-/// which also makes taking a point away exactly undo putting it there.
-pub(crate) fn tile() -> Vec<f32> {
+/// which also makes taking a point away exactly undo putting it there. Made once in a process.
+pub(crate) fn tile() -> &'static [f32] {
+    static TILE: OnceLock<Vec<f32>> = OnceLock::new();
+    TILE.get_or_init(made)
+}
+
+fn made() -> Vec<f32> {
     let mut points = Points::new();
     // A tenth of the texels at random, then moved apart: the tightest cluster's point goes into the
     // largest void for as long as that lowers the crowding.

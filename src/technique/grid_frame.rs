@@ -488,7 +488,7 @@ fn raster_path(
     let texels = Arc::new(Buffer::new(gpu, &format!("{name}.texels"), bytes, BufferUse::ShaderWrite)?);
     resources.push((BINDING_TEXELS, Resource::Buffer(Arc::clone(&texels))));
     let thresholds = if options.dither == Dither::Blue {
-        Buffer::with_data(gpu, "blue-noise", bytemuck::cast_slice(&blue_noise::tile()))?
+        Buffer::with_data(gpu, "blue-noise", bytemuck::cast_slice(blue_noise::tile()))?
     } else {
         match resources.iter().find(|(binding, _)| *binding == BINDING_KNOTS) {
             Some((_, Resource::Buffer(knots))) => Arc::clone(knots),
