@@ -166,6 +166,20 @@ typedef enum vr_scalars_per {
 } vr_scalars_per;
 
 /**
+ * How the colour of a surface depends on where it is seen from.
+ */
+typedef enum vr_shading {
+    /**
+     * Not at all.
+     */
+    VR_SHADING_FLAT = 0,
+    /**
+     * Times the cosine between the triangle's normal and the line of sight, as if lit from the eye.
+     */
+    VR_SHADING_HEADLIGHT = 1,
+} vr_shading;
+
+/**
  * What a scene holds.
  */
 typedef enum vr_data_kind {
@@ -648,6 +662,44 @@ typedef struct vr_read_info {
      */
     void *user;
 } vr_read_info;
+
+/**
+ * A triangle mesh of one colour that stands in the volume, seen from both sides.
+ */
+typedef struct vr_surface_info {
+    /**
+     * sizeof(vr_surface_info).
+     */
+    size_t struct_size;
+    /**
+     * x, y and z of each point, in world units.
+     */
+    const double *points;
+    /**
+     * Number of points.
+     */
+    size_t point_count;
+    /**
+     * The three points of each triangle, from 0.
+     */
+    const uint32_t *triangles;
+    /**
+     * Number of triangles.
+     */
+    size_t triangle_count;
+    /**
+     * Straight linear red, green and blue, and opacity: 1 is opaque.
+     */
+    double colour[4];
+    /**
+     * A vr_shading.
+     */
+    uint32_t shading;
+    /**
+     * 0.
+     */
+    uint32_t reserved;
+} vr_surface_info;
 
 /**
  * What a scene is, to place a camera and to make a transfer function.
@@ -1197,6 +1249,23 @@ enum vr_result vr_scene_with_scalars(const struct vr_scene *source,
                                      const struct vr_knot *knots,
                                      size_t knot_count,
                                      struct vr_scene **scene);
+
+/**
+ * Makes a scene of the same data among other surfaces, of which there may be none; what is on the device of the data is shared.
+ * Opaque surfaces are drawn by every technique, translucent ones by some: vr_plan_create() refuses the others.
+ *
+ * `surfaces` are `surface_count` pointers. Everything is copied, and `source` stays as it is. Fails with VR_ERROR_INVALID.
+ *
+ * Threads: any.
+ *
+ * # Safety
+ *
+ * Pointers are NULL or valid, arrays as long as is said.
+ */
+enum vr_result vr_scene_with_surfaces(const struct vr_scene *source,
+                                      const struct vr_surface_info *const *surfaces,
+                                      size_t surface_count,
+                                      struct vr_scene **scene);
 
 /**
  * Destroys a scene's handle; NULL is nothing. Plans and recordings that were made from it go on.

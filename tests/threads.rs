@@ -257,6 +257,10 @@ fn values_change_while_frames_go_on() {
             frames.draw(&view).unwrap();
             let now = frames.read_back().unwrap();
             assert!(now != drawn, "{spec}: step {i} is the one before");
+            // Every step reads the first one's.
+            let held = gpu.memory_report();
+            let transfers = held.iter().filter(|(name, _)| name == "transfer.knots").count();
+            assert_eq!(transfers, 1, "{spec}: step {i}: {held:?}");
             let alone = grid.with_samples(step(i)).unwrap();
             let alone = GpuScene::new(gpu, Scene::new(alone, TransferFunction::from_rows(&FOG).unwrap()));
             assert!(now == draw(&alone), "{spec}: step {i}");

@@ -40,6 +40,9 @@ pub(crate) struct Args {
     /// Run the cases of these techniques, separated by commas.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     technique: Vec<String>,
+    /// Let every call of the sessions fail in turn, and not some of each name: takes an hour.
+    #[arg(long)]
+    every_call: bool,
     /// List the cases, and run none.
     #[arg(long)]
     list: bool,
@@ -128,7 +131,7 @@ impl Args {
             let named = self.filter.is_empty() || self.filter.iter().any(|text| case.name.contains(text));
             named && (methods.is_empty() || case.method.is_some_and(|method| methods.contains(&method)))
         };
-        let all = cases::all()?;
+        let all = cases::all(self.every_call)?;
         let whole = all.iter().all(wanted);
         let cases: Vec<Case> = all.into_iter().filter(wanted).collect();
         if cases.is_empty() {
@@ -210,6 +213,7 @@ impl Args {
                     .filter_map(|case| Some((case.name.strip_prefix("validation/")?, case.status == Status::Ok)))
                     .collect::<std::collections::BTreeMap<_, _>>(),
                 "whole": whole,
+                "every_call": self.every_call,
                 "cases": done.iter().map(Done::json).collect::<Value>(),
                 "allowed": allowed.json(),
                 "unused": unused,

@@ -7,7 +7,9 @@ use super::argument::{self, Structure, choice};
 use crate::error::{Error, Result};
 use crate::io::SampleType;
 use crate::num;
-use crate::scene::{Grid, KernelSize, Knot, Points, Rescale, Samples, TetScalars, Tets, TransferFunction};
+use crate::scene::{
+    Grid, KernelSize, Knot, Points, Rescale, Samples, Shading, Surface, TetScalars, Tets, TransferFunction,
+};
 
 /// The type of samples.
 #[repr(C)]
@@ -116,6 +118,48 @@ pub struct vr_mesh_info {
 
 // SAFETY: repr(C), numbers and pointers, the first its size.
 unsafe impl Structure for vr_mesh_info {
+    const FIRST: usize = size_of::<Self>();
+}
+
+/// How the colour of a surface depends on where it is seen from.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum vr_shading {
+    /// Not at all.
+    VR_SHADING_FLAT = 0,
+    /// Times the cosine between the triangle's normal and the line of sight, as if lit from the eye.
+    VR_SHADING_HEADLIGHT = 1,
+}
+
+const SHADINGS: [(Shading, u32); 2] = [
+    (Shading::Flat, vr_shading::VR_SHADING_FLAT as u32),
+    (Shading::Headlight, vr_shading::VR_SHADING_HEADLIGHT as u32),
+];
+
+/// A triangle mesh of one colour that stands in the volume, seen from both sides.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct vr_surface_info {
+    /// sizeof(vr_surface_info).
+    pub struct_size: usize,
+    /// x, y and z of each point, in world units.
+    pub points: *const f64,
+    /// Number of points.
+    pub point_count: usize,
+    /// The three points of each triangle, from 0.
+    pub triangles: *const u32,
+    /// Number of triangles.
+    pub triangle_count: usize,
+    /// Straight linear red, green and blue, and opacity: 1 is opaque.
+    pub colour: [f64; 4],
+    /// A vr_shading.
+    pub shading: u32,
+    /// 0.
+    pub reserved: u32,
+}
+
+// SAFETY: repr(C), numbers and pointers, the first its size.
+unsafe impl Structure for vr_surface_info {
     const FIRST: usize = size_of::<Self>();
 }
 
@@ -301,6 +345,19 @@ pub(super) unsafe fn points(info: &vr_points_info) -> Result<Points> {
         }
     };
     points.with_size(size)
+}
+
+/// # Safety
+///
+/// Its arrays are null or as long as it says.
+pub(super) unsafe fn surface(info: &vr_surface_info) -> Result<Surface> {
+    argument::reserved(info.reserved)?;
+    let shading = choice(info.shading, &SHADINGS, "shading")?;
+    // SAFETY: the caller's promise.
+    let points = unsafe { positions(info.points, info.point_count, "points") }?;
+    // SAFETY: the caller's promise.
+    let triangles = unsafe { argument::tuples::<3, u32>(info.triangles, info.triangle_count, "triangles") }?;
+    Ok(Surface::new(points, triangles.to_vec(), info.colour)?.with_shading(shading))
 }
 
 /// A transfer function; `None` without knots.

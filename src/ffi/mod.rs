@@ -24,7 +24,10 @@ mod scene;
 mod view;
 mod vulkan;
 
-pub use data::{vr_grid_info, vr_knot, vr_mesh_info, vr_points_info, vr_sample_type, vr_scalars_per};
+pub use data::{
+    vr_grid_info, vr_knot, vr_mesh_info, vr_points_info, vr_sample_type, vr_scalars_per, vr_shading,
+    vr_surface_info,
+};
 pub use gpu::{
     vr_callback, vr_device_info, vr_gpu, vr_gpu_adopt, vr_gpu_create, vr_gpu_destroy, vr_gpu_handles,
     vr_gpu_info, vr_gpu_memory, vr_gpu_name, vr_gpu_objects, vr_gpu_with_queue, vr_queue_callback,
@@ -44,7 +47,7 @@ pub use scene::{
     vr_data_kind, vr_progress_callback, vr_read_info, vr_scene, vr_scene_create_grid, vr_scene_create_mesh,
     vr_scene_create_points, vr_scene_destroy, vr_scene_draws, vr_scene_info, vr_scene_load, vr_scene_query,
     vr_scene_technique, vr_scene_view, vr_scene_warnings, vr_scene_with_samples, vr_scene_with_scalars,
-    vr_scene_with_transfer,
+    vr_scene_with_surfaces, vr_scene_with_transfer,
 };
 pub use view::{vr_clip_plane, vr_projection, vr_view};
 pub use vulkan::*;

@@ -4,7 +4,7 @@ use std::ffi::{CString, c_char, c_void};
 use std::sync::Arc;
 
 use super::argument::{self, Structure};
-use super::data::{self, vr_grid_info, vr_knot, vr_mesh_info, vr_points_info};
+use super::data::{self, vr_grid_info, vr_knot, vr_mesh_info, vr_points_info, vr_surface_info};
 use super::gpu::vr_gpu;
 use super::result::{c_text, call, quietly, vr_result};
 use super::view::vr_view;
@@ -12,7 +12,7 @@ use super::vulkan::VkBool32;
 use crate::error::{Error, Result};
 use crate::io::{Progress, ReadOptions};
 use crate::scene::file::LoadedScene;
-use crate::scene::{Camera, Clip, Data, Grid, Scene, View, auto};
+use crate::scene::{Camera, Clip, Data, Scene, Surface, TransferFunction, View, auto};
 use crate::technique::{GpuScene, Method, Technique};
 
 /// Data with a transfer function, on a device. What of it a technique needs is uploaded when a plan is first created for it,
@@ -144,11 +144,7 @@ unsafe fn read_options(info: &vr_read_info) -> Result<ReadOptions> {
 
 impl vr_scene {
     /// What was made of the caller's data. `None` chooses a transfer function.
-    fn from_data(
-        gpu: &vr_gpu,
-        data: impl Into<Data>,
-        transfer: Option<crate::scene::TransferFunction>,
-    ) -> Result<Self> {
+    fn from_data(gpu: &vr_gpu, data: impl Into<Data>, transfer: Option<TransferFunction>) -> Result<Self> {
         let data = data.into();
         let transfer = match transfer {
             Some(transfer) => transfer,
@@ -201,6 +197,33 @@ fn give(scene: vr_scene, out: &mut *mut vr_scene) -> vr_result {
     vr_result::VR_OK
 }
 
+/// Makes a scene of data in the caller's memory, as its information has it.
+///
+/// # Safety
+///
+/// Pointers are null or valid, and `read` may read what the information points to.
+unsafe fn create<Info: Structure, D: Into<Data>>(
+    gpu: *const vr_gpu,
+    (info, name): (*const Info, &str),
+    (knots, knot_count): (*const vr_knot, usize),
+    scene: *mut *mut vr_scene,
+    read: unsafe fn(&Info) -> Result<D>,
+) -> vr_result {
+    call(|| {
+        // SAFETY: the caller's promise.
+        let out = unsafe { argument::out(scene, "scene") }?;
+        // SAFETY: the caller's promise.
+        let gpu = unsafe { argument::reference(gpu, "gpu") }?;
+        // SAFETY: the caller's promise.
+        let info = unsafe { argument::structure(info, name) }?;
+        // SAFETY: the caller's promise.
+        let transfer = unsafe { data::transfer(knots, knot_count) }?;
+        // SAFETY: the caller's promise.
+        let data = unsafe { read(&info) }?;
+        Ok(give(vr_scene::from_data(gpu, data, transfer)?, out))
+    })
+}
+
 /// Makes a scene of a grid in memory, which is copied. Without knots (NULL, 0) a transfer function is chosen.
 ///
 /// Fails with VR_ERROR_INVALID.
@@ -218,19 +241,8 @@ pub unsafe extern "C" fn vr_scene_create_grid(
     knot_count: usize,
     scene: *mut *mut vr_scene,
 ) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let out = unsafe { argument::out(scene, "scene") }?;
-        // SAFETY: the caller's promise.
-        let gpu = unsafe { argument::reference(gpu, "gpu") }?;
-        // SAFETY: the caller's promise.
-        let info = unsafe { argument::structure(info, "vr_grid_info") }?;
-        // SAFETY: the caller's promise.
-        let transfer = unsafe { data::transfer(knots, knot_count) }?;
-        // SAFETY: the caller's promise.
-        let grid = unsafe { data::grid(&info) }?;
-        Ok(give(vr_scene::from_data(gpu, grid, transfer)?, out))
-    })
+    // SAFETY: the caller's promise.
+    unsafe { create(gpu, (info, "vr_grid_info"), (knots, knot_count), scene, data::grid) }
 }
 
 /// Makes a scene of tetrahedra in memory, which are copied. Without knots (NULL, 0) a transfer function is chosen.
@@ -250,19 +262,8 @@ pub unsafe extern "C" fn vr_scene_create_mesh(
     knot_count: usize,
     scene: *mut *mut vr_scene,
 ) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let out = unsafe { argument::out(scene, "scene") }?;
-        // SAFETY: the caller's promise.
-        let gpu = unsafe { argument::reference(gpu, "gpu") }?;
-        // SAFETY: the caller's promise.
-        let info = unsafe { argument::structure(info, "vr_mesh_info") }?;
-        // SAFETY: the caller's promise.
-        let transfer = unsafe { data::transfer(knots, knot_count) }?;
-        // SAFETY: the caller's promise.
-        let mesh = unsafe { data::mesh(&info) }?;
-        Ok(give(vr_scene::from_data(gpu, mesh, transfer)?, out))
-    })
+    // SAFETY: the caller's promise.
+    unsafe { create(gpu, (info, "vr_mesh_info"), (knots, knot_count), scene, data::mesh) }
 }
 
 /// Makes a scene of points in memory, which are copied. Without knots (NULL, 0) a transfer function is chosen.
@@ -282,19 +283,8 @@ pub unsafe extern "C" fn vr_scene_create_points(
     knot_count: usize,
     scene: *mut *mut vr_scene,
 ) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let out = unsafe { argument::out(scene, "scene") }?;
-        // SAFETY: the caller's promise.
-        let gpu = unsafe { argument::reference(gpu, "gpu") }?;
-        // SAFETY: the caller's promise.
-        let info = unsafe { argument::structure(info, "vr_points_info") }?;
-        // SAFETY: the caller's promise.
-        let transfer = unsafe { data::transfer(knots, knot_count) }?;
-        // SAFETY: the caller's promise.
-        let points = unsafe { data::points(&info) }?;
-        Ok(give(vr_scene::from_data(gpu, points, transfer)?, out))
-    })
+    // SAFETY: the caller's promise.
+    unsafe { create(gpu, (info, "vr_points_info"), (knots, knot_count), scene, data::points) }
 }
 
 /// Reads a scene file (.json), a data file of any format that the library knows, or a folder of slices. A data file gets a
@@ -410,18 +400,7 @@ pub unsafe extern "C" fn vr_scene_with_samples(
         };
         // SAFETY: the caller's promise.
         let samples = unsafe { data::samples(grid.dims(), sample_type, samples, sample_bytes) }?;
-        // The map holds the spacing.
-        let grid = Grid::new(grid.dims(), samples)?
-            .with_placement(glam::DVec3::ONE, grid.origin(), grid.index_to_world())?
-            .with_rescale(grid.rescale())?
-            .with_anatomy(grid.anatomy());
-        let new = Scene {
-            data: grid.into(),
-            transfer: old.transfer.clone(),
-            kernels: old.kernels,
-            surfaces: old.surfaces.clone(),
-        };
-        Ok(give(source.with(GpuScene::new(source.scene.gpu(), new)), out))
+        Ok(give(source.with(source.scene.with_samples(samples)?), out))
     })
 }
 
@@ -457,6 +436,46 @@ pub unsafe extern "C" fn vr_scene_with_scalars(
         let transfer = unsafe { data::transfer(knots, knot_count) }?;
         let transfer = transfer.unwrap_or_else(|| source.scene.scene().transfer.clone());
         Ok(give(source.with(source.scene.with_scalars(scalars, transfer)?), out))
+    })
+}
+
+/// Makes a scene of the same data among other surfaces, of which there may be none; what is on the device of the data is shared.
+/// Opaque surfaces are drawn by every technique, translucent ones by some: vr_plan_create() refuses the others.
+///
+/// `surfaces` are `surface_count` pointers. Everything is copied, and `source` stays as it is. Fails with VR_ERROR_INVALID.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// Pointers are NULL or valid, arrays as long as is said.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_scene_with_surfaces(
+    source: *const vr_scene,
+    surfaces: *const *const vr_surface_info,
+    surface_count: usize,
+    scene: *mut *mut vr_scene,
+) -> vr_result {
+    call(|| {
+        // SAFETY: the caller's promise.
+        let out = unsafe { argument::out(scene, "scene") }?;
+        // SAFETY: the caller's promise.
+        let source = unsafe { argument::reference(source, "source") }?;
+        // SAFETY: the caller's promise.
+        let given = unsafe { argument::array(surfaces, surface_count, "surfaces") }?;
+        let surface = |(i, info): (usize, &*const vr_surface_info)| -> Result<Surface> {
+            // SAFETY: the caller's promise.
+            let info = unsafe { argument::structure(*info, &format!("surfaces[{i}]")) }?;
+            // SAFETY: the caller's promise.
+            unsafe { data::surface(&info) }.map_err(|error| match error {
+                Error::Invalid { what, why } => {
+                    Error::Invalid { what: format!("surfaces[{i}]: {what}"), why }
+                }
+                other => other,
+            })
+        };
+        let surfaces = given.iter().enumerate().map(surface).collect::<Result<Vec<_>>>()?;
+        Ok(give(source.with(source.scene.with_surfaces(surfaces)), out))
     })
 }
 

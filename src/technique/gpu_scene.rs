@@ -17,7 +17,7 @@ use crate::num::{self, f32_of};
 use crate::optics::DeviceKnots;
 use crate::optics::cumulative::Cumulative;
 use crate::optics::full::Full;
-use crate::scene::{Grid, Kernels, Rescale, Samples, Scene, TetScalars, Tets, TransferFunction};
+use crate::scene::{Grid, Kernels, Rescale, Samples, Scene, Surface, TetScalars, Tets, TransferFunction};
 
 use super::bricks::{MinMax, nonzero_ranges};
 use super::grid_options::{Integrator, SegmentOptions};
@@ -34,6 +34,11 @@ pub(crate) const TABLE_FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 /// Octaves of thickness in a 2-D table: from the domain's diagonal down to a two-thousandth of it. Thinner
 /// segments take the last one's colour.
 const LAYERS: u32 = 12;
+
+/// What a place holds so far, for another scene.
+fn copied<T: Clone>(place: &Mutex<T>) -> Mutex<T> {
+    Mutex::new(place.lock().unwrap_or_else(PoisonError::into_inner).clone())
+}
 
 /// A scene with what of it lies on the device. Data is uploaded when a technique first needs it, once for
 /// each form in which techniques ask for it.
@@ -140,21 +145,15 @@ impl GpuScene {
     /// Takes a scene for a device. Nothing is uploaded yet.
     #[must_use]
     pub fn new(gpu: &Gpu, scene: Scene) -> Arc<Self> {
-        Self::sharing(gpu, scene, Arc::default(), Arc::default(), Arc::default())
+        Arc::new(Self::unshared(gpu, scene))
     }
 
-    fn sharing(
-        gpu: &Gpu,
-        scene: Scene,
-        data: Arc<GridData>,
-        mesh: Arc<MeshData>,
-        surfaces: SurfacePlace,
-    ) -> Arc<Self> {
-        Arc::new(Self {
+    fn unshared(gpu: &Gpu, scene: Scene) -> Self {
+        Self {
             gpu: gpu.clone(),
             scene,
-            data,
-            mesh,
+            data: Arc::default(),
+            mesh: Arc::default(),
             primitives: Mutex::default(),
             no_table: Mutex::default(),
             knots: Mutex::default(),
@@ -162,9 +161,9 @@ impl GpuScene {
             bricks: Mutex::default(),
             splats: Mutex::default(),
             splat_needs: Mutex::default(),
-            surfaces,
+            surfaces: Arc::default(),
             times: Mutex::default(),
-        })
+        }
     }
 
     /// The same data and kernels under another transfer function. What is on the device of the samples is shared; the
@@ -181,7 +180,8 @@ impl GpuScene {
             Arc::new(MeshData::with_shape(&self.mesh.shape))
         };
         let scene = Scene { transfer, ..self.scene.clone() };
-        Self::sharing(&self.gpu, scene, data, mesh, Arc::clone(&self.surfaces))
+        let surfaces = Arc::clone(&self.surfaces);
+        Arc::new(Self { data, mesh, surfaces, ..Self::unshared(&self.gpu, scene) })
     }
 
     /// The same mesh with other scalars, and perhaps another transfer function for them. Points and their
@@ -192,14 +192,15 @@ impl GpuScene {
     /// [`Error::Invalid`] if the scene holds no mesh, or as [`Tets::with_scalars`].
     pub fn with_scalars(&self, scalars: TetScalars, transfer: TransferFunction) -> Result<Arc<Self>> {
         let mesh = self.mesh()?.clone().with_scalars(scalars)?;
-        let data = Arc::new(MeshData::with_shape(&self.mesh.shape));
+        let mesh_data = Arc::new(MeshData::with_shape(&self.mesh.shape));
         let scene = Scene {
             data: mesh.into(),
             transfer,
             kernels: self.scene.kernels,
             surfaces: self.scene.surfaces.clone(),
         };
-        Ok(Self::sharing(&self.gpu, scene, Arc::default(), data, Arc::clone(&self.surfaces)))
+        let surfaces = Arc::clone(&self.surfaces);
+        Ok(Arc::new(Self { mesh: mesh_data, surfaces, ..Self::unshared(&self.gpu, scene) }))
     }
 
     /// The same place and transfer function with other samples of a grid, of any type: a step of a time series. Nothing is
@@ -217,8 +218,31 @@ impl GpuScene {
             kernels: self.scene.kernels,
             surfaces: self.scene.surfaces.clone(),
         };
-        let surfaces = Arc::clone(&self.surfaces);
-        Ok(Self::sharing(&self.gpu, scene, Arc::default(), Arc::default(), surfaces))
+        Ok(Arc::new(Self {
+            no_table: copied(&self.no_table),
+            knots: copied(&self.knots),
+            tables: copied(&self.tables),
+            surfaces: Arc::clone(&self.surfaces),
+            ..Self::unshared(&self.gpu, scene)
+        }))
+    }
+
+    /// The same scene among other surfaces: those that move, come or go. Everything else that lies on the device is shared; plans
+    /// are prepared for the new scene.
+    #[must_use]
+    pub fn with_surfaces(&self, surfaces: Vec<Surface>) -> Arc<Self> {
+        Arc::new(Self {
+            data: Arc::clone(&self.data),
+            mesh: Arc::clone(&self.mesh),
+            primitives: copied(&self.primitives),
+            no_table: copied(&self.no_table),
+            knots: copied(&self.knots),
+            tables: copied(&self.tables),
+            bricks: copied(&self.bricks),
+            splats: copied(&self.splats),
+            splat_needs: copied(&self.splat_needs),
+            ..Self::unshared(&self.gpu, Scene { surfaces, ..self.scene.clone() })
+        })
     }
 
     /// What of a mesh lies on the device.

@@ -275,8 +275,8 @@ impl Method {
         }
         let others = Self::ALL.into_iter().filter(|method| method.draws_translucent_surfaces());
         let names: Vec<&str> = others.map(Self::name).collect();
-        let missing = format!("lines that are cut at them, as by {}", names.join(", "));
-        Err(Error::unsupported(format!("{} with translucent surfaces", self.name()), missing))
+        let why = format!("{} draws no translucent surfaces: {} do", self.name(), names.join(", "));
+        Err(Error::invalid("technique", why))
     }
 
     /// The technique that draws a scene where none is asked for; `None` where none does.
@@ -564,8 +564,7 @@ impl Canvas {
         if self.layers.is_none() {
             return Ok(());
         }
-        let missing = format!("lines that are cut at them: {instead} works");
-        Err(Error::unsupported(format!("{what} with translucent surfaces"), missing))
+        Err(Error::invalid("technique", format!("{what} draws no translucent surfaces: {instead} does")))
     }
 
     /// Whether lines are bounded.

@@ -8,7 +8,7 @@ use std::sync::Mutex;
 use volraster::ash::vk;
 use volraster::ffi::*;
 use volraster::gpu::DepthProjection;
-use volraster::scene::{Clip, Field, Samples, Scene, TetScalars, TransferFunction};
+use volraster::scene::{Clip, Field, Samples, Scene, Shading, Surface, TetScalars, TransferFunction};
 use volraster::technique::{GpuScene, Renderer, TargetDesc, TargetMode};
 
 use crate::common::caller::{Caller, Depth};
@@ -155,7 +155,25 @@ fn scenes_are_those_of_rust() {
     let other = other.with_placement(glam::DVec3::ONE, grid.origin(), grid.index_to_world()).unwrap();
     same(made, Scene::new(other.with_rescale(grid.rescale()).unwrap(), fog.clone()), c"slabs");
     handles.push(made);
-    same(first, Scene::new(grid, fog.clone()), c"slices-2d");
+    same(first, Scene::new(grid.clone(), fog.clone()), c"slices-2d");
+    // Surfaces come, change, and go; the data stays where it is.
+    let (low, glass) = (glam::DVec3::splat(-0.4), [0.2, 0.7, 1.0, 0.5]);
+    let cube = Surface::cuboid(low, -low, [0.9, 0.4, 0.1, 1.0]).unwrap().with_shading(Shading::Headlight);
+    let ball = Surface::sphere(glam::DVec3::ZERO, 0.8, glass, 2).unwrap();
+    let [c_cube, c_ball] = [&cube, &ball].map(c_surface);
+    let volumes = || own.memory_report().iter().filter(|(name, _)| name.starts_with("stack")).count();
+    let held = volumes();
+    for (infos, surfaces, spec) in [
+        (vec![&raw const c_cube.0], vec![cube.clone()], c"slices-2d"),
+        (vec![&raw const c_cube.0, &raw const c_ball.0], vec![cube.clone(), ball], c"slices-2d"),
+        (Vec::new(), Vec::new(), c"slices-2d"),
+    ] {
+        // SAFETY: all are valid.
+        done(unsafe { vr_scene_with_surfaces(first, infos.as_ptr(), infos.len(), &mut made) });
+        same(made, Scene::new(grid.clone(), fog.clone()).with_surfaces(surfaces), spec);
+        handles.push(made);
+    }
+    assert_eq!(volumes(), held, "{:?}", own.memory_report());
     handles.push(first);
 
     let mesh = Field::Blobs.tets(4).unwrap();

@@ -137,6 +137,7 @@ fn structures_lie_in_memory_as_c_has_them() {
         vr_grid_info: struct_size, dims, sample_type, samples, sample_bytes, spacing, origin, direction, slope, intercept;
         vr_mesh_info: struct_size, points, point_count, cells, cell_count, scalars, scalar_count, scalars_per, reserved;
         vr_points_info: struct_size, centres, point_count, scalars, weights, radii, covariances, radius;
+        vr_surface_info: struct_size, points, point_count, triangles, triangle_count, colour, shading, reserved;
         vr_knot: scalar, colour, extinction;
         vr_read_info: struct_size, max_bytes, array, radius, covariance, weight, progress, user;
         vr_scene_info: struct_size, low, high, range, data_kind, dims;

@@ -5,7 +5,7 @@ use std::ptr::{null, null_mut};
 
 use volraster::ash::vk;
 use volraster::ffi::*;
-use volraster::scene::Field;
+use volraster::scene::{Field, Surface};
 
 use crate::common::caller::Caller;
 use crate::common::{FOG, perspective, view};
@@ -70,6 +70,47 @@ fn wrong_arguments_are_refused() {
     // SAFETY: the same.
     let scalars = unsafe { vr_scene_with_scalars(scene, 1, [0_f32; 8].as_ptr(), 8, null(), 0, &mut out) };
     refused(scalars, INVALID, "grid");
+    let surface = Surface::cuboid([-0.5; 3].into(), [0.5; 3].into(), [1.0, 0.5, 0.2, 0.5]).unwrap();
+    let (surface, _points) = c_surface(&surface);
+    let wrong = |change: &dyn Fn(&mut vr_surface_info), words: &str| {
+        let (mut info, mut out) = (surface, std::ptr::dangling_mut());
+        change(&mut info);
+        // SAFETY: what is wrong is refused before it is followed.
+        refused(
+            unsafe { vr_scene_with_surfaces(scene, [&raw const surface, &info].as_ptr(), 2, &mut out) },
+            INVALID,
+            words,
+        );
+        assert!(out.is_null());
+    };
+    wrong(&|info| info.struct_size = 9, "surfaces[1]: struct_size 9");
+    wrong(&|info| info.points = null(), "surfaces[1]: points: is NULL");
+    wrong(&|info| info.point_count = 7, "surfaces[1]: surface: triangle");
+    wrong(&|info| info.triangles = null(), "triangles: is NULL");
+    wrong(&|info| info.colour[3] = 1.5, "opacity");
+    wrong(&|info| info.shading = 2, "shading: 2: must be one of 0, 1");
+    wrong(&|info| info.reserved = 1, "reserved");
+    // SAFETY: the same.
+    refused(unsafe { vr_scene_with_surfaces(scene, null(), 1, &mut out) }, INVALID, "surfaces: is NULL");
+    // SAFETY: the same.
+    refused(
+        unsafe { vr_scene_with_surfaces(scene, [null()].as_ptr(), 1, &mut out) },
+        INVALID,
+        "surfaces[0]: is NULL",
+    );
+    // SAFETY: all are valid.
+    done(unsafe { vr_scene_with_surfaces(scene, [&raw const surface].as_ptr(), 1, &mut out) });
+    let mut plan = null_mut();
+    let info = sized!(vr_plan_info {
+        technique: c"shear-warp".as_ptr(),
+        format: FORMAT,
+        mode: vr_target_mode::VR_TARGET_CLEAR as u32,
+    });
+    // SAFETY: all are valid.
+    let translucent = unsafe { vr_plan_create(out, &info, &view, &mut plan) };
+    refused(translucent, INVALID, "shear-warp draws no translucent surfaces: slices-2d, ");
+    assert!(plan.is_null());
+    end_scene(out);
     // SAFETY: the same.
     refused(unsafe { vr_scene_query(scene, null_mut()) }, INVALID, "is NULL");
     let mesh = sized!(vr_mesh_info {

@@ -6,7 +6,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use volraster::ash::vk;
 use volraster::ffi::*;
-use volraster::scene::{Samples, View};
+use volraster::scene::{Samples, Shading, Surface, View};
 
 use crate::common::caller::Caller;
 use crate::engine::Engine;
@@ -146,6 +146,24 @@ pub fn c_scene(gpu: *const vr_gpu, grid: &volraster::scene::Grid, rows: &[[f64; 
     // SAFETY: all are valid.
     done(unsafe { vr_scene_create_grid(gpu, &info, knots.as_ptr(), knots.len(), &mut scene) });
     scene
+}
+
+/// A surface for C, and its points, which must live as long.
+pub fn c_surface(surface: &Surface) -> (vr_surface_info, Vec<[f64; 3]>) {
+    let points: Vec<[f64; 3]> = surface.points().iter().map(|p| p.to_array()).collect();
+    let shading = match surface.shading() {
+        Shading::Flat => vr_shading::VR_SHADING_FLAT,
+        Shading::Headlight => vr_shading::VR_SHADING_HEADLIGHT,
+    };
+    let info = sized!(vr_surface_info {
+        points: points.as_ptr().cast(),
+        point_count: points.len(),
+        triangles: surface.triangles().as_ptr().cast(),
+        triangle_count: surface.triangles().len(),
+        colour: surface.colour(),
+        shading: shading as u32,
+    });
+    (info, points)
 }
 
 pub fn c_render(scene: *const vr_scene, spec: Option<&CStr>, view: &View) -> Vec<[f32; 4]> {

@@ -115,12 +115,12 @@ pub(crate) fn label(spec: &str) -> &str {
     spec.trim_end_matches(':')
 }
 
-/// All cases, in the order in which they run.
+/// All cases, in the order in which they run; with `every_call`, each call of a session fails in turn, and not some of each name.
 ///
 /// # Errors
 ///
 /// None, unless a constant is wrong.
-pub(crate) fn all() -> Result<Vec<Case>> {
+pub(crate) fn all(every_call: bool) -> Result<Vec<Case>> {
     let mut cases = Vec::new();
     for &(subject, spec, bounds) in PICTURES {
         let kind = match subject {
@@ -163,7 +163,7 @@ pub(crate) fn all() -> Result<Vec<Case>> {
         })?);
     }
     cases.extend(limits::cases()?);
-    cases.extend(failures()?);
+    cases.extend(failures(every_call)?);
     Ok(cases)
 }
 
@@ -384,8 +384,9 @@ fn caller(stage: &Stage, spec: &str) -> Verdict {
     Ok(format!("{} formats, cleared and over", FORMATS.len()))
 }
 
-/// Failures of calls and losses of the device, in sessions of each kind of data and route.
-fn failures() -> Result<Vec<Case>> {
+/// Failures of calls and losses of the device, in sessions of each kind of data and route; some calls of
+/// each name, or all.
+fn failures(every_call: bool) -> Result<Vec<Case>> {
     type Sweep = fn(&Place, &Session, usize) -> std::result::Result<session::Swept, session::Finding>;
     let sweeps: [(&str, Sweep, usize); 4] = [
         ("frames", session::fail_frames, 8),
@@ -393,6 +394,7 @@ fn failures() -> Result<Vec<Case>> {
         ("opening", session::fail_opening, 1),
         ("lost", session::lose, 2),
     ];
+    let sweeps = sweeps.map(|(kind, sweep, some)| (kind, sweep, if every_call { usize::MAX } else { some }));
     let mut cases = Vec::new();
     for (kind, sweep, most) in sweeps {
         for session in session::sessions()? {
