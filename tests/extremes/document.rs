@@ -15,10 +15,10 @@ every route that the device offers, with every integrator. A technique may refus
 test. Made from the tests: `VOLRASTER_WRITE_EXTREMES=1 cargo test --test extremes the_document` writes this file, without
 the variable the test fails where it differs.
 
-Numbers are rows of the catalogue; 5.x are changes that change nothing. `t32(N) = max(2e-6, 1.2e-7 N)`, absolute, for N
-blended pieces of values in [0, 1]. od: optical depth. Tolerances are derived where the case is run. Rows on what the
-project does not have (refined grids, shading) are left out. Pixels whose centre lies within 1/64 pixel
-of a cube's outline are left out.
+Numbers are rows of the catalogue; 5.x are changes that change nothing; c and s are clipping and surfaces.
+`t32(N) = max(2e-6, 1.2e-7 N)`, absolute, for N blended pieces of values in [0, 1]. od: optical depth. Tolerances are
+derived where the case is run. Rows on what the project does not have (refined grids, shading) are left out. Pixels whose
+centre lies within 1/64 pixel of a cube's outline are left out.
 
 `splat-sheets` draws a grid's trilinear field, as slices do. `splat-ewa` draws grids and meshes through Gaussians, another
 field, which blurs, and does not end where a mesh does: it takes part where that is told by a closed form all the same.

@@ -18,6 +18,7 @@ mod common;
 
 mod cameras;
 mod catalogue;
+mod cuts;
 mod document;
 mod integrals;
 mod limits;
@@ -35,11 +36,12 @@ mod transfer;
 use catalogue::{Family, Results};
 
 /// Every family, in the order of the document.
-static FAMILIES: [&Family; 12] = [
+static FAMILIES: [&Family; 13] = [
     &integrals::FAMILY,
     &transfer::FAMILY,
     &targets::FAMILY,
     &cameras::FAMILY,
+    &cuts::FAMILY,
     &samples::FAMILY,
     &sizes::FAMILY,
     &meshes::FAMILY,
@@ -76,6 +78,7 @@ families!(
     transfer,
     targets,
     cameras,
+    cuts,
     samples,
     sizes,
     meshes,
