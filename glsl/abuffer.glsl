@@ -106,10 +106,11 @@ void main() {
     clear_window();
     Pending pending;
     begin_segment(pending, end_at(0.0), end_at(0.0), 0.0);
+    Uncut rest = Uncut(pending.front, pending.back, vec2(0.0));
     // A turn for each piece of a line, and for each further piece of it between knots. After the last one the window is emptied.
     uint i = begin;
-    while ((i < end + K || pending.len > 0.0) && sum.a < opaque) {
-        if (pending.len == 0.0) {
+    while ((i < end + K || pending.len > 0.0 || is_uncut(rest)) && sum.a < opaque) {
+        if (pending.len == 0.0 && !is_uncut(rest)) {
             Pair pair = Pair(EVERYTHING, i);
             if (i < end) {
                 vec4 piece = lists[i];
@@ -124,21 +125,19 @@ void main() {
                 Piece piece = Piece(listed.x, listed.y, listed.z, listed.w);
                 if (BOUNDED) cut(piece, bounds);
                 End near = end_at(piece.s0), far = end_at(piece.s1);
-                if (LAYERS) {
-                    vec2 depths = vec2(piece.d0, piece.d1);
-                    cut_at_layers(ahead, depths, near, far, false, world, knots, sum);
-                    piece.d0 = depths.x;
-                }
                 float len = max(piece.d1 - piece.d0, 0.0) * world;
-                if (BACK_TO_FRONT) begin_segment(pending, far, near, len); else begin_segment(pending, near, far, len);
+                if (LAYERS) rest = Uncut(near, far, vec2(piece.d0, piece.d1));
+                else if (BACK_TO_FRONT) begin_segment(pending, far, near, len);
+                else begin_segment(pending, near, far, len);
             }
             ++i;
         }
+        if (LAYERS && pending.len == 0.0 && is_uncut(rest)) begin_uncut(rest, pending, ahead, false, world, sum);
         if (pending.len > 0.0) composite(sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
     }
     if (LAYERS && sum.a < opaque) pass_layers(ahead, 3e37, sum);
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)
-    uint left = end + K - i + uint(pending.len != 0.0);
+    uint left = end + K - i + uint(pending.len != 0.0 || is_uncut(rest));
     if (left != 0u && sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);
     if (!FLAGGED) flags[word] = (unsorted ? FLAG_UNSORTED : 0u) | (REPAIR ? FLAG_REPAIRED : 0u);
     // Of repair the last round counts.

@@ -114,8 +114,6 @@ void main() {
 
 #include "optics.glsl"
 #include "segments.glsl"
-#include "layers.glsl"
-#define MESH_LAYERS
 #include "mesh-segments.glsl"
 #include "havs-sweep.glsl"
 
@@ -193,14 +191,13 @@ void main() {
     uint word = word_of(place);
     Sweep sweep = load_sweep(ivec2(place), flags[word]);
     float opaque = BACK_TO_FRONT ? 2.0 : 1.0 - push.opaque; // from behind a line does not end
-    LayersAhead none = LayersAhead(0u, 0u, 3e38); // scenes with translucent surfaces are drawn by compute
     Pending pending;
     begin_segment(pending, sweep.end, sweep.end, 0.0);
     uint j = 0u;
     while ((j < K || pending.len > 0.0) && sweep.sum.a < opaque) {
         if (pending.len == 0.0) {
             // What is greater than all lets the least out.
-            leave(sweep, pending, none, pass_through(Pair(EVERYTHING, 0u)), drawn_depths(place), world, knots);
+            leave(sweep, pending, pass_through(Pair(EVERYTHING, 0u)), drawn_depths(place), world);
             ++j;
         }
         if (pending.len > 0.0) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
@@ -280,10 +277,9 @@ void main() {
 #endif
     Sweep sweep = load_sweep(pixel, flags[word]);
     if (pair.at != NOTHING && sweep.sum.a < opaque) {
-        LayersAhead none = LayersAhead(0u, 0u, 3e38);
         Pending pending;
         begin_segment(pending, sweep.end, sweep.end, 0.0);
-        leave(sweep, pending, none, pass_through(pair), drawn_depths(uvec2(pixel)), world, knots);
+        leave(sweep, pending, pass_through(pair), drawn_depths(uvec2(pixel)), world);
         while (pending.len > 0.0 && sweep.sum.a < opaque) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
         store_sweep(pixel, sweep);
         flags[word] = uint(sweep.unsorted) | BEGUN | (sweep.overlaps ? OVERLAPS : 0u) | uint(sweep.inside << 3);

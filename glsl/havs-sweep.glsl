@@ -31,9 +31,9 @@ vec2 drawn_depths(uvec2 pixel) {
     return vec2(max(bounds.x, push.forward.w), bounds.y);
 }
 
-// Takes a pair from the window; begins the segment between it and the pair before.
-void leave(inout Sweep sweep, inout Pending pending, inout LayersAhead ahead, Pair pair, vec2 drawn, float world, uint knots) {
-    if (pair.at == NOTHING) return;
+// Takes a pair from the window; begins the segment between it and the pair before. Returns its depths; equal: there is none.
+vec2 leave(inout Sweep sweep, inout Pending pending, Pair pair, vec2 drawn, float world) {
+    if (pair.at == NOTHING) return vec2(0.0);
     sweep.unsorted = sweep.unsorted || pair.at < sweep.last.at;
     End end = end_at(scalar_of_pair(pair));
     End first = sweep.end, second = end;
@@ -65,14 +65,10 @@ void leave(inout Sweep sweep, inout Pending pending, inout LayersAhead ahead, Pa
     sweep.overlaps = sweep.overlaps || (!same && apart <= (inner ? (CELL_SCALARS ? ROUNDING : -1.0) : TOUCHING));
     sweep.overlaps = sweep.overlaps || ((sweep.inside > 1 || sweep.inside < 0) && to - from > TOUCHING);
     bool begins = sweep.inside > 0 && len > 0.0;
-    if (LAYERS && begins) {
-        vec2 depths = vec2(from, to);
-        cut_at_layers(ahead, depths, first, second, CELL_SCALARS, world, knots, sweep.sum);
-        len = (depths.y - depths.x) * world;
-    }
     if (begins) begin_segment(pending, first, second, len);
     int step = int(pair.what >> 1 & 1u) - int(pair.what & 1u);
     sweep.inside += BACK_TO_FRONT ? -step : step;
     sweep.last = pair;
     sweep.end = end;
+    return begins ? vec2(from, to) : vec2(0.0);
 }

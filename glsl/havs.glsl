@@ -119,22 +119,28 @@ void main() {
     if (LAYERS && RESUME) skip_layers(ahead, flags[word] >> 22u);
     Pending pending;
     begin_segment(pending, sweep.end, sweep.end, 0.0);
+    Uncut rest = Uncut(sweep.end, sweep.end, vec2(0.0));
     // A turn for each pair and for each further piece of a segment. After the last one the window is emptied.
     uint last = LAST_CHUNK ? stop + K : stop;
-    while ((i < last || pending.len > 0.0) && sweep.sum.a < opaque) {
-        if (pending.len == 0.0) {
+    while ((i < last || pending.len > 0.0 || is_uncut(rest)) && sweep.sum.a < opaque) {
+        if (pending.len == 0.0 && !is_uncut(rest)) {
             uvec2 entry = lists[min(i, max(end, 1u) - 1u)];
             Pair pair = Pair(uintBitsToFloat(entry.x) * (BACK_TO_FRONT ? -1.0 : 1.0), entry.y);
             // What is greater than all lets the least out.
             if (i >= stop) pair = Pair(EVERYTHING, 0u);
-            leave(sweep, pending, ahead, pass_through(pair), drawn, world, knots);
+            vec2 depths = leave(sweep, pending, pass_through(pair), drawn, world);
+            if (LAYERS) {
+                rest = Uncut(pending.front, pending.back, depths);
+                pending.len = 0.0;
+            }
             ++i;
         }
+        if (LAYERS && pending.len == 0.0 && is_uncut(rest)) begin_uncut(rest, pending, ahead, CELL_SCALARS, world, sweep.sum);
         if (pending.len > 0.0) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
     }
     if (LAYERS && LAST_CHUNK && sweep.sum.a < opaque) pass_layers(ahead, 3e37, sweep.sum);
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)
-    uint left = max(i, last) - i + uint(pending.len != 0.0);
+    uint left = max(i, last) - i + uint(pending.len != 0.0 || is_uncut(rest));
     if (left != 0u && sweep.sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);
     if (LAST_CHUNK) {
         // What is not in order tells nothing of overlaps.

@@ -74,18 +74,28 @@ void pass_layers(inout LayersAhead ahead, float depth, inout vec4 sum) {
     for (uint turn = 0u; turn < MOST_TURNS / 2u && ahead.depth <= depth; ++turn) composite(sum, take_layer(ahead), false);
 }
 
-// Composites a segment between two depths up to the last of the surfaces in it; what is left, behind that, is to be begun. One scalar
-// is constant, two are linear.
-void cut_at_layers(inout LayersAhead ahead, inout vec2 depths, inout End front, End back, bool constant, float world, uint knots, inout vec4 sum) {
-    pass_layers(ahead, depths.x, sum);
-    for (uint turn = 0u; turn < MOST_TURNS / 8u && ahead.depth < depths.y; ++turn) {
-        float x = (ahead.depth - depths.x) / (depths.y - depths.x);
-        End cut = front;
-        if (!constant) cut = end_at(front.s + (back.s - front.s) * clamp(x, 0.0, 1.0));
-        composite(sum, cell_segment(front, constant ? front : cut, (ahead.depth - depths.x) * world, knots), false);
-        depths.x = ahead.depth;
-        front = cut;
-        pass_layers(ahead, depths.x, sum);
+// What of a segment was not begun yet, because of the surfaces in it.
+struct Uncut {
+    End front, back;
+    vec2 depths; // equal: nothing
+};
+
+bool is_uncut(Uncut rest) {
+    return rest.depths.x < rest.depths.y;
+}
+
+// Begins what lies before the next surface, behind those that were come to. The rest follows in further turns of the loop over segments,
+// as pieces do. One scalar is constant, two are linear.
+void begin_uncut(inout Uncut rest, inout Pending pending, inout LayersAhead ahead, bool constant, float world, inout vec4 sum) {
+    pass_layers(ahead, rest.depths.x, sum);
+    float from = rest.depths.x, to = min(ahead.depth, rest.depths.y);
+    End middle = rest.back;
+    // A loop, which no invocation's device runs through where no surface is near.
+    for (uint once = 0u; once < uint(to < rest.depths.y && !constant); ++once) {
+        middle = end_at(rest.front.s + (rest.back.s - rest.front.s) * clamp((to - from) / (rest.depths.y - from), 0.0, 1.0));
     }
+    begin_segment(pending, rest.front, middle, (to - from) * world);
+    rest.front = middle;
+    rest.depths.x = to;
 }
 #endif
