@@ -70,7 +70,9 @@ pub mod raycast;
 
 mod scan;
 mod shear_bounds;
+mod shear_faces;
 mod shear_frame;
+mod shear_march;
 pub mod shear_warp;
 pub mod slabs;
 pub mod slices_2d;

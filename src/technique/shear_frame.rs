@@ -4,14 +4,15 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use super::base_planes::{BasePlane, Room, base_planes};
-use super::gpu_scene::{GpuScene, Knots, Layout, TABLE_FORMAT, Volume, turned};
-use super::grid_frame::{MAX_SLABS, check_loops, draws_directly, own_image, slabs_per_dispatch};
+use super::gpu_scene::{GpuScene, Knots, Layout, TABLE_FORMAT, Volume};
+use super::grid_frame::{check_loops, draws_directly, own_image, slabs_per_dispatch};
 use super::grid_options::{EmptySpace, Filter, Integrator, Order, Route};
 use super::line_bounds::DepthMeasure;
 use super::options::Choice;
 use super::passes::{buffer, tiles_of};
-use super::shear_bounds::{ShearBounds, bounds_push};
+use super::shear_bounds::ShearBounds;
+use super::shear_faces::{FILL, Face, Faces, TEXEL, plan};
+use super::shear_march::{EdgeMarch, March};
 use super::shear_warp::{NAME, Options, Warp};
 use super::slices_2d::Stacks;
 use super::{Canvas, Prepared};
@@ -19,37 +20,25 @@ use crate::error::{Error, Result};
 use crate::gpu::shader::{
     BINDING_ACCUMULATION, BINDING_BRICKS, BINDING_EDGES, BINDING_INTERMEDIATE, BINDING_KNOTS,
     BINDING_KNOTS_UNIFORM, BINDING_TABLE, BINDING_TABLE_HEAD, BINDING_TEXEL_BOUNDS, BINDING_VOLUME,
-    SHEAR_WARP_COMPUTE, SHEAR_WARP_EDGE, SHEAR_WARP_FRAGMENT, SHEAR_WARP_VERTEX, SPEC_BETWEEN,
-    SPEC_EMPTY_SPACE, SPEC_EVERY, SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_INTEGRATOR, SPEC_KNOT_WALK,
-    SPEC_RESUME, SPEC_TABLE_FILTER, SPEC_WARP, WARP_BICUBIC, WARP_BILINEAR, WARP_BOUNDED, WARP_COMPUTE,
-    WARP_FRAGMENT, WARP_HALVE, WARP_MIP, WARP_VERTEX,
+    SHEAR_WARP_COMPUTE, SHEAR_WARP_FRAGMENT, SHEAR_WARP_VERTEX, SPEC_BETWEEN, SPEC_EMPTY_SPACE, SPEC_EVERY,
+    SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_INTEGRATOR, SPEC_KNOT_WALK, SPEC_RESUME, SPEC_TABLE_FILTER,
+    SPEC_WARP, WARP_BICUBIC, WARP_BILINEAR, WARP_BOUNDED, WARP_COMPUTE, WARP_FRAGMENT, WARP_HALVE, WARP_MIP,
+    WARP_VERTEX,
 };
 use crate::gpu::sync::Use;
 use crate::gpu::{
-    Attachment, Blend, Buffer, ComputeDesc, Descriptors, Gpu, GraphicsDesc, Image, ImageDesc, Pipeline,
-    Recorder, Resource, SpecConstant, TargetImage,
+    Attachment, Blend, Buffer, ComputeDesc, Descriptors, GraphicsDesc, Image, ImageDesc, Pipeline, Recorder,
+    Resource, SpecConstant, TargetImage,
 };
 use crate::interface::{BasePlanePush, ShearBoundsPush, WarpPush};
 use crate::num::{self, f32_of};
-use crate::scene::{Grid, View};
+use crate::scene::View;
 
 /// Format of the intermediate image.
 const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 
-/// Bytes of a texel.
-const TEXEL: u64 = 16;
-
-/// Share of a buffer that a first view takes, so that the next ones fit it too.
-const FILL: f64 = 0.6;
-
-/// Most texels along a side: every device allows so many workgroups of 8.
-const MOST_SIDE: u32 = 8 * 65_535;
-
-/// Bits of `BasePlanePush::order`, and the first of those that count slices.
-const MORE: u32 = 4;
-const DOWN: u32 = 8;
+/// A bit of `BasePlanePush::order`.
 const BACK_TO_FRONT: u32 = 16;
-const EVERY: u32 = 8;
 
 /// A stack on the device with the descriptors that name it.
 #[derive(Debug)]
@@ -57,31 +46,6 @@ struct Stack {
     axis: usize,
     volume: Arc<Volume>,
     descriptors: Arc<Descriptors>,
-}
-
-/// One base plane of a view, ready to be recorded.
-#[derive(Clone, Debug)]
-struct Face {
-    /// Which of the stacks.
-    stack: usize,
-    push: BasePlanePush,
-    slabs: u32,
-    bounds: ShearBoundsPush,
-    warp: WarpPush,
-    /// Levels of the intermediate image below the first.
-    halves: Vec<WarpPush>,
-}
-
-/// What of a view is drawn.
-#[derive(Clone, Debug, Default)]
-struct Faces {
-    faces: Vec<Face>,
-    /// The axis of the only base plane.
-    axis: Option<usize>,
-    /// Texels of all levels; raster: of all but the first.
-    texels: u32,
-    /// Raster: columns and rows of the image that holds all base planes.
-    atlas: [u32; 2],
 }
 
 /// Everything that is fixed between frames of one size.
@@ -110,13 +74,7 @@ pub(super) struct ShearFrame {
 
 #[derive(Debug)]
 enum Path {
-    Compute {
-        first: Arc<Pipeline>,
-        /// Continues where a dispatch before stopped.
-        resume: Option<Arc<Pipeline>>,
-        /// Slabs that one dispatch may walk.
-        slabs_per_dispatch: u32,
-    },
+    Compute(March),
     Raster {
         pipeline: Arc<Pipeline>,
         /// All base planes, one below the other.
@@ -124,88 +82,14 @@ enum Path {
     },
 }
 
-/// The march of pixels that the warp cannot tell.
-#[derive(Debug)]
-struct EdgeMarch {
-    first: Arc<Pipeline>,
-    resume: Arc<Pipeline>,
-    /// For each stack.
-    descriptors: Vec<Arc<Descriptors>>,
-    slabs_per_dispatch: u32,
-}
-
 impl Path {
     /// Dispatches or draws for slabs.
     fn parts(&self, slabs: u32) -> u32 {
         match self {
-            Self::Compute { slabs_per_dispatch, .. } => slabs.div_ceil(*slabs_per_dispatch).max(1),
+            Self::Compute(march) => march.parts(slabs),
             Self::Raster { .. } => 1,
         }
     }
-}
-
-impl EdgeMarch {
-    fn new(
-        gpu: &Gpu,
-        bounds: &ShearBounds,
-        image: &Arc<Image>,
-        knots: &Knots,
-        constants: &[SpecConstant],
-        stacks: Vec<Vec<(u32, Resource)>>,
-        slabs_per_dispatch: u32,
-    ) -> Result<Self> {
-        let pipeline = |resume: bool| {
-            let constants: Vec<SpecConstant> = constants
-                .iter()
-                .copied()
-                .chain([(SPEC_RESUME, u32::from(resume)), (SPEC_EMPTY_SPACE, 0)])
-                .collect();
-            let desc = ComputeDesc { shader: &SHEAR_WARP_EDGE, constants: &constants };
-            gpu.compute_pipeline(&format!("{NAME}.edge"), &desc)
-        };
-        let (first, resume) = (pipeline(false)?, pipeline(true)?);
-        let mut descriptors = Vec::new();
-        for mut resources in stacks {
-            resources.retain(|(binding, _)| *binding != BINDING_BRICKS);
-            resources.extend([
-                (BINDING_BRICKS, Resource::Buffer(Arc::clone(&knots.buffer))),
-                (BINDING_EDGES, Resource::ReadOnly(Arc::clone(&bounds.edge_pixels))),
-                (BINDING_ACCUMULATION, Resource::Storage(Arc::clone(image))),
-            ]);
-            descriptors.push(Arc::new(Descriptors::new(gpu, &first, &resources)?));
-        }
-        Ok(Self { first, resume, descriptors, slabs_per_dispatch })
-    }
-
-    /// Dispatches for slabs.
-    fn parts(&self, slabs: u32) -> u32 {
-        slabs.div_ceil(self.slabs_per_dispatch)
-    }
-}
-
-/// Axes of a view's base planes, and what is drawn on them.
-struct Planned {
-    planes: Vec<BasePlane>,
-    axes: Vec<usize>,
-}
-
-fn plan(
-    gpu: &Gpu,
-    grid: &Grid,
-    options: &Options,
-    view: &View,
-    current: Option<usize>,
-    raster: bool,
-) -> Result<Planned> {
-    // Smaller levels take a third more. Raster's planes lie below each other in one image, and leave room beside them.
-    let share = if raster { 0.3 } else { 0.7 };
-    let texels = num::f64_of_u64(gpu.most_buffer_bytes() / TEXEL) * FILL * share;
-    let side = f64::from(if raster { gpu.max_image_2d() } else { MOST_SIDE });
-    let room = Room { texels, side, rows: if raster { side } else { f64::INFINITY } };
-    let planes = base_planes(grid, view, current, options.hysteresis, options.resolution(), room)?;
-    let mut axes: Vec<usize> = planes.iter().map(|plane| plane.axis).collect();
-    axes.dedup();
-    Ok(Planned { planes, axes })
 }
 
 impl ShearFrame {
@@ -347,7 +231,7 @@ impl ShearFrame {
             };
             let first = pipeline(false)?;
             let resume = if most_slabs > slabs_per_dispatch { Some(pipeline(true)?) } else { None };
-            (Path::Compute { first: Arc::clone(&first), resume, slabs_per_dispatch }, first)
+            (Path::Compute(March { first: Arc::clone(&first), resume, slabs_per_dispatch }), first)
         };
         let filter = if exact { vk::Filter::NEAREST } else { vk::Filter::LINEAR };
         let mut stacks = Vec::new();
@@ -438,7 +322,7 @@ impl ShearFrame {
         let halves = if options.warp == Warp::Mip { 16 } else { 0 };
         let planes = if view.is_perspective() { 6 } else { 1 };
         let beside =
-            frame.bounded.as_ref().map_or(0, |(_, march)| 2 + march.parts(most_slabs + most_slabs / 2));
+            frame.bounded.as_ref().map_or(0, |(_, edge)| 2 + edge.march.parts(most_slabs + most_slabs / 2));
         frame.passes = frame.needed_passes(&frame.faces).max(planes * (parts + halves + 1 + beside) + 1);
         Ok(frame)
     }
@@ -446,7 +330,7 @@ impl ShearFrame {
     /// Dispatches and draws, those of the warp among them.
     fn draws(&self, faces: &Faces) -> u32 {
         let beside = |face: &Face| match &self.bounded {
-            Some((_, march)) => 2 + march.parts(face.slabs),
+            Some((_, edge)) => 2 + edge.march.parts(face.slabs),
             None => 0,
         };
         let of_face =
@@ -457,160 +341,6 @@ impl ShearFrame {
     fn needed_passes(&self, faces: &Faces) -> u32 {
         // Raster copies its image.
         self.draws(faces) + 2
-    }
-}
-
-impl Faces {
-    /// The base planes of a view with what shaders need to know of them.
-    #[expect(clippy::too_many_arguments, reason = "two callers, which have all of these at hand")]
-    fn of(
-        scene: &GpuScene,
-        options: &Options,
-        planned: &Planned,
-        axes: &[usize],
-        volume: &Volume,
-        knots: &Knots,
-        view: &View,
-        raster: bool,
-    ) -> Result<Self> {
-        let parted = planned.planes.len() > 1;
-        let grid = scene.grid()?;
-        let measure = DepthMeasure::of_grid(grid);
-        let axis = match planned.planes.as_slice() {
-            [only] => Some(only.axis),
-            _ => None,
-        };
-        let mut faces = Self { axis, ..Self::default() };
-        faces.atlas = planned
-            .planes
-            .iter()
-            .fold([0, 0], |[columns, rows], plane| [columns.max(plane.size[0]), rows + plane.size[1]]);
-        let mut row = 0;
-        for (i, plane) in planned.planes.iter().enumerate() {
-            let stack = axes.iter().position(|&axis| axis == plane.axis).unwrap_or(0);
-            let (mut push, slabs) = base_plane_push(scene, options, plane, knots)?;
-            push.value_scale = volume.scale;
-            push.value_offset = volume.offset;
-            let [width, height] = plane.size;
-            // Seams are of the axis that comes last.
-            let [after_u, after_v] = [1, 2].map(|turn| u32::from((plane.axis + turn) % 3 > plane.axis));
-            let seams = if parted { after_u << 2 | after_v << 3 } else { 0 };
-            let flags = u32::from(parted) | u32::from(i > 0) << 1 | seams;
-            let mut warp = warp_push(plane, view, flags);
-            warp.offset = if raster { row } else { faces.texels };
-            push.offset = warp.offset;
-            row += height;
-            if !raster {
-                faces.texels += width * height;
-            }
-            let below = |at: u32| f32::from_bits(at);
-            warp.to_w[3] = below(faces.texels);
-            let mut halves = Vec::new();
-            if options.warp == Warp::Mip {
-                let levels = plane.texels_per_pixel.max(1.0).log2().ceil();
-                let mut level = warp;
-                while f64::from(num::count(halves.len())) < levels && level.size != [1, 1] {
-                    halves.push(level);
-                    let [w, h] = level.size.map(|side| side.div_ceil(2));
-                    level = WarpPush { size: [w, h], stride: w, offset: faces.texels, ..level };
-                    faces.texels += w * h;
-                    level.to_w[3] = below(faces.texels);
-                }
-            }
-            warp.levels = num::count(halves.len()) + 1;
-            let bounds = bounds_push(grid, &measure, view, plane, &push);
-            faces.faces.push(Face { stack, push, slabs, bounds, warp, halves });
-        }
-        Ok(faces)
-    }
-}
-
-/// What a base plane's compositing needs to know; the place of its texels is left out.
-fn base_plane_push(
-    scene: &GpuScene,
-    options: &Options,
-    plane: &BasePlane,
-    knots: &Knots,
-) -> Result<(BasePlanePush, u32)> {
-    let grid = scene.grid()?;
-    let half = turned((grid.last_index() * 0.5).to_array(), plane.axis);
-    let last = 2.0 * half[2];
-    let midpoint = options.segments.integrator == Integrator::Midpoint;
-    let every = f64::from(options.every);
-    let (begin, thickness, count) = if options.between {
-        let thickness = options.grid.step * grid.spacing().min_element() / plane.length;
-        (-half[2], thickness, (last / thickness).ceil())
-    } else if midpoint {
-        // Slices 0, every, 2 every... from the near side; the last slab may reach over it.
-        (-half[2] - 0.5 * every, every, ((last + 0.5 * every) / every).ceil())
-    } else {
-        (-half[2], every, (last / every).ceil())
-    };
-    if count > MAX_SLABS {
-        return Err(Error::invalid(
-            format!("{NAME} option step"),
-            format!(
-                "{}: makes {count} slices of this grid, at most {MAX_SLABS} are drawn",
-                options.grid.step
-            ),
-        ));
-    }
-    // Lengths: the axes as an upper triangle, by Gram and Schmidt from the normal of the slices on.
-    let axes = grid.index_to_world();
-    let [u, v, w] = turned([axes.x_axis, axes.y_axis, axes.z_axis], plane.axis);
-    let across = u.cross(v).normalize_or_zero();
-    let along_u = u.normalize_or_zero();
-    let along_v = across.cross(along_u);
-    let unit = across.dot(w).abs();
-    let slope_u = [u.dot(along_u), v.dot(along_u), w.dot(along_u) * plane.sign].map(|x| x / unit);
-    let slope_v = [v.dot(along_v), w.dot(along_v) * plane.sign].map(|x| x / unit);
-    let push = BasePlanePush {
-        q0_step: [plane.q.x, plane.q.y, plane.step_q.x, plane.step_q.y].map(f32_of),
-        d0_step: [plane.d.x, plane.d.y, plane.step_d.x, plane.step_d.y].map(f32_of),
-        half_scale: [half[0], half[1], half[2], unit].map(f32_of),
-        slope_u: [slope_u[0], slope_u[1], slope_u[2], plane.near.max(-1e30)].map(f32_of),
-        slope_v: slope_v.map(f32_of),
-        z0: f32_of(begin),
-        h: f32_of(thickness),
-        value_scale: 1.0,
-        value_offset: 0.0,
-        knots: knots.count,
-        first: 0,
-        count: num::u32_of(count),
-        order: num::count(plane.axis) | options.every << EVERY | if plane.sign < 0.0 { DOWN } else { 0 },
-        opaque: f32_of(options.grid.stop / scene.max_colour()),
-        offset: 0,
-        size: plane.size,
-        atlas: [0; 2],
-    };
-    let numbers = [push.q0_step, push.d0_step, push.half_scale, push.slope_u];
-    let finite = numbers.iter().flatten().chain(&push.slope_v).all(|number| number.is_finite());
-    if !(finite && push.half_scale[3].is_normal() && push.h > 0.0) && count > 0.0 {
-        return Err(Error::invalid(
-            "view",
-            "the camera is so far from the grid, or its voxels so large or small, that float32 cannot hold the rays",
-        ));
-    }
-    Ok((push, num::u32_of(count)))
-}
-
-/// What the warp needs to know of a base plane; the place of its texels is left out.
-fn warp_push(plane: &BasePlane, view: &View, flags: u32) -> WarpPush {
-    let [width, height] = view.extent();
-    let row = |m: glam::DMat3, i: usize| num::vec3_of(m.row(i)).extend(0.0).to_array();
-    WarpPush {
-        to_x: row(plane.to_texel, 0),
-        to_y: row(plane.to_texel, 1),
-        to_w: row(plane.to_texel, 2),
-        ahead: row(plane.steepness, 0),
-        aside_u: row(plane.steepness, 1),
-        aside_v: row(plane.steepness, 2),
-        half_extent: [f32_of(f64::from(width) * 0.5), f32_of(f64::from(height) * 0.5)],
-        size: plane.size,
-        offset: 0,
-        stride: plane.size[0],
-        levels: 1,
-        flags,
     }
 }
 
@@ -629,9 +359,9 @@ impl Prepared for ShearFrame {
             Faces::of(&self.scene, &self.options, &planned, &axes, volume, &self.knots, view, raster)?;
         let passes = self.needed_passes(&faces);
         let parts = faces.faces.iter().map(|face| self.path.parts(face.slabs)).max().unwrap_or(1);
-        let splits = parts == 1 || !matches!(self.path, Path::Compute { resume: None, .. });
+        let splits = parts == 1 || !matches!(self.path, Path::Compute(March { resume: None, .. }));
         let room = match &self.path {
-            Path::Compute { .. } => u64::from(faces.texels) * TEXEL <= self.intermediate.size(),
+            Path::Compute(_) => u64::from(faces.texels) * TEXEL <= self.intermediate.size(),
             Path::Raster { atlas, .. } => {
                 let [columns, rows, _] = atlas.desc().extent;
                 let texels = u64::from(columns) * u64::from(rows) + u64::from(faces.texels);
@@ -665,7 +395,7 @@ impl Prepared for ShearFrame {
     fn route(&self) -> &'static str {
         match self.path {
             Path::Raster { .. } => Route::Raster.word(),
-            Path::Compute { .. } => Route::Compute.word(),
+            Path::Compute(_) => Route::Compute.word(),
         }
     }
 
@@ -698,27 +428,11 @@ impl Prepared for ShearFrame {
             }
         }
         match &self.path {
-            Path::Compute { first, resume, slabs_per_dispatch } => {
+            Path::Compute(march) => {
                 for face in &self.faces.faces {
-                    let mut begin = 0;
-                    loop {
-                        let count = (face.slabs - begin).min(*slabs_per_dispatch);
-                        let more = begin + count < face.slabs;
-                        let order = face.push.order | if more { MORE } else { 0 };
-                        let push = BasePlanePush { first: begin, count, order, ..face.push };
-                        let pipeline = resume.as_ref().filter(|_| begin > 0).unwrap_or(first);
-                        recorder.dispatch(
-                            &format!("{NAME}.march"),
-                            pipeline,
-                            &self.stacks[face.stack].descriptors,
-                            bytemuck::bytes_of(&push),
-                            tiles_of(face.push.size),
-                        );
-                        begin += count;
-                        if !more {
-                            break;
-                        }
-                    }
+                    let descriptors = &self.stacks[face.stack].descriptors;
+                    let groups = tiles_of(face.push.size);
+                    march.record(recorder, &format!("{NAME}.march"), face, descriptors, groups);
                 }
             }
             Path::Raster { pipeline, atlas } => {
@@ -771,18 +485,11 @@ impl ShearFrame {
 
     /// After the warp of a base plane: its pixels that are marched by themselves.
     fn record_edges(&self, recorder: &mut Recorder<'_>, face: &Face, extent: [u32; 2]) {
-        let Some((bounds, march)) = &self.bounded else { return };
+        let Some((bounds, edge)) = &self.bounded else { return };
         bounds.record_edges(recorder, &self.placed_bounds(face), extent);
-        let Some(descriptors) = march.descriptors.get(face.stack) else { return };
-        let mut begin = 0;
-        while begin < face.slabs {
-            let count = (face.slabs - begin).min(march.slabs_per_dispatch);
-            let order = face.push.order | if begin + count < face.slabs { MORE } else { 0 };
-            let push = BasePlanePush { first: begin, count, order, ..face.push };
-            let pipeline = if begin > 0 { &march.resume } else { &march.first };
-            let bytes = bytemuck::bytes_of(&push);
-            recorder.dispatch(&format!("{NAME}.edge"), pipeline, descriptors, bytes, tiles_of(extent));
-            begin += count;
+        // Where there are no slabs, nothing is marched, and what the warp has left stays.
+        if let Some(descriptors) = edge.descriptors.get(face.stack).filter(|_| face.slabs > 0) {
+            edge.march.record(recorder, &format!("{NAME}.edge"), face, descriptors, tiles_of(extent));
         }
     }
 
@@ -817,7 +524,7 @@ impl ShearFrame {
         for (i, push) in pushes.iter().enumerate() {
             let name = format!("{NAME}.warp");
             let bytes = bytemuck::bytes_of(push);
-            if self.bounded.is_some() || matches!(self.path, Path::Compute { .. }) {
+            if self.bounded.is_some() || matches!(self.path, Path::Compute(_)) {
                 let groups = tiles_of([width, height]);
                 recorder.dispatch(&name, &self.warp, &self.warp_descriptors, bytes, groups);
                 if let Some(face) = self.faces.faces.get(i) {

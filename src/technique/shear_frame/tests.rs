@@ -2,6 +2,8 @@
 
 use glam::{DMat3, DVec2, DVec3};
 
+use super::super::gpu_scene::turned;
+use super::super::shear_faces::DOWN;
 use super::*;
 use crate::gpu::testing::TestGpu;
 use crate::reference;
