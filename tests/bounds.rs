@@ -11,15 +11,14 @@
 mod common;
 
 use common::caller::{Caller, Depth, draw_before};
+use common::cut::{self, Case, OWN, views};
 use common::*;
 use glam::{DVec2, DVec3};
 use volraster::ash::vk;
 use volraster::gpu::{DepthProjection, Gpu, GpuOptions};
 use volraster::measure::ImageErrors;
 use volraster::reference::{self, ReferenceImage};
-use volraster::scene::{
-    Clip, Field, Kernel, KernelSize, Kernels, Model, Points, Scene, TransferFunction, View,
-};
+use volraster::scene::{Clip, Field, Kernel, Kernels, Model, Scene, View};
 use volraster::technique::{GpuScene, Renderer, TargetDesc, TargetMode};
 
 /// What a view's clipping leaves of a pixel's ray, up to a depth along the view.
@@ -87,10 +86,6 @@ fn stored(projection: [f64; 2], perspective: bool, bits: Option<u32>, depth: f64
     (s as f32, back)
 }
 
-fn views() -> [View; 3] {
-    [view(perspective(), 1.0, 40, 30), view(orthographic(), 1.0, 40, 30), view(perspective(), 0.1, 40, 30)]
-}
-
 /// Homogeneous matter: what is left of it has the length that clipping leaves, by every technique for grids.
 #[test]
 fn clipped_matter_has_its_length() {
@@ -103,10 +98,6 @@ fn clipped_matter_has_its_length() {
             for (i, alpha) in image.pixels().iter().map(|p| f64::from(p[3])).enumerate() {
                 let at = DVec2::new((i % 40) as f64 + 0.5, (i / 40) as f64 + 0.5);
                 let ([begin, end], origin, direction) = range_of(&view, at, f64::INFINITY);
-                let inside = |p: DVec2| {
-                    let chord = chord(&view, p);
-                    chord > 0.0
-                };
                 let mut range = [begin, end];
                 for axis in 0..3 {
                     let (a, b) =
@@ -114,7 +105,7 @@ fn clipped_matter_has_its_length() {
                     range = [range[0].max(a.min(b)), range[1].min(a.max(b))];
                 }
                 let length = (range[1] - range[0]).max(0.0);
-                if on_outline(&view, at) || (length < 1e-3 && inside(at)) {
+                if on_outline(&view, at) || (length < 1e-3 && chord(&view, at) > 0.0) {
                     continue;
                 }
                 let want = -(-0.7 * length).exp_m1();
@@ -130,72 +121,29 @@ fn clipped_matter_has_its_length() {
     }
 }
 
-/// A scene by name, and the specs that draw it, each with a bound of its error.
-type Case = (&'static str, Scene, Vec<(String, f64)>);
-
-/// The error of the same view, uncut, as a bound.
-const OWN: f64 = 0.0;
-
 /// Scenes with the specs that draw them exactly enough, and the bound of the root-mean-square error.
 fn scenes(gpu: &Gpu) -> Vec<Case> {
-    let transfer = |rows: &[[f64; 5]]| TransferFunction::from_rows(rows).unwrap();
-    let mut all = Vec::new();
-    let grid = scene(Field::Blobs, 24, "f32", &FOG);
     let warps = ["warp=bicubic", "warp=mip", "intermediate=auto", "integrator=integral", "step=0.5"];
     let warps = warps
         .map(|option| format!("shear-warp:intermediate=pixel,{option}").replace("pixel,intermediate=", ""));
-    let of_grid = specs(gpu)
-        .into_iter()
-        .chain(warps)
-        .map(|spec| match spec.as_str() {
-            resampled if !by_pixel(resampled) => (format!("{resampled},filter=exact"), OWN),
-            sheets if sheets.starts_with("splat") => (format!("{sheets},step=0.25"), 2e-4),
-            other => (format!("{},filter=exact", with_option(other, "step", "0.25")), 2e-4),
-        })
-        .collect();
-    all.push(("grid", grid, of_grid));
-    let mesh = Scene::new(Field::Blobs.tets(7).unwrap(), transfer(&FOG));
-    let of_mesh = [
-        "havs:integrator=exact",
-        "havs:integrator=exact,order=back-to-front",
-        "havs:integrator=exact,route=implementation-ordered",
-        "abuffer:integrator=exact",
-        "abuffer:integrator=exact,order=back-to-front",
-        "projected-tets:integrator=exact",
-        "projected-tets:integrator=exact,route=raster",
-        "projected-tets:integrator=exact,plane=space",
+    let all = |specs: &[(&str, f64)]| specs.iter().map(|&(spec, bound)| (spec.to_string(), bound)).collect();
+    let mut of_mesh = vec![
+        ("havs:integrator=exact", 1e-6),
+        ("havs:integrator=exact,order=back-to-front", 1e-6),
+        ("abuffer:integrator=exact", 1e-6),
+        ("abuffer:integrator=exact,order=back-to-front", 1e-6),
+        ("projected-tets:integrator=exact", 1e-6),
+        ("projected-tets:integrator=exact,route=raster", 1e-6),
+        ("projected-tets:integrator=exact,plane=space", 5e-6),
     ];
-    let offered = |spec: &&&str| {
-        !spec.contains("implementation") || gpu.has(volraster::gpu::OptionalFeature::OrderedStores)
-    };
-    let of_mesh = of_mesh.iter().filter(offered);
-    let of_mesh =
-        of_mesh.map(|spec| (spec.to_string(), if spec.contains("space") { 5e-6 } else { 1e-6 })).collect();
-    all.push(("mesh", mesh.clone(), of_mesh));
-    let cells = {
-        let tets = mesh.mesh().unwrap();
-        let scalars = (0..tets.cells().len()).map(|i| (i % 10) as f32 * 0.1).collect();
-        tets.clone().with_scalars(volraster::scene::TetScalars::Cell(scalars)).unwrap()
-    };
-    let of_cells = ["havs:integrator=exact", "abuffer:integrator=exact", "projected-tets:integrator=exact"];
-    all.push((
-        "cells",
-        Scene::new(cells, transfer(&FOG)),
-        of_cells.iter().map(|spec| (spec.to_string(), 1e-6)).collect(),
-    ));
-    let points: Vec<DVec3> = (0..120)
-        .map(|i| {
-            let at = |k: f64| ((f64::from(i) * k).fract() - 0.5) * 1.8;
-            DVec3::new(at(0.754_877), at(0.569_840), at(0.362_437))
-        })
-        .collect();
-    let scalars: Vec<f32> = (0..120).map(|i| (i % 11) as f32 / 10.0).collect();
-    let points = Points::new(points)
-        .unwrap()
-        .with_scalars(scalars)
-        .unwrap()
-        .with_size(KernelSize::Radius(0.45))
-        .unwrap();
+    if gpu.has(volraster::gpu::OptionalFeature::OrderedStores) {
+        of_mesh.push(("havs:integrator=exact,route=implementation-ordered", 1e-6));
+    }
+    let of_cells = [
+        ("havs:integrator=exact", 1e-6),
+        ("abuffer:integrator=exact", 1e-6),
+        ("projected-tets:integrator=exact", 1e-6),
+    ];
     let of_points = [
         ("splat-sheets:sheets=image,step=0.05", 3e-5),
         ("splat-sheets:sheets=axis", OWN),
@@ -205,22 +153,16 @@ fn scenes(gpu: &Gpu) -> Vec<Case> {
         ("splat-ewa:footprint=ewa", OWN),
         ("splat-ewa:footprint=ewa,order=window", OWN),
     ];
-    let lattice = scene(Field::Blobs, 10, "f32", &FOG);
+    let of_kernels = [("splat-sheets:sheets=axis,template=64", OWN), ("splat-sheets:sheets=axis", OWN)];
     let kernels = Kernels { kernel: Kernel::Gaussian, model: Model::Density, ..Kernels::of_samples() };
-    all.push((
-        "kernels",
-        lattice.with_kernels(kernels).unwrap(),
-        vec![
-            ("splat-sheets:sheets=axis,template=64".to_string(), OWN),
-            ("splat-sheets:sheets=axis".to_string(), OWN),
-        ],
-    ));
-    all.push((
-        "points",
-        Scene::new(points, transfer(&FOG)),
-        of_points.iter().map(|&(spec, bound)| (spec.to_string(), bound)).collect(),
-    ));
-    all
+    let lattice = scene(Field::Blobs, 10, "f32", &FOG).with_kernels(kernels).unwrap();
+    vec![
+        cut::grid(gpu, warps),
+        ("mesh", cut::mesh(), all(&of_mesh)),
+        ("cells", cut::cells(), all(&of_cells)),
+        ("kernels", lattice, all(&of_kernels)),
+        ("points", cut::points(), all(&of_points)),
+    ]
 }
 
 /// What is clipped and what lies behind a depth image is not drawn, and what passes through is cut there: every technique

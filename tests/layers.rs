@@ -10,19 +10,14 @@
 mod common;
 
 use common::caller::{Depth, draw_before};
+use common::cut::{self, Case, OWN, views};
 use common::*;
 use glam::DVec3;
 use volraster::ash::vk;
 use volraster::gpu::{DepthProjection, Gpu, OptionalFeature};
 use volraster::reference;
-use volraster::scene::{
-    Clip, Field, KernelSize, Points, Scene, Shading, Surface, TetScalars, TransferFunction, View,
-};
+use volraster::scene::{Clip, Field, Scene, Shading, Surface};
 use volraster::technique::{GpuScene, Method, Renderer, TargetDesc};
-
-fn views() -> [View; 3] {
-    [view(perspective(), 1.0, 40, 30), view(orthographic(), 1.0, 40, 30), view(perspective(), 0.1, 40, 30)]
-}
 
 /// A ball, a box that it cuts, and a triangle that reaches far beyond the volume on both sides of the eye.
 fn opaque() -> Vec<Surface> {
@@ -63,67 +58,26 @@ fn translucent() -> Vec<Surface> {
     ]
 }
 
-fn transfer(rows: &[[f64; 5]]) -> TransferFunction {
-    TransferFunction::from_rows(rows).unwrap()
-}
-
-/// A scene by name, and the specs that draw it, each with a bound of its error.
-type Case = (&'static str, Scene, Vec<(String, f64)>);
-
-/// The error of the same scene without surfaces, as a bound.
-const OWN: f64 = 0.0;
-
 /// Scenes with the specs that draw them, and bounds of the root-mean-square error.
 fn scenes(gpu: &Gpu) -> Vec<Case> {
-    let grid = scene(Field::Blobs, 24, "f32", &FOG);
-    let of_grid = specs(gpu)
-        .into_iter()
-        .map(|spec| match spec.as_str() {
-            resampled if !by_pixel(resampled) => (format!("{resampled},filter=exact"), OWN),
-            sheets if sheets.starts_with("splat") => (format!("{sheets},step=0.25"), 2e-4),
-            other => (format!("{},filter=exact", with_option(other, "step", "0.25")), 2e-4),
-        })
-        .collect();
-    let mesh = Scene::new(Field::Blobs.tets(7).unwrap(), transfer(&FOG));
-    let of_mesh = |spec: &str| (spec.to_string(), 1e-6);
-    let mut of_meshes = vec![
-        of_mesh("havs:integrator=exact"),
-        of_mesh("havs:integrator=exact,chunk=3"),
-        of_mesh("abuffer:integrator=exact"),
-        of_mesh("projected-tets:integrator=exact"),
-        of_mesh("projected-tets:integrator=exact,route=raster"),
+    let all = |specs: &[(&str, f64)]| specs.iter().map(|&(spec, bound)| (spec.to_string(), bound)).collect();
+    let mut of_mesh = vec![
+        ("havs:integrator=exact", 1e-6),
+        ("havs:integrator=exact,chunk=3", 1e-6),
+        ("abuffer:integrator=exact", 1e-6),
+        ("projected-tets:integrator=exact", 1e-6),
+        ("projected-tets:integrator=exact,route=raster", 1e-6),
     ];
     if gpu.has(OptionalFeature::OrderedStores) {
-        of_meshes.push(of_mesh("havs:integrator=exact,route=implementation-ordered"));
+        of_mesh.push(("havs:integrator=exact,route=implementation-ordered", 1e-6));
     }
-    let cells = {
-        let tets = mesh.mesh().unwrap();
-        let scalars = (0..tets.cells().len()).map(|i| (i % 10) as f32 * 0.1).collect();
-        tets.clone().with_scalars(TetScalars::Cell(scalars)).unwrap()
-    };
-    let centres = (0..120).map(|i| {
-        let at = |k: f64| ((f64::from(i) * k).fract() - 0.5) * 1.8;
-        DVec3::new(at(0.754_877), at(0.569_840), at(0.362_437))
-    });
-    let scalars = (0..120_u8).map(|i| f32::from(i % 11) / 10.0).collect();
-    let points = Points::new(centres.collect()).unwrap().with_scalars(scalars).unwrap();
-    let points = points.with_size(KernelSize::Radius(0.45)).unwrap();
+    let of_cells = [("havs:integrator=exact", 1e-6), ("abuffer:integrator=exact", 1e-6)];
+    let of_points = [("splat-sheets:sheets=image,step=0.05", 3e-5), ("splat-ewa:footprint=exact", OWN)];
     vec![
-        ("grid", grid, of_grid),
-        ("mesh", mesh.clone(), of_meshes),
-        (
-            "cells",
-            Scene::new(cells, transfer(&FOG)),
-            vec![of_mesh("havs:integrator=exact"), of_mesh("abuffer:integrator=exact")],
-        ),
-        (
-            "points",
-            Scene::new(points, transfer(&FOG)),
-            vec![
-                ("splat-sheets:sheets=image,step=0.05".to_string(), 3e-5),
-                ("splat-ewa:footprint=exact".to_string(), OWN),
-            ],
-        ),
+        cut::grid(gpu, []),
+        ("mesh", cut::mesh(), all(&of_mesh)),
+        ("cells", cut::cells(), all(&of_cells)),
+        ("points", cut::points(), all(&of_points)),
     ]
 }
 
@@ -223,16 +177,12 @@ fn a_depth_image_hides_surfaces_too() {
     let clip = Clip::none().with_plane(DVec3::new(0.1, 0.0, 0.2), DVec3::new(-0.5, 0.3, -1.0)).unwrap();
     let wall = Surface::sphere(DVec3::new(0.0, 0.3, 0.1), 0.55, [0.0, 0.0, 0.0, 1.0], 3).unwrap();
     let surfaces = [opaque(), translucent()].concat();
-    let transfer = TransferFunction::from_rows(&FOG).unwrap();
     let scenes = [
         (
             scene(Field::Blobs, 24, "f32", &FOG),
             ["raycast:step=0.25,filter=exact", "slabs:step=0.25,filter=exact"],
         ),
-        (
-            Scene::new(Field::Blobs.tets(7).unwrap(), transfer),
-            ["havs:integrator=exact", "abuffer:integrator=exact"],
-        ),
+        (cut::mesh(), ["havs:integrator=exact", "abuffer:integrator=exact"]),
     ];
     for (plain, specs) in scenes {
         let on_device = GpuScene::new(&gpu, plain.clone().with_surfaces(surfaces.clone()));
@@ -295,7 +245,7 @@ fn surfaces_move_and_data_stays() {
         Surface::sphere(DVec3::new(x, 0.1, -0.2), 0.4, [0.9, 0.3, 0.2, opacity], 2).unwrap()
     };
     let plain = scene(Field::Blobs, 16, "u8", &FOG);
-    let mesh = Scene::new(Field::Blobs.tets(4).unwrap(), transfer(&FOG));
+    let mesh = Scene::new(Field::Blobs.tets(4).unwrap(), cut::fog());
     let balls =
         [vec![ball(0.0, 1.0)], vec![ball(0.3, 1.0), ball(-0.2, 0.5)], Vec::new(), vec![ball(0.1, 1.0)]];
     let view = view(perspective(), 1.0, 40, 30);

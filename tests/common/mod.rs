@@ -13,6 +13,7 @@
 )]
 
 pub mod caller;
+pub mod cut;
 mod devices;
 
 pub use devices::{TestGpu, fresh_gpu, gpu, gpu_with, keep, provoked_gpu};
