@@ -4,12 +4,14 @@
 use volraster::glam::DVec3;
 use volraster::scene::file::PRESETS;
 use volraster::scene::{
-    Camera, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, TransferFunction, View,
+    Camera, Clip, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, Shading, Surface,
+    TransferFunction, View,
 };
 use volraster::technique::Method;
 use volraster::{Error, Result, Technique};
 
 use super::input::{self, Size};
+use Cut::{Clipped, Opaque, Translucent, Whole};
 use Shape::{Cubes, Gaussians, Points, Samples};
 
 /// Image size of the standard scenes and of data found in a folder.
@@ -53,6 +55,7 @@ pub(crate) struct StandardScene {
     field: &'static str,
     shape: Shape,
     look: Look,
+    cut: Cut,
     /// From how many of [`VIEWS`] it is seen.
     views: usize,
     /// Sides of further images, of the first view, with [`SIZES`] alone.
@@ -70,6 +73,51 @@ enum Shape {
     Cubes(u32),
     /// Points at random places: their number, and their radius.
     Points(u32, f64),
+}
+
+/// What cuts the data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Cut {
+    /// Nothing.
+    Whole,
+    /// A plane and a crop box.
+    Clipped,
+    /// An opaque ball on an opaque floor.
+    Opaque,
+    /// Two translucent balls, one in the other in part.
+    Translucent,
+}
+
+impl Cut {
+    fn clip(self) -> Result<Clip> {
+        if self != Clipped {
+            return Ok(Clip::none());
+        }
+        let plane = Clip::none().with_plane(DVec3::new(0.0, 0.0, 0.3), DVec3::new(-0.6, 0.1, -1.0))?;
+        plane.with_crop(DVec3::splat(-0.9), DVec3::splat(0.9))
+    }
+
+    fn surfaces(self) -> Result<Vec<Surface>> {
+        let ball = |centre, radius, colour| {
+            Ok(Surface::sphere(DVec3::from_array(centre), radius, colour, 4)?
+                .with_shading(Shading::Headlight))
+        };
+        match self {
+            Whole | Clipped => Ok(Vec::new()),
+            Opaque => Ok(vec![
+                ball([0.3, 0.2, 0.2], 0.6, [0.9, 0.4, 0.3, 1.0])?,
+                Surface::cuboid(
+                    DVec3::new(-1.1, -1.15, -1.1),
+                    DVec3::new(1.1, -0.9, 1.1),
+                    [0.5, 0.6, 0.5, 1.0],
+                )?,
+            ]),
+            Translucent => Ok(vec![
+                ball([0.3, 0.2, 0.2], 0.6, [0.9, 0.4, 0.3, 0.5])?,
+                ball([-0.3, 0.0, 0.2], 0.5, [0.3, 0.4, 0.9, 0.5])?,
+            ]),
+        }
+    }
 }
 
 /// The kernels of [`Gaussians`].
@@ -122,41 +170,47 @@ const RADIUS_SMALL: f64 = 0.0546;
 /// The standard scenes.
 #[rustfmt::skip]
 pub(crate) const SCENES: &[StandardScene] = &[
-    StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, views: 1, sides: &[] },
-    StandardScene { name: "marschner-lobb-128", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: SHELLS, views: 2, sides: SIDES },
-    StandardScene { name: "marschner-lobb-256", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(256, "f32", UNIT), look: SHELLS, views: 1, sides: &[] },
-    StandardScene { name: "blobs-128", family: "blobs", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, views: 2, sides: &[] },
-    StandardScene { name: "thin-128", family: "thin", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: THIN, views: 1, sides: &[] },
-    StandardScene { name: "marschner-lobb-128-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(128, "u8", BYTE), look: SHELLS, views: 2, sides: &[] },
-    StandardScene { name: "blobs-tets-12", family: "blobs-tets", field: "blobs", shape: Cubes(12), look: FOG, views: 2, sides: &[] },
-    StandardScene { name: "blobs-tets-34", family: "blobs-tets", field: "blobs", shape: Cubes(34), look: FOG, views: 2, sides: SIDES },
-    StandardScene { name: "blobs-tets-58", family: "blobs-tets", field: "blobs", shape: Cubes(58), look: FOG, views: 2, sides: &[] },
-    StandardScene { name: "blobs-gaussians-128", family: "blobs-gaussians", field: "blobs", shape: Gaussians(128), look: FOG, views: 2, sides: &[] },
-    StandardScene { name: "blobs-points-100k", family: "blobs-points", field: "blobs", shape: Points(100_000, RADIUS), look: FOG, views: 2, sides: SIDES },
-    StandardScene { name: "blobs-points-1m", family: "blobs-points", field: "blobs", shape: Points(1_000_000, RADIUS), look: FOG, views: 1, sides: &[] },
-    StandardScene { name: "marschner-lobb-256-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(256, "u8", BYTE), look: SHELLS, views: 2, sides: &[] },
+    StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "marschner-lobb-128", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: SHELLS, cut: Whole, views: 2, sides: SIDES },
+    StandardScene { name: "marschner-lobb-256", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(256, "f32", UNIT), look: SHELLS, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "blobs-128", family: "blobs", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, cut: Whole, views: 2, sides: &[] },
+    StandardScene { name: "thin-128", family: "thin", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: THIN, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "marschner-lobb-128-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(128, "u8", BYTE), look: SHELLS, cut: Whole, views: 2, sides: &[] },
+    StandardScene { name: "blobs-tets-12", family: "blobs-tets", field: "blobs", shape: Cubes(12), look: FOG, cut: Whole, views: 2, sides: &[] },
+    StandardScene { name: "blobs-tets-34", family: "blobs-tets", field: "blobs", shape: Cubes(34), look: FOG, cut: Whole, views: 2, sides: SIDES },
+    StandardScene { name: "blobs-tets-58", family: "blobs-tets", field: "blobs", shape: Cubes(58), look: FOG, cut: Whole, views: 2, sides: &[] },
+    StandardScene { name: "blobs-gaussians-128", family: "blobs-gaussians", field: "blobs", shape: Gaussians(128), look: FOG, cut: Whole, views: 2, sides: &[] },
+    StandardScene { name: "blobs-points-100k", family: "blobs-points", field: "blobs", shape: Points(100_000, RADIUS), look: FOG, cut: Whole, views: 2, sides: SIDES },
+    StandardScene { name: "blobs-points-1m", family: "blobs-points", field: "blobs", shape: Points(1_000_000, RADIUS), look: FOG, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "marschner-lobb-256-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(256, "u8", BYTE), look: SHELLS, cut: Whole, views: 2, sides: &[] },
 ];
 
-/// Those that the suite `full` has beside them: other sizes and looks, from inside and from afar.
+/// Those that the suite `full` has beside them: other sizes and looks, from inside and from afar, cut by planes and surfaces.
 #[rustfmt::skip]
 pub(crate) const MORE_SCENES: &[StandardScene] = &[
-    StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32", UNIT), look: FOG, views: 1, sides: &[] },
-    StandardScene { name: "blobs-256", family: "blobs", field: "blobs", shape: Samples(256, "f32", UNIT), look: FOG, views: 1, sides: &[] },
-    StandardScene { name: "blobs-thin-128", family: "blobs-thin", field: "blobs", shape: Samples(128, "f32", UNIT), look: THIN, views: 4, sides: SIDES },
-    StandardScene { name: "marschner-lobb-fog-128", family: "marschner-lobb-fog", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: FOG, views: 4, sides: &[] },
-    StandardScene { name: "ramp-fog-128", family: "ramp-fog", field: "ramp", shape: Samples(128, "f32", UNIT), look: FOG, views: 4, sides: &[] },
-    StandardScene { name: "blobs-tets-23", family: "blobs-tets", field: "blobs", shape: Cubes(23), look: FOG, views: 4, sides: &[] },
-    StandardScene { name: "marschner-lobb-tets-34", family: "marschner-lobb-tets", field: "marschner-lobb", shape: Cubes(34), look: SHELLS, views: 4, sides: &[] },
+    StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32", UNIT), look: FOG, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "blobs-256", family: "blobs", field: "blobs", shape: Samples(256, "f32", UNIT), look: FOG, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "blobs-thin-128", family: "blobs-thin", field: "blobs", shape: Samples(128, "f32", UNIT), look: THIN, cut: Whole, views: 4, sides: SIDES },
+    StandardScene { name: "marschner-lobb-fog-128", family: "marschner-lobb-fog", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: FOG, cut: Whole, views: 4, sides: &[] },
+    StandardScene { name: "ramp-fog-128", family: "ramp-fog", field: "ramp", shape: Samples(128, "f32", UNIT), look: FOG, cut: Whole, views: 4, sides: &[] },
+    StandardScene { name: "blobs-tets-23", family: "blobs-tets", field: "blobs", shape: Cubes(23), look: FOG, cut: Whole, views: 4, sides: &[] },
+    StandardScene { name: "marschner-lobb-tets-34", family: "marschner-lobb-tets", field: "marschner-lobb", shape: Cubes(34), look: SHELLS, cut: Whole, views: 4, sides: &[] },
+    StandardScene { name: "blobs-128-clipped", family: "blobs-clipped", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, cut: Clipped, views: 1, sides: &[] },
+    StandardScene { name: "blobs-128-opaque", family: "blobs-opaque", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, cut: Opaque, views: 1, sides: &[] },
+    StandardScene { name: "blobs-128-translucent", family: "blobs-translucent", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, cut: Translucent, views: 1, sides: &[] },
+    StandardScene { name: "blobs-tets-34-clipped", family: "blobs-tets-clipped", field: "blobs", shape: Cubes(34), look: FOG, cut: Clipped, views: 1, sides: &[] },
+    StandardScene { name: "blobs-tets-34-opaque", family: "blobs-tets-opaque", field: "blobs", shape: Cubes(34), look: FOG, cut: Opaque, views: 1, sides: &[] },
+    StandardScene { name: "blobs-tets-34-translucent", family: "blobs-tets-translucent", field: "blobs", shape: Cubes(34), look: FOG, cut: Translucent, views: 1, sides: &[] },
 ];
 
 /// Small ones, for a look at everything.
 #[rustfmt::skip]
 pub(crate) const SMOKE_SCENES: &[StandardScene] = &[
-    StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, views: 1, sides: &[96] },
-    StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32", UNIT), look: FOG, views: 1, sides: &[] },
-    StandardScene { name: "blobs-tets-12", family: "blobs-tets", field: "blobs", shape: Cubes(12), look: FOG, views: 1, sides: &[96] },
-    StandardScene { name: "blobs-gaussians-32", family: "blobs-gaussians", field: "blobs", shape: Gaussians(32), look: FOG, views: 1, sides: &[] },
-    StandardScene { name: "blobs-points-10k", family: "blobs-points", field: "blobs", shape: Points(10_000, RADIUS_SMALL), look: FOG, views: 1, sides: &[96] },
+    StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, cut: Whole, views: 1, sides: &[96] },
+    StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32", UNIT), look: FOG, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "blobs-tets-12", family: "blobs-tets", field: "blobs", shape: Cubes(12), look: FOG, cut: Whole, views: 1, sides: &[96] },
+    StandardScene { name: "blobs-gaussians-32", family: "blobs-gaussians", field: "blobs", shape: Gaussians(32), look: FOG, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "blobs-points-10k", family: "blobs-points", field: "blobs", shape: Points(10_000, RADIUS_SMALL), look: FOG, cut: Whole, views: 1, sides: &[96] },
 ];
 
 impl StandardScene {
@@ -168,7 +222,7 @@ impl StandardScene {
     pub(crate) fn views(&self, Size { width, height }: Size) -> Result<Vec<(&'static str, View)>> {
         let view = |&Viewpoint { name, eye, projection }: &Viewpoint| {
             let camera = Camera { eye: DVec3::from(eye), target: DVec3::ZERO, up: DVec3::Y, projection };
-            Ok((name, View::new(camera, width, height)?))
+            Ok((name, View::new(camera, width, height)?.with_clip(self.cut.clip()?)))
         };
         VIEWS.iter().take(self.views).map(view).collect()
     }
@@ -222,7 +276,7 @@ impl StandardScene {
                 TransferFunction::from_rows(&stretched.collect::<Vec<_>>())?
             }
         };
-        let scene = Scene::new(self.data()?, transfer);
+        let scene = Scene::new(self.data()?, transfer).with_surfaces(self.cut.surfaces()?);
         if matches!(self.shape, Gaussians(_)) { scene.with_kernels(GAUSSIANS) } else { Ok(scene) }
     }
 
