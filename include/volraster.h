@@ -620,50 +620,6 @@ typedef struct vr_points_info {
 } vr_points_info;
 
 /**
- * Is told how many of how many bytes have been read, now and then, by any thread; 0 of all where their number is not known.
- */
-typedef void (*vr_progress_callback)(uint64_t done, uint64_t all, void *user);
-
-/**
- * Which of a file's arrays are read, and how. Zeros are the defaults. Arrays are named NAME, NAME:PART, point:NAME or
- * cell:NAME:PART, PART being a component (0, x, r, ...) or magnitude.
- */
-typedef struct vr_read_info {
-    /**
-     * sizeof(vr_read_info).
-     */
-    size_t struct_size;
-    /**
-     * Most bytes of memory that the data may take. 0: 16 GiB.
-     */
-    uint64_t max_bytes;
-    /**
-     * The array to show. NULL: the file's active one, else the first with one component.
-     */
-    const char *array;
-    /**
-     * Of points: the array of support radii.
-     */
-    const char *radius;
-    /**
-     * Of points: the array of covariances.
-     */
-    const char *covariance;
-    /**
-     * Of points: the array of weights.
-     */
-    const char *weight;
-    /**
-     * Told how far reading is, with `user`. May be NULL.
-     */
-    vr_progress_callback progress;
-    /**
-     * For progress.
-     */
-    void *user;
-} vr_read_info;
-
-/**
  * A triangle mesh of one colour that stands in the volume, seen from both sides.
  */
 typedef struct vr_surface_info {
@@ -803,6 +759,50 @@ typedef struct vr_view {
      */
     double crop_high[3];
 } vr_view;
+
+/**
+ * Is told how many of how many bytes have been read, now and then, by any thread; 0 of all where their number is not known.
+ */
+typedef void (*vr_progress_callback)(uint64_t done, uint64_t all, void *user);
+
+/**
+ * Which of a file's arrays are read, and how. Zeros are the defaults. Arrays are named NAME, NAME:PART, point:NAME or
+ * cell:NAME:PART, PART being a component (0, x, r, ...) or magnitude.
+ */
+typedef struct vr_read_info {
+    /**
+     * sizeof(vr_read_info).
+     */
+    size_t struct_size;
+    /**
+     * Most bytes of memory that the data may take. 0: 16 GiB.
+     */
+    uint64_t max_bytes;
+    /**
+     * The array to show. NULL: the file's active one, else the first with one component.
+     */
+    const char *array;
+    /**
+     * Of points: the array of support radii.
+     */
+    const char *radius;
+    /**
+     * Of points: the array of covariances.
+     */
+    const char *covariance;
+    /**
+     * Of points: the array of weights.
+     */
+    const char *weight;
+    /**
+     * Told how far reading is, with `user`. May be NULL.
+     */
+    vr_progress_callback progress;
+    /**
+     * For progress.
+     */
+    void *user;
+} vr_read_info;
 
 /**
  * What a plan is for.
@@ -1177,24 +1177,6 @@ enum vr_result vr_scene_create_points(const struct vr_gpu *gpu,
                                       struct vr_scene **scene);
 
 /**
- * Reads a scene file (.json), a data file of any format that the library knows, or a folder of slices. A data file gets a
- * camera and a transfer function that are chosen for it. `info` may be NULL.
- *
- * `path` is UTF-8, on Unix any bytes. Fails with VR_ERROR_IO, VR_ERROR_FILE naming file, place and rule,
- * VR_ERROR_INVALID.
- *
- * Threads: any.
- *
- * # Safety
- *
- * Pointers are NULL or valid, strings end with NUL.
- */
-enum vr_result vr_scene_load(const struct vr_gpu *gpu,
-                             const char *path,
-                             const struct vr_read_info *info,
-                             struct vr_scene **scene);
-
-/**
  * Makes a scene of the same data under another transfer function, which shares what is on the device of the data. `source` stays
  * as it is.
  *
@@ -1342,6 +1324,24 @@ const char *vr_scene_warnings(const struct vr_scene *scene);
  * Pointers are NULL or valid, strings end with NUL.
  */
 enum vr_result vr_scene_draws(const struct vr_scene *scene, const char *technique, VkBool32 *draws);
+
+/**
+ * Reads a scene file (.json), a data file of any format that the library knows, or a folder of slices. A data file gets a
+ * camera and a transfer function that are chosen for it. `info` may be NULL.
+ *
+ * `path` is UTF-8, on Unix any bytes. Fails with VR_ERROR_IO, VR_ERROR_FILE naming file, place and rule,
+ * VR_ERROR_INVALID.
+ *
+ * Threads: any.
+ *
+ * # Safety
+ *
+ * Pointers are NULL or valid, strings end with NUL.
+ */
+enum vr_result vr_scene_load(const struct vr_gpu *gpu,
+                             const char *path,
+                             const struct vr_read_info *info,
+                             struct vr_scene **scene);
 
 /**
  * Fixes everything that frames of this view's size need. May allocate, compile, upload, submit and wait.

@@ -9,7 +9,7 @@
 //! | `result` | codes, the last message of a thread, panics |
 //! | `argument` | pointers, strings, arrays and structures from C |
 //! | `vulkan` | Vulkan's types by their C names |
-//! | `gpu`, `scene`, `data`, `view`, `plan`, `info` | the functions and their structures |
+//! | `gpu`, `scene`, `load`, `data`, `view`, `plan`, `info` | the functions and their structures |
 
 #![expect(unsafe_code, reason = "reads and writes through pointers from C")]
 #![expect(non_camel_case_types, reason = "the names are those of C")]
@@ -18,6 +18,7 @@ mod argument;
 mod data;
 mod gpu;
 mod info;
+mod load;
 mod plan;
 mod result;
 mod scene;
@@ -36,6 +37,7 @@ pub use gpu::{
 pub use info::{
     vr_option_info, vr_technique_count, vr_technique_info, vr_technique_parse, vr_technique_query, vr_version,
 };
+pub use load::{vr_progress_callback, vr_read_info, vr_scene_load};
 pub use plan::{
     vr_counter, vr_depth_image, vr_depth_kind, vr_pass_time, vr_plan, vr_plan_create, vr_plan_destroy,
     vr_plan_info, vr_plan_prepare, vr_plan_record, vr_plan_route, vr_plan_set_view, vr_record_info,
@@ -44,10 +46,10 @@ pub use plan::{
 };
 pub use result::{vr_last_error, vr_last_vulkan_result, vr_result};
 pub use scene::{
-    vr_data_kind, vr_progress_callback, vr_read_info, vr_scene, vr_scene_create_grid, vr_scene_create_mesh,
-    vr_scene_create_points, vr_scene_destroy, vr_scene_draws, vr_scene_info, vr_scene_load, vr_scene_query,
-    vr_scene_technique, vr_scene_view, vr_scene_warnings, vr_scene_with_samples, vr_scene_with_scalars,
-    vr_scene_with_surfaces, vr_scene_with_transfer,
+    vr_data_kind, vr_scene, vr_scene_create_grid, vr_scene_create_mesh, vr_scene_create_points,
+    vr_scene_destroy, vr_scene_draws, vr_scene_info, vr_scene_query, vr_scene_technique, vr_scene_view,
+    vr_scene_warnings, vr_scene_with_samples, vr_scene_with_scalars, vr_scene_with_surfaces,
+    vr_scene_with_transfer,
 };
 pub use view::{vr_clip_plane, vr_projection, vr_view};
 pub use vulkan::*;

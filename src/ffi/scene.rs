@@ -10,7 +10,6 @@ use super::result::{c_text, call, quietly, vr_result};
 use super::view::vr_view;
 use super::vulkan::VkBool32;
 use crate::error::{Error, Result};
-use crate::io::{Progress, ReadOptions};
 use crate::scene::file::LoadedScene;
 use crate::scene::{Camera, Clip, Data, Scene, Surface, TransferFunction, View, auto};
 use crate::technique::{GpuScene, Method, Technique};
@@ -23,17 +22,17 @@ pub struct vr_scene {
     /// `NAME:key=value,...`.
     pub(super) technique: CString,
     /// What a file said of views.
-    file: Option<FileView>,
-    warnings: CString,
+    pub(super) file: Option<FileView>,
+    pub(super) warnings: CString,
 }
 
 /// The view of a file.
 #[derive(Clone, Copy, Debug)]
-struct FileView {
+pub(super) struct FileView {
     /// `None` where it is chosen for the data.
-    camera: Option<Camera>,
-    clip: Clip,
-    extent: [u32; 2],
+    pub(super) camera: Option<Camera>,
+    pub(super) clip: Clip,
+    pub(super) extent: [u32; 2],
 }
 
 /// What a scene holds.
@@ -69,77 +68,6 @@ pub struct vr_scene_info {
 // SAFETY: repr(C), numbers, the first its size.
 unsafe impl Structure for vr_scene_info {
     const FIRST: usize = size_of::<Self>();
-}
-
-/// Is told how many of how many bytes have been read, now and then, by any thread; 0 of all where their number is not known.
-pub type vr_progress_callback = Option<unsafe extern "C" fn(done: u64, all: u64, user: *mut c_void)>;
-
-/// Which of a file's arrays are read, and how. Zeros are the defaults. Arrays are named NAME, NAME:PART, point:NAME or
-/// cell:NAME:PART, PART being a component (0, x, r, ...) or magnitude.
-#[repr(C)]
-#[derive(Clone, Copy, Debug)]
-pub struct vr_read_info {
-    /// sizeof(vr_read_info).
-    pub struct_size: usize,
-    /// Most bytes of memory that the data may take. 0: 16 GiB.
-    pub max_bytes: u64,
-    /// The array to show. NULL: the file's active one, else the first with one component.
-    pub array: *const c_char,
-    /// Of points: the array of support radii.
-    pub radius: *const c_char,
-    /// Of points: the array of covariances.
-    pub covariance: *const c_char,
-    /// Of points: the array of weights.
-    pub weight: *const c_char,
-    /// Told how far reading is, with `user`. May be NULL.
-    pub progress: vr_progress_callback,
-    /// For progress.
-    pub user: *mut c_void,
-}
-
-// SAFETY: repr(C), numbers and pointers, which may be null, the first its size.
-unsafe impl Structure for vr_read_info {
-    const FIRST: usize = size_of::<Self>();
-}
-
-/// Whom to tell how far reading is.
-struct Listener(unsafe extern "C" fn(u64, u64, *mut c_void), *mut c_void);
-
-// SAFETY: the pointer is handed back and never followed; the caller's function may be called by any thread.
-unsafe impl Send for Listener {}
-// SAFETY: the same.
-unsafe impl Sync for Listener {}
-
-impl Listener {
-    fn tell(&self, done: u64, all: u64) {
-        // SAFETY: the caller's function with what was given for it.
-        unsafe { (self.0)(done, all, self.1) };
-    }
-}
-
-/// # Safety
-///
-/// Its strings are null or end with NUL.
-unsafe fn read_options(info: &vr_read_info) -> Result<ReadOptions> {
-    let name = |pointer, what| -> Result<Option<String>> {
-        // SAFETY: the caller's promise.
-        Ok(unsafe { argument::text(pointer, what) }?.map(str::to_string))
-    };
-    let mut options = ReadOptions {
-        array: name(info.array, "array")?,
-        radius: name(info.radius, "radius")?,
-        covariance: name(info.covariance, "covariance")?,
-        weight: name(info.weight, "weight")?,
-        ..ReadOptions::default()
-    };
-    if info.max_bytes > 0 {
-        options.max_bytes = info.max_bytes;
-    }
-    if let Some(progress) = info.progress {
-        let listener = Listener(progress, info.user);
-        options.progress = Some(Progress::new(move |done, all| listener.tell(done, all)));
-    }
-    Ok(options)
 }
 
 impl vr_scene {
@@ -188,11 +116,11 @@ impl vr_scene {
     }
 }
 
-fn default_technique(scene: &Scene) -> CString {
+pub(super) fn default_technique(scene: &Scene) -> CString {
     c_text(Method::default_for(scene).map_or("", Method::name))
 }
 
-fn give(scene: vr_scene, out: &mut *mut vr_scene) -> vr_result {
+pub(super) fn give(scene: vr_scene, out: &mut *mut vr_scene) -> vr_result {
     *out = Box::into_raw(Box::new(scene));
     vr_result::VR_OK
 }
@@ -285,61 +213,6 @@ pub unsafe extern "C" fn vr_scene_create_points(
 ) -> vr_result {
     // SAFETY: the caller's promise.
     unsafe { create(gpu, (info, "vr_points_info"), (knots, knot_count), scene, data::points) }
-}
-
-/// Reads a scene file (.json), a data file of any format that the library knows, or a folder of slices. A data file gets a
-/// camera and a transfer function that are chosen for it. `info` may be NULL.
-///
-/// `path` is UTF-8, on Unix any bytes. Fails with VR_ERROR_IO, VR_ERROR_FILE naming file, place and rule,
-/// VR_ERROR_INVALID.
-///
-/// Threads: any.
-///
-/// # Safety
-///
-/// Pointers are NULL or valid, strings end with NUL.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vr_scene_load(
-    gpu: *const vr_gpu,
-    path: *const c_char,
-    info: *const vr_read_info,
-    scene: *mut *mut vr_scene,
-) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let out = unsafe { argument::out(scene, "scene") }?;
-        // SAFETY: the caller's promise.
-        let gpu = unsafe { argument::reference(gpu, "gpu") }?;
-        // SAFETY: the caller's promise.
-        let path = unsafe { argument::path(path, "path") }?;
-        let path = path.ok_or_else(|| Error::invalid("path", "is NULL"))?;
-        let options = if info.is_null() {
-            ReadOptions::default()
-        } else {
-            // SAFETY: the caller's promise.
-            let info = unsafe { argument::structure(info, "vr_read_info") }?;
-            // SAFETY: the caller's promise.
-            unsafe { read_options(&info) }?
-        };
-        let loaded = LoadedScene::load_any(path, &options)?;
-        let technique = match &loaded.technique {
-            Some(choice) => {
-                // Refused here, and not when it is first used.
-                Technique::new(Method::from_name(&choice.name)?, &choice.options)?;
-                let pairs: Vec<String> = choice.options.iter().map(|(k, v)| format!("{k}={v}")).collect();
-                c_text(&format!("{}:{}", choice.name, pairs.join(",")))
-            }
-            None => default_technique(&loaded.scene),
-        };
-        let file = FileView {
-            camera: (!loaded.camera_is_automatic).then_some(loaded.camera),
-            clip: loaded.clip,
-            extent: [loaded.width, loaded.height],
-        };
-        let warnings = c_text(&loaded.report.warnings.join("\n"));
-        let scene = GpuScene::new(&gpu.gpu, loaded.scene);
-        Ok(give(vr_scene { scene, technique, file: Some(file), warnings }, out))
-    })
 }
 
 /// Makes a scene of the same data under another transfer function, which shares what is on the device of the data. `source` stays

@@ -6,7 +6,7 @@ use std::error::Error;
 use std::path::Path;
 
 /// In the order in which the header has them.
-const SOURCES: [&str; 7] = ["result", "info", "gpu", "data", "scene", "view", "plan"];
+const SOURCES: [&str; 8] = ["result", "info", "gpu", "data", "scene", "load", "view", "plan"];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
