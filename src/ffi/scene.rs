@@ -348,7 +348,12 @@ pub unsafe extern "C" fn vr_scene_with_surfaces(
             })
         };
         let surfaces = given.iter().enumerate().map(surface).collect::<Result<Vec<_>>>()?;
-        Ok(give(source.with(source.scene.with_surfaces(surfaces)), out))
+        let mut made = source.with(source.scene.with_surfaces(surfaces));
+        // Surfaces decide which techniques draw a scene; what a file asks for stays.
+        if source.technique == default_technique(source.scene.scene()) {
+            made.technique = default_technique(made.scene.scene());
+        }
+        Ok(give(made, out))
     })
 }
 

@@ -271,13 +271,19 @@ impl Method {
     }
 
     /// Whether it draws a scene with such surfaces.
-    fn check_surfaces(self, surfaces: &SurfaceData) -> Result<()> {
+    fn check_surfaces(self, surfaces: &SurfaceData, data: &Data) -> Result<()> {
         if !surfaces.translucent || self.draws_translucent_surfaces() {
             return Ok(());
         }
-        let others = Self::ALL.into_iter().filter(|method| method.draws_translucent_surfaces());
+        let others =
+            Self::ALL.into_iter().filter(|method| method.draws_translucent_surfaces() && method.draws(data));
         let names: Vec<&str> = others.map(Self::name).collect();
-        let why = format!("{} draws no translucent surfaces: {} do", self.name(), names.join(", "));
+        let instead = if names.is_empty() {
+            format!("no technique for {} does", data.kind())
+        } else {
+            format!("{} do", names.join(", "))
+        };
+        let why = format!("{} draws no translucent surfaces: {instead}", self.name());
         Err(Error::invalid("technique", why))
     }
 
@@ -621,7 +627,7 @@ impl Renderer {
         }
         let lists = match self.scene.surfaces()? {
             Some(data) => {
-                self.technique.method().check_surfaces(&data)?;
+                self.technique.method().check_surfaces(&data, &self.scene.scene().data)?;
                 Some(SurfaceLists::new(gpu, &data, view)?)
             }
             None => None,

@@ -31,6 +31,9 @@ use crate::scene::{Shading, Surface, View};
 
 const NAME: &str = "surfaces";
 
+// havs.glsl keeps in so many bits how many were passed.
+const _: () = assert!(MOST_LAYERS < 1 << 10);
+
 /// Numbers of triangles are kept in the bits of floats above 2, of which there are more.
 const MOST_TRIANGLES: usize = 1 << 27;
 

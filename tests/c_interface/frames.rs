@@ -161,11 +161,17 @@ fn scenes_are_those_of_rust() {
     let cube = Surface::cuboid(low, -low, [0.9, 0.4, 0.1, 1.0]).unwrap().with_shading(Shading::Headlight);
     let ball = Surface::sphere(glam::DVec3::ZERO, 0.8, glass, 2).unwrap();
     let [c_cube, c_ball] = [&cube, &ball].map(c_surface);
-    let volumes = || own.memory_report().iter().filter(|(name, _)| name.starts_with("stack")).count();
+    let volumes = || {
+        let (mut used, mut budget) = (0, 0);
+        // SAFETY: all are valid.
+        done(unsafe { vr_gpu_memory(gpu, &mut used, &mut budget) });
+        used
+    };
     let held = volumes();
+    assert!(held > 12 * 12 * 12, "{held}");
     for (infos, surfaces, spec) in [
         (vec![&raw const c_cube.0], vec![cube.clone()], c"slices-2d"),
-        (vec![&raw const c_cube.0, &raw const c_ball.0], vec![cube.clone(), ball], c"slices-2d"),
+        (vec![&raw const c_cube.0, &raw const c_ball.0], vec![cube.clone(), ball.clone()], c"slices-2d"),
         (Vec::new(), Vec::new(), c"slices-2d"),
     ] {
         // SAFETY: all are valid.
@@ -173,7 +179,11 @@ fn scenes_are_those_of_rust() {
         same(made, Scene::new(grid.clone(), fog.clone()).with_surfaces(surfaces), spec);
         handles.push(made);
     }
-    assert_eq!(volumes(), held, "{:?}", own.memory_report());
+    // The last has none, and draws from what the first has uploaded.
+    for handle in handles.drain(handles.len() - 3..handles.len() - 1) {
+        end_scene(handle);
+    }
+    assert_eq!(volumes(), held);
     handles.push(first);
 
     let mesh = Field::Blobs.tets(4).unwrap();
@@ -245,6 +255,16 @@ fn scenes_are_those_of_rust() {
         same(made, Scene::new(want, fog.clone()), c"splat-ewa");
         handles.push(made);
     }
+    // Nothing draws points among glass; without it, what draws points.
+    let (points, mut glass) = (made, null_mut());
+    // SAFETY: all are valid.
+    done(unsafe { vr_scene_with_surfaces(points, [&raw const c_ball.0].as_ptr(), 1, &mut glass) });
+    // SAFETY: all are valid.
+    done(unsafe { vr_scene_with_surfaces(glass, null(), 0, &mut made) });
+    // SAFETY: scenes.
+    let chosen = [points, glass, made].map(|scene| text(unsafe { vr_scene_technique(scene) }));
+    assert_eq!(chosen, ["splat-ewa", "", "splat-ewa"]);
+    handles.extend([glass, made]);
     for handle in handles {
         end_scene(handle);
     }

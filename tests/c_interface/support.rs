@@ -148,7 +148,7 @@ pub fn c_scene(gpu: *const vr_gpu, grid: &volraster::scene::Grid, rows: &[[f64; 
     scene
 }
 
-/// A surface for C, and its points, which must live as long.
+/// A surface for C, which must live as long, and its points, which must, too.
 pub fn c_surface(surface: &Surface) -> (vr_surface_info, Vec<[f64; 3]>) {
     let points: Vec<[f64; 3]> = surface.points().iter().map(|p| p.to_array()).collect();
     let shading = match surface.shading() {
