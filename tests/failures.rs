@@ -109,6 +109,8 @@ sweeps! {
     mesh_raster "mesh-raster";
     points_ellipses "points-ellipses";
     points_sheets "points-sheets";
+    grid_cut "grid-cut";
+    mesh_cut "mesh-cut";
 }
 
 #[test]

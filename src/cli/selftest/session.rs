@@ -8,7 +8,9 @@ use std::sync::Arc;
 use volraster::ash::vk;
 use volraster::glam::DVec3;
 use volraster::gpu::{Gpu, GpuOptions, Injection, Validation, ValidationLog};
-use volraster::scene::{Camera, Field, Points, Projection, Scene, TetScalars, TransferFunction, View};
+use volraster::scene::{
+    Camera, Clip, Field, Points, Projection, Scene, Surface, TetScalars, TransferFunction, View,
+};
 use volraster::technique::{Method, Offscreen};
 use volraster::{Error, GpuScene, Renderer, Result, TargetDesc, TargetMode, Technique};
 
@@ -29,7 +31,7 @@ const ROWS: [[f64; 5]; 4] = [
 ];
 
 /// Techniques by kind of data and route.
-const SPECS: [(&str, &str); 7] = [
+const SPECS: [(&str, &str); 9] = [
     ("grid-raster", "slices-3d:route=raster,target=rgba8,dither=blue"),
     ("grid-compute", "raycast:integrator=integral"),
     ("grid-warp", "shear-warp:route=raster"),
@@ -37,6 +39,8 @@ const SPECS: [(&str, &str); 7] = [
     ("mesh-raster", "projected-tets:route=raster"),
     ("points-ellipses", "splat-ewa:"),
     ("points-sheets", "splat-sheets:"),
+    ("grid-cut", "slabs:"),
+    ("mesh-cut", "havs:"),
 ];
 
 /// Names and results, in bytes: pictures, an overflow map, the image of a caller.
@@ -61,7 +65,11 @@ pub(crate) fn sessions() -> Result<Vec<Session>> {
         if let Some(scene) =
             scenes.iter().find(|scene| technique.method().draws(&scene.data) && fits(name, scene))
         {
-            sessions.push(Session { name, technique, scene: scene.clone() });
+            let mut scene = scene.clone();
+            if name.ends_with("cut") {
+                scene = scene.with_surfaces(surfaces()?);
+            }
+            sessions.push(Session { name, technique, scene });
         }
     }
     Ok(sessions)
@@ -71,10 +79,13 @@ fn fits(name: &str, scene: &Scene) -> bool {
     name.starts_with(scene.data.kind())
 }
 
-fn view(eye: [f64; 3], width: u32, height: u32) -> Result<View> {
-    let projection = Projection::Perspective { fov_y_deg: 42.0 };
-    let camera = Camera { eye: DVec3::from(eye), target: DVec3::ZERO, up: DVec3::Y, projection };
-    View::new(camera, width, height)
+/// An opaque box, and a translucent ball around it.
+fn surfaces() -> Result<Vec<Surface>> {
+    let low = DVec3::splat(-0.3);
+    Ok(vec![
+        Surface::cuboid(low, -low, [0.9, 0.4, 0.1, 1.0])?,
+        Surface::sphere(DVec3::ZERO, 0.8, [0.2, 0.5, 0.9, 0.4], 1)?,
+    ])
 }
 
 /// A device with an injection, validated into `log`, whose pipelines are kept nowhere.
@@ -103,12 +114,22 @@ fn bytes(image: &volraster::Image) -> Vec<u8> {
 }
 
 impl Session {
+    fn view(&self, eye: [f64; 3], width: u32, height: u32) -> Result<View> {
+        let projection = Projection::Perspective { fov_y_deg: 42.0 };
+        let camera = Camera { eye: DVec3::from(eye), target: DVec3::ZERO, up: DVec3::Y, projection };
+        let view = View::new(camera, width, height)?;
+        if self.scene.surfaces.is_empty() {
+            return Ok(view);
+        }
+        Ok(view.with_clip(Clip::none().with_plane(DVec3::new(0.6, 0.0, 0.0), DVec3::new(-1.0, 0.3, 0.0))?))
+    }
+
     /// The technique.
     pub(crate) fn method(&self) -> Method {
         self.technique.method()
     }
 
-    /// Uploads, draws, reads back; another view, another size, another transfer function, other scalars; into images as a
+    /// Uploads, draws, reads back; another view, another size, another transfer function, other scalars and surfaces; into images as a
     /// caller has them, two frames in flight. Everything is dropped at the end.
     ///
     /// # Errors
@@ -116,7 +137,7 @@ impl Session {
     /// What fails.
     pub(crate) fn run(&self, gpu: &Gpu) -> Result<Pictures> {
         let mut pictures = Pictures::new();
-        let (first, second) = (view([2.0, 1.5, 3.8], 20, 14)?, view([-3.0, 1.0, 2.0], 20, 14)?);
+        let (first, second) = (self.view([2.0, 1.5, 3.8], 20, 14)?, self.view([-3.0, 1.0, 2.0], 20, 14)?);
         let scene = GpuScene::new(gpu, self.scene.clone());
         let renderer = Renderer::new(&scene, self.technique);
         let mut frames = renderer.frames(&first)?;
@@ -128,7 +149,7 @@ impl Session {
             pictures.push(("overflow map", map.into_iter().map(u8::from).collect()));
         }
         drop(frames);
-        pictures.push(("another size", bytes(&renderer.render(&view([2.0, 1.5, 3.8], 9, 31)?)?)));
+        pictures.push(("another size", bytes(&renderer.render(&self.view([2.0, 1.5, 3.8], 9, 31)?)?)));
         // From white to black, over the same scalars.
         let [low, high] = self.scene.transfer.domain();
         let other = [[low, 1.0, 1.0, 1.0, 0.5], [high, 0.0, 0.0, 0.0, 4.0]];
@@ -142,6 +163,10 @@ impl Session {
             let scalars = mesh.scalars().values().iter().map(|scalar| 1.0 - scalar).collect();
             let turned = scene.with_scalars(TetScalars::Point(scalars), other)?;
             pictures.push(("other scalars", bytes(&Renderer::new(&turned, self.technique).render(&first)?)));
+        }
+        if !self.scene.surfaces.is_empty() {
+            let moved = scene.with_surfaces(self.scene.surfaces[..1].to_vec());
+            pictures.push(("other surfaces", bytes(&Renderer::new(&moved, self.technique).render(&first)?)));
         }
         let format = vk::Format::R8G8B8A8_UNORM;
         let mut flying = Vec::new();
@@ -161,7 +186,7 @@ impl Session {
     /// One frame of the first view.
     fn frame(&self, gpu: &Gpu) -> Result<Pictures> {
         let scene = GpuScene::new(gpu, self.scene.clone());
-        let image = Renderer::new(&scene, self.technique).render(&view([2.0, 1.5, 3.8], 20, 14)?)?;
+        let image = Renderer::new(&scene, self.technique).render(&self.view([2.0, 1.5, 3.8], 20, 14)?)?;
         Ok(vec![("first view", bytes(&image))])
     }
 }
@@ -373,7 +398,7 @@ pub(crate) fn fail_frames(place: &Place, session: &Session, most: usize) -> Outc
     let bench = Bench::new(place, session);
     let gpu = bench.at("open", bench.open())?;
     let scene = GpuScene::new(&gpu, session.scene.clone());
-    let views = [[2.0, 1.5, 3.8], [-3.0, 1.0, 2.0]].map(|eye| view(eye, 20, 14));
+    let views = [[2.0, 1.5, 3.8], [-3.0, 1.0, 2.0]].map(|eye| session.view(eye, 20, 14));
     let [first, second] = views;
     let (first, second) = (bench.at("view", first)?, bench.at("view", second)?);
     let mut frames = bench.at("prepare", Renderer::new(&scene, session.technique).frames(&first))?;
