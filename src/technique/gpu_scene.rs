@@ -193,12 +193,7 @@ impl GpuScene {
     pub fn with_scalars(&self, scalars: TetScalars, transfer: TransferFunction) -> Result<Arc<Self>> {
         let mesh = self.mesh()?.clone().with_scalars(scalars)?;
         let mesh_data = Arc::new(MeshData::with_shape(&self.mesh.shape));
-        let scene = Scene {
-            data: mesh.into(),
-            transfer,
-            kernels: self.scene.kernels,
-            surfaces: self.scene.surfaces.clone(),
-        };
+        let scene = Scene { data: mesh.into(), transfer, ..self.scene.clone() };
         let surfaces = Arc::clone(&self.surfaces);
         Ok(Arc::new(Self { mesh: mesh_data, surfaces, ..Self::unshared(&self.gpu, scene) }))
     }
@@ -212,12 +207,7 @@ impl GpuScene {
     /// As [`Grid::with_samples`]; [`Error::Invalid`] where the scene holds no grid.
     pub fn with_samples(&self, samples: Samples) -> Result<Arc<Self>> {
         let grid = self.grid()?.with_samples(samples)?;
-        let scene = Scene {
-            data: grid.into(),
-            transfer: self.scene.transfer.clone(),
-            kernels: self.scene.kernels,
-            surfaces: self.scene.surfaces.clone(),
-        };
+        let scene = Scene { data: grid.into(), ..self.scene.clone() };
         Ok(Arc::new(Self {
             no_table: copied(&self.no_table),
             knots: copied(&self.knots),
