@@ -4,9 +4,9 @@
 
 use std::path::PathBuf;
 
+use volraster::io::scene_file::LoadedScene;
 use volraster::io::{self, ReadOptions};
 use volraster::scene::View;
-use volraster::scene::file::LoadedScene;
 use volraster::technique::Method;
 use volraster::{Error, Gpu, GpuScene, Renderer, Result, Technique};
 

@@ -4,20 +4,25 @@ pub mod choice;
 pub mod error;
 #[cfg(feature = "capi")]
 pub mod ffi;
-pub mod frame;
+mod frame;
 pub mod gpu;
+mod image;
 mod interface;
 pub mod io;
 pub mod measure;
 mod num;
 mod optics;
+mod primitives;
 pub mod reference;
+mod resident;
 pub mod scene;
 pub mod technique;
 
 pub use ash;
 pub use error::{Error, Result};
-pub use frame::Image;
+pub use frame::{Offscreen, Plan, Recorded, Status, TargetDesc, TargetMode};
 pub use glam;
 pub use gpu::Gpu;
-pub use technique::{GpuScene, Plan, Recorded, Renderer, TargetDesc, TargetMode, Technique};
+pub use image::Image;
+pub use resident::{GpuScene, GridBytes, Integrator, SegmentOptions, UploadTimes};
+pub use technique::{FrameTime, Frames, Method, Renderer, Technique};

@@ -6,10 +6,11 @@ mod common;
 
 use common::*;
 use glam::DVec3;
+use volraster::GpuScene;
 use volraster::gpu::OptionalFeature;
 use volraster::measure::ImageErrors;
 use volraster::scene::{Camera, Field, Projection, View};
-use volraster::technique::{GpuScene, Renderer};
+use volraster::technique::Renderer;
 use volraster::{Gpu, Image};
 
 /// A square image inside the cube's front face, seen along an axis: every pixel crosses the same 2 units.

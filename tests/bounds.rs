@@ -19,7 +19,8 @@ use volraster::gpu::{DepthProjection, Gpu, GpuOptions};
 use volraster::measure::ImageErrors;
 use volraster::reference::{self, ReferenceImage};
 use volraster::scene::{Clip, Field, Kernel, Kernels, Model, Scene, View};
-use volraster::technique::{GpuScene, Renderer, TargetDesc, TargetMode};
+use volraster::technique::Renderer;
+use volraster::{GpuScene, TargetDesc, TargetMode};
 
 /// What a view's clipping leaves of a pixel's ray, up to a depth along the view.
 fn range_of(view: &View, pixel: DVec2, depth: f64) -> ([f64; 2], DVec3, DVec3) {

@@ -9,9 +9,10 @@ use std::process::Command;
 
 use common::*;
 use serde_json::Value;
+use volraster::GpuScene;
 use volraster::choice::{self, Choice, Goal, Profile, Source, TrialOutcome};
 use volraster::scene::{Field, Scene, TransferFunction, View};
-use volraster::technique::{GpuScene, Renderer};
+use volraster::technique::Renderer;
 use volraster::{Error, Gpu};
 
 fn mesh(cubes: u32) -> Scene {

@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use serde_json::Value;
+use volraster::GpuScene;
 use volraster::gpu::{Gpu, GpuOptions};
+use volraster::io::scene_file::SceneFile;
 use volraster::io::{Data, ReadOptions, known_formats, read_exr, write_vtu};
-use volraster::scene::file::SceneFile;
 use volraster::scene::{KernelSize, Points, TetScalars, Tets, View};
-use volraster::technique::{GpuScene, Renderer, Technique};
+use volraster::technique::{Renderer, Technique};
 
 /// A field small enough to draw in milliseconds, with a camera and a technique of its own.
 const SCENE: &str = r#"{

@@ -7,10 +7,11 @@ mod common;
 
 use common::*;
 use glam::{DMat3, DVec2, DVec3};
+use volraster::GpuScene;
 use volraster::gpu::GpuOptions;
 use volraster::measure::ImageErrors;
 use volraster::scene::{Camera, Field, Grid, Projection, Rescale, Samples, Scene, TransferFunction, View};
-use volraster::technique::{GpuScene, Renderer, Technique};
+use volraster::technique::{Renderer, Technique};
 use volraster::{Gpu, TargetDesc};
 
 /// A homogeneous cube has opacity `1 - exp(-tau d)` at any spacing: what is left is rounding. The bound

@@ -9,9 +9,10 @@ use std::sync::Arc;
 
 use common::*;
 use glam::DVec3;
+use volraster::GpuScene;
 use volraster::gpu::OptionalFeature;
 use volraster::scene::{Camera, Field, Projection, Scene, TetScalars, Tets, TransferFunction, View};
-use volraster::technique::{GpuScene, Method, Renderer};
+use volraster::technique::{Method, Renderer};
 use volraster::{Error, Image};
 
 /// The raster routes that this device offers.

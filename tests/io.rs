@@ -8,13 +8,13 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::{DMat3, DVec3};
+use volraster::Image;
 use volraster::Result;
-use volraster::frame::Image;
+use volraster::io::scene_file::{LoadedScene, PRESETS, SceneFile};
 use volraster::io::{
     Endian, RawLayout, ReadOptions, SampleType, known_formats, read_exr, read_grid, read_raw, write_exr,
     write_image, write_png,
 };
-use volraster::scene::file::{LoadedScene, PRESETS, SceneFile};
 use volraster::scene::{Anatomy, Field, Grid, Projection, Samples};
 
 const OPTIONS: ReadOptions = ReadOptions::within(1 << 30);

@@ -17,7 +17,8 @@ use volraster::ash::vk;
 use volraster::gpu::{DepthProjection, Gpu, OptionalFeature};
 use volraster::reference;
 use volraster::scene::{Clip, Field, Scene, Shading, Surface};
-use volraster::technique::{GpuScene, Method, Renderer, TargetDesc};
+use volraster::technique::{Method, Renderer};
+use volraster::{GpuScene, TargetDesc};
 
 /// A ball, a box that it cuts, and a triangle that reaches far beyond the volume on both sides of the eye.
 fn opaque() -> Vec<Surface> {

@@ -6,8 +6,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use volraster::io::scene_file::{LoadedScene, SceneFile};
 use volraster::io::{Data, ReadOptions, write_nrrd, write_vtu};
-use volraster::scene::file::{LoadedScene, SceneFile};
 use volraster::scene::{Field, Points, TetScalars, Tets};
 
 const OPTIONS: ReadOptions = ReadOptions::within(1 << 30);

@@ -10,10 +10,10 @@ use std::fmt::Write as _;
 
 use common::*;
 use glam::{DMat3, DQuat, DVec3};
+use volraster::GpuScene;
 use volraster::io::{Data, ReadOptions, read_memory};
 use volraster::measure::ImageErrors;
 use volraster::scene::{Camera, Grid, Projection, Samples, Scene, TransferFunction, View};
-use volraster::technique::GpuScene;
 
 /// Three unlike Gaussians, none where a mirror or a turn of the others would put it. Below 0.02, where the
 /// transfer function begins, further than 0.75 from the origin.

@@ -6,11 +6,12 @@ mod common;
 
 use common::*;
 use glam::{DMat3, DVec3};
+use volraster::GpuScene;
 use volraster::Image;
 use volraster::measure::ImageErrors;
 use volraster::reference::{self, ReferenceImage, ReferenceOptions};
 use volraster::scene::{Camera, Field, Grid, Projection, Samples, Scene, TransferFunction, View};
-use volraster::technique::{GpuScene, Renderer};
+use volraster::technique::Renderer;
 
 /// The techniques that have the option, by each of their routes.
 fn prefiltered(gpu: &volraster::Gpu) -> Vec<String> {

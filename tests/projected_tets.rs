@@ -11,12 +11,13 @@ use std::sync::Arc;
 
 use common::*;
 use glam::{DVec2, DVec3};
+use volraster::GpuScene;
 use volraster::Image;
 use volraster::gpu::Gpu;
 use volraster::io::{self, Data, ReadOptions};
 use volraster::measure::ImageErrors;
 use volraster::scene::{Camera, Field, Projection, Scene, TetScalars, Tets, TransferFunction, View};
-use volraster::technique::{GpuScene, Method, Renderer, Technique};
+use volraster::technique::{Method, Renderer, Technique};
 
 type Counters = Vec<(&'static str, u64)>;
 

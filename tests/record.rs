@@ -10,7 +10,8 @@ use common::*;
 use volraster::ash::vk;
 use volraster::gpu::{DepthImage, DepthProjection, Gpu, GpuOptions};
 use volraster::scene::{Field, Scene, TransferFunction, View};
-use volraster::technique::{GpuScene, Renderer, TargetDesc, TargetMode, Technique};
+use volraster::technique::{Renderer, Technique};
+use volraster::{GpuScene, TargetDesc, TargetMode};
 
 fn srgb(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }

@@ -10,11 +10,12 @@ use std::sync::Arc;
 
 use common::*;
 use glam::{DMat3, DVec2, DVec3};
+use volraster::GpuScene;
 use volraster::Image;
 use volraster::measure::ImageErrors;
 use volraster::reference::{self, ReferenceOptions};
 use volraster::scene::{Camera, Field, Grid, Projection, Samples, Scene, TransferFunction, View};
-use volraster::technique::{GpuScene, Method, Renderer, Technique};
+use volraster::technique::{Method, Renderer, Technique};
 use volraster::{Plan, TargetDesc};
 
 fn view_of(eye: DVec3, target: DVec3, up: DVec3, projection: Projection, [width, height]: [u32; 2]) -> View {

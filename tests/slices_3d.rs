@@ -7,9 +7,10 @@ mod common;
 
 use common::*;
 use glam::{DMat3, DVec2, DVec3};
+use volraster::GpuScene;
 use volraster::measure::ImageErrors;
 use volraster::scene::{Field, Grid, Samples, Scene};
-use volraster::technique::{GpuScene, Method, Renderer};
+use volraster::technique::{Method, Renderer};
 use volraster::{Gpu, Image};
 
 /// Options of this technique.

@@ -9,9 +9,10 @@ use std::process::Command;
 
 use common::*;
 use serde_json::Value;
+use volraster::GpuScene;
 use volraster::choice::{self, Goal, Profile};
 use volraster::scene::{Field, Kernel, KernelSize, Kernels, Model, Scene, TransferFunction};
-use volraster::technique::{GpuScene, Method, Renderer};
+use volraster::technique::{Method, Renderer};
 use volraster::{Error, Technique};
 
 fn transfer() -> TransferFunction {

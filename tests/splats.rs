@@ -7,13 +7,14 @@ mod common;
 
 use common::*;
 use glam::{DVec2, DVec3};
+use volraster::GpuScene;
 use volraster::Image;
 use volraster::measure::ImageErrors;
 use volraster::reference::ReferenceOptions;
 use volraster::scene::{
     Camera, Field, Kernel, KernelSize, Kernels, Model, Points, Projection, Scene, TransferFunction, View,
 };
-use volraster::technique::{GpuScene, Renderer};
+use volraster::technique::Renderer;
 
 fn erf(x: f64) -> f64 {
     // Its series, for the arguments of these tests.

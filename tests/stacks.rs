@@ -6,9 +6,10 @@ mod common;
 
 use common::*;
 use glam::{DMat3, DVec3};
+use volraster::GpuScene;
 use volraster::measure::ImageErrors;
 use volraster::scene::{Camera, Field, Projection, Scene, TransferFunction, View};
-use volraster::technique::{GpuScene, Renderer};
+use volraster::technique::Renderer;
 use volraster::{Gpu, Plan, TargetDesc};
 
 /// The standard distance, turned by an angle about y from the z axis.

@@ -9,8 +9,8 @@ use std::process::Command;
 use glam::DVec3;
 use serde_json::{Value, json};
 use volraster::io::ReadOptions;
+use volraster::io::scene_file::{LoadedScene, SceneFile};
 use volraster::reference::{self, ReferenceOptions};
-use volraster::scene::file::{LoadedScene, SceneFile};
 use volraster::scene::{Clip, Shading, Surface};
 
 const OPTIONS: ReadOptions = ReadOptions::within(1 << 30);

@@ -15,13 +15,14 @@ use std::sync::{Arc, Barrier};
 use common::caller::{Caller, Signal};
 use common::*;
 use glam::{DMat3, DVec3};
+use volraster::Status;
 use volraster::ash::vk;
 use volraster::gpu::{
     CommandBuffer, DepthImage, DepthProjection, DeviceReport, Enabled, GpuOptions, GpuParts, Handles,
     PassTime, QueueLock, TargetImage, ValidationLog,
 };
 use volraster::scene::{Grid, Samples, Scene, TransferFunction, View};
-use volraster::technique::{FrameTime, Frames, Method, Status};
+use volraster::technique::{FrameTime, Frames, Method};
 use volraster::{Error, Gpu, GpuScene, Image, Plan, Recorded, Renderer, TargetDesc, TargetMode, Technique};
 
 fn shared<T: Send + Sync>() {}

@@ -7,10 +7,11 @@
 mod common;
 
 use common::TestGpu;
+use volraster::GpuScene;
 use volraster::ash::vk;
 use volraster::gpu::{Gpu, GpuOptions, Validation};
 use volraster::scene::{Field, KernelSize, Points, Scene, TetScalars, Tets, TransferFunction};
-use volraster::technique::{GpuScene, Method, Renderer};
+use volraster::technique::{Method, Renderer};
 
 /// A validated device whose messages are expected.
 fn validated() -> TestGpu {

@@ -26,8 +26,10 @@ pub use profile::{Profile, Source};
 
 use crate::error::{Error, Result};
 use crate::num;
+use crate::resident::GpuScene;
 use crate::scene::View;
-use crate::technique::{GpuScene, Renderer, Technique};
+use crate::technique::Renderer;
+use crate::technique::Technique;
 use probes::Probes;
 use search::{Predicted, Search};
 use table::Candidate;
@@ -220,7 +222,7 @@ fn drawn(
     candidate: &Candidate,
     stop: f64,
     timed: u32,
-) -> Result<(crate::frame::Image, f64)> {
+) -> Result<(crate::image::Image, f64)> {
     let mut frames = Renderer::new(scene, candidate.technique(stop)?).frames(view)?;
     frames.draw(view)?;
     let image = frames.read_back()?;

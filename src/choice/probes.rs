@@ -1,7 +1,7 @@
 //! Pixels at which the truth is known, and what they tell of an image's error.
 
 use crate::error::Result;
-use crate::frame::Image;
+use crate::image::Image;
 use crate::num;
 use crate::reference;
 use crate::scene::{Scene, View};

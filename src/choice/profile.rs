@@ -12,11 +12,11 @@ use super::table::{self, Candidate};
 use super::{drawn, probes::Probes};
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, user_cache_folder};
-use crate::scene::file::PRESETS;
+use crate::io::scene_file::PRESETS;
+use crate::resident::GpuScene;
 use crate::scene::{
     Camera, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, TransferFunction, View,
 };
-use crate::technique::GpuScene;
 
 /// Where a profile comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

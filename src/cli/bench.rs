@@ -11,8 +11,8 @@ use std::time::Duration;
 
 use indicatif::ProgressBar;
 use volraster::io::ReadOptions;
+use volraster::io::scene_file::SceneFile;
 use volraster::reference::ReferenceImage;
-use volraster::scene::file::SceneFile;
 use volraster::scene::{Scene, View};
 use volraster::{Error, Gpu, GpuScene, Result};
 

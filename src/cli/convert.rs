@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use volraster::io::scene_file::{LoadedScene, SceneFile};
 use volraster::io::{self, Data, Report, write_nrrd, write_vtu};
-use volraster::scene::file::{LoadedScene, SceneFile};
 use volraster::{Error, Result};
 
 use super::input::ArraysArgs;

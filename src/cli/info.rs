@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use serde_json::{Map, Value, json};
+use volraster::GridBytes;
 use volraster::glam::DVec3;
+use volraster::io::scene_file::{LoadedScene, SceneFile};
 use volraster::io::{self, ArrayInfo, Data, Report};
-use volraster::scene::file::{LoadedScene, SceneFile};
 use volraster::scene::{
     Anatomy, Camera, Clip, Grid, Kernel, KernelSize, Kernels, Model, Points, Projection, Shading, Surface,
     TetScalars, Tets, TransferFunction,
 };
-use volraster::technique::GridBytes;
 use volraster::{Error, Result};
 
 use super::histogram::Histogram;

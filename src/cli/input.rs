@@ -6,8 +6,8 @@ use std::time::Instant;
 
 use serde_json::{Map, Value};
 use volraster::gpu::{GpuOptions, Validation, ValidationLog};
+use volraster::io::scene_file::{LoadedScene, TechniqueChoice};
 use volraster::io::{ReadOptions, Report};
-use volraster::scene::file::{LoadedScene, TechniqueChoice};
 use volraster::scene::{Data, Scene, Surface, View};
 use volraster::technique::Method;
 use volraster::{Error, Gpu, Result, Technique};

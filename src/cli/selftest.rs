@@ -22,11 +22,11 @@ use volraster::gpu::{Gpu, GpuOptions, Provocation, Validation, ValidationLog};
 use volraster::technique::Method;
 use volraster::{Error, Result};
 
-use self::allow::{Allowed, id_of};
-use self::cases::Case;
-use self::stage::{Stage, Stop};
 use super::input::DeviceArgs;
 use super::{Failure, Outcome, output};
+use crate::cli::selftest::allow::{Allowed, id_of};
+use crate::cli::selftest::cases::Case;
+use crate::cli::selftest::stage::{Stage, Stop};
 
 /// Arguments of `selftest`.
 #[derive(Debug, clap::Args)]

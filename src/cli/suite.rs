@@ -2,7 +2,7 @@
 //! technique or option is another line.
 
 use volraster::glam::DVec3;
-use volraster::scene::file::PRESETS;
+use volraster::io::scene_file::PRESETS;
 use volraster::scene::{
     Camera, Clip, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, Shading, Surface,
     TransferFunction, View,

@@ -7,9 +7,10 @@ use super::gpu::vr_gpu;
 use super::result::{c_text, call, vr_result};
 use super::scene::{FileView, default_technique, give, vr_scene};
 use crate::error::{Error, Result};
+use crate::io::scene_file::LoadedScene;
 use crate::io::{Progress, ReadOptions};
-use crate::scene::file::LoadedScene;
-use crate::technique::{GpuScene, Method, Technique};
+use crate::resident::GpuScene;
+use crate::technique::{Method, Technique};
 
 /// Is told how many of how many bytes have been read, now and then, by any thread; 0 of all where their number is not known.
 pub type vr_progress_callback = Option<unsafe extern "C" fn(done: u64, all: u64, user: *mut c_void)>;

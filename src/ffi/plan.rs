@@ -13,9 +13,11 @@ use super::scene::vr_scene;
 use super::view::vr_view;
 use super::vulkan::{VkBool32, VkCommandBuffer, VkExtent2D, VkFormat, VkImage, VkImageLayout, VkImageView};
 use crate::error::{Error, Result};
+use crate::frame::plan::{Plan, Recorded, Status};
+use crate::frame::target::{TargetDesc, TargetMode};
 use crate::gpu::{CommandBuffer, DepthImage, DepthProjection, Gpu, TargetImage};
 use crate::num;
-use crate::technique::{Plan, Recorded, Renderer, Status, TargetDesc, TargetMode};
+use crate::technique::Renderer;
 
 /// Everything that one frame of one size needs, fixed: pipelines, buffers, images. For several frames in flight there are as many
 /// plans.

@@ -10,9 +10,10 @@ use super::result::{c_text, call, quietly, vr_result};
 use super::view::vr_view;
 use super::vulkan::VkBool32;
 use crate::error::{Error, Result};
-use crate::scene::file::LoadedScene;
+use crate::io::scene_file::LoadedScene;
+use crate::resident::GpuScene;
 use crate::scene::{Camera, Clip, Data, Scene, Surface, TransferFunction, View, auto};
-use crate::technique::{GpuScene, Method, Technique};
+use crate::technique::{Method, Technique};
 
 /// Data with a transfer function, on a device. What of it a technique needs is uploaded when a plan is first created for it,
 /// and kept with the scene. It does not change: functions that change something make another scene, which shares the rest.

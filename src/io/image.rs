@@ -15,7 +15,7 @@ use exr::prelude::{
 
 use super::ReadOptions;
 use crate::error::{Error, Result};
-use crate::frame::Image;
+use crate::image::Image;
 use crate::num;
 
 /// Writes an image as OpenEXR or PNG, by the ending of the file's name.

@@ -43,6 +43,7 @@ mod ply;
 mod raw;
 mod refused;
 mod samples;
+pub mod scene_file;
 mod source;
 mod text;
 mod tiff;

@@ -20,8 +20,8 @@ use super::text;
 use super::volume::Chosen;
 use super::{Loaded, ReadOptions, Reader};
 use crate::error::{Error, Result};
+use crate::io::scene_file::json_error;
 use crate::scene::Grid;
-use crate::scene::file::json_error;
 
 /// Everything that a raw file does not say about itself.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -20,14 +20,14 @@ mod walk;
 
 use glam::{DMat3, DVec3};
 
-use self::stored::{Stored, room};
-use self::walk::{Cells, Contents, Kind, MAGIC, Walk};
 use super::arrays::{ArrayInfo, Association, Pick};
 use super::dataset::{self, Dataset, Origin};
 use super::lattice::{self, Places};
 use super::source::{Budget, Source};
 use super::{Loaded, ReadOptions, Reader, SampleType, text};
 use crate::error::{Error, Result};
+use crate::io::vtk_legacy::stored::{Stored, room};
+use crate::io::vtk_legacy::walk::{Cells, Contents, Kind, MAGIC, Walk};
 use crate::num;
 use crate::scene::Samples;
 

@@ -5,7 +5,7 @@ use std::fmt;
 use serde::{Serialize, Serializer};
 
 use crate::error::{Error, Result};
-use crate::frame::Image;
+use crate::image::Image;
 use crate::num;
 use crate::reference::ReferenceImage;
 

@@ -1,7 +1,7 @@
 //! Error heat maps.
 
 use crate::error::Result;
-use crate::frame::Image;
+use crate::image::Image;
 use crate::num;
 use crate::reference::ReferenceImage;
 

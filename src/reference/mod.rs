@@ -27,7 +27,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::frame::Image;
+use crate::image::Image;
 use crate::num;
 use crate::scene::{Data, Scene, Surface, View};
 

@@ -396,6 +396,16 @@ fn statistics(samples: &Samples) -> ([f64; 2], usize, usize) {
     }
 }
 
+/// Longest chord of the domain, world units.
+pub(crate) fn diagonal(grid: &Grid) -> f64 {
+    grid.corners().iter().map(|corner| 2.0 * (*corner - grid.centre()).length()).fold(0.0, f64::max)
+}
+
+/// Axes in the order of a stack along one of them: the others follow it cyclically, the stack's comes last.
+pub(crate) fn turned<T: Copy>(xyz: [T; 3], axis: usize) -> [T; 3] {
+    [xyz[(axis + 1) % 3], xyz[(axis + 2) % 3], xyz[axis % 3]]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,4 +1,4 @@
-//! What is drawn, without Vulkan: data, transfer function, camera, scene file.
+//! What is drawn, without Vulkan: data, transfer function, camera.
 
 pub mod auto;
 mod camera;
@@ -6,12 +6,13 @@ mod cells;
 mod clip;
 mod data;
 mod field;
-pub mod file;
-mod grid;
+pub(crate) mod grid;
 mod kernel;
 mod points;
+pub(crate) mod predicates;
 mod surface;
 mod tets;
+pub(crate) mod topology;
 mod transfer;
 
 pub use camera::{Camera, Projection, View};

@@ -3,6 +3,8 @@
 use serde::Serialize;
 
 use crate::error::{Error, Result};
+use crate::resident::tables::{Integrator, SegmentOptions};
+use crate::technique::options;
 
 /// One option of a technique, as `volraster techniques` shows it.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -80,4 +82,110 @@ pub(crate) fn below_one(technique: &str, key: &str, text: &str) -> Result<f64> {
             format!("\"{text}\": must be a number from 0 to below 1"),
         )
     })
+}
+
+/// Order in which raster blends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// The operator "over".
+    BackToFront,
+    /// The operator "under".
+    FrontToBack,
+}
+
+/// Who composites.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Route {
+    /// Compute, unless an option asks for what only raster does.
+    Auto,
+    /// Polygons and fixed-function blending.
+    Raster,
+    /// One invocation owns a pixel and composites in registers.
+    Compute,
+}
+
+/// What becomes of bricks in which nothing is visible.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EmptySpace {
+    /// Passed over, where pixels are composited in registers.
+    Skip,
+    /// Sampled like all others.
+    March,
+}
+
+impl Choice for Order {
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("back-to-front", Self::BackToFront), ("front-to-back", Self::FrontToBack)];
+}
+
+impl Choice for Route {
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("auto", Self::Auto), ("raster", Self::Raster), ("compute", Self::Compute)];
+}
+
+impl Choice for EmptySpace {
+    const WORDS: &'static [(&'static str, Self)] = &[("skip", Self::Skip), ("march", Self::March)];
+}
+
+pub(crate) const TABLE: OptionInfo = OptionInfo {
+    key: "table",
+    values: "a whole number from 2 to 65536 (full: to 1024)",
+    default: "4096 (full: 256)",
+    effect: "bins of the integral's table (64 bytes each), nodes on each axis of the full one (192 bytes for each pair); features of the transfer function narrower than one are blurred",
+};
+
+impl Choice for Integrator {
+    const WORDS: &'static [(&'static str, Self)] = &[
+        ("midpoint", Self::Midpoint),
+        ("integral", Self::Integral),
+        ("full", Self::Full),
+        ("exact", Self::Exact),
+        ("smoke", Self::Smoke),
+    ];
+}
+
+impl SegmentOptions {
+    /// Reads one option; `false` when the key is none of these.
+    pub(crate) fn read(&mut self, technique: &str, key: &str, text: &str) -> Result<bool> {
+        match key {
+            "integrator" => self.integrator = options::choice(technique, key, text)?,
+            "table" => self.table = Some(options::whole(technique, key, text, 2..=65_536)?),
+            _ => return Ok(false),
+        }
+        Ok(true)
+    }
+
+    pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
+        let mut pairs = vec![("integrator", self.integrator.word().to_string())];
+        pairs.extend(self.table.map(|size| ("table", size.to_string())));
+        pairs
+    }
+
+    /// `midpoint` says whether sampling without segments is allowed.
+    pub(crate) fn check(&self, technique: &str, midpoint: bool) -> Result<()> {
+        let refuse = |key: &str, why: String| Err(Error::invalid(format!("{technique} option {key}"), why));
+        if self.integrator == Integrator::Midpoint && !midpoint {
+            return refuse("integrator", "midpoint: must be one of integral, full, exact".to_string());
+        }
+        if self.integrator == Integrator::Smoke {
+            return refuse(
+                "integrator",
+                "smoke: must be one of integral, full, exact; smoke is for meshes".to_string(),
+            );
+        }
+        let most = match self.integrator {
+            Integrator::Integral => 65_536,
+            Integrator::Full => 1024,
+            Integrator::Midpoint | Integrator::Exact | Integrator::Smoke if self.table.is_some() => {
+                return refuse("table", format!("integrator={} has no table", self.integrator.word()));
+            }
+            Integrator::Midpoint | Integrator::Exact | Integrator::Smoke => return Ok(()),
+        };
+        match self.table {
+            Some(size) if !(2..=most).contains(&size) => {
+                refuse("table", format!("{size}: must be from 2 to {most}"))
+            }
+            _ => Ok(()),
+        }
+    }
 }

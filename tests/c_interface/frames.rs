@@ -9,7 +9,8 @@ use volraster::ash::vk;
 use volraster::ffi::*;
 use volraster::gpu::DepthProjection;
 use volraster::scene::{Clip, Field, Samples, Scene, Shading, Surface, TetScalars, TransferFunction};
-use volraster::technique::{GpuScene, Renderer, TargetDesc, TargetMode};
+use volraster::technique::Renderer;
+use volraster::{GpuScene, TargetDesc, TargetMode};
 
 use crate::common::caller::{Caller, Depth};
 use crate::common::{FOG, SHELLS, draw, perspective, technique, view};

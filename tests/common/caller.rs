@@ -8,7 +8,8 @@ use volraster::Image;
 use volraster::ash::vk;
 use volraster::gpu::{CommandBuffer, DepthImage, DepthProjection, Gpu, Handles, TargetImage};
 use volraster::scene::View;
-use volraster::technique::{GpuScene, Renderer, TargetDesc, TargetMode};
+use volraster::technique::Renderer;
+use volraster::{GpuScene, TargetDesc, TargetMode};
 
 /// How the end of a submission is told.
 #[derive(Clone, Copy, Debug)]

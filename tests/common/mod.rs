@@ -18,12 +18,13 @@ mod devices;
 
 pub use devices::{TestGpu, fresh_gpu, gpu, gpu_with, keep, provoked_gpu};
 use glam::{DVec2, DVec3};
+use volraster::GpuScene;
 use volraster::Image;
 use volraster::gpu::{Gpu, OptionalFeature};
 use volraster::measure::ImageErrors;
 use volraster::reference::{self, ReferenceOptions};
 use volraster::scene::{Camera, Field, Projection, Scene, TransferFunction, View};
-use volraster::technique::{GpuScene, Method, Renderer, Technique};
+use volraster::technique::{Method, Renderer, Technique};
 
 pub const SHELLS: [[f64; 5]; 7] = [
     [0.0, 0.1, 0.2, 0.6, 0.0],

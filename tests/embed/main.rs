@@ -23,7 +23,8 @@ use engine::{Engine, adopt};
 use volraster::ash::vk;
 use volraster::gpu::{DepthProjection, Enabled, Gpu, GpuOptions, OptionalFeature, Validation};
 use volraster::scene::Field;
-use volraster::technique::{GpuScene, Plan, Renderer, TargetDesc, TargetMode};
+use volraster::technique::Renderer;
+use volraster::{GpuScene, Plan, TargetDesc, TargetMode};
 
 /// The layer keeps its devices in a table without a lock: tests with devices take turns.
 fn turn() -> MutexGuard<'static, ()> {

@@ -5,9 +5,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
+use volraster::GpuScene;
 use volraster::gpu::GpuOptions;
 use volraster::scene::{Data, Scene, View};
-use volraster::technique::{GpuScene, Method, Renderer};
+use volraster::technique::{Method, Renderer};
 use volraster::{Error, Gpu, Image};
 
 use crate::common::*;

@@ -1,9 +1,9 @@
 //! What devices limit: bindings, memory, loops, sizes; and frames that repeat.
 
 use glam::DVec3;
+use volraster::GpuScene;
 use volraster::gpu::GpuOptions;
 use volraster::scene::{Camera, Field, Grid, Projection, Samples, Scene, View};
-use volraster::technique::GpuScene;
 
 use crate::catalogue::{Case, Family, Run, Spec};
 use crate::common::*;

@@ -1,8 +1,9 @@
 //! Splats that are too small, too large, too many, without a size or a weight; images of every shape; frames that repeat.
 
 use glam::{DMat3, DVec2, DVec3};
+use volraster::GpuScene;
 use volraster::scene::{Camera, KernelSize, Kernels, Model, Points, Projection, Scene, View};
-use volraster::technique::{GpuScene, Renderer, Technique};
+use volraster::technique::{Renderer, Technique};
 
 use crate::catalogue::{Case, Family, Run};
 use crate::common::*;

@@ -3,9 +3,10 @@
 use std::f64::consts::{FRAC_PI_2, SQRT_2};
 
 use glam::{DVec2, DVec3};
+use volraster::GpuScene;
 use volraster::Image;
 use volraster::scene::{Camera, KernelSize, Kernels, Points, Projection, Scene, TransferFunction, View};
-use volraster::technique::{GpuScene, Method};
+use volraster::technique::Method;
 
 use crate::catalogue::{Case, Family, Frame, Run, Spec};
 use crate::common::*;

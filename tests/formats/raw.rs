@@ -1,9 +1,9 @@
 //! Raw samples by name and by JSON.
 
 use glam::{DMat3, DVec3};
+use volraster::io::scene_file::LoadedScene;
 use volraster::io::{Endian, ReadOptions, read};
 use volraster::scene::Samples;
-use volraster::scene::file::LoadedScene;
 
 use super::support::{Folder, OPTIONS, Sample, assert_refusal, grid, gzip, shared, stored};
 

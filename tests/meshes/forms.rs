@@ -1,10 +1,10 @@
 //! Closed forms, and the reference of the same field on a grid.
 
 use glam::DVec3;
+use volraster::GpuScene;
 use volraster::measure::ImageErrors;
 use volraster::reference;
 use volraster::scene::{Camera, Field, Projection, Scene, View};
-use volraster::technique::GpuScene;
 
 use crate::common::*;
 use crate::support::*;

@@ -2,7 +2,8 @@
 
 use volraster::gpu::GpuOptions;
 use volraster::scene::{Camera, Field, Projection, Scene, TetScalars, View};
-use volraster::technique::{GpuScene, Renderer, TargetDesc};
+use volraster::technique::Renderer;
+use volraster::{GpuScene, TargetDesc};
 
 use crate::common::*;
 use crate::support::*;

@@ -1,8 +1,8 @@
 //! Meshes that are no plain block: single cells, gaps, holes, seams, extremes of size and shape, special values.
 
 use glam::DVec3;
+use volraster::GpuScene;
 use volraster::scene::{Camera, Field, Projection, Scene, TetScalars, Tets, View};
-use volraster::technique::GpuScene;
 
 use crate::common::*;
 use crate::support::*;

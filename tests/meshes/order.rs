@@ -3,8 +3,9 @@
 use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
+use volraster::GpuScene;
 use volraster::scene::{Scene, Surface, Tets, View};
-use volraster::technique::{GpuScene, Renderer};
+use volraster::technique::Renderer;
 
 use crate::common::*;
 use crate::support::*;

@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use volraster::GpuScene;
 use volraster::io::ReadOptions;
+use volraster::io::scene_file::LoadedScene;
 use volraster::measure::ImageErrors;
-use volraster::scene::file::LoadedScene;
 use volraster::scene::{Camera, Field, Projection, View};
-use volraster::technique::{GpuScene, Renderer};
+use volraster::technique::Renderer;
 
 use crate::common::*;
 use crate::support::*;

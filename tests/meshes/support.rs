@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
+use volraster::GpuScene;
 use volraster::Image;
 use volraster::reference::{self, ReferenceImage};
 use volraster::scene::{Camera, Field, Projection, Scene, TetScalars, Tets, TransferFunction, View};
-use volraster::technique::{GpuScene, Renderer};
+use volraster::technique::Renderer;
 
 use crate::common::*;
 

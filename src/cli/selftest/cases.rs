@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
+use volraster::Offscreen;
 use volraster::ash::vk;
 use volraster::gpu::GpuOptions;
 use volraster::scene::TetScalars;
-use volraster::technique::{Method, Offscreen};
+use volraster::technique::Method;
 use volraster::{GpuScene, Image, Renderer, Result, TargetDesc, TargetMode, Technique};
 
 use super::limits;

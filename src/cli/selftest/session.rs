@@ -5,13 +5,14 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use volraster::Offscreen;
 use volraster::ash::vk;
 use volraster::glam::DVec3;
 use volraster::gpu::{Gpu, GpuOptions, Injection, Validation, ValidationLog};
 use volraster::scene::{
     Camera, Clip, Field, Points, Projection, Scene, Surface, TetScalars, TransferFunction, View,
 };
-use volraster::technique::{Method, Offscreen};
+use volraster::technique::Method;
 use volraster::{Error, GpuScene, Renderer, Result, TargetDesc, TargetMode, Technique};
 
 /// A technique with a scene that it draws.

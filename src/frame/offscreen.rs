@@ -1,0 +1,98 @@
+//! An image as an engine has one, to draw plans into it without an engine.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use crate::error::{Error, Result};
+use crate::frame::plan::{Plan, Recorded, Status};
+use crate::gpu::sync::Use;
+use crate::gpu::{Buffer, BufferUse, Commands, Gpu, Image, ImageDesc, Recorder, TargetImage};
+
+/// A colour image with a command buffer, for plans made for [`TargetDesc::caller`](crate::frame::target::TargetDesc::caller). It submits
+/// without waiting: several of them are several frames in flight.
+#[derive(Debug)]
+pub struct Offscreen {
+    gpu: Gpu,
+    image: Arc<Image>,
+    host: Arc<Buffer>,
+    recorded: Option<Recorded>,
+    // Last: it waits, and its submission reads what stands above.
+    commands: Commands,
+}
+
+impl Offscreen {
+    /// Makes the image, of a format of which a texel's size is known: 8-bit RGBA or BGRA, plain or sRGB, 10-bit RGB, 16-bit RGBA
+    /// or 32-bit float RGBA.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unsupported`], [`Error::Memory`] and [`Error::Vulkan`] as everything that takes memory.
+    pub fn new(gpu: &Gpu, format: vk::Format, extent: [u32; 2]) -> Result<Self> {
+        use vk::ImageUsageFlags as U;
+        let usage = U::COLOR_ATTACHMENT | U::TRANSFER_SRC | U::TRANSFER_DST;
+        let image = Arc::new(Image::new(gpu, "offscreen", &ImageDesc::flat(format, extent, usage))?);
+        let bytes = image.desc().texel_bytes();
+        let host = Arc::new(Buffer::new(gpu, "offscreen (read back)", bytes, BufferUse::Download)?);
+        Ok(Self { gpu: gpu.clone(), image, host, recorded: None, commands: Commands::new(gpu)? })
+    }
+
+    /// Fills the image with a colour, lets the plan, one without a depth image, record over it, and submits. The frame before must
+    /// be finished.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] while a frame is in flight; as [`Plan::record`]; [`Error::Vulkan`] when a call fails. Nothing is in
+    /// flight then.
+    pub fn draw(&mut self, plan: &mut Plan, behind: [f32; 4]) -> Result<()> {
+        if self.recorded.is_some() {
+            return Err(Error::invalid("offscreen", "its last frame has not been finished"));
+        }
+        let target = TargetImage::own(&self.gpu, &self.image);
+        let commands = self.commands.begin()?;
+        let mut recorder = Recorder::new(&self.gpu, commands, None);
+        recorder.clear_image("background", &self.image, behind);
+        recorder.leave(&self.image, Use::ColorAttachment);
+        let (_, mut keep) = recorder.finish();
+        let recorded = plan.record(commands, Some(&target), None)?;
+        let mut recorder = Recorder::new(&self.gpu, commands, None);
+        recorder.assume_after(&self.image, Use::ColorAttachment);
+        recorder.copy_image_to_buffer("read back", &self.image, &self.host);
+        keep.extend(recorder.finish().1);
+        keep.extend(recorded.keep());
+        match self.commands.send(keep) {
+            Ok(()) => self.recorded = Some(recorded),
+            Err(error) => {
+                recorded.discarded();
+                return Err(error);
+            }
+        }
+        Ok(())
+    }
+
+    /// Waits for the frame: its status, and the texels as they lie in the image.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] when there is none; [`Error::Vulkan`], [`Error::Timeout`] and [`Error::DeviceLost`] when the wait
+    /// fails. The frame is given up then.
+    pub fn finish(&mut self) -> Result<(Status, Vec<u8>)> {
+        let Some(recorded) = self.recorded.take() else {
+            return Err(Error::invalid("offscreen", "no frame is in flight"));
+        };
+        if let Err(error) = self.commands.settle() {
+            // What it names is kept by `commands` for as long as it may run.
+            recorded.discarded();
+            return Err(error);
+        }
+        Ok((recorded.completed()?, self.host.host_copy()?))
+    }
+}
+
+impl Drop for Offscreen {
+    fn drop(&mut self) {
+        if let Some(recorded) = self.recorded.take() {
+            recorded.discarded();
+        }
+    }
+}

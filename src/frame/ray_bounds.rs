@@ -1,0 +1,218 @@
+//! What bounds the lines of pixels: clip planes and crop box of a view, and opaque surfaces by a depth image
+//! (`glsl/line-bounds.glsl`).
+//!
+//! Half-spaces are convex, and so is what lies before a surface on one line. So a line is left with one interval, and
+//! every technique cuts its pieces to it, whatever bounds it. A scene without any of it has no such pass, and its pipelines no
+//! such code.
+
+use std::sync::Arc;
+
+use crate::error::{Error, Result};
+use crate::frame::depth_measure::{DepthMeasure, PixelLines};
+use crate::frame::surfaces::SurfaceFrame;
+use crate::gpu::shader::{
+    BINDING_DEPTH, BINDING_LINE_BOUNDS, LINE_BOUNDS_DEPTH, LINE_BOUNDS_PLANES, SPEC_RESUME,
+};
+use crate::gpu::{Buffer, BufferUse, DepthImage, Gpu, Recorder, Resource};
+use crate::interface::BoundsPush;
+use crate::num::{self, f32_of};
+use crate::primitives::dispatch::{Dispatch, pass, tiles_of};
+use crate::scene::View;
+
+/// Half-spaces that one dispatch takes.
+const PLANES: usize = 6;
+
+/// Beside their number: lines start at the eye; the far end is stored as 1.
+const PERSPECTIVE: u32 = 16;
+const FAR_AT_ONE: u32 = 32;
+const PLANE_COUNT: u32 = 15;
+
+/// Two depths for each pixel, in units of a technique.
+pub(crate) fn bounds_buffer(gpu: &Gpu, view: &View) -> Result<Arc<Buffer>> {
+    let [width, height] = view.extent().map(u64::from);
+    Buffer::new(gpu, "line.bounds", 8 * width * height, BufferUse::ShaderWrite).map(Arc::new)
+}
+
+/// The pass that finds them.
+#[derive(Debug)]
+pub(crate) struct RayBounds {
+    first: Dispatch,
+    more: Dispatch,
+    takes_depth: bool,
+    measure: DepthMeasure,
+    view: View,
+}
+
+impl RayBounds {
+    /// `takes_depth`: each recording brings a depth image.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        bounds: &Arc<Buffer>,
+        takes_depth: bool,
+        measure: DepthMeasure,
+        view: &View,
+    ) -> Result<Self> {
+        let make = |shader, resume: bool| {
+            let resources = [
+                (BINDING_LINE_BOUNDS, Resource::Buffer(Arc::clone(bounds))),
+                (BINDING_DEPTH, Resource::External),
+            ];
+            pass(gpu, "line.bounds", shader, &[(SPEC_RESUME, u32::from(resume))], &resources)
+        };
+        let first = make(if takes_depth { &LINE_BOUNDS_DEPTH } else { &LINE_BOUNDS_PLANES }, false)?;
+        let more = make(&LINE_BOUNDS_PLANES, true)?;
+        let made = Self { first, more, takes_depth, measure, view: *view };
+        made.check(view)?;
+        Ok(made)
+    }
+
+    /// Passes of a frame, at most.
+    pub(crate) fn passes() -> u32 {
+        3
+    }
+
+    /// Turns to another view of the same extent, which has been checked.
+    pub(crate) fn set_view(&mut self, view: &View) {
+        self.view = *view;
+    }
+
+    /// Whether float32 holds a view's planes.
+    pub(crate) fn check(&self, view: &View) -> Result<()> {
+        let finite = |push: &BoundsPush| {
+            push.planes.iter().flatten().chain([&push.kq]).all(|number| number.is_finite())
+        };
+        if self.pushes(view, None).iter().all(finite) {
+            return Ok(());
+        }
+        let why = "a clip plane or the camera is so far from the data that float32 cannot hold its distance";
+        Err(Error::invalid("view", why))
+    }
+
+    /// Push constants of each dispatch.
+    fn pushes(&self, view: &View, depth: Option<&DepthImage>) -> Vec<BoundsPush> {
+        let DepthMeasure { centre, unit } = self.measure;
+        let PixelLines { foot, kq, scale, centre_depth } = self.measure.lines(view);
+        let perspective = view.is_perspective();
+        let planes: Vec<[f32; 4]> = view
+            .clip()
+            .half_spaces()
+            .map(|plane| {
+                let n = plane.normal;
+                [
+                    n.dot(view.right()) * scale,
+                    -n.dot(view.up()) * scale,
+                    n.dot(view.forward()),
+                    n.dot(foot + (centre - plane.point)) / unit,
+                ]
+                .map(f32_of)
+            })
+            .collect();
+        let ends = depth.map_or([1.0, 2.0], |depth| [depth.projection.at_zero, depth.projection.at_one]);
+        let far = if ends[1] > ends[0] { FAR_AT_ONE } else { 0 };
+        let flags = far | if perspective { PERSPECTIVE } else { 0 };
+        // Differences in float64: the eye may be far, and the ends about the data.
+        let depths = ends.map(|end| {
+            let from_centre = if end.is_infinite() { end } else { end - centre_depth };
+            match (perspective, end.is_infinite()) {
+                (true, true) => 1.0,
+                (true, false) => from_centre / end,
+                (false, _) => from_centre / unit,
+            }
+        });
+        let push = BoundsPush {
+            planes: [[0.0; 4]; PLANES],
+            half_extent: view.extent().map(|side| f32_of(f64::from(side) * 0.5)),
+            kq: f32_of(kq),
+            inverse: ends.map(|end| f32_of(unit / end)),
+            depths: depths.map(f32_of),
+            count: flags,
+        };
+        let mut pushes = vec![push; planes.len().div_ceil(PLANES).max(1)];
+        for (push, planes) in pushes.iter_mut().zip(planes.chunks(PLANES)) {
+            push.count += num::count(planes.len());
+            for (place, plane) in push.planes.iter_mut().zip(planes) {
+                *place = *plane;
+            }
+        }
+        pushes
+    }
+
+    /// Whether a depth image is what the plan was made for.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if there should be one and is none, or the other way round, or its extent, projection or format is wrong;
+    /// [`Error::Unsupported`] if the device cannot sample its format.
+    pub(crate) fn check_depth(&self, gpu: &Gpu, depth: Option<&DepthImage>) -> Result<()> {
+        let Some(depth) = depth else {
+            if self.takes_depth {
+                return Err(Error::invalid("depth image", "the plan is for one: none is given"));
+            }
+            return Ok(());
+        };
+        if !self.takes_depth {
+            return Err(Error::invalid("depth image", "the plan is for none: see TargetDesc::with_depth"));
+        }
+        check_depth(gpu, &self.view, depth)
+    }
+
+    /// Records the passes: bounds by the depth image, which has been checked, then by what `between` finds, then by planes.
+    /// Surfaces are hidden by the one and not cut by the others. Without `between` all is one.
+    pub(crate) fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        depth: Option<&DepthImage>,
+        between: Option<&SurfaceFrame>,
+    ) -> Result<()> {
+        if let Some(depth) = depth {
+            self.first.descriptors.sample_external(BINDING_DEPTH, depth)?;
+        }
+        let groups = tiles_of(self.view.extent());
+        let mut pushes = self.pushes(&self.view, depth);
+        if let Some(surfaces) = between {
+            if self.takes_depth
+                && let Some(push) = pushes.first()
+            {
+                self.first.record(
+                    recorder,
+                    &BoundsPush { count: push.count & !PLANE_COUNT, ..*push },
+                    groups,
+                );
+            }
+            surfaces.record(recorder);
+            pushes.retain(|push| push.count & PLANE_COUNT > 0);
+        }
+        for (i, push) in pushes.iter().enumerate() {
+            let begins = i == 0 && between.is_none();
+            if begins { &self.first } else { &self.more }.record(recorder, push, groups);
+        }
+        Ok(())
+    }
+}
+
+fn check_depth(gpu: &Gpu, view: &View, depth: &DepthImage) -> Result<()> {
+    let invalid = |why: String| Err(Error::invalid("depth image", why));
+    if depth.extent != view.extent() {
+        return invalid(format!("{:?}: must have the view's extent, {:?}", depth.extent, view.extent()));
+    }
+    if !DepthImage::FORMATS.contains(&depth.format) {
+        return invalid(format!("{:?}: must be one of {:?}", depth.format, DepthImage::FORMATS));
+    }
+    if depth.projection.perspective != view.is_perspective() {
+        let kind = |perspective| if perspective { "perspective" } else { "orthographic" };
+        let (given, wanted) = (kind(depth.projection.perspective), kind(view.is_perspective()));
+        return invalid(format!("its projection is {given}: the view is {wanted}"));
+    }
+    if let Some(scale) = depth.projection.scale {
+        let [width, height] = view.extent().map(f64::from);
+        let wanted = [2.0 / (view.pixel_size() * width), 2.0 / (view.pixel_size() * height)];
+        if scale.iter().zip(wanted).any(|(scale, wanted)| (scale - wanted).abs() > 1e-4 * wanted) {
+            return invalid(format!("its projection scales x and y by {scale:?}: the view by {wanted:?}"));
+        }
+    }
+    let needed = ash::vk::FormatFeatureFlags::SAMPLED_IMAGE;
+    if !gpu.image_features(depth.format).contains(needed) {
+        return Err(Error::unsupported(format!("depth image of {:?}", depth.format), format!("{needed:?}")));
+    }
+    Ok(())
+}

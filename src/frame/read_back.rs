@@ -1,0 +1,65 @@
+//! Texels that come back to the host, as numbers.
+
+use ash::vk;
+
+use crate::num;
+
+/// Texels of a readable format as float32 RGBA.
+pub(crate) fn pixels(bytes: &[u8], format: vk::Format) -> Vec<[f32; 4]> {
+    match format {
+        vk::Format::R8G8B8A8_UNORM => {
+            bytes.chunks_exact(4).map(|t| std::array::from_fn(|c| f32::from(t[c]) / 255.0)).collect()
+        }
+        vk::Format::R16G16B16A16_UNORM => bytes
+            .chunks_exact(8)
+            .map(|t| {
+                std::array::from_fn(|c| f32::from(u16::from_ne_bytes([t[2 * c], t[2 * c + 1]])) / 65535.0)
+            })
+            .collect(),
+        vk::Format::R16G16B16A16_SFLOAT => bytes
+            .chunks_exact(8)
+            .map(|t| std::array::from_fn(|c| half_to_f32(u16::from_ne_bytes([t[2 * c], t[2 * c + 1]]))))
+            .collect(),
+        _ => bytes
+            .chunks_exact(16)
+            .map(|t| {
+                std::array::from_fn(|c| {
+                    f32::from_ne_bytes([t[4 * c], t[4 * c + 1], t[4 * c + 2], t[4 * c + 3]])
+                })
+            })
+            .collect(),
+    }
+}
+
+/// IEEE 754 binary16 to binary32, exact.
+fn half_to_f32(half: u16) -> f32 {
+    let sign = if half & 0x8000 == 0 { 1.0 } else { -1.0 };
+    let (exponent, fraction) = (i32::from(half >> 10 & 31), f64::from(half & 0x3ff));
+    let magnitude = match exponent {
+        0 => fraction * (-24.0_f64).exp2(),
+        31 if fraction == 0.0 => f64::INFINITY,
+        31 => f64::NAN,
+        _ => (1024.0 + fraction) * f64::from(exponent - 25).exp2(),
+    };
+    num::f32_of(sign * magnitude)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_are_read_exactly() {
+        for (bits, value) in [
+            (0x3c00, 1.0),
+            (0xc000, -2.0),
+            (0x3555, 0.333_251_95),
+            (0x0001, 5.960_464_5e-8),
+            (0x7bff, 65504.0),
+            (0x7c00, f32::INFINITY),
+        ] {
+            assert_eq!(half_to_f32(bits), value, "{bits:#x}");
+        }
+        assert!(half_to_f32(0x7e00).is_nan());
+    }
+}

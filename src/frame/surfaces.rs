@@ -1,0 +1,295 @@
+//! Surfaces in the volume (`glsl/surfaces.glsl`): which of them each pixel's line meets, found as faces of meshes are, and in which order.
+//!
+//! The nearest opaque one bounds the line, for every technique alike, and shows where what is drawn before it is not opaque. Translucent
+//! ones before it are handed to techniques that can cut lines at them, as lists of depths and colours. Surfaces see no clipping.
+//!
+//! Edges belong to one of the triangles that share them, whatever the view, as in meshes. Points at the same place are one.
+
+use std::sync::{Arc, PoisonError};
+
+use ash::vk;
+use glam::DVec3;
+
+use crate::error::{Error, Result};
+use crate::frame::depth_measure::{DepthMeasure, PixelLines};
+use crate::frame::lists::{Geometry, Lists, Stage, measure};
+use crate::frame::prepared::Outcome;
+use crate::frame::target::{Canvas, Layers};
+use crate::gpu::shader::{
+    BINDING_ACCUMULATION, BINDING_BACKGROUND, BINDING_CURSORS, BINDING_LAYER_ENDS, BINDING_LAYERS,
+    BINDING_LINE_BOUNDS, BINDING_LISTS, BINDING_SOURCE, BINDING_STATUS, BINDING_TRIANGLES, MOST_LAYERS,
+    SPEC_BOUNDED, STATUS_CUT, STATUS_LONGEST_BIN, STATUS_LOST, STATUS_WORDS, SURFACES_BEHIND,
+    SURFACES_RESOLVE, TILE, TILE_PIXELS,
+};
+use crate::gpu::{Buffer, Gpu, Image, ImageDesc, Recorder, Resource};
+use crate::interface::{MeshPush, SurfacePush};
+use crate::num::{self, f32_of};
+use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass, tiles_of, total, words};
+use crate::resident::mesh::{Needs, Primitives};
+use crate::resident::surfaces::SurfaceData;
+use crate::scene::View;
+
+const NAME: &str = "surfaces";
+
+// havs.glsl keeps in so many bits how many were passed.
+const _: () = assert!(MOST_LAYERS < 1 << 10);
+
+/// Depths of lists may differ from those of planes that are seen edge-on by so much, in radii of the data.
+const SLACK: f64 = 1e-3;
+
+/// Lists of triangles for each pixel, and room for what becomes of them.
+#[derive(Debug)]
+pub(crate) struct SurfaceLists {
+    data: Arc<SurfaceData>,
+    stage: Stage,
+    lists: Lists,
+    needs: Needs,
+    push: MeshPush,
+    tiles: u32,
+    layers: Layers,
+    background: Arc<Buffer>,
+}
+
+/// Push constants of a view.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SurfaceView(MeshPush, SurfacePush);
+
+/// The passes of a frame's surfaces.
+#[derive(Debug)]
+pub(crate) struct SurfaceFrame {
+    lists: SurfaceLists,
+    resolve: Dispatch,
+    push: SurfacePush,
+    measure: DepthMeasure,
+    outcome: Arc<SurfaceOutcome>,
+    behind: Option<(Dispatch, Arc<Image>)>,
+}
+
+/// What a frame tells of its surfaces when it has ended.
+#[derive(Debug)]
+pub(crate) struct SurfaceOutcome {
+    data: Arc<SurfaceData>,
+    status: Arc<Buffer>,
+    bins: Arc<Buffer>,
+    lists: Arc<Buffer>,
+    capacities: Needs,
+}
+
+impl Outcome for SurfaceOutcome {
+    fn read(&self) -> Result<(bool, Vec<(&'static str, u64)>)> {
+        let status = words(&self.status.host_copy()?);
+        let at = |word: u32| status.get(num::index(word)).copied().unwrap_or(0);
+        if at(STATUS_CUT) > 0 {
+            return Err(Error::unsupported(
+                "surfaces of this view",
+                format!("{} pixels have more translucent ones than {MOST_LAYERS}", at(STATUS_CUT)),
+            ));
+        }
+        let (bins, lists) = (total(&self.bins)?, total(&self.lists)?);
+        let fits = bins <= u64::from(self.capacities.bins)
+            && lists <= u64::from(self.capacities.lists)
+            && at(STATUS_LONGEST_BIN) <= self.capacities.longest_bin
+            && at(STATUS_LOST) == 0;
+        let mut needs = self.data.needs.lock().unwrap_or_else(PoisonError::into_inner);
+        needs.bins = needs.bins.max(u32::try_from(bins).unwrap_or(u32::MAX));
+        needs.lists = needs.lists.max(u32::try_from(lists).unwrap_or(u32::MAX));
+        needs.longest_bin = needs.longest_bin.max(at(STATUS_LONGEST_BIN));
+        Ok((fits, vec![("surface_fragments", lists)]))
+    }
+}
+
+impl SurfaceLists {
+    /// For an image of a view.
+    pub(crate) fn new(gpu: &Gpu, data: &Arc<SurfaceData>, view: &View) -> Result<Self> {
+        let geometry = Geometry {
+            kind: Primitives::Faces,
+            points: Arc::clone(&data.points),
+            point_count: data.point_count,
+            scalars: Arc::clone(&data.numbers),
+            cell_scalars: true,
+            primitives: Arc::clone(&data.primitives),
+            count: num::count(data.triangles.len()),
+        };
+        // By rank lists come nearly sorted, and little is left to do in each pixel.
+        let stage = Stage::of(gpu, NAME, geometry, false, None)?;
+        let push = data.frame.push(view, &MeshPush::default())?;
+        let [width, height] = view.extent();
+        let across = width.div_ceil(TILE);
+        let tiles = across * height.div_ceil(TILE);
+        let (runs, needs, bands) = measure(gpu, &stage, &data.needs, &push, tiles, across)?;
+        if bands.len() > 1 {
+            return Err(Error::unsupported(
+                "surfaces of this view",
+                format!("{} triangles in its pixels, which one buffer does not hold", needs.lists),
+            ));
+        }
+        let lists = Lists::new(gpu, &stage, tiles, runs, bands, needs)?;
+        let Some(Resource::Buffer(depths)) = lists.list_fill.descriptors.resource(BINDING_LISTS) else {
+            return Err(Error::invalid(NAME, "no lists"));
+        };
+        // Opaque ones have none.
+        let layers = if data.translucent { u64::from(lists.list_capacity) } else { 1 };
+        let layers = Layers {
+            cursors: Arc::clone(&lists.cursors),
+            ends: buffer(gpu, "surfaces.ends", u64::from(tiles) * u64::from(TILE_PIXELS))?,
+            colours: buffer(gpu, "surfaces.layers", 4 * layers)?,
+            depths,
+        };
+        let background = buffer(gpu, "surfaces.background", 4 * u64::from(width) * u64::from(height))?;
+        Ok(Self { data: Arc::clone(data), stage, lists, needs, push, tiles, layers, background })
+    }
+
+    /// Where techniques find translucent surfaces, if there are any.
+    pub(crate) fn layers(&self) -> Option<Layers> {
+        self.data.translucent.then(|| self.layers.clone())
+    }
+}
+
+impl SurfaceFrame {
+    /// For a technique that measures depth so; `bounds` are those of lines, which hold something already where `bounded`.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        lists: SurfaceLists,
+        view: &View,
+        bounds: &Arc<Buffer>,
+        bounded: bool,
+        measured: &DepthMeasure,
+    ) -> Result<Self> {
+        let planes = lists.data.planes(measured.centre, measured.unit);
+        let planes = Buffer::with_data(gpu, "surfaces.planes", bytemuck::cast_slice(&planes))?;
+        let resources = [
+            (BINDING_CURSORS, Resource::ReadOnly(Arc::clone(&lists.lists.cursors))),
+            (BINDING_LISTS, Resource::Buffer(Arc::clone(&lists.layers.depths))),
+            (BINDING_STATUS, Resource::Buffer(Arc::clone(&lists.stage.status))),
+            (BINDING_TRIANGLES, Resource::Buffer(planes)),
+            (BINDING_LINE_BOUNDS, Resource::Buffer(Arc::clone(bounds))),
+            (BINDING_LAYERS, Resource::Buffer(Arc::clone(&lists.layers.colours))),
+            (BINDING_LAYER_ENDS, Resource::Buffer(Arc::clone(&lists.layers.ends))),
+            (BINDING_BACKGROUND, Resource::Buffer(Arc::clone(&lists.background))),
+        ];
+        let constants = [(SPEC_BOUNDED, u32::from(bounded))];
+        let resolve = pass(gpu, "surfaces.resolve", &SURFACES_RESOLVE, &constants, &resources)?;
+        let outcome = SurfaceOutcome {
+            data: Arc::clone(&lists.data),
+            status: download(gpu, "surfaces.status", 4 * u64::from(STATUS_WORDS))?,
+            bins: download(gpu, "surfaces.bins.total", 8)?,
+            lists: download(gpu, "surfaces.lists.total", 8)?,
+            capacities: lists.needs,
+        };
+        let mut frame = Self {
+            lists,
+            resolve,
+            push: SurfacePush::default(),
+            measure: *measured,
+            outcome: Arc::new(outcome),
+            behind: None,
+        };
+        frame.push = frame.push_of(view)?;
+        Ok(frame)
+    }
+
+    /// What a technique draws into `drawn` is put before the opaque surfaces, in an image of its own.
+    pub(crate) fn put_behind(&mut self, gpu: &Gpu, drawn: &Arc<Image>, canvas: &Canvas) -> Result<()> {
+        let [width, height, _] = drawn.desc().extent;
+        let after = match canvas.format() {
+            None => vk::ImageUsageFlags::TRANSFER_SRC,
+            Some(_) => vk::ImageUsageFlags::SAMPLED,
+        };
+        let desc = ImageDesc::flat(
+            vk::Format::R32G32B32A32_SFLOAT,
+            [width, height],
+            vk::ImageUsageFlags::STORAGE | after,
+        );
+        let image = Arc::new(Image::new(gpu, "surfaces.image", &desc)?);
+        let resources = [
+            (BINDING_SOURCE, Resource::Sampled(Arc::clone(drawn), vk::Filter::NEAREST)),
+            (BINDING_ACCUMULATION, Resource::Storage(Arc::clone(&image))),
+            (BINDING_BACKGROUND, Resource::ReadOnly(Arc::clone(&self.lists.background))),
+        ];
+        self.behind = Some((pass(gpu, "surfaces.behind", &SURFACES_BEHIND, &[], &resources)?, image));
+        Ok(())
+    }
+
+    /// The image with both; there once [`SurfaceFrame::put_behind`] has made it.
+    pub(crate) fn image(&self) -> Option<&Arc<Image>> {
+        self.behind.as_ref().map(|(_, image)| image)
+    }
+
+    /// Passes of a frame.
+    pub(crate) fn passes(&self) -> u32 {
+        // Status, points, boxes, order; bins; lists, twice, and their sums; resolve, totals, status; behind.
+        3 + 16 + 7 + (4 + 2 * self.lists.lists.windows) + 4 + 2
+    }
+
+    /// What another view of the same extent is told of by.
+    pub(crate) fn pushes(&self, view: &View) -> Result<SurfaceView> {
+        Ok(SurfaceView(self.lists.data.frame.push(view, &self.lists.push)?, self.push_of(view)?))
+    }
+
+    /// Turns to it.
+    pub(crate) fn set_view(&mut self, view: SurfaceView) {
+        (self.lists.push, self.push) = (view.0, view.1);
+    }
+
+    fn push_of(&self, view: &View) -> Result<SurfacePush> {
+        let DepthMeasure { centre, unit } = self.measure;
+        let frame = &self.lists.data.frame;
+        let PixelLines { foot, kq, scale, centre_depth } = self.measure.lines(view);
+        let perspective = view.is_perspective();
+        let pack = |v: DVec3, w: f64| num::vec3_of(v).extend(f32_of(w)).to_array();
+        let [width, height] = view.extent();
+        let push = SurfacePush {
+            q0_kq: pack(foot / unit, kq),
+            right_kd: pack(view.right() * scale, if perspective { 1.0 } else { 0.0 }),
+            up_near: pack(view.up() * scale, if perspective { -centre_depth / unit } else { -3e38 }),
+            forward_ratio: pack(view.forward(), frame.radius / unit),
+            half_extent: [width, height].map(|side| f32_of(f64::from(side) * 0.5)),
+            offset: f32_of((frame.centre - centre).dot(view.forward()) / unit),
+            capacity: self.lists.lists.list_capacity,
+            across: width.div_ceil(TILE),
+            tiles: self.lists.tiles,
+            slack: f32_of(SLACK * frame.radius / unit),
+            pad0: 0,
+        };
+        let numbers = [push.q0_kq, push.right_kd, push.up_near, push.forward_ratio];
+        if numbers.iter().flatten().chain([&push.offset]).all(|number| number.is_finite()) {
+            return Ok(push);
+        }
+        let why = "surfaces or the camera are so far from the data that float32 cannot hold their distance";
+        Err(Error::invalid("view", why))
+    }
+
+    /// Finds the surfaces of each line; bounds that hold something have been written.
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>) {
+        let SurfaceLists { stage, lists, push, tiles, .. } = &self.lists;
+        stage.record(recorder, push);
+        lists.bin(recorder, push, stage.count);
+        recorder.copy_buffer("surfaces.bins.total", lists.bins.total(), &self.outcome.bins, 8);
+        recorder.release_to_host(&self.outcome.bins);
+        recorder.clear_buffer("surfaces.lists.clear", &lists.cursors);
+        lists.list(recorder, push, 0, false);
+        if let Some(scan) = lists.list_scans.first() {
+            scan.record(recorder);
+            recorder.copy_buffer("surfaces.lists.total", scan.total(), &self.outcome.lists, 8);
+            recorder.release_to_host(&self.outcome.lists);
+        }
+        lists.list(recorder, push, 0, true);
+        self.resolve.record(recorder, &self.push, groups_of(*tiles, 1));
+        let bytes = self.outcome.status.size();
+        recorder.copy_buffer("surfaces.status", &stage.status, &self.outcome.status, bytes);
+        recorder.release_to_host(&self.outcome.status);
+    }
+
+    /// After the technique.
+    pub(crate) fn record_behind(&self, recorder: &mut Recorder<'_>) {
+        if let Some((pass, image)) = &self.behind {
+            let [width, height, _] = image.desc().extent;
+            pass.record(recorder, &[0_u8; 0], tiles_of([width, height]));
+        }
+    }
+
+    /// Where a frame's status can be read when it has ended.
+    pub(crate) fn outcome(&self) -> Arc<dyn Outcome> {
+        Arc::clone(&self.outcome) as _
+    }
+}

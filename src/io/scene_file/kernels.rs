@@ -1,0 +1,95 @@
+//! The kernels that a scene file asks for.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use crate::error::{Error, Result};
+use crate::scene::{Kernel, Kernels, Model};
+
+/// Kernels of any data, in an object of their own.
+#[derive(Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "an object with `kernel`, `sigma`, `cut`, `model`, `least`")]
+pub(crate) struct KernelsSpec {
+    pub(crate) kernel: Option<String>,
+    pub(crate) sigma: Option<f64>,
+    pub(crate) cut: Option<f64>,
+    pub(crate) model: Option<String>,
+    pub(crate) least: Option<f64>,
+}
+
+impl KernelsSpec {
+    /// The first key that is there.
+    pub(crate) fn key(&self) -> Option<&'static str> {
+        let keys = [
+            ("kernel", self.kernel.is_some()),
+            ("sigma", self.sigma.is_some()),
+            ("cut", self.cut.is_some()),
+            ("model", self.model.is_some()),
+            ("least", self.least.is_some()),
+        ];
+        keys.into_iter().find(|(_, given)| *given).map(|(key, _)| key)
+    }
+
+    /// The kernels, what is not given being what is usual for the data. `of` is the object that the keys stand in.
+    pub(crate) fn check(&self, scene: &Path, of: &str, kind: Kind) -> Result<Kernels> {
+        let refuse = |key: &str, rule: String| Err(Error::file(scene, format!("{of}.{key}"), rule));
+        let mut kernels = match kind {
+            Kind::Points => Kernels::of_points(),
+            Kind::Grid | Kind::Mesh => Kernels::of_samples(),
+        };
+        if let Some(name) = &self.kernel {
+            kernels.kernel = match Kernel::from_name(name) {
+                Ok(kernel) if kind == Kind::Grid || matches!(kernel, Kernel::Gaussian | Kernel::BSpline) => {
+                    kernel
+                }
+                Ok(_) => {
+                    return refuse(
+                        "kernel",
+                        format!("\"{name}\": is for grids; gaussian and bspline are for all"),
+                    );
+                }
+                Err(Error::Invalid { why, .. }) => return refuse("kernel", why),
+                Err(other) => return Err(other),
+            };
+        }
+        if let Some(name) = &self.model {
+            let models = [Model::Density, Model::Interpolate];
+            let Some(model) = models.into_iter().find(|model| model.name() == name) else {
+                return refuse(
+                    "model",
+                    format!("\"{name}\": must be one of {}", models.map(Model::name).join(", ")),
+                );
+            };
+            kernels.model = model;
+        }
+        let gaussian = kernels.kernel == Kernel::Gaussian;
+        if self.sigma.is_some() && !(gaussian && kind == Kind::Grid) {
+            return refuse("sigma", "belongs to gaussian kernels on grids, in voxels".into());
+        }
+        if self.cut.is_some() && !gaussian {
+            return refuse("cut", format!("belongs to gaussian kernels, not to {}", kernels.kernel.name()));
+        }
+        if self.least.is_some() && kernels.model != Model::Interpolate {
+            return refuse("least", "belongs to model interpolate".into());
+        }
+        kernels.sigma = self.sigma.unwrap_or(kernels.sigma);
+        kernels.cut = self.cut.unwrap_or(kernels.cut);
+        kernels.least = self.least.unwrap_or(kernels.least);
+        kernels.check().map(|()| kernels).map_err(|error| match error {
+            // A number is named behind the kernel, a shape that does not fit the model is the kernel itself.
+            Error::Invalid { what, why } => {
+                Error::file(scene, format!("{of}.{}", what.strip_prefix("kernel ").unwrap_or(&what)), why)
+            }
+            other => other,
+        })
+    }
+}
+
+/// The data that has kernels.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    Grid,
+    Mesh,
+    Points,
+}

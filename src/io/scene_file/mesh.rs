@@ -1,0 +1,79 @@
+//! The mesh that a scene file names.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use crate::error::{Error, Result};
+use crate::io::scene_file::{HOLDS_POINTS, Source, beside};
+use crate::io::{self, Data, ReadOptions, Report};
+use crate::scene::Field;
+
+/// Both kinds of mesh under one set of keys, so that every message can name its key.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "an object with `file` or `field`")]
+pub(crate) struct MeshSpec {
+    file: Option<String>,
+    array: Option<String>,
+    field: Option<String>,
+    cubes: Option<u32>,
+}
+
+impl MeshSpec {
+    pub(crate) fn load(&self, scene: &Path, options: &ReadOptions) -> Result<Source> {
+        let refuse = |place: &str, rule: String| Err(Error::file(scene, place, rule));
+        options.check_kernels("a mesh").map_err(|error| error.in_file(scene))?;
+        match (&self.file, &self.field) {
+            (Some(_), Some(_)) => refuse("mesh", "must have either `file` or `field`, not both".into()),
+            (None, None) => refuse("mesh", "must have `file` or `field`".into()),
+            (Some(_), None) if self.cubes.is_some() => {
+                refuse("mesh.cubes", "belongs to a field, not to a file".into())
+            }
+            (Some(file), None) => {
+                let file = beside(scene, file);
+                let array = options.array.clone().or_else(|| self.array.clone());
+                let loaded = io::read(&file, &ReadOptions { array, ..options.clone() })?;
+                match loaded.data {
+                    Data::Mesh(_) => Ok(Source::new(&file, loaded)),
+                    Data::Grid(_) => {
+                        Err(Error::file(&file, "content", "holds a grid: a scene names it in `volume`"))
+                    }
+                    Data::Points(_) => Err(Error::file(&file, "content", HOLDS_POINTS)),
+                }
+            }
+            (None, Some(field)) => {
+                // Given in the scene, or on top of it.
+                let wanted = [("mesh.array", &self.array), ("array", &options.array)];
+                if let Some((key, array)) = wanted.into_iter().find_map(|(key, a)| Some((key, a.as_ref()?))) {
+                    return refuse(key, format!("\"{array}\": fields have no arrays with names"));
+                }
+                Ok(Source {
+                    data: self.analytic(scene, field, options)?,
+                    file: scene.to_path_buf(),
+                    report: Report { format: "analytic field", ..Report::default() },
+                })
+            }
+        }
+    }
+
+    fn analytic(&self, scene: &Path, field: &str, options: &ReadOptions) -> Result<Data> {
+        let Some(cubes) = self.cubes else {
+            return Err(Error::file(scene, "mesh.cubes", "missing: a field needs cubes"));
+        };
+        let at = |key: &'static str| {
+            move |error: Error| match error {
+                Error::Invalid { why, .. } => Error::file(scene, key, why),
+                other => other,
+            }
+        };
+        let field = Field::from_name(field).map_err(at("mesh.field"))?;
+        // A corner has a place and a scalar, a cube five times four indices.
+        let side = u64::from(cubes.min(Field::MAX_CUBES));
+        let bytes = 28 * (side + 1).pow(3) + 80 * side.pow(3);
+        if bytes > options.max_bytes {
+            let rule = format!("{cubes}: takes {bytes} bytes, the limit is {} bytes", options.max_bytes);
+            return Err(Error::file(scene, "mesh.cubes", rule));
+        }
+        field.tets(cubes).map(Data::Mesh).map_err(at("mesh.cubes"))
+    }
+}

@@ -1,0 +1,190 @@
+//! The points that a scene file names.
+
+use std::fmt;
+use std::path::Path;
+
+use serde::de::Visitor;
+use serde::{Deserialize, Deserializer};
+
+use crate::error::{Error, Result};
+use crate::io::scene_file::kernels::{KernelsSpec, Kind};
+use crate::io::scene_file::{Source, beside};
+use crate::io::{self, Data, ReadOptions, Report};
+use crate::num;
+use crate::scene::{Field, KernelSize, Kernels, Points};
+
+/// Both kinds of points under one set of keys, so that every message can name its key.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "an object with `file` or `field`")]
+pub(crate) struct PointsSpec {
+    file: Option<String>,
+    array: Option<String>,
+    radius: Option<Radius>,
+    covariance: Option<String>,
+    weight: Option<String>,
+    field: Option<String>,
+    count: Option<u32>,
+    kernel: Option<String>,
+    cut: Option<f64>,
+    model: Option<String>,
+    least: Option<f64>,
+}
+
+/// One radius for all, or the array that has them.
+enum Radius {
+    All(f64),
+    Array(String),
+}
+
+impl<'de> Deserialize<'de> for Radius {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        struct Either;
+        impl Visitor<'_> for Either {
+            type Value = Radius;
+
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("a length, or the name of an array")
+            }
+
+            fn visit_f64<E: serde::de::Error>(self, radius: f64) -> std::result::Result<Radius, E> {
+                if radius > 0.0 && radius.is_finite() {
+                    Ok(Radius::All(radius))
+                } else {
+                    Err(E::custom(format!("{radius}: must be positive and finite")))
+                }
+            }
+
+            fn visit_u64<E: serde::de::Error>(self, radius: u64) -> std::result::Result<Radius, E> {
+                self.visit_f64(num::f64_of_u64(radius))
+            }
+
+            fn visit_i64<E: serde::de::Error>(self, radius: i64) -> std::result::Result<Radius, E> {
+                Err(E::custom(format!("{radius}: must be positive and finite")))
+            }
+
+            fn visit_str<E>(self, name: &str) -> std::result::Result<Radius, E> {
+                Ok(Radius::Array(name.to_owned()))
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
+}
+
+impl PointsSpec {
+    /// The kernels that stand among the keys of points, if any do.
+    pub(crate) fn kernels(&self, scene: &Path) -> Result<Option<Kernels>> {
+        let spec = self.kernels_spec();
+        spec.key().map(|_| spec.check(scene, "points", Kind::Points)).transpose()
+    }
+
+    /// The first key of kernels that is there.
+    pub(crate) fn kernels_key(&self) -> Option<&'static str> {
+        self.kernels_spec().key()
+    }
+
+    fn kernels_spec(&self) -> KernelsSpec {
+        let Self { kernel, cut, model, least, .. } = self;
+        KernelsSpec { kernel: kernel.clone(), sigma: None, cut: *cut, model: model.clone(), least: *least }
+    }
+
+    pub(crate) fn load(&self, scene: &Path, options: &ReadOptions) -> Result<Source> {
+        let refuse = |place: &str, rule: &str| Err(Error::file(scene, place, rule));
+        if self.radius.is_some() && self.covariance.is_some() {
+            return refuse("points.covariance", "points have either `radius` or `covariance`, not both");
+        }
+        match (&self.file, &self.field) {
+            (Some(_), Some(_)) => refuse("points", "must have either `file` or `field`, not both"),
+            (None, None) => refuse("points", "must have `file` or `field`"),
+            (Some(_), None) if self.count.is_some() => {
+                refuse("points.count", "belongs to a field, not to a file")
+            }
+            (Some(file), None) => self.read(&beside(scene, file), options),
+            (None, Some(field)) => {
+                self.refuse_arrays(scene, options)?;
+                let report = Report { format: "analytic field", ..Report::default() };
+                Ok(Source::of_points(scene, self.analytic(scene, field, options)?, report))
+            }
+        }
+    }
+
+    /// What the options ask for wins over what stands here: a size of either kind over a size of either kind.
+    fn read(&self, file: &Path, options: &ReadOptions) -> Result<Source> {
+        let mut wanted = options.clone();
+        wanted.array = wanted.array.or_else(|| self.array.clone());
+        wanted.weight = wanted.weight.or_else(|| self.weight.clone());
+        let mut all = None;
+        if wanted.radius.is_none() && wanted.covariance.is_none() {
+            wanted.covariance.clone_from(&self.covariance);
+            match &self.radius {
+                Some(Radius::All(radius)) => all = Some(*radius),
+                Some(Radius::Array(name)) => wanted.radius = Some(name.clone()),
+                None => {}
+            }
+        }
+        let loaded = io::read(file, &wanted)?;
+        let holds = |what: &str| Err(Error::file(file, "content", format!("holds a {what}")));
+        let points = match loaded.data {
+            Data::Points(points) => points,
+            Data::Grid(_) => return holds("grid: a scene names it in `volume`"),
+            Data::Mesh(_) => return holds("mesh: a scene names it in `mesh`"),
+        };
+        Ok(Source::of_points(file, sized(points, all)?, loaded.report))
+    }
+
+    /// Fields have no arrays, whether the scene asks for them or the options do.
+    fn refuse_arrays(&self, scene: &Path, options: &ReadOptions) -> Result<()> {
+        let radius = match &self.radius {
+            Some(Radius::Array(name)) => Some(name),
+            _ => None,
+        };
+        let wanted = [
+            ("points.array", self.array.as_ref()),
+            ("points.radius", radius),
+            ("points.covariance", self.covariance.as_ref()),
+            ("points.weight", self.weight.as_ref()),
+            ("array", options.array.as_ref()),
+            ("radius", options.radius.as_ref()),
+            ("covariance", options.covariance.as_ref()),
+            ("weight", options.weight.as_ref()),
+        ];
+        match wanted.into_iter().find_map(|(key, array)| Some((key, array?))) {
+            Some((key, array)) => {
+                let rule = format!("\"{array}\": fields have no arrays with names");
+                Err(Error::file(scene, key, rule))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn analytic(&self, scene: &Path, field: &str, options: &ReadOptions) -> Result<Points> {
+        let Some(count) = self.count else {
+            return Err(Error::file(scene, "points.count", "missing: a field needs count"));
+        };
+        let at = |key: &'static str| {
+            move |error: Error| match error {
+                Error::Invalid { why, .. } => Error::file(scene, key, why),
+                other => other,
+            }
+        };
+        let field = Field::from_name(field).map_err(at("points.field"))?;
+        // A point has a place and a scalar.
+        let bytes = 28 * u64::from(count);
+        if bytes > options.max_bytes {
+            let rule = format!("{count}: takes {bytes} bytes, the limit is {} bytes", options.max_bytes);
+            return Err(Error::file(scene, "points.count", rule));
+        }
+        let all = match self.radius {
+            Some(Radius::All(radius)) => Some(radius),
+            _ => None,
+        };
+        sized(field.points(count).map_err(at("points.count"))?, all)
+    }
+}
+
+/// Points with one radius for all, if there is one.
+fn sized(points: Points, radius: Option<f64>) -> Result<Points> {
+    match radius {
+        Some(radius) => points.with_size(KernelSize::Radius(radius)),
+        None => Ok(points),
+    }
+}

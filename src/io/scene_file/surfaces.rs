@@ -1,0 +1,160 @@
+//! The surfaces that a scene file names.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use crate::error::{Error, Result};
+use crate::io::scene_file::beside;
+use crate::io::{self, ReadOptions, Triangles};
+use crate::num;
+use crate::scene::{Shading, Surface};
+
+/// Most triangles of all surfaces.
+const MAX_TRIANGLES: usize = (1 << 31) - 1;
+
+/// The three kinds of surface under one set of keys, so that every message can name its key.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a surface: an object with `file`, `box` or `sphere`")]
+pub(crate) struct SurfaceSpec {
+    file: Option<String>,
+    #[serde(rename = "box")]
+    cuboid: Option<BoxSpec>,
+    sphere: Option<SphereSpec>,
+    colour: Option<[f64; 3]>,
+    opacity: Option<f64>,
+    shade: Option<String>,
+    scale: Option<f64>,
+    translate: Option<[f64; 3]>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "an object with `low` and `high`")]
+struct BoxSpec {
+    low: [f64; 3],
+    high: [f64; 3],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "an object with `centre`, `radius` and `subdivisions`")]
+struct SphereSpec {
+    centre: [f64; 3],
+    radius: f64,
+    subdivisions: Option<u32>,
+}
+
+/// A surface that has been checked, but for its file.
+struct Plan<'a> {
+    place: String,
+    scene: &'a Path,
+    spec: &'a SurfaceSpec,
+    colour: [f64; 4],
+    shading: Shading,
+    scale: f64,
+}
+
+/// Shadings and their names.
+const SHADES: [(&str, Shading); 2] = [("flat", Shading::Flat), ("headlight", Shading::Headlight)];
+
+/// Reads and makes all surfaces, which together may take `options.max_bytes`. Keys are checked before files are read.
+pub(crate) fn load(specs: &[SurfaceSpec], scene: &Path, options: &ReadOptions) -> Result<Vec<Surface>> {
+    let plans = specs.iter().enumerate().map(|(i, spec)| Plan::new(spec, i, scene));
+    let plans = plans.collect::<Result<Vec<_>>>()?;
+    let (mut left, mut triangles) = (options.max_bytes, 0);
+    let mut surfaces = Vec::with_capacity(plans.len());
+    for plan in plans {
+        let surface = plan.load(&ReadOptions { max_bytes: left, ..options.clone() })?;
+        triangles += surface.triangles().len();
+        if triangles > MAX_TRIANGLES {
+            return Err(plan.refuse("", &format!("all surfaces have more than {MAX_TRIANGLES} triangles")));
+        }
+        let bytes = 24 * surface.points().len() + 12 * surface.triangles().len();
+        left = left.saturating_sub(num::wide(bytes));
+        surfaces.push(surface);
+    }
+    Ok(surfaces)
+}
+
+impl<'a> Plan<'a> {
+    fn new(spec: &'a SurfaceSpec, i: usize, scene: &'a Path) -> Result<Self> {
+        let [r, g, b] = spec.colour.unwrap_or([0.8; 3]);
+        let opacity = spec.opacity.unwrap_or(1.0);
+        let mut plan = Self {
+            place: format!("opaque[{i}]"),
+            scene,
+            spec,
+            colour: [r, g, b, opacity],
+            shading: Shading::Headlight,
+            scale: spec.scale.unwrap_or(1.0),
+        };
+        let shapes = [spec.file.is_some(), spec.cuboid.is_some(), spec.sphere.is_some()];
+        if shapes.into_iter().filter(|given| *given).count() != 1 {
+            return Err(plan.refuse("", "must have exactly one of `file`, `box` and `sphere`"));
+        }
+        if [r, g, b].iter().any(|c| !(c.is_finite() && *c >= 0.0)) {
+            let rule = format!("{:?}: must be three numbers from 0 on", [r, g, b]);
+            return Err(plan.refuse(".colour", &rule));
+        }
+        if !(0.0..=1.0).contains(&opacity) {
+            return Err(plan.refuse(".opacity", &format!("{opacity}: must lie in [0, 1]")));
+        }
+        if !(plan.scale > 0.0 && plan.scale.is_finite()) {
+            return Err(plan.refuse(".scale", &format!("{}: must be positive and finite", plan.scale)));
+        }
+        if let Some(name) = &spec.shade {
+            let Some((_, shading)) = SHADES.into_iter().find(|(known, _)| known == name) else {
+                let names = SHADES.map(|(name, _)| name).join(", ");
+                return Err(plan.refuse(".shade", &format!("\"{name}\": must be one of {names}")));
+            };
+            plan.shading = shading;
+        }
+        Ok(plan)
+    }
+
+    fn load(&self, options: &ReadOptions) -> Result<Surface> {
+        let at = |key: &'static str| {
+            move |error: Error| match error {
+                Error::Invalid { why, .. } => self.refuse(key, &why),
+                other => other,
+            }
+        };
+        let surface = if let Some(file) = &self.spec.file {
+            let path = beside(self.scene, file);
+            let Triangles { points, triangles } = io::read_triangles(&path, options)?;
+            Surface::new(points, triangles, self.colour).map_err(|error| error.in_file(&path))?
+        } else if let Some(BoxSpec { low, high }) = &self.spec.cuboid {
+            Surface::cuboid((*low).into(), (*high).into(), self.colour).map_err(at(".box"))?
+        } else if let Some(SphereSpec { centre, radius, subdivisions }) = &self.spec.sphere {
+            let subdivisions = subdivisions.unwrap_or(4);
+            // A corner takes 24 bytes, a triangle 12, and there are twice as many of these.
+            let bytes = 480 << (2 * subdivisions.min(Surface::MAX_SUBDIVISIONS));
+            if bytes > options.max_bytes {
+                let rule = format!(
+                    "{subdivisions}: takes {bytes} bytes, {} are left of the limit",
+                    options.max_bytes
+                );
+                return Err(self.refuse(".sphere.subdivisions", &rule));
+            }
+            let key = |error: Error| match error {
+                Error::Invalid { what, why } if what.ends_with("radius") => {
+                    self.refuse(".sphere.radius", &why)
+                }
+                Error::Invalid { what, why } if what.ends_with("subdivisions") => {
+                    self.refuse(".sphere.subdivisions", &why)
+                }
+                other => at(".sphere")(other),
+            };
+            Surface::sphere((*centre).into(), *radius, self.colour, subdivisions).map_err(key)?
+        } else {
+            return Err(self.refuse("", "has no shape"));
+        };
+        let translate = self.spec.translate.unwrap_or_default();
+        let placed = surface.placed(self.scale, translate.into()).map_err(at(".scale"))?;
+        Ok(placed.with_shading(self.shading))
+    }
+
+    /// An error about one of its keys, with the dot in front, or about all of it.
+    fn refuse(&self, key: &str, rule: &str) -> Error {
+        Error::file(self.scene, format!("{}{key}", self.place), rule)
+    }
+}

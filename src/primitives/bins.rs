@@ -1,0 +1,210 @@
+//! Bins: the primitives of each tile of an image, by rank (`glsl/bins.glsl`).
+//!
+//! Count, sum up, write. No sort by tile is needed: ranks are binned in runs, and runs are summed up within tiles.
+
+use std::sync::Arc;
+
+use crate::error::Result;
+use crate::gpu::shader::{
+    BINDING_BIN_TABLE, BINDING_BINS, BINDING_BOXES, BINDING_ORDER, BINDING_STATUS, BINS_COMPUTE, MOST_TURNS,
+    SPEC_FILL, SPEC_FLAGGED, TILE,
+};
+use crate::gpu::{Buffer, Commands, Gpu, Recorder, Resource};
+use crate::interface::BinsPush;
+use crate::num;
+use crate::primitives::dispatch::{Dispatch, buffer, download, pass, words};
+use crate::primitives::scan::Scan;
+
+/// Bins of some tiles.
+#[derive(Debug)]
+pub(crate) struct Bins {
+    pub(crate) runs: u32,
+    pub(crate) capacity: u32,
+    pub(crate) tiles: u32,
+    pub(crate) table: Arc<Buffer>,
+    pub(crate) entries: Arc<Buffer>,
+    count: Dispatch,
+    scan: Scan,
+    fill: Dispatch,
+}
+
+impl Bins {
+    /// For `tiles` at once, with room for `capacity` entries; `primitives` are their order, the pixels that each may
+    /// cover, and the status.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        name: &str,
+        primitives: [&Arc<Buffer>; 3],
+        tiles: u32,
+        runs: u32,
+        capacity: u32,
+    ) -> Result<Self> {
+        let [order, boxes, status] = primitives;
+        let table = buffer(gpu, "bins.table", u64::from(tiles) * u64::from(runs))?;
+        let entries = buffer(gpu, "bins", capacity.into())?;
+        let resources = [
+            (BINDING_ORDER, Resource::ReadOnly(Arc::clone(order))),
+            (BINDING_BOXES, Resource::ReadOnly(Arc::clone(boxes))),
+            (BINDING_BIN_TABLE, Resource::Buffer(Arc::clone(&table))),
+            (BINDING_BINS, Resource::Buffer(Arc::clone(&entries))),
+            (BINDING_STATUS, Resource::Buffer(Arc::clone(status))),
+        ];
+        let pass = |part: &str, fill: u32| {
+            pass(gpu, &format!("{name}.bins.{part}"), &BINS_COMPUTE, &[(SPEC_FILL, fill)], &resources)
+        };
+        Ok(Self {
+            runs,
+            capacity,
+            tiles,
+            count: pass("count", 0)?,
+            scan: Scan::new(gpu, &format!("{name}.bins"), &table, tiles * runs)?,
+            fill: pass("fill", 1)?,
+            table,
+            entries,
+        })
+    }
+
+    /// Bins nothing where a frame has flagged no pixel.
+    pub(crate) fn only_where_flagged(&mut self, gpu: &Gpu) -> Result<()> {
+        for (old, fill) in [(&mut self.count, 0), (&mut self.fill, 1)] {
+            let resource = |&(binding, _): &(u32, _)| Some((binding, old.descriptors.resource(binding)?));
+            let resources: Vec<_> = BINS_COMPUTE.bindings.iter().filter_map(resource).collect();
+            let constants = [(SPEC_FILL, fill), (SPEC_FLAGGED, 1)];
+            *old = pass(gpu, &old.name, &BINS_COMPUTE, &constants, &resources)?;
+        }
+        Ok(())
+    }
+
+    /// Bins `count` primitives to tiles `[first, first + tiles)` of an image with `across` tiles in a row.
+    pub(crate) fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        across: u32,
+        [first, tiles]: [u32; 2],
+        count: u32,
+    ) {
+        recorder.clear_buffer("bins.clear", &self.table);
+        let number = count.div_ceil(self.runs);
+        let (runs, capacity) = (self.runs, self.capacity);
+        let push = BinsPush { across, first, tiles, count, number, runs, capacity };
+        let groups = [self.runs.div_ceil(8), 1, 1];
+        self.count.record(recorder, &push, groups);
+        self.scan.record(recorder);
+        self.fill.record(recorder, &push, groups);
+    }
+
+    /// Where the sum of all entries is, 64 bits of it.
+    pub(crate) fn total(&self) -> &Arc<Buffer> {
+        self.scan.total()
+    }
+}
+
+/// What binning needs.
+#[derive(Debug)]
+pub(crate) struct Fill {
+    /// Runs of ranks: enough to keep a device busy, each short enough for its loops.
+    pub(crate) runs: u32,
+    /// Primitives of each tile.
+    pub(crate) tiles: Vec<u32>,
+}
+
+impl Fill {
+    /// Entries of all bins.
+    pub(crate) fn entries(&self) -> u64 {
+        self.tiles.iter().map(|&n| u64::from(n)).sum()
+    }
+
+    /// Entries of the fullest bin.
+    pub(crate) fn longest(&self) -> u32 {
+        self.tiles.iter().copied().max().unwrap_or(0)
+    }
+
+    /// Reads what the passes that `stage` records leave: the order of `count` primitives and the pixels that each may
+    /// cover.
+    pub(crate) fn measure(
+        gpu: &Gpu,
+        name: &str,
+        [order, boxes]: [&Arc<Buffer>; 2],
+        count: u32,
+        [tiles, across]: [u32; 2],
+        stage: impl FnOnce(&mut Recorder<'_>),
+    ) -> Result<Self> {
+        let mut commands = Commands::new(gpu)?;
+        let host_boxes = download(gpu, "boxes", 8 * u64::from(count))?;
+        let host_order = download(gpu, "order", 4 * u64::from(count))?;
+        let keep = {
+            let mut recorder = Recorder::new(gpu, commands.begin()?, None);
+            stage(&mut recorder);
+            recorder.copy_buffer("boxes", boxes, &host_boxes, host_boxes.size().min(boxes.size()));
+            recorder.copy_buffer("order", order, &host_order, host_order.size());
+            recorder.release_to_host(&host_boxes);
+            recorder.release_to_host(&host_order);
+            recorder.finish().1
+        };
+        commands.submit(keep, name)?;
+        let boxes = words(&host_boxes.host_copy()?);
+        let mut order = words(&host_order.host_copy()?);
+        order.truncate(num::index(count));
+        Ok(Self::of(&order, &boxes, [tiles, across], gpu.is_software()))
+    }
+
+    /// From primitives by rank and the pixels that each may cover.
+    fn of(order: &[u32], boxes: &[u32], [tiles, across]: [u32; 2], software: bool) -> Self {
+        // Turns of the binning loop up to each rank, and how full tiles get.
+        let tile_box = |id: u32| {
+            let at = num::index(id) * 2;
+            let (x, y) = (boxes[at], boxes[at + 1]);
+            [(x & 0xffff) / TILE, (x >> 16).div_ceil(TILE), (y & 0xffff) / TILE, (y >> 16).div_ceil(TILE)]
+        };
+        let mut turns = vec![0_u64; order.len() + 1];
+        let mut fill = vec![0_u32; num::index(tiles)];
+        for (rank, &id) in order.iter().enumerate() {
+            let [x0, x1, y0, y1] = tile_box(id);
+            let covered = x1.saturating_sub(x0) * y1.saturating_sub(y0);
+            turns[rank + 1] = turns[rank] + 1 + u64::from(covered);
+            for y in y0..y1 {
+                for x in x0..x1 {
+                    fill[num::index(y * across + x)] += 1;
+                }
+            }
+        }
+        let longest = |runs: u32| {
+            let length = num::index(num::count(order.len()).div_ceil(runs)).max(1);
+            (0..order.len())
+                .step_by(length)
+                .map(|begin| turns[(begin + length).min(order.len())] - turns[begin])
+                .max()
+                .unwrap_or(0)
+        };
+        // A table has a word for each run of each tile.
+        let most_runs = ((1_u32 << 26) / tiles.max(1)).max(1);
+        let few = num::count(order.len()).div_ceil(8).next_power_of_two();
+        let mut runs = if software { 64 } else { 2048 }.min(few).min(most_runs);
+        while longest(runs) > u64::from(MOST_TURNS / 2) && runs < most_runs {
+            runs *= 2;
+        }
+        Self { runs, tiles: fill }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Tables of large images are no larger than a scan takes, and few primitives have small ones.
+    #[test]
+    fn tables_stay_small() {
+        let boxes = |count: u32| -> Vec<u32> { (0..count).flat_map(|_| [8 << 16, 8 << 16]).collect() };
+        for (tiles, across, count) in [(129_600, 480, 12), (129_600, 480, 1_000_000), (16_777_216, 4096, 12)]
+        {
+            let order: Vec<u32> = (0..count).collect();
+            for software in [true, false] {
+                let fill = Fill::of(&order, &boxes(count), [tiles, across], software);
+                let words = u64::from(fill.runs) * u64::from(tiles);
+                assert!(fill.runs >= 1 && words <= 1 << 26, "{tiles} tiles, {count}: {}", fill.runs);
+                assert!(count > 12 || fill.runs <= 2, "{}", fill.runs);
+                assert_eq!((fill.entries(), fill.longest()), (u64::from(count), count));
+            }
+        }
+    }
+}

@@ -1,0 +1,321 @@
+//! A scene on the device: uploaded once, in the encodings that techniques ask for.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+use crate::error::{Error, Result};
+use crate::gpu::{Buffer, Gpu, Image};
+use crate::num::f32_of;
+use crate::resident::bricks::{BrickRanges, nonzero_ranges};
+use crate::resident::mesh::{DrawnPrimitives, MeshData, Primitives, drawn_cells_buffer, drawn_faces_buffer};
+use crate::resident::splats::{SplatNeeds, SplatSet};
+use crate::resident::surfaces::SurfaceData;
+use crate::resident::tables::{Integrator, Knots, SegmentOptions, Table, Tables};
+use crate::resident::volume::{Layout, Volume, Volumes};
+use crate::scene::grid::diagonal;
+use crate::scene::{Grid, Kernels, Samples, Scene, Surface, TetScalars, Tets, TransferFunction};
+
+/// What a place holds so far, for another scene.
+fn copied<T: Clone>(place: &Mutex<T>) -> Mutex<T> {
+    Mutex::new(place.lock().unwrap_or_else(PoisonError::into_inner).clone())
+}
+
+/// A scene with what of it lies on the device. Data is uploaded when a technique first needs it, once for
+/// each form in which techniques ask for it.
+///
+/// `Send` and `Sync`: what several threads ask for at once is uploaded by the first.
+#[derive(Debug)]
+pub struct GpuScene {
+    gpu: Gpu,
+    scene: Scene,
+    data: Arc<GridData>,
+    mesh: Arc<MeshData>,
+    primitives: Mutex<Vec<(Choice, DrawnPrimitives)>>,
+    tables: Arc<Tables>,
+    bricks: Mutex<Vec<(f32, Arc<Buffer>)>>,
+    splats: Mutex<Vec<(SplatChoice, Arc<SplatSet>)>>,
+    /// What frames of splats have needed so far.
+    pub(crate) splat_needs: Mutex<SplatNeeds>,
+    surfaces: SurfacePlace,
+    times: Mutex<UploadTimes>,
+}
+
+/// Surfaces, once they have been looked for; none where there is no triangle.
+type SurfacePlace = Arc<Mutex<Option<Option<Arc<SurfaceData>>>>>;
+
+/// Faces or cells; with a margin those alone that show something.
+type Choice = (Primitives, Option<f32>);
+
+/// Kernels, and how thick sheets may be at most, in the data's steps.
+type SplatChoice = (Kernels, f64);
+
+/// What the grid alone decides: scenes that differ in the transfer function share it.
+#[derive(Debug, Default)]
+struct GridData {
+    volumes: Volumes,
+    ranges: BrickRanges,
+}
+
+/// Milliseconds that a scene's way to the device has taken so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct UploadTimes {
+    /// Samples, meshes and kernels.
+    pub upload: f64,
+    /// Tables of the transfer function, ranges of bricks, and which bricks are visible.
+    pub tables: f64,
+}
+
+impl GpuScene {
+    /// Takes a scene for a device. Nothing is uploaded yet.
+    #[must_use]
+    pub fn new(gpu: &Gpu, scene: Scene) -> Arc<Self> {
+        Arc::new(Self::unshared(gpu, scene))
+    }
+
+    fn unshared(gpu: &Gpu, scene: Scene) -> Self {
+        Self {
+            gpu: gpu.clone(),
+            scene,
+            data: Arc::default(),
+            mesh: Arc::default(),
+            primitives: Mutex::default(),
+            tables: Arc::default(),
+            bricks: Mutex::default(),
+            splats: Mutex::default(),
+            splat_needs: Mutex::default(),
+            surfaces: Arc::default(),
+            times: Mutex::default(),
+        }
+    }
+
+    /// The same data and kernels under another transfer function. What is on the device of the samples is shared; the
+    /// transfer function's tables are made when they are first needed.
+    #[must_use]
+    pub fn with_transfer(&self, transfer: TransferFunction) -> Arc<Self> {
+        // Infinite samples were uploaded as the old transfer function's ends.
+        let shared = self.scene.grid().is_none_or(|grid| grid.infinite_count() == 0);
+        let data = if shared { Arc::clone(&self.data) } else { Arc::default() };
+        let finite = |mesh: &Tets| mesh.scalars().values().iter().all(|s| !s.is_infinite());
+        let mesh = if self.scene.mesh().is_none_or(finite) {
+            Arc::clone(&self.mesh)
+        } else {
+            Arc::new(MeshData::with_shape(&self.mesh.shape))
+        };
+        let scene = Scene { transfer, ..self.scene.clone() };
+        let surfaces = Arc::clone(&self.surfaces);
+        Arc::new(Self { data, mesh, surfaces, ..Self::unshared(&self.gpu, scene) })
+    }
+
+    /// The same mesh with other scalars, and perhaps another transfer function for them. Points and their
+    /// connections stay on the device.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if the scene holds no mesh, or as [`Tets::with_scalars`].
+    pub fn with_scalars(&self, scalars: TetScalars, transfer: TransferFunction) -> Result<Arc<Self>> {
+        let mesh = self.mesh()?.clone().with_scalars(scalars)?;
+        let mesh_data = Arc::new(MeshData::with_shape(&self.mesh.shape));
+        let scene = Scene { data: mesh.into(), transfer, ..self.scene.clone() };
+        let surfaces = Arc::clone(&self.surfaces);
+        Ok(Arc::new(Self { mesh: mesh_data, surfaces, ..Self::unshared(&self.gpu, scene) }))
+    }
+
+    /// The same place and transfer function with other samples of a grid, of any type: a step of a time series. Nothing is
+    /// uploaded yet. Pipelines, knots and tables do not depend on samples; plans are prepared for the new scene, if the frames in
+    /// flight should not wait for the upload on another thread, and then take the place of the old ones.
+    ///
+    /// # Errors
+    ///
+    /// As [`Grid::with_samples`]; [`Error::Invalid`] where the scene holds no grid.
+    pub fn with_samples(&self, samples: Samples) -> Result<Arc<Self>> {
+        let grid = self.grid()?.with_samples(samples)?;
+        let scene = Scene { data: grid.into(), ..self.scene.clone() };
+        Ok(Arc::new(Self {
+            tables: Arc::clone(&self.tables),
+            surfaces: Arc::clone(&self.surfaces),
+            ..Self::unshared(&self.gpu, scene)
+        }))
+    }
+
+    /// The same scene among other surfaces: those that move, come or go. Everything else that lies on the device is shared; plans
+    /// are prepared for the new scene.
+    #[must_use]
+    pub fn with_surfaces(&self, surfaces: Vec<Surface>) -> Arc<Self> {
+        Arc::new(Self {
+            data: Arc::clone(&self.data),
+            mesh: Arc::clone(&self.mesh),
+            primitives: copied(&self.primitives),
+            tables: Arc::clone(&self.tables),
+            bricks: copied(&self.bricks),
+            splats: copied(&self.splats),
+            splat_needs: copied(&self.splat_needs),
+            ..Self::unshared(&self.gpu, Scene { surfaces, ..self.scene.clone() })
+        })
+    }
+
+    /// What of a mesh lies on the device.
+    pub(crate) fn mesh_data(&self) -> Arc<MeshData> {
+        Arc::clone(&self.mesh)
+    }
+
+    /// The faces or cells of the mesh that are drawn; with `margin` only those of cells that show something, as wide
+    /// as an integrator smears extinction, in scalars.
+    pub(crate) fn primitives(&self, kind: Primitives, margin: Option<f32>) -> Result<DrawnPrimitives> {
+        let mesh = self.mesh()?;
+        let mut known = self.primitives.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, found)) = known.iter().find(|(key, _)| *key == (kind, margin)) {
+            return Ok(found.clone());
+        }
+        let transfer = &self.scene.transfer;
+        let ranges = nonzero_ranges(transfer);
+        let seen = margin.map(|margin| (ranges.as_slice(), margin));
+        let made = self.timed(false, || match kind {
+            Primitives::Cells => drawn_cells_buffer(&self.gpu, mesh, transfer.domain(), seen),
+            Primitives::Faces => {
+                let topology = self.mesh.topology(mesh)?;
+                drawn_faces_buffer(&self.gpu, mesh, &topology, transfer.domain(), seen)
+            }
+        })?;
+        known.push(((kind, margin), made.clone()));
+        Ok(made)
+    }
+
+    /// By how much an integrator smears a scalar with extinction, in scalars.
+    pub(crate) fn margin(&self, segments: Option<&SegmentOptions>) -> f32 {
+        let [first, last] = self.scene.transfer.domain();
+        let size = segments.map_or(0, SegmentOptions::table_size);
+        let rounding = 1e-6 * first.abs().max(last.abs());
+        let smear = match segments.map(|segments| segments.integrator) {
+            None | Some(Integrator::Midpoint | Integrator::Smoke) => 0.0,
+            // Interpolation rounds.
+            Some(Integrator::Exact) => rounding,
+            Some(Integrator::Integral | Integrator::Full) => {
+                (2.0 * (last - first) / f64::from(size - 1)).max(rounding)
+            }
+        };
+        f32_of(smear)
+    }
+
+    /// The kernels of the scene that show something, for sheets no thicker than `thickness`, in the data's steps.
+    pub(crate) fn splats(&self, kernels: &Kernels, thickness: f64) -> Result<Arc<SplatSet>> {
+        // A power of two, so that a sweep over thicknesses does not upload each time.
+        let thickness = thickness.log2().ceil().max(0.0).exp2();
+        let mut known = self.splats.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, found)) = known.iter().find(|(key, _)| *key == (*kernels, thickness)) {
+            return Ok(Arc::clone(found));
+        }
+        let made = self.timed(false, || {
+            let slab = thickness * SplatSet::step(&self.scene)?;
+            SplatSet::new(&self.gpu, &self.scene, kernels, slab).map(Arc::new)
+        })?;
+        known.push(((*kernels, thickness), Arc::clone(&made)));
+        Ok(made)
+    }
+
+    /// No segment is longer.
+    fn longest_segment(&self) -> Result<f64> {
+        if let Some(mesh) = self.scene.mesh() {
+            let [low, high] = mesh.bounds();
+            return Ok((high - low).length());
+        }
+        self.grid().map(diagonal)
+    }
+
+    /// Adds the time that `make` takes to what uploads (or, with `tables`, tables) have taken.
+    fn timed<T>(&self, tables: bool, make: impl FnOnce() -> Result<T>) -> Result<T> {
+        let start = Instant::now();
+        let made = make()?;
+        let mut times = self.times.lock().unwrap_or_else(PoisonError::into_inner);
+        let sum = if tables { &mut times.tables } else { &mut times.upload };
+        *sum += start.elapsed().as_secs_f64() * 1e3;
+        Ok(made)
+    }
+
+    /// The samples, encoded for exact fetches or for the sampler's filter, with mip levels or without.
+    pub(crate) fn volume(&self, layout: Layout, for_filter: bool, mip: bool) -> Result<Arc<Volume>> {
+        let grid = self.grid()?;
+        let ends = self.scene.transfer.domain();
+        self.timed(false, || self.data.volumes.volume(&self.gpu, grid, ends, layout, for_filter, mip))
+    }
+
+    /// The transfer function's table for an integrator; `None` for one that needs none.
+    pub(crate) fn table(&self, options: &SegmentOptions) -> Result<Option<Arc<Table>>> {
+        let longest = || self.longest_segment();
+        self.timed(true, || self.tables.table(&self.gpu, &self.scene.transfer, options, longest))
+    }
+
+    /// A table for integrators that read none.
+    pub(crate) fn no_table(&self) -> Result<Arc<Image>> {
+        self.tables.no_table(&self.gpu)
+    }
+
+    /// The transfer function.
+    pub(crate) fn knots(&self) -> Result<Arc<Knots>> {
+        self.timed(true, || self.tables.knots(&self.gpu, &self.scene.transfer))
+    }
+
+    /// One word for each brick: 0 where nothing is visible. `margin` widens the scalars with extinction: what
+    /// a table smears is visible too.
+    pub(crate) fn bricks(&self, margin: f32) -> Result<Arc<Buffer>> {
+        let (grid, transfer) = (self.grid()?, &self.scene.transfer);
+        self.timed(true, || self.data.ranges.visible(&self.gpu, grid, transfer, &self.bricks, margin))
+    }
+
+    /// The scene's surfaces; none where it has no triangles.
+    pub(crate) fn surfaces(&self) -> Result<Option<Arc<SurfaceData>>> {
+        let mut place = self.surfaces.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = &*place {
+            return Ok(found.clone());
+        }
+        let made =
+            SurfaceData::new(&self.gpu, &self.scene.surfaces, &self.scene.data.corners())?.map(Arc::new);
+        *place = Some(made.clone());
+        Ok(made)
+    }
+
+    /// The largest channel of what is seen, 1 at least: what a line that ends early may miss is dimmer than it.
+    pub(crate) fn max_colour(&self) -> f64 {
+        let surfaces = self.scene.surfaces.iter().flat_map(|surface| surface.colour()[..3].to_vec());
+        surfaces.fold(self.scene.transfer.max_colour().max(1.0), f64::max)
+    }
+
+    /// The scene.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The grid.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] where the scene holds something else.
+    pub(crate) fn grid(&self) -> Result<&Grid> {
+        self.scene.grid().ok_or_else(|| self.not_drawn("grids"))
+    }
+
+    /// The mesh.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] where the scene holds something else.
+    pub(crate) fn mesh(&self) -> Result<&Tets> {
+        self.scene.mesh().ok_or_else(|| self.not_drawn("meshes"))
+    }
+
+    fn not_drawn(&self, what: &str) -> Error {
+        Error::invalid("technique", format!("draws {what}: the scene holds a {}", self.scene.data.kind()))
+    }
+
+    /// Time that uploads have taken.
+    #[must_use]
+    pub fn times(&self) -> UploadTimes {
+        *self.times.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The device.
+    #[must_use]
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+}

@@ -1,0 +1,91 @@
+//! A view of a mesh in the mesh's own measure: what shaders need to know of the camera (`glsl/mesh.glsl`).
+
+use glam::DVec3;
+
+use crate::error::{Error, Result};
+use crate::interface::MeshPush;
+use crate::num::f32_of;
+use crate::scene::{Tets, View};
+
+/// Centre and radius of a mesh: its points lie within a unit of the centre. Points and views are told relative to
+/// them in float64, so that float32 has all its digits for the mesh itself, wherever and however large it is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LocalSpace {
+    pub(crate) centre: DVec3,
+    pub(crate) radius: f64,
+}
+
+impl LocalSpace {
+    pub(crate) fn of(mesh: &Tets) -> Self {
+        let [low, high] = mesh.bounds();
+        let half = high * 0.5 - low * 0.5;
+        Self { centre: low + half, radius: half.length().max(f64::MIN_POSITIVE) }
+    }
+
+    /// A point in radii from the centre.
+    pub(crate) fn place(&self, point: DVec3) -> [f32; 3] {
+        ((point - self.centre) / self.radius).to_array().map(f32_of)
+    }
+
+    /// Push constants for a view; the rest of them as `push` has it.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] where float32 cannot hold the numbers.
+    pub(crate) fn push(&self, view: &View, push: &MeshPush) -> Result<MeshPush> {
+        let Lines { rows: [right, up, forward], begin, pixel, w0, w1, slope } = self.lines(view);
+        let pack = |(v, w): (DVec3, f64)| [v.x, v.y, v.z, w].map(f32_of);
+        let push = MeshPush {
+            right: pack(right),
+            up: pack(up),
+            forward: pack((forward.0, begin)),
+            half_extent: view.extent().map(|side| f32_of(f64::from(side) * 0.5)),
+            pixel: f32_of(pixel),
+            w0: f32_of(w0),
+            w1: f32_of(w1),
+            slope: f32_of(slope),
+            unit: f32_of(self.radius),
+            ..*push
+        };
+        let numbers = [push.right, push.up, push.forward];
+        let finite = numbers.iter().flatten().all(|number| number.is_finite());
+        if !(finite && push.pixel.is_normal() && push.unit.is_normal()) {
+            return Err(Error::invalid(
+                "view",
+                "the camera is so far from the data, or the data so large or small, that float32 cannot hold the view",
+            ));
+        }
+        Ok(push)
+    }
+
+    /// A view in radii from the centre, in float64.
+    pub(crate) fn lines(&self, view: &View) -> Lines {
+        let eye = (view.camera().eye - self.centre) / self.radius;
+        let depth = -eye.dot(view.forward());
+        // In perspective w is the depth before the eye, over that of the centre where the eye is far.
+        let (w0, w1, pixel, slope, begin) = if view.is_perspective() {
+            let q = depth.max(1.0);
+            (depth / q, 1.0 / q, view.pixel_size() * q, 1.0 / q, -depth)
+        } else {
+            (1.0, 0.0, view.pixel_size() / self.radius, 0.0, -3e38)
+        };
+        let row = |axis: DVec3| (axis, -eye.dot(axis));
+        let rows = [row(view.right()), row(view.up()), (view.forward(), 0.0)];
+        Lines { rows, begin, pixel, w0, w1, slope }
+    }
+}
+
+/// A view in radii of the data: a point p is seen at X, Y and depth, each the dot of p with a row's vector plus its number.
+/// A pixel's line passes at (P w, depth) with w = `w0` + `w1` depth.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lines {
+    pub(crate) rows: [(DVec3, f64); 3],
+    /// Depth of the eye, where lines begin.
+    pub(crate) begin: f64,
+    /// Change of P from pixel to pixel.
+    pub(crate) pixel: f64,
+    pub(crate) w0: f64,
+    pub(crate) w1: f64,
+    /// Tangent of the angle between a line and the axis, for a unit of P.
+    pub(crate) slope: f64,
+}

@@ -1,0 +1,199 @@
+//! A mesh on the device: points and their connections once, what depends on the scalars once for each array.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rayon::prelude::*;
+
+use crate::error::Result;
+use crate::gpu::shader::{CELL_WORDS, FACE_WORDS, NO_CELL};
+use crate::gpu::{Buffer, Gpu};
+use crate::num::{self, f32_of};
+use crate::resident::local_space::LocalSpace;
+use crate::scene::topology::{NONE, Topology};
+use crate::scene::{TetScalars, Tets};
+
+// What shaders take for granted.
+const _: () = assert!(FACE_WORDS == 5 && CELL_WORDS == 4 && NO_CELL == NONE);
+
+/// What is listed for pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Primitives {
+    Faces,
+    Cells,
+}
+
+/// What the points and cells of a mesh alone decide: scenes that differ in scalars share it.
+#[derive(Debug, Default)]
+pub(crate) struct MeshShape {
+    points: Mutex<Option<Arc<Buffer>>>,
+    topology: Mutex<Option<Arc<Topology>>>,
+}
+
+/// What its scalars decide besides: scenes that differ in the transfer function share it.
+#[derive(Debug, Default)]
+pub(crate) struct MeshData {
+    pub(crate) shape: Arc<MeshShape>,
+    scalars: Mutex<Option<Arc<Buffer>>>,
+    /// What frames have needed so far.
+    pub(crate) needs: Mutex<Needs>,
+}
+
+/// Entries that frames have needed.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Needs {
+    /// In the bins.
+    pub(crate) bins: u32,
+    /// In the lists of a band.
+    pub(crate) lists: u32,
+    /// In the bin of one tile.
+    pub(crate) longest_bin: u32,
+    /// Rounds of repair.
+    pub(crate) rounds: u32,
+    /// Whether cells overlap.
+    pub(crate) overlaps: bool,
+}
+
+/// Makes something when it is first asked for.
+fn once<T: Clone>(place: &Mutex<Option<T>>, make: impl FnOnce() -> Result<T>) -> Result<T> {
+    let mut place = place.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(found) = &*place {
+        return Ok(found.clone());
+    }
+    let made = make()?;
+    *place = Some(made.clone());
+    Ok(made)
+}
+
+impl MeshData {
+    /// For other scalars of the same mesh.
+    pub(crate) fn with_shape(shape: &Arc<MeshShape>) -> Self {
+        Self { shape: Arc::clone(shape), ..Self::default() }
+    }
+
+    /// Points in radii from the centre: four floats each.
+    pub(crate) fn points(&self, gpu: &Gpu, mesh: &Tets) -> Result<Arc<Buffer>> {
+        once(&self.shape.points, || {
+            let frame = LocalSpace::of(mesh);
+            // Points that no cell uses may lie anywhere.
+            let place = |point: &glam::DVec3| {
+                let [x, y, z] = frame.place(*point).map(|x| if x.is_finite() { x } else { 0.0 });
+                [x, y, z, 0.0]
+            };
+            let points: Vec<[f32; 4]> = mesh.points().iter().map(place).collect();
+            Buffer::with_data(gpu, "mesh.points", bytemuck::cast_slice(&points))
+        })
+    }
+
+    /// Faces with the cells on both sides.
+    pub(crate) fn topology(&self, mesh: &Tets) -> Result<Arc<Topology>> {
+        once(&self.shape.topology, || Ok(Arc::new(Topology::new(mesh)?)))
+    }
+
+    /// Scalars of points or cells; infinities are the transfer function's ends, NaN is anything.
+    pub(crate) fn scalars(&self, gpu: &Gpu, mesh: &Tets, ends: [f64; 2]) -> Result<Arc<Buffer>> {
+        once(&self.scalars, || {
+            let scalars: Vec<f32> = mesh.scalars().values().iter().map(|&s| stored(s, ends)).collect();
+            Buffer::with_data(gpu, "mesh.scalars", bytemuck::cast_slice(&scalars))
+        })
+    }
+}
+
+/// Cells that are drawn: those that are not vacuum, and of these, where `seen` tells ranges of scalars with
+/// extinction, those that reach one; it is as wide as the integrator smears it.
+fn drawn_cells(mesh: &Tets, ends: [f64; 2], seen: Option<(&[[f32; 2]], f32)>) -> Vec<bool> {
+    let shows = |cell: usize| {
+        let corners: [f32; 4] = match mesh.scalars() {
+            TetScalars::Point(values) => mesh.cells()[cell].map(|i| values[num::index(i)]),
+            TetScalars::Cell(values) => [values[cell]; 4],
+        };
+        if corners.iter().any(|s| s.is_nan()) {
+            return false;
+        }
+        let Some((ranges, margin)) = seen else { return true };
+        let corners = corners.map(|s| stored(s, ends));
+        let low = corners.into_iter().fold(f32::MAX, f32::min) - margin;
+        let high = corners.into_iter().fold(f32::MIN, f32::max) + margin;
+        ranges.iter().any(|range| low <= range[1] && high >= range[0])
+    };
+    (0..mesh.cells().len()).into_par_iter().map(shows).collect()
+}
+
+/// The primitives of a mesh that are drawn, on the device.
+#[derive(Clone, Debug)]
+pub(crate) struct DrawnPrimitives {
+    pub(crate) buffer: Arc<Buffer>,
+    pub(crate) count: u32,
+    /// Of cells their numbers in the mesh.
+    pub(crate) cells: Arc<Vec<u32>>,
+    /// Of cells their scalars, where cells have them.
+    pub(crate) scalars: Option<Arc<Buffer>>,
+}
+
+/// Corners of the cells that are drawn, ascending.
+pub(crate) fn drawn_cells_buffer(
+    gpu: &Gpu,
+    mesh: &Tets,
+    ends: [f64; 2],
+    seen: Option<(&[[f32; 2]], f32)>,
+) -> Result<DrawnPrimitives> {
+    let drawn = drawn_cells(mesh, ends, seen);
+    let cells: Vec<u32> = (0..).zip(&drawn).filter(|(_, drawn)| **drawn).map(|(i, _)| i).collect();
+    let corners: Vec<[u32; 4]> = cells
+        .iter()
+        .map(|&i| {
+            let mut corners = mesh.cells()[num::index(i)];
+            corners.sort_unstable();
+            corners
+        })
+        .collect();
+    let scalars = match mesh.scalars() {
+        TetScalars::Point(_) => None,
+        TetScalars::Cell(values) => {
+            let scalars: Vec<f32> = cells.iter().map(|&i| stored(values[num::index(i)], ends)).collect();
+            Some(upload(gpu, "mesh.cell-scalars", &scalars)?)
+        }
+    };
+    let count = num::count(cells.len());
+    let buffer = upload(gpu, "mesh.cells", &corners)?;
+    Ok(DrawnPrimitives { buffer, count, cells: Arc::new(cells), scalars })
+}
+
+/// Corners of the faces of cells that are drawn, ascending, with the cells in front and behind; one that is not drawn
+/// is none.
+pub(crate) fn drawn_faces_buffer(
+    gpu: &Gpu,
+    mesh: &Tets,
+    topology: &Topology,
+    ends: [f64; 2],
+    seen: Option<(&[[f32; 2]], f32)>,
+) -> Result<DrawnPrimitives> {
+    let drawn = drawn_cells(mesh, ends, seen);
+    let cell = |cell: u32| if cell != NONE && drawn[num::index(cell)] { cell } else { NONE };
+    let words: Vec<[u32; 5]> = topology
+        .faces()
+        .iter()
+        .map(|face| {
+            let [a, b, c] = face.corners;
+            [a, b, c, cell(face.front), cell(face.back)]
+        })
+        .filter(|words| words[3] != NONE || words[4] != NONE)
+        .collect();
+    let buffer = upload(gpu, "mesh.faces", &words)?;
+    Ok(DrawnPrimitives { buffer, count: num::count(words.len()), cells: Arc::default(), scalars: None })
+}
+
+/// A buffer that is there even where nothing is drawn.
+fn upload<T: bytemuck::Pod>(gpu: &Gpu, name: &str, data: &[T]) -> Result<Arc<Buffer>> {
+    let nothing = [T::zeroed()];
+    Buffer::with_data(gpu, name, bytemuck::cast_slice(if data.is_empty() { &nothing } else { data }))
+}
+
+/// A scalar as the device has it: infinities are the transfer function's ends, NaN is anything.
+fn stored(s: f32, ends: [f64; 2]) -> f32 {
+    match s {
+        f32::INFINITY => f32_of(ends[1]),
+        f32::NEG_INFINITY => f32_of(ends[0]),
+        s if s.is_nan() => 0.0,
+        s => s,
+    }
+}

@@ -1,0 +1,112 @@
+//! The surfaces of a scene on the device: points, triangles, colours.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex};
+
+use glam::DVec3;
+
+use crate::error::{Error, Result};
+use crate::gpu::{Buffer, Gpu};
+use crate::interface::Triangle;
+use crate::num::{self, f32_of};
+use crate::resident::local_space::LocalSpace;
+use crate::resident::mesh::Needs;
+use crate::scene::{Shading, Surface};
+
+const NAME: &str = "surfaces";
+
+/// Numbers of triangles are kept in the bits of floats above 2, of which there are more.
+const MOST_TRIANGLES: usize = 1 << 27;
+
+/// What of a scene's surfaces does not depend on the view.
+#[derive(Debug)]
+pub(crate) struct SurfaceData {
+    pub(crate) frame: LocalSpace,
+    pub(crate) points: Arc<Buffer>,
+    pub(crate) point_count: u32,
+    pub(crate) primitives: Arc<Buffer>,
+    pub(crate) numbers: Arc<Buffer>,
+    pub(crate) triangles: Vec<(DVec3, DVec3, [f64; 4])>,
+    /// Whether any is seen through.
+    pub(crate) translucent: bool,
+    pub(crate) needs: Mutex<Needs>,
+}
+
+impl SurfaceData {
+    /// `None` where there is no triangle with an area. `corners` are those of the volume's data: what is near it has all digits.
+    pub(crate) fn new(gpu: &Gpu, surfaces: &[Surface], corners: &[DVec3]) -> Result<Option<Self>> {
+        let mut places: HashMap<[u64; 3], u32> = HashMap::new();
+        let mut points: Vec<DVec3> = Vec::new();
+        let mut primitives: Vec<[u32; 5]> = Vec::new();
+        let mut triangles = Vec::new();
+        for surface in surfaces {
+            let index: Vec<u32> = surface
+                .points()
+                .iter()
+                .map(|&point| {
+                    // Both zeros are one place.
+                    let point = point + DVec3::ZERO;
+                    *places.entry(point.to_array().map(f64::to_bits)).or_insert_with(|| {
+                        points.push(point);
+                        num::count(points.len() - 1)
+                    })
+                })
+                .collect();
+            let [r, g, b, opacity] = surface.colour();
+            let colour = [r, g, b, if surface.shading() == Shading::Headlight { -opacity } else { opacity }];
+            for corners in surface.triangles() {
+                let mut corners = corners.map(|i| index[num::index(i)]);
+                let [a, b, c] = corners.map(|i| points[num::index(i)]);
+                let (ab, ac) = (b - a, c - a);
+                // Of any size.
+                let unit = |edge: DVec3| edge / edge.abs().max_element();
+                let Some(normal) = unit(ab).cross(unit(ac)).try_normalize() else { continue };
+                if surface.colour()[3] == 0.0 {
+                    continue;
+                }
+                corners.sort_unstable();
+                let number = num::count(triangles.len());
+                primitives.push([corners[0], corners[1], corners[2], number, number]);
+                triangles.push((a, normal, colour));
+            }
+        }
+        if triangles.is_empty() {
+            return Ok(None);
+        }
+        if triangles.len() > MOST_TRIANGLES {
+            let why = format!("{} triangles: at most {MOST_TRIANGLES} are drawn", triangles.len());
+            return Err(Error::invalid(NAME, why));
+        }
+        let low = corners.iter().copied().reduce(DVec3::min).unwrap_or_default();
+        let high = corners.iter().copied().reduce(DVec3::max).unwrap_or_default();
+        let half = high * 0.5 - low * 0.5;
+        let frame = LocalSpace { centre: low + half, radius: half.length().max(f64::MIN_POSITIVE) };
+        let places: Vec<[f32; 4]> = points
+            .iter()
+            .map(|&point| {
+                let [x, y, z] = frame.place(point);
+                [x, y, z, 0.0]
+            })
+            .collect();
+        let numbers: Vec<u32> = (0..num::count(triangles.len())).map(|i| 0x4000_0000 | i << 2).collect();
+        Ok(Some(Self {
+            frame,
+            points: Buffer::with_data(gpu, "surfaces.points", bytemuck::cast_slice(&places))?,
+            point_count: num::count(points.len()),
+            primitives: Buffer::with_data(gpu, "surfaces.faces", bytemuck::cast_slice(&primitives))?,
+            numbers: Buffer::with_data(gpu, "surfaces.numbers", bytemuck::cast_slice(&numbers))?,
+            translucent: surfaces.iter().any(Surface::is_translucent),
+            triangles,
+            needs: Mutex::default(),
+        }))
+    }
+
+    /// Planes as heights over them, in units from a centre, with colours.
+    pub(crate) fn planes(&self, centre: DVec3, unit: f64) -> Vec<Triangle> {
+        let plane = |&(point, normal, colour): &(DVec3, DVec3, [f64; 4])| {
+            let height = normal.dot(centre - point) / unit;
+            Triangle { plane: [normal.x, normal.y, normal.z, height].map(f32_of), colour: colour.map(f32_of) }
+        };
+        self.triangles.iter().map(plane).collect()
+    }
+}

@@ -1,0 +1,179 @@
+//! The transfer function on the device: knots, and tables for segments with a scalar at both ends.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use ash::vk;
+
+use crate::error::Result;
+use crate::gpu::shader::{
+    INTEGRATOR_EXACT, INTEGRATOR_FULL, INTEGRATOR_INTEGRAL, INTEGRATOR_MIDPOINT, INTEGRATOR_SMOKE,
+    TABLE_BINS_PER_ROW,
+};
+use crate::gpu::{Buffer, Gpu, Image, ImageDesc};
+use crate::interface::{CumulativeBin, TableHead};
+use crate::num::{self, f32_of};
+use crate::optics::DeviceKnots;
+use crate::optics::cumulative::Cumulative;
+use crate::optics::full::Full;
+use crate::scene::TransferFunction;
+
+/// Format of tables.
+pub(crate) const TABLE_FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
+
+/// Octaves of thickness in a 2-D table: from the domain's diagonal down to a two-thousandth of it. Thinner
+/// segments take the last one's colour.
+const LAYERS: u32 = 12;
+
+/// How the transfer function is integrated along a segment with a scalar at both ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Integrator {
+    /// Not at all: classified at the middle.
+    Midpoint,
+    /// From 1-D cumulative tables.
+    Integral,
+    /// From a 2-D table for several thicknesses.
+    Full,
+    /// Cut at the knots, without a table.
+    Exact,
+    /// The mean scalar as a density of smoke; for meshes.
+    Smoke,
+}
+
+impl Integrator {
+    /// The shader's code.
+    pub(crate) fn code(self) -> u32 {
+        match self {
+            Self::Midpoint => INTEGRATOR_MIDPOINT,
+            Self::Integral => INTEGRATOR_INTEGRAL,
+            Self::Full => INTEGRATOR_FULL,
+            Self::Exact => INTEGRATOR_EXACT,
+            Self::Smoke => INTEGRATOR_SMOKE,
+        }
+    }
+}
+
+/// Bins of the cumulative table unless the user says otherwise.
+const BINS: u32 = 4096;
+/// Nodes of the 2-D table unless the user says otherwise.
+const NODES: u32 = 256;
+
+/// How segments are integrated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SegmentOptions {
+    /// The method.
+    pub integrator: Integrator,
+    /// Bins of the integral's table (`None`: 4096), or nodes on each axis of the full one (`None`: 256).
+    pub table: Option<u32>,
+}
+
+impl SegmentOptions {
+    /// Size of the table in force.
+    pub(crate) fn table_size(&self) -> u32 {
+        self.table.unwrap_or(if self.integrator == Integrator::Full { NODES } else { BINS })
+    }
+}
+
+/// A table of the transfer function, for segments.
+#[derive(Debug)]
+pub(crate) struct Table {
+    options: SegmentOptions,
+    /// Its head.
+    pub(crate) buffer: Arc<Buffer>,
+    /// Its bins or nodes.
+    pub(crate) image: Arc<Image>,
+}
+
+/// The transfer function as a buffer.
+#[derive(Debug)]
+pub(crate) struct Knots {
+    pub(crate) buffer: Arc<Buffer>,
+    pub(crate) count: u32,
+    pub(crate) walk: u32,
+    pub(crate) iterations: u32,
+}
+
+/// Knots and tables of one transfer function on the device, made when they are first needed.
+#[derive(Debug, Default)]
+pub(crate) struct Tables {
+    /// Stands for a table where an integrator reads none.
+    no_table: Mutex<Option<Arc<Image>>>,
+    knots: Mutex<Option<Arc<Knots>>>,
+    tables: Mutex<Vec<Arc<Table>>>,
+}
+
+impl Tables {
+    /// The transfer function's table for an integrator; `None` for one that needs none.
+    ///
+    /// No segment is longer than `longest`, in world units.
+    pub(crate) fn table(
+        &self,
+        gpu: &Gpu,
+        transfer: &TransferFunction,
+        options: &SegmentOptions,
+        longest: impl FnOnce() -> Result<f64>,
+    ) -> Result<Option<Arc<Table>>> {
+        let size = options.table_size();
+        let options = SegmentOptions { table: Some(size), ..*options };
+        let mut tables = self.tables.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = tables.iter().find(|table| table.options == options) {
+            return Ok(Some(Arc::clone(found)));
+        }
+        let volume = |extent| ImageDesc::sampled_volume(TABLE_FORMAT, extent);
+        let (head, sizes, desc, texels) = match options.integrator {
+            Integrator::Midpoint | Integrator::Exact | Integrator::Smoke => return Ok(None),
+            Integrator::Integral => {
+                let Cumulative { head, mut bins } = Cumulative::new(transfer, size);
+                let rows = size.div_ceil(TABLE_BINS_PER_ROW);
+                bins.resize(num::index(rows * TABLE_BINS_PER_ROW), CumulativeBin::default());
+                let texels: Vec<[f32; 4]> = bytemuck::cast_slice(&bins).to_vec();
+                let desc = volume([4 * TABLE_BINS_PER_ROW, rows, 1]);
+                (head, [f64::from(size), 0.0, 0.0, 0.0], desc, texels)
+            }
+            Integrator::Full => {
+                let longest = longest()?;
+                let Full { head, size, layers, texels } = Full::new(transfer, size, LAYERS, longest);
+                let sizes = [f64::from(size), f64::from(layers), longest, 0.0];
+                (head, sizes, volume([size, size, layers]), texels)
+            }
+        };
+        let head = TableHead { size: sizes.map(f32_of), ..head };
+        let buffer = Buffer::with_data(gpu, "transfer.table-head", bytemuck::bytes_of(&head))?;
+        let plane = num::index(desc.extent[0]) * num::index(desc.extent[1]);
+        let image = Image::with_data(gpu, "transfer.table", &desc, |_, first, memory| {
+            let bytes = bytemuck::cast_slice(&texels[first * plane..]);
+            memory.copy_from_slice(&bytes[..memory.len()]);
+        })?;
+        let table = Arc::new(Table { options, buffer, image });
+        tables.push(Arc::clone(&table));
+        Ok(Some(table))
+    }
+
+    /// A table for integrators that read none.
+    pub(crate) fn no_table(&self, gpu: &Gpu) -> Result<Arc<Image>> {
+        let mut place = self.no_table.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = &*place {
+            return Ok(Arc::clone(found));
+        }
+        let desc = ImageDesc::sampled_volume(TABLE_FORMAT, [1; 3]);
+        let image = Image::with_data(gpu, "transfer.no-table", &desc, |_, _, memory| memory.fill(0))?;
+        *place = Some(Arc::clone(&image));
+        Ok(image)
+    }
+
+    /// The transfer function.
+    pub(crate) fn knots(&self, gpu: &Gpu, transfer: &TransferFunction) -> Result<Arc<Knots>> {
+        let mut knots = self.knots.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = &*knots {
+            return Ok(Arc::clone(found));
+        }
+        let table = DeviceKnots::new(transfer);
+        let made = Arc::new(Knots {
+            buffer: Buffer::with_data(gpu, "transfer.knots", bytemuck::cast_slice(&table.knots))?,
+            count: table.count,
+            walk: table.walk,
+            iterations: table.iterations(),
+        });
+        *knots = Some(Arc::clone(&made));
+        Ok(made)
+    }
+}

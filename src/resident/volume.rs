@@ -1,0 +1,369 @@
+//! The samples of a grid as an image on the device.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use ash::vk;
+
+use crate::error::Result;
+use crate::gpu::{Gpu, Image, ImageDesc};
+use crate::num::{self, f32_of};
+use crate::resident::mips;
+use crate::scene::grid::turned;
+use crate::scene::{Grid, Rescale, Samples};
+
+/// Where samples lie on the device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Layout {
+    /// One 3D image.
+    Volume,
+    /// An array of 2D slices perpendicular to an axis; the other two follow it cyclically.
+    Stack(usize),
+}
+
+/// How samples are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Encoding {
+    /// 8-bit normalised.
+    R8,
+    /// 16-bit normalised; 8-bit samples are widened, signed ones shifted.
+    R16,
+    /// 32-bit float.
+    R32f,
+}
+
+/// The grid's samples as an image.
+#[derive(Debug)]
+pub(crate) struct Volume {
+    pub(crate) image: Arc<Image>,
+    encoding: Encoding,
+    layout: Layout,
+    /// Value of a texel: `scale * texel + offset`.
+    pub(crate) scale: f32,
+    pub(crate) offset: f32,
+    /// Whether the sampler can filter it.
+    pub(crate) filterable: bool,
+}
+
+/// The samples of one grid on the device, in each form that techniques have asked for.
+#[derive(Debug, Default)]
+pub(crate) struct Volumes(Mutex<Vec<Arc<Volume>>>);
+
+impl Volumes {
+    /// The samples, encoded for exact fetches or for the sampler's filter, with mip levels or without.
+    ///
+    /// `ends` are the first and last scalar of the transfer function: infinite samples become these.
+    pub(crate) fn volume(
+        &self,
+        gpu: &Gpu,
+        grid: &Grid,
+        ends: [f64; 2],
+        layout: Layout,
+        for_filter: bool,
+        mip: bool,
+    ) -> Result<Arc<Volume>> {
+        let encoding = encoding_on(gpu, grid.samples(), for_filter, mip)?;
+        let (dims, along) = match layout {
+            Layout::Volume => (grid.dims(), [true; 3]),
+            Layout::Stack(axis) => (turned(grid.dims(), axis), [true, true, false]),
+        };
+        let levels = if mip { mips::levels(dims, along) } else { 1 };
+        let mut volumes = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_it = |v: &&Arc<Volume>| {
+            v.encoding == encoding && v.layout == layout && v.image.desc().levels == levels
+        };
+        if let Some(found) = volumes.iter().find(is_it) {
+            return Ok(Arc::clone(found));
+        }
+        let [w, h, d] = dims;
+        let format = encoding.format();
+        let (name, desc) = match layout {
+            Layout::Volume => ("volume".to_string(), ImageDesc::sampled_volume(format, dims)),
+            Layout::Stack(axis) => {
+                (format!("stack.{}", ["x", "y", "z"][axis % 3]), ImageDesc::sampled_stack(format, [w, h], d))
+            }
+        };
+        let desc = desc.with_levels(levels);
+        // Before samples are turned and averaged: the device may have no room for them.
+        gpu.check_image(&name, &desc)?;
+        let turned_samples;
+        let samples = match layout {
+            Layout::Stack(axis) if axis != 2 => {
+                turned_samples = turn_samples(grid.samples(), grid.dims(), axis);
+                &turned_samples
+            }
+            _ => grid.samples(),
+        };
+        let source = Source { samples, rescale: grid.rescale(), ends, encoding };
+        let smaller = source.smaller_levels(dims, along, levels);
+        let image = Image::with_data(gpu, &name, &desc, |level, first, memory| {
+            let plane = num::index(desc.level_extent(level)[0]) * num::index(desc.level_extent(level)[1]);
+            match num::index(level).checked_sub(1) {
+                None => source.encode(first * plane, memory),
+                Some(smaller_level) => encoding.put(&smaller[smaller_level][first * plane..], memory),
+            }
+        })?;
+        let (scale, offset) = value_map(grid, encoding);
+        let volume = Arc::new(Volume {
+            image,
+            encoding,
+            layout,
+            scale: f32_of(scale),
+            offset: f32_of(offset),
+            filterable: filterable(gpu, encoding),
+        });
+        volumes.push(Arc::clone(&volume));
+        Ok(volume)
+    }
+}
+
+/// The encoding of samples: their own type where the device has it, widened from 8 bits where the
+/// device's filter would round to them, or mip levels to fewer digits than their samples have.
+fn encoding_on(gpu: &Gpu, samples: &Samples, for_filter: bool, mip: bool) -> Result<Encoding> {
+    let own = match samples {
+        Samples::U8(_) if mip => Encoding::R16,
+        Samples::U8(_) if for_filter && gpu.filters_in_8_bit()? => Encoding::R16,
+        _ => Encoding::own(samples),
+    };
+    // 16-bit normalised images are optional.
+    let sampled = gpu.image_features(own.format()).contains(vk::FormatFeatureFlags::SAMPLED_IMAGE);
+    Ok(if sampled { own } else { Encoding::R32f })
+}
+
+fn filterable(gpu: &Gpu, encoding: Encoding) -> bool {
+    gpu.image_features(encoding.format()).contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)
+}
+
+/// Bytes of a sample on a device that has the sample's own type.
+pub(crate) fn texel_bytes(samples: &Samples) -> u64 {
+    u64::try_from(Encoding::own(samples).texel_bytes()).unwrap_or(u64::MAX)
+}
+
+impl Encoding {
+    /// The one that keeps samples as they are.
+    fn own(samples: &Samples) -> Self {
+        match samples {
+            Samples::U8(_) => Self::R8,
+            Samples::U16(_) | Samples::I16(_) => Self::R16,
+            Samples::F32(_) => Self::R32f,
+        }
+    }
+
+    fn format(self) -> vk::Format {
+        match self {
+            Self::R8 => vk::Format::R8_UNORM,
+            Self::R16 => vk::Format::R16_UNORM,
+            Self::R32f => vk::Format::R32_SFLOAT,
+        }
+    }
+}
+
+impl Encoding {
+    /// Writes numbers as a shader reads them (0 to 1 where the format is normalised), until `memory` is full.
+    fn put(self, texels: &[f32], memory: &mut [u8]) {
+        match self {
+            Self::R8 => put(texels, memory, |x| [num::u8_code(f64::from(x) * 255.0)]),
+            Self::R16 => put(texels, memory, |x| num::u16_code(f64::from(x) * 65535.0).to_ne_bytes()),
+            Self::R32f => put(texels, memory, f32::to_ne_bytes),
+        }
+    }
+
+    /// What a shader reads of texels.
+    fn texels(self, memory: &[u8]) -> Vec<f32> {
+        match self {
+            Self::R8 => memory.iter().map(|&b| f32::from(b) / 255.0).collect(),
+            Self::R16 => memory
+                .chunks_exact(2)
+                .map(|b| f32::from(u16::from_ne_bytes([b[0], b[1]])) / 65535.0)
+                .collect(),
+            Self::R32f => {
+                memory.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect()
+            }
+        }
+    }
+
+    fn texel_bytes(self) -> usize {
+        match self {
+            Self::R8 => 1,
+            Self::R16 => 2,
+            Self::R32f => 4,
+        }
+    }
+}
+
+/// Scale and offset that turn a texel into a value.
+fn value_map(grid: &Grid, encoding: Encoding) -> (f64, f64) {
+    let rescale = grid.rescale();
+    // The stored number is full * texel + zero.
+    let (full, zero) = match (grid.samples(), encoding) {
+        (_, Encoding::R32f) => (1.0, 0.0),
+        (Samples::U8(_), _) => (255.0, 0.0),
+        (Samples::I16(_), _) => (65535.0, -32768.0),
+        (Samples::U16(_) | Samples::F32(_), _) => (65535.0, 0.0),
+    };
+    (rescale.slope * full, rescale.slope * zero + rescale.intercept)
+}
+
+/// Samples in the order of a stack's texels.
+fn turn_samples(samples: &Samples, dims: [u32; 3], axis: usize) -> Samples {
+    fn turn<T: Copy>(values: &[T], dims: [u32; 3], axis: usize) -> Vec<T> {
+        let [nx, ny, _] = dims.map(num::index);
+        let [u, v, k] = turned(dims, axis).map(num::index);
+        let [du, dv, dk] = turned([1, nx, nx * ny], axis);
+        let mut out = Vec::with_capacity(values.len());
+        for slice in 0..k {
+            for row in 0..v {
+                let start = slice * dk + row * dv;
+                out.extend((0..u).map(|i| values[start + i * du]));
+            }
+        }
+        out
+    }
+    match samples {
+        Samples::U8(v) => Samples::U8(turn(v, dims, axis)),
+        Samples::U16(v) => Samples::U16(turn(v, dims, axis)),
+        Samples::I16(v) => Samples::I16(turn(v, dims, axis)),
+        Samples::F32(v) => Samples::F32(turn(v, dims, axis)),
+    }
+}
+
+/// Writes values as texels until `memory` or `values` end.
+fn put<T: Copy, const N: usize>(values: &[T], memory: &mut [u8], bytes: impl Fn(T) -> [u8; N]) {
+    for (value, place) in values.iter().zip(memory.chunks_exact_mut(N)) {
+        place.copy_from_slice(&bytes(*value));
+    }
+}
+
+/// Samples on their way to the device.
+struct Source<'a> {
+    samples: &'a Samples,
+    rescale: Rescale,
+    /// First and last scalar of the transfer function.
+    ends: [f64; 2],
+    encoding: Encoding,
+}
+
+impl Source<'_> {
+    /// Writes samples from `first` on as texels, until `memory` is full.
+    fn encode(&self, first: usize, memory: &mut [u8]) {
+        // Infinities take the scalar at the transfer function's ends, as stored numbers.
+        let slope = self.rescale.slope;
+        let low = self.stored_end(if slope > 0.0 { 0 } else { 1 });
+        let high = self.stored_end(if slope > 0.0 { 1 } else { 0 });
+        match (self.samples, self.encoding) {
+            (Samples::U8(v), Encoding::R8) => put(&v[first..], memory, |x| [x]),
+            (Samples::U8(v), Encoding::R16) => {
+                put(&v[first..], memory, |x| (u16::from(x) * 257).to_ne_bytes());
+            }
+            (Samples::U8(v), Encoding::R32f) => put(&v[first..], memory, |x| f32::from(x).to_ne_bytes()),
+            (Samples::U16(v), Encoding::R32f) => put(&v[first..], memory, |x| f32::from(x).to_ne_bytes()),
+            (Samples::U16(v), _) => put(&v[first..], memory, u16::to_ne_bytes),
+            (Samples::I16(v), Encoding::R32f) => put(&v[first..], memory, |x| f32::from(x).to_ne_bytes()),
+            // -32768 becomes 0 and 32767 becomes 65535: flip the sign bit.
+            (Samples::I16(v), _) => {
+                put(&v[first..], memory, |x| (x.cast_unsigned() ^ 0x8000).to_ne_bytes());
+            }
+            (Samples::F32(v), _) => put(&v[first..], memory, |x| {
+                let x = if x == f32::INFINITY {
+                    high
+                } else if x == f32::NEG_INFINITY {
+                    low
+                } else {
+                    x
+                };
+                x.to_ne_bytes()
+            }),
+        }
+    }
+
+    /// The stored number that the device takes for an end of the transfer function, or for what lies beyond.
+    fn stored_end(&self, end: usize) -> f32 {
+        let Rescale { slope, intercept } = self.rescale;
+        let mut stored = f32_of((self.ends[end] - intercept) / slope);
+        let reaches = |stored: f32| {
+            let scalar = f32_of(slope) * stored + f32_of(intercept);
+            if end == 0 { scalar <= f32_of(self.ends[0]) } else { scalar >= f32_of(self.ends[1]) }
+        };
+        // Rounding may leave it short of the end by a few units in the last place.
+        for _ in 0..64 {
+            if reaches(stored) {
+                break;
+            }
+            stored = if (end == 1) == (slope > 0.0) { stored.next_up() } else { stored.next_down() };
+        }
+        stored
+    }
+
+    /// Texels of the levels below the first, each the mean of the one above.
+    fn smaller_levels(&self, dims: [u32; 3], along: [bool; 3], levels: u32) -> Vec<Vec<f32>> {
+        let mut smaller: Vec<Vec<f32>> = Vec::new();
+        if levels > 1 {
+            let mut memory = vec![0; self.samples.len() * self.encoding.texel_bytes()];
+            self.encode(0, &mut memory);
+            let (first, mut dims) = (self.encoding.texels(&memory), dims);
+            for _ in 1..levels {
+                let (next, next_dims) = mips::halve(smaller.last().unwrap_or(&first), dims, along);
+                smaller.push(next);
+                dims = next_dims;
+            }
+        }
+        smaller
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Rescale;
+
+    fn texels(grid: &Grid, encoding: Encoding, bytes: usize) -> Vec<u8> {
+        let mut memory = vec![0; bytes];
+        let source = Source { samples: grid.samples(), rescale: grid.rescale(), ends: [-1.0, 2.0], encoding };
+        source.encode(0, &mut memory);
+        memory
+    }
+
+    #[test]
+    fn every_encoding_keeps_every_value() {
+        let ends = |samples: Samples| {
+            Grid::new([2, 2, 2], samples)
+                .unwrap()
+                .with_rescale(Rescale { slope: -0.5, intercept: 3.0 })
+                .unwrap()
+        };
+        let u8s = ends(Samples::U8(vec![0, 255, 7, 0, 0, 0, 0, 0]));
+        let i16s = ends(Samples::I16(vec![i16::MIN, i16::MAX, -1, 0, 0, 0, 0, 0]));
+        let u16s = ends(Samples::U16(vec![0, 65535, 77, 0, 0, 0, 0, 0]));
+        for (grid, encoding) in
+            [(&u8s, Encoding::R8), (&u8s, Encoding::R16), (&i16s, Encoding::R16), (&u16s, Encoding::R16)]
+        {
+            let size = if encoding == Encoding::R8 { 1 } else { 2 };
+            let memory = texels(grid, encoding, 8 * size);
+            let (scale, offset) = value_map(grid, encoding);
+            for i in 0..3_usize {
+                let code = if size == 1 {
+                    f64::from(memory[i]) / 255.0
+                } else {
+                    f64::from(u16::from_ne_bytes([memory[2 * i], memory[2 * i + 1]])) / 65535.0
+                };
+                let want = grid.value(num::count(i % 2), num::count(i / 2), 0);
+                assert!((scale * code + offset - want).abs() < 1e-9, "{encoding:?} sample {i}");
+            }
+        }
+    }
+
+    #[test]
+    fn infinities_become_the_transfer_function_s_ends() {
+        let values = vec![f32::INFINITY, f32::NEG_INFINITY, 0.5, 0.0, 0.0, 0.0, 0.0, f32::NAN];
+        let grid = Grid::new([2, 2, 2], Samples::F32(values)).unwrap();
+        let read = |grid: &Grid| -> Vec<f32> {
+            texels(grid, Encoding::R32f, 32)
+                .chunks_exact(4)
+                .map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]))
+                .collect()
+        };
+        assert_eq!(read(&grid)[..3], [2.0, -1.0, 0.5]);
+        assert!(read(&grid)[7].is_nan());
+        let flipped = grid.with_rescale(Rescale { slope: -1.0, intercept: 0.0 }).unwrap();
+        assert_eq!(read(&flipped)[..2], [1.0, -2.0]);
+    }
+}

@@ -1,0 +1,116 @@
+//! Image-order ray casting (Levoy 1988): what the object-order techniques are compared with.
+//!
+//! Each pixel's ray is cut into segments of equal length, `step` apart, from where it enters the domain or
+//! from the eye. Reconstruction, integrators and the end of a ray are those of the other techniques, so that
+//! a difference is one of geometry only.
+//!
+//! 1. `glsl/raycast.glsl` walks a pixel's ray front to back in registers.
+//! 2. The host derives the rays of the view in index space (`grid_rays`).
+//!
+//! Error: with `integrator=midpoint` that of `slices-3d`, else that of `slabs`, at the same spacing along the
+//! ray. Cost: one fetch and one classification or integration per segment. Needs: core Vulkan 1.3.
+
+use crate::error::{Error, Result};
+use crate::gpu::shader::RAYCAST_COMPUTE;
+use crate::resident::tables::{Integrator, SegmentOptions};
+use crate::scene::Grid;
+use crate::scene::grid::diagonal;
+use crate::technique::grid::frame::{GridTechnique, Shaders, Slabs};
+use crate::technique::grid::options::{EMPTY_SPACE, FILTER, GridOptions, PREFILTER, STOP};
+use crate::technique::grid::rays::GridRays;
+use crate::technique::options::{self, OptionInfo, Route, TABLE};
+
+const NAME: &str = "raycast";
+
+/// What can be chosen, with its effect on error and time.
+pub(crate) const OPTIONS: &[OptionInfo] = &[
+    OptionInfo {
+        key: "step",
+        values: "a positive number",
+        default: "1",
+        effect: "length of segments in units of the smallest voxel spacing; time falls as 1/step, error grows as step^2 where everything is smooth",
+    },
+    OptionInfo {
+        key: "integrator",
+        values: "midpoint|integral|full|exact",
+        default: "midpoint",
+        effect: "midpoint classifies the middle of a segment; the others integrate between its ends as slabs does",
+    },
+    TABLE,
+    FILTER,
+    PREFILTER,
+    EMPTY_SPACE,
+    STOP,
+];
+
+/// Options of this technique.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Those that techniques for grids share; the route is always compute.
+    pub grid: GridOptions,
+    /// How segments are integrated.
+    pub segments: SegmentOptions,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        let grid = GridOptions { route: Route::Compute, ..GridOptions::default() };
+        Self { grid, segments: SegmentOptions { integrator: Integrator::Midpoint, table: None } }
+    }
+}
+
+impl Options {
+    /// Reads `key`, `value` pairs.
+    pub(crate) fn parse(pairs: &[(String, String)]) -> Result<Self> {
+        let mut options = Self::default();
+        for (key, text) in pairs {
+            // `route` is no choice here, but every technique can be asked for the one that it has.
+            let known = key == "route" || OPTIONS.iter().any(|info| info.key == key.as_str());
+            if !known || !(options.segments.read(NAME, key, text)? || options.grid.read(NAME, key, text)?) {
+                return Err(options::unknown(NAME, key, OPTIONS));
+            }
+        }
+        options.check()?;
+        Ok(options)
+    }
+
+    /// The options as text that reads back to them; what is unset is left out.
+    pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
+        let mut pairs = self.grid.pairs();
+        pairs.retain(|(key, _)| *key != "route");
+        pairs.extend(self.segments.pairs());
+        pairs
+    }
+}
+
+impl GridTechnique for Options {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn check(&self) -> Result<()> {
+        if self.grid.route == Route::Raster {
+            return Err(Error::invalid("raycast option route", "raster: rays are cast by compute alone"));
+        }
+        self.segments.check(NAME, true)?;
+        GridOptions { route: Route::Compute, ..self.grid }.check(NAME)
+    }
+
+    fn options(&self) -> &GridOptions {
+        &self.grid
+    }
+
+    fn segments(&self) -> Option<SegmentOptions> {
+        Some(self.segments)
+    }
+
+    fn shaders(&self) -> Shaders {
+        Shaders { compute: &RAYCAST_COMPUTE, raster: None }
+    }
+
+    fn slabs(&self, grid: &Grid, _rays: &GridRays, _axis: Option<usize>) -> Slabs {
+        // No ray is longer than the domain; one more segment for its last piece.
+        let count = (diagonal(grid) / (self.grid.step * grid.spacing().min_element())).ceil() + 1.0;
+        Slabs { begin: 0.0, thickness: self.grid.step, count, first: 0 }
+    }
+}

@@ -1,0 +1,233 @@
+//! Stacks of 2D-textured slices parallel to the base plane (Peikert, Object Space Volume Rendering,
+//! SciVis 2007, page 4-3).
+//!
+//! The grid is kept as up to three stacks of 2D images, one along each axis, and drawn from the one whose
+//! planes face the viewer most. Each slice stands for the slab half-way to its neighbours: along a pixel's
+//! ray the slab is cut to the domain and to the eye, the slice is sampled, bilinear, beside the middle of
+//! that piece, and extinction times the piece's true length is its optical depth.
+//!
+//! 1. The host chooses the axis: the one with the largest cosine between the planes' normal and the direction
+//!    to the domain's centre from the eye (perspective with the eye outside), or the view's direction
+//!    (parallel rays, or the eye inside). With `hysteresis` it keeps the one in use until another leads by
+//!    so much.
+//! 2. `glsl/slices-2d.glsl` draws the far faces of each slab's box (route `raster`), or walks a pixel's slabs
+//!    in registers (route `compute`).
+//!
+//! Error: the spacing along a ray is that of the planes over the cosine, up to sqrt(3) in a cube, and only a
+//! `step` makes it finer: then two slices are blended, which is trilinear, and the error is second order.
+//! What the domain or the eye cuts off a stored slice's slab moves its middle, but not the slice: first order
+//! there. None for a homogeneous grid. Cost: one bilinear fetch (with `step`: two) and one classification per slice and
+//! covered pixel; each stack is one more copy of the grid. Needs: core Vulkan 1.3, and as many array layers
+//! as there are slices.
+
+use ash::vk;
+use glam::DVec3;
+
+use crate::error::{Error, Result};
+use crate::gpu::SpecConstant;
+use crate::gpu::shader::{
+    SLICES_2D_COMPUTE, SLICES_2D_FRAGMENT, SLICES_2D_SHADER_BLEND, SLICES_2D_VERTEX, SPEC_BETWEEN,
+};
+use crate::num;
+use crate::scene::grid::turned;
+use crate::scene::{Grid, View};
+use crate::technique::grid::frame::{GridTechnique, RasterShaders, Shaders, Slabs};
+use crate::technique::grid::options::{
+    DITHER, EMPTY_SPACE, FILTER, GridOptions, ORDER, PREFILTER, ROUTE, SEED, STOP, TARGET,
+};
+use crate::technique::grid::rays::GridRays;
+use crate::technique::options::{self, Choice, OptionInfo};
+
+const NAME: &str = "slices-2d";
+
+/// Which stacks lie on the device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stacks {
+    /// That of the view; another view may need another plan.
+    Used,
+    /// All three.
+    All,
+}
+
+impl Choice for Stacks {
+    const WORDS: &'static [(&'static str, Self)] = &[("used", Self::Used), ("all", Self::All)];
+}
+
+/// What can be chosen, with its effect on error and time.
+pub(crate) const OPTIONS: &[OptionInfo] = &[
+    OptionInfo {
+        key: "step",
+        values: "slices, or a positive number",
+        default: "slices",
+        effect: "slices: those of the grid, bilinear; a number: distance of planes in units of the smallest voxel spacing, two slices blended, twice the fetches, error of second order",
+    },
+    OptionInfo {
+        key: "hysteresis",
+        values: "a number from 0 to below 1",
+        default: "0",
+        effect: "the stack in use is kept until the cosine of another leads by this; the picture jumps later and less often",
+    },
+    OptionInfo {
+        key: "stacks",
+        values: "used|all",
+        default: "used",
+        effect: "all: three copies of the grid on the device, so that no turn of the view needs an upload",
+    },
+    FILTER,
+    PREFILTER,
+    ROUTE,
+    TARGET,
+    ORDER,
+    DITHER,
+    SEED,
+    EMPTY_SPACE,
+    STOP,
+];
+
+/// Options of this technique.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Those that techniques for grids share; `step` counts only with `between`.
+    pub grid: GridOptions,
+    /// Slices between those of the grid, `step` apart, each a blend of two.
+    pub between: bool,
+    /// By how much the cosine of another stack must lead that of the one in use, for a plan to change stacks. A
+    /// plan's first view takes the best.
+    pub hysteresis: f64,
+    /// Stacks on the device.
+    pub stacks: Stacks,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { grid: GridOptions::default(), between: false, hysteresis: 0.0, stacks: Stacks::Used }
+    }
+}
+
+impl Options {
+    /// Reads `key`, `value` pairs.
+    pub(crate) fn parse(pairs: &[(String, String)]) -> Result<Self> {
+        let mut options = Self::default();
+        for (key, text) in pairs {
+            match key.as_str() {
+                "step" if text == "slices" => options.between = false,
+                "hysteresis" => options.hysteresis = options::below_one(NAME, key, text)?,
+                "stacks" => options.stacks = options::choice(NAME, key, text)?,
+                _ if options.grid.read(NAME, key, text)? => options.between |= key == "step",
+                _ => return Err(options::unknown(NAME, key, OPTIONS)),
+            }
+        }
+        options.check()?;
+        Ok(options)
+    }
+
+    /// The options as text that reads back to them; what is unset is left out.
+    pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
+        let mut pairs = self.grid.pairs();
+        if !self.between {
+            for pair in pairs.iter_mut().filter(|(key, _)| *key == "step") {
+                pair.1 = "slices".to_string();
+            }
+        }
+        pairs.push(("hysteresis", self.hysteresis.to_string()));
+        pairs.push(("stacks", self.stacks.word().to_string()));
+        pairs
+    }
+}
+
+impl GridTechnique for Options {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn check(&self) -> Result<()> {
+        if !(0.0..1.0).contains(&self.hysteresis) {
+            return Err(Error::invalid(
+                "slices-2d option hysteresis",
+                format!("{}: must be at least 0 and below 1", self.hysteresis),
+            ));
+        }
+        self.grid.check(NAME)
+    }
+
+    fn options(&self) -> &GridOptions {
+        &self.grid
+    }
+
+    fn constants(&self) -> Vec<SpecConstant> {
+        vec![(SPEC_BETWEEN, u32::from(self.between))]
+    }
+
+    fn shaders(&self) -> Shaders {
+        Shaders {
+            compute: &SLICES_2D_COMPUTE,
+            raster: Some(RasterShaders {
+                vertex: &SLICES_2D_VERTEX,
+                fragment: &SLICES_2D_FRAGMENT,
+                shader_blend: &SLICES_2D_SHADER_BLEND,
+                topology: vk::PrimitiveTopology::TRIANGLE_LIST,
+                vertices: 36,
+            }),
+        }
+    }
+
+    fn stack_axis(&self, grid: &Grid, view: &View, current: Option<usize>) -> Option<usize> {
+        Some(steepest_axis(grid, view, current, self.hysteresis))
+    }
+
+    fn keeps_all_stacks(&self) -> bool {
+        self.stacks == Stacks::All
+    }
+
+    fn slabs(&self, grid: &Grid, rays: &GridRays, axis: Option<usize>) -> Slabs {
+        let axis = axis.unwrap_or(2);
+        let last = grid.last_index()[axis];
+        let (begin, thickness, count) = if self.between {
+            let thickness = self.grid.step * grid.spacing().min_element() / planes(grid)[axis].1;
+            (-0.5 * last, thickness, (last / thickness).ceil())
+        } else {
+            (-0.5 * last - 0.5, 1.0, last + 1.0)
+        };
+        // Rays go up the stack from the slab of the eye on, and down from the one below it.
+        let first = if rays.kd == 0.0 {
+            if rays.d0.z > 0.0 { 0 } else { u32::MAX }
+        } else {
+            num::u32_of(((rays.q0.z - rays.kq * rays.d0.z - begin) / thickness).floor())
+        };
+        Slabs { begin, thickness, count, first }
+    }
+}
+
+/// Normals of the planes perpendicular to each axis, of unit length, such that indices grow along them, and the planes'
+/// distances, world units.
+pub(crate) fn planes(grid: &Grid) -> [(DVec3, f64); 3] {
+    let axes = grid.index_to_world();
+    [0, 1, 2].map(|axis| {
+        let [u, v, along] = turned([axes.x_axis, axes.y_axis, axes.z_axis], axis);
+        let normal = u.cross(v).normalize_or_zero();
+        let distance = normal.dot(along);
+        (if distance < 0.0 { -normal } else { normal }, distance.abs())
+    })
+}
+
+/// The axis whose planes face a view most; `current` is kept until the cosine of another leads by `hysteresis`.
+pub(crate) fn steepest_axis(grid: &Grid, view: &View, current: Option<usize>, hysteresis: f64) -> usize {
+    let to_index = grid.index_to_world().inverse();
+    let from_centre = view.camera().eye - grid.centre();
+    let place = (to_index * from_centre).abs() - grid.last_index() * 0.5;
+    let outside = place.max_element() > 0.0;
+    let direction =
+        if view.is_perspective() && outside { from_centre.normalize_or_zero() } else { view.forward() };
+    let cosines = planes(grid).map(|(normal, _)| normal.dot(direction).abs());
+    let mut best = 2;
+    for axis in [1, 0] {
+        // On a tie the last axis: its slices lie as the file has them.
+        if cosines[axis] > cosines[best] {
+            best = axis;
+        }
+    }
+    match current {
+        Some(current) if cosines[best] - cosines[current] <= hysteresis => current,
+        _ => best,
+    }
+}

@@ -1,0 +1,152 @@
+//! The topological sort.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use rayon::prelude::*;
+
+use crate::error::Result;
+use crate::num;
+use crate::scene::topology::{Face, NONE, Topology};
+use crate::scene::{Tets, View};
+use crate::technique::mesh::order::keys::{self, CHUNK};
+use crate::technique::mesh::order::{Boundary, Eye, VisibilityOrder, boundary, cycles};
+
+/// Sorts the cells of a mesh front to back.
+///
+/// Of two cells at a face the one on the eye's side comes first; with [`Boundary::Pixels`] so does the cell
+/// that the ray of a pixel leaves before it crosses a gap, before the cell that it enters then. Cells are
+/// taken as soon as all before them are (Kahn 1962), of several the one with the nearest centroid: the order is
+/// a function of mesh and view alone, and is that of centroids wherever no relation forbids it. Takes O(n log n),
+/// 32 bytes a cell beside the result. Cycles are broken as [`cycles::order`] says.
+///
+/// # Errors
+///
+/// [`crate::Error::Invalid`] when the topology is that of another mesh.
+pub(crate) fn mpvo(
+    mesh: &Tets,
+    topology: &Topology,
+    view: &View,
+    boundary: Boundary,
+) -> Result<VisibilityOrder> {
+    topology.check(mesh)?;
+    let eye = Eye::of(view);
+    let points = mesh.points();
+    let across = |[one, other]: [u32; 2]| {
+        let [face, behind] = [one, other].map(|i| topology.faces()[num::index(i)]);
+        let closed = if face.front == NONE {
+            Face { front: behind.only(), ..face }
+        } else {
+            Face { back: behind.only(), ..face }
+        };
+        eye.crossed(&closed, points)
+    };
+    let mut extra: Vec<[u32; 2]> = topology.seams().iter().copied().filter_map(across).collect();
+    if boundary == Boundary::Pixels {
+        extra.append(&mut boundary::relations(mesh, topology, view));
+    }
+    extra.sort_unstable();
+    extra.dedup();
+    let approximate = boundary == Boundary::Centroid && !topology.is_convex();
+    let order = sort(&links(topology, points, eye), &extra, &keys::centroid(mesh, view));
+    Ok(VisibilityOrder { approximate, ..order })
+}
+
+/// What lies behind each face of each cell, as twice the number of that cell, plus 1 where rays go there from
+/// this cell and not the other way round. [`NONE`] where nothing is or no ray crosses.
+fn links(topology: &Topology, points: &[glam::DVec3], eye: Eye) -> Vec<[u32; 4]> {
+    let faces = topology.faces();
+    let first: Vec<u32> = faces
+        .par_iter()
+        .with_min_len(CHUNK)
+        .map(|face| eye.crossed(face, points).map_or(NONE, |cells| cells[0]))
+        .collect();
+    (0..num::count(topology.cell_faces().len()))
+        .into_par_iter()
+        .with_min_len(CHUNK)
+        .map(|cell| {
+            topology.cell_faces()[num::index(cell)].map(|number| {
+                let (face, first) = (faces[num::index(number)], first[num::index(number)]);
+                if first == NONE {
+                    return NONE;
+                }
+                let other = if face.front == cell { face.back } else { face.front };
+                other << 1 | u32::from(first == cell)
+            })
+        })
+        .collect()
+}
+
+/// A key whose order is that of the number.
+fn ascending_bits(value: f64) -> u32 {
+    let bits = num::f32_of(value).to_bits();
+    if bits >> 31 == 1 { !bits } else { bits | 1 << 31 }
+}
+
+/// The order that keeps all links, and the extra relations, which are sorted.
+fn sort(links: &[[u32; 4]], extra: &[[u32; 2]], distance: &[f64]) -> VisibilityOrder {
+    let key = |cell: u32| u64::from(ascending_bits(distance[num::index(cell)])) << 32 | u64::from(cell);
+    let mut held: Vec<u32> = links
+        .par_iter()
+        .with_min_len(CHUNK)
+        .map(|links| links.iter().map(|&link| u32::from(link != NONE && link & 1 == 0)).sum())
+        .collect();
+    // Where the extra relations of each cell begin.
+    let mut starts = vec![0_u32; if extra.is_empty() { 0 } else { links.len() + 1 }];
+    for [from, to] in extra {
+        held[num::index(*to)] += 1;
+        starts[num::index(*from) + 1] += 1;
+    }
+    for i in 1..starts.len() {
+        starts[i] += starts[i - 1];
+    }
+    let extra_of = |cell: usize| match starts.get(cell..cell + 2) {
+        Some(&[begin, end]) => &extra[num::index(begin)..num::index(end)],
+        _ => &[],
+    };
+    let free: Vec<Reverse<u64>> = (0..num::count(links.len()))
+        .filter(|&cell| held[num::index(cell)] == 0)
+        .map(|cell| Reverse(key(cell)))
+        .collect();
+    let mut free = BinaryHeap::from(free);
+    let mut order = Vec::with_capacity(links.len());
+    while let Some(Reverse(taken)) = free.pop() {
+        let cell = u32::try_from(taken & u64::from(NONE)).unwrap_or(NONE);
+        order.push(cell);
+        let behind = links[num::index(cell)].into_iter().filter(|&link| link != NONE && link & 1 == 1);
+        let beyond = extra_of(num::index(cell)).iter().map(|relation| relation[1]);
+        for next in behind.map(|link| link >> 1).chain(beyond) {
+            let held = &mut held[num::index(next)];
+            *held -= 1;
+            if *held == 0 {
+                free.push(Reverse(key(next)));
+            }
+        }
+    }
+    let mut result = VisibilityOrder {
+        front_to_back: order,
+        cycles: 0,
+        cells_in_cycles: 0,
+        dropped_relations: 0,
+        approximate: false,
+    };
+    if result.front_to_back.len() < links.len() {
+        // What is left is in cycles or behind them.
+        let left: Vec<u32> =
+            (0..num::count(links.len())).filter(|&cell| held[num::index(cell)] > 0).collect();
+        let number = |cell: u32| left.binary_search(&cell).ok().map(num::count);
+        let mut edges = Vec::new();
+        for (from, &cell) in (0..).zip(&left) {
+            let behind = links[num::index(cell)].into_iter().filter(|&link| link != NONE && link & 1 == 1);
+            let beyond = extra_of(num::index(cell)).iter().map(|relation| relation[1]);
+            edges.extend(behind.map(|link| link >> 1).chain(beyond).filter_map(number).map(|to| [from, to]));
+        }
+        let keys: Vec<u64> = left.iter().map(|&cell| key(cell)).collect();
+        let broken = cycles::order(&keys, edges);
+        result.front_to_back.extend(broken.order.iter().map(|&i| left[num::index(i)]));
+        result.cycles = broken.components;
+        result.cells_in_cycles = broken.nodes;
+        result.dropped_relations = broken.dropped;
+    }
+    result
+}

@@ -1,0 +1,113 @@
+//! In which order cells are drawn: keys that the device sorts, or an order that the host finds for each view.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::error::Result;
+use crate::num;
+use crate::resident::GpuScene;
+use crate::resident::mesh::Primitives;
+use crate::scene::View;
+use crate::technique::mesh::order::{self, Boundary, keys};
+use crate::technique::options::{Choice, OptionInfo};
+
+pub(crate) const RANK: OptionInfo = OptionInfo {
+    key: "rank",
+    values: "mpvo|power|centroid",
+    default: "mpvo",
+    effect: "which cell comes first: mpvo sorts topologically on the host, right wherever an order exists; power by the power distance of circumspheres, right for Delaunay meshes; centroid by distance on the device, fast, and wrong where neighbours differ in size or shape",
+};
+
+/// Which cell comes first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rank {
+    /// By the distance of centroids, sorted on the device. Approximate.
+    Centroid,
+    /// By the power distance of circumspheres. Exact for Delaunay meshes, up to ties.
+    Power,
+    /// By what lies directly in front of what. Exact wherever an order exists.
+    Mpvo,
+}
+
+impl Choice for Rank {
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("mpvo", Self::Mpvo), ("power", Self::Power), ("centroid", Self::Centroid)];
+}
+
+/// Finds orders on the host, and remembers how the last one went.
+#[derive(Debug)]
+pub(crate) struct Ranker {
+    scene: Arc<GpuScene>,
+    rank: Rank,
+    back_to_front: bool,
+    /// As cells are chosen by: see [`GpuScene::primitives`].
+    margin: Option<f32>,
+    counters: Vec<(&'static str, u64)>,
+}
+
+impl Ranker {
+    pub(crate) fn new(scene: &Arc<GpuScene>, rank: Rank, back_to_front: bool, margin: Option<f32>) -> Self {
+        let counters = if rank == Rank::Centroid { vec![("approximate", 1)] } else { Vec::new() };
+        Self { scene: Arc::clone(scene), rank, back_to_front, margin, counters }
+    }
+
+    /// Primitives by rank; `None` where the device sorts.
+    pub(crate) fn order(&mut self, view: &View) -> Result<Option<Vec<u32>>> {
+        let mesh = self.scene.mesh()?;
+        let start = Instant::now();
+        let mut cells = match self.rank {
+            Rank::Centroid => return Ok(None),
+            Rank::Power => {
+                let topology = self.scene.mesh_data().topology(mesh)?;
+                let check = keys::check_power(mesh, &topology, view);
+                // Across gaps nothing is checked.
+                let sure = check.contrary == 0 && check.equal == 0 && topology.is_convex();
+                self.counters = vec![
+                    ("relations_contrary", num::wide(check.contrary)),
+                    ("relations_equal", num::wide(check.equal)),
+                    ("approximate", u64::from(!sure)),
+                ];
+                keys::ascending(&keys::power(mesh, view))
+            }
+            Rank::Mpvo => {
+                let topology = self.scene.mesh_data().topology(mesh)?;
+                let found = order::mpvo(mesh, &topology, view, Boundary::Pixels)?;
+                self.counters = vec![
+                    ("cycles", u64::from(found.cycles)),
+                    ("cells_in_cycles", u64::from(found.cells_in_cycles)),
+                    ("dropped_relations", found.dropped_relations),
+                    ("approximate", u64::from(found.approximate)),
+                    ("split_faces", num::wide(topology.split())),
+                ];
+                found.front_to_back
+            }
+        };
+        if self.back_to_front {
+            cells.reverse();
+        }
+        // The order of what is drawn.
+        let drawn = self.scene.primitives(Primitives::Cells, self.margin)?.cells;
+        if drawn.len() != cells.len() {
+            let mut places = vec![u32::MAX; cells.len()];
+            for (place, &cell) in (0..).zip(drawn.iter()) {
+                places[num::index(cell)] = place;
+            }
+            cells =
+                cells.into_iter().map(|cell| places[num::index(cell)]).filter(|&p| p != u32::MAX).collect();
+        }
+        self.counters.push(("order_us", num::u64_of(start.elapsed().as_secs_f64() * 1e6)));
+        Ok(Some(cells))
+    }
+
+    /// Whether an order holds for every view from the same eye.
+    pub(crate) fn serves_other_pixels(&self) -> Result<bool> {
+        let mesh = self.scene.mesh()?;
+        // Across gaps cells are related where rays of pixels pass.
+        Ok(self.rank != Rank::Mpvo || self.scene.mesh_data().topology(mesh)?.is_convex())
+    }
+
+    /// How the last order went.
+    pub(crate) fn counters(&self) -> &[(&'static str, u64)] {
+        &self.counters
+    }
+}

@@ -1,0 +1,236 @@
+//! A scene drawn by one technique: plans for views, or frame after frame.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use ash::vk;
+
+use crate::error::{Error, Result};
+use crate::frame::plan::Plan;
+use crate::frame::read_back::pixels;
+use crate::frame::target::{TargetDesc, TargetMode};
+use crate::gpu::shader::{FLAG_REPAIRED, FLAG_UNSORTED, TILE, TILE_PIXELS};
+use crate::gpu::{Buffer, BufferUse, Commands, PassTime, Recorder};
+use crate::image::Image as Picture;
+use crate::num;
+use crate::resident::GpuScene;
+use crate::scene::View;
+use crate::technique::registry::Technique;
+
+/// A scene on a device, drawn by one technique. `Send` and `Sync`; several threads may prepare plans of one.
+#[derive(Clone, Debug)]
+pub struct Renderer {
+    scene: Arc<GpuScene>,
+    technique: Technique,
+}
+
+impl Renderer {
+    /// Takes scene and technique. Nothing is uploaded or built yet.
+    #[must_use]
+    pub fn new(scene: &Arc<GpuScene>, technique: Technique) -> Self {
+        Self { scene: Arc::clone(scene), technique }
+    }
+
+    /// The technique.
+    #[must_use]
+    pub fn technique(&self) -> &Technique {
+        &self.technique
+    }
+
+    /// Fixes everything that a frame of this view needs. May allocate, compile, upload, submit and wait.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] for options that do not fit the scene, [`Error::Unsupported`] and
+    /// [`Error::Memory`] for what the device lacks, [`Error::Vulkan`] when a call fails.
+    pub fn prepare(&self, view: &View, target: &TargetDesc) -> Result<Plan> {
+        let gpu = self.scene.gpu();
+        gpu.alive()?;
+        if let Some(format) = target.format() {
+            let needed = if target.mode() == TargetMode::Over {
+                vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND
+            } else {
+                vk::FormatFeatureFlags::COLOR_ATTACHMENT
+            };
+            let name = format!("{format:?}");
+            let integer = name.ends_with("_UINT") || name.ends_with("_SINT");
+            if integer || !gpu.image_features(format).contains(needed) {
+                return Err(Error::unsupported(
+                    format!("target of format {format:?}"),
+                    format!("{needed:?}"),
+                ));
+            }
+        }
+        let surfaces = self.scene.surfaces()?;
+        if let Some(surfaces) = &surfaces {
+            self.technique.method().check_surfaces(surfaces, &self.scene.scene().data)?;
+        }
+        Plan::new(gpu, surfaces.as_ref(), view, target, |canvas| {
+            self.technique.prepare(&self.scene, view, canvas)
+        })
+    }
+
+    /// Draws one frame and waits for it: prepare, record, submit, wait, read back.
+    ///
+    /// # Errors
+    ///
+    /// As [`Renderer::prepare`] and [`Plan::record`].
+    pub fn render(&self, view: &View) -> Result<Picture> {
+        let mut frames = self.frames(view)?;
+        frames.draw(view)?;
+        frames.read_back()
+    }
+
+    /// Draws frame after frame with one plan. Compiles and allocates here, and in [`Frames::draw`] only when a
+    /// view needs more room than the plan has.
+    ///
+    /// # Errors
+    ///
+    /// As [`Renderer::prepare`].
+    pub fn frames(&self, view: &View) -> Result<Frames> {
+        let plan = self.prepare(view, &TargetDesc::own())?;
+        Ok(Frames { commands: Commands::new(self.scene.gpu())?, renderer: self.clone(), plan, drawn: false })
+    }
+}
+
+/// Time of one frame.
+#[derive(Clone, Debug)]
+pub struct FrameTime {
+    /// Milliseconds from the start of recording to the fence.
+    pub wall_ms: f64,
+    /// Passes on the device; their sum is the frame's time there.
+    pub passes: Vec<PassTime>,
+    /// Work of the frame that only the device knows, counted.
+    pub counters: Vec<(&'static str, u64)>,
+}
+
+/// Frames that are drawn for one, each with the room that the one before was short of.
+const MOST_TRIES: u32 = 12;
+
+/// Draws frame after frame of one size into an image that can be read back. `Send` and `Sync`.
+#[derive(Debug)]
+pub struct Frames {
+    renderer: Renderer,
+    plan: Plan,
+    commands: Commands,
+    /// Whether the plan's image holds a frame.
+    drawn: bool,
+}
+
+impl Frames {
+    /// Draws a frame and waits for it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Plan::record`] and [`Renderer::prepare`]; [`Error::Timeout`] when the device does not end.
+    pub fn draw(&mut self, view: &View) -> Result<FrameTime> {
+        self.drawn = false;
+        // After an error the last frame may run still: it reads what a view changes.
+        self.commands.settle()?;
+        if !self.plan.set_view(view)? {
+            self.plan = self.renderer.prepare(view, &TargetDesc::own())?;
+        }
+        for _ in 0..MOST_TRIES {
+            let start = Instant::now();
+            let recorded = self.plan.record(self.commands.begin()?, None, None)?;
+            // What the frame names stays with `commands` for as long as the submission may run.
+            if let Err(error) = self.commands.submit(recorded.keep(), recorded.last_pass()) {
+                recorded.discarded();
+                return Err(error);
+            }
+            let wall_ms = start.elapsed().as_secs_f64() * 1e3;
+            let status = recorded.completed()?;
+            if status.complete {
+                self.drawn = true;
+                return Ok(FrameTime { wall_ms, passes: status.passes, counters: status.counters });
+            }
+            self.plan = self.renderer.prepare(view, &TargetDesc::own())?;
+        }
+        Err(Error::unsupported(
+            format!("{} of this view", self.renderer.technique.method().name()),
+            format!("room for it was not found in {MOST_TRIES} frames"),
+        ))
+    }
+
+    /// The plan in use.
+    #[must_use]
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Copies the image of the last frame to the host.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] when nothing has been drawn; else as [`Frames::draw`].
+    pub fn read_back(&mut self) -> Result<Picture> {
+        let gpu = &self.plan.gpu;
+        let Some((image, last)) = self.plan.image().filter(|_| self.drawn) else {
+            return Err(Error::invalid("frames", "nothing has been drawn: there is no image to read back"));
+        };
+        let format = image.desc().format;
+        let host = Arc::new(Buffer::new(gpu, "read back", image.desc().texel_bytes(), BufferUse::Download)?);
+        let mut recorder = Recorder::new(gpu, self.commands.begin()?, None);
+        recorder.assume_after(image, last);
+        recorder.copy_image_to_buffer("read back", image, &host);
+        recorder.leave(image, last);
+        let (_, keep) = recorder.finish();
+        self.commands.submit(keep, "read back")?;
+        let [width, height] = self.plan.extent;
+        Picture::new(width, height, pixels(&host.host_copy()?, format))
+    }
+
+    /// Which pixels of the last frame had a list that the k-buffer did not sort, repaired or not: row by row, top row
+    /// first. `None` where the technique has no k-buffer.
+    ///
+    /// # Errors
+    ///
+    /// As [`Frames::read_back`].
+    pub fn overflow_map(&mut self) -> Result<Option<Vec<bool>>> {
+        let gpu = &self.plan.gpu;
+        let Some(words) = self.plan.prepared.overflow() else { return Ok(None) };
+        if !self.drawn {
+            return Err(Error::invalid("frames", "nothing has been drawn: there is no map of its pixels"));
+        }
+        let host = Arc::new(Buffer::new(gpu, "overflow map", words.size(), BufferUse::Download)?);
+        let mut recorder = Recorder::new(gpu, self.commands.begin()?, None);
+        recorder.assume_buffer_after(words, self.plan.prepared.last_use());
+        recorder.copy_buffer("overflow map", words, &host, host.size());
+        recorder.release_to_host(&host);
+        let (_, keep) = recorder.finish();
+        self.commands.submit(keep, "overflow map")?;
+        Ok(Some(pixels_of_tiles(&host.host_copy()?, self.plan.extent)))
+    }
+}
+
+/// From words tile by tile to pixels row by row: whether what left the k-buffer was in order, repaired since or not.
+fn pixels_of_tiles(words: &[u8], [width, height]: [u32; 2]) -> Vec<bool> {
+    let across = width.div_ceil(TILE);
+    let place = |x: u32, y: u32| (y / TILE * across + x / TILE) * TILE_PIXELS + y % TILE * TILE + x % TILE;
+    let unsorted = |word: &[u8]| {
+        u32::from_ne_bytes([word[0], word[1], word[2], word[3]]) & (FLAG_UNSORTED | FLAG_REPAIRED) != 0
+    };
+    let words: Vec<bool> = words.chunks_exact(4).map(unsorted).collect();
+    let is_set = |(x, y)| words.get(num::index(place(x, y))).is_some_and(|&set| set);
+    (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(is_set).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_become_rows() {
+        // 10 x 9 pixels in four tiles.
+        let mut words = vec![0_u8; 4 * 4 * 64];
+        for place in [0, 7 * 8 + 1, 64 + 1, 3 * 64] {
+            words[4 * place..4 * place + 4].copy_from_slice(&FLAG_UNSORTED.to_ne_bytes());
+        }
+        // Outside of the image; and what says something else.
+        words[4 * (64 + 2)] = 1;
+        words[4 * 5..4 * 6].copy_from_slice(&crate::gpu::shader::FLAG_OVERLAPS.to_ne_bytes());
+        let map = pixels_of_tiles(&words, [10, 9]);
+        let set: Vec<usize> = (0..90).filter(|&i| map[i]).collect();
+        assert_eq!((map.len(), set), (90, vec![0, 9, 71, 88]));
+    }
+}

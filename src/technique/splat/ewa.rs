@@ -1,0 +1,252 @@
+//! Gaussian splats in perspective: elliptical weighted averages (Zwicker 2001), or integrals along each pixel's own line.
+//!
+//! 1. `glsl/splat-project.glsl` finds the pixels that each kernel may cover, its key and its ellipse.
+//! 2. A stable sort by key; tiles take their splats in that order (`glsl/bins.glsl`).
+//! 3. `glsl/splat-ewa.glsl` blends each tile's splats in registers, front to back; with `order=slabs`
+//!    `glsl/splat-sheets.glsl` adds them up in slabs, for which overlapping kernels need no order.
+//!
+//! No splat is left out for being faint, no opacity is capped: ten thousand layers of a three-thousandth are opaque.
+//!
+//! Error: of `footprint=ewa` at most about `1.2 rho tan(theta) + 1.1 rho²` of a kernel's peak, rho its standard deviation over
+//! its distance, theta the angle off the axis; of `footprint=exact` float32's. Opacity of `order=center` is exact beyond that;
+//! its colour is wrong by at most the product of two overlapping kernels' opacities times their colours' difference.
+//! `order=slabs` is of second order in the slabs' thickness. Cost: per pair of splat and tile 64 exponentials, twice; slabs
+//! five error functions more. Needs: core Vulkan 1.3.
+
+use std::sync::Arc;
+
+use crate::error::{Error, Result};
+use crate::frame::prepared::Prepared;
+use crate::frame::target::Canvas;
+use crate::resident::GpuScene;
+use crate::scene::{Kernel, Kernels, Model, Scene, View};
+use crate::technique::options::{self, Choice, OptionInfo};
+use crate::technique::splat::frame::{Lowpass, SplatDesc, SplatFrame, SplatOrder};
+use crate::technique::splat::options::{
+    CUT, KernelOptions, LEAST, MODEL, PAIRS, SIGMA, SPREAD, STEP, STOP, Spread,
+};
+
+const NAME: &str = "splat-ewa";
+
+/// What splats are blended in the order of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// The distances of their centres.
+    Center,
+    /// The same, put in order again in each pixel by a small window.
+    Window,
+    /// None: what of each lies in a slab is added up, slabs are blended.
+    Slabs,
+}
+
+impl Choice for Order {
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("center", Self::Center), ("window", Self::Window), ("slabs", Self::Slabs)];
+}
+
+/// What a kernel gives to a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Footprint {
+    /// An ellipse in the image: affine projection.
+    Ewa,
+    /// The integral along the pixel's own line.
+    Exact,
+}
+
+impl Choice for Footprint {
+    const WORDS: &'static [(&'static str, Self)] = &[("ewa", Self::Ewa), ("exact", Self::Exact)];
+}
+
+/// What can be chosen, with its effect on error and time.
+pub(crate) const OPTIONS: &[OptionInfo] = &[
+    OptionInfo {
+        key: "order",
+        values: "center|window|slabs",
+        default: "center for model=density, slabs for interpolate",
+        effect: "center: whole splats by the distance of their centres, fastest, may jump when the camera turns; window: in order in each pixel where 8 places are enough, 3 to 5 times the time; slabs: what lies in each slab is added up, no jumps, converges with step",
+    },
+    OptionInfo {
+        key: "footprint",
+        values: "ewa|exact",
+        default: "exact",
+        effect: "ewa: an ellipse, with the filter below; exact: the integral along the pixel's line, unfiltered, as the reference samples",
+    },
+    OptionInfo {
+        key: "filter",
+        values: "auto|full|none",
+        default: "auto",
+        effect: "footprint=ewa: auto widens ellipses that are narrower than the pixel's filter to it, full convolves all with it; opacity, not optical depth, is what a pixel averages",
+    },
+    OptionInfo {
+        key: "variance",
+        values: "a positive number",
+        default: "0.3",
+        effect: "footprint=ewa: variance of the pixel's filter, in pixels; below 0.25 energy depends on where in a pixel a splat lies",
+    },
+    STEP,
+    SIGMA,
+    CUT,
+    MODEL,
+    LEAST,
+    STOP,
+    PAIRS,
+    SPREAD,
+];
+
+/// Options of this technique.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// The order; none: as the model needs it.
+    pub order: Option<Order>,
+    /// What a kernel gives to a pixel.
+    pub footprint: Footprint,
+    /// Filter against footprints below a pixel.
+    pub filter: Filter,
+    /// Variance of the pixel's filter, in pixels.
+    pub variance: f64,
+    /// Thickness of slabs.
+    pub step: f64,
+    /// Kernels, as far as they are not the scene's.
+    pub kernels: KernelOptions,
+    /// Colour that may be left out where a line ends.
+    pub stop: f64,
+    /// Most entries of bins at a time.
+    pub pairs: Option<u32>,
+    /// How a tile's pixels are spread over invocations.
+    pub spread: Spread,
+}
+
+/// What is done against footprints below a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Filter {
+    /// Ellipses that are narrower than the pixel's filter are widened to it.
+    Auto,
+    /// All are convolved with it.
+    Full,
+    /// Nothing.
+    None,
+}
+
+impl Choice for Filter {
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("auto", Self::Auto), ("full", Self::Full), ("none", Self::None)];
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            order: None,
+            footprint: Footprint::Exact,
+            filter: Filter::Auto,
+            variance: 0.3,
+            step: 1.0,
+            kernels: KernelOptions::default(),
+            stop: 2.4e-7,
+            pairs: None,
+            spread: Spread::Auto,
+        }
+    }
+}
+
+impl Options {
+    /// Reads `key`, `value` pairs.
+    pub(crate) fn parse(pairs: &[(String, String)]) -> Result<Self> {
+        let mut options = Self::default();
+        for (key, text) in pairs {
+            match key.as_str() {
+                "order" => options.order = Some(options::choice(NAME, key, text)?),
+                "footprint" => options.footprint = options::choice(NAME, key, text)?,
+                "filter" => options.filter = options::choice(NAME, key, text)?,
+                "variance" => options.variance = options::positive(NAME, key, text)?,
+                "step" => options.step = options::positive(NAME, key, text)?,
+                "stop" => options.stop = options::below_one(NAME, key, text)?,
+                "spread" => options.spread = options::choice(NAME, key, text)?,
+                "pairs" => options.pairs = Some(options::whole(NAME, key, text, 64..=u32::MAX)?),
+                "kernel" => return Err(options::unknown(NAME, key, OPTIONS)),
+                _ if options.kernels.read(NAME, key, text)? => {}
+                _ => return Err(options::unknown(NAME, key, OPTIONS)),
+            }
+        }
+        Ok(options)
+    }
+
+    /// The options as text that reads back to them; what is unset is left out.
+    pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
+        let mut pairs = Vec::new();
+        if let Some(order) = self.order {
+            pairs.push(("order", order.word().to_string()));
+        }
+        pairs.push(("footprint", self.footprint.word().to_string()));
+        if self.footprint == Footprint::Ewa {
+            pairs.push(("filter", self.filter.word().to_string()));
+            pairs.push(("variance", self.variance.to_string()));
+        }
+        pairs.push(("step", self.step.to_string()));
+        pairs.extend(self.kernels.pairs());
+        pairs.push(("stop", format!("{:e}", self.stop)));
+        if let Some(number) = self.pairs {
+            pairs.push(("pairs", number.to_string()));
+        }
+        if self.spread != Spread::Auto {
+            pairs.push(("spread", self.spread.word().to_string()));
+        }
+        pairs
+    }
+
+    /// The kernels that a scene is drawn with.
+    pub(crate) fn kernels_of(&self, scene: &Scene) -> Result<Kernels> {
+        let kernels = self.kernels.of(scene, Kernels::of_samples())?;
+        if kernels.kernel != Kernel::Gaussian {
+            let why = format!("{}: {NAME} draws gaussian; splat-sheets draws all", kernels.kernel.name());
+            return Err(Error::invalid("kernel", why));
+        }
+        Ok(kernels)
+    }
+
+    pub(crate) fn prepare(
+        &self,
+        scene: &Arc<GpuScene>,
+        view: &View,
+        target: &Canvas,
+    ) -> Result<Box<dyn Prepared>> {
+        let refuse = |key: &str, why: &str| Err(Error::invalid(format!("{NAME} option {key}"), why));
+        let kernels = self.kernels_of(scene.scene())?;
+        let interpolates = kernels.model == Model::Interpolate;
+        let order = self.order.unwrap_or(if interpolates { Order::Slabs } else { Order::Center });
+        if interpolates && order != Order::Slabs {
+            return refuse(
+                "order",
+                "splats as a whole have a colour of their own: works with model=density only",
+            );
+        }
+        let ewa = self.footprint == Footprint::Ewa;
+        if ewa && order == Order::Slabs {
+            return refuse(
+                "footprint",
+                "ellipses have no depth: order=slabs works with footprint=exact only",
+            );
+        }
+        let desc = SplatDesc {
+            name: NAME,
+            kernels,
+            order: match order {
+                Order::Center => SplatOrder::Centres,
+                Order::Window => SplatOrder::Window,
+                Order::Slabs => SplatOrder::Slabs,
+            },
+            ewa,
+            template: None,
+            lowpass: match self.filter {
+                Filter::Auto => Lowpass::Auto,
+                Filter::Full => Lowpass::Full,
+                Filter::None => Lowpass::None,
+            },
+            variance: self.variance,
+            step: self.step,
+            stop: self.stop,
+            pairs: self.pairs,
+            spread: self.spread,
+        };
+        Ok(Box::new(SplatFrame::new(scene, view, target, desc)?))
+    }
+}
