@@ -47,7 +47,7 @@ use crate::technique::mesh::overlaps::Overlaps;
 use crate::technique::mesh::shading::{
     MeshDesc, REPAIR_K, constants, only_flagged, shading, shading_push, stage,
 };
-use crate::technique::options::{Choice, Choice as _};
+use crate::technique::options::Choice;
 
 /// How faces come to pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
