@@ -74,46 +74,57 @@ fn lose(name: &str) {
     }
 }
 
+/// Tests of a session. Those in the first brackets are in `make test`, the others in `make test-all`.
 macro_rules! sweeps {
-    ($($name:ident $session:literal;)*) => {$(
+    ($($name:ident $session:literal [$($quick:ident)*] [$($all:ident)*];)*) => {$(
         mod $name {
-            #[test]
-            fn each_call_may_fail() {
-                super::fail_each($session, 4);
-            }
+            $(sweeps! { @$quick $session })*
+            $(sweeps! { @$all $session #[ignore = "make test-all"] })*
 
             #[test]
-            fn each_call_of_a_frame_may_fail() {
-                super::fail_frames($session);
-            }
-
-            #[test]
-            #[ignore = "takes minutes: all calls, of which the test above takes some of each name"]
-            fn every_call_may_fail() {
+            #[ignore = "takes minutes: all calls, of which each_call_may_fail takes some of each name"]
+            fn measure_every_call() {
                 super::fail_each($session, usize::MAX);
-            }
-
-            #[test]
-            fn a_device_may_be_lost() {
-                super::lose($session);
             }
         }
     )*};
+    (@each_call $session:literal $(#[$attribute:meta])*) => {
+        #[test]
+        $(#[$attribute])*
+        fn each_call_may_fail() {
+            super::fail_each($session, 4);
+        }
+    };
+    (@frames $session:literal $(#[$attribute:meta])*) => {
+        #[test]
+        $(#[$attribute])*
+        fn each_call_of_a_frame_may_fail() {
+            super::fail_frames($session);
+        }
+    };
+    (@lost $session:literal $(#[$attribute:meta])*) => {
+        #[test]
+        $(#[$attribute])*
+        fn a_device_may_be_lost() {
+            super::lose($session);
+        }
+    };
 }
 
 sweeps! {
-    grid_raster "grid-raster";
-    grid_compute "grid-compute";
-    grid_warp "grid-warp";
-    mesh_lists "mesh-lists";
-    mesh_raster "mesh-raster";
-    points_ellipses "points-ellipses";
-    points_sheets "points-sheets";
-    grid_cut "grid-cut";
-    mesh_cut "mesh-cut";
+    grid_raster "grid-raster" [each_call] [frames lost];
+    grid_compute "grid-compute" [lost] [each_call frames];
+    grid_warp "grid-warp" [frames] [each_call lost];
+    mesh_lists "mesh-lists" [lost] [each_call frames];
+    mesh_raster "mesh-raster" [each_call] [frames lost];
+    points_ellipses "points-ellipses" [frames] [each_call lost];
+    points_sheets "points-sheets" [each_call] [frames lost];
+    grid_cut "grid-cut" [lost] [each_call frames];
+    mesh_cut "mesh-cut" [] [each_call frames lost];
 }
 
 #[test]
+#[ignore = "make test-all"]
 fn each_call_of_a_fresh_device_may_fail_by_raster() {
     fail_opening("grid-raster", 9);
 }

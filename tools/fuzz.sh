@@ -13,7 +13,7 @@ if [ "${1:-}" = -s ]; then
     seconds=$2
     shift 2
 fi
-VOLRASTER_CORPUS=$PWD/fuzz/corpus cargo test --quiet --test formats corpus -- --ignored
+VOLRASTER_CORPUS=$PWD/fuzz/corpus cargo test --quiet --test host measure_corpus -- --ignored
 mapfile -t targets < <(cargo +nightly fuzz list)
 if [ $# != 0 ]; then targets=("$@"); fi
 for target in "${targets[@]}"; do

@@ -68,6 +68,11 @@ fn alone<T>(change: impl FnOnce() -> T) -> T {
     change()
 }
 
+/// Runs `work`, which makes and destroys devices of its own, while no other test has one.
+pub fn undisturbed<T>(work: impl FnOnce() -> T) -> T {
+    aside(|| alone(work))
+}
+
 fn hold(shared: bool) {
     HELD.with_borrow_mut(|held| {
         held.devices += 1;

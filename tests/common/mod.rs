@@ -16,7 +16,7 @@ pub mod caller;
 pub mod cut;
 mod devices;
 
-pub use devices::{TestGpu, fresh_gpu, gpu, gpu_with, keep, provoked_gpu};
+pub use devices::{TestGpu, fresh_gpu, gpu, gpu_with, keep, provoked_gpu, undisturbed};
 use glam::{DVec2, DVec3};
 use volraster::GpuScene;
 use volraster::Image;
@@ -25,6 +25,34 @@ use volraster::measure::ImageErrors;
 use volraster::reference::{self, ReferenceOptions};
 use volraster::scene::{Camera, Field, Projection, Scene, TransferFunction, View};
 use volraster::technique::{Method, Renderer, Technique};
+
+/// Whether this run takes every case (`make test-all`), and not a selection of each kind (`make test`).
+pub fn exhaustive() -> bool {
+    std::env::var_os("VOLRASTER_TESTS").is_some_and(|tier| tier == "all")
+}
+
+/// The cases of a loop that this run takes: all of them, or every `n`-th. The place of the call decides on the first,
+/// so that loops over the same cases take different ones.
+#[track_caller]
+pub fn taken<T>(n: usize, cases: impl IntoIterator<Item = T>) -> Vec<T> {
+    let cases: Vec<T> = cases.into_iter().collect();
+    let n = if exhaustive() { 1 } else { n.min(cases.len()).max(1) };
+    let first = std::panic::Location::caller().line() as usize % n;
+    cases.into_iter().skip(first).step_by(n).collect()
+}
+
+/// The cases that this run takes: all of them, or the `seed`-th of each kind.
+pub fn one_of_each<T, K: PartialEq>(seed: usize, cases: Vec<T>, kind: impl Fn(&T) -> K) -> Vec<T> {
+    if exhaustive() {
+        return cases;
+    }
+    let kinds: Vec<K> = cases.iter().map(&kind).collect();
+    let is_taken = |i: usize| {
+        let alike: Vec<usize> = (0..kinds.len()).filter(|&j| kinds[j] == kinds[i]).collect();
+        alike[seed % alike.len()] == i
+    };
+    cases.into_iter().enumerate().filter(|(i, _)| is_taken(*i)).map(|(_, case)| case).collect()
+}
 
 pub const SHELLS: [[f64; 5]; 7] = [
     [0.0, 0.1, 0.2, 0.6, 0.0],
@@ -80,8 +108,17 @@ pub fn routes_of(gpu: &Gpu, method: Method) -> Vec<&'static str> {
 }
 
 /// Every technique that draws a grid's trilinear field by every route that this device offers, with every integrator that it
-/// has. An option may follow each after a comma. `splat-ewa` is left out: Gaussians are another field.
+/// has, of which `make test` takes one for each route. An option may follow each after a comma. `splat-ewa` is left out:
+/// Gaussians are another field.
+#[track_caller]
 pub fn specs(gpu: &Gpu) -> Vec<String> {
+    let seed = std::panic::Location::caller().line() as usize;
+    let route = |spec: &String| spec.split(',').next().map(str::to_string);
+    one_of_each(seed, all_specs(gpu), route)
+}
+
+/// The same with every integrator in every run.
+pub fn all_specs(gpu: &Gpu) -> Vec<String> {
     let mut specs = Vec::new();
     let grid = scene(Field::Homogeneous(1.0), 2, "f32", &FOG);
     for method in Method::ALL.into_iter().filter(|method| method.fits(&grid)) {

@@ -1,0 +1,31 @@
+//! Public behaviour on a real device under validation. The tests share devices and their pipelines.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    unreachable_pub,
+    missing_debug_implementations,
+    reason = "a test fails by panicking"
+)]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod accumulation;
+mod bounds;
+mod choice;
+mod extremes;
+mod grids;
+mod havs_routes;
+mod layers;
+mod meshes;
+mod orientation;
+mod prefilter;
+mod projected_tets;
+mod record;
+mod shear_warp;
+mod slices_3d;
+mod splats;
+mod stacks;
+mod threads;
+mod validation;

@@ -1,0 +1,278 @@
+//! The library's door: recording into the caller's command buffer and image.
+
+#![allow(unsafe_code, reason = "plays the caller, who owns Vulkan objects")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+
+use crate::common::caller::Caller;
+use crate::common::*;
+use volraster::ash::vk;
+use volraster::gpu::{DepthImage, DepthProjection, Gpu, GpuOptions};
+use volraster::scene::{Field, Scene, TransferFunction, View};
+use volraster::technique::{Renderer, Technique};
+use volraster::{GpuScene, TargetDesc, TargetMode};
+
+fn srgb(linear: f64) -> f64 {
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Every mode, route and kind of format: what lands in the caller's image is the volume, cleared or over
+/// what was there.
+#[test]
+fn the_volume_lands_in_the_caller_s_image() {
+    let gpu = gpu();
+    let grid = GpuScene::new(&gpu, scene(Field::Blobs, 16, "f32", &FOG));
+    let transfer = TransferFunction::from_rows(&FOG).unwrap();
+    let mesh = GpuScene::new(&gpu, Scene::new(Field::Blobs.tets(5).unwrap(), transfer));
+    let [outside, inside] = [1.0, 0.1].map(|distance| view(perspective(), distance, 40, 30));
+    let behind = [0.0, 0.5, 0.25, 1.0_f32];
+    let formats = [
+        (vk::Format::R32G32B32A32_SFLOAT, 16),
+        (vk::Format::R8G8B8A8_UNORM, 4),
+        (vk::Format::B8G8R8A8_SRGB, 4),
+    ];
+    let slices = ["route=compute", "route=raster", "route=raster,order=front-to-back", "target=rgba8"];
+    let slices = slices.map(|options| (&grid, format!("slices-3d:step=0.5,{options}")));
+    let lists = ["havs", "havs:k=2,chunk=9", "abuffer"].map(|spec| (&mesh, spec.to_string()));
+    let warped = ["route=compute,warp=mip", "route=raster", "route=raster,order=front-to-back,warp=bicubic"];
+    let warped = warped.map(|options| (&grid, format!("shear-warp:step=0.5,{options}")));
+    for (scene, options) in slices.into_iter().chain(lists).chain(warped) {
+        // From inside the warp composites several base planes, side by side.
+        let view = if options.starts_with("shear-warp") { inside } else { outside };
+        let renderer = Renderer::new(scene, Technique::parse(&options).unwrap());
+        let alone = renderer.render(&view).unwrap();
+        for (format, texel) in formats {
+            for mode in [TargetMode::Clear, TargetMode::Over] {
+                let mut plan = renderer.prepare(&view, &TargetDesc::caller(format, mode)).unwrap();
+                let caller = Caller::new(&gpu, format, [40, 30], texel);
+                caller.begin(behind);
+                let recorded =
+                    plan.record(&mut caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap();
+                let bytes = caller.end(&gpu);
+                let status = recorded.completed().unwrap();
+                assert!(status.complete);
+                for (i, texels) in bytes.chunks_exact(usize::try_from(texel).unwrap()).enumerate() {
+                    let volume = alone.pixels()[i].map(f64::from);
+                    for c in 0..4 {
+                        let old = if mode == TargetMode::Over { f64::from(behind[c]) } else { 0.0 };
+                        let want = volume[c] + (1.0 - volume[3]) * old;
+                        let (got, want, bound) = match format {
+                            vk::Format::R32G32B32A32_SFLOAT => {
+                                let at = 4 * c;
+                                let got = f32::from_ne_bytes(texels[at..at + 4].try_into().unwrap());
+                                // Blended directly into float the picture is not rounded to 8 bits between.
+                                (
+                                    f64::from(got),
+                                    want,
+                                    if options.contains("rgba8") { 1.0 / 255.0 } else { 1e-5 },
+                                )
+                            }
+                            // Rounding to 8 bits, half a code each: the result; over, what was there, and in
+                            // a fixed-point blender the source, 1 - alpha and their product. With 8-bit
+                            // accumulation: at every slice.
+                            vk::Format::R8G8B8A8_UNORM => (
+                                f64::from(texels[c]) / 255.0,
+                                want,
+                                if options.contains("rgba8") {
+                                    0.04
+                                } else if mode == TargetMode::Over {
+                                    2.6 / 255.0
+                                } else {
+                                    0.6 / 255.0
+                                },
+                            ),
+                            _ => {
+                                let place = [2, 1, 0, 3][c];
+                                let want = if c < 3 { srgb(want) } else { want };
+                                // Blending decodes and encodes what is there: the steep end of the curve
+                                // doubles an error there. Encoders may be 0.6 codes off.
+                                (
+                                    f64::from(texels[place]) / 255.0,
+                                    want,
+                                    if options.contains("rgba8") {
+                                        0.04
+                                    } else if mode == TargetMode::Over {
+                                        3.5 / 255.0
+                                    } else {
+                                        1.1 / 255.0
+                                    },
+                                )
+                            }
+                        };
+                        assert!(
+                            (got - want).abs() <= bound,
+                            "{options} {format:?} {mode:?} pixel {i} channel {c}: {got} is not {want}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A caller's image of the technique's own format is drawn into directly: no image of its own, no
+/// composite.
+#[test]
+fn a_matching_target_costs_nothing() {
+    let gpu = fresh_gpu();
+    let scene = GpuScene::new(&gpu, scene(Field::Blobs, 16, "f32", &FOG));
+    let view = view(perspective(), 1.0, 40, 30);
+    let renderer = Renderer::new(&scene, Technique::parse("slices-3d:route=raster").unwrap());
+    let plan = renderer
+        .prepare(&view, &TargetDesc::caller(vk::Format::R32G32B32A32_SFLOAT, TargetMode::Over))
+        .unwrap();
+    let names: Vec<String> = gpu.memory_report().into_iter().map(|(name, _)| name).collect();
+    assert_eq!(names, ["volume", "transfer.knots"]);
+    assert_eq!(gpu.pipelines(), ["slices-3d.draw"]);
+    drop(plan);
+    let plan =
+        renderer.prepare(&view, &TargetDesc::caller(vk::Format::B8G8R8A8_SRGB, TargetMode::Over)).unwrap();
+    assert_eq!(gpu.pipelines(), ["composite.draw", "slices-3d.draw"]);
+    drop(plan);
+}
+
+#[test]
+fn what_does_not_fit_the_plan_is_refused() {
+    let gpu = gpu();
+    let scene = GpuScene::new(&gpu, scene(Field::Blobs, 8, "f32", &FOG));
+    let view = view(perspective(), 1.0, 40, 30);
+    let renderer = Renderer::new(&scene, Technique::default());
+    let format = vk::Format::R8G8B8A8_UNORM;
+    let mut plan = renderer.prepare(&view, &TargetDesc::caller(format, TargetMode::Clear)).unwrap();
+    let caller = Caller::new(&gpu, format, [40, 30], 4);
+    let other = Caller::new(&gpu, format, [41, 30], 4);
+    let (mut commands, target) = (caller.command_buffer(&gpu), caller.target(&gpu));
+    caller.begin([0.0; 4]);
+    let refuse = |result: volraster::Result<volraster::Recorded>| result.unwrap_err().to_string();
+    assert!(refuse(plan.record(&mut commands, None, None)).contains("target"));
+    assert!(refuse(plan.record(&mut commands, Some(&other.target(&gpu)), None)).contains("[41, 30]"));
+    let projection = DepthProjection::perspective(0.1, 9.0).unwrap();
+    // SAFETY: any view will do: it is refused before it is looked at.
+    let depth =
+        unsafe { DepthImage::from_raw(&gpu, caller.view, vk::Format::D32_SFLOAT, [40, 30], projection) };
+    assert!(refuse(plan.record(&mut commands, Some(&target), Some(&depth))).contains("with_depth"));
+    let recorded = plan.record(&mut commands, Some(&target), None).unwrap();
+    assert!(refuse(plan.record(&mut commands, Some(&target), None)).contains("has not been completed"));
+    let _ = caller.end(&gpu);
+    let passes: Vec<String> =
+        recorded.completed().unwrap().passes.into_iter().map(|pass| pass.name).collect();
+    let timed = gpu.has(volraster::gpu::OptionalFeature::Timestamps);
+    let want = if timed { ["slices-3d.march", "composite.draw"].as_slice() } else { &[] };
+    assert_eq!(passes, want);
+    // Completed, the plan can be recorded again.
+    caller.begin([0.0; 4]);
+    let recorded = plan.record(&mut commands, Some(&target), None).unwrap();
+    let _ = caller.end(&gpu);
+    assert!(recorded.completed().unwrap().complete);
+    let formats = renderer.prepare(&view, &TargetDesc::caller(vk::Format::D32_SFLOAT, TargetMode::Clear));
+    assert!(formats.unwrap_err().to_string().contains("D32_SFLOAT"));
+}
+
+/// A recording without enough room says so, in a status that costs no wait; the next plan has it. What is drawn then is what
+/// a plan for that view draws.
+#[test]
+fn a_short_capacity_is_reported_and_the_next_plan_has_it() {
+    let gpu = gpu();
+    let transfer = TransferFunction::from_rows(&FOG).unwrap();
+    let format = vk::Format::R32G32B32A32_SFLOAT;
+    let target = TargetDesc::caller(format, TargetMode::Clear);
+    let caller = Caller::new(&gpu, format, [40, 30], 16);
+    let (far, near) = (view(perspective(), 30.0, 40, 30), view(perspective(), 0.8, 40, 30));
+    for spec in ["havs", "abuffer", "havs:chunk=9"] {
+        let mesh = Scene::new(Field::Blobs.tets(6).unwrap(), transfer.clone());
+        let renderer = Renderer::new(&GpuScene::new(&gpu, mesh), Technique::parse(spec).unwrap());
+        let draw = |plan: &mut volraster::Plan| {
+            caller.begin([0.0; 4]);
+            let recorded =
+                plan.record(&mut caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap();
+            let bytes = caller.end(&gpu);
+            (bytes, recorded.completed().unwrap())
+        };
+        let mut plan = renderer.prepare(&far, &target).unwrap();
+        assert!(draw(&mut plan).1.complete, "{spec}");
+        assert!(plan.set_view(&near).unwrap());
+        let status = draw(&mut plan).1;
+        assert!(!status.complete && !status.counters.is_empty(), "{spec}: {status:?}");
+        let mut tries = 0;
+        let drawn = loop {
+            let (bytes, status) = draw(&mut renderer.prepare(&near, &target).unwrap());
+            if status.complete {
+                break bytes;
+            }
+            tries += 1;
+            assert!(tries < 4, "{spec}: {status:?}");
+        };
+        let alone = renderer.render(&near).unwrap();
+        let bytes: Vec<u8> = alone.pixels().iter().flatten().flat_map(|c| c.to_ne_bytes()).collect();
+        assert!(bytes == drawn, "{spec}");
+    }
+}
+
+/// Two plans recorded on one scene, and everything but the recordings dropped before they are submitted.
+#[test]
+fn recordings_keep_what_they_name() {
+    let gpu = gpu();
+    let format = vk::Format::R32G32B32A32_SFLOAT;
+    let view = view(perspective(), 1.0, 40, 30);
+    let callers = [Caller::new(&gpu, format, [40, 30], 16), Caller::new(&gpu, format, [40, 30], 16)];
+    let mut recordings = Vec::new();
+    {
+        let scene = GpuScene::new(&gpu, scene(Field::Blobs, 16, "f32", &FOG));
+        for (caller, route) in callers.iter().zip(["compute", "raster"]) {
+            let technique = Technique::parse(&format!("slices-3d:route={route}")).unwrap();
+            let mut plan = Renderer::new(&scene, technique)
+                .prepare(&view, &TargetDesc::caller(format, TargetMode::Clear))
+                .unwrap();
+            caller.begin([0.0; 4]);
+            recordings.push(
+                plan.record(&mut caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap(),
+            );
+        }
+    }
+    let images: Vec<Vec<u8>> = callers.iter().map(|caller| caller.end(&gpu)).collect();
+    for recording in recordings {
+        assert!(recording.completed().unwrap().complete);
+    }
+    let alpha = |bytes: &[u8]| -> f64 {
+        bytes.chunks_exact(16).map(|t| f64::from(f32::from_ne_bytes(t[12..16].try_into().unwrap()))).sum()
+    };
+    let (a, b) = (alpha(&images[0]), alpha(&images[1]));
+    assert!(a > 10.0 && (a - b).abs() < 1e-2, "{a} {b}");
+}
+
+/// The pipeline cache is written, read again, and ignored when it is damaged.
+#[test]
+fn the_pipeline_cache_survives_damage() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("pipeline-cache");
+    let _ = std::fs::remove_dir_all(&folder);
+    let run = |expected: &str| {
+        undisturbed(|| {
+        let gpu = Gpu::new(&GpuOptions {
+            pipeline_cache: Some(folder.clone()),
+            validation: volraster::gpu::Validation::On,
+            ..GpuOptions::default()
+        })
+        .unwrap();
+        let scene = GpuScene::new(&gpu, scene(Field::Blobs, 8, "f32", &FOG));
+        let view: View = view(perspective(), 1.0, 20, 20);
+        let image = Renderer::new(&scene, Technique::default()).render(&view).unwrap();
+        let log = gpu.validation_log();
+        drop((scene, gpu));
+        assert!(log.messages().is_empty(), "{expected}: {:?}", log.messages());
+        image
+        })
+    };
+    let first = run("no cache");
+    let files: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    assert_eq!(files.len(), 1, "{files:?}");
+    let good = std::fs::read(&files[0]).unwrap();
+    assert!(good.len() > 52, "{} bytes", good.len());
+    assert_eq!(run("a good cache"), first);
+    for damage in
+        [good[..good.len() - 1].to_vec(), vec![0xff; 4096], [&good[..40], &[1], &good[41..]].concat()]
+    {
+        std::fs::write(&files[0], &damage).unwrap();
+        assert_eq!(run("a damaged cache"), first);
+        assert_eq!(std::fs::read(&files[0]).unwrap(), good, "the cache is written anew");
+    }
+}

@@ -1,0 +1,15 @@
+//! Files, scenes and documents: tests that open no device.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    unreachable_pub,
+    missing_debug_implementations,
+    reason = "a test fails by panicking"
+)]
+
+mod contract;
+mod formats;
+mod io;
+mod mesh_scenes;
+mod point_scenes;

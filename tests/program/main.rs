@@ -1,0 +1,20 @@
+//! The program, the examples and a dependant crate, each run as a process.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    unreachable_pub,
+    missing_debug_implementations,
+    reason = "a test fails by panicking"
+)]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod cli;
+mod dependant;
+mod examples;
+mod reports;
+mod selftest;
+mod splat_program;
+mod surfaces;

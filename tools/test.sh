@@ -1,0 +1,98 @@
+#!/usr/bin/env bash
+# Builds the tests and runs them under the validation layers:
+#
+#     tools/test.sh                    the gate's tests, on the default device
+#     tools/test.sh --all              every case of every test, on the system's driver and on a second one
+#     tools/test.sh --devices          only the tests that depend on a driver
+#     tools/test.sh [...] -- WORD...   only the tests whose names contain a word
+#
+# A test marked `ignore` runs with --all, except those named `child_...` (run by another test, in a process of its own) and
+# `measure_...` (prints figures, or is a tool). Loops inside of tests take a selection of their cases without --all
+# (`taken` in tests/common/mod.rs). At the end come the ten slowest tests and a line "N passed, N failed".
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+all=false devices=false
+filter=()
+while [ $# -gt 0 ]; do
+    case $1 in
+    --all) all=true ;;
+    --devices) devices=true ;;
+    --) shift && filter=("$@") && break ;;
+    *) echo "tools/test.sh: unknown argument '$1' (--all, --devices, -- WORD...)" >&2 && exit 2 ;;
+    esac
+    shift
+done
+
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
+passed=0 failed=0
+: >"$scratch/times"
+
+# count NAME LOG STATUS: adds up the tests of a log, and one failure more where it failed without a failed test.
+count() {
+    local ok bad
+    read -r ok bad < <(awk '
+        /^test result: / {
+            for (i = 1; i < NF; i++) {
+                if ($(i + 1) == "passed;") ok += $i
+                if ($(i + 1) == "failed;") bad += $i
+            }
+        }
+        END { print ok + 0, bad + 0 }' "$2")
+    if [ "$3" != 0 ] && [ "$bad" = 0 ]; then
+        echo "$1 failed with status $3"
+        bad=1
+    fi
+    passed=$((passed + ok)) failed=$((failed + bad))
+}
+
+# run DRIVER NAME EXECUTABLE: runs the tests of an executable. A driver without a GPU has no watchdog: an endless shader
+# would hang for ever.
+run() {
+    local status=0 arguments=(-Zunstable-options --report-time)
+    if $all; then arguments+=(--include-ignored --skip child_ --skip measure_); fi
+    printf '\n==> %s, %s\n' "$2" "$1"
+    # --report-time is unstable; a process of the tests alone is told to accept it.
+    RUSTC_BOOTSTRAP=1 timeout --kill-after=10 3600 "$3" "${arguments[@]}" "${filter[@]}" 2>&1 | tee "$scratch/log" || status=$?
+    count "$2" "$scratch/log" "$status"
+    sed -nE "s/^test (.*) \.\.\. (ok|FAILED).* <([0-9.]+)s>$/\3 $2::\1/p" "$scratch/log" >>"$scratch/times"
+}
+
+begin=$SECONDS
+cargo test --no-run 2>&1 | tee "$scratch/build"
+mapfile -t executables < <(sed -nE 's/^ *Executable .*\((.*)\)$/\1/p' "$scratch/build")
+[ ${#executables[@]} -gt 0 ] || { echo "no test executable was built" && exit 1; }
+printf '\n==> built in %d s\n' $((SECONDS - begin))
+
+# Those that open devices; the others need no second driver.
+on_devices='^(volraster|device|failures|embed|c_interface)$'
+drivers=("the default device")
+second=.deps/lavapipe25/lvp_icd.json
+if $all && [ -f "$second" ]; then drivers+=("the second driver"); fi
+for driver in "${drivers[@]}"; do
+    if [ "$driver" = "the second driver" ]; then
+        export VK_DRIVER_FILES=$PWD/$second
+        LD_LIBRARY_PATH=$(echo "$PWD"/.deps/lavapipe25/root/usr/lib/*-linux-gnu)${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
+        export LD_LIBRARY_PATH
+        devices=true
+    fi
+    for executable in "${executables[@]}"; do
+        name=$(basename "$executable")
+        name=${name%-*}
+        if $devices && ! [[ $name =~ $on_devices ]]; then continue; fi
+        if $all; then export VOLRASTER_TESTS=all; fi
+        run "$driver" "$name" "$executable"
+    done
+done
+if ! $devices || $all; then
+    status=0
+    printf '\n==> examples in the documentation\n'
+    cargo test --doc -- "${filter[@]}" 2>&1 | tee "$scratch/log" || status=$?
+    count documentation "$scratch/log" "$status"
+fi
+
+printf '\nThe ten slowest tests, seconds:\n'
+sort -rn "$scratch/times" | head -n 10
+printf '\n%d s in all\n%d passed, %d failed\n' $((SECONDS - begin)) "$passed" "$failed"
+[ "$failed" = 0 ] && [ "$passed" != 0 ]
