@@ -8,6 +8,7 @@ mod frame;
 pub mod gpu;
 mod image;
 mod interface;
+#[cfg(feature = "io")]
 pub mod io;
 pub mod measure;
 mod num;
