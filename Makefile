@@ -6,7 +6,7 @@ CARGO ?= cargo
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-tests build capi header demo pictures test bench clean distclean
+.PHONY: help setup setup-tests build capi header demo pictures test test-all bench clean distclean
 
 help: ## This list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -34,8 +34,12 @@ demo: build ## Draw the head; print device, time, error and where the picture is
 pictures: build ## Draw the pictures of docs/TECHNIQUES.md
 	@tools/pictures.sh
 
-test: setup-tests ## Run all tests under the validation layers, on the default device
-	$(CARGO) test $(ARGS)
+test: setup-tests ## Run the tests under the validation layers, on the default device (ARGS="-- WORD": some)
+	@tools/test.sh $(ARGS)
+
+test-all: setup-tests ## Run every case of every test, on the default device and a second driver (an hour)
+	@tools/lavapipe25.sh >/dev/null
+	@tools/test.sh --all $(ARGS)
 
 bench: setup ## Run the benchmark
 	$(CARGO) bench $(ARGS)

@@ -2,7 +2,6 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-
 use crate::common::*;
 use glam::DVec3;
 use volraster::GpuScene;

@@ -8,7 +8,6 @@
     reason = "a test fails by panicking, and makes its own numbers"
 )]
 
-
 use crate::common::caller::{Caller, Depth, draw_before};
 use crate::common::cut::{self, Case, OWN, views};
 use crate::common::*;

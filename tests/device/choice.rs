@@ -2,7 +2,6 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

@@ -2,7 +2,6 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

@@ -3,7 +3,6 @@
 #![allow(unsafe_code, reason = "plays the caller, who owns Vulkan objects")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-
 use crate::common::caller::Caller;
 use crate::common::*;
 use volraster::ash::vk;
@@ -247,19 +246,19 @@ fn the_pipeline_cache_survives_damage() {
     let _ = std::fs::remove_dir_all(&folder);
     let run = |expected: &str| {
         undisturbed(|| {
-        let gpu = Gpu::new(&GpuOptions {
-            pipeline_cache: Some(folder.clone()),
-            validation: volraster::gpu::Validation::On,
-            ..GpuOptions::default()
-        })
-        .unwrap();
-        let scene = GpuScene::new(&gpu, scene(Field::Blobs, 8, "f32", &FOG));
-        let view: View = view(perspective(), 1.0, 20, 20);
-        let image = Renderer::new(&scene, Technique::default()).render(&view).unwrap();
-        let log = gpu.validation_log();
-        drop((scene, gpu));
-        assert!(log.messages().is_empty(), "{expected}: {:?}", log.messages());
-        image
+            let gpu = Gpu::new(&GpuOptions {
+                pipeline_cache: Some(folder.clone()),
+                validation: volraster::gpu::Validation::On,
+                ..GpuOptions::default()
+            })
+            .unwrap();
+            let scene = GpuScene::new(&gpu, scene(Field::Blobs, 8, "f32", &FOG));
+            let view: View = view(perspective(), 1.0, 20, 20);
+            let image = Renderer::new(&scene, Technique::default()).render(&view).unwrap();
+            let log = gpu.validation_log();
+            drop((scene, gpu));
+            assert!(log.messages().is_empty(), "{expected}: {:?}", log.messages());
+            image
         })
     };
     let first = run("no cache");

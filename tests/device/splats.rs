@@ -3,7 +3,6 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small numbers of test images")]
 
-
 use crate::common::*;
 use glam::{DVec2, DVec3};
 use volraster::GpuScene;

@@ -8,7 +8,6 @@
     reason = "a test fails by panicking, and makes its own numbers"
 )]
 
-
 use std::sync::{Arc, Barrier};
 
 use crate::common::caller::{Caller, Signal};
@@ -67,7 +66,11 @@ fn alone(name: &str) -> bool {
         return true;
     }
     let mut test = std::process::Command::new(std::env::current_exe().unwrap());
-    let output = test.args(["--exact", &format!("threads::{name}"), "--nocapture"]).env(ONE_LOCK, "0").output().unwrap();
+    let output = test
+        .args(["--exact", &format!("threads::{name}"), "--nocapture"])
+        .env(ONE_LOCK, "0")
+        .output()
+        .unwrap();
     let text = [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
     assert!(output.status.success() && text[0].contains("1 passed"), "{}{}", text[0], text[1]);
     false

@@ -4,7 +4,6 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 #![allow(clippy::cast_possible_truncation, reason = "small numbers of test images")]
 
-
 use crate::common::TestGpu;
 use volraster::GpuScene;
 use volraster::ash::vk;
@@ -123,7 +122,11 @@ fn child_leaks_on_a_shared_device() {
 fn child_keeps_memory_of_a_shared_device() {
     let gpu = crate::common::gpu();
     let scene = GpuScene::new(&gpu, crate::common::scene(Field::Blobs, 4, "f32", &crate::common::FOG));
-    crate::common::draw_on(&scene, &crate::common::view(crate::common::perspective(), 1.0, 4, 4), "slices-3d");
+    crate::common::draw_on(
+        &scene,
+        &crate::common::view(crate::common::perspective(), 1.0, 4, 4),
+        "slices-3d",
+    );
     std::mem::forget(scene);
 }
 
@@ -250,7 +253,8 @@ fn child_draws_pass_by_pass() {
         for route in crate::common::routes_of(&gpu, Method::ShearWarp) {
             for spec in ["intermediate=0.5", "intermediate=3,warp=mip", "integrator=exact,stacks=all"] {
                 let spec = format!("shear-warp:route={route},{spec}");
-                let mut frames = Renderer::new(&grid, crate::common::technique(&spec)).frames(&inside).unwrap();
+                let mut frames =
+                    Renderer::new(&grid, crate::common::technique(&spec)).frames(&inside).unwrap();
                 for _ in 0..2 {
                     frames.draw(&inside).unwrap();
                 }

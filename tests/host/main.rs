@@ -13,3 +13,4 @@ mod formats;
 mod io;
 mod mesh_scenes;
 mod point_scenes;
+mod rooms;

@@ -44,7 +44,17 @@ fn a_dependant_builds_and_draws() {
 fn the_library_alone_takes_few_packages() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut tree = Command::new(env!("CARGO"));
-    tree.args(["tree", "--offline", "--no-default-features", "--edges", "normal", "--prefix", "none", "--package", "volraster"]);
+    tree.args([
+        "tree",
+        "--offline",
+        "--no-default-features",
+        "--edges",
+        "normal",
+        "--prefix",
+        "none",
+        "--package",
+        "volraster",
+    ]);
     let output = tree.current_dir(root).output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
     let packages: BTreeSet<&str> = text.lines().map(|line| line.trim_end_matches(" (*)")).collect();

@@ -5,8 +5,8 @@ use volraster::GpuScene;
 use volraster::gpu::GpuOptions;
 use volraster::scene::{Camera, Field, Grid, Projection, Samples, Scene, View};
 
-use crate::extremes::catalogue::{Case, Family, Run, Spec};
 use crate::common::*;
+use crate::extremes::catalogue::{Case, Family, Run, Spec};
 use crate::extremes::support::*;
 
 pub static FAMILY: Family = Family::new("limits", CASES);

@@ -3,8 +3,8 @@
 use glam::DVec3;
 use volraster::scene::{Scene, TetScalars, Tets};
 
-use crate::extremes::catalogue::{Case, Family, Run};
 use crate::common::*;
+use crate::extremes::catalogue::{Case, Family, Run};
 use crate::extremes::support::*;
 
 pub static FAMILY: Family = Family::new("meshes", CASES);
@@ -159,7 +159,8 @@ fn cycle(run: &mut Run<'_>) {
     let view = along(DVec3::Z, DVec3::Y, 24, 24);
     let truth = truth(&scene, &view);
     // Raster blends whole cells one after the other, and has no lists to repair a pixel from.
-    let ordered = |spec: &crate::extremes::catalogue::Spec| spec.route != "raster" && spec.integrator == "exact";
+    let ordered =
+        |spec: &crate::extremes::catalogue::Spec| spec.route != "raster" && spec.integrator == "exact";
     run.only(ordered, &scene, &view, &[], |_, frame| {
         let mut off = 0;
         for (i, _) in pixels(&view) {

@@ -3,8 +3,8 @@
 use glam::{DMat3, DQuat, DVec3};
 use volraster::scene::{Camera, Data, Field, Grid, Projection, Samples, Scene, TetScalars, Tets, View};
 
-use crate::extremes::catalogue::{Case, Family, Run};
 use crate::common::*;
+use crate::extremes::catalogue::{Case, Family, Run};
 use crate::extremes::support::*;
 
 pub static FAMILY: Family = Family::new("metamorphic", CASES);

@@ -13,7 +13,6 @@
 )]
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small numbers of test images")]
 
-
 mod cameras;
 mod catalogue;
 mod cuts;

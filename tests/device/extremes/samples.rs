@@ -4,8 +4,8 @@ use glam::{DMat3, DVec3};
 use volraster::reference;
 use volraster::scene::{Grid, Rescale, Samples, Scene, TetScalars, Tets, TransferFunction};
 
-use crate::extremes::catalogue::{Case, Family, Run};
 use crate::common::*;
+use crate::extremes::catalogue::{Case, Family, Run};
 use crate::extremes::support::*;
 
 pub static FAMILY: Family = Family::new("samples", CASES);

@@ -3,8 +3,8 @@
 use glam::{DVec2, DVec3};
 use volraster::scene::{Camera, Projection, Scene, View};
 
-use crate::extremes::catalogue::{Case, Family, Run};
 use crate::common::*;
+use crate::extremes::catalogue::{Case, Family, Run};
 use crate::extremes::support::*;
 
 pub static FAMILY: Family = Family::new("sizes", CASES);

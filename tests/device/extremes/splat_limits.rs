@@ -5,8 +5,8 @@ use volraster::GpuScene;
 use volraster::scene::{Camera, KernelSize, Kernels, Model, Points, Projection, Scene, View};
 use volraster::technique::{Renderer, Technique};
 
-use crate::extremes::catalogue::{Case, Family, Run};
 use crate::common::*;
+use crate::extremes::catalogue::{Case, Family, Run};
 use crate::extremes::splats::*;
 use crate::extremes::support::*;
 

@@ -8,8 +8,8 @@ use volraster::Image;
 use volraster::scene::{Camera, KernelSize, Kernels, Points, Projection, Scene, TransferFunction, View};
 use volraster::technique::Method;
 
-use crate::extremes::catalogue::{Case, Family, Frame, Run, Spec};
 use crate::common::*;
+use crate::extremes::catalogue::{Case, Family, Frame, Run, Spec};
 use crate::extremes::support::*;
 
 pub static FAMILY: Family = Family::new("splats", CASES);

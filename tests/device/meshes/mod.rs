@@ -3,7 +3,6 @@
 #![allow(clippy::unwrap_used, clippy::panic, unreachable_pub, reason = "a test fails by panicking")]
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small numbers of test images")]
 
-
 mod forms;
 mod frames;
 mod odd;

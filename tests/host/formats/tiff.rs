@@ -702,7 +702,8 @@ fn real_stacks() {
         }
         if name.contains("head_i16") {
             let npy =
-                std::fs::read(crate::formats::support::shared("format_conformance/head_i16.npy").unwrap()).unwrap();
+                std::fs::read(crate::formats::support::shared("format_conformance/head_i16.npy").unwrap())
+                    .unwrap();
             let data = &npy[npy.len() - 2 * 64 * 64 * 40..];
             let wanted = data.as_chunks::<2>().0.iter().map(|pair| i16::from_le_bytes(*pair)).collect();
             assert_eq!(*grid.samples(), Samples::I16(wanted));

@@ -7,7 +7,9 @@ use glam::{DMat3, DVec3};
 use volraster::io::{Loaded, ReadOptions};
 use volraster::scene::{Samples, TetScalars};
 
-use crate::formats::support::{self, OPTIONS, Sample, grid, gzip, mesh, points, shared, shared_loaded, stored};
+use crate::formats::support::{
+    self, OPTIONS, Sample, grid, gzip, mesh, points, shared, shared_loaded, stored,
+};
 
 /// A file that is being written.
 #[derive(Clone)]
