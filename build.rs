@@ -1,5 +1,9 @@
-//! Compiles `glsl/` to SPIR-V and writes `shaders.rs`: the modules with what they bind, the numbers of `glsl/interface.glsl`, and compile-time assertions that the Rust
-//! structures of `src/interface.rs` lie in memory as the shaders read them.
+//! Compiles the shaders of `glsl/` to SPIR-V and writes `shaders.rs`: the modules with their bindings, the numbers of
+//! `glsl/interface.glsl`, and compile-time assertions that the Rust structures of `src/interface.rs` have the layout
+//! that the shaders read.
+//!
+//! A file with `// entry` lines becomes one module for each of them, named for the file's stem and the entry. Other
+//! files are headers. The path in an `#include` starts at `glsl/`.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -19,15 +23,12 @@ fn main() {
     let out = PathBuf::from(env::var_os("OUT_DIR").unwrap_or_default());
     let folder = root.join("glsl");
     println!("cargo::rerun-if-changed=build.rs");
-    println!("cargo::rerun-if-changed=glsl");
     println!("cargo::rerun-if-env-changed=SHADERC_LIB_DIR");
 
-    let mut files: Vec<PathBuf> = match fs::read_dir(&folder) {
-        Ok(entries) => entries.filter_map(|e| Some(e.ok()?.path())).collect(),
-        Err(error) => refuse!("{}: {error}", folder.display()),
-    };
-    files.retain(|file| file.extension().is_some_and(|e| e == "glsl"));
+    let mut files = Vec::new();
+    walk(&folder, &mut files);
     files.sort();
+    refuse_equal_stems(&files);
 
     let compiler = match shaderc::Compiler::new() {
         Ok(compiler) => compiler,
@@ -42,11 +43,9 @@ fn main() {
     constants(&read(&folder.join("interface.glsl")), &mut rust);
     let mut layouts = BTreeMap::new();
     for file in &files {
-        println!("cargo::rerun-if-changed={}", file.display());
         let source = read(file);
         for (stage, entry) in entries(file, &source) {
-            let stem = file.file_stem().unwrap_or_default().to_string_lossy();
-            let name = format!("{stem}_{entry}").to_uppercase().replace('-', "_");
+            let name = format!("{}_{entry}", stem(file)).to_uppercase().replace('-', "_");
             // Names are read from the plain module: optimisation strips them.
             let plain = compile(&compiler, &folder, file, &source, stage, &entry, false);
             let module = Module::parse(&plain);
@@ -69,6 +68,49 @@ fn main() {
     if let Err(error) = fs::write(&path, rust) {
         refuse!("{}: {error}", path.display());
     }
+}
+
+/// Collects the GLSL files of a folder and of the folders in it, and has Cargo watch them all.
+fn walk(folder: &Path, files: &mut Vec<PathBuf>) {
+    // A watched folder is built again when a file is added or removed.
+    println!("cargo::rerun-if-changed={}", folder.display());
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(error) => refuse!("{}: {error}", folder.display()),
+    };
+    for entry in entries {
+        let path = match entry {
+            Ok(entry) => entry.path(),
+            Err(error) => refuse!("{}: {error}", folder.display()),
+        };
+        if path.is_dir() {
+            walk(&path, files);
+        } else if path.extension().is_some_and(|extension| extension == "glsl") {
+            println!("cargo::rerun-if-changed={}", path.display());
+            files.push(path);
+        }
+    }
+}
+
+fn stem(file: &Path) -> String {
+    file.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Refuses two files of one stem: names of modules come from stems, whatever the folder.
+fn refuse_equal_stems(files: &[PathBuf]) {
+    let mut stems = BTreeMap::new();
+    for file in files {
+        if let Some(other) = stems.insert(stem(file), file) {
+            refuse!("{} and {}: the names of shader files must differ", other.display(), file.display());
+        }
+    }
+}
+
+/// The path of a shader as messages name it: from the root of the project, with forward slashes.
+fn shown(folder: &Path, file: &Path) -> String {
+    let inner = file.strip_prefix(folder).unwrap_or(file);
+    let parts: Vec<_> = inner.iter().map(|part| part.to_string_lossy()).collect();
+    format!("glsl/{}", parts.join("/"))
 }
 
 fn read(path: &Path) -> String {
@@ -121,7 +163,7 @@ fn compile(
     options.set_include_callback(|name, _, from, _| {
         let path = folder.join(name);
         let content =
-            fs::read_to_string(&path).map_err(|error| format!("{name}, included from {from}: {error}"))?;
+            fs::read_to_string(&path).map_err(|error| format!("glsl/{name}, included from {from}: {error}"))?;
         Ok(shaderc::ResolvedInclude { resolved_name: format!("glsl/{name}"), content })
     });
     let kind = match stage {
@@ -129,7 +171,7 @@ fn compile(
         "Fragment" => shaderc::ShaderKind::Fragment,
         _ => shaderc::ShaderKind::Compute,
     };
-    let shown = format!("glsl/{}", file.file_name().unwrap_or_default().to_string_lossy());
+    let shown = shown(folder, file);
     match compiler.compile_into_spirv(source, kind, &shown, "main", Some(&options)) {
         Ok(artifact) => artifact.as_binary().to_vec(),
         Err(error) => refuse!("{shown} ({entry}): {error}"),

@@ -1,8 +1,8 @@
 // What becomes of the pairs that leave a k-buffer: between two lies a piece of a cell, which is integrated. For havs.glsl and
 // havs-raster.glsl, after optics.glsl, segments.glsl, mesh.glsl and mesh-segments.glsl.
 
-#include "kbuffer.glsl"
-#include "mesh-bounds.glsl"
+#include "mesh/kbuffer.glsl"
+#include "mesh/mesh-bounds.glsl"
 
 layout(constant_id = SPEC_CELL_SCALARS) const bool CELL_SCALARS = false;
 layout(constant_id = SPEC_BACK_TO_FRONT) const bool BACK_TO_FRONT = false;

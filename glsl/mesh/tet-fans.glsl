@@ -27,7 +27,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
-#include "mesh.glsl"
+#include "mesh/mesh.glsl"
 
 layout(constant_id = SPEC_CELL_SCALARS) const bool CELL_SCALARS = false;
 layout(constant_id = SPEC_SPACE) const bool SPACE = false;
@@ -54,11 +54,11 @@ vec3 homogeneous(vec4 point) {
 }
 
 #ifdef BUILD
-#include "optics.glsl"
-#include "segments.glsl"
-#include "mesh-segments.glsl"
-#include "outline.glsl"
-#include "keys.glsl"
+#include "shared/optics.glsl"
+#include "shared/segments.glsl"
+#include "mesh/mesh-segments.glsl"
+#include "mesh/outline.glsl"
+#include "shared/keys.glsl"
 
 layout(local_size_x = 64) in;
 layout(set = 0, binding = BINDING_PRIMITIVES, std430) readonly buffer Primitives { uvec4 cells[]; };
@@ -154,7 +154,7 @@ void main() {
 
 #if defined(VERTEX) || defined(SHADED_VERTEX)
 #ifdef SHADED_VERTEX
-#include "optics.glsl"
+#include "shared/optics.glsl"
 layout(location = 0) out vec4 colour_out;
 #else
 layout(location = 0) flat out vec4 a_out;
@@ -232,10 +232,10 @@ void main() {
 #endif
 
 #ifdef FRAGMENT
-#include "mesh-bounds.glsl"
-#include "optics.glsl"
-#include "segments.glsl"
-#include "mesh-segments.glsl"
+#include "mesh/mesh-bounds.glsl"
+#include "shared/optics.glsl"
+#include "shared/segments.glsl"
+#include "mesh/mesh-segments.glsl"
 
 // X, Y, w and the scalar of two thin vertices and of one end of the thick segment; of the other its depth from there, w and the scalar.
 // Around the eye: of a face's corners; and the scalar at the eye, with a 1.

@@ -16,13 +16,13 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
-#include "optics.glsl"
-#include "mesh.glsl"
-#include "segments.glsl"
-#include "layers.glsl"
+#include "shared/optics.glsl"
+#include "mesh/mesh.glsl"
+#include "shared/segments.glsl"
+#include "frame/layers.glsl"
 #define MESH_LAYERS
-#include "mesh-segments.glsl"
-#include "havs-sweep.glsl"
+#include "mesh/mesh-segments.glsl"
+#include "mesh/havs-sweep.glsl"
 
 layout(constant_id = SPEC_RESUME) const bool RESUME = false;
 layout(constant_id = SPEC_LAST_CHUNK) const bool LAST_CHUNK = true;

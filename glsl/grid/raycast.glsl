@@ -19,11 +19,11 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
-#include "optics.glsl"
-#include "grid.glsl"
-#include "segments.glsl"
-#include "faces.glsl"
-#include "march.glsl"
+#include "shared/optics.glsl"
+#include "grid/grid.glsl"
+#include "shared/segments.glsl"
+#include "grid/faces.glsl"
+#include "grid/march.glsl"
 
 
 void main() {

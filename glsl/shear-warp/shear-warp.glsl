@@ -28,10 +28,10 @@
 #define STACK
 #define BASE_PLANE
 #include "interface.glsl"
-#include "optics.glsl"
-#include "grid.glsl"
-#include "stack.glsl"
-#include "segments.glsl"
+#include "shared/optics.glsl"
+#include "grid/grid.glsl"
+#include "grid/stack.glsl"
+#include "shared/segments.glsl"
 
 // The slice that a slab stands for: rays may go down the stack.
 struct Slices {
@@ -81,7 +81,7 @@ float stored_at(Ray ray, float z, Lattice lattice) {
     return texel;
 }
 
-#include "faces.glsl"
+#include "grid/faces.glsl"
 
 layout(constant_id = SPEC_BOUNDED) const bool BOUNDED = false;
 
@@ -133,7 +133,7 @@ void main() {
 #endif
 
 #ifdef FRAGMENT
-#include "blend.glsl"
+#include "grid/blend.glsl"
 layout(location = 0) flat in uint slab_in;
 
 void main() {
@@ -155,7 +155,7 @@ void main() {
 #endif
 
 #if defined(COMPUTE) || defined(EDGE)
-#include "march.glsl"
+#include "grid/march.glsl"
 
 #ifdef EDGE
 layout(set = 0, binding = BINDING_EDGES, std430) readonly buffer Edges { vec4 edges[]; };

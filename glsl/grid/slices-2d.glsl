@@ -29,10 +29,10 @@
 
 #define STACK
 #include "interface.glsl"
-#include "optics.glsl"
-#include "grid.glsl"
+#include "shared/optics.glsl"
+#include "grid/grid.glsl"
 
-#include "stack.glsl"
+#include "grid/stack.glsl"
 
 // What of a slab lies on the ray inside `interval`, as depths; empty when x >= y.
 vec2 slab_piece(uint slab, Ray ray, vec2 interval, float z0, float h) {
@@ -94,7 +94,7 @@ void main() {
 #endif
 
 #if defined(FRAGMENT) || defined(SHADER_BLEND)
-#include "blend.glsl"
+#include "grid/blend.glsl"
 layout(location = 0) flat in uint slab_in;
 
 void main() {
@@ -106,7 +106,7 @@ void main() {
 #endif
 
 #ifdef COMPUTE
-#include "march.glsl"
+#include "grid/march.glsl"
 
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);

@@ -1,6 +1,6 @@
 // What of the pieces of a line through a mesh lies between its bounds. After mesh.glsl.
 
-#include "bounded.glsl"
+#include "frame/bounded.glsl"
 
 // Between which depths the line of a pixel is drawn, but for the eye.
 vec2 bounds_at(uvec2 pixel) {

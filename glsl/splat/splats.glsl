@@ -19,7 +19,7 @@ layout(constant_id = SPEC_RESUME) const bool RESUME = false;
 layout(constant_id = SPEC_EYE_INSIDE) const bool EYE_INSIDE = false; // kernels may reach behind the eye
 layout(constant_id = SPEC_RUNS) const uint RUNS = 64;
 
-#include "bounded.glsl"
+#include "frame/bounded.glsl"
 
 layout(push_constant) uniform SplatPush {
     vec4 q0_kq;

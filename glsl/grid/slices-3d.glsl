@@ -3,35 +3,41 @@
 // entry fragment SHADER_BLEND
 // entry compute  COMPUTE
 //
-// Pre-integrated slabs between view-aligned slices: first the scalar on the front and on the back of a slab, then,
-// dependent on both, the transfer function integrated between them.
+// View-aligned slices of a 3D texture, post-classified.
 //
-// Slab i is that of depths [z0 + i h, z0 + (i + 1) h], cut along a pixel's ray to the domain and to the eye. The
-// scalar is taken where the ray enters and leaves what is left, and as linear in between.
+// Slice i stands for the slab of depths [z0 + i h, z0 + (i + 1) h]. Along a pixel's ray the slab is cut
+// to the domain and to the eye; the scalar at the middle of what is left is classified, and its
+// extinction times the true length of that piece is the slice's optical depth.
 //
-//   VERTEX        one instance a slab: its outline in the image (slab.glsl)
-//   FRAGMENT      one slab of one pixel, blended by fixed function
+//   VERTEX        one instance a slice: the polygon in which the slice's plane cuts the domain, each face of
+//                 the domain pushed out so far that the polygon covers the outline of the whole slab
+//   FRAGMENT      one slice of one pixel, blended by fixed function
 //   SHADER_BLEND  the same, blended by the shader into a format of low precision, rounded at random
-//   COMPUTE       one invocation owns a pixel and walks its slabs front to back in registers; the scalar at a
-//                 slab's back is that at the next one's front
+//   COMPUTE       one invocation owns a pixel and walks its slices front to back in registers
 //
-//   in    volume, transfer function or its table
+//   in    volume, transfer function
 //   out   colour attachment 0, packed texels (SHADER_BLEND) or the accumulation image (COMPUTE): premultiplied
 //         linear RGBA
-//   error second order in h where the field is smooth, whatever the transfer function; tables add their own; a
-//         homogeneous domain is exact
-//   cost  per slab and covered pixel one fetch (raster: two) and one integration
+//   error second order in h where field and transfer function are smooth; a homogeneous domain is exact
+//   cost  one fetch and one classification per slice and covered pixel
 //
-// Source: Engel, Kraus and Ertl, Graphics Hardware 2001; Peikert, SciVis 2007, page 4-19.
+// Source: Cabral, Cam, Foran, VolVis 1994.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
-#include "optics.glsl"
-#include "grid.glsl"
-#include "segments.glsl"
-#include "faces.glsl"
-#include "slab.glsl"
+#include "shared/optics.glsl"
+#include "grid/grid.glsl"
+#include "grid/slab.glsl"
+
+// Premultiplied colour and opacity of a piece of the ray.
+vec4 slice_emission(Ray ray, vec2 piece, Lattice lattice, uint knots) {
+    float texel = stored_at(ray, 0.5 * (piece.x + piece.y), lattice);
+    vec4 optics = classify(scalar_of(texel, lattice), knots);
+    float tau = HAS_NAN && is_nan(texel) ? 0.0 : optics.a;
+    // Lengths, then extinction: 0 * tau must stay 0.
+    return emission_of(optics.rgb, tau * (max(piece.y - piece.x, 0.0) * ray.length_per_depth));
+}
 
 #ifdef VERTEX
 layout(location = 0) flat out uint slab_out;
@@ -42,25 +48,19 @@ void main() {
 #endif
 
 #if defined(FRAGMENT) || defined(SHADER_BLEND)
-#include "blend.glsl"
+#include "grid/blend.glsl"
 layout(location = 0) flat in uint slab_in;
 
 void main() {
-    load_segments();
+    load_knots();
     Ray ray = ray_of(gl_FragCoord.xy);
-    Lattice lattice = load_lattice();
     vec2 piece = slab_piece(slab_begin(slab_in), slab_begin(slab_in + 1u), interval_of(ray, gl_FragCoord.xy));
-    vec4 emission = vec4(0.0);
-    if (piece.x < piece.y) {
-        emission = between_faces(face_at(ray, piece.x, lattice), face_at(ray, piece.y, lattice),
-                                 (piece.y - piece.x) * ray.length_per_depth, push.knots);
-    }
-    blend(emission, slab_in);
+    blend(slice_emission(ray, piece, load_lattice(), push.knots), slab_in);
 }
 #endif
 
 #ifdef COMPUTE
-#include "march.glsl"
+#include "grid/march.glsl"
 
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
@@ -76,7 +76,7 @@ void main() {
     uint knots = push.knots;
     float opaque = push.opaque;
     uint walk = slabs_between_looks(h);
-    load_segments();
+    load_knots();
 
     float transmittance;
     vec4 sum = begin_march(pixel, transmittance);
@@ -86,16 +86,10 @@ void main() {
     while (slab < slabs.y && transmittance > opaque) {
         float z = max(fma(float(slab), h, z0), interval.x);
         uint stop = pass_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
-        Face front = face_at(ray, max(fma(float(slab), h, z0), interval.x), lattice);
         for (; slab < stop && transmittance > opaque; ++slab) {
             vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
             if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --slab;
-            Face back = face_at(ray, piece.y, lattice);
-            if (piece.x < piece.y) {
-                float len = (piece.y - piece.x) * ray.length_per_depth;
-                add_behind(sum, transmittance, between_faces(front, back, len, knots));
-                front = back;
-            }
+            add_behind(sum, transmittance, slice_emission(ray, piece, lattice, knots));
         }
     }
     if (LAYERS) end_layers(ahead, layers_until, opaque, sum, transmittance);

@@ -14,14 +14,14 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
-#include "optics.glsl"
-#include "mesh.glsl"
-#include "mesh-bounds.glsl"
-#include "segments.glsl"
-#include "layers.glsl"
+#include "shared/optics.glsl"
+#include "mesh/mesh.glsl"
+#include "mesh/mesh-bounds.glsl"
+#include "shared/segments.glsl"
+#include "frame/layers.glsl"
 #define MESH_LAYERS
-#include "mesh-segments.glsl"
-#include "kbuffer.glsl"
+#include "mesh/mesh-segments.glsl"
+#include "mesh/kbuffer.glsl"
 
 layout(constant_id = SPEC_BACK_TO_FRONT) const bool BACK_TO_FRONT = false;
 layout(constant_id = SPEC_REPAIR) const bool REPAIR = false;

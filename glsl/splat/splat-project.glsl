@@ -19,7 +19,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
-#include "keys.glsl"
+#include "shared/keys.glsl"
 
 layout(constant_id = SPEC_SPLAT_SHAPE) const uint SHAPE = SHAPE_ALIKE;
 layout(constant_id = SPEC_SPLAT_KERNEL) const uint KERNEL = KERNEL_GAUSSIAN;

@@ -94,7 +94,7 @@ void main() {
 
 #else
 
-#include "group-scan.glsl"
+#include "shared/group-scan.glsl"
 
 layout(local_size_x = WIDE_GROUP) in;
 

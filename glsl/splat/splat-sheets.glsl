@@ -34,8 +34,8 @@
 #endif
 
 #include "interface.glsl"
-#include "optics.glsl"
-#include "splats.glsl"
+#include "shared/optics.glsl"
+#include "splat/splats.glsl"
 
 layout(constant_id = SPEC_SPLAT_AXIS) const uint AXIS_OF_SHEETS = 0;
 layout(constant_id = SPEC_SPLAT_TEMPLATE) const bool TEMPLATE = false;

@@ -19,8 +19,8 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
-#include "mesh.glsl"
-#include "keys.glsl"
+#include "mesh/mesh.glsl"
+#include "shared/keys.glsl"
 
 layout(constant_id = SPEC_CELLS) const bool CELLS = false;
 layout(constant_id = SPEC_CELL_SCALARS) const bool CELL_SCALARS = false;

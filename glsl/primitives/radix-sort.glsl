@@ -27,7 +27,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
-#include "keys.glsl"
+#include "shared/keys.glsl"
 
 #if defined(LANES_COUNT_MIXED) || defined(LANES_SCATTER_MIXED) || defined(LANES_SCATTER_LAST)
 #define FROM_MIXED
@@ -235,7 +235,7 @@ void main() {
 }
 #else
 
-#include "group-scan.glsl"
+#include "shared/group-scan.glsl"
 
 #define ITEMS (SORT_TILE / WIDE_GROUP)
 

@@ -32,11 +32,11 @@ layout(constant_id = SPEC_RESUME) const bool RESUME = false;
 layout(constant_id = SPEC_LAST_CHUNK) const bool LAST_CHUNK = true;
 
 #ifdef COMPUTE
-#include "optics.glsl"
-#include "mesh.glsl"
-#include "mesh-bounds.glsl"
-#include "segments.glsl"
-#include "mesh-segments.glsl"
+#include "shared/optics.glsl"
+#include "mesh/mesh.glsl"
+#include "mesh/mesh-bounds.glsl"
+#include "shared/segments.glsl"
+#include "mesh/mesh-segments.glsl"
 
 layout(local_size_x = TILE_PIXELS) in;
 layout(set = 0, binding = BINDING_CURSORS, std430) readonly buffer Cursors { uint cursors[]; };
@@ -89,8 +89,8 @@ void main() {
 #endif
 
 #ifdef OUTLINES
-#include "mesh.glsl"
-#include "outline.glsl"
+#include "mesh/mesh.glsl"
+#include "mesh/outline.glsl"
 
 layout(local_size_x = 64) in;
 layout(set = 0, binding = BINDING_PRIMITIVES, std430) readonly buffer Primitives { uvec4 cells[]; };
@@ -109,7 +109,7 @@ void main() {
 #endif
 
 #ifdef VERTEX
-#include "mesh.glsl"
+#include "mesh/mesh.glsl"
 
 layout(set = 0, binding = BINDING_PRIMITIVES, std430) readonly buffer Primitives { uvec4 cells[]; };
 layout(set = 0, binding = BINDING_MESH_SCALARS, std430) readonly buffer MeshScalars { float mesh_scalars[]; };
@@ -139,11 +139,11 @@ void main() {
 #endif
 
 #ifdef FRAGMENT
-#include "optics.glsl"
-#include "mesh.glsl"
-#include "mesh-bounds.glsl"
-#include "segments.glsl"
-#include "mesh-segments.glsl"
+#include "shared/optics.glsl"
+#include "mesh/mesh.glsl"
+#include "mesh/mesh-bounds.glsl"
+#include "shared/segments.glsl"
+#include "mesh/mesh-segments.glsl"
 
 layout(location = 0) flat in vec4 a_in;
 layout(location = 1) flat in vec4 b_in;

@@ -29,7 +29,7 @@
 #endif
 
 #include "interface.glsl"
-#include "mesh.glsl"
+#include "mesh/mesh.glsl"
 
 #ifdef VERTEX
 layout(set = 0, binding = BINDING_ORDER, std430) readonly buffer Order { uint order[]; };
@@ -112,10 +112,10 @@ void main() {
 }
 #else
 
-#include "optics.glsl"
-#include "segments.glsl"
-#include "mesh-segments.glsl"
-#include "havs-sweep.glsl"
+#include "shared/optics.glsl"
+#include "shared/segments.glsl"
+#include "mesh/mesh-segments.glsl"
+#include "mesh/havs-sweep.glsl"
 
 layout(set = 0, binding = BINDING_FLAGS, std430) coherent buffer Flags { uint flags[]; };
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) coherent uniform image2D accumulation;

@@ -42,7 +42,7 @@ void keep(ivec2 pixel, vec4 sum) {
 
 #ifndef BASE_PLANE
 #define MARCH_LAYERS
-#include "layers.glsl"
+#include "frame/layers.glsl"
 
 // The translucent surfaces that lie before `begin`, where this dispatch begins, have been passed by the one before.
 LayersAhead begin_layers(ivec2 pixel, float begin) {

@@ -39,7 +39,7 @@ struct Ray {
 };
 
 #ifdef BASE_PLANE
-#include "base-plane.glsl"
+#include "shear-warp/base-plane.glsl"
 #define NEAR push.slope_u.w
 #else
 #define NEAR push.near
@@ -71,7 +71,7 @@ vec2 domain_of(Ray ray) {
 }
 
 #if !defined(BASE_PLANE) && !defined(VERTEX)
-#include "bounded.glsl"
+#include "frame/bounded.glsl"
 
 // The same, cut to the bounds of the pixel's line.
 vec2 interval_of(Ray ray, vec2 pixel) {

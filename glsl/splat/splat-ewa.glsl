@@ -28,8 +28,8 @@
 #endif
 
 #include "interface.glsl"
-#include "optics.glsl"
-#include "splats.glsl"
+#include "shared/optics.glsl"
+#include "splat/splats.glsl"
 
 layout(constant_id = SPEC_SPLAT_EWA) const bool EWA = false;
 
