@@ -162,8 +162,8 @@ fn compile(
     options.add_macro_definition(entry, None);
     options.set_include_callback(|name, _, from, _| {
         let path = folder.join(name);
-        let content =
-            fs::read_to_string(&path).map_err(|error| format!("glsl/{name}, included from {from}: {error}"))?;
+        let content = fs::read_to_string(&path)
+            .map_err(|error| format!("glsl/{name}, included from {from}: {error}"))?;
         Ok(shaderc::ResolvedInclude { resolved_name: format!("glsl/{name}"), content })
     });
     let kind = match stage {

@@ -135,6 +135,7 @@ pub(crate) struct MeshPush {
     pub(crate) smoke: f32,
     pub(crate) bins: u32,
     pub(crate) alike: f32,
+    pub(crate) last_round: u32,
 }
 
 /// Push constants of `bins.glsl`.

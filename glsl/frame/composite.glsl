@@ -1,8 +1,8 @@
 // entry vertex   VERTEX
 // entry fragment FRAGMENT
 //
-// Puts a technique's image into a colour attachment of any format: one triangle over the whole image,
-// one fetch a pixel, premultiplied "over" by fixed-function blending or a plain copy.
+// Composites a technique's image into a colour attachment of any format: one triangle that covers the image, one fetch per pixel,
+// premultiplied "over" by fixed-function blending, or a plain copy.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 

@@ -1,4 +1,8 @@
-// The translucent surfaces that a pixel's line passes, nearest first (surfaces.glsl), where a scene has any. Include only.
+// The translucent surfaces along a pixel's ray, nearest first, where a scene has any. surfaces.glsl writes them.
+#ifndef LAYERS_GLSL
+#define LAYERS_GLSL
+
+#include "interface.glsl"
 
 layout(constant_id = SPEC_LAYERS) const bool LAYERS = false;
 
@@ -7,17 +11,18 @@ layout(set = 0, binding = BINDING_LAYER_ENDS, std430) readonly buffer LayerEnds 
 layout(set = 0, binding = BINDING_LAYER_DEPTHS, std430) readonly buffer LayerDepths { uvec2 layer_depths[]; };
 layout(set = 0, binding = BINDING_LAYERS, std430) readonly buffer Layers { vec4 layers[]; };
 
-// Those that are still to come.
+// The surfaces not composited yet.
 struct LayersAhead {
     uint next, end;
-    float depth; // of the next
+    float depth; // of the next; 3e38 without one
 };
 
+// Reads the depth of the next surface.
 void look_ahead(inout LayersAhead ahead) {
     ahead.depth = ahead.next < ahead.end ? uintBitsToFloat(layer_depths[ahead.next].x) : 3e38;
 }
 
-// From a depth on; what lies before it has been passed already.
+// Returns the surfaces of a pixel from a depth on, in an image `width` pixels wide.
 LayersAhead layers_from(uvec2 pixel, uint width, float depth) {
     LayersAhead ahead = LayersAhead(0u, 0u, 3e38);
     if (!LAYERS) return ahead;
@@ -33,13 +38,13 @@ LayersAhead layers_from(uvec2 pixel, uint width, float depth) {
     return ahead;
 }
 
-// Leaves out those that an earlier dispatch has passed.
+// Skips the surfaces that earlier dispatches have composited.
 void skip_layers(inout LayersAhead ahead, uint passed) {
     ahead.next = min(ahead.next + passed, ahead.end);
     look_ahead(ahead);
 }
 
-// Premultiplied colour and opacity of the next, which is passed.
+// Returns premultiplied colour and opacity of the next surface, and advances.
 vec4 take_layer(inout LayersAhead ahead) {
     vec4 colour = layers[ahead.next];
     ++ahead.next;
@@ -47,27 +52,4 @@ vec4 take_layer(inout LayersAhead ahead) {
     return colour;
 }
 
-#ifdef MARCH_LAYERS
-// Composites those up to a depth, front to back.
-void pass_layers(inout LayersAhead ahead, float depth, float opaque, inout vec4 sum, inout float transmittance) {
-    for (uint turn = 0u; turn < MOST_TURNS / 2u && ahead.depth <= depth && transmittance > opaque; ++turn) {
-        add_behind(sum, transmittance, take_layer(ahead));
-    }
-}
-
-// What of a piece lies before the next. Then `reached` is where it is cut: the rest of it comes in another turn, and the surface before it.
-bool cut_at_layer(inout LayersAhead ahead, inout vec2 piece, inout float reached, float opaque, inout vec4 sum, inout float transmittance) {
-    piece.x = max(piece.x, reached);
-    pass_layers(ahead, piece.x, opaque, sum, transmittance);
-    bool cut = ahead.depth < piece.y;
-    if (cut) reached = piece.y = ahead.depth;
-    return cut;
-}
-
-// Composites those that are left, up to where another dispatch goes on.
-void end_layers(inout LayersAhead ahead, float end, float opaque, inout vec4 sum, inout float transmittance) {
-    for (uint turn = 0u; turn < MOST_TURNS / 2u && ahead.depth < end && transmittance > opaque; ++turn) {
-        add_behind(sum, transmittance, take_layer(ahead));
-    }
-}
 #endif

@@ -1,16 +1,16 @@
 // entry compute PLANES
 // entry compute DEPTH
 //
-// Where each pixel's line is cut: by half-spaces, whose intersection is convex, so that one interval is left, and by
-// an opaque surface, which a depth image shows.
+// Bounds each pixel's ray by half-spaces, whose intersection is convex and leaves one interval, and by the opaque surfaces of a depth
+// image.
 //
-//   PLANES    one invocation a pixel. Six half-spaces in one dispatch, others in a second one that goes on (RESUME)
+//   PLANES    one invocation per pixel; six half-spaces per dispatch, RESUME continues with more
 //   DEPTH     the same, and the depth image
 //
 //   in    depth image
-//   out   two depths a pixel, in units of the technique that reads them, from the plane through its data's centre; the second
-//         is not above the first where nothing is left
-//   error of float32 and of the depth image's own format
+//   out   two depths per pixel, in the unit of the technique that reads them, from the plane through its data's centre; where the
+//         second does not exceed the first, nothing is left of the ray
+//   error rounding to float32, and the precision of the depth image's format
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
@@ -22,30 +22,30 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(set = 0, binding = BINDING_LINE_BOUNDS, std430) buffer LineBounds { vec2 line_bounds[]; };
 
 layout(push_constant, std430) uniform BoundsPush {
-    // On a line the height above plane i is h(z) = w + kq L + z (z + kd L), L = x px + y py, by the components of planes[i]: x and
-    // y for pixels from the image's centre, y down.
+    // With p = planes[i] the height of a ray at depth z above plane i is p.w + kq L + z (p.z + kd L), L = p.x x + p.y y. The pixel
+    // (x, y) is counted from the image's centre, y down; kd is 1 for perspective, else 0.
     vec4 planes[6];
     vec2 half_extent; // of the image, pixels
-    vec2 inverse;     // perspective: of the distances from the eye where 0 and where 1 is stored
-    vec2 depths;      // those depths, in perspective times the same: z = (between depths) / (between inverses), whose parts are small
-                      // where the eye is far
+    vec2 inverse;     // perspective: inverse distances from the eye of the stored values 0 and 1
+    vec2 depths;      // depths of the stored values 0 and 1; in perspective times those inverses, so that depth = mix(depths) /
+                      // mix(inverses) has small terms also for a far eye
     float kq;
-    uint count;       // planes; 16 more for perspective, 32 more where the far end is stored as 1
+    uint count;       // BOUNDS_*: number of planes, and what the depth image stores
 } push;
 
 #ifdef DEPTH
 layout(set = 0, binding = BINDING_DEPTH) uniform sampler2D depth_image;
 
-// Depth of what the image shows.
+// Returns the depth of the surface for a value of the depth image; 3e38 without a surface.
 float surface_depth(float stored) {
-    // No number shows no surface. By its bits: float tests may be optimised away.
+    // NaN is no surface. Test the bits, because compilers may remove float tests.
     if ((floatBitsToUint(stored) & 0x7fffffffu) > 0x7f800000u) return 3e38;
-    // The far end itself is what the image was cleared with.
-    if (stored == ((push.count & 32u) != 0u ? 1.0 : 0.0)) return 3e38;
-    stored = clamp(stored, -1e15, 1e15); // infinite ones have products with nothing
+    // The image was cleared with the far end.
+    if (stored == ((push.count & BOUNDS_FAR_AT_ONE) != 0u ? 1.0 : 0.0)) return 3e38;
+    stored = clamp(stored, -1e15, 1e15); // an infinity times 0 would be NaN
     vec2 share = vec2(1.0 - stored, stored);
     float depth = dot(share, push.depths), inverse = dot(share, push.inverse);
-    if ((push.count & 16u) == 0u) return depth;
+    if ((push.count & BOUNDS_PERSPECTIVE) == 0u) return depth;
     return inverse > 0.0 ? depth / inverse : 3e38;
 }
 #endif
@@ -60,9 +60,9 @@ void main() {
     bounds.y = min(bounds.y, surface_depth(texelFetch(depth_image, ivec2(pixel), 0).r));
 #endif
     vec2 xy = vec2(pixel) + 0.5 - push.half_extent;
-    float kd = (push.count & 16u) != 0u ? 1.0 : 0.0;
+    float kd = (push.count & BOUNDS_PERSPECTIVE) != 0u ? 1.0 : 0.0;
     for (uint i = 0u; i < 6u; ++i) {
-        if (i >= (push.count & 15u)) break;
+        if (i >= (push.count & BOUNDS_PLANES)) break;
         vec4 plane = push.planes[i];
         float lateral = dot(xy, plane.xy);
         float height = fma(push.kq, lateral, plane.w), rise = fma(kd, lateral, plane.z);

@@ -2,12 +2,12 @@
 // entry compute FILTER
 // entry compute OVERRUN
 //
-// Start-up probes: what the device does, where Vulkan leaves it open or a driver falls short.
+// Start-up probes: they measure what Vulkan leaves open, and what drivers are known to get wrong.
 //
-//   LOOP    counts to `count` in one loop, with a body that cannot be folded into arithmetic; some
-//           drivers end an invocation after a fixed number of iterations, without a message
-//   FILTER  samples a 2x2x2 volume along x at `count` evenly spread positions
-//   OVERRUN writes word `count`, which the buffer does not have: for whoever must hear of it
+//   LOOP    counts to `count` in one loop, with a body that compilers cannot fold into arithmetic: some drivers silently leave a
+//           loop after a fixed number of iterations
+//   FILTER  samples a 2x2x2 volume along x at `count` evenly spaced positions
+//   OVERRUN writes word `count`, beyond the end of the buffer: a test of validation layers
 #version 460
 #extension GL_GOOGLE_include_directive : require
 

@@ -1,14 +1,16 @@
-// The end of a raster fragment: its emission becomes the colour attachment's, or (SHADER_BLEND) is blended here
-// into packed texels of low precision, rounded at random so that what is lost on one fragment is made up for on
-// another: an expected value is what exact arithmetic gives.
+// Blending by the fragment shader, into packed texels of low precision with stochastic rounding: the expected value equals that of
+// exact arithmetic.
 //
-// Fixed-function blending rounds to nearest, so an opacity below half a step is lost however often it comes;
-// noise on the source cannot help, for the destination's own share is rounded too. Fragments of one pixel must
-// be ordered by barriers between draws.
+// Fixed-function blending rounds to nearest, so an opacity below half a step is lost however often it occurs. Noise on the source
+// cannot help, because the destination's share is rounded too. Barriers between draws must order the fragments of a pixel.
 //
 // Source: alpha-dithering in Peikert, Object Space Volume Rendering, SciVis 2007, page 4-28: x -> floor(x) + (x - floor(x) >= rand).
+#ifndef BLEND_GLSL
+#define BLEND_GLSL
 
-#ifdef SHADER_BLEND
+#include "interface.glsl"
+#include "grid/grid.glsl"
+
 layout(constant_id = SPEC_TARGET) const uint TARGET = 0;
 layout(constant_id = SPEC_BLUE_NOISE) const bool BLUE_NOISE = false;
 layout(constant_id = SPEC_UNDER) const bool UNDER = false;
@@ -21,7 +23,7 @@ layout(set = 0, binding = BINDING_THRESHOLDS, std430) readonly buffer Thresholds
     float tile[];
 } thresholds;
 
-// Hash of three words (Jarzynski and Olano, JCGT 2020: pcg3d), first word.
+// Returns the first word of a hash of three words (Jarzynski and Olano, JCGT 2020: pcg3d).
 uint hash(uvec3 v) {
     v = v * 1664525u + 1013904223u;
     v.x += v.y * v.z;
@@ -34,20 +36,21 @@ uint hash(uvec3 v) {
     return v.x;
 }
 
+// Maps a word to [0, 1).
 float unit_of(uint word) {
     return float(word >> 8) * (1.0 / 16777216.0);
 }
 
-// A number in [0, 1), uniform over seeds: one for all four channels, so that colour stays below opacity.
+// Returns a number in [0, 1), uniform over seeds. All four channels share it, so that colour stays below opacity.
 float random_of(uvec2 pixel, uint slab) {
     if (!BLUE_NOISE) return unit_of(hash(uvec3(pixel.x | pixel.y << 16, slab, push.seed)));
-    // The tile, shifted anew for every slab so that slabs are independent, and turned by a random phase.
+    // Each slab shifts the tile by another offset and adds a random phase, so that slabs are independent.
     uint shift = hash(uvec3(slab, push.seed, 0x9e3779b9u));
     uvec2 at = (pixel + uvec2(shift, shift >> 16)) % uint(THRESHOLD_SIDE);
     return fract(thresholds.tile[at.y * uint(THRESHOLD_SIDE) + at.x] + unit_of(hash(uvec3(shift, slab, push.seed))));
 }
 
-// Rounds non-negative numbers to float16 at random.
+// Rounds non-negative numbers stochastically to float16.
 vec4 round_half(vec4 value, float random) {
     const float SMALLEST = 16777216.0; // one over the step of subnormal numbers
     uvec4 bits = floatBitsToUint(value) + uint(random * 8192.0);
@@ -56,13 +59,14 @@ vec4 round_half(vec4 value, float random) {
     return min(mix(normal, subnormal, lessThan(value, vec4(6.103515625e-5))), 65504.0);
 }
 
-// The new code of a normalised format of `steps` steps. Codes are whole numbers, exact in float32: only the change
-// is rounded.
+// Returns the blended code in a normalised format of `steps` steps. Codes are integers, exact in float32: only their change is
+// rounded.
 vec4 round_code(vec4 code, vec4 source, float steps, float random) {
     vec4 change = UNDER ? source * (steps - code.a) : source * steps - source.a * code;
     return clamp(code + floor(change + random), 0.0, steps);
 }
 
+// Blends premultiplied colour and opacity of a slab into the fragment's texel.
 void blend(vec4 emission, uint slab) {
     if (emission.a == 0.0) return;
     uvec2 pixel = uvec2(gl_FragCoord.xy);
@@ -87,10 +91,5 @@ void blend(vec4 emission, uint slab) {
         texels.words[2u * place + 1u] = packHalf2x16(next.ba);
     }
 }
-#else
-layout(location = 0) out vec4 colour;
 
-void blend(vec4 emission, uint slab) {
-    colour = emission;
-}
 #endif

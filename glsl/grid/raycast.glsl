@@ -1,18 +1,17 @@
 // entry compute COMPUTE
 //
-// Image-order ray casting, what the object-order techniques are compared with: the same reconstruction, the same
-// integrators, the same end of a ray.
+// Image-order ray casting, the baseline of the object-order techniques: the same reconstruction, the same integrators, the same early
+// ray termination.
 //
-// A pixel's ray is cut into segments of equal length h from where it enters the domain (or from the eye); the
-// last one is shorter. MIDPOINT classifies the scalar in the middle of a segment, the others integrate between
-// its ends.
+// A pixel's ray is divided into segments of equal length h from where it enters the domain (or from the eye); the last one is
+// shorter. MIDPOINT classifies the scalar in the middle of a segment, the other integrators integrate between its ends.
 //
-//   COMPUTE   one invocation walks a pixel's ray front to back in registers
+//   COMPUTE   one invocation owns a pixel and marches its ray front to back in registers
 //
 //   in    volume, transfer function or its table
 //   out   accumulation image: premultiplied linear RGBA
-//   error as slices-3d (MIDPOINT) and slabs (others) of the same spacing along the ray
-//   cost  per segment one fetch and one classification or integration
+//   error that of slices-3d (MIDPOINT) or slabs (others) with the same spacing along the ray
+//   cost  one fetch and one classification or integration per segment
 //
 // Source: Levoy, 1988; Peikert, SciVis 2007, page 4-17.
 #version 460
@@ -20,11 +19,11 @@
 
 #include "interface.glsl"
 #include "shared/optics.glsl"
-#include "grid/grid.glsl"
 #include "shared/segments.glsl"
+#include "grid/grid.glsl"
+#include "grid/volume.glsl"
 #include "grid/faces.glsl"
 #include "grid/march.glsl"
-
 
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
@@ -32,15 +31,15 @@ void main() {
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray, vec2(pixel));
 
-    // Read once, before the loop: drivers do not take these loads out of it.
+    // Load these before the loop: drivers do not hoist them.
     Lattice lattice = load_lattice();
     BrickGrid brick_grid = load_bricks();
     uint knots = push.knots;
     float opaque = push.opaque;
     uint walk = slabs_between_looks(push.d0_h.w);
-    load_segments();
+    load_segments(knots);
 
-    // Depth of one segment: lengths on the ray are in units of the smallest voxel spacing.
+    // The depth of a segment: push.d0_h.w is its length in units of the smallest voxel spacing.
     float h = push.d0_h.w * push.unit / ray.length_per_depth;
     float z0 = interval.x;
     float segments = interval.x < interval.y ? ceil((interval.y - z0) / h) : 0.0;
@@ -52,9 +51,9 @@ void main() {
     float reached = -3e38, layers_until = layers_end(fma(float(push.first + push.count), h, z0));
     uint i = first;
     while (i < last && transmittance > opaque) {
-        uint stop = pass_empty(i, last, fma(float(i), h, z0), z0, h, walk, ray, interval.y, brick_grid);
+        uint stop = skip_empty(i, last, fma(float(i), h, z0), z0, h, walk, ray, interval.y, brick_grid);
         Face front;
-        if (INTEGRATOR != INTEGRATOR_MIDPOINT) front = face_at(ray, fma(float(i), h, z0), lattice);
+        if (INTEGRATOR != INTEGRATOR_MIDPOINT) front = face_of(stored_at(ray, fma(float(i), h, z0), lattice), lattice);
         for (; i < stop && transmittance > opaque; ++i) {
             vec2 piece = vec2(fma(float(i), h, z0), min(fma(float(i + 1u), h, z0), interval.y));
             if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --i;
@@ -66,7 +65,7 @@ void main() {
                 vec4 optics = classify(scalar_of(texel, lattice), knots);
                 emission = emission_of(optics.rgb, HAS_NAN && is_nan(texel) ? 0.0 : optics.a * len);
             } else {
-                Face back = face_at(ray, end, lattice);
+                Face back = face_of(stored_at(ray, end, lattice), lattice);
                 emission = between_faces(front, back, len, knots);
                 front = back;
             }

@@ -3,24 +3,24 @@
 // entry fragment SHADER_BLEND
 // entry compute  COMPUTE
 //
-// Pre-integrated slabs between view-aligned slices: first the scalar on the front and on the back of a slab, then,
-// dependent on both, the transfer function integrated between them.
+// Pre-integrated slabs between view-aligned slices: samples the scalar on the front and back of a slab, then integrates the transfer
+// function between the two.
 //
-// Slab i is that of depths [z0 + i h, z0 + (i + 1) h], cut along a pixel's ray to the domain and to the eye. The
-// scalar is taken where the ray enters and leaves what is left, and as linear in between.
+// Slab i spans the depths [z0 + i h, z0 + (i + 1) h]; the domain and the eye clip it along a pixel's ray. The scalar is sampled where
+// the ray enters and leaves the rest, and assumed linear in between.
 //
-//   VERTEX        one instance a slab: its outline in the image (slab.glsl)
+//   VERTEX        one instance per slab: its outline in the image (slab-outline.glsl)
 //   FRAGMENT      one slab of one pixel, blended by fixed function
-//   SHADER_BLEND  the same, blended by the shader into a format of low precision, rounded at random
-//   COMPUTE       one invocation owns a pixel and walks its slabs front to back in registers; the scalar at a
-//                 slab's back is that at the next one's front
+//   SHADER_BLEND  the same, blended by the shader into a format of low precision with stochastic rounding
+//   COMPUTE       one invocation owns a pixel and marches its slabs front to back in registers; the scalar at the back of a slab is
+//                 the scalar at the front of the next
 //
 //   in    volume, transfer function or its table
 //   out   colour attachment 0, packed texels (SHADER_BLEND) or the accumulation image (COMPUTE): premultiplied
 //         linear RGBA
 //   error second order in h where the field is smooth, whatever the transfer function; tables add their own; a
 //         homogeneous domain is exact
-//   cost  per slab and covered pixel one fetch (raster: two) and one integration
+//   cost  one fetch (raster: two) and one integration per slab and covered pixel
 //
 // Source: Engel, Kraus and Ertl, Graphics Hardware 2001; Peikert, SciVis 2007, page 4-19.
 #version 460
@@ -28,12 +28,15 @@
 
 #include "interface.glsl"
 #include "shared/optics.glsl"
-#include "grid/grid.glsl"
 #include "shared/segments.glsl"
+#include "grid/grid.glsl"
+#include "grid/volume.glsl"
 #include "grid/faces.glsl"
 #include "grid/slab.glsl"
 
 #ifdef VERTEX
+#include "grid/slab-outline.glsl"
+
 layout(location = 0) flat out uint slab_out;
 
 void main() {
@@ -42,18 +45,25 @@ void main() {
 #endif
 
 #if defined(FRAGMENT) || defined(SHADER_BLEND)
+#ifdef SHADER_BLEND
 #include "grid/blend.glsl"
+#else
+#include "grid/blend-fixed.glsl"
+#endif
+#include "grid/interval.glsl"
+
 layout(location = 0) flat in uint slab_in;
 
 void main() {
-    load_segments();
+    load_segments(push.knots);
     Ray ray = ray_of(gl_FragCoord.xy);
     Lattice lattice = load_lattice();
     vec2 piece = slab_piece(slab_begin(slab_in), slab_begin(slab_in + 1u), interval_of(ray, gl_FragCoord.xy));
     vec4 emission = vec4(0.0);
     if (piece.x < piece.y) {
-        emission = between_faces(face_at(ray, piece.x, lattice), face_at(ray, piece.y, lattice),
-                                 (piece.y - piece.x) * ray.length_per_depth, push.knots);
+        Face front = face_of(stored_at(ray, piece.x, lattice), lattice);
+        Face back = face_of(stored_at(ray, piece.y, lattice), lattice);
+        emission = between_faces(front, back, (piece.y - piece.x) * ray.length_per_depth, push.knots);
     }
     blend(emission, slab_in);
 }
@@ -69,14 +79,14 @@ void main() {
     vec2 interval = interval_of(ray, vec2(pixel));
     uvec2 slabs = slabs_of(interval);
 
-    // Read once, before the loop: drivers do not take these loads out of it.
+    // Load these before the loop: drivers do not hoist them.
     Lattice lattice = load_lattice();
     BrickGrid brick_grid = load_bricks();
     float h = push.d0_h.w, z0 = push.py_z0.w;
     uint knots = push.knots;
     float opaque = push.opaque;
     uint walk = slabs_between_looks(h);
-    load_segments();
+    load_segments(knots);
 
     float transmittance;
     vec4 sum = begin_march(pixel, transmittance);
@@ -85,12 +95,12 @@ void main() {
     uint slab = slabs.x;
     while (slab < slabs.y && transmittance > opaque) {
         float z = max(fma(float(slab), h, z0), interval.x);
-        uint stop = pass_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
-        Face front = face_at(ray, max(fma(float(slab), h, z0), interval.x), lattice);
+        uint stop = skip_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
+        Face front = face_of(stored_at(ray, max(fma(float(slab), h, z0), interval.x), lattice), lattice);
         for (; slab < stop && transmittance > opaque; ++slab) {
             vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
             if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --slab;
-            Face back = face_at(ray, piece.y, lattice);
+            Face back = face_of(stored_at(ray, piece.y, lattice), lattice);
             if (piece.x < piece.y) {
                 float len = (piece.y - piece.x) * ray.length_per_depth;
                 add_behind(sum, transmittance, between_faces(front, back, len, knots));

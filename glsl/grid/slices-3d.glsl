@@ -5,15 +5,13 @@
 //
 // View-aligned slices of a 3D texture, post-classified.
 //
-// Slice i stands for the slab of depths [z0 + i h, z0 + (i + 1) h]. Along a pixel's ray the slab is cut
-// to the domain and to the eye; the scalar at the middle of what is left is classified, and its
-// extinction times the true length of that piece is the slice's optical depth.
+// Slice i represents the slab of depths [z0 + i h, z0 + (i + 1) h]. Along a pixel's ray the domain and the eye clip the slab. The
+// scalar at the middle of the rest is classified; its extinction times the true length of that piece is the slice's optical depth.
 //
-//   VERTEX        one instance a slice: the polygon in which the slice's plane cuts the domain, each face of
-//                 the domain pushed out so far that the polygon covers the outline of the whole slab
+//   VERTEX        one instance per slice: a polygon that covers the outline of the slice's slab (slab-outline.glsl)
 //   FRAGMENT      one slice of one pixel, blended by fixed function
-//   SHADER_BLEND  the same, blended by the shader into a format of low precision, rounded at random
-//   COMPUTE       one invocation owns a pixel and walks its slices front to back in registers
+//   SHADER_BLEND  the same, blended by the shader into a format of low precision with stochastic rounding
+//   COMPUTE       one invocation owns a pixel and marches its slices front to back in registers
 //
 //   in    volume, transfer function
 //   out   colour attachment 0, packed texels (SHADER_BLEND) or the accumulation image (COMPUTE): premultiplied
@@ -28,18 +26,21 @@
 #include "interface.glsl"
 #include "shared/optics.glsl"
 #include "grid/grid.glsl"
+#include "grid/volume.glsl"
 #include "grid/slab.glsl"
 
-// Premultiplied colour and opacity of a piece of the ray.
+// Returns premultiplied colour and opacity of a piece of the ray, classified in its middle.
 vec4 slice_emission(Ray ray, vec2 piece, Lattice lattice, uint knots) {
     float texel = stored_at(ray, 0.5 * (piece.x + piece.y), lattice);
     vec4 optics = classify(scalar_of(texel, lattice), knots);
     float tau = HAS_NAN && is_nan(texel) ? 0.0 : optics.a;
-    // Lengths, then extinction: 0 * tau must stay 0.
+    // Multiply the lengths first, then the extinction: 0 * tau must stay 0.
     return emission_of(optics.rgb, tau * (max(piece.y - piece.x, 0.0) * ray.length_per_depth));
 }
 
 #ifdef VERTEX
+#include "grid/slab-outline.glsl"
+
 layout(location = 0) flat out uint slab_out;
 
 void main() {
@@ -48,7 +49,13 @@ void main() {
 #endif
 
 #if defined(FRAGMENT) || defined(SHADER_BLEND)
+#ifdef SHADER_BLEND
 #include "grid/blend.glsl"
+#else
+#include "grid/blend-fixed.glsl"
+#endif
+#include "grid/interval.glsl"
+
 layout(location = 0) flat in uint slab_in;
 
 void main() {
@@ -69,7 +76,7 @@ void main() {
     vec2 interval = interval_of(ray, vec2(pixel));
     uvec2 slabs = slabs_of(interval);
 
-    // Read once, before the loop: drivers do not take these loads out of it.
+    // Load these before the loop: drivers do not hoist them.
     Lattice lattice = load_lattice();
     BrickGrid brick_grid = load_bricks();
     float h = push.d0_h.w, z0 = push.py_z0.w;
@@ -85,7 +92,7 @@ void main() {
     uint slab = slabs.x;
     while (slab < slabs.y && transmittance > opaque) {
         float z = max(fma(float(slab), h, z0), interval.x);
-        uint stop = pass_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
+        uint stop = skip_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
         for (; slab < stop && transmittance > opaque; ++slab) {
             vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
             if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --slab;

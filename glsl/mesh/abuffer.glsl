@@ -15,12 +15,12 @@
 
 #include "interface.glsl"
 #include "shared/optics.glsl"
-#include "mesh/mesh.glsl"
-#include "mesh/mesh-bounds.glsl"
 #include "shared/segments.glsl"
 #include "frame/layers.glsl"
-#define MESH_LAYERS
+#include "mesh/mesh.glsl"
+#include "mesh/mesh-bounds.glsl"
 #include "mesh/mesh-segments.glsl"
+#include "mesh/mesh-layers.glsl"
 #include "mesh/kbuffer.glsl"
 
 layout(constant_id = SPEC_BACK_TO_FRONT) const bool BACK_TO_FRONT = false;
@@ -86,7 +86,7 @@ void main() {
     uvec2 place = pixel_of(tile, gl_LocalInvocationIndex);
     if (any(greaterThanEqual(vec2(place), 2.0 * push.half_extent))) return;
 
-    load_segments();
+    load_segments(push.knots);
     uint knots = push.knots;
     float world = length_of_depth(line_at(vec2(place) + 0.5));
     vec2 bounds = bounds_at(place);
@@ -141,7 +141,7 @@ void main() {
     if (left != 0u && sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);
     if (!FLAGGED) flags[word] = (unsorted ? FLAG_UNSORTED : 0u) | (REPAIR ? FLAG_REPAIRED : 0u);
     // Of repair the last round counts.
-    bool counts = unsorted && (!REPAIR || push.bins == 1u);
+    bool counts = unsorted && (!REPAIR || push.last_round == 1u);
     if (counts) atomicAdd(status[REPAIR ? STATUS_UNREPAIRED : STATUS_OVERFLOW_PIXELS], 1u);
     imageStore(accumulation, ivec2(place), sum);
 }

@@ -124,14 +124,9 @@ layout(set = 0, binding = BINDING_KBUFFER_1, rgba32f) coherent uniform image2D k
 layout(set = 0, binding = BINDING_KBUFFER_2, rgba32f) coherent uniform image2D kbuffer_2;
 layout(set = 0, binding = BINDING_KBUFFER_3, rgba32f) coherent uniform image2D kbuffer_3;
 
-// Words of `flags` while faces are drawn: bit 0 as ever, bit 1 says that the images hold something of this frame; above is how often
-// the line has entered without leaving.
-const uint BEGUN = 2u;
-const uint OVERLAPS = 4u;
-
 // Pairs of the images: the window's, then the one that left last. K is at most 7.
 Sweep load_sweep(ivec2 pixel, uint state) {
-    bool begun = (state & BEGUN) != 0u;
+    bool begun = (state & DRAW_BEGUN) != 0u;
     vec4 texels[4];
     texels[0] = imageLoad(kbuffer_0, pixel);
     texels[1] = K >= 2u ? imageLoad(kbuffer_1, pixel) : vec4(0.0);
@@ -149,9 +144,9 @@ Sweep load_sweep(ivec2 pixel, uint state) {
     vec4 sum = imageLoad(accumulation, pixel);
     sweep.sum = sweep.last.at == NOTHING ? vec4(0.0) : sum;
     sweep.end = end_at(scalar_of_pair(sweep.last));
-    sweep.inside = int(state) >> 3;
-    sweep.unsorted = (state & 1u) != 0u;
-    sweep.overlaps = (state & OVERLAPS) != 0u;
+    sweep.inside = int(state) >> DRAW_INSIDE_SHIFT;
+    sweep.unsorted = (state & FLAG_UNSORTED) != 0u;
+    sweep.overlaps = (state & DRAW_OVERLAPS) != 0u;
     return sweep;
 }
 
@@ -185,7 +180,7 @@ void main() {
     if (tile >= push.count) return;
     uvec2 place = pixel_of(tile, gl_LocalInvocationIndex);
     if (any(greaterThanEqual(vec2(place), 2.0 * push.half_extent))) return;
-    load_segments();
+    load_segments(push.knots);
     uint knots = push.knots;
     float world = length_of_depth(line_at(vec2(place) + 0.5));
     uint word = word_of(place);
@@ -264,7 +259,7 @@ Pair arrival(vec2 line) {
 }
 
 void main() {
-    load_segments();
+    load_segments(push.knots);
     uint knots = push.knots;
     vec2 line = line_at(gl_FragCoord.xy);
     float world = length_of_depth(line);
@@ -282,7 +277,8 @@ void main() {
         leave(sweep, pending, pass_through(pair), drawn_depths(uvec2(pixel)), world);
         while (pending.len > 0.0 && sweep.sum.a < opaque) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
         store_sweep(pixel, sweep);
-        flags[word] = uint(sweep.unsorted) | BEGUN | (sweep.overlaps ? OVERLAPS : 0u) | uint(sweep.inside << 3);
+        flags[word] = (sweep.unsorted ? FLAG_UNSORTED : 0u) | DRAW_BEGUN | (sweep.overlaps ? DRAW_OVERLAPS : 0u) |
+                      uint(sweep.inside << DRAW_INSIDE_SHIFT);
     }
 #ifdef INTERLOCK
     endInvocationInterlockARB();

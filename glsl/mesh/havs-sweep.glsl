@@ -1,8 +1,12 @@
 // What becomes of the pairs that leave a k-buffer: between two lies a piece of a cell, which is integrated. For havs.glsl and
-// havs-raster.glsl, after optics.glsl, segments.glsl, mesh.glsl and mesh-segments.glsl.
+// havs-raster.glsl.
+#ifndef HAVS_SWEEP_GLSL
+#define HAVS_SWEEP_GLSL
 
+#include "interface.glsl"
 #include "mesh/kbuffer.glsl"
 #include "mesh/mesh-bounds.glsl"
+#include "mesh/mesh-segments.glsl"
 
 layout(constant_id = SPEC_CELL_SCALARS) const bool CELL_SCALARS = false;
 layout(constant_id = SPEC_BACK_TO_FRONT) const bool BACK_TO_FRONT = false;
@@ -72,3 +76,5 @@ vec2 leave(inout Sweep sweep, inout Pending pending, Pair pair, vec2 drawn, floa
     sweep.end = end;
     return begins ? vec2(from, to) : vec2(0.0);
 }
+
+#endif

@@ -17,11 +17,11 @@
 
 #include "interface.glsl"
 #include "shared/optics.glsl"
-#include "mesh/mesh.glsl"
 #include "shared/segments.glsl"
 #include "frame/layers.glsl"
-#define MESH_LAYERS
+#include "mesh/mesh.glsl"
 #include "mesh/mesh-segments.glsl"
+#include "mesh/mesh-layers.glsl"
 #include "mesh/havs-sweep.glsl"
 
 layout(constant_id = SPEC_RESUME) const bool RESUME = false;
@@ -58,7 +58,7 @@ void main() {
     if (any(greaterThanEqual(vec2(place), 2.0 * push.half_extent))) return;
     ivec2 pixel = ivec2(place);
 
-    load_segments();
+    load_segments(push.knots);
     uint knots = push.knots;
     vec2 drawn = drawn_depths(place);
     float world = length_of_depth(line_at(vec2(place) + 0.5));
@@ -79,7 +79,7 @@ void main() {
     sweep.overlaps = false;
     clear_window();
     if (REPAIR) {
-        if ((flags[word] & 1u) == 0u) return;
+        if ((flags[word] & FLAG_UNSORTED) == 0u) return;
         // Through the window again and again, until what leaves is in order; as many turns as every device makes in a dispatch.
         uint turns = max(30000u / max(size, 1u), 1u);
         bool unsorted = true;
@@ -110,13 +110,13 @@ void main() {
         sweep.last = Pair(rest.z, floatBitsToUint(rest.w));
         sweep.end = end_at(scalar_of_pair(sweep.last));
         sweep.sum = imageLoad(accumulation, pixel);
-        sweep.inside = bitfieldExtract(int(flags[word]), 2, 20);
-        sweep.unsorted = (flags[word] & 1u) != 0u;
-        sweep.overlaps = (flags[word] & 2u) != 0u;
+        sweep.inside = bitfieldExtract(int(flags[word]), SWEEP_INSIDE_SHIFT, SWEEP_INSIDE_BITS);
+        sweep.unsorted = (flags[word] & FLAG_UNSORTED) != 0u;
+        sweep.overlaps = (flags[word] & 1u << SWEEP_OVERLAPS_BIT) != 0u;
     }
     LayersAhead ahead = layers_from(place, uint(2.0 * push.half_extent.x), -3e38);
     uint nearest = ahead.next;
-    if (LAYERS && RESUME) skip_layers(ahead, flags[word] >> 22u);
+    if (LAYERS && RESUME) skip_layers(ahead, flags[word] >> SWEEP_PASSED_SHIFT);
     Pending pending;
     begin_segment(pending, sweep.end, sweep.end, 0.0);
     Uncut rest = Uncut(sweep.end, sweep.end, vec2(0.0));
@@ -148,7 +148,7 @@ void main() {
         flags[word] = (sweep.unsorted ? FLAG_UNSORTED : 0u) | (REPAIR ? FLAG_REPAIRED : 0u) | (overlaps ? FLAG_OVERLAPS : 0u);
         if (overlaps) atomicAdd(status[STATUS_OVERLAPS], 1u);
         // Of repair the last round counts.
-        bool counts = sweep.unsorted && (!REPAIR || push.bins == 1u);
+        bool counts = sweep.unsorted && (!REPAIR || push.last_round == 1u);
         if (counts) atomicAdd(status[REPAIR ? STATUS_UNREPAIRED : STATUS_OVERFLOW_PIXELS], 1u);
     } else {
         vec4 pairs[8];
@@ -171,7 +171,9 @@ void main() {
         }
         // Depths do not tell which surfaces were passed, where pairs leave out of order.
         uint passed = LAYERS ? min(ahead.next - nearest, MOST_LAYERS) : 0u;
-        flags[word] = uint(sweep.unsorted) | uint(sweep.overlaps) << 1 | (uint(sweep.inside) & 0xfffffu) << 2 | passed << 22;
+        uint inside = uint(sweep.inside) & ((1u << SWEEP_INSIDE_BITS) - 1u);
+        flags[word] = (sweep.unsorted ? FLAG_UNSORTED : 0u) | uint(sweep.overlaps) << SWEEP_OVERLAPS_BIT |
+                      inside << SWEEP_INSIDE_SHIFT | passed << SWEEP_PASSED_SHIFT;
     }
     imageStore(accumulation, pixel, sweep.sum);
 }

@@ -3,6 +3,10 @@
 // that is less than what left before it.
 //
 // Source: Callahan, Ikits, Comba and Silva, TVCG 11(3), 2005. Compared is with what left last, not with what will leave next.
+#ifndef KBUFFER_GLSL
+#define KBUFFER_GLSL
+
+#include "interface.glsl"
 
 layout(constant_id = SPEC_K) const uint K = 7;
 
@@ -35,3 +39,5 @@ Pair pass_through(Pair pair) {
     if (K > 0u) window[K - 1u] = pair;
     return leaves;
 }
+
+#endif

@@ -1,6 +1,9 @@
-// What of the pieces of a line through a mesh lies between its bounds. After mesh.glsl.
+// Clips the pieces of a pixel's ray through a mesh to the bounds of the ray.
+#ifndef MESH_BOUNDS_GLSL
+#define MESH_BOUNDS_GLSL
 
 #include "frame/bounded.glsl"
+#include "mesh/mesh.glsl"
 
 // Between which depths the line of a pixel is drawn, but for the eye.
 vec2 bounds_at(uvec2 pixel) {
@@ -16,3 +19,5 @@ void cut(inout Piece piece, vec2 bounds) {
     piece.d0 = max(piece.d0, bounds.x);
     piece.d1 = min(piece.d1, bounds.y);
 }
+
+#endif

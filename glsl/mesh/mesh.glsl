@@ -7,6 +7,10 @@
 // that share the edge, so that they neither overlap nor leave gaps. The three numbers of a face, if their signs agree, are
 // its barycentric coordinates on the line, perspective included (Olano and Greer, 1997); points behind the eye need no case
 // of their own.
+#ifndef MESH_GLSL
+#define MESH_GLSL
+
+#include "interface.glsl"
 
 layout(push_constant) uniform MeshPush {
     vec4 right;       // X of a point: dot of xyz with it, + w
@@ -26,8 +30,9 @@ layout(push_constant) uniform MeshPush {
     uint knots;
     float opaque;     // transmittance at which a line ends
     float smoke;      // extinction per scalar of the smoke model
-    uint bins;        // entries that the bins have room for
+    uint bins;        // capacity of the bins, entries
     float alike;      // scalars this far apart show the same
+    uint last_round;  // repair: 1 in the last round, whose unsorted pixels count
 } push;
 
 // Tiles in a row of the image.
@@ -161,3 +166,5 @@ Piece meet_cell(vec4 p0, vec4 p1, vec4 p2, vec4 p3, vec2 line) {
     }
     return piece;
 }
+
+#endif

@@ -1,7 +1,11 @@
-// Outlines of cells in the image, for mesh.glsl's view; include only.
+// Outlines of cells in the image, for mesh.glsl's view.
 //
 // Of four points in a plane either one lies in the triangle of the others, or two segments cross (Radon's theorem): the signs of
 // the numbers l with sum l = 0 and sum l p = 0 tell which, classes 1 and 2 of Shirley and Tuchman.
+#ifndef OUTLINE_GLSL
+#define OUTLINE_GLSL
+
+#include "mesh/mesh.glsl"
 
 // A convex polygon in normalised device coordinates; of a triangle c and d are the same.
 struct Polygon {
@@ -116,3 +120,5 @@ Polygon outline_of(vec4 a, vec4 b, vec4 c, vec4 d, uvec2 box) {
     if (!there) polygon = Polygon(vec2(0.0), vec2(0.0), vec2(0.0), vec2(0.0));
     return polygon;
 }
+
+#endif

@@ -53,7 +53,7 @@ void main() {
     if (any(greaterThanEqual(vec2(place), 2.0 * push.half_extent))) return;
     ivec2 pixel = ivec2(place);
 
-    load_segments();
+    load_segments(push.knots);
     uint knots = push.knots;
     float world = length_of_depth(line_at(vec2(place) + 0.5));
     vec2 bounds = bounds_at(place);
@@ -152,7 +152,7 @@ layout(location = 3) flat in vec4 d_in;
 layout(location = 0) out vec4 colour;
 
 void main() {
-    load_segments();
+    load_segments(push.knots);
     vec2 line = line_at(gl_FragCoord.xy);
     Piece piece = meet_cell(a_in, b_in, c_in, d_in, line);
     if (BOUNDED) cut(piece, bounds_at(uvec2(gl_FragCoord.xy)));

@@ -116,7 +116,7 @@ void main() {
 
     fan.thick = vec4(0.0);
     if (SHADED) {
-        load_segments();
+        load_segments(push.knots);
         mat3 edges = mat3(b.xyz - a.xyz, c.xyz - a.xyz, d.xyz - a.xyz);
         vec3 one = edges * first.yzw, two = edges * second.yzw;
         // From the eye; of parallel rays along them.
@@ -270,7 +270,7 @@ vec4 between_faces(vec2 line) {
 }
 
 void main() {
-    load_segments();
+    load_segments(push.knots);
     vec2 line = line_at(gl_FragCoord.xy);
     vec4 between = between_faces(line);
     float depth = between.x;

@@ -1,15 +1,15 @@
 // entry compute COMPUTE
 //
-// The primitives of each tile, by rank: what lists of meshes and splats begin with.
+// Bins: the primitives of each tile, by rank, from which the lists of meshes and the bins of splats are built.
 //
-//   COMPUTE  one invocation a run of ranks: which tiles its primitives may cover; first counted, then, with the counts summed up,
-//            written. Runs are summed up within tiles, so that each tile has its primitives by rank without an atomic, and
-//            nothing is sorted by tile.
+//   COMPUTE  one invocation per run of ranks: finds the tiles that its primitives may cover, first to count them, then, after the
+//            prefix sums of the counts, to write them (FILL). The sums run over the runs within a tile, so that each tile has its
+//            primitives by rank without an atomic and without sorting by tile.
 //
-//   in    primitives by rank, the pixels that each may cover
-//   out   places in the bins, tile by tile and run by run; the bins
+//   in    primitives by rank, the box of pixels that contains each
+//   out   positions in the bins, tile by tile and run by run; the bins
 //
-// What has no room is counted, and the frame repeated with more.
+// Entries beyond the capacity are counted, and the frame is repeated with more.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
@@ -23,9 +23,9 @@ layout(push_constant) uniform BinsPush {
     uint first;    // first tile of those that are binned
     uint tiles;    // their number
     uint count;    // primitives
-    uint number;   // of a run
+    uint number;   // primitives per run
     uint runs;
-    uint capacity; // entries that the bins have room for
+    uint capacity; // of the bins, entries
 } push;
 
 layout(local_size_x = 8) in;
@@ -41,7 +41,7 @@ void main() {
     if (run >= runs) return;
     if (FLAGGED && status[STATUS_OVERFLOW_PIXELS] == 0u) return;
     uint i = min(run * push.number, push.count), end = min(i + push.number, push.count);
-    // One turn a tile of a primitive: runs next to each other stay in step.
+    // One iteration per tile of a primitive, so that neighbouring runs stay in lockstep.
     uint id = 0u, x = 0u, y = 0u, x0 = 0u, x1 = 0u, y1 = 0u, lost = 0u;
     for (uint turn = 0u; turn < MOST_TURNS && (i < end || y < y1); ++turn) {
         if (y >= y1) {
@@ -69,7 +69,7 @@ void main() {
             }
         }
     }
-    // Runs are made short enough for what every device makes of a loop.
+    // The host keeps runs so short that every device completes the loop.
     lost += end - i + uint(y < y1);
     if (lost > 0u) atomicAdd(status[STATUS_LOST], lost);
 }

@@ -8,19 +8,18 @@
 // entry compute GROUPS_SCATTER
 // entry compute FLOAT_KEYS
 //
-// One pass of a stable radix sort of pairs, least significant digit first: reduce, then scan. The pairs are cut
-// into runs. The first dispatch counts the digits of each run, digit-major; the prefix sums of the counts
-// (scan.glsl) are where the run's first pair of each digit goes; the second dispatch moves the pairs there in
-// their order. No workgroup waits for another.
+// One pass of a stable radix sort of pairs, least significant digit first: count, scan, scatter. The pairs are divided into runs. The
+// first dispatch counts the digits of each run, digit-major. The prefix sums of the counts (scan.glsl) are the positions of each
+// run's first pair of each digit. The second dispatch moves the pairs there in their order. No workgroup waits for another.
 //
-//   LANES   one invocation a run, no barrier: for devices that emulate workgroups. Counters are the invocation's
-//           own, loads are of four pairs. Between the first pass and the last, pairs are mixed (key, value, key,
-//           value, ...), so that each is one store. What bounds it are the stores: as many streams as digits times
-//           invocations in flight
-//   GROUPS  one workgroup a run of SORT_TILE pairs, sorted in shared memory so that neighbours are stored by
-//           neighbours
+//   LANES   one invocation per run, no barrier: for devices that emulate workgroups. Counters are private to the invocation, a load
+//           reads four keys or values. Between the first pass and the last, pairs are interleaved (MIXED: key, value, key, value,
+//           ...), so that a pair takes one store. The stores limit the speed: there are as many streams as digits times invocations
+//           in flight
+//   GROUPS  one workgroup per run of SORT_TILE pairs, sorted in shared memory so that neighbouring invocations store neighbouring
+//           pairs
 //
-//   in    keys and values, count of them (at most push.capacity)
+//   in    keys and values; their number, of which at most push.capacity are sorted
 //   out   the same pairs, ordered by one digit of the key
 //   cost  a key is read twice, a value once, a pair is written once
 #version 460
@@ -43,7 +42,7 @@ layout(push_constant, std430) uniform SortPush {
     uint capacity;
     uint runs;
     uint shift; // lowest bit of the digit
-    uint mask;  // its greatest value
+    uint mask;  // greatest value of the digit
 } push;
 
 layout(set = 0, binding = BINDING_SORT_COUNT, std430) readonly buffer Count {
@@ -68,7 +67,7 @@ void main() {
 #else
 
 layout(set = 0, binding = BINDING_SORT_DIGITS, std430) buffer Digits {
-    uint word[]; // counts, then places: run by run of digit 0, of digit 1, ...
+    uint word[]; // counts, then positions: run by run for digit 0, then for digit 1, ...
 } digits;
 
 #ifdef FROM_MIXED
@@ -115,7 +114,7 @@ layout(set = 0, binding = BINDING_SORTED_VALUES, std430) writeonly buffer Values
 
 layout(local_size_x = LANE_GROUP) in;
 
-// Counts or places of this run, by digit.
+// Counts or positions of this run, by digit.
 uint places[SORT_LANE_DIGITS];
 
 #ifdef COUNTS
@@ -183,7 +182,7 @@ void take_one(uint i) {
 void main() {
     uint run = gl_GlobalInvocationID.x;
     uint pairs = min(count.word[0], push.capacity);
-    // Runs begin at fours.
+    // Runs begin at multiples of four.
     uint length = 4u * ((pairs + 4u * push.runs - 1u) / (4u * push.runs));
     uint begin = min(run * length, pairs);
     uint end = min(begin + length, pairs);
@@ -239,7 +238,7 @@ void main() {
 
 #define ITEMS (SORT_TILE / WIDE_GROUP)
 
-// Counters of 4-bit digits, or a tile of words on their way. One word in 32 is left out, against bank conflicts.
+// Counters of 4-bit digits, or a tile of words in transit. One word in 32 is unused, against bank conflicts.
 shared uint tile[SORT_TILE + SORT_TILE / 32];
 // Where each digit begins in the sorted tile.
 shared uint starts[WIDE_GROUP];
@@ -248,8 +247,8 @@ uint padded(uint i) {
     return i + i / 32u;
 }
 
-// Ranks of this invocation's keys in the tile by a digit of four bits, stable. Each invocation counts in eight
-// words of its own, two digits a word: digits 0 to 7 in the lower halves, 8 to 15 in the upper ones.
+// Ranks this invocation's keys in the tile by a digit of four bits, stably. Each invocation counts in eight words of its own, two
+// digits per word: digits 0 to 7 in the lower halves, 8 to 15 in the upper ones.
 void rank(uint nibble[ITEMS], out uint ranks[ITEMS]) {
     uint self = gl_LocalInvocationID.x;
     for (uint i = 0u; i < 8u; i++) tile[padded(i * WIDE_GROUP + self)] = 0u;
@@ -260,12 +259,12 @@ void rank(uint nibble[ITEMS], out uint ranks[ITEMS]) {
         tile[at] += 1u << half_word;
     }
     barrier();
-    // Prefix sums over all counters: 8 in a row an invocation. No half exceeds SORT_TILE.
+    // Prefix sums over all counters, eight consecutive ones per invocation. No half exceeds SORT_TILE.
     uint own = 0u;
     for (uint i = 0u; i < 8u; i++) own += tile[padded(self * 8u + i)];
     uint total;
     uint before = group_exclusive(own, total);
-    // The upper halves come after all lower ones.
+    // The digits of the upper halves follow all those of the lower ones.
     before += total << 16;
     for (uint i = 0u; i < 8u; i++) {
         uint at = padded(self * 8u + i);
@@ -285,11 +284,11 @@ void main() {
     uint self = gl_LocalInvocationID.x;
     uint pairs = min(count.word[0], push.capacity);
     uint first = gl_WorkGroupID.x * SORT_TILE;
-    // The same for the whole workgroup.
+    // Uniform over the workgroup.
     if (first >= pairs) return;
     uint valid = min(SORT_TILE, pairs - first);
 
-    // Pairs in a row for each invocation. Behind the last one stand the highest digits, so that they stay there.
+    // Each invocation loads consecutive pairs. Keys beyond the last pair have the highest digits, so that they remain last.
     uint keys[ITEMS];
     uint values[ITEMS];
     for (uint item = 0u; item < ITEMS; item++) {
@@ -299,7 +298,7 @@ void main() {
     }
     uint nibble[ITEMS];
     uint ranks[ITEMS];
-    // The tile by the lower half of the digit, then by the upper one.
+    // Sort the tile by the lower half of the digit, then by the upper one.
     for (uint item = 0u; item < ITEMS; item++) nibble[item] = digit_of(keys[item]) & 15u;
     rank(nibble, ranks);
     if (push.mask > 15u) {
@@ -315,7 +314,7 @@ void main() {
         rank(nibble, ranks);
     }
 
-    // Out in sorted order, neighbours by neighbours.
+    // Store in sorted order: neighbouring invocations store neighbouring pairs.
     for (uint item = 0u; item < ITEMS; item++) tile[padded(ranks[item])] = keys[item];
     barrier();
     for (uint item = 0u; item < ITEMS; item++) {

@@ -3,15 +3,15 @@
 // entry compute GROUPS_REDUCE
 // entry compute GROUPS_SCAN
 //
-// Exclusive prefix sums of words, in place: reduce, then scan. The words are cut into at most SCAN_CHUNKS chunks
-// of equal length. The first dispatch sums each chunk in 64 bits; the second adds up the sums of the chunks
-// before its own and scans its chunk from there. No workgroup waits for another.
+// Exclusive prefix sums of words, in place: reduce, then scan. The words are divided into at most SCAN_CHUNKS chunks of equal length.
+// The first dispatch sums each chunk in 64 bits. In the second, each chunk adds up the sums of the chunks before it and scans its
+// words from there. No workgroup waits for another.
 //
-//   LANES   one invocation a chunk, no barrier: for devices that emulate workgroups
-//   GROUPS  one workgroup a chunk, tile by tile
+//   LANES   one invocation per chunk, no barrier: for devices that emulate workgroups
+//   GROUPS  one workgroup per chunk, tile by tile
 //
-//   in    words; push.count of them
-//   out   words; total: the sum modulo 2^32, and its upper 32 bits (not 0: the prefix sums have wrapped)
+//   in    push.count words
+//   out   words; total: the sum modulo 2^32, and its upper 32 bits (not 0 where the prefix sums have wrapped)
 //   cost  each word is read twice and written once
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -20,7 +20,7 @@
 
 layout(push_constant, std430) uniform ScanPush {
     uint count;
-    uint chunk; // words of a chunk
+    uint chunk; // words per chunk
     uint chunks;
 } push;
 
@@ -32,7 +32,7 @@ layout(set = 0, binding = BINDING_SCAN_SUMS, std430) buffer Sums {
     uint word[]; // lower and upper half of each chunk's sum
 } sums;
 
-// 64-bit sum in two words.
+// Adds 64-bit numbers in two words.
 void add(inout uvec2 sum, uvec2 more) {
     uint carry;
     sum.x = uaddCarry(sum.x, more.x, carry);
@@ -100,7 +100,7 @@ layout(local_size_x = WIDE_GROUP) in;
 
 shared uvec2 parts[WIDE_GROUP];
 
-// Sum over the workgroup, for all of it.
+// Returns the sum over the workgroup to all of its invocations.
 uvec2 group_sum(uvec2 value) {
     uint self = gl_LocalInvocationID.x;
     parts[self] = value;
@@ -137,7 +137,7 @@ void main() {
     }
     uvec2 before = group_sum(sum);
     uint prefix = before.x;
-    // Tile after tile, each invocation a few words in a row. The bounds of the loop are the workgroup's.
+    // Scan tile after tile, a few consecutive words per invocation. The loop's bounds are uniform over the workgroup.
     for (uint turn = 0u; turn < SCAN_GROUP_TURNS; turn++) {
         uint first = begin + turn * (WIDE_GROUP * SCAN_ITEMS);
         if (first >= end) break;

@@ -1,11 +1,11 @@
 // entry compute COMPUTE
 //
-// Which bricks of a grid show anything under the transfer function: a brick does when its range of scalars
-// meets one of the ranges that have extinction.
+// Finds the bricks of a grid in which the transfer function shows anything: those whose range of scalars intersects one of the ranges
+// with extinction.
 //
 //   in    ranges of the bricks; visible ranges of scalars, ascending and disjoint
-//   out   one word a brick: 0 where nothing is visible
-//   cost  a binary search a brick
+//   out   one word per brick: 0 where nothing is visible
+//   cost  a binary search per brick
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
@@ -14,7 +14,7 @@
 layout(push_constant, std430) uniform BricksPush {
     uint bricks;
     uint ranges; // number of visible ranges
-    float margin; // by how much a visible range is wider than given, scalars: what a table smears
+    float margin; // widens each visible range at both ends, scalars: a table smears its edges
 } push;
 
 layout(set = 0, binding = BINDING_RANGES, std430) readonly buffer Ranges {
@@ -32,7 +32,7 @@ layout(set = 0, binding = BINDING_BRICKS, std430) buffer Bricks {
 layout(local_size_x = 64) in;
 
 void main() {
-    // Large grids take several rows of workgroups.
+    // Large grids need several rows of workgroups.
     uint brick = gl_GlobalInvocationID.y * (gl_NumWorkGroups.x * gl_WorkGroupSize.x) + gl_GlobalInvocationID.x;
     if (brick >= push.bricks) return;
     vec2 range = ranges.of_brick[brick];

@@ -1,9 +1,13 @@
-// Sums over a workgroup of WIDE_GROUP invocations in one dimension, without subgroup operations; include only.
+// Prefix sums over a one-dimensional workgroup of WIDE_GROUP invocations, without subgroup operations.
+#ifndef GROUP_SCAN_GLSL
+#define GROUP_SCAN_GLSL
+
+#include "interface.glsl"
 
 shared uint group_scratch[2][WIDE_GROUP];
 
-// Sum of the values of the invocations before this one, and of all (Hillis and Steele 1986, two copies so that a
-// step takes one barrier). In uniform control flow only. The caller has a barrier before it calls again.
+// Returns the sum of the values of the invocations before this one; `total` is the sum of all. Hillis and Steele 1986, with two
+// copies so that a step needs one barrier. Call it in uniform control flow, with a barrier between two calls.
 uint group_exclusive(uint value, out uint total) {
     uint self = gl_LocalInvocationID.x;
     uint from = 0u;
@@ -19,3 +23,5 @@ uint group_exclusive(uint value, out uint total) {
     total = group_scratch[from][WIDE_GROUP - 1u];
     return group_scratch[from][self] - value;
 }
+
+#endif

@@ -1,10 +1,15 @@
-// The optical model that every technique shares: classification of a scalar, opacity and emission of a piece
-// of a ray.
+// The optical model that every technique shares: classification of a scalar by the transfer function, opacity and emission of a
+// piece of a ray, front-to-back compositing.
+#ifndef OPTICS_GLSL
+#define OPTICS_GLSL
+
+
+#include "interface.glsl"
 
 struct Knot {
-    vec4 value;       // r, g, b, tau at this knot
-    vec4 rise;        // change of the same up to the next knot; 0 at the last and at a jump
-    float s;          // scalar, the data's units
+    vec4 value;       // r, g, b, extinction at this knot
+    vec4 rise;        // their change up to the next knot; 0 at the last and at a jump
+    float s;          // scalar, in the data's units
     float inverse_ds; // 1 / (scalar of the next knot - s); 0 at the last and at a jump
     float end;        // scalar of the next knot; 3e38 at the last
     float pad;
@@ -20,10 +25,10 @@ layout(set = 0, binding = BINDING_KNOTS, std430) readonly buffer Knots {
     Knot many[];
 } knots_storage;
 
-// The knots that are walked through, in registers.
+// Registers: the knots, where there are few enough to search them in sequence.
 Knot walked[UNIFORM_KNOTS];
 
-// Reads the knots. To be called once, before the first `classify`, outside of loops.
+// Loads the knots. Call it once, before the first `classify`, outside of loops.
 void load_knots() {
     for (uint i = 0; i < KNOT_WALK; ++i) walked[i] = knots_uniform.few[i];
 }
@@ -32,8 +37,8 @@ vec4 on_piece(Knot knot, float s) {
     return knot.value + knot.rise * min((s - knot.s) * knot.inverse_ds, 1.0);
 }
 
-// Colour (rgb) and extinction per world unit (a) of scalar s: the knots' piecewise linear function,
-// evaluated exactly up to rounding, continuous from the right at jumps. `count` is the number of knots.
+// Returns colour (rgb) and extinction per world unit (a) of scalar s: the piecewise linear function of `count` knots, exact up to
+// rounding, continuous from the right at jumps.
 vec4 classify(float s, uint count) {
     if (KNOT_WALK == 0) {
         uint below = 0, above = count; // knots[below].s <= s < knots[above].s, or s is left of all
@@ -42,18 +47,18 @@ vec4 classify(float s, uint count) {
             if (knots_storage.many[middle].s <= s) below = middle; else above = middle;
         }
         Knot knot = knots_storage.many[below];
-        // NaN takes the knot's value, as in the walk.
+        // NaN yields the knot's value, as in the sequential search below.
         return s >= knot.s ? on_piece(knot, s) : knot.value;
     }
-    // A constant number of turns: unrolled.
+    // The number of iterations is constant, so compilers unroll the loop.
     vec4 value = walked[0].value;
     for (uint i = 0; i < KNOT_WALK; ++i) value = s >= walked[i].s ? on_piece(walked[i], s) : value;
     return value;
 }
 
-// Opacity of an optical depth that is not negative: 1 - exp(-od), accurate to a few units in the last place also where od is small and
-// the subtraction would lose everything. With od log2(e) = k + f, |f| <= 1/2, it is (1 - 2^-k) - 2^-k (2^-f - 1), and what stands in the last
-// parentheses is f times a series: the first omitted term is below 2e-8 of it. Where k is 0 nothing is subtracted.
+// Returns the opacity 1 - exp(-od) of an optical depth od >= 0, accurate to a few units in the last place also for small od, where
+// the subtraction would cancel. With od log2(e) = k + f, |f| <= 1/2, it equals (1 - 2^-k) - 2^-k (2^-f - 1). The last parenthesis
+// is f times a series, whose first omitted term is below 2e-8 of the sum. Where k is 0, nothing is subtracted.
 float alpha_of(float od) {
     float x = min(od * 1.44269504, 120.0), k = floor(x + 0.5), f = x - k;
     float rest = f * (-0.693147181 + f * (0.240226507 + f * (-0.0555041087 + f * (0.00961812911 + f * (-0.00133335581 + f * (0.000154035304 + f * -0.0000152527338))))));
@@ -61,21 +66,23 @@ float alpha_of(float od) {
     return (1.0 - scale) - scale * rest;
 }
 
-// What a piece of a ray of one colour emits and hides: premultiplied colour and opacity.
+// Returns premultiplied colour and opacity of a piece of a ray of constant colour and optical depth `od`.
 vec4 emission_of(vec3 colour, float od) {
     float alpha = alpha_of(od);
     return vec4(colour * alpha, alpha);
 }
 
-// Adds what lies behind, front to back.
+// Composites premultiplied colour and opacity behind `sum`.
 void add_behind(inout vec4 sum, inout float transmittance, vec4 emission) {
     sum += transmittance * emission;
     transmittance -= transmittance * emission.a;
 }
 
-// The same of a piece of one colour.
+// Composites a piece of constant colour and optical depth `od` behind `sum`.
 void add_piece_behind(inout vec4 sum, inout float transmittance, vec3 colour, float od) {
     float share = transmittance * alpha_of(od);
     sum += share * vec4(colour, 1.0);
     transmittance -= share;
 }
+
+#endif

@@ -1,27 +1,32 @@
-// Segments: pieces of a ray along which the scalar goes linearly from a front to a back value, and the transfer
-// function integrated between the two. For optics.glsl's knots.
+// Segments: pieces of a ray along which the scalar is linear between a front and a back value. The integrators below compute
+// emission and opacity of one.
 //
-//   INTEGRAL  mean extinction and mean emission from 1-D cumulative tables; self-attenuation with the tau-mean
-//             colour: opacity exact, colour second order in the segment's optical depth
-//   FULL      a 2-D table of front and back scalar, thickness as third axis: limited by the table's size
-//   EXACT     no table: the segment is cut at the knots; on each piece colour and extinction are linear
+//   INTEGRAL  mean extinction and mean emission from 1-D cumulative tables; self-attenuation with the mean colour, weighted by
+//             extinction: opacity exact, colour second order in the segment's optical depth
+//   FULL      a table over front scalar, back scalar and length: accuracy limited by the table's size
+//   EXACT     no table: knots split the segment; on each piece colour and extinction are linear
 //
 // Source: Engel, Kraus and Ertl, Graphics Hardware 2001 (FULL); partial pre-integration after Moreland, 2004
 // (EXACT).
+#ifndef SEGMENTS_GLSL
+#define SEGMENTS_GLSL
+
+#include "interface.glsl"
+#include "shared/optics.glsl"
 
 layout(constant_id = SPEC_INTEGRATOR) const uint INTEGRATOR = 0;
 layout(constant_id = SPEC_TABLE_FILTER) const bool TABLE_FILTER = false;
 
 struct TableHead {
     vec4 range;  // first and last scalar, bins or node spacings per unit of scalar, their width
-    vec4 before; // r, g, b, tau left of the first knot
-    vec4 after;  // and right of the last
+    vec4 before; // r, g, b, extinction left of the first knot
+    vec4 after;  // the same right of the last
     vec4 size;   // INTEGRAL: bins; FULL: nodes, layers, longest segment
 };
 
-// One bin of the cumulative table of the density (tau r, tau g, tau b, tau).
+// A bin of the cumulative table of the emission density (r, g, b, 1) * extinction.
 struct CumulativeBin {
-    vec4 high; // sum of the means of the bins before, with `low` to twice float32's digits
+    vec4 high; // sum of the means of all bins before; high + low has twice the precision of float32
     vec4 low;
     vec4 mean; // mean density in the bin
     vec4 rise; // density in the bin: mean + rise (x - 1/2), x in [0, 1]
@@ -31,29 +36,29 @@ layout(set = 0, binding = BINDING_TABLE_HEAD, std430) readonly buffer Table {
     TableHead head[];
 } table;
 
-// INTEGRAL: the four vectors of a bin side by side, TABLE_BINS_PER_ROW bins to a row. FULL: mean emission density by
-// front scalar, back scalar and thickness.
+// INTEGRAL: the four vectors of a bin side by side, TABLE_BINS_PER_ROW bins per row. FULL: mean emission density over front
+// scalar, back scalar and length.
 layout(set = 0, binding = BINDING_TABLE) uniform sampler3D table_texels;
 
-// The table's head in registers.
+// Registers: the table's head.
 TableHead head;
 
-// Number of the last knot.
+// Index of the last knot.
 int last_knot;
 
-// To be called once, before the first segment, outside of loops. Reads the knots too.
-void load_segments() {
+// Loads the transfer function of `knots` knots and the table's head. Call it once, before the first segment, outside of loops.
+void load_segments(uint knots) {
     load_knots();
-    last_knot = int(push.knots) - 1;
+    last_knot = int(knots) - 1;
     if (INTEGRATOR == INTEGRATOR_INTEGRAL || INTEGRATOR == INTEGRATOR_FULL) head = table.head[0];
 }
 
-// One end of a segment. What is looked up for it serves the segments on both sides.
+// One end of a segment. Its look-ups serve the segments on both sides.
 struct End {
     float s;
     CumulativeBin bin;
     float place; // index of the bin
-    float x;     // place inside the bin, in [0, 1]
+    float x;     // position in the bin, in [0, 1]
     vec4 optics; // colour and extinction
     int knot;    // the last knot at or below s; -1: none
 };
@@ -72,7 +77,7 @@ End end_at(float s) {
             Knot knot = knots_storage.many[max(below, 0)];
             end.optics = below < 0 ? knot.value : on_piece(knot, end.s);
         } else {
-            // As `classify`; knots beyond the last repeat it.
+            // As in `classify`; knots beyond the last repeat it.
             end.optics = walked[0].value;
             for (uint i = 0; i < KNOT_WALK; ++i) {
                 bool reached = end.s >= walked[i].s;
@@ -91,7 +96,7 @@ End end_at(float s) {
         place = clamp(place + float(x >= width) - float(x < 0.0), 0.0, head.size.x - 1.0);
         x = from_first - place * width;
         end.place = place;
-        // Below 1, so that no two bins' parts of a segment are both empty.
+        // Below 1, so that a segment across an edge has a non-empty part in at least one of the two bins.
         end.x = min(x * head.range.z, 0.99999994);
         int bin = int(place);
         ivec3 texel = ivec3(bin % TABLE_BINS_PER_ROW * 4, bin / TABLE_BINS_PER_ROW, 0);
@@ -103,32 +108,32 @@ End end_at(float s) {
     return end;
 }
 
-// Colour and opacity of a mean density over a length.
+// Returns premultiplied colour and opacity of a mean emission density over a length.
 vec4 emission_of_density(vec4 density, float len) {
     float od = density.a * len;
     float alpha = alpha_of(od);
-    // alpha / tau; the series is alpha_of's, divided by tau.
+    // alpha / extinction; for small optical depths by the series of 1 - exp(-od), divided by the extinction.
     float depth = od < 0.05 ? len * (1.0 - od * (0.5 - od * (1.0 / 6.0 - od * (1.0 / 24.0)))) : alpha / density.a;
     return vec4(density.rgb * depth, alpha);
 }
 
-// Density of a colour and an extinction.
+// Returns the emission density of a colour and an extinction.
 vec4 density_of(vec4 optics) {
     return vec4(optics.rgb * optics.a, optics.a);
 }
 
-// Least difference of scalars that is integrated over: where the ends are nearer, it is over so much to the right
-// of the lower one, where a transfer function is continuous.
+// Returns the least difference of scalars to integrate over. Where the ends are nearer, the integral reaches this far to the right
+// of the lower end: the transfer function is continuous from the right.
 float least_difference(float s) {
     return max(abs(s) * 2.4e-7, 1e-30);
 }
 
-// Density of a bin at a place.
+// Returns the density at position x of a bin.
 vec4 on_line(CumulativeBin bin, float x) {
     return bin.mean + bin.rise * (x - 0.5);
 }
 
-// Mean density between two scalars: a weighted mean of what lies left of the table's range, in it, and right of it.
+// Returns the mean density between two scalars: the weighted mean of the parts left of the table's range, in it, and right of it.
 vec4 integral_density(End front, End back, uint knots) {
     End low = front, high = back;
     if (front.s > back.s) {
@@ -144,8 +149,8 @@ vec4 integral_density(End front, End back, uint knots) {
     if (low.place == high.place) {
         inside = on_line(low.bin, 0.5 * (low.x + high.x));
     } else {
-        // The rest of the lower bin, the beginning of the higher one, and the whole bins between them: of these
-        // the lower one's mean is taken off, which leaves nothing where the two are neighbours.
+        // The rest of the lower bin, the beginning of the higher one, and the whole bins between them. The difference of the
+        // cumulative sums contains the lower bin: its mean is subtracted, which leaves 0 for neighbours.
         float number = high.place - low.place - 1.0;
         precise vec4 middle = (high.bin.high - low.bin.high) + (high.bin.low - low.bin.low) - low.bin.mean;
         inside = (1.0 - low.x) * on_line(low.bin, 0.5 * (1.0 + low.x)) + high.x * on_line(high.bin, 0.5 * high.x);
@@ -153,13 +158,13 @@ vec4 integral_density(End front, End back, uint knots) {
         inside /= (1.0 - low.x) + high.x + number;
     }
     vec4 density = weights.x * density_of(head.before) + weights.y * inside + weights.z * density_of(head.after);
-    // A scalar by itself may lie on a jump, which a bin has smeared. (A loop: software rasterisers run
-    // through branches that no invocation takes.)
+    // Equal scalars may lie on a jump, which the bin smears: classify them instead. (A loop instead of a branch: software
+    // rasterisers execute branches that no invocation takes.)
     for (uint turn = 0u; turn < uint(front.s == back.s); ++turn) density = density_of(classify(front.s, knots));
     return max(density, 0.0);
 }
 
-// Effective mean density between two scalars inside the table's range, for a length.
+// Returns the effective mean density between two scalars in the table's range, for a length.
 vec4 full_density(float front, float back, float len) {
     vec2 nodes = (vec2(front, back) - head.range.x) * head.range.z;
     float layer = clamp(log2(head.size.z / max(len, 1e-30)), 0.0, head.size.y - 1.0);
@@ -176,11 +181,13 @@ vec4 full_density(float front, float back, float len) {
     return mix(low, high, w.z);
 }
 
+// Composites `back` behind `front`.
 vec4 behind(vec4 front, vec4 back) {
     return front + (1.0 - front.a) * back;
 }
 
-// The table's range cuts the segment: outside, colour and extinction are constant.
+// Returns premultiplied colour and opacity of a segment by the full table. The table's range splits the segment: outside of it
+// colour and extinction are constant.
 vec4 full_segment(float front, float back, float len, uint knots) {
     float s0 = head.range.x, s1 = head.range.y;
     float inside_front = clamp(front, s0, s1), inside_back = clamp(back, s0, s1);
@@ -192,7 +199,7 @@ vec4 full_segment(float front, float back, float len, uint knots) {
     float inside = len * (cut.y - cut.x);
     vec4 middle = inside > 0.0 ? emission_of_density(full_density(inside_front, inside_back, inside), inside) : vec4(0.0);
     vec4 all = behind(behind(first, middle), last);
-    // A scalar by itself, as in integral_density.
+    // Equal scalars, as in integral_density.
     for (uint turn = 0u; turn < uint(front == back); ++turn) {
         vec4 optics = classify(front, knots);
         all = emission_of(optics.rgb, optics.a * len);
@@ -200,15 +207,14 @@ vec4 full_segment(float front, float back, float len, uint knots) {
     return all;
 }
 
-// The integral over t in [0, 1] of 1 - exp(-od(t)), where od(t) = a t + (b - a) t^2 / 2: the weight of the
-// front colour of a piece along which extinction goes from a to b (times its length) and colour is linear;
-// the back colour has the rest of the opacity. It is 1 - Psi of partial pre-integration. Gauss-Legendre with
-// four points a panel and panels of at most some 2/3 of optical depth, cut where 1 - exp(-12) is 1: within
-// 1e-6, without a difference that would lose what is small.
+// Returns the weight of the front colour in a piece along which colour is linear and extinction times length goes linearly from a
+// to b; the back colour has the rest of the opacity. The weight is the integral over t in [0, 1] of 1 - exp(-od(t)), where
+// od(t) = a t + (b - a) t^2 / 2; partial pre-integration calls it 1 - Psi. Gauss-Legendre with four points per panel, panels of an
+// optical depth of about 2/3, ended where od is 12 and the integrand is 1: accurate to 1e-6, and no difference cancels.
 float front_weight(float a, float b) {
     const float NODE[4] = float[](0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263);
     const float WEIGHT[4] = float[](0.17392742256872692, 0.3260725774312731, 0.3260725774312731, 0.17392742256872692);
-    // Opaque is opaque: squares and differences must stay finite.
+    // Larger extinctions are opaque all the same, but their squares would overflow.
     a = min(a, 1e15);
     b = min(b, 1e15);
     float od = min(0.5 * (a + b), 12.0);
@@ -226,13 +232,13 @@ float front_weight(float a, float b) {
     return sum * width + (1.0 - cut);
 }
 
-// Opacity of an optical depth of at most 1/2, to some units in the last place: eight terms of the series.
+// Returns the opacity of an optical depth of at most 1/2, to a few units in the last place: eight terms of the series.
 float alpha_of_half(float od) {
     return od * (1.0 - od * (0.5 - od * (1.0 / 6.0 - od * (1.0 / 24.0 - od * (1.0 / 120.0 - od * (1.0 / 720.0 - od * (1.0 / 5040.0 - od * (1.0 / 40320.0))))))));
 }
 
-// A piece along which colour and extinction are linear, of optical depth at most 1/2. `front_weight` by Gauss-Legendre with three
-// points: 1 - exp(-od(t)) is within 2e-7 of a polynomial of degree 5 there.
+// Returns premultiplied colour and opacity of a piece along which colour and extinction are linear, for optical depths up to 1/2.
+// Gauss-Legendre with three points replaces `front_weight`: 1 - exp(-od(t)) is within 2e-7 of a polynomial of degree 5 there.
 vec4 thin_piece(vec4 ahead, vec4 after, float len) {
     float a = ahead.a * len, slope = 0.5 * (after.a - ahead.a) * len;
     float alpha = alpha_of_half(a + slope);
@@ -242,14 +248,14 @@ vec4 thin_piece(vec4 ahead, vec4 after, float len) {
     return vec4(ahead.rgb * weight + after.rgb * (alpha - weight), alpha);
 }
 
-// The same of any optical depth.
+// The same for any optical depth.
 vec4 thick_piece(vec4 ahead, vec4 after, float len) {
     float alpha = alpha_of(len * 0.5 * (ahead.a + after.a));
     float weight = front_weight(len * ahead.a, len * after.a);
     return vec4(ahead.rgb * weight + after.rgb * max(alpha - weight, 0.0), alpha);
 }
 
-// The knot of a number.
+// Looks up the knot of an index.
 void knot_at(int number, inout float s, inout vec4 optics) {
     if (KNOT_WALK == 0) {
         Knot knot = knots_storage.many[clamp(number, 0, last_knot)];
@@ -263,7 +269,8 @@ void knot_at(int number, inout float s, inout vec4 optics) {
     }
 }
 
-// Cuts the segment at the knots that it crosses, in the order in which the ray meets them.
+// Returns premultiplied colour and opacity of a segment, piece by piece: the knots that it crosses split it, in the order in which
+// the ray meets them.
 vec4 exact_pieces(End front, End back, float len) {
     bool rising = back.knot > front.knot;
     uint crossings = uint(abs(back.knot - front.knot));
@@ -275,7 +282,7 @@ vec4 exact_pieces(End front, End back, float len) {
         float s = 0.0;
         vec4 after = vec4(0.0);
         if (KNOT_WALK == 0) {
-            // A loop, because software rasterisers run through branches that no invocation takes.
+            // A loop, because software rasterisers execute branches that no invocation takes.
             for (uint once = 0u; once < uint(!at_back); ++once) {
                 s = knots_storage.many[crossed].s;
                 after = knots_storage.many[crossed].value;
@@ -284,7 +291,7 @@ vec4 exact_pieces(End front, End back, float len) {
             knot_at(crossed, s, after);
         }
         after = at_back ? back.optics : after;
-        // The fraction first: equal scalars in a large world would make len / (b - a) infinite.
+        // The fraction first: for nearly equal scalars in a large world len / (b - a) would overflow.
         float x = at_back ? 1.0 : clamp((s - front.s) * scale, done, 1.0);
         float piece_len = (x - done) * len;
         bool thick = max(ahead.a, after.a) * piece_len > 0.5;
@@ -297,8 +304,8 @@ vec4 exact_pieces(End front, End back, float len) {
     return all;
 }
 
-// The same; a thin segment that crosses at most one knot without a loop, because software rasterisers run through what one invocation
-// of several needs.
+// The same. Thin segments that cross at most one knot take the straight path, because software rasterisers run a loop for all
+// invocations as soon as one needs it.
 vec4 exact_between(End front, End back, float len) {
     uint crossings = uint(abs(back.knot - front.knot));
     float s = 0.0;
@@ -313,9 +320,11 @@ vec4 exact_between(End front, End back, float len) {
     return all;
 }
 
-// Premultiplied colour and opacity of a segment of world length `len`.
+// Returns premultiplied colour and opacity of a segment of world length `len`.
 vec4 segment(End front, End back, float len, uint knots) {
     if (INTEGRATOR == INTEGRATOR_INTEGRAL) return emission_of_density(integral_density(front, back, knots), len);
     if (INTEGRATOR == INTEGRATOR_FULL) return full_segment(front.s, back.s, len, knots);
     return exact_between(front, back, len);
 }
+
+#endif

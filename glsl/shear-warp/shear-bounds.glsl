@@ -1,39 +1,39 @@
 // entry compute TEXELS
 // entry compute EDGES
 //
-// What bounds the lines of a base plane's texels, where clipping or surfaces bound those of pixels (line-bounds.glsl).
+// Bounds for the rays of a base plane's texels, where clip planes or surfaces bound the rays of pixels (line-bounds.glsl).
 //
-//   TEXELS  one invocation a texel: depths along the stack, from those of the four pixels around
-//   EDGES   one invocation a pixel, after the warp: whether what its four texels were cut at is, interpolated, where its own line is
-//           cut. Where it is not, as at outlines, the pixel's line is marched by itself (shear-warp.glsl)
+//   TEXELS  one invocation per texel: interpolates the bounds of the four pixels around it and converts them to depths along the stack
+//   EDGES   one invocation per pixel, after the warp: compares the interpolated bounds of its four texels with the bounds of its own
+//           ray. Where they differ, as at outlines, the pixel's own ray is marched (shear-warp.glsl)
 //
-//   in    bounds of pixels; texels that pixels lie at (warp.glsl)
-//   out   bounds of texels; bounds of the pixels that are to be marched
+//   in    bounds of pixels; texel positions of pixels (warp.glsl)
+//   out   bounds of texels; bounds of the pixels that are marched
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
 
 layout(push_constant, std430) uniform ShearBoundsPush {
-    vec4 q0_step;    // lines of texels, as in base-plane.glsl
+    vec4 q0_step;    // rays of texels, as in base-plane.glsl
     vec4 d0_step;
-    vec4 ahead_sign; // change of the view's depth with each index; the way of z along the stack
-    vec4 to_x;       // from (x, y, 1), texels, to pixels from the image's centre, x w; last: half the image's width
-    vec4 to_y;       // y w; half its height
-    vec4 to_w;       // w; half the stack
+    vec4 ahead_sign; // xyz: gradient of the view's depth, per index; w: sign of the rays' direction along the stack
+    vec4 to_x;       // xyz: maps (x, y, 1), texels, to pixels from the image's centre, x w; w: half the image's width
+    vec4 to_y;       // y w; w: half the image's height
+    vec4 to_w;       // w; w: half the stack, indices
     uvec2 size;      // texels
     uint offset;     // of texel 0
     uint stride;     // of rows
-    float tolerance; // of depth along the stack, between what texels say and the pixel's own
-    float spread;    // and among texels: what is composited is not linear in it
+    float tolerance; // largest accepted difference between the interpolated depth and the pixel's own, along the stack
+    float spread;    // largest accepted difference among texels: colour is not linear in depth
     float pad0, pad1;
 } push;
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(set = 0, binding = BINDING_LINE_BOUNDS, std430) readonly buffer LineBounds { vec2 line_bounds[]; };
 
-// From the view's depth on the line of a texel, or of a place between texels, to that along the stack; what lies beyond the stack
-// is all the same.
+// Converts the view's depths on the ray of a texel, or of a position between texels, to depths along the stack, clamped to just
+// beyond the stack.
 vec2 along_stack(vec2 depths, vec2 texel) {
     vec2 t = texel - vec2(push.size / 2u);
     vec2 q = fma(push.q0_step.zw, t, push.q0_step.xy), d = fma(push.d0_step.zw, t, push.d0_step.xy);
@@ -51,7 +51,7 @@ void main() {
     float w = dot(push.to_w.xyz, p);
     vec2 half_extent = vec2(push.to_x.w, push.to_y.w);
     vec2 place = vec2(dot(push.to_x.xyz, p), dot(push.to_y.xyz, p)) / w + half_extent - 0.5;
-    // Texels beyond the image have its edge's.
+    // Texels outside of the image take the bounds at its edge.
     vec2 last = 2.0 * half_extent - 1.0;
     place = w > 0.0 ? clamp(place, vec2(0.0), last) : vec2(0.0);
     vec2 base = floor(place), share = place - base;
@@ -87,7 +87,7 @@ void main() {
         vec2 between = mix(mix(a, b, share.x), mix(c, d, share.x), share.y);
         vec2 least = min(min(a, b), min(c, d)), most = max(max(a, b), max(c, d));
         if (WARP != WARP_BILINEAR) {
-            // Filters that reach further: bicubic a texel, mip as far as the next pixel's.
+            // Filters that reach further: bicubic one texel, mip as far as the texel of the next pixel.
             int reach = 1;
             if (WARP == WARP_MIP) {
                 vec2 beside = edges[pixel.x + 1u < extent.x ? word + 1u : word - min(pixel.x, 1u)].xy;
@@ -104,8 +104,8 @@ void main() {
             }
         }
         vec2 spread = most - least;
-        bool told = all(lessThanEqual(abs(between - own), vec2(push.tolerance))) && all(lessThanEqual(spread, vec2(push.spread)));
-        if (!told) bounds = own;
+        bool interpolated = all(lessThanEqual(abs(between - own), vec2(push.tolerance))) && all(lessThanEqual(spread, vec2(push.spread)));
+        if (!interpolated) bounds = own;
     }
     edges[word].zw = bounds;
 }

@@ -4,19 +4,19 @@
 // entry fragment FRAGMENT
 // entry compute  HALVE
 //
-// The warp of the shear-warp factorisation: from base planes to the image, affine for parallel rays, projective in perspective.
-// A pixel shows the base plane whose slices its line crosses most steeply.
+// The warp of the shear-warp factorisation: resamples the intermediate images on the base planes to the image, by an affine map for
+// parallel rays, a projective map in perspective. A pixel belongs to the base plane whose slices its ray crosses most steeply.
 //
 //   COMPUTE   one invocation owns a pixel
-//   BOUNDED   the same, and says at which texel each pixel lies (shear-bounds.glsl)
-//   FRAGMENT  the same, as one quad
-//   HALVE     one invocation owns a texel of a level of half the size: the mean of four
+//   BOUNDED   the same, and stores the texel position of each pixel (shear-bounds.glsl)
+//   FRAGMENT  the same as COMPUTE, drawn as one quad
+//   HALVE     one invocation owns a texel of a level of half the size: the mean of four texels
 //
 //   in    intermediate image, its texels row by row
 //   out   accumulation image, or colour attachment 0: premultiplied linear RGBA
-//   error that of resampling an image: bilinear second order in the distance of texels, bicubic third; mip blurs where
-//         texels are smaller than pixels, so that none is left out
-//   cost  four texels a pixel (bilinear), eight (mip), sixteen (bicubic)
+//   error that of resampling an image: bilinear second order in the spacing of texels, bicubic third; mip blurs where texels are
+//         smaller than pixels, so that it skips none
+//   cost  four texels per pixel (bilinear), eight (mip), sixteen (bicubic)
 //
 // Source: Lacroute and Levoy, SIGGRAPH 1994; bicubic: Keys, Cubic convolution interpolation, 1981.
 #version 460
@@ -27,19 +27,18 @@
 layout(constant_id = SPEC_WARP) const uint WARP = 0;
 
 layout(push_constant, std430) uniform WarpPush {
-    vec4 to_x;        // from (x, y, 1), pixels from the image's centre, y down, to a texel's x w
+    vec4 to_x;        // xyz: maps (x, y, 1), pixels from the image's centre, y down, to a texel's x w
     vec4 to_y;        // y w
-    vec4 to_w;        // w, positive in front of the eye; last, as bits: texel 0 of the level of half the size
-    vec4 ahead;       // the same to how steeply the line crosses this plane's slices, and those of the two others
-    vec4 aside_u;
+    vec4 to_w;        // w, positive in front of the eye; component w, as bits: texel 0 of the level of half the size
+    vec4 ahead;       // xyz: maps (x, y, 1) to the steepness at which the ray crosses this plane's slices
+    vec4 aside_u;     // and those of the two other axes
     vec4 aside_v;
     vec2 half_extent; // half the image, pixels
     uvec2 size;       // texels
     uint offset;      // of texel 0
     uint stride;      // of rows
     uint levels;      // of the intermediate image
-    uint flags;       // 1: other planes have pixels of this image; 2: they have been drawn; 4, 8: on a seam with those
-                      // of u, of v, the other has the pixel
+    uint flags;       // WARP_SHARED, WARP_LATER, WARP_YIELDS_U, WARP_YIELDS_V
 } push;
 
 #ifdef HALVE
@@ -72,7 +71,7 @@ vec4 bilinear(vec2 at, Level level) {
     return mix(low, high, w.y);
 }
 
-// Weights of four texels in a row (Keys, a = -1/2).
+// Returns the weights of four texels in a row (Keys, a = -1/2).
 vec4 cubic(float x) {
     vec4 far = vec4(1.0 + x, x, 1.0 - x, 2.0 - x);
     vec4 inner = fma(far * far, fma(far, vec4(1.5), vec4(-2.5)), vec4(1.0));
@@ -90,18 +89,18 @@ vec4 bicubic(vec2 at, Level level) {
         for (int x = 0; x < 4; ++x) row += across[x] * texel_of(i + ivec2(x, y), level);
         sum += down[y] * row;
     }
-    // It overshoots: opacity stays below one, and its light with it; neither is negative.
+    // The filter overshoots: clamp negative values, and scale colour and opacity where opacity exceeds 1.
     if (!(sum.a > 0.0)) return vec4(0.0);
     return vec4(max(sum.rgb, 0.0), sum.a) / max(sum.a, 1.0);
 }
 
-// The level of half the size of one.
+// Returns the next level, of half the size.
 Level halved(Level level) {
     ivec2 size = (level.last + 2) / 2;
     return Level(size - 1, level.below, size.x, level.below + size.x * size.y);
 }
 
-// Whether a pixel is this plane's, what it shows of it, and the texel that it lies at.
+// Returns whether the pixel belongs to this plane, its colour, and its texel position.
 bool shown(vec2 pixel, out vec4 colour, out vec2 at) {
     colour = vec4(0.0);
     at = vec2(-3e38);
@@ -112,25 +111,25 @@ bool shown(vec2 pixel, out vec4 colour, out vec2 at) {
         precise float v = push.aside_v.x * p.x + push.aside_v.y * p.y + push.aside_v.z;
         u = abs(u);
         v = abs(v);
-        // On a seam, exactly, one of the two has the pixel.
-        bool beyond_u = (push.flags & 4u) != 0u ? ahead <= u : ahead < u;
-        bool beyond_v = (push.flags & 8u) != 0u ? ahead <= v : ahead < v;
+        // Exactly one of two planes owns a pixel on their seam.
+        bool beyond_u = (push.flags & WARP_YIELDS_U) != 0u ? ahead <= u : ahead < u;
+        bool beyond_v = (push.flags & WARP_YIELDS_V) != 0u ? ahead <= v : ahead < v;
         if (beyond_u || beyond_v) return false;
     }
     float w = dot(push.to_w.xyz, p);
     if (!(w > 0.0)) return push.flags == 0u;
     vec2 place = vec2(dot(push.to_x.xyz, p), dot(push.to_y.xyz, p)) / w;
     Level level = Level(ivec2(push.size) - 1, int(push.offset), int(push.stride), floatBitsToInt(push.to_w.w));
-    // Around the texels there is nothing; so there is in the outermost.
+    // Nothing is drawn around the texels; the outermost texels are empty.
     if (any(lessThan(place, vec2(-1.0))) || any(greaterThan(place, vec2(push.size)))) return true;
     at = place;
     if (WARP == WARP_BICUBIC) {
         colour = bicubic(place, level);
     } else if (WARP == WARP_MIP) {
-        // How far a step of a pixel goes.
+        // The texel steps of one pixel step.
         vec2 dx = (vec2(push.to_x.x, push.to_y.x) - place * push.to_w.x) / w;
         vec2 dy = (vec2(push.to_x.y, push.to_y.y) - place * push.to_w.y) / w;
-        // A level's texel is a mean, interpolated: of variance 1/4, where a pixel's area has 1/12.
+        // An interpolated mean of a level's texels has the variance 1/4, the area of a pixel 1/12.
         float step = max(dot(dx, dx), dot(dy, dy)) / 3.0;
         float wanted = clamp(0.5 * log2(max(step, 1e-30)), 0.0, float(push.levels - 1u));
         float share = wanted - floor(wanted);
@@ -163,8 +162,8 @@ void main() {
 #ifdef BOUNDED
     edges[pixel.y * extent.x + pixel.x] = vec4(own ? at : vec2(-3e38), vec2(float(EDGE_NONE)));
 #endif
-    // The first plane clears what is not its own.
-    if (own || (push.flags & 2u) == 0u) imageStore(accumulation, pixel, colour);
+    // The first plane clears the pixels of the others.
+    if (own || (push.flags & WARP_LATER) == 0u) imageStore(accumulation, pixel, colour);
 }
 #endif
 

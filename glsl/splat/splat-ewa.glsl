@@ -19,15 +19,12 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
-#ifdef CENTRE
-#define ROWS 8
-#extension GL_KHR_shader_subgroup_ballot : require
-#extension GL_KHR_shader_subgroup_vote : require
-#else
-#define ROWS 1
-#endif
-
 #include "interface.glsl"
+#ifdef CENTRE
+#include "splat/column-lanes.glsl"
+#else
+#include "splat/pixel-lanes.glsl"
+#endif
 #include "shared/optics.glsl"
 #include "splat/splats.glsl"
 

@@ -22,18 +22,16 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
-#if defined(IMAGE) || defined(AXIS)
-#define ROWS 8
-#extension GL_KHR_shader_subgroup_ballot : require
-#extension GL_KHR_shader_subgroup_vote : require
-#else
-#define ROWS 1
-#endif
 #if defined(IMAGE) || defined(IMAGE_WIDE)
 #define SLABS
 #endif
 
 #include "interface.glsl"
+#if defined(IMAGE) || defined(AXIS)
+#include "splat/column-lanes.glsl"
+#else
+#include "splat/pixel-lanes.glsl"
+#endif
 #include "shared/optics.glsl"
 #include "splat/splats.glsl"
 

@@ -1,4 +1,4 @@
-// Splats: kernels in their own space, and what of one lies on a pixel's line. Include only.
+// Splats: kernels in their own space, and what of one lies on a pixel's line.
 //
 // A kernel's centre m lies in splat space: on a lattice voxel indices from the domain's centre, over sigma for Gaussians, so that all
 // kernels are alike; else radii of the data from its centre. A pixel's line there is q + z d, z the depth from the plane through the
@@ -11,6 +11,11 @@
 // however far the eye is. Kernels that are products along the axes are summed up at Gauss-Legendre points.
 //
 // Source: Zwicker 2001; Mueller and Crawfis 1998 for slabs; Peikert, SciVis 2007, pages 4-20 and 4-21.
+#ifndef SPLATS_GLSL
+#define SPLATS_GLSL
+
+#include "interface.glsl"
+#include "frame/bounded.glsl"
 
 layout(constant_id = SPEC_SPLAT_SHAPE) const uint SHAPE = SHAPE_ALIKE;
 layout(constant_id = SPEC_SPLAT_KERNEL) const uint KERNEL = KERNEL_GAUSSIAN;
@@ -18,8 +23,6 @@ layout(constant_id = SPEC_SPLAT_DENSITY) const bool DENSITY = false; // extincti
 layout(constant_id = SPEC_RESUME) const bool RESUME = false;
 layout(constant_id = SPEC_EYE_INSIDE) const bool EYE_INSIDE = false; // kernels may reach behind the eye
 layout(constant_id = SPEC_RUNS) const uint RUNS = 64;
-
-#include "frame/bounded.glsl"
 
 layout(push_constant) uniform SplatPush {
     vec4 q0_kq;
@@ -51,52 +54,14 @@ layout(set = 0, binding = BINDING_SPLAT_STATE, std430) buffer SplatState { uvec2
 layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
 
-// An invocation owns ROWS pixels below each other: what is read of a splat serves all of them. Everything over rows is written out, so that
-// their values stay in registers.
-#if ROWS == 8
-#define EACH_ROW(f) f(0) f(1) f(2) f(3) f(4) f(5) f(6) f(7)
-#else
-#define EACH_ROW(f) f(0)
-#endif
-
 #define MOST (push.turns & 0x7fffffffu)
 #define IS_LAST ((push.turns >> 31) != 0u)
-
-// The eight invocations of a column's workgroup read eight words at once, one each, and tell each other: to load one word that all share
-// costs them as much. They go on together, as long as one of them does.
-#if ROWS == 8
-#define LANE gl_SubgroupInvocationID
-#define ANY(condition) subgroupAny(condition)
-
-vec4 words_from(float word, uint first) {
-    return first == 0u ? vec4(subgroupBroadcast(word, 0), subgroupBroadcast(word, 1), subgroupBroadcast(word, 2), subgroupBroadcast(word, 3))
-                       : vec4(subgroupBroadcast(word, 4), subgroupBroadcast(word, 5), subgroupBroadcast(word, 6), subgroupBroadcast(word, 7));
-}
-
-#define FETCH(list, at) words_from(list[at][LANE & 3u], 0u)
-#define FETCH_TWO(list, at, a, b) { float word = list[(at) + (LANE >> 2 & 1u)][LANE & 3u]; a = words_from(word, 0u); b = words_from(word, 4u); }
-#else
-#define LANE gl_LocalInvocationID.x
-#define ANY(condition) (condition)
-#define FETCH(list, at) list[at]
-#define FETCH_TWO(list, at, a, b) { a = list[at]; b = list[(at) + 1u]; }
-#endif
 
 // What is read of a splat.
 struct Read {
     vec4 point;
     vec4 value;
 };
-
-Read read_splat(uint id) {
-    Read read = Read(vec4(0.0), vec4(0.0));
-    if (SHAPE == SHAPE_ALIKE && !DENSITY) {
-        read.point = FETCH(splat_points, id);
-    } else {
-        FETCH_TWO(splat_points, 2u * id, read.point, read.value)
-    }
-    return read;
-}
 
 const float HALF_SQRT_PI = 0.88622693;
 
@@ -316,3 +281,5 @@ void load_pixel(uvec2 pixel, out vec4 sum, out float transmittance) {
 void store_pixel(uvec2 pixel, vec4 sum) {
     if (in_image(pixel)) imageStore(accumulation, ivec2(pixel), sum);
 }
+
+#endif
