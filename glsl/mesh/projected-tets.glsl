@@ -25,6 +25,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "mesh/mesh.glsl"
 
 layout(constant_id = SPEC_CELL_SCALARS) const bool CELL_SCALARS = false;
 layout(constant_id = SPEC_BACK_TO_FRONT) const bool BACK_TO_FRONT = false;
@@ -33,7 +34,6 @@ layout(constant_id = SPEC_LAST_CHUNK) const bool LAST_CHUNK = true;
 
 #ifdef COMPUTE
 #include "shared/optics.glsl"
-#include "mesh/mesh.glsl"
 #include "mesh/mesh-bounds.glsl"
 #include "shared/segments.glsl"
 #include "mesh/mesh-segments.glsl"
@@ -89,7 +89,6 @@ void main() {
 #endif
 
 #ifdef OUTLINES
-#include "mesh/mesh.glsl"
 #include "mesh/outline.glsl"
 
 layout(local_size_x = 64) in;
@@ -109,7 +108,6 @@ void main() {
 #endif
 
 #ifdef VERTEX
-#include "mesh/mesh.glsl"
 
 layout(set = 0, binding = BINDING_PRIMITIVES, std430) readonly buffer Primitives { uvec4 cells[]; };
 layout(set = 0, binding = BINDING_MESH_SCALARS, std430) readonly buffer MeshScalars { float mesh_scalars[]; };
@@ -140,7 +138,6 @@ void main() {
 
 #ifdef FRAGMENT
 #include "shared/optics.glsl"
-#include "mesh/mesh.glsl"
 #include "mesh/mesh-bounds.glsl"
 #include "shared/segments.glsl"
 #include "mesh/mesh-segments.glsl"
