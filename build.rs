@@ -3,12 +3,33 @@
 //! that the shaders read.
 //!
 //! A file with `// entry` lines becomes one module for each of them, named for the file's stem and the entry. Other
-//! files are headers. The path in an `#include` starts at `glsl/`.
+//! files are headers. The path in an `#include` starts at `glsl/`, and a folder includes only from the folders that
+//! [`ROOMS`] allows.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
+
+/// The folders of `glsl/`, each with those below it, from which its files may include. All may include `interface.glsl`.
+const ROOMS: [(&str, &[&str]); 9] = [
+    ("gpu", &[]),
+    ("resident", &[]),
+    ("shared", &[]),
+    ("primitives", &["shared"]),
+    ("frame", &["shared", "primitives"]),
+    ("grid", &["shared", "primitives", "frame"]),
+    ("shear-warp", &["shared", "primitives", "frame", "grid"]),
+    ("mesh", &["shared", "primitives", "frame"]),
+    ("splat", &["shared", "primitives", "frame"]),
+];
+
+/// Whether a file may include another; both paths start in `glsl/`.
+fn may_include(from: &str, name: &str) -> bool {
+    let room = |path: &str| path.split_once('/').map(|(room, _)| room.to_owned());
+    let (Some(from), Some(to)) = (room(from), room(name)) else { return name == "interface.glsl" };
+    from == to || ROOMS.iter().any(|(room, below)| *room == from && below.contains(&to.as_str()))
+}
 
 /// Ends the build with one line that Cargo shows as an error.
 macro_rules! refuse {
@@ -120,7 +141,7 @@ fn read(path: &Path) -> String {
     }
 }
 
-/// The `// entry <stage> <MACRO>` lines at the top of a file.
+/// Returns stage and macro of the `// entry <stage> <MACRO>` lines at the top of a file.
 fn entries(file: &Path, source: &str) -> Vec<(&'static str, String)> {
     let mut found = Vec::new();
     for line in source.lines() {
@@ -161,6 +182,9 @@ fn compile(
     }
     options.add_macro_definition(entry, None);
     options.set_include_callback(|name, _, from, _| {
+        if !may_include(from.trim_start_matches("glsl/"), name) {
+            return Err(format!("glsl/{name}, included from {from}: build.rs does not allow this direction"));
+        }
         let path = folder.join(name);
         let content = fs::read_to_string(&path)
             .map_err(|error| format!("glsl/{name}, included from {from}: {error}"))?;
@@ -178,7 +202,7 @@ fn compile(
     }
 }
 
-/// `#define NAME n` becomes a constant of the same name.
+/// Writes a constant for each `#define NAME n`, under the same name.
 fn constants(interface: &str, rust: &mut String) {
     for line in interface.lines() {
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -196,7 +220,7 @@ fn constants(interface: &str, rust: &mut String) {
     }
 }
 
-/// Members of one structure as the shaders lay it out: (name, offset), then the size.
+/// The layout of a structure in the shaders: (name, offset) of its members, then its size.
 type Layout = (Vec<(String, u32)>, u32);
 
 fn assertions(layouts: &BTreeMap<String, Layout>, rust: &mut String) {
@@ -216,7 +240,7 @@ fn assertions(layouts: &BTreeMap<String, Layout>, rust: &mut String) {
     }
 }
 
-/// What this build needs to know of a SPIR-V module.
+/// The parts of a SPIR-V module that this build reads.
 #[derive(Default)]
 struct Module {
     names: BTreeMap<u32, String>,
@@ -257,7 +281,7 @@ impl Module {
         module
     }
 
-    /// The type that a pointer variable points at.
+    /// Returns the type that a pointer variable points at.
     fn pointee(&self, pointer: u32) -> u32 {
         match self.types.get(&pointer).map(Vec::as_slice) {
             Some([32, _, target]) => *target,
@@ -265,8 +289,8 @@ impl Module {
         }
     }
 
-    /// Structures with offsets that the push constants and buffers of the module contain. A block whose
-    /// members are all structures or arrays of them is only a frame around them.
+    /// Collects the structures with offsets in the push constants and buffers of the module. A block whose members are
+    /// all structures or arrays of them is only a wrapper around them.
     fn layouts(&self, file: &Path, layouts: &mut BTreeMap<String, Layout>) {
         for &(pointer, _, class) in &self.variables {
             // Uniform, push constant, storage buffer.
@@ -287,7 +311,7 @@ impl Module {
         }
     }
 
-    /// A structure, or the element of an array.
+    /// Returns the structure itself, or the element of an array.
     fn framed(&self, id: u32) -> Option<u32> {
         let is_structure = matches!(self.types.get(&id).map(Vec::as_slice), Some([30, ..]));
         if is_structure { Some(id) } else { self.array_element(id) }
@@ -323,7 +347,7 @@ impl Module {
         }
     }
 
-    /// Size in bytes of a type that a shared structure may have.
+    /// Returns the size in bytes of a type that a shared structure may have.
     fn size(&self, id: u32) -> u32 {
         match self.types.get(&id).map(Vec::as_slice) {
             Some([21 | 22, bits, ..]) => bits / 8,
@@ -335,7 +359,7 @@ impl Module {
         }
     }
 
-    /// One `Shader` constant: code, stage, size of the push constants, bindings.
+    /// Writes one `Shader` constant: code, stage, size of the push constants, bindings.
     fn describe(&self, name: &str, stage: &str, rust: &mut String) {
         let mut push = 0;
         let mut bindings = BTreeMap::new();
@@ -372,7 +396,7 @@ impl Module {
     }
 }
 
-/// A literal string of SPIR-V: four bytes a word, ended by zero.
+/// Decodes a literal string of SPIR-V: four bytes per word, ended by zero.
 fn text(words: &[u32]) -> String {
     let bytes: Vec<u8> =
         words.iter().flat_map(|word| word.to_le_bytes()).take_while(|&byte| byte != 0).collect();

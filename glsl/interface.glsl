@@ -1,8 +1,8 @@
 // Numbers that Rust and GLSL share: build.rs turns each `#define NAME n` into a Rust constant of the same name.
 //
-// Includes go down this list: shear-warp, grid, frame, primitives, shared, interface. mesh and splat stand beside grid, on frame;
-// gpu and resident use only this file. The path in an #include starts at glsl/. Every header includes what it uses, and no macro of
-// its includer changes what it means.
+// Includes go down this list, as build.rs checks: shear-warp, grid, frame, primitives, shared, interface. mesh and splat stand beside
+// grid, on frame; gpu and resident use only this file. The path in an #include starts at glsl/. Every header includes what it uses,
+// and no macro of its includer changes what it means.
 #ifndef INTERFACE_GLSL
 #define INTERFACE_GLSL
 
