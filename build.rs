@@ -1,10 +1,35 @@
-//! Compiles `glsl/` to SPIR-V and writes `shaders.rs`: the modules with what they bind, the numbers of `glsl/interface.glsl`, and compile-time assertions that the Rust
-//! structures of `src/interface.rs` lie in memory as the shaders read them.
+//! Compiles the shaders of `glsl/` to SPIR-V and writes `shaders.rs`: the modules with their bindings, the numbers of
+//! `glsl/interface.glsl`, and compile-time assertions that the Rust structures of `src/interface.rs` have the layout
+//! that the shaders read.
+//!
+//! A file with `// entry` lines becomes one module for each of them, named for the file's stem and the entry. Other
+//! files are headers. The path in an `#include` starts at `glsl/`, and a folder includes only from the folders that
+//! [`ROOMS`] allows.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
+
+/// The folders of `glsl/`, each with those below it, from which its files may include. All may include `interface.glsl`.
+const ROOMS: [(&str, &[&str]); 9] = [
+    ("gpu", &[]),
+    ("resident", &[]),
+    ("shared", &[]),
+    ("primitives", &["shared"]),
+    ("frame", &["shared", "primitives"]),
+    ("grid", &["shared", "primitives", "frame"]),
+    ("shear-warp", &["shared", "primitives", "frame", "grid"]),
+    ("mesh", &["shared", "primitives", "frame"]),
+    ("splat", &["shared", "primitives", "frame"]),
+];
+
+/// Whether a file may include another; both paths start in `glsl/`.
+fn may_include(from: &str, name: &str) -> bool {
+    let room = |path: &str| path.split_once('/').map(|(room, _)| room.to_owned());
+    let (Some(from), Some(to)) = (room(from), room(name)) else { return name == "interface.glsl" };
+    from == to || ROOMS.iter().any(|(room, below)| *room == from && below.contains(&to.as_str()))
+}
 
 /// Ends the build with one line that Cargo shows as an error.
 macro_rules! refuse {
@@ -19,15 +44,12 @@ fn main() {
     let out = PathBuf::from(env::var_os("OUT_DIR").unwrap_or_default());
     let folder = root.join("glsl");
     println!("cargo::rerun-if-changed=build.rs");
-    println!("cargo::rerun-if-changed=glsl");
     println!("cargo::rerun-if-env-changed=SHADERC_LIB_DIR");
 
-    let mut files: Vec<PathBuf> = match fs::read_dir(&folder) {
-        Ok(entries) => entries.filter_map(|e| Some(e.ok()?.path())).collect(),
-        Err(error) => refuse!("{}: {error}", folder.display()),
-    };
-    files.retain(|file| file.extension().is_some_and(|e| e == "glsl"));
+    let mut files = Vec::new();
+    walk(&folder, &mut files);
     files.sort();
+    refuse_equal_stems(&files);
 
     let compiler = match shaderc::Compiler::new() {
         Ok(compiler) => compiler,
@@ -42,11 +64,9 @@ fn main() {
     constants(&read(&folder.join("interface.glsl")), &mut rust);
     let mut layouts = BTreeMap::new();
     for file in &files {
-        println!("cargo::rerun-if-changed={}", file.display());
         let source = read(file);
         for (stage, entry) in entries(file, &source) {
-            let stem = file.file_stem().unwrap_or_default().to_string_lossy();
-            let name = format!("{stem}_{entry}").to_uppercase().replace('-', "_");
+            let name = format!("{}_{entry}", stem(file)).to_uppercase().replace('-', "_");
             // Names are read from the plain module: optimisation strips them.
             let plain = compile(&compiler, &folder, file, &source, stage, &entry, false);
             let module = Module::parse(&plain);
@@ -71,6 +91,49 @@ fn main() {
     }
 }
 
+/// Collects the GLSL files of a folder and of the folders in it, and has Cargo watch them all.
+fn walk(folder: &Path, files: &mut Vec<PathBuf>) {
+    // A watched folder is built again when a file is added or removed.
+    println!("cargo::rerun-if-changed={}", folder.display());
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(error) => refuse!("{}: {error}", folder.display()),
+    };
+    for entry in entries {
+        let path = match entry {
+            Ok(entry) => entry.path(),
+            Err(error) => refuse!("{}: {error}", folder.display()),
+        };
+        if path.is_dir() {
+            walk(&path, files);
+        } else if path.extension().is_some_and(|extension| extension == "glsl") {
+            println!("cargo::rerun-if-changed={}", path.display());
+            files.push(path);
+        }
+    }
+}
+
+fn stem(file: &Path) -> String {
+    file.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Refuses two files of one stem: names of modules come from stems, whatever the folder.
+fn refuse_equal_stems(files: &[PathBuf]) {
+    let mut stems = BTreeMap::new();
+    for file in files {
+        if let Some(other) = stems.insert(stem(file), file) {
+            refuse!("{} and {}: the names of shader files must differ", other.display(), file.display());
+        }
+    }
+}
+
+/// The path of a shader as messages name it: from the root of the project, with forward slashes.
+fn shown(folder: &Path, file: &Path) -> String {
+    let inner = file.strip_prefix(folder).unwrap_or(file);
+    let parts: Vec<_> = inner.iter().map(|part| part.to_string_lossy()).collect();
+    format!("glsl/{}", parts.join("/"))
+}
+
 fn read(path: &Path) -> String {
     match fs::read_to_string(path) {
         Ok(text) => text,
@@ -78,7 +141,7 @@ fn read(path: &Path) -> String {
     }
 }
 
-/// The `// entry <stage> <MACRO>` lines at the top of a file.
+/// Returns stage and macro of the `// entry <stage> <MACRO>` lines at the top of a file.
 fn entries(file: &Path, source: &str) -> Vec<(&'static str, String)> {
     let mut found = Vec::new();
     for line in source.lines() {
@@ -119,9 +182,12 @@ fn compile(
     }
     options.add_macro_definition(entry, None);
     options.set_include_callback(|name, _, from, _| {
+        if !may_include(from.trim_start_matches("glsl/"), name) {
+            return Err(format!("glsl/{name}, included from {from}: build.rs does not allow this direction"));
+        }
         let path = folder.join(name);
-        let content =
-            fs::read_to_string(&path).map_err(|error| format!("{name}, included from {from}: {error}"))?;
+        let content = fs::read_to_string(&path)
+            .map_err(|error| format!("glsl/{name}, included from {from}: {error}"))?;
         Ok(shaderc::ResolvedInclude { resolved_name: format!("glsl/{name}"), content })
     });
     let kind = match stage {
@@ -129,14 +195,14 @@ fn compile(
         "Fragment" => shaderc::ShaderKind::Fragment,
         _ => shaderc::ShaderKind::Compute,
     };
-    let shown = format!("glsl/{}", file.file_name().unwrap_or_default().to_string_lossy());
+    let shown = shown(folder, file);
     match compiler.compile_into_spirv(source, kind, &shown, "main", Some(&options)) {
         Ok(artifact) => artifact.as_binary().to_vec(),
         Err(error) => refuse!("{shown} ({entry}): {error}"),
     }
 }
 
-/// `#define NAME n` becomes a constant of the same name.
+/// Writes a constant for each `#define NAME n`, under the same name.
 fn constants(interface: &str, rust: &mut String) {
     for line in interface.lines() {
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -154,7 +220,7 @@ fn constants(interface: &str, rust: &mut String) {
     }
 }
 
-/// Members of one structure as the shaders lay it out: (name, offset), then the size.
+/// The layout of a structure in the shaders: (name, offset) of its members, then its size.
 type Layout = (Vec<(String, u32)>, u32);
 
 fn assertions(layouts: &BTreeMap<String, Layout>, rust: &mut String) {
@@ -174,7 +240,7 @@ fn assertions(layouts: &BTreeMap<String, Layout>, rust: &mut String) {
     }
 }
 
-/// What this build needs to know of a SPIR-V module.
+/// The parts of a SPIR-V module that this build reads.
 #[derive(Default)]
 struct Module {
     names: BTreeMap<u32, String>,
@@ -215,7 +281,7 @@ impl Module {
         module
     }
 
-    /// The type that a pointer variable points at.
+    /// Returns the type that a pointer variable points at.
     fn pointee(&self, pointer: u32) -> u32 {
         match self.types.get(&pointer).map(Vec::as_slice) {
             Some([32, _, target]) => *target,
@@ -223,8 +289,8 @@ impl Module {
         }
     }
 
-    /// Structures with offsets that the push constants and buffers of the module contain. A block whose
-    /// members are all structures or arrays of them is only a frame around them.
+    /// Collects the structures with offsets in the push constants and buffers of the module. A block whose members are
+    /// all structures or arrays of them is only a wrapper around them.
     fn layouts(&self, file: &Path, layouts: &mut BTreeMap<String, Layout>) {
         for &(pointer, _, class) in &self.variables {
             // Uniform, push constant, storage buffer.
@@ -245,7 +311,7 @@ impl Module {
         }
     }
 
-    /// A structure, or the element of an array.
+    /// Returns the structure itself, or the element of an array.
     fn framed(&self, id: u32) -> Option<u32> {
         let is_structure = matches!(self.types.get(&id).map(Vec::as_slice), Some([30, ..]));
         if is_structure { Some(id) } else { self.array_element(id) }
@@ -281,7 +347,7 @@ impl Module {
         }
     }
 
-    /// Size in bytes of a type that a shared structure may have.
+    /// Returns the size in bytes of a type that a shared structure may have.
     fn size(&self, id: u32) -> u32 {
         match self.types.get(&id).map(Vec::as_slice) {
             Some([21 | 22, bits, ..]) => bits / 8,
@@ -293,7 +359,7 @@ impl Module {
         }
     }
 
-    /// One `Shader` constant: code, stage, size of the push constants, bindings.
+    /// Writes one `Shader` constant: code, stage, size of the push constants, bindings.
     fn describe(&self, name: &str, stage: &str, rust: &mut String) {
         let mut push = 0;
         let mut bindings = BTreeMap::new();
@@ -330,7 +396,7 @@ impl Module {
     }
 }
 
-/// A literal string of SPIR-V: four bytes a word, ended by zero.
+/// Decodes a literal string of SPIR-V: four bytes per word, ended by zero.
 fn text(words: &[u32]) -> String {
     let bytes: Vec<u8> =
         words.iter().flat_map(|word| word.to_le_bytes()).take_while(|&byte| byte != 0).collect();

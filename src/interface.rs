@@ -3,7 +3,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// One knot of the transfer function (`optics.glsl`).
+/// A knot of the transfer function (`optics.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct Knot {
@@ -15,21 +15,21 @@ pub(crate) struct Knot {
     pub(crate) pad: f32,
 }
 
-/// Head of a pre-integration table (`segments.glsl`).
+/// The head of a pre-integration table (`segments.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct TableHead {
-    /// First and last scalar, bins or node spacings per unit of scalar, their width.
+    /// First and last scalar; bins or node spacings per unit of scalar; their width.
     pub(crate) range: [f32; 4],
-    /// r, g, b, tau of the constant piece left of the first knot.
+    /// r, g, b, extinction of the constant piece left of the first knot.
     pub(crate) before: [f32; 4],
-    /// And right of the last.
+    /// The same right of the last knot.
     pub(crate) after: [f32; 4],
     /// Bins; or nodes, layers and the longest segment.
     pub(crate) size: [f32; 4],
 }
 
-/// One bin of a cumulative table (`segments.glsl`).
+/// A bin of a cumulative table (`segments.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct CumulativeBin {
@@ -39,7 +39,7 @@ pub(crate) struct CumulativeBin {
     pub(crate) rise: [f32; 4],
 }
 
-/// Push constants of every technique for grids (`grid.glsl`).
+/// The push constants of every technique for grids (`grid.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct GridPush {
@@ -61,7 +61,7 @@ pub(crate) struct GridPush {
     pub(crate) seed: u32,
 }
 
-/// Push constants of what is composited on a base plane (`base-plane.glsl`).
+/// The push constants of compositing on a base plane (`base-plane.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct BasePlanePush {
@@ -84,7 +84,7 @@ pub(crate) struct BasePlanePush {
     pub(crate) atlas: [u32; 2],
 }
 
-/// Push constants of the warp (`warp.glsl`).
+/// The push constants of the warp (`warp.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct WarpPush {
@@ -102,7 +102,7 @@ pub(crate) struct WarpPush {
     pub(crate) flags: u32,
 }
 
-/// Push constants of `bricks.glsl`.
+/// The push constants of `bricks.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct BricksPush {
@@ -111,7 +111,7 @@ pub(crate) struct BricksPush {
     pub(crate) margin: f32,
 }
 
-/// Push constants of every technique for meshes (`mesh.glsl`).
+/// The push constants of every technique for meshes (`mesh.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct MeshPush {
@@ -135,9 +135,10 @@ pub(crate) struct MeshPush {
     pub(crate) smoke: f32,
     pub(crate) bins: u32,
     pub(crate) alike: f32,
+    pub(crate) last_round: u32,
 }
 
-/// Push constants of `bins.glsl`.
+/// The push constants of `bins.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct BinsPush {
@@ -150,7 +151,7 @@ pub(crate) struct BinsPush {
     pub(crate) capacity: u32,
 }
 
-/// Push constants of what draws splats (`splats.glsl`).
+/// The push constants of the passes that draw splats (`splats.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct SplatPush {
@@ -172,7 +173,7 @@ pub(crate) struct SplatPush {
     pub(crate) turns: u32,
 }
 
-/// Push constants of `splat-project.glsl`.
+/// The push constants of `splat-project.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct SplatViewPush {
@@ -193,7 +194,7 @@ pub(crate) struct SplatViewPush {
     pub(crate) count: u32,
 }
 
-/// What of a cell is drawn as a fan of triangles (`tet-fans.glsl`).
+/// The thick segment of a cell and the corners around it, drawn as a fan of triangles (`tet-fans.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct Fan {
@@ -205,14 +206,14 @@ pub(crate) struct Fan {
     pub(crate) pad2: u32,
 }
 
-/// Push constants of `probe.glsl`.
+/// The push constants of `probe.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct ProbePush {
     pub(crate) count: u32,
 }
 
-/// Push constants of `scan.glsl`.
+/// The push constants of `scan.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct ScanPush {
@@ -221,7 +222,7 @@ pub(crate) struct ScanPush {
     pub(crate) chunks: u32,
 }
 
-/// Push constants of `radix-sort.glsl`.
+/// The push constants of `radix-sort.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct SortPush {
@@ -231,7 +232,7 @@ pub(crate) struct SortPush {
     pub(crate) mask: u32,
 }
 
-/// Push constants of the pass that bounds lines (`line-bounds.glsl`).
+/// The push constants of the pass that bounds rays (`line-bounds.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct BoundsPush {
@@ -243,7 +244,7 @@ pub(crate) struct BoundsPush {
     pub(crate) count: u32,
 }
 
-/// Push constants of `shear-bounds.glsl`.
+/// The push constants of `shear-bounds.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct ShearBoundsPush {
@@ -262,7 +263,7 @@ pub(crate) struct ShearBoundsPush {
     pub(crate) pad1: f32,
 }
 
-/// Push constants of `surfaces.glsl`.
+/// The push constants of `surfaces.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct SurfacePush {

@@ -23,9 +23,9 @@ use crate::scene::View;
 const PLANES: usize = 6;
 
 /// Beside their number: lines start at the eye; the far end is stored as 1.
-const PERSPECTIVE: u32 = 16;
-const FAR_AT_ONE: u32 = 32;
-const PLANE_COUNT: u32 = 15;
+const PERSPECTIVE: u32 = crate::gpu::shader::BOUNDS_PERSPECTIVE;
+const FAR_AT_ONE: u32 = crate::gpu::shader::BOUNDS_FAR_AT_ONE;
+const PLANE_COUNT: u32 = crate::gpu::shader::BOUNDS_PLANES;
 
 /// Two depths for each pixel, in units of a technique.
 pub(crate) fn bounds_buffer(gpu: &Gpu, view: &View) -> Result<Arc<Buffer>> {

@@ -391,7 +391,7 @@ impl Prepared for MeshFrame {
             }
             if let Some(repair) = &self.repair {
                 for round in 1..=self.rounds {
-                    let push = MeshPush { bins: u32::from(round == self.rounds), ..push };
+                    let push = MeshPush { last_round: u32::from(round == self.rounds), ..push };
                     repair.record(recorder, &push, groups);
                 }
             }

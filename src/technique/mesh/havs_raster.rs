@@ -342,7 +342,7 @@ impl Repairs {
                     band: band.first,
                     capacity: lists.list_capacity,
                     number: u32::MAX / 2,
-                    bins: u32::from(round == self.rounds),
+                    last_round: u32::from(round == self.rounds),
                     ..*push
                 };
                 self.pass.record(recorder, &push, groups_of(band.tiles, 1));

@@ -89,7 +89,7 @@ impl Overlaps {
                     count: band.tiles,
                     band: band.first,
                     capacity: self.lists.list_capacity,
-                    bins: u32::from(round == self.rounds),
+                    last_round: u32::from(round == self.rounds),
                     ..*push
                 };
                 self.pass.record(recorder, &push, groups_of(band.tiles, 1));

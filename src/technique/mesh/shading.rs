@@ -102,6 +102,7 @@ pub(crate) fn shading_push(scene: &GpuScene, desc: &MeshDesc, knots: &Knots) -> 
         opaque: f32_of(desc.stop / scene.max_colour()),
         smoke: f32_of(desc.smoke),
         alike: f32_of((high - low) * ALIKE),
+        last_round: 0,
         ..MeshPush::default()
     })
 }

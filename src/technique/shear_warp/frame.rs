@@ -41,7 +41,7 @@ use crate::technique::shear_warp::planes::{FILL, Face, Faces, TEXEL, plan};
 const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 
 /// A bit of `BasePlanePush::order`.
-const BACK_TO_FRONT: u32 = 16;
+const BACK_TO_FRONT: u32 = crate::gpu::shader::PLANE_BACK_TO_FRONT;
 
 /// A stack on the device with the descriptors that name it.
 #[derive(Debug)]

@@ -14,7 +14,7 @@ use crate::technique::shear_warp::options::NAME;
 use crate::technique::shear_warp::planes::Face;
 
 /// A bit of `BasePlanePush::order`: another dispatch follows.
-const MORE: u32 = 4;
+const MORE: u32 = crate::gpu::shader::MARCH_CONTINUES;
 
 /// The pipelines of a march.
 #[derive(Debug)]

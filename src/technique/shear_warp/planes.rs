@@ -25,8 +25,8 @@ pub(crate) const FILL: f64 = 0.6;
 const MOST_SIDE: u32 = 8 * 65_535;
 
 /// Bits of `BasePlanePush::order`, and the first of those that count slices.
-pub(crate) const DOWN: u32 = 8;
-const EVERY: u32 = 8;
+pub(crate) const DOWN: u32 = crate::gpu::shader::PLANE_DOWN;
+const EVERY: u32 = crate::gpu::shader::PLANE_EVERY_SHIFT;
 
 /// One base plane of a view, ready to be recorded.
 #[derive(Clone, Debug)]

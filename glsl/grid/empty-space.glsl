@@ -1,0 +1,68 @@
+// Empty-space skipping: a march skips bricks in which nothing is visible (bricks.glsl).
+#ifndef EMPTY_SPACE_GLSL
+#define EMPTY_SPACE_GLSL
+
+#include "interface.glsl"
+#include "grid/ray.glsl"
+
+layout(constant_id = SPEC_EMPTY_SPACE) const bool EMPTY_SPACE = false;
+
+layout(set = 0, binding = BINDING_BRICKS, std430) readonly buffer Bricks {
+    uint visible[];
+} bricks;
+
+struct BrickGrid {
+    ivec3 count;
+    ivec3 stride;
+    vec3 half_size; // half the domain, indices
+};
+
+// Returns the bricks of a domain in whose index space z is axis `axis` of the grid, and the other two follow cyclically.
+BrickGrid bricks_of(vec3 half_size, uint axis) {
+    ivec3 count = max(ivec3(ceil(2.0 * half_size / float(BRICK) - 1e-3)), ivec3(1));
+    // The words are stored along the grid's own axes, whichever of them is z here.
+    ivec3 stride = axis == 2u ? ivec3(1, count.x, count.x * count.y)
+                 : axis == 0u ? ivec3(count.z, count.z * count.x, 1)
+                                   : ivec3(count.y * count.z, 1, count.y);
+    return BrickGrid(count, stride, half_size);
+}
+
+// Returns the number of slabs, h cells thick, to march before the next look at the bricks: about two bricks. It is the same for all
+// invocations, so that those which run in lockstep do not wait for each other.
+uint slabs_between_looks(float h) {
+    return uint(clamp(2.0 * float(BRICK) / h, 4.0, 64.0));
+}
+
+// Returns the depth up to which nothing is visible on the ray from depth z on; z where something is visible in the brick there.
+//
+// Rounding may place a position in a neighbouring brick, and the ray may skip a corner of a brick that is shorter than the nudge:
+// both are harmless, because the range of a brick includes the samples one cell around it.
+float empty_until(Ray ray, float z, float far, BrickGrid grid) {
+    const float NUDGE = 0.01; // cells
+    float speed = max(max(abs(ray.d.x), abs(ray.d.y)), abs(ray.d.z));
+    float nudge = NUDGE / max(speed, 1e-30);
+    float at = z;
+    for (int turn = 0; turn < 64; ++turn) {
+        vec3 place = (fma(vec3(at + nudge), ray.d, ray.q) + grid.half_size) / float(BRICK);
+        ivec3 brick = clamp(ivec3(floor(place)), ivec3(0), grid.count - 1);
+        ivec3 word = brick * grid.stride;
+        if (bricks.visible[word.x + word.y + word.z] != 0u) break;
+        vec3 face = (vec3(brick) + mix(vec3(0.0), vec3(1.0), greaterThan(ray.inverse, vec3(0.0)))) * float(BRICK);
+        vec3 leave = (face - grid.half_size - ray.q) * ray.inverse;
+        at = max(min(min(leave.x, leave.y), leave.z), at + nudge);
+        if (at >= far) break;
+    }
+    return at;
+}
+
+// Skips those of the slabs from `slab` to `end` in which nothing is visible. Slab i lies between the depths z0 + i h and
+// z0 + (i + 1) h, and the ray enters slab `slab` at depth z. Returns the slab before which to look again.
+uint skip_empty(inout uint slab, uint end, float z, float z0, float h, uint walk, Ray ray, float far, BrickGrid grid) {
+    if (!EMPTY_SPACE) return end;
+    // Skip whole slabs only.
+    float until = empty_until(ray, z, far, grid);
+    slab = clamp(uint(max(floor((until - z0) / h), 0.0)), slab, end);
+    return min(slab + walk, end);
+}
+
+#endif

@@ -1,0 +1,54 @@
+// Push constants of the techniques for grids, and the rays of pixels in index space.
+//
+// Depth z is measured along the view from the plane through the domain's centre, and positions from that centre in grid indices, so
+// that a far eye loses no precision. Depth is in units of the smallest voxel spacing, so that the world's scale loses none either.
+// The ray of a pixel is p(z) = q + z d with
+//   q = q0 + kq (x px + y py),  d = d0 + kd (x px + y py),
+// x and y in pixels from the image's centre, y down. Perspective: kq = depth of the centre plane from
+// the eye, kd = 1. Orthographic: kq = 1, kd = 0.
+#ifndef GRID_GLSL
+#define GRID_GLSL
+
+#include "interface.glsl"
+#include "grid/ray.glsl"
+#include "grid/lattice.glsl"
+
+layout(push_constant, std430) uniform GridPush {
+    vec4 q0_kq;       // w: kq
+    vec4 px_kd;       // w: kd
+    vec4 py_z0;       // w: where slab 0 begins, in the technique's own measure
+    vec4 d0_h;        // w: thickness of a slab, in the same measure
+    vec4 half_scale;  // half the domain, indices; w: side of a pixel at unit depth, world
+    vec2 half_extent; // half the image, pixels
+    float near;       // smallest depth to draw: that of the eye for perspective
+    float value_scale; // scalar = value_scale * texel + value_offset
+    float value_offset;
+    uint knots;       // number of knots
+    uint first;       // first slab of this draw or dispatch
+    uint count;       // number of slabs of this draw or dispatch
+    uint order;       // raster: RASTER_*; compute: MARCH_*
+    float unit;       // world length of one unit of depth: the smallest voxel spacing
+    float opaque;     // transmittance at which a ray ends
+    uint seed;        // of dithering
+} push;
+
+// Returns the ray through a point of the image, in pixels.
+Ray ray_of(vec2 pixel) {
+    vec2 xy = pixel - push.half_extent;
+    vec3 lateral = fma(vec3(xy.x), push.px_kd.xyz, xy.y * push.py_z0.xyz);
+    vec2 slope = xy * (push.half_scale.w * push.px_kd.w);
+    vec3 q = fma(vec3(push.q0_kq.w), lateral, push.q0_kq.xyz);
+    vec3 d = fma(vec3(push.px_kd.w), lateral, push.d0_h.xyz);
+    return Ray(q, d, finite_inverse(d), push.unit * sqrt(1.0 + dot(slope, slope)));
+}
+
+// Returns the parameters of reconstruction. A stack of 2D textures has mip levels along its slices only.
+Lattice lattice_of_view(bool stack) {
+    vec3 px = push.px_kd.xyz, py = push.py_z0.xyz;
+    if (stack) px.z = py.z = 0.0;
+    float footprint = max(dot(px, px), dot(py, py));
+    return Lattice(push.half_scale.xyz, push.value_scale, push.value_offset, push.q0_kq.w, push.px_kd.w,
+                   PREFILTER ? 0.5 * log2(footprint) : 0.0);
+}
+
+#endif

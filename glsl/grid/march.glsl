@@ -1,0 +1,69 @@
+// The march of the compute routes for grids: one invocation owns a pixel and marches its ray front to back in registers, in one or
+// several dispatches, through the volume and the translucent surfaces in it.
+#ifndef MARCH_GLSL
+#define MARCH_GLSL
+
+#include "interface.glsl"
+#include "shared/optics.glsl"
+#include "frame/layers.glsl"
+#include "grid/grid.glsl"
+#include "grid/empty-space.glsl"
+#include "grid/interval.glsl"
+#include "grid/resume.glsl"
+
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
+
+bool in_image(ivec2 pixel) {
+    return all(lessThan(pixel, ivec2(2.0 * push.half_extent + 0.5)));
+}
+
+// Begins the march, or continues with what the dispatch before has stored: returns colour and opacity so far, and the transmittance.
+vec4 begin_march(ivec2 pixel, out float transmittance) {
+    return unpacked_state(RESUME ? imageLoad(accumulation, pixel) : vec4(0.0), transmittance);
+}
+
+// Stores the result, or the state for the next dispatch.
+void end_march(ivec2 pixel, vec4 sum, float transmittance) {
+    imageStore(accumulation, pixel, packed_state(sum, transmittance, (push.order & MARCH_CONTINUES) != 0u));
+}
+
+BrickGrid load_bricks() {
+    return bricks_of(push.half_scale.xyz, push.order & MARCH_AXIS);
+}
+
+// Returns the translucent surfaces from depth `begin` on, where this dispatch begins: the one before has composited those in front.
+LayersAhead begin_layers(ivec2 pixel, float begin) {
+    return layers_from(uvec2(pixel), uint(2.0 * push.half_extent.x + 0.5), push.first > 0u ? begin : -3e38);
+}
+
+// Returns the depth at which another dispatch resumes; 3e38 where none does.
+float layers_end(float end) {
+    return (push.order & MARCH_CONTINUES) != 0u ? end : 3e38;
+}
+
+// Composites the surfaces up to and including a depth, front to back.
+void pass_layers(inout LayersAhead ahead, float depth, float opaque, inout vec4 sum, inout float transmittance) {
+    for (uint turn = 0u; turn < MOST_TURNS / 2u && ahead.depth <= depth && transmittance > opaque; ++turn) {
+        add_behind(sum, transmittance, take_layer(ahead));
+    }
+}
+
+// Shortens a piece to the part in front of the next surface, after compositing the surfaces already reached. Returns whether the
+// surface splits the piece. Then `reached` is the depth of the split: the caller repeats the slab for the rest.
+bool cut_at_layer(inout LayersAhead ahead, inout vec2 piece, inout float reached, float opaque, inout vec4 sum, inout float transmittance) {
+    piece.x = max(piece.x, reached);
+    pass_layers(ahead, piece.x, opaque, sum, transmittance);
+    bool cut = ahead.depth < piece.y;
+    if (cut) reached = piece.y = ahead.depth;
+    return cut;
+}
+
+// Composites the remaining surfaces in front of depth `end`.
+void end_layers(inout LayersAhead ahead, float end, float opaque, inout vec4 sum, inout float transmittance) {
+    for (uint turn = 0u; turn < MOST_TURNS / 2u && ahead.depth < end && transmittance > opaque; ++turn) {
+        add_behind(sum, transmittance, take_layer(ahead));
+    }
+}
+
+#endif

@@ -1,0 +1,114 @@
+// entry vertex   VERTEX
+// entry fragment FRAGMENT
+// entry fragment SHADER_BLEND
+// entry compute  COMPUTE
+//
+// Pre-integrated slabs between view-aligned slices: samples the scalar on the front and back of a slab, then integrates the transfer
+// function between the two.
+//
+// Slab i spans the depths [z0 + i h, z0 + (i + 1) h]; the domain and the eye clip it along a pixel's ray. The scalar is sampled where
+// the ray enters and leaves the rest, and assumed linear in between.
+//
+//   VERTEX        one instance per slab: its outline in the image (slab-outline.glsl)
+//   FRAGMENT      one slab of one pixel, blended by fixed function
+//   SHADER_BLEND  the same, blended by the shader into a format of low precision with stochastic rounding
+//   COMPUTE       one invocation owns a pixel and marches its slabs front to back in registers; the scalar at the back of a slab is
+//                 the scalar at the front of the next
+//
+//   in    volume, transfer function or its table
+//   out   colour attachment 0, packed texels (SHADER_BLEND) or the accumulation image (COMPUTE): premultiplied
+//         linear RGBA
+//   error second order in h where the field is smooth, whatever the transfer function; tables add their own; a
+//         homogeneous domain is exact
+//   cost  one fetch (raster: two) and one integration per slab and covered pixel
+//
+// Source: Engel, Kraus and Ertl, Graphics Hardware 2001; Peikert, SciVis 2007, page 4-19.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+
+#include "interface.glsl"
+#include "shared/optics.glsl"
+#include "shared/segments.glsl"
+#include "grid/grid.glsl"
+#include "grid/volume.glsl"
+#include "grid/faces.glsl"
+#include "grid/slab.glsl"
+
+#ifdef VERTEX
+#include "grid/slab-outline.glsl"
+
+layout(location = 0) flat out uint slab_out;
+
+void main() {
+    gl_Position = slab_corner(gl_InstanceIndex, gl_VertexIndex, slab_out);
+}
+#endif
+
+#if defined(FRAGMENT) || defined(SHADER_BLEND)
+#ifdef SHADER_BLEND
+#include "grid/blend.glsl"
+#else
+#include "grid/blend-fixed.glsl"
+#endif
+#include "grid/interval.glsl"
+
+layout(location = 0) flat in uint slab_in;
+
+void main() {
+    load_segments(push.knots);
+    Ray ray = ray_of(gl_FragCoord.xy);
+    Lattice lattice = load_lattice();
+    vec2 piece = slab_piece(slab_begin(slab_in), slab_begin(slab_in + 1u), interval_of(ray, gl_FragCoord.xy));
+    vec4 emission = vec4(0.0);
+    if (piece.x < piece.y) {
+        Face front = face_of(stored_at(ray, piece.x, lattice), lattice);
+        Face back = face_of(stored_at(ray, piece.y, lattice), lattice);
+        emission = between_faces(front, back, (piece.y - piece.x) * ray.length_per_depth, push.knots);
+    }
+    blend(emission, slab_in);
+}
+#endif
+
+#ifdef COMPUTE
+#include "grid/march.glsl"
+
+void main() {
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (!in_image(pixel)) return;
+    Ray ray = ray_of(vec2(pixel) + 0.5);
+    vec2 interval = interval_of(ray, vec2(pixel));
+    uvec2 slabs = slabs_of(interval);
+
+    // Load these before the loop: drivers do not hoist them.
+    Lattice lattice = load_lattice();
+    BrickGrid brick_grid = load_bricks();
+    float h = push.d0_h.w, z0 = push.py_z0.w;
+    uint knots = push.knots;
+    float opaque = push.opaque;
+    uint walk = slabs_between_looks(h);
+    load_segments(knots);
+
+    float transmittance;
+    vec4 sum = begin_march(pixel, transmittance);
+    LayersAhead ahead = begin_layers(pixel, fma(float(push.first), h, z0));
+    float reached = -3e38, layers_until = layers_end(fma(float(push.first + push.count), h, z0));
+    uint slab = slabs.x;
+    while (slab < slabs.y && transmittance > opaque) {
+        float z = max(fma(float(slab), h, z0), interval.x);
+        uint stop = skip_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
+        Face front = face_of(stored_at(ray, max(fma(float(slab), h, z0), interval.x), lattice), lattice);
+        for (; slab < stop && transmittance > opaque; ++slab) {
+            vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
+            if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --slab;
+            Face back = face_of(stored_at(ray, piece.y, lattice), lattice);
+            if (piece.x < piece.y) {
+                float len = (piece.y - piece.x) * ray.length_per_depth;
+                add_behind(sum, transmittance, between_faces(front, back, len, knots));
+                front = back;
+            }
+        }
+    }
+    if (LAYERS) end_layers(ahead, layers_until, opaque, sum, transmittance);
+    end_march(pixel, sum, transmittance);
+}
+#endif

@@ -1,0 +1,105 @@
+// entry vertex   VERTEX
+// entry fragment FRAGMENT
+// entry fragment SHADER_BLEND
+// entry compute  COMPUTE
+//
+// View-aligned slices of a 3D texture, post-classified.
+//
+// Slice i represents the slab of depths [z0 + i h, z0 + (i + 1) h]. Along a pixel's ray the domain and the eye clip the slab. The
+// scalar at the middle of the rest is classified; its extinction times the true length of that piece is the slice's optical depth.
+//
+//   VERTEX        one instance per slice: a polygon that covers the outline of the slice's slab (slab-outline.glsl)
+//   FRAGMENT      one slice of one pixel, blended by fixed function
+//   SHADER_BLEND  the same, blended by the shader into a format of low precision with stochastic rounding
+//   COMPUTE       one invocation owns a pixel and marches its slices front to back in registers
+//
+//   in    volume, transfer function
+//   out   colour attachment 0, packed texels (SHADER_BLEND) or the accumulation image (COMPUTE): premultiplied
+//         linear RGBA
+//   error second order in h where field and transfer function are smooth; a homogeneous domain is exact
+//   cost  one fetch and one classification per slice and covered pixel
+//
+// Source: Cabral, Cam, Foran, VolVis 1994.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+
+#include "interface.glsl"
+#include "shared/optics.glsl"
+#include "grid/grid.glsl"
+#include "grid/volume.glsl"
+#include "grid/slab.glsl"
+
+// Returns premultiplied colour and opacity of a piece of the ray, classified in its middle.
+vec4 slice_emission(Ray ray, vec2 piece, Lattice lattice, uint knots) {
+    float texel = stored_at(ray, 0.5 * (piece.x + piece.y), lattice);
+    vec4 optics = classify(scalar_of(texel, lattice), knots);
+    float tau = HAS_NAN && is_nan(texel) ? 0.0 : optics.a;
+    // Multiply the lengths first, then the extinction: 0 * tau must stay 0.
+    return emission_of(optics.rgb, tau * (max(piece.y - piece.x, 0.0) * ray.length_per_depth));
+}
+
+#ifdef VERTEX
+#include "grid/slab-outline.glsl"
+
+layout(location = 0) flat out uint slab_out;
+
+void main() {
+    gl_Position = slab_corner(gl_InstanceIndex, gl_VertexIndex, slab_out);
+}
+#endif
+
+#if defined(FRAGMENT) || defined(SHADER_BLEND)
+#ifdef SHADER_BLEND
+#include "grid/blend.glsl"
+#else
+#include "grid/blend-fixed.glsl"
+#endif
+#include "grid/interval.glsl"
+
+layout(location = 0) flat in uint slab_in;
+
+void main() {
+    load_knots();
+    Ray ray = ray_of(gl_FragCoord.xy);
+    vec2 piece = slab_piece(slab_begin(slab_in), slab_begin(slab_in + 1u), interval_of(ray, gl_FragCoord.xy));
+    blend(slice_emission(ray, piece, load_lattice(), push.knots), slab_in);
+}
+#endif
+
+#ifdef COMPUTE
+#include "grid/march.glsl"
+
+void main() {
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (!in_image(pixel)) return;
+    Ray ray = ray_of(vec2(pixel) + 0.5);
+    vec2 interval = interval_of(ray, vec2(pixel));
+    uvec2 slabs = slabs_of(interval);
+
+    // Load these before the loop: drivers do not hoist them.
+    Lattice lattice = load_lattice();
+    BrickGrid brick_grid = load_bricks();
+    float h = push.d0_h.w, z0 = push.py_z0.w;
+    uint knots = push.knots;
+    float opaque = push.opaque;
+    uint walk = slabs_between_looks(h);
+    load_knots();
+
+    float transmittance;
+    vec4 sum = begin_march(pixel, transmittance);
+    LayersAhead ahead = begin_layers(pixel, fma(float(push.first), h, z0));
+    float reached = -3e38, layers_until = layers_end(fma(float(push.first + push.count), h, z0));
+    uint slab = slabs.x;
+    while (slab < slabs.y && transmittance > opaque) {
+        float z = max(fma(float(slab), h, z0), interval.x);
+        uint stop = skip_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
+        for (; slab < stop && transmittance > opaque; ++slab) {
+            vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
+            if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --slab;
+            add_behind(sum, transmittance, slice_emission(ray, piece, lattice, knots));
+        }
+    }
+    if (LAYERS) end_layers(ahead, layers_until, opaque, sum, transmittance);
+    end_march(pixel, sum, transmittance);
+}
+#endif

@@ -1,0 +1,81 @@
+// A stack of 2D slices: reconstruction on a slice and between two, and the emission of a slab that is represented by its slice.
+#ifndef STACK_GLSL
+#define STACK_GLSL
+
+#include "interface.glsl"
+#include "shared/optics.glsl"
+#include "grid/ray.glsl"
+#include "grid/lattice.glsl"
+
+layout(constant_id = SPEC_BETWEEN) const bool BETWEEN = false;
+
+layout(set = 0, binding = BINDING_VOLUME) uniform sampler2DArray stack;
+
+// Interpolates on a slice at one level, with four fetches, around an index of level 0.
+float fetched(vec2 index, int slice, int level) {
+    vec2 size = vec2(textureSize(stack, level).xy);
+    if (PREFILTER) index = (index + 0.5) * (size / vec2(textureSize(stack, 0).xy)) - 0.5;
+    index = clamp(index, vec2(0.0), size - 1.0);
+    vec2 base = min(floor(index), max(size - 2.0, 0.0));
+    vec2 w = index - base;
+    ivec2 i = ivec2(base), j = min(i + 1, ivec2(size) - 1);
+    float v00 = texelFetch(stack, ivec3(i, slice), level).r;
+    float v10 = texelFetch(stack, ivec3(j.x, i.y, slice), level).r;
+    float v01 = texelFetch(stack, ivec3(i.x, j.y, slice), level).r;
+    float v11 = texelFetch(stack, ivec3(j, slice), level).r;
+    return mix(mix(v00, v10, w.x), mix(v01, v11, w.x), w.y);
+}
+
+// Returns the stored value on a slice, bilinear.
+float on_slice(vec2 index, float slice, float level, Lattice lattice) {
+    if (!FILTER_EXACT) {
+        return textureLod(stack, vec3((index + 0.5) / (2.0 * lattice.half_size.xy + 1.0), slice), level).r;
+    }
+    if (!PREFILTER) return fetched(index, int(slice), 0);
+    level = min(level, float(textureQueryLevels(stack) - 1));
+    int below = int(level);
+    float fine = fetched(index, int(slice), below);
+    return level == float(below) ? fine : mix(fine, fetched(index, int(slice), below + 1), level - float(below));
+}
+
+// Returns the stored value at an index, trilinear: it interpolates between two slices.
+float between_slices(vec3 index, float level, Lattice lattice) {
+    float last = 2.0 * lattice.half_size.z;
+    float place = clamp(index.z, 0.0, last);
+    float slice = max(min(floor(place), last - 1.0), 0.0);
+    return mix(on_slice(index.xy, slice, level, lattice), on_slice(index.xy, min(slice + 1.0, last), level, lattice),
+               place - slice);
+}
+
+// Returns the stored value at depth z of the ray, on a slice or (BETWEEN) between two; NaN in a cell that touches a NaN sample.
+float stored_at(Ray ray, float z, float slice, Lattice lattice) {
+    vec3 index = fma(vec3(z), ray.d, ray.q) + lattice.half_size;
+    float level = PREFILTER ? level_at(z, lattice) : 0.0;
+    if (!BETWEEN) return on_slice(index.xy, slice, level, lattice);
+    return between_slices(index, level, lattice);
+}
+
+// Returns premultiplied colour and opacity of a piece of the ray, classified on its slice at depth z.
+vec4 slice_emission(Ray ray, vec2 piece, float z, float slice, Lattice lattice, uint knots) {
+    float texel = stored_at(ray, z, slice, lattice);
+    vec4 optics = classify(scalar_of(texel, lattice), knots);
+    float tau = HAS_NAN && is_nan(texel) ? 0.0 : optics.a;
+    float len = max(piece.y - piece.x, 0.0);
+    if (HAS_NAN && !BETWEEN) {
+        // The slice separates two cells; a cell is vacuum where the slice on its other side is NaN. Subtract its length.
+        vec2 index = fma(vec2(z), ray.d.xy, ray.q.xy) + lattice.half_size.xy;
+        float last = 2.0 * lattice.half_size.z;
+        float plane = clamp((slice - lattice.half_size.z - ray.q.z) * ray.inverse.z, piece.x, max(piece.x, piece.y));
+        float ahead = plane - piece.x, after = len - ahead;
+        bool down = ray.d.z < 0.0;
+        float below = on_slice(index, max(slice - 1.0, 0.0), 0.0, lattice);
+        float above = on_slice(index, min(slice + 1.0, last), 0.0, lattice);
+        if (is_nan(below)) len -= down ? after : ahead;
+        if (is_nan(above)) len -= down ? ahead : after;
+        len = max(len, 0.0);
+    }
+    // Multiply the lengths first, then the extinction: 0 * tau must stay 0.
+    return emission_of(optics.rgb, tau * (len * ray.length_per_depth));
+}
+
+#endif

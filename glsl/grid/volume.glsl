@@ -1,0 +1,47 @@
+// Trilinear reconstruction from a 3D texture, with mip levels where voxels are smaller than pixels.
+#ifndef VOLUME_GLSL
+#define VOLUME_GLSL
+
+#include "grid/grid.glsl"
+
+layout(set = 0, binding = BINDING_VOLUME) uniform sampler3D volume;
+
+Lattice load_lattice() {
+    return lattice_of_view(false);
+}
+
+// Interpolates at one level, with eight fetches, around an index of level 0.
+float fetched(vec3 index, int level) {
+    vec3 size = vec3(textureSize(volume, level));
+    if (PREFILTER) index = (index + 0.5) * (size / vec3(textureSize(volume, 0))) - 0.5;
+    index = clamp(index, vec3(0.0), size - 1.0);
+    vec3 base = min(floor(index), max(size - 2.0, 0.0));
+    vec3 w = index - base;
+    ivec3 i = ivec3(base), j = min(i + 1, ivec3(size) - 1);
+    float v000 = texelFetch(volume, i, level).r;
+    float v100 = texelFetch(volume, ivec3(j.x, i.y, i.z), level).r;
+    float v010 = texelFetch(volume, ivec3(i.x, j.y, i.z), level).r;
+    float v110 = texelFetch(volume, ivec3(j.x, j.y, i.z), level).r;
+    float v001 = texelFetch(volume, ivec3(i.x, i.y, j.z), level).r;
+    float v101 = texelFetch(volume, ivec3(j.x, i.y, j.z), level).r;
+    float v011 = texelFetch(volume, ivec3(i.x, j.y, j.z), level).r;
+    float v111 = texelFetch(volume, j, level).r;
+    float low = mix(mix(v000, v100, w.x), mix(v010, v110, w.x), w.y);
+    float high = mix(mix(v001, v101, w.x), mix(v011, v111, w.x), w.y);
+    return mix(low, high, w.z);
+}
+
+// Returns the stored value at depth z of the ray; NaN in a cell that touches a NaN sample.
+float stored_at(Ray ray, float z, Lattice lattice) {
+    vec3 position = fma(vec3(z), ray.d, ray.q);
+    float level = PREFILTER ? level_at(z, lattice) : 0.0;
+    if (!FILTER_EXACT) return textureLod(volume, position / (2.0 * lattice.half_size + 1.0) + 0.5, level).r;
+    vec3 index = position + lattice.half_size;
+    if (!PREFILTER) return fetched(index, 0);
+    level = min(level, float(textureQueryLevels(volume) - 1));
+    int below = int(level);
+    float fine = fetched(index, below);
+    return level == float(below) ? fine : mix(fine, fetched(index, below + 1), level - float(below));
+}
+
+#endif

@@ -1,0 +1,77 @@
+// Emission and absorption of what a line passes in cells, for segments.glsl's integrators and the smoke model.
+#ifndef MESH_SEGMENTS_GLSL
+#define MESH_SEGMENTS_GLSL
+
+#include "interface.glsl"
+#include "shared/segments.glsl"
+#include "mesh/mesh.glsl"
+
+// A segment that is being integrated. `exact` takes it piece by piece, each between two knots and of little optical depth, and a loop
+// over segments takes a piece a turn: a loop of its own would cost every invocation what one of several needs.
+struct Pending {
+    End front, back; // in the direction of ranks
+    float len;       // what is left, in the world; 0: nothing
+    float least;     // length of the shortest piece
+};
+
+// Begins a segment.
+void begin_segment(inout Pending pending, End front, End back, float len) {
+    pending.front = front;
+    pending.back = back;
+    pending.len = len;
+    pending.least = len * (1.0 / 64.0);
+}
+
+// Premultiplied colour and opacity of the next piece, or of the whole.
+vec4 next_piece(inout Pending pending, bool back_to_front, uint knots) {
+    End front = pending.front, back = pending.back;
+    float len = pending.len;
+    if (INTEGRATOR == INTEGRATOR_EXACT) {
+        bool crosses = front.knot != back.knot, rising = back.knot > front.knot;
+        float s = 0.0;
+        vec4 after = vec4(0.0);
+        knot_at(rising ? front.knot + 1 : front.knot, s, after);
+        after = crosses ? after : back.optics;
+        float x = crosses ? clamp((s - front.s) / (back.s - front.s), 0.0, 1.0) : 1.0;
+        // No thicker than a thin piece, unless of the least length.
+        float thin = max(0.5 / (max(max(front.optics.a, after.a), 1e-30) * len), pending.least / len);
+        bool thick = thin < x;
+        float part = thick ? thin / x : 1.0;
+        vec4 optics = thick ? mix(front.optics, after, part) : after;
+        x = thick ? thin : x;
+        vec4 ahead = back_to_front ? optics : front.optics, behind_it = back_to_front ? front.optics : optics;
+        vec4 piece = thin_piece(ahead, behind_it, len * x);
+        // A piece of the least length may be thick still. (A loop: software rasterisers run through branches that no invocation takes.)
+        bool opaque = max(ahead.a, behind_it.a) * (len * x) > 0.51;
+        for (uint once = 0u; once < uint(opaque); ++once) piece = thick_piece(ahead, behind_it, len * x);
+        pending.front.s = thick ? mix(front.s, back.s, x) : crosses ? s : back.s;
+        pending.front.optics = optics;
+        pending.front.knot = thick ? front.knot : crosses ? front.knot + (rising ? 1 : -1) : back.knot;
+        pending.len = crosses || thick ? len * (1.0 - x) : 0.0;
+        return piece;
+    }
+    pending.len = 0.0;
+    if (INTEGRATOR == INTEGRATOR_SMOKE) {
+        // One mean scalar, whose extinction is proportional to it.
+        float mean = 0.5 * (front.s + back.s);
+        return emission_of(classify(mean, knots).rgb, max(push.smoke * mean, 0.0) * len);
+    }
+    return back_to_front ? segment(back, front, len, knots) : segment(front, back, len, knots);
+}
+
+// Adds a segment in the direction of ranks.
+void composite(inout vec4 sum, vec4 emission, bool back_to_front) {
+    sum = back_to_front ? emission + (1.0 - emission.a) * sum : sum + (1.0 - sum.a) * emission;
+}
+
+// Premultiplied colour and opacity of a whole segment, its front nearer to the eye.
+vec4 cell_segment(End front, End back, float len, uint knots) {
+    Pending pending;
+    begin_segment(pending, front, back, len);
+    vec4 sum = vec4(0.0);
+    // Of a piece between two knots there are at most as many parts as of the least length.
+    for (uint turn = 0u; turn < 128u + knots && pending.len > 0.0; ++turn) composite(sum, next_piece(pending, false, knots), false);
+    return sum;
+}
+
+#endif
