@@ -3,33 +3,12 @@
 //! that the shaders read.
 //!
 //! A file with `// entry` lines becomes one module for each of them, named for the file's stem and the entry. Other
-//! files are headers. The path in an `#include` starts at `glsl/`, and a folder includes only from the folders that
-//! [`ROOMS`] allows.
+//! files are headers. The path in an `#include` starts at `glsl/`.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
-
-/// The folders of `glsl/`, each with those below it, from which its files may include. All may include `interface.glsl`.
-const ROOMS: [(&str, &[&str]); 9] = [
-    ("gpu", &[]),
-    ("resident", &[]),
-    ("shared", &[]),
-    ("primitives", &["shared"]),
-    ("frame", &["shared", "primitives"]),
-    ("grid", &["shared", "primitives", "frame"]),
-    ("shear-warp", &["shared", "primitives", "frame", "grid"]),
-    ("mesh", &["shared", "primitives", "frame"]),
-    ("splat", &["shared", "primitives", "frame"]),
-];
-
-/// Whether a file may include another; both paths start in `glsl/`.
-fn may_include(from: &str, name: &str) -> bool {
-    let room = |path: &str| path.split_once('/').map(|(room, _)| room.to_owned());
-    let (Some(from), Some(to)) = (room(from), room(name)) else { return name == "interface.glsl" };
-    from == to || ROOMS.iter().any(|(room, below)| *room == from && below.contains(&to.as_str()))
-}
 
 /// Ends the build with one line that Cargo shows as an error.
 macro_rules! refuse {
@@ -182,9 +161,6 @@ fn compile(
     }
     options.add_macro_definition(entry, None);
     options.set_include_callback(|name, _, from, _| {
-        if !may_include(from.trim_start_matches("glsl/"), name) {
-            return Err(format!("glsl/{name}, included from {from}: build.rs does not allow this direction"));
-        }
         let path = folder.join(name);
         let content = fs::read_to_string(&path)
             .map_err(|error| format!("glsl/{name}, included from {from}: {error}"))?;

@@ -1,6 +1,6 @@
 //! What every fuzz target does.
 
-#[path = "../../tests/formats/container.rs"]
+#[path = "../../tests/host/formats/container.rs"]
 mod container;
 
 use volraster::io::{ReadOptions, read_memory};

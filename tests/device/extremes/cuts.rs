@@ -252,14 +252,14 @@ const CASES: &[Case] = &[
     Case {
         number: "c1",
         name: "clip planes in faces of the domain, planes of samples, faces of cells",
-        expect: "closed form of what is left",
+        expect: "closed form of the remaining part",
         tolerance: "t32(20) + 1.1e-5",
         run: planes_in_faces,
     },
     Case {
         number: "c2",
         name: "layers of 1e-2, 1e-3 and 1e-4 between two planes, and cropped",
-        expect: "closed form of what is left",
+        expect: "closed form of the remaining part",
         tolerance: "t32(20) + 1.1e-5",
         run: thin_layers,
     },
@@ -280,7 +280,7 @@ const CASES: &[Case] = &[
     Case {
         number: "c5",
         name: "six planes and a box",
-        expect: "closed form of what is left",
+        expect: "closed form of the remaining part",
         tolerance: "t32(20) + 1.1e-5",
         run: six_planes_and_a_box,
     },

@@ -10,28 +10,29 @@ use crate::extremes::catalogue::{Family, Outcome, Refusal, Results, Who};
 const HEAD: &str = "\
 # Numerical extremes
 
-The catalogue of numerical extremes, as `tests/extremes/` runs it: every case by every technique that draws such data, by
-every route that the device offers, with every integrator. A technique may refuse with an error; a wrong image fails the
-test. Made from the tests: `VOLRASTER_WRITE_EXTREMES=1 cargo test --test extremes the_document` writes this file, without
-the variable the test fails where it differs.
+This catalogue lists numerical extremes and the errors that the library must stay within. `tests/device/extremes/` runs every case
+with every technique that supports the data, by every route that the device offers, with every integrator. A technique may
+refuse a case with an error; a wrong image fails the test. The tests generate this file:
+`VOLRASTER_WRITE_EXTREMES=1 tools/test.sh --all -- the_document` writes it. Without the variable, the test fails if the
+file differs.
 
-Numbers are rows of the catalogue; 5.x are changes that change nothing; c and s are clipping and surfaces.
-`t32(N) = max(2e-6, 1.2e-7 N)`, absolute, for N blended pieces of values in [0, 1]. od: optical depth. Tolerances are
-derived where the case is run. Rows on what the project does not have (refined grids, shading) are left out. Pixels whose
-centre lies within 1/64 pixel of a cube's outline are left out.
+Numbers identify rows. Rows 5.x are changes that must not change the image; c and s are clipping and surfaces.
+`t32(N) = max(2e-6, 1.2e-7 N)` is an absolute tolerance for N blended pieces of values in [0, 1]; od is optical depth. The
+source of each case derives its tolerance. The catalogue omits rows on features that the project does not have (refined
+grids, shading), and pixels whose centre lies within 1/64 pixel of a cube's outline.
 
-`splat-sheets` draws a grid's trilinear field, as slices do. `splat-ewa` draws grids and meshes through Gaussians, another
-field, which blurs, and does not end where a mesh does: it takes part where that is told by a closed form all the same.
-Rows on splats are drawn by every order of both, from points.
+`splat-sheets` renders the trilinear field of a grid, as slices do. `splat-ewa` renders grids and meshes as Gaussians. That is
+another field, which blurs and extends beyond a mesh, so `splat-ewa` takes part only where a closed form still predicts its
+result. Rows on splats run with every order of both techniques, from points.
 ";
 
 const REFUSED: &str = "\
 ## Refusals
 
-What is refused instead of drawn, and in which words. \"device\": another device may draw it, or refuse it otherwise;
-numbers are left out.
+These requests are refused, with the error shown. \"device\" means that another device may accept the case or refuse it with
+another error; numbers are left out.
 
-| case | what refuses | device | error |
+| case | refused by | device | error |
 |---|---|---|---|
 ";
 
@@ -101,7 +102,7 @@ fn cases(all: &[(&Family, &Results)]) -> String {
     let mut text = String::new();
     for (family, results) in all {
         text.push_str(&format!(
-            "\n## {}\n\n| number | case | data | right is | within |\n|---|---|---|---|---|\n",
+            "\n## {}\n\n| number | case | data | expected | tolerance |\n|---|---|---|---|---|\n",
             family.name[..1].to_uppercase() + &family.name[1..]
         ));
         for (case, outcome) in family.cases.iter().zip(&results.cases) {
@@ -135,7 +136,7 @@ pub fn check(all: &[(&Family, &Results)]) {
         return;
     }
     let document = std::fs::read_to_string(&path).unwrap();
-    let remake = "VOLRASTER_WRITE_EXTREMES=1 cargo test --test extremes the_document writes it";
+    let remake = "VOLRASTER_WRITE_EXTREMES=1 tools/test.sh --all -- the_document writes it";
     assert!(
         document.starts_with(&format!("{HEAD}{cases}\n{REFUSED}")),
         "docs/EXTREMES.md lists other cases; {remake}"

@@ -200,7 +200,7 @@ const CASES: &[Case] = &[
     },
     Case {
         number: "66",
-        name: "1500 loop turns an invocation",
+        name: "1500 loop iterations per invocation",
         expect: "closed form, in several dispatches",
         tolerance: "t32(400)",
         run: short_loops,
@@ -214,7 +214,7 @@ const CASES: &[Case] = &[
     },
     Case {
         number: "52c",
-        name: "a voxel more along an axis than a volume of the device has",
+        name: "one voxel more along an axis than the device allows for a volume",
         expect: "refused, or the closed form",
         tolerance: "t32(10) + 4e-5",
         run: long_grid,

@@ -215,14 +215,14 @@ const CASES: &[Case] = &[
     },
     Case {
         number: "60",
-        name: "0 and 1 in turn, in the middle of cells",
+        name: "0 and 1 alternating, in the middle of cells",
         expect: "1/2",
         tolerance: "1e-5",
         run: checkerboard,
     },
     Case {
         number: "61",
-        name: "0 and 1 in turn, 8 x 8 voxels a pixel, from mip levels",
+        name: "0 and 1 alternating, 8 x 8 voxels per pixel, from mip levels",
         expect: "the mean, 1/2",
         tolerance: "1e-2",
         run: minified,

@@ -312,7 +312,7 @@ const CASES: &[Case] = &[
     Case {
         number: "45",
         name: "splats on the corners of tiles, of half a pixel to the whole image",
-        expect: "closed form; nothing where it is nothing",
+        expect: "closed form; exactly 0 where it is 0",
         tolerance: "1e-5",
         run: tiles,
     },
@@ -326,7 +326,7 @@ const CASES: &[Case] = &[
     Case {
         number: "24c",
         name: "weights negative and NaN, scalars NaN and infinite, sizes 0 and NaN",
-        expect: "as without, or as the last knot's scalar",
+        expect: "the image without them, or with the last knot's scalar",
         tolerance: "exact",
         run: odd_values,
     },
@@ -346,7 +346,7 @@ const CASES: &[Case] = &[
     },
     Case {
         number: "50",
-        name: "room for 200 entries of tiles",
+        name: "capacity for 200 tile entries",
         expect: "the same image, in bands",
         tolerance: "exact",
         run: bands,

@@ -401,13 +401,13 @@ const CASES: &[Case] = &[
     Case {
         number: "32b",
         name: "the first splat is opaque",
-        expect: "what is behind does not matter",
+        expect: "what lies behind has no effect",
         tolerance: "exact",
         run: hidden,
     },
     Case {
         number: "33d",
-        name: "lines of splats that end at 1e-2, 1e-3, 1e-4",
+        name: "rays through splats that end at 1e-2, 1e-3, 1e-4",
         expect: "off by that at most",
         tolerance: "2e-6",
         run: early,

@@ -191,7 +191,7 @@ const CASES: &[Case] = &[
     Case {
         number: "32",
         name: "the first layers are opaque",
-        expect: "what is behind does not matter",
+        expect: "what lies behind has no effect",
         tolerance: "exact",
         run: hidden,
     },
