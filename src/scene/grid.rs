@@ -25,7 +25,7 @@ impl Rescale {
 /// The anatomical meaning of the world's axes. Only the automatic camera uses it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Anatomy {
-    /// The file does not say.
+    /// The file gives no meaning.
     #[default]
     Unknown,
     /// +x right, +y anterior, +z superior (NIfTI, NRRD `right-anterior-superior`).
