@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-/// Everything that can go wrong, by who can do something about it.
+/// Everything that can go wrong. The variants differ in who can correct the cause.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -29,31 +29,31 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// What was tried, such as `cannot open`.
+        /// The action that failed, such as `cannot open`.
         action: &'static str,
-        /// What the operating system said.
+        /// The operating system's error.
         source: std::io::Error,
     },
     /// No usable Vulkan: no loader, no driver, no device that qualifies.
     #[error("no usable Vulkan device: {why}")]
     NoDevice {
-        /// What is missing; for devices, why each one was passed over.
+        /// The missing part; for devices, the reason why each one was rejected.
         why: String,
     },
     /// The device, or this build, lacks something that the request needs.
     #[error("{what}: not supported by this device: {missing}")]
     Unsupported {
-        /// What was asked for.
+        /// The requested thing.
         what: String,
         /// The feature, format or limit that is missing, with its numbers.
         missing: String,
     },
-    /// The request needs more device memory than there is to give.
+    /// The request needs more device memory than is available.
     #[error(
         "{object}: needs {needed} bytes of device memory, {available} are left of the budget of {budget}"
     )]
     Memory {
-        /// What the memory is for.
+        /// The object that needs the memory.
         object: String,
         /// Bytes that it needs.
         needed: u64,
@@ -65,9 +65,9 @@ pub enum Error {
     /// The device memory allocator failed although the budget allowed the request.
     #[error("{object}: device memory allocation failed: {source}")]
     Allocation {
-        /// What the memory is for.
+        /// The object that needs the memory.
         object: String,
-        /// What the allocator said.
+        /// The allocator's error.
         source: gpu_allocator::AllocationError,
     },
     /// A Vulkan call failed.
@@ -78,31 +78,31 @@ pub enum Error {
         /// Its return code.
         result: ash::vk::Result,
     },
-    /// The device is lost: a fault of the driver, the hardware or a shader ended it. Nothing more can be done on it; its
-    /// objects can be dropped, and another device be opened.
-    #[error("the device is lost (told by {call}): open it again")]
+    /// The device is lost: a fault of the driver, the hardware or a shader ended it. It can no longer be
+    /// used; drop its objects and open a device again.
+    #[error("the device is lost (reported by {call}): open it again")]
     DeviceLost {
-        /// The call that told first.
+        /// The first call that reported the loss.
         call: &'static str,
     },
     /// Work on the device did not end in time.
     #[error("{what} did not finish within {seconds} s (last pass begun: {last_pass})")]
     Timeout {
-        /// What was waited for.
+        /// The operation that did not end.
         what: String,
-        /// How long, in seconds.
+        /// The time limit, in seconds.
         seconds: u64,
         /// The last pass that was recorded into the submission.
         last_pass: String,
     },
 }
 
-/// A path in one line: a name may hold anything.
+/// Returns a path in one line: file names may contain control characters.
 fn shown(path: &Path) -> String {
     line(&path.display().to_string())
 }
 
-/// Text in one line: messages quote what stands in files.
+/// Returns text in one line with control characters escaped, since messages quote the contents of files.
 fn line(text: &str) -> String {
     let mut line = String::with_capacity(text.len());
     for c in text.chars() {
@@ -127,7 +127,9 @@ impl Error {
         Self::Io { path: path.to_path_buf(), action, source }
     }
 
-    /// A call that failed. To be made by what knows the device, where there is one, which remembers a loss.
+    /// Makes the error of a Vulkan call that failed.
+    ///
+    /// Where a device exists, its own function is to be used instead, because it records a loss.
     pub(crate) fn vulkan(call: &'static str, result: ash::vk::Result) -> Self {
         if result == ash::vk::Result::ERROR_DEVICE_LOST {
             Self::DeviceLost { call }
@@ -140,7 +142,7 @@ impl Error {
         Self::Unsupported { what: what.into(), missing: missing.into() }
     }
 
-    /// Gives an error about a value the file that the value came from.
+    /// Turns an error about a value into one about the file that the value came from.
     #[must_use]
     pub fn in_file(self, path: &Path) -> Self {
         match self {
@@ -149,8 +151,8 @@ impl Error {
         }
     }
 
-    /// The program's exit code for this error: 2 wrong input or usage, 3 the device cannot do it,
-    /// 1 anything else.
+    /// Returns the program's exit code for this error: 2 for wrong input or usage, 3 if the
+    /// device cannot do it, 1 for anything else.
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self {

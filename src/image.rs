@@ -16,7 +16,8 @@ pub struct Image {
 }
 
 impl Image {
-    /// Checks the size and keeps the pixels. Their values are free: a wrong image can be looked at.
+    /// Checks the size and keeps the pixels. Their values are not restricted, so that wrong images can be
+    /// viewed.
     ///
     /// # Errors
     ///
@@ -36,25 +37,25 @@ impl Image {
         Ok(Self { width, height, pixels })
     }
 
-    /// Pixels in a row.
+    /// Returns the number of pixels in a row.
     #[must_use]
     pub fn width(&self) -> u32 {
         self.width
     }
 
-    /// Number of rows.
+    /// Returns the number of rows.
     #[must_use]
     pub fn height(&self) -> u32 {
         self.height
     }
 
-    /// All pixels, premultiplied linear RGBA, top row first.
+    /// Returns all pixels, premultiplied linear RGBA, top row first.
     #[must_use]
     pub fn pixels(&self) -> &[[f32; 4]] {
         &self.pixels
     }
 
-    /// One pixel; row 0 is on top.
+    /// Returns one pixel; row 0 is on top.
     ///
     /// # Panics
     ///

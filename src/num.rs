@@ -1,4 +1,4 @@
-//! Number conversions that state what they do, so that `as` is not scattered over the crate.
+//! Number conversions with explicit behaviour, so that `as` is confined to this file.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -6,22 +6,22 @@
     reason = "the one place where rounding and saturating casts are made, each by a named function"
 )]
 
-/// Nearest `f32` of an `f64`.
+/// Returns the nearest `f32`.
 pub(crate) fn f32_of(value: f64) -> f32 {
     value as f32
 }
 
-/// Nearest `f32` of three `f64`, as a vector.
+/// Returns the nearest `f32` of each component.
 pub(crate) fn vec3_of(value: glam::DVec3) -> glam::Vec3 {
     glam::Vec3::new(f32_of(value.x), f32_of(value.y), f32_of(value.z))
 }
 
-/// An index or a length as `f64`; exact below 2^53.
+/// Converts an index or a length; exact below 2^53.
 pub(crate) fn f64_of(value: usize) -> f64 {
     value as f64
 }
 
-/// A byte count as `f64`, for ratios and reports.
+/// Converts a count; exact below 2^53.
 pub(crate) fn f64_of_u64(value: u64) -> f64 {
     value as f64
 }
@@ -56,17 +56,17 @@ pub(crate) fn i16_code(value: f64) -> i16 {
     value.round() as i16
 }
 
-/// A 32-bit count as an index; exact on every platform that this crate builds for.
+/// Converts a 32-bit count to an index; exact on every platform that this crate builds for.
 pub(crate) const fn index(value: u32) -> usize {
     value as usize
 }
 
-/// A length as a count of bytes; exact on every platform that this crate builds for.
+/// Converts a length to a 64-bit count; exact on every platform that this crate builds for.
 pub(crate) fn wide(value: usize) -> u64 {
     u64::try_from(value).unwrap_or(u64::MAX)
 }
 
-/// A length as a 32-bit count; saturates.
+/// Converts a length to a 32-bit count; saturates.
 pub(crate) fn count(value: usize) -> u32 {
     u32::try_from(value).unwrap_or(u32::MAX)
 }

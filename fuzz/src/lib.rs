@@ -1,15 +1,15 @@
-//! What every fuzz target does.
+//! The common part of all fuzz targets.
 
 #[path = "../../tests/host/formats/container.rs"]
 mod container;
 
 use volraster::io::{ReadOptions, read_memory};
 
-/// Reads bytes as the file of some name, and files beside it.
+/// Reads bytes as a file of the given name and the files beside it.
 ///
 /// # Panics
 ///
-/// When a message is no message of wrong input, or more than a line.
+/// When an error is not one of wrong input, or its message is longer than one line.
 pub fn read(name: &str, bytes: &[u8]) {
     let files = container::unpack(name, bytes);
     if let Err(error) = read_memory(&files, &ReadOptions::within(1 << 24)) {

@@ -1,4 +1,4 @@
-//! Pixels at which the truth is known, and what they tell of an image's error.
+//! Pixels with known colours, and the estimate of an image's error from them.
 
 use crate::error::Result;
 use crate::image::Image;
@@ -6,33 +6,34 @@ use crate::num;
 use crate::reference;
 use crate::scene::{Scene, View};
 
-/// Most pixels that are looked at. Their float64 rays cost less than a frame of a fine setting.
+/// Largest number of pixels. Their float64 rays cost less than a frame of a fine setting.
 const MOST: u32 = 4096;
 
-/// Quantile of the normal distribution: 95 of 100 lie below.
+/// 95 % quantile of the normal distribution.
 const ONE_SIDED_95: f64 = 1.645;
 
-/// A pixel in each of equal rectangles of the image, at random, with its true colour.
+/// One random pixel in each of equal rectangles of the image, with its true colour.
 #[derive(Clone, Debug)]
 pub(super) struct Probes {
     pixels: Vec<[u32; 2]>,
     truth: Vec<[f64; 4]>,
-    /// Pixels that each stands for.
+    /// Number of pixels that each represents.
     weights: Vec<f64>,
 }
 
-/// What probes tell of an image's error.
+/// An estimate of an image's error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
-    /// Root mean square over probes and the four channels of premultiplied colour.
+    /// Root mean square error over the probes and the four channels of premultiplied colour.
     pub rmse: f64,
-    /// What that of all pixels does not exceed, 19 times out of 20; `rmse` itself where all pixels were looked at.
+    /// Upper bound of the error of all pixels with 95 % confidence; equals `rmse` if all pixels were
+    /// compared.
     pub bound: f64,
-    /// Pixels that were looked at.
+    /// Number of compared pixels.
     pub pixels: u32,
 }
 
-/// Numbers in [0, 1) from a state (Steele, Lea and Flood 2014: SplitMix64).
+/// Returns a random number in [0, 1) and advances the state (Steele, Lea and Flood 2014: SplitMix64).
 pub(super) fn random(state: &mut u64) -> f64 {
     *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut z = *state;
@@ -42,7 +43,7 @@ pub(super) fn random(state: &mut u64) -> f64 {
 }
 
 impl Probes {
-    /// Chooses pixels and finds their colours.
+    /// Selects pixels and computes their colours.
     ///
     /// # Errors
     ///
@@ -52,7 +53,7 @@ impl Probes {
         Self::of(scene, view, pixels, weights)
     }
 
-    /// All pixels.
+    /// Computes the colours of all pixels.
     ///
     /// # Errors
     ///
@@ -69,7 +70,7 @@ impl Probes {
         Ok(Self { pixels, truth, weights })
     }
 
-    /// The error of an image of the view.
+    /// Estimates the error of an image of the view.
     pub(super) fn error(&self, image: &Image) -> Estimate {
         let squares = self.pixels.iter().zip(&self.truth).map(|(&[x, y], truth)| {
             let found = image.pixel(x, y);
@@ -80,27 +81,28 @@ impl Probes {
     }
 }
 
-/// Of squares at some pixels, chosen at random, the root of the mean of all and a bound of it; each stands for as many
-/// pixels as its weight says.
+/// Estimates the root mean square and its bound from squared errors at random pixels.
+///
+/// The weight of a pixel is the number of pixels that it represents.
 fn estimate(squares: &[f64], weights: &[f64]) -> Estimate {
     let pixels = num::count(squares.len());
     if squares.iter().any(|square| !square.is_finite()) {
-        // A NaN is an infinite error.
+        // A NaN counts as an infinite error.
         return Estimate { rmse: f64::INFINITY, bound: f64::INFINITY, pixels };
     }
     let all = weights.iter().sum::<f64>().max(1.0);
     let mean = squares.iter().zip(weights).map(|(square, weight)| square * weight).sum::<f64>() / all;
     let spread = squares.iter().map(|square| (square - mean).powi(2)).sum::<f64>();
     let spread = spread / (f64::from(pixels) - 1.0).max(1.0);
-    // The mean's own variance, each pixel's share of it, as if rectangles were as different within as the image is; none
-    // where a pixel stands for itself.
+    // Factor of the mean's own variance, as if each rectangle varied as much as the whole image; zero for
+    // pixels that represent only themselves.
     let shares = weights.iter().map(|weight| (weight / all).powi(2) * (1.0 - 1.0 / weight)).sum::<f64>();
     let bound = (mean + ONE_SIDED_95 * (spread * shares).sqrt()).sqrt();
     Estimate { rmse: mean.sqrt(), bound, pixels }
 }
 
-/// A pixel at random in each of at most `most` rectangles that share the image, with the pixels of the rectangle; all
-/// pixels where there are no more.
+/// Selects a random pixel in each of at most `most` equal rectangles, with the number of pixels in the
+/// rectangle, or all pixels if there are no more than that.
 fn spread([width, height]: [u32; 2], most: u32) -> Vec<([u32; 2], f64)> {
     let all = f64::from(width) * f64::from(height);
     let share = (f64::from(most) / all).sqrt();
@@ -111,7 +113,7 @@ fn spread([width, height]: [u32; 2], most: u32) -> Vec<([u32; 2], f64)> {
             num::u32_of((f64::from(side) * share).floor()).clamp(1, side)
         }
     });
-    // A long image: what one side cannot have the other may.
+    // In a long image, one side gets the share that the other cannot use.
     across = across.min(most);
     down = down.min(most / across).max(1);
     let mut state = 1;
@@ -126,7 +128,7 @@ fn spread([width, height]: [u32; 2], most: u32) -> Vec<([u32; 2], f64)> {
     pixels
 }
 
-/// A place in the i-th of `count` parts of a side, and the length of the part.
+/// Returns a position in the i-th of `count` parts of a side, and the length of the part.
 fn place(i: u32, count: u32, side: u32, at: f64) -> (u32, f64) {
     let cut = |i: u32| u64::from(i) * u64::from(side) / u64::from(count);
     let (begin, length) = (cut(i), num::f64_of_u64(cut(i + 1) - cut(i)));
@@ -153,7 +155,7 @@ mod tests {
             assert!(pixels.iter().all(|([x, y], _)| *x < extent[0] && *y < extent[1]));
             let weight = |pixels: &[([u32; 2], f64)]| pixels.iter().map(|(_, weight)| weight).sum::<f64>();
             assert_eq!(weight(&pixels), f64::from(extent[0] * extent[1]));
-            // A part of the image has its share.
+            // Half of the image has half of the weight.
             let is_left = |([x, _], _): &([u32; 2], f64)| 2 * x < extent[0];
             let left: Vec<_> = pixels.iter().copied().filter(is_left).collect();
             let share = weight(&left) / weight(&pixels);
@@ -161,7 +163,8 @@ mod tests {
         }
     }
 
-    /// Of many samples of numbers with a heavy tail the bound fails about once in twenty, or a little more often.
+    /// For random numbers with a heavy tail the bound fails about once in twenty samples, or slightly more
+    /// often.
     #[test]
     fn the_bound_holds_as_often_as_it_says() {
         let mut state = 5;
@@ -180,7 +183,7 @@ mod tests {
         let whole = estimate(&all, &vec![1.0; all.len()]);
         assert_eq!(whole.bound, whole.rmse);
         assert_eq!(estimate(&[0.0, f64::NAN], &[4.0, 5.0]).bound, f64::INFINITY);
-        // What stands for more counts more.
+        // Larger weights count more.
         assert_eq!(estimate(&[4.0, 0.0], &[1.0, 3.0]).rmse, 1.0);
     }
 }

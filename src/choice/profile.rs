@@ -1,4 +1,4 @@
-//! What settings cost in time and error on scenes of the profile's own.
+//! Time and error of settings on scenes of the profile's own.
 
 use std::collections::BTreeMap;
 use std::io::Write as _;
@@ -8,8 +8,9 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::probes::Probes;
 use super::table::{self, Candidate};
-use super::{drawn, probes::Probes};
+use super::trial::drawn;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, user_cache_folder};
 use crate::io::scene_file::PRESETS;
@@ -18,17 +19,18 @@ use crate::scene::{
     Camera, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, TransferFunction, View,
 };
 
-/// Where a profile comes from.
+/// The source of a profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// Figures of one machine that come with the library.
+    /// Measured on another machine; part of the library.
     BuiltIn,
-    /// This device.
+    /// Measured on this device.
     Measured,
 }
 
-/// What each setting cost on scenes of the profile's own: root mean square error, and milliseconds, means of logarithms
-/// over the scenes. The relations among settings are what counts: a scene's own scale is found by trials.
+/// Root mean square error and milliseconds of each setting, as geometric means over the profile's scenes.
+///
+/// Only the ratios between settings matter: trials find the scale of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
     source: Source,
@@ -40,7 +42,7 @@ pub struct Profile {
 #[serde(deny_unknown_fields)]
 struct Stored {
     schema: u32,
-    /// Of the library: its techniques may have become faster.
+    /// The library's version: other versions may have other costs.
     version: String,
     device: String,
     driver: String,
@@ -57,14 +59,14 @@ struct StoredCost {
 
 const SCHEMA: u32 = 1;
 
-/// A larger file is no profile.
+/// Larger files are rejected.
 const MOST_BYTES: u64 = 1 << 20;
 
 /// Measured with `volraster calibrate` on lavapipe 25.0, 2 cores.
 const BUILT_IN: &str = include_str!("built-in.json");
 
-/// Scenes that settings are measured on: field, what it is given on, a transfer function, pixels
-/// along a side of the image. Large enough for what a frame costs whatever it shows to be small.
+/// Scenes for measurements: field, sampling, transfer function, and pixels along a side of the image. The
+/// images are large enough for the fixed cost of a frame to be small.
 const SCENES: &[(&str, Sides, &str, u32)] = &[
     ("marschner-lobb", Sides::Samples(48, "f32"), "shells", 128),
     ("blobs", Sides::Samples(64, "f32"), "fog", 128),
@@ -81,9 +83,9 @@ const SCENES: &[(&str, Sides, &str, u32)] = &[
 enum Sides {
     Samples(u32, &'static str),
     Cubes(u32),
-    /// Their number and radius.
+    /// Number and radius.
     Points(u32, f64),
-    /// Samples that are kernels.
+    /// Samples reconstructed by kernels.
     Kernels(u32, Kernel, Model),
 }
 
@@ -92,28 +94,32 @@ impl Profile {
         Self { source, costs }
     }
 
-    /// Figures that come with the library.
+    /// Returns the profile that is part of the library.
     #[must_use]
     pub fn built_in() -> Self {
         let stored: Option<Stored> = serde_json::from_str(BUILT_IN).ok();
         Self::new(Source::BuiltIn, stored.map(costs_of).unwrap_or_default())
     }
 
-    /// What is stored for a device, else what is built in. What was measured by another version of library or driver
-    /// is not taken.
+    /// Returns the profile stored for a device, or the built-in one.
+    ///
+    /// A stored profile is used only if it is from the same version of library and driver.
     #[must_use]
     pub fn load(gpu: &Gpu) -> Self {
         Self::path(gpu).and_then(|path| read(&path, gpu)).unwrap_or_else(Self::built_in)
     }
 
-    /// Where the profile of a device is stored: in the user's cache folder. `None` where there is none.
+    /// Returns the file of a device's profile in the user's cache folder, or `None` if there is no such
+    /// folder.
     #[must_use]
     pub fn path(gpu: &Gpu) -> Option<PathBuf> {
         let name = gpu.report().name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' });
         Some(user_cache_folder()?.join(format!("profile-{}.json", name.collect::<String>())))
     }
 
-    /// Measures every setting on this device. Takes some seconds; `progress` is told settings done and in all.
+    /// Measures every setting on this device, which takes some seconds.
+    ///
+    /// `progress` receives the number of finished settings and of all settings.
     ///
     /// # Errors
     ///
@@ -144,11 +150,11 @@ impl Profile {
         Ok(Self::new(Source::Measured, sums.into_iter().map(|(spec, sum)| (spec, mean(sum))).collect()))
     }
 
-    /// Writes the profile where [`Profile::load`] finds it for this device.
+    /// Writes the profile to the file that [`Profile::load`] reads for this device.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] naming the file; [`Error::Unsupported`] where the user has no cache folder.
+    /// [`Error::Io`] naming the file; [`Error::Unsupported`] if the user has no cache folder.
     pub fn store(&self, gpu: &Gpu) -> Result<PathBuf> {
         let Some(path) = Self::path(gpu) else {
             return Err(Error::unsupported("a profile", "neither XDG_CACHE_HOME nor HOME is set"));
@@ -161,7 +167,7 @@ impl Profile {
         Ok(path)
     }
 
-    /// As text.
+    /// Returns the profile as JSON.
     fn json(&self, gpu: &Gpu) -> Result<String> {
         let report = gpu.report();
         let stored = Stored {
@@ -180,13 +186,13 @@ impl Profile {
             .map_err(|error| Error::invalid("profile", error.to_string()))
     }
 
-    /// Where it comes from.
+    /// Returns the source of the profile.
     #[must_use]
     pub fn source(&self) -> Source {
         self.source
     }
 
-    /// Settings that it knows, with root mean square error and milliseconds.
+    /// Returns the settings with their root mean square error and milliseconds.
     pub fn costs(&self) -> impl Iterator<Item = (&str, (f64, f64))> {
         self.costs.iter().map(|(spec, cost)| (spec.as_str(), *cost))
     }
@@ -196,7 +202,7 @@ impl Profile {
     }
 }
 
-/// A profile that is whole and of this device, driver and library.
+/// Reads a profile if it is complete and belongs to this device, driver and library.
 fn read(path: &Path, gpu: &Gpu) -> Option<Profile> {
     if std::fs::metadata(path).ok()?.len() > MOST_BYTES {
         return None;
@@ -207,7 +213,7 @@ fn read(path: &Path, gpu: &Gpu) -> Option<Profile> {
         && stored.version == env!("CARGO_PKG_VERSION")
         && stored.device == report.name
         && stored.driver == report.driver;
-    // What it lacks costs what it does elsewhere.
+    // Settings that it lacks keep their built-in costs.
     let Profile { mut costs, .. } = Profile::built_in();
     is_ours.then(|| {
         costs.extend(costs_of(stored));
@@ -215,7 +221,7 @@ fn read(path: &Path, gpu: &Gpu) -> Option<Profile> {
     })
 }
 
-/// What of a file is meant: settings of the table, with numbers that can be.
+/// Returns the valid entries of a file: settings of the table with possible numbers.
 fn costs_of(stored: Stored) -> BTreeMap<String, (f64, f64)> {
     let known: Vec<String> = table::every().into_iter().map(|candidate| candidate.spec).collect();
     let valid = |cost: &StoredCost| {
@@ -228,7 +234,7 @@ fn costs_of(stored: Stored) -> BTreeMap<String, (f64, f64)> {
     stored.costs.into_iter().filter(valid).map(|cost| (cost.technique, (cost.rmse, cost.ms))).collect()
 }
 
-/// Error and milliseconds; `None` where the device cannot do it.
+/// Measures error and milliseconds of a setting; `None` if the device does not support it.
 fn cost_of(
     scene: &Arc<GpuScene>,
     view: &View,
@@ -254,7 +260,7 @@ fn scene_of(&(field, sides, look, side): &(&str, Sides, &str, u32)) -> Result<(S
         }
     };
     let Some(preset) = PRESETS.iter().find(|known| known.name == look) else {
-        return Err(Error::invalid("transfer function", format!("\"{look}\": is no preset")));
+        return Err(Error::invalid("transfer function", format!("\"{look}\": is not a preset")));
     };
     let transfer: TransferFunction = preset.transfer(range, 1.0)?;
     let mut scene = Scene::new(data, transfer);

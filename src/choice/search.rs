@@ -1,10 +1,11 @@
-//! Which setting is tried next, from what a profile says and what trials found.
+//! The search: selects the next trial from the profile and the trials so far.
 
+use super::goal::Goal;
 use super::profile::Profile;
 use super::table::Candidate;
-use super::{Goal, TrialOutcome};
+use super::trial::TrialOutcome;
 
-/// What is expected of a setting.
+/// The prediction for a setting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Predicted {
     /// Root mean square error.
@@ -12,16 +13,16 @@ pub(super) struct Predicted {
     pub(super) ms: f64,
 }
 
-/// What is known of a candidate.
+/// The state of a candidate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Known {
     Nothing,
     Refused,
-    /// Bound of the error, and milliseconds.
+    /// Upper bound of the error, and milliseconds.
     Measured(f64, f64),
 }
 
-/// A search under way.
+/// A search in progress.
 #[derive(Debug)]
 pub(super) struct Search<'a> {
     candidates: &'a [Candidate],
@@ -31,21 +32,22 @@ pub(super) struct Search<'a> {
     known: Vec<Known>,
 }
 
-/// Errors below are rounding, and say nothing of others.
+/// Errors below are rounding errors and predict nothing.
 const LEAST_ERROR: f64 = 1e-7;
 const LEAST_MS: f64 = 1e-3;
 
-/// A trial must promise to be better by this factor than what is there.
+/// A trial must promise a cost below the best one times this factor.
 const WORTH: f64 = 0.87;
 
-/// A prediction from a trial of the same family is not wrong by more.
+/// Limit of the error factor of a prediction from a trial of the same family.
 const NEAR: f64 = 10.0;
 
-/// How much better than predicted a family may be on a scene, and by how much it must be better to be tried for that.
+/// Largest factor by which a family may be better than predicted, and the improvement that it must then
+/// promise to be tried.
 const SURPRISE: f64 = 20.0;
 const WORTH_A_SURPRISE: f64 = 0.5;
 
-/// Room for what predictions are wrong by: for settings of a family that has been tried, and for others.
+/// Safety factors of predictions: for settings of a family with a trial, and for others.
 const SURE: f64 = 1.05;
 const UNSURE: f64 = 1.3;
 
@@ -54,7 +56,7 @@ impl<'a> Search<'a> {
         let prior = candidates
             .iter()
             .map(|candidate| {
-                // What a profile does not know may be anything.
+                // Settings missing in the profile get typical costs.
                 let (error, ms) = profile.cost(&candidate.spec).unwrap_or((1e-3, 10.0));
                 [error.max(LEAST_ERROR).ln(), ms.max(LEAST_MS).ln()]
             })
@@ -62,7 +64,7 @@ impl<'a> Search<'a> {
         Self { candidates, goal, prior, known: vec![Known::Nothing; candidates.len()] }
     }
 
-    /// The candidate to be tried next.
+    /// Returns the next candidate to try with its prediction.
     pub(super) fn next(&self) -> Option<(usize, Predicted)> {
         let best = self.best().map(|best| self.costs(best));
         let untried = || (0..self.candidates.len()).filter(|&i| self.known[i] == Known::Nothing);
@@ -79,7 +81,7 @@ impl<'a> Search<'a> {
         if let Some([_, price_now]) = best {
             return self.surprise(price_now);
         }
-        // Nothing promises to meet the goal: what comes nearest may meet it all the same. What is known to be far is not.
+        // Nothing promises to meet the goal: try the nearest candidate, unless it is known to be far off.
         let near = |(i, predicted): &(usize, Predicted)| {
             !self.has_family(*i) || self.axes(predicted.error, predicted.ms).0 <= self.limit() * NEAR
         };
@@ -89,8 +91,8 @@ impl<'a> Search<'a> {
             .min_by(|a, b| self.axes(a.1.error, a.1.ms).0.total_cmp(&self.axes(b.1.error, b.1.ms).0))
     }
 
-    /// Of families that nothing is known of on this scene a setting that would be well worth it, should the family be as
-    /// good here as families may be: the most accurate such.
+    /// Returns the most accurate untried setting of an untried family that would be a large improvement if
+    /// the family were much better than predicted.
     fn surprise(&self, price_now: f64) -> Option<(usize, Predicted)> {
         (0..self.candidates.len())
             .filter(|&i| self.known[i] == Known::Nothing && !self.was_tried(i))
@@ -102,7 +104,7 @@ impl<'a> Search<'a> {
             .min_by(|a, b| a.1.error.total_cmp(&b.1.error))
     }
 
-    /// Takes what came of a trial.
+    /// Records the outcome of a trial.
     pub(super) fn learn(&mut self, candidate: usize, outcome: &TrialOutcome) {
         self.known[candidate] = match outcome {
             TrialOutcome::Drawn { error, ms } => Known::Measured(error.bound, *ms),
@@ -110,14 +112,14 @@ impl<'a> Search<'a> {
         };
     }
 
-    /// Of what was tried the best that meets the goal.
+    /// Returns the best tried candidate that meets the goal.
     pub(super) fn best(&self) -> Option<usize> {
         (0..self.candidates.len())
             .filter(|&i| self.costs(i)[0] <= self.limit())
             .min_by(|&a, &b| self.costs(a)[1].total_cmp(&self.costs(b)[1]))
     }
 
-    /// What the goal limits, and what it minimises, as measured.
+    /// Returns the measured costs: the one that the goal limits, then the one that it minimises.
     fn costs(&self, candidate: usize) -> [f64; 2] {
         match self.known[candidate] {
             Known::Measured(error, ms) => self.axes(error, ms).into(),
@@ -138,7 +140,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Whether a setting of the same family was tried, drawn or refused.
+    /// Returns whether a setting of the same family was tried, whether drawn or refused.
     fn was_tried(&self, candidate: usize) -> bool {
         let family = self.candidates[candidate].family;
         self.candidates
@@ -151,7 +153,7 @@ impl<'a> Search<'a> {
         self.measured().any(|(i, _)| self.candidates[i].family == self.candidates[candidate].family)
     }
 
-    /// Candidates that were drawn, with what they differ by from the profile, in logarithms.
+    /// Returns the drawn candidates with the logarithms of their ratios to the profile's costs.
     fn measured(&self) -> impl Iterator<Item = (usize, [f64; 2])> {
         (0..self.candidates.len()).filter_map(|i| match self.known[i] {
             Known::Measured(error, ms) => {
@@ -163,8 +165,10 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// The profile's costs, corrected by what trials of the same family nearest on both sides found, or, without any, by
-    /// the mean of all.
+    /// Predicts a candidate's costs: those of the profile, corrected by trials.
+    ///
+    /// The correction is interpolated between the nearest trials of the same family on both sides; without
+    /// any it is the mean of all trials.
     fn predicted(&self, candidate: usize) -> Predicted {
         let Candidate { family, place, .. } = self.candidates[candidate];
         let of_family = || self.measured().filter(|(i, _)| self.candidates[*i].family == family);
@@ -199,13 +203,13 @@ mod tests {
     use super::*;
     use crate::choice::table;
 
-    /// Those of grids that have a step.
+    /// Settings for grids with a step.
     fn stepped() -> Vec<Candidate> {
         let is_one = |c: &Candidate| c.spec.contains("step=") && !c.spec.starts_with("splat");
         table::every().into_iter().filter(is_one).collect()
     }
 
-    /// A world in which every setting costs what a rule says.
+    /// Runs a search in which `cost` gives the true costs.
     fn search(goal: Goal, cost: impl Fn(&Candidate) -> Option<(f64, f64)>) -> (Option<usize>, Vec<usize>) {
         let candidates = stepped();
         let profile = Profile::new(
@@ -228,7 +232,7 @@ mod tests {
         (search.best(), tried)
     }
 
-    /// Second order, each family with a factor of its own.
+    /// Second order, with a different factor for each family.
     fn rule(candidate: &Candidate, scale: f64) -> (f64, f64) {
         let fine = (candidate.place as f64).exp2();
         let family = candidate.family as f64 + 1.0;
@@ -254,7 +258,8 @@ mod tests {
         }
     }
 
-    /// Scenes are harder or easier than the profile's, slower or faster, and a family may be quite different.
+    /// Scenes may be harder or easier than the profile's, slower or faster, and one family may differ from
+    /// the others.
     #[test]
     fn what_is_predicted_wrong_is_corrected() {
         for (scale, slower, odd) in [(30.0, 5.0, 1.0), (0.02, 0.3, 1.0), (1.0, 1.0, 40.0), (3.0, 1.0, 0.05)] {
@@ -284,9 +289,9 @@ mod tests {
         all.sort_unstable();
         all.dedup();
         assert_eq!(all.len(), tried.len());
-        // One of each family is enough to know.
+        // One trial of each family is enough.
         assert!((5..12).contains(&tried.len()), "{}", tried.len());
-        // What is refused is no answer.
+        // A refused setting is never the result.
         let (best, tried) = search(Goal::MaxError(1e-3), |_| None);
         assert!(best.is_none() && tried.len() > 30, "all were tried");
         let refused = |c: &Candidate| (c.family != 0).then(|| rule(c, 1.0));

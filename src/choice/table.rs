@@ -1,32 +1,32 @@
-//! What is chosen from: techniques with their knobs, from coarse to fine.
+//! The table of settings: techniques with one varying option, from coarse to fine.
 
 use crate::error::Result;
 use crate::scene::{Data, Kernel, Kernels, Model, Scene};
 use crate::technique::Technique;
 
-/// Settings of one technique that differ in one knob: errors fall and times rise along it.
+/// Settings of one technique that differ in one option, along which errors fall and times rise.
 #[derive(Clone, Copy, Debug)]
 struct Family {
-    /// As [`Technique::parse`] reads it; the knob's value goes to the end.
+    /// Specification for [`Technique::parse`]; the option's value is appended.
     spec: &'static str,
     values: &'static [&'static str],
-    /// Whether it may end a line where little more is to come.
+    /// Whether the technique supports early ray termination.
     stops: bool,
     of: Of,
 }
 
-/// What a family draws, as the reference does.
+/// Kinds of scenes that a family draws as the reference does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Of {
     /// Grids without kernels.
     Grids,
     /// Meshes without kernels.
     Meshes,
-    /// Gaussians that add up.
+    /// Gaussians with the density model.
     Densities,
-    /// Gaussians.
+    /// Gaussians with either model.
     Gaussians,
-    /// Other kernels: not of meshes.
+    /// Other kernels, except for meshes.
     Others,
 }
 
@@ -51,9 +51,9 @@ impl Of {
 /// A setting that may be chosen.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Candidate {
-    /// As [`Technique::parse`] reads it.
+    /// Specification for [`Technique::parse`].
     pub(crate) spec: String,
-    /// Which family it belongs to, and its place there.
+    /// Index of its family, and its place there.
     pub(crate) family: usize,
     pub(crate) place: usize,
     stops: bool,
@@ -63,14 +63,14 @@ const STEPS: &[&str] = &["8", "4", "2", "1", "0.5", "0.25", "0.125", "0.0625"];
 const FINE: &[&str] = &["1", "0.5", "0.25", "0.125", "0.0625"];
 const ONE: &[&str] = &[""];
 
-/// Slices that one stands for.
+/// Sampled slices: every n-th.
 const EVERY: &[&str] = &["8", "4", "2", "1"];
 
-/// Texels of an intermediate image for each pixel, along a side.
+/// Texels of the intermediate image per pixel, along a side.
 const TEXELS: &[&str] = &["0.25", "0.33", "0.5", "pixel"];
 const FINE_TEXELS: &[&str] = &["0.5", "0.7", "pixel", "2"];
 
-/// Thicknesses of slabs of splats.
+/// Thicknesses of the slabs of splats.
 const SLABS: &[&str] = &["8", "4", "2", "1", "0.5", "0.25", "0.125"];
 
 #[rustfmt::skip]
@@ -101,7 +101,7 @@ const FAMILIES: &[Family] = &[
 ];
 
 impl Candidate {
-    /// The technique; a line may end where at most `stop` of colour is to come.
+    /// Returns the technique with `stop` as the threshold of early ray termination where it is supported.
     pub(crate) fn technique(&self, stop: f64) -> Result<Technique> {
         if !self.stops || stop == 0.0 {
             return Technique::parse(&self.spec);
@@ -111,12 +111,12 @@ impl Candidate {
     }
 }
 
-/// What draws a scene.
+/// Returns the candidates for a scene.
 pub(crate) fn candidates(scene: &Scene) -> Vec<Candidate> {
     all().filter(|candidate| FAMILIES[candidate.family].of.is(scene)).collect()
 }
 
-/// Candidates for every kind of scene.
+/// Returns the candidates for all kinds of scenes.
 pub(crate) fn every() -> Vec<Candidate> {
     all().collect()
 }
@@ -138,7 +138,7 @@ mod tests {
     use super::*;
     use crate::scene::{Field, TransferFunction};
 
-    /// What is chosen from draws the scene, as the reference does; and there is something to choose from.
+    /// Every candidate draws its scene as the reference does, and every kind of scene has candidates.
     #[test]
     fn candidates_draw_the_scene() {
         let transfer = || TransferFunction::from_rows(&[[0.0, 1.0, 1.0, 1.0, 1.0]]).unwrap();
@@ -165,7 +165,7 @@ mod tests {
                 assert!(method.fits(&scene), "{candidate:?} for {:?}", scene.kernels);
             }
         }
-        // Kernels that nothing draws.
+        // No technique draws these kernels.
         assert_eq!(candidates(&with(mesh(), Kernel::BSpline, Model::Interpolate)), []);
     }
 

@@ -1,4 +1,4 @@
-//! Image errors over the premultiplied linear channels, and one summary of them.
+//! Image errors over the premultiplied linear channels, and their one-line summary.
 
 use std::fmt;
 
@@ -11,9 +11,8 @@ use crate::reference::ReferenceImage;
 
 /// Statistics of the error `image - truth` over a set of channel samples (one channel of one pixel each).
 ///
-/// A sample whose value or truth is NaN or infinite has an infinite error. It is never left out: one of
-/// them makes `max_abs`, `rmse` and `bias` infinite, and it takes its place at the top of the
-/// percentiles.
+/// A sample whose value or truth is NaN or infinite has an infinite error. It is never left out: a single one
+/// makes `max_abs`, `rmse` and `bias` infinite, and it counts as the largest in the percentiles.
 ///
 /// Serialised, an infinite number is the string `"inf"`, since JSON has no such number.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -46,19 +45,19 @@ pub struct ImageErrors {
     pub width: u32,
     /// Image height, in pixels.
     pub height: u32,
-    /// Over all pixels and all four channels.
+    /// All pixels and all four channels.
     pub all: ErrorStatistics,
-    /// Over all pixels, red only.
+    /// All pixels, red only.
     pub red: ErrorStatistics,
-    /// Over all pixels, green only.
+    /// All pixels, green only.
     pub green: ErrorStatistics,
-    /// Over all pixels, blue only.
+    /// All pixels, blue only.
     pub blue: ErrorStatistics,
-    /// Over all pixels, alpha only.
+    /// All pixels, alpha only.
     pub alpha: ErrorStatistics,
     /// Share of the pixels, 0 to 1, whose largest absolute error over the channels is above 1/255.
     pub above_1_255: f64,
-    /// Channel samples where the image or the truth is NaN or infinite.
+    /// Number of channel samples where the image or the truth is NaN or infinite.
     pub non_finite: u64,
 }
 
@@ -67,7 +66,7 @@ impl ImageErrors {
     ///
     /// # Accuracy
     ///
-    /// Differences and sums are made in float64; float32 pixels lose nothing.
+    /// Differences and sums are computed in float64, where float32 pixels are exact.
     ///
     /// # Errors
     ///
@@ -119,7 +118,8 @@ impl ImageErrors {
 }
 
 impl fmt::Display for ImageErrors {
-    /// One line: `rmse 1.2e-3, max 4.0e-2, bias -1.0e-5, p99 ..., p99.9 ..., 0.31 % of pixels above 1/255`.
+    /// Writes one line: `rmse 1.2e-3, max 4.0e-2, bias -1.0e-5, p99 ..., p99.9 ..., 0.31 % of pixels above
+    /// 1/255`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ErrorStatistics { max_abs, rmse, bias, p99, p999 } = self.all;
         write!(f, "rmse {rmse:.2e}, max {max_abs:.2e}, bias {bias:+.2e}, p99 {p99:.2e}, p99.9 {p999:.2e}, ")?;
@@ -133,9 +133,9 @@ impl fmt::Display for ImageErrors {
 
 /// Pixels that can be compared, whatever their precision.
 pub(super) trait Raster {
-    /// Width and height.
+    /// Returns width and height.
     fn size(&self) -> [u32; 2];
-    /// The pixel of an index, row by row from the top.
+    /// Returns the pixel of an index, row by row from the top.
     fn at(&self, index: usize) -> [f64; 4];
 }
 
@@ -159,7 +159,7 @@ impl Raster for ReferenceImage {
     }
 }
 
-/// The size of two images that can be compared.
+/// Returns the common size of two images.
 ///
 /// # Errors
 ///
@@ -169,25 +169,25 @@ pub(super) fn common_size(image: &impl Raster, truth: &impl Raster) -> Result<[u
     if [w, h] != [truth_w, truth_h] {
         return Err(Error::invalid(
             "image size",
-            format!("{w} x {h} against {truth_w} x {truth_h}: images to compare must have one size"),
+            format!("{w} x {h} against {truth_w} x {truth_h}: images to compare must have the same size"),
         ));
     }
     if w == 0 || h == 0 {
-        return Err(Error::invalid("image size", format!("{w} x {h}: there is no pixel to compare")));
+        return Err(Error::invalid("image size", format!("{w} x {h}: there are no pixels to compare")));
     }
     Ok([w, h])
 }
 
-/// `image - truth` in each channel. Where either is not finite the error is positive infinity.
+/// Returns `image - truth` in each channel, positive infinity where either is not finite.
 pub(super) fn signed_errors(image: [f64; 4], truth: [f64; 4]) -> [f64; 4] {
     std::array::from_fn(|c| {
         let error = image[c] - truth[c];
-        // An infinity less itself is NaN, NaN less anything is NaN: all of it is caught here.
+        // Infinity minus itself and NaN minus anything are NaN: one test covers all cases.
         if error.is_finite() { error } else { f64::INFINITY }
     })
 }
 
-/// Sorts the errors by size where the percentiles need it. There is at least one, and none is NaN.
+/// Computes the statistics; sorts the errors by magnitude. There is at least one, and none is NaN.
 fn statistics(errors: &mut [f64]) -> ErrorStatistics {
     let count = num::f64_of(errors.len());
     let (mut squares, mut sum) = (0.0, 0.0);
@@ -196,7 +196,7 @@ fn statistics(errors: &mut [f64]) -> ErrorStatistics {
         sum += error;
     }
     errors.sort_unstable_by(|a, b| a.abs().total_cmp(&b.abs()));
-    // Nearest rank: ceil(q count) samples at or below. Integers, as 0.999 is not a binary fraction.
+    // Nearest rank: ceil(q count) samples at or below. Integers, because 0.999 is not a binary fraction.
     let percentile = |per_mille: usize| {
         let rank = (errors.len() * per_mille).div_ceil(1000);
         errors[rank.max(1) - 1].abs()
@@ -210,7 +210,7 @@ fn statistics(errors: &mut [f64]) -> ErrorStatistics {
     }
 }
 
-/// JSON has no infinity: `serde_json` would write null, which readers take for "not measured".
+/// Writes infinity as a string: `serde_json` would write null, which readers take for "not measured".
 fn number_or_inf<S: Serializer>(value: &f64, serializer: S) -> std::result::Result<S::Ok, S::Error> {
     if value.is_infinite() { serializer.serialize_str("inf") } else { serializer.serialize_f64(*value) }
 }
@@ -335,7 +335,7 @@ mod tests {
             }
         });
         assert_eq!(errors.above_1_255, 0.05);
-        // The bound itself is not above it.
+        // The bound itself does not count as above.
         let truth = ReferenceImage::new(1, 1, vec![[0.0, 0.0, 0.0, -1.0 / 255.0]]).unwrap();
         let black = Image::new(1, 1, vec![[0.0; 4]]).unwrap();
         assert_eq!(ImageErrors::between_f64(&black, &truth).unwrap().above_1_255, 0.0);

@@ -1,12 +1,11 @@
-//! Time at equal error: the lower-left front of measured costs, and times read off it.
+//! Time at equal error: the Pareto front of measured costs, and times interpolated on it.
 //!
-//! A technique has knobs, and each setting costs a time and leaves an error. Only settings that no other
-//! one beats in both are worth choosing: they are the front. Two techniques are compared by their times at
-//! one error, read off their fronts by straight lines between neighbours in logarithms of both, since
-//! time and error are powers of the knob. Beyond the ends of a front nothing has been measured, and
-//! nothing is said.
+//! Each setting of a technique costs time and leaves an error. Only settings that no other one beats in both
+//! are worth choosing; they form the front. Two techniques are compared by their times at one error. These
+//! are interpolated linearly between neighbours of the front in the logarithms of both, since time and error
+//! are powers of a technique's parameter. Nothing is extrapolated beyond the ends of a front.
 
-/// What one setting of a technique costs.
+/// The cost of one setting of a technique.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cost {
     /// Time, in any unit; more than 0.
@@ -24,17 +23,17 @@ pub struct Front {
 /// The time in which a technique reaches an error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TimeAt {
-    /// Between two members of the front, or at one.
+    /// Interpolated between two members of the front, or the time of one.
     Interpolated(f64),
-    /// The fastest member has a smaller error still: it takes this time, and whether a coarser and faster
-    /// setting would do has not been measured.
+    /// Upper bound: the fastest member takes this time and has a smaller error still. Coarser and faster
+    /// settings have not been measured.
     AtMost(f64),
     /// No member's error is so small.
     NotReached,
 }
 
 impl TimeAt {
-    /// The time, if the error is reached: exact, or the most that it is.
+    /// Returns the time or its upper bound if the error is reached.
     #[must_use]
     pub fn time(self) -> Option<f64> {
         match self {
@@ -45,8 +44,10 @@ impl TimeAt {
 }
 
 impl Front {
-    /// The front of some costs. A cost whose time is not positive and finite, or whose error is negative,
-    /// infinite or NaN, takes no part. Of equal costs the first is kept.
+    /// Finds the front of some costs.
+    ///
+    /// A cost is ignored if its time is not positive and finite, or if its error is negative, infinite or
+    /// NaN. The first of equal costs is kept.
     #[must_use]
     pub fn new(costs: &[Cost]) -> Self {
         let valid = |cost: &Cost| {
@@ -58,7 +59,7 @@ impl Front {
         sorted.sort_by(|(_, a), (_, b)| a.time.total_cmp(&b.time).then(a.error.total_cmp(&b.error)));
         let mut members: Vec<(usize, Cost)> = Vec::new();
         for (place, cost) in sorted {
-            // A slower setting is worth its time only when it is more accurate than all faster ones.
+            // A slower setting belongs to the front only if it is more accurate than all faster ones.
             if members.last().is_none_or(|(_, last)| cost.error < last.error) {
                 members.push((place, cost));
             }
@@ -66,13 +67,13 @@ impl Front {
         Self { members }
     }
 
-    /// The members with their places among the costs given; times ascend, errors descend.
+    /// Returns the members with their indices among the given costs; times ascend, errors descend.
     #[must_use]
     pub fn members(&self) -> &[(usize, Cost)] {
         &self.members
     }
 
-    /// The time in which the error is reached.
+    /// Returns the time in which the error is reached.
     #[must_use]
     pub fn time_at(&self, error: f64) -> TimeAt {
         // Errors descend: the first member that is good enough is the fastest one.
@@ -83,7 +84,7 @@ impl Front {
         if fine.error.total_cmp(&error).is_eq() {
             return TimeAt::Interpolated(fine.time);
         }
-        // An error of 0 has no logarithm, and so no line leads to it.
+        // An error of 0 has no logarithm, so nothing can be interpolated towards it.
         let coarse = place.checked_sub(1).map(|before| self.members[before].1);
         let Some(coarse) = coarse.filter(|_| fine.error > 0.0) else {
             return TimeAt::AtMost(fine.time);
@@ -108,7 +109,7 @@ mod tests {
 
     #[test]
     fn only_what_nothing_beats_is_on_the_front() {
-        // Beaten in both; equal in time; equal in error; the same again.
+        // Beaten in both; equal in time; equal in error; a duplicate.
         let costs = [(4.0, 0.1), (5.0, 0.2), (4.0, 0.3), (6.0, 0.1), (1.0, 0.5), (1.0, 0.5), (9.0, 0.01)];
         assert_eq!(places(&costs), [4, 0, 6]);
         let members: Vec<Cost> = front(&costs).members().iter().map(|(_, cost)| *cost).collect();
@@ -133,7 +134,7 @@ mod tests {
 
     #[test]
     fn times_lie_on_straight_lines_in_logarithms() {
-        // error = 1 / time^2 between the first two, 1e-2 / time beyond: powers are met exactly.
+        // error = 1 / time^2 between the first two, 1e-2 / time beyond: powers are interpolated exactly.
         let front = front(&[(100.0, 1e-4), (1.0, 1.0), (10.0, 1e-2), (50.0, 0.5)]);
         for (error, time) in [(0.25, 2.0), (1.0 / 49.0, 7.0), (1e-3, 10.0_f64.powf(1.5))] {
             let TimeAt::Interpolated(found) = front.time_at(error) else {
@@ -141,7 +142,7 @@ mod tests {
             };
             assert!((found / time - 1.0).abs() < 1e-12, "{error}: {found}, not {time}");
         }
-        // A member is met as measured.
+        // The time of a member is returned as measured.
         for (time, error) in [(1.0, 1.0), (10.0, 1e-2), (100.0, 1e-4)] {
             assert_eq!(front.time_at(error), TimeAt::Interpolated(time));
         }

@@ -7,7 +7,7 @@ use crate::reference::ReferenceImage;
 
 use super::errors::{Raster, common_size, signed_errors};
 
-/// The legend: absolute error, and the sRGB colour (0 to 1) that a PNG shows for it.
+/// The legend: absolute error, and its sRGB colour (0 to 1) in a PNG.
 ///
 /// | error | colour |
 /// |---|---|
@@ -19,8 +19,8 @@ use super::errors::{Raster, common_size, signed_errors};
 /// | 1e-1 | yellow |
 /// | 1 and above | nearly white |
 ///
-/// Between two rows the colour is linear in the logarithm of the error. Lightness rises by about the
-/// same amount with every decade, so the order can be read without the legend and in grey.
+/// Between two rows the colour is linear in the logarithm of the error. Lightness rises by about the same
+/// amount with every decade, so the order is readable without the legend and in grey.
 pub const HEAT_KNOTS: [(f64, [f64; 3]); 7] = [
     (1e-6, [0.0, 0.0, 0.0]),
     (1e-5, [0.17, 0.10, 0.40]),
@@ -35,10 +35,11 @@ pub const HEAT_KNOTS: [(f64, [f64; 3]); 7] = [
 /// contain.
 pub const HEAT_NON_FINITE: [f64; 3] = [0.0, 1.0, 1.0];
 
-/// A picture of where an image is wrong: the largest absolute error over the four channels of each
-/// pixel, on the logarithmic scale of [`HEAT_KNOTS`]; [`HEAT_NON_FINITE`] marks NaN and infinities.
+/// Maps the errors of an image: the largest absolute error over the four channels of each pixel, on the
+/// logarithmic scale of [`HEAT_KNOTS`].
 ///
-/// The pixels are opaque and linear, so that the sRGB encoding of a PNG gives the legend's colours.
+/// [`HEAT_NON_FINITE`] marks NaN and infinities. The pixels are opaque and linear, so the sRGB encoding of a
+/// PNG gives the legend's colours.
 ///
 /// # Errors
 ///
@@ -47,7 +48,7 @@ pub fn heat_map(image: &Image, truth: &Image) -> Result<Image> {
     draw(image, truth)
 }
 
-/// As [`heat_map`], against a float64 truth, which is not rounded.
+/// Maps the errors against a float64 truth, which is not rounded.
 ///
 /// # Errors
 ///
@@ -60,7 +61,7 @@ fn draw(image: &impl Raster, truth: &impl Raster) -> Result<Image> {
     let [width, height] = common_size(image, truth)?;
     let pixels = (0..num::index(width) * num::index(height))
         .map(|i| {
-            // No error is NaN here: `signed_errors` has made them infinite.
+            // No error is NaN here: `signed_errors` makes them infinite.
             let error =
                 signed_errors(image.at(i), truth.at(i)).iter().fold(0.0, |max: f64, e| max.max(e.abs()));
             let [r, g, b] = colour(error).map(|c| num::f32_of(linear(c)));
@@ -70,7 +71,7 @@ fn draw(image: &impl Raster, truth: &impl Raster) -> Result<Image> {
     Image::new(width, height, pixels)
 }
 
-/// sRGB colour of an absolute error.
+/// Returns the sRGB colour of an absolute error.
 fn colour(error: f64) -> [f64; 3] {
     if error.is_infinite() {
         return HEAT_NON_FINITE;
@@ -83,7 +84,7 @@ fn colour(error: f64) -> [f64; 3] {
     std::array::from_fn(|c| low[c] + (high[c] - low[c]) * w)
 }
 
-/// sRGB decoding (IEC 61966-2-1).
+/// Decodes sRGB (IEC 61966-2-1).
 fn linear(encoded: f64) -> f64 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
@@ -92,7 +93,7 @@ fn linear(encoded: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// CIE L* of an sRGB colour.
+    /// Returns CIE L* of an sRGB colour.
     fn lightness(srgb: [f64; 3]) -> f64 {
         let [r, g, b] = srgb.map(linear);
         let y = 0.2126 * r + 0.7152 * g + 0.0722 * b;
@@ -150,7 +151,7 @@ mod tests {
         assert!(heat_map(&image, &other).is_err());
     }
 
-    /// The mark for NaN differs in hue from everything in the map.
+    /// The mark for NaN differs in hue from every colour of the map.
     #[test]
     fn the_mark_is_not_in_the_map() {
         for i in 0..=600 {

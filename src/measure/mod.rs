@@ -1,4 +1,6 @@
-//! How far an image is from the truth, and in what time.
+//! Measures of results: image errors, heat maps, and fronts of time and error.
+//!
+//! This room uses `image` and the reference's image. The program's comparisons and benchmarks use it.
 
 mod errors;
 mod front;

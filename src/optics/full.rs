@@ -1,39 +1,39 @@
-//! The full pre-integration table: colour with attenuation inside the segment (Engel, Kraus, Ertl
-//! 2001), built incrementally (in the spirit of Lum, Wilson, Ma 2004).
+//! The full pre-integration table: colour with attenuation inside the segment (Engel, Kraus, Ertl 2001),
+//! built incrementally (in the spirit of Lum, Wilson, Ma 2004).
 
 use glam::{DVec3, DVec4};
 
-use super::cumulative::Density;
+use super::density::Density;
 use crate::interface::TableHead;
 use crate::num::{f32_of, f64_of, index};
 use crate::scene::TransferFunction;
 
-/// A scalar on the right of a node by no more than this fraction of the nodes' spacing is on the node:
-/// what rounding makes of a node's scalar must not put it on the other side of a jump.
+/// Tolerance as a fraction of the nodes' spacing: a knot this little above a node counts as on the node.
+/// Rounding of a node's scalar must not put it on the other side of a jump.
 const SLACK: f64 = 1e-5;
 
-/// Parts of an interval between two nodes. Within a part, colour is the extinction-weighted mean: where a
-/// part is opaque, this is off by half the colour's change in the part.
+/// Parts of an interval between two nodes. Within a part, colour is the extinction-weighted mean; where a
+/// part is opaque, the error is up to half the colour's change in the part.
 const PARTS: usize = 4;
 
-/// A table over front scalar, back scalar and segment length, each halved from layer to layer.
+/// A table over front scalar, back scalar and segment length, which halves from layer to layer.
 ///
-/// A texel for length d holds (G, a): mean extinction a, and colour such that the segment emits
-/// C = G d (1 - exp(-a d)) / (a d). Both tend to the point density (tau c, tau) as the segment shrinks,
-/// so unlike C and opacity they are smooth in d and interpolate well.
+/// A texel for length d holds (G, a): mean extinction a, and a colour G such that the segment emits C = G d
+/// (1 - exp(-a d)) / (a d). Both tend to the point density (tau c, tau) as the segment shrinks. So, unlike C
+/// and opacity, they are smooth in d and interpolate well.
 #[derive(Clone, Debug)]
 pub(crate) struct Full {
     pub(crate) head: TableHead,
     /// Nodes along each scalar axis.
     pub(crate) size: u32,
-    /// Layer l is for the length `longest` 2^-l.
+    /// Number of layers; layer l is for the length `longest` 2^-l.
     pub(crate) layers: u32,
-    /// At `(layer * size + back) * size + front`.
+    /// Texels at `(layer * size + back) * size + front`.
     pub(crate) texels: Vec<[f32; 4]>,
 }
 
 impl Full {
-    /// Builds in O(size^2) for each layer; `size` is at least 2.
+    /// Builds the table in O(size^2) for each layer; `size` is at least 2.
     pub(crate) fn new(transfer: &TransferFunction, size: u32, layers: u32, longest: f64) -> Self {
         let density = Density::new(transfer);
         let [first, last] = density.domain();
@@ -72,7 +72,7 @@ impl Full {
     }
 }
 
-/// Colour (premultiplied) and opacity: `front.over(back)` is associative.
+/// Premultiplied colour and opacity. `front.over(back)` is associative.
 #[derive(Clone, Copy, Debug, Default)]
 struct Layer(DVec4);
 
@@ -82,7 +82,7 @@ impl Layer {
     }
 }
 
-/// What lies on a stretch of the scalar axis, seen from either end.
+/// An interval of the scalar axis, composited from either end.
 #[derive(Clone, Copy, Debug, Default)]
 struct Stretch {
     /// Sum of the parts' densities.
@@ -94,20 +94,22 @@ struct Stretch {
 }
 
 impl Stretch {
-    /// This and then another, on the side of higher scalars.
+    /// Appends an interval on the side of higher scalars.
     fn then(&self, next: &Self) -> Self {
         Self { sum: self.sum + next.sum, up: self.up.over(next.up), down: next.down.over(self.down) }
     }
 }
 
-/// All windows of one number of intervals, each from two precomputed parts: the intervals are cut in
-/// blocks as long as a window, so a window is the end of one block and the start of the next. Nothing is
-/// divided out or subtracted, hence extinctions of any contrast keep their relative precision.
+/// All windows of one number of intervals, each from two precomputed parts.
+///
+/// The intervals are divided into blocks as long as a window, so a window is the end of one block and the
+/// start of the next. No division or subtraction removes an interval, hence extinctions of any contrast keep
+/// their relative precision.
 #[derive(Debug, Default)]
 struct Windows {
-    /// From the start of the interval's block up to and with the interval.
+    /// From the start of the interval's block to the end of the interval.
     starts: Vec<Stretch>,
-    /// From the interval on to the end of its block.
+    /// From the start of the interval to the end of its block.
     ends: Vec<Stretch>,
     span: usize,
     length: f64,
@@ -141,7 +143,7 @@ impl Windows {
         }
     }
 
-    /// The window from an interval on: the texels for rising and for falling scalars.
+    /// Returns the texels of the window that begins at an interval, for rising and for falling scalars.
     fn at(&self, low: usize) -> [[f32; 4]; 2] {
         let window = if low.is_multiple_of(self.span) {
             self.ends[low]
@@ -177,7 +179,7 @@ mod tests {
         [texel[0] * length * phi, texel[1] * length * phi, texel[2] * length * phi, od]
     }
 
-    /// The same by steps of constant density, with a step's end at every knot.
+    /// The same by steps of constant density, with the end of a step at every knot.
     fn brute(tf: &TransferFunction, front: f64, back: f64, length: f64) -> [f64; 4] {
         let place = |s: f64| (s - front) / (back - front);
         let mut cuts = vec![0.0, 1.0];
@@ -207,7 +209,7 @@ mod tests {
         [1.0, 0.0, 0.0, 1.0, 3.0],
     ];
 
-    /// Largest error of a colour channel and largest relative one of the optical depth, over some texels.
+    /// Largest error of a colour channel and largest relative error of the optical depth, over some texels.
     fn worst(rows: &[[f64; 5]], size: u32, layers: u32, longest: f64) -> (f64, f64) {
         let tf = transfer(rows);
         let rounded: Vec<[f64; 5]> =
@@ -256,7 +258,7 @@ mod tests {
 
     #[test]
     fn equal_nodes_hold_the_density_right_of_jumps() {
-        // Half of the float32 neighbours of i/255 lie above it, so above the node.
+        // Half of the float32 neighbours of i/255 lie above it, hence above the node.
         for jump in 1..255_usize {
             let s = f64::from(f32_of(f64_of(jump) / 255.0));
             let tf = transfer(&[
@@ -268,7 +270,7 @@ mod tests {
             let table = Full::new(&tf, 256, 2, 1.0);
             assert_eq!(texel(&table, 1, jump, jump), [0.0, 2.0, 4.0, 4.0], "{jump}");
             assert_eq!(texel(&table, 1, jump - 1, jump - 1), [1.0, 0.5, 0.25, 1.0]);
-            // The jump lies on a node: a neighbouring interval is on one side of it.
+            // The jump lies on a node: a neighbouring interval lies on one side of it.
             assert!((texel(&table, 0, jump - 1, jump)[3] - 1.0).abs() < 1e-4);
         }
         let table = Full::new(&transfer(&MIXED), 65, 1, 1.0);
@@ -317,7 +319,7 @@ mod tests {
 
     #[test]
     fn direction_matters() {
-        // Red on the low side of a jump, blue on the high side, each half of the segment opaque.
+        // Red on the low side of a jump, blue on the high side; each half of the segment is opaque.
         let tf = transfer(&[
             [0.0, 1.0, 0.0, 0.0, 50.0],
             [0.5, 1.0, 0.0, 0.0, 50.0],
@@ -328,7 +330,7 @@ mod tests {
         let (up, down) = (segment(texel(&table, 0, 0, 20), 2.0), segment(texel(&table, 0, 20, 0), 2.0));
         assert!(up[0] > 0.999 && up[2] < 1e-6 && down[2] > 0.999 && down[0] < 1e-6, "{up:?} {down:?}");
         assert_eq!(up[3], down[3]);
-        // Exactly: the front half hides exp(-25 d) of the other.
+        // Exactly, the front half attenuates the other by exp(-25 d).
         let table = Full::new(&tf, 21, 1, 0.1);
         let up = segment(texel(&table, 0, 0, 20), 0.1);
         let half = -(-2.5_f64).exp_m1();
@@ -375,7 +377,7 @@ mod tests {
                 assert!(table.texels.iter().flatten().all(|v| v.is_finite() && *v >= 0.0));
             }
         }
-        // Next to 1e30 the thin part keeps its precision: 12 and 16 are nodes 0.75 and 1.
+        // Beside 1e30 the thin part keeps its precision: 12 and 16 are nodes 0.75 and 1.
         let table = Full::new(&transfer(&spike), 17, 1, 1.0);
         let want = 1e-3 * (0.05 + 0.3) / 0.6;
         assert!((texel(&table, 0, 12, 16)[3] - want).abs() < 1e-6 * want);

@@ -1,4 +1,4 @@
-//! Images of meshes: which tetrahedra may cover which pixels, and the pixels, a few rows at a time.
+//! Images of meshes: finds the pixels that each tetrahedron may cover, then draws a few rows at a time.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -8,18 +8,18 @@ use rayon::prelude::*;
 use crate::num;
 use crate::scene::View;
 
-use super::sight::{Sight, Sights};
+use super::sampling::{Progress, samples_of};
 use super::tets::{MeshRay, Piece, TetRays};
-use super::{Progress, samples_of};
+use super::view_ray::{ViewRay, ViewRays};
 
-/// Rows that are drawn together, and columns: their pieces are in memory at a time.
+/// Rows and columns of a block; the pieces of one block are in memory at a time.
 const ROWS: usize = 8;
 const COLUMNS: u32 = 64;
 
-/// Pixels by which boxes are larger than they need be.
+/// Safety margin of a tetrahedron's box of pixels, in pixels.
 const MARGIN: f64 = 1.0 / 64.0;
 
-/// A tetrahedron, and the first and the last column and row of pixels that it may cover.
+/// A tetrahedron, with the first and the last column and row of pixels that it may cover.
 #[derive(Clone, Copy, Debug)]
 struct Cover {
     cell: u32,
@@ -27,12 +27,13 @@ struct Cover {
     rows: [u32; 2],
 }
 
-/// Draws a mesh: `samples` x `samples` rays in each pixel.
+/// Draws a mesh with `samples` x `samples` rays in each pixel.
 ///
-/// Memory is that of the covers, 20 bytes for each tetrahedron, and a few rows' share of them on each thread.
+/// Needs memory for the covers, 20 bytes for each tetrahedron, and on each thread for the covers of a few
+/// rows.
 pub(super) fn render(
     rays: &TetRays,
-    sights: &Sights,
+    view_rays: &ViewRays,
     view: &View,
     samples: u32,
     pixels: &mut [[f64; 4]],
@@ -55,7 +56,7 @@ pub(super) fn render(
             let right = (left + COLUMNS).min(width) - 1;
             let block: Vec<Cover> =
                 band.iter().filter(|c| c.columns[0] <= right && c.columns[1] >= left).copied().collect();
-            let mut stretch = Stretch::new(rays, sights, left, right);
+            let mut stretch = Stretch::new(rays, view_rays, left, right);
             for (row, y) in pixels.chunks_mut(num::index(width)).zip(first..) {
                 let row = &mut row[num::index(left)..=num::index(right)];
                 stretch.draw(&block, y, samples, row);
@@ -71,9 +72,9 @@ pub(super) fn render(
 
 /// Draws some pixels, each by the ray through its centre.
 ///
-/// Memory is an index for each tetrahedron and pixel that it may cover.
-pub(super) fn some(rays: &TetRays, sights: &Sights, view: &View, pixels: &[[u32; 2]]) -> Vec<[f64; 4]> {
-    // In each row its pixels from left to right.
+/// Needs memory for one index per tetrahedron and pixel that it may cover.
+pub(super) fn some(rays: &TetRays, view_rays: &ViewRays, view: &View, pixels: &[[u32; 2]]) -> Vec<[f64; 4]> {
+    // The pixels of each row, from left to right.
     let mut rows: Vec<Vec<(u32, usize)>> = vec![Vec::new(); num::index(view.extent()[1])];
     for (place, &[x, y]) in pixels.iter().enumerate() {
         rows[num::index(y)].push((x, place));
@@ -95,39 +96,43 @@ pub(super) fn some(rays: &TetRays, sights: &Sights, view: &View, pixels: &[[u32;
         }
     }
     let draw = |(&[x, y], cells): (&[u32; 2], &Vec<u32>)| {
-        let mut pixel = Pixel::new(rays, sights.at(DVec2::new(f64::from(x), f64::from(y)) + 0.5));
+        let mut pixel = Pixel::new(rays, view_rays.at(DVec2::new(f64::from(x), f64::from(y)) + 0.5));
         pixel.pieces.extend(cells.iter().filter_map(|&cell| rays.piece(cell, &pixel.ray)));
         pixel.draw(rays)
     };
     pixels.par_iter().zip(&cells).map(draw).collect()
 }
 
-/// A line of sight, and the pieces of it found so far.
+/// A ray, and the pieces found on it so far.
 struct Pixel {
-    sight: Sight,
+    view_ray: ViewRay,
     ray: MeshRay,
     pieces: Vec<Piece>,
 }
 
 impl Pixel {
-    fn new(rays: &TetRays, sight: Sight) -> Self {
-        Self { ray: rays.ray(sight.origin, sight.direction, sight.range), sight, pieces: Vec::new() }
+    fn new(rays: &TetRays, view_ray: ViewRay) -> Self {
+        Self {
+            ray: rays.ray(view_ray.origin, view_ray.direction, view_ray.range),
+            view_ray,
+            pieces: Vec::new(),
+        }
     }
 
-    /// The same memory for another line of sight.
-    fn restart(&mut self, rays: &TetRays, sight: Sight) {
-        self.ray = rays.ray(sight.origin, sight.direction, sight.range);
-        self.sight = sight;
+    /// Starts another ray in the same memory.
+    fn restart(&mut self, rays: &TetRays, view_ray: ViewRay) {
+        self.ray = rays.ray(view_ray.origin, view_ray.direction, view_ray.range);
+        self.view_ray = view_ray;
         self.pieces.clear();
     }
 
     fn draw(&mut self, rays: &TetRays) -> [f64; 4] {
-        let Self { sight, ray, pieces } = self;
-        sight.composite(|range| {
-            if range == sight.range {
+        let Self { view_ray, ray, pieces } = self;
+        view_ray.composite(|range| {
+            if range == view_ray.range {
                 return rays.integrate(pieces);
             }
-            // Surfaces part the pieces.
+            // Surfaces split the pieces.
             let range = range.map(|t| t - ray.nearest);
             let mut part: Vec<Piece> = pieces.iter().filter_map(|piece| piece.within(range)).collect();
             rays.integrate(&mut part)
@@ -135,27 +140,27 @@ impl Pixel {
     }
 }
 
-/// A few pixels of one row.
+/// A run of pixels in one row.
 struct Stretch<'a> {
     rays: &'a TetRays<'a>,
-    sights: &'a Sights<'a>,
+    view_rays: &'a ViewRays<'a>,
     left: u32,
     right: u32,
     pixels: Vec<Pixel>,
 }
 
 impl<'a> Stretch<'a> {
-    fn new(rays: &'a TetRays, sights: &'a Sights, left: u32, right: u32) -> Self {
-        Self { rays, sights, left, right, pixels: Vec::new() }
+    fn new(rays: &'a TetRays, view_rays: &'a ViewRays, left: u32, right: u32) -> Self {
+        Self { rays, view_rays, left, right, pixels: Vec::new() }
     }
 
     fn draw(&mut self, block: &[Cover], y: u32, samples: u32, row: &mut [[f64; 4]]) {
         for offset in samples_of(samples) {
             for (i, x) in (self.left..=self.right).enumerate() {
-                let sight = self.sights.at(DVec2::new(f64::from(x), f64::from(y)) + offset);
+                let view_ray = self.view_rays.at(DVec2::new(f64::from(x), f64::from(y)) + offset);
                 match self.pixels.get_mut(i) {
-                    Some(pixel) => pixel.restart(self.rays, sight),
-                    None => self.pixels.push(Pixel::new(self.rays, sight)),
+                    Some(pixel) => pixel.restart(self.rays, view_ray),
+                    None => self.pixels.push(Pixel::new(self.rays, view_ray)),
                 }
             }
             for cover in block.iter().filter(|c| c.rows[0] <= y && c.rows[1] >= y) {
@@ -178,12 +183,12 @@ impl<'a> Stretch<'a> {
     }
 }
 
-/// Which pixels a tetrahedron may cover, if any.
+/// Returns the pixels that a tetrahedron may cover, if any.
 fn cover(rays: &TetRays, view: &View, cell: u32) -> Option<Cover> {
     let corners = rays.mesh.cells()[num::index(cell)].map(|i| rays.mesh.points()[num::index(i)]);
     let [width, height] = view.extent();
     let eye = view.camera().eye;
-    // To the right, down and ahead of the eye.
+    // Coordinates to the right of, below and ahead of the eye, with a bound of their rounding.
     let seen = corners.map(|p| {
         let relative = p - eye;
         let coordinates = [view.right(), -view.up(), view.forward()].map(|axis| relative.dot(axis));
@@ -199,7 +204,7 @@ fn cover(rays: &TetRays, view: &View, cell: u32) -> Option<Cover> {
         let inside = high >= 0.0 && low <= f64::from(side);
         inside.then(|| [num::u32_of(low).min(side - 1), num::u32_of(high).min(side - 1)])
     };
-    // Of places well in front of the eye the projection of a hull is the hull of the projections.
+    // Well in front of the eye, the projection of a convex hull is the hull of the projections.
     let ahead = |(at, _): &([f64; 3], f64)| at[2] > 1e-3 * (at[0].abs() + at[1].abs());
     let (columns, rows) = if !view.is_perspective() || seen.iter().all(ahead) {
         (hull(0, width)?, hull(1, height)?)
@@ -209,8 +214,10 @@ fn cover(rays: &TetRays, view: &View, cell: u32) -> Option<Cover> {
     Some(Cover { cell, columns, rows })
 }
 
-/// The first and the last row or column whose wedge, between two planes through the eye, may meet a tetrahedron
-/// that lies about the eye's plane: those for which not all corners lie on the outer side of one plane.
+/// Returns the first and the last row or column that may meet a tetrahedron near the eye's plane.
+///
+/// A row or column is a wedge between two planes through the eye. It may meet the tetrahedron unless all
+/// corners lie behind the eye or on the outer side of one of the planes.
 fn wedges(view: &View, seen: &[([f64; 3], f64); 4], axis: usize, side: u32) -> Option<[u32; 2]> {
     let half = 0.5 * f64::from(side);
     let slope = |place: f64| (place - half) * view.pixel_size();

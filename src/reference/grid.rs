@@ -8,8 +8,8 @@ use crate::scene::{Grid, TransferFunction};
 use super::march::{Classes, March};
 use super::polynomial::Cubic;
 
-/// Samples beyond this are taken for this: their differences and products must not overflow. Only a
-/// rescale can lead here, no stored type does.
+/// Samples are clamped to this magnitude, so that their differences and products do not overflow. Only a
+/// rescale can exceed it; no stored type does.
 const MAX_SAMPLE: f64 = 1e100;
 
 /// A scene's grid and transfer function, prepared for rays.
@@ -20,7 +20,7 @@ pub(super) struct GridRays<'a> {
     to_index: DMat3,
     centre: DVec3,
     last: DVec3,
-    /// Scalars that -Inf and +Inf stand for.
+    /// Scalars that stand for -Inf and +Inf.
     ends: [f64; 2],
 }
 
@@ -36,11 +36,11 @@ impl<'a> GridRays<'a> {
         }
     }
 
-    /// One ray; `direction` has unit length, so that the parameter is a length in the world.
+    /// Integrates one ray. `direction` has unit length, so the parameter is a world length.
     pub(super) fn trace(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> [f64; 4] {
         let mut march = March::default();
-        // Measure from the point of the ray that is nearest to the grid's centre: coordinates along the
-        // ray are then as small as the grid, however far the eye is.
+        // Measure from the point of the ray nearest to the grid's centre: coordinates along the ray are then
+        // as small as the grid, however far the eye is.
         let nearest = (self.centre - origin).dot(direction);
         let start = self.to_index * (origin + direction * nearest - self.centre) + self.last * 0.5;
         let slope = self.to_index * direction;
@@ -63,8 +63,8 @@ impl<'a> GridRays<'a> {
             return march.pixel();
         }
 
-        // Walk from face to face. A face's place on the ray is computed from its number, never summed
-        // up, and two faces at one place leave a stretch of no length between them.
+        // Step from face to face. A face's parameter is computed from its index, not accumulated. Two faces
+        // at one place leave a segment of length zero between them.
         let dims = self.grid.dims();
         let mut cell: [u32; 3] = std::array::from_fn(|axis| {
             num::u32_of((start[axis] + slope[axis] * t0).floor()).min(dims[axis] - 2)
@@ -109,7 +109,7 @@ impl<'a> GridRays<'a> {
         }
     }
 
-    /// The stretch of a ray inside one cell, between two places in the cell's own coordinates.
+    /// Adds the segment of a ray inside one cell, between two positions in the cell's own coordinates.
     fn add_cell(&self, march: &mut March, cell: [u32; 3], from: DVec3, to: DVec3, length: f64) {
         let v: [f64; 8] = std::array::from_fn(|corner| {
             let step = |bit: usize| u32::from(corner & bit != 0);
@@ -128,7 +128,7 @@ impl<'a> GridRays<'a> {
         }
     }
 
-    /// One sample; NaN is vacuum, infinities have become the transfer function's ends.
+    /// Returns one sample. NaN stays and means vacuum; infinities become the ends of the transfer function.
     fn sample(&self, x: u32, y: u32, z: u32) -> f64 {
         let value = self.grid.value(x, y, z);
         if value == f64::INFINITY {
@@ -141,10 +141,10 @@ impl<'a> GridRays<'a> {
     }
 }
 
-/// The trilinear interpolant of a cell's corners along a line, as a cubic of the line's parameter.
+/// Returns the trilinear interpolant of a cell's corners along a line, as a cubic of the line's parameter.
 ///
-/// Corners by bits: 1 is x, 2 is y, 4 is z. Where corners are equal the coefficients that their
-/// differences make are exactly zero.
+/// Bits number the corners: 1 is x, 2 is y, 4 is z. Where corners are equal, the coefficients made of their
+/// differences are exactly zero.
 fn along(v: &[f64; 8], at: DVec3, d: DVec3) -> Cubic {
     let (x, y, z) = (v[1] - v[0], v[2] - v[0], v[4] - v[0]);
     let xy = (v[3] - v[2]) - x;

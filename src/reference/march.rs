@@ -5,22 +5,21 @@ use crate::scene::{Knot, TransferFunction};
 use super::polynomial::{self, Cubic};
 use super::quadrature::{Node, gauss_legendre};
 
-/// Optical depth at which a ray ends: what lies behind is dimmed by exp(-60) < 1e-26.
+/// Optical depth at which a ray ends: the transmittance is below exp(-60) < 1e-26.
 pub(super) const OPAQUE: f64 = 60.0;
 
-/// Largest optical depth of a panel, and the points that integrate any piece of that depth to
-/// 1e-12 of the panel's own emission; ascending.
+/// Largest optical depth of a panel, and the number of points that integrate a piece of that depth to 1e-12
+/// of the panel's own emission; ascending.
 const PANELS: [(f64, usize); 3] = [(0.002, 8), (0.05, 10), (1.0, 14)];
 
-/// Extinctions above this are taken for this: the polynomials must not overflow, and a ray is opaque
-/// long before.
+/// Extinctions are clamped to this, so that the polynomials do not overflow; a ray is opaque long before.
 const MAX_TAU: f64 = 1e150;
 
-/// A transfer function, prepared for the integration along rays.
+/// A transfer function, prepared for integration along rays.
 #[derive(Debug)]
 pub(super) struct Classes {
     knots: Vec<Knot>,
-    /// Entry i: how many of the first i knots have an extinction.
+    /// Entry i counts the knots among the first i whose extinction is positive.
     absorbing: Vec<usize>,
     rules: Vec<(f64, Vec<Node>)>,
 }
@@ -40,23 +39,23 @@ impl Classes {
         Self { knots, absorbing, rules }
     }
 
-    /// The interval between knots that holds a scalar: the number of knots at or below it.
+    /// Returns the interval between knots that holds a scalar: the number of knots at or below it.
     pub(super) fn interval(&self, s: f64) -> usize {
         self.knots.partition_point(|knot| knot.s <= s)
     }
 
-    /// Scalar of a knot.
+    /// Returns the scalar of a knot.
     pub(super) fn scalar(&self, knot: usize) -> f64 {
         self.knots[knot].s
     }
 
-    /// The knots that bound an interval; beyond the ends both are the end knot.
+    /// Returns the knots that bound an interval; beyond the ends, both are the end knot.
     fn ends(&self, interval: usize) -> (&Knot, &Knot) {
         let last = self.knots.len() - 1;
         (&self.knots[interval.saturating_sub(1)], &self.knots[interval.min(last)])
     }
 
-    /// Whether nothing absorbs in any of these intervals.
+    /// Returns whether extinction is zero in all of these intervals.
     pub(super) fn is_vacuum(&self, first: usize, last: usize) -> bool {
         let from = first.saturating_sub(1);
         let to = (last + 1).min(self.knots.len());
@@ -64,7 +63,7 @@ impl Classes {
     }
 }
 
-/// What a ray has gathered so far, front to back.
+/// Optical depth and colour accumulated along a ray, front to back.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct March {
     depth: f64,
@@ -72,21 +71,22 @@ pub(super) struct March {
 }
 
 impl March {
-    /// Whether nothing behind can be seen.
+    /// Returns whether the rest of the ray is invisible.
     pub(super) fn is_opaque(&self) -> bool {
         self.depth >= OPAQUE
     }
 
-    /// Premultiplied colour and opacity.
+    /// Returns premultiplied colour and opacity.
     pub(super) fn pixel(&self) -> [f64; 4] {
         let [r, g, b] = self.colour;
         [r, g, b, -(-self.depth).exp_m1()]
     }
 
-    /// A stretch of the ray along which the scalar is a cubic on [0, 1]: cut at the knots, integrated
-    /// piece by piece.
+    /// Adds a segment along which the scalar is a cubic on [0, 1].
+    ///
+    /// It is cut at the knots and integrated piece by piece.
     pub(super) fn add_cubic(&mut self, classes: &Classes, scalar: &Cubic, length: f64) {
-        // Between turning points the scalar is monotone: each knot is crossed once at most.
+        // Between turning points the scalar is monotone and crosses each knot at most once.
         let mut from = 0.0;
         let turns = polynomial::turning_points(scalar);
         for to in turns.into_iter().filter(|x| !x.is_nan()).chain([1.0]) {
@@ -107,7 +107,7 @@ impl March {
         for step in first..last {
             let knot = if rising { step } else { first + last - 1 - step };
             let s = classes.scalar(knot);
-            // The second knot of a jump is crossed where the first one was.
+            // The second knot of a jump is at the same place as the first.
             if crossed == Some(s) {
                 continue;
             }
@@ -122,7 +122,7 @@ impl March {
         self.add_piece(classes, scalar, length, here, to);
     }
 
-    /// A piece inside one interval of the transfer function.
+    /// Adds a piece inside one interval of the transfer function.
     fn add_piece(&mut self, classes: &Classes, scalar: &Cubic, length: f64, from: f64, to: f64) {
         let width = to - from;
         if width <= 0.0 {
@@ -133,15 +133,15 @@ impl March {
         if a.tau == 0.0 && b.tau == 0.0 {
             return;
         }
-        // Place between the two knots, 0 to 1, along the piece.
+        // Position between the two knots, 0 to 1, along the piece.
         let range = b.s - a.s;
         let mut place = [0.0; 4];
         if range > 0.0 {
             place = polynomial::part(scalar, from, width);
             place[0] -= a.s;
             place = place.map(|c| c / range);
-            // A cubic with values in [0, 1] has coefficients of at most 24 (Chebyshev's). Larger ones
-            // mean that the knots are closer than the scalar's rounding.
+            // A cubic with values in [0, 1] has coefficients of at most 24 (Chebyshev's). Larger ones mean
+            // that the knots are closer together than the scalar's rounding.
             if !place.iter().all(|c| c.abs() < 32.0) {
                 place = [((middle - a.s) / range).clamp(0.0, 1.0), 0.0, 0.0, 0.0];
             }
@@ -149,10 +149,11 @@ impl March {
         self.add_linear(&classes.rules, &place, length * width, a, b);
     }
 
-    /// A piece with extinction and colour linear between two knots, at places given by a cubic.
+    /// Adds a piece whose extinction and colour are linear between two knots, at positions given by a cubic.
     ///
-    /// The optical depth along the piece is then a quartic in closed form. So is the emission where the
-    /// colour is constant; else panels of bounded optical depth by Gauss-Legendre.
+    /// The optical depth along the piece is then a quartic in closed form, and so is the emission where the
+    /// colour is constant. Otherwise panels of bounded optical depth are integrated by Gauss-Legendre
+    /// quadrature.
     fn add_linear(&mut self, rules: &[(f64, Vec<Node>)], place: &Cubic, length: f64, a: &Knot, b: &Knot) {
         let mut extinction = place.map(|c| (b.tau - a.tau) * c * length);
         extinction[0] += a.tau * length;
@@ -204,7 +205,7 @@ impl March {
         }
     }
 
-    /// One panel: `extinction` is optical depth per unit of the parameter, `total` its integral.
+    /// Adds one panel. `extinction` is optical depth per unit of the parameter, `total` its integral.
     fn add_panel(
         &mut self,
         rules: &[(f64, Vec<Node>)],
@@ -215,7 +216,7 @@ impl March {
         b: &Knot,
     ) {
         let Some((_, rule)) = rules.iter().find(|rule| total <= rule.0).or(rules.last()) else { return };
-        // Colour is a.colour (1 - place) + b.colour place: two moments serve all channels.
+        // The colour is a.colour (1 - place) + b.colour place, so two moments serve all channels.
         let (mut near, mut far) = (0.0, 0.0);
         for node in rule {
             let absorbed = (-(polynomial::integral(extinction, node.x))).exp();
@@ -238,8 +239,8 @@ mod tests {
 
     use super::*;
 
-    /// Monotone cubics from 0 to 1 on the unit interval: the slope is a square or a product of factors
-    /// that do not change sign, scaled.
+    /// Monotone cubics from 0 to 1 on the unit interval. Their slopes are scaled squares or products of
+    /// factors that do not change sign.
     fn monotone_cubics() -> Vec<Cubic> {
         let mut cubics = vec![[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
         for i in 0..=20 {
@@ -258,8 +259,8 @@ mod tests {
         cubics
     }
 
-    /// The stated accuracy of the panels: each rule at its largest optical depth, against the same
-    /// stretch in 64 parts.
+    /// The panels have the stated accuracy: each rule at its largest optical depth, against the same segment
+    /// in 64 parts.
     #[test]
     fn one_panel_equals_many() {
         let transfer = TransferFunction::from_rows(&[[0.0; 5]]).unwrap();
@@ -295,8 +296,8 @@ mod tests {
         }
     }
 
-    /// Where the scalar's rounding is coarser than the distance of two knots, a piece that claims to lie
-    /// between them has one place: without overflow, without extrapolation.
+    /// Where the scalar's rounding is coarser than the distance of two knots, a piece between them has one
+    /// position, without overflow or extrapolation.
     #[test]
     fn knots_closer_than_rounding_do_not_extrapolate() {
         let rows = [[0.0, 1.0, 0.0, 0.0, 2.0], [5e-324, 0.0, 1.0, 0.0, 1e6], [1.0, 0.0, 1.0, 0.0, 2.0]];

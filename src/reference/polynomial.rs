@@ -1,24 +1,24 @@
-//! Cubics on the unit interval: evaluation, change of interval, and where they take a value.
+//! Cubics on the unit interval: evaluation, change of interval, turning points and crossings of a value.
 
 /// Coefficients of a cubic, constant first.
 pub(super) type Cubic = [f64; 4];
 
-/// The cubic's value.
+/// Evaluates the cubic.
 pub(super) fn value(c: &Cubic, x: f64) -> f64 {
     ((c[3] * x + c[2]) * x + c[1]) * x + c[0]
 }
 
-/// The cubic's slope.
+/// Evaluates the slope.
 pub(super) fn slope(c: &Cubic, x: f64) -> f64 {
     (3.0 * c[3] * x + 2.0 * c[2]) * x + c[1]
 }
 
-/// Integral of the cubic from 0 to x: a quartic.
+/// Integrates the cubic from 0 to x; the result is a quartic.
 pub(super) fn integral(c: &Cubic, x: f64) -> f64 {
     x * (c[0] + x * (c[1] * (1.0 / 2.0) + x * (c[2] * (1.0 / 3.0) + x * (c[3] * (1.0 / 4.0)))))
 }
 
-/// The same cubic over [start, start + width], reparametrised to [0, 1].
+/// Returns the same cubic over [start, start + width], reparametrised to [0, 1].
 pub(super) fn part(c: &Cubic, start: f64, width: f64) -> Cubic {
     [
         value(c, start),
@@ -28,9 +28,9 @@ pub(super) fn part(c: &Cubic, start: f64, width: f64) -> Cubic {
     ]
 }
 
-/// The zeros of the slope inside (0, 1), ascending; NaN stands for "none".
+/// Returns the zeros of the slope inside (0, 1), ascending; NaN stands for "none".
 ///
-/// The quadratic formula in the form that never subtracts nearly equal numbers.
+/// Uses the form of the quadratic formula that never subtracts nearly equal numbers.
 pub(super) fn turning_points(c: &Cubic) -> [f64; 2] {
     let scale = c[1].abs().max(c[2].abs()).max(c[3].abs());
     if scale == 0.0 {
@@ -44,25 +44,26 @@ pub(super) fn turning_points(c: &Cubic) -> [f64; 2] {
         return [f64::NAN; 2];
     }
     let q = -(h + discriminant.sqrt().copysign(h));
-    // Divisions by zero give infinities or NaN, which lie outside of the interval.
+    // Divisions by zero give infinities or NaN, which lie outside the interval.
     let inside = |x: f64| if x > 0.0 && x < 1.0 { x } else { f64::NAN };
     let (first, second) = (inside(q / a), inside(b / q));
     if first > second || first.is_nan() { [second, first] } else { [first, second] }
 }
 
-/// Where a cubic that is monotone on [low, high] takes a value that lies between the ends' values.
+/// Returns the place in [low, high] where a monotone cubic takes a value between the values at the ends.
 ///
-/// Newton steps that stay in a shrinking bracket, else bisection.
+/// Takes Newton steps inside a shrinking bracket, and bisects otherwise.
 ///
 /// # Accuracy
 ///
-/// To the last bits of x where the slope is not small; elsewhere the value is met to rounding.
+/// Accurate to the last bits of x where the slope is not small; elsewhere the value is reached up to
+/// rounding.
 pub(super) fn crossing(c: &Cubic, wanted: f64, low: f64, high: f64) -> f64 {
     let (mut low, mut high) = (low, high);
     let (at_low, at_high) = (value(c, low) - wanted, value(c, high) - wanted);
     let rising = at_high > at_low;
     let mut x = low + (high - low) * (at_low / (at_low - at_high));
-    // 60 halvings of an interval inside [0, 1] leave less than its rounding.
+    // 60 bisections of an interval inside [0, 1] leave less than its rounding.
     for _ in 0..60 {
         if !(x > low && x < high) {
             x = 0.5 * (low + high);
@@ -83,8 +84,7 @@ pub(super) fn crossing(c: &Cubic, wanted: f64, low: f64, high: f64) -> f64 {
         if (newton - x).abs() <= f64::EPSILON * x {
             break;
         }
-        // A Newton step that barely shrinks the bracket is followed by a bisection: the step is
-        // taken only where it at least halves the larger side.
+        // Take a Newton step only where it at least halves the larger side; otherwise bisect.
         x = if newton > low && newton < high && (newton - x).abs() < 0.5 * (high - low) {
             newton
         } else {
@@ -133,7 +133,7 @@ mod tests {
 
     #[test]
     fn crossing_of_a_flat_cubic_meets_the_value() {
-        // (x - 1/2)^3 has slope 0 at its root: Newton crawls, the bracket does not.
+        // (x - 1/2)^3 has slope 0 at its root: Newton's method converges slowly, the bracket does not.
         let c = from_roots(1.0, 0.5, 0.5, 0.5);
         let x = crossing(&c, 0.0, 0.0, 1.0);
         assert!(value(&c, x).abs() < 1e-16, "{x}");

@@ -13,17 +13,17 @@ pub(super) struct Node {
     pub(super) weight: f64,
 }
 
-/// The Gauss-Legendre rule with a number of points: exact for polynomials of degree `2 points - 1`.
+/// Returns the Gauss-Legendre rule with a number of points, exact for polynomials of degree `2 points - 1`.
 ///
-/// Zeros of the Legendre polynomial by Newton's method from their asymptotic places, the polynomial by
-/// its three-term recurrence.
+/// Newton's method finds the zeros of the Legendre polynomial from their asymptotic positions; the three-term
+/// recurrence evaluates the polynomial.
 pub(super) fn gauss_legendre(points: usize) -> Vec<Node> {
     let n = num::f64_of(points);
     (0..points)
         .map(|i| {
             let mut x = (PI * (num::f64_of(i) + 0.75) / (n + 0.5)).cos();
             let mut derivative = 1.0;
-            // Quadratic convergence from a start that is good to 1e-2: five steps reach rounding.
+            // Convergence is quadratic from a start that is accurate to 1e-2: five steps reach rounding.
             for _ in 0..8 {
                 let (mut previous, mut current) = (1.0, x);
                 for k in 2..=points {

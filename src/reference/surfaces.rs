@@ -1,9 +1,9 @@
 //! Rays against the triangles of surfaces.
 //!
-//! Seen along the ray the corners are points of a plane, and the ray is its origin, as for tetrahedra: the orientation
-//! of the origin to each edge is decided exactly, and by an infinitely small step aside where it lies on an edge. So
-//! a ray through an edge or a corner that triangles share meets one of those that cover its surroundings, and a
-//! closed surface is met an even number of times.
+//! Projected along the ray, the corners are points of a plane and the ray is its origin, as for tetrahedra.
+//! The orientation of the origin to each edge is exact. Where the origin lies on an edge, an infinitely small
+//! offset decides, the same for all triangles. So a ray through a shared edge or corner meets exactly one of
+//! the triangles that cover its surroundings, and a closed surface is met an even number of times.
 
 use glam::{DVec2, DVec3};
 
@@ -12,24 +12,24 @@ use crate::scene::{Shading, Surface};
 
 use super::tets::{mean, side};
 
-/// Most triangles of a leaf.
+/// Largest number of triangles in a leaf.
 const LEAF: usize = 4;
 
-/// What rounding takes from the place of a corner across a ray or along it, as a share of the corner's distance.
+/// Bound of the rounding of a corner's position across and along a ray, as a share of the corner's distance.
 const ROUNDING: f64 = 1e-14;
 
-/// A ray meets a surface.
+/// An intersection of a ray with a surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hit {
-    /// In units of world length from the ray's origin.
+    /// Distance from the ray's origin, in world units.
     pub(super) t: f64,
-    /// Premultiplied, shaded.
+    /// Premultiplied and shaded.
     pub(super) colour: [f64; 4],
     pub(super) opaque: bool,
     face: Face,
 }
 
-/// A triangle: its surface and its place there. Their order is that of hits at the same place.
+/// A triangle as surface and index. This order is that of hits at the same place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Face {
     surface: u32,
@@ -41,9 +41,9 @@ struct Face {
 struct Node {
     low: DVec3,
     high: DVec3,
-    /// Of a leaf the first triangle, else the first of two nodes.
+    /// First triangle of a leaf, else first of two child nodes.
     first: usize,
-    /// Triangles of a leaf; 0 for others.
+    /// Number of triangles of a leaf; 0 for inner nodes.
     count: usize,
 }
 
@@ -54,14 +54,14 @@ pub(super) struct SurfaceRays<'a> {
     faces: Vec<Face>,
     nodes: Vec<Node>,
     centre: DVec3,
-    /// Half of the longest side of the box of all.
+    /// Half of the longest side of the common box.
     size: f64,
 }
 
-/// A ray, as triangles see it.
+/// A ray in the form that the intersection test needs.
 #[derive(Clone, Copy)]
-struct Line {
-    /// The ray's point that is nearest to the middle of all: parameters count from there.
+struct LocalRay {
+    /// The point of the ray nearest to the common centre, from which parameters count.
     start: DVec3,
     direction: DVec3,
     across: [DVec3; 2],
@@ -69,12 +69,13 @@ struct Line {
 }
 
 impl<'a> SurfaceRays<'a> {
-    /// For many rays: the surfaces that can be seen of those that `takes` names. None where there is no triangle.
+    /// Builds a tree for many rays from the visible surfaces that `takes` accepts, or returns `None` without
+    /// triangles.
     pub(super) fn new(surfaces: &'a [Surface], takes: impl Fn(&Surface) -> bool) -> Option<Self> {
         Self::with_leaves(surfaces, takes, LEAF)
     }
 
-    /// For one ray, which looks at every triangle.
+    /// Prepares for one ray, which tests every triangle.
     pub(super) fn once(surfaces: &'a [Surface]) -> Option<Self> {
         Self::with_leaves(surfaces, |_| true, usize::MAX)
     }
@@ -95,17 +96,18 @@ impl<'a> SurfaceRays<'a> {
         }
         let nodes = tree(surfaces, &mut faces, largest);
         let Node { low, high, .. } = nodes[0];
-        // Of a box without extent any unit does.
+        // For a box without extent any unit will do.
         let size = Some((0.5 * high - 0.5 * low).max_element()).filter(|size| *size > 0.0).unwrap_or(1.0);
         Some(Self { surfaces, faces, nodes, centre: 0.5 * low + 0.5 * high, size })
     }
 
-    /// What a ray meets behind the beginning of a range and up to its end, front to back, and nothing behind the first
-    /// that is opaque; `direction` has unit length.
+    /// Returns the hits of a ray in a range, front to back, up to the first opaque one.
+    ///
+    /// The range excludes its beginning and includes its end; `direction` has unit length.
     pub(super) fn hits(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> Vec<Hit> {
         let nearest = (self.centre - origin).dot(direction);
         let (u, v) = direction.any_orthonormal_pair();
-        let mut line = Line {
+        let mut ray = LocalRay {
             start: origin + direction * nearest,
             direction,
             across: [u, v],
@@ -115,11 +117,11 @@ impl<'a> SurfaceRays<'a> {
         let mut open = vec![0];
         while let Some(node) = open.pop() {
             let node = &self.nodes[node];
-            if !line.meets(node) {
+            if !ray.meets(node) {
                 continue;
             }
             if node.count == 0 {
-                // The nearer one is looked at first: it may hide the other.
+                // Visit the nearer node first: it may hide the other.
                 let [a, b] = [node.first, node.first + 1];
                 let ahead = |node: usize| {
                     let Node { low, high, .. } = self.nodes[node];
@@ -128,9 +130,9 @@ impl<'a> SurfaceRays<'a> {
                 open.extend(if ahead(a) < ahead(b) { [b, a] } else { [a, b] });
             }
             for &face in &self.faces[node.first..][..node.count] {
-                if let Some(hit) = self.hit(face, &line) {
+                if let Some(hit) = self.hit(face, &ray) {
                     if hit.opaque {
-                        line.range[1] = line.range[1].min(hit.t);
+                        ray.range[1] = ray.range[1].min(hit.t);
                     }
                     hits.push(hit);
                 }
@@ -146,12 +148,12 @@ impl<'a> SurfaceRays<'a> {
         hits
     }
 
-    /// Where a ray meets a triangle; the parameter counts from the ray's `start`.
-    fn hit(&self, face: Face, line: &Line) -> Option<Hit> {
+    /// Intersects a ray with a triangle; the parameter counts from the ray's `start`.
+    fn hit(&self, face: Face, ray: &LocalRay) -> Option<Hit> {
         let surface = &self.surfaces[num::index(face.surface)];
         let corners = corners(surface, face.triangle);
-        let relative = corners.map(|p| p - line.start);
-        let plane = relative.map(|p| DVec2::new(p.dot(line.across[0]), p.dot(line.across[1])) / self.size);
+        let relative = corners.map(|p| p - ray.start);
+        let plane = relative.map(|p| DVec2::new(p.dot(ray.across[0]), p.dot(ray.across[1])) / self.size);
         let [a, b, c] = plane;
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
         if low.x > 0.0 || low.y > 0.0 || high.x < 0.0 || high.y < 0.0 {
@@ -161,36 +163,37 @@ impl<'a> SurfaceRays<'a> {
         if bc.0 != ca.0 || ca.0 != ab.0 {
             return None;
         }
-        // In an order of the places: triangles of the same corners are met at the same parameter.
+        // Sort the corners by position, so that triangles with the same corners are hit at the same
+        // parameter.
         let mut parts =
-            [0, 1, 2].map(|i| (corners[i], [bc.1, ca.1, ab.1][i], relative[i].dot(line.direction)));
+            [0, 1, 2].map(|i| (corners[i], [bc.1, ca.1, ab.1][i], relative[i].dot(ray.direction)));
         parts.sort_unstable_by(|a, b| {
             let order = |axis: usize| a.0[axis].total_cmp(&b.0[axis]);
             order(0).then(order(1)).then(order(2))
         });
         let t = mean(parts.map(|part| part.1), parts.map(|part| part.2));
-        // A triangle that is too small for its own areas has no place.
-        if !(t > line.range[0] && t <= line.range[1]) {
+        // NaN means that the triangle is too small for its areas.
+        if !(t > ray.range[0] && t <= ray.range[1]) {
             return None;
         }
         let [r, g, b, alpha] = surface.colour();
         let shade = match surface.shading() {
             Shading::Flat => 1.0,
-            Shading::Headlight => normal(corners).dot(line.direction).abs().min(1.0),
+            Shading::Headlight => normal(corners).dot(ray.direction).abs().min(1.0),
         };
         let colour = [r * shade * alpha, g * shade * alpha, b * shade * alpha, alpha];
         Some(Hit { t, colour, opaque: surface.is_opaque(), face })
     }
 }
 
-/// Places of a triangle's corners.
+/// Returns the positions of a triangle's corners.
 fn corners(surface: &Surface, triangle: u32) -> [DVec3; 3] {
     surface.triangles()[num::index(triangle)].map(|i| surface.points()[num::index(i)])
 }
 
-/// The unit normal; none of a triangle without area.
+/// Returns the unit normal, or zero for a triangle without area.
 fn normal([a, b, c]: [DVec3; 3]) -> DVec3 {
-    // Products neither overflow nor vanish when the longest side is 1.
+    // With the longest side scaled to 1, products neither overflow nor underflow.
     let (e, f) = (b - a, c - a);
     let longest = e.abs().max(f.abs()).max_element();
     let normal = (e / longest).cross(f / longest);
@@ -198,8 +201,8 @@ fn normal([a, b, c]: [DVec3; 3]) -> DVec3 {
     if length > 0.0 { (normal / length).normalize() } else { DVec3::ZERO }
 }
 
-impl Line {
-    /// Whether the ray may meet what is in a box: the box's shadows across the ray and along it.
+impl LocalRay {
+    /// Returns whether the ray may meet a box, by the box's projections across and along the ray.
     fn meets(&self, node: &Node) -> bool {
         let centre = (0.5 * node.low + 0.5 * node.high) - self.start;
         let half = 0.5 * node.high - 0.5 * node.low;
@@ -217,8 +220,10 @@ impl Line {
     }
 }
 
-/// Sorts triangles into a tree of leaves of at most `largest`: each node's are parted at the median of their boxes' centres, along the longest side
-/// of the box of those.
+/// Sorts triangles into a tree with at most `largest` triangles in a leaf.
+///
+/// Each node is split at the median of its triangles' box centres, along the longest side of the box around
+/// those centres.
 fn tree(surfaces: &[Surface], faces: &mut [Face], largest: usize) -> Vec<Node> {
     let extent = |face: Face| {
         let [a, b, c] = corners(&surfaces[num::index(face.surface)], face.triangle);

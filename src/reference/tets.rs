@@ -1,15 +1,14 @@
 //! Rays through a tetrahedral mesh, cut at every face.
 //!
-//! No connectivity is used: every tetrahedron is intersected on its own, and the pieces of a ray are sorted. So
-//! cells may be given in any order, with holes, seams and overlaps.
+//! No connectivity is used: every tetrahedron is intersected separately, and the pieces of a ray are sorted.
+//! So cells may be in any order, with holes, seams and overlaps.
 //!
-//! Seen along the ray the corners are points of a plane, the ray is its origin, and a face is crossed where the
-//! origin lies in the face's projection. The orientation of the origin to each edge is decided exactly; where the
-//! ray meets an edge or a corner, as if the ray were an infinitely small step aside, the same step for all cells
-//! (Edelsbrunner and Mücke 1990, simulation of simplicity). So a ray in a face or along an edge that cells share
-//! belongs to one of them, each cell is entered once and left once or not at all, and where two cells share the
-//! corners of a face, in any order, they have bit for bit the same point of crossing: nothing is counted twice,
-//! nothing is missed.
+//! Projected along the ray, the corners are points of a plane and the ray is its origin. The ray crosses a
+//! face if the origin lies in the face's projection. The orientation of the origin to each edge is exact.
+//! Where the ray meets an edge or a corner, an infinitely small offset decides, the same for all cells
+//! (Edelsbrunner and Mücke 1990, simulation of simplicity). So a ray in a shared face or along a shared edge
+//! belongs to one cell, and each cell is entered once and left once or not at all. Two cells with the same
+//! corners of a face, in any order, have bit for bit the same crossing. Nothing is counted twice or missed.
 
 use glam::{DVec2, DVec3};
 
@@ -18,23 +17,23 @@ use crate::scene::{TetScalars, Tets, TransferFunction};
 
 use super::march::{Classes, March};
 
-/// Scalars beyond this are taken for this: their differences must not overflow. Only the transfer function's
-/// ends, which infinities stand for, lead here.
+/// Scalars are clamped to this magnitude, so that their differences do not overflow. Only the transfer
+/// function's ends, which replace infinities, can exceed it.
 const MAX_SCALAR: f64 = 1e100;
 
-/// What of a ray lies in one tetrahedron: the scalar is linear along it.
+/// The part of a ray inside one tetrahedron; the scalar is linear along it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece {
     /// The tetrahedron, as an index into [`Tets::cells`].
     pub cell: u32,
-    /// Where the piece begins and ends, in units of world length along the ray.
+    /// Begin and end of the piece, in units of world length along the ray.
     pub t: [f64; 2],
-    /// The scalars there.
+    /// The scalars at begin and end.
     pub s: [f64; 2],
 }
 
 impl Piece {
-    /// What of it lies in a range.
+    /// Returns the part of the piece inside a range.
     pub(super) fn within(self, range: [f64; 2]) -> Option<Self> {
         let Self { cell, t: [near, far], s: [first, last] } = self;
         let (t0, t1) = (near.max(range[0]), far.min(range[1]));
@@ -50,17 +49,17 @@ impl Piece {
     }
 }
 
-/// A ray, as the cells see it.
+/// A ray in the form that the intersection test needs.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MeshRay {
-    /// The ray's point that is nearest to the mesh's centre: parameters count from there, and are as small as the
-    /// mesh, however far the eye is.
+    /// The point of the ray nearest to the mesh's centre. Parameters count from there, so they are as small
+    /// as the mesh, however far the eye is.
     start: DVec3,
     direction: DVec3,
-    /// Across the ray, at right angles, in units of the mesh's size.
+    /// Two axes perpendicular to the ray, in units of the mesh's size.
     across: [DVec3; 2],
     range: [f64; 2],
-    /// Parameter of `start`, from the origin.
+    /// Parameter of `start`, measured from the origin.
     pub(super) nearest: f64,
 }
 
@@ -72,7 +71,7 @@ pub(super) struct TetRays<'a> {
     centre: DVec3,
     /// Half the diagonal of the mesh's box.
     radius: f64,
-    /// Scalars that -Inf and +Inf stand for.
+    /// Scalars that stand for -Inf and +Inf.
     ends: [f64; 2],
 }
 
@@ -88,7 +87,7 @@ impl<'a> TetRays<'a> {
         }
     }
 
-    /// A ray; `direction` has unit length, so that the parameter is a length in the world.
+    /// Prepares a ray. `direction` has unit length, so the parameter is a world length.
     pub(super) fn ray(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> MeshRay {
         let nearest = (self.centre - origin).dot(direction);
         let (u, v) = direction.any_orthonormal_pair();
@@ -101,7 +100,7 @@ impl<'a> TetRays<'a> {
         }
     }
 
-    /// One ray against every tetrahedron.
+    /// Intersects one ray with every tetrahedron and integrates it.
     pub(super) fn trace(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> [f64; 4] {
         let ray = self.ray(origin, direction, range);
         let all = self.all().filter(|&cell| self.shows(cell));
@@ -109,12 +108,12 @@ impl<'a> TetRays<'a> {
         self.integrate(&mut pieces)
     }
 
-    /// Every tetrahedron.
+    /// Returns the indices of all tetrahedra.
     pub(super) fn all(&self) -> std::ops::Range<u32> {
         0..num::count(self.mesh.cells().len())
     }
 
-    /// Whether anything of a tetrahedron emits or absorbs.
+    /// Returns whether extinction is positive anywhere in a tetrahedron.
     pub(super) fn shows(&self, cell: u32) -> bool {
         let Some(s) = self.scalars(cell, self.corners(cell)) else { return false };
         let low = s.into_iter().fold(f64::INFINITY, f64::min);
@@ -122,14 +121,15 @@ impl<'a> TetRays<'a> {
         !self.classes.is_vacuum(self.classes.interval(low), self.classes.interval(high))
     }
 
-    /// Points of a tetrahedron's corners, in ascending order: what two cells share they see alike.
+    /// Returns the points of a tetrahedron's corners in ascending order, so that two cells treat shared
+    /// corners alike.
     fn corners(&self, cell: u32) -> [usize; 4] {
         let mut corners = self.mesh.cells()[num::index(cell)].map(num::index);
         corners.sort_unstable();
         corners
     }
 
-    /// Scalars of a tetrahedron's corners; none where one is NaN.
+    /// Returns the scalars of a tetrahedron's corners, or `None` if one is NaN.
     fn scalars(&self, cell: u32, corners: [usize; 4]) -> Option<[f64; 4]> {
         let s = match self.mesh.scalars() {
             TetScalars::Point(values) => corners.map(|i| values[i]),
@@ -147,19 +147,20 @@ impl<'a> TetRays<'a> {
         (!s.iter().any(|s| s.is_nan())).then(|| s.map(scalar))
     }
 
-    /// What of a ray lies in a tetrahedron, if its scalars are numbers. Parameters count from the ray's `start`.
+    /// Returns the part of a ray inside a tetrahedron whose scalars are not NaN. Parameters count from the
+    /// ray's `start`.
     pub(super) fn piece(&self, cell: u32, ray: &MeshRay) -> Option<Piece> {
         let corners = self.corners(cell);
         let relative = corners.map(|i| self.mesh.points()[i] - ray.start);
         let plane = relative.map(|p| DVec2::new(p.dot(ray.across[0]), p.dot(ray.across[1])));
-        // The projection's box: most cells that are tried are missed.
+        // Reject by the projection's box first: most cells are missed.
         let [a, b, c, d] = plane;
         let (low, high) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
         if low.x > 0.0 || low.y > 0.0 || high.x < 0.0 || high.y < 0.0 {
             return None;
         }
         let sides = EDGES.map(|[a, b]| side(plane[a], plane[b]));
-        // The origin lies on one side of ab, bc and ca.
+        // The origin lies on the same side of ab, bc and ca.
         let crossed = FACES.map(|(_, [bc, ac, ab])| sides[ab].0 == sides[bc].0 && sides[ab].0 != sides[ac].0);
         let faces = || FACES.iter().zip(crossed).filter_map(|(face, crossed)| crossed.then_some(face));
         faces().next()?;
@@ -176,7 +177,7 @@ impl<'a> TetRays<'a> {
         Piece { cell, t: [near[0], far[0]], s: [near[1], far[1]] }.within(ray.range)
     }
 
-    /// Emission and absorption along pieces in any order.
+    /// Integrates emission and absorption along pieces, after sorting them.
     pub(super) fn integrate(&self, pieces: &mut [Piece]) -> [f64; 4] {
         sort(pieces);
         let mut march = March::default();
@@ -193,11 +194,11 @@ impl<'a> TetRays<'a> {
 /// Corners of the edges.
 const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
 
-/// Corners a < b < c of the faces, and the edges opposite of them: bc, ac, ab.
+/// Corners a < b < c of the faces, and the indices of the edges bc, ac, ab.
 const FACES: [([usize; 3], [usize; 3]); 4] =
     [([0, 1, 2], [3, 1, 0]), ([0, 1, 3], [4, 2, 0]), ([0, 2, 3], [5, 2, 1]), ([1, 2, 3], [5, 4, 3])];
 
-/// The mean with weights that are not negative; rounding does not take it out of the values' range.
+/// Returns the mean with non-negative weights, kept within the range of the values despite rounding.
 pub(super) fn mean(weights: [f64; 3], of: [f64; 3]) -> f64 {
     let sum = weights[0] + weights[1] + weights[2];
     let mean = (weights[0] * of[0] + weights[1] * of[1] + weights[2] * of[2]) / sum;
@@ -207,29 +208,31 @@ pub(super) fn mean(weights: [f64; 3], of: [f64; 3]) -> f64 {
     mean.max(of[0].min(of[1]).min(of[2])).min(of[0].max(of[1]).max(of[2]))
 }
 
-/// Front to back. The middle orders pieces that meet whatever rounding does to their ends; of pieces that overlap
-/// no order is right, and the cell's index makes it one.
+/// Sorts pieces front to back.
+///
+/// The middle orders adjacent pieces whatever the rounding of their ends. Overlapping pieces have no correct
+/// order; the cell's index makes it unique.
 pub(super) fn sort(pieces: &mut [Piece]) {
     let middle = |piece: &Piece| piece.t[0] + piece.t[1];
     pieces.sort_unstable_by(|a, b| middle(a).total_cmp(&middle(b)).then(a.cell.cmp(&b.cell)));
 }
 
-/// On which side of the origin the edge from a to b passes, true for counterclockwise, and twice the area of its
-/// triangle with the origin.
+/// Returns on which side of the origin the edge from a to b passes (true for counter-clockwise), and twice
+/// the area of its triangle with the origin.
 ///
-/// The sign is exact. Where it is zero, the origin is taken to be at `(e, e²)` for an e that is positive and
-/// smaller than any number: the determinant is then `e (ay - by) + e² (bx - ax)`. The area is good to its last
-/// digits, by Kahan's difference of products, with Dekker's exact product.
+/// The sign is exact. If it is zero, the origin is taken to be at `(e, e²)` with a positive e smaller than
+/// any number; the determinant is then `e (ay - by) + e² (bx - ax)`. The area is accurate to its last digits,
+/// by Kahan's difference of products with Dekker's exact product.
 pub(super) fn side(a: DVec2, b: DVec2) -> (bool, f64) {
     let (p, q) = (a.x * b.y, a.y * b.x);
     let mut area = p - q;
-    // Five bits cancel, or more: the difference is exact, and the products are not.
+    // Five or more bits cancel: the difference is exact, but the products are not.
     if area.abs() < 0.03125 * (p.abs() + q.abs()) {
         let (e, f) = (rest(a.x, b.y, p), rest(a.y, b.x, q));
         let difference = e - f;
         area += difference;
         if area == 0.0 {
-            // What rounding took from the difference (Knuth's two-sum).
+            // The rounding error of the difference (Knuth's two-sum).
             let virtual_f = e - difference;
             area = (e - (difference + virtual_f)) + (virtual_f - f);
         }
@@ -244,7 +247,7 @@ pub(super) fn side(a: DVec2, b: DVec2) -> (bool, f64) {
     (positive, area.abs())
 }
 
-/// What rounding took from a product (Dekker 1971, with Veltkamp's splitting).
+/// Returns the rounding error of a product (Dekker 1971, with Veltkamp's splitting).
 fn rest(a: f64, b: f64, product: f64) -> f64 {
     let split = |x: f64| {
         let c = 134_217_729.0 * x;

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use super::Clip;
 use crate::error::{Error, Result};
 
-/// How depth becomes size.
+/// Selects how depth affects size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Projection {
     /// Rays start at the eye.
@@ -20,25 +20,26 @@ pub enum Projection {
     },
 }
 
-/// Where the picture is taken from. Pixels are square.
+/// Describes the viewpoint. Pixels are square.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Position of the eye, world units. May lie inside the data.
     pub eye: DVec3,
-    /// A point straight ahead.
+    /// A point on the optical axis, world units.
     pub target: DVec3,
-    /// A direction that points up in the picture; need not be perpendicular to the view.
+    /// A direction that points up in the image; need not be perpendicular to the viewing direction.
     pub up: DVec3,
     /// The projection.
     pub projection: Projection,
 }
 
 impl Camera {
-    /// The eye turned about `up` through the target by `degrees`, counter-clockwise seen from above.
+    /// Returns the camera rotated by `degrees` about the axis `up` through the target, counter-clockwise seen
+    /// from above.
     ///
     /// # Errors
     ///
-    /// As [`View::new`] where eye, target and up make no frame.
+    /// [`Error::Invalid`] if `up` has no length.
     pub fn orbit(&self, degrees: f64) -> Result<Self> {
         let axis = self.up.try_normalize().ok_or_else(|| Error::invalid("camera up", "has no length"))?;
         let rotation = glam::DQuat::from_axis_angle(axis, degrees.to_radians());
@@ -46,11 +47,13 @@ impl Camera {
     }
 }
 
-/// A camera with an image size: everything that says which ray belongs to which pixel, and what of it is kept.
+/// A camera with an image size and a clip region: defines the ray of each pixel and the part of it that is
+/// drawn.
 ///
-/// Pixel (px, py), row 0 on top, is sampled once, at its centre. Its ray looks along
-/// `forward + x * right + y * up` with `x = (px + 1/2 - W/2) * scale`, `y = (H/2 - py - 1/2) * scale`
-/// for perspective, and starts at `eye + x * right + y * up` for orthographic.
+/// Pixel (px, py), row 0 on top, is sampled once, at its centre. With a perspective projection its ray starts
+/// at the eye and runs along `forward + x * right + y * up`; with an orthographic one it starts at `eye + x *
+/// right + y * up` and runs along `forward`. Here `x = (px + 1/2 - W/2) * scale` and `y = (H/2 - py - 1/2) *
+/// scale`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     camera: Camera,
@@ -63,16 +66,15 @@ pub struct View {
 }
 
 impl View {
-    /// Largest image side.
+    /// Largest image side, in pixels.
     pub const MAX_SIDE: u32 = 32768;
 
-    /// Checks camera and size and derives the frame of reference.
+    /// Checks camera and size and derives the axes of the view.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if a number is not finite, eye and target coincide, `up` is parallel to the
-    /// view, an angle or a height is out of range, or an image side is 0 or above
-    /// [`Self::MAX_SIDE`].
+    /// [`Error::Invalid`] if a number is not finite, eye and target coincide, `up` is parallel to the viewing
+    /// direction, an angle or a height is out of range, or an image side is 0 or above [`Self::MAX_SIDE`].
     pub fn new(camera: Camera, width: u32, height: u32) -> Result<Self> {
         for (name, side) in [("width", width), ("height", height)] {
             if side == 0 || side > Self::MAX_SIDE {
@@ -90,7 +92,8 @@ impl View {
         let forward = (camera.target - camera.eye)
             .try_normalize()
             .ok_or_else(|| Error::invalid("camera", "eye and target coincide"))?;
-        // The sine of the angle between view and up, whatever the length of up.
+        // Its length is the sine of the angle between the viewing direction and up, whatever the length of
+        // up.
         let right = camera
             .up
             .try_normalize()
@@ -135,13 +138,13 @@ impl View {
         })
     }
 
-    /// The same with parts of the volume cut away.
+    /// Returns the view with this clip region.
     #[must_use]
     pub fn with_clip(self, clip: Clip) -> Self {
         Self { clip, ..self }
     }
 
-    /// The same size and the same cuts seen by another camera.
+    /// Returns a view with the same size and clip region from another camera.
     ///
     /// # Errors
     ///
@@ -151,56 +154,57 @@ impl View {
         Ok(Self::new(camera, width, height)?.with_clip(self.clip))
     }
 
-    /// What is cut away.
+    /// Returns the clip region.
     #[must_use]
     pub fn clip(&self) -> &Clip {
         &self.clip
     }
 
-    /// The camera.
+    /// Returns the camera.
     #[must_use]
     pub fn camera(&self) -> &Camera {
         &self.camera
     }
 
-    /// Image width and height, in pixels.
+    /// Returns image width and height, in pixels.
     #[must_use]
     pub fn extent(&self) -> [u32; 2] {
         self.extent
     }
 
-    /// Unit vector into the picture.
+    /// Returns the unit vector of the viewing direction.
     #[must_use]
     pub fn forward(&self) -> DVec3 {
         self.forward
     }
 
-    /// Unit vector to the right in the picture.
+    /// Returns the unit vector that points to the right in the image.
     #[must_use]
     pub fn right(&self) -> DVec3 {
         self.right
     }
 
-    /// Unit vector up in the picture.
+    /// Returns the unit vector that points up in the image.
     #[must_use]
     pub fn up(&self) -> DVec3 {
         self.up
     }
 
-    /// Side of a pixel: at unit depth for perspective, in world units for orthographic.
+    /// Returns the side of a pixel: at unit depth for perspective, in world units for orthographic.
     #[must_use]
     pub fn pixel_size(&self) -> f64 {
         self.scale
     }
 
-    /// Whether rays start at the eye.
+    /// Returns whether rays start at the eye.
     #[must_use]
     pub fn is_perspective(&self) -> bool {
         matches!(self.camera.projection, Projection::Perspective { .. })
     }
 
-    /// Start and unit direction of the ray through a point of the image, in pixels from the top left
-    /// corner. Pixel centres are at half-integers.
+    /// Returns start and unit direction of the ray through a position in the image.
+    ///
+    /// `pixel` is in pixels from the top left corner; pixel centres are at half-integers.
     #[must_use]
     pub fn ray(&self, pixel: DVec2) -> (DVec3, DVec3) {
         let x = (pixel.x - f64::from(self.extent[0]) * 0.5) * self.scale;
@@ -213,8 +217,10 @@ impl View {
         }
     }
 
-    /// Where a world position falls in the image, in pixels from the top left corner, and its depth
-    /// along the view. `None` for a position at or behind the eye in perspective.
+    /// Projects a world position: returns its place in the image and its depth along the viewing direction.
+    ///
+    /// The place is in pixels from the top left corner. Returns `None` for a position at or behind the eye of
+    /// a perspective view.
     #[must_use]
     pub fn project(&self, position: DVec3) -> Option<(DVec2, f64)> {
         let relative = position - self.camera.eye;

@@ -1,22 +1,23 @@
-//! What of a volume is cut away: planes and a crop box.
+//! Clip planes and a crop box: the region in which the volume is drawn.
 
 use glam::DVec3;
 
 use crate::error::{Error, Result};
 
-/// A plane that cuts the half-space away which its normal points away from.
+/// A plane that keeps the half-space its normal points into.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClipPlane {
-    /// A point of the plane, world units.
+    /// A point on the plane, world units.
     pub point: DVec3,
-    /// Points to what is kept; unit length.
+    /// Unit vector that points into the half-space that is kept.
     pub normal: DVec3,
 }
 
-/// A convex region outside of which nothing of the volume is drawn: up to six planes and a box along the world's axes.
+/// A convex region outside of which the volume is not drawn: the intersection of up to six half-spaces and an
+/// axis-aligned box.
 ///
-/// Every technique cuts each pixel's line where it crosses the region's boundary, so that what is kept is exact to the
-/// segment. Surfaces are not cut.
+/// Every technique clips each pixel's ray at the boundary of the region, so the clip is exact along the ray.
+/// Surfaces are not clipped.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Clip {
     planes: [Option<ClipPlane>; Self::MAX_PLANES],
@@ -24,41 +25,43 @@ pub struct Clip {
 }
 
 impl Clip {
-    /// Most planes beside the box.
+    /// Largest number of clip planes, not counting the box.
     pub const MAX_PLANES: usize = 6;
 
-    /// Nothing is cut away.
+    /// Returns the region that clips nothing.
     #[must_use]
     pub fn none() -> Self {
         Self::default()
     }
 
-    /// One plane more, through `point`; kept is what `normal`, of any length, points to.
+    /// Adds a plane through `point`; it keeps the half-space that `normal` points into. The normal may have
+    /// any length.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if a number is not finite, the normal has no length, or there are six planes.
+    /// [`Error::Invalid`] if a number is not finite, the normal has no length, or there are already six
+    /// planes.
     pub fn with_plane(mut self, point: DVec3, normal: DVec3) -> Result<Self> {
         if !point.is_finite() {
             return Err(Error::invalid("clip plane point", format!("{point}: must be finite")));
         }
-        // Squares of its components may be too large or too small.
+        // Scale first: squares of its components may overflow or vanish.
         let scaled = normal / normal.abs().max_element();
         let normal = scaled.try_normalize().filter(|_| normal.is_finite()).ok_or_else(|| {
             Error::invalid("clip plane normal", format!("{normal}: must have a finite length"))
         })?;
         let Some(free) = self.planes.iter_mut().find(|plane| plane.is_none()) else {
-            return Err(Error::invalid("clip planes", format!("at most {} are taken", Self::MAX_PLANES)));
+            return Err(Error::invalid("clip planes", format!("at most {} are allowed", Self::MAX_PLANES)));
         };
         *free = Some(ClipPlane { point, normal });
         Ok(self)
     }
 
-    /// Kept is what lies between two corners of a box along the world's axes.
+    /// Sets the crop box, which keeps the volume between two corners. An infinite side clips nothing.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if a number is NaN, or `low` is not below `high` on every axis. Infinite sides cut nothing.
+    /// [`Error::Invalid`] if a number is NaN, or `low` is not below `high` on every axis.
     pub fn with_crop(mut self, low: DVec3, high: DVec3) -> Result<Self> {
         if !low.cmplt(high).all() {
             let why = format!("{low} to {high}: low must be below high on every axis");
@@ -68,24 +71,24 @@ impl Clip {
         Ok(self)
     }
 
-    /// The planes that were given.
+    /// Returns the clip planes.
     pub fn planes(&self) -> impl Iterator<Item = ClipPlane> + '_ {
         self.planes.iter().flatten().copied()
     }
 
-    /// The crop box, as its least and greatest corner.
+    /// Returns the least and the greatest corner of the crop box.
     #[must_use]
     pub fn crop(&self) -> Option<[DVec3; 2]> {
         self.crop
     }
 
-    /// Whether nothing is cut away.
+    /// Returns whether nothing is clipped.
     #[must_use]
     pub fn is_none(&self) -> bool {
         self.half_spaces().next().is_none()
     }
 
-    /// Every half-space that is kept, the box's finite sides included; at most twelve.
+    /// Returns every half-space that is kept, including the finite sides of the box; at most twelve.
     pub fn half_spaces(&self) -> impl Iterator<Item = ClipPlane> + '_ {
         // The other two coordinates of a corner may be infinite.
         let side = |corner: DVec3, axis: usize, towards: f64| {
@@ -98,7 +101,8 @@ impl Clip {
         self.planes().chain(sides)
     }
 
-    /// The parameters of a ray between which it lies in the region, inside `range`; empty when begin >= end.
+    /// Clips a ray: returns the part of `range`, as parameters of the ray, that lies in the region. It is
+    /// empty when begin >= end.
     #[must_use]
     pub fn range(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> [f64; 2] {
         let [mut begin, mut end] = range;

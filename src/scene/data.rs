@@ -1,10 +1,10 @@
-//! The kinds of data that a scene may hold.
+//! Kinds of data that a scene may hold.
 
 use glam::DVec3;
 
 use super::{Grid, Points, Tets};
 
-/// What a file or a scene holds.
+/// The data of a file or a scene.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Data {
@@ -17,7 +17,7 @@ pub enum Data {
 }
 
 impl Data {
-    /// What it is, in words.
+    /// Returns the name of the kind for messages.
     #[must_use]
     pub fn kind(&self) -> &'static str {
         match self {
@@ -27,7 +27,7 @@ impl Data {
         }
     }
 
-    /// Smallest and largest finite scalar.
+    /// Returns the smallest and the largest finite scalar.
     #[must_use]
     pub fn range(&self) -> [f64; 2] {
         match self {
@@ -37,8 +37,10 @@ impl Data {
         }
     }
 
-    /// Corners of the smallest box that holds it, in world units: along its own axes for a grid, along the
-    /// world's for a mesh or points, whose kernels it holds: see [`Points::reach`].
+    /// Returns the corners of the smallest box that holds the data, in world units.
+    ///
+    /// The box is aligned with the grid's own axes for a grid, else with the world's axes. For points it
+    /// includes their kernels, see [`Points::reach`].
     #[must_use]
     pub fn corners(&self) -> [DVec3; 8] {
         let [low, high] = match self {

@@ -1,26 +1,27 @@
-//! Analytic fields: test signals whose values are known everywhere.
+//! Analytic fields: test signals with known values everywhere.
 
 use glam::DVec3;
 
-use super::grid::{Grid, Samples};
+use super::grid::Grid;
 use super::points::Points;
+use super::samples::Samples;
 use super::tets::{TetScalars, Tets};
 use crate::error::{Error, Result};
 use crate::num;
 
-/// A scalar field over the cube [-1, 1]³, with values in [0, 1] there.
+/// An analytic scalar field on the cube [-1, 1]³, with values in [0, 1].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Field {
     /// Marschner and Lobb's test signal (IEEE Visualization 1994) with f = 6, a = 1/4.
     MarschnerLobb,
     /// Twelve Gaussians, clamped to 1.
     Blobs,
-    /// One value everywhere.
+    /// The same value everywhere.
     Homogeneous(f64),
-    /// Affine: `(1 + x) / 2 * 0.6 + (1 + y) / 2 * 0.3 + (1 + z) / 2 * 0.1`. Trilinear reconstruction
-    /// is exact, and no two axes or directions look alike.
+    /// Affine: `(1 + x) / 2 * 0.6 + (1 + y) / 2 * 0.3 + (1 + z) / 2 * 0.1`. Trilinear reconstruction is
+    /// exact, and no two axes or directions look alike.
     Ramp,
-    /// 1 inside the sphere of radius 0.7, 0 outside, blurred linearly over a shell of width 0.1.
+    /// 1 inside the sphere of radius 0.7, 0 outside, with a linear transition over a shell of width 0.1.
     Sphere,
 }
 
@@ -41,10 +42,10 @@ const BLOBS: [[f64; 5]; 12] = [
 ];
 
 impl Field {
-    /// The names that scene files use.
+    /// The names in scene files.
     pub const NAMES: [&'static str; 5] = ["marschner-lobb", "blobs", "homogeneous", "ramp", "sphere"];
 
-    /// The field of a name. `homogeneous` has the value 1.
+    /// Returns the field of a name. `homogeneous` has the value 1.
     ///
     /// # Errors
     ///
@@ -65,7 +66,7 @@ impl Field {
         })
     }
 
-    /// The field's value.
+    /// Returns the field's value at a position.
     #[must_use]
     pub fn value(self, p: DVec3) -> f64 {
         use std::f64::consts::PI;
@@ -91,10 +92,10 @@ impl Field {
         }
     }
 
-    /// The field sampled on a grid that fills [-1, 1]³, samples at `-1 + 2 i / (n - 1)`.
+    /// Samples the field on a grid that fills [-1, 1]³, at `-1 + 2 i / (n - 1)`.
     ///
-    /// `type_name` is one of `u8`, `u16`, `i16`, `f32`; integers hold the value times 255, 65535 and
-    /// 32767, rounded, and the transfer function must expect those numbers.
+    /// `type_name` is one of `u8`, `u16`, `i16`, `f32`. Integers hold the value times 255, 65535 and 32767,
+    /// rounded; the transfer function must be defined on those numbers.
     ///
     /// # Errors
     ///
@@ -136,14 +137,15 @@ impl Field {
         Grid::new(dims, samples)?.with_placement(step, DVec3::NEG_ONE, glam::DMat3::IDENTITY)
     }
 
-    /// Most cubes along each side of [`Self::tets`]: five tetrahedra each are counted in 32 bits.
+    /// Largest number of cubes along each side for [`Self::tets`]: 32 bits count five tetrahedra for each
+    /// cube.
     pub const MAX_CUBES: u32 = 950;
 
-    /// The field on a mesh that fills [-1, 1]³: `cubes`³ equal cubes of five tetrahedra each, the field's value
-    /// in float32 at each of the `(cubes + 1)³` corners, x fastest.
+    /// Samples the field on a mesh that fills [-1, 1]³ with `cubes`³ equal cubes of five tetrahedra each.
     ///
-    /// One tetrahedron joins every other corner of its cube, four cut off the rest. Which corners these are
-    /// alternates from cube to cube, so that the diagonals of shared faces match.
+    /// The scalars are the field's values in float32 at the `(cubes + 1)³` corners, x fastest. One
+    /// tetrahedron joins every other corner of its cube, four cut off the remaining corners. The choice of
+    /// corners alternates from cube to cube, so the diagonals of shared faces match.
     ///
     /// # Errors
     ///
@@ -173,15 +175,16 @@ impl Field {
                 let [x, y, z] = [x + (bits & 1), y + (bits >> 1 & 1), z + (bits >> 2)];
                 (z * (cubes + 1) + y) * (cubes + 1) + x
             };
-            // Corners whose coordinates have an even sum make the middle one, wherever the cube is.
+            // The inner tetrahedron joins the corners whose coordinates have an even sum.
             let cut = if (x + y + z) % 2 == 0 { &EVEN } else { &ODD };
             cells.extend(cut.map(|cell| cell.map(corner)));
         }
         Ok(Tets::new(points, cells, TetScalars::Point(scalars))?.0)
     }
 
-    /// The field at so many points, of unknown size, that are spread evenly over [-1, 1]³ at random: the same in every
-    /// run, and the first of them whatever the count.
+    /// Samples the field at `count` points of unknown size, uniformly random in [-1, 1]³.
+    ///
+    /// Positions are the same in every run, and the first points do not depend on `count`.
     ///
     /// # Errors
     ///
@@ -206,7 +209,7 @@ impl Field {
     }
 }
 
-/// Numbers in [0, 1) from a state (Steele, Lea and Flood 2014: SplitMix64).
+/// Returns a random number in [0, 1) and advances the state (Steele, Lea and Flood 2014: SplitMix64).
 fn random(state: &mut u64) -> f64 {
     *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut z = *state;
@@ -215,8 +218,8 @@ fn random(state: &mut u64) -> f64 {
     num::f64_of_u64((z ^ z >> 31) >> 11) * (-53.0_f64).exp2()
 }
 
-/// A cube in five tetrahedra, positively oriented; corners by bits: 1 is x, 2 is y, 4 is z. The middle one joins
-/// the corners of even parity, or of odd.
+/// A cube as five positively oriented tetrahedra. Bits number the corners: 1 is x, 2 is y, 4 is z. The inner
+/// tetrahedron joins the corners of even parity, or of odd parity.
 const EVEN: [[u32; 4]; 5] = [[0, 3, 6, 5], [1, 3, 0, 5], [2, 0, 3, 6], [4, 0, 6, 5], [7, 3, 5, 6]];
 const ODD: [[u32; 4]; 5] = [[1, 2, 4, 7], [0, 1, 2, 4], [3, 1, 7, 2], [5, 1, 4, 7], [6, 2, 7, 4]];
 
@@ -259,7 +262,7 @@ mod tests {
             }
             assert!((volume - 8.0).abs() < 1e-12, "{cubes}: volume {volume}");
             assert!(faces.values().all(|&count| count <= 2));
-            // Two triangles on each of the hull's squares.
+            // Two triangles on each square of the hull.
             assert_eq!(faces.values().filter(|&&count| count == 1).count(), 12 * n * n);
         }
         let count = |cubes| Field::Blobs.tets(cubes).unwrap().cells().len();
@@ -270,7 +273,7 @@ mod tests {
         }
     }
 
-    /// As written: nothing had to be turned.
+    /// The tables themselves are positively oriented, so `Tets::new` exchanges no corners.
     #[test]
     fn both_cuts_are_positively_oriented() {
         for cell in EVEN.iter().chain(&ODD) {
@@ -290,7 +293,7 @@ mod tests {
             octants[usize::from(p.x > 0.0) + 2 * usize::from(p.y > 0.0) + 4 * usize::from(p.z > 0.0)] += 1;
             assert_eq!(*s, num::f32_of(Field::Ramp.value(*p)));
         }
-        // 512 each; the standard deviation is 21.
+        // Expected 512 each; the standard deviation is 21.
         assert!(octants.iter().all(|count| (420..=604).contains(count)), "{octants:?}");
         let again = Field::Blobs.points(100).unwrap();
         assert_eq!(again.centres(), &points.centres()[..100]);

@@ -1,81 +1,12 @@
-//! Regular grids: samples on a lattice, and where the lattice lies in the world.
+//! Regular grids: samples on a lattice and the lattice's placement in the world.
 
 use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 
+use super::samples::Samples;
 use crate::error::{Error, Result};
 use crate::num;
-
-/// The samples of a grid in the type that the device keeps them in.
-///
-/// Other input types (`i8`, `u32`, `i32`, `u64`, `i64`, `f64`) become `f32` when a grid is made.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Samples {
-    /// 8-bit unsigned.
-    U8(Vec<u8>),
-    /// 16-bit unsigned.
-    U16(Vec<u16>),
-    /// 16-bit signed.
-    I16(Vec<i16>),
-    /// 32-bit float. NaN marks vacuum.
-    F32(Vec<f32>),
-}
-
-impl Samples {
-    /// Number of samples.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        match self {
-            Self::U8(v) => v.len(),
-            Self::U16(v) => v.len(),
-            Self::I16(v) => v.len(),
-            Self::F32(v) => v.len(),
-        }
-    }
-
-    /// Whether there are no samples.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// The sample's raw number, before the grid's rescale.
-    ///
-    /// # Panics
-    ///
-    /// When `index` is not below [`Samples::len`].
-    #[must_use]
-    pub fn get(&self, index: usize) -> f64 {
-        match self {
-            Self::U8(v) => f64::from(v[index]),
-            Self::U16(v) => f64::from(v[index]),
-            Self::I16(v) => f64::from(v[index]),
-            Self::F32(v) => f64::from(v[index]),
-        }
-    }
-
-    /// The type's name as scene files spell it.
-    #[must_use]
-    pub fn type_name(&self) -> &'static str {
-        match self {
-            Self::U8(_) => "u8",
-            Self::U16(_) => "u16",
-            Self::I16(_) => "i16",
-            Self::F32(_) => "f32",
-        }
-    }
-
-    /// Size of one sample in bytes.
-    #[must_use]
-    pub fn sample_bytes(&self) -> usize {
-        match self {
-            Self::U8(_) => 1,
-            Self::U16(_) | Self::I16(_) => 2,
-            Self::F32(_) => 4,
-        }
-    }
-}
 
 /// The linear map from stored numbers to the data's own units: `value = slope * stored + intercept`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,14 +18,14 @@ pub struct Rescale {
 }
 
 impl Rescale {
-    /// Stored numbers are the values.
+    /// The identity: stored numbers are the values.
     pub const IDENTITY: Self = Self { slope: 1.0, intercept: 0.0 };
 }
 
-/// What the world's axes mean to a person, where the file says so. Only the automatic camera asks.
+/// The anatomical meaning of the world's axes. Only the automatic camera uses it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Anatomy {
-    /// The file does not say.
+    /// The file gives no meaning.
     #[default]
     Unknown,
     /// +x right, +y anterior, +z superior (NIfTI, NRRD `right-anterior-superior`).
@@ -107,17 +38,16 @@ pub enum Anatomy {
 
 /// A scalar field sampled on a regular lattice, trilinear between the samples, vacuum outside.
 ///
-/// Holds the samples; owns no texture. Valid by construction.
+/// It holds the samples, not a texture, and is valid by construction.
 ///
 /// # Shape
 ///
-/// `values[z][y][x]`, x fastest. The sample of index `i` sits at
-/// `origin + direction * (spacing * i)`; the domain is the box that the samples span, without a
-/// half-voxel border.
+/// `values[z][y][x]`, x fastest. The sample of index `i` is at `origin + direction * (spacing * i)`. The
+/// domain is the box that the samples span, without a border of half a voxel.
 ///
 /// # Units
 ///
-/// `spacing` and `origin` in world units; values in the data's own units after [`Rescale`].
+/// `spacing` and `origin` are in world units, values in the data's own units after [`Rescale`].
 #[derive(Clone, Debug)]
 pub struct Grid {
     dims: [u32; 3],
@@ -134,12 +64,12 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// A grid of unit spacing along the world's axes, at the origin.
+    /// Makes a grid of unit spacing along the world's axes, at the origin.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if an extent is below 2, if their product is not the number of samples, or
-    /// if no sample is a finite number.
+    /// [`Error::Invalid`] if an extent is below 2, if their product is not the number of samples, or if no
+    /// sample is finite.
     pub fn new(dims: [u32; 3], samples: Samples) -> Result<Self> {
         if let Some(extent) = dims.iter().find(|&&extent| extent < 2) {
             return Err(Error::invalid(
@@ -157,7 +87,7 @@ impl Grid {
                 format!("extent {dims:?} needs {expected} samples, {} were given", samples.len()),
             ));
         }
-        let (range, nan_count, infinite_count) = statistics(&samples);
+        let (range, nan_count, infinite_count) = samples.statistics();
         if range[0] > range[1] {
             return Err(Error::invalid("grid samples", "no sample is a finite number"));
         }
@@ -177,13 +107,13 @@ impl Grid {
 
     /// Places the lattice in the world.
     ///
-    /// `direction` holds the index axes as columns. They need neither unit length nor right angles,
-    /// and may mirror.
+    /// The columns of `direction` are the index axes. They need neither unit length nor right angles, and may
+    /// mirror.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if a spacing is not positive and finite, another number is not finite, or
-    /// the axes do not span space.
+    /// [`Error::Invalid`] if a spacing is not positive and finite, another number is not finite, or the axes
+    /// do not span space.
     pub fn with_placement(mut self, spacing: DVec3, origin: DVec3, direction: DMat3) -> Result<Self> {
         if !(spacing.is_finite() && spacing.min_element() > 0.0) {
             return Err(Error::invalid(
@@ -197,8 +127,8 @@ impl Grid {
         let lengths =
             DVec3::new(direction.x_axis.length(), direction.y_axis.length(), direction.z_axis.length());
         let volume = direction.determinant().abs();
-        // Relative to the axes' lengths the determinant is the sine-like measure of how far they are
-        // from lying in one plane.
+        // Divided by the axes' lengths, the determinant measures, like a sine, how far the axes are from
+        // lying in one plane.
         let spans = direction.is_finite() && volume > 1e-9 * lengths.x * lengths.y * lengths.z;
         if !spans {
             return Err(Error::invalid(
@@ -212,7 +142,7 @@ impl Grid {
         Ok(self)
     }
 
-    /// The same lattice with other samples, of any type; their map to values stays.
+    /// Returns the same lattice with other samples of any type and the same rescale.
     ///
     /// # Errors
     ///
@@ -242,52 +172,53 @@ impl Grid {
         Ok(self)
     }
 
-    /// Says what the world's axes mean.
+    /// Sets the anatomical meaning of the world's axes.
     #[must_use]
     pub fn with_anatomy(mut self, anatomy: Anatomy) -> Self {
         self.anatomy = anatomy;
         self
     }
 
-    /// Samples along x, y and z.
+    /// Returns the number of samples along x, y and z.
     #[must_use]
     pub fn dims(&self) -> [u32; 3] {
         self.dims
     }
 
-    /// The samples as stored.
+    /// Returns the samples as stored.
     #[must_use]
     pub fn samples(&self) -> &Samples {
         &self.samples
     }
 
-    /// The map from stored numbers to values.
+    /// Returns the map from stored numbers to values.
     #[must_use]
     pub fn rescale(&self) -> Rescale {
         self.rescale
     }
 
-    /// What the world's axes mean.
+    /// Returns the anatomical meaning of the world's axes.
     #[must_use]
     pub fn anatomy(&self) -> Anatomy {
         self.anatomy
     }
 
-    /// Distance between neighbouring samples along each index axis, in world units, the length of the
-    /// direction's columns included.
+    /// Returns the distance between neighbouring samples along each index axis, in world units.
+    ///
+    /// It includes the lengths of the direction's columns.
     #[must_use]
     pub fn spacing(&self) -> DVec3 {
         let m = self.index_to_world();
         DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length())
     }
 
-    /// World position of the sample of index 0, 0, 0.
+    /// Returns the world position of the sample of index 0, 0, 0.
     #[must_use]
     pub fn origin(&self) -> DVec3 {
         self.origin
     }
 
-    /// The linear part of the map from index to world: one column per index axis.
+    /// Returns the linear part of the map from index to world: one column per index axis.
     #[must_use]
     pub fn index_to_world(&self) -> DMat3 {
         DMat3::from_cols(
@@ -297,25 +228,26 @@ impl Grid {
         )
     }
 
-    /// World position of a (fractional) index.
+    /// Returns the world position of a (fractional) index.
     #[must_use]
     pub fn world_of_index(&self, index: DVec3) -> DVec3 {
         self.origin + self.index_to_world() * index
     }
 
-    /// Index of the last sample along each axis, as numbers: the far corner of the domain.
+    /// Returns the index of the last sample along each axis: the far corner of the domain.
     #[must_use]
     pub fn last_index(&self) -> DVec3 {
         DVec3::new(f64::from(self.dims[0] - 1), f64::from(self.dims[1] - 1), f64::from(self.dims[2] - 1))
     }
 
-    /// World position of the domain's centre.
+    /// Returns the world position of the domain's centre.
     #[must_use]
     pub fn centre(&self) -> DVec3 {
         self.world_of_index(self.last_index() * 0.5)
     }
 
-    /// World positions of the domain's eight corners; bit 0 of the place selects x, bit 1 y, bit 2 z.
+    /// Returns the world positions of the domain's eight corners; bit 0 of the place selects x, bit 1 y, bit
+    /// 2 z.
     #[must_use]
     pub fn corners(&self) -> [DVec3; 8] {
         let last = self.last_index();
@@ -325,7 +257,7 @@ impl Grid {
         })
     }
 
-    /// Smallest and largest finite value, after the rescale, in ascending order.
+    /// Returns the smallest and the largest finite value after the rescale, in ascending order.
     #[must_use]
     pub fn range(&self) -> [f64; 2] {
         let a = self.rescale.slope * self.range[0] + self.rescale.intercept;
@@ -333,19 +265,19 @@ impl Grid {
         [a.min(b), a.max(b)]
     }
 
-    /// Number of NaN samples. Every cell that touches one is vacuum.
+    /// Returns the number of NaN samples. Every cell that touches one is vacuum.
     #[must_use]
     pub fn nan_count(&self) -> usize {
         self.nan_count
     }
 
-    /// Number of infinite samples. They take the transfer function's end positions.
+    /// Returns the number of infinite samples. They count as the ends of the transfer function's domain.
     #[must_use]
     pub fn infinite_count(&self) -> usize {
         self.infinite_count
     }
 
-    /// Value of one sample after the rescale.
+    /// Returns the value of one sample after the rescale.
     ///
     /// # Panics
     ///
@@ -363,45 +295,12 @@ impl Grid {
     }
 }
 
-/// Finite range (empty when there is none), count of NaN, count of infinities.
-fn statistics(samples: &Samples) -> ([f64; 2], usize, usize) {
-    fn integers<T: Copy + Ord>(values: &[T]) -> [f64; 2]
-    where
-        f64: From<T>,
-    {
-        match (values.iter().min(), values.iter().max()) {
-            (Some(&lo), Some(&hi)) => [f64::from(lo), f64::from(hi)],
-            _ => [f64::INFINITY, f64::NEG_INFINITY],
-        }
-    }
-    match samples {
-        Samples::U8(v) => (integers(v), 0, 0),
-        Samples::U16(v) => (integers(v), 0, 0),
-        Samples::I16(v) => (integers(v), 0, 0),
-        Samples::F32(v) => {
-            let mut range = [f64::INFINITY, f64::NEG_INFINITY];
-            let (mut nan, mut infinite) = (0, 0);
-            for &value in v {
-                if value.is_finite() {
-                    range[0] = range[0].min(f64::from(value));
-                    range[1] = range[1].max(f64::from(value));
-                } else if value.is_nan() {
-                    nan += 1;
-                } else {
-                    infinite += 1;
-                }
-            }
-            (range, nan, infinite)
-        }
-    }
-}
-
-/// Longest chord of the domain, world units.
+/// Returns the length of the domain's longest diagonal, world units.
 pub(crate) fn diagonal(grid: &Grid) -> f64 {
     grid.corners().iter().map(|corner| 2.0 * (*corner - grid.centre()).length()).fold(0.0, f64::max)
 }
 
-/// Axes in the order of a stack along one of them: the others follow it cyclically, the stack's comes last.
+/// Permutes axes cyclically so that `axis`, along which a stack runs, comes last.
 pub(crate) fn turned<T: Copy>(xyz: [T; 3], axis: usize) -> [T; 3] {
     [xyz[(axis + 1) % 3], xyz[(axis + 2) % 3], xyz[axis % 3]]
 }

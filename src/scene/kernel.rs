@@ -1,24 +1,26 @@
-//! Kernels that make a field of samples: their shapes, and the two models by which a sum of kernels is optics.
+//! Kernels that reconstruct a field from samples: their shapes, and the two models that turn a sum of kernels
+//! into optical properties.
 
 use crate::error::{Error, Result};
 
-/// The shape of a kernel.
+/// Selects the shape of a kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Kernel {
-    /// `exp(-r² / 2)` with r in standard deviations, 0 beyond the cut. On grids of unit weight in all.
+    /// `exp(-r² / 2)` with r in standard deviations, 0 beyond the cut. On grids it is scaled to unit mass.
     Gaussian,
-    /// The cubic B-spline: on grids the product of one along each axis, on points that of the distance, which spans
-    /// the radius, with peak 1.
+    /// The cubic B-spline. On grids it is a product of one B-spline along each axis; on points it is a
+    /// function of the distance, ends at the radius and has peak 1.
     BSpline,
-    /// Grids only: the product of `1 - |x|` along each axis, whose sum is trilinear interpolation.
+    /// Grids only: the product of `1 - |x|` along each axis; the sum is trilinear interpolation.
     Tent,
-    /// Grids only: the product of `sinc(x) sinc(x / 3)` for `|x| < 3` along each axis (Lanczos). Its lobes are negative.
+    /// Grids only: the product of `sinc(x) sinc(x / 3)` for `|x| < 3` along each axis (Lanczos). It has
+    /// negative lobes.
     Sinc,
 }
 
 impl Kernel {
-    /// Every kernel, by name.
+    /// Every kernel with its name.
     pub const ALL: [(&'static str, Self); 4] = [
         ("gaussian", Self::Gaussian),
         ("bspline", Self::BSpline),
@@ -26,11 +28,11 @@ impl Kernel {
         ("sinc", Self::Sinc),
     ];
 
-    /// The kernel of a name.
+    /// Returns the kernel of a name.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] with the names that there are.
+    /// [`Error::Invalid`] with the allowed names.
     pub fn from_name(name: &str) -> Result<Self> {
         Self::ALL.into_iter().find(|(known, _)| *known == name).map(|(_, kernel)| kernel).ok_or_else(|| {
             let names: Vec<&str> = Self::ALL.iter().map(|(name, _)| *name).collect();
@@ -38,7 +40,7 @@ impl Kernel {
         })
     }
 
-    /// The name in scene files and options.
+    /// Returns the name in scene files and options.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -50,23 +52,23 @@ impl Kernel {
     }
 }
 
-/// How kernels `K_i` with scalars `s_i` and weights `w_i` become optics.
+/// Selects how kernels `K_i` with scalars `s_i` and weights `w_i` become optical properties.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Model {
-    /// Pre-classified: extinction is `Σ w_i tau(s_i) K_i`, colour the mean of the kernels' colours by extinction. Not
-    /// cut at a grid's domain.
+    /// Pre-classified: extinction is `Σ w_i tau(s_i) K_i`, and the colour is the mean of the kernels'
+    /// colours, weighted by extinction. Kernels extend beyond a grid's domain.
     Density,
-    /// Post-classified: the scalar is `Σ w_i s_i K_i / Σ w_i K_i`, where that weight is at least [`Kernels::least`];
-    /// vacuum elsewhere, and outside of a grid's domain.
+    /// Post-classified: the scalar is `Σ w_i s_i K_i / Σ w_i K_i` where the sum of weights is at least
+    /// [`Kernels::least`]. Elsewhere, and outside a grid's domain, there is vacuum.
     Interpolate,
 }
 
 impl Model {
-    /// The model of a name.
+    /// Returns the model of a name.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] with the names that there are.
+    /// [`Error::Invalid`] with the allowed names.
     pub fn from_name(name: &str) -> Result<Self> {
         match name {
             "density" => Ok(Self::Density),
@@ -75,7 +77,7 @@ impl Model {
         }
     }
 
-    /// The name in scene files and options.
+    /// Returns the name in scene files and options.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -85,39 +87,39 @@ impl Model {
     }
 }
 
-/// How samples become a field.
+/// Describes how samples become a field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Kernels {
     /// Shape of each kernel.
     pub kernel: Kernel,
-    /// Grids and [`Kernel::Gaussian`]: standard deviation, in voxels along each axis. Points have theirs: a third of
-    /// the radius, or a covariance.
+    /// Grids and [`Kernel::Gaussian`]: standard deviation, in voxels along each axis. Points have their own:
+    /// a third of the radius, or a covariance.
     pub sigma: f64,
-    /// [`Kernel::Gaussian`]: distance at which it is cut, in standard deviations.
+    /// [`Kernel::Gaussian`]: distance at which the kernel is cut, in standard deviations.
     pub cut: f64,
-    /// What is made of the sum.
+    /// Model that turns the sum into optical properties.
     pub model: Model,
-    /// [`Model::Interpolate`]: the least sum of weights that shows anything.
+    /// [`Model::Interpolate`]: smallest sum of weights that is not vacuum.
     pub least: f64,
 }
 
 impl Kernels {
-    /// Sum of weights below which nothing is shown, unless told otherwise.
+    /// Default of [`Self::least`].
     pub const LEAST: f64 = 0.05;
 
-    /// For points: Gaussians that add up.
+    /// Returns the default for points: the density model with Gaussians.
     #[must_use]
     pub fn of_points() -> Self {
         Self { kernel: Kernel::Gaussian, sigma: 0.7, cut: 3.0, model: Model::Density, least: Self::LEAST }
     }
 
-    /// For grids and for the points of meshes: a scalar that Gaussians interpolate.
+    /// Returns the default for grids and the points of meshes: the interpolation model with Gaussians.
     #[must_use]
     pub fn of_samples() -> Self {
         Self { model: Model::Interpolate, ..Self::of_points() }
     }
 
-    /// Reach of a kernel on a grid along each axis, in voxels.
+    /// Returns the half-width of a kernel on a grid along each axis, in voxels.
     #[must_use]
     pub fn reach(&self) -> f64 {
         match self.kernel {
@@ -128,7 +130,8 @@ impl Kernels {
         }
     }
 
-    /// Peak of a kernel on a grid: with it, a kernel's integral over space, in voxels, is 1; Lanczos' 0.997³.
+    /// Returns the peak of a kernel on a grid, which gives the kernel unit mass in voxels, or 0.997³ for
+    /// Lanczos.
     #[must_use]
     pub fn peak_on_grid(&self) -> f64 {
         match self.kernel {
@@ -138,8 +141,10 @@ impl Kernels {
         }
     }
 
-    /// What the cut leaves of a Gaussian in space: `erf(x) - 2 x exp(-x²) / sqrt(pi)` with `x = cut / sqrt(2)`, by the series of
-    /// the incomplete gamma function, whose terms are all positive.
+    /// Returns the mass of a cut Gaussian in space, as a share of the whole.
+    ///
+    /// `erf(x) - 2 x exp(-x²) / sqrt(pi)` with `x = cut / sqrt(2)`, by the series of the incomplete gamma
+    /// function, whose terms are all positive.
     fn mass(&self) -> f64 {
         let x = 0.5 * self.cut * self.cut;
         // x^(3/2) exp(-x) / Gamma(5/2)
@@ -152,11 +157,11 @@ impl Kernels {
         sum
     }
 
-    /// Checks the numbers, and that shape and model go together: negative lobes are for scalars only.
+    /// Checks the numbers and the combination: a kernel with negative lobes requires the interpolation model.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] naming number and rule.
+    /// [`Error::Invalid`] naming the number and the rule.
     pub fn check(&self) -> Result<()> {
         let within = |name: &str, value: f64, low: f64, high: f64| {
             let fits = value >= low && value <= high;
@@ -167,7 +172,7 @@ impl Kernels {
         within("cut", self.cut, 0.5, 6.0)?;
         within("least", self.least, 1e-6, 1e6)?;
         if self.kernel == Kernel::Sinc && self.model == Model::Density {
-            let why = "sinc has negative lobes: it is for model interpolate";
+            let why = "sinc has negative lobes: it requires the model interpolate";
             return Err(Error::invalid("kernel", why));
         }
         Ok(())
@@ -184,7 +189,7 @@ mod tests {
             let kernels = Kernels { cut, ..Kernels::of_samples() };
             assert!((kernels.mass() - mass).abs() < 1e-10, "{cut}: {}", kernels.mass());
         }
-        // Summed up over shells.
+        // Sum over spherical shells.
         let kernels = Kernels { sigma: 0.8, cut: 2.5, ..Kernels::of_samples() };
         let step = 1e-4 * kernels.reach();
         let shell = |i: i32| {

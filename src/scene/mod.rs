@@ -1,15 +1,23 @@
-//! What is drawn, without Vulkan: data, transfer function, camera.
+//! Scenes: data, transfer function, kernels, surfaces and camera, all without Vulkan.
+//!
+//! The data are grids, tetrahedral meshes or points. Every value is checked when it is made, so whoever holds
+//! a [`Scene`] holds a valid one.
+//!
+//! This room uses only `error` and `num`. Readers make scenes; the reference, the device's copies and the
+//! techniques use them.
 
 pub mod auto;
 mod camera;
 mod cells;
 mod clip;
+mod cut;
 mod data;
 mod field;
 pub(crate) mod grid;
 mod kernel;
 mod points;
 pub(crate) mod predicates;
+mod samples;
 mod surface;
 mod tets;
 pub(crate) mod topology;
@@ -20,9 +28,10 @@ pub use cells::CellKind;
 pub use clip::{Clip, ClipPlane};
 pub use data::Data;
 pub use field::Field;
-pub use grid::{Anatomy, Grid, Rescale, Samples};
+pub use grid::{Anatomy, Grid, Rescale};
 pub use kernel::{Kernel, Kernels, Model};
 pub use points::{KernelSize, Points};
+pub use samples::Samples;
 pub use surface::{Shading, Surface};
 pub(crate) use tets::Orientation;
 pub use tets::{Mended, TetScalars, Tets};
@@ -30,52 +39,55 @@ pub use transfer::{Knot, TransferFunction};
 
 use crate::error::{Error, Result};
 
-/// A volume with the optical properties of its scalars: what every technique draws.
+/// A volume with the optical properties of its scalars. Every technique and the reference draw one.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// The data.
     pub data: Data,
-    /// From scalar to emission and extinction.
+    /// The transfer function, which maps a scalar to emission and extinction.
     pub transfer: TransferFunction,
-    /// Kernels that make a field of the samples; `None`: what is usual for the data, trilinear on a grid, linear in the
-    /// cells of a mesh, [`Kernels::of_points`] on points.
+    /// Kernels that reconstruct a field from the samples. `None` selects the default of the data: trilinear
+    /// interpolation in a grid, linear interpolation in the cells of a mesh, [`Kernels::of_points`] for
+    /// points.
     pub kernels: Option<Kernels>,
-    /// Triangle meshes that stand in the volume, opaque and translucent.
+    /// Opaque and translucent triangle meshes inside the volume.
     pub surfaces: Vec<Surface>,
 }
 
 impl Scene {
-    /// A scene of data, which may be given as what it is: a grid, a mesh, points.
+    /// Makes a scene of a grid, a mesh or points, without kernels and surfaces.
     #[must_use]
     pub fn new(data: impl Into<Data>, transfer: TransferFunction) -> Self {
         Self { data: data.into(), transfer, kernels: None, surfaces: Vec::new() }
     }
 
-    /// The same with a field that kernels make of the samples: of a grid's, of the scalars at a mesh's points, of
-    /// points. It is what the reference draws; techniques that splat draw it, others refuse it.
+    /// Returns the scene with its field reconstructed by kernels: at the samples of a grid, the points of a
+    /// mesh, or points.
+    ///
+    /// The reference and the splatting techniques draw such a scene; all other techniques refuse it.
     ///
     /// # Errors
     ///
-    /// As [`Kernels::check`]; [`Error::Invalid`] for a kernel that the data cannot have.
+    /// As [`Kernels::check`]; [`Error::Invalid`] for a kernel that this kind of data does not support.
     pub fn with_kernels(mut self, kernels: Kernels) -> Result<Self> {
         kernels.check()?;
         let of_grids = matches!(kernels.kernel, Kernel::Tent | Kernel::Sinc);
         if of_grids && !matches!(self.data, Data::Grid(_)) {
             let why =
-                format!("{}: is for grids, the scene holds a {}", kernels.kernel.name(), self.data.kind());
+                format!("{}: requires a grid, the scene holds a {}", kernels.kernel.name(), self.data.kind());
             return Err(Error::invalid("kernel", why));
         }
         self.kernels = Some(kernels);
         Ok(self)
     }
 
-    /// The same with triangle meshes in it.
+    /// Returns the scene with these triangle meshes in it, in place of its own.
     #[must_use]
     pub fn with_surfaces(self, surfaces: Vec<Surface>) -> Self {
         Self { surfaces, ..self }
     }
 
-    /// The grid, where the data is one.
+    /// Returns the grid if the data is one.
     #[must_use]
     pub fn grid(&self) -> Option<&Grid> {
         match &self.data {
@@ -84,7 +96,7 @@ impl Scene {
         }
     }
 
-    /// The mesh, where the data is one.
+    /// Returns the mesh if the data is one.
     #[must_use]
     pub fn mesh(&self) -> Option<&Tets> {
         match &self.data {
@@ -93,7 +105,7 @@ impl Scene {
         }
     }
 
-    /// The points, where the data is such.
+    /// Returns the points if the data is points.
     #[must_use]
     pub fn points(&self) -> Option<&Points> {
         match &self.data {

@@ -1,4 +1,4 @@
-//! Scattered points.
+//! Scattered points with kernels.
 
 mod spacing;
 
@@ -11,12 +11,12 @@ use crate::num;
 
 use super::{TetScalars, Tets};
 
-/// How far the kernels of points reach.
+/// Describes the extent of the kernels of points.
 #[derive(Clone, Debug, PartialEq)]
 pub enum KernelSize {
-    /// Nobody said.
+    /// The source gives no size.
     Unknown,
-    /// The same support radius for all, in world units.
+    /// One support radius for all points, in world units.
     Radius(f64),
     /// A support radius for each point, in world units.
     Radii(Vec<f32>),
@@ -26,8 +26,8 @@ pub enum KernelSize {
 
 /// Kernels at scattered centres, each with a scalar and a weight.
 ///
-/// Valid by construction: centres are finite, and each list has one entry for each point. A point whose
-/// scalar, weight or size is NaN shows nothing.
+/// Valid by construction: centres are finite, and each list has one entry per point. A point with a NaN
+/// scalar, weight or size is invisible.
 #[derive(Clone, Debug)]
 pub struct Points {
     /// Shared, so that points are cheap to clone.
@@ -40,14 +40,14 @@ pub struct Points {
 }
 
 impl Points {
-    /// Points at some centres, in world units, with the scalar and the weight 1, of unknown size.
+    /// Makes points of unknown size with scalar 1 and weight 1. Centres are in world units.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if there is none, or a centre is not finite.
+    /// [`Error::Invalid`] if there is no centre, or one is not finite.
     pub fn new(centres: Vec<DVec3>) -> Result<Self> {
         if centres.is_empty() {
-            return Err(Error::invalid("points", "there is none"));
+            return Err(Error::invalid("points", "there must be at least one"));
         }
         if let Some(i) = centres.iter().position(|centre| !centre.is_finite()) {
             return Err(Error::invalid("points", format!("centre {i} is {}: must be finite", centres[i])));
@@ -64,15 +64,15 @@ impl Points {
         })
     }
 
-    /// The points of a mesh that tetrahedra use, in the mesh's order, each with its scalar and with the longest edge
-    /// that ends there as its radius, in world units: a point's kernel reaches all its neighbours.
+    /// Makes points of the vertices that a mesh's tetrahedra use, in the mesh's order.
     ///
-    /// Where each tetrahedron has a scalar, a point takes the mean of those around it that are not NaN; it is NaN where
-    /// all are, or where +Inf meets -Inf.
+    /// The radius of a point is its longest edge, so its kernel reaches all its neighbours. If scalars belong
+    /// to the cells, a point takes the mean of those around it that are not NaN. Its scalar is NaN where all
+    /// of these are NaN, or where +Inf meets -Inf.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if no scalar is finite, or an edge is longer than float32 can tell.
+    /// [`Error::Invalid`] if no scalar is finite, or an edge is too long for float32.
     pub fn of_vertices(mesh: &Tets) -> Result<Self> {
         let all = mesh.points();
         let mut longest = vec![0.0_f64; all.len()];
@@ -112,13 +112,13 @@ impl Points {
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if their number does not fit, or none is finite.
+    /// [`Error::Invalid`] if their number is not that of the points, or none is finite.
     pub fn with_scalars(mut self, scalars: Vec<f32>) -> Result<Self> {
         self.fits("scalars", scalars.len())?;
         let finite = || scalars.iter().copied().filter(|s| s.is_finite()).map(f64::from);
         let range = [finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max)];
         if range[0] > range[1] {
-            return Err(Error::invalid("scalars of points", "none is finite"));
+            return Err(Error::invalid("scalars of points", "at least one must be finite"));
         }
         self.range = range;
         self.scalars = Some(Arc::new(scalars));
@@ -129,19 +129,19 @@ impl Points {
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if their number does not fit.
+    /// [`Error::Invalid`] if their number is not that of the points.
     pub fn with_weights(mut self, weights: Vec<f32>) -> Result<Self> {
         self.fits("weights", weights.len())?;
         self.weights = Some(Arc::new(weights));
         Ok(self)
     }
 
-    /// Sets how far kernels reach.
+    /// Sets the size of the kernels.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if a list does not fit, or a size is negative or infinite: a radius, or a
-    /// variance.
+    /// [`Error::Invalid`] if the length of a list is not the number of points, or a radius or a variance is
+    /// negative or infinite.
     pub fn with_size(mut self, size: KernelSize) -> Result<Self> {
         let valid = |x: f64| x.is_nan() || (x >= 0.0 && x.is_finite());
         let wrong = match &size {
@@ -163,7 +163,7 @@ impl Points {
             return Err(Error::invalid(
                 "sizes of points",
                 format!(
-                    "point {i} has {size}: radii and variances must be finite and not negative, one for all positive"
+                    "point {i} has {size}: radii and variances must be finite and not negative, a common radius positive"
                 ),
             ));
         }
@@ -179,43 +179,43 @@ impl Points {
         Err(Error::invalid(format!("{what} of points"), why))
     }
 
-    /// The centres, in world units.
+    /// Returns the centres, in world units.
     #[must_use]
     pub fn centres(&self) -> &[DVec3] {
         &self.centres
     }
 
-    /// The scalars; without, each is 1.
+    /// Returns the scalars. `None` means that each is 1.
     #[must_use]
     pub fn scalars(&self) -> Option<&[f32]> {
         self.scalars.as_ref().map(|scalars| scalars.as_slice())
     }
 
-    /// The weights; without, each is 1.
+    /// Returns the weights. `None` means that each is 1.
     #[must_use]
     pub fn weights(&self) -> Option<&[f32]> {
         self.weights.as_ref().map(|weights| weights.as_slice())
     }
 
-    /// How far kernels reach.
+    /// Returns the size of the kernels.
     #[must_use]
     pub fn size(&self) -> &KernelSize {
         &self.size
     }
 
-    /// Least and greatest coordinates of the centres.
+    /// Returns the least and the greatest coordinates of the centres.
     #[must_use]
     pub fn bounds(&self) -> [DVec3; 2] {
         self.bounds
     }
 
-    /// Smallest and largest finite scalar.
+    /// Returns the smallest and the largest finite scalar.
     #[must_use]
     pub fn range(&self) -> [f64; 2] {
         self.range
     }
 
-    /// Whether a point may show anything: neither scalar, weight nor size is NaN, and neither weight nor size zero.
+    /// Returns whether a point may be visible: scalar, weight and size are not NaN, weight and size not zero.
     #[must_use]
     pub fn shows(&self, i: usize) -> bool {
         let scalar = self.scalars().is_none_or(|scalars| !scalars[i].is_nan());
@@ -231,9 +231,10 @@ impl Points {
         scalar && weight && sized
     }
 
-    /// Least and greatest coordinates that kernels reach, of those points that show anything: a radius, or three
-    /// standard deviations of a covariance, from their centres. Where none shows anything, or the size is unknown, those
-    /// of centres.
+    /// Returns the least and the greatest coordinates of the kernels of all visible points.
+    ///
+    /// A kernel extends by its radius, or by three standard deviations of its covariance. If no point is
+    /// visible or the size is unknown, these are the bounds of the centres.
     #[must_use]
     pub fn reach(&self) -> [DVec3; 2] {
         let deviations = |c: &[f32; 6]| DVec3::new(c[0].into(), c[3].into(), c[5].into()).map(f64::sqrt);
@@ -252,24 +253,28 @@ impl Points {
         if low.x <= high.x { [low, high] } else { self.bounds }
     }
 
-    /// Median distance from a point to the nearest one at another place, in world units; `None` where all are at one
-    /// place. Neither points that coincide nor a few outliers change it much. Exact to 65,536 places; of more every so
-    /// many-th is asked.
+    /// Returns the median distance from a point to its nearest neighbour at another place, in world units, or
+    /// `None` if all points are at one place.
+    ///
+    /// Coincident points and a few outliers change it little. It is exact up to 65,536 places; above, it is
+    /// the median of an evenly spread subset.
     #[must_use]
     pub fn spacing(&self) -> Option<f64> {
         spacing::median(&self.centres)
     }
 
-    /// What [`Self::with_estimated_radius`] makes of the spacing.
+    /// The estimated radius in units of [`Self::spacing`].
     ///
-    /// On a cubic lattice a Gaussian then has a standard deviation of one spacing, and the sum of all is even to 6e-3.
-    /// Where points are random, 19 kernels reach a place on average, and the odds that none does are 7e-9.
+    /// On a cubic lattice a Gaussian then has a standard deviation of one spacing, and the sum of all is
+    /// constant to 6e-3. For random points, 19 kernels reach a place on average, and the probability that
+    /// none does is 7e-9.
     pub const RADIUS_IN_SPACINGS: f64 = 3.0;
 
-    /// The same with one radius for all, that of kernels which overlap: [`Self::RADIUS_IN_SPACINGS`] times the spacing.
+    /// Returns the points with one radius for all at which kernels overlap: [`Self::RADIUS_IN_SPACINGS`]
+    /// times the spacing.
     ///
-    /// Where all points are at one place it is 1, or, where that is lost in the rounding of coordinates, a millionth of
-    /// the largest of them.
+    /// If all points are at one place, the radius is the greater of 1 and a millionth of the largest
+    /// coordinate, which exceeds the coordinates' rounding.
     #[must_use]
     pub fn with_estimated_radius(mut self) -> Self {
         let alone = || {

@@ -1,22 +1,24 @@
-//! The sign of a determinant, always right: rounding decides nothing about what lies in front of what.
+//! Exact signs of determinants, so that rounding never decides which of two primitives is in front.
 //!
-//! Float64 with an error bound first; where the bound does not tell, the determinant is summed without
-//! rounding as an expansion (Shewchuk 1997, Adaptive Precision Floating-Point Arithmetic).
+//! The determinant is computed in float64 with an error bound first. Where the bound leaves the sign open, it
+//! is summed exactly as an expansion (Shewchuk 1997, Adaptive Precision Floating-Point Arithmetic).
 
 use std::cmp::Ordering;
 
 use glam::DVec3;
 
-/// A vector as the difference of two positions, which need not be a float64: [to, from].
+/// A vector as the difference of two positions, `[to, from]`, which float64 may not represent exactly.
 pub(crate) type Span = [DVec3; 2];
 
-/// A direction as a span.
+/// Returns a direction as a span.
 pub(crate) fn along(direction: DVec3) -> Span {
     [direction, DVec3::ZERO]
 }
 
-/// Sign of det[u, v, w]. Exact unless products of three leave the range of float64 after each vector was
-/// scaled to about 1.
+/// Returns the sign of det[u, v, w].
+///
+/// Exact unless products of three components leave the range of float64 after each vector was scaled to about
+/// 1.
 pub(crate) fn sign(rows: [Span; 3]) -> Ordering {
     let [u, v, w] = rows.map(|[to, from]| to - from);
     let (vw, wv) = (v * DVec3::new(w.y, w.z, w.x), w * DVec3::new(v.y, v.z, v.x));
@@ -25,7 +27,7 @@ pub(crate) fn sign(rows: [Span; 3]) -> Ordering {
     let determinant = u.x * cross.y + u.y * cross.z + u.z * cross.x;
     let sizes = vw.abs() + wv.abs();
     let magnitude = u.x.abs() * sizes.y + u.y.abs() * sizes.z + u.z.abs() * sizes.x;
-    // Bound A of orient3d; directions have no rounding of differences, which is less.
+    // Bound A of orient3d. Directions have no rounding of differences, so the bound holds for them too.
     const EPSILON: f64 = f64::EPSILON / 2.0;
     const BOUND: f64 = (7.0 + 56.0 * EPSILON) * EPSILON;
     if determinant.abs() > BOUND * magnitude {
@@ -34,7 +36,7 @@ pub(crate) fn sign(rows: [Span; 3]) -> Ordering {
     exact(rows)
 }
 
-/// The same without rounding.
+/// Returns the sign by exact arithmetic.
 #[cold]
 fn exact(rows: [Span; 3]) -> Ordering {
     let [u, v, w] = rows.map(scaled);
@@ -63,7 +65,7 @@ fn exact(rows: [Span; 3]) -> Ordering {
     sum.sign()
 }
 
-/// The components of a span, each as an unevaluated sum of two, times a power of two that brings the
+/// Returns the components of a span, each as an unevaluated sum of two, times a power of two that brings the
 /// largest to about 1.
 fn scaled([to, from]: Span) -> [[f64; 2]; 3] {
     let exponent = (to - from).abs().max_element().to_bits() >> 52;
@@ -72,27 +74,27 @@ fn scaled([to, from]: Span) -> [[f64; 2]; 3] {
     [0, 1, 2].map(|i| two_sum(to[i], -from[i]).map(|part| part * factor))
 }
 
-/// a + b as rounded sum and its error.
+/// Returns the rounded sum a + b and its error.
 fn two_sum(a: f64, b: f64) -> [f64; 2] {
     let sum = a + b;
     let b_part = sum - a;
     [sum, (a - (sum - b_part)) + (b - b_part)]
 }
 
-/// a b as rounded product and its error.
+/// Returns the rounded product a b and its error.
 fn two_product(a: f64, b: f64) -> [f64; 2] {
     let product = a * b;
     [product, a.mul_add(b, -product)]
 }
 
-/// What is not zero of an unevaluated sum.
+/// Returns the parts of an unevaluated sum that are not zero.
 fn parts(sum: [f64; 2]) -> impl Iterator<Item = f64> {
     sum.into_iter().filter(|&part| part != 0.0)
 }
 
-/// A sum of float64 without rounding: parts that do not overlap, ascending, none zero.
+/// An exact sum of float64 numbers: ascending parts that do not overlap, none of them zero.
 struct Expansion {
-    /// Six products of three sums of two, each product of four parts: no more are ever added.
+    /// Capacity: six products of three sums of two, with four parts each.
     parts: [f64; 192],
     len: usize,
 }
@@ -127,7 +129,7 @@ mod tests {
     use super::*;
     use crate::num;
 
-    /// The determinant of multiples of 2^-36, in integers.
+    /// The sign of the determinant of multiples of 2^-36, in integers.
     fn truth(rows: [Span; 3]) -> Ordering {
         let [u, v, w] = rows.map(|[to, from]| {
             [0, 1, 2].map(|i| {
@@ -150,7 +152,7 @@ mod tests {
         };
         let (mut zeros, mut rounded) = (0, 0);
         for trial in 0..20_000 {
-            // Small integers meet zero; the same moved by 2^-36 come close to it.
+            // Small integers give zeros; the same moved by multiples of 2^-36 give values close to zero.
             let bits = 2 + trial % 3;
             let mut vector = || {
                 let whole = DVec3::new(next(bits), next(bits), next(bits));

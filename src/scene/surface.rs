@@ -1,4 +1,4 @@
-//! Triangle meshes that stand in the volume: opaque ones hide what is behind them, translucent ones tint it.
+//! Triangle meshes inside the volume: opaque ones hide what is behind them, translucent ones tint it.
 
 use std::collections::HashMap;
 
@@ -7,17 +7,18 @@ use glam::DVec3;
 use crate::error::{Error, Result};
 use crate::num;
 
-/// How the colour of a surface depends on where it is seen from.
+/// Selects how the colour of a surface depends on the viewing direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Shading {
-    /// Not at all.
+    /// The colour is constant.
     #[default]
     Flat,
-    /// Times the cosine between the triangle's normal and the line of sight, as if lit from the eye.
+    /// The colour is multiplied by the cosine between the triangle's normal and the ray, as for a light at
+    /// the eye.
     Headlight,
 }
 
-/// A triangle mesh of one colour. Triangles are seen from both sides.
+/// A triangle mesh of one colour, visible from both sides.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
     points: Vec<DVec3>,
@@ -27,13 +28,14 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// A mesh of triangles, each three indices into `points` (world units). `colour` is straight linear RGB and opacity:
-    /// 1 is opaque.
+    /// Makes a mesh of triangles, each three indices into `points`.
+    ///
+    /// `points` are in world units. `colour` is straight linear RGB and opacity; opacity 1 is opaque.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if a point is not finite, an index has no point, a colour is negative or not finite, or the opacity
-    /// does not lie in [0, 1].
+    /// [`Error::Invalid`] if a point is not finite, an index has no point, a colour is negative or not
+    /// finite, or the opacity is not in [0, 1].
     pub fn new(points: Vec<DVec3>, triangles: Vec<[u32; 3]>, colour: [f64; 4]) -> Result<Self> {
         if let Some(i) = points.iter().position(|point| !point.is_finite()) {
             return Err(Error::invalid("surface", format!("point {i}: {}: must be finite", points[i])));
@@ -45,14 +47,14 @@ impl Surface {
         }
         let [r, g, b, opacity] = colour;
         if [r, g, b].iter().any(|c| !(c.is_finite() && *c >= 0.0)) || !(0.0..=1.0).contains(&opacity) {
-            let why = format!("{colour:?}: must be red, green, blue from 0 on and an opacity in [0, 1]");
+            let why = format!("{colour:?}: red, green and blue must be at least 0, the opacity in [0, 1]");
             return Err(Error::invalid("surface colour", why));
         }
         Ok(Self { points, triangles, colour, shading: Shading::Flat })
     }
 
-    /// A box along the world's axes, from its least to its greatest corner: 12 triangles, counter-clockwise seen from
-    /// outside.
+    /// Makes an axis-aligned box from its least to its greatest corner: 12 triangles, counter-clockwise seen
+    /// from outside.
     ///
     /// # Errors
     ///
@@ -62,7 +64,7 @@ impl Surface {
             let why = format!("{low} to {high}: low must be below high on every axis");
             return Err(Error::invalid("surface box", why));
         }
-        // Corner i is high on the axes of its bits: 1 is x, 2 is y, 4 is z.
+        // The bits of i select the high corner of an axis: 1 is x, 2 is y, 4 is z.
         let points = (0..8_u32)
             .map(|i| DVec3::select(glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), high, low))
             .collect();
@@ -71,12 +73,14 @@ impl Surface {
         Self::new(points, triangles, colour)
     }
 
-    /// Most subdivisions of a sphere: 5,242,880 triangles.
+    /// Largest number of subdivisions of a sphere: 5,242,880 triangles.
     pub const MAX_SUBDIVISIONS: u32 = 9;
 
-    /// A sphere as an icosahedron of which each triangle is parted into four `subdivisions` times, counter-clockwise seen
-    /// from outside. All corners lie on the sphere to rounding, so the mesh lies inside it, by up to 0.2 radii where
-    /// there are no subdivisions and a quarter of that for each.
+    /// Makes a sphere from an icosahedron, each triangle split into four `subdivisions` times,
+    /// counter-clockwise seen from outside.
+    ///
+    /// All corners lie on the sphere to rounding. The mesh lies inside it: by up to 0.2 radii without
+    /// subdivisions, and by a quarter of that after each.
     ///
     /// # Errors
     ///
@@ -110,17 +114,17 @@ impl Surface {
         Self::new(corners.into_iter().map(|p| centre + p * radius).collect(), triangles, colour)
     }
 
-    /// The same, shaded otherwise.
+    /// Returns the surface with another shading.
     #[must_use]
     pub fn with_shading(self, shading: Shading) -> Self {
         Self { shading, ..self }
     }
 
-    /// The same, each point times `scale`, moved by `offset`.
+    /// Returns the surface with each point multiplied by `scale` and moved by `offset`.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if a point is not finite then.
+    /// [`Error::Invalid`] if a resulting point is not finite.
     pub fn placed(mut self, scale: f64, offset: DVec3) -> Result<Self> {
         for (i, point) in self.points.iter_mut().enumerate() {
             *point = *point * scale + offset;
@@ -131,52 +135,52 @@ impl Surface {
         Ok(self)
     }
 
-    /// Least and greatest corner of the box around its points; none without points.
+    /// Returns the least and the greatest corner of the box around the points, or `None` without points.
     #[must_use]
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         let all = |f: fn(DVec3, DVec3) -> DVec3| self.points.iter().copied().reduce(f);
         Some([all(DVec3::min)?, all(DVec3::max)?])
     }
 
-    /// Corners, world units.
+    /// Returns the points, world units.
     #[must_use]
     pub fn points(&self) -> &[DVec3] {
         &self.points
     }
 
-    /// Indices of each triangle's corners.
+    /// Returns the indices of each triangle's corners.
     #[must_use]
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// Straight linear RGB and opacity.
+    /// Returns straight linear RGB and opacity.
     #[must_use]
     pub fn colour(&self) -> [f64; 4] {
         self.colour
     }
 
-    /// How it is shaded.
+    /// Returns the shading.
     #[must_use]
     pub fn shading(&self) -> Shading {
         self.shading
     }
 
-    /// Whether it has triangles that something is seen through, and that are seen.
+    /// Returns whether the surface is visible and translucent.
     #[must_use]
     pub fn is_translucent(&self) -> bool {
         !self.triangles.is_empty() && self.colour[3] > 0.0 && !self.is_opaque()
     }
 
-    /// Whether nothing is seen through it.
+    /// Returns whether the surface hides what is behind it.
     #[must_use]
     pub fn is_opaque(&self) -> bool {
         self.colour[3] >= 1.0
     }
 }
 
-/// Corners on the unit sphere, and triangles, counter-clockwise seen from outside: the corners of three golden
-/// rectangles.
+/// Returns corners on the unit sphere (those of three golden rectangles) and triangles, counter-clockwise
+/// seen from outside.
 fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let long = f64::midpoint(1.0, 5.0_f64.sqrt());
     let corners = (0..12_usize)
@@ -218,7 +222,7 @@ mod tests {
 
     const WHITE: [f64; 4] = [1.0; 4];
 
-    /// Every edge belongs to two triangles that pass it in opposite directions, and the volume is that inside.
+    /// Asserts that every edge belongs to two triangles in opposite directions; returns the enclosed volume.
     fn closed(surface: &Surface) -> f64 {
         let mut edges = HashMap::new();
         let mut volume = 0.0;
@@ -261,7 +265,7 @@ mod tests {
             for p in surface.points() {
                 assert!(((*p - centre).length() - radius).abs() < 1e-14 * radius);
             }
-            // What lacks of the volume falls by four each time.
+            // The missing volume falls by four with each subdivision.
             let lacks = ball - closed(&surface);
             assert!(lacks > 0.0 && lacks < 0.4 * last, "{n}: {lacks}");
             last = lacks;

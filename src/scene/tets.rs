@@ -10,14 +10,14 @@ use crate::num;
 /// The scalars of a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TetScalars {
-    /// One at each point, linear inside each tetrahedron.
+    /// One per point, linear inside each tetrahedron.
     Point(Vec<f32>),
-    /// One for each tetrahedron, constant inside it.
+    /// One per tetrahedron, constant inside it.
     Cell(Vec<f32>),
 }
 
 impl TetScalars {
-    /// The values.
+    /// Returns the values.
     #[must_use]
     pub fn values(&self) -> &[f32] {
         match self {
@@ -25,7 +25,7 @@ impl TetScalars {
         }
     }
 
-    /// Whether there is one for each point or for each tetrahedron.
+    /// Checks that there is one per point or one per tetrahedron.
     fn check(&self, points: usize, cells: usize) -> Result<()> {
         let (given, wanted) = match self {
             Self::Point(values) => (values.len(), points),
@@ -38,28 +38,28 @@ impl TetScalars {
     }
 }
 
-/// What was put right when a mesh was made.
+/// Counts the repairs made to a mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Mended {
-    /// Tetrahedra that were inside out: two of their corners were exchanged.
+    /// Tetrahedra of negative orientation; two of their corners were exchanged.
     pub reoriented: usize,
-    /// Tetrahedra without volume, which were left out.
+    /// Tetrahedra without volume, which were dropped.
     pub flat: usize,
-    /// Tetrahedra with a corner that is not finite, which were left out.
+    /// Tetrahedra with a corner that is not finite, which were dropped.
     pub nowhere: usize,
 }
 
 /// A mesh of tetrahedra with a scalar at each point or in each cell; vacuum outside.
 ///
-/// Valid by construction: indices are in range, corners finite, every tetrahedron has a volume that float64
-/// can tell from zero, and is positively oriented: its corner 3 lies on that side of the others from where
-/// they turn counterclockwise.
+/// Valid by construction: indices are in range and corners finite. Every tetrahedron has a volume that
+/// float64 can distinguish from zero and is positively oriented: seen from corner 3, the corners 0, 1 and 2
+/// run counter-clockwise.
 ///
-/// Points may coincide, and may be used by no tetrahedron. Cells may overlap or leave gaps: nothing checks
-/// that they are a partition of space. A tetrahedron with a scalar that is NaN is vacuum.
+/// Points may coincide, and a point need not belong to any tetrahedron. Cells may overlap or leave gaps;
+/// nothing checks that they partition space. A tetrahedron with a NaN scalar is vacuum.
 #[derive(Clone, Debug)]
 pub struct Tets {
-    /// Shared, so that a mesh is cheap to clone, and with other scalars.
+    /// Shared, so that a mesh is cheap to clone, also with other scalars.
     points: Arc<Vec<DVec3>>,
     cells: Arc<Vec<[u32; 4]>>,
     scalars: Arc<TetScalars>,
@@ -69,15 +69,15 @@ pub struct Tets {
 }
 
 impl Tets {
-    /// A mesh of points and tetrahedra, in world units. Cell scalars are those of the tetrahedra given, and
-    /// follow when some are left out.
+    /// Makes a mesh of points in world units and tetrahedra, and repairs it.
     ///
-    /// A volume counts as zero where the rounding of its determinant in float64 may have decided its sign
-    /// (Shewchuk 1997, bound A of `orient3d`).
+    /// Tetrahedra without volume are dropped together with their cell scalars. A volume counts as zero where
+    /// rounding in float64 may have decided the sign of its determinant (Shewchuk 1997, bound A of
+    /// `orient3d`).
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if an index is out of range, the number of scalars does not fit, no tetrahedron is
+    /// [`Error::Invalid`] if an index is out of range, the number of scalars is wrong, no tetrahedron is
     /// left, or no scalar is finite.
     pub fn new(
         points: Vec<DVec3>,
@@ -143,11 +143,11 @@ impl Tets {
         mesh.with_scalars(scalars).map(|mesh| (mesh, mended))
     }
 
-    /// The same mesh with other scalars; cell scalars are those of [`Self::cells`].
+    /// Returns the same mesh with other scalars; cell scalars are those of [`Self::cells`].
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if their number does not fit, or no tetrahedron has finite ones.
+    /// [`Error::Invalid`] if their number is wrong, or no tetrahedron has finite ones.
     pub fn with_scalars(mut self, scalars: TetScalars) -> Result<Self> {
         scalars.check(self.points.len(), self.cells.len())?;
         let (mut range, mut blank) = ([f64::INFINITY, f64::NEG_INFINITY], 0);
@@ -165,7 +165,7 @@ impl Tets {
             }
         }
         if range[0] > range[1] {
-            return Err(Error::invalid("mesh scalars", "no tetrahedron has a finite one"));
+            return Err(Error::invalid("mesh scalars", "no tetrahedron has finite scalars"));
         }
         self.scalars = Arc::new(scalars);
         self.range = range;
@@ -173,55 +173,55 @@ impl Tets {
         Ok(self)
     }
 
-    /// Points, in world units.
+    /// Returns the points, in world units.
     #[must_use]
     pub fn points(&self) -> &[DVec3] {
         &self.points
     }
 
-    /// Corners of the tetrahedra, as indices of points.
+    /// Returns the corners of the tetrahedra as indices of points.
     #[must_use]
     pub fn cells(&self) -> &[[u32; 4]] {
         &self.cells
     }
 
-    /// The scalars.
+    /// Returns the scalars.
     #[must_use]
     pub fn scalars(&self) -> &TetScalars {
         &self.scalars
     }
 
-    /// Least and greatest coordinates of the points that tetrahedra use.
+    /// Returns the least and the greatest coordinates of the points that tetrahedra use.
     #[must_use]
     pub fn bounds(&self) -> [DVec3; 2] {
         self.bounds
     }
 
-    /// Smallest and largest finite scalar of the tetrahedra that are not vacuum.
+    /// Returns the smallest and the largest finite scalar of the tetrahedra that are not vacuum.
     #[must_use]
     pub fn range(&self) -> [f64; 2] {
         self.range
     }
 
-    /// Number of tetrahedra that are vacuum, because a scalar of theirs is NaN.
+    /// Returns the number of tetrahedra that are vacuum because of a NaN scalar.
     #[must_use]
     pub fn blank_count(&self) -> usize {
         self.blank
     }
 }
 
-/// Which way round a tetrahedron is.
+/// The orientation of a tetrahedron.
 pub(crate) enum Orientation {
     Positive,
     Negative,
-    /// Without a volume that float64 can tell from zero.
+    /// Without a volume that float64 can distinguish from zero.
     Flat,
     /// With a corner that is not finite.
     Nowhere,
 }
 
 impl Orientation {
-    /// The sign of six times the volume, where float64 knows it.
+    /// Returns the sign of six times the volume, where float64 is certain of it.
     pub(crate) fn of([a, b, c, d]: [DVec3; 4]) -> Self {
         if !(a.is_finite() && b.is_finite() && c.is_finite() && d.is_finite()) {
             return Self::Nowhere;
@@ -298,7 +298,7 @@ mod tests {
             Tets::new(points, vec![[0, 1, 2, 3]], TetScalars::Cell(vec![1.0])).is_ok()
         };
         assert!(thin(1e-12) && thin(-1e-300) && !thin(0.0));
-        // Far from the origin the same height is lost in the coordinates.
+        // Far from the origin the same height is lost to the rounding of the coordinates.
         let far = DVec3::splat(1e6);
         let points: Vec<DVec3> =
             [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::new(0.3, 0.3, 1e-12)].map(|p| p + far).to_vec();

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::error::{Error, Result};
 
-/// One knot of a transfer function.
+/// A knot of a transfer function.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Knot {
     /// Scalar, in the data's own units.
@@ -17,25 +17,25 @@ pub struct Knot {
 
 /// Emitted colour and extinction as functions of the scalar.
 ///
-/// r, g, b and tau are each piecewise linear between knots and constant beyond the ends. Two knots
-/// with one `s` make a jump; there the later knot holds (the function is continuous from the right).
-/// Valid by construction: at least one knot, `s` non-decreasing, everything finite, nothing negative
-/// but `s`.
+/// r, g, b and tau are each piecewise linear between knots and constant beyond the ends. Two knots with the
+/// same `s` make a jump, where the later knot holds: the function is continuous from the right. Valid by
+/// construction: there is at least one knot, `s` does not decrease, all numbers are finite, and only `s` may
+/// be negative.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransferFunction {
     knots: Vec<Knot>,
 }
 
 impl TransferFunction {
-    /// The most knots that a transfer function may have.
+    /// Largest number of knots.
     pub const MAX_KNOTS: usize = 1 << 20;
 
-    /// Checks and keeps the knots.
+    /// Checks the knots and makes a transfer function of them.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] naming the knot and the rule: at least one knot and at most
-    /// [`Self::MAX_KNOTS`], `s` finite and non-decreasing, colour and tau finite and not negative.
+    /// [`Error::Invalid`] naming the knot and the rule: at least one knot and at most [`Self::MAX_KNOTS`],
+    /// `s` finite and non-decreasing, colour and tau finite and not negative.
     pub fn new(knots: Vec<Knot>) -> Result<Self> {
         let refuse = |why: String| Err(Error::invalid("transfer function", why));
         if knots.is_empty() || knots.len() > Self::MAX_KNOTS {
@@ -63,7 +63,7 @@ impl TransferFunction {
         Ok(Self { knots })
     }
 
-    /// The same from rows `[s, r, g, b, tau]`.
+    /// Makes a transfer function from rows `[s, r, g, b, tau]`.
     ///
     /// # Errors
     ///
@@ -73,13 +73,13 @@ impl TransferFunction {
         Self::new(rows.iter().map(knot).collect())
     }
 
-    /// The knots.
+    /// Returns the knots.
     #[must_use]
     pub fn knots(&self) -> &[Knot] {
         &self.knots
     }
 
-    /// First and last scalar that has a knot.
+    /// Returns the scalars of the first and the last knot.
     #[must_use]
     pub fn domain(&self) -> [f64; 2] {
         let ends = (self.knots.first(), self.knots.last());
@@ -87,13 +87,13 @@ impl TransferFunction {
         [first.s, last.s]
     }
 
-    /// Colour and extinction at a scalar. NaN is vacuum.
+    /// Returns colour and extinction at a scalar. NaN is vacuum.
     #[must_use]
     pub fn at(&self, s: f64) -> (DVec3, f64) {
         if s.is_nan() {
             return (DVec3::ZERO, 0.0);
         }
-        // Knots at or below s: the last of them starts the piece that holds s.
+        // The last knot at or below s starts the piece that holds s.
         let below = self.knots.partition_point(|knot| knot.s <= s);
         let Some(start) = below.checked_sub(1) else {
             let first = &self.knots[0];
@@ -105,13 +105,13 @@ impl TransferFunction {
         (a.colour + (b.colour - a.colour) * w, a.tau + (b.tau - a.tau) * w)
     }
 
-    /// Largest component of a colour anywhere.
+    /// Returns the largest component of any knot's colour.
     #[must_use]
     pub fn max_colour(&self) -> f64 {
         self.knots.iter().map(|knot| knot.colour.max_element()).fold(0.0, f64::max)
     }
 
-    /// Largest extinction anywhere.
+    /// Returns the largest extinction of any knot.
     #[must_use]
     pub fn max_tau(&self) -> f64 {
         self.knots.iter().map(|knot| knot.tau).fold(0.0, f64::max)

@@ -2,16 +2,16 @@
 
 use std::f64::consts::PI;
 
-/// `2 / sqrt(pi) ∫ exp(-t²) dt` from 0 to x, to 5e-16; NaN for NaN.
+/// Returns `2 / sqrt(pi) ∫ exp(-t²) dt` from 0 to x, accurate to 5e-16; NaN for NaN.
 ///
-/// Below 2 the series of Kummer's function, whose terms are all positive; above the continued fraction of the
-/// complement (Abramowitz and Stegun 1964, 7.1.6 and 7.1.14).
+/// Below 2 it sums the series of Kummer's function, whose terms are all positive; above, it evaluates the
+/// continued fraction of the complement (Abramowitz and Stegun 1964, 7.1.6 and 7.1.14).
 pub(crate) fn erf(x: f64) -> f64 {
     let y = x.abs();
     if y < 2.0 {
         let square = x * x;
         let (mut term, mut sum, mut n) = (x, x, 1.0);
-        // At 2 the terms fall below rounding after 40.
+        // At 2 the terms fall below rounding after 40 iterations.
         for _ in 0..48 {
             n += 2.0;
             term *= 2.0 * square / n;
@@ -20,7 +20,7 @@ pub(crate) fn erf(x: f64) -> f64 {
         2.0 / PI.sqrt() * (-square).exp() * sum
     } else if y < 6.0 {
         let mut tail = y;
-        // From the far end: 70 levels are enough at 2.
+        // From the innermost level outwards: 70 levels are enough at 2.
         for k in (1..=70).rev() {
             tail = y + 0.5 * f64::from(k) / tail;
         }

@@ -4,30 +4,36 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::{cubic, erf, lanczos};
+use super::erf::erf;
+use super::quadrature::rule;
+use super::shape::{cubic, lanczos};
 use crate::scene::{Kernel, Kernels};
 
-/// A line past a kernel of the distance, in the kernel's own measure of distance.
+/// A line that passes a radial kernel, in the kernel's own unit of distance.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chord {
-    /// Parameter of the place nearest to the centre.
+    /// Parameter of the point nearest to the centre.
     pub(crate) middle: f64,
-    /// Square of the distance there.
+    /// Squared distance from the centre at that point.
     pub(crate) nearest: f64,
-    /// Distance along the line for each unit of the parameter; positive.
+    /// Distance along the line per unit of the parameter; positive.
     pub(crate) speed: f64,
 }
 
 impl Chord {
-    /// Of the line `start + slope u`, both relative to the centre and in the kernel's measure. The square is that of
-    /// the residual: `|start|²` less the square of the projection would lose its digits far from the centre.
+    /// Makes the chord of the line `start + slope u`, both relative to the centre and in the kernel's unit of
+    /// distance.
+    ///
+    /// The squared distance is that of the residual: `|start|²` minus the square of the projection would lose
+    /// its digits far from the centre.
     pub(crate) fn new(start: DVec3, slope: DVec3) -> Self {
         let speed = slope.length();
         let middle = -start.dot(slope) / (speed * speed);
         Self { middle, nearest: (start + slope * middle).length_squared(), speed }
     }
 
-    /// A range of the parameter inside of a distance, as distances along the line from the middle.
+    /// Clips a range of the parameter to the ball of radius `support`; returns signed distances from the
+    /// nearest point.
     fn inside(&self, support: f64, range: [f64; 2]) -> Option<[f64; 2]> {
         let half = (support * support - self.nearest).max(0.0).sqrt();
         let [from, to] = range.map(|u| ((u - self.middle) * self.speed).clamp(-half, half));
@@ -35,21 +41,21 @@ impl Chord {
     }
 }
 
-/// Integral over `range` of the parameter of a Gaussian of peak 1, distances in standard deviations; `cut` may be
-/// infinite, as the ends of the range.
+/// Integrates a Gaussian of peak 1 over `range` of the parameter, with distances in standard deviations.
 ///
-/// `sqrt(pi / 2) exp(-b² / 2) (erf(v1 / sqrt 2) - erf(v0 / sqrt 2)) / speed` with b the least distance, v from the middle.
+/// `cut` and the ends of the range may be infinite. The result is `sqrt(pi / 2) exp(-b² / 2) (erf(v1 / sqrt
+/// 2) - erf(v0 / sqrt 2)) / speed`, where b is the least distance and v is measured from the nearest point.
 pub(crate) fn gaussian(chord: Chord, cut: f64, range: [f64; 2]) -> f64 {
     let Some([from, to]) = chord.inside(cut, range) else { return 0.0 };
     let root = 0.5_f64.sqrt();
     (0.5 * PI).sqrt() * (-0.5 * chord.nearest).exp() * (erf(to * root) - erf(from * root)) / chord.speed
 }
 
-/// Integral over `range` of the parameter of the cubic B-spline of the distance, peak 1, distances in halves of the
-/// radius.
+/// Integrates the radial cubic B-spline of peak 1 over `range` of the parameter, with distances in halves of
+/// the radius.
 ///
-/// In closed form: with q² = b² + v² the integrals of q and q³ are (v q + b² asinh(v / b)) / 2 and
-/// v q³ / 4 + 3 b² (v q + b² asinh(v / b)) / 8.
+/// The closed form follows from q² = b² + v²: the integrals of q and q³ are (v q + b² asinh(v / b)) / 2 and v
+/// q³ / 4 + 3 b² (v q + b² asinh(v / b)) / 8.
 pub(crate) fn spline(chord: Chord, range: [f64; 2]) -> f64 {
     let Some([from, to]) = chord.inside(2.0, range) else { return 0.0 };
     let square = chord.nearest;
@@ -63,10 +69,10 @@ pub(crate) fn spline(chord: Chord, range: [f64; 2]) -> f64 {
         let (a, b) = (moments(from), moments(to));
         (0..4).map(|i| c[i] * (b[i] - a[i])).sum()
     };
-    // 1 - 3/2 q² + 3/4 q³ inside of 1, (2 - q)³ / 4 outside.
+    // 1 - 3/2 q² + 3/4 q³ inside 1, (2 - q)³ / 4 outside.
     let (near, far) = ([1.0, 0.0, -1.5, 0.75], [2.0, -3.0, 1.5, -0.25]);
     let knot = (1.0 - square).max(0.0).sqrt();
-    // Before, inside and behind the sphere of the knots; each may be missing.
+    // Before, inside and behind the sphere of radius 1, where the formula changes; each part may be empty.
     let part = |c, low: f64, high: f64| {
         let (from, to) = (from.max(low), to.min(high));
         if from < to { sum(c, from, to) } else { 0.0 }
@@ -75,43 +81,20 @@ pub(crate) fn spline(chord: Chord, range: [f64; 2]) -> f64 {
     all.max(0.0) / chord.speed
 }
 
-/// Nodes and weights of the Gauss-Legendre rule on the unit interval; exact for polynomials of degree `2 points - 1`.
-///
-/// Newton's method on Legendre's recurrence, from Tricomi's places.
-pub(super) fn rule(points: u32) -> Vec<(f64, f64)> {
-    let n = f64::from(points);
-    (1..=points)
-        .map(|i| {
-            let mut x = -(PI * (f64::from(i) - 0.25) / (n + 0.5)).cos();
-            let mut slope = 1.0;
-            for _ in 0..10 {
-                let [mut p, mut before] = [1.0, 0.0];
-                for k in 0..points {
-                    let k = f64::from(k);
-                    [p, before] = [((2.0 * k + 1.0) * x * p - k * before) / (k + 1.0), p];
-                }
-                slope = n * (before - x * p) / (1.0 - x * x);
-                x -= p / slope;
-            }
-            (0.5 + 0.5 * x, 1.0 / ((1.0 - x * x) * slope * slope))
-        })
-        .collect()
-}
-
 /// A kernel on a lattice, in index space.
 #[derive(Clone, Debug)]
 pub(crate) struct Lattice {
     kernels: Kernels,
-    /// Exact between two planes of samples.
+    /// Quadrature rule that is exact between two planes of samples.
     rule: Vec<(f64, f64)>,
 }
 
 impl Lattice {
-    /// Of a kernel; the model does not matter.
+    /// Prepares a kernel; its model has no effect.
     pub(crate) fn new(kernels: Kernels) -> Self {
         let points = match kernels.kernel {
             Kernel::Gaussian => 0,
-            // Polynomials of degree 3 and 9; six sines that turn by at most 2 pi between two planes.
+            // Polynomials of degree 3 and 9; six sines of at most one period between two planes.
             Kernel::Tent => 2,
             Kernel::BSpline => 5,
             Kernel::Sinc => 16,
@@ -119,7 +102,7 @@ impl Lattice {
         Self { kernels, rule: rule(points) }
     }
 
-    /// The kernel at an offset from its sample, in voxels.
+    /// Returns the kernel at an offset from its sample, in voxels.
     pub(crate) fn at(&self, offset: DVec3) -> f64 {
         let product = |f: fn(f64) -> f64| f(offset.x) * f(offset.y) * f(offset.z);
         match self.kernels.kernel {
@@ -134,8 +117,9 @@ impl Lattice {
         }
     }
 
-    /// Integral over `range` of u along `start + slope u`, an offset from the sample in voxels: the whole footprint for
-    /// an infinite range, that of a slab for a finite one. Exact but for rounding.
+    /// Integrates the kernel over `range` of u along `start + slope u`, an offset from the sample in voxels.
+    ///
+    /// An infinite range gives the whole footprint, a finite one that of a slab. Exact up to rounding.
     pub(crate) fn line(&self, start: DVec3, slope: DVec3, range: [f64; 2]) -> f64 {
         if self.kernels.kernel == Kernel::Gaussian {
             let chord = Chord::new(start / self.kernels.sigma, slope / self.kernels.sigma);
@@ -157,7 +141,7 @@ impl Lattice {
         if from >= to {
             return 0.0;
         }
-        // The planes of samples: 7 for each axis at most, and the ends.
+        // Split at the planes of samples: at most 7 for each axis, and the ends.
         let mut cuts = [to; 24];
         cuts[0] = from;
         let mut count = 1;
@@ -183,7 +167,7 @@ impl Lattice {
         sum
     }
 
-    /// The kernel's half-width along a linear function of the offset, such as an image's x.
+    /// Returns the half-width of the kernel along a linear function of the offset, such as an image's x.
     pub(super) fn extent(&self, function: DVec3) -> f64 {
         self.kernels.reach()
             * if self.kernels.kernel == Kernel::Gaussian {
@@ -237,7 +221,7 @@ mod tests {
             let chord = Chord { middle: random.next(), nearest: square, speed: 1.5 + random.next() };
             let range = [random.next() - 0.5, random.next() + 0.8];
             let v = |u: f64| (square + ((u - chord.middle) * chord.speed).powi(2)).sqrt();
-            // Parts between the places where the shapes change.
+            // Split where the shapes change.
             let cuts = |support: f64| {
                 let mut cuts = vec![range[0], range[1]];
                 for distance in [0.0, 1.0, support] {
@@ -265,7 +249,7 @@ mod tests {
                 assert!(error.abs() < 1e-11, "gaussian cut at {cut}, {chord:?}, {range:?}: {error:e}");
             }
         }
-        // Whole, through the centre.
+        // The whole chord through the centre.
         let chord = Chord::new(DVec3::new(1e6, 0.0, 0.0), DVec3::new(-3.0, 0.0, 0.0));
         assert!((gaussian(chord, f64::INFINITY, ALL) - (2.0 * PI).sqrt() / 3.0).abs() < 1e-15);
         assert!((spline(chord, ALL) - 0.5).abs() < 1e-15);
@@ -285,7 +269,7 @@ mod tests {
                 let start = random.vector() - slope * (2.0 * random.next());
                 let ends = [5.0 * random.next() - 1.0, 5.0 * random.next() + 1.0];
                 let slab = [ends[0].min(ends[1]), ends[0].max(ends[1])];
-                // The slab's parts add up, whatever planes they cross; an interval at a time is smooth.
+                // The integrals over parts of the slab add up, whatever planes they cross.
                 let n = 64;
                 let edge = |j: i32| slab[0] + (slab[1] - slab[0]) * f64::from(j) / f64::from(n);
                 let parts: f64 = (0..n).map(|j| lattice.line(start, slope, [edge(j), edge(j + 1)])).sum();
@@ -304,7 +288,7 @@ mod tests {
         }
     }
 
-    /// Footprint of a voxel by brute force: a field of one sample, cast by rays, kept as a table.
+    /// The footprint of a voxel equals a table of cast rays through a field of one sample.
     #[test]
     fn footprints_are_those_of_cast_rays() {
         const N: u32 = 24;
@@ -337,20 +321,9 @@ mod tests {
             });
             println!("{kernel:?}: {worst:e}");
             assert!(worst < 1e-13, "{kernel:?}: {worst:e}");
-            // A footprint's mass is the kernel's.
+            // The mass of the footprint is that of the kernel.
             let mass: f64 = table.iter().sum::<f64>() * step * step;
             assert!((mass - 1.0).abs() < 4e-3, "{kernel:?}: {mass}");
-        }
-    }
-
-    #[test]
-    fn rules_are_exact_up_to_their_degree() {
-        for points in [2, 5, 16] {
-            for degree in 0..2 * points {
-                let sum: f64 = rule(points).iter().map(|(x, w)| w * x.powi(degree.try_into().unwrap())).sum();
-                let error = sum * f64::from(degree + 1) - 1.0;
-                assert!(error.abs() < 2e-14, "{points} points, degree {degree}: {error:e}");
-            }
         }
     }
 }

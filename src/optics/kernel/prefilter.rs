@@ -1,15 +1,15 @@
-//! Coefficients with which cubic B-splines go through samples.
+//! The prefilter of interpolating cubic B-splines.
 
 use rayon::prelude::*;
 
-/// Replaces samples, x fastest, by the coefficients of cubic B-splines whose sum, divided by the sum of the splines,
-/// goes through them.
+/// Replaces samples, x fastest, by the coefficients of an interpolating sum of cubic B-splines.
 ///
-/// Along each axis the rows of the system are (1, 4, 1) / 6; at the ends, where the neighbour outside is missing, what
-/// is left is (4, 1) / 5. An axis with one sample is left as it is. Constants stay. A NaN spreads over all: there is no
-/// such field.
+/// The sum of the splines times the coefficients, divided by the sum of the splines, passes through the
+/// samples. Along each axis the rows of the system are (1, 4, 1) / 6. The first and the last row lack the
+/// outer neighbour and are normalised to (4, 1) / 5. An axis with one sample is unchanged, and constants are
+/// preserved. A NaN spreads to all values, because no such field exists.
 ///
-/// In parallel, in place; `values` holds the product of `dims`.
+/// Runs in parallel and in place; the length of `values` is the product of `dims`.
 pub(crate) fn prefilter(values: &mut [f64], dims: [usize; 3]) {
     let [nx, ny, nz] = dims;
     if values.is_empty() {
@@ -25,7 +25,7 @@ pub(crate) fn prefilter(values: &mut [f64], dims: [usize; 3]) {
             line[i - 1] -= system.ratios[i - 1] * line[i];
         }
     });
-    // Whole rows, and whole planes, are the unknowns along y and z.
+    // Along y the unknowns are whole rows, along z whole planes.
     let system = System::new(ny);
     values.par_chunks_mut(nx * ny).for_each(|plane| {
         system.solve(plane, nx, |row, other, f| {
@@ -40,9 +40,10 @@ pub(crate) fn prefilter(values: &mut [f64], dims: [usize; 3]) {
     });
 }
 
-/// A tridiagonal system with ones beside its diagonal, eliminated: its rows are scaled by 6, those of the ends by 5.
+/// The elimination of a tridiagonal system with ones beside its diagonal: rows are scaled by 6, the first and
+/// the last by 5.
 struct System {
-    /// Reciprocals of the pivots; 4 is the whole diagonal.
+    /// Reciprocals of the pivots; the diagonal is 4.
     ratios: Vec<f64>,
 }
 
@@ -57,7 +58,7 @@ impl System {
         Self { ratios }
     }
 
-    /// A row on the way down, from its right side and the row before.
+    /// Returns a row of the forward elimination, from its right-hand side and the row before.
     fn down(&self, i: usize, value: f64, before: f64) -> f64 {
         let n = self.ratios.len();
         if n == 1 {
@@ -67,7 +68,8 @@ impl System {
         (whole * value - before) * self.ratios[i]
     }
 
-    /// Solves for chunks of values; `each` replaces the values of the first by a function of both.
+    /// Solves the system for chunks of values. `each` replaces the values of the first chunk by a function of
+    /// both.
     fn solve(
         &self,
         values: &mut [f64],
@@ -91,7 +93,7 @@ impl System {
 
 #[cfg(test)]
 mod tests {
-    use super::super::cubic;
+    use super::super::shape::cubic;
     use super::*;
     use crate::num;
 

@@ -3,19 +3,19 @@
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::Lattice;
+use super::footprint::Lattice;
 use crate::error::{Error, Result};
 use crate::num;
 use crate::scene::Kernels;
 
-/// The footprint of a lattice's kernel over the image, the same for all samples where rays are parallel.
+/// The footprint of a lattice's kernel in the image. For parallel rays it is the same for all samples.
 ///
-/// A table of `size` x `size` values over the kernel's projected extent, both ends included, x fastest; bilinear
-/// in between, 0 outside.
+/// It is a table of `size` x `size` values over the kernel's projected extent, both ends included, x fastest.
+/// Look-ups are bilinear, and 0 outside.
 ///
 /// # Accuracy
 ///
-/// Largest error of a lookup as a share of the footprint's peak, from an oblique direction (the largest of 40 such):
+/// Largest error of a look-up as a share of the footprint's peak, over 40 oblique directions:
 ///
 /// | kernel | 64 x 64 | 128 x 128 |
 /// |---|---|---|
@@ -35,9 +35,10 @@ pub(crate) struct Template {
 }
 
 impl Template {
-    /// The footprint where rays run along `direction` and the image's axes along `axes`, all in voxels: of the
-    /// direction for each unit of length in the world, of the axes for each pixel, say. Extinction times the value is
-    /// then an optical depth.
+    /// Computes the footprint for rays along `direction` and image axes along `axes`, all in voxels.
+    ///
+    /// The unit of `direction` is the ray's parameter: if it covers one world unit, extinction times the
+    /// value is an optical depth. The unit of `axes` is that of [`Self::at`], such as a pixel.
     ///
     /// # Errors
     ///
@@ -67,7 +68,7 @@ impl Template {
         Ok(Self { size, half, values })
     }
 
-    /// The value at a place of the image relative to the sample's, as the device looks it up.
+    /// Returns the value at a place of the image relative to the sample's, interpolated as on the device.
     pub(crate) fn at(&self, x: f64, y: f64) -> f64 {
         let last = f64::from(self.size - 1);
         let [u, v] = [x / self.half[0], y / self.half[1]].map(|place| 0.5 * (place + 1.0) * last);
@@ -88,7 +89,7 @@ mod tests {
     use super::*;
     use crate::scene::Kernel;
 
-    /// Largest error of a lookup as a share of the peak, over directions and places.
+    /// Returns the largest error of a look-up as a share of the peak, over directions and places.
     fn error(kernels: Kernels, size: u32) -> f64 {
         let lattice = Lattice::new(kernels);
         let mut worst = 0.0_f64;
@@ -138,7 +139,7 @@ mod tests {
         let kernels = Kernels { kernel: Kernel::BSpline, ..Kernels::of_samples() };
         let template = Template::new(kernels, DVec3::Z * 4.0, [DVec3::X * 0.5, DVec3::Y], 5).unwrap();
         assert_eq!(template.half, [4.0, 2.0]);
-        // Rays along z, 4 voxels for each unit: through the sample, and one voxel beside it.
+        // Rays along z, 4 voxels per unit of the parameter: through the sample, and one voxel beside it.
         assert_eq!(template.values[12], num::f32_of(4.0 / 9.0 / 4.0));
         assert!((template.at(2.0, 0.0) - 1.0 / 9.0 / 4.0).abs() < 1e-8);
         assert_eq!((template.at(4.1, 0.0), template.at(0.0, f64::NAN)), (0.0, 0.0));

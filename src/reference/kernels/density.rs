@@ -4,13 +4,13 @@ use crate::num;
 
 use super::super::march::OPAQUE;
 use super::super::quadrature::gauss_legendre;
-use super::{Medium, Sums};
+use super::medium::{Medium, Sums};
 
-/// Largest length of a panel in units of the scale, and the points that follow a Gaussian's integral on it to 1e-9 of
-/// its peak at each node, and to rounding as a whole; ascending.
+/// Largest length of a panel in units of the scale, and number of points; ascending. The points follow a
+/// Gaussian's integral to 1e-9 of its peak at each node, and to rounding over the whole panel.
 const PANELS: [(f64, usize); 5] = [(0.028, 4), (0.19, 6), (0.53, 8), (1.5, 12), (2.7, MOST)];
 
-/// Most points of a rule.
+/// Largest number of points.
 const MOST: usize = 16;
 
 /// Largest optical depth of a panel.
@@ -19,11 +19,11 @@ const DEPTH: f64 = 1.0;
 /// A Gauss-Legendre rule on the unit interval that also integrates up to each of its nodes.
 #[derive(Debug)]
 pub(super) struct Rule {
-    /// Length of the panels that it is for, in units of the scale.
+    /// Largest length of the rule's panels, in units of the scale.
     length: f64,
     nodes: Vec<f64>,
     weights: Vec<f64>,
-    /// Row by row: weights of the integral from 0 to each node.
+    /// Weights of the integral from 0 to each node, row by row.
     partial: Vec<f64>,
 }
 
@@ -35,7 +35,8 @@ impl Rule {
     fn new(length: f64, points: usize) -> Self {
         let rule = gauss_legendre(points);
         let legendre: Vec<Vec<f64>> = rule.iter().map(|node| legendre(node.x, points)).collect();
-        // The interpolant through the nodes as a Legendre series, whose terms have integrals in closed form.
+        // Write the interpolant through the nodes as a Legendre series, whose terms have integrals in closed
+        // form.
         let partial = (0..points).flat_map(|j| (0..points).map(move |k| (j, k))).map(|(j, k)| {
             let terms = (1..points).map(|m| legendre[k][m] * 0.5 * (legendre[j][m + 1] - legendre[j][m - 1]));
             rule[k].weight * (rule[j].x + terms.sum::<f64>())
@@ -49,7 +50,7 @@ impl Rule {
     }
 }
 
-/// Legendre polynomials of degree 0 to `degree` on the unit interval.
+/// Evaluates the Legendre polynomials of degree 0 to `degree` on the unit interval.
 fn legendre(x: f64, degree: usize) -> Vec<f64> {
     let x = 2.0 * x - 1.0;
     let mut all = vec![1.0, x];
@@ -60,7 +61,7 @@ fn legendre(x: f64, degree: usize) -> Vec<f64> {
     all
 }
 
-/// What a ray has gathered so far, front to back.
+/// Optical depth and colour accumulated along a ray, front to back.
 pub(super) struct Density<'a> {
     rules: &'a [Rule],
     depth: f64,
@@ -72,13 +73,13 @@ impl<'a> Density<'a> {
         Self { rules, depth: 0.0, colour: [0.0; 3] }
     }
 
-    /// Premultiplied colour and opacity.
+    /// Returns premultiplied colour and opacity.
     pub(super) fn pixel(&self) -> [f64; 4] {
         let [r, g, b] = self.colour;
         [r, g, b, -(-self.depth).exp_m1()]
     }
 
-    /// A panel that is short against the kernels; it is halved until it is thin, too.
+    /// Adds a panel that is short compared with the kernels, halved until its optical depth is small too.
     fn panel(&mut self, rule: &Rule, from: f64, to: f64, sums: &impl Fn(f64) -> Sums) {
         if self.is_opaque() {
             return;
@@ -104,7 +105,7 @@ impl<'a> Density<'a> {
                 self.panel(rule, middle, to, sums);
                 return;
             }
-            // Opaque within the parameter's rounding: one place.
+            // Opaque within the rounding of the parameter: treat the panel as one place.
             let emitted = transmittance * -(-depth).exp_m1();
             for (sum, total) in self.colour.iter_mut().zip(&total[1..]) {
                 *sum += emitted * (total / depth);
@@ -153,7 +154,7 @@ impl Medium for Density<'_> {
 mod tests {
     use super::*;
 
-    /// Each rule on its longest panel: integrals of a Gaussian up to each node, wherever the panel lies.
+    /// Each rule on its longest panel integrates a Gaussian up to each node, wherever the panel lies.
     #[test]
     fn rules_reach_their_stated_accuracy() {
         let gaussian = |x: f64| (-0.5 * x * x).exp();
@@ -165,7 +166,7 @@ mod tests {
                     let row = &rule.partial[j * rule.nodes.len()..][..rule.nodes.len()];
                     let got: f64 =
                         row.iter().zip(&rule.nodes).map(|(w, x)| w * gaussian(start + x * rule.length)).sum();
-                    // Composite Simpson, whose own error is below 1e-13 here.
+                    // Composite Simpson, with an error below 1e-13 here.
                     let n = 2000;
                     let h = x / f64::from(n);
                     let want: f64 = (0..n)

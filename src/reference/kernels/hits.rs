@@ -1,20 +1,20 @@
-//! Kernels of the distance that one ray meets.
+//! Radial kernels on one ray.
 
 use crate::num;
 
-use super::{Medium, Sums};
+use super::medium::{Medium, Sums};
 
-/// Kernels of the distance.
+/// Selects a radial kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Shape {
-    /// Distance in standard deviations.
+    /// Distances in standard deviations.
     Gaussian,
-    /// Distance in halves of the radius.
+    /// Distances in halves of the radius.
     BSpline,
 }
 
 impl Shape {
-    /// The kernel of the square of the distance, inside of its support; peak 1.
+    /// Evaluates the kernel at a squared distance inside its support; the peak is 1.
     fn at(self, square: f64) -> f64 {
         if self == Self::Gaussian {
             return (-0.5 * square).exp();
@@ -23,8 +23,9 @@ impl Shape {
         if q <= 1.0 { 1.0 + square * (0.75 * q - 1.5) } else { 0.25 * (2.0 - q).max(0.0).powi(3) }
     }
 
-    /// The standard deviation of a Gaussian that is not smoother, in units of the distance. Chosen so that panels keep
-    /// their accuracy.
+    /// Returns the standard deviation of a Gaussian that is at most as smooth, in units of the distance.
+    ///
+    /// Chosen so that panels keep their accuracy.
     fn scale(self) -> f64 {
         if self == Self::Gaussian { 1.0 } else { 0.25 }
     }
@@ -33,19 +34,19 @@ impl Shape {
 /// A kernel on a ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hit {
-    /// Parameter of the place that is nearest to the centre, and square of the distance there.
+    /// Parameter of the point nearest to the centre, and the squared distance there.
     middle: f64,
     nearest: f64,
-    /// Distance along the ray for each unit of the parameter.
+    /// Change of distance along the ray per unit of the parameter.
     speed: f64,
-    /// Half of the length of the ray inside the kernel.
+    /// Half of the parameter's range inside the kernel.
     half: f64,
     value: Sums,
 }
 
 impl Hit {
-    /// A kernel whose distances along the ray change by `speed` for each unit of the parameter, if the ray comes nearer
-    /// than `support`.
+    /// Makes a hit if the ray comes nearer than `support`. `speed` is the distance along the ray per unit of
+    /// the parameter.
     pub(super) fn new(middle: f64, nearest: f64, speed: f64, support: f64, value: Sums) -> Option<Self> {
         let square = support * support - nearest;
         let hit = Self { middle, nearest, speed, half: square.sqrt() / speed, value };
@@ -53,16 +54,16 @@ impl Hit {
     }
 }
 
-/// What happens to a ray at a place.
+/// An event on a ray.
 #[derive(Clone, Copy)]
 enum Event {
     Enter(usize),
     Leave(usize),
-    /// A kernel's formula changes.
+    /// The formula of a kernel changes.
     Change,
 }
 
-/// Follows the ray through the kernels.
+/// Follows the ray through the kernels, in the order of events.
 pub(super) fn sweep(hits: &[Hit], shape: Shape, range: [f64; 2], medium: &mut impl Medium) {
     if range[0] >= range[1] {
         return;
@@ -73,7 +74,7 @@ pub(super) fn sweep(hits: &[Hit], shape: Shape, range: [f64; 2], medium: &mut im
         if begin < range[1] && end > range[0] {
             events.extend([(begin, Event::Enter(i)), (end, Event::Leave(i))]);
             if shape == Shape::BSpline {
-                // The cube of the distance has a kink in the middle, where the ray meets the centre.
+                // The cube of the distance has a kink where the ray meets the centre.
                 let knot = (1.0 - hit.nearest).max(0.0).sqrt() / hit.speed;
                 events.extend([-knot, 0.0, knot].map(|t| (hit.middle + t, Event::Change)));
             }
@@ -101,7 +102,7 @@ pub(super) fn sweep(hits: &[Hit], shape: Shape, range: [f64; 2], medium: &mut im
     }
 }
 
-/// A stretch of the ray on which the kernels that reach it do not change.
+/// Adds a segment of the ray inside a fixed set of kernels.
 fn stretch(inside: &[(usize, Hit)], shape: Shape, [from, to]: [f64; 2], medium: &mut impl Medium) {
     if medium.is_vacuum(inside.iter().map(|(_, hit)| hit.value)) {
         return;
@@ -123,9 +124,10 @@ fn stretch(inside: &[(usize, Hit)], shape: Shape, [from, to]: [f64; 2], medium: 
     }
 }
 
-/// A sum of Gaussians about the middle of a short stretch, as a polynomial of the place, -1 to 1: each is
-/// `exp(-(u + v)² / 2) = exp(-u² / 2) Σ He_k(u) (-v)^k / k!` with Hermite's polynomials. It takes one exponential for
-/// each kernel, however often the sum is evaluated.
+/// A sum of Gaussians on a short segment, as a polynomial of the position from -1 to 1.
+///
+/// Each Gaussian is `exp(-(u + v)² / 2) = exp(-u² / 2) Σ He_k(u) (-v)^k / k!` with Hermite's polynomials.
+/// This takes one exponential for each kernel, however often the sum is evaluated.
 struct Series {
     middle: f64,
     half: f64,
@@ -134,10 +136,10 @@ struct Series {
 }
 
 impl Series {
-    /// Terms that follow the longest stretch to rounding.
+    /// Terms that are exact to rounding on the longest segment.
     const TERMS: usize = 15;
 
-    /// Half of the longest stretch, in standard deviations.
+    /// Half of the longest segment, in standard deviations.
     const LONGEST: f64 = 0.2;
 
     fn new(inside: &[(usize, Hit)], from: f64, to: f64, fastest: f64) -> Self {
@@ -194,7 +196,7 @@ fn sums(inside: &[(usize, Hit)], shape: Shape, t: f64) -> Sums {
 mod tests {
     use super::*;
 
-    /// Series of the longest and of shorter stretches, anywhere in a kernel, against the kernels themselves.
+    /// Series of the longest and of shorter segments, anywhere in a kernel, equal the sums of the kernels.
     #[test]
     fn series_are_the_sums() {
         for half in [Series::LONGEST, 0.1, 0.02, 1e-3, 1e-9] {

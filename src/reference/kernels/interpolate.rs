@@ -1,23 +1,23 @@
-//! The interpolation model: the scalar is a quotient of sums, followed by cubics.
+//! The interpolation model: the scalar is a quotient of sums, approximated by cubics.
 
 use super::super::march::{Classes, March};
 use super::super::polynomial::{self, Cubic};
-use super::{Medium, Sums};
+use super::medium::{Medium, Sums};
 
-/// Largest error of a cubic of which both halves are then used, as a share of the scalars' range: theirs are sixteen
-/// times smaller.
+/// Largest error of a cubic at which its two halves are used, as a share of the scalars' range. The error of
+/// the halves is sixteen times smaller.
 const ERROR: f64 = 1e-9;
 
-/// The same of the sum of weights, as a share of the least that shows.
+/// Largest error of the cubic of the weight, as a share of the threshold.
 const WEIGHT_ERROR: f64 = 1e-10;
 
-/// What rounding leaves of a quotient of sums, as a share of the scalars.
+/// Rounding error of a quotient of sums, as a share of the scalars.
 const ROUNDING: f64 = 1e-13;
 
-/// Most bisections of a stretch.
+/// Largest number of bisections of a segment.
 const BISECTIONS: u32 = 20;
 
-/// What a ray has gathered so far, front to back.
+/// The state of a ray, front to back.
 pub(super) struct Interpolate<'a> {
     classes: &'a Classes,
     march: March,
@@ -25,7 +25,7 @@ pub(super) struct Interpolate<'a> {
     tolerance: f64,
 }
 
-/// A stretch of a ray: its ends, and the sums at its ends and thirds.
+/// A part of a ray: its ends, and the sums at its ends and thirds.
 #[derive(Clone, Copy)]
 struct Part {
     from: f64,
@@ -47,12 +47,12 @@ impl<'a> Interpolate<'a> {
         Self { classes, march: March::default(), least, tolerance }
     }
 
-    /// Premultiplied colour and opacity.
+    /// Returns premultiplied colour and opacity.
     pub(super) fn pixel(&self) -> [f64; 4] {
         self.march.pixel()
     }
 
-    /// Follows a part; where the weight may pass the least, unless it is known to show.
+    /// Integrates a part of the ray. `shows` means that the weight is known to be above the threshold.
     fn follow(&mut self, part: Part, shows: bool, bisections: u32, sums: &impl Fn(f64) -> Sums) {
         let Part { from, to, sums: [a, b, c, d] } = part;
         let length = to - from;
@@ -105,7 +105,7 @@ impl<'a> Interpolate<'a> {
         }
     }
 
-    /// Cuts a part where the weight, a cubic, takes the least that shows.
+    /// Cuts a part where the weight, a cubic, crosses the threshold.
     fn cut(&mut self, part: Part, weight: &Cubic, bisections: u32, sums: &impl Fn(f64) -> Sums) {
         let Part { from, to, .. } = part;
         let over = |x: f64| polynomial::value(weight, x) - self.least;
@@ -144,7 +144,7 @@ impl Medium for Interpolate<'_> {
     }
 
     fn is_vacuum(&self, values: impl Iterator<Item = Sums>) -> bool {
-        // Where no weight is negative the scalar is a mean of theirs, but for rounding.
+        // Where no weight is negative, the scalar is a mean of the samples' scalars, up to rounding.
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for [weight, weighted, ..] in values {
             if weight < 0.0 {
@@ -163,10 +163,12 @@ impl Medium for Interpolate<'_> {
     }
 }
 
-/// Where a cubic through the thirds is checked: the ends and thirds of its halves that are not its own.
+/// Places where a cubic through the thirds is checked: ends and thirds of its halves that it does not
+/// interpolate.
 const CHECKS: [f64; 3] = [1.0 / 6.0, 0.5, 5.0 / 6.0];
 
-/// The cubic through values at 0, 1/3, 2/3 and 1 (Newton's forward differences). Equal values make it exactly constant.
+/// Returns the cubic through values at 0, 1/3, 2/3 and 1 (Newton's forward differences). It is exactly
+/// constant for equal values.
 fn through([a, b, c, d]: [f64; 4]) -> Cubic {
     let (ab, bc, cd) = (b - a, c - b, d - c);
     let (first, second) = (bc - ab, cd - bc);
@@ -174,13 +176,13 @@ fn through([a, b, c, d]: [f64; 4]) -> Cubic {
     [a, 3.0 * (ab - first / 2.0 + third / 3.0), 4.5 * (first - third), 4.5 * third]
 }
 
-/// The largest error of a cubic at the checks.
+/// Returns the largest error of a cubic at the checked places.
 fn deviation(cubic: &Cubic, values: [f64; 3]) -> f64 {
     let errors = CHECKS.into_iter().zip(values).map(|(x, value)| (polynomial::value(cubic, x) - value).abs());
     errors.fold(0.0, f64::max)
 }
 
-/// The least and the largest value on the unit interval.
+/// Returns the smallest and the largest value on the unit interval.
 fn extremes(cubic: &Cubic) -> [f64; 2] {
     let turns = polynomial::turning_points(cubic).into_iter().filter(|x| !x.is_nan());
     turns
@@ -201,7 +203,7 @@ mod tests {
             assert!((a - b).abs() < 1e-14, "{found:?}");
         }
         assert_eq!(through([0.1; 4]), [0.1, 0.0, 0.0, 0.0]);
-        // x (1 - x) from 1 on: its top lies inside.
+        // 1 + x (1 - x) has its maximum inside.
         assert_eq!(extremes(&[1.0, 1.0, -1.0, 0.0]), [1.0, 1.25]);
     }
 }

@@ -7,9 +7,10 @@ use crate::num;
 use crate::scene::{Grid, Kernel, Kernels, Model};
 
 use super::hits::{self, Hit, Shape};
-use super::{Medium, Sums, Values};
+use super::medium::{Medium, Sums};
+use super::values::Values;
 
-/// Reach of the widest product of kernels, in voxels, and its weights along an axis.
+/// Half-width of the widest product kernel, in voxels.
 const WIDEST: usize = 3;
 
 #[derive(Clone, Debug)]
@@ -19,13 +20,13 @@ pub(super) struct Lattice {
     centre: DVec3,
     to_index: DMat3,
     kernels: Kernels,
-    /// What each kernel adds, x fastest; all 0 where it shows nothing.
+    /// Contribution of each kernel, x fastest; all 0 for an invisible one.
     values: Vec<Sums>,
 }
 
 /// A ray in index space.
 #[derive(Clone, Copy, Debug)]
-struct Line {
+struct LocalRay {
     start: DVec3,
     slope: DVec3,
 }
@@ -36,7 +37,7 @@ impl Lattice {
         let samples = || (0..grid.samples().len()).map(|i| sample(grid, i));
         let amplitude = match kernels.kernel {
             Kernel::Gaussian => kernels.peak_on_grid(),
-            // The product below has its own peak.
+            // The product kernels include their own peak.
             _ => 1.0,
         };
         let prefilters = kernels.kernel == Kernel::BSpline && kernels.model == Model::Interpolate;
@@ -66,21 +67,21 @@ impl Lattice {
     }
 
     pub(super) fn walk(&self, origin: DVec3, direction: DVec3, range: [f64; 2], medium: &mut impl Medium) {
-        // Measure from the point of the ray that is nearest to the grid's centre.
+        // Measure from the point of the ray nearest to the grid's centre.
         let nearest = (self.centre - origin).dot(direction);
-        let line = Line {
+        let ray = LocalRay {
             start: self.to_index * (origin + direction * nearest - self.centre) + self.last * 0.5,
             slope: self.to_index * direction,
         };
         let range = range.map(|t| t - nearest);
-        // Interpolation ends at the domain, density at the kernels' ends.
+        // Interpolation ends at the domain, density at the ends of the kernels.
         let beyond = if self.kernels.model == Model::Interpolate { 0.0 } else { self.kernels.reach() };
-        let Some(range) = line.inside(DVec3::splat(-beyond), self.last + beyond, range) else { return };
+        let Some(range) = ray.inside(DVec3::splat(-beyond), self.last + beyond, range) else { return };
         if self.kernels.kernel == Kernel::Gaussian {
-            let hits = self.hits(line, range);
+            let hits = self.hits(ray, range);
             hits::sweep(&hits, Shape::Gaussian, range, medium);
         } else {
-            self.products(line, range, medium);
+            self.products(ray, range, medium);
         }
     }
 
@@ -88,21 +89,21 @@ impl Lattice {
         self.values[index[0] + self.dims[0] * (index[1] + self.dims[1] * index[2])]
     }
 
-    /// Gaussians that a ray meets.
-    fn hits(&self, line: Line, range: [f64; 2]) -> Vec<Hit> {
+    /// Returns the Gaussians that a ray meets.
+    fn hits(&self, ray: LocalRay, range: [f64; 2]) -> Vec<Hit> {
         let Kernels { sigma, cut, .. } = self.kernels;
         let reach = sigma * cut;
         let mut hits = Vec::new();
-        // In slices across the steepest axis: a cylinder about the ray cuts an ellipse from each.
-        let axis = line.slope.abs().max_position();
+        // Visit slices across the steepest axis: a cylinder around the ray cuts an ellipse from each.
+        let axis = ray.slope.abs().max_position();
         let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
-        let steep = line.slope[axis];
-        let half = [u, v].map(|other| reach * (line.slope[other] / steep).hypot(1.0));
-        let ends = range.map(|t| line.start[axis] + line.slope[axis] * t);
+        let steep = ray.slope[axis];
+        let half = [u, v].map(|other| reach * (ray.slope[other] / steep).hypot(1.0));
+        let ends = range.map(|t| ray.start[axis] + ray.slope[axis] * t);
         let slices = self.between(axis, ends[0].min(ends[1]) - reach, ends[0].max(ends[1]) + reach);
         for k in slices {
-            let t = (num::f64_of(k) - line.start[axis]) / steep;
-            let at = line.start + line.slope * t;
+            let t = (num::f64_of(k) - ray.start[axis]) / steep;
+            let at = ray.start + ray.slope * t;
             for j in self.between(v, at[v] - half[1], at[v] + half[1]) {
                 for i in self.between(u, at[u] - half[0], at[u] + half[0]) {
                     let mut index = [0; 3];
@@ -112,16 +113,16 @@ impl Lattice {
                         continue;
                     }
                     let to = DVec3::from_array(index.map(num::f64_of)) - at;
-                    let along = line.slope.dot(to) / line.slope.length_squared();
-                    let nearest = (to - line.slope * along).length_squared() / (sigma * sigma);
-                    hits.extend(Hit::new(t + along, nearest, line.slope.length() / sigma, cut, value));
+                    let along = ray.slope.dot(to) / ray.slope.length_squared();
+                    let nearest = (to - ray.slope * along).length_squared() / (sigma * sigma);
+                    hits.extend(Hit::new(t + along, nearest, ray.slope.length() / sigma, cut, value));
                 }
             }
         }
         hits
     }
 
-    /// Indices along an axis that lie between two coordinates.
+    /// Returns the indices along an axis between two coordinates.
     fn between(&self, axis: usize, low: f64, high: f64) -> std::ops::Range<usize> {
         let last = self.dims[axis] - 1;
         if !(low <= num::f64_of(last) && high >= 0.0) {
@@ -130,11 +131,11 @@ impl Lattice {
         num::usize_of(low.ceil().max(0.0))..num::usize_of(high.floor()).min(last) + 1
     }
 
-    /// Kernels that are products of one along each axis: cut at every plane of samples.
-    fn products(&self, line: Line, range: [f64; 2], medium: &mut impl Medium) {
+    /// Integrates product kernels, cutting the ray at every plane of samples.
+    fn products(&self, ray: LocalRay, range: [f64; 2], medium: &mut impl Medium) {
         let mut cuts = vec![range[0], range[1]];
         for axis in 0..3 {
-            let (start, slope) = (line.start[axis], line.slope[axis]);
+            let (start, slope) = (ray.start[axis], ray.slope[axis]);
             if slope == 0.0 {
                 continue;
             }
@@ -156,9 +157,9 @@ impl Lattice {
             if to <= from {
                 continue;
             }
-            let cell = (line.start + line.slope * (0.5 * (from + to))).floor();
+            let cell = (ray.start + ray.slope * (0.5 * (from + to))).floor();
             self.gather(cell, reach, &mut block);
-            // Lobes below zero: sums are no means.
+            // Negative lobes: the sums are not means of the samples, so the test does not apply.
             if self.kernels.kernel != Kernel::Sinc && medium.is_vacuum(block.iter().copied()) {
                 continue;
             }
@@ -166,10 +167,10 @@ impl Lattice {
                 // Polynomials of degree 9 and 3, which the rule for this scale integrates exactly.
                 (Kernel::BSpline | Kernel::Tent, Model::Density) => (to - from) / 1.5,
                 (Kernel::Tent, Model::Interpolate) => to - from,
-                _ => 0.5 / line.slope.length(),
+                _ => 0.5 / ray.slope.length(),
             };
             let sums = |t: f64| {
-                let place = line.start + line.slope * t - cell;
+                let place = ray.start + ray.slope * t - cell;
                 product(self.kernels.kernel, reach, &block, place)
             };
             medium.add(from, to, scale, &sums);
@@ -179,7 +180,7 @@ impl Lattice {
         }
     }
 
-    /// Values of the kernels that reach a cell; 0 for those that lack.
+    /// Collects the values of the kernels that reach a cell, 0 for those outside the grid.
     fn gather(&self, cell: DVec3, reach: usize, block: &mut Vec<Sums>) {
         block.clear();
         let first = cell - (num::f64_of(reach) - 1.0);
@@ -202,8 +203,8 @@ impl Lattice {
     }
 }
 
-impl Line {
-    /// What of a range lies in a closed box.
+impl LocalRay {
+    /// Returns the part of a range inside a closed box.
     fn inside(self, low: DVec3, high: DVec3, [mut from, mut to]: [f64; 2]) -> Option<[f64; 2]> {
         for axis in 0..3 {
             let (start, slope) = (self.start[axis], self.slope[axis]);
@@ -221,13 +222,13 @@ impl Line {
     }
 }
 
-/// A sample; infinities and NaN are as they are.
+/// Returns a sample; infinities and NaN are unchanged.
 fn sample(grid: &Grid, i: usize) -> f64 {
     let rescale = grid.rescale();
     rescale.slope * grid.samples().get(i) + rescale.intercept
 }
 
-/// Sums at a place in a cell, of kernels at 2 `reach` samples along each axis around it.
+/// Returns the sums at a position in a cell from the kernels at 2 `reach` samples around it along each axis.
 fn product(kernel: Kernel, reach: usize, block: &[Sums], place: DVec3) -> Sums {
     let [wx, wy, wz] = place.to_array().map(|f| weights(kernel, f));
     let n = 2 * reach;
@@ -245,7 +246,8 @@ fn product(kernel: Kernel, reach: usize, block: &[Sums], place: DVec3) -> Sums {
     sums
 }
 
-/// Weights of the samples around a place between two, from the lowest on; beyond the kernel's reach without meaning.
+/// Returns the weights of the samples around a position between two of them, from the lowest on. Weights
+/// beyond the kernel's reach have no meaning.
 fn weights(kernel: Kernel, f: f64) -> [f64; 2 * WIDEST] {
     let g = 1.0 - f;
     match kernel {
@@ -267,10 +269,11 @@ fn weights(kernel: Kernel, f: f64) -> [f64; 2 * WIDEST] {
     }
 }
 
-/// Coefficients whose sum of cubic B-splines, divided by the sum of those splines, goes through the samples.
+/// Replaces samples by the coefficients of an interpolating sum of cubic B-splines, divided by the sum of the
+/// splines.
 ///
-/// Along each axis the rows are (1, 4, 1) / 6, and at the ends, where a neighbour lacks, (4, 1) / 5: diagonally
-/// dominant, solved by elimination without pivots.
+/// Along each axis the rows are (1, 4, 1) / 6, and (4, 1) / 5 at the ends, where a neighbour is missing. The
+/// system is diagonally dominant and solved by elimination without pivoting.
 fn interpolating(values: &mut [f64], dims: [usize; 3]) {
     let strides = [1, dims[0], dims[0] * dims[1]];
     for axis in 0..3 {
@@ -281,7 +284,7 @@ fn interpolating(values: &mut [f64], dims: [usize; 3]) {
                 continue;
             }
             let at = |i: usize| first + i * stride;
-            // Both sides of each row times its divisor, so that off the diagonal stand ones.
+            // Multiply each row by its divisor, so that the off-diagonal entries are 1.
             let mut before = 0.0;
             for i in 0..n {
                 let whole = if i == 0 || i == n - 1 { 5.0 } else { 6.0 };

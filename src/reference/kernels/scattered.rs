@@ -1,4 +1,4 @@
-//! Kernels at scattered centres, and which of them a ray may meet: a tree of boxes.
+//! Kernels at scattered centres, with a tree of boxes to find those on a ray.
 
 use glam::{DMat3, DVec3};
 
@@ -6,20 +6,21 @@ use crate::error::{Error, Result};
 use crate::scene::{Kernel, KernelSize, Kernels, Points};
 
 use super::hits::{self, Hit, Shape};
-use super::{Medium, Sums, Values};
+use super::medium::{Medium, Sums};
+use super::values::Values;
 
 /// A kernel.
 #[derive(Clone, Debug)]
 struct Blob {
     centre: DVec3,
-    /// From the world to the kernel's own measure of distance: standard deviations, or halves of the radius.
+    /// Maps world vectors to the kernel's own unit of distance: standard deviations, or halves of the radius.
     measure: DMat3,
     /// Half of the sides of its box.
     reach: DVec3,
     value: Sums,
 }
 
-/// A node of the tree: a box, and its blobs or its two children, which lie next to each other.
+/// A node of the tree: a box with its blobs, or with two adjacent children.
 #[derive(Clone, Debug)]
 struct Node {
     low: DVec3,
@@ -29,7 +30,7 @@ struct Node {
     count: usize,
 }
 
-/// Blobs of a leaf, at most.
+/// Largest number of blobs in a leaf.
 const LEAF: usize = 4;
 
 #[derive(Clone, Debug)]
@@ -46,13 +47,13 @@ impl Scattered {
         let (shape, support) = match kernels.kernel {
             Kernel::Gaussian => (Shape::Gaussian, kernels.cut),
             Kernel::BSpline => (Shape::BSpline, 2.0),
-            _ => return Err(Error::invalid("kernel", format!("{}: is for grids", kernels.kernel.name()))),
+            _ => return Err(Error::invalid("kernel", format!("{}: requires a grid", kernels.kernel.name()))),
         };
-        // Units of distance in a radius.
+        // Units of distance per radius.
         let units = if shape == Shape::Gaussian { 3.0 } else { 2.0 };
         let round = |radius: f64| {
             (radius > 0.0).then(|| {
-                // Squares must neither overflow nor vanish.
+                // Squares must neither overflow nor underflow.
                 let radius = radius.clamp(1e-100, 1e100);
                 (DMat3::from_diagonal(DVec3::splat(units / radius)), DVec3::splat(support * radius / units))
             })
@@ -61,7 +62,7 @@ impl Scattered {
             return Err(Error::invalid("points", "have no size: they need a radius"));
         }
         if matches!(points.size(), KernelSize::Covariances(_)) && shape == Shape::BSpline {
-            return Err(Error::invalid("points", "have covariances: those are for the kernel gaussian"));
+            return Err(Error::invalid("points", "have covariances: these require the kernel gaussian"));
         }
         let blob = |i: usize| {
             let (measure, reach) = match points.size() {
@@ -82,7 +83,7 @@ impl Scattered {
     }
 
     pub(super) fn walk(&self, origin: DVec3, direction: DVec3, range: [f64; 2], medium: &mut impl Medium) {
-        // Measure from the point of the ray that is nearest to the middle of all.
+        // Measure from the point of the ray nearest to the common centre.
         let nearest = (self.centre - origin).dot(direction);
         let start = origin + direction * nearest;
         let range = range.map(|t| t - nearest);
@@ -109,14 +110,17 @@ impl Scattered {
     fn hit(&self, blob: &Blob, start: DVec3, direction: DVec3) -> Option<Hit> {
         let (way, to) = (blob.measure * direction, blob.measure * (blob.centre - start));
         let middle = way.dot(to) / way.length_squared();
-        // The rest, not a difference of squares: it keeps its digits far from the centre.
+        // Use the residual instead of a difference of squares: it keeps its digits far from the centre.
         let rest = to - way * middle;
         Hit::new(middle, rest.length_squared(), way.length(), self.support, blob.value)
     }
 }
 
-/// The measure of a covariance (xx, xy, xz, yy, yz, zz), the inverse of its Cholesky factor, and half of the sides of
-/// the box at a distance; none where it is not positive definite beyond rounding.
+/// Returns the measure of a covariance (xx, xy, xz, yy, yz, zz) and half of the sides of its box at a
+/// distance.
+///
+/// The measure is the inverse of the covariance's Cholesky factor. Returns `None` if the covariance is not
+/// positive definite beyond rounding.
 fn ellipsoid([xx, xy, xz, yy, yz, zz]: [f64; 6], support: f64) -> Option<(DMat3, DVec3)> {
     let pivot = |rest: f64, variance: f64| {
         (rest > 16.0 * f64::EPSILON * variance && rest.is_finite()).then(|| rest.sqrt())
@@ -131,7 +135,8 @@ fn ellipsoid([xx, xy, xz, yy, yz, zz]: [f64; 6], support: f64) -> Option<(DMat3,
     measure.is_finite().then(|| (measure, DVec3::new(xx.sqrt(), yy.sqrt(), zz.sqrt()) * support))
 }
 
-/// Sorts the blobs into a tree: each node's are parted at the median along the longest side of their centres' box.
+/// Sorts the blobs into a tree. Each node is split at the median along the longest side of the box around its
+/// centres.
 fn tree(blobs: &mut [Blob]) -> Vec<Node> {
     let mut nodes = Vec::new();
     if blobs.is_empty() {
@@ -162,7 +167,7 @@ fn tree(blobs: &mut [Blob]) -> Vec<Node> {
     nodes
 }
 
-/// Whether a ray may meet a box.
+/// Returns whether a ray may meet a box.
 fn meets(node: &Node, start: DVec3, direction: DVec3, [mut from, mut to]: [f64; 2]) -> bool {
     for axis in 0..3 {
         let (low, high) = (node.low[axis] - start[axis], node.high[axis] - start[axis]);
@@ -176,6 +181,6 @@ fn meets(node: &Node, start: DVec3, direction: DVec3, [mut from, mut to]: [f64; 
             to = to.min(a.max(b));
         }
     }
-    // Rounding of the parameters.
+    // Tolerance for the rounding of the parameters.
     from <= to + 1e-12 * (from.abs() + to.abs())
 }

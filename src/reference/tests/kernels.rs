@@ -1,14 +1,14 @@
-//! Sums of kernels against closed forms, and against an integrator that adds up all kernels at each place and knows
-//! nothing of their ends.
+//! Sums of kernels against closed forms, and against an integrator that adds up all kernels at each place,
+//! without events on the ray.
 
 use super::*;
 use crate::scene::{Kernel, KernelSize, Kernels, Model, Points, TetScalars, Tets};
 use rayon::prelude::*;
 
-/// Accuracy that comparisons with closed forms ask for.
+/// Required accuracy of comparisons with closed forms.
 const CLOSED: f64 = 1e-10;
 
-/// Colours and extinctions without knots inside of the scalars' range, and with a peak there.
+/// Colours and extinctions that are linear over the range of the scalars.
 const RAMP: [[f64; 5]; 2] = [[0.0, 0.9, 0.1, 0.3, 0.2], [1.0, 0.1, 0.8, 0.5, 3.0]];
 
 fn points_scene(points: Points, rows: &[[f64; 5]], kernels: Option<Kernels>) -> Scene {
@@ -20,7 +20,7 @@ fn one_point(size: KernelSize, rows: &[[f64; 5]], kernels: Option<Kernels>) -> S
     points_scene(Points::new(vec![DVec3::ZERO]).unwrap().with_size(size).unwrap(), rows, kernels)
 }
 
-/// By its series of positive terms.
+/// The error function by its series of positive terms.
 fn erf(x: f64) -> f64 {
     let (mut term, mut sum) = (x, x);
     for n in 1..200 {
@@ -30,7 +30,7 @@ fn erf(x: f64) -> f64 {
     sum * 2.0 / std::f64::consts::PI.sqrt() * (-x * x).exp()
 }
 
-/// A cubic B-spline, from its definition as a sum of truncated powers.
+/// A cubic B-spline by its definition as a sum of truncated powers.
 fn spline(x: f64) -> f64 {
     [1.0, -4.0, 6.0, -4.0, 1.0]
         .iter()
@@ -40,7 +40,7 @@ fn spline(x: f64) -> f64 {
         / 6.0
 }
 
-/// One kernel of points at a distance: standard deviations for a covariance, else the distance in the world.
+/// One kernel of a point, with peak 1, at a world distance.
 fn peak_one(kernel: Kernel, cut: f64, radius: f64, distance: f64) -> f64 {
     match kernel {
         Kernel::Gaussian if 3.0 * distance <= cut * radius => (-4.5 * (distance / radius).powi(2)).exp(),
@@ -57,7 +57,7 @@ fn on_grid(kernels: &Kernels, offset: DVec3) -> f64 {
     match kernels.kernel {
         Kernel::Gaussian => {
             let square = offset.length_squared() / kernels.sigma.powi(2);
-            // Of unit mass after the cut.
+            // Unit mass after the cut.
             let mass = erf(kernels.cut / 2.0_f64.sqrt())
                 - (2.0 / pi).sqrt() * kernels.cut * (-0.5 * kernels.cut.powi(2)).exp();
             let all = (2.0 * pi * kernels.sigma.powi(2)).powf(-1.5) * (-0.5 * square).exp() / mass;
@@ -69,7 +69,7 @@ fn on_grid(kernels: &Kernels, offset: DVec3) -> f64 {
     }
 }
 
-/// A model's colour and extinction from kernels, each as its value, weight and scalar.
+/// Colour and extinction of a model from kernels, each given as value, weight and scalar.
 fn of_sum(
     all: impl Iterator<Item = (f64, f64, f64)>,
     transfer: &TransferFunction,
@@ -136,7 +136,7 @@ fn one_gaussian_from_anywhere() {
     }
 }
 
-/// The same in the measure of a covariance: `sqrt(2 pi / A) exp(-b² / 2)` with A = d · P d.
+/// The same with the distance of a covariance: `sqrt(2 pi / A) exp(-b² / 2)` with A = d · P d.
 #[test]
 fn one_ellipsoid_from_anywhere() {
     let covariance = [0.5_f32, 0.2, -0.1, 0.3, 0.05, 0.25];
@@ -173,7 +173,7 @@ fn one_spline_through_its_centre() {
     let scene = one_point(KernelSize::Radius(1.6), &[[0.0, 0.8, 0.4, 0.1, 2.5]], Some(kernels));
     let d = DVec3::new(1.0, -2.0, 0.5);
     same(everywhere(&scene, d, d), uniform([0.8, 0.4, 0.1], 2.5 * 0.75 * 1.6), CLOSED);
-    // From the inner knot on: 1/24 of the spline's mass of 1.
+    // From the inner knot on: 1/24 of the spline's unit mass.
     let outer = ray(&scene, DVec3::ZERO, d, [0.8, f64::INFINITY]).unwrap();
     same(outer, uniform([0.8, 0.4, 0.1], 2.5 * 0.75 * 1.6 / 24.0), CLOSED);
 }
@@ -192,7 +192,7 @@ fn layers_far_apart_cover_each_other() {
     same(everywhere(&scene, DVec3::Z * 20.0, -DVec3::Z), over(far, near), CLOSED);
 }
 
-/// Opaque within any step: the colour is that of the front.
+/// If any step is opaque, the colour is that of the front.
 #[test]
 fn extreme_extinctions_end_the_ray() {
     for tau in [1e6, 1e30, 1e300] {
@@ -206,7 +206,8 @@ fn extreme_extinctions_end_the_ray() {
     }
 }
 
-/// One sample of a grid: tent and spline have unit mass along an axis, the Gaussian is round in index space.
+/// One sample of a grid: tent and spline have unit mass along an axis, the Gaussian is isotropic in index
+/// space.
 #[test]
 fn one_voxel_on_a_stretched_grid() {
     let spacing = DVec3::new(0.5, 1.0, 3.0);
@@ -234,7 +235,7 @@ fn one_voxel_on_a_stretched_grid() {
     }
 }
 
-/// A constant field is a box, whatever the kernel; the splines' and the Gaussians' sums are divided by their weight.
+/// With any kernel a constant field is a box, because sums are divided by their weights.
 #[test]
 fn homogeneous_grids_are_boxes() {
     let mut random = Random(8);
@@ -257,7 +258,7 @@ fn homogeneous_grids_are_boxes() {
 
 // ---- other integrators -------------------------------------------------------------------------------
 
-/// The tent's interpolation is the trilinear field.
+/// The tent kernel gives the trilinear field.
 #[test]
 fn tents_are_trilinear() {
     let mut random = Random(11);
@@ -268,7 +269,7 @@ fn tents_are_trilinear() {
         let (o, d, _) = chord(&mut random);
         worst = worst.max(difference(everywhere(&base, o, d), everywhere(&tents, o, d)));
     }
-    // In planes of samples and along their lines.
+    // In planes of samples and along their edges.
     let places = [DVec3::new(-1.0, 0.3, 0.2), DVec3::new(-1.0, -1.0, 0.1), DVec3::ZERO];
     for o in places {
         for d in [DVec3::Z, DVec3::Y, DVec3::new(0.0, 1.0, 1.0)] {
@@ -390,8 +391,8 @@ fn random_grids_equal_an_adaptive_integrator() {
     }
 }
 
-/// Splines of a linear field are linear inside. They are not at the ends: there the sum is divided by what remains of
-/// the weights, and coefficients that make up for that die away by 2 - sqrt(3) from sample to sample.
+/// Splines of a linear field are linear inside. At the ends the sum is divided by the remaining weights; the
+/// coefficients that compensate for this decay by 2 - sqrt(3) from sample to sample.
 #[test]
 fn splines_of_a_linear_field() {
     let n = 41_u32;
@@ -422,8 +423,8 @@ fn narrow_peaks_of_a_smooth_field() {
         [0.5, 1.0, 0.8, 0.3, 50.0],
         [0.501, 0.2, 0.6, 0.9, 0.0],
     ];
-    // Two Gaussians of unlike scalars, on their axis: s runs from 0 to 1 as the
-    // logistic function of 2 t / sigma², and passes each value once.
+    // Two Gaussians of different scalars, on their axis: s rises from 0 to 1 as the logistic function of 2 t
+    // / sigma² and takes each value once.
     let points = Points::new(vec![DVec3::NEG_X, DVec3::X]).unwrap().with_scalars(vec![0.0, 1.0]).unwrap();
     let points = points.with_size(KernelSize::Radius(6.0)).unwrap();
     let kernels = Kernels { model: Model::Interpolate, ..Kernels::of_points() };
@@ -481,8 +482,8 @@ fn order_and_splitting_do_not_matter() {
     }
 }
 
-/// What shows nothing may be left out; infinite scalars are the transfer function's ends; negative weights are no
-/// density.
+/// Invisible kernels have no effect, infinite scalars are the transfer function's ends, and negative weights
+/// have no density.
 #[test]
 fn what_shows_nothing_and_what_is_infinite() {
     let (nan, inf) = (f32::NAN, f32::INFINITY);
@@ -515,7 +516,7 @@ fn what_shows_nothing_and_what_is_infinite() {
     ] {
         assert_eq!(flat(covariance), [0.0; 4], "{covariance:?}");
     }
-    // Nothing at all, and a grid of which half is missing: kernels there are left out, others reach in.
+    // Nothing visible; then a grid with one half missing: its kernels have no effect, others extend into it.
     let none = Points::new(vec![DVec3::ZERO]).unwrap().with_size(KernelSize::Radii(vec![0.0])).unwrap();
     assert_eq!(everywhere(&points_scene(none, &RAMP, None), DVec3::ZERO, DVec3::X), [0.0; 4]);
     let half = grid([4, 4, 4], |x, _, _| if x < 2 { 0.5 } else { nan });
@@ -524,7 +525,7 @@ fn what_shows_nothing_and_what_is_infinite() {
         let scene = base.clone().with_kernels(Kernels { kernel, ..Kernels::of_samples() }).unwrap();
         let got = everywhere(&scene, DVec3::new(-1.0, 1.5, 1.5), DVec3::X);
         if kernel == Kernel::Tent {
-            // 1 up to the last sample, from there 2 - x: 0.05 is passed at 1.95.
+            // The field is 1 up to the last sample, then 2 - x: it falls to 0.05 at 1.95.
             same(got, uniform([0.8, 0.4, 0.1], 2.0 * length), CLOSED);
         } else {
             assert!(got[3] > uniform([0.8, 0.4, 0.1], 2.0 * length)[3] + 0.01, "{got:?}");

@@ -1,9 +1,12 @@
-//! Tetrahedra: closed forms, boxes cut in several ways against grids, rays in faces, edges and corners, real
-//! meshes against brute force.
+//! Tetrahedra: closed forms, boxes cut in several ways against grids, rays in faces, edges and corners,
+//! images against brute force.
 
+use super::super::rays::Rays;
+use super::super::sampling::box_filter;
 use super::*;
-use crate::io::{self, ReadOptions};
 use crate::scene::{TetScalars, Tets};
+
+mod real;
 
 const ONE_COLOUR: [f64; 3] = [0.8, 0.4, 0.1];
 
@@ -21,7 +24,7 @@ fn homogeneous(mesh: &Tets, tau: f64) -> Scene {
     mesh_scene(mesh.clone(), &[[0.0, r, g, b, tau]])
 }
 
-/// The same mesh with scalars by a function of the place.
+/// The same mesh with scalars that are a function of the position.
 fn with_field(mesh: &Tets, value: impl Fn(DVec3) -> f64) -> Tets {
     let values = mesh.points().iter().map(|&p| num::f32_of(value(p))).collect();
     mesh.clone().with_scalars(TetScalars::Point(values)).unwrap()
@@ -32,12 +35,12 @@ fn moved(mesh: &Tets, place: impl Fn(DVec3) -> DVec3) -> Tets {
     Tets::new(points, mesh.cells().to_vec(), mesh.scalars().clone()).unwrap().0
 }
 
-/// Affine, and exact in float32 at places that are multiples of 1/16.
+/// Affine, and exact in float32 at multiples of 1/16.
 fn affine(p: DVec3) -> f64 {
     0.5 + 0.25 * p.x + 0.125 * p.y - 0.0625 * p.z
 }
 
-/// Length of a ray in a convex solid by its faces' planes, each given by a point and an outward normal.
+/// Length of a ray in a convex solid by the planes of its faces, each given by a point and an outward normal.
 fn chord_of(planes: &[(DVec3, DVec3)], o: DVec3, d: DVec3, [mut t0, mut t1]: [f64; 2]) -> [f64; 2] {
     for (point, normal) in planes {
         let (distance, speed) = ((*point - o).dot(*normal), d.dot(*normal));
@@ -73,14 +76,14 @@ fn cut_cube(n: u32, parts: u32) -> Tets {
     let h = 2.0 / f64::from(n);
     for i in 0..n * n * n {
         let low = DVec3::new(f64::from(i % n), f64::from(i / n % n), f64::from(i / n / n)) * h - 1.0;
-        // Points are not shared between cubes: nothing may need them to be.
+        // Cubes do not share points: nothing may depend on connectivity.
         let first = num::count(points.len());
         let corner = |bits: u32| {
             low + h * DVec3::new(f64::from(bits & 1), f64::from(bits >> 1 & 1), f64::from(bits >> 2))
         };
         points.extend((0..8).map(corner));
         if parts == 6 {
-            // Kuhn: one for each order of the axes, all along one diagonal.
+            // Kuhn: one tetrahedron for each order of the axes, all along one diagonal.
             for [a, b] in [[1, 3], [1, 5], [2, 3], [2, 6], [4, 5], [4, 6]] {
                 cells.push([0, a, b, 7].map(|i| first + i));
             }
@@ -104,24 +107,11 @@ fn cut_cube(n: u32, parts: u32) -> Tets {
     tets(&points, &cells, scalars)
 }
 
-/// A real mesh, if it is there.
-fn real(name: &str) -> Option<Tets> {
-    let path = format!("{}/../shared/data/unstructured/{name}", env!("CARGO_MANIFEST_DIR"));
-    if !std::path::Path::new(&path).exists() {
-        eprintln!("skipped: no {path}");
-        return None;
-    }
-    match io::read(path, &ReadOptions::default()).unwrap().data {
-        Data::Mesh(mesh) => Some(mesh),
-        _ => panic!("{name} is no mesh"),
-    }
-}
-
 fn view(eye: DVec3, target: DVec3, projection: Projection, [width, height]: [u32; 2]) -> View {
     View::new(Camera { eye, target, up: DVec3::new(0.1, 1.0, 0.05), projection }, width, height).unwrap()
 }
 
-/// The image is, bit for bit, that of rays against every tetrahedron.
+/// Asserts that the image equals that of rays against every tetrahedron, bit for bit.
 #[track_caller]
 fn equals_brute_force(image: &ReferenceImage, scene: &Scene, view: &View, samples: u32) {
     let Rays::Mesh(rays) = Rays::new(scene).unwrap() else { panic!("no mesh") };
@@ -161,7 +151,8 @@ fn one_tetrahedron_is_its_closed_form() {
             hits += u32::from(t1 > t0);
             let [r, g, b] = ONE_COLOUR;
             same(everywhere(&homogeneous(&mesh, tau), o, d), uniform(ONE_COLOUR, tau * (t1 - t0)), 1e-13);
-            // Extinction is tau times the scalar, whose mean is that at the chord's middle: by Cramer's rule.
+            // Extinction is tau times the scalar, whose mean is that at the chord's middle, found by Cramer's
+            // rule.
             let ramp = mesh_scene(mesh.clone(), &[[0.0, r, g, b, 0.0], [4.0, r, g, b, 4.0 * tau]]);
             let middle = o + d * (0.5 * (t0 + t1));
             let [e1, e2, e3] = [1, 2, 3].map(|i| corners[i] - corners[0]);
@@ -191,7 +182,7 @@ fn a_cube_in_5_6_or_24_tetrahedra_is_the_box() {
     }
 }
 
-/// Rays in faces, along edges and through corners that cells share count each place once.
+/// Rays in shared faces, along shared edges and through shared corners count each place once.
 #[test]
 fn rays_in_shared_faces_edges_and_corners_count_nothing_twice() {
     let planes: Vec<(DVec3, DVec3)> =
@@ -207,7 +198,7 @@ fn rays_in_shared_faces_edges_and_corners_count_nothing_twice() {
         let mesh = cut_cube(n, parts);
         let ramp = with_field(&mesh, affine);
         for d in &directions {
-            // Through lattice points, middles of edges and faces, and the middles of cubes, inside of the box.
+            // Through lattice points, midpoints of edges and faces, and centres of cubes, inside the box.
             for i in 0..343_u32 {
                 let p = (DVec3::new(f64::from(i % 7), f64::from(i / 7 % 7), f64::from(i / 49)) - 3.0) * 0.25;
                 let o = p - 4.0 * *d;
@@ -222,7 +213,7 @@ fn rays_in_shared_faces_edges_and_corners_count_nothing_twice() {
                 }
                 degenerate += u32::from(i % 2 == 0);
                 if i % 49 == 24 {
-                    // Turned, the places are degenerate to rounding only.
+                    // After a rotation the places are degenerate only up to rounding.
                     let turned = homogeneous(&moved(&mesh, |p| tilt * p), 1.0);
                     let want = uniform(ONE_COLOUR, length);
                     same(everywhere(&turned, tilt * o, tilt * *d), want, 1e-12);
@@ -287,7 +278,7 @@ fn a_cell_that_is_split_inside_looks_the_same() {
         let inside: DVec3 = corners.iter().zip(w).map(|(p, w)| *p * w).sum();
         let points = [corners[0], corners[1], corners[2], corners[3], inside];
         let s = [0.25_f32, 1.0, 0.0, 0.5];
-        // The scalar inside is rounded, and the split image with it: so is the slope on either side.
+        // The scalar inside is rounded, and so are the slopes on either side of the split.
         let value: f64 = s.iter().zip(w).map(|(s, w)| f64::from(*s) * w).sum();
         let whole = mesh_scene(tets(&points[..4], &[[0, 1, 2, 3]], s.to_vec()), &SHELLS);
         let parts = [[4, 1, 2, 3], [0, 4, 2, 3], [0, 1, 4, 3], [0, 1, 2, 4]];
@@ -300,7 +291,7 @@ fn a_cell_that_is_split_inside_looks_the_same() {
             let uniform = |scene: &Scene| everywhere(&homogeneous(scene.mesh().unwrap(), 1.3), o, d);
             same(uniform(&split), uniform(&whole), 1e-13);
         }
-        // Scalars that are the same in all parts by what they are: one for each cell.
+        // One scalar for each cell is exactly the same in all parts.
         let cells = |mesh: &Tets| {
             let count = mesh.cells().len();
             mesh_scene(mesh.clone().with_scalars(TetScalars::Cell(vec![0.53; count])).unwrap(), &SHELLS)
@@ -318,7 +309,7 @@ fn a_placed_mesh_equals_the_plain_one_seen_from_the_placed_camera() {
     let mirror = DMat3::from_diagonal(DVec3::new(1.0, -1.0, 1.0));
     let fog = |scale: f64| FOG.map(|[s, r, g, b, tau]| [s, r, g, b, tau / scale]);
     let mut random = Random(11);
-    // Scale, offset, and what of the coordinates' rounding the picture shows.
+    // Scale, offset, and the bound of the error from the rounding of coordinates.
     for (scale, offset, bound) in
         [(1.0, 0.0, 1e-13), (1e-6, 3e-5, 1e-11), (1e9, 1e10, 1e-11), (1e60, 0.0, 1e-12)]
     {
@@ -357,7 +348,7 @@ fn a_far_camera_sees_what_a_parallel_one_sees() {
         let got = render(&scene, &far, &ReferenceOptions::default(), None).unwrap();
         equals_brute_force(&got, &scene, &far, 1);
         for (got, want) in got.pixels().iter().zip(want.pixels()) {
-            // Rays spread by the mesh's size over the distance; coordinates have the distance's rounding.
+            // Rays diverge by the mesh's size over the distance; coordinates have the distance's rounding.
             same(*got, *want, 30.0 / distance + 1e-14 * distance);
         }
     }
@@ -376,7 +367,7 @@ fn the_eye_inside_and_the_range_cut_the_ray() {
         let parts = parts.map(|range| ray(&scene, o, d, range).unwrap());
         let over = |a: [f64; 4], b: [f64; 4]| std::array::from_fn(|i| a[i] + (1.0 - a[3]) * b[i]);
         same(over(over(parts[0], parts[1]), parts[2]), everywhere(&scene, o, d), 1e-13);
-        // An eye inside sees what is in front of it.
+        // An eye inside sees only the part in front of it.
         let eye = o + d * a;
         same(ray(&scene, eye, d, [0.0, f64::INFINITY]).unwrap(), over(parts[1], parts[2]), 1e-12);
         let uniform_ = |range| ray(&homogeneous(&mesh, tau), o, d, range).unwrap();
@@ -401,7 +392,7 @@ fn nan_is_vacuum_and_infinities_are_the_ends() {
     let (low, high) = (f32::NEG_INFINITY, f32::INFINITY);
     let got = everywhere(&made([low, 0.2, high, 0.4, high]), o, d);
     same(got, everywhere(&made([0.0, 0.2, 1.0, 0.4, 1.0]), o, d), 1e-15);
-    // The largest numbers do not overflow, and are not the ends.
+    // The largest numbers neither overflow nor count as infinite.
     let (least, most) = (f32::MIN, f32::MAX);
     let huge = everywhere(&made([least, most, least, most, most]), o, d);
     assert!(huge.iter().all(|c| c.is_finite()) && huge[3] > 0.0, "{huge:?}");
@@ -430,13 +421,13 @@ fn scalars_of_cells_are_constant_inside() {
         1e-15,
     );
     assert_eq!(everywhere(&scene, DVec3::new(5.0, -0.2, 0.3), d), [0.0; 4], "NaN");
-    // Along the shared face: one of the two, not both.
+    // Along the shared face: one of the two cells, not both.
     let along = everywhere(&scene, DVec3::new(0.0, 0.2, 5.0), DVec3::NEG_Z);
     let either = [0.25, 0.75].map(|s| difference(along, layer(s, 0.8)));
     assert!(either[0].min(either[1]) < 1e-15, "{along:?}");
 }
 
-/// Cells that overlap both count.
+/// Overlapping cells both count.
 #[test]
 fn cells_that_overlap_both_count() {
     let corners = [DVec3::NEG_ONE, DVec3::X, DVec3::Y, DVec3::Z];
@@ -453,7 +444,7 @@ fn views(mesh: &Tets, extent: [u32; 2]) -> [View; 4] {
     let [low, high] = mesh.bounds();
     let (centre, size) = (0.5 * (low + high), (high - low).length());
     let towards = DVec3::new(2.0, 1.5, 3.8).normalize();
-    // The eye is about one of the mesh's points.
+    // The eye is close to one of the mesh's points.
     let inside = mesh.points()[num::index(mesh.cells()[mesh.cells().len() / 3][0])];
     [
         view(centre + size * towards, centre, Projection::Perspective { fov_y_deg: 42.0 }, extent),
@@ -478,46 +469,5 @@ fn covers_miss_no_tetrahedron() {
             equals_brute_force(&image, &scene, &view, samples);
             assert!(image.pixels().iter().filter(|pixel| pixel[3] > 0.01).count() > 100);
         }
-    }
-}
-
-/// Bluntfin: cells of very different sizes, coincident points, cells without volume that have been left out.
-#[test]
-fn a_real_mesh_equals_brute_force() {
-    let Some(mesh) = real("bluntfin_tets.vtu") else { return };
-    let [lo, hi] = mesh.range();
-    let rows = FOG.map(|[s, r, g, b, tau]| [lo + (hi - lo) * s, r, g, b, tau]);
-    let scene = mesh_scene(mesh, &rows);
-    let mesh = scene.mesh().unwrap();
-    // Each ray meets every cell: 16² once, and a few pixels of the other views.
-    for view in views(mesh, [16, 16]).into_iter().take(1).chain(views(mesh, [7, 6]).into_iter().skip(1)) {
-        let image = render(&scene, &view, &ReferenceOptions::default(), None).unwrap();
-        equals_brute_force(&image, &scene, &view, 1);
-        assert!(image.pixels().iter().filter(|pixel| pixel[3] > 0.01).count() > 10);
-    }
-}
-
-/// The cells of a curvilinear grid share faces: along any ray they neither overlap nor leave gaps inside.
-#[test]
-fn pieces_of_real_meshes_meet() {
-    for name in ["bluntfin_tets.vtu", "combustor_tets.vtu", "lox_post_tets.vtu"] {
-        let Some(mesh) = real(name) else { continue };
-        let [low, high] = mesh.bounds();
-        let size = (high - low).length();
-        let scene = homogeneous(&mesh, 1.0);
-        let mut random = Random(17);
-        let (mut met, mut apart) = (0, 0);
-        for _ in 0..40 {
-            let (a, b) = (random.in_box(low, high), random.in_box(low, high));
-            let found = pieces(&scene, a, b - a, EVERYWHERE).unwrap();
-            for pair in found.windows(2) {
-                let gap = pair[1].t[0] - pair[0].t[1];
-                assert!(gap > -1e-13 * size, "{name}: cells {pair:?} overlap by {:e}", -gap);
-                met += u32::from(gap < 1e-13 * size);
-                apart += u32::from(gap >= 1e-13 * size);
-            }
-        }
-        println!("{name}: {met} pieces meet, {apart} are apart");
-        assert!(met > 1000 && apart < met / 200, "{name}: {met} pieces meet, {apart} are apart");
     }
 }

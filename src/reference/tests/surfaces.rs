@@ -1,5 +1,5 @@
-//! Clipped views and surfaces: closed forms in grids, meshes and kernels, rays through edges and corners, the tree
-//! against every triangle.
+//! Clipped views and surfaces: closed forms in grids, meshes and kernels, rays through edges and corners, the
+//! tree against brute force.
 
 use super::*;
 use crate::scene::{Clip, KernelSize, Kernels, Model, Points, Shading, Surface};
@@ -19,7 +19,7 @@ fn premultiplied([r, g, b, a]: [f64; 4]) -> [f64; 4] {
     [r * a, g * a, b * a, a]
 }
 
-/// The box [-1, 1]³ of one extinction, as a grid and as tetrahedra.
+/// The box [-1, 1]³ with one extinction, as a grid and as tetrahedra.
 fn boxes(tau: f64) -> [Scene; 2] {
     let [r, g, b] = COLOUR;
     let transfer = TransferFunction::from_rows(&[[0.0, r, g, b, tau]]).unwrap();
@@ -37,7 +37,8 @@ fn view(eye: DVec3, projection: Projection) -> View {
 /// Outside, inside, and on the box's face.
 const EYES: [DVec3; 3] = [DVec3::new(2.0, 1.5, 3.8), DVec3::new(0.3, -0.2, 0.6), DVec3::new(0.0, 0.0, 1.0)];
 
-/// What of a ray lies in [low, high] by the slab method, from the eye on for perspective; empty when begin >= end.
+/// The part of a ray in [low, high] by the slab method; perspective rays begin at the eye; empty when begin
+/// >= end.
 fn within(low: DVec3, high: DVec3, o: DVec3, d: DVec3, from: f64) -> [f64; 2] {
     let (a, b) = ((low - o) / d, (high - o) / d);
     [a.min(b).max_element().max(from), a.max(b).min_element()]
@@ -47,14 +48,14 @@ fn length([begin, end]: [f64; 2]) -> f64 {
     (end - begin).max(0.0)
 }
 
-/// Two triangles that fill a square far beyond the picture at z.
+/// Two triangles that fill a square far beyond the image at z.
 fn wall(z: f64, colour: [f64; 4]) -> Surface {
     let points = [(-50.0, -40.0), (60.0, -30.0), (40.0, 70.0), (-30.0, 55.0)];
     let points = points.map(|(x, y)| DVec3::new(x, y, z)).to_vec();
     Surface::new(points, vec![[0, 1, 2], [3, 0, 2]], colour).unwrap()
 }
 
-/// Every pixel with its ray, for perspective and parallel rays from outside and inside.
+/// Calls a test for every pixel with its ray, for perspective and parallel rays from outside and inside.
 fn for_pixels(
     scenes: &[Scene],
     clip: Clip,
@@ -178,7 +179,7 @@ fn walls_part_the_volume_where_they_stand() {
     }
 }
 
-/// Behind the eye is nothing in perspective, and everything along parallel rays.
+/// Surfaces behind the eye are visible along parallel rays only.
 #[test]
 fn surfaces_begin_at_the_eye_in_perspective_only() {
     let scene = &boxes(0.0)[0].clone().with_surfaces(vec![wall(9.0, RED)]);
@@ -187,7 +188,7 @@ fn surfaces_begin_at_the_eye_in_perspective_only() {
         let image = render(scene, &view, &ReferenceOptions::default(), None).unwrap();
         assert!(image.pixels().iter().all(|pixel| *pixel == want), "{projection:?}");
     }
-    // The range of one ray is open where it begins, and closed where it ends.
+    // The range of a ray excludes its beginning and includes its end.
     let at = |range| ray(scene, DVec3::ZERO, DVec3::Z, range).unwrap();
     assert_eq!(at([0.0, 9.0]), RED);
     assert_eq!(at([9.0, 99.0]), [0.0; 4]);
@@ -215,7 +216,7 @@ fn surfaces_at_one_place_are_in_the_scene_s_order() {
     for pixel in draw(vec![second, first]).pixels() {
         assert!(*pixel == [0.0; 4] || difference(*pixel, over(b, a)) < 1e-15, "{pixel:?}");
     }
-    // Of two opaque ones the first is seen.
+    // Of two opaque surfaces the first is visible.
     for pixel in draw(vec![wall(0.3, RED), wall(0.3, [0.0, 1.0, 0.0, 1.0])]).pixels() {
         assert!(*pixel == [0.0; 4] || *pixel == RED, "{pixel:?}");
     }
@@ -245,7 +246,7 @@ fn headlights_shade_by_the_cosine_from_both_sides() {
 
 // ---- edges and corners -------------------------------------------------------------------------------
 
-/// Every hit of a surface of opacity 1/2 halves what is left.
+/// Every hit of a surface of opacity 1/2 halves the transmittance, so its logarithm counts the hits.
 fn hits(scene: &Scene, o: DVec3, d: DVec3) -> f64 {
     -(1.0 - everywhere(scene, o, d)[3]).log2()
 }
@@ -253,7 +254,8 @@ fn hits(scene: &Scene, o: DVec3, d: DVec3) -> f64 {
 #[test]
 fn a_ray_through_an_edge_or_a_corner_meets_one_triangle() {
     let mut random = Random(3);
-    // A square of 6 x 6 cells with diagonals both ways, bumpy and turned; corners are shared by place in one half.
+    // A bumpy, rotated square of 6 x 6 cells with diagonals in both directions; neighbours have coincident
+    // corners of their own.
     for turn in [DMat3::IDENTITY, DMat3::from_quat(DQuat::from_euler(glam::EulerRot::XYZ, 0.4, -1.1, 2.0))] {
         let (mut points, mut triangles) = (Vec::new(), Vec::new());
         let mut heights = [[0.0; 7]; 7];
@@ -393,7 +395,7 @@ fn images_pixels_and_rays_agree_and_what_is_not_met_changes_nothing() {
                 let (o, d) = view.ray(DVec2::new(f64::from(x), f64::from(y)) + 0.5);
                 let range = view_range(&view);
                 let [k0, k1] = clip.range(o, d, range);
-                // In front of, in and behind the region; of what is cut away only surfaces are left.
+                // In front of, inside and behind the clip region; outside it only surfaces are left.
                 let part = |scene: &Scene, a: f64, b: f64| {
                     if a < b { ray(scene, o, d, [a, b]).unwrap() } else { [0.0; 4] }
                 };
@@ -425,7 +427,7 @@ fn depths_are_those_of_the_nearest_opaque_surface() {
     let scene = boxes(50.0)[0].clone().with_surfaces(walls);
     for projection in PROJECTIONS {
         for eye in EYES {
-            // The region cuts no surface.
+            // The clip region does not affect surfaces.
             let clip = Clip::none().with_plane(DVec3::ZERO, DVec3::NEG_Z).unwrap();
             let view = view(eye, projection).with_clip(clip);
             let depths = depth(&scene, &view).unwrap();
@@ -439,7 +441,7 @@ fn depths_are_those_of_the_nearest_opaque_surface() {
                 } else {
                     f64::INFINITY
                 };
-                // Sideways, walls are only so large.
+                // To the side, the walls end.
                 if t < 30.0 && t > -30.0 {
                     assert!((got - want).abs() < 1e-12 * (1.0 + want.abs()), "{got} instead of {want}");
                 }

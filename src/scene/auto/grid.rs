@@ -1,27 +1,28 @@
-//! What the automatic transfer function asks of a grid.
+//! The automatic transfer function of a grid.
 
-use super::{BINS, DEPTH, Histogram, LINES, SAMPLES, WARM, knot, quantile, ramp, ramp_down, sorted, stride};
+use super::ramp::{DEPTH, WARM, knot, ramp, ramp_down};
+use super::statistics::{BINS, Histogram, RAYS, SAMPLES, quantile, sorted, stride};
 use crate::error::Result;
 use crate::num;
 use crate::scene::{Grid, Knot, TransferFunction};
 
-/// The transfer function: see [`super::transfer`].
+/// Returns the transfer function; see [`super::transfer`].
 pub(super) fn transfer(grid: &Grid) -> Result<TransferFunction> {
     let knots = shape(grid);
     let depth = dense_depth(grid, &TransferFunction::new(knots.clone())?);
-    // Things that every line misses are a few samples wide.
+    // Features that every ray misses are a few samples wide.
     let scale = DEPTH / if depth > 0.0 { depth } else { grid.spacing().max_element() };
     TransferFunction::new(knots.into_iter().map(|knot| Knot { tau: knot.tau * scale, ..knot }).collect())
 }
 
-/// The knots, with the extinction relative to its largest value.
+/// Returns the knots, with extinction relative to its largest value.
 fn shape(grid: &Grid) -> Vec<Knot> {
     let [lo, hi] = grid.range();
     let values = sorted(all_samples(grid));
     if lo >= hi || values.is_empty() {
         return vec![knot(lo, 1.0, WARM[3])];
     }
-    // What is left is so little that the subset may have none of it: the range knows of it all the same.
+    // The subset may have missed a tiny foreground; the range still shows that it exists.
     let or = |inside: Vec<f64>, rare: f64| if inside.is_empty() { vec![rare] } else { inside };
     match foreground(grid, &values) {
         (foot, true) => ramp(foot, &or(values.into_iter().filter(|s| *s > foot).collect(), hi), &WARM),
@@ -29,7 +30,7 @@ fn shape(grid: &Grid) -> Vec<Knot> {
     }
 }
 
-/// Where the foreground starts, and whether it lies above that.
+/// Returns the scalar at which the foreground starts and whether the foreground lies above it.
 fn foreground(grid: &Grid, values: &[f64]) -> (f64, bool) {
     let histogram = Histogram::new(values, grid.range());
     let peak = histogram.peak();
@@ -37,12 +38,12 @@ fn foreground(grid: &Grid, values: &[f64]) -> (f64, bool) {
     if border.abs_diff(peak) > BINS / 16 {
         return (histogram.low, true); // no background to leave out
     }
-    // The longer tail.
+    // The foreground is the longer tail.
     let upwards = peak < BINS / 2;
     (histogram.foot(peak, upwards), upwards)
 }
 
-/// Optical depth that a tenth of the index lines with something on them exceeds.
+/// Returns the 90 % quantile of optical depth over index-aligned rays, leaving out nearly empty ones.
 fn dense_depth(grid: &Grid, transfer: &TransferFunction) -> f64 {
     let dims = grid.dims();
     let mut depths = Vec::new();
@@ -50,10 +51,10 @@ fn dense_depth(grid: &Grid, transfer: &TransferFunction) -> f64 {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let step = grid.spacing()[axis];
         let area = num::index(dims[u]) * num::index(dims[v]);
-        for line in (0..area).step_by(stride(area, LINES)) {
+        for ray in (0..area).step_by(stride(area, RAYS)) {
             let mut index = [0_u32; 3];
-            index[u] = num::count(line % num::index(dims[u]));
-            index[v] = num::count(line / num::index(dims[u]));
+            index[u] = num::count(ray % num::index(dims[u]));
+            index[v] = num::count(ray / num::index(dims[u]));
             let mut depth = 0.0;
             for i in 0..dims[axis] {
                 index[axis] = i;
@@ -67,7 +68,7 @@ fn dense_depth(grid: &Grid, transfer: &TransferFunction) -> f64 {
     quantile(&sorted(depths), 0.9)
 }
 
-/// An evenly spread, repeatable subset of the samples.
+/// Returns an evenly spread, repeatable subset of the samples.
 fn all_samples(grid: &Grid) -> Vec<f64> {
     let samples = grid.samples();
     let rescale = grid.rescale();
@@ -75,7 +76,7 @@ fn all_samples(grid: &Grid) -> Vec<f64> {
     (0..samples.len()).step_by(stride).map(|i| rescale.slope * samples.get(i) + rescale.intercept).collect()
 }
 
-/// The samples of the box's six faces, thinned out.
+/// Returns a subset of the samples on the six faces of the box.
 fn faces(grid: &Grid) -> Vec<f64> {
     let dims = grid.dims();
     let mut values = Vec::new();
@@ -101,7 +102,7 @@ mod tests {
     use super::*;
     use crate::scene::{Field, Rescale, Samples};
 
-    /// Optical depth along the middle line of index axis x.
+    /// Optical depth along the middle ray of index axis x.
     fn depth(grid: &Grid, transfer: &TransferFunction) -> f64 {
         let [x, y, z] = grid.dims();
         let taus = (0..x).map(|i| transfer.at(grid.value(i, y / 2, z / 2)).1);
@@ -176,11 +177,11 @@ mod tests {
         assert_eq!(tf.at(0.0).1, 0.0);
         assert!(depth(&mask, &tf) > 2.0 && depth(&mask, &tf) < 12.0);
 
-        // One sample in 4096: below every quantile that is looked at.
+        // One sample in 4096: no quantile reaches it.
         let point = make((0..4096).map(|i| u8::from(i == 2184)).collect());
         assert!(transfer(&point).unwrap().at(1.0).1 > 0.0);
 
-        // One in two million, at an odd place: neither the subset nor a line meets it.
+        // One sample in two million, at an odd place: neither the subset nor a ray meets it.
         let samples = (0..1 << 21).map(|i| u8::from(i == 1_096_897)).collect();
         let lost = Grid::new([128; 3], Samples::U8(samples)).unwrap();
         let tf = transfer(&lost).unwrap();

@@ -1,29 +1,28 @@
-//! What the automatic transfer function asks of a mesh.
+//! The automatic transfer function of a mesh.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{
-    BINS, DEPTH, Histogram, LINES, RAMP, SAMPLES, WARM, knot, quantile, ramp, ramp_down, sorted, stride,
-};
+use super::ramp::{DEPTH, RAMP, WARM, knot, ramp, ramp_down};
+use super::statistics::{BINS, Histogram, RAYS, SAMPLES, quantile, sorted, stride};
 use crate::error::Result;
 use crate::num;
 use crate::scene::{Knot, TetScalars, Tets, TransferFunction};
 
-/// Values that the histogram is made of, each for an equal share of the volume.
+/// Number of values for the histogram; each represents an equal share of the volume.
 const DRAWN: usize = 1 << 16;
 
-/// A peak is background if so much of the volume is about there.
+/// Share of the volume around the peak's value from which on the peak is background.
 const BACKGROUND: f64 = 0.1;
 
-/// What differs from the background on one side only by this share of the volume or less is not shown on that side,
-/// if there is more on the other.
+/// If the values on one side of the background have no more than this share of the volume, and those on the
+/// other side more, only the other side is shown.
 const NEGLIGIBLE: f64 = 0.002;
 
-/// Optical depth of the background where the densest tenth of the lines goes through nothing else.
+/// Optical depth of the background along the densest tenth of rays through background alone.
 const HAZE: f64 = 0.3;
 
-/// Linear colours of what lies below the background.
+/// Linear colours of values below the background.
 const COOL: [[f64; 3]; RAMP.len()] = [
     [0.03, 0.08, 0.24],
     [0.04, 0.12, 0.36],
@@ -34,7 +33,7 @@ const COOL: [[f64; 3]; RAMP.len()] = [
     [0.92, 0.98, 1.0],
 ];
 
-/// The transfer function: see [`super::transfer`].
+/// Returns the transfer function; see [`super::transfer`].
 pub(super) fn transfer(mesh: &Tets) -> Result<TransferFunction> {
     let knots = shape(mesh);
     let scale = DEPTH / dense_depth(mesh, &TransferFunction::new(knots.clone())?);
@@ -43,7 +42,7 @@ pub(super) fn transfer(mesh: &Tets) -> Result<TransferFunction> {
     TransferFunction::new(knots.into_iter().map(|knot| Knot { tau: tau(knot.tau), ..knot }).collect())
 }
 
-/// The knots, with the extinction relative to its largest value.
+/// Returns the knots, with extinction relative to its largest value.
 fn shape(mesh: &Tets) -> Vec<Knot> {
     let [lo, hi] = mesh.range();
     let values = drawn(mesh);
@@ -62,7 +61,7 @@ fn shape(mesh: &Tets) -> Vec<Knot> {
     let mut above = values[values.partition_point(|s| *s <= foot_above)..].to_vec();
     let few = num::usize_of(NEGLIGIBLE * num::f64_of(values.len()));
     if below.len() <= few && above.len() <= few {
-        // So little that the drawn values may have none of it: the range knows of it all the same.
+        // The drawn values may have missed such a small part; the range still shows that it exists.
         below.extend((below.is_empty() && lo < foot_below).then_some(lo));
         above.extend((above.is_empty() && hi > foot_above).then_some(hi));
     } else if below.len() <= few {
@@ -80,7 +79,7 @@ fn shape(mesh: &Tets) -> Vec<Knot> {
     knots
 }
 
-/// Corners and scalars of a tetrahedron; none where a scalar is not finite.
+/// Returns corners and scalars of a tetrahedron, or `None` where a scalar is not finite.
 fn tet(mesh: &Tets, cell: usize) -> Option<([DVec3; 4], [f64; 4])> {
     let corners = mesh.cells()[cell].map(num::index);
     let s = match mesh.scalars() {
@@ -90,7 +89,7 @@ fn tet(mesh: &Tets, cell: usize) -> Option<([DVec3; 4], [f64; 4])> {
     s.iter().all(|s| s.is_finite()).then(|| (corners.map(|i| mesh.points()[i]), s.map(f64::from)))
 }
 
-/// Values that equal shares of the volume have, ascending.
+/// Returns values that represent equal shares of the volume, ascending.
 fn drawn(mesh: &Tets) -> Vec<f64> {
     let count = mesh.cells().len();
     let mut values: Vec<(f64, f64)> = (0..count)
@@ -98,7 +97,7 @@ fn drawn(mesh: &Tets) -> Vec<f64> {
         .step_by(stride(count, SAMPLES))
         .filter_map(|cell| tet(mesh, cell))
         .flat_map_iter(|([a, b, c, d], s)| {
-            // A quarter of the cell about each corner: halfway to its middle.
+            // A quarter of the cell around each corner has the value halfway between corner and centroid.
             let volume = (b - a).cross(c - a).dot(d - a);
             let middle = s.iter().map(|s| 0.25 * s).sum::<f64>();
             s.into_iter().map(move |s| (0.5 * s + 0.5 * middle, volume))
@@ -116,25 +115,27 @@ fn drawn(mesh: &Tets) -> Vec<f64> {
     drawn
 }
 
-/// Optical depth that a tenth of some lines along the axes exceeds, of those with something on them.
+/// Returns the 90 % quantile of optical depth over axis-aligned rays, leaving out nearly empty ones.
 fn dense_depth(mesh: &Tets, transfer: &TransferFunction) -> f64 {
-    let mut depths: Vec<f64> = (0..3).into_par_iter().flat_map(|axis| lines(mesh, transfer, axis)).collect();
+    let mut depths: Vec<f64> =
+        (0..3).into_par_iter().flat_map(|axis| ray_depths(mesh, transfer, axis)).collect();
     let most = depths.iter().copied().fold(0.0, f64::max);
     depths.retain(|&depth| depth > 0.01 * most);
     let depth = quantile(&sorted(depths), 0.9);
     let [low, high] = mesh.bounds();
-    // What every line misses is smaller than their distance.
-    if depth > 0.0 { depth } else { (high - low).max_element() / num::f64_of(LINES).sqrt() }
+    // Features that every ray misses are smaller than the distance between rays.
+    if depth > 0.0 { depth } else { (high - low).max_element() / num::f64_of(RAYS).sqrt() }
 }
 
-/// Optical depths of lines through the mesh's box along one axis, as if each cell had on a line the scalar of the
-/// chord's middle.
-fn lines(mesh: &Tets, transfer: &TransferFunction, axis: usize) -> Vec<f64> {
-    let side = num::usize_of(num::f64_of(LINES).sqrt());
+/// Returns the optical depths of parallel rays along one axis.
+///
+/// Each cell counts with the scalar at the middle of its chord.
+fn ray_depths(mesh: &Tets, transfer: &TransferFunction, axis: usize) -> Vec<f64> {
+    let side = num::usize_of(num::f64_of(RAYS).sqrt());
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let [low, high] = mesh.bounds();
     let step = (high - low) / num::f64_of(side);
-    // Off the middle by different amounts: no lattice has lines in its faces.
+    // Offset from the middle by different amounts, so that no ray lies in the faces of a lattice.
     let place =
         |axis: usize, i: usize| low[axis] + step[axis] * (num::f64_of(i) + [0.4427, 0.5839, 0.5][axis]);
     let mut depths = vec![0.0; side * side];
@@ -188,7 +189,7 @@ mod tests {
     use super::*;
     use crate::scene::Field;
 
-    /// A mesh on cubes in a box of some side, with scalars by a function of the place in [-1, 1]³.
+    /// A mesh of cubes in a box of a given side; scalars are a function of the position in [-1, 1]³.
     fn mesh(side: f64, value: impl Fn(DVec3) -> f64) -> Tets {
         let unit = Field::Ramp.tets(16).unwrap();
         let scalars = unit.points().iter().map(|&p| num::f32_of(value(p))).collect();
@@ -196,14 +197,14 @@ mod tests {
         Tets::new(points, unit.cells().to_vec(), TetScalars::Point(scalars)).unwrap().0
     }
 
-    /// Optical depth of the line through the middle along x.
+    /// Optical depth of the ray through the middle along x.
     fn middle_depth(side: f64, transfer: &TransferFunction, value: impl Fn(DVec3) -> f64) -> f64 {
         let steps = 1000;
         let place = |i: i32| DVec3::new((f64::from(i) + 0.5) / f64::from(steps) * 2.0 - 1.0, 0.0, 0.0);
         (0..steps).map(|i| transfer.at(value(place(i))).1).sum::<f64>() * side / f64::from(steps)
     }
 
-    /// A stream of 7 with a hot ball and a cold one.
+    /// A stream of value 7 with a hot ball and a cold one.
     fn stream(p: DVec3) -> f64 {
         let ball = |x: f64| 1.0 - ((p - DVec3::new(x, 0.0, 0.0)).length() / 0.45).min(1.0);
         7.0 + 5.0 * ball(-0.5) - 2.0 * ball(0.5)
@@ -218,7 +219,7 @@ mod tests {
             let ((hot, hot_tau), (cold, cold_tau)) = (transfer.at(11.0), transfer.at(5.3));
             assert!(hot_tau > 20.0 * bg_tau && cold_tau > 20.0 * bg_tau && bg_tau > 0.0, "{transfer:?}");
             assert!(hot.x > hot.z && cold.z > cold.x && background.max_element() < 0.5, "{transfer:?}");
-            // Where there is nothing but the stream, the whole mesh is a haze.
+            // In the stream alone the whole mesh is a haze.
             assert!((bg_tau * side - HAZE).abs() < 0.01, "{}", bg_tau * side);
             depths.push(middle_depth(side, &transfer, stream));
             let ascending = transfer.knots().windows(2).all(|pair| pair[0].s < pair[1].s);
@@ -230,11 +231,11 @@ mod tests {
 
     #[test]
     fn without_a_background_the_whole_range_has_the_ramp() {
-        // The ends are rare: the histogram's peak is between them.
+        // The ends are rare: the histogram's peak lies between them.
         let value = |p: DVec3| 10.0 + p.x + 0.2 * (p.y + p.z);
         let transfer = transfer(&mesh(2.0, value)).unwrap();
         let tau = [9.1, 9.5, 10.0, 10.5, 10.9].map(|s| transfer.at(s).1);
-        // Not below the haze.
+        // Extinction is not below the haze.
         assert!(tau.windows(2).all(|pair| pair[0] <= pair[1]) && tau[1] < tau[2], "{tau:?}");
         assert!((tau[0] * 2.0 - HAZE).abs() < 0.01 && tau[4] > 10.0 * tau[0], "{tau:?}");
         let depth = middle_depth(2.0, &transfer, value);
@@ -291,7 +292,7 @@ mod tests {
         for mask in [cells(&|i| i > count * 2 / 3), cells(&|i| i == count / 2)] {
             assert!(mask.at(1.0).1 > 10.0 * mask.at(0.0).1, "{mask:?}");
         }
-        // So small that no value is drawn for it.
+        // Too small for any value to be drawn from it.
         let first = num::count(mesh.points().len());
         let tiny = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z].map(|p| p * 1e-3 * side);
         let points = mesh.points().iter().copied().chain(tiny).collect();
@@ -299,7 +300,7 @@ mod tests {
         let values = (0..=count).map(|i| if i == count { 1.0 } else { 0.0 }).collect();
         let lost = transfer(&Tets::new(points, with_tiny, TetScalars::Cell(values)).unwrap().0).unwrap();
         assert!(lost.at(1.0).1 > 10.0 * lost.at(0.0).1, "{lost:?}");
-        // Mostly 1: then 0 is what differs.
+        // Mostly 1, so 0 is the foreground.
         let holes = cells(&|i| i > count / 3);
         assert!(holes.at(0.0).1 > 10.0 * holes.at(1.0).1, "{holes:?}");
         assert_eq!(holes, cells(&|i| i > count / 3), "the same data, the same function");
@@ -310,13 +311,13 @@ mod tests {
         let unit = TransferFunction::new(vec![knot(0.0, 1.0, WARM[0])]).unwrap();
         let box_ = mesh(3.0, stream);
         for axis in 0..3 {
-            for length in lines(&box_, &unit, axis) {
+            for length in ray_depths(&box_, &unit, axis) {
                 assert!((length - 3.0).abs() < 1e-9, "{length}");
             }
         }
         let ramp =
             TransferFunction::from_rows(&[[-1.0, 0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 2.0]]).unwrap();
-        for depth in lines(&mesh(2.0, |p| p.x), &ramp, 0) {
+        for depth in ray_depths(&mesh(2.0, |p| p.x), &ramp, 0) {
             assert!((depth - 2.0).abs() < 1e-6, "{depth}");
         }
     }

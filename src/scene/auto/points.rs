@@ -1,9 +1,10 @@
-//! What the automatic transfer function asks of points.
+//! The automatic transfer function of points.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::{DEPTH, LINES, SAMPLES, WARM, knot, quantile, ramp, sorted, stride};
+use super::ramp::{DEPTH, WARM, knot, ramp};
+use super::statistics::{RAYS, SAMPLES, quantile, sorted, stride};
 use crate::error::Result;
 use crate::num;
 use crate::scene::{KernelSize, Kernels, Knot, Model, Points, TransferFunction};
@@ -11,18 +12,18 @@ use crate::scene::{KernelSize, Kernels, Knot, Model, Points, TransferFunction};
 /// Linear colour of points without scalars.
 const PLAIN: [f64; 3] = [0.46, 0.68, 0.95];
 
-/// Optical depth of what has the lowest scalars where the densest tenth of the lines goes through nothing else.
+/// Optical depth of the lowest scalars along the densest tenth of rays through them alone.
 const HAZE: f64 = 0.3;
 
-/// Crossings of lines and kernels that are looked at, along each axis, about.
+/// Approximate limit of intersections of rays and kernels that are computed along each axis.
 const CROSSINGS: usize = 1 << 24;
 
-/// Lines along a side of the image, at least.
+/// Smallest number of rays along a side of the image.
 const FEWEST: usize = 16;
 
-/// The transfer function: see [`super::transfer_of`].
+/// Returns the transfer function; see [`super::transfer_of`].
 pub(super) fn transfer(points: &Points, kernels: &Kernels) -> Result<TransferFunction> {
-    // As in a scene that is loaded.
+    // Unknown sizes are estimated, as when a scene is loaded.
     let estimated = (*points.size() == KernelSize::Unknown).then(|| points.clone().with_estimated_radius());
     let points = estimated.as_ref().unwrap_or(points);
     let knots = shape(points);
@@ -33,39 +34,39 @@ pub(super) fn transfer(points: &Points, kernels: &Kernels) -> Result<TransferFun
     TransferFunction::new(knots.into_iter().map(|knot| Knot { tau: tau(knot.tau), ..knot }).collect())
 }
 
-/// The knots, with the extinction relative to its largest value.
+/// Returns the knots, with extinction relative to its largest value.
 fn shape(points: &Points) -> Vec<Knot> {
     let Some(scalars) = points.scalars() else { return vec![knot(1.0, 1.0, PLAIN)] };
     let shown = (0..scalars.len()).step_by(stride(scalars.len(), SAMPLES)).filter(|&i| points.shows(i));
     let values = sorted(shown.map(|i| f64::from(scalars[i])).collect());
     let [low, high] = [quantile(&values, 0.0), quantile(&values, 1.0)];
-    // Where all is at one value, or the subset shows nothing.
+    // All values are equal, or no point of the subset is visible.
     if values.is_empty() || low >= high {
         let s = if values.is_empty() { points.range()[0] } else { low };
         return vec![knot(s, 1.0, WARM[3])];
     }
-    // Outliers below would leave no room for colours.
+    // Low outliers would use up the colour range.
     let foot = quantile(&values, 0.001);
     let above = &values[values.partition_point(|s| *s <= foot)..];
     ramp(foot, above, &WARM)
 }
 
-/// A kernel seen along an axis: a Gaussian footprint, and the line through its middle.
+/// A kernel projected along an axis: a Gaussian footprint, and the Gaussian along the ray through its centre.
 struct Footprint {
-    /// Across the axis, relative to the low corner of the box.
+    /// Position across the axis, relative to the low corner of the box.
     middle: DVec2,
     along: f64,
     /// Inverse covariance across the axis: uu, uv, vv.
     inverse: [f64; 3],
     /// Three standard deviations across the axis.
     reach: DVec2,
-    /// Standard deviation along the axis where the others are fixed.
+    /// Standard deviation along the axis for a fixed position across it.
     sigma: f64,
     weight: f64,
     scalar: f64,
 }
 
-/// Kernels seen along an axis.
+/// The kernels projected along an axis.
 struct Footprints<'a> {
     points: &'a Points,
     axes: [usize; 3],
@@ -75,7 +76,7 @@ struct Footprints<'a> {
 impl Footprints<'_> {
     fn of(&self, i: usize) -> Option<Footprint> {
         let [axis, u, v] = self.axes;
-        // By the largest variance: products of tiny lengths would be lost.
+        // Relative to the largest variance: products of tiny lengths would underflow.
         let (variance, c) = match self.points.size() {
             KernelSize::Unknown => return None,
             KernelSize::Radius(radius) => ((radius / 3.0).powi(2), [1.0, 0.0, 0.0, 1.0, 0.0, 1.0]),
@@ -91,7 +92,7 @@ impl Footprints<'_> {
         let (uu, uv, vv) = (entry(u, u), entry(u, v), entry(v, v));
         let (au, av) = (entry(axis, u), entry(axis, v));
         let across = uu * vv - uv * uv;
-        // Schur complement: the variance along the axis where the others are fixed.
+        // Schur complement: the variance along the axis for a fixed position across it.
         let along = entry(axis, axis) - (au * au * vv - 2.0 * au * av * uv + av * av * uu) / across;
         let shows = self.points.shows(i) && weight > 0.0 && weight.is_finite() && variance > 0.0;
         if !(shows && across > 0.0 && along > 0.0) {
@@ -110,47 +111,50 @@ impl Footprints<'_> {
     }
 }
 
-/// What kernels add up to on a line.
+/// Sums over the kernels on a ray.
 #[derive(Clone, Copy, Default)]
-struct Line {
+struct RaySums {
     /// Integral of the weighted kernels.
     weight: f64,
-    /// The same, times extinction.
+    /// Integral of the weighted kernels times their extinction.
     tau: f64,
-    /// Lengths on which single kernels suffice to show something, and the 64ths of the box's depth that they touch.
+    /// Total length of the intervals in which single kernels exceed the threshold, and the slices (64ths of
+    /// the box's depth) that these intervals touch, as bits.
     lengths: f64,
     touched: u64,
 }
 
-/// Optical depth that a tenth of some lines along the axes exceeds, of those with something on them; positive.
+/// Returns the 90 % quantile of optical depth over axis-aligned rays, leaving out nearly empty ones;
+/// positive.
 fn dense_depth(points: &Points, kernels: &Kernels, transfer: &TransferFunction) -> f64 {
     let mut depths: Vec<f64> =
-        (0..3).into_par_iter().flat_map(|axis| lines(points, kernels, transfer, axis)).collect();
+        (0..3).into_par_iter().flat_map(|axis| ray_depths(points, kernels, transfer, axis)).collect();
     let most = depths.iter().copied().fold(0.0, f64::max);
     depths.retain(|&depth| depth > 0.01 * most);
-    // What lines rarely meet is small, and rarely behind another.
+    // Rays rarely meet small kernels, which then rarely overlap: measure single kernels.
     let few = depths.len() < FEWEST * FEWEST;
     let single = if few { single_depth(points, kernels, transfer) } else { 0.0 };
     let depth = quantile(&sorted(depths), 0.9).max(single);
     if depth > 0.0 && depth.is_finite() { depth } else { 1.0 }
 }
 
-/// Optical depth of the lines through the middles of single kernels, of all but the densest tenth.
+/// Returns the 90 % quantile of optical depth over rays through the centres of single kernels.
 fn single_depth(points: &Points, kernels: &Kernels, transfer: &TransferFunction) -> f64 {
     let footprints = Footprints { points, axes: [0, 1, 2], low: DVec3::ZERO };
     let count = points.centres().len();
     let depths = (0..count).step_by(stride(count, SAMPLES)).filter_map(|i| {
         let footprint = footprints.of(i)?;
-        let mut line = Line::default();
-        line.add(&footprint, 0.0, kernels, transfer, 0.0);
-        Some(line.depth(kernels, f64::INFINITY))
+        let mut ray = RaySums::default();
+        ray.add(&footprint, 0.0, kernels, transfer, 0.0);
+        Some(ray.depth(kernels, f64::INFINITY))
     });
     quantile(&sorted(depths.filter(|depth| *depth > 0.0).collect()), 0.9)
 }
 
-impl Line {
-    /// Adds a kernel that the line passes at a distance, whose half square in standard deviations is given. A slice is a
-    /// 64th of the box's depth; 0 where there are none.
+impl RaySums {
+    /// Adds a kernel; `half_square` is half the square of its distance from the ray, in standard deviations.
+    ///
+    /// `slice` is a 64th of the box's depth, or 0 where slices are not counted.
     fn add(
         &mut self,
         footprint: &Footprint,
@@ -178,7 +182,7 @@ impl Line {
     fn depth(&self, kernels: &Kernels, slice: f64) -> f64 {
         match kernels.model {
             Model::Density => self.tau,
-            // The mean extinction, over the length on which there is anything.
+            // Mean extinction times the length on which the field exists.
             Model::Interpolate if self.weight > 0.0 => {
                 let touched = slice * f64::from(self.touched.count_ones().max(1));
                 self.tau / self.weight * self.lengths.min(touched)
@@ -188,22 +192,22 @@ impl Line {
     }
 }
 
-/// Optical depths of lines through the kernels' box along one axis.
-fn lines(points: &Points, kernels: &Kernels, transfer: &TransferFunction, axis: usize) -> Vec<f64> {
+/// Returns the optical depths of parallel rays through the kernels' box along one axis.
+fn ray_depths(points: &Points, kernels: &Kernels, transfer: &TransferFunction, axis: usize) -> Vec<f64> {
     let axes = [axis, (axis + 1) % 3, (axis + 2) % 3];
     let [low, high] = points.reach();
     let size = DVec2::new((high - low)[axes[1]], (high - low)[axes[2]]);
     let footprints = Footprints { points, axes, low };
     let count = points.centres().len();
 
-    // Where kernels are many and large, fewer lines say as much; then so do fewer kernels.
+    // Where kernels are many and large, fewer rays suffice, and then a subset of the kernels.
     let subset = stride(count, SAMPLES / 16);
     let shares = (0..count).step_by(subset).filter_map(|i| {
         let share = 2.0 * footprints.of(i)?.reach / size;
         Some((share.x * share.y).min(1.0))
     });
     let share = shares.sum::<f64>() * num::f64_of(subset);
-    let mut side = num::usize_of(num::f64_of(LINES).sqrt());
+    let mut side = num::usize_of(num::f64_of(RAYS).sqrt());
     let crossings = |side: usize| num::usize_of(share * num::f64_of(side * side));
     while side > FEWEST && crossings(side) > CROSSINGS {
         side /= 2;
@@ -216,9 +220,9 @@ fn lines(points: &Points, kernels: &Kernels, transfer: &TransferFunction, axis: 
 
     let step = size / num::f64_of(side);
     let slice = (high - low)[axis] / 64.0;
-    // Off the middle by different amounts: no lattice has lines through its points.
+    // Offset from the middle by different amounts, so that no ray passes through the points of a lattice.
     let place = |i: usize, axis: usize| step[axis] * (num::f64_of(i) + [0.4427, 0.5839][axis]);
-    let mut all = vec![Line::default(); side * side];
+    let mut all = vec![RaySums::default(); side * side];
     for footprint in (0..count).step_by(each).filter_map(|i| footprints.of(i)) {
         let Footprint { middle, reach, inverse, .. } = footprint;
         let span = |axis: usize| {
@@ -238,9 +242,9 @@ fn lines(points: &Points, kernels: &Kernels, transfer: &TransferFunction, axis: 
         }
     }
     let all_of = num::f64_of(each);
-    // What is left out stands before or behind what is not.
+    // With interpolation, skipped kernels overlap those that were added, so nothing is scaled.
     let scale = if kernels.model == Model::Density { all_of } else { 1.0 };
-    all.iter().map(|line| scale * line.depth(kernels, slice)).collect()
+    all.iter().map(|ray| scale * ray.depth(kernels, slice)).collect()
 }
 
 #[cfg(test)]
@@ -258,12 +262,12 @@ mod tests {
         Points::new(centres).unwrap().with_scalars(points.scalars().unwrap().to_vec()).unwrap()
     }
 
-    /// Optical depths of some lines along x, ascending, by the definition of the density model.
+    /// Optical depths of some rays along x, ascending, by the definition of the density model.
     fn depths(points: &Points, transfer: &TransferFunction) -> Vec<f64> {
         let KernelSize::Radius(radius) = points.size() else { panic!() };
         let [low, high] = points.bounds();
         let sigma = radius / 3.0;
-        let line = |i: u32| {
+        let ray = |i: u32| {
             let share = DVec3::new(0.0, f64::from(i % 20) + 0.5, f64::from(i / 20) + 0.5) / 20.0;
             let p = low + (high - low) * share;
             let of = |(i, c): (usize, &DVec3)| {
@@ -276,7 +280,7 @@ mod tests {
             };
             points.centres().iter().enumerate().map(of).sum::<f64>()
         };
-        sorted((0..400).map(line).filter(|depth| *depth > 0.0).collect())
+        sorted((0..400).map(ray).filter(|depth| *depth > 0.0).collect())
     }
 
     #[test]
@@ -287,11 +291,11 @@ mod tests {
                 scattered(4000, scale).with_weights(vec![weight; 4000]).unwrap().with_estimated_radius();
             let transfer = transfer(&points, &Kernels::of_points()).unwrap();
             let depth = quantile(&depths(&points, &transfer), 0.9);
-            // Other lines, and a haze besides.
+            // The rays differ from those of the function, and there is a haze.
             assert!(depth > 4.0 && depth < 7.0, "{scale} {weight}: {depth}");
             let first = *first.get_or_insert(depth);
             assert!((depth - first).abs() < 1e-5 * first, "{scale} {weight}: {depth} instead of {first}");
-            // The same where nobody said a size.
+            // The same with unknown size.
             let unknown = points.clone().with_size(KernelSize::Unknown).unwrap();
             assert_eq!(super::transfer(&unknown, &Kernels::of_points()).unwrap(), transfer);
         }
@@ -308,7 +312,7 @@ mod tests {
         assert!(ramp.knots().len() >= 5 && ramp.at(0.0).1 > 0.0 && ramp.at(1.0).1 > 20.0 * ramp.at(0.0).1);
         let tau: Vec<f64> = ramp.knots().iter().map(|knot| knot.tau).collect();
         assert!(tau.windows(2).all(|pair| pair[0] <= pair[1]), "{tau:?}");
-        // One value, NaN beside it; two values; nothing that shows.
+        // One value beside a NaN; two values; nothing visible.
         let with =
             |f: &dyn Fn(usize) -> f32| points.clone().with_scalars((0..3000).map(f).collect()).unwrap();
         let of = |points: &Points| transfer(points, &Kernels::of_points()).unwrap();
@@ -328,7 +332,7 @@ mod tests {
         let points = Points::new(centres).unwrap();
         let kernels = Kernels::of_points();
         let middle = |points: &Points, axis: usize| {
-            lines(points, &kernels, &flat(), axis).into_iter().fold(0.0, f64::max)
+            ray_depths(points, &kernels, &flat(), axis).into_iter().fold(0.0, f64::max)
         };
         let peak = (2.0 * std::f64::consts::PI).sqrt();
         let near = |got: f64, want: f64| assert!((got / want - 1.0).abs() < 0.01, "{got} instead of {want}");
@@ -344,7 +348,7 @@ mod tests {
                 near(middle(&radii, axis), peak * wide);
                 near(middle(&round, axis), peak * wide);
             }
-            // Turned by 45 degrees about z: 5 and 1 along the diagonals, squared.
+            // Rotated by 45 degrees about z: squared deviations 25 and 1 along the diagonals.
             let oblique = [13.0, 12.0, 0.0, 13.0, 0.0, 4.0].map(|c: f32| c * square);
             let oblique = points.clone().with_size(KernelSize::Covariances(vec![oblique])).unwrap();
             // The inverse has 13 / 25 along x and y.
@@ -359,19 +363,19 @@ mod tests {
 
     #[test]
     fn interpolated_points_are_as_deep_as_what_they_cover() {
-        // A lattice of 9³ points at distance 1: kernels of standard deviation 1 cover it and somewhat more.
+        // A lattice of 9³ points at distance 1: kernels of standard deviation 1 cover it and a little more.
         let line = || (0..9).map(f64::from);
         let lattice = line().flat_map(|z| line().flat_map(move |y| line().map(move |x| DVec3::new(x, y, z))));
         let points = Points::new(lattice.collect()).unwrap().with_estimated_radius();
         let kernels = Kernels { model: Model::Interpolate, ..Kernels::of_points() };
         let depth = dense_depth(&points, &kernels, &flat());
-        // At the rim one kernel in a line has 0.05 at 2.4, several a little more.
+        // At the rim one kernel on the ray falls to 0.05 at 2.4, several a little farther out.
         assert!(depth > 8.0 + 2.0 * 2.4 - 0.2 && depth < 8.0 + 2.0 * 3.0, "{depth}");
-        // A kernel of its own: 0.05 at 2.448 standard deviations.
+        // A single kernel falls to 0.05 at 2.448 standard deviations.
         let one = Points::new(vec![DVec3::ZERO]).unwrap().with_size(KernelSize::Radius(3.0)).unwrap();
         let depth = single_depth(&one, &kernels, &flat());
         assert!((depth - 2.0 * 2.4477).abs() < 1e-3, "{depth}");
-        // Below the threshold there is nothing, and an answer all the same.
+        // Below the threshold nothing is visible, and the depth has its default.
         let faint = one.with_weights(vec![0.01]).unwrap();
         assert_eq!(dense_depth(&faint, &kernels, &flat()), 1.0);
     }
@@ -379,14 +383,14 @@ mod tests {
     #[test]
     fn small_and_large_kernels_are_measured() {
         let points = scattered(300, 1.0);
-        // So small that lines hardly meet them, and so large that all lines meet all.
+        // From so small that rays hardly meet them to so large that every ray meets all.
         for radius in [1e-7, 1e-3, 0.5, 40.0] {
             let points = points.clone().with_size(KernelSize::Radius(radius)).unwrap();
             let depth = dense_depth(&points, &Kernels::of_points(), &flat());
             let one = radius / 3.0 * (2.0 * std::f64::consts::PI).sqrt();
             assert!(depth > 0.5 * one && depth < 300.1 * one, "{radius}: {depth} against {one}");
         }
-        // Where work is cut short, sums stay: a million kernels, each over most of the box, and a 64th of them.
+        // A subset keeps the sums: a million kernels, each over most of the box, against a 64th of them.
         let depth = |count: u32| {
             let many = Field::Ramp.points(count).unwrap().with_size(KernelSize::Radius(20.0)).unwrap();
             dense_depth(&many, &Kernels::of_points(), &flat())

@@ -1,4 +1,4 @@
-//! How far apart points are.
+//! The median distance between neighbouring points.
 
 use std::cmp::Ordering;
 
@@ -7,23 +7,24 @@ use rayon::prelude::*;
 
 use crate::num;
 
-/// Distances that the median is taken of.
+/// Largest number of distances that the median is taken of.
 const DRAWN: usize = 1 << 16;
 
-/// Points that are nearer than this share of the extent of the inner eight tenths are at one place.
+/// Points that are closer together than this share of the inner extent are at one place.
 const SAME: f64 = 1e-6;
 
-/// Points in a leaf of the tree at most.
+/// Largest number of points in a leaf of the tree.
 const LEAF: usize = 8;
 
-/// Median distance to the nearest point at another place; `None` where all are at one.
+/// Returns the median distance to the nearest point at another place, or `None` if all points are at one
+/// place.
 ///
-/// Neighbours are found in a k-d tree (Friedman, Bentley and Finkel 1977), whose leaves hold equally many points: unlike
-/// in cells of equal size an outlier costs no more than any other point.
+/// A k-d tree (Friedman, Bentley and Finkel 1977) finds the neighbours. Its leaves hold equal numbers of
+/// points, so an outlier costs no more than any other point, unlike in a uniform grid.
 pub(super) fn median(centres: &[DVec3]) -> Option<f64> {
     let mut tree = centres.to_vec();
     let same = SAME * inner_extent(&mut tree);
-    // One point of each place.
+    // Keep one point of each place.
     if same > 0.0 {
         let cell = |x: f64| (x / same).floor();
         tree.par_sort_unstable_by(|a, b| order(*a, *b, cell).then_with(|| order(*a, *b, |x| x)));
@@ -40,14 +41,15 @@ pub(super) fn median(centres: &[DVec3]) -> Option<f64> {
         search(&tree, 0, p, &mut nearest);
         nearest.sqrt()
     };
-    // Across the side of a cell points may still be at one place; far outliers have distances beyond float64.
+    // Points on both sides of a cell's border may still be at one place; distances of far outliers may
+    // overflow float64.
     let apart = |distance: &f64| *distance > same && distance.is_finite();
     let mut distances: Vec<f64> = asked.par_iter().map(distance).filter(apart).collect();
     let middle = distances.len().checked_sub(1)? / 2;
     Some(*distances.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// Extent along the longest axis, but for a tenth of the points at each end.
+/// Returns the extent along the longest axis, without a tenth of the points at each end.
 fn inner_extent(points: &mut [DVec3]) -> f64 {
     let Some(last) = points.len().checked_sub(1) else { return 0.0 };
     let mut rank =
@@ -56,13 +58,14 @@ fn inner_extent(points: &mut [DVec3]) -> f64 {
     (0..3).map(|axis| rank(axis, last - tenth) - rank(axis, tenth)).fold(0.0, f64::max)
 }
 
-/// By x, then y, then z, of each what a function makes of it, which is asked no more often than needed.
+/// Compares `of` each coordinate: by x, then y, then z, evaluated only as far as needed.
 fn order(a: DVec3, b: DVec3, of: impl Fn(f64) -> f64) -> Ordering {
     let along = |axis: usize| of(a[axis]).total_cmp(&of(b[axis]));
     along(0).then_with(|| along(1)).then_with(|| along(2))
 }
 
-/// Puts the median along an axis into the middle, what is below before it, what is above behind, and so on.
+/// Builds the tree in place: the median along an axis goes to the middle, lower points before it, higher ones
+/// after it, recursively.
 fn build(points: &mut [DVec3], axis: usize) {
     if points.len() > LEAF {
         let middle = points.len() / 2;
@@ -72,7 +75,7 @@ fn build(points: &mut [DVec3], axis: usize) {
     }
 }
 
-/// Lowers `nearest`, the square of a distance, to that of the nearest point that is not `p`.
+/// Lowers `nearest`, a squared distance, to that of the nearest point other than `p`.
 fn search(points: &[DVec3], axis: usize, p: DVec3, nearest: &mut f64) {
     let mut look = |q: DVec3| {
         if q != p {
@@ -125,15 +128,16 @@ mod tests {
             line().flat_map(move |z| line().flat_map(move |y| line().map(move |x| DVec3::new(x, y, z))))
         };
         assert_eq!(median(&lattice(9).collect::<Vec<_>>()), Some(1.0));
-        // A flat one.
+        // A flat lattice.
         assert_eq!(median(&lattice(9).map(|p| p * DVec3::new(1.0, 2.0, 0.0)).collect::<Vec<_>>()), Some(1.0));
-        // Each point three times, one of them off by rounding; two far away, one of them at the end of float64.
+        // Each point three times, one of them off by rounding, and two outliers, one of them near the limit
+        // of float64.
         let far = [DVec3::splat(1e12), DVec3::new(-f64::MAX, 0.0, f64::MAX)];
         let thrice = |p: DVec3| [p, p, p + DVec3::splat(1e-8)];
         let many: Vec<DVec3> = lattice(9).flat_map(thrice).chain(far).collect();
         let got = median(&many).unwrap();
         assert!((got - 1.0).abs() < 1e-6, "{got}");
-        // Hundreds of thousands at one place take no time of note, and are one place.
+        // Hundreds of thousands of coincident points take no noticeable time and are one place.
         let mut heap = vec![DVec3::ONE; 300_000];
         assert_eq!(median(&heap), None);
         heap.extend([DVec3::ZERO; 3]);

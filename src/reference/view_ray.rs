@@ -1,26 +1,25 @@
-//! Lines of sight: where on a ray the volume is seen, and which surfaces stand in it.
+//! The ray of a pixel: the range in which the volume is drawn, and the surfaces on it.
 
 use glam::{DVec2, DVec3};
 
 use crate::scene::{Scene, View};
 
 use super::surfaces::{Hit, SurfaceRays};
-use super::view_range;
 
-/// A ray, the range in which the volume is seen on it, and the surfaces that it meets.
+/// A ray, the range in which the volume is drawn on it, and its intersections with surfaces.
 #[derive(Debug)]
-pub(super) struct Sight {
+pub(super) struct ViewRay {
     pub(super) origin: DVec3,
     /// Unit length.
     pub(super) direction: DVec3,
-    /// Begins and ends where the view's region does, and ends at the first opaque surface; empty when begin >= end.
+    /// Limited by the clip region and by the first opaque surface; empty when begin >= end.
     pub(super) range: [f64; 2],
-    /// Front to back; behind an opaque one is none.
+    /// Front to back; the first opaque one is the last.
     hits: Vec<Hit>,
 }
 
-impl Sight {
-    /// A ray on which surfaces are seen in `range`, and the volume in `kept` of that.
+impl ViewRay {
+    /// Makes a ray on which surfaces are drawn in `range`, and the volume in `kept`, a part of it.
     pub(super) fn new(
         surfaces: Option<&SurfaceRays>,
         origin: DVec3,
@@ -36,7 +35,7 @@ impl Sight {
         Self { origin, direction, range: [begin, end], hits }
     }
 
-    /// The volume, of which `volume` draws a range of the ray, and the surfaces over each other.
+    /// Composites the volume, which `volume` integrates over a range of the ray, and the surfaces.
     pub(super) fn composite(&self, mut volume: impl FnMut([f64; 2]) -> [f64; 4]) -> [f64; 4] {
         if self.hits.is_empty() {
             return volume(self.range);
@@ -71,24 +70,30 @@ impl Sight {
     }
 }
 
-/// The lines of sight of a view.
+/// Returns the range of a view's rays: all real numbers for orthographic rays, from the eye on for
+/// perspective ones.
+pub(super) fn view_range(view: &View) -> [f64; 2] {
+    [if view.is_perspective() { 0.0 } else { f64::NEG_INFINITY }, f64::INFINITY]
+}
+
+/// The rays of a view.
 #[derive(Debug)]
-pub(super) struct Sights<'a> {
+pub(super) struct ViewRays<'a> {
     view: &'a View,
     surfaces: Option<SurfaceRays<'a>>,
     range: [f64; 2],
 }
 
-impl<'a> Sights<'a> {
+impl<'a> ViewRays<'a> {
     pub(super) fn new(scene: &'a Scene, view: &'a View) -> Self {
         let surfaces = SurfaceRays::new(&scene.surfaces, |_| true);
         Self { view, surfaces, range: view_range(view) }
     }
 
-    /// Through a point of the image, in pixels from the top left corner.
-    pub(super) fn at(&self, pixel: DVec2) -> Sight {
+    /// Returns the ray through a position in the image, in pixels from the top left corner.
+    pub(super) fn at(&self, pixel: DVec2) -> ViewRay {
         let (origin, direction) = self.view.ray(pixel);
         let kept = self.view.clip().range(origin, direction, self.range);
-        Sight::new(self.surfaces.as_ref(), origin, direction, self.range, kept)
+        ViewRay::new(self.surfaces.as_ref(), origin, direction, self.range, kept)
     }
 }

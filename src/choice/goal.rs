@@ -1,0 +1,39 @@
+//! Goals of a choice.
+
+use crate::error::{Error, Result};
+
+/// Selects what a choice limits and what it minimises.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Goal {
+    /// Largest root mean square error of premultiplied colour. The fastest setting within it is chosen.
+    MaxError(f64),
+    /// Longest time of a frame, in milliseconds. The most accurate setting within it is chosen.
+    Budget(f64),
+}
+
+impl Goal {
+    /// Returns the threshold of early ray termination: the largest remaining colour, a small part of the
+    /// allowed error.
+    pub(super) fn stop(self) -> f64 {
+        match self {
+            Self::MaxError(error) => (error / 8.0).min(0.01),
+            Self::Budget(_) => 1e-4,
+        }
+    }
+
+    /// Checks the number.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] unless the number is finite and positive.
+    pub(super) fn check(self) -> Result<()> {
+        let (what, value) = match self {
+            Self::MaxError(error) => ("largest error", error),
+            Self::Budget(ms) => ("budget", ms),
+        };
+        if value.is_finite() && value > 0.0 {
+            return Ok(());
+        }
+        Err(Error::invalid(what, format!("{value}: must be a positive number")))
+    }
+}

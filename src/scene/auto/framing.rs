@@ -1,0 +1,117 @@
+//! A camera for data that comes without one.
+
+use glam::DVec3;
+
+use crate::error::Result;
+use crate::scene::{Anatomy, Camera, Data, Projection, View};
+
+/// Vertical angle of view, in degrees.
+const FOV_Y_DEG: f64 = 30.0;
+/// Rotation of the eye from the front: to the side and upwards, in degrees.
+const TURN: f64 = 35.0;
+const RISE: f64 = 20.0;
+/// Share of the half image that the data's box fills in the tighter direction.
+const FILL: f64 = 0.98;
+
+/// Returns a perspective camera that frames the data's box from the front, rotated to one side and slightly
+/// from above.
+///
+/// Where a grid's [`Anatomy`] is known, up is superior and the front is anterior; the eye is rotated towards
+/// the patient's left. Otherwise up is +z and the front is -y, because most scanners stack slices along z.
+///
+/// # Errors
+///
+/// [`crate::Error::Invalid`] if `width` or `height` is not a valid image side, or if the box is so large, so
+/// small or so far from the origin that no camera sees it in float64.
+pub fn camera(data: &Data, width: u32, height: u32) -> Result<Camera> {
+    let anatomy = match data {
+        Data::Grid(grid) => grid.anatomy(),
+        Data::Mesh(_) | Data::Points(_) => Anatomy::Unknown,
+    };
+    // World directions to the viewer and to the viewer's right.
+    let (front, right) = match anatomy {
+        Anatomy::Unknown => (DVec3::NEG_Y, DVec3::X),
+        Anatomy::Ras => (DVec3::Y, DVec3::NEG_X),
+        Anatomy::Lps => (DVec3::NEG_Y, DVec3::X),
+        Anatomy::Las => (DVec3::Y, DVec3::X),
+    };
+    let up = DVec3::Z;
+    let (turn, rise) = (TURN.to_radians(), RISE.to_radians());
+    let towards = (front * turn.cos() + right * turn.sin()) * rise.cos() + up * rise.sin();
+
+    // Move the eye back until every corner of the box lies inside the image.
+    let corners = data.corners();
+    let target = 0.5 * (corners[0] + corners[7]);
+    let at = |distance: f64| Camera {
+        eye: target + towards * distance,
+        target,
+        up,
+        projection: Projection::Perspective { fov_y_deg: FOV_Y_DEG },
+    };
+    let radius = corners.iter().map(|corner| (*corner - target).length()).fold(0.0, f64::max);
+    let view = View::new(at(radius), width, height)?;
+    let half = FILL * view.pixel_size() * 0.5;
+    let tangents = [half * f64::from(width), half * f64::from(height)];
+    let distance = corners.into_iter().map(|corner| {
+        let relative = corner - target;
+        let across =
+            (relative.dot(view.right()).abs() / tangents[0]).max(relative.dot(view.up()).abs() / tangents[1]);
+        across - relative.dot(view.forward())
+    });
+    let camera = at(distance.fold(0.0, f64::max));
+    View::new(camera, width, height)?;
+    Ok(camera)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Field, Grid, Samples};
+
+    #[test]
+    fn every_corner_lies_in_the_image_and_superior_is_up() {
+        for anatomy in [Anatomy::Unknown, Anatomy::Ras, Anatomy::Lps, Anatomy::Las] {
+            for (width, height, spacing) in
+                [(512, 512, [1.0; 3]), (800, 200, [0.1, 1.0, 9.0]), (100, 700, [1e6; 3])]
+            {
+                let grid = Grid::new([8, 9, 10], Samples::U8(vec![1; 720])).unwrap().with_anatomy(anatomy);
+                let origin = DVec3::new(-3.0, 70.0, 5.0);
+                let grid =
+                    grid.with_placement(DVec3::from_array(spacing), origin, glam::DMat3::IDENTITY).unwrap();
+                let camera = camera(&grid.clone().into(), width, height).unwrap();
+                let view = View::new(camera, width, height).unwrap();
+                let mut reach = 0.0_f64;
+                for corner in grid.corners() {
+                    let (pixel, depth) = view.project(corner).unwrap();
+                    let u = (pixel.x / f64::from(width) * 2.0 - 1.0).abs();
+                    let v = (pixel.y / f64::from(height) * 2.0 - 1.0).abs();
+                    assert!(depth > 0.0 && u <= 1.0 && v <= 1.0, "{anatomy:?}: {u} {v}");
+                    reach = reach.max(u).max(v);
+                }
+                assert!((reach - FILL).abs() < 1e-6, "{anatomy:?}: {reach}");
+                assert!(view.up().z > 0.9);
+                let anterior =
+                    if matches!(anatomy, Anatomy::Ras | Anatomy::Las) { DVec3::Y } else { DVec3::NEG_Y };
+                assert!(view.forward().dot(anterior) < -0.5, "{anatomy:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_mesh_is_framed_by_the_box_of_what_is_drawn() {
+        let mut points = Field::Ramp.tets(2).unwrap().points().to_vec();
+        // A point that no tetrahedron uses must not enlarge the box.
+        points.push(DVec3::splat(1e6));
+        let mesh = Field::Ramp.tets(2).unwrap();
+        let scalars = vec![1.0; points.len()];
+        let mesh =
+            crate::scene::Tets::new(points, mesh.cells().to_vec(), crate::scene::TetScalars::Point(scalars));
+        let data = Data::from(mesh.unwrap().0);
+        let camera = camera(&data, 300, 200).unwrap();
+        assert_eq!(camera.target, DVec3::ZERO);
+        let view = View::new(camera, 300, 200).unwrap();
+        let heights = data.corners().map(|corner| (view.project(corner).unwrap().0.y / 100.0 - 1.0).abs());
+        let reach = heights.into_iter().fold(0.0, f64::max);
+        assert!((reach - FILL).abs() < 1e-6, "{reach}");
+    }
+}

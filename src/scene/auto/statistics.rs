@@ -1,0 +1,90 @@
+//! Histograms, quantiles and subsets of values.
+
+use crate::num;
+
+/// Largest number of samples or cells in the histogram.
+pub(super) const SAMPLES: usize = 1 << 20;
+/// Number of rays along each axis on which optical depth is measured.
+pub(super) const RAYS: usize = 4096;
+pub(super) const BINS: usize = 256;
+
+/// A histogram of values.
+pub(super) struct Histogram {
+    pub(super) low: f64,
+    width: f64,
+    pub(super) counts: [usize; BINS],
+}
+
+impl Histogram {
+    /// Counts ascending values, all of which lie in `range`.
+    pub(super) fn new(values: &[f64], range: [f64; 2]) -> Self {
+        // Leave out outliers, which would squeeze everything else into a few bins. Very few samples may leave
+        // nothing else: use the whole range then.
+        let inner = [quantile(values, 0.001), quantile(values, 0.999)];
+        let [low, high] = if inner[0] < inner[1] { inner } else { range };
+        let mut histogram = Self { low, width: (high - low) / num::f64_of(BINS), counts: [0; BINS] };
+        for &s in values {
+            histogram.counts[histogram.bin(s)] += 1;
+        }
+        histogram
+    }
+
+    /// Returns the bin of a value; values beyond the ends belong to the bins at the ends.
+    pub(super) fn bin(&self, s: f64) -> usize {
+        num::usize_of((s - self.low) / self.width).min(BINS - 1)
+    }
+
+    /// Returns the fullest bin.
+    pub(super) fn peak(&self) -> usize {
+        let fullest = self.counts.iter().enumerate().max_by_key(|&(bin, count)| (*count, BINS - bin));
+        fullest.map_or(0, |(bin, _)| bin)
+    }
+
+    /// Returns the foot of a peak on one side.
+    ///
+    /// The foot is where the histogram lies farthest below the straight line from the top of the peak to the
+    /// end of the tail (Zack, Rogers and Latt 1977).
+    pub(super) fn foot(&self, peak: usize, upwards: bool) -> f64 {
+        let tail = if upwards { BINS - 1 - peak } else { peak };
+        let at = |i: usize| if upwards { peak + i } else { peak - i };
+        let top = num::f64_of(self.counts[peak]);
+        let drop = top / num::f64_of(tail);
+        // A second peak close by is background too: air beside padding, noise beside zero.
+        let near = |i: usize| (i..=tail.min(i + BINS / 16)).map(|i| self.counts[at(i)]).max().unwrap_or(0);
+        let below = |i: usize| top - drop * num::f64_of(i) - num::f64_of(near(i));
+        let foot = (1..=tail).max_by(|&a, &b| below(a).total_cmp(&below(b)).then(b.cmp(&a)));
+        // The foot is the edge of its bin that is nearer to the peak.
+        let edge = match foot {
+            None => peak + usize::from(upwards),
+            Some(foot) => at(foot) + usize::from(!upwards),
+        };
+        self.low + self.width * num::f64_of(edge)
+    }
+}
+
+/// Returns the step that selects about `wanted` of `count` items.
+///
+/// Large steps are odd and no multiple of small primes, so that the subset does not follow one column of a
+/// grid with round extents.
+pub(super) fn stride(count: usize, wanted: usize) -> usize {
+    let step = count.div_ceil(wanted.max(1)).max(1);
+    let shares = |step: usize| [2, 3, 5, 7].iter().any(|factor| step.is_multiple_of(*factor));
+    if step < 4 {
+        step
+    } else {
+        (step..).find(|&step| step < 11 && step % 2 == 1 || !shares(step)).unwrap_or(step)
+    }
+}
+
+/// Returns the finite numbers of a list in ascending order.
+pub(super) fn sorted(mut values: Vec<f64>) -> Vec<f64> {
+    values.retain(|value| value.is_finite());
+    values.sort_unstable_by(f64::total_cmp);
+    values
+}
+
+/// Returns the value below which a share of a sorted list lies; NaN for an empty list.
+pub(super) fn quantile(sorted: &[f64], share: f64) -> f64 {
+    let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
+    sorted[num::usize_of((share * num::f64_of(last)).round()).min(last)]
+}
