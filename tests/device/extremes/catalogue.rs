@@ -263,9 +263,10 @@ pub struct Run<'a> {
 
 impl Run<'_> {
     /// Every technique that draws such data, by every route with every integrator; in `make test` by one of them.
-    pub fn specs(&mut self, data: &Data) -> Vec<Spec> {
+    pub fn specs(&mut self, data: &Data, claims: impl Fn(&Spec) -> bool) -> Vec<Spec> {
         self.turn += 1;
-        one_of_each(self.turn, Spec::all(self.gpu, data), |spec| spec.method)
+        let all = Spec::all(self.gpu, data).into_iter().filter(claims).collect();
+        one_of_each(self.turn, all, |spec| spec.method)
     }
 
     pub fn fail(&mut self, text: String) {
@@ -374,7 +375,7 @@ impl Run<'_> {
         mut check: impl FnMut(&Spec, &[Image]) -> Result<(), String>,
     ) {
         let on_gpu = GpuScene::new(self.gpu, scene.clone());
-        for spec in self.specs(&scene.data).into_iter().filter(|spec| !spec.blurs(&scene.data)) {
+        for spec in self.specs(&scene.data, |spec| !spec.blurs(&scene.data)) {
             if let Some(images) = self.views(&on_gpu, views, &spec, options)
                 && let Err(wrong) = check(&spec, &images)
             {
@@ -393,7 +394,7 @@ impl Run<'_> {
         mut check: impl FnMut(&Spec, &Frame) -> Result<(), String>,
     ) {
         let on_gpu = GpuScene::new(self.gpu, scene.clone());
-        for spec in self.specs(&scene.data).into_iter().filter(&claims) {
+        for spec in self.specs(&scene.data, claims) {
             if let Some(frame) = self.frame(&on_gpu, view, &spec, options)
                 && let Err(wrong) = check(&spec, &frame)
             {
@@ -434,7 +435,7 @@ impl Run<'_> {
         mut check: impl FnMut(&Spec, &Image, &Image) -> Result<(), String>,
     ) {
         let on_gpu = scenes.map(|scene| GpuScene::new(self.gpu, scene.clone()));
-        for spec in self.specs(&scenes[0].data).into_iter().filter(&claims) {
+        for spec in self.specs(&scenes[0].data, claims) {
             let drawn = [0, 1].map(|i| self.frame(&on_gpu[i], views[i], &spec, options[i]));
             if let [Some(a), Some(b)] = drawn
                 && let Err(wrong) = check(&spec, &a.image, &b.image)

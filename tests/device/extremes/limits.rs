@@ -60,7 +60,7 @@ fn little_memory(run: &mut Run<'_>) {
         for data in kinds(24, affine) {
             let scene = Scene::new(data, ramp(ENDS[0], ENDS[1]));
             let on_gpu = GpuScene::new(run.gpu, scene.clone());
-            for spec in run.specs(&scene.data) {
+            for spec in run.specs(&scene.data, |_| true) {
                 if run.frame(&on_gpu, &view, &spec, &[]).is_some() {
                     run.fail(format!("{spec} drew what does not fit 60,000 bytes"));
                 }
@@ -123,7 +123,7 @@ fn repeated(run: &mut Run<'_>) {
         let rows: &[[f64; 5]] = if matches!(data, volraster::scene::Data::Grid(_)) { &SHELLS } else { &FOG };
         let scene = Scene::new(data, transfer(rows));
         let on_gpu = GpuScene::new(run.gpu, scene.clone());
-        for spec in run.specs(&scene.data) {
+        for spec in run.specs(&scene.data, |_| true) {
             let Some(first) = run.frame(&on_gpu, &view, &spec, &[]) else { continue };
             let renderer = volraster::technique::Renderer::new(&on_gpu, technique(&spec.with(&[])));
             let mut frames = renderer.frames(&view).unwrap();
@@ -151,7 +151,7 @@ fn sweep(run: &mut Run<'_>) {
     let on_gpu = GpuScene::new(run.gpu, scene.clone());
     // The 2-D table has an error of its own.
     let claims = |spec: &Spec| spec.has("step") && spec.integrator != "full" && !spec.blurs(&scene.data);
-    for spec in run.specs(&scene.data).into_iter().filter(claims) {
+    for spec in run.specs(&scene.data, claims) {
         let mut errors = Vec::new();
         for exponent in 3..=13 {
             // Voxels are 2 wide; so many steps in 2 units.
