@@ -1,6 +1,6 @@
 //! What a grid takes on a device, told without one.
 
-use crate::resident::bricks::{MinMax, bricks_of};
+use crate::resident::brick_ranges::{MinMax, bricks_of};
 use crate::resident::volume::texel_bytes;
 use crate::scene::Grid;
 
