@@ -12,7 +12,7 @@ use glam::DVec3;
 
 use crate::error::{Error, Result};
 use crate::frame::depth_measure::{DepthMeasure, PixelLines};
-use crate::frame::lists::{Geometry, Lists, Stage, measure};
+use crate::frame::lists::{Geometry, Lists, Ranking, measure};
 use crate::frame::prepared::Outcome;
 use crate::frame::target::{Canvas, Layers};
 use crate::gpu::shader::{
@@ -41,7 +41,7 @@ const SLACK: f64 = 1e-3;
 #[derive(Debug)]
 pub(crate) struct SurfaceLists {
     data: Arc<SurfaceData>,
-    stage: Stage,
+    stage: Ranking,
     lists: Lists,
     needs: Needs,
     push: MeshPush,
@@ -111,7 +111,7 @@ impl SurfaceLists {
             count: num::count(data.triangles.len()),
         };
         // By rank lists come nearly sorted, and little is left to do in each pixel.
-        let stage = Stage::of(gpu, NAME, geometry, false, None)?;
+        let stage = Ranking::new(gpu, NAME, geometry, false, None)?;
         let push = data.frame.push(view, &MeshPush::default())?;
         let [width, height] = view.extent();
         let across = width.div_ceil(TILE);

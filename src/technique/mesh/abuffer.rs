@@ -22,9 +22,9 @@ use crate::gpu::shader::ABUFFER_COMPUTE;
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
+use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
 use crate::technique::mesh::options::{EMPTY_SPACE, INTEGRATOR, MeshOptions, ORDER, SMOKE, STOP};
-use crate::technique::mesh::shading::MeshDesc;
 use crate::technique::options::{self, OptionInfo, Order, TABLE};
 
 const NAME: &str = "abuffer";

@@ -15,6 +15,10 @@
 //! Error: that of the integrator where the order is right or repaired. Cost: a test and an integration for each cell of each
 //! pixel. Needs: core Vulkan 1.3; `route=raster` blending into 32-bit float.
 
+mod options;
+mod ranks;
+mod raster;
+
 use std::sync::Arc;
 
 use crate::error::Result;
@@ -27,17 +31,17 @@ use crate::gpu::{Buffer, Image, Recorder, TargetImage};
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
+use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
 use crate::technique::mesh::options::Repair;
-use crate::technique::mesh::projected_tets_options::NAME;
-use crate::technique::mesh::projected_tets_raster::TetsRaster;
-use crate::technique::mesh::ranks::Ranker;
-use crate::technique::mesh::shading::MeshDesc;
+use crate::technique::mesh::projected_tets::options::NAME;
+use crate::technique::mesh::projected_tets::ranks::Ranker;
+use crate::technique::mesh::projected_tets::raster::TetsRaster;
 use crate::technique::options::{Order, Route};
 
-pub(crate) use crate::technique::mesh::projected_tets_options::OPTIONS;
-pub use crate::technique::mesh::projected_tets_options::{Options, Plane, Shade};
-pub use crate::technique::mesh::ranks::Rank;
+pub(crate) use options::OPTIONS;
+pub use options::{Options, Plane, Shade};
+pub use ranks::Rank;
 
 impl Options {
     pub(crate) fn prepare(

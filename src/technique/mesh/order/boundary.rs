@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use crate::num;
 use crate::scene::topology::{Face, NONE, Topology};
 use crate::scene::{Tets, View, predicates};
-use crate::technique::mesh::order::Eye;
+use crate::technique::mesh::order::eye::Eye;
 
 /// Rows that are done at a time, where faces are not so large that their lists would be long.
 const BAND: u32 = 8;

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::num;
 use crate::scene::topology::Topology;
 use crate::scene::{Tets, View};
-use crate::technique::mesh::order::Eye;
+use crate::technique::mesh::order::eye::Eye;
 
 /// Cells below which a thread is not worth its start.
 pub(crate) const CHUNK: usize = 4096;

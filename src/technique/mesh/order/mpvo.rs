@@ -9,8 +9,33 @@ use crate::error::Result;
 use crate::num;
 use crate::scene::topology::{Face, NONE, Topology};
 use crate::scene::{Tets, View};
+use crate::technique::mesh::order::eye::Eye;
 use crate::technique::mesh::order::keys::{self, CHUNK};
-use crate::technique::mesh::order::{Boundary, Eye, VisibilityOrder, boundary, cycles};
+use crate::technique::mesh::order::{boundary, cycles};
+
+/// How cells are ordered that are on no ray without a gap between.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Boundary {
+    /// By where the ray of each pixel leaves the mesh and enters it again: right at every pixel centre.
+    Pixels,
+    /// By the distance of centroids, which is wrong where the mesh has gaps or hollows and shows them.
+    Centroid,
+}
+
+/// Cells in the order in which rays meet them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct VisibilityOrder {
+    /// Every cell once, nearest first.
+    pub front_to_back: Vec<u32>,
+    /// Groups of cells that lie in front of one another in turn, so that no order is right for all.
+    pub cycles: u32,
+    /// Cells in such groups.
+    pub cells_in_cycles: u32,
+    /// Relations that the order does not keep, because of cycles.
+    pub dropped_relations: u64,
+    /// Whether cells with a gap between them were ordered by centroids.
+    pub approximate: bool,
+}
 
 /// Sorts the cells of a mesh front to back.
 ///

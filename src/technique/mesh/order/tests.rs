@@ -2,11 +2,13 @@
 
 use glam::{DVec2, DVec3};
 
+use crate::num;
 use crate::scene::topology::Topology;
 use crate::scene::topology::tests::{REAL, cubes, cubes_where, five, mesh, shared_mesh};
-use crate::scene::{Camera, Projection, Tets};
+use crate::scene::{Camera, Projection, Tets, View};
 use crate::technique::mesh::order::keys::{PowerCheck, ascending, centroid, check_power, power};
-use crate::technique::mesh::order::*;
+use crate::technique::mesh::order::mpvo::VisibilityOrder;
+use crate::technique::mesh::order::{Boundary, mpvo};
 
 /// Numbers in [0, 1).
 struct Random(u64);

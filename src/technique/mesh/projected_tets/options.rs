@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, OptionalFeature};
 use crate::technique::mesh::options::{EMPTY_SPACE, INTEGRATOR, MeshOptions, ORDER, Repair, SMOKE, STOP};
-use crate::technique::mesh::ranks::{RANK, Rank};
+use crate::technique::mesh::projected_tets::ranks::{RANK, Rank};
 use crate::technique::options::{self, Choice, OptionInfo, Route, TABLE};
 
 pub(crate) const NAME: &str = "projected-tets";

@@ -1,15 +1,15 @@
-//! The raster routes of `havs`: each face drawn once, by rank, through a k-buffer in four storage images
-//! (`glsl/havs-raster.glsl`).
+//! The raster routes of `havs`: each face is drawn once, by rank, and a k-buffer in storage images sorts its fragments
+//! (`havs-raster.glsl`).
 //!
 //! Fragments of one pixel must read and write its k-buffer one after the other, in the order of ranks:
 //!
-//! - `interlock` has it by `VK_EXT_fragment_shader_interlock`, ordered by pixel.
-//! - `implementation-ordered` relies on a driver whose rasteriser is known to work so: Mesa's llvmpipe gives a tile of the
-//!   image to one thread, which works through its triangles in their order. Vulkan does not promise it, so nobody gets this
-//!   route without asking.
+//! - `interlock`: `VK_EXT_fragment_shader_interlock` guarantees it, with the mode `pixel_interlock_ordered`.
+//! - `implementation-ordered` relies on a driver whose rasteriser is known to work so: Mesa's llvmpipe gives a tile of
+//!   the image to one thread, which takes its triangles in order. Vulkan does not promise it, so this route is never
+//!   chosen automatically.
 //!
-//! What remains in the k-buffer is taken out by one dispatch at the end. Pixels that were not sorted are flagged, and with
-//! `repair=exact` lists are made of them alone and drawn as by the route `compute`; so are pixels in which cells overlap.
+//! One dispatch at the end empties the k-buffers. Unsorted pixels are flagged; with `repair=exact` only they get lists,
+//! and are drawn as by the route `compute`. So are pixels in which cells overlap.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ use glam::DVec3;
 
 use crate::error::{Error, Result};
 use crate::frame::depth_measure::DepthMeasure;
-use crate::frame::lists::{Lists, Stage, measure};
+use crate::frame::lists::{Lists, Ranking, measure};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
 use crate::gpu::shader::{
@@ -39,54 +39,33 @@ use crate::num;
 use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass, words};
 use crate::resident::GpuScene;
 use crate::resident::local_space::LocalSpace;
-use crate::resident::mesh::{MeshData, Needs};
 use crate::resident::tables::{Knots, Table};
 use crate::scene::View;
-use crate::technique::mesh::frame::MeshOutcome;
+use crate::technique::mesh::desc::MeshDesc;
+use crate::technique::mesh::flagged::FlaggedFrame;
+use crate::technique::mesh::frame::REPAIR_K;
+use crate::technique::mesh::havs::options::Route;
+use crate::technique::mesh::outcome::MeshOutcome;
 use crate::technique::mesh::overlaps::Overlaps;
-use crate::technique::mesh::shading::{
-    MeshDesc, REPAIR_K, constants, only_flagged, shading, shading_push, stage,
-};
+use crate::technique::mesh::shading::{shading_push, shading_resources};
 use crate::technique::options::Choice;
 
-/// How faces come to pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Route {
-    /// By compute.
-    Auto,
-    /// Lists of each pixel's faces, and the k-buffer in registers.
-    Compute,
-    /// Rasterised, the k-buffer in storage images, fragments ordered by `VK_EXT_fragment_shader_interlock`.
-    Interlock,
-    /// The same without the extension, on drivers that are known to order fragments' stores. Vulkan does not promise it.
-    ImplementationOrdered,
-}
-
-impl Choice for Route {
-    const WORDS: &'static [(&'static str, Self)] = &[
-        ("auto", Self::Auto),
-        ("compute", Self::Compute),
-        ("interlock", Self::Interlock),
-        ("implementation-ordered", Self::ImplementationOrdered),
-    ];
-}
-
-/// Most pairs of the k-buffer: with the one that left last they fill four images.
-pub(crate) const MOST_K: u32 = 7;
+/// The format of the accumulation image and of the k-buffer's images.
+const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 
 /// Everything that is fixed between frames of one size.
 #[derive(Debug)]
 pub(crate) struct RasterFrame {
-    frame: LocalSpace,
+    space: LocalSpace,
     /// The box around the mesh.
     bounds: [DVec3; 2],
     push: MeshPush,
     extent: [u32; 2],
     tiles: u32,
-    /// 2 where what is behind the eye is drawn too, else 1.
+    /// 2 where faces behind the eye are drawn too, else 1.
     lobes: u32,
     route: Route,
-    stage: Stage,
+    ranking: Ranking,
     draw: (Arc<Pipeline>, Arc<Descriptors>),
     empty: Dispatch,
     repair: Option<Repairs>,
@@ -94,11 +73,10 @@ pub(crate) struct RasterFrame {
     image: Arc<Image>,
     flags: Arc<Buffer>,
     outcome: Arc<RasterOutcome>,
-    _knots: Arc<Knots>,
     table: Option<Arc<Table>>,
 }
 
-/// Lists of flagged pixels, and what draws them.
+/// The passes that list the fragments of flagged pixels and draw them.
 #[derive(Debug)]
 struct Repairs {
     lists: Lists,
@@ -106,7 +84,7 @@ struct Repairs {
     rounds: u32,
 }
 
-/// What a frame tells of itself when it has ended.
+/// The status of a frame, and the outcome of its repairs.
 #[derive(Debug)]
 struct RasterOutcome {
     status: Arc<Buffer>,
@@ -119,7 +97,7 @@ impl Outcome for RasterOutcome {
         if let Some(repair) = &self.repair {
             let (complete, mut counters) = repair.read()?;
             for (name, _) in &mut counters {
-                // There are lists of flagged pixels only.
+                // Only flagged pixels have lists.
                 *name = match *name {
                     "fragments" => "repaired_fragments",
                     other => other,
@@ -138,8 +116,12 @@ impl Outcome for RasterOutcome {
     }
 }
 
-/// Whether a device offers a raster route.
-fn offers(gpu: &Gpu, route: Route, name: &str) -> Result<()> {
+/// Refuses a raster route that the device does not offer.
+///
+/// # Errors
+///
+/// [`Error::Unsupported`] with the missing feature.
+fn check_route(gpu: &Gpu, route: Route, name: &str) -> Result<()> {
     let (feature, missing) = match route {
         Route::Interlock => {
             (OptionalFeature::FragmentInterlock, "fragmentShaderPixelInterlock; route=compute works")
@@ -156,7 +138,73 @@ fn offers(gpu: &Gpu, route: Route, name: &str) -> Result<()> {
     if gpu.has(feature) { Ok(()) } else { Err(Error::unsupported(what(), missing)) }
 }
 
+/// Refuses more faces than one draw has vertices for.
+fn check_faces(name: &str, route: Route, faces: u32) -> Result<()> {
+    // Shaders count vertices in signed numbers.
+    if u64::from(faces) * 3 <= u64::from(u32::MAX / 2) {
+        return Ok(());
+    }
+    Err(Error::unsupported(
+        format!("{name} route={}", route.word()),
+        format!("{faces} faces in one draw; route=compute works"),
+    ))
+}
+
+/// Allocates as many images as K pairs and the one that left last fill: two pairs each.
+fn kbuffer_images(gpu: &Gpu, k: u32, extent: [u32; 2]) -> Result<Vec<Arc<Image>>> {
+    let desc = ImageDesc::flat(FORMAT, extent, vk::ImageUsageFlags::STORAGE);
+    (0..=k / 2).map(|i| Image::new(gpu, &format!("kbuffer.{i}"), &desc).map(Arc::new)).collect()
+}
+
+/// Returns the bindings of the passes that draw faces.
+fn draw_resources(
+    ranking: &Ranking,
+    knots: &Knots,
+    target: &Canvas,
+    flags: &Arc<Buffer>,
+    image: &Arc<Image>,
+    kbuffer: &[Arc<Image>],
+) -> Vec<(u32, Resource)> {
+    let storage = |i: usize| Resource::Storage(Arc::clone(kbuffer.get(i).unwrap_or(image)));
+    let mut resources = vec![
+        (BINDING_ORDER, Resource::ReadOnly(Arc::clone(&ranking.order))),
+        (BINDING_BOXES, Resource::ReadOnly(Arc::clone(&ranking.boxed))),
+        (BINDING_PRIMITIVES, Resource::Buffer(Arc::clone(&ranking.primitives))),
+        (BINDING_VIEW_POINTS, Resource::ReadOnly(Arc::clone(&ranking.view_points))),
+        (BINDING_MESH_SCALARS, Resource::Buffer(Arc::clone(&ranking.scalars))),
+        (BINDING_STATUS, Resource::Buffer(Arc::clone(&ranking.status))),
+        (BINDING_FLAGS, Resource::Buffer(Arc::clone(flags))),
+        (BINDING_ACCUMULATION, Resource::Storage(Arc::clone(image))),
+        (BINDING_KBUFFER_0, storage(0)),
+        (BINDING_KBUFFER_1, storage(1)),
+        (BINDING_KBUFFER_2, storage(2)),
+        (BINDING_KBUFFER_3, storage(3)),
+    ];
+    resources.extend(target.bounds(&knots.buffer));
+    resources.extend(target.layers(&knots.buffer));
+    resources
+}
+
+/// Builds the pipeline that draws faces.
+fn draw_pipeline(gpu: &Gpu, name: &str, route: Route, constants: &[SpecConstant]) -> Result<Arc<Pipeline>> {
+    gpu.graphics_pipeline(
+        &format!("{name}.draw"),
+        &GraphicsDesc {
+            vertex: &HAVS_RASTER_VERTEX,
+            fragment: match route {
+                Route::Interlock => &HAVS_RASTER_INTERLOCK,
+                _ => &HAVS_RASTER_IMPLEMENTATION,
+            },
+            topology: vk::PrimitiveTopology::TRIANGLE_LIST,
+            blend: Blend::Copy,
+            format: None,
+            constants,
+        },
+    )
+}
+
 impl RasterFrame {
+    /// Prepares frames of one view size.
     pub(crate) fn new(
         scene: &Arc<GpuScene>,
         view: &View,
@@ -166,162 +214,125 @@ impl RasterFrame {
     ) -> Result<Self> {
         let gpu = scene.gpu();
         let name = desc.name;
-        offers(gpu, route, name)?;
+        check_route(gpu, route, name)?;
         target.refuse_layers(&format!("{name} route={}", route.word()), "route=compute")?;
         gpu.check_drawing(name, view.extent())?;
         let mesh = scene.mesh()?;
         let data = scene.mesh_data();
-        let frame = LocalSpace::of(mesh);
+        let space = LocalSpace::of(mesh);
         let knots = scene.knots()?;
         let table = scene.table(&desc.segments)?;
-        let push = frame.push(view, &shading_push(scene, &desc, &knots)?)?;
+        let push = space.push(view, &shading_push(scene, &desc, &knots)?)?;
         let [width, height] = view.extent();
         let across = width.div_ceil(TILE);
         let tiles = across * height.div_ceil(TILE);
-        let stage = stage(scene, &data, &desc, None)?;
-        // Shaders count vertices in signed numbers.
-        if u64::from(stage.count) * 3 > u64::from(u32::MAX / 2) {
-            return Err(Error::unsupported(
-                format!("{name} route={}", route.word()),
-                format!("{} faces in one draw; route=compute works", stage.count),
-            ));
-        }
+        let ranking = desc.rank_primitives(scene, &data, None)?;
+        check_faces(name, route, ranking.count)?;
 
-        let format = vk::Format::R32G32B32A32_SFLOAT;
-        let image = own_image(gpu, name, format, vk::ImageUsageFlags::STORAGE, view, target)?;
+        let image = own_image(gpu, name, FORMAT, vk::ImageUsageFlags::STORAGE, view, target)?;
         let flags = buffer(gpu, "flags", u64::from(tiles) * u64::from(TILE_PIXELS))?;
-        let kbuffer_desc = ImageDesc::flat(format, view.extent(), vk::ImageUsageFlags::STORAGE);
-        // As many as K pairs and the last one fill.
-        let kbuffer: Vec<_> = (0..=desc.k / 2)
-            .map(|i| Image::new(gpu, &format!("kbuffer.{i}"), &kbuffer_desc).map(Arc::new))
-            .collect::<Result<_>>()?;
-        let storage = |i: usize| Resource::Storage(Arc::clone(kbuffer.get(i).unwrap_or(&image)));
+        let kbuffer = kbuffer_images(gpu, desc.k, view.extent())?;
 
-        let mut resources = shading(scene, &knots, table.as_ref())?;
-        resources.extend([
-            (BINDING_ORDER, Resource::ReadOnly(Arc::clone(&stage.order))),
-            (BINDING_BOXES, Resource::ReadOnly(Arc::clone(&stage.boxed))),
-            (BINDING_PRIMITIVES, Resource::Buffer(Arc::clone(&stage.primitives))),
-            (BINDING_VIEW_POINTS, Resource::ReadOnly(Arc::clone(&stage.view_points))),
-            (BINDING_MESH_SCALARS, Resource::Buffer(Arc::clone(&stage.scalars))),
-            (BINDING_STATUS, Resource::Buffer(Arc::clone(&stage.status))),
-            (BINDING_FLAGS, Resource::Buffer(Arc::clone(&flags))),
-            (BINDING_ACCUMULATION, Resource::Storage(Arc::clone(&image))),
-            (BINDING_KBUFFER_0, storage(0)),
-            (BINDING_KBUFFER_1, storage(1)),
-            (BINDING_KBUFFER_2, storage(2)),
-            (BINDING_KBUFFER_3, storage(3)),
-        ]);
-        resources.extend(target.bounds(&knots.buffer));
-        resources.extend(target.layers(&knots.buffer));
-        let mut shared = constants(scene, &desc)?;
+        let mut resources = shading_resources(scene, &knots, table.as_ref())?;
+        resources.extend(draw_resources(&ranking, &knots, target, &flags, &image, &kbuffer));
         let shading = [
             (SPEC_KNOT_WALK, knots.walk),
             (SPEC_INTEGRATOR, desc.segments.integrator.code()),
             target.bounded(),
         ];
-        shared.extend(shading);
-        let own: Vec<SpecConstant> = shared.iter().copied().chain([(SPEC_K, desc.k)]).collect();
-        let pipeline = gpu.graphics_pipeline(
-            &format!("{name}.draw"),
-            &GraphicsDesc {
-                vertex: &HAVS_RASTER_VERTEX,
-                fragment: match route {
-                    Route::Interlock => &HAVS_RASTER_INTERLOCK,
-                    _ => &HAVS_RASTER_IMPLEMENTATION,
-                },
-                topology: vk::PrimitiveTopology::TRIANGLE_LIST,
-                blend: Blend::Copy,
-                format: None,
-                constants: &own,
-            },
-        )?;
+        let mut constants = desc.constants(scene)?;
+        constants.extend(shading);
+        constants.push((SPEC_K, desc.k));
+        let pipeline = draw_pipeline(gpu, name, route, &constants)?;
         let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
-        let empty = pass(gpu, &format!("{name}.empty"), &HAVS_RASTER_EMPTY, &own, &resources)?;
+        let empty = pass(gpu, &format!("{name}.empty"), &HAVS_RASTER_EMPTY, &constants, &resources)?;
 
         let status = download(gpu, "status", 4 * u64::from(STATUS_WORDS))?;
+        let mut outcome = RasterOutcome { status, primitives: ranking.count, repair: None };
         let mut repair = None;
-        let mut outcome = None;
         let mut overlaps = None;
         if desc.repair.is_some() {
-            let (runs, needs, bands) = measure(gpu, &stage, &data.needs, &push, tiles, across)?;
-            let mut lists = Lists::new(gpu, &stage, tiles, runs, bands, needs)?;
-            only_flagged(&mut lists, scene, &desc, &flags)?;
-            if let Some(entries) = lists.list_fill.descriptors.resource(BINDING_LISTS) {
-                resources.push((BINDING_LISTS, entries));
-            }
-            resources.push((BINDING_CURSORS, Resource::ReadOnly(Arc::clone(&lists.cursors))));
-            shared.extend([(SPEC_K, REPAIR_K), (SPEC_RESUME, 0), (SPEC_LAST_CHUNK, 1), (SPEC_REPAIR, 1)]);
-            outcome = Some(outcome_of(gpu, &data, &status, &lists, needs, stage.count)?);
-            repair = Some(Repairs {
-                lists,
-                pass: pass(gpu, &format!("{name}.repair"), desc.resolve, &shared, &resources)?,
-                rounds: needs.rounds,
-            });
-            if needs.overlaps {
-                let found =
-                    Overlaps::new(scene, &desc, &data, &push, [tiles, across], &flags, resources, &shading)?;
-                if let Some(outcome) = &mut outcome {
-                    outcome.overlaps = Some(found.status());
-                }
-                overlaps = Some(found);
-            }
+            let (flags, resources) = (&flags, resources.as_slice());
+            let (data, desc, push, shading) = (&data, &desc, &push, shading.as_slice());
+            let frame = FlaggedFrame { scene, data, desc, push, tiles, across, flags, resources, shading };
+            (repair, overlaps) = outcome.add_repairs(&frame, &ranking)?;
         }
         let mut frame = Self {
-            frame,
+            space,
             bounds: mesh.bounds(),
             push,
             extent: view.extent(),
             tiles,
             lobes: 1,
             route,
-            outcome: Arc::new(RasterOutcome { status, primitives: stage.count, repair: outcome }),
-            stage,
+            outcome: Arc::new(outcome),
+            ranking,
             draw: (pipeline, descriptors),
             empty,
             repair,
             overlaps,
             image,
             flags,
-            _knots: knots,
             table,
         };
         frame.lobes = frame.lobes_of(view);
         Ok(frame)
     }
 
-    /// What is behind the eye matters to a line that begins inside the mesh.
+    /// Returns the number of lobes of the projection that a view needs.
+    ///
+    /// A ray that begins inside the mesh starts in a cell that only the faces behind the eye can name.
     fn lobes_of(&self, view: &View) -> u32 {
         let eye = view.camera().eye;
-        // More than float32 moves points by.
-        let margin = DVec3::splat(1e-5 * self.frame.radius);
+        // Float32 moves points by less.
+        let margin = DVec3::splat(1e-5 * self.space.radius);
         let inside = eye.cmpge(self.bounds[0] - margin).all() && eye.cmple(self.bounds[1] + margin).all();
         if view.is_perspective() && inside { 2 } else { 1 }
     }
 }
 
-fn outcome_of(
-    gpu: &Gpu,
-    data: &Arc<MeshData>,
-    status: &Arc<Buffer>,
-    lists: &Lists,
-    capacities: Needs,
-    primitives: u32,
-) -> Result<MeshOutcome> {
-    Ok(MeshOutcome {
-        data: Arc::clone(data),
-        status: Arc::clone(status),
-        bins: download(gpu, "bins.total", 8)?,
-        lists: lists.bands.iter().map(|_| download(gpu, "lists.total", 8)).collect::<Result<_>>()?,
-        capacities,
-        primitives,
-        repairs_overlaps: true,
-        unsorted: "kbuffer_overflow_pixels",
-        overlaps: None,
-    })
+impl RasterOutcome {
+    /// Builds the passes that draw unsorted pixels again, and, once a frame has met overlaps, those that draw these.
+    fn add_repairs(
+        &mut self,
+        frame: &FlaggedFrame<'_>,
+        ranking: &Ranking,
+    ) -> Result<(Option<Repairs>, Option<Overlaps>)> {
+        let FlaggedFrame { scene, data, desc, push, tiles, across, flags, .. } = *frame;
+        let gpu = scene.gpu();
+        let (runs, needs, bands) = measure(gpu, ranking, &data.needs, push, tiles, across)?;
+        let mut lists = Lists::new(gpu, ranking, tiles, runs, bands, needs)?;
+        lists.restrict_to_flagged(gpu, ranking, flags)?;
+        let status = Arc::clone(&self.status);
+        let mut outcome = MeshOutcome::new(gpu, data, desc, status, &lists, needs, ranking.count)?;
+        let repairs = Repairs::new(frame, lists, needs.rounds)?;
+        let mut overlaps = None;
+        if needs.overlaps {
+            let found = Overlaps::new(frame)?;
+            outcome.overlaps = Some(found.status());
+            overlaps = Some(found);
+        }
+        self.repair = Some(outcome);
+        Ok((Some(repairs), overlaps))
+    }
 }
 
 impl Repairs {
+    /// Builds the pass that sorts and resolves `lists`.
+    fn new(frame: &FlaggedFrame<'_>, lists: Lists, rounds: u32) -> Result<Self> {
+        let FlaggedFrame { scene, desc, .. } = *frame;
+        let mut resources = frame.resources.to_vec();
+        resources.push((BINDING_LISTS, Resource::Buffer(Arc::clone(&lists.entries))));
+        resources.push((BINDING_CURSORS, Resource::ReadOnly(Arc::clone(&lists.cursors))));
+        let mut constants = desc.constants(scene)?;
+        constants.extend_from_slice(frame.shading);
+        constants.extend([(SPEC_K, REPAIR_K), (SPEC_RESUME, 0), (SPEC_LAST_CHUNK, 1), (SPEC_REPAIR, 1)]);
+        let name = format!("{}.repair", desc.name);
+        let pass = pass(scene.gpu(), &name, desc.resolve, &constants, &resources)?;
+        Ok(Self { lists, pass, rounds })
+    }
+
+    /// Records bins, lists and repair rounds, band by band.
     fn record(&self, recorder: &mut Recorder<'_>, push: &MeshPush, count: u32, outcome: &MeshOutcome) {
         let lists = &self.lists;
         lists.bin(recorder, push, count);
@@ -353,13 +364,13 @@ impl Repairs {
 
 impl Prepared for RasterFrame {
     fn set_view(&mut self, view: &View, _most_passes: u32) -> Result<bool> {
-        self.push = self.frame.push(view, &self.push)?;
+        self.push = self.space.push(view, &self.push)?;
         self.lobes = self.lobes_of(view);
         Ok(true)
     }
 
     fn measure(&self) -> DepthMeasure {
-        DepthMeasure::of_frame(&self.frame)
+        DepthMeasure::of_frame(&self.space)
     }
 
     fn image(&self) -> Option<&Arc<Image>> {
@@ -396,8 +407,8 @@ impl Prepared for RasterFrame {
         if let Some(table) = &self.table {
             recorder.assume_ready(&table.image);
         }
-        self.stage.record(recorder, &self.push);
-        // Says of all images that they hold nothing.
+        self.ranking.record(recorder, &self.push);
+        // A flag of 0 says that the images hold nothing of the pixel, so they need no clear.
         recorder.clear_buffer("flags.clear", &self.flags);
         let push = MeshPush { number: self.lobes, ..self.push };
         let (pipeline, descriptors) = &self.draw;
@@ -407,18 +418,18 @@ impl Prepared for RasterFrame {
             descriptors,
             std::iter::once(bytemuck::bytes_of(&push)),
             self.extent,
-            3 * self.stage.count,
+            3 * self.ranking.count,
         );
         let push = MeshPush { count: self.tiles, ..self.push };
         self.empty.record(recorder, &push, groups_of(self.tiles, 1));
         if let (Some(repair), Some(outcome)) = (&self.repair, &self.outcome.repair) {
-            repair.record(recorder, &self.push, self.stage.count, outcome);
+            repair.record(recorder, &self.push, self.ranking.count, outcome);
         }
         if let Some(overlaps) = &self.overlaps {
             overlaps.record(recorder, &self.push);
         }
         let status = &self.outcome.status;
-        recorder.copy_buffer("status", &self.stage.status, status, status.size());
+        recorder.copy_buffer("status", &self.ranking.status, status, status.size());
         recorder.release_to_host(status);
     }
 }

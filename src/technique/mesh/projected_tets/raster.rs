@@ -10,31 +10,35 @@ use glam::DVec3;
 
 use crate::error::{Error, Result};
 use crate::frame::depth_measure::DepthMeasure;
-use crate::frame::lists::Stage;
+use crate::frame::lists::Ranking;
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, draws_directly, own_image};
 use crate::gpu::shader::{
-    BINDING_BOXES, BINDING_FANS, BINDING_KNOTS, BINDING_KNOTS_UNIFORM, BINDING_MESH_SCALARS, BINDING_ORDER,
-    BINDING_POLYGONS, BINDING_PRIMITIVES, BINDING_RANK_KEYS, BINDING_TABLE, BINDING_TABLE_HEAD,
-    BINDING_VIEW_POINTS, FAN_VERTICES, OUTLINE_VERTICES, PROJECTED_TETS_FRAGMENT, PROJECTED_TETS_OUTLINES,
-    PROJECTED_TETS_VERTEX, SPEC_INTEGRATOR, SPEC_KNOT_WALK, SPEC_SHADED, SPEC_SPACE, STATUS_NAN_KEYS,
-    STATUS_WORDS, TET_FANS_BUILD, TET_FANS_FRAGMENT, TET_FANS_SHADED_FRAGMENT, TET_FANS_SHADED_VERTEX,
-    TET_FANS_VERTEX,
+    BINDING_BOXES, BINDING_FANS, BINDING_MESH_SCALARS, BINDING_ORDER, BINDING_POLYGONS, BINDING_PRIMITIVES,
+    BINDING_RANK_KEYS, BINDING_VIEW_POINTS, FAN_VERTICES, OUTLINE_VERTICES, PROJECTED_TETS_FRAGMENT,
+    PROJECTED_TETS_OUTLINES, PROJECTED_TETS_VERTEX, SPEC_INTEGRATOR, SPEC_KNOT_WALK, SPEC_SHADED, SPEC_SPACE,
+    STATUS_NAN_KEYS, STATUS_WORDS, TET_FANS_BUILD, TET_FANS_FRAGMENT, TET_FANS_SHADED_FRAGMENT,
+    TET_FANS_SHADED_VERTEX, TET_FANS_VERTEX,
 };
 use crate::gpu::sync::Use;
 use crate::gpu::{
-    Attachment, Blend, Buffer, Descriptors, GraphicsDesc, Image, Pipeline, Recorder, Resource, TargetImage,
+    Attachment, Blend, Buffer, Descriptors, Gpu, GraphicsDesc, Image, Pipeline, Recorder, Resource,
+    SpecConstant, TargetImage,
 };
 use crate::interface::{Fan, MeshPush};
 use crate::num;
 use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass, words};
 use crate::resident::GpuScene;
 use crate::resident::local_space::LocalSpace;
-use crate::resident::tables::{Integrator, Table};
+use crate::resident::tables::{Integrator, Knots, Table};
 use crate::scene::{TetScalars, View};
-use crate::technique::mesh::projected_tets_options::{Options, Plane, Shade};
-use crate::technique::mesh::ranks::{Rank, Ranker};
-use crate::technique::mesh::shading::{MeshDesc, constants, shading_push, stage};
+use crate::technique::mesh::desc::MeshDesc;
+use crate::technique::mesh::projected_tets::options::{Options, Plane, Shade};
+use crate::technique::mesh::projected_tets::ranks::{Rank, Ranker};
+use crate::technique::mesh::shading::{shading_push, shading_resources};
+
+/// The format of the accumulation image.
+const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 
 /// What views must share for fans in space and ranks to serve them: the eye, or the direction of parallel rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,9 +59,9 @@ impl Eye {
 pub(crate) struct TetsRaster {
     name: &'static str,
     options: Options,
-    frame: LocalSpace,
+    space: LocalSpace,
     push: MeshPush,
-    stage: Stage,
+    ranking: Ranking,
     /// Makes polygons: outlines, or fans.
     polygons: Dispatch,
     pipeline: Arc<Pipeline>,
@@ -100,7 +104,104 @@ impl Outcome for RasterOutcome {
     }
 }
 
+/// Refuses `shade=vertex` where something bounds rays.
+fn check_shade(name: &str, options: &Options, target: &Canvas) -> Result<()> {
+    if options.shade != Shade::Vertex || target.bounds.is_none() {
+        return Ok(());
+    }
+    Err(Error::unsupported(
+        format!("{name} shade=vertex with clipping, a depth image or opaque surfaces"),
+        "colours of a cell's corners, which cannot be cut: shade=fragment works",
+    ))
+}
+
+/// Returns the specialisation constants of all passes.
+fn constants_of(
+    scene: &GpuScene,
+    desc: &MeshDesc,
+    options: &Options,
+    knots: &Knots,
+    target: &Canvas,
+) -> Result<Vec<SpecConstant>> {
+    // A fragment that walks through knots loads them all; between two scalars a table needs no walk.
+    let between = matches!(scene.mesh()?.scalars(), TetScalars::Point(_));
+    let searches = between && desc.segments.integrator == Integrator::Integral;
+    let mut constants = desc.constants(scene)?;
+    constants.extend([
+        (SPEC_KNOT_WALK, if searches { 0 } else { knots.walk }),
+        (SPEC_INTEGRATOR, desc.segments.integrator.code()),
+        (SPEC_SPACE, u32::from(options.plane == Plane::Space)),
+        (SPEC_SHADED, u32::from(options.shade == Shade::Vertex)),
+        target.bounded(),
+    ]);
+    Ok(constants)
+}
+
+/// Returns the bindings that the pass that makes polygons and the draw share.
+fn shared_resources(
+    scene: &GpuScene,
+    knots: &Knots,
+    table: Option<&Arc<Table>>,
+    ranking: &Ranking,
+) -> Result<Vec<(u32, Resource)>> {
+    let mut resources = shading_resources(scene, knots, table)?;
+    resources.extend([
+        (BINDING_PRIMITIVES, Resource::Buffer(Arc::clone(&ranking.primitives))),
+        (BINDING_MESH_SCALARS, Resource::Buffer(Arc::clone(&ranking.scalars))),
+        (BINDING_VIEW_POINTS, Resource::ReadOnly(Arc::clone(&ranking.view_points))),
+    ]);
+    Ok(resources)
+}
+
+/// Builds the pass that makes polygons: fans, or outlines.
+fn polygon_pass(
+    gpu: &Gpu,
+    name: &str,
+    fans: bool,
+    ranking: &Ranking,
+    polygons: (u32, Resource),
+    shared: &[(u32, Resource)],
+    constants: &[SpecConstant],
+) -> Result<Dispatch> {
+    let written = [
+        polygons,
+        (BINDING_BOXES, Resource::ReadOnly(Arc::clone(&ranking.boxed))),
+        (BINDING_RANK_KEYS, Resource::Buffer(Arc::clone(&ranking.keys))),
+        (BINDING_ORDER, Resource::Buffer(Arc::clone(&ranking.order))),
+    ];
+    let (shader, part) =
+        if fans { (&TET_FANS_BUILD, "fans") } else { (&PROJECTED_TETS_OUTLINES, "outlines") };
+    let resources: Vec<_> = shared.iter().cloned().chain(written).collect();
+    pass(gpu, &format!("{name}.{part}"), shader, constants, &resources)
+}
+
+/// Builds the pipeline that draws polygons.
+fn draw_pipeline(
+    gpu: &Gpu,
+    desc: &MeshDesc,
+    options: &Options,
+    constants: &[SpecConstant],
+) -> Result<Arc<Pipeline>> {
+    let (vertex, fragment) = match (options.has_fans(), options.shade) {
+        (false, _) => (&PROJECTED_TETS_VERTEX, &PROJECTED_TETS_FRAGMENT),
+        (true, Shade::Fragment) => (&TET_FANS_VERTEX, &TET_FANS_FRAGMENT),
+        (true, Shade::Vertex) => (&TET_FANS_SHADED_VERTEX, &TET_FANS_SHADED_FRAGMENT),
+    };
+    gpu.graphics_pipeline(
+        &format!("{}.draw", desc.name),
+        &GraphicsDesc {
+            vertex,
+            fragment,
+            topology: vk::PrimitiveTopology::TRIANGLE_LIST,
+            blend: if desc.back_to_front { Blend::Over } else { Blend::Under },
+            format: Some(FORMAT),
+            constants,
+        },
+    )
+}
+
 impl TetsRaster {
+    /// Prepares frames of one view size; `order` are the ranks of `view`, where the host finds them.
     pub(crate) fn new(
         scene: &Arc<GpuScene>,
         view: &View,
@@ -112,95 +213,41 @@ impl TetsRaster {
     ) -> Result<Self> {
         let gpu = scene.gpu();
         let name = desc.name;
-        let fans = options.has_fans();
-        if options.shade == Shade::Vertex && target.bounds.is_some() {
-            let missing = "colours of a cell's corners, which cannot be cut: shade=fragment works";
-            return Err(Error::unsupported(
-                format!("{name} shade=vertex with clipping, a depth image or opaque surfaces"),
-                missing,
-            ));
-        }
-        let frame = LocalSpace::of(scene.mesh()?);
+        check_shade(name, options, target)?;
+        let space = LocalSpace::of(scene.mesh()?);
         let knots = scene.knots()?;
         let table = scene.table(&desc.segments)?;
-        let push = frame.push(view, &shading_push(scene, &desc, &knots)?)?;
-        let stage = stage(scene, &scene.mesh_data(), &desc, order)?;
+        let push = space.push(view, &shading_push(scene, &desc, &knots)?)?;
+        let ranking = desc.rank_primitives(scene, &scene.mesh_data(), order)?;
 
-        // Every fragment that walks through knots loads them all. Between two scalars a table needs none.
-        let between = matches!(scene.mesh()?.scalars(), TetScalars::Point(_));
-        let searches = between && desc.segments.integrator == Integrator::Integral;
-        let mut constants = constants(scene, &desc)?;
-        constants.extend([
-            (SPEC_KNOT_WALK, if searches { 0 } else { knots.walk }),
-            (SPEC_INTEGRATOR, desc.segments.integrator.code()),
-            (SPEC_SPACE, u32::from(options.plane == Plane::Space)),
-            (SPEC_SHADED, u32::from(options.shade == Shade::Vertex)),
-            target.bounded(),
-        ]);
+        let constants = constants_of(scene, &desc, options, &knots, target)?;
+        let fans = options.has_fans();
         let size = if fans { size_of::<Fan>() } else { size_of::<[[f32; 2]; 4]>() };
-        let polygons = buffer(gpu, "polygons", num::wide(size / 4) * u64::from(stage.count))?;
+        let polygons = buffer(gpu, "polygons", num::wide(size / 4) * u64::from(ranking.count))?;
         let binding = if fans { BINDING_FANS } else { BINDING_POLYGONS };
-        let knots_buffer = || Resource::Buffer(Arc::clone(&knots.buffer));
-        let head = table.as_ref().map_or_else(knots_buffer, |t| Resource::Buffer(Arc::clone(&t.buffer)));
-        let texels = match &table {
-            Some(table) => Arc::clone(&table.image),
-            None => scene.no_table()?,
-        };
-        let shared = [
-            (BINDING_KNOTS, knots_buffer()),
-            (BINDING_KNOTS_UNIFORM, knots_buffer()),
-            (BINDING_TABLE_HEAD, head),
-            (BINDING_TABLE, Resource::Sampled(texels, vk::Filter::NEAREST)),
-            (BINDING_PRIMITIVES, Resource::Buffer(Arc::clone(&stage.primitives))),
-            (BINDING_MESH_SCALARS, Resource::Buffer(Arc::clone(&stage.scalars))),
-            (BINDING_VIEW_POINTS, Resource::ReadOnly(Arc::clone(&stage.view_points))),
-        ];
-        let written = [
-            (binding, Resource::Buffer(Arc::clone(&polygons))),
-            (BINDING_BOXES, Resource::ReadOnly(Arc::clone(&stage.boxed))),
-            (BINDING_RANK_KEYS, Resource::Buffer(Arc::clone(&stage.keys))),
-            (BINDING_ORDER, Resource::Buffer(Arc::clone(&stage.order))),
-        ];
+        let shared = shared_resources(scene, &knots, table.as_ref(), &ranking)?;
+        let written = (binding, Resource::Buffer(Arc::clone(&polygons)));
+        let make_polygons = polygon_pass(gpu, name, fans, &ranking, written, &shared, &constants)?;
+
+        let pipeline = draw_pipeline(gpu, &desc, options, &constants)?;
         let read = [
             (binding, Resource::ReadOnly(polygons)),
-            (BINDING_ORDER, Resource::ReadOnly(Arc::clone(&stage.order))),
+            (BINDING_ORDER, Resource::ReadOnly(Arc::clone(&ranking.order))),
         ];
-        let (shader, part) =
-            if fans { (&TET_FANS_BUILD, "fans") } else { (&PROJECTED_TETS_OUTLINES, "outlines") };
-        let given: Vec<_> = shared.iter().cloned().chain(written).collect();
-        let polygons = pass(gpu, &format!("{name}.{part}"), shader, &constants, &given)?;
-
-        let format = vk::Format::R32G32B32A32_SFLOAT;
-        let (vertex, fragment) = match (fans, options.shade) {
-            (false, _) => (&PROJECTED_TETS_VERTEX, &PROJECTED_TETS_FRAGMENT),
-            (true, Shade::Fragment) => (&TET_FANS_VERTEX, &TET_FANS_FRAGMENT),
-            (true, Shade::Vertex) => (&TET_FANS_SHADED_VERTEX, &TET_FANS_SHADED_FRAGMENT),
-        };
-        let pipeline = gpu.graphics_pipeline(
-            &format!("{name}.draw"),
-            &GraphicsDesc {
-                vertex,
-                fragment,
-                topology: vk::PrimitiveTopology::TRIANGLE_LIST,
-                blend: if desc.back_to_front { Blend::Over } else { Blend::Under },
-                format: Some(format),
-                constants: &constants,
-            },
-        )?;
         let bounds = target.bounds(&knots.buffer);
-        let given: Vec<_> = shared.iter().cloned().chain(read).chain(bounds).collect();
-        let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &given)?);
-        let image = if draws_directly(target, format, desc.back_to_front) {
+        let resources: Vec<_> = shared.into_iter().chain(read).chain(bounds).collect();
+        let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
+        let image = if draws_directly(target, FORMAT, desc.back_to_front) {
             None
         } else {
-            Some(own_image(gpu, name, format, vk::ImageUsageFlags::COLOR_ATTACHMENT, view, target)?)
+            Some(own_image(gpu, name, FORMAT, vk::ImageUsageFlags::COLOR_ATTACHMENT, view, target)?)
         };
         Ok(Self {
             name,
             options: *options,
-            frame,
+            space,
             push,
-            polygons,
+            polygons: make_polygons,
             pipeline,
             descriptors,
             image,
@@ -212,10 +259,10 @@ impl TetsRaster {
             view: *view,
             outcome: Arc::new(RasterOutcome {
                 status: download(gpu, "status", 4 * u64::from(STATUS_WORDS))?,
-                cells: stage.count,
+                cells: ranking.count,
                 reused: Mutex::new([false; 2]),
             }),
-            stage,
+            ranking,
         })
     }
 
@@ -237,7 +284,7 @@ impl TetsRaster {
             return Ok(true);
         }
         let Some(order) = self.ranker.order(view)? else { return Ok(true) };
-        let given = self.stage.give_order(&order);
+        let given = self.ranking.give_order(&order);
         if given {
             self.ranked = *view;
         }
@@ -247,7 +294,7 @@ impl TetsRaster {
 
 impl Prepared for TetsRaster {
     fn set_view(&mut self, view: &View, _most_passes: u32) -> Result<bool> {
-        let push = self.frame.push(view, &self.push)?;
+        let push = self.space.push(view, &self.push)?;
         let fits = self.rank(view)?;
         if fits {
             self.push = push;
@@ -257,7 +304,7 @@ impl Prepared for TetsRaster {
     }
 
     fn measure(&self) -> DepthMeasure {
-        DepthMeasure::of_frame(&self.frame)
+        DepthMeasure::of_frame(&self.space)
     }
 
     fn image(&self) -> Option<&Arc<Image>> {
@@ -278,7 +325,7 @@ impl Prepared for TetsRaster {
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
-        let mut counters = vec![("cells_seen", u64::from(self.stage.count))];
+        let mut counters = vec![("cells_seen", u64::from(self.ranking.count))];
         counters.extend_from_slice(self.ranker.counters());
         counters
     }
@@ -298,19 +345,19 @@ impl Prepared for TetsRaster {
         *built = Some((Eye::of(&self.view), self.ranked));
         *self.outcome.reused.lock().unwrap_or_else(PoisonError::into_inner) = [fans, ranks];
 
-        let push = MeshPush { count: self.stage.count, ..self.push };
-        let groups = groups_of(self.stage.count, 64);
-        self.stage.record_points(recorder, &push);
+        let push = MeshPush { count: self.ranking.count, ..self.push };
+        let groups = groups_of(self.ranking.count, 64);
+        self.ranking.record_points(recorder, &push);
         // Fans in space rank what is beside the image too.
         if self.options.plane == Plane::Image {
-            self.stage.record_boxes(recorder, &push);
-            self.stage.record_order(recorder);
+            self.ranking.record_boxes(recorder, &push);
+            self.ranking.record_order(recorder);
         }
         if !fans {
             self.polygons.record(recorder, &push, groups);
         }
         if self.options.plane == Plane::Space && !ranks {
-            self.stage.record_order(recorder);
+            self.ranking.record_order(recorder);
         }
         let vertices = if self.options.has_fans() { FAN_VERTICES } else { OUTLINE_VERTICES };
         recorder.draw(
@@ -320,10 +367,15 @@ impl Prepared for TetsRaster {
             bytemuck::bytes_of(&push),
             &attachment,
             clear || self.image.is_some(),
-            vertices * self.stage.count,
+            vertices * self.ranking.count,
             1,
         );
-        recorder.copy_buffer("status", &self.stage.status, &self.outcome.status, self.outcome.status.size());
+        recorder.copy_buffer(
+            "status",
+            &self.ranking.status,
+            &self.outcome.status,
+            self.outcome.status.size(),
+        );
         recorder.release_to_host(&self.outcome.status);
     }
 
