@@ -33,7 +33,7 @@ impl LocalSpace {
     ///
     /// [`Error::Invalid`] where float32 cannot hold the numbers.
     pub(crate) fn push(&self, view: &View, push: &MeshPush) -> Result<MeshPush> {
-        let Lines { rows: [right, up, forward], begin, pixel, w0, w1, slope } = self.lines(view);
+        let LocalView { rows: [right, up, forward], begin, pixel, w0, w1, slope } = self.view(view);
         let pack = |(v, w): (DVec3, f64)| [v.x, v.y, v.z, w].map(f32_of);
         let push = MeshPush {
             right: pack(right),
@@ -59,7 +59,7 @@ impl LocalSpace {
     }
 
     /// A view in radii from the centre, in float64.
-    pub(crate) fn lines(&self, view: &View) -> Lines {
+    pub(crate) fn view(&self, view: &View) -> LocalView {
         let eye = (view.camera().eye - self.centre) / self.radius;
         let depth = -eye.dot(view.forward());
         // In perspective w is the depth before the eye, over that of the centre where the eye is far.
@@ -71,14 +71,14 @@ impl LocalSpace {
         };
         let row = |axis: DVec3| (axis, -eye.dot(axis));
         let rows = [row(view.right()), row(view.up()), (view.forward(), 0.0)];
-        Lines { rows, begin, pixel, w0, w1, slope }
+        LocalView { rows, begin, pixel, w0, w1, slope }
     }
 }
 
 /// A view in radii of the data: a point p is seen at X, Y and depth, each the dot of p with a row's vector plus its number.
 /// A pixel's line passes at (P w, depth) with w = `w0` + `w1` depth.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Lines {
+pub(crate) struct LocalView {
     pub(crate) rows: [(DVec3, f64); 3],
     /// Depth of the eye, where lines begin.
     pub(crate) begin: f64,

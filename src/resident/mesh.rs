@@ -73,10 +73,10 @@ impl MeshData {
     /// Points in radii from the centre: four floats each.
     pub(crate) fn points(&self, gpu: &Gpu, mesh: &Tets) -> Result<Arc<Buffer>> {
         once(&self.shape.points, || {
-            let frame = LocalSpace::of(mesh);
+            let space = LocalSpace::of(mesh);
             // Points that no cell uses may lie anywhere.
             let place = |point: &glam::DVec3| {
-                let [x, y, z] = frame.place(*point).map(|x| if x.is_finite() { x } else { 0.0 });
+                let [x, y, z] = space.place(*point).map(|x| if x.is_finite() { x } else { 0.0 });
                 [x, y, z, 0.0]
             };
             let points: Vec<[f32; 4]> = mesh.points().iter().map(place).collect();

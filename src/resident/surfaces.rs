@@ -21,7 +21,7 @@ const MOST_TRIANGLES: usize = 1 << 27;
 /// What of a scene's surfaces does not depend on the view.
 #[derive(Debug)]
 pub(crate) struct SurfaceData {
-    pub(crate) frame: LocalSpace,
+    pub(crate) space: LocalSpace,
     pub(crate) points: Arc<Buffer>,
     pub(crate) point_count: u32,
     pub(crate) primitives: Arc<Buffer>,
@@ -80,17 +80,17 @@ impl SurfaceData {
         let low = corners.iter().copied().reduce(DVec3::min).unwrap_or_default();
         let high = corners.iter().copied().reduce(DVec3::max).unwrap_or_default();
         let half = high * 0.5 - low * 0.5;
-        let frame = LocalSpace { centre: low + half, radius: half.length().max(f64::MIN_POSITIVE) };
+        let space = LocalSpace { centre: low + half, radius: half.length().max(f64::MIN_POSITIVE) };
         let places: Vec<[f32; 4]> = points
             .iter()
             .map(|&point| {
-                let [x, y, z] = frame.place(point);
+                let [x, y, z] = space.place(point);
                 [x, y, z, 0.0]
             })
             .collect();
         let numbers: Vec<u32> = (0..num::count(triangles.len())).map(|i| 0x4000_0000 | i << 2).collect();
         Ok(Some(Self {
-            frame,
+            space,
             points: Buffer::with_data(gpu, "surfaces.points", bytemuck::cast_slice(&places))?,
             point_count: num::count(points.len()),
             primitives: Buffer::with_data(gpu, "surfaces.faces", bytemuck::cast_slice(&primitives))?,

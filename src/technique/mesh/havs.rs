@@ -19,6 +19,7 @@
 
 mod options;
 mod raster;
+mod repairs;
 
 use std::sync::Arc;
 

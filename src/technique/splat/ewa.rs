@@ -21,16 +21,19 @@ use crate::frame::target::Canvas;
 use crate::resident::GpuScene;
 use crate::scene::{Kernel, Kernels, Model, Scene, View};
 use crate::technique::options::{self, Choice, OptionInfo};
-use crate::technique::splat::frame::{Lowpass, SplatDesc, SplatFrame, SplatOrder};
+use crate::technique::splat::desc::{Accumulation, SplatDesc};
+use crate::technique::splat::frame::SplatFrame;
 use crate::technique::splat::options::{
-    CUT, KernelOptions, LEAST, MODEL, PAIRS, SIGMA, SPREAD, STEP, STOP, Spread,
+    CUT, KernelOptions, LEAST, MODEL, PAIRS, SIGMA, SPREAD, STEP, STOP, TileSplit,
 };
+
+pub use crate::technique::splat::desc::Filter;
 
 const NAME: &str = "splat-ewa";
 
 /// What splats are blended in the order of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
+pub enum EwaOrder {
     /// The distances of their centres.
     Center,
     /// The same, put in order again in each pixel by a small window.
@@ -39,7 +42,7 @@ pub enum Order {
     Slabs,
 }
 
-impl Choice for Order {
+impl Choice for EwaOrder {
     const WORDS: &'static [(&'static str, Self)] =
         &[("center", Self::Center), ("window", Self::Window), ("slabs", Self::Slabs)];
 }
@@ -97,7 +100,7 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// The order; none: as the model needs it.
-    pub order: Option<Order>,
+    pub order: Option<EwaOrder>,
     /// What a kernel gives to a pixel.
     pub footprint: Footprint,
     /// Filter against footprints below a pixel.
@@ -113,18 +116,7 @@ pub struct Options {
     /// Most entries of bins at a time.
     pub pairs: Option<u32>,
     /// How a tile's pixels are spread over invocations.
-    pub spread: Spread,
-}
-
-/// What is done against footprints below a pixel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Filter {
-    /// Ellipses that are narrower than the pixel's filter are widened to it.
-    Auto,
-    /// All are convolved with it.
-    Full,
-    /// Nothing.
-    None,
+    pub spread: TileSplit,
 }
 
 impl Choice for Filter {
@@ -143,7 +135,7 @@ impl Default for Options {
             kernels: KernelOptions::default(),
             stop: 2.4e-7,
             pairs: None,
-            spread: Spread::Auto,
+            spread: TileSplit::Auto,
         }
     }
 }
@@ -187,7 +179,7 @@ impl Options {
         if let Some(number) = self.pairs {
             pairs.push(("pairs", number.to_string()));
         }
-        if self.spread != Spread::Auto {
+        if self.spread != TileSplit::Auto {
             pairs.push(("spread", self.spread.word().to_string()));
         }
         pairs
@@ -212,15 +204,15 @@ impl Options {
         let refuse = |key: &str, why: &str| Err(Error::invalid(format!("{NAME} option {key}"), why));
         let kernels = self.kernels_of(scene.scene())?;
         let interpolates = kernels.model == Model::Interpolate;
-        let order = self.order.unwrap_or(if interpolates { Order::Slabs } else { Order::Center });
-        if interpolates && order != Order::Slabs {
+        let order = self.order.unwrap_or(if interpolates { EwaOrder::Slabs } else { EwaOrder::Center });
+        if interpolates && order != EwaOrder::Slabs {
             return refuse(
                 "order",
                 "splats as a whole have a colour of their own: works with model=density only",
             );
         }
         let ewa = self.footprint == Footprint::Ewa;
-        if ewa && order == Order::Slabs {
+        if ewa && order == EwaOrder::Slabs {
             return refuse(
                 "footprint",
                 "ellipses have no depth: order=slabs works with footprint=exact only",
@@ -229,23 +221,19 @@ impl Options {
         let desc = SplatDesc {
             name: NAME,
             kernels,
-            order: match order {
-                Order::Center => SplatOrder::Centres,
-                Order::Window => SplatOrder::Window,
-                Order::Slabs => SplatOrder::Slabs,
+            accumulation: match order {
+                EwaOrder::Center => Accumulation::Centres,
+                EwaOrder::Window => Accumulation::Window,
+                EwaOrder::Slabs => Accumulation::Slabs,
             },
             ewa,
             template: None,
-            lowpass: match self.filter {
-                Filter::Auto => Lowpass::Auto,
-                Filter::Full => Lowpass::Full,
-                Filter::None => Lowpass::None,
-            },
+            filter: self.filter,
             variance: self.variance,
             step: self.step,
             stop: self.stop,
             pairs: self.pairs,
-            spread: self.spread,
+            split: self.spread,
         };
         Ok(Box::new(SplatFrame::new(scene, view, target, desc)?))
     }

@@ -62,7 +62,7 @@ pub(crate) const SPREAD: OptionInfo = OptionInfo {
 
 /// How a tile's pixels are spread over invocations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Spread {
+pub enum TileSplit {
     /// As suits the device.
     #[default]
     Auto,
@@ -72,7 +72,7 @@ pub enum Spread {
     Pixels,
 }
 
-impl Choice for Spread {
+impl Choice for TileSplit {
     const WORDS: &'static [(&'static str, Self)] =
         &[("auto", Self::Auto), ("columns", Self::Columns), ("pixels", Self::Pixels)];
 }

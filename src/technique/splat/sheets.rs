@@ -19,9 +19,10 @@ use crate::frame::target::Canvas;
 use crate::resident::GpuScene;
 use crate::scene::{Kernel, Kernels, Scene, View};
 use crate::technique::options::{self, Choice, OptionInfo};
-use crate::technique::splat::frame::{Lowpass, SplatDesc, SplatFrame, SplatOrder};
+use crate::technique::splat::desc::{Accumulation, Filter, SplatDesc};
+use crate::technique::splat::frame::SplatFrame;
 use crate::technique::splat::options::{
-    CUT, KERNEL, KernelOptions, LEAST, MODEL, PAIRS, SIGMA, SPREAD, STEP, STOP, Spread,
+    CUT, KERNEL, KernelOptions, LEAST, MODEL, PAIRS, SIGMA, SPREAD, STEP, STOP, TileSplit,
 };
 
 const NAME: &str = "splat-sheets";
@@ -80,7 +81,7 @@ pub struct Options {
     /// Most entries of bins at a time.
     pub pairs: Option<u32>,
     /// How a tile's pixels are spread over invocations.
-    pub spread: Spread,
+    pub spread: TileSplit,
 }
 
 impl Default for Options {
@@ -92,7 +93,7 @@ impl Default for Options {
             kernels: KernelOptions::default(),
             stop: 2.4e-7,
             pairs: None,
-            spread: Spread::Auto,
+            spread: TileSplit::Auto,
         }
     }
 }
@@ -129,7 +130,7 @@ impl Options {
         if let Some(number) = self.pairs {
             pairs.push(("pairs", number.to_string()));
         }
-        if self.spread != Spread::Auto {
+        if self.spread != TileSplit::Auto {
             pairs.push(("spread", self.spread.word().to_string()));
         }
         pairs
@@ -153,18 +154,18 @@ impl Options {
         let desc = SplatDesc {
             name: NAME,
             kernels: self.kernels_of(scene.scene())?,
-            order: match self.sheets {
-                Sheets::Image => SplatOrder::Slabs,
-                Sheets::Axis => SplatOrder::Sheets,
+            accumulation: match self.sheets {
+                Sheets::Image => Accumulation::Slabs,
+                Sheets::Axis => Accumulation::Sheets,
             },
             ewa: false,
             template: (self.template > 0).then_some(self.template),
-            lowpass: Lowpass::None,
+            filter: Filter::None,
             variance: 0.3,
             step: self.step,
             stop: self.stop,
             pairs: self.pairs,
-            spread: self.spread,
+            split: self.spread,
         };
         Ok(Box::new(SplatFrame::new(scene, view, target, desc)?))
     }

@@ -22,12 +22,11 @@ use crate::frame::lists::{Lists, Ranking, measure};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
 use crate::gpu::shader::{
-    BINDING_ACCUMULATION, BINDING_BOXES, BINDING_CURSORS, BINDING_FLAGS, BINDING_KBUFFER_0,
-    BINDING_KBUFFER_1, BINDING_KBUFFER_2, BINDING_KBUFFER_3, BINDING_LISTS, BINDING_MESH_SCALARS,
-    BINDING_ORDER, BINDING_PRIMITIVES, BINDING_STATUS, BINDING_VIEW_POINTS, HAVS_RASTER_EMPTY,
-    HAVS_RASTER_IMPLEMENTATION, HAVS_RASTER_INTERLOCK, HAVS_RASTER_VERTEX, SPEC_INTEGRATOR, SPEC_K,
-    SPEC_KNOT_WALK, SPEC_LAST_CHUNK, SPEC_REPAIR, SPEC_RESUME, STATUS_NAN_KEYS, STATUS_OVERFLOW_PIXELS,
-    STATUS_WORDS, TILE, TILE_PIXELS,
+    BINDING_ACCUMULATION, BINDING_BOXES, BINDING_FLAGS, BINDING_KBUFFER_0, BINDING_KBUFFER_1,
+    BINDING_KBUFFER_2, BINDING_KBUFFER_3, BINDING_MESH_SCALARS, BINDING_ORDER, BINDING_PRIMITIVES,
+    BINDING_STATUS, BINDING_VIEW_POINTS, HAVS_RASTER_EMPTY, HAVS_RASTER_IMPLEMENTATION,
+    HAVS_RASTER_INTERLOCK, HAVS_RASTER_VERTEX, SPEC_INTEGRATOR, SPEC_K, SPEC_KNOT_WALK, STATUS_NAN_KEYS,
+    STATUS_OVERFLOW_PIXELS, STATUS_WORDS, TILE, TILE_PIXELS,
 };
 use crate::gpu::sync::Use;
 use crate::gpu::{
@@ -43,8 +42,8 @@ use crate::resident::tables::{Knots, Table};
 use crate::scene::View;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::flagged::FlaggedFrame;
-use crate::technique::mesh::frame::REPAIR_K;
 use crate::technique::mesh::havs::options::Route;
+use crate::technique::mesh::havs::repairs::Repairs;
 use crate::technique::mesh::outcome::MeshOutcome;
 use crate::technique::mesh::overlaps::Overlaps;
 use crate::technique::mesh::shading::{shading_push, shading_resources};
@@ -74,14 +73,6 @@ pub(crate) struct RasterFrame {
     flags: Arc<Buffer>,
     outcome: Arc<RasterOutcome>,
     table: Option<Arc<Table>>,
-}
-
-/// The passes that list the fragments of flagged pixels and draw them.
-#[derive(Debug)]
-struct Repairs {
-    lists: Lists,
-    pass: Dispatch,
-    rounds: u32,
 }
 
 /// The status of a frame, and the outcome of its repairs.
@@ -314,51 +305,6 @@ impl RasterOutcome {
         }
         self.repair = Some(outcome);
         Ok((Some(repairs), overlaps))
-    }
-}
-
-impl Repairs {
-    /// Builds the pass that sorts and resolves `lists`.
-    fn new(frame: &FlaggedFrame<'_>, lists: Lists, rounds: u32) -> Result<Self> {
-        let FlaggedFrame { scene, desc, .. } = *frame;
-        let mut resources = frame.resources.to_vec();
-        resources.push((BINDING_LISTS, Resource::Buffer(Arc::clone(&lists.entries))));
-        resources.push((BINDING_CURSORS, Resource::ReadOnly(Arc::clone(&lists.cursors))));
-        let mut constants = desc.constants(scene)?;
-        constants.extend_from_slice(frame.shading);
-        constants.extend([(SPEC_K, REPAIR_K), (SPEC_RESUME, 0), (SPEC_LAST_CHUNK, 1), (SPEC_REPAIR, 1)]);
-        let name = format!("{}.repair", desc.name);
-        let pass = pass(scene.gpu(), &name, desc.resolve, &constants, &resources)?;
-        Ok(Self { lists, pass, rounds })
-    }
-
-    /// Records bins, lists and repair rounds, band by band.
-    fn record(&self, recorder: &mut Recorder<'_>, push: &MeshPush, count: u32, outcome: &MeshOutcome) {
-        let lists = &self.lists;
-        lists.bin(recorder, push, count);
-        recorder.copy_buffer("bins.total", lists.bins.total(), &outcome.bins, 8);
-        recorder.release_to_host(&outcome.bins);
-        for (i, band) in lists.bands.iter().enumerate() {
-            recorder.clear_buffer("lists.clear", &lists.cursors);
-            lists.list(recorder, push, i, false);
-            if let (Some(scan), Some(host)) = (lists.list_scans.get(i), outcome.lists.get(i)) {
-                scan.record(recorder);
-                recorder.copy_buffer("lists.total", scan.total(), host, 8);
-                recorder.release_to_host(host);
-            }
-            lists.list(recorder, push, i, true);
-            for round in 1..=self.rounds {
-                let push = MeshPush {
-                    count: band.tiles,
-                    band: band.first,
-                    capacity: lists.list_capacity,
-                    number: u32::MAX / 2,
-                    bins: u32::from(round == self.rounds),
-                    ..*push
-                };
-                self.pass.record(recorder, &push, groups_of(band.tiles, 1));
-            }
-        }
     }
 }
 
