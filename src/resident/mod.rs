@@ -1,4 +1,8 @@
-//! A scene on the device: each form of its data is uploaded when a technique first needs it, and shared.
+//! A scene on the device.
+//!
+//! Each form of the data is uploaded when a technique first needs it, and shared from then on: samples, meshes,
+//! kernels, surfaces, tables of the transfer function. The room uses `scene`, `optics` and `gpu`; `frame` and the
+//! techniques use it.
 
 mod brick_ranges;
 mod bricks;
