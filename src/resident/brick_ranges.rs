@@ -5,11 +5,12 @@ use crate::num;
 use crate::resident::visible_scalars::{above, below};
 use crate::scene::{Grid, Samples};
 
-/// Samples beyond a brick's own that its range covers, on every side: a position that rounding puts
-/// into the neighbouring cell is still covered.
+/// Samples beyond a brick's own that its range covers on every side.
+///
+/// So the range still holds for a position that rounding puts into the neighbouring cell.
 const APRON: usize = 1;
 
-/// Smallest and largest scalar of every brick, whatever the transfer function.
+/// Smallest and largest scalar of every brick of a grid.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct MinMax {
     /// Bricks along x, y and z.
@@ -18,21 +19,21 @@ pub(crate) struct MinMax {
     pub(crate) ranges: Vec<[f32; 2]>,
 }
 
-/// Bricks along each axis of a grid.
+/// Returns the number of bricks along each axis of a grid.
 pub(crate) fn bricks_of(dims: [u32; 3]) -> [u32; 3] {
     dims.map(|n| n.saturating_sub(1).div_ceil(BRICK).max(1))
 }
 
 impl MinMax {
-    /// Bytes of a brick on the device: its range, and the word that says whether it shows anything.
+    /// Bytes of a brick on the device: its range, and a word that says whether it is visible.
     pub(crate) const BYTES: u64 = 8 + 4;
 
-    /// The ranges of a grid, in its data's own units.
+    /// Computes the ranges of a grid, in the units of its data.
     ///
-    /// Brick b covers the samples 8b to 8b + 8 and the apron. NaN has no range: a cell that touches it is
-    /// vacuum. An infinity counts as the largest `f32` of its sign, because where it lands is the
-    /// transfer function's business; [`nonzero_ranges`] knows. Ranges are wide enough for what a
-    /// device's decoding and filtering add to the values.
+    /// Brick b covers the samples 8b to 8b + 8 and the apron. A NaN counts for no range: a cell that touches it is
+    /// vacuum. An infinity counts as the largest `f32` of its sign, which
+    /// [`nonzero_ranges`](crate::resident::visible_scalars::nonzero_ranges) takes into account. Ranges are widened by the
+    /// rounding of a device's decoding and filtering.
     pub(crate) fn of(grid: &Grid) -> Self {
         let dims = bricks_of(grid.dims());
         let [n, m] = [grid.dims().map(num::index), dims.map(num::index)];
@@ -52,15 +53,16 @@ impl MinMax {
     }
 }
 
-/// Gives bricks that touch a NaN, and show something else too, the range of the whole grid. A segment from one side
-/// of vacuum to the other passes through scalars that neither side has; where such bricks are never passed over, no
-/// segment does so in them unseen.
+/// Gives bricks with both NaN and other samples the range of the whole grid.
+///
+/// A segment from one side of vacuum to the other spans scalars that neither side has, so empty-space skipping must
+/// not skip such bricks by their own range.
 fn open_at_nan(values: &[f32], n: [usize; 3], bricks: [usize; 3], ranges: &mut [[f32; 2]]) {
     let whole = ranges
         .iter()
         .fold([f32::INFINITY, f32::NEG_INFINITY], |all, range| [all[0].min(range[0]), all[1].max(range[1])]);
     let side = num::index(BRICK);
-    // Bricks whose window holds a sample's place along an axis.
+    // Bricks along an axis whose window holds a sample's index.
     let around = |place: usize, bricks: usize| {
         let first = place.saturating_sub(side + APRON).div_ceil(side);
         first..=((place + APRON) / side).min(bricks - 1)
@@ -80,23 +82,23 @@ fn open_at_nan(values: &[f32], n: [usize; 3], bricks: [usize; 3], ranges: &mut [
     }
 }
 
-/// Samples that a brick covers along an axis of `n` samples.
+/// Returns the samples that a brick covers along an axis of `n` samples.
 fn window(brick: usize, n: usize) -> std::ops::Range<usize> {
     let side = num::index(BRICK);
     (brick * side).saturating_sub(APRON)..(brick * side + side + 1 + APRON).min(n)
 }
 
-/// Smallest and largest stored number of every brick, or `none` where every number is NaN.
+/// Finds the smallest and largest stored number of every brick, or `none` where every number is NaN.
 ///
-/// One axis after the other, y first: there the inner loop runs along whole rows, which the compiler
-/// makes vector code of, and what is left for the other axes is an eighth.
+/// Reduces one axis after the other. y comes first, because then the inner loop runs along whole rows, which the
+/// compiler vectorises, and the other axes have an eighth of the numbers left.
 fn extremes<T: Copy + PartialOrd>(
     values: &[T],
     n: [usize; 3],
     bricks: [usize; 3],
     none: [T; 2],
 ) -> Vec<[T; 2]> {
-    // Written so that a NaN value leaves `so_far` as it is.
+    // Comparisons are written so that a NaN leaves `so_far` as it is.
     let low = |so_far: T, value: T| if value < so_far { value } else { so_far };
     let high = |so_far: T, value: T| if value > so_far { value } else { so_far };
     let join = |a: [T; 2], b: &[T; 2]| [low(a[0], b[0]), high(a[1], b[1])];
@@ -137,11 +139,11 @@ fn extremes<T: Copy + PartialOrd>(
     ranges
 }
 
-/// Ranges of stored numbers as ranges of values, widened.
+/// Converts ranges of stored numbers to widened ranges of values.
 fn in_units<T: Copy + Into<f64>>(grid: &Grid, stored: Vec<[T; 2]>) -> Vec<[f32; 2]> {
     let rescale = grid.rescale();
-    // The stored number of an all-zero texel, and the largest that a texel decodes to before the
-    // offset is added: its rounding is what an unwidened range would miss.
+    // The stored number of an all-zero texel, and the largest number that a texel decodes to before the offset is
+    // added: its rounding decides by how much a range is widened.
     let (zero, full) = match grid.samples() {
         Samples::U8(_) => (0.0, 255.0),
         Samples::U16(_) => (0.0, 65535.0),
@@ -160,16 +162,18 @@ fn in_units<T: Copy + Into<f64>>(grid: &Grid, stored: Vec<[T; 2]>) -> Vec<[f32; 
             }
             let (a, b) = (value(lo), value(hi));
             let (min, max) = (a.min(b), a.max(b));
-            // Zero texels stay zero under every filter: the empty background that most data has must
-            // not be widened into a transfer function that starts there.
+            // Zero texels stay zero under every filter. Without this case the empty background of most data would
+            // become visible under a transfer function that starts there.
             let pad = if lo == zero && hi == zero { 0.0 } else { slack(min, max, terms) };
             [below(finite(min - pad)), above(finite(max + pad))]
         })
         .collect()
 }
 
-/// What a device's arithmetic may add to values between `min` and `max`: a step of the filter's weights,
-/// which have at least 8 bits, and 4 units in the last place of the largest number on the way.
+/// Bounds the rounding of a device for values between `min` and `max`.
+///
+/// It is one step of the filter's weights, which have at least 8 bits, and 4 units in the last place of the largest
+/// intermediate number.
 fn slack(min: f64, max: f64, terms: f64) -> f64 {
     let largest = min.abs().max(max.abs()).max(terms);
     let unit = (largest * f64::from(f32::EPSILON)).max(f64::from(f32::from_bits(1)));
@@ -184,14 +188,14 @@ mod tests {
 
     const MAX: f32 = f32::MAX;
 
-    /// Numbers without a pattern.
+    /// Returns numbers without a pattern.
     fn scatter(i: usize) -> f32 {
         let x = num::count(i).wrapping_mul(0x9E37_79B9);
         let x = (x ^ (x >> 15)).wrapping_mul(0x85EB_CA6B);
         f32_of(f64::from((x ^ (x >> 13)) & 0xFFFF) / 65535.0)
     }
 
-    /// The definition: all samples of a brick, one by one, before widening.
+    /// Computes the range of a brick from its definition, sample by sample, without widening.
     fn slow(grid: &Grid, brick: [u32; 3]) -> [f64; 2] {
         let mut range = [f64::INFINITY, f64::NEG_INFINITY];
         let reach = |axis: usize| {
@@ -252,7 +256,7 @@ mod tests {
 
     #[test]
     fn an_apron_of_one_sample_and_no_more() {
-        // One sample stands out: which bricks along x see it?
+        // One sample stands out; these bricks along x cover it.
         let seen = |at: usize| -> Vec<bool> {
             let mut values = vec![0_u8; 26 * 4];
             values[at] = 100;

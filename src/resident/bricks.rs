@@ -11,13 +11,14 @@ use crate::resident::brick_ranges::MinMax;
 use crate::resident::visible_scalars::nonzero_ranges;
 use crate::scene::{Grid, TransferFunction};
 
-/// The ranges of one grid's bricks on the device, and their number.
+/// The ranges of a grid's bricks on the device, and their number.
 #[derive(Debug, Default)]
 pub(crate) struct BrickRanges(Mutex<Option<(Arc<Buffer>, u32)>>);
 
 impl BrickRanges {
-    /// One word for each brick: 0 where nothing is visible. `margin` widens the scalars with extinction: what
-    /// a table smears is visible too.
+    /// Returns one word for each brick: 0 where nothing is visible, with extinction smeared by `margin` scalars.
+    ///
+    /// `known` are the results for other margins.
     pub(crate) fn visible(
         &self,
         gpu: &Gpu,
@@ -48,7 +49,7 @@ impl BrickRanges {
         ];
         let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
         let groups = count.div_ceil(64);
-        // At least this many workgroups are allowed along each side.
+        // Every device allows this many workgroups along each side.
         let across = groups.min(65_535);
         let mut commands = Commands::new(gpu)?;
         let mut recorder = Recorder::new(gpu, commands.begin()?, None);
@@ -61,7 +62,7 @@ impl BrickRanges {
         Ok(bricks)
     }
 
-    /// Least and greatest scalar of each brick, and the number of bricks.
+    /// Returns the smallest and largest scalar of each brick, and the number of bricks.
     fn ranges(&self, gpu: &Gpu, grid: &Grid) -> Result<(Arc<Buffer>, u32)> {
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = &*known {

@@ -3,36 +3,35 @@
 use crate::num::f32_of;
 use crate::scene::{Knot, TransferFunction};
 
-/// Largest `f32` that is not above.
+/// Returns the largest `f32` that is not above `value`.
 pub(crate) fn below(value: f64) -> f32 {
     let near = f32_of(value);
     if f64::from(near) > value { near.next_down() } else { near }
 }
 
-/// Smallest `f32` that is not below.
+/// Returns the smallest `f32` that is not below `value`.
 pub(crate) fn above(value: f64) -> f32 {
     -below(-value)
 }
 
-/// The scalars that absorb light: intervals `[first, last]` of `f32`, ascending and disjoint, outside of
-/// which no `f32` has an extinction above 0. Constant ends reach to the largest `f32`.
+/// Returns the scalars that absorb light as intervals `[first, last]` of `f32`, ascending and disjoint.
 ///
-/// An end where the extinction falls to 0 continuously is left out, so that a brick that holds this very
-/// scalar (often the background) is empty; an end at a jump belongs to the interval. Pieces that share a
-/// knot are one interval.
+/// Outside of them no `f32` has an extinction above 0. Constant ends reach to the largest `f32`. An end where the
+/// extinction falls to 0 continuously does not belong to the interval, so that a brick that holds only this scalar
+/// (often the background) is empty; an end at a jump belongs to it. Adjacent segments that share a knot make one
+/// interval.
 ///
-/// Samples of minus infinity, which [`MinMax`] has at `-f32::MAX`, take the scalar of the first knot and
-/// with it the right side of a jump there; where that absorbs and what lies below does not,
-/// `[-f32::MAX, -f32::MAX]` is an interval too. The last knot's value is that of its constant end, so
-/// plus infinity needs nothing.
+/// Samples of minus infinity count as `-f32::MAX` in the ranges of bricks. They take the scalar of the first knot, and
+/// the right side of a jump there. If that absorbs, and lower scalars do not, `[-f32::MAX, -f32::MAX]` is an interval
+/// too. Plus infinity needs no such case: the value of the last knot is that of its constant end.
 pub(crate) fn nonzero_ranges(transfer: &TransferFunction) -> Vec<[f32; 2]> {
     let mut ranges: Vec<[f32; 2]> = Vec::new();
     let mut push = |range: [f32; 2]| match ranges.last_mut() {
-        // Apart in float64, not in float32.
+        // Intervals that are apart in float64 may touch in float32.
         Some(before) if before[1] >= range[0] => before[1] = before[1].max(range[1]),
         _ => ranges.push(range),
     };
-    // As the device has it: knots that become equal in float32 make a jump.
+    // On the device, knots that are equal in float32 make a jump.
     let jumps = |a: &Knot, b: &Knot| f32_of(a.s) == f32_of(b.s);
     let first = |s: f64, jump: bool| {
         let at = below(s);
@@ -46,7 +45,7 @@ pub(crate) fn nonzero_ranges(transfer: &TransferFunction) -> Vec<[f32; 2]> {
     if knots.iter().take_while(|knot| jumps(start, knot)).any(|knot| knot.tau > 0.0) {
         push([-f32::MAX, -f32::MAX]);
     }
-    // Whether the piece before this one is a jump.
+    // Whether the segment before this one is a jump.
     let mut jump = false;
     for (a, b) in knots.iter().zip(knots.iter().skip(1)) {
         if a.tau > 0.0 || b.tau > 0.0 {

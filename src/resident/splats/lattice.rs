@@ -1,4 +1,4 @@
-//! The kernels of a grid that show something.
+//! The visible kernels of a grid.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -6,17 +6,23 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::num::{self, f32_of};
 use crate::optics::kernel::prefilter;
-use crate::resident::splats::records::{Lists, classified, finite};
+use crate::resident::splats::records::{Records, classified, finite};
 use crate::resident::visible_scalars::nonzero_ranges;
 use crate::scene::{Grid, Kernel, Kernels, Model, TransferFunction};
 
-/// The kernels of a grid that show something.
+/// Returns the visible kernels of a grid: centre and scalar, or for the density model centre, colour and extinction.
+///
+/// `slab` is the thickness of a sheet, in steps.
+///
+/// # Errors
+///
+/// [`Error::Unsupported`] for B-splines on a grid with NaN samples.
 pub(crate) fn lattice(
     grid: &Grid,
     transfer: &TransferFunction,
     kernels: &Kernels,
     slab: f64,
-) -> Result<Lists> {
+) -> Result<Records> {
     let dims = grid.dims().map(num::index);
     let [nx, ny, nz] = dims;
     let ends = transfer.domain();
@@ -30,7 +36,7 @@ pub(crate) fn lattice(
     };
     if kernels.model == Model::Density {
         let slice = |z: usize| {
-            let mut lists = Lists::default();
+            let mut lists = Records::default();
             for y in 0..ny {
                 for x in 0..nx {
                     let shown = classified(transfer, value((z * ny + y) * nx + x), 1.0);
@@ -60,7 +66,7 @@ pub(crate) fn lattice(
     };
     let shown = needed(&scalars, dims, transfer, kernels, slab);
     let slice = |z: usize| {
-        let mut lists = Lists::default();
+        let mut lists = Records::default();
         for y in 0..ny {
             for x in 0..nx {
                 let i = (z * ny + y) * nx + x;
@@ -76,8 +82,9 @@ pub(crate) fn lattice(
     Ok(joined((0..nz).into_par_iter().map(slice).collect()))
 }
 
-fn joined(parts: Vec<Lists>) -> Lists {
-    let mut all = Lists::default();
+/// Concatenates the lists of slices.
+fn joined(parts: Vec<Records>) -> Records {
+    let mut all = Records::default();
     for part in parts {
         all.points.extend(part.points);
         all.shapes.extend(part.shapes);
@@ -85,8 +92,11 @@ fn joined(parts: Vec<Lists>) -> Lists {
     all
 }
 
-/// Voxels without which something that shows would be missing: those in reach of a cell in which the sum of kernels, which lies
-/// between the scalars in reach of the cell, may show something; or of what lies in one sheet with it, `slab` voxels thick.
+/// Returns for each voxel whether its kernel may contribute to a visible place.
+///
+/// The sum of kernels in a cell lies between the scalars whose kernels reach the cell. If the transfer function shows a
+/// scalar between them, the cell may be visible, and the kernels that reach it, or its sheet of `slab` voxels, are
+/// needed.
 fn needed(
     scalars: &[f64],
     dims: [usize; 3],
@@ -107,7 +117,7 @@ fn needed(
         ranges = windows(&ranges, &mut extent, axis, cells, [reach - 1, reach], wider);
     }
     let seen = nonzero_ranges(transfer);
-    // Negative lobes go beyond the scalars in reach; those of a product of three are no more than 2.4 in all.
+    // Negative lobes overshoot the scalars in reach; those of a product of three sum to at most 2.4.
     let beyond = if kernels.kernel == Kernel::Sinc { 0.75 } else { 1e-6 };
     let shows = |[low, high]: &[f32; 2]| {
         let margin = beyond * (high - low) + 1e-6 * low.abs().max(high.abs());
@@ -121,7 +131,8 @@ fn needed(
     shown
 }
 
-/// Along an axis `count` values, each joined of those from `before` ahead of its place to `behind` after it.
+/// Joins values in a window along an axis: `count` results, each of the values from `before` ahead of its place to
+/// `behind` after it.
 fn windows<T: Copy + Send + Sync>(
     values: &[T],
     extent: &mut [usize; 3],
@@ -166,7 +177,7 @@ mod tests {
         assert_eq!(set(&windows(&values, &mut extent, 2, 2, [1, 1], |a, b| a || b)), [6, 21]);
     }
 
-    /// Every voxel whose kernel reaches a place that shows something is there, and few others.
+    /// Every voxel whose kernel reaches a visible place is needed, and few others are.
     #[test]
     fn what_shows_is_needed() {
         let dims = [9, 8, 7];

@@ -1,4 +1,6 @@
-//! Splats on the device.
+//! The visible kernels of a scene on the device: of a grid, of points, and of the vertices of a mesh.
+//!
+//! [`SplatSet`] is made from a scene by `lattice` or `scattered`.
 
 mod lattice;
 mod records;

@@ -1,26 +1,27 @@
-//! The kernels of points that show something.
+//! The visible kernels of points.
 
 use crate::error::Result;
 use crate::num::f32_of;
-use crate::resident::splats::records::{Lists, classified, finite};
+use crate::resident::splats::records::{Records, classified, finite};
 use crate::resident::splats::space::Space;
 use crate::scene::{Kernel, KernelSize, Kernels, Model, Points, TransferFunction};
 
-/// The kernels of points that show something.
+/// Returns the visible kernels of points: centre and inverse of sigma, then colour and extinction, or for the
+/// interpolating model scalar and weight.
 pub(crate) fn scattered(
     points: &Points,
     transfer: &TransferFunction,
     kernels: &Kernels,
     space: &Space,
-) -> Result<Lists> {
+) -> Result<Records> {
     let ends = transfer.domain();
     let density = kernels.model == Model::Density;
-    let mut lists = Lists::default();
+    let mut lists = Records::default();
     for (i, centre) in points.centres().iter().enumerate() {
         let s = finite(points.scalars().map_or(1.0, |all| f64::from(all[i])), ends);
         let weight = points.weights().map_or(1.0, |all| f64::from(all[i]));
         let [x, y, z] = ((*centre - space.centre) / space.unit).to_array().map(f32_of);
-        // Inverse of sigma in splat space; of a B-spline half the radius is 1.
+        // The radius of a kernel is three sigma of a Gaussian, and two units of a B-spline.
         let per_radius = if kernels.kernel == Kernel::Gaussian { 3.0 } else { 2.0 };
         let mut shape = None;
         let inverse = match points.size() {
@@ -52,8 +53,10 @@ pub(crate) fn scattered(
     Ok(lists)
 }
 
-/// From a covariance (xx, xy, xz, yy, yz, zz) the root L of its inverse, `L^T L`, lower triangular, and itself, as shaders have
-/// them; none where it is not positive definite in float32.
+/// Returns the lower triangular root L of the inverse of a covariance S, with `S^-1 = L^T L`, and S itself, as shaders
+/// read them.
+///
+/// The covariance is given as (xx, xy, xz, yy, yz, zz). Returns `None` where it is not positive definite in float32.
 fn root([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Option<[[f32; 4]; 4]> {
     // Cholesky: S = C C^T.
     let c00 = xx.sqrt();

@@ -1,8 +1,8 @@
-//! Splats on the device: the kernels of a scene that show something (`glsl/splats.glsl`), in a space of their own.
+//! The visible kernels of a scene on the device (`splats.glsl`), in a space of their own.
 //!
-//! A lattice's kernels lie at voxel indices, relative to the domain's centre, over sigma where they are Gaussians: there all
-//! are alike. Those of points and of a mesh's vertices lie in radii of the data from its centre. So float32 has all its
-//! digits for the data, wherever and however large it is.
+//! The kernels of a lattice lie at voxel indices relative to the centre of the domain, divided by sigma where they are
+//! Gaussian; in that space all are alike. Those of points and of a mesh's vertices lie relative to the centre of the
+//! data, in its radii. So float32 keeps all its digits for the data, wherever it lies and however large it is.
 
 use std::sync::Arc;
 
@@ -12,39 +12,40 @@ use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Gpu};
 use crate::num;
 use crate::resident::splats::lattice::lattice;
-use crate::resident::splats::records::Lists;
+use crate::resident::splats::records::Records;
 use crate::resident::splats::scattered::scattered;
 use crate::resident::splats::sizes::{median_sigma, sigmas, smallest_spacing};
 use crate::resident::splats::space::{Shape, Space};
 use crate::scene::{Data, Grid, Kernel, KernelSize, Kernels, Model, Points, Scene, TransferFunction};
 
-/// What frames of a scene have needed.
+/// Capacities that frames of a scene have needed.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct SplatNeeds {
     /// Entries of the bins of a band.
     pub(crate) entries: u32,
-    /// Dispatches that take a band's bins.
+    /// Dispatches that draw a band's bins.
     pub(crate) rounds: u32,
 }
 
-/// The splats of a scene.
+/// The visible kernels of a scene.
 #[derive(Debug)]
 pub(crate) struct SplatSet {
     pub(crate) kernels: Kernels,
     pub(crate) shape: Shape,
     pub(crate) space: Space,
     pub(crate) count: u32,
-    /// Each one's centre with its scalar; or centre and inverse of sigma, then what it is.
+    /// Centre and scalar of each kernel; or centre and inverse of sigma, then colour and extinction or scalar and weight.
     pub(crate) points: Arc<Buffer>,
+    /// Roots of inverse covariances, and covariances.
     pub(crate) shapes: Arc<Buffer>,
-    /// Distance at which kernels end: in sigmas, or along each axis.
+    /// Distance at which kernels end: in sigmas, or for products along each axis.
     pub(crate) cut: f64,
-    /// What a kernel is multiplied by.
+    /// Factor of every kernel.
     pub(crate) amplitude: f64,
 }
 
 impl SplatSet {
-    /// The kernels of a scene that may show something. `slab` is how far a sheet reaches in depth, in world units.
+    /// Uploads the kernels of a scene that may be visible. `slab` is the thickness of a sheet, in world units.
     pub(crate) fn new(gpu: &Gpu, scene: &Scene, kernels: &Kernels, slab: f64) -> Result<Self> {
         kernels.check()?;
         match &scene.data {
@@ -54,7 +55,7 @@ impl SplatSet {
         }
     }
 
-    /// World length that a step of 1 means for the data of a scene.
+    /// Returns the world length of a step of 1 for the data of a scene.
     pub(crate) fn step(scene: &Scene) -> Result<f64> {
         match &scene.data {
             Data::Grid(grid) => Ok(smallest_spacing(grid)),
@@ -76,7 +77,7 @@ impl SplatSet {
         let step = smallest_spacing(grid);
         let reach = kernels.reach();
         let to_world = grid.index_to_world() * sigma;
-        // Kernels reach beyond the domain where extinctions add up.
+        // Kernels of voxels on the boundary reach beyond the domain.
         let beyond = last * 0.5 + reach;
         let corner = |i: usize| {
             let sign = |bit: usize| if i & bit == 0 { -1.0 } else { 1.0 };
@@ -96,7 +97,7 @@ impl SplatSet {
         let slab = (slab / step).min(f64::from(u32::MAX));
         let lists = lattice(grid, transfer, kernels, slab)?;
         let cut = if gaussian { kernels.cut } else { reach };
-        // Products along the axes have their own peak.
+        // The peak of a product along the axes is its own.
         let amplitude = if gaussian { kernels.peak_on_grid() } else { 1.0 };
         Self::upload(gpu, *kernels, Shape::Alike, space, lists, cut, amplitude)
     }
@@ -122,8 +123,8 @@ impl SplatSet {
         let [low, high] = points.bounds();
         let half = high * 0.5 - low * 0.5;
         let step = median_sigma(points)?;
-        // Sizes are bounded by the greatest.
-        // A B-spline's radius is two of its units, and three standard deviations of the Gaussian that has it, too.
+        // The box is enlarged by the reach of the largest kernel. The radius of a kernel is three sigma of a Gaussian,
+        // and two units of a B-spline.
         let (cut, in_sigmas) =
             if kernels.kernel == Kernel::Gaussian { (kernels.cut, kernels.cut) } else { (2.0, 3.0) };
         let reach = in_sigmas * sigmas(points).fold(0.0, f64::max);
@@ -152,7 +153,7 @@ impl SplatSet {
         kernels: Kernels,
         shape: Shape,
         space: Space,
-        mut lists: Lists,
+        mut lists: Records,
         cut: f64,
         amplitude: f64,
     ) -> Result<Self> {
@@ -163,10 +164,10 @@ impl SplatSet {
         if num::wide(count) * widest > most || count >= 1 << 27 {
             return Err(Error::unsupported(
                 "splats of this scene",
-                format!("{count} kernels that show something: {} fit a buffer", most / widest),
+                format!("{count} visible kernels; {} fit a buffer", most / widest),
             ));
         }
-        // Nothing to bind is not allowed.
+        // A binding must hold something.
         for list in [&mut lists.points, &mut lists.shapes] {
             if list.is_empty() {
                 list.extend([[0.0; 4]; 2]);

@@ -1,10 +1,10 @@
-//! How large kernels are: the world length of a step.
+//! Sizes of kernels: the world length of a step, and standard deviations.
 
 use crate::error::{Error, Result};
 use crate::scene::grid::diagonal;
 use crate::scene::{Grid, KernelSize, Points};
 
-/// Smallest distance of samples along an axis, of axes that have several.
+/// Returns the smallest distance of samples along an axis that has several.
 pub(crate) fn smallest_spacing(grid: &Grid) -> f64 {
     let spacing = grid.spacing().to_array();
     let dims = grid.dims();
@@ -12,8 +12,9 @@ pub(crate) fn smallest_spacing(grid: &Grid) -> f64 {
     several.reduce(f64::min).unwrap_or_else(|| diagonal(grid).max(1.0))
 }
 
-/// Standard deviations of points, the greatest of each covariance's axes bounded from above; of kernels that show nothing
-/// too.
+/// Returns the standard deviations of all points, visible or not.
+///
+/// Of a covariance it is an upper bound over all axes, the root of the trace.
 pub(crate) fn sigmas(points: &Points) -> Box<dyn Iterator<Item = f64> + '_> {
     match points.size() {
         KernelSize::Unknown => Box::new(std::iter::empty()),
@@ -28,6 +29,11 @@ pub(crate) fn sigmas(points: &Points) -> Box<dyn Iterator<Item = f64> + '_> {
     }
 }
 
+/// Returns the median standard deviation of points.
+///
+/// # Errors
+///
+/// [`Error::Invalid`] where no point has a size.
 pub(crate) fn median_sigma(points: &Points) -> Result<f64> {
     let mut all: Vec<f64> = sigmas(points).filter(|&sigma| sigma > 0.0).collect();
     if all.is_empty() {
