@@ -9,24 +9,25 @@ use crate::scene::View;
 use crate::scene::predicates;
 use crate::scene::topology::{Face, NONE};
 
-/// Where rays come from.
+/// The common origin of all rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Eye {
-    /// From a point.
+    /// A point.
     At(DVec3),
-    /// From infinity, in this direction.
+    /// Infinity: all rays have this direction.
     Along(DVec3),
 }
 
 impl Eye {
+    /// Returns the eye of a view.
     pub(crate) fn of(view: &View) -> Self {
         if view.is_perspective() { Self::At(view.camera().eye) } else { Self::Along(view.forward()) }
     }
 
-    /// On which side of a face's plane the eye is: Greater on the front side. Exact.
+    /// Returns the side of a face's plane on which the eye is: `Greater` on the front side. Exact.
     ///
-    /// Equal needs no relation between the cells of the face: from an eye in the plane a ray either stays in
-    /// the plane or meets it in the eye only, and crosses the face in neither case.
+    /// `Equal` orders no cells: from an eye in the plane a ray either stays in the plane or meets it only in the eye, and
+    /// so never crosses the face.
     pub(crate) fn side(self, face: &Face, points: &[DVec3]) -> Ordering {
         let [a, b, c] = face.corners.map(|i| points[num::index(i)]);
         match self {
@@ -35,7 +36,7 @@ impl Eye {
         }
     }
 
-    /// The cells of a face in the order in which rays cross it, if both are there and rays do.
+    /// Returns the cells of a face in the order in which rays pass them; `None` where one is missing or no ray crosses.
     pub(crate) fn crossed(self, face: &Face, points: &[DVec3]) -> Option<[u32; 2]> {
         if face.front == NONE || face.back == NONE {
             return None;

@@ -1,7 +1,7 @@
-//! The raster route of `projected_tets`: cells as polygons, blended by fixed function.
+//! The raster route of `projected-tets`: cells are polygons that fixed function blends.
 //!
-//! Outlines are made for each view (`glsl/projected-tets.glsl`). Fans around thick vertices (`glsl/tet-fans.glsl`) hold
-//! for every view from one eye where they stand in space: then neither they nor ranks are made anew.
+//! Outlines are made for each view (`projected-tets.glsl`). Fans around thick vertices (`tet-fans.glsl`) serve every view
+//! from one eye if they are made in space; then frames reuse the fans and the ranks of the frame before.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -40,7 +40,7 @@ use crate::technique::mesh::shading::{shading_push, shading_resources};
 /// The format of the accumulation image.
 const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 
-/// What views must share for fans in space and ranks to serve them: the eye, or the direction of parallel rays.
+/// The eye, or the direction of parallel rays: views that share it can share fans in space and ranks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Eye {
     perspective: bool,
@@ -54,7 +54,7 @@ impl Eye {
     }
 }
 
-/// What is fixed between frames of one size.
+/// Everything that is fixed between frames of one size.
 #[derive(Debug)]
 pub(crate) struct TetsRaster {
     name: &'static str,
@@ -66,26 +66,26 @@ pub(crate) struct TetsRaster {
     polygons: Dispatch,
     pipeline: Arc<Pipeline>,
     descriptors: Arc<Descriptors>,
-    /// Where the target is not drawn into directly.
+    /// The image that is drawn into; `None` where it is the target.
     image: Option<Arc<Image>>,
     table: Option<Arc<Table>>,
     ranker: Ranker,
-    /// The view that ranks on the host have been found for.
+    /// The view whose ranks the host found last.
     ranked: View,
-    /// Whether that was while it was prepared, so that the first frame need not find them again.
+    /// Whether these ranks were found by `prepare`, and no frame has used them yet.
     fresh: bool,
-    /// What fans and ranks on the device are for.
+    /// The eye of the fans and the view of the ranks that are on the device.
     built: Mutex<Option<(Eye, View)>>,
     view: View,
     outcome: Arc<RasterOutcome>,
 }
 
-/// What a frame tells of itself when it has ended.
+/// The status of a frame, and what it reused.
 #[derive(Debug)]
 struct RasterOutcome {
     status: Arc<Buffer>,
     cells: u32,
-    /// Whether the frame drew fans, and with ranks, of one before.
+    /// Whether the frame reused the fans, and the ranks, of the frame before.
     reused: Mutex<[bool; 2]>,
 }
 
@@ -266,15 +266,15 @@ impl TetsRaster {
         })
     }
 
-    /// Whether fans, and ranks, of the frame before serve another view.
+    /// Returns whether the fans, and the ranks, of the frame before serve another view.
     fn serves(&self, built: Option<(Eye, View)>, view: &View) -> [bool; 2] {
         let same = self.options.plane == Plane::Space && built.is_some_and(|(eye, _)| eye == Eye::of(view));
-        // Ranks on the host are those of a view; the device has those of the eye.
+        // The host finds ranks for a view, the device for an eye.
         let ranks = self.options.rank == Rank::Centroid || built.is_some_and(|(_, view)| view == self.ranked);
         [same, same && ranks]
     }
 
-    /// Finds ranks on the host, unless those that are there serve.
+    /// Finds ranks on the host, unless the last ones serve. Returns `false` while a recording reads them.
     fn rank(&mut self, view: &View) -> Result<bool> {
         let prepared = std::mem::take(&mut self.fresh) && self.ranked == *view;
         let held = self.options.plane == Plane::Space
@@ -339,7 +339,7 @@ impl Prepared for TetsRaster {
             (None, Some(target)) => Attachment::Caller(*target),
             (None, None) => return,
         };
-        // What a recording makes is there for the next: a plan has one in flight.
+        // The next recording can reuse the results of this one, because a plan has one in flight.
         let mut built = self.built.lock().unwrap_or_else(PoisonError::into_inner);
         let [fans, ranks] = self.serves(*built, &self.view);
         *built = Some((Eye::of(&self.view), self.ranked));
@@ -348,7 +348,7 @@ impl Prepared for TetsRaster {
         let push = MeshPush { count: self.ranking.count, ..self.push };
         let groups = groups_of(self.ranking.count, 64);
         self.ranking.record_points(recorder, &push);
-        // Fans in space rank what is beside the image too.
+        // Fans in space also rank cells outside of the image, when they are built.
         if self.options.plane == Plane::Image {
             self.ranking.record_boxes(recorder, &push);
             self.ranking.record_order(recorder);
