@@ -1,4 +1,4 @@
-//! What a second drawing of flagged pixels shares with the first.
+//! The data that a second drawing of flagged pixels shares with the first.
 
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! Techniques for tetrahedral meshes: `havs`, `abuffer` and `projected-tets`.
 //!
 //! They share the ranking of primitives, the lists of each pixel ([`crate::frame::lists`]) and the passes that shade
-//! segments. The room uses `frame`, `resident`, `primitives` and `gpu`; the registry of techniques uses it.
+//! segments. This module uses `frame`, `resident`, `primitives` and `gpu`; the registry of techniques uses it.
 
 pub mod abuffer;
 mod desc;
