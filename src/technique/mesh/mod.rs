@@ -1,6 +1,6 @@
 //! Techniques for tetrahedral meshes: `havs`, `abuffer` and `projected-tets`.
 //!
-//! They share the ranking of primitives, the lists of each pixel ([`crate::frame::lists`]) and the passes that shade
+//! They share the ranking of primitives, the lists of each pixel (`frame/lists`) and the passes that shade
 //! segments. This module uses `frame`, `resident`, `primitives` and `gpu`; the registry of techniques uses it.
 
 pub mod abuffer;
