@@ -12,7 +12,7 @@ use glam::DVec3;
 
 use crate::error::{Error, Result};
 use crate::frame::depth_measure::{DepthMeasure, PixelLines};
-use crate::frame::lists::{Geometry, Lists, Stage, measure};
+use crate::frame::lists::{Geometry, Lists, Ranking, measure};
 use crate::frame::prepared::Outcome;
 use crate::frame::target::{Canvas, Layers};
 use crate::gpu::shader::{
@@ -41,7 +41,7 @@ const SLACK: f64 = 1e-3;
 #[derive(Debug)]
 pub(crate) struct SurfaceLists {
     data: Arc<SurfaceData>,
-    stage: Stage,
+    stage: Ranking,
     lists: Lists,
     needs: Needs,
     push: MeshPush,
@@ -111,8 +111,8 @@ impl SurfaceLists {
             count: num::count(data.triangles.len()),
         };
         // By rank lists come nearly sorted, and little is left to do in each pixel.
-        let stage = Stage::of(gpu, NAME, geometry, false, None)?;
-        let push = data.frame.push(view, &MeshPush::default())?;
+        let stage = Ranking::new(gpu, NAME, geometry, false, None)?;
+        let push = data.space.push(view, &MeshPush::default())?;
         let [width, height] = view.extent();
         let across = width.div_ceil(TILE);
         let tiles = across * height.div_ceil(TILE);
@@ -223,7 +223,7 @@ impl SurfaceFrame {
 
     /// What another view of the same extent is told of by.
     pub(crate) fn pushes(&self, view: &View) -> Result<SurfaceView> {
-        Ok(SurfaceView(self.lists.data.frame.push(view, &self.lists.push)?, self.push_of(view)?))
+        Ok(SurfaceView(self.lists.data.space.push(view, &self.lists.push)?, self.push_of(view)?))
     }
 
     /// Turns to it.
@@ -233,7 +233,7 @@ impl SurfaceFrame {
 
     fn push_of(&self, view: &View) -> Result<SurfacePush> {
         let DepthMeasure { centre, unit } = self.measure;
-        let frame = &self.lists.data.frame;
+        let space = &self.lists.data.space;
         let PixelLines { foot, kq, scale, centre_depth } = self.measure.lines(view);
         let perspective = view.is_perspective();
         let pack = |v: DVec3, w: f64| num::vec3_of(v).extend(f32_of(w)).to_array();
@@ -242,13 +242,13 @@ impl SurfaceFrame {
             q0_kq: pack(foot / unit, kq),
             right_kd: pack(view.right() * scale, if perspective { 1.0 } else { 0.0 }),
             up_near: pack(view.up() * scale, if perspective { -centre_depth / unit } else { -3e38 }),
-            forward_ratio: pack(view.forward(), frame.radius / unit),
+            forward_ratio: pack(view.forward(), space.radius / unit),
             half_extent: [width, height].map(|side| f32_of(f64::from(side) * 0.5)),
-            offset: f32_of((frame.centre - centre).dot(view.forward()) / unit),
+            offset: f32_of((space.centre - centre).dot(view.forward()) / unit),
             capacity: self.lists.lists.list_capacity,
             across: width.div_ceil(TILE),
             tiles: self.lists.tiles,
-            slack: f32_of(SLACK * frame.radius / unit),
+            slack: f32_of(SLACK * space.radius / unit),
             pad0: 0,
         };
         let numbers = [push.q0_kq, push.right_kd, push.up_near, push.forward_ratio];

@@ -1,4 +1,4 @@
-//! A scene on the device: uploaded once, in the encodings that techniques ask for.
+//! A scene with its data on the device.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -6,24 +6,25 @@ use std::time::Instant;
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Gpu, Image};
 use crate::num::f32_of;
-use crate::resident::bricks::{BrickRanges, nonzero_ranges};
+use crate::resident::bricks::BrickRanges;
 use crate::resident::mesh::{DrawnPrimitives, MeshData, Primitives, drawn_cells_buffer, drawn_faces_buffer};
 use crate::resident::splats::{SplatNeeds, SplatSet};
 use crate::resident::surfaces::SurfaceData;
 use crate::resident::tables::{Integrator, Knots, SegmentOptions, Table, Tables};
+use crate::resident::visible_scalars::nonzero_ranges;
 use crate::resident::volume::{Layout, Volume, Volumes};
 use crate::scene::grid::diagonal;
 use crate::scene::{Grid, Kernels, Samples, Scene, Surface, TetScalars, Tets, TransferFunction};
 
-/// What a place holds so far, for another scene.
+/// Copies the contents of a place, for another scene.
 fn copied<T: Clone>(place: &Mutex<T>) -> Mutex<T> {
     Mutex::new(place.lock().unwrap_or_else(PoisonError::into_inner).clone())
 }
 
-/// A scene with what of it lies on the device. Data is uploaded when a technique first needs it, once for
-/// each form in which techniques ask for it.
+/// A scene with its data on the device.
 ///
-/// `Send` and `Sync`: what several threads ask for at once is uploaded by the first.
+/// Data is uploaded when a technique first needs it, once for each form that techniques ask for. The type is `Send` and
+/// `Sync`: if several threads ask for the same data at once, the first uploads it.
 #[derive(Debug)]
 pub struct GpuScene {
     gpu: Gpu,
@@ -34,39 +35,39 @@ pub struct GpuScene {
     tables: Arc<Tables>,
     bricks: Mutex<Vec<(f32, Arc<Buffer>)>>,
     splats: Mutex<Vec<(SplatChoice, Arc<SplatSet>)>>,
-    /// What frames of splats have needed so far.
+    /// Capacities that frames of splats have needed so far.
     pub(crate) splat_needs: Mutex<SplatNeeds>,
     surfaces: SurfacePlace,
     times: Mutex<UploadTimes>,
 }
 
-/// Surfaces, once they have been looked for; none where there is no triangle.
+/// Surfaces on the device: `None` before they are first asked for, `Some(None)` where no triangle has an area.
 type SurfacePlace = Arc<Mutex<Option<Option<Arc<SurfaceData>>>>>;
 
-/// Faces or cells; with a margin those alone that show something.
+/// Faces or cells; with a margin only those of visible cells.
 type Choice = (Primitives, Option<f32>);
 
-/// Kernels, and how thick sheets may be at most, in the data's steps.
+/// Kernels, and the largest thickness of sheets, in steps of the data.
 type SplatChoice = (Kernels, f64);
 
-/// What the grid alone decides: scenes that differ in the transfer function share it.
+/// Data that depends only on the grid; scenes that differ in the transfer function share it.
 #[derive(Debug, Default)]
 struct GridData {
     volumes: Volumes,
     ranges: BrickRanges,
 }
 
-/// Milliseconds that a scene's way to the device has taken so far.
+/// Milliseconds that the uploads of a scene have taken so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct UploadTimes {
-    /// Samples, meshes and kernels.
+    /// Uploads of samples, meshes and kernels.
     pub upload: f64,
-    /// Tables of the transfer function, ranges of bricks, and which bricks are visible.
+    /// Tables of the transfer function, ranges of bricks, and the search for visible bricks.
     pub tables: f64,
 }
 
 impl GpuScene {
-    /// Takes a scene for a device. Nothing is uploaded yet.
+    /// Takes a scene for a device; uploads nothing yet.
     #[must_use]
     pub fn new(gpu: &Gpu, scene: Scene) -> Arc<Self> {
         Arc::new(Self::unshared(gpu, scene))
@@ -88,11 +89,12 @@ impl GpuScene {
         }
     }
 
-    /// The same data and kernels under another transfer function. What is on the device of the samples is shared; the
-    /// transfer function's tables are made when they are first needed.
+    /// Returns the same data and kernels with another transfer function.
+    ///
+    /// Samples on the device are shared; the tables of the transfer function are uploaded when they are first needed.
     #[must_use]
     pub fn with_transfer(&self, transfer: TransferFunction) -> Arc<Self> {
-        // Infinite samples were uploaded as the old transfer function's ends.
+        // Infinite samples were uploaded as the ends of the old transfer function.
         let shared = self.scene.grid().is_none_or(|grid| grid.infinite_count() == 0);
         let data = if shared { Arc::clone(&self.data) } else { Arc::default() };
         let finite = |mesh: &Tets| mesh.scalars().values().iter().all(|s| !s.is_infinite());
@@ -106,8 +108,8 @@ impl GpuScene {
         Arc::new(Self { data, mesh, surfaces, ..Self::unshared(&self.gpu, scene) })
     }
 
-    /// The same mesh with other scalars, and perhaps another transfer function for them. Points and their
-    /// connections stay on the device.
+    /// Returns the same mesh with other scalars and their transfer function. Points and topology on the device are
+    /// shared.
     ///
     /// # Errors
     ///
@@ -120,9 +122,11 @@ impl GpuScene {
         Ok(Arc::new(Self { mesh: mesh_data, surfaces, ..Self::unshared(&self.gpu, scene) }))
     }
 
-    /// The same place and transfer function with other samples of a grid, of any type: a step of a time series. Nothing is
-    /// uploaded yet. Pipelines, knots and tables do not depend on samples; plans are prepared for the new scene, if the frames in
-    /// flight should not wait for the upload on another thread, and then take the place of the old ones.
+    /// Returns the same grid with other samples of any type, such as the next step of a time series; uploads nothing
+    /// yet.
+    ///
+    /// Pipelines, knots and tables do not depend on samples, and are shared. Plans must be prepared for the new scene;
+    /// another thread can do that while frames of the old one are in flight.
     ///
     /// # Errors
     ///
@@ -137,8 +141,8 @@ impl GpuScene {
         }))
     }
 
-    /// The same scene among other surfaces: those that move, come or go. Everything else that lies on the device is shared; plans
-    /// are prepared for the new scene.
+    /// Returns the same scene with other surfaces, such as surfaces that move. All other data on the device is shared;
+    /// plans must be prepared for the new scene.
     #[must_use]
     pub fn with_surfaces(&self, surfaces: Vec<Surface>) -> Arc<Self> {
         Arc::new(Self {
@@ -153,13 +157,15 @@ impl GpuScene {
         })
     }
 
-    /// What of a mesh lies on the device.
+    /// Returns the data of the mesh on the device.
     pub(crate) fn mesh_data(&self) -> Arc<MeshData> {
         Arc::clone(&self.mesh)
     }
 
-    /// The faces or cells of the mesh that are drawn; with `margin` only those of cells that show something, as wide
-    /// as an integrator smears extinction, in scalars.
+    /// Returns the faces or cells of the mesh that are drawn.
+    ///
+    /// With `margin` these are only those of visible cells; it is the distance, in scalars, by which an integrator
+    /// smears extinction.
     pub(crate) fn primitives(&self, kind: Primitives, margin: Option<f32>) -> Result<DrawnPrimitives> {
         let mesh = self.mesh()?;
         let mut known = self.primitives.lock().unwrap_or_else(PoisonError::into_inner);
@@ -180,14 +186,14 @@ impl GpuScene {
         Ok(made)
     }
 
-    /// By how much an integrator smears a scalar with extinction, in scalars.
+    /// Returns the distance, in scalars, by which an integrator smears extinction.
     pub(crate) fn margin(&self, segments: Option<&SegmentOptions>) -> f32 {
         let [first, last] = self.scene.transfer.domain();
         let size = segments.map_or(0, SegmentOptions::table_size);
         let rounding = 1e-6 * first.abs().max(last.abs());
         let smear = match segments.map(|segments| segments.integrator) {
             None | Some(Integrator::Midpoint | Integrator::Smoke) => 0.0,
-            // Interpolation rounds.
+            // Interpolated scalars are rounded.
             Some(Integrator::Exact) => rounding,
             Some(Integrator::Integral | Integrator::Full) => {
                 (2.0 * (last - first) / f64::from(size - 1)).max(rounding)
@@ -196,9 +202,9 @@ impl GpuScene {
         f32_of(smear)
     }
 
-    /// The kernels of the scene that show something, for sheets no thicker than `thickness`, in the data's steps.
+    /// Returns the visible kernels of the scene, for sheets of at most `thickness` steps of the data.
     pub(crate) fn splats(&self, kernels: &Kernels, thickness: f64) -> Result<Arc<SplatSet>> {
-        // A power of two, so that a sweep over thicknesses does not upload each time.
+        // Rounded up to a power of two, so that not every thickness of a sweep uploads.
         let thickness = thickness.log2().ceil().max(0.0).exp2();
         let mut known = self.splats.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, found)) = known.iter().find(|(key, _)| *key == (*kernels, thickness)) {
@@ -212,7 +218,7 @@ impl GpuScene {
         Ok(made)
     }
 
-    /// No segment is longer.
+    /// Returns an upper bound of the length of a segment, in world units.
     fn longest_segment(&self) -> Result<f64> {
         if let Some(mesh) = self.scene.mesh() {
             let [low, high] = mesh.bounds();
@@ -221,7 +227,7 @@ impl GpuScene {
         self.grid().map(diagonal)
     }
 
-    /// Adds the time that `make` takes to what uploads (or, with `tables`, tables) have taken.
+    /// Adds the time that `make` takes to that of uploads, or with `tables` to that of tables.
     fn timed<T>(&self, tables: bool, make: impl FnOnce() -> Result<T>) -> Result<T> {
         let start = Instant::now();
         let made = make()?;
@@ -231,37 +237,36 @@ impl GpuScene {
         Ok(made)
     }
 
-    /// The samples, encoded for exact fetches or for the sampler's filter, with mip levels or without.
+    /// Returns the samples, encoded for exact fetches or for the sampler's filter, with mip levels or without.
     pub(crate) fn volume(&self, layout: Layout, for_filter: bool, mip: bool) -> Result<Arc<Volume>> {
         let grid = self.grid()?;
         let ends = self.scene.transfer.domain();
         self.timed(false, || self.data.volumes.volume(&self.gpu, grid, ends, layout, for_filter, mip))
     }
 
-    /// The transfer function's table for an integrator; `None` for one that needs none.
+    /// Returns the table that an integrator reads; `None` if it reads none.
     pub(crate) fn table(&self, options: &SegmentOptions) -> Result<Option<Arc<Table>>> {
         let longest = || self.longest_segment();
         self.timed(true, || self.tables.table(&self.gpu, &self.scene.transfer, options, longest))
     }
 
-    /// A table for integrators that read none.
+    /// Returns one texel, for the binding of shaders that read no table.
     pub(crate) fn no_table(&self) -> Result<Arc<Image>> {
         self.tables.no_table(&self.gpu)
     }
 
-    /// The transfer function.
+    /// Returns the knots of the transfer function.
     pub(crate) fn knots(&self) -> Result<Arc<Knots>> {
         self.timed(true, || self.tables.knots(&self.gpu, &self.scene.transfer))
     }
 
-    /// One word for each brick: 0 where nothing is visible. `margin` widens the scalars with extinction: what
-    /// a table smears is visible too.
+    /// Returns one word for each brick: 0 where nothing is visible, with extinction smeared by `margin` scalars.
     pub(crate) fn bricks(&self, margin: f32) -> Result<Arc<Buffer>> {
         let (grid, transfer) = (self.grid()?, &self.scene.transfer);
         self.timed(true, || self.data.ranges.visible(&self.gpu, grid, transfer, &self.bricks, margin))
     }
 
-    /// The scene's surfaces; none where it has no triangles.
+    /// Returns the surfaces of the scene; `None` where no triangle has an area.
     pub(crate) fn surfaces(&self) -> Result<Option<Arc<SurfaceData>>> {
         let mut place = self.surfaces.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = &*place {
@@ -273,19 +278,20 @@ impl GpuScene {
         Ok(made)
     }
 
-    /// The largest channel of what is seen, 1 at least: what a line that ends early may miss is dimmer than it.
+    /// Returns the largest colour channel of the scene, at least 1: a bound of the colour that a ray misses when it
+    /// ends early.
     pub(crate) fn max_colour(&self) -> f64 {
         let surfaces = self.scene.surfaces.iter().flat_map(|surface| surface.colour()[..3].to_vec());
         surfaces.fold(self.scene.transfer.max_colour().max(1.0), f64::max)
     }
 
-    /// The scene.
+    /// Returns the scene.
     #[must_use]
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// The grid.
+    /// Returns the grid.
     ///
     /// # Errors
     ///
@@ -294,7 +300,7 @@ impl GpuScene {
         self.scene.grid().ok_or_else(|| self.not_drawn("grids"))
     }
 
-    /// The mesh.
+    /// Returns the mesh.
     ///
     /// # Errors
     ///
@@ -307,13 +313,13 @@ impl GpuScene {
         Error::invalid("technique", format!("draws {what}: the scene holds a {}", self.scene.data.kind()))
     }
 
-    /// Time that uploads have taken.
+    /// Returns the times that uploads have taken.
     #[must_use]
     pub fn times(&self) -> UploadTimes {
         *self.times.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The device.
+    /// Returns the device.
     #[must_use]
     pub fn gpu(&self) -> &Gpu {
         &self.gpu

@@ -1,11 +1,12 @@
-//! What a grid takes on a device, told without one.
+//! Device memory that a grid takes, computed without a device.
 
-use crate::resident::bricks::{MinMax, bricks_of};
+use crate::resident::brick_ranges::{MinMax, bricks_of};
 use crate::resident::volume::texel_bytes;
 use crate::scene::Grid;
 
-/// Bytes of device memory that techniques ask for, at least: devices pad images, and some keep 8-bit samples in
-/// 16 bits because they filter too coarsely.
+/// Least bytes of device memory that techniques allocate for a grid.
+///
+/// Devices pad images; and on a device that filters 8-bit samples too coarsely they are stored in 16 bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GridBytes {
     /// Samples as one 3D image: `slices-3d`, `slabs`, `raycast`.
@@ -14,12 +15,12 @@ pub struct GridBytes {
     pub stack: u64,
     /// All three stacks, as `stacks=all` keeps them.
     pub stacks: u64,
-    /// Ranges of bricks, and which of them show anything: with `empty-space`.
+    /// Ranges of bricks, and which bricks are visible: with `empty-space`.
     pub bricks: u64,
 }
 
 impl GridBytes {
-    /// Of a grid.
+    /// Computes the bytes of a grid.
     #[must_use]
     pub fn of(grid: &Grid) -> Self {
         let product = |extents: [u32; 3]| extents.iter().fold(1_u64, |n, &e| n.saturating_mul(u64::from(e)));

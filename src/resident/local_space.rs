@@ -1,4 +1,4 @@
-//! A view of a mesh in the mesh's own measure: what shaders need to know of the camera (`glsl/mesh.glsl`).
+//! Coordinates relative to the data, and the view in them (`mesh.glsl`).
 
 use glam::DVec3;
 
@@ -7,8 +7,10 @@ use crate::interface::MeshPush;
 use crate::num::f32_of;
 use crate::scene::{Tets, View};
 
-/// Centre and radius of a mesh: its points lie within a unit of the centre. Points and views are told relative to
-/// them in float64, so that float32 has all its digits for the mesh itself, wherever and however large it is.
+/// Centre and radius of the data, in world units: all points lie within one radius of the centre.
+///
+/// Points and views are derived in float64 relative to them. So float32 keeps all its digits for the data, wherever it
+/// lies and however large it is.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LocalSpace {
     pub(crate) centre: DVec3,
@@ -16,24 +18,25 @@ pub(crate) struct LocalSpace {
 }
 
 impl LocalSpace {
+    /// Takes the centre of the box around a mesh, and half its diagonal.
     pub(crate) fn of(mesh: &Tets) -> Self {
         let [low, high] = mesh.bounds();
         let half = high * 0.5 - low * 0.5;
         Self { centre: low + half, radius: half.length().max(f64::MIN_POSITIVE) }
     }
 
-    /// A point in radii from the centre.
+    /// Returns a point relative to the centre, in radii.
     pub(crate) fn place(&self, point: DVec3) -> [f32; 3] {
         ((point - self.centre) / self.radius).to_array().map(f32_of)
     }
 
-    /// Push constants for a view; the rest of them as `push` has it.
+    /// Returns `push` with the fields of a view replaced.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] where float32 cannot hold the numbers.
+    /// [`Error::Invalid`] where float32 cannot hold the view.
     pub(crate) fn push(&self, view: &View, push: &MeshPush) -> Result<MeshPush> {
-        let Lines { rows: [right, up, forward], begin, pixel, w0, w1, slope } = self.lines(view);
+        let LocalView { rows: [right, up, forward], begin, pixel, w0, w1, slope } = self.view(view);
         let pack = |(v, w): (DVec3, f64)| [v.x, v.y, v.z, w].map(f32_of);
         let push = MeshPush {
             right: pack(right),
@@ -58,11 +61,11 @@ impl LocalSpace {
         Ok(push)
     }
 
-    /// A view in radii from the centre, in float64.
-    pub(crate) fn lines(&self, view: &View) -> Lines {
+    /// Returns a view relative to the centre, in radii.
+    pub(crate) fn view(&self, view: &View) -> LocalView {
         let eye = (view.camera().eye - self.centre) / self.radius;
         let depth = -eye.dot(view.forward());
-        // In perspective w is the depth before the eye, over that of the centre where the eye is far.
+        // In perspective w is the distance ahead of the eye, divided by that of the centre where the eye is far.
         let (w0, w1, pixel, slope, begin) = if view.is_perspective() {
             let q = depth.max(1.0);
             (depth / q, 1.0 / q, view.pixel_size() * q, 1.0 / q, -depth)
@@ -71,21 +74,24 @@ impl LocalSpace {
         };
         let row = |axis: DVec3| (axis, -eye.dot(axis));
         let rows = [row(view.right()), row(view.up()), (view.forward(), 0.0)];
-        Lines { rows, begin, pixel, w0, w1, slope }
+        LocalView { rows, begin, pixel, w0, w1, slope }
     }
 }
 
-/// A view in radii of the data: a point p is seen at X, Y and depth, each the dot of p with a row's vector plus its number.
-/// A pixel's line passes at (P w, depth) with w = `w0` + `w1` depth.
+/// A view relative to the centre of the data, in radii.
+///
+/// The view coordinates X, Y and depth of a point p are the dot products of p with the vectors of `rows`, plus the
+/// offset of each. The ray of a pixel P passes through (P w, depth) with w = `w0` + `w1` depth.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Lines {
+pub(crate) struct LocalView {
+    /// Vector and offset of X, Y and depth.
     pub(crate) rows: [(DVec3, f64); 3],
-    /// Depth of the eye, where lines begin.
+    /// Depth of the eye, where rays begin; far below all data for parallel rays.
     pub(crate) begin: f64,
-    /// Change of P from pixel to pixel.
+    /// Size of a pixel, in units of P.
     pub(crate) pixel: f64,
     pub(crate) w0: f64,
     pub(crate) w1: f64,
-    /// Tangent of the angle between a line and the axis, for a unit of P.
+    /// Tangent of the angle between a ray and the view direction, per unit of P.
     pub(crate) slope: f64,
 }

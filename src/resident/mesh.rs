@@ -1,4 +1,4 @@
-//! A mesh on the device: points and their connections once, what depends on the scalars once for each array.
+//! A mesh on the device: points and topology, scalars, and the faces or cells that are drawn.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -12,48 +12,48 @@ use crate::resident::local_space::LocalSpace;
 use crate::scene::topology::{NONE, Topology};
 use crate::scene::{TetScalars, Tets};
 
-// What shaders take for granted.
+// Shaders rely on these.
 const _: () = assert!(FACE_WORDS == 5 && CELL_WORDS == 4 && NO_CELL == NONE);
 
-/// What is listed for pixels.
+/// The primitives that a technique lists for each pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Primitives {
     Faces,
     Cells,
 }
 
-/// What the points and cells of a mesh alone decide: scenes that differ in scalars share it.
+/// Data that depends only on the points and cells of a mesh; scenes that differ in scalars share it.
 #[derive(Debug, Default)]
 pub(crate) struct MeshShape {
     points: Mutex<Option<Arc<Buffer>>>,
     topology: Mutex<Option<Arc<Topology>>>,
 }
 
-/// What its scalars decide besides: scenes that differ in the transfer function share it.
+/// Data that also depends on the scalars; scenes that differ in the transfer function share it.
 #[derive(Debug, Default)]
 pub(crate) struct MeshData {
     pub(crate) shape: Arc<MeshShape>,
     scalars: Mutex<Option<Arc<Buffer>>>,
-    /// What frames have needed so far.
+    /// Capacities that frames have needed so far.
     pub(crate) needs: Mutex<Needs>,
 }
 
-/// Entries that frames have needed.
+/// Capacities that frames have needed.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Needs {
-    /// In the bins.
+    /// Entries of all bins.
     pub(crate) bins: u32,
-    /// In the lists of a band.
+    /// Entries of the lists of a band.
     pub(crate) lists: u32,
-    /// In the bin of one tile.
+    /// Entries of the bin of one tile.
     pub(crate) longest_bin: u32,
-    /// Rounds of repair.
+    /// Repair passes.
     pub(crate) rounds: u32,
-    /// Whether cells overlap.
+    /// Whether a frame has met overlapping cells.
     pub(crate) overlaps: bool,
 }
 
-/// Makes something when it is first asked for.
+/// Returns the value of a place, made when it is first asked for.
 fn once<T: Clone>(place: &Mutex<Option<T>>, make: impl FnOnce() -> Result<T>) -> Result<T> {
     let mut place = place.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(found) = &*place {
@@ -65,18 +65,18 @@ fn once<T: Clone>(place: &Mutex<Option<T>>, make: impl FnOnce() -> Result<T>) ->
 }
 
 impl MeshData {
-    /// For other scalars of the same mesh.
+    /// Holds other scalars of the same mesh.
     pub(crate) fn with_shape(shape: &Arc<MeshShape>) -> Self {
         Self { shape: Arc::clone(shape), ..Self::default() }
     }
 
-    /// Points in radii from the centre: four floats each.
+    /// Returns the points relative to the centre, in radii: four floats each.
     pub(crate) fn points(&self, gpu: &Gpu, mesh: &Tets) -> Result<Arc<Buffer>> {
         once(&self.shape.points, || {
-            let frame = LocalSpace::of(mesh);
-            // Points that no cell uses may lie anywhere.
+            let space = LocalSpace::of(mesh);
+            // Points that no cell uses may be infinite.
             let place = |point: &glam::DVec3| {
-                let [x, y, z] = frame.place(*point).map(|x| if x.is_finite() { x } else { 0.0 });
+                let [x, y, z] = space.place(*point).map(|x| if x.is_finite() { x } else { 0.0 });
                 [x, y, z, 0.0]
             };
             let points: Vec<[f32; 4]> = mesh.points().iter().map(place).collect();
@@ -84,12 +84,12 @@ impl MeshData {
         })
     }
 
-    /// Faces with the cells on both sides.
+    /// Returns the faces with the cells on both sides.
     pub(crate) fn topology(&self, mesh: &Tets) -> Result<Arc<Topology>> {
         once(&self.shape.topology, || Ok(Arc::new(Topology::new(mesh)?)))
     }
 
-    /// Scalars of points or cells; infinities are the transfer function's ends, NaN is anything.
+    /// Returns the scalars of points or cells as [`stored`] converts them.
     pub(crate) fn scalars(&self, gpu: &Gpu, mesh: &Tets, ends: [f64; 2]) -> Result<Arc<Buffer>> {
         once(&self.scalars, || {
             let scalars: Vec<f32> = mesh.scalars().values().iter().map(|&s| stored(s, ends)).collect();
@@ -98,8 +98,10 @@ impl MeshData {
     }
 }
 
-/// Cells that are drawn: those that are not vacuum, and of these, where `seen` tells ranges of scalars with
-/// extinction, those that reach one; it is as wide as the integrator smears it.
+/// Returns for each cell whether it is drawn.
+///
+/// A cell that touches a NaN is vacuum. `seen` are the ranges of scalars with extinction, and the margin by which the
+/// integrator smears them; cells that reach none of them are skipped.
 fn drawn_cells(mesh: &Tets, ends: [f64; 2], seen: Option<(&[[f32; 2]], f32)>) -> Vec<bool> {
     let shows = |cell: usize| {
         let corners: [f32; 4] = match mesh.scalars() {
@@ -123,13 +125,13 @@ fn drawn_cells(mesh: &Tets, ends: [f64; 2], seen: Option<(&[[f32; 2]], f32)>) ->
 pub(crate) struct DrawnPrimitives {
     pub(crate) buffer: Arc<Buffer>,
     pub(crate) count: u32,
-    /// Of cells their numbers in the mesh.
+    /// Numbers of the cells in the mesh; empty for faces.
     pub(crate) cells: Arc<Vec<u32>>,
-    /// Of cells their scalars, where cells have them.
+    /// Scalars of the cells, where scalars belong to cells.
     pub(crate) scalars: Option<Arc<Buffer>>,
 }
 
-/// Corners of the cells that are drawn, ascending.
+/// Uploads the cells that are drawn: the numbers of their corners, ascending.
 pub(crate) fn drawn_cells_buffer(
     gpu: &Gpu,
     mesh: &Tets,
@@ -158,8 +160,8 @@ pub(crate) fn drawn_cells_buffer(
     Ok(DrawnPrimitives { buffer, count, cells: Arc::new(cells), scalars })
 }
 
-/// Corners of the faces of cells that are drawn, ascending, with the cells in front and behind; one that is not drawn
-/// is none.
+/// Uploads the faces of the cells that are drawn: the numbers of their corners, ascending, and of the cells in front
+/// and behind; [`NONE`] stands for a cell that is not drawn.
 pub(crate) fn drawn_faces_buffer(
     gpu: &Gpu,
     mesh: &Tets,
@@ -182,13 +184,14 @@ pub(crate) fn drawn_faces_buffer(
     Ok(DrawnPrimitives { buffer, count: num::count(words.len()), cells: Arc::default(), scalars: None })
 }
 
-/// A buffer that is there even where nothing is drawn.
+/// Uploads data, or one zero where it is empty: a buffer must have a size.
 fn upload<T: bytemuck::Pod>(gpu: &Gpu, name: &str, data: &[T]) -> Result<Arc<Buffer>> {
     let nothing = [T::zeroed()];
     Buffer::with_data(gpu, name, bytemuck::cast_slice(if data.is_empty() { &nothing } else { data }))
 }
 
-/// A scalar as the device has it: infinities are the transfer function's ends, NaN is anything.
+/// Returns a scalar as the device stores it: infinities become the ends of the transfer function, and NaN, which no
+/// drawn cell has, 0.
 fn stored(s: f32, ends: [f64; 2]) -> f32 {
     match s {
         f32::INFINITY => f32_of(ends[1]),

@@ -1,24 +1,25 @@
-//! Smaller versions of a volume or an image: Vulkan's mip chain, filtered exactly.
+//! Mip levels of a volume or an image, filtered exactly.
 
 use crate::num::{f64_of, index};
 
-/// Levels of a mip chain down to where every axis of `along` has one texel, the first included: what
-/// Vulkan calls `mipLevels`.
+/// Returns the levels of a mip chain, Vulkan's `mipLevels`: the first one included, and down to one texel along every
+/// axis of `along`.
 pub(crate) fn levels(dims: [u32; 3], along: [bool; 3]) -> u32 {
     let largest = dims.into_iter().zip(along).filter(|(_, along)| *along).map(|(n, _)| n).max();
     largest.unwrap_or(1).max(1).ilog2() + 1
 }
 
-/// One level smaller: box filter with exact area weights, so that any size keeps its alignment in
-/// normalised coordinates.
+/// Computes the next smaller level with a box filter.
+///
+/// Weights are exact overlaps of texels, so that any size keeps its alignment in normalised coordinates.
 ///
 /// Axes of `along` take the extent of Vulkan's mip chain, `max(1, n / 2)`; the others stay. Values lie
 /// x fastest. A NaN makes every texel that covers it NaN.
 pub(crate) fn halve(values: &[f32], dims: [u32; 3], along: [bool; 3]) -> (Vec<f32>, [u32; 3]) {
     let mut small = dims;
-    // Sums stay in float64 from axis to axis; rounding happens once.
+    // Sums stay in float64 from axis to axis, so that values are rounded once.
     let mut sums: Option<Vec<f64>> = None;
-    // x last: along the other axes the inner loop runs over neighbours.
+    // x comes last: along the other axes the inner loop runs over neighbours in memory.
     for axis in [2, 1, 0] {
         let from = index(dims[axis]);
         if along[axis] && from > 1 {
@@ -38,7 +39,7 @@ pub(crate) fn halve(values: &[f32], dims: [u32; 3], along: [bool; 3]) -> (Vec<f3
     (values, small)
 }
 
-/// Filters one axis from `from` texels, `stride` apart, to `to`.
+/// Filters one axis of `from` texels, `stride` apart, to `to` texels.
 fn shrink<T: Copy + Into<f64>>(values: &[T], stride: usize, from: usize, to: usize) -> Vec<f64> {
     let taps: Vec<_> = (0..to).map(|place| taps(place, from, to)).collect();
     let mut sums = Vec::with_capacity(values.len() / from * to);
@@ -57,10 +58,9 @@ fn shrink<T: Copy + Into<f64>>(values: &[T], stride: usize, from: usize, to: usi
     sums
 }
 
-/// The texels that one smaller texel covers, with the share of it that each has.
-///
-/// In units in which the whole axis is `from * to` long, so that every boundary is an integer.
+/// Returns the texels that one smaller texel covers, each with its share of the smaller one.
 fn taps(place: usize, from: usize, to: usize) -> Vec<(usize, f64)> {
+    // The axis is `from * to` units long, so that every boundary is an integer.
     let (start, end) = (place * from, (place + 1) * from);
     (start / to..end.div_ceil(to))
         .map(|texel| {
@@ -109,7 +109,7 @@ mod tests {
         assert_eq!(chain([8, 3, 2], [false; 3]), [[8, 3, 2]]);
         assert_eq!(levels([1; 3], ALL), 1);
         assert_eq!(levels([256, 255, 1], ALL), 9);
-        // Axes that stay keep their texels where they are.
+        // Axes that are not halved keep their texels.
         let (values, dims) = halve(&[1.0, 2.0, 3.0, 5.0, 7.0, 9.0], [3, 2, 1], [false, true, false]);
         assert_eq!((values, dims), (vec![3.0, 4.5, 6.0], [3, 1, 1]));
         assert_eq!(halve(&[1.0, 2.0], [2, 1, 1], [false; 3]), (vec![1.0, 2.0], [2, 1, 1]));
@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn weights_are_overlaps() {
-        // Of five texels the first of two covers 0, 1 and half of 2.
+        // The first of two texels covers 0, 1 and half of 2 of five texels.
         assert_eq!(taps(0, 5, 2), [(0, 0.4), (1, 0.4), (2, 0.2)]);
         assert_eq!(taps(1, 5, 2), [(2, 0.2), (3, 0.4), (4, 0.4)]);
         assert_eq!(taps(1, 4, 2), [(2, 0.5), (3, 0.5)]);
@@ -159,7 +159,7 @@ mod tests {
             let (small, half) = halve(&volume(dims, |p| f32_of(place(dims[axis], p[axis]))), dims, ALL);
             let want = volume(half, |p| f32_of(place(half[axis], p[axis])));
             assert!(small.iter().zip(&want).all(|(a, b)| (a - b).abs() < 1e-7), "axis {axis}: {small:?}");
-            // The middle one of three texels made of seven lies where it should.
+            // The middle texel of three made of seven stays in the middle.
             dims[axis] = 7;
             let (small, half) = halve(&volume(dims, |p| f32_of(place(dims[axis], p[axis]))), dims, ALL);
             let centre = mean_at(&small, half, axis, half[axis] / 2);
@@ -167,7 +167,7 @@ mod tests {
         }
     }
 
-    /// Mean of the values whose index along an axis is `at`.
+    /// Returns the mean of the values whose index along an axis is `at`.
     fn mean_at(values: &[f32], dims: [u32; 3], axis: usize, at: u32) -> f64 {
         let there = volume(dims, |p| if p[axis] == at { 1.0 } else { 0.0 });
         let sum: f64 = values.iter().zip(&there).map(|(&v, &w)| f64::from(v * w)).sum();

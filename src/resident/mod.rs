@@ -1,6 +1,11 @@
-//! A scene on the device: each form of its data is uploaded when a technique first needs it, and shared.
+//! A scene on the device.
+//!
+//! Each form of the data is uploaded when a technique first needs it, and shared from then on: samples, meshes,
+//! kernels, surfaces, tables of the transfer function. This module uses `scene`, `optics` and `gpu`; `frame` and the
+//! techniques use it.
 
-pub(crate) mod bricks;
+mod brick_ranges;
+mod bricks;
 mod gpu_scene;
 mod grid_bytes;
 pub(crate) mod local_space;
@@ -9,6 +14,7 @@ mod mips;
 pub(crate) mod splats;
 pub(crate) mod surfaces;
 pub(crate) mod tables;
+mod visible_scalars;
 pub(crate) mod volume;
 
 pub use gpu_scene::{GpuScene, UploadTimes};

@@ -1,4 +1,4 @@
-//! The surfaces of a scene on the device: points, triangles, colours.
+//! The surfaces of a scene on the device: points, triangles and colours.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
@@ -15,25 +15,28 @@ use crate::scene::{Shading, Surface};
 
 const NAME: &str = "surfaces";
 
-/// Numbers of triangles are kept in the bits of floats above 2, of which there are more.
+/// Most triangles of a scene. Their numbers are kept in the bits of floats from 2 up.
 const MOST_TRIANGLES: usize = 1 << 27;
 
-/// What of a scene's surfaces does not depend on the view.
+/// The surfaces of a scene, for every view.
 #[derive(Debug)]
 pub(crate) struct SurfaceData {
-    pub(crate) frame: LocalSpace,
+    pub(crate) space: LocalSpace,
     pub(crate) points: Arc<Buffer>,
     pub(crate) point_count: u32,
     pub(crate) primitives: Arc<Buffer>,
     pub(crate) numbers: Arc<Buffer>,
+    /// A point, the unit normal and the colour of each triangle; shaded ones have minus their opacity.
     pub(crate) triangles: Vec<(DVec3, DVec3, [f64; 4])>,
-    /// Whether any is seen through.
+    /// Whether a surface is translucent.
     pub(crate) translucent: bool,
     pub(crate) needs: Mutex<Needs>,
 }
 
 impl SurfaceData {
-    /// `None` where there is no triangle with an area. `corners` are those of the volume's data: what is near it has all digits.
+    /// Uploads surfaces; `None` where no triangle has an area.
+    ///
+    /// Points are relative to the box of `corners`, those of the volume's data, so that float32 keeps its digits there.
     pub(crate) fn new(gpu: &Gpu, surfaces: &[Surface], corners: &[DVec3]) -> Result<Option<Self>> {
         let mut places: HashMap<[u64; 3], u32> = HashMap::new();
         let mut points: Vec<DVec3> = Vec::new();
@@ -44,7 +47,7 @@ impl SurfaceData {
                 .points()
                 .iter()
                 .map(|&point| {
-                    // Both zeros are one place.
+                    // Adding 0 makes -0 and 0 the same place.
                     let point = point + DVec3::ZERO;
                     *places.entry(point.to_array().map(f64::to_bits)).or_insert_with(|| {
                         points.push(point);
@@ -58,7 +61,7 @@ impl SurfaceData {
                 let mut corners = corners.map(|i| index[num::index(i)]);
                 let [a, b, c] = corners.map(|i| points[num::index(i)]);
                 let (ab, ac) = (b - a, c - a);
-                // Of any size.
+                // Scaled, so that triangles of any size have a normal.
                 let unit = |edge: DVec3| edge / edge.abs().max_element();
                 let Some(normal) = unit(ab).cross(unit(ac)).try_normalize() else { continue };
                 if surface.colour()[3] == 0.0 {
@@ -80,17 +83,17 @@ impl SurfaceData {
         let low = corners.iter().copied().reduce(DVec3::min).unwrap_or_default();
         let high = corners.iter().copied().reduce(DVec3::max).unwrap_or_default();
         let half = high * 0.5 - low * 0.5;
-        let frame = LocalSpace { centre: low + half, radius: half.length().max(f64::MIN_POSITIVE) };
+        let space = LocalSpace { centre: low + half, radius: half.length().max(f64::MIN_POSITIVE) };
         let places: Vec<[f32; 4]> = points
             .iter()
             .map(|&point| {
-                let [x, y, z] = frame.place(point);
+                let [x, y, z] = space.place(point);
                 [x, y, z, 0.0]
             })
             .collect();
         let numbers: Vec<u32> = (0..num::count(triangles.len())).map(|i| 0x4000_0000 | i << 2).collect();
         Ok(Some(Self {
-            frame,
+            space,
             points: Buffer::with_data(gpu, "surfaces.points", bytemuck::cast_slice(&places))?,
             point_count: num::count(points.len()),
             primitives: Buffer::with_data(gpu, "surfaces.faces", bytemuck::cast_slice(&primitives))?,
@@ -101,7 +104,7 @@ impl SurfaceData {
         }))
     }
 
-    /// Planes as heights over them, in units from a centre, with colours.
+    /// Returns the plane and colour of each triangle, relative to `centre` in units of `unit`.
     pub(crate) fn planes(&self, centre: DVec3, unit: f64) -> Vec<Triangle> {
         let plane = |&(point, normal, colour): &(DVec3, DVec3, [f64; 4])| {
             let height = normal.dot(centre - point) / unit;

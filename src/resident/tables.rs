@@ -1,4 +1,4 @@
-//! The transfer function on the device: knots, and tables for segments with a scalar at both ends.
+//! The transfer function on the device: its knots, and tables for segments with a scalar at both ends.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -17,30 +17,31 @@ use crate::optics::cumulative::Cumulative;
 use crate::optics::full::Full;
 use crate::scene::TransferFunction;
 
-/// Format of tables.
+/// Image format of tables.
 pub(crate) const TABLE_FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 
-/// Octaves of thickness in a 2-D table: from the domain's diagonal down to a two-thousandth of it. Thinner
-/// segments take the last one's colour.
+/// Thicknesses of a 2-D table, each half the one before, from the longest segment down to a two-thousandth of it.
+///
+/// A thinner segment takes its colour from the thinnest.
 const LAYERS: u32 = 12;
 
-/// How the transfer function is integrated along a segment with a scalar at both ends.
+/// How colour and opacity are integrated along a segment with a scalar at both ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Integrator {
-    /// Not at all: classified at the middle.
+    /// Classifies the scalar of the middle.
     Midpoint,
-    /// From 1-D cumulative tables.
+    /// Takes integrals from 1-D cumulative tables.
     Integral,
-    /// From a 2-D table for several thicknesses.
+    /// Takes colours from a 2-D table for each of several thicknesses.
     Full,
-    /// Cut at the knots, without a table.
+    /// Cuts segments at the knots, without a table.
     Exact,
-    /// The mean scalar as a density of smoke; for meshes.
+    /// Takes the mean scalar as extinction, without a transfer function; for meshes.
     Smoke,
 }
 
 impl Integrator {
-    /// The shader's code.
+    /// Returns the shader's code.
     pub(crate) fn code(self) -> u32 {
         match self {
             Self::Midpoint => INTEGRATOR_MIDPOINT,
@@ -52,9 +53,9 @@ impl Integrator {
     }
 }
 
-/// Bins of the cumulative table unless the user says otherwise.
+/// Bins of the cumulative table by default.
 const BINS: u32 = 4096;
-/// Nodes of the 2-D table unless the user says otherwise.
+/// Nodes on each axis of the 2-D table by default.
 const NODES: u32 = 256;
 
 /// How segments are integrated.
@@ -62,28 +63,28 @@ const NODES: u32 = 256;
 pub struct SegmentOptions {
     /// The method.
     pub integrator: Integrator,
-    /// Bins of the integral's table (`None`: 4096), or nodes on each axis of the full one (`None`: 256).
+    /// Bins of the cumulative table (`None`: 4096), or nodes on each axis of the 2-D table (`None`: 256).
     pub table: Option<u32>,
 }
 
 impl SegmentOptions {
-    /// Size of the table in force.
+    /// Returns the size of the table, chosen or default.
     pub(crate) fn table_size(&self) -> u32 {
         self.table.unwrap_or(if self.integrator == Integrator::Full { NODES } else { BINS })
     }
 }
 
-/// A table of the transfer function, for segments.
+/// A table of integrals of the transfer function over segments.
 #[derive(Debug)]
 pub(crate) struct Table {
     options: SegmentOptions,
-    /// Its head.
+    /// Sizes and scales.
     pub(crate) buffer: Arc<Buffer>,
-    /// Its bins or nodes.
+    /// Bins or nodes.
     pub(crate) image: Arc<Image>,
 }
 
-/// The transfer function as a buffer.
+/// The knots of the transfer function as a buffer.
 #[derive(Debug)]
 pub(crate) struct Knots {
     pub(crate) buffer: Arc<Buffer>,
@@ -92,19 +93,19 @@ pub(crate) struct Knots {
     pub(crate) iterations: u32,
 }
 
-/// Knots and tables of one transfer function on the device, made when they are first needed.
+/// Knots and tables of one transfer function on the device, uploaded when they are first needed.
 #[derive(Debug, Default)]
 pub(crate) struct Tables {
-    /// Stands for a table where an integrator reads none.
+    /// Fills the binding of shaders that read no table.
     no_table: Mutex<Option<Arc<Image>>>,
     knots: Mutex<Option<Arc<Knots>>>,
     tables: Mutex<Vec<Arc<Table>>>,
 }
 
 impl Tables {
-    /// The transfer function's table for an integrator; `None` for one that needs none.
+    /// Returns the table that an integrator reads; `None` if it reads none.
     ///
-    /// No segment is longer than `longest`, in world units.
+    /// `longest` is the length of the longest segment, in world units.
     pub(crate) fn table(
         &self,
         gpu: &Gpu,
@@ -148,7 +149,7 @@ impl Tables {
         Ok(Some(table))
     }
 
-    /// A table for integrators that read none.
+    /// Returns one texel, for the binding of shaders that read no table.
     pub(crate) fn no_table(&self, gpu: &Gpu) -> Result<Arc<Image>> {
         let mut place = self.no_table.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = &*place {
@@ -160,7 +161,7 @@ impl Tables {
         Ok(image)
     }
 
-    /// The transfer function.
+    /// Returns the knots.
     pub(crate) fn knots(&self, gpu: &Gpu, transfer: &TransferFunction) -> Result<Arc<Knots>> {
         let mut knots = self.knots.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = &*knots {

@@ -1,4 +1,4 @@
-//! The samples of a grid as an image on the device.
+//! The samples of a grid as images on the device.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -11,7 +11,7 @@ use crate::resident::mips;
 use crate::scene::grid::turned;
 use crate::scene::{Grid, Rescale, Samples};
 
-/// Where samples lie on the device.
+/// The kind of image that holds samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Layout {
     /// One 3D image.
@@ -20,7 +20,7 @@ pub(crate) enum Layout {
     Stack(usize),
 }
 
-/// How samples are kept.
+/// The texel format of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Encoding {
     /// 8-bit normalised.
@@ -40,18 +40,18 @@ pub(crate) struct Volume {
     /// Value of a texel: `scale * texel + offset`.
     pub(crate) scale: f32,
     pub(crate) offset: f32,
-    /// Whether the sampler can filter it.
+    /// Whether the device filters the format linearly.
     pub(crate) filterable: bool,
 }
 
-/// The samples of one grid on the device, in each form that techniques have asked for.
+/// The samples of one grid, in each form that techniques have asked for.
 #[derive(Debug, Default)]
 pub(crate) struct Volumes(Mutex<Vec<Arc<Volume>>>);
 
 impl Volumes {
-    /// The samples, encoded for exact fetches or for the sampler's filter, with mip levels or without.
+    /// Returns the samples, encoded for exact fetches or for the sampler's filter, with mip levels or without.
     ///
-    /// `ends` are the first and last scalar of the transfer function: infinite samples become these.
+    /// `ends` are the first and last scalar of the transfer function, which infinite samples become.
     pub(crate) fn volume(
         &self,
         gpu: &Gpu,
@@ -83,7 +83,7 @@ impl Volumes {
             }
         };
         let desc = desc.with_levels(levels);
-        // Before samples are turned and averaged: the device may have no room for them.
+        // Checked before samples are reordered and averaged, which takes time.
         gpu.check_image(&name, &desc)?;
         let turned_samples;
         let samples = match layout {
@@ -116,8 +116,10 @@ impl Volumes {
     }
 }
 
-/// The encoding of samples: their own type where the device has it, widened from 8 bits where the
-/// device's filter would round to them, or mip levels to fewer digits than their samples have.
+/// Returns the encoding of samples: their own type where the device has it.
+///
+/// 8-bit samples are widened where the device's filter rounds to 8 bits, and for mip levels, whose means have more
+/// digits than samples.
 fn encoding_on(gpu: &Gpu, samples: &Samples, for_filter: bool, mip: bool) -> Result<Encoding> {
     let own = match samples {
         Samples::U8(_) if mip => Encoding::R16,
@@ -129,17 +131,18 @@ fn encoding_on(gpu: &Gpu, samples: &Samples, for_filter: bool, mip: bool) -> Res
     Ok(if sampled { own } else { Encoding::R32f })
 }
 
+/// Whether the device filters an encoding linearly.
 fn filterable(gpu: &Gpu, encoding: Encoding) -> bool {
     gpu.image_features(encoding.format()).contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)
 }
 
-/// Bytes of a sample on a device that has the sample's own type.
+/// Returns the bytes of a sample on a device that supports the sample's own type.
 pub(crate) fn texel_bytes(samples: &Samples) -> u64 {
     u64::try_from(Encoding::own(samples).texel_bytes()).unwrap_or(u64::MAX)
 }
 
 impl Encoding {
-    /// The one that keeps samples as they are.
+    /// Returns the encoding that keeps samples as they are.
     fn own(samples: &Samples) -> Self {
         match samples {
             Samples::U8(_) => Self::R8,
@@ -167,7 +170,7 @@ impl Encoding {
         }
     }
 
-    /// What a shader reads of texels.
+    /// Returns texels as a shader reads them.
     fn texels(self, memory: &[u8]) -> Vec<f32> {
         match self {
             Self::R8 => memory.iter().map(|&b| f32::from(b) / 255.0).collect(),
@@ -190,7 +193,7 @@ impl Encoding {
     }
 }
 
-/// Scale and offset that turn a texel into a value.
+/// Returns the scale and offset that convert a texel to a value.
 fn value_map(grid: &Grid, encoding: Encoding) -> (f64, f64) {
     let rescale = grid.rescale();
     // The stored number is full * texel + zero.
@@ -203,7 +206,7 @@ fn value_map(grid: &Grid, encoding: Encoding) -> (f64, f64) {
     (rescale.slope * full, rescale.slope * zero + rescale.intercept)
 }
 
-/// Samples in the order of a stack's texels.
+/// Returns samples in the order of a stack's texels.
 fn turn_samples(samples: &Samples, dims: [u32; 3], axis: usize) -> Samples {
     fn turn<T: Copy>(values: &[T], dims: [u32; 3], axis: usize) -> Vec<T> {
         let [nx, ny, _] = dims.map(num::index);
@@ -226,7 +229,7 @@ fn turn_samples(samples: &Samples, dims: [u32; 3], axis: usize) -> Samples {
     }
 }
 
-/// Writes values as texels until `memory` or `values` end.
+/// Writes values as texels until `memory` or `values` ends.
 fn put<T: Copy, const N: usize>(values: &[T], memory: &mut [u8], bytes: impl Fn(T) -> [u8; N]) {
     for (value, place) in values.iter().zip(memory.chunks_exact_mut(N)) {
         place.copy_from_slice(&bytes(*value));
@@ -245,7 +248,7 @@ struct Source<'a> {
 impl Source<'_> {
     /// Writes samples from `first` on as texels, until `memory` is full.
     fn encode(&self, first: usize, memory: &mut [u8]) {
-        // Infinities take the scalar at the transfer function's ends, as stored numbers.
+        // Infinities become the ends of the transfer function, as stored numbers.
         let slope = self.rescale.slope;
         let low = self.stored_end(if slope > 0.0 { 0 } else { 1 });
         let high = self.stored_end(if slope > 0.0 { 1 } else { 0 });
@@ -275,7 +278,7 @@ impl Source<'_> {
         }
     }
 
-    /// The stored number that the device takes for an end of the transfer function, or for what lies beyond.
+    /// Returns the stored number that the device decodes to an end of the transfer function, or just beyond it.
     fn stored_end(&self, end: usize) -> f32 {
         let Rescale { slope, intercept } = self.rescale;
         let mut stored = f32_of((self.ends[end] - intercept) / slope);
@@ -283,7 +286,7 @@ impl Source<'_> {
             let scalar = f32_of(slope) * stored + f32_of(intercept);
             if end == 0 { scalar <= f32_of(self.ends[0]) } else { scalar >= f32_of(self.ends[1]) }
         };
-        // Rounding may leave it short of the end by a few units in the last place.
+        // Rounding may leave the number short of the end by a few units in the last place.
         for _ in 0..64 {
             if reaches(stored) {
                 break;
@@ -293,7 +296,7 @@ impl Source<'_> {
         stored
     }
 
-    /// Texels of the levels below the first, each the mean of the one above.
+    /// Returns the texels of the levels below the first, each averaged from the one above.
     fn smaller_levels(&self, dims: [u32; 3], along: [bool; 3], levels: u32) -> Vec<Vec<f32>> {
         let mut smaller: Vec<Vec<f32>> = Vec::new();
         if levels > 1 {

@@ -1,17 +1,17 @@
-//! Exact lists of cells (the A-buffer of Carpenter 1984): what the other techniques for meshes are compared with on the
-//! device.
+//! An A-buffer of cells: exact lists of the cells of each pixel (Carpenter 1984).
 //!
-//! In each pixel every cell that its line passes has an entry: where the line enters and leaves, and the scalars there. The
-//! entries are sorted by the middles of the pieces and integrated one after the other. Each piece stands for
-//! itself, so that neither gaps nor overlaps of cells need a rule.
+//! The other techniques for meshes are compared with it on the device. Every cell that a pixel's ray meets has an entry:
+//! the depths where the ray enters and leaves, and the scalars there. The entries are sorted by the middles of their
+//! segments and integrated one after the other. An entry needs no neighbours, so gaps and overlaps of cells need no
+//! special case.
 //!
-//! 1. `mesh_frame` ranks cells by the distance of their centroids, counts the entries of each pixel, sums them up and
-//!    writes them (`glsl/mesh-lists.glsl`).
-//! 2. `glsl/abuffer.glsl` passes each list through a window in registers. Where that did not sort it - which shows - the
-//!    list is sorted in place.
+//! 1. Cells are ranked by the distance of their centroids. The entries of each pixel are counted, summed up and written
+//!    (`mesh/frame.rs`, `mesh-lists.glsl`).
+//! 2. `abuffer.glsl` passes each list through a window in registers. A list that leaves the window out of order is
+//!    sorted in place.
 //!
-//! Error: that of the integrator. Cost: 16 bytes for each fragment, known before they are asked for; an image whose
-//! lists do not fit a buffer is drawn in bands. Needs: core Vulkan 1.3.
+//! Error: that of the integrator. Cost: 16 bytes for each fragment, counted before they are allocated; an image whose
+//! lists do not fit one buffer is drawn in bands. Needs: core Vulkan 1.3.
 
 use std::sync::Arc;
 
@@ -22,23 +22,23 @@ use crate::gpu::shader::ABUFFER_COMPUTE;
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
+use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
 use crate::technique::mesh::options::{EMPTY_SPACE, INTEGRATOR, MeshOptions, ORDER, SMOKE, STOP};
-use crate::technique::mesh::shading::MeshDesc;
 use crate::technique::options::{self, OptionInfo, Order, TABLE};
 
 const NAME: &str = "abuffer";
 
-/// Entries that a list passes through before it is sorted in place.
+/// Entries of the window that a list passes through before it is sorted in place.
 const WINDOW: u32 = 7;
 
-/// What can be chosen, with its effect on error and time.
+/// The options, each with its effect on error and time.
 pub(crate) const OPTIONS: &[OptionInfo] = &[INTEGRATOR, TABLE, SMOKE, ORDER, STOP, EMPTY_SPACE];
 
-/// Options of this technique.
+/// Options of `abuffer`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Options {
-    /// Those that techniques for meshes share.
+    /// The options that the techniques for meshes share.
     pub mesh: MeshOptions,
 }
 
@@ -55,11 +55,12 @@ impl Options {
         Ok(options)
     }
 
-    /// The options as text that reads back to them; what is unset is left out.
+    /// Returns the options as text that [`Options::parse`] reads back; options that are unset are left out.
     pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
         self.mesh.pairs()
     }
 
+    /// Prepares frames of one view size.
     pub(crate) fn prepare(
         &self,
         scene: &Arc<GpuScene>,

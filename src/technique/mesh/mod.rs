@@ -1,14 +1,16 @@
-//! Techniques for tetrahedral meshes, and the frame that they share.
+//! Techniques for tetrahedral meshes: `havs`, `abuffer` and `projected-tets`.
+//!
+//! They share the ranking of primitives, the lists of each pixel (`frame/lists`) and the passes that shade
+//! segments. This module uses `frame`, `resident`, `primitives` and `gpu`; the registry of techniques uses it.
 
 pub mod abuffer;
+mod desc;
+mod flagged;
 mod frame;
 pub mod havs;
-mod havs_raster;
 pub mod options;
-pub(crate) mod order;
+mod order;
+mod outcome;
 mod overlaps;
 pub mod projected_tets;
-mod projected_tets_options;
-mod projected_tets_raster;
-mod ranks;
 mod shading;

@@ -1,4 +1,4 @@
-//! Options that techniques for meshes share.
+//! Options that the techniques for meshes share.
 
 use crate::error::{Error, Result};
 use crate::resident::tables::{Integrator, SegmentOptions};
@@ -8,7 +8,7 @@ pub(crate) const INTEGRATOR: OptionInfo = OptionInfo {
     key: "integrator",
     values: "exact|integral|full|smoke",
     default: "exact",
-    effect: "how a cell is integrated: exact without a table, cut at the knots; integral from 1-D tables, opacity exact and colour second order in the cell's optical depth; full from a 2-D table for 12 thicknesses; smoke: extinction is the mean scalar times the option smoke",
+    effect: "how a cell is integrated: exact cuts it at the knots, without a table; integral reads 1-D tables, opacity is exact and colour of second order in the cell's optical depth; full reads a 2-D table for 12 thicknesses; smoke: extinction is the mean scalar times the option smoke",
 };
 pub(crate) const SMOKE: OptionInfo = OptionInfo {
     key: "smoke",
@@ -20,27 +20,27 @@ pub(crate) const ORDER: OptionInfo = OptionInfo {
     key: "order",
     values: "front-to-back|back-to-front",
     default: "front-to-back",
-    effect: "direction in which ranks and compositing go; the image is the same but for rounding",
+    effect: "direction of ranks and compositing; the image is the same but for rounding",
 };
 pub(crate) const EMPTY_SPACE: OptionInfo = OptionInfo {
     key: "empty-space",
     values: "skip|march",
     default: "skip",
-    effect: "skip leaves out cells in whose range of scalars nothing is visible; march draws them all, for the same image",
+    effect: "skip leaves out cells whose range of scalars has no extinction; march draws all cells; the image is the same",
 };
 pub(crate) const STOP: OptionInfo = OptionInfo {
     key: "stop",
     values: "a number from 0 to below 1",
     default: "0",
-    effect: "colour that what lies behind may still add where a line ends: an absolute error; what is behind is not checked for order either",
+    effect: "largest colour that a ray may miss when it ends early: an absolute error; fragments behind its end are not checked for order",
 };
 
-/// What becomes of pixels whose faces or cells did not come in order.
+/// Treatment of pixels whose faces or cells came out of order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Repair {
-    /// They are drawn again from sorted lists.
+    /// Draws them again from sorted lists.
     Exact,
-    /// They are counted.
+    /// Counts them only.
     None,
 }
 
@@ -48,7 +48,7 @@ impl Choice for Repair {
     const WORDS: &'static [(&'static str, Self)] = &[("exact", Self::Exact), ("none", Self::None)];
 }
 
-/// Options that techniques for meshes share.
+/// Options that the techniques for meshes share.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshOptions {
     /// How cells are integrated.
@@ -57,9 +57,9 @@ pub struct MeshOptions {
     pub smoke: f64,
     /// Direction of ranks and compositing.
     pub order: Order,
-    /// Colour that may be left out where a line ends.
+    /// Largest colour that a ray may miss when it ends early.
     pub stop: f64,
-    /// What becomes of cells in which nothing is visible.
+    /// Treatment of cells in which nothing is visible.
     pub empty_space: EmptySpace,
 }
 
@@ -71,7 +71,7 @@ impl Default for MeshOptions {
 }
 
 impl MeshOptions {
-    /// Reads one option; `false` when the key is none of these.
+    /// Reads one option; returns `false` for a key that is none of these.
     pub(crate) fn read(&mut self, technique: &str, key: &str, text: &str) -> Result<bool> {
         match key {
             "smoke" => self.smoke = options::positive(technique, key, text)?,
@@ -83,6 +83,7 @@ impl MeshOptions {
         Ok(true)
     }
 
+    /// Returns the options as text that [`MeshOptions::read`] reads back.
     pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
         let mut pairs = self.segments.pairs();
         if self.segments.integrator == Integrator::Smoke {
@@ -94,11 +95,12 @@ impl MeshOptions {
         pairs
     }
 
-    /// Whether cells in which nothing is visible are left out; smoke is visible everywhere.
+    /// Whether cells in which nothing is visible are skipped; smoke is visible everywhere.
     pub(crate) fn skips(&self) -> bool {
         self.empty_space == EmptySpace::Skip && self.segments.integrator != Integrator::Smoke
     }
 
+    /// Refuses values and combinations that are not allowed.
     pub(crate) fn check(&self, technique: &str) -> Result<()> {
         let refuse = |key: &str, why: &str| Err(Error::invalid(format!("{technique} option {key}"), why));
         if self.stop > 0.0 && self.order == Order::BackToFront {

@@ -1,31 +1,32 @@
-//! Pixels in which cells overlap, drawn again from lists of cells.
+//! Draws pixels of `havs` in which cells overlap again, from lists of cells.
 //!
-//! Faces tell where a line enters and leaves cells, not which scalar holds where it is in two at once. `havs` flags such
-//! pixels; here they get lists of cells (`abuffer`), which stand for themselves. Built when a frame has met an overlap.
+//! Faces say where a ray enters and leaves cells, but not which scalar holds where the ray is in two cells at once.
+//! `havs` flags such pixels; here they get lists of cells, whose entries need no neighbours (`abuffer.glsl`). The passes
+//! are built once a frame has met an overlap.
 
 use std::sync::Arc;
 
-use crate::error::{Error, Result};
-use crate::frame::lists::{Lists, Stage, measure};
+use crate::error::Result;
+use crate::frame::lists::{Lists, Ranking, measure};
 use crate::gpu::shader::{
     ABUFFER_COMPUTE, BINDING_CURSORS, BINDING_LISTS, BINDING_STATUS, SPEC_FLAGGED, SPEC_K, SPEC_REPAIR,
-    STATUS_CUT, STATUS_LONGEST_BIN, STATUS_LOST, STATUS_UNREPAIRED, STATUS_WORDS,
+    STATUS_WORDS,
 };
-use crate::gpu::{Buffer, Recorder, Resource, SpecConstant};
+use crate::gpu::{Buffer, Recorder, Resource};
 use crate::interface::MeshPush;
 use crate::num;
-use crate::primitives::dispatch::{Dispatch, download, groups_of, pass, words};
-use crate::resident::GpuScene;
-use crate::resident::mesh::{MeshData, Needs, Primitives};
-use crate::technique::mesh::shading::{MeshDesc, check_loops, constants, only_flagged, stage};
+use crate::primitives::dispatch::{Dispatch, download, groups_of, pass};
+use crate::resident::mesh::Primitives;
+use crate::technique::mesh::desc::MeshDesc;
+use crate::technique::mesh::flagged::FlaggedFrame;
 
-/// Entries that a list passes through before it is sorted in place.
+/// Entries of the window that a list passes through before it is sorted in place.
 const WINDOW: u32 = 7;
 
-/// The step after `havs` where cells overlap.
+/// The passes after `havs` that draw overlaps.
 #[derive(Debug)]
 pub(crate) struct Overlaps {
-    stage: Stage,
+    ranking: Ranking,
     lists: Lists,
     pass: Dispatch,
     rounds: u32,
@@ -33,39 +34,29 @@ pub(crate) struct Overlaps {
 }
 
 impl Overlaps {
-    /// Draws into what `resources` bind, where their flags say so. `shading` are the constants of segments.
-    #[expect(clippy::too_many_arguments, reason = "one caller, which has all of these at hand")]
-    pub(crate) fn new(
-        scene: &GpuScene,
-        desc: &MeshDesc,
-        data: &MeshData,
-        push: &MeshPush,
-        [tiles, across]: [u32; 2],
-        flags: &Arc<Buffer>,
-        mut resources: Vec<(u32, Resource)>,
-        shading: &[SpecConstant],
-    ) -> Result<Self> {
+    /// Builds the passes; they draw into the image of the frame, where its flags say so.
+    pub(crate) fn new(frame: &FlaggedFrame<'_>) -> Result<Self> {
+        let FlaggedFrame { scene, data, push, tiles, across, flags, .. } = *frame;
         let gpu = scene.gpu();
-        let desc = MeshDesc { name: "havs.overlaps", primitives: Primitives::Cells, chunk: None, ..*desc };
-        let stage = stage(scene, data, &desc, None)?;
-        let (runs, needs, bands) = measure(gpu, &stage, &data.needs, push, tiles, across)?;
-        let mut lists = Lists::new(gpu, &stage, tiles, runs, bands, needs)?;
-        only_flagged(&mut lists, scene, &desc, flags)?;
-        let Some(entries) = lists.list_fill.descriptors.resource(BINDING_LISTS) else {
-            return Err(Error::invalid(desc.name, "no lists"));
-        };
+        let desc =
+            MeshDesc { name: "havs.overlaps", primitives: Primitives::Cells, chunk: None, ..*frame.desc };
+        let ranking = desc.rank_primitives(scene, data, None)?;
+        let (runs, needs, bands) = measure(gpu, &ranking, &data.needs, push, tiles, across)?;
+        let mut lists = Lists::new(gpu, &ranking, tiles, runs, bands, needs)?;
+        lists.restrict_to_flagged(gpu, &ranking, flags)?;
+        let mut resources = frame.resources.to_vec();
         resources.retain(|(binding, _)| ![BINDING_CURSORS, BINDING_LISTS, BINDING_STATUS].contains(binding));
         resources.extend([
             (BINDING_CURSORS, Resource::ReadOnly(Arc::clone(&lists.cursors))),
-            (BINDING_LISTS, entries),
-            (BINDING_STATUS, Resource::Buffer(Arc::clone(&stage.status))),
+            (BINDING_LISTS, Resource::Buffer(Arc::clone(&lists.entries))),
+            (BINDING_STATUS, Resource::Buffer(Arc::clone(&ranking.status))),
         ]);
-        let mut all = constants(scene, &desc)?;
-        all.extend_from_slice(shading);
-        all.extend([(SPEC_K, WINDOW), (SPEC_REPAIR, 1), (SPEC_FLAGGED, 1)]);
-        let pass = pass(gpu, desc.name, &ABUFFER_COMPUTE, &all, &resources)?;
+        let mut constants = desc.constants(scene)?;
+        constants.extend_from_slice(frame.shading);
+        constants.extend([(SPEC_K, WINDOW), (SPEC_REPAIR, 1), (SPEC_FLAGGED, 1)]);
+        let pass = pass(gpu, desc.name, &ABUFFER_COMPUTE, &constants, &resources)?;
         let status = download(gpu, "overlaps.status", 4 * u64::from(STATUS_WORDS))?;
-        Ok(Self { stage, lists, pass, rounds: needs.rounds, status })
+        Ok(Self { ranking, lists, pass, rounds: needs.rounds, status })
     }
 
     /// Passes of one frame, beside those that every stage has.
@@ -75,8 +66,8 @@ impl Overlaps {
     }
 
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>, push: &MeshPush) {
-        self.stage.record(recorder, push);
-        self.lists.bin(recorder, push, self.stage.count);
+        self.ranking.record(recorder, push);
+        self.lists.bin(recorder, push, self.ranking.count);
         for (i, band) in self.lists.bands.iter().enumerate() {
             recorder.clear_buffer("overlaps.clear", &self.lists.cursors);
             self.lists.list(recorder, push, i, false);
@@ -95,24 +86,12 @@ impl Overlaps {
                 self.pass.record(recorder, &push, groups_of(band.tiles, 1));
             }
         }
-        recorder.copy_buffer("overlaps.status", &self.stage.status, &self.status, self.status.size());
+        recorder.copy_buffer("overlaps.status", &self.ranking.status, &self.status, self.status.size());
         recorder.release_to_host(&self.status);
     }
 
-    /// Where a frame's status can be read when it has ended.
+    /// Returns the buffer that holds the status once the frame has ended.
     pub(crate) fn status(&self) -> Arc<Buffer> {
         Arc::clone(&self.status)
     }
-}
-
-/// Whether everything was drawn; what was short is asked for.
-pub(crate) fn complete(status: &Buffer, needs: &mut Needs) -> Result<bool> {
-    let status = words(&status.host_copy()?);
-    let at = |word: u32| status.get(num::index(word)).copied().unwrap_or(0);
-    needs.longest_bin = needs.longest_bin.max(at(STATUS_LONGEST_BIN));
-    check_loops(at(STATUS_CUT))?;
-    if at(STATUS_UNREPAIRED) > 0 {
-        needs.rounds = (needs.rounds * 2).max(2);
-    }
-    Ok(at(STATUS_LOST) == 0 && at(STATUS_UNREPAIRED) == 0)
 }

@@ -1,19 +1,21 @@
 //! Projected tetrahedra (Shirley and Tuchman 1990).
 //!
-//! Cells are drawn one by one in the order in which rays meet them. A cell covers a triangle or a quadrilateral of the
-//! image; where a pixel's ray passes through it, the piece inside has two ends, and what lies between them is
-//! integrated.
+//! Cells are drawn one by one in visibility order. A cell covers a triangle or a quadrilateral of the image. Each pixel
+//! there integrates the segment of its ray inside the cell.
 //!
-//! 1. `order` ranks cells on the host, or the device sorts them by the distance of their centroids.
-//! 2. `route=raster`: `glsl/projected-tets.glsl` makes each cell's outline, whose fragments are blended by fixed
-//!    function (`tets_raster`). `route=compute`: `mesh_frame` lists the cells of each pixel by rank, and one
-//!    invocation composites them.
+//! 1. The host ranks cells (`mesh/order`), or the device sorts them by the distance of their centroids.
+//! 2. `route=raster`: `projected-tets.glsl` makes the outline of each cell, or `tet-fans.glsl` a fan of triangles, and
+//!    fixed function blends their fragments (`projected_tets/raster.rs`). `route=compute`: the cells of each pixel are
+//!    listed by rank, and one invocation composites them (`mesh/frame.rs`).
+//! 3. With `route=compute` a pixel whose segments come out of order is counted, and with `repair=exact` drawn again from
+//!    its sorted list (`abuffer.glsl`).
 //!
-//! 3. By compute a pixel whose pieces do not come in order is counted, and with `repair=exact` drawn again from its
-//!    sorted list (`glsl/abuffer.glsl`).
-//!
-//! Error: that of the integrator where the order is right or repaired. Cost: a test and an integration for each cell of each
-//! pixel. Needs: core Vulkan 1.3; `route=raster` blending into 32-bit float.
+//! Error: that of the integrator where the order is right or repaired. Cost: a test and an integration for each cell of
+//! each pixel. Needs: core Vulkan 1.3; `route=raster` needs blending into 32-bit float.
+
+mod options;
+mod ranks;
+mod raster;
 
 use std::sync::Arc;
 
@@ -27,19 +29,20 @@ use crate::gpu::{Buffer, Image, Recorder, TargetImage};
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
+use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
 use crate::technique::mesh::options::Repair;
-use crate::technique::mesh::projected_tets_options::NAME;
-use crate::technique::mesh::projected_tets_raster::TetsRaster;
-use crate::technique::mesh::ranks::Ranker;
-use crate::technique::mesh::shading::MeshDesc;
+use crate::technique::mesh::projected_tets::options::NAME;
+use crate::technique::mesh::projected_tets::ranks::Ranker;
+use crate::technique::mesh::projected_tets::raster::TetsRaster;
 use crate::technique::options::{Order, Route};
 
-pub(crate) use crate::technique::mesh::projected_tets_options::OPTIONS;
-pub use crate::technique::mesh::projected_tets_options::{Options, Plane, Shade};
-pub use crate::technique::mesh::ranks::Rank;
+pub(crate) use options::OPTIONS;
+pub use options::{Options, Plane, Shade};
+pub use ranks::Rank;
 
 impl Options {
+    /// Prepares frames of one view size, by the route that the options ask for.
     pub(crate) fn prepare(
         &self,
         scene: &Arc<GpuScene>,
@@ -74,12 +77,12 @@ impl Options {
     }
 }
 
-/// Cells in the lists of pixels, by ranks of the host.
+/// The route `compute`: lists of cells, ranked by the host where [`Rank`] says so.
 #[derive(Debug)]
 struct Listed {
     frame: MeshFrame,
     ranker: Ranker,
-    /// The view that the ranks have been found for while it was prepared.
+    /// The view of the ranks that were found while this was prepared; taken by the first frame.
     fresh: Option<View>,
 }
 

@@ -1,17 +1,17 @@
-//! Gaussian splats in perspective: elliptical weighted averages (Zwicker 2001), or integrals along each pixel's own line.
+//! Gaussian splats in perspective: elliptical weighted averages (Zwicker 2001), or integrals along each pixel's ray.
 //!
-//! 1. `glsl/splat-project.glsl` finds the pixels that each kernel may cover, its key and its ellipse.
-//! 2. A stable sort by key; tiles take their splats in that order (`glsl/bins.glsl`).
-//! 3. `glsl/splat-ewa.glsl` blends each tile's splats in registers, front to back; with `order=slabs`
-//!    `glsl/splat-sheets.glsl` adds them up in slabs, for which overlapping kernels need no order.
+//! 1. `splat-project.glsl` finds the pixels that each kernel may cover, its sort key and its ellipse.
+//! 2. A stable sort orders kernels by key; tiles take their splats in that order (`bins.glsl`).
+//! 3. `splat-ewa.glsl` blends the splats of each tile in registers, front to back. With `order=slabs`
+//!    `splat-sheets.glsl` adds them up in slabs instead, where overlapping kernels need no order.
 //!
-//! No splat is left out for being faint, no opacity is capped: ten thousand layers of a three-thousandth are opaque.
+//! Faint splats are not skipped and opacity is not capped: ten thousand layers of opacity 1/3000 are opaque.
 //!
-//! Error: of `footprint=ewa` at most about `1.2 rho tan(theta) + 1.1 rho²` of a kernel's peak, rho its standard deviation over
-//! its distance, theta the angle off the axis; of `footprint=exact` float32's. Opacity of `order=center` is exact beyond that;
-//! its colour is wrong by at most the product of two overlapping kernels' opacities times their colours' difference.
-//! `order=slabs` is of second order in the slabs' thickness. Cost: per pair of splat and tile 64 exponentials, twice; slabs
-//! five error functions more. Needs: core Vulkan 1.3.
+//! Error: `footprint=ewa` has at most about `1.2 rho tan(theta) + 1.1 rho²` of a kernel's peak, where rho is its standard
+//! deviation over its distance and theta the angle off the axis; `footprint=exact` has that of float32. The opacity of
+//! `order=center` has no other error; its colour errs by at most the product of the opacities of two overlapping kernels
+//! times the difference of their colours. `order=slabs` is of second order in the thickness of slabs. Cost: for each pair
+//! of splat and tile 64 exponentials, twice; slabs take five error functions more. Needs: core Vulkan 1.3.
 
 use std::sync::Arc;
 
@@ -21,35 +21,38 @@ use crate::frame::target::Canvas;
 use crate::resident::GpuScene;
 use crate::scene::{Kernel, Kernels, Model, Scene, View};
 use crate::technique::options::{self, Choice, OptionInfo};
-use crate::technique::splat::frame::{Lowpass, SplatDesc, SplatFrame, SplatOrder};
+use crate::technique::splat::desc::{Accumulation, SplatDesc};
+use crate::technique::splat::frame::SplatFrame;
 use crate::technique::splat::options::{
-    CUT, KernelOptions, LEAST, MODEL, PAIRS, SIGMA, SPREAD, STEP, STOP, Spread,
+    CUT, KernelOptions, LEAST, MODEL, PAIRS, SIGMA, SPREAD, STEP, STOP, TileSplit,
 };
+
+pub use crate::technique::splat::desc::Filter;
 
 const NAME: &str = "splat-ewa";
 
-/// What splats are blended in the order of.
+/// The order in which splats are blended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
-    /// The distances of their centres.
+pub enum EwaOrder {
+    /// By the distance of centres.
     Center,
-    /// The same, put in order again in each pixel by a small window.
+    /// By the distance of centres, corrected by a small window in each pixel.
     Window,
-    /// None: what of each lies in a slab is added up, slabs are blended.
+    /// No order among splats: their parts in each slab are added up, and slabs are blended.
     Slabs,
 }
 
-impl Choice for Order {
+impl Choice for EwaOrder {
     const WORDS: &'static [(&'static str, Self)] =
         &[("center", Self::Center), ("window", Self::Window), ("slabs", Self::Slabs)];
 }
 
-/// What a kernel gives to a pixel.
+/// How the contribution of a kernel to a pixel is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Footprint {
-    /// An ellipse in the image: affine projection.
+    /// From an ellipse in the image, by affine projection.
     Ewa,
-    /// The integral along the pixel's own line.
+    /// From the integral along the pixel's ray.
     Exact,
 }
 
@@ -57,31 +60,31 @@ impl Choice for Footprint {
     const WORDS: &'static [(&'static str, Self)] = &[("ewa", Self::Ewa), ("exact", Self::Exact)];
 }
 
-/// What can be chosen, with its effect on error and time.
+/// The options, each with its effect on error and time.
 pub(crate) const OPTIONS: &[OptionInfo] = &[
     OptionInfo {
         key: "order",
         values: "center|window|slabs",
         default: "center for model=density, slabs for interpolate",
-        effect: "center: whole splats by the distance of their centres, fastest, may jump when the camera turns; window: in order in each pixel where 8 places are enough, 3 to 5 times the time; slabs: what lies in each slab is added up, no jumps, converges with step",
+        effect: "center: whole splats by the distance of their centres, fastest, may jump when the camera turns; window: also sorted in each pixel by a window of 8 places, 3 to 5 times the time; slabs: parts of splats are added up in slabs, no jumps, converges with step",
     },
     OptionInfo {
         key: "footprint",
         values: "ewa|exact",
         default: "exact",
-        effect: "ewa: an ellipse, with the filter below; exact: the integral along the pixel's line, unfiltered, as the reference samples",
+        effect: "ewa: an ellipse, filtered as the option filter says; exact: the integral along the pixel's ray, unfiltered, as the reference samples",
     },
     OptionInfo {
         key: "filter",
         values: "auto|full|none",
         default: "auto",
-        effect: "footprint=ewa: auto widens ellipses that are narrower than the pixel's filter to it, full convolves all with it; opacity, not optical depth, is what a pixel averages",
+        effect: "with footprint=ewa: auto widens ellipses that are narrower than the pixel's filter to it; full convolves all ellipses with it; a pixel averages opacity, not optical depth",
     },
     OptionInfo {
         key: "variance",
         values: "a positive number",
         default: "0.3",
-        effect: "footprint=ewa: variance of the pixel's filter, in pixels; below 0.25 energy depends on where in a pixel a splat lies",
+        effect: "with footprint=ewa: variance of the pixel's filter, in pixels; below 0.25 brightness depends on where in a pixel a splat lies",
     },
     STEP,
     SIGMA,
@@ -93,38 +96,27 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
     SPREAD,
 ];
 
-/// Options of this technique.
+/// Options of `splat-ewa`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// The order; none: as the model needs it.
-    pub order: Option<Order>,
-    /// What a kernel gives to a pixel.
+    /// The order of blending; `None`: the default of the model.
+    pub order: Option<EwaOrder>,
+    /// How the contribution of a kernel to a pixel is computed.
     pub footprint: Footprint,
-    /// Filter against footprints below a pixel.
+    /// Treatment of footprints that are smaller than a pixel.
     pub filter: Filter,
     /// Variance of the pixel's filter, in pixels.
     pub variance: f64,
     /// Thickness of slabs.
     pub step: f64,
-    /// Kernels, as far as they are not the scene's.
+    /// Properties of kernels that replace the scene's.
     pub kernels: KernelOptions,
-    /// Colour that may be left out where a line ends.
+    /// Largest colour that a ray may miss when it ends early.
     pub stop: f64,
-    /// Most entries of bins at a time.
+    /// Most entries of bins at a time; `None`: as many as a buffer holds.
     pub pairs: Option<u32>,
-    /// How a tile's pixels are spread over invocations.
-    pub spread: Spread,
-}
-
-/// What is done against footprints below a pixel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Filter {
-    /// Ellipses that are narrower than the pixel's filter are widened to it.
-    Auto,
-    /// All are convolved with it.
-    Full,
-    /// Nothing.
-    None,
+    /// How the pixels of a tile are divided among invocations.
+    pub spread: TileSplit,
 }
 
 impl Choice for Filter {
@@ -143,7 +135,7 @@ impl Default for Options {
             kernels: KernelOptions::default(),
             stop: 2.4e-7,
             pairs: None,
-            spread: Spread::Auto,
+            spread: TileSplit::Auto,
         }
     }
 }
@@ -170,7 +162,7 @@ impl Options {
         Ok(options)
     }
 
-    /// The options as text that reads back to them; what is unset is left out.
+    /// Returns the options as text that [`Options::parse`] reads back; options that are unset are left out.
     pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
         let mut pairs = Vec::new();
         if let Some(order) = self.order {
@@ -187,13 +179,13 @@ impl Options {
         if let Some(number) = self.pairs {
             pairs.push(("pairs", number.to_string()));
         }
-        if self.spread != Spread::Auto {
+        if self.spread != TileSplit::Auto {
             pairs.push(("spread", self.spread.word().to_string()));
         }
         pairs
     }
 
-    /// The kernels that a scene is drawn with.
+    /// Returns the kernels that a scene is drawn with.
     pub(crate) fn kernels_of(&self, scene: &Scene) -> Result<Kernels> {
         let kernels = self.kernels.of(scene, Kernels::of_samples())?;
         if kernels.kernel != Kernel::Gaussian {
@@ -203,6 +195,7 @@ impl Options {
         Ok(kernels)
     }
 
+    /// Prepares frames of one view size.
     pub(crate) fn prepare(
         &self,
         scene: &Arc<GpuScene>,
@@ -212,15 +205,12 @@ impl Options {
         let refuse = |key: &str, why: &str| Err(Error::invalid(format!("{NAME} option {key}"), why));
         let kernels = self.kernels_of(scene.scene())?;
         let interpolates = kernels.model == Model::Interpolate;
-        let order = self.order.unwrap_or(if interpolates { Order::Slabs } else { Order::Center });
-        if interpolates && order != Order::Slabs {
-            return refuse(
-                "order",
-                "splats as a whole have a colour of their own: works with model=density only",
-            );
+        let order = self.order.unwrap_or(if interpolates { EwaOrder::Slabs } else { EwaOrder::Center });
+        if interpolates && order != EwaOrder::Slabs {
+            return refuse("order", "whole splats have one colour each: works with model=density only");
         }
         let ewa = self.footprint == Footprint::Ewa;
-        if ewa && order == Order::Slabs {
+        if ewa && order == EwaOrder::Slabs {
             return refuse(
                 "footprint",
                 "ellipses have no depth: order=slabs works with footprint=exact only",
@@ -229,23 +219,19 @@ impl Options {
         let desc = SplatDesc {
             name: NAME,
             kernels,
-            order: match order {
-                Order::Center => SplatOrder::Centres,
-                Order::Window => SplatOrder::Window,
-                Order::Slabs => SplatOrder::Slabs,
+            accumulation: match order {
+                EwaOrder::Center => Accumulation::Centres,
+                EwaOrder::Window => Accumulation::Window,
+                EwaOrder::Slabs => Accumulation::Slabs,
             },
             ewa,
             template: None,
-            lowpass: match self.filter {
-                Filter::Auto => Lowpass::Auto,
-                Filter::Full => Lowpass::Full,
-                Filter::None => Lowpass::None,
-            },
+            filter: self.filter,
             variance: self.variance,
             step: self.step,
             stop: self.stop,
             pairs: self.pairs,
-            spread: self.spread,
+            split: self.spread,
         };
         Ok(Box::new(SplatFrame::new(scene, view, target, desc)?))
     }

@@ -1,7 +1,13 @@
-//! Techniques that splat kernels, and the frame that they share.
+//! Techniques that splat kernels: `splat-sheets` and `splat-ewa`.
+//!
+//! They share one frame: kernels are projected, sorted and binned to tiles, and each tile draws its bin. This
+//! module uses `frame`, `resident`, `primitives` and `gpu`; the registry of techniques uses it.
 
+mod desc;
 pub mod ewa;
 mod frame;
 pub mod options;
+mod outcome;
 pub mod sheets;
 mod template;
+mod view;

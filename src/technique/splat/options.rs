@@ -1,4 +1,4 @@
-//! Options that techniques for splats share.
+//! Options that the techniques for splats share.
 
 use crate::error::{Error, Result};
 use crate::scene::{Data, Kernel, Kernels, Model, Scene};
@@ -8,92 +8,92 @@ pub(crate) const KERNEL: OptionInfo = OptionInfo {
     key: "kernel",
     values: "gaussian|bspline|tent|sinc",
     default: "the scene's",
-    effect: "shape of each sample's kernel; grids: gaussian blurs, tent interpolates trilinearly, bspline and sinc interpolate smoothly; points have gaussian or bspline",
+    effect: "shape of each sample's kernel. Grids: gaussian blurs, tent interpolates trilinearly, bspline and sinc interpolate smoothly. Points: gaussian or bspline",
 };
 pub(crate) const SIGMA: OptionInfo = OptionInfo {
     key: "sigma",
     values: "a number from 0.1 to 100",
     default: "the scene's, or 0.7",
-    effect: "standard deviation of a grid's Gaussians, in voxels: the sum ripples by 4.4e-2 at 0.5, 3.8e-4 at 0.7, 2e-8 at 1, and blurs the more",
+    effect: "standard deviation of a grid's Gaussians, in voxels: their sum ripples by 4.4e-2 at 0.5, 3.8e-4 at 0.7, 2e-8 at 1; a larger one blurs more",
 };
 pub(crate) const CUT: OptionInfo = OptionInfo {
     key: "cut",
     values: "a number from 0.5 to 6",
     default: "the scene's, or 3",
-    effect: "distance at which Gaussians end, in standard deviations: cost grows with its cube, what is lost falls with its exponential",
+    effect: "distance at which Gaussians end, in standard deviations: the cost grows with its cube, the loss falls exponentially",
 };
 pub(crate) const MODEL: OptionInfo = OptionInfo {
     key: "model",
     values: "density|interpolate",
     default: "the scene's, or density for points and interpolate for grids and meshes",
-    effect: "density: extinctions of classified samples add up; interpolate: scalars are interpolated and then classified",
+    effect: "density: samples are classified, and their extinctions add up; interpolate: scalars are interpolated, then classified",
 };
 pub(crate) const LEAST: OptionInfo = OptionInfo {
     key: "least",
     values: "a number from 1e-6 to 1e6",
     default: "the scene's, or 0.05",
-    effect: "model=interpolate: least sum of weights that shows anything",
+    effect: "with model=interpolate: least sum of weights that is visible",
 };
 pub(crate) const STEP: OptionInfo = OptionInfo {
     key: "step",
     values: "a positive number",
     default: "1",
-    effect: "thickness of slabs: of grids in units of the smallest voxel spacing, of points in median standard deviations; error of second order, at jumps of the transfer function of first",
+    effect: "thickness of slabs: for grids in units of the smallest voxel spacing, for points in median standard deviations; the error is of second order, at jumps of the transfer function of first",
 };
 pub(crate) const STOP: OptionInfo = OptionInfo {
     key: "stop",
     values: "a number from 0 to below 1",
     default: "2.4e-7",
-    effect: "colour that what lies behind may still add where a line ends: an absolute error",
+    effect: "largest colour that a ray may miss when it ends early: an absolute error",
 };
 pub(crate) const PAIRS: OptionInfo = OptionInfo {
     key: "pairs",
     values: "a whole number from 64",
-    default: "what a buffer holds",
-    effect: "splats of tiles that are listed at a time; more are drawn in several bands of the image",
+    default: "as many as a buffer holds",
+    effect: "most entries of bins at a time; an image with more is drawn in several bands of tiles",
 };
 
 pub(crate) const SPREAD: OptionInfo = OptionInfo {
     key: "spread",
     values: "auto|columns|pixels",
     default: "auto",
-    effect: "columns: an invocation draws eight pixels below each other, and what is read of a splat serves all; pixels: one, which fills the subgroups of a GPU; auto: columns on software; the image is the same but for rounding",
+    effect: "pixels that an invocation draws. columns: a column of eight, which share what is read of a splat; pixels: one, which fills the subgroups of a GPU; auto: columns on software devices, else pixels. The image is the same but for rounding",
 };
 
-/// How a tile's pixels are spread over invocations.
+/// How the pixels of a tile are divided among invocations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Spread {
-    /// As suits the device.
+pub enum TileSplit {
+    /// Chooses columns on software devices, else pixels.
     #[default]
     Auto,
-    /// Eight below each other in each.
+    /// Each invocation draws a column of eight pixels.
     Columns,
-    /// One in each.
+    /// Each invocation draws one pixel.
     Pixels,
 }
 
-impl Choice for Spread {
+impl Choice for TileSplit {
     const WORDS: &'static [(&'static str, Self)] =
         &[("auto", Self::Auto), ("columns", Self::Columns), ("pixels", Self::Pixels)];
 }
 
-/// What of the kernels is told by options; the rest is the scene's.
+/// The properties of kernels that options set; the scene decides the rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct KernelOptions {
-    /// Shape.
+    /// Shape of the kernel.
     pub kernel: Option<Kernel>,
     /// Standard deviation of a grid's Gaussians, in voxels.
     pub sigma: Option<f64>,
     /// Where Gaussians end, in standard deviations.
     pub cut: Option<f64>,
-    /// Density or interpolation.
+    /// Sum of extinctions, or interpolation of scalars.
     pub model: Option<Model>,
-    /// Least sum of weights that shows anything.
+    /// Least sum of weights that is visible.
     pub least: Option<f64>,
 }
 
 impl KernelOptions {
-    /// Reads one option; `false` when the key is none of these.
+    /// Reads one option; returns `false` for a key that is none of these.
     pub(crate) fn read(&mut self, technique: &str, key: &str, text: &str) -> Result<bool> {
         let named = |error: Error| match error {
             Error::Invalid { why, .. } => Error::invalid(format!("{technique} option {key}"), why),
@@ -107,12 +107,13 @@ impl KernelOptions {
             "model" => self.model = Some(Model::from_name(text).map_err(named)?),
             _ => return Ok(false),
         }
-        // What is wrong with the numbers is known without a scene.
+        // Numbers can be checked without a scene.
         let whole = Kernels { model: Model::Interpolate, ..self.over(Kernels::of_samples()) };
         whole.check().map_err(named)?;
         Ok(true)
     }
 
+    /// Returns the options as text that [`KernelOptions::read`] reads back.
     pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
         let number = |value: Option<f64>| value.map(|value| value.to_string());
         let all = [
@@ -125,6 +126,7 @@ impl KernelOptions {
         all.into_iter().filter_map(|(key, value)| Some((key, value?))).collect()
     }
 
+    /// Returns `kernels` with the properties that options set replaced.
     fn over(&self, kernels: Kernels) -> Kernels {
         Kernels {
             kernel: self.kernel.unwrap_or(kernels.kernel),
@@ -135,8 +137,10 @@ impl KernelOptions {
         }
     }
 
-    /// The kernels of a scene: as told, else the scene's, else `usual` for grids and meshes and
-    /// [`Kernels::of_points`] for points.
+    /// Returns the kernels of a scene.
+    ///
+    /// Options come first, then the scene's own kernels, then `usual` for grids and meshes and [`Kernels::of_points`]
+    /// for points.
     pub(crate) fn of(&self, scene: &Scene, usual: Kernels) -> Result<Kernels> {
         let usual = match scene.data {
             Data::Points(_) => Kernels::of_points(),

@@ -1,15 +1,18 @@
-//! Sheet buffers: what kernels give to a sheet is added up, sheets are composited (Westover 1990; Mueller and Crawfis 1998).
+//! Sheet buffers: splats are added up in sheets, and the sheets are composited (Westover 1990; Mueller and Crawfis 1998).
 //!
-//! 1. `glsl/splat-project.glsl` finds the pixels that each kernel may cover and its nearest depth, or its layer.
-//! 2. A stable sort by that; tiles take their splats in order (`glsl/bins.glsl`).
-//! 3. `glsl/splat-sheets.glsl` adds up each tile's splats, sheet by sheet, in registers, and composites the sheets front to back.
+//! 1. `splat-project.glsl` finds the pixels that each kernel may cover, and its nearest depth or its layer as sort key.
+//! 2. A stable sort orders kernels by key; tiles take their splats in that order (`bins.glsl`).
+//! 3. `splat-sheets.glsl` adds up the splats of each tile in registers, sheet by sheet, and composites the sheets front to
+//!    back.
 //!
-//! `sheets=image`: slabs parallel to the image, each kernel gives to each slab what lies in it. `sheets=axis`: voxel layers, each
-//! gets whole kernels, by default from one table for all where lines are parallel.
+//! `sheets=image`: sheets are slabs parallel to the image, and each slab receives the part of a kernel inside it.
+//! `sheets=axis`: sheets are voxel layers that receive whole kernels; under parallel rays the option `template` reads
+//! footprints from a table.
 //!
-//! Error: image sheets second order in the slabs' thickness where the transfer function is smooth, first at its jumps.
-//! Axis sheets bleed over a kernel's reach and jump where the axis changes. Cost: per pair of splat and tile 64 times a kernel and
-//! five error functions for every four slabs; of products two points for each slab. Needs: core Vulkan 1.3.
+//! Error: image sheets are of second order in the thickness of slabs where the transfer function is smooth, and of first
+//! at its jumps. Axis sheets bleed over the reach of a kernel, and jump where the axis changes. Cost: for each pair of
+//! splat and tile 64 kernel evaluations, and five error functions for every four slabs; kernels that are products take two
+//! points for each slab. Needs: core Vulkan 1.3.
 
 use std::sync::Arc;
 
@@ -19,19 +22,20 @@ use crate::frame::target::Canvas;
 use crate::resident::GpuScene;
 use crate::scene::{Kernel, Kernels, Scene, View};
 use crate::technique::options::{self, Choice, OptionInfo};
-use crate::technique::splat::frame::{Lowpass, SplatDesc, SplatFrame, SplatOrder};
+use crate::technique::splat::desc::{Accumulation, Filter, SplatDesc};
+use crate::technique::splat::frame::SplatFrame;
 use crate::technique::splat::options::{
-    CUT, KERNEL, KernelOptions, LEAST, MODEL, PAIRS, SIGMA, SPREAD, STEP, STOP, Spread,
+    CUT, KERNEL, KernelOptions, LEAST, MODEL, PAIRS, SIGMA, SPREAD, STEP, STOP, TileSplit,
 };
 
 const NAME: &str = "splat-sheets";
 
-/// Which sheets there are.
+/// How sheets are oriented.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sheets {
     /// Slabs parallel to the image.
     Image,
-    /// Layers along the axis of the data that is nearest to the line of sight.
+    /// Layers along the axis of the data that is nearest to the view direction.
     Axis,
 }
 
@@ -39,19 +43,19 @@ impl Choice for Sheets {
     const WORDS: &'static [(&'static str, Self)] = &[("image", Self::Image), ("axis", Self::Axis)];
 }
 
-/// What can be chosen, with its effect on error and time.
+/// The options, each with its effect on error and time.
 pub(crate) const OPTIONS: &[OptionInfo] = &[
     OptionInfo {
         key: "sheets",
         values: "image|axis",
         default: "image",
-        effect: "image: slabs parallel to the image, kernels cut at their planes, no jumps when the camera turns; axis: voxel layers with whole kernels, half the time, blurred along the line, a jump where the axis changes",
+        effect: "image: slabs parallel to the image, kernels are cut at their planes, no jumps when the camera turns; axis: voxel layers with whole kernels, half the time, blurred along the ray, a jump where the axis changes",
     },
     OptionInfo {
         key: "template",
-        values: "0, or entries a side from 8 to 1024",
+        values: "0, or a whole number from 8 to 1024",
         default: "0",
-        effect: "sheets=axis on a grid, parallel lines: footprints from one table instead of their integrals, for kernels without a closed form",
+        effect: "with sheets=axis on a grid with parallel rays: entries along each side of a table of footprints, which replaces their integrals where kernels have no closed form; 0: no table",
     },
     KERNEL,
     STEP,
@@ -64,23 +68,23 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
     SPREAD,
 ];
 
-/// Options of this technique.
+/// Options of `splat-sheets`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Which sheets there are.
+    /// How sheets are oriented.
     pub sheets: Sheets,
-    /// Entries of the footprint's table a side; 0: no table.
+    /// Entries along each side of the table of footprints; 0: no table.
     pub template: u32,
     /// Thickness of slabs.
     pub step: f64,
-    /// Kernels, as far as they are not the scene's.
+    /// Properties of kernels that replace the scene's.
     pub kernels: KernelOptions,
-    /// Colour that may be left out where a line ends.
+    /// Largest colour that a ray may miss when it ends early.
     pub stop: f64,
-    /// Most entries of bins at a time.
+    /// Most entries of bins at a time; `None`: as many as a buffer holds.
     pub pairs: Option<u32>,
-    /// How a tile's pixels are spread over invocations.
-    pub spread: Spread,
+    /// How the pixels of a tile are divided among invocations.
+    pub spread: TileSplit,
 }
 
 impl Default for Options {
@@ -92,7 +96,7 @@ impl Default for Options {
             kernels: KernelOptions::default(),
             stop: 2.4e-7,
             pairs: None,
-            spread: Spread::Auto,
+            spread: TileSplit::Auto,
         }
     }
 }
@@ -117,7 +121,7 @@ impl Options {
         Ok(options)
     }
 
-    /// The options as text that reads back to them; what is unset is left out.
+    /// Returns the options as text that [`Options::parse`] reads back; options that are unset are left out.
     pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
         let mut pairs = vec![("sheets", self.sheets.word().to_string())];
         if self.template > 0 {
@@ -129,17 +133,18 @@ impl Options {
         if let Some(number) = self.pairs {
             pairs.push(("pairs", number.to_string()));
         }
-        if self.spread != Spread::Auto {
+        if self.spread != TileSplit::Auto {
             pairs.push(("spread", self.spread.word().to_string()));
         }
         pairs
     }
 
-    /// The kernels that a scene is drawn with: on a grid trilinear interpolation unless told otherwise.
+    /// Returns the kernels that a scene is drawn with; the default on a grid is trilinear interpolation.
     pub(crate) fn kernels_of(&self, scene: &Scene) -> Result<Kernels> {
         self.kernels.of(scene, Kernels { kernel: Kernel::Tent, ..Kernels::of_samples() })
     }
 
+    /// Prepares frames of one view size.
     pub(crate) fn prepare(
         &self,
         scene: &Arc<GpuScene>,
@@ -147,24 +152,24 @@ impl Options {
         target: &Canvas,
     ) -> Result<Box<dyn Prepared>> {
         if self.template > 0 && self.sheets != Sheets::Axis {
-            let why = "image sheets get parts of footprints: works with sheets=axis only";
+            let why = "image sheets receive parts of footprints: works with sheets=axis only";
             return Err(Error::invalid(format!("{NAME} option template"), why));
         }
         let desc = SplatDesc {
             name: NAME,
             kernels: self.kernels_of(scene.scene())?,
-            order: match self.sheets {
-                Sheets::Image => SplatOrder::Slabs,
-                Sheets::Axis => SplatOrder::Sheets,
+            accumulation: match self.sheets {
+                Sheets::Image => Accumulation::Slabs,
+                Sheets::Axis => Accumulation::Sheets,
             },
             ewa: false,
             template: (self.template > 0).then_some(self.template),
-            lowpass: Lowpass::None,
+            filter: Filter::None,
             variance: 0.3,
             step: self.step,
             stop: self.stop,
             pairs: self.pairs,
-            spread: self.spread,
+            split: self.spread,
         };
         Ok(Box::new(SplatFrame::new(scene, view, target, desc)?))
     }

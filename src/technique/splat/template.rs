@@ -1,4 +1,4 @@
-//! The one footprint that all kernels of a lattice have in parallel lines, as a table (Westover 1990).
+//! A table of the footprint that all kernels of a lattice share under parallel rays (Westover 1990).
 
 use std::sync::Arc;
 
@@ -14,22 +14,23 @@ use crate::scene::{Kernel, View};
 
 const FORMAT: vk::Format = vk::Format::R32_SFLOAT;
 
-/// A table over the footprint's extent.
+/// A table of the footprint over its extent.
 #[derive(Clone, Debug)]
 pub(crate) struct SplatTemplate {
     pub(crate) image: Arc<Image>,
-    /// From offsets in pixels to the table: its inverse half extents, and the share of its side between the outermost
-    /// entries.
+    /// Scale from offsets in pixels to the table: inverse half extents, then the part of each side between the centres
+    /// of the outermost entries.
     pub(crate) scale: [f32; 4],
 }
 
 impl GpuScene {
-    /// The footprint of the kernels of a set for the lines of a view, with `size` entries a side; without one a stand-in.
+    /// Returns the footprint of a set's kernels under the rays of a view, with `size` entries along each side.
+    ///
+    /// Without a size it is one texel, for the binding of shaders that read no table.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] where footprints are not all alike, [`Error::Unsupported`] where the device filters no
-    /// such table.
+    /// [`Error::Invalid`] where footprints differ, [`Error::Unsupported`] where the device cannot filter the table.
     pub(crate) fn splat_template(
         &self,
         set: &SplatSet,
@@ -48,7 +49,7 @@ impl GpuScene {
         if view.is_perspective() || set.shape != Shape::Alike {
             return Err(Error::invalid(
                 "splat-sheets option template",
-                "one footprint serves a grid in parallel lines: kernels of points and of perspective views each have their own",
+                "works only on a grid with parallel rays: under perspective, and among points, footprints differ",
             ));
         }
         if !gpu.image_features(FORMAT).contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR) {

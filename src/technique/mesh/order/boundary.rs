@@ -1,16 +1,16 @@
-//! What lies in front of what across gaps, along the rays of the pixels.
+//! Relations of cells across gaps, along the rays of the pixels.
 //!
-//! For each pixel the outline's faces that its ray crosses are sorted by depth, entries and exits apart: the
-//! cell that the ray leaves by its i-th exit comes before the one that it enters next. Cells of two sheets that
-//! touch, or overlap a little because quadrangles that are not plane were cut along other diagonals, need
-//! nothing special, because how deep exits lie compared with entries does not matter.
+//! For each pixel, the faces of the outline that its ray crosses are sorted by depth, entries and exits separately. The
+//! cell that the ray leaves by its i-th exit comes before the cell that it enters next. Depths of exits are not compared
+//! with those of entries. So two sheets may touch, or overlap a little because quadrilaterals that are not plane were
+//! cut along different diagonals.
 //!
-//! Whether a ray crosses a face is decided by the signs of three determinants, one for each edge: float64 with an
-//! error bound, exact where that does not tell. A ray that meets an edge exactly is moved by an infinitesimal
-//! amount, to the right, and by one that is infinitely smaller, up; so each ray goes through the inside of faces
-//! only, enters and leaves a closed outline in turn, and is never lost between two of its faces. The determinants
-//! are homogeneous in the depth of corners: faces may cross the plane of the eye. Where sheets touch at an edge or
-//! a corner and the ray goes through it, the same movement tells which of two crossings of equal depth is first.
+//! The signs of three determinants, one for each edge, decide whether a ray crosses a face: in float64 with an error
+//! bound, and exactly where the bound leaves the sign open. A ray that meets an edge is moved by an infinitesimal amount
+//! to the right, and by an infinitely smaller one up. So each ray passes only through the inside of faces, enters and
+//! leaves a closed outline alternately, and is never lost between two of its faces. The determinants are homogeneous in
+//! the depth of corners, so faces may cross the plane of the eye. Where sheets touch at an edge or a corner that the ray
+//! meets, the same movement decides which of two crossings of equal depth is first.
 
 use std::cmp::Ordering;
 
@@ -20,9 +20,9 @@ use rayon::prelude::*;
 use crate::num;
 use crate::scene::topology::{Face, NONE, Topology};
 use crate::scene::{Tets, View, predicates};
-use crate::technique::mesh::order::Eye;
+use crate::technique::mesh::order::eye::Eye;
 
-/// Rows that are done at a time, where faces are not so large that their lists would be long.
+/// Rows of a band; large faces, which would be listed in many bands, double it.
 const BAND: u32 = 8;
 
 /// A crossing of ray and face.
@@ -36,18 +36,18 @@ struct Hit {
     cell: u32,
     /// In units of the ray's direction.
     depth: f64,
-    /// What rounding may have made of it.
+    /// Bound of the rounding error of the depth.
     error: f64,
-    /// Depth of the face's plane on a ray a little to the right and less than a little up.
+    /// Depth of the face's plane on a ray slightly to the right, and much less up: decides ties.
     moved: f64,
 }
 
-/// Pairs of cells on a ray of the view, with a gap between them: the first one comes first. Sorted, each once.
+/// Returns the pairs of cells with a gap between them on the ray of a pixel, nearer cell first, sorted and unique.
 ///
-/// Takes memory for the crossings of one band of rows on each thread, and the relations of all.
+/// Takes memory for the crossings of one band of rows on each thread, and for all relations.
 pub(crate) fn relations(mesh: &Tets, topology: &Topology, view: &View) -> Vec<[u32; 2]> {
     let rays = Rays::new(view);
-    // Whether rays enter or leave, and rows: only of faces that can be crossed.
+    // Faces that rays can cross, with their direction and rows.
     let faces: Vec<(Side, [u32; 2])> = topology
         .outline()
         .par_iter()
@@ -125,7 +125,7 @@ struct Side {
     corners: [u32; 3],
     cell: u32,
     exit: bool,
-    /// Whether the eye is behind the face: its determinants are then positive.
+    /// Whether the eye is behind the face, so that its determinants are positive.
     positive: bool,
 }
 
@@ -135,7 +135,7 @@ struct Rays<'a> {
     eye: Eye,
 }
 
-/// Determinant of an edge as a function of the place in the image: x, y, 1; and a bound of its error there.
+/// The determinant of an edge: its coefficients of x, y and 1 in the image, and a bound of its error.
 struct Edge {
     at: DVec3,
     error: f64,
@@ -146,7 +146,7 @@ impl<'a> Rays<'a> {
         Self { view, eye: Eye::of(view) }
     }
 
-    /// The face with the rows of pixels whose rays may cross it.
+    /// Returns the face with the rows of pixels whose rays may cross it; `None` where no ray does.
     fn prepare(&self, mesh: &Tets, face: Face) -> Option<(Side, [u32; 2])> {
         let view = self.view;
         let eye = view.camera().eye;
@@ -154,8 +154,8 @@ impl<'a> Rays<'a> {
         let depths = corners.map(|p| p.dot(view.forward()));
         let [width, height] = view.extent().map(f64::from);
         let mut rows = [0.0, height];
-        // Depths are off by a few epsilon times the distance; where they are less than a millionth of it, the
-        // face is looked for in every row.
+        // Depths have an error of a few epsilon times the distance. A face with a depth below a millionth of the
+        // distance is searched in every row.
         let clear = |i: usize| depths[i].abs() > 1e-6 * corners[i].length();
         if view.is_perspective() && (0..3).all(|i| depths[i] < 0.0 && clear(i)) {
             return None;
@@ -175,7 +175,7 @@ impl<'a> Rays<'a> {
             }
             rows = [least.y, most.y];
         }
-        // Row r is at r + 1/2.
+        // The centre of row r is at r + 1/2.
         let first = num::u32_of((rows[0] - 0.5).ceil().max(0.0));
         let last = (rows[1] - 0.5).floor().min(height - 1.0);
         if last < f64::from(first) {
@@ -186,20 +186,20 @@ impl<'a> Rays<'a> {
             Ordering::Greater => false,
             Ordering::Equal => return None,
         };
-        // Rays go from the eye's side to the other one.
+        // Rays cross from the eye's side to the other one.
         let exit = if positive { face.front == NONE } else { face.back == NONE };
         let side = Side { corners: face.corners, cell: face.only(), exit, positive };
         Some((side, [first, num::u32_of(last)]))
     }
 
-    /// Place of a pixel's centre in the image, in the units of [`Edge`].
+    /// Returns the place of a pixel's centre in the image, in the units of [`Edge`].
     fn place(&self, x: u32, y: u32) -> DVec2 {
         let [width, height] = self.view.extent().map(f64::from);
         let centre = DVec2::new(f64::from(x) + 0.5 - width * 0.5, height * 0.5 - f64::from(y) - 0.5);
         centre * self.view.pixel_size()
     }
 
-    /// A point and the direction of the ray of a place.
+    /// Returns a point and the direction of the ray of a place.
     fn ray(&self, place: DVec2) -> (DVec3, DVec3) {
         let offset = self.view.right() * place.x + self.view.up() * place.y;
         match self.eye {
@@ -208,28 +208,28 @@ impl<'a> Rays<'a> {
         }
     }
 
-    /// det[a - o, b - o, d] for the ray (o, d).
+    /// Returns det[a - o, b - o, d] as a function of the ray (o, d).
     fn edge(&self, a: DVec3, b: DVec3) -> Edge {
         let (right, up, forward) = (self.view.right(), self.view.up(), self.view.forward());
         let eye = self.view.camera().eye;
         let (p, q) = (a - eye, b - eye);
-        // Some thirty roundings at the most, each of no more than the product of lengths.
+        // At most some thirty roundings, each relative to at most the product of lengths.
         let error = 64.0 * f64::EPSILON;
         if self.view.is_perspective() {
             let normal = p.cross(q);
             let at = DVec3::new(normal.dot(right), normal.dot(up), normal.dot(forward));
             Edge { at, error: error * p.length() * q.length() }
         } else {
-            // Of o the plane component only counts: det[b - a, o - eye, d] is linear in it.
+            // Only the component of o in the image plane counts: det[b - a, o - eye, d] is linear in it.
             let moved = (q - p).cross(forward);
             let at = DVec3::new(-moved.dot(right), -moved.dot(up), p.cross(q).dot(forward));
-            // Origins are rounded with the eye's own size.
+            // Origins have rounding errors relative to the eye's coordinates.
             let size = (q - p).length() * (1.0 + eye.length()) + p.length() * q.length();
             Edge { at, error: error * size }
         }
     }
 
-    /// Sign of det[a - o, b - o, d] at a place, never Equal for an edge that is not seen end-on.
+    /// Returns the sign of det[a - o, b - o, d] at a place; `Equal` only for an edge that is seen end-on.
     fn sign(&self, edge: &Edge, ends: [DVec3; 2], place: DVec2) -> Ordering {
         let value = edge.at.x * place.x + edge.at.y * place.y + edge.at.z;
         let bound = edge.error * (1.0 + place.x.abs() + place.y.abs());
@@ -239,12 +239,13 @@ impl<'a> Rays<'a> {
         self.exact(ends, place)
     }
 
+    /// Returns the same sign in exact arithmetic.
     #[cold]
     fn exact(&self, [a, b]: [DVec3; 2], place: DVec2) -> Ordering {
         let (origin, direction) = self.ray(place);
         let along = predicates::along;
         let here = predicates::sign([[a, origin], [b, origin], along(direction)]);
-        // Moved to the right, then up: what the determinant changes by.
+        // The change of the determinant when the ray moves, to the right or up.
         let moved = |by: DVec3| match self.eye {
             Eye::At(_) => predicates::sign([[a, origin], [b, origin], along(by)]),
             Eye::Along(_) => predicates::sign([[b, a], along(by), along(direction)]),
@@ -256,8 +257,8 @@ impl<'a> Rays<'a> {
     fn cross(&self, mesh: &Tets, side: &Side, rows: [u32; 2], band: u32, hits: &mut Vec<Hit>) {
         let width = self.view.extent()[0];
         let corners = side.corners.map(|i| mesh.points()[num::index(i)]);
-        // Points of an edge in ascending order, so that both its faces round in the same way. The determinant of
-        // the second edge is that of the face with the opposite sign.
+        // The points of an edge are in ascending order, so that both its faces round alike. This reverses the second
+        // edge, and with it the sign of its determinant.
         let ends = [[corners[1], corners[2]], [corners[0], corners[2]], [corners[0], corners[1]]];
         let wanted = [side.positive, !side.positive, side.positive];
         let edges = ends.map(|[a, b]| self.edge(a, b));
@@ -266,7 +267,7 @@ impl<'a> Rays<'a> {
         let moved = DVec2::new(2.0_f64.powi(-16), 2.0_f64.powi(-32)) * self.view.pixel_size();
         for y in rows[0]..=rows[1] {
             let start = self.place(0, y);
-            // Pixels where no determinant is surely of the wrong sign.
+            // Narrow to the pixels where no determinant is certain to have the wrong sign.
             let (mut low, mut high) = (0.0_f64, f64::from(width) - 1.0);
             for (edge, positive) in edges.iter().zip(wanted) {
                 let sign = if positive { 1.0 } else { -1.0 };
@@ -310,10 +311,10 @@ impl<'a> Rays<'a> {
         }
     }
 
-    /// Adds the relations of one pixel from its sorted crossings.
+    /// Adds the relations of one pixel, from its sorted crossings.
     fn pair(&self, mesh: &Tets, topology: &Topology, hits: &[Hit], band: u32, pairs: &mut Vec<[u32; 2]>) {
         let (entries, exits) = hits.split_at(hits.partition_point(|hit| !hit.exit));
-        // Cells that the ray starts in, which it leaves without having entered.
+        // The ray starts in this many cells, and leaves them without having entered.
         let inside = exits.len().saturating_sub(entries.len());
         for (i, exit) in exits.iter().enumerate() {
             let Some(entry) = (i + 1).checked_sub(inside).and_then(|i| entries.get(i)) else { continue };
@@ -322,7 +323,7 @@ impl<'a> Rays<'a> {
             }
             let mut pair = [exit.cell, entry.cell];
             if exit.depth - entry.depth > exit.error + entry.error {
-                // They overlap: by the middles of their pieces.
+                // The cells overlap; the middles of their segments decide.
                 let width = self.view.extent()[0];
                 let ray = self.ray(self.place(exit.pixel % width, band + exit.pixel / width));
                 let middle = |cell| middle(mesh, topology, cell, ray);
@@ -335,7 +336,7 @@ impl<'a> Rays<'a> {
     }
 }
 
-/// Depth of the middle of what a cell has of a ray.
+/// Returns the depth of the middle of a ray's segment inside a cell.
 fn middle(mesh: &Tets, topology: &Topology, cell: u32, (origin, direction): (DVec3, DVec3)) -> f64 {
     let (mut begin, mut end) = (f64::NEG_INFINITY, f64::INFINITY);
     for number in topology.cell_faces()[num::index(cell)] {

@@ -1,4 +1,4 @@
-//! Cells that no order can satisfy: found, counted, and ordered with as few relations dropped as it takes.
+//! Cycles of relations: finds them, counts them, and orders their nodes with few relations dropped.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -6,7 +6,7 @@ use std::collections::BinaryHeap;
 use crate::num;
 use crate::scene::topology::NONE;
 
-/// What was found, and where the order goes on.
+/// An order of all nodes, and the cycles that were broken for it.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Broken {
     /// Nodes in order.
@@ -19,7 +19,7 @@ pub(crate) struct Broken {
     pub dropped: u64,
 }
 
-/// A directed graph: edges by source, and for each node the edges that end there.
+/// A directed graph: edges sorted by source, and for each node the edges that end there.
 struct Graph {
     edges: Vec<[u32; 2]>,
     starts: Vec<usize>,
@@ -48,14 +48,14 @@ impl Graph {
         &self.incoming[self.incoming_starts[num::index(node)]..self.incoming_starts[num::index(node) + 1]]
     }
 
-    /// Sizes of the strongly connected components of more than one node (Tarjan 1972, without recursion).
+    /// Returns the sizes of the strongly connected components of more than one node (Tarjan 1972, without recursion).
     fn components(&self) -> Vec<u32> {
         let nodes = num::count(self.starts.len() - 1);
         let mut low = vec![NONE; num::index(nodes)];
         let mut open = Vec::new();
         let mut walk: Vec<(u32, usize, u32)> = Vec::new();
         let mut sizes = Vec::new();
-        // Numbers of closed components are above all numbers of open nodes.
+        // The mark of closed components is above the numbers of all open nodes.
         let (mut next, closed) = (0, NONE - 1);
         for root in 0..nodes {
             if low[num::index(root)] != NONE {
@@ -101,14 +101,15 @@ impl Graph {
     }
 }
 
-/// Orders nodes, least key first among those that no relation holds back. Where all are held back, a cycle
-/// of relations is searched backwards, from the nearest node always to the nearest that holds it back, and
-/// the node of the cycle with the least key is let go before the one that holds it back there. So each
-/// relation that is dropped stands on a cycle of those still kept, and what is only behind a cycle loses
-/// none.
+/// Orders nodes: the free node with the least key comes next; a node is free once all its predecessors are sorted.
 ///
-/// The walk back goes on where it was after a cycle was broken. It may repeat steps; when it has taken 64
-/// for each relation, it drops the relation that closes the cycle, whichever it is, and repeats none.
+/// Where no node is free, a walk finds a cycle: it starts at the node with the least key, and goes from each node to its
+/// predecessor with the least key. The node of the cycle with the least key loses the relation to its predecessor in the
+/// cycle. So each dropped relation is part of a cycle of relations that are still kept, and nodes that are only behind a
+/// cycle lose none.
+///
+/// After a cycle is broken the walk continues from where it stopped, and may repeat steps. After 64 steps for each
+/// relation it drops whichever relation closes the cycle, and repeats no step.
 pub(crate) fn order(keys: &[u64], edges: Vec<[u32; 2]>) -> Broken {
     let graph = Graph::new(keys.len(), edges);
     let sizes = graph.components();
@@ -124,7 +125,7 @@ pub(crate) fn order(keys: &[u64], edges: Vec<[u32; 2]>) -> Broken {
     let mut nearest = nearest.into_iter();
     let mut done = vec![false; keys.len()];
     let mut dropped = vec![false; graph.edges.len()];
-    // Nodes of the walk back, each with the edge from it to the node before.
+    // Nodes of the walk, each with the edge from it to the node before.
     let mut path: Vec<(u32, usize)> = Vec::new();
     let mut place = vec![usize::MAX; keys.len()];
     let mut steps = graph.edges.len().saturating_mul(64);
@@ -169,7 +170,7 @@ pub(crate) fn order(keys: &[u64], edges: Vec<[u32; 2]>) -> Broken {
             steps = steps.saturating_sub(1);
             continue;
         }
-        // The edge into each node of the cycle is that of the next node on the path.
+        // The edge into a node of the cycle is stored with the next node on the path.
         let cut = if steps == 0 {
             path.len() - 1
         } else {
@@ -239,7 +240,7 @@ mod tests {
             edges.sort_unstable();
             edges.dedup();
             let wrong = edges.iter().filter(|e| rank[num::index(e[0])] > rank[num::index(e[1])]).count();
-            // A dropped relation may turn out to be kept, never the other way round.
+            // A dropped relation may still be kept by chance, but no other relation is violated.
             assert!(num::wide(wrong) <= broken.dropped);
             assert_eq!(broken.components == 0, broken.dropped == 0);
             assert!(trial % 2 == 1 || broken.components == 0);

@@ -1,4 +1,4 @@
-//! The topological sort.
+//! Meshed polyhedra visibility ordering (MPVO): a topological sort of cells.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -9,16 +9,42 @@ use crate::error::Result;
 use crate::num;
 use crate::scene::topology::{Face, NONE, Topology};
 use crate::scene::{Tets, View};
+use crate::technique::mesh::order::eye::Eye;
 use crate::technique::mesh::order::keys::{self, CHUNK};
-use crate::technique::mesh::order::{Boundary, Eye, VisibilityOrder, boundary, cycles};
+use crate::technique::mesh::order::{boundary, cycles};
+
+/// How cells with a gap between them are ordered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Boundary {
+    /// By the ray of each pixel, which leaves the mesh and enters it again: right at every pixel centre.
+    Pixels,
+    /// By the distance of centroids: wrong where rays cross gaps or hollows of the mesh.
+    Centroid,
+}
+
+/// The cells of a mesh in visibility order.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct VisibilityOrder {
+    /// Every cell once, nearest first.
+    pub front_to_back: Vec<u32>,
+    /// Groups of cells that occlude each other in a cycle, so that no order is right for all.
+    pub cycles: u32,
+    /// Cells in such groups.
+    pub cells_in_cycles: u32,
+    /// Relations that the order violates because of cycles.
+    pub dropped_relations: u64,
+    /// Whether cells with a gap between them were ordered by centroids.
+    pub approximate: bool,
+}
 
 /// Sorts the cells of a mesh front to back.
 ///
-/// Of two cells at a face the one on the eye's side comes first; with [`Boundary::Pixels`] so does the cell
-/// that the ray of a pixel leaves before it crosses a gap, before the cell that it enters then. Cells are
-/// taken as soon as all before them are (Kahn 1962), of several the one with the nearest centroid: the order is
-/// a function of mesh and view alone, and is that of centroids wherever no relation forbids it. Takes O(n log n),
-/// 32 bytes a cell beside the result. Cycles are broken as [`cycles::order`] says.
+/// Of two cells at a face, the one on the eye's side comes first. With [`Boundary::Pixels`], the cell that the ray of a
+/// pixel leaves before a gap comes before the cell that it enters behind the gap. A cell is free once all cells before
+/// it are sorted (Kahn 1962); of the free cells the one with the nearest centroid is next. So the order depends only on
+/// mesh and view, and is that of centroids wherever no relation forbids it. [`cycles::order`] breaks cycles.
+///
+/// Takes O(n log n) time, and 32 bytes a cell beside the result.
 ///
 /// # Errors
 ///
@@ -52,8 +78,9 @@ pub(crate) fn mpvo(
     Ok(VisibilityOrder { approximate, ..order })
 }
 
-/// What lies behind each face of each cell, as twice the number of that cell, plus 1 where rays go there from
-/// this cell and not the other way round. [`NONE`] where nothing is or no ray crosses.
+/// Returns the neighbour at each face of each cell: twice its number, plus 1 where rays go from this cell to it.
+///
+/// [`NONE`] stands for no neighbour, or a face that no ray crosses.
 fn links(topology: &Topology, points: &[glam::DVec3], eye: Eye) -> Vec<[u32; 4]> {
     let faces = topology.faces();
     let first: Vec<u32> = faces
@@ -77,13 +104,13 @@ fn links(topology: &Topology, points: &[glam::DVec3], eye: Eye) -> Vec<[u32; 4]>
         .collect()
 }
 
-/// A key whose order is that of the number.
+/// Returns a key that sorts as the number does.
 fn ascending_bits(value: f64) -> u32 {
     let bits = num::f32_of(value).to_bits();
     if bits >> 31 == 1 { !bits } else { bits | 1 << 31 }
 }
 
-/// The order that keeps all links, and the extra relations, which are sorted.
+/// Sorts cells by all links and by the `extra` relations, which are sorted; breaks cycles.
 fn sort(links: &[[u32; 4]], extra: &[[u32; 2]], distance: &[f64]) -> VisibilityOrder {
     let key = |cell: u32| u64::from(ascending_bits(distance[num::index(cell)])) << 32 | u64::from(cell);
     let mut held: Vec<u32> = links
@@ -91,7 +118,7 @@ fn sort(links: &[[u32; 4]], extra: &[[u32; 2]], distance: &[f64]) -> VisibilityO
         .with_min_len(CHUNK)
         .map(|links| links.iter().map(|&link| u32::from(link != NONE && link & 1 == 0)).sum())
         .collect();
-    // Where the extra relations of each cell begin.
+    // The extra relations of a cell begin at its start.
     let mut starts = vec![0_u32; if extra.is_empty() { 0 } else { links.len() + 1 }];
     for [from, to] in extra {
         held[num::index(*to)] += 1;
@@ -131,7 +158,7 @@ fn sort(links: &[[u32; 4]], extra: &[[u32; 2]], distance: &[f64]) -> VisibilityO
         approximate: false,
     };
     if result.front_to_back.len() < links.len() {
-        // What is left is in cycles or behind them.
+        // The remaining cells are in cycles or behind them.
         let left: Vec<u32> =
             (0..num::count(links.len())).filter(|&cell| held[num::index(cell)] > 0).collect();
         let number = |cell: u32| left.binary_search(&cell).ok().map(num::count);

@@ -1,12 +1,14 @@
-//! Orders against the cells along rays, found by cutting every cell with every ray.
+//! Compares orders with the cells along rays, which are found by cutting every cell with every ray.
 
 use glam::{DVec2, DVec3};
 
+use crate::num;
 use crate::scene::topology::Topology;
 use crate::scene::topology::tests::{REAL, cubes, cubes_where, five, mesh, shared_mesh};
-use crate::scene::{Camera, Projection, Tets};
+use crate::scene::{Camera, Projection, Tets, View};
 use crate::technique::mesh::order::keys::{PowerCheck, ascending, centroid, check_power, power};
-use crate::technique::mesh::order::*;
+use crate::technique::mesh::order::mpvo::VisibilityOrder;
+use crate::technique::mesh::order::{Boundary, mpvo};
 
 /// Numbers in [0, 1).
 struct Random(u64);
@@ -36,7 +38,7 @@ fn parallel(eye: DVec3, target: DVec3, side: u32, half_height: f64) -> View {
     view(eye, target, Projection::Orthographic { half_height }, [side, side])
 }
 
-/// What a cell has of a ray, and how far its ends may be off.
+/// The segment of a ray inside a cell, and the error of its ends.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     cell: u32,
@@ -80,16 +82,16 @@ fn piece(mesh: &Tets, cell: u32, (o, d): (DVec3, DVec3), from_eye: bool) -> Opti
     (piece.begin < piece.end).then_some(piece)
 }
 
-/// What became of all pairs of cells on rays.
+/// Counts of all pairs of cells on rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Tally {
-    /// Pieces.
+    /// Segments of rays in cells.
     pieces: usize,
-    /// In the wrong order, by more than rounding.
+    /// Pairs in the wrong order, by more than rounding.
     wrong: usize,
-    /// Whose order is wrong, but one of them is shorter than the errors of its ends.
+    /// Pairs in the wrong order where one segment is shorter than the errors of its ends.
     excused: usize,
-    /// Which overlap on the ray by more than rounding, so that no order is right.
+    /// Pairs that overlap by more than rounding, so that no order is right.
     overlapping: usize,
 }
 
@@ -124,7 +126,7 @@ fn ranks(order: &[u32]) -> Vec<usize> {
     rank
 }
 
-/// Any rays of the projection, through the whole mesh.
+/// Counts pairs on random rays of the projection, through the whole mesh.
 fn tally_random(mesh: &Tets, view: &View, order: &[u32], rays: usize, random: &mut Random) -> Tally {
     let rank = ranks(order);
     let mut tally = Tally::default();
@@ -140,7 +142,7 @@ fn tally_random(mesh: &Tets, view: &View, order: &[u32], rays: usize, random: &m
     tally
 }
 
-/// The rays of every pixel of every `step`-th column and row.
+/// Counts pairs on the rays of the pixels in every `step`-th column and row.
 fn tally_pixels(mesh: &Tets, view: &View, order: &[u32], step: u32) -> Tally {
     let rank = ranks(order);
     let [width, height] = view.extent();
@@ -174,7 +176,7 @@ fn sorted(mesh: &Tets, view: &View, boundary: Boundary) -> VisibilityOrder {
     mpvo(mesh, &Topology::new(mesh).unwrap(), view, boundary).unwrap()
 }
 
-/// Eyes far, near and inside, random and on planes of the lattice, and parallel rays of the same kinds.
+/// Returns views with eyes far, near and inside, random and on planes of the lattice, and with parallel rays.
 fn views(random: &mut Random, side: u32) -> Vec<View> {
     let mut views = Vec::new();
     for i in 0..4 {
@@ -214,7 +216,7 @@ fn cubes_are_in_order_on_every_ray() {
     }
 }
 
-/// Cells of the Delaunay triangulation of a few points: those whose circumsphere holds no other.
+/// Returns the Delaunay triangulation of a few points: the cells whose circumsphere holds no other point.
 fn delaunay(points: &[DVec3]) -> Tets {
     let n = num::count(points.len());
     let at = |i: u32| points[num::index(i)];
@@ -252,7 +254,7 @@ fn power_orders_delaunay_meshes() {
             by_centroid += tally_random(&mesh, &view, &order, 50, &mut random).wrong;
         }
     }
-    // The test can tell orders apart.
+    // The test can distinguish orders.
     assert!(by_centroid > 0);
 }
 
@@ -291,7 +293,7 @@ fn keys_are_true_distances() {
     near(power(&mesh, &parallel(eye, target, 4, 1.0)), 4.0);
 }
 
-/// A thin cell about the segment from a to b.
+/// Adds a thin cell around the segment from a to b.
 fn bar(a: DVec3, b: DVec3, points: &mut Vec<DVec3>) -> [u32; 4] {
     let first = num::count(points.len());
     let side = (b - a).cross(DVec3::Z).normalize() * 0.05;
@@ -356,7 +358,7 @@ fn centroids_fail_across_a_gap_and_pixels_do_not() {
     }
 }
 
-/// The same with long cells, whose centroids say little. Without rounding for lattices of eighths.
+/// Stretches a mesh to long cells, for which centroids are a poor key. Lattices of eighths stay exact.
 fn long(tets: &Tets) -> Tets {
     let at = |p: &DVec3| DVec3::new(2.0 * p.x + p.z, 0.25 * p.y, 0.5 * p.z + 0.25 * p.y);
     mesh(tets.points().iter().map(at).collect(), tets.cells().to_vec())

@@ -1,4 +1,4 @@
-//! In which order cells are drawn: keys that the device sorts, or an order that the host finds for each view.
+//! The rank of cells: keys that the device sorts, or an order that the host finds for each view.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -15,17 +15,17 @@ pub(crate) const RANK: OptionInfo = OptionInfo {
     key: "rank",
     values: "mpvo|power|centroid",
     default: "mpvo",
-    effect: "which cell comes first: mpvo sorts topologically on the host, right wherever an order exists; power by the power distance of circumspheres, right for Delaunay meshes; centroid by distance on the device, fast, and wrong where neighbours differ in size or shape",
+    effect: "visibility order of cells: mpvo sorts topologically on the host, right wherever an order exists; power sorts by the power distance of circumspheres, right for Delaunay meshes; centroid sorts by distance on the device, fast, but wrong where neighbours differ in size or shape",
 };
 
-/// Which cell comes first.
+/// How cells are ranked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rank {
     /// By the distance of centroids, sorted on the device. Approximate.
     Centroid,
     /// By the power distance of circumspheres. Exact for Delaunay meshes, up to ties.
     Power,
-    /// By what lies directly in front of what. Exact wherever an order exists.
+    /// By a topological sort of adjacent cells. Exact wherever an order exists.
     Mpvo,
 }
 
@@ -34,13 +34,13 @@ impl Choice for Rank {
         &[("mpvo", Self::Mpvo), ("power", Self::Power), ("centroid", Self::Centroid)];
 }
 
-/// Finds orders on the host, and remembers how the last one went.
+/// Finds orders on the host, and keeps the counters of the last one.
 #[derive(Debug)]
 pub(crate) struct Ranker {
     scene: Arc<GpuScene>,
     rank: Rank,
     back_to_front: bool,
-    /// As cells are chosen by: see [`GpuScene::primitives`].
+    /// The margin that selects the cells that are drawn: see [`GpuScene::primitives`].
     margin: Option<f32>,
     counters: Vec<(&'static str, u64)>,
 }
@@ -51,7 +51,7 @@ impl Ranker {
         Self { scene: Arc::clone(scene), rank, back_to_front, margin, counters }
     }
 
-    /// Primitives by rank; `None` where the device sorts.
+    /// Finds the drawn primitives by rank for a view; `None` where the device sorts.
     pub(crate) fn order(&mut self, view: &View) -> Result<Option<Vec<u32>>> {
         let mesh = self.scene.mesh()?;
         let start = Instant::now();
@@ -60,7 +60,7 @@ impl Ranker {
             Rank::Power => {
                 let topology = self.scene.mesh_data().topology(mesh)?;
                 let check = keys::check_power(mesh, &topology, view);
-                // Across gaps nothing is checked.
+                // Only cells that share a face are checked, not cells across a gap.
                 let sure = check.contrary == 0 && check.equal == 0 && topology.is_convex();
                 self.counters = vec![
                     ("relations_contrary", num::wide(check.contrary)),
@@ -85,7 +85,7 @@ impl Ranker {
         if self.back_to_front {
             cells.reverse();
         }
-        // The order of what is drawn.
+        // Cells that are not drawn are left out.
         let drawn = self.scene.primitives(Primitives::Cells, self.margin)?.cells;
         if drawn.len() != cells.len() {
             let mut places = vec![u32::MAX; cells.len()];
@@ -102,11 +102,11 @@ impl Ranker {
     /// Whether an order holds for every view from the same eye.
     pub(crate) fn serves_other_pixels(&self) -> Result<bool> {
         let mesh = self.scene.mesh()?;
-        // Across gaps cells are related where rays of pixels pass.
+        // Relations across gaps hold for the rays of one view's pixels only.
         Ok(self.rank != Rank::Mpvo || self.scene.mesh_data().topology(mesh)?.is_convex())
     }
 
-    /// How the last order went.
+    /// Returns the counters of the last order.
     pub(crate) fn counters(&self) -> &[(&'static str, u64)] {
         &self.counters
     }

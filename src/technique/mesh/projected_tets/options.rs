@@ -3,37 +3,37 @@
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, OptionalFeature};
 use crate::technique::mesh::options::{EMPTY_SPACE, INTEGRATOR, MeshOptions, ORDER, Repair, SMOKE, STOP};
-use crate::technique::mesh::ranks::{RANK, Rank};
+use crate::technique::mesh::projected_tets::ranks::{RANK, Rank};
 use crate::technique::options::{self, Choice, OptionInfo, Route, TABLE};
 
 pub(crate) const NAME: &str = "projected-tets";
 
-/// What can be chosen, with its effect on error and time.
+/// The options, each with its effect on error and time.
 pub(crate) const OPTIONS: &[OptionInfo] = &[
     RANK,
     OptionInfo {
         key: "route",
         values: "auto|raster|compute",
         default: "auto",
-        effect: "raster draws polygons that are blended by fixed function, compute lists the cells of each pixel; auto is compute. The image is the same but for rounding",
+        effect: "raster draws polygons that fixed function blends; compute lists the cells of each pixel; auto is compute unless an option needs polygons. The image is the same but for rounding",
     },
     OptionInfo {
         key: "plane",
         values: "image|space",
         default: "image",
-        effect: "with route=raster: where polygons stand. image makes them for each view, exact at every pixel's centre; space makes fans of triangles that serve every view from the same eye, and gives a pixel within 1/256 pixel of an edge to either side",
+        effect: "with route=raster: where polygons are made. image makes outlines for each view, exact at every pixel's centre; space makes fans of triangles that serve every view from the same eye, where a pixel within 1/256 pixel of an edge may belong to either side",
     },
     OptionInfo {
         key: "shade",
         values: "fragment|vertex",
         default: "fragment",
-        effect: "with route=raster: what is integrated. fragment: every cell in every pixel; vertex: the thickest place of each cell, from where opacity goes linearly to 0: fewer integrations, and wrong where a cell is not thin",
+        effect: "with route=raster: where cells are integrated. fragment: every cell in every pixel; vertex: each cell once, at its thickest place, from where opacity falls linearly to 0: fewer integrations, but wrong where a cell is not thin",
     },
     OptionInfo {
         key: "repair",
         values: "exact|none",
         default: "exact with route=compute",
-        effect: "exact draws pixels whose cells did not come in order again from sorted lists, so that rank decides on time alone; none leaves them wrong, but counted. With route=raster they are neither",
+        effect: "pixels whose cells came out of order: exact draws them again from sorted lists, so that rank decides on time alone; none leaves them wrong, but counts them. route=raster can do neither",
     },
     INTEGRATOR,
     TABLE,
@@ -43,12 +43,12 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
     EMPTY_SPACE,
 ];
 
-/// Where polygons stand.
+/// Where polygons are made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Plane {
-    /// In the image.
+    /// In the image, for each view.
     Image,
-    /// In space: thin vertices where they are, the thick one in the middle of the thick segment.
+    /// In space: fans of the cell's corners around the thick vertex, the middle of the thick segment.
     Space,
 }
 
@@ -56,12 +56,12 @@ impl Choice for Plane {
     const WORDS: &'static [(&'static str, Self)] = &[("image", Self::Image), ("space", Self::Space)];
 }
 
-/// What is integrated.
+/// Where cells are integrated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shade {
-    /// Every cell in every pixel.
+    /// In every pixel.
     Fragment,
-    /// The thick segment of every cell.
+    /// Once, along the thick segment: the longest segment of a ray inside the cell.
     Vertex,
 }
 
@@ -69,20 +69,20 @@ impl Choice for Shade {
     const WORDS: &'static [(&'static str, Self)] = &[("fragment", Self::Fragment), ("vertex", Self::Vertex)];
 }
 
-/// Options of this technique.
+/// Options of `projected-tets`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Those that techniques for meshes share.
+    /// The options that the techniques for meshes share.
     pub mesh: MeshOptions,
-    /// Which cell comes first.
+    /// How cells are ranked.
     pub rank: Rank,
-    /// How cells come into the image.
+    /// How cells are composited.
     pub route: Route,
-    /// Where polygons stand.
+    /// Where polygons are made.
     pub plane: Plane,
-    /// What is integrated.
+    /// Where cells are integrated.
     pub shade: Shade,
-    /// What becomes of pixels whose cells did not come in order; `None`: they are repaired where the route can.
+    /// Treatment of pixels whose cells came out of order; `None`: they are repaired where the route can.
     pub repair: Option<Repair>,
 }
 
@@ -118,6 +118,7 @@ impl Options {
         Ok(options)
     }
 
+    /// Refuses values and combinations that are not allowed.
     pub(crate) fn check(&self) -> Result<()> {
         let refuse = |key: &str, why: &str| Err(Error::invalid(format!("{NAME} option {key}"), why));
         if self.mesh.stop > 0.0 && (self.route == Route::Raster || self.has_fans()) {
@@ -133,7 +134,7 @@ impl Options {
         self.mesh.check(NAME)
     }
 
-    /// The options as text that reads back to them; what is unset is left out.
+    /// Returns the options as text that [`Options::parse`] reads back; options that are unset are left out.
     pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
         let mut pairs = vec![
             ("rank", self.rank.word().to_string()),
@@ -151,6 +152,11 @@ impl Options {
         self.plane == Plane::Space || self.shade == Shade::Vertex
     }
 
+    /// Returns the route on a device.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unsupported`] where `raster` is needed and the device cannot blend into 32-bit float.
     pub(crate) fn route_on(&self, gpu: &Gpu) -> Result<Route> {
         if self.route == Route::Compute || (self.route == Route::Auto && !self.has_fans()) {
             return Ok(Route::Compute);

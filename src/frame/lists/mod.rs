@@ -1,0 +1,14 @@
+//! Lists of the fragments of each pixel, for the faces or cells of a mesh and for the triangles of surfaces.
+//!
+//! A frame ranks its primitives ([`Ranking`]), bins them to tiles, and lists the fragments of each pixel by rank
+//! ([`Lists`]). [`measure`] counts what a view needs when it is prepared.
+
+mod bands;
+mod capacity;
+mod fragments;
+mod ranking;
+
+pub(crate) use bands::{Band, cut_into_bands};
+pub(crate) use capacity::measure;
+pub(crate) use fragments::Lists;
+pub(crate) use ranking::{Geometry, Ranking, listing_constants};

@@ -1,0 +1,182 @@
+//! The visibility order of a frame's primitives: points as the view sees them, boxes, keys and the sort.
+
+use std::sync::Arc;
+
+use crate::error::Result;
+use crate::gpu::shader::{
+    BINDING_BOXES, BINDING_MESH_POINTS, BINDING_MESH_SCALARS, BINDING_ORDER, BINDING_PRIMITIVES,
+    BINDING_RANK_KEYS, BINDING_STATUS, BINDING_VIEW_POINTS, MESH_LISTS_BOXES, MESH_LISTS_POINTS,
+    SPEC_BACK_TO_FRONT, SPEC_CELL_SCALARS, SPEC_CELLS, STATUS_WORDS,
+};
+use crate::gpu::{Buffer, BufferUse, Gpu, Recorder, Resource, SpecConstant};
+use crate::interface::MeshPush;
+use crate::num;
+use crate::primitives::dispatch::{Dispatch, buffer, groups_of, pass};
+use crate::primitives::radix_sort::RadixSort;
+use crate::resident::mesh::Primitives;
+
+/// Faces or cells on the device.
+#[derive(Debug)]
+pub(crate) struct Geometry {
+    pub(crate) kind: Primitives,
+    /// Points relative to the centre of the data, in radii.
+    pub(crate) points: Arc<Buffer>,
+    pub(crate) point_count: u32,
+    pub(crate) scalars: Arc<Buffer>,
+    /// Whether scalars belong to cells; else they belong to points.
+    pub(crate) cell_scalars: bool,
+    pub(crate) primitives: Arc<Buffer>,
+    pub(crate) count: u32,
+}
+
+/// Projects points, finds the pixels that each primitive may cover, and sorts primitives by rank.
+///
+/// None of its buffers depends on the capacities that a view needs.
+#[derive(Debug)]
+pub(crate) struct Ranking {
+    pub(crate) name: &'static str,
+    pub(crate) kind: Primitives,
+    pub(crate) constants: Vec<SpecConstant>,
+    /// Sort key of each primitive.
+    pub(crate) keys: Arc<Buffer>,
+    points: Dispatch,
+    boxes: Dispatch,
+    sort: RadixSort,
+    /// View coordinates of each point.
+    pub(crate) view_points: Arc<Buffer>,
+    pub(crate) primitives: Arc<Buffer>,
+    pub(crate) scalars: Arc<Buffer>,
+    /// Primitives by rank.
+    pub(crate) order: Arc<Buffer>,
+    /// Pixels that each primitive may cover.
+    pub(crate) boxed: Arc<Buffer>,
+    /// Counters of the frame: see the `STATUS_` constants.
+    pub(crate) status: Arc<Buffer>,
+    pub(crate) count: u32,
+    point_count: u32,
+    /// Primitives by rank from the host; without it the device sorts.
+    given: Option<Arc<Buffer>>,
+}
+
+/// Stores ranks from the host; each frame copies them.
+fn given_order(gpu: &Gpu, order: &[u32]) -> Result<Arc<Buffer>> {
+    let bytes: &[u8] = bytemuck::cast_slice(order);
+    let mut buffer = Buffer::new(gpu, "order.given", num::wide(bytes.len()).max(4), BufferUse::Upload)?;
+    if let Some(place) = buffer.bytes_mut().and_then(|place| place.get_mut(..bytes.len())) {
+        place.copy_from_slice(bytes);
+    }
+    Ok(Arc::new(buffer))
+}
+
+impl Ranking {
+    /// Ranks the primitives of `geometry` by `order_given`, or on the device by the distance of their centroids.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        name: &'static str,
+        geometry: Geometry,
+        back_to_front: bool,
+        order_given: Option<&[u32]>,
+    ) -> Result<Self> {
+        let Geometry { kind, points, point_count, scalars, cell_scalars, primitives, count } = geometry;
+        let view_points = buffer(gpu, "view.points", 4 * u64::from(point_count))?;
+        let keys = buffer(gpu, "order.keys", count.into())?;
+        let order = buffer(gpu, "order", count.into())?;
+        let boxed = buffer(gpu, "boxes", 2 * u64::from(count))?;
+        let status = buffer(gpu, "status", STATUS_WORDS.into())?;
+        let constants = listing_constants(kind, cell_scalars, back_to_front);
+        let pass = |part: &str, shader, resources: &[(u32, Resource)]| {
+            pass(gpu, &format!("{name}.{part}"), shader, &constants, resources)
+        };
+        Ok(Self {
+            name,
+            kind,
+            points: pass(
+                "points",
+                &MESH_LISTS_POINTS,
+                &[
+                    (BINDING_MESH_POINTS, Resource::Buffer(points)),
+                    (BINDING_MESH_SCALARS, Resource::Buffer(Arc::clone(&scalars))),
+                    (BINDING_VIEW_POINTS, Resource::Buffer(Arc::clone(&view_points))),
+                ],
+            )?,
+            boxes: pass(
+                "boxes",
+                &MESH_LISTS_BOXES,
+                &[
+                    (BINDING_PRIMITIVES, Resource::Buffer(Arc::clone(&primitives))),
+                    (BINDING_VIEW_POINTS, Resource::ReadOnly(Arc::clone(&view_points))),
+                    (BINDING_RANK_KEYS, Resource::Buffer(Arc::clone(&keys))),
+                    (BINDING_ORDER, Resource::Buffer(Arc::clone(&order))),
+                    (BINDING_BOXES, Resource::Buffer(Arc::clone(&boxed))),
+                    (BINDING_STATUS, Resource::Buffer(Arc::clone(&status))),
+                ],
+            )?,
+            sort: RadixSort::new(gpu, &format!("{name}.sort"), &keys, &order, count, 32)?,
+            view_points,
+            primitives,
+            scalars,
+            keys,
+            order,
+            boxed,
+            status,
+            count,
+            point_count,
+            given: match order_given {
+                Some(order) => Some(given_order(gpu, order)?),
+                None => None,
+            },
+            constants,
+        })
+    }
+
+    /// Records every step: points, boxes and keys, order.
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, push: &MeshPush) {
+        self.record_points(recorder, push);
+        self.record_boxes(recorder, push);
+        self.record_order(recorder);
+    }
+
+    /// Projects points to view coordinates.
+    pub(crate) fn record_points(&self, recorder: &mut Recorder<'_>, push: &MeshPush) {
+        recorder.clear_buffer("status.clear", &self.status);
+        let push = MeshPush { count: self.point_count, ..*push };
+        self.points.record(recorder, &push, groups_of(self.point_count, 64));
+    }
+
+    /// Finds the pixels that each primitive may cover, and its sort key.
+    pub(crate) fn record_boxes(&self, recorder: &mut Recorder<'_>, push: &MeshPush) {
+        let push = MeshPush { count: self.count, ..*push };
+        self.boxes.record(recorder, &push, groups_of(self.count, 64));
+    }
+
+    /// Sorts primitives by their keys, or copies the order from the host.
+    pub(crate) fn record_order(&self, recorder: &mut Recorder<'_>) {
+        match &self.given {
+            Some(order) => recorder.copy_buffer("order", order, &self.order, self.order.size()),
+            None => self.sort.record(recorder),
+        }
+    }
+
+    /// Replaces the ranks from the host. Returns `false`, and changes nothing, while a recording reads the old ones.
+    pub(crate) fn give_order(&mut self, order: &[u32]) -> bool {
+        let bytes: &[u8] = bytemuck::cast_slice(order);
+        let place = self.given.as_mut().and_then(Arc::get_mut).and_then(Buffer::bytes_mut);
+        let place = place.and_then(|place| place.get_mut(..bytes.len()));
+        let Some(place) = place else { return false };
+        place.copy_from_slice(bytes);
+        true
+    }
+}
+
+/// Specialisation constants of every pass that reads a list: the kind of primitives, their scalars, the direction.
+pub(crate) fn listing_constants(
+    kind: Primitives,
+    cell_scalars: bool,
+    back_to_front: bool,
+) -> Vec<SpecConstant> {
+    vec![
+        (SPEC_CELLS, u32::from(kind == Primitives::Cells)),
+        (SPEC_CELL_SCALARS, u32::from(cell_scalars)),
+        (SPEC_BACK_TO_FRONT, u32::from(back_to_front)),
+    ]
+}

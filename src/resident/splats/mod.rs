@@ -1,0 +1,13 @@
+//! The visible kernels of a scene on the device: of a grid, of points, and of the vertices of a mesh.
+//!
+//! [`SplatSet`] is made from a scene by `lattice` or `scattered`.
+
+mod lattice;
+mod records;
+mod scattered;
+mod set;
+mod sizes;
+mod space;
+
+pub(crate) use set::{SplatNeeds, SplatSet};
+pub(crate) use space::Shape;

@@ -1,0 +1,188 @@
+//! The visible kernels of a scene on the device (`splats.glsl`), in a space of their own.
+//!
+//! The kernels of a lattice lie at voxel indices relative to the centre of the domain, divided by sigma where they are
+//! Gaussian; in that space all are alike. Those of points and of a mesh's vertices lie relative to the centre of the
+//! data, in its radii. So float32 keeps all its digits for the data, wherever it lies and however large it is.
+
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3};
+
+use crate::error::{Error, Result};
+use crate::gpu::{Buffer, Gpu};
+use crate::num;
+use crate::resident::splats::lattice::lattice;
+use crate::resident::splats::records::Records;
+use crate::resident::splats::scattered::scattered;
+use crate::resident::splats::sizes::{median_sigma, sigmas, smallest_spacing};
+use crate::resident::splats::space::{Shape, Space};
+use crate::scene::{Data, Grid, Kernel, KernelSize, Kernels, Model, Points, Scene, TransferFunction};
+
+/// Capacities that frames of a scene have needed.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct SplatNeeds {
+    /// Entries of the bins of a band.
+    pub(crate) entries: u32,
+    /// Dispatches that draw a band's bins.
+    pub(crate) rounds: u32,
+}
+
+/// The visible kernels of a scene.
+#[derive(Debug)]
+pub(crate) struct SplatSet {
+    pub(crate) kernels: Kernels,
+    pub(crate) shape: Shape,
+    pub(crate) space: Space,
+    pub(crate) count: u32,
+    /// Centre and scalar of each kernel; or centre and inverse of sigma, then colour and extinction or scalar and weight.
+    pub(crate) points: Arc<Buffer>,
+    /// Roots of inverse covariances, and covariances.
+    pub(crate) shapes: Arc<Buffer>,
+    /// Distance at which kernels end: in sigmas, or for products along each axis.
+    pub(crate) cut: f64,
+    /// Factor of every kernel.
+    pub(crate) amplitude: f64,
+}
+
+impl SplatSet {
+    /// Uploads the kernels of a scene that may be visible. `slab` is the thickness of a sheet, in world units.
+    pub(crate) fn new(gpu: &Gpu, scene: &Scene, kernels: &Kernels, slab: f64) -> Result<Self> {
+        kernels.check()?;
+        match &scene.data {
+            Data::Grid(grid) => Self::of_grid(gpu, grid, &scene.transfer, kernels, slab),
+            Data::Mesh(mesh) => Self::of_points(gpu, &Points::of_vertices(mesh)?, &scene.transfer, kernels),
+            Data::Points(points) => Self::of_points(gpu, points, &scene.transfer, kernels),
+        }
+    }
+
+    /// Returns the world length of a step of 1 for the data of a scene.
+    pub(crate) fn step(scene: &Scene) -> Result<f64> {
+        match &scene.data {
+            Data::Grid(grid) => Ok(smallest_spacing(grid)),
+            Data::Mesh(mesh) => median_sigma(&Points::of_vertices(mesh)?),
+            Data::Points(points) => median_sigma(points),
+        }
+    }
+
+    fn of_grid(
+        gpu: &Gpu,
+        grid: &Grid,
+        transfer: &TransferFunction,
+        kernels: &Kernels,
+        slab: f64,
+    ) -> Result<Self> {
+        let gaussian = kernels.kernel == Kernel::Gaussian;
+        let sigma = if gaussian { kernels.sigma } else { 1.0 };
+        let last = grid.last_index();
+        let step = smallest_spacing(grid);
+        let reach = kernels.reach();
+        let to_world = grid.index_to_world() * sigma;
+        // Kernels of voxels on the boundary reach beyond the domain.
+        let beyond = last * 0.5 + reach;
+        let corner = |i: usize| {
+            let sign = |bit: usize| if i & bit == 0 { -1.0 } else { 1.0 };
+            grid.index_to_world() * (beyond * DVec3::new(sign(1), sign(2), sign(4)))
+        };
+        let corners: [DVec3; 8] = std::array::from_fn(corner);
+        let space = Space {
+            centre: grid.centre(),
+            unit: corners.iter().map(|corner| corner.length()).fold(f64::MIN_POSITIVE, f64::max),
+            to_world,
+            corners,
+            domain: last * (0.5 / sigma),
+            layer: 1.0 / sigma,
+            middles: grid.dims().map(|n| if n % 2 == 0 { 0.5 } else { 0.0 }),
+            step,
+        };
+        let slab = (slab / step).min(f64::from(u32::MAX));
+        let lists = lattice(grid, transfer, kernels, slab)?;
+        let cut = if gaussian { kernels.cut } else { reach };
+        // The peak of a product along the axes is its own.
+        let amplitude = if gaussian { kernels.peak_on_grid() } else { 1.0 };
+        Self::upload(gpu, *kernels, Shape::Alike, space, lists, cut, amplitude)
+    }
+
+    fn of_points(gpu: &Gpu, points: &Points, transfer: &TransferFunction, kernels: &Kernels) -> Result<Self> {
+        if !matches!(kernels.kernel, Kernel::Gaussian | Kernel::BSpline) {
+            let why = format!("{}: is for grids; points have gaussian or bspline", kernels.kernel.name());
+            return Err(Error::invalid("kernel", why));
+        }
+        let shape = match points.size() {
+            KernelSize::Unknown => {
+                return Err(Error::invalid(
+                    "points",
+                    "have no radius: a radius or covariances must be given",
+                ));
+            }
+            KernelSize::Radius(_) | KernelSize::Radii(_) => Shape::Radii,
+            KernelSize::Covariances(_) if kernels.kernel == Kernel::BSpline => {
+                return Err(Error::invalid("kernel", "bspline: points with covariances have gaussian"));
+            }
+            KernelSize::Covariances(_) => Shape::Covariances,
+        };
+        let [low, high] = points.bounds();
+        let half = high * 0.5 - low * 0.5;
+        let step = median_sigma(points)?;
+        // The box is enlarged by the reach of the largest kernel. The radius of a kernel is three sigma of a Gaussian,
+        // and two units of a B-spline.
+        let (cut, in_sigmas) =
+            if kernels.kernel == Kernel::Gaussian { (kernels.cut, kernels.cut) } else { (2.0, 3.0) };
+        let reach = in_sigmas * sigmas(points).fold(0.0, f64::max);
+        let half = half + reach;
+        let unit = half.length().max(f64::MIN_POSITIVE);
+        let corner = |i: usize| {
+            let sign = |bit: usize| if i & bit == 0 { -1.0 } else { 1.0 };
+            half * DVec3::new(sign(1), sign(2), sign(4))
+        };
+        let space = Space {
+            centre: low + (half - reach),
+            unit,
+            to_world: DMat3::from_diagonal(DVec3::splat(unit)),
+            corners: std::array::from_fn(corner),
+            domain: DVec3::INFINITY,
+            layer: step / unit,
+            middles: [0.25; 3],
+            step,
+        };
+        let lists = scattered(points, transfer, kernels, &space)?;
+        Self::upload(gpu, *kernels, shape, space, lists, cut, 1.0)
+    }
+
+    fn upload(
+        gpu: &Gpu,
+        kernels: Kernels,
+        shape: Shape,
+        space: Space,
+        mut lists: Records,
+        cut: f64,
+        amplitude: f64,
+    ) -> Result<Self> {
+        let each = if shape == Shape::Alike && kernels.model == Model::Interpolate { 1 } else { 2 };
+        let count = lists.points.len() / each;
+        let most = u64::from(gpu.inner.properties.limits.max_storage_buffer_range);
+        let widest = if shape == Shape::Covariances { 64 } else { 16 * num::wide(each) };
+        if num::wide(count) * widest > most || count >= 1 << 27 {
+            return Err(Error::unsupported(
+                "splats of this scene",
+                format!("{count} visible kernels; {} fit a buffer", most / widest),
+            ));
+        }
+        // A binding must hold something.
+        for list in [&mut lists.points, &mut lists.shapes] {
+            if list.is_empty() {
+                list.extend([[0.0; 4]; 2]);
+            }
+        }
+        let buffer = |name: &str, list: &[[f32; 4]]| Buffer::with_data(gpu, name, bytemuck::cast_slice(list));
+        Ok(Self {
+            kernels,
+            shape,
+            space,
+            count: num::count(count),
+            points: buffer("splats.points", &lists.points)?,
+            shapes: buffer("splats.shapes", &lists.shapes)?,
+            cut,
+            amplitude,
+        })
+    }
+}

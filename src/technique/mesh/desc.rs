@@ -1,0 +1,76 @@
+//! How a technique for meshes draws, and the primitives that it ranks.
+
+use crate::error::Result;
+use crate::frame::lists::{Geometry, Ranking, listing_constants};
+use crate::gpu::SpecConstant;
+use crate::gpu::shader::Shader;
+use crate::num;
+use crate::resident::GpuScene;
+use crate::resident::mesh::{MeshData, Primitives};
+use crate::resident::tables::SegmentOptions;
+use crate::scene::TetScalars;
+
+/// How a technique for meshes draws.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MeshDesc {
+    pub(crate) name: &'static str,
+    pub(crate) primitives: Primitives,
+    pub(crate) segments: SegmentOptions,
+    /// Extinction per scalar of the smoke model.
+    pub(crate) smoke: f64,
+    pub(crate) back_to_front: bool,
+    /// Shader that resolves lists.
+    pub(crate) resolve: &'static Shader,
+    /// Entries of the k-buffer.
+    pub(crate) k: u32,
+    /// Entries of a pixel that one dispatch resolves; `None`: all.
+    pub(crate) chunk: Option<u32>,
+    /// Shader that sorts the lists of pixels that were resolved out of order, and resolves them again.
+    pub(crate) repair: Option<&'static Shader>,
+    /// Name of the counter of those pixels.
+    pub(crate) unsorted: &'static str,
+    /// Transmittance at which a ray ends.
+    pub(crate) stop: f64,
+    /// Whether cells in which nothing is visible are skipped.
+    pub(crate) skip: bool,
+}
+
+impl MeshDesc {
+    /// Returns the specialisation constants that every pass of the technique shares.
+    pub(crate) fn constants(&self, scene: &GpuScene) -> Result<Vec<SpecConstant>> {
+        let cell_scalars = matches!(scene.mesh()?.scalars(), TetScalars::Cell(_));
+        Ok(listing_constants(self.primitives, cell_scalars, self.back_to_front))
+    }
+
+    /// Whether pixels in which cells overlap are drawn again.
+    pub(crate) fn repairs_overlaps(&self) -> bool {
+        self.repair.is_some() && self.primitives == Primitives::Faces
+    }
+
+    /// Ranks the faces or cells of the mesh that are drawn: by `order_given`, else on the device.
+    pub(crate) fn rank_primitives(
+        &self,
+        scene: &GpuScene,
+        data: &MeshData,
+        order_given: Option<&[u32]>,
+    ) -> Result<Ranking> {
+        let gpu = scene.gpu();
+        let mesh = scene.mesh()?;
+        let margin = self.skip.then(|| scene.margin(Some(&self.segments)));
+        let drawn = scene.primitives(self.primitives, margin)?;
+        let scalars = match drawn.scalars {
+            Some(scalars) => scalars,
+            None => data.scalars(gpu, mesh, scene.scene().transfer.domain())?,
+        };
+        let geometry = Geometry {
+            kind: self.primitives,
+            points: data.points(gpu, mesh)?,
+            point_count: num::count(mesh.points().len()),
+            scalars,
+            cell_scalars: matches!(mesh.scalars(), TetScalars::Cell(_)),
+            primitives: drawn.buffer,
+            count: drawn.count,
+        };
+        Ranking::new(gpu, self.name, geometry, self.back_to_front, order_given)
+    }
+}

@@ -1,0 +1,381 @@
+//! The raster routes of `havs`: each face is drawn once, by rank, and a k-buffer in storage images sorts its fragments
+//! (`havs-raster.glsl`).
+//!
+//! Fragments of one pixel must read and write its k-buffer one after the other, in the order of ranks:
+//!
+//! - `interlock`: `VK_EXT_fragment_shader_interlock` guarantees it, with the mode `pixel_interlock_ordered`.
+//! - `implementation-ordered` relies on a driver whose rasteriser is known to work so: Mesa's llvmpipe gives a tile of
+//!   the image to one thread, which takes its triangles in order. Vulkan does not promise it, so this route is never
+//!   chosen automatically.
+//!
+//! One dispatch at the end empties the k-buffers. Unsorted pixels are flagged; with `repair=exact` only they get lists,
+//! and are drawn as by the route `compute`. So are pixels in which cells overlap.
+
+use std::sync::Arc;
+
+use ash::vk;
+use glam::DVec3;
+
+use crate::error::{Error, Result};
+use crate::frame::depth_measure::DepthMeasure;
+use crate::frame::lists::{Lists, Ranking, measure};
+use crate::frame::prepared::{Outcome, Prepared};
+use crate::frame::target::{Canvas, own_image};
+use crate::gpu::shader::{
+    BINDING_ACCUMULATION, BINDING_BOXES, BINDING_FLAGS, BINDING_KBUFFER_0, BINDING_KBUFFER_1,
+    BINDING_KBUFFER_2, BINDING_KBUFFER_3, BINDING_MESH_SCALARS, BINDING_ORDER, BINDING_PRIMITIVES,
+    BINDING_STATUS, BINDING_VIEW_POINTS, HAVS_RASTER_EMPTY, HAVS_RASTER_IMPLEMENTATION,
+    HAVS_RASTER_INTERLOCK, HAVS_RASTER_VERTEX, SPEC_INTEGRATOR, SPEC_K, SPEC_KNOT_WALK, STATUS_NAN_KEYS,
+    STATUS_OVERFLOW_PIXELS, STATUS_WORDS, TILE, TILE_PIXELS,
+};
+use crate::gpu::sync::Use;
+use crate::gpu::{
+    Blend, Buffer, Descriptors, Gpu, GraphicsDesc, Image, ImageDesc, OptionalFeature, Pipeline, Recorder,
+    Resource, SpecConstant, TargetImage,
+};
+use crate::interface::MeshPush;
+use crate::num;
+use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass, words};
+use crate::resident::GpuScene;
+use crate::resident::local_space::LocalSpace;
+use crate::resident::tables::{Knots, Table};
+use crate::scene::View;
+use crate::technique::mesh::desc::MeshDesc;
+use crate::technique::mesh::flagged::FlaggedFrame;
+use crate::technique::mesh::havs::options::Route;
+use crate::technique::mesh::havs::repairs::Repairs;
+use crate::technique::mesh::outcome::MeshOutcome;
+use crate::technique::mesh::overlaps::Overlaps;
+use crate::technique::mesh::shading::{shading_push, shading_resources};
+use crate::technique::options::Choice;
+
+/// The format of the accumulation image and of the k-buffer's images.
+const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
+
+/// Everything that is fixed between frames of one size.
+#[derive(Debug)]
+pub(crate) struct RasterFrame {
+    space: LocalSpace,
+    /// The box around the mesh.
+    bounds: [DVec3; 2],
+    push: MeshPush,
+    extent: [u32; 2],
+    tiles: u32,
+    /// 2 where faces behind the eye are drawn too, else 1.
+    lobes: u32,
+    route: Route,
+    ranking: Ranking,
+    draw: (Arc<Pipeline>, Arc<Descriptors>),
+    empty: Dispatch,
+    repair: Option<Repairs>,
+    overlaps: Option<Overlaps>,
+    image: Arc<Image>,
+    flags: Arc<Buffer>,
+    outcome: Arc<RasterOutcome>,
+    table: Option<Arc<Table>>,
+}
+
+/// The status of a frame, and the outcome of its repairs.
+#[derive(Debug)]
+struct RasterOutcome {
+    status: Arc<Buffer>,
+    primitives: u32,
+    repair: Option<MeshOutcome>,
+}
+
+impl Outcome for RasterOutcome {
+    fn read(&self) -> Result<(bool, Vec<(&'static str, u64)>)> {
+        if let Some(repair) = &self.repair {
+            let (complete, mut counters) = repair.read()?;
+            for (name, _) in &mut counters {
+                // Only flagged pixels have lists.
+                *name = match *name {
+                    "fragments" => "repaired_fragments",
+                    other => other,
+                };
+            }
+            return Ok((complete, counters));
+        }
+        let status = words(&self.status.host_copy()?);
+        let at = |word: u32| u64::from(status.get(num::index(word)).copied().unwrap_or(0));
+        let counters = vec![
+            ("primitives", u64::from(self.primitives)),
+            ("kbuffer_overflow_pixels", at(STATUS_OVERFLOW_PIXELS)),
+            ("nan_keys", at(STATUS_NAN_KEYS)),
+        ];
+        Ok((true, counters))
+    }
+}
+
+/// Refuses a raster route that the device does not offer.
+///
+/// # Errors
+///
+/// [`Error::Unsupported`] with the missing feature.
+fn check_route(gpu: &Gpu, route: Route, name: &str) -> Result<()> {
+    let (feature, missing) = match route {
+        Route::Interlock => {
+            (OptionalFeature::FragmentInterlock, "fragmentShaderPixelInterlock; route=compute works")
+        }
+        _ => (
+            OptionalFeature::OrderedStores,
+            "a driver that is known to keep fragments' stores in order; route=compute works",
+        ),
+    };
+    let what = || format!("{name} route={}", route.word());
+    if !gpu.has(OptionalFeature::FragmentStores) {
+        return Err(Error::unsupported(what(), "fragmentStoresAndAtomics; route=compute works"));
+    }
+    if gpu.has(feature) { Ok(()) } else { Err(Error::unsupported(what(), missing)) }
+}
+
+/// Refuses more faces than one draw has vertices for.
+fn check_faces(name: &str, route: Route, faces: u32) -> Result<()> {
+    // Shaders count vertices in signed numbers.
+    if u64::from(faces) * 3 <= u64::from(u32::MAX / 2) {
+        return Ok(());
+    }
+    Err(Error::unsupported(
+        format!("{name} route={}", route.word()),
+        format!("{faces} faces in one draw; route=compute works"),
+    ))
+}
+
+/// Allocates as many images as K pairs and the one that left last fill: two pairs each.
+fn kbuffer_images(gpu: &Gpu, k: u32, extent: [u32; 2]) -> Result<Vec<Arc<Image>>> {
+    let desc = ImageDesc::flat(FORMAT, extent, vk::ImageUsageFlags::STORAGE);
+    (0..=k / 2).map(|i| Image::new(gpu, &format!("kbuffer.{i}"), &desc).map(Arc::new)).collect()
+}
+
+/// Returns the bindings of the passes that draw faces.
+fn draw_resources(
+    ranking: &Ranking,
+    knots: &Knots,
+    target: &Canvas,
+    flags: &Arc<Buffer>,
+    image: &Arc<Image>,
+    kbuffer: &[Arc<Image>],
+) -> Vec<(u32, Resource)> {
+    let storage = |i: usize| Resource::Storage(Arc::clone(kbuffer.get(i).unwrap_or(image)));
+    let mut resources = vec![
+        (BINDING_ORDER, Resource::ReadOnly(Arc::clone(&ranking.order))),
+        (BINDING_BOXES, Resource::ReadOnly(Arc::clone(&ranking.boxed))),
+        (BINDING_PRIMITIVES, Resource::Buffer(Arc::clone(&ranking.primitives))),
+        (BINDING_VIEW_POINTS, Resource::ReadOnly(Arc::clone(&ranking.view_points))),
+        (BINDING_MESH_SCALARS, Resource::Buffer(Arc::clone(&ranking.scalars))),
+        (BINDING_STATUS, Resource::Buffer(Arc::clone(&ranking.status))),
+        (BINDING_FLAGS, Resource::Buffer(Arc::clone(flags))),
+        (BINDING_ACCUMULATION, Resource::Storage(Arc::clone(image))),
+        (BINDING_KBUFFER_0, storage(0)),
+        (BINDING_KBUFFER_1, storage(1)),
+        (BINDING_KBUFFER_2, storage(2)),
+        (BINDING_KBUFFER_3, storage(3)),
+    ];
+    resources.extend(target.bounds(&knots.buffer));
+    resources.extend(target.layers(&knots.buffer));
+    resources
+}
+
+/// Builds the pipeline that draws faces.
+fn draw_pipeline(gpu: &Gpu, name: &str, route: Route, constants: &[SpecConstant]) -> Result<Arc<Pipeline>> {
+    gpu.graphics_pipeline(
+        &format!("{name}.draw"),
+        &GraphicsDesc {
+            vertex: &HAVS_RASTER_VERTEX,
+            fragment: match route {
+                Route::Interlock => &HAVS_RASTER_INTERLOCK,
+                _ => &HAVS_RASTER_IMPLEMENTATION,
+            },
+            topology: vk::PrimitiveTopology::TRIANGLE_LIST,
+            blend: Blend::Copy,
+            format: None,
+            constants,
+        },
+    )
+}
+
+impl RasterFrame {
+    /// Prepares frames of one view size.
+    pub(crate) fn new(
+        scene: &Arc<GpuScene>,
+        view: &View,
+        target: &Canvas,
+        desc: MeshDesc,
+        route: Route,
+    ) -> Result<Self> {
+        let gpu = scene.gpu();
+        let name = desc.name;
+        check_route(gpu, route, name)?;
+        target.refuse_layers(&format!("{name} route={}", route.word()), "route=compute")?;
+        gpu.check_drawing(name, view.extent())?;
+        let mesh = scene.mesh()?;
+        let data = scene.mesh_data();
+        let space = LocalSpace::of(mesh);
+        let knots = scene.knots()?;
+        let table = scene.table(&desc.segments)?;
+        let push = space.push(view, &shading_push(scene, &desc, &knots)?)?;
+        let [width, height] = view.extent();
+        let across = width.div_ceil(TILE);
+        let tiles = across * height.div_ceil(TILE);
+        let ranking = desc.rank_primitives(scene, &data, None)?;
+        check_faces(name, route, ranking.count)?;
+
+        let image = own_image(gpu, name, FORMAT, vk::ImageUsageFlags::STORAGE, view, target)?;
+        let flags = buffer(gpu, "flags", u64::from(tiles) * u64::from(TILE_PIXELS))?;
+        let kbuffer = kbuffer_images(gpu, desc.k, view.extent())?;
+
+        let mut resources = shading_resources(scene, &knots, table.as_ref())?;
+        resources.extend(draw_resources(&ranking, &knots, target, &flags, &image, &kbuffer));
+        let shading = [
+            (SPEC_KNOT_WALK, knots.walk),
+            (SPEC_INTEGRATOR, desc.segments.integrator.code()),
+            target.bounded(),
+        ];
+        let mut constants = desc.constants(scene)?;
+        constants.extend(shading);
+        constants.push((SPEC_K, desc.k));
+        let pipeline = draw_pipeline(gpu, name, route, &constants)?;
+        let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
+        let empty = pass(gpu, &format!("{name}.empty"), &HAVS_RASTER_EMPTY, &constants, &resources)?;
+
+        let status = download(gpu, "status", 4 * u64::from(STATUS_WORDS))?;
+        let mut outcome = RasterOutcome { status, primitives: ranking.count, repair: None };
+        let mut repair = None;
+        let mut overlaps = None;
+        if desc.repair.is_some() {
+            let (flags, resources) = (&flags, resources.as_slice());
+            let (data, desc, push, shading) = (&data, &desc, &push, shading.as_slice());
+            let frame = FlaggedFrame { scene, data, desc, push, tiles, across, flags, resources, shading };
+            (repair, overlaps) = outcome.add_repairs(&frame, &ranking)?;
+        }
+        let mut frame = Self {
+            space,
+            bounds: mesh.bounds(),
+            push,
+            extent: view.extent(),
+            tiles,
+            lobes: 1,
+            route,
+            outcome: Arc::new(outcome),
+            ranking,
+            draw: (pipeline, descriptors),
+            empty,
+            repair,
+            overlaps,
+            image,
+            flags,
+            table,
+        };
+        frame.lobes = frame.lobes_of(view);
+        Ok(frame)
+    }
+
+    /// Returns the number of lobes of the projection that a view needs.
+    ///
+    /// A ray that begins inside the mesh starts in a cell that only the faces behind the eye can name.
+    fn lobes_of(&self, view: &View) -> u32 {
+        let eye = view.camera().eye;
+        // Float32 moves points by less.
+        let margin = DVec3::splat(1e-5 * self.space.radius);
+        let inside = eye.cmpge(self.bounds[0] - margin).all() && eye.cmple(self.bounds[1] + margin).all();
+        if view.is_perspective() && inside { 2 } else { 1 }
+    }
+}
+
+impl RasterOutcome {
+    /// Builds the passes that draw unsorted pixels again, and, once a frame has met overlaps, those that draw these.
+    fn add_repairs(
+        &mut self,
+        frame: &FlaggedFrame<'_>,
+        ranking: &Ranking,
+    ) -> Result<(Option<Repairs>, Option<Overlaps>)> {
+        let FlaggedFrame { scene, data, desc, push, tiles, across, flags, .. } = *frame;
+        let gpu = scene.gpu();
+        let (runs, needs, bands) = measure(gpu, ranking, &data.needs, push, tiles, across)?;
+        let mut lists = Lists::new(gpu, ranking, tiles, runs, bands, needs)?;
+        lists.restrict_to_flagged(gpu, ranking, flags)?;
+        let status = Arc::clone(&self.status);
+        let mut outcome = MeshOutcome::new(gpu, data, desc, status, &lists, needs, ranking.count)?;
+        let repairs = Repairs::new(frame, lists, needs.rounds)?;
+        let mut overlaps = None;
+        if needs.overlaps {
+            let found = Overlaps::new(frame)?;
+            outcome.overlaps = Some(found.status());
+            overlaps = Some(found);
+        }
+        self.repair = Some(outcome);
+        Ok((Some(repairs), overlaps))
+    }
+}
+
+impl Prepared for RasterFrame {
+    fn set_view(&mut self, view: &View, _most_passes: u32) -> Result<bool> {
+        self.push = self.space.push(view, &self.push)?;
+        self.lobes = self.lobes_of(view);
+        Ok(true)
+    }
+
+    fn measure(&self) -> DepthMeasure {
+        DepthMeasure::of_frame(&self.space)
+    }
+
+    fn image(&self) -> Option<&Arc<Image>> {
+        Some(&self.image)
+    }
+
+    fn last_use(&self) -> Use {
+        Use::ComputeReadWrite
+    }
+
+    fn route(&self) -> &'static str {
+        self.route.word()
+    }
+
+    fn passes(&self) -> u32 {
+        // As `MeshFrame`; and flags, faces, what is left.
+        let sort = 16;
+        let repair = self.repair.as_ref().map_or(0, |repair| {
+            let bands = num::count(repair.lists.bands.len());
+            6 + bands * (5 + 2 * repair.lists.windows + repair.rounds)
+        });
+        7 + sort + 3 + repair + self.overlaps.as_ref().map_or(0, Overlaps::passes) + 2
+    }
+
+    fn counters(&self) -> Vec<(&'static str, u64)> {
+        vec![("tiles", self.tiles.into())]
+    }
+
+    fn outcome(&self) -> Option<Arc<dyn Outcome>> {
+        Some(Arc::clone(&self.outcome) as _)
+    }
+
+    fn record(&self, recorder: &mut Recorder<'_>, _target: Option<&TargetImage>, _clear: bool) {
+        if let Some(table) = &self.table {
+            recorder.assume_ready(&table.image);
+        }
+        self.ranking.record(recorder, &self.push);
+        // A flag of 0 says that the images hold nothing of the pixel, so they need no clear.
+        recorder.clear_buffer("flags.clear", &self.flags);
+        let push = MeshPush { number: self.lobes, ..self.push };
+        let (pipeline, descriptors) = &self.draw;
+        recorder.draw_each(
+            pipeline.name(),
+            pipeline,
+            descriptors,
+            std::iter::once(bytemuck::bytes_of(&push)),
+            self.extent,
+            3 * self.ranking.count,
+        );
+        let push = MeshPush { count: self.tiles, ..self.push };
+        self.empty.record(recorder, &push, groups_of(self.tiles, 1));
+        if let (Some(repair), Some(outcome)) = (&self.repair, &self.outcome.repair) {
+            repair.record(recorder, &self.push, self.ranking.count, outcome);
+        }
+        if let Some(overlaps) = &self.overlaps {
+            overlaps.record(recorder, &self.push);
+        }
+        let status = &self.outcome.status;
+        recorder.copy_buffer("status", &self.ranking.status, status, status.size());
+        recorder.release_to_host(status);
+    }
+}

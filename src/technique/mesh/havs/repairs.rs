@@ -1,0 +1,72 @@
+//! Passes of the raster routes of `havs` that draw flagged pixels again, from lists of their faces.
+
+use std::sync::Arc;
+
+use crate::error::Result;
+use crate::frame::lists::Lists;
+use crate::gpu::shader::{BINDING_CURSORS, BINDING_LISTS, SPEC_K, SPEC_LAST_CHUNK, SPEC_REPAIR, SPEC_RESUME};
+use crate::gpu::{Recorder, Resource};
+use crate::interface::MeshPush;
+use crate::primitives::dispatch::{Dispatch, groups_of, pass};
+use crate::technique::mesh::flagged::FlaggedFrame;
+use crate::technique::mesh::frame::REPAIR_K;
+use crate::technique::mesh::outcome::MeshOutcome;
+
+/// The passes that list the fragments of flagged pixels and draw them.
+#[derive(Debug)]
+pub(crate) struct Repairs {
+    pub(crate) lists: Lists,
+    pass: Dispatch,
+    pub(crate) rounds: u32,
+}
+
+impl Repairs {
+    /// Builds the pass that sorts and resolves `lists`.
+    pub(crate) fn new(frame: &FlaggedFrame<'_>, lists: Lists, rounds: u32) -> Result<Self> {
+        let FlaggedFrame { scene, desc, .. } = *frame;
+        let mut resources = frame.resources.to_vec();
+        resources.push((BINDING_LISTS, Resource::Buffer(Arc::clone(&lists.entries))));
+        resources.push((BINDING_CURSORS, Resource::ReadOnly(Arc::clone(&lists.cursors))));
+        let mut constants = desc.constants(scene)?;
+        constants.extend_from_slice(frame.shading);
+        constants.extend([(SPEC_K, REPAIR_K), (SPEC_RESUME, 0), (SPEC_LAST_CHUNK, 1), (SPEC_REPAIR, 1)]);
+        let name = format!("{}.repair", desc.name);
+        let pass = pass(scene.gpu(), &name, desc.resolve, &constants, &resources)?;
+        Ok(Self { lists, pass, rounds })
+    }
+
+    /// Records bins, lists and repair rounds, band by band.
+    pub(crate) fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        push: &MeshPush,
+        count: u32,
+        outcome: &MeshOutcome,
+    ) {
+        let lists = &self.lists;
+        lists.bin(recorder, push, count);
+        recorder.copy_buffer("bins.total", lists.bins.total(), &outcome.bins, 8);
+        recorder.release_to_host(&outcome.bins);
+        for (i, band) in lists.bands.iter().enumerate() {
+            recorder.clear_buffer("lists.clear", &lists.cursors);
+            lists.list(recorder, push, i, false);
+            if let (Some(scan), Some(host)) = (lists.list_scans.get(i), outcome.lists.get(i)) {
+                scan.record(recorder);
+                recorder.copy_buffer("lists.total", scan.total(), host, 8);
+                recorder.release_to_host(host);
+            }
+            lists.list(recorder, push, i, true);
+            for round in 1..=self.rounds {
+                let push = MeshPush {
+                    count: band.tiles,
+                    band: band.first,
+                    capacity: lists.list_capacity,
+                    number: u32::MAX / 2,
+                    last_round: u32::from(round == self.rounds),
+                    ..*push
+                };
+                self.pass.record(recorder, &push, groups_of(band.tiles, 1));
+            }
+        }
+    }
+}

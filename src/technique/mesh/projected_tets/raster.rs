@@ -1,0 +1,385 @@
+//! The raster route of `projected-tets`: cells are polygons that fixed function blends.
+//!
+//! Outlines are made for each view (`projected-tets.glsl`). Fans around thick vertices (`tet-fans.glsl`) serve every view
+//! from one eye if they are made in space; then frames reuse the fans and the ranks of the frame before.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use ash::vk;
+use glam::DVec3;
+
+use crate::error::{Error, Result};
+use crate::frame::depth_measure::DepthMeasure;
+use crate::frame::lists::Ranking;
+use crate::frame::prepared::{Outcome, Prepared};
+use crate::frame::target::{Canvas, draws_directly, own_image};
+use crate::gpu::shader::{
+    BINDING_BOXES, BINDING_FANS, BINDING_MESH_SCALARS, BINDING_ORDER, BINDING_POLYGONS, BINDING_PRIMITIVES,
+    BINDING_RANK_KEYS, BINDING_VIEW_POINTS, FAN_VERTICES, OUTLINE_VERTICES, PROJECTED_TETS_FRAGMENT,
+    PROJECTED_TETS_OUTLINES, PROJECTED_TETS_VERTEX, SPEC_INTEGRATOR, SPEC_KNOT_WALK, SPEC_SHADED, SPEC_SPACE,
+    STATUS_NAN_KEYS, STATUS_WORDS, TET_FANS_BUILD, TET_FANS_FRAGMENT, TET_FANS_SHADED_FRAGMENT,
+    TET_FANS_SHADED_VERTEX, TET_FANS_VERTEX,
+};
+use crate::gpu::sync::Use;
+use crate::gpu::{
+    Attachment, Blend, Buffer, Descriptors, Gpu, GraphicsDesc, Image, Pipeline, Recorder, Resource,
+    SpecConstant, TargetImage,
+};
+use crate::interface::{Fan, MeshPush};
+use crate::num;
+use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass, words};
+use crate::resident::GpuScene;
+use crate::resident::local_space::LocalSpace;
+use crate::resident::tables::{Integrator, Knots, Table};
+use crate::scene::{TetScalars, View};
+use crate::technique::mesh::desc::MeshDesc;
+use crate::technique::mesh::projected_tets::options::{Options, Plane, Shade};
+use crate::technique::mesh::projected_tets::ranks::{Rank, Ranker};
+use crate::technique::mesh::shading::{shading_push, shading_resources};
+
+/// The format of the accumulation image.
+const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
+
+/// The eye, or the direction of parallel rays: views that share it can share fans in space and ranks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Eye {
+    perspective: bool,
+    at: DVec3,
+}
+
+impl Eye {
+    fn of(view: &View) -> Self {
+        let perspective = view.is_perspective();
+        Self { perspective, at: if perspective { view.camera().eye } else { view.forward() } }
+    }
+}
+
+/// Everything that is fixed between frames of one size.
+#[derive(Debug)]
+pub(crate) struct TetsRaster {
+    name: &'static str,
+    options: Options,
+    space: LocalSpace,
+    push: MeshPush,
+    ranking: Ranking,
+    /// Makes polygons: outlines, or fans.
+    polygons: Dispatch,
+    pipeline: Arc<Pipeline>,
+    descriptors: Arc<Descriptors>,
+    /// The image that is drawn into; `None` where it is the target.
+    image: Option<Arc<Image>>,
+    table: Option<Arc<Table>>,
+    ranker: Ranker,
+    /// The view whose ranks the host found last.
+    ranked: View,
+    /// Whether these ranks were found by `prepare`, and no frame has used them yet.
+    fresh: bool,
+    /// The eye of the fans and the view of the ranks that are on the device.
+    built: Mutex<Option<(Eye, View)>>,
+    view: View,
+    outcome: Arc<RasterOutcome>,
+}
+
+/// The status of a frame, and what it reused.
+#[derive(Debug)]
+struct RasterOutcome {
+    status: Arc<Buffer>,
+    cells: u32,
+    /// Whether the frame reused the fans, and the ranks, of the frame before.
+    reused: Mutex<[bool; 2]>,
+}
+
+impl Outcome for RasterOutcome {
+    fn read(&self) -> Result<(bool, Vec<(&'static str, u64)>)> {
+        let status = words(&self.status.host_copy()?);
+        let nan = status.get(num::index(STATUS_NAN_KEYS)).copied().unwrap_or(0);
+        let [fans, ranks] = *self.reused.lock().unwrap_or_else(PoisonError::into_inner);
+        let counters = vec![
+            ("primitives", u64::from(self.cells)),
+            ("nan_keys", u64::from(nan)),
+            ("fans_reused", u64::from(fans)),
+            ("ranks_reused", u64::from(ranks)),
+        ];
+        Ok((true, counters))
+    }
+}
+
+/// Refuses `shade=vertex` where something bounds rays.
+fn check_shade(name: &str, options: &Options, target: &Canvas) -> Result<()> {
+    if options.shade != Shade::Vertex || target.bounds.is_none() {
+        return Ok(());
+    }
+    Err(Error::unsupported(
+        format!("{name} shade=vertex with clipping, a depth image or opaque surfaces"),
+        "colours of a cell's corners, which cannot be cut: shade=fragment works",
+    ))
+}
+
+/// Returns the specialisation constants of all passes.
+fn constants_of(
+    scene: &GpuScene,
+    desc: &MeshDesc,
+    options: &Options,
+    knots: &Knots,
+    target: &Canvas,
+) -> Result<Vec<SpecConstant>> {
+    // A fragment that walks through knots loads them all; between two scalars a table needs no walk.
+    let between = matches!(scene.mesh()?.scalars(), TetScalars::Point(_));
+    let searches = between && desc.segments.integrator == Integrator::Integral;
+    let mut constants = desc.constants(scene)?;
+    constants.extend([
+        (SPEC_KNOT_WALK, if searches { 0 } else { knots.walk }),
+        (SPEC_INTEGRATOR, desc.segments.integrator.code()),
+        (SPEC_SPACE, u32::from(options.plane == Plane::Space)),
+        (SPEC_SHADED, u32::from(options.shade == Shade::Vertex)),
+        target.bounded(),
+    ]);
+    Ok(constants)
+}
+
+/// Returns the bindings that the pass that makes polygons and the draw share.
+fn shared_resources(
+    scene: &GpuScene,
+    knots: &Knots,
+    table: Option<&Arc<Table>>,
+    ranking: &Ranking,
+) -> Result<Vec<(u32, Resource)>> {
+    let mut resources = shading_resources(scene, knots, table)?;
+    resources.extend([
+        (BINDING_PRIMITIVES, Resource::Buffer(Arc::clone(&ranking.primitives))),
+        (BINDING_MESH_SCALARS, Resource::Buffer(Arc::clone(&ranking.scalars))),
+        (BINDING_VIEW_POINTS, Resource::ReadOnly(Arc::clone(&ranking.view_points))),
+    ]);
+    Ok(resources)
+}
+
+/// Builds the pass that makes polygons: fans, or outlines.
+fn polygon_pass(
+    gpu: &Gpu,
+    name: &str,
+    fans: bool,
+    ranking: &Ranking,
+    polygons: (u32, Resource),
+    shared: &[(u32, Resource)],
+    constants: &[SpecConstant],
+) -> Result<Dispatch> {
+    let written = [
+        polygons,
+        (BINDING_BOXES, Resource::ReadOnly(Arc::clone(&ranking.boxed))),
+        (BINDING_RANK_KEYS, Resource::Buffer(Arc::clone(&ranking.keys))),
+        (BINDING_ORDER, Resource::Buffer(Arc::clone(&ranking.order))),
+    ];
+    let (shader, part) =
+        if fans { (&TET_FANS_BUILD, "fans") } else { (&PROJECTED_TETS_OUTLINES, "outlines") };
+    let resources: Vec<_> = shared.iter().cloned().chain(written).collect();
+    pass(gpu, &format!("{name}.{part}"), shader, constants, &resources)
+}
+
+/// Builds the pipeline that draws polygons.
+fn draw_pipeline(
+    gpu: &Gpu,
+    desc: &MeshDesc,
+    options: &Options,
+    constants: &[SpecConstant],
+) -> Result<Arc<Pipeline>> {
+    let (vertex, fragment) = match (options.has_fans(), options.shade) {
+        (false, _) => (&PROJECTED_TETS_VERTEX, &PROJECTED_TETS_FRAGMENT),
+        (true, Shade::Fragment) => (&TET_FANS_VERTEX, &TET_FANS_FRAGMENT),
+        (true, Shade::Vertex) => (&TET_FANS_SHADED_VERTEX, &TET_FANS_SHADED_FRAGMENT),
+    };
+    gpu.graphics_pipeline(
+        &format!("{}.draw", desc.name),
+        &GraphicsDesc {
+            vertex,
+            fragment,
+            topology: vk::PrimitiveTopology::TRIANGLE_LIST,
+            blend: if desc.back_to_front { Blend::Over } else { Blend::Under },
+            format: Some(FORMAT),
+            constants,
+        },
+    )
+}
+
+impl TetsRaster {
+    /// Prepares frames of one view size; `order` are the ranks of `view`, where the host finds them.
+    pub(crate) fn new(
+        scene: &Arc<GpuScene>,
+        view: &View,
+        target: &Canvas,
+        desc: MeshDesc,
+        options: &Options,
+        ranker: Ranker,
+        order: Option<&[u32]>,
+    ) -> Result<Self> {
+        let gpu = scene.gpu();
+        let name = desc.name;
+        check_shade(name, options, target)?;
+        let space = LocalSpace::of(scene.mesh()?);
+        let knots = scene.knots()?;
+        let table = scene.table(&desc.segments)?;
+        let push = space.push(view, &shading_push(scene, &desc, &knots)?)?;
+        let ranking = desc.rank_primitives(scene, &scene.mesh_data(), order)?;
+
+        let constants = constants_of(scene, &desc, options, &knots, target)?;
+        let fans = options.has_fans();
+        let size = if fans { size_of::<Fan>() } else { size_of::<[[f32; 2]; 4]>() };
+        let polygons = buffer(gpu, "polygons", num::wide(size / 4) * u64::from(ranking.count))?;
+        let binding = if fans { BINDING_FANS } else { BINDING_POLYGONS };
+        let shared = shared_resources(scene, &knots, table.as_ref(), &ranking)?;
+        let written = (binding, Resource::Buffer(Arc::clone(&polygons)));
+        let make_polygons = polygon_pass(gpu, name, fans, &ranking, written, &shared, &constants)?;
+
+        let pipeline = draw_pipeline(gpu, &desc, options, &constants)?;
+        let read = [
+            (binding, Resource::ReadOnly(polygons)),
+            (BINDING_ORDER, Resource::ReadOnly(Arc::clone(&ranking.order))),
+        ];
+        let bounds = target.bounds(&knots.buffer);
+        let resources: Vec<_> = shared.into_iter().chain(read).chain(bounds).collect();
+        let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
+        let image = if draws_directly(target, FORMAT, desc.back_to_front) {
+            None
+        } else {
+            Some(own_image(gpu, name, FORMAT, vk::ImageUsageFlags::COLOR_ATTACHMENT, view, target)?)
+        };
+        Ok(Self {
+            name,
+            options: *options,
+            space,
+            push,
+            polygons: make_polygons,
+            pipeline,
+            descriptors,
+            image,
+            table,
+            ranker,
+            ranked: *view,
+            fresh: true,
+            built: Mutex::new(None),
+            view: *view,
+            outcome: Arc::new(RasterOutcome {
+                status: download(gpu, "status", 4 * u64::from(STATUS_WORDS))?,
+                cells: ranking.count,
+                reused: Mutex::new([false; 2]),
+            }),
+            ranking,
+        })
+    }
+
+    /// Returns whether the fans, and the ranks, of the frame before serve another view.
+    fn serves(&self, built: Option<(Eye, View)>, view: &View) -> [bool; 2] {
+        let same = self.options.plane == Plane::Space && built.is_some_and(|(eye, _)| eye == Eye::of(view));
+        // The host finds ranks for a view, the device for an eye.
+        let ranks = self.options.rank == Rank::Centroid || built.is_some_and(|(_, view)| view == self.ranked);
+        [same, same && ranks]
+    }
+
+    /// Finds ranks on the host, unless the last ones serve. Returns `false` while a recording reads them.
+    fn rank(&mut self, view: &View) -> Result<bool> {
+        let prepared = std::mem::take(&mut self.fresh) && self.ranked == *view;
+        let held = self.options.plane == Plane::Space
+            && Eye::of(&self.ranked) == Eye::of(view)
+            && (self.ranked == *view || self.ranker.serves_other_pixels()?);
+        if prepared || held {
+            return Ok(true);
+        }
+        let Some(order) = self.ranker.order(view)? else { return Ok(true) };
+        let given = self.ranking.give_order(&order);
+        if given {
+            self.ranked = *view;
+        }
+        Ok(given)
+    }
+}
+
+impl Prepared for TetsRaster {
+    fn set_view(&mut self, view: &View, _most_passes: u32) -> Result<bool> {
+        let push = self.space.push(view, &self.push)?;
+        let fits = self.rank(view)?;
+        if fits {
+            self.push = push;
+            self.view = *view;
+        }
+        Ok(fits)
+    }
+
+    fn measure(&self) -> DepthMeasure {
+        DepthMeasure::of_frame(&self.space)
+    }
+
+    fn image(&self) -> Option<&Arc<Image>> {
+        self.image.as_ref()
+    }
+
+    fn last_use(&self) -> Use {
+        Use::ColorAttachment
+    }
+
+    fn route(&self) -> &'static str {
+        "raster"
+    }
+
+    fn passes(&self) -> u32 {
+        // Status, points, boxes, a sort of at most four digits, polygons, the draw, and the status again.
+        3 + 16 + 3
+    }
+
+    fn counters(&self) -> Vec<(&'static str, u64)> {
+        let mut counters = vec![("cells_seen", u64::from(self.ranking.count))];
+        counters.extend_from_slice(self.ranker.counters());
+        counters
+    }
+
+    fn record(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>, clear: bool) {
+        if let Some(table) = &self.table {
+            recorder.assume_ready(&table.image);
+        }
+        let attachment = match (&self.image, target) {
+            (Some(image), _) => Attachment::Own(Arc::clone(image)),
+            (None, Some(target)) => Attachment::Caller(*target),
+            (None, None) => return,
+        };
+        // The next recording can reuse the results of this one, because a plan has one in flight.
+        let mut built = self.built.lock().unwrap_or_else(PoisonError::into_inner);
+        let [fans, ranks] = self.serves(*built, &self.view);
+        *built = Some((Eye::of(&self.view), self.ranked));
+        *self.outcome.reused.lock().unwrap_or_else(PoisonError::into_inner) = [fans, ranks];
+
+        let push = MeshPush { count: self.ranking.count, ..self.push };
+        let groups = groups_of(self.ranking.count, 64);
+        self.ranking.record_points(recorder, &push);
+        // Fans in space also rank cells outside of the image, when they are built.
+        if self.options.plane == Plane::Image {
+            self.ranking.record_boxes(recorder, &push);
+            self.ranking.record_order(recorder);
+        }
+        if !fans {
+            self.polygons.record(recorder, &push, groups);
+        }
+        if self.options.plane == Plane::Space && !ranks {
+            self.ranking.record_order(recorder);
+        }
+        let vertices = if self.options.has_fans() { FAN_VERTICES } else { OUTLINE_VERTICES };
+        recorder.draw(
+            &format!("{}.draw", self.name),
+            &self.pipeline,
+            &self.descriptors,
+            bytemuck::bytes_of(&push),
+            &attachment,
+            clear || self.image.is_some(),
+            vertices * self.ranking.count,
+            1,
+        );
+        recorder.copy_buffer(
+            "status",
+            &self.ranking.status,
+            &self.outcome.status,
+            self.outcome.status.size(),
+        );
+        recorder.release_to_host(&self.outcome.status);
+    }
+
+    fn outcome(&self) -> Option<Arc<dyn Outcome>> {
+        Some(Arc::clone(&self.outcome) as _)
+    }
+}

@@ -1,0 +1,131 @@
+//! How a technique draws splats, and the shader and dispatches that this takes.
+
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::gpu::shader::{
+    LOWPASS_AUTO, LOWPASS_FULL, LOWPASS_NONE, MOST_TURNS, ORDER_CENTRES, ORDER_NEAREST, ORDER_SHEETS, SHEETS,
+    SPLAT_EWA_CENTRE, SPLAT_EWA_CENTRE_WIDE, SPLAT_EWA_WINDOW, SPLAT_SHEETS_AXIS, SPLAT_SHEETS_AXIS_WIDE,
+    SPLAT_SHEETS_IMAGE, SPLAT_SHEETS_IMAGE_WIDE, SPLAT_WINDOW, Shader,
+};
+use crate::scene::Kernels;
+use crate::technique::splat::options::TileSplit;
+
+/// How a pixel combines its splats. This also decides the key that they are sorted by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Accumulation {
+    /// Blends each splat as a whole, by the distance of its centre.
+    Centres,
+    /// Blends each splat as a whole; a window in each pixel corrects the order.
+    Window,
+    /// Adds up the parts of splats in slabs parallel to the image, and composites the slabs.
+    Slabs,
+    /// Adds up whole splats in layers along an axis of the data, and composites the layers.
+    Sheets,
+}
+
+impl Accumulation {
+    /// Returns the shader's code of the sort key.
+    pub(crate) fn key_code(self) -> u32 {
+        match self {
+            Self::Centres | Self::Window => ORDER_CENTRES,
+            Self::Slabs => ORDER_NEAREST,
+            Self::Sheets => ORDER_SHEETS,
+        }
+    }
+}
+
+/// Treatment of footprints that are smaller than a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Filter {
+    /// Widens ellipses that are narrower than the pixel's filter to it.
+    Auto,
+    /// Convolves every ellipse with the pixel's filter.
+    Full,
+    /// Leaves ellipses as they are.
+    None,
+}
+
+impl Filter {
+    /// Returns the shader's code.
+    pub(crate) fn code(self) -> u32 {
+        match self {
+            Self::Auto => LOWPASS_AUTO,
+            Self::Full => LOWPASS_FULL,
+            Self::None => LOWPASS_NONE,
+        }
+    }
+}
+
+/// How splats are drawn.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SplatDesc {
+    pub(crate) name: &'static str,
+    pub(crate) kernels: Kernels,
+    pub(crate) accumulation: Accumulation,
+    /// Whether footprints are ellipses; else they are integrals along each pixel's ray.
+    pub(crate) ewa: bool,
+    /// Entries along each side of the table of footprints, for parallel rays; `None`: no table.
+    pub(crate) template: Option<u32>,
+    pub(crate) filter: Filter,
+    /// Variance of the pixel's filter, in pixels.
+    pub(crate) variance: f64,
+    /// Thickness of slabs, in steps of the data.
+    pub(crate) step: f64,
+    /// Largest colour that a ray may miss when it ends early.
+    pub(crate) stop: f64,
+    /// Most entries of bins at a time; `None`: as many as a buffer holds.
+    pub(crate) pairs: Option<u32>,
+    pub(crate) split: TileSplit,
+}
+
+impl SplatDesc {
+    /// Returns the iterations that one dispatch may make.
+    pub(crate) fn iterations(&self) -> u32 {
+        match self.accumulation {
+            // Each splat also takes an iteration of the window's own loop for each of its places.
+            Accumulation::Window => MOST_TURNS / (2 * SPLAT_WINDOW + 2),
+            _ => MOST_TURNS,
+        }
+    }
+
+    /// Estimates the dispatches that a bin of `longest` entries takes.
+    pub(crate) fn rounds(&self, longest: u32) -> u32 {
+        let rounds = match self.accumulation {
+            Accumulation::Centres | Accumulation::Window => longest.div_ceil(self.iterations()),
+            // Half of the iterations are reserved for the sheet in which a dispatch ends.
+            Accumulation::Sheets => longest.div_ceil(self.iterations() / 2),
+            Accumulation::Slabs => longest.saturating_mul(2 + SHEETS).div_ceil(self.iterations() / 2),
+        };
+        rounds.max(1)
+    }
+
+    /// Returns the shader that draws bins.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unsupported`] for `spread=columns` on a device that cannot share words in a subgroup of eight.
+    pub(crate) fn shader(&self, gpu: &Gpu) -> Result<&'static Shader> {
+        // A software device runs the lanes of a workgroup in step, and reads what they share once. On a GPU a column
+        // would leave most lanes of a subgroup idle.
+        let columns = match self.split {
+            TileSplit::Auto => gpu.is_software() && gpu.eight_share_words(),
+            TileSplit::Pixels => false,
+            TileSplit::Columns if gpu.eight_share_words() => true,
+            TileSplit::Columns => {
+                return Err(Error::unsupported(
+                    format!("{} spread=columns", self.name),
+                    "subgroups of eight invocations that share words",
+                ));
+            }
+        };
+        Ok(match (self.accumulation, columns) {
+            (Accumulation::Centres, true) => &SPLAT_EWA_CENTRE,
+            (Accumulation::Centres, false) => &SPLAT_EWA_CENTRE_WIDE,
+            (Accumulation::Window, _) => &SPLAT_EWA_WINDOW,
+            (Accumulation::Slabs, true) => &SPLAT_SHEETS_IMAGE,
+            (Accumulation::Slabs, false) => &SPLAT_SHEETS_IMAGE_WIDE,
+            (Accumulation::Sheets, true) => &SPLAT_SHEETS_AXIS,
+            (Accumulation::Sheets, false) => &SPLAT_SHEETS_AXIS_WIDE,
+        })
+    }
+}
