@@ -465,7 +465,7 @@ fn bench_checks_each_case_and_times_it() {
     let mut files = names(&folder.path("out"));
     // Passes have a time where the device has timestamps.
     files.retain(|name| !name.starts_with("passes-scene-perspective."));
-    let fronts = ["fronts-scene-perspective.png", "fronts-scene-perspective.svg", "fronts.json"];
+    let fronts = ["fronts-scene-perspective.svg", "fronts.json"];
     assert_eq!(files, [["bench.jsonl"].as_slice(), &fronts, &["table.md"]].concat());
     let fronts = folder.json("out/fronts.json");
     assert_eq!((&fronts[0]["scene"], &fronts[0]["projection"]), (&"scene".into(), &"perspective".into()));

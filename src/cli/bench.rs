@@ -42,7 +42,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     arrays: ArraysArgs,
     /// Folder for bench.jsonl, one line of JSON for each case, fronts.json, times at equal error, table.md, and
-    /// plots as SVG and PNG.
+    /// plots as SVG.
     #[arg(short, long, value_name = "DIR", required_unless_present = "compare")]
     output: Option<PathBuf>,
     /// Compare two runs instead of measuring: the ratio of the medians of every case that both have timed, with the

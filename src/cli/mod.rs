@@ -7,7 +7,7 @@
 //! | `record`, `results`, `tables`, `fronts`, `charts` | of `bench`: a line of its results, its folder, table.md, time at equal error, what plots show |
 //! | `selftest` | everything on this device, under validation |
 //! | `ratios` | `bench --compare` |
-//! | `plot`, `picture` | charts; their lines and letters as SVG and PNG |
+//! | `plot`, `picture` | charts; their lines and letters as SVG |
 //! | `report` | of `compare`: report.html |
 //! | `cache`, `interrupt` | reference images that were drawn before; Ctrl-C |
 //! | `draws` | of `calibrate`: random scenes on which choices are checked |

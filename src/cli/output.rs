@@ -176,21 +176,6 @@ pub(crate) fn write_json(path: &Path, value: &Value) -> Result<()> {
     volraster::io::write_text(path, &format!("{value:#}\n"))
 }
 
-/// Writes bytes, complete or not at all.
-///
-/// # Errors
-///
-/// [`Error::Io`] when they cannot be written.
-pub(crate) fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
-    let part = beside(path, "part");
-    let written = std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, path));
-    if written.is_err() {
-        // What failed is the error to report.
-        let _ = std::fs::remove_file(&part);
-    }
-    written.map_err(|source| io(path, source))
-}
-
 /// A hidden name in the same folder.
 fn beside(path: &Path, ending: &str) -> PathBuf {
     let name = path.file_name().unwrap_or_default().to_string_lossy();

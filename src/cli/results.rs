@@ -89,9 +89,6 @@ impl Results {
         let charts = charts(&self.records);
         for Chart { name, picture, .. } in &charts {
             volraster::io::write_text(self.folder.join(format!("{name}.svg")), &picture.svg())?;
-            let path = self.folder.join(format!("{name}.png"));
-            let png = picture.png().map_err(|why| Error::Invalid { what: format!("plot {name}"), why })?;
-            output::write_bytes(&path, &png)?;
         }
         let text = markdown(&self.records, &charts, is_interrupted);
         volraster::io::write_text(self.folder.join("table.md"), &text)?;
