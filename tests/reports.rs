@@ -135,7 +135,7 @@ fn a_reference_is_drawn_once() {
     let folder = Folder::new("cache");
     folder.write("grid.json", GRID);
     let line = "compare grid.json -o out --techniques raycast:step=0.5";
-    let is_cached = || folder.text("out/report.html").contains("drawn before");
+    let is_cached = || folder.text("out/report.html").contains("reference (cached)");
     let cached = || folder.names("cache/volraster/reference");
     folder.done(&format!("{line} --no-cache"));
     assert!(cached().is_empty() && !is_cached());
@@ -315,7 +315,7 @@ fn a_run_that_is_stopped_keeps_what_it_has() {
     let output = child.wait_with_output().unwrap();
     let err = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(130), "{err}");
-    assert!(err.contains("stopped; what was measured is in out"), "{err}");
+    assert!(err.contains("stopped; partial results are in out"), "{err}");
     let cases = folder.cases("out/bench.jsonl");
     assert!(cases.iter().any(|case| case["scene"] == "1.json" && case.get("wall_ms").is_some()));
     assert!(folder.text("out/table.md").contains("was stopped"));

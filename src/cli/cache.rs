@@ -13,17 +13,20 @@ use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
 use sha2::{Digest, Sha256};
 use volraster::gpu::user_cache_folder;
-use volraster::reference::{self, ReferenceImage, ReferenceOptions};
+use volraster::reference::{ReferenceImage, ReferenceOptions};
 use volraster::scene::{Data, Grid, KernelSize, Points, Samples, Scene, TetScalars, Tets, View};
-use volraster::{Error, Result};
+use volraster::{Error, Result, reference};
 
 /// What all files may take.
 const MOST_BYTES: u64 = 1 << 30;
 
 const MAGIC: &[u8; 8] = b"VOLRREF1";
+
 /// Magic, width, height.
 const HEADER: usize = 8 + 4 + 4;
+
 const HASH: usize = 32;
+
 const ENDING: &str = "reference";
 
 /// The sources that an image depends on: another reference is another image.

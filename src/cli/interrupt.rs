@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::output;
+use crate::cli::output;
 
 /// The exit code of a run that was stopped, as shells have it (128 and the signal's number).
 pub(crate) const EXIT_CODE: u8 = 130;

@@ -1,9 +1,11 @@
 //! Frame times: their quantiles, and how sure their medians are.
 
+use std::time::Instant;
+
 use serde::{Deserialize, Serialize};
 use volraster::technique::FrameTime;
 
-use super::random::Random;
+use crate::cli::random::Random;
 
 /// Always the same: the same times give the same interval.
 const SEED: u64 = 1;
@@ -102,7 +104,7 @@ fn middle_95(values: Vec<f64>) -> [f64; 2] {
 
 /// What is written of the times of a case.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct Spread {
+pub(crate) struct Quantiles {
     pub(crate) median: f64,
     /// Where the median lies with 95 %.
     pub(crate) low: f64,
@@ -113,7 +115,7 @@ pub(crate) struct Spread {
     pub(crate) times: Vec<f64>,
 }
 
-impl Spread {
+impl Quantiles {
     /// Of times, unless there are none.
     pub(crate) fn new(times: Vec<f64>) -> Option<Self> {
         let sorted = Times::new(times.clone())?;
@@ -164,6 +166,11 @@ pub(crate) fn ratio(pairs: &[[&Times; 2]]) -> Option<Ratio> {
     };
     let [low, high] = middle_95((0..RESAMPLES).map(|_| once()).collect());
     Some(Ratio { value, low, high })
+}
+
+/// Milliseconds since a moment.
+pub(crate) fn milliseconds_since(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
 }
 
 #[cfg(test)]

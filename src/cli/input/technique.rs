@@ -1,0 +1,186 @@
+//! Techniques.
+
+use serde_json::{Map, Value};
+use volraster::scene::Data;
+use volraster::technique::Method;
+use volraster::{Error, Result, Technique};
+
+/// One word of a list of techniques.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Wanted {
+    /// `all`: every technique by every route.
+    All,
+    /// One technique.
+    One(Request),
+}
+
+/// A technique as the command line names it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Request {
+    /// The technique, with defaults where no option is given.
+    pub(crate) technique: Technique,
+    /// Whether no option is given.
+    pub(crate) bare: bool,
+}
+
+impl Request {
+    /// Reads `NAME[:key=value,...]`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Technique::parse`].
+    pub(crate) fn parse(text: &str) -> Result<Self> {
+        Ok(Self { technique: Technique::parse(text)?, bare: !text.contains(':') })
+    }
+}
+
+impl Wanted {
+    /// Reads several, separated by `;` or `,`. What has `=` and no `:` is an option of the technique
+    /// before it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Technique::parse`].
+    pub(crate) fn parse_list(text: &str) -> Result<Vec<Self>> {
+        let mut words: Vec<String> = Vec::new();
+        for part in text.split(';') {
+            let first = words.len();
+            for word in part.split(',').map(str::trim).filter(|word| !word.is_empty()) {
+                match words.get_mut(first..).and_then(<[String]>::last_mut) {
+                    Some(last) if word.contains('=') && !word.contains(':') => {
+                        last.push(if last.contains(':') { ',' } else { ':' });
+                        last.push_str(word);
+                    }
+                    _ => words.push(word.to_string()),
+                }
+            }
+        }
+        if words.is_empty() {
+            return Err(Error::Invalid {
+                what: "techniques".to_string(),
+                why: format!("\"{text}\": must name at least one technique"),
+            });
+        }
+        let read =
+            |word: &String| if word == "all" { Ok(Self::All) } else { Request::parse(word).map(Self::One) };
+        words.iter().map(read).collect()
+    }
+}
+
+/// A technique with given options, of which some are set anew.
+///
+/// # Errors
+///
+/// As [`Technique::new`].
+pub(crate) fn with_options(
+    method: Method,
+    given: &[(String, String)],
+    more: &[(&str, &str)],
+) -> Result<Technique> {
+    let mut options: Vec<(String, String)> =
+        given.iter().filter(|(key, _)| !more.iter().any(|(k, _)| k == key)).cloned().collect();
+    options.extend(more.iter().map(|(key, value)| ((*key).to_string(), (*value).to_string())));
+    Technique::new(method, &options)
+}
+
+/// A technique by one route, as [`with_options`]. A technique of a single route may not have that as an option.
+///
+/// # Errors
+///
+/// As [`Technique::new`].
+pub(crate) fn by_route(
+    method: Method,
+    route: &str,
+    given: &[(String, String)],
+    more: &[(&str, &str)],
+) -> Result<Technique> {
+    let named = method.options().iter().any(|info| info.key == "route");
+    let route = named.then_some(("route", route));
+    with_options(method, given, &more.iter().copied().chain(route).collect::<Vec<_>>())
+}
+
+/// Options as JSON, numbers and truth values as such.
+pub(crate) fn options_json(technique: &Technique) -> Value {
+    let typed = |text: String| match serde_json::from_str(&text) {
+        Ok(value @ (Value::Number(_) | Value::Bool(_))) => value,
+        _ => Value::String(text),
+    };
+    let pairs = technique.option_pairs().into_iter();
+    Value::Object(pairs.map(|(key, text)| (key.to_string(), typed(text))).collect::<Map<_, _>>())
+}
+
+/// The options that differ from their defaults, as the command line takes them; `route` is left out,
+/// since it is told on its own.
+pub(crate) fn options_text(technique: &Technique) -> String {
+    let infos = technique.method().options();
+    let is_default =
+        |key: &str, value: &str| infos.iter().any(|info| info.key == key && info.default == value);
+    let pairs = technique.option_pairs().into_iter();
+    let told: Vec<String> = pairs
+        .filter(|(key, value)| *key != "route" && !is_default(key, value))
+        .map(|(key, value)| format!("{key}={value}"))
+        .collect();
+    told.join(",")
+}
+
+/// Most samples that are splatted unasked where other techniques draw the same field in a hundredth of the time.
+const MOST_SPLATS: u64 = 1 << 18;
+
+/// Why a technique is not tried unasked on data without kernels of its own: it would take too long.
+pub(crate) fn too_many_splats(method: Method, data: &Data) -> Option<String> {
+    let count = match data {
+        Data::Grid(grid) if method == Method::SplatSheets => {
+            grid.dims().into_iter().map(u64::from).product::<u64>()
+        }
+        _ => 0,
+    };
+    let why = || format!("{count} samples without kernels: it is tried unasked up to {MOST_SPLATS}");
+    (count > MOST_SPLATS).then(why)
+}
+
+/// Whether an error says that this technique, with these options, is not for this device or scene.
+pub(crate) fn is_refusal(error: &Error) -> bool {
+    matches!(error, Error::Invalid { .. } | Error::Unsupported { .. } | Error::Memory { .. })
+}
+
+/// Every technique with each of its routes.
+pub(crate) fn all_routes() -> impl Iterator<Item = (Method, &'static str)> {
+    Method::ALL.into_iter().flat_map(|method| method.routes().iter().map(move |&route| (method, route)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_of_techniques_split_at_semicolons_and_names() {
+        let text = |wanted: &Wanted| match wanted {
+            Wanted::All => "all".to_string(),
+            Wanted::One(request) => format!("{}{}", request.bare, options_text(&request.technique)),
+        };
+        let texts =
+            |list: &str| -> Vec<String> { Wanted::parse_list(list).unwrap().iter().map(text).collect() };
+        assert_eq!(texts("all, slices-3d:step=2"), ["all", "falsestep=2"]);
+        assert_eq!(texts("slices-3d"), ["true"]);
+        assert_eq!(
+            texts("slices-3d,slices-3d:step=0.5,filter=exact,slices-3d"),
+            ["true", "falsestep=0.5,filter=exact", "true"]
+        );
+        assert_eq!(texts("slices-3d:step=2;slices-3d"), ["falsestep=2", "true"]);
+        let why = |list: &str| Wanted::parse_list(list).unwrap_err().to_string();
+        assert!(why(";,").contains("at least one"));
+        assert!(why("step=1").contains("step=1"));
+        assert!(why("slices-3d;step=1").contains("step=1"));
+    }
+
+    #[test]
+    fn options_keep_their_types() {
+        let technique = Technique::parse("slices-3d:step=0.5").unwrap();
+        let json = options_json(&technique);
+        assert_eq!(json["step"], 0.5);
+        assert_eq!(json["filter"], "hardware");
+        let changed =
+            with_options(technique.method(), &[("step".into(), "4".into())], &[("step", "2")]).unwrap();
+        assert_eq!(options_json(&changed)["step"], 2.0);
+    }
+}

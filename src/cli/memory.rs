@@ -1,0 +1,49 @@
+//! Memory figures.
+
+use serde_json::{Value, json};
+use volraster::{GpuScene, Result};
+
+/// What some work gives, and the device memory that is taken when it ends and was not when it began.
+///
+/// # Errors
+///
+/// Those of the work.
+pub(crate) fn device_bytes<T>(scene: &GpuScene, work: impl FnOnce() -> Result<T>) -> Result<(T, u64)> {
+    let taken = || scene.gpu().memory_report().iter().map(|(_, bytes)| bytes).sum::<u64>();
+    let before = taken();
+    let result = work()?;
+    Ok((result, taken().saturating_sub(before)))
+}
+
+/// Bytes by object name, in order of first appearance.
+pub(super) fn summed(report: Vec<(String, u64)>) -> Value {
+    let mut sums: Vec<(String, u64)> = Vec::new();
+    for (name, bytes) in report {
+        match sums.iter_mut().find(|(other, _)| *other == name) {
+            Some((_, sum)) => *sum += bytes,
+            None => sums.push((name, bytes)),
+        }
+    }
+    Value::Object(sums.into_iter().map(|(name, bytes)| (name, json!(bytes))).collect())
+}
+
+/// Most host memory that the process has had, where the system tells (Linux).
+pub(super) fn peak_rss_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_of_one_name_are_summed_and_the_peak_is_plausible() {
+        let entries = [("a", 1), ("b", 5), ("a", 2)].map(|(name, n)| (name.to_string(), n));
+        assert_eq!(summed(entries.to_vec()), json!({"a": 3, "b": 5}));
+        if cfg!(target_os = "linux") {
+            assert!(peak_rss_bytes().unwrap() > 1 << 20);
+        }
+    }
+}
