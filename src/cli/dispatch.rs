@@ -1,4 +1,4 @@
-//! Arguments, dispatch to a command, and how a run ends.
+//! The program's arguments, dispatch to a command, and the exit code.
 
 use std::process::ExitCode;
 
@@ -14,43 +14,43 @@ use crate::cli::output;
 #[derive(Debug, Parser)]
 #[command(name = "volraster", version, arg_required_else_help = true)]
 struct Cli {
-    /// Print no summary and no warnings. Errors, and what `devices`, `techniques` and `info` are asked for,
-    /// are printed still.
+    /// Print no summary and no warnings. Errors, and the output of `devices`, `techniques` and `info`, are still
+    /// printed.
     #[arg(short, long, global = true)]
     quiet: bool,
     #[command(subcommand)]
     command: Command,
 }
 
-/// What the program can do.
+/// The commands.
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Draw a scene file, or a data file with a camera and a transfer function chosen for it.
+    /// Draw a scene file or a data file. For a data file, camera and transfer function are chosen automatically.
     Render(render::Args),
-    /// Draw the float64 reference on the CPU.
+    /// Draw the float64 reference image on the CPU.
     Reference(reference::Args),
-    /// Draw with several techniques and measure each one's error.
+    /// Draw a scene with several techniques and measure the error of each.
     Compare(compare::Args),
     /// Measure time and error of every technique on standard scenes.
     Bench(bench::Args),
-    /// Measure what techniques cost on this device, for `render --max-error` and `--budget`.
+    /// Measure the cost of techniques on this device, for `render --max-error` and `render --budget`.
     Calibrate(calibrate::Args),
-    /// List the Vulkan devices and what the chosen one offers.
+    /// List the Vulkan devices and the features of the selected one.
     Devices(devices::Args),
     /// List the techniques with their options.
     Techniques(techniques::Args),
     /// Describe a data file, a folder of slices or a scene file.
     Info(info::Args),
-    /// Check every technique, route and resource path on this device, under every kind of validation.
+    /// Check every technique, route and resource path on this device under full validation.
     Selftest(selftest::Args),
     /// Write a data file as NRRD (grids) or VTU (meshes and points).
     Convert(convert::Args),
 }
 
-/// The exit code of wrong usage.
+/// Exit code of wrong usage.
 const USAGE: u8 = 2;
 
-/// Runs the program.
+/// Parses the arguments, runs the command and reports its failure.
 pub(crate) fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
@@ -78,11 +78,11 @@ pub(crate) fn main() -> ExitCode {
     }
 }
 
-/// Help and version as clap prints them, wrong usage as one line.
+/// Prints help and version as clap formats them, and a usage error as one line.
 fn usage(error: &clap::Error) -> ExitCode {
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
-            // A reader that has gone away needs no help.
+            // A closed pipe is no error here.
             let _ = error.print();
             ExitCode::SUCCESS
         }
@@ -97,7 +97,7 @@ fn usage(error: &clap::Error) -> ExitCode {
     }
 }
 
-/// The message of clap's report, without the usage and the hint that follow it.
+/// Extracts the message of clap's report, without the usage and the hint that follow it.
 fn one_line(report: &str) -> String {
     let ends = |line: &&str| line.starts_with("Usage:") || line.starts_with("For more information");
     let lines: Vec<&str> = report.lines().take_while(|line| !ends(line)).map(str::trim).collect();

@@ -1,6 +1,6 @@
-//! Text of files inside of XML, HTML and Markdown.
+//! Escaping of text from files in XML, HTML and Markdown.
 
-/// Text inside of XML or HTML, attributes too.
+/// Escapes text for XML or HTML, including attributes.
 pub(crate) fn escape_xml(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -10,7 +10,7 @@ pub(crate) fn escape_xml(text: &str) -> String {
             '>' => out.push_str("&gt;"),
             '"' => out.push_str("&quot;"),
             '\'' => out.push_str("&#39;"),
-            // XML has no place for them, written in whatever way.
+            // XML allows no control characters, not even escaped.
             c if c.is_control() && !"\t\n\r".contains(c) => out.push('\u{fffd}'),
             c => out.push(c),
         }
@@ -18,13 +18,13 @@ pub(crate) fn escape_xml(text: &str) -> String {
     out
 }
 
-/// Text of files, without what Markdown or HTML in it would obey.
+/// Escapes text for Markdown, so that it contains neither Markdown nor HTML.
 pub(super) fn escape_markdown(text: &str) -> String {
     let mut out = String::new();
     for c in text.chars() {
         match c {
             '|' | '*' | '_' | '`' | '[' | ']' | '<' | '#' | '\\' => {
-                // A backslash keeps each of them a sign.
+                // A backslash makes each of them literal.
                 out.push('\\');
                 out.push(c);
             }
@@ -36,7 +36,7 @@ pub(super) fn escape_markdown(text: &str) -> String {
     out
 }
 
-/// A file's name as a link's address: letters beyond ASCII as bytes.
+/// Percent-encodes a file name as the address of a link.
 pub(super) fn link_address(name: &str) -> String {
     let byte = |byte: u8| match byte {
         b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'.' | b'_' | b'-' => char::from(byte).to_string(),
@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_files_say_stays_text() {
+    fn text_of_files_is_escaped() {
         assert_eq!(escape_xml("<a b=\"c\">&'\u{1}"), "&lt;a b=&quot;c&quot;&gt;&amp;&#39;\u{fffd}");
     }
 }

@@ -1,9 +1,9 @@
-//! Memory figures.
+//! Memory figures: device memory of some work, device memory by object name, peak host memory.
 
 use serde_json::{Value, json};
 use volraster::{GpuScene, Result};
 
-/// What some work gives, and the device memory that is taken when it ends and was not when it began.
+/// Runs some work; returns its result and the growth of the device memory during it, in bytes.
 ///
 /// # Errors
 ///
@@ -15,7 +15,7 @@ pub(crate) fn device_bytes<T>(scene: &GpuScene, work: impl FnOnce() -> Result<T>
     Ok((result, taken().saturating_sub(before)))
 }
 
-/// Bytes by object name, in order of first appearance.
+/// Sums bytes by object name, in order of first appearance.
 pub(super) fn summed(report: Vec<(String, u64)>) -> Value {
     let mut sums: Vec<(String, u64)> = Vec::new();
     for (name, bytes) in report {
@@ -27,7 +27,7 @@ pub(super) fn summed(report: Vec<(String, u64)>) -> Value {
     Value::Object(sums.into_iter().map(|(name, bytes)| (name, json!(bytes))).collect())
 }
 
-/// Most host memory that the process has had, where the system tells (Linux).
+/// Returns the peak resident memory of the process in bytes, where the system reports it (Linux).
 pub(super) fn peak_rss_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
@@ -39,7 +39,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bytes_of_one_name_are_summed_and_the_peak_is_plausible() {
+    fn bytes_are_summed_by_name_and_the_peak_is_plausible() {
         let entries = [("a", 1), ("b", 5), ("a", 2)].map(|(name, n)| (name.to_string(), n));
         assert_eq!(summed(entries.to_vec()), json!({"a": 3, "b": 5}));
         if cfg!(target_os = "linux") {

@@ -1,13 +1,13 @@
-//! Numbers as short texts.
+//! Short text forms of numbers.
 
 use volraster::glam::DVec3;
 
-/// Three numbers.
+/// Formats a vector with [`number`].
 pub(crate) fn triple(v: DVec3) -> String {
     format!("[{}, {}, {}]", number(v.x), number(v.y), number(v.z))
 }
 
-/// Six significant digits are enough to look at.
+/// Formats a number with about six significant digits.
 pub(crate) fn number(value: f64) -> String {
     let magnitude = value.abs();
     if value == 0.0 {
@@ -20,7 +20,7 @@ pub(crate) fn number(value: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_string()
 }
 
-/// A round number, short.
+/// Formats a round number of an axis, with a suffix k, M or G from 10,000 up.
 pub(crate) fn tick_label(value: f64) -> String {
     let trimmed = |value: f64| {
         let text = format!("{value:.3}");
@@ -40,7 +40,7 @@ pub(crate) fn tick_label(value: f64) -> String {
     }
 }
 
-/// Three digits of a large number, short.
+/// Formats a count with three significant digits and a suffix.
 pub(crate) fn count(value: f64) -> String {
     if !(value > 0.0 && value.is_finite()) {
         return "0".to_string();
@@ -49,7 +49,7 @@ pub(crate) fn count(value: f64) -> String {
     tick_label((value / power).round() * power)
 }
 
-/// A measured number with three digits.
+/// Formats a measured number with three significant digits.
 pub(crate) fn three_digits(value: f64) -> String {
     let places = match value {
         v if v >= 99.95 => 0,

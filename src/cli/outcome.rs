@@ -1,18 +1,18 @@
-//! How a command ends.
+//! Failures of commands and their exit codes.
 
 use volraster::Error;
 use volraster::gpu::ValidationLog;
 
 use crate::cli::interrupt;
 
-/// Why a run does not end with exit code 0.
+/// A failure; the run ends with an exit code other than 0.
 #[derive(Debug)]
 pub(crate) enum Failure {
-    /// Something could not be done.
+    /// The command could not do its work.
     Error(Error),
-    /// Everything was done, and what came out is wrong.
+    /// The command did its work and found something wrong.
     Finding(String),
-    /// The user has stopped it.
+    /// The user interrupted the command.
     Interrupted(String),
 }
 
@@ -23,7 +23,7 @@ impl From<Error> for Failure {
 }
 
 impl Failure {
-    /// The line for stderr.
+    /// Returns the line for stderr.
     pub(super) fn line(&self) -> String {
         match self {
             Self::Error(error) => error.to_string(),
@@ -31,7 +31,7 @@ impl Failure {
         }
     }
 
-    /// 0 done, 2 wrong input or usage, 3 the device cannot do it, 130 stopped, 1 anything else.
+    /// Returns the exit code: 2 wrong input or usage, 3 no device or feature, 130 interrupted, 1 anything else.
     pub(super) fn exit_code(&self) -> u8 {
         match self {
             Self::Error(error) => error.exit_code(),
@@ -41,11 +41,11 @@ impl Failure {
     }
 }
 
-/// How a command ends.
+/// The result of a command.
 pub(crate) type Outcome = Result<(), Failure>;
 
-/// A finding, when the validation layers said anything. To be asked when the device is gone: the
-/// messages of its destruction count.
+/// Fails if the validation layers gave messages. Call it after the device has been destroyed, which may cause
+/// messages too.
 ///
 /// # Errors
 ///

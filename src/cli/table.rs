@@ -1,7 +1,7 @@
 //! Aligned text tables.
 
-/// Lays rows out in columns as wide as their widest cell, two spaces apart. The first row is the
-/// heading. Columns whose place is in `left` are left-aligned, the others are of numbers.
+/// Formats rows in columns, two spaces apart. The first row is the heading. Columns listed in `left` are
+/// left-aligned, the others right-aligned.
 pub(crate) fn aligned(rows: &[Vec<String>], left: &[usize]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width = |column: usize| {

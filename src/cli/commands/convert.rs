@@ -1,4 +1,4 @@
-//! `volraster convert`: data of any known format as NRRD or VTU.
+//! `volraster convert`: writes data of any supported format as NRRD or VTU.
 
 use std::path::{Path, PathBuf};
 
@@ -13,17 +13,17 @@ use crate::cli::output;
 /// Arguments of `convert`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// A data file, a folder of slices, or a scene file (.json) for the volume in it.
+    /// A data file, a folder of slices, or a scene file (.json), whose data is converted.
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// Where it goes: .nrrd for a grid, .vtu for a mesh or points.
+    /// Output file: .nrrd for a grid, .vtu for a mesh or points.
     #[arg(value_name = "OUT")]
     output: PathBuf,
     #[command(flatten)]
     arrays: ArraysArgs,
 }
 
-/// What can be written, by the ending of the file's name.
+/// An output format, chosen by the ending of the file name.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Format {
     Nrrd,
@@ -35,7 +35,7 @@ impl Args {
     ///
     /// # Errors
     ///
-    /// What is wrong with the arguments, the input or the output.
+    /// An error in the arguments, the input or the output.
     pub(crate) fn run(&self, quiet: bool) -> Outcome {
         let format = self.format()?;
         output::check_file(&self.output)?;
@@ -82,10 +82,10 @@ impl Args {
         }
     }
 
-    /// Refuses to write over what is read.
+    /// Refuses to overwrite the input.
     fn check_place(&self, input: &Path) -> Result<()> {
         if output::same_place(&self.output, input) {
-            let why = format!("{}: is the input as well", self.output.display());
+            let why = format!("{}: is also the input", self.output.display());
             return Err(Error::Invalid { what: "output".to_string(), why });
         }
         Ok(())
@@ -93,7 +93,7 @@ impl Args {
 
     fn load(&self) -> Result<(Data, Report)> {
         let reading = output::Reading::new(&self.input);
-        let options = reading.tell(self.arrays.options());
+        let options = reading.with_progress(self.arrays.options());
         if SceneFile::is_at(&self.input, &options) {
             let LoadedScene { scene, file, report, .. } = LoadedScene::load_any(&self.input, &options)?;
             self.check_place(&file)?;
@@ -104,7 +104,7 @@ impl Args {
     }
 }
 
-/// A name for the scalars: that of the array that is shown, without whose values they are.
+/// Returns a name for the scalars: that of the shown array, without the prefix `point:` or `cell:`.
 fn name_of(report: &Report) -> &str {
     let shown = report.shown.as_deref().unwrap_or_default();
     shown.strip_prefix("point:").or_else(|| shown.strip_prefix("cell:")).unwrap_or(shown)

@@ -1,4 +1,4 @@
-//! `volraster devices`: what there is, what is taken, and what it can do.
+//! `volraster devices`: lists the Vulkan devices, and describes the selected one.
 
 use std::fmt::Write as _;
 
@@ -20,13 +20,13 @@ pub(crate) struct Args {
     device: DeviceArgs,
 }
 
-/// What the device that is taken offers.
+/// Limits and features of the selected device.
 struct Offer {
     name: String,
     software: bool,
     memory_budget: u64,
     max_image_3d: u32,
-    /// Loop iterations of one shader invocation; `None` where the device ends none early.
+    /// Loop iterations that one shader invocation completes; `None` if the driver ends no loop early.
     loop_limit: Option<u32>,
     filters_in_8_bit: bool,
     features: Vec<(String, bool, &'static str)>,
@@ -37,7 +37,7 @@ impl Args {
     ///
     /// # Errors
     ///
-    /// [`volraster::Error::NoDevice`] when no device qualifies, after the list has been printed.
+    /// [`volraster::Error::NoDevice`] when no device is usable, after the list has been printed.
     pub(crate) fn run(&self) -> Outcome {
         let reports = gpu::devices(self.device.device.as_deref())?;
         let offer = if reports.iter().any(|report| report.chosen) {
@@ -55,7 +55,7 @@ impl Args {
             output::print(&text(&reports, offer.as_ref()))?;
         }
         if offer.is_none() {
-            // With the reasons, as every other command words it.
+            // Returns the same error as every other command, with the reason for each device.
             self.device.open(false)?;
         }
         Ok(())

@@ -1,4 +1,4 @@
-//! `volraster reference`: the float64 truth.
+//! `volraster reference`: draws the float64 reference image.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -19,13 +19,13 @@ pub(crate) struct Args {
     scene: PathBuf,
     #[command(flatten)]
     arrays: ArraysArgs,
-    /// Where the picture goes: .exr (rounded to 32-bit float) or .png.
+    /// Output image: .exr (rounded to 32-bit float) or .png.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Rays along each side of a pixel, averaged (a box filter); 1 is the pixel's centre alone.
+    /// Rays along each side of a pixel, averaged by a box filter; 1 samples the pixel centre alone.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(ReferenceOptions::MAX_SAMPLES)))]
     samples: u32,
-    /// Image size instead of the scene's.
+    /// Image size [default: that of the scene].
     #[arg(long, value_name = "WxH", value_parser = Size::parse)]
     size: Option<Size>,
 }
@@ -35,7 +35,7 @@ impl Args {
     ///
     /// # Errors
     ///
-    /// What is wrong with the arguments, the input or the output.
+    /// An error in the arguments, the input or the output.
     pub(crate) fn run(&self, quiet: bool) -> Outcome {
         output::check_image(&self.output)?;
         let Input { scene, settings } = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
@@ -45,7 +45,7 @@ impl Args {
         volraster::io::write_image(&self.output, &image, settings.background)?;
         if !quiet {
             output::print(&format!(
-                "reference (float64, {} samples a pixel): {} x {}, {seconds:.1} s: {}",
+                "reference (float64, {} samples per pixel): {} x {}, {seconds:.1} s: {}",
                 self.samples * self.samples,
                 image.width(),
                 image.height(),
@@ -56,7 +56,7 @@ impl Args {
     }
 }
 
-/// Draws the reference with a bar that counts rows.
+/// Draws the reference with a progress bar that counts rows.
 ///
 /// # Errors
 ///

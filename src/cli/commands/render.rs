@@ -1,4 +1,4 @@
-//! `volraster render`: one picture, and the times of its frames.
+//! `volraster render`: draws one image, and measures frame times.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -24,48 +24,49 @@ pub(crate) struct Args {
     scene: PathBuf,
     #[command(flatten)]
     arrays: ArraysArgs,
-    /// Where the picture goes: .exr (32-bit float, the record) or .png (for looking).
+    /// Output image: .exr (32-bit float, linear) or .png (for viewing).
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Technique and options, see `volraster techniques`; otherwise the scene's, otherwise the default.
+    /// Technique and options, see `volraster techniques` [default: that of the scene, else the default for its data].
     #[arg(long, value_name = "NAME[:key=value,...]")]
     technique: Option<String>,
-    /// Choose technique and options: the fastest with at most this root mean square error (of premultiplied colour,
-    /// linear), found by drawing the scene and comparing with the float64 reference.
+    /// Choose the fastest technique and options whose root mean square error is at most this (premultiplied linear
+    /// colour). The search draws trial images and compares them with the float64 reference.
     #[arg(long, value_name = "RMSE", conflicts_with = "technique", value_parser = positive)]
     max_error: Option<f64>,
-    /// Choose technique and options: the least error within so many milliseconds a frame.
+    /// Choose the most accurate technique and options that draw a frame within this many milliseconds.
     #[arg(long, value_name = "MS", conflicts_with_all = ["technique", "max_error"], value_parser = positive)]
     budget: Option<f64>,
-    /// Image size instead of the scene's.
+    /// Image size [default: that of the scene].
     #[arg(long, value_name = "WxH", value_parser = Size::parse)]
     size: Option<Size>,
-    /// Frames to time, after one that warms up. Otherwise 1 with --stats, and else none: the time that
-    /// is told is then that of the first frame.
+    /// Frames to time after one warm-up frame [default: 1 with --stats, else 0, which reports the time of the warm-up
+    /// frame].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     frames: Option<u32>,
-    /// Degrees by which the eye turns about `up` from frame to frame. The picture is that of angle 0.
+    /// Degrees by which the eye orbits the target around `up` from frame to frame. The image shows angle 0.
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, value_parser = input::finite)]
     orbit: f64,
     /// Write times, memory and counters as JSON.
     #[arg(long, value_name = "FILE")]
     stats: Option<PathBuf>,
-    /// Write an image that is white where the k-buffer did not sort the faces of a pixel, repaired or not.
+    /// Write an image of the k-buffer overflow: white where the k-buffer did not sort the faces of a pixel, whether
+    /// repaired or not.
     #[arg(long, value_name = "FILE.png")]
     overflow_map: Option<PathBuf>,
     #[command(flatten)]
     device: DeviceArgs,
-    /// Turn core and synchronization validation on; any message makes the exit code 1.
+    /// Enable core and synchronization validation; any message makes the exit code 1.
     #[arg(long)]
     validate: bool,
 }
 
-/// What a run leaves when the device is gone.
+/// The results of drawing, which outlive the device.
 pub(super) struct Drawn {
     image: Image,
-    /// Which of its pixels the k-buffer did not sort.
+    /// Pixels that the k-buffer did not sort, if asked for.
     overflow: Option<Vec<bool>>,
-    /// The frame that warmed up.
+    /// The warm-up frame.
     first: FrameTime,
     frames: Vec<FrameTime>,
     stats: Map<String, Value>,
@@ -78,16 +79,16 @@ impl Args {
     ///
     /// # Errors
     ///
-    /// What is wrong with the arguments, the input, the device or the output.
+    /// An error in the arguments, the input, the device or the output.
     pub(crate) fn run(&self, quiet: bool) -> Outcome {
         output::check_image(&self.output)?;
         if let Some(stats) = &self.stats {
             output::check_file(stats)?;
-            apart("--stats", stats, &[(&self.output, "the picture"), (&self.scene, "the input")])?;
+            apart("--stats", stats, &[(&self.output, "the image"), (&self.scene, "the input")])?;
         }
         if let Some(map) = &self.overflow_map {
             output::check_image(map)?;
-            apart("--overflow-map", map, &[(&self.output, "the picture"), (&self.scene, "the input")])?;
+            apart("--overflow-map", map, &[(&self.output, "the image"), (&self.scene, "the input")])?;
             if let Some(stats) = &self.stats {
                 apart("--overflow-map", map, &[(stats, "the file of --stats")])?;
             }
@@ -120,7 +121,7 @@ impl Args {
         )?;
         let map = self.overflow_map.as_ref().map(|path| {
             let Some(overflow) = overflow else {
-                let why = format!("\"{}\": sorts nothing in a k-buffer", technique.method().name());
+                let why = format!("\"{}\": has no k-buffer", technique.method().name());
                 return Err(Error::Invalid { what: "--overflow-map".to_string(), why });
             };
             let grey = |is_set| [f32::from(u8::from(is_set)), 1.0];
@@ -145,8 +146,8 @@ impl Args {
             let name = technique.method().name();
             let time = match Times::wall(&frames) {
                 None => format!("first frame {:.1} ms", first.wall_ms),
-                Some(times) if frames.len() == 1 => format!("{:.1} ms a frame", times.median()),
-                Some(times) => format!("{:.1} ms a frame (median of {})", times.median(), frames.len()),
+                Some(times) if frames.len() == 1 => format!("{:.1} ms per frame", times.median()),
+                Some(times) => format!("{:.1} ms per frame (median of {})", times.median(), frames.len()),
             };
             if let Some((choice, _)) = &chosen {
                 output::print(&reason(choice))?;
@@ -161,12 +162,12 @@ impl Args {
         check_validation(&log)
     }
 
-    /// What is wanted of a choice.
+    /// Returns the goal of an automatic choice.
     fn goal(&self) -> Option<Goal> {
         self.max_error.map(Goal::MaxError).or_else(|| self.budget.map(Goal::Budget))
     }
 
-    /// What was chosen and why.
+    /// Describes an automatic choice and its trials.
     fn choice_json(&self, choice: &Choice, ms: f64) -> Value {
         let trial = |trial: &Trial| {
             let mut json = Map::new();
@@ -196,7 +197,7 @@ impl Args {
         })
     }
 
-    /// The view of each timed frame; that of the first one is the picture's.
+    /// Returns the view of each timed frame; the first is that of the image.
     fn views(&self, first: &View) -> Result<Vec<View>> {
         let view = |i: u32| {
             if i == 0 {
@@ -209,10 +210,10 @@ impl Args {
     }
 }
 
-/// How often the bound of a measured error holds.
+/// Probability that the bound of an estimated error holds.
 const CONFIDENCE: f64 = 0.95;
 
-/// Reads a positive number.
+/// Parses a positive number.
 fn positive(text: &str) -> std::result::Result<f64, String> {
     let number = text.parse().ok().filter(|n: &f64| n.is_finite() && *n > 0.0);
     number.ok_or_else(|| "must be a positive number".to_string())
@@ -225,7 +226,7 @@ fn source(source: Source) -> &'static str {
     }
 }
 
-/// A line on what was chosen.
+/// Returns the line about an automatic choice.
 fn reason(choice: &Choice) -> String {
     let Some((Estimate { rmse, bound, pixels }, ms)) = choice.measured() else {
         return String::new();
@@ -240,18 +241,18 @@ fn reason(choice: &Choice) -> String {
     )
 }
 
-/// Refuses an output that is another file of the run as well.
+/// Refuses an output path that is also another file of the run.
 fn apart(what: &str, path: &Path, others: &[(&PathBuf, &str)]) -> Result<()> {
     match others.iter().find(|(other, _)| output::same_place(path, other)) {
         None => Ok(()),
         Some((_, role)) => {
-            let why = format!("{}: is {role} as well", path.display());
+            let why = format!("{}: is also {role}", path.display());
             Err(Error::Invalid { what: what.to_string(), why })
         }
     }
 }
 
-/// Draws: one frame to warm up, the picture, then every timed view once.
+/// Draws one warm-up frame, which gives the image, then every timed view once.
 fn draw(
     scene: &Arc<GpuScene>,
     technique: Technique,
@@ -267,7 +268,7 @@ fn draw(
     let first = drawing.draw(view)?;
     let image = drawing.read_back()?;
     let overflow = if wants_map { drawing.overflow_map()? } else { None };
-    // What is known before a frame, and what the device has counted in the picture's.
+    // Counters known from the plan, and those that the device counted in the first frame.
     let (route, counters) = (drawing.plan().route(), drawing.plan().counters());
     let counters = counters.into_iter().chain(first.counters.iter().copied());
     let frames: Vec<FrameTime> = timed.iter().map(|view| drawing.draw(view)).collect::<Result<_>>()?;
@@ -286,7 +287,7 @@ fn draw(
     );
     put("image", json!([image.width(), image.height()]));
     put("frames", frames.iter().map(frame_json).collect());
-    // `prepare` is what is left of it without its parts.
+    // `prepare` excludes the parts that are reported separately.
     let (times, pipelines) = (scene.times(), gpu.pipeline_ms());
     let rest = (prepare_ms - times.upload - times.tables - pipelines).max(0.0);
     put(

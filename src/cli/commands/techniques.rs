@@ -1,4 +1,4 @@
-//! `volraster techniques`: what there is to choose from.
+//! `volraster techniques`: lists the techniques with their routes and options.
 
 use std::fmt::Write as _;
 

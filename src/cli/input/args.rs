@@ -7,16 +7,16 @@ use volraster::io::ReadOptions;
 use volraster::scene::View;
 use volraster::{Gpu, Result};
 
-/// Which device draws, and under which checks.
+/// The device to draw with.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct DeviceArgs {
-    /// Part of the device's name, case ignored; wins over the environment's `VOLRASTER_DEVICE`.
+    /// Select the device by part of its name, ignoring case. Overrides the environment variable `VOLRASTER_DEVICE`.
     #[arg(long, value_name = "NAME")]
     pub(crate) device: Option<String>,
 }
 
 impl DeviceArgs {
-    /// Opens the device. The log outlives it.
+    /// Opens the device, and returns it with its validation log, which outlives it.
     ///
     /// # Errors
     ///
@@ -29,10 +29,10 @@ impl DeviceArgs {
     }
 }
 
-/// An image size on the command line.
+/// An image size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Size {
-    /// Pixels in a row.
+    /// Pixels per row.
     pub(crate) width: u32,
     /// Rows.
     pub(crate) height: u32,
@@ -43,7 +43,7 @@ impl Size {
     ///
     /// # Errors
     ///
-    /// The rule, for clap to name option and value.
+    /// Text of the rule; clap adds option and value.
     pub(crate) fn parse(text: &str) -> std::result::Result<Self, String> {
         let side = |text: &str| text.parse().ok().filter(|side| (1..=View::MAX_SIDE).contains(side));
         text.split_once('x')
@@ -56,31 +56,31 @@ impl Size {
 ///
 /// # Errors
 ///
-/// The rule, for clap to name option and value.
+/// Text of the rule; clap adds option and value.
 pub(crate) fn finite(text: &str) -> std::result::Result<f64, String> {
     text.parse().ok().filter(|n: &f64| n.is_finite()).ok_or_else(|| "must be a finite number".to_string())
 }
 
-/// Which arrays of a file are read. They win over a scene file's.
+/// The arrays of a file to read. They override those of a scene file.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct ArraysArgs {
-    /// The array to show, where a file has several; `info` lists them. PART is a component (0, 1, ..., or a
-    /// letter of xyzw or rgba) or `magnitude`. Wins over a scene file's.
+    /// Array to show, for files with several; `info` lists them. PART is a component (0, 1, ..., or a letter of xyzw
+    /// or rgba) or `magnitude`. Overrides the scene file.
     #[arg(long, value_name = "[point:|cell:]NAME[:PART]")]
     array: Option<String>,
-    /// Of points: the array of support radii. Without any size one is estimated from the spacing.
+    /// For points: array of support radii. Without any size array, one radius is estimated from the spacing.
     #[arg(long, value_name = "NAME", conflicts_with = "covariance")]
     radius: Option<String>,
-    /// Of points: the array of covariances, of 6 components (xx, xy, xz, yy, yz, zz) or 9.
+    /// For points: array of covariances with 6 components (xx, xy, xz, yy, yz, zz) or 9.
     #[arg(long, value_name = "NAME")]
     covariance: Option<String>,
-    /// Of points: the array of weights.
+    /// For points: array of weights.
     #[arg(long, value_name = "NAME")]
     weight: Option<String>,
 }
 
 impl ArraysArgs {
-    /// What a reader is asked for.
+    /// Returns the options for readers.
     pub(crate) fn options(&self) -> ReadOptions {
         ReadOptions {
             radius: self.radius.clone(),
@@ -91,7 +91,7 @@ impl ArraysArgs {
         }
     }
 
-    /// The first array that is asked for, with the option's name.
+    /// Returns the first array given, with the name of its option.
     pub(crate) fn first(&self) -> Option<(&'static str, &str)> {
         let all = [
             ("array", &self.array),
@@ -108,7 +108,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sizes_are_two_sides_in_range() {
+    fn sizes_have_two_sides_in_range() {
         assert_eq!(Size::parse("64x48"), Ok(Size { width: 64, height: 48 }));
         for wrong in ["64", "0x48", "64x", "64x48x2", "-1x5", "64X48", "32769x1"] {
             assert!(Size::parse(wrong).is_err(), "{wrong}");

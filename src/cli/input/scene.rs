@@ -1,4 +1,4 @@
-//! A scene.
+//! The scene to draw, its settings, and the technique that draws it.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -14,46 +14,46 @@ use super::technique::Request;
 use crate::cli::output;
 use crate::cli::timing::milliseconds_since;
 
-/// A scene, and how to draw it. Two parts, since the scene goes to the device and is large.
+/// A scene with its settings. They are separate because the scene moves to the device.
 #[derive(Debug)]
 pub(crate) struct Input {
-    /// Data and transfer function.
+    /// Data, transfer function, kernels and surfaces.
     pub(crate) scene: Scene,
-    /// Everything else.
+    /// All other settings.
     pub(crate) settings: Settings,
 }
 
-/// How a scene is to be drawn.
+/// The settings of a scene file, or their defaults for a data file.
 #[derive(Debug)]
 pub(crate) struct Settings {
-    /// The file.
+    /// The scene file or data file.
     path: PathBuf,
-    /// The file that the data comes from.
+    /// The file of the data itself.
     pub(crate) data: PathBuf,
-    /// How it was read.
+    /// What the reader reports.
     pub(crate) report: Report,
-    /// The camera with the image size in force.
+    /// Camera and image size.
     pub(crate) view: View,
-    /// Whether the camera was chosen for the data.
+    /// Whether the camera was chosen automatically.
     pub(crate) camera_is_automatic: bool,
-    /// What PNG output is composited over.
+    /// Background colour of PNG output.
     pub(crate) background: [f64; 4],
-    /// The technique that the file asks for.
+    /// The technique that the scene file names.
     pub(crate) choice: Option<TechniqueChoice>,
-    /// Time that reading took, in milliseconds.
+    /// Time for reading, in milliseconds.
     pub(crate) load_ms: f64,
 }
 
 impl Input {
-    /// Reads a scene file or a data file, with a bar, and says what may not be as it seems. For another image
-    /// size an automatic camera is chosen again.
+    /// Reads a scene file or a data file with a progress bar, and prints its warnings. `size` replaces the image
+    /// size; an automatic camera adapts to it.
     ///
     /// # Errors
     ///
     /// As [`LoadedScene::load_any`] and [`View::new`].
     pub(crate) fn load(path: &Path, size: Option<Size>, arrays: &ArraysArgs, quiet: bool) -> Result<Self> {
         let reading = output::Reading::new(path);
-        let input = Self::load_within(path, size, &reading.tell(arrays.options()))?;
+        let input = Self::load_within(path, size, &reading.with_progress(arrays.options()))?;
         drop(reading);
         if !quiet {
             output::warn(&input.settings.data, &input.settings.report.warnings);
@@ -61,18 +61,18 @@ impl Input {
         Ok(input)
     }
 
-    /// The same without a word.
+    /// Reads like [`Input::load`], but prints nothing.
     ///
     /// # Errors
     ///
-    /// As [`Input::load`].
+    /// As [`LoadedScene::load_any`] and [`View::new`].
     pub(crate) fn load_within(path: &Path, size: Option<Size>, options: &ReadOptions) -> Result<Self> {
         let start = Instant::now();
         let loaded = LoadedScene::load_any(path, options)?;
         Self::new(path, loaded, size, start)
     }
 
-    /// What was read, with the image size in force.
+    /// Combines what was read with the image size.
     ///
     /// # Errors
     ///
@@ -96,23 +96,23 @@ impl Input {
 }
 
 impl Settings {
-    /// The technique that the file asks for, if it does.
+    /// Returns the technique that the scene file names, if any.
     ///
     /// # Errors
     ///
-    /// [`Error::File`] naming the scene file and what is wrong.
+    /// [`Error::File`], which names the scene file and the rule.
     pub(crate) fn technique(&self) -> Result<Option<Technique>> {
         let Some(choice) = &self.choice else { return Ok(None) };
         let technique = Method::from_name(&choice.name).and_then(|m| Technique::new(m, &choice.options));
         technique.map(Some).map_err(|error| error.in_file(&self.path))
     }
 
-    /// The technique to draw with: the one asked for, else the file's, else the default for the scene. Asked for
-    /// by its bare name, the file's technique keeps the file's options.
+    /// Chooses the technique: the requested one, else that of the scene file, else the default for the scene. The
+    /// technique of the scene file, requested without options, keeps the options of the file.
     ///
     /// # Errors
     ///
-    /// As [`Settings::technique`] and [`drawn`]; [`Error::Invalid`] if it does not draw the scene's data or kernels.
+    /// As [`Settings::technique`] and [`drawn`]; [`Error::Invalid`] if the technique cannot draw the scene.
     pub(crate) fn choose(&self, request: Option<Request>, scene: &Scene) -> Result<Technique> {
         let own = || self.technique().transpose();
         let technique = match request {
@@ -136,7 +136,7 @@ impl Settings {
     }
 }
 
-/// The kind of data, of its kernels where it has some of its own, and surfaces that not all techniques draw.
+/// Describes what decides which techniques draw a scene: kind of data, kernels, translucent surfaces.
 fn described(scene: &Scene) -> String {
     let kind = scene.data.kind();
     let surfaces = match scene.surfaces.iter().any(Surface::is_translucent) {
@@ -149,7 +149,7 @@ fn described(scene: &Scene) -> String {
     )
 }
 
-/// The technique that draws a scene where none is asked for.
+/// Returns the default technique for a scene.
 ///
 /// # Errors
 ///
@@ -159,11 +159,11 @@ fn default_technique(scene: &Scene) -> Result<Technique> {
     Method::default_for(scene).map_or_else(|| Ok(Technique::default()), |method| Technique::new(method, &[]))
 }
 
-/// Nothing, if a technique draws a scene.
+/// Checks that some technique draws a scene.
 ///
 /// # Errors
 ///
-/// [`Error::Invalid`] if none does.
+/// [`Error::Invalid`] if no technique does.
 pub(crate) fn drawn(scene: &Scene) -> Result<()> {
     if Method::default_for(scene).is_some() {
         return Ok(());
@@ -178,7 +178,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_technique_draws_the_data_or_is_refused() {
+    fn techniques_that_cannot_draw_the_scene_are_refused() {
         let read = |name: &str, json: &str| {
             let path =
                 std::env::temp_dir().join(format!("volraster-input-{}-{name}.json", std::process::id()));
@@ -209,7 +209,7 @@ mod tests {
         assert!(choose(&mesh, None).unwrap().method().draws(&mesh.scene.data));
         let points = read("points", r#"{"points": {"field": "ramp", "count": 10}}"#);
         assert_eq!(choose(&points, None).unwrap().method().name(), "splat-ewa");
-        // What knows no kernels is not chosen for them, and refused.
+        // Techniques without kernels are neither chosen for kernels nor accepted.
         let kernels = |data: &str, kernel: &str| {
             read(kernel, &format!(r#"{{{data}, "kernels": {{"kernel": "{kernel}"}}}}"#))
         };

@@ -1,11 +1,11 @@
-//! Techniques.
+//! Techniques and their options as the command line names them, and as text and JSON.
 
 use serde_json::{Map, Value};
 use volraster::scene::Data;
 use volraster::technique::Method;
 use volraster::{Error, Result, Technique};
 
-/// One word of a list of techniques.
+/// An entry of a list of techniques.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Wanted {
     /// `all`: every technique by every route.
@@ -17,14 +17,14 @@ pub(crate) enum Wanted {
 /// A technique as the command line names it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Request {
-    /// The technique, with defaults where no option is given.
+    /// The technique, with defaults for options that are not given.
     pub(crate) technique: Technique,
     /// Whether no option is given.
     pub(crate) bare: bool,
 }
 
 impl Request {
-    /// Reads `NAME[:key=value,...]`.
+    /// Parses `NAME[:key=value,...]`.
     ///
     /// # Errors
     ///
@@ -35,8 +35,8 @@ impl Request {
 }
 
 impl Wanted {
-    /// Reads several, separated by `;` or `,`. What has `=` and no `:` is an option of the technique
-    /// before it.
+    /// Parses a list separated by `;` or `,`. A part with `=` and without `:` is an option of the technique before
+    /// it.
     ///
     /// # Errors
     ///
@@ -67,7 +67,7 @@ impl Wanted {
     }
 }
 
-/// A technique with given options, of which some are set anew.
+/// Returns a technique with options `given`, of which `more` are replaced or added.
 ///
 /// # Errors
 ///
@@ -83,7 +83,8 @@ pub(crate) fn with_options(
     Technique::new(method, &options)
 }
 
-/// A technique by one route, as [`with_options`]. A technique of a single route may not have that as an option.
+/// Returns a technique with a route and options as [`with_options`]. Techniques with a single route may lack the
+/// option `route`.
 ///
 /// # Errors
 ///
@@ -99,7 +100,7 @@ pub(crate) fn by_route(
     with_options(method, given, &more.iter().copied().chain(route).collect::<Vec<_>>())
 }
 
-/// Options as JSON, numbers and truth values as such.
+/// Returns the options as JSON; numbers and booleans keep their type.
 pub(crate) fn options_json(technique: &Technique) -> Value {
     let typed = |text: String| match serde_json::from_str(&text) {
         Ok(value @ (Value::Number(_) | Value::Bool(_))) => value,
@@ -109,24 +110,25 @@ pub(crate) fn options_json(technique: &Technique) -> Value {
     Value::Object(pairs.map(|(key, text)| (key.to_string(), typed(text))).collect::<Map<_, _>>())
 }
 
-/// The options that differ from their defaults, as the command line takes them; `route` is left out,
-/// since it is told on its own.
+/// Returns the options that differ from their defaults, as `key=value,...`, without `route`, which tables show in a
+/// column of its own.
 pub(crate) fn options_text(technique: &Technique) -> String {
     let infos = technique.method().options();
     let is_default =
         |key: &str, value: &str| infos.iter().any(|info| info.key == key && info.default == value);
     let pairs = technique.option_pairs().into_iter();
-    let told: Vec<String> = pairs
+    let shown: Vec<String> = pairs
         .filter(|(key, value)| *key != "route" && !is_default(key, value))
         .map(|(key, value)| format!("{key}={value}"))
         .collect();
-    told.join(",")
+    shown.join(",")
 }
 
-/// Most samples that are splatted unasked where other techniques draw the same field in a hundredth of the time.
-const MOST_SPLATS: u64 = 1 << 18;
+/// Maximum number of samples that `all` and the suites draw by splatting if the scene has no kernels. Other
+/// techniques draw the same field in a hundredth of the time.
+const MAX_SPLATS: u64 = 1 << 18;
 
-/// Why a technique is not tried unasked on data without kernels of its own: it would take too long.
+/// Returns why a technique is skipped for data without kernels: splatting would take too long.
 pub(crate) fn too_many_splats(method: Method, data: &Data) -> Option<String> {
     let count = match data {
         Data::Grid(grid) if method == Method::SplatSheets => {
@@ -134,16 +136,17 @@ pub(crate) fn too_many_splats(method: Method, data: &Data) -> Option<String> {
         }
         _ => 0,
     };
-    let why = || format!("{count} samples without kernels: it is tried unasked up to {MOST_SPLATS}");
-    (count > MOST_SPLATS).then(why)
+    let why =
+        || format!("{count} samples without kernels: by default splatted only up to {MAX_SPLATS} samples");
+    (count > MAX_SPLATS).then(why)
 }
 
-/// Whether an error says that this technique, with these options, is not for this device or scene.
+/// Returns whether an error only means that a technique does not support this device or scene.
 pub(crate) fn is_refusal(error: &Error) -> bool {
     matches!(error, Error::Invalid { .. } | Error::Unsupported { .. } | Error::Memory { .. })
 }
 
-/// Every technique with each of its routes.
+/// Lists every technique with each of its routes.
 pub(crate) fn all_routes() -> impl Iterator<Item = (Method, &'static str)> {
     Method::ALL.into_iter().flat_map(|method| method.routes().iter().map(move |&route| (method, route)))
 }

@@ -1,4 +1,4 @@
-//! Ranges and ticks of axes.
+//! Ranges and ticks of axes, mostly logarithmic.
 
 use std::ops::Range;
 
@@ -6,12 +6,13 @@ use super::picture::text_width;
 use super::style::{LINE, TEXT};
 use crate::cli::numbers::tick_label;
 
-/// Where a value lies between the ends of a range, in logarithms.
+/// Returns the position of a value in a range, 0 to 1, on a logarithmic scale.
 pub(super) fn share(range: &Range<f64>, value: f64) -> f64 {
     (value / range.start).ln() / (range.end / range.start).ln()
 }
 
-/// 1, 2 or 5 times a power of ten on either side of some numbers, so that nothing lies on the frame.
+/// Returns a range that contains the values with a margin; its ends are 1, 2 or 5 times a power of ten. `None`
+/// without values.
 pub(super) fn bounds(values: impl Iterator<Item = f64>) -> Option<Range<f64>> {
     let (lo, hi) = values.fold((f64::INFINITY, 0.0_f64), |(lo, hi), value| (lo.min(value), hi.max(value)));
     if lo > hi {
@@ -27,12 +28,13 @@ pub(super) fn bounds(values: impl Iterator<Item = f64>) -> Option<Range<f64>> {
         };
         found.unwrap_or(value)
     };
-    // Pushed out a little, since rounding alone may leave a point on the frame.
+    // The margin keeps points off the frame.
     let (start, end) = (round(lo / 1.1, false), round(hi * 1.1, true));
     Some(start..end)
 }
 
-/// Places of lines along an axis of a length, with labels for so many of them as there is room for.
+/// Returns grid lines of a logarithmic axis with a length in units; lines without a label have an empty text. Chooses
+/// as many labels as fit without overlap.
 pub(super) fn ticks(range: &Range<f64>, length: f64, is_x: bool) -> Vec<(f64, String)> {
     let decades = || -300..=300;
     let inside = |value: f64| value >= range.start * (1.0 - 1e-9) && value <= range.end * (1.0 + 1e-9);
@@ -46,14 +48,14 @@ pub(super) fn ticks(range: &Range<f64>, length: f64, is_x: bool) -> Vec<(f64, St
     let all = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0];
     let choices =
         [of(&all, 1), of(&[1.0, 2.0, 5.0], 1), of(&[1.0], 1), of(&[1.0], 2), of(&[1.0], 3), of(&[1.0], 5)];
-    // Labels stand side by side along x, one above the other along y.
-    let room = |value: f64| if is_x { text_width(&tick_label(value), TEXT) + 12.0 } else { 2.0 * LINE };
+    // Labels lie side by side along x, one above the other along y.
+    let extent = |value: f64| if is_x { text_width(&tick_label(value), TEXT) + 12.0 } else { 2.0 * LINE };
     let fits = |values: &&Vec<f64>| {
         let gap = |pair: &[f64]| length * (share(range, pair[1]) - share(range, pair[0]));
-        values.windows(2).all(|pair| gap(pair) >= 0.5 * (room(pair[0]) + room(pair[1])))
+        values.windows(2).all(|pair| gap(pair) >= 0.5 * (extent(pair[0]) + extent(pair[1])))
     };
     let labelled = choices.iter().find(fits).cloned().unwrap_or_default();
-    // Lines without a label only where they are not a grey field.
+    // Minor lines are drawn only over few decades, where they are not too dense.
     let lines = if choices[2].len() <= 8 { of(&all, 1) } else { choices[2].clone() };
     let is_labelled = |value: f64| labelled.iter().any(|known| (known / value - 1.0).abs() < 1e-9);
     lines
@@ -62,7 +64,7 @@ pub(super) fn ticks(range: &Range<f64>, length: f64, is_x: bool) -> Vec<(f64, St
         .collect()
 }
 
-/// A round step of at least some size.
+/// Returns a round step of at least some size.
 pub(super) fn nice_step(least: f64) -> f64 {
     let power = 10.0_f64.powf(least.log10().floor());
     [1.0, 2.0, 2.5, 5.0]
@@ -77,14 +79,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn axes_end_beyond_what_they_show() {
+    fn axes_extend_beyond_their_values() {
         assert_eq!(bounds([3.0, 150.0].into_iter()), Some(2.0..200.0));
         assert_eq!(bounds([0.01].into_iter()), Some(0.005..0.02));
         assert_eq!(bounds(std::iter::empty()), None);
     }
 
     #[test]
-    fn labels_are_few_and_lines_are_where_numbers_are_round() {
+    fn labels_do_not_overlap_and_mark_round_numbers() {
         let labels = |range: Range<f64>, is_x: bool| -> Vec<String> {
             let length = if is_x { 600.0 } else { 404.0 };
             ticks(&range, length, is_x)
@@ -94,7 +96,7 @@ mod tests {
                 .collect()
         };
         assert_eq!(labels(2.0..20.0, true), ["2", "3", "4", "5", "6", "7", "8", "9", "10", "20"]);
-        // 90k and 100k would touch.
+        // The labels 90k and 100k would overlap.
         assert_eq!(labels(1e4..1e5, true), ["10k", "20k", "50k", "100k"]);
         assert_eq!(labels(2.0..200.0, false), ["2", "5", "10", "20", "50", "100", "200"]);
         assert_eq!(labels(1e-5..1.0, false), ["1e-5", "1e-4", "0.001", "0.01", "0.1", "1"]);

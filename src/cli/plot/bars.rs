@@ -1,18 +1,18 @@
-//! Stacked bars.
+//! Stacked horizontal bars.
 
 use super::axis::nice_step;
 use super::picture::{Anchor, Colour, Picture, text_width};
 use super::style::{COLOURS, FRAME, GREY, GRID, INK, LINE, TEXT, Titles, heading, whole};
 use crate::cli::numbers::{three_digits, tick_label};
 
-/// A bar of parts.
+/// A stacked bar: a name, and named parts with their values.
 #[derive(Clone, Debug)]
 pub(crate) struct Bar {
     pub(crate) name: String,
     pub(crate) parts: Vec<(String, f64)>,
 }
 
-/// Draws bars of parts, one below the other, with their sums. `None` when there is nothing to see.
+/// Draws stacked bars below one another, each with its sum, and a legend at the right. `None` if no bar has a length.
 pub(crate) fn bars(titles: &Titles, bars: &[Bar]) -> Option<Picture> {
     let sum = |bar: &Bar| bar.parts.iter().map(|(_, v)| v).sum::<f64>();
     let most = bars.iter().map(sum).fold(0.0, f64::max);
@@ -70,12 +70,12 @@ pub(crate) fn bars(titles: &Titles, bars: &[Bar]) -> Option<Picture> {
     Some(picture)
 }
 
-/// What is not one of a few parts is grey.
+/// Returns the colour of a part; parts without a colour of their own are grey.
 fn part_colour(style: usize) -> Colour {
     COLOURS.get(style).map_or(([175, 175, 175], 1.0), |colour| (*colour, 1.0))
 }
 
-/// Small parts, and those beyond the number of colours, are one.
+/// Merges small parts, and parts beyond the number of colours, into one.
 fn few_parts(bars: &[Bar], most: f64) -> Vec<Bar> {
     let mut largest: Vec<(&str, f64)> = Vec::new();
     for (name, value) in bars.iter().flat_map(|bar| &bar.parts) {
@@ -132,13 +132,13 @@ mod tests {
                 xs[1] - xs[0]
             })
             .collect();
-        // Three parts, then two signs of the legend.
+        // Three parts, then two swatches of the legend.
         assert_eq!(widths.len(), 5);
         assert!(
             (widths[1] / widths[0] - 3.0).abs() < 0.01 && (widths[2] / widths[0] - 1.5).abs() < 0.01,
             "{widths:?}"
         );
-        // What is small in all bars is one part, and takes its place in the sum.
+        // Parts that are small in all bars are merged; their sum stays in the bar.
         let small = bars(&titles(), &[bar("one", &[("a", 100.0), ("b", 0.6), ("c", 0.4)])]).unwrap().svg();
         assert!(small.contains(">other<") && small.contains(">101<") && !small.contains(">b<"), "{small}");
         assert!(svg.contains(">8.00<") && svg.contains(">sort<") && svg.contains(">two<"));

@@ -4,21 +4,21 @@ use super::axis::{bounds, share, ticks};
 use super::picture::{Anchor, Mark, Picture, text_width};
 use super::style::{FRAME, GRID, INK, LINE, TEXT, Titles, colour, heading, mark, whole};
 
-/// A curve with its name, and points beside it.
+/// A named curve, with further points around it.
 #[derive(Clone, Debug)]
 pub(crate) struct Series {
     pub(crate) name: String,
-    /// Which colour and mark: series of one style belong together, in all charts.
+    /// Index of colour and mark, the same for a technique in all charts.
     pub(crate) style: usize,
     pub(crate) dashed: bool,
-    /// Joined in this order, with a mark at each.
+    /// Points joined in this order, with a mark at each.
     pub(crate) line: Vec<[f64; 2]>,
-    /// Small and pale.
+    /// Points drawn small and pale, not joined.
     pub(crate) dots: Vec<[f64; 2]>,
 }
 
-/// Draws curves over logarithmic axes. `None` when there is no point; series without a line are left out, and
-/// points that logarithms cannot show.
+/// Draws curves over logarithmic axes, with a legend at the right. Leaves out points that are not positive and
+/// finite, and series without a line. `None` if no point remains.
 pub(crate) fn curves(titles: &Titles, series: &[Series]) -> Option<Picture> {
     let shown = |point: &&[f64; 2]| point.iter().all(|v| *v > 0.0 && v.is_finite());
     let series: Vec<Series> = series
@@ -64,7 +64,7 @@ pub(crate) fn curves(titles: &Titles, series: &[Series]) -> Option<Picture> {
     picture.upwards(titles.y, [20.0, 0.5 * (top + bottom)], TEXT, INK);
 
     let place = |point: &[f64; 2]| [x(point[0]), y(point[1])];
-    // What is pale lies below.
+    // Pale dots lie below the lines.
     for one in &series {
         for dot in &one.dots {
             picture.mark(Mark::Disc, place(dot), 2.2, (colour(one.style), 0.35));

@@ -1,6 +1,6 @@
 //! Pictures of lines, polygons and text, written as SVG.
 //!
-//! Text is set in the viewer's own sans-serif font. Its width is estimated, so that layouts need no font file.
+//! Text is set in the viewer's sans-serif font; layouts use an estimate of its width.
 
 use std::fmt::Write as _;
 
@@ -9,10 +9,10 @@ use crate::cli::markup::escape_xml;
 /// Estimated advance of a letter in ems: sans-serif fonts average 0.5 to 0.6.
 const LETTER_WIDTH: f64 = 0.6;
 
-/// Red, green, blue, 0 to 255 in sRGB, and opacity.
+/// Red, green and blue, 0 to 255 in sRGB, and opacity.
 pub(crate) type Colour = ([u8; 3], f64);
 
-/// Where a text's place is in it.
+/// The point of a text that lies at its position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Anchor {
     Start,
@@ -20,7 +20,7 @@ pub(crate) enum Anchor {
     End,
 }
 
-/// Form of a marker.
+/// Shape of a marker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Mark {
     Disc,
@@ -31,15 +31,15 @@ pub(crate) enum Mark {
     Cross,
 }
 
-/// One thing to draw. Places are in units from the top left corner, y down.
+/// A shape. Positions are in units from the top left corner, y down.
 #[derive(Clone, Debug)]
 enum Shape {
     Line { points: Vec<[f64; 2]>, width: f64, colour: Colour, dashed: bool },
     Polygon { points: Vec<[f64; 2]>, colour: Colour },
-    Text { text: String, at: [f64; 2], size: f64, anchor: Anchor, turned: bool, colour: Colour },
+    Text { text: String, at: [f64; 2], size: f64, anchor: Anchor, rotated: bool, colour: Colour },
 }
 
-/// A picture on white.
+/// A picture on a white background.
 #[derive(Clone, Debug)]
 pub(crate) struct Picture {
     width: u32,
@@ -48,17 +48,17 @@ pub(crate) struct Picture {
 }
 
 impl Picture {
-    /// An empty one, in units.
+    /// Creates an empty picture; width and height are in units (CSS pixels).
     pub(crate) fn new(width: u32, height: u32) -> Self {
         Self { width, height, shapes: Vec::new() }
     }
 
-    /// A line through points.
+    /// Draws a line through points.
     pub(crate) fn line(&mut self, points: Vec<[f64; 2]>, width: f64, colour: Colour, dashed: bool) {
         self.shapes.push(Shape::Line { points, width, colour, dashed });
     }
 
-    /// A filled box between two corners.
+    /// Draws a filled box between two corners.
     pub(crate) fn fill(&mut self, [x0, y0]: [f64; 2], [x1, y1]: [f64; 2], colour: Colour) {
         self.polygon(vec![[x0, y0], [x1, y0], [x1, y1], [x0, y1]], colour);
     }
@@ -67,7 +67,7 @@ impl Picture {
         self.shapes.push(Shape::Polygon { points, colour });
     }
 
-    /// A marker of a radius.
+    /// Draws a marker.
     pub(crate) fn mark(&mut self, mark: Mark, [x, y]: [f64; 2], radius: f64, colour: Colour) {
         let around = |corners: u32, turn: f64, reach: f64| {
             let corner = |i: u32| {
@@ -92,18 +92,18 @@ impl Picture {
         self.polygon(points, colour);
     }
 
-    /// Text on its base line.
+    /// Draws text; `at` is a point on its baseline.
     pub(crate) fn text(&mut self, text: &str, at: [f64; 2], size: f64, anchor: Anchor, colour: Colour) {
-        self.shapes.push(Shape::Text { text: text.to_string(), at, size, anchor, turned: false, colour });
+        self.shapes.push(Shape::Text { text: text.to_string(), at, size, anchor, rotated: false, colour });
     }
 
-    /// Text that runs upwards, in the middle of its place.
+    /// Draws centred text that runs upwards.
     pub(crate) fn upwards(&mut self, text: &str, at: [f64; 2], size: f64, colour: Colour) {
         let anchor = Anchor::Middle;
-        self.shapes.push(Shape::Text { text: text.to_string(), at, size, anchor, turned: true, colour });
+        self.shapes.push(Shape::Text { text: text.to_string(), at, size, anchor, rotated: true, colour });
     }
 
-    /// As SVG.
+    /// Returns the picture as SVG.
     pub(crate) fn svg(&self) -> String {
         let (width, height) = (self.width, self.height);
         let mut svg = format!(
@@ -127,20 +127,20 @@ impl Picture {
                 Shape::Polygon { points, colour } => {
                     writeln!(svg, "<polygon points=\"{}\" {}/>", places(points), paint("fill", *colour))
                 }
-                Shape::Text { text, at: [x, y], size, anchor, turned, colour } => {
+                Shape::Text { text, at: [x, y], size, anchor, rotated, colour } => {
                     let anchor = match anchor {
                         Anchor::Start => "start",
                         Anchor::Middle => "middle",
                         Anchor::End => "end",
                     };
-                    let turn = if *turned {
+                    let transform = if *rotated {
                         format!(" transform=\"rotate(-90 {x:.2} {y:.2})\"")
                     } else {
                         String::new()
                     };
                     writeln!(
                         svg,
-                        "<text x=\"{x:.2}\" y=\"{y:.2}\" font-size=\"{size}\" text-anchor=\"{anchor}\"{turn} {}>{}</text>",
+                        "<text x=\"{x:.2}\" y=\"{y:.2}\" font-size=\"{size}\" text-anchor=\"{anchor}\"{transform} {}>{}</text>",
                         paint("fill", *colour),
                         escape_xml(text)
                     )

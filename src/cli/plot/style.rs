@@ -2,7 +2,7 @@
 
 use super::picture::{Anchor, Colour, Mark, Picture};
 
-/// Colours that those who see few colours can tell apart (Okabe and Ito; the last two are darker than theirs).
+/// Eight colours that colour-blind readers can tell apart (Okabe and Ito; the last two are darker than theirs).
 pub(super) const COLOURS: [[u8; 3]; 8] = [
     [0, 114, 178],
     [213, 94, 0],
@@ -14,7 +14,7 @@ pub(super) const COLOURS: [[u8; 3]; 8] = [
     [136, 84, 24],
 ];
 
-/// With each colour another form, for those who see none.
+/// Marks: curves also differ in shape, for readers who see no colours.
 const MARKS: [Mark; 6] = [Mark::Disc, Mark::Square, Mark::Up, Mark::Diamond, Mark::Cross, Mark::Down];
 
 pub(super) const INK: Colour = ([34, 34, 34], 1.0);
@@ -29,14 +29,14 @@ const TITLE: f64 = 17.0;
 
 pub(super) const TEXT: f64 = 12.5;
 
-/// Distance of lines of text.
+/// Distance between lines of text.
 pub(super) const LINE: f64 = 19.0;
 
-/// What a chart is about.
+/// Title, note and axis names of a chart.
 #[derive(Clone, Debug)]
 pub(crate) struct Titles {
     pub(crate) title: String,
-    /// Smaller, below.
+    /// A smaller line below the title.
     pub(crate) note: String,
     pub(crate) x: &'static str,
     pub(crate) y: &'static str,

@@ -1,4 +1,4 @@
-//! A case of `bench`: one technique with its options in one view, checked first and then timed.
+//! A case of `bench`: one technique with its options in one view, checked first, then timed.
 
 use std::sync::Arc;
 
@@ -16,17 +16,16 @@ use crate::cli::input::{self, is_refusal};
 use crate::cli::memory::device_bytes;
 use crate::cli::timing::{Quantiles, Times, pass_medians};
 
-/// A slow case has fewer frames: none more once it has had so many milliseconds, but never fewer than
-/// [`FEWEST`].
+/// Time after which a case is not timed further, in milliseconds, once it has [`FEWEST`] frames.
 const ENOUGH_MS: f64 = 4000.0;
 
-/// Frames of the slowest case.
+/// Minimum number of timed frames per case.
 const FEWEST: usize = 5;
 
-/// An image with a larger RMSE is wrong, not coarse: half of the whole range.
+/// Above this RMSE an image is wrong, not merely coarse: half of the range.
 const WRONG: f64 = 0.5;
 
-/// One technique with its options.
+/// One technique with its options in one view.
 pub(crate) struct Case {
     pub(crate) setting: Setting,
     state: State,
@@ -35,17 +34,17 @@ pub(crate) struct Case {
     device_bytes: Option<u64>,
 }
 
-/// What became of a case.
+/// The state of a case.
 enum State {
-    /// It is timed: its image is right, or wrong in a way that its low precision excuses.
+    /// It is timed: its image is right, or wrong only for the known lack of precision of its target format.
     Ready(Box<Frames>),
     /// Its image is wrong.
     Failed(String),
-    /// The device cannot draw it.
+    /// The technique does not support the device or scene.
     Skipped(String),
 }
 
-/// What all cases of a view have in common.
+/// Properties that all cases of a view share.
 #[derive(Clone, Debug)]
 pub(crate) struct ViewInfo {
     pub(crate) scene: String,
@@ -55,40 +54,40 @@ pub(crate) struct ViewInfo {
 }
 
 impl Case {
-    /// One that is to be checked.
+    /// Creates a case that is not yet checked.
     pub(crate) fn new(setting: Setting) -> Self {
         let state = State::Skipped("was not tried".to_string());
         Self { setting, state, errors: None, frames: Vec::new(), device_bytes: None }
     }
 
-    /// Whether colours are kept in float32 until the image is done, as they are unless `target` says
-    /// otherwise. Formats of lower precision lose thin media, which is their known fault and no finding.
+    /// Returns whether colours stay in float32 until the image is done. Other formats of the option `target` lose
+    /// thin media, which is a known limit and no failure.
     fn is_precise(&self) -> bool {
         let pairs = self.setting.technique.option_pairs();
         pairs.iter().all(|(key, value)| *key != "target" || value == "rgba32f")
     }
 
-    /// Whether the image is too far from the truth to count.
+    /// Returns whether the error is too large for the image to count.
     fn is_wrong(&self) -> bool {
-        // A sample that is NaN has an infinite error, and so has the image.
+        // A NaN sample makes the RMSE infinite.
         self.errors.as_ref().is_some_and(|errors| errors.all.rmse > WRONG)
     }
 
-    /// Whether a finding is to be told.
+    /// Returns whether the image is wrong.
     pub(crate) fn has_failed(&self) -> bool {
         matches!(self.state, State::Failed(_))
     }
 
-    /// Whether there is something to tell: a time, or why there is none.
+    /// Returns whether the case has a time, or a reason for having none.
     pub(crate) fn is_done(&self) -> bool {
         !matches!(self.state, State::Ready(_)) || !self.frames.is_empty()
     }
 
-    /// Draws the frame that warms up and compares it with the truth.
+    /// Draws the warm-up frame and compares it with the reference.
     ///
     /// # Errors
     ///
-    /// What no other setting would do better.
+    /// Errors that would affect every setting.
     pub(crate) fn check(&mut self, scene: &Arc<GpuScene>, view: &View, truth: &ReferenceImage) -> Result<()> {
         let draw = || {
             let mut frames = Renderer::new(scene, self.setting.technique).frames(view)?;
@@ -119,7 +118,7 @@ impl Case {
         }
     }
 
-    /// Counts the device memory of a frame with a scene of its own. What has no room has no number.
+    /// Measures the device memory of a frame with a scene of its own; `None` if it does not fit.
     pub(crate) fn measure_memory(&mut self, scene: &GpuScene, view: &View) {
         if let State::Ready(_) = self.state {
             let alone = GpuScene::new(scene.gpu(), scene.scene().clone());
@@ -133,7 +132,7 @@ impl Case {
         }
     }
 
-    /// Draws one frame for its time, unless the case has had enough of it.
+    /// Times one frame, unless the case has taken enough time.
     ///
     /// # Errors
     ///
@@ -148,7 +147,7 @@ impl Case {
         Ok(())
     }
 
-    /// The line of JSON.
+    /// Returns the record of the case.
     pub(crate) fn record(&self, scene: &GpuScene, info: &ViewInfo, required_k: Option<&RequiredK>) -> Record {
         let Setting { sweep, technique, route } = &self.setting;
         let (gpu, device) = (scene.gpu(), scene.gpu().report());
@@ -184,7 +183,7 @@ impl Case {
             sweep: (*sweep).to_string(),
             technique: technique.method().name().to_string(),
             route: (*route).to_string(),
-            // Where slices are the grid's own there is no step.
+            // Techniques that draw the slices of the grid have no step.
             step: options.get("step").filter(|step| step.is_number()).cloned(),
             options,
             errors: self.errors.as_ref().map(|errors| json!(errors)),
@@ -201,7 +200,7 @@ impl Case {
         }
     }
 
-    /// The row of the table on stdout.
+    /// Returns the row of the table on stdout.
     pub(crate) fn row(&self, info: &ViewInfo) -> Vec<String> {
         let Setting { technique, route, .. } = &self.setting;
         let error = |pick: fn(&ImageErrors) -> f64| {
@@ -236,7 +235,7 @@ impl Case {
 pub(crate) const HEADING: [&str; 11] =
     ["scene", "projection", "technique", "route", "options", "rmse", "max", "ms", "p10", "p90", "gpu ms"];
 
-/// Voxels of a grid, tetrahedra of a mesh, points.
+/// Returns the number of voxels, tetrahedra or points.
 pub(crate) fn elements(data: &Data) -> u64 {
     match data {
         Data::Grid(grid) => grid.dims().into_iter().map(u64::from).product(),

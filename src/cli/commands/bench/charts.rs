@@ -1,4 +1,4 @@
-//! What the plots of `bench` show: fronts, cost over size, passes.
+//! The plots of `bench`: fronts, time per pass, time over size.
 
 use volraster::technique::Method;
 
@@ -7,16 +7,16 @@ use super::record::{Record, views};
 use crate::cli::numbers::count;
 use crate::cli::plot::{self, Bar, Picture, Series, Titles};
 
-/// A picture, and the name of its files without the ending.
+/// A plot, and the name of its file without the ending.
 #[derive(Debug)]
 pub(crate) struct Chart {
     pub(crate) name: String,
-    /// What it is called in a text.
+    /// Title in table.md.
     pub(crate) title: String,
     pub(crate) picture: Picture,
 }
 
-/// All plots of some cases.
+/// Makes all plots of some records.
 pub(crate) fn charts(records: &[Record]) -> Vec<Chart> {
     let mut charts = Vec::new();
     let mut add = |kind: &str, of: &str, size: Option<[u32; 2]>, title: String, picture: Option<Picture>| {
@@ -49,7 +49,7 @@ fn device(record: &Record) -> String {
     format!("{}, {}", record.device, record.driver)
 }
 
-/// A view in words.
+/// Returns the title of a view.
 pub(crate) fn view_title(record: &Record) -> String {
     let [width, height] = record.size;
     format!("{}, {}, {width} x {height}", record.scene, record.projection)
@@ -59,20 +59,20 @@ fn view_name(record: &Record) -> String {
     format!("{}-{}", record.scene, record.projection)
 }
 
-/// A name that no other chart has; the second of a scene has its size in it.
+/// Returns an unused file name; a second view of a scene has its size in it.
 fn file_name(charts: &[Chart], kind: &str, of: &str, size: Option<[u32; 2]>) -> String {
-    // What a scene in a folder is called has separators.
+    // Names of scenes in folders contain separators.
     let plain = |c: char| if c.is_alphanumeric() || "._-".contains(c) { c } else { '-' };
     let stem = format!("{kind}-{}", of.chars().map(plain).collect::<String>());
     let sized = size.map(|[width, height]| format!("{stem}-{width}x{height}"));
     let numbered = (2..).map(|n| format!("{stem}-{n}"));
     let mut names = std::iter::once(stem.clone()).chain(sized).chain(numbered);
     let free = names.find(|name| !charts.iter().any(|chart| chart.name == *name));
-    // There are more numbers than charts.
+    // The numbered names never run out.
     free.unwrap_or(stem)
 }
 
-/// Of each technique and route the case that stands for it: the one with nothing but defaults, or the first.
+/// Selects one record per technique and route: the one with default options, else the first.
 fn typical<'a>(view: &[&'a Record]) -> Vec<&'a Record> {
     let mut found: Vec<&Record> = Vec::new();
     for &record in view.iter().filter(|record| record.wall_ms.is_some() && record.rmse().is_some()) {
@@ -98,7 +98,7 @@ fn name_of(record: &Record) -> String {
     }
 }
 
-/// A pass without the technique, whose bar it is in.
+/// Returns the name of a pass without that of its technique.
 fn short(pass: &str, record: &Record) -> String {
     let own = pass.strip_prefix(record.technique.as_str()).and_then(|rest| rest.strip_prefix('.'));
     own.unwrap_or(pass).to_string()
@@ -116,16 +116,17 @@ fn passes(view: &[&Record]) -> Option<Picture> {
     let titles = Titles {
         title: view_title(view[0]),
         note: format!("Time per pass on the device; {}", device(view[0])),
-        x: "ms a frame (median of each pass)",
+        x: "ms per frame (median of each pass)",
         y: "",
     };
     plot::bars(&titles, &typical(view).iter().map(bar).collect::<Vec<_>>())
 }
 
-/// What grows while the rest stays.
+/// The name and value of what varies along the x axis.
 pub(super) type Size = (&'static str, fn(&Record) -> f64);
 
-/// Time over voxels, tetrahedra, points and pixels: a name, a title and a picture of each, where there are two sizes.
+/// Returns name, title and plot of time over voxels, tetrahedra, points and pixels, where at least two sizes were
+/// measured.
 fn growths(records: &[Record]) -> Vec<(String, String, Option<Picture>)> {
     let elements: fn(&Record) -> f64 = |record| record.elements as f64;
     let pixels: fn(&Record) -> f64 = |record| f64::from(record.size[0]) * f64::from(record.size[1]);
@@ -185,7 +186,7 @@ fn growth(
         title: title.to_string(),
         note: format!("Time over {axis}; {}", device(first)),
         x: axis,
-        y: "ms a frame (median)",
+        y: "ms per frame (median)",
     };
     plot::curves(&titles, &series)
 }
@@ -205,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn each_size_that_varies_alone_has_its_plot() {
+    fn every_size_that_varies_alone_has_a_plot() {
         let records = [
             sized("a", 1000, 64, "slabs", "compute", 1.0),
             sized("a", 1000, 64, "slices-3d", "raster", 3.0),
@@ -229,7 +230,7 @@ mod tests {
         );
         let svg = charts[6].picture.svg();
         assert!(svg.contains(">slabs compute<") && svg.contains(">voxels<"), "{svg}");
-        // One point is no line.
+        // A single point is no curve.
         assert!(!svg.contains("slices-3d"), "{svg}");
     }
 

@@ -1,4 +1,4 @@
-//! Fronts of techniques in one view: their table, their JSON, and what their plot shows.
+//! Pareto fronts of time and error of each technique in one view: table, JSON and plot.
 
 use serde_json::{Value, json};
 use volraster::measure::{Cost, Front, TimeAt};
@@ -8,14 +8,14 @@ use super::record::Record;
 use crate::cli::plot::{self, Picture, Series, Titles};
 use crate::cli::table;
 
-/// Errors at which times are told, with their names.
+/// Errors at which times are interpolated, with their names.
 const ERRORS: [(&str, f64); 4] = [("1e-2", 1e-2), ("1/255", 1.0 / 255.0), ("1e-3", 1e-3), ("1e-4", 1e-4)];
 
-/// The front of one technique, over all its routes and options.
+/// The front of one technique over all its routes and options.
 #[derive(Debug)]
 struct TechniqueFront<'a> {
     method: Method,
-    /// With median wall time in milliseconds, and RMSE.
+    /// Records with their median wall time in milliseconds and their RMSE.
     measured: Vec<(&'a Record, Cost)>,
     front: Front,
 }
@@ -27,7 +27,7 @@ pub(crate) struct Fronts<'a> {
 }
 
 impl<'a> Fronts<'a> {
-    /// Takes the cases of one view. A wrong image has no part.
+    /// Computes the fronts of the cases of one view. Wrong images do not count.
     pub(crate) fn new(records: &[&'a Record]) -> Self {
         let line = |method: Method| {
             let own = || records.iter().copied().filter(move |record| record.technique == method.name());
@@ -43,7 +43,7 @@ impl<'a> Fronts<'a> {
         Self { lines: Method::ALL.into_iter().filter_map(line).collect() }
     }
 
-    /// Times at the errors, one row for each technique, below a heading.
+    /// Returns the time at each error, one row per technique, below a heading.
     pub(crate) fn rows(&self) -> Vec<Vec<String>> {
         let heading = ["ms at rmse"].into_iter().chain(ERRORS.map(|(name, _)| name));
         let mut rows = vec![heading.map(str::to_string).collect::<Vec<_>>()];
@@ -54,12 +54,12 @@ impl<'a> Fronts<'a> {
         rows
     }
 
-    /// The same as aligned text.
+    /// Returns the rows as aligned text.
     pub(crate) fn table(&self) -> String {
         table::aligned(&self.rows(), &[0])
     }
 
-    /// Members of each front and times at the errors.
+    /// Returns the members of each front, and the time at each error.
     pub(crate) fn json(&self) -> Value {
         let line = |line: &TechniqueFront<'_>| {
             let member = |(place, cost): &(usize, Cost)| {
@@ -80,7 +80,7 @@ impl<'a> Fronts<'a> {
         Value::Array(self.lines.iter().map(line).collect())
     }
 
-    /// The fronts as a picture; `None` where nothing has a time and an error that logarithms can show.
+    /// Returns the fronts as a plot; `None` if no case has a positive time and error.
     pub(crate) fn picture(&self, title: &str, note: &str) -> Option<Picture> {
         let place = |cost: &Cost| [cost.time, cost.error];
         let series = |line: &TechniqueFront<'_>| Series {
@@ -93,19 +93,19 @@ impl<'a> Fronts<'a> {
         let titles = Titles {
             title: title.to_string(),
             note: note.to_string(),
-            x: "ms a frame (median)",
+            x: "ms per frame (median)",
             y: "RMSE against the reference",
         };
         plot::curves(&titles, &self.lines.iter().map(series).collect::<Vec<_>>())
     }
 }
 
-/// The colour and mark of a technique, the same in all plots.
+/// Returns the index of colour and mark of a technique, the same in all plots.
 pub(crate) fn style(technique: &str) -> usize {
     Method::ALL.iter().position(|method| method.name() == technique).unwrap_or(Method::ALL.len())
 }
 
-/// A time in a table.
+/// Formats a time.
 pub(super) fn cell(time: TimeAt) -> String {
     match time {
         TimeAt::Interpolated(ms) => format!("{ms:.1}"),
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn a_technique_s_front_is_over_all_its_options() {
+    fn a_front_covers_all_options_of_a_technique() {
         let mut refused = measured("slices-2d", "", 1.0, 1e-2);
         refused.wall_ms = None;
         let mut wrong = measured("slices-3d", "", 1.0, 1e-5);
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_names_what_it_shows() {
+    fn a_plot_names_its_curves() {
         let both = [measured("slabs", "", 10.0, 1e-2), measured("slabs", "step=2", 3.0, 3e-2)];
         let fronts = Fronts::new(&both.iter().collect::<Vec<_>>());
         let svg = fronts.picture("a <scene>", "note").unwrap().svg();

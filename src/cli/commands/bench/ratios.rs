@@ -1,4 +1,4 @@
-//! `volraster bench --compare`: one run's times over another's, case by case.
+//! `bench --compare`: the ratio of the times of two runs, case by case.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -11,17 +11,17 @@ use super::record::Record;
 use crate::cli::table;
 use crate::cli::timing::{Ratio, Times, ratio};
 
-/// Two runs.
+/// The comparison of two runs, A and B.
 #[derive(Debug)]
 pub(crate) struct Ratios {
     pairs: Vec<Pair>,
-    /// Cases that one run alone has timed.
+    /// Cases that only one run timed.
     alone: [usize; 2],
-    /// Devices and drivers, where they differ.
+    /// Device, driver and version of each run.
     devices: [String; 2],
 }
 
-/// A case that both runs have timed.
+/// A case that both runs timed.
 #[derive(Debug)]
 struct Pair {
     name: [String; 6],
@@ -36,7 +36,7 @@ impl Ratios {
     ///
     /// # Errors
     ///
-    /// As [`Record::read`]; [`Error::Invalid`] if no case is in both.
+    /// As [`Record::read`]; [`Error::Invalid`] if both runs have no timed case in common.
     pub(crate) fn of_files(files: [&Path; 2]) -> Result<Self> {
         let [a, b] = files.map(Record::read);
         let this = Self::new(&a?, &b?);
@@ -82,7 +82,7 @@ impl Ratios {
         Self { pairs, alone, devices: [device(a), device(b)] }
     }
 
-    /// Techniques with the geometric mean of their ratios, then that of all.
+    /// Returns the geometric mean of the ratios and the number of cases of each technique, then of all.
     fn means(&self) -> Vec<(String, usize, Ratio)> {
         let mut names: Vec<&str> = Method::ALL.map(Method::name).to_vec();
         for pair in &self.pairs {
@@ -103,7 +103,7 @@ impl Ratios {
         names.into_iter().filter_map(of).chain(mean("all".to_string(), &|_| true)).collect()
     }
 
-    /// Tables for reading.
+    /// Returns the comparison as aligned text.
     pub(crate) fn text(&self) -> String {
         let heading = [
             "",
@@ -142,8 +142,8 @@ impl Ratios {
         }
         let outside = self.pairs.iter().filter(|pair| pair.ratio.is_outside_noise()).count();
         let mut text = format!(
-            "{}\n\n{}\n\n+ slower, - faster in B than in A, beyond the noise of their frames: {outside} of {} cases. Where nothing \
-             has changed, 1 of 20 is by chance.",
+            "{}\n\n{}\n\n+ slower, - faster in B than in A, with a 95 % interval that excludes 1: {outside} of {} cases. Without any \
+             change, about 1 case in 20 is marked by chance.",
             table::aligned(&rows, &[0, 1, 2, 4, 5, 6]),
             table::aligned(&means, &[0, 1]),
             self.pairs.len()
@@ -157,7 +157,7 @@ impl Ratios {
         text
     }
 
-    /// The same for programs.
+    /// Returns the comparison as JSON.
     pub(crate) fn json(&self) -> Value {
         let of = |ratio: &Ratio| json!({"ratio": ratio.value, "low": ratio.low, "high": ratio.high, "outside_noise": ratio.is_outside_noise()});
         let case = |pair: &Pair| {
@@ -200,10 +200,10 @@ fn interval(ratio: &Ratio) -> String {
     format!("{:.3}..{:.3}", ratio.low, ratio.high)
 }
 
-/// What says that cases of two runs are the same.
+/// The identity of a case: scene, projection, size, technique, route, options, and a number among equal ones.
 type Key = (String, String, [u32; 2], String, String, String, usize);
 
-/// Cases that were timed. Where two of a run are the same, which of them it is belongs to the key.
+/// Returns the timed records with their keys; equal cases of a run are numbered.
 fn keyed(records: &[Record]) -> Vec<(Key, &Record)> {
     let mut keyed: Vec<(Key, &Record)> = Vec::new();
     for record in records.iter().filter(|record| record.wall_ms.is_some()) {
@@ -233,7 +233,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cases_meet_by_what_they_are_and_means_are_by_technique() {
+    fn equal_cases_are_paired_and_means_are_by_technique() {
         let a = [
             case("slabs", "compute", "step=2", 1e-3, &[10.0, 10.1, 9.9]),
             case("slabs", "compute", "step=1", 1e-3, &[10.0, 10.1, 9.9]),
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn a_case_that_comes_twice_is_two() {
+    fn repeated_cases_are_paired_in_order() {
         let twice =
             [case("raycast", "compute", "", 1e-3, &[1.0]), case("raycast", "compute", "", 1e-3, &[8.0])];
         let ratios = Ratios::new(&twice, &twice);

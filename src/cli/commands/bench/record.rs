@@ -1,4 +1,4 @@
-//! A line of bench.jsonl: what one case gave. Tables, plots and comparisons are made from these lines alone.
+//! A record: one line of bench.jsonl. Tables, plots and comparisons are made from records alone.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use volraster::{Error, Result};
 
 use crate::cli::timing::Quantiles;
 
-/// One technique with its options in one view of one scene.
+/// The results of one technique with its options in one view of one scene.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub(crate) struct Record {
@@ -19,19 +19,19 @@ pub(crate) struct Record {
     pub(crate) api: String,
     pub(crate) software: bool,
     pub(crate) scene: String,
-    /// Scenes that differ in their size alone have one.
+    /// Name that scenes share which differ only in size.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) family: Option<String>,
     pub(crate) projection: String,
     pub(crate) size: [u32; 2],
-    /// `grid`, `mesh` or `points`, and the number of voxels, tetrahedra or points.
+    /// `grid`, `mesh` or `points`; `elements` is the number of voxels, tetrahedra or points.
     pub(crate) data: String,
     pub(crate) elements: u64,
     pub(crate) sweep: String,
     pub(crate) technique: String,
     pub(crate) route: String,
     pub(crate) options: Map<String, Value>,
-    /// Where the option is a number.
+    /// The option `step`, if it is a number.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) step: Option<Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -40,10 +40,10 @@ pub(crate) struct Record {
     pub(crate) counters: Map<String, Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) required_k: Option<Value>,
-    /// Device memory with nothing else there: of the first case by a route alone.
+    /// Device memory of scene and frame alone, measured for the first case of each technique and route.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) device_bytes: Option<u64>,
-    /// Frames that were timed.
+    /// Number of timed frames.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) frames: Option<usize>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -56,17 +56,17 @@ pub(crate) struct Record {
     pub(crate) wall_ms: Option<Quantiles>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) gpu_ms: Option<Quantiles>,
-    /// Medians by pass.
+    /// Median time of each pass, in milliseconds.
     #[serde(skip_serializing_if = "Map::is_empty")]
     pub(crate) passes_ms: Map<String, Value>,
 }
 
 impl Record {
-    /// Reads lines of bench.jsonl. Empty ones are passed over, and a last one that a run did not end.
+    /// Reads bench.jsonl. Skips empty lines, and an incomplete last line of an interrupted run.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] when the file cannot be read, [`Error::File`] with the line that is no case.
+    /// [`Error::Io`] when the file cannot be read, [`Error::File`] with the number of an invalid line.
     pub(crate) fn read(path: &Path) -> Result<Vec<Self>> {
         let failed = |source| Error::Io { path: path.to_path_buf(), action: "cannot read", source };
         let bytes = std::fs::read(path).map_err(failed)?;
@@ -84,7 +84,7 @@ impl Record {
             }
         }
         if records.is_empty() {
-            let rule = "has no line: must be a bench.jsonl".to_string();
+            let rule = "contains no record: must be a bench.jsonl".to_string();
             return Err(Error::File { path: path.to_path_buf(), place: "bench".to_string(), rule });
         }
         Ok(records)
@@ -92,12 +92,12 @@ impl Record {
 
     fn parse(line: &str) -> std::result::Result<Self, String> {
         let record: Self =
-            serde_json::from_str(line).map_err(|error| format!("is no case of bench.jsonl: {error}"))?;
+            serde_json::from_str(line).map_err(|error| format!("is not a record of bench.jsonl: {error}"))?;
         for (key, text) in
             [("scene", &record.scene), ("technique", &record.technique), ("route", &record.route)]
         {
             if text.is_empty() {
-                return Err(format!("is no case of bench.jsonl: has no \"{key}\""));
+                return Err(format!("is not a record of bench.jsonl: has no \"{key}\""));
             }
         }
         let spreads = [&record.wall_ms, &record.gpu_ms];
@@ -109,12 +109,12 @@ impl Record {
         Ok(record)
     }
 
-    /// RMSE of an image that counts.
+    /// Returns the RMSE, unless the image is wrong.
     pub(crate) fn rmse(&self) -> Option<f64> {
         self.error("rmse").filter(|_| !self.wrong && self.failed.is_none())
     }
 
-    /// A statistic over all channels; infinite ones are text.
+    /// Returns an error statistic over all channels; infinite values are stored as text.
     pub(crate) fn error(&self, statistic: &str) -> Option<f64> {
         match self.errors.as_ref()?.get("all")?.get(statistic)? {
             Value::String(_) => Some(f64::INFINITY),
@@ -126,7 +126,7 @@ impl Record {
         self.counters.get(name)?.as_f64()
     }
 
-    /// Options that differ from their defaults, as the command line takes them, without the route.
+    /// Returns the options that differ from their defaults, as `key=value,...`, without the route.
     pub(crate) fn options_text(&self) -> String {
         let infos = Method::from_name(&self.technique).map_or(&[][..], Method::options);
         let word = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_string);
@@ -135,14 +135,14 @@ impl Record {
         let is_default =
             |key: &str, text: &str| infos.iter().any(|info| info.key == key && same(info.default, text));
         let pairs = self.options.iter().map(|(key, value)| (key, word(value)));
-        let told: Vec<String> = pairs
+        let shown: Vec<String> = pairs
             .filter(|(key, text)| *key != "route" && !is_default(key, text))
             .map(|(key, text)| format!("{key}={}", text.strip_suffix(".0").unwrap_or(&text)))
             .collect();
-        told.join(",")
+        shown.join(",")
     }
 
-    /// What its elements are.
+    /// Returns the plural name of the elements.
     pub(crate) fn elements_name(&self) -> &'static str {
         match self.data.as_str() {
             "mesh" => "tetrahedra",
@@ -151,13 +151,13 @@ impl Record {
         }
     }
 
-    /// What was seen: scene, projection and size.
+    /// Returns scene, projection and size.
     pub(crate) fn view(&self) -> (&str, &str, [u32; 2]) {
         (&self.scene, &self.projection, self.size)
     }
 }
 
-/// Views in the order in which they come.
+/// Groups records by view, in order of first appearance.
 pub(crate) fn views(records: &[Record]) -> Vec<Vec<&Record>> {
     let mut views: Vec<Vec<&Record>> = Vec::new();
     for record in records {
@@ -174,7 +174,7 @@ pub(crate) mod tests {
     use super::*;
     use serde_json::json;
 
-    /// A case with times, for tests of what is made from it.
+    /// Returns a record with times, for tests.
     pub(crate) fn case(technique: &str, route: &str, options: &str, rmse: f64, times: &[f64]) -> Record {
         let wanted = volraster::Technique::parse(&format!("{technique}:{options}")).unwrap();
         let Value::Object(options) = crate::cli::input::options_json(&wanted) else { panic!() };
@@ -200,7 +200,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_line_is_read_as_it_was_written() {
+    fn a_record_reads_back_as_it_was_written() {
         let one = case("slabs", "compute", "step=2", 1e-3, &[3.0, 1.0, 2.0]);
         let line = serde_json::to_string(&one).unwrap();
         let again = Record::parse(&line).unwrap();
@@ -212,7 +212,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn what_is_no_case_is_told_by_its_line() {
+    fn errors_name_the_invalid_line() {
         let folder = std::env::temp_dir().join(format!("volraster-record-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let path = folder.join("a.jsonl");
@@ -222,12 +222,12 @@ pub(crate) mod tests {
             Record::read(&path).map(|records| records.len()).map_err(|error| error.to_string())
         };
         assert_eq!(read(format!("{good}\n\n{good}\n")), Ok(2));
-        // A run that was cut off.
+        // The last line of an interrupted run is incomplete.
         assert_eq!(read(format!("{good}\n{}", &good[..40])), Ok(1));
         let wrong = read(format!("{good}\n{{\n{good}\n")).unwrap_err();
-        assert!(wrong.contains("line 2") && wrong.contains("no case"), "{wrong}");
+        assert!(wrong.contains("line 2") && wrong.contains("not a record"), "{wrong}");
         for (text, part) in [
-            (String::new(), "no line"),
+            (String::new(), "no record"),
             ("{}\n".to_string(), "no \"scene\""),
             (good.replace("[1.0]", "[0.0]"), "above 0"),
             (good.replace(",\"times\":[1.0]", ""), "times"),

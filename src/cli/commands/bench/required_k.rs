@@ -1,4 +1,4 @@
-//! How many pairs a k-buffer needs, pixel by pixel.
+//! The size of the k-buffer that each pixel of a view needs.
 
 use std::sync::Arc;
 
@@ -9,20 +9,20 @@ use volraster::{GpuScene, Renderer, Result};
 
 use crate::cli::input;
 
-/// Most pairs that are tried.
-const MOST: usize = 15;
+/// Largest k that is tried.
+const MAX_K: usize = 15;
 
-/// Number of pixels by the least number of pairs that sorts their faces.
+/// Number of pixels by the smallest k that sorts their faces.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct RequiredK {
-    /// Pixels that 1 to 15 pairs sort and fewer do not; the first are those without faces, too.
-    sorted: [u64; MOST],
+    /// Pixels for k = 1 to 15; the first includes pixels without faces.
+    sorted: [u64; MAX_K],
     more: u64,
 }
 
 impl RequiredK {
-    /// Draws a view with every number of pairs, unrepaired. A pixel is counted as overflowing if and only if it is not
-    /// sorted, so that the differences are exact. `None` where the scene has no faces.
+    /// Draws a view with every k, without repair. Exactly the unsorted pixels count as overflowing, so that
+    /// differences are exact. `None` for scenes without faces.
     ///
     /// # Errors
     ///
@@ -33,7 +33,7 @@ impl RequiredK {
         }
         let [width, height] = view.extent();
         let mut unsorted = u64::from(width) * u64::from(height);
-        let mut sorted = [0; MOST];
+        let mut sorted = [0; MAX_K];
         for (k, place) in (1..).zip(&mut sorted) {
             let k: u32 = k;
             let technique =
@@ -50,18 +50,18 @@ impl RequiredK {
         Ok(Some(Self { sorted, more: unsorted }))
     }
 
-    /// `pixels`: with 1, 2, ... pairs; `more`: with more than 15.
+    /// Returns `pixels`, the counts for k = 1, 2, ..., and `more`, the count for k above 15.
     pub(crate) fn json(&self) -> Value {
         json!({"pixels": self.sorted, "more": self.more})
     }
 
-    /// One line.
+    /// Returns the counts as one line.
     pub(crate) fn text(&self) -> String {
         let counts =
             (1..).zip(self.sorted).filter(|&(_, n)| n > 0).map(|(k, n): (u32, _)| format!("{k}: {n}"));
         let more = (self.more > 0).then(|| format!("more: {}", self.more));
         let counts: Vec<String> = counts.chain(more).collect();
-        format!("pixels by the pairs that sort their faces: {}", counts.join(", "))
+        format!("pixels by required k: {}", counts.join(", "))
     }
 }
 
@@ -70,11 +70,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_empty_is_not_told() {
-        let mut some = RequiredK { sorted: [0; MOST], more: 0 };
+    fn zero_counts_are_omitted() {
+        let mut some = RequiredK { sorted: [0; MAX_K], more: 0 };
         some.sorted[0] = 90;
         some.sorted[2] = 10;
-        assert_eq!(some.text(), "pixels by the pairs that sort their faces: 1: 90, 3: 10");
+        assert_eq!(some.text(), "pixels by required k: 1: 90, 3: 10");
         some.more = 7;
         assert!(some.text().ends_with("3: 10, more: 7"));
         assert_eq!(some.json()["pixels"][2], 10);

@@ -1,4 +1,4 @@
-//! The folder that `bench` fills: lines as they come, tables and plots of what there is.
+//! The folder of results: records as they are measured, tables and plots at the end.
 
 use std::fs::File;
 use std::io::Write as _;
@@ -15,7 +15,7 @@ use super::required_k::RequiredK;
 use super::tables::markdown;
 use crate::cli::{output, table};
 
-/// What was measured so far, and where it goes.
+/// The records so far, and the folder they go to.
 #[derive(Debug)]
 pub(crate) struct Results {
     folder: PathBuf,
@@ -26,7 +26,7 @@ pub(crate) struct Results {
 }
 
 impl Results {
-    /// Begins bench.jsonl.
+    /// Creates bench.jsonl.
     ///
     /// # Errors
     ///
@@ -36,22 +36,22 @@ impl Results {
         Ok(Self { folder: folder.to_path_buf(), quiet, lines, records: Vec::new(), failed: 0 })
     }
 
-    /// Whether tables go to stdout.
+    /// Returns whether nothing is printed.
     pub(crate) fn is_quiet(&self) -> bool {
         self.quiet
     }
 
-    /// Cases whose image was wrong.
+    /// Returns the number of cases with a wrong image.
     pub(crate) fn failed(&self) -> usize {
         self.failed
     }
 
-    /// All cases.
+    /// Returns the number of cases.
     pub(crate) fn cases(&self) -> usize {
         self.records.len()
     }
 
-    /// Writes a line for each case of a view, and returns its tables.
+    /// Writes the records of a view, and returns its tables as text.
     ///
     /// # Errors
     ///
@@ -80,7 +80,7 @@ impl Results {
         Ok(format!("{cases}\n\nfronts of {} {}\n{fronts}\n{required_k}", info.scene, info.projection))
     }
 
-    /// Writes tables and plots of all that there is.
+    /// Writes table.md, fronts.json and the plots.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! Scenes.
+//! Standard scenes of the suites. A further scene is a further row of a list.
 
 use volraster::glam::DVec3;
 use volraster::io::scene_file::PRESETS;
@@ -13,51 +13,51 @@ use crate::cli::input::{self, Size};
 use Cut::{Clipped, Opaque, Translucent, Whole};
 use Shape::{Cubes, Gaussians, Points, Samples};
 
-/// Image size of the standard scenes and of data found in a folder.
+/// Image size of the standard scenes and of data files found in a folder.
 pub(crate) const SIZE: Size = Size { width: 512, height: 512 };
 
-/// That of the suite `smoke`.
+/// Image size of the suite `smoke`.
 pub(crate) const SMALL: Size = Size { width: 192, height: 192 };
 
-/// A scene that the project's figures are quoted on.
+/// A standard scene.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StandardScene {
     pub(crate) name: &'static str,
-    /// What it has in common with scenes that differ in size alone.
+    /// Name that it shares with scenes that differ only in size.
     pub(crate) family: &'static str,
     pub(super) field: &'static str,
     pub(super) shape: Shape,
     pub(super) look: Look,
     pub(super) cut: Cut,
-    /// From how many of [`VIEWS`] it is seen.
+    /// Number of views, the first of [`VIEWS`].
     pub(super) views: usize,
-    /// Sides of further images, of the first view, with [`SIZES`] alone.
+    /// Sides of further square images of the first view.
     pub(super) sides: &'static [u32],
 }
 
-/// What the field is given on.
+/// The data on which the field is sampled.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Shape {
-    /// A grid: samples along each side, their type, and the transfer function's \[0, 1\] in their own units.
+    /// A grid: samples along each side, their type, and the stored values of the transfer function's \[0, 1\].
     Samples(u32, &'static str, [f64; 2]),
-    /// A grid: samples along each side, whose Gaussians add up.
+    /// A grid of Gaussian kernels: samples along each side.
     Gaussians(u32),
     /// A mesh: cubes along each side, of five tetrahedra each.
     Cubes(u32),
-    /// Points at random places: their number, and their radius.
+    /// Points at random positions: their number and their radius.
     Points(u32, f64),
 }
 
-/// What cuts the data.
+/// Clipping and surfaces of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cut {
-    /// Nothing.
+    /// None.
     Whole,
     /// A plane and a crop box.
     Clipped,
-    /// An opaque ball on an opaque floor.
+    /// An opaque sphere on an opaque floor.
     Opaque,
-    /// Two translucent balls, one in the other in part.
+    /// Two translucent spheres that overlap.
     Translucent,
 }
 
@@ -100,13 +100,13 @@ pub(super) const GAUSSIANS: Kernels =
 /// A transfer function over \[0, 1\].
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Look {
-    /// One that scene files may name.
+    /// A preset that scene files can name.
     Preset(&'static str),
-    /// Rows of a scalar, a colour and an extinction.
+    /// Knots: scalar, colour, extinction.
     Rows(&'static [[f64; 5]]),
 }
 
-/// An opaque surface a fiftieth of the range thick: samples miss it, integrals do not.
+/// A thin opaque layer, 2 % of the range: samples miss it, integrals do not.
 const THIN: Look =
     Look::Rows(&[[0.49, 1.0, 0.8, 0.3, 0.0], [0.5, 1.0, 0.8, 0.3, 240.0], [0.51, 1.0, 0.8, 0.3, 0.0]]);
 
@@ -114,7 +114,7 @@ const SHELLS: Look = Look::Preset("shells");
 
 const FOG: Look = Look::Preset("fog");
 
-/// A place to look from.
+/// A named viewpoint.
 #[derive(Clone, Copy, Debug)]
 struct Viewpoint {
     name: &'static str,
@@ -126,7 +126,7 @@ const EYE: [f64; 3] = [2.0, 1.5, 3.8];
 
 const PERSPECTIVE: Projection = Projection::Perspective { fov_y_deg: 42.0 };
 
-/// The first two are the standard ones; the others are from inside and from afar.
+/// The first two are the standard views; the others are from inside the data and from afar.
 #[rustfmt::skip]
 const VIEWS: [Viewpoint; 4] = [
     Viewpoint { name: "perspective", eye: EYE, projection: PERSPECTIVE },
@@ -141,13 +141,13 @@ const BYTE: [f64; 2] = [0.0, 255.0];
 
 const SIDES: &[u32] = &[256, 1024];
 
-/// Three pixels of [`SIZE`] from the standard eye, in the middle of the data: a standard deviation is one.
+/// Radius of points: three pixels of [`SIZE`] at the centre of the data, so that a standard deviation is one pixel.
 const RADIUS: f64 = 0.0205;
 
-/// The same of [`SMALL`].
+/// The same for [`SMALL`].
 const RADIUS_SMALL: f64 = 0.0546;
 
-/// The standard scenes.
+/// The scenes of the suite `standard`.
 #[rustfmt::skip]
 pub(crate) const SCENES: &[StandardScene] = &[
     StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, cut: Whole, views: 1, sides: &[] },
@@ -165,7 +165,8 @@ pub(crate) const SCENES: &[StandardScene] = &[
     StandardScene { name: "marschner-lobb-256-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(256, "u8", BYTE), look: SHELLS, cut: Whole, views: 2, sides: &[] },
 ];
 
-/// Those that the suite `full` has beside them: other sizes and looks, from inside and from afar, cut by planes and surfaces.
+/// Further scenes of the suite `full`: other sizes and transfer functions, views from inside and from afar, clip
+/// planes and surfaces.
 #[rustfmt::skip]
 pub(crate) const MORE_SCENES: &[StandardScene] = &[
     StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32", UNIT), look: FOG, cut: Whole, views: 1, sides: &[] },
@@ -183,7 +184,7 @@ pub(crate) const MORE_SCENES: &[StandardScene] = &[
     StandardScene { name: "blobs-tets-34-translucent", family: "blobs-tets-translucent", field: "blobs", shape: Cubes(34), look: FOG, cut: Translucent, views: 1, sides: &[] },
 ];
 
-/// Small ones, for a look at everything.
+/// The small scenes of the suite `smoke`.
 #[rustfmt::skip]
 pub(crate) const SMOKE_SCENES: &[StandardScene] = &[
     StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, cut: Whole, views: 1, sides: &[96] },
@@ -194,7 +195,7 @@ pub(crate) const SMOKE_SCENES: &[StandardScene] = &[
 ];
 
 impl StandardScene {
-    /// The views with their names.
+    /// Returns the views with their names.
     ///
     /// # Errors
     ///
@@ -207,14 +208,14 @@ impl StandardScene {
         VIEWS.iter().take(self.views).map(view).collect()
     }
 
-    /// The first view at further sizes.
+    /// Returns the further image sizes of the first view.
     pub(crate) fn sizes(&self) -> impl Iterator<Item = Size> {
         self.sides.iter().map(|&side| Size { width: side, height: side })
     }
 
-    /// Whether a technique draws it.
+    /// Returns whether some technique draws the scene.
     pub(crate) fn is_drawn(&self) -> bool {
-        // Of its kind the smallest.
+        // The smallest scene of the same kind decides.
         let small = match self.shape {
             Samples(_, kind, range) => Samples(2, kind, range),
             Gaussians(_) => Gaussians(2),
@@ -236,17 +237,17 @@ impl StandardScene {
         }
     }
 
-    /// Data, transfer function and kernels.
+    /// Makes the scene: data, transfer function, kernels and surfaces.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] when the list names what does not exist.
+    /// [`Error::Invalid`] when the scene names an unknown field or preset.
     pub(crate) fn load(&self) -> Result<Scene> {
         let range @ [lo, hi] = self.range();
         let transfer = match self.look {
             Look::Preset(name) => {
                 let Some(preset) = PRESETS.iter().find(|known| known.name == name) else {
-                    let why = format!("\"{name}\": is no preset");
+                    let why = format!("\"{name}\": unknown preset");
                     return Err(Error::Invalid { what: "transfer function".to_string(), why });
                 };
                 preset.transfer(range, 1.0)?
@@ -260,7 +261,7 @@ impl StandardScene {
         if matches!(self.shape, Gaussians(_)) { scene.with_kernels(GAUSSIANS) } else { Ok(scene) }
     }
 
-    /// The transfer function's \[0, 1\] in the data's own units.
+    /// Returns the scalars that the transfer function's \[0, 1\] stands for.
     pub(super) fn range(&self) -> [f64; 2] {
         match self.shape {
             Samples(_, _, range) => range,
@@ -273,9 +274,9 @@ impl StandardScene {
 mod tests {
     use super::*;
 
-    /// A standard deviation of points is a pixel, as seen from the standard eye in the middle of the data.
+    /// The standard deviation of a point is one pixel at the centre of the data.
     #[test]
-    fn points_are_of_the_size_of_pixels() {
+    fn points_have_the_size_of_pixels() {
         for (scene, size, radius) in
             [(SCENES[10], SIZE, RADIUS), (SCENES[11], SIZE, RADIUS), (SMOKE_SCENES[4], SMALL, RADIUS_SMALL)]
         {

@@ -1,22 +1,22 @@
-//! Suites.
+//! Suites: lists of scenes with the sweeps that are measured on each.
 
 use super::scenes::{MORE_SCENES, SCENES, SIZE, SMALL, SMOKE_SCENES, StandardScene};
 use super::sweeps::{SMOKE, STANDARD, Sweep};
 use crate::cli::input::Size;
 
-/// A list of scenes with what is measured on each.
+/// A list of scenes with the sweeps that are measured on each.
 #[derive(Debug)]
 pub(crate) struct Suite {
     pub(crate) name: &'static str,
-    /// Lists of scenes, one after the other.
+    /// Lists of scenes, measured in this order.
     scenes: &'static [&'static [StandardScene]],
     pub(crate) sweeps: &'static [Sweep],
     pub(crate) size: Size,
-    /// Frames of each case that are timed.
+    /// Timed frames per case.
     pub(crate) frames: usize,
 }
 
-/// The suites.
+/// All suites.
 pub(crate) const SUITES: &[Suite] = &[
     Suite { name: "smoke", scenes: &[SMOKE_SCENES], sweeps: SMOKE, size: SMALL, frames: 5 },
     Suite { name: "standard", scenes: &[SCENES], sweeps: STANDARD, size: SIZE, frames: 9 },
@@ -24,7 +24,7 @@ pub(crate) const SUITES: &[Suite] = &[
 ];
 
 impl Suite {
-    /// The scenes that a technique draws.
+    /// Returns the scenes that some technique draws.
     pub(crate) fn scenes(&self) -> impl Iterator<Item = &'static StandardScene> {
         self.scenes.iter().flat_map(|list| list.iter()).filter(|scene| scene.is_drawn())
     }
@@ -42,7 +42,7 @@ mod tests {
     use crate::cli::input;
 
     #[test]
-    fn splats_are_tried_where_they_may_win() {
+    fn splats_are_tried_where_they_are_reasonable() {
         let settings = settings(STANDARD).unwrap();
         let of = |shape: Shape| {
             let scene = StandardScene { shape, ..SCENES[3] }.load().unwrap();
@@ -62,7 +62,7 @@ mod tests {
     }
 
     #[test]
-    fn the_standard_scenes_hold() {
+    fn the_standard_scenes_are_valid() {
         for suite in SUITES {
             let mut names: Vec<&str> = suite.scenes().map(|scene| scene.name).collect();
             let count = names.len();
@@ -91,7 +91,7 @@ mod tests {
                 _ => panic!("{}: another kind of data", scene.name),
             }
             assert!(scene.is_drawn(), "{}", scene.name);
-            // Something of each list is for it.
+            // Every sweep list has settings for every scene.
             for sweeps in [STANDARD, SMOKE, SIZES, DATA] {
                 let settings = settings(sweeps).unwrap();
                 let own: Vec<&Setting> = settings.iter().filter(|setting| setting.is_for(&loaded)).collect();

@@ -1,4 +1,5 @@
-//! Sweeps.
+//! Sweeps: techniques whose options run through all combinations of some values. A further option is a further row of
+//! a list.
 
 use volraster::scene::{Data, Model, Scene};
 use volraster::technique::Method;
@@ -10,14 +11,14 @@ use Method::{
     Abuffer, Havs, ProjectedTets, Raycast, ShearWarp, Slabs, Slices2d, Slices3d, SplatEwa, SplatSheets,
 };
 
-/// Techniques whose options run through every combination of some values.
+/// Techniques whose options run through all combinations of some values.
 #[derive(Debug)]
 pub(crate) struct Sweep {
-    /// Its name in results.
+    /// The name of the sweep in results.
     pub(super) name: &'static str,
-    /// Those that have every option named; others are passed over.
+    /// Techniques; those without all of the options are skipped.
     pub(super) methods: &'static [Method],
-    /// Those that the technique has; others are passed over.
+    /// Routes; those that a technique does not have are skipped.
     pub(super) routes: &'static [&'static str],
     /// Options with their values.
     pub(super) options: &'static [(&'static str, &'static [&'static str])],
@@ -33,13 +34,13 @@ const COMPUTE: &[&str] = &["compute"];
 
 const RASTER: &[&str] = &["raster"];
 
-/// From far too coarse to far too fine for most uses: times are read between, never beyond.
+/// Steps from too coarse to finer than most uses need, since times are interpolated between them, never extrapolated.
 const STEPS: &[&str] = &["8", "4", "2", "1", "0.5", "0.25", "0.125"];
 
-/// The same without what takes longest.
+/// The same without the slowest.
 const FEWER: &[&str] = &["8", "4", "2", "1", "0.5", "0.25"];
 
-/// A front of few points.
+/// Steps of a front with few points.
 const SPARSE: &[&str] = &["4", "1", "0.5"];
 
 const MIDDLE: &[&str] = &["2", "1", "0.5"];
@@ -58,10 +59,10 @@ const PAIRS: &[&str] = &["1", "2", "4", "7", "15"];
 
 const INTEGRALS: &[&str] = &["integral", "full", "exact"];
 
-/// Of slabs of splats, whose frames take long.
+/// Steps of splatting with slabs, whose frames are slow.
 const SLABS: &[&str] = &["4", "2", "1", "0.5"];
 
-/// Texels of the intermediate image, from few to many.
+/// Resolutions of the intermediate image, in ascending order.
 const TEXELS: &[&str] = &["0.33", "0.5", "voxel", "pixel"];
 
 const FEW_TEXELS: &[&str] = &["0.5", "auto"];
@@ -72,7 +73,7 @@ const EACH: &[&str] = &["1", "2", "4"];
 
 pub(super) const SPLATS: &[Method] = &[SplatSheets, SplatEwa];
 
-/// The whole sweep: what a front is made of, then each further option alone, at step 1.
+/// The complete sweep: the settings of the fronts, then each further option alone at step 1.
 #[rustfmt::skip]
 pub(crate) const STANDARD: &[Sweep] = &[
     Sweep { name: "slices", methods: &[Slices2d], routes: BOTH, options: &[("step", &["slices"])] },
@@ -115,7 +116,7 @@ pub(crate) const STANDARD: &[Sweep] = &[
     Sweep { name: "sheets", methods: &[SplatSheets], routes: COMPUTE, options: &[("sheets", &["axis"]), ("step", COARSE)] },
 ];
 
-/// A little of everything: every technique by every route, and each feature off and on.
+/// The sweep of `smoke`: every technique by every route, each feature off and on.
 #[rustfmt::skip]
 pub(crate) const SMOKE: &[Sweep] = &[
     Sweep { name: "slices", methods: &[Slices2d], routes: BOTH, options: &[("step", &["slices"])] },
@@ -150,7 +151,7 @@ pub(crate) const SMOKE: &[Sweep] = &[
     Sweep { name: "sheets", methods: &[SplatSheets], routes: COMPUTE, options: &[("sheets", &["axis"])] },
 ];
 
-/// How time grows with the image: every technique by every route.
+/// Settings for time over image size: every technique by every route.
 #[rustfmt::skip]
 pub(crate) const SIZES: &[Sweep] = &[
     Sweep { name: "size", methods: &[Slices2d, ShearWarp], routes: BOTH, options: &[("step", &["slices"])] },
@@ -159,7 +160,7 @@ pub(crate) const SIZES: &[Sweep] = &[
     Sweep { name: "size", methods: SPLATS, routes: COMPUTE, options: &[] },
 ];
 
-/// Data found in a folder: little of each, for there may be much of it.
+/// Few settings for data found in a folder, which may be many files.
 #[rustfmt::skip]
 pub(crate) const DATA: &[Sweep] = &[
     Sweep { name: "slices", methods: &[Slices2d], routes: COMPUTE, options: &[("step", &["slices"])] },
@@ -173,21 +174,21 @@ pub(crate) const DATA: &[Sweep] = &[
     Sweep { name: "splats", methods: SPLATS, routes: COMPUTE, options: &[] },
 ];
 
-/// A technique with the options of one combination.
+/// A technique with one combination of options.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Setting {
-    /// The sweep that it belongs to.
+    /// The name of its sweep.
     pub(crate) sweep: &'static str,
     pub(crate) technique: Technique,
-    /// The route that is asked for; the plan has the last word.
+    /// The requested route; checking the case replaces it by that of the plan.
     pub(crate) route: &'static str,
 }
 
-/// Every setting of some sweeps, each once.
+/// Returns every setting of some sweeps, without duplicates.
 ///
 /// # Errors
 ///
-/// As [`Technique::new`]: a list names a value that an option does not take.
+/// As [`Technique::new`], when a list contains an invalid value.
 pub(crate) fn settings(sweeps: &[Sweep]) -> Result<Vec<Setting>> {
     let mut settings: Vec<Setting> = Vec::new();
     for sweep in sweeps {
@@ -209,7 +210,7 @@ pub(crate) fn settings(sweeps: &[Sweep]) -> Result<Vec<Setting>> {
     Ok(settings)
 }
 
-/// Every combination of one value for each option; the last option runs fastest.
+/// Returns every combination of one value per option; the last option varies fastest.
 fn combinations(
     options: &[(&'static str, &'static [&'static str])],
 ) -> Vec<Vec<(&'static str, &'static str)>> {
@@ -224,7 +225,7 @@ fn combinations(
 }
 
 impl Setting {
-    /// Whether it draws a scene as the reference does, in a time that others do not make look foolish.
+    /// Returns whether the technique draws the scene's field as the reference does, in reasonable time.
     pub(crate) fn is_for(&self, scene: &Scene) -> bool {
         let method = self.technique.method();
         let (adds_up, has_kernels) = match (&scene.data, &scene.kernels) {
@@ -232,7 +233,7 @@ impl Setting {
             (Data::Points(_), None) => (true, true),
             _ => (false, false),
         };
-        // Splats as a whole have a colour of their own only where they add up.
+        // Splats composited one by one represent the field only if kernels add up.
         let ordered = |(key, value): &(&str, String)| *key == "order" && value != "slabs";
         let fits = adds_up || method != SplatEwa || !self.technique.option_pairs().iter().any(ordered);
         method.fits(scene) && fits && (has_kernels || input::too_many_splats(method, &scene.data).is_none())
@@ -258,7 +259,7 @@ mod tests {
         let one = |method: &str, route: &str, options: [&str; 4]| {
             options.map(|options| format!("s {method} {route} {options}")).to_vec()
         };
-        // Defaults are not told: slabs' integrator is integral, and every step 1.
+        // Defaults are omitted: `integrator=integral` of slabs, and `step=1`.
         let slabs = ["", "step=2", "integrator=full", "step=2,integrator=full"];
         let rays = [
             "integrator=integral",
@@ -269,14 +270,14 @@ mod tests {
         let expected =
             [one("slabs", "raster", slabs), one("slabs", "compute", slabs), one("raycast", "compute", rays)];
         assert_eq!(texts(&[product]), expected.concat());
-        // The same again under another guise adds nothing, and what a technique lacks is not tried.
+        // Duplicates add nothing, and techniques without the option are skipped.
         let steps = || sweep(COMPUTE, &[("step", &["1", "1.0"])]);
         assert_eq!(texts(&[steps(), steps()]), ["s slabs compute ", "s raycast compute "]);
         assert_eq!(texts(&[sweep(RASTER, &[("order", &["front-to-back"])])]).len(), 1);
     }
 
     #[test]
-    fn the_lists_hold_and_cover_every_technique_and_route() {
+    fn the_sweeps_cover_every_technique_and_route() {
         for sweeps in [STANDARD, SMOKE, SIZES, DATA] {
             let settings = settings(sweeps).unwrap();
             for method in Method::ALL {

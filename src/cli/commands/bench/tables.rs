@@ -1,4 +1,4 @@
-//! table.md: what `bench` measured, for reading.
+//! table.md: the results of `bench` as Markdown.
 
 use std::fmt::Write as _;
 
@@ -9,7 +9,7 @@ use crate::cli::markup::{escape_markdown, link_address};
 use crate::cli::numbers::{count, three_digits};
 use crate::cli::timing::{Quantiles, Times, ratio};
 
-/// Options that a scene may have no use for, and what to each is off.
+/// Optional features: option and its value when off.
 const FEATURES: [(&str, &str); 7] = [
     ("empty-space", "march"),
     ("stop", "0"),
@@ -20,10 +20,10 @@ const FEATURES: [(&str, &str); 7] = [
     ("order", "front-to-back"),
 ];
 
-/// Kernels that are evaluated for a pair of a splat and a tile: one for each pixel.
+/// Kernel evaluations per pair of a splat and a tile: one per pixel.
 const EVALUATIONS: f64 = 64.0;
 
-/// The whole text.
+/// Returns the text of table.md.
 pub(crate) fn markdown(records: &[Record], charts: &[Chart], is_interrupted: bool) -> String {
     let mut text = String::from("# Benchmark\n\n");
     if let Some(first) = records.first() {
@@ -31,7 +31,7 @@ pub(crate) fn markdown(records: &[Record], charts: &[Chart], is_interrupted: boo
         let _ = writeln!(
             text,
             "{}, {}, Vulkan {}; volraster {}. Times are wall times from recording to fence, medians in ms, in brackets \
-             where the median lies with 95 % (bootstrap). Errors are over premultiplied linear RGBA, against the float64 \
+             their 95 % confidence intervals (bootstrap). Errors are over premultiplied linear RGBA, relative to the float64 \
              reference.\n",
             escape_markdown(&first.device),
             escape_markdown(&first.driver),
@@ -40,7 +40,7 @@ pub(crate) fn markdown(records: &[Record], charts: &[Chart], is_interrupted: boo
         );
     }
     if is_interrupted {
-        text.push_str("**The run was stopped before its end: this is what it had.**\n\n");
+        text.push_str("**The run was stopped early; the results are partial.**\n\n");
     }
     for view in views(records) {
         let _ = writeln!(text, "## {}\n", escape_markdown(&view_title(view[0])));
@@ -51,13 +51,13 @@ pub(crate) fn markdown(records: &[Record], charts: &[Chart], is_interrupted: boo
             let _ =
                 writeln!(text, "![{}]({}.svg)\n", escape_markdown(&chart.title), link_address(&chart.name));
         }
-        text.push_str("Time at equal error, the best over routes and options (`<=`: the coarsest setting is better already; `-`: not reached):\n\n");
+        text.push_str("Time at equal error, in ms, of the best route and options (`<=`: even the coarsest setting is more accurate; `-`: not reached):\n\n");
         text.push_str(&table(&Fronts::new(&view).rows(), 1));
         text.push_str("\nEvery case:\n\n");
         text.push_str(&cases(&view));
         let features = features(&view);
         if features.len() > 1 {
-            text.push_str("\nOptional features, off and on, everything else the same:\n\n");
+            text.push_str("\nOptional features off and on, all other options equal:\n\n");
             text.push_str(&table(&features, 4));
         }
         let refused: Vec<Vec<String>> = view.iter().filter_map(|record| refusal(record)).collect();
@@ -79,6 +79,7 @@ pub(crate) fn markdown(records: &[Record], charts: &[Chart], is_interrupted: boo
     text
 }
 
+/// Returns the table of all drawn cases of a view.
 fn cases(view: &[&Record]) -> String {
     let is_mesh = view[0].data == "mesh";
     let mut heading = vec!["technique", "route", "options", "RMSE", "max", "ms", "95 %", "gpu ms", "MiB"];
@@ -117,7 +118,7 @@ fn cases(view: &[&Record]) -> String {
     table(&rows, 3)
 }
 
-/// Each feature beside the case that differs in it alone.
+/// Returns rows that compare cases that differ only in one feature.
 fn features(view: &[&Record]) -> Vec<Vec<String>> {
     let heading = [
         "feature",
@@ -134,10 +135,11 @@ fn features(view: &[&Record]) -> Vec<Vec<String>> {
     let mut rows = vec![heading.map(str::to_string).to_vec()];
     for (key, off) in FEATURES {
         for record in view.iter().filter(|record| record.wall_ms.is_some()) {
-            // What is not told is off: dithering is told only where it is on.
+            // Missing options are off: `dither` is recorded only when on.
             let word = |record: &Record| {
-                let told = record.options.get(key);
-                let text = told.map(|value| value.as_str().map_or_else(|| value.to_string(), str::to_string));
+                let value = record.options.get(key);
+                let text =
+                    value.map(|value| value.as_str().map_or_else(|| value.to_string(), str::to_string));
                 text.map_or_else(|| off.to_string(), |text| text.trim_end_matches(".0").to_string())
             };
             let on = word(record);
@@ -145,7 +147,7 @@ fn features(view: &[&Record]) -> Vec<Vec<String>> {
                 continue;
             }
             let others = |record: &Record| {
-                // The seed of random rounding says nothing where nothing is rounded.
+                // The seed has no effect without dithering.
                 let kept = record.options.iter().filter(|(name, _)| *name != key && *name != "seed");
                 kept.map(|(name, value)| (name.clone(), value.clone())).collect::<Vec<_>>()
             };
@@ -163,7 +165,7 @@ fn features(view: &[&Record]) -> Vec<Vec<String>> {
             let error =
                 |record: &Record| record.error("rmse").map_or_else(dash, |error| format!("{error:.2e}"));
             let [technique, route, options] = <[String; 3]>::try_from(names(base)).unwrap_or_default();
-            // The feature's own value stands before.
+            // The column of the feature shows its value.
             let others: Vec<&str> =
                 options.split(',').filter(|pair| pair.split('=').next() != Some(key)).collect();
             rows.push(vec![
@@ -183,11 +185,12 @@ fn features(view: &[&Record]) -> Vec<Vec<String>> {
     rows
 }
 
+/// Returns the row of a case without a valid image: technique, route, options and reason.
 fn refusal(record: &Record) -> Option<Vec<String>> {
     let rmse = || record.error("rmse").map_or_else(dash, |error| format!("{error:.2e}"));
     let why = match (&record.skipped, &record.failed) {
         (Some(why), _) | (_, Some(why)) => why.clone(),
-        _ if record.wrong => format!("RMSE {}: its precision is too low for this scene", rmse()),
+        _ if record.wrong => format!("RMSE {}: the target format is too imprecise for this scene", rmse()),
         _ => return None,
     };
     Some([names(record), vec![why]].concat())
@@ -205,7 +208,8 @@ fn dash() -> String {
     "-".to_string()
 }
 
-/// A table, the first row its heading; columns before `text` are left-aligned, the others are of numbers.
+/// Formats a Markdown table; the first row is the heading. The first `text` columns are left-aligned, the others
+/// right-aligned.
 fn table(rows: &[Vec<String>], text: usize) -> String {
     let line = |row: &Vec<String>| {
         let cells: Vec<String> = row.iter().map(|cell| escape_markdown(cell)).collect();
@@ -225,7 +229,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_feature_stands_beside_the_same_without_it() {
+    fn a_feature_is_compared_with_the_same_case_without_it() {
         let records = [
             case("slabs", "compute", "", 1e-3, &[10.0, 10.1]),
             case("slabs", "compute", "stop=0", 1e-3, &[10.0, 10.1]),
@@ -238,7 +242,7 @@ mod tests {
         ];
         let rows = features(&records.iter().collect::<Vec<_>>());
         let texts: Vec<String> = rows.iter().skip(1).map(|row| row.join(" ")).collect();
-        // The default stops, too, if late.
+        // The default of `stop` is not 0 and gives a row too.
         assert_eq!(texts.len(), 4, "{texts:?}");
         assert!(
             texts[3].starts_with("dither: none → blue slices-3d raster target=rgba8 4.00 5.00 1.25"),
@@ -261,13 +265,13 @@ mod tests {
     }
 
     #[test]
-    fn meshes_have_rates_and_what_was_refused_its_reason() {
+    fn meshes_have_rates_and_refused_cases_their_reason() {
         let mut havs = case("havs", "compute", "", 1e-3, &[10.0]);
         havs.counters.insert("fragments".to_string(), serde_json::json!(50_000));
         havs.device_bytes = Some(3 << 20);
         havs.scene = "a|b".to_string();
         let mut refused = havs.clone();
-        refused.skipped = Some("no <room>".to_string());
+        refused.skipped = Some("no <memory>".to_string());
         refused.wall_ms = None;
         let records = [havs, refused];
         let text = markdown(&records, &charts(&records), true);
@@ -278,7 +282,7 @@ mod tests {
             "{text}"
         );
         assert!(
-            text.contains("| havs | compute |  | no \\<room> |") && text.contains("was stopped"),
+            text.contains("| havs | compute |  | no \\<memory> |") && text.contains("was stopped"),
             "{text}"
         );
         assert!(

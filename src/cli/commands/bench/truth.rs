@@ -1,4 +1,4 @@
-//! Truth.
+//! The reference image of a view, drawn on a thread of its own so that Ctrl-C need not wait for it.
 
 use std::sync::{Arc, mpsc};
 use std::time::Duration;
@@ -10,19 +10,19 @@ use volraster::{Error, GpuScene, Result};
 use crate::cli::cache::Cache;
 use crate::cli::interrupt;
 
-/// The reference of a view; `None` when it is to stop, which long drawing is not waited for.
+/// Returns the reference image of a view; `None` as soon as the user requests a stop.
 pub(super) fn truth(scene: &Arc<GpuScene>, view: &View, cache: &Cache) -> Result<Option<ReferenceImage>> {
     let (send, drawn) = mpsc::channel();
     let (scene, view, cache) = (Arc::clone(scene), *view, cache.clone());
     let drawing = std::thread::spawn(move || {
         let image = cache.image(scene.scene(), &view, None).map(|(image, _)| image);
-        // Whoever does not wait has stopped.
+        // The receiver is gone after a stop.
         let _ = send.send(image);
     });
     loop {
         match drawn.recv_timeout(Duration::from_millis(50)) {
             Ok(image) => {
-                // It has sent, and ends: the scene is nobody else's again.
+                // Wait for the thread to release its reference to the scene.
                 let _ = drawing.join();
                 return image.map(Some);
             }

@@ -1,4 +1,4 @@
-//! `volraster calibrate`: what techniques cost on this device, and whether choices keep what they promise.
+//! Arguments of `calibrate` and its run.
 
 use indicatif::{ProgressBar, ProgressStyle};
 use volraster::choice::{Profile, Source};
@@ -12,11 +12,12 @@ use crate::cli::timing::Times;
 /// Arguments of `calibrate`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Instead of measuring: choose for N random scenes, cameras, transfer functions and errors, with what is known of this
-    /// device, and compare each choice with every setting that there is. The exit code is 1 unless 95 of 100 hold.
+    /// Check choices instead of measuring: choose for N random scenes, cameras, transfer functions and error goals
+    /// with the stored costs of this device, and compare each choice with all settings. The exit code is 1 unless 95
+    /// % of the choices meet their goal.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     check: Option<u32>,
-    /// Which draws --check makes.
+    /// Random seed of --check.
     #[arg(long, value_name = "SEED", default_value_t = 1, requires = "check")]
     seed: u32,
     /// Image size of --check.
@@ -31,19 +32,20 @@ impl Args {
     ///
     /// # Errors
     ///
-    /// What is wrong with the arguments, the device or the output; [`Failure::Finding`] when choices do not hold.
+    /// An error in the arguments, the device or the output; [`Failure::Finding`] when too few choices meet their
+    /// goal.
     pub(crate) fn run(&self, quiet: bool) -> Outcome {
         let (gpu, _) = self.device.open(false)?;
         if let Some(count) = self.check {
             let profile = Profile::load(&gpu);
             let bar = bar(u64::from(count));
-            let mut tell = |done: u32, line: &str| {
+            let mut progress = |done: u32, line: &str| {
                 bar.set_position(done.into());
                 if !quiet {
                     bar.suspend(|| output::print(line).unwrap_or(()));
                 }
             };
-            let found = draws::check(&gpu, &profile, [count, self.seed], self.size, &mut tell)?;
+            let found = draws::check(&gpu, &profile, [count, self.seed], self.size, &mut progress)?;
             bar.finish_and_clear();
             return report(&found, &profile);
         }
@@ -74,20 +76,22 @@ pub(super) fn bar(length: u64) -> ProgressBar {
     bar
 }
 
-/// What of choices must hold, of a hundred.
+/// Percentage of choices that must meet their goal.
 const PROMISED: f64 = 95.0;
 
 fn report(found: &Check, profile: &Profile) -> Outcome {
     let Check { possible, held, refused, ratios, trials } = found;
     let source = match profile.source() {
-        Source::BuiltIn => "built-in figures",
-        Source::Measured => "figures of this device",
+        Source::BuiltIn => "built-in costs",
+        Source::Measured => "costs measured on this device",
     };
-    output::print(&format!("held: {held} of {possible}; nothing meets the goal, nothing chosen: {refused}"))?;
+    output::print(&format!(
+        "held: {held} of {possible}; no setting meets the goal and none was chosen: {refused}"
+    ))?;
     if let (Some(ratios), Some(trials)) = (Times::new(ratios.clone()), Times::new(trials.clone())) {
         output::print(&format!(
-            "time over that of the fastest setting that meets the goal: median {:.2}, 95 of 100 below {:.2}; trials: median {}, \
-             most {}; with {source}",
+            "time relative to the fastest setting that meets the goal: median {:.2}, 95 % below {:.2}; trials: median {}, \
+             maximum {}; with {source}",
             ratios.median(),
             ratios.quantile(95),
             trials.median(),
@@ -95,7 +99,7 @@ fn report(found: &Check, profile: &Profile) -> Outcome {
         ))?;
     }
     if f64::from(*held) * 100.0 < PROMISED * f64::from(*possible) {
-        return Err(Failure::Finding(format!("only {held} of {possible} choices hold")));
+        return Err(Failure::Finding(format!("only {held} of {possible} choices meet their goal")));
     }
     Ok(())
 }

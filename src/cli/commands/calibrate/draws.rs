@@ -1,4 +1,4 @@
-//! Random scenes, cameras, transfer functions and goals, on which choices are checked.
+//! Random scenes, cameras, transfer functions and error goals, on which automatic choices are checked.
 
 use volraster::choice::{Goal, Profile, TrialOutcome};
 use volraster::glam::DVec3;
@@ -10,17 +10,18 @@ use volraster::{Error, Gpu, GpuScene, Result, choice};
 use crate::cli::input::Size;
 use crate::cli::random::Random;
 
-/// A scene, how it is seen, and the greatest error that is allowed.
+/// A random scene and view with an error goal.
 #[derive(Debug)]
-struct Draw {
+struct Sample {
     what: String,
     scene: Scene,
     view: View,
     max_error: f64,
 }
 
-impl Draw {
-    /// Two in eight are meshes, one is of points, one of a grid whose samples are kernels.
+impl Sample {
+    /// Draws a random sample. Two in eight scenes are meshes, one is points, one a grid with kernels, the others
+    /// plain grids.
     fn new(random: &mut Random, size: Size) -> Result<Self> {
         let fields = [Field::MarschnerLobb, Field::Blobs, Field::Ramp, Field::Sphere];
         let field = random.of(&fields);
@@ -59,7 +60,7 @@ impl Draw {
         } else {
             Projection::Perspective { fov_y_deg }
         };
-        // From inside to where the data is small.
+        // Distances range from inside the data to where it covers few pixels.
         let mut direction =
             || DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), random.between(-1.0, 1.0));
         let (towards, target, up) = (direction(), direction() * 0.3, direction());
@@ -79,7 +80,7 @@ impl Draw {
     }
 }
 
-/// Some knots; every third has a peak.
+/// Draws a transfer function of 2 to 7 knots; one in three has a narrow peak.
 fn transfer(random: &mut Random, unit: f64) -> Result<TransferFunction> {
     let strength = random.scale(0.3, 40.0);
     let count = random.whole(2, 7);
@@ -104,22 +105,23 @@ fn transfer(random: &mut Random, unit: f64) -> Result<TransferFunction> {
     TransferFunction::from_rows(&rows)
 }
 
-/// What a check found.
+/// Counts of a check.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Check {
-    /// Draws whose goal some setting meets.
+    /// Samples with a choice, or with a setting that meets the goal.
     pub(crate) possible: u32,
-    /// Of them those for which a setting was chosen that meets it in truth.
+    /// Of these, samples whose chosen setting meets the goal.
     pub(crate) held: u32,
-    /// Draws whose goal none meets, and for which none was chosen.
+    /// Samples whose goal no setting meets, and for which none was chosen.
     pub(crate) refused: u32,
-    /// Time of what was chosen over that of the fastest setting that meets the goal.
+    /// Time of each choice relative to the fastest setting that meets the goal.
     pub(crate) ratios: Vec<f64>,
-    /// Settings tried for each choice.
+    /// Trials of each choice.
     pub(crate) trials: Vec<f64>,
 }
 
-/// Chooses for random draws, and compares with every setting there is.
+/// Chooses settings for random samples, and compares each choice with all settings. `progress` gets the number of
+/// samples done and a line about the last one.
 ///
 /// # Errors
 ///
@@ -129,13 +131,13 @@ pub(crate) fn check(
     profile: &Profile,
     [count, seed]: [u32; 2],
     size: Size,
-    tell: &mut dyn FnMut(u32, &str),
+    progress: &mut dyn FnMut(u32, &str),
 ) -> Result<Check> {
     let mut found = Check::default();
     for i in 0..count {
-        // Each draw is one of its own: the same whatever came before.
+        // Each sample has a seed of its own and does not depend on earlier samples.
         let mut random = Random(u64::from(seed) << 32 | u64::from(i));
-        let Draw { what, scene, view, max_error } = Draw::new(&mut random, size)?;
+        let Sample { what, scene, view, max_error } = Sample::new(&mut random, size)?;
         let scene = GpuScene::new(gpu, scene);
         let goal = Goal::MaxError(max_error);
         let choice = match choice::choose(&scene, &view, goal, profile) {
@@ -155,15 +157,15 @@ pub(crate) fn check(
         match (fastest, choice) {
             (None, None) => {
                 found.refused += 1;
-                line += "nothing meets it, nothing chosen";
+                line += "no setting meets it, none chosen";
             }
             (None, Some(choice)) => {
                 found.possible += 1;
-                line += &format!("nothing meets it, {} chosen", choice.trials[choice.chosen].spec);
+                line += &format!("no setting meets it, {} chosen", choice.trials[choice.chosen].spec);
             }
             (Some(_), None) => {
                 found.possible += 1;
-                line += "nothing chosen";
+                line += "none chosen";
             }
             (Some(fastest), Some(choice)) => {
                 found.possible += 1;
@@ -180,7 +182,7 @@ pub(crate) fn check(
                 }
             }
         }
-        tell(i + 1, &line);
+        progress(i + 1, &line);
     }
     Ok(found)
 }
@@ -190,9 +192,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn draws_are_many_and_the_same_again() {
+    fn samples_vary_and_are_reproducible() {
         let size = Size { width: 8, height: 8 };
-        let one = |i: u64| Draw::new(&mut Random(i), size).unwrap();
+        let one = |i: u64| Sample::new(&mut Random(i), size).unwrap();
         let (mut meshes, mut parallel, mut splats) = (0, 0, 0);
         for i in 0..60 {
             let draw = one(i);

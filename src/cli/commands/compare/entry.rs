@@ -1,4 +1,4 @@
-//! Entries.
+//! Images by one technique each, with errors, times and memory.
 
 use std::path::Path;
 
@@ -16,10 +16,10 @@ use crate::cli::memory::device_bytes;
 use crate::cli::output;
 use crate::cli::timing::{Quantiles, pass_medians};
 
-/// Frames that are timed, after one that warms up.
+/// Timed frames per technique, after one warm-up frame.
 pub(super) const FRAMES: u32 = 5;
 
-/// A picture by one technique.
+/// An image drawn by one technique.
 pub(super) struct Entry {
     pub(super) technique: Technique,
     pub(super) route: &'static str,
@@ -27,19 +27,19 @@ pub(super) struct Entry {
     pub(super) stem: String,
     pub(super) image: Image,
     pub(super) frames: Vec<FrameTime>,
-    /// What the frame did, where it is known.
+    /// Counters of the plan and of the last frame.
     pub(super) counters: Vec<(&'static str, u64)>,
     pub(super) device_bytes: u64,
 }
 
-/// What came of a list of techniques.
+/// Results of a list of techniques.
 pub(super) struct Drawn {
     pub(super) entries: Vec<Entry>,
-    /// Of `all`: technique, route and why it does not draw this here.
+    /// Techniques of `all` that do not draw the scene here: technique, route and reason.
     pub(super) refused: Vec<[String; 3]>,
 }
 
-/// Draws what is wanted.
+/// Draws the scene with every wanted technique. Skips techniques of `all` that do not support the device or scene.
 pub(super) fn draw(gpu: &Gpu, scene: &Scene, settings: &Settings, list: &[Wanted]) -> Result<Drawn> {
     let mut entries: Vec<Entry> = Vec::new();
     let mut refused = Vec::new();
@@ -57,7 +57,7 @@ pub(super) fn draw(gpu: &Gpu, scene: &Scene, settings: &Settings, list: &[Wanted
                 });
                 match drawn {
                     Ok(entry) => entries.push(entry),
-                    // Nobody has asked for just this one.
+                    // `all` does not require each single technique: skip it.
                     Err(error) if is_refusal(&error) => {
                         output::print(&format!("skipped: {}/{route}: {error}", method.name()))?;
                         refused.push([method.name().to_string(), route.to_string(), error.to_string()]);
@@ -78,13 +78,13 @@ pub(super) fn draw(gpu: &Gpu, scene: &Scene, settings: &Settings, list: &[Wanted
     }
 }
 
-/// A technique by one route; the scene's technique has the scene's other options.
+/// Returns a technique by one route. The technique of the scene file keeps its other options.
 fn with_route(settings: &Settings, method: Method, route: &str) -> Result<Technique> {
     let given = settings.choice.as_ref().filter(|choice| choice.name == method.name());
     input::by_route(method, route, given.map_or(&[], |choice| &choice.options), &[])
 }
 
-/// A name for a technique's files that none of the entries has: `slices-3d`, then `slices-3d-2`.
+/// Returns an unused name for the files of a technique: `slices-3d`, then `slices-3d-2`.
 fn stem(entries: &[Entry], technique: Technique) -> String {
     let method = technique.method();
     match entries.iter().filter(|entry| entry.technique.method() == method).count() {
@@ -94,7 +94,7 @@ fn stem(entries: &[Entry], technique: Technique) -> String {
 }
 
 impl Entry {
-    /// Draws with a scene of its own, so that the memory that is counted is all that is needed.
+    /// Draws with a scene of its own, so that the measured memory is all that the technique needs.
     pub(super) fn draw(
         gpu: &Gpu,
         scene: &Scene,
@@ -115,7 +115,7 @@ impl Entry {
         Ok(Self { technique, route, stem, image, frames, counters, device_bytes })
     }
 
-    /// Writes the picture and its error, and returns both as PNG.
+    /// Writes the image and its heat map, and returns both as PNG.
     pub(super) fn write(
         &self,
         folder: &Path,
@@ -129,7 +129,7 @@ impl Entry {
         Ok([read(&file("png"))?, read(&file("heat.png"))?])
     }
 
-    /// The row of the report.
+    /// Returns the row of the report.
     pub(super) fn row(&self, errors: ImageErrors, pictures: [Vec<u8>; 2]) -> Row {
         Row {
             stem: self.stem.clone(),
@@ -146,7 +146,7 @@ impl Entry {
         }
     }
 
-    /// The line of the table on stdout.
+    /// Returns the row of the table on stdout.
     pub(super) fn line(&self, errors: &ImageErrors) -> Vec<String> {
         let all = errors.all;
         vec![
@@ -163,6 +163,7 @@ impl Entry {
         ]
     }
 
+    /// Returns the entry of errors.json.
     pub(super) fn json(&self, errors: &ImageErrors) -> Value {
         let full = json!(errors);
         let mut entry = Map::new();
@@ -174,7 +175,7 @@ impl Entry {
         for (key, statistic) in
             [("rmse", "rmse"), ("max", "max_abs"), ("bias", "bias"), ("p99", "p99"), ("p999", "p999")]
         {
-            // Taken from the serialised form, which writes infinity in a way that JSON can hold.
+            // The serialised form writes infinity in a way that JSON can represent.
             put(key, full["all"][statistic].clone());
         }
         put("above_1_255", json!(errors.above_1_255));
@@ -195,6 +196,7 @@ impl Entry {
     }
 }
 
+/// Reads a file.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).map_err(|source| Error::Io {
         path: path.to_path_buf(),

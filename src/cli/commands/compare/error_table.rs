@@ -1,16 +1,16 @@
-//! Error table.
+//! The sections of report.html about errors and times, and about techniques that did not draw.
 
 use std::fmt::Write as _;
 
 use super::row::{Row, bias, interval, mebibytes, scientific, time};
 use crate::cli::markup::escape_xml;
 
-/// A column of the table: its head, what it is, a value to sort by and its text.
+/// A column of the table: heading, explanation, and each cell's value to sort by with its text.
 struct Column {
     head: &'static str,
     about: &'static str,
     cell: fn(&Row) -> (f64, String),
-    /// Whether the smallest value is marked.
+    /// Whether the smallest value is highlighted.
     marks_best: bool,
 }
 
@@ -29,13 +29,13 @@ const COLUMNS: [Column; 11] = [
     },
     Column {
         head: "p99",
-        about: "99 % of the samples have this error or less",
+        about: "99th percentile of the absolute error",
         cell: |row| scientific(row.errors.all.p99),
         marks_best: true,
     },
     Column {
         head: "p99.9",
-        about: "99.9 % of the samples have this error or less",
+        about: "99.9th percentile of the absolute error",
         cell: |row| scientific(row.errors.all.p999),
         marks_best: true,
     },
@@ -47,7 +47,7 @@ const COLUMNS: [Column; 11] = [
     },
     Column {
         head: "> 1/255",
-        about: "share of the pixels with a larger error in some channel",
+        about: "share of pixels with a larger error in some channel",
         cell: |row| (row.errors.above_1_255, format!("{:.2} %", 100.0 * row.errors.above_1_255)),
         marks_best: false,
     },
@@ -65,30 +65,31 @@ const COLUMNS: [Column; 11] = [
     },
     Column {
         head: "95 %",
-        about: "where that median lies with 95 % (bootstrap)",
+        about: "95 % confidence interval of that median (bootstrap)",
         cell: |row| interval(row.wall.as_ref()),
         marks_best: false,
     },
     Column {
         head: "GPU ms",
-        about: "median sum of the passes' times on the device",
+        about: "median of the summed pass times on the device",
         cell: |row| time(row.gpu.as_ref()),
         marks_best: true,
     },
     Column {
         head: "MiB",
-        about: "device memory that scene and frame take",
+        about: "device memory of scene and frame",
         cell: |row| mebibytes(row.device_bytes),
         marks_best: true,
     },
 ];
 
+/// Writes the table of errors and times.
 pub(super) fn errors_table(out: &mut String, rows: &[Row]) {
     out.push_str(
         "<section>\n<h2>Errors and times</h2>\n<p class=\"note\">Errors are over all pixels and the four channels of premultiplied \
-         linear RGBA. The best of a column is bold. <span class=\"js\">Click a head to sort.</span></p>\n<div class=\"scroll\">\n<table class=\"sortable\">\n<thead><tr>",
+         linear RGBA. The best of a column is bold. <span class=\"js\">Click a heading to sort.</span></p>\n<div class=\"scroll\">\n<table class=\"sortable\">\n<thead><tr>",
     );
-    // A column that is empty, or in which all is well, is no news.
+    // Columns without information are left out: no options, no NaN.
     let has_options = rows.iter().any(|row| !row.options.is_empty());
     for head in ["technique", "route"].into_iter().chain(has_options.then_some("options")) {
         let _ = write!(out, "<th scope=\"col\" class=\"text\">{head}</th>");
@@ -99,7 +100,7 @@ pub(super) fn errors_table(out: &mut String, rows: &[Row]) {
         let _ = write!(out, "<th scope=\"col\" title=\"{}\">{}</th>", escape_xml(about), escape_xml(head));
     }
     out.push_str("</tr></thead>\n<tbody>\n");
-    // What reads the same is as good.
+    // Cells with the same text count as equal.
     let best = columns.iter().map(|column| {
         let cells = rows.iter().map(|row| (column.cell)(row)).filter(|(value, _)| value.is_finite());
         let best = cells.min_by(|a, b| a.0.total_cmp(&b.0));
@@ -126,6 +127,7 @@ pub(super) fn errors_table(out: &mut String, rows: &[Row]) {
     out.push_str("</tbody>\n</table>\n</div>\n</section>\n");
 }
 
+/// Writes the table of techniques that did not draw, with reasons.
 pub(super) fn refusals(out: &mut String, refused: &[[String; 3]]) {
     if refused.is_empty() {
         return;

@@ -1,4 +1,4 @@
-//! report.html of `compare`: one file that needs nothing else, with or without a network or scripts.
+//! report.html of `compare`: a single file that works offline and without scripts.
 
 use std::fmt::Write as _;
 
@@ -11,20 +11,20 @@ use super::pass_bars::passes;
 use super::row::{Row, scientific, time};
 use crate::cli::markup::escape_xml;
 
-/// What a page shows.
+/// The content of the report.
 #[derive(Debug)]
 pub(crate) struct Page {
     pub(crate) title: String,
-    /// Names and values above everything.
+    /// Names and values at the head.
     pub(crate) facts: Vec<(&'static str, String)>,
-    /// The truth as PNG, and what it is.
+    /// The ground truth as PNG, and its description.
     pub(crate) truth: (Vec<u8>, String),
     pub(crate) rows: Vec<Row>,
-    /// Technique, route and why it did not draw.
+    /// Technique, route and reason of each technique that did not draw.
     pub(crate) refused: Vec<[String; 3]>,
 }
 
-/// The page as HTML.
+/// Returns the report as HTML.
 pub(crate) fn html(page: &Page) -> String {
     let mut out = String::new();
     let title = escape_xml(&page.title);
@@ -47,8 +47,9 @@ pub(crate) fn html(page: &Page) -> String {
     out
 }
 
+/// Writes the images of the ground truth and of each technique, with heat maps and counters.
 fn pictures(out: &mut String, page: &Page) {
-    out.push_str("<section>\n<h2>Pictures</h2>\n");
+    out.push_str("<section>\n<h2>Images</h2>\n");
     legend(out);
     let small = page.rows.first().is_some_and(|row| row.errors.width < 256);
     let _ = writeln!(out, "<div class=\"cards{}\">", if small { " small" } else { "" });
@@ -58,8 +59,8 @@ fn pictures(out: &mut String, page: &Page) {
     let (truth, what) = &page.truth;
     let _ = writeln!(
         out,
-        "<article>\n<h3>Truth</h3>\n<div class=\"pair\"><figure>{}<figcaption>{}</figcaption></figure></div>\n</article>",
-        image(truth, "The truth"),
+        "<article>\n<h3>Ground truth</h3>\n<div class=\"pair\"><figure>{}<figcaption>{}</figcaption></figure></div>\n</article>",
+        image(truth, "The ground truth"),
         escape_xml(what)
     );
     for row in &page.rows {
@@ -92,7 +93,7 @@ fn pictures(out: &mut String, page: &Page) {
     out.push_str("</div>\n</section>\n");
 }
 
-/// The scale of the error pictures, which is the same in every report.
+/// Writes the colour scale of the heat maps, which is the same in every report.
 fn legend(out: &mut String) {
     let css = |colour: [f64; 3]| {
         let [r, g, b] = colour.map(|c| format!("{:.0}", 255.0 * c));
@@ -101,7 +102,7 @@ fn legend(out: &mut String) {
     let stops: Vec<String> = HEAT_KNOTS.iter().map(|(_, colour)| css(*colour)).collect();
     let _ = write!(
         out,
-        "<div class=\"legend\"><p>Error pictures show the largest absolute error of a pixel's four channels, on one scale for all:</p>\
+        "<div class=\"legend\"><p>Heat maps show the largest absolute error of a pixel's four channels, on one scale for all:</p>\
          <div class=\"scale\" style=\"background:linear-gradient(to right,{})\"></div><div class=\"marks\">",
         stops.join(",")
     );
@@ -157,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn everything_stands_in_the_page_and_text_stays_text() {
+    fn the_page_contains_everything_and_escapes_text() {
         let html = html(&page());
         for part in [
             "&lt;script&gt;alert(1)",
@@ -181,16 +182,16 @@ mod tests {
             assert!(html.contains(part), "{part}");
         }
         assert!(!html.contains("<script>alert") && html.matches("<script>").count() == 1);
-        // Nothing is fetched.
+        // The page loads nothing from elsewhere.
         assert!(!html.contains("http://") && !html.contains("https://") && !html.contains("url("), "{html}");
-        // The better of each: one error, one time; what is equal is both.
+        // The best of each column is highlighted; equal values are all highlighted.
         let best: Vec<&str> =
             html.split("class=\"best\">").skip(1).map(|rest| rest.split('<').next().unwrap()).collect();
         assert_eq!(best, ["2.50e-1", "2.50e-1", "2.50e-1", "2.50e-1", "3.00", "2.00", "3.00"]);
     }
 
     #[test]
-    fn columns_without_news_are_left_out() {
+    fn columns_without_information_are_left_out() {
         let heads = |page: &Page| html(page).split("<tbody>").next().unwrap().matches("<th ").count();
         let mut page = page();
         let all = heads(&page);

@@ -1,4 +1,4 @@
-//! Pass bars.
+//! The section of report.html about the time of each pass.
 
 use std::fmt::Write as _;
 
@@ -6,7 +6,8 @@ use super::row::Row;
 use crate::cli::markup::escape_xml;
 use crate::cli::numbers::three_digits;
 
-/// Passes of a row with their names without the technique's; those below a hundredth of their sum are one, at the end.
+/// Returns the passes of a row, without the technique in their names; passes below 1 % of the total are merged at the
+/// end.
 fn shown_passes(row: &Row) -> Vec<(String, f64)> {
     let sum: f64 = row.passes.iter().map(|(_, ms)| ms).sum();
     let (shown, small): (Vec<_>, Vec<_>) = row.passes.iter().partition(|(_, ms)| *ms >= 0.01 * sum);
@@ -21,6 +22,7 @@ fn shown_passes(row: &Row) -> Vec<(String, f64)> {
     shown.into_iter().map(|(name, ms)| (short(name), *ms)).chain(rest).collect()
 }
 
+/// Writes a stacked bar of pass times for each technique.
 pub(super) fn passes(out: &mut String, rows: &[Row]) {
     let sum = |row: &Row| row.passes.iter().map(|(_, ms)| ms).sum::<f64>();
     let most = rows.iter().map(sum).fold(0.0, f64::max);
@@ -31,7 +33,7 @@ pub(super) fn passes(out: &mut String, rows: &[Row]) {
         "<section>\n<h2>Time per pass</h2>\n<p class=\"note\">Medians on the device, in ms; errors.json has every pass. \
          All bars have one scale.</p>\n<div class=\"passes\">\n",
     );
-    // A pass has one colour in all rows.
+    // A pass has the same colour in all rows.
     let mut names: Vec<String> = Vec::new();
     for row in rows.iter().filter(|row| !row.passes.is_empty()) {
         let passes = shown_passes(row);

@@ -1,11 +1,11 @@
-//! Row.
+//! Results of a technique, and how the report formats them: a value to sort by, and its text.
 
 use volraster::measure::ImageErrors;
 
 use crate::cli::numbers::three_digits;
 use crate::cli::timing::Quantiles;
 
-/// What a technique gave.
+/// Results of a technique.
 #[derive(Debug)]
 pub(crate) struct Row {
     pub(crate) stem: String,
@@ -18,7 +18,7 @@ pub(crate) struct Row {
     pub(crate) passes: Vec<(String, f64)>,
     pub(crate) counters: Vec<(String, u64)>,
     pub(crate) device_bytes: u64,
-    /// The picture and its error as PNG.
+    /// The image and its heat map as PNG.
     pub(crate) pictures: [Vec<u8>; 2],
 }
 
@@ -27,7 +27,7 @@ pub(super) fn scientific(value: f64) -> (f64, String) {
 }
 
 pub(super) fn bias(value: f64) -> (f64, String) {
-    // Sorted by size: either sign is as wrong.
+    // Sorted by magnitude.
     (value.abs(), format!("{value:+.2e}").replace('-', "\u{2212}").replace("e\u{2212}", "e-"))
 }
 

@@ -1,4 +1,4 @@
-//! `volraster info`: what a file holds, and what would be drawn of it.
+//! Arguments of `info`, and the order of its output.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -32,7 +32,7 @@ impl Args {
     ///
     /// # Errors
     ///
-    /// What is wrong with the file.
+    /// An error in the file.
     pub(crate) fn run(&self) -> Outcome {
         let facts = self.facts()?;
         if self.json {
@@ -46,7 +46,7 @@ impl Args {
     fn facts(&self) -> Result<Facts> {
         let start = Instant::now();
         let reading = output::Reading::new(&self.file);
-        let options = reading.tell(self.arrays.options());
+        let options = reading.with_progress(self.arrays.options());
         let scene = |loaded: LoadedScene| self.of_scene(&Input::new(&self.file, loaded, None, start)?);
         if SceneFile::is_at(&self.file, &options) {
             let loaded = LoadedScene::load_any(&self.file, &options)?;

@@ -1,4 +1,4 @@
-//! Data.
+//! Facts about the data: grids, meshes and points.
 
 use serde_json::{Value, json};
 use volraster::GridBytes;
@@ -11,6 +11,7 @@ use super::histogram::Histogram;
 use crate::cli::numbers::{number, triple};
 
 impl Facts {
+    /// Adds the facts about a grid.
     pub(super) fn of_grid(&mut self, grid: &Grid, report: &Report) {
         self.lattice(grid);
         self.values(grid.range(), grid.nan_count(), grid.infinite_count(), &Histogram::of(grid));
@@ -31,6 +32,7 @@ impl Facts {
         );
     }
 
+    /// Adds the facts about a mesh.
     pub(super) fn of_mesh(&mut self, mesh: &Tets, report: &Report) {
         let (points, cells) = (mesh.points().len(), mesh.cells().len());
         let values = mesh.scalars().values();
@@ -54,6 +56,7 @@ impl Facts {
         self.geometry(12 * points + 16 * cells + 4 * values.len());
     }
 
+    /// Adds the facts about points.
     pub(super) fn of_points(&mut self, points: &Points, report: &Report) {
         let count = points.centres().len();
         let lists = points.scalars().map_or(0, |_| 4) + points.weights().map_or(0, |_| 4);
@@ -96,7 +99,7 @@ impl Facts {
         self.geometry(count * (12 + lists + extra));
     }
 
-    /// Size, type and place of a grid.
+    /// Adds extent, type, position and orientation of a grid.
     pub(super) fn lattice(&mut self, grid: &Grid) {
         let samples = grid.samples();
         let [nx, ny, nz] = grid.dims();
@@ -128,18 +131,20 @@ impl Facts {
         }
     }
 
+    /// Adds the bounding box.
     pub(super) fn bounds(&mut self, [low, high]: [DVec3; 2]) {
         self.put("bounds", json!([low.to_array(), high.to_array()]));
         self.line("bounds", format!("{} to {}", triple(low), triple(high)));
     }
 
-    /// Scalars of a mesh or of points.
+    /// Adds range and histogram of the scalars of a mesh or of points.
     pub(super) fn scalars(&mut self, range: [f64; 2], values: &[f32]) {
         let nan = values.iter().filter(|value| value.is_nan()).count();
         let infinite = values.iter().filter(|value| value.is_infinite()).count();
         self.values(range, nan, infinite, &Histogram::of_values(range, values));
     }
 
+    /// Adds range, number of NaN and infinite values, and histogram.
     pub(super) fn values(&mut self, [lo, hi]: [f64; 2], nan: usize, infinite: usize, histogram: &Histogram) {
         let Histogram { first, width, counts } = histogram;
         self.put("range", json!([lo, hi]));
@@ -152,14 +157,14 @@ impl Facts {
         self.line("histogram", format!("|{}| logarithmic", histogram.sketch()));
     }
 
-    /// What the corners and scalars of a mesh, or the points, take on the device at least.
+    /// Adds a lower bound of the device memory of a mesh or of points.
     pub(super) fn geometry(&mut self, bytes: usize) {
         self.put("device_bytes", json!({"geometry": bytes}));
         self.line("on device", format!("{bytes} bytes at least (geometry and scalars in 32 bits)"));
     }
 }
 
-/// Smallest and largest finite value, if there is one.
+/// Returns the smallest and largest finite value, if any.
 fn range_of(values: &[f32]) -> Option<[f32; 2]> {
     let finite = || values.iter().copied().filter(|value| value.is_finite());
     Some([finite().reduce(f32::min)?, finite().reduce(f32::max)?])

@@ -1,4 +1,4 @@
-//! Facts.
+//! Facts about a file, collected as JSON and as lines of text.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -8,22 +8,22 @@ use volraster::io::{ArrayInfo, Report};
 
 use crate::cli::output;
 
-/// Arrays that are listed; the JSON has all of them.
+/// Maximum number of arrays in the text; the JSON lists all.
 const LISTED_ARRAYS: usize = 32;
 
-/// What is told of a file: as JSON, and as lines of a word and a text.
+/// Facts about a file, as JSON and as lines of a word and a text.
 pub(super) struct Facts {
     pub(super) json: Map<String, Value>,
     pub(super) lines: Vec<(&'static str, String)>,
-    /// What follows the lines.
+    /// Text after the lines.
     pub(super) tail: String,
 }
 
 impl Facts {
-    /// Begins with what is told of every file; `data` is the file that the data comes from.
+    /// Starts with the facts about every file; `data` is the file of the data itself.
     pub(super) fn new(file: &Path, kind: &str, data: &Path, report: &Report) -> Self {
         let mut facts = Self { json: Map::new(), lines: Vec::new(), tail: String::new() };
-        // A folder has no size worth telling, and a file may be gone by now.
+        // Folders have no size, and the file may be gone by now.
         let size = std::fs::metadata(data).ok().filter(std::fs::Metadata::is_file);
         let size = size.map(|metadata| metadata.len());
         facts.put("file", json!(file.display().to_string()));
@@ -35,15 +35,17 @@ impl Facts {
         facts
     }
 
+    /// Adds a member of the JSON.
     pub(super) fn put(&mut self, key: &str, value: Value) {
         self.json.insert(key.to_string(), value);
     }
 
+    /// Adds a line of text.
     pub(super) fn line(&mut self, word: &'static str, text: String) {
         self.lines.push((word, text));
     }
 
-    /// The arrays of the file, and which is shown.
+    /// Adds the arrays of the file, and which one is shown.
     pub(super) fn arrays(&mut self, report: &Report) {
         let shown = shown(report);
         let json_of = |(i, array): (usize, &ArrayInfo)| {
@@ -67,6 +69,7 @@ impl Facts {
         }
     }
 
+    /// Adds the notes and warnings of the reader.
     pub(super) fn remarks(&mut self, report: &Report) {
         self.put("notes", json!(report.notes));
         self.put("warnings", json!(report.warnings));
@@ -78,6 +81,7 @@ impl Facts {
         }
     }
 
+    /// Returns all lines below the name of the file.
     pub(super) fn text(&self, file: &Path) -> String {
         let width = self.lines.iter().map(|(word, _)| word.len()).max().unwrap_or(0);
         let mut text = output::plain(&file.display().to_string());
@@ -90,7 +94,7 @@ impl Facts {
     }
 }
 
-/// The place of the array that is shown: the one with the longest name that fits.
+/// Returns the index of the shown array: the one with the longest matching name.
 fn shown(report: &Report) -> Option<usize> {
     let shown = report.shown.as_deref()?;
     let fits = |array: &ArrayInfo| {
@@ -99,6 +103,6 @@ fn shown(report: &Report) -> Option<usize> {
         (rest.is_empty() || rest.starts_with(':')).then_some(array.name.len())
     };
     let lengths = report.arrays.iter().enumerate().filter_map(|(i, array)| Some((fits(array)?, i)));
-    // Of equal names the first is the one that readers find.
+    // Among equal names readers find the first.
     lengths.max_by_key(|&(length, i)| (length, std::cmp::Reverse(i))).map(|(_, i)| i)
 }

@@ -1,24 +1,24 @@
-//! How often values occur.
+//! Histograms of scalars.
 
 use volraster::scene::{Grid, Samples};
 
-/// Most classes of the histogram.
+/// Maximum number of classes.
 const CLASSES: usize = 64;
 
-/// How often values occur. NaN and infinities are left out.
+/// A histogram with classes of equal width. It leaves out NaN and infinite values.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Histogram {
     /// Smallest value of the first class.
     pub(crate) first: f64,
     /// Width of each class.
     pub(crate) width: f64,
-    /// Samples in each class.
+    /// Number of samples in each class.
     pub(crate) counts: Vec<u64>,
 }
 
 impl Histogram {
-    /// Classes over the whole range. Those of integer data hold equally many codes, so that the classes
-    /// make no pattern of their own.
+    /// Computes the histogram of a grid over its range. Classes of integer data contain equally many codes, so that
+    /// the classes cause no pattern.
     pub(crate) fn of(grid: &Grid) -> Self {
         let (samples, rescale) = (grid.samples(), grid.rescale());
         let [lo, hi] = grid.range();
@@ -26,7 +26,7 @@ impl Histogram {
         let (first, width, count) = match samples {
             Samples::F32(_) => Self::even(lo, hi),
             Samples::U8(_) | Samples::U16(_) | Samples::I16(_) => {
-                // Codes are at most 2^16, so that this is exact, unless the values themselves are coarser.
+                // There are at most 2^16 codes; where float64 cannot separate the values, classes are merely coarser.
                 let codes = whole((hi - lo) / unit).min(0xffff) + 1;
                 let each = codes.div_ceil(CLASSES);
                 (lo - unit / 2.0, each as f64 * unit, codes.div_ceil(each))
@@ -36,7 +36,7 @@ impl Histogram {
         Self::count([first, width], count, values.filter(|value| value.is_finite()))
     }
 
-    /// Classes over a range. Values outside of it are left out.
+    /// Computes the histogram of values in a range; values outside are left out.
     pub(crate) fn of_values([lo, hi]: [f64; 2], values: &[f32]) -> Self {
         let (first, width, count) = Self::even(lo, hi);
         let values = values.iter().map(|&value| f64::from(value));
@@ -56,13 +56,13 @@ impl Histogram {
         Self { first, width, counts }
     }
 
-    /// One bar for each class, as high as the logarithm of its count.
+    /// Returns one character per class, as high as the logarithm of its count.
     pub(crate) fn sketch(&self) -> String {
         const BARS: [char; 9] = [' ', '▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
         let most = self.counts.iter().copied().max().unwrap_or(0);
         let height = |count: u64| ((1 + count) as f64).ln();
         let bar = |&count: &u64| match count {
-            // What is there at all shows.
+            // Classes that are not empty are always visible.
             0 => BARS[0],
             _ => BARS[whole(8.0 * height(count) / height(most)).clamp(1, 8)],
         };
@@ -70,7 +70,7 @@ impl Histogram {
     }
 }
 
-/// The nearest whole number; saturates, and no number gives 0.
+/// Rounds to the nearest integer; saturates, and NaN gives 0.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_is_not_counted() {
+    fn values_that_are_not_finite_are_not_counted() {
         let values = vec![f32::NAN, f32::INFINITY, 0.0, 1.0, 1.0, 1.0, 0.5, f32::NEG_INFINITY];
         let histogram = Histogram::of(&Grid::new([2, 2, 2], Samples::F32(values)).unwrap());
         assert_eq!(histogram.counts.iter().sum::<u64>(), 5);

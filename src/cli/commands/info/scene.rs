@@ -1,4 +1,4 @@
-//! Scene.
+//! Facts about a scene: kernels, surfaces, clip region, camera and transfer function.
 
 use std::fmt::Write as _;
 
@@ -12,14 +12,14 @@ use super::facts::Facts;
 use crate::cli::numbers::{number, triple};
 use crate::cli::table;
 
-/// Knots that are listed; the JSON has all of them.
+/// Maximum number of knots in the text; the JSON lists all.
 const LISTED_KNOTS: usize = 16;
 
-/// Surfaces that are listed; the JSON has all of them.
+/// Maximum number of surfaces in the text; the JSON lists all.
 const LISTED_SURFACES: usize = 16;
 
 impl Facts {
-    /// Kernels that a scene asks for.
+    /// Adds the kernels of the scene.
     pub(super) fn kernels(&mut self, kernels: &Kernels, on_grid: bool) {
         let Kernels { kernel, sigma, cut, model, least } = *kernels;
         let mut json = Map::from_iter([
@@ -41,7 +41,7 @@ impl Facts {
         self.line("field", text);
     }
 
-    /// Triangle meshes in the volume.
+    /// Adds the surfaces.
     pub(super) fn surfaces(&mut self, surfaces: &[Surface]) {
         let shade = |surface: &Surface| match surface.shading() {
             Shading::Flat => "flat",
@@ -75,9 +75,9 @@ impl Facts {
         }
     }
 
-    /// What is cut away, if anything is.
+    /// Adds clip planes and crop box.
     pub(super) fn clip(&mut self, clip: &Clip) {
-        // JSON has no infinite numbers: a side that cuts nothing is null.
+        // JSON has no infinite numbers: a side of the box that does not clip is null.
         let planes: Vec<Value> = clip
             .planes()
             .map(|plane| json!({"point": plane.point.to_array(), "normal": plane.normal.to_array()}))
@@ -114,7 +114,7 @@ pub(super) fn knots_text(transfer: &TransferFunction) -> String {
     text
 }
 
-/// A corner of a crop box; `-` where it cuts nothing.
+/// Formats a corner of a crop box, with `-` for a side that does not clip.
 fn bounds(corner: DVec3) -> String {
     let [x, y, z] =
         corner.to_array().map(|bound| if bound.is_finite() { number(bound) } else { "-".to_string() });

@@ -1,4 +1,4 @@
-//! Messages of validation layers that are no fault, each with its reason: `allowed.json`.
+//! Validation messages that are allowed, each with its reason: `allowed.json`.
 
 use std::cell::Cell;
 
@@ -6,34 +6,34 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use volraster::{Error, Result};
 
-/// A message that may come.
+/// An allowed message.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Entry {
-    /// Its id, whole.
+    /// The complete message id.
     id: String,
-    /// How the names of cases begin in which it may come.
+    /// Prefix of the names of the cases in which it is allowed.
     #[serde(rename = "where")]
     place: String,
-    /// What stands in it; for messages of which some are a fault.
+    /// Text that it must contain, where only some messages of the id are allowed.
     #[serde(default)]
     text: String,
-    /// Why it is no fault.
+    /// Why it is allowed.
     reason: String,
     #[serde(skip)]
     matched: Cell<u64>,
 }
 
-/// The list.
+/// The list of allowed messages.
 #[derive(Debug)]
 pub(crate) struct Allowed(Vec<Entry>);
 
 impl Allowed {
-    /// The crate's own list.
+    /// Returns the list of the crate.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if it does not hold; the test below sees that it does.
+    /// [`Error::Invalid`] if the list is malformed, which a test below rules out.
     pub(crate) fn of_crate() -> Result<Self> {
         Self::parse(include_str!("allowed.json"))
     }
@@ -47,7 +47,7 @@ impl Allowed {
         }
     }
 
-    /// Whether a message may come in a case; counts it then.
+    /// Returns whether a message is allowed in a case, and counts it.
     pub(crate) fn allows(&self, case: &str, message: &str) -> bool {
         let id = id_of(message);
         let found = self
@@ -60,19 +60,19 @@ impl Allowed {
         found.is_some()
     }
 
-    /// Ids of entries that no message has had.
+    /// Returns the ids of entries that matched no message.
     pub(crate) fn unused(&self) -> Vec<&str> {
         self.0.iter().filter(|entry| entry.matched.get() == 0).map(|entry| entry.id.as_str()).collect()
     }
 
-    /// The list with how often each entry was needed.
+    /// Returns the list as JSON, with the number of matches.
     pub(crate) fn json(&self) -> Value {
         let entry = |entry: &Entry| json!({"id": entry.id, "where": entry.place, "text": entry.text, "reason": entry.reason, "matched": entry.matched.get()});
         self.0.iter().map(entry).collect()
     }
 }
 
-/// The id of a message: `error ID: text`.
+/// Returns the id in a message of the form `error ID: text`.
 pub(crate) fn id_of(message: &str) -> &str {
     message.split_whitespace().nth(1).map_or("", |id| id.trim_end_matches(':'))
 }
@@ -82,12 +82,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_list_of_the_crate_holds() {
+    fn the_list_of_the_crate_is_valid() {
         assert!(Allowed::of_crate().is_ok());
     }
 
     #[test]
-    fn an_entry_allows_its_message_in_its_place_alone() {
+    fn an_entry_allows_its_message_only_in_its_cases() {
         let list = r#"[{"id": "VUID-a", "where": "draw/", "reason": "r"}, {"id": "VUID-b", "where": "", "reason": "r"}]"#;
         let allowed = Allowed::parse(list).unwrap();
         assert!(allowed.allows("draw/x", "warning VUID-a: text of VUID-b"));

@@ -1,4 +1,4 @@
-//! Case.
+//! A case of the self-test, and specs of techniques by every route.
 
 use std::sync::Arc;
 
@@ -8,10 +8,10 @@ use volraster::{GpuScene, Result, Technique};
 use super::subject::Subject;
 use super::workbench::{Verdict, Workbench};
 
-/// One thing to check.
+/// A check with a name.
 pub(crate) struct Case {
     pub(crate) name: String,
-    /// The technique that it is about; `None` where it is about all or none.
+    /// The technique under test; `None` for checks of all or none.
     pub(crate) method: Option<Method>,
     pub(crate) run: Box<dyn Fn(&Workbench) -> Verdict>,
 }
@@ -27,7 +27,7 @@ impl Case {
     }
 }
 
-/// Every technique by every route; the rest of its options are the defaults.
+/// Returns a spec for every technique by every route, other options at their defaults.
 pub(crate) fn by_route() -> Vec<String> {
     let mut specs = Vec::new();
     for method in Method::ALL {
@@ -43,12 +43,12 @@ pub(crate) fn by_route() -> Vec<String> {
     specs
 }
 
-/// A spec as a part of a case's name.
+/// Returns a spec as part of the name of a case.
 pub(crate) fn label(spec: &str) -> &str {
     spec.trim_end_matches(':')
 }
 
-/// The scene of a subject on a device.
+/// Uploads the scene of a subject.
 pub(crate) fn on(gpu: &volraster::Gpu, subject: Subject) -> Result<Arc<GpuScene>> {
     Ok(GpuScene::new(gpu, subject.scene()?))
 }

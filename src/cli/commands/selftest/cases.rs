@@ -1,4 +1,4 @@
-//! The cases: pictures against the truth, and each way in which resources come and go.
+//! The list of all cases.
 
 use volraster::{Result, Technique};
 
@@ -11,7 +11,8 @@ use super::subject::Subject;
 use super::targets::caller;
 use super::workbench::{Stop, Verdict, Workbench};
 
-/// All cases, in the order in which they run; with `every_call`, each call of a session fails in turn, and not some of each name.
+/// Returns all cases in the order in which they run. With `every_call`, each Vulkan call of a session fails in turn,
+/// instead of a few calls of each function.
 ///
 /// # Errors
 ///
@@ -63,8 +64,7 @@ pub(crate) fn all(every_call: bool) -> Result<Vec<Case>> {
     Ok(cases)
 }
 
-/// Failures of calls and losses of the device, in sessions of each kind of data and route; some calls of
-/// each name, or all.
+/// Returns the cases of failing calls and lost devices, for sessions of each kind of data and route.
 fn failures(every_call: bool) -> Result<Vec<Case>> {
     type Sweep = fn(&Place, &Session, usize) -> std::result::Result<session::Swept, String>;
     let sweeps: [(&str, Sweep, usize); 4] = [
@@ -77,13 +77,13 @@ fn failures(every_call: bool) -> Result<Vec<Case>> {
     let mut cases = Vec::new();
     for (kind, sweep, most) in sweeps {
         for session in session::sessions()? {
-            // What opens a device is the same for all.
+            // Opening a device does not depend on the session.
             if kind == "opening" && session.name != "grid-raster" {
                 continue;
             }
             let (name, method) = (format!("{kind}/{}", session.name), Some(session.method()));
             let run = move |workbench: &Workbench| {
-                // Advice and instrumented shaders are about other things, and cost time.
+                // Best-practice advice and instrumented shaders do not matter here, and cost time.
                 let place = Place { device: workbench.device.clone(), validation: workbench.plain() };
                 let swept = sweep(&place, &session, most).map_err(Stop::Fail)?;
                 let failed: u32 = swept.failed.values().sum();

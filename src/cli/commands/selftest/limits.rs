@@ -1,4 +1,5 @@
-//! Devices with less: loop iterations, bytes that a shader sees, memory. Emulated, on the device at hand.
+//! Emulated devices with lower limits: loop iterations, bytes of a storage buffer, size of an allocation, memory
+//! budget.
 
 use volraster::gpu::GpuOptions;
 use volraster::{Error, Image, Result, Technique};
@@ -7,10 +8,10 @@ use super::case::{Case, by_route, label, on};
 use super::subject::{SIZE, Subject, VIEWS, view};
 use super::workbench::{Stop, Verdict, Workbench, draw, fail, offered};
 
-/// What a picture may differ by where work is cut otherwise: rounding.
+/// Largest difference of images when work is split differently: rounding.
 const ROUNDING: f64 = 1e-5;
 
-/// The cases of all limits, by technique and route.
+/// Returns the cases of all limits, for every technique and route.
 ///
 /// # Errors
 ///
@@ -30,14 +31,14 @@ pub(crate) fn cases() -> Result<Vec<Case>> {
     Ok(cases)
 }
 
-/// The picture without limits.
+/// Draws the image without limits.
 fn expected(workbench: &Workbench, spec: &str) -> std::result::Result<Image, Stop> {
     let gpu = workbench.gpu()?;
     offered(&gpu, spec)?;
     Ok(with(workbench, spec, GpuOptions::default(), Some(gpu))?)
 }
 
-/// The picture on a device with options, or on one that is open.
+/// Draws the image on a new device with options, or on an open one.
 fn with(
     workbench: &Workbench,
     spec: &str,
@@ -57,10 +58,10 @@ fn near(what: &str, image: &Image, expected: &Image) -> std::result::Result<(), 
     if errors.non_finite == 0 && errors.all.max_abs <= ROUNDING {
         return Ok(());
     }
-    fail(format!("{what}: {:.1e} from the picture without the limit", errors.all.max_abs))
+    fail(format!("{what}: {:.1e} from the image without the limit", errors.all.max_abs))
 }
 
-/// Marches that go on where another invocation stopped.
+/// Checks that marches resume where the loop limit stopped an invocation.
 fn loops(workbench: &Workbench, spec: &str) -> Verdict {
     let expected = expected(workbench, spec)?;
     let options = GpuOptions { loop_limit: Some(1500), ..GpuOptions::default() };
@@ -68,8 +69,8 @@ fn loops(workbench: &Workbench, spec: &str) -> Verdict {
     Ok("1500 loop iterations".to_string())
 }
 
-/// Tries limits, from the tightest on: each refuses in the right words or draws the picture; so many refuse at least, and the
-/// last draws.
+/// Tries limits in ascending order. Each must refuse with the right error or draw the same image; at least
+/// `least_refused` must refuse, and the last must draw.
 fn tighten(
     workbench: &Workbench,
     spec: &str,
@@ -90,7 +91,7 @@ fn tighten(
             Err(error) if is_refusal(&error) && i + 1 < limits.len() => refused += 1,
             Err(error) => return fail(format!("{limit} bytes: {error}")),
         }
-        // More is not another case.
+        // Higher limits would repeat the same case.
         if least.is_some() && i > 2 {
             break;
         }
@@ -102,9 +103,9 @@ fn tighten(
     Ok(format!("{refused} refused, drawn with {least} bytes"))
 }
 
-/// Less of a buffer that a shader sees.
+/// Limits the bytes of a storage buffer that a shader sees.
 fn storage(workbench: &Workbench, spec: &str) -> Verdict {
-    // How many texels shear-warp composites follows from how many a buffer holds: with fewer it is another picture.
+    // The resolution of the intermediate image of shear-warp depends on this limit; with less, the image differs.
     let fits = |&limit: &u64| limit >= 1 << 20 || !spec.starts_with("shear-warp");
     let limits: Vec<u64> = [1 << 10, 1 << 13, 1 << 16, 1 << 20, 1 << 24].into_iter().filter(fits).collect();
     tighten(
@@ -117,7 +118,7 @@ fn storage(workbench: &Workbench, spec: &str) -> Verdict {
     )
 }
 
-/// Smaller allocations.
+/// Limits the size of an allocation.
 fn allocation(workbench: &Workbench, spec: &str) -> Verdict {
     tighten(
         workbench,
@@ -129,7 +130,7 @@ fn allocation(workbench: &Workbench, spec: &str) -> Verdict {
     )
 }
 
-/// Less memory: what does not fit is refused before the driver is asked.
+/// Limits the memory budget: requests above it must be refused before the driver is called.
 fn budget(workbench: &Workbench, spec: &str) -> Verdict {
     let mut limits: Vec<u64> = (10..=28).step_by(2).map(|bits| 1 << bits).collect();
     limits.extend([5 << 12, 9 << 13, 11 << 14]);

@@ -1,17 +1,16 @@
-//! Pictures.
+//! Images of every technique and option, compared with the float64 reference.
 
 use volraster::{GpuScene, Renderer, Technique};
 
 use super::subject::{SIZE, Subject, VIEWS, view};
 use super::workbench::{Verdict, Workbench, fail, offered};
 
-/// A technique on a subject, with what its RMSE and its largest error may be over all views.
+/// A subject, a technique, and upper bounds of RMSE and largest error over all views.
 pub(super) type Picture = (Subject, &'static str, [f64; 2]);
 
 const F32: Subject = Subject::Grid("f32");
 
-/// Pictures against the float64 reference. Bounds are about twice what lavapipe 22.3.6 and 25.0.7 show; where a bound is below
-/// 1e-4, rounding alone is left.
+/// Bounds are about twice the errors on lavapipe 22.3.6 and 25.0.7. Bounds below 1e-4 leave only rounding.
 #[rustfmt::skip]
 pub(super) const PICTURES: &[Picture] = &[
     (F32, "slices-2d:route=compute,step=0.25", [1e-3, 2e-2]),
@@ -68,9 +67,9 @@ pub(super) const PICTURES: &[Picture] = &[
     (F32, "splat-sheets:sheets=image,step=0.25,kernel=tent", [4e-4, 5e-3]),
 ];
 
-/// A picture against the truth, from every view by one plan.
+/// Compares images from every view, drawn by one plan, with the reference.
 pub(super) fn picture(workbench: &Workbench, subject: Subject, spec: &str, bounds: [f64; 2]) -> Verdict {
-    // Every technique's shaders are instrumented in the cases below; here those of small ones.
+    // Other cases instrument the shaders of every technique; here only shaders that compile fast are instrumented.
     let gpu = if matches!(subject, Subject::Grid(_)) && !spec.starts_with("splat") {
         workbench.gpu()?
     } else {
@@ -86,9 +85,9 @@ pub(super) fn picture(workbench: &Workbench, subject: Subject, spec: &str, bound
         let errors = workbench.errors(&frames.read_back()?, (subject, name, SIZE))?;
         worst = std::array::from_fn(|i| worst[i].max(errors[i]));
     }
-    let told = format!(
+    let summary = format!(
         "rmse {:.1e} (bound {:.0e}), max {:.1e} (bound {:.0e})",
         worst[0], bounds[0], worst[1], bounds[1]
     );
-    if worst[0] <= bounds[0] && worst[1] <= bounds[1] { Ok(told) } else { fail(told) }
+    if worst[0] <= bounds[0] && worst[1] <= bounds[1] { Ok(summary) } else { fail(summary) }
 }

@@ -1,4 +1,5 @@
-//! Resources.
+//! Resources that are created, replaced and released: image sizes, uploads, transfer functions, scalars, frames in
+//! flight.
 
 use volraster::ash::vk;
 use volraster::gpu::GpuOptions;
@@ -12,10 +13,10 @@ use super::workbench::{Stop, Verdict, Workbench, draw, fail, prepared};
 fn same(what: &str, a: &Image, b: &Image) -> std::result::Result<(), Stop> {
     let bits =
         |image: &Image| -> Vec<[u32; 4]> { image.pixels().iter().map(|p| p.map(f32::to_bits)).collect() };
-    if bits(a) == bits(b) { Ok(()) } else { fail(format!("{what}: another picture")) }
+    if bits(a) == bits(b) { Ok(()) } else { fail(format!("{what}: the images differ")) }
 }
 
-/// Other image sizes, the least ones too, and back.
+/// Draws other image sizes, down to one pixel, and the first size again.
 pub(super) fn resize(workbench: &Workbench, spec: &str) -> Verdict {
     let (gpu, technique, subject) = prepared(workbench, spec)?;
     let scene = GpuScene::new(&gpu, subject.scene()?);
@@ -24,14 +25,14 @@ pub(super) fn resize(workbench: &Workbench, spec: &str) -> Verdict {
         let image = draw(&scene, technique, &view(VIEWS[0], size)?)?;
         if [image.width(), image.height()] != size || image.pixels().iter().flatten().any(|v| !v.is_finite())
         {
-            return fail(format!("{} x {}: not a picture", size[0], size[1]));
+            return fail(format!("{} x {}: wrong size or not finite", size[0], size[1]));
         }
     }
     same("the first size again", &first, &draw(&scene, technique, &view(VIEWS[0], SIZE)?)?)?;
     Ok("4 sizes".to_string())
 }
 
-/// Another transfer function over the same upload draws what it draws over a new one.
+/// Compares another transfer function over the same upload with a new upload.
 pub(super) fn transfer(workbench: &Workbench, spec: &str) -> Verdict {
     let (gpu, technique, subject) = prepared(workbench, spec)?;
     let view = view(VIEWS[0], SIZE)?;
@@ -44,7 +45,7 @@ pub(super) fn transfer(workbench: &Workbench, spec: &str) -> Verdict {
     Ok("as uploaded anew".to_string())
 }
 
-/// A scene that goes gives its memory back; uploaded again it is the same.
+/// Checks that a dropped scene releases its memory, and that a new upload draws the same image.
 pub(super) fn upload(workbench: &Workbench, spec: &str) -> Verdict {
     let (gpu, technique, subject) = prepared(workbench, spec)?;
     let view = view(VIEWS[0], SIZE)?;
@@ -53,7 +54,7 @@ pub(super) fn upload(workbench: &Workbench, spec: &str) -> Verdict {
         images.push(draw(&GpuScene::new(&gpu, subject.scene()?), technique, &view)?);
         let held = gpu.memory_report();
         if !held.is_empty() {
-            return fail(format!("memory is held by what is gone: {held:?}"));
+            return fail(format!("memory is still allocated after the scene was dropped: {held:?}"));
         }
     }
     same("the second upload", &images[0], &images[1])?;
@@ -61,7 +62,7 @@ pub(super) fn upload(workbench: &Workbench, spec: &str) -> Verdict {
     Ok("3 times".to_string())
 }
 
-/// Other scalars over the same mesh draw what they draw over a new one.
+/// Compares other scalars over the same mesh with a new upload.
 pub(super) fn scalars(workbench: &Workbench, spec: &str) -> Verdict {
     let (gpu, technique, subject) = prepared(workbench, spec)?;
     let view = view(VIEWS[0], SIZE)?;
@@ -75,7 +76,7 @@ pub(super) fn scalars(workbench: &Workbench, spec: &str) -> Verdict {
     Ok("as uploaded anew".to_string())
 }
 
-/// A command buffer for each pass draws the same picture.
+/// Checks that a command buffer per pass draws the same image.
 pub(super) fn passes(workbench: &Workbench, spec: &str) -> Verdict {
     let (gpu, technique, subject) = prepared(workbench, spec)?;
     let view = view(VIEWS[0], SIZE)?;
@@ -86,7 +87,7 @@ pub(super) fn passes(workbench: &Workbench, spec: &str) -> Verdict {
     Ok("as in one command buffer".to_string())
 }
 
-/// Three frames in flight, of three views, are the pictures that are drawn one by one.
+/// Compares three frames in flight, of three views, with images that are drawn one by one.
 pub(super) fn flight(workbench: &Workbench, spec: &str) -> Verdict {
     let (gpu, technique, subject) = prepared(workbench, spec)?;
     let scene = GpuScene::new(&gpu, subject.scene()?);
@@ -96,7 +97,7 @@ pub(super) fn flight(workbench: &Workbench, spec: &str) -> Verdict {
     let mut expected = Vec::new();
     for name in VIEWS {
         let view = view(name, SIZE)?;
-        // What a frame needs is known only when one of its view has been drawn.
+        // Capacities are known after a frame of the view has been drawn.
         expected.push(renderer.render(&view)?);
         let plan = renderer.prepare(&view, &TargetDesc::caller(format, TargetMode::Clear))?;
         flying.push((plan, Offscreen::new(&gpu, format, SIZE)?));
@@ -112,7 +113,7 @@ pub(super) fn flight(workbench: &Workbench, spec: &str) -> Verdict {
             }
             let far = difference(&texels_f32(&bytes), expected, [0.0; 4]);
             if far > 1e-5 {
-                return fail(format!("{far:.1e} from the picture that is drawn alone"));
+                return fail(format!("{far:.1e} from the image that is drawn alone"));
             }
         }
     }

@@ -1,4 +1,4 @@
-//! Subjects.
+//! Test scenes and views.
 
 use volraster::Result;
 use volraster::glam::DVec3;
@@ -7,12 +7,12 @@ use volraster::scene::{
 };
 use volraster::technique::Method;
 
-/// Data to draw.
+/// A kind of data, with a small test scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Subject {
-    /// A grid of a sample type.
+    /// A grid with a sample type.
     Grid(&'static str),
-    /// A grid whose samples are Gaussians that add up.
+    /// A grid of Gaussian kernels.
     Gaussians,
     /// A mesh.
     Mesh,
@@ -20,7 +20,7 @@ pub(crate) enum Subject {
     Points,
 }
 
-/// Transfer function of all subjects, over the field's range.
+/// Transfer function of all subjects, over the range of the field.
 const FOG: [[f64; 5]; 5] = [
     [0.0, 0.1, 0.2, 0.7, 0.0],
     [0.06, 0.1, 0.2, 0.7, 0.0],
@@ -29,16 +29,16 @@ const FOG: [[f64; 5]; 5] = [
     [1.0, 1.0, 0.25, 0.1, 8.0],
 ];
 
-/// Another one.
+/// Another transfer function.
 const SMOKE: [[f64; 5]; 3] =
     [[0.0, 1.0, 0.9, 0.8, 0.2], [0.5, 0.3, 0.1, 0.9, 0.0], [1.0, 0.1, 0.8, 0.2, 5.0]];
 
-/// The grid's Gaussians.
+/// Kernels of [`Subject::Gaussians`].
 const GAUSSIANS: Kernels =
     Kernels { kernel: Kernel::Gaussian, sigma: 0.7, cut: 2.5, model: Model::Density, least: Kernels::LEAST };
 
 impl Subject {
-    /// What a technique draws by itself.
+    /// Returns the subject that a technique draws by default.
     pub(crate) fn of(method: Method) -> Self {
         match method {
             Method::Havs | Method::Abuffer | Method::ProjectedTets => Self::Mesh,
@@ -47,7 +47,7 @@ impl Subject {
         }
     }
 
-    /// The scene.
+    /// Makes the scene.
     ///
     /// # Errors
     ///
@@ -71,7 +71,7 @@ impl Subject {
         }
     }
 
-    /// Another transfer function for it.
+    /// Returns another transfer function for the subject.
     ///
     /// # Errors
     ///
@@ -81,7 +81,7 @@ impl Subject {
     }
 
     fn transfer(self, rows: &[[f64; 5]]) -> Result<TransferFunction> {
-        // What integers stand for when a field is sampled in them.
+        // Scale of the stored integers of a field.
         let scale = match self {
             Self::Grid("u8") => 255.0,
             Self::Grid("u16") => 65535.0,
@@ -93,10 +93,10 @@ impl Subject {
     }
 }
 
-/// The views from which pictures are compared: from outside, parallel, from inside.
+/// The views in which images are compared: from outside, orthographic, from inside.
 pub(crate) const VIEWS: [&str; 3] = ["perspective", "orthographic", "inside"];
 
-/// A view of [`VIEWS`].
+/// Returns a view of [`VIEWS`].
 ///
 /// # Errors
 ///
@@ -114,5 +114,5 @@ pub(crate) fn view(name: &str, [width, height]: [u32; 2]) -> Result<View> {
 /// Image size of most cases.
 pub(crate) const SIZE: [u32; 2] = [40, 30];
 
-/// What is drawn, and from where.
+/// A subject, the name of a view, and an image size.
 pub(super) type Sight = (Subject, &'static str, [u32; 2]);

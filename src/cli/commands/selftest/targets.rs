@@ -1,4 +1,4 @@
-//! Targets.
+//! Images of the caller as targets, in several formats.
 
 use volraster::ash::vk;
 use volraster::{GpuScene, Image, Offscreen, Renderer, TargetDesc, TargetMode};
@@ -11,7 +11,7 @@ pub(super) fn texels_f32(bytes: &[u8]) -> Vec<[f32; 4]> {
     bytes.chunks_exact(16).map(|t| std::array::from_fn(|c| number(&t[4 * c..4 * c + 4]))).collect()
 }
 
-/// The largest difference of texels from a picture that is laid over a colour.
+/// Returns the largest difference between texels and an image composited over a colour.
 pub(super) fn difference(texels: &[[f32; 4]], picture: &Image, behind: [f32; 4]) -> f32 {
     let over = |pixel: &[f32; 4], c: usize| pixel[c] + (1.0 - pixel[3]) * behind[c];
     let of = |(texel, pixel): (&[f32; 4], &[f32; 4])| {
@@ -25,8 +25,8 @@ pub(super) fn difference(texels: &[[f32; 4]], picture: &Image, behind: [f32; 4])
     texels.iter().zip(picture.pixels()).map(of).fold(0.0, |a, b| if b > a || b.is_nan() { b } else { a })
 }
 
-/// Formats of callers' images, with what rounding to them costs at most: half a code of the result; over something, also of
-/// that, of the source and of their product.
+/// Formats of the caller's image, with bounds of the rounding error when cleared and when composited: half a code of
+/// the result; over a background, also half a code of the background, of the source and of their product.
 const FORMATS: [(vk::Format, [f32; 2]); 3] = [
     (vk::Format::R32G32B32A32_SFLOAT, [1e-5, 1e-5]),
     (vk::Format::R8G8B8A8_UNORM, [0.6 / 255.0, 2.6 / 255.0]),
@@ -37,7 +37,7 @@ fn encode(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// A caller's image of each kind of format, cleared or drawn over.
+/// Draws into the caller's image in each kind of format, cleared or over existing contents.
 pub(super) fn caller(workbench: &Workbench, spec: &str) -> Verdict {
     let (gpu, technique, subject) = prepared(workbench, spec)?;
     let scene = GpuScene::new(&gpu, subject.scene()?);

@@ -1,16 +1,16 @@
-//! Results.
+//! The result of a case.
 
 use serde_json::{Value, json};
 
 use crate::cli::output;
 
-/// What came of a case.
+/// The result of a case.
 pub(super) struct Done {
     pub(super) name: String,
     pub(super) status: Status,
     pub(super) ms: f64,
     pub(super) detail: String,
-    /// Messages that are a fault, and how many are none.
+    /// Messages that are not allowed; `allowed` counts the allowed ones.
     pub(super) messages: Vec<String>,
     pub(super) allowed: usize,
 }
@@ -33,6 +33,7 @@ impl Status {
 }
 
 impl Done {
+    /// Returns the line on stdout.
     pub(super) fn line(&self) -> String {
         format!(
             "{:4} {:60} {:8.1} ms  {}",
@@ -43,6 +44,7 @@ impl Done {
         )
     }
 
+    /// Returns the entry of the report.
     pub(super) fn json(&self) -> Value {
         json!({
             "name": self.name,

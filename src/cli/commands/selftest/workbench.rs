@@ -1,4 +1,4 @@
-//! What cases share: a device, scenes, views, and the truth of both.
+//! The devices and reference images that cases share.
 
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -16,9 +16,9 @@ use super::subject::{Sight, Subject, view};
 /// Why a case does not pass.
 #[derive(Debug)]
 pub(crate) enum Stop {
-    /// The device does not offer what it needs.
+    /// The device lacks a feature that the case needs.
     Skip(String),
-    /// Something is wrong.
+    /// The check failed.
     Fail(String),
 }
 
@@ -28,15 +28,15 @@ impl From<Error> for Stop {
     }
 }
 
-/// How a case ends: what is told of one that passes.
+/// The result of a case: a summary if it passes.
 pub(crate) type Verdict = std::result::Result<String, Stop>;
 
-/// A failure with its reason.
+/// Returns a failure.
 pub(crate) fn fail<T>(reason: impl Into<String>) -> std::result::Result<T, Stop> {
     Err(Stop::Fail(reason.into()))
 }
 
-/// Where cases run.
+/// The devices, validation and reference images that cases share.
 pub(crate) struct Workbench {
     pub(crate) device: Option<String>,
     pub(crate) validation: Validation,
@@ -58,13 +58,13 @@ impl Workbench {
         }
     }
 
-    /// Core and synchronization validation, if any is on.
+    /// Returns core and synchronization validation, if any is on.
     pub(crate) fn plain(&self) -> Validation {
         if self.validation == Validation::Off { Validation::Off } else { Validation::On }
     }
 
-    /// A device of the case's own, under core and synchronization validation: to instrument its shaders once more would take
-    /// most of the time.
+    /// Opens a separate device under core and synchronization validation. Instrumenting its shaders as well would
+    /// dominate the run time.
     ///
     /// # Errors
     ///
@@ -83,7 +83,7 @@ impl Workbench {
         })
     }
 
-    /// The device that cases share.
+    /// Returns the shared device, under full validation.
     ///
     /// # Errors
     ///
@@ -97,8 +97,8 @@ impl Workbench {
         Ok(gpu)
     }
 
-    /// Another, under the same but for instrumented shaders: for more variants of shaders than a driver compiles in minutes
-    /// when they are instrumented.
+    /// Returns a second shared device without instrumented shaders, for cases with so many shader variants that
+    /// compiling instrumented ones takes minutes.
     ///
     /// # Errors
     ///
@@ -117,13 +117,13 @@ impl Workbench {
         Ok(gpu)
     }
 
-    /// Ends the devices that cases share.
+    /// Destroys the shared devices.
     pub(crate) fn end(&self) {
         self.shared.borrow_mut().take();
         self.light.borrow_mut().take();
     }
 
-    /// What a picture ought to be.
+    /// Returns the reference image.
     ///
     /// # Errors
     ///
@@ -140,7 +140,7 @@ impl Workbench {
         Ok(truth)
     }
 
-    /// RMSE and largest error of a picture.
+    /// Returns RMSE and largest error of an image; infinite if a sample is not finite.
     ///
     /// # Errors
     ///
@@ -152,7 +152,7 @@ impl Workbench {
     }
 }
 
-/// A picture of a scene, drawn for one.
+/// Draws one image of a scene.
 ///
 /// # Errors
 ///
@@ -161,7 +161,7 @@ pub(crate) fn draw(scene: &Arc<GpuScene>, technique: Technique, view: &View) -> 
     Renderer::new(scene, technique).render(view)
 }
 
-/// Skips what the device does not offer of a technique's route.
+/// Skips the case if the device lacks a feature that the technique's options need.
 pub(crate) fn offered(gpu: &Gpu, spec: &str) -> std::result::Result<(), Stop> {
     let lacks = |feature: OptionalFeature| {
         let why = format!("the device lacks {}: {}", feature.name(), feature.fallback());
@@ -183,6 +183,8 @@ pub(crate) fn offered(gpu: &Gpu, spec: &str) -> std::result::Result<(), Stop> {
     Ok(())
 }
 
+/// Returns the shared device, the technique of a spec and its subject; skips the case if the device does not support
+/// it.
 pub(super) fn prepared(
     workbench: &Workbench,
     spec: &str,

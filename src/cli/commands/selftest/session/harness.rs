@@ -1,4 +1,4 @@
-//! Harness.
+//! A device on which calls fail, and the checks after each failure.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -9,40 +9,43 @@ use volraster::{Error, Result};
 
 use super::sessions::{Pictures, Session, open};
 
-/// Calls whose failure need not be told, and what is done instead.
+/// Calls whose failure is not reported to the caller, with the reason.
 pub(crate) const HARMLESS: [(&str, &str); 7] = [
     ("vkSetDebugUtilsObjectNameEXT", "the object has no name"),
+    ("vkAllocateMemory", "staging memory is requested again from a slower memory type"),
+    ("vkMapMemory", "as vkAllocateMemory"),
     (
-        "vkAllocateMemory",
-        "staging memory is asked for a second time, of a kind that the device need not be fast at",
+        "vkGetPipelineCacheData",
+        "the pipeline cache is not stored; pipelines are compiled again the next time",
     ),
-    ("vkMapMemory", "the same"),
-    ("vkGetPipelineCacheData", "pipelines are built anew the next time"),
-    ("vkDeviceWaitIdle", "before the device's end, when every submission has been waited for already"),
-    ("vkWaitForFences", "where an object is dropped with a submission that may run: waited for again"),
-    ("vkEndCommandBuffer", "between the parts of a frame: it goes on in the same command buffer"),
+    (
+        "vkDeviceWaitIdle",
+        "called before the device is destroyed, when every submission has completed already",
+    ),
+    ("vkWaitForFences", "called when an object with a pending submission is dropped; it waits again"),
+    ("vkEndCommandBuffer", "called between the parts of a frame, which goes on in the same command buffer"),
 ];
 
-/// Where sessions with failures are run.
+/// The device and validation for sessions with failures.
 #[derive(Clone, Debug)]
 pub(crate) struct Place {
     pub(crate) device: Option<String>,
     pub(crate) validation: Validation,
 }
 
-/// What a sweep has gone through.
+/// Counts of a sweep of failures.
 #[derive(Debug, Default)]
 pub(crate) struct Swept {
     /// Calls of the session.
     pub(crate) calls: u64,
-    /// Calls that were made to fail, by name.
+    /// Calls that were made to fail, by function.
     pub(crate) failed: BTreeMap<&'static str, u32>,
-    /// Those of them after which the session went on.
+    /// Failed calls after which the session went on.
     pub(crate) harmless: u32,
 }
 
 impl Swept {
-    pub(super) fn tell(
+    pub(super) fn count_failure(
         &mut self,
         harness: &Harness<'_>,
         what: &str,
@@ -54,23 +57,26 @@ impl Swept {
         match run {
             Ok(pictures) => {
                 if !HARMLESS.iter().any(|(harmless, _)| *harmless == name) {
-                    return Err(format!("{}: {what}: failed, and nobody was told", harness.session.name));
+                    return Err(format!(
+                        "{}: {what}: failed, but no error was returned",
+                        harness.session.name
+                    ));
                 }
                 self.harmless += 1;
                 harness.same(what, &pictures, expected)
             }
-            Err(error) => harness.told(what, &error),
+            Err(error) => harness.check_error(what, &error),
         }
     }
 }
 
-/// What is wrong, in one line.
+/// A finding as one line of text.
 pub(crate) type Finding = String;
 
-/// What came of a session with failures in the way.
+/// The result of a check.
 pub(super) type Outcome<T> = std::result::Result<T, Finding>;
 
-/// The errors that take turns; what a call may not return becomes what it may.
+/// Error codes, used in turn; a code that a call may not return is replaced by one that it may.
 pub(super) const RESULTS: [vk::Result; 4] = [
     vk::Result::ERROR_OUT_OF_DEVICE_MEMORY,
     vk::Result::ERROR_OUT_OF_HOST_MEMORY,
@@ -78,7 +84,7 @@ pub(super) const RESULTS: [vk::Result; 4] = [
     vk::Result::ERROR_INITIALIZATION_FAILED,
 ];
 
-/// A device on which calls fail, with what is heard of it.
+/// A device with injected failures, and its validation log.
 pub(super) struct Harness<'a> {
     pub(super) place: &'a Place,
     pub(super) session: &'a Session,
@@ -99,11 +105,11 @@ impl<'a> Harness<'a> {
         result.map_err(|error| format!("{}: {what}: {error}", self.session.name))
     }
 
-    /// A finding, unless nothing is held and nothing was said.
+    /// Checks that the device holds no memory and that validation is silent.
     pub(super) fn clean(&self, what: &str, gpu: Option<&Gpu>) -> Outcome<()> {
         let held = gpu.map(Gpu::memory_report).unwrap_or_default();
         if !held.is_empty() {
-            return Err(format!("{}: {what}: memory is held: {held:?}", self.session.name));
+            return Err(format!("{}: {what}: memory is still allocated: {held:?}", self.session.name));
         }
         match self.log.take().first() {
             Some(message) => Err(format!("{}: {what}: {message}", self.session.name)),
@@ -113,16 +119,16 @@ impl<'a> Harness<'a> {
 
     pub(super) fn same(&self, what: &str, pictures: &Pictures, expected: &Pictures) -> Outcome<()> {
         for (name, picture) in pictures {
-            // Frames in flight have the same name: each must be one of them.
+            // Frames in flight share a name: each image must equal one of them.
             if !expected.iter().any(|(other, bytes)| other == name && bytes == picture) {
-                return Err(format!("{}: {what}: {name} is another picture", self.session.name));
+                return Err(format!("{}: {what}: {name} is a different image", self.session.name));
             }
         }
         Ok(())
     }
 
-    /// Whether an error is what is to be told of a call that failed on request.
-    pub(super) fn told(&self, what: &str, error: &Error) -> Outcome<()> {
+    /// Checks that an error names the injected failure.
+    pub(super) fn check_error(&self, what: &str, error: &Error) -> Outcome<()> {
         let failed = self.injection.last_failed().unwrap_or("none");
         let fits = match error {
             Error::Vulkan { call, result } => {
@@ -132,7 +138,7 @@ impl<'a> Harness<'a> {
             Error::Unsupported { .. } => failed == "vkGetPhysicalDeviceImageFormatProperties",
             _ => false,
         };
-        if fits { Ok(()) } else { Err(format!("{}: {what}: told as: {error}", self.session.name)) }
+        if fits { Ok(()) } else { Err(format!("{}: {what}: reported as: {error}", self.session.name)) }
     }
 }
 
@@ -144,8 +150,8 @@ pub(super) fn name_of(names: &[&'static str], call: u64) -> &'static str {
         .unwrap_or("beyond the last call")
 }
 
-/// At most `most` calls of each name, as far from each other as can be, the last one among them. Two namings of objects stand
-/// for all.
+/// Selects at most `most` calls of each function, evenly spaced and including the last. Two calls that name objects
+/// are enough.
 pub(super) fn spread(names: &[&'static str], most: usize, wanted: impl Fn(u64, &str) -> bool) -> Vec<u64> {
     let mut of: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
     for (call, name) in (1..).zip(names).filter(|(call, name)| wanted(*call, name)) {

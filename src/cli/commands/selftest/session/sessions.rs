@@ -1,6 +1,6 @@
-//! What a program does with a device, from data to pictures, and the same with a call that fails on the way.
+//! Sessions: what a program does with a device, from data to images.
 //!
-//! `tests/failures.rs` has it too: it needs nothing but the library.
+//! `tests/failures.rs` compiles this file too; it uses nothing but the library.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use volraster::{GpuScene, Offscreen, Renderer, Result, TargetDesc, TargetMode, T
 /// A technique with a scene that it draws.
 #[derive(Clone, Debug)]
 pub(crate) struct Session {
-    /// A name for messages.
+    /// The name in messages.
     pub(crate) name: &'static str,
     pub(super) technique: Technique,
     pub(super) scene: Scene,
@@ -29,7 +29,7 @@ const ROWS: [[f64; 5]; 4] = [
     [1.0, 1.0, 0.25, 0.1, 8.0],
 ];
 
-/// Techniques by kind of data and route.
+/// Names and specs, by kind of data and route.
 const SPECS: [(&str, &str); 9] = [
     ("grid-raster", "slices-3d:route=raster,target=rgba8,dither=blue"),
     ("grid-compute", "raycast:integrator=integral"),
@@ -42,17 +42,17 @@ const SPECS: [(&str, &str); 9] = [
     ("mesh-cut", "havs:"),
 ];
 
-/// Names and results, in bytes: pictures, an overflow map, the image of a caller.
+/// Names and bytes of results: images, an overflow map, the image of a caller.
 pub(crate) type Pictures = Vec<(&'static str, Vec<u8>)>;
 
-/// The sessions, each with data of a few samples, cells or points.
+/// Returns the sessions, each with a few samples, cells or points.
 ///
 /// # Errors
 ///
 /// None, unless a constant above is wrong.
 pub(crate) fn sessions() -> Result<Vec<Session>> {
     let transfer = TransferFunction::from_rows(&ROWS)?;
-    // 8-bit samples ask the device how it filters.
+    // 8-bit samples make the library probe how the device filters them.
     let bytes = ROWS.map(|[scalar, r, g, b, tau]| [255.0 * scalar, r, g, b, tau]);
     let grid = Scene::new(Field::Blobs.sample([6, 5, 4], "u8")?, TransferFunction::from_rows(&bytes)?);
     let mesh = Field::Blobs.tets(2)?;
@@ -78,7 +78,7 @@ fn fits(name: &str, scene: &Scene) -> bool {
     name.starts_with(scene.data.kind())
 }
 
-/// An opaque box, and a translucent ball around it.
+/// An opaque box inside a translucent sphere.
 fn surfaces() -> Result<Vec<Surface>> {
     let low = DVec3::splat(-0.3);
     Ok(vec![
@@ -87,7 +87,7 @@ fn surfaces() -> Result<Vec<Surface>> {
     ])
 }
 
-/// A device with an injection, validated into `log`, whose pipelines are kept nowhere.
+/// Opens a device with injected failures, validated into `log`, without a pipeline cache.
 ///
 /// # Errors
 ///
@@ -123,17 +123,17 @@ impl Session {
         Ok(view.with_clip(Clip::none().with_plane(DVec3::new(0.6, 0.0, 0.0), DVec3::new(-1.0, 0.3, 0.0))?))
     }
 
-    /// The technique.
+    /// Returns the technique.
     pub(crate) fn method(&self) -> Method {
         self.technique.method()
     }
 
-    /// Uploads, draws, reads back; another view, another size, another transfer function, other scalars and surfaces; into images as a
-    /// caller has them, two frames in flight. Everything is dropped at the end.
+    /// Uploads, draws and reads back; then another view, size and transfer function, other scalars and surfaces, and
+    /// the caller's images with two frames in flight. Drops everything at the end.
     ///
     /// # Errors
     ///
-    /// What fails.
+    /// The first error.
     pub(crate) fn run(&self, gpu: &Gpu) -> Result<Pictures> {
         let mut pictures = Pictures::new();
         let (first, second) = (self.view([2.0, 1.5, 3.8], 20, 14)?, self.view([-3.0, 1.0, 2.0], 20, 14)?);
@@ -149,7 +149,7 @@ impl Session {
         }
         drop(frames);
         pictures.push(("another size", bytes(&renderer.render(&self.view([2.0, 1.5, 3.8], 9, 31)?)?)));
-        // From white to black, over the same scalars.
+        // From white to black over the same scalars.
         let [low, high] = self.scene.transfer.domain();
         let other = [[low, 1.0, 1.0, 1.0, 0.5], [high, 0.0, 0.0, 0.0, 4.0]];
         let other = TransferFunction::from_rows(&other)?;
@@ -182,7 +182,7 @@ impl Session {
         Ok(pictures)
     }
 
-    /// One frame of the first view.
+    /// Draws one frame of the first view.
     pub(super) fn frame(&self, gpu: &Gpu) -> Result<Pictures> {
         let scene = GpuScene::new(gpu, self.scene.clone());
         let image = Renderer::new(&scene, self.technique).render(&self.view([2.0, 1.5, 3.8], 20, 14)?)?;

@@ -1,4 +1,4 @@
-//! Sweeps.
+//! Sweeps of failures: sessions in which each call fails in turn, or in which the device is lost.
 
 use volraster::gpu::Injection;
 use volraster::scene::View;
@@ -7,12 +7,13 @@ use volraster::{Error, GpuScene, Renderer, Result};
 use super::harness::{Harness, Outcome, Place, RESULTS, Swept, name_of, spread};
 use super::sessions::{Pictures, Session, bytes};
 
-/// Lets each call of a session fail in turn, but at most `most` of a name, on a device that has all pipelines: each failure is told or harmless, nothing
-/// stays behind, and the next frame is right to the bit.
+/// Lets each call of a session fail in turn, at most `most` calls of each function, on a device that has all
+/// pipelines. Checks that each failure is reported or harmless, that nothing stays allocated, and that the next frame
+/// is identical to the bit.
 ///
 /// # Errors
 ///
-/// The first thing that is wrong.
+/// The first finding.
 pub(crate) fn fail_each(place: &Place, session: &Session, most: usize) -> Outcome<Swept> {
     let harness = Harness::new(place, session);
     let gpu = harness.at("open", harness.open())?;
@@ -35,12 +36,12 @@ pub(crate) fn fail_each(place: &Place, session: &Session, most: usize) -> Outcom
             continue;
         }
         if harness.injection.last_failed() != Some(name) {
-            return Err(format!("{}: {what}: another call came", session.name));
+            return Err(format!("{}: {what}: a different call failed", session.name));
         }
-        swept.tell(&harness, &what, run, &expected)?;
+        swept.count_failure(&harness, &what, run, &expected)?;
         harness.clean(&what, Some(&gpu))?;
         if gpu.is_lost() {
-            return Err(format!("{}: {what}: the device is given up", session.name));
+            return Err(format!("{}: {what}: the device counts as lost", session.name));
         }
         let frame = harness.at(&format!("the frame after {what}"), session.frame(&gpu))?;
         harness.same(&format!("the frame after {what}"), &frame, &expected)?;
@@ -52,12 +53,12 @@ pub(crate) fn fail_each(place: &Place, session: &Session, most: usize) -> Outcom
     Ok(swept)
 }
 
-/// Lets each call of a frame fail in turn, on a plan that is drawn again afterwards, of another view and then of the same: what it
-/// holds has not grown, and the pictures are right to the bit.
+/// Lets each call of a frame fail in turn on a plan that draws again afterwards, first another view, then the same.
+/// Checks that its allocations have not grown and that the images are identical to the bit.
 ///
 /// # Errors
 ///
-/// The first thing that is wrong.
+/// The first finding.
 pub(crate) fn fail_frames(place: &Place, session: &Session, most: usize) -> Outcome<Swept> {
     let harness = Harness::new(place, session);
     let gpu = harness.at("open", harness.open())?;
@@ -74,7 +75,7 @@ pub(crate) fn fail_frames(place: &Place, session: &Session, most: usize) -> Outc
         )])
     };
     let mut expected = Pictures::new();
-    // Room for both views, once and for all.
+    // Draw until the capacities fit both views.
     for view in [&second, &first, &second, &first] {
         expected = [expected, harness.at("first frames", picture(view))?].concat();
     }
@@ -90,14 +91,14 @@ pub(crate) fn fail_frames(place: &Place, session: &Session, most: usize) -> Outc
         harness.injection.rewind();
         harness.injection.fail_at(call, *result);
         let run = picture(&first);
-        swept.tell(&harness, &what, run, &expected)?;
+        swept.count_failure(&harness, &what, run, &expected)?;
         for view in [&second, &first] {
             let again = harness.at(&format!("the frame after {what}"), picture(view))?;
             harness.same(&format!("the frame after {what}"), &again, &expected)?;
         }
         let holds = gpu.memory_report();
         if holds.len() != held {
-            return Err(format!("{}: {what}: {} objects were held, now {holds:?}", session.name, held));
+            return Err(format!("{}: {what}: {} objects were allocated, now {holds:?}", session.name, held));
         }
         if let Some(message) = harness.log.take().first() {
             return Err(format!("{}: {what}: {message}", session.name));
@@ -111,7 +112,7 @@ pub(crate) fn fail_frames(place: &Place, session: &Session, most: usize) -> Outc
     Ok(swept)
 }
 
-/// Calls that a device makes once, which [`fail_each`] does not see.
+/// Functions that are called once per device, so that [`fail_each`] does not reach them.
 const ONCE: [&str; 9] = [
     "vkCreateDescriptorSetLayout",
     "vkCreatePipelineLayout",
@@ -124,12 +125,12 @@ const ONCE: [&str; 9] = [
     "vkGetPipelineCacheData",
 ];
 
-/// Lets each call fail in turn that opens or ends a device or is made once for it, but at most `most` of a name, on a fresh
-/// device each time.
+/// Lets each call fail in turn that opens or destroys a device or is made once for it, at most `most` calls of each
+/// function, each time on a new device.
 ///
 /// # Errors
 ///
-/// The first thing that is wrong.
+/// The first finding.
 pub(crate) fn fail_opening(place: &Place, session: &Session, most: usize) -> Outcome<Swept> {
     let harness = Harness::new(place, session);
     harness.injection.keep_names(true);
@@ -152,7 +153,7 @@ pub(crate) fn fail_opening(place: &Place, session: &Session, most: usize) -> Out
             Ok(gpu) => gpu,
             Err(error) => {
                 *swept.failed.entry(name).or_default() += 1;
-                harness.told(&what, &error)?;
+                harness.check_error(&what, &error)?;
                 harness.clean(&what, None)?;
                 continue;
             }
@@ -162,7 +163,7 @@ pub(crate) fn fail_opening(place: &Place, session: &Session, most: usize) -> Out
         if at_the_end {
             harness.at(&what, run)?;
         } else {
-            swept.tell(&harness, &what, run, &expected)?;
+            swept.count_failure(&harness, &what, run, &expected)?;
         }
         harness.clean(&what, Some(&gpu))?;
         if !at_the_end {
@@ -172,19 +173,19 @@ pub(crate) fn fail_opening(place: &Place, session: &Session, most: usize) -> Out
         drop(gpu);
         harness.clean(&format!("the end after {what}"), None)?;
         if at_the_end && harness.injection.failures() > 0 {
-            swept.tell(&harness, &what, Ok(Pictures::new()), &expected)?;
+            swept.count_failure(&harness, &what, Ok(Pictures::new()), &expected)?;
         }
     }
     Ok(swept)
 }
 
-/// Loses the device at calls that can tell of it, at most `most` of a name, on a fresh one each time: the session ends with
-/// [`Error::DeviceLost`], so does whatever is asked of the device afterwards, before it makes any call; nothing stays behind,
-/// and the device can be opened again.
+/// Loses the device at calls that can report it, at most `most` calls of each function, each time on a new device.
+/// Checks that the session ends with [`Error::DeviceLost`], that later requests return the same error without a
+/// Vulkan call, that nothing stays allocated, and that the device can be opened again.
 ///
 /// # Errors
 ///
-/// The first thing that is wrong.
+/// The first finding.
 pub(crate) fn lose(place: &Place, session: &Session, most: usize) -> Outcome<Swept> {
     let harness = Harness::new(place, session);
     harness.injection.keep_names(true);
@@ -209,11 +210,11 @@ pub(crate) fn lose(place: &Place, session: &Session, most: usize) -> Outcome<Swe
             {
                 *swept.failed.entry(call).or_default() += 1;
             }
-            Err(error) => return Err(format!("{}: {what}: told as: {error}", session.name)),
-            Ok(_) => return Err(format!("{}: {what}: nobody was told", session.name)),
+            Err(error) => return Err(format!("{}: {what}: reported as: {error}", session.name)),
+            Ok(_) => return Err(format!("{}: {what}: no error was returned", session.name)),
         }
         if !gpu.is_lost() {
-            return Err(format!("{}: {what}: not known to be lost", session.name));
+            return Err(format!("{}: {what}: the device does not count as lost", session.name));
         }
         harness.clean(&what, Some(&gpu))?;
         let calls = harness.injection.calls();
@@ -221,12 +222,12 @@ pub(crate) fn lose(place: &Place, session: &Session, most: usize) -> Outcome<Swe
             return Err(format!("{}: {what}: the next session is not refused", session.name));
         }
         if harness.injection.calls() != calls {
-            return Err(format!("{}: {what}: the next session makes calls", session.name));
+            return Err(format!("{}: {what}: the next session calls Vulkan", session.name));
         }
         drop(gpu);
         harness.clean(&format!("the end after {what}"), None)?;
     }
-    // Lost is a device, not the machine.
+    // A lost device can be opened again.
     harness.injection.rewind();
     let gpu = harness.at("open again", harness.open())?;
     let frame = harness.at("the frame of another device", session.frame(&gpu))?;
