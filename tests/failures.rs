@@ -8,7 +8,7 @@
     reason = "a test fails by panicking; it shares a file with the program, which uses all of it"
 )]
 
-#[path = "../src/cli/selftest/session.rs"]
+#[path = "../src/cli/commands/selftest/session/mod.rs"]
 mod session;
 
 use session::{Place, Session, Swept};

@@ -1,8 +1,8 @@
-//! Reference images that were drawn before.
+//! A cache of reference images on disk.
 //!
-//! A file is named by the SHA-256 of all that decides its image: samples or cells, transfer function, camera, size,
-//! and the sources that draw it. It ends in a SHA-256 of itself; one that is damaged is drawn anew. What has not been
-//! asked for longest goes when all take more than [`MOST_BYTES`].
+//! The name of a file is the SHA-256 of everything that determines its image: data, transfer function, camera, size,
+//! and the source code of the reference. The file ends in a SHA-256 of its own content; a damaged file counts as
+//! missing. The least recently used files are removed when the total exceeds [`MAX_BYTES`].
 
 use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};
@@ -13,20 +13,23 @@ use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
 use sha2::{Digest, Sha256};
 use volraster::gpu::user_cache_folder;
-use volraster::reference::{self, ReferenceImage, ReferenceOptions};
+use volraster::reference::{ReferenceImage, ReferenceOptions};
 use volraster::scene::{Data, Grid, KernelSize, Points, Samples, Scene, TetScalars, Tets, View};
-use volraster::{Error, Result};
+use volraster::{Error, Result, reference};
 
-/// What all files may take.
-const MOST_BYTES: u64 = 1 << 30;
+/// Maximum total size of the files, in bytes.
+const MAX_BYTES: u64 = 1 << 30;
 
 const MAGIC: &[u8; 8] = b"VOLRREF1";
-/// Magic, width, height.
+
+/// Magic number, width, height.
 const HEADER: usize = 8 + 4 + 4;
+
 const HASH: usize = 32;
+
 const ENDING: &str = "reference";
 
-/// The sources that an image depends on: another reference is another image.
+/// Source code that determines the image: a changed reference invalidates the cache.
 const SOURCES: &[(&str, &[u8])] = &[
     ("optics/kernel.rs", include_bytes!("../optics/kernel.rs")),
     ("optics/kernel/erf.rs", include_bytes!("../optics/kernel/erf.rs")),
@@ -72,12 +75,12 @@ const SOURCES: &[(&str, &[u8])] = &[
 /// A folder of reference images.
 #[derive(Clone, Debug)]
 pub(crate) struct Cache {
-    /// `None`: nothing is kept.
+    /// `None`: no cache.
     folder: Option<PathBuf>,
-    most_bytes: u64,
+    max_bytes: u64,
 }
 
-/// Whether drawing was needed.
+/// How an image was obtained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Origin {
     Drawn,
@@ -85,13 +88,14 @@ pub(crate) enum Origin {
 }
 
 impl Cache {
-    /// The user's, or none.
+    /// Returns the user's cache, or one that stores nothing.
     pub(crate) fn of_user(is_used: bool) -> Self {
         let folder = user_cache_folder().filter(|_| is_used).map(|cache| cache.join("reference"));
-        Self { folder, most_bytes: MOST_BYTES }
+        Self { folder, max_bytes: MAX_BYTES }
     }
 
-    /// The reference image of a view, with one ray for each pixel. `progress` is told as by [`reference::render`].
+    /// Returns the reference image of a view, with one ray per pixel, from the cache or drawn. `progress` is called
+    /// as by [`reference::render`].
     ///
     /// # Errors
     ///
@@ -115,7 +119,7 @@ impl Cache {
         }
         let image = reference::render(scene, view, &ReferenceOptions::default(), progress)?;
         if let Some(path) = &path {
-            // Another run finds nothing, or all of it.
+            // The file appears complete or not at all for other processes.
             let _ = self.store(path, &image);
         }
         Ok((image, Origin::Drawn))
@@ -125,11 +129,11 @@ impl Cache {
         let Some(folder) = &self.folder else { return Ok(()) };
         let failed = |source| Error::Io { path: path.to_path_buf(), action: "cannot write", source };
         let bytes = encoded(image).map_err(failed)?;
-        if bytes.len() as u64 > self.most_bytes {
+        if bytes.len() as u64 > self.max_bytes {
             return Ok(());
         }
         std::fs::create_dir_all(folder).map_err(failed)?;
-        self.make_room(bytes.len() as u64);
+        self.evict(bytes.len() as u64);
         let part = path.with_extension(format!("{}.part", std::process::id()));
         let written = std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, path));
         if written.is_err() {
@@ -138,8 +142,8 @@ impl Cache {
         written.map_err(failed)
     }
 
-    /// Removes what has not been asked for longest until so many bytes more may be there, and what writers left.
-    fn make_room(&self, bytes: u64) {
+    /// Removes the least recently used files until `bytes` more fit, and files that interrupted writers left.
+    fn evict(&self, bytes: u64) {
         let Some(entries) = self.folder.as_ref().and_then(|folder| std::fs::read_dir(folder).ok()) else {
             return;
         };
@@ -154,7 +158,7 @@ impl Cache {
         files.sort();
         let mut all: u64 = files.iter().map(|(_, size, _)| size).sum();
         for (_, size, path) in files {
-            if all + bytes <= self.most_bytes {
+            if all + bytes <= self.max_bytes {
                 break;
             }
             if std::fs::remove_file(path).is_ok() {
@@ -164,17 +168,17 @@ impl Cache {
     }
 }
 
-/// Says that a file was asked for just now.
+/// Sets the modification time to now, which marks a file as recently used.
 fn touch(path: &Path) {
     if let Ok(file) = std::fs::OpenOptions::new().append(true).open(path) {
         let _ = file.set_modified(SystemTime::now());
     }
 }
 
-/// What decides an image; `None` for data that no reference draws.
+/// Hashes everything that determines an image; `None` for data that the reference does not draw.
 fn key(scene: &Scene, view: &View) -> Option<[u8; HASH]> {
     let mut hash = Sha256::new();
-    // Each part behind its length, so that no two lists of parts are one sequence of bytes.
+    // Each part is prefixed with its length, so that different lists of parts never hash the same bytes.
     let mut put = |bytes: &[u8]| {
         hash.update((bytes.len() as u64).to_le_bytes());
         hash.update(bytes);
@@ -184,7 +188,7 @@ fn key(scene: &Scene, view: &View) -> Option<[u8; HASH]> {
         put(name.as_bytes());
         put(source);
     }
-    // Numbers are written so that they are read back as they were.
+    // `{:?}` of a float is exact: it reads back as the same value.
     put(format!("{:?} {:?} {:?}", view.camera(), view.extent(), view.clip()).as_bytes());
     put(format!("{:?}", scene.transfer.knots()).as_bytes());
     put(format!("{:?}", scene.kernels).as_bytes());
@@ -249,7 +253,7 @@ fn encoded(image: &ReferenceImage) -> std::io::Result<Vec<u8>> {
     let mut bytes = MAGIC.to_vec();
     bytes.extend(image.width().to_le_bytes());
     bytes.extend(image.height().to_le_bytes());
-    // Most of many images is empty.
+    // Many images are mostly empty and compress well.
     let mut packer = ZlibEncoder::new(bytes, Compression::fast());
     for pixel in image.pixels() {
         for channel in pixel {
@@ -262,10 +266,10 @@ fn encoded(image: &ReferenceImage) -> std::io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// A file's image, if it is whole and of this size.
+/// Reads an image; `None` unless the file is intact and of this size.
 fn load(path: &Path, extent: [u32; 2]) -> Option<ReferenceImage> {
     let pixels = u64::from(extent[0]) * u64::from(extent[1]);
-    // Deflate adds little to what it cannot pack.
+    // Deflate expands incompressible data only slightly; larger files cannot be valid.
     if std::fs::metadata(path).ok()?.len() > 33 * pixels + 4096 {
         return None;
     }
@@ -317,7 +321,7 @@ mod tests {
     fn cache(name: &str) -> Cache {
         let folder = std::env::temp_dir().join(format!("volraster-{name}-{}", std::process::id()));
         let _ = std::fs::remove_dir_all(&folder);
-        Cache { folder: Some(folder), most_bytes: MOST_BYTES }
+        Cache { folder: Some(folder), max_bytes: MAX_BYTES }
     }
 
     fn files(cache: &Cache) -> Vec<PathBuf> {
@@ -343,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn what_decides_an_image_is_its_key() {
+    fn everything_that_determines_an_image_changes_its_key() {
         let keys = [
             key(&scene("blobs", false, 3.0), &view(2.0, 8)),
             key(&scene("blobs", false, 3.5), &view(2.0, 8)),
@@ -411,7 +415,7 @@ mod tests {
     }
 
     #[test]
-    fn an_image_is_drawn_once_to_the_bit_and_again_when_its_file_is_damaged() {
+    fn cached_images_are_exact_and_damaged_files_are_drawn_again() {
         let cache = cache("damaged");
         let (scene, view) = (scene("blobs", false, 3.0), view(2.0, 8));
         let rows = AtomicU32::new(0);
@@ -435,20 +439,20 @@ mod tests {
         std::fs::write(path, &whole[..whole.len() / 2]).unwrap();
         assert_eq!(cache.image(&scene, &view, None).unwrap(), (image.clone(), Origin::Drawn));
         assert_eq!(std::fs::read(path).unwrap(), whole);
-        // Without a cache nothing is kept.
+        // A disabled cache stores nothing.
         let none = Cache::of_user(false);
         assert_eq!(none.image(&scene, &view, None).unwrap(), (image, Origin::Drawn));
         std::fs::remove_dir_all(cache.folder.unwrap()).unwrap();
     }
 
     #[test]
-    fn what_was_not_asked_for_longest_makes_room() {
-        let mut cache = cache("room");
+    fn the_least_recently_used_images_are_removed() {
+        let mut cache = cache("full");
         let scene = scene("blobs", true, 3.0);
         let views = [2.0, 2.1, 2.2].map(|x| view(x, 8));
         for (i, view) in (0_u64..).zip(&views) {
             cache.image(&scene, view, None).unwrap();
-            // An hour between them, so that clocks do not matter.
+            // The files are an hour apart, so that the clock's resolution does not matter.
             for path in files(&cache) {
                 let file = std::fs::OpenOptions::new().append(true).open(path).unwrap();
                 let age = std::time::Duration::from_secs(3600 * (10 - i));
@@ -459,18 +463,18 @@ mod tests {
         }
         let sizes: Vec<u64> = files(&cache).iter().map(|path| path.metadata().unwrap().len()).collect();
         assert_eq!(sizes.len(), 3);
-        // The first is the oldest, and is asked for again.
+        // Using the oldest image makes it the most recently used.
         assert_eq!(cache.image(&scene, &views[0], None).unwrap().1, Origin::Cached);
-        cache.most_bytes = sizes.iter().sum::<u64>() + 10;
+        cache.max_bytes = sizes.iter().sum::<u64>() + 10;
         cache.image(&scene, &view(2.3, 8), None).unwrap();
         assert!(files(&cache).len() <= 3);
         assert_eq!(cache.image(&scene, &views[0], None).unwrap().1, Origin::Cached);
-        cache.most_bytes = u64::MAX;
+        cache.max_bytes = u64::MAX;
         assert_eq!(cache.image(&scene, &views[1], None).unwrap().1, Origin::Drawn);
-        // What is larger than all of it is not kept.
-        cache.most_bytes = 10;
+        // An image larger than the limit is not cached.
+        cache.max_bytes = 10;
         cache.image(&scene, &view(2.4, 8), None).unwrap();
-        cache.most_bytes = u64::MAX;
+        cache.max_bytes = u64::MAX;
         assert_eq!(cache.image(&scene, &view(2.4, 8), None).unwrap().1, Origin::Drawn);
         std::fs::remove_dir_all(cache.folder.unwrap()).unwrap();
     }

@@ -1,25 +1,25 @@
-//! Ctrl-C: the first time is a wish that long work asks about, the second time ends the program.
+//! Ctrl-C: the first one requests a stop, which long work polls; the second one ends the program at once.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::output;
+use crate::cli::output;
 
-/// The exit code of a run that was stopped, as shells have it (128 and the signal's number).
+/// Exit code of an interrupted run, by the convention of shells (128 plus the signal number).
 pub(crate) const EXIT_CODE: u8 = 130;
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 
-/// From now on Ctrl-C is a wish. Where that cannot be had, it ends the program as before.
+/// Installs the handler. If that fails, Ctrl-C ends the program as usual.
 pub(crate) fn watch() {
     let _ = ctrlc::set_handler(|| {
         if REQUESTED.swap(true, Ordering::SeqCst) {
             std::process::exit(i32::from(EXIT_CODE));
         }
-        output::complain("stopping; once more to stop at once");
+        output::complain("stopping; press Ctrl-C again to stop at once");
     });
 }
 
-/// Whether to stop.
+/// Returns whether the user has requested a stop.
 pub(crate) fn requested() -> bool {
     REQUESTED.load(Ordering::SeqCst)
 }

@@ -1,7 +1,7 @@
-//! What the program writes: lines on stdout and stderr, files, progress.
+//! Output: lines on stdout and stderr, JSON files, checks of output paths, and progress bars.
 //!
-//! Files are written beside their place and renamed when they are complete. Places are checked before
-//! any work is done for them.
+//! Paths are checked before any work, so that a long run does not fail at its end. Files are written under a
+//! temporary name and renamed when complete.
 
 use std::fs::OpenOptions;
 use std::io::{IsTerminal, Write};
@@ -13,7 +13,7 @@ use serde_json::Value;
 use volraster::io::{Progress, ReadOptions};
 use volraster::{Error, Result};
 
-/// Prints on stdout. A reader that has gone away (`| head`) is no error: the work goes on.
+/// Prints a line on stdout. A closed pipe (`| head`) is no error: the work goes on.
 ///
 /// # Errors
 ///
@@ -35,17 +35,17 @@ pub(crate) fn print_json(value: &Value) -> Result<()> {
     print(&format!("{value:#}"))
 }
 
-/// Prints one line on stderr. Nobody can be told when that fails.
+/// Prints one line on stderr. Ignores write errors: there is no other place to report them.
 pub(crate) fn complain(line: &str) {
     let _ = writeln!(std::io::stderr(), "volraster: {}", plain(line));
 }
 
-/// Text of files on one line, without what a terminal would obey.
+/// Replaces control characters by spaces, so that text from files stays on one line and cannot control a terminal.
 pub(crate) fn plain(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
-/// A bar on a terminal, nothing elsewhere.
+/// Shows a progress bar if stderr is a terminal.
 pub(crate) fn progress(total: u64, what: &str) -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
@@ -58,17 +58,17 @@ pub(crate) fn progress(total: u64, what: &str) -> ProgressBar {
     bar
 }
 
-/// A bar that shows how far reading is, on a terminal, where it takes a while. It goes when this does.
+/// A progress bar for reading a file. It appears on a terminal if reading takes a while, and disappears on drop.
 #[derive(Debug)]
 pub(crate) struct Reading {
     bar: ProgressBar,
 }
 
 impl Reading {
-    /// Reading that takes less shows no bar.
+    /// Delay before the bar appears.
     const PATIENCE: Duration = Duration::from_millis(300);
 
-    /// Begins now.
+    /// Creates the bar, not yet visible.
     pub(crate) fn new(path: &Path) -> Self {
         let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::hidden());
         if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {bytes}/{total_bytes} {eta}") {
@@ -79,8 +79,8 @@ impl Reading {
         Self { bar }
     }
 
-    /// The same options, with the bar told.
-    pub(crate) fn tell(&self, options: ReadOptions) -> ReadOptions {
+    /// Returns the options with a progress callback that updates the bar.
+    pub(crate) fn with_progress(&self, options: ReadOptions) -> ReadOptions {
         if !std::io::stderr().is_terminal() {
             return options;
         }
@@ -103,14 +103,14 @@ impl Drop for Reading {
     }
 }
 
-/// Prints what may not be as it seems in a file.
+/// Prints the warnings about a file.
 pub(crate) fn warn(path: &Path, warnings: &[String]) {
     for warning in warnings {
         complain(&format!("warning: {}: {warning}", path.display()));
     }
 }
 
-/// Whether two paths name one file, as far as can be told before it is there.
+/// Returns whether two paths name the same file. A path to a missing file is compared as text.
 pub(crate) fn same_place(a: &Path, b: &Path) -> bool {
     match (a.canonicalize(), b.canonicalize()) {
         (Ok(a), Ok(b)) => a == b,
@@ -118,7 +118,7 @@ pub(crate) fn same_place(a: &Path, b: &Path) -> bool {
     }
 }
 
-/// Checks an image's place: the ending, and that it can be written.
+/// Checks an output image path: its ending, and that it is writable.
 ///
 /// # Errors
 ///
@@ -131,34 +131,34 @@ pub(crate) fn check_image(path: &Path) -> Result<()> {
     check_file(path)
 }
 
-/// Checks that a file can be written, and leaves nothing there.
+/// Checks that a file is writable, by creating and removing a temporary file beside it.
 ///
 /// # Errors
 ///
-/// [`Error::File`] when the place is a folder, [`Error::Io`] when its folder takes no file.
+/// [`Error::File`] when the path is a folder, [`Error::Io`] when the file cannot be created.
 pub(crate) fn check_file(path: &Path) -> Result<()> {
     if path.file_name().is_none() || path.is_dir() {
-        return Err(refuse(path, "file name", "must not be empty or a folder's"));
+        return Err(refuse(path, "file name", "must not be empty or a folder"));
     }
     probe(&beside(path, "check"), path)
 }
 
-/// Checks that a folder is there and takes files, or that it can be made, and leaves nothing there.
+/// Checks that a folder is writable or can be created, by creating and removing a temporary file.
 ///
 /// # Errors
 ///
-/// [`Error::File`] when a file is in the way, [`Error::Io`] when the folder takes no file.
+/// [`Error::File`] when a file is in the way, [`Error::Io`] when the folder is not writable.
 pub(crate) fn check_folder(path: &Path) -> Result<()> {
     let exists = |folder: &&Path| folder.symlink_metadata().is_ok();
     let nearest = path.ancestors().filter(|folder| !folder.as_os_str().is_empty()).find(exists);
     let nearest = nearest.unwrap_or(Path::new("."));
     if !nearest.is_dir() {
-        return Err(refuse(path, "folder", &format!("{} is no folder", nearest.display())));
+        return Err(refuse(path, "folder", &format!("{} is not a folder", nearest.display())));
     }
     probe(&beside(&nearest.join("volraster"), "check"), path)
 }
 
-/// Makes a folder and those above it.
+/// Creates a folder and its parents.
 ///
 /// # Errors
 ///
@@ -167,7 +167,7 @@ pub(crate) fn make_folder(path: &Path) -> Result<()> {
     std::fs::create_dir_all(path).map_err(|source| io(path, source))
 }
 
-/// Writes JSON, complete or not at all.
+/// Writes a JSON file, completely or not at all.
 ///
 /// # Errors
 ///
@@ -176,28 +176,13 @@ pub(crate) fn write_json(path: &Path, value: &Value) -> Result<()> {
     volraster::io::write_text(path, &format!("{value:#}\n"))
 }
 
-/// Writes bytes, complete or not at all.
-///
-/// # Errors
-///
-/// [`Error::Io`] when they cannot be written.
-pub(crate) fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
-    let part = beside(path, "part");
-    let written = std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, path));
-    if written.is_err() {
-        // What failed is the error to report.
-        let _ = std::fs::remove_file(&part);
-    }
-    written.map_err(|source| io(path, source))
-}
-
-/// A hidden name in the same folder.
+/// Returns a hidden temporary name in the same folder.
 fn beside(path: &Path, ending: &str) -> PathBuf {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     path.with_file_name(format!(".{name}.{}.{ending}", std::process::id()))
 }
 
-/// Makes a file and removes it; an error is about `path`.
+/// Creates and removes a file; an error names `path`.
 fn probe(file: &Path, path: &Path) -> Result<()> {
     OpenOptions::new()
         .write(true)

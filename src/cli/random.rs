@@ -1,6 +1,6 @@
-//! Random numbers that are the same in every run (Steele, Lea and Flood 2014: SplitMix64).
+//! Reproducible random numbers: SplitMix64 (Steele, Lea and Flood 2014).
 
-/// A generator; its seed is its state.
+/// A generator; the field is seed and state.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Random(pub(crate) u64);
 
@@ -13,28 +13,28 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// A place in a list of so many.
+    /// Returns an index in `0..count`.
     pub(crate) fn below(&mut self, count: usize) -> usize {
         let wide = u128::from(self.next()) * count as u128;
         usize::try_from(wide >> 64).unwrap_or(0)
     }
 
-    /// A number of a range.
+    /// Returns a number in `low..high`, uniformly distributed.
     pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * ((self.next() >> 11) as f64 * (-53.0_f64).exp2())
     }
 
-    /// A positive number of a range, as often in each octave.
+    /// Returns a positive number in `low..high`, uniformly distributed in its logarithm.
     pub(crate) fn scale(&mut self, low: f64, high: f64) -> f64 {
         self.between(low.ln(), high.ln()).exp()
     }
 
-    /// A whole number of a range, both ends included.
+    /// Returns an integer in `low..=high`.
     pub(crate) fn whole(&mut self, low: u32, high: u32) -> u32 {
         low + u32::try_from(self.next() % u64::from(high - low + 1)).unwrap_or(0)
     }
 
-    /// One of a list that is not empty.
+    /// Returns an element of a non-empty list.
     pub(crate) fn of<T: Copy>(&mut self, all: &[T]) -> T {
         all[self.below(all.len())]
     }

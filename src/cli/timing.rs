@@ -1,22 +1,24 @@
-//! Frame times: their quantiles, and how sure their medians are.
+//! Statistics of frame times: quantiles, bootstrap confidence intervals, ratios.
+
+use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 use volraster::technique::FrameTime;
 
-use super::random::Random;
+use crate::cli::random::Random;
 
-/// Always the same: the same times give the same interval.
+/// Fixed seed: the same times give the same interval.
 const SEED: u64 = 1;
 
-/// Samples that are drawn anew for an interval.
+/// Bootstrap resamples per interval.
 const RESAMPLES: u32 = 2000;
 
-/// The frame's time on the device, in milliseconds; `None` where the device has no timestamps.
+/// Returns the sum of the frame's pass times, in milliseconds; `None` where the device has no timestamps.
 pub(crate) fn gpu_ms(frame: &FrameTime) -> Option<f64> {
     (!frame.passes.is_empty()).then(|| frame.passes.iter().map(|pass| pass.ms).sum())
 }
 
-/// Times of a frame's passes; one that is split, or runs several times, counts under its one name.
+/// Returns the times of a frame's passes by name. Passes with the same name are summed.
 pub(crate) fn passes(frame: &FrameTime) -> Vec<(&str, f64)> {
     let mut passes: Vec<(&str, f64)> = Vec::new();
     for pass in &frame.passes {
@@ -28,7 +30,8 @@ pub(crate) fn passes(frame: &FrameTime) -> Vec<(&str, f64)> {
     passes
 }
 
-/// Median time of each pass over frames, in the order of the first frame that has it. A frame without it counts as 0.
+/// Returns the median time of each pass over frames, in order of first appearance. A frame without the pass counts as
+/// 0.
 pub(crate) fn pass_medians(frames: &[FrameTime]) -> Vec<(String, f64)> {
     let of_frames: Vec<Vec<(&str, f64)>> = frames.iter().map(passes).collect();
     let mut names: Vec<&str> = Vec::new();
@@ -44,25 +47,25 @@ pub(crate) fn pass_medians(frames: &[FrameTime]) -> Vec<(String, f64)> {
     names.into_iter().filter_map(|name| Some((name.to_string(), times(name)?.median()))).collect()
 }
 
-/// Times of one quantity over several frames, ascending.
+/// Times of one quantity over several frames, in ascending order.
 #[derive(Clone, Debug)]
 pub(crate) struct Times {
     sorted: Vec<f64>,
 }
 
 impl Times {
-    /// Keeps the times, unless there are none.
+    /// Sorts the times; `None` if there are none.
     pub(crate) fn new(mut times: Vec<f64>) -> Option<Self> {
         times.sort_by(f64::total_cmp);
         (!times.is_empty()).then_some(Self { sorted: times })
     }
 
-    /// Wall times of frames.
+    /// Returns the sorted wall times of frames.
     pub(crate) fn wall(frames: &[FrameTime]) -> Option<Self> {
         Self::new(frames.iter().map(|frame| frame.wall_ms).collect())
     }
 
-    /// A quantile, linear between the times beside it.
+    /// Returns a quantile, interpolated linearly between neighbours.
     pub(crate) fn quantile(&self, per_cent: u32) -> f64 {
         self.per_mille(10 * per_cent)
     }
@@ -76,45 +79,45 @@ impl Times {
         low + (high - low) * (position - below as f64).clamp(0.0, 1.0)
     }
 
-    /// The middle.
+    /// Returns the median.
     pub(crate) fn median(&self) -> f64 {
         self.quantile(50)
     }
 
-    /// The median of as many times as there are, drawn from them at random.
+    /// Returns the median of a resample of the same size, drawn with replacement.
     fn resampled(&self, random: &mut Random) -> f64 {
         let count = self.sorted.len();
         let drawn = (0..count).map(|_| self.sorted[random.below(count)]).collect();
         Self::new(drawn).map_or(f64::NAN, |times| times.median())
     }
 
-    /// Where the median lies with 95 % (bootstrap, percentiles). The same for the same times.
+    /// Returns the 95 % confidence interval of the median (percentile bootstrap). It is reproducible.
     pub(crate) fn interval(&self) -> [f64; 2] {
         let mut random = Random(SEED);
         middle_95((0..RESAMPLES).map(|_| self.resampled(&mut random)).collect())
     }
 }
 
-/// 2.5th and 97.5th percentile.
+/// Returns the 2.5th and the 97.5th percentile.
 fn middle_95(values: Vec<f64>) -> [f64; 2] {
     Times::new(values).map_or([f64::NAN; 2], |times| [25, 975].map(|at| times.per_mille(at)))
 }
 
-/// What is written of the times of a case.
+/// Statistics of the times of a case, as written to results.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct Spread {
+pub(crate) struct Quantiles {
     pub(crate) median: f64,
-    /// Where the median lies with 95 %.
+    /// The 95 % confidence interval of the median, `low` to `high`.
     pub(crate) low: f64,
     pub(crate) high: f64,
     pub(crate) p10: f64,
     pub(crate) p90: f64,
-    /// In the order in which frames were drawn.
+    /// The times in the order of the frames.
     pub(crate) times: Vec<f64>,
 }
 
-impl Spread {
-    /// Of times, unless there are none.
+impl Quantiles {
+    /// Computes the statistics; `None` if there are no times.
     pub(crate) fn new(times: Vec<f64>) -> Option<Self> {
         let sorted = Times::new(times.clone())?;
         let [low, high] = sorted.interval();
@@ -122,18 +125,18 @@ impl Spread {
         Some(Self { median, low, high, p10, p90, times })
     }
 
-    /// Of the wall times of frames.
+    /// Computes the statistics of the wall times of frames.
     pub(crate) fn wall(frames: &[FrameTime]) -> Option<Self> {
         Self::new(frames.iter().map(|frame| frame.wall_ms).collect())
     }
 
-    /// Of times on the device, if every frame has one.
+    /// Computes the statistics of device times; `None` unless every frame has one.
     pub(crate) fn gpu(frames: &[FrameTime]) -> Option<Self> {
         Self::new(frames.iter().map(gpu_ms).collect::<Option<Vec<_>>>()?)
     }
 }
 
-/// A ratio with the interval in which it lies with 95 %.
+/// A ratio with its 95 % confidence interval.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ratio {
     pub(crate) value: f64,
@@ -142,14 +145,14 @@ pub(crate) struct Ratio {
 }
 
 impl Ratio {
-    /// Whether the interval leaves 1 out.
+    /// Returns whether the interval excludes 1.
     pub(crate) fn is_outside_noise(&self) -> bool {
         self.low > 1.0 || self.high < 1.0
     }
 }
 
-/// The geometric mean of ratios of medians, second over first; of one pair its ratio. Both sides of every pair are
-/// resampled. `None` without a pair.
+/// Returns the geometric mean over pairs of the ratio of medians, second over first. The bootstrap resamples both
+/// sides of every pair. `None` without a pair.
 pub(crate) fn ratio(pairs: &[[&Times; 2]]) -> Option<Ratio> {
     if pairs.is_empty() {
         return None;
@@ -164,6 +167,11 @@ pub(crate) fn ratio(pairs: &[[&Times; 2]]) -> Option<Ratio> {
     };
     let [low, high] = middle_95((0..RESAMPLES).map(|_| once()).collect());
     Some(Ratio { value, low, high })
+}
+
+/// Returns the milliseconds since an instant.
+pub(crate) fn milliseconds_since(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
 }
 
 #[cfg(test)]
@@ -186,8 +194,8 @@ mod tests {
     }
 
     #[test]
-    fn intervals_hold_the_median_as_often_as_they_say() {
-        // 400 samples of 15 times, each a median of 10 by its law.
+    fn intervals_contain_the_median_with_their_confidence() {
+        // 400 samples of 15 times, whose true median is 10.
         let mut random = Random(SEED);
         let mut uniform = || random.between(0.0, 1.0);
         let held = (0..400).filter(|_| {
@@ -196,7 +204,8 @@ mod tests {
             assert!(low <= some.median() && some.median() <= high);
             low <= 10.0 && 10.0 <= high
         });
-        // 95 % of 400 are 380, with a standard deviation of 4.4; of few times percentiles are a little too narrow.
+        // 95 % of 400 are 380, with a standard deviation of 4.4. Percentile intervals of few times are a little too
+        // narrow.
         let held = held.count();
         assert!((350..=399).contains(&held), "{held}");
         assert_eq!(times(&[3.0, 3.0, 3.0]).interval(), [3.0, 3.0]);
@@ -204,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn ratios_know_noise_and_their_mean_is_geometric() {
+    fn ratios_have_intervals_and_a_geometric_mean() {
         let slow = times(&[10.0, 10.2, 9.9, 10.1, 10.0]);
         let fast = times(&[5.0, 5.1, 4.9, 5.05, 5.0]);
         let one = ratio(&[[&slow, &fast]]).unwrap();
@@ -212,14 +221,14 @@ mod tests {
         assert!(one.is_outside_noise());
         let same = ratio(&[[&slow, &times(&[10.1, 9.8, 10.3, 10.0, 9.95])]]).unwrap();
         assert!(!same.is_outside_noise(), "{same:?}");
-        // Halved once and doubled once is as fast as before.
+        // One pair halves the time, the other doubles it: the mean ratio is 1.
         let both = ratio(&[[&slow, &fast], [&fast, &slow]]).unwrap();
         assert!((both.value - 1.0).abs() < 1e-12 && !both.is_outside_noise());
         assert!(ratio(&[]).is_none());
     }
 
     #[test]
-    fn passes_of_one_name_are_one() {
+    fn passes_with_one_name_are_summed() {
         let pass = |name: &str, ms| PassTime { name: name.to_string(), ms };
         let frame = |passes| FrameTime { wall_ms: 9.0, passes, counters: Vec::new() };
         let frames = [

@@ -135,7 +135,7 @@ fn a_reference_is_drawn_once() {
     let folder = Folder::new("cache");
     folder.write("grid.json", GRID);
     let line = "compare grid.json -o out --techniques raycast:step=0.5";
-    let is_cached = || folder.text("out/report.html").contains("drawn before");
+    let is_cached = || folder.text("out/report.html").contains("reference (cached)");
     let cached = || folder.names("cache/volraster/reference");
     folder.done(&format!("{line} --no-cache"));
     assert!(cached().is_empty() && !is_cached());
@@ -220,8 +220,6 @@ fn a_folder_of_scenes_is_benched_with_tables_and_plots() {
         let svg = folder.text(&format!("out/fronts-{scene}.svg"));
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"), "{svg}");
         assert!(table.contains(&format!("(fronts-{scene}.svg)")), "{table}");
-        let png = image::open(folder.0.join(format!("out/fronts-{scene}.png"))).unwrap().to_rgb8();
-        assert!(png.width() > 1000 && png.pixels().any(|pixel| pixel.0 != [255; 3]));
     }
     // With timestamps, each pass has its time.
     let timed = cases.iter().any(|case| case.get("gpu_ms").is_some());
@@ -235,10 +233,8 @@ fn suites_are_chosen_by_name_and_sizes_have_a_plot() {
     let cases = folder.cases("out/bench.jsonl");
     assert!(cases.iter().all(|case| case["scene"] == "blobs-tets-12" && case["family"] == "blobs-tets"));
     let names = folder.names("out");
-    for ending in ["svg", "png"] {
-        let name = format!("size-pixels-blobs-tets-12-perspective.{ending}");
-        assert!(names.contains(&name), "{names:?}");
-    }
+    assert!(names.contains(&"size-pixels-blobs-tets-12-perspective.svg".to_string()), "{names:?}");
+    assert!(!names.iter().any(|name| name.ends_with(".png")), "{names:?}");
     assert!(names.contains(&"fronts-blobs-tets-12-perspective-96x96.svg".to_string()), "{names:?}");
     folder.fails("bench smoke -o out --only no-such", &["--only", "no-such"]);
     folder.fails("bench", &["--output"]);
@@ -319,11 +315,11 @@ fn a_run_that_is_stopped_keeps_what_it_has() {
     let output = child.wait_with_output().unwrap();
     let err = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(130), "{err}");
-    assert!(err.contains("stopped; what was measured is in out"), "{err}");
+    assert!(err.contains("stopped; partial results are in out"), "{err}");
     let cases = folder.cases("out/bench.jsonl");
     assert!(cases.iter().any(|case| case["scene"] == "1.json" && case.get("wall_ms").is_some()));
     assert!(folder.text("out/table.md").contains("was stopped"));
-    assert!(folder.names("out").contains(&"fronts-1.json-perspective.png".to_string()));
+    assert!(folder.names("out").contains(&"fronts-1.json-perspective.svg".to_string()));
     // Cases of the scene that was not measured to its end have times, or a reason why not, or are not there.
     for case in cases.iter().filter(|case| case["scene"] == "2.json") {
         assert!(case.get("wall_ms").is_some() || case.get("skipped").is_some(), "{case}");

@@ -1,0 +1,286 @@
+//! Arguments of `bench`, and the order of its work.
+//!
+//! An image that is wrong has no speed: each case is compared with the reference before it is timed. The frames of a
+//! scene's cases are drawn in turn, forwards and backwards, so that warm-up and disturbances affect all cases alike.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use indicatif::ProgressBar;
+use volraster::scene::View;
+use volraster::{Error, Gpu, GpuScene, Result};
+
+use super::case::{Case, ViewInfo};
+use super::ratios::Ratios;
+use super::required_k::RequiredK;
+use super::results::Results;
+use super::suite::SUITES;
+use super::sweeps::{self, Sweep};
+use super::truth::truth;
+use super::workload::{Opened, ViewCases, Workload, files_under, scene_files};
+use crate::cli::cache::Cache;
+use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, Size, is_refusal};
+use crate::cli::outcome::{Failure, Outcome};
+use crate::cli::{interrupt, output};
+
+/// Timed frames per case of scenes that belong to no suite.
+const FRAMES: usize = 9;
+
+/// Arguments of `bench`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The suite `smoke` (a little of everything, in less than a minute), `standard` (the scenes of the published
+    /// figures) or `full` (more scenes, views and frames); or a scene file, a data file, or a folder of scene files.
+    #[arg(value_name = "SUITE", default_value = "standard")]
+    suite: PathBuf,
+    #[command(flatten)]
+    arrays: ArraysArgs,
+    /// Folder for the results: bench.jsonl (one line of JSON per case), fronts.json (times at equal error), table.md, and
+    /// plots as SVG.
+    #[arg(short, long, value_name = "DIR", required_unless_present = "compare")]
+    output: Option<PathBuf>,
+    /// Compare two earlier runs instead of measuring: print the ratio of medians, with its 95 % confidence interval, for
+    /// every case that both runs timed. With --output, write ratios.json there.
+    #[arg(long, num_args = 2, value_names = ["A.jsonl", "B.jsonl"], conflicts_with_all = ["suite", "array", "data", "only", "frames", "size", "device", "no_cache"])]
+    compare: Option<Vec<PathBuf>>,
+    /// Measure only scenes of a suite or folder whose names contain one of these texts.
+    #[arg(long, value_name = "TEXT,...", value_delimiter = ',')]
+    only: Vec<String>,
+    /// Also measure every data file and scene file under this folder, with few cases each. Files that cannot be read, and
+    /// volumes above 512 MiB, are skipped with a line on stderr.
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Timed frames per case, after one warm-up frame [default: that of the suite, else 9]. Slow cases get fewer.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    frames: Option<u16>,
+    /// Image size [default: that of the scene file, else of the suite, else 512x512].
+    #[arg(long, value_name = "WxH", value_parser = Size::parse)]
+    size: Option<Size>,
+    /// Draw reference images anew, and cache none.
+    #[arg(long)]
+    no_cache: bool,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// Whether the run continues.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum RunState {
+    Running,
+    Stopped,
+}
+
+impl Args {
+    /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// An error in the arguments, the input, the device or the output; [`Failure::Finding`] when an image is wrong;
+    /// [`Failure::Interrupted`] after Ctrl-C.
+    pub(crate) fn run(&self, quiet: bool) -> Outcome {
+        if let Some([a, b]) = self.compare.as_deref() {
+            return self.ratios([a, b], quiet);
+        }
+        let Some(folder) = &self.output else { return Ok(()) };
+        output::check_folder(folder)?;
+        let workloads = self.workloads(quiet)?;
+        let (gpu, _) = self.device.open(false)?;
+        output::make_folder(folder)?;
+        let mut results = Results::begin(folder, quiet)?;
+        interrupt::watch();
+        let mut draws = 0;
+        for workload in &workloads {
+            draws += self.draws_of(workload)?;
+        }
+        let bar = output::progress(draws, "bench");
+        let mut state = RunState::Running;
+        for workload in workloads {
+            state = self.measure(&gpu, workload, &bar, &mut results)?;
+            if state == RunState::Stopped {
+                break;
+            }
+        }
+        bar.finish_and_clear();
+        results.finish(state == RunState::Stopped)?;
+        if state == RunState::Stopped {
+            return Err(Failure::Interrupted(format!(
+                "stopped; partial results are in {}",
+                folder.display()
+            )));
+        }
+        match results.failed() {
+            0 => Ok(()),
+            n => Err(Failure::Finding(format!("{n} of {} cases drew a wrong image", results.cases()))),
+        }
+    }
+
+    /// Compares two runs.
+    fn ratios(&self, [a, b]: [&PathBuf; 2], quiet: bool) -> Outcome {
+        if let Some(folder) = &self.output {
+            output::check_folder(folder)?;
+        }
+        let ratios = Ratios::of_files([a, b])?;
+        if let Some(folder) = &self.output {
+            output::make_folder(folder)?;
+            output::write_json(&folder.join("ratios.json"), &ratios.json())?;
+        }
+        if !quiet || self.output.is_none() {
+            output::print(&ratios.text())?;
+        }
+        Ok(())
+    }
+
+    /// Lists the scenes to measure.
+    fn workloads(&self, quiet: bool) -> Result<Vec<Workload>> {
+        let mut workloads = self.suite_workloads(quiet)?;
+        if let Some(folder) = &self.data {
+            workloads.extend(Workload::of_files(files_under(folder)?, folder, sweeps::DATA));
+        }
+        let is_wanted =
+            |name: &str| self.only.is_empty() || self.only.iter().any(|text| name.contains(text.as_str()));
+        workloads.retain(|workload| match workload {
+            Workload::Standard(_, scene) => is_wanted(scene.name),
+            Workload::Found(_, name, _) => is_wanted(name),
+            Workload::File(..) => true,
+        });
+        if workloads.is_empty() {
+            return Err(invalid("--only", format!("\"{}\": is in no scene's name", self.only.join(","))));
+        }
+        Ok(workloads)
+    }
+
+    /// Lists the scenes of the argument SUITE.
+    fn suite_workloads(&self, quiet: bool) -> Result<Vec<Workload>> {
+        if let Some(suite) = SUITES.iter().find(|suite| self.suite == Path::new(suite.name)) {
+            if let Some((option, array)) = self.arrays.first() {
+                let why = format!("\"{array}\": the scenes of {} have no arrays", suite.name);
+                return Err(invalid(&format!("--{option}"), why));
+            }
+            return Ok(suite.scenes().map(|scene| Workload::Standard(suite, scene)).collect());
+        }
+        if !self.suite.exists() {
+            let names: Vec<&str> = SUITES.iter().map(|suite| suite.name).collect();
+            let why = format!(
+                "\"{}\": must be {}, a scene file, a data file or a folder of scene files",
+                self.suite.display(),
+                names.join(", ")
+            );
+            return Err(invalid("suite", why));
+        }
+        let scenes = if self.suite.is_dir() { scene_files(&self.suite)? } else { Vec::new() };
+        if !scenes.is_empty() {
+            return Ok(Workload::of_files(scenes, &self.suite, sweeps::STANDARD));
+        }
+        let input = Input::load(&self.suite, self.size, &self.arrays, quiet)?;
+        input::drawn(&input.scene)?;
+        let name = self.suite.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(vec![Workload::File(name, Box::new(input))])
+    }
+
+    /// Returns the number of timed frames per case.
+    fn frames_of(&self, workload: &Workload) -> usize {
+        let own = if let Workload::Standard(suite, _) = workload { suite.frames } else { FRAMES };
+        self.frames.map_or(own, usize::from)
+    }
+
+    /// Returns an upper bound of the frames that a workload draws.
+    fn draws_of(&self, workload: &Workload) -> Result<u64> {
+        Ok((workload.case_count(self.size)? * (self.frames_of(workload) + 1)) as u64)
+    }
+
+    /// Measures every case of a workload, one view after the other.
+    fn measure(
+        &self,
+        gpu: &Gpu,
+        workload: Workload,
+        bar: &ProgressBar,
+        results: &mut Results,
+    ) -> Result<RunState> {
+        let (draws, frames) = (self.draws_of(&workload)?, self.frames_of(&workload));
+        let end = bar.position() + draws;
+        let is_found = matches!(workload, Workload::Found(..));
+        match workload.open(self.size) {
+            Ok(Opened { name, family, scene, views }) => {
+                let scene = GpuScene::new(gpu, scene);
+                for ViewCases { projection, view, sweeps } in views {
+                    let (scene_name, family) = (name.clone(), family.clone());
+                    let projection = projection.to_string();
+                    let info = ViewInfo { scene: scene_name, family, projection, view };
+                    if self.measure_view(&scene, &info, sweeps, frames, bar, results)? == RunState::Stopped {
+                        return Ok(RunState::Stopped);
+                    }
+                }
+            }
+            // The user named the folder, not this file: skip it.
+            Err(error) if is_found => bar.suspend(|| output::complain(&format!("skipped: {error}"))),
+            Err(error) => return Err(error),
+        }
+        bar.set_position(end);
+        Ok(RunState::Running)
+    }
+
+    /// Checks, then times every case of a view, and adds the results.
+    fn measure_view(
+        &self,
+        scene: &Arc<GpuScene>,
+        info: &ViewInfo,
+        sweeps: &[Sweep],
+        frames: usize,
+        bar: &ProgressBar,
+        results: &mut Results,
+    ) -> Result<RunState> {
+        let view = &info.view;
+        bar.set_message(output::plain(&format!("{} {}", info.scene, info.projection)));
+        let Some(truth) = truth(scene, view, &Cache::of_user(!self.no_cache))? else {
+            return Ok(RunState::Stopped);
+        };
+        let mut settings = sweeps::settings(sweeps)?;
+        settings.retain(|setting| setting.is_for(scene.scene()));
+        let mut cases: Vec<Case> = settings.into_iter().map(Case::new).collect();
+        let mut weighed = Vec::new();
+        for case in &mut cases {
+            if interrupt::requested() {
+                return Ok(RunState::Stopped);
+            }
+            case.check(scene, view, &truth)?;
+            let kind = (case.setting.technique.method(), case.setting.route);
+            if !weighed.contains(&kind) {
+                weighed.push(kind);
+                case.measure_memory(scene, view);
+            }
+            bar.inc(1);
+        }
+        let state = time(&mut cases, view, frames, bar)?;
+        let required_k = match RequiredK::measure(scene, view) {
+            _ if state == RunState::Stopped => None,
+            Err(error) if is_refusal(&error) => None,
+            measured => measured?,
+        };
+        cases.retain(Case::is_done);
+        // Written after every view, so that an interrupted run keeps its results so far.
+        let text = results.add(scene, info, &cases, required_k.as_ref())?;
+        if !results.is_quiet() {
+            bar.suspend(|| output::print(&text))?;
+        }
+        Ok(state)
+    }
+}
+
+/// Times cases in rounds of one frame each, in alternating directions.
+fn time(cases: &mut [Case], view: &View, frames: usize, bar: &ProgressBar) -> Result<RunState> {
+    for round in 0..frames {
+        for i in 0..cases.len() {
+            if interrupt::requested() {
+                return Ok(RunState::Stopped);
+            }
+            let place = if round % 2 == 0 { i } else { cases.len() - 1 - i };
+            cases[place].time(view)?;
+            bar.inc(1);
+        }
+    }
+    Ok(RunState::Running)
+}
+
+fn invalid(what: &str, why: String) -> Error {
+    Error::Invalid { what: what.to_string(), why }
+}

@@ -1,0 +1,291 @@
+//! Standard scenes of the suites. A further scene is a further row of a list.
+
+use volraster::glam::DVec3;
+use volraster::io::scene_file::PRESETS;
+use volraster::scene::{
+    Camera, Clip, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, Shading, Surface,
+    TransferFunction, View,
+};
+use volraster::{Error, Result};
+
+use crate::cli::input::{self, Size};
+
+use Cut::{Clipped, Opaque, Translucent, Whole};
+use Shape::{Cubes, Gaussians, Points, Samples};
+
+/// Image size of the standard scenes and of data files found in a folder.
+pub(crate) const SIZE: Size = Size { width: 512, height: 512 };
+
+/// Image size of the suite `smoke`.
+pub(crate) const SMALL: Size = Size { width: 192, height: 192 };
+
+/// A standard scene.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StandardScene {
+    pub(crate) name: &'static str,
+    /// Name that it shares with scenes that differ only in size.
+    pub(crate) family: &'static str,
+    pub(super) field: &'static str,
+    pub(super) shape: Shape,
+    pub(super) look: Look,
+    pub(super) cut: Cut,
+    /// Number of views, the first of [`VIEWS`].
+    pub(super) views: usize,
+    /// Sides of further square images of the first view.
+    pub(super) sides: &'static [u32],
+}
+
+/// The data on which the field is sampled.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Shape {
+    /// A grid: samples along each side, their type, and the stored values of the transfer function's \[0, 1\].
+    Samples(u32, &'static str, [f64; 2]),
+    /// A grid of Gaussian kernels: samples along each side.
+    Gaussians(u32),
+    /// A mesh: cubes along each side, of five tetrahedra each.
+    Cubes(u32),
+    /// Points at random positions: their number and their radius.
+    Points(u32, f64),
+}
+
+/// Clipping and surfaces of a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Cut {
+    /// None.
+    Whole,
+    /// A plane and a crop box.
+    Clipped,
+    /// An opaque sphere on an opaque floor.
+    Opaque,
+    /// Two translucent spheres that overlap.
+    Translucent,
+}
+
+impl Cut {
+    fn clip(self) -> Result<Clip> {
+        if self != Clipped {
+            return Ok(Clip::none());
+        }
+        let plane = Clip::none().with_plane(DVec3::new(0.0, 0.0, 0.3), DVec3::new(-0.6, 0.1, -1.0))?;
+        plane.with_crop(DVec3::splat(-0.9), DVec3::splat(0.9))
+    }
+
+    fn surfaces(self) -> Result<Vec<Surface>> {
+        let ball = |centre, radius, colour| {
+            Ok(Surface::sphere(DVec3::from_array(centre), radius, colour, 4)?
+                .with_shading(Shading::Headlight))
+        };
+        match self {
+            Whole | Clipped => Ok(Vec::new()),
+            Opaque => Ok(vec![
+                ball([0.3, 0.2, 0.2], 0.6, [0.9, 0.4, 0.3, 1.0])?,
+                Surface::cuboid(
+                    DVec3::new(-1.1, -1.15, -1.1),
+                    DVec3::new(1.1, -0.9, 1.1),
+                    [0.5, 0.6, 0.5, 1.0],
+                )?,
+            ]),
+            Translucent => Ok(vec![
+                ball([0.3, 0.2, 0.2], 0.6, [0.9, 0.4, 0.3, 0.5])?,
+                ball([-0.3, 0.0, 0.2], 0.5, [0.3, 0.4, 0.9, 0.5])?,
+            ]),
+        }
+    }
+}
+
+/// The kernels of [`Gaussians`].
+pub(super) const GAUSSIANS: Kernels =
+    Kernels { kernel: Kernel::Gaussian, sigma: 0.7, cut: 2.5, model: Model::Density, least: Kernels::LEAST };
+
+/// A transfer function over \[0, 1\].
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Look {
+    /// A preset that scene files can name.
+    Preset(&'static str),
+    /// Knots: scalar, colour, extinction.
+    Rows(&'static [[f64; 5]]),
+}
+
+/// A thin opaque layer, 2 % of the range: samples miss it, integrals do not.
+const THIN: Look =
+    Look::Rows(&[[0.49, 1.0, 0.8, 0.3, 0.0], [0.5, 1.0, 0.8, 0.3, 240.0], [0.51, 1.0, 0.8, 0.3, 0.0]]);
+
+const SHELLS: Look = Look::Preset("shells");
+
+const FOG: Look = Look::Preset("fog");
+
+/// A named viewpoint.
+#[derive(Clone, Copy, Debug)]
+struct Viewpoint {
+    name: &'static str,
+    eye: [f64; 3],
+    projection: Projection,
+}
+
+const EYE: [f64; 3] = [2.0, 1.5, 3.8];
+
+const PERSPECTIVE: Projection = Projection::Perspective { fov_y_deg: 42.0 };
+
+/// The first two are the standard views; the others are from inside the data and from afar.
+#[rustfmt::skip]
+const VIEWS: [Viewpoint; 4] = [
+    Viewpoint { name: "perspective", eye: EYE, projection: PERSPECTIVE },
+    Viewpoint { name: "orthographic", eye: EYE, projection: Projection::Orthographic { half_height: 1.6 } },
+    Viewpoint { name: "inside", eye: [0.31, 0.22, 0.47], projection: PERSPECTIVE },
+    Viewpoint { name: "far", eye: [8.0, 6.0, 15.2], projection: PERSPECTIVE },
+];
+
+pub(super) const UNIT: [f64; 2] = [0.0, 1.0];
+
+const BYTE: [f64; 2] = [0.0, 255.0];
+
+const SIDES: &[u32] = &[256, 1024];
+
+/// Radius of points: three pixels of [`SIZE`] at the centre of the data, so that a standard deviation is one pixel.
+const RADIUS: f64 = 0.0205;
+
+/// The same for [`SMALL`].
+const RADIUS_SMALL: f64 = 0.0546;
+
+/// The scenes of the suite `standard`.
+#[rustfmt::skip]
+pub(crate) const SCENES: &[StandardScene] = &[
+    StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "marschner-lobb-128", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: SHELLS, cut: Whole, views: 2, sides: SIDES },
+    StandardScene { name: "marschner-lobb-256", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(256, "f32", UNIT), look: SHELLS, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "blobs-128", family: "blobs", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, cut: Whole, views: 2, sides: &[] },
+    StandardScene { name: "thin-128", family: "thin", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: THIN, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "marschner-lobb-128-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(128, "u8", BYTE), look: SHELLS, cut: Whole, views: 2, sides: &[] },
+    StandardScene { name: "blobs-tets-12", family: "blobs-tets", field: "blobs", shape: Cubes(12), look: FOG, cut: Whole, views: 2, sides: &[] },
+    StandardScene { name: "blobs-tets-34", family: "blobs-tets", field: "blobs", shape: Cubes(34), look: FOG, cut: Whole, views: 2, sides: SIDES },
+    StandardScene { name: "blobs-tets-58", family: "blobs-tets", field: "blobs", shape: Cubes(58), look: FOG, cut: Whole, views: 2, sides: &[] },
+    StandardScene { name: "blobs-gaussians-128", family: "blobs-gaussians", field: "blobs", shape: Gaussians(128), look: FOG, cut: Whole, views: 2, sides: &[] },
+    StandardScene { name: "blobs-points-100k", family: "blobs-points", field: "blobs", shape: Points(100_000, RADIUS), look: FOG, cut: Whole, views: 2, sides: SIDES },
+    StandardScene { name: "blobs-points-1m", family: "blobs-points", field: "blobs", shape: Points(1_000_000, RADIUS), look: FOG, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "marschner-lobb-256-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(256, "u8", BYTE), look: SHELLS, cut: Whole, views: 2, sides: &[] },
+];
+
+/// Further scenes of the suite `full`: other sizes and transfer functions, views from inside and from afar, clip
+/// planes and surfaces.
+#[rustfmt::skip]
+pub(crate) const MORE_SCENES: &[StandardScene] = &[
+    StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32", UNIT), look: FOG, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "blobs-256", family: "blobs", field: "blobs", shape: Samples(256, "f32", UNIT), look: FOG, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "blobs-thin-128", family: "blobs-thin", field: "blobs", shape: Samples(128, "f32", UNIT), look: THIN, cut: Whole, views: 4, sides: SIDES },
+    StandardScene { name: "marschner-lobb-fog-128", family: "marschner-lobb-fog", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: FOG, cut: Whole, views: 4, sides: &[] },
+    StandardScene { name: "ramp-fog-128", family: "ramp-fog", field: "ramp", shape: Samples(128, "f32", UNIT), look: FOG, cut: Whole, views: 4, sides: &[] },
+    StandardScene { name: "blobs-tets-23", family: "blobs-tets", field: "blobs", shape: Cubes(23), look: FOG, cut: Whole, views: 4, sides: &[] },
+    StandardScene { name: "marschner-lobb-tets-34", family: "marschner-lobb-tets", field: "marschner-lobb", shape: Cubes(34), look: SHELLS, cut: Whole, views: 4, sides: &[] },
+    StandardScene { name: "blobs-128-clipped", family: "blobs-clipped", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, cut: Clipped, views: 1, sides: &[] },
+    StandardScene { name: "blobs-128-opaque", family: "blobs-opaque", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, cut: Opaque, views: 1, sides: &[] },
+    StandardScene { name: "blobs-128-translucent", family: "blobs-translucent", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, cut: Translucent, views: 1, sides: &[] },
+    StandardScene { name: "blobs-tets-34-clipped", family: "blobs-tets-clipped", field: "blobs", shape: Cubes(34), look: FOG, cut: Clipped, views: 1, sides: &[] },
+    StandardScene { name: "blobs-tets-34-opaque", family: "blobs-tets-opaque", field: "blobs", shape: Cubes(34), look: FOG, cut: Opaque, views: 1, sides: &[] },
+    StandardScene { name: "blobs-tets-34-translucent", family: "blobs-tets-translucent", field: "blobs", shape: Cubes(34), look: FOG, cut: Translucent, views: 1, sides: &[] },
+];
+
+/// The small scenes of the suite `smoke`.
+#[rustfmt::skip]
+pub(crate) const SMOKE_SCENES: &[StandardScene] = &[
+    StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, cut: Whole, views: 1, sides: &[96] },
+    StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32", UNIT), look: FOG, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "blobs-tets-12", family: "blobs-tets", field: "blobs", shape: Cubes(12), look: FOG, cut: Whole, views: 1, sides: &[96] },
+    StandardScene { name: "blobs-gaussians-32", family: "blobs-gaussians", field: "blobs", shape: Gaussians(32), look: FOG, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "blobs-points-10k", family: "blobs-points", field: "blobs", shape: Points(10_000, RADIUS_SMALL), look: FOG, cut: Whole, views: 1, sides: &[96] },
+];
+
+impl StandardScene {
+    /// Returns the views with their names.
+    ///
+    /// # Errors
+    ///
+    /// As [`View::new`].
+    pub(crate) fn views(&self, Size { width, height }: Size) -> Result<Vec<(&'static str, View)>> {
+        let view = |&Viewpoint { name, eye, projection }: &Viewpoint| {
+            let camera = Camera { eye: DVec3::from(eye), target: DVec3::ZERO, up: DVec3::Y, projection };
+            Ok((name, View::new(camera, width, height)?.with_clip(self.cut.clip()?)))
+        };
+        VIEWS.iter().take(self.views).map(view).collect()
+    }
+
+    /// Returns the further image sizes of the first view.
+    pub(crate) fn sizes(&self) -> impl Iterator<Item = Size> {
+        self.sides.iter().map(|&side| Size { width: side, height: side })
+    }
+
+    /// Returns whether some technique draws the scene.
+    pub(crate) fn is_drawn(&self) -> bool {
+        // The smallest scene of the same kind decides.
+        let small = match self.shape {
+            Samples(_, kind, range) => Samples(2, kind, range),
+            Gaussians(_) => Gaussians(2),
+            Cubes(_) => Cubes(1),
+            Points(_, radius) => Points(1, radius),
+        };
+        Self { shape: small, ..*self }.load().is_ok_and(|scene| input::drawn(&scene).is_ok())
+    }
+
+    pub(super) fn data(&self) -> Result<Data> {
+        let field = Field::from_name(self.field)?;
+        match self.shape {
+            Samples(side, kind, _) => field.sample([side; 3], kind).map(Data::from),
+            Gaussians(side) => field.sample([side; 3], "f32").map(Data::from),
+            Cubes(cubes) => field.tets(cubes).map(Data::from),
+            Points(count, radius) => {
+                field.points(count)?.with_size(KernelSize::Radius(radius)).map(Data::from)
+            }
+        }
+    }
+
+    /// Makes the scene: data, transfer function, kernels and surfaces.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] when the scene names an unknown field or preset.
+    pub(crate) fn load(&self) -> Result<Scene> {
+        let range @ [lo, hi] = self.range();
+        let transfer = match self.look {
+            Look::Preset(name) => {
+                let Some(preset) = PRESETS.iter().find(|known| known.name == name) else {
+                    let why = format!("\"{name}\": unknown preset");
+                    return Err(Error::Invalid { what: "transfer function".to_string(), why });
+                };
+                preset.transfer(range, 1.0)?
+            }
+            Look::Rows(rows) => {
+                let stretched = rows.iter().map(|&[s, r, g, b, tau]| [lo + (hi - lo) * s, r, g, b, tau]);
+                TransferFunction::from_rows(&stretched.collect::<Vec<_>>())?
+            }
+        };
+        let scene = Scene::new(self.data()?, transfer).with_surfaces(self.cut.surfaces()?);
+        if matches!(self.shape, Gaussians(_)) { scene.with_kernels(GAUSSIANS) } else { Ok(scene) }
+    }
+
+    /// Returns the scalars that the transfer function's \[0, 1\] stands for.
+    pub(super) fn range(&self) -> [f64; 2] {
+        match self.shape {
+            Samples(_, _, range) => range,
+            Gaussians(_) | Cubes(_) | Points(..) => UNIT,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The standard deviation of a point is one pixel at the centre of the data.
+    #[test]
+    fn points_have_the_size_of_pixels() {
+        for (scene, size, radius) in
+            [(SCENES[10], SIZE, RADIUS), (SCENES[11], SIZE, RADIUS), (SMOKE_SCENES[4], SMALL, RADIUS_SMALL)]
+        {
+            let (_, view) = scene.views(size).unwrap()[0];
+            let right = view.forward().cross(DVec3::Y).normalize();
+            let across = |at: DVec3| view.project(at).unwrap().0.x;
+            let pixels = across(right * radius) - across(DVec3::ZERO);
+            assert!(matches!(scene.shape, Points(_, r) if r == radius), "{}", scene.name);
+            assert!((pixels - 3.0).abs() < 0.01, "{}: {pixels}", scene.name);
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! Scenes to measure: those of suites, given files, and files found in folders.
+
+use std::path::{Path, PathBuf};
+
+use volraster::io::ReadOptions;
+use volraster::io::scene_file::SceneFile;
+use volraster::scene::{Scene, View};
+use volraster::{Error, Result};
+
+use super::scenes::{self, StandardScene};
+use super::suite::Suite;
+use super::sweeps::{self, Sweep};
+use crate::cli::input::{self, Input, Size};
+
+/// Memory limit for reading a file found in a folder, in bytes.
+const MAX_BYTES: u64 = 512 << 20;
+
+/// A scene to measure.
+pub(super) enum Workload {
+    /// A scene of a suite, not yet in memory.
+    Standard(&'static Suite, &'static StandardScene),
+    /// The file that the command line names, with its name in results.
+    File(String, Box<Input>),
+    /// A file found in a folder, not yet opened, with its path relative to the folder and its sweeps.
+    Found(PathBuf, String, &'static [Sweep]),
+}
+
+/// A view with the sweeps that are measured in it.
+pub(super) struct ViewCases {
+    pub(super) projection: &'static str,
+    pub(super) view: View,
+    pub(super) sweeps: &'static [Sweep],
+}
+
+/// A scene in memory, with its views.
+pub(super) struct Opened {
+    pub(super) name: String,
+    pub(super) family: Option<String>,
+    pub(super) scene: Scene,
+    pub(super) views: Vec<ViewCases>,
+}
+
+impl Workload {
+    /// Lists files found in a folder.
+    pub(super) fn of_files(files: Vec<PathBuf>, folder: &Path, sweeps: &'static [Sweep]) -> Vec<Self> {
+        let name =
+            |path: &Path| path.strip_prefix(folder).unwrap_or(path).to_string_lossy().replace('\\', "/");
+        files
+            .into_iter()
+            .map(|path| {
+                let name = name(&path);
+                Self::Found(path, name, sweeps)
+            })
+            .collect()
+    }
+
+    /// Returns an upper bound of the number of cases. A given image size replaces the further sizes of a suite's scenes.
+    ///
+    /// # Errors
+    ///
+    /// As [`StandardScene::views`] and [`sweeps::settings`].
+    pub(super) fn case_count(&self, size: Option<Size>) -> Result<usize> {
+        Ok(match self {
+            Self::Standard(suite, scene) => {
+                let views = scene.views(suite.size)?.len();
+                let sizes = if size.is_some() { 0 } else { scene.sizes().count() };
+                views * sweeps::settings(suite.sweeps)?.len() + sizes * sweeps::settings(sweeps::SIZES)?.len()
+            }
+            Self::File(..) => sweeps::settings(sweeps::STANDARD)?.len(),
+            Self::Found(_, _, sweeps) => sweeps::settings(sweeps)?.len(),
+        })
+    }
+
+    /// Reads or makes the scene, and lists its views.
+    ///
+    /// # Errors
+    ///
+    /// As [`Input::load_within`], [`input::drawn`] and [`StandardScene::load`].
+    pub(super) fn open(self, size: Option<Size>) -> Result<Opened> {
+        let of_file = |name: String, input: Input, sweeps: &'static [Sweep]| {
+            let view = input.settings.view;
+            let projection = if view.is_perspective() { "perspective" } else { "orthographic" };
+            let views = vec![ViewCases { projection, view, sweeps }];
+            Opened { name, family: None, scene: input.scene, views }
+        };
+        match self {
+            Self::File(name, input) => Ok(of_file(name, *input, sweeps::STANDARD)),
+            Self::Found(path, name, sweeps) => {
+                // A scene file states its image size; data files are all drawn at the standard one.
+                let is_scene = SceneFile::is_at(&path, &ReadOptions::default());
+                let size = size.or_else(|| (!is_scene).then_some(scenes::SIZE));
+                let input = Input::load_within(&path, size, &ReadOptions::within(MAX_BYTES))?;
+                input::drawn(&input.scene).map_err(|error| error.in_file(&path))?;
+                Ok(of_file(name, input, sweeps))
+            }
+            Self::Standard(suite, scene) => {
+                let cases = |sweeps| move |(projection, view)| ViewCases { projection, view, sweeps };
+                let views = scene.views(size.unwrap_or(suite.size))?;
+                let mut views: Vec<ViewCases> = views.into_iter().map(cases(suite.sweeps)).collect();
+                for size in scene.sizes().filter(|_| size.is_none()) {
+                    views.extend(scene.views(size)?.into_iter().take(1).map(cases(sweeps::SIZES)));
+                }
+                let family = Some(scene.family.to_string());
+                Ok(Opened { name: scene.name.to_string(), family, scene: scene.load()?, views })
+            }
+        }
+    }
+}
+
+/// Lists the scene files in a folder, sorted.
+///
+/// # Errors
+///
+/// [`Error::Io`] when the folder cannot be listed.
+pub(super) fn scene_files(folder: &Path) -> Result<Vec<PathBuf>> {
+    let failed = |source| Error::Io { path: folder.to_path_buf(), action: "cannot list", source };
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        if path.is_file() && SceneFile::is_at(&path, &ReadOptions::default()) {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// Lists every file under a folder, sorted. Follows links to files, not links to folders.
+///
+/// # Errors
+///
+/// [`Error::Io`] when a folder cannot be listed.
+pub(super) fn files_under(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    let mut folders = vec![folder.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        let failed = |source| Error::Io { path: folder.clone(), action: "cannot list", source };
+        for entry in std::fs::read_dir(&folder).map_err(failed)? {
+            let entry = entry.map_err(failed)?;
+            let path = entry.path();
+            if entry.file_type().map_err(failed)?.is_dir() {
+                folders.push(path);
+            } else if path.is_file() {
+                files.push(path);
+            }
+        }
+    }
+    files.sort();
+    Ok(files)
+}

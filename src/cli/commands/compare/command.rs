@@ -1,0 +1,216 @@
+//! Arguments of `compare`, and its run: images first, then the ground truth, then files and the report.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+use volraster::gpu::DeviceReport;
+use volraster::io::{ReadOptions, read_exr, write_exr, write_png};
+use volraster::measure::ImageErrors;
+use volraster::reference::ReferenceImage;
+use volraster::scene::{Data, Scene, View};
+use volraster::{Error, Result};
+
+use super::entry::{Drawn, Entry, FRAMES, draw, read};
+use super::page::{self, Page};
+use super::row::Row;
+use crate::cli::cache::{Cache, Origin};
+use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, Settings, Size, Wanted};
+use crate::cli::outcome::{Outcome, check_validation};
+use crate::cli::{output, table};
+
+/// Arguments of `compare`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// A scene file (.json) or a data file.
+    #[arg(value_name = "SCENE|DATA")]
+    scene: PathBuf,
+    #[command(flatten)]
+    arrays: ArraysArgs,
+    /// Folder for images, error images, errors.json and report.html; the report contains all of it in one file.
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Techniques with options, separated by `;` or `,`; may be repeated. `all`: every technique that draws the
+    /// scene's data, by every route of the device. The scene's own technique, named without options, keeps those of the
+    /// scene file.
+    #[arg(long, value_name = "all|NAME[:key=value,...];...", default_value = "all")]
+    techniques: Vec<String>,
+    /// Ground truth: the float64 reference, or an OpenEXR file.
+    #[arg(long, value_name = "reference|FILE.exr", default_value = "reference")]
+    against: PathBuf,
+    /// Image size [default: that of the scene].
+    #[arg(long, value_name = "WxH", value_parser = Size::parse)]
+    size: Option<Size>,
+    /// Draw the reference image anew, and cache none.
+    #[arg(long)]
+    no_cache: bool,
+    #[command(flatten)]
+    device: DeviceArgs,
+    /// Enable core and synchronization validation; any message makes the exit code 1.
+    #[arg(long)]
+    validate: bool,
+}
+
+/// The image that all others are compared with.
+struct Truth {
+    image: ReferenceImage,
+    /// How the reference was obtained; `None` for a given file.
+    origin: Option<Origin>,
+    /// Its description in the report.
+    what: String,
+}
+
+impl Args {
+    /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// An error in the arguments, the input, the device or the output.
+    pub(crate) fn run(&self, quiet: bool) -> Outcome {
+        output::check_folder(&self.output)?;
+        let lists =
+            self.techniques.iter().map(|list| Wanted::parse_list(list)).collect::<Result<Vec<_>>>()?;
+        let wanted = lists.concat();
+        let given = self.given_truth()?;
+        let Input { scene, settings } = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
+        if let Some(truth) = &given {
+            self.check_extent(truth, settings.view.extent())?;
+        }
+        // With `all`, an error in the scene file's technique would only skip that technique.
+        settings.technique()?;
+        for wanted in &wanted {
+            match *wanted {
+                Wanted::All => input::drawn(&scene)?,
+                Wanted::One(request) => drop(settings.choose(Some(request), &scene)?),
+            }
+        }
+        let (gpu, log) = self.device.open(self.validate)?;
+        let device = gpu.report().clone();
+        // Images come before the slow reference: an unsupported request fails early and leaves no file.
+        let Drawn { entries, refused } = draw(&gpu, &scene, &settings, &wanted)?;
+        // The destruction of the device may cause validation messages too.
+        drop(gpu);
+        let truth = match given {
+            Some(image) => Truth { image, origin: None, what: self.against.display().to_string() },
+            None => self.reference(&scene, &settings.view)?,
+        };
+        output::make_folder(&self.output)?;
+        let truth_png = self.write_truth(&truth, settings.background)?;
+        let (rows, lines) = self.write_entries(&entries, &truth.image, settings.background)?;
+        let page = Page {
+            title: format!("Comparison: {}", self.scene.file_name().unwrap_or_default().to_string_lossy()),
+            facts: self.facts(&scene, &settings, &truth, &device),
+            truth: (truth_png, truth.what),
+            rows,
+            refused,
+        };
+        volraster::io::write_text(self.output.join("report.html"), &page::html(&page))?;
+        if !quiet {
+            output::print(&table::aligned(&lines, &[0, 1, 2]))?;
+        }
+        check_validation(&log)
+    }
+
+    /// Refuses a given ground truth of another size.
+    fn check_extent(&self, truth: &ReferenceImage, [width, height]: [u32; 2]) -> Result<()> {
+        if [truth.width(), truth.height()] == [width, height] {
+            return Ok(());
+        }
+        let (has_width, has_height) = (truth.width(), truth.height());
+        let rule = format!("{has_width} x {has_height}: must be the image size, {width} x {height}");
+        Err(Error::File { path: self.against.clone(), place: "dataWindow".to_string(), rule })
+    }
+
+    /// Draws the reference, with a progress bar that counts rows, or reads it from the cache.
+    fn reference(&self, scene: &Scene, view: &View) -> Result<Truth> {
+        let bar = output::progress(u64::from(view.extent()[1]), "reference");
+        let rows = |_: u32, _: u32| bar.inc(1);
+        let image = Cache::of_user(!self.no_cache).image(scene, view, Some(&rows));
+        bar.finish_and_clear();
+        let (image, origin) = image?;
+        let what = match origin {
+            Origin::Drawn => "float64 reference",
+            Origin::Cached => "float64 reference (cached)",
+        };
+        Ok(Truth { image, origin: Some(origin), what: what.to_string() })
+    }
+
+    /// Reads the file of `--against`, if one is given.
+    fn given_truth(&self) -> Result<Option<ReferenceImage>> {
+        if self.against == Path::new("reference") {
+            return Ok(None);
+        }
+        let image = read_exr(&self.against, &ReadOptions::default())?;
+        let pixels = image.pixels().iter().map(|pixel| pixel.map(f64::from)).collect();
+        ReferenceImage::new(image.width(), image.height(), pixels).map(Some)
+    }
+
+    /// Writes the ground truth and returns it as PNG.
+    fn write_truth(&self, truth: &Truth, background: [f64; 4]) -> Result<Vec<u8>> {
+        let image = truth.image.to_image()?;
+        if truth.origin.is_some() {
+            write_exr(self.output.join("reference.exr"), &image)?;
+        }
+        let stem = if truth.origin.is_some() { "reference" } else { "against" };
+        let png = self.output.join(format!("{stem}.png"));
+        write_png(&png, &image, background)?;
+        read(&png)
+    }
+
+    /// Writes the images of all entries and errors.json; returns the rows of the report and of the table on stdout.
+    fn write_entries(
+        &self,
+        entries: &[Entry],
+        truth: &ReferenceImage,
+        background: [f64; 4],
+    ) -> Result<(Vec<Row>, Vec<Vec<String>>)> {
+        let heading =
+            ["technique", "route", "options", "rmse", "max", "bias", "p99", "p99.9", ">1/255", "ms"];
+        let mut lines = vec![heading.map(str::to_string).to_vec()];
+        let (mut errors, mut rows) = (Vec::new(), Vec::new());
+        for entry in entries {
+            let measured = ImageErrors::between_f64(&entry.image, truth)?;
+            let pictures = entry.write(&self.output, truth, background)?;
+            lines.push(entry.line(&measured));
+            errors.push(entry.json(&measured));
+            rows.push(entry.row(measured, pictures));
+        }
+        output::write_json(&self.output.join("errors.json"), &Value::Array(errors))?;
+        Ok((rows, lines))
+    }
+
+    /// Returns the names and values at the head of the report.
+    fn facts(
+        &self,
+        scene: &Scene,
+        settings: &Settings,
+        truth: &Truth,
+        device: &DeviceReport,
+    ) -> Vec<(&'static str, String)> {
+        let [width, height] = settings.view.extent();
+        let projection = if settings.view.is_perspective() { "perspective" } else { "orthographic" };
+        vec![
+            ("Scene", self.scene.display().to_string()),
+            ("Data", format!("{}, {}", settings.data.display(), described(&scene.data))),
+            ("View", format!("{width} × {height}, {projection}")),
+            ("Ground truth", truth.what.clone()),
+            ("Device", format!("{}, {}, Vulkan {}", device.name, device.driver, device.api)),
+            ("Frames", format!("{FRAMES} timed, after one warm-up frame")),
+            ("volraster", env!("CARGO_PKG_VERSION").to_string()),
+        ]
+    }
+}
+
+/// Describes kind and size of data.
+fn described(data: &Data) -> String {
+    match data {
+        Data::Grid(grid) => {
+            let [x, y, z] = grid.dims();
+            format!("grid of {x} × {y} × {z} {}", grid.samples().type_name())
+        }
+        Data::Mesh(mesh) => {
+            format!("mesh of {} tetrahedra, {} points", mesh.cells().len(), mesh.points().len())
+        }
+        Data::Points(points) => format!("{} points", points.centres().len()),
+        other => other.kind().to_string(),
+    }
+}

@@ -1,0 +1,70 @@
+//! `volraster reference`: draws the float64 reference image.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use volraster::reference::{ReferenceImage, ReferenceOptions};
+use volraster::scene::{Scene, View};
+use volraster::{Result, reference};
+
+use crate::cli::input::{ArraysArgs, Input, Size};
+use crate::cli::outcome::Outcome;
+use crate::cli::output;
+
+/// Arguments of `reference`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// A scene file (.json) or a data file.
+    #[arg(value_name = "SCENE|DATA")]
+    scene: PathBuf,
+    #[command(flatten)]
+    arrays: ArraysArgs,
+    /// Output image: .exr (rounded to 32-bit float) or .png.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Rays along each side of a pixel, averaged by a box filter; 1 samples the pixel centre alone.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(ReferenceOptions::MAX_SAMPLES)))]
+    samples: u32,
+    /// Image size [default: that of the scene].
+    #[arg(long, value_name = "WxH", value_parser = Size::parse)]
+    size: Option<Size>,
+}
+
+impl Args {
+    /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// An error in the arguments, the input or the output.
+    pub(crate) fn run(&self, quiet: bool) -> Outcome {
+        output::check_image(&self.output)?;
+        let Input { scene, settings } = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
+        let start = Instant::now();
+        let image = draw(&scene, &settings.view, self.samples)?.to_image()?;
+        let seconds = start.elapsed().as_secs_f64();
+        volraster::io::write_image(&self.output, &image, settings.background)?;
+        if !quiet {
+            output::print(&format!(
+                "reference (float64, {} samples per pixel): {} x {}, {seconds:.1} s: {}",
+                self.samples * self.samples,
+                image.width(),
+                image.height(),
+                Path::display(&self.output)
+            ))?;
+        }
+        Ok(())
+    }
+}
+
+/// Draws the reference with a progress bar that counts rows.
+///
+/// # Errors
+///
+/// As [`reference::render`].
+pub(crate) fn draw(scene: &Scene, view: &View, samples: u32) -> Result<ReferenceImage> {
+    let bar = output::progress(u64::from(view.extent()[1]), "reference");
+    let rows = |_: u32, _: u32| bar.inc(1);
+    let image = reference::render(scene, view, &ReferenceOptions { samples }, Some(&rows));
+    bar.finish_and_clear();
+    image
+}

@@ -1,0 +1,117 @@
+//! Arguments that several commands share.
+
+use std::sync::Arc;
+
+use volraster::gpu::{GpuOptions, Validation, ValidationLog};
+use volraster::io::ReadOptions;
+use volraster::scene::View;
+use volraster::{Gpu, Result};
+
+/// The device to draw with.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct DeviceArgs {
+    /// Select the device by part of its name, ignoring case. Overrides the environment variable `VOLRASTER_DEVICE`.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) device: Option<String>,
+}
+
+impl DeviceArgs {
+    /// Opens the device, and returns it with its validation log, which outlives it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Gpu::new`].
+    pub(crate) fn open(&self, validate: bool) -> Result<(Gpu, Arc<ValidationLog>)> {
+        let validation = if validate { Validation::On } else { Validation::Off };
+        let gpu = Gpu::new(&GpuOptions { device: self.device.clone(), validation, ..GpuOptions::default() })?;
+        let log = gpu.validation_log();
+        Ok((gpu, log))
+    }
+}
+
+/// An image size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Size {
+    /// Pixels per row.
+    pub(crate) width: u32,
+    /// Rows.
+    pub(crate) height: u32,
+}
+
+impl Size {
+    /// Reads `WxH`.
+    ///
+    /// # Errors
+    ///
+    /// Text of the rule; clap adds option and value.
+    pub(crate) fn parse(text: &str) -> std::result::Result<Self, String> {
+        let side = |text: &str| text.parse().ok().filter(|side| (1..=View::MAX_SIDE).contains(side));
+        text.split_once('x')
+            .and_then(|(width, height)| Some(Self { width: side(width)?, height: side(height)? }))
+            .ok_or_else(|| format!("must be WIDTHxHEIGHT, each 1 to {}", View::MAX_SIDE))
+    }
+}
+
+/// Reads a finite number.
+///
+/// # Errors
+///
+/// Text of the rule; clap adds option and value.
+pub(crate) fn finite(text: &str) -> std::result::Result<f64, String> {
+    text.parse().ok().filter(|n: &f64| n.is_finite()).ok_or_else(|| "must be a finite number".to_string())
+}
+
+/// The arrays of a file to read. They override those of a scene file.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct ArraysArgs {
+    /// Array to show, for files with several; `info` lists them. PART is a component (0, 1, ..., or a letter of xyzw
+    /// or rgba) or `magnitude`. Overrides the scene file.
+    #[arg(long, value_name = "[point:|cell:]NAME[:PART]")]
+    array: Option<String>,
+    /// For points: array of support radii. Without any size array, one radius is estimated from the spacing.
+    #[arg(long, value_name = "NAME", conflicts_with = "covariance")]
+    radius: Option<String>,
+    /// For points: array of covariances with 6 components (xx, xy, xz, yy, yz, zz) or 9.
+    #[arg(long, value_name = "NAME")]
+    covariance: Option<String>,
+    /// For points: array of weights.
+    #[arg(long, value_name = "NAME")]
+    weight: Option<String>,
+}
+
+impl ArraysArgs {
+    /// Returns the options for readers.
+    pub(crate) fn options(&self) -> ReadOptions {
+        ReadOptions {
+            radius: self.radius.clone(),
+            covariance: self.covariance.clone(),
+            weight: self.weight.clone(),
+            array: self.array.clone(),
+            ..ReadOptions::default()
+        }
+    }
+
+    /// Returns the first array given, with the name of its option.
+    pub(crate) fn first(&self) -> Option<(&'static str, &str)> {
+        let all = [
+            ("array", &self.array),
+            ("radius", &self.radius),
+            ("covariance", &self.covariance),
+            ("weight", &self.weight),
+        ];
+        all.into_iter().find_map(|(name, array)| Some((name, array.as_deref()?)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_have_two_sides_in_range() {
+        assert_eq!(Size::parse("64x48"), Ok(Size { width: 64, height: 48 }));
+        for wrong in ["64", "0x48", "64x", "64x48x2", "-1x5", "64X48", "32769x1"] {
+            assert!(Size::parse(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,14 @@
+//! Input that several commands share: common arguments, the scene to draw, and techniques as the command line names them.
+//!
+//! Uses `output` and `timing`. Every command that draws uses it.
+
+mod args;
+mod scene;
+mod technique;
+
+pub(crate) use args::{ArraysArgs, DeviceArgs, Size, finite};
+pub(crate) use scene::{Input, Settings, drawn};
+pub(crate) use technique::{
+    Request, Wanted, all_routes, by_route, is_refusal, options_json, options_text, too_many_splats,
+    with_options,
+};

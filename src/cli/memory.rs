@@ -1,0 +1,49 @@
+//! Memory figures: device memory of some work, device memory by object name, peak host memory.
+
+use serde_json::{Value, json};
+use volraster::{GpuScene, Result};
+
+/// Runs some work; returns its result and the growth of the device memory during it, in bytes.
+///
+/// # Errors
+///
+/// Those of the work.
+pub(crate) fn device_bytes<T>(scene: &GpuScene, work: impl FnOnce() -> Result<T>) -> Result<(T, u64)> {
+    let taken = || scene.gpu().memory_report().iter().map(|(_, bytes)| bytes).sum::<u64>();
+    let before = taken();
+    let result = work()?;
+    Ok((result, taken().saturating_sub(before)))
+}
+
+/// Sums bytes by object name, in order of first appearance.
+pub(super) fn summed(report: Vec<(String, u64)>) -> Value {
+    let mut sums: Vec<(String, u64)> = Vec::new();
+    for (name, bytes) in report {
+        match sums.iter_mut().find(|(other, _)| *other == name) {
+            Some((_, sum)) => *sum += bytes,
+            None => sums.push((name, bytes)),
+        }
+    }
+    Value::Object(sums.into_iter().map(|(name, bytes)| (name, json!(bytes))).collect())
+}
+
+/// Returns the peak resident memory of the process in bytes, where the system reports it (Linux).
+pub(super) fn peak_rss_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_are_summed_by_name_and_the_peak_is_plausible() {
+        let entries = [("a", 1), ("b", 5), ("a", 2)].map(|(name, n)| (name.to_string(), n));
+        assert_eq!(summed(entries.to_vec()), json!({"a": 3, "b": 5}));
+        if cfg!(target_os = "linux") {
+            assert!(peak_rss_bytes().unwrap() > 1 << 20);
+        }
+    }
+}

@@ -1,0 +1,14 @@
+//! Charts as SVG: curves over logarithmic axes and stacked bars.
+//!
+//! Uses `markup` and `numbers`. `bench` plots with it.
+
+mod axis;
+mod bars;
+mod curves;
+mod picture;
+mod style;
+
+pub(crate) use bars::{Bar, bars};
+pub(crate) use curves::{Series, curves};
+pub(crate) use picture::Picture;
+pub(crate) use style::Titles;
