@@ -8,6 +8,7 @@ use crate::gpu::{Buffer, BufferUse, Commands, ComputeDesc, Descriptors, Gpu, Rec
 use crate::interface::BricksPush;
 use crate::num;
 use crate::resident::brick_ranges::MinMax;
+use crate::resident::clock::Clock;
 use crate::resident::visible_scalars::nonzero_ranges;
 use crate::scene::{Grid, TransferFunction};
 
@@ -22,6 +23,7 @@ impl BrickRanges {
     pub(crate) fn visible(
         &self,
         gpu: &Gpu,
+        clock: &Clock,
         grid: &Grid,
         transfer: &TransferFunction,
         known: &Mutex<Vec<(f32, Arc<Buffer>)>>,
@@ -31,9 +33,10 @@ impl BrickRanges {
         if let Some((_, found)) = known.iter().find(|(m, _)| *m == margin) {
             return Ok(Arc::clone(found));
         }
-        let (ranges, count) = self.ranges(gpu, grid)?;
+        let (ranges, count) = self.ranges(gpu, clock, grid)?;
         let desc = ComputeDesc { shader: &BRICKS_COMPUTE, constants: &[] };
         let pipeline = gpu.compute_pipeline("bricks.mark", &desc)?;
+        let _time = clock.tables();
         let mut scalars = nonzero_ranges(transfer);
         let push = BricksPush { bricks: count, ranges: num::count(scalars.len()), margin };
         if scalars.is_empty() {
@@ -63,11 +66,12 @@ impl BrickRanges {
     }
 
     /// Returns the smallest and largest scalar of each brick, and the number of bricks.
-    fn ranges(&self, gpu: &Gpu, grid: &Grid) -> Result<(Arc<Buffer>, u32)> {
+    fn ranges(&self, gpu: &Gpu, clock: &Clock, grid: &Grid) -> Result<(Arc<Buffer>, u32)> {
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = &*known {
             return Ok(found.clone());
         }
+        let _time = clock.upload();
         let bricks = MinMax::of(grid);
         let buffer = Buffer::with_data(gpu, "bricks.ranges", bytemuck::cast_slice(&bricks.ranges))?;
         let made = (buffer, num::count(bricks.ranges.len()));

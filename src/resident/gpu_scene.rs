@@ -1,12 +1,12 @@
 //! A scene with its data on the device.
 
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Instant;
 
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Gpu, Image};
 use crate::num::f32_of;
 use crate::resident::bricks::BrickRanges;
+use crate::resident::clock::{Clock, UploadTimes};
 use crate::resident::mesh::{DrawnPrimitives, MeshData, Primitives, drawn_cells_buffer, drawn_faces_buffer};
 use crate::resident::splats::{SplatNeeds, SplatSet};
 use crate::resident::surfaces::SurfaceData;
@@ -38,7 +38,7 @@ pub struct GpuScene {
     /// Capacities that frames of splats have needed so far.
     pub(crate) splat_needs: Mutex<SplatNeeds>,
     surfaces: SurfacePlace,
-    times: Mutex<UploadTimes>,
+    clock: Clock,
 }
 
 /// Surfaces on the device: `None` before they are first asked for, `Some(None)` where no triangle has an area.
@@ -55,15 +55,6 @@ type SplatChoice = (Kernels, f64);
 struct GridData {
     volumes: Volumes,
     ranges: BrickRanges,
-}
-
-/// Milliseconds that the uploads of a scene have taken so far.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct UploadTimes {
-    /// Uploads of samples, meshes and kernels.
-    pub upload: f64,
-    /// Tables of the transfer function, ranges of bricks, and the search for visible bricks.
-    pub tables: f64,
 }
 
 impl GpuScene {
@@ -85,7 +76,7 @@ impl GpuScene {
             splats: Mutex::default(),
             splat_needs: Mutex::default(),
             surfaces: Arc::default(),
-            times: Mutex::default(),
+            clock: Clock::default(),
         }
     }
 
@@ -175,13 +166,14 @@ impl GpuScene {
         let transfer = &self.scene.transfer;
         let ranges = nonzero_ranges(transfer);
         let seen = margin.map(|margin| (ranges.as_slice(), margin));
-        let made = self.timed(false, || match kind {
-            Primitives::Cells => drawn_cells_buffer(&self.gpu, mesh, transfer.domain(), seen),
+        let _time = self.clock.upload();
+        let made = match kind {
+            Primitives::Cells => drawn_cells_buffer(&self.gpu, mesh, transfer.domain(), seen)?,
             Primitives::Faces => {
                 let topology = self.mesh.topology(mesh)?;
-                drawn_faces_buffer(&self.gpu, mesh, &topology, transfer.domain(), seen)
+                drawn_faces_buffer(&self.gpu, mesh, &topology, transfer.domain(), seen)?
             }
-        })?;
+        };
         known.push(((kind, margin), made.clone()));
         Ok(made)
     }
@@ -210,10 +202,9 @@ impl GpuScene {
         if let Some((_, found)) = known.iter().find(|(key, _)| *key == (*kernels, thickness)) {
             return Ok(Arc::clone(found));
         }
-        let made = self.timed(false, || {
-            let slab = thickness * SplatSet::step(&self.scene)?;
-            SplatSet::new(&self.gpu, &self.scene, kernels, slab).map(Arc::new)
-        })?;
+        let _time = self.clock.upload();
+        let slab = thickness * SplatSet::step(&self.scene)?;
+        let made = Arc::new(SplatSet::new(&self.gpu, &self.scene, kernels, slab)?);
         known.push(((*kernels, thickness), Arc::clone(&made)));
         Ok(made)
     }
@@ -227,27 +218,17 @@ impl GpuScene {
         self.grid().map(diagonal)
     }
 
-    /// Adds the time that `make` takes to that of uploads, or with `tables` to that of tables.
-    fn timed<T>(&self, tables: bool, make: impl FnOnce() -> Result<T>) -> Result<T> {
-        let start = Instant::now();
-        let made = make()?;
-        let mut times = self.times.lock().unwrap_or_else(PoisonError::into_inner);
-        let sum = if tables { &mut times.tables } else { &mut times.upload };
-        *sum += start.elapsed().as_secs_f64() * 1e3;
-        Ok(made)
-    }
-
     /// Returns the samples, encoded for exact fetches or for the sampler's filter, with mip levels or without.
     pub(crate) fn volume(&self, layout: Layout, for_filter: bool, mip: bool) -> Result<Arc<Volume>> {
         let grid = self.grid()?;
         let ends = self.scene.transfer.domain();
-        self.timed(false, || self.data.volumes.volume(&self.gpu, grid, ends, layout, for_filter, mip))
+        self.data.volumes.volume(&self.gpu, &self.clock, grid, ends, layout, for_filter, mip)
     }
 
     /// Returns the table that an integrator reads; `None` if it reads none.
     pub(crate) fn table(&self, options: &SegmentOptions) -> Result<Option<Arc<Table>>> {
         let longest = || self.longest_segment();
-        self.timed(true, || self.tables.table(&self.gpu, &self.scene.transfer, options, longest))
+        self.tables.table(&self.gpu, &self.clock, &self.scene.transfer, options, longest)
     }
 
     /// Returns one texel, for the binding of shaders that read no table.
@@ -257,13 +238,13 @@ impl GpuScene {
 
     /// Returns the knots of the transfer function.
     pub(crate) fn knots(&self) -> Result<Arc<Knots>> {
-        self.timed(true, || self.tables.knots(&self.gpu, &self.scene.transfer))
+        self.tables.knots(&self.gpu, &self.clock, &self.scene.transfer)
     }
 
     /// Returns one word for each brick: 0 where nothing is visible, with extinction smeared by `margin` scalars.
     pub(crate) fn bricks(&self, margin: f32) -> Result<Arc<Buffer>> {
         let (grid, transfer) = (self.grid()?, &self.scene.transfer);
-        self.timed(true, || self.data.ranges.visible(&self.gpu, grid, transfer, &self.bricks, margin))
+        self.data.ranges.visible(&self.gpu, &self.clock, grid, transfer, &self.bricks, margin)
     }
 
     /// Returns the surfaces of the scene; `None` where no triangle has an area.
@@ -316,7 +297,7 @@ impl GpuScene {
     /// Returns the times that uploads have taken.
     #[must_use]
     pub fn times(&self) -> UploadTimes {
-        *self.times.lock().unwrap_or_else(PoisonError::into_inner)
+        self.clock.times()
     }
 
     /// Returns the device.

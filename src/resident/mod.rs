@@ -6,6 +6,7 @@
 
 mod brick_ranges;
 mod bricks;
+pub(crate) mod clock;
 mod gpu_scene;
 mod grid_bytes;
 pub(crate) mod local_space;
@@ -17,6 +18,7 @@ pub(crate) mod tables;
 mod visible_scalars;
 pub(crate) mod volume;
 
-pub use gpu_scene::{GpuScene, UploadTimes};
+pub use clock::UploadTimes;
+pub use gpu_scene::GpuScene;
 pub use grid_bytes::GridBytes;
 pub use tables::{Integrator, SegmentOptions};

@@ -15,6 +15,7 @@ use crate::num::{self, f32_of};
 use crate::optics::DeviceKnots;
 use crate::optics::cumulative::Cumulative;
 use crate::optics::full::Full;
+use crate::resident::clock::Clock;
 use crate::scene::TransferFunction;
 
 /// Image format of tables.
@@ -109,6 +110,7 @@ impl Tables {
     pub(crate) fn table(
         &self,
         gpu: &Gpu,
+        clock: &Clock,
         transfer: &TransferFunction,
         options: &SegmentOptions,
         longest: impl FnOnce() -> Result<f64>,
@@ -119,6 +121,7 @@ impl Tables {
         if let Some(found) = tables.iter().find(|table| table.options == options) {
             return Ok(Some(Arc::clone(found)));
         }
+        let _time = clock.tables();
         let volume = |extent| ImageDesc::sampled_volume(TABLE_FORMAT, extent);
         let (head, sizes, desc, texels) = match options.integrator {
             Integrator::Midpoint | Integrator::Exact | Integrator::Smoke => return Ok(None),
@@ -162,11 +165,12 @@ impl Tables {
     }
 
     /// Returns the knots.
-    pub(crate) fn knots(&self, gpu: &Gpu, transfer: &TransferFunction) -> Result<Arc<Knots>> {
+    pub(crate) fn knots(&self, gpu: &Gpu, clock: &Clock, transfer: &TransferFunction) -> Result<Arc<Knots>> {
         let mut knots = self.knots.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = &*knots {
             return Ok(Arc::clone(found));
         }
+        let _time = clock.tables();
         let table = DeviceKnots::new(transfer);
         let made = Arc::new(Knots {
             buffer: Buffer::with_data(gpu, "transfer.knots", bytemuck::cast_slice(&table.knots))?,

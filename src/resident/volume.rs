@@ -7,6 +7,7 @@ use ash::vk;
 use crate::error::Result;
 use crate::gpu::{Gpu, Image, ImageDesc};
 use crate::num::{self, f32_of};
+use crate::resident::clock::Clock;
 use crate::resident::mips;
 use crate::scene::grid::turned;
 use crate::scene::{Grid, Rescale, Samples};
@@ -55,6 +56,7 @@ impl Volumes {
     pub(crate) fn volume(
         &self,
         gpu: &Gpu,
+        clock: &Clock,
         grid: &Grid,
         ends: [f64; 2],
         layout: Layout,
@@ -74,6 +76,7 @@ impl Volumes {
         if let Some(found) = volumes.iter().find(is_it) {
             return Ok(Arc::clone(found));
         }
+        let _time = clock.upload();
         let [w, h, d] = dims;
         let format = encoding.format();
         let (name, desc) = match layout {
