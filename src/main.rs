@@ -1,4 +1,4 @@
-//! The command-line program `volraster`. Everything it draws with is in the library.
+//! The command-line program `volraster`. All rendering is in the library.
 
 mod cli;
 

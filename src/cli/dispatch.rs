@@ -10,7 +10,7 @@ use crate::cli::commands::{
 };
 use crate::cli::output;
 
-/// Direct volume rendering in object order on explicit Vulkan.
+/// Direct volume rendering on Vulkan, checked against a float64 reference.
 #[derive(Debug, Parser)]
 #[command(name = "volraster", version, arg_required_else_help = true)]
 struct Cli {

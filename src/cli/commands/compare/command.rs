@@ -26,7 +26,7 @@ pub(crate) struct Args {
     scene: PathBuf,
     #[command(flatten)]
     arrays: ArraysArgs,
-    /// Folder for images, error images, errors.json and report.html; the report contains all of it in one file.
+    /// Folder for images, heat maps, errors.json and report.html, which contains all of it in one file.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Techniques with options, separated by `;` or `,`; may be repeated. `all`: every technique that draws the
