@@ -2,6 +2,7 @@
 
 pub(crate) mod composite;
 pub(crate) mod depth_measure;
+pub(crate) mod dry_run;
 pub(crate) mod lists;
 mod offscreen;
 pub(crate) mod plan;

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::frame::composite::Composite;
+use crate::frame::dry_run::dry_run;
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::ray_bounds::{RayBounds, bounds_buffer};
 use crate::frame::surfaces::{SurfaceFrame, SurfaceLists};
@@ -25,7 +26,7 @@ pub struct Plan {
     bounds: Option<RayBounds>,
     surfaces: Option<SurfaceFrame>,
     timers: Option<Arc<Timers>>,
-    /// Passes of the technique that are timed.
+    /// Passes of the technique that have timers.
     technique_passes: u32,
     target: TargetDesc,
     pub(crate) extent: [u32; 2],
@@ -143,22 +144,37 @@ impl Plan {
             (Some(image), Some((format, mode))) => Some(Composite::new(gpu, image, format, mode)?),
             _ => None,
         };
-        let others = u32::from(composite.is_some())
-            + bounds.as_ref().map_or(0, |_| RayBounds::passes())
-            + surfaces.as_ref().map_or(0, SurfaceFrame::passes);
-        let passes = prepared.passes() + others;
-        Ok(Self {
+        let technique = dry_run(gpu, |recorder, target| prepared.record_most(recorder, target));
+        let mut plan = Self {
             gpu: gpu.clone(),
             bounds,
             surfaces,
-            timers: Timers::new(gpu, passes)?,
-            technique_passes: passes - others,
+            timers: None,
+            technique_passes: technique.passes,
             prepared,
             composite,
             target: *target,
             extent: view.extent(),
             in_flight: Arc::new(()),
-        })
+        };
+        let shared = dry_run(gpu, |recorder, target| {
+            if let Some(bounds) = &plan.bounds {
+                bounds.record_most(recorder, plan.surfaces.as_ref());
+            }
+            plan.record_after(recorder, Some(target));
+        });
+        plan.timers = Timers::new(gpu, technique.passes + shared.passes)?;
+        Ok(plan)
+    }
+
+    /// Records the steps after the technique: opaque surfaces behind its image, and the composite into the caller's image.
+    fn record_after(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>) {
+        if let Some(surfaces) = &self.surfaces {
+            surfaces.record_behind(recorder);
+        }
+        if let (Some(composite), Some(target)) = (&self.composite, target) {
+            composite.record(recorder, target);
+        }
     }
 
     /// Records the frame into the caller's command buffer: no submission, no wait, no allocation of
@@ -220,12 +236,7 @@ impl Plan {
             bounds.record(&mut recorder, depth, self.surfaces.as_ref())?;
         }
         self.prepared.record(&mut recorder, target, self.target.mode() == TargetMode::Clear);
-        if let Some(surfaces) = &self.surfaces {
-            surfaces.record_behind(&mut recorder);
-        }
-        if let (Some(composite), Some(target)) = (&self.composite, target) {
-            composite.record(&mut recorder, target);
-        }
+        self.record_after(&mut recorder, target);
         let (passes, keep) = recorder.finish();
         let held = Held {
             gpu: self.gpu.clone(),

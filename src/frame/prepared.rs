@@ -10,8 +10,8 @@ use crate::scene::View;
 
 /// What a technique has fixed for frames of one size.
 pub(crate) trait Prepared: std::fmt::Debug + Send + Sync {
-    /// Turns to another view of the same image size. `false`, and nothing is changed, when there is no room
-    /// for it in `most_passes` passes.
+    /// Changes to another view of the same image size. Returns `false`, and changes nothing, where the view exceeds a capacity of the
+    /// plan or has more than `most_passes` passes.
     fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool>;
     /// How it measures depth.
     fn measure(&self) -> DepthMeasure;
@@ -26,13 +26,15 @@ pub(crate) trait Prepared: std::fmt::Debug + Send + Sync {
     fn last_use(&self) -> Use;
     /// How it draws.
     fn route(&self) -> &'static str;
-    /// Passes of one frame.
-    fn passes(&self) -> u32;
     /// Work of a frame that is known before it is drawn.
     fn counters(&self) -> Vec<(&'static str, u64)>;
     /// Records a frame into the own image, or into `target` where there is none. `clear` begins with
     /// transparent black.
     fn record(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>, clear: bool);
+    /// Records the frame with the most passes that [`Prepared::set_view`] may lead to, for a dry run; changes nothing.
+    fn record_most(&self, recorder: &mut Recorder<'_>, target: &TargetImage) {
+        self.record(recorder, Some(target), true);
+    }
     /// Where a frame's status can be read when it has ended.
     fn outcome(&self) -> Option<Arc<dyn Outcome>> {
         None

@@ -17,10 +17,13 @@ use crate::gpu::{Buffer, BufferUse, DepthImage, Gpu, Recorder, Resource};
 use crate::interface::BoundsPush;
 use crate::num::{self, f32_of};
 use crate::primitives::dispatch::{Dispatch, pass, tiles_of};
-use crate::scene::View;
+use crate::scene::{Clip, View};
 
 /// Half-spaces that one dispatch takes.
 const PLANES: usize = 6;
+
+/// Half-spaces of a view: its clip planes and the six sides of its crop box.
+const MOST_PLANES: usize = Clip::MAX_PLANES + 6;
 
 /// Beside their number: lines start at the eye; the far end is stored as 1.
 const PERSPECTIVE: u32 = 16;
@@ -64,11 +67,6 @@ impl RayBounds {
         let made = Self { first, more, takes_depth, measure, view: *view };
         made.check(view)?;
         Ok(made)
-    }
-
-    /// Passes of a frame, at most.
-    pub(crate) fn passes() -> u32 {
-        3
     }
 
     /// Turns to another view of the same extent, which has been checked.
@@ -167,8 +165,23 @@ impl RayBounds {
         if let Some(depth) = depth {
             self.first.descriptors.sample_external(BINDING_DEPTH, depth)?;
         }
+        self.record_pushes(recorder, self.pushes(&self.view, depth), between);
+        Ok(())
+    }
+
+    /// Records the passes of a view with the most half-spaces, for a dry run.
+    pub(crate) fn record_most(&self, recorder: &mut Recorder<'_>, between: Option<&SurfaceFrame>) {
+        let full = BoundsPush { count: num::count(PLANES), ..BoundsPush::default() };
+        self.record_pushes(recorder, vec![full; MOST_PLANES.div_ceil(PLANES)], between);
+    }
+
+    fn record_pushes(
+        &self,
+        recorder: &mut Recorder<'_>,
+        mut pushes: Vec<BoundsPush>,
+        between: Option<&SurfaceFrame>,
+    ) {
         let groups = tiles_of(self.view.extent());
-        let mut pushes = self.pushes(&self.view, depth);
         if let Some(surfaces) = between {
             if self.takes_depth
                 && let Some(push) = pushes.first()
@@ -186,7 +199,6 @@ impl RayBounds {
             let begins = i == 0 && between.is_none();
             if begins { &self.first } else { &self.more }.record(recorder, push, groups);
         }
-        Ok(())
     }
 }
 

@@ -215,12 +215,6 @@ impl SurfaceFrame {
         self.behind.as_ref().map(|(_, image)| image)
     }
 
-    /// Passes of a frame.
-    pub(crate) fn passes(&self) -> u32 {
-        // Status, points, boxes, order; bins; lists, twice, and their sums; resolve, totals, status; behind.
-        3 + 16 + 7 + (4 + 2 * self.lists.lists.windows) + 4 + 2
-    }
-
     /// What another view of the same extent is told of by.
     pub(crate) fn pushes(&self, view: &View) -> Result<SurfaceView> {
         Ok(SurfaceView(self.lists.data.frame.push(view, &self.lists.push)?, self.push_of(view)?))

@@ -44,6 +44,6 @@ mod renderer;
 pub mod shear_warp;
 pub mod splat;
 
-pub use options::OptionInfo;
+pub use options::{BlendOrder, EmptySpace, OptionInfo, Route};
 pub use registry::{Method, Technique};
 pub use renderer::{FrameTime, Frames, Renderer};

@@ -84,9 +84,9 @@ pub(crate) fn below_one(technique: &str, key: &str, text: &str) -> Result<f64> {
     })
 }
 
-/// Order in which raster blends.
+/// BlendOrder in which raster blends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
+pub enum BlendOrder {
     /// The operator "over".
     BackToFront,
     /// The operator "under".
@@ -113,7 +113,7 @@ pub enum EmptySpace {
     March,
 }
 
-impl Choice for Order {
+impl Choice for BlendOrder {
     const WORDS: &'static [(&'static str, Self)] =
         &[("back-to-front", Self::BackToFront), ("front-to-back", Self::FrontToBack)];
 }

@@ -5,7 +5,7 @@ use ash::vk;
 use crate::error::{Error, Result};
 use crate::gpu::shader::{TARGET_RGBA8, TARGET_RGBA16, TARGET_RGBA16F};
 use crate::gpu::{Gpu, OptionalFeature};
-use crate::technique::options::{self, Choice, EmptySpace, OptionInfo, Order, Route};
+use crate::technique::options::{self, BlendOrder, Choice, EmptySpace, OptionInfo, Route};
 
 /// Reconstruction between samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -159,8 +159,8 @@ pub struct GridOptions {
     pub prefilter: Prefilter,
     /// Raster's accumulation; `None` is [`Accumulation::Rgba32f`].
     pub target: Option<Accumulation>,
-    /// Raster's order; `None` is [`Order::BackToFront`].
-    pub order: Option<Order>,
+    /// Raster's order; `None` is [`BlendOrder::BackToFront`].
+    pub order: Option<BlendOrder>,
     /// Raster's rounding.
     pub dither: Dither,
     /// Of dithering.
@@ -262,8 +262,8 @@ impl GridOptions {
         self.target.unwrap_or(Accumulation::Rgba32f)
     }
 
-    pub(crate) fn order(&self) -> Order {
-        self.order.unwrap_or(Order::BackToFront)
+    pub(crate) fn order(&self) -> BlendOrder {
+        self.order.unwrap_or(BlendOrder::BackToFront)
     }
 
     /// The route on a device.

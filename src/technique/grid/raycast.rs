@@ -15,9 +15,9 @@ use crate::gpu::shader::RAYCAST_COMPUTE;
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::scene::Grid;
 use crate::scene::grid::diagonal;
-use crate::technique::grid::frame::{GridTechnique, Shaders, Slabs};
 use crate::technique::grid::options::{EMPTY_SPACE, FILTER, GridOptions, PREFILTER, STOP};
 use crate::technique::grid::rays::GridRays;
+use crate::technique::grid::technique::{GridTechnique, Shaders, Slabs};
 use crate::technique::options::{self, OptionInfo, Route, TABLE};
 
 const NAME: &str = "raycast";

@@ -21,11 +21,11 @@ use crate::gpu::SpecConstant;
 use crate::gpu::shader::{SLABS_COMPUTE, SLABS_FRAGMENT, SLABS_SHADER_BLEND, SLABS_VERTEX, SPEC_CLIP_ENDS};
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::scene::Grid;
-use crate::technique::grid::frame::{GridTechnique, RasterShaders, Shaders, Slabs};
 use crate::technique::grid::options::{
     DITHER, EMPTY_SPACE, FILTER, GridOptions, ORDER, PREFILTER, ROUTE, SEED, STEP, STOP, TARGET,
 };
 use crate::technique::grid::rays::GridRays;
+use crate::technique::grid::technique::{GridTechnique, RasterShaders, Shaders, Slabs};
 use crate::technique::options::{self, OptionInfo, TABLE};
 
 const NAME: &str = "slabs";

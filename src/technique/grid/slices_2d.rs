@@ -31,11 +31,11 @@ use crate::gpu::shader::{
 use crate::num;
 use crate::scene::grid::turned;
 use crate::scene::{Grid, View};
-use crate::technique::grid::frame::{GridTechnique, RasterShaders, Shaders, Slabs};
 use crate::technique::grid::options::{
     DITHER, EMPTY_SPACE, FILTER, GridOptions, ORDER, PREFILTER, ROUTE, SEED, STOP, TARGET,
 };
 use crate::technique::grid::rays::GridRays;
+use crate::technique::grid::technique::{GridTechnique, RasterShaders, Shaders, Slabs};
 use crate::technique::options::{self, Choice, OptionInfo};
 
 const NAME: &str = "slices-2d";

@@ -29,9 +29,9 @@ use crate::technique::mesh::frame::MeshFrame;
 use crate::technique::mesh::havs_raster::{MOST_K, RasterFrame};
 use crate::technique::mesh::options::{EMPTY_SPACE, INTEGRATOR, MeshOptions, ORDER, Repair, SMOKE, STOP};
 use crate::technique::mesh::shading::MeshDesc;
-use crate::technique::options::{self, Choice, OptionInfo, Order, TABLE};
+use crate::technique::options::{self, BlendOrder, Choice, OptionInfo, TABLE};
 
-pub use crate::technique::mesh::havs_raster::Route;
+pub use crate::technique::mesh::havs_raster::KBufferRoute;
 
 const NAME: &str = "havs";
 
@@ -69,7 +69,7 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
     EMPTY_SPACE,
 ];
 
-impl Route {
+impl KBufferRoute {
     fn rasterises(self) -> bool {
         matches!(self, Self::Interlock | Self::ImplementationOrdered)
     }
@@ -83,7 +83,7 @@ pub struct Options {
     /// Pairs of the k-buffer, 1 to 15.
     pub k: u32,
     /// How faces come to pixels.
-    pub route: Route,
+    pub route: KBufferRoute,
     /// What becomes of pixels whose faces were not sorted.
     pub repair: Repair,
     /// Faces of a pixel in one dispatch; `None`: all.
@@ -92,7 +92,13 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { mesh: MeshOptions::default(), k: 7, route: Route::Auto, repair: Repair::Exact, chunk: None }
+        Self {
+            mesh: MeshOptions::default(),
+            k: 7,
+            route: KBufferRoute::Auto,
+            repair: Repair::Exact,
+            chunk: None,
+        }
     }
 }
 
@@ -154,7 +160,7 @@ impl Options {
             primitives: Primitives::Faces,
             segments: self.mesh.segments,
             smoke: self.mesh.smoke,
-            back_to_front: self.mesh.order == Order::BackToFront,
+            back_to_front: self.mesh.order == BlendOrder::BackToFront,
             resolve: &HAVS_COMPUTE,
             k: self.k,
             chunk: self.chunk,

@@ -51,7 +51,7 @@ use crate::technique::options::Choice;
 
 /// How faces come to pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Route {
+pub enum KBufferRoute {
     /// By compute.
     Auto,
     /// Lists of each pixel's faces, and the k-buffer in registers.
@@ -62,7 +62,7 @@ pub enum Route {
     ImplementationOrdered,
 }
 
-impl Choice for Route {
+impl Choice for KBufferRoute {
     const WORDS: &'static [(&'static str, Self)] = &[
         ("auto", Self::Auto),
         ("compute", Self::Compute),
@@ -85,7 +85,7 @@ pub(crate) struct RasterFrame {
     tiles: u32,
     /// 2 where what is behind the eye is drawn too, else 1.
     lobes: u32,
-    route: Route,
+    route: KBufferRoute,
     stage: Stage,
     draw: (Arc<Pipeline>, Arc<Descriptors>),
     empty: Dispatch,
@@ -139,9 +139,9 @@ impl Outcome for RasterOutcome {
 }
 
 /// Whether a device offers a raster route.
-fn offers(gpu: &Gpu, route: Route, name: &str) -> Result<()> {
+fn offers(gpu: &Gpu, route: KBufferRoute, name: &str) -> Result<()> {
     let (feature, missing) = match route {
-        Route::Interlock => {
+        KBufferRoute::Interlock => {
             (OptionalFeature::FragmentInterlock, "fragmentShaderPixelInterlock; route=compute works")
         }
         _ => (
@@ -162,7 +162,7 @@ impl RasterFrame {
         view: &View,
         target: &Canvas,
         desc: MeshDesc,
-        route: Route,
+        route: KBufferRoute,
     ) -> Result<Self> {
         let gpu = scene.gpu();
         let name = desc.name;
@@ -227,7 +227,7 @@ impl RasterFrame {
             &GraphicsDesc {
                 vertex: &HAVS_RASTER_VERTEX,
                 fragment: match route {
-                    Route::Interlock => &HAVS_RASTER_INTERLOCK,
+                    KBufferRoute::Interlock => &HAVS_RASTER_INTERLOCK,
                     _ => &HAVS_RASTER_IMPLEMENTATION,
                 },
                 topology: vk::PrimitiveTopology::TRIANGLE_LIST,
@@ -372,16 +372,6 @@ impl Prepared for RasterFrame {
 
     fn route(&self) -> &'static str {
         self.route.word()
-    }
-
-    fn passes(&self) -> u32 {
-        // As `MeshFrame`; and flags, faces, what is left.
-        let sort = 16;
-        let repair = self.repair.as_ref().map_or(0, |repair| {
-            let bands = num::count(repair.lists.bands.len());
-            6 + bands * (5 + 2 * repair.lists.windows + repair.rounds)
-        });
-        7 + sort + 3 + repair + self.overlaps.as_ref().map_or(0, Overlaps::passes) + 2
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {

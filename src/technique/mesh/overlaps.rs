@@ -68,12 +68,6 @@ impl Overlaps {
         Ok(Self { stage, lists, pass, rounds: needs.rounds, status })
     }
 
-    /// Passes of one frame, beside those that every stage has.
-    pub(crate) fn passes(&self) -> u32 {
-        let bands = num::count(self.lists.bands.len());
-        27 + bands * (4 + 2 * self.lists.windows + self.rounds)
-    }
-
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>, push: &MeshPush) {
         self.stage.record(recorder, push);
         self.lists.bin(recorder, push, self.stage.count);

@@ -33,7 +33,7 @@ use crate::technique::mesh::projected_tets_options::NAME;
 use crate::technique::mesh::projected_tets_raster::TetsRaster;
 use crate::technique::mesh::ranks::Ranker;
 use crate::technique::mesh::shading::MeshDesc;
-use crate::technique::options::{Order, Route};
+use crate::technique::options::{BlendOrder, Route};
 
 pub(crate) use crate::technique::mesh::projected_tets_options::OPTIONS;
 pub use crate::technique::mesh::projected_tets_options::{Options, Plane, Shade};
@@ -47,7 +47,7 @@ impl Options {
         target: &Canvas,
     ) -> Result<Box<dyn Prepared>> {
         self.check()?;
-        let back_to_front = self.mesh.order == Order::BackToFront;
+        let back_to_front = self.mesh.order == BlendOrder::BackToFront;
         let desc = MeshDesc {
             name: NAME,
             primitives: Primitives::Cells,
@@ -112,10 +112,6 @@ impl Prepared for Listed {
 
     fn route(&self) -> &'static str {
         self.frame.route()
-    }
-
-    fn passes(&self) -> u32 {
-        self.frame.passes()
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {

@@ -20,7 +20,7 @@ use crate::num::{self, f32_of};
 use crate::primitives::dispatch::{Dispatch, buffer, pass, tiles_of};
 use crate::scene::grid::turned;
 use crate::scene::{Grid, View};
-use crate::technique::shear_warp::base_planes::BasePlane;
+use crate::technique::shear_warp::base_plane::BasePlane;
 use crate::technique::shear_warp::options::NAME;
 
 /// Depth along the stack, in slabs, by which pixel and texels may differ.

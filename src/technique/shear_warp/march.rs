@@ -11,7 +11,7 @@ use crate::interface::BasePlanePush;
 use crate::resident::tables::Knots;
 use crate::technique::shear_warp::bounds::ShearBounds;
 use crate::technique::shear_warp::options::NAME;
-use crate::technique::shear_warp::planes::Face;
+use crate::technique::shear_warp::planes::DrawnPlane;
 
 /// A bit of `BasePlanePush::order`: another dispatch follows.
 const MORE: u32 = 4;
@@ -36,15 +36,15 @@ impl March {
         &self,
         recorder: &mut Recorder<'_>,
         name: &str,
-        face: &Face,
+        plane: &DrawnPlane,
         descriptors: &Arc<Descriptors>,
         groups: [u32; 3],
     ) {
-        for part in 0..self.parts(face.slabs) {
+        for part in 0..self.parts(plane.slabs) {
             let first = part * self.slabs_per_dispatch;
-            let count = (face.slabs - first).min(self.slabs_per_dispatch);
-            let order = face.push.order | if first + count < face.slabs { MORE } else { 0 };
-            let push = BasePlanePush { first, count, order, ..face.push };
+            let count = (plane.slabs - first).min(self.slabs_per_dispatch);
+            let order = plane.push.order | if first + count < plane.slabs { MORE } else { 0 };
+            let push = BasePlanePush { first, count, order, ..plane.push };
             let pipeline = self.resume.as_ref().filter(|_| part > 0).unwrap_or(&self.first);
             recorder.dispatch(name, pipeline, descriptors, bytemuck::bytes_of(&push), groups);
         }

@@ -19,13 +19,16 @@
 //! classification or integration; four to sixteen texels a pixel. Each axis is one more copy of the grid. Needs: core Vulkan
 //! 1.3.
 
+mod base_plane;
 mod base_planes;
 mod bounds;
+mod build;
 mod factorisation;
 mod frame;
 mod march;
 mod options;
 mod planes;
+mod region;
 
 pub(crate) use frame::ShearFrame;
 pub(crate) use options::OPTIONS;

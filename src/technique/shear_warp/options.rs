@@ -5,7 +5,7 @@ use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::technique::grid::options::{EMPTY_SPACE, GridOptions, ORDER, ROUTE, STOP};
 use crate::technique::grid::slices_2d::Stacks;
 use crate::technique::options::{self, Choice, OptionInfo, TABLE};
-use crate::technique::shear_warp::base_planes::Resolution;
+use crate::technique::shear_warp::base_plane::Resolution;
 
 pub(crate) const NAME: &str = "shear-warp";
 

@@ -10,8 +10,9 @@ use crate::resident::tables::{Integrator, Knots};
 use crate::resident::volume::Volume;
 use crate::scene::grid::turned;
 use crate::scene::{Grid, View};
-use crate::technique::grid::frame::MAX_SLABS;
-use crate::technique::shear_warp::base_planes::{BasePlane, Room, base_planes};
+use crate::technique::grid::cut::MAX_SLABS;
+use crate::technique::shear_warp::base_plane::BasePlane;
+use crate::technique::shear_warp::base_planes::{Capacity, base_planes};
 use crate::technique::shear_warp::bounds::bounds_push;
 use crate::technique::shear_warp::options::{NAME, Options, Warp};
 
@@ -29,8 +30,8 @@ pub(crate) const DOWN: u32 = 8;
 const EVERY: u32 = 8;
 
 /// One base plane of a view, ready to be recorded.
-#[derive(Clone, Debug)]
-pub(crate) struct Face {
+#[derive(Clone, Debug, Default)]
+pub(crate) struct DrawnPlane {
     /// Which of the stacks.
     pub(crate) stack: usize,
     pub(crate) push: BasePlanePush,
@@ -43,8 +44,8 @@ pub(crate) struct Face {
 
 /// What of a view is drawn.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Faces {
-    pub(crate) faces: Vec<Face>,
+pub(crate) struct DrawnPlanes {
+    pub(crate) planes: Vec<DrawnPlane>,
     /// The axis of the only base plane.
     pub(crate) axis: Option<usize>,
     /// Texels of all levels; raster: of all but the first.
@@ -54,58 +55,58 @@ pub(crate) struct Faces {
 }
 
 /// Axes of a view's base planes, and what is drawn on them.
-pub(crate) struct Planned {
+pub(crate) struct ChosenPlanes {
     pub(crate) planes: Vec<BasePlane>,
     pub(crate) axes: Vec<usize>,
 }
 
 /// Finds the base planes of a view, with room in what the device has.
-pub(crate) fn plan(
+pub(crate) fn choose_planes(
     gpu: &Gpu,
     grid: &Grid,
     options: &Options,
     view: &View,
     current: Option<usize>,
     raster: bool,
-) -> Result<Planned> {
+) -> Result<ChosenPlanes> {
     // Smaller levels take a third more. Raster's planes lie below each other in one image, and leave room beside them.
     let share = if raster { 0.3 } else { 0.7 };
     let texels = num::f64_of_u64(gpu.most_buffer_bytes() / TEXEL) * FILL * share;
     let side = f64::from(if raster { gpu.max_image_2d() } else { MOST_SIDE });
-    let room = Room { texels, side, rows: if raster { side } else { f64::INFINITY } };
+    let room = Capacity { texels, side, rows: if raster { side } else { f64::INFINITY } };
     let planes = base_planes(grid, view, current, options.hysteresis, options.resolution(), room)?;
     let mut axes: Vec<usize> = planes.iter().map(|plane| plane.axis).collect();
     axes.dedup();
-    Ok(Planned { planes, axes })
+    Ok(ChosenPlanes { planes, axes })
 }
 
-impl Faces {
+impl DrawnPlanes {
     /// The base planes of a view with what shaders need to know of them.
     #[expect(clippy::too_many_arguments, reason = "two callers, which have all of these at hand")]
     pub(crate) fn of(
         scene: &GpuScene,
         options: &Options,
-        planned: &Planned,
+        chosen: &ChosenPlanes,
         axes: &[usize],
         volume: &Volume,
         knots: &Knots,
         view: &View,
         raster: bool,
     ) -> Result<Self> {
-        let parted = planned.planes.len() > 1;
+        let parted = chosen.planes.len() > 1;
         let grid = scene.grid()?;
         let measure = DepthMeasure::of_grid(grid);
-        let axis = match planned.planes.as_slice() {
+        let axis = match chosen.planes.as_slice() {
             [only] => Some(only.axis),
             _ => None,
         };
-        let mut faces = Self { axis, ..Self::default() };
-        faces.atlas = planned
+        let mut drawn = Self { axis, ..Self::default() };
+        drawn.atlas = chosen
             .planes
             .iter()
             .fold([0, 0], |[columns, rows], plane| [columns.max(plane.size[0]), rows + plane.size[1]]);
         let mut row = 0;
-        for (i, plane) in planned.planes.iter().enumerate() {
+        for (i, plane) in chosen.planes.iter().enumerate() {
             let stack = axes.iter().position(|&axis| axis == plane.axis).unwrap_or(0);
             let (mut push, slabs) = base_plane_push(scene, options, plane, knots)?;
             push.value_scale = volume.scale;
@@ -116,14 +117,14 @@ impl Faces {
             let seams = if parted { after_u << 2 | after_v << 3 } else { 0 };
             let flags = u32::from(parted) | u32::from(i > 0) << 1 | seams;
             let mut warp = warp_push(plane, view, flags);
-            warp.offset = if raster { row } else { faces.texels };
+            warp.offset = if raster { row } else { drawn.texels };
             push.offset = warp.offset;
             row += height;
             if !raster {
-                faces.texels += width * height;
+                drawn.texels += width * height;
             }
             let below = |at: u32| f32::from_bits(at);
-            warp.to_w[3] = below(faces.texels);
+            warp.to_w[3] = below(drawn.texels);
             let mut halves = Vec::new();
             if options.warp == Warp::Mip {
                 let levels = plane.texels_per_pixel.max(1.0).log2().ceil();
@@ -131,16 +132,16 @@ impl Faces {
                 while f64::from(num::count(halves.len())) < levels && level.size != [1, 1] {
                     halves.push(level);
                     let [w, h] = level.size.map(|side| side.div_ceil(2));
-                    level = WarpPush { size: [w, h], stride: w, offset: faces.texels, ..level };
-                    faces.texels += w * h;
-                    level.to_w[3] = below(faces.texels);
+                    level = WarpPush { size: [w, h], stride: w, offset: drawn.texels, ..level };
+                    drawn.texels += w * h;
+                    level.to_w[3] = below(drawn.texels);
                 }
             }
             warp.levels = num::count(halves.len()) + 1;
             let bounds = bounds_push(grid, &measure, view, plane, &push);
-            faces.faces.push(Face { stack, push, slabs, bounds, warp, halves });
+            drawn.planes.push(DrawnPlane { stack, push, slabs, bounds, warp, halves });
         }
-        Ok(faces)
+        Ok(drawn)
     }
 }
 

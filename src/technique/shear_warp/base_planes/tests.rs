@@ -1,7 +1,10 @@
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3};
 
-use crate::scene::{Camera, Projection, Samples};
-use crate::technique::shear_warp::base_planes::*;
+use crate::num;
+use crate::scene::{Camera, Grid, Projection, Samples, View};
+use crate::technique::shear_warp::base_plane::{BasePlane, Resolution};
+use crate::technique::shear_warp::base_planes::{Capacity, base_planes};
+use crate::technique::shear_warp::region::MOST_SHEAR;
 
 /// Numbers in [0, 1), the same in every run.
 struct Random(u64);
@@ -128,9 +131,9 @@ fn on_line(grid: &Grid, plane: &BasePlane, texel: DVec2, z: f64) -> DVec3 {
     grid.centre() + grid.index_to_world() * index
 }
 
-/// Room for so many texels, however they lie.
-fn of(texels: f64) -> Room {
-    Room { texels, side: 1e9, rows: 1e9 }
+/// Capacity for so many texels, however they lie.
+fn of(texels: f64) -> Capacity {
+    Capacity { texels, side: 1e9, rows: 1e9 }
 }
 
 /// Every pixel that sees the domain has one plane, which holds its line, exactly, a texel or more from the lattice's edge;
@@ -372,7 +375,7 @@ fn sides_and_shears_have_their_limits() {
         let eye = grid.centre() - 100.0 * direction;
         View::new(Camera { eye, target: grid.centre(), up: DVec3::Y, projection }, size[0], size[1]).unwrap()
     };
-    let room = Room { texels: 1e9, side: 700.0, rows: 500.0 };
+    let room = Capacity { texels: 1e9, side: 700.0, rows: 500.0 };
     let view = look(DVec3::new(0.2, 0.1, -1.0), [1, 4096]);
     let [plane] = base_planes(&grid, &view, None, 0.0, Resolution::Pixel(128.0), room).unwrap()[..] else {
         panic!()
