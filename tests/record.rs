@@ -113,14 +113,11 @@ fn the_volume_lands_in_the_caller_s_image() {
 }
 
 /// Every pass of a frame has a timer, whatever the technique, the route and the view: the composite, which is the last pass,
-/// reports its time, and so does a draw of the technique before it.
+/// reports its time, and so does a draw of the technique before it. Seen red with one timer too few.
 #[test]
 fn every_pass_reports_its_time() {
     let gpu = gpu();
-    if !gpu.has(volraster::gpu::OptionalFeature::Timestamps) {
-        println!("skipped: the device has no timestamps");
-        return;
-    }
+    let timed = gpu.has(volraster::gpu::OptionalFeature::Timestamps);
     let clip = Clip::none().with_plane(DVec3::ZERO, DVec3::X).unwrap();
     let clip = clip.with_crop(DVec3::splat(-0.9), DVec3::splat(0.9)).unwrap();
     let clipped = [1.0, 0.1, 3.0].map(|distance| view(perspective(), distance, 40, 30).with_clip(clip));
@@ -146,8 +143,16 @@ fn every_pass_reports_its_time() {
                     plan.record(&mut caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap();
                 let _ = caller.end(&gpu);
                 let passes = recorded.completed().unwrap().passes;
+                if !timed {
+                    // Debug builds count the passes against the timers all the same.
+                    assert!(passes.is_empty(), "{spec}: {passes:?}");
+                    continue;
+                }
                 let names: Vec<&str> = passes.iter().map(|pass| pass.name.as_str()).collect();
-                assert_eq!(names.last(), Some(&"composite.draw"), "{spec}: {names:?}");
+                // The warp of an unbounded view draws into an image of any format.
+                let direct = spec == "shear-warp:route=raster" && view.clip().is_none();
+                let last = if direct { "shear-warp.warp" } else { "composite.draw" };
+                assert_eq!(names.last(), Some(&last), "{spec}: {names:?}");
                 let own = &names[..names.len() - 1];
                 let drawn = own.iter().any(|name| draws.iter().any(|draw| name.ends_with(draw)));
                 assert!(drawn, "{spec}: {names:?}");

@@ -26,8 +26,9 @@ pub struct Plan {
     bounds: Option<RayBounds>,
     surfaces: Option<SurfaceFrame>,
     timers: Option<Arc<Timers>>,
-    /// Passes of the technique that have timers.
+    /// Most passes of the technique, and of the frame: each has a timer.
     technique_passes: u32,
+    most_passes: u32,
     target: TargetDesc,
     pub(crate) extent: [u32; 2],
     /// Shared with the recording that is in flight.
@@ -151,6 +152,7 @@ impl Plan {
             surfaces,
             timers: None,
             technique_passes: technique.passes,
+            most_passes: technique.passes,
             prepared,
             composite,
             target: *target,
@@ -163,7 +165,8 @@ impl Plan {
             }
             plan.record_after(recorder, Some(target));
         });
-        plan.timers = Timers::new(gpu, technique.passes + shared.passes)?;
+        plan.most_passes += shared.passes;
+        plan.timers = Timers::new(gpu, plan.most_passes)?;
         Ok(plan)
     }
 
@@ -237,6 +240,8 @@ impl Plan {
         }
         self.prepared.record(&mut recorder, target, self.target.mode() == TargetMode::Clear);
         self.record_after(&mut recorder, target);
+        let counted = recorder.counted().passes;
+        debug_assert!(counted <= self.most_passes, "{counted} passes, {} timers", self.most_passes);
         let (passes, keep) = recorder.finish();
         let held = Held {
             gpu: self.gpu.clone(),
