@@ -4,7 +4,7 @@ use ash::vk;
 
 use crate::gpu::{Counted, Gpu, Recorder, TargetImage};
 
-/// Counts what `record` records. It is given an image that stands for the caller's target.
+/// Counts the work that `record` records, without a command buffer. Its second argument is a placeholder for the caller's target.
 pub(crate) fn dry_run(gpu: &Gpu, record: impl FnOnce(&mut Recorder<'_>, &TargetImage)) -> Counted {
     // A recorder that counts reads no handle.
     let target = TargetImage {

@@ -72,7 +72,7 @@ pub struct Plan {
     in_flight: Arc<()>,
 }
 
-/// What a completed recording reports. `Send` and `Sync`.
+/// The report of a completed recording. `Send` and `Sync`.
 #[derive(Clone, Debug)]
 pub struct Status {
     /// Whether everything was drawn. `false` when a buffer was too small: prepare anew, which allocates more, and repeat.

@@ -56,7 +56,7 @@ impl TargetDesc {
     }
 }
 
-/// What a technique draws into, and the buffers that bound the rays of pixels.
+/// The target as a technique sees it, with the buffers that bound the rays of pixels.
 #[derive(Clone, Debug)]
 pub(crate) struct Canvas {
     pub(crate) target: TargetDesc,

@@ -12,13 +12,13 @@ use crate::technique::grid::options::Dither;
 use crate::technique::grid::rays::GridRays;
 use crate::technique::grid::technique::GridTechnique;
 
-/// More slabs than this lose their order in float32, and no image needs them.
+/// Most slabs of a frame. Float32 cannot order more, and no image needs them.
 pub(crate) const MAX_SLABS: f64 = 4_194_304.0;
 
-/// More draws than this hold up the device, and the host that records them, for too long.
+/// Most draws of a frame. More take the device, and the host that records them, too long.
 const MAX_DRAWS: f64 = 65_536.0;
 
-/// What is drawn of a view: the push constants, and the number of slabs.
+/// The slabs of a view as shaders take them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cut {
     pub(super) push: GridPush,
@@ -28,7 +28,7 @@ pub(super) struct Cut {
     pub(super) first: u32,
 }
 
-/// The slabs of a view with what shaders need to know of it.
+/// Cuts the domain into the slabs of a view, and derives the push constants that draw them.
 pub(super) fn cut(
     scene: &GpuScene,
     technique: &dyn GridTechnique,
@@ -49,14 +49,13 @@ pub(super) fn cut(
             format!("{}: makes {} slices of this grid, at most {most} are drawn", options.step, slabs.count),
         ));
     }
-    // Depth goes to the device in units of the smallest voxel spacing: the world's own unit may be a parsec or
-    // an angstrom.
+    // Depth is in units of the smallest voxel spacing on the device, because the world's unit may be a parsec or an angstrom.
     let unit = grid.spacing().min_element();
     let pack = |v: glam::DVec3, w: f64| num::vec3_of(v).extend(f32_of(w)).to_array();
     let [width, height] = view.extent();
     let half = turned((grid.last_index() * 0.5).to_array(), axis.unwrap_or(2));
     let push = GridPush {
-        // Pixels of parallel rays are as large at every depth.
+        // Pixels of parallel rays have one size at every depth.
         q0_kq: pack(rays.q0, if rays.kd == 0.0 { 1.0 } else { rays.kq / unit }),
         px_kd: pack(rays.px * if rays.kd == 0.0 { 1.0 } else { unit }, rays.kd),
         py_z0: pack(rays.py * if rays.kd == 0.0 { 1.0 } else { unit }, slabs.begin),

@@ -1,4 +1,4 @@
-//! How many slabs one fragment or one dispatch may take, by the loop limit of the device and by time.
+//! Limits the slabs of one fragment or dispatch, by the loop limit of the device and by time.
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
@@ -6,20 +6,20 @@ use crate::gpu::shader::BRICK;
 use crate::resident::tables::{Integrator, Knots, SegmentOptions};
 use crate::scene::Grid;
 
-/// Every device manages this many loop iterations; the probe runs only where the answer counts.
+/// Loop iterations that every device completes; only loops beyond this need the probe of the device's limit.
 const ALWAYS: u32 = 32_768;
 
-/// Invocations that some devices run in step, and whose loops they count together.
+/// Invocations that some devices run in lockstep, and whose loop iterations they count together.
 const LANES: u32 = 8;
 
-/// Loop iterations of a slab, and of the quadrature where matter is opaque.
+/// Returns the loop iterations of a slab, and those of the quadrature in opaque matter, once per ray.
 fn loops(knots: &Knots, segments: Option<&SegmentOptions>) -> (u32, u32) {
-    // One for the slab, those of the classification, and of the way through bricks as many as there are slabs.
+    // The slab itself, its classification, and one step through bricks per slab.
     let each = 3 + knots.iterations;
     if !segments.is_some_and(|segments| segments.integrator == Integrator::Exact) {
         return (each, 0);
     }
-    // Every piece has a panel of four nodes; opaque matter leaves few panels. A segment may span every knot.
+    // A segment may span every knot; each piece between knots has one panel of four nodes. Opaque matter ends a ray after a few panels.
     let pieces = if knots.walk > 0 { knots.walk } else { knots.count };
     (each.saturating_add(pieces.saturating_mul(5)), LANES * 5 * 64)
 }
@@ -31,7 +31,7 @@ fn too_many_loops(name: &str, each: u32, limit: u32) -> Error {
     )
 }
 
-/// A fragment takes one slab, and cannot be split.
+/// Checks that one fragment can integrate a slab, which cannot be split.
 pub(crate) fn check_loops(
     gpu: &Gpu,
     name: &str,
@@ -47,8 +47,8 @@ pub(crate) fn check_loops(
     if all > limit { Err(too_many_loops(name, each, limit)) } else { Ok(()) }
 }
 
-/// Slabs that one dispatch may walk. No invocation may make more loop iterations than the device allows, and no
-/// dispatch may hold up the device for so long that a watchdog ends it.
+/// Returns the slabs that one dispatch of `rays` rays may walk. No invocation exceeds the device's loop limit, and no dispatch runs for
+/// so long that a watchdog ends it.
 pub(crate) fn slabs_per_dispatch(
     gpu: &Gpu,
     name: &str,
@@ -58,7 +58,7 @@ pub(crate) fn slabs_per_dispatch(
     grid: &Grid,
     rays: u64,
 ) -> Result<u32> {
-    /// Samples of one dispatch: a fifth of a second where 5e9 are taken in one.
+    /// Samples of one dispatch: 0.2 s at 5e9 samples per second.
     const SAMPLES: u64 = 1 << 30;
     let (each, panels) = loops(knots, segments);
     // Bricks along a ray.
@@ -66,7 +66,7 @@ pub(crate) fn slabs_per_dispatch(
     let once = (LANES * (bricks + 2)).saturating_add(panels);
     let few = slabs.saturating_mul(each).saturating_add(once) <= ALWAYS && gpu.loop_limit_is_unknown();
     let limit = if few { ALWAYS } else { gpu.loop_limit()? };
-    // Splits cost the way through the bricks anew, so the limit is not eaten up by it.
+    // Each dispatch walks through the bricks anew; at least half of the limit is left for slabs.
     let iterations = limit.saturating_sub(once).max(limit / 2);
     if each > iterations && segments.is_some_and(|segments| segments.integrator == Integrator::Exact) {
         return Err(too_many_loops(name, each, limit));

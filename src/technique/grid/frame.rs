@@ -129,7 +129,7 @@ impl Sampling {
         Ok(Self { table, filters, constants, resources })
     }
 
-    /// Samples of each axis with their descriptors; `resources` are what the route adds to the shared ones.
+    /// Makes the samples of each axis with their descriptors. `resources` are all other bindings.
     fn bind(
         &self,
         pipeline: &Arc<Pipeline>,

@@ -52,7 +52,7 @@ pub(super) struct Routed {
     pub(super) image: Option<Arc<Image>>,
 }
 
-/// What a route is built from.
+/// The description that a route is built from.
 pub(super) struct RouteDesc<'a> {
     pub(super) scene: &'a GpuScene,
     pub(super) name: &'static str,
@@ -70,7 +70,7 @@ impl RouteDesc<'_> {
         self.scene.gpu()
     }
 
-    /// Route `compute` for a first view of so many slabs. Adds what it binds to `resources`.
+    /// Builds the route `compute` for a first view of so many slabs. Adds its bindings to `resources`.
     pub(super) fn march(&self, slabs: u32, resources: &mut Vec<(u32, Resource)>) -> Result<Routed> {
         let Self { scene, name, segments, knots, .. } = *self;
         let gpu = self.gpu();
@@ -106,7 +106,7 @@ impl RouteDesc<'_> {
         Ok(Routed { path, pipeline: first, image: Some(image) })
     }
 
-    /// Route `raster`, by fixed function or, with dithering, by the shader. Adds what it binds to `resources`.
+    /// Builds the route `raster`, by fixed function or, with dithering, by the shader. Adds its bindings to `resources`.
     pub(super) fn raster(&self, resources: &mut Vec<(u32, Resource)>) -> Result<Routed> {
         let name = self.name;
         let Some(raster) = self.shaders.raster else {
@@ -119,6 +119,7 @@ impl RouteDesc<'_> {
         }
     }
 
+    /// Blends the slabs by fixed function.
     fn fixed_function(&self, raster: &RasterShaders) -> Result<Routed> {
         let Self { name, view, target, .. } = *self;
         let gpu = self.gpu();
@@ -144,7 +145,7 @@ impl RouteDesc<'_> {
         Ok(Routed { path, pipeline, image })
     }
 
-    /// `code` is the shader's code of the accumulation format.
+    /// Blends the slabs in the shader, with dithering; `code` is the shader's code of the accumulation format.
     fn shader_blend(
         &self,
         raster: &RasterShaders,

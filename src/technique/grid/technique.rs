@@ -1,4 +1,4 @@
-//! What a technique for grids defines: its options, its shaders, and how it cuts the domain into slabs.
+//! The interface of a technique for grids: its options, its shaders, and the slabs that it cuts the domain into.
 
 use ash::vk;
 
@@ -10,31 +10,32 @@ use crate::scene::{Grid, View};
 use crate::technique::grid::options::GridOptions;
 use crate::technique::grid::rays::GridRays;
 
-/// Shaders of a technique.
+/// The shaders of a technique.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shaders {
     pub(crate) compute: &'static Shader,
     pub(crate) raster: Option<RasterShaders>,
 }
 
-/// Shaders that draw slabs as polygons.
+/// The shaders that draw slabs as polygons.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RasterShaders {
     pub(crate) vertex: &'static Shader,
     pub(crate) fragment: &'static Shader,
+    /// Blends and dithers in the shader.
     pub(crate) shader_blend: &'static Shader,
     pub(crate) topology: vk::PrimitiveTopology,
     /// Vertices of one slab.
     pub(crate) vertices: u32,
 }
 
-/// How a technique cuts the domain of a view.
+/// The slabs that a technique cuts the domain of a view into.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slabs {
-    /// Where slab 0 begins and how thick slabs are, in the technique's own measure.
+    /// Begin of slab 0 and thickness of each slab, in the technique's own measure.
     pub(crate) begin: f64,
     pub(crate) thickness: f64,
-    /// Number of slabs, not yet rounded down to what is drawn.
+    /// Number of slabs, not yet converted to an integer.
     pub(crate) count: f64,
     /// The slab at which front-to-back order begins: from it on upwards, then from the one below downwards. No
     /// ray meets slabs on both sides of it.
@@ -42,7 +43,7 @@ pub(crate) struct Slabs {
 }
 
 impl Slabs {
-    /// Slabs of equal depth from the domain's nearest point in front of the eye to its farthest.
+    /// Makes slabs of equal thickness in depth, from the domain's nearest point in front of the eye to its farthest.
     pub(crate) fn of_equal_depth(grid: &Grid, rays: &GridRays, step: f64) -> Self {
         let unit = grid.spacing().min_element();
         let [begin, end] = rays.depths.map(|depth| depth / unit);
@@ -55,11 +56,11 @@ impl Slabs {
 pub(crate) trait GridTechnique: std::fmt::Debug + Send + Sync {
     /// Its name.
     fn name(&self) -> &'static str;
-    /// Whether its options hold, alone and together.
+    /// Checks its options, alone and together.
     fn check(&self) -> Result<()>;
     /// The shared options.
     fn options(&self) -> &GridOptions;
-    /// How it integrates segments, where it has any.
+    /// How it integrates segments; `None` where it classifies samples.
     fn segments(&self) -> Option<SegmentOptions> {
         None
     }
@@ -69,11 +70,11 @@ pub(crate) trait GridTechnique: std::fmt::Debug + Send + Sync {
     }
     /// Its shaders.
     fn shaders(&self) -> Shaders;
-    /// The axis along which slices are stacked, for a view; `current` is the one in use. `None`: one volume.
+    /// The axis along which slices are stacked for a view; `current` is the one in use. `None` where it samples one volume.
     fn stack_axis(&self, _grid: &Grid, _view: &View, _current: Option<usize>) -> Option<usize> {
         None
     }
-    /// Whether all three stacks lie on the device.
+    /// Whether all three stacks stay on the device.
     fn keeps_all_stacks(&self) -> bool {
         false
     }

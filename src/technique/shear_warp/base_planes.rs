@@ -1,12 +1,12 @@
-//! The base planes of a view: which slices are composited for which pixels, along which lines, and how finely.
+//! Chooses the base planes of a view: the stack, the region of the image and the lattice of texels of each.
 //!
-//! Parallel rays have one base plane, perpendicular to the axis that they run along most. In perspective one plane
-//! serves where no line of sight through the domain has a shear above [`MOST_SHEAR`]; else the lines are parted among
-//! the pyramids about the axes' directions, up to six, each with a base plane of its own: a line belongs to the axis
+//! Parallel rays have one base plane, perpendicular to the axis that they are closest to. In perspective one plane
+//! suffices where no ray through the domain has a shear above [`MOST_SHEAR`]. Otherwise up to six pyramids about the axes'
+//! directions share the rays, each with a base plane of its own: a ray belongs to the axis
 //! whose planes it crosses most steeply. Nothing divides by the eye's distance to the domain, so the eye may be anywhere.
 //!
-//! A base plane carries a lattice of texels, each of which is one line of sight, exactly. Lattices cover what of the
-//! domain, of the image and of the pyramid lies on top of each other, and a margin for the warp's filter.
+//! A base plane carries a lattice of texels, each of which is exactly one ray. The lattice covers the intersection of
+//! domain, image and pyramid, and a margin for the warp's filter.
 
 use glam::DVec2;
 
@@ -16,11 +16,10 @@ use crate::technique::grid::slices_2d::{planes, steepest_axis};
 use crate::technique::shear_warp::base_plane::{BasePlane, Resolution};
 use crate::technique::shear_warp::region::{GridView, MARGIN, MOST_SHEAR, SEAM};
 
-/// Most texels of all base planes for each pixel of the image, or for each texel that was asked for of it, without their
-/// margins.
+/// Most texels of all base planes per pixel of the image, or per requested texel of a pixel, without margins.
 const TEXELS_PER_PIXEL: f64 = 4.0;
 
-/// What a device has room for.
+/// The capacity of a device for base planes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Capacity {
     /// Texels of all base planes.
@@ -31,7 +30,8 @@ pub(crate) struct Capacity {
     pub(crate) rows: f64,
 }
 
-/// The base planes of a view. `current` is the axis of parallel rays' plane, or of the only plane, that was used last.
+/// Chooses the base planes of a view. `current` is the axis of the only base plane of the view before, which is kept within the
+/// hysteresis.
 ///
 /// # Errors
 ///
@@ -54,7 +54,7 @@ pub(crate) fn base_planes(
     let axis = steepest_axis(grid, view, current, hysteresis);
     let mut regions = Vec::new();
     if !view.is_perspective() {
-        // A plane that is kept must not be seen edge-on.
+        // The plane in use is given up before it is seen edge-on.
         let cosines = seen.normals.map(|normal| normal.dot(view.forward()).abs());
         let too_flat = cosines.iter().any(|cosine| *cosine > MOST_SHEAR * cosines[axis]);
         let axis = if too_flat { steepest_axis(grid, view, None, 0.0) } else { axis };
@@ -71,9 +71,9 @@ pub(crate) fn base_planes(
     }
     let parted = regions.len() > 1;
     let pixels = (width * height).max(4096.0);
-    // What texels would be too many is made of coarser ones.
+    // Where texels are too many, coarser ones replace them.
     let mut pitches: Vec<DVec2> = regions.iter().map(|region| region.pitch(resolution)).collect();
-    // As many as were asked for are not.
+    // An explicit resolution raises the limit.
     let most = match resolution {
         Resolution::Voxel => capacity.texels,
         Resolution::Auto => TEXELS_PER_PIXEL * pixels,

@@ -42,7 +42,7 @@ const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 /// Most base planes of a perspective view.
 const MOST_PLANES: usize = 6;
 
-/// Levels that `warp=mip` may need in another view.
+/// Levels that `warp=mip` provides for in other views.
 const MOST_LEVELS: usize = 16;
 
 /// Bindings with their resources.
@@ -69,7 +69,7 @@ struct Intermediate {
     buffer: Arc<Buffer>,
 }
 
-/// What the steps share.
+/// The inputs that the steps of the construction share.
 struct Build<'a> {
     scene: &'a Arc<GpuScene>,
     gpu: &'a Gpu,
@@ -240,7 +240,7 @@ impl Build<'_> {
         (SPEC_WARP, code)
     }
 
-    /// What compositing binds, whatever the route, but for the stack.
+    /// The bindings of compositing that do not depend on route and stack.
     fn resources(&self, bounds: Option<&ShearBounds>) -> Resources {
         let mut resources = self.sampling.resources.clone();
         resources.push((BINDING_INTERMEDIATE, Resource::Buffer(Arc::clone(&self.intermediate.buffer))));
@@ -305,7 +305,7 @@ impl Build<'_> {
         Ok((Path::Compute(March { first: Arc::clone(&first), resume, slabs_per_dispatch }), first))
     }
 
-    /// Binds each stack. Also returns what is bound with each, for the march of single pixels.
+    /// Makes the descriptors of each stack. Also returns their bindings, for the march of single pixels.
     fn stacks(
         &self,
         pipeline: &Arc<Pipeline>,

@@ -1,4 +1,4 @@
-//! A frame of `shear-warp`: stacks, the intermediate image, what is composited on each base plane, and the warp.
+//! A frame of `shear-warp`: composites base planes into the intermediate image, and warps it to the image.
 
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ use crate::technique::shear_warp::march::{EdgeMarch, March};
 use crate::technique::shear_warp::options::{NAME, Options};
 use crate::technique::shear_warp::planes::{DrawnPlane, DrawnPlanes, TEXEL, choose_planes};
 
-/// A bit of `BasePlanePush::order`.
+/// A bit of `BasePlanePush::order`: raster draws the farthest slab first.
 const BACK_TO_FRONT: u32 = 16;
 
 /// A stack of slices on the device with the descriptors that name it.
@@ -88,7 +88,7 @@ impl Prepared for ShearFrame {
             }
             Path::Raster { .. } => true,
         };
-        let room = match &self.path {
+        let holds = match &self.path {
             Path::Compute(_) => u64::from(drawn.texels) * TEXEL <= self.intermediate.size(),
             Path::Raster { atlas, .. } => {
                 let [columns, rows, _] = atlas.desc().extent;
@@ -99,7 +99,7 @@ impl Prepared for ShearFrame {
             }
         };
         let passes = || dry_run(&gpu, |to, target| self.record_planes(to, &drawn, Some(target), true)).passes;
-        let fits = splits && room && passes() <= most_passes;
+        let fits = splits && holds && passes() <= most_passes;
         if fits {
             self.drawn = drawn;
         }
@@ -203,7 +203,7 @@ impl ShearFrame {
         self.record_warp(recorder, drawn, target, clear);
     }
 
-    /// Raster's base planes lie in the buffer as they do in its image, so many rows down; smaller levels come after it.
+    /// Places a level in the intermediate buffer. With raster the first levels lie there as in the atlas, and smaller levels follow it.
     fn placed(&self, push: &WarpPush, first: bool) -> WarpPush {
         let Path::Raster { atlas, .. } = &self.path else { return *push };
         let [columns, rows, _] = atlas.desc().extent;
@@ -217,18 +217,18 @@ impl ShearFrame {
         placed
     }
 
-    /// Bounds of texels lie as the texels themselves.
+    /// Places the bounds of texels as the texels themselves.
     fn placed_bounds(&self, plane: &DrawnPlane) -> ShearBoundsPush {
         let Path::Raster { atlas, .. } = &self.path else { return plane.bounds };
         let [columns, ..] = atlas.desc().extent;
         ShearBoundsPush { offset: plane.bounds.offset * columns, stride: columns, ..plane.bounds }
     }
 
-    /// After the warp of a base plane: its pixels that are marched by themselves.
+    /// Records the march of single pixels, after the warp of a base plane.
     fn record_edges(&self, recorder: &mut Recorder<'_>, plane: &DrawnPlane, extent: [u32; 2]) {
         let Some((bounds, edge)) = &self.bounded else { return };
         bounds.record_edges(recorder, &self.placed_bounds(plane), extent);
-        // Where there are no slabs, nothing is marched, and what the warp has left stays.
+        // Without slabs there is nothing to march, and the result of the warp stays.
         if let Some(descriptors) = edge.descriptors.get(plane.stack).filter(|_| plane.slabs > 0) {
             edge.march.record(recorder, &format!("{NAME}.edge"), plane, descriptors, tiles_of(extent));
         }
@@ -257,7 +257,7 @@ impl ShearFrame {
                 }
             }
         }
-        // Without a base plane nothing is seen: a warp that shows nothing clears the image.
+        // A view without base planes sees nothing: a warp of nothing clears the image.
         let [width, height] = match (&self.image, target) {
             (Some(image), _) => [image.desc().extent[0], image.desc().extent[1]],
             (None, Some(target)) => target.extent,

@@ -1,4 +1,4 @@
-//! Marches of `shear-warp`: through the slabs of a base plane, in as many dispatches as a device needs.
+//! Marches through the slabs of a base plane, in as many dispatches as the device needs.
 
 use std::sync::Arc;
 
@@ -20,18 +20,19 @@ const MORE: u32 = 4;
 #[derive(Debug)]
 pub(crate) struct March {
     pub(crate) first: Arc<Pipeline>,
-    /// Continues where a dispatch before stopped, where one may have to.
+    /// Continues where the dispatch before stopped; only where the march is split.
     pub(crate) resume: Option<Arc<Pipeline>>,
     /// Slabs that one dispatch may walk.
     pub(crate) slabs_per_dispatch: u32,
 }
 
 impl March {
-    /// Dispatches for slabs; one for none, which clears.
+    /// Returns the number of dispatches for so many slabs; no slab takes one, which clears.
     pub(crate) fn parts(&self, slabs: u32) -> u32 {
         slabs.div_ceil(self.slabs_per_dispatch).max(1)
     }
 
+    /// Records the dispatches of one base plane.
     pub(crate) fn record(
         &self,
         recorder: &mut Recorder<'_>,
@@ -51,15 +52,16 @@ impl March {
     }
 }
 
-/// The march of pixels that the warp cannot tell.
+/// The march of single pixels, whose bounds differ from those of the texels around them.
 #[derive(Debug)]
 pub(crate) struct EdgeMarch {
     pub(crate) march: March,
-    /// For each stack.
+    /// One for each stack.
     pub(crate) descriptors: Vec<Arc<Descriptors>>,
 }
 
 impl EdgeMarch {
+    /// Builds the march. `constants` and `stacks` are those of the march of texels.
     pub(crate) fn new(
         gpu: &Gpu,
         bounds: &ShearBounds,

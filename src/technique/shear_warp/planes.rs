@@ -1,4 +1,4 @@
-//! The base planes of a view as `shear-warp`'s shaders take them.
+//! Derives the push constants of the base planes of a view.
 
 use crate::error::{Error, Result};
 use crate::frame::depth_measure::DepthMeasure;
@@ -16,23 +16,23 @@ use crate::technique::shear_warp::base_planes::{Capacity, base_planes};
 use crate::technique::shear_warp::bounds::bounds_push;
 use crate::technique::shear_warp::options::{NAME, Options, Warp};
 
-/// Bytes of a texel.
+/// Bytes of a texel: four float32 channels.
 pub(crate) const TEXEL: u64 = 16;
 
-/// Share of a buffer that a first view takes, so that the next ones fit it too.
+/// Share of the intermediate buffer that the first view takes, so that other views fit it too.
 pub(crate) const FILL: f64 = 0.6;
 
-/// Most texels along a side: every device allows so many workgroups of 8.
+/// Most texels along a side: workgroups of 8, of which every device allows 65535.
 const MOST_SIDE: u32 = 8 * 65_535;
 
-/// Bits of `BasePlanePush::order`, and the first of those that count slices.
+/// Bits of `BasePlanePush::order`: rays go down the stack; the first bit of `every`.
 pub(crate) const DOWN: u32 = 8;
 const EVERY: u32 = 8;
 
-/// One base plane of a view, ready to be recorded.
+/// One base plane of a view as the shaders take it.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct DrawnPlane {
-    /// Which of the stacks.
+    /// Index of its stack.
     pub(crate) stack: usize,
     pub(crate) push: BasePlanePush,
     pub(crate) slabs: u32,
@@ -42,25 +42,25 @@ pub(crate) struct DrawnPlane {
     pub(crate) halves: Vec<WarpPush>,
 }
 
-/// What of a view is drawn.
+/// The base planes of a view as the shaders take them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct DrawnPlanes {
     pub(crate) planes: Vec<DrawnPlane>,
     /// The axis of the only base plane.
     pub(crate) axis: Option<usize>,
-    /// Texels of all levels; raster: of all but the first.
+    /// Texels of all levels; with raster, of all but the first.
     pub(crate) texels: u32,
-    /// Raster: columns and rows of the image that holds all base planes.
+    /// With raster: columns and rows of the image that holds all base planes, one below the other.
     pub(crate) atlas: [u32; 2],
 }
 
-/// Axes of a view's base planes, and what is drawn on them.
+/// The base planes of a view, and their axes.
 pub(crate) struct ChosenPlanes {
     pub(crate) planes: Vec<BasePlane>,
     pub(crate) axes: Vec<usize>,
 }
 
-/// Finds the base planes of a view, with room in what the device has.
+/// Chooses the base planes of a view, within the capacity of the device.
 pub(crate) fn choose_planes(
     gpu: &Gpu,
     grid: &Grid,
@@ -69,19 +69,19 @@ pub(crate) fn choose_planes(
     current: Option<usize>,
     raster: bool,
 ) -> Result<ChosenPlanes> {
-    // Smaller levels take a third more. Raster's planes lie below each other in one image, and leave room beside them.
+    // Smaller levels take a third more. Raster's planes lie below each other in one image, and do not fill it.
     let share = if raster { 0.3 } else { 0.7 };
     let texels = num::f64_of_u64(gpu.most_buffer_bytes() / TEXEL) * FILL * share;
     let side = f64::from(if raster { gpu.max_image_2d() } else { MOST_SIDE });
-    let room = Capacity { texels, side, rows: if raster { side } else { f64::INFINITY } };
-    let planes = base_planes(grid, view, current, options.hysteresis, options.resolution(), room)?;
+    let capacity = Capacity { texels, side, rows: if raster { side } else { f64::INFINITY } };
+    let planes = base_planes(grid, view, current, options.hysteresis, options.resolution(), capacity)?;
     let mut axes: Vec<usize> = planes.iter().map(|plane| plane.axis).collect();
     axes.dedup();
     Ok(ChosenPlanes { planes, axes })
 }
 
 impl DrawnPlanes {
-    /// The base planes of a view with what shaders need to know of them.
+    /// Derives the push constants of the chosen base planes.
     #[expect(clippy::too_many_arguments, reason = "two callers, which have all of these at hand")]
     pub(crate) fn of(
         scene: &GpuScene,
@@ -112,8 +112,8 @@ impl DrawnPlanes {
             push.value_scale = volume.scale;
             push.value_offset = volume.offset;
             let [width, height] = plane.size;
-            // Seams are of the axis that comes last.
-            let [after_u, after_v] = [1, 2].map(|turn| u32::from((plane.axis + turn) % 3 > plane.axis));
+            // A pixel on a seam belongs to the plane of the axis that comes last.
+            let [after_u, after_v] = [1, 2].map(|step| u32::from((plane.axis + step) % 3 > plane.axis));
             let seams = if parted { after_u << 2 | after_v << 3 } else { 0 };
             let flags = u32::from(parted) | u32::from(i > 0) << 1 | seams;
             let mut warp = warp_push(plane, view, flags);
@@ -145,7 +145,7 @@ impl DrawnPlanes {
     }
 }
 
-/// What a base plane's compositing needs to know; the place of its texels is left out.
+/// Returns the push constants that composite a base plane, without the place of its texels, and its number of slabs.
 fn base_plane_push(
     scene: &GpuScene,
     options: &Options,
@@ -175,7 +175,7 @@ fn base_plane_push(
             ),
         ));
     }
-    // Lengths: the axes as an upper triangle, by Gram and Schmidt from the normal of the slices on.
+    // Lengths: the axes as an upper triangular matrix, by Gram-Schmidt from the normal of the slices.
     let axes = grid.index_to_world();
     let [u, v, w] = turned([axes.x_axis, axes.y_axis, axes.z_axis], plane.axis);
     let across = u.cross(v).normalize_or_zero();
@@ -214,7 +214,7 @@ fn base_plane_push(
     Ok((push, num::u32_of(count)))
 }
 
-/// What the warp needs to know of a base plane; the place of its texels is left out.
+/// Returns the push constants that warp a base plane, without the place of its texels.
 fn warp_push(plane: &BasePlane, view: &View, flags: u32) -> WarpPush {
     let [width, height] = view.extent();
     let row = |m: glam::DMat3, i: usize| num::vec3_of(m.row(i)).extend(0.0).to_array();

@@ -13,34 +13,33 @@ use crate::technique::shear_warp::factorisation::Factorisation;
 /// Steepest shear of one base plane, per unit of length along the stack, along either of the other axes' normals.
 pub(crate) const MOST_SHEAR: f64 = 1.2;
 
-/// How far pyramids reach over their seams: what rounding may put on the other side.
+/// How far pyramids reach over their seams, so that rounding loses no pixel there.
 pub(super) const SEAM: f64 = 1.0 + 1e-6;
 
-/// Smallest depth that is seen, in halves of the stack and a slice more.
+/// Smallest visible depth in front of the eye, relative to half the stack and one slice.
 const NEAREST: f64 = 1e-9;
 
-/// Texels around what is drawn, for the warp's filter.
+/// Texels around the region that is drawn, for the warp's filter.
 pub(super) const MARGIN: f64 = 2.0;
 
-/// Pixels that a texel is at most wide where nobody has said how wide it shall be.
+/// Largest width of a texel in pixels where the resolution is automatic.
 const COARSEST: f64 = 3.0;
 
 /// A view of a grid in its own index space.
 pub(super) struct GridView<'a> {
     pub(super) grid: &'a Grid,
     pub(super) view: &'a View,
-    /// Unit normals of the planes of each axis, such that indices grow along them.
+    /// Unit normals of the planes of each axis, along which indices grow.
     pub(super) normals: [DVec3; 3],
-    /// Half the image, pixels.
+    /// Half the image's sides, pixels.
     pub(super) half_image: DVec2,
 }
 
 /// A convex polygon of the image, in pixels from its centre.
 type Polygon = Vec<DVec2>;
 
-/// What of a convex polygon lies where `side . (x, y, 1) >= 0`.
+/// Clips a convex polygon to the half-plane `side . (x, y, 1) >= 0`.
 fn clip(polygon: &[DVec2], side: DVec3) -> Polygon {
-    // Sides come in any unit.
     let at = |p: &DVec2| side.dot(p.extend(1.0));
     let mut kept = Polygon::new();
     for (i, p) in polygon.iter().enumerate() {
@@ -56,16 +55,16 @@ fn clip(polygon: &[DVec2], side: DVec3) -> Polygon {
     kept
 }
 
-/// What of the image one base plane shows.
+/// The region of the image that one base plane shows.
 pub(super) struct Region {
     axis: usize,
     sign: f64,
     factors: Factorisation,
     /// The base plane's distance along the axis from the domain's centre.
     base: f64,
-    /// The same of the slice that sets the size of voxels.
+    /// Distance along the axis of the slice that sets the size of voxels.
     front: f64,
-    /// From pixels, `(x, y, 1)`, to the base plane; the last coordinate is positive in front of the eye.
+    /// Maps pixels, `(x, y, 1)`, to the base plane; the last coordinate is positive in front of the eye.
     to_base: DMat3,
     steepness: DMat3,
     polygon: Polygon,
@@ -84,7 +83,7 @@ impl GridView<'_> {
             .transpose()
     }
 
-    /// From pixels to a direction's component along a vector; parallel rays have all the same.
+    /// Maps pixels to the component of their ray's direction along a vector, which all parallel rays share.
     fn along(&self, v: DVec3) -> DVec3 {
         let lateral = if self.view.is_perspective() { self.view.pixel_size() } else { 0.0 };
         DVec3::new(
@@ -94,16 +93,17 @@ impl GridView<'_> {
         )
     }
 
-    /// The one base plane along an axis, or along another, if its shears allow it; an empty one where nothing is seen.
+    /// Finds the one base plane that suffices, along `axis` or another. Returns `None` where several are needed, and an empty region
+    /// where nothing is visible.
     pub(super) fn only_region(&self, axis: usize) -> Result<Option<Option<Region>>> {
         for axis in [axis, (axis + 1) % 3, (axis + 2) % 3] {
             for sign in [1.0, -1.0] {
                 let Some(region) = self.region(axis, sign, Some(MOST_SHEAR))? else { continue };
-                // Whether the limit has taken nothing of what the domain covers: all of it lies in front of the eye along the axis...
+                // One plane suffices if the limit of shear cuts nothing off: all of the domain lies in front of the eye along the axis...
                 let eye = region.eye();
                 let half = turned((self.grid.last_index() * 0.5).to_array(), axis)[2];
                 let ahead = -half * 1.000_001 > eye && self.shear_of_domain(&region) <= MOST_SHEAR;
-                // ... or all of the image looks along it.
+                // ... or all rays of the image are within the limit.
                 let image = self.image();
                 let inside = |p: &DVec2| {
                     let s = region.steepness * p.extend(1.0);
@@ -114,7 +114,7 @@ impl GridView<'_> {
                 }
             }
         }
-        // Nothing at all?
+        // No pyramid sees anything: an empty region.
         let mut any = false;
         for axis in 0..3 {
             for sign in [1.0, -1.0] {
@@ -124,7 +124,7 @@ impl GridView<'_> {
         Ok(if any { None } else { Some(None) })
     }
 
-    /// Largest shear of lines from the eye to the domain, which lies in front of it along the axis.
+    /// Returns the largest shear of rays from the eye to the domain, which lies in front of the eye along the axis.
     fn shear_of_domain(&self, region: &Region) -> f64 {
         let normals = turned(self.normals, region.axis);
         self.grid
@@ -138,13 +138,14 @@ impl GridView<'_> {
             .fold(0.0, f64::max)
     }
 
+    /// The whole image.
     fn image(&self) -> Polygon {
         let h = self.half_image;
         vec![DVec2::new(-h.x, -h.y), DVec2::new(h.x, -h.y), DVec2::new(h.x, h.y), DVec2::new(-h.x, h.y)]
     }
 
-    /// What of the image is seen across the planes of an axis, in one direction. `reach` limits how slantingly;
-    /// `None`: there is no need to. `None` as result: nothing.
+    /// Finds the region of the image whose rays cross the planes of an axis in one direction, with shears up to `reach` if given. Returns
+    /// `None` where it is empty.
     pub(super) fn region(&self, axis: usize, sign: f64, reach: Option<f64>) -> Result<Option<Region>> {
         let [hx, hy, hz] = turned((self.grid.last_index() * 0.5).to_array(), axis);
         let normals = turned(self.normals, axis);
@@ -158,7 +159,7 @@ impl GridView<'_> {
             let from_eye = self.grid.centre() - self.view.camera().eye;
             let step = planes(self.grid)[axis].1;
             let eye = -sign * from_eye.dot(normals[2]) / step;
-            // On the last slice or beyond it. What lies ahead of an eye this near is no longer than rounding.
+            // The eye is on the last slice or beyond it: what lies ahead is shorter than rounding.
             if eye >= hz - NEAREST * (hz + 1.0) {
                 return Ok(None);
             }
@@ -173,16 +174,16 @@ impl GridView<'_> {
         if !to_base.is_finite() {
             return Err(Error::invalid(
                 "view",
-                "float64 cannot hold the way from its pixels to the base plane",
+                "float64 cannot hold the map from its pixels to the base plane",
             ));
         }
         let mut region =
             Region { axis, sign, factors, base, front, to_base, steepness, polygon: Polygon::new() };
-        // Positive in front of the eye: where the line crosses the planes.
+        // The sign of a homogeneous matrix is free: the last coordinate becomes positive in front of the eye.
         let centre = DVec3::new(0.0, 0.0, 1.0);
         let (ahead, w) = (region.steepness.row(0), region.to_base.row(2));
         let agree = if self.view.is_perspective() {
-            // Both are linear in the pixel, and zero on the same line.
+            // Both are linear in the pixel, and zero on the same line of the image.
             ahead.dot(w) / ahead.length()
         } else {
             w.dot(centre)
@@ -211,7 +212,7 @@ impl GridView<'_> {
             }
         }
         let [x, y, w] = [0, 1, 2].map(|i| region.to_base.row(i));
-        // A hair more, so that a domain without extent, or seen by rounding alone, is not lost.
+        // Slightly larger, so that a domain without extent is not lost to rounding.
         let hair = (high - low).abs() * 1e-9 + low.abs().max(high.abs()) * 1e-12;
         let (low, high) = (low - hair, high + hair);
         for side in [x - w * low.x, w * high.x - x, y - w * low.y, w * high.y - y] {
@@ -232,44 +233,45 @@ impl Region {
         if scaling == 0.0 { f64::NEG_INFINITY } else { self.base - 1.0 / scaling }
     }
 
-    /// Where the line of sight through a point of the slice at a depth meets the base plane.
+    /// Returns the point where the ray through a point of the slice at `depth` meets the base plane.
     fn on_base(&self, point: DVec2, depth: f64) -> DVec2 {
         let z = self.sign * (depth - self.base);
         (point + z * self.factors.shears()) / (1.0 + self.factors.scaling() * z)
     }
 
-    /// A pixel on the base plane.
+    /// Returns the point where the ray of a pixel meets the base plane.
     fn of_pixel(&self, pixel: DVec2) -> DVec2 {
         let p = self.to_base * pixel.extend(1.0);
         p.truncate() / p.z
     }
 
-    /// How the place on the base plane changes with the pixel, for a pixel: columns for x and y.
+    /// Returns the derivative of that point by the pixel's x and y.
     fn per_pixel(&self, pixel: DVec2) -> [DVec2; 2] {
         let p = self.to_base * pixel.extend(1.0);
         let at = p.truncate() / p.z;
         [self.to_base.x_axis, self.to_base.y_axis].map(|c| (c.truncate() - at * c.z) / p.z)
     }
 
-    /// Corners and middle of what is drawn.
+    /// The corners and the middle of the region.
     fn looks(&self) -> Polygon {
         let mut points = self.polygon.clone();
         points.push(self.middle());
         points
     }
 
+    /// The mean of the corners.
     fn middle(&self) -> DVec2 {
         self.polygon.iter().sum::<DVec2>() / f64::from(num::count(self.polygon.len()))
     }
 
-    /// Distance of texels.
+    /// Returns the distance of texels on the base plane.
     pub(super) fn pitch(&self, resolution: Resolution) -> DVec2 {
-        // A voxel of the slice in front, where its lines meet the base plane.
+        // A voxel of the front slice, projected to the base plane.
         let voxel = DVec2::splat(1.0 / (1.0 + self.factors.scaling() * self.sign * (self.front - self.base)));
-        // Where the lattice's cells are as large as pixels of the middle of what is drawn.
+        // The pitch at which texels are as large as pixels, in the middle of the region.
         let pixel = || {
             let [x, y] = self.per_pixel(self.middle());
-            // Pixels for each step on the base plane: rows of the inverse.
+            // Pixels per unit of the base plane: rows of the inverse.
             let steps = DVec2::new(DVec2::new(x.y, y.y).length(), DVec2::new(x.x, y.x).length());
             x.perp_dot(y).abs() / steps
         };
@@ -278,13 +280,13 @@ impl Region {
             Resolution::Pixel(texels) => pixel() / texels,
             Resolution::Auto => voxel.min(COARSEST * pixel()).max(pixel()),
         };
-        // Far more coarse than what is drawn would have no texel in it.
+        // A pitch above the region's extent would leave it without a texel.
         let [low, high] = self.bounds();
         let extent = (high - low).max(DVec2::splat(1e-300));
         DVec2::select(pitch.cmplt(extent), pitch, extent)
     }
 
-    /// What is drawn, on the base plane.
+    /// The bounding box of the region on the base plane.
     fn bounds(&self) -> [DVec2; 2] {
         let mut bounds = [DVec2::INFINITY, DVec2::NEG_INFINITY];
         for point in &self.polygon {
@@ -294,21 +296,21 @@ impl Region {
         bounds
     }
 
-    /// How large what is drawn is on the base plane.
+    /// The sides of that box.
     pub(super) fn extent(&self) -> DVec2 {
         let [low, high] = self.bounds();
         high - low
     }
 
-    /// The texels of a base plane and their lines.
+    /// Lays the lattice of texels, and derives their rays.
     pub(super) fn base_plane(&self, seen: &GridView<'_>, pitch: DVec2, parted: bool) -> Result<BasePlane> {
         let [low, high] = self.bounds();
-        // A texel falls on the centre of a pixel near the image's, so that a warp without effect has none.
+        // A texel coincides with the pixel nearest to the image's centre, so that an identity warp does not resample.
         let parity = seen.half_image - seen.half_image.floor();
         let centre = DVec2::splat(0.5) - parity;
         let ahead = (self.to_base * centre.extend(1.0)).z;
         let mut anchor = if ahead > 0.0 { self.of_pixel(centre) } else { self.of_pixel(self.middle()) };
-        // That pixel's line may all but run along the plane, and meet it where numbers have no digits left.
+        // The ray of that pixel may be nearly parallel to the plane, and meet it beyond the precision of float64.
         let away = ((low - anchor) / pitch).abs().max_element();
         if away.is_nan() || away > 1e9 {
             anchor = (low + high) * 0.5;
@@ -318,7 +320,7 @@ impl Region {
         let sides = [size.x, size.y].map(num::u32_of);
         let middle = sides.map(|side| side / 2);
         let origin = first + pitch * DVec2::new(f64::from(middle[0]), f64::from(middle[1]));
-        // On slice z of the base plane's own measure the line through b is at b + z (s_w b - s).
+        // The ray through the point b of the base plane meets slice z, counted from that plane, at b + z (s_w b - s).
         let (scaling, shears) = (self.factors.scaling(), self.factors.shears());
         let slope = self.sign * (scaling * origin - shears);
         let step_slope = self.sign * scaling * pitch;
@@ -327,7 +329,7 @@ impl Region {
             DVec3::new(0.0, 1.0 / pitch.y, 0.0),
             DVec3::new(-first.x / pitch.x, -first.y / pitch.y, 1.0),
         ) * self.to_base;
-        // Of any length: the longest of what is of interest is 1.
+        // The scale of a homogeneous matrix is free: the largest w of the region becomes 1.
         let scale = self.polygon.iter().map(|p| (to_texel * p.extend(1.0)).z).fold(0.0, f64::max);
         let mut texels_per_pixel: f64 = 0.0;
         for point in self.looks() {
@@ -356,7 +358,7 @@ impl Region {
         };
         let finite = [plane.q, plane.step_q, plane.d, plane.step_d].iter().all(|v| v.is_finite());
         if !(finite && plane.to_texel.is_finite() && size.max_element() < 1e9) {
-            return Err(Error::invalid("view", "float64 cannot hold the lines through its base plane"));
+            return Err(Error::invalid("view", "float64 cannot hold the rays through its base plane"));
         }
         Ok(plane)
     }

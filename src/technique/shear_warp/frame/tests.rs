@@ -1,4 +1,4 @@
-//! What is composited on base planes, line by line, before the warp.
+//! Compares the texels of base planes, before the warp, with the reference along their rays.
 
 use std::sync::Arc;
 
@@ -43,7 +43,7 @@ fn along(direction: DVec3, side: u32) -> View {
     View::new(camera, side, side).unwrap()
 }
 
-/// Every texel of a frame's base planes: the start and the direction of its line, and what was composited there.
+/// Draws a frame; returns the start and the direction of the ray of every texel of its base planes, and the texel's colour.
 fn texels(gpu: &TestGpu, frame: &ShearFrame) -> Vec<(DVec3, DVec3, [f32; 4])> {
     gpu.record(|recorder| {
         frame.record(recorder, None, true);
@@ -114,7 +114,7 @@ fn directions(count: u32) -> Vec<DVec3> {
         .collect()
 }
 
-/// RMSE over lines that meet the domain: of base planes, and of `slabs` with as many samples on a line.
+/// Sums the errors over rays that meet the domain: of base planes, and of `slabs` with as many samples per ray.
 fn before_the_warp(
     gpu: &TestGpu,
     scene: &Scene,
@@ -143,7 +143,7 @@ fn before_the_warp(
     sums
 }
 
-/// With slabs of constant thickness along the line, integrated, base planes are as good as view-aligned slabs wherever
+/// With slabs of constant thickness along the ray, integrated, base planes are as good as view-aligned slabs wherever
 /// the view looks: numerics of shear-warp's textbook form lose three times over 54.7 degrees.
 #[test]
 fn before_the_warp_lines_are_as_good_as_slabs_from_everywhere() {
