@@ -1,4 +1,4 @@
-//! Puts a technique's image into the caller's colour image, whatever its format (`glsl/composite.glsl`).
+//! The composite draws a technique's image into the caller's colour image, of any format (`glsl/composite.glsl`).
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use crate::gpu::{
     Attachment, Blend, Descriptors, Gpu, GraphicsDesc, Image, Pipeline, Recorder, Resource, TargetImage,
 };
 
-/// The step after a technique that draws into an image of its own.
+/// Composites the image of a technique into the target, by one full-screen draw.
 #[derive(Debug)]
 pub(crate) struct Composite {
     pipeline: Arc<Pipeline>,
@@ -20,6 +20,7 @@ pub(crate) struct Composite {
 }
 
 impl Composite {
+    /// Builds the pipeline that draws `source` into a target of `format`.
     pub(crate) fn new(gpu: &Gpu, source: &Arc<Image>, format: vk::Format, mode: TargetMode) -> Result<Self> {
         let clear = mode == TargetMode::Clear;
         let pipeline = gpu.graphics_pipeline(
@@ -38,6 +39,7 @@ impl Composite {
         Ok(Self { pipeline, descriptors, clear })
     }
 
+    /// Records the draw into `target`.
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>, target: &TargetImage) {
         recorder.draw(
             "composite.draw",

@@ -1,44 +1,48 @@
-//! Depth along rays in a technique's own unit.
+//! The unit and the origin in which a technique measures depth along rays.
 
 use glam::DVec3;
 
 use crate::resident::local_space::LocalSpace;
 use crate::scene::{Grid, View};
 
-/// How a technique measures depth: from the plane through a point, in a unit.
+/// Depth is the distance from the plane through `centre` along the viewing direction, in multiples of `unit`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DepthMeasure {
     pub(crate) centre: DVec3,
-    /// World length.
+    /// Length in world units.
     pub(crate) unit: f64,
 }
 
 impl DepthMeasure {
-    /// In voxel spacings from the middle of a grid.
+    /// Measures from the middle of a grid, in its smallest voxel spacing.
     pub(crate) fn of_grid(grid: &Grid) -> Self {
         Self { centre: grid.centre(), unit: grid.spacing().min_element() }
     }
 
-    /// In radii from a centre.
+    /// Measures from the centre of a local space, in its radius.
     pub(crate) fn of_frame(frame: &LocalSpace) -> Self {
         Self { centre: frame.centre, unit: frame.radius }
     }
 }
 
-/// The lines of a view's pixels, in a technique's measure: at depth z that of a pixel, x to the right and y up from the image's
-/// middle, is at `foot / unit + z forward + (kq + kd z) scale (x right + y up)` from the centre, kd 1 in perspective and else 0.
+/// The rays of a view's pixels in a technique's measure. The ray of the pixel (x, y), x to the right and y up from the image's
+/// middle, is at `foot / unit + z forward + (kq + kd z) scale (x right + y up)` from the centre at depth z. `kd` is 1 in perspective
+/// and 0 for parallel rays.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct PixelLines {
-    /// The centre plane's point on the line of the image's middle, from the centre, world units.
+pub(crate) struct PixelRays {
+    /// The point where the ray of the image's middle meets the centre plane, relative to the centre, world units.
     pub(crate) foot: DVec3,
+    /// Weight of the pixel offset at depth 0: the depth of the centre from the eye in perspective, 1 for parallel rays.
     pub(crate) kq: f64,
+    /// Side of a pixel per unit of `kq + kd z`.
     pub(crate) scale: f64,
     /// Depth of the centre from the eye, world units.
     pub(crate) centre_depth: f64,
 }
 
 impl DepthMeasure {
-    pub(crate) fn lines(&self, view: &View) -> PixelLines {
+    /// Returns the rays of a view.
+    pub(crate) fn rays(&self, view: &View) -> PixelRays {
         let eye = view.camera().eye;
         let centre_depth = (self.centre - eye).dot(view.forward());
         let foot = eye + view.forward() * centre_depth - self.centre;
@@ -46,6 +50,6 @@ impl DepthMeasure {
             true => (centre_depth / self.unit, view.pixel_size()),
             false => (1.0, view.pixel_size() / self.unit),
         };
-        PixelLines { foot, kq, scale, centre_depth }
+        PixelRays { foot, kq, scale, centre_depth }
     }
 }

@@ -1,7 +1,12 @@
-//! A frame: its target, the plan that fixes everything it needs, and the steps that all techniques share.
+//! A frame is one image drawn once. This room holds the plan that fixes everything a frame needs, the target that it is drawn into, and
+//! the steps that all techniques share: bounds of rays, surfaces, lists of fragments, the composite, and the read-back.
+//!
+//! It uses `scene`, `resident`, `primitives` and `gpu`, and no technique: a technique implements [`prepared::Prepared`]. `technique`
+//! builds plans; `cli`, `ffi` and engines record them.
 
 pub(crate) mod composite;
 pub(crate) mod depth_measure;
+pub(crate) mod dry_run;
 pub(crate) mod lists;
 mod offscreen;
 pub(crate) mod plan;

@@ -1,4 +1,4 @@
-//! An image as an engine has one, to draw plans into it without an engine.
+//! An offscreen colour image, as an engine would own one, that plans draw into.
 
 use std::sync::Arc;
 
@@ -10,24 +10,24 @@ use crate::gpu::sync::Use;
 use crate::gpu::{Buffer, BufferUse, Commands, Gpu, Image, ImageDesc, Recorder, TargetImage};
 
 /// A colour image with a command buffer, for plans made for [`TargetDesc::caller`](crate::frame::target::TargetDesc::caller). It submits
-/// without waiting: several of them are several frames in flight.
+/// without waiting, so several of them keep several frames in flight.
 #[derive(Debug)]
 pub struct Offscreen {
     gpu: Gpu,
     image: Arc<Image>,
     host: Arc<Buffer>,
     recorded: Option<Recorded>,
-    // Last: it waits, and its submission reads what stands above.
+    // Last, because dropping it waits for the submission that reads the fields above.
     commands: Commands,
 }
 
 impl Offscreen {
-    /// Makes the image, of a format of which a texel's size is known: 8-bit RGBA or BGRA, plain or sRGB, 10-bit RGB, 16-bit RGBA
-    /// or 32-bit float RGBA.
+    /// Makes the image. `format` is 8-bit RGBA or BGRA (linear or sRGB), 10-bit RGB, 16-bit RGBA or 32-bit float RGBA.
     ///
     /// # Errors
     ///
-    /// [`Error::Unsupported`], [`Error::Memory`] and [`Error::Vulkan`] as everything that takes memory.
+    /// [`Error::Unsupported`] for a format or an extent that the device lacks, [`Error::Memory`] when memory runs out,
+    /// [`Error::Vulkan`] when a call fails.
     pub fn new(gpu: &Gpu, format: vk::Format, extent: [u32; 2]) -> Result<Self> {
         use vk::ImageUsageFlags as U;
         let usage = U::COLOR_ATTACHMENT | U::TRANSFER_SRC | U::TRANSFER_DST;
@@ -37,13 +37,13 @@ impl Offscreen {
         Ok(Self { gpu: gpu.clone(), image, host, recorded: None, commands: Commands::new(gpu)? })
     }
 
-    /// Fills the image with a colour, lets the plan, one without a depth image, record over it, and submits. The frame before must
-    /// be finished.
+    /// Fills the image with the colour `behind`, records the plan over it, and submits. The plan takes no depth image, and the last
+    /// frame is finished.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] while a frame is in flight; as [`Plan::record`]; [`Error::Vulkan`] when a call fails. Nothing is in
-    /// flight then.
+    /// [`Error::Invalid`] while a frame is in flight; the errors of [`Plan::record`]; [`Error::Vulkan`] when a call fails. After an
+    /// error of recording or submission nothing is in flight.
     pub fn draw(&mut self, plan: &mut Plan, behind: [f32; 4]) -> Result<()> {
         if self.recorded.is_some() {
             return Err(Error::invalid("offscreen", "its last frame has not been finished"));
@@ -70,18 +70,18 @@ impl Offscreen {
         Ok(())
     }
 
-    /// Waits for the frame: its status, and the texels as they lie in the image.
+    /// Waits for the frame. Returns its status and the texels in the image's format, row by row.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] when there is none; [`Error::Vulkan`], [`Error::Timeout`] and [`Error::DeviceLost`] when the wait
-    /// fails. The frame is given up then.
+    /// [`Error::Invalid`] when no frame is in flight; [`Error::Vulkan`], [`Error::Timeout`] and [`Error::DeviceLost`] when the wait
+    /// fails, which abandons the frame.
     pub fn finish(&mut self) -> Result<(Status, Vec<u8>)> {
         let Some(recorded) = self.recorded.take() else {
             return Err(Error::invalid("offscreen", "no frame is in flight"));
         };
         if let Err(error) = self.commands.settle() {
-            // What it names is kept by `commands` for as long as it may run.
+            // `commands` keeps the resources of the submission for as long as it may run.
             recorded.discarded();
             return Err(error);
         }

@@ -1,9 +1,10 @@
-//! A plan: everything that one frame needs, fixed, and recorded into command buffers.
+//! The plan of a frame: pipelines, buffers and images of one view, which are recorded into command buffers.
 
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::frame::composite::Composite;
+use crate::frame::dry_run::dry_run;
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::ray_bounds::{RayBounds, bounds_buffer};
 use crate::frame::surfaces::{SurfaceFrame, SurfaceLists};
@@ -13,10 +14,46 @@ use crate::gpu::{CommandBuffer, DepthImage, Gpu, Image, Keep, PassTime, Recorder
 use crate::resident::surfaces::SurfaceData;
 use crate::scene::View;
 
-/// Everything that one frame needs, fixed. Belongs to one frame in flight.
+/// Holds everything that one frame needs. A plan serves one frame in flight.
 ///
-/// `Send` and `Sync`: it may be prepared, recorded and completed on different threads, and plans of one scene or device be
-/// recorded at the same time, each into a command buffer of its own pool.
+/// `Send` and `Sync`: a plan may be prepared, recorded and completed on different threads. Several plans of one scene or device may
+/// be recorded at the same time, each into a command buffer of its own pool.
+///
+/// [`Renderer::render`](crate::Renderer::render) prepares, records, submits and waits. An engine prepares and records plans itself:
+///
+/// ```no_run
+/// # use volraster::ash::vk;
+/// # use volraster::gpu::{CommandBuffer, Gpu, TargetImage};
+/// # use volraster::scene::View;
+/// # use volraster::{GpuScene, Renderer, Result, TargetDesc, TargetMode, Technique};
+/// # use std::sync::Arc;
+/// # fn frame(
+/// #     gpu: &Gpu, scene: &Arc<GpuScene>, view: &View, commands: vk::CommandBuffer, image: vk::Image,
+/// #     image_view: vk::ImageView, extent: [u32; 2],
+/// # ) -> Result<()> {
+/// // Once: may allocate, compile, upload, submit and wait.
+/// let renderer = Renderer::new(scene, Technique::parse("slices-3d:step=0.5")?);
+/// let format = vk::Format::B8G8R8A8_SRGB;
+/// let mut plan = renderer.prepare(view, &TargetDesc::caller(format, TargetMode::Over))?;
+///
+/// // Each frame: only records, into the engine's own command buffer and image.
+/// if !plan.set_view(view)? {
+///     plan = renderer.prepare(view, &TargetDesc::caller(format, TargetMode::Over))?;
+/// }
+/// // SAFETY: the command buffer is recording, on this thread, for this device's queue family.
+/// let mut commands = unsafe { CommandBuffer::from_raw(gpu, commands) };
+/// // SAFETY: the image is in the layout COLOR_ATTACHMENT_OPTIMAL and outlives the submission.
+/// let target = unsafe { TargetImage::from_raw(gpu, image, image_view, format, extent) };
+/// let recorded = plan.record(&mut commands, Some(&target), None)?;
+///
+/// // The engine submits, and later sees the submission end.
+/// let status = recorded.completed()?;
+/// for pass in status.passes {
+///     println!("{}: {:.3} ms", pass.name, pass.ms);
+/// }
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug)]
 pub struct Plan {
     pub(crate) gpu: Gpu,
@@ -25,35 +62,37 @@ pub struct Plan {
     bounds: Option<RayBounds>,
     surfaces: Option<SurfaceFrame>,
     timers: Option<Arc<Timers>>,
-    /// Passes of the technique that are timed.
+    /// Most passes of the technique in a frame.
     technique_passes: u32,
+    /// Most passes of a frame; each has a timer.
+    most_passes: u32,
     target: TargetDesc,
     pub(crate) extent: [u32; 2],
-    /// Shared with the recording that is in flight.
+    /// Shared with the recording in flight.
     in_flight: Arc<()>,
 }
 
-/// What a completed recording reports. `Send` and `Sync`.
+/// The report of a completed recording. `Send` and `Sync`.
 #[derive(Clone, Debug)]
 pub struct Status {
-    /// Whether everything was drawn. `false` when a capacity was short: prepare anew and repeat.
+    /// Whether everything was drawn. `false` when a buffer was too small: prepare anew, which allocates more, and repeat.
     pub complete: bool,
-    /// Passes with their times on the device; empty where the device has no timestamps.
+    /// Passes with their times on the device, in the order of recording. Empty where the device has no timestamps.
     pub passes: Vec<PassTime>,
-    /// Work of the frame that only the device knows, counted.
+    /// Counts of work that only the device knows.
     pub counters: Vec<(&'static str, u64)>,
 }
 
-/// Owns what a recording names, until the caller says through [`Recorded::completed`] that its submission
-/// has ended, or through [`Recorded::discarded`] that there is none. Dropped
-/// without that, it frees nothing, for the device may still read it: the memory is lost. `Send` and `Sync`.
+/// Owns the resources of a recording until the caller reports that its submission has ended ([`Recorded::completed`]) or that
+/// there is none ([`Recorded::discarded`]). A `Recorded` that is dropped without either leaks them, because the device may still
+/// read them. `Send` and `Sync`.
 #[derive(Debug)]
 #[must_use = "holds what the device reads until the submission has ended"]
 pub struct Recorded {
     held: std::mem::ManuallyDrop<Held>,
 }
 
-/// What a recording holds.
+/// The resources of a recording.
 #[derive(Debug)]
 struct Held {
     gpu: Gpu,
@@ -65,13 +104,13 @@ struct Held {
 }
 
 impl Recorded {
-    /// The caller has seen the submission end (a fence, a timeline semaphore, an idle queue). Reads the
-    /// status and frees what the recording held.
+    /// Reads the status and frees the resources, after the caller has seen the submission end (by a fence, a timeline semaphore or
+    /// an idle queue).
     ///
     /// # Errors
     ///
-    /// [`Error::Vulkan`] when the timestamps cannot be read, [`Error::DeviceLost`] when the device is known to be lost. What
-    /// was held is freed all the same.
+    /// [`Error::Vulkan`] when the timestamps cannot be read, [`Error::DeviceLost`] when the device is known to be lost. The
+    /// resources are freed all the same.
     pub fn completed(self) -> Result<Status> {
         let held = std::mem::ManuallyDrop::into_inner(self.held);
         held.gpu.alive()?;
@@ -89,24 +128,25 @@ impl Recorded {
         Ok(Status { complete, passes, counters })
     }
 
-    /// What must live until the submission has ended.
+    /// The resources that must live until the submission has ended.
     pub(crate) fn keep(&self) -> Keep {
         self.held.keep.clone()
     }
 
-    /// The caller will never submit what was recorded, or never again: its command buffer was reset, freed or forgotten
-    /// (a frame that was dropped because the window changed). Frees what the recording held; the plan can be recorded again.
+    /// Frees the resources of a recording that the caller will never submit, or never again: its command buffer was reset or freed,
+    /// for example because the window changed. The plan can be recorded again.
     pub fn discarded(self) {
         drop(std::mem::ManuallyDrop::into_inner(self.held));
     }
 
+    /// The name of the last pass.
     pub(crate) fn last_pass(&self) -> &str {
         self.held.passes.last().map_or("none", String::as_str)
     }
 }
 
 impl Plan {
-    /// Builds the plan of a view: what bounds its rays, the frame of the technique that `prepare` makes, the composite.
+    /// Builds the plan of a view: bounds of rays, the frame of the technique, which `prepare` makes, surfaces, and the composite.
     pub(crate) fn new(
         gpu: &Gpu,
         surfaces: Option<&Arc<SurfaceData>>,
@@ -143,33 +183,49 @@ impl Plan {
             (Some(image), Some((format, mode))) => Some(Composite::new(gpu, image, format, mode)?),
             _ => None,
         };
-        let others = u32::from(composite.is_some())
-            + bounds.as_ref().map_or(0, |_| RayBounds::passes())
-            + surfaces.as_ref().map_or(0, SurfaceFrame::passes);
-        let passes = prepared.passes() + others;
-        Ok(Self {
+        let technique = dry_run(gpu, |recorder, target| prepared.record_most(recorder, target));
+        let mut plan = Self {
             gpu: gpu.clone(),
             bounds,
             surfaces,
-            timers: Timers::new(gpu, passes)?,
-            technique_passes: passes - others,
+            timers: None,
+            technique_passes: technique.passes,
+            most_passes: technique.passes,
             prepared,
             composite,
             target: *target,
             extent: view.extent(),
             in_flight: Arc::new(()),
-        })
+        };
+        let shared = dry_run(gpu, |recorder, target| {
+            if let Some(bounds) = &plan.bounds {
+                bounds.record_most(recorder, plan.surfaces.as_ref());
+            }
+            plan.record_after(recorder, Some(target));
+        });
+        plan.most_passes += shared.passes;
+        plan.timers = Timers::new(gpu, plan.most_passes)?;
+        Ok(plan)
     }
 
-    /// Records the frame into the caller's command buffer: no submission, no wait, no allocation of
-    /// device memory.
+    /// Records the steps after the technique: opaque surfaces behind its image, and the composite into the caller's image.
+    fn record_after(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>) {
+        if let Some(surfaces) = &self.surfaces {
+            surfaces.record_behind(recorder);
+        }
+        if let (Some(composite), Some(target)) = (&self.composite, target) {
+            composite.record(recorder, target);
+        }
+    }
+
+    /// Records the frame into the caller's command buffer. Does not submit, wait or allocate device memory.
     ///
-    /// `target` is the image that [`TargetDesc::caller`] announced, and `None` for
-    /// [`TargetDesc::own`]; `depth` the one that [`TargetDesc::with_depth`] did.
+    /// `target` is the image that [`TargetDesc::caller`] announced, and `None` for [`TargetDesc::own`]. `depth` is the image that
+    /// [`TargetDesc::with_depth`] announced.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] when `target` or `depth` is not what the plan was made for, or when an earlier recording
+    /// [`Error::Invalid`] when `target` or `depth` differs from what the plan was made for, or when an earlier recording
     /// of this plan has not been completed; [`Error::Unsupported`] for a depth image of a format that the device
     /// cannot sample.
     pub fn record(
@@ -210,7 +266,7 @@ impl Plan {
             None if depth.is_some() => {
                 return Err(Error::invalid(
                     "depth image",
-                    "the plan is for none: see TargetDesc::with_depth",
+                    "the plan expects none: see TargetDesc::with_depth",
                 ));
             }
             None => {}
@@ -220,12 +276,9 @@ impl Plan {
             bounds.record(&mut recorder, depth, self.surfaces.as_ref())?;
         }
         self.prepared.record(&mut recorder, target, self.target.mode() == TargetMode::Clear);
-        if let Some(surfaces) = &self.surfaces {
-            surfaces.record_behind(&mut recorder);
-        }
-        if let (Some(composite), Some(target)) = (&self.composite, target) {
-            composite.record(&mut recorder, target);
-        }
+        self.record_after(&mut recorder, target);
+        let counted = recorder.counted().passes;
+        debug_assert!(counted <= self.most_passes, "{counted} passes, {} timers", self.most_passes);
         let (passes, keep) = recorder.finish();
         let held = Held {
             gpu: self.gpu.clone(),
@@ -243,12 +296,12 @@ impl Plan {
         Ok(Recorded { held: std::mem::ManuallyDrop::new(held) })
     }
 
-    /// Turns the plan to another view of the same image size, without allocating. `false` when the plan
-    /// has no room for it: prepare anew.
+    /// Changes the plan to another view of the same image size, without allocating. Returns `false`, and changes nothing, when the
+    /// view exceeds a capacity of the plan: prepare anew.
     ///
     /// # Errors
     ///
-    /// As [`Renderer::prepare`].
+    /// Those of [`Renderer::prepare`](crate::Renderer::prepare).
     pub fn set_view(&mut self, view: &View) -> Result<bool> {
         self.gpu.alive()?;
         if view.extent() != self.extent || (self.bounds.is_none() && !view.clip().is_none()) {
@@ -262,7 +315,7 @@ impl Plan {
             Some(surfaces) => Some(surfaces.pushes(view)?),
             None => None,
         };
-        // Nothing has been changed where anything is refused.
+        // Everything is checked before anything changes.
         let fits = self.prepared.set_view(view, self.technique_passes)?;
         if fits {
             bounds.set_view(view);
@@ -273,7 +326,7 @@ impl Plan {
         Ok(fits)
     }
 
-    /// The image that a frame leaves, and how it has used it last.
+    /// The image that a frame leaves, and its last use.
     pub(crate) fn image(&self) -> Option<(&Arc<Image>, Use)> {
         match &self.surfaces {
             Some(surfaces) => surfaces.image().map(|image| (image, Use::ComputeReadWrite)),
@@ -287,7 +340,7 @@ impl Plan {
         self.prepared.route()
     }
 
-    /// Work of the frame, counted.
+    /// Counts of work that are known before the frame is drawn.
     #[must_use]
     pub fn counters(&self) -> Vec<(&'static str, u64)> {
         self.prepared.counters()

@@ -8,39 +8,40 @@ use crate::gpu::sync::Use;
 use crate::gpu::{Buffer, Image, Recorder, TargetImage};
 use crate::scene::View;
 
-/// What a technique has fixed for frames of one size.
+/// A technique, ready to draw frames of one size.
 pub(crate) trait Prepared: std::fmt::Debug + Send + Sync {
-    /// Turns to another view of the same image size. `false`, and nothing is changed, when there is no room
-    /// for it in `most_passes` passes.
+    /// Changes to another view of the same image size. Returns `false`, and changes nothing, where the view exceeds a capacity of the
+    /// plan or has more than `most_passes` passes.
     fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool>;
-    /// How it measures depth.
+    /// The measure of depth that the bounds of rays take.
     fn measure(&self) -> DepthMeasure;
-    /// The image that the technique draws into, when that is not the caller's.
+    /// The image that the technique draws into; `None` where it draws into the caller's.
     fn image(&self) -> Option<&Arc<Image>>;
-    /// A word for each pixel, tile by tile, that a frame leaves 0 where the list of the pixel was sorted as it came;
-    /// `None` where nothing is sorted.
+    /// One word per pixel, tile by tile, which a frame leaves 0 where the fragments of the pixel arrived in order. `None` where
+    /// nothing is sorted.
     fn overflow(&self) -> Option<&Arc<Buffer>> {
         None
     }
-    /// How a frame leaves image and words.
+    /// The last use of the image and of those words in a frame.
     fn last_use(&self) -> Use;
-    /// How it draws.
+    /// The route by name.
     fn route(&self) -> &'static str;
-    /// Passes of one frame.
-    fn passes(&self) -> u32;
-    /// Work of a frame that is known before it is drawn.
+    /// Counts of work that are known before a frame is drawn.
     fn counters(&self) -> Vec<(&'static str, u64)>;
-    /// Records a frame into the own image, or into `target` where there is none. `clear` begins with
-    /// transparent black.
+    /// Records a frame into its own image, or into `target` where it has none. `clear` replaces the contents of `target`.
     fn record(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>, clear: bool);
-    /// Where a frame's status can be read when it has ended.
+    /// Records the frame with the most passes that [`Prepared::set_view`] may lead to, for a dry run; changes nothing.
+    fn record_most(&self, recorder: &mut Recorder<'_>, target: &TargetImage) {
+        self.record(recorder, Some(target), true);
+    }
+    /// The status of a frame, to be read when it has ended.
     fn outcome(&self) -> Option<Arc<dyn Outcome>> {
         None
     }
 }
 
-/// What a frame tells of itself when it has ended.
+/// The status of a frame that has ended.
 pub(crate) trait Outcome: std::fmt::Debug + Send + Sync {
-    /// Whether everything was drawn, and work counted on the device.
+    /// Returns whether everything was drawn, and the counts of work from the device.
     fn read(&self) -> Result<(bool, Vec<(&'static str, u64)>)>;
 }

@@ -1,14 +1,12 @@
-//! What bounds the lines of pixels: clip planes and crop box of a view, and opaque surfaces by a depth image
-//! (`glsl/line-bounds.glsl`).
+//! Bounds the rays of pixels by the clip planes and the crop box of a view, and by a depth image (`glsl/line-bounds.glsl`).
 //!
-//! Half-spaces are convex, and so is what lies before a surface on one line. So a line is left with one interval, and
-//! every technique cuts its pieces to it, whatever bounds it. A scene without any of it has no such pass, and its pipelines no
-//! such code.
+//! Half-spaces are convex, and so is the part of a ray before a surface. Each ray therefore keeps one interval, and every
+//! technique clips its segments to it. A plan without bounds has no such pass, and its pipelines have no code for them.
 
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
-use crate::frame::depth_measure::{DepthMeasure, PixelLines};
+use crate::frame::depth_measure::{DepthMeasure, PixelRays};
 use crate::frame::surfaces::SurfaceFrame;
 use crate::gpu::shader::{
     BINDING_DEPTH, BINDING_LINE_BOUNDS, LINE_BOUNDS_DEPTH, LINE_BOUNDS_PLANES, SPEC_RESUME,
@@ -17,23 +15,26 @@ use crate::gpu::{Buffer, BufferUse, DepthImage, Gpu, Recorder, Resource};
 use crate::interface::BoundsPush;
 use crate::num::{self, f32_of};
 use crate::primitives::dispatch::{Dispatch, pass, tiles_of};
-use crate::scene::View;
+use crate::scene::{Clip, View};
 
 /// Half-spaces that one dispatch takes.
 const PLANES: usize = 6;
 
-/// Beside their number: lines start at the eye; the far end is stored as 1.
+/// Half-spaces of a view: its clip planes and the six sides of its crop box.
+const MOST_PLANES: usize = Clip::MAX_PLANES + 6;
+
+/// Flags of `BoundsPush::count`, beside the number of planes: rays start at the eye; the depth image stores its far end as 1.
 const PERSPECTIVE: u32 = crate::gpu::shader::BOUNDS_PERSPECTIVE;
 const FAR_AT_ONE: u32 = crate::gpu::shader::BOUNDS_FAR_AT_ONE;
 const PLANE_COUNT: u32 = crate::gpu::shader::BOUNDS_PLANES;
 
-/// Two depths for each pixel, in units of a technique.
+/// Makes the buffer of bounds: two depths per pixel, in the unit of the technique.
 pub(crate) fn bounds_buffer(gpu: &Gpu, view: &View) -> Result<Arc<Buffer>> {
     let [width, height] = view.extent().map(u64::from);
     Buffer::new(gpu, "line.bounds", 8 * width * height, BufferUse::ShaderWrite).map(Arc::new)
 }
 
-/// The pass that finds them.
+/// The passes that find the bounds.
 #[derive(Debug)]
 pub(crate) struct RayBounds {
     first: Dispatch,
@@ -44,7 +45,7 @@ pub(crate) struct RayBounds {
 }
 
 impl RayBounds {
-    /// `takes_depth`: each recording brings a depth image.
+    /// Builds the passes. `takes_depth` says that each recording brings a depth image.
     pub(crate) fn new(
         gpu: &Gpu,
         bounds: &Arc<Buffer>,
@@ -66,17 +67,12 @@ impl RayBounds {
         Ok(made)
     }
 
-    /// Passes of a frame, at most.
-    pub(crate) fn passes() -> u32 {
-        3
-    }
-
-    /// Turns to another view of the same extent, which has been checked.
+    /// Changes to another view of the same extent, which [`RayBounds::check`] has accepted.
     pub(crate) fn set_view(&mut self, view: &View) {
         self.view = *view;
     }
 
-    /// Whether float32 holds a view's planes.
+    /// Checks that float32 holds the planes of a view.
     pub(crate) fn check(&self, view: &View) -> Result<()> {
         let finite = |push: &BoundsPush| {
             push.planes.iter().flatten().chain([&push.kq]).all(|number| number.is_finite())
@@ -88,10 +84,10 @@ impl RayBounds {
         Err(Error::invalid("view", why))
     }
 
-    /// Push constants of each dispatch.
+    /// Returns the push constants of each dispatch.
     fn pushes(&self, view: &View, depth: Option<&DepthImage>) -> Vec<BoundsPush> {
         let DepthMeasure { centre, unit } = self.measure;
-        let PixelLines { foot, kq, scale, centre_depth } = self.measure.lines(view);
+        let PixelRays { foot, kq, scale, centre_depth } = self.measure.rays(view);
         let perspective = view.is_perspective();
         let planes: Vec<[f32; 4]> = view
             .clip()
@@ -110,7 +106,7 @@ impl RayBounds {
         let ends = depth.map_or([1.0, 2.0], |depth| [depth.projection.at_zero, depth.projection.at_one]);
         let far = if ends[1] > ends[0] { FAR_AT_ONE } else { 0 };
         let flags = far | if perspective { PERSPECTIVE } else { 0 };
-        // Differences in float64: the eye may be far, and the ends about the data.
+        // Differences in float64, because a far eye and ends near the data would cancel.
         let depths = ends.map(|end| {
             let from_centre = if end.is_infinite() { end } else { end - centre_depth };
             match (perspective, end.is_infinite()) {
@@ -137,27 +133,27 @@ impl RayBounds {
         pushes
     }
 
-    /// Whether a depth image is what the plan was made for.
+    /// Checks a depth image against the plan.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if there should be one and is none, or the other way round, or its extent, projection or format is wrong;
+    /// [`Error::Invalid`] if it is missing or not expected, or if its extent, projection or format is wrong;
     /// [`Error::Unsupported`] if the device cannot sample its format.
     pub(crate) fn check_depth(&self, gpu: &Gpu, depth: Option<&DepthImage>) -> Result<()> {
         let Some(depth) = depth else {
             if self.takes_depth {
-                return Err(Error::invalid("depth image", "the plan is for one: none is given"));
+                return Err(Error::invalid("depth image", "the plan expects one: none is given"));
             }
             return Ok(());
         };
         if !self.takes_depth {
-            return Err(Error::invalid("depth image", "the plan is for none: see TargetDesc::with_depth"));
+            return Err(Error::invalid("depth image", "the plan expects none: see TargetDesc::with_depth"));
         }
         check_depth(gpu, &self.view, depth)
     }
 
-    /// Records the passes: bounds by the depth image, which has been checked, then by what `between` finds, then by planes.
-    /// Surfaces are hidden by the one and not cut by the others. Without `between` all is one.
+    /// Records the passes: bounds by the depth image, which has been checked, then by the surfaces in `between`, then by planes. The
+    /// depth image hides surfaces, and planes do not clip them. Without `between` one dispatch does both.
     pub(crate) fn record(
         &self,
         recorder: &mut Recorder<'_>,
@@ -167,8 +163,23 @@ impl RayBounds {
         if let Some(depth) = depth {
             self.first.descriptors.sample_external(BINDING_DEPTH, depth)?;
         }
+        self.record_pushes(recorder, self.pushes(&self.view, depth), between);
+        Ok(())
+    }
+
+    /// Records the passes of a view with the most half-spaces, for a dry run.
+    pub(crate) fn record_most(&self, recorder: &mut Recorder<'_>, between: Option<&SurfaceFrame>) {
+        let full = BoundsPush { count: num::count(PLANES), ..BoundsPush::default() };
+        self.record_pushes(recorder, vec![full; MOST_PLANES.div_ceil(PLANES)], between);
+    }
+
+    fn record_pushes(
+        &self,
+        recorder: &mut Recorder<'_>,
+        mut pushes: Vec<BoundsPush>,
+        between: Option<&SurfaceFrame>,
+    ) {
         let groups = tiles_of(self.view.extent());
-        let mut pushes = self.pushes(&self.view, depth);
         if let Some(surfaces) = between {
             if self.takes_depth
                 && let Some(push) = pushes.first()
@@ -186,7 +197,6 @@ impl RayBounds {
             let begins = i == 0 && between.is_none();
             if begins { &self.first } else { &self.more }.record(recorder, push, groups);
         }
-        Ok(())
     }
 }
 

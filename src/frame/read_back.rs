@@ -1,10 +1,10 @@
-//! Texels that come back to the host, as numbers.
+//! Converts texels that were read back to float32.
 
 use ash::vk;
 
 use crate::num;
 
-/// Texels of a readable format as float32 RGBA.
+/// Converts texels of a format that techniques accumulate in to float32 RGBA. Every other format is taken for 32-bit float.
 pub(crate) fn pixels(bytes: &[u8], format: vk::Format) -> Vec<[f32; 4]> {
     match format {
         vk::Format::R8G8B8A8_UNORM => {
@@ -31,7 +31,7 @@ pub(crate) fn pixels(bytes: &[u8], format: vk::Format) -> Vec<[f32; 4]> {
     }
 }
 
-/// IEEE 754 binary16 to binary32, exact.
+/// Converts IEEE 754 binary16 to binary32, exactly.
 fn half_to_f32(half: u16) -> f32 {
     let sign = if half & 0x8000 == 0 { 1.0 } else { -1.0 };
     let (exponent, fraction) = (i32::from(half >> 10 & 31), f64::from(half & 0x3ff));

@@ -1,9 +1,11 @@
-//! Surfaces in the volume (`glsl/surfaces.glsl`): which of them each pixel's line meets, found as faces of meshes are, and in which order.
+//! Surfaces in the volume (`glsl/surfaces.glsl`): lists the triangles that each pixel's ray meets, as lists of a mesh's faces are made,
+//! and sorts them by depth.
 //!
-//! The nearest opaque one bounds the line, for every technique alike, and shows where what is drawn before it is not opaque. Translucent
-//! ones before it are handed to techniques that can cut lines at them, as lists of depths and colours. Surfaces see no clipping.
+//! The nearest opaque triangle bounds the ray of every technique, and shows through the part of the volume in front of it. Translucent
+//! triangles in front of it become lists of depths and colours, for techniques that can split rays at them. Clipping does not apply to
+//! surfaces.
 //!
-//! Edges belong to one of the triangles that share them, whatever the view, as in meshes. Points at the same place are one.
+//! An edge belongs to one of the triangles that share it, in every view, as in meshes. Points at the same position are one.
 
 use std::sync::{Arc, PoisonError};
 
@@ -11,7 +13,7 @@ use ash::vk;
 use glam::DVec3;
 
 use crate::error::{Error, Result};
-use crate::frame::depth_measure::{DepthMeasure, PixelLines};
+use crate::frame::depth_measure::{DepthMeasure, PixelRays};
 use crate::frame::lists::{Geometry, Lists, Ranking, measure};
 use crate::frame::prepared::Outcome;
 use crate::frame::target::{Canvas, Layers};
@@ -31,13 +33,14 @@ use crate::scene::View;
 
 const NAME: &str = "surfaces";
 
-// havs.glsl keeps in so many bits how many were passed.
+// havs.glsl counts the surfaces already composited in 10 bits.
 const _: () = assert!(MOST_LAYERS < 1 << 10);
 
-/// Depths of lists may differ from those of planes that are seen edge-on by so much, in radii of the data.
+/// Most difference between the depth in a list and that of the triangle's plane, which grows when the plane is seen edge-on, in radii of
+/// the data.
 const SLACK: f64 = 1e-3;
 
-/// Lists of triangles for each pixel, and room for what becomes of them.
+/// The lists of triangles of each pixel, and the buffers that the sorted surfaces are written to.
 #[derive(Debug)]
 pub(crate) struct SurfaceLists {
     data: Arc<SurfaceData>,
@@ -50,7 +53,7 @@ pub(crate) struct SurfaceLists {
     background: Arc<Buffer>,
 }
 
-/// Push constants of a view.
+/// The push constants of a view.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SurfaceView(MeshPush, SurfacePush);
 
@@ -65,7 +68,7 @@ pub(crate) struct SurfaceFrame {
     behind: Option<(Dispatch, Arc<Image>)>,
 }
 
-/// What a frame tells of its surfaces when it has ended.
+/// The status of the surfaces of a frame that has ended.
 #[derive(Debug)]
 pub(crate) struct SurfaceOutcome {
     data: Arc<SurfaceData>,
@@ -82,7 +85,7 @@ impl Outcome for SurfaceOutcome {
         if at(STATUS_CUT) > 0 {
             return Err(Error::unsupported(
                 "surfaces of this view",
-                format!("{} pixels have more translucent ones than {MOST_LAYERS}", at(STATUS_CUT)),
+                format!("more than {MOST_LAYERS} translucent surfaces in {} pixels", at(STATUS_CUT)),
             ));
         }
         let (bins, lists) = (total(&self.bins)?, total(&self.lists)?);
@@ -99,7 +102,7 @@ impl Outcome for SurfaceOutcome {
 }
 
 impl SurfaceLists {
-    /// For an image of a view.
+    /// Builds the lists for the image of a view.
     pub(crate) fn new(gpu: &Gpu, data: &Arc<SurfaceData>, view: &View) -> Result<Self> {
         let geometry = Geometry {
             kind: Primitives::Faces,
@@ -110,7 +113,7 @@ impl SurfaceLists {
             primitives: Arc::clone(&data.primitives),
             count: num::count(data.triangles.len()),
         };
-        // By rank lists come nearly sorted, and little is left to do in each pixel.
+        // Triangles are listed by rank, so that the list of a pixel is nearly sorted.
         let stage = Ranking::new(gpu, NAME, geometry, false, None)?;
         let push = data.space.push(view, &MeshPush::default())?;
         let [width, height] = view.extent();
@@ -120,14 +123,14 @@ impl SurfaceLists {
         if bands.len() > 1 {
             return Err(Error::unsupported(
                 "surfaces of this view",
-                format!("{} triangles in its pixels, which one buffer does not hold", needs.lists),
+                format!("{} triangles in its pixels: one buffer does not hold them", needs.lists),
             ));
         }
         let lists = Lists::new(gpu, &stage, tiles, runs, bands, needs)?;
         let Some(Resource::Buffer(depths)) = lists.list_fill.descriptors.resource(BINDING_LISTS) else {
             return Err(Error::invalid(NAME, "no lists"));
         };
-        // Opaque ones have none.
+        // Opaque triangles need no entry.
         let layers = if data.translucent { u64::from(lists.list_capacity) } else { 1 };
         let layers = Layers {
             cursors: Arc::clone(&lists.cursors),
@@ -139,14 +142,14 @@ impl SurfaceLists {
         Ok(Self { data: Arc::clone(data), stage, lists, needs, push, tiles, layers, background })
     }
 
-    /// Where techniques find translucent surfaces, if there are any.
+    /// The translucent surfaces as techniques read them, if there are any.
     pub(crate) fn layers(&self) -> Option<Layers> {
         self.data.translucent.then(|| self.layers.clone())
     }
 }
 
 impl SurfaceFrame {
-    /// For a technique that measures depth so; `bounds` are those of lines, which hold something already where `bounded`.
+    /// Builds the passes for a technique's measure of depth. They narrow `bounds`, which a depth image has filled where `bounded`.
     pub(crate) fn new(
         gpu: &Gpu,
         lists: SurfaceLists,
@@ -188,7 +191,7 @@ impl SurfaceFrame {
         Ok(frame)
     }
 
-    /// What a technique draws into `drawn` is put before the opaque surfaces, in an image of its own.
+    /// Adds the pass that composites a technique's image, `drawn`, in front of the opaque surfaces, into an image of its own.
     pub(crate) fn put_behind(&mut self, gpu: &Gpu, drawn: &Arc<Image>, canvas: &Canvas) -> Result<()> {
         let [width, height, _] = drawn.desc().extent;
         let after = match canvas.format() {
@@ -210,23 +213,17 @@ impl SurfaceFrame {
         Ok(())
     }
 
-    /// The image with both; there once [`SurfaceFrame::put_behind`] has made it.
+    /// The image of volume and surfaces, once [`SurfaceFrame::put_behind`] has made it.
     pub(crate) fn image(&self) -> Option<&Arc<Image>> {
         self.behind.as_ref().map(|(_, image)| image)
     }
 
-    /// Passes of a frame.
-    pub(crate) fn passes(&self) -> u32 {
-        // Status, points, boxes, order; bins; lists, twice, and their sums; resolve, totals, status; behind.
-        3 + 16 + 7 + (4 + 2 * self.lists.lists.windows) + 4 + 2
-    }
-
-    /// What another view of the same extent is told of by.
+    /// Returns the push constants that change with the view, for another view of the same extent.
     pub(crate) fn pushes(&self, view: &View) -> Result<SurfaceView> {
         Ok(SurfaceView(self.lists.data.space.push(view, &self.lists.push)?, self.push_of(view)?))
     }
 
-    /// Turns to it.
+    /// Changes to that view.
     pub(crate) fn set_view(&mut self, view: SurfaceView) {
         (self.lists.push, self.push) = (view.0, view.1);
     }
@@ -234,7 +231,7 @@ impl SurfaceFrame {
     fn push_of(&self, view: &View) -> Result<SurfacePush> {
         let DepthMeasure { centre, unit } = self.measure;
         let space = &self.lists.data.space;
-        let PixelLines { foot, kq, scale, centre_depth } = self.measure.lines(view);
+        let PixelRays { foot, kq, scale, centre_depth } = self.measure.rays(view);
         let perspective = view.is_perspective();
         let pack = |v: DVec3, w: f64| num::vec3_of(v).extend(f32_of(w)).to_array();
         let [width, height] = view.extent();
@@ -259,7 +256,7 @@ impl SurfaceFrame {
         Err(Error::invalid("view", why))
     }
 
-    /// Finds the surfaces of each line; bounds that hold something have been written.
+    /// Records the passes that find the surfaces of each ray, after the bounds by the depth image.
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>) {
         let SurfaceLists { stage, lists, push, tiles, .. } = &self.lists;
         stage.record(recorder, push);
@@ -280,7 +277,7 @@ impl SurfaceFrame {
         recorder.release_to_host(&self.outcome.status);
     }
 
-    /// After the technique.
+    /// Records the pass after the technique that composites its image in front of the opaque surfaces.
     pub(crate) fn record_behind(&self, recorder: &mut Recorder<'_>) {
         if let Some((pass, image)) = &self.behind {
             let [width, height, _] = image.desc().extent;
@@ -288,7 +285,7 @@ impl SurfaceFrame {
         }
     }
 
-    /// Where a frame's status can be read when it has ended.
+    /// The status of a frame, to be read when it has ended.
     pub(crate) fn outcome(&self) -> Arc<dyn Outcome> {
         Arc::clone(&self.outcome) as _
     }

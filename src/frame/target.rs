@@ -1,4 +1,4 @@
-//! The target of a frame: whose image it is, how the result is combined with it, and what bounds the rays.
+//! The target of a frame: who owns the image, how the result combines with its contents, and what bounds the rays.
 
 use std::sync::Arc;
 
@@ -12,16 +12,16 @@ use crate::gpu::shader::{
 use crate::gpu::{Buffer, Gpu, Image, ImageDesc, Resource, SpecConstant};
 use crate::scene::View;
 
-/// What becomes of what the caller's image holds.
+/// How the result combines with the existing contents of the target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TargetMode {
-    /// Replaced: transparent black where the volume is not.
+    /// The result replaces them; the image is transparent black where nothing is drawn.
     Clear,
-    /// Covered: the volume is composited over it.
+    /// The result is composited over them.
     Over,
 }
 
-/// Where a plan draws.
+/// The target of a plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TargetDesc {
     pub(crate) caller: Option<(vk::Format, TargetMode)>,
@@ -29,21 +29,19 @@ pub struct TargetDesc {
 }
 
 impl TargetDesc {
-    /// Into an image of the plan's own, to be read back.
+    /// An image of the plan's own, to be read back.
     #[must_use]
     pub fn own() -> Self {
         Self { caller: None, depth: false }
     }
 
-    /// Into a colour image of the caller, of the view's extent. Values are premultiplied linear RGBA; an
-    /// sRGB format encodes them.
+    /// A colour image of the caller, of the view's extent. Values are premultiplied linear RGBA; an sRGB format encodes them.
     #[must_use]
     pub fn caller(format: vk::Format, mode: TargetMode) -> Self {
         Self { caller: Some((format, mode)), depth: false }
     }
 
-    /// The same with a depth image in each recording: nothing behind what it shows is drawn, and what passes through it is cut
-    /// there, along each pixel's line.
+    /// The same target with a depth image in each recording. Each pixel's ray ends at the depth that the image stores.
     #[must_use]
     pub fn with_depth(self) -> Self {
         Self { depth: true, ..self }
@@ -58,15 +56,15 @@ impl TargetDesc {
     }
 }
 
-/// What a technique is to draw into, and between which depths of each pixel's line.
+/// The target as a technique sees it, with the buffers that bound the rays of pixels.
 #[derive(Clone, Debug)]
 pub(crate) struct Canvas {
     pub(crate) target: TargetDesc,
-    /// Two depths a pixel, where anything bounds lines.
+    /// Two depths per pixel, where anything bounds rays.
     pub(crate) bounds: Option<Arc<Buffer>>,
     /// Translucent surfaces.
     pub(crate) layers: Option<Layers>,
-    /// Whether what is drawn is put before opaque surfaces, in an image of its own.
+    /// Whether the result is composited in front of opaque surfaces, in an image of its own.
     pub(crate) behind: bool,
 }
 
@@ -79,22 +77,22 @@ impl Canvas {
         self.target.mode()
     }
 
-    /// The bounds of lines as a shader binds them; what is there anyway, for variants that do not read any.
+    /// The binding of the bounds of rays; `unread` stands in for variants that read none.
     pub(crate) fn bounds(&self, unread: &Arc<Buffer>) -> [(u32, Resource); 1] {
         [(BINDING_LINE_BOUNDS, Resource::ReadOnly(Arc::clone(self.bounds.as_ref().unwrap_or(unread))))]
     }
 
-    /// The translucent surfaces of pixels as a shader binds them, with the same stand-in.
+    /// The bindings of the translucent surfaces of pixels, with the same stand-in.
     pub(crate) fn layers(&self, unread: &Arc<Buffer>) -> [(u32, Resource); 4] {
         Layers::bound(self.layers.as_ref(), unread)
     }
 
-    /// Whether there are any.
+    /// The constant that says whether pixels have translucent surfaces.
     pub(crate) fn layered(&self) -> SpecConstant {
         (SPEC_LAYERS, u32::from(self.layers.is_some()))
     }
 
-    /// Refuses a way to draw that cannot cut lines at translucent surfaces.
+    /// Refuses a route or order, `what`, that cannot split rays at translucent surfaces.
     pub(crate) fn refuse_layers(&self, what: &str, instead: &str) -> Result<()> {
         if self.layers.is_none() {
             return Ok(());
@@ -102,13 +100,13 @@ impl Canvas {
         Err(Error::invalid("technique", format!("{what} draws no translucent surfaces: {instead} does")))
     }
 
-    /// Whether lines are bounded.
+    /// The constant that says whether rays are bounded.
     pub(crate) fn bounded(&self) -> SpecConstant {
         (SPEC_BOUNDED, u32::from(self.bounds.is_some()))
     }
 }
 
-/// Where techniques find the translucent surfaces of each pixel.
+/// The translucent surfaces of each pixel, as techniques read them.
 #[derive(Clone, Debug)]
 pub(crate) struct Layers {
     pub(crate) cursors: Arc<Buffer>,
@@ -118,7 +116,7 @@ pub(crate) struct Layers {
 }
 
 impl Layers {
-    /// As shaders bind them; what is there anyway, for variants that do not read any.
+    /// Their bindings; `unread` stands in where there are none.
     pub(crate) fn bound(layers: Option<&Self>, unread: &Arc<Buffer>) -> [(u32, Resource); 4] {
         let resource =
             |buffer: fn(&Self) -> &Arc<Buffer>| Resource::ReadOnly(Arc::clone(layers.map_or(unread, buffer)));
@@ -131,12 +129,13 @@ impl Layers {
     }
 }
 
-/// Whether raster may draw into the caller's image itself: same format, and what is there is either
-/// cleared or covered back to front.
+/// Whether raster may draw into the caller's image itself: the format matches, and the contents are either cleared or
+/// composited over back to front.
 pub(crate) fn draws_directly(target: &Canvas, format: vk::Format, back_to_front: bool) -> bool {
     !target.behind && target.format() == Some(format) && (target.mode() == TargetMode::Clear || back_to_front)
 }
 
+/// Makes the image that a technique draws into, with the usages that a read-back or the composite needs.
 pub(crate) fn own_image(
     gpu: &Gpu,
     name: &str,
@@ -145,7 +144,6 @@ pub(crate) fn own_image(
     view: &View,
     target: &Canvas,
 ) -> Result<Arc<Image>> {
-    // Read back, or composited.
     let after = if target.format().is_none() && !target.behind {
         vk::ImageUsageFlags::TRANSFER_SRC
     } else {

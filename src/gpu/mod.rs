@@ -46,7 +46,7 @@ mod validation;
 pub(crate) use buffer::{Buffer, BufferUse};
 pub(crate) use image::{Image, ImageDesc};
 pub(crate) use pipeline::{Blend, ComputeDesc, Descriptors, GraphicsDesc, Pipeline, Resource, SpecConstant};
-pub(crate) use recorder::{Attachment, Keep, Recorder, Timers};
+pub(crate) use recorder::{Attachment, Counted, Keep, Recorder, Timers};
 pub(crate) use submit::Commands;
 
 pub use adopt::GpuParts;

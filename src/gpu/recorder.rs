@@ -26,7 +26,7 @@ pub(crate) struct Timers {
 }
 
 impl Timers {
-    /// Room for `passes` passes; `None` where the device has no timestamps.
+    /// Makes timers for `passes` passes; `None` where the device has no timestamps.
     pub(crate) fn new(gpu: &Gpu, passes: u32) -> Result<Option<Arc<Self>>> {
         if gpu.inner.timestamp_bits == 0 {
             return Ok(None);
@@ -43,7 +43,7 @@ impl Timers {
 
     /// Milliseconds of the first `passes` passes, after their submission has ended.
     pub(crate) fn read(&self, passes: usize) -> Result<Vec<f64>> {
-        // Passes beyond the pool's room have no stamps.
+        debug_assert!(passes <= crate::num::index(self.passes), "{passes} passes, {} timers", self.passes);
         let passes = passes.min(crate::num::index(self.passes));
         let mut stamps = vec![0_u64; 2 * passes];
         if stamps.is_empty() {
@@ -98,14 +98,25 @@ impl Attachment {
 /// Everything that a recording names; to be kept until its submission has ended.
 pub(crate) type Keep = Vec<Arc<dyn Any + Send + Sync>>;
 
-/// Records passes into a command buffer.
+/// The work of a recording.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Counted {
+    /// Passes, each of which needs a timer.
+    pub(crate) passes: u32,
+    /// Dispatches and draws; several draws may be one pass, and copies are none.
+    pub(crate) draws: u32,
+}
+
+/// Records passes into a command buffer, or only counts them.
 #[derive(Debug)]
 pub(crate) struct Recorder<'a> {
     gpu: Gpu,
-    commands: &'a CommandBuffer,
+    /// `None` where passes are only counted.
+    commands: Option<&'a CommandBuffer>,
     tracker: Tracker,
     timers: Option<Arc<Timers>>,
     passes: Vec<String>,
+    draws: u32,
     keep: Keep,
 }
 
@@ -120,7 +131,32 @@ impl<'a> Recorder<'a> {
             }
             keep.push(Arc::clone(timers) as _);
         }
-        Self { gpu: gpu.clone(), commands, tracker: Tracker::default(), timers, passes: Vec::new(), keep }
+        Self { timers, keep, commands: Some(commands), ..Self::counting(gpu) }
+    }
+
+    /// Counts what is recorded, without a command buffer: no handle of what a pass names is read.
+    pub(crate) fn counting(gpu: &Gpu) -> Self {
+        Self {
+            gpu: gpu.clone(),
+            commands: None,
+            tracker: Tracker::default(),
+            timers: None,
+            passes: Vec::new(),
+            draws: 0,
+            keep: Keep::new(),
+        }
+    }
+
+    /// The work recorded so far.
+    pub(crate) fn counted(&self) -> Counted {
+        Counted { passes: crate::num::count(self.passes.len()), draws: self.draws }
+    }
+
+    /// Counts a pass of so many dispatches and draws. Returns the command buffer to record it into; `None` where it is only counted.
+    fn next_pass(&mut self, name: &str, draws: u32) -> Option<vk::CommandBuffer> {
+        self.passes.push(name.to_string());
+        self.draws += draws;
+        self.commands.map(CommandBuffer::raw)
     }
 
     /// Keeps `resource` alive until the submission has ended.
@@ -152,14 +188,15 @@ impl<'a> Recorder<'a> {
         push: &[u8],
         groups: [u32; 3],
     ) {
+        let Some(raw) = self.next_pass(name, 1) else { return };
         self.use_descriptors(descriptors, true);
-        self.begin(name);
-        self.bind(pipeline, descriptors, push);
+        self.begin(raw, name);
+        self.bind(raw, pipeline, descriptors, push);
         let [x, y, z] = groups;
         // SAFETY: a compute pipeline with its descriptors and push constants is bound; the barriers
         // before this order the accesses.
-        unsafe { self.gpu.device().cmd_dispatch(self.commands.raw(), x, y, z) };
-        self.end();
+        unsafe { self.gpu.device().cmd_dispatch(raw, x, y, z) };
+        self.end(raw);
     }
 
     /// One draw as a pass, into one colour attachment of which all is drawn to. `clear` begins with
@@ -179,6 +216,7 @@ impl<'a> Recorder<'a> {
         vertices: u32,
         instances: u32,
     ) {
+        let Some(raw) = self.next_pass(name, 1) else { return };
         self.use_descriptors(descriptors, false);
         match target {
             Attachment::Own(image) => self.use_image(image, Use::ColorAttachment),
@@ -188,8 +226,8 @@ impl<'a> Recorder<'a> {
                 self.use_external(target);
             }
         }
-        self.begin(name);
-        let area = self.whole_area(target.extent());
+        self.begin(raw, name);
+        let area = self.whole_area(raw, target.extent());
         let attachments = [vk::RenderingAttachmentInfo::default()
             .image_view(target.view())
             .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
@@ -198,36 +236,36 @@ impl<'a> Recorder<'a> {
         let info =
             vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&attachments);
         let device = self.gpu.device().clone();
-        let raw = self.commands.raw();
         // SAFETY: recording, outside of rendering; the attachment is in its layout by the barrier above
         // or by the caller's contract.
         unsafe { device.cmd_begin_rendering(raw, &info) };
-        self.bind(pipeline, descriptors, push);
+        self.bind(raw, pipeline, descriptors, push);
         // SAFETY: a graphics pipeline for this attachment's format is bound with all that it needs.
         unsafe { device.cmd_draw(raw, vertices, instances, 0, 0) };
         // SAFETY: rendering was begun above.
         unsafe { device.cmd_end_rendering(raw) };
-        self.end();
+        self.end(raw);
     }
 
     /// Copies a whole image to the start of a buffer, as a pass.
     pub(crate) fn copy_image_to_buffer(&mut self, name: &str, image: &Arc<Image>, buffer: &Arc<Buffer>) {
+        let Some(raw) = self.next_pass(name, 0) else { return };
         self.use_image(image, Use::TransferRead);
         self.use_buffer(buffer, Use::TransferWrite);
-        self.begin(name);
+        self.begin(raw, name);
         let region = image_region(image);
         // SAFETY: the buffer is large enough for the image: whoever made it computed its size from the
         // image; layouts and accesses are ordered by the barriers above.
         unsafe {
             self.gpu.device().cmd_copy_image_to_buffer(
-                self.commands.raw(),
+                raw,
                 image.raw(),
                 vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
                 buffer.raw(),
                 &[region],
             );
         }
-        self.end();
+        self.end(raw);
         self.use_buffer(buffer, Use::HostRead);
     }
 
@@ -238,16 +276,16 @@ impl<'a> Recorder<'a> {
         name: &str,
         pipeline: &Arc<Pipeline>,
         descriptors: &Arc<Descriptors>,
-        pushes: impl Iterator<Item = P>,
+        pushes: impl ExactSizeIterator<Item = P>,
         extent: [u32; 2],
         vertices: u32,
     ) {
+        let Some(raw) = self.next_pass(name, crate::num::count(pushes.len())) else { return };
         self.use_descriptors(descriptors, false);
-        self.begin(name);
-        let area = self.whole_area(extent);
+        self.begin(raw, name);
+        let area = self.whole_area(raw, extent);
         let info = vk::RenderingInfo::default().render_area(area).layer_count(1);
         let device = self.gpu.device().clone();
-        let raw = self.commands.raw();
         let held = self.keep.len();
         for (i, push) in pushes.enumerate() {
             if i > 0 {
@@ -257,42 +295,44 @@ impl<'a> Recorder<'a> {
             }
             // SAFETY: recording, outside of rendering; there is no attachment.
             unsafe { device.cmd_begin_rendering(raw, &info) };
-            self.bind(pipeline, descriptors, push.as_ref());
+            self.bind(raw, pipeline, descriptors, push.as_ref());
             // SAFETY: a graphics pipeline without attachments is bound with all that it needs.
             unsafe { device.cmd_draw(raw, vertices, 1, 0, 0) };
             // SAFETY: rendering was begun above.
             unsafe { device.cmd_end_rendering(raw) };
         }
-        self.end();
+        self.end(raw);
     }
 
     /// Fills a buffer with zeros.
     pub(crate) fn clear_buffer(&mut self, name: &str, buffer: &Arc<Buffer>) {
+        let Some(raw) = self.next_pass(name, 0) else { return };
         self.use_buffer(buffer, Use::TransferWrite);
-        self.begin(name);
+        self.begin(raw, name);
         // SAFETY: recording, outside of rendering; the buffer's size is a multiple of 4 or the rest is left.
         unsafe {
-            self.gpu.device().cmd_fill_buffer(self.commands.raw(), buffer.raw(), 0, vk::WHOLE_SIZE, 0);
+            self.gpu.device().cmd_fill_buffer(raw, buffer.raw(), 0, vk::WHOLE_SIZE, 0);
         }
-        self.end();
+        self.end(raw);
     }
 
     /// Fills an image with one colour, as a pass.
     pub(crate) fn clear_image(&mut self, name: &str, image: &Arc<Image>, colour: [f32; 4]) {
+        let Some(raw) = self.next_pass(name, 0) else { return };
         self.use_image(image, Use::TransferWrite);
-        self.begin(name);
+        self.begin(raw, name);
         let colour = vk::ClearColorValue { float32: colour };
         // SAFETY: recording, outside of rendering; a colour image in this layout by the barrier above.
         unsafe {
             self.gpu.device().cmd_clear_color_image(
-                self.commands.raw(),
+                raw,
                 image.raw(),
                 vk::ImageLayout::TRANSFER_DST_OPTIMAL,
                 &colour,
                 &[whole(vk::ImageAspectFlags::COLOR)],
             );
         }
-        self.end();
+        self.end(raw);
     }
 
     /// Copies the start of a buffer to a part of a mip level of an image: `count` planes of a volume, or layers
@@ -305,9 +345,10 @@ impl<'a> Recorder<'a> {
         level: u32,
         [first, count]: [u32; 2],
     ) {
+        let Some(raw) = self.next_pass(name, 0) else { return };
         self.use_buffer(buffer, Use::TransferRead);
         self.use_image(image, Use::TransferWrite);
-        self.begin(name);
+        self.begin(raw, name);
         let mut region = image_region(image);
         let [width, height, _] = image.desc().level_extent(level);
         region.image_subresource.mip_level = level;
@@ -322,25 +363,26 @@ impl<'a> Recorder<'a> {
         // SAFETY: the buffer holds `count` planes of the level; layouts and accesses are ordered above.
         unsafe {
             self.gpu.device().cmd_copy_buffer_to_image(
-                self.commands.raw(),
+                raw,
                 buffer.raw(),
                 image.raw(),
                 vk::ImageLayout::TRANSFER_DST_OPTIMAL,
                 &[region],
             );
         }
-        self.end();
+        self.end(raw);
     }
 
     /// Copies the first `bytes` of one buffer to the start of another.
     pub(crate) fn copy_buffer(&mut self, name: &str, from: &Arc<Buffer>, to: &Arc<Buffer>, bytes: u64) {
+        let Some(raw) = self.next_pass(name, 0) else { return };
         self.use_buffer(from, Use::TransferRead);
         self.use_buffer(to, Use::TransferWrite);
-        self.begin(name);
+        self.begin(raw, name);
         let region = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: bytes };
         // SAFETY: both buffers hold at least `bytes`; accesses are ordered above.
-        unsafe { self.gpu.device().cmd_copy_buffer(self.commands.raw(), from.raw(), to.raw(), &[region]) };
-        self.end();
+        unsafe { self.gpu.device().cmd_copy_buffer(raw, from.raw(), to.raw(), &[region]) };
+        self.end(raw);
     }
 
     /// Leaves an image ready for a use, also of later recordings.
@@ -369,7 +411,7 @@ impl<'a> Recorder<'a> {
     }
 
     /// Draws from here on go to the whole of an extent.
-    fn whole_area(&self, [width, height]: [u32; 2]) -> vk::Rect2D {
+    fn whole_area(&self, raw: vk::CommandBuffer, [width, height]: [u32; 2]) -> vk::Rect2D {
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
         let viewport = vk::Viewport {
             x: 0.0,
@@ -381,13 +423,19 @@ impl<'a> Recorder<'a> {
         };
         let device = self.gpu.device();
         // SAFETY: recording; every pipeline's viewport is dynamic.
-        unsafe { device.cmd_set_viewport(self.commands.raw(), 0, &[viewport]) };
+        unsafe { device.cmd_set_viewport(raw, 0, &[viewport]) };
         // SAFETY: recording; every pipeline's scissor is dynamic.
-        unsafe { device.cmd_set_scissor(self.commands.raw(), 0, &[area]) };
+        unsafe { device.cmd_set_scissor(raw, 0, &[area]) };
         area
     }
 
-    fn bind(&mut self, pipeline: &Arc<Pipeline>, descriptors: &Arc<Descriptors>, push: &[u8]) {
+    fn bind(
+        &mut self,
+        raw: vk::CommandBuffer,
+        pipeline: &Arc<Pipeline>,
+        descriptors: &Arc<Descriptors>,
+        push: &[u8],
+    ) {
         debug_assert_eq!(
             crate::num::count(push.len()),
             pipeline.push_bytes(),
@@ -395,7 +443,6 @@ impl<'a> Recorder<'a> {
             pipeline.name()
         );
         let device = self.gpu.device();
-        let raw = self.commands.raw();
         // SAFETY: the pipeline lives as long as the device.
         unsafe { device.cmd_bind_pipeline(raw, pipeline.bind_point(), pipeline.raw()) };
         // SAFETY: the set was made for this pipeline's layout and is kept until the submission has ended.
@@ -482,44 +529,46 @@ impl<'a> Recorder<'a> {
     }
 
     fn barrier(&self, info: &vk::DependencyInfo<'_>) {
+        let Some(commands) = self.commands else { return };
         // SAFETY: recording, outside of rendering; handles in `info` are alive; synchronization2 is on.
-        unsafe { self.gpu.device().cmd_pipeline_barrier2(self.commands.raw(), info) };
+        unsafe { self.gpu.device().cmd_pipeline_barrier2(commands.raw(), info) };
     }
 
     /// Label and first timestamp of a pass. Earlier work ends before the stamp, so that it is not billed
     /// to this pass.
-    fn begin(&mut self, name: &str) {
-        let raw = self.commands.raw();
+    fn begin(&self, raw: vk::CommandBuffer, name: &str) {
         if let Some(debug) = self.gpu.debug() {
             let name = c_name(name);
             let label = vk::DebugUtilsLabelEXT::default().label_name(&name);
             // SAFETY: recording; the extension is enabled.
             unsafe { debug.cmd_begin_debug_utils_label(raw, &label) };
         }
-        self.stamp(0);
-        self.passes.push(name.to_string());
+        self.stamp(raw, 0);
     }
 
-    fn end(&mut self) {
-        self.stamp(1);
+    fn end(&self, raw: vk::CommandBuffer) {
+        self.stamp(raw, 1);
         if let Some(debug) = self.gpu.debug() {
             // SAFETY: a label was begun in this command buffer by `begin`.
-            unsafe { debug.cmd_end_debug_utils_label(self.commands.raw()) };
+            unsafe { debug.cmd_end_debug_utils_label(raw) };
         }
-        self.commands.next_part();
+        if let Some(commands) = self.commands {
+            commands.next_part();
+        }
     }
 
-    /// Writes stamp 0 (before) or 1 (after) of the pass.
-    fn stamp(&self, which: u32) {
+    /// Writes stamp 0 (before) or 1 (after) of the last pass.
+    fn stamp(&self, raw: vk::CommandBuffer, which: u32) {
         let Some(timers) = &self.timers else { return };
-        let pass = crate::num::count(self.passes.len()) - which;
+        let pass = crate::num::count(self.passes.len()) - 1;
+        debug_assert!(pass < timers.passes, "pass {pass}, {:?}, has no timer", self.passes.last());
         if pass >= timers.passes {
             return;
         }
         // SAFETY: recording; the query was reset in this command buffer and is written once.
         unsafe {
             self.gpu.device().cmd_write_timestamp2(
-                self.commands.raw(),
+                raw,
                 super::sync::END_OF_ALL,
                 timers.pool,
                 2 * pass + which,

@@ -1,4 +1,4 @@
-//! Options of techniques: their text, their defaults, and how they are read.
+//! Options of techniques: their description, and how they are read. Options that several kinds of technique share.
 
 use serde::Serialize;
 
@@ -6,31 +6,31 @@ use crate::error::{Error, Result};
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::technique::options;
 
-/// One option of a technique, as `volraster techniques` shows it.
+/// The description of one option of a technique, as `volraster techniques` prints it.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct OptionInfo {
-    /// The key.
+    /// Key.
     pub key: &'static str,
     /// Allowed values.
     pub values: &'static str,
-    /// The value without the option.
+    /// Value without the option.
     pub default: &'static str,
-    /// What it does to error and time.
+    /// Effect on error and time.
     pub effect: &'static str,
 }
 
-/// An option whose values are words.
+/// An option whose allowed values are names.
 pub(crate) trait Choice: Copy + PartialEq + 'static {
-    /// The words with their values.
+    /// The names with their values.
     const WORDS: &'static [(&'static str, Self)];
 
-    /// The word of a value.
+    /// The name of a value.
     fn word(self) -> &'static str {
         Self::WORDS.iter().find(|(_, value)| *value == self).map_or("?", |(word, _)| word)
     }
 }
 
-/// Reads a word.
+/// Reads the name of a value.
 pub(crate) fn choice<C: Choice>(technique: &str, key: &str, text: &str) -> Result<C> {
     C::WORDS.iter().find(|(word, _)| *word == text).map(|(_, value)| *value).ok_or_else(|| {
         let words: Vec<&str> = C::WORDS.iter().map(|(word, _)| *word).collect();
@@ -52,7 +52,7 @@ pub(crate) fn positive(technique: &str, key: &str, text: &str) -> Result<f64> {
     })
 }
 
-/// The error of an unknown key.
+/// Makes the error of an unknown key.
 pub(crate) fn unknown(technique: &str, key: &str, options: &[OptionInfo]) -> Error {
     let keys: Vec<&str> = options.iter().map(|option| option.key).collect();
     Error::invalid(format!("{technique} option \"{key}\""), format!("must be one of {}", keys.join(", ")))
@@ -84,36 +84,36 @@ pub(crate) fn below_one(technique: &str, key: &str, text: &str) -> Result<f64> {
     })
 }
 
-/// Order in which raster blends.
+/// The order in which slabs or primitives are blended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
+pub enum BlendOrder {
     /// The operator "over".
     BackToFront,
     /// The operator "under".
     FrontToBack,
 }
 
-/// Who composites.
+/// How a technique uses the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Route {
-    /// Compute, unless an option asks for what only raster does.
+    /// Compute, unless an option needs raster.
     Auto,
     /// Polygons and fixed-function blending.
     Raster,
-    /// One invocation owns a pixel and composites in registers.
+    /// One invocation per pixel composites in registers.
     Compute,
 }
 
-/// What becomes of bricks in which nothing is visible.
+/// The treatment of bricks in which nothing is visible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EmptySpace {
-    /// Passed over, where pixels are composited in registers.
+    /// Skipped, where pixels are composited in registers.
     Skip,
     /// Sampled like all others.
     March,
 }
 
-impl Choice for Order {
+impl Choice for BlendOrder {
     const WORDS: &'static [(&'static str, Self)] =
         &[("back-to-front", Self::BackToFront), ("front-to-back", Self::FrontToBack)];
 }
@@ -127,11 +127,12 @@ impl Choice for EmptySpace {
     const WORDS: &'static [(&'static str, Self)] = &[("skip", Self::Skip), ("march", Self::March)];
 }
 
+/// Option `table` of techniques that integrate segments.
 pub(crate) const TABLE: OptionInfo = OptionInfo {
     key: "table",
     values: "a whole number from 2 to 65536 (full: to 1024)",
     default: "4096 (full: 256)",
-    effect: "bins of the integral's table (64 bytes each), nodes on each axis of the full one (192 bytes for each pair); features of the transfer function narrower than one are blurred",
+    effect: "bins of the integral's table (64 bytes each), nodes on each axis of the full one (192 bytes for each pair); features of the transfer function that are narrower than a bin are blurred",
 };
 
 impl Choice for Integrator {
@@ -145,7 +146,7 @@ impl Choice for Integrator {
 }
 
 impl SegmentOptions {
-    /// Reads one option; `false` when the key is none of these.
+    /// Reads one option. Returns `false` when the key is none of these.
     pub(crate) fn read(&mut self, technique: &str, key: &str, text: &str) -> Result<bool> {
         match key {
             "integrator" => self.integrator = options::choice(technique, key, text)?,
@@ -155,13 +156,14 @@ impl SegmentOptions {
         Ok(true)
     }
 
+    /// The options in force, as text that reads back to them.
     pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
         let mut pairs = vec![("integrator", self.integrator.word().to_string())];
         pairs.extend(self.table.map(|size| ("table", size.to_string())));
         pairs
     }
 
-    /// `midpoint` says whether sampling without segments is allowed.
+    /// Checks integrator and table together. `midpoint` says whether the technique may classify samples.
     pub(crate) fn check(&self, technique: &str, midpoint: bool) -> Result<()> {
         let refuse = |key: &str, why: String| Err(Error::invalid(format!("{technique} option {key}"), why));
         if self.integrator == Integrator::Midpoint && !midpoint {

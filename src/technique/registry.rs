@@ -1,4 +1,4 @@
-//! The techniques by name, with their options.
+//! The registry of techniques: names, capabilities and options.
 
 use std::sync::Arc;
 
@@ -8,14 +8,15 @@ use crate::frame::target::Canvas;
 use crate::resident::GpuScene;
 use crate::resident::surfaces::SurfaceData;
 use crate::scene::{Data, Kernel, Scene, Surface, View};
-use crate::technique::grid::frame::{GridFrame, GridTechnique};
+use crate::technique::grid::frame::GridFrame;
+use crate::technique::grid::technique::GridTechnique;
 use crate::technique::grid::{raycast, slabs, slices_2d, slices_3d};
 use crate::technique::mesh::{abuffer, havs, projected_tets};
 use crate::technique::options::OptionInfo;
 use crate::technique::shear_warp;
 use crate::technique::splat::{ewa as splat_ewa, sheets as splat_sheets};
 
-/// A technique.
+/// The identifier of a technique.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Method {
@@ -25,19 +26,19 @@ pub enum Method {
     Slices3d,
     /// Pre-integrated slabs between view-aligned slices.
     Slabs,
-    /// Slices composited in a base plane, and warped to the image.
+    /// Slices composited in a base plane, which is warped to the image.
     ShearWarp,
     /// Image-order ray casting.
     Raycast,
-    /// Hardware-assisted visibility sorting of a mesh's faces.
+    /// Hardware-assisted visibility sorting (HAVS) of a mesh's faces.
     Havs,
-    /// Exact lists of a mesh's cells, sorted pixel by pixel.
+    /// A-buffer: lists of the cells of each pixel, sorted.
     Abuffer,
     /// Projected tetrahedra.
     ProjectedTets,
     /// Sheet buffers of splats.
     SplatSheets,
-    /// Gaussian splats: elliptical weighted averages, or exact along each line.
+    /// Gaussian splats: elliptical weighted averages, or integrals along each ray.
     SplatEwa,
 }
 
@@ -56,11 +57,11 @@ impl Method {
         Self::SplatEwa,
     ];
 
-    /// The technique of a name.
+    /// Finds the technique of a name.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] with the names that there are.
+    /// [`Error::Invalid`] for an unknown name; it lists the known ones.
     pub fn from_name(name: &str) -> Result<Self> {
         Self::ALL.into_iter().find(|method| method.name() == name).ok_or_else(|| {
             let names: Vec<&str> = Self::ALL.iter().map(|method| method.name()).collect();
@@ -68,7 +69,7 @@ impl Method {
         })
     }
 
-    /// The name in scene files and on the command line.
+    /// Its name in scene files and on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -85,30 +86,34 @@ impl Method {
         }
     }
 
-    /// One line on what it does.
+    /// A description in one line.
     #[must_use]
     pub fn summary(self) -> &'static str {
         match self {
             Self::Slices2d => "stacks of 2D-textured slices parallel to the base plane, post-classified",
             Self::Slices3d => "view-aligned slices of a 3D texture, post-classified (Cabral 1994)",
             Self::Slabs => "view-aligned slabs, the transfer function integrated across each (Engel 2001)",
-            Self::ShearWarp => "slices composited in a base plane, and warped to the image (Lacroute 1994)",
-            Self::Raycast => "image-order ray casting, what the others are compared with (Levoy 1988)",
-            Self::Havs => "faces of a mesh nearly sorted, put in order by a k-buffer a pixel (Callahan 2005)",
-            Self::Abuffer => "cells of a mesh in a list a pixel, sorted: exact (Carpenter 1984)",
+            Self::ShearWarp => {
+                "slices composited in a base plane, which is warped to the image (Lacroute 1994)"
+            }
+            Self::Raycast => "image-order ray casting, the baseline of the comparison (Levoy 1988)",
+            Self::Havs => {
+                "faces of a mesh sorted approximately, then exactly by a k-buffer per pixel (Callahan 2005)"
+            }
+            Self::Abuffer => "cells of a mesh in one list per pixel, sorted exactly (Carpenter 1984)",
             Self::ProjectedTets => {
                 "cells of a mesh sorted, projected and integrated one by one (Shirley 1990)"
             }
             Self::SplatSheets => {
-                "kernels added up in sheets, the sheets composited (Westover 1990, Mueller 1998)"
+                "kernels summed in sheet buffers, which are composited (Westover 1990, Mueller 1998)"
             }
             Self::SplatEwa => {
-                "Gaussian splats, elliptical weighted averages or exact along lines (Zwicker 2001)"
+                "Gaussian splats, elliptical weighted averages or integrals along rays (Zwicker 2001)"
             }
         }
     }
 
-    /// Its options.
+    /// Descriptions of its options.
     #[must_use]
     pub fn options(self) -> &'static [OptionInfo] {
         match self {
@@ -125,7 +130,7 @@ impl Method {
         }
     }
 
-    /// Whether it draws data of this kind; [`Method::draws_scene`] asks for kernels, too.
+    /// Whether it draws data of this kind; [`Method::draws_scene`] also considers kernels and surfaces.
     #[must_use]
     pub fn draws(self, data: &Data) -> bool {
         match self {
@@ -138,8 +143,8 @@ impl Method {
         }
     }
 
-    /// Whether it draws a scene: data of this kind, kernels where the scene has such, and translucent surfaces. A scene without kernels
-    /// is drawn also by what has kernels of its own, blurred by them.
+    /// Whether it draws a scene: its data, its kernels if it has any, and its translucent surfaces. Techniques with kernels of their own
+    /// also draw a scene without kernels, blurred by them.
     #[must_use]
     pub fn draws_scene(self, scene: &Scene) -> bool {
         self.draws(&scene.data)
@@ -151,15 +156,15 @@ impl Method {
             }
     }
 
-    /// Whether the field that it draws of a scene is the one that the reference draws: what has kernels of its own draws
-    /// another of a scene without.
+    /// Whether it draws the same field of a scene as the reference. A technique with kernels of its own draws another field of a scene
+    /// without kernels.
     #[must_use]
     pub fn fits(self, scene: &Scene) -> bool {
         let has_kernels = scene.kernels.is_some() || scene.points().is_some();
         self.draws_scene(scene) && (has_kernels || self != Self::SplatEwa)
     }
 
-    /// Whether lines are cut at translucent surfaces: others blend whole splats or cells, or lines that several pixels share.
+    /// Whether it splits rays at translucent surfaces. Other techniques blend whole splats or cells, or rays that several pixels share.
     #[must_use]
     pub fn draws_translucent_surfaces(self) -> bool {
         match self {
@@ -170,7 +175,7 @@ impl Method {
         }
     }
 
-    /// Whether it draws a scene with such surfaces.
+    /// Refuses a scene with translucent surfaces where it cannot draw them.
     pub(crate) fn check_surfaces(self, surfaces: &SurfaceData, data: &Data) -> Result<()> {
         if !surfaces.translucent || self.draws_translucent_surfaces() {
             return Ok(());
@@ -187,10 +192,10 @@ impl Method {
         Err(Error::invalid("technique", why))
     }
 
-    /// The technique that draws a scene where none is asked for; `None` where none does.
+    /// The default technique of a scene; `None` where no technique draws it.
     #[must_use]
     pub fn default_for(scene: &Scene) -> Option<Self> {
-        // Before what draws the scene's data without its kernels.
+        // A technique that draws the kernels of the scene comes first.
         let first = match (&scene.data, &scene.kernels) {
             (Data::Points(_), _) | (_, Some(_)) => Self::SplatEwa,
             (Data::Mesh(_), None) => Self::Havs,
@@ -199,7 +204,7 @@ impl Method {
         std::iter::once(first).chain(Self::ALL).find(|method| method.draws_scene(scene))
     }
 
-    /// The routes that a device may offer, by name.
+    /// The names of its routes; a device may lack some.
     #[must_use]
     pub fn routes(self) -> &'static [&'static str] {
         match self {
@@ -222,13 +227,13 @@ pub enum Technique {
     Slices3d(slices_3d::Options),
     /// Pre-integrated slabs between view-aligned slices.
     Slabs(slabs::Options),
-    /// Slices composited in a base plane, and warped to the image.
+    /// Slices composited in a base plane, which is warped to the image.
     ShearWarp(shear_warp::Options),
     /// Image-order ray casting.
     Raycast(raycast::Options),
     /// Hardware-assisted visibility sorting.
     Havs(havs::Options),
-    /// Exact lists of cells.
+    /// A-buffer of cells.
     Abuffer(abuffer::Options),
     /// Projected tetrahedra.
     ProjectedTets(projected_tets::Options),
@@ -239,7 +244,7 @@ pub enum Technique {
 }
 
 impl Technique {
-    /// A technique with the given options; the others have their defaults.
+    /// Makes a technique with the given options; the others have their defaults.
     ///
     /// # Errors
     ///
@@ -263,7 +268,7 @@ impl Technique {
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] naming what is wrong.
+    /// [`Error::Invalid`] naming the unknown technique, or the option, its value and the rule.
     pub fn parse(text: &str) -> Result<Self> {
         let (name, rest) = text.split_once(':').unwrap_or((text, ""));
         let method = Method::from_name(name)?;
@@ -277,7 +282,7 @@ impl Technique {
         Self::new(method, &pairs?)
     }
 
-    /// Which technique it is.
+    /// Its identifier.
     #[must_use]
     pub fn method(&self) -> Method {
         match self {
@@ -294,7 +299,7 @@ impl Technique {
         }
     }
 
-    /// Every option in force.
+    /// Every option in force, as text that reads back to it.
     #[must_use]
     pub fn option_pairs(&self) -> Vec<(&'static str, String)> {
         match self {
@@ -311,7 +316,7 @@ impl Technique {
         }
     }
 
-    /// Fixes what a frame needs.
+    /// Builds the frame of a view; refuses scenes that it does not draw.
     pub(crate) fn prepare(
         &self,
         scene: &Arc<GpuScene>,

@@ -1,4 +1,4 @@
-//! A scene drawn by one technique: plans for views, or frame after frame.
+//! The renderer: prepares plans of a scene by one technique, or draws frame after frame.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -17,7 +17,7 @@ use crate::resident::GpuScene;
 use crate::scene::View;
 use crate::technique::registry::Technique;
 
-/// A scene on a device, drawn by one technique. `Send` and `Sync`; several threads may prepare plans of one.
+/// Draws a scene on a device by one technique. `Send` and `Sync`: several threads may prepare plans with one renderer.
 #[derive(Clone, Debug)]
 pub struct Renderer {
     scene: Arc<GpuScene>,
@@ -25,7 +25,7 @@ pub struct Renderer {
 }
 
 impl Renderer {
-    /// Takes scene and technique. Nothing is uploaded or built yet.
+    /// Takes scene and technique. Uploads and builds nothing yet.
     #[must_use]
     pub fn new(scene: &Arc<GpuScene>, technique: Technique) -> Self {
         Self { scene: Arc::clone(scene), technique }
@@ -37,12 +37,12 @@ impl Renderer {
         &self.technique
     }
 
-    /// Fixes everything that a frame of this view needs. May allocate, compile, upload, submit and wait.
+    /// Builds the plan of a view: everything that a frame needs. May allocate, compile, upload, submit and wait.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] for options that do not fit the scene, [`Error::Unsupported`] and
-    /// [`Error::Memory`] for what the device lacks, [`Error::Vulkan`] when a call fails.
+    /// [`Error::Invalid`] for options that do not fit the scene, [`Error::Unsupported`] for features and [`Error::Memory`]
+    /// for memory that the device lacks, [`Error::Vulkan`] when a call fails.
     pub fn prepare(&self, view: &View, target: &TargetDesc) -> Result<Plan> {
         let gpu = self.scene.gpu();
         gpu.alive()?;
@@ -74,37 +74,37 @@ impl Renderer {
     ///
     /// # Errors
     ///
-    /// As [`Renderer::prepare`] and [`Plan::record`].
+    /// Those of [`Renderer::prepare`] and [`Plan::record`].
     pub fn render(&self, view: &View) -> Result<Picture> {
         let mut frames = self.frames(view)?;
         frames.draw(view)?;
         frames.read_back()
     }
 
-    /// Draws frame after frame with one plan. Compiles and allocates here, and in [`Frames::draw`] only when a
-    /// view needs more room than the plan has.
+    /// Draws frame after frame with one plan. Compiles and allocates here; [`Frames::draw`] does so only when a view exceeds a
+    /// capacity of the plan.
     ///
     /// # Errors
     ///
-    /// As [`Renderer::prepare`].
+    /// Those of [`Renderer::prepare`].
     pub fn frames(&self, view: &View) -> Result<Frames> {
         let plan = self.prepare(view, &TargetDesc::own())?;
         Ok(Frames { commands: Commands::new(self.scene.gpu())?, renderer: self.clone(), plan, drawn: false })
     }
 }
 
-/// Time of one frame.
+/// The time of one frame.
 #[derive(Clone, Debug)]
 pub struct FrameTime {
     /// Milliseconds from the start of recording to the fence.
     pub wall_ms: f64,
     /// Passes on the device; their sum is the frame's time there.
     pub passes: Vec<PassTime>,
-    /// Work of the frame that only the device knows, counted.
+    /// Counts of work that only the device knows.
     pub counters: Vec<(&'static str, u64)>,
 }
 
-/// Frames that are drawn for one, each with the room that the one before was short of.
+/// Attempts per frame; each retry allocates the capacity that the previous one lacked.
 const MOST_TRIES: u32 = 12;
 
 /// Draws frame after frame of one size into an image that can be read back. `Send` and `Sync`.
@@ -122,10 +122,10 @@ impl Frames {
     ///
     /// # Errors
     ///
-    /// As [`Plan::record`] and [`Renderer::prepare`]; [`Error::Timeout`] when the device does not end.
+    /// Those of [`Plan::record`] and [`Renderer::prepare`]; [`Error::Timeout`] when the device does not finish in time.
     pub fn draw(&mut self, view: &View) -> Result<FrameTime> {
         self.drawn = false;
-        // After an error the last frame may run still: it reads what a view changes.
+        // After an error the last frame may still run, and it reads buffers that a new view changes.
         self.commands.settle()?;
         if !self.plan.set_view(view)? {
             self.plan = self.renderer.prepare(view, &TargetDesc::own())?;
@@ -133,7 +133,7 @@ impl Frames {
         for _ in 0..MOST_TRIES {
             let start = Instant::now();
             let recorded = self.plan.record(self.commands.begin()?, None, None)?;
-            // What the frame names stays with `commands` for as long as the submission may run.
+            // `commands` keeps the resources of the frame for as long as the submission may run.
             if let Err(error) = self.commands.submit(recorded.keep(), recorded.last_pass()) {
                 recorded.discarded();
                 return Err(error);
@@ -148,7 +148,7 @@ impl Frames {
         }
         Err(Error::unsupported(
             format!("{} of this view", self.renderer.technique.method().name()),
-            format!("room for it was not found in {MOST_TRIES} frames"),
+            format!("a capacity that suffices: {MOST_TRIES} frames found none"),
         ))
     }
 
@@ -162,7 +162,7 @@ impl Frames {
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] when nothing has been drawn; else as [`Frames::draw`].
+    /// [`Error::Invalid`] when nothing has been drawn; else those of [`Frames::draw`].
     pub fn read_back(&mut self) -> Result<Picture> {
         let gpu = &self.plan.gpu;
         let Some((image, last)) = self.plan.image().filter(|_| self.drawn) else {
@@ -180,12 +180,12 @@ impl Frames {
         Picture::new(width, height, pixels(&host.host_copy()?, format))
     }
 
-    /// Which pixels of the last frame had a list that the k-buffer did not sort, repaired or not: row by row, top row
-    /// first. `None` where the technique has no k-buffer.
+    /// Returns for each pixel of the last frame whether the k-buffer failed to sort its fragments, repaired since or not, row by row
+    /// from the top. `None` where the technique has no k-buffer.
     ///
     /// # Errors
     ///
-    /// As [`Frames::read_back`].
+    /// Those of [`Frames::read_back`].
     pub fn overflow_map(&mut self) -> Result<Option<Vec<bool>>> {
         let gpu = &self.plan.gpu;
         let Some(words) = self.plan.prepared.overflow() else { return Ok(None) };
@@ -203,7 +203,7 @@ impl Frames {
     }
 }
 
-/// From words tile by tile to pixels row by row: whether what left the k-buffer was in order, repaired since or not.
+/// Converts words, tile by tile, to flags of pixels, row by row: whether fragments left the k-buffer out of order, repaired or not.
 fn pixels_of_tiles(words: &[u8], [width, height]: [u32; 2]) -> Vec<bool> {
     let across = width.div_ceil(TILE);
     let place = |x: u32, y: u32| (y / TILE * across + x / TILE) * TILE_PIXELS + y % TILE * TILE + x % TILE;
@@ -226,7 +226,7 @@ mod tests {
         for place in [0, 7 * 8 + 1, 64 + 1, 3 * 64] {
             words[4 * place..4 * place + 4].copy_from_slice(&FLAG_UNSORTED.to_ne_bytes());
         }
-        // Outside of the image; and what says something else.
+        // A pixel outside of the image, and a flag of another kind.
         words[4 * (64 + 2)] = 1;
         words[4 * 5..4 * 6].copy_from_slice(&crate::gpu::shader::FLAG_OVERLAPS.to_ne_bytes());
         let map = pixels_of_tiles(&words, [10, 9]);

@@ -5,9 +5,10 @@
 
 use crate::common::caller::Caller;
 use crate::common::*;
+use glam::DVec3;
 use volraster::ash::vk;
 use volraster::gpu::{DepthImage, DepthProjection, Gpu, GpuOptions};
-use volraster::scene::{Field, Scene, TransferFunction, View};
+use volraster::scene::{Clip, Field, Scene, TransferFunction, View};
 use volraster::technique::{Renderer, Technique};
 use volraster::{GpuScene, TargetDesc, TargetMode};
 
@@ -103,6 +104,76 @@ fn the_volume_lands_in_the_caller_s_image() {
                             "{options} {format:?} {mode:?} pixel {i} channel {c}: {got} is not {want}"
                         );
                     }
+                }
+            }
+        }
+    }
+}
+
+/// Every pass of a frame has a timer, whatever the technique, the route and the view: the composite, which is the last pass,
+/// reports its time, and so does a draw of the technique before it. Seen red with one timer too few.
+#[test]
+fn every_pass_reports_its_time() {
+    let gpu = gpu();
+    let timed = gpu.has(volraster::gpu::OptionalFeature::Timestamps);
+    let clip = Clip::none().with_plane(DVec3::ZERO, DVec3::X).unwrap();
+    let clip = clip.with_crop(DVec3::splat(-0.9), DVec3::splat(0.9)).unwrap();
+    let clipped = [1.0, 0.1, 3.0].map(|distance| view(perspective(), distance, 40, 30).with_clip(clip));
+    let views = [view(perspective(), 1.0, 40, 30), view(perspective(), 0.1, 40, 30)];
+    let mut kinds = every_kind(&gpu);
+    kinds[0].1.extend(["slices-3d:target=rgba8,dither=blue", "shear-warp:warp=mip"].map(str::to_string));
+    let meshes =
+        ["projected-tets:route=raster,rank=centroid", "projected-tets:plane=space", "havs:k=2,chunk=9"];
+    kinds[1].1.extend(meshes.map(str::to_string));
+    let target = TargetDesc::caller(vk::Format::R8G8B8A8_UNORM, TargetMode::Over);
+    let caller = Caller::new(&gpu, vk::Format::R8G8B8A8_UNORM, [40, 30], 4);
+    let draws = ["draw", "march", "resolve", "empty"];
+    for (scene, spec) in kinds.iter().flat_map(|(scene, specs)| specs.iter().map(move |spec| (scene, spec))) {
+        let renderer = Renderer::new(scene, technique(spec));
+        for views in [views.as_slice(), &clipped] {
+            let mut plan = renderer.prepare(&views[0], &target).unwrap();
+            for view in views {
+                if !plan.set_view(view).unwrap() {
+                    plan = renderer.prepare(view, &target).unwrap();
+                }
+                caller.begin([0.0; 4]);
+                let recorded =
+                    plan.record(&mut caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap();
+                let _ = caller.end(&gpu);
+                let passes = recorded.completed().unwrap().passes;
+                if !timed {
+                    // Debug builds count the passes against the timers all the same.
+                    assert!(passes.is_empty(), "{spec}: {passes:?}");
+                    continue;
+                }
+                let names: Vec<&str> = passes.iter().map(|pass| pass.name.as_str()).collect();
+                // The warp of an unbounded view draws into an image of any format.
+                let direct = spec == "shear-warp:route=raster" && view.clip().is_none();
+                let last = if direct { "shear-warp.warp" } else { "composite.draw" };
+                assert_eq!(names.last(), Some(&last), "{spec}: {names:?}");
+                let own = &names[..names.len() - 1];
+                let drawn = own.iter().any(|name| draws.iter().any(|draw| name.ends_with(draw)));
+                assert!(drawn, "{spec}: {names:?}");
+                assert!(
+                    passes.iter().all(|pass| pass.ms.is_finite() && pass.ms >= 0.0),
+                    "{spec}: {passes:?}"
+                );
+                if spec == "projected-tets:route=raster,rank=centroid" && view.clip().is_none() {
+                    let mut steps = names.clone();
+                    steps.retain(|name| !name.contains(".sort"));
+                    let cells =
+                        ["points", "boxes", "outlines", "draw"].map(|step| format!("projected-tets.{step}"));
+                    let want = [
+                        "status.clear",
+                        &cells[0],
+                        &cells[1],
+                        &cells[2],
+                        &cells[3],
+                        "status",
+                        "composite.draw",
+                    ];
+                    assert_eq!(steps, want);
+                    assert!(names.len() > want.len(), "the sort is missing: {names:?}");
                 }
             }
         }

@@ -1,4 +1,4 @@
-//! Thresholds that turn the error of one sample per pixel into noise without low frequencies.
+//! A tile of thresholds whose dithering error has no low frequencies (blue noise).
 
 use std::sync::OnceLock;
 
@@ -14,26 +14,27 @@ const N: usize = index(SIDE);
 /// Width of the Gaussian that measures crowding, in texels.
 const SIGMA: f64 = 1.5;
 
-/// Crowding of a point where it is: large enough that the Gaussian's tail counts, small enough that an
-/// exponential function that differs in its last place gives the same integers.
+/// Crowding that a point adds at its own texel. It is large enough for the Gaussian's tail, and small enough that exponential
+/// functions that differ in the last place give the same integers.
 const UNIT: f64 = 4_294_967_296.0;
 
-/// Texels on each side that the Gaussian reaches; beyond, it rounds to 0.
+/// Reach of the Gaussian in texels; beyond it rounds to 0.
 const REACH: usize = 10;
 
-/// Void-and-cluster (Ulichney 1993) threshold tile, toroidal: (rank + 0.5) / SIDE^2, row by row.
+/// Returns the toroidal threshold tile of the void-and-cluster method (Ulichney 1993): (rank + 0.5) / SIDE^2, row by row.
 ///
-/// The same numbers on every machine: positions come from integers, and crowding is kept in fixed point,
-/// which also makes taking a point away exactly undo putting it there. Made once in a process.
+/// The numbers are the same on every machine: positions come from integers, and crowding is in fixed point, so that removing
+/// a point exactly undoes adding it. Made once per process.
 pub(crate) fn tile() -> &'static [f32] {
     static TILE: OnceLock<Vec<f32>> = OnceLock::new();
     TILE.get_or_init(made)
 }
 
+/// Makes the tile.
 fn made() -> Vec<f32> {
     let mut points = Points::new();
-    // A tenth of the texels at random, then moved apart: the tightest cluster's point goes into the
-    // largest void for as long as that lowers the crowding.
+    // Phase 0: a tenth of the texels at random; the point of the tightest cluster then moves into the largest void for as long
+    // as that lowers the crowding.
     let mut state = 1_u32;
     while points.number < N * N / 10 {
         // Numerical Recipes' generator; its high bits are the random ones.
@@ -61,8 +62,8 @@ fn made() -> Vec<f32> {
         fewer.take(cluster);
         ranks[cluster] = fewer.number;
     }
-    // Ulichney's third phase looks for clusters of empty texels; on a torus those are this measure's
-    // voids, so that his second phase serves to the end.
+    // Ulichney's third phase looks for clusters of empty texels. On a torus those are the voids of this measure, so the second
+    // phase continues to the end.
     while points.number < N * N {
         let void = points.largest_void();
         ranks[void] = points.number;
@@ -71,7 +72,7 @@ fn made() -> Vec<f32> {
     ranks.into_iter().map(|rank| f32_of((f64_of(rank) + 0.5) / f64_of(N * N))).collect()
 }
 
-/// A pattern of points on the torus, and how crowded every texel is.
+/// A pattern of points on the torus, with the crowding of every texel.
 #[derive(Clone)]
 struct Points {
     on: Vec<bool>,
@@ -106,7 +107,7 @@ impl Points {
         self.spread(place, u64::wrapping_sub);
     }
 
-    /// Changes the crowding by one point's.
+    /// Adds or removes the crowding of one point.
     fn spread(&mut self, place: usize, change: impl Fn(u64, u64) -> u64) {
         let (x, y) = (place % N + N - REACH, place / N + N - REACH);
         let mut at = 0;
@@ -127,7 +128,7 @@ impl Points {
         self.first(false, |crowding, so_far| crowding < so_far)
     }
 
-    /// The texel, among those with or without a point, that is better than all others.
+    /// The first texel, among those with or without a point, that no other one beats.
     fn first(&self, on: bool, better: impl Fn(u64, u64) -> bool) -> usize {
         let mut found: Option<(usize, u64)> = None;
         // Not an iterator: without optimisation this loop is most of the time.

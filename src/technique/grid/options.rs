@@ -1,27 +1,27 @@
-//! Options that every technique for grids has, and the words of their values.
+//! Options that the techniques for grids share, and the names of their values.
 
 use ash::vk;
 
 use crate::error::{Error, Result};
 use crate::gpu::shader::{TARGET_RGBA8, TARGET_RGBA16, TARGET_RGBA16F};
 use crate::gpu::{Gpu, OptionalFeature};
-use crate::technique::options::{self, Choice, EmptySpace, OptionInfo, Order, Route};
+use crate::technique::options::{self, BlendOrder, Choice, EmptySpace, OptionInfo, Route};
 
 /// Reconstruction between samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Filter {
-    /// The sampler's: fast, with the weights' precision of the device.
+    /// The sampler's: fast, with weights of the device's precision.
     Hardware,
-    /// Single fetches and float32 weights, of the samples and of a full table.
+    /// Single fetches with float32 weights, of the samples and of a full table.
     Exact,
 }
 
 /// Reconstruction where a voxel is smaller than a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Prefilter {
-    /// As elsewhere: samples between pixels are missed.
+    /// As elsewhere: the rays miss samples between pixels.
     None,
-    /// From mip levels, so that a pixel sees the mean of the samples that it covers.
+    /// From mip levels: a pixel sees the mean of the samples that it covers.
     Mip,
 }
 
@@ -43,9 +43,9 @@ pub enum Accumulation {
 pub enum Dither {
     /// To nearest, by fixed function.
     None,
-    /// At random with expected value, white noise (alpha-dithering).
+    /// At random with the exact expected value, by white noise (alpha dithering).
     Alpha,
-    /// The same with thresholds of a blue-noise tile.
+    /// At random with the exact expected value, by the thresholds of a blue-noise tile.
     Blue,
 }
 
@@ -98,76 +98,76 @@ pub(crate) const FILTER: OptionInfo = OptionInfo {
     key: "filter",
     values: "hardware|exact",
     default: "hardware",
-    effect: "exact: single fetches and float32 weights, also of a full table, for devices whose sampler has coarse weights; some twice the time",
+    effect: "exact: single fetches with float32 weights, also of a full table, for devices whose sampler has coarse weights; about twice the time",
 };
 pub(crate) const PREFILTER: OptionInfo = OptionInfo {
     key: "prefilter",
     values: "none|mip",
     default: "none",
-    effect: "mip: where a voxel is smaller than a pixel, the mean of the samples that the pixel covers, against aliasing; a seventh more memory for a volume, a third for a stack, 8-bit samples are widened to 16; bricks are then not passed over; not for data with NaN",
+    effect: "mip: where a voxel is smaller than a pixel, takes the mean of the samples that the pixel covers, against aliasing; 1/7 more memory for a volume, 1/3 for a stack, 8-bit samples become 16-bit; disables empty-space skipping; not for data with NaN",
 };
 pub(crate) const TARGET: OptionInfo = OptionInfo {
     key: "target",
     values: "rgba8|rgba16|rgba16f|rgba32f",
     default: "rgba32f",
-    effect: "format that raster blends in; without dithering rgba8 loses every slice whose opacity is below half of 1/255, 64 slices cost rgba16f up to 6e-3, 1000 cost rgba16 some 3e-3; rgba8 and rgba16 hold no colour above 1",
+    effect: "format that raster blends in; without dithering rgba8 loses every slice of an opacity below 1/510, rgba16f has an error up to 6e-3 after 64 slices, rgba16 about 3e-3 after 1000; rgba8 and rgba16 hold no colour above 1",
 };
 pub(crate) const ORDER: OptionInfo = OptionInfo {
     key: "order",
     values: "back-to-front|front-to-back",
     default: "back-to-front",
-    effect: "raster's blending: over or under; in rgba32f under keeps more digits of the colour of many thin slices",
+    effect: "order of raster's blending, by the operator over or under; in rgba32f under keeps more digits of the colour of many thin slices",
 };
 pub(crate) const DITHER: OptionInfo = OptionInfo {
     key: "dither",
     values: "none|alpha|blue",
     default: "none",
-    effect: "alpha, blue: raster rounds at random (white or blue noise) with the exact expected value, so that thin slices are noise instead of lost; the shader blends, one draw and one barrier a slice; for targets below rgba32f",
+    effect: "alpha, blue: raster rounds at random (white or blue noise) with the exact expected value, so that thin slices become noise instead of vanishing; the shader blends, with one draw and one barrier per slice; for targets below rgba32f",
 };
 pub(crate) const SEED: OptionInfo = OptionInfo {
     key: "seed",
     values: "a whole number below 2^32",
     default: "0",
-    effect: "of dither: one seed, one picture",
+    effect: "seed of dither; the same seed gives the same image",
 };
 pub(crate) const ROUTE: OptionInfo = OptionInfo {
     key: "route",
     values: "auto|raster|compute",
     default: "auto",
-    effect: "compute composites in registers in float32; auto takes it unless target, order or dither is given",
+    effect: "compute composites in registers in float32; auto selects it unless target, order or dither is given",
 };
 pub(crate) const EMPTY_SPACE: OptionInfo = OptionInfo {
     key: "empty-space",
     values: "skip|march",
     default: "skip",
-    effect: "compute passes over bricks of 8 x 8 x 8 cells in which nothing is visible; the image is the same, on lavapipe to the bit",
+    effect: "skip: compute skips bricks of 8 x 8 x 8 cells in which nothing is visible; the image is the same, on lavapipe to the bit",
 };
 pub(crate) const STOP: OptionInfo = OptionInfo {
     key: "stop",
     values: "a number from 0 to below 1",
     default: "2.4e-7",
-    effect: "compute ends a ray at this transmittance: no channel is off by more; in proportion lower where colours exceed 1",
+    effect: "compute ends a ray at this transmittance, which bounds the error of every channel; divided by the largest colour where colours exceed 1",
 };
-/// Options of every technique for grids. Not every technique reads all of them.
+/// The options of the techniques for grids. Not every technique reads all of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridOptions {
     /// Spacing of samples, in units of the smallest voxel spacing.
     pub step: f64,
-    /// Reconstruction.
+    /// Reconstruction between samples.
     pub filter: Filter,
     /// Reconstruction where a voxel is smaller than a pixel.
     pub prefilter: Prefilter,
-    /// Raster's accumulation; `None` is [`Accumulation::Rgba32f`].
+    /// The format that raster accumulates in; `None` is [`Accumulation::Rgba32f`].
     pub target: Option<Accumulation>,
-    /// Raster's order; `None` is [`Order::BackToFront`].
-    pub order: Option<Order>,
-    /// Raster's rounding.
+    /// The order of raster's blending; `None` is [`BlendOrder::BackToFront`].
+    pub order: Option<BlendOrder>,
+    /// How raster rounds.
     pub dither: Dither,
-    /// Of dithering.
+    /// Seed of dithering.
     pub seed: u32,
     /// Route.
     pub route: Route,
-    /// Bricks in which nothing is visible.
+    /// Treatment of bricks in which nothing is visible.
     pub empty_space: EmptySpace,
     /// Transmittance at which a ray ends in the compute route.
     pub stop: f64,
@@ -192,7 +192,7 @@ impl Default for GridOptions {
 }
 
 impl GridOptions {
-    /// Reads one option; `false` when the key is none of these.
+    /// Reads one option. Returns `false` when the key is none of these.
     pub(crate) fn read(&mut self, technique: &str, key: &str, text: &str) -> Result<bool> {
         match key {
             "step" => self.step = options::positive(technique, key, text)?,
@@ -225,11 +225,12 @@ impl GridOptions {
         }
         pairs.push(("route", self.route.word().to_string()));
         pairs.push(("empty-space", self.empty_space.word().to_string()));
-        // As it was written, without digits that mean nothing.
+        // The shortest text that reads back to the number.
         pairs.push(("stop", format!("{:e}", self.stop)));
         pairs
     }
 
+    /// Checks the options, alone and together.
     pub(crate) fn check(&self, technique: &str) -> Result<()> {
         let refuse = |key: &str, why: String| Err(Error::invalid(format!("{technique} option {key}"), why));
         if !(self.step.is_finite() && self.step > 0.0) {
@@ -251,7 +252,7 @@ impl GridOptions {
         {
             return refuse(
                 "route",
-                "compute composites front to back in float32: leave out target, order and dither, or take route=raster"
+                "compute composites front to back in float32: leave out target, order and dither, or select route=raster"
                     .to_string(),
             );
         }
@@ -262,11 +263,11 @@ impl GridOptions {
         self.target.unwrap_or(Accumulation::Rgba32f)
     }
 
-    pub(crate) fn order(&self) -> Order {
-        self.order.unwrap_or(Order::BackToFront)
+    pub(crate) fn order(&self) -> BlendOrder {
+        self.order.unwrap_or(BlendOrder::BackToFront)
     }
 
-    /// The route on a device.
+    /// Returns the route that these options take on a device.
     pub(crate) fn route_on(&self, gpu: &Gpu, technique: &str) -> Result<Route> {
         let for_raster = self.target.is_some() || self.order.is_some() || self.dither != Dither::None;
         if self.route == Route::Compute || (self.route == Route::Auto && !for_raster) {

@@ -1,13 +1,12 @@
-//! Image-order ray casting (Levoy 1988): what the object-order techniques are compared with.
+//! Image-order ray casting (Levoy 1988), the baseline that the object-order techniques are compared with.
 //!
-//! Each pixel's ray is cut into segments of equal length, `step` apart, from where it enters the domain or
-//! from the eye. Reconstruction, integrators and the end of a ray are those of the other techniques, so that
-//! a difference is one of geometry only.
+//! Segments of equal length, `step`, split each pixel's ray from its entry into the domain, or from the eye, on. Reconstruction,
+//! integrators and early ray termination are those of the other techniques, so that only the geometry differs.
 //!
 //! 1. `glsl/raycast.glsl` walks a pixel's ray front to back in registers.
-//! 2. The host derives the rays of the view in index space (`grid_rays`).
+//! 2. The host derives the rays of the view in index space (`grid/rays.rs`).
 //!
-//! Error: with `integrator=midpoint` that of `slices-3d`, else that of `slabs`, at the same spacing along the
+//! Error: that of `slices-3d` with `integrator=midpoint`, else that of `slabs`, at the same spacing along the
 //! ray. Cost: one fetch and one classification or integration per segment. Needs: core Vulkan 1.3.
 
 use crate::error::{Error, Result};
@@ -15,14 +14,14 @@ use crate::gpu::shader::RAYCAST_COMPUTE;
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::scene::Grid;
 use crate::scene::grid::diagonal;
-use crate::technique::grid::frame::{GridTechnique, Shaders, Slabs};
 use crate::technique::grid::options::{EMPTY_SPACE, FILTER, GridOptions, PREFILTER, STOP};
 use crate::technique::grid::rays::GridRays;
+use crate::technique::grid::technique::{GridTechnique, Shaders, Slabs};
 use crate::technique::options::{self, OptionInfo, Route, TABLE};
 
 const NAME: &str = "raycast";
 
-/// What can be chosen, with its effect on error and time.
+/// Descriptions of the options.
 pub(crate) const OPTIONS: &[OptionInfo] = &[
     OptionInfo {
         key: "step",
@@ -46,7 +45,7 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
 /// Options of this technique.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Those that techniques for grids share; the route is always compute.
+    /// Options that techniques for grids share; the route is always compute.
     pub grid: GridOptions,
     /// How segments are integrated.
     pub segments: SegmentOptions,
@@ -64,7 +63,7 @@ impl Options {
     pub(crate) fn parse(pairs: &[(String, String)]) -> Result<Self> {
         let mut options = Self::default();
         for (key, text) in pairs {
-            // `route` is no choice here, but every technique can be asked for the one that it has.
+            // Every technique accepts the name of a route that it has.
             let known = key == "route" || OPTIONS.iter().any(|info| info.key == key.as_str());
             if !known || !(options.segments.read(NAME, key, text)? || options.grid.read(NAME, key, text)?) {
                 return Err(options::unknown(NAME, key, OPTIONS));
@@ -74,7 +73,7 @@ impl Options {
         Ok(options)
     }
 
-    /// The options as text that reads back to them; what is unset is left out.
+    /// The options as text that reads back to them; unset ones are left out.
     pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
         let mut pairs = self.grid.pairs();
         pairs.retain(|(key, _)| *key != "route");
@@ -90,7 +89,7 @@ impl GridTechnique for Options {
 
     fn check(&self) -> Result<()> {
         if self.grid.route == Route::Raster {
-            return Err(Error::invalid("raycast option route", "raster: rays are cast by compute alone"));
+            return Err(Error::invalid("raycast option route", "raster: must be compute"));
         }
         self.segments.check(NAME, true)?;
         GridOptions { route: Route::Compute, ..self.grid }.check(NAME)
@@ -109,7 +108,7 @@ impl GridTechnique for Options {
     }
 
     fn slabs(&self, grid: &Grid, _rays: &GridRays, _axis: Option<usize>) -> Slabs {
-        // No ray is longer than the domain; one more segment for its last piece.
+        // No ray is longer than the domain's diagonal; one more segment holds its last part.
         let count = (diagonal(grid) / (self.grid.step * grid.spacing().min_element())).ceil() + 1.0;
         Slabs { begin: 0.0, thickness: self.grid.step, count, first: 0 }
     }

@@ -1,4 +1,4 @@
-//! The rays of a view in a grid's index space, in the form that `glsl/grid.glsl` reads.
+//! The rays of a view in a grid's index space, as `glsl/grid.glsl` reads them.
 
 use glam::{DMat3, DVec3};
 
@@ -7,9 +7,9 @@ use crate::scene::{Grid, View};
 
 /// `p(z) = q + z d` with `q = q0 + kq (x px + y py)` and `d = d0 + kd (x px + y py)`: z is the depth
 /// from the plane through the domain's centre, world units; positions are indices from that centre; x and y are
-/// pixels from the image's centre, y down. What the device reads has depth in voxel spacings (`grid_frame`).
+/// pixels from the image's centre, y down. The device reads depth in voxel spacings (`grid/cut.rs`).
 ///
-/// Everything is derived in float64; what goes to the device is of the size of the grid, so that neither
+/// Everything is derived in float64. The numbers on the device have the magnitude of the grid, so that neither
 /// a far eye nor a small angle costs digits there.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GridRays {
@@ -19,28 +19,29 @@ pub(crate) struct GridRays {
     pub(crate) d0: DVec3,
     pub(crate) kq: f64,
     pub(crate) kd: f64,
-    /// Side of a pixel at unit depth, world units; what makes the true length of a piece of ray.
+    /// Side of a pixel at unit depth, world units, from which shaders compute the length of a segment.
     pub(crate) scale: f64,
     /// Depth of the eye, world units; minus infinity for parallel rays.
     pub(crate) near: f64,
-    /// Depths, world units, between which the domain lies in front of the eye; empty when it is all behind.
+    /// Depths, world units, between which the domain lies in front of the eye; an empty interval when it lies behind.
     pub(crate) depths: [f64; 2],
 }
 
 impl GridRays {
+    /// Derives the rays in the index space of a grid.
     pub(crate) fn new(grid: &Grid, view: &View) -> Self {
         let centre = grid.centre();
         let corners = grid.corners().map(|corner| corner - centre);
         Self::of(grid.index_to_world().inverse(), centre, &corners, view)
     }
 
-    /// The same in any affine space: `to_index` leads there from offsets to `centre`, as `corners` are.
+    /// Derives the rays in any affine space: `to_index` maps offsets from `centre` to it, and `corners` are such offsets.
     pub(crate) fn of(to_index: DMat3, centre: DVec3, corners: &[DVec3], view: &View) -> Self {
         let scale = view.pixel_size();
         let eye = view.camera().eye;
         let centre_depth = (centre - eye).dot(view.forward());
-        // The centre plane's point on the ray of the image's centre, relative to the domain's centre: no
-        // large numbers cancel.
+        // The point where the ray of the image's centre meets the centre plane, relative to the domain's centre, so that no large
+        // numbers cancel.
         let foot = eye + view.forward() * centre_depth - centre;
         let (kq, kd, near) = if view.is_perspective() {
             (centre_depth, 1.0, -centre_depth)
@@ -63,7 +64,7 @@ impl GridRays {
 }
 
 impl GridRays {
-    /// The same with index axes in the order of a stack along `axis`.
+    /// Returns the rays with index axes in the order of a stack along `axis`.
     pub(crate) fn turned(self, axis: usize) -> Self {
         let turn = |v: DVec3| DVec3::from_array(turned(v.to_array(), axis));
         Self { q0: turn(self.q0), px: turn(self.px), py: turn(self.py), d0: turn(self.d0), ..self }

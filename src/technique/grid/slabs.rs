@@ -1,17 +1,17 @@
 //! Pre-integrated slabs between view-aligned slices (Engel, Kraus and Ertl 2001).
 //!
-//! Planes of equal depth, `step` apart, cut the grid into slabs. Along a pixel's ray the scalar is looked up
-//! where the ray enters and leaves a slab, and between the two the transfer function is integrated: thin
-//! features that samples miss are caught, however far apart the planes are.
+//! Planes of equal depth, `step` apart, cut the grid into slabs. A pixel's ray samples the scalar where it enters and leaves a slab, and
+//! integrates the transfer function between the two, so that no feature of the transfer function is missed, however far apart
+//! the planes are.
 //!
 //! 1. `glsl/slabs.glsl` makes the polygon of each slab in the vertex shader (route `raster`), or walks a
 //!    pixel's slabs in registers (route `compute`).
 //! 2. `glsl/segments.glsl` integrates, by option `integrator`; tables are built on the host in float64
-//!    (`optics`) when first needed.
+//!    (`optics`) on first use.
 //!
-//! Error: second order in `step` where the field is smooth, whatever the transfer function; tables add their
+//! Error: second order in `step` where the field is smooth, for every transfer function; tables add their
 //! own, see `table`. Where the transfer function is smooth too, samples in the middle (`slices-3d`) have the
-//! smaller constant. None for a homogeneous grid. Cost: one fetch (raster: two) and one integration
+//! smaller constant. A homogeneous grid is exact up to rounding. Cost: one fetch (raster: two) and one integration
 //! per slab and covered pixel. Needs: core Vulkan 1.3.
 
 use ash::vk;
@@ -21,23 +21,23 @@ use crate::gpu::SpecConstant;
 use crate::gpu::shader::{SLABS_COMPUTE, SLABS_FRAGMENT, SLABS_SHADER_BLEND, SLABS_VERTEX, SPEC_CLIP_ENDS};
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::scene::Grid;
-use crate::technique::grid::frame::{GridTechnique, RasterShaders, Shaders, Slabs};
 use crate::technique::grid::options::{
     DITHER, EMPTY_SPACE, FILTER, GridOptions, ORDER, PREFILTER, ROUTE, SEED, STEP, STOP, TARGET,
 };
 use crate::technique::grid::rays::GridRays;
+use crate::technique::grid::technique::{GridTechnique, RasterShaders, Shaders, Slabs};
 use crate::technique::options::{self, OptionInfo, TABLE};
 
 const NAME: &str = "slabs";
 
-/// What can be chosen, with its effect on error and time.
+/// Descriptions of the options.
 pub(crate) const OPTIONS: &[OptionInfo] = &[
     STEP,
     OptionInfo {
         key: "integrator",
         values: "integral|full|exact",
         default: "integral",
-        effect: "how a slab is integrated: integral from 1-D tables made in a tenth of a millisecond, opacity exact and colour second order in the slab's optical depth; full from a 2-D table for 12 thicknesses, about as fast and slow to make; exact without a table, cut at the knots, for slabs of large optical depth, 1.1 to 1.6 times the time",
+        effect: "integral reads 1-D tables, made in 0.1 ms: opacity exact, colour second order in the slab's optical depth; full reads a 2-D table for 12 thicknesses, as fast to draw but slow to make; exact integrates between knots without a table, for slabs of large optical depth, in 1.1 to 1.6 times the time",
     },
     TABLE,
     FILTER,
@@ -54,7 +54,7 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
 /// Options of this technique.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Those that techniques for grids share.
+    /// Options that techniques for grids share.
     pub grid: GridOptions,
     /// How slabs are integrated; [`Integrator::Midpoint`] is not allowed.
     pub segments: SegmentOptions,
@@ -80,7 +80,7 @@ impl Options {
         Ok(options)
     }
 
-    /// The options as text that reads back to them; what is unset is left out.
+    /// The options as text that reads back to them; unset ones are left out.
     pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
         let mut pairs = self.grid.pairs();
         pairs.extend(self.segments.pairs());

@@ -1,23 +1,20 @@
 //! Stacks of 2D-textured slices parallel to the base plane (Peikert, Object Space Volume Rendering,
 //! SciVis 2007, page 4-3).
 //!
-//! The grid is kept as up to three stacks of 2D images, one along each axis, and drawn from the one whose
-//! planes face the viewer most. Each slice stands for the slab half-way to its neighbours: along a pixel's
-//! ray the slab is cut to the domain and to the eye, the slice is sampled, bilinear, beside the middle of
-//! that piece, and extinction times the piece's true length is its optical depth.
+//! Up to three stacks of 2D images hold the grid, one along each axis; the stack whose planes face the viewer most is drawn. Each
+//! slice stands for the slab half-way to its neighbours. A pixel's ray clips the slab to the domain and to the eye, samples the slice,
+//! bilinearly, beside the middle of that segment, and takes extinction times the segment's length as its optical depth.
 //!
 //! 1. The host chooses the axis: the one with the largest cosine between the planes' normal and the direction
 //!    to the domain's centre from the eye (perspective with the eye outside), or the view's direction
-//!    (parallel rays, or the eye inside). With `hysteresis` it keeps the one in use until another leads by
-//!    so much.
+//!    (parallel rays, or the eye inside). It keeps the axis in use until another leads by `hysteresis`.
 //! 2. `glsl/slices-2d.glsl` draws the far faces of each slab's box (route `raster`), or walks a pixel's slabs
 //!    in registers (route `compute`).
 //!
-//! Error: the spacing along a ray is that of the planes over the cosine, up to sqrt(3) in a cube, and only a
-//! `step` makes it finer: then two slices are blended, which is trilinear, and the error is second order.
-//! What the domain or the eye cuts off a stored slice's slab moves its middle, but not the slice: first order
-//! there. None for a homogeneous grid. Cost: one bilinear fetch (with `step`: two) and one classification per slice and
-//! covered pixel; each stack is one more copy of the grid. Needs: core Vulkan 1.3, and as many array layers
+//! Error: the spacing along a ray is that of the planes divided by the cosine, up to sqrt(3) in a cube. A `step` makes it finer by
+//! blending two slices, which is trilinear, and the error is second order. A slab that the domain or the eye clips has its middle
+//! beside the stored slice: first order there. A homogeneous grid is exact up to rounding. Cost: one bilinear fetch (two with
+//! `step`) and one classification per slice and covered pixel; each stack is one more copy of the grid. Needs: core Vulkan 1.3, and as many array layers
 //! as there are slices.
 
 use ash::vk;
@@ -31,19 +28,19 @@ use crate::gpu::shader::{
 use crate::num;
 use crate::scene::grid::turned;
 use crate::scene::{Grid, View};
-use crate::technique::grid::frame::{GridTechnique, RasterShaders, Shaders, Slabs};
 use crate::technique::grid::options::{
     DITHER, EMPTY_SPACE, FILTER, GridOptions, ORDER, PREFILTER, ROUTE, SEED, STOP, TARGET,
 };
 use crate::technique::grid::rays::GridRays;
+use crate::technique::grid::technique::{GridTechnique, RasterShaders, Shaders, Slabs};
 use crate::technique::options::{self, Choice, OptionInfo};
 
 const NAME: &str = "slices-2d";
 
-/// Which stacks lie on the device.
+/// The stacks that the device holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stacks {
-    /// That of the view; another view may need another plan.
+    /// The stack of the view; another view may need another plan.
     Used,
     /// All three.
     All,
@@ -53,25 +50,25 @@ impl Choice for Stacks {
     const WORDS: &'static [(&'static str, Self)] = &[("used", Self::Used), ("all", Self::All)];
 }
 
-/// What can be chosen, with its effect on error and time.
+/// Descriptions of the options.
 pub(crate) const OPTIONS: &[OptionInfo] = &[
     OptionInfo {
         key: "step",
         values: "slices, or a positive number",
         default: "slices",
-        effect: "slices: those of the grid, bilinear; a number: distance of planes in units of the smallest voxel spacing, two slices blended, twice the fetches, error of second order",
+        effect: "slices: draws the slices of the grid, bilinear; a number: distance of planes in units of the smallest voxel spacing, each a blend of two slices, with twice the fetches and an error of second order",
     },
     OptionInfo {
         key: "hysteresis",
         values: "a number from 0 to below 1",
         default: "0",
-        effect: "the stack in use is kept until the cosine of another leads by this; the picture jumps later and less often",
+        effect: "keeps the stack in use until the cosine of another leads by this value; the image jumps later and less often",
     },
     OptionInfo {
         key: "stacks",
         values: "used|all",
         default: "used",
-        effect: "all: three copies of the grid on the device, so that no turn of the view needs an upload",
+        effect: "all keeps three copies of the grid on the device, so that no change of the view needs an upload",
     },
     FILTER,
     PREFILTER,
@@ -87,14 +84,13 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
 /// Options of this technique.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Those that techniques for grids share; `step` counts only with `between`.
+    /// Options that techniques for grids share; `step` counts only with `between`.
     pub grid: GridOptions,
-    /// Slices between those of the grid, `step` apart, each a blend of two.
+    /// Whether slices are `step` apart, each a blend of two slices of the grid.
     pub between: bool,
-    /// By how much the cosine of another stack must lead that of the one in use, for a plan to change stacks. A
-    /// plan's first view takes the best.
+    /// Lead of another stack's cosine at which a plan changes stacks. A plan's first view takes the best stack.
     pub hysteresis: f64,
-    /// Stacks on the device.
+    /// The stacks that the device holds.
     pub stacks: Stacks,
 }
 
@@ -121,7 +117,7 @@ impl Options {
         Ok(options)
     }
 
-    /// The options as text that reads back to them; what is unset is left out.
+    /// The options as text that reads back to them; unset ones are left out.
     pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
         let mut pairs = self.grid.pairs();
         if !self.between {
@@ -198,8 +194,8 @@ impl GridTechnique for Options {
     }
 }
 
-/// Normals of the planes perpendicular to each axis, of unit length, such that indices grow along them, and the planes'
-/// distances, world units.
+/// Returns for each axis the unit normal of the planes of its slices, along which indices grow, and the distance of two planes in world
+/// units.
 pub(crate) fn planes(grid: &Grid) -> [(DVec3, f64); 3] {
     let axes = grid.index_to_world();
     [0, 1, 2].map(|axis| {
@@ -210,7 +206,7 @@ pub(crate) fn planes(grid: &Grid) -> [(DVec3, f64); 3] {
     })
 }
 
-/// The axis whose planes face a view most; `current` is kept until the cosine of another leads by `hysteresis`.
+/// Returns the axis whose planes face a view most; keeps `current` until the cosine of another leads by `hysteresis`.
 pub(crate) fn steepest_axis(grid: &Grid, view: &View, current: Option<usize>, hysteresis: f64) -> usize {
     let to_index = grid.index_to_world().inverse();
     let from_centre = view.camera().eye - grid.centre();
@@ -221,7 +217,7 @@ pub(crate) fn steepest_axis(grid: &Grid, view: &View, current: Option<usize>, hy
     let cosines = planes(grid).map(|(normal, _)| normal.dot(direction).abs());
     let mut best = 2;
     for axis in [1, 0] {
-        // On a tie the last axis: its slices lie as the file has them.
+        // A tie goes to the last axis, whose slices are contiguous in the file.
         if cosines[axis] > cosines[best] {
             best = axis;
         }

@@ -1,16 +1,16 @@
 //! View-aligned slices of a 3D texture (Cabral, Cam and Foran 1994).
 //!
-//! Planes of equal depth, `step` apart, cut the grid. Each slice stands for the slab around it: along a
-//! pixel's ray the slab is cut to the domain and to the eye, the scalar at the middle of that piece is
-//! classified, and extinction times the piece's true length is its optical depth.
+//! Planes of equal depth, `step` apart, cut the grid. Each slice stands for the slab around it. A pixel's ray clips the slab to the
+//! domain and to the eye, classifies the scalar at the middle of that segment, and takes extinction times the segment's length
+//! as its optical depth.
 //!
 //! 1. `glsl/slices-3d.glsl` makes the polygon of each slice in the vertex shader (route `raster`, one
 //!    instance a slice, blended by fixed function), or walks a pixel's slices in registers (route
 //!    `compute`).
-//! 2. The host derives the rays of the view in index space (`grid_rays`) and the number of slabs.
+//! 2. The host derives the rays of the view in index space (`grid/rays.rs`) and the number of slabs.
 //!
 //! Error: second order in `step` where field and transfer function are smooth, first order at a jump of
-//! the transfer function; none for a homogeneous grid. Cost: one fetch and one classification per slice
+//! the transfer function; a homogeneous grid is exact up to rounding. Cost: one fetch and one classification per slice
 //! and covered pixel; raster also blends. Needs: core Vulkan 1.3.
 
 use ash::vk;
@@ -21,21 +21,21 @@ use crate::gpu::shader::{
     SLICES_3D_COMPUTE, SLICES_3D_FRAGMENT, SLICES_3D_SHADER_BLEND, SLICES_3D_VERTEX, SPEC_CLIP_ENDS,
 };
 use crate::scene::Grid;
-use crate::technique::grid::frame::{GridTechnique, RasterShaders, Shaders, Slabs};
 use crate::technique::grid::options::{
     DITHER, EMPTY_SPACE, FILTER, GridOptions, ORDER, PREFILTER, ROUTE, SEED, STEP, STOP, TARGET,
 };
 use crate::technique::grid::rays::GridRays;
+use crate::technique::grid::technique::{GridTechnique, RasterShaders, Shaders, Slabs};
 use crate::technique::options::{self, Choice, OptionInfo};
 
 const NAME: &str = "slices-3d";
 
-/// Where a slice's slab ends.
+/// The ends of a slice's slab along a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ends {
-    /// At the domain's faces and at the eye, along each ray.
+    /// Clipped at the domain's faces and at the eye.
     Clip,
-    /// Nowhere: the classic polygons, each weighted with the whole step.
+    /// Not clipped: the classic polygons, each weighted with the whole step.
     Plane,
 }
 
@@ -43,7 +43,7 @@ impl Choice for Ends {
     const WORDS: &'static [(&'static str, Self)] = &[("clip", Self::Clip), ("plane", Self::Plane)];
 }
 
-/// What can be chosen, with its effect on error and time.
+/// Descriptions of the options.
 pub(crate) const OPTIONS: &[OptionInfo] = &[
     STEP,
     FILTER,
@@ -66,9 +66,9 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
 /// Options of this technique.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Those that techniques for grids share.
+    /// Options that techniques for grids share.
     pub grid: GridOptions,
-    /// Ends of slabs.
+    /// The ends of slabs.
     pub ends: Ends,
 }
 
@@ -93,7 +93,7 @@ impl Options {
         Ok(options)
     }
 
-    /// The options as text that reads back to them; what is unset is left out.
+    /// The options as text that reads back to them; unset ones are left out.
     pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
         let mut pairs = self.grid.pairs();
         pairs.push(("ends", self.ends.word().to_string()));

@@ -25,7 +25,7 @@ use crate::scene::View;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
 use crate::technique::mesh::options::{EMPTY_SPACE, INTEGRATOR, MeshOptions, ORDER, SMOKE, STOP};
-use crate::technique::options::{self, OptionInfo, Order, TABLE};
+use crate::technique::options::{self, BlendOrder, OptionInfo, TABLE};
 
 const NAME: &str = "abuffer";
 
@@ -73,7 +73,7 @@ impl Options {
             primitives: Primitives::Cells,
             segments: self.mesh.segments,
             smoke: self.mesh.smoke,
-            back_to_front: self.mesh.order == Order::BackToFront,
+            back_to_front: self.mesh.order == BlendOrder::BackToFront,
             resolve: &ABUFFER_COMPUTE,
             k: WINDOW,
             chunk: None,

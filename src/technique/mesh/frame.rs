@@ -349,14 +349,6 @@ impl Prepared for MeshFrame {
         "compute"
     }
 
-    fn passes(&self) -> u32 {
-        let bands = num::count(self.lists.bands.len());
-        // Status, points, boxes, a sort of at most four digits; bins; lists and what is drawn of them.
-        let sort = 16;
-        let overlaps = self.overlaps.as_ref().map_or(0, Overlaps::passes);
-        overlaps + 7 + sort + 6 + bands * (4 + 2 * self.lists.windows + self.chunks + self.rounds) + 2 + bands
-    }
-
     fn counters(&self) -> Vec<(&'static str, u64)> {
         vec![
             ("tiles", self.tiles.into()),

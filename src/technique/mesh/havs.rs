@@ -35,10 +35,10 @@ use crate::technique::mesh::frame::MeshFrame;
 use crate::technique::mesh::havs::options::NAME;
 use crate::technique::mesh::havs::raster::RasterFrame;
 use crate::technique::mesh::options::Repair;
-use crate::technique::options::Order;
+use crate::technique::options::BlendOrder;
 
 pub(crate) use options::OPTIONS;
-pub use options::{Options, Route};
+pub use options::{KBufferRoute, Options};
 
 impl Options {
     /// Prepares frames of one view size, by the route that the options ask for.
@@ -54,7 +54,7 @@ impl Options {
             primitives: Primitives::Faces,
             segments: self.mesh.segments,
             smoke: self.mesh.smoke,
-            back_to_front: self.mesh.order == Order::BackToFront,
+            back_to_front: self.mesh.order == BlendOrder::BackToFront,
             resolve: &HAVS_COMPUTE,
             k: self.k,
             chunk: self.chunk,

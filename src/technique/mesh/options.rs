@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::resident::tables::{Integrator, SegmentOptions};
-use crate::technique::options::{self, Choice, EmptySpace, OptionInfo, Order};
+use crate::technique::options::{self, BlendOrder, Choice, EmptySpace, OptionInfo};
 
 pub(crate) const INTEGRATOR: OptionInfo = OptionInfo {
     key: "integrator",
@@ -56,7 +56,7 @@ pub struct MeshOptions {
     /// With [`Integrator::Smoke`]: extinction per unit of the scalar.
     pub smoke: f64,
     /// Direction of ranks and compositing.
-    pub order: Order,
+    pub order: BlendOrder,
     /// Largest colour that a ray may miss when it ends early.
     pub stop: f64,
     /// Treatment of cells in which nothing is visible.
@@ -66,7 +66,13 @@ pub struct MeshOptions {
 impl Default for MeshOptions {
     fn default() -> Self {
         let segments = SegmentOptions { integrator: Integrator::Exact, table: None };
-        Self { segments, smoke: 1.0, order: Order::FrontToBack, stop: 0.0, empty_space: EmptySpace::Skip }
+        Self {
+            segments,
+            smoke: 1.0,
+            order: BlendOrder::FrontToBack,
+            stop: 0.0,
+            empty_space: EmptySpace::Skip,
+        }
     }
 }
 
@@ -103,7 +109,7 @@ impl MeshOptions {
     /// Refuses values and combinations that are not allowed.
     pub(crate) fn check(&self, technique: &str) -> Result<()> {
         let refuse = |key: &str, why: &str| Err(Error::invalid(format!("{technique} option {key}"), why));
-        if self.stop > 0.0 && self.order == Order::BackToFront {
+        if self.stop > 0.0 && self.order == BlendOrder::BackToFront {
             return refuse("stop", "works with order=front-to-back only");
         }
         if self.segments.integrator == Integrator::Smoke {

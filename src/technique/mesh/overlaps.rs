@@ -14,7 +14,6 @@ use crate::gpu::shader::{
 };
 use crate::gpu::{Buffer, Recorder, Resource};
 use crate::interface::MeshPush;
-use crate::num;
 use crate::primitives::dispatch::{Dispatch, download, groups_of, pass};
 use crate::resident::mesh::Primitives;
 use crate::technique::mesh::desc::MeshDesc;
@@ -57,12 +56,6 @@ impl Overlaps {
         let pass = pass(gpu, desc.name, &ABUFFER_COMPUTE, &constants, &resources)?;
         let status = download(gpu, "overlaps.status", 4 * u64::from(STATUS_WORDS))?;
         Ok(Self { ranking, lists, pass, rounds: needs.rounds, status })
-    }
-
-    /// Passes of one frame, beside those that every stage has.
-    pub(crate) fn passes(&self) -> u32 {
-        let bands = num::count(self.lists.bands.len());
-        27 + bands * (4 + 2 * self.lists.windows + self.rounds)
     }
 
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>, push: &MeshPush) {

@@ -35,7 +35,7 @@ use crate::technique::mesh::options::Repair;
 use crate::technique::mesh::projected_tets::options::NAME;
 use crate::technique::mesh::projected_tets::ranks::Ranker;
 use crate::technique::mesh::projected_tets::raster::TetsRaster;
-use crate::technique::options::{Order, Route};
+use crate::technique::options::{BlendOrder, Route};
 
 pub(crate) use options::OPTIONS;
 pub use options::{Options, Plane, Shade};
@@ -50,7 +50,7 @@ impl Options {
         target: &Canvas,
     ) -> Result<Box<dyn Prepared>> {
         self.check()?;
-        let back_to_front = self.mesh.order == Order::BackToFront;
+        let back_to_front = self.mesh.order == BlendOrder::BackToFront;
         let desc = MeshDesc {
             name: NAME,
             primitives: Primitives::Cells,
@@ -115,10 +115,6 @@ impl Prepared for Listed {
 
     fn route(&self) -> &'static str {
         self.frame.route()
-    }
-
-    fn passes(&self) -> u32 {
-        self.frame.passes()
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {

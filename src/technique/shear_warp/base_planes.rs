@@ -1,115 +1,27 @@
-//! The base planes of a view: which slices are composited for which pixels, along which lines, and how finely.
+//! Chooses the base planes of a view: the stack, the region of the image and the lattice of texels of each.
 //!
-//! Parallel rays have one base plane, perpendicular to the axis that they run along most. In perspective one plane
-//! serves where no line of sight through the domain has a shear above [`MOST_SHEAR`]; else the lines are parted among
-//! the pyramids about the axes' directions, up to six, each with a base plane of its own: a line belongs to the axis
+//! Parallel rays have one base plane, perpendicular to the axis that they are closest to. In perspective one plane
+//! suffices where no ray through the domain has a shear above [`MOST_SHEAR`]. Otherwise up to six pyramids about the axes'
+//! directions share the rays, each with a base plane of its own: a ray belongs to the axis
 //! whose planes it crosses most steeply. Nothing divides by the eye's distance to the domain, so the eye may be anywhere.
 //!
-//! A base plane carries a lattice of texels, each of which is one line of sight, exactly. Lattices cover what of the
-//! domain, of the image and of the pyramid lies on top of each other, and a margin for the warp's filter.
+//! A base plane carries a lattice of texels, each of which is exactly one ray. The lattice covers the intersection of
+//! domain, image and pyramid, and a margin for the warp's filter.
 
-use glam::{DMat3, DMat4, DVec2, DVec3};
+use glam::DVec2;
 
-use crate::error::{Error, Result};
-use crate::num;
-use crate::scene::grid::turned;
+use crate::error::Result;
 use crate::scene::{Grid, View};
 use crate::technique::grid::slices_2d::{planes, steepest_axis};
-use crate::technique::shear_warp::factorisation::Factorisation;
+use crate::technique::shear_warp::base_plane::{BasePlane, Resolution};
+use crate::technique::shear_warp::region::{GridView, MARGIN, MOST_SHEAR, SEAM};
 
-/// Steepest shear of one base plane, per unit of length along the stack, along either of the other axes' normals.
-pub(crate) const MOST_SHEAR: f64 = 1.2;
-
-/// How far pyramids reach over their seams: what rounding may put on the other side.
-const SEAM: f64 = 1.0 + 1e-6;
-
-/// Smallest depth that is seen, in halves of the stack and a slice more.
-const NEAREST: f64 = 1e-9;
-
-/// Texels around what is drawn, for the warp's filter.
-const MARGIN: f64 = 2.0;
-
-/// Pixels that a texel is at most wide where nobody has said how wide it shall be.
-const COARSEST: f64 = 3.0;
-
-/// Most texels of all base planes for each pixel of the image, or for each texel that was asked for of it, without their
-/// margins.
+/// Most texels of all base planes per pixel of the image, or per requested texel of a pixel, without margins.
 const TEXELS_PER_PIXEL: f64 = 4.0;
 
-/// What sets the distance of texels.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Resolution {
-    /// A texel for each voxel of the nearest slice.
-    Voxel,
-    /// So many texels for each pixel, along each side, in the middle of what is drawn.
-    Pixel(f64),
-    /// A texel for each voxel of the nearest slice, but no finer than pixels, and no coarser than [`COARSEST`] of them.
-    Auto,
-}
-
-/// A base plane of a view. Positions are indices from the domain's centre, axes in the order of the stack.
+/// The capacity of a device for base planes.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct BasePlane {
-    /// Axis that the slices are stacked along.
-    pub(crate) axis: usize,
-    /// 1 where lines of sight go up that axis, -1 where they go down. Depth along it grows with them.
-    pub(crate) sign: f64,
-    /// Texels along each side.
-    pub(crate) size: [u32; 2],
-    /// The line of a texel t, counted from the one at half the size, rounded down, at depth z from the domain's centre is at
-    /// `q + step_q t + z (d + step_d t)`.
-    pub(crate) q: DVec2,
-    pub(crate) step_q: DVec2,
-    pub(crate) d: DVec2,
-    pub(crate) step_d: DVec2,
-    /// Depth of the eye; minus infinity for parallel rays.
-    pub(crate) near: f64,
-    /// From pixels, `(x, y, 1)`, x and y from the image's centre, y down, to texels, `(x w, y w, w)`; w is positive in front
-    /// of the eye.
-    pub(crate) to_texel: DMat3,
-    /// From pixels to how steeply their line crosses the planes of the slices, and those of the other two axes. Only
-    /// pixels with the first as large as the others are this plane's; zero where there is one plane.
-    pub(crate) steepness: DMat3,
-    /// Most texels that a pixel is long, along the line where it is longest.
-    pub(crate) texels_per_pixel: f64,
-    /// World length of the line through the middle of what is drawn, for a step along the stack.
-    pub(crate) length: f64,
-}
-
-/// A view of a grid in its own index space.
-struct Seen<'a> {
-    grid: &'a Grid,
-    view: &'a View,
-    /// Unit normals of the planes of each axis, such that indices grow along them.
-    normals: [DVec3; 3],
-    /// Half the image, pixels.
-    half_image: DVec2,
-}
-
-/// A convex polygon of the image, in pixels from its centre.
-type Polygon = Vec<DVec2>;
-
-/// What of a convex polygon lies where `side . (x, y, 1) >= 0`.
-fn clip(polygon: &[DVec2], side: DVec3) -> Polygon {
-    // Sides come in any unit.
-    let at = |p: &DVec2| side.dot(p.extend(1.0));
-    let mut kept = Polygon::new();
-    for (i, p) in polygon.iter().enumerate() {
-        let next = &polygon[(i + 1) % polygon.len()];
-        let (here, there) = (at(p), at(next));
-        if here >= 0.0 {
-            kept.push(*p);
-        }
-        if (here > 0.0 && there < 0.0) || (here < 0.0 && there > 0.0) {
-            kept.push(*p + (*next - *p) * (here / (here - there)));
-        }
-    }
-    kept
-}
-
-/// What a device has room for.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Room {
+pub(crate) struct Capacity {
     /// Texels of all base planes.
     pub(crate) texels: f64,
     /// Texels along a side of one.
@@ -118,7 +30,8 @@ pub(crate) struct Room {
     pub(crate) rows: f64,
 }
 
-/// The base planes of a view. `current` is the axis of parallel rays' plane, or of the only plane, that was used last.
+/// Chooses the base planes of a view. `current` is the axis of the only base plane of the view before, which is kept within the
+/// hysteresis.
 ///
 /// # Errors
 ///
@@ -129,10 +42,10 @@ pub(crate) fn base_planes(
     current: Option<usize>,
     hysteresis: f64,
     resolution: Resolution,
-    room: Room,
+    capacity: Capacity,
 ) -> Result<Vec<BasePlane>> {
     let [width, height] = view.extent().map(f64::from);
-    let seen = Seen {
+    let seen = GridView {
         grid,
         view,
         normals: planes(grid).map(|(normal, _)| normal),
@@ -141,7 +54,7 @@ pub(crate) fn base_planes(
     let axis = steepest_axis(grid, view, current, hysteresis);
     let mut regions = Vec::new();
     if !view.is_perspective() {
-        // A plane that is kept must not be seen edge-on.
+        // The plane in use is given up before it is seen edge-on.
         let cosines = seen.normals.map(|normal| normal.dot(view.forward()).abs());
         let too_flat = cosines.iter().any(|cosine| *cosine > MOST_SHEAR * cosines[axis]);
         let axis = if too_flat { steepest_axis(grid, view, None, 0.0) } else { axis };
@@ -158,26 +71,26 @@ pub(crate) fn base_planes(
     }
     let parted = regions.len() > 1;
     let pixels = (width * height).max(4096.0);
-    // What texels would be too many is made of coarser ones.
+    // Where texels are too many, coarser ones replace them.
     let mut pitches: Vec<DVec2> = regions.iter().map(|region| region.pitch(resolution)).collect();
-    // As many as were asked for are not.
+    // An explicit resolution raises the limit.
     let most = match resolution {
-        Resolution::Voxel => room.texels,
+        Resolution::Voxel => capacity.texels,
         Resolution::Auto => TEXELS_PER_PIXEL * pixels,
         Resolution::Pixel(side) => TEXELS_PER_PIXEL * pixels * (side * side).max(1.0),
     };
     let around = 2.0 * MARGIN + 3.0;
     for (region, pitch) in regions.iter().zip(&mut pitches) {
-        *pitch = pitch.max(region.extent() / (room.side - around).max(1.0));
+        *pitch = pitch.max(region.extent() / (capacity.side - around).max(1.0));
     }
     for _ in 0..16 {
         let sum = |of: &dyn Fn(DVec2) -> f64| -> f64 {
             regions.iter().zip(&pitches).map(|(region, &pitch)| of(region.extent() / pitch)).sum()
         };
         // Around an image of one row there are more texels than in it.
-        let texels = sum(&|sides| (sides + around).element_product()) / room.texels;
+        let texels = sum(&|sides| (sides + around).element_product()) / capacity.texels;
         let over = texels.max(sum(&|sides| (sides + 1.0).element_product()) / most);
-        let rows = sum(&|sides| sides.y + around) / room.rows;
+        let rows = sum(&|sides| sides.y + around) / capacity.rows;
         if over <= 1.0 && rows <= 1.0 {
             break;
         }
@@ -187,312 +100,6 @@ pub(crate) fn base_planes(
         }
     }
     regions.iter().zip(pitches).map(|(region, pitch)| region.base_plane(&seen, pitch, parted)).collect()
-}
-
-/// What of the image one base plane shows.
-struct Region {
-    axis: usize,
-    sign: f64,
-    factors: Factorisation,
-    /// The base plane's distance along the axis from the domain's centre.
-    base: f64,
-    /// The same of the slice that sets the size of voxels.
-    front: f64,
-    /// From pixels, `(x, y, 1)`, to the base plane; the last coordinate is positive in front of the eye.
-    to_base: DMat3,
-    steepness: DMat3,
-    polygon: Polygon,
-}
-
-impl Seen<'_> {
-    /// The view as a matrix from indices, from the domain's centre plus `offset` on, to pixels from the image's centre.
-    fn matrix(&self, offset: DVec3) -> DMat4 {
-        let axes = self.grid.index_to_world();
-        let origin = self.grid.centre() - self.view.camera().eye + axes * offset;
-        let row = |v: DVec3, size: f64| (axes.transpose() * v).extend(origin.dot(v)) / size;
-        let scale = self.view.pixel_size();
-        let forward = row(self.view.forward(), 1.0);
-        let last = if self.view.is_perspective() { forward } else { glam::DVec4::W };
-        DMat4::from_cols(row(self.view.right(), scale), row(-self.view.up(), scale), forward, last)
-            .transpose()
-    }
-
-    /// From pixels to a direction's component along a vector; parallel rays have all the same.
-    fn along(&self, v: DVec3) -> DVec3 {
-        let lateral = if self.view.is_perspective() { self.view.pixel_size() } else { 0.0 };
-        DVec3::new(
-            v.dot(self.view.right()) * lateral,
-            -v.dot(self.view.up()) * lateral,
-            v.dot(self.view.forward()),
-        )
-    }
-
-    /// The one base plane along an axis, or along another, if its shears allow it; an empty one where nothing is seen.
-    fn only_region(&self, axis: usize) -> Result<Option<Option<Region>>> {
-        for axis in [axis, (axis + 1) % 3, (axis + 2) % 3] {
-            for sign in [1.0, -1.0] {
-                let Some(region) = self.region(axis, sign, Some(MOST_SHEAR))? else { continue };
-                // Whether the limit has taken nothing of what the domain covers: all of it lies in front of the eye along the axis...
-                let eye = region.eye();
-                let half = turned((self.grid.last_index() * 0.5).to_array(), axis)[2];
-                let ahead = -half * 1.000_001 > eye && self.shear_of_domain(&region) <= MOST_SHEAR;
-                // ... or all of the image looks along it.
-                let image = self.image();
-                let inside = |p: &DVec2| {
-                    let s = region.steepness * p.extend(1.0);
-                    MOST_SHEAR * s.x >= s.y.abs().max(s.z.abs())
-                };
-                if ahead || image.iter().all(inside) {
-                    return Ok(Some(Some(region)));
-                }
-            }
-        }
-        // Nothing at all?
-        let mut any = false;
-        for axis in 0..3 {
-            for sign in [1.0, -1.0] {
-                any |= self.region(axis, sign, Some(SEAM))?.is_some();
-            }
-        }
-        Ok(if any { None } else { Some(None) })
-    }
-
-    /// Largest shear of lines from the eye to the domain, which lies in front of it along the axis.
-    fn shear_of_domain(&self, region: &Region) -> f64 {
-        let normals = turned(self.normals, region.axis);
-        self.grid
-            .corners()
-            .iter()
-            .map(|corner| {
-                let line = *corner - self.view.camera().eye;
-                let ahead = region.sign * line.dot(normals[2]);
-                line.dot(normals[0]).abs().max(line.dot(normals[1]).abs()) / ahead
-            })
-            .fold(0.0, f64::max)
-    }
-
-    fn image(&self) -> Polygon {
-        let h = self.half_image;
-        vec![DVec2::new(-h.x, -h.y), DVec2::new(h.x, -h.y), DVec2::new(h.x, h.y), DVec2::new(-h.x, h.y)]
-    }
-
-    /// What of the image is seen across the planes of an axis, in one direction. `reach` limits how slantingly;
-    /// `None`: there is no need to. `None` as result: nothing.
-    fn region(&self, axis: usize, sign: f64, reach: Option<f64>) -> Result<Option<Region>> {
-        let [hx, hy, hz] = turned((self.grid.last_index() * 0.5).to_array(), axis);
-        let normals = turned(self.normals, axis);
-        let steepness =
-            DMat3::from_cols(self.along(normals[2]) * sign, self.along(normals[0]), self.along(normals[1]))
-                .transpose();
-        // The base plane is the nearest slice, or one in front of the eye.
-        let mut base = -hz;
-        let mut front = -hz;
-        if self.view.is_perspective() {
-            let from_eye = self.grid.centre() - self.view.camera().eye;
-            let step = planes(self.grid)[axis].1;
-            let eye = -sign * from_eye.dot(normals[2]) / step;
-            // On the last slice or beyond it. What lies ahead of an eye this near is no longer than rounding.
-            if eye >= hz - NEAREST * (hz + 1.0) {
-                return Ok(None);
-            }
-            let least = 0.25 * hz.max(1.0);
-            front = front.max(eye + hz.max(1.0));
-            base = base.max(eye + least);
-        }
-        let mut offset = [0.0; 3];
-        offset[axis] = sign * base;
-        let factors = Factorisation::of(self.matrix(DVec3::from_array(offset)), axis)?;
-        let to_base = factors.to_image().inverse();
-        if !to_base.is_finite() {
-            return Err(Error::invalid(
-                "view",
-                "float64 cannot hold the way from its pixels to the base plane",
-            ));
-        }
-        let mut region =
-            Region { axis, sign, factors, base, front, to_base, steepness, polygon: Polygon::new() };
-        // Positive in front of the eye: where the line crosses the planes.
-        let centre = DVec3::new(0.0, 0.0, 1.0);
-        let (ahead, w) = (region.steepness.row(0), region.to_base.row(2));
-        let agree = if self.view.is_perspective() {
-            // Both are linear in the pixel, and zero on the same line.
-            ahead.dot(w) / ahead.length()
-        } else {
-            w.dot(centre)
-        };
-        if agree < 0.0 {
-            region.to_base *= -1.0;
-        }
-
-        let mut polygon = self.image();
-        if let Some(reach) = reach {
-            let [s, u, v] = [0, 1, 2].map(|i| region.steepness.row(i));
-            for side in [s * reach - u, s * reach + u, s * reach - v, s * reach + v] {
-                polygon = clip(&polygon, side);
-            }
-        }
-        // The domain's outline in the base plane: rectangles of its nearest and its farthest slice.
-        let [mut low, mut high] = [DVec2::INFINITY, DVec2::NEG_INFINITY];
-        let eye = region.eye();
-        let nearest = (-hz).max(eye + NEAREST * (hz + 1.0));
-        let half = DVec2::new(hx, hy);
-        for depth in [nearest, hz] {
-            for corner in [-half, half] {
-                let at = region.on_base(corner, depth);
-                low = low.min(at);
-                high = high.max(at);
-            }
-        }
-        let [x, y, w] = [0, 1, 2].map(|i| region.to_base.row(i));
-        // A hair more, so that a domain without extent, or seen by rounding alone, is not lost.
-        let hair = (high - low).abs() * 1e-9 + low.abs().max(high.abs()) * 1e-12;
-        let (low, high) = (low - hair, high + hair);
-        for side in [x - w * low.x, w * high.x - x, y - w * low.y, w * high.y - y] {
-            polygon = clip(&polygon, side);
-        }
-        if polygon.is_empty() {
-            return Ok(None);
-        }
-        region.polygon = polygon;
-        Ok(Some(region))
-    }
-}
-
-impl Region {
-    /// Depth of the eye from the domain's centre, along the axis; minus infinity for parallel rays.
-    fn eye(&self) -> f64 {
-        let scaling = self.sign * self.factors.scaling();
-        if scaling == 0.0 { f64::NEG_INFINITY } else { self.base - 1.0 / scaling }
-    }
-
-    /// Where the line of sight through a point of the slice at a depth meets the base plane.
-    fn on_base(&self, point: DVec2, depth: f64) -> DVec2 {
-        let z = self.sign * (depth - self.base);
-        (point + z * self.factors.shears()) / (1.0 + self.factors.scaling() * z)
-    }
-
-    /// A pixel on the base plane.
-    fn of_pixel(&self, pixel: DVec2) -> DVec2 {
-        let p = self.to_base * pixel.extend(1.0);
-        p.truncate() / p.z
-    }
-
-    /// How the place on the base plane changes with the pixel, for a pixel: columns for x and y.
-    fn per_pixel(&self, pixel: DVec2) -> [DVec2; 2] {
-        let p = self.to_base * pixel.extend(1.0);
-        let at = p.truncate() / p.z;
-        [self.to_base.x_axis, self.to_base.y_axis].map(|c| (c.truncate() - at * c.z) / p.z)
-    }
-
-    /// Corners and middle of what is drawn.
-    fn looks(&self) -> Polygon {
-        let mut points = self.polygon.clone();
-        points.push(self.middle());
-        points
-    }
-
-    fn middle(&self) -> DVec2 {
-        self.polygon.iter().sum::<DVec2>() / f64::from(num::count(self.polygon.len()))
-    }
-
-    /// Distance of texels.
-    fn pitch(&self, resolution: Resolution) -> DVec2 {
-        // A voxel of the slice in front, where its lines meet the base plane.
-        let voxel = DVec2::splat(1.0 / (1.0 + self.factors.scaling() * self.sign * (self.front - self.base)));
-        // Where the lattice's cells are as large as pixels of the middle of what is drawn.
-        let pixel = || {
-            let [x, y] = self.per_pixel(self.middle());
-            // Pixels for each step on the base plane: rows of the inverse.
-            let steps = DVec2::new(DVec2::new(x.y, y.y).length(), DVec2::new(x.x, y.x).length());
-            x.perp_dot(y).abs() / steps
-        };
-        let pitch = match resolution {
-            Resolution::Voxel => voxel,
-            Resolution::Pixel(texels) => pixel() / texels,
-            Resolution::Auto => voxel.min(COARSEST * pixel()).max(pixel()),
-        };
-        // Far more coarse than what is drawn would have no texel in it.
-        let [low, high] = self.bounds();
-        let extent = (high - low).max(DVec2::splat(1e-300));
-        DVec2::select(pitch.cmplt(extent), pitch, extent)
-    }
-
-    /// What is drawn, on the base plane.
-    fn bounds(&self) -> [DVec2; 2] {
-        let mut bounds = [DVec2::INFINITY, DVec2::NEG_INFINITY];
-        for point in &self.polygon {
-            let at = self.of_pixel(*point);
-            bounds = [bounds[0].min(at), bounds[1].max(at)];
-        }
-        bounds
-    }
-
-    /// How large what is drawn is on the base plane.
-    fn extent(&self) -> DVec2 {
-        let [low, high] = self.bounds();
-        high - low
-    }
-
-    /// The texels of a base plane and their lines.
-    fn base_plane(&self, seen: &Seen<'_>, pitch: DVec2, parted: bool) -> Result<BasePlane> {
-        let [low, high] = self.bounds();
-        // A texel falls on the centre of a pixel near the image's, so that a warp without effect has none.
-        let parity = seen.half_image - seen.half_image.floor();
-        let centre = DVec2::splat(0.5) - parity;
-        let ahead = (self.to_base * centre.extend(1.0)).z;
-        let mut anchor = if ahead > 0.0 { self.of_pixel(centre) } else { self.of_pixel(self.middle()) };
-        // That pixel's line may all but run along the plane, and meet it where numbers have no digits left.
-        let away = ((low - anchor) / pitch).abs().max_element();
-        if away.is_nan() || away > 1e9 {
-            anchor = (low + high) * 0.5;
-        }
-        let first = anchor + ((low - anchor) / pitch - MARGIN).floor() * pitch;
-        let size = ((high - first) / pitch + MARGIN).ceil() + 1.0;
-        let sides = [size.x, size.y].map(num::u32_of);
-        let middle = sides.map(|side| side / 2);
-        let origin = first + pitch * DVec2::new(f64::from(middle[0]), f64::from(middle[1]));
-        // On slice z of the base plane's own measure the line through b is at b + z (s_w b - s).
-        let (scaling, shears) = (self.factors.scaling(), self.factors.shears());
-        let slope = self.sign * (scaling * origin - shears);
-        let step_slope = self.sign * scaling * pitch;
-        let to_texel = DMat3::from_cols(
-            DVec3::new(1.0 / pitch.x, 0.0, 0.0),
-            DVec3::new(0.0, 1.0 / pitch.y, 0.0),
-            DVec3::new(-first.x / pitch.x, -first.y / pitch.y, 1.0),
-        ) * self.to_base;
-        // Of any length: the longest of what is of interest is 1.
-        let scale = self.polygon.iter().map(|p| (to_texel * p.extend(1.0)).z).fold(0.0, f64::max);
-        let mut texels_per_pixel: f64 = 0.0;
-        for point in self.looks() {
-            for column in self.per_pixel(point) {
-                texels_per_pixel = texels_per_pixel.max((column / pitch).length());
-            }
-        }
-        let axes = seen.grid.index_to_world();
-        let turned_axes = turned([axes.x_axis, axes.y_axis, axes.z_axis], self.axis);
-        let middle_slope = self.sign * (scaling * self.of_pixel(self.middle()) - shears);
-        let step =
-            turned_axes[0] * middle_slope.x + turned_axes[1] * middle_slope.y + turned_axes[2] * self.sign;
-        let plane = BasePlane {
-            axis: self.axis,
-            sign: self.sign,
-            size: sides,
-            q: origin - self.base * slope,
-            step_q: pitch - self.base * step_slope,
-            d: slope,
-            step_d: step_slope,
-            near: self.eye(),
-            to_texel: to_texel * (1.0 / scale),
-            steepness: if parted { self.steepness } else { DMat3::ZERO },
-            texels_per_pixel,
-            length: step.length(),
-        };
-        let finite = [plane.q, plane.step_q, plane.d, plane.step_d].iter().all(|v| v.is_finite());
-        if !(finite && plane.to_texel.is_finite() && size.max_element() < 1e9) {
-            return Err(Error::invalid("view", "float64 cannot hold the lines through its base plane"));
-        }
-        Ok(plane)
-    }
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
-//! What bounds the lines of base planes' texels, and the pixels that texels do not tell (`glsl/shear-bounds.glsl`).
+//! Bounds the rays of base planes' texels, and finds the pixels that need a march of their own (`glsl/shear-bounds.glsl`).
 //!
-//! Clip planes and depth images bound the lines of pixels. A texel's line is cut at depths that are interpolated from the four
-//! pixels around it. Where a pixel's own line is cut elsewhere than its four texels say, as at outlines of surfaces, what was composited
-//! along them is another matter: after the warp such pixels are marched by themselves, along their own lines, in the same slices.
+//! Clip planes and depth images bound the rays of pixels. The bounds of a texel's ray are interpolated from the four
+//! pixels around it. A pixel whose own bounds differ from those of its four texels, as at outlines of surfaces, cannot take the texels'
+//! colour: after the warp it is marched along its own ray, in the same slices.
 
 use std::sync::Arc;
 
@@ -20,31 +20,31 @@ use crate::num::{self, f32_of};
 use crate::primitives::dispatch::{Dispatch, buffer, pass, tiles_of};
 use crate::scene::grid::turned;
 use crate::scene::{Grid, View};
-use crate::technique::shear_warp::base_planes::BasePlane;
+use crate::technique::shear_warp::base_plane::BasePlane;
 use crate::technique::shear_warp::options::NAME;
 
-/// Depth along the stack, in slabs, by which pixel and texels may differ.
+/// Most difference in depth along the stack, in slabs, between a pixel and its texels.
 const TOLERANCE: f64 = 0.05;
 
-/// The same among a pixel's four texels.
+/// Most difference among a pixel's four texels.
 const SPREAD: f64 = 1.0;
 
-// No depth in a stack is as large.
+// Larger than every depth in a stack.
 const _: () = assert!(EDGE_NONE > 1 << 24);
 
-/// The passes beside those of the unbounded frame, but for the march of single pixels.
+/// The passes that a bounded frame adds, except for the march of single pixels.
 #[derive(Debug)]
 pub(crate) struct ShearBounds {
     texels: Dispatch,
     edges: Dispatch,
-    /// Two depths for each texel.
+    /// Two depths per texel.
     pub(crate) texel_bounds: Arc<Buffer>,
-    /// For each pixel its texel and, where it is to be marched by itself, two depths.
+    /// For each pixel its texel and, where it has a march of its own, two depths.
     pub(crate) edge_pixels: Arc<Buffer>,
 }
 
 impl ShearBounds {
-    /// `bounds` are those of pixels; there are at most `texels` texels, and `warp` is the filter between them.
+    /// Builds the passes from the bounds of pixels, for at most `texels` texels and the filter of the warp.
     pub(crate) fn new(
         gpu: &Gpu,
         bounds: &Arc<Buffer>,
@@ -80,18 +80,18 @@ impl ShearBounds {
         })
     }
 
-    /// Before a base plane is composited.
+    /// Records the bounds of the texels of a base plane, before it is composited.
     pub(crate) fn record_texels(&self, recorder: &mut Recorder<'_>, push: &ShearBoundsPush) {
         self.texels.record(recorder, push, tiles_of(push.size));
     }
 
-    /// After its warp.
+    /// Records the search for pixels with a march of their own, after the warp of the base plane.
     pub(crate) fn record_edges(&self, recorder: &mut Recorder<'_>, push: &ShearBoundsPush, extent: [u32; 2]) {
         self.edges.record(recorder, push, tiles_of(extent));
     }
 }
 
-/// What the passes need to know of a base plane; the place of its texels as in `base`.
+/// Returns the push constants of a base plane; the place of its texels is that in `base`.
 pub(crate) fn bounds_push(
     grid: &Grid,
     measure: &DepthMeasure,
@@ -102,7 +102,7 @@ pub(crate) fn bounds_push(
     let forward = view.forward() / measure.unit;
     let axes = grid.index_to_world();
     let ahead = turned([axes.x_axis, axes.y_axis, axes.z_axis].map(|axis| forward.dot(axis)), plane.axis);
-    // A matrix's size says nothing of places.
+    // The scale of a homogeneous matrix is free.
     let to_pixel = plane.to_texel.inverse();
     let largest = to_pixel.to_cols_array().iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let to_pixel: DMat3 = to_pixel * (1.0 / largest.max(f64::MIN_POSITIVE));

@@ -1,17 +1,17 @@
 //! The shear-warp factorisation of a view (Lacroute and Levoy 1994; Peikert, Object Space Volume Rendering,
 //! SciVis 2007, pages 4-7 to 4-15), in float64.
 //!
-//! A view takes an index, as `(x, y, z, 1)`, to `(u w, v w, d, w)`: pixels u and v, depth d, and w, which is 1 for
+//! A view maps an index, as `(x, y, z, 1)`, to `(u w, v w, d, w)`: pixels u and v, depth d, and w, which is 1 for
 //! parallel rays. It is `M = W S P`: P permutes the axes so that slices are stacked along z, S shears slice z by
-//! `(s_x z, s_y z)` and scales it by `1 / (1 + s_w z)`, and W takes what is then on top of each other, the base plane
-//! z = 0, to the image, whatever z is.
+//! `(s_x z, s_y z)` and scales it by `1 / (1 + s_w z)`, so that the points of one ray lie above each other, and W maps the base
+//! plane z = 0 to the image, independently of z.
 
 use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 
 use crate::error::{Error, Result};
 use crate::scene::grid::turned;
 
-/// Below this sine-like measure a base plane is taken for edge-on: what is solved for has no digits left.
+/// Determinant of the balanced system below which a base plane counts as edge-on, because its solution has no digits left.
 const EDGE_ON: f64 = 1e-12;
 
 /// `M = W S P`.
@@ -39,17 +39,17 @@ impl Factorisation {
         // Rows: the axes in the order of the stack.
         let permutation = DMat4::from_mat3(DMat3::from_cols(a, b, c).transpose());
         let m = view * permutation.transpose();
-        // The warp is M without its third column; what of that column W S has comes from the others:
-        // (s_x, s_y, s_w) solves it. The third row, depth, takes no part.
+        // The warp is M without its third column. (s_x, s_y, s_w) expresses that column by the others; the third row, depth, takes
+        // no part.
         let plane = |column: DVec4| DVec3::new(column.x, column.y, column.w);
         let columns = [m.x_axis, m.y_axis, m.w_axis].map(plane);
-        // Columns have different units: each is solved for in its own.
+        // Columns have different units: each is scaled to unit length.
         let lengths = columns.map(DVec3::length);
         if lengths.contains(&0.0) {
             return refuse("it is seen edge-on");
         }
         let [x, y, w] = [0, 1, 2].map(|i| columns[i] / lengths[i]);
-        // So have rows: pixels, and what divides them.
+        // Rows have different units, too: pixels, and the divisor w.
         let rows = DVec3::new(
             x.x.abs().max(y.x.abs()).max(w.x.abs()),
             x.y.abs().max(y.y.abs()).max(w.y.abs()),
@@ -66,7 +66,7 @@ impl Factorisation {
         let solve = |right: DVec3| balanced.inverse() * (right / rows);
         let right = plane(m.z_axis);
         let mut s = solve(right);
-        // One step of refinement: what the solution leaves over is solved for.
+        // One step of iterative refinement: solves for the residual.
         s += solve(right - (x * s.x + y * s.y + w * s.z));
         let s = s / DVec3::from_array(lengths);
         if !s.is_finite() {
@@ -78,7 +78,7 @@ impl Factorisation {
         Ok(Self { permutation, shear, warp })
     }
 
-    /// By how much a slice is sheared for each step along the stack.
+    /// The shear of a slice per unit of z.
     pub(crate) fn shears(&self) -> DVec2 {
         DVec2::new(self.shear.z_axis.x, self.shear.z_axis.y)
     }
@@ -88,13 +88,13 @@ impl Factorisation {
         self.shear.z_axis.w
     }
 
-    /// From the base plane, `(x, y, 1)`, to the image, `(u w, v w, w)`.
+    /// Maps the base plane, `(x, y, 1)`, to the image, `(u w, v w, w)`.
     pub(crate) fn to_image(self) -> DMat3 {
         let plane = |column: DVec4| DVec3::new(column.x, column.y, column.w);
         DMat3::from_cols(plane(self.warp.x_axis), plane(self.warp.y_axis), plane(self.warp.w_axis))
     }
 
-    /// Where the line of sight through a point of the base plane passes slice z.
+    /// Returns the point where the ray through a point of the base plane meets slice z.
     #[cfg(test)]
     fn on_slice(&self, base: DVec2, z: f64) -> DVec2 {
         base + z * (self.scaling() * base - self.shears())
@@ -126,7 +126,7 @@ mod tests {
         eyes
     }
 
-    /// The product is the view, whatever the axis and the projection, and the warp's third column is 0 where it shall be.
+    /// The product is the view for every axis and projection, and the warp's third column is 0 but for depth.
     #[test]
     fn the_product_of_the_factors_is_the_view() {
         let mut factored = 0;
@@ -184,7 +184,7 @@ mod tests {
         }
     }
 
-    /// A line of sight through the base plane meets each slice where the sheared slice shows the same point.
+    /// A ray through the base plane meets each slice at the point that the sheared slice has above the same point.
     #[test]
     fn lines_of_sight_are_upright_in_sheared_space() {
         for (axis, half_height) in [(0, None), (1, Some(1.0)), (2, None)] {

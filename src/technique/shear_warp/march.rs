@@ -1,4 +1,4 @@
-//! Marches of `shear-warp`: through the slabs of a base plane, in as many dispatches as a device needs.
+//! Marches through the slabs of a base plane, in as many dispatches as the device needs.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use crate::interface::BasePlanePush;
 use crate::resident::tables::Knots;
 use crate::technique::shear_warp::bounds::ShearBounds;
 use crate::technique::shear_warp::options::NAME;
-use crate::technique::shear_warp::planes::Face;
+use crate::technique::shear_warp::planes::DrawnPlane;
 
 /// A bit of `BasePlanePush::order`: another dispatch follows.
 const MORE: u32 = crate::gpu::shader::MARCH_CONTINUES;
@@ -20,46 +20,48 @@ const MORE: u32 = crate::gpu::shader::MARCH_CONTINUES;
 #[derive(Debug)]
 pub(crate) struct March {
     pub(crate) first: Arc<Pipeline>,
-    /// Continues where a dispatch before stopped, where one may have to.
+    /// Continues where the dispatch before stopped; only where the march is split.
     pub(crate) resume: Option<Arc<Pipeline>>,
     /// Slabs that one dispatch may walk.
     pub(crate) slabs_per_dispatch: u32,
 }
 
 impl March {
-    /// Dispatches for slabs; one for none, which clears.
+    /// Returns the number of dispatches for so many slabs; no slab takes one, which clears.
     pub(crate) fn parts(&self, slabs: u32) -> u32 {
         slabs.div_ceil(self.slabs_per_dispatch).max(1)
     }
 
+    /// Records the dispatches of one base plane.
     pub(crate) fn record(
         &self,
         recorder: &mut Recorder<'_>,
         name: &str,
-        face: &Face,
+        plane: &DrawnPlane,
         descriptors: &Arc<Descriptors>,
         groups: [u32; 3],
     ) {
-        for part in 0..self.parts(face.slabs) {
+        for part in 0..self.parts(plane.slabs) {
             let first = part * self.slabs_per_dispatch;
-            let count = (face.slabs - first).min(self.slabs_per_dispatch);
-            let order = face.push.order | if first + count < face.slabs { MORE } else { 0 };
-            let push = BasePlanePush { first, count, order, ..face.push };
+            let count = (plane.slabs - first).min(self.slabs_per_dispatch);
+            let order = plane.push.order | if first + count < plane.slabs { MORE } else { 0 };
+            let push = BasePlanePush { first, count, order, ..plane.push };
             let pipeline = self.resume.as_ref().filter(|_| part > 0).unwrap_or(&self.first);
             recorder.dispatch(name, pipeline, descriptors, bytemuck::bytes_of(&push), groups);
         }
     }
 }
 
-/// The march of pixels that the warp cannot tell.
+/// The march of single pixels, whose bounds differ from those of the texels around them.
 #[derive(Debug)]
 pub(crate) struct EdgeMarch {
     pub(crate) march: March,
-    /// For each stack.
+    /// One for each stack.
     pub(crate) descriptors: Vec<Arc<Descriptors>>,
 }
 
 impl EdgeMarch {
+    /// Builds the march. `constants` and `stacks` are those of the march of texels.
     pub(crate) fn new(
         gpu: &Gpu,
         bounds: &ShearBounds,

@@ -1,25 +1,42 @@
-//! Options of `shear-warp`.
+//! The algorithm of `shear-warp` and its options.
+//!
+//! A view is the product of a permutation of the axes, a shear of the slices (with a scaling in perspective) and a warp
+//! that does not depend on depth. Each texel of the base plane is one ray, along which slices are composited as in `slices-2d` or, with an
+//! integrator of segments, as in `slabs`. The number of rays does not depend on the number of pixels, which saves time.
+//!
+//! 1. `factorisation` factors the view. `base_planes` chooses base planes, up to six where the eye is near or in the domain,
+//!    and lays a lattice of texels on each.
+//! 2. `glsl/shear-warp.glsl` composites slabs: by a march along the ray of each texel (route `compute`), or by one quad per slab,
+//!    blended by fixed function (route `raster`).
+//! 3. `glsl/warp.glsl` resamples the intermediate image. Each pixel reads the base plane whose slices its ray crosses most
+//!    steeply. `warp=mip` averages texels that are smaller than pixels.
+//!
+//! Error: along a ray that of `slices-2d` or `slabs`. Resampling adds an error of second order in the texels' distance (third
+//! with `warp=bicubic`) where the image is smooth, and blurs edges by a texel. A homogeneous domain is
+//! exact for rays through both faces. Cost: per slab and covered texel one bilinear fetch (two with `step`) and one
+//! classification or integration; four to sixteen texels per pixel. Each axis in use needs one more copy of the grid. Needs: core
+//! Vulkan 1.3.
 
 use crate::error::{Error, Result};
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::technique::grid::options::{EMPTY_SPACE, GridOptions, ORDER, ROUTE, STOP};
 use crate::technique::grid::slices_2d::Stacks;
 use crate::technique::options::{self, Choice, OptionInfo, TABLE};
-use crate::technique::shear_warp::base_planes::Resolution;
+use crate::technique::shear_warp::base_plane::Resolution;
 
 pub(crate) const NAME: &str = "shear-warp";
 
-/// Most slices that one stands for.
+/// Largest value of `every`.
 const MOST_EVERY: u32 = 64;
 
-/// How the intermediate image is resampled.
+/// The filter of the warp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Warp {
-    /// Between four texels.
+    /// Bilinear, between four texels.
     Bilinear,
-    /// The same, in smaller versions of the intermediate image where its texels are smaller than pixels.
+    /// Bilinear, in smaller levels of the intermediate image where its texels are smaller than pixels.
     Mip,
-    /// Between sixteen texels (Keys 1981).
+    /// Bicubic, between sixteen texels (Keys 1981).
     Bicubic,
 }
 
@@ -28,67 +45,67 @@ impl Choice for Warp {
         &[("bilinear", Self::Bilinear), ("mip", Self::Mip), ("bicubic", Self::Bicubic)];
 }
 
-/// What sets the number of texels of the intermediate image.
+/// The resolution of the intermediate image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Intermediate {
-    /// A texel a voxel, but from one to three pixels wide.
+    /// One texel per voxel of the nearest slice, but from one to three pixels wide.
     Auto,
-    /// A texel for each voxel of the nearest slice.
+    /// One texel per voxel of the nearest slice.
     Voxel,
-    /// So many texels for each pixel, along each side.
+    /// This many texels per pixel, along each side.
     Pixel(f64),
 }
 
-/// What can be chosen, with its effect on error and time.
+/// Descriptions of the options.
 pub(crate) const OPTIONS: &[OptionInfo] = &[
     OptionInfo {
         key: "step",
         values: "slices, or a positive number",
         default: "slices",
-        effect: "slices: those of the grid, whose distance along the line grows to sqrt(3) voxels; a number: slices so far apart along the line, in units of the smallest voxel spacing, whatever the view, each a blend of two, twice the look-ups",
+        effect: "slices: composites the slices of the grid, whose distance along a ray grows to sqrt(3) voxels; a number: distance of slices along a ray, in units of the smallest voxel spacing, in every view, each a blend of two slices, with twice the fetches",
     },
     OptionInfo {
         key: "every",
         values: "a whole number from 1 to 64",
         default: "1",
-        effect: "with step=slices only every so manieth slice is looked up, and stands for so many: as much less time, and the distance of slices sets the error",
+        effect: "with step=slices: samples every n-th slice, in about 1/n of the time; the distance of these slices sets the error",
     },
     OptionInfo {
         key: "integrator",
         values: "midpoint|integral|full|exact",
         default: "midpoint",
-        effect: "midpoint classifies each slice; the others integrate the transfer function between slices, as slabs does",
+        effect: "midpoint classifies each slice; the other values integrate the transfer function between slices, as slabs does",
     },
     TABLE,
     OptionInfo {
         key: "intermediate",
-        values: "auto|voxel|pixel, or texels a pixel, a positive number",
+        values: "auto|voxel|pixel, or a positive number of texels per pixel",
         default: "auto",
-        effect: "lines of sight that are composited: one a voxel of the nearest slice (voxel), one a pixel (pixel), so many along a pixel's side, or one a voxel that is from one to three pixels wide (auto); time grows with their number, and what is smaller than their distance is blurred",
+        effect: "resolution of the intermediate image: one texel per voxel of the nearest slice (voxel), one per pixel (pixel), this many along each side of a pixel, or one per voxel but from one to three pixels wide (auto); time grows with the number of texels, and details smaller than a texel are blurred",
     },
     OptionInfo {
         key: "warp",
         values: "bilinear|mip|bicubic",
         default: "bilinear",
-        effect: "bicubic resamples the intermediate image sharper than bilinear, four times the texels; mip averages texels that are smaller than pixels, which other techniques would need many rays a pixel for",
+        effect: "bicubic resamples the intermediate image sharper than bilinear, from four times the texels; mip averages texels that are smaller than pixels, where other techniques would need many rays per pixel",
     },
     OptionInfo {
         key: "filter",
         values: "hardware|exact, or bilinear|mip|bicubic",
         default: "hardware",
-        effect: "of samples: exact has float32 weights, hardware those of the sampler; the last three words are those of warp",
+        effect: "filter of samples: exact has float32 weights, hardware those of the sampler; the last three values set warp",
     },
     OptionInfo {
         key: "hysteresis",
         values: "a number from 0 to below 1",
         default: "0.01",
-        effect: "the base plane in use is kept until the cosine of another leads by this; the picture jumps later and less often",
+        effect: "keeps the base plane in use until the cosine of another leads by this value; the image jumps later and less often",
     },
     OptionInfo {
         key: "stacks",
         values: "used|all",
         default: "used",
-        effect: "all: three copies of the grid on the device, so that no turn of the view needs an upload",
+        effect: "all keeps three copies of the grid on the device, so that no change of the view needs an upload",
     },
     ROUTE,
     ORDER,
@@ -99,22 +116,22 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
 /// Options of this technique.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Those that techniques for grids share; `step` counts only with `between`. `prefilter`, `target` and `dither` are not
-    /// for this technique.
+    /// Options that techniques for grids share; `step` counts only with `between`. This technique has no `prefilter`, `target` and
+    /// `dither`.
     pub grid: GridOptions,
-    /// Slices between those of the grid, `step` apart along the line, each a blend of two.
+    /// Whether slices are `step` apart along a ray, each a blend of two slices of the grid.
     pub between: bool,
-    /// Without `between`: every so manieth slice of the grid is looked up.
+    /// Without `between`: samples every n-th slice of the grid.
     pub every: u32,
-    /// How slabs are integrated; [`Integrator::Midpoint`] classifies slices.
+    /// The integrator of slabs; [`Integrator::Midpoint`] classifies slices.
     pub segments: SegmentOptions,
-    /// Texels of the intermediate image.
+    /// Resolution of the intermediate image.
     pub intermediate: Intermediate,
-    /// How it is resampled.
+    /// Filter of the warp.
     pub warp: Warp,
-    /// By how much the cosine of another axis must lead that of the one in use, for a plan to change base planes.
+    /// Lead of another axis's cosine at which a plan changes base planes.
     pub hysteresis: f64,
-    /// Stacks on the device.
+    /// The stacks that the device holds.
     pub stacks: Stacks,
 }
 
@@ -166,7 +183,7 @@ impl Options {
         Ok(options)
     }
 
-    /// The options as text that reads back to them; what is unset is left out.
+    /// The options as text that reads back to them; unset ones are left out.
     pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
         let mut pairs = self.grid.pairs();
         pairs.retain(|(key, _)| *key != "prefilter");
@@ -192,6 +209,7 @@ impl Options {
         pairs
     }
 
+    /// Checks the options, alone and together.
     pub(crate) fn check(&self) -> Result<()> {
         let refuse = |key: &str, why: String| Err(Error::invalid(format!("{NAME} option {key}"), why));
         if !(0.0..1.0).contains(&self.hysteresis) {
@@ -201,7 +219,7 @@ impl Options {
             return refuse("every", format!("{}: must be from 1 to {MOST_EVERY}", self.every));
         }
         if self.every > 1 && self.between {
-            return refuse("every", "of slices of the grid: step must be slices".to_string());
+            return refuse("every", "applies to slices of the grid: step must be slices".to_string());
         }
         match self.intermediate {
             Intermediate::Pixel(texels) if !(texels.is_finite() && texels > 0.0) => {
@@ -214,18 +232,19 @@ impl Options {
         }
         let default = GridOptions::default();
         if self.grid.prefilter != default.prefilter {
-            return refuse("prefilter", "is not for this technique, which has warp=mip".to_string());
+            return refuse("prefilter", "shear-warp has no prefilter: use warp=mip".to_string());
         }
         if self.grid.dither != default.dither {
             return refuse(
                 "dither",
-                "is not for this technique: the intermediate image is rgba32f".to_string(),
+                "shear-warp has no dither: the intermediate image is rgba32f".to_string(),
             );
         }
         self.segments.check(NAME, true)?;
         self.grid.check(NAME)
     }
 
+    /// The resolution as `base_planes` takes it.
     pub(crate) fn resolution(&self) -> Resolution {
         match self.intermediate {
             Intermediate::Auto => Resolution::Auto,

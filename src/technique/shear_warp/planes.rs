@@ -1,4 +1,4 @@
-//! The base planes of a view as `shear-warp`'s shaders take them.
+//! Derives the push constants of the base planes of a view.
 
 use crate::error::{Error, Result};
 use crate::frame::depth_measure::DepthMeasure;
@@ -10,28 +10,29 @@ use crate::resident::tables::{Integrator, Knots};
 use crate::resident::volume::Volume;
 use crate::scene::grid::turned;
 use crate::scene::{Grid, View};
-use crate::technique::grid::frame::MAX_SLABS;
-use crate::technique::shear_warp::base_planes::{BasePlane, Room, base_planes};
+use crate::technique::grid::cut::MAX_SLABS;
+use crate::technique::shear_warp::base_plane::BasePlane;
+use crate::technique::shear_warp::base_planes::{Capacity, base_planes};
 use crate::technique::shear_warp::bounds::bounds_push;
 use crate::technique::shear_warp::options::{NAME, Options, Warp};
 
-/// Bytes of a texel.
+/// Bytes of a texel: four float32 channels.
 pub(crate) const TEXEL: u64 = 16;
 
-/// Share of a buffer that a first view takes, so that the next ones fit it too.
+/// Share of the intermediate buffer that the first view takes, so that other views fit it too.
 pub(crate) const FILL: f64 = 0.6;
 
-/// Most texels along a side: every device allows so many workgroups of 8.
+/// Most texels along a side: workgroups of 8, of which every device allows 65535.
 const MOST_SIDE: u32 = 8 * 65_535;
 
-/// Bits of `BasePlanePush::order`, and the first of those that count slices.
+/// Bits of `BasePlanePush::order`: rays go down the stack; the first bit of `every`.
 pub(crate) const DOWN: u32 = crate::gpu::shader::PLANE_DOWN;
 const EVERY: u32 = crate::gpu::shader::PLANE_EVERY_SHIFT;
 
-/// One base plane of a view, ready to be recorded.
-#[derive(Clone, Debug)]
-pub(crate) struct Face {
-    /// Which of the stacks.
+/// One base plane of a view as the shaders take it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct DrawnPlane {
+    /// Index of its stack.
     pub(crate) stack: usize,
     pub(crate) push: BasePlanePush,
     pub(crate) slabs: u32,
@@ -41,89 +42,89 @@ pub(crate) struct Face {
     pub(crate) halves: Vec<WarpPush>,
 }
 
-/// What of a view is drawn.
+/// The base planes of a view as the shaders take them.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Faces {
-    pub(crate) faces: Vec<Face>,
+pub(crate) struct DrawnPlanes {
+    pub(crate) planes: Vec<DrawnPlane>,
     /// The axis of the only base plane.
     pub(crate) axis: Option<usize>,
-    /// Texels of all levels; raster: of all but the first.
+    /// Texels of all levels; with raster, of all but the first.
     pub(crate) texels: u32,
-    /// Raster: columns and rows of the image that holds all base planes.
+    /// With raster: columns and rows of the image that holds all base planes, one below the other.
     pub(crate) atlas: [u32; 2],
 }
 
-/// Axes of a view's base planes, and what is drawn on them.
-pub(crate) struct Planned {
+/// The base planes of a view, and their axes.
+pub(crate) struct ChosenPlanes {
     pub(crate) planes: Vec<BasePlane>,
     pub(crate) axes: Vec<usize>,
 }
 
-/// Finds the base planes of a view, with room in what the device has.
-pub(crate) fn plan(
+/// Chooses the base planes of a view, within the capacity of the device.
+pub(crate) fn choose_planes(
     gpu: &Gpu,
     grid: &Grid,
     options: &Options,
     view: &View,
     current: Option<usize>,
     raster: bool,
-) -> Result<Planned> {
-    // Smaller levels take a third more. Raster's planes lie below each other in one image, and leave room beside them.
+) -> Result<ChosenPlanes> {
+    // Smaller levels take a third more. Raster's planes lie below each other in one image, and do not fill it.
     let share = if raster { 0.3 } else { 0.7 };
     let texels = num::f64_of_u64(gpu.most_buffer_bytes() / TEXEL) * FILL * share;
     let side = f64::from(if raster { gpu.max_image_2d() } else { MOST_SIDE });
-    let room = Room { texels, side, rows: if raster { side } else { f64::INFINITY } };
-    let planes = base_planes(grid, view, current, options.hysteresis, options.resolution(), room)?;
+    let capacity = Capacity { texels, side, rows: if raster { side } else { f64::INFINITY } };
+    let planes = base_planes(grid, view, current, options.hysteresis, options.resolution(), capacity)?;
     let mut axes: Vec<usize> = planes.iter().map(|plane| plane.axis).collect();
     axes.dedup();
-    Ok(Planned { planes, axes })
+    Ok(ChosenPlanes { planes, axes })
 }
 
-impl Faces {
-    /// The base planes of a view with what shaders need to know of them.
+impl DrawnPlanes {
+    /// Derives the push constants of the chosen base planes.
     #[expect(clippy::too_many_arguments, reason = "two callers, which have all of these at hand")]
     pub(crate) fn of(
         scene: &GpuScene,
         options: &Options,
-        planned: &Planned,
+        chosen: &ChosenPlanes,
         axes: &[usize],
         volume: &Volume,
         knots: &Knots,
         view: &View,
         raster: bool,
     ) -> Result<Self> {
-        let parted = planned.planes.len() > 1;
+        let parted = chosen.planes.len() > 1;
         let grid = scene.grid()?;
         let measure = DepthMeasure::of_grid(grid);
-        let axis = match planned.planes.as_slice() {
+        let axis = match chosen.planes.as_slice() {
             [only] => Some(only.axis),
             _ => None,
         };
-        let mut faces = Self { axis, ..Self::default() };
-        faces.atlas = planned
+        let mut drawn = Self { axis, ..Self::default() };
+        drawn.atlas = chosen
             .planes
             .iter()
             .fold([0, 0], |[columns, rows], plane| [columns.max(plane.size[0]), rows + plane.size[1]]);
         let mut row = 0;
-        for (i, plane) in planned.planes.iter().enumerate() {
+        for (i, plane) in chosen.planes.iter().enumerate() {
             let stack = axes.iter().position(|&axis| axis == plane.axis).unwrap_or(0);
             let (mut push, slabs) = base_plane_push(scene, options, plane, knots)?;
             push.value_scale = volume.scale;
             push.value_offset = volume.offset;
             let [width, height] = plane.size;
-            // Seams are of the axis that comes last.
-            let [after_u, after_v] = [1, 2].map(|turn| u32::from((plane.axis + turn) % 3 > plane.axis));
+            // A pixel on a seam belongs to the plane of the axis that comes last.
+            let [after_u, after_v] = [1, 2].map(|step| u32::from((plane.axis + step) % 3 > plane.axis));
             let seams = if parted { after_u << 2 | after_v << 3 } else { 0 };
             let flags = u32::from(parted) | u32::from(i > 0) << 1 | seams;
             let mut warp = warp_push(plane, view, flags);
-            warp.offset = if raster { row } else { faces.texels };
+            warp.offset = if raster { row } else { drawn.texels };
             push.offset = warp.offset;
             row += height;
             if !raster {
-                faces.texels += width * height;
+                drawn.texels += width * height;
             }
             let below = |at: u32| f32::from_bits(at);
-            warp.to_w[3] = below(faces.texels);
+            warp.to_w[3] = below(drawn.texels);
             let mut halves = Vec::new();
             if options.warp == Warp::Mip {
                 let levels = plane.texels_per_pixel.max(1.0).log2().ceil();
@@ -131,20 +132,20 @@ impl Faces {
                 while f64::from(num::count(halves.len())) < levels && level.size != [1, 1] {
                     halves.push(level);
                     let [w, h] = level.size.map(|side| side.div_ceil(2));
-                    level = WarpPush { size: [w, h], stride: w, offset: faces.texels, ..level };
-                    faces.texels += w * h;
-                    level.to_w[3] = below(faces.texels);
+                    level = WarpPush { size: [w, h], stride: w, offset: drawn.texels, ..level };
+                    drawn.texels += w * h;
+                    level.to_w[3] = below(drawn.texels);
                 }
             }
             warp.levels = num::count(halves.len()) + 1;
             let bounds = bounds_push(grid, &measure, view, plane, &push);
-            faces.faces.push(Face { stack, push, slabs, bounds, warp, halves });
+            drawn.planes.push(DrawnPlane { stack, push, slabs, bounds, warp, halves });
         }
-        Ok(faces)
+        Ok(drawn)
     }
 }
 
-/// What a base plane's compositing needs to know; the place of its texels is left out.
+/// Returns the push constants that composite a base plane, without the place of its texels, and its number of slabs.
 fn base_plane_push(
     scene: &GpuScene,
     options: &Options,
@@ -174,7 +175,7 @@ fn base_plane_push(
             ),
         ));
     }
-    // Lengths: the axes as an upper triangle, by Gram and Schmidt from the normal of the slices on.
+    // Lengths: the axes as an upper triangular matrix, by Gram-Schmidt from the normal of the slices.
     let axes = grid.index_to_world();
     let [u, v, w] = turned([axes.x_axis, axes.y_axis, axes.z_axis], plane.axis);
     let across = u.cross(v).normalize_or_zero();
@@ -213,7 +214,7 @@ fn base_plane_push(
     Ok((push, num::u32_of(count)))
 }
 
-/// What the warp needs to know of a base plane; the place of its texels is left out.
+/// Returns the push constants that warp a base plane, without the place of its texels.
 fn warp_push(plane: &BasePlane, view: &View, flags: u32) -> WarpPush {
     let [width, height] = view.extent();
     let row = |m: glam::DMat3, i: usize| num::vec3_of(m.row(i)).extend(0.0).to_array();

@@ -299,11 +299,6 @@ impl Prepared for SplatFrame {
         "compute"
     }
 
-    fn passes(&self) -> u32 {
-        // Status, kernels, a sort of at most five digits; bins and what is drawn of them.
-        2 + 20 + num::count(self.bands.len()) * (6 + self.rounds) + 2
-    }
-
     fn counters(&self) -> Vec<(&'static str, u64)> {
         vec![
             ("tiles", self.bands.iter().map(|band| u64::from(band.tiles)).sum()),

@@ -45,8 +45,8 @@ pub(crate) const OPTIONS: &[OptionInfo] = &[
 
 /// How faces reach the pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Route {
-    /// Chooses [`Route::Compute`].
+pub enum KBufferRoute {
+    /// Chooses [`KBufferRoute::Compute`].
     Auto,
     /// Lists the faces of each pixel, and keeps the k-buffer in registers.
     Compute,
@@ -57,7 +57,7 @@ pub enum Route {
     ImplementationOrdered,
 }
 
-impl Choice for Route {
+impl Choice for KBufferRoute {
     const WORDS: &'static [(&'static str, Self)] = &[
         ("auto", Self::Auto),
         ("compute", Self::Compute),
@@ -66,7 +66,7 @@ impl Choice for Route {
     ];
 }
 
-impl Route {
+impl KBufferRoute {
     pub(crate) fn rasterises(self) -> bool {
         matches!(self, Self::Interlock | Self::ImplementationOrdered)
     }
@@ -80,7 +80,7 @@ pub struct Options {
     /// Pairs of the k-buffer, 1 to 15.
     pub k: u32,
     /// How faces reach the pixels.
-    pub route: Route,
+    pub route: KBufferRoute,
     /// Treatment of pixels whose faces were not sorted.
     pub repair: Repair,
     /// Faces of a pixel that one dispatch takes; `None`: all.
@@ -89,7 +89,13 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { mesh: MeshOptions::default(), k: 7, route: Route::Auto, repair: Repair::Exact, chunk: None }
+        Self {
+            mesh: MeshOptions::default(),
+            k: 7,
+            route: KBufferRoute::Auto,
+            repair: Repair::Exact,
+            chunk: None,
+        }
     }
 }
 

@@ -42,7 +42,7 @@ use crate::resident::tables::{Knots, Table};
 use crate::scene::View;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::flagged::FlaggedFrame;
-use crate::technique::mesh::havs::options::Route;
+use crate::technique::mesh::havs::options::KBufferRoute;
 use crate::technique::mesh::havs::repairs::Repairs;
 use crate::technique::mesh::outcome::MeshOutcome;
 use crate::technique::mesh::overlaps::Overlaps;
@@ -63,7 +63,7 @@ pub(crate) struct RasterFrame {
     tiles: u32,
     /// 2 where faces behind the eye are drawn too, else 1.
     lobes: u32,
-    route: Route,
+    route: KBufferRoute,
     ranking: Ranking,
     draw: (Arc<Pipeline>, Arc<Descriptors>),
     empty: Dispatch,
@@ -112,9 +112,9 @@ impl Outcome for RasterOutcome {
 /// # Errors
 ///
 /// [`Error::Unsupported`] with the missing feature.
-fn check_route(gpu: &Gpu, route: Route, name: &str) -> Result<()> {
+fn check_route(gpu: &Gpu, route: KBufferRoute, name: &str) -> Result<()> {
     let (feature, missing) = match route {
-        Route::Interlock => {
+        KBufferRoute::Interlock => {
             (OptionalFeature::FragmentInterlock, "fragmentShaderPixelInterlock; route=compute works")
         }
         _ => (
@@ -130,7 +130,7 @@ fn check_route(gpu: &Gpu, route: Route, name: &str) -> Result<()> {
 }
 
 /// Refuses more faces than one draw has vertices for.
-fn check_faces(name: &str, route: Route, faces: u32) -> Result<()> {
+fn check_faces(name: &str, route: KBufferRoute, faces: u32) -> Result<()> {
     // Shaders count vertices in signed numbers.
     if u64::from(faces) * 3 <= u64::from(u32::MAX / 2) {
         return Ok(());
@@ -177,13 +177,18 @@ fn draw_resources(
 }
 
 /// Builds the pipeline that draws faces.
-fn draw_pipeline(gpu: &Gpu, name: &str, route: Route, constants: &[SpecConstant]) -> Result<Arc<Pipeline>> {
+fn draw_pipeline(
+    gpu: &Gpu,
+    name: &str,
+    route: KBufferRoute,
+    constants: &[SpecConstant],
+) -> Result<Arc<Pipeline>> {
     gpu.graphics_pipeline(
         &format!("{name}.draw"),
         &GraphicsDesc {
             vertex: &HAVS_RASTER_VERTEX,
             fragment: match route {
-                Route::Interlock => &HAVS_RASTER_INTERLOCK,
+                KBufferRoute::Interlock => &HAVS_RASTER_INTERLOCK,
                 _ => &HAVS_RASTER_IMPLEMENTATION,
             },
             topology: vk::PrimitiveTopology::TRIANGLE_LIST,
@@ -201,7 +206,7 @@ impl RasterFrame {
         view: &View,
         target: &Canvas,
         desc: MeshDesc,
-        route: Route,
+        route: KBufferRoute,
     ) -> Result<Self> {
         let gpu = scene.gpu();
         let name = desc.name;
@@ -329,16 +334,6 @@ impl Prepared for RasterFrame {
 
     fn route(&self) -> &'static str {
         self.route.word()
-    }
-
-    fn passes(&self) -> u32 {
-        // As `MeshFrame`; and flags, faces, what is left.
-        let sort = 16;
-        let repair = self.repair.as_ref().map_or(0, |repair| {
-            let bands = num::count(repair.lists.bands.len());
-            6 + bands * (5 + 2 * repair.lists.windows + repair.rounds)
-        });
-        7 + sort + 3 + repair + self.overlaps.as_ref().map_or(0, Overlaps::passes) + 2
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {

@@ -290,6 +290,59 @@ impl TetsRaster {
         }
         Ok(given)
     }
+
+    /// Returns the image that is drawn into: the plan's own, or the caller's.
+    fn attachment(&self, target: Option<&TargetImage>) -> Option<Attachment> {
+        match &self.image {
+            Some(image) => Some(Attachment::Own(Arc::clone(image))),
+            None => target.map(|target| Attachment::Caller(*target)),
+        }
+    }
+
+    /// Records a frame. `fans` and `ranks` say whether it reuses those of the previous frame.
+    fn record_frame(
+        &self,
+        recorder: &mut Recorder<'_>,
+        attachment: &Attachment,
+        clear: bool,
+        [fans, ranks]: [bool; 2],
+    ) {
+        if let Some(table) = &self.table {
+            recorder.assume_ready(&table.image);
+        }
+        let push = MeshPush { count: self.ranking.count, ..self.push };
+        let groups = groups_of(self.ranking.count, 64);
+        self.ranking.record_points(recorder, &push);
+        // Fans in space also rank cells outside of the image, when they are built.
+        if self.options.plane == Plane::Image {
+            self.ranking.record_boxes(recorder, &push);
+            self.ranking.record_order(recorder);
+        }
+        if !fans {
+            self.polygons.record(recorder, &push, groups);
+        }
+        if self.options.plane == Plane::Space && !ranks {
+            self.ranking.record_order(recorder);
+        }
+        let vertices = if self.options.has_fans() { FAN_VERTICES } else { OUTLINE_VERTICES };
+        recorder.draw(
+            &format!("{}.draw", self.name),
+            &self.pipeline,
+            &self.descriptors,
+            bytemuck::bytes_of(&push),
+            attachment,
+            clear || self.image.is_some(),
+            vertices * self.ranking.count,
+            1,
+        );
+        recorder.copy_buffer(
+            "status",
+            &self.ranking.status,
+            &self.outcome.status,
+            self.outcome.status.size(),
+        );
+        recorder.release_to_host(&self.outcome.status);
+    }
 }
 
 impl Prepared for TetsRaster {
@@ -319,67 +372,29 @@ impl Prepared for TetsRaster {
         "raster"
     }
 
-    fn passes(&self) -> u32 {
-        // Status, points, boxes, a sort of at most four digits, polygons, the draw, and the status again.
-        3 + 16 + 3
-    }
-
     fn counters(&self) -> Vec<(&'static str, u64)> {
         let mut counters = vec![("cells_seen", u64::from(self.ranking.count))];
         counters.extend_from_slice(self.ranker.counters());
         counters
     }
 
+    fn outcome(&self) -> Option<Arc<dyn Outcome>> {
+        Some(Arc::clone(&self.outcome) as _)
+    }
+
     fn record(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>, clear: bool) {
-        if let Some(table) = &self.table {
-            recorder.assume_ready(&table.image);
-        }
-        let attachment = match (&self.image, target) {
-            (Some(image), _) => Attachment::Own(Arc::clone(image)),
-            (None, Some(target)) => Attachment::Caller(*target),
-            (None, None) => return,
-        };
+        let Some(attachment) = self.attachment(target) else { return };
         // The next recording can reuse the results of this one, because a plan has one in flight.
         let mut built = self.built.lock().unwrap_or_else(PoisonError::into_inner);
         let [fans, ranks] = self.serves(*built, &self.view);
         *built = Some((Eye::of(&self.view), self.ranked));
         *self.outcome.reused.lock().unwrap_or_else(PoisonError::into_inner) = [fans, ranks];
-
-        let push = MeshPush { count: self.ranking.count, ..self.push };
-        let groups = groups_of(self.ranking.count, 64);
-        self.ranking.record_points(recorder, &push);
-        // Fans in space also rank cells outside of the image, when they are built.
-        if self.options.plane == Plane::Image {
-            self.ranking.record_boxes(recorder, &push);
-            self.ranking.record_order(recorder);
-        }
-        if !fans {
-            self.polygons.record(recorder, &push, groups);
-        }
-        if self.options.plane == Plane::Space && !ranks {
-            self.ranking.record_order(recorder);
-        }
-        let vertices = if self.options.has_fans() { FAN_VERTICES } else { OUTLINE_VERTICES };
-        recorder.draw(
-            &format!("{}.draw", self.name),
-            &self.pipeline,
-            &self.descriptors,
-            bytemuck::bytes_of(&push),
-            &attachment,
-            clear || self.image.is_some(),
-            vertices * self.ranking.count,
-            1,
-        );
-        recorder.copy_buffer(
-            "status",
-            &self.ranking.status,
-            &self.outcome.status,
-            self.outcome.status.size(),
-        );
-        recorder.release_to_host(&self.outcome.status);
+        self.record_frame(recorder, &attachment, clear, [fans, ranks]);
     }
 
-    fn outcome(&self) -> Option<Arc<dyn Outcome>> {
-        Some(Arc::clone(&self.outcome) as _)
+    fn record_most(&self, recorder: &mut Recorder<'_>, target: &TargetImage) {
+        if let Some(attachment) = self.attachment(Some(target)) {
+            self.record_frame(recorder, &attachment, true, [false; 2]);
+        }
     }
 }

@@ -1,7 +1,10 @@
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3};
 
-use crate::scene::{Camera, Projection, Samples};
-use crate::technique::shear_warp::base_planes::*;
+use crate::num;
+use crate::scene::{Camera, Grid, Projection, Samples, View};
+use crate::technique::shear_warp::base_plane::{BasePlane, Resolution};
+use crate::technique::shear_warp::base_planes::{Capacity, base_planes};
+use crate::technique::shear_warp::region::MOST_SHEAR;
 
 /// Numbers in [0, 1), the same in every run.
 struct Random(u64);
@@ -116,7 +119,7 @@ fn owns(plane: &BasePlane, pixel: DVec2) -> (bool, bool) {
     (in_front && (alone || s.x >= side), !alone && (s.x - side).abs() < 1e-9 * s.abs().max_element())
 }
 
-/// A texel's line at a depth, world.
+/// Returns the point of a texel's ray at a depth, in the world.
 fn on_line(grid: &Grid, plane: &BasePlane, texel: DVec2, z: f64) -> DVec3 {
     // The middle as shaders have it.
     let t = texel - DVec2::from_array(plane.size.map(|side| f64::from(side / 2)));
@@ -128,13 +131,13 @@ fn on_line(grid: &Grid, plane: &BasePlane, texel: DVec2, z: f64) -> DVec3 {
     grid.centre() + grid.index_to_world() * index
 }
 
-/// Room for so many texels, however they lie.
-fn of(texels: f64) -> Room {
-    Room { texels, side: 1e9, rows: 1e9 }
+/// Capacity for so many texels, however they lie.
+fn of(texels: f64) -> Capacity {
+    Capacity { texels, side: 1e9, rows: 1e9 }
 }
 
-/// Every pixel that sees the domain has one plane, which holds its line, exactly, a texel or more from the lattice's edge;
-/// lines are no steeper than they may be, and texels no more.
+/// Every pixel that sees the domain belongs to one plane, whose lattice holds its ray exactly, at least one texel from the edge.
+/// No shear and no number of texels exceeds its limit.
 #[test]
 fn every_pixel_s_line_lies_on_one_base_plane() {
     let mut random = Random(0x9e37_79b9_7f4a_7c15);
@@ -204,7 +207,7 @@ fn every_pixel_s_line_lies_on_one_base_plane() {
                     let [n, u, v] = [0, 1, 2].map(|i| direction.dot(normals[(plane.axis + i) % 3]).abs());
                     let limit = match (planes.len(), parallel) {
                         (1, false) => MOST_SHEAR,
-                        // The steepest planes, or the line's own pyramid.
+                        // The steepest planes, or the ray's own pyramid.
                         _ => 1.0,
                     };
                     assert!(u.max(v) <= n * limit * (1.0 + 1e-9), "{what} {pixel}: shear {}", u.max(v) / n);
@@ -327,7 +330,7 @@ fn there_are_as_many_texels_as_asked_for() {
     }
 }
 
-/// A view along an axis to rounding, whose line meets the planes beside it nowhere near, has all of them.
+/// A view along an axis up to rounding, whose central ray is nearly parallel to the other planes, has all of its planes.
 #[test]
 fn a_view_along_an_axis_to_rounding_has_its_planes() {
     let grid = grid([65, 65, 65], DVec3::ONE, DMat3::IDENTITY);
@@ -363,7 +366,7 @@ fn a_view_along_an_axis_to_rounding_has_its_planes() {
     }
 }
 
-/// What a device has no room for along a side, or in rows, is made of coarser texels; a plane that is kept is not edge-on.
+/// Coarser texels replace those that exceed a side or the rows of the device; hysteresis keeps no plane that is edge-on.
 #[test]
 fn sides_and_shears_have_their_limits() {
     let grid = grid([40, 40, 40], DVec3::ONE, DMat3::IDENTITY);
@@ -372,7 +375,7 @@ fn sides_and_shears_have_their_limits() {
         let eye = grid.centre() - 100.0 * direction;
         View::new(Camera { eye, target: grid.centre(), up: DVec3::Y, projection }, size[0], size[1]).unwrap()
     };
-    let room = Room { texels: 1e9, side: 700.0, rows: 500.0 };
+    let room = Capacity { texels: 1e9, side: 700.0, rows: 500.0 };
     let view = look(DVec3::new(0.2, 0.1, -1.0), [1, 4096]);
     let [plane] = base_planes(&grid, &view, None, 0.0, Resolution::Pixel(128.0), room).unwrap()[..] else {
         panic!()

@@ -1,14 +1,20 @@
-//! What is composited on base planes, line by line, before the warp.
+//! Compares the texels of base planes, before the warp, with the reference along their rays.
+
+use std::sync::Arc;
 
 use glam::{DMat3, DVec2, DVec3};
 
+use crate::frame::prepared::Prepared;
+use crate::frame::target::Canvas;
 use crate::gpu::testing::TestGpu;
+use crate::num;
 use crate::reference;
+use crate::resident::GpuScene;
 use crate::scene::grid::turned;
-use crate::scene::{Camera, Field, Projection, Scene, TransferFunction};
+use crate::scene::{Camera, Field, Projection, Scene, TransferFunction, View};
 use crate::technique::registry::Technique;
 use crate::technique::renderer::Renderer;
-use crate::technique::shear_warp::frame::*;
+use crate::technique::shear_warp::frame::ShearFrame;
 use crate::technique::shear_warp::planes::DOWN;
 
 /// The standard transfer function of Marschner and Lobb's field, *shells*.
@@ -37,7 +43,7 @@ fn along(direction: DVec3, side: u32) -> View {
     View::new(camera, side, side).unwrap()
 }
 
-/// Every texel of a frame's base planes: the start and the direction of its line, and what was composited there.
+/// Draws a frame; returns the start and the direction of the ray of every texel of its base planes, and the texel's colour.
 fn texels(gpu: &TestGpu, frame: &ShearFrame) -> Vec<(DVec3, DVec3, [f32; 4])> {
     gpu.record(|recorder| {
         frame.record(recorder, None, true);
@@ -47,18 +53,18 @@ fn texels(gpu: &TestGpu, frame: &ShearFrame) -> Vec<(DVec3, DVec3, [f32; 4])> {
     let grid = frame.scene.grid().unwrap();
     let axes = grid.index_to_world();
     let mut all = Vec::new();
-    for face in &frame.faces.faces {
-        let axis = frame.stacks[face.stack].axis;
+    for plane in &frame.drawn.planes {
+        let axis = frame.stacks[plane.stack].axis;
         let [u, v, w] = turned([axes.x_axis, axes.y_axis, axes.z_axis], axis);
-        let (q, d) = (face.push.q0_step.map(f64::from), face.push.d0_step.map(f64::from));
-        let sign = if face.push.order & DOWN != 0 { -1.0 } else { 1.0 };
-        let [columns, rows] = face.push.size;
+        let (q, d) = (plane.push.q0_step.map(f64::from), plane.push.d0_step.map(f64::from));
+        let sign = if plane.push.order & DOWN != 0 { -1.0 } else { 1.0 };
+        let [columns, rows] = plane.push.size;
         for y in 0..rows {
             for x in 0..columns {
                 let t = DVec2::new(f64::from(x) - f64::from(columns / 2), f64::from(y) - f64::from(rows / 2));
                 let at = grid.centre() + u * (q[0] + q[2] * t.x) + v * (q[1] + q[3] * t.y);
                 let direction = u * (d[0] + d[2] * t.x) + v * (d[1] + d[3] * t.y) + w * sign;
-                let place = 4 * num::index(face.push.offset + y * columns + x);
+                let place = 4 * num::index(plane.push.offset + y * columns + x);
                 let colour = std::array::from_fn(|c| f32::from_bits(words[place + c]));
                 all.push((at, direction, colour));
             }
@@ -108,7 +114,7 @@ fn directions(count: u32) -> Vec<DVec3> {
         .collect()
 }
 
-/// RMSE over lines that meet the domain: of base planes, and of `slabs` with as many samples on a line.
+/// Sums the errors over rays that meet the domain: of base planes, and of `slabs` with as many samples per ray.
 fn before_the_warp(
     gpu: &TestGpu,
     scene: &Scene,
@@ -137,7 +143,7 @@ fn before_the_warp(
     sums
 }
 
-/// With slabs of constant thickness along the line, integrated, base planes are as good as view-aligned slabs wherever
+/// With slabs of constant thickness along the ray, integrated, base planes are as good as view-aligned slabs wherever
 /// the view looks: numerics of shear-warp's textbook form lose three times over 54.7 degrees.
 #[test]
 fn before_the_warp_lines_are_as_good_as_slabs_from_everywhere() {
