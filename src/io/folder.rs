@@ -1,24 +1,29 @@
-//! A folder: slices in files of their own, or one data file.
+//! Folders: a stack of slices, one per file, or exactly one data file.
 
 use std::cmp::Ordering;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::source::Source;
-use super::{Loaded, ReadOptions, Reader as _, by_content, by_name, dicom, tiff};
 use crate::error::{Error, Result};
+use crate::io::file::source::Source;
+use crate::io::formats::dicom::{self, recognise};
+use crate::io::formats::tiff::{self, file};
+use crate::io::options::ReadOptions;
+use crate::io::reader::Reader as _;
+use crate::io::registry::{by_content, by_name};
+use crate::io::report::Loaded;
 
 /// Most files that are looked at.
 const MAX_FILES: usize = 1 << 17;
 
 /// Reads what a folder holds: slices in TIFF files, a DICOM series, or exactly one data file.
-pub(super) fn read(folder: &Path, options: &ReadOptions) -> Result<Loaded> {
+pub(crate) fn read(folder: &Path, options: &ReadOptions) -> Result<Loaded> {
     let mut files = Files::list(folder)?;
     files.sort(options)?;
     let Files { slices, images, others, left_out, folders, .. } = &files;
     let mut loaded = match (slices.as_slice(), images.as_slice(), others.as_slice()) {
         ([path], [], []) | ([], [], [(path, _)]) => {
-            super::read_source(&Source::open(path, options)?, options)
+            crate::io::registry::read_source(&Source::open(path, options)?, options)
         }
         (slices, [], []) if !slices.is_empty() => {
             let mut loaded = tiff::read_series(folder, slices, options)?;
@@ -85,9 +90,9 @@ impl Files {
             }
             let source = Source::open(&path, options)?;
             // What is named as a slice and is none must not be missed.
-            if tiff::is(&source) || named(&path, tiff::Tiff.extensions()) {
+            if file::is_tiff(&source) || named(&path, tiff::Tiff.extensions()) {
                 self.slices.push(path);
-            } else if dicom::is(&source) || named(&path, dicom::Dicom.extensions()) {
+            } else if recognise::is_dicom(&source) || named(&path, dicom::Dicom.extensions()) {
                 self.images.push(path);
             } else if let Some(reader) = by_content(&source) {
                 self.others.push((path, reader.name()));

@@ -1,4 +1,4 @@
-//! What a caller may ask of a reader.
+//! Options of readers: memory limit, array selection, progress.
 
 use std::fmt;
 use std::sync::Arc;

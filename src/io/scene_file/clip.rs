@@ -1,4 +1,4 @@
-//! What of the volume a scene file cuts away.
+//! The key `clip`: planes and a box that cut the volume.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! The kernels that a scene file asks for.
+//! The key `kernels`, and the keys of kernels among those of points.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! The points that a scene file names.
+//! The key `points`: a data file, or an analytic field at random points.
 
 use std::fmt;
 use std::path::Path;
@@ -7,11 +7,13 @@ use serde::de::Visitor;
 use serde::{Deserialize, Deserializer};
 
 use crate::error::{Error, Result};
+use crate::io::options::ReadOptions;
+use crate::io::read;
+use crate::io::report::Report;
+use crate::io::scene_file::data::{SceneData, beside};
 use crate::io::scene_file::kernels::{KernelsSpec, Kind};
-use crate::io::scene_file::{Source, beside};
-use crate::io::{self, Data, ReadOptions, Report};
 use crate::num;
-use crate::scene::{Field, KernelSize, Kernels, Points};
+use crate::scene::{Data, Field, KernelSize, Kernels, Points};
 
 /// Both kinds of points under one set of keys, so that every message can name its key.
 #[derive(Deserialize)]
@@ -87,7 +89,7 @@ impl PointsSpec {
         KernelsSpec { kernel: kernel.clone(), sigma: None, cut: *cut, model: model.clone(), least: *least }
     }
 
-    pub(crate) fn load(&self, scene: &Path, options: &ReadOptions) -> Result<Source> {
+    pub(crate) fn load(&self, scene: &Path, options: &ReadOptions) -> Result<SceneData> {
         let refuse = |place: &str, rule: &str| Err(Error::file(scene, place, rule));
         if self.radius.is_some() && self.covariance.is_some() {
             return refuse("points.covariance", "points have either `radius` or `covariance`, not both");
@@ -102,13 +104,13 @@ impl PointsSpec {
             (None, Some(field)) => {
                 self.refuse_arrays(scene, options)?;
                 let report = Report { format: "analytic field", ..Report::default() };
-                Ok(Source::of_points(scene, self.analytic(scene, field, options)?, report))
+                Ok(SceneData::of_points(scene, self.analytic(scene, field, options)?, report))
             }
         }
     }
 
     /// What the options ask for wins over what stands here: a size of either kind over a size of either kind.
-    fn read(&self, file: &Path, options: &ReadOptions) -> Result<Source> {
+    fn read(&self, file: &Path, options: &ReadOptions) -> Result<SceneData> {
         let mut wanted = options.clone();
         wanted.array = wanted.array.or_else(|| self.array.clone());
         wanted.weight = wanted.weight.or_else(|| self.weight.clone());
@@ -121,14 +123,14 @@ impl PointsSpec {
                 None => {}
             }
         }
-        let loaded = io::read(file, &wanted)?;
+        let loaded = read::read(file, &wanted)?;
         let holds = |what: &str| Err(Error::file(file, "content", format!("holds a {what}")));
         let points = match loaded.data {
             Data::Points(points) => points,
             Data::Grid(_) => return holds("grid: a scene names it in `volume`"),
             Data::Mesh(_) => return holds("mesh: a scene names it in `mesh`"),
         };
-        Ok(Source::of_points(file, sized(points, all)?, loaded.report))
+        Ok(SceneData::of_points(file, sized(points, all)?, loaded.report))
     }
 
     /// Fields have no arrays, whether the scene asks for them or the options do.

@@ -1,12 +1,14 @@
-//! The surfaces that a scene file names.
+//! The key `opaque`: surfaces from files, boxes and spheres.
 
 use std::path::Path;
 
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
-use crate::io::scene_file::beside;
-use crate::io::{self, ReadOptions, Triangles};
+use crate::io::formats::fan::Triangles;
+use crate::io::formats::triangles;
+use crate::io::options::ReadOptions;
+use crate::io::scene_file::data::beside;
 use crate::num;
 use crate::scene::{Shading, Surface};
 
@@ -120,7 +122,7 @@ impl<'a> Plan<'a> {
         };
         let surface = if let Some(file) = &self.spec.file {
             let path = beside(self.scene, file);
-            let Triangles { points, triangles } = io::read_triangles(&path, options)?;
+            let Triangles { points, triangles } = triangles::read_triangles(&path, options)?;
             Surface::new(points, triangles, self.colour).map_err(|error| error.in_file(&path))?
         } else if let Some(BoxSpec { low, high }) = &self.spec.cuboid {
             Surface::cuboid((*low).into(), (*high).into(), self.colour).map_err(at(".box"))?

@@ -1,12 +1,16 @@
-//! The volume that a scene file names.
+//! The key `volume`: a data file, raw samples, or an analytic field on a grid.
 
 use std::path::Path;
 
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
-use crate::io::scene_file::{Source, beside};
-use crate::io::{self, Described, ReadOptions, Report};
+use crate::io::formats::raw;
+use crate::io::formats::raw::layout::Described;
+use crate::io::options::ReadOptions;
+use crate::io::read;
+use crate::io::report::Report;
+use crate::io::scene_file::data::{SceneData, beside};
 use crate::scene::{Field, Grid};
 
 /// The three kinds of volume under one set of keys, so that every message can name its key.
@@ -37,7 +41,7 @@ impl VolumeSpec {
         ]
     }
 
-    pub(crate) fn load(&self, scene: &Path, options: &ReadOptions) -> Result<Source> {
+    pub(crate) fn load(&self, scene: &Path, options: &ReadOptions) -> Result<SceneData> {
         let refuse = |place: &str, rule: String| Err(Error::file(scene, place, rule));
         options.check_kernels("a grid").map_err(|error| error.in_file(scene))?;
         let named = self.file.is_some() && self.dims.is_none() && self.r#type.is_none();
@@ -57,7 +61,7 @@ impl VolumeSpec {
                 if let Some(key) = stray() {
                     return refuse(key, "belongs to raw data: a field fills the cube from -1 to 1".into());
                 }
-                Ok(Source {
+                Ok(SceneData {
                     data: self.analytic(scene, field, options)?.into(),
                     file: scene.to_path_buf(),
                     report: Report { format: "analytic field", ..Report::default() },
@@ -74,7 +78,7 @@ impl VolumeSpec {
                     None => {
                         let file = beside(scene, file);
                         let array = options.array.clone().or_else(|| self.array.clone());
-                        Source::grid(&file, io::read(&file, &ReadOptions { array, ..options.clone() })?)
+                        SceneData::grid(&file, read::read(&file, &ReadOptions { array, ..options.clone() })?)
                     }
                 },
             },
@@ -114,7 +118,7 @@ impl VolumeSpec {
         dims: [u32; 3],
         kind: &str,
         options: &ReadOptions,
-    ) -> Result<Source> {
+    ) -> Result<SceneData> {
         let described = Described {
             dims,
             kind,
@@ -125,6 +129,6 @@ impl VolumeSpec {
             offset: self.offset,
         };
         let layout = described.layout(&|key, rule| Error::file(scene, format!("volume.{key}"), rule))?;
-        Source::grid(file, io::load_raw(file, &layout, options)?)
+        SceneData::grid(file, raw::load_raw(file, &layout, options)?)
     }
 }

@@ -1,0 +1,221 @@
+//! From solid cells and an array to a tetrahedral mesh.
+
+use std::collections::{BTreeMap, TryReserveError};
+
+use glam::DVec3;
+
+use crate::error::Result;
+use crate::io::build::arrays::{self, Association, Choice, coarse, describe};
+use crate::io::build::cells::flat;
+use crate::io::build::cells::{Counts, check_supported};
+use crate::io::build::dataset::Dataset;
+use crate::io::build::origin::{Origin, ReadArray, ghosts};
+use crate::io::file::budget::Budget;
+use crate::io::options::ReadOptions;
+use crate::io::report::Loaded;
+use crate::num;
+use crate::scene::{CellKind, Data, Orientation, TetScalars, Tets};
+
+/// Ghost cells of VTK: a copy of another piece's, or hidden.
+const DUPLICATE_OR_HIDDEN: u8 = 1 | 32;
+
+impl Dataset {
+    pub(crate) fn mesh(
+        self,
+        counts: &Counts,
+        origin: Origin,
+        budget: &mut Budget,
+        read: &mut ReadArray,
+        options: &ReadOptions,
+    ) -> Result<Loaded> {
+        let Origin { source, format, arrays } = origin;
+        options.check_kernels("a mesh").map_err(|error| error.in_file(source.path()))?;
+        let mut notes = Vec::new();
+        let mut warnings = Vec::new();
+        check_supported(source, counts)?;
+        let surface: u64 = counts.iter().filter(|&(&number, _)| flat(number)).map(|(_, count)| count).sum();
+        if surface > 0 {
+            notes.push(format!("{surface} cells without volume (surfaces, lines, vertices) left out"));
+        }
+
+        let ghosts = ghosts(&arrays, Association::Cell, self.types.len(), budget, read)?;
+        let ghost =
+            |cell: usize| ghosts.as_ref().is_some_and(|ghosts| ghosts[cell] & DUPLICATE_OR_HIDDEN != 0);
+
+        let chosen = arrays::choose(source, &arrays, options.array.as_deref())?;
+        let Some(Choice { index, pick }) = chosen else {
+            return Err(source.error("arrays", "none: a mesh needs point or cell data to show"));
+        };
+        let association = arrays[index].association;
+        let per_tuple = if association == Association::Point { self.points.len() } else { self.types.len() };
+        budget.take("arrays", num::wide(per_tuple).saturating_mul(4))?;
+        let mut values = read(index, pick)?.into_f32();
+        if values.len() != per_tuple {
+            let rule = format!("{} tuples: {per_tuple} are needed", values.len());
+            return Err(source.error(format!("array {}", arrays[index]), rule));
+        }
+
+        // Tetrahedra, each with the cell that it comes from where that matters.
+        let most: u64 = counts
+            .iter()
+            .filter_map(|(&number, &count)| {
+                let most = CellKind::of_vtk(number)?.most_tets();
+                u64::try_from(most).ok()?.checked_mul(count)
+            })
+            .fold(0, u64::saturating_add);
+        budget.take("cells", most.saturating_mul(if association == Association::Cell { 24 } else { 16 }))?;
+        let Self { mut points, types, ends, nodes } = self;
+        let split = counts
+            .keys()
+            .any(|&number| !matches!(CellKind::of_vtk(number), None | Some(CellKind::Tetrahedron)));
+        let ranks = if split {
+            budget.take("points", num::wide(points.len()).saturating_mul(8))?;
+            ranks(&points)
+        } else {
+            Vec::new()
+        };
+        let centres: usize =
+            types.iter().filter(|&&n| CellKind::of_vtk(n).is_some_and(|k| k.centre().is_some())).count();
+        budget.take("points", num::wide(centres).saturating_mul(28))?;
+
+        let full = |_: TryReserveError| source.error("cells", "memory is full");
+        let most = usize::try_from(most).unwrap_or(usize::MAX);
+        let mut tets: Vec<[u32; 4]> = Vec::new();
+        let mut cell_values = Vec::new();
+        tets.try_reserve_exact(most).map_err(full)?;
+        points.try_reserve_exact(centres).map_err(full)?;
+        match association {
+            Association::Point => values.try_reserve_exact(centres).map_err(full)?,
+            Association::Cell => cell_values.try_reserve_exact(most).map_err(full)?,
+        }
+        let mut begin = 0;
+        let mut made: BTreeMap<u8, Made> = BTreeMap::new();
+        let mut ghost_count = 0;
+        for (cell, (&end, &number)) in ends.iter().zip(&types).enumerate() {
+            let own = &nodes[num::index(begin)..num::index(end)];
+            begin = end;
+            let Some(kind) = CellKind::of_vtk(number) else { continue };
+            if ghost(cell) {
+                ghost_count += 1;
+                continue;
+            }
+            let before = tets.len();
+            let mut centre = 0;
+            if let Some(weights) = kind.centre() {
+                let index = u32::try_from(points.len()).ok().filter(|&index| index < u32::MAX);
+                centre = index.ok_or_else(|| source.error("cells", "more points than 32 bits can count"))?;
+                let pairs = || own.iter().map(|&node| num::index(node)).zip(weights);
+                points.push(pairs().map(|(node, weight)| points[node] * *weight).sum());
+                if association == Association::Point {
+                    let value: f64 = pairs().map(|(node, weight)| f64::from(values[node]) * weight).sum();
+                    values.push(num::f32_of(value));
+                }
+            }
+            let at = |node: u32| points[num::index(node)];
+            let closer = |[a, b]: [u32; 2], [c, d]: [u32; 2]| {
+                at(a).distance_squared(at(b)) < at(c).distance_squared(at(d))
+            };
+            kind.cut(own, centre, |node| ranks[num::index(node)], closer, |tet| tets.push(tet));
+            let count = made.entry(number).or_default();
+            count.cells += 1;
+            count.tets += tets.len() - before;
+            if kind != CellKind::Tetrahedron {
+                count.turn(&points, &mut tets[before..]);
+            }
+            if association == Association::Cell {
+                cell_values.resize(tets.len(), values[cell]);
+            }
+        }
+        drop((types, ends, nodes, ranks));
+        for (number, Made { cells, tets, inside_out, twisted }) in made {
+            let Some(kind) = CellKind::of_vtk(number).filter(|&kind| kind != CellKind::Tetrahedron) else {
+                continue;
+            };
+            let name = kind.name();
+            notes.push(format!("{cells} {name} became {tets} tetrahedra"));
+            // Programs do not agree which way round a wedge is.
+            if inside_out > 0 && !matches!(kind, CellKind::Wedge | CellKind::QuadraticWedge) {
+                notes.push(format!("{inside_out} {name} were inside out and were turned"));
+            }
+            if twisted > 0 {
+                warnings.push(format!("{twisted} {name} are twisted: tetrahedra of theirs overlap"));
+            }
+        }
+        if ghost_count > 0 {
+            notes.push(format!("{ghost_count} ghost cells left out"));
+        }
+
+        let scalars = match association {
+            Association::Point => TetScalars::Point(values),
+            Association::Cell => TetScalars::Cell(cell_values),
+        };
+        let (mesh, mended) =
+            Tets::new(points, tets, scalars).map_err(|error| error.in_file(source.path()))?;
+        for (count, what) in [
+            (mended.reoriented, "tetrahedra were inside out and were turned"),
+            (mended.flat, "tetrahedra without volume left out"),
+            (mended.nowhere, "tetrahedra with a corner that is not finite left out"),
+            (mesh.blank_count(), "tetrahedra are vacuum, because a scalar of theirs is NaN"),
+        ] {
+            if count > 0 {
+                notes.push(format!("{count} {what}"));
+            }
+        }
+        warnings.extend(coarse(mesh.range(), &arrays[index]));
+        let mut loaded = Loaded::new(format, Data::Mesh(mesh));
+        loaded.report.shown = Some(describe(&arrays[index], pick));
+        loaded.report.arrays = arrays;
+        loaded.report.notes = notes;
+        loaded.report.warnings = warnings;
+        Ok(loaded)
+    }
+}
+
+/// What became of the cells of one type.
+#[derive(Default)]
+struct Made {
+    cells: usize,
+    tets: usize,
+    inside_out: usize,
+    twisted: usize,
+}
+
+impl Made {
+    /// Turns the tetrahedra of a cell that are inside out: all of them, or some, where the cell is twisted.
+    fn turn(&mut self, points: &[DVec3], tets: &mut [[u32; 4]]) {
+        let (mut positive, mut negative) = (false, false);
+        for tet in tets {
+            // A cell with corners at one place has flat ones, whose sign is rounding.
+            match Orientation::of(tet.map(|i| points[num::index(i)])) {
+                Orientation::Positive => positive = true,
+                Orientation::Negative => {
+                    negative = true;
+                    tet.swap(2, 3);
+                }
+                Orientation::Flat | Orientation::Nowhere => {}
+            }
+        }
+        self.inside_out += usize::from(negative && !positive);
+        self.twisted += usize::from(negative && positive);
+    }
+}
+
+/// The rank of each point: the smallest index of a point at the same position.
+fn ranks(points: &[DVec3]) -> Vec<u32> {
+    // Zero has two signs and one position.
+    let key = |i: u32| points[num::index(i)].to_array().map(|x| x + 0.0);
+    let mut order: Vec<u32> = (0..num::count(points.len())).collect();
+    order.sort_unstable_by(|&a, &b| {
+        let (p, q) = (key(a), key(b));
+        p[0].total_cmp(&q[0]).then(p[1].total_cmp(&q[1])).then(p[2].total_cmp(&q[2])).then(a.cmp(&b))
+    });
+    let mut ranks = vec![0; points.len()];
+    let mut first = 0;
+    for i in 0..order.len() {
+        if i == 0 || key(order[i]) != key(order[i - 1]) {
+            first = order[i];
+        }
+        ranks[num::index(order[i])] = first;
+    }
+    ranks
+}

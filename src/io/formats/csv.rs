@@ -1,0 +1,116 @@
+//! Points in tables of text (`.csv`, `.tsv`, `.xyz`; `.txt` where the content is such a table).
+//!
+//! - **Cells** are separated by tabs where the first row has one outside quotes, else by semicolons, else by
+//!   commas, else by blanks. Blanks around cells do not count. A cell may stand in double quotes, where two
+//!   are one, and go over several lines. Empty lines, and those that begin with `#`, are passed over. Every
+//!   row has as many cells as the first.
+//! - **The first row** names the columns, where names of positions are among them or fewer than three of
+//!   its cells are numbers. Without names, a comment before it that has some for each column does; else the
+//!   first three columns of numbers are x, y and z, and others are named `column 4` and so on.
+//! - **Positions** are three columns `x y z`, in upper or lower case, with a unit in brackets or not; or
+//!   these letters, or `0 1 2`, behind `p`, `pos`, `position`, `point`, `coord`, `coordinate`, `centre` or
+//!   `center`, in the plural or not, with or without one of `_`, `:`, `.` or a blank: `px`, `pos_x`,
+//!   `Points:0`.
+//! - **Arrays** are the other columns whose first value is a number, and groups of them as
+//!   [`super::columns`] says.
+//! - **Numbers** have a decimal point. An empty cell, `nan`, `na`, `n/a` and `null` are NaN.
+
+mod row;
+mod table;
+
+use glam::DVec3;
+
+use crate::error::Result;
+use crate::io::build::columns::{self, Column};
+use crate::io::build::origin::Origin;
+use crate::io::build::points;
+use crate::io::file::budget::Budget;
+use crate::io::file::sample_type::{Pick, SampleType};
+use crate::io::file::source::Source;
+use crate::io::file::text;
+use crate::io::formats::csv::row::is_number;
+use crate::io::formats::csv::row::{Delimiter, Row, is_passed};
+use crate::io::formats::csv::table::{Table, positions};
+use crate::io::options::ReadOptions;
+use crate::io::reader::Reader;
+use crate::io::report::Loaded;
+use crate::num;
+use crate::scene::Samples;
+
+pub(crate) struct Csv;
+
+impl Reader for Csv {
+    fn name(&self) -> &'static str {
+        "CSV"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &["csv", "tsv", "xyz", "csv.gz", "tsv.gz", "xyz.gz"]
+    }
+
+    /// Only text files whose first two rows can be nothing else: names end in much that is no table.
+    fn recognises(&self, source: &Source) -> bool {
+        let text = source.path().extension().is_some_and(|ending| ending.eq_ignore_ascii_case("txt"));
+        if !text {
+            return false;
+        }
+        let head = String::from_utf8_lossy(source.head());
+        // The last line may be cut.
+        let Some((lines, _)) = head.rsplit_once('\n') else { return false };
+        let mut rows = lines.lines().filter(|line| !is_passed(line));
+        let (Some(first), Some(second)) = (rows.next(), rows.next()) else { return false };
+        let delimiter = Delimiter::of(first);
+        let cells = |line: &str| {
+            let mut row = Row::default();
+            row.split(line, delimiter, false).is_ok_and(|open| !open).then_some(row)
+        };
+        let (Some(first), Some(second)) = (cells(first), cells(second)) else { return false };
+        if first.len() != second.len() {
+            return false;
+        }
+        match positions((0..first.len()).map(|i| first.cell(i))) {
+            Ok(Some(axes)) => axes.iter().all(|&axis| is_number(second.cell(axis))),
+            _ => [first, second]
+                .iter()
+                .all(|row| row.len() >= 3 && (0..row.len()).all(|i| is_number(row.cell(i)))),
+        }
+    }
+
+    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
+        let mut budget = Budget::new(source, options);
+        let table = Table::survey(source)?;
+        let count = text::index(source, "rows", table.rows)?;
+        budget.take("points", table.rows.saturating_mul(24))?;
+        let mut points = Vec::new();
+        points.try_reserve_exact(count).map_err(|_| source.error("points", "memory is full"))?;
+        table.each(&table.axes, &mut |xyz| {
+            if let [x, y, z] = *xyz {
+                points.push(DVec3::new(x, y, z));
+            }
+        })?;
+
+        let scalars: Vec<usize> = (0..table.columns.len())
+            .filter(|place| !table.axes.contains(place) && table.columns[*place].kind.is_some())
+            .collect();
+        let own: Vec<Column> = scalars
+            .iter()
+            .map(|&place| &table.columns[place])
+            .map(|told| Column { name: told.name.clone(), kind: told.kind.unwrap_or(SampleType::F64) })
+            .collect();
+        let groups = columns::groups(&own);
+        let arrays = groups.iter().map(|group| group.info.clone()).collect();
+        let mut read = |index: usize, pick: Pick| -> Result<Samples> {
+            let wanted: Vec<usize> = groups[index].needed(pick).iter().map(|&i| scalars[i]).collect();
+            let mut values = Vec::with_capacity(count);
+            table.each(&wanted, &mut |numbers| {
+                values.push(num::f32_of(columns::value(numbers, pick)));
+            })?;
+            Ok(Samples::F32(values))
+        };
+        let origin = Origin { source, format: self.name(), arrays };
+        let mut loaded = points::points(points, origin, &mut budget, &mut read, options)?;
+        loaded.report.notes.splice(0..0, table.notes());
+        loaded.report.warnings.extend(table.warnings());
+        Ok(loaded)
+    }
+}

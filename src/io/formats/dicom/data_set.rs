@@ -1,0 +1,364 @@
+//! The pass through a data set that collects the header. Sequences are tracked on a bounded stack, without recursion.
+
+use std::io::{self, Read as _};
+
+use flate2::bufread::DeflateDecoder;
+
+use crate::error::Result;
+use crate::io::file::sample_type::Endian;
+use crate::io::file::source::{Encoding, Source};
+use crate::io::file::text;
+use crate::io::formats::dicom::account::Account;
+use crate::io::formats::dicom::elements::{Element, ITEM, ITEM_END, SEQUENCE_END, Tag, UNDEFINED, Walk};
+use crate::io::formats::dicom::header::{Header, MAX_FRAMES, Pixels, Plane};
+use crate::io::formats::dicom::syntax::{Packing, Syntax};
+use crate::num;
+
+/// Most sequences and items within each other.
+const MAX_DEPTH: usize = 32;
+
+const SHARED: Tag = (0x5200, 0x9229);
+const PER_FRAME: Tag = (0x5200, 0x9230);
+
+/// The macros of functional groups that are looked into.
+const MACROS: [Tag; 4] = [(0x0020, 0x9113), (0x0020, 0x9116), (0x0028, 0x9110), (0x0028, 0x9145)];
+
+/// Reads what there is to know of a file; with it the file that places count in, which is another one
+/// where the data set is deflated. What a file takes that cannot be read is given back.
+pub(crate) fn read(source: &Source, account: &mut Account) -> Result<(Header, Source)> {
+    account.taken = 0;
+    let read = read_within(source, account);
+    if read.is_err() {
+        account.budget.put_back(account.taken);
+    }
+    read
+}
+
+fn read_within(source: &Source, account: &mut Account) -> Result<(Header, Source)> {
+    let mut walk = Walk::new(source, account);
+    let (begin, syntax_uid) = walk.meta()?;
+    let (syntax, packing) = match syntax_uid.as_str() {
+        "" => (walk.guess(begin)?, Packing::Native),
+        "1.2.840.10008.1.2" => (Syntax { explicit: false, endian: Endian::Little }, Packing::Native),
+        "1.2.840.10008.1.2.2" => (Syntax { explicit: true, endian: Endian::Big }, Packing::Native),
+        uid => {
+            let packing = match uid {
+                "1.2.840.10008.1.2.1" | "1.2.840.10008.1.2.1.98" | "1.2.840.10008.1.2.1.99" => {
+                    Packing::Native
+                }
+                "1.2.840.10008.1.2.5" => Packing::RunLength,
+                "1.2.840.10008.1.2.4.50"
+                | "1.2.840.10008.1.2.4.51"
+                | "1.2.840.10008.1.2.4.57"
+                | "1.2.840.10008.1.2.4.70" => Packing::Jpeg,
+                _ => Packing::Other,
+            };
+            (Syntax { explicit: true, endian: Endian::Little }, packing)
+        }
+    };
+    if syntax_uid == "1.2.840.10008.1.2.1.99" {
+        let inflated = inflate(source, begin, account)?;
+        let mut header = Walk::new(&inflated, account).data_set(0, syntax, packing, syntax_uid, source)?;
+        header.inflated = inflated.len();
+        header.taken = header.taken.saturating_sub(header.inflated);
+        return Ok((header, inflated));
+    }
+    let header = walk.data_set(begin, syntax, packing, syntax_uid, source)?;
+    Ok((header, source.clone()))
+}
+
+/// A deflated data set, unpacked in memory.
+fn inflate(source: &Source, begin: u64, account: &mut Account) -> Result<Source> {
+    const PLACE: &str = "deflated data set";
+    let open = || DeflateDecoder::new(source.reader(begin, Encoding::Raw));
+    let damaged = |error| source.error(PLACE, format!("is damaged: {error}"));
+    // Its size is known only behind it: it is gone through twice, and nothing is taken that is not needed.
+    let most = Encoding::Zlib.most(source.len());
+    let len = io::copy(&mut open().take(most), &mut io::sink()).map_err(damaged)?;
+    account.take(PLACE, len)?;
+    let mut bytes = Vec::new();
+    usize::try_from(len)
+        .ok()
+        .and_then(|len| bytes.try_reserve_exact(len).ok())
+        .ok_or_else(|| source.error(PLACE, format!("{len} bytes: memory is full")))?;
+    let read = open().take(len).read_to_end(&mut bytes).map_err(damaged)?;
+    if num::wide(read) != len {
+        return Err(source.error(PLACE, "changed while it was read"));
+    }
+    Source::unpacked(source.path(), bytes)
+}
+
+/// A sequence or an item that has begun.
+struct Open {
+    tag: Tag,
+    /// Where it ends, unless a delimiter says so.
+    end: Option<u64>,
+    syntax: Syntax,
+}
+
+impl<'a, 'b> Walk<'a, 'b> {
+    /// Walks through the data set as far as the samples.
+    fn data_set(
+        &mut self,
+        begin: u64,
+        syntax: Syntax,
+        packing: Packing,
+        syntax_uid: String,
+        named: &Source,
+    ) -> Result<Header> {
+        let endian = syntax.endian;
+        let mut header = Header {
+            path: named.path().to_path_buf(),
+            endian,
+            packing,
+            syntax: syntax_uid,
+            series: String::new(),
+            photometric: String::new(),
+            rows: 0,
+            columns: 0,
+            samples: 1,
+            allocated: 0,
+            stored: 0,
+            high: 0,
+            signed: false,
+            float: false,
+            frames: None,
+            plane: Plane::default(),
+            planes: Vec::new(),
+            pixels: None,
+            taken: 0,
+            inflated: 0,
+            warnings: Vec::new(),
+        };
+        let mut shared = Plane::default();
+        let mut high = None;
+        let mut open: Vec<Open> = Vec::new();
+        let mut at = begin;
+        loop {
+            // What ends here, ends.
+            while let Some(end) = open.last().and_then(|last| last.end) {
+                if at < end {
+                    break;
+                }
+                if at > end {
+                    return Err(
+                        self.error(at, format!("a sequence or item ends at byte {end}, within an element"))
+                    );
+                }
+                open.pop();
+            }
+            let left = self.source.len().saturating_sub(at);
+            if left == 0 && open.is_empty() {
+                break;
+            }
+            // Padding at the end is not worth a refusal, an element that is cut short is.
+            if left < 8 && open.is_empty() && self.bytes(at, left)?.iter().all(|&byte| byte == 0) {
+                break;
+            }
+            let syntax = open.last().map_or(syntax, |last| last.syntax);
+            let element = self.element(at, syntax)?;
+            match element.tag {
+                ITEM_END | SEQUENCE_END => {
+                    let sequence = element.tag == SEQUENCE_END;
+                    // A delimiter ends what has no length; those beyond are left alone.
+                    if open.last().is_some_and(|last| last.end.is_none() && (last.tag != ITEM) == sequence) {
+                        open.pop();
+                    } else if open.is_empty() {
+                        return Err(self.error(at, "a delimiter where nothing is open"));
+                    }
+                    at = element.at;
+                    continue;
+                }
+                ITEM => {
+                    if open.last().is_none_or(|last| last.tag == ITEM) {
+                        return Err(self.error(at, "an item outside a sequence"));
+                    }
+                    let end = self.end(&element)?;
+                    self.push(&mut open, at, Open { tag: ITEM, end, syntax })?;
+                    if open.len() == 2 && open[0].tag == PER_FRAME {
+                        // They are counted before: elements are in the order of their numbers.
+                        let frames = header.frames.unwrap_or(1);
+                        if num::wide(header.planes.len()) >= frames || header.planes.len() == MAX_FRAMES {
+                            let most = frames.min(num::wide(MAX_FRAMES));
+                            return Err(self.error(at, format!("more than {most} items for {frames} frames")));
+                        }
+                        self.account.take_for::<Plane>(1)?;
+                        header.planes.push(Plane::default());
+                    }
+                    at = element.at;
+                    continue;
+                }
+                (0x7fe0, 0x0008..=0x0010) if open.is_empty() => {
+                    header.float = element.tag.1 != 0x0010;
+                    header.pixels = Some(self.pixels(&element, syntax)?);
+                    break;
+                }
+                _ => {}
+            }
+            if open.last().is_some_and(|last| last.tag != ITEM) {
+                return Err(self.error(at, "an element within a sequence, outside its items"));
+            }
+            if open.is_empty() && element.tag == (0x0028, 0x3000) && element.len > 0 {
+                const WARNING: &str = "ModalityLUTSequence is not applied: values are as stored";
+                if header.warnings.is_empty() {
+                    header.warnings.push(WARNING);
+                }
+            }
+            // Packed samples of an icon, say.
+            if element.len == UNDEFINED
+                && (element.tag == (0x7fe0, 0x0010) || matches!(&element.vr, b"OB" | b"OW"))
+            {
+                at = self.fragments(&element, syntax, None)?;
+                continue;
+            }
+            let looked = match open.len() {
+                0 => matches!(element.tag, SHARED | PER_FRAME),
+                2 => matches!(open[0].tag, SHARED | PER_FRAME) && MACROS.contains(&element.tag),
+                _ => false,
+            };
+            if element.len == UNDEFINED || looked {
+                let end = self.end(&element)?;
+                // A sequence of unknown type is written without types.
+                let syntax = if element.vr == *b"UN" {
+                    Syntax { explicit: false, endian: Endian::Little }
+                } else {
+                    syntax
+                };
+                self.push(&mut open, at, Open { tag: element.tag, end, syntax })?;
+                at = element.at;
+                continue;
+            }
+            let behind = self.behind(&element)?;
+            match open.len() {
+                0 => {
+                    self.of_file(&element, endian, &mut header, &mut high)?;
+                    self.of_plane(&element, &mut header.plane)?;
+                }
+                4 if open[0].tag == SHARED && MACROS.contains(&open[2].tag) => {
+                    self.of_plane(&element, &mut shared)?;
+                }
+                4 if open[0].tag == PER_FRAME && MACROS.contains(&open[2].tag) => {
+                    if let Some(plane) = header.planes.last_mut() {
+                        self.of_plane(&element, plane)?;
+                    }
+                }
+                _ => {}
+            }
+            at = behind;
+        }
+        if let Some(open) = open.last() {
+            let (group, number) = open.tag;
+            return Err(self.error(at, format!("({group:04x},{number:04x}) does not end")));
+        }
+        header.plane = shared.or(header.plane);
+        // A single frame is the file.
+        if header.frames.unwrap_or(1) == 1
+            && let [own] = header.planes[..]
+        {
+            header.plane = own.or(header.plane);
+            header.planes = Vec::new();
+        }
+        let texts = [&header.series, &header.photometric, &header.syntax].map(String::capacity);
+        self.account.take_for::<u8>(texts.iter().sum::<usize>() + header.path.capacity())?;
+        self.account.take_for::<Header>(1)?;
+        header.taken = self.account.taken;
+        header.high = high.unwrap_or(header.stored.saturating_sub(1));
+        Ok(header)
+    }
+
+    fn push(&self, open: &mut Vec<Open>, at: u64, next: Open) -> Result<()> {
+        if open.len() == MAX_DEPTH {
+            return Err(self.error(at, format!("more than {MAX_DEPTH} sequences within each other")));
+        }
+        open.push(next);
+        Ok(())
+    }
+
+    /// Where a sequence or an item ends; None where a delimiter says so.
+    fn end(&self, element: &Element) -> Result<Option<u64>> {
+        if element.len == UNDEFINED { Ok(None) } else { self.behind(element).map(Some) }
+    }
+
+    fn of_file(
+        &mut self,
+        element: &Element,
+        endian: Endian,
+        header: &mut Header,
+        high: &mut Option<u64>,
+    ) -> Result<()> {
+        match element.tag {
+            (0x0020, 0x000e) => header.series = self.text(element)?,
+            (0x0028, 0x0002) => header.samples = self.short(element, endian)?,
+            (0x0028, 0x0004) => header.photometric = self.text(element)?,
+            (0x0028, 0x0008) => {
+                let text = self.text(element)?;
+                if !text.is_empty() {
+                    let frames = text.parse().ok().filter(|frames| *frames > 0);
+                    let rule = || {
+                        format!("NumberOfFrames \"{}\": must be a whole number from 1", text::shown(&text))
+                    };
+                    header.frames = Some(frames.ok_or_else(|| self.error(element.at, rule()))?);
+                }
+            }
+            (0x0028, 0x0010) => header.rows = self.short(element, endian)?,
+            (0x0028, 0x0011) => header.columns = self.short(element, endian)?,
+            (0x0028, 0x0100) => header.allocated = self.short(element, endian)?,
+            (0x0028, 0x0101) => header.stored = self.short(element, endian)?,
+            (0x0028, 0x0102) => *high = Some(self.short(element, endian)?),
+            (0x0028, 0x0103) => header.signed = self.short(element, endian)? != 0,
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn of_plane(&mut self, element: &Element, plane: &mut Plane) -> Result<()> {
+        match element.tag {
+            (0x0020, 0x0032) => plane.position = self.decimals(element)?,
+            (0x0020, 0x0037) => plane.orientation = self.decimals(element)?,
+            (0x0028, 0x0030) => plane.spacing = self.decimals(element)?,
+            (0x0028, 0x1052) => plane.intercept = self.decimals::<1>(element)?.map(|[n]| n),
+            (0x0028, 0x1053) => plane.slope = self.decimals::<1>(element)?.map(|[n]| n),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn pixels(&mut self, element: &Element, syntax: Syntax) -> Result<Pixels> {
+        if element.len != UNDEFINED {
+            self.behind(element)?;
+            return Ok(Pixels::Plain { at: element.at, len: element.len });
+        }
+        let mut fragments = Vec::new();
+        self.fragments(element, syntax, Some(&mut fragments))?;
+        Ok(Pixels::Fragments(fragments))
+    }
+
+    /// Goes over the offset table and the fragments of an element, and lists them; where it ends.
+    fn fragments(
+        &mut self,
+        element: &Element,
+        syntax: Syntax,
+        mut list: Option<&mut Vec<(u64, u64)>>,
+    ) -> Result<u64> {
+        let mut at = element.at;
+        loop {
+            let item = self.element(at, syntax)?;
+            match item.tag {
+                SEQUENCE_END => return Ok(item.at),
+                ITEM if item.len != UNDEFINED => {
+                    at = self.behind(&item)?;
+                    let Some(list) = &mut list else { continue };
+                    if list.len() == 2 * MAX_FRAMES {
+                        return Err(self.error(at, format!("more than {} fragments", 2 * MAX_FRAMES)));
+                    }
+                    self.account.take_for::<(u64, u64)>(1)?;
+                    list.push((item.at, item.len));
+                }
+                (group, number) => {
+                    let rule = format!("({group:04x},{number:04x}): must be an item of samples");
+                    return Err(self.error(at, rule));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! Transfer syntaxes: how a data set is encoded, and how its samples are compressed.
+
+use crate::io::file::sample_type::Endian;
+
+/// How a data set is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Syntax {
+    pub(crate) explicit: bool,
+    pub(crate) endian: Endian,
+}
+
+/// How samples are packed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Packing {
+    Native,
+    Jpeg,
+    RunLength,
+    /// One that is not read.
+    Other,
+}
+
+/// What a transfer syntax is called that is not read.
+pub(crate) fn named(uid: &str) -> &'static str {
+    match uid {
+        "1.2.840.10008.1.2.4.80" | "1.2.840.10008.1.2.4.81" => " (JPEG-LS)",
+        "1.2.840.10008.1.2.4.90" | "1.2.840.10008.1.2.4.91" => " (JPEG 2000)",
+        "1.2.840.10008.1.2.4.92" | "1.2.840.10008.1.2.4.93" => " (JPEG 2000 of several components)",
+        "1.2.840.10008.1.2.4.110" | "1.2.840.10008.1.2.4.111" | "1.2.840.10008.1.2.4.112" => " (JPEG XL)",
+        "1.2.840.10008.1.2.4.201" | "1.2.840.10008.1.2.4.202" | "1.2.840.10008.1.2.4.203" => {
+            " (high-throughput JPEG 2000)"
+        }
+        "1.2.840.10008.1.2.4.100" | "1.2.840.10008.1.2.4.101" => " (MPEG-2)",
+        "1.2.840.10008.1.2.4.102" | "1.2.840.10008.1.2.4.103" => " (MPEG-4)",
+        _ => "",
+    }
+}

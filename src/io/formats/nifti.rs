@@ -1,0 +1,262 @@
+//! NIfTI-1: `.nii`, `.nii.gz`, and `.hdr` with `.img`.
+//!
+//! The 348 bytes of the header are checked here, then parsed by the `nifti` crate; the samples are
+//! decoded by [`samples::read`], because the crate takes memory before it knows the file's size and
+//! hands out converted values instead of stored ones.
+//!
+//! The sform places the grid where its code is positive, else the qform, else the voxel sizes alone. A
+//! voxel size counts by its magnitude; one that is zero or no number counts as 1.
+
+use std::path::{Path, PathBuf};
+
+use glam::{DMat3, DQuat, DVec3};
+use nifti::{NiftiHeader, NiftiType};
+
+use crate::error::{Error, Result};
+use crate::io::build::volume::{Chosen, Placement};
+use crate::io::file::decode::Layout;
+use crate::io::file::sample_type::{Endian, SampleType};
+use crate::io::file::samples::{self, Part};
+use crate::io::file::source::Source;
+use crate::io::options::ReadOptions;
+use crate::io::reader::Reader;
+use crate::io::report::Loaded;
+use crate::num;
+use crate::scene::{Anatomy, Grid, Rescale};
+
+pub(crate) struct Nifti;
+const HEADER: usize = 348;
+const SINGLE: &[u8] = b"n+1\0";
+const PAIR: &[u8] = b"ni1\0";
+
+impl Reader for Nifti {
+    fn name(&self) -> &'static str {
+        "NIfTI-1"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &["nii", "nii.gz", "hdr", "hdr.gz", "img", "img.gz"]
+    }
+
+    fn recognises(&self, source: &Source) -> bool {
+        source.head().get(344..HEADER).is_some_and(|magic| magic == SINGLE || magic == PAIR)
+    }
+
+    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
+        let single = source.head().get(344..HEADER) == Some(SINGLE);
+        match sibling(source, "img", "hdr").filter(|_| !single) {
+            Some(header) => read(&source.sibling(&header, options)?, self.name(), options),
+            None => read(source, self.name(), options),
+        }
+    }
+}
+
+/// The name with another ending, where the file's own is `from` or `from.gz`.
+fn sibling(source: &Source, from: &str, to: &str) -> Option<PathBuf> {
+    let path = Path::new(source.path().file_name()?);
+    let is = |path: &Path, ending: &str| path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
+    let plain = if is(path, "gz") { path.with_extension("") } else { path.to_path_buf() };
+    if !is(&plain, from) {
+        return None;
+    }
+    // Names in capitals keep their case.
+    let capitals = plain.extension().is_some_and(|own| own.to_string_lossy().starts_with(char::is_uppercase));
+    let ending = if capitals { to.to_uppercase() } else { to.to_owned() };
+    let plain = plain.with_extension(&ending);
+    let packed = plain.with_extension(format!("{ending}.gz"));
+    Some(if !source.has_sibling(&plain) && source.has_sibling(&packed) { packed } else { plain })
+}
+
+fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<Loaded> {
+    let (header, endian) = parse(source)?;
+    let dims = dims(source, &header)?;
+    let kind = sample_type(source, &header)?;
+
+    let single = header.magic == SINGLE;
+    let first = if single { 352.0 } else { 0.0 };
+    let mut warnings = doubts(&header);
+    let mut offset = f64::from(header.vox_offset);
+    if single && offset == 0.0 {
+        offset = first;
+        warnings.push("vox_offset is 0: taken for 352, where the data of a single file begins".to_owned());
+    }
+    let bits = kind.bytes() * 8;
+    if u64::try_from(header.bitpix) != Ok(bits) {
+        let (given, code) = (header.bitpix, header.datatype);
+        warnings
+            .push(format!("bitpix is {given}: datatype {code} ({}) has {bits}, which counts", kind.name()));
+    }
+    // 2^40 is beyond every offset that means something, and far below where a float64 loses units.
+    if !(offset >= first && offset <= 1_099_511_627_776.0 && offset.fract() == 0.0) {
+        return Err(source.error(
+            "vox_offset",
+            format!("{offset}: must be a whole number of bytes, at least {first} in this kind of file"),
+        ));
+    }
+    let skip = num::u64_of(offset);
+    let data = if single {
+        source.clone()
+    } else {
+        let path = sibling(source, "hdr", "img").ok_or_else(|| {
+            source.error("magic", "\"ni1\": a header with a separate image must be named .hdr or .hdr.gz")
+        })?;
+        source.sibling(&path, options)?
+    };
+    let chosen = Chosen::new(source, "dim", Layout::scalar(dims, kind, endian), 1, options)?;
+    let (_, bytes) = samples::data_size(source, "dim", &chosen.layout, options)?;
+    let part = Part::sized(data.clone(), skip, bytes);
+    let samples = samples::read(source, "dim", &chosen.layout, 1, &|_| Ok(part.clone()), options)?;
+
+    let (place, columns, origin, anatomy) = placement(&header);
+    let spacing = DVec3::new(columns.x_axis.length(), columns.y_axis.length(), columns.z_axis.length());
+    let direction =
+        DMat3::from_cols(columns.x_axis / spacing.x, columns.y_axis / spacing.y, columns.z_axis / spacing.z);
+    let located = |place: &'static str, error: Error| match error {
+        Error::Invalid { why, .. } => source.error(place, why),
+        other => other,
+    };
+    let grid = Grid::new(dims, samples).map_err(|error| error.in_file(data.path()))?;
+    let grid = grid.with_rescale(rescale(&header)).map_err(|error| located("scl_slope, scl_inter", error))?;
+    let placement = Placement { place, spacing, origin, direction, anatomy, notes: Vec::new(), warnings };
+    chosen.placed(format, grid, placement, &located)
+}
+
+/// What of the placement may not be as it seems.
+fn doubts(header: &NiftiHeader) -> Vec<String> {
+    let mut doubts = Vec::new();
+    if header.sform_code > 0 || header.qform_code <= 0 {
+        return doubts;
+    }
+    let handed = header.pixdim[0];
+    if ![-1.0, 0.0, 1.0].contains(&handed) {
+        doubts.push(format!("pixdim[0] is {handed}: must be 1 or -1, and counts by its sign"));
+    }
+    let squares = [header.quatern_b, header.quatern_c, header.quatern_d].map(|x| f64::from(x).powi(2));
+    let sum: f64 = squares.iter().sum();
+    // Seven digits of a float32 leave less than this.
+    if sum > 1.0 + 1e-5 {
+        doubts
+            .push(format!("quatern_b, c and d: squares sum up to {sum:.6}, beyond 1: scaled to unit length"));
+    }
+    if (1..=3).any(|axis| header.pixdim[axis] < 0.0) {
+        doubts.push("pixdim is negative: counts by its magnitude".to_owned());
+    }
+    doubts
+}
+
+/// The parsed header and its byte order.
+fn parse(source: &Source) -> Result<(NiftiHeader, Endian)> {
+    let bytes = source.head().get(..HEADER).ok_or_else(|| {
+        source.error("header", format!("needs {HEADER} bytes, {} are there", source.head().len()))
+    })?;
+    let size = [bytes[0], bytes[1], bytes[2], bytes[3]];
+    let endian = match (i32::from_le_bytes(size), i32::from_be_bytes(size)) {
+        (348, _) => Endian::Little,
+        (_, 348) => Endian::Big,
+        (540, _) | (_, 540) => {
+            return Err(source.error("sizeof_hdr", "540: NIfTI-2 is not supported, NIfTI-1 has 348"));
+        }
+        (size, _) => return Err(source.error("sizeof_hdr", format!("{size}: must be 348"))),
+    };
+    let magic = &bytes[344..HEADER];
+    if magic != SINGLE && magic != PAIR {
+        return Err(source.error(
+            "magic (byte 344)",
+            format!("\"{}\": must be \"n+1\" or \"ni1\"; Analyze 7.5 is not supported", magic.escape_ascii()),
+        ));
+    }
+    // The parser takes its byte order from dim[0] alone; only this range makes that one unambiguous.
+    let pair = [bytes[40], bytes[41]];
+    let rank = if endian == Endian::Little { i16::from_le_bytes(pair) } else { i16::from_be_bytes(pair) };
+    if !(1..=7).contains(&rank) {
+        return Err(source.error("dim[0]", format!("{rank}: must be 1 to 7")));
+    }
+    let header =
+        NiftiHeader::from_reader(bytes).map_err(|error| source.error("header", error.to_string()))?;
+    Ok((header, endian))
+}
+
+fn dims(source: &Source, header: &NiftiHeader) -> Result<[u32; 3]> {
+    let rank = usize::from(header.dim[0]);
+    for (axis, &extent) in header.dim.iter().enumerate().skip(1).take(rank) {
+        // The format's own type is signed; the parser reads it as unsigned.
+        let extent = extent.cast_signed();
+        if extent < 1 {
+            return Err(source.error(format!("dim[{axis}]"), format!("{extent}: must be positive")));
+        }
+        if axis > 3 && extent > 1 {
+            let what = match axis {
+                4 => "times",
+                5 => "components",
+                _ => "entries",
+            };
+            return Err(source.error(
+                format!("dim[{axis}]"),
+                format!("{extent} {what}: a volume has three dimensions, further ones must be 1"),
+            ));
+        }
+    }
+    if rank < 3 {
+        return Err(source.error("dim[0]", format!("{rank}: a volume has three dimensions")));
+    }
+    Ok([1, 2, 3].map(|axis| u32::from(header.dim[axis])))
+}
+
+fn sample_type(source: &Source, header: &NiftiHeader) -> Result<SampleType> {
+    let known = "whole numbers of 8 to 64 bits, f32 and f64 are supported";
+    let code = header.datatype;
+    let kind = match header.data_type() {
+        Ok(NiftiType::Uint8) => SampleType::U8,
+        Ok(NiftiType::Int8) => SampleType::I8,
+        Ok(NiftiType::Uint16) => SampleType::U16,
+        Ok(NiftiType::Int16) => SampleType::I16,
+        Ok(NiftiType::Uint32) => SampleType::U32,
+        Ok(NiftiType::Int32) => SampleType::I32,
+        Ok(NiftiType::Uint64) => SampleType::U64,
+        Ok(NiftiType::Int64) => SampleType::I64,
+        Ok(NiftiType::Float32) => SampleType::F32,
+        Ok(NiftiType::Float64) => SampleType::F64,
+        Ok(other) => return Err(source.error("datatype", format!("{code} ({other:?}): {known}"))),
+        Err(_) => return Err(source.error("datatype", format!("{code}: {known}"))),
+    };
+    Ok(kind)
+}
+
+/// The field that decided, the columns of the index-to-world map, its origin and the world's meaning.
+fn placement(header: &NiftiHeader) -> (&'static str, DMat3, DVec3, Anatomy) {
+    let size = |axis: usize| {
+        let size = f64::from(header.pixdim[axis]).abs();
+        if size > 0.0 && size.is_finite() { size } else { 1.0 }
+    };
+    let sizes = DVec3::new(size(1), size(2), size(3));
+    if header.sform_code > 0 {
+        let rows = [header.srow_x, header.srow_y, header.srow_z].map(|row| row.map(f64::from));
+        let column = |i: usize| DVec3::new(rows[0][i], rows[1][i], rows[2][i]);
+        return (
+            "srow_x, srow_y, srow_z",
+            DMat3::from_cols(column(0), column(1), column(2)),
+            column(3),
+            Anatomy::Ras,
+        );
+    }
+    if header.qform_code > 0 {
+        let [b, c, d] = [header.quatern_b, header.quatern_c, header.quatern_d].map(f64::from);
+        // The scalar part is what makes the quaternion one of unit length; rounding may leave nothing.
+        let a = (1.0 - (b * b + c * c + d * d)).max(0.0).sqrt();
+        let rotation = DMat3::from_quat(DQuat::from_xyzw(b, c, d, a).normalize());
+        let handed = if header.pixdim[0] < 0.0 { -1.0 } else { 1.0 };
+        let columns = rotation * DMat3::from_diagonal(sizes * DVec3::new(1.0, 1.0, handed));
+        let offset = [header.quatern_x, header.quatern_y, header.quatern_z].map(f64::from);
+        return ("quatern", columns, DVec3::from_array(offset), Anatomy::Ras);
+    }
+    ("pixdim", DMat3::from_diagonal(sizes), DVec3::ZERO, Anatomy::Unknown)
+}
+
+/// A slope of zero, or none, says that the stored numbers are the values.
+fn rescale(header: &NiftiHeader) -> Rescale {
+    let slope = f64::from(header.scl_slope);
+    if slope == 0.0 || slope.is_nan() {
+        return Rescale::IDENTITY;
+    }
+    Rescale { slope, intercept: f64::from(header.scl_inter) }
+}

@@ -1,0 +1,17 @@
+//! Text files, written whole or not at all.
+
+use std::io::Write as _;
+use std::path::Path;
+
+use crate::error::Result;
+use crate::replace::replace;
+
+/// Writes a text file, complete or not at all.
+///
+/// # Errors
+///
+/// [`Error::File`] when the place is a folder, [`Error::Io`] when it cannot be written; nothing is left
+/// behind then.
+pub fn write_text(path: impl AsRef<Path>, text: &str) -> Result<()> {
+    replace(path.as_ref(), |writer| writer.write_all(text.as_bytes()))
+}
