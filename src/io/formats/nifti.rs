@@ -1,23 +1,21 @@
 //! NIfTI-1: `.nii`, `.nii.gz`, and `.hdr` with `.img`.
 //!
-//! The 348 bytes of the header are checked here, then parsed by the `nifti` crate; the samples are
-//! decoded by [`samples::read`], because the crate takes memory before it knows the file's size and
-//! hands out converted values instead of stored ones.
-//!
-//! The sform places the grid where its code is positive, else the qform, else the voxel sizes alone. A
-//! voxel size counts by its magnitude; one that is zero or no number counts as 1.
+//! The sform places the grid if its code is positive, else the qform, else the voxel sizes alone. A voxel size counts
+//! by its magnitude; one that is zero or not finite counts as 1.
+
+mod header;
 
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3};
-use nifti::{NiftiHeader, NiftiType};
 
 use crate::error::{Error, Result};
 use crate::io::build::volume::{Chosen, Placement};
 use crate::io::file::decode::Layout;
-use crate::io::file::sample_type::{Endian, SampleType};
+use crate::io::file::sample_type::SampleType;
 use crate::io::file::samples::{self, Part};
 use crate::io::file::source::Source;
+use crate::io::formats::nifti::header::{HEADER, Header, PAIR, SINGLE};
 use crate::io::options::ReadOptions;
 use crate::io::reader::Reader;
 use crate::io::report::Loaded;
@@ -25,9 +23,6 @@ use crate::num;
 use crate::scene::{Anatomy, Grid, Rescale};
 
 pub(crate) struct Nifti;
-const HEADER: usize = 348;
-const SINGLE: &[u8] = b"n+1\0";
-const PAIR: &[u8] = b"ni1\0";
 
 impl Reader for Nifti {
     fn name(&self) -> &'static str {
@@ -43,7 +38,7 @@ impl Reader for Nifti {
     }
 
     fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
-        let single = source.head().get(344..HEADER) == Some(SINGLE);
+        let single = source.head().get(344..HEADER) == Some(SINGLE.as_slice());
         match sibling(source, "img", "hdr").filter(|_| !single) {
             Some(header) => read(&source.sibling(&header, options)?, self.name(), options),
             None => read(source, self.name(), options),
@@ -68,7 +63,7 @@ fn sibling(source: &Source, from: &str, to: &str) -> Option<PathBuf> {
 }
 
 fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<Loaded> {
-    let (header, endian) = parse(source)?;
+    let (header, endian) = Header::parse(source)?;
     let dims = dims(source, &header)?;
     let kind = sample_type(source, &header)?;
 
@@ -122,7 +117,7 @@ fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<
 }
 
 /// What of the placement may not be as it seems.
-fn doubts(header: &NiftiHeader) -> Vec<String> {
+fn doubts(header: &Header) -> Vec<String> {
     let mut doubts = Vec::new();
     if header.sform_code > 0 || header.qform_code <= 0 {
         return doubts;
@@ -144,43 +139,9 @@ fn doubts(header: &NiftiHeader) -> Vec<String> {
     doubts
 }
 
-/// The parsed header and its byte order.
-fn parse(source: &Source) -> Result<(NiftiHeader, Endian)> {
-    let bytes = source.head().get(..HEADER).ok_or_else(|| {
-        source.error("header", format!("needs {HEADER} bytes, {} are there", source.head().len()))
-    })?;
-    let size = [bytes[0], bytes[1], bytes[2], bytes[3]];
-    let endian = match (i32::from_le_bytes(size), i32::from_be_bytes(size)) {
-        (348, _) => Endian::Little,
-        (_, 348) => Endian::Big,
-        (540, _) | (_, 540) => {
-            return Err(source.error("sizeof_hdr", "540: NIfTI-2 is not supported, NIfTI-1 has 348"));
-        }
-        (size, _) => return Err(source.error("sizeof_hdr", format!("{size}: must be 348"))),
-    };
-    let magic = &bytes[344..HEADER];
-    if magic != SINGLE && magic != PAIR {
-        return Err(source.error(
-            "magic (byte 344)",
-            format!("\"{}\": must be \"n+1\" or \"ni1\"; Analyze 7.5 is not supported", magic.escape_ascii()),
-        ));
-    }
-    // The parser takes its byte order from dim[0] alone; only this range makes that one unambiguous.
-    let pair = [bytes[40], bytes[41]];
-    let rank = if endian == Endian::Little { i16::from_le_bytes(pair) } else { i16::from_be_bytes(pair) };
-    if !(1..=7).contains(&rank) {
-        return Err(source.error("dim[0]", format!("{rank}: must be 1 to 7")));
-    }
-    let header =
-        NiftiHeader::from_reader(bytes).map_err(|error| source.error("header", error.to_string()))?;
-    Ok((header, endian))
-}
-
-fn dims(source: &Source, header: &NiftiHeader) -> Result<[u32; 3]> {
-    let rank = usize::from(header.dim[0]);
+fn dims(source: &Source, header: &Header) -> Result<[u32; 3]> {
+    let rank = usize::try_from(header.dim[0]).unwrap_or(0);
     for (axis, &extent) in header.dim.iter().enumerate().skip(1).take(rank) {
-        // The format's own type is signed; the parser reads it as unsigned.
-        let extent = extent.cast_signed();
         if extent < 1 {
             return Err(source.error(format!("dim[{axis}]"), format!("{extent}: must be positive")));
         }
@@ -199,31 +160,42 @@ fn dims(source: &Source, header: &NiftiHeader) -> Result<[u32; 3]> {
     if rank < 3 {
         return Err(source.error("dim[0]", format!("{rank}: a volume has three dimensions")));
     }
-    Ok([1, 2, 3].map(|axis| u32::from(header.dim[axis])))
+    // Extents are positive.
+    Ok([1, 2, 3].map(|axis| u32::try_from(header.dim[axis]).unwrap_or(0)))
 }
 
-fn sample_type(source: &Source, header: &NiftiHeader) -> Result<SampleType> {
+fn sample_type(source: &Source, header: &Header) -> Result<SampleType> {
     let known = "whole numbers of 8 to 64 bits, f32 and f64 are supported";
     let code = header.datatype;
-    let kind = match header.data_type() {
-        Ok(NiftiType::Uint8) => SampleType::U8,
-        Ok(NiftiType::Int8) => SampleType::I8,
-        Ok(NiftiType::Uint16) => SampleType::U16,
-        Ok(NiftiType::Int16) => SampleType::I16,
-        Ok(NiftiType::Uint32) => SampleType::U32,
-        Ok(NiftiType::Int32) => SampleType::I32,
-        Ok(NiftiType::Uint64) => SampleType::U64,
-        Ok(NiftiType::Int64) => SampleType::I64,
-        Ok(NiftiType::Float32) => SampleType::F32,
-        Ok(NiftiType::Float64) => SampleType::F64,
-        Ok(other) => return Err(source.error("datatype", format!("{code} ({other:?}): {known}"))),
-        Err(_) => return Err(source.error("datatype", format!("{code}: {known}"))),
+    let kind = match code {
+        2 => SampleType::U8,
+        256 => SampleType::I8,
+        512 => SampleType::U16,
+        4 => SampleType::I16,
+        768 => SampleType::U32,
+        8 => SampleType::I32,
+        1280 => SampleType::U64,
+        1024 => SampleType::I64,
+        16 => SampleType::F32,
+        64 => SampleType::F64,
+        _ => {
+            let name = match code {
+                32 => " (Complex64)",
+                128 => " (Rgb24)",
+                1536 => " (Float128)",
+                1792 => " (Complex128)",
+                2048 => " (Complex256)",
+                2304 => " (Rgba32)",
+                _ => "",
+            };
+            return Err(source.error("datatype", format!("{code}{name}: {known}")));
+        }
     };
     Ok(kind)
 }
 
 /// The field that decided, the columns of the index-to-world map, its origin and the world's meaning.
-fn placement(header: &NiftiHeader) -> (&'static str, DMat3, DVec3, Anatomy) {
+fn placement(header: &Header) -> (&'static str, DMat3, DVec3, Anatomy) {
     let size = |axis: usize| {
         let size = f64::from(header.pixdim[axis]).abs();
         if size > 0.0 && size.is_finite() { size } else { 1.0 }
@@ -253,7 +225,7 @@ fn placement(header: &NiftiHeader) -> (&'static str, DMat3, DVec3, Anatomy) {
 }
 
 /// A slope of zero, or none, says that the stored numbers are the values.
-fn rescale(header: &NiftiHeader) -> Rescale {
+fn rescale(header: &Header) -> Rescale {
     let slope = f64::from(header.scl_slope);
     if slope == 0.0 || slope.is_nan() {
         return Rescale::IDENTITY;
