@@ -3,6 +3,7 @@
 use crate::error::Result;
 use crate::io::build::cells::{Counts, check_points};
 use crate::io::build::dataset::Dataset;
+use crate::io::build::mesh;
 use crate::io::build::origin::{Origin, ReadArray};
 use crate::io::build::points::points;
 use crate::io::file::budget::Budget;
@@ -27,7 +28,7 @@ impl Dataset {
         }
         let solid = counts.keys().any(|&number| CellKind::of_vtk(number).is_some());
         if solid {
-            self.mesh(&counts, origin, budget, read, options)
+            mesh::build(self, &counts, origin, budget, read, options)
         } else {
             check_points(source, &counts)?;
             points(self.points, origin, budget, read, options)

@@ -4,6 +4,7 @@ use glam::{DMat3, DVec3};
 
 use crate::error::{Error, Result};
 use crate::io::build::resample;
+use crate::io::file::budget::Budget;
 use crate::io::file::decode::{self, Layout};
 use crate::io::file::sample_type::{Pick, SampleType};
 use crate::io::file::samples;
@@ -11,6 +12,7 @@ use crate::io::file::source::Source;
 use crate::io::formats::dicom::account::Account;
 use crate::io::formats::dicom::header::{self, Header, vector};
 use crate::io::formats::dicom::placement::{Frame, Line, Slice};
+use crate::io::formats::dicom::recognise::NAME;
 use crate::io::formats::dicom::syntax::Packing;
 use crate::io::formats::dicom::{data_set, frames};
 use crate::io::options::ReadOptions;
@@ -21,6 +23,8 @@ use crate::scene::{Anatomy, Grid, Rescale, Samples};
 /// Opens a file by its place in a list.
 type Open<'o> = dyn Fn(usize) -> Result<Source> + 'o;
 
+/// Sorts the slices along their normal, reads their samples and places the grid. `headers` are those of the files that
+/// `open` opens by index; `source` is for messages.
 pub(crate) fn assemble(
     source: &Source,
     headers: Vec<Header>,
@@ -57,62 +61,11 @@ pub(crate) fn assemble(
     let one = if same { 0 } else { first.rows.saturating_mul(first.columns).saturating_mul(4) };
     budget.take("one slice", scratch.saturating_add(one))?;
 
-    let list = if same { kind } else { SampleType::F32 };
-    let mut values = Samples::none(list, Pick::Component(0));
-    values.reserve(total).map_err(|_| source.error("series", format!("{total} samples: memory is full")))?;
-    let mut opened: Option<(usize, Source, Source, Header)> = None;
-    for slice in &slices {
-        if opened.as_ref().is_none_or(|(file, ..)| *file != slice.file) {
-            if let Some((.., data, header)) = opened.take() {
-                drop(data);
-                budget.put_back(header.taken.saturating_add(header.inflated));
-            }
-            let source = open(slice.file)?;
-            let (header, data) = data_set::read(&source, &mut account)?;
-            // The file may be another one by now.
-            frame.check(first, &header)?;
-            frames::check(&header, frames_of(&header))?;
-            opened = Some((slice.file, source, data, header));
-        }
-        let Some((_, source, data, header)) = &opened else { continue };
-        let (bytes, endian) = frames::bytes(data, header, slice.frame)?;
-        let layout = Layout { endian, ..layout };
-        let pixels = total / count;
-        let append = |values: &mut Samples| {
-            decode::append(&mut bytes.as_slice(), pixels, &layout, values)
-                .map_err(|error| source.io_error(error))
-        };
-        match &mut values {
-            Samples::F32(list) if !same => {
-                let mut own = Samples::none(kind, Pick::Component(0));
-                append(&mut own)?;
-                let Rescale { slope, intercept } = slice.rescale;
-                list.extend((0..own.len()).map(|i| num::f32_of(slope * own.get(i) + intercept)));
-            }
-            list => append(list)?,
-        }
-    }
+    let reader = SliceReader { first, frame: &frame, layout, kind, same, pixels: total / count };
+    let values = reader.read(source, &slices, total, open, &mut account, &mut budget)?;
 
     let mut warnings: Vec<String> = first.warnings.iter().map(|&warning| warning.to_owned()).collect();
-    if first.photometric == "MONOCHROME1" {
-        notes.push("MONOCHROME1: the smallest value is white; values are kept as they are stored".to_owned());
-    }
-    if first.stored < first.allocated && !first.float {
-        notes.push(format!(
-            "{} of {} bits are samples, the others are left out",
-            first.stored, first.allocated
-        ));
-    }
-    if first.packing == Packing::Jpeg
-        && matches!(first.syntax.as_str(), "1.2.840.10008.1.2.4.50" | "1.2.840.10008.1.2.4.51")
-    {
-        notes.push("JPEG: values are those of a lossy compression".to_owned());
-    }
-    if !same {
-        notes.push(
-            "slices differ in slope and intercept: values are kept after them, as 32-bit floats".to_owned(),
-        );
-    }
+    describe(first, same, &mut notes);
     if frame.guessed {
         warnings.push("no PixelSpacing: 1 mm is assumed".to_owned());
     }
@@ -142,13 +95,100 @@ pub(crate) fn assemble(
     if same {
         grid = grid.with_rescale(rescale).map_err(located)?;
     }
-    let mut loaded = Loaded::new(crate::io::formats::dicom::recognise::NAME, grid.with_anatomy(Anatomy::Lps));
+    let mut loaded = Loaded::new(NAME, grid.with_anatomy(Anatomy::Lps));
     notes.insert(0, format!("{count} slices in the order of their positions"));
     loaded.report.notes = notes;
     loaded.report.warnings = warnings;
     Ok(loaded)
 }
 
+/// Notes on the meaning of the samples.
+fn describe(first: &Header, same: bool, notes: &mut Vec<String>) {
+    if first.photometric == "MONOCHROME1" {
+        notes.push("MONOCHROME1: the smallest value is white; values are kept as they are stored".to_owned());
+    }
+    if first.stored < first.allocated && !first.float {
+        notes.push(format!(
+            "{} of {} bits are samples, the others are left out",
+            first.stored, first.allocated
+        ));
+    }
+    if first.packing == Packing::Jpeg
+        && matches!(first.syntax.as_str(), "1.2.840.10008.1.2.4.50" | "1.2.840.10008.1.2.4.51")
+    {
+        notes.push("JPEG: values are those of a lossy compression".to_owned());
+    }
+    if !same {
+        notes.push(
+            "slices differ in slope and intercept: values are kept after them, as 32-bit floats".to_owned(),
+        );
+    }
+}
+
+/// Reads the samples of all slices.
+struct SliceReader<'a> {
+    first: &'a Header,
+    frame: &'a Frame,
+    layout: Layout,
+    kind: SampleType,
+    /// Whether all slices have the same rescale; else it is applied here.
+    same: bool,
+    /// Pixels of a slice.
+    pixels: usize,
+}
+
+impl SliceReader<'_> {
+    /// Appends slice after slice; a file with several frames is opened once.
+    fn read(
+        &self,
+        source: &Source,
+        slices: &[Slice],
+        total: usize,
+        open: &Open,
+        account: &mut Account,
+        budget: &mut Budget,
+    ) -> Result<Samples> {
+        let list = if self.same { self.kind } else { SampleType::F32 };
+        let mut values = Samples::none(list, Pick::Component(0));
+        values
+            .reserve(total)
+            .map_err(|_| source.error("series", format!("{total} samples: memory is full")))?;
+        let mut opened: Option<(usize, Source, Source, Header)> = None;
+        for slice in slices {
+            if opened.as_ref().is_none_or(|(file, ..)| *file != slice.file) {
+                if let Some((.., data, header)) = opened.take() {
+                    drop(data);
+                    budget.put_back(header.taken.saturating_add(header.inflated));
+                }
+                let source = open(slice.file)?;
+                let (header, data) = data_set::read(&source, account)?;
+                // The file may have been replaced in the meantime.
+                self.frame.check(self.first, &header)?;
+                frames::check(&header, frames_of(&header))?;
+                opened = Some((slice.file, source, data, header));
+            }
+            let Some((_, source, data, header)) = &opened else { continue };
+            let (bytes, endian) = frames::bytes(data, header, slice.frame)?;
+            let layout = Layout { endian, ..self.layout };
+            let append = |values: &mut Samples| {
+                decode::append(&mut bytes.as_slice(), self.pixels, &layout, values)
+                    .map_err(|error| source.io_error(error))
+            };
+            match &mut values {
+                Samples::F32(list) if !self.same => {
+                    let mut own = Samples::none(self.kind, Pick::Component(0));
+                    append(&mut own)?;
+                    let Rescale { slope, intercept } = slice.rescale;
+                    list.extend((0..own.len()).map(|i| num::f32_of(slope * own.get(i) + intercept)));
+                }
+                list => append(list)?,
+            }
+        }
+        Ok(values)
+    }
+}
+
+/// The number of frames of a file.
 fn frames_of(header: &Header) -> usize {
     header.frames.and_then(|frames| usize::try_from(frames).ok()).unwrap_or(1)
 }

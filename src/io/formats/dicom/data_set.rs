@@ -39,22 +39,7 @@ fn read_within(source: &Source, account: &mut Account) -> Result<(Header, Source
     let (begin, syntax_uid) = walk.meta()?;
     let (syntax, packing) = match syntax_uid.as_str() {
         "" => (walk.guess(begin)?, Packing::Native),
-        "1.2.840.10008.1.2" => (Syntax { explicit: false, endian: Endian::Little }, Packing::Native),
-        "1.2.840.10008.1.2.2" => (Syntax { explicit: true, endian: Endian::Big }, Packing::Native),
-        uid => {
-            let packing = match uid {
-                "1.2.840.10008.1.2.1" | "1.2.840.10008.1.2.1.98" | "1.2.840.10008.1.2.1.99" => {
-                    Packing::Native
-                }
-                "1.2.840.10008.1.2.5" => Packing::RunLength,
-                "1.2.840.10008.1.2.4.50"
-                | "1.2.840.10008.1.2.4.51"
-                | "1.2.840.10008.1.2.4.57"
-                | "1.2.840.10008.1.2.4.70" => Packing::Jpeg,
-                _ => Packing::Other,
-            };
-            (Syntax { explicit: true, endian: Endian::Little }, packing)
-        }
+        uid => (Syntax::of(uid), Packing::of(uid)),
     };
     if syntax_uid == "1.2.840.10008.1.2.1.99" {
         let inflated = inflate(source, begin, account)?;
@@ -88,6 +73,19 @@ fn inflate(source: &Source, begin: u64, account: &mut Account) -> Result<Source>
     Source::unpacked(source.path(), bytes)
 }
 
+/// What the pass has collected so far.
+struct State {
+    header: Header,
+    /// Values that the shared functional groups give for all frames.
+    shared: Plane,
+    /// HighBit, if given.
+    high: Option<u64>,
+    /// Open sequences and items, the outermost first.
+    open: Vec<Open>,
+    /// The byte order of the data set.
+    endian: Endian,
+}
+
 /// A sequence or an item that has begun.
 struct Open {
     tag: Tag,
@@ -97,7 +95,7 @@ struct Open {
 }
 
 impl<'a, 'b> Walk<'a, 'b> {
-    /// Walks through the data set as far as the samples.
+    /// Reads the data set up to its samples.
     fn data_set(
         &mut self,
         begin: u64,
@@ -106,152 +104,159 @@ impl<'a, 'b> Walk<'a, 'b> {
         syntax_uid: String,
         named: &Source,
     ) -> Result<Header> {
-        let endian = syntax.endian;
-        let mut header = Header {
-            path: named.path().to_path_buf(),
-            endian,
-            packing,
-            syntax: syntax_uid,
-            series: String::new(),
-            photometric: String::new(),
-            rows: 0,
-            columns: 0,
-            samples: 1,
-            allocated: 0,
-            stored: 0,
-            high: 0,
-            signed: false,
-            float: false,
-            frames: None,
-            plane: Plane::default(),
-            planes: Vec::new(),
-            pixels: None,
-            taken: 0,
-            inflated: 0,
-            warnings: Vec::new(),
+        let mut state = State {
+            header: Header::empty(named.path(), syntax, packing, syntax_uid),
+            shared: Plane::default(),
+            high: None,
+            open: Vec::new(),
+            endian: syntax.endian,
         };
-        let mut shared = Plane::default();
-        let mut high = None;
-        let mut open: Vec<Open> = Vec::new();
         let mut at = begin;
         loop {
-            // What ends here, ends.
-            while let Some(end) = open.last().and_then(|last| last.end) {
-                if at < end {
-                    break;
-                }
-                if at > end {
-                    return Err(
-                        self.error(at, format!("a sequence or item ends at byte {end}, within an element"))
-                    );
-                }
-                open.pop();
-            }
-            let left = self.source.len().saturating_sub(at);
-            if left == 0 && open.is_empty() {
+            self.close_ended(at, &mut state.open)?;
+            if self.is_over(at, &state.open)? {
                 break;
             }
-            // Padding at the end is not worth a refusal, an element that is cut short is.
-            if left < 8 && open.is_empty() && self.bytes(at, left)?.iter().all(|&byte| byte == 0) {
-                break;
-            }
-            let syntax = open.last().map_or(syntax, |last| last.syntax);
+            let syntax = state.open.last().map_or(syntax, |last| last.syntax);
             let element = self.element(at, syntax)?;
-            match element.tag {
-                ITEM_END | SEQUENCE_END => {
-                    let sequence = element.tag == SEQUENCE_END;
-                    // A delimiter ends what has no length; those beyond are left alone.
-                    if open.last().is_some_and(|last| last.end.is_none() && (last.tag != ITEM) == sequence) {
-                        open.pop();
-                    } else if open.is_empty() {
-                        return Err(self.error(at, "a delimiter where nothing is open"));
-                    }
-                    at = element.at;
-                    continue;
-                }
-                ITEM => {
-                    if open.last().is_none_or(|last| last.tag == ITEM) {
-                        return Err(self.error(at, "an item outside a sequence"));
-                    }
-                    let end = self.end(&element)?;
-                    self.push(&mut open, at, Open { tag: ITEM, end, syntax })?;
-                    if open.len() == 2 && open[0].tag == PER_FRAME {
-                        // They are counted before: elements are in the order of their numbers.
-                        let frames = header.frames.unwrap_or(1);
-                        if num::wide(header.planes.len()) >= frames || header.planes.len() == MAX_FRAMES {
-                            let most = frames.min(num::wide(MAX_FRAMES));
-                            return Err(self.error(at, format!("more than {most} items for {frames} frames")));
-                        }
-                        self.account.take_for::<Plane>(1)?;
-                        header.planes.push(Plane::default());
-                    }
-                    at = element.at;
-                    continue;
-                }
-                (0x7fe0, 0x0008..=0x0010) if open.is_empty() => {
-                    header.float = element.tag.1 != 0x0010;
-                    header.pixels = Some(self.pixels(&element, syntax)?);
+            at = match element.tag {
+                ITEM_END | SEQUENCE_END => self.delimiter(at, &element, &mut state.open)?,
+                ITEM => self.item(at, &element, syntax, &mut state)?,
+                (0x7fe0, 0x0008..=0x0010) if state.open.is_empty() => {
+                    state.header.float = element.tag.1 != 0x0010;
+                    state.header.pixels = Some(self.pixels(&element, syntax)?);
                     break;
                 }
-                _ => {}
-            }
-            if open.last().is_some_and(|last| last.tag != ITEM) {
-                return Err(self.error(at, "an element within a sequence, outside its items"));
-            }
-            if open.is_empty() && element.tag == (0x0028, 0x3000) && element.len > 0 {
-                const WARNING: &str = "ModalityLUTSequence is not applied: values are as stored";
-                if header.warnings.is_empty() {
-                    header.warnings.push(WARNING);
-                }
-            }
-            // Packed samples of an icon, say.
-            if element.len == UNDEFINED
-                && (element.tag == (0x7fe0, 0x0010) || matches!(&element.vr, b"OB" | b"OW"))
-            {
-                at = self.fragments(&element, syntax, None)?;
-                continue;
-            }
-            let looked = match open.len() {
-                0 => matches!(element.tag, SHARED | PER_FRAME),
-                2 => matches!(open[0].tag, SHARED | PER_FRAME) && MACROS.contains(&element.tag),
-                _ => false,
+                _ => self.entry(at, &element, syntax, &mut state)?,
             };
-            if element.len == UNDEFINED || looked {
-                let end = self.end(&element)?;
-                // A sequence of unknown type is written without types.
-                let syntax = if element.vr == *b"UN" {
-                    Syntax { explicit: false, endian: Endian::Little }
-                } else {
-                    syntax
-                };
-                self.push(&mut open, at, Open { tag: element.tag, end, syntax })?;
-                at = element.at;
-                continue;
-            }
-            let behind = self.behind(&element)?;
-            match open.len() {
-                0 => {
-                    self.of_file(&element, endian, &mut header, &mut high)?;
-                    self.of_plane(&element, &mut header.plane)?;
-                }
-                4 if open[0].tag == SHARED && MACROS.contains(&open[2].tag) => {
-                    self.of_plane(&element, &mut shared)?;
-                }
-                4 if open[0].tag == PER_FRAME && MACROS.contains(&open[2].tag) => {
-                    if let Some(plane) = header.planes.last_mut() {
-                        self.of_plane(&element, plane)?;
-                    }
-                }
-                _ => {}
-            }
-            at = behind;
         }
+        self.finish(at, state)
+    }
+
+    /// Closes the sequences and items whose length ends here.
+    fn close_ended(&self, at: u64, open: &mut Vec<Open>) -> Result<()> {
+        while let Some(end) = open.last().and_then(|last| last.end) {
+            if at < end {
+                break;
+            }
+            if at > end {
+                return Err(
+                    self.error(at, format!("a sequence or item ends at byte {end}, within an element"))
+                );
+            }
+            open.pop();
+        }
+        Ok(())
+    }
+
+    /// Whether the data set ends here: at the end of the file, or at zero padding shorter than an element's header.
+    fn is_over(&mut self, at: u64, open: &[Open]) -> Result<bool> {
+        let left = self.source.len().saturating_sub(at);
+        if left >= 8 || !open.is_empty() {
+            return Ok(false);
+        }
+        Ok(left == 0 || self.bytes(at, left)?.iter().all(|&byte| byte == 0))
+    }
+
+    /// Handles a delimiter and returns the offset after it. It closes only what has no length of its own.
+    fn delimiter(&self, at: u64, element: &Element, open: &mut Vec<Open>) -> Result<u64> {
+        let sequence = element.tag == SEQUENCE_END;
+        if open.last().is_some_and(|last| last.end.is_none() && (last.tag != ITEM) == sequence) {
+            open.pop();
+        } else if open.is_empty() {
+            return Err(self.error(at, "a delimiter where nothing is open"));
+        }
+        Ok(element.at)
+    }
+
+    /// Opens an item and returns the offset of its first element.
+    fn item(&mut self, at: u64, element: &Element, syntax: Syntax, state: &mut State) -> Result<u64> {
+        let State { header, open, .. } = state;
+        if open.last().is_none_or(|last| last.tag == ITEM) {
+            return Err(self.error(at, "an item outside a sequence"));
+        }
+        let end = self.end(element)?;
+        self.push(open, at, Open { tag: ITEM, end, syntax })?;
+        if open.len() == 2 && open[0].tag == PER_FRAME {
+            // NumberOfFrames comes earlier: elements are sorted by tag.
+            let frames = header.frames.unwrap_or(1);
+            if num::wide(header.planes.len()) >= frames || header.planes.len() == MAX_FRAMES {
+                let most = frames.min(num::wide(MAX_FRAMES));
+                return Err(self.error(at, format!("more than {most} items for {frames} frames")));
+            }
+            self.account.take_for::<Plane>(1)?;
+            header.planes.push(Plane::default());
+        }
+        Ok(element.at)
+    }
+
+    /// Reads an element that is neither an item nor a delimiter; returns the offset of the next one to read.
+    fn entry(&mut self, at: u64, element: &Element, syntax: Syntax, state: &mut State) -> Result<u64> {
+        let State { header, open, .. } = state;
+        if open.last().is_some_and(|last| last.tag != ITEM) {
+            return Err(self.error(at, "an element within a sequence, outside its items"));
+        }
+        if open.is_empty() && element.tag == (0x0028, 0x3000) && element.len > 0 {
+            const WARNING: &str = "ModalityLUTSequence is not applied: values are as stored";
+            if header.warnings.is_empty() {
+                header.warnings.push(WARNING);
+            }
+        }
+        // Fragments outside the image, such as those of an icon.
+        if element.len == UNDEFINED
+            && (element.tag == (0x7fe0, 0x0010) || matches!(&element.vr, b"OB" | b"OW"))
+        {
+            return self.fragments(element, syntax, None);
+        }
+        let entered = match open.len() {
+            0 => matches!(element.tag, SHARED | PER_FRAME),
+            2 => matches!(open[0].tag, SHARED | PER_FRAME) && MACROS.contains(&element.tag),
+            _ => false,
+        };
+        if element.len == UNDEFINED || entered {
+            let end = self.end(element)?;
+            // A sequence of unknown type is encoded with implicit types.
+            let syntax = if element.vr == *b"UN" {
+                Syntax { explicit: false, endian: Endian::Little }
+            } else {
+                syntax
+            };
+            self.push(open, at, Open { tag: element.tag, end, syntax })?;
+            return Ok(element.at);
+        }
+        let behind = self.behind(element)?;
+        self.value_of(element, state)?;
+        Ok(behind)
+    }
+
+    /// Stores the value of an element, where it belongs to the file or to a functional group.
+    fn value_of(&mut self, element: &Element, state: &mut State) -> Result<()> {
+        let State { header, shared, high, open, endian } = state;
+        match open.len() {
+            0 => {
+                self.of_file(element, *endian, header, high)?;
+                self.of_plane(element, &mut header.plane)
+            }
+            4 if open[0].tag == SHARED && MACROS.contains(&open[2].tag) => self.of_plane(element, shared),
+            4 if open[0].tag == PER_FRAME && MACROS.contains(&open[2].tag) => {
+                match header.planes.last_mut() {
+                    Some(plane) => self.of_plane(element, plane),
+                    None => Ok(()),
+                }
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Completes the header after the last element.
+    fn finish(&mut self, at: u64, state: State) -> Result<Header> {
+        let State { mut header, shared, high, open, .. } = state;
         if let Some(open) = open.last() {
             let (group, number) = open.tag;
             return Err(self.error(at, format!("({group:04x},{number:04x}) does not end")));
         }
         header.plane = shared.or(header.plane);
-        // A single frame is the file.
+        // The groups of a single frame hold for the file.
         if header.frames.unwrap_or(1) == 1
             && let [own] = header.planes[..]
         {
@@ -266,6 +271,7 @@ impl<'a, 'b> Walk<'a, 'b> {
         Ok(header)
     }
 
+    /// Puts a sequence or an item on the stack.
     fn push(&self, open: &mut Vec<Open>, at: u64, next: Open) -> Result<()> {
         if open.len() == MAX_DEPTH {
             return Err(self.error(at, format!("more than {MAX_DEPTH} sequences within each other")));

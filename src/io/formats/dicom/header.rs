@@ -1,12 +1,12 @@
 //! The contents of a DICOM file that place and decode its samples.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
 use crate::error::Error;
 use crate::io::file::sample_type::Endian;
-use crate::io::formats::dicom::syntax::Packing;
+use crate::io::formats::dicom::syntax::{Packing, Syntax};
 
 /// Most frames of a file.
 pub(crate) const MAX_FRAMES: usize = 1 << 16;
@@ -79,6 +79,33 @@ pub(crate) struct Header {
 }
 
 impl Header {
+    /// The header of a file of which nothing is known but its encoding.
+    pub(crate) fn empty(path: &Path, syntax: Syntax, packing: Packing, syntax_uid: String) -> Self {
+        Self {
+            path: path.to_path_buf(),
+            endian: syntax.endian,
+            packing,
+            syntax: syntax_uid,
+            series: String::new(),
+            photometric: String::new(),
+            rows: 0,
+            columns: 0,
+            samples: 1,
+            allocated: 0,
+            stored: 0,
+            high: 0,
+            signed: false,
+            float: false,
+            frames: None,
+            plane: Plane::default(),
+            planes: Vec::new(),
+            pixels: None,
+            taken: 0,
+            inflated: 0,
+            warnings: Vec::new(),
+        }
+    }
+
     /// An error that names the file.
     pub(crate) fn error(&self, place: impl Into<String>, rule: impl Into<String>) -> Error {
         Error::file(&self.path, place, rule)

@@ -19,7 +19,37 @@ pub(crate) enum Packing {
     Other,
 }
 
-/// What a transfer syntax is called that is not read.
+impl Syntax {
+    /// The encoding of a data set with this transfer syntax.
+    pub(crate) fn of(uid: &str) -> Self {
+        match uid {
+            "1.2.840.10008.1.2" => Self { explicit: false, endian: Endian::Little },
+            "1.2.840.10008.1.2.2" => Self { explicit: true, endian: Endian::Big },
+            _ => Self { explicit: true, endian: Endian::Little },
+        }
+    }
+}
+
+impl Packing {
+    /// The compression of samples with this transfer syntax.
+    pub(crate) fn of(uid: &str) -> Self {
+        match uid {
+            "1.2.840.10008.1.2"
+            | "1.2.840.10008.1.2.2"
+            | "1.2.840.10008.1.2.1"
+            | "1.2.840.10008.1.2.1.98"
+            | "1.2.840.10008.1.2.1.99" => Self::Native,
+            "1.2.840.10008.1.2.5" => Self::RunLength,
+            "1.2.840.10008.1.2.4.50"
+            | "1.2.840.10008.1.2.4.51"
+            | "1.2.840.10008.1.2.4.57"
+            | "1.2.840.10008.1.2.4.70" => Self::Jpeg,
+            _ => Self::Other,
+        }
+    }
+}
+
+/// The name of a transfer syntax that is not read, with a blank before it.
 pub(crate) fn named(uid: &str) -> &'static str {
     match uid {
         "1.2.840.10008.1.2.4.80" | "1.2.840.10008.1.2.4.81" => " (JPEG-LS)",

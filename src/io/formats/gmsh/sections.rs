@@ -18,6 +18,40 @@ use crate::io::formats::gmsh::views::Views;
 /// Most names of physical groups, and of sections passed over, that are told.
 const MAX_TOLD: usize = 16;
 
+/// What the pass over the sections has met so far.
+struct State {
+    /// Sections that may occur once.
+    seen: BTreeSet<String>,
+    /// Unknown sections, for a note.
+    passed: BTreeSet<String>,
+    views: Views,
+}
+
+impl State {
+    /// Checks that a section may come here: some occur once, all known ones follow `$MeshFormat`.
+    fn check_order(&mut self, stream: &Stream, name: &str) -> Result<()> {
+        let once = ["MeshFormat", "Nodes", "ParametricNodes", "Elements", "Entities", "PartitionedEntities"]
+            .contains(&name);
+        // Both give the nodes.
+        let key = if name == "ParametricNodes" { "Nodes" } else { name };
+        if once && !self.seen.insert(key.to_owned()) {
+            return Err(stream.scanner.line_error(format!("${name}: a second one")));
+        }
+        if once || ["NodeData", "ElementData", "ElementNodeData"].contains(&name) {
+            self.needs(stream, name, "MeshFormat", "$MeshFormat must come first")?;
+        }
+        Ok(())
+    }
+
+    /// Checks that another section came before.
+    fn needs(&self, stream: &Stream, name: &str, section: &str, why: &str) -> Result<()> {
+        match self.seen.contains(section) {
+            true => Ok(()),
+            false => Err(stream.scanner.line_error(format!("${name}: {why}"))),
+        }
+    }
+}
+
 impl File {
     pub(crate) fn read(source: &Source, budget: &mut Budget) -> Result<Self> {
         let format = Format { version: 0, binary: None, wide: SampleType::U64, real: SampleType::F64 };
@@ -33,72 +67,16 @@ impl File {
             notes: Vec::new(),
             groups: HashMap::new(),
         };
-        let mut seen = BTreeSet::new();
-        let mut passed = BTreeSet::new();
-        let mut views = Views::default();
+        let mut state = State { seen: BTreeSet::new(), passed: BTreeSet::new(), views: Views::default() };
         while let Some(line) = stream.scanner.full_line()? {
             let name = line.strip_prefix('$').filter(|name| !name.starts_with("End"));
             let Some(name) = name else {
                 let rule = format!("\"{}\": must begin a section, such as $Nodes", shown(&line));
                 return Err(stream.scanner.line_error(rule));
             };
-            let once =
-                ["MeshFormat", "Nodes", "ParametricNodes", "Elements", "Entities", "PartitionedEntities"]
-                    .contains(&name);
-            // Both are the nodes.
-            let key = if name == "ParametricNodes" { "Nodes" } else { name };
-            if once && !seen.insert(key.to_owned()) {
-                return Err(stream.scanner.line_error(format!("${name}: a second one")));
-            }
-            let needs = |section: &str, why: &str| match seen.contains(section) {
-                true => Ok(()),
-                false => Err(stream.scanner.line_error(format!("${name}: {why}"))),
-            };
-            let known = once || ["NodeData", "ElementData", "ElementNodeData"].contains(&name);
-            if known {
-                needs("MeshFormat", "$MeshFormat must come first")?;
-            }
-            match name {
-                "NOD" => {
-                    let rule = "$NOD: is of version 1: 2.0 to 2.2 and 4.1 are supported";
-                    return Err(stream.scanner.line_error(rule));
-                }
-                "MeshFormat" => file.format = read_format(&mut stream)?,
-                "Nodes" | "ParametricNodes" => {
-                    file.read_nodes(&mut stream, name == "ParametricNodes", budget)?
-                }
-                "Elements" => {
-                    needs("Nodes", "$Nodes must come before")?;
-                    file.read_elements(&mut stream, budget)?;
-                }
-                "Entities" | "PartitionedEntities" if file.format.version == 4 => {
-                    file.read_entities(&mut stream, name == "PartitionedEntities", budget)?;
-                }
-                // These go on to the section's end.
-                "NodeData" => {
-                    views.read(&mut stream, Association::Point, &mut file.views, budget)?;
-                    continue;
-                }
-                "ElementData" => {
-                    views.read(&mut stream, Association::Cell, &mut file.views, budget)?;
-                    continue;
-                }
-                "ElementNodeData" => {
-                    views.pass(&mut stream, &mut file.left_out, budget)?;
-                    continue;
-                }
-                "PhysicalNames" => {
-                    file.names = read_names(&mut stream)?;
-                    continue;
-                }
-                _ => {
-                    let quiet = ["Comments", "Periodic", "InterpolationScheme"].contains(&name);
-                    if !quiet && passed.len() < MAX_TOLD {
-                        passed.insert(name.to_owned());
-                    }
-                    pass_section(&mut stream, name)?;
-                    continue;
-                }
+            state.check_order(&stream, name)?;
+            if file.section(&mut stream, name, &mut state, budget)? {
+                continue;
             }
             let end = stream.scanner.full_line()?.unwrap_or_default();
             if end.strip_prefix("$End") != Some(name) {
@@ -106,13 +84,64 @@ impl File {
                 return Err(stream.scanner.line_error(rule));
             }
         }
-        if !seen.contains("Nodes") {
+        if !state.seen.contains("Nodes") {
             return Err(source.error("$Nodes", "missing: there is no mesh in this file"));
         }
-        file.note(passed);
+        file.note(state.passed);
         Ok(file)
     }
 
+    /// Reads one section. True if that included its end line.
+    fn section(
+        &mut self,
+        stream: &mut Stream,
+        name: &str,
+        state: &mut State,
+        budget: &mut Budget,
+    ) -> Result<bool> {
+        match name {
+            "NOD" => {
+                let rule = "$NOD: is of version 1: 2.0 to 2.2 and 4.1 are supported";
+                return Err(stream.scanner.line_error(rule));
+            }
+            "MeshFormat" => self.format = read_format(stream)?,
+            "Nodes" | "ParametricNodes" => self.read_nodes(stream, name == "ParametricNodes", budget)?,
+            "Elements" => {
+                state.needs(stream, name, "Nodes", "$Nodes must come before")?;
+                self.read_elements(stream, budget)?;
+            }
+            "Entities" | "PartitionedEntities" if self.format.version == 4 => {
+                self.read_entities(stream, name == "PartitionedEntities", budget)?;
+            }
+            "NodeData" => {
+                state.views.read(stream, Association::Point, &mut self.views, budget)?;
+                return Ok(true);
+            }
+            "ElementData" => {
+                state.views.read(stream, Association::Cell, &mut self.views, budget)?;
+                return Ok(true);
+            }
+            "ElementNodeData" => {
+                state.views.pass(stream, &mut self.left_out, budget)?;
+                return Ok(true);
+            }
+            "PhysicalNames" => {
+                self.names = read_names(stream)?;
+                return Ok(true);
+            }
+            _ => {
+                let quiet = ["Comments", "Periodic", "InterpolationScheme"].contains(&name);
+                if !quiet && state.passed.len() < MAX_TOLD {
+                    state.passed.insert(name.to_owned());
+                }
+                pass_section(stream, name)?;
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Notes what was left out.
     fn note(&mut self, passed: BTreeSet<String>) {
         let Cells { repeated, reduced, .. } = self.cells;
         if repeated > 0 {

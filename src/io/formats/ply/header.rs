@@ -1,5 +1,7 @@
 //! The header: elements and their properties.
 
+use std::collections::HashSet;
+
 use crate::error::Result;
 use crate::io::file::sample_type::{Endian, SampleType};
 use crate::io::file::scanner::Scanner;
@@ -64,16 +66,92 @@ fn sample_type(name: &str) -> Option<SampleType> {
     })
 }
 
+/// The lines of a header that have been read.
+#[derive(Default)]
+struct Lines {
+    /// The byte order, as in [`Header`], once it is known.
+    format: Option<Option<Endian>>,
+    elements: Vec<Element>,
+    /// Names of elements, and of properties of the last element.
+    names: HashSet<String>,
+    properties: HashSet<String>,
+}
+
+impl Lines {
+    /// Adds a line. True at the end of the header.
+    ///
+    /// # Errors
+    ///
+    /// The rule that the line breaks.
+    fn add(&mut self, line: &str) -> std::result::Result<bool, String> {
+        let words: Vec<&str> = line.split_ascii_whitespace().collect();
+        if let Some(name) = words.last().filter(|name| name.len() > MAX_NAME && words[0] == "property") {
+            return Err(format!("a name of {} bytes: must be at most {MAX_NAME}", name.len()));
+        }
+        match *words.as_slice() {
+            [] | ["comment" | "obj_info", ..] => {}
+            ["end_header"] => return Ok(true),
+            ["format", name, version] => {
+                let binary = match name {
+                    "ascii" => None,
+                    "binary_little_endian" => Some(Endian::Little),
+                    "binary_big_endian" => Some(Endian::Big),
+                    _ => return Err("must be ascii, binary_little_endian or binary_big_endian".to_owned()),
+                };
+                if version != "1.0" {
+                    return Err("the version must be 1.0".to_owned());
+                }
+                if self.format.replace(binary).is_some() {
+                    return Err("a second format".to_owned());
+                }
+            }
+            ["element", name, count] => {
+                let Ok(count) = count.parse() else { return Err("must end in a count".to_owned()) };
+                if !self.names.insert(name.to_owned()) {
+                    return Err("a second element of this name".to_owned());
+                }
+                self.properties.clear();
+                self.elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
+            }
+            ["property", .., name] if matches!(words.len(), 3 | 5) => self.property(&words, name)?,
+            _ => {
+                return Err("must be format, element, property, comment, obj_info or end_header".to_owned());
+            }
+        }
+        Ok(false)
+    }
+
+    /// Adds a property to the last element.
+    fn property(&mut self, words: &[&str], name: &str) -> std::result::Result<(), String> {
+        let Some(element) = self.elements.last_mut() else { return Err("belongs to no element".to_owned()) };
+        let (kind, list) = match *words {
+            [_, "list", length, kind, _] => (kind, Some(length)),
+            [_, kind, _] => (kind, None),
+            _ => return Err("must be a type and a name, or a list".to_owned()),
+        };
+        let Some(kind) = sample_type(kind) else {
+            return Err(format!("\"{}\" is no type", shown(kind)));
+        };
+        let list = match list.map(|length| (length, sample_type(length))) {
+            None => None,
+            Some((_, Some(length))) if !matches!(length, SampleType::F32 | SampleType::F64) => Some(length),
+            Some((length, _)) => return Err(format!("\"{}\" is no type of a length", shown(length))),
+        };
+        if !self.properties.insert(name.to_owned()) {
+            return Err("a second property of this name".to_owned());
+        }
+        element.properties.push(Property { name: text::plain(name), kind, list });
+        Ok(())
+    }
+}
+
 impl Header {
     pub(crate) fn read(scanner: &mut Scanner) -> Result<Self> {
         let first = scanner.next_line()?.unwrap_or_default();
         if first.trim_end() != "ply" {
             return Err(scanner.line_error(format!("\"{}\": must be ply and a line feed", shown(&first))));
         }
-        let mut format = None;
-        let mut elements: Vec<Element> = Vec::new();
-        let mut names = std::collections::HashSet::new();
-        let mut properties = std::collections::HashSet::new();
+        let mut lines = Lines::default();
         loop {
             if scanner.position() > MAX_HEADER {
                 return Err(scanner.error(format!("header longer than {MAX_HEADER} bytes")));
@@ -81,75 +159,15 @@ impl Header {
             let Some(line) = scanner.next_line()? else {
                 return Err(scanner.error("ends before end_header"));
             };
-            let wrong = |rule: String| Err(scanner.line_error(format!("\"{}\": {rule}", shown(line.trim()))));
-            let words: Vec<&str> = line.split_ascii_whitespace().collect();
-            if let Some(name) = words.last().filter(|name| name.len() > MAX_NAME && words[0] == "property") {
-                return wrong(format!("a name of {} bytes: must be at most {MAX_NAME}", name.len()));
-            }
-            match *words.as_slice() {
-                [] | ["comment" | "obj_info", ..] => {}
-                ["end_header"] => break,
-                ["format", name, version] => {
-                    let binary = match name {
-                        "ascii" => None,
-                        "binary_little_endian" => Some(Endian::Little),
-                        "binary_big_endian" => Some(Endian::Big),
-                        _ => {
-                            let rule = "must be ascii, binary_little_endian or binary_big_endian";
-                            return wrong(rule.to_owned());
-                        }
-                    };
-                    if version != "1.0" {
-                        return wrong("the version must be 1.0".to_owned());
-                    }
-                    if format.replace(binary).is_some() {
-                        return wrong("a second format".to_owned());
-                    }
-                }
-                ["element", name, count] => {
-                    let Ok(count) = count.parse() else {
-                        return wrong("must end in a count".to_owned());
-                    };
-                    if !names.insert(name.to_owned()) {
-                        return wrong("a second element of this name".to_owned());
-                    }
-                    properties.clear();
-                    elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
-                }
-                ["property", .., name] if matches!(words.len(), 3 | 5) => {
-                    let Some(element) = elements.last_mut() else {
-                        return wrong("belongs to no element".to_owned());
-                    };
-                    let (kind, list) = match *words.as_slice() {
-                        [_, "list", length, kind, _] => (kind, Some(length)),
-                        [_, kind, _] => (kind, None),
-                        _ => return wrong("must be a type and a name, or a list".to_owned()),
-                    };
-                    let Some(kind) = sample_type(kind) else {
-                        return wrong(format!("\"{}\" is no type", shown(kind)));
-                    };
-                    let list = match list.map(|length| (length, sample_type(length))) {
-                        None => None,
-                        Some((_, Some(length))) if !matches!(length, SampleType::F32 | SampleType::F64) => {
-                            Some(length)
-                        }
-                        Some((length, _)) => {
-                            return wrong(format!("\"{}\" is no type of a length", shown(length)));
-                        }
-                    };
-                    if !properties.insert(name.to_owned()) {
-                        return wrong("a second property of this name".to_owned());
-                    }
-                    element.properties.push(Property { name: text::plain(name), kind, list });
-                }
-                _ => {
-                    let rule = "must be format, element, property, comment, obj_info or end_header";
-                    return wrong(rule.to_owned());
-                }
+            let end = lines
+                .add(&line)
+                .map_err(|rule| scanner.line_error(format!("\"{}\": {rule}", shown(line.trim()))))?;
+            if end {
+                break;
             }
         }
-        match format {
-            Some(binary) => Ok(Self { binary, elements }),
+        match lines.format {
+            Some(binary) => Ok(Self { binary, elements: lines.elements }),
             None => Err(scanner.source().error("header", "has no format")),
         }
     }

@@ -6,6 +6,7 @@ use tiff::decoder::{Decoder, Limits};
 
 use crate::error::Result;
 use crate::io::file::decode::{self, Layout};
+use crate::io::file::half::from_half;
 use crate::io::file::sample_type::{Endian, SampleType};
 use crate::io::file::source::{Encoding, Source};
 use crate::io::formats::jpeg;
@@ -295,16 +296,9 @@ pub(crate) fn unpack(row: &[u8], bits: u16, count: usize, unpacked: &mut Vec<u8>
 /// 16-bit floats as 32-bit ones.
 pub(crate) fn widened(bytes: &[u8], endian: Endian) -> Vec<u8> {
     let one = |pair: &[u8; 2]| {
-        let half =
+        let bits =
             if endian == Endian::Little { u16::from_le_bytes(*pair) } else { u16::from_be_bytes(*pair) };
-        let (sign, exponent, fraction) = (half >> 15, i32::from((half >> 10) & 31), f32::from(half & 1023));
-        let magnitude = match exponent {
-            0 => fraction * 2_f32.powi(-24),
-            31 if fraction == 0.0 => f32::INFINITY,
-            31 => f32::NAN,
-            _ => (1.0 + fraction / 1024.0) * 2_f32.powi(exponent - 15),
-        };
-        (if sign == 1 { -magnitude } else { magnitude }).to_ne_bytes()
+        from_half(bits).to_ne_bytes()
     };
     bytes.as_chunks::<2>().0.iter().flat_map(one).collect()
 }
