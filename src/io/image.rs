@@ -16,13 +16,13 @@ use crate::io::options::ReadOptions;
 use crate::num;
 use crate::replace::replace;
 
-/// Writes an image as OpenEXR or PNG, by the ending of the file's name.
+/// Writes an image as OpenEXR or PNG, chosen by the file name extension.
 ///
-/// `background` is straight linear RGBA and counts for PNG only.
+/// `background` is straight (not premultiplied) linear RGBA; only PNG uses it.
 ///
 /// # Errors
 ///
-/// [`Error::File`] for another ending, otherwise as [`write_exr`] and [`write_png`].
+/// [`Error::File`] for any other extension, otherwise as [`write_exr`] and [`write_png`].
 pub fn write_image(path: impl AsRef<Path>, image: &Image, background: [f64; 4]) -> Result<()> {
     let path = path.as_ref();
     match path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).as_deref() {
@@ -36,7 +36,7 @@ pub fn write_image(path: impl AsRef<Path>, image: &Image, background: [f64; 4]) 
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if the file cannot be written; nothing is left behind then.
+/// [`Error::Io`] if the file cannot be written; no partial file remains.
 pub fn write_exr(path: impl AsRef<Path>, image: &Image) -> Result<()> {
     let pixel = |position: Vec2<usize>| {
         let [r, g, b, a] = image.pixels()[position.y() * num::index(image.width()) + position.x()];
@@ -47,7 +47,7 @@ pub fn write_exr(path: impl AsRef<Path>, image: &Image) -> Result<()> {
         Layer::new(size, LayerAttributes::default(), Encoding::SMALL_LOSSLESS, SpecificChannels::rgba(pixel));
     let file = exr::prelude::Image::from_layer(layer);
     replace(path.as_ref(), |writer| {
-        // The format's offsets are patched at the end, which wants a seekable writer.
+        // The encoder patches offsets at the end, which needs a seekable writer.
         let mut bytes = std::io::Cursor::new(Vec::new());
         file.write().to_buffered(&mut bytes).map_err(io_error)?;
         writer.write_all(bytes.get_ref())
@@ -58,8 +58,8 @@ pub fn write_exr(path: impl AsRef<Path>, image: &Image) -> Result<()> {
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if the file cannot be opened; [`Error::File`] if it is no such image or larger than
-/// `options.max_bytes` in memory.
+/// [`Error::Io`] if the file cannot be opened; [`Error::File`] if it has no such layer or its pixels take more than
+/// `options.max_bytes`.
 pub fn read_exr(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Image> {
     let path = path.as_ref();
     let broken = |error: exr::error::Error| Error::file(path, "OpenEXR", one_line(&error.to_string()));
@@ -99,11 +99,11 @@ pub fn read_exr(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Image> 
 
 /// Writes 8-bit PNG: composited over `background` (straight linear RGBA), then sRGB-encoded.
 ///
-/// An opaque background gives RGB, any other one RGBA. What is no number becomes 0.
+/// An opaque background gives RGB, any other one RGBA. NaN becomes 0.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if the file cannot be written; nothing is left behind then.
+/// [`Error::Io`] if the file cannot be written; no partial file remains.
 pub fn write_png(path: impl AsRef<Path>, image: &Image, background: [f64; 4]) -> Result<()> {
     let opaque = background[3] >= 1.0;
     let channels = if opaque { 3 } else { 4 };
@@ -122,7 +122,8 @@ pub fn write_png(path: impl AsRef<Path>, image: &Image, background: [f64; 4]) ->
     })
 }
 
-/// A premultiplied linear pixel over a straight linear background, as straight sRGB codes.
+/// Composites a premultiplied linear pixel over a straight linear background, and encodes the result as straight
+/// sRGB.
 fn encode(pixel: [f64; 4], background: [f64; 4]) -> [u8; 4] {
     let through = 1.0 - pixel[3];
     let alpha = pixel[3] + through * background[3];
@@ -134,7 +135,7 @@ fn encode(pixel: [f64; 4], background: [f64; 4]) -> [u8; 4] {
     [code(0), code(1), code(2), num::u8_code(alpha * 255.0)]
 }
 
-/// The sRGB transfer curve (IEC 61966-2-1) on [0, 1]; what lies outside is clamped, NaN stays.
+/// Applies the sRGB transfer curve (IEC 61966-2-1). Values outside [0, 1] are clamped, NaN stays NaN.
 fn srgb(linear: f64) -> f64 {
     let linear = linear.clamp(0.0, 1.0);
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }

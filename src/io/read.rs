@@ -11,13 +11,13 @@ use crate::io::registry::{checked, read_source};
 use crate::io::report::Loaded;
 use crate::scene::{Data, Grid};
 
-/// Reads a data file in any known format. Content decides; the file name's ending is asked only when no
-/// format knows the content. A folder is read as the slices in it, or as the one data file that it holds.
+/// Reads a data file in any known format. The content selects the format; the file name extension is used only if no
+/// format recognises the content. A folder is read as a stack of slices, or as the one data file in it.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if a file cannot be read; [`Error::File`] if no format fits, the contents break a rule
-/// of the format, or the data would take more than `options.max_bytes`.
+/// [`Error::Io`] if a file cannot be read; [`Error::File`] if no format fits, the contents break a rule of the
+/// format, or the data would take more than `options.max_bytes`.
 pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Loaded> {
     let path = path.as_ref();
     if let Some(refusal) = refused::folder(path) {
@@ -29,8 +29,8 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Loaded> {
     read_source(&Source::open(path, options)?, options)
 }
 
-/// The same for files in memory: the first is read, and finds the others by the names that it has for
-/// them.
+/// Reads a data file in memory: the first of `files`, given as name and content. Files that it names are looked up
+/// among the others.
 ///
 /// # Errors
 ///
@@ -39,7 +39,7 @@ pub fn read_memory(files: &[(&str, &[u8])], options: &ReadOptions) -> Result<Loa
     read_source(&Source::in_memory(files)?, options)
 }
 
-/// Reads a file that holds a grid: see [`read`].
+/// Reads a file that holds a grid, as [`read`] does.
 ///
 /// # Errors
 ///

@@ -9,9 +9,9 @@ use crate::io::report::Loaded;
 pub(crate) trait Reader: Sync {
     /// The format's name, for messages.
     fn name(&self) -> &'static str;
-    /// The usual endings of file names, without the leading dot.
+    /// The usual file name extensions, without the leading dot.
     fn extensions(&self) -> &'static [&'static str];
-    /// Whether the file's first bytes are this format's.
+    /// Whether the first bytes of the file belong to this format.
     fn recognises(&self, source: &Source) -> bool;
     /// Reads the file.
     fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded>;

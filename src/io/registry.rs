@@ -12,7 +12,7 @@ use crate::io::reader::Reader;
 use crate::io::report::Loaded;
 use crate::scene::{Data, Rescale};
 
-/// Every format that [`read`] knows, in the order in which they are asked.
+/// All formats, in the order in which they are tried.
 static READERS: &[&dyn Reader] = &[
     &nrrd::Nrrd,
     &nifti::Nifti,
@@ -28,7 +28,7 @@ static READERS: &[&dyn Reader] = &[
     &raw::Raw,
 ];
 
-/// One line that names the formats that [`read`] knows, with their file name endings.
+/// Lists the formats that [`read`](crate::io::read()) knows and their file name extensions, in one line.
 #[must_use]
 pub fn known_formats() -> String {
     let one = |reader: &&dyn Reader| {
@@ -67,8 +67,8 @@ pub(crate) fn read_source(source: &Source, options: &ReadOptions) -> Result<Load
     checked(source.path(), reader.read(source, options)?, options)
 }
 
-/// What was asked for must not be passed over in silence: a grid has no kernels, and a format without names
-/// reads what there is.
+/// Checks a result against the options: no selection may be ignored silently. A grid has no kernels, and a format
+/// without array names cannot select one.
 pub(crate) fn checked(path: &Path, mut loaded: Loaded, options: &ReadOptions) -> Result<Loaded> {
     if let Data::Grid(grid) = &loaded.data {
         options.check_kernels("a grid").map_err(|error| error.in_file(path))?;
@@ -94,12 +94,12 @@ pub(crate) fn checked(path: &Path, mut loaded: Loaded, options: &ReadOptions) ->
     Ok(loaded)
 }
 
-/// The reader that knows a file's content.
+/// Returns the reader that recognises the content.
 pub(crate) fn by_content(source: &Source) -> Option<&'static dyn Reader> {
     READERS.iter().find(|reader| reader.recognises(source)).copied()
 }
 
-/// The reader whose files have such a name.
+/// Returns the reader whose file name extensions fit.
 pub(crate) fn by_name(source: &Source) -> Option<&'static dyn Reader> {
     let name = source.path().file_name()?.to_string_lossy().to_lowercase();
     let is = |ending: &&str| name.strip_suffix(ending).is_some_and(|stem| stem.ends_with('.'));

@@ -3,23 +3,23 @@
 use crate::io::build::arrays::ArrayInfo;
 use crate::scene::Data;
 
-/// What a person may want to know of how a file was read.
+/// A report of how a file was read.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct Report {
     /// The format.
     pub format: &'static str,
-    /// The arrays of the file, where it has several or names them.
+    /// The arrays of the file, if it has several or names them.
     pub arrays: Vec<ArrayInfo>,
-    /// The array that was read, as [`ReadOptions::array`] would name it.
+    /// The array that was read, in the syntax of [`ReadOptions::array`].
     pub shown: Option<String>,
-    /// What was done to the data.
+    /// Changes made to the data.
     pub notes: Vec<String>,
-    /// What may not be as it seems.
+    /// Assumptions and ignored contents that may make the result wrong.
     pub warnings: Vec<String>,
 }
 
-/// Data, and how it was read.
+/// Scene data with the report of how it was read.
 #[derive(Clone, Debug)]
 pub struct Loaded {
     /// The data.

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::io::file::sample_type::{Pick, SampleType};
 use crate::io::file::source::Source;
 
-/// The array, and what of it.
+/// Names an array and the part that is read, in the syntax of [`ReadOptions::array`](crate::io::ReadOptions::array).
 pub(crate) fn describe(array: &ArrayInfo, pick: Pick) -> String {
     let name = format!("{}:{}", array.association.name(), array.name);
     match pick {
@@ -16,11 +16,11 @@ pub(crate) fn describe(array: &ArrayInfo, pick: Pick) -> String {
     }
 }
 
-/// A warning where 32-bit floats are coarse for values of such a range.
+/// Returns a warning if 32-bit floats are coarse for values in this range.
 pub(crate) fn coarse([lo, hi]: [f64; 2], array: &ArrayInfo) -> Option<String> {
-    /// Steps that a range should have.
+    /// The least number of distinct values that the range should have.
     const STEPS: f64 = 4096.0;
-    /// Up to here f32 has every whole number.
+    /// The largest magnitude up to which f32 represents every whole number.
     const WHOLE: f64 = 16_777_216.0;
     if array.kind.bytes() < 4 || array.kind == SampleType::F32 || lo >= hi {
         return None;
@@ -38,7 +38,7 @@ pub(crate) fn coarse([lo, hi]: [f64; 2], array: &ArrayInfo) -> Option<String> {
     })
 }
 
-/// What the tuples of an array belong to.
+/// The elements that the tuples of an array belong to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Association {
     /// Samples, vertices or particles.
@@ -48,7 +48,7 @@ pub enum Association {
 }
 
 impl Association {
-    /// The word that prefixes a name.
+    /// Returns the prefix in selections, `point` or `cell`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -58,23 +58,23 @@ impl Association {
     }
 }
 
-/// An array as the file announces it.
+/// An array as the file declares it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ArrayInfo {
     /// Its name; may be empty.
     pub name: String,
-    /// Whose values it holds.
+    /// Whether its tuples belong to points or to cells.
     pub association: Association,
     /// The type of a component.
     pub kind: SampleType,
-    /// Components of a tuple.
+    /// The number of components of a tuple.
     pub components: usize,
-    /// Whether the file marks it as the one to show.
+    /// Whether the file marks it as the array to show.
     pub active: bool,
 }
 
 impl ArrayInfo {
-    /// Whether it numbers things or flags them: nothing to look at, unless asked for.
+    /// Whether it holds identifiers or flags, which are shown only on request.
     fn is_bookkeeping(&self) -> bool {
         let whole = !matches!(self.kind, SampleType::F32 | SampleType::F64);
         let lower = self.name.to_lowercase();
@@ -95,7 +95,7 @@ impl fmt::Display for ArrayInfo {
     }
 }
 
-/// An array that was chosen, and what of it.
+/// A chosen array, and the part of its tuples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Choice {
     /// Its place in the list.
@@ -103,8 +103,8 @@ pub(crate) struct Choice {
     pub(crate) pick: Pick,
 }
 
-/// Chooses the array to show, as [`super::ReadOptions::array`] says. None, where nothing is asked for and
-/// nothing is there.
+/// Chooses the array to show, as [`ReadOptions::array`](crate::io::ReadOptions::array) describes. Returns None if
+/// none is selected and there is none.
 pub(crate) fn choose(source: &Source, arrays: &[ArrayInfo], wanted: Option<&str>) -> Result<Option<Choice>> {
     match wanted {
         Some(wanted) => find(source, arrays, wanted).map(Some),
@@ -112,7 +112,7 @@ pub(crate) fn choose(source: &Source, arrays: &[ArrayInfo], wanted: Option<&str>
     }
 }
 
-/// Chooses the array to show where nothing is asked for, among those that may be.
+/// Chooses the array to show by default, among those that `may` accepts.
 pub(crate) fn choose_among(arrays: &[ArrayInfo], may: impl Fn(usize, &ArrayInfo) -> bool) -> Option<Choice> {
     let any = || arrays.iter().enumerate().filter(|&(i, array)| array.components > 0 && may(i, array));
     let all = || any().filter(|(_, array)| !array.is_bookkeeping());
@@ -136,7 +136,7 @@ pub(crate) fn find(source: &Source, arrays: &[ArrayInfo], wanted: &str) -> Resul
         };
         arrays.iter().position(fits)
     };
-    // Names may hold colons: the reading with the longest name wins.
+    // Names may contain colons: the interpretation with the longest name wins.
     let prefix = [Association::Point, Association::Cell]
         .into_iter()
         .find_map(|a| Some((a, wanted.strip_prefix(a.name())?.strip_prefix(':')?)));
@@ -156,9 +156,9 @@ pub(crate) fn find(source: &Source, arrays: &[ArrayInfo], wanted: &str) -> Resul
     Err(source.error(format!("array \"{wanted}\""), format!("no such array: there are {}", list(arrays))))
 }
 
-/// One line of names.
+/// Lists the arrays in one line.
 fn list(arrays: &[ArrayInfo]) -> String {
-    /// Most names of a message.
+    /// The limit on names in one message.
     const MOST: usize = 20;
     let mut names: Vec<String> = arrays.iter().take(MOST).map(ToString::to_string).collect();
     if arrays.len() > MOST {

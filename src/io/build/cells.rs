@@ -6,15 +6,15 @@ use crate::error::Result;
 use crate::io::file::source::Source;
 use crate::scene::CellKind;
 
-/// Cells of each type.
+/// The number of cells of each VTK type.
 pub(crate) type Counts = BTreeMap<u8, u64>;
 
-/// Whether cells of a type have no volume.
+/// Whether cells of this VTK type have no volume.
 pub(crate) fn flat(number: u8) -> bool {
     matches!(number, 0..=9 | 21..=23 | 28 | 30 | 34..=36 | 60..=63 | 68..=70 | 75..=77)
 }
 
-/// Three-dimensional types without a rule must not be lost silently.
+/// Refuses cells with a volume that cannot be cut into tetrahedra, which must not be dropped silently.
 pub(crate) fn check_supported(source: &Source, counts: &Counts) -> Result<()> {
     let unknown = |number: u8| CellKind::of_vtk(number).is_none() && !flat(number);
     let Some((number, count)) = counts.iter().find(|&(&number, _)| unknown(number)) else { return Ok(()) };
@@ -30,8 +30,8 @@ pub(crate) fn check_supported(source: &Source, counts: &Counts) -> Result<()> {
     Err(source.error("cells", rule))
 }
 
-/// Whether cells among which none is solid leave the points alone. Types 0 to 2 are nothing, vertex and
-/// vertices.
+/// Checks that cells without volume are vertices at most (types 0 to 2: empty, vertex, poly-vertex), so that the data
+/// set can be read as points.
 pub(crate) fn check_points(source: &Source, counts: &Counts) -> Result<()> {
     check_supported(source, counts)?;
     if counts.keys().all(|&number| number <= 2) {

@@ -1,7 +1,7 @@
-//! Arrays of columns: formats that name single numbers have vectors and tensors as several of them.
+//! Groups columns of numbers into arrays: table formats store vectors and tensors as several named columns.
 //!
-//! Each column is an array by itself. Columns whose names differ in their last part alone also are one array
-//! together, named by what comes before. The last part follows `_`, `:` or `.`, or a single letter:
+//! Each column is an array by itself. Columns whose names differ only in their last part also form one array, named
+//! by the part before. The last part follows `_`, `:` or `.`, or a single letter:
 //!
 //! | parts | an array of |
 //! |---|---|
@@ -12,8 +12,8 @@
 //! | `nx ny nz` | 3, named `normal` |
 //! | `red green blue`, and `alpha` | 3 or 4, named `colour` |
 //!
-//! Upper case counts as lower case in parts, and a unit in brackets at the end of a name does not count. A
-//! group whose name some column has is none.
+//! Parts are case-insensitive, and a unit in brackets at the end of a name is ignored. Columns form no group if its
+//! name is that of a column.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -28,7 +28,7 @@ pub(crate) struct Column {
     pub(crate) kind: SampleType,
 }
 
-/// An array, and the columns that it is made of.
+/// An array, and the indices of its columns.
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
     pub(crate) info: ArrayInfo,
@@ -36,7 +36,7 @@ pub(crate) struct Group {
 }
 
 impl Group {
-    /// The columns that are needed for what is read of each tuple.
+    /// Returns the columns needed to read this part of each tuple.
     pub(crate) fn needed(&self, pick: Pick) -> &[usize] {
         match pick {
             Pick::Component(component) => self.columns.get(component..=component).unwrap_or(&[]),
@@ -45,7 +45,7 @@ impl Group {
     }
 }
 
-/// What is read of a tuple of the numbers that are needed.
+/// Computes the part of a tuple from the numbers of the needed columns.
 pub(crate) fn value(numbers: &[f64], pick: Pick) -> f64 {
     match pick {
         Pick::Component(_) => numbers.first().copied().unwrap_or(f64::NAN),
@@ -53,16 +53,16 @@ pub(crate) fn value(numbers: &[f64], pick: Pick) -> f64 {
     }
 }
 
-/// The last part of a name.
+/// The last part of a column's name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 enum Part {
     Axis(usize),
     Number(usize),
-    /// Row and column, one behind the other.
+    /// Three times the row, plus the column.
     Pair(usize),
 }
 
-/// A name without a unit in brackets.
+/// Strips a unit in brackets from the end of a name.
 pub(crate) fn bare(name: &str) -> &str {
     let name = name.trim();
     let open = match name.chars().last() {
@@ -70,7 +70,7 @@ pub(crate) fn bare(name: &str) -> &str {
         Some(']') => name.rfind('['),
         _ => None,
     };
-    // A name that is nothing else stays.
+    // A name that consists of the bracket alone stays.
     open.map(|open| name[..open].trim_end()).filter(|rest| !rest.is_empty()).unwrap_or(name)
 }
 
@@ -86,7 +86,7 @@ fn letters(part: &str) -> Option<Part> {
     }
 }
 
-/// The name of the group that a column may belong to, and its part there.
+/// Splits the name of a column into the name of its group and its part.
 fn split(name: &str) -> Option<(&str, Part)> {
     let name = bare(name);
     let colours = ["red", "green", "blue", "alpha"];
@@ -107,7 +107,7 @@ fn split(name: &str) -> Option<(&str, Part)> {
     Some((stem, letters(part).filter(|_| letter)?))
 }
 
-/// The places of a group's parts, in order, where it is complete.
+/// Returns the columns of a group in the order of the parts, if it is complete.
 fn complete(parts: &BTreeMap<Part, usize>) -> Option<Vec<usize>> {
     let get = |part: Part| parts.get(&part).copied();
     let (first, _) = parts.first_key_value()?;
@@ -128,10 +128,10 @@ fn complete(parts: &BTreeMap<Part, usize>) -> Option<Vec<usize>> {
     }
 }
 
-/// The arrays of columns: those that belong to no group, those that do, and groups.
+/// Returns the arrays of columns: single columns, members of groups, then groups.
 pub(crate) fn groups(columns: &[Column]) -> Vec<Group> {
     let names: HashSet<&str> = columns.iter().map(|column| column.name.as_str()).collect();
-    // By name and whether parts are letters, numbers or pairs, in the order of their first columns.
+    // Groups are keyed by name and by the kind of part, and ordered by their first columns.
     let mut order = Vec::new();
     let mut found: HashMap<(&str, u8), BTreeMap<Part, usize>> = HashMap::new();
     for (i, column) in columns.iter().enumerate() {
@@ -173,7 +173,7 @@ pub(crate) fn groups(columns: &[Column]) -> Vec<Group> {
     }
     let mut arrays: Vec<Group> =
         columns.iter().enumerate().map(|(i, column)| point(&column.name, vec![i], column.kind)).collect();
-    // Stable: the file's order stays.
+    // The sort is stable: columns keep their order in the file.
     arrays.sort_by_key(|array| grouped.contains(&array.columns[0]));
     arrays.extend(groups);
     arrays

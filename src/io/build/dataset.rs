@@ -7,26 +7,26 @@ use crate::io::file::source::Source;
 use crate::num;
 use crate::scene::CellKind;
 
-/// Points, and cells with nodes and types in the numbers of VTK.
+/// Points, and cells with VTK type numbers and lists of nodes.
 #[derive(Debug, Default)]
 pub(crate) struct Dataset {
     pub(crate) points: Vec<DVec3>,
-    /// The type of each cell.
+    /// The VTK type of each cell.
     pub(crate) types: Vec<u8>,
-    /// Where each cell's nodes end in `nodes`.
+    /// The end of each cell's nodes in `nodes`.
     pub(crate) ends: Vec<u32>,
     /// Indices of points.
     pub(crate) nodes: Vec<u32>,
 }
 
-/// Bytes that a dataset of so many points, cells and nodes takes: to be taken from the budget first.
+/// Returns the memory of a data set in bytes, to be taken from the budget before it is allocated.
 pub(crate) fn bytes(points: u64, cells: u64, nodes: u64) -> u64 {
     let (points, cells) = (points.saturating_mul(24), cells.saturating_mul(5));
     points.saturating_add(cells).saturating_add(nodes.saturating_mul(4))
 }
 
 impl Dataset {
-    /// Whether nodes are points, and cells have as many as their type.
+    /// Checks that nodes are indices of points, and that each cell has as many as its type needs.
     pub(crate) fn check(&self, source: &Source) -> Result<()> {
         let Self { points, types, ends, nodes } = self;
         if types.len() != ends.len() {

@@ -21,22 +21,22 @@ impl Files {
         }
     }
 
-    /// The name of a file; empty where there are not so many.
+    /// Returns the name of a file, or an empty name beyond the last one.
     pub(crate) fn name(&self, index: usize) -> String {
         let name = match self {
             Self::Named(names) => names.get(index).cloned().unwrap_or_default(),
             Self::Numbered(numbered) => numbered.name(index),
         };
-        // Files in memory have one name only.
+        // Files in memory are found by exact name, without `./`.
         name.strip_prefix("./").map(str::to_owned).unwrap_or(name)
     }
 }
 
-/// Numbers in the names of files, as C prints them.
+/// Numbered file names, as a C format string gives them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Numbered {
     before: String,
-    /// Digits or blanks to fill up to.
+    /// The width up to which zeros or blanks are padded.
     width: usize,
     zeros: bool,
     after: String,
@@ -46,11 +46,11 @@ pub(crate) struct Numbered {
 }
 
 impl Numbered {
-    /// Most digits of a number.
+    /// The limit on the padded width.
     const MAX_WIDTH: usize = 20;
 
-    /// Numbers from `first` to `last` in a pattern with one `%d`, `%03d`, `%u` or `%i`; `%%` is a percent
-    /// sign. None, where the text is no such pattern.
+    /// Parses a pattern with one `%d`, `%03d`, `%u` or `%i`; `%%` is a percent sign. Returns None if the text is not
+    /// such a pattern.
     pub(crate) fn parse(pattern: &str) -> Option<Self> {
         let (mut before, mut after, mut number) = (String::new(), String::new(), None);
         let mut rest = pattern;
@@ -82,7 +82,7 @@ impl Numbered {
         })
     }
 
-    /// The same from one number to another; a falling sequence has a negative step.
+    /// Sets the sequence of numbers; a falling sequence has a negative step.
     ///
     /// # Errors
     ///

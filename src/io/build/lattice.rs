@@ -12,18 +12,18 @@ use crate::io::options::ReadOptions;
 use crate::io::report::Loaded;
 use crate::scene::{Grid, Samples};
 
-/// Where the points of a lattice lie.
+/// The positions of the points of a lattice.
 #[derive(Clone, Debug)]
 pub(crate) enum Places {
-    /// Evenly: `origin + direction * (spacing * index)`.
+    /// Points are evenly spaced: `origin + direction * (spacing * index)`.
     Even { origin: DVec3, spacing: DVec3, direction: DMat3 },
-    /// At coordinates of their own along each axis, in the order of the samples: rising or falling.
+    /// Each axis lists its coordinates in the order of the samples, rising or falling.
     Listed([Vec<f64>; 3]),
 }
 
 impl Places {
-    /// An even lattice whose first sample has an index: `origin` is the place of index 0, and a negative
-    /// spacing turns its axis round. Returns notes of both, too.
+    /// Builds an even lattice whose first sample has the index `first`; `origin` is the position of index 0. A
+    /// negative spacing reverses its axis. Also returns notes on both.
     pub(crate) fn even(origin: DVec3, spacing: DVec3, direction: DMat3, first: DVec3) -> (Self, Vec<String>) {
         let mut notes = Vec::new();
         if first != DVec3::ZERO {
@@ -42,7 +42,7 @@ impl Places {
 
 /// Builds a grid from points on a lattice and arrays on its points or cells. `dims` counts points.
 ///
-/// Cell data is a sample at the centre of each cell. Points and cells that VTK's ghost array hides are NaN.
+/// Cell data gives a sample at the centre of each cell. Points and cells hidden by VTK's ghost array become NaN.
 pub(crate) fn build(
     origin: Origin,
     dims: [u32; 3],
@@ -123,7 +123,7 @@ pub(crate) fn build(
     Ok(loaded)
 }
 
-/// The lattice of the cells' centres.
+/// Returns the lattice of the cell centres.
 fn centres(places: Places) -> Places {
     match places {
         Places::Even { origin, spacing, direction } => {

@@ -17,7 +17,7 @@ use crate::io::report::Loaded;
 use crate::num;
 use crate::scene::{CellKind, Data, Orientation, TetScalars, Tets};
 
-/// Ghost cells of VTK: a copy of another piece's, or hidden.
+/// VTK's flags of ghost cells: duplicate of a cell in another piece, or hidden.
 const DUPLICATE_OR_HIDDEN: u8 = 1 | 32;
 
 /// Builds a mesh of the cells that have a volume, with the chosen array as its scalars.
@@ -241,7 +241,7 @@ impl<'a> Cutter<'a> {
     }
 }
 
-/// What became of the cells of one type.
+/// Statistics of the cells of one type.
 #[derive(Default)]
 struct Made {
     cells: usize,
@@ -251,11 +251,11 @@ struct Made {
 }
 
 impl Made {
-    /// Turns the tetrahedra of a cell that are inside out: all of them, or some, where the cell is twisted.
+    /// Reorients the tetrahedra of a cell that are inside out. If only some are, the cell is twisted.
     fn turn(&mut self, points: &[DVec3], tets: &mut [[u32; 4]]) {
         let (mut positive, mut negative) = (false, false);
         for tet in tets {
-            // A cell with corners at one place has flat ones, whose sign is rounding.
+            // Coincident corners make flat tetrahedra, whose sign is rounding error.
             match Orientation::of(tet.map(|i| points[num::index(i)])) {
                 Orientation::Positive => positive = true,
                 Orientation::Negative => {
@@ -270,9 +270,9 @@ impl Made {
     }
 }
 
-/// The rank of each point: the smallest index of a point at the same position.
+/// Returns the rank of each point: the smallest index of a point at the same position.
 fn ranks(points: &[DVec3]) -> Vec<u32> {
-    // Zero has two signs and one position.
+    // Adding 0 makes -0 equal to 0.
     let key = |i: u32| points[num::index(i)].to_array().map(|x| x + 0.0);
     let mut order: Vec<u32> = (0..num::count(points.len())).collect();
     order.sort_unstable_by(|&a, &b| {

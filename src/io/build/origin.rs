@@ -8,17 +8,17 @@ use crate::io::file::source::Source;
 use crate::num;
 use crate::scene::Samples;
 
-/// Reads one number of each tuple of the array with an index.
+/// Reads one number per tuple of the array with this index.
 pub(crate) type ReadArray<'r> = dyn FnMut(usize, Pick) -> Result<Samples> + 'r;
 
-/// The file that a dataset comes from.
+/// The file that data comes from, its format and its arrays.
 pub(crate) struct Origin<'a> {
     pub(crate) source: &'a Source,
     pub(crate) format: &'static str,
     pub(crate) arrays: Vec<ArrayInfo>,
 }
 
-/// The flags of VTK's ghost array of points or cells, where there is one.
+/// Reads the flags of VTK's ghost array of points or cells, if there is one.
 pub(crate) fn ghosts(
     arrays: &[ArrayInfo],
     association: Association,

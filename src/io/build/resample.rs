@@ -10,10 +10,11 @@ use crate::io::file::source::Source;
 use crate::num;
 use crate::scene::Samples;
 
-/// Differences of gaps that count as rounding: coordinates are often float32, or printed with six digits.
+/// The relative difference of gaps that is taken as rounding: coordinates are often float32, or printed with six
+/// digits.
 const EVEN: f64 = 1e-4;
 
-/// How many times more samples than the file has resampling may make.
+/// The limit on the growth of the number of samples by resampling.
 const MOST_GROWTH: f64 = 64.0;
 
 /// Samples on an even lattice along the axes.
@@ -23,20 +24,19 @@ pub(crate) struct Even {
     pub(crate) samples: Samples,
     /// Coordinates of the first sample.
     pub(crate) origin: DVec3,
-    /// From one sample to the next along each axis; negative where coordinates fall.
+    /// The distance between samples along each axis; negative if coordinates fall.
     pub(crate) steps: DVec3,
-    /// What was done.
+    /// A note on the resampling.
     pub(crate) note: Option<String>,
 }
 
-/// Brings samples at listed coordinates onto an even lattice. Along an axis with uneven gaps they are
-/// interpolated linearly, at least as close together as the file has them anywhere; the first and the last
-/// stay where they are.
+/// Resamples samples at listed coordinates onto an even lattice. Along an axis with uneven gaps it interpolates
+/// linearly, with a step no larger than the smallest gap; the first and the last sample keep their positions.
 ///
 /// # Errors
 ///
-/// If coordinates do not rise or fall strictly, or the smallest gap is so small that the even lattice would
-/// have more than 64 times the samples, or more than the budget has memory for.
+/// If coordinates do not rise or fall strictly, if the even lattice would have more than 64 times the samples, or if
+/// it exceeds the memory budget.
 pub(crate) fn evenly(
     source: &Source,
     place: &str,
@@ -59,7 +59,7 @@ pub(crate) fn evenly(
         let (Some(&first), Some(&last)) = (list.first(), list.last()) else { continue };
         let sign = (last - first).signum();
         let gap = |pair: &[f64]| (pair[1] - pair[0]) * sign;
-        // NaN is no gap either.
+        // NaN fails the comparison.
         let rises = |pair: &&[f64]| matches!(gap(pair).partial_cmp(&0.0), Some(Ordering::Greater));
         if let Some(pair) = list.windows(2).find(|pair| !rises(pair) || !gap(pair).is_finite()) {
             return Err(at(format!("{} after {}: must rise or fall strictly", pair[1], pair[0])));
@@ -100,7 +100,7 @@ pub(crate) fn evenly(
             format!("uneven: an even lattice would have {counts:?} samples instead of {dims:?}; resample the data first"),
         ));
     }
-    // Each axis in turn: what comes in, and what comes out, of the largest pass.
+    // Axes are resampled one after another; the largest pass holds its input and its output.
     budget.take(place, num::u64_of(after * 8.0))?;
     let mut values = samples.into_f32();
     let mut extents = dims.map(num::index);
@@ -112,12 +112,12 @@ pub(crate) fn evenly(
     Ok(Even { dims: counts, samples: Samples::F32(values), origin, steps, note: Some(notes.join("; ")) })
 }
 
-/// A number of six digits: differences carry the rounding of what they are made of.
+/// Rounds to six digits, because differences carry the rounding of their operands.
 fn short(value: f64) -> f64 {
     format!("{value:.5e}").parse().unwrap_or(value)
 }
 
-/// For each place of an even axis: the interval of the list that it lies in, and how far along.
+/// Returns, for each position on an even axis, its interval in the list and its fraction along it.
 fn shares(list: &[f64], origin: f64, step: f64, count: u32) -> Vec<(usize, f64)> {
     let mut interval = 0;
     let place = |i: u32| {
@@ -126,7 +126,7 @@ fn shares(list: &[f64], origin: f64, step: f64, count: u32) -> Vec<(usize, f64)>
             interval += 1;
         }
         let share = (at - list[interval]) / (list[interval + 1] - list[interval]);
-        // Within rounding of a listed place it is that place, and its value exact.
+        // Positions within rounding of a listed one take its value exactly.
         let share = if share < 1e-9 {
             0.0
         } else if share > 1.0 - 1e-9 {
@@ -150,7 +150,7 @@ fn resample(values: &[f32], extents: [usize; 3], axis: usize, places: &[(usize, 
             let a = block * row + interval * inner;
             for i in a..a + inner {
                 let (lo, hi) = (f64::from(values[i]), f64::from(values[i + inner]));
-                // NaN beside a place that is hit exactly must not spread.
+                // A NaN neighbour must not spread to a sample that is hit exactly.
                 let value = match share {
                     0.0 => lo,
                     1.0 => hi,

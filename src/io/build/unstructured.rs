@@ -12,7 +12,7 @@ use crate::io::report::Loaded;
 use crate::scene::CellKind;
 
 impl Dataset {
-    /// Makes a mesh of solid cells, or points where there are none.
+    /// Builds a mesh of the cells with volume, or points if there are none.
     pub(crate) fn build(
         self,
         origin: Origin,

@@ -11,19 +11,19 @@ use crate::io::options::ReadOptions;
 use crate::io::report::Loaded;
 use crate::scene::{Anatomy, Grid, Rescale};
 
-/// The name of the one array that such a file has.
+/// The name of the only array of a grid file.
 const NAME: &str = "values";
 
-/// The numbers at the samples of a grid, and which of them are read.
+/// The numbers at each sample of a grid, and the selected part.
 #[derive(Debug)]
 pub(crate) struct Chosen {
     pub(crate) layout: Layout,
     array: ArrayInfo,
 }
 
-/// Where a grid lies, and what was found out on the way.
+/// The placement of a grid, with notes and warnings on it.
 pub(crate) struct Placement {
-    /// The field to blame where the grid cannot lie so.
+    /// The header field that errors about the placement name.
     pub(crate) place: &'static str,
     pub(crate) spacing: DVec3,
     pub(crate) origin: DVec3,
@@ -34,7 +34,7 @@ pub(crate) struct Placement {
 }
 
 impl Chosen {
-    /// Chooses as the options say. `place` is where the file gives the number of components.
+    /// Chooses the component that the options select. `place` is the header field of the number of components.
     pub(crate) fn new(
         source: &Source,
         place: &str,
@@ -59,12 +59,13 @@ impl Chosen {
         Ok(Self { layout: Layout { components, pick, ..layout }, array })
     }
 
-    /// The map that values take when stored numbers take `rescale`. `place` is the rescale's.
+    /// Returns the rescale of the selected part, given that of stored numbers. `place` is the header field of the
+    /// rescale.
     pub(crate) fn rescale(&self, source: &Source, place: &str, rescale: Rescale) -> Result<Rescale> {
         rescale_of(self.layout.pick, NAME, source, place, rescale)
     }
 
-    /// The grid in its place. `located` gives an error about a value the field that the value came from.
+    /// Places the grid and adds the report. `located` adds the header field to an error about a value.
     pub(crate) fn placed(
         self,
         format: &'static str,
@@ -80,14 +81,14 @@ impl Chosen {
         Ok(loaded)
     }
 
-    /// The grid with what is to be told of its numbers.
+    /// Wraps the grid with a report on its array.
     pub(crate) fn loaded(self, format: &'static str, grid: Grid) -> Loaded {
         let Rescale { slope, intercept } = grid.rescale();
         let [a, b] = grid.range().map(|value| (value - intercept) / slope);
         let warning = arrays::coarse([a.min(b), a.max(b)], &self.array);
         let mut loaded = Loaded::new(format, grid);
         loaded.report.warnings.extend(warning);
-        // A file that has one number at each sample names nothing.
+        // A file with one number per sample names no arrays.
         if self.array.components > 1 {
             loaded.report.shown = Some(arrays::describe(&self.array, self.layout.pick));
             loaded.report.arrays = vec![self.array];
@@ -96,7 +97,8 @@ impl Chosen {
     }
 }
 
-/// The map that values take when stored numbers take `rescale`: lengths of tuples have their own.
+/// Returns the rescale of the selected part, given that of stored numbers: the length of a tuple scales by the
+/// magnitude of the slope, and has no intercept.
 pub(crate) fn rescale_of(
     pick: Pick,
     array: &str,

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::io::file::source::Source;
 use crate::io::options::ReadOptions;
 
-/// What is left of the memory that a data set may take. Clones share it.
+/// The memory that a data set may still allocate. Clones share one account.
 #[derive(Clone)]
 pub(crate) struct Budget<'a> {
     source: &'a Source,
@@ -20,7 +20,7 @@ impl<'a> Budget<'a> {
         Self { source, limit: options.max_bytes, left: Rc::new(Cell::new(options.max_bytes)) }
     }
 
-    /// Takes bytes, before they are allocated.
+    /// Takes bytes from the budget, before they are allocated.
     pub(crate) fn take(&mut self, place: &str, bytes: u64) -> Result<()> {
         match self.left.get().checked_sub(bytes) {
             Some(left) => {
@@ -38,7 +38,7 @@ impl<'a> Budget<'a> {
         }
     }
 
-    /// Gives bytes back that were taken, once they are free again.
+    /// Returns bytes to the budget after they are freed.
     pub(crate) fn put_back(&mut self, bytes: u64) {
         self.left.set(self.left.get().saturating_add(bytes).min(self.limit));
     }

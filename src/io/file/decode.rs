@@ -7,26 +7,26 @@ use crate::io::file::sample_type::{Endian, Pick, SampleType};
 use crate::num;
 use crate::scene::Samples;
 
-/// What the samples of a grid are.
+/// The type and arrangement of the samples of a grid.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Layout {
     pub(crate) dims: [u32; 3],
     pub(crate) kind: SampleType,
     pub(crate) endian: Endian,
-    /// Numbers at each sample, and which of them is read.
+    /// The number of components per sample; `pick` is the part that is read.
     pub(crate) components: usize,
     pub(crate) pick: Pick,
 }
 
 impl Layout {
-    /// One number at each sample.
+    /// Returns a layout with one number per sample.
     pub(crate) fn scalar(dims: [u32; 3], kind: SampleType, endian: Endian) -> Self {
         Self { dims, kind, endian, components: 1, pick: Pick::Component(0) }
     }
 }
 
 impl Samples {
-    /// An empty list of the type that keeps such numbers.
+    /// Returns an empty list of the type that holds these numbers in memory.
     pub(crate) fn none(kind: SampleType, pick: Pick) -> Self {
         match (pick, kind) {
             (Pick::Component(_), SampleType::U8) => Self::U8(Vec::new()),
@@ -36,7 +36,7 @@ impl Samples {
         }
     }
 
-    /// Makes room for exactly so many.
+    /// Reserves memory for `count` samples.
     pub(crate) fn reserve(&mut self, count: usize) -> std::result::Result<(), TryReserveError> {
         match self {
             Self::U8(v) => v.try_reserve_exact(count),
@@ -46,7 +46,7 @@ impl Samples {
         }
     }
 
-    /// As 32-bit floats.
+    /// Converts to 32-bit floats.
     pub(crate) fn into_f32(self) -> Vec<f32> {
         match self {
             Self::U8(v) => v.into_iter().map(f32::from).collect(),
@@ -57,12 +57,12 @@ impl Samples {
     }
 }
 
-/// Reads `count` tuples and appends what `layout` picks of each, a block at a time, so that only the
-/// result takes memory. The extents of the layout do not count.
+/// Reads `count` tuples and appends the selected part of each, a block at a time, so that only the result takes
+/// memory. The extents of the layout are ignored.
 ///
 /// # Errors
 ///
-/// Of the reader; [`ErrorKind::UnexpectedEof`] where it ends; [`ErrorKind::OutOfMemory`].
+/// Errors of the reader; [`ErrorKind::UnexpectedEof`] if it ends early; [`ErrorKind::OutOfMemory`].
 pub(crate) fn append(
     reader: &mut dyn Read,
     count: usize,
@@ -71,7 +71,7 @@ pub(crate) fn append(
 ) -> std::io::Result<()> {
     samples.reserve(count).map_err(|_| ErrorKind::OutOfMemory)?;
     let Layout { kind, endian, components, pick, .. } = *layout;
-    /// The conversion for the byte order.
+    /// Selects the conversion for the byte order.
     macro_rules! order {
         ($type:ty) => {
             match endian {
@@ -80,13 +80,13 @@ pub(crate) fn append(
             }
         };
     }
-    /// Into a list of the file's own type.
+    /// Appends to a list of the file's own type.
     macro_rules! kept {
         ($type:ty, $list:expr, $at:expr) => {
             convert(reader, count, components, order!($type), |tuple| tuple[$at], $list)
         };
     }
-    /// Into the nearest 32-bit floats.
+    /// Appends the nearest 32-bit floats.
     macro_rules! narrowed {
         ($type:ty, $list:expr) => {{
             let number = order!($type);
@@ -119,17 +119,17 @@ pub(crate) fn append(
             SampleType::F32 => narrowed!(f32, v),
             SampleType::F64 => narrowed!(f64, v),
         },
-        // A list that was begun as another type.
+        // The list has been started with another type.
         _ => Err(ErrorKind::Unsupported.into()),
     }
 }
 
-/// The Euclidean length.
+/// The Euclidean length of the tuple.
 fn magnitude(tuple: &[f64]) -> f64 {
     tuple.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Reads `count` numbers and appends them as 64-bit floats: coordinates, where picking would come later.
+/// Reads `count` numbers, such as coordinates, and appends them as 64-bit floats.
 pub(crate) fn append_f64(
     reader: &mut dyn Read,
     count: usize,
@@ -165,8 +165,7 @@ pub(crate) fn append_f64(
 ///
 /// # Errors
 ///
-/// As [`append`]; [`ErrorKind::InvalidData`] with the number that is out of range, or where the type is a
-/// float.
+/// As [`append`]; [`ErrorKind::InvalidData`] with the number that is out of range, or if the type is a float.
 pub(crate) fn append_indices(
     reader: &mut dyn Read,
     count: usize,
@@ -216,7 +215,7 @@ pub(crate) fn append_indices(
     }
 }
 
-/// Most components of a tuple.
+/// The limit on components of a tuple.
 pub(crate) const MAX_COMPONENTS: usize = 1024;
 
 /// Reads `count` tuples of numbers of `N` bytes, a block at a time, and appends one value for each.

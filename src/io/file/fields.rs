@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use crate::error::{Error, Result};
 use crate::io::file::source::Source;
 
-/// The values of a header by name, each with its line.
+/// The values of a header by name, each with its line number.
 pub(crate) struct Fields<'a> {
     source: &'a Source,
     format: &'static str,
@@ -40,7 +40,7 @@ impl<'a> Fields<'a> {
         self.get(name).ok_or_else(missing)
     }
 
-    /// An error about a field, with its line.
+    /// Returns an error about a field, with its line.
     pub(crate) fn error(&self, name: &str, rule: impl Into<String>) -> Error {
         match self.values.get(name) {
             Some((line, _)) => self.source.error(format!("line {line}, {name}"), rule),
@@ -48,7 +48,7 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// A whole number of at least `least`; 0 where there is none.
+    /// Parses a whole number of at least `least`; a missing field is 0.
     pub(crate) fn whole_number(&self, name: &str, least: i64) -> Result<i64> {
         let Some(text) = self.get(name) else { return Ok(0) };
         text.parse().ok().filter(|&number| number >= least).ok_or_else(|| {
@@ -56,7 +56,7 @@ impl<'a> Fields<'a> {
         })
     }
 
-    /// Gives an error about a value the field that the value came from.
+    /// Adds the header field to an error about a value.
     pub(crate) fn located(&self, name: &str, error: Error) -> Error {
         match error {
             Error::Invalid { why, .. } => self.error(name, why),

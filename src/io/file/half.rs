@@ -1,6 +1,6 @@
 //! Half-precision numbers.
 
-/// The value of a half-precision number (IEEE 754 binary16); exact.
+/// Converts a half-precision number (IEEE 754 binary16); the result is exact.
 pub(crate) fn from_half(bits: u16) -> f32 {
     let fraction = f32::from(bits & 0x3ff);
     let size = match (bits >> 10) & 0x1f {

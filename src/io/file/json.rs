@@ -7,10 +7,10 @@ use serde::Deserialize;
 use crate::error::{Error, Result};
 use crate::io::options::ReadOptions;
 
-/// Largest JSON file that is read, in bytes.
+/// The limit on the size of a JSON file, in bytes.
 const MAX_JSON: u64 = 256 << 20;
 
-/// Reads JSON; an error names the line, the column and the key.
+/// Reads and parses a JSON file; errors give line, column and key.
 pub(crate) fn parse_file<T: for<'de> Deserialize<'de>>(path: &Path, options: &ReadOptions) -> Result<T> {
     let metadata = std::fs::metadata(path).map_err(|e| Error::io(path, "cannot open", e))?;
     let most = MAX_JSON.min(options.max_bytes);

@@ -42,7 +42,7 @@ impl SampleType {
         Self::F64,
     ];
 
-    /// The name that scene files use.
+    /// Returns the name used in scene files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -59,11 +59,11 @@ impl SampleType {
         }
     }
 
-    /// The type of a name.
+    /// Returns the type with this name.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] with the allowed names.
+    /// [`Error::Invalid`] with the allowed names, for any other name.
     pub fn from_name(name: &str) -> Result<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name).ok_or_else(|| {
             let names = Self::ALL.map(Self::name).join(", ");
@@ -71,7 +71,7 @@ impl SampleType {
         })
     }
 
-    /// Size in the file, in bytes.
+    /// Returns the size in the file, in bytes.
     #[must_use]
     pub fn bytes(self) -> u64 {
         match self {
@@ -82,7 +82,7 @@ impl SampleType {
         }
     }
 
-    /// Size in memory, in bytes.
+    /// Returns the size in memory, in bytes.
     #[must_use]
     pub fn stored_bytes(self) -> u64 {
         match self {
@@ -103,10 +103,10 @@ pub enum Endian {
 }
 
 impl Endian {
-    /// The order of the machine.
+    /// The byte order of this machine.
     pub(crate) const NATIVE: Self = if cfg!(target_endian = "little") { Self::Little } else { Self::Big };
 
-    /// Bytes of a whole number, at most 8.
+    /// Decodes an unsigned whole number of at most 8 bytes.
     pub(crate) fn whole(self, bytes: &[u8]) -> u64 {
         let add = |sum: u64, byte: &u8| (sum << 8) | u64::from(*byte);
         match self {
@@ -116,12 +116,12 @@ impl Endian {
     }
 }
 
-/// What is read of each tuple of an array.
+/// The part of each tuple that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pick {
-    /// One component, from 0.
+    /// One component, counted from 0.
     Component(usize),
-    /// The Euclidean length.
+    /// The Euclidean length of the tuple.
     Magnitude,
 }
 

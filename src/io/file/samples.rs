@@ -12,23 +12,23 @@ use crate::io::options::ReadOptions;
 use crate::num;
 use crate::scene::Samples;
 
-/// One file's share of the samples, and how it lies there.
+/// One file's share of the samples, and where it begins.
 #[derive(Clone, Debug)]
 pub(crate) struct Part {
     pub(crate) source: Source,
-    /// Where the stream starts in the file.
+    /// The offset of the stream in the file.
     pub(crate) offset: u64,
-    /// How it is packed from there on.
+    /// The compression from there on.
     pub(crate) encoding: Encoding,
-    /// Bytes of the unpacked stream before the first sample.
+    /// Bytes of the decompressed stream before the first sample.
     pub(crate) skip: u64,
-    /// Whether the numbers are words.
+    /// Whether the numbers are text.
     pub(crate) text: bool,
 }
 
 impl Part {
-    /// A file of which so many bytes are samples, behind some that are not. Samples may begin with gzip's two
-    /// magic bytes: a file of exactly the right size is not packed.
+    /// Returns the part of a file that holds `bytes` of samples after `skip` other bytes. Samples may begin with the
+    /// magic of gzip: a file of exactly the right size is taken as uncompressed.
     pub(crate) fn sized(source: Source, skip: u64, bytes: u64) -> Self {
         let raw = skip.checked_add(bytes) == Some(source.len());
         let encoding = if raw { Encoding::Raw } else { source.encoding() };
@@ -36,7 +36,7 @@ impl Part {
     }
 }
 
-/// Number of samples and their size in the file, in bytes, checked against the memory limit.
+/// Returns the number of samples and their size in the file in bytes, checked against the memory limit.
 pub(crate) fn data_size(
     source: &Source,
     place: &str,
@@ -69,10 +69,10 @@ pub(crate) fn data_size(
     Ok((usize::try_from(count).map_err(|_| overflow())?, in_file))
 }
 
-/// Reads samples from files that hold exactly them, each the same share, one after the other.
+/// Reads samples from files that hold equal shares of them and nothing more.
 ///
-/// `source` and `place` are the header's. A part is asked for when its turn comes, so that few files are
-/// open at a time.
+/// `source` and `place` are the header and its field, for messages. `part` opens each file when it is needed, so that
+/// few files are open at a time.
 pub(crate) fn read(
     source: &Source,
     place: &str,
@@ -91,7 +91,7 @@ pub(crate) fn read(
         let part = part(i)?;
         share.check(&part, layout)?;
         if i == 0 {
-            // The first file's size has answered for its share; the others must have as much.
+            // The first file is large enough for its share, which bounds the allocation; the others must be as large.
             let full = |_| source.error(place, format!("{count} samples: memory is full"));
             samples.reserve(count).map_err(full)?;
         }
@@ -100,7 +100,7 @@ pub(crate) fn read(
     Ok(samples)
 }
 
-/// What one file must hold.
+/// The number and size of the samples in one file.
 struct Share {
     count: usize,
     bytes: u64,
@@ -117,7 +117,7 @@ impl Share {
         format!("{} bytes for {} of {all} of type {}", self.bytes, self.count, layout.kind.name())
     }
 
-    /// Whether the file can hold it, before memory is taken.
+    /// Checks that the file can hold its share, before memory is allocated.
     fn check(&self, part: &Part, layout: &Layout) -> Result<()> {
         let source = &part.source;
         let stored = source.len().saturating_sub(part.offset);
@@ -156,7 +156,7 @@ impl Share {
         let mut scanner = Scanner::of(source, packed, most);
         scanner.skip(part.skip)?;
         if part.text {
-            // Words have no byte order: they come as little-endian bytes.
+            // The scanner converts text to little-endian bytes.
             let words = Layout { endian: Endian::Little, ..*layout };
             append(&mut scanner.numbers(layout.kind), self.count, &words, samples)
                 .map_err(|error| self.describe(error, 0, part, layout))?;
@@ -168,7 +168,7 @@ impl Share {
         let begin = scanner.position();
         append(&mut scanner, self.count, layout, samples)
             .map_err(|error| self.describe(error, scanner.position() - begin, part, layout))?;
-        // One byte more shows excess, and makes gzip check its sums.
+        // Reading one more byte detects excess data, and makes gzip verify its checksum.
         let mut more = [0_u8];
         match scanner.read(&mut more) {
             Ok(0) => Ok(()),

@@ -9,35 +9,35 @@ use crate::io::file::source::{Encoding, Source};
 use crate::io::file::text::{shown, stream_error, to_bytes};
 use crate::num;
 
-/// Longest line that is read as one, in bytes.
+/// The limit on the length of a line, in bytes.
 const MAX_LINE: usize = 1 << 16;
 
-/// Longest word, in bytes.
+/// The limit on the length of a word, in bytes.
 const MAX_WORD: usize = 256;
 
-/// A stream of lines, words and binary blocks that knows where it is.
+/// A stream of lines, words and binary blocks that tracks its position.
 pub(crate) struct Scanner<'a> {
     source: &'a Source,
     reader: Box<dyn BufRead + 'a>,
-    /// Lines behind.
+    /// Lines read.
     line: u64,
-    /// Bytes behind, from where the scanner began.
+    /// Bytes read since the start of the stream.
     position: u64,
-    /// The most bytes that there may be in all.
+    /// An upper bound of the length of the stream, in bytes.
     most: u64,
     word: Vec<u8>,
-    /// What was looked at and is still to come.
+    /// Bytes that [`Self::peek`] has read ahead.
     ahead: Vec<u8>,
 }
 
 impl<'a> Scanner<'a> {
-    /// From the file's beginning, unpacked.
+    /// Scans the decompressed file from its beginning.
     pub(crate) fn new(source: &'a Source) -> Self {
         let encoding = source.encoding();
         Self::of(source, source.reader(0, encoding), encoding.most(source.len()))
     }
 
-    /// From any stream that belongs to the file. `most` bounds its length.
+    /// Scans any stream that belongs to the file. `most` bounds its length.
     pub(crate) fn of(source: &'a Source, reader: impl BufRead + 'a, most: u64) -> Self {
         Self {
             source,
@@ -50,7 +50,7 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// From a place in a file that is not packed, where `line` lines are behind.
+    /// Scans an uncompressed file from an offset, before which there are `line` lines.
     pub(crate) fn at(source: &'a Source, offset: u64, line: u64) -> Self {
         let mut scanner = Self::of(source, source.reader(offset, Encoding::Raw), source.len());
         scanner.line = line;
@@ -58,13 +58,13 @@ impl<'a> Scanner<'a> {
         scanner
     }
 
-    /// The same, where `line` lines are behind.
+    /// Sets the number of lines read.
     pub(crate) fn after_lines(mut self, line: u64) -> Self {
         self.line = line;
         self
     }
 
-    /// From a place in the unpacked file, where `line` lines are behind.
+    /// Scans the decompressed file from an offset, before which there are `line` lines.
     pub(crate) fn resume(source: &'a Source, offset: u64, line: u64) -> Result<Self> {
         if !source.is_gzip() {
             return Ok(Self::at(source, offset, line));
@@ -75,10 +75,10 @@ impl<'a> Scanner<'a> {
         Ok(scanner)
     }
 
-    /// Goes on to another place of the unpacked file, where `line` lines are behind. What is packed is
-    /// unpacked from the beginning only where the place is behind.
+    /// Moves to another offset of the decompressed file, before which there are `line` lines. A compressed file is
+    /// decompressed from its beginning only to move backwards.
     pub(crate) fn go_on(mut self, offset: u64, line: u64) -> Result<Self> {
-        /// Up to here, reading is no slower than a stream of its own.
+        /// The distance up to which reading on is no slower than opening a new stream.
         const NEAR: u64 = 1 << 16;
         match offset.checked_sub(self.position) {
             Some(gap) if self.source.is_gzip() || gap <= NEAR => {
@@ -93,27 +93,27 @@ impl<'a> Scanner<'a> {
         self.source
     }
 
-    /// Bytes behind.
+    /// Bytes read.
     pub(crate) fn position(&self) -> u64 {
         self.position
     }
 
-    /// Line breaks behind; those within binary blocks are not counted.
+    /// Returns the number of lines read; line breaks within binary blocks do not count.
     pub(crate) fn lines(&self) -> u64 {
         self.line
     }
 
-    /// The most bytes that can still come.
+    /// Returns an upper bound of the bytes still to come.
     pub(crate) fn available(&self) -> u64 {
         self.most.saturating_sub(self.position)
     }
 
-    /// An error about the line that was begun last.
+    /// Returns an error about the current line.
     pub(crate) fn error(&self, rule: impl Into<String>) -> Error {
         self.source.error(format!("line {}", self.line + 1), rule)
     }
 
-    /// An error about the line before, for what [`Self::next_line`] returned.
+    /// Returns an error about the line before, which [`Self::next_line`] has returned.
     pub(crate) fn line_error(&self, rule: impl Into<String>) -> Error {
         self.source.error(format!("line {}", self.line.max(1)), rule)
     }
@@ -136,7 +136,7 @@ impl<'a> Scanner<'a> {
 
     fn fill_stream(&mut self) -> Result<&[u8]> {
         let source = self.source;
-        // What is interrupted is tried again.
+        // Interrupted reads are repeated.
         loop {
             match self.reader.fill_buf() {
                 Ok(_) => break,
@@ -147,7 +147,7 @@ impl<'a> Scanner<'a> {
         self.reader.fill_buf().map_err(|error| stream_error(source, error))
     }
 
-    /// The next line without its end, or None at the end of the file.
+    /// Reads the next line without its line end; None at the end of the file.
     ///
     /// # Errors
     ///
@@ -180,7 +180,7 @@ impl<'a> Scanner<'a> {
         Ok(Some(String::from_utf8_lossy(&line).into_owned()))
     }
 
-    /// Passes over a line of any length. False at the end of the file.
+    /// Skips a line of any length. False at the end of the file.
     pub(crate) fn skip_line(&mut self) -> Result<bool> {
         let mut any = false;
         loop {
@@ -200,7 +200,7 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// The next line that holds more than blanks, trimmed.
+    /// Reads the next line that is not blank, trimmed.
     pub(crate) fn full_line(&mut self) -> Result<Option<String>> {
         while let Some(line) = self.next_line()? {
             let trimmed = line.trim();
@@ -211,7 +211,7 @@ impl<'a> Scanner<'a> {
         Ok(None)
     }
 
-    /// The next word between blanks, or None at the end of the file.
+    /// Reads the next word between blanks; None at the end of the file.
     ///
     /// # Errors
     ///
@@ -243,7 +243,7 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// Passes over blanks and line ends.
+    /// Skips blanks and line ends.
     pub(crate) fn skip_blanks(&mut self) -> Result<()> {
         loop {
             let buffer = self.fill()?;
@@ -261,7 +261,7 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// What comes next, `count` bytes or all that are left, without passing over it.
+    /// Returns the next `count` bytes, or all that are left, without consuming them.
     pub(crate) fn peek(&mut self, count: usize) -> Result<&[u8]> {
         while let Some(missing) = count.checked_sub(self.ahead.len()).filter(|&missing| missing > 0) {
             let piece = self.fill_stream()?;
@@ -275,8 +275,7 @@ impl<'a> Scanner<'a> {
         Ok(&self.ahead[..self.ahead.len().min(count)])
     }
 
-    /// Passes over numbers, of which only the first characters are looked at; the blank after the last one
-    /// comes next.
+    /// Skips numbers up to the blank after the last one. Only the first character of each is checked.
     pub(crate) fn skip_numbers(&mut self, count: u64) -> Result<()> {
         let mut left = count;
         let mut inside = false;
@@ -321,7 +320,7 @@ impl<'a> Scanner<'a> {
         Ok(())
     }
 
-    /// Ends the line, on which nothing but blanks may be left.
+    /// Reads the rest of the line, which must be blank.
     pub(crate) fn end_line(&mut self) -> Result<()> {
         let place = self.line;
         match self.next_line()? {
@@ -335,7 +334,7 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// The next word as a number.
+    /// Reads the next word as a number; `what` names it in errors.
     pub(crate) fn number<T: FromStr>(&mut self, what: &str) -> Result<T> {
         match self.word()?.map(|word| word.parse().map_err(|_| word.to_owned())) {
             Some(Ok(number)) => Ok(number),
@@ -344,7 +343,7 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// Passes over bytes.
+    /// Skips bytes.
     pub(crate) fn skip(&mut self, bytes: u64) -> Result<()> {
         let mut left = bytes;
         while left > 0 {
@@ -362,8 +361,8 @@ impl<'a> Scanner<'a> {
         Ok(())
     }
 
-    /// Passes over everything up to a mark, and the mark. Its first byte must occur in it only once. False
-    /// where there is none until the end of the file.
+    /// Skips everything up to and including a mark, whose first byte must occur in it only once. False if the file
+    /// ends before one.
     pub(crate) fn pass(&mut self, mark: &[u8]) -> Result<bool> {
         let mut met = 0;
         while met < mark.len() {
@@ -386,7 +385,7 @@ impl<'a> Scanner<'a> {
         Ok(true)
     }
 
-    /// The numbers that follow, as the little-endian bytes of a type.
+    /// Reads the following numbers as the little-endian bytes of a type.
     pub(crate) fn numbers(&mut self, kind: SampleType) -> Numbers<'_, 'a> {
         Numbers { scanner: self, kind, bytes: [0; 8], left: 0 }
     }
@@ -407,12 +406,12 @@ impl Read for Scanner<'_> {
     }
 }
 
-/// Numbers in words, read as bytes: see [`Scanner::numbers`].
+/// Numbers as text, read as bytes: see [`Scanner::numbers`].
 pub(crate) struct Numbers<'s, 'a> {
     scanner: &'s mut Scanner<'a>,
     kind: SampleType,
     bytes: [u8; 8],
-    /// How many of the last number's bytes are still to be handed out.
+    /// Bytes of the last number that have not been returned yet.
     left: usize,
 }
 

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::io::options::{Progress, ReadOptions};
 use crate::num;
 
-/// How bytes are packed from some place of a file to its end.
+/// The compression of a file from some offset to its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Encoding {
     Raw,
@@ -22,8 +22,8 @@ pub(crate) enum Encoding {
 }
 
 impl Encoding {
-    /// The most bytes that so many packed ones can hold. Deflate shrinks 258 bytes to two bits at best
-    /// (RFC 1951), rounded up.
+    /// Returns an upper bound of the size of `packed` bytes after decompression. Deflate shrinks 258 bytes to two
+    /// bits at best (RFC 1951), which is rounded up.
     pub(crate) fn most(self, packed: u64) -> u64 {
         match self {
             Self::Raw => packed,
@@ -40,7 +40,7 @@ impl Encoding {
     }
 }
 
-/// Files in memory, by name: what a header that names other files finds.
+/// Files in memory by name, where a header finds the files that it names.
 type Bundle = BTreeMap<String, Arc<Vec<u8>>>;
 
 enum Body {
@@ -48,7 +48,7 @@ enum Body {
     Memory { bytes: Arc<Vec<u8>>, bundle: Arc<Bundle> },
 }
 
-/// An open regular file, its size and its first bytes. Cheap to clone.
+/// An open regular file, its size and its first bytes; cheap to clone.
 #[derive(Clone)]
 pub(crate) struct Source(Arc<Inner>);
 
@@ -68,10 +68,10 @@ impl fmt::Debug for Source {
 }
 
 impl Source {
-    /// Most bytes of [`Self::head`].
+    /// The size of [`Self::head`], in bytes.
     const HEAD: u64 = 4096;
 
-    /// Opens a file and looks at its beginning, through gzip where the file is a gzip stream.
+    /// Opens a file and reads its first bytes, decompressed if the file is a gzip stream.
     pub(crate) fn open(path: &Path, options: &ReadOptions) -> Result<Self> {
         // A device or a pipe has no size to check a header against, and opening a pipe waits for its other end.
         let regular = |metadata: &Metadata| {
@@ -85,7 +85,7 @@ impl Source {
         Self::new(path, Body::File(file), metadata.len(), options.progress.clone())
     }
 
-    /// The first of several files in memory; the others are found by their names.
+    /// Opens the first of several files in memory; the others can be opened as siblings.
     pub(crate) fn in_memory(files: &[(&str, &[u8])]) -> Result<Self> {
         let bundle: Bundle =
             files.iter().map(|(name, bytes)| ((*name).to_owned(), Arc::new(bytes.to_vec()))).collect();
@@ -95,7 +95,7 @@ impl Source {
         Self::of_bundle(Path::new(name), &Arc::new(bundle))
     }
 
-    /// What was unpacked from a file, under its name and alone. Nothing is copied.
+    /// Opens decompressed contents of a file under its name, without siblings. The bytes are not copied.
     #[cfg(feature = "dicom")]
     pub(crate) fn unpacked(path: &Path, bytes: Vec<u8>) -> Result<Self> {
         let (len, bytes) = (num::wide(bytes.len()), Arc::new(bytes));
@@ -117,7 +117,7 @@ impl Source {
         if inner.head.starts_with(&[0x1f, 0x8b]) {
             inner.gzip = true;
             let mut head = Vec::new();
-            // A damaged stream leaves a short head; reading the whole says what is wrong with it.
+            // A damaged stream leaves a short head; reading it later reports the damage.
             let _ = inner.reader(0, Encoding::Gzip).take(Self::HEAD).read_to_end(&mut head);
             inner.head = head;
         }
@@ -134,7 +134,7 @@ impl Source {
         }
     }
 
-    /// Whether there is such a file.
+    /// Whether a file with this name exists beside this one.
     pub(crate) fn has_sibling(&self, name: &Path) -> bool {
         let path = self.0.path.parent().unwrap_or(Path::new("")).join(name);
         match &self.0.body {
@@ -143,7 +143,7 @@ impl Source {
         }
     }
 
-    /// Names of the regular files of its folder, itself among them, in the order of their names.
+    /// Returns the names of the regular files in the same folder, including this one, sorted.
     ///
     /// # Errors
     ///
@@ -191,23 +191,23 @@ impl Source {
         self.0.gzip
     }
 
-    /// How the file as a whole is packed.
+    /// The compression of the file as a whole.
     pub(crate) fn encoding(&self) -> Encoding {
         if self.0.gzip { Encoding::Gzip } else { Encoding::Raw }
     }
 
-    /// The first bytes, unpacked; fewer than 4096 only where there are no more.
+    /// The first 4096 bytes, decompressed; fewer only if the file is shorter.
     pub(crate) fn head(&self) -> &[u8] {
         &self.0.head
     }
 
-    /// An error that names this file.
+    /// Returns an error that names this file.
     pub(crate) fn error(&self, place: impl Into<String>, rule: impl Into<String>) -> Error {
         Error::file(&self.0.path, place, rule)
     }
 
-    /// An error of a stream that reads from this file: one of ours that went through it, or the
-    /// operating system's.
+    /// Converts an error of a stream of this file: unwraps an error of this crate, and wraps those of the operating
+    /// system.
     pub(crate) fn io_error(&self, error: std::io::Error) -> Error {
         match error.downcast::<Error>() {
             Ok(ours) => ours,
@@ -215,12 +215,12 @@ impl Source {
         }
     }
 
-    /// A piece of the file as stored. The caller bounds `len`.
+    /// Reads a range of the file as stored. The caller bounds `len`.
     pub(crate) fn bytes(&self, offset: u64, len: u64) -> Result<Vec<u8>> {
         self.0.bytes(offset, len)
     }
 
-    /// The stream from `offset` to the end, unpacked.
+    /// Returns the decompressed stream from `offset` to the end.
     pub(crate) fn reader(&self, offset: u64, encoding: Encoding) -> Box<dyn BufRead + '_> {
         self.0.reader(offset, encoding)
     }
@@ -237,7 +237,7 @@ impl Inner {
         }
         let mut bytes = Vec::new();
         let read = match &self.body {
-            // Pieces are often small, and far from each other: a buffer would read more than is wanted.
+            // Ranges are often small and far apart: a buffer would read more than needed.
             Body::File(file) => At { inner: self, file, position: offset }.take(len).read_to_end(&mut bytes),
             Body::Memory { .. } => self.reader(offset, Encoding::Raw).take(len).read_to_end(&mut bytes),
         };
@@ -265,7 +265,7 @@ impl Inner {
     }
 }
 
-/// A position of its own in a file that several readers share.
+/// A reader with its own position in a file that several readers share.
 struct At<'a> {
     inner: &'a Inner,
     file: &'a File,

@@ -8,7 +8,7 @@ use crate::io::file::sample_type::SampleType;
 use crate::io::file::source::Source;
 use crate::num;
 
-/// An error of a stream, said of its file; damaged compression in words of its own.
+/// Converts an error of a stream to one of its file, with a rule for damaged compression, early ends and full memory.
 pub(crate) fn stream_error(source: &Source, error: std::io::Error) -> Error {
     match error.kind() {
         ErrorKind::InvalidData | ErrorKind::InvalidInput
@@ -22,7 +22,7 @@ pub(crate) fn stream_error(source: &Source, error: std::io::Error) -> Error {
     }
 }
 
-/// A number as C prints it: `+1`, `1.e5`, `nan(0x1)`, `-nan(ind)`, `NaNQ`.
+/// Parses a number as C prints it: `+1`, `1.e5`, `nan(0x1)`, `-nan(ind)`, `NaNQ`.
 pub(crate) fn float<T: FromStr>(word: &str) -> Option<T> {
     if let Ok(number) = word.parse() {
         return Some(number);
@@ -33,7 +33,7 @@ pub(crate) fn float<T: FromStr>(word: &str) -> Option<T> {
     if is_nan { "nan".parse().ok() } else { None }
 }
 
-/// The little-endian bytes of a number in words, where it is one of the type.
+/// Parses a number of a type into its little-endian bytes.
 pub(crate) fn to_bytes(word: &str, kind: SampleType) -> Option<[u8; 8]> {
     fn padded<const N: usize>(bytes: [u8; N]) -> [u8; 8] {
         let mut all = [0; 8];
@@ -54,12 +54,12 @@ pub(crate) fn to_bytes(word: &str, kind: SampleType) -> Option<[u8; 8]> {
     })
 }
 
-/// A bound of how many numbers so many bytes of text can hold: a digit and a blank each.
+/// Returns an upper bound of the numbers in `bytes` of text: each takes a digit and a blank.
 pub(crate) fn most_numbers(bytes: u64) -> u64 {
     bytes / 2 + 1
 }
 
-/// Reads a list of numbers from a header's line.
+/// Parses exactly `N` numbers from a line of a header.
 pub(crate) fn floats<const N: usize>(text: &str) -> Option<[f64; N]> {
     let mut words = text.split_whitespace();
     let mut numbers = [0.0; N];
@@ -69,19 +69,19 @@ pub(crate) fn floats<const N: usize>(text: &str) -> Option<[f64; N]> {
     words.next().is_none().then_some(numbers)
 }
 
-/// A name in one line.
+/// Replaces control characters of a name by blanks.
 pub(crate) fn plain(name: &str) -> String {
     name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
-/// The shortest text that tells a value of a header, for messages.
+/// Shortens a text from a file to one line of at most 60 characters, for messages.
 pub(crate) fn shown(text: &str) -> String {
     const MOST: usize = 60;
     let line: String = text.chars().take(MOST).map(|c| if c.is_control() { ' ' } else { c }).collect();
     if text.chars().nth(MOST).is_some() { format!("{line}...") } else { line }
 }
 
-/// A count as an index, for what was checked against the bytes that are there.
+/// Converts a count to an index, which must be below 2^32 - 1.
 pub(crate) fn index(source: &Source, place: &str, count: u64) -> Result<usize> {
     usize::try_from(count)
         .map_err(|_| source.error(place, format!("{count}: is more than memory can address")))

@@ -1,18 +1,17 @@
-//! Points in tables of text (`.csv`, `.tsv`, `.xyz`; `.txt` where the content is such a table).
+//! Points in tables of text (`.csv`, `.tsv`, `.xyz`; `.txt` if the content looks like such a table).
 //!
-//! - **Cells** are separated by tabs where the first row has one outside quotes, else by semicolons, else by
-//!   commas, else by blanks. Blanks around cells do not count. A cell may stand in double quotes, where two
-//!   are one, and go over several lines. Empty lines, and those that begin with `#`, are passed over. Every
-//!   row has as many cells as the first.
-//! - **The first row** names the columns, where names of positions are among them or fewer than three of
-//!   its cells are numbers. Without names, a comment before it that has some for each column does; else the
-//!   first three columns of numbers are x, y and z, and others are named `column 4` and so on.
-//! - **Positions** are three columns `x y z`, in upper or lower case, with a unit in brackets or not; or
-//!   these letters, or `0 1 2`, behind `p`, `pos`, `position`, `point`, `coord`, `coordinate`, `centre` or
-//!   `center`, in the plural or not, with or without one of `_`, `:`, `.` or a blank: `px`, `pos_x`,
-//!   `Points:0`.
-//! - **Arrays** are the other columns whose first value is a number, and groups of them as
-//!   [`super::columns`] says.
+//! - **Cells** are separated by tabs if the first row has one outside quotes, else by semicolons, else by commas, else by
+//!   blanks. Blanks around cells are ignored. A cell may be in double quotes, in which a doubled quote stands for one, and
+//!   may then span several lines. Empty lines and lines that begin with `#` are skipped. Every row has as many cells as
+//!   the first.
+//! - **The first row** names the columns if it contains names of positions, or fewer than three numbers. Otherwise a
+//!   comment before it that has a name for each column names them. Without names, the first three numeric columns are x, y
+//!   and z, and the others are `column 4` and so on.
+//! - **Positions** are three columns `x y z`, in upper or lower case, with an optional unit in brackets; or these letters,
+//!   or `0 1 2`, after `p`, `pos`, `position`, `point`, `coord`, `coordinate`, `centre` or `center`, singular or plural,
+//!   with an optional `_`, `:`, `.` or blank between: `px`, `pos_x`, `Points:0`.
+//! - **Arrays** are the other columns whose first value is a number, and groups of them as described in
+//!   [`columns`](crate::io::build::columns).
 //! - **Numbers** have a decimal point. An empty cell, `nan`, `na`, `n/a` and `null` are NaN.
 
 mod row;
@@ -48,14 +47,14 @@ impl Reader for Csv {
         &["csv", "tsv", "xyz", "csv.gz", "tsv.gz", "xyz.gz"]
     }
 
-    /// Only text files whose first two rows can be nothing else: names end in much that is no table.
+    /// Recognises only `.txt` files whose first two rows look like a table; other extensions are matched by name.
     fn recognises(&self, source: &Source) -> bool {
         let text = source.path().extension().is_some_and(|ending| ending.eq_ignore_ascii_case("txt"));
         if !text {
             return false;
         }
         let head = String::from_utf8_lossy(source.head());
-        // The last line may be cut.
+        // The last line of the head may be incomplete.
         let Some((lines, _)) = head.rsplit_once('\n') else { return false };
         let mut rows = lines.lines().filter(|line| !is_passed(line));
         let (Some(first), Some(second)) = (rows.next(), rows.next()) else { return false };

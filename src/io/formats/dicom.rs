@@ -1,12 +1,11 @@
 //! DICOM: a series of slices, one for each file of a folder, or the frames of one file.
 //!
-//! Data elements are walked through here: what a file announces is compared with what is there before
-//! memory is taken, and nothing is recursive. Frames in JPEG are handed to `dicom-pixeldata` one at a
-//! time, each as a small data set of its own whose size has been checked.
+//! This module parses data elements itself, without recursion, and compares announced sizes with the file before it
+//! allocates memory. `dicom-pixeldata` decodes frames in JPEG one at a time, each as a minimal data set of checked size.
 //!
-//! World coordinates are those of the patient, in millimetres. Slices are put in the order of their
-//! positions along their normal; file names and instance numbers mean nothing. A gantry's tilt makes a
-//! lattice whose axes are not at right angles, which a grid holds exactly; uneven distances are resampled.
+//! World coordinates are those of the patient, in millimetres. Slices are sorted by their positions along their normal;
+//! file names and instance numbers are ignored. A tilted gantry makes a lattice with axes that are not at right angles,
+//! which a grid represents exactly. Uneven slice distances are resampled.
 
 #[cfg(feature = "dicom")]
 mod account;
@@ -64,7 +63,7 @@ impl Reader for Dicom {
     }
 }
 
-/// Without the feature, the first of the files says so.
+/// Reports the missing feature for the first file.
 #[cfg(not(feature = "dicom"))]
 pub(crate) fn read_files(
     folder: &std::path::Path,

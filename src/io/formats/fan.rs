@@ -7,7 +7,7 @@ use crate::io::file::budget::Budget;
 use crate::io::file::source::Source;
 use crate::num;
 
-/// Triangles as a file has them.
+/// A triangle mesh of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Triangles {
     /// Corners.
@@ -16,10 +16,10 @@ pub struct Triangles {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Most triangles of a file.
+/// The limit on triangles of a file.
 const MAX_TRIANGLES: usize = (1 << 31) - 1;
 
-/// A list that grows within the limit of memory.
+/// A list that takes its growth from the memory budget.
 pub(crate) struct Growing<T> {
     pub(crate) list: Vec<T>,
     what: &'static str,
@@ -35,7 +35,7 @@ impl<T> Growing<T> {
         if self.list.len() == held {
             let wanted = held.saturating_mul(2).max(64);
             let bytes = |count: usize| num::wide(count.saturating_mul(size_of::<T>()));
-            // While it moves, it is there twice.
+            // Reallocation may hold the list twice.
             budget.take(self.what, bytes(wanted))?;
             self.list
                 .try_reserve_exact(wanted - held)
@@ -47,7 +47,7 @@ impl<T> Growing<T> {
     }
 }
 
-/// Faces, corner by corner.
+/// Builds triangles from the corners of faces, one corner at a time.
 pub(crate) struct Faces<'s, 'b> {
     source: &'s Source,
     budget: Budget<'b>,
@@ -63,7 +63,7 @@ impl<'s, 'b> Faces<'s, 'b> {
         Self { source, budget: budget.clone(), triangles, first: 0, last: 0, corners: 0 }
     }
 
-    /// The next corner of a face.
+    /// Adds the next corner of a face.
     pub(crate) fn corner(&mut self, point: u32) -> Result<()> {
         self.corners += 1;
         match self.corners {
@@ -78,11 +78,11 @@ impl<'s, 'b> Faces<'s, 'b> {
         Ok(())
     }
 
-    /// The end of a face.
+    /// Ends a face.
     ///
     /// # Errors
     ///
-    /// What is wrong with it, said by `error`.
+    /// The error that `error` makes of the rule that the face breaks.
     pub(crate) fn end(&mut self, error: impl FnOnce(String) -> Error) -> Result<()> {
         match std::mem::take(&mut self.corners) {
             corners @ 0..3 => Err(error(format!("a face of {corners} corners: must have at least 3"))),

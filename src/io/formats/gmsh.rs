@@ -1,16 +1,15 @@
-//! Gmsh MSH 2 and 4.1 (`.msh`), in words or binary of either byte order.
+//! Gmsh MSH 2 and 4.1 (`.msh`), as text or binary in either byte order.
 //!
-//! Elements of orders 1 and 2 become cells of VTK, their nodes reordered. What VTK has no node for is left
-//! out: the middles of the faces of prisms of 18 nodes and of pyramids of 14. Node and element numbers may
-//! be sparse and in any order.
+//! Elements of orders 1 and 2 become VTK cells, with their nodes reordered. Nodes that VTK lacks are left out: the face
+//! centres of prisms with 18 nodes and of pyramids with 14. Node and element numbers may be sparse and in any order.
 //!
-//! Views are arrays: `$NodeData` belongs to points, `$ElementData` to cells. What has no value is NaN. The
-//! first step of a view has the view's name, others have `name@step`; a second view of the same name and
-//! step has `#2` behind that. Pieces of one view, told apart by their partition, are one array.
-//! `$ElementNodeData` is left out. Where solid elements belong to physical groups, their numbers are the
-//! cell array `gmsh:physical`, 0 for none; an element of several groups has the first.
+//! Views are arrays: `$NodeData` belongs to points, `$ElementData` to cells. Missing values are NaN. The first step of a
+//! view has the name of the view, further ones `name@step`; a second view of the same name and step has the suffix `#2`.
+//! Parts of a view that differ in partition form one array. `$ElementNodeData` is left out. If solid elements belong to
+//! physical groups, the cell array `gmsh:physical` holds their numbers, 0 for none; an element of several groups has the
+//! first.
 //!
-//! Sections for nothing of this (`$Periodic`, `$InterpolationScheme`, unknown ones) are passed over.
+//! Other sections (`$Periodic`, `$InterpolationScheme`, unknown ones) are skipped.
 
 mod cells;
 mod elements;
@@ -91,7 +90,7 @@ impl Reader for Gmsh {
             });
         }
         let counts = (points.len(), mesh.types.len());
-        // Which values are given.
+        // One byte per value records whether it is given.
         let most = if of_cells { counts.0.max(counts.1) } else { counts.0 };
         budget.take("arrays", num::wide(most))?;
         let mut warnings = BTreeSet::new();
@@ -140,7 +139,7 @@ impl Reader for Gmsh {
     }
 }
 
-/// An array of element-node data that is asked for is refused by its name.
+/// Refuses a selected array that is element-node data.
 fn refuse_left_out(source: &Source, wanted: &str, views: &[View], left_out: &BTreeSet<String>) -> Result<()> {
     let bare = wanted.strip_prefix("point:").or_else(|| wanted.strip_prefix("cell:")).unwrap_or(wanted);
     let names = [Some(wanted), Some(bare), bare.rsplit_once(':').map(|(name, _)| name)];

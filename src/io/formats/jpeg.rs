@@ -9,7 +9,7 @@ pub(crate) struct Frame {
     pub(crate) components: u8,
 }
 
-/// The only frame of a stream, which ends with its image; why not, where there is none or more than one.
+/// Finds the only frame of a stream, up to the end of its image; the error says why there is none, or more than one.
 pub(crate) fn frame(bytes: &[u8]) -> Result<Frame, &'static str> {
     let (mut found, mut scanned) = (None, false);
     let mut at = 0;
@@ -29,7 +29,7 @@ pub(crate) fn frame(bytes: &[u8]) -> Result<Frame, &'static str> {
         };
         at += 2;
         match marker {
-            // What lies behind the image is nobody's.
+            // Bytes after the end of the image are ignored.
             0xd9 if scanned => break,
             0 | 1 | 0xd0..=0xd9 => {}
             _ => {
@@ -40,7 +40,7 @@ pub(crate) fn frame(bytes: &[u8]) -> Result<Frame, &'static str> {
                 let Some(segment) = bytes.get(at + 2..at + length.max(2)) else {
                     return Err("a segment ends after the stream");
                 };
-                // Huffman tables, arithmetic conditioning and the reserved one are no frames.
+                // DHT, DAC and JPG markers do not start a frame.
                 if matches!(marker, 0xc0..=0xcf) && !matches!(marker, 0xc4 | 0xc8 | 0xcc) {
                     let &[bits, h1, h0, w1, w0, components, ..] = segment else {
                         return Err("its frame is too short");

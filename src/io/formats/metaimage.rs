@@ -1,4 +1,14 @@
-//! TODO
+//! MetaImage: `.mha` with its data attached, `.mhd` with its data in one or several other files.
+//!
+//! Row i of `TransformMatrix` is the direction of index axis i, so the rows are the columns of the index-to-world map. A
+//! negative spacing reverses its axis.
+//!
+//! `AnatomicalOrientation` names the sides from which the *index* axes come, in LPS coordinates (x to the left, y to the
+//! back, z up); `RAI` belongs to the identity. A grid with such a name lies in LPS coordinates. If the name does not fit
+//! the matrix, the matrix decides, with a warning. `???`, or no such key, means unknown.
+//!
+//! `ElementDataFile` ends the header. Unknown keys are ignored, as the format allows; keys that differ from a known one
+//! only in capitals are refused. `CenterOfRotation` belongs to a transform and does not move the image.
 
 mod data;
 mod header;
@@ -30,7 +40,8 @@ impl Reader for MetaImage {
     }
 
     fn recognises(&self, source: &Source) -> bool {
-        // There is no magic number: the first key is one of the format's, and the rank is among the first.
+        // The format has no magic number: the first key must be one of its own, and the rank must be among the first
+        // keys.
         let text = String::from_utf8_lossy(source.head());
         let mut keys = text.lines().map_while(|line| pair(line).map(|(key, _)| key));
         let first = keys.next();
@@ -80,7 +91,7 @@ impl<'a> Header<'a> {
         let grid = Grid::new(dims, samples).map_err(|error| error.in_file(source.path()))?;
         let grid = grid.with_rescale(rescale).map_err(|error| located(SLOPE, error))?;
         let mut loaded = chosen.placed(format, grid, placement, &located)?;
-        // The stream has its own check sum, and real files have stale numbers here.
+        // Only a warning: the stream has its own checksum, and the number is stale in many files.
         if data.compressed
             && let size @ 1.. = packed
             && size.unsigned_abs() != stored.get()

@@ -46,7 +46,7 @@ impl Reader for Nifti {
     }
 }
 
-/// The name with another ending, where the file's own is `from` or `from.gz`.
+/// Returns the name with the extension `to`, if the file's own is `from` or `from.gz`.
 fn sibling(source: &Source, from: &str, to: &str) -> Option<PathBuf> {
     let path = Path::new(source.path().file_name()?);
     let is = |path: &Path, ending: &str| path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
@@ -54,7 +54,7 @@ fn sibling(source: &Source, from: &str, to: &str) -> Option<PathBuf> {
     if !is(&plain, from) {
         return None;
     }
-    // Names in capitals keep their case.
+    // An extension in capitals stays in capitals.
     let capitals = plain.extension().is_some_and(|own| own.to_string_lossy().starts_with(char::is_uppercase));
     let ending = if capitals { to.to_uppercase() } else { to.to_owned() };
     let plain = plain.with_extension(&ending);
@@ -81,7 +81,7 @@ fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<
         warnings
             .push(format!("bitpix is {given}: datatype {code} ({}) has {bits}, which counts", kind.name()));
     }
-    // 2^40 is beyond every offset that means something, and far below where a float64 loses units.
+    // 2^40 is beyond any plausible offset, and a float64 is exact up to there.
     if !(offset >= first && offset <= 1_099_511_627_776.0 && offset.fract() == 0.0) {
         return Err(source.error(
             "vox_offset",
@@ -116,7 +116,7 @@ fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<
     chosen.placed(format, grid, placement, &located)
 }
 
-/// What of the placement may not be as it seems.
+/// Returns warnings about the placement.
 fn doubts(header: &Header) -> Vec<String> {
     let mut doubts = Vec::new();
     if header.sform_code > 0 || header.qform_code <= 0 {
@@ -128,7 +128,7 @@ fn doubts(header: &Header) -> Vec<String> {
     }
     let squares = [header.quatern_b, header.quatern_c, header.quatern_d].map(|x| f64::from(x).powi(2));
     let sum: f64 = squares.iter().sum();
-    // Seven digits of a float32 leave less than this.
+    // The tolerance exceeds the rounding of float32.
     if sum > 1.0 + 1e-5 {
         doubts
             .push(format!("quatern_b, c and d: squares sum up to {sum:.6}, beyond 1: scaled to unit length"));
@@ -194,7 +194,8 @@ fn sample_type(source: &Source, header: &Header) -> Result<SampleType> {
     Ok(kind)
 }
 
-/// The field that decided, the columns of the index-to-world map, its origin and the world's meaning.
+/// Returns the header field that places the grid, the columns of the index-to-world map, its origin and the anatomy
+/// of the world axes.
 fn placement(header: &Header) -> (&'static str, DMat3, DVec3, Anatomy) {
     let size = |axis: usize| {
         let size = f64::from(header.pixdim[axis]).abs();
@@ -213,7 +214,7 @@ fn placement(header: &Header) -> (&'static str, DMat3, DVec3, Anatomy) {
     }
     if header.qform_code > 0 {
         let [b, c, d] = [header.quatern_b, header.quatern_c, header.quatern_d].map(f64::from);
-        // The scalar part is what makes the quaternion one of unit length; rounding may leave nothing.
+        // The scalar part completes the quaternion to unit length; rounding may make its square negative.
         let a = (1.0 - (b * b + c * c + d * d)).max(0.0).sqrt();
         let rotation = DMat3::from_quat(DQuat::from_xyzw(b, c, d, a).normalize());
         let handed = if header.pixdim[0] < 0.0 { -1.0 } else { 1.0 };
@@ -224,7 +225,7 @@ fn placement(header: &Header) -> (&'static str, DMat3, DVec3, Anatomy) {
     ("pixdim", DMat3::from_diagonal(sizes), DVec3::ZERO, Anatomy::Unknown)
 }
 
-/// A slope of zero, or none, says that the stored numbers are the values.
+/// Returns the rescale. A slope of zero or NaN means that stored numbers are the values.
 fn rescale(header: &Header) -> Rescale {
     let slope = f64::from(header.scl_slope);
     if slope == 0.0 || slope.is_nan() {

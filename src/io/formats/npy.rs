@@ -1,16 +1,15 @@
 //! NPY 1.0 to 3.0: one array of numbers.
 //!
-//! | shape | what |
+//! | shape | result |
 //! |---|---|
-//! | (z, y, x) | grid of unit spacing |
-//! | (z, y, x, c) | grid of tuples, c at most 16 |
+//! | (z, y, x) | a grid of unit spacing |
+//! | (z, y, x, c) | a grid of tuples, c at most 16 |
 //! | (1, z, y, x) | the one grid in it |
 //! | (n, 3) | points |
 //! | (n, k), k below 64 | points with arrays `column 3`, `column 4`, ... |
 //!
-//! The same in Fortran order: the axes keep their meaning. Half-precision numbers become `f32`, truth
-//! values 0 and 1. Records, strings, times, complex numbers and Python objects are refused; nothing of the
-//! header is evaluated.
+//! In Fortran order the axes have the same meaning. Half-precision numbers become `f32`, truth values 0 and 1. Records,
+//! strings, times, complex numbers and Python objects are refused. The header is parsed, never evaluated.
 
 mod array;
 mod header;
@@ -25,10 +24,10 @@ use crate::io::report::Loaded;
 
 pub(crate) struct Npy;
 
-/// Most numbers of a tuple on the last of four axes; more are rather the extent of an axis in space.
+/// The limit on components on the last of four axes; a larger extent is more likely an axis in space.
 const MAX_TUPLE: u64 = 16;
 
-/// Fewest columns that make two axes a picture instead of points.
+/// The number of columns from which a two-dimensional array is refused as a picture instead of read as points.
 const PICTURE: u64 = 64;
 
 impl Reader for Npy {

@@ -1,16 +1,15 @@
 //! NRRD, with its data attached (`.nrrd`) or in one or several other files (`.nhdr`).
 //!
-//! Three dimensions, before which one of components may lie and after which further ones of size 1;
-//! encodings raw, gzip and text. World coordinates are kept as the file has them; where its `space` is an
-//! anatomical one the grid says which.
+//! The array has three dimensions, optionally one of components before them and further ones of size 1 after them. The
+//! encodings raw, gzip and text are supported. World coordinates are those of the file; an anatomical `space` sets the
+//! anatomy of the grid.
 //!
-//! A spacing that is not a number is unknown and counts as 1; a negative one turns the axis round. A file
-//! that names a `space` and has `spacings` instead of directions breaks the format's rules; its axes run
-//! along the space's, and a warning says so. Without directions and `space origin`, `axis mins` and
-//! `axis maxs` place the grid, at the centres of its cells unless the `centers` are nodes.
+//! A spacing of NaN is unknown and counts as 1; a negative one reverses its axis. A file that names a `space` but has
+//! `spacings` instead of directions breaks the rules of the format; its axes are taken along those of the space, with a
+//! warning. Without directions and `space origin`, `axis mins` and `axis maxs` place the grid, at cell centres unless
+//! `centers` says nodes.
 //!
-//! Fields that do not place or scale samples (`content`, `units`, `thicknesses`, ...) are checked for their
-//! names only.
+//! Only the names of fields that neither place nor scale samples (`content`, `units`, `thicknesses`, ...) are checked.
 
 mod axes;
 mod header;
@@ -35,7 +34,7 @@ use crate::scene::Grid;
 
 pub(crate) struct Nrrd;
 
-/// Most bytes that are read without use before the data of several files: one file can be named often.
+/// The limit on bytes skipped in all data files together: one file may be named many times.
 const MAX_SKIP: u64 = 1 << 28;
 
 impl Reader for Nrrd {
@@ -92,7 +91,7 @@ impl Reader for Nrrd {
                 Packing::Binary(encoding) => (encoding, false),
                 Packing::Text => (Encoding::Raw, true),
             };
-            // Raw bytes need not be read to be skipped.
+            // Uncompressed bytes are skipped by offset, without reading.
             let seeks = packing == Packing::Binary(Encoding::Raw);
             let (offset, skip) = if seeks { (begin.saturating_add(skip), 0) } else { (begin, skip) };
             let read = skipped.get().saturating_add(begin - start).saturating_add(skip);
@@ -120,7 +119,7 @@ impl Reader for Nrrd {
     }
 }
 
-/// Where the stream goes on after some lines. They are skipped in the file as it is stored.
+/// Returns the offset after skipping lines of the file as stored.
 fn skip_lines(source: &Source, start: u64, lines: i64) -> Result<u64> {
     let mut left = lines;
     let mut position = start;

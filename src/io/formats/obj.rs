@@ -1,5 +1,7 @@
-//! Wavefront OBJ (`.obj`): the polygons. Vertices (`v`) and faces (`f`) are read, by positive and by relative indices;
-//! groups, normals, texture coordinates, materials, lines, points and free-form curves and surfaces are passed over.
+//! Polygons of Wavefront OBJ (`.obj`).
+//!
+//! Vertices (`v`) and faces (`f`) are read, with positive or relative indices. Groups, normals, texture coordinates,
+//! materials, lines, points and free-form curves and surfaces are skipped.
 
 use crate::error::Result;
 use crate::io::file::budget::Budget;
@@ -9,7 +11,7 @@ use crate::io::file::text::{self, shown};
 use crate::io::formats::fan::{Faces, Growing, Triangles};
 use crate::num;
 
-/// Statements that are passed over.
+/// Statements that are skipped.
 const OTHERS: [&str; 43] = [
     "vt",
     "vn",
@@ -60,11 +62,11 @@ pub(crate) fn read(source: &Source, budget: &mut Budget) -> Result<Triangles> {
     let mut scanner = Scanner::new(source);
     let mut points = Growing::new("points");
     let mut faces = Faces::new(source, budget);
-    // The largest index that was ahead of its vertex, and its line.
+    // The largest index used before its vertex was read, and its line.
     let mut ahead = (0, 0);
     while let Some(mut line) = scanner.next_line()? {
         let begin = scanner.lines();
-        // A line goes on behind a backslash.
+        // A backslash at the end continues the line.
         while let Some(stem) = line.strip_suffix('\\') {
             let Some(more) = scanner.next_line()? else { break };
             line = format!("{stem} {more}");
@@ -92,7 +94,7 @@ pub(crate) fn read(source: &Source, budget: &mut Budget) -> Result<Triangles> {
                     }
                     count += 1;
                 }
-                // A weight, a colour, or both may follow.
+                // A weight, a colour or both may follow the coordinates.
                 if !matches!(count, 3 | 4 | 6 | 7) {
                     return Err(wrong(
                         statement.trim(),
@@ -127,11 +129,11 @@ pub(crate) fn read(source: &Source, budget: &mut Budget) -> Result<Triangles> {
     Ok(Triangles { points, triangles })
 }
 
-/// Longest statement, in bytes.
+/// The limit on the length of a statement, in bytes.
 const MAX_STATEMENT: usize = 1 << 20;
 
-/// The index of a corner, which counts from 1 or, below 0, back from the last of the vertices that there are. Those of
-/// texture coordinates and normals may follow.
+/// Parses a corner and returns the index of its vertex from 0. Files count from 1 or, with negative numbers,
+/// backwards from the last vertex read. Indices of texture coordinates and normals may follow.
 fn corner(word: &str, have: usize) -> std::result::Result<u32, &'static str> {
     let mut parts = word.split('/');
     let first: i64 = parts.next().and_then(|part| part.parse().ok()).ok_or("must begin with an index")?;

@@ -1,9 +1,9 @@
-//! PLY points (`.ply`), in words or binary of either byte order.
+//! PLY points (`.ply`), as text or binary in either byte order.
 //!
-//! The element `vertex` is read, with its properties `x`, `y`, `z` of any type; further properties that are
-//! numbers are arrays, and together as [`super::columns`] says: `nx ny nz` are `normal`, `red green blue`
-//! are `colour`, `scale_0 scale_1 scale_2` are `scale`. Properties that are lists, faces and other elements
-//! are passed over, yet must be there as announced. In words, each vertex is a line. Of surfaces [`faces`] are read.
+//! The element `vertex` is read, with its properties `x`, `y`, `z` of any type. Further numeric properties are arrays,
+//! also grouped as described in [`columns`](crate::io::build::columns): `nx ny nz` are `normal`, `red green blue` are
+//! `colour`, `scale_0 scale_1 scale_2` are `scale`. List properties, faces and other elements are skipped, but must be
+//! complete. In text, each vertex is a line. [`faces`] reads the faces of surfaces.
 
 mod body;
 pub(crate) mod faces;

@@ -1,12 +1,11 @@
-//! Raw samples, with a layout that the caller gives, a JSON file beside them, or their name.
+//! Raw samples, whose layout comes from the caller, from a JSON file beside them, or from their name.
 //!
-//! The JSON file has the name of the samples with the ending `.json`, or is itself the file that is read
-//! and names them: keys `dims` and `type`, and where wanted `file`, `endian`, `spacing`, `origin`,
-//! `direction` (nine numbers, row by row; its columns are the directions of the index axes) and `offset`.
-//! It decides where there is one.
+//! The JSON file has the name of the samples with the extension `.json`, or is read itself and names them. It has the keys
+//! `dims` and `type`, and optionally `file`, `endian`, `spacing`, `origin`, `direction` (nine numbers, row by row; the
+//! columns are the directions of the index axes) and `offset`. It takes precedence over the name.
 //!
-//! In a name such as `head_256x256x128_int16_be_0.5x0.5x1.2.raw` words are separated by `_`, `-` or blanks,
-//! and by dots where the words are no decimals.
+//! The words of a name such as `head_256x256x128_int16_be_0.5x0.5x1.2.raw` are separated by `_`, `-` or blanks, and by
+//! dots that are not decimal points.
 
 mod file_name;
 pub(crate) mod layout;
@@ -28,13 +27,13 @@ use crate::io::reader::Reader;
 use crate::io::report::Loaded;
 use crate::scene::Grid;
 
-/// Reads a file that holds `layout.offset` bytes, then exactly the samples. A file that is a gzip stream
-/// is inflated first; the offset counts inflated bytes then.
+/// Reads a file that holds `layout.offset` bytes, then exactly the samples. A gzip stream is decompressed first, and
+/// the offset counts decompressed bytes.
 ///
 /// # Errors
 ///
-/// [`crate::Error::Io`] if the file cannot be read; [`crate::Error::File`] if its size does not fit the
-/// layout, the layout makes no grid, or the samples would take more than `options.max_bytes`.
+/// [`crate::Error::Io`] if the file cannot be read; [`crate::Error::File`] if its size does not fit the layout, the
+/// layout is no valid grid, or the samples would take more than `options.max_bytes`.
 pub fn read_raw(path: impl AsRef<Path>, layout: &RawLayout, options: &ReadOptions) -> Result<Grid> {
     read(&Source::open(path.as_ref(), options)?, layout, options)
 }
@@ -61,7 +60,7 @@ impl Reader for Raw {
     }
 
     fn recognises(&self, _: &Source) -> bool {
-        // Nothing but the name tells.
+        // Raw samples can be identified by name only.
         false
     }
 
@@ -88,7 +87,7 @@ impl Reader for Raw {
         let beside = PathBuf::from(format!("{stem}.json"));
         if source.has_sibling(&beside) {
             let json = source.sibling(&beside, options)?;
-            // What is no JSON at all may be meant as one.
+            // A file that is not JSON at all may be a broken sidecar, so it is reported.
             if is_sidecar(&json) || !is_json(&json) {
                 let sidecar = Sidecar::parse(&json)?;
                 if let Some(other) =
@@ -116,7 +115,7 @@ impl Reader for Raw {
     }
 }
 
-/// The same as [`read_raw`], with what is to be told of it.
+/// Reads raw samples as [`read_raw`] does, and returns them with a report.
 pub(crate) fn load_raw(path: &Path, layout: &RawLayout, options: &ReadOptions) -> Result<Loaded> {
     Raw.load(&Source::open(path, options)?, layout, options, Vec::new())
 }
@@ -140,7 +139,7 @@ fn numbers(layout: &RawLayout) -> Layout {
     Layout::scalar(layout.dims, layout.kind, layout.endian)
 }
 
-/// The name of raw samples without its ending.
+/// Strips the extension from the name of raw samples.
 pub(crate) fn stem(name: &str) -> Option<&str> {
     [".raw", ".raw.gz"].into_iter().find_map(|ending| {
         let (stem, own) = name.split_at_checked(name.len().checked_sub(ending.len())?)?;

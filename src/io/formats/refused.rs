@@ -7,11 +7,11 @@ use crate::io::file::source::Source;
 
 struct Format {
     name: &'static str,
-    /// What to do instead.
+    /// The suggested conversion.
     hint: &'static str,
-    /// Whether the content is surely of this format.
+    /// Whether the content is certainly of this format.
     content: fn(&Source) -> bool,
-    /// Endings of names that tell it where the content does not.
+    /// File name extensions that identify it if the content does not.
     endings: &'static [&'static str],
 }
 
@@ -23,7 +23,7 @@ const PICTURE: &str = "one picture is no volume; a series of them may come as on
 const PACKED: &str = "unpack it and give what was in it";
 const PIECES: &str = "give one of the files that it names, or write all as one .vtu or .vti";
 
-/// Formats, more special ones first: EXODUS is NetCDF or HDF5 inside.
+/// The formats, special ones before general ones: EXODUS files are NetCDF or HDF5 files.
 static FORMATS: &[Format] = &[
     Format {
         name: "EXODUS",
@@ -212,19 +212,19 @@ const ZIP: &[&[u8]] = &[b"PK\x03\x04", b"PK\x05\x06"];
 const ZARR: &str = "write the array as NRRD, NPY or TIFF";
 const ZARR_FILES: [&str; 4] = [".zarray", ".zgroup", ".zattrs", "zarr.json"];
 
-/// The refusal of a file whose content is surely of a format that is not read.
+/// Returns the error for a file whose content is of an unsupported format.
 pub(crate) fn by_content(source: &Source) -> Option<Error> {
     let format = FORMATS.iter().find(|format| (format.content)(source))?;
     Some(source.error("content", format.text()))
 }
 
-/// The refusal of a file whose name says that its format is not read.
+/// Returns the error for a file whose name is that of an unsupported format.
 pub(crate) fn by_name(source: &Source) -> Option<Error> {
     let format = FORMATS.iter().find(|format| ends(source, format.endings))?;
     Some(source.error("file name", format.text()))
 }
 
-/// The refusal of a folder that is a data set by itself, of a format that is not read.
+/// Returns the error for a folder that is a data set of an unsupported format.
 pub(crate) fn folder(path: &Path) -> Option<Error> {
     let zarr = path.is_dir() && ZARR_FILES.iter().any(|name| path.join(name).is_file());
     zarr.then(|| Error::file(path, "folder", format!("Zarr is not supported: {ZARR}")))
@@ -240,7 +240,7 @@ fn starts(source: &Source, magics: &[&[u8]]) -> bool {
     magics.iter().any(|magic| source.head().starts_with(magic))
 }
 
-/// Whether the head has these bytes from a place on.
+/// Whether the head has these bytes at an offset.
 fn at(source: &Source, place: usize, magic: &[u8]) -> bool {
     source.head().get(place..).is_some_and(|rest| rest.starts_with(magic))
 }
@@ -253,7 +253,7 @@ fn named(source: &Source, name: &str) -> bool {
     file_name(source) == name
 }
 
-/// Whether the file's name has one of some endings, packed with gzip or not.
+/// Whether the file name has one of these extensions, before an optional `.gz`.
 fn ends(source: &Source, endings: &[&str]) -> bool {
     let name = file_name(source);
     let plain = name.strip_suffix(".gz").unwrap_or(&name);
@@ -261,12 +261,12 @@ fn ends(source: &Source, endings: &[&str]) -> bool {
     endings.iter().any(|ending| has(&name, ending) || has(plain, ending))
 }
 
-/// Whether the first 4096 bytes hold some text.
+/// Whether the first 4096 bytes contain a text.
 fn holds(source: &Source, text: &str) -> bool {
     source.head().windows(text.len()).any(|window| window == text.as_bytes())
 }
 
-/// Whether it is XML and begins an element of this name.
+/// Whether the file is XML and its head contains an element of this name.
 fn element(source: &Source, name: &str) -> bool {
     let head = source.head();
     let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
@@ -277,12 +277,12 @@ fn hdf5(source: &Source) -> bool {
     starts(source, &[b"\x89HDF\r\n\x1a\n"])
 }
 
-/// The classic format with offsets of 32 or 64 bits, or with sizes of 64.
+/// Recognises the classic format with 32-bit offsets, 64-bit offsets, or 64-bit sizes.
 fn netcdf(source: &Source) -> bool {
     starts(source, &[b"CDF\x01", b"CDF\x02", b"CDF\x05"])
 }
 
-/// A header of 348 bytes without the magic that makes it NIfTI.
+/// Recognises a header of 348 bytes without the magic of NIfTI.
 fn analyze(source: &Source) -> bool {
     let Some(head) = source.head().first_chunk::<348>() else { return false };
     let size = [head[0], head[1], head[2], head[3]];
@@ -295,7 +295,7 @@ fn analyze(source: &Source) -> bool {
     fits && head[344..] == [0; 4]
 }
 
-/// A record that only such files begin with, or an atom in its columns.
+/// Recognises a first record that only PDB files have, or an atom in the columns of the format.
 fn pdb(source: &Source) -> bool {
     let head = source.head();
     let line = head.split(|&byte| byte == b'\n').next().unwrap_or_default();
@@ -312,7 +312,7 @@ fn pdb(source: &Source) -> bool {
         && number(46, 54)
 }
 
-/// A number of atoms, a comment, and an atom: an element or its number, and its place.
+/// Recognises a number of atoms, a comment line, and an atom: its element or atomic number, and its position.
 fn molecule(source: &Source) -> bool {
     let mut lines = source.head().split(|&byte| byte == b'\n');
     let mut line = || lines.next().and_then(|line| std::str::from_utf8(line).ok());
@@ -327,7 +327,7 @@ fn molecule(source: &Source) -> bool {
     count.trim().parse::<u32>().is_ok() && element && number() && number() && number()
 }
 
-/// Text with facets, or a binary file of the size that its number of triangles gives.
+/// Recognises text with facets, or a binary file whose size follows from its number of triangles.
 fn stl(source: &Source) -> bool {
     if starts(source, &[b"solid"]) && holds(source, "facet normal") {
         return true;
@@ -339,9 +339,9 @@ fn stl(source: &Source) -> bool {
             .is_some_and(|count| count > 0 && source.len() == 84 + 50 * count)
 }
 
-/// Nothing but the sizes tells that a file is PLOT3D: one or several grids of whole extents, and then exactly as
-/// many numbers as coordinates or solutions have. Bare or as Fortran's records, in either byte order; some are filled
-/// up to whole blocks of 512 bytes.
+/// Recognises PLOT3D by its sizes alone: the extents of one or several grids, then exactly as many numbers as
+/// coordinates or solutions need. Numbers are bare or in Fortran records, in either byte order; some files are padded
+/// to blocks of 512 bytes.
 fn plot3d(source: &Source) -> bool {
     if source.is_gzip() || !ends(source, &["bin", "xyz", "x", "q", "f", "p3d", "grd", "dat"]) {
         return false;
@@ -349,7 +349,7 @@ fn plot3d(source: &Source) -> bool {
     let words: Vec<[u8; 4]> = source.head().as_chunks::<4>().0.to_vec();
     [u32::from_le_bytes, u32::from_be_bytes].into_iter().any(|order| {
         let word = |i: usize| words.get(i).map(|&bytes| u64::from(order(bytes)));
-        // Each record has its length before and after it.
+        // A Fortran record has its length before and after it.
         [0, 1].into_iter().any(|marker| {
             let one = (marker == 0 || word(0) == Some(12)).then_some((marker, 1));
             let several = (marker == 0 || word(0) == Some(4))
@@ -375,7 +375,7 @@ fn plot3d(source: &Source) -> bool {
     })
 }
 
-/// Sizes that files of some extents may have.
+/// Returns the possible sizes of files with these extents.
 fn plot3d_sizes(header: u64, marker: u64, extents: &[u64]) -> Option<Vec<u64>> {
     let mut nodes = 0_u64;
     for grid in extents.chunks_exact(3) {

@@ -1,11 +1,11 @@
 //! TIFF: a stack of pages, one for each slice.
 //!
-//! Directories are read here, with every size and place checked; strips and tiles that are compressed are
-//! handed to the `tiff` crate one at a time, each as a small file of its own, so that it takes no more
-//! memory than one of them needs and interprets nothing but the compression and its predictor.
+//! This module parses directories itself and checks every size and offset. The `tiff` crate decodes compressed strips and
+//! tiles one at a time, each as a small file of its own: it needs memory for one of them only, and interprets nothing but
+//! the compression and its predictor.
 //!
-//! Values are kept as they are stored: indices of palettes, and greys whose smallest one is white. What
-//! ImageJ and OME-XML say of channels, frames and the size of a voxel is honoured.
+//! Values are kept as stored: palette indices, and grey values whose smallest is white. Channels, frames and voxel sizes in
+//! the descriptions of ImageJ and OME-XML are applied.
 
 mod calibrate;
 mod calibration;
@@ -42,7 +42,7 @@ use crate::scene::{Grid, Samples};
 
 pub(crate) struct Tiff;
 
-/// What a single page is refused with.
+/// The rule for a file with a single page.
 const ONE_PAGE: &str =
     "1 slice: a volume needs at least 2; where each slice is a file of its own, name their folder";
 
@@ -99,7 +99,7 @@ impl Reader for Tiff {
                     shape.check(source, &page)?;
                     page.decode(&mut file, &look, &layout, &mut values)?;
                 }
-                // The first directory stands for images that follow each other.
+                // One directory describes several contiguous images.
                 None => shape.decode_after(&mut file, index, &look, &layout, &mut values)?,
             }
         }
@@ -107,7 +107,7 @@ impl Reader for Tiff {
     }
 }
 
-/// Reads one slice from each file, in this order. `folder` is theirs, for messages.
+/// Reads one slice from each file, in this order. `folder` is for messages.
 pub(crate) fn read_series(folder: &Path, files: &[PathBuf], options: &ReadOptions) -> Result<Loaded> {
     let Some(path) = files.first() else {
         return Err(Error::file(folder, "files", "there is none"));
@@ -142,7 +142,7 @@ pub(crate) fn read_series(folder: &Path, files: &[PathBuf], options: &ReadOption
     for path in files {
         let source = Source::open(path, options)?;
         let mut stack = Stack::open(&source)?;
-        // The file may be another one by now.
+        // The file may have been replaced in the meantime.
         stack.single()?;
         first.shape.check(&source, &stack.shape)?;
         stack.shape.decode(&mut stack.file, &look, &layout, &mut values)?;

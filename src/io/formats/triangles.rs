@@ -10,19 +10,19 @@ use crate::io::formats::obj;
 use crate::io::formats::ply::{faces, header};
 use crate::io::options::ReadOptions;
 
-/// Reads the faces of a PLY file (`.ply`, known by its content) or a Wavefront OBJ file (`.obj`), either of which may be
-/// packed by gzip. A face of more than three corners becomes a fan about its first one: what is meant if it is flat and
-/// convex.
+/// Reads the faces of a PLY file (recognised by content) or a Wavefront OBJ file (`.obj`), either of which may be
+/// compressed with gzip. A face of more than three corners becomes a fan about its first one, which is correct if it
+/// is flat and convex.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if the file cannot be read; [`Error::File`] if it is neither, its contents break a rule of the format,
-/// it has no face or 2³¹ triangles, or it would take more than `options.max_bytes`.
+/// [`Error::Io`] if the file cannot be read; [`Error::File`] if it is neither, its contents break a rule of the
+/// format, it has no face or 2³¹ triangles or more, or it would take more than `options.max_bytes`.
 pub fn read_triangles(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Triangles> {
     read(&Source::open(path.as_ref(), options)?, options)
 }
 
-/// The same for a file in memory: the first.
+/// Reads the first of several files in memory as [`read_triangles`] does.
 ///
 /// # Errors
 ///

@@ -1,19 +1,19 @@
 //! VTK's legacy files (`.vtk`), versions 1.0 to 5.1, as text or binary.
 //!
-//! | data set | becomes |
+//! | data set | result |
 //! |---|---|
 //! | `STRUCTURED_POINTS` | a grid |
 //! | `RECTILINEAR_GRID` | a grid; uneven coordinates are resampled |
-//! | `STRUCTURED_GRID` | a grid where its points lie on an even lattice, which may be oblique; else hexahedra |
-//! | `UNSTRUCTURED_GRID` | a mesh, or points where there are no solid cells but vertices |
+//! | `STRUCTURED_GRID` | a grid if its points lie on an even lattice, which may be oblique; else hexahedra |
+//! | `UNSTRUCTURED_GRID` | a mesh, or points if it has vertices but no cells with volume |
 //! | `POLYDATA` | points, if it has no lines and polygons |
 //!
-//! The first walk over the file finds where each array lies; what is needed is read from there. The scalars
-//! of points that come first are the active array, else those of cells.
+//! A first pass over the file finds where each array lies; needed arrays are then read from there. The first scalars of
+//! points are the active array, else the first of cells.
 //!
-//! Numbers of type `long` have 4 or 8 bytes in binary files, as the writer's machine had them: they have 4
-//! where after so many there is a keyword, another array or the end of the file. `vtkIdType` has 4 always,
-//! as VTK writes it.
+//! Numbers of type `long` have 4 or 8 bytes in binary files, depending on the writer's machine. They are taken as 4 bytes
+//! if a keyword, another array or the end of the file follows at that distance. `vtkIdType` always has 4 bytes, as VTK
+//! writes it.
 
 mod cells;
 mod contents;
@@ -73,7 +73,7 @@ impl File<'_> {
             Kind::UnstructuredGrid => self.unstructured_grid(),
             Kind::PolyData => self.poly_data(),
         }?;
-        // What was noted on the way comes first.
+        // Notes of the first pass come first.
         self.contents.notes.append(&mut loaded.report.notes);
         self.contents.warnings.append(&mut loaded.report.warnings);
         loaded.report.notes = self.contents.notes;

@@ -1,9 +1,8 @@
-//! VTK's XML files: image data (`.vti`), rectilinear grids (`.vtr`) and unstructured grids (`.vtu`), of
-//! versions 0 to 2, with data as text, in base64 or appended, bare or compressed by zlib, LZ4 or xz.
+//! VTK's XML files: image data (`.vti`), rectilinear grids (`.vtr`) and unstructured grids (`.vtu`), versions 0 to 2.
 //!
-//! Pieces are put together: those of grids by their extents, those of unstructured grids one after the other.
-//! The origin of an image is the place of index 0, also where its extent begins elsewhere. A negative spacing
-//! turns the axis round. Field data is passed over.
+//! Data may be text, base64 or appended, uncompressed or compressed with zlib, LZ4 or xz. Pieces are joined: those of grids
+//! by their extents, those of unstructured grids one after another. The origin of an image is the position of index 0, also
+//! if its extent begins elsewhere. A negative spacing reverses its axis. Field data is skipped.
 
 mod attributes;
 mod blocks;

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use crate::error::{Error, Result};
 use crate::scene::Clip;
 
-/// Planes and a box.
+/// Clip planes and a crop box.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "an object with `planes` and `crop`")]
 pub(crate) struct ClipSpec {

@@ -7,7 +7,7 @@ use crate::io::report::{Loaded, Report};
 use crate::num;
 use crate::scene::{Data, KernelSize, Points};
 
-/// The data of a scene, and where it comes from.
+/// The data of a scene, and the file it comes from.
 pub(crate) struct SceneData {
     pub(crate) data: Data,
     pub(crate) file: PathBuf,
@@ -15,7 +15,7 @@ pub(crate) struct SceneData {
 }
 
 impl SceneData {
-    /// What was read.
+    /// Wraps data that has been read; points without size get an estimated radius.
     pub(crate) fn new(file: &Path, loaded: Loaded) -> Self {
         let Loaded { data, report } = loaded;
         match data {
@@ -24,7 +24,7 @@ impl SceneData {
         }
     }
 
-    /// Points, which get a radius where they have none.
+    /// Wraps points; those without size get an estimated radius.
     pub(crate) fn of_points(file: &Path, mut points: Points, mut report: Report) -> Self {
         if *points.size() == KernelSize::Unknown {
             points = points.with_estimated_radius();
@@ -35,7 +35,7 @@ impl SceneData {
         Self { data: points.into(), file: file.to_path_buf(), report }
     }
 
-    /// What was read, if it is a grid.
+    /// Wraps data that must be a grid.
     pub(crate) fn grid(file: &Path, loaded: Loaded) -> Result<Self> {
         match loaded.data {
             Data::Grid(_) => Ok(Self::new(file, loaded)),
@@ -45,10 +45,10 @@ impl SceneData {
     }
 }
 
-/// The rule for files of points in the wrong place.
+/// The rule for a file of points under another key.
 pub(crate) const HOLDS_POINTS: &str = "holds points: a scene names them in `points`";
 
-/// A positive number, to three digits.
+/// Formats a positive number with three digits.
 fn short(value: f64) -> String {
     if (1e-3..1e5).contains(&value) {
         let digits = num::usize_of((2.0 - value.log10().floor()).max(0.0));
@@ -58,7 +58,7 @@ fn short(value: f64) -> String {
     }
 }
 
-/// A path as the scene file means it.
+/// Resolves a path relative to the scene file.
 pub(crate) fn beside(scene: &Path, file: &str) -> PathBuf {
     scene.parent().unwrap_or(Path::new("")).join(file)
 }

@@ -32,7 +32,7 @@ pub(crate) struct Document {
     pub(crate) technique: Option<TechniqueChoice>,
 }
 
-/// Where the data comes from, not yet read.
+/// The description of the data, before it is read.
 pub(crate) enum DataSpec {
     Volume(Box<VolumeSpec>),
     Mesh(MeshSpec),
@@ -40,7 +40,7 @@ pub(crate) enum DataSpec {
 }
 
 impl DataSpec {
-    /// The kernels that a scene asks for, beside its data or, with points, among their keys.
+    /// Returns the kernels of the scene, from `kernels` or from the keys of points.
     pub(crate) fn kernels(&self, path: &Path, spec: Option<KernelsSpec>) -> Result<Option<Kernels>> {
         let kind = match self {
             Self::Volume(_) => Kind::Grid,

@@ -13,7 +13,7 @@ use crate::io::scene_file::transfer::Recipe;
 use crate::scene::View;
 
 impl LoadedScene {
-    /// A data file or a scene file: what ends in `.json` is a scene file, unless it describes raw samples.
+    /// Loads a scene file or a data file: a `.json` file is a scene file, unless it describes raw samples.
     ///
     /// # Errors
     ///
@@ -33,19 +33,19 @@ impl LoadedScene {
 pub struct SceneFile;
 
 impl SceneFile {
-    /// Whether a file is a scene file: it is named `.json`, and does not describe raw samples.
+    /// Whether a file is a scene file: its extension is `.json`, and it does not describe raw samples.
     #[must_use]
     pub fn is_at(path: &Path, options: &ReadOptions) -> bool {
         path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
             && !sidecar::describes_raw(path, options)
     }
 
-    /// Reads a scene file and the data that it names. The arrays of `options` win over those that it names.
+    /// Reads a scene file and the data that it names. Arrays selected in `options` override those in the file.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] if a file cannot be read; [`Error::File`] naming file, place and rule if the scene
-    /// file or a file that it names breaks a rule.
+    /// [`Error::Io`] if a file cannot be read; [`Error::File`] with file, place and rule if the scene file or a file
+    /// that it names breaks a rule.
     pub fn load(path: impl AsRef<Path>, options: &ReadOptions) -> Result<LoadedScene> {
         let path = path.as_ref();
         let document: Document = parse_file(path, options)?;
@@ -68,7 +68,7 @@ impl SceneFile {
                 return refuse("background", "must be four numbers that are not negative, alpha at most 1");
             }
         }
-        // Small things are checked before large data is read.
+        // The cheap parts are checked before the data is read.
         let camera = document.camera.map(|camera| camera.check(path)).transpose()?;
         let extent = document
             .image

@@ -10,23 +10,23 @@ use crate::io::scene_file::data::SceneData;
 use crate::io::scene_file::technique::TechniqueChoice;
 use crate::scene::{Camera, Clip, Kernels, Scene, Surface, TransferFunction, View, auto};
 
-/// Everything that a picture needs, read and checked.
+/// Everything that an image needs, read and checked.
 #[derive(Clone, Debug)]
 pub struct LoadedScene {
     /// Data, transfer function and surfaces.
     pub scene: Scene,
-    /// What of the volume is cut away.
+    /// The clip planes and the crop box.
     pub clip: Clip,
     /// The camera.
     pub camera: Camera,
-    /// Whether the camera was chosen for the data; for another image size it should be chosen again, by
+    /// Whether the camera was chosen automatically; for another image size it should be chosen again with
     /// [`auto::camera`].
     pub camera_is_automatic: bool,
     /// Width of the image, in pixels.
     pub width: u32,
     /// Height of the image, in pixels.
     pub height: u32,
-    /// What PNG output is composited over: straight linear RGBA.
+    /// The background of PNG output: straight linear RGBA.
     pub background: [f64; 4],
     /// The technique that the file asks for.
     pub technique: Option<TechniqueChoice>,
@@ -37,13 +37,13 @@ pub struct LoadedScene {
 }
 
 impl LoadedScene {
-    /// Image side where nothing is said.
+    /// The default image width and height, in pixels.
     pub const DEFAULT_SIDE: u32 = 512;
 
-    /// Background where nothing is said: opaque black.
+    /// The default background: opaque black.
     pub const DEFAULT_BACKGROUND: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 
-    /// A data file alone, with a camera and a transfer function chosen for it, and a radius for points of unknown size.
+    /// Loads a data file, and chooses a camera, a transfer function and, for points of unknown size, a radius.
     ///
     /// # Errors
     ///
@@ -53,7 +53,7 @@ impl LoadedScene {
         Self::from_loaded(path, read::read(path, options)?)
     }
 
-    /// The same for data that has been read. `path` is for messages.
+    /// Completes data that has been read, as [`Self::from_data`] does. `path` is for messages.
     ///
     /// # Errors
     ///
@@ -63,8 +63,8 @@ impl LoadedScene {
         Self::assemble(path, SceneData::new(path, loaded), Rest::default())
     }
 
-    /// The view of an image of a size: an automatic camera is chosen again where it is not the scene's own size, and the
-    /// scene's clip region cuts.
+    /// Returns the view for an image size, with the scene's clip region. An automatic camera is chosen again if the
+    /// size is not the scene's own.
     ///
     /// # Errors
     ///
@@ -78,7 +78,7 @@ impl LoadedScene {
         Ok(View::new(camera, width, height)?.with_clip(self.clip))
     }
 
-    /// Puts the parts together and fills in what was not given.
+    /// Assembles the scene, with defaults for missing parts.
     pub(crate) fn assemble(path: &Path, source: SceneData, rest: Rest) -> Result<Self> {
         let SceneData { data, file, report } = source;
         let [width, height] = rest.extent.unwrap_or([Self::DEFAULT_SIDE; 2]);
@@ -112,7 +112,7 @@ impl LoadedScene {
     }
 }
 
-/// The parts of a scene that may be left out.
+/// The optional parts of a scene.
 #[derive(Default)]
 pub(crate) struct Rest {
     pub(crate) kernels: Option<Kernels>,

@@ -11,7 +11,7 @@ use crate::io::report::Report;
 use crate::io::scene_file::data::{HOLDS_POINTS, SceneData, beside};
 use crate::scene::{Data, Field};
 
-/// Both kinds of mesh under one set of keys, so that every message can name its key.
+/// The keys of both kinds of mesh, in one struct so that every error names its key.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "an object with `file` or `field`")]
 pub(crate) struct MeshSpec {
@@ -44,7 +44,7 @@ impl MeshSpec {
                 }
             }
             (None, Some(field)) => {
-                // Given in the scene, or on top of it.
+                // Arrays may be selected in the scene or in the options.
                 let wanted = [("mesh.array", &self.array), ("array", &options.array)];
                 if let Some((key, array)) = wanted.into_iter().find_map(|(key, a)| Some((key, a.as_ref()?))) {
                     return refuse(key, format!("\"{array}\": fields have no arrays with names"));
@@ -69,7 +69,7 @@ impl MeshSpec {
             }
         };
         let field = Field::from_name(field).map_err(at("mesh.field"))?;
-        // A corner has a place and a scalar, a cube five times four indices.
+        // A corner takes 28 bytes (position and scalar), a cube 80 (five tetrahedra of four indices).
         let side = u64::from(cubes.min(Field::MAX_CUBES));
         let bytes = 28 * (side + 1).pow(3) + 80 * side.pow(3);
         if bytes > options.max_bytes {

@@ -15,7 +15,7 @@ use crate::io::scene_file::kernels::{KernelsSpec, Kind};
 use crate::num;
 use crate::scene::{Data, Field, KernelSize, Kernels, Points};
 
-/// Both kinds of points under one set of keys, so that every message can name its key.
+/// The keys of both kinds of points, in one struct so that every error names its key.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "an object with `file` or `field`")]
 pub(crate) struct PointsSpec {
@@ -32,7 +32,7 @@ pub(crate) struct PointsSpec {
     least: Option<f64>,
 }
 
-/// One radius for all, or the array that has them.
+/// One radius for all points, or the array of radii.
 enum Radius {
     All(f64),
     Array(String),
@@ -73,13 +73,13 @@ impl<'de> Deserialize<'de> for Radius {
 }
 
 impl PointsSpec {
-    /// The kernels that stand among the keys of points, if any do.
+    /// Returns the kernels given among the keys of points, if any.
     pub(crate) fn kernels(&self, scene: &Path) -> Result<Option<Kernels>> {
         let spec = self.kernels_spec();
         spec.key().map(|_| spec.check(scene, "points", Kind::Points)).transpose()
     }
 
-    /// The first key of kernels that is there.
+    /// Returns the first kernel key that is given.
     pub(crate) fn kernels_key(&self) -> Option<&'static str> {
         self.kernels_spec().key()
     }
@@ -109,7 +109,7 @@ impl PointsSpec {
         }
     }
 
-    /// What the options ask for wins over what stands here: a size of either kind over a size of either kind.
+    /// Reads the file. Options override keys; a radius or covariance in the options overrides both keys.
     fn read(&self, file: &Path, options: &ReadOptions) -> Result<SceneData> {
         let mut wanted = options.clone();
         wanted.array = wanted.array.or_else(|| self.array.clone());
@@ -133,7 +133,7 @@ impl PointsSpec {
         Ok(SceneData::of_points(file, sized(points, all)?, loaded.report))
     }
 
-    /// Fields have no arrays, whether the scene asks for them or the options do.
+    /// Refuses selected arrays, which fields do not have.
     fn refuse_arrays(&self, scene: &Path, options: &ReadOptions) -> Result<()> {
         let radius = match &self.radius {
             Some(Radius::Array(name)) => Some(name),
@@ -169,7 +169,7 @@ impl PointsSpec {
             }
         };
         let field = Field::from_name(field).map_err(at("points.field"))?;
-        // A point has a place and a scalar.
+        // A point takes 28 bytes: position and scalar.
         let bytes = 28 * u64::from(count);
         if bytes > options.max_bytes {
             let rule = format!("{count}: takes {bytes} bytes, the limit is {} bytes", options.max_bytes);
@@ -183,7 +183,7 @@ impl PointsSpec {
     }
 }
 
-/// Points with one radius for all, if there is one.
+/// Gives all points one radius, if there is one.
 fn sized(points: Points, radius: Option<f64>) -> Result<Points> {
     match radius {
         Some(radius) => points.with_size(KernelSize::Radius(radius)),

@@ -5,19 +5,19 @@ use glam::DVec3;
 use crate::error::Result;
 use crate::scene::{Knot, TransferFunction};
 
-/// A ready-made transfer function on [0, 1].
+/// A ready-made transfer function on the scalar range [0, 1].
 #[derive(Clone, Copy, Debug)]
 pub struct Preset {
-    /// Its name in scene files.
+    /// The name in scene files.
     pub name: &'static str,
-    /// What it is for.
+    /// The purpose, as a phrase.
     pub purpose: &'static str,
     pub(crate) rows: &'static [[f64; 5]],
 }
 
 impl Preset {
-    /// The transfer function with its [0, 1] stretched over `range` and its extinction, which is meant
-    /// for a box of side 2, times `tau_scale`.
+    /// Stretches the transfer function over `range`, and multiplies its extinction, which suits a box of side 2, by
+    /// `tau_scale`.
     ///
     /// # Errors
     ///
@@ -36,8 +36,8 @@ pub(crate) fn stretch(rows: &[[f64; 5]], [lo, hi]: [f64; 2], tau_scale: f64) -> 
     TransferFunction::new(rows.iter().map(knot).collect())
 }
 
-/// The presets that scene files may name. Extinction is per unit of length in a box of side 2:
-/// for other boxes `tau_scale` is about 2 over the side.
+/// The presets that scene files may name. Their extinction suits a box of side 2; for other boxes `tau_scale` should
+/// be about 2 divided by the side.
 pub const PRESETS: [Preset; 5] = [
     Preset {
         name: "grey",

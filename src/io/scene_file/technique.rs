@@ -14,7 +14,7 @@ pub struct TechniqueChoice {
     pub options: Vec<(String, String)>,
 }
 
-/// Most options of a technique.
+/// The limit on options of a technique.
 const MAX_OPTIONS: usize = 64;
 
 impl<'de> Deserialize<'de> for TechniqueChoice {
@@ -54,7 +54,7 @@ impl<'de> Deserialize<'de> for TechniqueChoice {
     }
 }
 
-/// A number, a string or a truth value, as text.
+/// A number, a string or a truth value, converted to text.
 struct Plain(String);
 
 impl<'de> Deserialize<'de> for Plain {

@@ -13,7 +13,7 @@ use crate::io::scene_file::data::beside;
 use crate::io::scene_file::presets::{PRESETS, stretch};
 use crate::scene::TransferFunction;
 
-/// Knots, a preset, or a file that holds one of them.
+/// The value of `transfer`: knots, a preset, or a file that holds either.
 pub(crate) enum TransferSpec {
     Rows(Vec<[f64; 5]>),
     Preset(PresetSpec),
@@ -50,7 +50,7 @@ impl<'de> Deserialize<'de> for TransferSpec {
     }
 }
 
-/// A transfer function that may still need the data's range.
+/// A transfer function that may still need the range of the data.
 pub(crate) enum Recipe {
     Ready(TransferFunction),
     Stretched { path: PathBuf, rows: &'static [[f64; 5]], range: Option<[f64; 2]>, tau_scale: f64 },
@@ -106,7 +106,7 @@ impl Recipe {
         Ok(Self::Stretched { path: path.to_path_buf(), rows: preset.rows, range: spec.range, tau_scale })
     }
 
-    /// The transfer function for data of a range.
+    /// Builds the transfer function for data with this range.
     pub(crate) fn build(self, data: [f64; 2]) -> Result<TransferFunction> {
         match self {
             Self::Ready(transfer) => Ok(transfer),

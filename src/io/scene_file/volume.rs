@@ -13,7 +13,7 @@ use crate::io::report::Report;
 use crate::io::scene_file::data::{SceneData, beside};
 use crate::scene::{Field, Grid};
 
-/// The three kinds of volume under one set of keys, so that every message can name its key.
+/// The keys of all three kinds of volume, in one struct so that every error names its key.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "an object with `file` or `field`")]
 pub(crate) struct VolumeSpec {
@@ -30,7 +30,7 @@ pub(crate) struct VolumeSpec {
 }
 
 impl VolumeSpec {
-    /// The keys that only raw data has, with whether they are there.
+    /// Returns the keys of raw data, and whether they are given.
     fn raw_keys(&self) -> [(&'static str, bool); 5] {
         [
             ("volume.endian", self.endian.is_some()),
@@ -46,7 +46,7 @@ impl VolumeSpec {
         options.check_kernels("a grid").map_err(|error| error.in_file(scene))?;
         let named = self.file.is_some() && self.dims.is_none() && self.r#type.is_none();
         if !named {
-            // Given in the scene, or on top of it.
+            // Arrays may be selected in the scene or in the options.
             let wanted = [("volume.array", &self.array), ("array", &options.array)];
             if let Some((key, array)) = wanted.into_iter().find_map(|(key, a)| Some((key, a.as_ref()?))) {
                 let rule = format!("\"{array}\": fields and raw data have no arrays with names");
@@ -102,7 +102,7 @@ impl VolumeSpec {
             let rule = format!("\"{kind}\": must be one of {} for a field", kinds.join(", "));
             return Err(Error::file(scene, "volume.type", rule));
         }
-        // Sampling holds the values in float64, beside the result of at most four bytes.
+        // Sampling holds float64 values in addition to the result of at most four bytes per sample.
         let bytes = dims.iter().try_fold(12_u64, |n, &extent| n.checked_mul(u64::from(extent)));
         if bytes.is_none_or(|bytes| bytes > options.max_bytes) {
             let rule = format!("{dims:?}: takes 12 bytes a sample, the limit is {} bytes", options.max_bytes);

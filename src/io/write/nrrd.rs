@@ -13,18 +13,18 @@ use crate::num;
 use crate::replace::replace;
 use crate::scene::{Anatomy, Grid, Rescale, Samples};
 
-/// Samples that are encoded at a time.
+/// The number of samples encoded at a time.
 const BLOCK: usize = 1 << 16;
 
-/// Writes a grid as NRRD0005 with gzip-compressed samples, and returns what was done to them, if anything.
+/// Writes a grid as NRRD0005 with gzip-compressed samples. Returns a note if values were converted.
 ///
-/// The format knows no rescale: where the grid has one, values are written instead of stored numbers. They are
-/// whole numbers of at most 16 bits where all are, else 32-bit floats, or 64-bit ones where 32 bits would make
-/// one of two. NaN and infinities are kept.
+/// The format has no rescale: a grid with one is written as values instead of stored numbers. These are whole numbers
+/// of at most 16 bits if all values are, else 32-bit floats, or 64-bit floats if 32 bits cannot keep the values
+/// distinct. NaN and infinities are kept.
 ///
 /// # Errors
 ///
-/// [`crate::Error::Io`] if the file cannot be written; nothing is left behind then.
+/// [`crate::Error::Io`] if the file cannot be written; no partial file remains.
 pub fn write_nrrd(path: impl AsRef<Path>, grid: &Grid) -> Result<Option<String>> {
     let rescaled = grid.rescale() != Rescale::IDENTITY;
     let kind = if rescaled { kind_of_values(grid) } else { kind_of(grid.samples()) };
@@ -65,9 +65,9 @@ fn kind_of(samples: &Samples) -> SampleType {
     }
 }
 
-/// The smallest type that keeps values apart.
+/// Returns the smallest type that keeps the values distinct.
 fn kind_of_values(grid: &Grid) -> SampleType {
-    /// Steps that the range of floats should have.
+    /// The least number of distinct float32 values that the range should have.
     const STEPS: f64 = 4096.0;
     let Rescale { slope, intercept } = grid.rescale();
     let [lo, hi] = grid.range();
@@ -96,7 +96,7 @@ fn header(grid: &Grid, kind: SampleType) -> String {
         SampleType::F64 => "double",
         _ => "float",
     };
-    // A world that nobody explained is not said to be right- or left-handed.
+    // Without anatomy, nothing is said about the handedness of the world axes.
     let space = match grid.anatomy() {
         Anatomy::Unknown => "space dimension: 3",
         Anatomy::Ras => "space: right-anterior-superior",

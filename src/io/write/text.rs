@@ -6,12 +6,11 @@ use std::path::Path;
 use crate::error::Result;
 use crate::replace::replace;
 
-/// Writes a text file, complete or not at all.
+/// Writes a text file completely or not at all.
 ///
 /// # Errors
 ///
-/// [`Error::File`] when the place is a folder, [`Error::Io`] when it cannot be written; nothing is left
-/// behind then.
+/// [`Error::File`] if the path is a folder, [`Error::Io`] if it cannot be written; no partial file remains.
 pub fn write_text(path: impl AsRef<Path>, text: &str) -> Result<()> {
     replace(path.as_ref(), |writer| writer.write_all(text.as_bytes()))
 }

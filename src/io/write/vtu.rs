@@ -18,25 +18,24 @@ use crate::num;
 use crate::replace::replace;
 use crate::scene::{Data, KernelSize, Points, TetScalars, Tets};
 
-/// Bytes of a block before packing, at most.
+/// The limit on the uncompressed size of a block, in bytes.
 const BLOCK: usize = 1 << 16;
 
-/// Blocks that are packed at the same time.
+/// The number of blocks compressed in parallel.
 const TOGETHER: usize = 64;
 
-/// Digits of the largest offset.
+/// The number of digits of the largest offset.
 const DIGITS: usize = 20;
 
-/// Writes a mesh or points as VTU 1.0: cells of type 10 (tetrahedra) or 1 (vertices), points in 64-bit
-/// floats, little-endian, zlib. Arrays have the type that they have in memory.
+/// Writes a mesh or points as VTU 1.0, little-endian and compressed with zlib: cells of type 10 (tetrahedra) or 1
+/// (vertices), coordinates in 64-bit floats, arrays in their type in memory.
 ///
-/// Scalars become the active array, called `name`; those of a mesh belong to points or cells as in memory.
-/// Points may have arrays `weight`, `radius` and `covariance` beside them; the last has 9 components, row by
-/// row.
+/// Scalars become the active array `name`, of points or cells as in memory. Points may also have the arrays `weight`,
+/// `radius` and `covariance`; the last has 9 components, row by row.
 ///
 /// # Errors
 ///
-/// [`Error::File`] for a grid; [`Error::Io`] if the file cannot be written; nothing is left behind then.
+/// [`Error::File`] for a grid; [`Error::Io`] if the file cannot be written; no partial file remains.
 pub fn write_vtu(path: impl AsRef<Path>, data: &Data, name: &str) -> Result<()> {
     let path = path.as_ref();
     let file = match data {
@@ -58,17 +57,17 @@ struct Array<'a> {
     kind: &'static str,
     components: usize,
     tuples: usize,
-    /// Bytes of a tuple.
+    /// The size of a tuple, in bytes.
     bytes: usize,
     put: Put<'a>,
 }
 
-/// A file with one piece.
+/// The one piece of a file.
 struct Piece<'a> {
     points: usize,
     cells: usize,
     active: String,
-    /// Attributes of points and of cells, then coordinates and topology.
+    /// The arrays in their order in the file: point data, cell data, coordinates, topology.
     point_data: Vec<Array<'a>>,
     cell_data: Vec<Array<'a>>,
     coordinates: Array<'a>,
@@ -134,7 +133,7 @@ fn of_points<'a>(points: &'a Points, name: &str) -> Piece<'a> {
         }
         KernelSize::Radii(radii) => arrays.push(floats(unused("radius", &arrays), radii)),
         KernelSize::Covariances(all) => {
-            // Six components have another order in VTK; nine have one order everywhere.
+            // VTK orders six components differently; nine have the same order everywhere.
             let rows = |range: Range<usize>, bytes: &mut Vec<u8>| {
                 let row = |[xx, xy, xz, yy, yz, zz]: [f32; 6]| [xx, xy, xz, xy, yy, yz, xz, yz, zz];
                 bytes.extend(all[range].iter().flat_map(|&c| row(c)).flat_map(f32::to_le_bytes));
@@ -161,12 +160,12 @@ fn of_points<'a>(points: &'a Points, name: &str) -> Piece<'a> {
     }
 }
 
-/// The name of the scalars.
+/// Returns the name of the scalars.
 fn title(name: &str) -> String {
     if name.is_empty() { "scalar".to_owned() } else { name.to_owned() }
 }
 
-/// A name that no array has yet.
+/// Returns a name that no array has yet.
 fn unused(name: &str, arrays: &[Array]) -> String {
     let mut name = name.to_owned();
     while arrays.iter().any(|array| array.name == name) {
@@ -190,7 +189,7 @@ fn coordinates(points: &[DVec3]) -> Array<'_> {
     Array { name: "Points".into(), kind: "Float64", components: 3, tuples, bytes: 24, put: Box::new(put) }
 }
 
-/// `first`, `first + step`, and so on.
+/// Returns an array of `first`, `first + step`, and so on.
 fn counting(name: &str, tuples: usize, first: u64, step: u64) -> Array<'static> {
     let put = move |range: Range<usize>, bytes: &mut Vec<u8>| {
         let number = |i: usize| num::wide(i).saturating_mul(step).saturating_add(first);
@@ -199,7 +198,7 @@ fn counting(name: &str, tuples: usize, first: u64, step: u64) -> Array<'static> 
     Array { name: name.into(), kind: "Int64", components: 1, tuples, bytes: 8, put: Box::new(put) }
 }
 
-/// Where each cell's nodes end.
+/// Returns the array of the ends of each cell's nodes.
 fn offsets(cells: usize, nodes: u64) -> Array<'static> {
     counting("offsets", cells, nodes, nodes)
 }
@@ -227,13 +226,13 @@ impl Piece<'_> {
         Ok(())
     }
 
-    /// All arrays, in the order of the header.
+    /// Iterates over all arrays in the order of the header.
     fn arrays(&self) -> impl Iterator<Item = &Array<'_>> {
         let data = self.point_data.iter().chain(&self.cell_data);
         data.chain([&self.coordinates]).chain(&self.topology)
     }
 
-    /// What comes before the data, and where in it the arrays' offsets go.
+    /// Returns the text before the data, and the positions in it that receive the offsets of arrays.
     fn header(&self) -> (String, Vec<u64>) {
         let mut slots = Vec::new();
         let mut text = format!(
@@ -258,7 +257,7 @@ impl Piece<'_> {
                     array.components
                 ));
                 slots.push(num::wide(text.len()));
-                // Room for the number and the quote that ends it.
+                // Space for the number and its closing quote.
                 text.push_str(&" ".repeat(DIGITS + 1));
                 text.push_str("/>\n");
             }
@@ -302,7 +301,7 @@ impl Array<'_> {
     }
 }
 
-/// Text as the value of an attribute. Characters that XML cannot hold become `_`.
+/// Escapes text as an attribute value. Characters that XML cannot represent become `_`.
 fn escaped(text: &str) -> String {
     let mut escaped = String::new();
     for character in text.chars() {

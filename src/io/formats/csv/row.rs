@@ -7,10 +7,10 @@ use crate::io::file::scanner::Scanner;
 use crate::io::file::source::Source;
 use crate::io::file::text::{self, shown};
 
-/// Longest row, in bytes: an open quote would make it the rest of the file.
+/// The limit on the length of a row, in bytes: an unclosed quote would extend it to the end of the file.
 const MAX_ROW: usize = 1 << 20;
 
-/// What separates cells.
+/// The separator of cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Delimiter {
     Byte(u8),
@@ -18,7 +18,7 @@ pub(crate) enum Delimiter {
 }
 
 impl Delimiter {
-    /// Of a table with such a first row.
+    /// Finds the delimiter of a table from its first row.
     pub(crate) fn of(line: &str) -> Self {
         let mut quoted = false;
         let mut there = [false; 3];
@@ -40,7 +40,7 @@ impl Delimiter {
     }
 }
 
-/// Whether a line is no row.
+/// Whether a line is blank or a comment.
 pub(crate) fn is_passed(line: &str) -> bool {
     let line = line.trim();
     line.is_empty() || line.starts_with('#')
@@ -51,7 +51,7 @@ pub(crate) fn is_passed(line: &str) -> bool {
 pub(crate) struct Row {
     text: String,
     cells: Vec<Range<usize>>,
-    /// Where the cell that is read begins.
+    /// The beginning of the current cell in `text`.
     begin: usize,
 }
 
@@ -64,11 +64,12 @@ impl Row {
         &self.text[self.cells[i].clone()]
     }
 
-    /// Splits a line; one that goes on within quotes, where they are open. True where it ends within quotes.
+    /// Splits a line into cells. `open` says that the line begins within quotes; the result, that it ends within
+    /// quotes.
     ///
     /// # Errors
     ///
-    /// What follows a quoted cell without a delimiter.
+    /// The text that follows a quoted cell without a delimiter.
     pub(crate) fn split<'l>(
         &mut self,
         line: &'l str,
@@ -134,7 +135,7 @@ impl Row {
     }
 }
 
-/// A number, or NaN for what stands for none.
+/// Parses a number; an empty cell and `na`, `n/a`, `null` are NaN.
 pub(crate) fn number(cell: &str) -> Option<f64> {
     if cell.is_empty() || ["na", "n/a", "null"].iter().any(|none| cell.eq_ignore_ascii_case(none)) {
         return Some(f64::NAN);
@@ -142,12 +143,12 @@ pub(crate) fn number(cell: &str) -> Option<f64> {
     text::float(cell)
 }
 
-/// Whether a cell can be nothing but a number: `Na` may be sodium.
+/// Whether a cell is certainly a number; `Na` may be sodium.
 pub(crate) fn is_number(cell: &str) -> bool {
     text::float::<f64>(cell).is_some()
 }
 
-/// Rows, one after the other.
+/// Reads the rows of a table one after another.
 pub(crate) struct Rows<'a> {
     scanner: Scanner<'a>,
     pub(crate) delimiter: Option<Delimiter>,

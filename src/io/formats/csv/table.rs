@@ -10,13 +10,13 @@ use crate::io::file::text::{self, shown};
 use crate::io::formats::csv::row::is_number;
 use crate::io::formats::csv::row::{Delimiter, Row, Rows, number};
 
-/// Most columns.
+/// The limit on columns.
 const MAX_COLUMNS: usize = 1 << 14;
 
-/// Longest name of a column, in bytes.
+/// The limit on the length of a column name, in bytes.
 const MAX_NAME: usize = 256;
 
-/// The columns that are positions. An error has the column that is one a second time.
+/// Finds the columns of positions by name. The error is a column that duplicates one of them.
 pub(crate) fn positions<'n>(
     names: impl Iterator<Item = &'n str>,
 ) -> std::result::Result<Option<[usize; 3]>, usize> {
@@ -63,19 +63,19 @@ pub(crate) fn positions<'n>(
     Ok(None)
 }
 
-/// A column, and the type of its numbers if they are some.
+/// A column; its type is None if it holds no numbers.
 pub(crate) struct Told {
     pub(crate) name: String,
     pub(crate) kind: Option<SampleType>,
 }
 
-/// What a first look at all rows tells.
+/// A table after its first pass.
 pub(crate) struct Table<'a> {
     source: &'a Source,
     delimiter: Delimiter,
-    /// Whether the first row is names.
+    /// Whether the first row holds names.
     header: bool,
-    /// Whether there are names at all.
+    /// Whether the columns have names.
     named: bool,
     pub(crate) columns: Vec<Told>,
     pub(crate) axes: [usize; 3],
@@ -145,7 +145,8 @@ impl<'a> Table<'a> {
             table.rows += 1;
             for (i, (told, words)) in table.columns.iter_mut().zip(&mut words).enumerate() {
                 let cell = rows.row.cell(i);
-                // The first value decides whether these are numbers, all of them whether they are whole.
+                // The first value decides whether the column is numeric; it is a column of whole numbers if all
+                // values are.
                 match told.kind {
                     _ if *words => {}
                     None if cell.is_empty() => {}
@@ -169,7 +170,7 @@ impl<'a> Table<'a> {
         Ok(table)
     }
 
-    /// Hands out of each row the numbers of the columns that are wanted.
+    /// Passes the numbers of the wanted columns to `sink`, row by row.
     pub(crate) fn each(&self, wanted: &[usize], sink: &mut dyn FnMut(&[f64])) -> Result<()> {
         let mut rows = Rows::new(self.source, Some(self.delimiter));
         let mut numbers = vec![0.0; wanted.len()];

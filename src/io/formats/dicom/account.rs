@@ -4,12 +4,12 @@ use crate::error::Result;
 use crate::io::file::budget::Budget;
 use crate::num;
 
-/// What is taken from a budget, file by file.
+/// Counts the memory taken from a budget for each file.
 pub(crate) struct Account<'b> {
     pub(crate) budget: Budget<'b>,
-    /// For the file that is being read.
+    /// Bytes taken for the current file.
     pub(crate) taken: u64,
-    /// Whether something was refused for want of memory: no file is damaged then.
+    /// Whether the budget was exceeded, which does not mean that a file is damaged.
     pub(crate) full: bool,
 }
 
@@ -24,7 +24,7 @@ impl<'b> Account<'b> {
         Ok(())
     }
 
-    /// For so many things of a type.
+    /// Takes the memory of `count` values of a type.
     pub(crate) fn take_for<T>(&mut self, count: usize) -> Result<()> {
         self.take("header", num::wide(count.saturating_mul(size_of::<T>())))
     }

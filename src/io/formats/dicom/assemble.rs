@@ -20,7 +20,7 @@ use crate::io::report::Loaded;
 use crate::num;
 use crate::scene::{Anatomy, Grid, Rescale, Samples};
 
-/// Opens a file by its place in a list.
+/// Opens a file by its index in a list.
 type Open<'o> = dyn Fn(usize) -> Result<Source> + 'o;
 
 /// Sorts the slices along their normal, reads their samples and places the grid. `headers` are those of the files that
@@ -57,7 +57,7 @@ pub(crate) fn assemble(
     let stored = if same { kind.stored_bytes() } else { 4 };
     budget.take("series", num::wide(total).saturating_mul(stored))?;
     let scratch = headers.iter().map(frames::scratch).max().unwrap_or(0);
-    // Numbers of one slice, where each has a map of its own.
+    // One slice is converted at a time if slices differ in rescale.
     let one = if same { 0 } else { first.rows.saturating_mul(first.columns).saturating_mul(4) };
     budget.take("one slice", scratch.saturating_add(one))?;
 
@@ -193,7 +193,7 @@ fn frames_of(header: &Header) -> usize {
     header.frames.and_then(|frames| usize::try_from(frames).ok()).unwrap_or(1)
 }
 
-/// The slices of all files, in no order, with everything checked that need not their samples.
+/// Collects the slices of all files, unsorted, and checks everything that can be checked without their samples.
 fn collect(headers: &[Header], frame: &Frame) -> Result<Vec<Slice>> {
     let mut slices = Vec::new();
     for (file, header) in headers.iter().enumerate() {

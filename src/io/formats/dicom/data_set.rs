@@ -14,17 +14,18 @@ use crate::io::formats::dicom::header::{Header, MAX_FRAMES, Pixels, Plane};
 use crate::io::formats::dicom::syntax::{Packing, Syntax};
 use crate::num;
 
-/// Most sequences and items within each other.
+/// The limit on nested sequences and items.
 const MAX_DEPTH: usize = 32;
 
 const SHARED: Tag = (0x5200, 0x9229);
 const PER_FRAME: Tag = (0x5200, 0x9230);
 
-/// The macros of functional groups that are looked into.
+/// The functional group macros that are read: plane position, plane orientation, pixel measures, value
+/// transformation.
 const MACROS: [Tag; 4] = [(0x0020, 0x9113), (0x0020, 0x9116), (0x0028, 0x9110), (0x0028, 0x9145)];
 
-/// Reads what there is to know of a file; with it the file that places count in, which is another one
-/// where the data set is deflated. What a file takes that cannot be read is given back.
+/// Reads the header of a file. Also returns the file that its offsets refer to: another one if the data set is
+/// deflated. If reading fails, the memory taken is returned to the budget.
 pub(crate) fn read(source: &Source, account: &mut Account) -> Result<(Header, Source)> {
     account.taken = 0;
     let read = read_within(source, account);
@@ -52,12 +53,12 @@ fn read_within(source: &Source, account: &mut Account) -> Result<(Header, Source
     Ok((header, source.clone()))
 }
 
-/// A deflated data set, unpacked in memory.
+/// Inflates a deflated data set in memory.
 fn inflate(source: &Source, begin: u64, account: &mut Account) -> Result<Source> {
     const PLACE: &str = "deflated data set";
     let open = || DeflateDecoder::new(source.reader(begin, Encoding::Raw));
     let damaged = |error| source.error(PLACE, format!("is damaged: {error}"));
-    // Its size is known only behind it: it is gone through twice, and nothing is taken that is not needed.
+    // The size is known only at the end: a first pass counts, so that exactly the needed memory is taken.
     let most = Encoding::Zlib.most(source.len());
     let len = io::copy(&mut open().take(most), &mut io::sink()).map_err(damaged)?;
     account.take(PLACE, len)?;
@@ -86,10 +87,10 @@ struct State {
     endian: Endian,
 }
 
-/// A sequence or an item that has begun.
+/// An open sequence or item.
 struct Open {
     tag: Tag,
-    /// Where it ends, unless a delimiter says so.
+    /// Its end, unless a delimiter ends it.
     end: Option<u64>,
     syntax: Syntax,
 }
@@ -280,7 +281,7 @@ impl<'a, 'b> Walk<'a, 'b> {
         Ok(())
     }
 
-    /// Where a sequence or an item ends; None where a delimiter says so.
+    /// Returns the end of a sequence or an item; None if a delimiter ends it.
     fn end(&self, element: &Element) -> Result<Option<u64>> {
         if element.len == UNDEFINED { Ok(None) } else { self.behind(element).map(Some) }
     }
@@ -339,7 +340,7 @@ impl<'a, 'b> Walk<'a, 'b> {
         Ok(Pixels::Fragments(fragments))
     }
 
-    /// Goes over the offset table and the fragments of an element, and lists them; where it ends.
+    /// Lists the offset table and the fragments of an element; returns its end.
     fn fragments(
         &mut self,
         element: &Element,

@@ -7,10 +7,10 @@ use crate::io::file::text;
 use crate::io::formats::dicom::account::Account;
 use crate::io::formats::dicom::syntax::Syntax;
 
-/// Group and element.
+/// Group and element number.
 pub(crate) type Tag = (u16, u16);
 
-/// Longest value that is looked at, in bytes.
+/// The limit on the length of a value that is read, in bytes.
 const MAX_VALUE: u64 = 1024;
 
 pub(crate) const ITEM: Tag = (0xfffe, 0xe000);
@@ -23,16 +23,16 @@ pub(crate) const UNDEFINED: u64 = 0xffff_ffff;
 pub(crate) struct Element {
     pub(crate) tag: Tag,
     pub(crate) vr: [u8; 2],
-    /// Where its value is.
+    /// The offset of its value.
     pub(crate) at: u64,
     pub(crate) len: u64,
 }
 
-/// A pass through a file, in one direction.
+/// A forward pass through a file.
 pub(crate) struct Walk<'a, 'b> {
     pub(crate) source: &'a Source,
     pub(crate) account: &'a mut Account<'b>,
-    /// A piece of the file, and where it begins.
+    /// The buffered part of the file, and its offset.
     window: Vec<u8>,
     start: u64,
 }
@@ -49,7 +49,7 @@ impl<'a, 'b> Walk<'a, 'b> {
         self.source.error(format!("byte {at}"), rule)
     }
 
-    /// A few bytes from a place.
+    /// Returns a few bytes at an offset, through the window.
     pub(crate) fn bytes(&mut self, at: u64, len: u64) -> Result<&[u8]> {
         let all = self.source.len();
         let end = at.checked_add(len).filter(|&end| end <= all);
@@ -117,7 +117,7 @@ impl<'a, 'b> Walk<'a, 'b> {
         }
     }
 
-    /// The group of meta elements: where it ends, and the transfer syntax.
+    /// Reads the file meta information; returns its end and the transfer syntax.
     pub(crate) fn meta(&mut self) -> Result<(u64, String)> {
         let head = self.source.head();
         let mut at = if head.get(128..132) == Some(b"DICM") { 132 } else { 0 };
@@ -133,13 +133,13 @@ impl<'a, 'b> Walk<'a, 'b> {
         Ok((at, uid))
     }
 
-    /// Whether types are written, where no meta element says so.
+    /// Guesses whether types are explicit, without file meta information.
     pub(crate) fn guess(&mut self, at: u64) -> Result<Syntax> {
         let explicit = self.bytes(at.saturating_add(4), 2)?.iter().all(u8::is_ascii_uppercase);
         Ok(Syntax { explicit, endian: Endian::Little })
     }
 
-    /// Where an element of a known length ends.
+    /// Returns the end of an element of known length, which must lie in the file.
     pub(crate) fn behind(&self, element: &Element) -> Result<u64> {
         let end = element.at.checked_add(element.len).filter(|&end| end <= self.source.len());
         let ((group, number), len) = (element.tag, element.len);
@@ -161,11 +161,11 @@ impl<'a, 'b> Walk<'a, 'b> {
     pub(crate) fn text(&mut self, element: &Element) -> Result<String> {
         let text = String::from_utf8_lossy(self.value(element)?).into_owned();
         let text = text.trim_matches(|c: char| c == '\0' || c.is_whitespace());
-        // It may come to be shown: a message has one line.
+        // Messages show it, and have one line.
         Ok(text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect())
     }
 
-    /// Decimal numbers, separated by backslashes; None where the value is empty.
+    /// Parses decimal numbers separated by backslashes; None if the value is empty.
     pub(crate) fn decimals<const N: usize>(&mut self, element: &Element) -> Result<Option<[f64; N]>> {
         let text = self.text(element)?;
         if text.is_empty() {
@@ -185,7 +185,7 @@ impl<'a, 'b> Walk<'a, 'b> {
         })
     }
 
-    /// A whole number of 2 bytes.
+    /// Reads a whole number of 2 bytes.
     pub(crate) fn short(&mut self, element: &Element, endian: Endian) -> Result<u64> {
         let ((group, number), len) = (element.tag, element.len);
         if len < 2 {

@@ -11,7 +11,7 @@ use crate::io::formats::dicom::syntax::{self, Packing};
 use crate::io::formats::jpeg;
 use crate::num::wide;
 
-/// The type of a file's samples, after what is not theirs was taken off.
+/// Returns the type of the samples after unused bits are removed.
 pub(crate) fn kind(header: &Header) -> Result<SampleType> {
     let Header { allocated, stored, high, signed, .. } = *header;
     if header.samples != 1 {
@@ -51,7 +51,7 @@ pub(crate) fn kind(header: &Header) -> Result<SampleType> {
     })
 }
 
-/// Whether the data of a file can hold so many frames, before memory is taken.
+/// Checks that the data of a file can hold these frames, before memory is allocated.
 pub(crate) fn check(header: &Header, frames: usize) -> Result<()> {
     let Some(pixels) = &header.pixels else {
         return Err(header.error("PixelData", "there is none"));
@@ -74,7 +74,7 @@ pub(crate) fn check(header: &Header, frames: usize) -> Result<()> {
     let needed = header.frame_bytes().saturating_mul(wide(frames));
     match pixels {
         Pixels::Plain { len, .. } if header.packing == Packing::Native => {
-            // A byte of padding makes the length even.
+            // A padding byte may make the length even.
             if needed.next_multiple_of(2) != *len && needed != *len {
                 return Err(header.error(
                     "PixelData",
@@ -102,18 +102,18 @@ pub(crate) fn check(header: &Header, frames: usize) -> Result<()> {
     Ok(())
 }
 
-/// The most bytes that a packed one can stand for.
+/// Returns the largest ratio of decompressed to compressed bytes.
 fn ratio(packing: Packing) -> u64 {
     match packing {
         Packing::Native | Packing::Other => 1,
-        // Two bytes for 128.
+        // Two bytes encode up to 128.
         Packing::RunLength => 64,
-        // A bit for 64 samples of two bytes, or for one of a lossless one.
+        // One bit encodes a block of 64 samples of two bytes; lossless, one sample.
         Packing::Jpeg => 1024,
     }
 }
 
-/// Bytes of memory that decoding a frame takes, beside the result.
+/// Returns the memory that decoding a frame takes in addition to the result, in bytes.
 pub(crate) fn scratch(header: &Header) -> u64 {
     let frame = header.frame_bytes();
     let stored = match &header.pixels {
@@ -123,11 +123,11 @@ pub(crate) fn scratch(header: &Header) -> u64 {
         _ => 0,
     };
     let own = if header.packing == Packing::Jpeg { 8 } else { 2 };
-    // A frame is kept packed, for the decoder as a data set, and in the decoder's own words.
+    // The compressed frame is held alone, within a data set for the decoder, and in the decoder's own form.
     frame.saturating_mul(own).saturating_add(stored.saturating_mul(4))
 }
 
-/// The bytes of a frame, and their order.
+/// Returns the bytes of a frame and their byte order.
 pub(crate) fn bytes(data: &Source, header: &Header, frame: usize) -> Result<(Vec<u8>, Endian)> {
     let size = header.frame_bytes();
     let frames = usize::try_from(header.frames.unwrap_or(1)).unwrap_or(usize::MAX);
@@ -148,7 +148,7 @@ pub(crate) fn bytes(data: &Source, header: &Header, frame: usize) -> Result<(Vec
     Ok((masked(bytes, endian, header), endian))
 }
 
-/// The fragments of a frame, joined.
+/// Joins the fragments of a frame.
 fn packed(
     header: &Header,
     data: &Source,
@@ -165,7 +165,7 @@ fn packed(
     } else if fragments.len() == frames {
         &fragments[frame..=frame]
     } else if table.1 == wide(frames).saturating_mul(4) {
-        // Offsets count from the first fragment's item.
+        // Offsets count from the item of the first fragment.
         let first = fragments.first().map_or(0, |(at, _)| at.saturating_sub(8));
         let offset = |frame: usize| -> Result<u64> {
             let bytes = data.bytes(table.0.saturating_add(wide(frame).saturating_mul(4)), 4)?;
@@ -202,7 +202,7 @@ fn packed(
     Ok(bytes)
 }
 
-/// Samples that are only wrapped in fragments.
+/// Returns samples that are in fragments but not compressed.
 fn plain(header: &Header, mut bytes: Vec<u8>, size: u64) -> Result<Vec<u8>> {
     if wide(bytes.len()) != size && wide(bytes.len()) != size.next_multiple_of(2) {
         return Err(header.error("PixelData", format!("a frame of {} bytes: {size} are needed", bytes.len())));
@@ -211,7 +211,7 @@ fn plain(header: &Header, mut bytes: Vec<u8>, size: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Run lengths: one segment for each byte of a sample, the highest first.
+/// Decodes run lengths: one segment per byte of a sample, the most significant first.
 fn run_lengths(packed: &[u8], header: &Header) -> Result<Vec<u8>> {
     let error = |rule: String| header.error("PixelData: RLE", rule);
     let word = |i: usize| match packed.get(4 * i..4 * i + 4) {
@@ -233,7 +233,7 @@ fn run_lengths(packed: &[u8], header: &Header) -> Result<Vec<u8>> {
                 packed.len()
             )));
         };
-        // The sample's bytes are kept with the lowest first.
+        // The result is little-endian.
         let mut targets = bytes.iter_mut().skip(planes - 1 - plane).step_by(planes);
         let mut left = count;
         let mut at = 0;
@@ -269,7 +269,7 @@ fn run_lengths(packed: &[u8], header: &Header) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// A frame in JPEG.
+/// Decodes a frame in JPEG.
 fn decoded(packed: &[u8], header: &Header) -> Result<Vec<u8>> {
     let error = |rule: String| header.error("PixelData: JPEG", rule);
     let frame = jpeg::frame(packed).map_err(|why| error(why.to_owned()))?;
@@ -297,17 +297,17 @@ fn decoded(packed: &[u8], header: &Header) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The innermost cause, which says what is wrong.
+/// Returns the message of the innermost cause.
 fn deepest(error: &dyn std::error::Error) -> String {
     let mut error = error;
     while let Some(source) = error.source() {
         error = source;
     }
-    // Decoders break their lines.
+    // Messages of decoders may have several lines.
     error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// A data set of one frame, for the decoder.
+/// Writes a minimal data set of one frame, for the decoder.
 fn data_set(packed: &[u8], header: &Header) -> Vec<u8> {
     let mut bytes = vec![0; 128];
     bytes.extend_from_slice(b"DICM");
@@ -350,7 +350,7 @@ fn data_set(packed: &[u8], header: &Header) -> Vec<u8> {
     bytes
 }
 
-/// Takes off what lies beside the stored bits, and spreads the sign.
+/// Masks the bits outside those stored, and extends the sign.
 fn masked(mut bytes: Vec<u8>, endian: Endian, header: &Header) -> Vec<u8> {
     let Header { allocated, stored, high, signed, .. } = *header;
     if header.float || stored == allocated {

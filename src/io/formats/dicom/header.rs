@@ -8,23 +8,22 @@ use crate::error::Error;
 use crate::io::file::sample_type::Endian;
 use crate::io::formats::dicom::syntax::{Packing, Syntax};
 
-/// Most frames of a file.
+/// The limit on frames of a file.
 pub(crate) const MAX_FRAMES: usize = 1 << 16;
 
-/// Where a frame lies, and what its numbers mean. What is left out may stand in a place that holds for
-/// more frames.
+/// The plane of a frame and the rescale of its samples. Missing values may be given for several frames at once.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Plane {
     pub(crate) position: Option<[f64; 3]>,
     pub(crate) orientation: Option<[f64; 6]>,
-    /// Distance of rows, then of columns.
+    /// Distance of rows, then of columns, in millimetres.
     pub(crate) spacing: Option<[f64; 2]>,
     pub(crate) slope: Option<f64>,
     pub(crate) intercept: Option<f64>,
 }
 
 impl Plane {
-    /// Filled up from what holds for more frames.
+    /// Fills missing values from those that hold for several frames.
     pub(crate) fn or(self, other: Self) -> Self {
         Self {
             position: self.position.or(other.position),
@@ -36,16 +35,16 @@ impl Plane {
     }
 }
 
-/// Where the samples are.
+/// The location of the samples.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Pixels {
-    /// So many bytes from a place.
+    /// Uncompressed bytes at an offset.
     Plain { at: u64, len: u64 },
-    /// Places and lengths of the offset table and of fragments.
+    /// Offsets and lengths of the offset table and of the fragments.
     Fragments(Vec<(u64, u64)>),
 }
 
-/// A file without its samples.
+/// The contents of a file without its samples.
 #[derive(Clone, Debug)]
 pub(crate) struct Header {
     /// The file, for messages.
@@ -64,17 +63,17 @@ pub(crate) struct Header {
     pub(crate) signed: bool,
     /// Whether samples are floats.
     pub(crate) float: bool,
-    /// NumberOfFrames, where there is one.
+    /// NumberOfFrames, if given.
     pub(crate) frames: Option<u64>,
     pub(crate) plane: Plane,
-    /// Of a file that says it for each frame.
+    /// The planes of single frames, if the file gives them.
     pub(crate) planes: Vec<Plane>,
     pub(crate) pixels: Option<Pixels>,
-    /// Bytes that were taken from the budget for it.
+    /// Bytes taken from the budget for it.
     pub(crate) taken: u64,
-    /// Bytes that were taken for its data set, where that is deflated.
+    /// Bytes taken for its data set, if that is deflated.
     pub(crate) inflated: u64,
-    /// What is not applied.
+    /// Warnings about elements that are not applied.
     pub(crate) warnings: Vec<&'static str>,
 }
 
@@ -106,23 +105,23 @@ impl Header {
         }
     }
 
-    /// An error that names the file.
+    /// Returns an error that names the file.
     pub(crate) fn error(&self, place: impl Into<String>, rule: impl Into<String>) -> Error {
         Error::file(&self.path, place, rule)
     }
 
-    /// Where a frame lies.
+    /// Returns the plane of a frame.
     pub(crate) fn plane_of(&self, frame: usize) -> Plane {
         self.planes.get(frame).copied().unwrap_or_default().or(self.plane)
     }
 
-    /// Bytes of a frame that is not packed.
+    /// Returns the size of an uncompressed frame, in bytes.
     pub(crate) fn frame_bytes(&self) -> u64 {
         self.rows.saturating_mul(self.columns).saturating_mul(self.allocated / 8)
     }
 }
 
-/// A position as a vector.
+/// Converts the first three numbers to a vector.
 pub(crate) fn vector(numbers: &[f64]) -> DVec3 {
     DVec3::new(numbers[0], numbers[1], numbers[2])
 }

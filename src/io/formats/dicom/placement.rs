@@ -8,13 +8,13 @@ use crate::io::formats::dicom::header::{Header, Plane, vector};
 use crate::num;
 use crate::scene::Rescale;
 
-/// Differences of distances that count as rounding, of a distance: positions are decimal text.
+/// The relative difference of slice distances that is taken as rounding: positions are decimal text.
 const ROUNDING: f64 = 0.01;
 
-/// How far slices may lie beside their line, of a pixel.
+/// The distance, in pixels, that slices may lie beside their common line.
 const BESIDE: f64 = 0.1;
 
-/// A frame, and how far along the normal it lies.
+/// A frame, its position and its height along the normal.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slice {
     pub(crate) file: usize,
@@ -24,7 +24,7 @@ pub(crate) struct Slice {
     pub(crate) rescale: Rescale,
 }
 
-/// What a slice is called in messages.
+/// Names a slice in messages.
 fn called(headers: &[Header], slice: &Slice) -> String {
     let header = &headers[slice.file];
     let name = header.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -35,15 +35,15 @@ fn called(headers: &[Header], slice: &Slice) -> String {
     }
 }
 
-/// How the first slice lies; all others lie so.
+/// The orientation of the first slice, which all others share.
 pub(crate) struct Frame {
-    /// Towards the next column, towards the next row, and their normal.
+    /// Unit vectors towards the next column, towards the next row, and normal to both.
     pub(crate) row: DVec3,
     pub(crate) column: DVec3,
     pub(crate) normal: DVec3,
-    /// Distance of rows, then of columns.
+    /// Distance of rows, then of columns, in millimetres.
     pub(crate) spacing: [f64; 2],
-    /// Whether the file does not say.
+    /// Whether the spacing is an assumption.
     pub(crate) guessed: bool,
 }
 
@@ -69,7 +69,7 @@ impl Frame {
         Ok(Self { row, column, normal, spacing, guessed: plane.spacing.is_none() })
     }
 
-    /// Whether a file's samples are as the first one's.
+    /// Checks that the samples of a file have the size and type of those of the first.
     pub(crate) fn check(&self, first: &Header, header: &Header) -> Result<()> {
         let of = |header: &Header| {
             let Header { rows, columns, samples, allocated, stored, high, signed, float, .. } = *header;
@@ -95,7 +95,7 @@ impl Frame {
             return Err(header.error(place, "no ImageOrientationPatient"));
         };
         let (row, column) = (vector(&orientation[..3]), vector(&orientation[3..]));
-        // A thousandth is a tenth of a pixel's width over a hundred pixels.
+        // A deviation of 1/1000 moves the hundredth pixel by a tenth of a pixel.
         if (row - self.row).length() > 1e-3 || (column - self.column).length() > 1e-3 {
             let rule = format!(
                 "ImageOrientationPatient {orientation:?}: other slices of the series lie differently"
@@ -113,13 +113,13 @@ impl Frame {
     }
 }
 
-/// How slices follow each other.
+/// The line along which slices are stacked.
 pub(crate) struct Line {
-    /// From one slice to the next, on average.
+    /// The mean step from one slice to the next.
     pub(crate) step: DVec3,
-    /// Distances from the first, where they are uneven.
+    /// Distances from the first slice, if they are uneven.
     pub(crate) heights: Option<Vec<f64>>,
-    /// Distances of neighbours, in words.
+    /// The distances of neighbours, as text.
     pub(crate) gaps: String,
 }
 
@@ -160,7 +160,7 @@ impl Line {
             }
             even &= (share * intervals - num::f64_of(i)).abs() <= ROUNDING;
         }
-        // Distances along the line, which is the third axis.
+        // Distances are measured along the line, which is the third axis.
         let along = whole.length() / (last.height - first.height);
         let heights: Vec<f64> = slices.iter().map(|slice| (slice.height - first.height) * along).collect();
         let gaps = gaps(&heights);
@@ -168,9 +168,9 @@ impl Line {
     }
 }
 
-/// Distances of neighbours, where several that are alike follow each other as one.
+/// Lists the distances of neighbours, with runs of equal ones combined.
 fn gaps(heights: &[f64]) -> String {
-    /// Most that are listed.
+    /// The limit on listed distances.
     const MOST: usize = 8;
     let mut runs: Vec<(f64, usize)> = Vec::new();
     for pair in heights.windows(2) {

@@ -4,8 +4,8 @@ use crate::io::file::source::Source;
 
 pub(crate) const NAME: &str = "DICOM";
 
-/// Whether the file is one: with its preamble, or with a data set from the first byte on that begins with
-/// the elements that real ones begin with.
+/// Whether the file is DICOM: it has the preamble, or it begins with a data set whose first elements are those of
+/// real files.
 pub(crate) fn is_dicom(source: &Source) -> bool {
     let head = source.head();
     if source.is_gzip() {
@@ -18,13 +18,13 @@ pub(crate) fn is_dicom(source: &Source) -> bool {
         return false;
     };
     let explicit = a.is_ascii_uppercase() && b.is_ascii_uppercase();
-    // The group that says how the others are written names its types always.
+    // The file meta information always has explicit types.
     if head[0] == 0x02 && !explicit {
         return false;
     }
     let length = u32::from_le_bytes([a, b, c, d]);
     match element {
-        // The length of the group, and an element of it.
+        // The group length, followed by an element of the same group.
         0 => {
             let second = if explicit { &b"UL\x04\0"[..] } else { &[4, 0, 0, 0] };
             head[4..8] == *second && head.get(12..14) == Some(&head[..2])

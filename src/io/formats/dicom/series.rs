@@ -14,10 +14,10 @@ use crate::io::formats::dicom::header::Header;
 use crate::io::options::ReadOptions;
 use crate::io::report::Loaded;
 
-/// Most files of a folder that are looked at.
+/// The limit on files of a series.
 const MAX_FILES: usize = 1 << 16;
 
-/// What a file is read for: its header alone.
+/// Reads the header of a file and frees its data.
 fn header_of(source: &Source, account: &mut Account) -> Result<Header> {
     let (header, data) = data_set::read(source, account)?;
     drop(data);
@@ -25,14 +25,14 @@ fn header_of(source: &Source, account: &mut Account) -> Result<Header> {
     Ok(header)
 }
 
-/// Why an image without samples is none.
+/// Returns the error for an image without samples.
 fn cut(header: &Header) -> Error {
     header.error("PixelData", "there is none: the file may be cut short")
 }
 
 /// Reads the series that a file belongs to.
 pub(crate) fn read(source: &Source, options: &ReadOptions) -> Result<Loaded> {
-    /// Most damaged files that are named.
+    /// The limit on damaged files named in warnings.
     const NAMED: usize = 8;
     let mut account = Account::new(Budget::new(source, options));
     let own = header_of(source, &mut account)?;
@@ -60,7 +60,7 @@ pub(crate) fn read(source: &Source, options: &ReadOptions) -> Result<Loaded> {
         let header = match header_of(&neighbour, &mut account) {
             Ok(header) => header,
             Err(error) if account.full => return Err(error),
-            // It may be of another series, or a slice that is missing now.
+            // The damaged file may belong to another series, or be a missing slice of this one.
             Err(error) => {
                 is_damaged(error);
                 continue;
@@ -101,7 +101,7 @@ pub(crate) fn read(source: &Source, options: &ReadOptions) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// Reads the one series of several files.
+/// Reads files that must belong to one series.
 pub(crate) fn read_files(folder: &Path, files: &[PathBuf], options: &ReadOptions) -> Result<Loaded> {
     let Some(path) = files.first() else {
         return Err(Error::file(folder, "files", "there is none"));

@@ -2,20 +2,20 @@
 
 use crate::io::file::sample_type::Endian;
 
-/// How a data set is written.
+/// The encoding of a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Syntax {
     pub(crate) explicit: bool,
     pub(crate) endian: Endian,
 }
 
-/// How samples are packed.
+/// The compression of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Packing {
     Native,
     Jpeg,
     RunLength,
-    /// One that is not read.
+    /// A compression that is not supported.
     Other,
 }
 

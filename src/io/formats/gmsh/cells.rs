@@ -6,18 +6,18 @@ use crate::io::formats::gmsh::elements::Kind;
 use crate::io::formats::gmsh::stream::Stream;
 use crate::num;
 
-/// Elements.
+/// The elements of a file.
 #[derive(Default)]
 pub(crate) struct Cells {
-    /// Without points.
+    /// The cells; points are added later.
     pub(crate) mesh: Dataset,
-    /// Each element's number and its cell.
+    /// The number of each element, and its cell.
     pub(crate) elements: Vec<(u64, u32)>,
     /// Each cell's physical group; 0 for none.
     pub(crate) physical: Vec<i32>,
-    /// Elements that are listed once more for each further physical group.
+    /// Elements that are repeated for further physical groups.
     pub(crate) repeated: usize,
-    /// Prisms and pyramids with more nodes than VTK has.
+    /// Prisms and pyramids whose additional nodes VTK lacks.
     pub(crate) reduced: usize,
 }
 

@@ -3,25 +3,26 @@
 /// An element type.
 pub(crate) struct Kind {
     pub(crate) nodes: usize,
-    /// Its number in VTK.
+    /// Its VTK type number.
     pub(crate) vtk: u8,
-    /// For each node in VTK, its place here.
+    /// The index here of each node in VTK's order.
     pub(crate) order: &'static [usize],
 }
 
 pub(crate) const LINEAR: [usize; 9] = [0, 1, 2, 3, 4, 5, 6, 7, 8];
 
-/// The last two edges are exchanged.
+/// VTK exchanges the last two edges.
 pub(crate) const TETRAHEDRON: [usize; 10] = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8];
 
-/// Edges by their first corner here, round the bottom, round the top and upright in VTK; then faces.
+/// Gmsh sorts edges by their first corner; VTK has those of the bottom, of the top, then the vertical ones. Faces
+/// follow.
 pub(crate) const HEXAHEDRON: [usize; 27] =
     [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15, 22, 23, 21, 24, 20, 25, 26];
 
 pub(crate) const PRISM: [usize; 15] = [0, 1, 2, 3, 4, 5, 6, 9, 7, 12, 14, 13, 8, 10, 11];
 pub(crate) const PYRAMID: [usize; 13] = [0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12];
 
-/// The element type of a number.
+/// Returns the element type with a number, if it is supported.
 pub(crate) fn kind_of(number: i64) -> Option<Kind> {
     let (nodes, vtk, order): (usize, u8, &'static [usize]) = match number {
         1 => (2, 3, &LINEAR[..2]),
@@ -48,7 +49,7 @@ pub(crate) fn kind_of(number: i64) -> Option<Kind> {
     Some(Kind { nodes, vtk, order })
 }
 
-/// What elements of other numbers are.
+/// Names the family of an unsupported element type.
 pub(crate) fn family(number: i64) -> &'static str {
     match number {
         20..=25 | 42..=46 | 52..=56 => "triangles of a higher order",

@@ -9,10 +9,10 @@ use crate::io::formats::gmsh::stream::Format;
 use crate::io::formats::gmsh::tags::Tags;
 use crate::io::formats::gmsh::views::View;
 
-/// The array of physical groups.
+/// The name of the array of physical groups.
 pub(crate) const PHYSICAL: &str = "gmsh:physical";
 
-/// What is read of a file at once: all but the values of views.
+/// The contents of a file, without the values of views.
 pub(crate) struct File {
     pub(crate) format: Format,
     pub(crate) points: Vec<DVec3>,
@@ -24,6 +24,6 @@ pub(crate) struct File {
     /// Physical groups of volumes: number and name.
     pub(crate) names: Vec<String>,
     pub(crate) notes: Vec<String>,
-    /// First group of each entity that has one, by dimension and tag.
+    /// The first physical group of each entity that has one, by dimension and tag.
     pub(crate) groups: HashMap<(i64, i64), i32>,
 }

@@ -18,11 +18,11 @@ impl File {
         parametric: bool,
         budget: &mut Budget,
     ) -> Result<()> {
-        /// "1 0 0 0" and a line end.
+        /// The length of the shortest node: "1 0 0 0" and a line end.
         const LEAST: u64 = 8;
         let old = self.format.version == 2;
         let (blocks, all) = if old {
-            // A line of words in binary files too.
+            // The count is text in binary files too.
             (1, count_line(stream, "the number of nodes")?)
         } else {
             stream.row("the number of nodes")?;
@@ -99,7 +99,7 @@ impl File {
     }
 
     pub(crate) fn read_elements(&mut self, stream: &mut Stream, budget: &mut Budget) -> Result<()> {
-        /// "1 1" and a line end.
+        /// The length of the shortest element: "1 1" and a line end.
         const LEAST: u64 = 4;
         let old = self.format.version == 2;
         let (blocks, all) = if old {
@@ -116,7 +116,7 @@ impl File {
         };
         stream.holds(all, LEAST, "elements")?;
         let count = text::index(stream.scanner.source(), "$Elements", all)?;
-        // Types, ends, groups and numbers.
+        // The memory of types, ends, groups and numbers.
         budget.take("elements", all.saturating_mul(5 + 4 + Tags::BYTES))?;
         let full = |_| stream.scanner.source().error("elements", "memory is full");
         self.cells.mesh.types.try_reserve_exact(count).map_err(full)?;
@@ -138,12 +138,12 @@ impl File {
         Ok(())
     }
 
-    /// Reads elements of one type, of which there may be so many. Returns how many they are.
+    /// Reads a block of elements of one type, at most `left`, and returns their number.
     fn read_block(&mut self, stream: &mut Stream, left: u64, budget: &mut Budget) -> Result<u64> {
         let binary = self.format.binary.is_some();
         let old = self.format.version == 2;
         let mut physical = 0;
-        // In words, each element of version 2 has a header of its own, behind its number.
+        // In text files of version 2, each element is a block whose header follows its number.
         let mut element = None;
         stream.row("an element")?;
         let (number, many, tags) = if old {
@@ -182,7 +182,7 @@ impl File {
         };
         let nodes = num::wide(kind.nodes);
         let words = tags.saturating_add(nodes).saturating_mul(size);
-        // Of the first line of words a part is behind, and the last has no blank after it.
+        // In text, part of the first line has been read, and the last word needs no blank.
         let slack = if binary { 0 } else { size };
         stream.holds(many, words.saturating_sub(slack), "elements of this type")?;
         let room = usize::try_from(many).unwrap_or(usize::MAX).saturating_mul(kind.order.len());
@@ -217,14 +217,14 @@ impl File {
         Ok(many)
     }
 
-    /// Reads which physical groups entities belong to. Lines of many numbers may be long: words count here.
+    /// Reads the physical groups of entities. Lines may be very long, so they are read word by word.
     pub(crate) fn read_entities(
         &mut self,
         stream: &mut Stream,
         partitioned: bool,
         budget: &mut Budget,
     ) -> Result<()> {
-        /// Of an entry of the map.
+        /// The memory of an entry of the map, in bytes.
         const BYTES: u64 = 64;
         let first_of = |stream: &mut Stream| -> Result<i32> {
             let count = stream.wide("a number of tags")?;
@@ -274,12 +274,12 @@ impl File {
     }
 }
 
-/// A physical group of a tag: negative ones are of turned elements.
+/// Converts a tag to a physical group; negative tags mark reversed elements.
 fn group(tag: i64) -> i32 {
     i32::try_from(tag.unsigned_abs()).unwrap_or(i32::MAX)
 }
 
-/// Room for more numbers. Growing takes both the old list and the new one.
+/// Reserves memory for more numbers. Reallocation holds both the old list and the new one.
 fn make_room(stream: &Stream, list: &mut Vec<u32>, more: usize, budget: &mut Budget) -> Result<()> {
     let needed = list.len().saturating_add(more);
     if needed <= list.capacity() {

@@ -15,10 +15,10 @@ use crate::io::formats::gmsh::stream::{Format, Stream, pass_section, read_format
 use crate::io::formats::gmsh::tags::Tags;
 use crate::io::formats::gmsh::views::Views;
 
-/// Most names of physical groups, and of sections passed over, that are told.
+/// The limit on names of physical groups, and of skipped sections, in notes.
 const MAX_TOLD: usize = 16;
 
-/// What the pass over the sections has met so far.
+/// The state of the pass over the sections.
 struct State {
     /// Sections that may occur once.
     seen: BTreeSet<String>,

@@ -8,19 +8,19 @@ use crate::io::file::sample_type::{Endian, SampleType};
 use crate::io::file::scanner::Scanner;
 use crate::io::file::text::{self, shown};
 
-/// How a file has its numbers.
+/// The encoding of numbers in a file.
 #[derive(Clone, Copy)]
 pub(crate) struct Format {
     /// 2 or 4.
     pub(crate) version: u8,
-    /// The byte order of a binary file; None: numbers are words.
+    /// The byte order of a binary file; None for text.
     pub(crate) binary: Option<Endian>,
-    /// Of counts and tags in version 4.
+    /// The type of counts and tags in version 4.
     pub(crate) wide: SampleType,
     pub(crate) real: SampleType,
 }
 
-/// A number as C prints it.
+/// A number in C's notation.
 struct Real(f64);
 
 impl FromStr for Real {
@@ -31,11 +31,11 @@ impl FromStr for Real {
     }
 }
 
-/// Numbers, of lines in a file of words.
+/// A stream of numbers, text or binary.
 pub(crate) struct Stream<'a> {
     pub(crate) scanner: Scanner<'a>,
     pub(crate) format: Format,
-    /// The line that words come from, and how much of it is behind. None: from any line.
+    /// The current line of text and the offset in it; None to read words across lines.
     pub(crate) row: Option<(String, usize)>,
 }
 
@@ -50,7 +50,7 @@ impl Stream<'_> {
         }
     }
 
-    /// Begins a line, in a file of words.
+    /// Begins a line, in a text file.
     pub(crate) fn row(&mut self, what: &str) -> Result<()> {
         if self.format.binary.is_none() {
             let Some(line) = self.scanner.full_line()? else {
@@ -61,7 +61,7 @@ impl Stream<'_> {
         Ok(())
     }
 
-    /// Ends it.
+    /// Ends the line, which must have been read completely.
     pub(crate) fn end_row(&mut self) -> Result<()> {
         if let Some((line, at)) = &self.row {
             let rest = line[*at..].trim();
@@ -97,7 +97,7 @@ impl Stream<'_> {
         }
     }
 
-    /// An `int`.
+    /// Reads an `int`.
     pub(crate) fn int(&mut self, what: &str) -> Result<i64> {
         if self.format.binary.is_none() {
             return self.word(what);
@@ -106,7 +106,7 @@ impl Stream<'_> {
         Ok(if little { i32::from_le_bytes(bytes) } else { i32::from_be_bytes(bytes) }.into())
     }
 
-    /// An `int` that is a number of something.
+    /// Reads an `int` that must not be negative.
     pub(crate) fn natural(&mut self, what: &str) -> Result<u64> {
         if self.format.binary.is_none() {
             return self.word(what);
@@ -115,7 +115,7 @@ impl Stream<'_> {
         u64::try_from(number).map_err(|_| self.error(format!("{number}: must be {what}, not negative")))
     }
 
-    /// A `size_t`.
+    /// Reads a `size_t`.
     pub(crate) fn wide(&mut self, what: &str) -> Result<u64> {
         if self.format.binary.is_none() {
             return self.word(what);
@@ -140,7 +140,7 @@ impl Stream<'_> {
         Ok(if little { f64::from_le_bytes(bytes) } else { f64::from_be_bytes(bytes) })
     }
 
-    /// Whether so many things of at least so many bytes can follow, before memory is taken for them.
+    /// Checks that `count` things of at least `least` bytes can follow, before memory is allocated for them.
     pub(crate) fn holds(&self, count: u64, least: u64, what: &str) -> Result<()> {
         let available = self.scanner.available();
         if count.checked_mul(least).is_some_and(|bytes| bytes <= available) {
@@ -186,7 +186,7 @@ pub(crate) fn read_format(stream: &mut Stream) -> Result<Format> {
             return Err(stream.scanner.line_error(rule));
         }
     };
-    // The size is that of counts in version 4, that of reals before.
+    // The size is that of counts in version 4, and that of reals in version 2.
     stream.format = if major == 4 {
         Format { version: 4, binary, wide: sizes.0, real: SampleType::F64 }
     } else {
@@ -195,14 +195,14 @@ pub(crate) fn read_format(stream: &mut Stream) -> Result<Format> {
     Ok(stream.format)
 }
 
-/// A line with a count alone.
+/// Reads a line that holds only a count.
 pub(crate) fn count_line(stream: &mut Stream, what: &str) -> Result<u64> {
     let count = stream.scanner.number(what)?;
     stream.scanner.end_line()?;
     Ok(count)
 }
 
-/// Passes over the rest of a section, and its end.
+/// Skips the rest of a section and its end line.
 pub(crate) fn pass_section(stream: &mut Stream, name: &str) -> Result<()> {
     let begin = stream.scanner.lines().max(1);
     if !stream.scanner.pass(format!("$End{name}").as_bytes())? {

@@ -4,19 +4,19 @@ use crate::error::Result;
 use crate::io::file::source::Source;
 use crate::num;
 
-/// From tags to indices.
+/// A map from tags to indices.
 #[derive(Debug)]
 pub(crate) enum Tags {
-    /// So many, one after the other from the first.
+    /// Tags are consecutive.
     Consecutive { first: u64, count: u64 },
-    /// The index of each from the first; `u32::MAX` where there is none.
+    /// The index of each tag from the first on; `u32::MAX` for missing tags.
     Dense { first: u64, indices: Vec<u32> },
-    /// By tag.
+    /// Pairs of tag and index, sorted by tag.
     Sorted(Vec<(u64, u32)>),
 }
 
 impl Tags {
-    /// Bytes that one takes at most while it is made, with its pair.
+    /// The memory per tag, in bytes, while the map is built from pairs.
     pub(crate) const BYTES: u64 = 24;
 
     pub(crate) fn none() -> Self {
@@ -32,7 +32,7 @@ impl Tags {
             pairs.iter().fold((first, first), |(lo, hi), &(tag, _)| (lo.min(tag), hi.max(tag)));
         let twice = |tag: u64| source.error(format!("{what} {tag}"), "there are two of this number");
         let span = usize::try_from(last - first).unwrap_or(usize::MAX);
-        // No more memory than the pairs take.
+        // The list takes no more memory than the pairs.
         if span < pairs.len().saturating_mul(2) {
             let mut indices = vec![u32::MAX; span + 1];
             for &(tag, index) in &pairs {
@@ -51,7 +51,7 @@ impl Tags {
         Ok(Self::Sorted(pairs))
     }
 
-    /// Bytes that they take.
+    /// Returns the memory of the map, in bytes.
     pub(crate) fn bytes(&self) -> u64 {
         match self {
             Self::Consecutive { .. } => 0,

@@ -14,10 +14,10 @@ use crate::io::formats::gmsh::stream::{Format, Stream, count_line, pass_section}
 use crate::io::formats::gmsh::tags::Tags;
 use crate::num;
 
-/// Most sections of views.
+/// The limit on sections of views.
 const MAX_VIEWS: usize = 1 << 16;
 
-/// One view at one step.
+/// A view at one time step.
 pub(crate) struct View {
     pub(crate) name: String,
     pub(crate) association: Association,
@@ -27,7 +27,7 @@ pub(crate) struct View {
     pub(crate) parts: Vec<Part>,
 }
 
-/// Where the tuples of a view lie.
+/// A part of the tuples of a view, and its place in the file.
 pub(crate) struct Part {
     pub(crate) partition: Option<i64>,
     pub(crate) count: u64,
@@ -35,12 +35,12 @@ pub(crate) struct Part {
     pub(crate) line: u64,
 }
 
-/// Values of an array, NaN where there is none.
+/// The values of an array; missing ones are NaN.
 pub(crate) struct Filled {
     pub(crate) values: Vec<f32>,
-    /// Which of them were given.
+    /// Whether each value is given.
     pub(crate) given: Vec<bool>,
-    /// Given for tags that nothing has.
+    /// The number of values for unknown tags.
     pub(crate) strange: usize,
     pub(crate) again: usize,
 }
@@ -73,7 +73,7 @@ impl View {
         let mut filled =
             Filled { values: vec![f32::NAN; count], given: vec![false; count], strange: 0, again: 0 };
         let mut tuple = Vec::new();
-        // Parts lie in the file's order: a packed file is unpacked once.
+        // Parts are in file order, so that a compressed file is decompressed once.
         let mut last = None;
         for part in &self.parts {
             let scanner = match last.take() {
@@ -111,12 +111,12 @@ impl View {
     }
 }
 
-/// Which views there are, by whether they are of cells and by name.
+/// The views met so far, by association (true for cells) and name.
 #[derive(Default)]
 pub(crate) struct Views {
     pub(crate) sections: usize,
     pub(crate) names: HashSet<(bool, String)>,
-    /// By their step, too.
+    /// Views by association, name and step.
     pub(crate) steps: HashMap<(bool, String, i64), Steps>,
 }
 
@@ -124,12 +124,12 @@ pub(crate) struct Views {
 #[derive(Default)]
 pub(crate) struct Steps {
     pub(crate) count: usize,
-    /// The last one.
+    /// The index of the last one.
     pub(crate) last: usize,
     pub(crate) partitions: HashSet<i64>,
 }
 
-/// What a section of data tells of itself.
+/// The header of a section of data.
 pub(crate) struct Header {
     pub(crate) name: String,
     pub(crate) scheme: bool,
@@ -141,9 +141,9 @@ pub(crate) struct Header {
 
 impl Views {
     pub(crate) fn header(&mut self, stream: &mut Stream, budget: &mut Budget) -> Result<Header> {
-        /// Longest name, in bytes.
+        /// The limit on the length of a name, in bytes.
         const MAX_NAME: usize = 256;
-        /// Of a section in lists and maps, which grow by doubling, with a partition in its set.
+        /// The memory of a section in lists and maps, which grow by doubling, in bytes.
         const BYTES: usize =
             2 * (size_of::<View>() + size_of::<Part>() + 2 * size_of::<(bool, String, i64, Steps)>() + 64);
         self.sections += 1;
@@ -195,12 +195,12 @@ impl Views {
             return Err(stream.scanner.error(format!("{count} tuples: must not be negative")));
         };
         stream.scanner.end_line()?;
-        // In the view and in its array, by itself and by its step.
+        // The name is stored four times: in the view, in its array, and in two maps.
         budget.take("views", num::wide(name.len()).saturating_mul(4))?;
         Ok(Header { name, scheme, step, components: size, count, partition })
     }
 
-    /// Reads where a view's tuples are, and passes over them to the section's end.
+    /// Records where the tuples of a view are, and skips to the end of the section.
     pub(crate) fn read(
         &mut self,
         stream: &mut Stream,
@@ -211,7 +211,7 @@ impl Views {
         let Header { name, scheme, step, components, count, partition } = self.header(stream, budget)?;
         let Format { binary, real, .. } = stream.format;
         let numbers = num::wide(components);
-        // A digit and a blank each; the last needs no blank.
+        // A number takes a digit and a blank; the last needs no blank.
         let least = match binary {
             None => numbers.saturating_mul(2).saturating_add(2),
             Some(_) => numbers.saturating_mul(real.bytes()).saturating_add(4),
@@ -250,7 +250,7 @@ impl Views {
         Ok(())
     }
 
-    /// Passes over element-node data to the section's end.
+    /// Skips element-node data to the end of the section.
     pub(crate) fn pass(
         &mut self,
         stream: &mut Stream,

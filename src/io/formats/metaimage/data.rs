@@ -11,7 +11,7 @@ use crate::io::formats::metaimage::header::{Header, is_local};
 use crate::io::options::ReadOptions;
 
 impl<'a> Header<'a> {
-    /// The files of the data and how they are packed. `bytes` is their size, unpacked.
+    /// Finds the files of the data and their encoding. `bytes` is the decompressed size of the samples.
     pub(crate) fn data(&self, sizes: &[u32], bytes: u64) -> Result<Data> {
         let fields = &self.fields;
         let text = !self.truth("BinaryData")?.unwrap_or(true);
@@ -81,7 +81,7 @@ impl<'a> Header<'a> {
         let mut encoding = Encoding::Raw;
         if data.compressed {
             let stored = source.len().saturating_sub(offset);
-            // Writers use zlib; readers take gzip as well.
+            // The format specifies zlib; gzip occurs as well.
             let gzip = stored >= 2 && source.bytes(offset, 2)? == [0x1f, 0x8b];
             encoding = if gzip { Encoding::Gzip } else { Encoding::Zlib };
         }
@@ -89,10 +89,10 @@ impl<'a> Header<'a> {
     }
 }
 
-/// The numbered files of words such as `slice%03d.raw 1 93 1`. Numbers that are left out run from 1 over
-/// all slices. None, where the first words are no pattern.
+/// Parses numbered files such as `slice%03d.raw 1 93 1`. Missing numbers default to 1 up to the number of slices.
+/// Returns None if the first words are no pattern.
 fn numbered(words: &[&str], slices: u64) -> Option<std::result::Result<Numbered, String>> {
-    // Names may hold blanks: what follows the pattern counts from the end.
+    // File names may contain blanks, so numbers are taken from the end.
     let number = |word: &&str| word.parse::<i64>().ok();
     let tail: Vec<i64> = words.iter().rev().map_while(number).take(3).collect();
     let (name, numbers) = match *tail.as_slice() {
@@ -115,13 +115,13 @@ fn numbered(words: &[&str], slices: u64) -> Option<std::result::Result<Numbered,
 }
 
 pub(crate) struct Data {
-    /// None where the data follows the header.
+    /// The files; None if the data follows the header.
     files: Option<Files>,
     text: bool,
     pub(crate) compressed: bool,
-    /// Bytes before the data of each file; -1 finds it from the end.
+    /// Bytes before the data of each file; -1 locates the data from the end.
     skip: i64,
-    /// Unpacked bytes of each file.
+    /// Decompressed bytes of each file.
     share: u64,
 }
 

@@ -9,10 +9,10 @@ use crate::io::file::text;
 use crate::num;
 use crate::scene::Rescale;
 
-/// Longest header that is read, in bytes.
+/// The limit on the length of the header, in bytes.
 const MAX_HEADER: u64 = 1 << 20;
 
-/// The keys that count.
+/// The keys that are read.
 pub(crate) const KEYS: [&str; 24] = [
     "ObjectType",
     "NDims",
@@ -40,12 +40,12 @@ pub(crate) const KEYS: [&str; 24] = [
     INTERCEPT,
 ];
 
-/// The map from stored numbers to values.
+/// The keys of the map from stored numbers to values.
 pub(crate) const SLOPE: &str = "ElementToIntensityFunctionSlope";
 
 const INTERCEPT: &str = "ElementToIntensityFunctionOffset";
 
-/// Key and value of a line.
+/// Splits a line into key and value.
 pub(crate) fn pair(line: &str) -> Option<(&str, &str)> {
     let (key, value) = line.split_once(['=', ':'])?;
     Some((key.trim(), value.trim()))
@@ -54,11 +54,11 @@ pub(crate) fn pair(line: &str) -> Option<(&str, &str)> {
 pub(crate) struct Header<'a> {
     pub(crate) source: &'a Source,
     pub(crate) fields: Fields<'a>,
-    /// Names of files after the header, where it ends in a list.
+    /// Names of data files after the header, if it ends in a list.
     pub(crate) names: Vec<String>,
-    /// Where attached data begins.
+    /// The offset of attached data.
     pub(crate) end: u64,
-    /// Axes that the file gives numbers for.
+    /// The number of axes, 3 or 4.
     pub(crate) rank: usize,
 }
 
@@ -128,7 +128,7 @@ impl<'a> Header<'a> {
         }
     }
 
-    /// The extents, as many as the rank.
+    /// Returns the extents, one per axis.
     pub(crate) fn sizes(&self) -> Result<Vec<u32>> {
         let text = self.fields.required("DimSize")?;
         let words: Vec<&str> = text.split_whitespace().collect();
@@ -159,7 +159,7 @@ impl<'a> Header<'a> {
             "MET_UCHAR" => SampleType::U8,
             "MET_SHORT" => SampleType::I16,
             "MET_USHORT" => SampleType::U16,
-            // A long has four bytes in this format, on every machine.
+            // MET_LONG has four bytes on every machine.
             "MET_INT" | "MET_LONG" => SampleType::I32,
             "MET_UINT" | "MET_ULONG" => SampleType::U32,
             "MET_LONG_LONG" => SampleType::I64,
@@ -177,7 +177,7 @@ impl<'a> Header<'a> {
         })
     }
 
-    /// A truth value, where there is one.
+    /// Parses a truth value, if the field exists.
     pub(crate) fn truth(&self, name: &str) -> Result<Option<bool>> {
         let Some(text) = self.fields.get(name) else { return Ok(None) };
         match text.to_ascii_lowercase().as_str() {
@@ -201,7 +201,7 @@ impl<'a> Header<'a> {
         Ok(if big { Endian::Big } else { Endian::Little })
     }
 
-    /// Numbers of a field, as many as `count`.
+    /// Parses `count` numbers, if the field exists.
     pub(crate) fn numbers(&self, name: &str, count: usize) -> Result<Option<Vec<f64>>> {
         let Some(text) = self.fields.get(name) else { return Ok(None) };
         let numbers: Option<Vec<f64>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
@@ -214,7 +214,7 @@ impl<'a> Header<'a> {
         }
     }
 
-    /// The numbers of a field that has several names, with the name that it has.
+    /// Parses the numbers of a field with alternative names; returns the name found with them.
     pub(crate) fn named<'n>(&self, names: &[&'n str], count: usize) -> Result<Option<(&'n str, Vec<f64>)>> {
         let mut found: Option<(&str, Vec<f64>)> = None;
         for name in names {

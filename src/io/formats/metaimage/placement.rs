@@ -12,7 +12,7 @@ impl<'a> Header<'a> {
     pub(crate) fn placement(&self) -> Result<Placement> {
         let rank = self.rank;
         let (mut notes, mut warnings) = (Vec::new(), Vec::new());
-        // Without a spacing the size of an element stands for it.
+        // Without ElementSpacing, ElementSize gives the spacing.
         let (spacing_place, spacing) = match self.numbers("ElementSpacing", rank)? {
             Some(spacing) => ("ElementSpacing", vector(&spacing)),
             None => match self.numbers("ElementSize", rank)? {
@@ -28,7 +28,7 @@ impl<'a> Header<'a> {
         let direction = match &matrix {
             None => DMat3::IDENTITY,
             Some((name, numbers)) => {
-                // What a fourth axis does to the other three, and they to it.
+                // Entries that mix the fourth axis with the others.
                 let mixes = |i: usize| (i % rank == 3) != (i / rank == 3);
                 if let Some((_, number)) =
                     numbers.iter().enumerate().find(|&(i, &number)| mixes(i) && number != 0.0)
@@ -61,8 +61,7 @@ impl<'a> Header<'a> {
                 }
                 Some(sides) => {
                     let axes = [direction.x_axis, direction.y_axis, direction.z_axis];
-                    // Oblique axes have several names; an axis that hardly runs the way of its name has not
-                    // this one.
+                    // Oblique axes have several valid names; below this cosine the name is wrong.
                     if axes.iter().zip(sides).any(|(axis, side)| axis.normalize().dot(side) < 0.3) {
                         warnings.push(format!(
                             "AnatomicalOrientation {name} does not fit the directions of the axes, which decide"
@@ -72,7 +71,7 @@ impl<'a> Header<'a> {
                 }
             },
         };
-        // The field to blame is the one that is there.
+        // Errors name the field that the file has.
         let bad_spacing = !(spacing.is_finite() && spacing.abs().min_element() > 0.0);
         let place = if bad_spacing {
             spacing_place
@@ -85,12 +84,13 @@ impl<'a> Header<'a> {
     }
 }
 
-/// The first three of several numbers; there are as many.
+/// Converts the first three numbers to a vector.
 fn vector(numbers: &[f64]) -> DVec3 {
     DVec3::new(numbers[0], numbers[1], numbers[2])
 }
 
-/// The directions that axes run in which come from the named sides, in a world of left, back and up.
+/// Returns the directions of axes that start at the named sides, in LPS coordinates (x to the left, y to the back, z
+/// up).
 fn sides(name: &str) -> Option<[DVec3; 3]> {
     let side = |letter| match letter {
         'R' => Some(DVec3::X),

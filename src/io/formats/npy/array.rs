@@ -21,16 +21,16 @@ use crate::io::report::Loaded;
 use crate::num;
 use crate::scene::{Grid, Samples};
 
-/// The array of a file, its size checked against the file's.
+/// The array of a file, whose size has been checked.
 pub(crate) struct Array<'a> {
     source: &'a Source,
     kind: SampleType,
-    /// Whether numbers of two bytes become the type.
+    /// Whether numbers are stored as half precision.
     half: bool,
     endian: Endian,
     fortran: bool,
     pub(crate) shape: Vec<u64>,
-    /// Where the numbers begin.
+    /// The offset of the numbers.
     start: u64,
 }
 
@@ -74,7 +74,7 @@ impl<'a> Array<'a> {
         Ok(array)
     }
 
-    /// Bytes of a number in the file.
+    /// Returns the size of a number in the file, in bytes.
     fn item(&self) -> u64 {
         if self.half { 2 } else { self.kind.bytes() }
     }
@@ -87,7 +87,7 @@ impl<'a> Array<'a> {
         }
     }
 
-    /// The numbers after so many, as bytes of `self.kind` in `self.order()`.
+    /// Returns the numbers after the first `skip`, as bytes of `self.kind` in `self.order()`.
     fn numbers(&self, skip: u64) -> Box<dyn Read + 'a> {
         let offset = self.start.saturating_add(skip.saturating_mul(self.item()));
         let reader = self.source.reader(offset, Encoding::Raw);
@@ -98,7 +98,7 @@ impl<'a> Array<'a> {
         }
     }
 
-    /// The byte order of what [`Self::numbers`] gives.
+    /// Returns the byte order of [`Self::numbers`].
     fn order(&self) -> Endian {
         if self.half { Endian::Little } else { self.endian }
     }
@@ -124,7 +124,7 @@ impl<'a> Array<'a> {
         };
         let grid = Grid::new(dims, samples).map_err(|error| error.in_file(source.path()))?;
         let mut loaded = chosen.loaded("NPY", grid);
-        // Pictures are stored so, too.
+        // Pictures with colour channels have the same shape.
         if components == 1 && dims[0] <= 4 && dims[1] >= 16 && dims[2] >= 16 {
             loaded.report.warnings.push(format!(
                 "shape {}: {} samples along x; a picture's channels would look the same",
@@ -135,7 +135,7 @@ impl<'a> Array<'a> {
         Ok(loaded)
     }
 
-    /// Samples whose last axis is the slowest in the file, a block at a time.
+    /// Reads samples in Fortran order, a block at a time.
     fn turned(&self, count: usize, layout: &Layout, options: &ReadOptions) -> Result<Samples> {
         let source = self.source;
         let volume = num::wide(count);
@@ -178,7 +178,7 @@ impl<'a> Array<'a> {
                 Ok(samples)
             }
             Pick::Magnitude => {
-                // Components come one after another: their squares are summed up.
+                // Components are stored one after another: their squares are accumulated.
                 budget.take("shape", volume.saturating_mul(12))?;
                 let mut sums: Vec<f64> = Vec::new();
                 sums.try_reserve_exact(count).map_err(full)?;
@@ -259,10 +259,10 @@ impl<'a> Array<'a> {
     }
 }
 
-/// Numbers that are read at a time.
+/// The number of values read at a time.
 const BLOCK: usize = 1 << 13;
 
-/// Reads samples whose z is fastest and x slowest, and puts each to its place where x is fastest.
+/// Reads samples with z fastest and x slowest, and stores each at its index with x fastest.
 fn scatter<T>(
     dims: [u32; 3],
     mut read: impl FnMut(usize) -> std::io::Result<Vec<T>>,
@@ -290,12 +290,12 @@ fn scatter<T>(
     Ok(())
 }
 
-/// Half-precision numbers as the little-endian bytes of single precision.
+/// Reads half-precision numbers as little-endian bytes of single precision.
 struct Halves<R> {
     reader: R,
     endian: Endian,
     bytes: [u8; 4],
-    /// How many of the last number's bytes are still to be handed out.
+    /// Bytes of the last number that have not been returned yet.
     left: usize,
 }
 

@@ -7,16 +7,16 @@ use crate::io::file::text;
 
 pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// Longest header, in bytes.
+/// The limit on the length of the header, in bytes.
 pub(crate) const MAX_HEADER: u64 = 1 << 16;
 
-/// The type of a description such as `<f4`: type, whether it is kept as two bytes, byte order.
+/// Parses a type such as `<f4`; returns the type, whether it is stored as half precision, and the byte order.
 pub(crate) fn number_type(source: &Source, descr: &str) -> Result<(SampleType, bool, Endian)> {
     let (order, name) = match descr.split_at_checked(1) {
         Some((order @ ("<" | ">" | "|" | "="), name)) => (order, name),
         _ => ("=", descr),
     };
-    // A machine's own order: little on all that this crate builds for in practice, and on the writer's.
+    // "=" is the byte order of the writer's machine, which is taken as little-endian.
     let endian = if order == ">" { Endian::Big } else { Endian::Little };
     let kind = match name {
         "b1" | "u1" => SampleType::U8,
@@ -48,7 +48,7 @@ pub(crate) fn number_type(source: &Source, descr: &str) -> Result<(SampleType, b
     Ok((kind, false, endian))
 }
 
-/// The header: a Python dictionary of three known entries.
+/// A parser of the header, a Python dictionary of three known entries.
 pub(crate) struct Literal<'a> {
     pub(crate) source: &'a Source,
     pub(crate) header: &'a str,
@@ -96,7 +96,7 @@ impl<'a> Literal<'a> {
         ))
     }
 
-    /// What is left, without blanks before it.
+    /// Returns the rest after skipping blanks.
     fn rest(&mut self) -> &'a str {
         let rest = self.header.get(self.at..).unwrap_or_default();
         let trimmed = rest.trim_start_matches([' ', '\t', '\n', '\r']);
@@ -160,7 +160,7 @@ impl<'a> Literal<'a> {
             };
             extents.push(extent);
             self.at += digits;
-            // Old writers mark long numbers.
+            // Python 2 marks long integers with L.
             if rest[digits..].starts_with('L') {
                 self.at += 1;
             }

@@ -9,7 +9,7 @@ use crate::num;
 /// The axes of the array.
 pub(crate) struct Axes {
     pub(crate) sizes: Vec<u32>,
-    /// Where the three spatial axes begin; before them lies one of components, if any.
+    /// The index of the first spatial axis: 1 after an axis of components, else 0.
     pub(crate) first: usize,
 }
 
@@ -23,12 +23,12 @@ impl Axes {
     }
 }
 
-/// Whether an axis of such a kind lies in space or time, or may.
+/// Whether an axis of this kind is, or may be, an axis in space or time.
 fn is_domain(kind: &str) -> bool {
     matches!(kind.to_lowercase().as_str(), "domain" | "space" | "time" | "none" | "???")
 }
 
-/// How many components an axis of such a kind has, where the kind says so.
+/// Returns the number of components that the kind of an axis implies.
 fn components_of(kind: &str) -> Option<u32> {
     Some(match kind.to_lowercase().as_str() {
         "stub" | "scalar" => 1,
@@ -54,7 +54,7 @@ fn components_of(kind: &str) -> Option<u32> {
 }
 
 impl<'a> Header<'a> {
-    /// The extents, which must be three or as good as three.
+    /// Reads the extents: three in space, after an optional axis of components, and further ones of 1.
     pub(crate) fn axes(&self) -> Result<Axes> {
         let dimension = self.required("dimension")?;
         let rank = dimension.parse().ok().filter(|rank| (3..=Self::MAX_AXES).contains(rank));
@@ -127,20 +127,19 @@ impl<'a> Header<'a> {
         Ok(Axes { sizes, first })
     }
 
-    /// Whether the components of the first axis are no vector: times, layers, or colours whose length would
-    /// count opacity or hue.
+    /// Whether the length of the components is meaningless: times, lists, or colours with opacity or hue.
     pub(crate) fn has_no_length(&self) -> bool {
         let kind = self.get("kinds").and_then(|kinds| kinds.split_whitespace().next()).unwrap_or_default();
         let kind = kind.to_lowercase();
         matches!(kind.as_str(), "list" | "time" | "rgba-color" | "4-color" | "hsv-color")
     }
 
-    /// The files of the data, in its order; none where it is attached.
+    /// Returns the files of the data in order; None if the data is attached.
     pub(crate) fn files(&self, axes: &Axes) -> Result<Option<Files>> {
         let Some(name) = self.get("data file") else { return Ok(None) };
         let error = |rule: String| self.error("data file", rule);
         let rank = axes.sizes.len();
-        // Axes that each file has: all but the slowest, where nothing is said.
+        // The number of axes per file; the default is all but the slowest.
         let sub = |word: Option<&str>| match word {
             None => Ok(rank - 1),
             Some(word) => {
@@ -168,7 +167,7 @@ impl<'a> Header<'a> {
         };
         let given = files.count();
         if sub == rank {
-            // Slabs: equal shares of the slowest axis.
+            // Each file holds an equal share of the slowest axis.
             let last = axes.sizes.last().copied().map_or(0, u64::from);
             if given == 0 || last % given != 0 {
                 return Err(error(format!(

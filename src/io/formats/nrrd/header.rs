@@ -9,10 +9,10 @@ use crate::io::file::source::{Encoding, Source};
 use crate::io::file::text;
 use crate::num;
 
-/// Longest header that is read, in bytes.
+/// The limit on the length of the header, in bytes.
 const MAX_HEADER: u64 = 1 << 20;
 
-/// Every field of the format, under the one name that is used here.
+/// Every field of the format, by its canonical name.
 const FIELDS: [&str; 30] = [
     "axis maxs",
     "axis mins",
@@ -46,7 +46,7 @@ const FIELDS: [&str; 30] = [
     "units",
 ];
 
-/// How the numbers are written.
+/// The encoding of the numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Packing {
     Binary(Encoding),
@@ -57,14 +57,14 @@ pub(crate) enum Packing {
 pub(crate) struct Header<'a> {
     source: &'a Source,
     pub(crate) fields: Fields<'a>,
-    /// Names of files after `data file: LIST`.
+    /// The file names after `data file: LIST`.
     pub(crate) names: Vec<String>,
-    /// Where attached data begins.
+    /// The offset of attached data.
     pub(crate) end: u64,
 }
 
 impl<'a> Header<'a> {
-    /// Most axes of the format.
+    /// The limit of the format on axes.
     pub(crate) const MAX_AXES: usize = 16;
 
     pub(crate) fn read(source: &'a Source) -> Result<Self> {
@@ -93,12 +93,12 @@ impl<'a> Header<'a> {
                 header.names.push(text.trim().to_owned());
             } else if !text.starts_with('#') {
                 header.field(number + 1, text)?;
-                // Decided once: a header may have many lines.
+                // Checked only after fields, because a list may have many lines.
                 list = header.get("data file").is_some_and(is_list);
             }
         }
         header.end = num::wide(at);
-        // A detached header may end with its file; attached data needs the empty line.
+        // A detached header may end with the file; attached data needs an empty line before it.
         if !complete && (header.get("data file").is_none() || source.len() > MAX_HEADER) {
             return Err(source.error(
                 "header",
@@ -216,7 +216,7 @@ impl<'a> Header<'a> {
         }
     }
 
-    /// A vector for each axis, or none, where there are directions.
+    /// Returns one vector or `none` per axis, if the file gives directions.
     pub(crate) fn directions(&self, rank: usize) -> Result<Option<Vec<Option<DVec3>>>> {
         let Some(text) = self.get("space directions") else { return Ok(None) };
         let vectors = self.vectors("space directions", text)?;
@@ -227,7 +227,7 @@ impl<'a> Header<'a> {
         Ok(Some(vectors))
     }
 
-    /// Vectors written as `(a,b,c) none (d,e,f)`, blanks allowed anywhere.
+    /// Parses vectors such as `(a,b,c) none (d,e,f)`, with blanks anywhere.
     pub(crate) fn vectors(&self, name: &str, text: &str) -> Result<Vec<Option<DVec3>>> {
         let broken = || self.error(name, format!("\"{}\": must be vectors like (1,0,0)", text::shown(text)));
         let mut vectors = Vec::new();
@@ -251,7 +251,7 @@ impl<'a> Header<'a> {
     }
 }
 
-/// Whether names of files follow the header.
+/// Whether file names follow the header.
 fn is_list(value: &str) -> bool {
     value.split_whitespace().next() == Some("LIST")
 }

@@ -10,7 +10,7 @@ use crate::io::formats::nrrd::header::Header;
 use crate::scene::Anatomy;
 
 impl<'a> Header<'a> {
-    /// Where the grid lies, and what the world's axes mean.
+    /// Returns the placement of the grid and the anatomy of the world axes.
     pub(crate) fn placement(&self, axes: &Axes) -> Result<Placement> {
         let anatomy = match self.get("space").map(str::to_lowercase).as_deref() {
             Some("right-anterior-superior" | "ras") => Anatomy::Ras,
@@ -82,7 +82,7 @@ impl<'a> Header<'a> {
         Ok(Placement { place, spacing, origin, direction, anatomy, notes, warnings })
     }
 
-    /// Steps along the axes of a file without directions.
+    /// Returns steps and origin of a file without directions.
     fn scale(&self, axes: &Axes) -> Result<Scale> {
         let rank = axes.sizes.len();
         let spacings = self.each("spacings", rank)?;
@@ -94,7 +94,7 @@ impl<'a> Header<'a> {
         let mut from_mins = true;
         for i in 0..3 {
             let axis = axes.first + i;
-            // A number that is none says that there is nothing to say.
+            // NaN means unknown.
             let at = |list: &Option<Vec<f64>>| list.as_ref().map_or(f64::NAN, |list| list[axis]);
             let (min, max) = (at(&mins), at(&maxs));
             let node = centers.get(axis).is_some_and(|center| center.eq_ignore_ascii_case("node"));
@@ -112,12 +112,12 @@ impl<'a> Header<'a> {
             from_mins &= !min.is_nan();
             origin[i] = if node { min } else { min + 0.5 * steps[i] };
         }
-        // Where one is unknown there is no place.
+        // If one is unknown, the origin is unknown.
         let origin = if from_mins { DVec3::from_array(origin) } else { DVec3::ZERO };
         Ok(Scale { steps: DVec3::from_array(steps), origin, from_mins })
     }
 
-    /// One number for each axis.
+    /// Parses one number per axis, if the field exists.
     fn each(&self, name: &str, rank: usize) -> Result<Option<Vec<f64>>> {
         let Some(text) = self.get(name) else { return Ok(None) };
         let numbers: Option<Vec<f64>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
@@ -128,7 +128,7 @@ impl<'a> Header<'a> {
     }
 }
 
-/// Steps along the axes and the place of the first sample.
+/// The steps along the axes, and the position of the first sample.
 struct Scale {
     steps: DVec3,
     origin: DVec3,

@@ -11,12 +11,12 @@ use crate::io::formats::ply::header::{Element, Header, Property};
 use crate::num;
 
 impl Header {
-    /// Whether so many elements can follow, before memory is taken for them.
+    /// Checks that the elements can follow, before memory is allocated for them.
     pub(crate) fn holds(&self, scanner: &Scanner, element: &Element) -> Result<()> {
         let available = scanner.available();
         let least = match self.binary {
             Some(_) => element.count.checked_mul(element.bytes()),
-            // A digit and a blank each; the last needs no blank.
+            // A number takes a digit and a blank; the last needs no blank.
             None => u64::try_from(element.properties.len()).ok().and_then(|words| {
                 element.count.checked_mul(words)?.checked_mul(2)?.checked_sub(1).or(Some(0))
             }),
@@ -29,7 +29,7 @@ impl Header {
         Err(scanner.source().error(format!("element {name}"), rule))
     }
 
-    /// Reads elements, and hands out of each the numbers of the properties that are wanted, in that order.
+    /// Reads elements and passes the numbers of the wanted properties to `sink`, in the wanted order.
     pub(crate) fn each(
         &self,
         scanner: &mut Scanner,
@@ -37,7 +37,7 @@ impl Header {
         wanted: &[usize],
         sink: &mut dyn FnMut(&[f64]),
     ) -> Result<()> {
-        // Where each property goes.
+        // The position of each property in the output.
         let mut slots = vec![None; element.properties.len()];
         for (slot, &property) in wanted.iter().enumerate() {
             slots[property] = Some(slot);
@@ -72,7 +72,7 @@ impl Header {
                 }
             }
             Some(endian) => {
-                // Where each number that is wanted lies.
+                // The byte range of each wanted number in a row.
                 let (mut places, mut stride) = (Vec::new(), 0);
                 for (property, slot) in element.properties.iter().zip(&slots) {
                     let bytes = usize::try_from(property.kind.bytes()).unwrap_or(8);
@@ -99,7 +99,7 @@ impl Header {
         Ok(())
     }
 
-    /// Passes over elements, which must be there.
+    /// Skips elements, which must exist.
     pub(crate) fn pass(&self, scanner: &mut Scanner, element: &Element) -> Result<()> {
         self.holds(scanner, element)?;
         if element.properties.is_empty() {
@@ -108,7 +108,7 @@ impl Header {
         match self.binary {
             Some(_) if !element.has_lists() => scanner.skip(element.count.saturating_mul(element.bytes())),
             Some(_) => self.each(scanner, element, &[], &mut |_| {}),
-            // Lines of long lists may be longer than a line may be elsewhere.
+            // Lines of long lists may exceed the line limit, so they are read word by word.
             None => {
                 for _ in 0..element.count {
                     for property in &element.properties {
@@ -130,7 +130,7 @@ impl Header {
         }
     }
 
-    /// Whether nothing is left over.
+    /// Checks that nothing follows.
     pub(crate) fn end(&self, scanner: &mut Scanner) -> Result<()> {
         if self.binary.is_none() {
             return match scanner.word()?.map(shown) {
@@ -151,10 +151,10 @@ impl Header {
     }
 }
 
-/// Bytes that are read at once.
+/// The number of bytes read at once.
 const BLOCK: usize = 1 << 16;
 
-/// An error of a stream, with how many elements came before.
+/// Converts an error of a stream; an early end reports the number of elements read.
 pub(crate) fn ended(source: &Source, element: &Element, done: u64, error: std::io::Error) -> Error {
     if error.kind() == ErrorKind::UnexpectedEof {
         let place = format!("element {}", shown(&element.name));
@@ -163,7 +163,7 @@ pub(crate) fn ended(source: &Source, element: &Element, done: u64, error: std::i
     text::stream_error(source, error)
 }
 
-/// A number of `kind.bytes()` bytes.
+/// Decodes a number of `kind.bytes()` bytes.
 fn decode(bytes: &[u8], kind: SampleType, endian: Endian) -> f64 {
     macro_rules! number {
         ($type:ty) => {{
@@ -195,7 +195,7 @@ pub(crate) fn number(scanner: &mut Scanner, kind: SampleType, endian: Endian) ->
     Ok(decode(bytes, kind, endian))
 }
 
-/// The length of a list in binary, whose numbers can follow.
+/// Reads the length of a binary list, and checks that its numbers can follow.
 pub(crate) fn list_length(
     scanner: &mut Scanner,
     property: &Property,
@@ -216,7 +216,7 @@ pub(crate) fn list_length(
     Ok(length)
 }
 
-/// Passes over a list in binary.
+/// Skips a binary list.
 pub(crate) fn pass_list(
     scanner: &mut Scanner,
     property: &Property,
@@ -227,7 +227,7 @@ pub(crate) fn pass_list(
     scanner.skip(count * property.kind.bytes()).map_err(std::io::Error::other)
 }
 
-/// The numbers that are wanted of a vertex in words.
+/// Parses the wanted numbers of an element on a line of text.
 fn row(
     scanner: &Scanner,
     element: &Element,
@@ -270,7 +270,7 @@ fn row(
     }
 }
 
-/// A number in words, as its type would hold it.
+/// Parses a number and checks the range of its type.
 fn parse(word: &str, kind: SampleType) -> Option<f64> {
     fn whole<T: std::str::FromStr + Into<f64>>(word: &str) -> Option<f64> {
         word.parse::<T>().ok().map(Into::into)

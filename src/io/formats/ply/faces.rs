@@ -13,7 +13,7 @@ use crate::io::formats::ply::body::{ended, list_length, number, pass_list};
 use crate::io::formats::ply::header::{Element, Header};
 use crate::num;
 
-/// Reads the vertices' places and the faces, in whatever order the elements are.
+/// Reads positions of vertices and faces, with elements in any order.
 pub(crate) fn read(source: &Source, budget: &mut Budget) -> Result<Triangles> {
     let mut scanner = Scanner::new(source);
     let header = Header::read(&mut scanner)?;
@@ -49,7 +49,7 @@ pub(crate) fn read(source: &Source, budget: &mut Budget) -> Result<Triangles> {
 }
 
 impl Header {
-    /// Reads faces of `points` vertices.
+    /// Reads the faces; `points` is the number of vertices.
     fn faces(&self, scanner: &mut Scanner, element: &Element, points: u32, faces: &mut Faces) -> Result<()> {
         let source = scanner.source();
         let named = |name: &str| matches!(name, "vertex_indices" | "vertex_index");
@@ -63,7 +63,7 @@ impl Header {
             return Err(source.error("element face", rule));
         }
         for i in 0..element.count {
-            // Other vertices than there are, in words and in binary.
+            // Checks the index of a vertex, in text and binary.
             let index = |number: f64| {
                 (number >= 0.0 && number < f64::from(points)).then(|| num::u32_of(number)).ok_or_else(|| {
                     source
@@ -93,7 +93,7 @@ impl Header {
                         while left > 0 {
                             if place == list {
                                 let number: i64 = scanner.number("an index")?;
-                                // Beyond 2^53 all are too large.
+                                // Indices beyond 2^53, where rounding begins, are too large anyway.
                                 faces.corner(index(number as f64)?)?;
                             } else if scanner.word()?.is_none() {
                                 return Err(scanner.error("ends before the last face"));

@@ -8,22 +8,22 @@ use crate::io::file::scanner::Scanner;
 use crate::io::file::source::Source;
 use crate::io::file::text::{self, shown};
 
-/// Longest header, in bytes.
+/// The limit on the length of the header, in bytes.
 const MAX_HEADER: u64 = 1 << 20;
 
-/// Longest name of a property, in bytes.
+/// The limit on the length of a property name, in bytes.
 const MAX_NAME: usize = 256;
 
-/// Whether a file begins as PLY does.
+/// Whether a file begins with the magic of PLY.
 pub(crate) fn recognises(source: &Source) -> bool {
     source.head().strip_prefix(b"ply").is_some_and(|rest| rest.first().is_some_and(u8::is_ascii_whitespace))
 }
 
 pub(crate) struct Property {
     pub(crate) name: String,
-    /// Of a number, or of each of a list.
+    /// The type of the number, or of the entries of a list.
     pub(crate) kind: SampleType,
-    /// Of a list's length.
+    /// The type of the length, for a list.
     pub(crate) list: Option<SampleType>,
 }
 
@@ -34,7 +34,7 @@ pub(crate) struct Element {
 }
 
 impl Element {
-    /// Bytes of one in binary; at least, where there are lists.
+    /// Returns the size of an element in binary, in bytes; the least size if it has lists.
     pub(crate) fn bytes(&self) -> u64 {
         self.properties.iter().map(|property| property.list.unwrap_or(property.kind).bytes()).sum()
     }
@@ -45,7 +45,7 @@ impl Element {
 }
 
 pub(crate) struct Header {
-    /// The byte order; None: numbers are words.
+    /// The byte order; None for text.
     pub(crate) binary: Option<Endian>,
     pub(crate) elements: Vec<Element>,
 }
@@ -172,7 +172,7 @@ impl Header {
         }
     }
 
-    /// The place of the element `vertex`, and those of `x`, `y` and `z` in it.
+    /// Returns the index of the element `vertex`, and those of its properties `x`, `y` and `z`.
     pub(crate) fn vertex(&self, source: &Source) -> Result<(usize, [usize; 3])> {
         let Some(place) = self.elements.iter().position(|element| element.name == "vertex") else {
             let names: Vec<&str> =

@@ -18,20 +18,20 @@ fn endian_of(word: &str) -> Option<Endian> {
     }
 }
 
-/// Words of a name that mean something.
+/// The meaning of a word of the name.
 #[derive(Debug, PartialEq)]
 enum Word {
     Dims([u32; 3]),
     Spacing([f64; 3]),
     Type(SampleType, bool, Option<Endian>),
     Endian(Endian),
-    /// Looks like extents or a spacing, and is none.
+    /// It looks like extents or a spacing, but is neither.
     Unclear,
     Other,
 }
 
 impl Word {
-    /// `whole` where dots are no separators.
+    /// Classifies a word. `whole` says that it has not been split at dots.
     fn of(text: &str, whole: bool) -> Self {
         let text = text.to_lowercase();
         let numbers: Vec<&str> = text.split('x').collect();
@@ -47,7 +47,7 @@ impl Word {
                     (Ok(x), Ok(y), Ok(z)) => Self::Spacing([x, y, z]),
                     _ => Self::Unclear,
                 },
-                // Two numbers are no volume's, unless a dot has cut them off.
+                // Two numbers are not the size of a volume; if a dot has cut the word, they may be part of one.
                 [_, _] if whole => Self::Other,
                 _ => Self::Unclear,
             };
@@ -58,7 +58,7 @@ impl Word {
         if let Some(endian) = endian_of(&text) {
             return Self::Endian(endian);
         }
-        // Both in one word, such as uint16le.
+        // Type and byte order may be one word, such as uint16le.
         let ends = text.len().checked_sub(2).and_then(|at| text.split_at_checked(at));
         if let Some((name, order)) = ends
             && let (Some((kind, plain)), Some(endian)) = (type_of(name), endian_of(order))
@@ -69,7 +69,7 @@ impl Word {
     }
 }
 
-/// The layout that a name tells, and what is to be said of it.
+/// Parses the layout from a name; also returns notes.
 pub(crate) fn named(source: &Source, stem: &str) -> Result<(RawLayout, Vec<String>)> {
     let error = |rule: String| Err(source.error("name", rule));
     let mut words = Vec::new();
@@ -95,7 +95,7 @@ pub(crate) fn named(source: &Source, stem: &str) -> Result<(RawLayout, Vec<Strin
             _ => None,
         })
         .collect();
-    // A word such as short counts where nothing plainer is there.
+    // An ambiguous word such as `short` counts only if no unambiguous type exists.
     let plain: Vec<_> = types.iter().filter(|(_, _, plain, _)| *plain).copied().collect();
     let types = if plain.is_empty() { types } else { plain };
     let dims = match (dims.next(), dims.next()) {
@@ -131,7 +131,7 @@ pub(crate) fn named(source: &Source, stem: &str) -> Result<(RawLayout, Vec<Strin
     Ok((RawLayout { endian, spacing: spacing.map_or(plain.spacing, DVec3::from_array), ..plain }, notes))
 }
 
-/// What to do about a name that says too little.
+/// Suggests what to do about an incomplete name.
 fn missing(source: &Source, stem: &str, what: &str) -> String {
     let headers = ["nhdr", "mhd"].map(|ending| format!("{stem}.{ending}"));
     match headers.into_iter().find(|name| source.has_sibling(Path::new(name))) {

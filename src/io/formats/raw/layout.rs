@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::io::file::sample_type::{Endian, SampleType};
 use crate::io::file::text;
 
-/// Everything that a raw file does not say about itself.
+/// The layout of raw samples, which their file does not contain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RawLayout {
     /// Samples along x, y and z; x is fastest.
@@ -26,7 +26,8 @@ pub struct RawLayout {
 }
 
 impl RawLayout {
-    /// Unit spacing along the world's axes at the origin, little-endian, no offset.
+    /// Returns a little-endian layout without offset, with unit spacing along the world axes and the first sample at
+    /// the origin.
     #[must_use]
     pub fn new(dims: [u32; 3], kind: SampleType) -> Self {
         Self {
@@ -41,7 +42,7 @@ impl RawLayout {
     }
 }
 
-/// What JSON says of raw samples, in a file of its own or in a scene.
+/// The description of raw samples in JSON, in a sidecar or in a scene file.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Described<'a> {
     pub(crate) dims: [u32; 3],
@@ -54,7 +55,7 @@ pub(crate) struct Described<'a> {
 }
 
 impl Described<'_> {
-    /// The layout. `refuse` makes an error of a key and the rule that its value breaks.
+    /// Converts the description to a layout. `refuse` makes an error of a key and the rule that its value breaks.
     pub(crate) fn layout(&self, refuse: &dyn Fn(&str, String) -> Error) -> Result<RawLayout> {
         let Some((kind, _)) = type_of(&self.kind.to_lowercase()) else {
             let names = SampleType::ALL.map(SampleType::name).join(", ");
@@ -75,7 +76,7 @@ impl Described<'_> {
             offset: self.offset.unwrap_or(0),
             spacing: self.spacing.map_or(plain.spacing, DVec3::from_array),
             origin: self.origin.map_or(plain.origin, DVec3::from_array),
-            // The file has rows, the matrix columns.
+            // The file lists rows, the matrix has columns.
             direction: self
                 .direction
                 .map_or(plain.direction, |rows| DMat3::from_cols_array(&rows).transpose()),
@@ -84,8 +85,8 @@ impl Described<'_> {
     }
 }
 
-/// A sample type by the names that people use, in lower case, and whether the name is a word of its own
-/// kind: `short` may mean something else, `int16` hardly.
+/// Returns the sample type of a common name in lower case, and whether the name is unambiguous: `int16` is, `short`
+/// may mean something else.
 pub(crate) fn type_of(name: &str) -> Option<(SampleType, bool)> {
     let (kind, plain) = match name {
         "u8" | "uint8" => (SampleType::U8, true),

@@ -11,10 +11,10 @@ use crate::io::file::source::Source;
 use crate::io::formats::raw::layout::{Described, RawLayout};
 use crate::io::options::ReadOptions;
 
-/// Largest JSON file that is looked at, in bytes.
+/// The limit on the size of a sidecar, in bytes.
 const MAX_JSON: u64 = 1 << 20;
 
-/// What a JSON file says of raw samples.
+/// A JSON file that describes raw samples.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "the layout of raw samples: an object with `dims` and `type`")]
 pub(crate) struct Sidecar {
@@ -63,7 +63,7 @@ impl Sidecar {
     }
 }
 
-/// Whether a JSON file describes raw samples, and is no scene.
+/// Whether a JSON file describes raw samples and is not a scene file.
 pub(crate) fn is_sidecar(source: &Source) -> bool {
     #[derive(Deserialize)]
     struct Keys {
@@ -79,7 +79,7 @@ pub(crate) fn is_sidecar(source: &Source) -> bool {
         && source.bytes(0, source.len()).is_ok_and(|bytes| serde_json::from_slice(&bytes).is_ok_and(fits))
 }
 
-/// Whether a file is well-formed JSON, or too large to be looked at.
+/// Whether a file is well-formed JSON, or larger than the limit.
 pub(crate) fn is_json(source: &Source) -> bool {
     source.len() > MAX_JSON
         || source
@@ -87,7 +87,7 @@ pub(crate) fn is_json(source: &Source) -> bool {
             .is_ok_and(|bytes| serde_json::from_slice::<IgnoredAny>(&bytes).is_ok())
 }
 
-/// Whether a file is JSON that describes raw samples, and no scene.
+/// Whether a file is JSON that describes raw samples and is not a scene file.
 pub(crate) fn describes_raw(path: &Path, options: &ReadOptions) -> bool {
     Source::open(path, options).is_ok_and(|source| is_sidecar(&source))
 }

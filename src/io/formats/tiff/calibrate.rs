@@ -7,11 +7,11 @@ use crate::io::formats::tiff::description;
 use crate::io::formats::tiff::file::{Entry, File, LSM, find, index, place_of};
 use crate::io::formats::tiff::page::Page;
 
-/// Most bytes of a description that are looked at.
+/// The limit on bytes of the description that are read.
 const MAX_DESCRIPTION: u64 = 4 << 20;
 
 impl<'a> File<'a> {
-    /// What the first page says of all.
+    /// Reads the calibration from the first page.
     pub(crate) fn calibration(&mut self, page: &Page, entries: &[Entry]) -> Result<Calibration> {
         let description = match find(entries, 270).filter(|entry| entry.size() == 1) {
             Some(entry) => {
@@ -41,9 +41,9 @@ impl<'a> File<'a> {
         Ok(calibration)
     }
 
-    /// The beginning of a microscope's own tag.
+    /// Reads the beginning of the tag of Zeiss microscopes.
     fn microscope(&mut self, page: &Page, entry: &Entry, calibration: &mut Calibration) -> Result<()> {
-        /// Bytes that are looked at.
+        /// The number of bytes that are read.
         const LEN: u64 = 64;
         let bytes = if entry.size() == 1 && entry.count >= LEN {
             self.piece(&place_of(page.number, LSM), entry.at, LEN)?
@@ -52,7 +52,7 @@ impl<'a> File<'a> {
         };
         let [magic, width, height, slices, frames] =
             [0, 8, 12, 16, 24].map(|at| self.whole(&bytes[at..at + 4]));
-        // Counts are signed.
+        // Counts are signed 32-bit numbers.
         let counts = [slices, frames].iter().all(|count| (1..=0x7fff_ffff).contains(count));
         let same = (width, height) == (u64::from(page.width), u64::from(page.height));
         let why = match magic {

@@ -4,31 +4,31 @@ use glam::DVec3;
 
 use crate::scene::Rescale;
 
-/// What the pages of a stack are, and how large a voxel is.
+/// The meaning of the pages of a stack, and the size of a voxel.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Calibration {
     pub(crate) spacing: DVec3,
     pub(crate) origin: DVec3,
     pub(crate) rescale: Option<Rescale>,
-    /// Images that the description announces.
+    /// The number of images that the description announces.
     pub(crate) images: Option<u64>,
-    /// Extents of `C`, `Z` and `T`, the one that changes from page to page first.
+    /// Extents of `C`, `Z` and `T`, the fastest first.
     pub(crate) axes: [(char, u64); 3],
     pub(crate) notes: Vec<String>,
     pub(crate) warnings: Vec<String>,
 }
 
-/// Pages that make one volume: `first`, and every `stride`-th after it.
+/// The pages of one volume: `first`, and every `stride`-th after it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Volume {
-    /// Channel and frame, where there are several.
+    /// Frame and channel, if there are several.
     pub(crate) name: String,
     pub(crate) first: usize,
     pub(crate) stride: usize,
     pub(crate) slices: usize,
 }
 
-/// The tags of a page that tell its scale.
+/// The tags of a page that give its scale.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Resolution {
     /// Pixels per unit along x and y.
@@ -38,7 +38,7 @@ pub(crate) struct Resolution {
 }
 
 impl Resolution {
-    /// Sizes of a pixel, where both are known.
+    /// Returns the size of a pixel along x and y, if both are known.
     pub(crate) fn sizes(self) -> Option<[f64; 2]> {
         let size = |pixels: Option<f64>| {
             pixels.map(|pixels| 1.0 / pixels).filter(|size| *size > 0.0 && size.is_finite())
@@ -60,7 +60,7 @@ impl Calibration {
         }
     }
 
-    /// The description's counts, where there are others than of slices.
+    /// Describes the announced counts, if there are several channels or frames.
     pub(crate) fn announced(&self) -> Option<String> {
         let [channels, slices, frames] = ['C', 'Z', 'T'].map(|axis| extent(&self.axes, axis));
         (channels > 1 || frames > 1).then(|| {
@@ -68,8 +68,8 @@ impl Calibration {
         })
     }
 
-    /// What a microscope's own tag says, where nothing else says more: voxels in metres, and how many
-    /// slices and points in time there are. Channels are samples of a pixel.
+    /// Applies the tag of Zeiss microscopes: voxel size in metres, and the numbers of slices and points in time.
+    /// Channels are samples of a pixel.
     pub(crate) fn microscope(&mut self, metres: [f64; 3], slices: u64, frames: u64) {
         self.axes = [('C', 1), ('Z', slices.max(1)), ('T', frames.max(1))];
         self.notes.retain(|note| note != UNKNOWN_VOXEL);
@@ -88,7 +88,7 @@ impl Calibration {
         }
     }
 
-    /// The volumes that so many pages make; the first is the one to show.
+    /// Returns the volumes that the pages make; the first is shown by default.
     pub(crate) fn volumes(&mut self, pages: usize) -> Vec<Volume> {
         let all = |pages| vec![Volume { name: String::new(), first: 0, stride: 1, slices: pages }];
         let mut axes = self.axes;
@@ -104,7 +104,7 @@ impl Calibration {
             ));
             return all(pages);
         }
-        // Programs that know of no slices count them as something else.
+        // Programs without a notion of slices count them as frames or channels.
         let taken = match (slices, frames, channels) {
             (1, 2.., _) => Some(('T', frames, "frames")),
             (1, _, 2..) => Some(('C', channels, "channels")),
@@ -118,7 +118,7 @@ impl Calibration {
                 _ => (name, extent),
             });
         }
-        // The product is the number of pages: no extent, stride or first page is beyond it.
+        // The product of extents is the number of pages, so nothing here overflows.
         let stride = |axis| {
             let before = axes.iter().take_while(|(name, _)| *name != axis);
             before.map(|(_, extent)| usize::try_from(*extent).unwrap_or(usize::MAX)).product::<usize>()
@@ -149,7 +149,7 @@ impl Calibration {
 
 pub(crate) const UNKNOWN_VOXEL: &str = "the size of a voxel is unknown and counts as 1";
 
-/// How many there are of `C`, `Z` or `T`.
+/// Returns the extent of `C`, `Z` or `T`.
 fn extent(axes: &[(char, u64); 3], axis: char) -> u64 {
     axes.iter().find(|(name, _)| *name == axis).map_or(1, |(_, extent)| *extent)
 }

@@ -4,7 +4,7 @@ use crate::io::formats::tiff::calibration::{Calibration, Resolution, UNKNOWN_VOX
 use crate::io::formats::tiff::imagej::imagej;
 use crate::io::formats::tiff::ome::ome;
 
-/// What there is to say of a stack of samples of so many bits.
+/// Parses a description. `integer_bits` is the size of unsigned samples; None for other types and several channels.
 pub(crate) fn calibration(
     description: &str,
     resolution: Resolution,
@@ -19,7 +19,7 @@ pub(crate) fn calibration(
     }
 }
 
-/// A description that says nothing of voxels.
+/// Returns the calibration of a description that gives no voxel size.
 fn plain(description: &str, resolution: Resolution) -> Calibration {
     let mut calibration = Calibration::unknown();
     let ratio = resolution.sizes().map(|[x, y]| y / x).filter(|ratio| ratio.is_finite() && *ratio > 0.0);
@@ -43,7 +43,7 @@ fn plain(description: &str, resolution: Resolution) -> Calibration {
     calibration
 }
 
-/// The `shape` of a description in JSON.
+/// Returns the `shape` of a description in JSON.
 fn shape(description: &str) -> Option<Vec<u64>> {
     if !description.starts_with('{') {
         return None;

@@ -6,30 +6,30 @@ use crate::io::file::sample_type::Endian;
 use crate::io::file::source::Source;
 use crate::num::{self, wide};
 
-/// Whether the file is one.
+/// Whether the file begins with the magic of TIFF or BigTIFF.
 pub(crate) fn is_tiff(source: &Source) -> bool {
     [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| source.head().starts_with(*magic))
 }
 
-/// A count of bytes as a length.
+/// Converts a count to a length; one beyond memory becomes the largest length.
 pub(crate) fn index(value: u64) -> usize {
     usize::try_from(value).unwrap_or(usize::MAX)
 }
 
-/// Most entries of a directory.
+/// The limit on entries of a directory.
 const MAX_ENTRIES: u64 = 4096;
 
-/// The tag of Zeiss microscopes, in the first directory.
+/// The tag of Zeiss microscopes (CZ_LSMINFO), in the first directory.
 pub(crate) const LSM: u16 = 34412;
 
-/// A file as numbers, and how much of it was gone through.
+/// A TIFF file, with counts of the bytes read.
 pub(crate) struct File<'a> {
     pub(crate) source: &'a Source,
     pub(crate) endian: Endian,
     pub(crate) big: bool,
-    /// Bytes of directories and their values, as often as they were read.
+    /// Bytes of directories and their values, counted each time they are read.
     pub(crate) headers: u64,
-    /// Bytes of strips and tiles.
+    /// Bytes read of strips and tiles.
     pub(crate) data: u64,
 }
 
@@ -39,12 +39,12 @@ pub(crate) struct Entry {
     pub(crate) tag: u16,
     pub(crate) kind: u16,
     pub(crate) count: u64,
-    /// Where its values are.
+    /// The offset of its values.
     pub(crate) at: u64,
 }
 
 impl Entry {
-    /// Bytes of one value; 0 for a type that is not known.
+    /// Returns the size of one value, in bytes; 0 for an unknown type.
     pub(crate) fn size(&self) -> u64 {
         match self.kind {
             1 | 2 | 6 | 7 => 1,
@@ -57,7 +57,7 @@ impl Entry {
 }
 
 impl<'a> File<'a> {
-    /// The header, and where the first directory is.
+    /// Reads the header; also returns the offset of the first directory.
     pub(crate) fn open(source: &'a Source) -> Result<(Self, u64)> {
         let head = source.head();
         let endian = if head.starts_with(b"II") { Endian::Little } else { Endian::Big };
@@ -78,12 +78,13 @@ impl<'a> File<'a> {
         Ok((file, first))
     }
 
-    /// Bytes of a whole number, at most 8.
+    /// Decodes an unsigned whole number of at most 8 bytes.
     pub(crate) fn whole(&self, bytes: &[u8]) -> u64 {
         self.endian.whole(bytes)
     }
 
-    /// A piece of a header. All pieces are no more than the file, give or take what pages share.
+    /// Reads a range of a directory or of its values. All ranges together are limited to a few times the file size,
+    /// because pages may share values.
     pub(crate) fn piece(&mut self, place: &str, offset: u64, len: u64) -> Result<Vec<u8>> {
         self.headers = self.headers.saturating_add(len);
         if self.headers > self.source.len().saturating_mul(8).saturating_add(1 << 16) {
@@ -96,7 +97,7 @@ impl<'a> File<'a> {
         self.source.bytes(offset, len)
     }
 
-    /// The entries of a directory, and where the next one is.
+    /// Reads the entries of a directory; also returns the offset of the next one.
     pub(crate) fn directory(&mut self, number: usize, offset: u64) -> Result<(Vec<Entry>, u64)> {
         let place = format!("page {number}: directory");
         let (head, size, word) = if self.big { (8, 20, 8) } else { (2, 12, 4) };
@@ -113,7 +114,7 @@ impl<'a> File<'a> {
         let mut entries = Vec::new();
         for (i, bytes) in (0..).zip(table.chunks_exact(index(size))) {
             let tag = u16::try_from(self.whole(&bytes[..2])).unwrap_or(0);
-            // What is not asked for is not kept.
+            // Only tags that are used are kept.
             if !WANTED.contains(&tag) {
                 continue;
             }
@@ -135,7 +136,7 @@ impl<'a> File<'a> {
         Ok((entries, self.whole(next)))
     }
 
-    /// Whole numbers of an entry. `most` bounds how many.
+    /// Reads the whole numbers of an entry, at most `most`.
     pub(crate) fn numbers(&mut self, number: usize, entry: &Entry, most: u64) -> Result<Vec<u64>> {
         let place = place_of(number, entry.tag);
         if !matches!(entry.kind, 1 | 3 | 4 | 13 | 16 | 18) {
@@ -148,7 +149,7 @@ impl<'a> File<'a> {
         Ok(bytes.chunks_exact(index(entry.size())).map(|bytes| self.whole(bytes)).collect())
     }
 
-    /// The first whole number of a tag.
+    /// Reads the first whole number of a tag, or returns `default` if it is missing.
     pub(crate) fn number(&mut self, number: usize, entries: &[Entry], tag: u16, default: u64) -> Result<u64> {
         match find(entries, tag) {
             None => Ok(default),
@@ -160,7 +161,7 @@ impl<'a> File<'a> {
         }
     }
 
-    /// A number that is the same for all samples of a pixel.
+    /// Reads a number that must be the same for all samples of a pixel.
     pub(crate) fn uniform(
         &mut self,
         number: usize,
@@ -178,7 +179,7 @@ impl<'a> File<'a> {
         }
     }
 
-    /// A fraction, where there is one.
+    /// Reads a positive fraction, if there is one.
     pub(crate) fn fraction(&mut self, number: usize, entries: &[Entry], tag: u16) -> Result<Option<f64>> {
         let Some(entry) = find(entries, tag).filter(|entry| entry.kind == 5 && entry.count == 1) else {
             return Ok(None);
@@ -189,8 +190,8 @@ impl<'a> File<'a> {
         Ok(Some(value).filter(|value| *value > 0.0 && value.is_finite()))
     }
 
-    /// Counts bytes of strips or tiles, and checks that they are there. Together they are no more than the
-    /// file has, so that none is gone through again and again.
+    /// Counts bytes of strips or tiles, and checks that they are in the file. Together they may not exceed the file
+    /// size, so that none is decoded many times.
     pub(crate) fn spend(&mut self, place: &str, offset: u64, len: u64) -> Result<()> {
         let all = self.source.len();
         self.data = self.data.saturating_add(len);
@@ -205,7 +206,7 @@ impl<'a> File<'a> {
     }
 }
 
-/// Tags that are looked at.
+/// Tags that are read.
 const WANTED: [u16; 29] = [
     254, 255, 256, 257, 258, 259, 262, 266, 270, 273, 274, 277, 278, 279, 282, 283, 284, 296, 317, 322, 323,
     324, 325, 338, 339, 347, 32997, 32998, LSM,

@@ -18,7 +18,7 @@ pub(crate) fn imagej(description: &str, resolution: Resolution, integer_bits: Op
     calibration.axes = [("channels", 'C'), ("slices", 'Z'), ("frames", 'T')]
         .map(|(name, axis)| (axis, count(name).unwrap_or(1).max(1)));
 
-    // As ImageJ does: 72 per inch is what programs write that know nothing of the scale.
+    // As in ImageJ, 72 pixels per inch means an unknown scale.
     let screen = resolution.unit == 2 && resolution.pixels[0] == Some(72.0);
     let unit = match field("unit").map(|unit| unit.replace("\\u00B5", "\u{b5}")) {
         Some(unit) if !unit.is_empty() => unit,
@@ -56,7 +56,7 @@ pub(crate) fn imagej(description: &str, resolution: Resolution, integer_bits: Op
         }
     }
 
-    // ImageJ counts the origin in pixels.
+    // ImageJ gives the origin in pixels.
     let origin = DVec3::new(
         number("xorigin").unwrap_or(0.0),
         number("yorigin").unwrap_or(0.0),
@@ -67,7 +67,7 @@ pub(crate) fn imagej(description: &str, resolution: Resolution, integer_bits: Op
         calibration.notes.push(format!("the origin lies at voxel {}, {}, {}", origin.x, origin.y, origin.z));
     }
 
-    // A straight line of 8 and 16 bits; signed samples are stored with an offset of 32768 so.
+    // Function 0 is a straight line, for samples of 8 and 16 bits; signed samples are stored with an offset of 32768.
     match field("cf").as_deref() {
         Some("0") if integer_bits.is_some_and(|bits| bits <= 16) => {
             if let (Some(intercept), Some(slope)) = (number("c0"), number("c1"))
@@ -82,7 +82,7 @@ pub(crate) fn imagej(description: &str, resolution: Resolution, integer_bits: Op
                 calibration.warnings.push("calibration function without c0 and c1: not applied".to_owned());
             }
         }
-        // 20 is ImageJ's word for none.
+        // Function 20 is ImageJ's code for none.
         None | Some("20") => {}
         Some(function) => {
             let warning = format!("calibration function {function} is not applied: values are as stored");

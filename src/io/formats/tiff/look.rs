@@ -11,7 +11,7 @@ use crate::io::formats::tiff::stack::MAX_PAGES;
 use crate::io::options::ReadOptions;
 use crate::num;
 
-/// What of the pages is read.
+/// The selected part of the pages.
 #[derive(Debug)]
 pub(crate) struct Look {
     pub(crate) arrays: Vec<ArrayInfo>,
@@ -19,7 +19,7 @@ pub(crate) struct Look {
     pub(crate) asked: bool,
     pub(crate) volumes: usize,
     pub(crate) volume: usize,
-    /// The first sample of a pixel, and how many.
+    /// The first sample of a pixel, and their number.
     pub(crate) first: usize,
     pub(crate) count: usize,
     pub(crate) pick: Pick,
@@ -46,7 +46,7 @@ impl Look {
                     (volume, _) => format!("{volume} {name}"),
                 };
                 let (kind, association) = (shape.kind, Association::Point);
-                // The first one is what a viewer would show: colours before their opacity.
+                // The first array is the default: colours before their opacity.
                 arrays.push(ArrayInfo { name, association, kind, components, active: arrays.is_empty() });
             }
         }

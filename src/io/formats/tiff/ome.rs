@@ -7,14 +7,14 @@ use quick_xml::events::{BytesStart, Event};
 use crate::io::file::text;
 use crate::io::formats::tiff::calibration::{Calibration, UNKNOWN_VOXEL};
 
-/// The first `Pixels` of OME-XML. None, where it is something else.
+/// Parses the first `Pixels` of OME-XML; None if the description is something else.
 pub(crate) fn ome(description: &str) -> Option<Calibration> {
     if !description.trim_start().starts_with('<') {
         return None;
     }
     let mut reader = quick_xml::Reader::from_str(description);
     let (mut images, mut found, mut first) = (0_u32, false, None);
-    // A description that is cut short or damaged ends the search.
+    // An incomplete or damaged description ends the search.
     while let Ok(event) = reader.read_event() {
         match event {
             Event::Eof => break,
@@ -82,7 +82,7 @@ fn pixels(element: &BytesStart) -> Calibration {
     calibration
 }
 
-/// The length of a unit of OME-XML.
+/// Returns the length of a unit of OME-XML in metres.
 fn metres(unit: &str) -> Option<f64> {
     Some(match unit {
         "pm" => 1e-12,

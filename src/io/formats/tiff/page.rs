@@ -6,7 +6,7 @@ use crate::io::file::source::{Encoding, Source};
 use crate::io::formats::tiff::file::{Entry, File, place_of};
 use crate::num::wide;
 
-/// One image of a file: its first directory's, or that of a page.
+/// One image of a file, as its directory describes it.
 #[derive(Clone, Debug)]
 pub(crate) struct Page {
     pub(crate) number: usize,
@@ -14,7 +14,7 @@ pub(crate) struct Page {
     pub(crate) height: u32,
     pub(crate) bits: u16,
     pub(crate) kind: SampleType,
-    /// 16-bit floats, which become 32-bit ones.
+    /// Whether samples are 16-bit floats, which become 32-bit ones.
     pub(crate) half: bool,
     pub(crate) samples: usize,
     pub(crate) extra: Vec<u64>,
@@ -22,7 +22,7 @@ pub(crate) struct Page {
     pub(crate) planar: bool,
     pub(crate) compression: Compression,
     pub(crate) predictor: u64,
-    /// Extent of a strip or tile.
+    /// Width and height of a strip or tile, in pixels.
     pub(crate) chunk: [u32; 2],
     pub(crate) tiles: bool,
     pub(crate) offsets: Entry,
@@ -66,7 +66,7 @@ impl Compression {
         Self::ALL.iter().find(|(_, kind)| *kind == self).map_or(1, |(code, _)| *code)
     }
 
-    /// Names of those that are not read.
+    /// Names an unsupported compression, with a blank before it.
     pub(crate) fn other(code: u64) -> &'static str {
         match code {
             2 => " (CCITT modified Huffman)",
@@ -84,9 +84,9 @@ impl Compression {
 }
 
 impl Page {
-    /// Parts of a pixel: name, first sample, and how many.
+    /// Returns the parts of a pixel: name, first sample, number of samples.
     pub(crate) fn parts(&self) -> Vec<(&'static str, usize, usize)> {
-        // 1 and 2 are opacity.
+        // 1 and 2 are codes of opacity.
         let opacity = |extra: &[u64]| extra.len() == 1 && matches!(extra[0], 1 | 2);
         match (self.photometric, self.samples) {
             (3, 1) => vec![("palette", 0, 1)],
@@ -99,7 +99,7 @@ impl Page {
         }
     }
 
-    /// What is worth saying of how values are kept.
+    /// Adds notes on the meaning of the values.
     pub(crate) fn describe(&self, notes: &mut Vec<String>) {
         match self.photometric {
             0 => notes.push("the smallest value is white; values are kept as they are stored".to_owned()),
@@ -122,7 +122,7 @@ impl Page {
         format!("{width} x {height} pixels of {samples} x {} ({bits} bits)", self.kind.name())
     }
 
-    /// Whether another page fits to this one.
+    /// Checks that another page has the same size and type as this one.
     pub(crate) fn check(&self, source: &Source, other: &Self) -> Result<()> {
         let of = |page: &Self| {
             (page.width, page.height, page.samples, page.kind, page.bits, page.half, page.photometric)
@@ -141,45 +141,45 @@ impl Page {
         Ok(())
     }
 
-    /// Bytes of a row of so many pixels of a strip or tile.
+    /// Returns the size of a row of `pixels` in a strip or tile, in bytes.
     pub(crate) fn row(&self, pixels: u32) -> u64 {
         let samples = if self.planar { 1 } else { self.samples };
         u64::from(pixels).saturating_mul(wide(samples)).saturating_mul(u64::from(self.bits)).div_ceil(8)
     }
 
-    /// Bytes of the page, unpacked.
+    /// Returns the decompressed size of the page, in bytes.
     pub(crate) fn bytes(&self) -> u64 {
         self.row(self.width).saturating_mul(u64::from(self.height))
     }
 
-    /// The most bytes that one of a strip or tile can stand for.
+    /// Returns the largest ratio of decompressed to compressed bytes of a strip or tile.
     pub(crate) fn ratio(&self) -> u64 {
         match self.compression {
             Compression::None => 1,
-            // A bit can stand for a row.
+            // One bit may encode a row.
             Compression::Fax4 => u64::from(self.width.max(self.chunk[0])),
-            // A code of 9 bits or more stands for one more byte than there are codes, at most.
+            // A code of at least 9 bits encodes at most one byte more than the number of codes.
             Compression::Lzw => 4096,
-            // One bit for the 64 samples of a block.
+            // One bit may encode a block of 64 samples.
             Compression::Jpeg => 1024,
             Compression::Deflate => Encoding::Zlib.most(1),
-            // Two bytes for 128.
+            // Two bytes encode up to 128.
             Compression::PackBits => 64,
         }
     }
 
-    /// The most bytes of samples, as they are kept, that so many of a file can stand for.
+    /// Returns an upper bound of the samples in memory, in bytes, that `len` bytes of the file encode.
     pub(crate) fn most(&self, len: u64) -> u64 {
         let wider = if self.half { 2 } else { 8 / u64::from(self.bits.clamp(1, 8)) };
         len.saturating_mul(self.ratio()).saturating_mul(wider)
     }
 
-    /// Whether samples go from the file to their list as they are.
+    /// Whether samples need no decompression, rearrangement or conversion.
     pub(crate) fn is_plain(&self) -> bool {
         !self.tiles && !self.planar && self.compression == Compression::None && self.bits >= 8 && !self.half
     }
 
-    /// Bytes of memory that decoding it takes, beside the result.
+    /// Returns the memory that decoding takes in addition to the result, in bytes.
     pub(crate) fn scratch(&self) -> u64 {
         let samples =
             u64::from(self.width).saturating_mul(u64::from(self.height)).saturating_mul(wide(self.samples));
@@ -192,24 +192,24 @@ impl Page {
             Compression::None => page.saturating_add(chunk),
             _ => page.saturating_add(unpacked).saturating_add(most_packed(chunk).saturating_mul(2)),
         };
-        // The lists of strips or tiles, and what they are made from; short ones do not count.
+        // The lists of strips or tiles count too, except short ones.
         let lists = self.chunk_count().saturating_mul(48).saturating_sub(1 << 16);
         decoding.saturating_add(lists)
     }
 
-    /// Strips or tiles along x and y.
+    /// Returns the numbers of strips or tiles along x and y.
     pub(crate) fn grid(&self) -> [u64; 2] {
         [self.width.div_ceil(self.chunk[0]), self.height.div_ceil(self.chunk[1])].map(u64::from)
     }
 
-    /// Strips or tiles of all planes.
+    /// Returns the number of strips or tiles of all planes.
     fn chunk_count(&self) -> u64 {
         let [across, down] = self.grid();
         let planes = if self.planar { wide(self.samples) } else { 1 };
         across.saturating_mul(down).saturating_mul(planes)
     }
 
-    /// Places and sizes of strips or tiles.
+    /// Reads the offsets and sizes of strips or tiles.
     pub(crate) fn chunks(&self, file: &mut File) -> Result<Vec<(u64, u64)>> {
         let count = self.chunk_count();
         let mut lists = Vec::new();
@@ -222,19 +222,19 @@ impl Page {
             lists.push(list);
         }
         if lists.len() == 1 {
-            // Old writers leave the sizes out: they follow from the rows.
+            // Old writers omit the sizes, which follow from the rows.
             lists.push((0..count).map(|i| self.row(self.chunk[0]).saturating_mul(self.rows(i))).collect());
         }
         let counts = lists.pop().unwrap_or_default();
         Ok(lists.pop().unwrap_or_default().into_iter().zip(counts).collect())
     }
 
-    /// Rows of the strip or tile with an index: tiles have all, the last strip those that are left.
+    /// Returns the rows of a strip or tile: tiles are complete, the last strip has those that are left.
     pub(crate) fn rows(&self, chunk: u64) -> u64 {
         if self.tiles { u64::from(self.chunk[1]) } else { self.visible_rows(chunk) }
     }
 
-    /// Rows of it that lie in the image.
+    /// Returns the rows of a strip or tile that lie in the image.
     pub(crate) fn visible_rows(&self, chunk: u64) -> u64 {
         let [across, down] = self.grid();
         let above = (chunk / across % down).saturating_mul(u64::from(self.chunk[1]));
@@ -242,7 +242,7 @@ impl Page {
     }
 }
 
-/// The most bytes that a strip or tile may be packed in: no compression makes data twice as large.
+/// Returns the limit on the compressed size of a strip or tile: no compression doubles the size.
 pub(crate) fn most_packed(unpacked: u64) -> u64 {
     unpacked.saturating_mul(2).saturating_add(1 << 16)
 }

@@ -9,18 +9,18 @@ use crate::io::formats::tiff::file::File;
 use crate::io::formats::tiff::page::{Compression, Page};
 use crate::num::wide;
 
-/// Most pages.
+/// The limit on pages.
 pub(crate) const MAX_PAGES: usize = 1 << 16;
 
-/// A file's directories.
+/// The pages of a file, whose directories have been read.
 pub(crate) struct Stack<'a> {
     pub(crate) file: File<'a>,
-    /// The number and the place of each page, from the first; those that are reduced are left out.
+    /// The number and offset of each page; reduced pages are left out.
     pub(crate) pages: Vec<(usize, u64)>,
     pub(crate) shape: Page,
-    /// The most bytes of samples that one of the file can stand for.
+    /// The upper bound of samples, in bytes, per byte of the file.
     pub(crate) ratio: u64,
-    /// Bytes of memory that decoding a page takes, beside the result.
+    /// The memory that decoding a page takes in addition to the result, in bytes.
     pub(crate) scratch: u64,
     pub(crate) calibration: Calibration,
     pub(crate) notes: Vec<String>,
@@ -55,7 +55,7 @@ impl<'a> Stack<'a> {
             next = after;
             let flags = file.number(number, &entries, 254, 0)?;
             let old = file.number(number, &entries, 255, 1)?;
-            // 1: reduced resolution, 4: a mask for another page.
+            // Bit 1 marks reduced resolution, bit 4 a mask for another page.
             if flags & 5 != 0 || (flags == 0 && old == 2) {
                 reduced += 1;
                 continue;
@@ -81,7 +81,7 @@ impl<'a> Stack<'a> {
         Ok(Self { file, pages, shape, ratio, scratch, calibration, notes })
     }
 
-    /// The number of images, where one directory stands for several that follow each other.
+    /// Returns the number of images, if one directory describes several contiguous ones.
     pub(crate) fn contiguous(&mut self) -> Result<Option<usize>> {
         let images = self.calibration.images.unwrap_or(1);
         if self.pages.len() != 1 || images < 2 {
@@ -110,7 +110,7 @@ impl<'a> Stack<'a> {
         Ok(Some(count))
     }
 
-    /// Whether it is one slice of a series.
+    /// Checks that the file holds one slice.
     pub(crate) fn single(&self) -> Result<()> {
         let images = self.calibration.images.unwrap_or(1);
         if self.pages.len() != 1 || images > 1 {

@@ -16,11 +16,11 @@ use crate::io::formats::tiff::page::{Compression, Page, most_packed};
 use crate::num::{self, wide};
 use crate::scene::Samples;
 
-/// Most bytes of the tables that the strips of a page share.
+/// The limit on the JPEG tables shared by the strips of a page, in bytes.
 const MAX_TABLES: u64 = 4096;
 
 impl Page {
-    /// Appends the page's samples.
+    /// Appends the samples of the page.
     pub(crate) fn decode(
         &self,
         file: &mut File,
@@ -32,7 +32,7 @@ impl Page {
         self.append(file, &chunks, look, layout, values)
     }
 
-    /// Appends the samples of the image with an index of those that follow this page's.
+    /// Appends the samples of an image by its index among the contiguous images of this page.
     pub(crate) fn decode_after(
         &self,
         file: &mut File,
@@ -59,7 +59,7 @@ impl Page {
         let pixels = index(u64::from(self.width).saturating_mul(u64::from(self.height)));
         let before = values.len();
         if self.is_plain() && look.count == self.samples {
-            // Strips that follow each other are read as one.
+            // Contiguous strips are read in one run.
             let mut run: Option<(u64, u64)> = None;
             let layout = Layout { endian: file.endian, ..*layout };
             let mut flush = |file: &mut File, run: (u64, u64)| {
@@ -102,7 +102,7 @@ impl Page {
         Ok(())
     }
 
-    /// Bytes that an uncompressed strip or tile must have, of the `count` that it has.
+    /// Returns the size of an uncompressed strip or tile, which must be at most its `count`.
     pub(crate) fn needed(&self, source: &Source, chunk: u64, count: u64) -> Result<u64> {
         let needed = self.row(self.chunk[0]).saturating_mul(self.rows(chunk));
         if count < needed {
@@ -112,7 +112,7 @@ impl Page {
         Ok(needed)
     }
 
-    /// The samples that are read, pixel by pixel: bits as bytes, others as they are stored.
+    /// Collects the selected samples pixel by pixel: samples below 8 bits as bytes, others as stored.
     pub(crate) fn assemble(&self, file: &mut File, chunks: &[(u64, u64)], look: &Look) -> Result<Vec<u8>> {
         let tables = match &self.tables {
             Some(entry) if entry.count.saturating_mul(entry.size()) > MAX_TABLES => {
@@ -125,7 +125,7 @@ impl Page {
         let own = usize::from(self.bits).div_ceil(8);
         let pixel = own * look.count;
         let [width, height] = [self.width, self.height].map(num::index);
-        // The budget has answered for it.
+        // The caller has taken the memory from the budget.
         let mut page = vec![0_u8; width * height * pixel];
         let [across, down] = self.grid();
         let in_chunk = if self.planar { 1 } else { self.samples };
@@ -167,7 +167,7 @@ impl Page {
         Ok(page)
     }
 
-    /// One strip or tile, unpacked.
+    /// Decompresses one strip or tile.
     pub(crate) fn expand(
         &self,
         file: &mut File,
@@ -222,14 +222,14 @@ impl Page {
         Decoder::new(Cursor::new(small))
             .and_then(|decoder| decoder.with_limits(limits).read_image_bytes(&mut bytes))
             .map_err(|error| {
-                // Decoders break their lines.
+                // Messages of decoders may have several lines.
                 let why = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
                 source.error(place, format!("{} is damaged: {why}", self.compression.name()))
             })?;
         Ok(bytes)
     }
 
-    /// A file of one strip, for the decoder.
+    /// Writes a TIFF file of one strip, for the decoder.
     pub(crate) fn small(&self, endian: Endian, rows: u64, packed: &[u8], tables: &[u8]) -> Vec<u8> {
         let samples = if self.planar { 1 } else { self.samples };
         let format = match self.kind {
@@ -281,7 +281,7 @@ impl Page {
     }
 }
 
-/// Samples of less than 8 bits, the highest bits first, as bytes.
+/// Expands samples of less than 8 bits to bytes; the first is in the highest bits.
 pub(crate) fn unpack(row: &[u8], bits: u16, count: usize, unpacked: &mut Vec<u8>) {
     let bits = usize::from(bits);
     let mask = 0xff_u8 >> (8 - bits);
@@ -293,7 +293,7 @@ pub(crate) fn unpack(row: &[u8], bits: u16, count: usize, unpacked: &mut Vec<u8>
     );
 }
 
-/// 16-bit floats as 32-bit ones.
+/// Converts 16-bit floats to 32-bit ones in native byte order.
 pub(crate) fn widened(bytes: &[u8], endian: Endian) -> Vec<u8> {
     let one = |pair: &[u8; 2]| {
         let bits =

@@ -60,7 +60,7 @@ impl File<'_> {
         let counts = self.contents.surface.map(|count| count.unwrap_or(0));
         let all = counts.iter().fold(0_u64, |all, &count| all.saturating_add(count));
         self.contents.fit(source, points.tuples, all)?;
-        // Nodes do not matter: vertices are the points, and whatever else there is has no volume.
+        // Nodes are not read: vertices are the points, and other cells have no volume.
         let counts = [2, 4, 7, 6].into_iter().zip(counts).filter(|&(_, count)| count > 0).collect();
         cells::check_points(source, &counts)?;
         self.budget.take("POINTS", dataset::bytes(points.tuples, 0, 0))?;
@@ -72,13 +72,13 @@ impl File<'_> {
     }
 }
 
-/// Reads cells with their numbers of nodes before their nodes.
+/// Reads cells that give their number of nodes before the nodes.
 fn inline(source: &Source, numbers: &Stored, count: u64, dataset: &mut Dataset) -> Result<()> {
     let wrong = |rule: String| numbers.error(source, rule);
     let nodes = numbers.tuples.saturating_sub(count);
     dataset.ends = room(source, "CELLS", count)?;
     dataset.nodes = room(source, "CELLS", nodes)?;
-    // Room was made for so many, so that lists never grow.
+    // Memory is reserved for exactly this number, so that lists never grow.
     let most = text::index(source, "CELLS", count)?;
     let mut left = 0;
     numbers.indices(source, &mut |piece| {
@@ -106,7 +106,7 @@ fn inline(source: &Source, numbers: &Stored, count: u64, dataset: &mut Dataset) 
     Ok(())
 }
 
-/// Reads cells whose nodes are listed apart.
+/// Reads cells with separate lists of offsets and nodes.
 fn separate(source: &Source, offsets: &Stored, nodes: &Stored, dataset: &mut Dataset) -> Result<()> {
     dataset.ends = offsets.room(source)?;
     let mut first = true;

@@ -5,7 +5,7 @@ use crate::io::build::arrays::{ArrayInfo, Association};
 use crate::io::file::source::Source;
 use crate::io::formats::vtk_legacy::stored::Stored;
 
-/// Most names of a note.
+/// The limit on names in one note.
 pub(crate) const MAX_NAMES: usize = 16;
 
 /// The kind of a data set.
@@ -38,12 +38,12 @@ impl Kind {
     }
 }
 
-/// Cells with their nodes.
+/// Cells and their nodes in the file.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Cells {
-    /// Each cell's number of nodes before its nodes.
+    /// Each cell gives its number of nodes, then its nodes.
     Inline { count: u64, numbers: Stored },
-    /// Since version 5: where each cell's nodes begin, one more where the last end.
+    /// Since version 5: the begin of each cell's nodes, and the end of the last.
     Offsets { offsets: Stored, nodes: Stored },
 }
 
@@ -56,7 +56,7 @@ impl Cells {
     }
 }
 
-/// What a file holds.
+/// The contents of a file.
 #[derive(Debug)]
 pub(crate) struct Contents {
     pub(crate) kind: Kind,
@@ -65,27 +65,27 @@ pub(crate) struct Contents {
     pub(crate) first: [f64; 3],
     pub(crate) spacing: Option<[f64; 3]>,
     pub(crate) origin: Option<[f64; 3]>,
-    /// A matrix by rows; its columns are the axes.
+    /// A matrix, row by row; its columns are the axes.
     pub(crate) direction: Option<[f64; 9]>,
     pub(crate) coordinates: [Option<Stored>; 3],
     pub(crate) points: Option<Stored>,
     pub(crate) cells: Option<Cells>,
     pub(crate) types: Option<Stored>,
-    /// Vertices, lines, polygons and strips of triangles.
+    /// Numbers of vertices, lines, polygons and triangle strips.
     pub(crate) surface: [Option<u64>; 4],
-    /// Arrays of points and cells, and where each lies.
+    /// Arrays of points and cells; `stored` has the place of each.
     pub(crate) arrays: Vec<ArrayInfo>,
     pub(crate) stored: Vec<Stored>,
     pub(crate) notes: Vec<String>,
     pub(crate) warnings: Vec<String>,
-    /// For how many points and cells there is data.
+    /// The numbers of points and cells for which data is announced.
     pub(crate) announced: [Option<u64>; 2],
-    /// The first array that is called scalars, of points and of cells.
+    /// The first scalars of points and of cells.
     pub(crate) scalars: [Option<usize>; 2],
 }
 
 impl Contents {
-    /// Drops arrays that are not for so many points or cells, and marks the active one.
+    /// Marks the active array, and drops arrays whose size does not fit the numbers of points and cells.
     pub(crate) fn fit(&mut self, source: &Source, points: u64, cells: u64) -> Result<()> {
         let wanted = [points, cells];
         for ((count, wanted), what) in self.announced.iter().zip(wanted).zip(["POINT_DATA", "CELL_DATA"]) {
@@ -118,7 +118,7 @@ impl Contents {
     }
 }
 
-/// Adds a name to those of a note, once, and no more than it has room for.
+/// Adds a name to those of a note, once, up to the limit.
 pub(crate) fn remember(names: &mut Vec<String>, name: String) {
     match names.len() {
         0..MAX_NAMES if !names.contains(&name) => names.push(name),

@@ -15,13 +15,13 @@ use crate::scene::Samples;
 
 pub(crate) const NAME: &str = "VTK legacy";
 
-/// A file that was walked over.
+/// A file after its first pass.
 pub(crate) struct File<'a> {
     pub(crate) source: &'a Source,
     pub(crate) options: &'a ReadOptions,
     pub(crate) budget: Budget<'a>,
     pub(crate) contents: Contents,
-    /// Which of the file's cells are read, where some are not.
+    /// Whether each cell of the file is kept, if some are dropped.
     pub(crate) shown: Option<Vec<bool>>,
 }
 
@@ -30,7 +30,7 @@ impl File<'_> {
         self.source.error(keyword, format!("missing: {} needs it", self.contents.kind.name()))
     }
 
-    /// Numbers of samples, and how many samples and cells that makes.
+    /// Returns the dimensions, and the numbers of points and cells that follow.
     pub(crate) fn dims(&self) -> Result<([u32; 3], u64, u64)> {
         let dims = self.contents.dims.ok_or_else(|| self.missing("DIMENSIONS"))?;
         let [x, y, z] = dims;
@@ -38,7 +38,7 @@ impl File<'_> {
         let points = product(dims).ok_or_else(|| {
             self.source.error("DIMENSIONS", format!("{x} x {y} x {z}: more points than 64 bits can count"))
         })?;
-        // A flat grid has cells that are flat.
+        // A grid of one layer has flat cells.
         let cells = product(dims.map(|d| d.saturating_sub(1).max(1))).unwrap_or(u64::MAX);
         Ok((dims, points, cells))
     }
@@ -81,7 +81,7 @@ impl File<'_> {
     }
 }
 
-/// Keeps what is marked.
+/// Keeps the samples that are marked.
 fn keep(samples: &mut Samples, marked: &[bool]) {
     fn retain<T>(list: &mut Vec<T>, marked: &[bool]) {
         let mut marks = marked.iter();

@@ -15,14 +15,14 @@ use crate::io::report::Loaded;
 use crate::num;
 use crate::scene::Samples;
 
-/// How far points may lie off an even lattice, as a share of its smallest step: coordinates are often
+/// The distance that points may lie off an even lattice, relative to its smallest step: coordinates are often
 /// float32, or printed with six digits.
 const EVEN: f64 = 1e-4;
 
-/// The type of hexahedra.
+/// The VTK type of hexahedra.
 const HEXAHEDRON: u8 = 12;
 
-/// A point that VTK's ghost array hides.
+/// VTK's flag of hidden points.
 const HIDDEN_POINT: u8 = 2;
 
 impl File<'_> {
@@ -128,7 +128,7 @@ impl File<'_> {
         self.dataset(dataset)
     }
 
-    /// The points of a grid that are hidden; empty where none is.
+    /// Returns whether each point is hidden; empty if the file has no ghost array.
     fn hidden_points(&mut self, count: u64) -> Result<Vec<bool>> {
         let is_ghosts = |array: &ArrayInfo| {
             array.association == Association::Point
@@ -145,7 +145,7 @@ impl File<'_> {
     }
 }
 
-/// The even lattice that points lie on, if they do.
+/// Returns the even lattice on which the points lie, if there is one.
 fn even(source: &Source, points: &Stored, dims: [u32; 3]) -> Result<Option<Places>> {
     let [x, y, z] = dims.map(u64::from);
     let corners = [0, x - 1, x * (y - 1), x * y * (z - 1)];
@@ -164,7 +164,7 @@ fn even(source: &Source, points: &Stored, dims: [u32; 3]) -> Result<Option<Place
     let lengths = DVec3::from_array(steps.map(DVec3::length));
     let [u, v, w] = steps;
     let direction = DMat3::from_cols(u / lengths.x, v / lengths.y, w / lengths.z);
-    // Nearly flat cells would make an unusable grid; what is no number compares as false.
+    // Nearly flat cells would make an unusable grid; NaN fails the comparison.
     if !(direction.is_finite() && origin.is_finite() && direction.determinant().abs() > 1e-6) {
         return Ok(None);
     }

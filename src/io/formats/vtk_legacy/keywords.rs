@@ -2,10 +2,10 @@
 
 use crate::io::file::sample_type::SampleType;
 
-/// What a file begins with.
+/// The magic at the beginning of a file.
 pub(crate) const MAGIC: &[u8] = b"# vtk DataFile Version";
 
-/// Every keyword that may stand after an array.
+/// Every keyword that may follow an array.
 const KEYWORDS: [&str; 35] = [
     "ASPECT_RATIO",
     "BLANKING",
@@ -44,7 +44,7 @@ const KEYWORDS: [&str; 35] = [
     "Z_COORDINATES",
 ];
 
-/// The type of a word, where numbers have it.
+/// Returns the type of numbers with this name.
 pub(crate) fn number_type(word: &str) -> Option<SampleType> {
     Some(match word.to_ascii_lowercase().as_str() {
         "bit" | "unsigned_char" => SampleType::U8,
@@ -52,7 +52,7 @@ pub(crate) fn number_type(word: &str) -> Option<SampleType> {
         "unsigned_short" => SampleType::U16,
         "short" => SampleType::I16,
         "unsigned_int" => SampleType::U32,
-        // Written as 32 bits, whatever it is in the program.
+        // VTK writes both as 32 bits.
         "int" | "vtkidtype" => SampleType::I32,
         "unsigned_long" | "vtktypeuint64" => SampleType::U64,
         "long" | "vtktypeint64" => SampleType::I64,
@@ -62,13 +62,12 @@ pub(crate) fn number_type(word: &str) -> Option<SampleType> {
     })
 }
 
-/// A type of arrays that hold no numbers.
+/// Whether arrays of this type hold text instead of numbers.
 pub(crate) fn is_text_type(word: &str) -> bool {
     ["string", "utf8_string", "variant"].iter().any(|name| word.eq_ignore_ascii_case(name))
 }
 
-/// The two types that numbers of a name may have, the narrower first: `long` is what the writer's machine
-/// had.
+/// Returns the two types that `long` may be, the narrower first: its size depends on the writer's machine.
 pub(crate) fn long_types(word: &str) -> Option<[SampleType; 2]> {
     match word.to_ascii_lowercase().as_str() {
         "long" => Some([SampleType::I32, SampleType::I64]),
@@ -77,7 +76,7 @@ pub(crate) fn long_types(word: &str) -> Option<[SampleType; 2]> {
     }
 }
 
-/// A name with what is encoded as `%20`.
+/// Decodes a name with codes such as `%20`.
 pub(crate) fn decoded(name: &str) -> String {
     let bytes = name.as_bytes();
     let mut plain = Vec::with_capacity(bytes.len());
@@ -102,7 +101,7 @@ pub(crate) fn decoded(name: &str) -> String {
     String::from_utf8_lossy(&plain).into_owned()
 }
 
-/// Whether text like this may follow an array: a keyword, another array of a field, or the end.
+/// Whether an array may be followed by this text: a keyword, another array of a field, or the end of the file.
 pub(crate) fn may_follow(bytes: &[u8]) -> bool {
     let bytes = bytes.trim_ascii_start();
     if bytes.is_empty() {
@@ -119,7 +118,7 @@ pub(crate) fn may_follow(bytes: &[u8]) -> bool {
             && words.next().is_some_and(|kind| number_type(kind).is_some() || is_text_type(kind))
 }
 
-/// The version in words.
+/// Parses the version.
 pub(crate) fn version(text: &str) -> Option<(u32, u32)> {
     let (major, minor) = text.trim().split_once('.')?;
     let minor: String = minor.chars().take_while(char::is_ascii_digit).collect();

@@ -13,36 +13,36 @@ use crate::io::file::text;
 use crate::num;
 use crate::scene::Samples;
 
-/// How the numbers are written.
+/// The encoding of the numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Form {
-    /// As words.
+    /// As text.
     Words,
-    /// As bytes, the most significant first.
+    /// As big-endian bytes.
     Bytes,
-    /// Eight to a byte, the first in the most significant bit.
+    /// As bits, the first in the most significant bit of a byte.
     Bits,
-    /// As words from 0 to 1 that stand for bytes from 0 to 255.
+    /// As text from 0 to 1, for bytes from 0 to 255.
     Shares,
 }
 
-/// What is made of stored flags.
+/// The conversion of stored flags to VTK's ghost flags.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Flags {
-    /// They are no flags, or VTK's.
+    /// No conversion.
     AsTheyAre,
-    /// Levels of ghosts, as before version 4: from 1 on it is a copy of another piece's.
+    /// Ghost levels, before version 4: from 1 on, the element duplicates one of another piece.
     Levels,
-    /// Visibility, as before version 4: 0 hides.
+    /// Visibility, before version 4: 0 hides the element.
     Visible,
 }
 
 /// An array of the file.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stored {
-    /// Where its numbers begin in the unpacked file.
+    /// The offset of its numbers in the decompressed file.
     pub(crate) offset: u64,
-    /// Lines before.
+    /// The number of lines before it.
     pub(crate) line: u64,
     pub(crate) tuples: u64,
     pub(crate) components: usize,
@@ -51,11 +51,11 @@ pub(crate) struct Stored {
     pub(crate) flags: Flags,
 }
 
-/// Appends so many numbers of a stream to a list.
+/// Decodes a given number of values of a stream and appends them to a list.
 type Decode<'d, T> = dyn FnMut(&mut dyn Read, Endian, usize, &mut Vec<T>) -> std::io::Result<()> + 'd;
 
 impl Stored {
-    /// The place, for messages.
+    /// Describes its place, for messages.
     pub(crate) fn place(&self) -> String {
         match self.form {
             Form::Words | Form::Shares => format!("array of line {}", self.line + 1),
@@ -63,7 +63,7 @@ impl Stored {
         }
     }
 
-    /// Lets a function read the numbers from their stream of bytes.
+    /// Passes the stream of its bytes, and their byte order, to a function.
     fn stream<T>(
         &self,
         source: &Source,
@@ -77,13 +77,13 @@ impl Stored {
             Form::Shares => read(&mut Shares(scanner.numbers(SampleType::F32)), Endian::Big),
         };
         result.map_err(|error| match error.kind() {
-            // A number out of range, or damaged compression.
+            // A number is out of range, or the compression is damaged.
             ErrorKind::InvalidData | ErrorKind::InvalidInput => source.error(self.place(), error.to_string()),
             _ => text::stream_error(source, error),
         })
     }
 
-    /// What is picked of each tuple.
+    /// Reads the selected part of each tuple.
     pub(crate) fn samples(&self, source: &Source, pick: Pick) -> Result<Samples> {
         let count = text::index(source, &self.place(), self.tuples)?;
         let layout =
@@ -103,7 +103,7 @@ impl Stored {
         Ok(samples)
     }
 
-    /// All numbers, a piece at a time, until the function has enough. Pieces hold whole points.
+    /// Reads all numbers in pieces of whole points, until the function returns false.
     fn pieces<T>(
         &self,
         source: &Source,
@@ -132,7 +132,7 @@ impl Stored {
         self.tuples.saturating_mul(num::wide(self.components))
     }
 
-    /// Points, until the function has enough.
+    /// Reads points until the function returns false.
     pub(crate) fn each_point(&self, source: &Source, each: &mut dyn FnMut(DVec3) -> bool) -> Result<()> {
         self.pieces(
             source,
@@ -144,7 +144,7 @@ impl Stored {
         )
     }
 
-    /// All points. The caller has taken the memory from the budget.
+    /// Reads all points. The caller has taken the memory from the budget.
     pub(crate) fn points(&self, source: &Source) -> Result<Vec<DVec3>> {
         let mut points = self.room(source)?;
         self.each_point(source, &mut |point| {
@@ -154,7 +154,7 @@ impl Stored {
         Ok(points)
     }
 
-    /// All numbers of a list, in 64 bits.
+    /// Reads all numbers as 64-bit floats.
     pub(crate) fn coordinates(&self, source: &Source) -> Result<Vec<f64>> {
         let mut all = self.room(source)?;
         self.pieces(
@@ -168,7 +168,7 @@ impl Stored {
         Ok(all)
     }
 
-    /// All numbers as indices, a piece at a time.
+    /// Reads all numbers as indices, a piece at a time.
     pub(crate) fn indices(&self, source: &Source, each: &mut dyn FnMut(&[u32]) -> Result<()>) -> Result<()> {
         self.pieces(
             source,
@@ -179,18 +179,18 @@ impl Stored {
         )
     }
 
-    /// An empty list with room for as many as there are tuples.
+    /// Returns an empty list with capacity for one entry per tuple.
     pub(crate) fn room<T>(&self, source: &Source) -> Result<Vec<T>> {
         room(source, &self.place(), self.tuples)
     }
 
-    /// An error about it.
+    /// Returns an error about the array.
     pub(crate) fn error(&self, source: &Source, rule: impl Into<String>) -> Error {
         source.error(self.place(), rule)
     }
 }
 
-/// An empty list with room for so many.
+/// Returns an empty list with capacity for `count` entries.
 pub(crate) fn room<T>(source: &Source, place: &str, count: u64) -> Result<Vec<T>> {
     let mut list = Vec::new();
     let full = |_| source.error(place, format!("{count}: memory is full"));
@@ -198,7 +198,7 @@ pub(crate) fn room<T>(source: &Source, place: &str, count: u64) -> Result<Vec<T>
     Ok(list)
 }
 
-/// Bits as bytes.
+/// Reads bits as bytes.
 struct Bits<'r> {
     from: &'r mut dyn Read,
     byte: u8,
@@ -220,7 +220,7 @@ impl Read for Bits<'_> {
     }
 }
 
-/// Shares of one as bytes.
+/// Reads numbers from 0 to 1 as bytes from 0 to 255.
 struct Shares<R>(R);
 
 impl<R: Read> Read for Shares<R> {

@@ -6,27 +6,26 @@ use crate::io::file::scanner::Scanner;
 use crate::io::file::text;
 use crate::io::formats::vtk_legacy::contents::Contents;
 
-/// Walks over a file.
+/// The state of the first pass.
 pub(crate) struct Walk<'a> {
     pub(crate) scanner: Scanner<'a>,
     pub(crate) version: (u32, u32),
     pub(crate) binary: bool,
     pub(crate) contents: Contents,
-    /// Whose data comes.
+    /// The current section of attributes: points or cells, and their number.
     pub(crate) section: Option<(Association, u64)>,
-    /// Components of the last array.
+    /// The number of components of the last array.
     pub(crate) components: u64,
-    /// Names of arrays that belong to the data set as a whole, of those that hold no numbers, and of those
-    /// with none or too many in a tuple.
+    /// Names of arrays left out: of the data set as a whole, without numbers, without or with too many components.
     pub(crate) apart: [Vec<String>; 3],
     pub(crate) long: bool,
 }
 
 impl<'a> Walk<'a> {
-    /// An error about what was read last.
+    /// Returns an error about the current place.
     pub(crate) fn error(&self, rule: impl Into<String>) -> Error {
         if self.binary {
-            // Lines end somewhere in binary data.
+            // Line numbers mean nothing in binary files.
             self.scanner.source().error(format!("before byte {}", self.scanner.position()), rule)
         } else {
             self.scanner.error(rule)
@@ -58,14 +57,14 @@ impl<'a> Walk<'a> {
         Ok(numbers)
     }
 
-    /// Whether this word comes next, after blanks.
+    /// Whether this word follows, after blanks.
     pub(crate) fn comes(&mut self, word: &str) -> Result<bool> {
         let ahead = self.scanner.peek(64 + word.len())?.trim_ascii_start();
         let (own, rest) = ahead.split_at(word.len().min(ahead.len()));
         Ok(own.eq_ignore_ascii_case(word.as_bytes()) && rest.first().is_none_or(u8::is_ascii_whitespace))
     }
 
-    /// Whether something comes on the same line.
+    /// Whether anything follows on the same line.
     pub(crate) fn more_on_line(&mut self) -> Result<bool> {
         let ahead = self.scanner.peek(64)?;
         Ok(ahead.iter().find(|byte| !matches!(byte, b' ' | b'\t' | b'\r')).is_some_and(|&byte| byte != b'\n'))

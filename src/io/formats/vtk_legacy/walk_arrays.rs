@@ -10,14 +10,14 @@ use crate::io::formats::vtk_legacy::keywords::{decoded, is_text_type, long_types
 use crate::io::formats::vtk_legacy::stored::{Flags, Form, Stored};
 use crate::io::formats::vtk_legacy::walk::Walk;
 
-/// Most arrays of a file.
+/// The limit on arrays of a file.
 const MAX_ARRAYS: usize = 1 << 14;
 
-/// Bytes that are looked at to tell what comes next.
+/// The number of bytes read ahead to identify what follows.
 const AHEAD: usize = 600;
 
 impl<'a> Walk<'a> {
-    /// An array of the section.
+    /// Reads an attribute array of the current section.
     pub(crate) fn attribute(&mut self, keyword: &str) -> Result<()> {
         let kind = self.contents.kind.name();
         let known = [
@@ -154,14 +154,14 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    /// An array whose type comes first, and that must hold numbers.
+    /// Reads the type of an array of numbers, then records and skips it.
     pub(crate) fn typed(&mut self, tuples: u64, components: u64) -> Result<Stored> {
         let kind = self.word("a type")?;
         let stored = self.array(&kind, tuples, components)?;
         stored.ok_or_else(|| self.error(format!("type {kind}: numbers are needed")))
     }
 
-    /// Passes over an array that begins on the next line, after its type. None if it holds no numbers.
+    /// Skips an array that begins on the next line, and returns its place; None if it holds no numbers.
     pub(crate) fn array(&mut self, word: &str, tuples: u64, components: u64) -> Result<Option<Stored>> {
         self.components = components;
         let overflow = |walk: &Self| walk.error(format!("{tuples} tuples of {components}: too many numbers"));
@@ -224,7 +224,7 @@ impl<'a> Walk<'a> {
         self.scanner.skip(bytes)
     }
 
-    /// Ends the line before binary data.
+    /// Ends the line before binary data; it must be blank.
     fn end_line(&mut self) -> Result<()> {
         match self.scanner.next_line()? {
             Some(rest) if !rest.trim().is_empty() => {
@@ -235,7 +235,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Passes over strings: lines of text, or lengths with bytes. Variants are always words.
+    /// Skips strings: lines of text, or lengths and bytes. Variants are always text.
     fn skip_text(&mut self, word: &str, count: u64) -> Result<()> {
         if word.eq_ignore_ascii_case("variant") {
             for _ in 0..count {
@@ -253,7 +253,7 @@ impl<'a> Walk<'a> {
                 }
                 continue;
             }
-            // The two highest bits tell how long the length is.
+            // The two highest bits encode the size of the length field.
             let first = self.scanner.peek(1)?.first().copied();
             let size = match first.ok_or_else(|| ends(self))? >> 6 {
                 3 => 1,
@@ -272,7 +272,7 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    /// Passes over what is told of the last array: to an empty line.
+    /// Skips the metadata of the last array, up to an empty line.
     pub(crate) fn metadata(&mut self) -> Result<()> {
         self.end_line()?;
         let mut keys = 0_u64;

@@ -12,7 +12,7 @@ use crate::io::formats::vtk_legacy::keywords::{MAGIC, version};
 use crate::io::formats::vtk_legacy::stored::Flags;
 use crate::io::formats::vtk_legacy::walk::Walk;
 
-/// The newest version that is known.
+/// The newest supported version.
 const NEWEST: (u32, u32) = (5, 1);
 
 impl<'a> Walk<'a> {
@@ -26,7 +26,7 @@ impl<'a> Walk<'a> {
             scanner
                 .line_error(format!("\"{shown}\": must be \"# vtk DataFile Version\" and a number like 3.0"))
         })?;
-        // The title says nothing.
+        // The title is ignored.
         scanner.next_line()?;
         let binary = match scanner.word()?.map(str::to_ascii_uppercase).as_deref() {
             Some("ASCII") => false,
@@ -116,7 +116,7 @@ impl<'a> Walk<'a> {
             }
             ("EXTENT", StructuredPoints | RectilinearGrid | StructuredGrid) => self.extent(),
             ("SPACING" | "ASPECT_RATIO", StructuredPoints) => {
-                // VTK takes the last of both names.
+                // As in VTK, the last of both keywords wins.
                 let spacing: [f64; 3] = self.numbers("a spacing")?;
                 let before = self.contents.spacing.replace(spacing);
                 if let Some([i, j, k]) = before.filter(|before| *before != spacing)
@@ -171,7 +171,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Sets what may be given once.
+    /// Sets a value that may be given once.
     fn once<T>(
         &mut self,
         keyword: &str,
@@ -207,7 +207,7 @@ impl<'a> Walk<'a> {
         let size = self.count("numbers of cells")?;
         if !self.comes("OFFSETS")? {
             let numbers = self.array("int", size, 1)?.ok_or_else(|| self.error("no numbers"))?;
-            // Each cell has its number of nodes at least.
+            // Each cell has at least its number of nodes.
             if count > size {
                 let source = self.scanner.source();
                 return Err(numbers.error(source, format!("{count} cells in {size} numbers: too few")));

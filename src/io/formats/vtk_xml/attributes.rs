@@ -8,10 +8,10 @@ use crate::io::file::source::Source;
 use crate::io::file::text::shown;
 use crate::io::formats::vtk_xml::document::Extent;
 
-/// Most attributes of an element.
+/// The limit on attributes of an element.
 const MAX_ATTRIBUTES: usize = 64;
 
-/// A library's message as one line of sane length.
+/// Shortens a message of a library to one line.
 pub(crate) fn one_line(text: &str) -> String {
     text.chars().take(200).map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
@@ -38,7 +38,7 @@ impl<'a> Attributes<'a> {
             let value = attribute
                 .normalized_value(XmlVersion::Implicit1_0)
                 .map_err(|error| wrong(error.to_string()))?;
-            // Line ends may come as references.
+            // Line ends may be given as character references.
             let value = value.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
             list.push((attribute.key.as_ref().to_owned(), value));
         }

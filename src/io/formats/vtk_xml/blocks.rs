@@ -13,13 +13,13 @@ use crate::io::formats::vtk_xml::bytes::Bytes;
 use crate::io::formats::vtk_xml::document::Compressor;
 
 impl Compressor {
-    /// The most bytes that so many packed ones can hold.
+    /// Returns an upper bound of the size of `packed` bytes after decompression.
     pub(crate) fn most(self, packed: u64) -> u64 {
         let ratio = match self {
             Self::Zlib => return Encoding::Zlib.most(packed),
-            // A byte more makes a match 255 bytes longer.
+            // One more byte extends a match by up to 255 bytes.
             Self::Lz4 => 255,
-            // 273 bytes take 14 decisions of at least log2(2048 / 2017) bits; rounded up.
+            // A match of 273 bytes takes 14 binary decisions of at least log2(2048 / 2017) bits each; rounded up.
             Self::Lzma => 8192,
         };
         packed.saturating_mul(ratio)
@@ -34,40 +34,40 @@ impl Compressor {
     }
 }
 
-/// What unpacks a block.
+/// The decompressor of a block.
 enum Unpacker {
     Zlib(Decompress),
     Lzma(Box<XzStream>),
-    /// The unpacked block, and how much of it is handed out.
+    /// The decompressed block, and the number of bytes returned.
     Lz4(Vec<u8>, usize),
 }
 
-/// The unpacked bytes of an array in blocks.
+/// Reads the decompressed bytes of an array in blocks.
 pub(crate) struct Blocks<'s, 'a> {
     bytes: Bytes<'s, 'a>,
     budget: &'s mut Budget<'a>,
-    /// Bytes of memory that were taken.
+    /// Bytes taken from the budget.
     pub(crate) taken: u64,
     compressor: Compressor,
-    /// Compressed sizes.
+    /// The compressed sizes of the blocks.
     sizes: Vec<u64>,
-    /// Unpacked sizes of a block and of the last.
+    /// The decompressed sizes of a block and of the last block.
     size: u64,
     last: u64,
-    /// Blocks behind, and the one that is open.
+    /// The current block, and whether it has been started.
     next: usize,
     open: bool,
     unpacker: Unpacker,
-    /// Bytes of the open block that are left, packed and unpacked.
+    /// Bytes left of the current block, compressed and decompressed.
     packed: u64,
     unpacked: u64,
     ended: bool,
-    /// KiB that decoding xz has been granted.
+    /// Memory granted to the xz decoder, in KiB.
     granted: u32,
 }
 
 impl<'s, 'a> Blocks<'s, 'a> {
-    /// Reads the header.
+    /// Reads the header of blocks and checks it.
     pub(crate) fn open(
         mut bytes: Bytes<'s, 'a>,
         endian: Endian,
@@ -178,7 +178,7 @@ impl<'s, 'a> Blocks<'s, 'a> {
         Ok(())
     }
 
-    /// Unpacks some bytes of the open block.
+    /// Decompresses some bytes of the current block.
     fn step(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         let name = self.compressor.name();
         let damaged = |error: &dyn std::fmt::Display| format!("{name} stream is damaged: {error}");
@@ -206,7 +206,7 @@ impl<'s, 'a> Blocks<'s, 'a> {
                 Unpacker::Lzma(xz) => {
                     let before = (xz.total_in(), xz.total_out());
                     let result = xz.process(input, buffer, Action::Run);
-                    // What it has taken in, it keeps, even where it fails for want of memory.
+                    // Input is consumed even if the decoder stops at its memory limit.
                     let consumed = xz.total_in() - before.0;
                     match result {
                         Ok(result) => {
@@ -218,7 +218,8 @@ impl<'s, 'a> Blocks<'s, 'a> {
                             if error.kind() != ErrorKind::OutOfMemory || needed <= self.granted {
                                 return Err(self.error(damaged(&error)));
                             }
-                            // The dictionary is as large as the stream says: it is taken before it is made.
+                            // The stream sets the size of the dictionary, which is taken from the budget before it is
+                            // allocated.
                             xz.set_mem_limit(needed);
                             let more = u64::from(needed - self.granted).saturating_mul(1024);
                             self.budget.take(&self.bytes.at, more).map_err(std::io::Error::other)?;
@@ -240,13 +241,13 @@ impl<'s, 'a> Blocks<'s, 'a> {
         }
     }
 
-    /// Passes over packed bytes of the open block.
+    /// Consumes compressed bytes of the current block.
     fn advance(&mut self, bytes: u64) {
         self.bytes.consume(usize::try_from(bytes).unwrap_or(usize::MAX));
         self.packed = self.packed.saturating_sub(bytes);
     }
 
-    /// Ends the open block, of which nothing may be left.
+    /// Ends the current block, of which nothing may be left.
     fn end(&mut self) -> std::io::Result<()> {
         let mut more = [0_u8];
         while !self.ended {

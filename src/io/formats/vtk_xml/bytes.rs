@@ -12,21 +12,21 @@ use crate::io::file::text::stream_error;
 use crate::io::formats::vtk_xml::cursor::Cursor;
 use crate::num;
 
-/// The bytes of one array.
+/// Reads the bytes of one array.
 pub(crate) struct Bytes<'s, 'a> {
     pub(crate) source: &'a Source,
-    /// Which array, for messages.
+    /// The array, for messages.
     pub(crate) at: String,
     pub(crate) cursor: &'s mut Cursor<'a>,
     pub(crate) base64: bool,
-    /// Stored bytes that there may still be.
+    /// An upper bound of the stored bytes still to come.
     pub(crate) stored: u64,
-    /// Bytes that were asked for and are not yet handed out.
+    /// Bytes requested but not yet returned.
     pub(crate) left: u64,
-    /// Decoded base64, and how much of it is handed out.
+    /// Decoded base64; `behind` bytes of it have been returned.
     pub(crate) decoded: Vec<u8>,
     pub(crate) behind: usize,
-    /// Base64 before it is decoded.
+    /// Base64 to decode.
     pub(crate) text: Vec<u8>,
 }
 
@@ -35,12 +35,12 @@ impl Bytes<'_, '_> {
         self.source.error(&self.at, rule)
     }
 
-    /// The most bytes that can still come.
+    /// Returns an upper bound of the bytes still to come.
     pub(crate) fn most(&self) -> u64 {
         if self.base64 { self.stored / 4 * 3 + 2 } else { self.stored }
     }
 
-    /// The whole numbers of a header.
+    /// Reads whole numbers of a header.
     pub(crate) fn words(&mut self, endian: Endian, word: u64, count: u64) -> Result<Vec<u64>> {
         self.left = word * count;
         let mut words = Vec::new();
@@ -63,7 +63,7 @@ impl Bytes<'_, '_> {
         Ok(words)
     }
 
-    /// Bytes in one piece.
+    /// Reads uncompressed data: a header with its size, then exactly `wanted` bytes.
     pub(crate) fn whole(
         mut self,
         endian: Endian,
@@ -85,14 +85,14 @@ impl Bytes<'_, '_> {
         taker(&mut self)
     }
 
-    /// Decodes some more base64, no more than was asked for.
+    /// Decodes more base64, at most the requested bytes.
     fn decode(&mut self) -> std::io::Result<()> {
         const MOST: u64 = 1 << 14;
         self.decoded.clear();
         self.behind = 0;
         self.text.clear();
         let wanted = usize::try_from(self.left.min(MOST).div_ceil(3) * 4).unwrap_or(4);
-        // A padded group ends a stream; what follows is another.
+        // A padded group ends a base64 stream; another may follow.
         let mut padded = false;
         while self.text.len() < wanted && !(padded && self.text.len().is_multiple_of(4)) {
             let most = usize::try_from(self.stored).unwrap_or(usize::MAX);

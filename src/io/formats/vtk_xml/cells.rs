@@ -18,7 +18,7 @@ use crate::io::report::Loaded;
 use crate::scene::Samples;
 
 impl File<'_> {
-    /// Cells, or points.
+    /// Reads an unstructured grid as a mesh, or as points if it has no cells with volume.
     pub(crate) fn cells(&mut self, format: &'static str, options: &ReadOptions) -> Result<Loaded> {
         let source = self.source;
         let Document { pieces, kind, .. } = &self.document;

@@ -7,17 +7,17 @@ use crate::io::file::source::{Encoding, Source};
 use crate::io::file::text::stream_error;
 use crate::num;
 
-/// A place in the file that moves forward. Where the whole file is packed, moving back means beginning again.
+/// A position in the decompressed file. In a compressed file, moving backwards restarts decompression.
 pub(crate) struct Cursor<'a> {
     source: &'a Source,
     reader: Box<dyn BufRead + 'a>,
     pub(crate) position: u64,
-    /// How often a packed file was begun again.
+    /// The number of restarts of a compressed file.
     again: u32,
 }
 
 impl<'a> Cursor<'a> {
-    /// Files as they are written need about one for each array that is read.
+    /// The limit on restarts; common files need about one per array.
     const MOST_AGAIN: u32 = 64;
 
     pub(crate) fn new(source: &'a Source) -> Self {

@@ -3,7 +3,7 @@
 use crate::io::file::sample_type::{Endian, SampleType};
 use crate::io::file::text::shown;
 
-/// What the points of a data set are.
+/// The kind of a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     Image,
@@ -11,7 +11,7 @@ pub(crate) enum Kind {
     Unstructured,
 }
 
-/// The packing of blocks.
+/// The compression of blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Compressor {
     Zlib,
@@ -19,45 +19,45 @@ pub(crate) enum Compressor {
     Lzma,
 }
 
-/// How the bytes of arrays are stored.
+/// The encoding of binary arrays.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Storage {
     pub(crate) endian: Endian,
-    /// Bytes of a number in the header of an array: 4 or 8.
+    /// The size of a number in the header of an array: 4 or 8 bytes.
     pub(crate) word: u64,
     pub(crate) compressor: Option<Compressor>,
     pub(crate) appended: Option<Appended>,
 }
 
-/// Data after the document.
+/// The appended data.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Appended {
-    /// Where offsets count from.
+    /// The file offset that array offsets are relative to.
     pub(crate) begin: u64,
     pub(crate) base64: bool,
 }
 
-/// Text of the document.
+/// A range of text in the document.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Text {
     pub(crate) begin: u64,
     pub(crate) end: u64,
-    /// Lines before it.
+    /// The number of lines before it.
     pub(crate) line: u64,
 }
 
-/// Where the numbers of an array lie.
+/// The place of the numbers of an array.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Place {
-    /// As words.
+    /// As text.
     Words(Text),
-    /// As bytes in base64.
+    /// As base64.
     Base64(Text),
-    /// In the appended data.
+    /// At an offset in the appended data.
     Appended(u64),
 }
 
-/// An array.
+/// An array of a piece.
 #[derive(Debug)]
 pub(crate) struct Array {
     pub(crate) name: String,
@@ -69,13 +69,13 @@ pub(crate) struct Array {
 }
 
 impl Array {
-    /// Where it is, for messages.
+    /// Describes its place, for messages.
     pub(crate) fn at(&self) -> String {
         format!("line {}, DataArray \"{}\"", self.line, shown(&self.name))
     }
 }
 
-/// The parts of a piece that hold arrays.
+/// The elements of a piece that hold arrays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Section {
     PointData,
@@ -98,15 +98,15 @@ impl Section {
 /// First and last index of points along each axis.
 pub(crate) type Extent = [[i64; 2]; 3];
 
-/// A part of the data set.
+/// A piece of the data set.
 #[derive(Debug, Default)]
 pub(crate) struct Piece {
     pub(crate) line: u64,
-    /// Of an image or a rectilinear grid.
+    /// The extent, of an image or a rectilinear grid.
     pub(crate) extent: Extent,
-    /// Of an unstructured grid.
+    /// The number, of an unstructured grid.
     pub(crate) points: u64,
-    /// Of an unstructured grid.
+    /// The number, of an unstructured grid.
     pub(crate) cells: u64,
     /// Names of the scalars and the vectors to show: of points, and of cells.
     pub(crate) active: [[Option<String>; 2]; 2],
@@ -114,25 +114,25 @@ pub(crate) struct Piece {
 }
 
 impl Piece {
-    /// The arrays of a part.
+    /// Returns the arrays of a section.
     pub(crate) fn arrays(&self, section: Section) -> impl Iterator<Item = &Array> {
         self.arrays.iter().filter(move |(own, _)| *own == section).map(|(_, array)| array)
     }
 
-    /// An array by name.
+    /// Returns an array of a section by name.
     pub(crate) fn array(&self, section: Section, name: &str) -> Option<&Array> {
         self.arrays(section).find(|array| array.name == name)
     }
 }
 
-/// What a file holds.
+/// The contents of a file.
 #[derive(Debug)]
 pub(crate) struct Document {
     pub(crate) kind: Kind,
     pub(crate) storage: Storage,
-    /// Of an image or a rectilinear grid.
+    /// The extent, of an image or a rectilinear grid.
     pub(crate) whole: Extent,
-    /// Of an image: the place of index 0, the spacing, and the direction, row by row.
+    /// For an image: the position of index 0, the spacing, and the direction, row by row.
     pub(crate) origin: [f64; 3],
     pub(crate) spacing: [f64; 3],
     pub(crate) direction: [f64; 9],

@@ -11,13 +11,13 @@ use crate::io::formats::vtk_xml::pieces::section;
 use crate::io::formats::vtk_xml::pieces::tuples;
 use crate::io::options::ReadOptions;
 
-/// Most notes about arrays.
+/// The limit on notes about arrays.
 const MOST_NOTES: usize = 16;
 
 /// The arrays that can be shown.
 pub(crate) struct Fields {
     pub(crate) arrays: Vec<ArrayInfo>,
-    /// Those that cannot, and why.
+    /// Arrays that cannot be shown, and why.
     skipped: Vec<(Association, String, String)>,
     pub(crate) notes: Vec<String>,
 }
@@ -31,7 +31,7 @@ impl Fields {
         for association in [Association::Point, Association::Cell] {
             fields.add(document, association);
         }
-        // Scalars of points or cells come before vectors of either.
+        // Active scalars of points or cells take precedence over active vectors.
         let marks = document.pieces.first().map(|piece| &piece.active);
         for kind in 0..2 {
             for array in &mut fields.arrays {
@@ -53,7 +53,7 @@ impl Fields {
         Ok(fields)
     }
 
-    /// The arrays that all pieces with points, or cells, have.
+    /// Adds the arrays that all pieces with points, or cells, have.
     fn add(&mut self, document: &Document, association: Association) {
         let section = section(association);
         let pieces: Vec<&Piece> =
@@ -105,7 +105,7 @@ impl Fields {
         self.skipped.push((association, name.to_owned(), why.to_owned()));
     }
 
-    /// Whether arrays are asked for that cannot be read.
+    /// Refuses selected arrays that cannot be read.
     pub(crate) fn check(&self, source: &Source, options: &ReadOptions) -> Result<()> {
         let wanted = [&options.array, &options.radius, &options.covariance, &options.weight];
         for wanted in wanted.into_iter().flatten() {

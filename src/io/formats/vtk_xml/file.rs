@@ -6,7 +6,7 @@ use crate::io::file::source::Source;
 use crate::io::formats::vtk_xml::document::Document;
 use crate::io::formats::vtk_xml::store::Store;
 
-/// A file, while its arrays are read.
+/// A file whose structure has been read.
 pub(crate) struct File<'a> {
     pub(crate) source: &'a Source,
     pub(crate) document: Document,

@@ -22,7 +22,7 @@ use crate::num;
 use crate::scene::Samples;
 
 impl File<'_> {
-    /// A grid.
+    /// Reads image data or a rectilinear grid.
     pub(crate) fn lattice(&mut self, format: &'static str, options: &ReadOptions) -> Result<Loaded> {
         let source = self.source;
         let Document { whole, origin, spacing, direction, kind, .. } = self.document;
@@ -51,7 +51,7 @@ impl File<'_> {
         }
         let points = |extent: Extent| counts(extent).into_iter().fold(1, u64::saturating_mul);
         let sum = pieces.iter().map(|piece| points(piece.extent)).fold(0, u64::saturating_add);
-        // Pieces share points: one cell each, they have eight times as many as the whole.
+        // Pieces share points: with one cell each, they have up to eight times the points of the whole.
         if sum > points(extent).saturating_mul(8) {
             let rule = format!("they overlap: {sum} points in all, {} in {}", points(extent), words(extent));
             return Err(source.error("pieces", rule));
@@ -91,7 +91,7 @@ impl File<'_> {
     }
 }
 
-/// Coordinates of the points along each axis.
+/// Reads the coordinates along each axis and joins those of the pieces.
 fn coordinates(
     source: &Source,
     store: &mut Store,
@@ -114,7 +114,7 @@ fn coordinates(
             }
             let own = counts(piece.extent)[axis];
             store.check(array, own)?;
-            // Its own and the whole list.
+            // Memory is taken for the list of the piece, and below for that of the whole.
             let bytes = own.saturating_mul(8);
             budget.take(&array.at(), bytes)?;
             let mut list = Vec::new();
@@ -140,7 +140,7 @@ fn coordinates(
     Ok(all)
 }
 
-/// One number of each tuple of an array, of all pieces.
+/// Reads the selected part of an array and joins the pieces.
 fn samples_of(
     source: &Source,
     store: &mut Store,
@@ -159,7 +159,7 @@ fn samples_of(
         }
         return Ok(samples);
     }
-    // All arrays must be able to hold their share before the whole is made.
+    // All pieces are checked before the whole is allocated.
     for piece in pieces {
         if let Some(array) = piece.array(section(association), &info.name) {
             store.check(array, numbers(source, array, own(piece), array.components)?)?;
@@ -170,7 +170,7 @@ fn samples_of(
     let count = dims.into_iter().fold(1, u64::saturating_mul);
     let count =
         usize::try_from(count).map_err(|_| source.error(&place, "more samples than memory can address"))?;
-    // The whole has been taken from the budget; which of it is there takes a byte each.
+    // The memory of the whole has been taken; the record of filled samples takes a byte each.
     budget.take(&place, num::wide(count))?;
     let full = |_| source.error(&place, "memory is full");
     samples.reserve(count).map_err(full)?;
@@ -214,7 +214,7 @@ fn samples_of(
 }
 
 impl Samples {
-    /// Fills up with zeros.
+    /// Extends the list with zeros.
     fn resize(&mut self, count: usize) {
         match self {
             Self::U8(v) => v.resize(count, 0),
@@ -224,14 +224,14 @@ impl Samples {
         }
     }
 
-    /// Copies from samples of the same type.
+    /// Copies a range from samples of the same type.
     fn copy(&mut self, to: usize, other: &Self, from: usize, count: usize) {
         match (self, other) {
             (Self::U8(a), Self::U8(b)) => a[to..to + count].copy_from_slice(&b[from..from + count]),
             (Self::U16(a), Self::U16(b)) => a[to..to + count].copy_from_slice(&b[from..from + count]),
             (Self::I16(a), Self::I16(b)) => a[to..to + count].copy_from_slice(&b[from..from + count]),
             (Self::F32(a), Self::F32(b)) => a[to..to + count].copy_from_slice(&b[from..from + count]),
-            // Both are of the array's type.
+            // Both lists have the type of the array.
             _ => {}
         }
     }

@@ -19,20 +19,20 @@ use crate::io::formats::vtk_xml::document::{
 use crate::io::formats::vtk_xml::stream::Counted;
 use crate::num;
 
-/// Longest tag or comment, in bytes.
+/// The limit on the length of a tag or comment, in bytes.
 const MAX_MARKUP: usize = 1 << 20;
 
-/// Most elements within each other.
+/// The limit on nested elements.
 const MAX_DEPTH: usize = 64;
 
-/// Longest name of an element or an array, in bytes: those of open elements are kept.
+/// The limit on the length of element and array names, in bytes.
 const MAX_NAME: usize = 256;
 
-/// Most pieces, and most arrays in all of them.
+/// The limit on pieces, and on arrays in all of them.
 const MAX_COUNT: usize = 1 << 16;
 
 impl Document {
-    /// Reads the structure. What it takes of memory is taken from the budget.
+    /// Reads the structure of the document. Its memory is taken from the budget.
     pub(crate) fn read(source: &Source, budget: &mut Budget) -> Result<Self> {
         let mut stream =
             Counted { reader: source.reader(0, source.encoding()), position: 0, line: 0, fuel: None };
@@ -64,7 +64,7 @@ enum Element {
     Other,
 }
 
-/// The array that is open.
+/// The current array.
 struct Open {
     section: Section,
     array: Array,
@@ -79,7 +79,7 @@ pub(crate) struct Parser<'a> {
     /// The name of the element that holds the pieces.
     name: String,
     array: Option<Open>,
-    /// Arrays behind.
+    /// The number of arrays read.
     arrays: usize,
 }
 
@@ -127,7 +127,7 @@ impl<'a> Parser<'a> {
                     if fuel == Some(0) {
                         return Err(self.error(line, format!("markup longer than {MAX_MARKUP} bytes")));
                     }
-                    // The error is shared, so that only its kind and its words can be handed on.
+                    // The error is shared, so only its kind and its message can be passed on.
                     let error = std::io::Error::new(error.kind(), error.to_string());
                     return Err(stream_error(self.source, error));
                 }
@@ -142,7 +142,7 @@ impl<'a> Parser<'a> {
         self.source.error(format!("line {line}"), rule)
     }
 
-    /// Passes over text, up to the next markup.
+    /// Skips text up to the next markup; records where the numbers of an array are.
     fn text(&mut self) -> Result<()> {
         let (begin, line) = (self.reader.get_ref().position, self.reader.get_ref().line);
         let mut blank = true;
@@ -182,7 +182,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// What an element is.
+    /// Reads a start tag and classifies the element.
     fn open(&mut self, tag: &BytesStart, line: u64, budget: &mut Budget) -> Result<Element> {
         if self.stack.len() >= MAX_DEPTH {
             return Err(self.error(line, format!("more than {MAX_DEPTH} elements within each other")));
@@ -256,7 +256,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// The root element.
+    /// Reads the root element.
     fn file(&mut self, own: &Attributes) -> Result<()> {
         let kind = own.required("type")?;
         let kind = match kind {
@@ -339,7 +339,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// The element that holds the pieces.
+    /// Reads the element that holds the pieces.
     fn set(&mut self, own: &Attributes) -> Result<()> {
         let Some(document) = &mut self.document else { return Ok(()) };
         if document.kind == Kind::Unstructured {
@@ -377,7 +377,7 @@ impl<'a> Parser<'a> {
             Section::CellData => 1,
             Section::Points | Section::Cells | Section::Coordinates => return,
         };
-        // The first piece speaks for all.
+        // The first piece decides the active arrays.
         if let Some(document) = &mut self.document
             && let [piece] = document.pieces.as_mut_slice()
         {
@@ -396,7 +396,7 @@ impl<'a> Parser<'a> {
             return Err(own.error("Name", format!("longer than {MAX_NAME} bytes")));
         }
         let bytes = size::<(Section, Array)>().saturating_add(num::wide(name.len()));
-        // Lists grow by doubling.
+        // Lists grow by doubling, so they may hold twice the size.
         budget.take("arrays", bytes.saturating_mul(2))?;
         let components = match own.get("NumberOfComponents").map(str::trim) {
             None | Some("" | "0") => 1,
@@ -442,7 +442,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// Finds where the appended data begins.
+    /// Finds the beginning of the appended data.
     fn appended(&mut self, tag: &BytesStart, line: u64) -> Result<()> {
         let own = Attributes::of(self.source, tag, line)?;
         let base64 = match own.required("encoding")? {
@@ -471,7 +471,7 @@ impl<'a> Parser<'a> {
     }
 }
 
-/// Bytes of a type.
+/// Returns the size of a type, in bytes.
 fn size<T>() -> u64 {
     u64::try_from(size_of::<T>()).unwrap_or(u64::MAX)
 }

@@ -12,15 +12,15 @@ use crate::io::formats::vtk_xml::document::{Array, Extent, Kind, Piece, Section}
 use crate::io::formats::vtk_xml::store::Store;
 use crate::scene::Samples;
 
-/// Numbers that are taken from a stream at a time, where they change their type.
+/// The number of values converted at a time.
 const CHUNK: usize = 3 << 13;
 
-/// Points of a piece along each axis; 0 where it is empty.
+/// Returns the number of points of an extent along each axis; 0 if it is empty.
 pub(crate) fn counts(extent: Extent) -> [u64; 3] {
     extent.map(|[first, last]| u64::try_from(last - first + 1).unwrap_or(0))
 }
 
-/// Tuples of point data or cell data in a piece, and along which extents.
+/// Returns the number of tuples of point or cell data in a piece.
 pub(crate) fn tuples(kind: Kind, piece: &Piece, association: Association) -> u64 {
     match (kind, association) {
         (Kind::Unstructured, Association::Point) => piece.points,
@@ -29,7 +29,7 @@ pub(crate) fn tuples(kind: Kind, piece: &Piece, association: Association) -> u64
     }
 }
 
-/// Samples along each axis of an extent.
+/// Returns the number of samples along each axis of an extent.
 pub(crate) fn shape(extent: Extent, association: Association) -> [u64; 3] {
     let points = counts(extent);
     match association {
@@ -45,7 +45,7 @@ pub(crate) fn section(association: Association) -> Section {
     }
 }
 
-/// Reads one number of each tuple of an array in a piece.
+/// Reads the selected part of each tuple of an array in a piece.
 pub(crate) fn append(
     store: &mut Store,
     array: &Array,
@@ -62,7 +62,7 @@ pub(crate) fn append(
     })
 }
 
-/// Numbers in so many tuples.
+/// Returns the number of values in `count` tuples.
 pub(crate) fn numbers(source: &Source, array: &Array, count: u64, components: usize) -> Result<u64> {
     u64::try_from(components)
         .ok()
@@ -70,10 +70,10 @@ pub(crate) fn numbers(source: &Source, array: &Array, count: u64, components: us
         .ok_or_else(|| source.error(array.at(), format!("{count} tuples: more than memory can address")))
 }
 
-/// Appends so many numbers from a stream to a list.
+/// Decodes a given number of values of a stream and appends them to a list.
 type Fill<T> = fn(&mut dyn Read, usize, SampleType, Endian, &mut Vec<T>) -> std::io::Result<()>;
 
-/// Hands numbers out in chunks.
+/// Decodes values and passes them on in chunks.
 pub(crate) fn in_chunks<T>(
     reader: &mut dyn Read,
     count: usize,
@@ -94,7 +94,7 @@ pub(crate) fn in_chunks<T>(
     Ok(())
 }
 
-/// An array that a piece must have, of so many components.
+/// Returns an array that a piece must have, with this number of components.
 pub(crate) fn part<'d>(
     source: &Source,
     piece: &'d Piece,
@@ -117,17 +117,17 @@ pub(crate) fn part<'d>(
     Ok(array)
 }
 
-/// An error that goes through a stream.
+/// Makes an error that passes through a stream.
 pub(crate) fn wrong(rule: String) -> std::io::Error {
     std::io::Error::new(std::io::ErrorKind::InvalidData, rule)
 }
 
-/// An index as a coordinate. Extents are 32-bit numbers: exact.
+/// Converts an index of an extent, which fits 32 bits, to a coordinate.
 pub(crate) fn f64_of(index: i64) -> f64 {
     i32::try_from(index).map_or(f64::NAN, f64::from)
 }
 
-/// An extent as files write it.
+/// Formats an extent as files write it.
 pub(crate) fn words(extent: Extent) -> String {
     let [[a, b], [c, d], [e, f]] = extent;
     format!("{a} {b} {c} {d} {e} {f}")

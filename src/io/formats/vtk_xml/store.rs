@@ -17,20 +17,20 @@ use crate::io::formats::vtk_xml::bytes::Bytes;
 use crate::io::formats::vtk_xml::cursor::Cursor;
 use crate::io::formats::vtk_xml::document::{Array, Place, Storage, Text};
 
-/// How often a file as large as the arrays in it may be read.
+/// The limit on the bytes read, as a multiple of the file size.
 const MOST_OFTEN: u64 = 16;
 
-/// The arrays of a file.
+/// Reads the numbers of arrays.
 pub(crate) struct Store<'a> {
     source: &'a Source,
     storage: Storage,
     cursor: Cursor<'a>,
     budget: Budget<'a>,
-    /// Stored bytes that were read.
+    /// The number of stored bytes read.
     behind: u64,
 }
 
-/// What takes numbers from a stream.
+/// A function that takes numbers from a stream.
 pub(crate) type Taker<'t> = dyn FnMut(&mut dyn Read, SampleType, Endian) -> std::io::Result<()> + 't;
 
 impl<'a> Store<'a> {
@@ -38,12 +38,12 @@ impl<'a> Store<'a> {
         Self { source, storage, cursor: Cursor::new(source), budget, behind: 0 }
     }
 
-    /// The type of an array's numbers.
+    /// Returns the type of an array, or the error that it cannot be read.
     fn kind(&self, array: &Array) -> Result<SampleType> {
         array.kind.clone().map_err(|why| self.source.error(array.at(), format!("cannot be read: {why}")))
     }
 
-    /// Where an array's bytes begin, how many there are at most, and whether they are in base64.
+    /// Returns the offset of an array's bytes, an upper bound of their number, and whether they are base64 or text.
     fn span(&self, array: &Array) -> Result<(u64, u64, bool)> {
         let source = self.source;
         Ok(match array.place {
@@ -63,7 +63,7 @@ impl<'a> Store<'a> {
         })
     }
 
-    /// Checks, before memory is taken, whether an array can hold so many numbers.
+    /// Checks that an array can hold `count` numbers, before memory is allocated.
     pub(crate) fn check(&self, array: &Array, count: u64) -> Result<()> {
         let kind = self.kind(array)?;
         let (_, stored, base64) = self.span(array)?;
@@ -81,7 +81,7 @@ impl<'a> Store<'a> {
         Err(self.source.error(array.at(), rule))
     }
 
-    /// Has exactly so many numbers of an array taken from a stream.
+    /// Passes a stream of an array to `taker`, and checks that it holds exactly `count` numbers.
     pub(crate) fn take(&mut self, array: &Array, count: u64, taker: &mut Taker) -> Result<()> {
         if count == 0 {
             return Ok(());
@@ -92,7 +92,7 @@ impl<'a> Store<'a> {
         if let Place::Base64(text) = array.place {
             self.blank(array, count, text.end)?;
         }
-        // Arrays may lie in the same place, but not so often that a small file is a lot of work.
+        // Arrays may share bytes, but not so often that a small file takes long to read.
         self.behind = self.behind.saturating_add(self.cursor.position.saturating_sub(begin));
         let most = self.source.encoding().most(self.source.len()).saturating_mul(MOST_OFTEN);
         if self.behind <= most {
@@ -101,7 +101,7 @@ impl<'a> Store<'a> {
         Err(self.source.error(array.at(), "too many arrays lie in the same place"))
     }
 
-    /// Whether nothing but blanks is left of a text.
+    /// Checks that only blanks are left of a text.
     fn blank(&mut self, array: &Array, count: u64, end: u64) -> Result<()> {
         while self.cursor.position < end {
             let left = usize::try_from(end - self.cursor.position).unwrap_or(usize::MAX);

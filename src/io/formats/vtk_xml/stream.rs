@@ -4,14 +4,14 @@ use std::io::{BufRead, Read};
 
 use crate::num;
 
-/// A stream that counts.
+/// A stream that counts bytes and lines.
 pub(crate) struct Counted<'a> {
     pub(crate) reader: Box<dyn BufRead + 'a>,
-    /// Bytes behind.
+    /// Bytes read.
     pub(crate) position: u64,
-    /// Line breaks behind.
+    /// Line breaks read.
     pub(crate) line: u64,
-    /// Bytes that may still come, where their number is limited.
+    /// The number of bytes that may still be read, if limited.
     pub(crate) fuel: Option<usize>,
 }
 
@@ -34,7 +34,7 @@ impl BufRead for Counted<'_> {
     }
 
     fn consume(&mut self, bytes: usize) {
-        // What is consumed was filled before, so this reads nothing.
+        // The bytes are in the buffer already, so this reads nothing.
         if let Ok(filled) = self.reader.fill_buf() {
             let lines = filled.iter().take(bytes).filter(|&&byte| byte == b'\n').count();
             self.line += u64::try_from(lines).unwrap_or(0);
