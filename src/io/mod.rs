@@ -1,8 +1,8 @@
 //! Readers and writers of files: volumes, meshes, points, surfaces, scene files and images.
 //!
-//! [`read()`] finds the format by content, else by file name, and returns scene data with a [`Report`].
+//! [`read`] finds the format by content, else by file name, and returns scene data with a [`Report`].
 //! Rooms, each may use those before it: `file` (open files, text, samples), `build` (from arrays to scene data),
-//! `formats` (one reader per format), then the registry, folders and `read`; `write`, `image`; `scene_file`.
+//! `formats` (one reader per format), then the registry, folders and `read_data`; `write`, `image`; `scene_file`.
 //! The module uses `scene`, `image`, `num`, `error` and `replace`; the program, the C interface and tests use it.
 //!
 //! Every size is checked against the file and the memory limit before memory is allocated. Compressed streams are read
@@ -14,7 +14,7 @@ mod folder;
 mod formats;
 mod image;
 mod options;
-mod read;
+mod read_data;
 mod reader;
 mod registry;
 mod report;
@@ -30,7 +30,7 @@ pub use formats::raw::read_raw;
 pub use formats::triangles::{read_triangles, read_triangles_memory};
 pub use image::{read_exr, write_exr, write_image, write_png};
 pub use options::{Progress, ReadOptions};
-pub use read::{read, read_grid, read_memory};
+pub use read_data::{read, read_grid, read_memory};
 pub use registry::known_formats;
 pub use report::{Loaded, Report};
 pub use write::nrrd::write_nrrd;

@@ -28,7 +28,7 @@ static READERS: &[&dyn Reader] = &[
     &raw::Raw,
 ];
 
-/// Lists the formats that [`read`](crate::io::read()) knows and their file name extensions, in one line.
+/// Lists the formats that [`read`](crate::io::read) knows and their file name extensions, in one line.
 #[must_use]
 pub fn known_formats() -> String {
     let one = |reader: &&dyn Reader| {
@@ -57,7 +57,7 @@ pub(crate) fn read_source(source: &Source, options: &ReadOptions) -> Result<Load
             source.error(
                 "content",
                 format!(
-                    "of no known format: known are {}; raw samples need size and type in their name, as \
+                    "unknown format: known are {}; raw samples need size and type in their name, as \
                      head_256x256x128_int16.raw, in a JSON file beside them, or in a scene file",
                     known_formats()
                 ),
@@ -74,12 +74,12 @@ pub(crate) fn checked(path: &Path, mut loaded: Loaded, options: &ReadOptions) ->
         options.check_kernels("a grid").map_err(|error| error.in_file(path))?;
         let Rescale { slope, intercept } = grid.rescale();
         if !grid.range().iter().all(|value| value.is_finite()) {
-            let rule = format!("{slope:e} * stored + {intercept:e}: goes beyond the range of numbers");
+            let rule = format!("{slope:e} * stored + {intercept:e}: overflows");
             return Err(Error::file(path, "rescale", rule));
         }
         if grid.infinite_count() > 0 {
             loaded.report.warnings.push(format!(
-                "{} samples are infinite, or beyond f32: they take the transfer function's ends",
+                "{} samples are infinite, or beyond f32: they map to the ends of the transfer function",
                 grid.infinite_count()
             ));
         }

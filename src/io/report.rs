@@ -11,7 +11,7 @@ pub struct Report {
     pub format: &'static str,
     /// The arrays of the file, if it has several or names them.
     pub arrays: Vec<ArrayInfo>,
-    /// The array that was read, in the syntax of [`ReadOptions::array`].
+    /// The array that was read, in the syntax of [`ReadOptions::array`](crate::io::ReadOptions::array).
     pub shown: Option<String>,
     /// Changes made to the data.
     pub notes: Vec<String>,

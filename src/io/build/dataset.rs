@@ -39,7 +39,7 @@ impl Dataset {
                 return Err(source.error(
                     "cells",
                     format!(
-                        "cell {cell}: its nodes are {begin} to {end} of {}: offsets must not fall",
+                        "cell {cell}: its nodes are {begin} to {end} of {}: offsets must not decrease",
                         nodes.len()
                     ),
                 ));

@@ -32,7 +32,7 @@ impl Places {
         }
         let turned = spacing.map(|step| if step < 0.0 { -1.0 } else { 1.0 });
         if turned != DVec3::ONE {
-            notes.push("negative spacing: axes are turned round".to_owned());
+            notes.push("negative spacing: axes are reversed".to_owned());
         }
         let origin = origin + direction * (spacing * first);
         let direction = direction * DMat3::from_diagonal(turned);

@@ -69,10 +69,10 @@ pub(crate) fn build(
     };
     let (mesh, mended) = Tets::new(points, tets, scalars).map_err(|error| error.in_file(source.path()))?;
     for (count, what) in [
-        (mended.reoriented, "tetrahedra were inside out and were turned"),
+        (mended.reoriented, "tetrahedra were inside out and were reoriented"),
         (mended.flat, "tetrahedra without volume left out"),
         (mended.nowhere, "tetrahedra with a corner that is not finite left out"),
-        (mesh.blank_count(), "tetrahedra are vacuum, because a scalar of theirs is NaN"),
+        (mesh.blank_count(), "tetrahedra are vacuum, because a scalar is NaN"),
     ] {
         if count > 0 {
             notes.push(format!("{count} {what}"));
@@ -229,10 +229,10 @@ impl<'a> Cutter<'a> {
             notes.push(format!("{cells} {name} became {tets} tetrahedra"));
             // Programs disagree about the orientation of wedges.
             if inside_out > 0 && !matches!(kind, CellKind::Wedge | CellKind::QuadraticWedge) {
-                notes.push(format!("{inside_out} {name} were inside out and were turned"));
+                notes.push(format!("{inside_out} {name} were inside out and were reoriented"));
             }
             if twisted > 0 {
-                warnings.push(format!("{twisted} {name} are twisted: tetrahedra of theirs overlap"));
+                warnings.push(format!("{twisted} {name} are twisted: their tetrahedra overlap"));
             }
         }
         if self.ghosts > 0 {

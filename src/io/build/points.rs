@@ -31,7 +31,7 @@ pub(crate) fn points(
     if nowhere > 0 {
         keep(&mut centres, &finite);
         values.keep(&finite);
-        notes.push(format!("{nowhere} points whose place is not finite left out"));
+        notes.push(format!("{nowhere} points with positions that are not finite left out"));
     }
     let points = values.attach(centres).map_err(|error| error.in_file(source.path()))?;
     let mut warnings = Vec::new();

@@ -103,8 +103,8 @@ mod tests {
         }
     }
 
-    /// Every face inside a convex body of some volume is met by two tetrahedra of opposite sides, where faces
-    /// are told by their places.
+    /// Checks that every face inside a convex body is shared by two tetrahedra on opposite sides, with faces
+    /// identified by position, and that volume and hull area are right.
     fn assert_conforming(mesh: &Tets, volume: f64, hull: f64) {
         let mut faces: HashMap<[[u64; 3]; 3], usize> = HashMap::new();
         let (mut sum, mut area) = (0.0, 0.0);
@@ -273,7 +273,7 @@ mod tests {
         assert!(refusal(of(&[10], &[4], &[0, 1, 2, 4])).contains("node 4: there are 4 points"));
         assert!(refusal(of(&[10], &[3], &[0, 1, 2])).contains("3 nodes, tetrahedra have 4"));
         assert!(refusal(of(&[10], &[4], &[0, 1, 2, 3, 3])).contains("5 nodes, the last cell ends at 4"));
-        assert!(refusal(of(&[10, 10], &[4, 2], &[0, 1, 2, 3])).contains("offsets must not fall"));
+        assert!(refusal(of(&[10, 10], &[4, 2], &[0, 1, 2, 3])).contains("offsets must not decrease"));
         assert!(refusal(of(&[10], &[4, 8], &[0, 1, 2, 3])).contains("1 types, 2 offsets"));
         assert!(refusal(of(&[5], &[3], &[0, 1, 2])).contains("1 triangles: a volume needs solid cells"));
         assert!(refusal(of(&[10, 42], &[4, 8], &[0, 1, 2, 3, 0, 1, 2, 3])).contains("1 of type 42"));
@@ -314,6 +314,6 @@ mod tests {
         let loaded = dataset().build(origin, &mut budget, &mut read, &options).unwrap();
         let Data::Points(points) = loaded.data else { panic!() };
         assert_eq!((points.centres().len(), points.scalars().unwrap()), (2, [5.0, 7.0].as_slice()));
-        assert_eq!(loaded.report.notes, ["1 points whose place is not finite left out"]);
+        assert_eq!(loaded.report.notes, ["1 points with positions that are not finite left out"]);
     }
 }

@@ -239,7 +239,7 @@ impl<'a> Scanner<'a> {
         }
         match std::str::from_utf8(&self.word) {
             Ok(word) => Ok(Some(word)),
-            Err(_) => Err(self.error(format!("\"{}\": is no text", self.word.escape_ascii()))),
+            Err(_) => Err(self.error(format!("\"{}\": is not text", self.word.escape_ascii()))),
         }
     }
 
@@ -490,7 +490,7 @@ mod tests {
         });
         scan(&[b'x'; 300], |s| assert!(s.word().unwrap_err().to_string().contains("longer than 256")));
         scan(&[b'x'; 70_000], |s| assert!(s.next_line().unwrap_err().to_string().contains("65536")));
-        scan(b"\xff\xfe ", |s| assert!(s.word().unwrap_err().to_string().contains("is no text")));
+        scan(b"\xff\xfe ", |s| assert!(s.word().unwrap_err().to_string().contains("is not text")));
     }
 
     #[test]

@@ -28,7 +28,7 @@ use crate::io::file::sample_type::{Pick, SampleType};
 use crate::io::file::source::Source;
 use crate::io::file::text;
 use crate::io::formats::csv::row::is_number;
-use crate::io::formats::csv::row::{Delimiter, Row, is_passed};
+use crate::io::formats::csv::row::{Delimiter, Row, is_skipped};
 use crate::io::formats::csv::table::{Table, positions};
 use crate::io::options::ReadOptions;
 use crate::io::reader::Reader;
@@ -56,7 +56,7 @@ impl Reader for Csv {
         let head = String::from_utf8_lossy(source.head());
         // The last line of the head may be incomplete.
         let Some((lines, _)) = head.rsplit_once('\n') else { return false };
-        let mut rows = lines.lines().filter(|line| !is_passed(line));
+        let mut rows = lines.lines().filter(|line| !is_skipped(line));
         let (Some(first), Some(second)) = (rows.next(), rows.next()) else { return false };
         let delimiter = Delimiter::of(first);
         let cells = |line: &str| {

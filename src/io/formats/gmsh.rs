@@ -114,14 +114,20 @@ impl Reader for Gmsh {
                 warnings.insert(format!("{name}: {missing} of {all} {what} have no value: they are NaN"));
             }
             if filled.strange > 0 {
-                warnings.insert(format!("{name}: {} values belong to nothing in this file", filled.strange));
+                warnings.insert(format!(
+                    "{name}: {} values belong to no node or element in this file",
+                    filled.strange
+                ));
             }
             if filled.again > 0 {
-                warnings.insert(format!("{name}: {} values are given again: the last counts", filled.again));
+                warnings.insert(format!(
+                    "{name}: {} values are given more than once: the last one is used",
+                    filled.again
+                ));
             }
             if view.scheme {
                 warnings.insert(format!(
-                    "{name}: has an interpolation scheme: between nodes it is shown linear all the same"
+                    "{name}: has an interpolation scheme: between nodes it is interpolated linearly anyway"
                 ));
             }
             Ok(Samples::F32(filled.values))

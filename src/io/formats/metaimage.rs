@@ -98,7 +98,7 @@ impl<'a> Header<'a> {
         {
             let there = stored.get();
             loaded.report.warnings.push(format!(
-                "CompressedDataSize {size}: {there} bytes are there, and unpack to what the header says"
+                "CompressedDataSize {size}: {there} bytes are there, and decompress to the announced size"
             ));
         }
         Ok(loaded)

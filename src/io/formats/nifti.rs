@@ -73,13 +73,13 @@ fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<
     let mut offset = f64::from(header.vox_offset);
     if single && offset == 0.0 {
         offset = first;
-        warnings.push("vox_offset is 0: taken for 352, where the data of a single file begins".to_owned());
+        warnings.push("vox_offset is 0: taken as 352, where the data of a single file begins".to_owned());
     }
     let bits = kind.bytes() * 8;
     if u64::try_from(header.bitpix) != Ok(bits) {
         let (given, code) = (header.bitpix, header.datatype);
         warnings
-            .push(format!("bitpix is {given}: datatype {code} ({}) has {bits}, which counts", kind.name()));
+            .push(format!("bitpix is {given}: datatype {code} ({}) has {bits}, which is used", kind.name()));
     }
     // 2^40 is beyond any plausible offset, and a float64 is exact up to there.
     if !(offset >= first && offset <= 1_099_511_627_776.0 && offset.fract() == 0.0) {
@@ -124,7 +124,7 @@ fn doubts(header: &Header) -> Vec<String> {
     }
     let handed = header.pixdim[0];
     if ![-1.0, 0.0, 1.0].contains(&handed) {
-        doubts.push(format!("pixdim[0] is {handed}: must be 1 or -1, and counts by its sign"));
+        doubts.push(format!("pixdim[0] is {handed}: must be 1 or -1, only its sign is used"));
     }
     let squares = [header.quatern_b, header.quatern_c, header.quatern_d].map(|x| f64::from(x).powi(2));
     let sum: f64 = squares.iter().sum();
@@ -134,7 +134,7 @@ fn doubts(header: &Header) -> Vec<String> {
             .push(format!("quatern_b, c and d: squares sum up to {sum:.6}, beyond 1: scaled to unit length"));
     }
     if (1..=3).any(|axis| header.pixdim[axis] < 0.0) {
-        doubts.push("pixdim is negative: counts by its magnitude".to_owned());
+        doubts.push("pixdim is negative: its magnitude is used".to_owned());
     }
     doubts
 }

@@ -97,8 +97,7 @@ impl Reader for Nrrd {
             let read = skipped.get().saturating_add(begin - start).saturating_add(skip);
             skipped.set(read);
             if count > 1 && read > MAX_SKIP {
-                let rule =
-                    format!("passes over {read} bytes in {} files: the limit is {MAX_SKIP}", index + 1);
+                let rule = format!("skips {read} bytes in {} files: the limit is {MAX_SKIP}", index + 1);
                 return Err(header.error(if lines > 0 { "line skip" } else { "byte skip" }, rule));
             }
             Ok(Part { source: data, offset, encoding, skip, text })

@@ -118,7 +118,7 @@ pub(crate) fn read(source: &Source, budget: &mut Budget) -> Result<Triangles> {
                 faces.end(|rule| source.error(format!("line {begin}"), rule))?;
             }
             Some(other) if OTHERS.contains(&other) => {}
-            Some(other) => return Err(wrong(other, "is no statement of OBJ")),
+            Some(other) => return Err(wrong(other, "is not a statement of OBJ")),
         }
     }
     let (points, triangles) = (points.list, faces.finish());

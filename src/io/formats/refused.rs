@@ -19,8 +19,9 @@ const CELLS: &str = "write it as VTK (.vtu) with a program that reads it, such a
 const SAMPLES: &str = "write the samples as NRRD, NIfTI or MetaImage with a program that reads it";
 const PARTICLES: &str = "write the particles as VTK, PLY or CSV";
 const SURFACE: &str = "a surface has no inside to draw; a volume needs samples, solid cells or points";
-const PICTURE: &str = "one picture is no volume; a series of them may come as one TIFF file of several pages";
-const PACKED: &str = "unpack it and give what was in it";
+const PICTURE: &str =
+    "a single picture is not a volume; a series of them may come as one TIFF file of several pages";
+const PACKED: &str = "unpack it and read its contents";
 const PIECES: &str = "give one of the files that it names, or write all as one .vtu or .vti";
 
 /// The formats, special ones before general ones: EXODUS files are NetCDF or HDF5 files.

@@ -39,7 +39,7 @@ fn read(source: &Source, options: &ReadOptions) -> Result<Triangles> {
     } else if name.ends_with(".obj") || name.ends_with(".obj.gz") {
         obj::read(source, &mut budget)?
     } else {
-        let rule = "of no format that surfaces are read from: those are PLY (.ply) and Wavefront OBJ (.obj)";
+        let rule = "no format of surfaces: PLY (.ply) and Wavefront OBJ (.obj) are supported";
         return Err(source.error("content", rule));
     };
     if read.triangles.is_empty() {

@@ -17,7 +17,10 @@ pub(crate) struct ClipSpec {
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields, expecting = "an object with `point` and `normal`, which points to what is kept")]
+#[serde(
+    deny_unknown_fields,
+    expecting = "an object with `point` and `normal`, which points to the side that is kept"
+)]
 struct PlaneSpec {
     point: [f64; 3],
     normal: [f64; 3],

@@ -48,7 +48,7 @@ impl DataSpec {
             Self::Points(points) => match (points.kernels_key(), &spec) {
                 (_, None) => return points.kernels(path),
                 (Some(key), Some(_)) => {
-                    let rule = "stands in `kernels` or in `points`, not in both";
+                    let rule = "must be in `kernels` or in `points`, not in both";
                     return Err(Error::file(path, format!("points.{key}"), rule));
                 }
                 (None, Some(_)) => Kind::Points,

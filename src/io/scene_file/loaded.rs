@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::io::options::ReadOptions;
-use crate::io::read;
+use crate::io::read_data;
 use crate::io::report::{Loaded, Report};
 use crate::io::scene_file::data::SceneData;
 use crate::io::scene_file::technique::TechniqueChoice;
@@ -47,10 +47,10 @@ impl LoadedScene {
     ///
     /// # Errors
     ///
-    /// As [`io::read`] and [`Self::from_loaded`].
+    /// As [`io::read`](crate::io::read) and [`Self::from_loaded`].
     pub fn from_data(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Self> {
         let path = path.as_ref();
-        Self::from_loaded(path, read::read(path, options)?)
+        Self::from_loaded(path, read_data::read(path, options)?)
     }
 
     /// Completes data that has been read, as [`Self::from_data`] does. `path` is for messages.

@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use crate::error::{Error, Result};
 use crate::io::options::ReadOptions;
-use crate::io::read;
+use crate::io::read_data;
 use crate::io::report::Report;
 use crate::io::scene_file::data::{HOLDS_POINTS, SceneData, beside};
 use crate::scene::{Data, Field};
@@ -34,7 +34,7 @@ impl MeshSpec {
             (Some(file), None) => {
                 let file = beside(scene, file);
                 let array = options.array.clone().or_else(|| self.array.clone());
-                let loaded = read::read(&file, &ReadOptions { array, ..options.clone() })?;
+                let loaded = read_data::read(&file, &ReadOptions { array, ..options.clone() })?;
                 match loaded.data {
                     Data::Mesh(_) => Ok(SceneData::new(&file, loaded)),
                     Data::Grid(_) => {

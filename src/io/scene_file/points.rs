@@ -8,7 +8,7 @@ use serde::{Deserialize, Deserializer};
 
 use crate::error::{Error, Result};
 use crate::io::options::ReadOptions;
-use crate::io::read;
+use crate::io::read_data;
 use crate::io::report::Report;
 use crate::io::scene_file::data::{SceneData, beside};
 use crate::io::scene_file::kernels::{KernelsSpec, Kind};
@@ -123,7 +123,7 @@ impl PointsSpec {
                 None => {}
             }
         }
-        let loaded = read::read(file, &wanted)?;
+        let loaded = read_data::read(file, &wanted)?;
         let holds = |what: &str| Err(Error::file(file, "content", format!("holds a {what}")));
         let points = match loaded.data {
             Data::Points(points) => points,

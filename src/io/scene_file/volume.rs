@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::io::formats::raw;
 use crate::io::formats::raw::layout::Described;
 use crate::io::options::ReadOptions;
-use crate::io::read;
+use crate::io::read_data;
 use crate::io::report::Report;
 use crate::io::scene_file::data::{SceneData, beside};
 use crate::scene::{Field, Grid};
@@ -78,7 +78,10 @@ impl VolumeSpec {
                     None => {
                         let file = beside(scene, file);
                         let array = options.array.clone().or_else(|| self.array.clone());
-                        SceneData::grid(&file, read::read(&file, &ReadOptions { array, ..options.clone() })?)
+                        SceneData::grid(
+                            &file,
+                            read_data::read(&file, &ReadOptions { array, ..options.clone() })?,
+                        )
                     }
                 },
             },

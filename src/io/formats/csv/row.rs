@@ -41,7 +41,7 @@ impl Delimiter {
 }
 
 /// Whether a line is blank or a comment.
-pub(crate) fn is_passed(line: &str) -> bool {
+pub(crate) fn is_skipped(line: &str) -> bool {
     let line = line.trim();
     line.is_empty() || line.starts_with('#')
 }
@@ -172,7 +172,7 @@ impl<'a> Rows<'a> {
             if self.scanner.lines() == 1 && line.starts_with('\u{feff}') {
                 line.remove(0);
             }
-            if is_passed(&line) {
+            if is_skipped(&line) {
                 if let Some(comment) = line.trim().strip_prefix('#').filter(|_| self.delimiter.is_none()) {
                     self.comment = Some(comment.to_owned());
                 }

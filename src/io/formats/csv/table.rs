@@ -64,7 +64,7 @@ pub(crate) fn positions<'n>(
 }
 
 /// A column; its type is None if it holds no numbers.
-pub(crate) struct Told {
+pub(crate) struct TableColumn {
     pub(crate) name: String,
     pub(crate) kind: Option<SampleType>,
 }
@@ -77,7 +77,7 @@ pub(crate) struct Table<'a> {
     header: bool,
     /// Whether the columns have names.
     named: bool,
-    pub(crate) columns: Vec<Told>,
+    pub(crate) columns: Vec<TableColumn>,
     pub(crate) axes: [usize; 3],
     pub(crate) rows: u64,
 }
@@ -98,7 +98,7 @@ impl<'a> Table<'a> {
         let delimiter = rows.delimiter.unwrap_or(Delimiter::Blanks);
         let cells: Vec<String> = (0..width).map(|i| rows.row.cell(i).to_owned()).collect();
         let twice = |column: usize| {
-            rows.error(format!("column {} is a position again: which one counts?", column + 1))
+            rows.error(format!("column {} is a second column of the same coordinate", column + 1))
         };
         let mut axes = positions(cells.iter().map(String::as_str)).map_err(twice)?;
         let numeric: Vec<usize> = (0..width).filter(|&i| is_number(&cells[i])).collect();
@@ -134,7 +134,7 @@ impl<'a> Table<'a> {
             return Err(rows.error(rule));
         }
         let names = names.iter().map(|name| text::plain(name));
-        let columns = names.map(|name| Told { name, kind: None }).collect();
+        let columns = names.map(|name| TableColumn { name, kind: None }).collect();
         let mut table = Self { source, delimiter, header, named, columns, axes, rows: 0 };
         let mut words = vec![false; width];
         let mut more = !header || rows.next()?;
@@ -198,7 +198,8 @@ impl<'a> Table<'a> {
         let mut notes = Vec::new();
         if !self.named {
             let [x, y, z] = self.axes.map(|axis| axis + 1);
-            notes.push(format!("no names of columns: columns {x}, {y} and {z} are taken for x, y and z"));
+            notes
+                .push(format!("the columns have no names: columns {x}, {y} and {z} are taken as x, y and z"));
         }
         let words = self.columns.iter().filter(|told| told.kind.is_none() && !told.name.is_empty());
         let words: Vec<&str> = words.map(|told| told.name.as_str()).take(16).collect();

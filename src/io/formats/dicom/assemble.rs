@@ -120,7 +120,7 @@ fn describe(first: &Header, same: bool, notes: &mut Vec<String>) {
     }
     if !same {
         notes.push(
-            "slices differ in slope and intercept: values are kept after them, as 32-bit floats".to_owned(),
+            "slices differ in slope and intercept: values are rescaled and kept as 32-bit floats".to_owned(),
         );
     }
 }

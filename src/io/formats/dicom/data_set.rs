@@ -74,7 +74,7 @@ fn inflate(source: &Source, begin: u64, account: &mut Account) -> Result<Source>
     Source::unpacked(source.path(), bytes)
 }
 
-/// What the pass has collected so far.
+/// The results of the pass so far.
 struct State {
     header: Header,
     /// Values that the shared functional groups give for all frames.

@@ -78,7 +78,7 @@ pub(crate) struct Header {
 }
 
 impl Header {
-    /// The header of a file of which nothing is known but its encoding.
+    /// Returns an empty header; only the encoding is known.
     pub(crate) fn empty(path: &Path, syntax: Syntax, packing: Packing, syntax_uid: String) -> Self {
         Self {
             path: path.to_path_buf(),

@@ -95,7 +95,7 @@ pub(crate) fn read(source: &Source, options: &ReadOptions) -> Result<Loaded> {
         let files = if damaged == 1 { "file" } else { "files" };
         loaded.report.warnings.push(format!(
             "{damaged} damaged {files} of the folder left out: slices of the series may be missing, at its ends or \
-             where values between others were made up"
+             where values were interpolated"
         ));
     }
     Ok(loaded)

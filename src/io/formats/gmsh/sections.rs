@@ -16,7 +16,7 @@ use crate::io::formats::gmsh::tags::Tags;
 use crate::io::formats::gmsh::views::Views;
 
 /// The limit on names of physical groups, and of skipped sections, in notes.
-const MAX_TOLD: usize = 16;
+const MAX_NAMED: usize = 16;
 
 /// The state of the pass over the sections.
 struct State {
@@ -131,7 +131,7 @@ impl File {
             }
             _ => {
                 let quiet = ["Comments", "Periodic", "InterpolationScheme"].contains(&name);
-                if !quiet && state.passed.len() < MAX_TOLD {
+                if !quiet && state.passed.len() < MAX_NAMED {
                     state.passed.insert(name.to_owned());
                 }
                 pass_section(stream, name)?;
@@ -151,10 +151,10 @@ impl File {
             self.notes
                 .push(format!("{reduced} prisms or pyramids: the nodes in the middle of faces left out"));
         }
-        for name in self.left_out.iter().take(MAX_TOLD) {
+        for name in self.left_out.iter().take(MAX_NAMED) {
             self.notes.push(format!("{name}: is $ElementNodeData, left out"));
         }
-        if let Some(more @ 1..) = self.left_out.len().checked_sub(MAX_TOLD) {
+        if let Some(more @ 1..) = self.left_out.len().checked_sub(MAX_NAMED) {
             self.notes.push(format!("and {more} more arrays of $ElementNodeData left out"));
         }
         for name in passed {
@@ -176,7 +176,7 @@ fn read_names(stream: &mut Stream) -> Result<Vec<String>> {
         }
         let name = line.strip_prefix("3 ").and_then(|name| name.trim_start().split_once(' '));
         let Some((number, name)) = name else { continue };
-        if names.len() == MAX_TOLD {
+        if names.len() == MAX_NAMED {
             more += 1;
         } else {
             names.push(format!("{} is {}", shown(number), shown(name.trim())));

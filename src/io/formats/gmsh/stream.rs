@@ -160,7 +160,7 @@ pub(crate) fn read_format(stream: &mut Stream) -> Result<Format> {
             return Err(stream.scanner.error(rule));
         }
     };
-    let binary: u8 = stream.scanner.number("0 for words or 1 for binary")?;
+    let binary: u8 = stream.scanner.number("0 for text or 1 for binary")?;
     let size: u8 = stream.scanner.number("a size in bytes")?;
     let sizes = match size {
         4 => (SampleType::U32, SampleType::F32),
@@ -182,7 +182,7 @@ pub(crate) fn read_format(stream: &mut Stream) -> Result<Format> {
             }
         }
         other => {
-            let rule = format!("file type {other}: must be 0 for words or 1 for binary");
+            let rule = format!("file type {other}: must be 0 for text or 1 for binary");
             return Err(stream.scanner.line_error(rule));
         }
     };

@@ -17,7 +17,7 @@ impl<'a> Header<'a> {
         let text = !self.truth("BinaryData")?.unwrap_or(true);
         let compressed = self.truth("CompressedData")?.unwrap_or(false);
         if text && compressed {
-            return Err(fields.error("CompressedData", "must not be given together with numbers in words"));
+            return Err(fields.error("CompressedData", "must not be given together with text data"));
         }
         let skip = fields.whole_number("HeaderSize", -1)?;
         if skip < 0 && (text || compressed) {

@@ -43,7 +43,7 @@ impl<'a> Header<'a> {
         let turned = spacing.map(|number| if number < 0.0 { -1.0 } else { 1.0 });
         let direction = direction * DMat3::from_diagonal(turned);
         if turned != DVec3::ONE {
-            notes.push("a negative spacing turns its axis round".to_owned());
+            notes.push("a negative spacing reverses its axis".to_owned());
         }
 
         if let Some(centre) = self.numbers("CenterOfRotation", rank)?

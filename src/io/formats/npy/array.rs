@@ -58,7 +58,7 @@ impl<'a> Array<'a> {
         }
         let bytes = source.bytes(begin, length)?;
         let Ok(header) = std::str::from_utf8(&bytes) else {
-            return Err(source.error("header", "is no text"));
+            return Err(source.error("header", "is not text"));
         };
         let (descr, fortran, shape) = Literal { source, header, at: 0 }.header()?;
         let (kind, half, endian) = number_type(source, &descr)?;

@@ -130,12 +130,12 @@ impl Lines {
             _ => return Err("must be a type and a name, or a list".to_owned()),
         };
         let Some(kind) = sample_type(kind) else {
-            return Err(format!("\"{}\" is no type", shown(kind)));
+            return Err(format!("\"{}\" is not a type", shown(kind)));
         };
         let list = match list.map(|length| (length, sample_type(length))) {
             None => None,
             Some((_, Some(length))) if !matches!(length, SampleType::F32 | SampleType::F64) => Some(length),
-            Some((length, _)) => return Err(format!("\"{}\" is no type of a length", shown(length))),
+            Some((length, _)) => return Err(format!("\"{}\" is not a type of a length", shown(length))),
         };
         if !self.properties.insert(name.to_owned()) {
             return Err("a second property of this name".to_owned());

@@ -88,7 +88,7 @@ impl<'a> File<'a> {
     pub(crate) fn piece(&mut self, place: &str, offset: u64, len: u64) -> Result<Vec<u8>> {
         self.headers = self.headers.saturating_add(len);
         if self.headers > self.source.len().saturating_mul(8).saturating_add(1 << 16) {
-            return Err(self.source.error(place, "directories lie over each other"));
+            return Err(self.source.error(place, "directories overlap"));
         }
         if offset.checked_add(len).is_none_or(|end| end > self.source.len()) {
             let rule = format!("{len} bytes at byte {offset}: the file has {}", self.source.len());
@@ -196,7 +196,7 @@ impl<'a> File<'a> {
         let all = self.source.len();
         self.data = self.data.saturating_add(len);
         if self.data > all {
-            return Err(self.source.error(place, "strips or tiles lie over each other"));
+            return Err(self.source.error(place, "strips or tiles overlap"));
         }
         if offset.checked_add(len).is_none_or(|end| end > all) {
             let rule = format!("{len} bytes at byte {offset}: the file has {all}");

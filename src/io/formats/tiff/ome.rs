@@ -29,7 +29,9 @@ pub(crate) fn ome(description: &str) -> Option<Calibration> {
     }
     let mut calibration = first?;
     if images > 1 {
-        calibration.warnings.push(format!("OME-XML describes {images} images: the first one's voxels count"));
+        calibration
+            .warnings
+            .push(format!("OME-XML describes {images} images: the voxel size of the first one is used"));
     }
     Some(calibration)
 }

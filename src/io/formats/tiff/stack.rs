@@ -44,7 +44,7 @@ impl<'a> Stack<'a> {
                 break;
             }
             if !seen.insert(next) {
-                let rule = format!("{next}: the chain of pages comes back to where it was");
+                let rule = format!("{next}: the chain of pages has a loop");
                 return Err(source.error(format!("page {}: next directory", number - 1), rule));
             }
             if number > MAX_PAGES {
@@ -106,7 +106,7 @@ impl<'a> Stack<'a> {
         }
         let count = usize::try_from(images).ok().filter(|&count| count <= MAX_PAGES);
         let count = count.ok_or_else(|| error(format!("{images}: more than {MAX_PAGES}")))?;
-        self.notes.push(format!("{images} images follow each other behind 1 page"));
+        self.notes.push(format!("1 page describes {images} contiguous images"));
         Ok(Some(count))
     }
 

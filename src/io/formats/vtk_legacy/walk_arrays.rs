@@ -36,7 +36,7 @@ impl<'a> Walk<'a> {
         if !known.contains(&keyword) {
             let shown = text::shown(keyword);
             return Err(
-                self.error(format!("\"{shown}\": is no keyword of {kind}, or data before it is longer"))
+                self.error(format!("\"{shown}\": is not a keyword of {kind}, or data before it is longer"))
             );
         }
         let Some((association, count)) = self.section else {

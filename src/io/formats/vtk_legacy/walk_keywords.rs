@@ -88,7 +88,7 @@ impl<'a> Walk<'a> {
     fn end(self) -> Contents {
         let mut contents = self.contents;
         if self.long {
-            contents.notes.push("long numbers take 4 bytes, as what follows them shows".to_owned());
+            contents.notes.push("numbers of type long have 4 bytes, as the text after them shows".to_owned());
         }
         let [whole, text, tuples] = self.apart;
         let many = format!("without components, or with more than {MAX_COMPONENTS},");
@@ -123,7 +123,7 @@ impl<'a> Walk<'a> {
                     && self.contents.warnings.len() < MAX_NAMES
                 {
                     let [x, y, z] = spacing;
-                    let rule = format!("the spacing before was {i} {j} {k}, the last counts");
+                    let rule = format!("the previous spacing was {i} {j} {k}, the last one is used");
                     self.contents.warnings.push(format!("{keyword} {x} {y} {z}: {rule}"));
                 }
                 Ok(())
@@ -190,7 +190,8 @@ impl<'a> Walk<'a> {
         let pairs = [(x0, x1), (y0, y1), (z0, z1)];
         for (extent, (first, last)) in dims.iter_mut().zip(pairs) {
             let range = u32::try_from(i64::from(last) - i64::from(first) + 1).ok();
-            *extent = range.ok_or_else(|| self.error(format!("EXTENT {first} to {last}: must not fall")))?;
+            *extent =
+                range.ok_or_else(|| self.error(format!("EXTENT {first} to {last}: must not decrease")))?;
         }
         self.contents.first = [x0, y0, z0].map(f64::from);
         self.once("EXTENT", |contents| &mut contents.dims, dims)
@@ -237,7 +238,7 @@ impl<'a> Walk<'a> {
         let count = self.count("tuples")?;
         let before = self.contents.announced[side(association)].replace(count);
         if let Some(before) = before.filter(|&before| before != count) {
-            return Err(self.error(format!("{count}: there is data for {before} before")));
+            return Err(self.error(format!("{count}: the data before is for {before}")));
         }
         self.section = Some((association, count));
         Ok(())

@@ -37,7 +37,7 @@ impl File<'_> {
 
         let full = pieces.iter().filter(|piece| piece.points > 0).count();
         if full > 1 {
-            self.notes.push(format!("{full} pieces were put together"));
+            self.notes.push(format!("{full} pieces were joined"));
         }
         let arrays = self.arrays.clone();
         let origin = Origin { source, format, arrays: arrays.clone() };
@@ -151,7 +151,7 @@ fn read_types(source: &Source, store: &mut Store, pieces: &[Piece]) -> Result<Ve
             in_chunks(reader, count, kind, endian, decode::append_indices, &mut |chunk| {
                 for &number in chunk {
                     list.push(
-                        u8::try_from(number).map_err(|_| wrong(format!("{number}: no type of a cell")))?,
+                        u8::try_from(number).map_err(|_| wrong(format!("{number}: not a type of a cell")))?,
                     );
                 }
                 Ok(())

@@ -61,7 +61,7 @@ impl File<'_> {
             *dim = num::count(index(source, "WholeExtent", count)?);
         }
         if pieces.len() > 1 {
-            self.notes.push(format!("{} pieces were put together", pieces.len()));
+            self.notes.push(format!("{} pieces were joined", pieces.len()));
         }
 
         let places = if kind == Kind::Image {
