@@ -15,6 +15,7 @@ mod num;
 mod optics;
 mod primitives;
 pub mod reference;
+mod replace;
 mod resident;
 pub mod scene;
 pub mod technique;

@@ -163,7 +163,7 @@ impl Profile {
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, "write", source))?;
         }
-        crate::io::replace(&path, |writer| writer.write_all(text.as_bytes()))?;
+        crate::replace::replace(&path, |writer| writer.write_all(text.as_bytes()))?;
         Ok(path)
     }
 

@@ -60,7 +60,8 @@ impl PipelineCacheFile {
         }
         let Some(folder) = self.path.parent() else { return };
         if std::fs::create_dir_all(folder).is_ok() {
-            let _ = crate::io::replace(&self.path, |writer| writer.write_all(&wrap(data, &self.identity)));
+            let _ =
+                crate::replace::replace(&self.path, |writer| writer.write_all(&wrap(data, &self.identity)));
         }
     }
 }

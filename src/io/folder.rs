@@ -1,24 +1,29 @@
-//! A folder: slices in files of their own, or one data file.
+//! Folders: a stack of slices, one per file, or exactly one data file.
 
 use std::cmp::Ordering;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::source::Source;
-use super::{Loaded, ReadOptions, Reader as _, by_content, by_name, dicom, tiff};
 use crate::error::{Error, Result};
+use crate::io::file::source::Source;
+use crate::io::formats::dicom::{self, recognise};
+use crate::io::formats::tiff::{self, file};
+use crate::io::options::ReadOptions;
+use crate::io::reader::Reader as _;
+use crate::io::registry::{by_content, by_name};
+use crate::io::report::Loaded;
 
-/// Most files that are looked at.
+/// The limit on files examined in a folder.
 const MAX_FILES: usize = 1 << 17;
 
-/// Reads what a folder holds: slices in TIFF files, a DICOM series, or exactly one data file.
-pub(super) fn read(folder: &Path, options: &ReadOptions) -> Result<Loaded> {
+/// Reads the contents of a folder: slices in TIFF files, a DICOM series, or exactly one data file.
+pub(crate) fn read(folder: &Path, options: &ReadOptions) -> Result<Loaded> {
     let mut files = Files::list(folder)?;
     files.sort(options)?;
     let Files { slices, images, others, left_out, folders, .. } = &files;
     let mut loaded = match (slices.as_slice(), images.as_slice(), others.as_slice()) {
         ([path], [], []) | ([], [], [(path, _)]) => {
-            super::read_source(&Source::open(path, options)?, options)
+            crate::io::registry::read_source(&Source::open(path, options)?, options)
         }
         (slices, [], []) if !slices.is_empty() => {
             let mut loaded = tiff::read_series(folder, slices, options)?;
@@ -37,7 +42,7 @@ pub(super) fn read(folder: &Path, options: &ReadOptions) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// The files of a folder, by what they are.
+/// The files of a folder, sorted by kind.
 #[derive(Debug, Default)]
 struct Files {
     all: Vec<PathBuf>,
@@ -46,9 +51,9 @@ struct Files {
     slices: Vec<PathBuf>,
     /// DICOM.
     images: Vec<PathBuf>,
-    /// Of other formats, with their names.
+    /// Files of other formats, with the names of the formats.
     others: Vec<(PathBuf, &'static str)>,
-    /// Names of files that are none of them.
+    /// Names of files of no known format.
     left_out: Vec<String>,
 }
 
@@ -71,7 +76,7 @@ impl Files {
         Ok(files)
     }
 
-    /// Looks at each file, one at a time.
+    /// Sorts the files by content and name, opening one at a time.
     fn sort(&mut self, options: &ReadOptions) -> Result<()> {
         let named = |path: &Path, endings: &[&str]| {
             path.extension().is_some_and(|own| endings.iter().any(|ending| own.eq_ignore_ascii_case(ending)))
@@ -84,10 +89,10 @@ impl Files {
                 continue;
             }
             let source = Source::open(&path, options)?;
-            // What is named as a slice and is none must not be missed.
-            if tiff::is(&source) || named(&path, tiff::Tiff.extensions()) {
+            // A file named as a slice must not be skipped silently if its content is not one.
+            if file::is_tiff(&source) || named(&path, tiff::Tiff.extensions()) {
                 self.slices.push(path);
-            } else if dicom::is(&source) || named(&path, dicom::Dicom.extensions()) {
+            } else if recognise::is_dicom(&source) || named(&path, dicom::Dicom.extensions()) {
                 self.images.push(path);
             } else if let Some(reader) = by_content(&source) {
                 self.others.push((path, reader.name()));
@@ -97,7 +102,7 @@ impl Files {
                 self.left_out.push(name);
             }
         }
-        // Where a file is known by its content, others are known by their names alone: its samples, say.
+        // If content identifies one file, files identified by name alone are taken as its parts, such as its samples.
         if self.slices.is_empty() && self.images.is_empty() && self.others.is_empty() {
             self.others = named_only;
         } else {
@@ -106,7 +111,7 @@ impl Files {
         Ok(())
     }
 
-    /// What there is, and what there should be.
+    /// Says what the folder holds and what is supported.
     fn refusal(&self) -> String {
         let mut held = Vec::new();
         let mut count = |count: usize, what: &str| match count {
@@ -136,7 +141,7 @@ fn name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Files that systems and people put beside data.
+/// Whether the name is that of a file that operating systems or people put beside data.
 fn is_aside(name: &str) -> bool {
     let lower = name.to_lowercase();
     lower.starts_with('.')
@@ -145,7 +150,7 @@ fn is_aside(name: &str) -> bool {
 }
 
 fn left_out_note(names: &[String]) -> Option<String> {
-    /// Most names of a note.
+    /// The limit on names in one note.
     const MOST: usize = 8;
     if names.is_empty() {
         return None;
@@ -158,12 +163,12 @@ fn left_out_note(names: &[String]) -> Option<String> {
     Some(format!("left out: {}", list.join(", ")))
 }
 
-/// Pieces of a name: text and whole numbers in turn.
+/// Splits a name into alternating pieces of text and digits.
 fn pieces(name: &str) -> Vec<&str> {
     let digit = |byte: u8| byte.is_ascii_digit();
     name.as_bytes()
         .chunk_by(|&a, &b| digit(a) == digit(b))
-        // Digits are characters of their own: pieces begin and end between characters.
+        // Digits are ASCII, so pieces begin and end at character boundaries.
         .scan(0, |at, piece| {
             let begin = *at;
             *at += piece.len();
@@ -176,7 +181,7 @@ fn is_number(piece: &str) -> bool {
     piece.starts_with(|c: char| c.is_ascii_digit())
 }
 
-/// The order of names in which numbers count as such: 2 before 10.
+/// Compares names so that numbers in them sort by value: 2 before 10.
 fn natural(a: &str, b: &str) -> Ordering {
     let (left, right) = (pieces(a), pieces(b));
     for (left, right) in left.iter().zip(&right) {
@@ -193,7 +198,7 @@ fn natural(a: &str, b: &str) -> Ordering {
     left.len().cmp(&right.len()).then_with(|| a.cmp(b))
 }
 
-/// What looks wrong about the names of slices in their order.
+/// Returns a warning if the names of consecutive slices suggest gaps or several series.
 fn numbering(paths: &[PathBuf]) -> Option<String> {
     let names: Vec<String> = paths.iter().map(|path| name(path)).collect();
     let first = pieces(names.first()?);

@@ -1,30 +1,28 @@
-//! Images: OpenEXR for the record, PNG for looking.
-//!
-//! Every file is written beside its place under another name and renamed when it is complete.
+//! Images as OpenEXR (32-bit float, lossless) and as PNG (8-bit sRGB).
 
-use std::fs::{File, OpenOptions};
-use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::fs::File;
+use std::io::Write as _;
+use std::path::Path;
 
-use ::image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use ::image::{ExtendedColorType, ImageEncoder as _, codecs::png::PngEncoder};
 use exr::prelude::{
-    Encoding, Layer, LayerAttributes, MetaData, ReadChannels, ReadLayers, SpecificChannels, Vec2,
-    WritableImage,
+    Encoding, Layer, LayerAttributes, MetaData, ReadChannels as _, ReadLayers as _, SpecificChannels, Vec2,
+    WritableImage as _,
 };
 
-use super::ReadOptions;
 use crate::error::{Error, Result};
 use crate::image::Image;
+use crate::io::options::ReadOptions;
 use crate::num;
+use crate::replace::replace;
 
-/// Writes an image as OpenEXR or PNG, by the ending of the file's name.
+/// Writes an image as OpenEXR or PNG, chosen by the file name extension.
 ///
-/// `background` is straight linear RGBA and counts for PNG only.
+/// `background` is straight (not premultiplied) linear RGBA; only PNG uses it.
 ///
 /// # Errors
 ///
-/// [`Error::File`] for another ending, otherwise as [`write_exr`] and [`write_png`].
+/// [`Error::File`] for any other extension, otherwise as [`write_exr`] and [`write_png`].
 pub fn write_image(path: impl AsRef<Path>, image: &Image, background: [f64; 4]) -> Result<()> {
     let path = path.as_ref();
     match path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).as_deref() {
@@ -38,7 +36,7 @@ pub fn write_image(path: impl AsRef<Path>, image: &Image, background: [f64; 4]) 
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if the file cannot be written; nothing is left behind then.
+/// [`Error::Io`] if the file cannot be written; no partial file remains.
 pub fn write_exr(path: impl AsRef<Path>, image: &Image) -> Result<()> {
     let pixel = |position: Vec2<usize>| {
         let [r, g, b, a] = image.pixels()[position.y() * num::index(image.width()) + position.x()];
@@ -49,7 +47,7 @@ pub fn write_exr(path: impl AsRef<Path>, image: &Image) -> Result<()> {
         Layer::new(size, LayerAttributes::default(), Encoding::SMALL_LOSSLESS, SpecificChannels::rgba(pixel));
     let file = exr::prelude::Image::from_layer(layer);
     replace(path.as_ref(), |writer| {
-        // The format's offsets are patched at the end, which wants a seekable writer.
+        // The encoder patches offsets at the end, which needs a seekable writer.
         let mut bytes = std::io::Cursor::new(Vec::new());
         file.write().to_buffered(&mut bytes).map_err(io_error)?;
         writer.write_all(bytes.get_ref())
@@ -60,8 +58,8 @@ pub fn write_exr(path: impl AsRef<Path>, image: &Image) -> Result<()> {
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if the file cannot be opened; [`Error::File`] if it is no such image or larger than
-/// `options.max_bytes` in memory.
+/// [`Error::Io`] if the file cannot be opened; [`Error::File`] if it has no such layer or its pixels take more than
+/// `options.max_bytes`.
 pub fn read_exr(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Image> {
     let path = path.as_ref();
     let broken = |error: exr::error::Error| Error::file(path, "OpenEXR", one_line(&error.to_string()));
@@ -101,11 +99,11 @@ pub fn read_exr(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Image> 
 
 /// Writes 8-bit PNG: composited over `background` (straight linear RGBA), then sRGB-encoded.
 ///
-/// An opaque background gives RGB, any other one RGBA. What is no number becomes 0.
+/// An opaque background gives RGB, any other one RGBA. NaN becomes 0.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if the file cannot be written; nothing is left behind then.
+/// [`Error::Io`] if the file cannot be written; no partial file remains.
 pub fn write_png(path: impl AsRef<Path>, image: &Image, background: [f64; 4]) -> Result<()> {
     let opaque = background[3] >= 1.0;
     let channels = if opaque { 3 } else { 4 };
@@ -124,7 +122,8 @@ pub fn write_png(path: impl AsRef<Path>, image: &Image, background: [f64; 4]) ->
     })
 }
 
-/// A premultiplied linear pixel over a straight linear background, as straight sRGB codes.
+/// Composites a premultiplied linear pixel over a straight linear background, and encodes the result as straight
+/// sRGB.
 fn encode(pixel: [f64; 4], background: [f64; 4]) -> [u8; 4] {
     let through = 1.0 - pixel[3];
     let alpha = pixel[3] + through * background[3];
@@ -136,46 +135,10 @@ fn encode(pixel: [f64; 4], background: [f64; 4]) -> [u8; 4] {
     [code(0), code(1), code(2), num::u8_code(alpha * 255.0)]
 }
 
-/// The sRGB transfer curve (IEC 61966-2-1) on [0, 1]; what lies outside is clamped, NaN stays.
+/// Applies the sRGB transfer curve (IEC 61966-2-1). Values outside [0, 1] are clamped, NaN stays NaN.
 fn srgb(linear: f64) -> f64 {
     let linear = linear.clamp(0.0, 1.0);
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
-}
-
-/// Writes a file beside `path` and renames it onto `path` when it is complete.
-pub(crate) fn replace(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
-) -> Result<()> {
-    static NEXT: AtomicU32 = AtomicU32::new(0);
-    let Some(name) = path.file_name() else {
-        return Err(Error::file(path, "file name", "must not be empty or a folder's"));
-    };
-    let mut beside = std::ffi::OsString::from(".");
-    beside.push(name);
-    beside.push(format!(".{}-{}.part", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed)));
-    let part = path.with_file_name(beside);
-    let file = OpenOptions::new().write(true).create_new(true).open(&part);
-    let mut writer = BufWriter::new(file.map_err(|e| Error::io(path, "cannot write", e))?);
-    let guard = Part { path: &part };
-    write(&mut writer)
-        .and_then(|()| writer.flush())
-        .and_then(|()| std::fs::rename(&part, path))
-        .map_err(|e| Error::io(path, "cannot write", e))?;
-    std::mem::forget(guard);
-    Ok(())
-}
-
-/// A file that is removed unless it was renamed.
-struct Part<'a> {
-    path: &'a PathBuf,
-}
-
-impl Drop for Part<'_> {
-    fn drop(&mut self) {
-        // What failed before is the error to report.
-        let _ = std::fs::remove_file(self.path);
-    }
 }
 
 fn io_error(error: exr::error::Error) -> std::io::Error {
@@ -203,25 +166,5 @@ mod tests {
         assert_eq!(encode([0.25, 0.0, 0.0, 0.25], [0.0; 4]), [255, 0, 0, 64]);
         // Too much and no number.
         assert_eq!(encode([7.0, f64::NAN, -1.0, 1.0], [0.0; 4]), [255, 0, 0, 255]);
-    }
-
-    #[test]
-    fn a_failed_write_leaves_the_old_file_and_nothing_else() {
-        let folder = std::env::temp_dir().join(format!("volraster-replace-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        let path = folder.join("picture.png");
-        std::fs::write(&path, "old").unwrap();
-        let failed = replace(&path, |writer| {
-            writer.write_all(b"half")?;
-            writer.flush()?;
-            Err(std::io::Error::other("disk is full"))
-        });
-        assert!(failed.unwrap_err().to_string().contains("disk is full"));
-        assert_eq!(std::fs::read(&path).unwrap(), b"old");
-        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
-        replace(&path, |writer| writer.write_all(b"new")).unwrap();
-        assert_eq!(std::fs::read(&path).unwrap(), b"new");
-        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
-        std::fs::remove_dir_all(&folder).unwrap();
     }
 }

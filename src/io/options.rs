@@ -1,17 +1,17 @@
-//! What a caller may ask of a reader.
+//! Options of readers: memory limit, array selection, progress.
 
 use std::fmt;
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
 
-/// What is called while a file is read: bytes behind, and bytes in all, of the file as stored. A file that
-/// is gone through twice is told of twice.
+/// A callback that receives the progress of reading: bytes read so far and in total, of the file as stored. A
+/// two-pass read reports each pass.
 #[derive(Clone)]
 pub struct Progress(Arc<dyn Fn(u64, u64) + Send + Sync>);
 
 impl Progress {
-    /// A function to call.
+    /// Wraps the function that is called with bytes read and bytes in total.
     pub fn new(function: impl Fn(u64, u64) + Send + Sync + 'static) -> Self {
         Self(Arc::new(function))
     }
@@ -27,37 +27,37 @@ impl fmt::Debug for Progress {
     }
 }
 
-/// What a reader may take, and which of a file's arrays it shall read.
+/// Options of a reader: its memory limit, and the arrays that it reads.
 ///
-/// Arrays are named as `NAME`, `NAME:PART`, `point:NAME` or `cell:NAME:PART`: a file's own name wins over
-/// a reading with prefix or part. `PART` is a component, from 0 or one of `x y z` or `r g b a`, or
-/// `magnitude`; an array of several components without it is read as its magnitude.
+/// Arrays are selected by `NAME`, `NAME:PART`, `point:NAME` or `cell:NAME:PART`. If the text is also a complete array
+/// name, that array is meant. `PART` is a component, as a number from 0 or a letter of `x y z w` or `r g b a`, or
+/// `magnitude`. Without `PART`, an array of several components is read as its magnitude.
 #[derive(Clone, Debug)]
 pub struct ReadOptions {
-    /// Most bytes of memory that what is read of one data set, or the pixels of one image, may occupy.
-    /// Splitting cells of a mesh, and resampling, count.
+    /// The limit, in bytes, on the memory of one data set, or of the pixels of one image. The memory for cutting
+    /// cells and for resampling counts too.
     pub max_bytes: u64,
-    /// The array to show. Left out: the file's active one, else the first with one component, point data
-    /// before cell data, else the first. What numbers or flags things (`id`, `vtkGhostType`, ...) comes last.
+    /// The array to show. The default is the file's active array, else the first with one component, point data
+    /// before cell data, else the first. Arrays of identifiers and flags (`id`, `vtkGhostType`, ...) come last.
     pub array: Option<String>,
-    /// Of points: the array of support radii.
+    /// For points: the array of support radii.
     pub radius: Option<String>,
-    /// Of points: the array of covariances, of 6 components (xx, xy, xz, yy, yz, zz) or 9.
+    /// For points: the array of covariances, with 6 components (xx, xy, xz, yy, yz, zz) or 9.
     pub covariance: Option<String>,
-    /// Of points: the array of weights.
+    /// For points: the array of weights.
     pub weight: Option<String>,
-    /// Whom to tell how far reading is.
+    /// The callback for progress.
     pub progress: Option<Progress>,
 }
 
 impl ReadOptions {
-    /// The defaults, with another limit of memory.
+    /// Returns the defaults with this memory limit in bytes.
     #[must_use]
     pub const fn within(max_bytes: u64) -> Self {
         Self { max_bytes, array: None, radius: None, covariance: None, weight: None, progress: None }
     }
 
-    /// Refuses sizes and weights of kernels for data that has no kernels.
+    /// Refuses kernel sizes and weights for data without kernels.
     pub(crate) fn check_kernels(&self, what: &str) -> Result<()> {
         let wanted = [("radius", &self.radius), ("covariance", &self.covariance), ("weight", &self.weight)];
         match wanted.into_iter().find_map(|(name, array)| Some((name, array.as_ref()?))) {
@@ -70,7 +70,7 @@ impl ReadOptions {
 }
 
 impl Default for ReadOptions {
-    /// 16 GiB.
+    /// Returns no selected array and a memory limit of 16 GiB.
     fn default() -> Self {
         Self::within(16 << 30)
     }

@@ -1,4 +1,4 @@
-//! What of the volume a scene file cuts away.
+//! The key `clip`: planes and a box that cut the volume.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use serde::Deserialize;
 use crate::error::{Error, Result};
 use crate::scene::Clip;
 
-/// Planes and a box.
+/// Clip planes and a crop box.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "an object with `planes` and `crop`")]
 pub(crate) struct ClipSpec {
@@ -17,7 +17,10 @@ pub(crate) struct ClipSpec {
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields, expecting = "an object with `point` and `normal`, which points to what is kept")]
+#[serde(
+    deny_unknown_fields,
+    expecting = "an object with `point` and `normal`, which points to the side that is kept"
+)]
 struct PlaneSpec {
     point: [f64; 3],
     normal: [f64; 3],

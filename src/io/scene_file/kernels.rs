@@ -1,4 +1,4 @@
-//! The kernels that a scene file asks for.
+//! The key `kernels`, and the keys of kernels among those of points.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use serde::Deserialize;
 use crate::error::{Error, Result};
 use crate::scene::{Kernel, Kernels, Model};
 
-/// Kernels of any data, in an object of their own.
+/// The object `kernels`, for any data.
 #[derive(Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "an object with `kernel`, `sigma`, `cut`, `model`, `least`")]
 pub(crate) struct KernelsSpec {
@@ -19,7 +19,7 @@ pub(crate) struct KernelsSpec {
 }
 
 impl KernelsSpec {
-    /// The first key that is there.
+    /// Returns the first key that is given.
     pub(crate) fn key(&self) -> Option<&'static str> {
         let keys = [
             ("kernel", self.kernel.is_some()),
@@ -31,7 +31,7 @@ impl KernelsSpec {
         keys.into_iter().find(|(_, given)| *given).map(|(key, _)| key)
     }
 
-    /// The kernels, what is not given being what is usual for the data. `of` is the object that the keys stand in.
+    /// Checks the keys and returns the kernels, with defaults for the kind of data. `of` is the name of the object.
     pub(crate) fn check(&self, scene: &Path, of: &str, kind: Kind) -> Result<Kernels> {
         let refuse = |key: &str, rule: String| Err(Error::file(scene, format!("{of}.{key}"), rule));
         let mut kernels = match kind {
@@ -77,7 +77,7 @@ impl KernelsSpec {
         kernels.cut = self.cut.unwrap_or(kernels.cut);
         kernels.least = self.least.unwrap_or(kernels.least);
         kernels.check().map(|()| kernels).map_err(|error| match error {
-            // A number is named behind the kernel, a shape that does not fit the model is the kernel itself.
+            // Errors name a parameter as `kernel NAME`, and the kernel itself as `kernel`.
             Error::Invalid { what, why } => {
                 Error::file(scene, format!("{of}.{}", what.strip_prefix("kernel ").unwrap_or(&what)), why)
             }
@@ -86,7 +86,7 @@ impl KernelsSpec {
     }
 }
 
-/// The data that has kernels.
+/// The kind of data that has kernels.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     Grid,

@@ -1,15 +1,17 @@
-//! The mesh that a scene file names.
+//! The key `mesh`: a data file, or an analytic field on tetrahedra.
 
 use std::path::Path;
 
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
-use crate::io::scene_file::{HOLDS_POINTS, Source, beside};
-use crate::io::{self, Data, ReadOptions, Report};
-use crate::scene::Field;
+use crate::io::options::ReadOptions;
+use crate::io::read_data;
+use crate::io::report::Report;
+use crate::io::scene_file::data::{HOLDS_POINTS, SceneData, beside};
+use crate::scene::{Data, Field};
 
-/// Both kinds of mesh under one set of keys, so that every message can name its key.
+/// The keys of both kinds of mesh, in one struct so that every error names its key.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "an object with `file` or `field`")]
 pub(crate) struct MeshSpec {
@@ -20,7 +22,7 @@ pub(crate) struct MeshSpec {
 }
 
 impl MeshSpec {
-    pub(crate) fn load(&self, scene: &Path, options: &ReadOptions) -> Result<Source> {
+    pub(crate) fn load(&self, scene: &Path, options: &ReadOptions) -> Result<SceneData> {
         let refuse = |place: &str, rule: String| Err(Error::file(scene, place, rule));
         options.check_kernels("a mesh").map_err(|error| error.in_file(scene))?;
         match (&self.file, &self.field) {
@@ -32,9 +34,9 @@ impl MeshSpec {
             (Some(file), None) => {
                 let file = beside(scene, file);
                 let array = options.array.clone().or_else(|| self.array.clone());
-                let loaded = io::read(&file, &ReadOptions { array, ..options.clone() })?;
+                let loaded = read_data::read(&file, &ReadOptions { array, ..options.clone() })?;
                 match loaded.data {
-                    Data::Mesh(_) => Ok(Source::new(&file, loaded)),
+                    Data::Mesh(_) => Ok(SceneData::new(&file, loaded)),
                     Data::Grid(_) => {
                         Err(Error::file(&file, "content", "holds a grid: a scene names it in `volume`"))
                     }
@@ -42,12 +44,12 @@ impl MeshSpec {
                 }
             }
             (None, Some(field)) => {
-                // Given in the scene, or on top of it.
+                // Arrays may be selected in the scene or in the options.
                 let wanted = [("mesh.array", &self.array), ("array", &options.array)];
                 if let Some((key, array)) = wanted.into_iter().find_map(|(key, a)| Some((key, a.as_ref()?))) {
                     return refuse(key, format!("\"{array}\": fields have no arrays with names"));
                 }
-                Ok(Source {
+                Ok(SceneData {
                     data: self.analytic(scene, field, options)?,
                     file: scene.to_path_buf(),
                     report: Report { format: "analytic field", ..Report::default() },
@@ -67,7 +69,7 @@ impl MeshSpec {
             }
         };
         let field = Field::from_name(field).map_err(at("mesh.field"))?;
-        // A corner has a place and a scalar, a cube five times four indices.
+        // A corner takes 28 bytes (position and scalar), a cube 80 (five tetrahedra of four indices).
         let side = u64::from(cubes.min(Field::MAX_CUBES));
         let bytes = 28 * (side + 1).pow(3) + 80 * side.pow(3);
         if bytes > options.max_bytes {

@@ -1,4 +1,4 @@
-//! The points that a scene file names.
+//! The key `points`: a data file, or an analytic field at random points.
 
 use std::fmt;
 use std::path::Path;
@@ -7,13 +7,15 @@ use serde::de::Visitor;
 use serde::{Deserialize, Deserializer};
 
 use crate::error::{Error, Result};
+use crate::io::options::ReadOptions;
+use crate::io::read_data;
+use crate::io::report::Report;
+use crate::io::scene_file::data::{SceneData, beside};
 use crate::io::scene_file::kernels::{KernelsSpec, Kind};
-use crate::io::scene_file::{Source, beside};
-use crate::io::{self, Data, ReadOptions, Report};
 use crate::num;
-use crate::scene::{Field, KernelSize, Kernels, Points};
+use crate::scene::{Data, Field, KernelSize, Kernels, Points};
 
-/// Both kinds of points under one set of keys, so that every message can name its key.
+/// The keys of both kinds of points, in one struct so that every error names its key.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "an object with `file` or `field`")]
 pub(crate) struct PointsSpec {
@@ -30,7 +32,7 @@ pub(crate) struct PointsSpec {
     least: Option<f64>,
 }
 
-/// One radius for all, or the array that has them.
+/// One radius for all points, or the array of radii.
 enum Radius {
     All(f64),
     Array(String),
@@ -71,13 +73,13 @@ impl<'de> Deserialize<'de> for Radius {
 }
 
 impl PointsSpec {
-    /// The kernels that stand among the keys of points, if any do.
+    /// Returns the kernels given among the keys of points, if any.
     pub(crate) fn kernels(&self, scene: &Path) -> Result<Option<Kernels>> {
         let spec = self.kernels_spec();
         spec.key().map(|_| spec.check(scene, "points", Kind::Points)).transpose()
     }
 
-    /// The first key of kernels that is there.
+    /// Returns the first kernel key that is given.
     pub(crate) fn kernels_key(&self) -> Option<&'static str> {
         self.kernels_spec().key()
     }
@@ -87,7 +89,7 @@ impl PointsSpec {
         KernelsSpec { kernel: kernel.clone(), sigma: None, cut: *cut, model: model.clone(), least: *least }
     }
 
-    pub(crate) fn load(&self, scene: &Path, options: &ReadOptions) -> Result<Source> {
+    pub(crate) fn load(&self, scene: &Path, options: &ReadOptions) -> Result<SceneData> {
         let refuse = |place: &str, rule: &str| Err(Error::file(scene, place, rule));
         if self.radius.is_some() && self.covariance.is_some() {
             return refuse("points.covariance", "points have either `radius` or `covariance`, not both");
@@ -102,13 +104,13 @@ impl PointsSpec {
             (None, Some(field)) => {
                 self.refuse_arrays(scene, options)?;
                 let report = Report { format: "analytic field", ..Report::default() };
-                Ok(Source::of_points(scene, self.analytic(scene, field, options)?, report))
+                Ok(SceneData::of_points(scene, self.analytic(scene, field, options)?, report))
             }
         }
     }
 
-    /// What the options ask for wins over what stands here: a size of either kind over a size of either kind.
-    fn read(&self, file: &Path, options: &ReadOptions) -> Result<Source> {
+    /// Reads the file. Options override keys; a radius or covariance in the options overrides both keys.
+    fn read(&self, file: &Path, options: &ReadOptions) -> Result<SceneData> {
         let mut wanted = options.clone();
         wanted.array = wanted.array.or_else(|| self.array.clone());
         wanted.weight = wanted.weight.or_else(|| self.weight.clone());
@@ -121,17 +123,17 @@ impl PointsSpec {
                 None => {}
             }
         }
-        let loaded = io::read(file, &wanted)?;
+        let loaded = read_data::read(file, &wanted)?;
         let holds = |what: &str| Err(Error::file(file, "content", format!("holds a {what}")));
         let points = match loaded.data {
             Data::Points(points) => points,
             Data::Grid(_) => return holds("grid: a scene names it in `volume`"),
             Data::Mesh(_) => return holds("mesh: a scene names it in `mesh`"),
         };
-        Ok(Source::of_points(file, sized(points, all)?, loaded.report))
+        Ok(SceneData::of_points(file, sized(points, all)?, loaded.report))
     }
 
-    /// Fields have no arrays, whether the scene asks for them or the options do.
+    /// Refuses selected arrays, which fields do not have.
     fn refuse_arrays(&self, scene: &Path, options: &ReadOptions) -> Result<()> {
         let radius = match &self.radius {
             Some(Radius::Array(name)) => Some(name),
@@ -167,7 +169,7 @@ impl PointsSpec {
             }
         };
         let field = Field::from_name(field).map_err(at("points.field"))?;
-        // A point has a place and a scalar.
+        // A point takes 28 bytes: position and scalar.
         let bytes = 28 * u64::from(count);
         if bytes > options.max_bytes {
             let rule = format!("{count}: takes {bytes} bytes, the limit is {} bytes", options.max_bytes);
@@ -181,7 +183,7 @@ impl PointsSpec {
     }
 }
 
-/// Points with one radius for all, if there is one.
+/// Gives all points one radius, if there is one.
 fn sized(points: Points, radius: Option<f64>) -> Result<Points> {
     match radius {
         Some(radius) => points.with_size(KernelSize::Radius(radius)),

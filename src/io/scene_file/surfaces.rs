@@ -1,19 +1,21 @@
-//! The surfaces that a scene file names.
+//! The key `opaque`: surfaces from files, boxes and spheres.
 
 use std::path::Path;
 
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
-use crate::io::scene_file::beside;
-use crate::io::{self, ReadOptions, Triangles};
+use crate::io::formats::fan::Triangles;
+use crate::io::formats::triangles;
+use crate::io::options::ReadOptions;
+use crate::io::scene_file::data::beside;
 use crate::num;
 use crate::scene::{Shading, Surface};
 
-/// Most triangles of all surfaces.
+/// The limit on triangles of all surfaces together.
 const MAX_TRIANGLES: usize = (1 << 31) - 1;
 
-/// The three kinds of surface under one set of keys, so that every message can name its key.
+/// The keys of all three kinds of surface, in one struct so that every error names its key.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a surface: an object with `file`, `box` or `sphere`")]
 pub(crate) struct SurfaceSpec {
@@ -43,7 +45,7 @@ struct SphereSpec {
     subdivisions: Option<u32>,
 }
 
-/// A surface that has been checked, but for its file.
+/// A surface whose keys have been checked; its file has not been read.
 struct Plan<'a> {
     place: String,
     scene: &'a Path,
@@ -53,10 +55,10 @@ struct Plan<'a> {
     scale: f64,
 }
 
-/// Shadings and their names.
+/// The shadings by name.
 const SHADES: [(&str, Shading); 2] = [("flat", Shading::Flat), ("headlight", Shading::Headlight)];
 
-/// Reads and makes all surfaces, which together may take `options.max_bytes`. Keys are checked before files are read.
+/// Loads all surfaces, which together may take `options.max_bytes`. All keys are checked before files are read.
 pub(crate) fn load(specs: &[SurfaceSpec], scene: &Path, options: &ReadOptions) -> Result<Vec<Surface>> {
     let plans = specs.iter().enumerate().map(|(i, spec)| Plan::new(spec, i, scene));
     let plans = plans.collect::<Result<Vec<_>>>()?;
@@ -120,13 +122,13 @@ impl<'a> Plan<'a> {
         };
         let surface = if let Some(file) = &self.spec.file {
             let path = beside(self.scene, file);
-            let Triangles { points, triangles } = io::read_triangles(&path, options)?;
+            let Triangles { points, triangles } = triangles::read_triangles(&path, options)?;
             Surface::new(points, triangles, self.colour).map_err(|error| error.in_file(&path))?
         } else if let Some(BoxSpec { low, high }) = &self.spec.cuboid {
             Surface::cuboid((*low).into(), (*high).into(), self.colour).map_err(at(".box"))?
         } else if let Some(SphereSpec { centre, radius, subdivisions }) = &self.spec.sphere {
             let subdivisions = subdivisions.unwrap_or(4);
-            // A corner takes 24 bytes, a triangle 12, and there are twice as many of these.
+            // A corner takes 24 bytes and a triangle 12; there are twice as many triangles as corners.
             let bytes = 480 << (2 * subdivisions.min(Surface::MAX_SUBDIVISIONS));
             if bytes > options.max_bytes {
                 let rule = format!(
@@ -153,7 +155,7 @@ impl<'a> Plan<'a> {
         Ok(placed.with_shading(self.shading))
     }
 
-    /// An error about one of its keys, with the dot in front, or about all of it.
+    /// Returns an error about one of its keys, given with a leading dot, or about the whole surface.
     fn refuse(&self, key: &str, rule: &str) -> Error {
         Error::file(self.scene, format!("{}{key}", self.place), rule)
     }

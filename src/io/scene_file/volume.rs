@@ -1,15 +1,19 @@
-//! The volume that a scene file names.
+//! The key `volume`: a data file, raw samples, or an analytic field on a grid.
 
 use std::path::Path;
 
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
-use crate::io::scene_file::{Source, beside};
-use crate::io::{self, Described, ReadOptions, Report};
+use crate::io::formats::raw;
+use crate::io::formats::raw::layout::Described;
+use crate::io::options::ReadOptions;
+use crate::io::read_data;
+use crate::io::report::Report;
+use crate::io::scene_file::data::{SceneData, beside};
 use crate::scene::{Field, Grid};
 
-/// The three kinds of volume under one set of keys, so that every message can name its key.
+/// The keys of all three kinds of volume, in one struct so that every error names its key.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "an object with `file` or `field`")]
 pub(crate) struct VolumeSpec {
@@ -26,7 +30,7 @@ pub(crate) struct VolumeSpec {
 }
 
 impl VolumeSpec {
-    /// The keys that only raw data has, with whether they are there.
+    /// Returns the keys of raw data, and whether they are given.
     fn raw_keys(&self) -> [(&'static str, bool); 5] {
         [
             ("volume.endian", self.endian.is_some()),
@@ -37,12 +41,12 @@ impl VolumeSpec {
         ]
     }
 
-    pub(crate) fn load(&self, scene: &Path, options: &ReadOptions) -> Result<Source> {
+    pub(crate) fn load(&self, scene: &Path, options: &ReadOptions) -> Result<SceneData> {
         let refuse = |place: &str, rule: String| Err(Error::file(scene, place, rule));
         options.check_kernels("a grid").map_err(|error| error.in_file(scene))?;
         let named = self.file.is_some() && self.dims.is_none() && self.r#type.is_none();
         if !named {
-            // Given in the scene, or on top of it.
+            // Arrays may be selected in the scene or in the options.
             let wanted = [("volume.array", &self.array), ("array", &options.array)];
             if let Some((key, array)) = wanted.into_iter().find_map(|(key, a)| Some((key, a.as_ref()?))) {
                 let rule = format!("\"{array}\": fields and raw data have no arrays with names");
@@ -57,7 +61,7 @@ impl VolumeSpec {
                 if let Some(key) = stray() {
                     return refuse(key, "belongs to raw data: a field fills the cube from -1 to 1".into());
                 }
-                Ok(Source {
+                Ok(SceneData {
                     data: self.analytic(scene, field, options)?.into(),
                     file: scene.to_path_buf(),
                     report: Report { format: "analytic field", ..Report::default() },
@@ -74,7 +78,10 @@ impl VolumeSpec {
                     None => {
                         let file = beside(scene, file);
                         let array = options.array.clone().or_else(|| self.array.clone());
-                        Source::grid(&file, io::read(&file, &ReadOptions { array, ..options.clone() })?)
+                        SceneData::grid(
+                            &file,
+                            read_data::read(&file, &ReadOptions { array, ..options.clone() })?,
+                        )
                     }
                 },
             },
@@ -98,7 +105,7 @@ impl VolumeSpec {
             let rule = format!("\"{kind}\": must be one of {} for a field", kinds.join(", "));
             return Err(Error::file(scene, "volume.type", rule));
         }
-        // Sampling holds the values in float64, beside the result of at most four bytes.
+        // Sampling holds float64 values in addition to the result of at most four bytes per sample.
         let bytes = dims.iter().try_fold(12_u64, |n, &extent| n.checked_mul(u64::from(extent)));
         if bytes.is_none_or(|bytes| bytes > options.max_bytes) {
             let rule = format!("{dims:?}: takes 12 bytes a sample, the limit is {} bytes", options.max_bytes);
@@ -114,7 +121,7 @@ impl VolumeSpec {
         dims: [u32; 3],
         kind: &str,
         options: &ReadOptions,
-    ) -> Result<Source> {
+    ) -> Result<SceneData> {
         let described = Described {
             dims,
             kind,
@@ -125,6 +132,6 @@ impl VolumeSpec {
             offset: self.offset,
         };
         let layout = described.layout(&|key, rule| Error::file(scene, format!("volume.{key}"), rule))?;
-        Source::grid(file, io::load_raw(file, &layout, options)?)
+        SceneData::grid(file, raw::load_raw(file, &layout, options)?)
     }
 }

@@ -49,7 +49,7 @@ fn every_kind_of_table_holds_the_same() {
         assert!(scalars[0] == 4.5 && scalars[1].is_nan(), "{name}: {scalars:?}");
         let (shown, notes): (&str, &[&str]) = match name.as_str() {
             "a.xyz" => {
-                ("point:column 4", &["no names of columns: columns 1, 2 and 3 are taken for x, y and z"])
+                ("point:column 4", &["the columns have no names: columns 1, 2 and 3 are taken as x, y and z"])
             }
             "f.csv" | "g.csv" => ("point:T", &["columns without numbers left out: name"]),
             "h.csv" => ("point:T", &["columns without numbers left out: quoted x"]),
@@ -86,7 +86,7 @@ fn columns_are_arrays_alone_and_together() {
 #[test]
 fn what_stands_for_no_number_is_nan() {
     let loaded = Sample::one("gaps", "a.csv", "x,y,z,T,T\n1,2,3,,4\n,2,3,5,6\n7,8,9,0.5,7\n").loaded();
-    assert_eq!(loaded.report.notes, ["1 points whose place is not finite left out"]);
+    assert_eq!(loaded.report.notes, ["1 points with positions that are not finite left out"]);
     assert_eq!(loaded.report.warnings, ["several columns \"T\": the first is read by this name"]);
     let kinds: Vec<String> = loaded.report.arrays.iter().map(ToString::to_string).collect();
     assert_eq!(kinds, ["point:T (f64)", "point:T (i64)"], "all cells count");
@@ -100,9 +100,9 @@ fn without_names_the_first_numbers_are_positions() {
     assert_eq!(
         loaded.report.notes,
         [
-            "no names of columns: columns 2, 3 and 4 are taken for x, y and z",
+            "the columns have no names: columns 2, 3 and 4 are taken as x, y and z",
             "columns without numbers left out: column 1",
-            "1 points whose place is not finite left out",
+            "1 points with positions that are not finite left out",
         ]
     );
     assert_eq!(points(loaded).centres(), [DVec3::new(1.0, 2.0, 3.0)]);
@@ -161,11 +161,11 @@ fn text_files_are_tables_only_where_they_can_be_nothing_else() {
         "\"x y z\n1 2 3\n",
     ] {
         let error = Sample::one("no table", "a.txt", text).read(&OPTIONS).expect_err(text);
-        assert_refusal(&error, &["content: of no known format"], text);
+        assert_refusal(&error, &["content: unknown format"], text);
     }
     Sample::one("a table", "a.TXT", "1 2 3\n4 5 6\n").loaded();
     let error = Sample::one("another name", "a.dat", "x y z\n1 2 3\n").read(&OPTIONS).unwrap_err();
-    assert_refusal(&error, &["content: of no known format"], "dat");
+    assert_refusal(&error, &["content: unknown format"], "dat");
     // Content of other formats wins over the name.
     let ply = "ply\nformat ascii 1.0\nelement vertex 1\nproperty int x\nproperty int y\nproperty int z\nend_header\n1 2 3\n";
     assert_eq!(Sample::one("PLY", "a.csv", ply).loaded().report.format, "PLY");

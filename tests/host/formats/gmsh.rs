@@ -394,7 +394,7 @@ fn what_has_no_value_is_vacuum() {
         warnings,
         [
             "e: 1 of 2 solid elements have no value: they are NaN",
-            "e: has an interpolation scheme: between nodes it is shown linear all the same",
+            "e: has an interpolation scheme: between nodes it is interpolated linearly anyway",
         ]
     );
     let more = more.replace("1 1\n4 2", "1 1\n4 2\n3 7").replace("1\n5\n", "1\n6\n");
@@ -406,8 +406,8 @@ fn what_has_no_value_is_vacuum() {
         warnings,
         [
             "a: 1 of 5 nodes have no value: they are NaN",
-            "a: 1 values are given again: the last counts",
-            "a: 1 values belong to nothing in this file",
+            "a: 1 values are given more than once: the last one is used",
+            "a: 1 values belong to no node or element in this file",
         ]
     );
 }
@@ -645,7 +645,7 @@ fn broken_rules_are_refused_in_one_line() {
     Sample::one("the second as it is", "a.msh", four.clone()).loaded();
     let cases: &[(&str, &str, &str, &str)] = &[
         (&whole, "2.2 0 8", "4 0 8", "line 2: version \"4\": 2.0 to 2.2 and 4.1 are supported"),
-        (&whole, "2.2 0 8", "2.2 2 8", "line 2: file type 2: must be 0 for words or 1 for binary"),
+        (&whole, "2.2 0 8", "2.2 2 8", "line 2: file type 2: must be 0 for text or 1 for binary"),
         (&whole, "2.2 0 8", "2.2 0 16", "line 2: data of 16 bytes: must be 4 or 8"),
         (&whole, "2.2 0 8\n", "2.2 1 8\nabcd", "mark of byte order"),
         (&whole, "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n", "$NOD\n", "line 1: $NOD: is of version 1"),

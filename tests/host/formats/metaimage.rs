@@ -251,7 +251,7 @@ fn what_is_odd_is_told() {
     let loaded = placed("ElementSpacing = 1 -2 3\nCenterOfRotation = 0 0 7\n").loaded();
     assert_eq!(
         loaded.report.notes,
-        ["a negative spacing turns its axis round", "CenterOfRotation [0, 0, 7] does not move the image"]
+        ["a negative spacing reverses its axis", "CenterOfRotation [0, 0, 7] does not move the image"]
     );
     assert_eq!(grid(loaded).world_of_index(DVec3::ONE), DVec3::new(1.0, -2.0, 3.0));
     let packed = zlib(&bytes());

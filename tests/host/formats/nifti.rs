@@ -185,7 +185,7 @@ fn what_other_programs_take_is_taken_with_a_warning() {
     assert!(warnings[0].contains("bitpix is 16") && warnings[0].contains("u8"), "{warnings:?}");
     let (values, warnings) = read("a.nii", file(&[], &[(108, 0.0)]));
     assert_eq!((values, warnings.len()), (ramp.clone(), 1));
-    assert!(warnings[0].contains("taken for 352"), "{warnings:?}");
+    assert!(warnings[0].contains("taken as 352"), "{warnings:?}");
     // A single file by the name of a pair's image.
     assert_eq!(read("a.img", file(&[], &[])), (ramp, vec![]));
 }

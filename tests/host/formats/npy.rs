@@ -291,11 +291,11 @@ fn what_breaks_a_rule_is_refused_by_place() {
     let long = file(2, &" ".repeat(70_000), &[]);
     Sample::one("long", "a.npy", long).refused(&["byte 8", "70000 bytes", "limit is 65536"]);
     Sample::one(
-        "no text",
+        "not text",
         "a.npy",
         file(1, "{", &[]).into_iter().map(|b| if b == b'{' { 0xff } else { b }).collect::<Vec<u8>>(),
     )
-    .refused(&["header", "is no text"]);
+    .refused(&["header", "is not text"]);
     let options = ReadOptions::within(23);
     for (what, fortran) in [("limit", false), ("turned limit", true)] {
         let error = array(what, "|u1", fortran, "(2, 3, 4)", &bytes()).read(&options).unwrap_err();

@@ -196,7 +196,7 @@ fn sizes_come_from_arrays_that_are_named() {
 fn places_that_are_not_finite_are_left_out() {
     let all = samples();
     let loaded = all[all.len() - 2].loaded();
-    assert_eq!(loaded.report.notes, ["1 points whose place is not finite left out"]);
+    assert_eq!(loaded.report.notes, ["1 points with positions that are not finite left out"]);
     assert_eq!(points(loaded).centres(), [DVec3::new(1.0, 2.0, 3.0)]);
 }
 
@@ -232,8 +232,8 @@ fn broken_rules_are_refused_in_one_line() {
             "property float x\n",
             "line 5: \"property float x\": a second property of this name",
         ),
-        ("property float y\n", "property real y\n", "line 5: \"property real y\": \"real\" is no type"),
-        ("property float y\n", "property list float int y\n", "\"float\" is no type of a length"),
+        ("property float y\n", "property real y\n", "line 5: \"property real y\": \"real\" is not a type"),
+        ("property float y\n", "property list float int y\n", "\"float\" is not a type of a length"),
         ("property float y\n", "property list int y\n", "line 5: \"property list int y\": must be format"),
         ("property float y\n", "property a b c y\n", "must be a type and a name, or a list"),
         (

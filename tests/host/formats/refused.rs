@@ -122,7 +122,7 @@ fn names_decide_where_the_content_says_nothing() {
     }
     // An ending is a whole one.
     for name in ["pdb", "apdb", "a.pdbx", "zip"] {
-        Sample::one("no ending", name, "text").refused(&["of no known format"]);
+        Sample::one("no ending", name, "text").refused(&["unknown format"]);
     }
 }
 
@@ -153,7 +153,7 @@ fn plot3d_is_told_by_its_sizes() {
             filled.resize(bytes.len().next_multiple_of(512), 0);
             refused("grid.bin", filled, &["content: PLOT3D"]);
             let longer = [bytes.clone(), vec![0; 1]].concat();
-            Sample::one(what, "grid.bin", longer).refused(&["of no known format"]);
+            Sample::one(what, "grid.bin", longer).refused(&["unknown format"]);
             Sample::one(what, "grid.raw", bytes).refused(&["grid.raw: name: no size"]);
         }
     }
@@ -163,7 +163,7 @@ fn plot3d_is_told_by_its_sizes() {
         [&[large, large, large][..], &[u32::MAX; 3], &[0, 0, 0], &[256], &[256, 1, 1], &[1, 1, 1, 1]]
     {
         for length in [0, 12, 16] {
-            Sample::one("hostile", "grid.bin", file(header, false, length)).refused(&["of no known format"]);
+            Sample::one("hostile", "grid.bin", file(header, false, length)).refused(&["unknown format"]);
         }
     }
 }
@@ -194,7 +194,7 @@ fn atoms_are_found_in_their_columns() {
     refused("a.txt", atom, &["content: PDB"]);
     refused("a.txt", atom.replace("ATOM  ", "HETATM"), &["content: PDB"]);
     for text in ["ATOM  x y z", "ATOMS and molecules", "HEADER,x,y"] {
-        Sample::one("no atoms", "a.txt", text).refused(&["of no known format"]);
+        Sample::one("no atoms", "a.txt", text).refused(&["unknown format"]);
     }
 }
 
@@ -208,7 +208,7 @@ fn binary_surfaces_are_found_by_their_size() {
     };
     refused("a.any", stl(3, 3), &["content: STL", "no inside"]);
     for bytes in [stl(3, 4), stl(u32::MAX, 3), stl(0, 0)] {
-        Sample::one("no surface", "a.any", bytes).refused(&["of no known format"]);
+        Sample::one("no surface", "a.any", bytes).refused(&["unknown format"]);
     }
 }
 

@@ -636,7 +636,7 @@ fn refusals_name_the_page_and_the_rule() {
         page.short(259, 32773).with(273, Value::Long(vec![8])).with(279, Value::Long(vec![2013]))
     });
     shared[0].chunks = vec![runs];
-    refused("overlap", &shared, &["page 2: strip or tile 0 at byte 8: strips or tiles lie over each other"]);
+    refused("overlap", &shared, &["page 2: strip or tile 0 at byte 8: strips or tiles overlap"]);
     let jpeg = |width, height| Page::grey(width, height, 8, 1, JPEG.to_vec()).short(259, 7);
     refused(
         "JPEG of another size",
@@ -648,7 +648,7 @@ fn refusals_name_the_page_and_the_rule() {
     let second = ring.len() - 4;
     let begin = ring[4..8].to_vec();
     ring[second..].copy_from_slice(&begin);
-    Sample::one("a ring", "a.tif", ring).refused(&["page 2: next directory", "comes back"]);
+    Sample::one("a ring", "a.tif", ring).refused(&["page 2: next directory", "has a loop"]);
     let mut cut = LITTLE.file(&ramp());
     cut.truncate(cut.len() - 6);
     Sample::one("cut", "a.tif", cut).refused(&["page 2: directory", "the file has"]);

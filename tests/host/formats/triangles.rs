@@ -163,7 +163,7 @@ fn broken_obj_is_refused_by_its_line() {
         ("f 1 2 3", "f 1 2 3/1/1/1", "line 4: \"3/1/1/1\": must be vertex, vertex/texture"),
         ("f 1 2 3", "f 1 2 3/x", "line 4: \"3/x\": must be vertex, vertex/texture"),
         ("f 1 2 3", "f 1 2 /3", "line 4: \"/3\": must begin with an index"),
-        ("f 1 2 3", "face 1 2 3", "line 4: \"face\": is no statement of OBJ"),
+        ("f 1 2 3", "face 1 2 3", "line 4: \"face\": is not a statement of OBJ"),
         ("f 1 2 3", "p 1 2 3", "content: has no face"),
     ];
     for (from, to, rule) in cases {

@@ -600,7 +600,7 @@ fn extents_and_placement() {
     assert_eq!(own.index_to_world(), axes);
 
     let loaded = Sample::one("", "a.vti", file("Origin=\"1 2 3\" Spacing=\"1 -2 1\"")).loaded();
-    assert!(loaded.report.notes.iter().any(|note| note.contains("turned round")));
+    assert!(loaded.report.notes.iter().any(|note| note.contains("reversed")));
     let own = grid(loaded);
     assert_eq!((own.origin(), own.spacing()), (DVec3::new(3.0, 4.0, 7.0), DVec3::new(1.0, 2.0, 1.0)));
     assert_eq!(own.world_of_index(DVec3::new(0.0, 1.0, 0.0)), DVec3::new(3.0, 2.0, 7.0));
@@ -615,7 +615,7 @@ fn extents_and_placement() {
 #[test]
 fn pieces_of_an_image_are_put_together() {
     let loaded = Sample::one("", "a.vti", pieces()).loaded();
-    assert_eq!(loaded.report.notes, ["2 pieces were put together"]);
+    assert_eq!(loaded.report.notes, ["2 pieces were joined"]);
     let own = grid(loaded);
     let expected: Vec<f64> =
         indices([0, 3, 0, 1, 0, 1]).split(' ').map(|word| word.parse().unwrap()).collect();
@@ -1105,7 +1105,7 @@ fn real_mesh(name: &str) -> Option<(Tets, Vec<String>, Option<String>)> {
     let loaded = shared_loaded(name)?;
     // The can is crushed: some of its cells are bent so far that no cut of theirs is without overlaps.
     let expected: &[&str] = match name {
-        "unstructured/can_crush_hex.vtu" => &["39 hexahedra are twisted: tetrahedra of theirs overlap"],
+        "unstructured/can_crush_hex.vtu" => &["39 hexahedra are twisted: their tetrahedra overlap"],
         _ => &[],
     };
     assert_eq!(loaded.report.warnings, expected, "{name}");

@@ -1,0 +1,255 @@
+//! The arrays of a data set: their description, and the choice of the one to show.
+
+use std::fmt;
+
+use crate::error::Result;
+use crate::io::file::sample_type::{Pick, SampleType};
+use crate::io::file::source::Source;
+
+/// Names an array and the part that is read, in the syntax of [`ReadOptions::array`](crate::io::ReadOptions::array).
+pub(crate) fn describe(array: &ArrayInfo, pick: Pick) -> String {
+    let name = format!("{}:{}", array.association.name(), array.name);
+    match pick {
+        Pick::Component(_) if array.components == 1 => name,
+        Pick::Component(component) => format!("{name}:{component}"),
+        Pick::Magnitude => format!("{name}:magnitude"),
+    }
+}
+
+/// Returns a warning if 32-bit floats are coarse for values in this range.
+pub(crate) fn coarse([lo, hi]: [f64; 2], array: &ArrayInfo) -> Option<String> {
+    /// The least number of distinct values that the range should have.
+    const STEPS: f64 = 4096.0;
+    /// The largest magnitude up to which f32 represents every whole number.
+    const WHOLE: f64 = 16_777_216.0;
+    if array.kind.bytes() < 4 || array.kind == SampleType::F32 || lo >= hi {
+        return None;
+    }
+    let magnitude = lo.abs().max(hi.abs());
+    let step = magnitude * f64::from(f32::EPSILON);
+    let whole = !matches!(array.kind, SampleType::F64);
+    let coarse = if whole { magnitude > WHOLE } else { (hi - lo) / step < STEPS };
+    coarse.then(|| {
+        format!(
+            "{} values are kept as f32: steps of {step:.1e} in a range of {:.1e}",
+            array.kind.name(),
+            hi - lo
+        )
+    })
+}
+
+/// The elements that the tuples of an array belong to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Association {
+    /// Samples, vertices or particles.
+    Point,
+    /// Cells.
+    Cell,
+}
+
+impl Association {
+    /// Returns the prefix in selections, `point` or `cell`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Point => "point",
+            Self::Cell => "cell",
+        }
+    }
+}
+
+/// An array as the file declares it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ArrayInfo {
+    /// Its name; may be empty.
+    pub name: String,
+    /// Whether its tuples belong to points or to cells.
+    pub association: Association,
+    /// The type of a component.
+    pub kind: SampleType,
+    /// The number of components of a tuple.
+    pub components: usize,
+    /// Whether the file marks it as the array to show.
+    pub active: bool,
+}
+
+impl ArrayInfo {
+    /// Whether it holds identifiers or flags, which are shown only on request.
+    fn is_bookkeeping(&self) -> bool {
+        let whole = !matches!(self.kind, SampleType::F32 | SampleType::F64);
+        let lower = self.name.to_lowercase();
+        let number = ["id", "ids", "gid", "index", "tag"].contains(&lower.as_str())
+            || ["Id", "Ids", "ID", "IDs", "_id", "_ids"].iter().any(|end| self.name.ends_with(end));
+        let named = ["vtkvalidpointmask", "gmsh:physical"].contains(&lower.as_str());
+        whole && (number || named || lower.starts_with("vtkghost"))
+    }
+}
+
+impl fmt::Display for ArrayInfo {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "{}:{} ({}", self.association.name(), self.name, self.kind.name())?;
+        if self.components != 1 {
+            write!(f, " x {}", self.components)?;
+        }
+        f.write_str(")")
+    }
+}
+
+/// A chosen array, and the part of its tuples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Choice {
+    /// Its place in the list.
+    pub(crate) index: usize,
+    pub(crate) pick: Pick,
+}
+
+/// Chooses the array to show, as [`ReadOptions::array`](crate::io::ReadOptions::array) describes. Returns None if
+/// none is selected and there is none.
+pub(crate) fn choose(source: &Source, arrays: &[ArrayInfo], wanted: Option<&str>) -> Result<Option<Choice>> {
+    match wanted {
+        Some(wanted) => find(source, arrays, wanted).map(Some),
+        None => Ok(choose_among(arrays, |_, _| true)),
+    }
+}
+
+/// Chooses the array to show by default, among those that `may` accepts.
+pub(crate) fn choose_among(arrays: &[ArrayInfo], may: impl Fn(usize, &ArrayInfo) -> bool) -> Option<Choice> {
+    let any = || arrays.iter().enumerate().filter(|&(i, array)| array.components > 0 && may(i, array));
+    let all = || any().filter(|(_, array)| !array.is_bookkeeping());
+    let of = |association| move |(_, array): &(usize, &ArrayInfo)| array.association == association;
+    let first = |association| all().filter(of(association)).find(|(_, array)| array.components == 1);
+    let found = all()
+        .find(|(_, array)| array.active)
+        .or_else(|| first(Association::Point))
+        .or_else(|| first(Association::Cell))
+        .or_else(|| all().find(of(Association::Point)))
+        .or_else(|| all().next())
+        .or_else(|| any().next());
+    found.map(|(index, array)| Choice { index, pick: usual(array) })
+}
+
+/// Finds an array by `NAME`, `NAME:PART`, `point:NAME` or `cell:NAME:PART`.
+pub(crate) fn find(source: &Source, arrays: &[ArrayInfo], wanted: &str) -> Result<Choice> {
+    let by_name = |association: Option<Association>, name: &str| {
+        let fits = |array: &ArrayInfo| {
+            array.name == name && association.is_none_or(|association| array.association == association)
+        };
+        arrays.iter().position(fits)
+    };
+    // Names may contain colons: the interpretation with the longest name wins.
+    let prefix = [Association::Point, Association::Cell]
+        .into_iter()
+        .find_map(|a| Some((a, wanted.strip_prefix(a.name())?.strip_prefix(':')?)));
+    let readings = [Some((None, wanted)), prefix.map(|(association, name)| (Some(association), name))];
+    for (association, name) in readings.into_iter().flatten() {
+        if let Some(index) = by_name(association, name) {
+            return Ok(Choice { index, pick: usual(&arrays[index]) });
+        }
+    }
+    for (association, name) in readings.into_iter().flatten() {
+        if let Some((name, part)) = name.rsplit_once(':')
+            && let Some(index) = by_name(association, name)
+        {
+            return Ok(Choice { index, pick: part_of(source, &arrays[index], part)? });
+        }
+    }
+    Err(source.error(format!("array \"{wanted}\""), format!("no such array: there are {}", list(arrays))))
+}
+
+/// Lists the arrays in one line.
+fn list(arrays: &[ArrayInfo]) -> String {
+    /// The limit on names in one message.
+    const MOST: usize = 20;
+    let mut names: Vec<String> = arrays.iter().take(MOST).map(ToString::to_string).collect();
+    if arrays.len() > MOST {
+        names.push(format!("and {} more", arrays.len() - MOST));
+    }
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+}
+
+fn usual(array: &ArrayInfo) -> Pick {
+    if array.components == 1 { Pick::Component(0) } else { Pick::Magnitude }
+}
+
+fn part_of(source: &Source, array: &ArrayInfo, part: &str) -> Result<Pick> {
+    let letter = |letters: &str| letters.find(part).filter(|_| part.len() == 1);
+    let component = match part {
+        "magnitude" => return Ok(Pick::Magnitude),
+        _ => part.parse().ok().or_else(|| letter("xyzw")).or_else(|| letter("rgba")),
+    };
+    component.filter(|&component| component < array.components).map(Pick::Component).ok_or_else(|| {
+        source.error(
+            format!("array {array}"),
+            format!(
+                "\"{part}\": must be a component below {}, a letter of xyzw or rgba, or magnitude",
+                array.components
+            ),
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coarse_values_are_told() {
+        let of =
+            |kind, range| coarse(range, &ArrayInfo { kind, ..array("a", Association::Point, 1) }).is_some();
+        assert!(of(SampleType::F64, [100_000.0, 100_001.0]) && !of(SampleType::F64, [0.0, 1.0]));
+        assert!(of(SampleType::I64, [0.0, 1e9]) && !of(SampleType::I32, [-16_777_216.0, 1e6]));
+        assert!(!of(SampleType::F32, [100_000.0, 100_001.0]));
+    }
+
+    fn array(name: &str, association: Association, components: usize) -> ArrayInfo {
+        ArrayInfo { name: name.into(), association, kind: SampleType::F32, components, active: false }
+    }
+
+    fn arrays() -> Vec<ArrayInfo> {
+        use Association::{Cell, Point};
+        vec![
+            array("velocity", Point, 3),
+            array("p", Cell, 1),
+            array("p", Point, 1),
+            array("a:x", Point, 2),
+            array("a", Point, 2),
+        ]
+    }
+
+    #[test]
+    fn names_prefixes_and_parts() {
+        let source = Source::in_memory(&[("a.vtu", b"")]).unwrap();
+        let find = |wanted: &str| find(&source, &arrays(), wanted).map(|c| (c.index, c.pick));
+        assert_eq!(find("p").unwrap(), (1, Pick::Component(0)));
+        assert_eq!(find("point:p").unwrap(), (2, Pick::Component(0)));
+        assert_eq!(find("velocity").unwrap(), (0, Pick::Magnitude));
+        assert_eq!(find("velocity:z").unwrap(), (0, Pick::Component(2)));
+        assert_eq!(find("point:velocity:1").unwrap(), (0, Pick::Component(1)));
+        assert_eq!(find("velocity:b").unwrap(), (0, Pick::Component(2)));
+        assert_eq!(find("a:x").unwrap(), (3, Pick::Magnitude), "a whole name wins");
+        assert_eq!(find("a:y").unwrap(), (4, Pick::Component(1)));
+        for (wanted, why) in [
+            ("velocity:w", "below 3"),
+            ("velocity:", "below 3"),
+            ("velocity:xy", "below 3"),
+            ("q", "no such array: there are point:velocity (f32 x 3), cell:p (f32)"),
+            ("cell:velocity", "no such array"),
+        ] {
+            let text = find(wanted).unwrap_err().to_string();
+            assert!(text.contains(why), "{wanted}: {text}");
+        }
+    }
+
+    #[test]
+    fn what_is_shown_unasked() {
+        let source = Source::in_memory(&[("a.vtu", b"")]).unwrap();
+        let choose = |arrays: &[ArrayInfo]| choose(&source, arrays, None).unwrap().map(|c| c.index);
+        let mut arrays = arrays();
+        assert_eq!(choose(&arrays), Some(2), "point data with one component");
+        arrays[4].active = true;
+        assert_eq!(choose(&arrays), Some(4));
+        assert_eq!(choose(&arrays[..2]), Some(1), "then cell data");
+        assert_eq!(choose(&arrays[..1]), Some(0), "then what there is");
+        assert_eq!(choose(&[]), None);
+    }
+}

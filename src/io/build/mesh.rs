@@ -1,0 +1,291 @@
+//! From solid cells and an array to a tetrahedral mesh.
+
+use std::collections::{BTreeMap, TryReserveError};
+use std::ops::Range;
+
+use glam::DVec3;
+
+use crate::error::Result;
+use crate::io::build::arrays::{self, Association, Choice, coarse, describe};
+use crate::io::build::cells::{Counts, check_supported, flat};
+use crate::io::build::dataset::Dataset;
+use crate::io::build::origin::{Origin, ReadArray, ghosts};
+use crate::io::file::budget::Budget;
+use crate::io::file::source::Source;
+use crate::io::options::ReadOptions;
+use crate::io::report::Loaded;
+use crate::num;
+use crate::scene::{CellKind, Data, Orientation, TetScalars, Tets};
+
+/// VTK's flags of ghost cells: duplicate of a cell in another piece, or hidden.
+const DUPLICATE_OR_HIDDEN: u8 = 1 | 32;
+
+/// Builds a mesh of the cells that have a volume, with the chosen array as its scalars.
+///
+/// Cells that are no tetrahedra are cut into some: faces between cells match also where points coincide. Cells without
+/// volume and ghost cells are left out, with a note.
+pub(crate) fn build(
+    dataset: Dataset,
+    counts: &Counts,
+    origin: Origin,
+    budget: &mut Budget,
+    read: &mut ReadArray,
+    options: &ReadOptions,
+) -> Result<Loaded> {
+    let Origin { source, format, arrays } = origin;
+    options.check_kernels("a mesh").map_err(|error| error.in_file(source.path()))?;
+    let mut notes = Vec::new();
+    let mut warnings = Vec::new();
+    check_supported(source, counts)?;
+    let surface: u64 = counts.iter().filter(|&(&number, _)| flat(number)).map(|(_, count)| count).sum();
+    if surface > 0 {
+        notes.push(format!("{surface} cells without volume (surfaces, lines, vertices) left out"));
+    }
+    let ghosts = ghosts(&arrays, Association::Cell, dataset.types.len(), budget, read)?;
+
+    let chosen = arrays::choose(source, &arrays, options.array.as_deref())?;
+    let Some(Choice { index, pick }) = chosen else {
+        return Err(source.error("arrays", "none: a mesh needs point or cell data to show"));
+    };
+    let association = arrays[index].association;
+    let per_tuple = match association {
+        Association::Point => dataset.points.len(),
+        Association::Cell => dataset.types.len(),
+    };
+    budget.take("arrays", num::wide(per_tuple).saturating_mul(4))?;
+    let values = read(index, pick)?.into_f32();
+    if values.len() != per_tuple {
+        let rule = format!("{} tuples: {per_tuple} are needed", values.len());
+        return Err(source.error(format!("array {}", arrays[index]), rule));
+    }
+
+    let mut cutter = Cutter::new(source, dataset, counts, association, values, budget)?;
+    cutter.cut_all(ghosts.as_deref())?;
+    cutter.describe(&mut notes, &mut warnings);
+    let Cutter { points, tets, values, cell_values, .. } = cutter;
+    let scalars = match association {
+        Association::Point => TetScalars::Point(values),
+        Association::Cell => TetScalars::Cell(cell_values),
+    };
+    let (mesh, mended) = Tets::new(points, tets, scalars).map_err(|error| error.in_file(source.path()))?;
+    for (count, what) in [
+        (mended.reoriented, "tetrahedra were inside out and were reoriented"),
+        (mended.flat, "tetrahedra without volume left out"),
+        (mended.nowhere, "tetrahedra with a corner that is not finite left out"),
+        (mesh.blank_count(), "tetrahedra are vacuum, because a scalar is NaN"),
+    ] {
+        if count > 0 {
+            notes.push(format!("{count} {what}"));
+        }
+    }
+    warnings.extend(coarse(mesh.range(), &arrays[index]));
+    let mut loaded = Loaded::new(format, Data::Mesh(mesh));
+    loaded.report.shown = Some(describe(&arrays[index], pick));
+    loaded.report.arrays = arrays;
+    loaded.report.notes = notes;
+    loaded.report.warnings = warnings;
+    Ok(loaded)
+}
+
+/// The cutting of cells into tetrahedra, with all memory allocated beforehand.
+struct Cutter<'a> {
+    source: &'a Source,
+    association: Association,
+    /// The points of the data set, then the new centres of cells.
+    points: Vec<DVec3>,
+    /// Types, ends and nodes of the cells, as in [`Dataset`].
+    types: Vec<u8>,
+    ends: Vec<u32>,
+    nodes: Vec<u32>,
+    /// The rank of each point; empty if all cells are tetrahedra.
+    ranks: Vec<u32>,
+    /// Scalars of points, or of the cells of the data set.
+    values: Vec<f32>,
+    tets: Vec<[u32; 4]>,
+    /// Scalars of the tetrahedra, with cell data.
+    cell_values: Vec<f32>,
+    /// Results by cell type.
+    made: BTreeMap<u8, Made>,
+    ghosts: usize,
+}
+
+impl<'a> Cutter<'a> {
+    /// Takes memory from the budget and allocates it.
+    fn new(
+        source: &'a Source,
+        dataset: Dataset,
+        counts: &Counts,
+        association: Association,
+        mut values: Vec<f32>,
+        budget: &mut Budget,
+    ) -> Result<Self> {
+        let most: u64 = counts
+            .iter()
+            .filter_map(|(&number, &count)| {
+                let most = CellKind::of_vtk(number)?.most_tets();
+                u64::try_from(most).ok()?.checked_mul(count)
+            })
+            .fold(0, u64::saturating_add);
+        budget.take("cells", most.saturating_mul(if association == Association::Cell { 24 } else { 16 }))?;
+        let Dataset { mut points, types, ends, nodes } = dataset;
+        let split = counts
+            .keys()
+            .any(|&number| !matches!(CellKind::of_vtk(number), None | Some(CellKind::Tetrahedron)));
+        let ranks = if split {
+            budget.take("points", num::wide(points.len()).saturating_mul(8))?;
+            ranks(&points)
+        } else {
+            Vec::new()
+        };
+        let centres: usize =
+            types.iter().filter(|&&n| CellKind::of_vtk(n).is_some_and(|k| k.centre().is_some())).count();
+        budget.take("points", num::wide(centres).saturating_mul(28))?;
+
+        let full = |_: TryReserveError| source.error("cells", "memory is full");
+        let most = usize::try_from(most).unwrap_or(usize::MAX);
+        let mut tets: Vec<[u32; 4]> = Vec::new();
+        let mut cell_values = Vec::new();
+        tets.try_reserve_exact(most).map_err(full)?;
+        points.try_reserve_exact(centres).map_err(full)?;
+        match association {
+            Association::Point => values.try_reserve_exact(centres).map_err(full)?,
+            Association::Cell => cell_values.try_reserve_exact(most).map_err(full)?,
+        }
+        let made = BTreeMap::new();
+        Ok(Self {
+            source,
+            association,
+            points,
+            types,
+            ends,
+            nodes,
+            ranks,
+            values,
+            tets,
+            cell_values,
+            made,
+            ghosts: 0,
+        })
+    }
+
+    /// Cuts every cell with a volume, except ghost cells.
+    fn cut_all(&mut self, ghosts: Option<&[u8]>) -> Result<()> {
+        let mut begin = 0;
+        for cell in 0..self.types.len() {
+            let (end, number) = (self.ends[cell], self.types[cell]);
+            let own = num::index(begin)..num::index(end);
+            begin = end;
+            let Some(kind) = CellKind::of_vtk(number) else { continue };
+            if ghosts.is_some_and(|ghosts| ghosts[cell] & DUPLICATE_OR_HIDDEN != 0) {
+                self.ghosts += 1;
+                continue;
+            }
+            self.cut(cell, number, kind, own)?;
+        }
+        (self.types, self.ends, self.nodes, self.ranks) = Default::default();
+        Ok(())
+    }
+
+    /// Cuts one cell; `own` is its range of nodes.
+    fn cut(&mut self, cell: usize, number: u8, kind: CellKind, own: Range<usize>) -> Result<()> {
+        let Self { source, points, nodes, ranks, values, tets, .. } = self;
+        let own = &nodes[own];
+        let before = tets.len();
+        let mut centre = 0;
+        if let Some(weights) = kind.centre() {
+            let index = u32::try_from(points.len()).ok().filter(|&index| index < u32::MAX);
+            centre = index.ok_or_else(|| source.error("cells", "more points than 32 bits can count"))?;
+            let pairs = || own.iter().map(|&node| num::index(node)).zip(weights);
+            points.push(pairs().map(|(node, weight)| points[node] * *weight).sum());
+            if self.association == Association::Point {
+                let value: f64 = pairs().map(|(node, weight)| f64::from(values[node]) * weight).sum();
+                values.push(num::f32_of(value));
+            }
+        }
+        let at = |node: u32| points[num::index(node)];
+        let closer = |[a, b]: [u32; 2], [c, d]: [u32; 2]| {
+            at(a).distance_squared(at(b)) < at(c).distance_squared(at(d))
+        };
+        kind.cut(own, centre, |node| ranks[num::index(node)], closer, |tet| tets.push(tet));
+        let made = self.made.entry(number).or_default();
+        made.cells += 1;
+        made.tets += tets.len() - before;
+        if kind != CellKind::Tetrahedron {
+            made.turn(points, &mut tets[before..]);
+        }
+        if self.association == Association::Cell {
+            self.cell_values.resize(tets.len(), values[cell]);
+        }
+        Ok(())
+    }
+
+    /// Reports what was cut, turned and left out.
+    fn describe(&self, notes: &mut Vec<String>, warnings: &mut Vec<String>) {
+        for (&number, &Made { cells, tets, inside_out, twisted }) in &self.made {
+            let Some(kind) = CellKind::of_vtk(number).filter(|&kind| kind != CellKind::Tetrahedron) else {
+                continue;
+            };
+            let name = kind.name();
+            notes.push(format!("{cells} {name} became {tets} tetrahedra"));
+            // Programs disagree about the orientation of wedges.
+            if inside_out > 0 && !matches!(kind, CellKind::Wedge | CellKind::QuadraticWedge) {
+                notes.push(format!("{inside_out} {name} were inside out and were reoriented"));
+            }
+            if twisted > 0 {
+                warnings.push(format!("{twisted} {name} are twisted: their tetrahedra overlap"));
+            }
+        }
+        if self.ghosts > 0 {
+            notes.push(format!("{} ghost cells left out", self.ghosts));
+        }
+    }
+}
+
+/// Statistics of the cells of one type.
+#[derive(Default)]
+struct Made {
+    cells: usize,
+    tets: usize,
+    inside_out: usize,
+    twisted: usize,
+}
+
+impl Made {
+    /// Reorients the tetrahedra of a cell that are inside out. If only some are, the cell is twisted.
+    fn turn(&mut self, points: &[DVec3], tets: &mut [[u32; 4]]) {
+        let (mut positive, mut negative) = (false, false);
+        for tet in tets {
+            // Coincident corners make flat tetrahedra, whose sign is rounding error.
+            match Orientation::of(tet.map(|i| points[num::index(i)])) {
+                Orientation::Positive => positive = true,
+                Orientation::Negative => {
+                    negative = true;
+                    tet.swap(2, 3);
+                }
+                Orientation::Flat | Orientation::Nowhere => {}
+            }
+        }
+        self.inside_out += usize::from(negative && !positive);
+        self.twisted += usize::from(negative && positive);
+    }
+}
+
+/// Returns the rank of each point: the smallest index of a point at the same position.
+fn ranks(points: &[DVec3]) -> Vec<u32> {
+    // Adding 0 makes -0 equal to 0.
+    let key = |i: u32| points[num::index(i)].to_array().map(|x| x + 0.0);
+    let mut order: Vec<u32> = (0..num::count(points.len())).collect();
+    order.sort_unstable_by(|&a, &b| {
+        let (p, q) = (key(a), key(b));
+        p[0].total_cmp(&q[0]).then(p[1].total_cmp(&q[1])).then(p[2].total_cmp(&q[2])).then(a.cmp(&b))
+    });
+    let mut ranks = vec![0; points.len()];
+    let mut first = 0;
+    for i in 0..order.len() {
+        if i == 0 || key(order[i]) != key(order[i - 1]) {
+            first = order[i];
+        }
+        ranks[num::index(order[i])] = first;
+    }
+    ranks
+}

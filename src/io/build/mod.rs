@@ -1,0 +1,17 @@
+//! From the arrays of a file to scene data: grids, meshes and points.
+//!
+//! Formats describe points, cells and arrays; these modules choose the array to show, read it and build the result.
+//! They use `file` and `scene`; `formats` use them.
+
+pub(crate) mod arrays;
+pub(crate) mod cells;
+pub(crate) mod columns;
+pub(crate) mod dataset;
+pub(crate) mod file_names;
+pub(crate) mod lattice;
+pub(crate) mod mesh;
+pub(crate) mod origin;
+pub(crate) mod points;
+pub(crate) mod resample;
+pub(crate) mod unstructured;
+pub(crate) mod volume;

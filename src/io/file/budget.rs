@@ -1,0 +1,45 @@
+//! The memory that reading one data set may still allocate.
+
+use std::cell::Cell;
+use std::rc::Rc;
+
+use crate::error::Result;
+use crate::io::file::source::Source;
+use crate::io::options::ReadOptions;
+
+/// The memory that a data set may still allocate. Clones share one account.
+#[derive(Clone)]
+pub(crate) struct Budget<'a> {
+    source: &'a Source,
+    limit: u64,
+    left: Rc<Cell<u64>>,
+}
+
+impl<'a> Budget<'a> {
+    pub(crate) fn new(source: &'a Source, options: &ReadOptions) -> Self {
+        Self { source, limit: options.max_bytes, left: Rc::new(Cell::new(options.max_bytes)) }
+    }
+
+    /// Takes bytes from the budget, before they are allocated.
+    pub(crate) fn take(&mut self, place: &str, bytes: u64) -> Result<()> {
+        match self.left.get().checked_sub(bytes) {
+            Some(left) => {
+                self.left.set(left);
+                Ok(())
+            }
+            None => Err(self.source.error(
+                place,
+                format!(
+                    "{bytes} bytes of memory: {} are left of the limit of {}",
+                    self.left.get(),
+                    self.limit
+                ),
+            )),
+        }
+    }
+
+    /// Returns bytes to the budget after they are freed.
+    pub(crate) fn put_back(&mut self, bytes: u64) {
+        self.left.set(self.left.get().saturating_add(bytes).min(self.limit));
+    }
+}

@@ -1,0 +1,319 @@
+//! Decoding of binary numbers, a block at a time, so that only the result is held in memory.
+
+use std::collections::TryReserveError;
+use std::io::{ErrorKind, Read};
+
+use crate::io::file::sample_type::{Endian, Pick, SampleType};
+use crate::num;
+use crate::scene::Samples;
+
+/// The type and arrangement of the samples of a grid.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Layout {
+    pub(crate) dims: [u32; 3],
+    pub(crate) kind: SampleType,
+    pub(crate) endian: Endian,
+    /// The number of components per sample; `pick` is the part that is read.
+    pub(crate) components: usize,
+    pub(crate) pick: Pick,
+}
+
+impl Layout {
+    /// Returns a layout with one number per sample.
+    pub(crate) fn scalar(dims: [u32; 3], kind: SampleType, endian: Endian) -> Self {
+        Self { dims, kind, endian, components: 1, pick: Pick::Component(0) }
+    }
+}
+
+impl Samples {
+    /// Returns an empty list of the type that holds these numbers in memory.
+    pub(crate) fn none(kind: SampleType, pick: Pick) -> Self {
+        match (pick, kind) {
+            (Pick::Component(_), SampleType::U8) => Self::U8(Vec::new()),
+            (Pick::Component(_), SampleType::U16) => Self::U16(Vec::new()),
+            (Pick::Component(_), SampleType::I16) => Self::I16(Vec::new()),
+            _ => Self::F32(Vec::new()),
+        }
+    }
+
+    /// Reserves memory for `count` samples.
+    pub(crate) fn reserve(&mut self, count: usize) -> std::result::Result<(), TryReserveError> {
+        match self {
+            Self::U8(v) => v.try_reserve_exact(count),
+            Self::U16(v) => v.try_reserve_exact(count),
+            Self::I16(v) => v.try_reserve_exact(count),
+            Self::F32(v) => v.try_reserve_exact(count),
+        }
+    }
+
+    /// Converts to 32-bit floats.
+    pub(crate) fn into_f32(self) -> Vec<f32> {
+        match self {
+            Self::U8(v) => v.into_iter().map(f32::from).collect(),
+            Self::U16(v) => v.into_iter().map(f32::from).collect(),
+            Self::I16(v) => v.into_iter().map(f32::from).collect(),
+            Self::F32(v) => v,
+        }
+    }
+}
+
+/// Reads `count` tuples and appends the selected part of each, a block at a time, so that only the result takes
+/// memory. The extents of the layout are ignored.
+///
+/// # Errors
+///
+/// Errors of the reader; [`ErrorKind::UnexpectedEof`] if it ends early; [`ErrorKind::OutOfMemory`].
+pub(crate) fn append(
+    reader: &mut dyn Read,
+    count: usize,
+    layout: &Layout,
+    samples: &mut Samples,
+) -> std::io::Result<()> {
+    samples.reserve(count).map_err(|_| ErrorKind::OutOfMemory)?;
+    let Layout { kind, endian, components, pick, .. } = *layout;
+    /// Selects the conversion for the byte order.
+    macro_rules! order {
+        ($type:ty) => {
+            match endian {
+                Endian::Little => <$type>::from_le_bytes,
+                Endian::Big => <$type>::from_be_bytes,
+            }
+        };
+    }
+    /// Appends to a list of the file's own type.
+    macro_rules! kept {
+        ($type:ty, $list:expr, $at:expr) => {
+            convert(reader, count, components, order!($type), |tuple| tuple[$at], $list)
+        };
+    }
+    /// Appends the nearest 32-bit floats.
+    macro_rules! narrowed {
+        ($type:ty, $list:expr) => {{
+            let number = order!($type);
+            let wide = move |bytes| number(bytes) as f64;
+            match pick {
+                Pick::Component(at) => {
+                    convert(reader, count, components, wide, |tuple| num::f32_of(tuple[at]), $list)
+                }
+                Pick::Magnitude => {
+                    let length = |tuple: &[f64]| num::f32_of(magnitude(tuple));
+                    convert(reader, count, components, wide, length, $list)
+                }
+            }
+        }};
+    }
+    match (samples, kind, pick) {
+        (Samples::U8(v), SampleType::U8, Pick::Component(at)) => kept!(u8, v, at),
+        (Samples::U16(v), SampleType::U16, Pick::Component(at)) => kept!(u16, v, at),
+        (Samples::I16(v), SampleType::I16, Pick::Component(at)) => kept!(i16, v, at),
+        (Samples::F32(v), SampleType::F32, Pick::Component(at)) => kept!(f32, v, at),
+        (Samples::F32(v), kind, _) => match kind {
+            SampleType::U8 => narrowed!(u8, v),
+            SampleType::I8 => narrowed!(i8, v),
+            SampleType::U16 => narrowed!(u16, v),
+            SampleType::I16 => narrowed!(i16, v),
+            SampleType::U32 => narrowed!(u32, v),
+            SampleType::I32 => narrowed!(i32, v),
+            SampleType::U64 => narrowed!(u64, v),
+            SampleType::I64 => narrowed!(i64, v),
+            SampleType::F32 => narrowed!(f32, v),
+            SampleType::F64 => narrowed!(f64, v),
+        },
+        // The list has been started with another type.
+        _ => Err(ErrorKind::Unsupported.into()),
+    }
+}
+
+/// The Euclidean length of the tuple.
+fn magnitude(tuple: &[f64]) -> f64 {
+    tuple.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// Reads `count` numbers, such as coordinates, and appends them as 64-bit floats.
+pub(crate) fn append_f64(
+    reader: &mut dyn Read,
+    count: usize,
+    kind: SampleType,
+    endian: Endian,
+    values: &mut Vec<f64>,
+) -> std::io::Result<()> {
+    values.try_reserve_exact(count).map_err(|_| ErrorKind::OutOfMemory)?;
+    macro_rules! wide {
+        ($type:ty) => {{
+            let number = match endian {
+                Endian::Little => <$type>::from_le_bytes,
+                Endian::Big => <$type>::from_be_bytes,
+            };
+            convert(reader, count, 1, move |bytes| number(bytes) as f64, |tuple| tuple[0], values)
+        }};
+    }
+    match kind {
+        SampleType::U8 => wide!(u8),
+        SampleType::I8 => wide!(i8),
+        SampleType::U16 => wide!(u16),
+        SampleType::I16 => wide!(i16),
+        SampleType::U32 => wide!(u32),
+        SampleType::I32 => wide!(i32),
+        SampleType::U64 => wide!(u64),
+        SampleType::I64 => wide!(i64),
+        SampleType::F32 => wide!(f32),
+        SampleType::F64 => wide!(f64),
+    }
+}
+
+/// Reads `count` whole numbers from 0 to 2^32 - 2 and appends them: indices, offsets and types.
+///
+/// # Errors
+///
+/// As [`append`]; [`ErrorKind::InvalidData`] with the number that is out of range, or if the type is a float.
+pub(crate) fn append_indices(
+    reader: &mut dyn Read,
+    count: usize,
+    kind: SampleType,
+    endian: Endian,
+    values: &mut Vec<u32>,
+) -> std::io::Result<()> {
+    values.try_reserve_exact(count).map_err(|_| ErrorKind::OutOfMemory)?;
+    let mut wrong = None;
+    macro_rules! whole {
+        ($type:ty) => {{
+            let number = match endian {
+                Endian::Little => <$type>::from_le_bytes,
+                Endian::Big => <$type>::from_be_bytes,
+            };
+            let mut index = |tuple: &[$type]| {
+                u32::try_from(tuple[0]).ok().filter(|&i| i < u32::MAX).unwrap_or_else(|| {
+                    wrong.get_or_insert_with(|| tuple[0].to_string());
+                    0
+                })
+            };
+            convert(reader, count, 1, number, &mut index, values)
+        }};
+    }
+    match kind {
+        SampleType::U8 => whole!(u8),
+        SampleType::I8 => whole!(i8),
+        SampleType::U16 => whole!(u16),
+        SampleType::I16 => whole!(i16),
+        SampleType::U32 => whole!(u32),
+        SampleType::I32 => whole!(i32),
+        SampleType::U64 => whole!(u64),
+        SampleType::I64 => whole!(i64),
+        SampleType::F32 | SampleType::F64 => {
+            return Err(std::io::Error::new(
+                ErrorKind::InvalidData,
+                format!("type {}: indices are whole numbers", kind.name()),
+            ));
+        }
+    }?;
+    match wrong {
+        Some(number) => {
+            let rule = format!("{number}: must be from 0 to {}", u32::MAX - 1);
+            Err(std::io::Error::new(ErrorKind::InvalidData, rule))
+        }
+        None => Ok(()),
+    }
+}
+
+/// The limit on components of a tuple.
+pub(crate) const MAX_COMPONENTS: usize = 1024;
+
+/// Reads `count` tuples of numbers of `N` bytes, a block at a time, and appends one value for each.
+fn convert<T: Clone, V, const N: usize>(
+    reader: &mut dyn Read,
+    count: usize,
+    components: usize,
+    number: impl Fn([u8; N]) -> T,
+    mut value: impl FnMut(&[T]) -> V,
+    values: &mut Vec<V>,
+) -> std::io::Result<()> {
+    const BLOCK: usize = 1 << 16;
+    if components == 0 || components > MAX_COMPONENTS {
+        return Err(ErrorKind::Unsupported.into());
+    }
+    let tuple = N * components;
+    let mut block = vec![0_u8; (BLOCK / tuple).clamp(1, count.max(1)) * tuple];
+    let mut numbers: Vec<T> = Vec::with_capacity(components);
+    let mut left = count;
+    while left > 0 {
+        let take = left.min(block.len() / tuple);
+        let bytes = &mut block[..take * tuple];
+        reader.read_exact(bytes)?;
+        if components == 1 {
+            values.extend(bytes.as_chunks::<N>().0.iter().map(|&bytes| value(&[number(bytes)])));
+        } else {
+            for bytes in bytes.chunks_exact(tuple) {
+                numbers.clear();
+                numbers.extend(bytes.as_chunks::<N>().0.iter().map(|&bytes| number(bytes)));
+                values.push(value(&numbers));
+            }
+        }
+        left -= take;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_type_decodes_in_both_byte_orders() {
+        let get = |kind, endian, bytes: &[u8]| {
+            let mut samples = Samples::none(kind, Pick::Component(0));
+            append(&mut &*bytes, 1, &Layout::scalar([1; 3], kind, endian), &mut samples).unwrap();
+            samples
+        };
+        for (endian, flip) in [(Endian::Big, false), (Endian::Little, true)] {
+            let order = |mut bytes: Vec<u8>| {
+                if flip {
+                    bytes.reverse();
+                }
+                bytes
+            };
+            let one = |kind, bytes: Vec<u8>| get(kind, endian, &order(bytes));
+            assert_eq!(one(SampleType::U8, vec![200]), Samples::U8(vec![200]));
+            assert_eq!(one(SampleType::I8, vec![200]), Samples::F32(vec![-56.0]));
+            assert_eq!(one(SampleType::U16, 0x1234_u16.to_be_bytes().into()), Samples::U16(vec![0x1234]));
+            assert_eq!(one(SampleType::I16, (-1000_i16).to_be_bytes().into()), Samples::I16(vec![-1000]));
+            assert_eq!(one(SampleType::U32, 4_000_000_000_u32.to_be_bytes().into()), Samples::F32(vec![4e9]));
+            assert_eq!(one(SampleType::I32, (-70_000_i32).to_be_bytes().into()), Samples::F32(vec![-7e4]));
+            assert_eq!(
+                one(SampleType::U64, (1_u64 << 40).to_be_bytes().into()),
+                Samples::F32(vec![1_099_511_627_776.0])
+            );
+            assert_eq!(one(SampleType::I64, (-5_i64).to_be_bytes().into()), Samples::F32(vec![-5.0]));
+            assert_eq!(one(SampleType::F32, 1.5_f32.to_be_bytes().into()), Samples::F32(vec![1.5]));
+            assert_eq!(one(SampleType::F64, (-2.5_f64).to_be_bytes().into()), Samples::F32(vec![-2.5]));
+        }
+    }
+
+    #[test]
+    fn tuples_give_a_component_or_their_length() {
+        let bytes: Vec<u8> = [3_i16, 4, 0, -5, 12, 0].iter().flat_map(|n| n.to_le_bytes()).collect();
+        let read = |pick| {
+            let layout =
+                Layout { dims: [1; 3], kind: SampleType::I16, endian: Endian::Little, components: 3, pick };
+            let mut samples = Samples::none(layout.kind, pick);
+            append(&mut &*bytes, 2, &layout, &mut samples).map(|()| samples)
+        };
+        assert_eq!(read(Pick::Component(1)).unwrap(), Samples::I16(vec![4, 12]));
+        assert_eq!(read(Pick::Magnitude).unwrap(), Samples::F32(vec![5.0, 13.0]));
+    }
+
+    #[test]
+    fn indices_are_whole_and_in_range() {
+        let read = |bytes: &[u8], kind| {
+            let mut values = Vec::new();
+            let count = bytes.len() / usize::try_from(kind_bytes(kind)).unwrap();
+            append_indices(&mut &*bytes, count, kind, Endian::Little, &mut values).map(|()| values)
+        };
+        fn kind_bytes(kind: SampleType) -> u64 {
+            kind.bytes()
+        }
+        assert_eq!(read(&[1, 0, 2, 0], SampleType::U16).unwrap(), [1, 2]);
+        assert!(read(&(-1_i64).to_le_bytes(), SampleType::I64).unwrap_err().to_string().contains("-1"));
+        assert!(read(&u64::MAX.to_le_bytes(), SampleType::U64).is_err());
+        assert!(read(&1_f32.to_le_bytes(), SampleType::F32).is_err());
+    }
+}

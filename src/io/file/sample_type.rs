@@ -1,0 +1,139 @@
+//! Types of numbers in files, their byte orders, and the part of a tuple that is read.
+
+use crate::error::{Error, Result};
+
+/// The type of a sample in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SampleType {
+    /// 8-bit unsigned.
+    U8,
+    /// 8-bit signed; kept as 32-bit float.
+    I8,
+    /// 16-bit unsigned.
+    U16,
+    /// 16-bit signed.
+    I16,
+    /// 32-bit unsigned; kept as 32-bit float.
+    U32,
+    /// 32-bit signed; kept as 32-bit float.
+    I32,
+    /// 64-bit unsigned; kept as 32-bit float.
+    U64,
+    /// 64-bit signed; kept as 32-bit float.
+    I64,
+    /// 32-bit float.
+    F32,
+    /// 64-bit float; kept as 32-bit float.
+    F64,
+}
+
+impl SampleType {
+    /// Every type.
+    pub const ALL: [Self; 10] = [
+        Self::U8,
+        Self::I8,
+        Self::U16,
+        Self::I16,
+        Self::U32,
+        Self::I32,
+        Self::U64,
+        Self::I64,
+        Self::F32,
+        Self::F64,
+    ];
+
+    /// Returns the name used in scene files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::U8 => "u8",
+            Self::I8 => "i8",
+            Self::U16 => "u16",
+            Self::I16 => "i16",
+            Self::U32 => "u32",
+            Self::I32 => "i32",
+            Self::U64 => "u64",
+            Self::I64 => "i64",
+            Self::F32 => "f32",
+            Self::F64 => "f64",
+        }
+    }
+
+    /// Returns the type with this name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] with the allowed names, for any other name.
+    pub fn from_name(name: &str) -> Result<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name).ok_or_else(|| {
+            let names = Self::ALL.map(Self::name).join(", ");
+            Error::invalid("type", format!("\"{name}\": must be one of {names}"))
+        })
+    }
+
+    /// Returns the size in the file, in bytes.
+    #[must_use]
+    pub fn bytes(self) -> u64 {
+        match self {
+            Self::U8 | Self::I8 => 1,
+            Self::U16 | Self::I16 => 2,
+            Self::U32 | Self::I32 | Self::F32 => 4,
+            Self::U64 | Self::I64 | Self::F64 => 8,
+        }
+    }
+
+    /// Returns the size in memory, in bytes.
+    #[must_use]
+    pub fn stored_bytes(self) -> u64 {
+        match self {
+            Self::U8 => 1,
+            Self::U16 | Self::I16 => 2,
+            Self::I8 | Self::U32 | Self::I32 | Self::U64 | Self::I64 | Self::F32 | Self::F64 => 4,
+        }
+    }
+}
+
+/// The order of the bytes of a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Endian {
+    /// Least significant byte first.
+    Little,
+    /// Most significant byte first.
+    Big,
+}
+
+impl Endian {
+    /// The byte order of this machine.
+    pub(crate) const NATIVE: Self = if cfg!(target_endian = "little") { Self::Little } else { Self::Big };
+
+    /// Decodes an unsigned whole number of at most 8 bytes.
+    pub(crate) fn whole(self, bytes: &[u8]) -> u64 {
+        let add = |sum: u64, byte: &u8| (sum << 8) | u64::from(*byte);
+        match self {
+            Self::Little => bytes.iter().rev().fold(0, add),
+            Self::Big => bytes.iter().fold(0, add),
+        }
+    }
+}
+
+/// The part of each tuple that is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pick {
+    /// One component, counted from 0.
+    Component(usize),
+    /// The Euclidean length of the tuple.
+    Magnitude,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_those_of_scene_files() {
+        for kind in SampleType::ALL {
+            assert_eq!(SampleType::from_name(kind.name()).unwrap(), kind);
+        }
+        assert!(SampleType::from_name("int16").unwrap_err().to_string().contains("u8, i8, u16"));
+    }
+}

@@ -1,0 +1,115 @@
+//! Points in tables of text (`.csv`, `.tsv`, `.xyz`; `.txt` if the content looks like such a table).
+//!
+//! - **Cells** are separated by tabs if the first row has one outside quotes, else by semicolons, else by commas, else by
+//!   blanks. Blanks around cells are ignored. A cell may be in double quotes, in which a doubled quote stands for one, and
+//!   may then span several lines. Empty lines and lines that begin with `#` are skipped. Every row has as many cells as
+//!   the first.
+//! - **The first row** names the columns if it contains names of positions, or fewer than three numbers. Otherwise a
+//!   comment before it that has a name for each column names them. Without names, the first three numeric columns are x, y
+//!   and z, and the others are `column 4` and so on.
+//! - **Positions** are three columns `x y z`, in upper or lower case, with an optional unit in brackets; or these letters,
+//!   or `0 1 2`, after `p`, `pos`, `position`, `point`, `coord`, `coordinate`, `centre` or `center`, singular or plural,
+//!   with an optional `_`, `:`, `.` or blank between: `px`, `pos_x`, `Points:0`.
+//! - **Arrays** are the other columns whose first value is a number, and groups of them as described in
+//!   [`columns`](crate::io::build::columns).
+//! - **Numbers** have a decimal point. An empty cell, `nan`, `na`, `n/a` and `null` are NaN.
+
+mod row;
+mod table;
+
+use glam::DVec3;
+
+use crate::error::Result;
+use crate::io::build::columns::{self, Column};
+use crate::io::build::origin::Origin;
+use crate::io::build::points;
+use crate::io::file::budget::Budget;
+use crate::io::file::sample_type::{Pick, SampleType};
+use crate::io::file::source::Source;
+use crate::io::file::text;
+use crate::io::formats::csv::row::is_number;
+use crate::io::formats::csv::row::{Delimiter, Row, is_skipped};
+use crate::io::formats::csv::table::{Table, positions};
+use crate::io::options::ReadOptions;
+use crate::io::reader::Reader;
+use crate::io::report::Loaded;
+use crate::num;
+use crate::scene::Samples;
+
+pub(crate) struct Csv;
+
+impl Reader for Csv {
+    fn name(&self) -> &'static str {
+        "CSV"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &["csv", "tsv", "xyz", "csv.gz", "tsv.gz", "xyz.gz"]
+    }
+
+    /// Recognises only `.txt` files whose first two rows look like a table; other extensions are matched by name.
+    fn recognises(&self, source: &Source) -> bool {
+        let text = source.path().extension().is_some_and(|ending| ending.eq_ignore_ascii_case("txt"));
+        if !text {
+            return false;
+        }
+        let head = String::from_utf8_lossy(source.head());
+        // The last line of the head may be incomplete.
+        let Some((lines, _)) = head.rsplit_once('\n') else { return false };
+        let mut rows = lines.lines().filter(|line| !is_skipped(line));
+        let (Some(first), Some(second)) = (rows.next(), rows.next()) else { return false };
+        let delimiter = Delimiter::of(first);
+        let cells = |line: &str| {
+            let mut row = Row::default();
+            row.split(line, delimiter, false).is_ok_and(|open| !open).then_some(row)
+        };
+        let (Some(first), Some(second)) = (cells(first), cells(second)) else { return false };
+        if first.len() != second.len() {
+            return false;
+        }
+        match positions((0..first.len()).map(|i| first.cell(i))) {
+            Ok(Some(axes)) => axes.iter().all(|&axis| is_number(second.cell(axis))),
+            _ => [first, second]
+                .iter()
+                .all(|row| row.len() >= 3 && (0..row.len()).all(|i| is_number(row.cell(i)))),
+        }
+    }
+
+    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
+        let mut budget = Budget::new(source, options);
+        let table = Table::survey(source)?;
+        let count = text::index(source, "rows", table.rows)?;
+        budget.take("points", table.rows.saturating_mul(24))?;
+        let mut points = Vec::new();
+        points.try_reserve_exact(count).map_err(|_| source.error("points", "memory is full"))?;
+        table.each(&table.axes, &mut |xyz| {
+            if let [x, y, z] = *xyz {
+                points.push(DVec3::new(x, y, z));
+            }
+        })?;
+
+        let scalars: Vec<usize> = (0..table.columns.len())
+            .filter(|place| !table.axes.contains(place) && table.columns[*place].kind.is_some())
+            .collect();
+        let own: Vec<Column> = scalars
+            .iter()
+            .map(|&place| &table.columns[place])
+            .map(|told| Column { name: told.name.clone(), kind: told.kind.unwrap_or(SampleType::F64) })
+            .collect();
+        let groups = columns::groups(&own);
+        let arrays = groups.iter().map(|group| group.info.clone()).collect();
+        let mut read = |index: usize, pick: Pick| -> Result<Samples> {
+            let wanted: Vec<usize> = groups[index].needed(pick).iter().map(|&i| scalars[i]).collect();
+            let mut values = Vec::with_capacity(count);
+            table.each(&wanted, &mut |numbers| {
+                values.push(num::f32_of(columns::value(numbers, pick)));
+            })?;
+            Ok(Samples::F32(values))
+        };
+        let origin = Origin { source, format: self.name(), arrays };
+        let mut loaded = points::points(points, origin, &mut budget, &mut read, options)?;
+        loaded.report.notes.splice(0..0, table.notes());
+        loaded.report.warnings.extend(table.warnings());
+        Ok(loaded)
+    }
+}

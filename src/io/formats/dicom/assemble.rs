@@ -1,0 +1,241 @@
+//! From the slices of a series to one grid.
+
+use glam::{DMat3, DVec3};
+
+use crate::error::{Error, Result};
+use crate::io::build::resample;
+use crate::io::file::budget::Budget;
+use crate::io::file::decode::{self, Layout};
+use crate::io::file::sample_type::{Pick, SampleType};
+use crate::io::file::samples;
+use crate::io::file::source::Source;
+use crate::io::formats::dicom::account::Account;
+use crate::io::formats::dicom::header::{self, Header, vector};
+use crate::io::formats::dicom::placement::{Frame, Line, Slice};
+use crate::io::formats::dicom::recognise::NAME;
+use crate::io::formats::dicom::syntax::Packing;
+use crate::io::formats::dicom::{data_set, frames};
+use crate::io::options::ReadOptions;
+use crate::io::report::Loaded;
+use crate::num;
+use crate::scene::{Anatomy, Grid, Rescale, Samples};
+
+/// Opens a file by its index in a list.
+type Open<'o> = dyn Fn(usize) -> Result<Source> + 'o;
+
+/// Sorts the slices along their normal, reads their samples and places the grid. `headers` are those of the files that
+/// `open` opens by index; `source` is for messages.
+pub(crate) fn assemble(
+    source: &Source,
+    headers: Vec<Header>,
+    open: &Open,
+    mut notes: Vec<String>,
+    mut account: Account,
+    options: &ReadOptions,
+) -> Result<Loaded> {
+    let Some(first) = headers.first() else {
+        return Err(source.error("PixelData", "there is none"));
+    };
+    let kind = frames::kind(first)?;
+    let frame = Frame::of(first)?;
+    let mut slices = collect(&headers, &frame)?;
+    let count = slices.len();
+    if count < 2 {
+        let rule = "1 slice: a volume needs at least 2, each in a file of its own or a frame of one";
+        return Err(source.error("series", rule));
+    }
+    slices.sort_by(|a, b| a.height.total_cmp(&b.height));
+    let line = Line::of(source, &headers, &slices, &frame)?;
+
+    let rescale = slices[0].rescale;
+    let same = slices.iter().all(|slice| slice.rescale == rescale);
+    let extent = |size: u64| u32::try_from(size).unwrap_or(u32::MAX);
+    let dims = [extent(first.columns), extent(first.rows), num::count(count)];
+    let layout = Layout::scalar(dims, kind, first.endian);
+    let (total, _) = samples::data_size(source, "Rows, Columns, slices", &layout, options)?;
+    let mut budget = account.budget.clone();
+    let stored = if same { kind.stored_bytes() } else { 4 };
+    budget.take("series", num::wide(total).saturating_mul(stored))?;
+    let scratch = headers.iter().map(frames::scratch).max().unwrap_or(0);
+    // One slice is converted at a time if slices differ in rescale.
+    let one = if same { 0 } else { first.rows.saturating_mul(first.columns).saturating_mul(4) };
+    budget.take("one slice", scratch.saturating_add(one))?;
+
+    let reader = SliceReader { first, frame: &frame, layout, kind, same, pixels: total / count };
+    let values = reader.read(source, &slices, total, open, &mut account, &mut budget)?;
+
+    let mut warnings: Vec<String> = first.warnings.iter().map(|&warning| warning.to_owned()).collect();
+    describe(first, same, &mut notes);
+    if frame.guessed {
+        warnings.push("no PixelSpacing: 1 mm is assumed".to_owned());
+    }
+    let tilt = line.step.angle_between(frame.normal).to_degrees();
+    if tilt > 0.05 {
+        notes.push(format!(
+            "slices lie {tilt:.2} degrees off their normal, as with a tilted gantry: the axes are not at right angles"
+        ));
+    }
+    let (dims, values, length) = match line.heights {
+        None => (dims, values, line.step.length()),
+        Some(heights) => {
+            let list = |extent: u32| (0..extent).map(f64::from).collect::<Vec<_>>();
+            let places = [list(dims[0]), list(dims[1]), heights];
+            warnings.push(format!("distances of slices are uneven: {} mm", line.gaps));
+            let even = resample::evenly(source, "slices", dims, values, places, &mut budget)?;
+            notes.extend(even.note);
+            (even.dims, even.samples, even.steps.z)
+        }
+    };
+    let located = |error: Error| error.in_file(source.path());
+    let spacing = DVec3::new(frame.spacing[1], frame.spacing[0], length);
+    let direction = DMat3::from_cols(frame.row, frame.column, line.step.normalize());
+    let mut grid = Grid::new(dims, values)
+        .and_then(|grid| grid.with_placement(spacing, slices[0].position, direction))
+        .map_err(located)?;
+    if same {
+        grid = grid.with_rescale(rescale).map_err(located)?;
+    }
+    let mut loaded = Loaded::new(NAME, grid.with_anatomy(Anatomy::Lps));
+    notes.insert(0, format!("{count} slices in the order of their positions"));
+    loaded.report.notes = notes;
+    loaded.report.warnings = warnings;
+    Ok(loaded)
+}
+
+/// Notes on the meaning of the samples.
+fn describe(first: &Header, same: bool, notes: &mut Vec<String>) {
+    if first.photometric == "MONOCHROME1" {
+        notes.push("MONOCHROME1: the smallest value is white; values are kept as they are stored".to_owned());
+    }
+    if first.stored < first.allocated && !first.float {
+        notes.push(format!(
+            "{} of {} bits are samples, the others are left out",
+            first.stored, first.allocated
+        ));
+    }
+    if first.packing == Packing::Jpeg
+        && matches!(first.syntax.as_str(), "1.2.840.10008.1.2.4.50" | "1.2.840.10008.1.2.4.51")
+    {
+        notes.push("JPEG: values are those of a lossy compression".to_owned());
+    }
+    if !same {
+        notes.push(
+            "slices differ in slope and intercept: values are rescaled and kept as 32-bit floats".to_owned(),
+        );
+    }
+}
+
+/// Reads the samples of all slices.
+struct SliceReader<'a> {
+    first: &'a Header,
+    frame: &'a Frame,
+    layout: Layout,
+    kind: SampleType,
+    /// Whether all slices have the same rescale; else it is applied here.
+    same: bool,
+    /// Pixels of a slice.
+    pixels: usize,
+}
+
+impl SliceReader<'_> {
+    /// Appends slice after slice; a file with several frames is opened once.
+    fn read(
+        &self,
+        source: &Source,
+        slices: &[Slice],
+        total: usize,
+        open: &Open,
+        account: &mut Account,
+        budget: &mut Budget,
+    ) -> Result<Samples> {
+        let list = if self.same { self.kind } else { SampleType::F32 };
+        let mut values = Samples::none(list, Pick::Component(0));
+        values
+            .reserve(total)
+            .map_err(|_| source.error("series", format!("{total} samples: memory is full")))?;
+        let mut opened: Option<(usize, Source, Source, Header)> = None;
+        for slice in slices {
+            if opened.as_ref().is_none_or(|(file, ..)| *file != slice.file) {
+                if let Some((.., data, header)) = opened.take() {
+                    drop(data);
+                    budget.put_back(header.taken.saturating_add(header.inflated));
+                }
+                let source = open(slice.file)?;
+                let (header, data) = data_set::read(&source, account)?;
+                // The file may have been replaced in the meantime.
+                self.frame.check(self.first, &header)?;
+                frames::check(&header, frames_of(&header))?;
+                opened = Some((slice.file, source, data, header));
+            }
+            let Some((_, source, data, header)) = &opened else { continue };
+            let (bytes, endian) = frames::bytes(data, header, slice.frame)?;
+            let layout = Layout { endian, ..self.layout };
+            let append = |values: &mut Samples| {
+                decode::append(&mut bytes.as_slice(), self.pixels, &layout, values)
+                    .map_err(|error| source.io_error(error))
+            };
+            match &mut values {
+                Samples::F32(list) if !self.same => {
+                    let mut own = Samples::none(self.kind, Pick::Component(0));
+                    append(&mut own)?;
+                    let Rescale { slope, intercept } = slice.rescale;
+                    list.extend((0..own.len()).map(|i| num::f32_of(slope * own.get(i) + intercept)));
+                }
+                list => append(list)?,
+            }
+        }
+        Ok(values)
+    }
+}
+
+/// The number of frames of a file.
+fn frames_of(header: &Header) -> usize {
+    header.frames.and_then(|frames| usize::try_from(frames).ok()).unwrap_or(1)
+}
+
+/// Collects the slices of all files, unsorted, and checks everything that can be checked without their samples.
+fn collect(headers: &[Header], frame: &Frame) -> Result<Vec<Slice>> {
+    let mut slices = Vec::new();
+    for (file, header) in headers.iter().enumerate() {
+        frame.check(&headers[0], header)?;
+        let frames = frames_of(header);
+        if frames > header::MAX_FRAMES {
+            let rule = format!("{frames}: at most {}", header::MAX_FRAMES);
+            return Err(header.error("NumberOfFrames", rule));
+        }
+        if !header.planes.is_empty() && header.planes.len() != frames {
+            let rule = format!("{} items for {frames} frames", header.planes.len());
+            return Err(header.error("PerFrameFunctionalGroupsSequence", rule));
+        }
+        frames::check(header, frames)?;
+        for number in 0..frames {
+            let plane = header.plane_of(number);
+            let place = if frames > 1 { format!("frame {}", number + 1) } else { "slice".to_owned() };
+            let position = if frames > 1 {
+                header.planes.get(number).and_then(|own| own.position)
+            } else {
+                plane.position
+            };
+            let Some(position) = position else {
+                let rule = "no ImagePositionPatient of its own: slices cannot be put in order";
+                return Err(header.error(&*place, rule));
+            };
+            frame.check_plane(header, &place, &plane)?;
+            let slope = plane.slope.unwrap_or(1.0);
+            let intercept = plane.intercept.unwrap_or(0.0);
+            if slope == 0.0 {
+                return Err(header.error(&*place, "RescaleSlope 0: must not be zero"));
+            }
+            let position = vector(&position);
+            let height = position.dot(frame.normal);
+            slices.push(Slice {
+                file,
+                frame: number,
+                position,
+                height,
+                rescale: Rescale { slope, intercept },
+            });
+        }
+    }
+    Ok(slices)
+}

@@ -1,0 +1,197 @@
+//! Data elements: tags, types, lengths and values, read in one forward pass.
+
+use crate::error::{Error, Result};
+use crate::io::file::sample_type::Endian;
+use crate::io::file::source::Source;
+use crate::io::file::text;
+use crate::io::formats::dicom::account::Account;
+use crate::io::formats::dicom::syntax::Syntax;
+
+/// Group and element number.
+pub(crate) type Tag = (u16, u16);
+
+/// The limit on the length of a value that is read, in bytes.
+const MAX_VALUE: u64 = 1024;
+
+pub(crate) const ITEM: Tag = (0xfffe, 0xe000);
+pub(crate) const ITEM_END: Tag = (0xfffe, 0xe00d);
+pub(crate) const SEQUENCE_END: Tag = (0xfffe, 0xe0dd);
+pub(crate) const UNDEFINED: u64 = 0xffff_ffff;
+
+/// A data element's header.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Element {
+    pub(crate) tag: Tag,
+    pub(crate) vr: [u8; 2],
+    /// The offset of its value.
+    pub(crate) at: u64,
+    pub(crate) len: u64,
+}
+
+/// A forward pass through a file.
+pub(crate) struct Walk<'a, 'b> {
+    pub(crate) source: &'a Source,
+    pub(crate) account: &'a mut Account<'b>,
+    /// The buffered part of the file, and its offset.
+    window: Vec<u8>,
+    start: u64,
+}
+
+impl<'a, 'b> Walk<'a, 'b> {
+    /// Bytes that are read at a time.
+    const WINDOW: u64 = 1 << 14;
+
+    pub(crate) fn new(source: &'a Source, account: &'a mut Account<'b>) -> Self {
+        Self { source, account, window: Vec::new(), start: 0 }
+    }
+
+    pub(crate) fn error(&self, at: u64, rule: impl Into<String>) -> Error {
+        self.source.error(format!("byte {at}"), rule)
+    }
+
+    /// Returns a few bytes at an offset, through the window.
+    pub(crate) fn bytes(&mut self, at: u64, len: u64) -> Result<&[u8]> {
+        let all = self.source.len();
+        let end = at.checked_add(len).filter(|&end| end <= all);
+        let Some(end) = end else {
+            return Err(self.error(at, format!("needs {len} bytes here, the file has {all} in all")));
+        };
+        let window_end = self.start.saturating_add(u64::try_from(self.window.len()).unwrap_or(0));
+        if at < self.start || end > window_end {
+            let size = len.max(Self::WINDOW).min(all - at);
+            self.window = self.source.bytes(at, size)?;
+            self.start = at;
+        }
+        let first = usize::try_from(at - self.start).unwrap_or(usize::MAX);
+        let count = usize::try_from(len).unwrap_or(usize::MAX);
+        Ok(&self.window[first..first + count])
+    }
+
+    fn number(&mut self, at: u64, len: u64, endian: Endian) -> Result<u64> {
+        Ok(endian.whole(self.bytes(at, len)?))
+    }
+
+    pub(crate) fn element(&mut self, at: u64, syntax: Syntax) -> Result<Element> {
+        let Syntax { explicit, endian } = syntax;
+        let part = |number: u64| u16::try_from(number).unwrap_or(0);
+        let tag = (part(self.number(at, 2, endian)?), part(self.number(at + 2, 2, endian)?));
+        if !explicit || tag.0 == 0xfffe {
+            let len = self.number(at + 4, 4, endian)?;
+            return Ok(Element { tag, vr: [0; 2], at: at + 8, len });
+        }
+        let vr = self.bytes(at + 4, 2)?;
+        let vr = [vr[0], vr[1]];
+        if !vr.iter().all(u8::is_ascii_uppercase) {
+            return Err(self.error(
+                at,
+                format!(
+                    "\"{}\": element ({:04x},{:04x}) must have a type of two letters",
+                    vr.escape_ascii(),
+                    tag.0,
+                    tag.1
+                ),
+            ));
+        }
+        let long = matches!(
+            &vr,
+            b"OB"
+                | b"OD"
+                | b"OF"
+                | b"OL"
+                | b"OV"
+                | b"OW"
+                | b"SQ"
+                | b"SV"
+                | b"UC"
+                | b"UN"
+                | b"UR"
+                | b"UT"
+                | b"UV"
+        );
+        if long {
+            let len = self.number(at + 8, 4, endian)?;
+            Ok(Element { tag, vr, at: at + 12, len })
+        } else {
+            let len = self.number(at + 6, 2, endian)?;
+            Ok(Element { tag, vr, at: at + 8, len })
+        }
+    }
+
+    /// Reads the file meta information; returns its end and the transfer syntax.
+    pub(crate) fn meta(&mut self) -> Result<(u64, String)> {
+        let head = self.source.head();
+        let mut at = if head.get(128..132) == Some(b"DICM") { 132 } else { 0 };
+        let syntax = Syntax { explicit: true, endian: Endian::Little };
+        let mut uid = String::new();
+        while at + 8 <= self.source.len() && self.number(at, 2, Endian::Little)? == 2 {
+            let element = self.element(at, syntax)?;
+            if element.tag == (0x0002, 0x0010) {
+                uid = self.text(&element)?;
+            }
+            at = self.behind(&element)?;
+        }
+        Ok((at, uid))
+    }
+
+    /// Guesses whether types are explicit, without file meta information.
+    pub(crate) fn guess(&mut self, at: u64) -> Result<Syntax> {
+        let explicit = self.bytes(at.saturating_add(4), 2)?.iter().all(u8::is_ascii_uppercase);
+        Ok(Syntax { explicit, endian: Endian::Little })
+    }
+
+    /// Returns the end of an element of known length, which must lie in the file.
+    pub(crate) fn behind(&self, element: &Element) -> Result<u64> {
+        let end = element.at.checked_add(element.len).filter(|&end| end <= self.source.len());
+        let ((group, number), len) = (element.tag, element.len);
+        end.ok_or_else(|| {
+            let left = self.source.len().saturating_sub(element.at);
+            self.error(element.at, format!("({group:04x},{number:04x}) has {len} bytes: {left} are left"))
+        })
+    }
+
+    fn value(&mut self, element: &Element) -> Result<&[u8]> {
+        let ((group, number), len) = (element.tag, element.len);
+        if len > MAX_VALUE {
+            let rule = format!("({group:04x},{number:04x}) has {len} bytes: at most {MAX_VALUE}");
+            return Err(self.error(element.at, rule));
+        }
+        self.bytes(element.at, len)
+    }
+
+    pub(crate) fn text(&mut self, element: &Element) -> Result<String> {
+        let text = String::from_utf8_lossy(self.value(element)?).into_owned();
+        let text = text.trim_matches(|c: char| c == '\0' || c.is_whitespace());
+        // Messages show it, and have one line.
+        Ok(text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect())
+    }
+
+    /// Parses decimal numbers separated by backslashes; None if the value is empty.
+    pub(crate) fn decimals<const N: usize>(&mut self, element: &Element) -> Result<Option<[f64; N]>> {
+        let text = self.text(element)?;
+        if text.is_empty() {
+            return Ok(None);
+        }
+        let numbers: Vec<f64> = text
+            .split('\\')
+            .filter_map(|word| word.trim().parse().ok())
+            .filter(|n: &f64| n.is_finite())
+            .collect();
+        let wanted = text.split('\\').count() == N && numbers.len() == N;
+        let numbers = <[f64; N]>::try_from(numbers).ok().filter(|_| wanted);
+        numbers.map(Some).ok_or_else(|| {
+            let (group, number) = element.tag;
+            let shown = text::shown(&text);
+            self.error(element.at, format!("({group:04x},{number:04x}) \"{shown}\": must be {N} numbers"))
+        })
+    }
+
+    /// Reads a whole number of 2 bytes.
+    pub(crate) fn short(&mut self, element: &Element, endian: Endian) -> Result<u64> {
+        let ((group, number), len) = (element.tag, element.len);
+        if len < 2 {
+            let rule = format!("({group:04x},{number:04x}) has {len} bytes: must be a number of 2");
+            return Err(self.error(element.at, rule));
+        }
+        self.number(element.at, 2, endian)
+    }
+}

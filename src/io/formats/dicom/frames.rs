@@ -1,0 +1,371 @@
+//! The samples of a frame: uncompressed, run-length encoded or JPEG.
+
+use dicom_pixeldata::PixelDecoder as _;
+
+use crate::error::Result;
+use crate::io::file::sample_type::{Endian, SampleType};
+use crate::io::file::source::Source;
+use crate::io::file::text;
+use crate::io::formats::dicom::header::{Header, Pixels};
+use crate::io::formats::dicom::syntax::{self, Packing};
+use crate::io::formats::jpeg;
+use crate::num::wide;
+
+/// Returns the type of the samples after unused bits are removed.
+pub(crate) fn kind(header: &Header) -> Result<SampleType> {
+    let Header { allocated, stored, high, signed, .. } = *header;
+    if header.samples != 1 {
+        return Err(header.error("SamplesPerPixel", format!("{}: 1 is supported", header.samples)));
+    }
+    if !matches!(header.photometric.as_str(), "MONOCHROME1" | "MONOCHROME2") {
+        let shown = text::shown(&header.photometric);
+        return Err(header.error(
+            "PhotometricInterpretation",
+            format!("\"{shown}\": MONOCHROME1 and MONOCHROME2 are supported"),
+        ));
+    }
+    if header.float {
+        return match allocated {
+            32 => Ok(SampleType::F32),
+            64 => Ok(SampleType::F64),
+            _ => Err(header.error("BitsAllocated", format!("{allocated}: floats have 32 or 64"))),
+        };
+    }
+    if header.endian == Endian::Big && allocated == 8 {
+        return Err(header.error("BitsAllocated", "8: with big-endian data, 16 and 32 are supported"));
+    }
+    if !matches!(allocated, 8 | 16 | 32) {
+        return Err(header.error("BitsAllocated", format!("{allocated}: 8, 16 and 32 are supported")));
+    }
+    if stored == 0 || stored > allocated || high >= allocated || high + 1 < stored {
+        return Err(header
+            .error("BitsStored, HighBit", format!("{stored} up to bit {high}: do not fit in {allocated}")));
+    }
+    Ok(match (allocated, signed) {
+        (8, false) => SampleType::U8,
+        (8, true) => SampleType::I8,
+        (16, false) => SampleType::U16,
+        (16, true) => SampleType::I16,
+        (_, false) => SampleType::U32,
+        (_, true) => SampleType::I32,
+    })
+}
+
+/// Checks that the data of a file can hold these frames, before memory is allocated.
+pub(crate) fn check(header: &Header, frames: usize) -> Result<()> {
+    let Some(pixels) = &header.pixels else {
+        return Err(header.error("PixelData", "there is none"));
+    };
+    if header.packing == Packing::Other {
+        return Err(header.error(
+            "TransferSyntaxUID",
+            format!(
+                "{}{}: uncompressed, deflated, RLE and JPEG (baseline, extended, lossless) data are supported",
+                text::shown(&header.syntax),
+                syntax::named(&header.syntax)
+            ),
+        ));
+    }
+    if header.rows == 0 || header.columns == 0 {
+        return Err(
+            header.error("Rows, Columns", format!("{}, {}: must be positive", header.rows, header.columns))
+        );
+    }
+    let needed = header.frame_bytes().saturating_mul(wide(frames));
+    match pixels {
+        Pixels::Plain { len, .. } if header.packing == Packing::Native => {
+            // A padding byte may make the length even.
+            if needed.next_multiple_of(2) != *len && needed != *len {
+                return Err(header.error(
+                    "PixelData",
+                    format!(
+                        "{len} bytes: {} x {} samples of {} bits in {frames} frames need {needed}",
+                        header.columns, header.rows, header.allocated
+                    ),
+                ));
+            }
+        }
+        Pixels::Plain { .. } => {
+            return Err(header.error("PixelData", format!("transfer syntax {} has fragments", header.syntax)));
+        }
+        Pixels::Fragments(list) => {
+            let stored: u64 = list.iter().skip(1).map(|(_, len)| len).sum();
+            let most = stored.saturating_mul(ratio(header.packing));
+            if needed > most {
+                return Err(header.error(
+                    "PixelData",
+                    format!("{stored} packed bytes hold at most {most}: {frames} frames need {needed}"),
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Returns the largest ratio of decompressed to compressed bytes.
+fn ratio(packing: Packing) -> u64 {
+    match packing {
+        Packing::Native | Packing::Other => 1,
+        // Two bytes encode up to 128.
+        Packing::RunLength => 64,
+        // One bit encodes a block of 64 samples of two bytes; lossless, one sample.
+        Packing::Jpeg => 1024,
+    }
+}
+
+/// Returns the memory that decoding a frame takes in addition to the result, in bytes.
+pub(crate) fn scratch(header: &Header) -> u64 {
+    let frame = header.frame_bytes();
+    let stored = match &header.pixels {
+        Some(Pixels::Fragments(list)) => {
+            list.iter().map(|(_, len)| *len).sum::<u64>().min(frame.saturating_mul(2))
+        }
+        _ => 0,
+    };
+    let own = if header.packing == Packing::Jpeg { 8 } else { 2 };
+    // The compressed frame is held alone, within a data set for the decoder, and in the decoder's own form.
+    frame.saturating_mul(own).saturating_add(stored.saturating_mul(4))
+}
+
+/// Returns the bytes of a frame and their byte order.
+pub(crate) fn bytes(data: &Source, header: &Header, frame: usize) -> Result<(Vec<u8>, Endian)> {
+    let size = header.frame_bytes();
+    let frames = usize::try_from(header.frames.unwrap_or(1)).unwrap_or(usize::MAX);
+    let (bytes, endian) = match &header.pixels {
+        Some(Pixels::Plain { at, .. }) => {
+            (data.bytes(at.saturating_add(size.saturating_mul(wide(frame))), size)?, header.endian)
+        }
+        Some(Pixels::Fragments(list)) => {
+            let packed = packed(header, data, list, frame, frames, size)?;
+            match header.packing {
+                Packing::Native | Packing::Other => (plain(header, packed, size)?, Endian::Little),
+                Packing::RunLength => (run_lengths(&packed, header)?, Endian::Little),
+                Packing::Jpeg => (decoded(&packed, header)?, Endian::NATIVE),
+            }
+        }
+        None => return Err(header.error("PixelData", "there is none")),
+    };
+    Ok((masked(bytes, endian, header), endian))
+}
+
+/// Joins the fragments of a frame.
+fn packed(
+    header: &Header,
+    data: &Source,
+    list: &[(u64, u64)],
+    frame: usize,
+    frames: usize,
+    size: u64,
+) -> Result<Vec<u8>> {
+    let Some((table, fragments)) = list.split_first() else {
+        return Err(header.error("PixelData", "has no offset table"));
+    };
+    let own: &[(u64, u64)] = if frames == 1 {
+        fragments
+    } else if fragments.len() == frames {
+        &fragments[frame..=frame]
+    } else if table.1 == wide(frames).saturating_mul(4) {
+        // Offsets count from the item of the first fragment.
+        let first = fragments.first().map_or(0, |(at, _)| at.saturating_sub(8));
+        let offset = |frame: usize| -> Result<u64> {
+            let bytes = data.bytes(table.0.saturating_add(wide(frame).saturating_mul(4)), 4)?;
+            let bytes = <[u8; 4]>::try_from(bytes.as_slice()).unwrap_or_default();
+            Ok(first.saturating_add(u64::from(u32::from_le_bytes(bytes))))
+        };
+        let begin = offset(frame)?;
+        let end = if frame + 1 < frames { offset(frame + 1)? } else { u64::MAX };
+        let place = |wanted: u64| fragments.partition_point(|(at, _)| at.saturating_sub(8) < wanted);
+        let (begin, end) = (place(begin), place(end));
+        if begin >= end {
+            return Err(
+                header.error("PixelData", format!("frame {}: its offsets hold no fragment", frame + 1))
+            );
+        }
+        &fragments[begin..end]
+    } else {
+        return Err(header.error(
+            "PixelData",
+            format!("{} fragments for {frames} frames, and no table of offsets", fragments.len()),
+        ));
+    };
+    let total: u64 = own.iter().map(|(_, len)| len).sum();
+    let most = size.saturating_mul(2).saturating_add(1 << 16);
+    if total > most {
+        return Err(
+            header.error("PixelData", format!("frame {}: {total} packed bytes for {size}", frame + 1))
+        );
+    }
+    let mut bytes = Vec::new();
+    for &(at, len) in own {
+        bytes.extend(data.bytes(at, len)?);
+    }
+    Ok(bytes)
+}
+
+/// Returns samples that are in fragments but not compressed.
+fn plain(header: &Header, mut bytes: Vec<u8>, size: u64) -> Result<Vec<u8>> {
+    if wide(bytes.len()) != size && wide(bytes.len()) != size.next_multiple_of(2) {
+        return Err(header.error("PixelData", format!("a frame of {} bytes: {size} are needed", bytes.len())));
+    }
+    bytes.truncate(usize::try_from(size).unwrap_or(usize::MAX));
+    Ok(bytes)
+}
+
+/// Decodes run lengths: one segment per byte of a sample, the most significant first.
+fn run_lengths(packed: &[u8], header: &Header) -> Result<Vec<u8>> {
+    let error = |rule: String| header.error("PixelData: RLE", rule);
+    let word = |i: usize| match packed.get(4 * i..4 * i + 4) {
+        Some(&[a, b, c, d]) => usize::try_from(u32::from_le_bytes([a, b, c, d])).unwrap_or(usize::MAX),
+        _ => usize::MAX,
+    };
+    let planes = usize::try_from(header.allocated / 8).unwrap_or(1);
+    if packed.len() < 64 || word(0) != planes {
+        return Err(error(format!("{} segments: {planes} are needed", word(0))));
+    }
+    let count = usize::try_from(header.rows.saturating_mul(header.columns)).unwrap_or(usize::MAX);
+    let mut bytes = vec![0_u8; count.saturating_mul(planes)];
+    for plane in 0..planes {
+        let begin = word(1 + plane);
+        let end = if plane + 1 < planes { word(2 + plane) } else { packed.len() };
+        let Some(segment) = packed.get(begin..end).filter(|_| begin >= 64) else {
+            return Err(error(format!(
+                "segment {plane} from byte {begin} to {end}: there are {}",
+                packed.len()
+            )));
+        };
+        // The result is little-endian.
+        let mut targets = bytes.iter_mut().skip(planes - 1 - plane).step_by(planes);
+        let mut left = count;
+        let mut at = 0;
+        while left > 0 {
+            let Some(&control) = segment.get(at) else {
+                return Err(error(format!("segment {plane} ends {left} samples early")));
+            };
+            let control = usize::from(control);
+            at += 1;
+            match control {
+                0..=127 => {
+                    let run = (control + 1).min(left);
+                    let Some(literal) = segment.get(at..at + run) else {
+                        return Err(error(format!("segment {plane} ends {left} samples early")));
+                    };
+                    targets.by_ref().take(run).zip(literal).for_each(|(target, byte)| *target = *byte);
+                    at += control + 1;
+                    left -= run;
+                }
+                128 => {}
+                _ => {
+                    let run = (257 - control).min(left);
+                    let Some(&byte) = segment.get(at) else {
+                        return Err(error(format!("segment {plane} ends {left} samples early")));
+                    };
+                    targets.by_ref().take(run).for_each(|target| *target = byte);
+                    at += 1;
+                    left -= run;
+                }
+            }
+        }
+    }
+    Ok(bytes)
+}
+
+/// Decodes a frame in JPEG.
+fn decoded(packed: &[u8], header: &Header) -> Result<Vec<u8>> {
+    let error = |rule: String| header.error("PixelData: JPEG", rule);
+    let frame = jpeg::frame(packed).map_err(|why| error(why.to_owned()))?;
+    let bits = u64::from(frame.bits);
+    let fits = u64::from(frame.width) == header.columns
+        && u64::from(frame.height) == header.rows
+        && frame.components == 1
+        && (if header.allocated == 8 { bits <= 8 } else { bits > 8 && bits <= 16 })
+        && matches!(header.allocated, 8 | 16);
+    if !fits {
+        return Err(error(format!(
+            "{} x {} pixels, {} x {bits} bits: {} x {} pixels of {} bits are needed",
+            frame.width, frame.height, frame.components, header.columns, header.rows, header.allocated
+        )));
+    }
+    let data_set = data_set(packed, header);
+    let damaged = |why: &dyn std::error::Error| error(format!("is damaged: {}", deepest(why)));
+    let object = dicom_object::from_reader(data_set.as_slice()).map_err(|error| damaged(&error))?;
+    drop(data_set);
+    let decoded = object.decode_pixel_data_frame(0).map_err(|error| damaged(&error))?;
+    let bytes = decoded.data().to_vec();
+    if wide(bytes.len()) != header.frame_bytes() {
+        return Err(error(format!("{} bytes: {} are needed", bytes.len(), header.frame_bytes())));
+    }
+    Ok(bytes)
+}
+
+/// Returns the message of the innermost cause.
+fn deepest(error: &dyn std::error::Error) -> String {
+    let mut error = error;
+    while let Some(source) = error.source() {
+        error = source;
+    }
+    // Messages of decoders may have several lines.
+    error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Writes a minimal data set of one frame, for the decoder.
+fn data_set(packed: &[u8], header: &Header) -> Vec<u8> {
+    let mut bytes = vec![0; 128];
+    bytes.extend_from_slice(b"DICM");
+    let text = |bytes: &mut Vec<u8>, tag: [u16; 2], vr: &[u8; 2], value: &[u8]| {
+        bytes.extend(tag.iter().flat_map(|part| part.to_le_bytes()));
+        bytes.extend_from_slice(vr);
+        let len = u16::try_from(value.len().next_multiple_of(2)).unwrap_or(0);
+        bytes.extend_from_slice(&len.to_le_bytes());
+        bytes.extend_from_slice(value);
+        if value.len() % 2 == 1 {
+            bytes.push(if vr == b"UI" { 0 } else { b' ' });
+        }
+    };
+    let mut meta = Vec::new();
+    text(&mut meta, [2, 0x10], b"UI", header.syntax.as_bytes());
+    let len = u32::try_from(meta.len()).unwrap_or(0);
+    text(&mut bytes, [2, 0], b"UL", &len.to_le_bytes());
+    bytes.extend(meta);
+    let short = |number: u64| u16::try_from(number).unwrap_or(0).to_le_bytes();
+    text(&mut bytes, [0x28, 0x02], b"US", &short(1));
+    text(&mut bytes, [0x28, 0x04], b"CS", b"MONOCHROME2");
+    for (element, number) in [
+        (0x10, header.rows),
+        (0x11, header.columns),
+        (0x100, header.allocated),
+        (0x101, header.stored),
+        (0x102, header.high),
+        (0x103, u64::from(header.signed)),
+    ] {
+        text(&mut bytes, [0x28, element], b"US", &short(number));
+    }
+    bytes.extend_from_slice(&[0xe0, 0x7f, 0x10, 0, b'O', b'B', 0, 0, 0xff, 0xff, 0xff, 0xff]);
+    bytes.extend_from_slice(&[0xfe, 0xff, 0x00, 0xe0, 0, 0, 0, 0]);
+    bytes.extend_from_slice(&[0xfe, 0xff, 0x00, 0xe0]);
+    let len = u32::try_from(packed.len().next_multiple_of(2)).unwrap_or(0);
+    bytes.extend_from_slice(&len.to_le_bytes());
+    bytes.extend_from_slice(packed);
+    bytes.extend(std::iter::repeat_n(0, packed.len() % 2));
+    bytes.extend_from_slice(&[0xfe, 0xff, 0xdd, 0xe0, 0, 0, 0, 0]);
+    bytes
+}
+
+/// Masks the bits outside those stored, and extends the sign.
+fn masked(mut bytes: Vec<u8>, endian: Endian, header: &Header) -> Vec<u8> {
+    let Header { allocated, stored, high, signed, .. } = *header;
+    if header.float || stored == allocated {
+        return bytes;
+    }
+    let size = usize::try_from(allocated / 8).unwrap_or(1);
+    for sample in bytes.chunks_exact_mut(size) {
+        let mut value = (endian.whole(sample) >> (high + 1 - stored)) & ((1 << stored) - 1);
+        if signed && value >> (stored - 1) == 1 {
+            value |= u64::MAX << stored;
+        }
+        match endian {
+            Endian::Little => sample.copy_from_slice(&value.to_le_bytes()[..size]),
+            Endian::Big => sample.copy_from_slice(&value.to_be_bytes()[8 - size..]),
+        }
+    }
+    bytes
+}

@@ -1,0 +1,272 @@
+//! Views: arrays at time steps, in parts.
+
+use std::collections::{BTreeSet, HashMap, HashSet};
+
+use crate::error::Result;
+use crate::io::build::arrays::{ArrayInfo, Association};
+use crate::io::file::budget::Budget;
+use crate::io::file::decode::MAX_COMPONENTS;
+use crate::io::file::sample_type::{Pick, SampleType};
+use crate::io::file::scanner::Scanner;
+use crate::io::file::source::Source;
+use crate::io::file::text::{plain, shown};
+use crate::io::formats::gmsh::stream::{Format, Stream, count_line, pass_section};
+use crate::io::formats::gmsh::tags::Tags;
+use crate::num;
+
+/// The limit on sections of views.
+const MAX_VIEWS: usize = 1 << 16;
+
+/// A view at one time step.
+pub(crate) struct View {
+    pub(crate) name: String,
+    pub(crate) association: Association,
+    pub(crate) components: usize,
+    /// Whether it names an interpolation scheme.
+    pub(crate) scheme: bool,
+    pub(crate) parts: Vec<Part>,
+}
+
+/// A part of the tuples of a view, and its place in the file.
+pub(crate) struct Part {
+    pub(crate) partition: Option<i64>,
+    pub(crate) count: u64,
+    pub(crate) position: u64,
+    pub(crate) line: u64,
+}
+
+/// The values of an array; missing ones are NaN.
+pub(crate) struct Filled {
+    pub(crate) values: Vec<f32>,
+    /// Whether each value is given.
+    pub(crate) given: Vec<bool>,
+    /// The number of values for unknown tags.
+    pub(crate) strange: usize,
+    pub(crate) again: usize,
+}
+
+impl Filled {
+    pub(crate) fn missing(&self, counts: impl Fn(usize) -> bool) -> usize {
+        self.given.iter().enumerate().filter(|&(i, &given)| !given && counts(i)).count()
+    }
+}
+
+impl View {
+    pub(crate) fn info(&self, kind: SampleType) -> ArrayInfo {
+        ArrayInfo {
+            name: self.name.clone(),
+            association: self.association,
+            kind,
+            components: self.components,
+            active: false,
+        }
+    }
+
+    pub(crate) fn read(
+        &self,
+        source: &Source,
+        format: Format,
+        tags: &Tags,
+        count: usize,
+        pick: Pick,
+    ) -> Result<Filled> {
+        let mut filled =
+            Filled { values: vec![f32::NAN; count], given: vec![false; count], strange: 0, again: 0 };
+        let mut tuple = Vec::new();
+        // Parts are in file order, so that a compressed file is decompressed once.
+        let mut last = None;
+        for part in &self.parts {
+            let scanner = match last.take() {
+                None => Scanner::resume(source, part.position, part.line)?,
+                Some(Stream { scanner, .. }) => scanner.go_on(part.position, part.line)?,
+            };
+            let mut stream = Stream { scanner, format, row: None };
+            for _ in 0..part.count {
+                stream.row("a tag and its values")?;
+                let tag = stream.natural("a tag")?;
+                tuple.clear();
+                for _ in 0..self.components {
+                    tuple.push(stream.real("a value")?);
+                }
+                stream.end_row()?;
+                let Some(index) = tags.get(tag).map(num::index).filter(|&index| index < count) else {
+                    filled.strange += 1;
+                    continue;
+                };
+                let value = match pick {
+                    Pick::Component(component) => tuple.get(component).copied().unwrap_or(f64::NAN),
+                    Pick::Magnitude => tuple.iter().map(|x| x * x).sum::<f64>().sqrt(),
+                };
+                filled.values[index] = num::f32_of(value);
+                filled.again += usize::from(std::mem::replace(&mut filled.given[index], true));
+            }
+            let next = stream.scanner.full_line()?.unwrap_or_default();
+            if !next.starts_with("$End") {
+                let rule = format!("\"{}\": {} tuples are announced", shown(&next), part.count);
+                return Err(stream.scanner.line_error(rule));
+            }
+            last = Some(stream);
+        }
+        Ok(filled)
+    }
+}
+
+/// The views met so far, by association (true for cells) and name.
+#[derive(Default)]
+pub(crate) struct Views {
+    pub(crate) sections: usize,
+    pub(crate) names: HashSet<(bool, String)>,
+    /// Views by association, name and step.
+    pub(crate) steps: HashMap<(bool, String, i64), Steps>,
+}
+
+/// Views of the same association, name and step.
+#[derive(Default)]
+pub(crate) struct Steps {
+    pub(crate) count: usize,
+    /// The index of the last one.
+    pub(crate) last: usize,
+    pub(crate) partitions: HashSet<i64>,
+}
+
+/// The header of a section of data.
+pub(crate) struct Header {
+    pub(crate) name: String,
+    pub(crate) scheme: bool,
+    pub(crate) step: i64,
+    pub(crate) components: usize,
+    pub(crate) count: u64,
+    pub(crate) partition: Option<i64>,
+}
+
+impl Views {
+    pub(crate) fn header(&mut self, stream: &mut Stream, budget: &mut Budget) -> Result<Header> {
+        /// The limit on the length of a name, in bytes.
+        const MAX_NAME: usize = 256;
+        /// The memory of a section in lists and maps, which grow by doubling, in bytes.
+        const BYTES: usize =
+            2 * (size_of::<View>() + size_of::<Part>() + 2 * size_of::<(bool, String, i64, Steps)>() + 64);
+        self.sections += 1;
+        if self.sections > MAX_VIEWS {
+            return Err(stream.scanner.line_error(format!("more than {MAX_VIEWS} sections of data")));
+        }
+        budget.take("views", num::wide(BYTES))?;
+        let strings = count_line(stream, "the number of string tags")?;
+        let mut name = String::new();
+        let mut scheme = false;
+        for i in 0..strings {
+            let Some(line) = stream.scanner.next_line()? else {
+                return Err(stream.error("ends before a string tag"));
+            };
+            let line = line.trim();
+            let bare = line.strip_prefix('"').and_then(|line| line.strip_suffix('"')).unwrap_or(line);
+            match i {
+                0 if bare.len() > MAX_NAME => {
+                    let rule = format!("a name longer than {MAX_NAME} bytes");
+                    return Err(stream.scanner.line_error(rule));
+                }
+                0 => name = plain(bare),
+                1 => scheme = !bare.is_empty(),
+                _ => {}
+            }
+        }
+        let reals: u64 = stream.scanner.number("the number of real tags")?;
+        for _ in 0..reals {
+            stream.scanner.number::<f64>("a real tag")?;
+        }
+        let whole: u64 = stream.scanner.number("the number of integer tags")?;
+        let mut tags = [None; 4];
+        for i in 0..whole {
+            let tag: i64 = stream.scanner.number("an integer tag")?;
+            if let Some(place) = usize::try_from(i).ok().and_then(|i| tags.get_mut(i)) {
+                *place = Some(tag);
+            }
+        }
+        let [Some(step), Some(components), Some(count), partition] = tags else {
+            let rule = format!("{whole} integer tags: step, components and number of tuples are needed");
+            return Err(stream.scanner.error(rule));
+        };
+        let size = usize::try_from(components).ok().filter(|size| (1..=MAX_COMPONENTS).contains(size));
+        let Some(size) = size else {
+            let rule = format!("{components} components: must be from 1 to {MAX_COMPONENTS}");
+            return Err(stream.scanner.error(rule));
+        };
+        let Ok(count) = u64::try_from(count) else {
+            return Err(stream.scanner.error(format!("{count} tuples: must not be negative")));
+        };
+        stream.scanner.end_line()?;
+        // The name is stored four times: in the view, in its array, and in two maps.
+        budget.take("views", num::wide(name.len()).saturating_mul(4))?;
+        Ok(Header { name, scheme, step, components: size, count, partition })
+    }
+
+    /// Records where the tuples of a view are, and skips to the end of the section.
+    pub(crate) fn read(
+        &mut self,
+        stream: &mut Stream,
+        association: Association,
+        views: &mut Vec<View>,
+        budget: &mut Budget,
+    ) -> Result<()> {
+        let Header { name, scheme, step, components, count, partition } = self.header(stream, budget)?;
+        let Format { binary, real, .. } = stream.format;
+        let numbers = num::wide(components);
+        // A number takes a digit and a blank; the last needs no blank.
+        let least = match binary {
+            None => numbers.saturating_mul(2).saturating_add(2),
+            Some(_) => numbers.saturating_mul(real.bytes()).saturating_add(4),
+        };
+        stream.holds(count, least, "tuples")?;
+        let part =
+            Part { partition, count, position: stream.scanner.position(), line: stream.scanner.lines() };
+        if binary.is_some() {
+            stream.scanner.skip(count.saturating_mul(least))?;
+        }
+        let section = if association == Association::Point { "NodeData" } else { "ElementData" };
+        pass_section(stream, section)?;
+
+        let cell = association == Association::Cell;
+        let next = views.len();
+        let first = self.names.insert((cell, name.clone()));
+        let steps = self.steps.entry((cell, name.clone(), step)).or_default();
+        if let Some(partition) = part.partition
+            && let Some(view) = views.get_mut(steps.last)
+            && view.components == components
+            && !steps.partitions.is_empty()
+            && steps.partitions.insert(partition)
+        {
+            view.parts.push(part);
+            return Ok(());
+        }
+        steps.count += 1;
+        steps.last = next;
+        steps.partitions = part.partition.into_iter().collect();
+        let name = match (first, steps.count) {
+            (true, _) => name,
+            (false, 1) => format!("{name}@{step}"),
+            (false, several) => format!("{name}@{step}#{several}"),
+        };
+        views.push(View { name, association, components, scheme, parts: vec![part] });
+        Ok(())
+    }
+
+    /// Skips element-node data to the end of the section.
+    pub(crate) fn pass(
+        &mut self,
+        stream: &mut Stream,
+        left_out: &mut BTreeSet<String>,
+        budget: &mut Budget,
+    ) -> Result<()> {
+        let Header { name, components, count, .. } = self.header(stream, budget)?;
+        if stream.format.binary.is_some() {
+            let tuple = num::wide(components).saturating_mul(stream.format.real.bytes());
+            for _ in 0..count {
+                stream.natural("an element's number")?;
+                let nodes = stream.natural("a number of nodes")?;
+                stream.scanner.skip(nodes.saturating_mul(tuple))?;
+            }
+        }
+        left_out.insert(name);
+        pass_section(stream, "ElementNodeData")
+    }
+}

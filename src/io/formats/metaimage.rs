@@ -1,0 +1,106 @@
+//! MetaImage: `.mha` with its data attached, `.mhd` with its data in one or several other files.
+//!
+//! Row i of `TransformMatrix` is the direction of index axis i, so the rows are the columns of the index-to-world map. A
+//! negative spacing reverses its axis.
+//!
+//! `AnatomicalOrientation` names the sides from which the *index* axes come, in LPS coordinates (x to the left, y to the
+//! back, z up); `RAI` belongs to the identity. A grid with such a name lies in LPS coordinates. If the name does not fit
+//! the matrix, the matrix decides, with a warning. `???`, or no such key, means unknown.
+//!
+//! `ElementDataFile` ends the header. Unknown keys are ignored, as the format allows; keys that differ from a known one
+//! only in capitals are refused. `CenterOfRotation` belongs to a transform and does not move the image.
+
+mod data;
+mod header;
+mod placement;
+
+use std::cell::Cell;
+
+use crate::error::Result;
+use crate::io::build::volume::Chosen;
+use crate::io::file::decode::Layout;
+use crate::io::file::samples;
+use crate::io::file::source::Source;
+use crate::io::formats::metaimage::header::pair;
+use crate::io::formats::metaimage::header::{Header, KEYS, SLOPE};
+use crate::io::options::ReadOptions;
+use crate::io::reader::Reader;
+use crate::io::report::Loaded;
+use crate::scene::Grid;
+
+pub(crate) struct MetaImage;
+
+impl Reader for MetaImage {
+    fn name(&self) -> &'static str {
+        "MetaImage"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &["mhd", "mha"]
+    }
+
+    fn recognises(&self, source: &Source) -> bool {
+        // The format has no magic number: the first key must be one of its own, and the rank must be among the first
+        // keys.
+        let text = String::from_utf8_lossy(source.head());
+        let mut keys = text.lines().map_while(|line| pair(line).map(|(key, _)| key));
+        let first = keys.next();
+        !source.is_gzip()
+            && first.is_some_and(|key| KEYS.contains(&key) || key == "Comment")
+            && (first == Some("NDims") || keys.any(|key| key == "NDims"))
+    }
+
+    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
+        let header = Header::read(source)?;
+        header.read_image(self.name(), options)
+    }
+}
+
+impl<'a> Header<'a> {
+    fn read_image(&self, format: &'static str, options: &ReadOptions) -> Result<Loaded> {
+        let Self { source, fields, .. } = self;
+        let sizes = self.sizes()?;
+        let dims = [sizes[0], sizes[1], sizes[2]];
+        let kind = self.sample_type()?;
+        let endian = self.endian()?;
+        let components = match fields.get("ElementNumberOfChannels") {
+            None => 1,
+            Some(_) => {
+                usize::try_from(fields.whole_number("ElementNumberOfChannels", 1)?).unwrap_or(usize::MAX)
+            }
+        };
+        let place = "ElementNumberOfChannels";
+        let chosen = Chosen::new(source, place, Layout::scalar(dims, kind, endian), components, options)?;
+        let rescale = self.rescale(&chosen)?;
+        let placement = self.placement()?;
+
+        let (_, bytes) = samples::data_size(source, "DimSize", &chosen.layout, options)?;
+        let data = self.data(&sizes, bytes)?;
+        let packed = fields.whole_number("CompressedDataSize", 0)?;
+        let parts = usize::try_from(data.parts()).unwrap_or(usize::MAX);
+        let stored = Cell::new(0_u64);
+        let part = |index| {
+            let part = self.part(&data, index, options)?;
+            let bytes = part.source.len().saturating_sub(part.offset);
+            stored.set(stored.get().saturating_add(bytes));
+            Ok(part)
+        };
+        let samples = samples::read(source, "DimSize", &chosen.layout, parts, &part, options)?;
+
+        let located = |name, error| fields.located(name, error);
+        let grid = Grid::new(dims, samples).map_err(|error| error.in_file(source.path()))?;
+        let grid = grid.with_rescale(rescale).map_err(|error| located(SLOPE, error))?;
+        let mut loaded = chosen.placed(format, grid, placement, &located)?;
+        // Only a warning: the stream has its own checksum, and the number is stale in many files.
+        if data.compressed
+            && let size @ 1.. = packed
+            && size.unsigned_abs() != stored.get()
+        {
+            let there = stored.get();
+            loaded.report.warnings.push(format!(
+                "CompressedDataSize {size}: {there} bytes are there, and decompress to the announced size"
+            ));
+        }
+        Ok(loaded)
+    }
+}

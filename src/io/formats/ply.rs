@@ -1,0 +1,107 @@
+//! PLY points (`.ply`), as text or binary in either byte order.
+//!
+//! The element `vertex` is read, with its properties `x`, `y`, `z` of any type. Further numeric properties are arrays,
+//! also grouped as described in [`columns`](crate::io::build::columns): `nx ny nz` are `normal`, `red green blue` are
+//! `colour`, `scale_0 scale_1 scale_2` are `scale`. List properties, faces and other elements are skipped, but must be
+//! complete. In text, each vertex is a line. [`faces`] reads the faces of surfaces.
+
+mod body;
+pub(crate) mod faces;
+pub(crate) mod header;
+
+use glam::DVec3;
+
+use crate::error::Result;
+use crate::io::build::columns::{self, Column};
+use crate::io::build::origin::Origin;
+use crate::io::build::points;
+use crate::io::file::budget::Budget;
+use crate::io::file::sample_type::Pick;
+use crate::io::file::scanner::Scanner;
+use crate::io::file::source::Source;
+use crate::io::file::text::{self, shown};
+use crate::io::formats::ply::header::{Header, Property, recognises};
+use crate::io::options::ReadOptions;
+use crate::io::reader::Reader;
+use crate::io::report::Loaded;
+use crate::num;
+use crate::scene::Samples;
+
+pub(crate) struct Ply;
+
+impl Reader for Ply {
+    fn name(&self) -> &'static str {
+        "PLY"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &["ply", "ply.gz"]
+    }
+
+    fn recognises(&self, source: &Source) -> bool {
+        recognises(source)
+    }
+
+    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
+        let mut budget = Budget::new(source, options);
+        let mut scanner = Scanner::new(source);
+        let header = Header::read(&mut scanner)?;
+        let (place, axes) = header.vertex(source)?;
+        let vertex = &header.elements[place];
+
+        for element in &header.elements[..place] {
+            header.pass(&mut scanner, element)?;
+        }
+        let begin = (scanner.position(), scanner.lines());
+        header.holds(&scanner, vertex)?;
+        let count = text::index(source, "element vertex", vertex.count)?;
+        budget.take("points", vertex.count.saturating_mul(24))?;
+        let mut points = Vec::new();
+        points.try_reserve_exact(count).map_err(|_| source.error("points", "memory is full"))?;
+        header.each(&mut scanner, vertex, &axes, &mut |xyz| {
+            if let [x, y, z] = *xyz {
+                points.push(DVec3::new(x, y, z));
+            }
+        })?;
+        for element in &header.elements[place + 1..] {
+            header.pass(&mut scanner, element)?;
+        }
+        header.end(&mut scanner)?;
+
+        let mut notes = Vec::new();
+        for element in header.elements.iter().filter(|element| element.name != "vertex" && element.count > 0)
+        {
+            let (count, name) = (element.count, shown(&element.name));
+            notes.push(if name == "face" {
+                format!("{count} faces left out: points are read")
+            } else {
+                format!("{count} elements \"{name}\" left out")
+            });
+        }
+        let scalars: Vec<usize> = (0..vertex.properties.len())
+            .filter(|place| !axes.contains(place) && vertex.properties[*place].list.is_none())
+            .collect();
+        for property in vertex.properties.iter().filter(|property| property.list.is_some()) {
+            notes.push(format!("property \"{}\": a list, left out", shown(&property.name)));
+        }
+        let column = |place: &usize| {
+            let Property { name, kind, .. } = &vertex.properties[*place];
+            Column { name: name.clone(), kind: *kind }
+        };
+        let groups = columns::groups(&scalars.iter().map(column).collect::<Vec<_>>());
+        let arrays = groups.iter().map(|group| group.info.clone()).collect();
+        let mut read = |index: usize, pick: Pick| -> Result<Samples> {
+            let wanted: Vec<usize> = groups[index].needed(pick).iter().map(|&i| scalars[i]).collect();
+            let mut scanner = Scanner::resume(source, begin.0, begin.1)?;
+            let mut values = Vec::with_capacity(count);
+            header.each(&mut scanner, vertex, &wanted, &mut |numbers| {
+                values.push(num::f32_of(columns::value(numbers, pick)));
+            })?;
+            Ok(Samples::F32(values))
+        };
+        let origin = Origin { source, format: self.name(), arrays };
+        let mut loaded = points::points(points, origin, &mut budget, &mut read, options)?;
+        loaded.report.notes.splice(0..0, notes);
+        Ok(loaded)
+    }
+}

@@ -1,0 +1,155 @@
+//! Voxel size, origin and rescale of a stack, and the volumes that its pages make.
+
+use glam::DVec3;
+
+use crate::scene::Rescale;
+
+/// The meaning of the pages of a stack, and the size of a voxel.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Calibration {
+    pub(crate) spacing: DVec3,
+    pub(crate) origin: DVec3,
+    pub(crate) rescale: Option<Rescale>,
+    /// The number of images that the description announces.
+    pub(crate) images: Option<u64>,
+    /// Extents of `C`, `Z` and `T`, the fastest first.
+    pub(crate) axes: [(char, u64); 3],
+    pub(crate) notes: Vec<String>,
+    pub(crate) warnings: Vec<String>,
+}
+
+/// The pages of one volume: `first`, and every `stride`-th after it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Volume {
+    /// Frame and channel, if there are several.
+    pub(crate) name: String,
+    pub(crate) first: usize,
+    pub(crate) stride: usize,
+    pub(crate) slices: usize,
+}
+
+/// The tags of a page that give its scale.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Resolution {
+    /// Pixels per unit along x and y.
+    pub(crate) pixels: [Option<f64>; 2],
+    /// The code of the unit: 1 none, 2 inch, 3 centimetre.
+    pub(crate) unit: u64,
+}
+
+impl Resolution {
+    /// Returns the size of a pixel along x and y, if both are known.
+    pub(crate) fn sizes(self) -> Option<[f64; 2]> {
+        let size = |pixels: Option<f64>| {
+            pixels.map(|pixels| 1.0 / pixels).filter(|size| *size > 0.0 && size.is_finite())
+        };
+        Some([size(self.pixels[0])?, size(self.pixels[1])?])
+    }
+}
+
+impl Calibration {
+    pub(crate) fn unknown() -> Self {
+        Self {
+            spacing: DVec3::ONE,
+            origin: DVec3::ZERO,
+            rescale: None,
+            images: None,
+            axes: [('C', 1), ('Z', 1), ('T', 1)],
+            notes: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Describes the announced counts, if there are several channels or frames.
+    pub(crate) fn announced(&self) -> Option<String> {
+        let [channels, slices, frames] = ['C', 'Z', 'T'].map(|axis| extent(&self.axes, axis));
+        (channels > 1 || frames > 1).then(|| {
+            format!("the description announces {channels} channels x {slices} slices x {frames} frames")
+        })
+    }
+
+    /// Applies the tag of Zeiss microscopes: voxel size in metres, and the numbers of slices and points in time.
+    /// Channels are samples of a pixel.
+    pub(crate) fn microscope(&mut self, metres: [f64; 3], slices: u64, frames: u64) {
+        self.axes = [('C', 1), ('Z', slices.max(1)), ('T', frames.max(1))];
+        self.notes.retain(|note| note != UNKNOWN_VOXEL);
+        let length = |metres: f64| Some(metres * 1e6).filter(|length| *length > 0.0 && length.is_finite());
+        let [x, y, z] = metres.map(length);
+        if let (Some(x), Some(y)) = (x, y) {
+            if z.is_none() {
+                let warning = "CZ_LSMINFO: no distance of slices: 1 \u{b5}m is assumed";
+                self.warnings.push(warning.to_owned());
+            }
+            let z = z.unwrap_or(1.0);
+            self.spacing = DVec3::new(x, y, z);
+            self.notes.push(format!("voxels of {x} x {y} x {z} \u{b5}m"));
+        } else {
+            self.warnings.push("CZ_LSMINFO: the size of a voxel is unknown and counts as 1".to_owned());
+        }
+    }
+
+    /// Returns the volumes that the pages make; the first is shown by default.
+    pub(crate) fn volumes(&mut self, pages: usize) -> Vec<Volume> {
+        let all = |pages| vec![Volume { name: String::new(), first: 0, stride: 1, slices: pages }];
+        let mut axes = self.axes;
+        let product = axes.iter().try_fold(1_u64, |n, (_, extent)| n.checked_mul(*extent));
+        if product == Some(1) {
+            return all(pages);
+        }
+        let (channels, slices, frames) = (extent(&axes, 'C'), extent(&axes, 'Z'), extent(&axes, 'T'));
+        if product.and_then(|product| usize::try_from(product).ok()) != Some(pages) {
+            self.warnings.push(format!(
+                "the description announces {channels} channels x {slices} slices x {frames} frames, there are {pages} \
+                 pages: all are taken as slices"
+            ));
+            return all(pages);
+        }
+        // Programs without a notion of slices count them as frames or channels.
+        let taken = match (slices, frames, channels) {
+            (1, 2.., _) => Some(('T', frames, "frames")),
+            (1, _, 2..) => Some(('C', channels, "channels")),
+            _ => None,
+        };
+        if let Some((other, count, what)) = taken {
+            self.warnings.push(format!("{count} {what} of one slice are taken as slices"));
+            axes = axes.map(|(name, extent)| match name {
+                'Z' => (other, extent),
+                _ if name == other => ('Z', extent),
+                _ => (name, extent),
+            });
+        }
+        // The product of extents is the number of pages, so nothing here overflows.
+        let stride = |axis| {
+            let before = axes.iter().take_while(|(name, _)| *name != axis);
+            before.map(|(_, extent)| usize::try_from(*extent).unwrap_or(usize::MAX)).product::<usize>()
+        };
+        let count = |axis| usize::try_from(extent(&axes, axis)).unwrap_or(usize::MAX);
+        let (channels, slices, frames) = (count('C'), count('Z'), count('T'));
+        let mut volumes = Vec::new();
+        for frame in 0..frames {
+            for channel in 0..channels {
+                let mut name = Vec::new();
+                if frames > 1 {
+                    name.push(format!("frame {}", frame + 1));
+                }
+                if channels > 1 {
+                    name.push(format!("channel {}", channel + 1));
+                }
+                volumes.push(Volume {
+                    name: name.join(" "),
+                    first: frame * stride('T') + channel * stride('C'),
+                    stride: stride('Z'),
+                    slices,
+                });
+            }
+        }
+        volumes
+    }
+}
+
+pub(crate) const UNKNOWN_VOXEL: &str = "the size of a voxel is unknown and counts as 1";
+
+/// Returns the extent of `C`, `Z` or `T`.
+fn extent(axes: &[(char, u64); 3], axis: char) -> u64 {
+    axes.iter().find(|(name, _)| *name == axis).map_or(1, |(_, extent)| *extent)
+}

@@ -1,0 +1,152 @@
+//! Calibration from the image description: ImageJ, OME-XML, or neither.
+
+use crate::io::formats::tiff::calibration::{Calibration, Resolution, UNKNOWN_VOXEL};
+use crate::io::formats::tiff::imagej::imagej;
+use crate::io::formats::tiff::ome::ome;
+
+/// Parses a description. `integer_bits` is the size of unsigned samples; None for other types and several channels.
+pub(crate) fn calibration(
+    description: &str,
+    resolution: Resolution,
+    integer_bits: Option<u16>,
+) -> Calibration {
+    if description.starts_with("ImageJ=") {
+        imagej(description, resolution, integer_bits)
+    } else if let Some(calibration) = ome(description) {
+        calibration
+    } else {
+        plain(description, resolution)
+    }
+}
+
+/// Returns the calibration of a description that gives no voxel size.
+fn plain(description: &str, resolution: Resolution) -> Calibration {
+    let mut calibration = Calibration::unknown();
+    let ratio = resolution.sizes().map(|[x, y]| y / x).filter(|ratio| ratio.is_finite() && *ratio > 0.0);
+    if let Some(ratio) = ratio
+        && ratio != 1.0
+    {
+        calibration.spacing.y = ratio;
+        calibration.notes.push(format!(
+            "pixels are {ratio} times as high as wide; the distance of slices is unknown and counts as one width"
+        ));
+    } else {
+        calibration.notes.push(UNKNOWN_VOXEL.to_owned());
+    }
+    if let Some(shape) = shape(description)
+        && shape.iter().rev().skip(2).filter(|&&extent| extent > 1).count() > 1
+    {
+        calibration.warnings.push(format!(
+            "the description says shape {shape:?}: all pages are taken as slices of one volume"
+        ));
+    }
+    calibration
+}
+
+/// Returns the `shape` of a description in JSON.
+fn shape(description: &str) -> Option<Vec<u64>> {
+    if !description.starts_with('{') {
+        return None;
+    }
+    let json: serde_json::Value = serde_json::from_str(description).ok()?;
+    json.get("shape")?.as_array()?.iter().take(16).map(serde_json::Value::as_u64).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    use crate::io::formats::tiff::calibration::Volume;
+    use crate::scene::Rescale;
+
+    const UNKNOWN: Resolution = Resolution { pixels: [None; 2], unit: 1 };
+
+    fn names(volumes: &[Volume]) -> Vec<(&str, usize, usize, usize)> {
+        volumes.iter().map(|v| (v.name.as_str(), v.first, v.stride, v.slices)).collect()
+    }
+
+    #[test]
+    fn imagej_lengths_origin_and_values() {
+        let text = "ImageJ=1.53t\nimages=27\nslices=27\nunit=\\u00B5m\nspacing=-7.0\nxorigin=2\nzorigin=-1\n\
+                    cf=0\nc0=-32768.0\nc1=2.0\nvunit=HU\nzunit=mm\nloop=false\n";
+        let resolution = Resolution { pixels: [Some(2.0), Some(4.0)], unit: 1 };
+        let mut found = calibration(text, resolution, Some(16));
+        assert_eq!(found.spacing, DVec3::new(0.5, 0.25, 7.0));
+        assert_eq!(found.origin, DVec3::new(-1.0, 0.0, 7.0));
+        assert_eq!(found.rescale, Some(Rescale { slope: 2.0, intercept: -32768.0 }));
+        assert_eq!(found.notes[0], "voxels of 0.5 x 0.25 x 7 \u{b5}m");
+        assert_eq!(found.notes[2], "values are 2 x stored + -32768 HU");
+        assert_eq!(found.warnings.len(), 2, "{:?}", found.warnings);
+        assert_eq!(names(&found.volumes(27)), [("", 0, 1, 27)]);
+        assert_eq!(calibration(text, resolution, None).rescale, None, "floats have none");
+        assert!(calibration(text, resolution, None).warnings[2].contains("function 0 is not applied"));
+    }
+
+    #[test]
+    fn imagej_without_a_scale() {
+        let screen = Resolution { pixels: [Some(72.0); 2], unit: 2 };
+        assert_eq!(calibration("ImageJ=1\n", screen, None).spacing, DVec3::ONE);
+        assert_eq!(calibration("ImageJ=1\n", screen, None).warnings.len(), 0);
+        let cm = Resolution { pixels: [Some(4.0); 2], unit: 3 };
+        let found = calibration("ImageJ=1\nspacing=0\n", cm, None);
+        assert_eq!(found.spacing, DVec3::new(0.25, 0.25, 1.0));
+        assert_eq!(found.warnings, ["no spacing of slices: 1 cm is assumed"]);
+    }
+
+    #[test]
+    fn channels_and_frames() {
+        let of = |text: &str, pages| {
+            let mut found = calibration(text, UNKNOWN, None);
+            let volumes = found.volumes(pages);
+            (volumes, found.warnings)
+        };
+        let (volumes, _) = of("ImageJ=1\nchannels=2\nslices=3\nframes=2\n", 12);
+        assert_eq!(
+            names(&volumes),
+            [
+                ("frame 1 channel 1", 0, 2, 3),
+                ("frame 1 channel 2", 1, 2, 3),
+                ("frame 2 channel 1", 6, 2, 3),
+                ("frame 2 channel 2", 7, 2, 3)
+            ]
+        );
+        let (volumes, warnings) = of("ImageJ=1\nchannels=2\nframes=4\n", 8);
+        assert_eq!(names(&volumes), [("channel 1", 0, 2, 4), ("channel 2", 1, 2, 4)]);
+        assert_eq!(warnings, ["4 frames of one slice are taken as slices"]);
+        let (volumes, warnings) = of("ImageJ=1\nchannels=2\nslices=3\n", 7);
+        assert_eq!(names(&volumes), [("", 0, 1, 7)]);
+        assert!(warnings[0].contains("2 channels x 3 slices x 1 frames, there are 7 pages"), "{warnings:?}");
+        let (volumes, _) = of("ImageJ=1\nchannels=18446744073709551615\nslices=18446744073709551615\n", 7);
+        assert_eq!(volumes.len(), 1);
+    }
+
+    #[test]
+    fn ome_lengths_and_orders() {
+        let text = "<?xml version=\"1.0\"?><OME xmlns=\"x\"><Image ID=\"a\"><Pixels DimensionOrder=\"XYZCT\" \
+                    SizeX=\"4\" SizeY=\"4\" SizeZ=\"3\" SizeC=\"2\" SizeT=\"1\" PhysicalSizeX=\"0.5\" \
+                    PhysicalSizeY=\"500\" PhysicalSizeYUnit=\"nm\" PhysicalSizeZ=\"0.002\" PhysicalSizeZUnit=\"mm\"/>\
+                    </Image></OME>";
+        let mut found = calibration(text, UNKNOWN, None);
+        assert!((found.spacing - DVec3::new(0.5, 0.5, 2.0)).length() < 1e-12, "{}", found.spacing);
+        assert_eq!(names(&found.volumes(6)), [("channel 1", 0, 1, 3), ("channel 2", 3, 1, 3)]);
+        assert_eq!(found.warnings.len(), 0, "{:?}", found.warnings);
+
+        let two = text.replace("</Image>", "</Image><Image/>").replace("\"mm\"", "\"parsec\"");
+        let found = calibration(&two, UNKNOWN, None);
+        assert_eq!(found.spacing.z, 1.0);
+        assert_eq!(found.warnings.len(), 2, "{:?}", found.warnings);
+        let bare = calibration("<OME><Image><Pixels/></Image></OME>", UNKNOWN, None);
+        assert_eq!((bare.spacing, bare.warnings.len()), (DVec3::ONE, 0));
+        assert_eq!(calibration("<OME><Image", UNKNOWN, None).notes.len(), 1);
+    }
+
+    #[test]
+    fn other_descriptions() {
+        let uneven = Resolution { pixels: [Some(300.0), Some(150.0)], unit: 2 };
+        assert_eq!(calibration("a scan", uneven, None).spacing, DVec3::new(1.0, 2.0, 1.0));
+        let warned = calibration("{\"shape\": [2, 5, 64, 64]}", UNKNOWN, None);
+        assert!(warned.warnings[0].contains("shape [2, 5, 64, 64]"));
+        assert_eq!(calibration("{\"shape\": [1, 5, 64, 64]}", UNKNOWN, None).warnings.len(), 0);
+    }
+}

@@ -1,0 +1,73 @@
+//! The part of the pages that is read: volume, channels, component.
+
+use crate::error::Result;
+use crate::io::build::arrays::{self, ArrayInfo, Association, Choice};
+use crate::io::file::decode::Layout;
+use crate::io::file::sample_type::{Endian, Pick};
+use crate::io::file::source::Source;
+use crate::io::formats::tiff::calibration::Volume;
+use crate::io::formats::tiff::page::Page;
+use crate::io::formats::tiff::stack::MAX_PAGES;
+use crate::io::options::ReadOptions;
+use crate::num;
+
+/// The selected part of the pages.
+#[derive(Debug)]
+pub(crate) struct Look {
+    pub(crate) arrays: Vec<ArrayInfo>,
+    pub(crate) shown: String,
+    pub(crate) asked: bool,
+    pub(crate) volumes: usize,
+    pub(crate) volume: usize,
+    /// The first sample of a pixel, and their number.
+    pub(crate) first: usize,
+    pub(crate) count: usize,
+    pub(crate) pick: Pick,
+}
+
+impl Look {
+    pub(crate) fn choose(
+        source: &Source,
+        shape: &Page,
+        volumes: &[Volume],
+        options: &ReadOptions,
+    ) -> Result<Self> {
+        if volumes.len() > MAX_PAGES {
+            let rule = format!("{} volumes of channels and frames: at most {MAX_PAGES}", volumes.len());
+            return Err(source.error("ImageDescription", rule));
+        }
+        let parts = shape.parts();
+        let mut arrays = Vec::new();
+        for volume in volumes {
+            for &(name, _, components) in &parts {
+                let name = match (volume.name.as_str(), parts.len()) {
+                    ("", _) => name.to_owned(),
+                    (volume, 1) => volume.to_owned(),
+                    (volume, _) => format!("{volume} {name}"),
+                };
+                let (kind, association) = (shape.kind, Association::Point);
+                // The first array is the default: colours before their opacity.
+                arrays.push(ArrayInfo { name, association, kind, components, active: arrays.is_empty() });
+            }
+        }
+        let Some(Choice { index, pick }) = arrays::choose(source, &arrays, options.array.as_deref())? else {
+            return Err(source.error("pages", "none"));
+        };
+        let (_, first, count) = parts[index % parts.len()];
+        let shown = crate::io::build::arrays::describe(&arrays[index], pick);
+        let (volume, asked) = (index / parts.len(), options.array.is_some());
+        Ok(Self { arrays, shown, asked, volumes: volumes.len(), volume, first, count, pick })
+    }
+}
+
+impl Page {
+    pub(crate) fn layout(&self, look: &Look, slices: usize) -> Layout {
+        Layout {
+            dims: [self.width, self.height, num::count(slices)],
+            kind: self.kind,
+            endian: Endian::NATIVE,
+            components: look.count,
+            pick: look.pick,
+        }
+    }
+}

@@ -1,0 +1,235 @@
+//! An array at its place in the file, and the ways to read it.
+
+use std::io::{ErrorKind, Read};
+
+use glam::DVec3;
+
+use crate::error::{Error, Result};
+use crate::io::file::decode::{self, Layout};
+use crate::io::file::sample_type::{Endian, Pick, SampleType};
+use crate::io::file::scanner::Scanner;
+use crate::io::file::source::Source;
+use crate::io::file::text;
+use crate::num;
+use crate::scene::Samples;
+
+/// The encoding of the numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Form {
+    /// As text.
+    Words,
+    /// As big-endian bytes.
+    Bytes,
+    /// As bits, the first in the most significant bit of a byte.
+    Bits,
+    /// As text from 0 to 1, for bytes from 0 to 255.
+    Shares,
+}
+
+/// The conversion of stored flags to VTK's ghost flags.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Flags {
+    /// No conversion.
+    AsTheyAre,
+    /// Ghost levels, before version 4: from 1 on, the element duplicates one of another piece.
+    Levels,
+    /// Visibility, before version 4: 0 hides the element.
+    Visible,
+}
+
+/// An array of the file.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stored {
+    /// The offset of its numbers in the decompressed file.
+    pub(crate) offset: u64,
+    /// The number of lines before it.
+    pub(crate) line: u64,
+    pub(crate) tuples: u64,
+    pub(crate) components: usize,
+    pub(crate) kind: SampleType,
+    pub(crate) form: Form,
+    pub(crate) flags: Flags,
+}
+
+/// Decodes a given number of values of a stream and appends them to a list.
+type Decode<'d, T> = dyn FnMut(&mut dyn Read, Endian, usize, &mut Vec<T>) -> std::io::Result<()> + 'd;
+
+impl Stored {
+    /// Describes its place, for messages.
+    pub(crate) fn place(&self) -> String {
+        match self.form {
+            Form::Words | Form::Shares => format!("array of line {}", self.line + 1),
+            Form::Bytes | Form::Bits => format!("array at byte {}", self.offset),
+        }
+    }
+
+    /// Passes the stream of its bytes, and their byte order, to a function.
+    fn stream<T>(
+        &self,
+        source: &Source,
+        read: &mut dyn FnMut(&mut dyn Read, Endian) -> std::io::Result<T>,
+    ) -> Result<T> {
+        let mut scanner = Scanner::resume(source, self.offset, self.line)?;
+        let result = match self.form {
+            Form::Words => read(&mut scanner.numbers(self.kind), Endian::Little),
+            Form::Bytes => read(&mut scanner, Endian::Big),
+            Form::Bits => read(&mut Bits { from: &mut scanner, byte: 0, left: 0 }, Endian::Big),
+            Form::Shares => read(&mut Shares(scanner.numbers(SampleType::F32)), Endian::Big),
+        };
+        result.map_err(|error| match error.kind() {
+            // A number is out of range, or the compression is damaged.
+            ErrorKind::InvalidData | ErrorKind::InvalidInput => source.error(self.place(), error.to_string()),
+            _ => text::stream_error(source, error),
+        })
+    }
+
+    /// Reads the selected part of each tuple.
+    pub(crate) fn samples(&self, source: &Source, pick: Pick) -> Result<Samples> {
+        let count = text::index(source, &self.place(), self.tuples)?;
+        let layout =
+            Layout { dims: [0; 3], kind: self.kind, endian: Endian::Big, components: self.components, pick };
+        let mut samples = self.stream(source, &mut |stream, endian| {
+            let mut samples = Samples::none(self.kind, pick);
+            let layout = Layout { endian, ..layout };
+            decode::append(stream, count, &layout, &mut samples).map(|()| samples)
+        })?;
+        if let Samples::U8(flags) = &mut samples {
+            match self.flags {
+                Flags::AsTheyAre => {}
+                Flags::Levels => flags.iter_mut().for_each(|flag| *flag = u8::from(*flag > 0)),
+                Flags::Visible => flags.iter_mut().for_each(|flag| *flag = 2 * u8::from(*flag == 0)),
+            }
+        }
+        Ok(samples)
+    }
+
+    /// Reads all numbers in pieces of whole points, until the function returns false.
+    fn pieces<T>(
+        &self,
+        source: &Source,
+        decode: &mut Decode<T>,
+        each: &mut dyn FnMut(&[T]) -> Result<bool>,
+    ) -> Result<()> {
+        const PIECE: u64 = 3 << 12;
+        let numbers = self.numbers();
+        self.stream(source, &mut |stream, endian| {
+            let mut left = numbers;
+            let mut piece = Vec::new();
+            while left > 0 {
+                let take = left.min(PIECE);
+                piece.clear();
+                decode(stream, endian, usize::try_from(take).unwrap_or(0), &mut piece)?;
+                if !each(&piece).map_err(std::io::Error::other)? {
+                    break;
+                }
+                left -= take;
+            }
+            Ok(())
+        })
+    }
+
+    fn numbers(&self) -> u64 {
+        self.tuples.saturating_mul(num::wide(self.components))
+    }
+
+    /// Reads points until the function returns false.
+    pub(crate) fn each_point(&self, source: &Source, each: &mut dyn FnMut(DVec3) -> bool) -> Result<()> {
+        self.pieces(
+            source,
+            &mut |stream, endian, count, piece| decode::append_f64(stream, count, self.kind, endian, piece),
+            &mut |piece| {
+                let points = piece.as_chunks::<3>().0;
+                Ok(points.iter().all(|&point| each(DVec3::from_array(point))))
+            },
+        )
+    }
+
+    /// Reads all points. The caller has taken the memory from the budget.
+    pub(crate) fn points(&self, source: &Source) -> Result<Vec<DVec3>> {
+        let mut points = self.room(source)?;
+        self.each_point(source, &mut |point| {
+            points.push(point);
+            true
+        })?;
+        Ok(points)
+    }
+
+    /// Reads all numbers as 64-bit floats.
+    pub(crate) fn coordinates(&self, source: &Source) -> Result<Vec<f64>> {
+        let mut all = self.room(source)?;
+        self.pieces(
+            source,
+            &mut |stream, endian, count, piece| decode::append_f64(stream, count, self.kind, endian, piece),
+            &mut |piece| {
+                all.extend_from_slice(piece);
+                Ok(true)
+            },
+        )?;
+        Ok(all)
+    }
+
+    /// Reads all numbers as indices, a piece at a time.
+    pub(crate) fn indices(&self, source: &Source, each: &mut dyn FnMut(&[u32]) -> Result<()>) -> Result<()> {
+        self.pieces(
+            source,
+            &mut |stream, endian, count, piece| {
+                decode::append_indices(stream, count, self.kind, endian, piece)
+            },
+            &mut |piece| each(piece).map(|()| true),
+        )
+    }
+
+    /// Returns an empty list with capacity for one entry per tuple.
+    pub(crate) fn room<T>(&self, source: &Source) -> Result<Vec<T>> {
+        room(source, &self.place(), self.tuples)
+    }
+
+    /// Returns an error about the array.
+    pub(crate) fn error(&self, source: &Source, rule: impl Into<String>) -> Error {
+        source.error(self.place(), rule)
+    }
+}
+
+/// Returns an empty list with capacity for `count` entries.
+pub(crate) fn room<T>(source: &Source, place: &str, count: u64) -> Result<Vec<T>> {
+    let mut list = Vec::new();
+    let full = |_| source.error(place, format!("{count}: memory is full"));
+    list.try_reserve_exact(text::index(source, place, count)?).map_err(full)?;
+    Ok(list)
+}
+
+/// Reads bits as bytes.
+struct Bits<'r> {
+    from: &'r mut dyn Read,
+    byte: u8,
+    left: u8,
+}
+
+impl Read for Bits<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        for place in buffer.iter_mut() {
+            if self.left == 0 {
+                let mut byte = [0];
+                self.from.read_exact(&mut byte)?;
+                (self.byte, self.left) = (byte[0], 8);
+            }
+            self.left -= 1;
+            *place = (self.byte >> self.left) & 1;
+        }
+        Ok(buffer.len())
+    }
+}
+
+/// Reads numbers from 0 to 1 as bytes from 0 to 255.
+struct Shares<R>(R);
+
+impl<R: Read> Read for Shares<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        for place in buffer.iter_mut() {
+            let mut share = [0; 4];
+            self.0.read_exact(&mut share)?;
+            *place = num::u8_code(255.0 * f64::from(f32::from_le_bytes(share)));
+        }
+        Ok(buffer.len())
+    }
+}

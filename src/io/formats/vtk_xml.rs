@@ -1,0 +1,75 @@
+//! VTK's XML files: image data (`.vti`), rectilinear grids (`.vtr`) and unstructured grids (`.vtu`), versions 0 to 2.
+//!
+//! Data may be text, base64 or appended, uncompressed or compressed with zlib, LZ4 or xz. Pieces are joined: those of grids
+//! by their extents, those of unstructured grids one after another. The origin of an image is the position of index 0, also
+//! if its extent begins elsewhere. A negative spacing reverses its axis. Field data is skipped.
+
+mod attributes;
+mod blocks;
+mod bytes;
+mod cells;
+mod cursor;
+mod document;
+mod fields;
+mod file;
+mod grid;
+mod parser;
+mod pieces;
+mod store;
+mod stream;
+
+use crate::error::Result;
+use crate::io::file::budget::Budget;
+use crate::io::file::source::Source;
+use crate::io::formats::vtk_xml::document::{Document, Kind};
+use crate::io::formats::vtk_xml::fields::Fields;
+use crate::io::formats::vtk_xml::file::File;
+use crate::io::formats::vtk_xml::store::Store;
+use crate::io::options::ReadOptions;
+use crate::io::reader::Reader;
+use crate::io::report::Loaded;
+
+pub(crate) struct VtkXml;
+
+impl Reader for VtkXml {
+    fn name(&self) -> &'static str {
+        "VTK XML"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &["vti", "vtu", "vtr"]
+    }
+
+    fn recognises(&self, source: &Source) -> bool {
+        let head = source.head();
+        let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head).trim_ascii_start();
+        head.starts_with(b"<") && head.windows(8).any(|window| window == b"<VTKFile")
+    }
+
+    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
+        let mut budget = Budget::new(source, options);
+        let mut document = Document::read(source, &mut budget)?;
+        let fields = Fields::of(source, &document)?;
+        fields.check(source, options)?;
+        let warnings = std::mem::take(&mut document.warnings);
+        let mut notes = fields.notes;
+        let mut file = File {
+            source,
+            store: Store::new(source, document.storage, budget.clone()),
+            document,
+            arrays: fields.arrays,
+            budget,
+            notes: Vec::new(),
+        };
+        let format = self.name();
+        let mut loaded = match file.document.kind {
+            Kind::Image | Kind::Rectilinear => file.lattice(format, options),
+            Kind::Unstructured => file.cells(format, options),
+        }?;
+        notes.append(&mut file.notes);
+        notes.append(&mut loaded.report.notes);
+        loaded.report.notes = notes;
+        loaded.report.warnings.splice(0..0, warnings);
+        Ok(loaded)
+    }
+}

@@ -1,0 +1,176 @@
+//! The numbers of arrays: text, or bytes that are bare or in base64, in one piece or in compressed blocks.
+//!
+//! Bytes begin with a header of whole numbers. Uncompressed data has one, its size. Compressed data has the number of
+//! blocks, the size of a block, the size of the last block if it is smaller (else 0), and the compressed size of each
+//! block; in base64 this header is padded and encoded separately.
+
+use std::io::{BufRead, ErrorKind, Read};
+
+use crate::error::{Error, Result};
+use crate::io::file::budget::Budget;
+use crate::io::file::sample_type::{Endian, SampleType};
+use crate::io::file::scanner::Scanner;
+use crate::io::file::source::Source;
+use crate::io::file::text::{self, stream_error};
+use crate::io::formats::vtk_xml::blocks::Blocks;
+use crate::io::formats::vtk_xml::bytes::Bytes;
+use crate::io::formats::vtk_xml::cursor::Cursor;
+use crate::io::formats::vtk_xml::document::{Array, Place, Storage, Text};
+
+/// The limit on the bytes read, as a multiple of the file size.
+const MOST_OFTEN: u64 = 16;
+
+/// Reads the numbers of arrays.
+pub(crate) struct Store<'a> {
+    source: &'a Source,
+    storage: Storage,
+    cursor: Cursor<'a>,
+    budget: Budget<'a>,
+    /// The number of stored bytes read.
+    behind: u64,
+}
+
+/// A function that takes numbers from a stream.
+pub(crate) type Taker<'t> = dyn FnMut(&mut dyn Read, SampleType, Endian) -> std::io::Result<()> + 't;
+
+impl<'a> Store<'a> {
+    pub(crate) fn new(source: &'a Source, storage: Storage, budget: Budget<'a>) -> Self {
+        Self { source, storage, cursor: Cursor::new(source), budget, behind: 0 }
+    }
+
+    /// Returns the type of an array, or the error that it cannot be read.
+    fn kind(&self, array: &Array) -> Result<SampleType> {
+        array.kind.clone().map_err(|why| self.source.error(array.at(), format!("cannot be read: {why}")))
+    }
+
+    /// Returns the offset of an array's bytes, an upper bound of their number, and whether they are base64 or text.
+    fn span(&self, array: &Array) -> Result<(u64, u64, bool)> {
+        let source = self.source;
+        Ok(match array.place {
+            Place::Words(text) | Place::Base64(text) => (text.begin, text.end - text.begin, true),
+            Place::Appended(offset) => {
+                let Some(appended) = self.storage.appended else {
+                    return Err(source.error(array.at(), "its format is appended: there is no AppendedData"));
+                };
+                let most = source.encoding().most(source.len());
+                let begin = appended.begin.checked_add(offset).filter(|&begin| begin <= most);
+                let Some(begin) = begin else {
+                    let rule = format!("offset {offset}: the file has {} bytes", source.len());
+                    return Err(source.error(array.at(), rule));
+                };
+                (begin, most - begin, appended.base64)
+            }
+        })
+    }
+
+    /// Checks that an array can hold `count` numbers, before memory is allocated.
+    pub(crate) fn check(&self, array: &Array, count: u64) -> Result<()> {
+        let kind = self.kind(array)?;
+        let (_, stored, base64) = self.span(array)?;
+        let most = if matches!(array.place, Place::Words(_)) {
+            text::most_numbers(stored)
+        } else {
+            let bytes = if base64 { stored / 4 * 3 } else { stored };
+            self.storage.compressor.map_or(bytes, |compressor| compressor.most(bytes)) / kind.bytes()
+        };
+        if count <= most {
+            return Ok(());
+        }
+        let rule =
+            format!("needs {count} numbers of type {}: {stored} bytes hold at most {most}", kind.name());
+        Err(self.source.error(array.at(), rule))
+    }
+
+    /// Passes a stream of an array to `taker`, and checks that it holds exactly `count` numbers.
+    pub(crate) fn take(&mut self, array: &Array, count: u64, taker: &mut Taker) -> Result<()> {
+        if count == 0 {
+            return Ok(());
+        }
+        self.check(array, count)?;
+        let (begin, ..) = self.span(array)?;
+        self.read(array, count, taker)?;
+        if let Place::Base64(text) = array.place {
+            self.blank(array, count, text.end)?;
+        }
+        // Arrays may share bytes, but not so often that a small file takes long to read.
+        self.behind = self.behind.saturating_add(self.cursor.position.saturating_sub(begin));
+        let most = self.source.encoding().most(self.source.len()).saturating_mul(MOST_OFTEN);
+        if self.behind <= most {
+            return Ok(());
+        }
+        Err(self.source.error(array.at(), "too many arrays lie in the same place"))
+    }
+
+    /// Checks that only blanks are left of a text.
+    fn blank(&mut self, array: &Array, count: u64, end: u64) -> Result<()> {
+        while self.cursor.position < end {
+            let left = usize::try_from(end - self.cursor.position).unwrap_or(usize::MAX);
+            let take = match self.cursor.fill_buf() {
+                Ok([]) => break,
+                Ok(buffer) if !buffer[..buffer.len().min(left)].iter().all(u8::is_ascii_whitespace) => {
+                    let rule = format!("more base64 than the {count} numbers need");
+                    return Err(self.source.error(array.at(), rule));
+                }
+                Ok(buffer) => buffer.len().min(left),
+                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+                Err(error) => return Err(stream_error(self.source, error)),
+            };
+            self.cursor.consume(take);
+        }
+        Ok(())
+    }
+
+    fn read(&mut self, array: &Array, count: u64, taker: &mut Taker) -> Result<()> {
+        let source = self.source;
+        let kind = self.kind(array)?;
+        let (begin, stored, base64) = self.span(array)?;
+        let failed = |error: std::io::Error| match error.kind() {
+            ErrorKind::UnexpectedEof => {
+                source.error(array.at(), format!("needs {count} numbers of type {}: ends early", kind.name()))
+            }
+            ErrorKind::InvalidData if error.get_ref().is_some_and(|inner| !inner.is::<Error>()) => {
+                source.error(array.at(), error.to_string())
+            }
+            _ => stream_error(source, error),
+        };
+        self.cursor.seek(begin)?;
+        if let Place::Words(Text { line, .. }) = array.place {
+            let words = (&mut self.cursor).take(stored);
+            let mut scanner = Scanner::of(source, words, stored).after_lines(line);
+            taker(&mut scanner.numbers(kind), kind, Endian::Little).map_err(failed)?;
+            return match scanner.word()?.map(text::shown) {
+                None => Ok(()),
+                Some(word) => {
+                    let rule = format!("\"{word}\": more than the {count} numbers that are needed");
+                    Err(scanner.error(rule))
+                }
+            };
+        }
+        let wanted = count.checked_mul(kind.bytes()).ok_or_else(|| {
+            source.error(array.at(), format!("needs {count} numbers: more than memory can address"))
+        })?;
+        let bytes = Bytes {
+            source,
+            at: array.at(),
+            cursor: &mut self.cursor,
+            base64,
+            stored,
+            left: 0,
+            decoded: Vec::new(),
+            behind: 0,
+            text: Vec::new(),
+        };
+        let Storage { endian, word, compressor, .. } = self.storage;
+        let Some(compressor) = compressor else {
+            return bytes
+                .whole(endian, word, wanted, &mut |reader| taker(reader, kind, endian))
+                .map_err(failed);
+        };
+        let mut blocks = Blocks::open(bytes, endian, word, compressor, wanted, &mut self.budget)?;
+        taker(&mut blocks, kind, endian).map_err(failed)?;
+        let taken = blocks.taken;
+        drop(blocks);
+        self.budget.put_back(taken);
+        Ok(())
+    }
+}

@@ -1,0 +1,107 @@
+//! The list of formats, and the choice of a reader by content or file name.
+
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::io::file::source::Source;
+use crate::io::formats::{
+    csv, dicom, gmsh, metaimage, nifti, npy, nrrd, ply, raw, refused, tiff, vtk_legacy, vtk_xml,
+};
+use crate::io::options::ReadOptions;
+use crate::io::reader::Reader;
+use crate::io::report::Loaded;
+use crate::scene::{Data, Rescale};
+
+/// All formats, in the order in which they are tried.
+static READERS: &[&dyn Reader] = &[
+    &nrrd::Nrrd,
+    &nifti::Nifti,
+    &metaimage::MetaImage,
+    &npy::Npy,
+    &vtk_xml::VtkXml,
+    &vtk_legacy::VtkLegacy,
+    &gmsh::Gmsh,
+    &ply::Ply,
+    &csv::Csv,
+    &tiff::Tiff,
+    &dicom::Dicom,
+    &raw::Raw,
+];
+
+/// Lists the formats that [`read`](crate::io::read) knows and their file name extensions, in one line.
+#[must_use]
+pub fn known_formats() -> String {
+    let one = |reader: &&dyn Reader| {
+        let endings: Vec<String> = reader.extensions().iter().map(|ending| format!(".{ending}")).collect();
+        format!("{} ({})", reader.name(), endings.join(", "))
+    };
+    READERS.iter().map(one).collect::<Vec<_>>().join(", ")
+}
+
+pub(crate) fn read_source(source: &Source, options: &ReadOptions) -> Result<Loaded> {
+    let known = by_content(source);
+    if known.is_none()
+        && let Some(refusal) = refused::by_content(source)
+    {
+        return Err(refusal);
+    }
+    let Some(reader) = known.or_else(|| by_name(source)) else {
+        return Err(refused::by_name(source).unwrap_or_else(|| {
+            if source.is_gzip() {
+                return source.error(
+                    "content",
+                    "a gzip stream: only NIfTI-1, raw samples, VTK, Gmsh, PLY and CSV are read packed, unpack it \
+                     first",
+                );
+            }
+            source.error(
+                "content",
+                format!(
+                    "unknown format: known are {}; raw samples need size and type in their name, as \
+                     head_256x256x128_int16.raw, in a JSON file beside them, or in a scene file",
+                    known_formats()
+                ),
+            )
+        }));
+    };
+    checked(source.path(), reader.read(source, options)?, options)
+}
+
+/// Checks a result against the options: no selection may be ignored silently. A grid has no kernels, and a format
+/// without array names cannot select one.
+pub(crate) fn checked(path: &Path, mut loaded: Loaded, options: &ReadOptions) -> Result<Loaded> {
+    if let Data::Grid(grid) = &loaded.data {
+        options.check_kernels("a grid").map_err(|error| error.in_file(path))?;
+        let Rescale { slope, intercept } = grid.rescale();
+        if !grid.range().iter().all(|value| value.is_finite()) {
+            let rule = format!("{slope:e} * stored + {intercept:e}: overflows");
+            return Err(Error::file(path, "rescale", rule));
+        }
+        if grid.infinite_count() > 0 {
+            loaded.report.warnings.push(format!(
+                "{} samples are infinite, or beyond f32: they map to the ends of the transfer function",
+                grid.infinite_count()
+            ));
+        }
+    }
+    if let Some(array) = &options.array
+        && loaded.report.arrays.is_empty()
+        && loaded.report.shown.is_none()
+    {
+        let rule = "no such array: there is one without a name";
+        return Err(Error::file(path, format!("array \"{array}\""), rule));
+    }
+    Ok(loaded)
+}
+
+/// Returns the reader that recognises the content.
+pub(crate) fn by_content(source: &Source) -> Option<&'static dyn Reader> {
+    READERS.iter().find(|reader| reader.recognises(source)).copied()
+}
+
+/// Returns the reader whose file name extensions fit.
+pub(crate) fn by_name(source: &Source) -> Option<&'static dyn Reader> {
+    let name = source.path().file_name()?.to_string_lossy().to_lowercase();
+    let is = |ending: &&str| name.strip_suffix(ending).is_some_and(|stem| stem.ends_with('.'));
+    READERS.iter().find(|reader| reader.extensions().iter().any(is)).copied()
+}

@@ -1,0 +1,88 @@
+//! The keys of a scene file.
+
+use std::path::Path;
+
+use glam::DVec3;
+use serde::Deserialize;
+
+use crate::error::{Error, Result};
+use crate::io::scene_file::clip::ClipSpec;
+use crate::io::scene_file::kernels::{KernelsSpec, Kind};
+use crate::io::scene_file::mesh::MeshSpec;
+use crate::io::scene_file::points::PointsSpec;
+use crate::io::scene_file::surfaces::SurfaceSpec;
+use crate::io::scene_file::technique::TechniqueChoice;
+use crate::io::scene_file::transfer::TransferSpec;
+use crate::io::scene_file::volume::VolumeSpec;
+use crate::scene::{Camera, Kernels, Projection};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a scene: an object with `volume`, `mesh` or `points`")]
+pub(crate) struct Document {
+    pub(crate) volume: Option<VolumeSpec>,
+    pub(crate) mesh: Option<MeshSpec>,
+    pub(crate) points: Option<PointsSpec>,
+    pub(crate) kernels: Option<KernelsSpec>,
+    pub(crate) transfer: Option<TransferSpec>,
+    pub(crate) camera: Option<CameraSpec>,
+    pub(crate) image: Option<ImageSpec>,
+    pub(crate) background: Option<[f64; 4]>,
+    pub(crate) opaque: Option<Vec<SurfaceSpec>>,
+    pub(crate) clip: Option<ClipSpec>,
+    pub(crate) technique: Option<TechniqueChoice>,
+}
+
+/// The description of the data, before it is read.
+pub(crate) enum DataSpec {
+    Volume(Box<VolumeSpec>),
+    Mesh(MeshSpec),
+    Points(PointsSpec),
+}
+
+impl DataSpec {
+    /// Returns the kernels of the scene, from `kernels` or from the keys of points.
+    pub(crate) fn kernels(&self, path: &Path, spec: Option<KernelsSpec>) -> Result<Option<Kernels>> {
+        let kind = match self {
+            Self::Volume(_) => Kind::Grid,
+            Self::Mesh(_) => Kind::Mesh,
+            Self::Points(points) => match (points.kernels_key(), &spec) {
+                (_, None) => return points.kernels(path),
+                (Some(key), Some(_)) => {
+                    let rule = "must be in `kernels` or in `points`, not in both";
+                    return Err(Error::file(path, format!("points.{key}"), rule));
+                }
+                (None, Some(_)) => Kind::Points,
+            },
+        };
+        spec.map(|spec| spec.check(path, "kernels", kind)).transpose()
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "an object with width and height")]
+pub(crate) struct ImageSpec {
+    pub(crate) width: Option<u32>,
+    pub(crate) height: Option<u32>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "an object with eye, target, up and fov_y_deg or half_height")]
+pub(crate) struct CameraSpec {
+    eye: [f64; 3],
+    target: [f64; 3],
+    up: [f64; 3],
+    fov_y_deg: Option<f64>,
+    half_height: Option<f64>,
+}
+
+impl CameraSpec {
+    pub(crate) fn check(self, path: &Path) -> Result<Camera> {
+        let projection = match (self.fov_y_deg, self.half_height) {
+            (Some(fov_y_deg), None) => Projection::Perspective { fov_y_deg },
+            (None, Some(half_height)) => Projection::Orthographic { half_height },
+            _ => return Err(Error::file(path, "camera", "must have either fov_y_deg or half_height")),
+        };
+        let [eye, target, up] = [self.eye, self.target, self.up].map(DVec3::from_array);
+        Ok(Camera { eye, target, up, projection })
+    }
+}

@@ -1,0 +1,23 @@
+//! The scene file: JSON that names the data and describes the view.
+//!
+//! Unknown keys are errors that name the allowed ones. Paths are relative to the scene file.
+//! It uses the readers of `io` and `scene`; the program, the C interface and tests use it.
+
+mod clip;
+mod data;
+mod document;
+mod kernels;
+mod load;
+mod loaded;
+mod mesh;
+mod points;
+mod presets;
+mod surfaces;
+mod technique;
+mod transfer;
+mod volume;
+
+pub use load::SceneFile;
+pub use loaded::LoadedScene;
+pub use presets::{PRESETS, Preset};
+pub use technique::TechniqueChoice;

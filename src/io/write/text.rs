@@ -1,0 +1,16 @@
+//! Text files, written whole or not at all.
+
+use std::io::Write as _;
+use std::path::Path;
+
+use crate::error::Result;
+use crate::replace::replace;
+
+/// Writes a text file completely or not at all.
+///
+/// # Errors
+///
+/// [`Error::File`] if the path is a folder, [`Error::Io`] if it cannot be written; no partial file remains.
+pub fn write_text(path: impl AsRef<Path>, text: &str) -> Result<()> {
+    replace(path.as_ref(), |writer| writer.write_all(text.as_bytes()))
+}
