@@ -3,6 +3,11 @@
 
 use bytemuck::{Pod, Zeroable};
 
+/// Numbers that Rust and shaders share: bindings, specialisation constants, sizes (`glsl/interface.glsl`).
+pub(crate) mod constants {
+    include!(concat!(env!("OUT_DIR"), "/constants.rs"));
+}
+
 /// One knot of the transfer function (`optics.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

@@ -1,18 +1,18 @@
 //! Scenes: data and transfer function on a device.
 
-use std::ffi::{CString, c_char, c_void};
+use std::ffi::{CString, c_char};
 use std::sync::Arc;
 
 use super::argument::{self, Structure};
-use super::data::{self, vr_grid_info, vr_knot, vr_mesh_info, vr_points_info, vr_surface_info};
+use super::data::{self, vr_grid_info, vr_knot, vr_mesh_info, vr_points_info};
 use super::gpu::vr_gpu;
 use super::result::{c_text, call, quietly, vr_result};
 use super::view::vr_view;
 use super::vulkan::VkBool32;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::io::scene_file::LoadedScene;
 use crate::resident::GpuScene;
-use crate::scene::{Camera, Clip, Data, Scene, Surface, TransferFunction, View, auto};
+use crate::scene::{Camera, Clip, Data, Scene, TransferFunction, View, auto};
 use crate::technique::{Method, Technique};
 
 /// Data with a transfer function, on a device. What of it a technique needs is uploaded when a plan is first created for it,
@@ -86,7 +86,7 @@ impl vr_scene {
     }
 
     /// Another scene of the same kind.
-    fn with(&self, scene: Arc<GpuScene>) -> Self {
+    pub(super) fn with(&self, scene: Arc<GpuScene>) -> Self {
         Self { scene, technique: self.technique.clone(), file: self.file, warnings: self.warnings.clone() }
     }
 
@@ -214,148 +214,6 @@ pub unsafe extern "C" fn vr_scene_create_points(
 ) -> vr_result {
     // SAFETY: the caller's promise.
     unsafe { create(gpu, (info, "vr_points_info"), (knots, knot_count), scene, data::points) }
-}
-
-/// Makes a scene of the same data under another transfer function, which shares what is on the device of the data. `source` stays
-/// as it is.
-///
-/// Fails with VR_ERROR_INVALID.
-///
-/// Threads: any.
-///
-/// # Safety
-///
-/// Pointers are NULL or valid, arrays as long as is said.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vr_scene_with_transfer(
-    source: *const vr_scene,
-    knots: *const vr_knot,
-    knot_count: usize,
-    scene: *mut *mut vr_scene,
-) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let out = unsafe { argument::out(scene, "scene") }?;
-        // SAFETY: the caller's promise.
-        let source = unsafe { argument::reference(source, "source") }?;
-        // SAFETY: the caller's promise.
-        let transfer = unsafe { data::transfer(knots, knot_count) }?;
-        let transfer = transfer.ok_or_else(|| Error::invalid("knot_count", "0: there must be at least 1"))?;
-        Ok(give(source.with(source.scene.with_transfer(transfer)), out))
-    })
-}
-
-/// Makes a scene of other samples in the same grid: place, transfer function, surfaces and view stay. The samples are copied, and
-/// may be of another type; see vr_grid_info. `source` stays as it is.
-///
-/// Fails with VR_ERROR_INVALID.
-///
-/// Threads: any.
-///
-/// # Safety
-///
-/// Pointers are NULL or valid, `samples` as large as is said.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vr_scene_with_samples(
-    source: *const vr_scene,
-    sample_type: u32,
-    samples: *const c_void,
-    sample_bytes: usize,
-    scene: *mut *mut vr_scene,
-) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let out = unsafe { argument::out(scene, "scene") }?;
-        // SAFETY: the caller's promise.
-        let source = unsafe { argument::reference(source, "source") }?;
-        let old = source.scene.scene();
-        let Some(grid) = old.grid() else {
-            return Err(Error::invalid("source", format!("holds a {}, not a grid", old.data.kind())));
-        };
-        // SAFETY: the caller's promise.
-        let samples = unsafe { data::samples(grid.dims(), sample_type, samples, sample_bytes) }?;
-        Ok(give(source.with(source.scene.with_samples(samples)?), out))
-    })
-}
-
-/// Makes a scene of the same mesh with other scalars, as vr_mesh_info has them, and with another transfer function where there are
-/// knots. Points and tetrahedra stay on the device. Scalars for tetrahedra are those of the tetrahedra that were kept. `source`
-/// stays as it is.
-///
-/// Fails with VR_ERROR_INVALID.
-///
-/// Threads: any.
-///
-/// # Safety
-///
-/// Pointers are NULL or valid, arrays as long as is said.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vr_scene_with_scalars(
-    source: *const vr_scene,
-    scalars_per: u32,
-    scalars: *const f32,
-    scalar_count: usize,
-    knots: *const vr_knot,
-    knot_count: usize,
-    scene: *mut *mut vr_scene,
-) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let out = unsafe { argument::out(scene, "scene") }?;
-        // SAFETY: the caller's promise.
-        let source = unsafe { argument::reference(source, "source") }?;
-        // SAFETY: the caller's promise.
-        let scalars = unsafe { data::scalars(scalars, scalar_count, scalars_per) }?;
-        // SAFETY: the caller's promise.
-        let transfer = unsafe { data::transfer(knots, knot_count) }?;
-        let transfer = transfer.unwrap_or_else(|| source.scene.scene().transfer.clone());
-        Ok(give(source.with(source.scene.with_scalars(scalars, transfer)?), out))
-    })
-}
-
-/// Makes a scene of the same data among other surfaces, of which there may be none; what is on the device of the data is shared.
-/// Opaque surfaces are drawn by every technique, translucent ones by some: vr_plan_create() refuses the others.
-///
-/// `surfaces` are `surface_count` pointers. Everything is copied, and `source` stays as it is. Fails with VR_ERROR_INVALID.
-///
-/// Threads: any.
-///
-/// # Safety
-///
-/// Pointers are NULL or valid, arrays as long as is said.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vr_scene_with_surfaces(
-    source: *const vr_scene,
-    surfaces: *const *const vr_surface_info,
-    surface_count: usize,
-    scene: *mut *mut vr_scene,
-) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let out = unsafe { argument::out(scene, "scene") }?;
-        // SAFETY: the caller's promise.
-        let source = unsafe { argument::reference(source, "source") }?;
-        // SAFETY: the caller's promise.
-        let given = unsafe { argument::array(surfaces, surface_count, "surfaces") }?;
-        let surface = |(i, info): (usize, &*const vr_surface_info)| -> Result<Surface> {
-            // SAFETY: the caller's promise.
-            let info = unsafe { argument::structure(*info, &format!("surfaces[{i}]")) }?;
-            // SAFETY: the caller's promise.
-            unsafe { data::surface(&info) }.map_err(|error| match error {
-                Error::Invalid { what, why } => {
-                    Error::Invalid { what: format!("surfaces[{i}]: {what}"), why }
-                }
-                other => other,
-            })
-        };
-        let surfaces = given.iter().enumerate().map(surface).collect::<Result<Vec<_>>>()?;
-        let mut made = source.with(source.scene.with_surfaces(surfaces));
-        // Surfaces decide which techniques draw a scene; what a file asks for stays.
-        if source.technique == default_technique(source.scene.scene()) {
-            made.technique = default_technique(made.scene.scene());
-        }
-        Ok(give(made, out))
-    })
 }
 
 /// Destroys a scene's handle; NULL is nothing. Plans and recordings that were made from it go on.

@@ -8,9 +8,11 @@ use ash::{ext, vk};
 
 use ash::vk::Handle as _;
 
-use super::device::{Gpu, GpuOptions, Opened};
+use super::device::Gpu;
 use super::feature::Enabled;
 use super::instance::{Instance, version_text};
+use super::open::Opened;
+use super::options::GpuOptions;
 use super::queue::{Queue, QueueLock};
 use super::select::inspect;
 use super::validation::Validation;

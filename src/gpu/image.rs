@@ -5,8 +5,8 @@ use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
 
 use super::budget::Reservation;
-use super::buffer::{allocate, free};
 use super::device::Gpu;
+use super::memory::{allocate, free};
 use crate::error::{Error, Result};
 
 /// What an image is.

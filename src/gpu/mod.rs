@@ -21,41 +21,62 @@ mod adopt;
 mod budget;
 mod buffer;
 mod cache;
+mod copy;
 mod depth;
+mod descriptors;
 mod device;
+mod draw;
 mod external;
 mod feature;
 mod image;
+#[cfg(feature = "testing")]
 mod inject;
 mod instance;
+mod layer_lock;
+mod loader;
 mod loss;
+mod memory;
+mod open;
+mod options;
 mod pipeline;
+mod pipeline_build;
 mod probe;
+#[cfg(feature = "testing")]
 mod provoke;
+mod query;
 mod queue;
 mod recorder;
+mod sampler;
 mod select;
 pub(crate) mod shader;
 mod submit;
 pub(crate) mod sync;
 #[cfg(test)]
 pub(crate) mod testing;
+mod timers;
 mod transfer;
 mod validation;
 
 pub(crate) use buffer::{Buffer, BufferUse};
+pub(crate) use descriptors::{Descriptors, Resource};
+pub(crate) use draw::Attachment;
 pub(crate) use image::{Image, ImageDesc};
-pub(crate) use pipeline::{Blend, ComputeDesc, Descriptors, GraphicsDesc, Pipeline, Resource, SpecConstant};
-pub(crate) use recorder::{Attachment, Keep, Recorder, Timers};
+pub(crate) use pipeline::{Blend, ComputeDesc, GraphicsDesc, Pipeline, SpecConstant};
+pub(crate) use recorder::{Keep, Recorder};
 pub(crate) use submit::Commands;
+pub(crate) use timers::Timers;
 
 pub use adopt::GpuParts;
 pub use cache::user_cache_folder;
 pub use depth::{DepthImage, DepthProjection};
-pub use device::{Gpu, GpuOptions, Handles, devices};
+pub use device::{Gpu, Handles};
 pub use external::{CommandBuffer, TargetImage};
 pub use feature::{Enabled, OptionalFeature};
+#[cfg(feature = "testing")]
 pub use inject::Injection;
+pub use open::devices;
+pub use options::GpuOptions;
+#[cfg(feature = "testing")]
 pub use provoke::Provocation;
 pub use queue::QueueLock;
 pub use select::DeviceReport;

@@ -6,9 +6,10 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::buffer::{Buffer, BufferUse};
+use super::descriptors::{Descriptors, Resource};
 use super::device::Gpu;
 use super::image::{Image, ImageDesc};
-use super::pipeline::{ComputeDesc, Descriptors, Resource};
+use super::pipeline::ComputeDesc;
 use super::recorder::Recorder;
 use super::shader::{self, BINDING_RESULT, BINDING_VOLUME};
 use super::submit::Commands;

@@ -5,8 +5,9 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::buffer::{Buffer, BufferUse};
+use super::descriptors::{Descriptors, Resource};
 use super::device::Gpu;
-use super::pipeline::{ComputeDesc, Descriptors, Resource};
+use super::pipeline::ComputeDesc;
 use super::recorder::Recorder;
 use super::shader::{self, BINDING_RESULT};
 use super::submit::Commands;
@@ -120,14 +121,9 @@ impl Gpu {
                 commands.submit(keep, "provoked")
             }
             Provocation::BestPractices => {
-                let info = vk::CommandPoolCreateInfo::default()
-                    .queue_family_index(self.inner.queue_family)
-                    .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
-                // SAFETY: valid, if not the best practice.
-                let pool = unsafe { device.create_command_pool(&info, None) }
-                    .map_err(|result| self.failed("vkCreateCommandPool", result))?;
+                let pool = self.create_command_pool(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER)?;
                 // SAFETY: just made, unused.
-                unsafe { device.destroy_command_pool(pool, None) };
+                unsafe { self.destroy_command_pool(pool) };
                 Ok(())
             }
         }

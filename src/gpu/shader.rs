@@ -1,5 +1,7 @@
 //! Compiled shader modules and what they bind, as `build.rs` found it in the SPIR-V.
 
+pub(crate) use crate::interface::constants::*;
+
 /// Pipeline stage of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Stage {
@@ -30,5 +32,9 @@ pub(crate) struct Shader {
     /// SPIR-V, little endian.
     pub(crate) code: &'static [u8],
 }
+
+/// The shader that the self-test provokes validation with; without the feature nothing dispatches it.
+#[cfg(not(feature = "testing"))]
+const _: &Shader = &PROBE_OVERRUN;
 
 include!(concat!(env!("OUT_DIR"), "/shaders.rs"));

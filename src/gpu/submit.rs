@@ -36,12 +36,7 @@ pub(crate) struct Commands {
 impl Commands {
     pub(crate) fn new(gpu: &Gpu) -> Result<Self> {
         gpu.alive()?;
-        let info = vk::CommandPoolCreateInfo::default()
-            .queue_family_index(gpu.inner.queue_family)
-            .flags(vk::CommandPoolCreateFlags::TRANSIENT);
-        // SAFETY: the device is alive and has this queue family.
-        let pool = unsafe { gpu.device().create_command_pool(&info, None) }
-            .map_err(|result| gpu.failed("vkCreateCommandPool", result))?;
+        let pool = gpu.create_command_pool(vk::CommandPoolCreateFlags::TRANSIENT)?;
         let mut commands = Self {
             gpu: gpu.clone(),
             pool,
@@ -80,6 +75,7 @@ impl Commands {
     pub(crate) fn begin(&mut self) -> Result<&mut CommandBuffer> {
         self.gpu.alive()?;
         self.settle()?;
+        let _held = self.gpu.lock_layer();
         self.buffer.rewind();
         // SAFETY: nothing recorded from this pool is pending.
         unsafe { self.gpu.device().reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty()) }
@@ -177,6 +173,41 @@ impl Drop for Commands {
         // SAFETY: nothing that uses it is pending; null is allowed.
         unsafe { self.gpu.device().destroy_fence(self.fence, None) };
         // SAFETY: the command buffer is not pending and goes with its pool.
-        unsafe { self.gpu.device().destroy_command_pool(self.pool, None) };
+        unsafe { self.gpu.destroy_command_pool(self.pool) };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+    use std::time::{Duration, Instant};
+
+    use super::*;
+    use crate::gpu::testing::TestGpu;
+    use crate::gpu::{Buffer, BufferUse, Recorder};
+
+    /// Runs for `VOLRASTER_STRESS_SECONDS`, or for a minute.
+    #[test]
+    #[ignore = "a stress test of the validation layer, minutes long"]
+    fn threads_create_and_destroy_command_pools_under_validation() {
+        let seconds = std::env::var("VOLRASTER_STRESS_SECONDS").ok().and_then(|text| text.parse().ok());
+        let end = Instant::now() + Duration::from_secs(seconds.unwrap_or(60));
+        let gpu = TestGpu::new();
+        let record = || {
+            let buffer = Arc::new(Buffer::new(&gpu, "stress", 64, BufferUse::ShaderWrite).unwrap());
+            let mut pools = 0;
+            while Instant::now() < end {
+                let mut commands = Commands::new(&gpu).unwrap();
+                let mut recorder = Recorder::new(&gpu, commands.begin().unwrap(), None);
+                recorder.clear_buffer("stress", &buffer);
+                pools += 1;
+            }
+            pools
+        };
+        let pools: u64 = std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..8).map(|_| scope.spawn(record)).collect();
+            threads.into_iter().map(|thread| thread.join().unwrap()).sum()
+        });
+        println!("{pools} pools");
     }
 }

@@ -10,7 +10,7 @@ use crate::num::{count, f32_of};
 use crate::scene::TransferFunction;
 
 /// Knots that the device walks through in a uniform block; above, it searches in a storage block.
-const UNIFORM_KNOTS: usize = crate::num::index(crate::gpu::shader::UNIFORM_KNOTS);
+const UNIFORM_KNOTS: usize = crate::num::index(crate::interface::constants::UNIFORM_KNOTS);
 
 /// The largest extinction that the device is given: large enough to be opaque over any length that
 /// float32 tells from zero, small enough that its product with zero is zero.

@@ -15,14 +15,14 @@ use crate::gpu::shader::{
 use crate::gpu::{Buffer, BufferUse, ComputeDesc, Descriptors, Gpu, Pipeline, Recorder, Resource};
 use crate::interface::SortPush;
 use crate::num;
-use crate::primitives::scan::{Scan, Spread};
+use crate::primitives::scan::{Scan, WorkSplit};
 
 /// Most pairs of a sort: every device takes a workgroup for each tile of them.
 const MOST_PAIRS: u32 = 1 << 26;
 
 /// One digit's way from one place to another.
 #[derive(Debug)]
-struct DigitPass {
+struct Digit {
     count: Step,
     scatter: Step,
     push: SortPush,
@@ -39,7 +39,7 @@ struct Step {
 /// A sort of pairs of a key and a value, in place, ascending; pairs with equal keys keep their order.
 #[derive(Debug)]
 pub(crate) struct RadixSort {
-    passes: Vec<DigitPass>,
+    passes: Vec<Digit>,
     scan: Scan,
     groups: u32,
 }
@@ -79,19 +79,19 @@ impl RadixSort {
         count: &Arc<Buffer>,
         bits: u32,
     ) -> Result<Self> {
-        let plan = Plan::of(gpu, capacity, bits, Spread::of(gpu));
-        Self::planned(gpu, name, [keys, values], count, plan)
+        let digits = Digits::of(gpu, capacity, bits, WorkSplit::of(gpu));
+        Self::by_digits(gpu, name, [keys, values], count, digits)
     }
 
     /// The same, planned already.
-    fn planned(
+    fn by_digits(
         gpu: &Gpu,
         name: &str,
         [keys, values]: [&Arc<Buffer>; 2],
         count: &Arc<Buffer>,
-        plan: Plan,
+        digits: Digits,
     ) -> Result<Self> {
-        let Plan { spread, capacity, bits, digit, passes, runs, groups, mixes } = plan;
+        let Digits { split, capacity, bits, digit, passes, runs, groups, mixes } = digits;
         let least = keys.size().min(values.size());
         if capacity > MOST_PAIRS || 4 * u64::from(capacity) > least || !(1..=32).contains(&bits) {
             let what = format!("a sort of {capacity} pairs by {bits} bits in buffers of {least} bytes");
@@ -101,7 +101,7 @@ impl RadixSort {
             let bytes = 4 * words.max(4);
             Buffer::new(gpu, &format!("{name}.{part}"), bytes, BufferUse::ShaderWrite).map(Arc::new)
         };
-        let digits = buffer("digits", u64::from(runs) << digit)?;
+        let counters = buffer("digits", u64::from(runs) << digit)?;
         // From home to home: by one place where that leads back, by two in turns otherwise.
         let stops = if passes == 2 || (passes.is_multiple_of(2) && !mixes) { 1 } else { 2 };
         let stops: Result<Vec<Place>> = (0..stops)
@@ -121,7 +121,7 @@ impl RadixSort {
             _ if stops.len() == 1 && pass.is_multiple_of(2) => &home,
             _ => &stops[num::index(pass + 1) % stops.len()],
         };
-        let passes: Result<Vec<DigitPass>> = (0..passes)
+        let passes: Result<Vec<Digit>> = (0..passes)
             .map(|pass| {
                 let (from, to) = (place_after(pass), place_after(pass + 1));
                 let ([from_keys, from_values], [to_keys, to_values]) = (from.buffers(), to.buffers());
@@ -129,7 +129,7 @@ impl RadixSort {
                     (BINDING_SORT_COUNT, Resource::ReadOnly(Arc::clone(count))),
                     (BINDING_SORT_KEYS, Resource::ReadOnly(Arc::clone(from_keys))),
                     (BINDING_SORT_VALUES, Resource::ReadOnly(Arc::clone(from_values))),
-                    (BINDING_SORT_DIGITS, Resource::Buffer(Arc::clone(&digits))),
+                    (BINDING_SORT_DIGITS, Resource::Buffer(Arc::clone(&counters))),
                     (BINDING_SORTED_KEYS, Resource::Buffer(Arc::clone(to_keys))),
                     (BINDING_SORTED_VALUES, Resource::Buffer(Arc::clone(to_values))),
                 ];
@@ -139,21 +139,21 @@ impl RadixSort {
                     let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
                     Ok(Step { name: format!("{name}.{step}"), pipeline, descriptors })
                 };
-                let [count, scatter] = shaders(spread, from, to);
+                let [count, scatter] = shaders(split, from, to);
                 // The last digit has what bits are left; of a single bit, none.
                 let shift = (digit * pass).min(bits);
                 let width = digit.min(bits - shift);
                 let push = SortPush { capacity, runs, shift: shift.min(31), mask: (1_u32 << width) - 1 };
-                Ok(DigitPass { count: step("count", count)?, scatter: step("scatter", scatter)?, push })
+                Ok(Digit { count: step("count", count)?, scatter: step("scatter", scatter)?, push })
             })
             .collect();
-        let scan = Scan::spread(gpu, &format!("{name}.digits"), &digits, runs << digit, spread)?;
+        let scan = Scan::with_split(gpu, &format!("{name}.digits"), &counters, runs << digit, split)?;
         Ok(Self { passes: passes?, scan, groups })
     }
 
     /// Sorts.
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>) {
-        for DigitPass { count, scatter, push } in &self.passes {
+        for Digit { count, scatter, push } in &self.passes {
             let push = bytemuck::bytes_of(push);
             let groups = [self.groups, 1, 1];
             recorder.dispatch(&count.name, &count.pipeline, &count.descriptors, push, groups);
@@ -183,9 +183,9 @@ impl Place {
 }
 
 /// The shaders that count, and that move pairs from one place to another.
-fn shaders(spread: Spread, from: &Place, to: &Place) -> [&'static Shader; 2] {
-    match (spread, from, to) {
-        (Spread::Groups, ..) => [&RADIX_SORT_GROUPS_COUNT, &RADIX_SORT_GROUPS_SCATTER],
+fn shaders(split: WorkSplit, from: &Place, to: &Place) -> [&'static Shader; 2] {
+    match (split, from, to) {
+        (WorkSplit::Groups, ..) => [&RADIX_SORT_GROUPS_COUNT, &RADIX_SORT_GROUPS_SCATTER],
         (_, Place::Apart(_), Place::Apart(_)) => [&RADIX_SORT_LANES_COUNT, &RADIX_SORT_LANES_SCATTER],
         (_, Place::Apart(_), Place::Mixed(_)) => [&RADIX_SORT_LANES_COUNT, &RADIX_SORT_LANES_SCATTER_FIRST],
         (_, Place::Mixed(_), Place::Mixed(_)) => {
@@ -199,8 +199,8 @@ fn shaders(spread: Spread, from: &Place, to: &Place) -> [&'static Shader; 2] {
 
 /// How a sort is cut into digits and runs.
 #[derive(Clone, Copy, Debug)]
-struct Plan {
-    spread: Spread,
+struct Digits {
+    split: WorkSplit,
     /// Most pairs.
     capacity: u32,
     /// Bits of a key that count.
@@ -216,27 +216,27 @@ struct Plan {
     mixes: bool,
 }
 
-impl Plan {
-    fn of(gpu: &Gpu, capacity: u32, bits: u32, spread: Spread) -> Self {
-        let most = match spread {
-            Spread::Lanes(_) => SORT_LANE_DIGITS,
-            Spread::Groups => WIDE_GROUP,
+impl Digits {
+    fn of(gpu: &Gpu, capacity: u32, bits: u32, split: WorkSplit) -> Self {
+        let most = match split {
+            WorkSplit::Lanes(_) => SORT_LANE_DIGITS,
+            WorkSplit::Groups => WIDE_GROUP,
         };
         let passes = bits.div_ceil(most.ilog2()).max(2);
         let digit = bits.div_ceil(passes);
-        match spread {
-            Spread::Lanes(lanes) => {
+        match split {
+            WorkSplit::Lanes(lanes) => {
                 // No more counters than pairs, no longer runs than a loop may be.
                 let runs = lanes.min(capacity >> digit).max(capacity.div_ceil(4 * SORT_LANE_FOURS));
                 let groups = runs.div_ceil(LANE_GROUP).max(1);
                 let runs = groups * LANE_GROUP;
                 let room = u64::from(gpu.inner.properties.limits.max_storage_buffer_range);
                 let mixes = 4 * mixed_words(capacity) <= room;
-                Self { spread, capacity, bits, digit, passes, runs, groups, mixes }
+                Self { split, capacity, bits, digit, passes, runs, groups, mixes }
             }
-            Spread::Groups => {
+            WorkSplit::Groups => {
                 let runs = capacity.div_ceil(SORT_TILE).max(1);
-                Self { spread, capacity, bits, digit, passes, runs, groups: runs, mixes: false }
+                Self { split, capacity, bits, digit, passes, runs, groups: runs, mixes: false }
             }
         }
     }
@@ -270,11 +270,11 @@ mod tests {
     use crate::gpu::{Commands, Validation};
 
     /// Few and many lanes, without mixed pairs (the flag), workgroups.
-    const WAYS: [(Spread, bool); 4] = [
-        (Spread::Lanes(16), true),
-        (Spread::Lanes(1000), true),
-        (Spread::Lanes(16), false),
-        (Spread::Groups, false),
+    const WAYS: [(WorkSplit, bool); 4] = [
+        (WorkSplit::Lanes(16), true),
+        (WorkSplit::Lanes(1000), true),
+        (WorkSplit::Lanes(16), false),
+        (WorkSplit::Groups, false),
     ];
 
     /// A sort by one of the [`WAYS`].
@@ -284,11 +284,11 @@ mod tests {
         n: u32,
         count: &Arc<Buffer>,
         bits: u32,
-        (spread, mixes): (Spread, bool),
+        (split, mixes): (WorkSplit, bool),
     ) -> RadixSort {
-        let mut plan = Plan::of(gpu, n, bits, spread);
-        plan.mixes &= mixes;
-        RadixSort::planned(gpu, "test.sort", buffers, count, plan).unwrap()
+        let mut digits = Digits::of(gpu, n, bits, split);
+        digits.mixes &= mixes;
+        RadixSort::by_digits(gpu, "test.sort", buffers, count, digits).unwrap()
     }
 
     /// Sizes around every border: of workgroups, tiles, runs.
@@ -310,7 +310,7 @@ mod tests {
         pairs
     }
 
-    fn sorted(gpu: &TestGpu, keys: &[u32], bits: u32, way: (Spread, bool)) -> Vec<(u32, u32)> {
+    fn sorted(gpu: &TestGpu, keys: &[u32], bits: u32, way: (WorkSplit, bool)) -> Vec<(u32, u32)> {
         let n = num::count(keys.len());
         let count = gpu.upload(&[n]);
         let keys = gpu.upload(keys);
@@ -321,7 +321,7 @@ mod tests {
         pairs.take(n as usize).collect()
     }
 
-    fn check(gpu: &TestGpu, keys: &[u32], bits: u32, way: (Spread, bool), what: &str) {
+    fn check(gpu: &TestGpu, keys: &[u32], bits: u32, way: (WorkSplit, bool), what: &str) {
         let (found, right) = (sorted(gpu, keys, bits, way), expected(keys, bits));
         if let Some(i) = (0..keys.len()).find(|&i| found[i] != right[i]) {
             let n = keys.len();
@@ -543,12 +543,12 @@ mod tests {
             let n = num::count(n);
             let count = gpu.upload(&[n]);
             let (key_buffer, values) = (gpu.upload(&keys), gpu.upload(&keys));
-            let sort = |spread| {
-                let plan = Plan::of(&gpu, n, bits, spread);
-                let sort = RadixSort::planned(&gpu, "test.sort", [&key_buffer, &values], &count, plan);
-                (plan, sort.unwrap(), Vec::new())
+            let sort = |split| {
+                let digits = Digits::of(&gpu, n, bits, split);
+                let sort = RadixSort::by_digits(&gpu, "test.sort", [&key_buffer, &values], &count, digits);
+                (digits, sort.unwrap(), Vec::new())
             };
-            let mut sorts = [sort(Spread::software()), sort(Spread::Groups)];
+            let mut sorts = [sort(WorkSplit::software()), sort(WorkSplit::Groups)];
             let mut commands = Commands::new(&gpu).unwrap();
             for _ in 0..TURNS {
                 for (_, sort, times) in &mut sorts {
@@ -561,13 +561,13 @@ mod tests {
                     times.push(start.elapsed().as_secs_f64() * 1e3);
                 }
             }
-            for (plan, _, times) in &mut sorts {
+            for (digits, _, times) in &mut sorts {
                 times.sort_by(f64::total_cmp);
                 let [median, tenth, least] = [TURNS / 2, TURNS / 10, 0].map(|i| times[i]);
-                let Plan { spread, passes, digit, runs, .. } = plan;
+                let Digits { split, passes, digit, runs, .. } = digits;
                 println!(
                     "{n:8} pairs, {bits} bits: {median:7.2} {tenth:7.2} {least:7.2}  \
-                     {spread:?}: {passes} x {digit} bits, {runs} runs"
+                     {split:?}: {passes} x {digit} bits, {runs} runs"
                 );
             }
         }

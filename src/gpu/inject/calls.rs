@@ -1,157 +1,16 @@
-//! Failures on request: every Vulkan call that may fail is counted, and one of them, or all from one on, fails without
-//! reaching the driver.
-//!
-//! A loader that is hooked hands out other entry points. Those are plain functions without data of their own, so each hooked
-//! instance takes one of a few places, and each place has its own copy of them, by a constant parameter: which counts a call
-//! goes to follows from the function alone, not from handles, whatever thread calls, and whichever layer made the handle.
-//! Nothing of this is in the way of an instance that is opened without it.
+//! The calls that may fail, and the functions that stand in for them.
 
-use std::ffi::{CStr, c_char, c_void};
+use std::ffi::{c_char, c_void};
 use std::sync::atomic::{AtomicPtr, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use ash::vk;
 use ash::vk::Handle as _;
 
-use crate::error::{Error, Result};
-
-/// Counts the Vulkan calls of one [`Gpu`](super::Gpu) and makes some of them fail; for tests. Given in
-/// [`GpuOptions::inject`](super::GpuOptions::inject), kept by whoever steers it: clones share one count.
-///
-/// Counted is every call that returns a `VkResult`, from the first one of the loader on, also those of the memory allocator
-/// and of callers through [`Gpu::handles`](super::Gpu::handles). A call that fails does not reach the driver; what it would
-/// have written is left as it was, or null where Vulkan says so.
-#[derive(Clone, Debug, Default)]
-pub struct Injection {
-    state: Arc<Mutex<State>>,
-}
-
-#[derive(Debug, Default)]
-struct State {
-    calls: u64,
-    fail: Option<(u64, vk::Result)>,
-    lose: Option<u64>,
-    lost: bool,
-    failed: Option<(&'static str, vk::Result)>,
-    failures: u64,
-    names: Option<Vec<&'static str>>,
-}
-
-/// What becomes of a call.
-enum Verdict {
-    Pass,
-    Fail(vk::Result),
-    /// The first call of a lost device.
-    Lose,
-}
-
-impl Injection {
-    /// Counts, and lets every call pass.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// Calls so far, those that failed among them.
-    #[must_use]
-    pub fn calls(&self) -> u64 {
-        self.lock().calls
-    }
-
-    /// Lets call number `call` fail once; the first is number 1. It returns `result` where Vulkan allows that call to, and
-    /// else the first error that it may return; a call that cannot fail passes. `ERROR_DEVICE_LOST` is as [`Injection::lose_at`].
-    pub fn fail_at(&self, call: u64, result: vk::Result) {
-        if result == vk::Result::ERROR_DEVICE_LOST {
-            return self.lose_at(call);
-        }
-        self.lock().fail = Some((call, result));
-    }
-
-    /// Loses the device at call number `call`: from there on every call that can return `ERROR_DEVICE_LOST` does. What was
-    /// submitted before has ended then, as Vulkan has it of a lost device; calls that cannot tell of the loss pass.
-    pub fn lose_at(&self, call: u64) {
-        self.lock().lose = Some(call);
-    }
-
-    /// Begins to count anew, with nothing to fail. A device that was lost is found again.
-    pub fn rewind(&self) {
-        let mut state = self.lock();
-        let names = state.names.take().map(|_| Vec::new());
-        *state = State { names, ..State::default() };
-    }
-
-    /// The last call that failed on request.
-    #[must_use]
-    pub fn last_failed(&self) -> Option<&'static str> {
-        self.lock().failed.map(|(name, _)| name)
-    }
-
-    /// What it returned.
-    #[must_use]
-    pub fn last_result(&self) -> Option<vk::Result> {
-        self.lock().failed.map(|(_, result)| result)
-    }
-
-    /// How many calls have failed on request.
-    #[must_use]
-    pub fn failures(&self) -> u64 {
-        self.lock().failures
-    }
-
-    /// Begins to keep the names of calls, or ends it.
-    pub fn keep_names(&self, keep: bool) {
-        self.lock().names = keep.then(Vec::new);
-    }
-
-    /// The names of the calls since [`Injection::keep_names`] or [`Injection::rewind`], in order.
-    #[must_use]
-    pub fn names(&self) -> Vec<&'static str> {
-        self.lock().names.clone().unwrap_or_default()
-    }
-
-    /// Whether Vulkan lets a call tell of a lost device; `false` for names that are none.
-    #[must_use]
-    pub fn tells_of_loss(call: &str) -> bool {
-        CALLS.iter().any(|info| info.name == call && info.errors.contains(&LOST))
-    }
-
-    fn lock(&self) -> MutexGuard<'_, State> {
-        // Counts and names stay right when a thread panicked elsewhere: nothing here panics half-way.
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Counts a call.
-    fn enter(&self, info: &Info) -> Verdict {
-        let mut state = self.lock();
-        state.calls += 1;
-        if let Some(names) = &mut state.names {
-            names.push(info.name);
-        }
-        let call = state.calls;
-        if state.lose.is_some_and(|at| call >= at) && info.errors.contains(&LOST) {
-            state.failed = Some((info.name, LOST));
-            state.failures += 1;
-            return if std::mem::replace(&mut state.lost, true) {
-                Verdict::Fail(LOST)
-            } else {
-                Verdict::Lose
-            };
-        }
-        let Some((_, wanted)) = state.fail.filter(|&(at, _)| at == call) else { return Verdict::Pass };
-        let allowed = info.errors.iter().copied().filter(|&error| error != LOST);
-        let Some(error) = allowed.clone().find(|&error| error == wanted).or_else(|| allowed.clone().next())
-        else {
-            return Verdict::Pass;
-        };
-        state.failed = Some((info.name, error));
-        state.failures += 1;
-        Verdict::Fail(error)
-    }
-}
+use super::injection::{Info, Injection, LOST, Verdict};
 
 const HOST: vk::Result = vk::Result::ERROR_OUT_OF_HOST_MEMORY;
 const DEVICE: vk::Result = vk::Result::ERROR_OUT_OF_DEVICE_MEMORY;
-const LOST: vk::Result = vk::Result::ERROR_DEVICE_LOST;
 const INIT: vk::Result = vk::Result::ERROR_INITIALIZATION_FAILED;
 const LAYER: vk::Result = vk::Result::ERROR_LAYER_NOT_PRESENT;
 const EXTENSION: vk::Result = vk::Result::ERROR_EXTENSION_NOT_PRESENT;
@@ -164,27 +23,21 @@ const FRAGMENTED: vk::Result = vk::Result::ERROR_FRAGMENTED_POOL;
 const POOL: vk::Result = vk::Result::ERROR_OUT_OF_POOL_MEMORY;
 const FRAGMENTATION: vk::Result = vk::Result::ERROR_FRAGMENTATION;
 
-/// A call, and the errors that Vulkan 1.3 lets it return, the likeliest first.
-struct Info {
-    name: &'static str,
-    errors: &'static [vk::Result],
-}
-
 /// Instances that may be hooked at a time.
-const PLACES: usize = 8;
+pub(super) const PLACES: usize = 8;
 
 /// A hooked instance.
-struct Place {
+pub(super) struct Place {
     injection: Mutex<Option<Injection>>,
     /// The loader's own `vkGetInstanceProcAddr`, and what it returned for `vkGetDeviceProcAddr`.
-    instance_proc: AtomicPtr<c_void>,
-    device_proc: AtomicPtr<c_void>,
+    pub(super) instance_proc: AtomicPtr<c_void>,
+    pub(super) device_proc: AtomicPtr<c_void>,
     /// The device that entry points were last asked for.
-    device: AtomicU64,
+    pub(super) device: AtomicU64,
     /// Held while a queue is used: to wait for the device is to use all of them.
     queue: Mutex<()>,
     /// What would have been called.
-    real: [AtomicPtr<c_void>; CALLS.len()],
+    pub(super) real: [AtomicPtr<c_void>; CALLS.len()],
 }
 
 impl Place {
@@ -199,7 +52,7 @@ impl Place {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Option<Injection>> {
+    pub(super) fn lock(&self) -> MutexGuard<'_, Option<Injection>> {
         self.injection.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -245,7 +98,7 @@ impl Place {
     }
 }
 
-static TABLE: [Place; PLACES] = [const { Place::new() }; PLACES];
+pub(super) static TABLE: [Place; PLACES] = [const { Place::new() }; PLACES];
 
 /// Declares the calls: an index, a name and the errors of each, and the function that stands in for it. What follows `fails`
 /// is done when it fails.
@@ -255,7 +108,7 @@ macro_rules! calls {
         #[expect(non_camel_case_types, reason = "one name for a call and its function")]
         enum Call { $($call),* }
 
-        const CALLS: [Info; [$($name),*].len()] = [$(Info { name: $name, errors: &[$($error),*] }),*];
+        pub(super) const CALLS: [Info; [$($name),*].len()] = [$(Info { name: $name, errors: &[$($error),*] }),*];
 
         mod stand_in {
             use super::{Call, Ordering, TABLE, c_char, c_void, vk};
@@ -277,7 +130,7 @@ macro_rules! calls {
         }
 
         /// The functions of a place, in the order of [`CALLS`].
-        fn functions<const PLACE: usize>() -> [*const c_void; CALLS.len()] {
+        pub(super) fn functions<const PLACE: usize>() -> [*const c_void; CALLS.len()] {
             [$({
                 let function: vk::$pfn = stand_in::$call::<PLACE>;
                 function as *const c_void
@@ -378,106 +231,11 @@ calls! {
     set_object_name "vkSetDebugUtilsObjectNameEXT" PFN_vkSetDebugUtilsObjectNameEXT(device: vk::Device, p_info: *const vk::DebugUtilsObjectNameInfoEXT<'_>) [HOST DEVICE];
 }
 
-/// The function that stands in for one of a name, which would be `real`; `real` itself where it cannot fail.
-fn stand_in<const PLACE: usize>(name: &CStr, real: vk::PFN_vkVoidFunction) -> vk::PFN_vkVoidFunction {
-    let function = real?;
-    let Some(call) = CALLS.iter().position(|info| name.to_bytes() == info.name.as_bytes()) else {
-        return real;
-    };
-    TABLE[PLACE].real[call].store((function as *const c_void).cast_mut(), Ordering::Release);
-    let ours = functions::<PLACE>()[call];
-    // SAFETY: a function as any other, which its caller takes for what its name says.
-    Some(unsafe { std::mem::transmute::<*const c_void, unsafe extern "system" fn()>(ours) })
-}
-
-/// `vkGetInstanceProcAddr` of a place.
-unsafe extern "system" fn instance_proc<const PLACE: usize>(
-    instance: vk::Instance,
-    p_name: *const c_char,
-) -> vk::PFN_vkVoidFunction {
-    let place = &TABLE[PLACE];
-    // SAFETY: the caller gives a zero-terminated name.
-    let name = unsafe { CStr::from_ptr(p_name) };
-    let real = place.instance_proc.load(Ordering::Acquire);
-    // SAFETY: stored by `Hook::new` as the loader's function of this type.
-    let real = unsafe { std::mem::transmute::<*mut c_void, vk::PFN_vkGetInstanceProcAddr>(real) };
-    // SAFETY: the caller keeps the rules of the call.
-    let found = unsafe { real(instance, p_name) };
-    let own = match name.to_bytes() {
-        b"vkGetInstanceProcAddr" => instance_proc::<PLACE> as *const c_void,
-        b"vkGetDeviceProcAddr" => {
-            let function = found?;
-            place.device_proc.store((function as *const c_void).cast_mut(), Ordering::Release);
-            device_proc::<PLACE> as *const c_void
-        }
-        _ => return stand_in::<PLACE>(name, found),
-    };
-    // SAFETY: a function as any other, which its caller takes for what its name says.
-    Some(unsafe { std::mem::transmute::<*const c_void, unsafe extern "system" fn()>(own) })
-}
-
-/// `vkGetDeviceProcAddr` of a place.
-unsafe extern "system" fn device_proc<const PLACE: usize>(
-    device: vk::Device,
-    p_name: *const c_char,
-) -> vk::PFN_vkVoidFunction {
-    let place = &TABLE[PLACE];
-    place.device.store(device.as_raw(), Ordering::Release);
-    // SAFETY: the caller gives a zero-terminated name.
-    let name = unsafe { CStr::from_ptr(p_name) };
-    let real = place.device_proc.load(Ordering::Acquire);
-    // SAFETY: stored by `instance_proc` before it handed this function out; of this type by its name.
-    let real = unsafe { std::mem::transmute::<*mut c_void, vk::PFN_vkGetDeviceProcAddr>(real) };
-    // SAFETY: the caller keeps the rules of the call.
-    let found = unsafe { real(device, p_name) };
-    stand_in::<PLACE>(name, found)
-}
-
-/// `vkGetInstanceProcAddr` of each place.
-const INSTANCE_PROCS: [vk::PFN_vkGetInstanceProcAddr; PLACES] = [
-    instance_proc::<0>,
-    instance_proc::<1>,
-    instance_proc::<2>,
-    instance_proc::<3>,
-    instance_proc::<4>,
-    instance_proc::<5>,
-    instance_proc::<6>,
-    instance_proc::<7>,
-];
-
-/// A place that an instance has taken; given back on drop, when the instance is gone.
-#[derive(Debug)]
-pub(crate) struct Hook {
-    place: usize,
-}
-
-impl Hook {
-    /// Hooks a loader. The loader that is returned must not be used after the hook is gone, nor after `entry` is.
-    pub(crate) fn new(injection: &Injection, entry: &ash::Entry) -> Result<(Self, ash::Entry)> {
-        for (i, place) in TABLE.iter().enumerate() {
-            let mut taken = place.lock();
-            if taken.is_some() {
-                continue;
-            }
-            *taken = Some(injection.clone());
-            let real = entry.static_fn().get_instance_proc_addr as *const c_void;
-            place.instance_proc.store(real.cast_mut(), Ordering::Release);
-            place.device.store(0, Ordering::Release);
-            let hooked = ash::StaticFn { get_instance_proc_addr: INSTANCE_PROCS[i] };
-            // SAFETY: the function returns what the loader's returns, or what behaves like it.
-            let hooked = unsafe { ash::Entry::from_static_fn(hooked) };
-            return Ok((Self { place: i }, hooked));
-        }
-        Err(Error::unsupported(
-            "injection",
-            format!("{PLACES} devices with one are open, and no more may be"),
-        ))
-    }
-}
-
-impl Drop for Hook {
-    fn drop(&mut self) {
-        *TABLE[self.place].lock() = None;
+impl Injection {
+    /// Whether Vulkan lets a call tell of a lost device; `false` for names that are none.
+    #[must_use]
+    pub fn tells_of_loss(call: &str) -> bool {
+        CALLS.iter().any(|info| info.name == call && info.errors.contains(&LOST))
     }
 }
 
