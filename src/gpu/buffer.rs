@@ -9,16 +9,16 @@ use super::device::Gpu;
 use super::memory::{allocate, free};
 use crate::error::{Error, Result};
 
-/// What a buffer is for, and with that where it lies.
+/// The purpose of a buffer, which decides its memory type and usage flags.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum BufferUse {
-    /// Read by shaders as uniform or storage block; on the device.
+    /// Shaders read it as a uniform or storage block; in device memory.
     ShaderRead,
-    /// Written and read by shaders, copied from; on the device.
+    /// Shaders write and read it, and it can be copied; in device memory.
     ShaderWrite,
-    /// Staging to the device; written by the host.
+    /// The host writes it, as staging memory for uploads.
     Upload,
-    /// Staging from the device; read by the host.
+    /// The host reads it, as staging memory for downloads.
     Download,
 }
 
@@ -99,19 +99,18 @@ impl Buffer {
         self.size
     }
 
-    /// The memory as the host sees it; `None` for buffers on the device. Staging memory is coherent or
-    /// unused by the device while the host looks: uploads are submitted after writing, downloads read
-    /// after the fence.
+    /// Returns the mapped memory; `None` for buffers in device memory. The device does not access staging memory at the
+    /// same time: uploads are submitted after the host has written, downloads are read after the fence.
     pub(crate) fn bytes(&self) -> Option<&[u8]> {
         self.allocation.as_ref()?.mapped_slice()
     }
 
-    /// The same, to be written.
+    /// Returns the mapped memory for writing.
     pub(crate) fn bytes_mut(&mut self) -> Option<&mut [u8]> {
         self.allocation.as_mut()?.mapped_slice_mut()
     }
 
-    /// Whether shaders write the buffer, so that their uses need barriers between them.
+    /// Returns whether shaders write the buffer, so that its uses need barriers between them.
     pub(crate) fn is_written_by_shaders(&self) -> bool {
         self.purpose == BufferUse::ShaderWrite
     }

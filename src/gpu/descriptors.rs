@@ -1,4 +1,4 @@
-//! Descriptor sets: what a pipeline's bindings are filled with.
+//! Descriptor sets: the resources bound to a pipeline.
 
 use std::sync::Arc;
 
@@ -13,25 +13,25 @@ use super::shader::BindingKind;
 use super::sync::Use;
 use crate::error::{Error, Result};
 
-/// How images of the caller are sampled.
+/// Filter for images of the caller.
 const EXTERNAL_FILTER: vk::Filter = vk::Filter::NEAREST;
 
-/// What a binding is filled with.
+/// A resource for a binding.
 #[derive(Clone, Debug)]
 pub(crate) enum Resource {
     /// A whole buffer.
     Buffer(Arc<Buffer>),
-    /// A whole buffer that some other pass has written and this one only reads.
+    /// A whole buffer that another pass has written and this one only reads.
     ReadOnly(Arc<Buffer>),
     /// An image with a filter to sample it with.
     Sampled(Arc<Image>, vk::Filter),
     /// A storage image.
     Storage(Arc<Image>),
-    /// An image of the caller, named by [`Descriptors::sample_external`] before each recording.
+    /// An image of the caller, set by [`Descriptors::sample_external`] before each recording.
     External,
 }
 
-/// A descriptor set that keeps what it names alive.
+/// A descriptor set that keeps its resources alive.
 #[derive(Debug)]
 pub(crate) struct Descriptors {
     gpu: Gpu,
@@ -41,7 +41,11 @@ pub(crate) struct Descriptors {
 }
 
 impl Descriptors {
-    /// A set for `pipeline`. Every binding that the pipeline declares must be given; others are ignored.
+    /// Makes a set for `pipeline`. Every binding that the pipeline declares must be in `given`; others are ignored.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] when a binding is missing; the errors of Vulkan.
     pub(crate) fn new(gpu: &Gpu, pipeline: &Pipeline, given: &[(u32, Resource)]) -> Result<Self> {
         gpu.alive()?;
         let missing = |binding: u32| {
@@ -62,15 +66,15 @@ impl Descriptors {
             .map(|&(_, kind)| vk::DescriptorPoolSize { ty: descriptor_type(kind), descriptor_count: 1 })
             .collect();
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
-        // SAFETY: the device is alive; every pipeline here has at least one binding, so the sizes are not
-        // empty.
+        // SAFETY: the device is alive; every pipeline of this crate has at least one binding, so the sizes
+        // are not empty.
         let pool = unsafe { gpu.device().create_descriptor_pool(&info, None) }
             .map_err(|result| gpu.failed("vkCreateDescriptorPool", result))?;
         let mut descriptors =
             Self { gpu: gpu.clone(), pool, set: vk::DescriptorSet::null(), resources: Vec::new() };
         let layouts = [pipeline.set_layout];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
-        // SAFETY: the pool has room for one set of this layout.
+        // SAFETY: the pool has the capacity for one set of this layout.
         let sets = unsafe { gpu.device().allocate_descriptor_sets(&info) }
             .map_err(|result| gpu.failed("vkAllocateDescriptorSets", result))?;
         descriptors.set = sets.first().copied().unwrap_or_default();
@@ -82,7 +86,7 @@ impl Descriptors {
             let (buffer, image);
             let write = match resource {
                 Resource::Buffer(b) | Resource::ReadOnly(b) => {
-                    // A uniform block may be the start of a larger buffer.
+                    // A uniform block may cover only the start of a larger buffer.
                     let most = u64::from(gpu.inner.properties.limits.max_uniform_buffer_range);
                     let range =
                         if *kind == BindingKind::UniformBuffer { b.size().min(most) } else { b.size() };
@@ -106,7 +110,7 @@ impl Descriptors {
                     write.image_info(&image)
                 }
                 Resource::External => {
-                    // Made now: recording makes nothing.
+                    // Creates the sampler now, since recording must not create objects.
                     gpu.sampler(EXTERNAL_FILTER, false)?;
                     continue;
                 }
@@ -118,7 +122,7 @@ impl Descriptors {
         Ok(descriptors)
     }
 
-    /// Fills a binding that was left for an image of the caller. No recording that names the set may be pending.
+    /// Sets the binding of an image of the caller. No submission that uses the set may be pending.
     pub(crate) fn sample_external(&self, binding: u32, depth: &DepthImage) -> Result<()> {
         let image = [vk::DescriptorImageInfo {
             sampler: self.gpu.sampler(EXTERNAL_FILTER, false)?,
@@ -130,13 +134,13 @@ impl Descriptors {
             .dst_binding(binding)
             .descriptor_type(vk::DescriptorType::COMBINED_IMAGE_SAMPLER)
             .image_info(&image);
-        // SAFETY: the set is not in use, by this function's contract with its one caller, which has the plan to itself and its
-        // last recording completed; the view is alive by the contract of `DepthImage::from_raw`.
+        // SAFETY: the set is not in use: the only caller has exclusive access to the plan, whose last recording has
+        // completed; the view is alive by the contract of `DepthImage::from_raw`.
         unsafe { self.gpu.device().update_descriptor_sets(&[write], &[]) };
         Ok(())
     }
 
-    /// What a binding was filled with.
+    /// Returns the resource of a binding.
     pub(crate) fn resource(&self, binding: u32) -> Option<Resource> {
         self.resources.iter().find(|(number, ..)| *number == binding).map(|(_, _, resource)| resource.clone())
     }
@@ -145,11 +149,11 @@ impl Descriptors {
         self.set
     }
 
-    /// The resources with the use that a pass of this bind point makes of them.
+    /// Iterates over the resources with their use by a pass of this bind point.
     pub(crate) fn uses(&self, compute: bool) -> impl Iterator<Item = (&Resource, Use)> {
         self.resources.iter().filter_map(move |(_, kind, resource)| {
             let usage = match (resource, compute) {
-                // Ready by its owner's word.
+                // The caller promises that it is ready.
                 (Resource::External, _) => return None,
                 (Resource::Sampled(..), true) => Use::ComputeSample,
                 (Resource::Sampled(..), false) => Use::FragmentSample,

@@ -1,4 +1,4 @@
-//! The logical device and everything that exists once per device.
+//! The logical device and everything that exists once per device: queue, allocator, budget, tables of pipelines and samplers.
 
 use std::collections::HashMap;
 use std::sync::atomic::AtomicU64;
@@ -14,17 +14,19 @@ use super::pipeline::{Pipeline, PipelineKey};
 use super::queue::Queue;
 use super::select::DeviceReport;
 
-/// A Vulkan device, opened here or [by the caller](Gpu::from_raw). Cheap to clone; every object made from it keeps it
-/// alive.
+/// A Vulkan device, opened by the crate or [by the caller](Gpu::from_raw).
 ///
-/// `Send` and `Sync`: threads may prepare, record and draw on one at the same time, and take turns at the queue.
+/// Clones are cheap and share the device; every object made from it keeps it alive. Threads may prepare, record and draw
+/// on one device at the same time; a lock serialises their use of the queue.
 #[derive(Clone, Debug)]
 pub struct Gpu {
     pub(crate) inner: Arc<Inner>,
 }
 
-/// The Vulkan objects behind a [`Gpu`], for callers that record around it. Those that the crate opened live as long as
-/// a clone of the [`Gpu`] does; what is made from them must be destroyed before the last one goes.
+/// The Vulkan objects behind a [`Gpu`], for callers that record commands of their own.
+///
+/// Objects that the crate opened live as long as a clone of the [`Gpu`]; callers destroy what they make from them before
+/// they drop the last clone.
 #[derive(Clone)]
 pub struct Handles {
     /// The instance.
@@ -33,7 +35,7 @@ pub struct Handles {
     pub physical_device: vk::PhysicalDevice,
     /// The device.
     pub device: ash::Device,
-    /// The queue family of the queue of [`Gpu::with_queue`].
+    /// The family of the queue that [`Gpu::with_queue`] passes.
     pub queue_family: u32,
 }
 
@@ -43,26 +45,26 @@ impl std::fmt::Debug for Handles {
     }
 }
 
-/// What a [`Gpu`] owns. Fields are dropped in order; the device goes in [`Inner::drop`].
+/// The shared state of all clones of a [`Gpu`]. [`Inner::drop`] destroys the device before the fields are dropped in order.
 pub(crate) struct Inner {
     pub(crate) device: ash::Device,
     pub(crate) physical: vk::PhysicalDevice,
-    /// Whether each pass has a command buffer.
+    /// Whether each pass gets a command buffer of its own.
     pub(crate) part_by_pass: bool,
     pub(crate) properties: vk::PhysicalDeviceProperties,
     pub(crate) queue_family: u32,
     pub(crate) timestamp_bits: u32,
     pub(crate) budget: Arc<Budget>,
-    /// Most bytes of one allocation.
+    /// Largest size of one allocation, in bytes.
     pub(super) max_allocation: u64,
     pub(crate) cache_file: Option<PipelineCacheFile>,
     pub(crate) cache: vk::PipelineCache,
-    /// The call that told of the device's loss.
+    /// The first call that reported the loss of the device.
     pub(super) lost: OnceLock<&'static str>,
     pub(crate) staging_bytes: u64,
     pub(crate) loop_limit: OnceLock<u32>,
     pub(crate) filters_in_8_bit: OnceLock<bool>,
-    /// Microseconds spent in building pipelines.
+    /// Microseconds spent on building pipelines.
     pub(crate) pipeline_us: AtomicU64,
     pub(super) allocator: Mutex<Option<Allocator>>,
     pub(super) queue: Queue,
@@ -75,7 +77,7 @@ pub(crate) struct Inner {
     pub(super) orders_stores: bool,
     pub(super) reports: Vec<DeviceReport>,
     pub(super) report: DeviceReport,
-    /// Whether the device goes with this.
+    /// Whether dropping this destroys the device.
     pub(super) owned: bool,
     // Last: destroys the instance after the device.
     pub(crate) instance: Instance,
@@ -88,9 +90,9 @@ impl std::fmt::Debug for Inner {
 }
 
 impl Gpu {
-    /// Runs `work` with the queue, while no other thread submits to it through this crate, and under the caller's
-    /// [`QueueLock`](super::QueueLock) where there is one. `work` must not draw or upload through this crate itself: it
-    /// would wait for the queue for ever.
+    /// Runs `work` with the queue while no other thread submits to it through this crate, under the caller's
+    /// [`QueueLock`](super::QueueLock) where there is one. `work` must not draw or upload through this crate: it would
+    /// deadlock.
     pub fn with_queue<R>(&self, work: impl FnOnce(vk::Queue) -> R) -> R {
         self.inner.queue.with(work)
     }
@@ -99,7 +101,7 @@ impl Gpu {
         &self.inner.device
     }
 
-    /// The allocator; `None` only while the device is being destroyed.
+    /// Locks the allocator, which is `None` only while the device is being destroyed.
     pub(crate) fn allocator(&self) -> MutexGuard<'_, Option<Allocator>> {
         self.inner.allocator.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -108,13 +110,13 @@ impl Gpu {
         self.inner.pipelines.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Gives an object its debug name, where the device takes names.
+    /// Sets the debug name of an object where the device supports names.
     pub(crate) fn name<H: vk::Handle>(&self, handle: H, name: &str) {
         let Some(debug) = &self.inner.debug else { return };
         let name = c_name(name);
         let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
         // SAFETY: the handle was made from this device and is not used by another thread yet. A failure
-        // (out of host memory) loses a name, nothing else.
+        // (out of host memory) only loses the name.
         let _ = unsafe { debug.set_debug_utils_object_name(&info) };
     }
 
@@ -122,7 +124,7 @@ impl Gpu {
         self.inner.debug.as_ref()
     }
 
-    /// Writes the pipeline cache to disk, where there is one. Also done when the last clone goes.
+    /// Writes the pipeline cache to disk unless it is switched off. Dropping the last clone does so, too.
     pub fn save_pipeline_cache(&self) {
         self.inner.save_cache();
     }
@@ -140,10 +142,10 @@ impl Inner {
 
 impl Drop for Inner {
     fn drop(&mut self) {
-        // Nothing of this crate is pending: a submission holds the `Gpu` until it has ended. The caller's queues are not
-        // this crate's to wait for.
+        // No submission of this crate is pending: each holds the `Gpu` until it has ended. The caller waits for its own
+        // queues.
         if self.owned {
-            // SAFETY: the device is alive. Its loss leaves nothing to wait for.
+            // SAFETY: the device is alive. If it is lost there is nothing to wait for.
             let _ = unsafe { self.device.device_wait_idle() };
         }
         if self.cache != vk::PipelineCache::null() {
@@ -159,10 +161,10 @@ impl Drop for Inner {
         }
         // SAFETY: made from this device, or null; no pipeline is being built.
         unsafe { self.device.destroy_pipeline_cache(self.cache, None) };
-        // The allocator frees its blocks of memory before the device goes.
+        // The allocator frees its blocks of memory before the device is destroyed.
         drop(self.allocator.get_mut().unwrap_or_else(PoisonError::into_inner).take());
         if self.owned {
-            // SAFETY: every object made from the device holds a `Gpu` and is gone, or was destroyed above.
+            // SAFETY: every object made from the device holds a `Gpu` and was dropped, or was destroyed above.
             unsafe { self.device.destroy_device(None) };
         }
     }

@@ -8,12 +8,12 @@ use super::device::Gpu;
 use crate::error::{Error, Result};
 
 impl Gpu {
-    /// Bytes of a buffer that shaders see, at most.
+    /// Returns how many bytes of a buffer shaders can access.
     pub(crate) fn most_buffer_bytes(&self) -> u64 {
         u64::from(self.inner.properties.limits.max_storage_buffer_range).min(self.inner.max_allocation)
     }
 
-    /// Whether the driver gives so much memory at once. What a driver does beyond its limit is its own affair.
+    /// Checks the size of an allocation against the limit of the driver.
     pub(crate) fn check_allocation(&self, name: &str, bytes: u64) -> Result<()> {
         let most = self.inner.max_allocation;
         if bytes > most {
@@ -26,7 +26,7 @@ impl Gpu {
     }
 }
 
-/// Memory for a resource.
+/// Allocates memory for a resource. `linear` says that it is a buffer.
 pub(super) fn allocate(
     gpu: &Gpu,
     name: &str,
@@ -48,10 +48,10 @@ pub(super) fn allocate(
     }
 }
 
-/// Gives memory back. Its resource is destroyed already.
+/// Frees the memory of a resource that is destroyed already.
 pub(super) fn free(gpu: &Gpu, allocation: Option<Allocation>) {
     if let (Some(allocation), Some(allocator)) = (allocation, gpu.allocator().as_mut()) {
-        // The only error is a broken allocator invariant; a destructor has nowhere to send it.
+        // The only error is a broken invariant of the allocator, which a destructor cannot report.
         let _ = allocator.free(allocation);
     }
 }

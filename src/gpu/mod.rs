@@ -1,21 +1,12 @@
-//! The one module that talks to Vulkan, and the only one with `unsafe`.
+//! Everything that calls Vulkan: devices, resources, pipelines, recording, submission. `unsafe` code is only here and in
+//! [`ffi`](crate::ffi).
 //!
-//! | file | what |
-//! |---|---|
-//! | `instance`, `validation` | loader, instance, validation layer and its log |
-//! | `select`, `device`, `feature` | choice of a device, the logical device, what is enabled on it |
-//! | `adopt`, `queue` | a device that the caller made; the queue and its lock |
-//! | `budget` | own account of device memory |
-//! | `buffer`, `image`, `transfer` | owning resources, staging up and down |
-//! | `shader`, `pipeline`, `cache` | modules, pipelines built on first use, the pipeline cache on disk |
-//! | `sync`, `recorder`, `submit` | uses and the barriers between them, passes, submissions |
-//! | `provoke` | errors on purpose, one for each kind of validation |
-//! | `probe` | what the device really does, asked when it matters |
-//! | `external`, `depth` | command buffers and images that belong to the caller; depth images and their projections |
-//! | `loss` | a device that is lost |
-//! | `inject` | Vulkan calls that fail on request, for tests |
+//! May use `error`, `num`, `interface`, and `io` for the pipeline cache. Used by `primitives`, `resident`, `frame`,
+//! `technique`, `ffi` and the program. From bottom to top: `loader`, `instance`, `select`; `device` (what exists once per
+//! device); `memory`, `buffer`, `image`, `pipeline`, `descriptors`; `sync`, `recorder` with `draw` and `copy`; `submit`,
+//! `transfer`; `probe`, `query`; `open` and `adopt` make the [`Gpu`].
 
-#![expect(unsafe_code, reason = "the one module that talks to Vulkan")]
+#![expect(unsafe_code, reason = "calls Vulkan")]
 
 mod adopt;
 mod budget;

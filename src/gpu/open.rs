@@ -1,4 +1,4 @@
-//! Opening a device: choice, logical device, and what exists once per device.
+//! Opening a device: choosing a physical device, creating the logical device and the objects that exist once per device.
 
 use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex, OnceLock};
@@ -16,13 +16,13 @@ use super::queue::Queue;
 use super::select::{self, Candidate, DeviceReport};
 use crate::error::{Error, Result};
 
-/// Staging memory for uploads, unless something else is asked for: larger data goes in several turns.
+/// Default size of the staging memory of an upload; larger data takes several submissions.
 const STAGING_BYTES: u64 = 32 << 20;
 
-/// Smallest block of memory that is asked of the driver.
+/// Smallest block of memory that the allocator requests from the driver.
 const BLOCK_BYTES: u64 = 4 << 20;
 
-/// A device that is open, whoever opened it.
+/// An open device, made by the crate or by the caller.
 pub(super) struct Opened {
     pub(super) instance: Instance,
     pub(super) device: ash::Device,
@@ -34,7 +34,7 @@ pub(super) struct Opened {
     pub(super) owned: bool,
 }
 
-/// Looks at every device of the system without opening one.
+/// Reports every device of the system without opening one. `wanted` is as [`GpuOptions::device`].
 ///
 /// # Errors
 ///
@@ -52,7 +52,7 @@ fn wanted_name(option: Option<&str>) -> Option<String> {
 }
 
 impl Gpu {
-    /// Opens the best device without a window. See [`GpuOptions::device`] for how it is chosen.
+    /// Opens the best device with default options, without a window. [`GpuOptions::device`] says how it is chosen.
     ///
     /// # Errors
     ///
@@ -65,8 +65,8 @@ impl Gpu {
     ///
     /// # Errors
     ///
-    /// [`Error::NoDevice`] without a loader or a device that qualifies (with the reason for each),
-    /// [`Error::Unsupported`] when validation is asked for and its layer is missing,
+    /// [`Error::NoDevice`] without a loader or a qualifying device (with the reason for each),
+    /// [`Error::Unsupported`] when validation is requested and its layer is missing,
     /// [`Error::Vulkan`] when a call fails.
     pub fn new(options: &GpuOptions) -> Result<Self> {
         let instance = Instance::new(options)?;
@@ -92,12 +92,12 @@ impl Gpu {
         reports: Vec<DeviceReport>,
     ) -> Result<Self> {
         let physical = candidate.raw;
-        // SAFETY: `physical` was enumerated from this instance and supports Vulkan 1.3: it was chosen.
+        // SAFETY: `physical` was enumerated from this instance; only devices for Vulkan 1.3 are chosen.
         let enabled = unsafe { Enabled::useful(&instance.raw, physical) }?;
         let names: Vec<_> = enabled.extensions.iter().map(|name| name.as_ptr()).collect();
         let mut features = vk::PhysicalDeviceFeatures::default()
             .fragment_stores_and_atomics(enabled.fragment_stores_and_atomics);
-        // GPU-assisted validation writes from every stage.
+        // GPU-assisted validation makes every stage write.
         if options.validation.gpu_assisted() {
             // SAFETY: `physical` was enumerated from this instance.
             let available = unsafe { instance.raw.get_physical_device_features(physical) };
@@ -123,13 +123,13 @@ impl Gpu {
         // SAFETY: the pointers in `info` refer to locals; extensions and features were found present.
         let device = unsafe { instance.raw.create_device(physical, &info, None) }
             .map_err(|result| Error::vulkan("vkCreateDevice", result))?;
-        // SAFETY: one queue of this family was asked for.
+        // SAFETY: the device was created with one queue of this family.
         let queue = unsafe { device.get_device_queue(candidate.queue_family, 0) };
         let queue = Queue::new(queue, None);
         Self::assemble(options, Opened { instance, device, candidate, enabled, queue, reports, owned: true })
     }
 
-    /// Everything that exists once per device, around one that is open.
+    /// Makes a [`Gpu`] of an open device: pipeline cache, allocator, budget and limits.
     pub(super) fn assemble(options: &GpuOptions, opened: Opened) -> Result<Self> {
         let Opened { instance, device, candidate, enabled, queue, reports, owned } = opened;
         let physical = candidate.raw;
@@ -175,11 +175,10 @@ impl Gpu {
         };
         let range = &mut inner.properties.limits.max_storage_buffer_range;
         *range = options.storage_range.unwrap_or(u32::MAX).min(*range);
-        // From here on `inner` destroys what was made when a `?` leaves.
+        // From here on `inner` owns everything: an early return destroys it.
         let data = inner.cache_file.as_ref().and_then(PipelineCacheFile::load).unwrap_or_default();
         let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
-        // SAFETY: the data is empty or was written by this program for this device and driver and has
-        // the hash that was stored with it.
+        // SAFETY: the data is empty, or this crate wrote it for this device and driver and its hash matches.
         inner.cache = unsafe { inner.device.create_pipeline_cache(&info, None) }
             .map_err(|result| Error::vulkan("vkCreatePipelineCache", result))?;
         let allocator = Allocator::new(&AllocatorCreateDesc {
@@ -188,7 +187,7 @@ impl Gpu {
             physical_device: physical,
             debug_settings: gpu_allocator::AllocatorDebugSettings::default(),
             buffer_device_address: false,
-            // Blocks grow with use: a small scene takes little more than it needs.
+            // Blocks grow with use, so that a small scene allocates little more than it needs.
             allocation_sizes: gpu_allocator::AllocationSizes::new(BLOCK_BYTES, BLOCK_BYTES)
                 .with_max_device_memblock_size(max_allocation.min(16 * BLOCK_BYTES))
                 .with_max_host_memblock_size(max_allocation.min(16 * BLOCK_BYTES)),
@@ -204,7 +203,7 @@ impl Gpu {
     }
 }
 
-/// Most bytes that the driver allocates at once.
+/// Returns the driver's limit for the size of one allocation, in bytes.
 fn largest_allocation(instance: &Instance, physical: vk::PhysicalDevice) -> u64 {
     let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();
     let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut maintenance);
@@ -213,8 +212,8 @@ fn largest_allocation(instance: &Instance, physical: vk::PhysicalDevice) -> u64 
     maintenance.max_memory_allocation_size
 }
 
-/// Memory to work with: what the driver says is free in the largest device-local heap, else nine
-/// tenths of that heap.
+/// Returns the default budget: the free memory that the driver reports for the largest device-local heap, else nine tenths
+/// of that heap.
 fn free_memory(instance: &Instance, physical: vk::PhysicalDevice, extension: bool) -> u64 {
     let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
     let mut properties = vk::PhysicalDeviceMemoryProperties2::default();

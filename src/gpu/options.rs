@@ -7,38 +7,38 @@ use std::sync::Arc;
 use super::inject::Injection;
 use super::validation::{Validation, ValidationLog};
 
-/// How a [`Gpu`](super::Gpu) is made. [`Gpu::from_raw`](super::Gpu::from_raw) takes no `device` and no `validation`: the caller chose.
+/// Options of a [`Gpu`](super::Gpu). [`Gpu::from_raw`](super::Gpu::from_raw) refuses `device` and `validation`, which are the
+/// caller's to choose.
 #[derive(Clone, Debug, Default)]
 pub struct GpuOptions {
-    /// Part of the device's name, case ignored. Without it the environment variable
-    /// `VOLRASTER_DEVICE` counts, and without that the best device is taken, a real GPU before a
-    /// software one. The name `none` refuses every device.
+    /// Part of the device's name; case is ignored. The default is the environment variable `VOLRASTER_DEVICE`, else
+    /// the best device: a real GPU before a software one. The name `none` refuses every device.
     pub device: Option<String>,
-    /// What the validation layer checks. A missing layer is an error.
+    /// Checks of the validation layer. A missing layer is an error.
     pub validation: Validation,
-    /// Where its messages go; without it into a log of the device's own. One that is given hears of a device that cannot be
-    /// opened, too.
+    /// Log that collects the layer's messages; the default is a log of the device's own. A log given here also gets the
+    /// messages about a device that cannot be opened.
     pub validation_log: Option<Arc<ValidationLog>>,
-    /// Most device memory to use, in bytes. Without it: what the driver says is free, or nine tenths
-    /// of the largest device-local heap.
+    /// Limit of device memory, in bytes. The default is the free memory that the driver reports, or nine tenths of the
+    /// largest device-local heap.
     pub memory_budget: Option<u64>,
-    /// Most loop iterations of one shader invocation, instead of what the start-up probe finds.
+    /// Loop iterations that one shader invocation may make, instead of the number that the start-up probe finds.
     pub loop_limit: Option<u32>,
-    /// Most bytes that a shader sees of a buffer, instead of what the driver says where that is more.
+    /// Bytes of a buffer that a shader may access; lowers the driver's limit.
     pub storage_range: Option<u32>,
-    /// Most bytes of one allocation of device memory, instead of what the driver says where that is more.
+    /// Bytes of one allocation of device memory; lowers the driver's limit.
     pub allocation_size: Option<u64>,
-    /// Record each pass of own submissions into a command buffer of its own. Synchronization validation, where it is told to
-    /// look at submissions, then sees hazards between passes that it overlooks within a command buffer.
+    /// Whether each pass of the crate's own submissions gets a command buffer of its own. Synchronization validation of
+    /// submissions then reports hazards between passes that it overlooks within one command buffer.
     pub command_buffer_by_pass: bool,
-    /// Most bytes of a volume that one submission uploads, in whole planes, instead of 32 MiB: what a queue is busy with before
-    /// it comes to a frame that another thread has submitted.
+    /// Bytes of a volume that one submission uploads, rounded to whole planes; 32 MiB by default. Frames of other threads
+    /// wait for at most one such submission.
     pub staging_bytes: Option<u64>,
-    /// Folder of the pipeline cache. Without it: `volraster` in the user's cache folder.
+    /// Folder of the pipeline cache. The default is `volraster` in the user's cache folder.
     pub pipeline_cache: Option<PathBuf>,
-    /// Do not keep pipelines on disk.
+    /// Whether pipelines are not kept on disk.
     pub no_pipeline_cache: bool,
-    /// Counts the device's Vulkan calls and makes some fail: for tests and the self-test.
+    /// Counts the device's Vulkan calls and makes some of them fail; for tests.
     #[cfg(feature = "testing")]
     pub inject: Option<Injection>,
 }

@@ -1,43 +1,43 @@
-//! Pipelines and what describes them.
+//! Pipelines and their descriptions.
 
 use ash::vk;
 
 use super::shader::{BindingKind, Shader};
 
-/// A specialisation constant: its number and its value. Booleans are 0 and 1.
+/// A specialisation constant: its number and its value; booleans are 0 and 1.
 pub(crate) type SpecConstant = (u32, u32);
 
-/// Fixed-function blending of premultiplied colour.
+/// A fixed-function blend mode for premultiplied colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Blend {
-    /// Replace.
+    /// Replaces the old colour.
     Copy,
-    /// New in front of old: back to front.
+    /// Composites the new colour in front of the old: back to front.
     Over,
-    /// New behind old: front to back.
+    /// Composites the new colour behind the old: front to back.
     Under,
 }
 
-/// A graphics pipeline without vertex buffers: shaders make their vertices from indices.
+/// Describes a graphics pipeline without vertex buffers: shaders compute vertices from their index.
 #[derive(Debug)]
 pub(crate) struct GraphicsDesc<'a> {
     pub(crate) vertex: &'static Shader,
     pub(crate) fragment: &'static Shader,
     pub(crate) topology: vk::PrimitiveTopology,
     pub(crate) blend: Blend,
-    /// Format of the colour attachment; `None` where shaders write elsewhere.
+    /// Format of the colour attachment; `None` where shaders write to buffers or storage images.
     pub(crate) format: Option<vk::Format>,
     pub(crate) constants: &'a [SpecConstant],
 }
 
-/// A compute pipeline.
+/// Describes a compute pipeline.
 #[derive(Debug)]
 pub(crate) struct ComputeDesc<'a> {
     pub(crate) shader: &'static Shader,
     pub(crate) constants: &'a [SpecConstant],
 }
 
-/// What makes two pipelines the same.
+/// Identifies a pipeline: equal keys mean the same pipeline.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct PipelineKey {
     pub(super) shaders: Vec<&'static str>,
@@ -45,7 +45,7 @@ pub(crate) struct PipelineKey {
     pub(super) state: Option<(vk::PrimitiveTopology, Blend, Option<vk::Format>)>,
 }
 
-/// A pipeline with its layout. Owned by the device's table; lives as long as the device.
+/// A pipeline with its layout. The device's table owns it, for the life of the device.
 #[derive(Debug)]
 pub(crate) struct Pipeline {
     pub(super) name: String,
@@ -83,13 +83,13 @@ impl Pipeline {
         self.push_bytes
     }
 
-    /// Destroys the handles; only the device's destructor does.
+    /// Destroys the handles. Called by the destructor of the device, and for a pipeline that could not be built.
     pub(super) fn destroy(&self, device: &ash::Device) {
         // SAFETY: made from this device, which is idle; null is allowed.
         unsafe { device.destroy_pipeline(self.raw, None) };
         // SAFETY: as above.
         unsafe { device.destroy_pipeline_layout(self.layout, None) };
-        // SAFETY: as above; every set of this layout is gone.
+        // SAFETY: as above; every set of this layout is destroyed.
         unsafe { device.destroy_descriptor_set_layout(self.set_layout, None) };
     }
 }

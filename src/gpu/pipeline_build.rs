@@ -1,4 +1,4 @@
-//! Building pipelines, when first asked for.
+//! Builds pipelines on first use.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -14,7 +14,7 @@ use super::shader::{BindingKind, Shader, Stage};
 use crate::error::Result;
 
 impl Gpu {
-    /// The graphics pipeline of a description, built on first use.
+    /// Returns the graphics pipeline of a description, built on first use.
     pub(crate) fn graphics_pipeline(&self, name: &str, desc: &GraphicsDesc<'_>) -> Result<Arc<Pipeline>> {
         let key = PipelineKey {
             shaders: vec![desc.vertex.name, desc.fragment.name],
@@ -26,7 +26,7 @@ impl Gpu {
         })
     }
 
-    /// The compute pipeline of a description, built on first use.
+    /// Returns the compute pipeline of a description, built on first use.
     pub(crate) fn compute_pipeline(&self, name: &str, desc: &ComputeDesc<'_>) -> Result<Arc<Pipeline>> {
         let key =
             PipelineKey { shaders: vec![desc.shader.name], constants: desc.constants.to_vec(), state: None };
@@ -64,7 +64,7 @@ impl Gpu {
         Ok(pipeline)
     }
 
-    /// Layouts from what the shaders declare: set 0 with the union of their bindings.
+    /// Creates the layouts that the shaders declare: set 0 with the union of their bindings.
     fn layout_of(&self, name: &str, shaders: &[&'static Shader]) -> Result<Pipeline> {
         let mut bindings: Vec<(u32, BindingKind)> =
             shaders.iter().flat_map(|s| s.bindings.iter().copied()).collect();
@@ -106,7 +106,7 @@ impl Gpu {
         if push_bytes > 0 {
             info = info.push_constant_ranges(&ranges);
         }
-        // SAFETY: the device is alive; at most 128 bytes of push constants are declared anywhere, which
+        // SAFETY: the device is alive; no shader declares more than 128 bytes of push constants, which
         // every device offers; `info` points at locals.
         match unsafe { self.device().create_pipeline_layout(&info, None) } {
             Ok(layout) => pipeline.layout = layout,
@@ -188,13 +188,13 @@ impl Gpu {
     ) -> Result<vk::Pipeline> {
         match built {
             Ok(pipelines) => Ok(pipelines.first().copied().unwrap_or_default()),
-            // One pipeline was asked for: on failure there is none to destroy.
+            // A failed call for one pipeline leaves none to destroy.
             Err((_, result)) => Err(self.failed(call, result)),
         }
     }
 }
 
-/// A shader module for the length of a pipeline's creation.
+/// A shader module that lives while a pipeline is created.
 struct Module<'a> {
     gpu: &'a Gpu,
     raw: vk::ShaderModule,
@@ -229,7 +229,8 @@ impl Drop for Module<'_> {
     }
 }
 
-/// A constant that a module does not declare is ignored, so one list serves all stages.
+/// Returns the map entries and the data of specialisation constants. Modules ignore constants that they do not declare, so
+/// one list serves all stages.
 fn specialisation(constants: &[SpecConstant]) -> (Vec<vk::SpecializationMapEntry>, Vec<u8>) {
     let entries = constants.iter().zip(0_u32..).map(|(&(constant_id, _), i)| vk::SpecializationMapEntry {
         constant_id,

@@ -1,4 +1,4 @@
-//! What a device is, offers and holds.
+//! Queries: identity, limits and optional features of a device, and the memory and pipelines in use.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -12,34 +12,34 @@ use super::select::DeviceReport;
 use super::validation::ValidationLog;
 
 impl Gpu {
-    /// Every device of the system, with the reason why it was taken or passed over. Of the caller's device only
-    /// that.
+    /// Returns a report of every device of the system, with the reason why it was chosen or rejected; for a caller's
+    /// device only its own.
     #[must_use]
     pub fn device_reports(&self) -> &[DeviceReport] {
         &self.inner.reports
     }
 
-    /// The device that is open.
+    /// Returns the report of this device.
     #[must_use]
     pub fn report(&self) -> &DeviceReport {
         &self.inner.report
     }
 
-    /// Version of the validation layer, when it is on. `None` for a caller's instance, layer or not.
+    /// Returns the version of the validation layer if the crate has enabled it; `None` for a caller's instance.
     #[must_use]
     pub fn validation_layer(&self) -> Option<&str> {
         self.inner.instance.layer_version.as_deref()
     }
 
-    /// The validation log. Hold it, drop every clone of the [`Gpu`], and read it: the messages of the
-    /// device's destruction (leaks) are in it too. Always empty for a caller's instance, whose messages go to the
-    /// caller's messenger.
+    /// Returns the validation log. It stays readable after the last clone of the [`Gpu`] is dropped, and then also
+    /// has the messages of the device's destruction (leaks). For a caller's instance it is always empty: messages go to
+    /// the caller's messenger.
     #[must_use]
     pub fn validation_log(&self) -> Arc<ValidationLog> {
         Arc::clone(&self.inner.instance.log)
     }
 
-    /// The Vulkan objects behind this device.
+    /// Returns the Vulkan objects behind this device.
     #[must_use]
     pub fn handles(&self) -> Handles {
         Handles {
@@ -50,7 +50,7 @@ impl Gpu {
         }
     }
 
-    /// Whether the device offers an optional feature.
+    /// Returns whether the device offers an optional feature.
     #[must_use]
     pub fn has(&self, feature: OptionalFeature) -> bool {
         use vk::FormatFeatureFlags as F;
@@ -72,19 +72,19 @@ impl Gpu {
         }
     }
 
-    /// Device memory that this crate may use in all, in bytes.
+    /// Returns the device memory that this crate may use in total, in bytes.
     #[must_use]
     pub fn memory_budget(&self) -> u64 {
         self.inner.budget.total()
     }
 
-    /// Device memory that is taken now: object and bytes.
+    /// Returns the live allocations of device memory: the name of each object and its bytes.
     #[must_use]
     pub fn memory_report(&self) -> Vec<(String, u64)> {
         self.inner.budget.entries()
     }
 
-    /// Names of the pipelines that have been built, sorted.
+    /// Returns the names of the pipelines built so far, sorted.
     #[must_use]
     pub fn pipelines(&self) -> Vec<String> {
         let mut names: Vec<String> = self.pipeline_table().values().map(|p| p.name().to_string()).collect();
@@ -92,30 +92,31 @@ impl Gpu {
         names
     }
 
-    /// Milliseconds spent so far in building pipelines. Drivers may put off a part of it to the first use.
+    /// Returns the milliseconds spent so far on building pipelines. Drivers may defer a part of the work to the first
+    /// use.
     #[must_use]
     pub fn pipeline_ms(&self) -> f64 {
         crate::num::f64_of_u64(self.inner.pipeline_us.load(Ordering::Relaxed)) * 1e-3
     }
 
-    /// Largest extent of a 3D image, in samples.
+    /// Returns the largest extent of a 3D image, in samples.
     #[must_use]
     pub fn max_image_3d(&self) -> u32 {
         self.inner.properties.limits.max_image_dimension3_d
     }
 
-    /// Largest side of a 2D image.
+    /// Returns the largest side of a 2D image, in pixels.
     pub(crate) fn max_image_2d(&self) -> u32 {
         self.inner.properties.limits.max_image_dimension2_d
     }
 
-    /// Whether the device is a software rasteriser.
+    /// Returns whether the device is a software rasteriser.
     #[must_use]
     pub fn is_software(&self) -> bool {
         self.inner.properties.device_type == vk::PhysicalDeviceType::CPU
     }
 
-    /// Whether the invocations of a workgroup of eight are in one subgroup, and can tell each other words and votes.
+    /// Returns whether a workgroup of eight invocations fits one subgroup with ballot and vote operations.
     pub(crate) fn eight_share_words(&self) -> bool {
         let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
         let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup);
@@ -131,7 +132,7 @@ impl Gpu {
             && subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE)
     }
 
-    /// Features of optimally tiled images of a format.
+    /// Returns the features of optimally tiled images of a format.
     pub(crate) fn image_features(&self, format: vk::Format) -> vk::FormatFeatureFlags {
         let instance = &self.inner.instance.raw;
         // SAFETY: the physical device belongs to this instance.
@@ -140,7 +141,7 @@ impl Gpu {
         properties.optimal_tiling_features
     }
 
-    /// Vulkan version of the device.
+    /// Returns the Vulkan version of the device.
     #[must_use]
     pub fn api_version(&self) -> String {
         version_text(self.inner.properties.api_version)

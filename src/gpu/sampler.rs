@@ -8,8 +8,8 @@ use super::device::Gpu;
 use crate::error::Result;
 
 impl Gpu {
-    /// The sampler of a filter, clamped to the edge, that blends mip levels or knows only the first; made on
-    /// first use.
+    /// Returns the sampler of a filter, clamped to the edge. With `mips` it blends mip levels, else it reads only the
+    /// first.
     pub(crate) fn sampler(&self, filter: vk::Filter, mips: bool) -> Result<vk::Sampler> {
         let mut samplers = self.inner.samplers.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(&sampler) = samplers.get(&(filter, mips)) {
