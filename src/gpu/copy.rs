@@ -10,15 +10,15 @@ use super::recorder::Recorder;
 use super::sync::Use;
 
 impl Recorder<'_> {
-    /// Copies a whole image to the start of a buffer, as a pass.
+    /// Records a pass that copies a whole image to the start of a buffer.
     pub(crate) fn copy_image_to_buffer(&mut self, name: &str, image: &Arc<Image>, buffer: &Arc<Buffer>) {
         let _held = self.gpu.lock_layer();
         self.use_image(image, Use::TransferRead);
         self.use_buffer(buffer, Use::TransferWrite);
         self.begin(name);
         let region = image_region(image);
-        // SAFETY: the buffer is large enough for the image: whoever made it computed its size from the
-        // image; layouts and accesses are ordered by the barriers above.
+        // SAFETY: the buffer was made with the size of the image; layouts and accesses are ordered by the
+        // barriers above.
         unsafe {
             self.gpu.device().cmd_copy_image_to_buffer(
                 self.commands.raw(),
@@ -32,19 +32,19 @@ impl Recorder<'_> {
         self.use_buffer(buffer, Use::HostRead);
     }
 
-    /// Fills a buffer with zeros.
+    /// Records a pass that fills a buffer with zeros.
     pub(crate) fn clear_buffer(&mut self, name: &str, buffer: &Arc<Buffer>) {
         let _held = self.gpu.lock_layer();
         self.use_buffer(buffer, Use::TransferWrite);
         self.begin(name);
-        // SAFETY: recording, outside of rendering; the buffer's size is a multiple of 4 or the rest is left.
+        // SAFETY: recording, outside of rendering; `WHOLE_SIZE` rounds the size down to a multiple of 4.
         unsafe {
             self.gpu.device().cmd_fill_buffer(self.commands.raw(), buffer.raw(), 0, vk::WHOLE_SIZE, 0);
         }
         self.end();
     }
 
-    /// Fills an image with one colour, as a pass.
+    /// Records a pass that fills an image with one colour.
     pub(crate) fn clear_image(&mut self, name: &str, image: &Arc<Image>, colour: [f32; 4]) {
         let _held = self.gpu.lock_layer();
         self.use_image(image, Use::TransferWrite);
@@ -63,8 +63,8 @@ impl Recorder<'_> {
         self.end();
     }
 
-    /// Copies the start of a buffer to a part of a mip level of an image: `count` planes of a volume, or layers
-    /// of an array, from `first` on.
+    /// Records a pass that copies the start of a buffer to a part of a mip level of an image: to `count` planes of a
+    /// volume, or layers of an array, from `first` on.
     pub(crate) fn copy_buffer_to_image(
         &mut self,
         name: &str,
@@ -101,7 +101,7 @@ impl Recorder<'_> {
         self.end();
     }
 
-    /// Copies the first `bytes` of one buffer to the start of another.
+    /// Records a pass that copies the first `bytes` of one buffer to the start of another.
     pub(crate) fn copy_buffer(&mut self, name: &str, from: &Arc<Buffer>, to: &Arc<Buffer>, bytes: u64) {
         let _held = self.gpu.lock_layer();
         self.use_buffer(from, Use::TransferRead);

@@ -11,7 +11,7 @@ use super::pipeline::Pipeline;
 use super::recorder::Recorder;
 use super::sync::Use;
 
-/// Where a raster pass draws.
+/// The target of a raster pass.
 #[derive(Clone, Debug)]
 pub(crate) enum Attachment {
     /// An image of this crate.
@@ -37,11 +37,10 @@ impl Attachment {
 }
 
 impl Recorder<'_> {
-    /// One draw as a pass, into one colour attachment of which all is drawn to. `clear` begins with
-    /// transparent black instead of what the attachment holds.
+    /// Records one draw as a pass, into the whole of one colour attachment. `clear` clears it to transparent black first.
     #[expect(
         clippy::too_many_arguments,
-        reason = "a draw is made of these; a structure would name each once more"
+        reason = "the parameters of a draw; a structure would only repeat their names"
     )]
     pub(crate) fn draw(
         &mut self,
@@ -58,8 +57,7 @@ impl Recorder<'_> {
         self.use_descriptors(descriptors, false);
         match target {
             Attachment::Own(image) => self.use_image(image, Use::ColorAttachment),
-            // The caller has the image in the attachment's layout, visible to its stage; a second pass
-            // must wait for the first.
+            // The caller has made the image ready; a second pass must wait for the first.
             Attachment::Caller(target) => {
                 self.use_external(target);
             }
@@ -79,15 +77,15 @@ impl Recorder<'_> {
         // or by the caller's contract.
         unsafe { device.cmd_begin_rendering(raw, &info) };
         self.bind(pipeline, descriptors, push);
-        // SAFETY: a graphics pipeline for this attachment's format is bound with all that it needs.
+        // SAFETY: a graphics pipeline for this attachment's format is bound with its descriptors and push constants.
         unsafe { device.cmd_draw(raw, vertices, instances, 0, 0) };
         // SAFETY: rendering was begun above.
         unsafe { device.cmd_end_rendering(raw) };
         self.end();
     }
 
-    /// Draws several times as one pass, without attachments: shaders write what is bound, and what one draw
-    /// wrote the next one sees. `pushes` has the push constants of each draw.
+    /// Records several draws without attachments as one pass: shaders write bound resources, and each draw sees the writes of
+    /// the one before. `pushes` yields the push constants of each draw.
     pub(crate) fn draw_each<P: AsRef<[u8]>>(
         &mut self,
         name: &str,
@@ -108,13 +106,13 @@ impl Recorder<'_> {
         for (i, push) in pushes.enumerate() {
             if i > 0 {
                 self.use_descriptors(descriptors, false);
-                // Held once is held.
+                // One reference per command buffer is enough.
                 self.keep.truncate(held);
             }
             // SAFETY: recording, outside of rendering; there is no attachment.
             unsafe { device.cmd_begin_rendering(raw, &info) };
             self.bind(pipeline, descriptors, push.as_ref());
-            // SAFETY: a graphics pipeline without attachments is bound with all that it needs.
+            // SAFETY: a graphics pipeline without attachments is bound with its descriptors and push constants.
             unsafe { device.cmd_draw(raw, vertices, 1, 0, 0) };
             // SAFETY: rendering was begun above.
             unsafe { device.cmd_end_rendering(raw) };
@@ -122,7 +120,7 @@ impl Recorder<'_> {
         self.end();
     }
 
-    /// Draws from here on go to the whole of an extent.
+    /// Sets viewport and scissor to a whole extent, and returns the area.
     fn whole_area(&self, [width, height]: [u32; 2]) -> vk::Rect2D {
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
         let viewport = vk::Viewport {
@@ -142,7 +140,7 @@ impl Recorder<'_> {
     }
 }
 
-/// An image side as the viewport takes it; exact, sides are below 2^24.
+/// Converts an image side for the viewport; exact, since sides are below 2^24.
 #[expect(clippy::cast_precision_loss, reason = "image sides are at most 32768")]
 fn pixels(side: u32) -> f32 {
     side as f32

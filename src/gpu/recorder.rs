@@ -1,5 +1,5 @@
-//! Recording: named passes that declare what they use. Barriers follow from the uses, timestamps and
-//! labels from the names.
+//! The recorder: named passes declare their uses of resources, from which it derives barriers. Each pass gets a label and
+//! two timestamps.
 
 use std::any::Any;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use super::pipeline::Pipeline;
 use super::sync::{Barrier, Tracker, Use};
 use super::timers::Timers;
 
-/// Everything that a recording names; to be kept until its submission has ended.
+/// The resources of a recording, kept alive until its submission has ended.
 pub(crate) type Keep = Vec<Arc<dyn Any + Send + Sync>>;
 
 /// Records passes into a command buffer.
@@ -36,8 +36,8 @@ impl<'a> Recorder<'a> {
         let mut keep = Keep::new();
         if let Some(timers) = &timers {
             let _held = gpu.lock_layer();
-            // SAFETY: the command buffer is recording, outside of rendering; the pool is not in use: its
-            // last submission has ended.
+            // SAFETY: the command buffer is recording, outside of rendering; the last submission that used the
+            // pool has ended.
             unsafe {
                 gpu.device().cmd_reset_query_pool(commands.raw(), timers.pool, 0, 2 * timers.passes);
             }
@@ -51,22 +51,22 @@ impl<'a> Recorder<'a> {
         self.keep.push(resource);
     }
 
-    /// Declares that an image holds data that shaders may sample since before this recording.
+    /// Declares that an earlier submission has made an image ready for sampling.
     pub(crate) fn assume_ready(&mut self, image: &Arc<Image>) {
         self.tracker.begin(image.raw().as_raw(), vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);
     }
 
-    /// Declares how the last recording that used an image, and that has ended, used it.
+    /// Declares the last use of an image by an earlier submission, which has ended.
     pub(crate) fn assume_after(&mut self, image: &Arc<Image>, last: Use) {
         self.tracker.begin_after(image.raw().as_raw(), last, true);
     }
 
-    /// The same of a buffer.
+    /// Declares the last use of a buffer by an earlier submission, which has ended.
     pub(crate) fn assume_buffer_after(&mut self, buffer: &Arc<Buffer>, last: Use) {
         self.tracker.begin_after(buffer.raw().as_raw(), last, false);
     }
 
-    /// One dispatch as a pass.
+    /// Records one dispatch as a pass.
     pub(crate) fn dispatch(
         &mut self,
         name: &str,
@@ -86,30 +86,30 @@ impl<'a> Recorder<'a> {
         self.end();
     }
 
-    /// Leaves an image ready for a use, also of later recordings.
+    /// Makes an image ready for a use, also by later recordings.
     pub(crate) fn leave(&mut self, image: &Arc<Image>, next: Use) {
         let _held = self.gpu.lock_layer();
         self.use_image(image, next);
     }
 
-    /// Makes what was written to an image visible to every later shader, also of later recordings.
+    /// Makes writes to an image visible to every later shader, also of later recordings.
     pub(crate) fn release_image(&mut self, image: &Arc<Image>) {
         self.leave(image, Use::AnyShaderRead);
     }
 
-    /// The same for a buffer.
+    /// Makes writes to a buffer visible to every later shader, also of later recordings.
     pub(crate) fn release_buffer(&mut self, buffer: &Arc<Buffer>) {
         let _held = self.gpu.lock_layer();
         self.use_buffer(buffer, Use::AnyShaderRead);
     }
 
-    /// Makes what was written to a download buffer visible to the host.
+    /// Makes writes to a download buffer visible to the host.
     pub(crate) fn release_to_host(&mut self, buffer: &Arc<Buffer>) {
         let _held = self.gpu.lock_layer();
         self.use_buffer(buffer, Use::HostRead);
     }
 
-    /// The names of the passes, and what must be kept until the submission has ended.
+    /// Returns the names of the passes, and the resources to keep until the submission has ended.
     pub(crate) fn finish(self) -> (Vec<String>, Keep) {
         (self.passes, self.keep)
     }
@@ -147,7 +147,7 @@ impl<'a> Recorder<'a> {
             match resource {
                 Resource::Buffer(buffer) | Resource::ReadOnly(buffer) => self.use_buffer(buffer, usage),
                 Resource::Sampled(image, _) => {
-                    // What is sampled and was not written here was made ready before: its contents must be kept.
+                    // An image that this recording has not written was made ready before; its contents are kept.
                     if !self.tracker.knows(image.raw().as_raw()) {
                         self.assume_ready(image);
                     }
@@ -213,8 +213,7 @@ impl<'a> Recorder<'a> {
         unsafe { self.gpu.device().cmd_pipeline_barrier2(self.commands.raw(), info) };
     }
 
-    /// Label and first timestamp of a pass. Earlier work ends before the stamp, so that it is not billed
-    /// to this pass.
+    /// Begins a pass: label and first timestamp. The stamp waits for earlier work, whose time does not count for this pass.
     pub(super) fn begin(&mut self, name: &str) {
         let raw = self.commands.raw();
         if let Some(debug) = self.gpu.debug() {
@@ -236,7 +235,7 @@ impl<'a> Recorder<'a> {
         self.commands.next_part();
     }
 
-    /// Writes stamp 0 (before) or 1 (after) of the pass.
+    /// Writes timestamp 0 (before) or 1 (after) of the pass.
     fn stamp(&self, which: u32) {
         let Some(timers) = &self.timers else { return };
         let pass = crate::num::count(self.passes.len()) - which;

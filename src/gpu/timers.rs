@@ -7,7 +7,7 @@ use ash::vk;
 use super::device::Gpu;
 use crate::error::Result;
 
-/// Timestamps of the passes of one recording: two a pass.
+/// Timestamps of the passes of one recording: two per pass.
 #[derive(Debug)]
 pub(crate) struct Timers {
     gpu: Gpu,
@@ -16,7 +16,7 @@ pub(crate) struct Timers {
 }
 
 impl Timers {
-    /// Room for `passes` passes; `None` where the device has no timestamps.
+    /// Makes timers for `passes` passes; `None` where the device has no timestamps.
     pub(crate) fn new(gpu: &Gpu, passes: u32) -> Result<Option<Arc<Self>>> {
         if gpu.inner.timestamp_bits == 0 {
             return Ok(None);
@@ -31,9 +31,9 @@ impl Timers {
         Ok(Some(Arc::new(Self { gpu: gpu.clone(), pool, passes: passes.max(1) })))
     }
 
-    /// Milliseconds of the first `passes` passes, after their submission has ended.
+    /// Returns the milliseconds of the first `passes` passes, after their submission has ended.
     pub(crate) fn read(&self, passes: usize) -> Result<Vec<f64>> {
-        // Passes beyond the pool's room have no stamps.
+        // Passes beyond the capacity of the pool have no timestamps.
         let passes = passes.min(crate::num::index(self.passes));
         let mut stamps = vec![0_u64; 2 * passes];
         if stamps.is_empty() {
