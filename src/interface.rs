@@ -1,9 +1,11 @@
-//! Structures that Rust writes and shaders read. `build.rs` asserts that both sides agree on every
-//! offset and size.
+//! Constants and structures that Rust shares with shaders. `build.rs` generates assertions that both sides agree on every offset
+//! and size.
+//!
+//! Uses no other module. Used by everything that talks to shaders, and by `optics`.
 
 use bytemuck::{Pod, Zeroable};
 
-/// Numbers that Rust and shaders share: bindings, specialisation constants, sizes (`glsl/interface.glsl`).
+/// The constants of `glsl/interface.glsl`: numbers of bindings and specialisation constants, sizes, limits.
 pub(crate) mod constants {
     include!(concat!(env!("OUT_DIR"), "/constants.rs"));
 }
@@ -20,17 +22,17 @@ pub(crate) struct Knot {
     pub(crate) pad: f32,
 }
 
-/// Head of a pre-integration table (`segments.glsl`).
+/// Header of a pre-integration table (`segments.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct TableHead {
-    /// First and last scalar, bins or node spacings per unit of scalar, their width.
+    /// First and last scalar, bins or node spacings per unit of scalar, width of a bin or node spacing.
     pub(crate) range: [f32; 4],
-    /// r, g, b, tau of the constant piece left of the first knot.
+    /// r, g, b, tau of the constant transfer function below the first knot.
     pub(crate) before: [f32; 4],
-    /// And right of the last.
+    /// The same above the last knot.
     pub(crate) after: [f32; 4],
-    /// Bins; or nodes, layers and the longest segment.
+    /// Number of bins; or numbers of nodes and layers, and the longest segment.
     pub(crate) size: [f32; 4],
 }
 
@@ -66,7 +68,7 @@ pub(crate) struct GridPush {
     pub(crate) seed: u32,
 }
 
-/// Push constants of what is composited on a base plane (`base-plane.glsl`).
+/// Push constants of compositing in a base plane (`base-plane.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct BasePlanePush {
@@ -155,7 +157,7 @@ pub(crate) struct BinsPush {
     pub(crate) capacity: u32,
 }
 
-/// Push constants of what draws splats (`splats.glsl`).
+/// Push constants of passes that draw splats (`splats.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct SplatPush {
@@ -198,7 +200,7 @@ pub(crate) struct SplatViewPush {
     pub(crate) count: u32,
 }
 
-/// What of a cell is drawn as a fan of triangles (`tet-fans.glsl`).
+/// The fan of triangles around the thick vertex of a cell (`tet-fans.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct Fan {
@@ -236,7 +238,7 @@ pub(crate) struct SortPush {
     pub(crate) mask: u32,
 }
 
-/// Push constants of the pass that bounds lines (`line-bounds.glsl`).
+/// Push constants of the pass that bounds rays (`line-bounds.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct BoundsPush {

@@ -1,4 +1,4 @@
-//! Loader, instance, validation layer and messenger.
+//! The Vulkan instance, with the validation layer and its messenger.
 
 use std::any::Any;
 use std::ffi::{CStr, CString};
@@ -13,18 +13,18 @@ use crate::error::{Error, Result};
 
 const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// A Vulkan instance. One that was made here has a messenger where it is validated, and destroys both.
+/// A Vulkan instance. An instance of the crate's own destroys itself and its messenger.
 pub(crate) struct Instance {
     pub(crate) raw: ash::Instance,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
-    /// Whether object names and labels can be given.
+    /// Whether object names and labels are available.
     pub(crate) debug_utils: bool,
-    /// Version of the validation layer, when it is on.
+    /// Version of the validation layer, if the crate has enabled it.
     pub(crate) layer_version: Option<String>,
     pub(crate) log: Arc<ValidationLog>,
-    /// Whether it was made here.
+    /// Whether the crate has made it.
     owned: bool,
-    /// What the caller's instance and device live in.
+    /// Owner of the caller's instance and device.
     _keep: Option<Arc<dyn Any + Send + Sync>>,
     // Last: the library is unloaded after everything that calls into it is gone.
     loader: Loader,
@@ -80,7 +80,7 @@ impl Instance {
         Ok(instance)
     }
 
-    /// An instance of the caller, which is left as it is. `keep` is let go with this.
+    /// Wraps an instance of the caller, which this does not destroy; drops `keep` with it.
     pub(super) fn adopt(
         entry: ash::Entry,
         raw: ash::Instance,
@@ -109,7 +109,7 @@ impl Drop for Instance {
             // SAFETY: created from this instance, destroyed once, before it.
             unsafe { loader.destroy_debug_utils_messenger(messenger, None) };
         }
-        // SAFETY: the device was destroyed before: its owner holds this instance in a later field.
+        // SAFETY: the device was destroyed before: its owner drops this instance afterwards.
         unsafe { self.raw.destroy_instance(None) };
     }
 }
@@ -214,12 +214,12 @@ fn setting<'a>(name: &'a CStr, value: &'a [u8; 4]) -> vk::LayerSettingEXT<'a> {
         .setting_name(name)
         .ty(vk::LayerSettingTypeEXT::BOOL32)
         .values(value);
-    // The count is of values, not of bytes.
+    // ash counts bytes, Vulkan values.
     setting.value_count = 1;
     setting
 }
 
-/// `major.minor.patch` of a Vulkan version number.
+/// Formats a Vulkan version number as `major.minor.patch`.
 pub(crate) fn version_text(version: u32) -> String {
     format!(
         "{}.{}.{}",
@@ -229,7 +229,7 @@ pub(crate) fn version_text(version: u32) -> String {
     )
 }
 
-/// A name as Vulkan takes it; it ends at the first NUL.
+/// Converts a name for Vulkan; it ends at the first NUL.
 pub(crate) fn c_name(name: &str) -> CString {
     let bytes: Vec<u8> = name.bytes().take_while(|&byte| byte != 0).collect();
     CString::new(bytes).unwrap_or_default()

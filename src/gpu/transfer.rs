@@ -48,8 +48,9 @@ impl Image {
         let mut commands = Commands::new(gpu)?;
         for level in 0..desc.levels {
             let (planes, plane_bytes) = (desc.planes(level), desc.plane_bytes(level));
-            let group = num::count(usize::try_from(gpu.inner.staging_bytes / plane_bytes.max(1)).unwrap_or(1))
-                .clamp(1, planes);
+            let group =
+                num::count(usize::try_from(gpu.inner.staging_bytes / plane_bytes.max(1)).unwrap_or(1))
+                    .clamp(1, planes);
             let mut first = 0;
             while first < planes {
                 let count = group.min(planes - first);

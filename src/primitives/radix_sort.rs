@@ -1,6 +1,6 @@
-//! Stable sort of pairs of words on the device (`glsl/radix-sort.glsl`): least significant digit first, each pass
-//! a count, prefix sums and a scatter (Satish, Harris and Garland 2009), without a workgroup that waits for
-//! another. The result depends on nothing but the pairs.
+//! Stable radix sort of pairs of words on the device (`glsl/radix-sort.glsl`), least significant digit first. Each digit takes
+//! a count, prefix sums and a scatter (Satish, Harris and Garland, IPDPS 2009). No workgroup waits for another, and the
+//! result is deterministic.
 
 use std::sync::Arc;
 
@@ -17,10 +17,10 @@ use crate::interface::SortPush;
 use crate::num;
 use crate::primitives::scan::{Scan, WorkSplit};
 
-/// Most pairs of a sort: every device takes a workgroup for each tile of them.
+/// Largest number of pairs of a sort: every device allows one workgroup for each tile of them.
 const MOST_PAIRS: u32 = 1 << 26;
 
-/// One digit's way from one place to another.
+/// The passes that sort by one digit.
 #[derive(Debug)]
 struct Digit {
     count: Step,
@@ -28,7 +28,7 @@ struct Digit {
     push: SortPush,
 }
 
-/// One dispatch.
+/// One dispatch of a digit.
 #[derive(Debug)]
 struct Step {
     name: String,
@@ -36,7 +36,7 @@ struct Step {
     descriptors: Arc<Descriptors>,
 }
 
-/// A sort of pairs of a key and a value, in place, ascending; pairs with equal keys keep their order.
+/// A sort of pairs of a key and a value, in place, by ascending key. Pairs with equal keys keep their order.
 #[derive(Debug)]
 pub(crate) struct RadixSort {
     passes: Vec<Digit>,
@@ -45,13 +45,13 @@ pub(crate) struct RadixSort {
 }
 
 impl RadixSort {
-    /// For the first `n` words of two buffers that shaders write. The lowest `bits` bits of a key are sorted
-    /// by, at least one; the others are carried along.
+    /// Makes a sort of the first `n` words of two buffers that shaders write. It compares the lowest `bits` bits of keys, at
+    /// least one.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] when a buffer has fewer words, or bits are none or more than 32; when the device has
-    /// no memory: it takes up to 16 bytes a pair.
+    /// [`Error::Invalid`] when a buffer has fewer words, or `bits` is not from 1 to 32; errors of memory, of which a sort
+    /// takes up to 16 bytes per pair, and of Vulkan.
     pub(crate) fn new(
         gpu: &Gpu,
         name: &str,
@@ -64,8 +64,8 @@ impl RadixSort {
         Self::counted(gpu, name, keys, values, n, &count, bits)
     }
 
-    /// The same for as many pairs as the first word of `count` says on the device, at most `capacity`. What
-    /// lies behind them stays.
+    /// As [`RadixSort::new`], with the number of pairs in the first word of `count` on the device, at most `capacity`. Words
+    /// after these pairs are unchanged.
     ///
     /// # Errors
     ///
@@ -83,7 +83,7 @@ impl RadixSort {
         Self::by_digits(gpu, name, [keys, values], count, digits)
     }
 
-    /// The same, planned already.
+    /// Makes a sort with given digits.
     fn by_digits(
         gpu: &Gpu,
         name: &str,
@@ -102,7 +102,8 @@ impl RadixSort {
             Buffer::new(gpu, &format!("{name}.{part}"), bytes, BufferUse::ShaderWrite).map(Arc::new)
         };
         let counters = buffer("digits", u64::from(runs) << digit)?;
-        // From home to home: by one place where that leads back, by two in turns otherwise.
+        // The pairs begin and end in the given buffers. One buffer between is enough where the digits alternate between it and
+        // the given ones; else two alternate.
         let stops = if passes == 2 || (passes.is_multiple_of(2) && !mixes) { 1 } else { 2 };
         let stops: Result<Vec<Place>> = (0..stops)
             .map(|_| {
@@ -140,7 +141,7 @@ impl RadixSort {
                     Ok(Step { name: format!("{name}.{step}"), pipeline, descriptors })
                 };
                 let [count, scatter] = shaders(split, from, to);
-                // The last digit has what bits are left; of a single bit, none.
+                // The last digit has the remaining bits; where a single bit is sorted by, none.
                 let shift = (digit * pass).min(bits);
                 let width = digit.min(bits - shift);
                 let push = SortPush { capacity, runs, shift: shift.min(31), mask: (1_u32 << width) - 1 };
@@ -151,7 +152,7 @@ impl RadixSort {
         Ok(Self { passes: passes?, scan, groups })
     }
 
-    /// Sorts.
+    /// Records the passes of all digits.
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>) {
         for Digit { count, scatter, push } in &self.passes {
             let push = bytemuck::bytes_of(push);
@@ -163,17 +164,17 @@ impl RadixSort {
     }
 }
 
-/// Where pairs lie.
+/// The buffers of pairs between two digits.
 #[derive(Debug)]
 enum Place {
-    /// Keys and values in a buffer each.
+    /// One buffer of keys and one of values.
     Apart([Arc<Buffer>; 2]),
-    /// Key, value, key, value, ...: one store a pair.
+    /// One buffer of alternating keys and values, which takes one store per pair.
     Mixed(Arc<Buffer>),
 }
 
 impl Place {
-    /// What is bound for keys and for values.
+    /// Returns the buffers bound for keys and for values.
     fn buffers(&self) -> [&Arc<Buffer>; 2] {
         match self {
             Self::Apart([keys, values]) => [keys, values],
@@ -182,7 +183,7 @@ impl Place {
     }
 }
 
-/// The shaders that count, and that move pairs from one place to another.
+/// Returns the shaders that count and that scatter between two places.
 fn shaders(split: WorkSplit, from: &Place, to: &Place) -> [&'static Shader; 2] {
     match (split, from, to) {
         (WorkSplit::Groups, ..) => [&RADIX_SORT_GROUPS_COUNT, &RADIX_SORT_GROUPS_SCATTER],
@@ -197,22 +198,22 @@ fn shaders(split: WorkSplit, from: &Place, to: &Place) -> [&'static Shader; 2] {
     }
 }
 
-/// How a sort is cut into digits and runs.
+/// The digits of the keys, and the runs of pairs.
 #[derive(Clone, Copy, Debug)]
 struct Digits {
     split: WorkSplit,
-    /// Most pairs.
+    /// Largest number of pairs.
     capacity: u32,
-    /// Bits of a key that count.
+    /// Bits of a key that are compared.
     bits: u32,
-    /// Bits of a digit.
+    /// Bits per digit.
     digit: u32,
-    /// Digits: at least two, since no pass can go from a buffer to itself.
+    /// Number of digits: at least two, since a scatter needs different buffers.
     passes: u32,
     runs: u32,
-    /// Workgroups that count, and that move.
+    /// Workgroups of the count and of the scatter.
     groups: u32,
-    /// Whether pairs are mixed between the first pass and the last.
+    /// Whether keys and values alternate in one buffer between the first digit and the last.
     mixes: bool,
 }
 
@@ -226,7 +227,7 @@ impl Digits {
         let digit = bits.div_ceil(passes);
         match split {
             WorkSplit::Lanes(lanes) => {
-                // No more counters than pairs, no longer runs than a loop may be.
+                // There are at most as many counters as pairs, and runs fit the limit of a loop.
                 let runs = lanes.min(capacity >> digit).max(capacity.div_ceil(4 * SORT_LANE_FOURS));
                 let groups = runs.div_ceil(LANE_GROUP).max(1);
                 let runs = groups * LANE_GROUP;
@@ -242,23 +243,22 @@ impl Digits {
     }
 }
 
-/// Words of a buffer of mixed pairs: whole fours of pairs, which are loaded at once.
+/// Returns the words of a buffer of mixed pairs, rounded up to four pairs, which are loaded at once.
 fn mixed_words(pairs: u32) -> u64 {
     2 * u64::from(pairs).next_multiple_of(4)
 }
 
-/// Floats into keys, in place: for the test that shaders and host agree on them.
+/// Converts floats into keys in place, for the test that shaders and host compute the same keys.
 #[cfg_attr(not(test), expect(dead_code, reason = "used by the test alone"))]
 const FLOAT_KEYS: &Shader = &RADIX_SORT_FLOAT_KEYS;
 
-/// The key of a float, as `float_key` of `glsl/keys.glsl` gives it: in the order of floats, -0 equal to +0, NaN
-/// last.
+/// Returns the key of a float like `float_key` of `glsl/keys.glsl`: keys are in the order of floats, -0 equals +0, NaN is last.
 #[cfg(test)]
 pub(crate) fn float_key(value: f32) -> u32 {
     if value.is_nan() {
         return u32::MAX;
     }
-    // Not `value + 0.0`, which flushes subnormal numbers where a device does.
+    // `value + 0.0` would flush subnormal numbers on some devices.
     let bits = if value == 0.0 { 0 } else { value.to_bits() };
     if bits >> 31 == 0 { bits | 1 << 31 } else { !bits }
 }
@@ -269,7 +269,7 @@ mod tests {
     use crate::gpu::testing::TestGpu;
     use crate::gpu::{Commands, Validation};
 
-    /// Few and many lanes, without mixed pairs (the flag), workgroups.
+    /// Divisions with few and many lanes and with workgroups; the flag allows mixed pairs.
     const WAYS: [(WorkSplit, bool); 4] = [
         (WorkSplit::Lanes(16), true),
         (WorkSplit::Lanes(1000), true),
@@ -277,7 +277,7 @@ mod tests {
         (WorkSplit::Groups, false),
     ];
 
-    /// A sort by one of the [`WAYS`].
+    /// Makes a sort by one of the [`WAYS`].
     fn by(
         gpu: &Gpu,
         buffers: [&Arc<Buffer>; 2],
@@ -291,7 +291,7 @@ mod tests {
         RadixSort::by_digits(gpu, "test.sort", buffers, count, digits).unwrap()
     }
 
-    /// Sizes around every border: of workgroups, tiles, runs.
+    /// Sizes around those of workgroups, tiles and runs.
     const SIZES: [usize; 17] =
         [0, 1, 2, 7, 8, 9, 255, 256, 257, 2047, 2048, 2049, 4095, 4096, 4097, 32_769, 65_537];
 
@@ -303,7 +303,7 @@ mod tests {
         (0..n).map(step).collect()
     }
 
-    /// What a stable sort makes of keys with their indices as values.
+    /// Returns the pairs of a stable sort of keys with their indices as values.
     fn expected(keys: &[u32], bits: u32) -> Vec<(u32, u32)> {
         let mut pairs: Vec<(u32, u32)> = keys.iter().copied().zip(0..).collect();
         pairs.sort_by_key(|&(key, _)| key & (u32::MAX >> (32 - bits)));

@@ -1,5 +1,5 @@
-//! Exclusive prefix sums of words on the device (`glsl/scan.glsl`): reduce, then scan, in two dispatches for any
-//! number of words, without a workgroup that waits for another.
+//! Exclusive prefix sums of words on the device (`glsl/scan.glsl`): reduce, then scan, in two dispatches for any number of
+//! words. No workgroup waits for another.
 
 use std::sync::Arc;
 
@@ -12,24 +12,24 @@ use crate::gpu::shader::{
 use crate::gpu::{Buffer, BufferUse, ComputeDesc, Descriptors, Gpu, Pipeline, Recorder, Resource};
 use crate::interface::ScanPush;
 
-/// Most words of a scan.
+/// Largest number of words of a scan.
 pub(crate) const MOST_WORDS: u32 = 1 << 27;
 
-/// Most workgroups of a scan: enough to fill a device; each adds up the sums before its own.
+/// Largest number of workgroups of a scan: enough to fill a device. Each adds up the sums of those before it.
 const MOST_GROUPS: u32 = 1024;
 
-/// How prefix sums and sorting are split over invocations.
+/// The division of the input of prefix sums and sorts among invocations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum WorkSplit {
-    /// One invocation works through a long run, without barriers. Number of invocations to keep a device busy.
+    /// Each invocation handles a long run without barriers; with the number of invocations that keep the device busy.
     Lanes(u32),
-    /// Workgroups of [`WIDE_GROUP`] invocations share their data.
+    /// Each workgroup of [`WIDE_GROUP`] invocations handles a tile in shared memory.
     Groups,
 }
 
 impl WorkSplit {
-    /// What suits a device: software suspends every invocation of a workgroup at a barrier, and emulates
-    /// shared memory.
+    /// Returns the faster division for a device. Software rasterisers get lanes: they suspend every invocation of a workgroup
+    /// at a barrier, and emulate shared memory.
     pub(crate) fn of(gpu: &Gpu) -> Self {
         let limits = &gpu.inner.properties.limits;
         let wide = limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]);
@@ -39,7 +39,7 @@ impl WorkSplit {
         if gpu.is_software() { Self::software() } else { Self::Lanes(8192) }
     }
 
-    /// Two workgroups a core: a software rasteriser runs on this machine's cores.
+    /// Returns the division for a software rasteriser: two workgroups per core of this machine.
     pub(crate) fn software() -> Self {
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
         Self::Lanes(crate::num::count(cores).clamp(1, 64) * 2 * LANE_GROUP)
@@ -58,17 +58,16 @@ pub(crate) struct Scan {
 }
 
 impl Scan {
-    /// For the first `n` words of a buffer.
+    /// Makes prefix sums of the first `n` words of a buffer.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] when there are fewer words or more than [`MOST_WORDS`]; when the device has no
-    /// memory.
+    /// [`Error::Invalid`] when the buffer has fewer words, or `n` exceeds [`MOST_WORDS`]; errors of memory and of Vulkan.
     pub(crate) fn new(gpu: &Gpu, name: &str, data: &Arc<Buffer>, n: u32) -> Result<Self> {
         Self::with_split(gpu, name, data, n, WorkSplit::of(gpu))
     }
 
-    /// The same, split as told.
+    /// As [`Scan::new`], with a given division.
     pub(crate) fn with_split(
         gpu: &Gpu,
         name: &str,
@@ -90,7 +89,7 @@ impl Scan {
                 (tiles * tile, [&SCAN_GROUPS_REDUCE, &SCAN_GROUPS_SCAN])
             }
         };
-        // The total is written without any words too.
+        // One chunk at least: the total is also written for no words.
         let chunks = n.div_ceil(chunk).max(1);
         let words = |part: &str, words: u32| {
             Buffer::new(gpu, &format!("{name}.{part}"), 4 * u64::from(words), BufferUse::ShaderWrite)
@@ -124,7 +123,7 @@ impl Scan {
         Ok(Self { names, pipelines, descriptors, total, push, groups })
     }
 
-    /// Replaces each word by the sum of those before it, modulo 2^32.
+    /// Records the passes, which replace each word by the sum of those before it, modulo 2^32.
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>) {
         for i in 0..2 {
             let push = bytemuck::bytes_of(&self.push);
@@ -133,7 +132,7 @@ impl Scan {
         }
     }
 
-    /// Two words: the sum of all words modulo 2^32; its upper half, which is 0 unless the prefix sums have
+    /// Returns the buffer with the 64-bit sum of all words, low half first. The high half is 0 unless prefix sums have
     /// wrapped.
     pub(crate) fn total(&self) -> &Arc<Buffer> {
         &self.total
@@ -145,7 +144,7 @@ mod tests {
     use super::*;
     use crate::gpu::testing::TestGpu;
 
-    /// Both ways of spreading, and few and many lanes.
+    /// Both divisions, with few and with many lanes.
     const SPLITS: [WorkSplit; 3] = [WorkSplit::Lanes(16), WorkSplit::Lanes(1000), WorkSplit::Groups];
 
     fn random(n: usize, mut state: u64) -> Vec<u32> {

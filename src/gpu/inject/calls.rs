@@ -23,24 +23,24 @@ const FRAGMENTED: vk::Result = vk::Result::ERROR_FRAGMENTED_POOL;
 const POOL: vk::Result = vk::Result::ERROR_OUT_OF_POOL_MEMORY;
 const FRAGMENTATION: vk::Result = vk::Result::ERROR_FRAGMENTATION;
 
-/// Instances that may be hooked at a time.
-pub(super) const PLACES: usize = 8;
+/// Number of instances that can be hooked at the same time.
+pub(super) const SLOTS: usize = 8;
 
-/// A hooked instance.
-pub(super) struct Place {
+/// The slot of a hooked instance.
+pub(super) struct Slot {
     injection: Mutex<Option<Injection>>,
-    /// The loader's own `vkGetInstanceProcAddr`, and what it returned for `vkGetDeviceProcAddr`.
+    /// The loader's own `vkGetInstanceProcAddr` and `vkGetDeviceProcAddr`.
     pub(super) instance_proc: AtomicPtr<c_void>,
     pub(super) device_proc: AtomicPtr<c_void>,
-    /// The device that entry points were last asked for.
+    /// The device whose entry points were requested last.
     pub(super) device: AtomicU64,
-    /// Held while a queue is used: to wait for the device is to use all of them.
+    /// Held while a queue is used; waiting for the device uses all queues.
     queue: Mutex<()>,
-    /// What would have been called.
+    /// The real entry points.
     pub(super) real: [AtomicPtr<c_void>; CALLS.len()],
 }
 
-impl Place {
+impl Slot {
     const fn new() -> Self {
         Self {
             injection: Mutex::new(None),
@@ -56,7 +56,7 @@ impl Place {
         self.injection.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Keeps other threads from the queues for the length of a call that uses one.
+    /// Locks the queues for a call that uses one.
     fn alone(&self, call: Call) -> Option<MutexGuard<'_, ()>> {
         use Call as C;
         let uses = matches!(
@@ -70,7 +70,7 @@ impl Place {
         uses.then(|| self.queue.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Counts a call. The error that it is to return instead of being made. `alone` says that no other thread uses a queue.
+    /// Counts a call, and returns the error with which it fails. `alone` says that this thread holds the lock of the queues.
     fn enter(&self, call: Call, alone: bool) -> Option<vk::Result> {
         let injection = self.lock().clone();
         match injection.map_or(Verdict::Pass, |injection| injection.enter(&CALLS[call as usize])) {
@@ -84,7 +84,7 @@ impl Place {
         }
     }
 
-    /// Nothing runs on a lost device: waits for what does. Only while no other thread uses a queue.
+    /// Waits for pending work, since nothing runs on a lost device. This thread holds the lock of the queues.
     fn drain(&self) {
         let wait = self.real[Call::device_wait_idle as usize].load(Ordering::Acquire);
         let device = vk::Device::from_raw(self.device.load(Ordering::Acquire));
@@ -98,10 +98,10 @@ impl Place {
     }
 }
 
-pub(super) static TABLE: [Place; PLACES] = [const { Place::new() }; PLACES];
+pub(super) static TABLE: [Slot; SLOTS] = [const { Slot::new() }; SLOTS];
 
-/// Declares the calls: an index, a name and the errors of each, and the function that stands in for it. What follows `fails`
-/// is done when it fails.
+/// Declares the calls: index, name and errors of each, and the function that stands in for it. The block after `fails` runs
+/// when the call fails.
 macro_rules! calls {
     ($($call:ident $name:literal $pfn:ident($($arg:ident: $ty:ty),*) [$($error:ident)*] $(fails $fails:block)?;)*) => {
         #[derive(Clone, Copy)]
@@ -113,40 +113,40 @@ macro_rules! calls {
         mod stand_in {
             use super::{Call, Ordering, TABLE, c_char, c_void, vk};
 
-            $(pub(super) unsafe extern "system" fn $call<const PLACE: usize>($($arg: $ty),*) -> vk::Result {
-                let place = &TABLE[PLACE];
-                let alone = place.alone(Call::$call);
-                if let Some(error) = place.enter(Call::$call, alone.is_some()) {
+            $(pub(super) unsafe extern "system" fn $call<const SLOT: usize>($($arg: $ty),*) -> vk::Result {
+                let slot = &TABLE[SLOT];
+                let alone = slot.alone(Call::$call);
+                if let Some(error) = slot.enter(Call::$call, alone.is_some()) {
                     $($fails)?
                     return error;
                 }
-                let real = place.real[Call::$call as usize].load(Ordering::Acquire);
+                let real = slot.real[Call::$call as usize].load(Ordering::Acquire);
                 // SAFETY: stored before this function was handed out, and returned for this name, so it is a function of
                 // this type.
                 let real = unsafe { std::mem::transmute::<*mut c_void, vk::$pfn>(real) };
-                // SAFETY: the caller keeps the rules of the call, which are the same.
+                // SAFETY: the caller meets the contract of the call, which is the same.
                 unsafe { real($($arg),*) }
             })*
         }
 
-        /// The functions of a place, in the order of [`CALLS`].
-        pub(super) fn functions<const PLACE: usize>() -> [*const c_void; CALLS.len()] {
+        /// Returns the functions of a slot, in the order of [`CALLS`].
+        pub(super) fn functions<const SLOT: usize>() -> [*const c_void; CALLS.len()] {
             [$({
-                let function: vk::$pfn = stand_in::$call::<PLACE>;
+                let function: vk::$pfn = stand_in::$call::<SLOT>;
                 function as *const c_void
             }),*]
         }
     };
 }
 
-/// Writes null handles, as Vulkan asks of some calls that fail.
+/// Writes null handles, which Vulkan requires of some calls that fail.
 macro_rules! nulls {
     ($array:ident, $count:expr) => {
         for i in 0..crate::num::index($count) {
-            // SAFETY: the caller gave room for so many handles.
-            let place = unsafe { $array.add(i) };
+            // SAFETY: the caller's array has that many handles.
+            let handle = unsafe { $array.add(i) };
             // SAFETY: as above.
-            unsafe { place.write(Default::default()) };
+            unsafe { handle.write(Default::default()) };
         }
     };
 }
@@ -232,7 +232,7 @@ calls! {
 }
 
 impl Injection {
-    /// Whether Vulkan lets a call tell of a lost device; `false` for names that are none.
+    /// Returns whether Vulkan allows a call to report a lost device; `false` for unknown names.
     #[must_use]
     pub fn tells_of_loss(call: &str) -> bool {
         CALLS.iter().any(|info| info.name == call && info.errors.contains(&LOST))

@@ -1,4 +1,4 @@
-//! The counter of calls, and which of them fail.
+//! The counter of calls, and the decision which of them fail.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -6,12 +6,12 @@ use ash::vk;
 
 pub(super) const LOST: vk::Result = vk::Result::ERROR_DEVICE_LOST;
 
-/// Counts the Vulkan calls of one [`Gpu`](crate::gpu::Gpu) and makes some of them fail; for tests. Given in
-/// [`GpuOptions::inject`](crate::gpu::GpuOptions::inject), kept by whoever steers it: clones share one count.
+/// Counts the Vulkan calls of one [`Gpu`](crate::gpu::Gpu) and makes some of them fail; for tests.
 ///
-/// Counted is every call that returns a `VkResult`, from the first one of the loader on, also those of the memory allocator
-/// and of callers through [`Gpu::handles`](crate::gpu::Gpu::handles). A call that fails does not reach the driver; what it would
-/// have written is left as it was, or null where Vulkan says so.
+/// A test passes a clone in [`GpuOptions::inject`](crate::gpu::GpuOptions::inject) and keeps another: clones share one
+/// count. It counts every call that returns a `VkResult`, from the first call of the loader on, including calls of the memory
+/// allocator and of callers through [`Gpu::handles`](crate::gpu::Gpu::handles). A call that fails does not reach the driver;
+/// its outputs are unchanged, or null where Vulkan requires that.
 #[derive(Clone, Debug, Default)]
 pub struct Injection {
     state: Arc<Mutex<State>>,
@@ -28,7 +28,7 @@ struct State {
     names: Option<Vec<&'static str>>,
 }
 
-/// What becomes of a call.
+/// The decision on a call.
 pub(super) enum Verdict {
     Pass,
     Fail(vk::Result),
@@ -37,20 +37,21 @@ pub(super) enum Verdict {
 }
 
 impl Injection {
-    /// Counts, and lets every call pass.
+    /// Makes a counter that lets every call pass.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Calls so far, those that failed among them.
+    /// Returns the number of calls so far, including those that failed.
     #[must_use]
     pub fn calls(&self) -> u64 {
         self.lock().calls
     }
 
-    /// Lets call number `call` fail once; the first is number 1. It returns `result` where Vulkan allows that call to, and
-    /// else the first error that it may return; a call that cannot fail passes. `ERROR_DEVICE_LOST` is as [`Injection::lose_at`].
+    /// Makes call number `call` fail once; the first is number 1. It returns `result` if Vulkan allows that for the call, else
+    /// the first error that it may return; a call that cannot fail passes. `ERROR_DEVICE_LOST` acts as
+    /// [`Injection::lose_at`].
     pub fn fail_at(&self, call: u64, result: vk::Result) {
         if result == vk::Result::ERROR_DEVICE_LOST {
             return self.lose_at(call);
@@ -58,54 +59,54 @@ impl Injection {
         self.lock().fail = Some((call, result));
     }
 
-    /// Loses the device at call number `call`: from there on every call that can return `ERROR_DEVICE_LOST` does. What was
-    /// submitted before has ended then, as Vulkan has it of a lost device; calls that cannot tell of the loss pass.
+    /// Loses the device at call number `call`: from there on every call that can return `ERROR_DEVICE_LOST` does, and other
+    /// calls pass. Earlier submissions have ended then.
     pub fn lose_at(&self, call: u64) {
         self.lock().lose = Some(call);
     }
 
-    /// Begins to count anew, with nothing to fail. A device that was lost is found again.
+    /// Restarts the count, with no failure and no loss.
     pub fn rewind(&self) {
         let mut state = self.lock();
         let names = state.names.take().map(|_| Vec::new());
         *state = State { names, ..State::default() };
     }
 
-    /// The last call that failed on request.
+    /// Returns the last call that was made to fail.
     #[must_use]
     pub fn last_failed(&self) -> Option<&'static str> {
         self.lock().failed.map(|(name, _)| name)
     }
 
-    /// What it returned.
+    /// Returns the result of the last call that was made to fail.
     #[must_use]
     pub fn last_result(&self) -> Option<vk::Result> {
         self.lock().failed.map(|(_, result)| result)
     }
 
-    /// How many calls have failed on request.
+    /// Returns how many calls were made to fail.
     #[must_use]
     pub fn failures(&self) -> u64 {
         self.lock().failures
     }
 
-    /// Begins to keep the names of calls, or ends it.
+    /// Starts or stops keeping the names of calls.
     pub fn keep_names(&self, keep: bool) {
         self.lock().names = keep.then(Vec::new);
     }
 
-    /// The names of the calls since [`Injection::keep_names`] or [`Injection::rewind`], in order.
+    /// Returns the names of the calls since [`Injection::keep_names`] or [`Injection::rewind`], in order.
     #[must_use]
     pub fn names(&self) -> Vec<&'static str> {
         self.lock().names.clone().unwrap_or_default()
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
-        // Counts and names stay right when a thread panicked elsewhere: nothing here panics half-way.
+        // Poison is ignored: no statement here panics half-way.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Counts a call.
+    /// Counts a call, and decides on it.
     pub(super) fn enter(&self, info: &Info) -> Verdict {
         let mut state = self.lock();
         state.calls += 1;
@@ -134,7 +135,7 @@ impl Injection {
     }
 }
 
-/// A call, and the errors that Vulkan 1.3 lets it return, the likeliest first.
+/// A call, and the errors that Vulkan 1.3 allows for it, the likeliest first.
 pub(super) struct Info {
     pub(super) name: &'static str,
     pub(super) errors: &'static [vk::Result],
