@@ -14,16 +14,16 @@ use super::vulkan::{
 use crate::error::Error;
 use crate::gpu::{Enabled, Gpu, GpuParts, QueueLock};
 
-/// Is handed the user pointer that was given with it.
+/// Receives the user pointer that was given with it.
 pub type vr_callback = Option<unsafe extern "C" fn(user: *mut c_void)>;
 
-/// A device of the caller, and how the library may use it.
+/// A device of the caller, and options of its use by the library.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_device_info {
     /// sizeof(vr_device_info).
     pub struct_size: usize,
-    /// Of the loader that the instance was made with. NULL: that of the system.
+    /// Entry point of the loader that made the instance. NULL: the system's loader.
     pub get_instance_proc_addr: PFN_vkGetInstanceProcAddr,
     /// The instance.
     pub instance: VkInstance,
@@ -31,40 +31,40 @@ pub struct vr_device_info {
     pub api_version: u32,
     /// Number of instance_extensions.
     pub instance_extension_count: u32,
-    /// What the instance was made with. Used is VK_EXT_debug_utils, for names and labels.
+    /// Enabled extensions of the instance. The library uses VK_EXT_debug_utils, for names and labels.
     pub instance_extensions: *const *const c_char,
-    /// The physical device, of that instance, for Vulkan 1.3 or later.
+    /// A physical device of that instance, for Vulkan 1.3 or later.
     pub physical_device: VkPhysicalDevice,
     /// The device.
     pub device: VkDevice,
-    /// What the device was made with, or a structure that names as much of it as the library shall know of. Read are
-    /// extensions and features, these in any structure of the chain that may have them. Required are synchronization2 and
-    /// dynamicRendering; of use are fragmentStoresAndAtomics, VK_EXT_memory_budget, and VK_EXT_fragment_shader_interlock
-    /// with fragmentShaderPixelInterlock.
+    /// The structure that the device was made with, or one that names the extensions and features that the library may use.
+    /// The library reads extensions, and features in any structure of the chain that may have them. Required are
+    /// synchronization2 and dynamicRendering; optional are fragmentStoresAndAtomics, VK_EXT_memory_budget, and
+    /// VK_EXT_fragment_shader_interlock with fragmentShaderPixelInterlock.
     pub device_create_info: *const VkDeviceCreateInfo,
-    /// The queue, for graphics and compute.
+    /// A queue for graphics and compute.
     pub queue: VkQueue,
-    /// Its family.
+    /// Family of the queue.
     pub queue_family: u32,
-    /// Do not keep pipelines on disk.
+    /// VK_TRUE keeps no pipelines on disk.
     pub no_pipeline_cache: VkBool32,
     /// Folder of the pipeline cache. NULL: volraster in the user's cache folder.
     pub pipeline_cache: *const c_char,
-    /// Most device memory to use, in bytes. 0: what the driver says is free, or nine tenths of the largest device-local
-    /// heap.
+    /// Limit of device memory, in bytes. 0: the free memory that the driver reports, or nine tenths of the largest
+    /// device-local heap.
     pub memory_budget: u64,
-    /// Called before each submission of the library to the queue, and unlock_queue after it, on the same thread, with
-    /// `user`: both or neither. Without them the caller uses the queue within vr_gpu_with_queue() alone, or while no other
-    /// thread is in a function of the library. Recording submits nothing. The lock must not be held by a thread that calls
-    /// into the library, unless to record.
+    /// Called with `user` before each submission of the library to the queue; unlock_queue is called after it on the same
+    /// thread. Set both or neither. Without them the caller uses the queue only within vr_gpu_with_queue(), or while no
+    /// other thread is in a function of the library. Recording submits nothing. A thread that holds the lock must not call
+    /// into the library, except to record.
     pub lock_queue: vr_callback,
     /// See lock_queue.
     pub unlock_queue: vr_callback,
-    /// Called once, with `user`, when nothing of the library's is left on the device, by the thread that destroyed the last
-    /// thing; also where vr_gpu_adopt() fails. Device and instance may be destroyed from then on, also by this function. May
-    /// be NULL.
+    /// Called once with `user` when the library has destroyed its last object on the device, by the thread that destroyed
+    /// the last handle; also if vr_gpu_adopt() fails. From then on device and instance may be destroyed, also by this
+    /// function. May be NULL; then the caller must destroy all handles before the device.
     pub released: vr_callback,
-    /// For lock_queue, unlock_queue and released.
+    /// Passed to lock_queue, unlock_queue and released.
     pub user: *mut c_void,
 }
 
@@ -73,15 +73,15 @@ unsafe impl Structure for vr_device_info {
     const FIRST: usize = size_of::<Self>();
 }
 
-/// A pointer of the caller's, for the caller's functions.
+/// The caller's pointer for its functions.
 struct User(*mut c_void);
 
-// SAFETY: it is handed back and never followed; the caller's functions may be called by any thread, see vr_device_info.
+// SAFETY: it is passed back and never followed; any thread may call the caller's functions, see vr_device_info.
 unsafe impl Send for User {}
 // SAFETY: the same.
 unsafe impl Sync for User {}
 
-/// The caller's lock.
+/// The caller's lock of the queue.
 struct Lock {
     lock: unsafe extern "C" fn(*mut c_void),
     unlock: unsafe extern "C" fn(*mut c_void),
@@ -93,39 +93,39 @@ impl QueueLock for Lock {
         struct Held<'a>(&'a Lock);
         impl Drop for Held<'_> {
             fn drop(&mut self) {
-                // SAFETY: the caller's function with what was given for it; locked below.
+                // SAFETY: the caller's function with its own pointer; locked below.
                 unsafe { (self.0.unlock)(self.0.user.0) };
             }
         }
-        // SAFETY: the caller's function with what was given for it.
+        // SAFETY: the caller's function with its own pointer.
         unsafe { (self.lock)(self.user.0) };
         let _held = Held(self);
         work();
     }
 }
 
-/// Tells the caller that nothing is left.
+/// Calls the caller's `released` on drop.
 struct Released(unsafe extern "C" fn(*mut c_void), User);
 
 impl Drop for Released {
     fn drop(&mut self) {
-        // SAFETY: the caller's function with what was given for it, once.
+        // SAFETY: the caller's function with its own pointer, called once.
         unsafe { (self.0)(self.1.0) };
     }
 }
 
-/// Takes a device that the caller made. The library destroys neither it nor its instance; what it makes on the device is gone
-/// when the handle and all that was made from it are destroyed, without a wait.
+/// Adopts a device that the caller made. The library destroys neither the device nor its instance. Destroying the handle and
+/// all handles made from it destroys everything that the library has made on the device, without a wait.
 ///
-/// Fails with VR_ERROR_UNSUPPORTED naming what is required and missing, VR_ERROR_INVALID for a null handle, a physical
-/// device of another instance, or what is said to be enabled and cannot be, VR_ERROR_VULKAN.
+/// Fails with VR_ERROR_UNSUPPORTED, whose message names the missing requirement, VR_ERROR_INVALID for a null handle, a
+/// physical device of another instance, or an enabled feature that the device does not offer, VR_ERROR_VULKAN.
 ///
 /// Threads: any.
 ///
 /// # Safety
 ///
-/// `info` and `gpu` are valid. The objects are of one another, and were made with what `info` says; they live until
-/// `released` is called. The queue is no protected one.
+/// `info` and `gpu` are NULL or valid. The objects belong together and were made with what `info` says; they live until
+/// `released` is called. The queue is not protected.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_gpu_adopt(info: *const vr_device_info, gpu: *mut *mut vr_gpu) -> vr_result {
     call(|| {
@@ -133,7 +133,7 @@ pub unsafe extern "C" fn vr_gpu_adopt(info: *const vr_device_info, gpu: *mut *mu
         let out = unsafe { argument::out(gpu, "gpu") }?;
         // SAFETY: the caller's promise.
         let info = unsafe { argument::structure(info, "vr_device_info") }?;
-        // Dropped by every way out.
+        // Every return path drops this, or passes it on.
         let keep = info.released.map(|released| Arc::new(Released(released, User(info.user))));
         let nulls = [
             (info.instance.is_null(), "instance"),
@@ -163,9 +163,9 @@ pub unsafe extern "C" fn vr_gpu_adopt(info: *const vr_device_info, gpu: *mut *mu
         // SAFETY: the caller's promise.
         let options = unsafe { options(info.no_pipeline_cache, info.pipeline_cache, info.memory_budget) }?;
         let entry = match info.get_instance_proc_addr {
-            // SAFETY: by the caller's promise the loader's.
+            // SAFETY: the caller promises that it is the loader's.
             Some(get) => unsafe { ash::Entry::from_static_fn(ash::StaticFn { get_instance_proc_addr: get }) },
-            // SAFETY: loading the system's loader, which has made the caller's instance, runs nothing new.
+            // SAFETY: the system's loader, which has made the caller's instance, is loaded already.
             None => unsafe { ash::Entry::load() }.map_err(|error| Error::NoDevice {
                 why: format!("the Vulkan loader cannot be loaded ({error}): give get_instance_proc_addr"),
             })?,

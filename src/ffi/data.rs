@@ -1,4 +1,4 @@
-//! Data in the caller's memory, which is copied.
+//! Grids, meshes, points, surfaces and transfer functions, copied from the caller's memory.
 
 use glam::{DMat3, DVec3};
 
@@ -9,7 +9,7 @@ use crate::scene::{
     Grid, KernelSize, Knot, Points, Rescale, Shading, Surface, TetScalars, Tets, TransferFunction,
 };
 
-/// A regular grid: a scalar field, trilinear between samples, vacuum outside of the box that they span.
+/// A regular grid: a scalar field, trilinear between samples, with vacuum outside the box of the samples.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_grid_info {
@@ -19,15 +19,15 @@ pub struct vr_grid_info {
     pub dims: [u32; 3],
     /// A vr_sample_type.
     pub sample_type: u32,
-    /// The samples, x fastest, then y, without gaps, of any alignment. They are copied.
+    /// The samples: x fastest, then y, without gaps, of any alignment. They are copied.
     pub samples: *const std::ffi::c_void,
-    /// Their size in bytes: that of a sample times the product of dims.
+    /// Size of the samples in bytes: the size of a sample times the product of dims.
     pub sample_bytes: usize,
     /// Distance of neighbouring samples along x, y and z, in world units. All 0: 1.
     pub spacing: [f64; 3],
     /// World position of the first sample.
     pub origin: [f64; 3],
-    /// World directions of the grid's x, y and z axis; they need neither unit length nor right angles. All 0: the world's axes.
+    /// World directions of the grid's x, y and z axes, of any length and at any angles. All 0: the world's axes.
     pub direction: [[f64; 3]; 3],
     /// A sample's value is slope * stored + intercept. 0: 1.
     pub slope: f64,
@@ -40,18 +40,18 @@ unsafe impl Structure for vr_grid_info {
     const FIRST: usize = size_of::<Self>();
 }
 
-/// What a mesh's scalars belong to.
+/// The elements of a mesh that have the scalars.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum vr_scalars_per {
-    /// One at each point, linear inside each tetrahedron.
+    /// Points: the field is linear inside each tetrahedron.
     VR_SCALARS_PER_POINT = 1,
-    /// One for each tetrahedron, constant inside it.
+    /// Tetrahedra: the field is constant inside each.
     VR_SCALARS_PER_CELL = 2,
 }
 
-/// A mesh of tetrahedra; vacuum outside of them, and in those with a scalar that is NaN. Tetrahedra that are inside out are
-/// turned, those without volume are left out.
+/// A mesh of tetrahedra, with vacuum outside of them and in those with a NaN scalar. The library reorients tetrahedra that are
+/// inside out, and removes those without volume.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_mesh_info {
@@ -61,7 +61,7 @@ pub struct vr_mesh_info {
     pub points: *const f64,
     /// Number of points.
     pub point_count: usize,
-    /// The four points of each tetrahedron, from 0.
+    /// Indices of the four points of each tetrahedron, from 0.
     pub cells: *const u32,
     /// Number of tetrahedra.
     pub cell_count: usize,
@@ -80,13 +80,13 @@ unsafe impl Structure for vr_mesh_info {
     const FIRST: usize = size_of::<Self>();
 }
 
-/// How the colour of a surface depends on where it is seen from.
+/// Dependence of a surface's colour on the direction of view.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum vr_shading {
-    /// Not at all.
+    /// The colour does not depend on it.
     VR_SHADING_FLAT = 0,
-    /// Times the cosine between the triangle's normal and the line of sight, as if lit from the eye.
+    /// The colour is scaled by the cosine between the triangle's normal and the ray, as if lit from the eye.
     VR_SHADING_HEADLIGHT = 1,
 }
 
@@ -95,7 +95,7 @@ const SHADINGS: [(Shading, u32); 2] = [
     (Shading::Headlight, vr_shading::VR_SHADING_HEADLIGHT as u32),
 ];
 
-/// A triangle mesh of one colour that stands in the volume, seen from both sides.
+/// A triangle mesh of one colour in the volume, visible from both sides.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_surface_info {
@@ -105,11 +105,11 @@ pub struct vr_surface_info {
     pub points: *const f64,
     /// Number of points.
     pub point_count: usize,
-    /// The three points of each triangle, from 0.
+    /// Indices of the three points of each triangle, from 0.
     pub triangles: *const u32,
     /// Number of triangles.
     pub triangle_count: usize,
-    /// Straight linear red, green and blue, and opacity: 1 is opaque.
+    /// Linear red, green and blue, not premultiplied, and opacity: 1 is opaque.
     pub colour: [f64; 4],
     /// A vr_shading.
     pub shading: u32,
@@ -122,7 +122,7 @@ unsafe impl Structure for vr_surface_info {
     const FIRST: usize = size_of::<Self>();
 }
 
-/// Scattered points with kernels. Arrays that are NULL are left out; each other one has an element for each point.
+/// Scattered points with kernels. Arrays may be NULL; others have one element per point.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_points_info {
@@ -138,9 +138,9 @@ pub struct vr_points_info {
     pub weights: *const f32,
     /// Support radii, in world units.
     pub radii: *const f32,
-    /// Covariances of Gaussians, xx, xy, xz, yy, yz and zz of each point, in world units squared. Not with radii.
+    /// Covariances of Gaussians, xx, xy, xz, yy, yz and zz of each point, in world units squared. Excludes radii.
     pub covariances: *const f32,
-    /// One support radius for all, where there are neither radii nor covariances. 0: estimated from the spacing.
+    /// Support radius of all points, used without radii and covariances. 0: estimated from the spacing.
     pub radius: f64,
 }
 
@@ -149,20 +149,20 @@ unsafe impl Structure for vr_points_info {
     const FIRST: usize = size_of::<Self>();
 }
 
-/// A knot of a transfer function: from scalar to emitted colour and extinction, linear between knots, constant beyond the ends.
-/// Two knots of one scalar make a jump, where the later one holds.
+/// A knot of a transfer function, which maps a scalar to emitted colour and extinction. It is linear between knots and constant
+/// beyond the ends. Two knots of one scalar make a jump, at which the later one applies.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_knot {
-    /// Scalar, in the data's own units; not less than that of the knot before.
+    /// Scalar in the data's units, not less than that of the previous knot.
     pub scalar: f64,
-    /// Emitted colour: linear red, green and blue, not premultiplied, not negative.
+    /// Emitted colour: linear red, green and blue, not premultiplied, at least 0.
     pub colour: [f64; 3],
-    /// Extinction per unit of world length, not negative.
+    /// Extinction per world unit of length, at least 0.
     pub extinction: f64,
 }
 
-/// A list of the caller's, copied.
+/// Copies a list.
 ///
 /// # Safety
 ///
@@ -172,12 +172,12 @@ unsafe fn list<T: Copy>(pointer: *const T, count: usize, name: &str) -> Result<V
     let given = unsafe { argument::array(pointer, count, name) }?;
     let mut list = Vec::new();
     list.try_reserve_exact(count)
-        .map_err(|error| Error::invalid(name, format!("no room for a copy of {count}: {error}")))?;
+        .map_err(|error| Error::invalid(name, format!("no memory for a copy of {count}: {error}")))?;
     list.extend_from_slice(given);
     Ok(list)
 }
 
-/// Positions.
+/// Copies positions.
 ///
 /// # Safety
 ///
@@ -275,7 +275,7 @@ pub(super) unsafe fn surface(info: &vr_surface_info) -> Result<Surface> {
     Ok(Surface::new(points, triangles.to_vec(), info.colour)?.with_shading(shading))
 }
 
-/// A transfer function; `None` without knots.
+/// Converts a transfer function; `None` without knots.
 ///
 /// # Safety
 ///

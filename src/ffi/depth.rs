@@ -9,15 +9,15 @@ use super::vulkan::{VkExtent2D, VkFormat, VkImageLayout, VkImageView};
 use crate::error::{Error, Result};
 use crate::gpu::{DepthImage, DepthProjection, Gpu};
 
-/// How a projection stores depth.
+/// Kind of the mapping from depth to stored values.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum vr_depth_kind {
-    /// Of a perspective camera: at_zero and at_one are distances from the eye along the view.
+    /// A perspective camera: at_zero and at_one are distances from the eye along the view.
     VR_DEPTH_PERSPECTIVE = 1,
-    /// Of a camera with parallel rays: the same, negative behind the eye.
+    /// A camera with parallel rays: at_zero and at_one are distances from the eye along the view, negative behind it.
     VR_DEPTH_ORTHOGRAPHIC = 2,
-    /// As `matrix` says.
+    /// The mapping of `matrix`.
     VR_DEPTH_MATRIX = 3,
 }
 
@@ -27,24 +27,24 @@ pub enum vr_depth_kind {
 pub struct vr_depth_image {
     /// sizeof(vr_depth_image).
     pub struct_size: usize,
-    /// Two-dimensional, of one level, one layer and the depth aspect alone. The image has one sample and the usage
-    /// VK_IMAGE_USAGE_SAMPLED_BIT.
+    /// A two-dimensional view with one level, one layer and only the depth aspect. Its image has one sample per texel and the
+    /// usage VK_IMAGE_USAGE_SAMPLED_BIT.
     pub view: VkImageView,
-    /// Its format, one with depth.
+    /// Format of the view, with depth.
     pub format: VkFormat,
-    /// Its layout when the commands run. VK_IMAGE_LAYOUT_UNDEFINED stands for VK_IMAGE_LAYOUT_DEPTH_READ_ONLY_OPTIMAL. It is left in
-    /// that layout, last read in the compute shader stage.
+    /// Layout when the commands run. VK_IMAGE_LAYOUT_UNDEFINED stands for VK_IMAGE_LAYOUT_DEPTH_READ_ONLY_OPTIMAL. The commands
+    /// leave the image in that layout, last read in the compute shader stage.
     pub layout: VkImageLayout,
-    /// Its size: that of the plan's view.
+    /// Size of the image, equal to that of the plan's view.
     pub extent: VkExtent2D,
     /// A vr_depth_kind.
     pub kind: u32,
-    /// Depth along the view, in world units, where the image holds 0: near for the usual projection, far for a reversed one,
-    /// INFINITY for one without a far end. What holds the far end itself shows no surface.
+    /// Depth along the view, in world units, that is stored as 0: near for the usual projection, far for a reversed one,
+    /// INFINITY for a reversed one without a far plane. A pixel that stores the far end shows no surface.
     pub at_zero: f64,
-    /// The same where the image holds 1.
+    /// Depth along the view, in world units, that is stored as 1.
     pub at_one: f64,
-    /// From view coordinates to clip coordinates with depths from 0 to 1, column after column.
+    /// Matrix from view coordinates to clip coordinates with depths from 0 to 1, column by column.
     pub matrix: [f64; 16],
 }
 

@@ -1,4 +1,4 @@
-//! Devices: opening one, and what it tells.
+//! Devices that the library opens, and queries of any device.
 
 use std::ffi::{CString, c_char, c_void};
 
@@ -10,42 +10,42 @@ use super::vulkan::{VkBool32, VkDevice, VkInstance, VkPhysicalDevice, VkQueue};
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, GpuOptions, Validation};
 
-/// A Vulkan device with what the library keeps on it. It lives until it and all that was made from it are destroyed.
+/// A Vulkan device with the library's objects. It lives until this handle and all handles made from it are destroyed.
 #[derive(Debug)]
 pub struct vr_gpu {
     pub(super) gpu: Gpu,
     name: CString,
 }
 
-/// What the validation layers check on a device that the library opens.
+/// Checks of the validation layer on a device that the library opens.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum vr_validation {
-    /// They are not loaded.
+    /// The layer is not loaded.
     VR_VALIDATION_OFF = 0,
     /// Core validation and synchronization validation. Messages go to stderr.
     VR_VALIDATION_ON = 1,
-    /// The same with GPU-assisted validation.
+    /// As VR_VALIDATION_ON, with GPU-assisted validation.
     VR_VALIDATION_GPU_ASSISTED = 2,
 }
 
-/// How a device is opened. Zeros are the defaults.
+/// Options of a device that the library opens. Zeros are the defaults.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_gpu_info {
     /// sizeof(vr_gpu_info).
     pub struct_size: usize,
-    /// Part of the device's name, case ignored. NULL: what the environment variable VOLRASTER_DEVICE says, else the best
-    /// device, a real GPU before a software one.
+    /// Part of the device's name; case is ignored. NULL: the environment variable VOLRASTER_DEVICE, else the best device: a
+    /// real GPU before a software one.
     pub device: *const c_char,
     /// A vr_validation. A missing layer is an error.
     pub validation: u32,
-    /// Do not keep pipelines on disk.
+    /// VK_TRUE keeps no pipelines on disk.
     pub no_pipeline_cache: VkBool32,
     /// Folder of the pipeline cache. NULL: volraster in the user's cache folder.
     pub pipeline_cache: *const c_char,
-    /// Most device memory to use, in bytes. 0: what the driver says is free, or nine tenths of the largest device-local
-    /// heap.
+    /// Limit of device memory, in bytes. 0: the free memory that the driver reports, or nine tenths of the largest
+    /// device-local heap.
     pub memory_budget: u64,
 }
 
@@ -54,7 +54,7 @@ unsafe impl Structure for vr_gpu_info {
     const FIRST: usize = size_of::<Self>();
 }
 
-/// Is handed a queue that no other thread uses meanwhile, and the user pointer.
+/// Receives a queue, which no other thread uses during the call, and the user pointer.
 pub type vr_queue_callback = Option<unsafe extern "C" fn(queue: VkQueue, user: *mut c_void)>;
 
 /// The Vulkan objects behind a device.
@@ -71,7 +71,7 @@ pub struct vr_gpu_objects {
     pub device: VkDevice,
     /// The queue. See vr_gpu_with_queue().
     pub queue: VkQueue,
-    /// Its family.
+    /// Family of the queue.
     pub queue_family: u32,
 }
 
@@ -80,14 +80,14 @@ unsafe impl Structure for vr_gpu_objects {
     const FIRST: usize = size_of::<Self>();
 }
 
-/// Hands a device out.
+/// Returns a device through `out`.
 pub(super) fn give(gpu: Gpu, out: &mut *mut vr_gpu) -> vr_result {
     let name = c_text(&gpu.report().name);
     *out = Box::into_raw(Box::new(vr_gpu { gpu, name }));
     vr_result::VR_OK
 }
 
-/// Options that both ways have.
+/// Converts the options that opened and adopted devices share.
 ///
 /// # Safety
 ///
@@ -102,16 +102,16 @@ pub(super) unsafe fn options(no_cache: VkBool32, cache: *const c_char, budget: u
     })
 }
 
-/// Opens a device, without a window. `info` may be NULL: the best device.
+/// Opens a device, without a window. `info` may be NULL, for default options.
 ///
-/// Fails with VR_ERROR_NO_DEVICE (with the reason for each device), VR_ERROR_UNSUPPORTED where validation is asked for and
-/// its layer is missing, VR_ERROR_VULKAN.
+/// Fails with VR_ERROR_NO_DEVICE, whose message has the reason for each device, VR_ERROR_UNSUPPORTED if the layer of a
+/// requested validation is missing, VR_ERROR_VULKAN.
 ///
 /// Threads: any.
 ///
 /// # Safety
 ///
-/// `info` is NULL or valid, with its strings; `gpu` is valid.
+/// `info` is NULL or valid, and so are its strings; `gpu` is NULL or valid.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_gpu_create(info: *const vr_gpu_info, gpu: *mut *mut vr_gpu) -> vr_result {
     call(|| {
@@ -139,7 +139,7 @@ pub unsafe extern "C" fn vr_gpu_create(info: *const vr_gpu_info, gpu: *mut *mut 
     })
 }
 
-/// Destroys a device's handle; NULL is nothing. The device itself lives as long as anything that was made from it.
+/// Destroys a device's handle; NULL is ignored. The device lives as long as anything that was made from it.
 ///
 /// Threads: any, while no other function uses this handle.
 ///
@@ -154,7 +154,7 @@ pub unsafe extern "C" fn vr_gpu_destroy(gpu: *mut vr_gpu) {
     }
 }
 
-/// The device's name; NULL for NULL. Valid as long as the handle.
+/// Returns the device's name, valid as long as the handle; NULL for NULL.
 ///
 /// Threads: any.
 ///
@@ -167,7 +167,7 @@ pub unsafe extern "C" fn vr_gpu_name(gpu: *const vr_gpu) -> *const c_char {
     unsafe { gpu.as_ref() }.map_or(std::ptr::null(), |gpu| gpu.name.as_ptr())
 }
 
-/// Bytes of device memory that the library has taken, and how many it may take in all. Either pointer may be NULL.
+/// Writes the bytes of device memory that the library uses, and its limit. Either pointer may be NULL.
 ///
 /// Threads: any.
 ///
@@ -191,8 +191,8 @@ pub unsafe extern "C" fn vr_gpu_memory(gpu: *const vr_gpu, used: *mut u64, budge
     })
 }
 
-/// The Vulkan objects behind a device, for callers that record on one that the library has opened. They live as long as the
-/// handle and what was made from it do; what is made from them must be destroyed before.
+/// Writes the Vulkan objects behind a device, for callers that record on a device that the library has opened. The objects live as
+/// long as the handle and everything made from it; callers destroy what they make from the objects before.
 ///
 /// Threads: any.
 ///
@@ -219,8 +219,8 @@ pub unsafe extern "C" fn vr_gpu_handles(gpu: *const vr_gpu, objects: *mut vr_gpu
     })
 }
 
-/// Calls `work` once, before it returns, with the queue that the library submits to, while no other thread submits through the
-/// library. `work` must call nothing of the library that draws, uploads or prepares: it would wait for itself.
+/// Calls `work` once with the queue that the library submits to, while no other thread submits through the library, and then
+/// returns. `work` must not call functions of the library that draw, upload or prepare: they would deadlock.
 ///
 /// Threads: any.
 ///

@@ -1,18 +1,14 @@
-//! The library for programs in C: what `include/volraster.h` declares.
+//! The library for C programs; `include/volraster.h` declares it.
 //!
-//! Handles are boxes behind opaque pointers. What a handle was made from lives as long as the handle does, so that handles
-//! may be destroyed in any order. Each function catches what panics, checks every pointer for null, and leaves a message for
-//! [`vr_last_error`] where it fails. Structures begin with their size, see `argument`.
+//! Handles are boxes behind opaque pointers. A handle keeps everything alive that it was made from, so that handles may be
+//! destroyed in any order. Each function catches panics, checks pointers for null, and stores a message for [`vr_last_error`]
+//! when it fails. Structures begin with their size; see `argument`.
 //!
-//! | file | what |
-//! |---|---|
-//! | `result` | codes, the last message of a thread, panics |
-//! | `argument` | pointers, strings, arrays and structures from C |
-//! | `vulkan` | Vulkan's types by their C names |
-//! | `gpu`, `scene`, `load`, `data`, `view`, `plan`, `info` | the functions and their structures |
+//! May use everything but the program. Used by C programs only. `argument`, `result` and `vulkan` are the basis of the other
+//! files, which have functions and their structures.
 
 #![expect(unsafe_code, reason = "reads and writes through pointers from C")]
-#![expect(non_camel_case_types, reason = "the names are those of C")]
+#![expect(non_camel_case_types, reason = "C names")]
 
 mod adopt;
 mod argument;

@@ -17,8 +17,7 @@ use crate::gpu::Gpu;
 use crate::num;
 use crate::technique::Renderer;
 
-/// Everything that one frame of one size needs, fixed: pipelines, buffers, images. For several frames in flight there are as many
-/// plans.
+/// Everything that frames of one size need: pipelines, buffers, images. Each frame in flight needs a plan of its own.
 #[derive(Debug)]
 pub struct vr_plan {
     pub(super) gpu: Gpu,
@@ -28,29 +27,29 @@ pub struct vr_plan {
     plan: Mutex<Plan>,
 }
 
-/// What becomes of what the target image holds.
+/// How the result combines with the contents of the target image.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum vr_target_mode {
-    /// Replaced: transparent black where the volume is not.
+    /// It replaces them; pixels without volume become transparent black.
     VR_TARGET_CLEAR = 1,
-    /// Covered: the volume is composited over it.
+    /// It is composited over them.
     VR_TARGET_OVER = 2,
 }
 
-/// What a plan is for.
+/// Technique and target of a plan.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_plan_info {
     /// sizeof(vr_plan_info).
     pub struct_size: usize,
-    /// NAME[:key=value,...], such as "slabs:step=0.5". NULL: vr_scene_technique().
+    /// Technique with options, NAME[:key=value,...], such as "slabs:step=0.5". NULL: vr_scene_technique().
     pub technique: *const c_char,
     /// Format of target images. Values are premultiplied linear RGBA; an sRGB format encodes them.
     pub format: VkFormat,
     /// A vr_target_mode.
     pub mode: u32,
-    /// Whether each recording has a depth image: nothing behind what it shows is drawn, and what passes through it is cut there.
+    /// Whether each recording has a depth image, which cuts the rays of the volume at its surfaces.
     pub with_depth: VkBool32,
     /// 0.
     pub reserved: u32,
@@ -62,7 +61,7 @@ unsafe impl Structure for vr_plan_info {
 }
 
 impl vr_plan {
-    /// The plan, unless a panic left it half changed.
+    /// Locks the plan; fails if a panic left it half changed.
     pub(super) fn plan(&self) -> Result<MutexGuard<'_, Plan>> {
         self.plan
             .lock()
@@ -70,10 +69,10 @@ impl vr_plan {
     }
 }
 
-/// Fixes everything that frames of this view's size need. May allocate, compile, upload, submit and wait.
+/// Makes a plan for frames of this view's size. May allocate, compile, upload, submit and wait.
 ///
-/// Fails with VR_ERROR_INVALID for options that do not exist or do not fit the scene, VR_ERROR_UNSUPPORTED and VR_ERROR_MEMORY for
-/// what the device lacks, VR_ERROR_VULKAN.
+/// Fails with VR_ERROR_INVALID for options that do not exist or do not fit the scene, with VR_ERROR_UNSUPPORTED or
+/// VR_ERROR_MEMORY if the device lacks a feature or memory, and with VR_ERROR_VULKAN.
 ///
 /// Threads: any; plans of one scene may be created at the same time.
 ///
@@ -112,8 +111,8 @@ pub unsafe extern "C" fn vr_plan_create(
     })
 }
 
-/// Turns a plan to another view of the same image size. Allocates nothing, and does not wait. Returns VR_NO_ROOM, and nothing is
-/// changed, where the plan has no room for it, the size is another one, or the view is the first with anything cut away: call
+/// Sets another view of the same image size. Allocates nothing and does not wait. Returns VR_NO_ROOM and changes nothing if the
+/// plan's capacity is too small for the view, if its size differs, or if it clips and the plan was made without clipping: call
 /// vr_plan_prepare() then.
 ///
 /// Fails with VR_ERROR_INVALID.
@@ -134,10 +133,10 @@ pub unsafe extern "C" fn vr_plan_set_view(plan: *mut vr_plan, view: *const vr_vi
     })
 }
 
-/// Makes a plan anew for a view of any size, with room for what frames were short of. What recordings of it still name stays until
-/// they are completed. May allocate, compile, upload, submit and wait.
+/// Makes a plan anew for a view of any size, with the capacity that earlier frames lacked. Resources of its recordings live until
+/// these are completed. May allocate, compile, upload, submit and wait.
 ///
-/// Fails as vr_plan_create(), and the plan is what it was.
+/// Fails as vr_plan_create(), and leaves the plan unchanged.
 ///
 /// Threads: any; calls with one plan wait for each other.
 ///
@@ -157,7 +156,7 @@ pub unsafe extern "C" fn vr_plan_prepare(plan: *mut vr_plan, view: *const vr_vie
     })
 }
 
-/// How the technique draws on this device: raster, compute, ...; NULL for NULL. Valid as long as the handle.
+/// Returns the route of the technique on this device (raster, compute, ...), valid as long as the handle; NULL for NULL.
 ///
 /// Threads: any.
 ///
@@ -170,7 +169,7 @@ pub unsafe extern "C" fn vr_plan_route(plan: *const vr_plan) -> *const c_char {
     unsafe { plan.as_ref() }.map_or(std::ptr::null(), |plan| plan.route.as_ptr())
 }
 
-/// Destroys a plan's handle; NULL is nothing. What recordings of it name stays until they are completed.
+/// Destroys a plan's handle; NULL is ignored. Resources of its recordings live until these are completed.
 ///
 /// Threads: any, while no other function uses this handle.
 ///
@@ -185,8 +184,8 @@ pub unsafe extern "C" fn vr_plan_destroy(plan: *mut vr_plan) {
     }
 }
 
-/// Draws a frame and waits for it: for tests, thumbnails and files. `pixels` gets width * height times premultiplied linear red,
-/// green, blue and alpha, row by row, top row first; `float_count` is the number of floats that it has room for.
+/// Draws a frame and waits for it, for tests, thumbnails and files. Writes width * height pixels of premultiplied linear red, green,
+/// blue and alpha to `pixels`, row by row, top row first; `float_count` is the number of floats that `pixels` can hold.
 ///
 /// Fails as vr_plan_create(), and with VR_ERROR_TIMEOUT.
 ///
@@ -194,7 +193,7 @@ pub unsafe extern "C" fn vr_plan_destroy(plan: *mut vr_plan) {
 ///
 /// # Safety
 ///
-/// Pointers are NULL or valid, structures with their sizes, `pixels` as large as is said, `technique` NULL or text.
+/// Pointers are NULL or valid, structures with their sizes; `pixels` can hold `float_count` floats; `technique` ends with NUL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_render(
     scene: *const vr_scene,
@@ -220,7 +219,7 @@ pub unsafe extern "C" fn vr_render(
         let _ = unsafe { argument::reference(pixels.cast_const(), "pixels") }?;
         let image = Renderer::new(&scene.scene, technique).render(&view)?;
         let floats: &[f32] = image.pixels().as_flattened();
-        // SAFETY: room for them was checked, and they are the library's own.
+        // SAFETY: the caller's array is large enough, as checked, and separate from the image.
         unsafe { std::ptr::copy_nonoverlapping(floats.as_ptr(), pixels, floats.len().min(needed)) };
         Ok(vr_result::VR_OK)
     })

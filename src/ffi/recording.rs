@@ -15,56 +15,56 @@ use crate::frame::plan::{Recorded, Status};
 use crate::gpu::{CommandBuffer, TargetImage};
 use crate::num;
 
-/// A recording in a command buffer: it keeps what the commands name, until vr_recording_completed() says that their submission has
-/// ended, or vr_recording_discard() that there is none, and then what the frame told.
+/// A recording in a command buffer. It keeps the resources of its commands until vr_recording_completed() says that their
+/// submission has ended, or vr_recording_discard() that there is none; then it has the status of the frame.
 #[derive(Debug)]
 pub struct vr_recording {
     state: Mutex<State>,
 }
 
-/// Where a recording is.
+/// State of a recording.
 #[derive(Debug)]
 enum State {
-    /// Not known to have ended.
+    /// It is not known to have ended.
     Pending(Box<Recorded>),
-    /// Its status was read.
+    /// It has ended, and its status was read.
     Completed(Box<Told>),
-    /// Discarded, or its status cannot be read.
+    /// It was discarded, or its status could not be read.
     Lost,
 }
 
-/// A status for C.
+/// The status of a frame for C.
 #[derive(Debug)]
 struct Told {
     complete: bool,
     passes: Vec<vr_pass_time>,
     counters: Vec<vr_counter>,
-    /// What the lists point to.
+    /// Owner of the texts that the lists point to.
     _names: Vec<CString>,
 }
 
-// SAFETY: the pointers in it are to its own texts, which never change.
+// SAFETY: its pointers refer to its own texts, which never change.
 unsafe impl Send for Told {}
 
-/// Where a frame is recorded.
+/// Command buffer and images of a recording.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_record_info {
     /// sizeof(vr_record_info).
     pub struct_size: usize,
-    /// In the recording state, outside of any rendering, of a pool for the device's queue family.
+    /// A command buffer in the recording state, outside of rendering, from a pool for the device's queue family.
     pub commands: VkCommandBuffer,
-    /// With the usage VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT. When the commands run it is in the layout
+    /// The target image, with the usage VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT. When the commands run it is in the layout
     /// VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL, and earlier accesses are available and visible to the colour attachment output
-    /// stage. It is left in that layout, last written in that stage.
+    /// stage. The commands leave it in that layout, last written in that stage.
     pub image: VkImage,
-    /// Of the image: two-dimensional, of one level and one layer.
+    /// A two-dimensional view of the image, with one level and one layer.
     pub view: VkImageView,
-    /// Its format: that of the plan.
+    /// Format of the view, equal to that of the plan.
     pub format: VkFormat,
-    /// Its size: that of the plan's view.
+    /// Size of the image, equal to that of the plan's view.
     pub extent: VkExtent2D,
-    /// NULL where the plan is without depth.
+    /// Depth image; NULL if the plan is without depth.
     pub depth: *const vr_depth_image,
 }
 
@@ -73,39 +73,39 @@ unsafe impl Structure for vr_record_info {
     const FIRST: usize = size_of::<Self>();
 }
 
-/// Time of a pass.
+/// Time of one pass.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_pass_time {
-    /// The pass.
+    /// Name of the pass.
     pub name: *const c_char,
     /// Milliseconds on the device.
     pub ms: f64,
 }
 
-/// Work of a frame, counted on the device.
+/// A count of work that the device has done for a frame.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_counter {
-    /// What was counted.
+    /// Name of the counter.
     pub name: *const c_char,
-    /// How many.
+    /// The count.
     pub value: u64,
 }
 
-/// What a frame told.
+/// Status of a frame.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_status {
     /// sizeof(vr_status).
     pub struct_size: usize,
-    /// Whether everything was drawn. VK_FALSE where room was short: call vr_plan_prepare() and draw the frame again.
+    /// Whether everything was drawn. VK_FALSE if a capacity was too small: call vr_plan_prepare() and draw the frame again.
     pub complete: VkBool32,
-    /// Number of passes; 0 where the device has no timestamps.
+    /// Number of passes; 0 if the device has no timestamps.
     pub pass_count: u32,
-    /// Their times. Valid as long as the recording's handle.
+    /// Times of the passes, valid as long as the recording's handle.
     pub passes: *const vr_pass_time,
-    /// Work that only the device knows. Valid as long as the recording's handle.
+    /// Counters, valid as long as the recording's handle.
     pub counters: *const vr_counter,
     /// Number of counters.
     pub counter_count: u32,
@@ -119,7 +119,7 @@ unsafe impl Structure for vr_status {
 impl Told {
     fn new(status: Status) -> Self {
         let mut names = Vec::new();
-        // A text stays where it is when its owner moves.
+        // Moving a `CString` does not move its text.
         let mut keep = |name: &str| -> *const c_char {
             let name = c_text(name);
             let pointer = name.as_ptr();
@@ -145,20 +145,20 @@ impl Told {
     }
 }
 
-/// Records a frame into the caller's command buffer: no submission, no wait, no device memory. The caller submits, sees the
-/// submission end by a fence, a semaphore or an idle queue, and calls vr_recording_completed(). A plan has one recording at a time
-/// that was not completed.
+/// Records a frame into the caller's command buffer, without submission, wait or allocation of device memory. The caller submits,
+/// waits for the end of the submission by a fence, a semaphore or an idle queue, and calls vr_recording_completed(). A plan has at
+/// most one recording that is not completed.
 ///
-/// Fails with VR_ERROR_INVALID where an image is not what the plan is for, or its last recording was not completed,
-/// VR_ERROR_UNSUPPORTED for a depth image of a format that the device cannot sample. Nothing was recorded then.
+/// Fails with VR_ERROR_INVALID if an image does not fit the plan or the plan's last recording is not completed, and with
+/// VR_ERROR_UNSUPPORTED if the device cannot sample the format of the depth image. Nothing is recorded then.
 ///
 /// Threads: any that may record into the command buffer; calls with one plan wait for each other.
 ///
 /// # Safety
 ///
-/// Pointers are NULL or valid, structures with their sizes. The Vulkan objects are of the plan's device and as vr_record_info and
-/// vr_depth_image say; images and views live until every submission that uses them has ended. The command buffer is submitted at
-/// most once at a time, to the device's queue family.
+/// Pointers are NULL or valid, structures with their sizes. The Vulkan objects belong to the plan's device and are as vr_record_info
+/// and vr_depth_image require; images and views live until every submission that uses them has ended. The command buffer is not
+/// submitted again while a submission of it is pending, and only to the device's queue family.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_plan_record(
     plan: *mut vr_plan,
@@ -200,17 +200,17 @@ pub unsafe extern "C" fn vr_plan_record(
     })
 }
 
-/// Says that the submission of a recording has ended: a fence or a semaphore was signalled, or the queue is idle. Frees what the
-/// recording kept, and tells what the frame told. `status` may be NULL. Called again it tells the same.
+/// Declares that the submission of a recording has ended: a fence or a semaphore was signalled, or the queue is idle. Frees the
+/// resources of the recording, and writes the status of the frame; later calls write the same. `status` may be NULL.
 ///
-/// Fails with VR_ERROR_VULKAN where the status cannot be read, though what the recording kept is freed, and with
-/// VR_ERROR_INVALID for a recording that was discarded.
+/// Fails with VR_ERROR_VULKAN if the status cannot be read, though it frees the resources, and with VR_ERROR_INVALID for a
+/// recording that was discarded.
 ///
 /// Threads: any; calls with one recording wait for each other.
 ///
 /// # Safety
 ///
-/// `recording` is NULL or valid, and the device has no more use for what it recorded; `status` is NULL or valid, with its size.
+/// `recording` is NULL or valid, and no submission of it is pending; `status` is NULL or valid, with its size.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_recording_completed(
     recording: *mut vr_recording,
@@ -221,7 +221,7 @@ pub unsafe extern "C" fn vr_recording_completed(
         let recording = unsafe { argument::reference(recording, "recording") }?;
         let lost = || Error::invalid("recording", "was discarded, or its status could not be read");
         let mut state = recording.state.lock().map_err(|_| lost())?;
-        // Lost, if the status cannot be read.
+        // The state stays `Lost` if the status cannot be read.
         *state = match std::mem::replace(&mut *state, State::Lost) {
             State::Pending(recorded) => State::Completed(Box::new(Told::new(recorded.completed()?))),
             known => known,
@@ -235,9 +235,9 @@ pub unsafe extern "C" fn vr_recording_completed(
     })
 }
 
-/// Says that a recording will not be submitted, or not again: its command buffer was reset, freed or forgotten, as when a frame is
-/// dropped because the window changed. Frees what the recording kept. The plan can be recorded again. Of a recording that was
-/// completed or discarded: does nothing.
+/// Declares that a recording will not be submitted, or not again, for instance because a resized window made its frame obsolete.
+/// Frees the resources of the recording, and the plan can record again. Does nothing for a recording that was completed or
+/// discarded.
 ///
 /// Fails with VR_ERROR_INVALID for NULL.
 ///
@@ -245,7 +245,7 @@ pub unsafe extern "C" fn vr_recording_completed(
 ///
 /// # Safety
 ///
-/// `recording` is NULL or valid, and no submission of what it recorded is pending or will be made.
+/// `recording` is NULL or valid, and no submission of it is pending or will be made.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_recording_discard(recording: *mut vr_recording) -> vr_result {
     call(|| {
@@ -265,8 +265,8 @@ pub unsafe extern "C" fn vr_recording_discard(recording: *mut vr_recording) -> v
     })
 }
 
-/// Destroys a recording's handle; NULL is nothing. Where it was neither completed nor discarded, what the recording kept is never
-/// freed, for the device may still use it, and the plan records no more until vr_plan_prepare().
+/// Destroys a recording's handle; NULL is ignored. If it was neither completed nor discarded, its resources are never freed, since
+/// the device may still use them, and the plan cannot record until vr_plan_prepare().
 ///
 /// Threads: any, while no other function uses this handle.
 ///

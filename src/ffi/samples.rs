@@ -1,4 +1,4 @@
-//! Samples of a grid, by their type.
+//! Samples of a grid, of any type.
 
 use bytemuck::{AnyBitPattern, NoUninit};
 
@@ -8,7 +8,7 @@ use crate::io::SampleType;
 use crate::num;
 use crate::scene::Samples;
 
-/// The type of samples.
+/// Type of samples.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum vr_sample_type {
@@ -47,11 +47,11 @@ const SAMPLE_TYPES: [(SampleType, u32); 10] = [
     (SampleType::F64, vr_sample_type::VR_SAMPLE_F64 as u32),
 ];
 
-/// Samples of one type, copied.
+/// Copies samples of one type.
 ///
 /// # Safety
 ///
-/// `samples` is null or so many bytes.
+/// `samples` is null or has that many bytes.
 pub(super) unsafe fn samples(
     dims: [u32; 3],
     sample_type: u32,
@@ -81,12 +81,12 @@ pub(super) unsafe fn samples(
     })
 }
 
-/// Numbers in memory of any alignment, converted.
+/// Copies and converts numbers from memory of any alignment.
 fn copied<T: AnyBitPattern, U: NoUninit>(bytes: &[u8], convert: impl Fn(T) -> U) -> Result<Vec<U>> {
     let mut list = Vec::new();
     let count = bytes.len() / size_of::<T>();
     list.try_reserve_exact(count)
-        .map_err(|error| Error::invalid("samples", format!("no room for a copy of {count}: {error}")))?;
+        .map_err(|error| Error::invalid("samples", format!("no memory for a copy of {count}: {error}")))?;
     list.extend(bytes.chunks_exact(size_of::<T>()).map(|b| convert(bytemuck::pod_read_unaligned(b))));
     Ok(list)
 }
@@ -99,7 +99,7 @@ mod tests {
     fn samples_of_every_type_are_copied_from_any_place() {
         fn check<T: NoUninit + Copy>(kind: vr_sample_type, values: [T; 8], want: Samples) {
             let bytes: &[u8] = bytemuck::cast_slice(&values);
-            // Off its alignment.
+            // Not aligned.
             let mut memory = vec![0xee_u8; bytes.len() + 1];
             memory[1..].copy_from_slice(bytes);
             // SAFETY: that many bytes follow.

@@ -15,14 +15,14 @@ use crate::resident::GpuScene;
 use crate::scene::{Camera, Clip, Data, Scene, TransferFunction, View, auto};
 use crate::technique::{Method, Technique};
 
-/// Data with a transfer function, on a device. What of it a technique needs is uploaded when a plan is first created for it,
-/// and kept with the scene. It does not change: functions that change something make another scene, which shares the rest.
+/// Data with a transfer function on a device. Creating a plan uploads the data that its technique needs, which the scene then keeps.
+/// A scene does not change: functions that change something make another scene, which shares the rest.
 #[derive(Debug)]
 pub struct vr_scene {
     pub(super) scene: Arc<GpuScene>,
-    /// `NAME:key=value,...`.
+    /// Default technique, as `NAME:key=value,...`.
     pub(super) technique: CString,
-    /// What a file said of views.
+    /// View of the file that the scene was read from.
     pub(super) file: Option<FileView>,
     pub(super) warnings: CString,
 }
@@ -30,39 +30,39 @@ pub struct vr_scene {
 /// The view of a file.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FileView {
-    /// `None` where it is chosen for the data.
+    /// `None` if the library chooses it for the data.
     pub(super) camera: Option<Camera>,
     pub(super) clip: Clip,
     pub(super) extent: [u32; 2],
 }
 
-/// What a scene holds.
+/// Kind of the data of a scene.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum vr_data_kind {
-    /// Samples on a lattice.
+    /// A grid.
     VR_DATA_GRID = 1,
-    /// Tetrahedra.
+    /// A mesh of tetrahedra.
     VR_DATA_MESH = 2,
     /// Scattered points.
     VR_DATA_POINTS = 3,
 }
 
-/// What a scene is, to place a camera and to make a transfer function.
+/// Properties of a scene, for placing a camera and making a transfer function.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_scene_info {
     /// sizeof(vr_scene_info).
     pub struct_size: usize,
-    /// Least corner of the box along the world's axes that holds the data.
+    /// Least corner of the data's bounding box, whose sides are parallel to the world's axes.
     pub low: [f64; 3],
-    /// Its greatest corner.
+    /// Greatest corner of the bounding box.
     pub high: [f64; 3],
     /// Smallest and largest finite scalar.
     pub range: [f64; 2],
     /// A vr_data_kind.
     pub data_kind: u32,
-    /// Samples along x, y and z; 0 where the data is no grid.
+    /// Samples along x, y and z; 0 if the data is not a grid.
     pub dims: [u32; 3],
 }
 
@@ -72,7 +72,7 @@ unsafe impl Structure for vr_scene_info {
 }
 
 impl vr_scene {
-    /// What was made of the caller's data. `None` chooses a transfer function.
+    /// Makes a scene of data; without `transfer` it chooses a transfer function.
     fn from_data(gpu: &vr_gpu, data: impl Into<Data>, transfer: Option<TransferFunction>) -> Result<Self> {
         let data = data.into();
         let transfer = match transfer {
@@ -85,12 +85,12 @@ impl vr_scene {
         Ok(Self { scene, technique, file: None, warnings: CString::default() })
     }
 
-    /// Another scene of the same kind.
+    /// Makes a handle of another scene with the same technique, view and warnings.
     pub(super) fn with(&self, scene: Arc<GpuScene>) -> Self {
         Self { scene, technique: self.technique.clone(), file: self.file, warnings: self.warnings.clone() }
     }
 
-    /// The view that the scene asks for; with sides of 0 also its size.
+    /// Returns the view of the file, or one chosen for the data; with sides of 0 also the size.
     fn view(&self, width: u32, height: u32) -> Result<View> {
         let file = self.file;
         let extent = file.map_or([LoadedScene::DEFAULT_SIDE; 2], |file| file.extent);
@@ -103,7 +103,7 @@ impl vr_scene {
         Ok(View::new(camera, width, height)?.with_clip(clip))
     }
 
-    /// The technique of a text, or the scene's own.
+    /// Parses a technique; null stands for the scene's own.
     ///
     /// # Safety
     ///
@@ -126,7 +126,7 @@ pub(super) fn give(scene: vr_scene, out: &mut *mut vr_scene) -> vr_result {
     vr_result::VR_OK
 }
 
-/// Makes a scene of data in the caller's memory, as its information has it.
+/// Makes a scene of data in the caller's memory.
 ///
 /// # Safety
 ///
@@ -153,7 +153,7 @@ unsafe fn create<Info: Structure, D: Into<Data>>(
     })
 }
 
-/// Makes a scene of a grid in memory, which is copied. Without knots (NULL, 0) a transfer function is chosen.
+/// Makes a scene of a grid in memory, which is copied. Without knots (NULL, 0) the library chooses a transfer function.
 ///
 /// Fails with VR_ERROR_INVALID.
 ///
@@ -161,7 +161,7 @@ unsafe fn create<Info: Structure, D: Into<Data>>(
 ///
 /// # Safety
 ///
-/// Pointers are NULL or valid, arrays as long as is said.
+/// Pointers are NULL or valid, arrays have the given lengths.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_scene_create_grid(
     gpu: *const vr_gpu,
@@ -174,7 +174,7 @@ pub unsafe extern "C" fn vr_scene_create_grid(
     unsafe { create(gpu, (info, "vr_grid_info"), (knots, knot_count), scene, data::grid) }
 }
 
-/// Makes a scene of tetrahedra in memory, which are copied. Without knots (NULL, 0) a transfer function is chosen.
+/// Makes a scene of tetrahedra in memory, which are copied. Without knots (NULL, 0) the library chooses a transfer function.
 ///
 /// Fails with VR_ERROR_INVALID.
 ///
@@ -182,7 +182,7 @@ pub unsafe extern "C" fn vr_scene_create_grid(
 ///
 /// # Safety
 ///
-/// Pointers are NULL or valid, arrays as long as is said.
+/// Pointers are NULL or valid, arrays have the given lengths.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_scene_create_mesh(
     gpu: *const vr_gpu,
@@ -195,7 +195,7 @@ pub unsafe extern "C" fn vr_scene_create_mesh(
     unsafe { create(gpu, (info, "vr_mesh_info"), (knots, knot_count), scene, data::mesh) }
 }
 
-/// Makes a scene of points in memory, which are copied. Without knots (NULL, 0) a transfer function is chosen.
+/// Makes a scene of points in memory, which are copied. Without knots (NULL, 0) the library chooses a transfer function.
 ///
 /// Fails with VR_ERROR_INVALID.
 ///
@@ -203,7 +203,7 @@ pub unsafe extern "C" fn vr_scene_create_mesh(
 ///
 /// # Safety
 ///
-/// Pointers are NULL or valid, arrays as long as is said.
+/// Pointers are NULL or valid, arrays have the given lengths.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_scene_create_points(
     gpu: *const vr_gpu,
@@ -216,7 +216,7 @@ pub unsafe extern "C" fn vr_scene_create_points(
     unsafe { create(gpu, (info, "vr_points_info"), (knots, knot_count), scene, data::points) }
 }
 
-/// Destroys a scene's handle; NULL is nothing. Plans and recordings that were made from it go on.
+/// Destroys a scene's handle; NULL is ignored. Plans and recordings made from it stay valid.
 ///
 /// Threads: any, while no other function uses this handle.
 ///
@@ -231,7 +231,7 @@ pub unsafe extern "C" fn vr_scene_destroy(scene: *mut vr_scene) {
     }
 }
 
-/// Tells what a scene is.
+/// Writes the properties of a scene.
 ///
 /// Threads: any.
 ///
@@ -263,8 +263,8 @@ pub unsafe extern "C" fn vr_scene_query(scene: *const vr_scene, info: *mut vr_sc
     })
 }
 
-/// Fills in the view that a scene file asks for, or one that is chosen for the data, of an image of this size; width and height 0:
-/// of the scene's own size.
+/// Writes the view of the scene file, or a view that the library chooses for the data, for an image of this size. Width and
+/// height 0 stand for the scene's own size.
 ///
 /// Fails with VR_ERROR_INVALID.
 ///
@@ -290,8 +290,8 @@ pub unsafe extern "C" fn vr_scene_view(
     })
 }
 
-/// The technique that the scene's file asks for, else the default for its data, as vr_plan_info takes it; NULL for NULL. Valid as
-/// long as the handle.
+/// Returns the technique of the scene file, else the default for the data, in the format of vr_plan_info, valid as long as the
+/// handle; NULL for NULL.
 ///
 /// Threads: any.
 ///
@@ -304,8 +304,8 @@ pub unsafe extern "C" fn vr_scene_technique(scene: *const vr_scene) -> *const c_
     unsafe { scene.as_ref() }.map_or(std::ptr::null(), |scene| scene.technique.as_ptr())
 }
 
-/// What may not be as it seems in the file that was read, one warning a line; "" if there is none, NULL for NULL. Valid as long as
-/// the handle.
+/// Returns the warnings about the file that was read, one per line, "" if there are none, valid as long as the handle; NULL for
+/// NULL.
 ///
 /// Threads: any.
 ///
@@ -318,9 +318,9 @@ pub unsafe extern "C" fn vr_scene_warnings(scene: *const vr_scene) -> *const c_c
     unsafe { scene.as_ref() }.map_or(std::ptr::null(), |scene| scene.warnings.as_ptr())
 }
 
-/// Whether a technique, with or without options, draws a scene's kind of data.
+/// Writes whether a technique, with or without options, supports a scene.
 ///
-/// Fails with VR_ERROR_INVALID for what is no technique.
+/// Fails with VR_ERROR_INVALID for an unknown technique or invalid options.
 ///
 /// Threads: any.
 ///

@@ -1,4 +1,4 @@
-//! Scenes made from others, with which they share what stays the same.
+//! Functions that make a scene from another one, with which it shares unchanged data.
 
 use std::ffi::c_void;
 
@@ -10,8 +10,8 @@ use super::scene::{default_technique, give, vr_scene};
 use crate::error::{Error, Result};
 use crate::scene::Surface;
 
-/// Makes a scene of the same data under another transfer function, which shares what is on the device of the data. `source` stays
-/// as it is.
+/// Makes a scene of the same data with another transfer function. The scenes share the data on the device; `source` is
+/// unchanged.
 ///
 /// Fails with VR_ERROR_INVALID.
 ///
@@ -19,7 +19,7 @@ use crate::scene::Surface;
 ///
 /// # Safety
 ///
-/// Pointers are NULL or valid, arrays as long as is said.
+/// Pointers are NULL or valid, arrays have the given lengths.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_scene_with_transfer(
     source: *const vr_scene,
@@ -39,8 +39,8 @@ pub unsafe extern "C" fn vr_scene_with_transfer(
     })
 }
 
-/// Makes a scene of other samples in the same grid: place, transfer function, surfaces and view stay. The samples are copied, and
-/// may be of another type; see vr_grid_info. `source` stays as it is.
+/// Makes a scene of other samples in the same grid, with the same placement, transfer function, surfaces and view. The samples are
+/// copied, and may be of another type; see vr_grid_info. `source` is unchanged.
 ///
 /// Fails with VR_ERROR_INVALID.
 ///
@@ -48,7 +48,7 @@ pub unsafe extern "C" fn vr_scene_with_transfer(
 ///
 /// # Safety
 ///
-/// Pointers are NULL or valid, `samples` as large as is said.
+/// Pointers are NULL or valid, `samples` has `sample_bytes` bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_scene_with_samples(
     source: *const vr_scene,
@@ -72,9 +72,9 @@ pub unsafe extern "C" fn vr_scene_with_samples(
     })
 }
 
-/// Makes a scene of the same mesh with other scalars, as vr_mesh_info has them, and with another transfer function where there are
-/// knots. Points and tetrahedra stay on the device. Scalars for tetrahedra are those of the tetrahedra that were kept. `source`
-/// stays as it is.
+/// Makes a scene of the same mesh with other scalars, as in vr_mesh_info, and with another transfer function if there are knots. The
+/// scenes share points and tetrahedra on the device. Scalars per tetrahedron are given for the tetrahedra that were kept. `source`
+/// is unchanged.
 ///
 /// Fails with VR_ERROR_INVALID.
 ///
@@ -82,7 +82,7 @@ pub unsafe extern "C" fn vr_scene_with_samples(
 ///
 /// # Safety
 ///
-/// Pointers are NULL or valid, arrays as long as is said.
+/// Pointers are NULL or valid, arrays have the given lengths.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_scene_with_scalars(
     source: *const vr_scene,
@@ -107,16 +107,16 @@ pub unsafe extern "C" fn vr_scene_with_scalars(
     })
 }
 
-/// Makes a scene of the same data among other surfaces, of which there may be none; what is on the device of the data is shared.
-/// Opaque surfaces are drawn by every technique, translucent ones by some: vr_plan_create() refuses the others.
+/// Makes a scene of the same data with other surfaces, or with none. The scenes share the data on the device. Every technique draws
+/// opaque surfaces, some draw translucent ones: vr_plan_create() refuses the others.
 ///
-/// `surfaces` are `surface_count` pointers. Everything is copied, and `source` stays as it is. Fails with VR_ERROR_INVALID.
+/// `surfaces` are `surface_count` pointers. Everything is copied, and `source` is unchanged. Fails with VR_ERROR_INVALID.
 ///
 /// Threads: any.
 ///
 /// # Safety
 ///
-/// Pointers are NULL or valid, arrays as long as is said.
+/// Pointers are NULL or valid, arrays have the given lengths.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_scene_with_surfaces(
     source: *const vr_scene,
@@ -144,7 +144,7 @@ pub unsafe extern "C" fn vr_scene_with_surfaces(
         };
         let surfaces = given.iter().enumerate().map(surface).collect::<Result<Vec<_>>>()?;
         let mut made = source.with(source.scene.with_surfaces(surfaces));
-        // Surfaces decide which techniques draw a scene; what a file asks for stays.
+        // The default technique depends on the surfaces; the technique of a file is kept.
         if source.technique == default_technique(source.scene.scene()) {
             made.technique = default_technique(made.scene.scene());
         }
