@@ -39,8 +39,13 @@ fn main() {
     // Debug builds keep names and line numbers for the validation layers' messages.
     let optimise = env::var("PROFILE").is_ok_and(|profile| profile == "release");
 
+    let mut numbers = String::from("// Written by build.rs from glsl/interface.glsl.\n\n");
+    constants(&read(&folder.join("interface.glsl")), &mut numbers);
+    let path = out.join("constants.rs");
+    if let Err(error) = fs::write(&path, numbers) {
+        refuse!("{}: {error}", path.display());
+    }
     let mut rust = String::from("// Written by build.rs from glsl/.\n\n");
-    constants(&read(&folder.join("interface.glsl")), &mut rust);
     let mut layouts = BTreeMap::new();
     for file in &files {
         let source = read(file);

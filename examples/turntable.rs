@@ -1,4 +1,4 @@
-//! Turns a scan once around, frame by frame with one plan: the library without the program.
+//! Draws a scan from all around, frame by frame with one plan, using the library without the program.
 //!
 //!     cargo run --release --example turntable -- assets/head.json out 36 slices-3d:step=0.5
 

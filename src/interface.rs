@@ -1,7 +1,14 @@
-//! Structures that Rust writes and shaders read. `build.rs` asserts that both sides agree on every
-//! offset and size.
+//! Constants and structures that Rust shares with shaders. `build.rs` generates assertions that both sides agree on every offset
+//! and size.
+//!
+//! Uses no other module. Used by everything that talks to shaders, and by `optics`.
 
 use bytemuck::{Pod, Zeroable};
+
+/// The constants of `glsl/interface.glsl`: numbers of bindings and specialisation constants, sizes, limits.
+pub(crate) mod constants {
+    include!(concat!(env!("OUT_DIR"), "/constants.rs"));
+}
 
 /// A knot of the transfer function (`optics.glsl`).
 #[repr(C)]
@@ -25,7 +32,7 @@ pub(crate) struct TableHead {
     pub(crate) before: [f32; 4],
     /// The same right of the last knot.
     pub(crate) after: [f32; 4],
-    /// Bins; or nodes, layers and the longest segment.
+    /// Number of bins; or numbers of nodes and layers, and the longest segment.
     pub(crate) size: [f32; 4],
 }
 

@@ -1,4 +1,4 @@
-// Boxes without vertex buffers: 36 vertices each, from their number.
+// Boxes without vertex buffers: 36 vertices each, computed from their index.
 #version 460
 
 layout(push_constant) uniform Push {

@@ -1,10 +1,10 @@
-//! The library in a program that has a Vulkan device already: an opaque pass of its own into colour and depth, the volume
-//! composited into it, two frames in flight, the end of each told by a timeline semaphore.
+//! Uses the library in a program with a Vulkan device of its own: an opaque pass into colour and depth, the volume composited into
+//! it, two frames in flight, a timeline semaphore that signals their ends.
 //!
 //!     cargo run --release --example embed -- out 8 --technique slices-3d:step=0.5 --size 640x480
 //!
-//! There is no window: the last two frames are written to `out`. `--technique none` leaves the volume out. Exits with 1 after
-//! messages of the validation layer.
+//! There is no window: the program writes the last two frames to `out`. `--technique none` draws no volume. The exit code is 1
+//! after messages of the validation layer.
 
 #![allow(unsafe_code, reason = "owns Vulkan objects")]
 #![allow(clippy::cast_precision_loss, reason = "sides of images")]
@@ -14,6 +14,7 @@ mod vulkan;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use boxes::Boxes;
 use volraster::ash::vk;
@@ -75,19 +76,20 @@ fn main() -> ExitCode {
     }
 }
 
-/// Draws, and counts the messages of the validation layer.
+/// Draws, and returns the number of messages of the validation layer.
 fn run() -> Result<usize> {
     let arguments = arguments()?;
-    let vulkan = Vulkan::new()?;
+    let vulkan = Arc::new(Vulkan::new()?);
     let log = vulkan.log.clone();
     draw(&vulkan, &arguments)?;
-    // Messages of the end count, too: of what was left on the device.
+    // The messages of destruction count, too: they report objects that were not destroyed.
     drop(vulkan);
     Ok(log.count())
 }
 
-fn draw(vulkan: &Vulkan, arguments: &Arguments) -> Result<()> {
-    // SAFETY: the parts are of one device, which outlives all that is made here; the queue is used through `with_queue` alone.
+fn draw(vulkan: &Arc<Vulkan>, arguments: &Arguments) -> Result<()> {
+    // SAFETY: the parts belong to one device, which their owner `keep` destroys last; the queue is used only through
+    // `with_queue`.
     let gpu = unsafe { Gpu::from_raw(vulkan.parts(), &GpuOptions::default()) }?;
     println!("device: {}", gpu.report().name);
     let scene = Scene::new(
@@ -109,7 +111,7 @@ fn draw(vulkan: &Vulkan, arguments: &Arguments) -> Result<()> {
         slots.push(Slot::new(vulkan, arguments.size)?);
     }
     let engine = Engine { vulkan, gpu: &gpu, renderer, boxes, counter, arguments };
-    // An error leaves frames in flight: their ends are waited for before what they use goes.
+    // After an error frames may be in flight: their resources are dropped only after they have ended.
     let drawn = engine.frames(&mut slots);
     let ended = slots.iter_mut().try_for_each(|slot| engine.finish(slot));
     drawn.and(ended)
@@ -145,7 +147,7 @@ impl Engine<'_> {
         camera.orbit(frame as f64)
     }
 
-    /// Waits for the frame that a slot has in flight, frees what it held, and writes it if it is one of the last.
+    /// Waits for the frame that a slot has in flight, frees its resources, and writes it if it is one of the last.
     fn finish(&self, slot: &mut Slot<'_>) -> Result<()> {
         let Some(pending) = slot.pending.take() else { return Ok(()) };
         self.counter.wait(pending.value)?;
@@ -155,7 +157,7 @@ impl Engine<'_> {
             let passes = status.passes.iter().map(|pass| format!(" {} {:.2} ms", pass.name, pass.ms));
             println!("frame {}:{}", pending.frame, passes.collect::<String>());
             if !status.complete {
-                // The next plan has the room that this one lacked; a program with a window would just go on.
+                // The next plan has the capacity that this one lacked. A program with a window would show the frame and go on.
                 slot.plan = None;
                 self.record(slot, pending.frame)?;
                 self.submit(slot)?;
@@ -196,7 +198,7 @@ impl Engine<'_> {
         let projection = proj::vulkan::perspective_infinite_reverse(FOV_Y_DEG.to_radians(), aspect, NEAR);
         let to_clip = projection * view::look_at_mat4(camera.eye, camera.target, camera.up);
 
-        // SAFETY: nothing that was recorded from this pool is pending.
+        // SAFETY: no command buffer of this pool is pending.
         unsafe { device.reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty()) }?;
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: in the initial state.
@@ -222,7 +224,7 @@ impl Engine<'_> {
         let depth_access = Access::DEPTH_STENCIL_ATTACHMENT_READ | Access::DEPTH_STENCIL_ATTACHMENT_WRITE;
         let colour_stage = Stage::COLOR_ATTACHMENT_OUTPUT;
         let colour_access = Access::COLOR_ATTACHMENT_READ | Access::COLOR_ATTACHMENT_WRITE;
-        // The frame before in this slot has been waited for; what it left is not kept.
+        // The earlier frame in this slot has ended; the contents of its images are discarded.
         self.barriers(
             slot.commands,
             &[
@@ -256,7 +258,7 @@ impl Engine<'_> {
         self.boxes.record(slot.commands, extent, to_clip);
         // SAFETY: begun above.
         unsafe { device.cmd_end_rendering(slot.commands) };
-        // What the library asks for: colour for its attachment, depth for reads of compute shaders.
+        // The library needs colour as an attachment, and depth for reads by compute shaders.
         self.barriers(
             slot.commands,
             &[
@@ -274,7 +276,7 @@ impl Engine<'_> {
         );
     }
 
-    /// The volume, over what was drawn and behind what is nearer.
+    /// Records the volume: composited over the boxes, and hidden where they are nearer.
     fn volume(
         &self,
         slot: &mut Slot<'_>,
@@ -285,12 +287,12 @@ impl Engine<'_> {
         let [width, height] = self.arguments.size;
         let view = View::new(*camera, width, height)?;
         let target = TargetDesc::caller(COLOUR, TargetMode::Over).with_depth();
-        // A plan of its own for each frame in flight, turned from frame to frame; anew where it has no room for a view.
-        let turned = match &mut slot.plan {
+        // Each frame in flight has a plan, which is set to the view of each frame, and made anew where its capacity is too small.
+        let fits = match &mut slot.plan {
             Some(plan) => plan.set_view(&view)?,
             None => false,
         };
-        if !turned {
+        if !fits {
             slot.plan = None;
         }
         let plan = match &mut slot.plan {
@@ -350,7 +352,7 @@ impl Engine<'_> {
         unsafe { self.vulkan.device.cmd_pipeline_barrier2(commands, &info) };
     }
 
-    /// Submits what was recorded; the counter tells of its end.
+    /// Submits the recording; the counter signals its end.
     fn submit(&self, slot: &mut Slot<'_>) -> Result<()> {
         let Some(pending) = &mut slot.pending else { return Ok(()) };
         pending.value = self.counter.next();
@@ -362,7 +364,7 @@ impl Engine<'_> {
         let submits =
             [vk::SubmitInfo2::default().command_buffer_infos(&buffers).signal_semaphore_infos(&signals)];
         let submitted = self.gpu.with_queue(|queue| {
-            // SAFETY: the queue is ours for the length of the call; the command buffer is complete and not pending.
+            // SAFETY: no other thread uses the queue during the call; the command buffer is complete and not pending.
             unsafe { self.vulkan.device.queue_submit2(queue, &submits, vk::Fence::null()) }
         });
         Ok(submitted?)
@@ -377,7 +379,7 @@ fn to_layout<'a>(image: &Image<'_>, [old, new]: [vk::ImageLayout; 2]) -> vk::Ima
         .subresource_range(image.range)
 }
 
-/// What a frame in flight has to itself.
+/// The resources of a frame in flight.
 struct Slot<'a> {
     vulkan: &'a Vulkan,
     colour: Image<'a>,
@@ -389,12 +391,12 @@ struct Slot<'a> {
     pending: Option<Pending>,
 }
 
-/// A frame that was recorded or submitted, and has not been seen to end.
+/// A frame that was recorded or submitted and is not known to have ended.
 struct Pending {
     frame: u64,
-    /// What the counter has at its end.
+    /// Value of the counter at its end.
     value: u64,
-    /// What the library holds for it.
+    /// Resources that the library keeps for it.
     recorded: Option<Recorded>,
 }
 
@@ -447,7 +449,7 @@ impl<'a> Counter<'a> {
         Ok(Self { vulkan, semaphore, last: std::cell::Cell::new(0) })
     }
 
-    /// The value of the next submission.
+    /// Returns the value of the next submission.
     fn next(&self) -> u64 {
         self.last.set(self.last.get() + 1);
         self.last.get()

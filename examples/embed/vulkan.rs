@@ -1,5 +1,6 @@
-//! What every Vulkan program has: instance, device, images, buffers.
+//! The Vulkan objects of the program: instance, device, images, buffers.
 
+use std::any::Any;
 use std::error::Error;
 use std::ffi::{CStr, CString, c_void};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -29,7 +30,7 @@ unsafe extern "system" fn on_message(
 ) -> vk::Bool32 {
     // SAFETY: the layer passes a valid structure.
     let data = unsafe { &*data };
-    // SAFETY: the layer's text ends with zero.
+    // SAFETY: the layer's text ends with NUL.
     let text = unsafe { CStr::from_ptr(data.p_message) }.to_string_lossy().into_owned();
     eprintln!("validation: {text}");
     // SAFETY: the log outlives the messenger.
@@ -38,7 +39,7 @@ unsafe extern "system" fn on_message(
     vk::FALSE
 }
 
-/// Instance, device and queue.
+/// Owner of instance, device and queue, which it destroys on drop.
 pub(crate) struct Vulkan {
     entry: ash::Entry,
     instance: ash::Instance,
@@ -53,8 +54,8 @@ pub(crate) struct Vulkan {
 }
 
 impl Vulkan {
-    /// Opens the first device with a queue for graphics and compute, a GPU before a software one, with the validation layer
-    /// where that is installed.
+    /// Opens the first device with a queue for graphics and compute, a GPU before a software one. Validation is on where its
+    /// layer is installed.
     pub(crate) fn new() -> Result<Self> {
         // SAFETY: loads the system's Vulkan loader.
         let entry = unsafe { ash::Entry::load() }?;
@@ -87,7 +88,7 @@ impl Vulkan {
         // SAFETY: the physical device is of this instance, which is for Vulkan 1.3.
         let enabled = unsafe { Enabled::useful(&instance, physical) }?;
 
-        // What the library has a use for, and what the program itself needs: timeline semaphores.
+        // Everything that the library can use, and timeline semaphores for the program itself.
         let names_of_device: Vec<_> = enabled.extensions.iter().map(|name| name.as_ptr()).collect();
         let queues =
             [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
@@ -110,7 +111,7 @@ impl Vulkan {
         }
         // SAFETY: every pointer refers to a local; all that is enabled is offered.
         let device = unsafe { instance.create_device(physical, &info, None) }?;
-        // SAFETY: one queue of this family was asked for.
+        // SAFETY: the device was created with one queue of this family.
         let queue = unsafe { device.get_device_queue(family, 0) };
         let instance_extensions = names;
         Ok(Self {
@@ -127,8 +128,8 @@ impl Vulkan {
         })
     }
 
-    /// What the library is given of it.
-    pub(crate) fn parts(&self) -> GpuParts {
+    /// Returns the parts that the library adopts, among them a share of the owner.
+    pub(crate) fn parts(self: &Arc<Self>) -> GpuParts {
         GpuParts {
             entry: self.entry.clone(),
             instance: self.instance.clone(),
@@ -141,7 +142,8 @@ impl Vulkan {
             queue: self.queue,
             // This program submits through `Gpu::with_queue`, and has no lock of its own.
             queue_lock: None,
-            keep: None,
+            // Device and instance outlive whatever of the library the program drops last.
+            keep: Some(Arc::clone(self) as Arc<dyn Any + Send + Sync>),
         }
     }
 
@@ -157,14 +159,15 @@ impl Vulkan {
         };
         let (index, _) = (0..).zip(types.memory_types_as_slice()).find(fits).ok_or("no memory of a kind")?;
         let info = vk::MemoryAllocateInfo::default().allocation_size(needs.size).memory_type_index(index);
-        // SAFETY: the type is one of those that there are.
+        // SAFETY: the type is one of the device's.
         Ok(unsafe { self.device.allocate_memory(&info, None) }?)
     }
 }
 
 impl Drop for Vulkan {
     fn drop(&mut self) {
-        // SAFETY: nothing is pending, and all that was made from the device is gone.
+        // SAFETY: nothing is pending, and everything made from the device is destroyed: the program borrows this, and the
+        // library holds a share of it.
         unsafe { self.device.destroy_device(None) };
         if let Some((utils, messenger)) = self.messenger.take() {
             // SAFETY: made from this instance.
@@ -193,7 +196,7 @@ fn messenger(
     Ok((utils, messenger))
 }
 
-/// A device, and a queue family for graphics and compute.
+/// Chooses a device, and a queue family for graphics and compute.
 fn choose(instance: &ash::Instance) -> Result<(vk::PhysicalDevice, u32)> {
     let both = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
     let mut best: Option<(bool, vk::PhysicalDevice, u32)> = None;
@@ -216,7 +219,7 @@ fn choose(instance: &ash::Instance) -> Result<(vk::PhysicalDevice, u32)> {
     Ok((physical, family))
 }
 
-/// An image with its memory and view.
+/// An image with its memory and its view.
 pub(crate) struct Image<'a> {
     vulkan: &'a Vulkan,
     pub(crate) raw: vk::Image,
@@ -250,7 +253,7 @@ impl<'a> Image<'a> {
             .array_layers(1)
             .samples(vk::SampleCountFlags::TYPE_1)
             .usage(usage);
-        // SAFETY: formats and usages that every device has.
+        // SAFETY: every device supports these formats and usages.
         image.raw = unsafe { device.create_image(&info, None) }?;
         // SAFETY: just made.
         let needs = unsafe { device.get_image_memory_requirements(image.raw) };
@@ -305,12 +308,12 @@ impl<'a> ReadBack<'a> {
         Ok(buffer)
     }
 
-    /// What is in it; no submission that writes it is pending.
+    /// Copies the contents; no submission that writes the buffer may be pending.
     pub(crate) fn read(&self) -> Result<Vec<u8>> {
         let (device, flags) = (&self.vulkan.device, vk::MemoryMapFlags::empty());
         // SAFETY: host-visible, not mapped.
         let pointer = unsafe { device.map_memory(self.memory, 0, vk::WHOLE_SIZE, flags) }?;
-        // SAFETY: mapped for at least this many bytes; the device is done with them.
+        // SAFETY: mapped for at least this many bytes, which the device no longer writes.
         let bytes = unsafe { std::slice::from_raw_parts(pointer.cast::<u8>(), self.bytes) }.to_vec();
         // SAFETY: mapped above.
         unsafe { device.unmap_memory(self.memory) };

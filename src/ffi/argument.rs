@@ -1,7 +1,7 @@
-//! What comes from C: pointers, strings, arrays, and structures that grow from version to version.
+//! Arguments from C: pointers, strings, arrays, and structures that grow from version to version.
 //!
-//! A structure begins with its size, as the caller's compiler knows it. What an older caller does not have is zero, which
-//! stands for the default. What a newer caller has beyond this version must be zero: it is refused, not ignored.
+//! A structure begins with its size in the caller's version. Fields that an older caller lacks are zero, which means their
+//! default. Bytes that a newer caller has beyond this version must be zero: other values are refused, not ignored.
 
 use std::ffi::{CStr, OsStr, c_char};
 use std::path::Path;
@@ -12,10 +12,10 @@ use crate::error::{Error, Result};
 ///
 /// # Safety
 ///
-/// `repr(C)`, valid when all its bytes are zero, its first field is a `usize`, its size, and what a caller fills in does not end in
-/// padding, which nobody sets to zero.
+/// The type is `repr(C)` and valid when all its bytes are zero. Its first field is a `usize`, the size. It does not end in
+/// padding, which callers would not set to zero.
 pub(super) unsafe trait Structure: Copy {
-    /// Its size in the version that had it first.
+    /// Its size in the version that introduced it.
     const FIRST: usize;
 }
 
@@ -23,11 +23,11 @@ fn null(name: &str) -> Error {
     Error::invalid(name, "is NULL")
 }
 
-/// What must not be null.
+/// Converts a pointer that must not be null.
 ///
 /// # Safety
 ///
-/// Null, or valid for as long as the result is used.
+/// `pointer` is null, or valid for as long as the result is used.
 pub(super) unsafe fn reference<'a, T>(pointer: *const T, name: &str) -> Result<&'a T> {
     if !pointer.is_null() && !pointer.is_aligned() {
         return Err(Error::invalid(name, "is not aligned"));
@@ -36,11 +36,11 @@ pub(super) unsafe fn reference<'a, T>(pointer: *const T, name: &str) -> Result<&
     unsafe { pointer.as_ref() }.ok_or_else(|| null(name))
 }
 
-/// Where something is written. Must not be null.
+/// Converts a pointer to write through, which must not be null.
 ///
 /// # Safety
 ///
-/// Null, or valid for writes for as long as the result is used, and used by nobody else.
+/// `pointer` is null, or valid for writes and not used otherwise for as long as the result is used.
 pub(super) unsafe fn place<'a, T>(pointer: *mut T, name: &str) -> Result<&'a mut T> {
     if !pointer.is_null() && !pointer.is_aligned() {
         return Err(Error::invalid(name, "is not aligned"));
@@ -49,7 +49,7 @@ pub(super) unsafe fn place<'a, T>(pointer: *mut T, name: &str) -> Result<&'a mut
     unsafe { pointer.as_mut() }.ok_or_else(|| null(name))
 }
 
-/// Where a handle is written; it is null from now on, until there is one.
+/// Converts a pointer that receives a handle, and sets the handle to null.
 ///
 /// # Safety
 ///
@@ -63,25 +63,25 @@ pub(super) unsafe fn out<'a, T>(pointer: *mut *mut T, name: &str) -> Result<&'a 
     unsafe { place(pointer, name) }
 }
 
-/// An array. It may be null when it has no elements.
+/// Converts an array, which may be null when it has no elements.
 ///
 /// # Safety
 ///
-/// Null, or so many elements that are valid for as long as the result is used.
+/// `pointer` is null, or has `count` elements that are valid for as long as the result is used.
 pub(super) unsafe fn array<'a, T>(pointer: *const T, count: usize, name: &str) -> Result<&'a [T]> {
     if count == 0 {
         return Ok(&[]);
     }
-    // SAFETY: as is promised; checked for null.
+    // SAFETY: the caller's promise.
     let first: *const T = unsafe { reference(pointer, name) }?;
     if count.checked_mul(size_of::<T>()).is_none_or(|bytes| isize::try_from(bytes).is_err()) {
         return Err(Error::invalid(name, format!("{count} elements are more than memory can hold")));
     }
-    // SAFETY: as many as the caller promised, and no more than a slice may have.
+    // SAFETY: the caller promises this many elements, and a slice may be this large.
     Ok(unsafe { std::slice::from_raw_parts(first, count) })
 }
 
-/// The same of an array of 3, 4, ... numbers for each element, `T` for instance `[f64; 3]`; numbers are counted in elements.
+/// Converts an array of `count` elements of `N` numbers each.
 ///
 /// # Safety
 ///
@@ -95,11 +95,11 @@ pub(super) unsafe fn tuples<'a, const N: usize, T>(
     unsafe { array(pointer.cast::<[T; N]>(), count, name) }
 }
 
-/// Text; `None` for null.
+/// Converts a string; `None` for null.
 ///
 /// # Safety
 ///
-/// Null, or ends with NUL, and valid for as long as the result is used.
+/// `pointer` is null, or a string that ends with NUL and is valid for as long as the result is used.
 pub(super) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<Option<&'a str>> {
     if pointer.is_null() {
         return Ok(None);
@@ -110,7 +110,7 @@ pub(super) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<Opti
     Ok(Some(text))
 }
 
-/// The name of a file; `None` for null. Any bytes on Unix, UTF-8 elsewhere.
+/// Converts the name of a file: any bytes on Unix, UTF-8 elsewhere; `None` for null.
 ///
 /// # Safety
 ///
@@ -132,13 +132,13 @@ pub(super) unsafe fn path<'a>(pointer: *const c_char, name: &str) -> Result<Opti
     Ok(unsafe { text(pointer, name) }?.map(|text| Path::new(OsStr::new(text))))
 }
 
-/// A structure as this version knows it.
+/// Reads a structure, with zeros for fields that the caller's version lacks.
 ///
 /// # Safety
 ///
-/// Null, or a structure whose first field is its size, and as large as that says.
+/// `pointer` is null, or a structure whose first field is its size.
 pub(super) unsafe fn structure<T: Structure>(pointer: *const T, name: &str) -> Result<T> {
-    // SAFETY: as is promised: it begins with its size.
+    // SAFETY: the caller promises that it begins with its size.
     let size = *unsafe { reference(pointer.cast::<usize>(), name) }?;
     check_size(size, T::FIRST, name)?;
     let known = size.min(size_of::<T>());
@@ -155,27 +155,27 @@ pub(super) unsafe fn structure<T: Structure>(pointer: *const T, name: &str) -> R
     Ok(unsafe { value.assume_init() })
 }
 
-/// Writes a structure, whose size the caller has put in front, as far as the caller knows it.
+/// Writes a structure, as far as the caller's version has its fields. The caller has set its size.
 ///
 /// # Safety
 ///
 /// As [`structure`], and valid for writes.
 pub(super) unsafe fn fill<T: Structure>(pointer: *mut T, value: T, name: &str) -> Result<()> {
-    // SAFETY: as is promised: it begins with its size.
+    // SAFETY: the caller promises that it begins with its size.
     let size = *unsafe { reference(pointer.cast_const().cast::<usize>(), name) }?;
     check_size(size, T::FIRST, name)?;
     let (head, known) = (size_of::<usize>(), size.min(size_of::<T>()));
-    // Its size stays the caller's; what a newer caller has beyond this version is zero.
+    // The size is left unchanged; bytes beyond this version are set to zero.
     let from = (&raw const value).cast::<u8>().wrapping_add(head);
     let to = pointer.cast::<u8>();
-    // SAFETY: both are as large as that, and apart.
+    // SAFETY: both are at least that large and do not overlap.
     unsafe { std::ptr::copy_nonoverlapping(from, to.wrapping_add(head), known - head) };
     // SAFETY: the caller's structure is as large as it says.
     unsafe { std::ptr::write_bytes(to.wrapping_add(known), 0, size - known) };
     Ok(())
 }
 
-/// Whether a size is one of a structure's, and not something uninitialised.
+/// Checks that a size is plausible, and not an uninitialised number.
 fn check_size(size: usize, first: usize, name: &str) -> Result<()> {
     const MOST: usize = 1 << 16;
     if (first..=MOST).contains(&size) {
@@ -184,12 +184,12 @@ fn check_size(size: usize, first: usize, name: &str) -> Result<()> {
     Err(Error::invalid(name, format!("struct_size {size}: must be its size, at least {first} bytes")))
 }
 
-/// What stands where a structure would end in padding: a later version may have a field there.
+/// Checks a field that stands for padding at the end of a structure, for use by later versions.
 pub(super) fn reserved(value: u32) -> Result<()> {
     if value == 0 { Ok(()) } else { Err(Error::invalid("reserved", format!("{value}: must be 0"))) }
 }
 
-/// The constant of an enumeration.
+/// Converts the value of an enumeration.
 pub(super) fn choice<T: Copy>(value: u32, all: &[(T, u32)], name: &str) -> Result<T> {
     all.iter().find(|(_, code)| *code == value).map(|(choice, _)| *choice).ok_or_else(|| {
         let codes: Vec<String> = all.iter().map(|(_, code)| code.to_string()).collect();

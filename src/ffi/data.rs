@@ -1,56 +1,15 @@
-//! Data in the caller's memory, which is copied.
+//! Grids, meshes, points, surfaces and transfer functions, copied from the caller's memory.
 
-use bytemuck::{AnyBitPattern, NoUninit};
 use glam::{DMat3, DVec3};
 
 use super::argument::{self, Structure, choice};
+use super::samples::samples;
 use crate::error::{Error, Result};
-use crate::io::SampleType;
-use crate::num;
 use crate::scene::{
-    Grid, KernelSize, Knot, Points, Rescale, Samples, Shading, Surface, TetScalars, Tets, TransferFunction,
+    Grid, KernelSize, Knot, Points, Rescale, Shading, Surface, TetScalars, Tets, TransferFunction,
 };
 
-/// The type of samples.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum vr_sample_type {
-    /// 8-bit unsigned.
-    VR_SAMPLE_U8 = 1,
-    /// 16-bit unsigned.
-    VR_SAMPLE_U16 = 2,
-    /// 16-bit signed.
-    VR_SAMPLE_I16 = 3,
-    /// 32-bit float. NaN marks vacuum.
-    VR_SAMPLE_F32 = 4,
-    /// 8-bit signed; kept as 32-bit float.
-    VR_SAMPLE_I8 = 5,
-    /// 32-bit unsigned; kept as 32-bit float.
-    VR_SAMPLE_U32 = 6,
-    /// 32-bit signed; kept as 32-bit float.
-    VR_SAMPLE_I32 = 7,
-    /// 64-bit unsigned; kept as 32-bit float.
-    VR_SAMPLE_U64 = 8,
-    /// 64-bit signed; kept as 32-bit float.
-    VR_SAMPLE_I64 = 9,
-    /// 64-bit float; kept as 32-bit float.
-    VR_SAMPLE_F64 = 10,
-}
-
-const SAMPLE_TYPES: [(SampleType, u32); 10] = [
-    (SampleType::U8, vr_sample_type::VR_SAMPLE_U8 as u32),
-    (SampleType::U16, vr_sample_type::VR_SAMPLE_U16 as u32),
-    (SampleType::I16, vr_sample_type::VR_SAMPLE_I16 as u32),
-    (SampleType::F32, vr_sample_type::VR_SAMPLE_F32 as u32),
-    (SampleType::I8, vr_sample_type::VR_SAMPLE_I8 as u32),
-    (SampleType::U32, vr_sample_type::VR_SAMPLE_U32 as u32),
-    (SampleType::I32, vr_sample_type::VR_SAMPLE_I32 as u32),
-    (SampleType::U64, vr_sample_type::VR_SAMPLE_U64 as u32),
-    (SampleType::I64, vr_sample_type::VR_SAMPLE_I64 as u32),
-    (SampleType::F64, vr_sample_type::VR_SAMPLE_F64 as u32),
-];
-
-/// A regular grid: a scalar field, trilinear between samples, vacuum outside of the box that they span.
+/// A regular grid: a scalar field, trilinear between samples, with vacuum outside the box of the samples.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_grid_info {
@@ -60,15 +19,15 @@ pub struct vr_grid_info {
     pub dims: [u32; 3],
     /// A vr_sample_type.
     pub sample_type: u32,
-    /// The samples, x fastest, then y, without gaps, of any alignment. They are copied.
+    /// The samples: x fastest, then y, without gaps, of any alignment. They are copied.
     pub samples: *const std::ffi::c_void,
-    /// Their size in bytes: that of a sample times the product of dims.
+    /// Size of the samples in bytes: the size of a sample times the product of dims.
     pub sample_bytes: usize,
     /// Distance of neighbouring samples along x, y and z, in world units. All 0: 1.
     pub spacing: [f64; 3],
     /// World position of the first sample.
     pub origin: [f64; 3],
-    /// World directions of the grid's x, y and z axis; they need neither unit length nor right angles. All 0: the world's axes.
+    /// World directions of the grid's x, y and z axes, of any length and at any angles. All 0: the world's axes.
     pub direction: [[f64; 3]; 3],
     /// A sample's value is slope * stored + intercept. 0: 1.
     pub slope: f64,
@@ -81,18 +40,18 @@ unsafe impl Structure for vr_grid_info {
     const FIRST: usize = size_of::<Self>();
 }
 
-/// What a mesh's scalars belong to.
+/// The elements of a mesh that have the scalars.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum vr_scalars_per {
-    /// One at each point, linear inside each tetrahedron.
+    /// Points: the field is linear inside each tetrahedron.
     VR_SCALARS_PER_POINT = 1,
-    /// One for each tetrahedron, constant inside it.
+    /// Tetrahedra: the field is constant inside each.
     VR_SCALARS_PER_CELL = 2,
 }
 
-/// A mesh of tetrahedra; vacuum outside of them, and in those with a scalar that is NaN. Tetrahedra that are inside out are
-/// turned, those without volume are left out.
+/// A mesh of tetrahedra, with vacuum outside of them and in those with a NaN scalar. The library reorients tetrahedra that are
+/// inside out, and removes those without volume.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_mesh_info {
@@ -102,7 +61,7 @@ pub struct vr_mesh_info {
     pub points: *const f64,
     /// Number of points.
     pub point_count: usize,
-    /// The four points of each tetrahedron, from 0.
+    /// Indices of the four points of each tetrahedron, from 0.
     pub cells: *const u32,
     /// Number of tetrahedra.
     pub cell_count: usize,
@@ -121,13 +80,13 @@ unsafe impl Structure for vr_mesh_info {
     const FIRST: usize = size_of::<Self>();
 }
 
-/// How the colour of a surface depends on where it is seen from.
+/// Dependence of a surface's colour on the direction of view.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum vr_shading {
-    /// Not at all.
+    /// The colour does not depend on it.
     VR_SHADING_FLAT = 0,
-    /// Times the cosine between the triangle's normal and the line of sight, as if lit from the eye.
+    /// The colour is scaled by the cosine between the triangle's normal and the ray, as if lit from the eye.
     VR_SHADING_HEADLIGHT = 1,
 }
 
@@ -136,7 +95,7 @@ const SHADINGS: [(Shading, u32); 2] = [
     (Shading::Headlight, vr_shading::VR_SHADING_HEADLIGHT as u32),
 ];
 
-/// A triangle mesh of one colour that stands in the volume, seen from both sides.
+/// A triangle mesh of one colour in the volume, visible from both sides.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_surface_info {
@@ -146,11 +105,11 @@ pub struct vr_surface_info {
     pub points: *const f64,
     /// Number of points.
     pub point_count: usize,
-    /// The three points of each triangle, from 0.
+    /// Indices of the three points of each triangle, from 0.
     pub triangles: *const u32,
     /// Number of triangles.
     pub triangle_count: usize,
-    /// Straight linear red, green and blue, and opacity: 1 is opaque.
+    /// Linear red, green and blue, not premultiplied, and opacity: 1 is opaque.
     pub colour: [f64; 4],
     /// A vr_shading.
     pub shading: u32,
@@ -163,7 +122,7 @@ unsafe impl Structure for vr_surface_info {
     const FIRST: usize = size_of::<Self>();
 }
 
-/// Scattered points with kernels. Arrays that are NULL are left out; each other one has an element for each point.
+/// Scattered points with kernels. Arrays may be NULL; others have one element per point.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_points_info {
@@ -179,9 +138,9 @@ pub struct vr_points_info {
     pub weights: *const f32,
     /// Support radii, in world units.
     pub radii: *const f32,
-    /// Covariances of Gaussians, xx, xy, xz, yy, yz and zz of each point, in world units squared. Not with radii.
+    /// Covariances of Gaussians, xx, xy, xz, yy, yz and zz of each point, in world units squared. Excludes radii.
     pub covariances: *const f32,
-    /// One support radius for all, where there are neither radii nor covariances. 0: estimated from the spacing.
+    /// Support radius of all points, used without radii and covariances. 0: estimated from the spacing.
     pub radius: f64,
 }
 
@@ -190,64 +149,20 @@ unsafe impl Structure for vr_points_info {
     const FIRST: usize = size_of::<Self>();
 }
 
-/// A knot of a transfer function: from scalar to emitted colour and extinction, linear between knots, constant beyond the ends.
-/// Two knots of one scalar make a jump, where the later one holds.
+/// A knot of a transfer function, which maps a scalar to emitted colour and extinction. It is linear between knots and constant
+/// beyond the ends. Two knots of one scalar make a jump, at which the later one applies.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_knot {
-    /// Scalar, in the data's own units; not less than that of the knot before.
+    /// Scalar in the data's units, not less than that of the previous knot.
     pub scalar: f64,
-    /// Emitted colour: linear red, green and blue, not premultiplied, not negative.
+    /// Emitted colour: linear red, green and blue, not premultiplied, at least 0.
     pub colour: [f64; 3],
-    /// Extinction per unit of world length, not negative.
+    /// Extinction per world unit of length, at least 0.
     pub extinction: f64,
 }
 
-/// Samples of one type, copied.
-///
-/// # Safety
-///
-/// `samples` is null or so many bytes.
-pub(super) unsafe fn samples(
-    dims: [u32; 3],
-    sample_type: u32,
-    samples: *const std::ffi::c_void,
-    bytes: usize,
-) -> Result<Samples> {
-    let kind = choice(sample_type, &SAMPLE_TYPES, "sample_type")?;
-    let needed = dims.iter().try_fold(kind.bytes(), |bytes, &n| bytes.checked_mul(u64::from(n)));
-    if needed != Some(num::wide(bytes)) {
-        let needed = needed.map_or("more than 2^64".to_string(), |needed| needed.to_string());
-        let why = format!("{dims:?} samples of type {} need {needed} bytes, {bytes} are given", kind.name());
-        return Err(Error::invalid("sample_bytes", why));
-    }
-    // SAFETY: the caller's promise.
-    let bytes = unsafe { argument::array(samples.cast::<u8>(), bytes, "samples") }?;
-    Ok(match kind {
-        SampleType::U8 => Samples::U8(copied(bytes, |s| s)?),
-        SampleType::U16 => Samples::U16(copied(bytes, |s| s)?),
-        SampleType::I16 => Samples::I16(copied(bytes, |s| s)?),
-        SampleType::F32 => Samples::F32(copied(bytes, |s| s)?),
-        SampleType::I8 => Samples::F32(copied(bytes, |s: i8| f32::from(s))?),
-        SampleType::U32 => Samples::F32(copied(bytes, |s: u32| s as f32)?),
-        SampleType::I32 => Samples::F32(copied(bytes, |s: i32| s as f32)?),
-        SampleType::U64 => Samples::F32(copied(bytes, |s: u64| s as f32)?),
-        SampleType::I64 => Samples::F32(copied(bytes, |s: i64| s as f32)?),
-        SampleType::F64 => Samples::F32(copied(bytes, num::f32_of)?),
-    })
-}
-
-/// Numbers in memory of any alignment, converted.
-fn copied<T: AnyBitPattern, U: NoUninit>(bytes: &[u8], convert: impl Fn(T) -> U) -> Result<Vec<U>> {
-    let mut list = Vec::new();
-    let count = bytes.len() / size_of::<T>();
-    list.try_reserve_exact(count)
-        .map_err(|error| Error::invalid("samples", format!("no room for a copy of {count}: {error}")))?;
-    list.extend(bytes.chunks_exact(size_of::<T>()).map(|b| convert(bytemuck::pod_read_unaligned(b))));
-    Ok(list)
-}
-
-/// A list of the caller's, copied.
+/// Copies a list.
 ///
 /// # Safety
 ///
@@ -257,12 +172,12 @@ unsafe fn list<T: Copy>(pointer: *const T, count: usize, name: &str) -> Result<V
     let given = unsafe { argument::array(pointer, count, name) }?;
     let mut list = Vec::new();
     list.try_reserve_exact(count)
-        .map_err(|error| Error::invalid(name, format!("no room for a copy of {count}: {error}")))?;
+        .map_err(|error| Error::invalid(name, format!("no memory for a copy of {count}: {error}")))?;
     list.extend_from_slice(given);
     Ok(list)
 }
 
-/// Positions.
+/// Copies positions.
 ///
 /// # Safety
 ///
@@ -360,7 +275,7 @@ pub(super) unsafe fn surface(info: &vr_surface_info) -> Result<Surface> {
     Ok(Surface::new(points, triangles.to_vec(), info.colour)?.with_shading(shading))
 }
 
-/// A transfer function; `None` without knots.
+/// Converts a transfer function; `None` without knots.
 ///
 /// # Safety
 ///
@@ -377,67 +292,4 @@ pub(super) unsafe fn transfer(knots: *const vr_knot, count: usize) -> Result<Opt
     }
     let knot = |knot: &vr_knot| Knot { s: knot.scalar, colour: knot.colour.into(), tau: knot.extinction };
     TransferFunction::new(knots.iter().map(knot).collect()).map(Some)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn samples_of_every_type_are_copied_from_any_place() {
-        fn check<T: NoUninit + Copy>(kind: vr_sample_type, values: [T; 8], want: Samples) {
-            let bytes: &[u8] = bytemuck::cast_slice(&values);
-            // Off its alignment.
-            let mut memory = vec![0xee_u8; bytes.len() + 1];
-            memory[1..].copy_from_slice(bytes);
-            // SAFETY: that many bytes follow.
-            let got = unsafe { samples([2; 3], kind as u32, memory[1..].as_ptr().cast(), bytes.len()) };
-            assert_eq!(got.unwrap(), want, "{kind:?}");
-        }
-        use vr_sample_type::*;
-        let floats = |values: [f32; 8]| Samples::F32(values.to_vec());
-        check(VR_SAMPLE_U8, [0_u8, 1, 2, 3, 4, 5, 6, 255], Samples::U8(vec![0, 1, 2, 3, 4, 5, 6, 255]));
-        let u16s = [0_u16, 1, 258, 3, 4, 5, 6, 65535];
-        check(VR_SAMPLE_U16, u16s, Samples::U16(u16s.to_vec()));
-        let i16s = [0_i16, -1, 258, 3, 4, 5, 6, -32768];
-        check(VR_SAMPLE_I16, i16s, Samples::I16(i16s.to_vec()));
-        let f32s = [0.0_f32, -1.5, 1e30, 3.0, 4.0, 5.0, 6.0, f32::INFINITY];
-        check(VR_SAMPLE_F32, f32s, floats(f32s));
-        check(VR_SAMPLE_I8, [-128_i8, 1, 2, 3, 4, 5, 6, 127], floats([-128., 1., 2., 3., 4., 5., 6., 127.]));
-        let large = 4_294_967_296.0;
-        check(VR_SAMPLE_U32, [u32::MAX, 1, 2, 3, 4, 5, 6, 7], floats([large, 1., 2., 3., 4., 5., 6., 7.]));
-        check(VR_SAMPLE_I32, [-5_i32, 1, 2, 3, 4, 5, 6, 7], floats([-5., 1., 2., 3., 4., 5., 6., 7.]));
-        check(VR_SAMPLE_U64, [1_u64 << 32, 1, 2, 3, 4, 5, 6, 7], floats([large, 1., 2., 3., 4., 5., 6., 7.]));
-        check(
-            VR_SAMPLE_I64,
-            [-(1_i64 << 32), 1, 2, 3, 4, 5, 6, 7],
-            floats([-large, 1., 2., 3., 4., 5., 6., 7.]),
-        );
-        check(
-            VR_SAMPLE_F64,
-            [0.1_f64, 1., 2., 3., 4., 5., 6., 1e300],
-            floats([0.1, 1., 2., 3., 4., 5., 6., f32::INFINITY]),
-        );
-    }
-
-    #[test]
-    fn sizes_are_checked_before_anything_is_read() {
-        let place = std::ptr::dangling::<u8>().cast();
-        // SAFETY: refused before anything is read.
-        let refused =
-            |dims, kind, bytes| unsafe { samples(dims, kind, place, bytes) }.unwrap_err().to_string();
-        assert!(refused([2; 3], 2, 8).contains("need 16 bytes, 8 are given"));
-        assert!(refused([u32::MAX; 3], 10, usize::MAX).contains("more than 2^64"));
-        assert!(refused([2; 3], 0, 8).contains("sample_type: 0"));
-        assert!(refused([2; 3], 11, 8).contains("must be one of 1, 2"));
-    }
-
-    #[test]
-    fn codes_are_all_different() {
-        let codes: std::collections::BTreeSet<u32> = SAMPLE_TYPES.iter().map(|(_, code)| *code).collect();
-        assert_eq!(codes.len(), SampleType::ALL.len());
-        for kind in SampleType::ALL {
-            assert!(SAMPLE_TYPES.iter().any(|(known, _)| *known == kind), "{kind:?}");
-        }
-    }
 }

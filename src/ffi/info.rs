@@ -1,4 +1,4 @@
-//! What the library is: version, techniques.
+//! Version and techniques of the library.
 
 use std::ffi::{CString, c_char};
 use std::sync::OnceLock;
@@ -9,7 +9,7 @@ use crate::error::Error;
 use crate::num;
 use crate::technique::{Method, Technique};
 
-/// The library's version, such as "1.2.3".
+/// Returns the library's version, such as "1.2.3".
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]
@@ -22,27 +22,27 @@ pub extern "C" fn vr_version() -> *const c_char {
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_option_info {
-    /// Its key.
+    /// Key of the option.
     pub key: *const c_char,
-    /// The values that it takes.
+    /// Allowed values.
     pub values: *const c_char,
-    /// Its default.
+    /// Default value.
     pub default_value: *const c_char,
-    /// What it does.
+    /// Effect of the option.
     pub effect: *const c_char,
 }
 
-/// A technique. Everything that it points to lives as long as the library.
+/// A technique. Everything that this points to lives as long as the library.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_technique_info {
     /// sizeof(vr_technique_info).
     pub struct_size: usize,
-    /// Its name.
+    /// Name of the technique.
     pub name: *const c_char,
-    /// One line on what it does.
+    /// Summary in one line.
     pub summary: *const c_char,
-    /// Its options.
+    /// Options of the technique.
     pub options: *const vr_option_info,
     /// Number of options.
     pub option_count: usize,
@@ -53,24 +53,24 @@ unsafe impl Structure for vr_technique_info {
     const FIRST: usize = size_of::<Self>();
 }
 
-/// The words of a technique for C.
-struct Words {
+/// The texts of a technique for C.
+struct Texts {
     name: CString,
     summary: CString,
     options: Vec<vr_option_info>,
-    /// What `options` point to.
+    /// Owner of the texts of `options`.
     _texts: Vec<CString>,
 }
 
-// SAFETY: the pointers are to texts that never change.
-unsafe impl Send for Words {}
+// SAFETY: the pointers refer to texts that never change.
+unsafe impl Send for Texts {}
 // SAFETY: the same.
-unsafe impl Sync for Words {}
+unsafe impl Sync for Texts {}
 
-impl Words {
+impl Texts {
     fn of(method: Method) -> Self {
         let mut texts = Vec::new();
-        // A text stays where it is when its owner moves.
+        // Moving a `CString` does not move its text.
         let mut keep = |text: &str| -> *const c_char {
             let text = c_text(text);
             let pointer = text.as_ptr();
@@ -88,12 +88,12 @@ impl Words {
     }
 }
 
-fn techniques() -> &'static [Words] {
-    static ALL: OnceLock<Vec<Words>> = OnceLock::new();
-    ALL.get_or_init(|| Method::ALL.into_iter().map(Words::of).collect())
+fn techniques() -> &'static [Texts] {
+    static ALL: OnceLock<Vec<Texts>> = OnceLock::new();
+    ALL.get_or_init(|| Method::ALL.into_iter().map(Texts::of).collect())
 }
 
-/// Number of techniques.
+/// Returns the number of techniques.
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]
@@ -131,7 +131,7 @@ pub unsafe extern "C" fn vr_technique_query(index: u32, info: *mut vr_technique_
 
 /// Checks a technique with its options, NAME[:key=value,...].
 ///
-/// Fails with VR_ERROR_INVALID, and the message says what may stand there.
+/// Fails with VR_ERROR_INVALID; the message lists the allowed names, keys or values.
 ///
 /// Threads: any.
 ///

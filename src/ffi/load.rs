@@ -12,29 +12,29 @@ use crate::io::{Progress, ReadOptions};
 use crate::resident::GpuScene;
 use crate::technique::{Method, Technique};
 
-/// Is told how many of how many bytes have been read, now and then, by any thread; 0 of all where their number is not known.
+/// Receives the number of bytes read so far and of all bytes, now and then, on any thread; `all` is 0 if it is unknown.
 pub type vr_progress_callback = Option<unsafe extern "C" fn(done: u64, all: u64, user: *mut c_void)>;
 
-/// Which of a file's arrays are read, and how. Zeros are the defaults. Arrays are named NAME, NAME:PART, point:NAME or
-/// cell:NAME:PART, PART being a component (0, x, r, ...) or magnitude.
+/// How a file is read, and which of its arrays. Zeros are the defaults. Arrays are named NAME, NAME:PART, point:NAME or
+/// cell:NAME:PART; PART is a component (0, x, r, ...) or "magnitude".
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_read_info {
     /// sizeof(vr_read_info).
     pub struct_size: usize,
-    /// Most bytes of memory that the data may take. 0: 16 GiB.
+    /// Limit of the memory for the data, in bytes. 0: 16 GiB.
     pub max_bytes: u64,
     /// The array to show. NULL: the file's active one, else the first with one component.
     pub array: *const c_char,
-    /// Of points: the array of support radii.
+    /// The array of support radii of points.
     pub radius: *const c_char,
-    /// Of points: the array of covariances.
+    /// The array of covariances of points.
     pub covariance: *const c_char,
-    /// Of points: the array of weights.
+    /// The array of weights of points.
     pub weight: *const c_char,
-    /// Told how far reading is, with `user`. May be NULL.
+    /// Receives the progress. May be NULL.
     pub progress: vr_progress_callback,
-    /// For progress.
+    /// Passed to progress.
     pub user: *mut c_void,
 }
 
@@ -43,24 +43,24 @@ unsafe impl Structure for vr_read_info {
     const FIRST: usize = size_of::<Self>();
 }
 
-/// Whom to tell how far reading is.
+/// The caller's function for progress, with its pointer.
 struct Listener(unsafe extern "C" fn(u64, u64, *mut c_void), *mut c_void);
 
-// SAFETY: the pointer is handed back and never followed; the caller's function may be called by any thread.
+// SAFETY: the pointer is passed back and never followed; any thread may call the caller's function.
 unsafe impl Send for Listener {}
 // SAFETY: the same.
 unsafe impl Sync for Listener {}
 
 impl Listener {
     fn tell(&self, done: u64, all: u64) {
-        // SAFETY: the caller's function with what was given for it.
+        // SAFETY: the caller's function with its own pointer.
         unsafe { (self.0)(done, all, self.1) };
     }
 }
 
 /// # Safety
 ///
-/// Its strings are null or end with NUL.
+/// The strings of `info` are null or end with NUL.
 unsafe fn read_options(info: &vr_read_info) -> Result<ReadOptions> {
     let name = |pointer, what| -> Result<Option<String>> {
         // SAFETY: the caller's promise.
@@ -83,11 +83,11 @@ unsafe fn read_options(info: &vr_read_info) -> Result<ReadOptions> {
     Ok(options)
 }
 
-/// Reads a scene file (.json), a data file of any format that the library knows, or a folder of slices. A data file gets a
-/// camera and a transfer function that are chosen for it. `info` may be NULL.
+/// Makes a scene from a scene file (.json), a data file of any supported format, or a folder of slices. For a data file the
+/// library chooses a camera and a transfer function. `info` may be NULL.
 ///
-/// `path` is UTF-8, on Unix any bytes. Fails with VR_ERROR_IO, VR_ERROR_FILE naming file, place and rule,
-/// VR_ERROR_INVALID.
+/// `path` is UTF-8; on Unix it may have any bytes. Fails with VR_ERROR_IO, with VR_ERROR_FILE whose message names file, place and
+/// rule, and with VR_ERROR_INVALID.
 ///
 /// Threads: any.
 ///
@@ -120,7 +120,7 @@ pub unsafe extern "C" fn vr_scene_load(
         let loaded = LoadedScene::load_any(path, &options)?;
         let technique = match &loaded.technique {
             Some(choice) => {
-                // Refused here, and not when it is first used.
+                // Errors are reported here, not at the first use.
                 Technique::new(Method::from_name(&choice.name)?, &choice.options)?;
                 let pairs: Vec<String> = choice.options.iter().map(|(k, v)| format!("{k}={v}")).collect();
                 c_text(&format!("{}:{}", choice.name, pairs.join(",")))

@@ -1,4 +1,4 @@
-//! What functions return, and the last message of a thread.
+//! Return codes, and the last message of each thread.
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -10,14 +10,14 @@ use ash::vk;
 use super::vulkan::VkResult;
 use crate::error::{Error, Result};
 
-/// What became of a call. Negative codes are failures, of which vr_last_error() tells more; nothing was changed then, and
-/// what a function hands out is NULL.
+/// Result of a call. Negative codes are failures: vr_last_error() has the message, nothing was changed, and handles that the
+/// function returns are NULL.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum vr_result {
-    /// Done.
+    /// Success.
     VR_OK = 0,
-    /// Not a failure: the plan has no room for this view. Call vr_plan_prepare() with it.
+    /// Not a failure: the plan's capacity is too small for this view. Call vr_plan_prepare() with it.
     VR_NO_ROOM = 1,
     /// An argument breaks a rule: NULL, a wrong size, a number out of range, an unknown name, a call at the wrong time.
     VR_ERROR_INVALID = -1,
@@ -27,23 +27,23 @@ pub enum vr_result {
     VR_ERROR_IO = -3,
     /// No usable Vulkan: no loader, no driver, no device that qualifies.
     VR_ERROR_NO_DEVICE = -4,
-    /// The device, or this build of the library, lacks something that the request needs.
+    /// The device, or this build of the library, lacks a feature that the request needs.
     VR_ERROR_UNSUPPORTED = -5,
-    /// The request needs more device memory than there is to give.
+    /// The request needs more device memory than is available.
     VR_ERROR_MEMORY = -6,
     /// The allocator of device memory failed although the budget allowed the request.
     VR_ERROR_ALLOCATION = -7,
     /// A Vulkan call failed: vr_last_vulkan_result() has its code.
     VR_ERROR_VULKAN = -8,
-    /// Work on the device did not end in time.
+    /// Work on the device did not end within the time limit.
     VR_ERROR_TIMEOUT = -9,
-    /// A defect of the library, which was caught. Destroy the handles of the call; their other functions refuse.
+    /// A defect of the library was caught. Destroy the handles of the call; their other functions fail.
     VR_ERROR_PANIC = -10,
-    /// The device was lost, by this call or before it: vr_last_vulkan_result() is VK_ERROR_DEVICE_LOST. Destroy what belongs to it.
+    /// The device was lost, during this call or before: vr_last_vulkan_result() is VK_ERROR_DEVICE_LOST. Destroy its handles.
     VR_ERROR_DEVICE_LOST = -11,
 }
 
-/// Of a thread.
+/// The last failure of a thread.
 struct LastError {
     message: CString,
     vulkan: vk::Result,
@@ -54,8 +54,8 @@ thread_local! {
         RefCell::new(LastError { message: CString::default(), vulkan: vk::Result::SUCCESS });
 }
 
-/// The message of this thread's last failure: one line of UTF-8, never NULL, "" before the first. Valid until this thread's next
-/// failure, or its end.
+/// Returns the message of this thread's last failure: one line of UTF-8, never NULL, "" before the first failure. It is valid
+/// until this thread's next failure or its end.
 ///
 /// Threads: each has its own.
 #[unsafe(no_mangle)]
@@ -63,8 +63,8 @@ pub extern "C" fn vr_last_error() -> *const c_char {
     LAST.try_with(|last| last.borrow().message.as_ptr()).unwrap_or(c"".as_ptr())
 }
 
-/// The code of the Vulkan call that failed, where this thread's last failure was VR_ERROR_VULKAN; VK_ERROR_DEVICE_LOST where it
-/// was VR_ERROR_DEVICE_LOST; else VK_SUCCESS.
+/// Returns the code of the failed Vulkan call if this thread's last failure was VR_ERROR_VULKAN, VK_ERROR_DEVICE_LOST if it
+/// was VR_ERROR_DEVICE_LOST, else VK_SUCCESS.
 ///
 /// Threads: each has its own.
 #[unsafe(no_mangle)]
@@ -87,21 +87,21 @@ fn code(error: &Error) -> vr_result {
     }
 }
 
-/// Text for C: ends before the first NUL.
+/// Converts text for C; it ends before the first NUL.
 pub(super) fn c_text(text: &str) -> CString {
     CString::new(text.split('\0').next().unwrap_or_default()).unwrap_or_default()
 }
 
 fn fail(code: vr_result, message: &str, vulkan: vk::Result) -> vr_result {
     let last = LastError { message: c_text(message), vulkan };
-    // A thread that ends has no place left for it.
+    // Fails only while the thread ends.
     let _ = LAST.try_with(|place| place.replace(last));
     code
 }
 
 /// Runs the body of a function of the interface.
 pub(super) fn call(work: impl FnOnce() -> Result<vr_result>) -> vr_result {
-    // What a panic leaves half changed is behind a lock, which it poisons.
+    // A panic poisons the lock of the state that it leaves half changed.
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(Ok(code)) => code,
         Ok(Err(error)) => {
@@ -116,7 +116,7 @@ pub(super) fn call(work: impl FnOnce() -> Result<vr_result>) -> vr_result {
     }
 }
 
-/// The same where nothing can be returned.
+/// Runs the body of a function that returns nothing.
 pub(super) fn quietly(work: impl FnOnce()) {
     if let Err(panic) = catch_unwind(AssertUnwindSafe(work)) {
         panicked(panic);
@@ -126,7 +126,7 @@ pub(super) fn quietly(work: impl FnOnce()) {
 fn panicked(panic: Box<dyn Any + Send>) -> vr_result {
     let text = panic.downcast_ref::<&str>().map(ToString::to_string);
     let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
-    // Its drop might panic again.
+    // Dropping the payload might panic again.
     std::mem::forget(panic);
     let text = text.unwrap_or_else(|| "no message".to_string());
     fail(vr_result::VR_ERROR_PANIC, &format!("defect in volraster: {text}"), vk::Result::SUCCESS)
@@ -168,7 +168,7 @@ mod tests {
         .join()
         .unwrap();
         assert!(last().contains("vkQueueSubmit2"), "{}", last());
-        // What succeeds leaves it.
+        // A success does not change it.
         assert_eq!(call(|| Ok(vr_result::VR_OK)), vr_result::VR_OK);
         assert!(last().contains("vkQueueSubmit2"));
         assert_eq!(call(|| Err(Error::invalid("a", "b"))), vr_result::VR_ERROR_INVALID);

@@ -1,28 +1,28 @@
 //! Scenes: data and transfer function on a device.
 
-use std::ffi::{CString, c_char, c_void};
+use std::ffi::{CString, c_char};
 use std::sync::Arc;
 
 use super::argument::{self, Structure};
-use super::data::{self, vr_grid_info, vr_knot, vr_mesh_info, vr_points_info, vr_surface_info};
+use super::data::{self, vr_grid_info, vr_knot, vr_mesh_info, vr_points_info};
 use super::gpu::vr_gpu;
 use super::result::{c_text, call, quietly, vr_result};
 use super::view::vr_view;
 use super::vulkan::VkBool32;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::io::scene_file::LoadedScene;
 use crate::resident::GpuScene;
-use crate::scene::{Camera, Clip, Data, Scene, Surface, TransferFunction, View, auto};
+use crate::scene::{Camera, Clip, Data, Scene, TransferFunction, View, auto};
 use crate::technique::{Method, Technique};
 
-/// Data with a transfer function, on a device. What of it a technique needs is uploaded when a plan is first created for it,
-/// and kept with the scene. It does not change: functions that change something make another scene, which shares the rest.
+/// Data with a transfer function on a device. Creating a plan uploads the data that its technique needs, which the scene then keeps.
+/// A scene does not change: functions that change something make another scene, which shares the rest.
 #[derive(Debug)]
 pub struct vr_scene {
     pub(super) scene: Arc<GpuScene>,
-    /// `NAME:key=value,...`.
+    /// Default technique, as `NAME:key=value,...`.
     pub(super) technique: CString,
-    /// What a file said of views.
+    /// View of the file that the scene was read from.
     pub(super) file: Option<FileView>,
     pub(super) warnings: CString,
 }
@@ -30,39 +30,39 @@ pub struct vr_scene {
 /// The view of a file.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FileView {
-    /// `None` where it is chosen for the data.
+    /// `None` if the library chooses it for the data.
     pub(super) camera: Option<Camera>,
     pub(super) clip: Clip,
     pub(super) extent: [u32; 2],
 }
 
-/// What a scene holds.
+/// Kind of the data of a scene.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum vr_data_kind {
-    /// Samples on a lattice.
+    /// A grid.
     VR_DATA_GRID = 1,
-    /// Tetrahedra.
+    /// A mesh of tetrahedra.
     VR_DATA_MESH = 2,
     /// Scattered points.
     VR_DATA_POINTS = 3,
 }
 
-/// What a scene is, to place a camera and to make a transfer function.
+/// Properties of a scene, for placing a camera and making a transfer function.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_scene_info {
     /// sizeof(vr_scene_info).
     pub struct_size: usize,
-    /// Least corner of the box along the world's axes that holds the data.
+    /// Least corner of the data's bounding box, whose sides are parallel to the world's axes.
     pub low: [f64; 3],
-    /// Its greatest corner.
+    /// Greatest corner of the bounding box.
     pub high: [f64; 3],
     /// Smallest and largest finite scalar.
     pub range: [f64; 2],
     /// A vr_data_kind.
     pub data_kind: u32,
-    /// Samples along x, y and z; 0 where the data is no grid.
+    /// Samples along x, y and z; 0 if the data is not a grid.
     pub dims: [u32; 3],
 }
 
@@ -72,7 +72,7 @@ unsafe impl Structure for vr_scene_info {
 }
 
 impl vr_scene {
-    /// What was made of the caller's data. `None` chooses a transfer function.
+    /// Makes a scene of data; without `transfer` it chooses a transfer function.
     fn from_data(gpu: &vr_gpu, data: impl Into<Data>, transfer: Option<TransferFunction>) -> Result<Self> {
         let data = data.into();
         let transfer = match transfer {
@@ -85,12 +85,12 @@ impl vr_scene {
         Ok(Self { scene, technique, file: None, warnings: CString::default() })
     }
 
-    /// Another scene of the same kind.
-    fn with(&self, scene: Arc<GpuScene>) -> Self {
+    /// Makes a handle of another scene with the same technique, view and warnings.
+    pub(super) fn with(&self, scene: Arc<GpuScene>) -> Self {
         Self { scene, technique: self.technique.clone(), file: self.file, warnings: self.warnings.clone() }
     }
 
-    /// The view that the scene asks for; with sides of 0 also its size.
+    /// Returns the view of the file, or one chosen for the data; with sides of 0 also the size.
     fn view(&self, width: u32, height: u32) -> Result<View> {
         let file = self.file;
         let extent = file.map_or([LoadedScene::DEFAULT_SIDE; 2], |file| file.extent);
@@ -103,7 +103,7 @@ impl vr_scene {
         Ok(View::new(camera, width, height)?.with_clip(clip))
     }
 
-    /// The technique of a text, or the scene's own.
+    /// Parses a technique; null stands for the scene's own.
     ///
     /// # Safety
     ///
@@ -126,7 +126,7 @@ pub(super) fn give(scene: vr_scene, out: &mut *mut vr_scene) -> vr_result {
     vr_result::VR_OK
 }
 
-/// Makes a scene of data in the caller's memory, as its information has it.
+/// Makes a scene of data in the caller's memory.
 ///
 /// # Safety
 ///
@@ -153,7 +153,7 @@ unsafe fn create<Info: Structure, D: Into<Data>>(
     })
 }
 
-/// Makes a scene of a grid in memory, which is copied. Without knots (NULL, 0) a transfer function is chosen.
+/// Makes a scene of a grid in memory, which is copied. Without knots (NULL, 0) the library chooses a transfer function.
 ///
 /// Fails with VR_ERROR_INVALID.
 ///
@@ -161,7 +161,7 @@ unsafe fn create<Info: Structure, D: Into<Data>>(
 ///
 /// # Safety
 ///
-/// Pointers are NULL or valid, arrays as long as is said.
+/// Pointers are NULL or valid, arrays have the given lengths.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_scene_create_grid(
     gpu: *const vr_gpu,
@@ -174,7 +174,7 @@ pub unsafe extern "C" fn vr_scene_create_grid(
     unsafe { create(gpu, (info, "vr_grid_info"), (knots, knot_count), scene, data::grid) }
 }
 
-/// Makes a scene of tetrahedra in memory, which are copied. Without knots (NULL, 0) a transfer function is chosen.
+/// Makes a scene of tetrahedra in memory, which are copied. Without knots (NULL, 0) the library chooses a transfer function.
 ///
 /// Fails with VR_ERROR_INVALID.
 ///
@@ -182,7 +182,7 @@ pub unsafe extern "C" fn vr_scene_create_grid(
 ///
 /// # Safety
 ///
-/// Pointers are NULL or valid, arrays as long as is said.
+/// Pointers are NULL or valid, arrays have the given lengths.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_scene_create_mesh(
     gpu: *const vr_gpu,
@@ -195,7 +195,7 @@ pub unsafe extern "C" fn vr_scene_create_mesh(
     unsafe { create(gpu, (info, "vr_mesh_info"), (knots, knot_count), scene, data::mesh) }
 }
 
-/// Makes a scene of points in memory, which are copied. Without knots (NULL, 0) a transfer function is chosen.
+/// Makes a scene of points in memory, which are copied. Without knots (NULL, 0) the library chooses a transfer function.
 ///
 /// Fails with VR_ERROR_INVALID.
 ///
@@ -203,7 +203,7 @@ pub unsafe extern "C" fn vr_scene_create_mesh(
 ///
 /// # Safety
 ///
-/// Pointers are NULL or valid, arrays as long as is said.
+/// Pointers are NULL or valid, arrays have the given lengths.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_scene_create_points(
     gpu: *const vr_gpu,
@@ -216,149 +216,7 @@ pub unsafe extern "C" fn vr_scene_create_points(
     unsafe { create(gpu, (info, "vr_points_info"), (knots, knot_count), scene, data::points) }
 }
 
-/// Makes a scene of the same data under another transfer function, which shares what is on the device of the data. `source` stays
-/// as it is.
-///
-/// Fails with VR_ERROR_INVALID.
-///
-/// Threads: any.
-///
-/// # Safety
-///
-/// Pointers are NULL or valid, arrays as long as is said.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vr_scene_with_transfer(
-    source: *const vr_scene,
-    knots: *const vr_knot,
-    knot_count: usize,
-    scene: *mut *mut vr_scene,
-) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let out = unsafe { argument::out(scene, "scene") }?;
-        // SAFETY: the caller's promise.
-        let source = unsafe { argument::reference(source, "source") }?;
-        // SAFETY: the caller's promise.
-        let transfer = unsafe { data::transfer(knots, knot_count) }?;
-        let transfer = transfer.ok_or_else(|| Error::invalid("knot_count", "0: there must be at least 1"))?;
-        Ok(give(source.with(source.scene.with_transfer(transfer)), out))
-    })
-}
-
-/// Makes a scene of other samples in the same grid: place, transfer function, surfaces and view stay. The samples are copied, and
-/// may be of another type; see vr_grid_info. `source` stays as it is.
-///
-/// Fails with VR_ERROR_INVALID.
-///
-/// Threads: any.
-///
-/// # Safety
-///
-/// Pointers are NULL or valid, `samples` as large as is said.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vr_scene_with_samples(
-    source: *const vr_scene,
-    sample_type: u32,
-    samples: *const c_void,
-    sample_bytes: usize,
-    scene: *mut *mut vr_scene,
-) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let out = unsafe { argument::out(scene, "scene") }?;
-        // SAFETY: the caller's promise.
-        let source = unsafe { argument::reference(source, "source") }?;
-        let old = source.scene.scene();
-        let Some(grid) = old.grid() else {
-            return Err(Error::invalid("source", format!("holds a {}, not a grid", old.data.kind())));
-        };
-        // SAFETY: the caller's promise.
-        let samples = unsafe { data::samples(grid.dims(), sample_type, samples, sample_bytes) }?;
-        Ok(give(source.with(source.scene.with_samples(samples)?), out))
-    })
-}
-
-/// Makes a scene of the same mesh with other scalars, as vr_mesh_info has them, and with another transfer function where there are
-/// knots. Points and tetrahedra stay on the device. Scalars for tetrahedra are those of the tetrahedra that were kept. `source`
-/// stays as it is.
-///
-/// Fails with VR_ERROR_INVALID.
-///
-/// Threads: any.
-///
-/// # Safety
-///
-/// Pointers are NULL or valid, arrays as long as is said.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vr_scene_with_scalars(
-    source: *const vr_scene,
-    scalars_per: u32,
-    scalars: *const f32,
-    scalar_count: usize,
-    knots: *const vr_knot,
-    knot_count: usize,
-    scene: *mut *mut vr_scene,
-) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let out = unsafe { argument::out(scene, "scene") }?;
-        // SAFETY: the caller's promise.
-        let source = unsafe { argument::reference(source, "source") }?;
-        // SAFETY: the caller's promise.
-        let scalars = unsafe { data::scalars(scalars, scalar_count, scalars_per) }?;
-        // SAFETY: the caller's promise.
-        let transfer = unsafe { data::transfer(knots, knot_count) }?;
-        let transfer = transfer.unwrap_or_else(|| source.scene.scene().transfer.clone());
-        Ok(give(source.with(source.scene.with_scalars(scalars, transfer)?), out))
-    })
-}
-
-/// Makes a scene of the same data among other surfaces, of which there may be none; what is on the device of the data is shared.
-/// Opaque surfaces are drawn by every technique, translucent ones by some: vr_plan_create() refuses the others.
-///
-/// `surfaces` are `surface_count` pointers. Everything is copied, and `source` stays as it is. Fails with VR_ERROR_INVALID.
-///
-/// Threads: any.
-///
-/// # Safety
-///
-/// Pointers are NULL or valid, arrays as long as is said.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vr_scene_with_surfaces(
-    source: *const vr_scene,
-    surfaces: *const *const vr_surface_info,
-    surface_count: usize,
-    scene: *mut *mut vr_scene,
-) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let out = unsafe { argument::out(scene, "scene") }?;
-        // SAFETY: the caller's promise.
-        let source = unsafe { argument::reference(source, "source") }?;
-        // SAFETY: the caller's promise.
-        let given = unsafe { argument::array(surfaces, surface_count, "surfaces") }?;
-        let surface = |(i, info): (usize, &*const vr_surface_info)| -> Result<Surface> {
-            // SAFETY: the caller's promise.
-            let info = unsafe { argument::structure(*info, &format!("surfaces[{i}]")) }?;
-            // SAFETY: the caller's promise.
-            unsafe { data::surface(&info) }.map_err(|error| match error {
-                Error::Invalid { what, why } => {
-                    Error::Invalid { what: format!("surfaces[{i}]: {what}"), why }
-                }
-                other => other,
-            })
-        };
-        let surfaces = given.iter().enumerate().map(surface).collect::<Result<Vec<_>>>()?;
-        let mut made = source.with(source.scene.with_surfaces(surfaces));
-        // Surfaces decide which techniques draw a scene; what a file asks for stays.
-        if source.technique == default_technique(source.scene.scene()) {
-            made.technique = default_technique(made.scene.scene());
-        }
-        Ok(give(made, out))
-    })
-}
-
-/// Destroys a scene's handle; NULL is nothing. Plans and recordings that were made from it go on.
+/// Destroys a scene's handle; NULL is ignored. Plans and recordings made from it stay valid.
 ///
 /// Threads: any, while no other function uses this handle.
 ///
@@ -373,7 +231,7 @@ pub unsafe extern "C" fn vr_scene_destroy(scene: *mut vr_scene) {
     }
 }
 
-/// Tells what a scene is.
+/// Writes the properties of a scene.
 ///
 /// Threads: any.
 ///
@@ -405,8 +263,8 @@ pub unsafe extern "C" fn vr_scene_query(scene: *const vr_scene, info: *mut vr_sc
     })
 }
 
-/// Fills in the view that a scene file asks for, or one that is chosen for the data, of an image of this size; width and height 0:
-/// of the scene's own size.
+/// Writes the view of the scene file, or a view that the library chooses for the data, for an image of this size. Width and
+/// height 0 stand for the scene's own size.
 ///
 /// Fails with VR_ERROR_INVALID.
 ///
@@ -432,8 +290,8 @@ pub unsafe extern "C" fn vr_scene_view(
     })
 }
 
-/// The technique that the scene's file asks for, else the default for its data, as vr_plan_info takes it; NULL for NULL. Valid as
-/// long as the handle.
+/// Returns the technique of the scene file, else the default for the data, in the format of vr_plan_info, valid as long as the
+/// handle; NULL for NULL.
 ///
 /// Threads: any.
 ///
@@ -446,8 +304,8 @@ pub unsafe extern "C" fn vr_scene_technique(scene: *const vr_scene) -> *const c_
     unsafe { scene.as_ref() }.map_or(std::ptr::null(), |scene| scene.technique.as_ptr())
 }
 
-/// What may not be as it seems in the file that was read, one warning a line; "" if there is none, NULL for NULL. Valid as long as
-/// the handle.
+/// Returns the warnings about the file that was read, one per line, "" if there are none, valid as long as the handle; NULL for
+/// NULL.
 ///
 /// Threads: any.
 ///
@@ -460,9 +318,9 @@ pub unsafe extern "C" fn vr_scene_warnings(scene: *const vr_scene) -> *const c_c
     unsafe { scene.as_ref() }.map_or(std::ptr::null(), |scene| scene.warnings.as_ptr())
 }
 
-/// Whether a technique, with or without options, draws a scene's kind of data.
+/// Writes whether a technique, with or without options, supports a scene.
 ///
-/// Fails with VR_ERROR_INVALID for what is no technique.
+/// Fails with VR_ERROR_INVALID for an unknown technique or invalid options.
 ///
 /// Threads: any.
 ///

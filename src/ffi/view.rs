@@ -1,4 +1,4 @@
-//! Views: camera, size, and what is cut away.
+//! Views: camera, image size and clipping.
 
 use glam::DVec3;
 
@@ -7,27 +7,27 @@ use crate::error::{Error, Result};
 use crate::num;
 use crate::scene::{Camera, Clip, Projection, View};
 
-/// How depth becomes size.
+/// Kind of a projection.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum vr_projection {
     /// Rays start at the eye.
     VR_PROJECTION_PERSPECTIVE = 1,
-    /// Parallel rays, also from behind the eye.
+    /// Rays are parallel, and also show what lies behind the eye.
     VR_PROJECTION_ORTHOGRAPHIC = 2,
 }
 
-/// A plane that cuts away what lies on the side that its normal points away from.
+/// A clip plane. It removes the side that its normal points away from.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
 pub struct vr_clip_plane {
     /// A point of the plane, world units.
     pub point: [f64; 3],
-    /// Points to what is kept; of any length but 0.
+    /// Normal, which points to the side that is kept; of any length but 0.
     pub normal: [f64; 3],
 }
 
-/// A camera, the size of its image, and what of the volume is cut away. Pixels are square; row 0 is on top.
+/// A camera, the size of its image, and the clipping of the volume. Pixels are square; row 0 is on top.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_view {
@@ -37,7 +37,7 @@ pub struct vr_view {
     pub eye: [f64; 3],
     /// A point straight ahead.
     pub target: [f64; 3],
-    /// A direction that points up in the picture; need not be perpendicular to the view.
+    /// A direction that points up in the image; it need not be perpendicular to the view.
     pub up: [f64; 3],
     /// A vr_projection.
     pub projection: u32,
@@ -47,16 +47,16 @@ pub struct vr_view {
     pub height: u32,
     /// Number of clip_planes, at most 6.
     pub clip_plane_count: u32,
-    /// Of a perspective projection: the full vertical angle of view, in degrees, between 0 and 180.
+    /// Full vertical angle of view of a perspective projection, in degrees, between 0 and 180.
     pub fov_y_deg: f64,
-    /// Of an orthographic projection: half of the image's height, in world units.
+    /// Half of the image's height in an orthographic projection, in world units.
     pub half_height: f64,
-    /// What is cut away. Every technique cuts lines of sight exactly there.
+    /// Clip planes. Every technique cuts rays exactly there.
     pub clip_planes: [vr_clip_plane; 6],
-    /// Least corner of a box along the world's axes, outside of which nothing is drawn; minus infinity for a side cuts
-    /// nothing. Both corners all 0: no box.
+    /// Least corner of the crop box, whose sides are parallel to the world's axes; nothing is drawn outside. Minus infinity
+    /// leaves a side open. Both corners all 0: no box.
     pub crop_low: [f64; 3],
-    /// Its greatest corner.
+    /// Greatest corner of the crop box; infinity leaves a side open.
     pub crop_high: [f64; 3],
 }
 
@@ -96,7 +96,7 @@ impl vr_view {
         Ok(View::new(camera, self.width, self.height)?.with_clip(clip))
     }
 
-    /// What [`Self::view`] is made from; its size is not told.
+    /// Converts a view, the inverse of [`Self::view`]; `struct_size` stays 0.
     pub(super) fn of(view: &View) -> Self {
         let camera = view.camera();
         let (projection, fov_y_deg, half_height) = match camera.projection {
@@ -163,7 +163,7 @@ mod tests {
         cut.clip_plane_count = 2;
         cut.clip_planes[0] = vr_clip_plane { point: [0.1, 0.2, 0.3], normal: [1.0, 0.0, 0.0] };
         cut.clip_planes[1] = vr_clip_plane { point: [0.4, 0.5, 0.6], normal: [0.0, 0.0, -2.0] };
-        // Not asked for.
+        // Beyond the count, hence ignored.
         cut.clip_planes[2] = vr_clip_plane { point: [f64::NAN; 3], normal: [0.0; 3] };
         cut.crop_low = [-1.0, f64::NEG_INFINITY, -1.0];
         cut.crop_high = [1.0; 3];

@@ -1,8 +1,8 @@
-//! Vulkan's types by their C names; the header takes them from `<vulkan/vulkan_core.h>`.
+//! Vulkan's types by their C names. The header includes them from `<vulkan/vulkan_core.h>`.
 
 use ash::vk;
 
-/// `VkBool32`: 0 is false, all else true.
+/// `VkBool32`: 0 is false, other values are true.
 pub type VkBool32 = vk::Bool32;
 /// `VkInstance`.
 pub type VkInstance = vk::Instance;

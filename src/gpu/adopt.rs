@@ -1,4 +1,4 @@
-//! A device that the caller made.
+//! Devices made by the caller.
 
 use std::any::Any;
 use std::ffi::{CStr, CString};
@@ -8,46 +8,54 @@ use ash::{ext, vk};
 
 use ash::vk::Handle as _;
 
-use super::device::{Gpu, GpuOptions, Opened};
+use super::device::Gpu;
 use super::feature::Enabled;
 use super::instance::{Instance, version_text};
+use super::open::Opened;
+use super::options::GpuOptions;
 use super::queue::{Queue, QueueLock};
 use super::select::inspect;
 use super::validation::Validation;
 use crate::error::{Error, Result};
 
-/// What [`Gpu::from_raw`] is made of: an instance, a device and a queue of the caller.
+/// The parts of a [`Gpu::from_raw`]: an instance, a device and a queue of the caller.
 ///
-/// A caller without `ash`, or with another version of it, makes the first ones from handles, with the types of
+/// A caller without `ash`, or with another version of it, makes them from handles with the types of
 /// [`volraster::ash`](crate::ash): [`ash::Entry::from_static_fn`] from its `vkGetInstanceProcAddr`,
 /// [`ash::Instance::load`], [`ash::Device::load`], and `from_raw` of [`vk::Handle`].
 #[derive(Clone)]
 pub struct GpuParts {
-    /// The loader, which is unloaded with the last clone: the caller keeps one for as long as it uses instance or device
+    /// The loader. The last clone unloads it: the caller keeps a clone for as long as it uses instance or device
     /// itself.
     pub entry: ash::Entry,
     /// The instance.
     pub instance: ash::Instance,
-    /// Version in the `VkApplicationInfo` that the instance was made with: at least 1.3.
+    /// Vulkan version in the `VkApplicationInfo` of the instance, at least 1.3.
     pub api_version: u32,
-    /// Instance extensions that are enabled; those without a use are ignored. Used is `VK_EXT_debug_utils`:
-    /// [`OptionalFeature::DebugNames`](super::OptionalFeature::DebugNames).
+    /// Enabled instance extensions. The crate uses `VK_EXT_debug_utils` for
+    /// [`OptionalFeature::DebugNames`](super::OptionalFeature::DebugNames), and ignores others.
     pub instance_extensions: Vec<CString>,
-    /// The physical device of that instance: Vulkan 1.3 or later.
+    /// A physical device of that instance, for Vulkan 1.3 or later.
     pub physical_device: vk::PhysicalDevice,
     /// The device.
     pub device: ash::Device,
-    /// What is enabled on it. What is not named here is not used, even if it is there.
+    /// The enabled extensions and features. The crate does not use what is not named here.
     pub enabled: Enabled,
-    /// The queue's family: graphics and compute.
+    /// The family of the queue, for graphics and compute.
     pub queue_family: u32,
     /// The queue.
     pub queue: vk::Queue,
-    /// Held around every submission to the queue. Without it, threads of this crate take turns among themselves, and the
-    /// caller uses the queue through [`Gpu::with_queue`] alone, or not at all. It must not be held by a thread that calls
-    /// into this crate, unless to record.
+    /// Lock that the crate holds around every submission to the queue. Without it the crate serialises its own
+    /// submissions, and the caller uses the queue only through [`Gpu::with_queue`]. A thread that holds the lock must not
+    /// call into this crate, except to record.
     pub queue_lock: Option<Arc<dyn QueueLock>>,
-    /// Let go after the last thing that was made from the device: whatever destroys device and instance may be put here.
+    /// Owner of device and instance: a value whose `Drop` destroys them, or shares of it. The crate drops it after the
+    /// last object that it has made from the device.
+    ///
+    /// `None` is sound only where something else guarantees that device and instance outlive the last clone of the
+    /// [`Gpu`] and everything made from it, for instance because they are never destroyed. Plans, scenes and recordings
+    /// hold clones of the [`Gpu`]: a caller that destroys its device while one of them is alive crashes when that one is
+    /// dropped.
     pub keep: Option<Arc<dyn Any + Send + Sync>>,
 }
 
@@ -62,7 +70,7 @@ impl std::fmt::Debug for GpuParts {
     }
 }
 
-/// Functions of Vulkan 1.3 that are called. A driver does not give them to a device of an instance for less.
+/// Functions of Vulkan 1.3 that the crate calls. Drivers do not return them for devices of older instances.
 const FUNCTIONS: [&CStr; 5] = [
     c"vkCmdPipelineBarrier2",
     c"vkQueueSubmit2",
@@ -72,31 +80,30 @@ const FUNCTIONS: [&CStr; 5] = [
 ];
 
 impl Gpu {
-    /// Takes a device that the caller made. Neither device nor instance is destroyed by this crate; all that it makes from
-    /// them is gone with the last clone of the [`Gpu`] and the last of what was made from it, without a wait.
+    /// Adopts a device that the caller made. The crate destroys neither device nor instance. Dropping the last clone of the
+    /// [`Gpu`] and the last object made from it destroys everything that the crate has made, without a wait.
     ///
-    /// What is enabled is checked against what is needed: required are instance and device for Vulkan 1.3,
-    /// `synchronization2`, `dynamicRendering`, and a queue for graphics and compute. What else is not enabled the device does
-    /// not [have](Gpu::has), and its fallback is taken.
+    /// Required are an instance and a device for Vulkan 1.3 with `synchronization2` and `dynamicRendering`, and a queue for
+    /// graphics and compute. For optional features that are not enabled the crate uses the fallback; see [`Gpu::has`].
     ///
-    /// Of `options`, `device` and `validation` must not be set. Messages of validation layers go to the caller's messenger:
+    /// `options` must leave `device` and `validation` unset. Messages of the validation layer go to the caller's messenger:
     /// [`Gpu::validation_log`] stays empty.
     ///
     /// # Errors
     ///
-    /// [`Error::Unsupported`] naming what is required and missing, [`Error::Invalid`] for a null handle, a physical device
-    /// of another instance, what is said to be enabled and cannot be, and options that are not the caller's to set;
-    /// [`Error::Vulkan`] when a call fails.
+    /// [`Error::Unsupported`] names a missing requirement; [`Error::Invalid`] reports a null handle, a physical device of
+    /// another instance, an enabled feature that the device does not offer, or options that must be unset;
+    /// [`Error::Vulkan`] a failed call.
     ///
     /// # Safety
     ///
     /// - The functions of `entry`, `instance` and `device` are Vulkan's, loaded for these handles; the device was made from
-    ///   the instance and its physical device, the queue is of the device and its family, and not a protected one;
-    /// - `api_version`, `instance_extensions` and `enabled` name nothing that the instance or the device was not made with;
-    /// - instance, device and queue live until the last clone of the [`Gpu`] and everything that was made from it is gone:
-    ///   at the latest when `keep` is let go;
-    /// - while this crate may submit, the queue is used through [`Gpu::with_queue`] or under `queue_lock` alone, and nobody
-    ///   waits for the whole device to be idle except so.
+    ///   the instance and the physical device; the queue belongs to the device and the family, and is not protected;
+    /// - `api_version`, `instance_extensions` and `enabled` name only what instance and device were made with;
+    /// - instance, device and queue live until the last clone of the [`Gpu`] and everything made from it is dropped, which
+    ///   is when the crate drops `keep`;
+    /// - while this crate may submit, the queue is used, and the whole device waited for, only through
+    ///   [`Gpu::with_queue`] or under `queue_lock`.
     pub unsafe fn from_raw(parts: GpuParts, options: &GpuOptions) -> Result<Self> {
         if options.device.is_some() || options.validation != Validation::Off {
             return Err(Error::invalid(
@@ -112,7 +119,7 @@ impl Gpu {
                 version_text(parts.api_version)
             )));
         }
-        // SAFETY: by the caller's promise an instance of this loader for at least Vulkan 1.3.
+        // SAFETY: the caller promises an instance of this loader for at least Vulkan 1.3.
         let devices = unsafe { parts.instance.enumerate_physical_devices() }
             .map_err(|result| Error::Vulkan { call: "vkEnumeratePhysicalDevices", result })?;
         if !devices.contains(&parts.physical_device) {
@@ -158,7 +165,7 @@ impl GpuParts {
         }
     }
 
-    /// What is required, and that nothing is claimed that cannot be.
+    /// Checks that requirements are enabled, and that the device offers what is said to be enabled.
     fn check_enabled(&self) -> Result<()> {
         // SAFETY: the physical device is of this instance, and both are for Vulkan 1.3: that was checked.
         let offered = unsafe { Enabled::useful(&self.instance, self.physical_device) }?;

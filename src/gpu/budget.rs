@@ -1,5 +1,5 @@
-//! The crate's own account of device memory: every allocation is checked against the budget before
-//! the driver is asked, because some drivers never say that memory is out.
+//! The account of device memory: every allocation is checked against the budget first, because some drivers never report
+//! that memory is exhausted.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -20,7 +20,7 @@ struct Live {
     entries: BTreeMap<u64, (String, u64)>,
 }
 
-/// Memory held by one object; given back on drop.
+/// The memory of one object, returned to the budget on drop.
 #[derive(Debug)]
 pub(crate) struct Reservation {
     budget: Arc<Budget>,
@@ -32,27 +32,27 @@ impl Budget {
         Arc::new(Self { total, live: Mutex::default() })
     }
 
-    /// The whole budget, in bytes.
+    /// Returns the whole budget, in bytes.
     pub(crate) fn total(&self) -> u64 {
         self.total
     }
 
-    /// Bytes that are taken now.
+    /// Returns the bytes in use.
     pub(crate) fn used(&self) -> u64 {
         self.lock().used
     }
 
-    /// Live allocations: name and bytes, oldest first.
+    /// Returns name and bytes of the live allocations, oldest first.
     pub(crate) fn entries(&self) -> Vec<(String, u64)> {
         self.lock().entries.values().cloned().collect()
     }
 
-    /// Checks that `bytes` more would fit, without taking them.
+    /// Checks that `bytes` more fit, without reserving them.
     pub(crate) fn check(&self, object: &str, bytes: u64) -> Result<()> {
         self.fits(self.used(), object, bytes)
     }
 
-    /// Takes `bytes` for `object`.
+    /// Reserves `bytes` for `object`.
     pub(crate) fn reserve(self: &Arc<Self>, object: &str, bytes: u64) -> Result<Reservation> {
         let mut live = self.lock();
         self.fits(live.used, object, bytes)?;
@@ -77,7 +77,7 @@ impl Budget {
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Live> {
-        // The account stays right when a thread panicked elsewhere: every change is one statement.
+        // Poison is ignored: the account stays consistent, since no statement here panics half-way.
         self.live.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -2,42 +2,24 @@
 
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+use gpu_allocator::vulkan::Allocation;
 
 use super::budget::Reservation;
 use super::device::Gpu;
+use super::memory::{allocate, free};
 use crate::error::{Error, Result};
 
-/// What a buffer is for, and with that where it lies.
+/// The purpose of a buffer, which decides its memory type and usage flags.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum BufferUse {
-    /// Read by shaders as uniform or storage block; on the device.
+    /// Shaders read it as a uniform or storage block; in device memory.
     ShaderRead,
-    /// Written and read by shaders, copied from; on the device.
+    /// Shaders write and read it, and it can be copied; in device memory.
     ShaderWrite,
-    /// Staging to the device; written by the host.
+    /// The host writes it, as staging memory for uploads.
     Upload,
-    /// Staging from the device; read by the host.
+    /// The host reads it, as staging memory for downloads.
     Download,
-}
-
-impl Gpu {
-    /// Bytes of a buffer that shaders see, at most.
-    pub(crate) fn most_buffer_bytes(&self) -> u64 {
-        u64::from(self.inner.properties.limits.max_storage_buffer_range).min(self.inner.max_allocation)
-    }
-
-    /// Whether the driver gives so much memory at once. What a driver does beyond its limit is its own affair.
-    pub(crate) fn check_allocation(&self, name: &str, bytes: u64) -> Result<()> {
-        let most = self.inner.max_allocation;
-        if bytes > most {
-            return Err(Error::unsupported(
-                name,
-                format!("{bytes} bytes exceed the limit of {most} for one allocation of device memory"),
-            ));
-        }
-        Ok(())
-    }
 }
 
 /// A buffer with its memory.
@@ -117,19 +99,18 @@ impl Buffer {
         self.size
     }
 
-    /// The memory as the host sees it; `None` for buffers on the device. Staging memory is coherent or
-    /// unused by the device while the host looks: uploads are submitted after writing, downloads read
-    /// after the fence.
+    /// Returns the mapped memory; `None` for buffers in device memory. The device does not access staging memory at the
+    /// same time: uploads are submitted after the host has written, downloads are read after the fence.
     pub(crate) fn bytes(&self) -> Option<&[u8]> {
         self.allocation.as_ref()?.mapped_slice()
     }
 
-    /// The same, to be written.
+    /// Returns the mapped memory for writing.
     pub(crate) fn bytes_mut(&mut self) -> Option<&mut [u8]> {
         self.allocation.as_mut()?.mapped_slice_mut()
     }
 
-    /// Whether shaders write the buffer, so that their uses need barriers between them.
+    /// Returns whether shaders write the buffer, so that its uses need barriers between them.
     pub(crate) fn is_written_by_shaders(&self) -> bool {
         self.purpose == BufferUse::ShaderWrite
     }
@@ -145,35 +126,5 @@ impl Drop for Buffer {
         // pending command refers to `raw` (VUID-vkDestroyBuffer-buffer-00922).
         unsafe { self.gpu.device().destroy_buffer(self.raw, None) };
         free(&self.gpu, self.allocation.take());
-    }
-}
-
-/// Memory for a resource.
-pub(super) fn allocate(
-    gpu: &Gpu,
-    name: &str,
-    requirements: vk::MemoryRequirements,
-    location: MemoryLocation,
-    linear: bool,
-) -> Result<Allocation> {
-    let desc = AllocationCreateDesc {
-        name,
-        requirements,
-        location,
-        linear,
-        allocation_scheme: AllocationScheme::GpuAllocatorManaged,
-    };
-    let failed = |source| Error::Allocation { object: name.to_string(), source };
-    match gpu.allocator().as_mut() {
-        Some(allocator) => allocator.allocate(&desc).map_err(failed),
-        None => Err(failed(gpu_allocator::AllocationError::Internal("the device is being destroyed".into()))),
-    }
-}
-
-/// Gives memory back. Its resource is destroyed already.
-pub(super) fn free(gpu: &Gpu, allocation: Option<Allocation>) {
-    if let (Some(allocation), Some(allocator)) = (allocation, gpu.allocator().as_mut()) {
-        // The only error is a broken allocator invariant; a destructor has nowhere to send it.
-        let _ = allocator.free(allocation);
     }
 }

@@ -1,7 +1,7 @@
 //! The pipeline cache on disk.
 //!
-//! Drivers may crash on foreign or damaged cache data, so the file has a header of its own that is
-//! verified first; anything odd is ignored and written anew.
+//! Drivers may crash on foreign or damaged cache data. The file therefore has a header of its own, and a file whose header
+//! does not match is ignored and overwritten.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -9,12 +9,12 @@ use std::path::{Path, PathBuf};
 use ash::vk;
 
 const MAGIC: &[u8; 8] = b"VOLRPC01";
-/// Magic, vendor, device, driver version, cache UUID, length, hash.
+/// Size of the header: magic, vendor, device, driver version, cache UUID, length, hash.
 const HEADER: usize = 8 + 4 + 4 + 4 + 16 + 8 + 8;
-/// More than any cache of this program; a larger file is not one.
+/// Upper bound of the size of a cache; larger files are ignored.
 const MAX_BYTES: u64 = 256 << 20;
 
-/// Which device and driver a cache belongs to.
+/// The device and driver that a cache belongs to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Identity {
     pub(crate) vendor: u32,
@@ -23,7 +23,7 @@ pub(crate) struct Identity {
     pub(crate) uuid: [u8; 16],
 }
 
-/// A place for the cache of one device.
+/// The cache file of one device.
 #[derive(Clone, Debug)]
 pub(crate) struct PipelineCacheFile {
     path: PathBuf,
@@ -31,7 +31,7 @@ pub(crate) struct PipelineCacheFile {
 }
 
 impl PipelineCacheFile {
-    /// The file of a device in `folder`, or in the user's cache folder; `None` when there is none.
+    /// Returns the file of a device in `folder`, or in the user's cache folder; `None` where there is no such folder.
     pub(crate) fn locate(folder: Option<&Path>, properties: &vk::PhysicalDeviceProperties) -> Option<Self> {
         let folder = folder.map(Path::to_path_buf).or_else(user_cache_folder)?;
         let identity = Identity {
@@ -44,7 +44,7 @@ impl PipelineCacheFile {
         Some(Self { path: folder.join(name), identity })
     }
 
-    /// The cached data, if the file is whole and of this device and driver.
+    /// Returns the cached data if the file is undamaged and belongs to this device and driver.
     pub(crate) fn load(&self) -> Option<Vec<u8>> {
         if std::fs::metadata(&self.path).ok()?.len() > MAX_BYTES {
             return None;
@@ -53,7 +53,7 @@ impl PipelineCacheFile {
         unwrap(&bytes, &self.identity).map(<[u8]>::to_vec)
     }
 
-    /// Writes the data beside and renames. A cache that cannot be written is no error.
+    /// Writes the data to a temporary file and renames it. Failures are ignored.
     pub(crate) fn store(&self, data: &[u8]) {
         if self.load().is_some_and(|old| old == data) {
             return;
@@ -66,10 +66,10 @@ impl PipelineCacheFile {
     }
 }
 
-/// The user's cache folder for this library; `None` where there is none. It need not be there yet.
+/// Returns the user's cache folder for this library; `None` where the environment names none. It may not exist yet.
 #[must_use]
 pub fn user_cache_folder() -> Option<PathBuf> {
-    // A path that is not absolute counts as none, as the XDG base directory specification has it.
+    // The XDG base directory specification ignores paths that are not absolute.
     let set = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     set("XDG_CACHE_HOME")
         .or_else(|| set("LOCALAPPDATA"))
@@ -77,7 +77,7 @@ pub fn user_cache_folder() -> Option<PathBuf> {
         .map(|cache| cache.join("volraster"))
 }
 
-/// FNV-1a, 64 bit: finds damage; it is not meant against an attacker who can write the user's files.
+/// Computes FNV-1a with 64 bits. It detects damage, not manipulation by someone who can write the user's files.
 fn hash(bytes: &[u8]) -> u64 {
     bytes
         .iter()
@@ -102,7 +102,7 @@ fn wrap(data: &[u8], identity: &Identity) -> Vec<u8> {
     bytes
 }
 
-/// The data of a file, if its header is exactly the one that this device would write for it.
+/// Returns the data of a file if its header is the one that this device would write for it.
 fn unwrap<'a>(bytes: &'a [u8], identity: &Identity) -> Option<&'a [u8]> {
     let (found, data) = bytes.split_at_checked(HEADER)?;
     (found == header(data, identity)).then_some(data)

@@ -1,4 +1,4 @@
-//! Depth images of the caller, and how they store depth.
+//! Depth images of the caller, and the projections that wrote them.
 
 use ash::vk;
 use ash::vk::Handle as _;
@@ -7,26 +7,27 @@ use glam::DMat4;
 use super::device::Gpu;
 use crate::error::{Error, Result};
 
-/// How a projection stores depth: what the depth along the view is where an image holds 0, and where it holds 1.
+/// The mapping from stored depth to depth along the view, given by the depths that are stored as 0 and as 1.
 ///
-/// The far end of a perspective projection may lie at infinity, and either end may be stored as 1: `perspective(near, far)` is
-/// the usual one, `perspective(far, near)` reversed, `perspective(f64::INFINITY, near)` reversed without an end.
-/// What holds the far end itself shows no surface: it is what images are cleared with.
+/// Either end may be stored as 1, and the far end of a perspective projection may be infinite: `perspective(near, far)` is
+/// the usual projection, `perspective(far, near)` a reversed one, `perspective(f64::INFINITY, near)` a reversed one without
+/// a far plane. A pixel that stores the far end shows no surface: images are cleared with that value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DepthProjection {
     pub(crate) at_zero: f64,
     pub(crate) at_one: f64,
     pub(crate) perspective: bool,
-    /// Scale from view coordinates to clip coordinates, x and y, where a matrix told.
+    /// Scale from view to clip coordinates along x and y; known only from a matrix.
     pub(crate) scale: Option<[f64; 2]>,
 }
 
 impl DepthProjection {
-    /// Of a perspective camera: distances from the eye along the view, world units.
+    /// Makes the projection of a perspective camera from the distances along the view, in world units, that are stored as
+    /// 0 and as 1.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] unless both are positive, different, and one at least is finite.
+    /// [`Error::Invalid`] unless both are positive and different; one may be infinite.
     pub fn perspective(at_zero: f64, at_one: f64) -> Result<Self> {
         let fits = at_zero > 0.0 && at_one > 0.0 && at_zero != at_one;
         if !fits {
@@ -37,7 +38,8 @@ impl DepthProjection {
         Ok(Self { at_zero, at_one, perspective: true, scale: None })
     }
 
-    /// Of a camera with parallel rays: distances from the camera's `eye` along the view, world units; negative behind it.
+    /// Makes the projection of a camera with parallel rays from the distances along the view from the camera's `eye`, in
+    /// world units, that are stored as 0 and as 1. They are negative behind the eye.
     ///
     /// # Errors
     ///
@@ -51,13 +53,15 @@ impl DepthProjection {
         Ok(Self { at_zero, at_one, perspective: false, scale: None })
     }
 
-    /// Of a matrix from view coordinates (x to the right, looking along -z or, in perspective, +z) to clip coordinates
-    /// with depths from 0 to 1, such as [`glam::dcamera::rh::proj::vulkan::perspective_infinite_reverse`] makes. Its x and y must be those of the view that
-    /// is drawn, which is checked then; y may point up or down.
+    /// Makes a projection from a matrix that maps view coordinates to clip coordinates with depths from 0 to 1, such as
+    /// [`glam::dcamera::rh::proj::vulkan::perspective_infinite_reverse`].
+    ///
+    /// In view coordinates x points right and the camera looks along -z or, in perspective, +z. Recording checks that the
+    /// scales of x and y are those of the view; y may point up or down.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if it is no such matrix: oblique, off its centre, or without depth.
+    /// [`Error::Invalid`] for other matrices: oblique, off-centre, without depth, or not finite.
     pub fn from_matrix(matrix: &DMat4) -> Result<Self> {
         let row = |i: usize| matrix.row(i);
         let (x, y, z, w) = (row(0), row(1), row(2), row(3));
@@ -89,7 +93,7 @@ impl DepthProjection {
     }
 }
 
-/// A depth image that the caller owns: what of the volume lies behind it is not drawn.
+/// A depth image that the caller owns. It hides the part of the volume behind its surfaces.
 #[derive(Clone, Copy, Debug)]
 pub struct DepthImage {
     pub(crate) view: vk::ImageView,
@@ -101,7 +105,7 @@ pub struct DepthImage {
 }
 
 impl DepthImage {
-    /// Formats that are taken, where the device can sample them.
+    /// The supported formats; the device must be able to sample them.
     pub const FORMATS: [vk::Format; 6] = [
         vk::Format::D32_SFLOAT,
         vk::Format::X8_D24_UNORM_PACK32,
@@ -111,16 +115,16 @@ impl DepthImage {
         vk::Format::D16_UNORM_S8_UINT,
     ];
 
-    /// Wraps a depth image for [`Plan::record`](crate::Plan::record). Its projection is the one that made it.
+    /// Wraps a depth image for [`Plan::record`](crate::Plan::record). `projection` is the one that wrote the image.
     ///
     /// # Safety
     ///
-    /// - `view` belongs to the device of `gpu`; it is two-dimensional, of one level, one layer and the depth aspect alone, of
-    ///   `format` and exactly `extent` large, and its image, of one sample, has the usage `SAMPLED`;
+    /// - `view` belongs to the device of `gpu`; it is two-dimensional, with one level, one layer and only the depth aspect,
+    ///   in `format` and of exactly `extent`; its image has one sample per texel and the usage `SAMPLED`;
     /// - both live until the caller has seen every submission that reads them end;
     /// - when the recorded commands run, the image is in the layout `DEPTH_READ_ONLY_OPTIMAL`, or that of
-    ///   [`DepthImage::in_layout`], and what was drawn is available and visible to sampled reads in the compute shader stage. It is
-    ///   left in that layout, last read in that stage.
+    ///   [`DepthImage::in_layout`], and its contents are available and visible to sampled reads in the compute shader
+    ///   stage. The commands leave it in that layout, last read in that stage.
     #[must_use]
     pub unsafe fn from_raw(
         gpu: &Gpu,
@@ -134,7 +138,7 @@ impl DepthImage {
         Self { view, format, extent, layout, projection, device: gpu.device().handle() }
     }
 
-    /// The same in another layout that can be sampled, such as `SHADER_READ_ONLY_OPTIMAL`.
+    /// Sets another layout for sampling, such as `SHADER_READ_ONLY_OPTIMAL`.
     #[must_use]
     pub fn in_layout(self, layout: vk::ImageLayout) -> Self {
         Self { layout, ..self }
@@ -147,7 +151,7 @@ mod tests {
     use glam::DVec3;
     use glam::dcamera::rh::proj::vulkan;
 
-    /// What a matrix stores at a depth is what the two ends say.
+    /// A matrix and the two ends derived from it store the same value at a depth.
     #[test]
     fn matrices_tell_their_ends() {
         let (near, far) = (0.1, 50.0);

@@ -1,4 +1,4 @@
-//! Command buffers and images that belong to the caller.
+//! Command buffers and images of the caller.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -12,16 +12,16 @@ use super::device::Gpu;
 pub struct CommandBuffer {
     raw: vk::CommandBuffer,
     device: vk::Device,
-    /// What follows the first, where each pass has a command buffer of its own.
+    /// Further command buffers, where each pass has one of its own.
     parts: Option<Parts>,
 }
 
-/// Command buffers that are submitted one after the other.
+/// Command buffers that are submitted in order.
 #[derive(Debug)]
 struct Parts {
     gpu: Gpu,
     pool: vk::CommandPool,
-    /// Those after the first; the last one is being recorded.
+    /// The command buffers after the first; the last one is being recorded.
     more: Mutex<Vec<vk::CommandBuffer>>,
 }
 
@@ -33,42 +33,43 @@ impl CommandBuffer {
     /// - `raw` belongs to the device of `gpu`, is in the recording state outside of any rendering, and
     ///   will be submitted to the queue family of `gpu`;
     /// - no other thread records into it while this value is in use;
-    /// - it is submitted at most once, or not again while a submission of it is pending;
-    /// - [`Recorded::completed`](crate::Recorded::completed) of what is recorded into it is called only after
-    ///   its submission has ended, [`Recorded::discarded`](crate::Recorded::discarded) only if none is pending or will be made.
+    /// - it is not submitted again while a submission of it is pending;
+    /// - [`Recorded::completed`](crate::Recorded::completed) of its recordings is called only after the submission has
+    ///   ended, [`Recorded::discarded`](crate::Recorded::discarded) only if no submission is pending or will be made.
     #[must_use]
     pub unsafe fn from_raw(gpu: &Gpu, raw: vk::CommandBuffer) -> Self {
         debug_assert!(!raw.is_null(), "the null command buffer of {}", gpu.report().name);
         Self::own(gpu, raw)
     }
 
-    /// The device that it was wrapped for.
+    /// Returns the device that it belongs to.
     pub(crate) fn device(&self) -> vk::Device {
         self.device
     }
 
-    /// The one that is being recorded.
+    /// Returns the command buffer that is being recorded.
     pub(crate) fn raw(&self) -> vk::CommandBuffer {
-        self.all().last().copied().unwrap_or(self.raw)
+        let last = self.parts.as_ref().and_then(|parts| parts.lock().last().copied());
+        last.unwrap_or(self.raw)
     }
 
     pub(super) fn own(gpu: &Gpu, raw: vk::CommandBuffer) -> Self {
         Self { raw, device: gpu.device().handle(), parts: None }
     }
 
-    /// With a command buffer from `pool` for each pass.
+    /// Wraps a command buffer of the crate's own that continues in a new one from `pool` for each pass.
     pub(super) fn in_parts(gpu: &Gpu, raw: vk::CommandBuffer, pool: vk::CommandPool) -> Self {
         let parts = Parts { gpu: gpu.clone(), pool, more: Mutex::default() };
         Self { parts: Some(parts), ..Self::own(gpu, raw) }
     }
 
-    /// In the order in which they are submitted.
+    /// Returns all command buffers in the order of submission.
     pub(super) fn all(&self) -> Vec<vk::CommandBuffer> {
         let more = self.parts.iter().flat_map(|parts| parts.lock().clone());
         std::iter::once(self.raw).chain(more).collect()
     }
 
-    /// Ends the command buffer and goes on in another, where each pass has its own. On an error it goes on in the same.
+    /// Continues in a new command buffer where each pass has its own; on an error it continues in the same.
     pub(super) fn next_part(&self) {
         let Some(parts) = &self.parts else { return };
         let device = parts.gpu.device();
@@ -88,7 +89,7 @@ impl CommandBuffer {
         }
     }
 
-    /// Forgets all but the first; nothing is pending.
+    /// Frees all but the first; no submission may be pending.
     pub(super) fn rewind(&self) {
         let Some(parts) = &self.parts else { return };
         let more = std::mem::take(&mut *parts.lock());
@@ -101,7 +102,7 @@ impl CommandBuffer {
 
 impl Parts {
     fn lock(&self) -> MutexGuard<'_, Vec<vk::CommandBuffer>> {
-        // Right when a thread panicked elsewhere: every change is one statement.
+        // Poison is ignored: every change is one statement.
         self.more.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -121,13 +122,12 @@ impl TargetImage {
     ///
     /// # Safety
     ///
-    /// - `image` and `view` belong to the device of `gpu`; the view is two-dimensional, of one level and
-    ///   one layer, of `format` and at least `extent` large, and the image has the usage
-    ///   `COLOR_ATTACHMENT`;
+    /// - `image` and `view` belong to the device of `gpu`; the view is two-dimensional, with one level and
+    ///   one layer, in `format` and of at least `extent`; the image has the usage `COLOR_ATTACHMENT`;
     /// - both live until the caller has seen every submission that draws into them end;
     /// - when the recorded commands run, the image is in the layout `COLOR_ATTACHMENT_OPTIMAL` and all
-    ///   earlier accesses are made available and visible to the colour attachment output stage. It is
-    ///   left in that layout, last written in that stage.
+    ///   earlier accesses are available and visible to the colour attachment output stage. The commands
+    ///   leave it in that layout, last written in that stage.
     #[must_use]
     pub unsafe fn from_raw(
         gpu: &Gpu,
@@ -142,7 +142,7 @@ impl TargetImage {
 }
 
 impl TargetImage {
-    /// An image of the crate's own, as if it were a caller's. Whoever records into it keeps it until the submission has ended.
+    /// Wraps an image of the crate like one of a caller. The code that records into it keeps it until the submission has ended.
     pub(crate) fn own(gpu: &Gpu, image: &super::image::Image) -> Self {
         let [width, height, _] = image.desc().extent;
         Self {

@@ -1,4 +1,4 @@
-//! What is enabled on a device, and what may be missing.
+//! Extensions and features: those enabled on a device, and the optional ones with their fallbacks.
 
 use std::ffi::{CStr, CString};
 
@@ -6,34 +6,33 @@ use ash::{ext, vk};
 
 use crate::error::{Error, Result};
 
-/// What a device may offer beyond the baseline of Vulkan 1.3 with synchronization2 and dynamic
-/// rendering, and what happens without it.
+/// An optional feature of a device, beyond Vulkan 1.3 with synchronization2 and dynamic rendering. Each has a fallback.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OptionalFeature {
-    /// Linear filtering of 32-bit float volumes. Without it: eight fetches in the shader.
+    /// Linear filtering of 32-bit float volumes. Fallback: eight fetches in the shader.
     LinearFilterR32f,
-    /// Linear filtering of 16-bit volumes. Without it: eight fetches in the shader.
+    /// Linear filtering of 16-bit volumes. Fallback: eight fetches in the shader.
     LinearFilterR16,
-    /// Blending into 32-bit float images. Without it: accumulation in registers (compute).
+    /// Blending into 32-bit float images. Fallback: accumulation in registers (compute).
     BlendRgba32f,
-    /// Shaders that write buffers while they draw. Without it: no dithering.
+    /// Fragment shaders that write buffers. Fallback: no dithering.
     FragmentStores,
-    /// Fragments of a pixel that exclude each other, in the order of primitives
-    /// (`VK_EXT_fragment_shader_interlock`). Without it: `havs` by compute.
+    /// Critical sections for the fragments of a pixel, ordered by primitive (`VK_EXT_fragment_shader_interlock`).
+    /// Fallback: `havs` by compute.
     FragmentInterlock,
-    /// Stores of fragments that come in the order of primitives although nothing says so: a habit of a known
-    /// driver, which Vulkan does not promise. Only what asks for it by name uses it.
+    /// A driver known to order the stores of fragments by primitive, which Vulkan does not promise. Only the route
+    /// `implementation-ordered` uses it. Fallback: that route is not offered.
     OrderedStores,
-    /// Free device memory as the driver sees it. Without it: a share of the heap.
+    /// The free device memory, reported by the driver. Fallback: nine tenths of the heap.
     MemoryBudget,
-    /// Timestamps. Without them: wall time only.
+    /// Timestamps. Fallback: wall time only.
     Timestamps,
-    /// Names and labels for captures and messages. Without them: none.
+    /// Names and labels for captures and messages. Fallback: none.
     DebugNames,
 }
 
 impl OptionalFeature {
-    /// All of them.
+    /// All features.
     pub const ALL: [Self; 9] = [
         Self::LinearFilterR32f,
         Self::LinearFilterR16,
@@ -46,7 +45,7 @@ impl OptionalFeature {
         Self::DebugNames,
     ];
 
-    /// Its name in reports.
+    /// Returns the name in reports.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -62,7 +61,7 @@ impl OptionalFeature {
         }
     }
 
-    /// What happens on a device without it.
+    /// Returns the fallback on a device without the feature.
     #[must_use]
     pub fn fallback(self) -> &'static str {
         match self {
@@ -78,27 +77,27 @@ impl OptionalFeature {
     }
 }
 
-/// What is enabled on a device, as far as this crate has a use for it.
+/// The extensions and features enabled on a device that this crate uses.
 ///
-/// A caller that makes the device enables [`Enabled::useful`], or what of it there shall be, and says what was enabled,
-/// by hand or by [`Enabled::from_create_info`].
+/// A caller that makes the device enables [`Enabled::useful`] or a part of it, and reports what it has enabled, by hand or
+/// with [`Enabled::from_create_info`].
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Enabled {
-    /// Device extensions; those without a use are ignored. Used are `VK_EXT_memory_budget` and
-    /// `VK_EXT_fragment_shader_interlock`.
+    /// Device extensions. The crate uses `VK_EXT_memory_budget` and `VK_EXT_fragment_shader_interlock`, and ignores
+    /// others.
     pub extensions: Vec<CString>,
-    /// The feature `synchronization2`: required.
+    /// The feature `synchronization2`, which is required.
     pub synchronization2: bool,
-    /// The feature `dynamicRendering`: required.
+    /// The feature `dynamicRendering`, which is required.
     pub dynamic_rendering: bool,
     /// The feature `fragmentStoresAndAtomics`: [`OptionalFeature::FragmentStores`].
     pub fragment_stores_and_atomics: bool,
-    /// The feature `fragmentShaderPixelInterlock`: with its extension [`OptionalFeature::FragmentInterlock`].
+    /// The feature `fragmentShaderPixelInterlock`; together with its extension [`OptionalFeature::FragmentInterlock`].
     pub fragment_shader_pixel_interlock: bool,
 }
 
 impl Enabled {
-    /// All that a physical device offers and this crate has a use for. What else the caller enables is no matter.
+    /// Returns everything that a physical device offers and this crate uses. The caller may enable more.
     ///
     /// # Errors
     ///
@@ -124,7 +123,7 @@ impl Enabled {
         let stores = features.features.fragment_stores_and_atomics == vk::TRUE;
         let pixel_interlock = interlock.fragment_shader_pixel_interlock == vk::TRUE;
         let mut extensions = Vec::new();
-        // A device that has the last one is not to be made without it.
+        // Vulkan requires that the portability subset is enabled where a device offers it.
         for name in [ext::memory_budget::NAME, ash::khr::portability_subset::NAME] {
             if has(name) {
                 extensions.push(name.to_owned());
@@ -142,7 +141,7 @@ impl Enabled {
         })
     }
 
-    /// What a device was made with: extensions, and features in any of the structures that may hold them.
+    /// Reads what a device was made with: extensions, and features in any of the structures that may hold them.
     ///
     /// # Safety
     ///
@@ -209,12 +208,12 @@ impl Enabled {
         }
     }
 
-    /// Whether an extension is enabled.
+    /// Returns whether an extension is enabled.
     pub(super) fn has(&self, name: &CStr) -> bool {
         self.extensions.iter().any(|extension| extension.as_c_str() == name)
     }
 
-    /// The first thing here that `offered` lacks.
+    /// Returns the first extension or feature that `offered` lacks.
     pub(super) fn beyond(&self, offered: &Self) -> Option<&'static str> {
         let budget = ext::memory_budget::NAME;
         let budget = (self.has(budget), offered.has(budget), "VK_EXT_memory_budget");
@@ -264,7 +263,7 @@ mod tests {
         let synchronization2 = Enabled { synchronization2: true, ..none.clone() };
         assert_eq!(read(info().push_next(&mut core)), synchronization2);
         assert_eq!(read(info().push_next(&mut sync)), synchronization2);
-        // In one chain, behind what is of no interest.
+        // In one chain, behind a structure that is ignored.
         let all = info()
             .push_next(&mut dynamic)
             .push_next(&mut core)

@@ -5,64 +5,64 @@ use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
 
 use super::budget::Reservation;
-use super::buffer::{allocate, free};
 use super::device::Gpu;
+use super::memory::{allocate, free};
 use crate::error::{Error, Result};
 
-/// What an image is.
+/// Describes an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ImageDesc {
     pub(crate) format: vk::Format,
-    /// Width, height, depth; depth 1 and `layers` 1 make a 2D image, depth 1 and more layers an array.
+    /// Width, height, depth in texels. Depth 1 makes a 2D image, or with more than one of `layers` an array.
     pub(crate) extent: [u32; 3],
     pub(crate) layers: u32,
     /// Mip levels.
     pub(crate) levels: u32,
-    /// Whether the image is three-dimensional even where its depth is 1.
+    /// Whether the image is three-dimensional, even with depth 1.
     pub(crate) volume: bool,
     pub(crate) usage: vk::ImageUsageFlags,
 }
 
 impl ImageDesc {
-    /// A volume to sample.
+    /// Describes a volume to sample.
     pub(crate) fn sampled_volume(format: vk::Format, extent: [u32; 3]) -> Self {
         let usage = vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST;
         Self { format, extent, layers: 1, levels: 1, volume: true, usage }
     }
 
-    /// A stack of slices to sample, one layer each.
+    /// Describes a stack of slices to sample, one layer each.
     pub(crate) fn sampled_stack(format: vk::Format, extent: [u32; 2], layers: u32) -> Self {
         let usage = vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST;
         Self { format, extent: [extent[0], extent[1], 1], layers, levels: 1, volume: false, usage }
     }
 
-    /// The same with so many mip levels.
+    /// Sets the number of mip levels.
     pub(crate) fn with_levels(self, levels: u32) -> Self {
         Self { levels, ..self }
     }
 
-    /// Extent of a mip level.
+    /// Returns the extent of a mip level.
     pub(crate) fn level_extent(&self, level: u32) -> [u32; 3] {
         self.extent.map(|side| (side >> level).max(1))
     }
 
-    /// Planes of a level: those of a volume, or the layers of an array.
+    /// Returns the number of planes of a level: z slices of a volume, or layers of an array.
     pub(crate) fn planes(&self, level: u32) -> u32 {
         if self.volume { self.level_extent(level)[2] } else { self.layers }
     }
 
-    /// Bytes of one plane of a level.
+    /// Returns the size of one plane of a level, in bytes.
     pub(crate) fn plane_bytes(&self, level: u32) -> u64 {
         let [w, h, _] = self.level_extent(level).map(u64::from);
         w.saturating_mul(h).saturating_mul(format_bytes(self.format))
     }
 
-    /// A 2D image.
+    /// Describes a 2D image.
     pub(crate) fn flat(format: vk::Format, extent: [u32; 2], usage: vk::ImageUsageFlags) -> Self {
         Self { format, extent: [extent[0], extent[1], 1], layers: 1, levels: 1, volume: false, usage }
     }
 
-    /// Bytes of the texels, without what a driver adds for alignment.
+    /// Returns the size of all texels in bytes, without the driver's padding.
     pub(crate) fn texel_bytes(&self) -> u64 {
         (0..self.levels)
             .map(|level| self.plane_bytes(level).saturating_mul(u64::from(self.planes(level))))
@@ -70,7 +70,7 @@ impl ImageDesc {
     }
 }
 
-/// Size of one texel of the formats that this crate uses.
+/// Returns the size of one texel in bytes, for the formats that this crate uses.
 pub(crate) fn format_bytes(format: vk::Format) -> u64 {
     match format {
         vk::Format::R8_UNORM => 1,
@@ -82,12 +82,12 @@ pub(crate) fn format_bytes(format: vk::Format) -> u64 {
         | vk::Format::B8G8R8A8_SRGB
         | vk::Format::A2B10G10R10_UNORM_PACK32 => 4,
         vk::Format::R16G16B16A16_SFLOAT | vk::Format::R16G16B16A16_UNORM => 8,
-        // R32G32B32A32_SFLOAT, and the most that an uncompressed format can have otherwise.
+        // R32G32B32A32_SFLOAT, and an upper bound for other uncompressed formats of 32-bit channels.
         _ => 16,
     }
 }
 
-/// An image with its memory and a view of all of it.
+/// An image with its memory and a view of the whole image.
 #[derive(Debug)]
 pub(crate) struct Image {
     gpu: Gpu,
@@ -178,7 +178,7 @@ impl Drop for Image {
     }
 }
 
-/// All levels and layers of an aspect.
+/// Returns the range of all levels and layers of an aspect.
 pub(crate) fn whole(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
     vk::ImageSubresourceRange::default()
         .aspect_mask(aspect)
@@ -187,7 +187,7 @@ pub(crate) fn whole(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
 }
 
 impl Gpu {
-    /// Whether an area can be drawn to.
+    /// Checks the size of an image to draw into against the limits of framebuffers and viewports.
     pub(crate) fn check_drawing(&self, name: &str, [w, h]: [u32; 2]) -> Result<()> {
         let limits = &self.inner.properties.limits;
         let [view_w, view_h] = limits.max_viewport_dimensions;
@@ -201,7 +201,7 @@ impl Gpu {
         Ok(())
     }
 
-    /// Whether an image can be made, before work is put into its texels.
+    /// Checks limits and budget for an image before its texels are computed.
     pub(crate) fn check_image(&self, name: &str, desc: &ImageDesc) -> Result<()> {
         self.alive()?;
         check_limits(self, name, desc)?;
@@ -233,7 +233,7 @@ fn check_limits(gpu: &Gpu, name: &str, desc: &ImageDesc) -> Result<()> {
             format!("{} layers exceed the limit of {}", desc.layers, limits.max_image_array_layers),
         ));
     }
-    // The size of one image may be limited more tightly than its extents.
+    // Drivers may limit the size of an image in bytes below the limits of its extents.
     let kind = if desc.volume { vk::ImageType::TYPE_3D } else { vk::ImageType::TYPE_2D };
     let instance = &gpu.inner.instance.raw;
     // SAFETY: the physical device belongs to this instance.

@@ -1,4 +1,4 @@
-//! Loader, instance, validation layer and messenger.
+//! The Vulkan instance, with the validation layer and its messenger.
 
 use std::any::Any;
 use std::ffi::{CStr, CString};
@@ -6,31 +6,28 @@ use std::sync::Arc;
 
 use ash::{ext, vk};
 
-use super::device::GpuOptions;
-use super::inject::Hook;
+use super::loader::Loader;
+use super::options::GpuOptions;
 use super::validation::{Validation, ValidationLog, messenger_info};
 use crate::error::{Error, Result};
 
 const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// A Vulkan instance. One that was made here has a messenger where it is validated, and destroys both.
+/// A Vulkan instance. An instance of the crate's own destroys itself and its messenger.
 pub(crate) struct Instance {
     pub(crate) raw: ash::Instance,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
-    /// Whether object names and labels can be given.
+    /// Whether object names and labels are available.
     pub(crate) debug_utils: bool,
-    /// Version of the validation layer, when it is on.
+    /// Version of the validation layer, if the crate has enabled it.
     pub(crate) layer_version: Option<String>,
     pub(crate) log: Arc<ValidationLog>,
-    /// Whether it was made here.
+    /// Whether the crate has made it.
     owned: bool,
-    /// What the caller's instance and device live in.
+    /// Owner of the caller's instance and device.
     _keep: Option<Arc<dyn Any + Send + Sync>>,
-    /// The loader, or what stands in for it.
-    _entry: ash::Entry,
-    _hook: Option<Hook>,
     // Last: the library is unloaded after everything that calls into it is gone.
-    _library: ash::Entry,
+    loader: Loader,
 }
 
 impl std::fmt::Debug for Instance {
@@ -43,24 +40,16 @@ impl std::fmt::Debug for Instance {
 }
 
 impl Instance {
+    /// Makes an instance for Vulkan 1.3, with the validation layer and its messenger where `options` ask for them.
     pub(crate) fn new(options: &GpuOptions) -> Result<Self> {
         let validation = options.validation;
-        // SAFETY: loading the system's Vulkan loader runs its initialisers; the crate relies on the
-        // installed loader being sound, as every Vulkan program does.
-        let library = unsafe { ash::Entry::load() }.map_err(|error| Error::NoDevice {
-            why: format!(
-                "the Vulkan loader cannot be loaded ({error}); install libvulkan1 or a driver that brings it"
-            ),
-        })?;
-        let (hook, entry) = match &options.inject {
-            Some(injection) => {
-                let (hook, entry) = Hook::new(injection, &library)?;
-                (Some(hook), entry)
-            }
-            None => (None, library.clone()),
-        };
-        let layer = if validation == Validation::Off { None } else { Some(find_layer(&entry)?) };
+        let loader = Loader::load(options)?;
+        let entry = loader.entry();
+        let layer = if validation == Validation::Off { None } else { Some(find_layer(entry)?) };
         let log = options.validation_log.clone().unwrap_or_default();
+        if validation.best_practices() {
+            log.keep_advice();
+        }
 
         // SAFETY: the loader is loaded; no layer is named.
         let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }
@@ -68,63 +57,7 @@ impl Instance {
         let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
         let debug_utils = layer.is_some() || has(ext::debug_utils::NAME);
         let portability = has(ash::khr::portability_enumeration::NAME);
-
-        let mut names = Vec::new();
-        if debug_utils {
-            names.push(ext::debug_utils::NAME.as_ptr());
-        }
-        if portability {
-            names.push(ash::khr::portability_enumeration::NAME.as_ptr());
-        }
-        let mut layers = Vec::new();
-        let app = vk::ApplicationInfo::default()
-            .application_name(c"volraster")
-            .engine_name(c"volraster")
-            .api_version(vk::API_VERSION_1_3);
-
-        // Newer layers take settings, older ones take VkValidationFeaturesEXT.
-        let (gpu_assisted, best_practices) = (validation.gpu_assisted(), validation.best_practices());
-        let mut features = vec![vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
-        if gpu_assisted {
-            features.push(vk::ValidationFeatureEnableEXT::GPU_ASSISTED);
-        }
-        if best_practices {
-            features.push(vk::ValidationFeatureEnableEXT::BEST_PRACTICES);
-            log.keep_advice();
-        }
-        let mut features_info = vk::ValidationFeaturesEXT::default().enabled_validation_features(&features);
-        let on = 1_u32.to_ne_bytes();
-        let mut settings =
-            vec![setting(c"validate_sync", &on), setting(c"syncval_shader_accesses_heuristic", &on)];
-        if gpu_assisted {
-            settings.push(setting(c"gpuav_enable", &on));
-        }
-        if best_practices {
-            settings.push(setting(c"validate_best_practices", &on));
-        }
-        let mut settings_info = vk::LayerSettingsCreateInfoEXT::default().settings(&settings);
-        let mut messenger = messenger_info(&log);
-        let mut info = vk::InstanceCreateInfo::default();
-        if let Some(layer) = &layer {
-            layers.push(LAYER.as_ptr());
-            info = info.push_next(&mut messenger);
-            if layer.settings {
-                names.push(ext::layer_settings::NAME.as_ptr());
-                info = info.push_next(&mut settings_info);
-            } else {
-                names.push(ext::validation_features::NAME.as_ptr());
-                info = info.push_next(&mut features_info);
-            }
-        }
-        if portability {
-            info = info.flags(vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR);
-        }
-        let info = info.application_info(&app).enabled_extension_names(&names).enabled_layer_names(&layers);
-
-        // SAFETY: every pointer in `info` refers to a local that lives past the call; layer and
-        // extensions were found by enumeration.
-        let raw = unsafe { entry.create_instance(&info, None) }
-            .map_err(|result| Error::vulkan("vkCreateInstance", result))?;
+        let raw = create(entry, validation, layer.as_ref(), &log, [debug_utils, portability])?;
         let mut instance = Self {
             raw,
             messenger: None,
@@ -133,12 +66,10 @@ impl Instance {
             log,
             owned: true,
             _keep: None,
-            _entry: entry,
-            _hook: hook,
-            _library: library,
+            loader,
         };
         if layer.is_some() {
-            let loader = ext::debug_utils::Instance::new(&instance._entry, &instance.raw);
+            let loader = ext::debug_utils::Instance::new(instance.loader.entry(), &instance.raw);
             let info = messenger_info(&instance.log);
             // SAFETY: VK_EXT_debug_utils is enabled; the log that `info` points at is owned by
             // `instance`, which destroys the messenger first.
@@ -149,7 +80,7 @@ impl Instance {
         Ok(instance)
     }
 
-    /// An instance of the caller, which is left as it is. `keep` is let go with this.
+    /// Wraps an instance of the caller, which this does not destroy; drops `keep` with it.
     pub(super) fn adopt(
         entry: ash::Entry,
         raw: ash::Instance,
@@ -164,9 +95,7 @@ impl Instance {
             log: Arc::default(),
             owned: false,
             _keep: keep,
-            _hook: None,
-            _library: entry.clone(),
-            _entry: entry,
+            loader: Loader::of(entry),
         }
     }
 }
@@ -180,7 +109,7 @@ impl Drop for Instance {
             // SAFETY: created from this instance, destroyed once, before it.
             unsafe { loader.destroy_debug_utils_messenger(messenger, None) };
         }
-        // SAFETY: the device was destroyed before: its owner holds this instance in a later field.
+        // SAFETY: the device was destroyed before: its owner drops this instance afterwards.
         unsafe { self.raw.destroy_instance(None) };
     }
 }
@@ -207,18 +136,90 @@ fn find_layer(entry: &ash::Entry) -> Result<Layer> {
     Ok(Layer { version: version_text(layer.spec_version), settings })
 }
 
+/// Calls `vkCreateInstance` with the layer, its settings and a messenger for the call itself.
+fn create(
+    entry: &ash::Entry,
+    validation: Validation,
+    layer: Option<&Layer>,
+    log: &ValidationLog,
+    [debug_utils, portability]: [bool; 2],
+) -> Result<ash::Instance> {
+    let mut names = Vec::new();
+    if debug_utils {
+        names.push(ext::debug_utils::NAME.as_ptr());
+    }
+    if portability {
+        names.push(ash::khr::portability_enumeration::NAME.as_ptr());
+    }
+    let mut layers = Vec::new();
+    let app = vk::ApplicationInfo::default()
+        .application_name(c"volraster")
+        .engine_name(c"volraster")
+        .api_version(vk::API_VERSION_1_3);
+
+    let features = enabled_checks(validation);
+    let mut features_info = vk::ValidationFeaturesEXT::default().enabled_validation_features(&features);
+    let on = 1_u32.to_ne_bytes();
+    let settings: Vec<_> = setting_names(validation).into_iter().map(|name| setting(name, &on)).collect();
+    let mut settings_info = vk::LayerSettingsCreateInfoEXT::default().settings(&settings);
+    let mut messenger = messenger_info(log);
+    let mut info = vk::InstanceCreateInfo::default();
+    if let Some(layer) = layer {
+        layers.push(LAYER.as_ptr());
+        info = info.push_next(&mut messenger);
+        if layer.settings {
+            names.push(ext::layer_settings::NAME.as_ptr());
+            info = info.push_next(&mut settings_info);
+        } else {
+            names.push(ext::validation_features::NAME.as_ptr());
+            info = info.push_next(&mut features_info);
+        }
+    }
+    if portability {
+        info = info.flags(vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR);
+    }
+    let info = info.application_info(&app).enabled_extension_names(&names).enabled_layer_names(&layers);
+    // SAFETY: every pointer in `info` refers to a local that lives past the call; layer and
+    // extensions were found by enumeration.
+    unsafe { entry.create_instance(&info, None) }.map_err(|result| Error::vulkan("vkCreateInstance", result))
+}
+
+/// The checks to enable, as layers without `VK_EXT_layer_settings` take them.
+fn enabled_checks(validation: Validation) -> Vec<vk::ValidationFeatureEnableEXT> {
+    let mut features = vec![vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+    if validation.gpu_assisted() {
+        features.push(vk::ValidationFeatureEnableEXT::GPU_ASSISTED);
+    }
+    if validation.best_practices() {
+        features.push(vk::ValidationFeatureEnableEXT::BEST_PRACTICES);
+    }
+    features
+}
+
+/// The settings to switch on, as layers with `VK_EXT_layer_settings` take them.
+fn setting_names(validation: Validation) -> Vec<&'static CStr> {
+    let mut names = vec![c"validate_sync", c"syncval_shader_accesses_heuristic"];
+    if validation.gpu_assisted() {
+        names.push(c"gpuav_enable");
+    }
+    if validation.best_practices() {
+        names.push(c"validate_best_practices");
+    }
+    names
+}
+
 fn setting<'a>(name: &'a CStr, value: &'a [u8; 4]) -> vk::LayerSettingEXT<'a> {
     let mut setting = vk::LayerSettingEXT::default()
         .layer_name(LAYER)
         .setting_name(name)
         .ty(vk::LayerSettingTypeEXT::BOOL32)
         .values(value);
-    // The count is of values, not of bytes.
+    // ash counts bytes, Vulkan values.
     setting.value_count = 1;
     setting
 }
 
-/// `major.minor.patch` of a Vulkan version number.
+/// Formats a Vulkan version number as `major.minor.patch`.
 pub(crate) fn version_text(version: u32) -> String {
     format!(
         "{}.{}.{}",
@@ -228,7 +229,7 @@ pub(crate) fn version_text(version: u32) -> String {
     )
 }
 
-/// A name as Vulkan takes it; it ends at the first NUL.
+/// Converts a name for Vulkan; it ends at the first NUL.
 pub(crate) fn c_name(name: &str) -> CString {
     let bytes: Vec<u8> = name.bytes().take_while(|&byte| byte != 0).collect();
     CString::new(bytes).unwrap_or_default()

@@ -1,14 +1,15 @@
-//! What a device really does where Vulkan leaves it open or a driver falls short. Each question is
-//! asked once per device, when something depends on the answer.
+//! Probes: small dispatches that measure properties of a device that Vulkan does not report. Each runs once per device, when a
+//! technique needs its result.
 
 use std::sync::Arc;
 
 use ash::vk;
 
 use super::buffer::{Buffer, BufferUse};
+use super::descriptors::{Descriptors, Resource};
 use super::device::Gpu;
 use super::image::{Image, ImageDesc};
-use super::pipeline::{ComputeDesc, Descriptors, Resource};
+use super::pipeline::ComputeDesc;
 use super::recorder::Recorder;
 use super::shader::{self, BINDING_RESULT, BINDING_VOLUME};
 use super::submit::Commands;
@@ -16,17 +17,15 @@ use crate::error::Result;
 use crate::interface::ProbePush;
 use crate::num;
 
-/// Iterations that the loop probe asks for: more than the 65,535 after which Mesa 22.3's software driver
-/// silently ends an invocation.
+/// Iterations of the loop probe. Mesa 22.3's software driver silently ends an invocation after 65,535.
 const PROBED_ITERATIONS: u32 = 70_000;
 
-/// What is relied on where the probe finds a limit: below it by what a shader spends outside the loops
-/// that are counted.
+/// Iterations subtracted from a measured limit, for loops of a shader that are not counted.
 const MARGIN: u32 = 512;
 
 impl Gpu {
-    /// Most loop iterations, summed over all loops, that one shader invocation may make;
-    /// [`u32::MAX`] where the device ends none early.
+    /// Returns how many loop iterations one shader invocation may make, summed over all its loops; [`u32::MAX`] where the
+    /// device has no limit.
     ///
     /// # Errors
     ///
@@ -41,13 +40,13 @@ impl Gpu {
         Ok(*self.inner.loop_limit.get_or_init(|| limit))
     }
 
-    /// Whether nobody has set or asked for the limit yet.
+    /// Returns whether the limit has been neither set nor measured.
     pub(crate) fn loop_limit_is_unknown(&self) -> bool {
         self.inner.loop_limit.get().is_none()
     }
 
-    /// Whether the device filters 8-bit volumes in 8-bit fixed point although it filters 16-bit ones
-    /// finely: then 8-bit data is better widened before it is filtered.
+    /// Returns whether the device filters 8-bit volumes in 8-bit fixed point although it filters 16-bit volumes more
+    /// finely. 8-bit data is then widened before upload.
     ///
     /// # Errors
     ///
@@ -62,8 +61,8 @@ impl Gpu {
         let answer = if both == [true, true] {
             let coarse = self.filter_error(vk::Format::R8_UNORM)?;
             let fine = self.filter_error(vk::Format::R16_UNORM)?;
-            // Rounding to 8 bits costs at least half of 1/255. Weights of 8 bits, common in hardware,
-            // cost both formats the same, and nothing is won by widening.
+            // Rounding to 8 bits causes an error of at least half of 1/255. Weights of 8 bits, common in
+            // hardware, affect both formats alike: widening would not help.
             coarse > 0.4 / 255.0 && fine < 0.5 * coarse
         } else {
             false
@@ -71,13 +70,13 @@ impl Gpu {
         Ok(*self.inner.filters_in_8_bit.get_or_init(|| answer))
     }
 
-    /// How many of `count` iterations of one loop an invocation makes.
+    /// Returns how many of `count` iterations of one loop an invocation makes.
     fn probe_loop(&self, count: u32) -> Result<u32> {
         let words = self.run_probe(&shader::PROBE_LOOP, count, 1, 1, None)?;
         Ok(words.first().copied().unwrap_or(0))
     }
 
-    /// Largest error of the linear filter between a 0 and a 1.
+    /// Returns the largest error of the linear filter between a texel of 0 and one of 1.
     pub(crate) fn filter_error(&self, format: vk::Format) -> Result<f64> {
         const POSITIONS: u32 = 1024;
         let desc = ImageDesc::sampled_volume(format, [2, 2, 2]);

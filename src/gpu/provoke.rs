@@ -1,12 +1,13 @@
-//! Errors on purpose, one for each kind of validation: a check that is not heard is none.
+//! Deliberate faults, one for each kind of validation, for tests that the messages arrive.
 
 use std::sync::Arc;
 
 use ash::vk;
 
 use super::buffer::{Buffer, BufferUse};
+use super::descriptors::{Descriptors, Resource};
 use super::device::Gpu;
-use super::pipeline::{ComputeDesc, Descriptors, Resource};
+use super::pipeline::ComputeDesc;
 use super::recorder::Recorder;
 use super::shader::{self, BINDING_RESULT};
 use super::submit::Commands;
@@ -14,13 +15,13 @@ use super::validation::Validation;
 use crate::error::Result;
 use crate::interface::ProbePush;
 
-/// A fault that one kind of validation hears and the others do not. For a device of its own that is dropped afterwards;
-/// drivers survive it.
+/// A fault that one kind of validation reports and the others do not. Drivers survive it, but the device should be dropped
+/// afterwards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Provocation {
     /// A buffer of 0 bytes.
     Core,
-    /// A buffer that is not destroyed; heard when the device is.
+    /// A buffer that is not destroyed, reported when the device is destroyed.
     Leak,
     /// Two fills of one buffer without a barrier between them.
     Synchronization,
@@ -31,11 +32,11 @@ pub enum Provocation {
 }
 
 impl Provocation {
-    /// All of them.
+    /// All faults.
     pub const ALL: [Self; 5] =
         [Self::Core, Self::Leak, Self::Synchronization, Self::GpuAssisted, Self::BestPractices];
 
-    /// Its name in reports.
+    /// Returns the name in reports.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -47,7 +48,7 @@ impl Provocation {
         }
     }
 
-    /// The least validation that hears it.
+    /// Returns the least validation that reports it.
     #[must_use]
     pub fn needs(self) -> Validation {
         match self {
@@ -57,7 +58,7 @@ impl Provocation {
         }
     }
 
-    /// What stands in the message that must be heard, by one layer's version or another's.
+    /// Returns texts of which the message must contain one; they differ between versions of the layer.
     #[must_use]
     pub fn message(self) -> &'static [&'static str] {
         match self {
@@ -73,11 +74,11 @@ impl Provocation {
 }
 
 impl Gpu {
-    /// Makes a fault on purpose, for whoever checks that it is heard. Nothing but a device of its own should be done so.
+    /// Commits a fault on this device. Callers use a device of its own for that.
     ///
     /// # Errors
     ///
-    /// [`Error::Vulkan`](crate::Error::Vulkan) when something else fails.
+    /// [`Error::Vulkan`](crate::Error::Vulkan) when another call fails.
     pub fn provoke(&self, what: Provocation) -> Result<()> {
         let device = self.device();
         match what {
@@ -85,7 +86,7 @@ impl Gpu {
                 let size = if what == Provocation::Core { 0 } else { 64 };
                 let info =
                     vk::BufferCreateInfo::default().size(size).usage(vk::BufferUsageFlags::TRANSFER_SRC);
-                // SAFETY: none for 0 bytes, which is the fault; drivers survive it.
+                // SAFETY: 0 bytes are not allowed, which is the fault; drivers survive it.
                 let made = unsafe { device.create_buffer(&info, None) };
                 if let (Ok(buffer), Provocation::Core) = (made, what) {
                     // SAFETY: just made, unused.
@@ -98,8 +99,8 @@ impl Gpu {
                 let mut commands = Commands::new(self)?;
                 let raw = commands.begin()?.raw();
                 for value in [1, 2] {
-                    // SAFETY: recording, outside of rendering; the fault is that nothing lies between the fills, which are
-                    // never submitted.
+                    // SAFETY: recording, outside of rendering; the fault is the missing barrier between the fills, which
+                    // are never submitted.
                     unsafe { device.cmd_fill_buffer(raw, buffer.raw(), 0, 256, value) };
                 }
                 drop(commands);
@@ -108,7 +109,7 @@ impl Gpu {
             Provocation::GpuAssisted => {
                 let desc = ComputeDesc { shader: &shader::PROBE_OVERRUN, constants: &[] };
                 let pipeline = self.compute_pipeline("provoked", &desc)?;
-                // The allocator's block is larger, and holds nothing else.
+                // The block of memory is larger, and no other resource lies in it.
                 let buffer = Arc::new(Buffer::new(self, "provoked", 64, BufferUse::ShaderWrite)?);
                 let resources = [(BINDING_RESULT, Resource::Buffer(buffer))];
                 let descriptors = Arc::new(Descriptors::new(self, &pipeline, &resources)?);
@@ -120,14 +121,9 @@ impl Gpu {
                 commands.submit(keep, "provoked")
             }
             Provocation::BestPractices => {
-                let info = vk::CommandPoolCreateInfo::default()
-                    .queue_family_index(self.inner.queue_family)
-                    .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
-                // SAFETY: valid, if not the best practice.
-                let pool = unsafe { device.create_command_pool(&info, None) }
-                    .map_err(|result| self.failed("vkCreateCommandPool", result))?;
+                let pool = self.create_command_pool(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER)?;
                 // SAFETY: just made, unused.
-                unsafe { device.destroy_command_pool(pool, None) };
+                unsafe { self.destroy_command_pool(pool) };
                 Ok(())
             }
         }

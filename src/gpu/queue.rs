@@ -1,14 +1,13 @@
-//! The queue, and who may touch it.
+//! The queue and its lock.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ash::vk;
 
-/// How a caller that submits to the queue itself keeps others from it meanwhile: a queue is never used by two threads at
-/// once. It is held around each of this crate's submissions, of which there is none while
-/// [`Plan::record`](crate::Plan::record) records.
+/// A lock that serialises uses of a queue by the caller and by this crate; Vulkan forbids that two threads use a queue at the
+/// same time. The crate holds it around each of its submissions. [`Plan::record`](crate::Plan::record) submits nothing.
 ///
-/// A closure will do:
+/// A closure implements it:
 ///
 /// ```
 /// # use std::sync::{Arc, Mutex};
@@ -33,19 +32,19 @@ impl<F: Fn(&mut dyn FnMut()) + Send + Sync> QueueLock for F {
     }
 }
 
-/// What is used where the caller gives none.
+/// The default lock.
 #[derive(Default)]
 struct Own(Mutex<()>);
 
 impl QueueLock for Own {
     fn hold(&self, work: &mut dyn FnMut()) {
-        // It guards no data that a panic could leave half changed.
+        // Poison is ignored: the lock guards no data that a panic could leave half changed.
         let _held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         work();
     }
 }
 
-/// A queue with its lock.
+/// A queue and its lock.
 pub(super) struct Queue {
     raw: vk::Queue,
     lock: Arc<dyn QueueLock>,
@@ -56,7 +55,7 @@ impl Queue {
         Self { raw, lock: lock.unwrap_or_else(|| Arc::new(Own::default())) }
     }
 
-    /// Runs `work` with the queue under the lock.
+    /// Runs `work` with the queue, under the lock.
     pub(super) fn with<R>(&self, work: impl FnOnce(vk::Queue) -> R) -> R {
         let mut work = Some(work);
         let mut result = None;
@@ -66,11 +65,11 @@ impl Queue {
             }
         };
         self.lock.hold(&mut once);
-        // A lock that does not run it breaks its contract; the work is wanted nevertheless.
+        // A lock that did not run the work broke its contract; the work is run nevertheless.
         once();
         match result {
             Some(result) => result,
-            // Work that was begun has no result only if it panicked, and the lock caught that.
+            // Work that has begun has no result only if it panicked and the lock caught the panic.
             None => std::panic::resume_unwind(Box::new("the work with a queue panicked")),
         }
     }

@@ -1,4 +1,4 @@
-//! Devices: what there is, which one is taken, and why each other one is passed over.
+//! Choice of a physical device, with the reason why each device was chosen or rejected.
 
 use ash::vk;
 use serde::Serialize;
@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::instance::{Instance, version_text};
 use crate::error::{Error, Result};
 
-/// One device of the system and what became of it.
+/// A device of the system, and whether it was chosen.
 #[derive(Clone, Debug, Serialize)]
 pub struct DeviceReport {
     /// The device's name.
@@ -17,13 +17,13 @@ pub struct DeviceReport {
     pub driver: String,
     /// Vulkan version that the device supports.
     pub api: String,
-    /// Whether this one is taken.
+    /// Whether this device was chosen.
     pub chosen: bool,
-    /// Why it is taken or passed over.
+    /// Why it was chosen or rejected.
     pub reason: String,
 }
 
-/// A device that was looked at.
+/// An inspected device.
 #[derive(Clone, Debug)]
 pub(crate) struct Candidate {
     pub(crate) raw: vk::PhysicalDevice,
@@ -32,11 +32,11 @@ pub(crate) struct Candidate {
     pub(crate) timestamp_bits: u32,
     pub(crate) orders_stores: bool,
     pub(crate) report: DeviceReport,
-    /// What the device lacks, `None` when it qualifies.
+    /// The missing requirement; `None` when the device qualifies.
     pub(super) refused: Option<String>,
 }
 
-/// What device selection needs to know; separate from Vulkan so that the rule can be tested.
+/// The properties that decide the choice, separate from Vulkan so that tests can make them.
 #[derive(Clone, Debug)]
 struct Offer<'a> {
     name: &'a str,
@@ -44,12 +44,12 @@ struct Offer<'a> {
     refused: Option<&'a str>,
 }
 
-/// The lower, the better: a real GPU before a software one.
+/// Returns the preference of a kind of device; lower is better: a real GPU comes before a software one.
 fn rank(kind: &str) -> usize {
     ["discrete", "integrated", "virtual", "other", "cpu"].iter().position(|&k| k == kind).unwrap_or(3)
 }
 
-/// Picks among the offers; the verdicts say for each one why.
+/// Returns the index of the best offer, and the reason for each one.
 fn choose(offers: &[Offer<'_>], wanted: Option<&str>) -> (Option<usize>, Vec<String>) {
     let matches = |name: &str| wanted.is_none_or(|w| name.to_lowercase().contains(&w.to_lowercase()));
     let best = (0..offers.len())
@@ -72,7 +72,7 @@ fn choose(offers: &[Offer<'_>], wanted: Option<&str>) -> (Option<usize>, Vec<Str
     (best, verdicts)
 }
 
-/// Looks at every device. The first result is the one to take.
+/// Inspects every device. Returns the index of the one to open, and all.
 pub(crate) fn survey(instance: &Instance, wanted: Option<&str>) -> Result<(Option<usize>, Vec<Candidate>)> {
     // SAFETY: the instance is alive.
     let devices = unsafe { instance.raw.enumerate_physical_devices() }
@@ -91,22 +91,23 @@ pub(crate) fn survey(instance: &Instance, wanted: Option<&str>) -> Result<(Optio
     Ok((best, candidates))
 }
 
-/// Mesa 22.3's software driver stamps a dispatch when the next draw is rasterised, once anything was drawn:
-/// compute passes then seem to take no time. 25.0 does not; what lies between is not relied on. The driver
-/// tells its version in its text alone, such as `Mesa 22.3.6 (LLVM 15.0.6)`.
+/// Returns whether timestamps of a driver are known to be wrong.
+///
+/// Mesa 22.3's software driver writes the timestamp of a dispatch only when the next draw is rasterised, once anything was
+/// drawn: compute passes then seem to take no time. Version 25.0 is correct; versions between are untested and not trusted.
+/// The driver reports its version only in its text, such as `Mesa 22.3.6 (LLVM 15.0.6)`.
 fn stamps_lie(driver: vk::DriverId, info: &str) -> bool {
     let major = info.strip_prefix("Mesa ").and_then(|rest| rest.split('.').next()?.parse::<u32>().ok());
     driver == vk::DriverId::MESA_LLVMPIPE && major.is_none_or(|major| major < 25)
 }
 
-/// Whether fragments' stores to a pixel come in the order of primitives, each seeing those before, without anything that
-/// says so. Vulkan does not promise it. Mesa's llvmpipe bins triangles to tiles of the image, and one thread works through
-/// a tile's triangles in their order: that is how it works, and no other driver is believed to.
+/// Returns whether the driver is known to order the stores of fragments to a pixel by primitive, which Vulkan does not
+/// promise. Mesa's llvmpipe bins triangles to tiles of the image, and one thread draws the triangles of a tile in order.
 fn orders_stores(driver: vk::DriverId) -> bool {
     driver == vk::DriverId::MESA_LLVMPIPE
 }
 
-/// Looks at a device, and at a queue family of it: the first that will do, or `family`.
+/// Inspects a device and one of its queue families: `family`, or the first for graphics and compute.
 pub(super) fn inspect(instance: &ash::Instance, raw: vk::PhysicalDevice, family: Option<usize>) -> Candidate {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut properties2 = vk::PhysicalDeviceProperties2::default();

@@ -1,4 +1,6 @@
-//! Compiled shader modules and what they bind, as `build.rs` found it in the SPIR-V.
+//! Compiled shader modules with their bindings, which `build.rs` has read from the SPIR-V.
+
+pub(crate) use crate::interface::constants::*;
 
 /// Pipeline stage of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -23,13 +25,17 @@ pub(crate) struct Shader {
     /// File and entry, such as `SLICES_3D_FRAGMENT`; unique.
     pub(crate) name: &'static str,
     pub(crate) stage: Stage,
-    /// Size of the push constants in bytes; 0 without any.
+    /// Size of the push constants in bytes; 0 if there are none.
     pub(crate) push_bytes: u32,
     /// Bindings of set 0, ascending.
     pub(crate) bindings: &'static [(u32, BindingKind)],
     /// SPIR-V, little endian.
     pub(crate) code: &'static [u8],
 }
+
+/// Marks the shader of `Provocation` as used; nothing dispatches it without the feature.
+#[cfg(not(feature = "testing"))]
+const _: &Shader = &PROBE_OVERRUN;
 
 include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 

@@ -1,4 +1,4 @@
-//! Own command buffers: begin, submit, wait with a limit.
+//! Command buffers of the crate: recording, submission, and waits with a time limit.
 
 use ash::vk;
 use serde::Serialize;
@@ -8,27 +8,27 @@ use super::external::CommandBuffer;
 use super::recorder::Keep;
 use crate::error::{Error, Result};
 
-/// Longest wait for one submission before it is an error. A software rasteriser may need minutes for a large frame.
-/// (What a hung driver still holds is waited for when it is dropped.)
+/// Time limit of a wait for one submission, in seconds. A software rasteriser may need minutes for a large frame. Dropping
+/// [`Commands`] waits without a limit.
 const TIMEOUT_SECONDS: u64 = 600;
 
-/// Time that one pass took on the device.
+/// The time that one pass took on the device.
 #[derive(Clone, Debug, Serialize)]
 pub struct PassTime {
-    /// The pass.
+    /// Name of the pass.
     pub name: String,
     /// Milliseconds between the timestamps before and after it.
     pub ms: f64,
 }
 
-/// A command buffer with its pool and fence; used again for every submission.
+/// A command buffer with its pool and fence, reused for every submission.
 #[derive(Debug)]
 pub(crate) struct Commands {
     gpu: Gpu,
     pool: vk::CommandPool,
     buffer: CommandBuffer,
     fence: vk::Fence,
-    /// What a submission that has not been seen to end names; empty otherwise.
+    /// Resources of the pending submission.
     held: Keep,
     pending: bool,
 }
@@ -36,12 +36,7 @@ pub(crate) struct Commands {
 impl Commands {
     pub(crate) fn new(gpu: &Gpu) -> Result<Self> {
         gpu.alive()?;
-        let info = vk::CommandPoolCreateInfo::default()
-            .queue_family_index(gpu.inner.queue_family)
-            .flags(vk::CommandPoolCreateFlags::TRANSIENT);
-        // SAFETY: the device is alive and has this queue family.
-        let pool = unsafe { gpu.device().create_command_pool(&info, None) }
-            .map_err(|result| gpu.failed("vkCreateCommandPool", result))?;
+        let pool = gpu.create_command_pool(vk::CommandPoolCreateFlags::TRANSIENT)?;
         let mut commands = Self {
             gpu: gpu.clone(),
             pool,
@@ -71,7 +66,7 @@ impl Commands {
         Ok(commands)
     }
 
-    /// Waits for a submission that has not been seen to end, if there is one.
+    /// Waits for the pending submission, if there is one.
     pub(crate) fn settle(&mut self) -> Result<()> {
         if self.pending { self.wait("an earlier submission") } else { Ok(()) }
     }
@@ -80,6 +75,7 @@ impl Commands {
     pub(crate) fn begin(&mut self) -> Result<&mut CommandBuffer> {
         self.gpu.alive()?;
         self.settle()?;
+        let _held = self.gpu.lock_layer();
         self.buffer.rewind();
         // SAFETY: nothing recorded from this pool is pending.
         unsafe { self.gpu.device().reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty()) }
@@ -91,14 +87,14 @@ impl Commands {
         Ok(&mut self.buffer)
     }
 
-    /// Ends recording, submits, and waits for the end. `keep` is what the recording names: it is freed when
-    /// the submission has ended, and not before. `last_pass` is named if the end does not come.
+    /// Ends recording, submits and waits. `keep` has the resources of the recording, which are freed when the submission
+    /// has ended. An error of a time-out names `last_pass`.
     pub(crate) fn submit(&mut self, keep: Keep, last_pass: &str) -> Result<()> {
         self.send(keep)?;
         self.wait(last_pass)
     }
 
-    /// Ends recording and submits, without waiting: see [`Commands::settle`]. `keep` is held until then.
+    /// Ends recording and submits without waiting. `keep` is held until [`Commands::settle`] has waited.
     pub(crate) fn send(&mut self, keep: Keep) -> Result<()> {
         let device = self.gpu.device();
         // SAFETY: recording was begun and every rendering ended.
@@ -114,7 +110,7 @@ impl Commands {
         });
         if let Err(result) = submitted {
             if result == vk::Result::ERROR_DEVICE_LOST {
-                // The work counts as submitted until a wait has returned, be it with the same error.
+                // The specification counts the work as submitted until a wait has returned, with whatever result.
                 // SAFETY: the queue is held.
                 let _ = self.gpu.with_queue(|queue| unsafe { device.queue_wait_idle(queue) });
             }
@@ -125,7 +121,7 @@ impl Commands {
         Ok(())
     }
 
-    /// Waits for the pending submission, then frees what it named.
+    /// Waits for the pending submission, then frees its resources.
     fn wait(&mut self, last_pass: &str) -> Result<()> {
         let device = self.gpu.device();
         // SAFETY: the fence was submitted: `pending` is set.
@@ -140,7 +136,7 @@ impl Commands {
                 });
             }
             Err(result) => {
-                // To wait in vain for a lost device counts as to see the work end.
+                // Work on a lost device counts as ended once a wait has returned.
                 if result == vk::Result::ERROR_DEVICE_LOST {
                     self.pending = false;
                     self.held.clear();
@@ -156,9 +152,9 @@ impl Commands {
         Ok(())
     }
 
-    /// Waits for the pending submission without a limit, also after a timeout. Whether it has ended.
+    /// Waits for the pending submission without a limit; returns whether it has ended.
     fn outlast(&self) -> bool {
-        // A wait may fail for want of memory. It may not the next time.
+        // A wait may fail for lack of host memory, and succeed the next time.
         (0..4).any(|_| {
             // SAFETY: the fence was submitted: `pending` is set.
             let waited = unsafe { self.gpu.device().wait_for_fences(&[self.fence], true, u64::MAX) };
@@ -170,13 +166,49 @@ impl Commands {
 impl Drop for Commands {
     fn drop(&mut self) {
         if self.pending && !self.outlast() {
-            // Nobody knows whether it runs: what it uses is left to it, the device too.
+            // It may still be running: its resources and the device are leaked.
             std::mem::forget((std::mem::take(&mut self.held), self.gpu.clone()));
             return;
         }
-        // SAFETY: nothing that uses it is pending; null is allowed.
+        // SAFETY: no pending submission uses the fence; null is allowed.
         unsafe { self.gpu.device().destroy_fence(self.fence, None) };
-        // SAFETY: the command buffer is not pending and goes with its pool.
-        unsafe { self.gpu.device().destroy_command_pool(self.pool, None) };
+        // SAFETY: the command buffer is not pending; the pool frees it.
+        unsafe { self.gpu.destroy_command_pool(self.pool) };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+    use std::time::{Duration, Instant};
+
+    use super::*;
+    use crate::gpu::testing::TestGpu;
+    use crate::gpu::{Buffer, BufferUse, Recorder};
+
+    /// Without the lock of `layer_lock`, version 1.3.239 of the layer crashes within seconds. Runs for
+    /// `VOLRASTER_STRESS_SECONDS`, by default a minute.
+    #[test]
+    #[ignore = "a stress test of the validation layer, minutes long"]
+    fn threads_create_and_destroy_command_pools_under_validation() {
+        let seconds = std::env::var("VOLRASTER_STRESS_SECONDS").ok().and_then(|text| text.parse().ok());
+        let end = Instant::now() + Duration::from_secs(seconds.unwrap_or(60));
+        let gpu = TestGpu::new();
+        let record = || {
+            let buffer = Arc::new(Buffer::new(&gpu, "stress", 64, BufferUse::ShaderWrite).unwrap());
+            let mut pools = 0;
+            while Instant::now() < end {
+                let mut commands = Commands::new(&gpu).unwrap();
+                let mut recorder = Recorder::new(&gpu, commands.begin().unwrap(), None);
+                recorder.clear_buffer("stress", &buffer);
+                pools += 1;
+            }
+            pools
+        };
+        let pools: u64 = std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..8).map(|_| scope.spawn(record)).collect();
+            threads.into_iter().map(|thread| thread.join().unwrap()).sum()
+        });
+        println!("{pools} pools");
     }
 }

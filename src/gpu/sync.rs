@@ -1,5 +1,4 @@
-//! Uses of resources, and the barriers that follow from them. No other file spells a stage or an
-//! access mask.
+//! Uses of resources, and the barriers between them. Stages and access masks appear only in this file.
 
 use std::collections::HashMap;
 
@@ -7,41 +6,41 @@ use ash::vk;
 
 use vk::{AccessFlags2 as Access, ImageLayout as Layout, PipelineStageFlags2 as Stage};
 
-/// Where timestamps are taken: when all work before has ended.
+/// Stage of timestamps: all earlier work has ended.
 pub(crate) const END_OF_ALL: Stage = Stage::ALL_COMMANDS;
 
-/// Shaders that make vertices, and those that shade them.
+/// Vertex and fragment shader stages.
 const GRAPHICS: Stage = Stage::from_raw(Stage::VERTEX_SHADER.as_raw() | Stage::FRAGMENT_SHADER.as_raw());
 
-/// How a pass uses a resource.
+/// The use of a resource by a pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Use {
-    /// Source of a copy.
+    /// It is the source of a copy.
     TransferRead,
-    /// Destination of a copy or a fill.
+    /// It is the destination of a copy or a fill.
     TransferWrite,
-    /// Read by the host after the submission has ended.
+    /// The host reads it after the submission has ended.
     HostRead,
-    /// Sampled in a fragment shader.
+    /// A fragment shader samples it.
     FragmentSample,
-    /// Read in a vertex or fragment shader as a uniform or storage buffer.
+    /// A vertex or fragment shader reads it as a uniform or storage buffer.
     FragmentRead,
-    /// Written, and perhaps read, in a fragment shader as a storage buffer or image.
+    /// A fragment shader writes, and perhaps reads, it as a storage buffer or image.
     FragmentReadWrite,
-    /// Sampled in a compute shader.
+    /// A compute shader samples it.
     ComputeSample,
-    /// Read in a compute shader as a uniform or storage buffer.
+    /// A compute shader reads it as a uniform or storage buffer.
     ComputeRead,
-    /// Written, and perhaps read, in a compute shader as a storage buffer or image.
+    /// A compute shader writes, and perhaps reads, it as a storage buffer or image.
     ComputeReadWrite,
-    /// Colour attachment, written and blended with.
+    /// It is the colour attachment, written and blended with.
     ColorAttachment,
-    /// Sampled or read by any later shader.
+    /// Any later shader samples or reads it.
     AnyShaderRead,
 }
 
 impl Use {
-    /// Every use, for the test of the table.
+    /// All uses, for the test of the table.
     #[cfg(test)]
     pub(crate) const ALL: [Self; 11] = [
         Self::TransferRead,
@@ -57,7 +56,7 @@ impl Use {
         Self::AnyShaderRead,
     ];
 
-    /// Stages, accesses, and for images the layout.
+    /// Returns the stages, the accesses, and for images the layout.
     pub(crate) const fn masks(self) -> (Stage, Access, Layout) {
         match self {
             Self::TransferRead => (Stage::COPY, Access::TRANSFER_READ, Layout::TRANSFER_SRC_OPTIMAL),
@@ -110,7 +109,7 @@ impl Use {
         }
     }
 
-    /// Whether the use writes.
+    /// Returns whether the use writes.
     pub(crate) const fn writes(self) -> bool {
         matches!(
             self,
@@ -119,7 +118,7 @@ impl Use {
     }
 }
 
-/// A barrier between two uses of one resource. Layouts matter for images only.
+/// A barrier between two uses of one resource. Layouts apply to images only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Barrier {
     pub(crate) src_stage: Stage,
@@ -130,36 +129,35 @@ pub(crate) struct Barrier {
     pub(crate) new_layout: Layout,
 }
 
-/// What one recording has done with one resource so far.
+/// The uses of one resource in one recording so far.
 #[derive(Clone, Copy, Debug)]
 struct History {
-    /// Stage and access of the last write; empty when there was none in this recording.
+    /// Stage and access of the last write; empty if this recording has not written it.
     write: (Stage, Access),
-    /// Stages that have read since.
+    /// Stages that have read it since.
     readers: Stage,
-    /// Stages and accesses that already see the last write.
+    /// Stages and accesses to which the last write is visible.
     visible: (Stage, Access),
     layout: Layout,
 }
 
-/// Derives barriers from uses, within one recording: read after read is nothing, anything with a write
-/// is a barrier, a change of layout is a barrier.
+/// Derives barriers from uses within one recording: a read after a read needs none; a write before or after and a change of
+/// layout need one.
 #[derive(Debug, Default)]
 pub(crate) struct Tracker {
-    /// By kind (image or not) and handle: handles of different kinds may be equal.
+    /// Keyed by kind (image or not) and handle: handles of different kinds may be equal.
     histories: HashMap<(bool, u64), History>,
 }
 
 impl Tracker {
-    /// Says what state an image is in when the recording begins: its layout, and that no access of
-    /// this recording precedes. Without this an image's contents are undefined.
+    /// Declares the layout of an image when the recording begins. The contents of an undeclared image are undefined.
     pub(crate) fn begin(&mut self, resource: u64, layout: Layout) {
         let none = (Stage::NONE, Access::NONE);
         self.histories
             .insert((true, resource), History { write: none, readers: Stage::NONE, visible: none, layout });
     }
 
-    /// Says that an earlier recording, which has ended, left a resource after this use.
+    /// Declares the last use of a resource by an earlier submission, which has ended.
     pub(crate) fn begin_after(&mut self, resource: u64, last: Use, is_image: bool) {
         let (stage, access, layout) = last.masks();
         let layout = if is_image { layout } else { Layout::UNDEFINED };
@@ -168,16 +166,16 @@ impl Tracker {
         self.histories.insert((is_image, resource), history);
     }
 
-    /// Whether the image was used or declared in this recording.
+    /// Returns whether this recording has used or declared the image.
     pub(crate) fn knows(&self, resource: u64) -> bool {
         self.histories.contains_key(&(true, resource))
     }
 
-    /// The barrier that must precede this use, if any. `is_image` says whether layouts count.
+    /// Returns the barrier that must precede this use, if any. `is_image` says whether the resource has a layout.
     pub(crate) fn next(&mut self, resource: u64, next: Use, is_image: bool) -> Option<Barrier> {
         let (stage, access, layout) = next.masks();
         let layout = if is_image { layout } else { Layout::UNDEFINED };
-        // Images are no uniform blocks.
+        // Uniform reads apply to buffers only.
         let access = if is_image { access & !Access::UNIFORM_READ } else { access };
         let none = (Stage::NONE, Access::NONE);
         let history = self.histories.entry((is_image, resource)).or_insert(History {
@@ -200,7 +198,7 @@ impl Tracker {
         });
         history.layout = layout;
         if next.writes() || changes_layout {
-            // A layout transition is a write too: later uses elsewhere must wait for it.
+            // A layout transition is a write, too: later uses in other stages must wait for it.
             history.write = (stage, if next.writes() { access } else { Access::NONE });
             history.readers = if next.writes() { Stage::NONE } else { stage };
             history.visible = if next.writes() { none } else { (stage, access) };
@@ -269,7 +267,7 @@ mod tests {
         let mut tracker = Tracker::default();
         let barrier = tracker.next(3, Use::ColorAttachment, true).unwrap();
         assert_eq!((barrier.old_layout, barrier.src_stage), (Layout::UNDEFINED, Stage::NONE));
-        // Blending into what the pass before wrote must wait.
+        // Blending must wait for the writes of the pass before.
         assert!(tracker.next(3, Use::ColorAttachment, true).is_some());
     }
 

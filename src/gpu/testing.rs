@@ -1,13 +1,13 @@
-//! A validated device for the unit tests of what is not public.
+//! A validated device for unit tests.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::{Buffer, BufferUse, Commands, Gpu, GpuOptions, Recorder, Validation, ValidationLog};
 
-/// The layer keeps its devices in a table without a lock: tests with devices take turns.
+/// Serialises tests with devices: the layer keeps its devices in a table without a lock.
 static TURN: Mutex<()> = Mutex::new(());
 
-/// A device whose end fails the test when the validation layers said anything, or anything was left on it.
+/// A device that fails the test on drop if there were validation messages or memory is still allocated.
 pub(crate) struct TestGpu {
     gpu: Option<Gpu>,
     log: Arc<ValidationLog>,
@@ -15,12 +15,12 @@ pub(crate) struct TestGpu {
 }
 
 impl TestGpu {
-    /// Under core and synchronization validation.
+    /// Opens a device with core and synchronization validation.
     pub(crate) fn new() -> Self {
         Self::with(Validation::On)
     }
 
-    /// With another validation: without any for measurements.
+    /// Opens a device with another validation; measurements use none.
     pub(crate) fn with(validation: Validation) -> Self {
         let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
         let options = GpuOptions { validation, no_pipeline_cache: true, ..GpuOptions::default() };
@@ -29,7 +29,7 @@ impl TestGpu {
         Self { gpu: Some(gpu), log, _turn: turn }
     }
 
-    /// A buffer that shaders write, with at least one word.
+    /// Makes a buffer of at least one word that shaders write, and uploads `words`.
     pub(crate) fn upload(&self, words: &[u32]) -> Arc<Buffer> {
         let bytes = 4 * words.len().max(1) as u64;
         let buffer = Arc::new(Buffer::new(self, "test.words", bytes, BufferUse::ShaderWrite).unwrap());
@@ -52,7 +52,7 @@ impl TestGpu {
         });
     }
 
-    /// The words of a buffer.
+    /// Downloads the words of a buffer.
     pub(crate) fn download(&self, buffer: &Arc<Buffer>) -> Vec<u32> {
         let host = Arc::new(Buffer::new(self, "test.download", buffer.size(), BufferUse::Download).unwrap());
         self.record(|recorder| {

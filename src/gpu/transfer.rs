@@ -1,4 +1,4 @@
-//! Staging: host to device and back.
+//! Uploads and downloads through staging buffers.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::num;
 
 impl Buffer {
-    /// A buffer for shaders to read, filled with `bytes`.
+    /// Makes a buffer for shaders to read, and uploads `bytes` into it.
     pub(crate) fn with_data(gpu: &Gpu, name: &str, bytes: &[u8]) -> Result<Arc<Self>> {
         let size = u64::try_from(bytes.len()).unwrap_or(u64::MAX);
         let buffer = Arc::new(Self::new(gpu, name, size, BufferUse::ShaderRead)?);
@@ -26,7 +26,7 @@ impl Buffer {
         Ok(buffer)
     }
 
-    /// The first [`Buffer::size`] bytes as the host sees them.
+    /// Copies the contents of a buffer that is visible to the host.
     pub(crate) fn host_copy(&self) -> Result<Vec<u8>> {
         let length = usize::try_from(self.size()).unwrap_or(usize::MAX);
         let bytes = self.bytes().and_then(|bytes| bytes.get(..length));
@@ -35,9 +35,9 @@ impl Buffer {
 }
 
 impl Image {
-    /// An image filled plane by plane, level by level: `fill(level, first, memory)` writes the planes of a
-    /// volume, or the layers of an array, from `first` on until `memory` is full. Ready for every shader
-    /// afterwards.
+    /// Makes an image and uploads its texels, level by level, a group of planes at a time. `fill(level, first, memory)`
+    /// writes the planes of a volume, or the layers of an array, from `first` on until `memory` is full. Every later shader
+    /// may sample the image.
     pub(crate) fn with_data(
         gpu: &Gpu,
         name: &str,
@@ -48,11 +48,12 @@ impl Image {
         let mut commands = Commands::new(gpu)?;
         for level in 0..desc.levels {
             let (planes, plane_bytes) = (desc.planes(level), desc.plane_bytes(level));
-            let turn = num::count(usize::try_from(gpu.inner.staging_bytes / plane_bytes.max(1)).unwrap_or(1))
-                .clamp(1, planes);
+            let group =
+                num::count(usize::try_from(gpu.inner.staging_bytes / plane_bytes.max(1)).unwrap_or(1))
+                    .clamp(1, planes);
             let mut first = 0;
             while first < planes {
-                let count = turn.min(planes - first);
+                let count = group.min(planes - first);
                 let bytes = usize::try_from(plane_bytes * u64::from(count)).unwrap_or(usize::MAX);
                 let buffer = Arc::new(staging(gpu, name, plane_bytes * u64::from(count), |memory| {
                     fill(level, num::index(first), &mut memory[..bytes]);
@@ -72,7 +73,7 @@ impl Image {
     }
 }
 
-/// A staging buffer, filled.
+/// Makes a staging buffer and fills it.
 fn staging(gpu: &Gpu, name: &str, size: u64, fill: impl FnOnce(&mut [u8])) -> Result<Buffer> {
     let mut buffer = Buffer::new(gpu, &format!("{name} (staging)"), size, BufferUse::Upload)?;
     let Some(memory) = buffer.bytes_mut() else {

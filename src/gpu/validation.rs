@@ -1,4 +1,4 @@
-//! The validation log: every message of the validation layers, kept per [`Gpu`](super::Gpu).
+//! The validation log, which collects the messages of the validation layer for each [`Gpu`](super::Gpu).
 
 use std::ffi::{CStr, c_void};
 use std::io::Write as _;
@@ -7,66 +7,70 @@ use std::sync::{Mutex, PoisonError};
 
 use ash::vk;
 
-/// What the Khronos validation layer is asked to check.
+/// Checks of the Khronos validation layer.
+///
+/// Version 1.3.239 of the layer crashes when threads record commands or destroy command pools at the same time. The crate
+/// serialises its own such calls; programs whose threads record on the device themselves set the environment variable
+/// `VK_LAYER_FINE_GRAINED_LOCKING=0`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Validation {
     /// The layer is not loaded.
     #[default]
     Off,
-    /// Core validation (parameters, object lifetimes, threads) and synchronization validation.
+    /// Core validation (parameters, lifetimes of objects, threads) and synchronization validation.
     On,
-    /// The same with GPU-assisted validation, which instruments shaders.
+    /// As `On`, with GPU-assisted validation, which instruments shaders.
     GpuAssisted,
-    /// As `On`, with best practices: advice, much of it for other kinds of programs.
+    /// As `On`, with best practices: advice on performance, much of it for other kinds of programs.
     BestPractices,
     /// All of these.
     Full,
 }
 
 impl Validation {
-    /// Whether shaders are instrumented.
+    /// Returns whether shaders are instrumented.
     pub(crate) fn gpu_assisted(self) -> bool {
         matches!(self, Self::GpuAssisted | Self::Full)
     }
 
-    /// Whether advice is given.
+    /// Returns whether best practices are checked.
     pub(crate) fn best_practices(self) -> bool {
         matches!(self, Self::BestPractices | Self::Full)
     }
 }
 
-/// Messages of the validation layers: errors, and warnings of the validation kind; with best practices also of the
-/// performance kind. Each is `error ID: text` or `warning ID: text`, on one line or several.
+/// Errors and warnings of the validation layer; with best practices also its advice on performance. Each message is
+/// `error ID: text` or `warning ID: text`, on one line or several.
 ///
-/// Lives as long as anyone holds it, so that messages of the device's destruction are heard too.
+/// The log outlives the device if the caller holds it, and then also has the messages of the device's destruction.
 #[derive(Debug, Default)]
 pub struct ValidationLog {
     messages: Mutex<Vec<String>>,
-    /// Whether advice about performance is kept, too.
+    /// Whether advice on performance is kept, too.
     advice: AtomicBool,
-    /// Whether messages are kept only, and not printed as they come.
+    /// Whether messages are not printed as they arrive.
     silent: AtomicBool,
 }
 
 impl ValidationLog {
-    /// All messages so far.
+    /// Returns all messages so far.
     #[must_use]
     pub fn messages(&self) -> Vec<String> {
         self.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Takes all messages out.
+    /// Removes and returns all messages.
     #[must_use]
     pub fn take(&self) -> Vec<String> {
         std::mem::take(&mut *self.messages.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Keeps messages from now on without printing them as they come.
+    /// Stops printing messages as they arrive.
     pub fn keep_silent(&self) {
         self.silent.store(true, Ordering::Relaxed);
     }
 
-    /// Keeps advice about performance from now on.
+    /// Starts to keep advice on performance.
     pub(crate) fn keep_advice(&self) {
         self.advice.store(true, Ordering::Relaxed);
     }
@@ -91,8 +95,8 @@ pub(crate) fn messenger_info(log: &ValidationLog) -> vk::DebugUtilsMessengerCrea
         .user_data(std::ptr::from_ref(log).cast_mut().cast())
 }
 
-/// Keeps errors and warnings of the validation kind, and advice where it is asked for. What loaders and drivers say about their own affairs
-/// (a driver that finds no hardware, say) is not about this program.
+/// Keeps errors and warnings of the validation kind, and advice where it is requested. General messages of loaders and
+/// drivers, such as that no hardware was found, are ignored.
 unsafe extern "system" fn on_message(
     severity: vk::DebugUtilsMessageSeverityFlagsEXT,
     kind: vk::DebugUtilsMessageTypeFlagsEXT,
@@ -120,9 +124,8 @@ unsafe extern "system" fn on_message(
     };
     let label = if error { "error" } else { "warning" };
     let message = format!("{label} {}: {}", text(data.p_message_id_name), text(data.p_message));
-    // At once: a program that breaks the rules may crash the driver before anyone reads the log.
-    // A closed stderr must not end the program inside a callback.
-    // Advice is no danger.
+    // Printed at once: a program that breaks the rules may crash the driver before anyone reads the log. `writeln!` to a
+    // closed stderr must not panic inside a callback. Advice is not urgent.
     if !message.contains("BestPractices") && !log.silent.load(Ordering::Relaxed) {
         let _ = writeln!(std::io::stderr(), "validation: {message}");
     }

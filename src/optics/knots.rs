@@ -6,7 +6,7 @@ use crate::scene::TransferFunction;
 
 /// Largest number of knots in the uniform block, which the device scans linearly. Longer lists are searched
 /// in a storage block.
-const UNIFORM_KNOTS: usize = crate::num::index(crate::gpu::shader::UNIFORM_KNOTS);
+const UNIFORM_KNOTS: usize = crate::num::index(crate::interface::constants::UNIFORM_KNOTS);
 
 /// Largest extinction on the device: opaque over any length that float32 distinguishes from zero, and small
 /// enough that its product with zero is zero.

@@ -1,6 +1,7 @@
-//! Bins: the primitives of each tile of an image, by rank (`glsl/bins.glsl`).
+//! Bins: the primitives of each tile of an image, in order of rank (`glsl/bins.glsl`).
 //!
-//! Count, sum up, write. No sort by tile is needed: ranks are binned in runs, and runs are summed up within tiles.
+//! Three passes: count, prefix sums, write. They need no sort by tile: each invocation bins a run of consecutive ranks, and the
+//! table of counts has the runs of a tile side by side.
 
 use std::sync::Arc;
 
@@ -15,7 +16,7 @@ use crate::num;
 use crate::primitives::dispatch::{Dispatch, buffer, download, pass, words};
 use crate::primitives::scan::Scan;
 
-/// Bins of some tiles.
+/// The bins of a range of tiles.
 #[derive(Debug)]
 pub(crate) struct Bins {
     pub(crate) runs: u32,
@@ -29,8 +30,8 @@ pub(crate) struct Bins {
 }
 
 impl Bins {
-    /// For `tiles` at once, with room for `capacity` entries; `primitives` are their order, the pixels that each may
-    /// cover, and the status.
+    /// Makes bins for up to `tiles` tiles at a time, with a capacity of `capacity` entries. `primitives` are the order by
+    /// rank, the pixel box of each primitive, and the status.
     pub(crate) fn new(
         gpu: &Gpu,
         name: &str,
@@ -64,7 +65,7 @@ impl Bins {
         })
     }
 
-    /// Bins nothing where a frame has flagged no pixel.
+    /// Makes the passes end at once in frames that have flagged no pixel.
     pub(crate) fn only_where_flagged(&mut self, gpu: &Gpu) -> Result<()> {
         for (old, fill) in [(&mut self.count, 0), (&mut self.fill, 1)] {
             let resource = |&(binding, _): &(u32, _)| Some((binding, old.descriptors.resource(binding)?));
@@ -75,7 +76,8 @@ impl Bins {
         Ok(())
     }
 
-    /// Bins `count` primitives to tiles `[first, first + tiles)` of an image with `across` tiles in a row.
+    /// Records the passes that bin `count` primitives to tiles `[first, first + tiles)` of an image with `across` tiles in a
+    /// row.
     pub(crate) fn record(
         &self,
         recorder: &mut Recorder<'_>,
@@ -93,34 +95,34 @@ impl Bins {
         self.fill.record(recorder, &push, groups);
     }
 
-    /// Where the sum of all entries is, 64 bits of it.
+    /// Returns the buffer with the number of all entries, in 64 bits.
     pub(crate) fn total(&self) -> &Arc<Buffer> {
         self.scan.total()
     }
 }
 
-/// What binning needs.
+/// The measured needs of binning.
 #[derive(Debug)]
 pub(crate) struct Fill {
-    /// Runs of ranks: enough to keep a device busy, each short enough for its loops.
+    /// Number of runs of ranks: enough to keep the device busy, each short enough for the limit of loop iterations.
     pub(crate) runs: u32,
-    /// Primitives of each tile.
+    /// Number of primitives in each tile.
     pub(crate) tiles: Vec<u32>,
 }
 
 impl Fill {
-    /// Entries of all bins.
+    /// Returns the number of entries in all bins.
     pub(crate) fn entries(&self) -> u64 {
         self.tiles.iter().map(|&n| u64::from(n)).sum()
     }
 
-    /// Entries of the fullest bin.
+    /// Returns the number of entries in the fullest bin.
     pub(crate) fn longest(&self) -> u32 {
         self.tiles.iter().copied().max().unwrap_or(0)
     }
 
-    /// Reads what the passes that `stage` records leave: the order of `count` primitives and the pixels that each may
-    /// cover.
+    /// Runs the passes that `stage` records, reads their results back, and counts. The results are the order of `count`
+    /// primitives and the pixel box of each.
     pub(crate) fn measure(
         gpu: &Gpu,
         name: &str,
@@ -148,20 +150,20 @@ impl Fill {
         Ok(Self::of(&order, &boxes, [tiles, across], gpu.is_software()))
     }
 
-    /// From primitives by rank and the pixels that each may cover.
+    /// Counts entries of tiles and iterations of runs, from the primitives by rank and the pixel box of each.
     fn of(order: &[u32], boxes: &[u32], [tiles, across]: [u32; 2], software: bool) -> Self {
-        // Turns of the binning loop up to each rank, and how full tiles get.
+        // Iterations of the binning loop up to each rank, and entries of each tile.
         let tile_box = |id: u32| {
             let at = num::index(id) * 2;
             let (x, y) = (boxes[at], boxes[at + 1]);
             [(x & 0xffff) / TILE, (x >> 16).div_ceil(TILE), (y & 0xffff) / TILE, (y >> 16).div_ceil(TILE)]
         };
-        let mut turns = vec![0_u64; order.len() + 1];
+        let mut iterations = vec![0_u64; order.len() + 1];
         let mut fill = vec![0_u32; num::index(tiles)];
         for (rank, &id) in order.iter().enumerate() {
             let [x0, x1, y0, y1] = tile_box(id);
             let covered = x1.saturating_sub(x0) * y1.saturating_sub(y0);
-            turns[rank + 1] = turns[rank] + 1 + u64::from(covered);
+            iterations[rank + 1] = iterations[rank] + 1 + u64::from(covered);
             for y in y0..y1 {
                 for x in x0..x1 {
                     fill[num::index(y * across + x)] += 1;
@@ -172,11 +174,11 @@ impl Fill {
             let length = num::index(num::count(order.len()).div_ceil(runs)).max(1);
             (0..order.len())
                 .step_by(length)
-                .map(|begin| turns[(begin + length).min(order.len())] - turns[begin])
+                .map(|begin| iterations[(begin + length).min(order.len())] - iterations[begin])
                 .max()
                 .unwrap_or(0)
         };
-        // A table has a word for each run of each tile.
+        // The table has one word for each run of each tile.
         let most_runs = ((1_u32 << 26) / tiles.max(1)).max(1);
         let few = num::count(order.len()).div_ceil(8).next_power_of_two();
         let mut runs = if software { 64 } else { 2048 }.min(few).min(most_runs);
@@ -191,7 +193,7 @@ impl Fill {
 mod tests {
     use super::*;
 
-    /// Tables of large images are no larger than a scan takes, and few primitives have small ones.
+    /// Tables of large images fit a scan, and few primitives need only a small table.
     #[test]
     fn tables_stay_small() {
         let boxes = |count: u32| -> Vec<u32> { (0..count).flat_map(|_| [8 << 16, 8 << 16]).collect() };

@@ -1,4 +1,4 @@
-//! What techniques that draw from lists are made of: passes, their buffers, and words that come back.
+//! Compute dispatches with their bindings, the buffers of their words, and numbers of workgroups.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use crate::gpu::{
     Buffer, BufferUse, ComputeDesc, Descriptors, Gpu, Pipeline, Recorder, Resource, SpecConstant,
 };
 
-/// A pipeline with what it binds.
+/// A compute pipeline with the resources bound to it, ready to be recorded as a pass of its name.
 #[derive(Debug)]
 pub(crate) struct Dispatch {
     pub(crate) name: String,
@@ -19,13 +19,19 @@ pub(crate) struct Dispatch {
 }
 
 impl Dispatch {
-    /// Records `groups` workgroups.
+    /// Records a dispatch of `groups` workgroups with these push constants. Barriers follow from the bound resources.
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>, push: &impl Pod, groups: [u32; 3]) {
         recorder.dispatch(&self.name, &self.pipeline, &self.descriptors, bytemuck::bytes_of(push), groups);
     }
 }
 
-/// A compute pass.
+/// Makes the dispatch of a shader, which is both the pipeline and the pass called `name`.
+///
+/// `resources` are pairs of binding number and resource. Every binding of the shader must be given; others are ignored.
+///
+/// # Errors
+///
+/// [`Error::Invalid`](crate::Error::Invalid) when a binding is missing; errors of Vulkan when the pipeline cannot be built.
 pub(crate) fn pass(
     gpu: &Gpu,
     name: &str,
@@ -38,37 +44,37 @@ pub(crate) fn pass(
     Ok(Dispatch { name: name.to_string(), pipeline, descriptors })
 }
 
-/// Bytes as words.
+/// Converts bytes to words.
 pub(crate) fn words(bytes: &[u8]) -> Vec<u32> {
     bytes.chunks_exact(4).map(|b| u32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect()
 }
 
-/// The sum that a scan has left, all 64 bits of it.
+/// Reads the 64-bit total of a prefix sum from a buffer that is visible to the host.
 pub(crate) fn total(buffer: &Buffer) -> Result<u64> {
     let words = words(&buffer.host_copy()?);
     let at = |i: usize| u64::from(words.get(i).copied().unwrap_or(0));
     Ok(at(0) | at(1) << 32)
 }
 
-/// Workgroups of `size` for `count` invocations, within what every device allows along each side.
+/// Returns the workgroups of `size` for `count` invocations, in two dimensions where one has too many.
 pub(crate) fn groups_of(count: u32, size: u32) -> [u32; 3] {
-    // At least this many workgroups are allowed along each side.
+    // Every device allows this many workgroups in each dimension.
     let groups = count.div_ceil(size).max(1);
     let across = groups.min(65_535);
     [across, groups.div_ceil(across), 1]
 }
 
-/// Workgroups of 8 x 8 invocations, one each for a pixel or a texel.
+/// Returns the workgroups of 8 x 8 invocations for one invocation per pixel or texel.
 pub(crate) fn tiles_of([width, height]: [u32; 2]) -> [u32; 3] {
     [width.div_ceil(8), height.div_ceil(8), 1]
 }
 
-/// Words that shaders write.
+/// Makes a buffer of words that shaders write.
 pub(crate) fn buffer(gpu: &Gpu, name: &str, words: u64) -> Result<Arc<Buffer>> {
     Buffer::new(gpu, name, 4 * words.max(1), BufferUse::ShaderWrite).map(Arc::new)
 }
 
-/// Bytes that come back.
+/// Makes a download buffer of at least 4 bytes.
 pub(crate) fn download(gpu: &Gpu, name: &str, bytes: u64) -> Result<Arc<Buffer>> {
     Buffer::new(gpu, name, bytes.max(4), BufferUse::Download).map(Arc::new)
 }

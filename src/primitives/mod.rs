@@ -1,4 +1,7 @@
-//! Parallel primitives on the device: dispatches, prefix sums, radix sort, bins of tiles.
+//! Parallel algorithms on the device, independent of techniques: dispatches, prefix sums, a radix sort, and binning of
+//! primitives to tiles.
+//!
+//! May use `gpu`, `interface`, `error` and `num`. Used by `frame` and `technique`.
 
 pub(crate) mod bins;
 pub(crate) mod dispatch;

@@ -1,6 +1,6 @@
-//! Stable sort of pairs of words on the device (`glsl/radix-sort.glsl`): least significant digit first, each pass
-//! a count, prefix sums and a scatter (Satish, Harris and Garland 2009), without a workgroup that waits for
-//! another. The result depends on nothing but the pairs.
+//! Stable radix sort of pairs of words on the device (`glsl/radix-sort.glsl`), least significant digit first. Each digit takes
+//! a count, prefix sums and a scatter (Satish, Harris and Garland, IPDPS 2009). No workgroup waits for another, and the
+//! result is deterministic.
 
 use std::sync::Arc;
 
@@ -15,20 +15,20 @@ use crate::gpu::shader::{
 use crate::gpu::{Buffer, BufferUse, ComputeDesc, Descriptors, Gpu, Pipeline, Recorder, Resource};
 use crate::interface::SortPush;
 use crate::num;
-use crate::primitives::scan::{Scan, Spread};
+use crate::primitives::scan::{Scan, WorkSplit};
 
-/// Most pairs of a sort: every device takes a workgroup for each tile of them.
+/// Largest number of pairs of a sort: every device allows one workgroup for each tile of them.
 const MOST_PAIRS: u32 = 1 << 26;
 
-/// One digit's way from one place to another.
+/// The passes that sort by one digit.
 #[derive(Debug)]
-struct DigitPass {
+struct Digit {
     count: Step,
     scatter: Step,
     push: SortPush,
 }
 
-/// One dispatch.
+/// One dispatch of a digit.
 #[derive(Debug)]
 struct Step {
     name: String,
@@ -36,22 +36,22 @@ struct Step {
     descriptors: Arc<Descriptors>,
 }
 
-/// A sort of pairs of a key and a value, in place, ascending; pairs with equal keys keep their order.
+/// A sort of pairs of a key and a value, in place, by ascending key. Pairs with equal keys keep their order.
 #[derive(Debug)]
 pub(crate) struct RadixSort {
-    passes: Vec<DigitPass>,
+    passes: Vec<Digit>,
     scan: Scan,
     groups: u32,
 }
 
 impl RadixSort {
-    /// For the first `n` words of two buffers that shaders write. The lowest `bits` bits of a key are sorted
-    /// by, at least one; the others are carried along.
+    /// Makes a sort of the first `n` words of two buffers that shaders write. It compares the lowest `bits` bits of keys, at
+    /// least one.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] when a buffer has fewer words, or bits are none or more than 32; when the device has
-    /// no memory: it takes up to 16 bytes a pair.
+    /// [`Error::Invalid`] when a buffer has fewer words, or `bits` is not from 1 to 32; errors of memory, of which a sort
+    /// takes up to 16 bytes per pair, and of Vulkan.
     pub(crate) fn new(
         gpu: &Gpu,
         name: &str,
@@ -64,8 +64,8 @@ impl RadixSort {
         Self::counted(gpu, name, keys, values, n, &count, bits)
     }
 
-    /// The same for as many pairs as the first word of `count` says on the device, at most `capacity`. What
-    /// lies behind them stays.
+    /// As [`RadixSort::new`], with the number of pairs in the first word of `count` on the device, at most `capacity`. Words
+    /// after these pairs are unchanged.
     ///
     /// # Errors
     ///
@@ -79,19 +79,19 @@ impl RadixSort {
         count: &Arc<Buffer>,
         bits: u32,
     ) -> Result<Self> {
-        let plan = Plan::of(gpu, capacity, bits, Spread::of(gpu));
-        Self::planned(gpu, name, [keys, values], count, plan)
+        let digits = Digits::of(gpu, capacity, bits, WorkSplit::of(gpu));
+        Self::by_digits(gpu, name, [keys, values], count, digits)
     }
 
-    /// The same, planned already.
-    fn planned(
+    /// Makes a sort with given digits.
+    fn by_digits(
         gpu: &Gpu,
         name: &str,
         [keys, values]: [&Arc<Buffer>; 2],
         count: &Arc<Buffer>,
-        plan: Plan,
+        digits: Digits,
     ) -> Result<Self> {
-        let Plan { spread, capacity, bits, digit, passes, runs, groups, mixes } = plan;
+        let Digits { split, capacity, bits, digit, passes, runs, groups, mixes } = digits;
         let least = keys.size().min(values.size());
         if capacity > MOST_PAIRS || 4 * u64::from(capacity) > least || !(1..=32).contains(&bits) {
             let what = format!("a sort of {capacity} pairs by {bits} bits in buffers of {least} bytes");
@@ -101,8 +101,9 @@ impl RadixSort {
             let bytes = 4 * words.max(4);
             Buffer::new(gpu, &format!("{name}.{part}"), bytes, BufferUse::ShaderWrite).map(Arc::new)
         };
-        let digits = buffer("digits", u64::from(runs) << digit)?;
-        // From home to home: by one place where that leads back, by two in turns otherwise.
+        let counters = buffer("digits", u64::from(runs) << digit)?;
+        // The pairs begin and end in the given buffers. One buffer between is enough where the digits alternate between it and
+        // the given ones; else two alternate.
         let stops = if passes == 2 || (passes.is_multiple_of(2) && !mixes) { 1 } else { 2 };
         let stops: Result<Vec<Place>> = (0..stops)
             .map(|_| {
@@ -121,7 +122,7 @@ impl RadixSort {
             _ if stops.len() == 1 && pass.is_multiple_of(2) => &home,
             _ => &stops[num::index(pass + 1) % stops.len()],
         };
-        let passes: Result<Vec<DigitPass>> = (0..passes)
+        let passes: Result<Vec<Digit>> = (0..passes)
             .map(|pass| {
                 let (from, to) = (place_after(pass), place_after(pass + 1));
                 let ([from_keys, from_values], [to_keys, to_values]) = (from.buffers(), to.buffers());
@@ -129,7 +130,7 @@ impl RadixSort {
                     (BINDING_SORT_COUNT, Resource::ReadOnly(Arc::clone(count))),
                     (BINDING_SORT_KEYS, Resource::ReadOnly(Arc::clone(from_keys))),
                     (BINDING_SORT_VALUES, Resource::ReadOnly(Arc::clone(from_values))),
-                    (BINDING_SORT_DIGITS, Resource::Buffer(Arc::clone(&digits))),
+                    (BINDING_SORT_DIGITS, Resource::Buffer(Arc::clone(&counters))),
                     (BINDING_SORTED_KEYS, Resource::Buffer(Arc::clone(to_keys))),
                     (BINDING_SORTED_VALUES, Resource::Buffer(Arc::clone(to_values))),
                 ];
@@ -139,21 +140,21 @@ impl RadixSort {
                     let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
                     Ok(Step { name: format!("{name}.{step}"), pipeline, descriptors })
                 };
-                let [count, scatter] = shaders(spread, from, to);
-                // The last digit has what bits are left; of a single bit, none.
+                let [count, scatter] = shaders(split, from, to);
+                // The last digit has the remaining bits; where a single bit is sorted by, none.
                 let shift = (digit * pass).min(bits);
                 let width = digit.min(bits - shift);
                 let push = SortPush { capacity, runs, shift: shift.min(31), mask: (1_u32 << width) - 1 };
-                Ok(DigitPass { count: step("count", count)?, scatter: step("scatter", scatter)?, push })
+                Ok(Digit { count: step("count", count)?, scatter: step("scatter", scatter)?, push })
             })
             .collect();
-        let scan = Scan::spread(gpu, &format!("{name}.digits"), &digits, runs << digit, spread)?;
+        let scan = Scan::with_split(gpu, &format!("{name}.digits"), &counters, runs << digit, split)?;
         Ok(Self { passes: passes?, scan, groups })
     }
 
-    /// Sorts.
+    /// Records the passes of all digits.
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>) {
-        for DigitPass { count, scatter, push } in &self.passes {
+        for Digit { count, scatter, push } in &self.passes {
             let push = bytemuck::bytes_of(push);
             let groups = [self.groups, 1, 1];
             recorder.dispatch(&count.name, &count.pipeline, &count.descriptors, push, groups);
@@ -163,17 +164,17 @@ impl RadixSort {
     }
 }
 
-/// Where pairs lie.
+/// The buffers of pairs between two digits.
 #[derive(Debug)]
 enum Place {
-    /// Keys and values in a buffer each.
+    /// One buffer of keys and one of values.
     Apart([Arc<Buffer>; 2]),
-    /// Key, value, key, value, ...: one store a pair.
+    /// One buffer of alternating keys and values, which takes one store per pair.
     Mixed(Arc<Buffer>),
 }
 
 impl Place {
-    /// What is bound for keys and for values.
+    /// Returns the buffers bound for keys and for values.
     fn buffers(&self) -> [&Arc<Buffer>; 2] {
         match self {
             Self::Apart([keys, values]) => [keys, values],
@@ -182,10 +183,10 @@ impl Place {
     }
 }
 
-/// The shaders that count, and that move pairs from one place to another.
-fn shaders(spread: Spread, from: &Place, to: &Place) -> [&'static Shader; 2] {
-    match (spread, from, to) {
-        (Spread::Groups, ..) => [&RADIX_SORT_GROUPS_COUNT, &RADIX_SORT_GROUPS_SCATTER],
+/// Returns the shaders that count and that scatter between two places.
+fn shaders(split: WorkSplit, from: &Place, to: &Place) -> [&'static Shader; 2] {
+    match (split, from, to) {
+        (WorkSplit::Groups, ..) => [&RADIX_SORT_GROUPS_COUNT, &RADIX_SORT_GROUPS_SCATTER],
         (_, Place::Apart(_), Place::Apart(_)) => [&RADIX_SORT_LANES_COUNT, &RADIX_SORT_LANES_SCATTER],
         (_, Place::Apart(_), Place::Mixed(_)) => [&RADIX_SORT_LANES_COUNT, &RADIX_SORT_LANES_SCATTER_FIRST],
         (_, Place::Mixed(_), Place::Mixed(_)) => {
@@ -197,68 +198,67 @@ fn shaders(spread: Spread, from: &Place, to: &Place) -> [&'static Shader; 2] {
     }
 }
 
-/// How a sort is cut into digits and runs.
+/// The digits of the keys, and the runs of pairs.
 #[derive(Clone, Copy, Debug)]
-struct Plan {
-    spread: Spread,
-    /// Most pairs.
+struct Digits {
+    split: WorkSplit,
+    /// Largest number of pairs.
     capacity: u32,
-    /// Bits of a key that count.
+    /// Bits of a key that are compared.
     bits: u32,
-    /// Bits of a digit.
+    /// Bits per digit.
     digit: u32,
-    /// Digits: at least two, since no pass can go from a buffer to itself.
+    /// Number of digits: at least two, since a scatter needs different buffers.
     passes: u32,
     runs: u32,
-    /// Workgroups that count, and that move.
+    /// Workgroups of the count and of the scatter.
     groups: u32,
-    /// Whether pairs are mixed between the first pass and the last.
+    /// Whether keys and values alternate in one buffer between the first digit and the last.
     mixes: bool,
 }
 
-impl Plan {
-    fn of(gpu: &Gpu, capacity: u32, bits: u32, spread: Spread) -> Self {
-        let most = match spread {
-            Spread::Lanes(_) => SORT_LANE_DIGITS,
-            Spread::Groups => WIDE_GROUP,
+impl Digits {
+    fn of(gpu: &Gpu, capacity: u32, bits: u32, split: WorkSplit) -> Self {
+        let most = match split {
+            WorkSplit::Lanes(_) => SORT_LANE_DIGITS,
+            WorkSplit::Groups => WIDE_GROUP,
         };
         let passes = bits.div_ceil(most.ilog2()).max(2);
         let digit = bits.div_ceil(passes);
-        match spread {
-            Spread::Lanes(lanes) => {
-                // No more counters than pairs, no longer runs than a loop may be.
+        match split {
+            WorkSplit::Lanes(lanes) => {
+                // There are at most as many counters as pairs, and runs fit the limit of a loop.
                 let runs = lanes.min(capacity >> digit).max(capacity.div_ceil(4 * SORT_LANE_FOURS));
                 let groups = runs.div_ceil(LANE_GROUP).max(1);
                 let runs = groups * LANE_GROUP;
                 let room = u64::from(gpu.inner.properties.limits.max_storage_buffer_range);
                 let mixes = 4 * mixed_words(capacity) <= room;
-                Self { spread, capacity, bits, digit, passes, runs, groups, mixes }
+                Self { split, capacity, bits, digit, passes, runs, groups, mixes }
             }
-            Spread::Groups => {
+            WorkSplit::Groups => {
                 let runs = capacity.div_ceil(SORT_TILE).max(1);
-                Self { spread, capacity, bits, digit, passes, runs, groups: runs, mixes: false }
+                Self { split, capacity, bits, digit, passes, runs, groups: runs, mixes: false }
             }
         }
     }
 }
 
-/// Words of a buffer of mixed pairs: whole fours of pairs, which are loaded at once.
+/// Returns the words of a buffer of mixed pairs, rounded up to four pairs, which are loaded at once.
 fn mixed_words(pairs: u32) -> u64 {
     2 * u64::from(pairs).next_multiple_of(4)
 }
 
-/// Floats into keys, in place: for the test that shaders and host agree on them.
+/// Converts floats into keys in place, for the test that shaders and host compute the same keys.
 #[cfg_attr(not(test), expect(dead_code, reason = "used by the test alone"))]
 const FLOAT_KEYS: &Shader = &RADIX_SORT_FLOAT_KEYS;
 
-/// The key of a float, as `float_key` of `glsl/keys.glsl` gives it: in the order of floats, -0 equal to +0, NaN
-/// last.
+/// Returns the key of a float like `float_key` of `glsl/keys.glsl`: keys are in the order of floats, -0 equals +0, NaN is last.
 #[cfg(test)]
 pub(crate) fn float_key(value: f32) -> u32 {
     if value.is_nan() {
         return u32::MAX;
     }
-    // Not `value + 0.0`, which flushes subnormal numbers where a device does.
+    // `value + 0.0` would flush subnormal numbers on some devices.
     let bits = if value == 0.0 { 0 } else { value.to_bits() };
     if bits >> 31 == 0 { bits | 1 << 31 } else { !bits }
 }
@@ -269,29 +269,29 @@ mod tests {
     use crate::gpu::testing::TestGpu;
     use crate::gpu::{Commands, Validation};
 
-    /// Few and many lanes, without mixed pairs (the flag), workgroups.
-    const WAYS: [(Spread, bool); 4] = [
-        (Spread::Lanes(16), true),
-        (Spread::Lanes(1000), true),
-        (Spread::Lanes(16), false),
-        (Spread::Groups, false),
+    /// Divisions with few and many lanes and with workgroups; the flag allows mixed pairs.
+    const WAYS: [(WorkSplit, bool); 4] = [
+        (WorkSplit::Lanes(16), true),
+        (WorkSplit::Lanes(1000), true),
+        (WorkSplit::Lanes(16), false),
+        (WorkSplit::Groups, false),
     ];
 
-    /// A sort by one of the [`WAYS`].
+    /// Makes a sort by one of the [`WAYS`].
     fn by(
         gpu: &Gpu,
         buffers: [&Arc<Buffer>; 2],
         n: u32,
         count: &Arc<Buffer>,
         bits: u32,
-        (spread, mixes): (Spread, bool),
+        (split, mixes): (WorkSplit, bool),
     ) -> RadixSort {
-        let mut plan = Plan::of(gpu, n, bits, spread);
-        plan.mixes &= mixes;
-        RadixSort::planned(gpu, "test.sort", buffers, count, plan).unwrap()
+        let mut digits = Digits::of(gpu, n, bits, split);
+        digits.mixes &= mixes;
+        RadixSort::by_digits(gpu, "test.sort", buffers, count, digits).unwrap()
     }
 
-    /// Sizes around every border: of workgroups, tiles, runs.
+    /// Sizes around those of workgroups, tiles and runs.
     const SIZES: [usize; 17] =
         [0, 1, 2, 7, 8, 9, 255, 256, 257, 2047, 2048, 2049, 4095, 4096, 4097, 32_769, 65_537];
 
@@ -303,14 +303,14 @@ mod tests {
         (0..n).map(step).collect()
     }
 
-    /// What a stable sort makes of keys with their indices as values.
+    /// Returns the pairs of a stable sort of keys with their indices as values.
     fn expected(keys: &[u32], bits: u32) -> Vec<(u32, u32)> {
         let mut pairs: Vec<(u32, u32)> = keys.iter().copied().zip(0..).collect();
         pairs.sort_by_key(|&(key, _)| key & (u32::MAX >> (32 - bits)));
         pairs
     }
 
-    fn sorted(gpu: &TestGpu, keys: &[u32], bits: u32, way: (Spread, bool)) -> Vec<(u32, u32)> {
+    fn sorted(gpu: &TestGpu, keys: &[u32], bits: u32, way: (WorkSplit, bool)) -> Vec<(u32, u32)> {
         let n = num::count(keys.len());
         let count = gpu.upload(&[n]);
         let keys = gpu.upload(keys);
@@ -321,7 +321,7 @@ mod tests {
         pairs.take(n as usize).collect()
     }
 
-    fn check(gpu: &TestGpu, keys: &[u32], bits: u32, way: (Spread, bool), what: &str) {
+    fn check(gpu: &TestGpu, keys: &[u32], bits: u32, way: (WorkSplit, bool), what: &str) {
         let (found, right) = (sorted(gpu, keys, bits, way), expected(keys, bits));
         if let Some(i) = (0..keys.len()).find(|&i| found[i] != right[i]) {
             let n = keys.len();
@@ -543,12 +543,12 @@ mod tests {
             let n = num::count(n);
             let count = gpu.upload(&[n]);
             let (key_buffer, values) = (gpu.upload(&keys), gpu.upload(&keys));
-            let sort = |spread| {
-                let plan = Plan::of(&gpu, n, bits, spread);
-                let sort = RadixSort::planned(&gpu, "test.sort", [&key_buffer, &values], &count, plan);
-                (plan, sort.unwrap(), Vec::new())
+            let sort = |split| {
+                let digits = Digits::of(&gpu, n, bits, split);
+                let sort = RadixSort::by_digits(&gpu, "test.sort", [&key_buffer, &values], &count, digits);
+                (digits, sort.unwrap(), Vec::new())
             };
-            let mut sorts = [sort(Spread::software()), sort(Spread::Groups)];
+            let mut sorts = [sort(WorkSplit::software()), sort(WorkSplit::Groups)];
             let mut commands = Commands::new(&gpu).unwrap();
             for _ in 0..TURNS {
                 for (_, sort, times) in &mut sorts {
@@ -561,13 +561,13 @@ mod tests {
                     times.push(start.elapsed().as_secs_f64() * 1e3);
                 }
             }
-            for (plan, _, times) in &mut sorts {
+            for (digits, _, times) in &mut sorts {
                 times.sort_by(f64::total_cmp);
                 let [median, tenth, least] = [TURNS / 2, TURNS / 10, 0].map(|i| times[i]);
-                let Plan { spread, passes, digit, runs, .. } = plan;
+                let Digits { split, passes, digit, runs, .. } = digits;
                 println!(
                     "{n:8} pairs, {bits} bits: {median:7.2} {tenth:7.2} {least:7.2}  \
-                     {spread:?}: {passes} x {digit} bits, {runs} runs"
+                     {split:?}: {passes} x {digit} bits, {runs} runs"
                 );
             }
         }

@@ -1,5 +1,5 @@
-//! Exclusive prefix sums of words on the device (`glsl/scan.glsl`): reduce, then scan, in two dispatches for any
-//! number of words, without a workgroup that waits for another.
+//! Exclusive prefix sums of words on the device (`glsl/scan.glsl`): reduce, then scan, in two dispatches for any number of
+//! words. No workgroup waits for another.
 
 use std::sync::Arc;
 
@@ -12,24 +12,24 @@ use crate::gpu::shader::{
 use crate::gpu::{Buffer, BufferUse, ComputeDesc, Descriptors, Gpu, Pipeline, Recorder, Resource};
 use crate::interface::ScanPush;
 
-/// Most words of a scan.
+/// Largest number of words of a scan.
 pub(crate) const MOST_WORDS: u32 = 1 << 27;
 
-/// Most workgroups of a scan: enough to fill a device; each adds up the sums before its own.
+/// Largest number of workgroups of a scan: enough to fill a device. Each adds up the sums of those before it.
 const MOST_GROUPS: u32 = 1024;
 
-/// How prefix sums and sorting are spread over invocations.
+/// The division of the input of prefix sums and sorts among invocations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Spread {
-    /// One invocation works through a long run, without barriers. Number of invocations to keep a device busy.
+pub(crate) enum WorkSplit {
+    /// Each invocation handles a long run without barriers; with the number of invocations that keep the device busy.
     Lanes(u32),
-    /// Workgroups of [`WIDE_GROUP`] invocations share their data.
+    /// Each workgroup of [`WIDE_GROUP`] invocations handles a tile in shared memory.
     Groups,
 }
 
-impl Spread {
-    /// What suits a device: software suspends every invocation of a workgroup at a barrier, and emulates
-    /// shared memory.
+impl WorkSplit {
+    /// Returns the faster division for a device. Software rasterisers get lanes: they suspend every invocation of a workgroup
+    /// at a barrier, and emulate shared memory.
     pub(crate) fn of(gpu: &Gpu) -> Self {
         let limits = &gpu.inner.properties.limits;
         let wide = limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]);
@@ -39,7 +39,7 @@ impl Spread {
         if gpu.is_software() { Self::software() } else { Self::Lanes(8192) }
     }
 
-    /// Two workgroups a core: a software rasteriser runs on this machine's cores.
+    /// Returns the division for a software rasteriser: two workgroups per core of this machine.
     pub(crate) fn software() -> Self {
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
         Self::Lanes(crate::num::count(cores).clamp(1, 64) * 2 * LANE_GROUP)
@@ -58,33 +58,38 @@ pub(crate) struct Scan {
 }
 
 impl Scan {
-    /// For the first `n` words of a buffer.
+    /// Makes prefix sums of the first `n` words of a buffer.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] when there are fewer words or more than [`MOST_WORDS`]; when the device has no
-    /// memory.
+    /// [`Error::Invalid`] when the buffer has fewer words, or `n` exceeds [`MOST_WORDS`]; errors of memory and of Vulkan.
     pub(crate) fn new(gpu: &Gpu, name: &str, data: &Arc<Buffer>, n: u32) -> Result<Self> {
-        Self::spread(gpu, name, data, n, Spread::of(gpu))
+        Self::with_split(gpu, name, data, n, WorkSplit::of(gpu))
     }
 
-    /// The same, spread as told.
-    pub(crate) fn spread(gpu: &Gpu, name: &str, data: &Arc<Buffer>, n: u32, spread: Spread) -> Result<Self> {
+    /// As [`Scan::new`], with a given division.
+    pub(crate) fn with_split(
+        gpu: &Gpu,
+        name: &str,
+        data: &Arc<Buffer>,
+        n: u32,
+        split: WorkSplit,
+    ) -> Result<Self> {
         if n > MOST_WORDS || 4 * u64::from(n) > data.size() {
             return Err(Error::invalid(name, format!("prefix sums of {n} words in {} bytes", data.size())));
         }
-        let (chunk, shaders) = match spread {
-            Spread::Lanes(lanes) => {
+        let (chunk, shaders) = match split {
+            WorkSplit::Lanes(lanes) => {
                 let chunk = n.div_ceil(lanes.clamp(1, SCAN_CHUNKS)).clamp(1, SCAN_LANE_WORDS);
                 (chunk, [&SCAN_LANES_REDUCE, &SCAN_LANES_SCAN])
             }
-            Spread::Groups => {
+            WorkSplit::Groups => {
                 let tile = WIDE_GROUP * SCAN_ITEMS;
                 let tiles = n.div_ceil(tile).div_ceil(MOST_GROUPS).clamp(1, SCAN_GROUP_TURNS);
                 (tiles * tile, [&SCAN_GROUPS_REDUCE, &SCAN_GROUPS_SCAN])
             }
         };
-        // The total is written without any words too.
+        // One chunk at least: the total is also written for no words.
         let chunks = n.div_ceil(chunk).max(1);
         let words = |part: &str, words: u32| {
             Buffer::new(gpu, &format!("{name}.{part}"), 4 * u64::from(words), BufferUse::ShaderWrite)
@@ -110,15 +115,15 @@ impl Scan {
             Arc::new(Descriptors::new(gpu, &pipelines[0], &resources(false))?),
             Arc::new(Descriptors::new(gpu, &pipelines[1], &resources(true))?),
         ];
-        let groups = match spread {
-            Spread::Lanes(_) => chunks.div_ceil(LANE_GROUP),
-            Spread::Groups => chunks,
+        let groups = match split {
+            WorkSplit::Lanes(_) => chunks.div_ceil(LANE_GROUP),
+            WorkSplit::Groups => chunks,
         };
         let push = ScanPush { count: n, chunk, chunks };
         Ok(Self { names, pipelines, descriptors, total, push, groups })
     }
 
-    /// Replaces each word by the sum of those before it, modulo 2^32.
+    /// Records the passes, which replace each word by the sum of those before it, modulo 2^32.
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>) {
         for i in 0..2 {
             let push = bytemuck::bytes_of(&self.push);
@@ -127,7 +132,7 @@ impl Scan {
         }
     }
 
-    /// Two words: the sum of all words modulo 2^32; its upper half, which is 0 unless the prefix sums have
+    /// Returns the buffer with the 64-bit sum of all words, low half first. The high half is 0 unless prefix sums have
     /// wrapped.
     pub(crate) fn total(&self) -> &Arc<Buffer> {
         &self.total
@@ -139,8 +144,8 @@ mod tests {
     use super::*;
     use crate::gpu::testing::TestGpu;
 
-    /// Both ways of spreading, and few and many lanes.
-    const SPREADS: [Spread; 3] = [Spread::Lanes(16), Spread::Lanes(1000), Spread::Groups];
+    /// Both divisions, with few and with many lanes.
+    const SPLITS: [WorkSplit; 3] = [WorkSplit::Lanes(16), WorkSplit::Lanes(1000), WorkSplit::Groups];
 
     fn random(n: usize, mut state: u64) -> Vec<u32> {
         let step = |_| {
@@ -150,39 +155,39 @@ mod tests {
         (0..n).map(step).collect()
     }
 
-    fn check(gpu: &TestGpu, words: &[u32], spread: Spread) {
+    fn check(gpu: &TestGpu, words: &[u32], split: WorkSplit) {
         let data = gpu.upload(words);
-        let scan = Scan::spread(gpu, "test.scan", &data, crate::num::count(words.len()), spread).unwrap();
+        let scan = Scan::with_split(gpu, "test.scan", &data, crate::num::count(words.len()), split).unwrap();
         gpu.record(|recorder| scan.record(recorder));
         let found = gpu.download(&data);
         let mut sum = 0_u64;
         for (i, &word) in words.iter().enumerate() {
-            assert_eq!(u64::from(found[i]), sum & 0xffff_ffff, "word {i} of {}, {spread:?}", words.len());
+            assert_eq!(u64::from(found[i]), sum & 0xffff_ffff, "word {i} of {}, {split:?}", words.len());
             sum += u64::from(word);
         }
         let total = gpu.download(scan.total());
-        assert_eq!(u64::from(total[0]) | u64::from(total[1]) << 32, sum, "{} words, {spread:?}", words.len());
+        assert_eq!(u64::from(total[0]) | u64::from(total[1]) << 32, sum, "{} words, {split:?}", words.len());
     }
 
     #[test]
     fn prefix_sums_of_every_size_around_the_borders_of_chunks() {
         let gpu = TestGpu::new();
-        for spread in SPREADS {
+        for split in SPLITS {
             for n in [0, 1, 2, 7, 8, 9, 255, 256, 257, 2047, 2048, 2049, 4095, 4096, 4097, 65_537] {
                 let words: Vec<u32> = random(n, n as u64).iter().map(|w| w % 1000).collect();
-                check(&gpu, &words, spread);
+                check(&gpu, &words, split);
             }
-            check(&gpu, &vec![0; 5000], spread);
-            check(&gpu, &vec![1; 5000], spread);
+            check(&gpu, &vec![0; 5000], split);
+            check(&gpu, &vec![1; 5000], split);
         }
     }
 
     #[test]
     fn many_words_take_several_tiles_a_chunk() {
         let gpu = TestGpu::new();
-        for spread in SPREADS {
+        for split in SPLITS {
             // More than `MOST_GROUPS` tiles.
-            check(&gpu, &random(2_200_003, 7).iter().map(|w| w % 1000).collect::<Vec<_>>(), spread);
+            check(&gpu, &random(2_200_003, 7).iter().map(|w| w % 1000).collect::<Vec<_>>(), split);
         }
     }
 
@@ -190,30 +195,30 @@ mod tests {
     #[ignore = "takes half a gigabyte"]
     fn as_many_words_as_every_device_shows() {
         let gpu = TestGpu::new();
-        for spread in SPREADS {
-            check(&gpu, &random(1 << 25, 1), spread);
+        for split in SPLITS {
+            check(&gpu, &random(1 << 25, 1), split);
         }
     }
 
     #[test]
     fn the_total_tells_that_the_sums_have_wrapped() {
         let gpu = TestGpu::new();
-        for spread in SPREADS {
-            check(&gpu, &[u32::MAX], spread);
-            check(&gpu, &[u32::MAX, 1], spread);
-            check(&gpu, &vec![u32::MAX; 100_003], spread);
-            check(&gpu, &[&[0; 4096][..], &[1 << 31; 2], &[0; 4096]].concat(), spread);
+        for split in SPLITS {
+            check(&gpu, &[u32::MAX], split);
+            check(&gpu, &[u32::MAX, 1], split);
+            check(&gpu, &vec![u32::MAX; 100_003], split);
+            check(&gpu, &[&[0; 4096][..], &[1 << 31; 2], &[0; 4096]].concat(), split);
         }
     }
 
     #[test]
     fn words_behind_the_last_stay() {
         let gpu = TestGpu::new();
-        for spread in SPREADS {
+        for split in SPLITS {
             let data = gpu.upload(&[3; 5000]);
-            let scan = Scan::spread(&gpu, "test.scan", &data, 4999, spread).unwrap();
+            let scan = Scan::with_split(&gpu, "test.scan", &data, 4999, split).unwrap();
             gpu.record(|recorder| scan.record(recorder));
-            assert_eq!(gpu.download(&data)[4998..], [3 * 4998, 3], "{spread:?}");
+            assert_eq!(gpu.download(&data)[4998..], [3 * 4998, 3], "{split:?}");
         }
     }
 

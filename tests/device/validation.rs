@@ -162,9 +162,9 @@ fn child(test: &str, variables: &[(&str, &str)]) -> (bool, String) {
         .envs(variables.iter().copied())
         .output()
         .unwrap();
-    let text =
-        String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
-    (output.status.success(), text)
+    let [stdout, stderr] = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text));
+    // The status names the signal that ended the process, if one did.
+    (output.status.success(), format!("{stdout}{stderr}{test}: {}", output.status))
 }
 
 /// What makes the layer look at hazards between command buffers.

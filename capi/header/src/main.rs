@@ -6,7 +6,21 @@ use std::error::Error;
 use std::path::Path;
 
 /// In the order in which the header has them.
-const SOURCES: [&str; 8] = ["result", "info", "gpu", "data", "scene", "load", "view", "plan"];
+const SOURCES: [&str; 13] = [
+    "result",
+    "info",
+    "gpu",
+    "adopt",
+    "samples",
+    "data",
+    "scene",
+    "scene_with",
+    "load",
+    "view",
+    "plan",
+    "depth",
+    "recording",
+];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -1,157 +1,16 @@
-//! Failures on request: every Vulkan call that may fail is counted, and one of them, or all from one on, fails without
-//! reaching the driver.
-//!
-//! A loader that is hooked hands out other entry points. Those are plain functions without data of their own, so each hooked
-//! instance takes one of a few places, and each place has its own copy of them, by a constant parameter: which counts a call
-//! goes to follows from the function alone, not from handles, whatever thread calls, and whichever layer made the handle.
-//! Nothing of this is in the way of an instance that is opened without it.
+//! The calls that may fail, and the functions that stand in for them.
 
-use std::ffi::{CStr, c_char, c_void};
+use std::ffi::{c_char, c_void};
 use std::sync::atomic::{AtomicPtr, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use ash::vk;
 use ash::vk::Handle as _;
 
-use crate::error::{Error, Result};
-
-/// Counts the Vulkan calls of one [`Gpu`](super::Gpu) and makes some of them fail; for tests. Given in
-/// [`GpuOptions::inject`](super::GpuOptions::inject), kept by whoever steers it: clones share one count.
-///
-/// Counted is every call that returns a `VkResult`, from the first one of the loader on, also those of the memory allocator
-/// and of callers through [`Gpu::handles`](super::Gpu::handles). A call that fails does not reach the driver; what it would
-/// have written is left as it was, or null where Vulkan says so.
-#[derive(Clone, Debug, Default)]
-pub struct Injection {
-    state: Arc<Mutex<State>>,
-}
-
-#[derive(Debug, Default)]
-struct State {
-    calls: u64,
-    fail: Option<(u64, vk::Result)>,
-    lose: Option<u64>,
-    lost: bool,
-    failed: Option<(&'static str, vk::Result)>,
-    failures: u64,
-    names: Option<Vec<&'static str>>,
-}
-
-/// What becomes of a call.
-enum Verdict {
-    Pass,
-    Fail(vk::Result),
-    /// The first call of a lost device.
-    Lose,
-}
-
-impl Injection {
-    /// Counts, and lets every call pass.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// Calls so far, those that failed among them.
-    #[must_use]
-    pub fn calls(&self) -> u64 {
-        self.lock().calls
-    }
-
-    /// Lets call number `call` fail once; the first is number 1. It returns `result` where Vulkan allows that call to, and
-    /// else the first error that it may return; a call that cannot fail passes. `ERROR_DEVICE_LOST` is as [`Injection::lose_at`].
-    pub fn fail_at(&self, call: u64, result: vk::Result) {
-        if result == vk::Result::ERROR_DEVICE_LOST {
-            return self.lose_at(call);
-        }
-        self.lock().fail = Some((call, result));
-    }
-
-    /// Loses the device at call number `call`: from there on every call that can return `ERROR_DEVICE_LOST` does. What was
-    /// submitted before has ended then, as Vulkan has it of a lost device; calls that cannot tell of the loss pass.
-    pub fn lose_at(&self, call: u64) {
-        self.lock().lose = Some(call);
-    }
-
-    /// Begins to count anew, with nothing to fail. A device that was lost is found again.
-    pub fn rewind(&self) {
-        let mut state = self.lock();
-        let names = state.names.take().map(|_| Vec::new());
-        *state = State { names, ..State::default() };
-    }
-
-    /// The last call that failed on request.
-    #[must_use]
-    pub fn last_failed(&self) -> Option<&'static str> {
-        self.lock().failed.map(|(name, _)| name)
-    }
-
-    /// What it returned.
-    #[must_use]
-    pub fn last_result(&self) -> Option<vk::Result> {
-        self.lock().failed.map(|(_, result)| result)
-    }
-
-    /// How many calls have failed on request.
-    #[must_use]
-    pub fn failures(&self) -> u64 {
-        self.lock().failures
-    }
-
-    /// Begins to keep the names of calls, or ends it.
-    pub fn keep_names(&self, keep: bool) {
-        self.lock().names = keep.then(Vec::new);
-    }
-
-    /// The names of the calls since [`Injection::keep_names`] or [`Injection::rewind`], in order.
-    #[must_use]
-    pub fn names(&self) -> Vec<&'static str> {
-        self.lock().names.clone().unwrap_or_default()
-    }
-
-    /// Whether Vulkan lets a call tell of a lost device; `false` for names that are none.
-    #[must_use]
-    pub fn tells_of_loss(call: &str) -> bool {
-        CALLS.iter().any(|info| info.name == call && info.errors.contains(&LOST))
-    }
-
-    fn lock(&self) -> MutexGuard<'_, State> {
-        // Counts and names stay right when a thread panicked elsewhere: nothing here panics half-way.
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Counts a call.
-    fn enter(&self, info: &Info) -> Verdict {
-        let mut state = self.lock();
-        state.calls += 1;
-        if let Some(names) = &mut state.names {
-            names.push(info.name);
-        }
-        let call = state.calls;
-        if state.lose.is_some_and(|at| call >= at) && info.errors.contains(&LOST) {
-            state.failed = Some((info.name, LOST));
-            state.failures += 1;
-            return if std::mem::replace(&mut state.lost, true) {
-                Verdict::Fail(LOST)
-            } else {
-                Verdict::Lose
-            };
-        }
-        let Some((_, wanted)) = state.fail.filter(|&(at, _)| at == call) else { return Verdict::Pass };
-        let allowed = info.errors.iter().copied().filter(|&error| error != LOST);
-        let Some(error) = allowed.clone().find(|&error| error == wanted).or_else(|| allowed.clone().next())
-        else {
-            return Verdict::Pass;
-        };
-        state.failed = Some((info.name, error));
-        state.failures += 1;
-        Verdict::Fail(error)
-    }
-}
+use super::injection::{Info, Injection, LOST, Verdict};
 
 const HOST: vk::Result = vk::Result::ERROR_OUT_OF_HOST_MEMORY;
 const DEVICE: vk::Result = vk::Result::ERROR_OUT_OF_DEVICE_MEMORY;
-const LOST: vk::Result = vk::Result::ERROR_DEVICE_LOST;
 const INIT: vk::Result = vk::Result::ERROR_INITIALIZATION_FAILED;
 const LAYER: vk::Result = vk::Result::ERROR_LAYER_NOT_PRESENT;
 const EXTENSION: vk::Result = vk::Result::ERROR_EXTENSION_NOT_PRESENT;
@@ -164,30 +23,24 @@ const FRAGMENTED: vk::Result = vk::Result::ERROR_FRAGMENTED_POOL;
 const POOL: vk::Result = vk::Result::ERROR_OUT_OF_POOL_MEMORY;
 const FRAGMENTATION: vk::Result = vk::Result::ERROR_FRAGMENTATION;
 
-/// A call, and the errors that Vulkan 1.3 lets it return, the likeliest first.
-struct Info {
-    name: &'static str,
-    errors: &'static [vk::Result],
-}
+/// Number of instances that can be hooked at the same time.
+pub(super) const SLOTS: usize = 8;
 
-/// Instances that may be hooked at a time.
-const PLACES: usize = 8;
-
-/// A hooked instance.
-struct Place {
+/// The slot of a hooked instance.
+pub(super) struct Slot {
     injection: Mutex<Option<Injection>>,
-    /// The loader's own `vkGetInstanceProcAddr`, and what it returned for `vkGetDeviceProcAddr`.
-    instance_proc: AtomicPtr<c_void>,
-    device_proc: AtomicPtr<c_void>,
-    /// The device that entry points were last asked for.
-    device: AtomicU64,
-    /// Held while a queue is used: to wait for the device is to use all of them.
+    /// The loader's own `vkGetInstanceProcAddr` and `vkGetDeviceProcAddr`.
+    pub(super) instance_proc: AtomicPtr<c_void>,
+    pub(super) device_proc: AtomicPtr<c_void>,
+    /// The device whose entry points were requested last.
+    pub(super) device: AtomicU64,
+    /// Held while a queue is used; waiting for the device uses all queues.
     queue: Mutex<()>,
-    /// What would have been called.
-    real: [AtomicPtr<c_void>; CALLS.len()],
+    /// The real entry points.
+    pub(super) real: [AtomicPtr<c_void>; CALLS.len()],
 }
 
-impl Place {
+impl Slot {
     const fn new() -> Self {
         Self {
             injection: Mutex::new(None),
@@ -199,11 +52,11 @@ impl Place {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Option<Injection>> {
+    pub(super) fn lock(&self) -> MutexGuard<'_, Option<Injection>> {
         self.injection.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Keeps other threads from the queues for the length of a call that uses one.
+    /// Locks the queues for a call that uses one.
     fn alone(&self, call: Call) -> Option<MutexGuard<'_, ()>> {
         use Call as C;
         let uses = matches!(
@@ -217,7 +70,7 @@ impl Place {
         uses.then(|| self.queue.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Counts a call. The error that it is to return instead of being made. `alone` says that no other thread uses a queue.
+    /// Counts a call, and returns the error with which it fails. `alone` says that this thread holds the lock of the queues.
     fn enter(&self, call: Call, alone: bool) -> Option<vk::Result> {
         let injection = self.lock().clone();
         match injection.map_or(Verdict::Pass, |injection| injection.enter(&CALLS[call as usize])) {
@@ -231,7 +84,7 @@ impl Place {
         }
     }
 
-    /// Nothing runs on a lost device: waits for what does. Only while no other thread uses a queue.
+    /// Waits for pending work, since nothing runs on a lost device. This thread holds the lock of the queues.
     fn drain(&self) {
         let wait = self.real[Call::device_wait_idle as usize].load(Ordering::Acquire);
         let device = vk::Device::from_raw(self.device.load(Ordering::Acquire));
@@ -245,55 +98,55 @@ impl Place {
     }
 }
 
-static TABLE: [Place; PLACES] = [const { Place::new() }; PLACES];
+pub(super) static TABLE: [Slot; SLOTS] = [const { Slot::new() }; SLOTS];
 
-/// Declares the calls: an index, a name and the errors of each, and the function that stands in for it. What follows `fails`
-/// is done when it fails.
+/// Declares the calls: index, name and errors of each, and the function that stands in for it. The block after `fails` runs
+/// when the call fails.
 macro_rules! calls {
     ($($call:ident $name:literal $pfn:ident($($arg:ident: $ty:ty),*) [$($error:ident)*] $(fails $fails:block)?;)*) => {
         #[derive(Clone, Copy)]
         #[expect(non_camel_case_types, reason = "one name for a call and its function")]
         enum Call { $($call),* }
 
-        const CALLS: [Info; [$($name),*].len()] = [$(Info { name: $name, errors: &[$($error),*] }),*];
+        pub(super) const CALLS: [Info; [$($name),*].len()] = [$(Info { name: $name, errors: &[$($error),*] }),*];
 
         mod stand_in {
             use super::{Call, Ordering, TABLE, c_char, c_void, vk};
 
-            $(pub(super) unsafe extern "system" fn $call<const PLACE: usize>($($arg: $ty),*) -> vk::Result {
-                let place = &TABLE[PLACE];
-                let alone = place.alone(Call::$call);
-                if let Some(error) = place.enter(Call::$call, alone.is_some()) {
+            $(pub(super) unsafe extern "system" fn $call<const SLOT: usize>($($arg: $ty),*) -> vk::Result {
+                let slot = &TABLE[SLOT];
+                let alone = slot.alone(Call::$call);
+                if let Some(error) = slot.enter(Call::$call, alone.is_some()) {
                     $($fails)?
                     return error;
                 }
-                let real = place.real[Call::$call as usize].load(Ordering::Acquire);
+                let real = slot.real[Call::$call as usize].load(Ordering::Acquire);
                 // SAFETY: stored before this function was handed out, and returned for this name, so it is a function of
                 // this type.
                 let real = unsafe { std::mem::transmute::<*mut c_void, vk::$pfn>(real) };
-                // SAFETY: the caller keeps the rules of the call, which are the same.
+                // SAFETY: the caller meets the contract of the call, which is the same.
                 unsafe { real($($arg),*) }
             })*
         }
 
-        /// The functions of a place, in the order of [`CALLS`].
-        fn functions<const PLACE: usize>() -> [*const c_void; CALLS.len()] {
+        /// Returns the functions of a slot, in the order of [`CALLS`].
+        pub(super) fn functions<const SLOT: usize>() -> [*const c_void; CALLS.len()] {
             [$({
-                let function: vk::$pfn = stand_in::$call::<PLACE>;
+                let function: vk::$pfn = stand_in::$call::<SLOT>;
                 function as *const c_void
             }),*]
         }
     };
 }
 
-/// Writes null handles, as Vulkan asks of some calls that fail.
+/// Writes null handles, which Vulkan requires of some calls that fail.
 macro_rules! nulls {
     ($array:ident, $count:expr) => {
         for i in 0..crate::num::index($count) {
-            // SAFETY: the caller gave room for so many handles.
-            let place = unsafe { $array.add(i) };
+            // SAFETY: the caller's array has that many handles.
+            let handle = unsafe { $array.add(i) };
             // SAFETY: as above.
-            unsafe { place.write(Default::default()) };
+            unsafe { handle.write(Default::default()) };
         }
     };
 }
@@ -378,106 +231,11 @@ calls! {
     set_object_name "vkSetDebugUtilsObjectNameEXT" PFN_vkSetDebugUtilsObjectNameEXT(device: vk::Device, p_info: *const vk::DebugUtilsObjectNameInfoEXT<'_>) [HOST DEVICE];
 }
 
-/// The function that stands in for one of a name, which would be `real`; `real` itself where it cannot fail.
-fn stand_in<const PLACE: usize>(name: &CStr, real: vk::PFN_vkVoidFunction) -> vk::PFN_vkVoidFunction {
-    let function = real?;
-    let Some(call) = CALLS.iter().position(|info| name.to_bytes() == info.name.as_bytes()) else {
-        return real;
-    };
-    TABLE[PLACE].real[call].store((function as *const c_void).cast_mut(), Ordering::Release);
-    let ours = functions::<PLACE>()[call];
-    // SAFETY: a function as any other, which its caller takes for what its name says.
-    Some(unsafe { std::mem::transmute::<*const c_void, unsafe extern "system" fn()>(ours) })
-}
-
-/// `vkGetInstanceProcAddr` of a place.
-unsafe extern "system" fn instance_proc<const PLACE: usize>(
-    instance: vk::Instance,
-    p_name: *const c_char,
-) -> vk::PFN_vkVoidFunction {
-    let place = &TABLE[PLACE];
-    // SAFETY: the caller gives a zero-terminated name.
-    let name = unsafe { CStr::from_ptr(p_name) };
-    let real = place.instance_proc.load(Ordering::Acquire);
-    // SAFETY: stored by `Hook::new` as the loader's function of this type.
-    let real = unsafe { std::mem::transmute::<*mut c_void, vk::PFN_vkGetInstanceProcAddr>(real) };
-    // SAFETY: the caller keeps the rules of the call.
-    let found = unsafe { real(instance, p_name) };
-    let own = match name.to_bytes() {
-        b"vkGetInstanceProcAddr" => instance_proc::<PLACE> as *const c_void,
-        b"vkGetDeviceProcAddr" => {
-            let function = found?;
-            place.device_proc.store((function as *const c_void).cast_mut(), Ordering::Release);
-            device_proc::<PLACE> as *const c_void
-        }
-        _ => return stand_in::<PLACE>(name, found),
-    };
-    // SAFETY: a function as any other, which its caller takes for what its name says.
-    Some(unsafe { std::mem::transmute::<*const c_void, unsafe extern "system" fn()>(own) })
-}
-
-/// `vkGetDeviceProcAddr` of a place.
-unsafe extern "system" fn device_proc<const PLACE: usize>(
-    device: vk::Device,
-    p_name: *const c_char,
-) -> vk::PFN_vkVoidFunction {
-    let place = &TABLE[PLACE];
-    place.device.store(device.as_raw(), Ordering::Release);
-    // SAFETY: the caller gives a zero-terminated name.
-    let name = unsafe { CStr::from_ptr(p_name) };
-    let real = place.device_proc.load(Ordering::Acquire);
-    // SAFETY: stored by `instance_proc` before it handed this function out; of this type by its name.
-    let real = unsafe { std::mem::transmute::<*mut c_void, vk::PFN_vkGetDeviceProcAddr>(real) };
-    // SAFETY: the caller keeps the rules of the call.
-    let found = unsafe { real(device, p_name) };
-    stand_in::<PLACE>(name, found)
-}
-
-/// `vkGetInstanceProcAddr` of each place.
-const INSTANCE_PROCS: [vk::PFN_vkGetInstanceProcAddr; PLACES] = [
-    instance_proc::<0>,
-    instance_proc::<1>,
-    instance_proc::<2>,
-    instance_proc::<3>,
-    instance_proc::<4>,
-    instance_proc::<5>,
-    instance_proc::<6>,
-    instance_proc::<7>,
-];
-
-/// A place that an instance has taken; given back on drop, when the instance is gone.
-#[derive(Debug)]
-pub(crate) struct Hook {
-    place: usize,
-}
-
-impl Hook {
-    /// Hooks a loader. The loader that is returned must not be used after the hook is gone, nor after `entry` is.
-    pub(crate) fn new(injection: &Injection, entry: &ash::Entry) -> Result<(Self, ash::Entry)> {
-        for (i, place) in TABLE.iter().enumerate() {
-            let mut taken = place.lock();
-            if taken.is_some() {
-                continue;
-            }
-            *taken = Some(injection.clone());
-            let real = entry.static_fn().get_instance_proc_addr as *const c_void;
-            place.instance_proc.store(real.cast_mut(), Ordering::Release);
-            place.device.store(0, Ordering::Release);
-            let hooked = ash::StaticFn { get_instance_proc_addr: INSTANCE_PROCS[i] };
-            // SAFETY: the function returns what the loader's returns, or what behaves like it.
-            let hooked = unsafe { ash::Entry::from_static_fn(hooked) };
-            return Ok((Self { place: i }, hooked));
-        }
-        Err(Error::unsupported(
-            "injection",
-            format!("{PLACES} devices with one are open, and no more may be"),
-        ))
-    }
-}
-
-impl Drop for Hook {
-    fn drop(&mut self) {
-        *TABLE[self.place].lock() = None;
+impl Injection {
+    /// Returns whether Vulkan allows a call to report a lost device; `false` for unknown names.
+    #[must_use]
+    pub fn tells_of_loss(call: &str) -> bool {
+        CALLS.iter().any(|info| info.name == call && info.errors.contains(&LOST))
     }
 }
 

@@ -1,0 +1,235 @@
+//! Opening a device: choosing a physical device, creating the logical device and the objects that exist once per device.
+
+use std::sync::atomic::AtomicU64;
+use std::sync::{Arc, Mutex, OnceLock};
+
+use ash::{ext, vk};
+use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+
+use super::budget::Budget;
+use super::cache::PipelineCacheFile;
+use super::device::{Gpu, Inner};
+use super::feature::Enabled;
+use super::instance::Instance;
+use super::options::GpuOptions;
+use super::queue::Queue;
+use super::select::{self, Candidate, DeviceReport};
+use crate::error::{Error, Result};
+
+/// Default size of the staging memory of an upload; larger data takes several submissions.
+const STAGING_BYTES: u64 = 32 << 20;
+
+/// Smallest block of memory that the allocator requests from the driver.
+const BLOCK_BYTES: u64 = 4 << 20;
+
+/// An open device, made by the crate or by the caller.
+pub(super) struct Opened {
+    pub(super) instance: Instance,
+    pub(super) device: ash::Device,
+    pub(super) candidate: Candidate,
+    pub(super) enabled: Enabled,
+    pub(super) queue: Queue,
+    pub(super) reports: Vec<DeviceReport>,
+    /// Whether device and instance are destroyed with the [`Gpu`].
+    pub(super) owned: bool,
+}
+
+/// Reports every device of the system without opening one. `wanted` is as [`GpuOptions::device`].
+///
+/// # Errors
+///
+/// [`Error::NoDevice`] without a Vulkan loader, [`Error::Vulkan`] when enumeration fails.
+pub fn devices(wanted: Option<&str>) -> Result<Vec<DeviceReport>> {
+    let instance = Instance::new(&GpuOptions::default())?;
+    let wanted = wanted_name(wanted);
+    let (_, candidates) = select::survey(&instance, wanted.as_deref())?;
+    Ok(candidates.into_iter().map(|candidate| candidate.report).collect())
+}
+
+fn wanted_name(option: Option<&str>) -> Option<String> {
+    let from_environment = || std::env::var("VOLRASTER_DEVICE").ok().filter(|name| !name.is_empty());
+    option.map(str::to_string).or_else(from_environment)
+}
+
+impl Gpu {
+    /// Opens the best device with default options, without a window. [`GpuOptions::device`] says how it is chosen.
+    ///
+    /// # Errors
+    ///
+    /// As [`Gpu::new`].
+    pub fn headless() -> Result<Self> {
+        Self::new(&GpuOptions::default())
+    }
+
+    /// Opens a device.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NoDevice`] without a loader or a qualifying device (with the reason for each),
+    /// [`Error::Unsupported`] when validation is requested and its layer is missing,
+    /// [`Error::Vulkan`] when a call fails.
+    pub fn new(options: &GpuOptions) -> Result<Self> {
+        let instance = Instance::new(options)?;
+        let wanted = wanted_name(options.device.as_deref());
+        let (best, mut candidates) = select::survey(&instance, wanted.as_deref())?;
+        let reports: Vec<DeviceReport> = candidates.iter().map(|c| c.report.clone()).collect();
+        let Some(best) = best else {
+            let reasons: Vec<String> = reports.iter().map(|r| format!("{}: {}", r.name, r.reason)).collect();
+            let why = if reasons.is_empty() {
+                "no driver is installed (Debian and Ubuntu: mesa-vulkan-drivers)".to_string()
+            } else {
+                reasons.join("; ")
+            };
+            return Err(Error::NoDevice { why });
+        };
+        Self::open(options, instance, candidates.swap_remove(best), reports)
+    }
+
+    fn open(
+        options: &GpuOptions,
+        instance: Instance,
+        candidate: Candidate,
+        reports: Vec<DeviceReport>,
+    ) -> Result<Self> {
+        let physical = candidate.raw;
+        // SAFETY: `physical` was enumerated from this instance; only devices for Vulkan 1.3 are chosen.
+        let enabled = unsafe { Enabled::useful(&instance.raw, physical) }?;
+        let names: Vec<_> = enabled.extensions.iter().map(|name| name.as_ptr()).collect();
+        let mut features = vk::PhysicalDeviceFeatures::default()
+            .fragment_stores_and_atomics(enabled.fragment_stores_and_atomics);
+        // GPU-assisted validation makes every stage write.
+        if options.validation.gpu_assisted() {
+            // SAFETY: `physical` was enumerated from this instance.
+            let available = unsafe { instance.raw.get_physical_device_features(physical) };
+            features.vertex_pipeline_stores_and_atomics = available.vertex_pipeline_stores_and_atomics;
+        }
+        let mut interlock = vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default()
+            .fragment_shader_pixel_interlock(true);
+        let mut features13 = vk::PhysicalDeviceVulkan13Features::default()
+            .synchronization2(enabled.synchronization2)
+            .dynamic_rendering(enabled.dynamic_rendering);
+        let priorities = [1.0];
+        let queues = [vk::DeviceQueueCreateInfo::default()
+            .queue_family_index(candidate.queue_family)
+            .queue_priorities(&priorities)];
+        let mut info = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_extension_names(&names)
+            .enabled_features(&features)
+            .push_next(&mut features13);
+        if enabled.fragment_shader_pixel_interlock {
+            info = info.push_next(&mut interlock);
+        }
+        // SAFETY: the pointers in `info` refer to locals; extensions and features were found present.
+        let device = unsafe { instance.raw.create_device(physical, &info, None) }
+            .map_err(|result| Error::vulkan("vkCreateDevice", result))?;
+        // SAFETY: the device was created with one queue of this family.
+        let queue = unsafe { device.get_device_queue(candidate.queue_family, 0) };
+        let queue = Queue::new(queue, None);
+        Self::assemble(options, Opened { instance, device, candidate, enabled, queue, reports, owned: true })
+    }
+
+    /// Makes a [`Gpu`] of an open device: pipeline cache, allocator, budget and limits.
+    pub(super) fn assemble(options: &GpuOptions, opened: Opened) -> Result<Self> {
+        let Opened { instance, device, candidate, enabled, queue, reports, owned } = opened;
+        let physical = candidate.raw;
+        let debug = instance.debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &device));
+        let memory_budget = enabled.has(ext::memory_budget::NAME);
+        let total = options.memory_budget.unwrap_or_else(|| free_memory(&instance, physical, memory_budget));
+
+        let max_allocation =
+            options.allocation_size.unwrap_or(u64::MAX).min(largest_allocation(&instance, physical));
+
+        let cache_file = (!options.no_pipeline_cache)
+            .then(|| PipelineCacheFile::locate(options.pipeline_cache.as_deref(), &candidate.properties))
+            .flatten();
+        let mut inner = Inner {
+            device,
+            physical,
+            properties: candidate.properties,
+            queue_family: candidate.queue_family,
+            timestamp_bits: candidate.timestamp_bits,
+            budget: Budget::new(total),
+            max_allocation,
+            cache_file,
+            cache: vk::PipelineCache::null(),
+            lost: OnceLock::new(),
+            staging_bytes: options.staging_bytes.unwrap_or(STAGING_BYTES).max(1),
+            loop_limit: OnceLock::new(),
+            filters_in_8_bit: OnceLock::new(),
+            pipeline_us: AtomicU64::new(0),
+            allocator: Mutex::new(None),
+            queue,
+            pipelines: Mutex::default(),
+            samplers: Mutex::default(),
+            debug,
+            memory_budget,
+            part_by_pass: options.command_buffer_by_pass,
+            fragment_stores: enabled.fragment_stores_and_atomics,
+            fragment_interlock: enabled.fragment_shader_pixel_interlock,
+            orders_stores: candidate.orders_stores,
+            reports,
+            report: candidate.report,
+            owned,
+            instance,
+        };
+        let range = &mut inner.properties.limits.max_storage_buffer_range;
+        *range = options.storage_range.unwrap_or(u32::MAX).min(*range);
+        // From here on `inner` owns everything: an early return destroys it.
+        let data = inner.cache_file.as_ref().and_then(PipelineCacheFile::load).unwrap_or_default();
+        let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
+        // SAFETY: the data is empty, or this crate wrote it for this device and driver and its hash matches.
+        inner.cache = unsafe { inner.device.create_pipeline_cache(&info, None) }
+            .map_err(|result| Error::vulkan("vkCreatePipelineCache", result))?;
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: inner.instance.raw.clone(),
+            device: inner.device.clone(),
+            physical_device: physical,
+            debug_settings: gpu_allocator::AllocatorDebugSettings::default(),
+            buffer_device_address: false,
+            // Blocks grow with use, so that a small scene allocates little more than it needs.
+            allocation_sizes: gpu_allocator::AllocationSizes::new(BLOCK_BYTES, BLOCK_BYTES)
+                .with_max_device_memblock_size(max_allocation.min(16 * BLOCK_BYTES))
+                .with_max_host_memblock_size(max_allocation.min(16 * BLOCK_BYTES)),
+        })
+        .map_err(|source| Error::Allocation { object: "allocator".to_string(), source })?;
+        inner.allocator = Mutex::new(Some(allocator));
+        if let Some(limit) = options.loop_limit {
+            let _ = inner.loop_limit.set(limit.max(1));
+        }
+        let gpu = Self { inner: Arc::new(inner) };
+        gpu.name(gpu.inner.cache, "pipeline cache");
+        Ok(gpu)
+    }
+}
+
+/// Returns the driver's limit for the size of one allocation, in bytes.
+fn largest_allocation(instance: &Instance, physical: vk::PhysicalDevice) -> u64 {
+    let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();
+    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut maintenance);
+    // SAFETY: `physical` belongs to this instance; the chained structure is core since 1.1.
+    unsafe { instance.raw.get_physical_device_properties2(physical, &mut properties) };
+    maintenance.max_memory_allocation_size
+}
+
+/// Returns the default budget: the free memory that the driver reports for the largest device-local heap, else nine tenths
+/// of that heap.
+fn free_memory(instance: &Instance, physical: vk::PhysicalDevice, extension: bool) -> u64 {
+    let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+    let mut properties = vk::PhysicalDeviceMemoryProperties2::default();
+    if extension {
+        properties = properties.push_next(&mut budget);
+    }
+    // SAFETY: `physical` belongs to this instance; the chained structure's extension is present.
+    unsafe { instance.raw.get_physical_device_memory_properties2(physical, &mut properties) };
+    let heaps = properties.memory_properties.memory_heaps_as_slice().to_vec();
+    let local = |flags: vk::MemoryHeapFlags| flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL);
+    let best = (0..heaps.len()).filter(|&i| local(heaps[i].flags)).max_by_key(|&i| heaps[i].size);
+    let Some(i) = best else { return 0 };
+    let share = heaps[i].size / 10 * 9;
+    if extension && budget.heap_budget[i] > 0 {
+        share.min(budget.heap_budget[i].saturating_sub(budget.heap_usage[i]))
+    } else {
+        share
+    }
+}

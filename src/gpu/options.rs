@@ -1,0 +1,44 @@
+//! Options of a device.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+#[cfg(feature = "testing")]
+use super::inject::Injection;
+use super::validation::{Validation, ValidationLog};
+
+/// Options of a [`Gpu`](super::Gpu). [`Gpu::from_raw`](super::Gpu::from_raw) refuses `device` and `validation`, which are the
+/// caller's to choose.
+#[derive(Clone, Debug, Default)]
+pub struct GpuOptions {
+    /// Part of the device's name; case is ignored. The default is the environment variable `VOLRASTER_DEVICE`, else
+    /// the best device: a real GPU before a software one. The name `none` refuses every device.
+    pub device: Option<String>,
+    /// Checks of the validation layer. A missing layer is an error.
+    pub validation: Validation,
+    /// Log that collects the layer's messages; the default is a log of the device's own. A log given here also gets the
+    /// messages about a device that cannot be opened.
+    pub validation_log: Option<Arc<ValidationLog>>,
+    /// Limit of device memory, in bytes. The default is the free memory that the driver reports, or nine tenths of the
+    /// largest device-local heap.
+    pub memory_budget: Option<u64>,
+    /// Loop iterations that one shader invocation may make, instead of the number that the start-up probe finds.
+    pub loop_limit: Option<u32>,
+    /// Bytes of a buffer that a shader may access; lowers the driver's limit.
+    pub storage_range: Option<u32>,
+    /// Bytes of one allocation of device memory; lowers the driver's limit.
+    pub allocation_size: Option<u64>,
+    /// Whether each pass of the crate's own submissions gets a command buffer of its own. Synchronization validation of
+    /// submissions then reports hazards between passes that it overlooks within one command buffer.
+    pub command_buffer_by_pass: bool,
+    /// Bytes of a volume that one submission uploads, rounded to whole planes; 32 MiB by default. Frames of other threads
+    /// wait for at most one such submission.
+    pub staging_bytes: Option<u64>,
+    /// Folder of the pipeline cache. The default is `volraster` in the user's cache folder.
+    pub pipeline_cache: Option<PathBuf>,
+    /// Whether pipelines are not kept on disk.
+    pub no_pipeline_cache: bool,
+    /// Counts the device's Vulkan calls and makes some of them fail; for tests.
+    #[cfg(feature = "testing")]
+    pub inject: Option<Injection>,
+}

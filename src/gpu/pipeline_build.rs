@@ -1,0 +1,249 @@
+//! Builds pipelines on first use.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+use ash::vk;
+
+use super::device::Gpu;
+use super::pipeline::{
+    Blend, ComputeDesc, GraphicsDesc, Pipeline, PipelineKey, SpecConstant, descriptor_type,
+};
+use super::shader::{BindingKind, Shader, Stage};
+use crate::error::Result;
+
+impl Gpu {
+    /// Returns the graphics pipeline of a description, built on first use.
+    pub(crate) fn graphics_pipeline(&self, name: &str, desc: &GraphicsDesc<'_>) -> Result<Arc<Pipeline>> {
+        let key = PipelineKey {
+            shaders: vec![desc.vertex.name, desc.fragment.name],
+            constants: desc.constants.to_vec(),
+            state: Some((desc.topology, desc.blend, desc.format)),
+        };
+        self.find_or_build(key, name, &[desc.vertex, desc.fragment], |layout| {
+            self.build_graphics(desc, layout)
+        })
+    }
+
+    /// Returns the compute pipeline of a description, built on first use.
+    pub(crate) fn compute_pipeline(&self, name: &str, desc: &ComputeDesc<'_>) -> Result<Arc<Pipeline>> {
+        let key =
+            PipelineKey { shaders: vec![desc.shader.name], constants: desc.constants.to_vec(), state: None };
+        self.find_or_build(key, name, &[desc.shader], |layout| self.build_compute(desc, layout))
+    }
+
+    fn find_or_build(
+        &self,
+        key: PipelineKey,
+        name: &str,
+        shaders: &[&'static Shader],
+        build: impl FnOnce(vk::PipelineLayout) -> Result<vk::Pipeline>,
+    ) -> Result<Arc<Pipeline>> {
+        self.alive()?;
+        let mut table = self.pipeline_table();
+        if let Some(found) = table.get(&key) {
+            return Ok(Arc::clone(found));
+        }
+        let start = Instant::now();
+        let mut pipeline = self.layout_of(name, shaders)?;
+        match build(pipeline.layout) {
+            Ok(raw) => pipeline.raw = raw,
+            Err(error) => {
+                pipeline.destroy(self.device());
+                return Err(error);
+            }
+        }
+        self.name(pipeline.raw, name);
+        self.name(pipeline.layout, name);
+        self.name(pipeline.set_layout, name);
+        let pipeline = Arc::new(pipeline);
+        table.insert(key, Arc::clone(&pipeline));
+        let spent = u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
+        self.inner.pipeline_us.fetch_add(spent, Ordering::Relaxed);
+        Ok(pipeline)
+    }
+
+    /// Creates the layouts that the shaders declare: set 0 with the union of their bindings.
+    fn layout_of(&self, name: &str, shaders: &[&'static Shader]) -> Result<Pipeline> {
+        let mut bindings: Vec<(u32, BindingKind)> =
+            shaders.iter().flat_map(|s| s.bindings.iter().copied()).collect();
+        bindings.sort_unstable_by_key(|&(binding, _)| binding);
+        bindings.dedup();
+        let stages = shaders.iter().fold(vk::ShaderStageFlags::empty(), |all, s| all | stage_flags(s.stage));
+        let push_bytes = shaders.iter().map(|s| s.push_bytes).max().unwrap_or(0);
+        let entries: Vec<_> = bindings
+            .iter()
+            .map(|&(binding, kind)| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(binding)
+                    .descriptor_type(descriptor_type(kind))
+                    .descriptor_count(1)
+                    .stage_flags(stages)
+            })
+            .collect();
+        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&entries);
+        // SAFETY: the device is alive; `info` points at `entries`, which outlive the call.
+        let set_layout = unsafe { self.device().create_descriptor_set_layout(&info, None) }
+            .map_err(|result| self.failed("vkCreateDescriptorSetLayout", result))?;
+        let mut pipeline = Pipeline {
+            name: name.to_string(),
+            raw: vk::Pipeline::null(),
+            layout: vk::PipelineLayout::null(),
+            set_layout,
+            bind_point: if stages == vk::ShaderStageFlags::COMPUTE {
+                vk::PipelineBindPoint::COMPUTE
+            } else {
+                vk::PipelineBindPoint::GRAPHICS
+            },
+            stages,
+            push_bytes,
+            bindings,
+        };
+        let ranges = [vk::PushConstantRange { stage_flags: stages, offset: 0, size: push_bytes }];
+        let set_layouts = [set_layout];
+        let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&set_layouts);
+        if push_bytes > 0 {
+            info = info.push_constant_ranges(&ranges);
+        }
+        // SAFETY: the device is alive; no shader declares more than 128 bytes of push constants, which
+        // every device offers; `info` points at locals.
+        match unsafe { self.device().create_pipeline_layout(&info, None) } {
+            Ok(layout) => pipeline.layout = layout,
+            Err(result) => {
+                pipeline.destroy(self.device());
+                return Err(self.failed("vkCreatePipelineLayout", result));
+            }
+        }
+        Ok(pipeline)
+    }
+
+    fn build_graphics(&self, desc: &GraphicsDesc<'_>, layout: vk::PipelineLayout) -> Result<vk::Pipeline> {
+        let (entries, data) = specialisation(desc.constants);
+        let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
+        let vertex = Module::new(self, desc.vertex)?;
+        let fragment = Module::new(self, desc.fragment)?;
+        let stages = [vertex.stage(&constants), fragment.stage(&constants)];
+        let vertex_input = vk::PipelineVertexInputStateCreateInfo::default();
+        let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(desc.topology);
+        let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
+        let raster = vk::PipelineRasterizationStateCreateInfo::default()
+            .polygon_mode(vk::PolygonMode::FILL)
+            .cull_mode(vk::CullModeFlags::NONE)
+            .line_width(1.0);
+        let samples = vk::PipelineMultisampleStateCreateInfo::default()
+            .rasterization_samples(vk::SampleCountFlags::TYPE_1);
+        let (source, destination) = match desc.blend {
+            Blend::Copy => (vk::BlendFactor::ONE, vk::BlendFactor::ZERO),
+            Blend::Over => (vk::BlendFactor::ONE, vk::BlendFactor::ONE_MINUS_SRC_ALPHA),
+            Blend::Under => (vk::BlendFactor::ONE_MINUS_DST_ALPHA, vk::BlendFactor::ONE),
+        };
+        let attachments = [vk::PipelineColorBlendAttachmentState::default()
+            .blend_enable(desc.blend != Blend::Copy)
+            .src_color_blend_factor(source)
+            .dst_color_blend_factor(destination)
+            .color_blend_op(vk::BlendOp::ADD)
+            .src_alpha_blend_factor(source)
+            .dst_alpha_blend_factor(destination)
+            .alpha_blend_op(vk::BlendOp::ADD)
+            .color_write_mask(vk::ColorComponentFlags::RGBA)];
+        let colours = desc.format.map_or(0, |_| 1);
+        let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&attachments[..colours]);
+        let states = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
+        let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&states);
+        let formats = [desc.format.unwrap_or_default()];
+        let mut rendering =
+            vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&formats[..colours]);
+        let info = vk::GraphicsPipelineCreateInfo::default()
+            .stages(&stages)
+            .vertex_input_state(&vertex_input)
+            .input_assembly_state(&assembly)
+            .viewport_state(&viewport)
+            .rasterization_state(&raster)
+            .multisample_state(&samples)
+            .color_blend_state(&blend)
+            .dynamic_state(&dynamic)
+            .layout(layout)
+            .push_next(&mut rendering);
+        // SAFETY: every pointer in `info` refers to a local; the modules are alive; dynamic rendering is
+        // enabled, so no render pass is needed.
+        let built = unsafe { self.device().create_graphics_pipelines(self.inner.cache, &[info], None) };
+        self.first(built, "vkCreateGraphicsPipelines")
+    }
+
+    fn build_compute(&self, desc: &ComputeDesc<'_>, layout: vk::PipelineLayout) -> Result<vk::Pipeline> {
+        let (entries, data) = specialisation(desc.constants);
+        let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
+        let module = Module::new(self, desc.shader)?;
+        let info = vk::ComputePipelineCreateInfo::default().stage(module.stage(&constants)).layout(layout);
+        // SAFETY: every pointer in `info` refers to a local; the module is alive.
+        let built = unsafe { self.device().create_compute_pipelines(self.inner.cache, &[info], None) };
+        self.first(built, "vkCreateComputePipelines")
+    }
+
+    fn first(
+        &self,
+        built: std::result::Result<Vec<vk::Pipeline>, (Vec<vk::Pipeline>, vk::Result)>,
+        call: &'static str,
+    ) -> Result<vk::Pipeline> {
+        match built {
+            Ok(pipelines) => Ok(pipelines.first().copied().unwrap_or_default()),
+            // A failed call for one pipeline leaves none to destroy.
+            Err((_, result)) => Err(self.failed(call, result)),
+        }
+    }
+}
+
+/// A shader module that lives while a pipeline is created.
+struct Module<'a> {
+    gpu: &'a Gpu,
+    raw: vk::ShaderModule,
+    stage: Stage,
+}
+
+impl<'a> Module<'a> {
+    fn new(gpu: &'a Gpu, shader: &'static Shader) -> Result<Self> {
+        let words: Vec<u32> =
+            shader.code.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        let info = vk::ShaderModuleCreateInfo::default().code(&words);
+        // SAFETY: the device is alive; the code was compiled for this version of Vulkan at build time.
+        let raw = unsafe { gpu.device().create_shader_module(&info, None) }
+            .map_err(|result| gpu.failed("vkCreateShaderModule", result))?;
+        gpu.name(raw, shader.name);
+        Ok(Self { gpu, raw, stage: shader.stage })
+    }
+
+    fn stage<'b>(&self, constants: &'b vk::SpecializationInfo<'b>) -> vk::PipelineShaderStageCreateInfo<'b> {
+        vk::PipelineShaderStageCreateInfo::default()
+            .stage(stage_flags(self.stage))
+            .module(self.raw)
+            .name(c"main")
+            .specialization_info(constants)
+    }
+}
+
+impl Drop for Module<'_> {
+    fn drop(&mut self) {
+        // SAFETY: made from this device; pipelines do not need their modules once built.
+        unsafe { self.gpu.device().destroy_shader_module(self.raw, None) };
+    }
+}
+
+/// Returns the map entries and the data of specialisation constants. Modules ignore constants that they do not declare, so
+/// one list serves all stages.
+fn specialisation(constants: &[SpecConstant]) -> (Vec<vk::SpecializationMapEntry>, Vec<u8>) {
+    let entries = constants.iter().zip(0_u32..).map(|(&(constant_id, _), i)| vk::SpecializationMapEntry {
+        constant_id,
+        offset: 4 * i,
+        size: 4,
+    });
+    (entries.collect(), constants.iter().flat_map(|&(_, value)| value.to_ne_bytes()).collect())
+}
+
+fn stage_flags(stage: Stage) -> vk::ShaderStageFlags {
+    match stage {
+        Stage::Vertex => vk::ShaderStageFlags::VERTEX,
+        Stage::Fragment => vk::ShaderStageFlags::FRAGMENT,
+        Stage::Compute => vk::ShaderStageFlags::COMPUTE,
+    }
+}

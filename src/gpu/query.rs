@@ -1,0 +1,149 @@
+//! Queries: identity, limits and optional features of a device, and the memory and pipelines in use.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use ash::vk;
+
+use super::device::{Gpu, Handles};
+use super::feature::OptionalFeature;
+use super::instance::version_text;
+use super::select::DeviceReport;
+use super::validation::ValidationLog;
+
+impl Gpu {
+    /// Returns a report of every device of the system, with the reason why it was chosen or rejected; for a caller's
+    /// device only its own.
+    #[must_use]
+    pub fn device_reports(&self) -> &[DeviceReport] {
+        &self.inner.reports
+    }
+
+    /// Returns the report of this device.
+    #[must_use]
+    pub fn report(&self) -> &DeviceReport {
+        &self.inner.report
+    }
+
+    /// Returns the version of the validation layer if the crate has enabled it; `None` for a caller's instance.
+    #[must_use]
+    pub fn validation_layer(&self) -> Option<&str> {
+        self.inner.instance.layer_version.as_deref()
+    }
+
+    /// Returns the validation log. It stays readable after the last clone of the [`Gpu`] is dropped, and then also
+    /// has the messages of the device's destruction (leaks). For a caller's instance it is always empty: messages go to
+    /// the caller's messenger.
+    #[must_use]
+    pub fn validation_log(&self) -> Arc<ValidationLog> {
+        Arc::clone(&self.inner.instance.log)
+    }
+
+    /// Returns the Vulkan objects behind this device.
+    #[must_use]
+    pub fn handles(&self) -> Handles {
+        Handles {
+            instance: self.inner.instance.raw.clone(),
+            physical_device: self.inner.physical,
+            device: self.inner.device.clone(),
+            queue_family: self.inner.queue_family,
+        }
+    }
+
+    /// Returns whether the device offers an optional feature.
+    #[must_use]
+    pub fn has(&self, feature: OptionalFeature) -> bool {
+        use vk::FormatFeatureFlags as F;
+        let format = |format, flags| self.image_features(format).contains(flags);
+        match feature {
+            OptionalFeature::LinearFilterR32f => {
+                format(vk::Format::R32_SFLOAT, F::SAMPLED_IMAGE_FILTER_LINEAR)
+            }
+            OptionalFeature::LinearFilterR16 => format(vk::Format::R16_UNORM, F::SAMPLED_IMAGE_FILTER_LINEAR),
+            OptionalFeature::BlendRgba32f => {
+                format(vk::Format::R32G32B32A32_SFLOAT, F::COLOR_ATTACHMENT_BLEND)
+            }
+            OptionalFeature::FragmentStores => self.inner.fragment_stores,
+            OptionalFeature::FragmentInterlock => self.inner.fragment_interlock,
+            OptionalFeature::OrderedStores => self.inner.fragment_stores && self.inner.orders_stores,
+            OptionalFeature::MemoryBudget => self.inner.memory_budget,
+            OptionalFeature::Timestamps => self.inner.timestamp_bits > 0,
+            OptionalFeature::DebugNames => self.inner.debug.is_some(),
+        }
+    }
+
+    /// Returns the device memory that this crate may use in total, in bytes.
+    #[must_use]
+    pub fn memory_budget(&self) -> u64 {
+        self.inner.budget.total()
+    }
+
+    /// Returns the live allocations of device memory: the name of each object and its bytes.
+    #[must_use]
+    pub fn memory_report(&self) -> Vec<(String, u64)> {
+        self.inner.budget.entries()
+    }
+
+    /// Returns the names of the pipelines built so far, sorted.
+    #[must_use]
+    pub fn pipelines(&self) -> Vec<String> {
+        let mut names: Vec<String> = self.pipeline_table().values().map(|p| p.name().to_string()).collect();
+        names.sort();
+        names
+    }
+
+    /// Returns the milliseconds spent so far on building pipelines. Drivers may defer a part of the work to the first
+    /// use.
+    #[must_use]
+    pub fn pipeline_ms(&self) -> f64 {
+        crate::num::f64_of_u64(self.inner.pipeline_us.load(Ordering::Relaxed)) * 1e-3
+    }
+
+    /// Returns the largest extent of a 3D image, in samples.
+    #[must_use]
+    pub fn max_image_3d(&self) -> u32 {
+        self.inner.properties.limits.max_image_dimension3_d
+    }
+
+    /// Returns the largest side of a 2D image, in pixels.
+    pub(crate) fn max_image_2d(&self) -> u32 {
+        self.inner.properties.limits.max_image_dimension2_d
+    }
+
+    /// Returns whether the device is a software rasteriser.
+    #[must_use]
+    pub fn is_software(&self) -> bool {
+        self.inner.properties.device_type == vk::PhysicalDeviceType::CPU
+    }
+
+    /// Returns whether a workgroup of eight invocations fits one subgroup with ballot and vote operations.
+    pub(crate) fn eight_share_words(&self) -> bool {
+        let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup);
+        // SAFETY: the physical device belongs to this instance; subgroup properties are core since 1.1.
+        unsafe {
+            self.inner.instance.raw.get_physical_device_properties2(self.inner.physical, &mut properties);
+        }
+        let needed = vk::SubgroupFeatureFlags::BASIC
+            | vk::SubgroupFeatureFlags::BALLOT
+            | vk::SubgroupFeatureFlags::VOTE;
+        subgroup.subgroup_size >= 8
+            && subgroup.supported_operations.contains(needed)
+            && subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE)
+    }
+
+    /// Returns the features of optimally tiled images of a format.
+    pub(crate) fn image_features(&self, format: vk::Format) -> vk::FormatFeatureFlags {
+        let instance = &self.inner.instance.raw;
+        // SAFETY: the physical device belongs to this instance.
+        let properties =
+            unsafe { instance.get_physical_device_format_properties(self.inner.physical, format) };
+        properties.optimal_tiling_features
+    }
+
+    /// Returns the Vulkan version of the device.
+    #[must_use]
+    pub fn api_version(&self) -> String {
+        version_text(self.inner.properties.api_version)
+    }
+}

@@ -1,0 +1,61 @@
+//! Timestamps of passes.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::device::Gpu;
+use crate::error::Result;
+
+/// Timestamps of the passes of one recording: two per pass.
+#[derive(Debug)]
+pub(crate) struct Timers {
+    gpu: Gpu,
+    pub(super) pool: vk::QueryPool,
+    pub(super) passes: u32,
+}
+
+impl Timers {
+    /// Makes timers for `passes` passes; `None` where the device has no timestamps.
+    pub(crate) fn new(gpu: &Gpu, passes: u32) -> Result<Option<Arc<Self>>> {
+        if gpu.inner.timestamp_bits == 0 {
+            return Ok(None);
+        }
+        let info = vk::QueryPoolCreateInfo::default()
+            .query_type(vk::QueryType::TIMESTAMP)
+            .query_count(2 * passes.max(1));
+        // SAFETY: the device is alive and its queue has timestamps.
+        let pool = unsafe { gpu.device().create_query_pool(&info, None) }
+            .map_err(|result| gpu.failed("vkCreateQueryPool", result))?;
+        gpu.name(pool, "pass timers");
+        Ok(Some(Arc::new(Self { gpu: gpu.clone(), pool, passes: passes.max(1) })))
+    }
+
+    /// Returns the milliseconds of the first `passes` passes, after their submission has ended.
+    pub(crate) fn read(&self, passes: usize) -> Result<Vec<f64>> {
+        debug_assert!(passes <= crate::num::index(self.passes), "{passes} passes, {} timers", self.passes);
+        let passes = passes.min(crate::num::index(self.passes));
+        let mut stamps = vec![0_u64; 2 * passes];
+        if stamps.is_empty() {
+            return Ok(Vec::new());
+        }
+        // SAFETY: every query read here was written by a submission that has ended.
+        unsafe {
+            self.gpu.device().get_query_pool_results(self.pool, 0, &mut stamps, vk::QueryResultFlags::TYPE_64)
+        }
+        .map_err(|result| self.gpu.failed("vkGetQueryPoolResults", result))?;
+        let bits = self.gpu.inner.timestamp_bits;
+        let mask = if bits >= 64 { u64::MAX } else { (1 << bits) - 1 };
+        let nanoseconds = f64::from(self.gpu.inner.properties.limits.timestamp_period);
+        let span =
+            |pair: &[u64]| crate::num::f64_of_u64(pair[1].wrapping_sub(pair[0]) & mask) * nanoseconds * 1e-6;
+        Ok(stamps.chunks_exact(2).map(span).collect())
+    }
+}
+
+impl Drop for Timers {
+    fn drop(&mut self) {
+        // SAFETY: a submission holds its timers until its fence has signalled.
+        unsafe { self.gpu.device().destroy_query_pool(self.pool, None) };
+    }
+}
