@@ -8,8 +8,10 @@
 
 pub mod auto;
 mod camera;
+#[cfg(feature = "io")]
 mod cells;
 mod clip;
+#[cfg(feature = "io")]
 mod cut;
 mod data;
 mod field;
@@ -17,6 +19,7 @@ pub(crate) mod grid;
 mod kernel;
 mod points;
 pub(crate) mod predicates;
+pub mod presets;
 mod samples;
 mod surface;
 mod tets;
@@ -24,6 +27,7 @@ pub(crate) mod topology;
 mod transfer;
 
 pub use camera::{Camera, Projection, View};
+#[cfg(feature = "io")]
 pub use cells::CellKind;
 pub use clip::{Clip, ClipPlane};
 pub use data::Data;
@@ -33,6 +37,7 @@ pub use kernel::{Kernel, Kernels, Model};
 pub use points::{KernelSize, Points};
 pub use samples::Samples;
 pub use surface::{Shading, Surface};
+#[cfg(any(test, feature = "io"))]
 pub(crate) use tets::Orientation;
 pub use tets::{Mended, TetScalars, Tets};
 pub use transfer::{Knot, TransferFunction};

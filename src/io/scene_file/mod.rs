@@ -11,7 +11,6 @@ mod load;
 mod loaded;
 mod mesh;
 mod points;
-mod presets;
 mod surfaces;
 mod technique;
 mod transfer;
@@ -19,5 +18,5 @@ mod volume;
 
 pub use load::SceneFile;
 pub use loaded::LoadedScene;
-pub use presets::{PRESETS, Preset};
+pub use crate::scene::presets::{PRESETS, Preset};
 pub use technique::TechniqueChoice;

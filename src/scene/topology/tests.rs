@@ -3,8 +3,10 @@
 use super::*;
 use crate::scene::{Orientation, TetScalars};
 
+#[cfg(feature = "io")]
 mod real;
 
+#[cfg(feature = "io")]
 pub(crate) use real::{REAL, shared_mesh};
 
 /// A mesh with arbitrary scalars.
