@@ -7,18 +7,18 @@
  *     vr_scene_create_*, vr_scene_load  data and transfer function: grids, meshes, points
  *     vr_plan_create                    a technique for a view and a target format
  *     vr_plan_record                    a frame in the caller's command buffer and image
- *     vr_recording_completed            the frame has ended: what it told
- *     vr_*_destroy                      in any order
+ *     vr_recording_completed            the frame has ended: its status
+ *     vr_*_destroy                      handles, in any order
  *
- * Structures begin with struct_size, their sizeof. All else may be zero unless its comment says otherwise, so that
+ * Structures begin with struct_size, their sizeof. Other fields may be zero unless their comment says otherwise, so that
  *
  *     vr_gpu_info info = {.struct_size = sizeof info};
  *
- * stays right when fields are added behind the others. Functions that may fail return vr_result, and leave a message for
- * vr_last_error(). Handles that they hand out are NULL then. Nothing unwinds or aborts through these functions.
+ * stays valid when later versions add fields at the end. Functions that may fail return vr_result, and store a message for
+ * vr_last_error(); handles that they return are NULL then. No function unwinds or aborts.
  *
- * Threads: each function says from which threads it may be called. A handle may be used by several threads at once, but for its
- * destruction; what a structure or a string holds is read before the function returns and not kept.
+ * Threads: each function says from which threads it may be called. Several threads may use a handle at the same time, except to
+ * destroy it. Functions copy the contents of structures and strings before they return.
  */
 
 #ifndef VOLRASTER_H
@@ -29,16 +29,16 @@
 #include <vulkan/vulkan_core.h>
 
 /**
- * What became of a call. Negative codes are failures, of which vr_last_error() tells more; nothing was changed then, and
- * what a function hands out is NULL.
+ * Result of a call. Negative codes are failures: vr_last_error() has the message, nothing was changed, and handles that the
+ * function returns are NULL.
  */
 typedef enum vr_result {
     /**
-     * Done.
+     * Success.
      */
     VR_OK = 0,
     /**
-     * Not a failure: the plan has no room for this view. Call vr_plan_prepare() with it.
+     * Not a failure: the plan's capacity is too small for this view. Call vr_plan_prepare() with it.
      */
     VR_NO_ROOM = 1,
     /**
@@ -58,11 +58,11 @@ typedef enum vr_result {
      */
     VR_ERROR_NO_DEVICE = -4,
     /**
-     * The device, or this build of the library, lacks something that the request needs.
+     * The device, or this build of the library, lacks a feature that the request needs.
      */
     VR_ERROR_UNSUPPORTED = -5,
     /**
-     * The request needs more device memory than there is to give.
+     * The request needs more device memory than is available.
      */
     VR_ERROR_MEMORY = -6,
     /**
@@ -74,25 +74,25 @@ typedef enum vr_result {
      */
     VR_ERROR_VULKAN = -8,
     /**
-     * Work on the device did not end in time.
+     * Work on the device did not end within the time limit.
      */
     VR_ERROR_TIMEOUT = -9,
     /**
-     * A defect of the library, which was caught. Destroy the handles of the call; their other functions refuse.
+     * A defect of the library was caught. Destroy the handles of the call; their other functions fail.
      */
     VR_ERROR_PANIC = -10,
     /**
-     * The device was lost, by this call or before it: vr_last_vulkan_result() is VK_ERROR_DEVICE_LOST. Destroy what belongs to it.
+     * The device was lost, during this call or before: vr_last_vulkan_result() is VK_ERROR_DEVICE_LOST. Destroy its handles.
      */
     VR_ERROR_DEVICE_LOST = -11,
 } vr_result;
 
 /**
- * What the validation layers check on a device that the library opens.
+ * Checks of the validation layer on a device that the library opens.
  */
 typedef enum vr_validation {
     /**
-     * They are not loaded.
+     * The layer is not loaded.
      */
     VR_VALIDATION_OFF = 0,
     /**
@@ -100,13 +100,13 @@ typedef enum vr_validation {
      */
     VR_VALIDATION_ON = 1,
     /**
-     * The same with GPU-assisted validation.
+     * As VR_VALIDATION_ON, with GPU-assisted validation.
      */
     VR_VALIDATION_GPU_ASSISTED = 2,
 } vr_validation;
 
 /**
- * The type of samples.
+ * Type of samples.
  */
 typedef enum vr_sample_type {
     /**
@@ -152,43 +152,43 @@ typedef enum vr_sample_type {
 } vr_sample_type;
 
 /**
- * What a mesh's scalars belong to.
+ * The elements of a mesh that have the scalars.
  */
 typedef enum vr_scalars_per {
     /**
-     * One at each point, linear inside each tetrahedron.
+     * Points: the field is linear inside each tetrahedron.
      */
     VR_SCALARS_PER_POINT = 1,
     /**
-     * One for each tetrahedron, constant inside it.
+     * Tetrahedra: the field is constant inside each.
      */
     VR_SCALARS_PER_CELL = 2,
 } vr_scalars_per;
 
 /**
- * How the colour of a surface depends on where it is seen from.
+ * Dependence of a surface's colour on the direction of view.
  */
 typedef enum vr_shading {
     /**
-     * Not at all.
+     * The colour does not depend on it.
      */
     VR_SHADING_FLAT = 0,
     /**
-     * Times the cosine between the triangle's normal and the line of sight, as if lit from the eye.
+     * The colour is scaled by the cosine between the triangle's normal and the ray, as if lit from the eye.
      */
     VR_SHADING_HEADLIGHT = 1,
 } vr_shading;
 
 /**
- * What a scene holds.
+ * Kind of the data of a scene.
  */
 typedef enum vr_data_kind {
     /**
-     * Samples on a lattice.
+     * A grid.
      */
     VR_DATA_GRID = 1,
     /**
-     * Tetrahedra.
+     * A mesh of tetrahedra.
      */
     VR_DATA_MESH = 2,
     /**
@@ -198,7 +198,7 @@ typedef enum vr_data_kind {
 } vr_data_kind;
 
 /**
- * How depth becomes size.
+ * Kind of a projection.
  */
 typedef enum vr_projection {
     /**
@@ -206,63 +206,62 @@ typedef enum vr_projection {
      */
     VR_PROJECTION_PERSPECTIVE = 1,
     /**
-     * Parallel rays, also from behind the eye.
+     * Rays are parallel, and also show what lies behind the eye.
      */
     VR_PROJECTION_ORTHOGRAPHIC = 2,
 } vr_projection;
 
 /**
- * What becomes of what the target image holds.
+ * How the result combines with the contents of the target image.
  */
 typedef enum vr_target_mode {
     /**
-     * Replaced: transparent black where the volume is not.
+     * It replaces them; pixels without volume become transparent black.
      */
     VR_TARGET_CLEAR = 1,
     /**
-     * Covered: the volume is composited over it.
+     * It is composited over them.
      */
     VR_TARGET_OVER = 2,
 } vr_target_mode;
 
 /**
- * How a projection stores depth.
+ * Kind of the mapping from depth to stored values.
  */
 typedef enum vr_depth_kind {
     /**
-     * Of a perspective camera: at_zero and at_one are distances from the eye along the view.
+     * A perspective camera: at_zero and at_one are distances from the eye along the view.
      */
     VR_DEPTH_PERSPECTIVE = 1,
     /**
-     * Of a camera with parallel rays: the same, negative behind the eye.
+     * A camera with parallel rays: at_zero and at_one are distances from the eye along the view, negative behind it.
      */
     VR_DEPTH_ORTHOGRAPHIC = 2,
     /**
-     * As `matrix` says.
+     * The mapping of `matrix`.
      */
     VR_DEPTH_MATRIX = 3,
 } vr_depth_kind;
 
 /**
- * A Vulkan device with what the library keeps on it. It lives until it and all that was made from it are destroyed.
+ * A Vulkan device with the library's objects. It lives until this handle and all handles made from it are destroyed.
  */
 typedef struct vr_gpu vr_gpu;
 
 /**
- * Everything that one frame of one size needs, fixed: pipelines, buffers, images. For several frames in flight there are as many
- * plans.
+ * Everything that frames of one size need: pipelines, buffers, images. Each frame in flight needs a plan of its own.
  */
 typedef struct vr_plan vr_plan;
 
 /**
- * A recording in a command buffer: it keeps what the commands name, until vr_recording_completed() says that their submission has
- * ended, or vr_recording_discard() that there is none, and then what the frame told.
+ * A recording in a command buffer. It keeps the resources of its commands until vr_recording_completed() says that their
+ * submission has ended, or vr_recording_discard() that there is none; then it has the status of the frame.
  */
 typedef struct vr_recording vr_recording;
 
 /**
- * Data with a transfer function, on a device. What of it a technique needs is uploaded when a plan is first created for it,
- * and kept with the scene. It does not change: functions that change something make another scene, which shares the rest.
+ * Data with a transfer function on a device. Creating a plan uploads the data that its technique needs, which the scene then keeps.
+ * A scene does not change: functions that change something make another scene, which shares the rest.
  */
 typedef struct vr_scene vr_scene;
 
@@ -271,25 +270,25 @@ typedef struct vr_scene vr_scene;
  */
 typedef struct vr_option_info {
     /**
-     * Its key.
+     * Key of the option.
      */
     const char *key;
     /**
-     * The values that it takes.
+     * Allowed values.
      */
     const char *values;
     /**
-     * Its default.
+     * Default value.
      */
     const char *default_value;
     /**
-     * What it does.
+     * Effect of the option.
      */
     const char *effect;
 } vr_option_info;
 
 /**
- * A technique. Everything that it points to lives as long as the library.
+ * A technique. Everything that this points to lives as long as the library.
  */
 typedef struct vr_technique_info {
     /**
@@ -297,15 +296,15 @@ typedef struct vr_technique_info {
      */
     size_t struct_size;
     /**
-     * Its name.
+     * Name of the technique.
      */
     const char *name;
     /**
-     * One line on what it does.
+     * Summary in one line.
      */
     const char *summary;
     /**
-     * Its options.
+     * Options of the technique.
      */
     const struct vr_option_info *options;
     /**
@@ -315,7 +314,7 @@ typedef struct vr_technique_info {
 } vr_technique_info;
 
 /**
- * How a device is opened. Zeros are the defaults.
+ * Options of a device that the library opens. Zeros are the defaults.
  */
 typedef struct vr_gpu_info {
     /**
@@ -323,8 +322,8 @@ typedef struct vr_gpu_info {
      */
     size_t struct_size;
     /**
-     * Part of the device's name, case ignored. NULL: what the environment variable VOLRASTER_DEVICE says, else the best
-     * device, a real GPU before a software one.
+     * Part of the device's name; case is ignored. NULL: the environment variable VOLRASTER_DEVICE, else the best device: a
+     * real GPU before a software one.
      */
     const char *device;
     /**
@@ -332,7 +331,7 @@ typedef struct vr_gpu_info {
      */
     uint32_t validation;
     /**
-     * Do not keep pipelines on disk.
+     * VK_TRUE keeps no pipelines on disk.
      */
     VkBool32 no_pipeline_cache;
     /**
@@ -340,103 +339,11 @@ typedef struct vr_gpu_info {
      */
     const char *pipeline_cache;
     /**
-     * Most device memory to use, in bytes. 0: what the driver says is free, or nine tenths of the largest device-local
-     * heap.
+     * Limit of device memory, in bytes. 0: the free memory that the driver reports, or nine tenths of the largest
+     * device-local heap.
      */
     uint64_t memory_budget;
 } vr_gpu_info;
-
-/**
- * Is handed the user pointer that was given with it.
- */
-typedef void (*vr_callback)(void *user);
-
-/**
- * A device of the caller, and how the library may use it.
- */
-typedef struct vr_device_info {
-    /**
-     * sizeof(vr_device_info).
-     */
-    size_t struct_size;
-    /**
-     * Of the loader that the instance was made with. NULL: that of the system.
-     */
-    PFN_vkGetInstanceProcAddr get_instance_proc_addr;
-    /**
-     * The instance.
-     */
-    VkInstance instance;
-    /**
-     * VkApplicationInfo::apiVersion of the instance: at least VK_API_VERSION_1_3.
-     */
-    uint32_t api_version;
-    /**
-     * Number of instance_extensions.
-     */
-    uint32_t instance_extension_count;
-    /**
-     * What the instance was made with. Used is VK_EXT_debug_utils, for names and labels.
-     */
-    const char *const *instance_extensions;
-    /**
-     * The physical device, of that instance, for Vulkan 1.3 or later.
-     */
-    VkPhysicalDevice physical_device;
-    /**
-     * The device.
-     */
-    VkDevice device;
-    /**
-     * What the device was made with, or a structure that names as much of it as the library shall know of. Read are
-     * extensions and features, these in any structure of the chain that may have them. Required are synchronization2 and
-     * dynamicRendering; of use are fragmentStoresAndAtomics, VK_EXT_memory_budget, and VK_EXT_fragment_shader_interlock
-     * with fragmentShaderPixelInterlock.
-     */
-    const VkDeviceCreateInfo *device_create_info;
-    /**
-     * The queue, for graphics and compute.
-     */
-    VkQueue queue;
-    /**
-     * Its family.
-     */
-    uint32_t queue_family;
-    /**
-     * Do not keep pipelines on disk.
-     */
-    VkBool32 no_pipeline_cache;
-    /**
-     * Folder of the pipeline cache. NULL: volraster in the user's cache folder.
-     */
-    const char *pipeline_cache;
-    /**
-     * Most device memory to use, in bytes. 0: what the driver says is free, or nine tenths of the largest device-local
-     * heap.
-     */
-    uint64_t memory_budget;
-    /**
-     * Called before each submission of the library to the queue, and unlock_queue after it, on the same thread, with
-     * `user`: both or neither. Without them the caller uses the queue within vr_gpu_with_queue() alone, or while no other
-     * thread is in a function of the library. Recording submits nothing. The lock must not be held by a thread that calls
-     * into the library, unless to record.
-     */
-    vr_callback lock_queue;
-    /**
-     * See lock_queue.
-     */
-    vr_callback unlock_queue;
-    /**
-     * Called once, with `user`, when nothing of the library's is left on the device, by the thread that destroyed the last
-     * thing; also where vr_gpu_adopt() fails. Device and instance may be destroyed from then on, also by this function. May
-     * be NULL.
-     */
-    vr_callback released;
-    /**
-     * For lock_queue, unlock_queue and released.
-     */
-    void *user;
-} vr_device_info;
 
 /**
  * The Vulkan objects behind a device.
@@ -463,18 +370,110 @@ typedef struct vr_gpu_objects {
      */
     VkQueue queue;
     /**
-     * Its family.
+     * Family of the queue.
      */
     uint32_t queue_family;
 } vr_gpu_objects;
 
 /**
- * Is handed a queue that no other thread uses meanwhile, and the user pointer.
+ * Receives a queue, which no other thread uses during the call, and the user pointer.
  */
 typedef void (*vr_queue_callback)(VkQueue queue, void *user);
 
 /**
- * A regular grid: a scalar field, trilinear between samples, vacuum outside of the box that they span.
+ * Receives the user pointer that was given with it.
+ */
+typedef void (*vr_callback)(void *user);
+
+/**
+ * A device of the caller, and options of its use by the library.
+ */
+typedef struct vr_device_info {
+    /**
+     * sizeof(vr_device_info).
+     */
+    size_t struct_size;
+    /**
+     * Entry point of the loader that made the instance. NULL: the system's loader.
+     */
+    PFN_vkGetInstanceProcAddr get_instance_proc_addr;
+    /**
+     * The instance.
+     */
+    VkInstance instance;
+    /**
+     * VkApplicationInfo::apiVersion of the instance: at least VK_API_VERSION_1_3.
+     */
+    uint32_t api_version;
+    /**
+     * Number of instance_extensions.
+     */
+    uint32_t instance_extension_count;
+    /**
+     * Enabled extensions of the instance. The library uses VK_EXT_debug_utils, for names and labels.
+     */
+    const char *const *instance_extensions;
+    /**
+     * A physical device of that instance, for Vulkan 1.3 or later.
+     */
+    VkPhysicalDevice physical_device;
+    /**
+     * The device.
+     */
+    VkDevice device;
+    /**
+     * The structure that the device was made with, or one that names the extensions and features that the library may use.
+     * The library reads extensions, and features in any structure of the chain that may have them. Required are
+     * synchronization2 and dynamicRendering; optional are fragmentStoresAndAtomics, VK_EXT_memory_budget, and
+     * VK_EXT_fragment_shader_interlock with fragmentShaderPixelInterlock.
+     */
+    const VkDeviceCreateInfo *device_create_info;
+    /**
+     * A queue for graphics and compute.
+     */
+    VkQueue queue;
+    /**
+     * Family of the queue.
+     */
+    uint32_t queue_family;
+    /**
+     * VK_TRUE keeps no pipelines on disk.
+     */
+    VkBool32 no_pipeline_cache;
+    /**
+     * Folder of the pipeline cache. NULL: volraster in the user's cache folder.
+     */
+    const char *pipeline_cache;
+    /**
+     * Limit of device memory, in bytes. 0: the free memory that the driver reports, or nine tenths of the largest
+     * device-local heap.
+     */
+    uint64_t memory_budget;
+    /**
+     * Called with `user` before each submission of the library to the queue; unlock_queue is called after it on the same
+     * thread. Set both or neither. Without them the caller uses the queue only within vr_gpu_with_queue(), or while no
+     * other thread is in a function of the library. Recording submits nothing. A thread that holds the lock must not call
+     * into the library, except to record.
+     */
+    vr_callback lock_queue;
+    /**
+     * See lock_queue.
+     */
+    vr_callback unlock_queue;
+    /**
+     * Called once with `user` when the library has destroyed its last object on the device, by the thread that destroyed
+     * the last handle; also if vr_gpu_adopt() fails. From then on device and instance may be destroyed, also by this
+     * function. May be NULL; then the caller must destroy all handles before the device.
+     */
+    vr_callback released;
+    /**
+     * Passed to lock_queue, unlock_queue and released.
+     */
+    void *user;
+} vr_device_info;
+
+/**
+ * A regular grid: a scalar field, trilinear between samples, with vacuum outside the box of the samples.
  */
 typedef struct vr_grid_info {
     /**
@@ -490,11 +489,11 @@ typedef struct vr_grid_info {
      */
     uint32_t sample_type;
     /**
-     * The samples, x fastest, then y, without gaps, of any alignment. They are copied.
+     * The samples: x fastest, then y, without gaps, of any alignment. They are copied.
      */
     const void *samples;
     /**
-     * Their size in bytes: that of a sample times the product of dims.
+     * Size of the samples in bytes: the size of a sample times the product of dims.
      */
     size_t sample_bytes;
     /**
@@ -506,7 +505,7 @@ typedef struct vr_grid_info {
      */
     double origin[3];
     /**
-     * World directions of the grid's x, y and z axis; they need neither unit length nor right angles. All 0: the world's axes.
+     * World directions of the grid's x, y and z axes, of any length and at any angles. All 0: the world's axes.
      */
     double direction[3][3];
     /**
@@ -520,27 +519,27 @@ typedef struct vr_grid_info {
 } vr_grid_info;
 
 /**
- * A knot of a transfer function: from scalar to emitted colour and extinction, linear between knots, constant beyond the ends.
- * Two knots of one scalar make a jump, where the later one holds.
+ * A knot of a transfer function, which maps a scalar to emitted colour and extinction. It is linear between knots and constant
+ * beyond the ends. Two knots of one scalar make a jump, at which the later one applies.
  */
 typedef struct vr_knot {
     /**
-     * Scalar, in the data's own units; not less than that of the knot before.
+     * Scalar in the data's units, not less than that of the previous knot.
      */
     double scalar;
     /**
-     * Emitted colour: linear red, green and blue, not premultiplied, not negative.
+     * Emitted colour: linear red, green and blue, not premultiplied, at least 0.
      */
     double colour[3];
     /**
-     * Extinction per unit of world length, not negative.
+     * Extinction per world unit of length, at least 0.
      */
     double extinction;
 } vr_knot;
 
 /**
- * A mesh of tetrahedra; vacuum outside of them, and in those with a scalar that is NaN. Tetrahedra that are inside out are
- * turned, those without volume are left out.
+ * A mesh of tetrahedra, with vacuum outside of them and in those with a NaN scalar. The library reorients tetrahedra that are
+ * inside out, and removes those without volume.
  */
 typedef struct vr_mesh_info {
     /**
@@ -556,7 +555,7 @@ typedef struct vr_mesh_info {
      */
     size_t point_count;
     /**
-     * The four points of each tetrahedron, from 0.
+     * Indices of the four points of each tetrahedron, from 0.
      */
     const uint32_t *cells;
     /**
@@ -582,7 +581,7 @@ typedef struct vr_mesh_info {
 } vr_mesh_info;
 
 /**
- * Scattered points with kernels. Arrays that are NULL are left out; each other one has an element for each point.
+ * Scattered points with kernels. Arrays may be NULL; others have one element per point.
  */
 typedef struct vr_points_info {
     /**
@@ -610,55 +609,17 @@ typedef struct vr_points_info {
      */
     const float *radii;
     /**
-     * Covariances of Gaussians, xx, xy, xz, yy, yz and zz of each point, in world units squared. Not with radii.
+     * Covariances of Gaussians, xx, xy, xz, yy, yz and zz of each point, in world units squared. Excludes radii.
      */
     const float *covariances;
     /**
-     * One support radius for all, where there are neither radii nor covariances. 0: estimated from the spacing.
+     * Support radius of all points, used without radii and covariances. 0: estimated from the spacing.
      */
     double radius;
 } vr_points_info;
 
 /**
- * A triangle mesh of one colour that stands in the volume, seen from both sides.
- */
-typedef struct vr_surface_info {
-    /**
-     * sizeof(vr_surface_info).
-     */
-    size_t struct_size;
-    /**
-     * x, y and z of each point, in world units.
-     */
-    const double *points;
-    /**
-     * Number of points.
-     */
-    size_t point_count;
-    /**
-     * The three points of each triangle, from 0.
-     */
-    const uint32_t *triangles;
-    /**
-     * Number of triangles.
-     */
-    size_t triangle_count;
-    /**
-     * Straight linear red, green and blue, and opacity: 1 is opaque.
-     */
-    double colour[4];
-    /**
-     * A vr_shading.
-     */
-    uint32_t shading;
-    /**
-     * 0.
-     */
-    uint32_t reserved;
-} vr_surface_info;
-
-/**
- * What a scene is, to place a camera and to make a transfer function.
+ * Properties of a scene, for placing a camera and making a transfer function.
  */
 typedef struct vr_scene_info {
     /**
@@ -666,11 +627,11 @@ typedef struct vr_scene_info {
      */
     size_t struct_size;
     /**
-     * Least corner of the box along the world's axes that holds the data.
+     * Least corner of the data's bounding box, whose sides are parallel to the world's axes.
      */
     double low[3];
     /**
-     * Its greatest corner.
+     * Greatest corner of the bounding box.
      */
     double high[3];
     /**
@@ -682,13 +643,13 @@ typedef struct vr_scene_info {
      */
     uint32_t data_kind;
     /**
-     * Samples along x, y and z; 0 where the data is no grid.
+     * Samples along x, y and z; 0 if the data is not a grid.
      */
     uint32_t dims[3];
 } vr_scene_info;
 
 /**
- * A plane that cuts away what lies on the side that its normal points away from.
+ * A clip plane. It removes the side that its normal points away from.
  */
 typedef struct vr_clip_plane {
     /**
@@ -696,13 +657,13 @@ typedef struct vr_clip_plane {
      */
     double point[3];
     /**
-     * Points to what is kept; of any length but 0.
+     * Normal, which points to the side that is kept; of any length but 0.
      */
     double normal[3];
 } vr_clip_plane;
 
 /**
- * A camera, the size of its image, and what of the volume is cut away. Pixels are square; row 0 is on top.
+ * A camera, the size of its image, and the clipping of the volume. Pixels are square; row 0 is on top.
  */
 typedef struct vr_view {
     /**
@@ -718,7 +679,7 @@ typedef struct vr_view {
      */
     double target[3];
     /**
-     * A direction that points up in the picture; need not be perpendicular to the view.
+     * A direction that points up in the image; it need not be perpendicular to the view.
      */
     double up[3];
     /**
@@ -738,36 +699,74 @@ typedef struct vr_view {
      */
     uint32_t clip_plane_count;
     /**
-     * Of a perspective projection: the full vertical angle of view, in degrees, between 0 and 180.
+     * Full vertical angle of view of a perspective projection, in degrees, between 0 and 180.
      */
     double fov_y_deg;
     /**
-     * Of an orthographic projection: half of the image's height, in world units.
+     * Half of the image's height in an orthographic projection, in world units.
      */
     double half_height;
     /**
-     * What is cut away. Every technique cuts lines of sight exactly there.
+     * Clip planes. Every technique cuts rays exactly there.
      */
     struct vr_clip_plane clip_planes[6];
     /**
-     * Least corner of a box along the world's axes, outside of which nothing is drawn; minus infinity for a side cuts
-     * nothing. Both corners all 0: no box.
+     * Least corner of the crop box, whose sides are parallel to the world's axes; nothing is drawn outside. Minus infinity
+     * leaves a side open. Both corners all 0: no box.
      */
     double crop_low[3];
     /**
-     * Its greatest corner.
+     * Greatest corner of the crop box; infinity leaves a side open.
      */
     double crop_high[3];
 } vr_view;
 
 /**
- * Is told how many of how many bytes have been read, now and then, by any thread; 0 of all where their number is not known.
+ * A triangle mesh of one colour in the volume, visible from both sides.
+ */
+typedef struct vr_surface_info {
+    /**
+     * sizeof(vr_surface_info).
+     */
+    size_t struct_size;
+    /**
+     * x, y and z of each point, in world units.
+     */
+    const double *points;
+    /**
+     * Number of points.
+     */
+    size_t point_count;
+    /**
+     * Indices of the three points of each triangle, from 0.
+     */
+    const uint32_t *triangles;
+    /**
+     * Number of triangles.
+     */
+    size_t triangle_count;
+    /**
+     * Linear red, green and blue, not premultiplied, and opacity: 1 is opaque.
+     */
+    double colour[4];
+    /**
+     * A vr_shading.
+     */
+    uint32_t shading;
+    /**
+     * 0.
+     */
+    uint32_t reserved;
+} vr_surface_info;
+
+/**
+ * Receives the number of bytes read so far and of all bytes, now and then, on any thread; `all` is 0 if it is unknown.
  */
 typedef void (*vr_progress_callback)(uint64_t done, uint64_t all, void *user);
 
 /**
- * Which of a file's arrays are read, and how. Zeros are the defaults. Arrays are named NAME, NAME:PART, point:NAME or
- * cell:NAME:PART, PART being a component (0, x, r, ...) or magnitude.
+ * How a file is read, and which of its arrays. Zeros are the defaults. Arrays are named NAME, NAME:PART, point:NAME or
+ * cell:NAME:PART; PART is a component (0, x, r, ...) or "magnitude".
  */
 typedef struct vr_read_info {
     /**
@@ -775,7 +774,7 @@ typedef struct vr_read_info {
      */
     size_t struct_size;
     /**
-     * Most bytes of memory that the data may take. 0: 16 GiB.
+     * Limit of the memory for the data, in bytes. 0: 16 GiB.
      */
     uint64_t max_bytes;
     /**
@@ -783,29 +782,29 @@ typedef struct vr_read_info {
      */
     const char *array;
     /**
-     * Of points: the array of support radii.
+     * The array of support radii of points.
      */
     const char *radius;
     /**
-     * Of points: the array of covariances.
+     * The array of covariances of points.
      */
     const char *covariance;
     /**
-     * Of points: the array of weights.
+     * The array of weights of points.
      */
     const char *weight;
     /**
-     * Told how far reading is, with `user`. May be NULL.
+     * Receives the progress. May be NULL.
      */
     vr_progress_callback progress;
     /**
-     * For progress.
+     * Passed to progress.
      */
     void *user;
 } vr_read_info;
 
 /**
- * What a plan is for.
+ * Technique and target of a plan.
  */
 typedef struct vr_plan_info {
     /**
@@ -813,7 +812,7 @@ typedef struct vr_plan_info {
      */
     size_t struct_size;
     /**
-     * NAME[:key=value,...], such as "slabs:step=0.5". NULL: vr_scene_technique().
+     * Technique with options, NAME[:key=value,...], such as "slabs:step=0.5". NULL: vr_scene_technique().
      */
     const char *technique;
     /**
@@ -825,7 +824,7 @@ typedef struct vr_plan_info {
      */
     uint32_t mode;
     /**
-     * Whether each recording has a depth image: nothing behind what it shows is drawn, and what passes through it is cut there.
+     * Whether each recording has a depth image, which cuts the rays of the volume at its surfaces.
      */
     VkBool32 with_depth;
     /**
@@ -843,21 +842,21 @@ typedef struct vr_depth_image {
      */
     size_t struct_size;
     /**
-     * Two-dimensional, of one level, one layer and the depth aspect alone. The image has one sample and the usage
-     * VK_IMAGE_USAGE_SAMPLED_BIT.
+     * A two-dimensional view with one level, one layer and only the depth aspect. Its image has one sample per texel and the
+     * usage VK_IMAGE_USAGE_SAMPLED_BIT.
      */
     VkImageView view;
     /**
-     * Its format, one with depth.
+     * Format of the view, with depth.
      */
     VkFormat format;
     /**
-     * Its layout when the commands run. VK_IMAGE_LAYOUT_UNDEFINED stands for VK_IMAGE_LAYOUT_DEPTH_READ_ONLY_OPTIMAL. It is left in
-     * that layout, last read in the compute shader stage.
+     * Layout when the commands run. VK_IMAGE_LAYOUT_UNDEFINED stands for VK_IMAGE_LAYOUT_DEPTH_READ_ONLY_OPTIMAL. The commands
+     * leave the image in that layout, last read in the compute shader stage.
      */
     VkImageLayout layout;
     /**
-     * Its size: that of the plan's view.
+     * Size of the image, equal to that of the plan's view.
      */
     VkExtent2D extent;
     /**
@@ -865,22 +864,22 @@ typedef struct vr_depth_image {
      */
     uint32_t kind;
     /**
-     * Depth along the view, in world units, where the image holds 0: near for the usual projection, far for a reversed one,
-     * INFINITY for one without a far end. What holds the far end itself shows no surface.
+     * Depth along the view, in world units, that is stored as 0: near for the usual projection, far for a reversed one,
+     * INFINITY for a reversed one without a far plane. A pixel that stores the far end shows no surface.
      */
     double at_zero;
     /**
-     * The same where the image holds 1.
+     * Depth along the view, in world units, that is stored as 1.
      */
     double at_one;
     /**
-     * From view coordinates to clip coordinates with depths from 0 to 1, column after column.
+     * Matrix from view coordinates to clip coordinates with depths from 0 to 1, column by column.
      */
     double matrix[16];
 } vr_depth_image;
 
 /**
- * Where a frame is recorded.
+ * Command buffer and images of a recording.
  */
 typedef struct vr_record_info {
     /**
@@ -888,39 +887,39 @@ typedef struct vr_record_info {
      */
     size_t struct_size;
     /**
-     * In the recording state, outside of any rendering, of a pool for the device's queue family.
+     * A command buffer in the recording state, outside of rendering, from a pool for the device's queue family.
      */
     VkCommandBuffer commands;
     /**
-     * With the usage VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT. When the commands run it is in the layout
+     * The target image, with the usage VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT. When the commands run it is in the layout
      * VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL, and earlier accesses are available and visible to the colour attachment output
-     * stage. It is left in that layout, last written in that stage.
+     * stage. The commands leave it in that layout, last written in that stage.
      */
     VkImage image;
     /**
-     * Of the image: two-dimensional, of one level and one layer.
+     * A two-dimensional view of the image, with one level and one layer.
      */
     VkImageView view;
     /**
-     * Its format: that of the plan.
+     * Format of the view, equal to that of the plan.
      */
     VkFormat format;
     /**
-     * Its size: that of the plan's view.
+     * Size of the image, equal to that of the plan's view.
      */
     VkExtent2D extent;
     /**
-     * NULL where the plan is without depth.
+     * Depth image; NULL if the plan is without depth.
      */
     const struct vr_depth_image *depth;
 } vr_record_info;
 
 /**
- * Time of a pass.
+ * Time of one pass.
  */
 typedef struct vr_pass_time {
     /**
-     * The pass.
+     * Name of the pass.
      */
     const char *name;
     /**
@@ -930,21 +929,21 @@ typedef struct vr_pass_time {
 } vr_pass_time;
 
 /**
- * Work of a frame, counted on the device.
+ * A count of work that the device has done for a frame.
  */
 typedef struct vr_counter {
     /**
-     * What was counted.
+     * Name of the counter.
      */
     const char *name;
     /**
-     * How many.
+     * The count.
      */
     uint64_t value;
 } vr_counter;
 
 /**
- * What a frame told.
+ * Status of a frame.
  */
 typedef struct vr_status {
     /**
@@ -952,19 +951,19 @@ typedef struct vr_status {
      */
     size_t struct_size;
     /**
-     * Whether everything was drawn. VK_FALSE where room was short: call vr_plan_prepare() and draw the frame again.
+     * Whether everything was drawn. VK_FALSE if a capacity was too small: call vr_plan_prepare() and draw the frame again.
      */
     VkBool32 complete;
     /**
-     * Number of passes; 0 where the device has no timestamps.
+     * Number of passes; 0 if the device has no timestamps.
      */
     uint32_t pass_count;
     /**
-     * Their times. Valid as long as the recording's handle.
+     * Times of the passes, valid as long as the recording's handle.
      */
     const struct vr_pass_time *passes;
     /**
-     * Work that only the device knows. Valid as long as the recording's handle.
+     * Counters, valid as long as the recording's handle.
      */
     const struct vr_counter *counters;
     /**
@@ -978,30 +977,30 @@ extern "C" {
 #endif // __cplusplus
 
 /**
- * The message of this thread's last failure: one line of UTF-8, never NULL, "" before the first. Valid until this thread's next
- * failure, or its end.
+ * Returns the message of this thread's last failure: one line of UTF-8, never NULL, "" before the first failure. It is valid
+ * until this thread's next failure or its end.
  *
  * Threads: each has its own.
  */
 const char *vr_last_error(void);
 
 /**
- * The code of the Vulkan call that failed, where this thread's last failure was VR_ERROR_VULKAN; VK_ERROR_DEVICE_LOST where it
- * was VR_ERROR_DEVICE_LOST; else VK_SUCCESS.
+ * Returns the code of the failed Vulkan call if this thread's last failure was VR_ERROR_VULKAN, VK_ERROR_DEVICE_LOST if it
+ * was VR_ERROR_DEVICE_LOST, else VK_SUCCESS.
  *
  * Threads: each has its own.
  */
 VkResult vr_last_vulkan_result(void);
 
 /**
- * The library's version, such as "1.2.3".
+ * Returns the library's version, such as "1.2.3".
  *
  * Threads: any.
  */
 const char *vr_version(void);
 
 /**
- * Number of techniques.
+ * Returns the number of techniques.
  *
  * Threads: any.
  */
@@ -1023,7 +1022,7 @@ enum vr_result vr_technique_query(uint32_t index, struct vr_technique_info *info
 /**
  * Checks a technique with its options, NAME[:key=value,...].
  *
- * Fails with VR_ERROR_INVALID, and the message says what may stand there.
+ * Fails with VR_ERROR_INVALID; the message lists the allowed names, keys or values.
  *
  * Threads: any.
  *
@@ -1034,39 +1033,21 @@ enum vr_result vr_technique_query(uint32_t index, struct vr_technique_info *info
 enum vr_result vr_technique_parse(const char *technique);
 
 /**
- * Opens a device, without a window. `info` may be NULL: the best device.
+ * Opens a device, without a window. `info` may be NULL, for default options.
  *
- * Fails with VR_ERROR_NO_DEVICE (with the reason for each device), VR_ERROR_UNSUPPORTED where validation is asked for and
- * its layer is missing, VR_ERROR_VULKAN.
- *
- * Threads: any.
- *
- * # Safety
- *
- * `info` is NULL or valid, with its strings; `gpu` is valid.
- */
-enum vr_result vr_gpu_create(const struct vr_gpu_info *info,
-                             struct vr_gpu **gpu);
-
-/**
- * Takes a device that the caller made. The library destroys neither it nor its instance; what it makes on the device is gone
- * when the handle and all that was made from it are destroyed, without a wait.
- *
- * Fails with VR_ERROR_UNSUPPORTED naming what is required and missing, VR_ERROR_INVALID for a null handle, a physical
- * device of another instance, or what is said to be enabled and cannot be, VR_ERROR_VULKAN.
+ * Fails with VR_ERROR_NO_DEVICE, whose message has the reason for each device, VR_ERROR_UNSUPPORTED if the layer of a
+ * requested validation is missing, VR_ERROR_VULKAN.
  *
  * Threads: any.
  *
  * # Safety
  *
- * `info` and `gpu` are valid. The objects are of one another, and were made with what `info` says; they live until
- * `released` is called. The queue is no protected one.
+ * `info` is NULL or valid, and so are its strings; `gpu` is NULL or valid.
  */
-enum vr_result vr_gpu_adopt(const struct vr_device_info *info,
-                            struct vr_gpu **gpu);
+enum vr_result vr_gpu_create(const struct vr_gpu_info *info, struct vr_gpu **gpu);
 
 /**
- * Destroys a device's handle; NULL is nothing. The device itself lives as long as anything that was made from it.
+ * Destroys a device's handle; NULL is ignored. The device lives as long as anything that was made from it.
  *
  * Threads: any, while no other function uses this handle.
  *
@@ -1077,7 +1058,7 @@ enum vr_result vr_gpu_adopt(const struct vr_device_info *info,
 void vr_gpu_destroy(struct vr_gpu *gpu);
 
 /**
- * The device's name; NULL for NULL. Valid as long as the handle.
+ * Returns the device's name, valid as long as the handle; NULL for NULL.
  *
  * Threads: any.
  *
@@ -1088,7 +1069,7 @@ void vr_gpu_destroy(struct vr_gpu *gpu);
 const char *vr_gpu_name(const struct vr_gpu *gpu);
 
 /**
- * Bytes of device memory that the library has taken, and how many it may take in all. Either pointer may be NULL.
+ * Writes the bytes of device memory that the library uses, and its limit. Either pointer may be NULL.
  *
  * Threads: any.
  *
@@ -1099,8 +1080,8 @@ const char *vr_gpu_name(const struct vr_gpu *gpu);
 enum vr_result vr_gpu_memory(const struct vr_gpu *gpu, uint64_t *used, uint64_t *budget);
 
 /**
- * The Vulkan objects behind a device, for callers that record on one that the library has opened. They live as long as the
- * handle and what was made from it do; what is made from them must be destroyed before.
+ * Writes the Vulkan objects behind a device, for callers that record on a device that the library has opened. The objects live as
+ * long as the handle and everything made from it; callers destroy what they make from the objects before.
  *
  * Threads: any.
  *
@@ -1112,8 +1093,8 @@ enum vr_result vr_gpu_handles(const struct vr_gpu *gpu,
                               struct vr_gpu_objects *objects);
 
 /**
- * Calls `work` once, before it returns, with the queue that the library submits to, while no other thread submits through the
- * library. `work` must call nothing of the library that draws, uploads or prepares: it would wait for itself.
+ * Calls `work` once with the queue that the library submits to, while no other thread submits through the library, and then
+ * returns. `work` must not call functions of the library that draw, upload or prepare: they would deadlock.
  *
  * Threads: any.
  *
@@ -1126,7 +1107,24 @@ enum vr_result vr_gpu_with_queue(const struct vr_gpu *gpu,
                                  void *user);
 
 /**
- * Makes a scene of a grid in memory, which is copied. Without knots (NULL, 0) a transfer function is chosen.
+ * Adopts a device that the caller made. The library destroys neither the device nor its instance. Destroying the handle and
+ * all handles made from it destroys everything that the library has made on the device, without a wait.
+ *
+ * Fails with VR_ERROR_UNSUPPORTED, whose message names the missing requirement, VR_ERROR_INVALID for a null handle, a
+ * physical device of another instance, or an enabled feature that the device does not offer, VR_ERROR_VULKAN.
+ *
+ * Threads: any.
+ *
+ * # Safety
+ *
+ * `info` and `gpu` are NULL or valid. The objects belong together and were made with what `info` says; they live until
+ * `released` is called. The queue is not protected.
+ */
+enum vr_result vr_gpu_adopt(const struct vr_device_info *info,
+                            struct vr_gpu **gpu);
+
+/**
+ * Makes a scene of a grid in memory, which is copied. Without knots (NULL, 0) the library chooses a transfer function.
  *
  * Fails with VR_ERROR_INVALID.
  *
@@ -1134,7 +1132,7 @@ enum vr_result vr_gpu_with_queue(const struct vr_gpu *gpu,
  *
  * # Safety
  *
- * Pointers are NULL or valid, arrays as long as is said.
+ * Pointers are NULL or valid, arrays have the given lengths.
  */
 enum vr_result vr_scene_create_grid(const struct vr_gpu *gpu,
                                     const struct vr_grid_info *info,
@@ -1143,7 +1141,7 @@ enum vr_result vr_scene_create_grid(const struct vr_gpu *gpu,
                                     struct vr_scene **scene);
 
 /**
- * Makes a scene of tetrahedra in memory, which are copied. Without knots (NULL, 0) a transfer function is chosen.
+ * Makes a scene of tetrahedra in memory, which are copied. Without knots (NULL, 0) the library chooses a transfer function.
  *
  * Fails with VR_ERROR_INVALID.
  *
@@ -1151,7 +1149,7 @@ enum vr_result vr_scene_create_grid(const struct vr_gpu *gpu,
  *
  * # Safety
  *
- * Pointers are NULL or valid, arrays as long as is said.
+ * Pointers are NULL or valid, arrays have the given lengths.
  */
 enum vr_result vr_scene_create_mesh(const struct vr_gpu *gpu,
                                     const struct vr_mesh_info *info,
@@ -1160,7 +1158,7 @@ enum vr_result vr_scene_create_mesh(const struct vr_gpu *gpu,
                                     struct vr_scene **scene);
 
 /**
- * Makes a scene of points in memory, which are copied. Without knots (NULL, 0) a transfer function is chosen.
+ * Makes a scene of points in memory, which are copied. Without knots (NULL, 0) the library chooses a transfer function.
  *
  * Fails with VR_ERROR_INVALID.
  *
@@ -1168,7 +1166,7 @@ enum vr_result vr_scene_create_mesh(const struct vr_gpu *gpu,
  *
  * # Safety
  *
- * Pointers are NULL or valid, arrays as long as is said.
+ * Pointers are NULL or valid, arrays have the given lengths.
  */
 enum vr_result vr_scene_create_points(const struct vr_gpu *gpu,
                                       const struct vr_points_info *info,
@@ -1177,80 +1175,7 @@ enum vr_result vr_scene_create_points(const struct vr_gpu *gpu,
                                       struct vr_scene **scene);
 
 /**
- * Makes a scene of the same data under another transfer function, which shares what is on the device of the data. `source` stays
- * as it is.
- *
- * Fails with VR_ERROR_INVALID.
- *
- * Threads: any.
- *
- * # Safety
- *
- * Pointers are NULL or valid, arrays as long as is said.
- */
-enum vr_result vr_scene_with_transfer(const struct vr_scene *source,
-                                      const struct vr_knot *knots,
-                                      size_t knot_count,
-                                      struct vr_scene **scene);
-
-/**
- * Makes a scene of other samples in the same grid: place, transfer function, surfaces and view stay. The samples are copied, and
- * may be of another type; see vr_grid_info. `source` stays as it is.
- *
- * Fails with VR_ERROR_INVALID.
- *
- * Threads: any.
- *
- * # Safety
- *
- * Pointers are NULL or valid, `samples` as large as is said.
- */
-enum vr_result vr_scene_with_samples(const struct vr_scene *source,
-                                     uint32_t sample_type,
-                                     const void *samples,
-                                     size_t sample_bytes,
-                                     struct vr_scene **scene);
-
-/**
- * Makes a scene of the same mesh with other scalars, as vr_mesh_info has them, and with another transfer function where there are
- * knots. Points and tetrahedra stay on the device. Scalars for tetrahedra are those of the tetrahedra that were kept. `source`
- * stays as it is.
- *
- * Fails with VR_ERROR_INVALID.
- *
- * Threads: any.
- *
- * # Safety
- *
- * Pointers are NULL or valid, arrays as long as is said.
- */
-enum vr_result vr_scene_with_scalars(const struct vr_scene *source,
-                                     uint32_t scalars_per,
-                                     const float *scalars,
-                                     size_t scalar_count,
-                                     const struct vr_knot *knots,
-                                     size_t knot_count,
-                                     struct vr_scene **scene);
-
-/**
- * Makes a scene of the same data among other surfaces, of which there may be none; what is on the device of the data is shared.
- * Opaque surfaces are drawn by every technique, translucent ones by some: vr_plan_create() refuses the others.
- *
- * `surfaces` are `surface_count` pointers. Everything is copied, and `source` stays as it is. Fails with VR_ERROR_INVALID.
- *
- * Threads: any.
- *
- * # Safety
- *
- * Pointers are NULL or valid, arrays as long as is said.
- */
-enum vr_result vr_scene_with_surfaces(const struct vr_scene *source,
-                                      const struct vr_surface_info *const *surfaces,
-                                      size_t surface_count,
-                                      struct vr_scene **scene);
-
-/**
- * Destroys a scene's handle; NULL is nothing. Plans and recordings that were made from it go on.
+ * Destroys a scene's handle; NULL is ignored. Plans and recordings made from it stay valid.
  *
  * Threads: any, while no other function uses this handle.
  *
@@ -1261,7 +1186,7 @@ enum vr_result vr_scene_with_surfaces(const struct vr_scene *source,
 void vr_scene_destroy(struct vr_scene *scene);
 
 /**
- * Tells what a scene is.
+ * Writes the properties of a scene.
  *
  * Threads: any.
  *
@@ -1272,8 +1197,8 @@ void vr_scene_destroy(struct vr_scene *scene);
 enum vr_result vr_scene_query(const struct vr_scene *scene, struct vr_scene_info *info);
 
 /**
- * Fills in the view that a scene file asks for, or one that is chosen for the data, of an image of this size; width and height 0:
- * of the scene's own size.
+ * Writes the view of the scene file, or a view that the library chooses for the data, for an image of this size. Width and
+ * height 0 stand for the scene's own size.
  *
  * Fails with VR_ERROR_INVALID.
  *
@@ -1289,8 +1214,8 @@ enum vr_result vr_scene_view(const struct vr_scene *scene,
                              struct vr_view *view);
 
 /**
- * The technique that the scene's file asks for, else the default for its data, as vr_plan_info takes it; NULL for NULL. Valid as
- * long as the handle.
+ * Returns the technique of the scene file, else the default for the data, in the format of vr_plan_info, valid as long as the
+ * handle; NULL for NULL.
  *
  * Threads: any.
  *
@@ -1301,8 +1226,8 @@ enum vr_result vr_scene_view(const struct vr_scene *scene,
 const char *vr_scene_technique(const struct vr_scene *scene);
 
 /**
- * What may not be as it seems in the file that was read, one warning a line; "" if there is none, NULL for NULL. Valid as long as
- * the handle.
+ * Returns the warnings about the file that was read, one per line, "" if there are none, valid as long as the handle; NULL for
+ * NULL.
  *
  * Threads: any.
  *
@@ -1313,9 +1238,9 @@ const char *vr_scene_technique(const struct vr_scene *scene);
 const char *vr_scene_warnings(const struct vr_scene *scene);
 
 /**
- * Whether a technique, with or without options, draws a scene's kind of data.
+ * Writes whether a technique, with or without options, supports a scene.
  *
- * Fails with VR_ERROR_INVALID for what is no technique.
+ * Fails with VR_ERROR_INVALID for an unknown technique or invalid options.
  *
  * Threads: any.
  *
@@ -1326,11 +1251,84 @@ const char *vr_scene_warnings(const struct vr_scene *scene);
 enum vr_result vr_scene_draws(const struct vr_scene *scene, const char *technique, VkBool32 *draws);
 
 /**
- * Reads a scene file (.json), a data file of any format that the library knows, or a folder of slices. A data file gets a
- * camera and a transfer function that are chosen for it. `info` may be NULL.
+ * Makes a scene of the same data with another transfer function. The scenes share the data on the device; `source` is
+ * unchanged.
  *
- * `path` is UTF-8, on Unix any bytes. Fails with VR_ERROR_IO, VR_ERROR_FILE naming file, place and rule,
- * VR_ERROR_INVALID.
+ * Fails with VR_ERROR_INVALID.
+ *
+ * Threads: any.
+ *
+ * # Safety
+ *
+ * Pointers are NULL or valid, arrays have the given lengths.
+ */
+enum vr_result vr_scene_with_transfer(const struct vr_scene *source,
+                                      const struct vr_knot *knots,
+                                      size_t knot_count,
+                                      struct vr_scene **scene);
+
+/**
+ * Makes a scene of other samples in the same grid, with the same placement, transfer function, surfaces and view. The samples are
+ * copied, and may be of another type; see vr_grid_info. `source` is unchanged.
+ *
+ * Fails with VR_ERROR_INVALID.
+ *
+ * Threads: any.
+ *
+ * # Safety
+ *
+ * Pointers are NULL or valid, `samples` has `sample_bytes` bytes.
+ */
+enum vr_result vr_scene_with_samples(const struct vr_scene *source,
+                                     uint32_t sample_type,
+                                     const void *samples,
+                                     size_t sample_bytes,
+                                     struct vr_scene **scene);
+
+/**
+ * Makes a scene of the same mesh with other scalars, as in vr_mesh_info, and with another transfer function if there are knots. The
+ * scenes share points and tetrahedra on the device. Scalars per tetrahedron are given for the tetrahedra that were kept. `source`
+ * is unchanged.
+ *
+ * Fails with VR_ERROR_INVALID.
+ *
+ * Threads: any.
+ *
+ * # Safety
+ *
+ * Pointers are NULL or valid, arrays have the given lengths.
+ */
+enum vr_result vr_scene_with_scalars(const struct vr_scene *source,
+                                     uint32_t scalars_per,
+                                     const float *scalars,
+                                     size_t scalar_count,
+                                     const struct vr_knot *knots,
+                                     size_t knot_count,
+                                     struct vr_scene **scene);
+
+/**
+ * Makes a scene of the same data with other surfaces, or with none. The scenes share the data on the device. Every technique draws
+ * opaque surfaces, some draw translucent ones: vr_plan_create() refuses the others.
+ *
+ * `surfaces` are `surface_count` pointers. Everything is copied, and `source` is unchanged. Fails with VR_ERROR_INVALID.
+ *
+ * Threads: any.
+ *
+ * # Safety
+ *
+ * Pointers are NULL or valid, arrays have the given lengths.
+ */
+enum vr_result vr_scene_with_surfaces(const struct vr_scene *source,
+                                      const struct vr_surface_info *const *surfaces,
+                                      size_t surface_count,
+                                      struct vr_scene **scene);
+
+/**
+ * Makes a scene from a scene file (.json), a data file of any supported format, or a folder of slices. For a data file the
+ * library chooses a camera and a transfer function. `info` may be NULL.
+ *
+ * `path` is UTF-8; on Unix it may have any bytes. Fails with VR_ERROR_IO, with VR_ERROR_FILE whose message names file, place and
+ * rule, and with VR_ERROR_INVALID.
  *
  * Threads: any.
  *
@@ -1344,10 +1342,10 @@ enum vr_result vr_scene_load(const struct vr_gpu *gpu,
                              struct vr_scene **scene);
 
 /**
- * Fixes everything that frames of this view's size need. May allocate, compile, upload, submit and wait.
+ * Makes a plan for frames of this view's size. May allocate, compile, upload, submit and wait.
  *
- * Fails with VR_ERROR_INVALID for options that do not exist or do not fit the scene, VR_ERROR_UNSUPPORTED and VR_ERROR_MEMORY for
- * what the device lacks, VR_ERROR_VULKAN.
+ * Fails with VR_ERROR_INVALID for options that do not exist or do not fit the scene, with VR_ERROR_UNSUPPORTED or
+ * VR_ERROR_MEMORY if the device lacks a feature or memory, and with VR_ERROR_VULKAN.
  *
  * Threads: any; plans of one scene may be created at the same time.
  *
@@ -1361,8 +1359,8 @@ enum vr_result vr_plan_create(const struct vr_scene *scene,
                               struct vr_plan **plan);
 
 /**
- * Turns a plan to another view of the same image size. Allocates nothing, and does not wait. Returns VR_NO_ROOM, and nothing is
- * changed, where the plan has no room for it, the size is another one, or the view is the first with anything cut away: call
+ * Sets another view of the same image size. Allocates nothing and does not wait. Returns VR_NO_ROOM and changes nothing if the
+ * plan's capacity is too small for the view, if its size differs, or if it clips and the plan was made without clipping: call
  * vr_plan_prepare() then.
  *
  * Fails with VR_ERROR_INVALID.
@@ -1377,10 +1375,10 @@ enum vr_result vr_plan_set_view(struct vr_plan *plan,
                                 const struct vr_view *view);
 
 /**
- * Makes a plan anew for a view of any size, with room for what frames were short of. What recordings of it still name stays until
- * they are completed. May allocate, compile, upload, submit and wait.
+ * Makes a plan anew for a view of any size, with the capacity that earlier frames lacked. Resources of its recordings live until
+ * these are completed. May allocate, compile, upload, submit and wait.
  *
- * Fails as vr_plan_create(), and the plan is what it was.
+ * Fails as vr_plan_create(), and leaves the plan unchanged.
  *
  * Threads: any; calls with one plan wait for each other.
  *
@@ -1392,7 +1390,7 @@ enum vr_result vr_plan_prepare(struct vr_plan *plan,
                                const struct vr_view *view);
 
 /**
- * How the technique draws on this device: raster, compute, ...; NULL for NULL. Valid as long as the handle.
+ * Returns the route of the technique on this device (raster, compute, ...), valid as long as the handle; NULL for NULL.
  *
  * Threads: any.
  *
@@ -1403,27 +1401,7 @@ enum vr_result vr_plan_prepare(struct vr_plan *plan,
 const char *vr_plan_route(const struct vr_plan *plan);
 
 /**
- * Records a frame into the caller's command buffer: no submission, no wait, no device memory. The caller submits, sees the
- * submission end by a fence, a semaphore or an idle queue, and calls vr_recording_completed(). A plan has one recording at a time
- * that was not completed.
- *
- * Fails with VR_ERROR_INVALID where an image is not what the plan is for, or its last recording was not completed,
- * VR_ERROR_UNSUPPORTED for a depth image of a format that the device cannot sample. Nothing was recorded then.
- *
- * Threads: any that may record into the command buffer; calls with one plan wait for each other.
- *
- * # Safety
- *
- * Pointers are NULL or valid, structures with their sizes. The Vulkan objects are of the plan's device and as vr_record_info and
- * vr_depth_image say; images and views live until every submission that uses them has ended. The command buffer is submitted at
- * most once at a time, to the device's queue family.
- */
-enum vr_result vr_plan_record(struct vr_plan *plan,
-                              const struct vr_record_info *info,
-                              struct vr_recording **recording);
-
-/**
- * Destroys a plan's handle; NULL is nothing. What recordings of it name stays until they are completed.
+ * Destroys a plan's handle; NULL is ignored. Resources of its recordings live until these are completed.
  *
  * Threads: any, while no other function uses this handle.
  *
@@ -1434,25 +1412,63 @@ enum vr_result vr_plan_record(struct vr_plan *plan,
 void vr_plan_destroy(struct vr_plan *plan);
 
 /**
- * Says that the submission of a recording has ended: a fence or a semaphore was signalled, or the queue is idle. Frees what the
- * recording kept, and tells what the frame told. `status` may be NULL. Called again it tells the same.
+ * Draws a frame and waits for it, for tests, thumbnails and files. Writes width * height pixels of premultiplied linear red, green,
+ * blue and alpha to `pixels`, row by row, top row first; `float_count` is the number of floats that `pixels` can hold.
  *
- * Fails with VR_ERROR_VULKAN where the status cannot be read, though what the recording kept is freed, and with
- * VR_ERROR_INVALID for a recording that was discarded.
+ * Fails as vr_plan_create(), and with VR_ERROR_TIMEOUT.
+ *
+ * Threads: any.
+ *
+ * # Safety
+ *
+ * Pointers are NULL or valid, structures with their sizes; `pixels` can hold `float_count` floats; `technique` ends with NUL.
+ */
+enum vr_result vr_render(const struct vr_scene *scene,
+                         const char *technique,
+                         const struct vr_view *view,
+                         float *pixels,
+                         size_t float_count);
+
+/**
+ * Records a frame into the caller's command buffer, without submission, wait or allocation of device memory. The caller submits,
+ * waits for the end of the submission by a fence, a semaphore or an idle queue, and calls vr_recording_completed(). A plan has at
+ * most one recording that is not completed.
+ *
+ * Fails with VR_ERROR_INVALID if an image does not fit the plan or the plan's last recording is not completed, and with
+ * VR_ERROR_UNSUPPORTED if the device cannot sample the format of the depth image. Nothing is recorded then.
+ *
+ * Threads: any that may record into the command buffer; calls with one plan wait for each other.
+ *
+ * # Safety
+ *
+ * Pointers are NULL or valid, structures with their sizes. The Vulkan objects belong to the plan's device and are as vr_record_info
+ * and vr_depth_image require; images and views live until every submission that uses them has ended. The command buffer is not
+ * submitted again while a submission of it is pending, and only to the device's queue family.
+ */
+enum vr_result vr_plan_record(struct vr_plan *plan,
+                              const struct vr_record_info *info,
+                              struct vr_recording **recording);
+
+/**
+ * Declares that the submission of a recording has ended: a fence or a semaphore was signalled, or the queue is idle. Frees the
+ * resources of the recording, and writes the status of the frame; later calls write the same. `status` may be NULL.
+ *
+ * Fails with VR_ERROR_VULKAN if the status cannot be read, though it frees the resources, and with VR_ERROR_INVALID for a
+ * recording that was discarded.
  *
  * Threads: any; calls with one recording wait for each other.
  *
  * # Safety
  *
- * `recording` is NULL or valid, and the device has no more use for what it recorded; `status` is NULL or valid, with its size.
+ * `recording` is NULL or valid, and no submission of it is pending; `status` is NULL or valid, with its size.
  */
 enum vr_result vr_recording_completed(struct vr_recording *recording,
                                       struct vr_status *status);
 
 /**
- * Says that a recording will not be submitted, or not again: its command buffer was reset, freed or forgotten, as when a frame is
- * dropped because the window changed. Frees what the recording kept. The plan can be recorded again. Of a recording that was
- * completed or discarded: does nothing.
+ * Declares that a recording will not be submitted, or not again, for instance because a resized window made its frame obsolete.
+ * Frees the resources of the recording, and the plan can record again. Does nothing for a recording that was completed or
+ * discarded.
  *
  * Fails with VR_ERROR_INVALID for NULL.
  *
@@ -1460,13 +1476,13 @@ enum vr_result vr_recording_completed(struct vr_recording *recording,
  *
  * # Safety
  *
- * `recording` is NULL or valid, and no submission of what it recorded is pending or will be made.
+ * `recording` is NULL or valid, and no submission of it is pending or will be made.
  */
 enum vr_result vr_recording_discard(struct vr_recording *recording);
 
 /**
- * Destroys a recording's handle; NULL is nothing. Where it was neither completed nor discarded, what the recording kept is never
- * freed, for the device may still use it, and the plan records no more until vr_plan_prepare().
+ * Destroys a recording's handle; NULL is ignored. If it was neither completed nor discarded, its resources are never freed, since
+ * the device may still use them, and the plan cannot record until vr_plan_prepare().
  *
  * Threads: any, while no other function uses this handle.
  *
@@ -1475,24 +1491,6 @@ enum vr_result vr_recording_discard(struct vr_recording *recording);
  * `recording` is NULL, or a handle that was not destroyed.
  */
 void vr_recording_destroy(struct vr_recording *recording);
-
-/**
- * Draws a frame and waits for it: for tests, thumbnails and files. `pixels` gets width * height times premultiplied linear red,
- * green, blue and alpha, row by row, top row first; `float_count` is the number of floats that it has room for.
- *
- * Fails as vr_plan_create(), and with VR_ERROR_TIMEOUT.
- *
- * Threads: any.
- *
- * # Safety
- *
- * Pointers are NULL or valid, structures with their sizes, `pixels` as large as is said, `technique` NULL or text.
- */
-enum vr_result vr_render(const struct vr_scene *scene,
-                         const char *technique,
-                         const struct vr_view *view,
-                         float *pixels,
-                         size_t float_count);
 
 #ifdef __cplusplus
 }  // extern "C"
