@@ -28,3 +28,9 @@ pub use gpu::Gpu;
 pub use image::Image;
 pub use resident::{GpuScene, GridBytes, Integrator, SegmentOptions, UploadTimes};
 pub use technique::{FrameTime, Frames, Method, Renderer, Technique};
+
+/// Whether this run of the tests takes every case (`make test-all`), and not a selection (`make test`).
+#[cfg(test)]
+pub(crate) fn exhaustive() -> bool {
+    std::env::var_os("VOLRASTER_TESTS").is_some_and(|tier| tier == "all")
+}

@@ -13,8 +13,8 @@ use super::table::{self, Candidate};
 use super::trial::drawn;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, user_cache_folder};
-use crate::scene::presets::PRESETS;
 use crate::resident::GpuScene;
+use crate::scene::presets::PRESETS;
 use crate::scene::{
     Camera, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, TransferFunction, View,
 };

@@ -245,7 +245,7 @@ mod tests {
 
     #[test]
     #[ignore = "a measurement"]
-    fn colour_error_of_mean_colours() {
+    fn measure_colour_error_of_mean_colours() {
         let ramp = [[0.0, 0.0, 1.0, 0.0, 1e4], [1.0, 1.0, 0.0, 0.0, 1e4]];
         for size in [33, 65, 129, 257] {
             for (name, rows, longest) in
@@ -389,7 +389,7 @@ mod tests {
 
     #[test]
     #[ignore = "a measurement"]
-    fn build_time() {
+    fn measure_build_time() {
         let mut times: Vec<f64> = (0..11)
             .map(|_| {
                 let start = std::time::Instant::now();

@@ -534,7 +534,7 @@ mod tests {
     /// the machine does harms all.
     #[test]
     #[ignore = "a measurement"]
-    fn time_of_a_sort() {
+    fn measure_time_of_a_sort() {
         const TURNS: usize = 20;
         let gpu = TestGpu::with(Validation::Off);
         println!("{}: median, lower decile, least", gpu.report().driver);

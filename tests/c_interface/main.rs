@@ -2,7 +2,7 @@
 
 #![allow(missing_debug_implementations, unreachable_pub, reason = "a test of several files")]
 #![allow(unsafe_code, reason = "plays a C program")]
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+#![allow(clippy::unwrap_used, clippy::panic, clippy::too_many_lines, reason = "a test fails by panicking")]
 #![allow(clippy::cast_possible_truncation, reason = "small numbers")]
 
 #[path = "../common/mod.rs"]

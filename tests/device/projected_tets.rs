@@ -506,6 +506,7 @@ fn real(name: &str) -> Option<Scene> {
 }
 
 #[test]
+#[ignore = "make test-all: data that is not part of the project"]
 fn real_meshes() {
     let gpu = gpu();
     for name in [

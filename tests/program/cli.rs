@@ -498,6 +498,7 @@ fn bench_checks_each_case_and_times_it() {
 }
 
 #[test]
+#[ignore = "make test-all"]
 fn bench_reports_what_low_precision_loses_without_failing() {
     let folder = Folder::new("bench-low");
     // Five times as bright as what a normalised format holds, without an outline that coarse texels blur.
@@ -880,6 +881,7 @@ fn a_mesh_is_rendered_with_counters_and_a_map_of_its_overflow() {
 }
 
 #[test]
+#[ignore = "make test-all"]
 fn techniques_for_meshes_are_compared_and_benched() {
     let folder = Folder::new("mesh-bench");
     std::fs::write(folder.path("cubes.json"), CUBES).unwrap();

@@ -3,6 +3,7 @@
 #![allow(
     clippy::unwrap_used,
     clippy::panic,
+    clippy::too_many_lines,
     unreachable_pub,
     missing_debug_implementations,
     reason = "a test fails by panicking"

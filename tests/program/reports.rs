@@ -159,6 +159,7 @@ fn a_reference_is_drawn_once() {
 }
 
 #[test]
+#[ignore = "make test-all"]
 fn a_folder_of_scenes_is_benched_with_tables_and_plots() {
     let folder = Folder::new("suite");
     folder.write("scenes/grid.json", GRID);
@@ -227,6 +228,7 @@ fn a_folder_of_scenes_is_benched_with_tables_and_plots() {
 }
 
 #[test]
+#[ignore = "make test-all"]
 fn suites_are_chosen_by_name_and_sizes_have_a_plot() {
     let folder = Folder::new("smoke");
     folder.done("bench smoke -o out --only blobs-tets,no-such --frames 1");

@@ -130,6 +130,7 @@ fn another_transfer_function_keeps_the_kernels() {
 }
 
 #[test]
+#[ignore = "make test-all"]
 fn the_error_that_is_asked_for_is_held_for_kernels() {
     let gpu = gpu();
     let view = view(perspective(), 1.0, 40, 30);

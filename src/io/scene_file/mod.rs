@@ -16,7 +16,7 @@ mod technique;
 mod transfer;
 mod volume;
 
+pub use crate::scene::presets::{PRESETS, Preset};
 pub use load::SceneFile;
 pub use loaded::LoadedScene;
-pub use crate::scene::presets::{PRESETS, Preset};
 pub use technique::TechniqueChoice;

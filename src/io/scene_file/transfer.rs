@@ -10,8 +10,8 @@ use crate::error::{Error, Result};
 use crate::io::file::json::parse_file;
 use crate::io::options::ReadOptions;
 use crate::io::scene_file::data::beside;
-use crate::scene::presets::{PRESETS, stretch};
 use crate::scene::TransferFunction;
+use crate::scene::presets::{PRESETS, stretch};
 
 /// The value of `transfer`: knots, a preset, or a file that holds either.
 pub(crate) enum TransferSpec {

@@ -374,7 +374,7 @@ fn round_up_rounds_up() {
 
 #[test]
 #[ignore = "a measurement"]
-fn build_time() {
+fn measure_build_time() {
     let rows: Vec<[f64; 5]> = (0..65_536).map(|i| [f64::from(i), 0.5, 0.5, 0.2, 1.0]).collect();
     for (name, tf) in [("4 knots", transfer(&SMOOTH)), ("65536 knots", transfer(&rows))] {
         let mut times: Vec<f64> = (0..50)

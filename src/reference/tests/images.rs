@@ -66,7 +66,7 @@ fn refuses_bad_options_and_rays_and_reports_every_row() {
 /// Time of the standard image; run with `--release -- --ignored --nocapture`.
 #[test]
 #[ignore = "a measurement: some seconds in release, minutes otherwise"]
-fn time_of_the_standard_image() {
+fn measure_time_of_the_standard_image() {
     let camera = Camera {
         eye: DVec3::new(2.0, 1.5, 3.8),
         target: DVec3::ZERO,

@@ -286,7 +286,7 @@ fn random_points_equal_an_adaptive_integrator() {
     let transfer = TransferFunction::from_rows(&RAMP).unwrap();
     for kernel in [Kernel::Gaussian, Kernel::BSpline] {
         for model in [Model::Density, Model::Interpolate] {
-            for cut in [2.0, 3.0] {
+            for cut in [2.0, 3.0].into_iter().take(if crate::exhaustive() { 2 } else { 1 }) {
                 let kernels = Kernels { kernel, model, cut, ..Kernels::of_points() };
                 let points = random_points(25, 5, true);
                 let scene = points_scene(points.clone(), &RAMP, Some(kernels));
@@ -357,7 +357,7 @@ fn random_grids_equal_an_adaptive_integrator() {
         .unwrap();
     let (to_index, origin) = (axes.inverse(), placed.origin());
     let base = scene(placed, &RAMP);
-    for (_, kernel) in Kernel::ALL {
+    for (_, kernel) in Kernel::ALL.into_iter().step_by(if crate::exhaustive() { 1 } else { 3 }) {
         for model in [Model::Density, Model::Interpolate] {
             let kernels = Kernels { kernel, model, cut: 2.6, ..Kernels::of_samples() };
             let Ok(scene) = base.clone().with_kernels(kernels) else { continue };
@@ -617,7 +617,7 @@ fn images_are_made_of_rays() {
 /// Time of images of 64 x 64; run with `-- --ignored --nocapture`.
 #[test]
 #[ignore = "a measurement: about a minute"]
-fn time_of_kernels() {
+fn measure_time_of_kernels() {
     let camera = Camera {
         eye: DVec3::new(2.0, 1.5, 3.8),
         target: DVec3::ZERO,

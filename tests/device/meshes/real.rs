@@ -72,6 +72,7 @@ fn assert_files(gpu: &volraster::Gpu, side: u32) {
 }
 
 #[test]
+#[ignore = "make test-all: data that is not part of the project"]
 fn real_meshes_in_small() {
     assert_files(&gpu(), 64);
 }

@@ -173,7 +173,7 @@ fn before_the_warp_lines_are_as_good_as_slabs_from_everywhere() {
 /// The table of docs/TECHNIQUES.md: error before the warp over the angle between view and base plane's normal.
 #[test]
 #[ignore = "a measurement"]
-fn table_over_the_angle() {
+fn measure_table_over_the_angle() {
     let gpu = TestGpu::new();
     let grid = Field::MarschnerLobb.sample([40; 3], "f32").unwrap();
     let scene = Scene::new(grid, shells());
@@ -232,7 +232,7 @@ fn table_over_the_angle() {
 /// What a new transfer function costs: tables, visible bricks and a new plan, beside a frame.
 #[test]
 #[ignore = "a measurement"]
-fn time_of_a_new_transfer_function() {
+fn measure_time_of_a_new_transfer_function() {
     let gpu = TestGpu::with(crate::gpu::Validation::Off);
     for n in [128, 256] {
         let grid = Field::MarschnerLobb.sample([n; 3], "u8").unwrap();
