@@ -515,7 +515,11 @@ fn long_numbers_are_as_long_as_they_fit() {
         for last in [false, true] {
             let sample = longs(bytes, last).sample("long");
             let notes = sample.loaded().report.notes;
-            assert_eq!(notes.iter().any(|n| n.starts_with("numbers of type long have 4 bytes")), note, "{notes:?}");
+            assert_eq!(
+                notes.iter().any(|n| n.starts_with("numbers of type long have 4 bytes")),
+                note,
+                "{notes:?}"
+            );
             assert_eq!(grid_values(&sample, "a"), list(8, |i| i - 2.0), "{bytes} {last}");
             assert_eq!(grid_values(&sample, "b:1"), list(8, |i| 2.0 * i + 1.0), "{bytes} {last}");
             assert_eq!(grid_values(&sample, "c"), list(8, |i| -i), "{bytes} {last}");
@@ -603,7 +607,10 @@ fn what_is_wrong_is_refused_with_its_place() {
         (text(&format!("{image}POINT_DATA 8\nPOINT_DATA 9\n")), ["line 9: 9", "there is data for 8 before"]),
         (text(&format!("{image}CELL_DATA 8\n")), ["CELL_DATA: 8", "the data set has 1"]),
         (text(image), ["arrays: none", "a grid needs point or cell data"]),
-        (text("DATASET STRUCTURED_POINTS\nEXTENT 1 0 3 1 2 3\n"), ["line 5: EXTENT 3 to 1", "must not decrease"]),
+        (
+            text("DATASET STRUCTURED_POINTS\nEXTENT 1 0 3 1 2 3\n"),
+            ["line 5: EXTENT 3 to 1", "must not decrease"],
+        ),
         (text("DATASET STRUCTURED_POINTS\n"), ["DIMENSIONS", "missing: STRUCTURED_POINTS needs it"]),
         (
             text("DATASET STRUCTURED_POINTS\nDIMENSIONS 4294967295 4294967295 4294967295\n"),
