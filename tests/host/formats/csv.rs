@@ -118,7 +118,7 @@ fn broken_rules_are_refused_in_one_line() {
         ("a,b,c\n1,2,3\n", &["line 1: \"a, b, c\": no columns of positions"]),
         ("x,y,w\n1,2,3\n", &["line 1: \"x, y, w\": no columns of positions"]),
         ("3\nwater\nO 0 0\n", &["line 1: \"3\": no columns of positions"]),
-        ("x,y,z,Z\n1,2,3,4\n", &["line 1: column 4 is a position again"]),
+        ("x,y,z,Z\n1,2,3,4\n", &["line 1: column 4 is a second column of the same coordinate"]),
         ("x,y,z\n\n1,2,3\r\n4,5\n", &["line 4: 2 cells: the first row has 3"]),
         ("x,y,z\n1,2,3\n# c\n4,5,6,7\n", &["line 4: 4 cells: the first row has 3"]),
         ("x,y,z\n1,2,3\n4,five,6\n", &["line 3, column 2 (y): \"five\": must be a number"]),

@@ -606,7 +606,7 @@ fn what_is_wrong_is_refused_with_its_place() {
             ["line 8: SCALARS", "must follow POINT_DATA or CELL_DATA"],
         ),
         (text(&format!("{image}POINT_DATA 7\n")), ["POINT_DATA: 7", "the data set has 8"]),
-        (text(&format!("{image}POINT_DATA 8\nPOINT_DATA 9\n")), ["line 9: 9", "there is data for 8 before"]),
+        (text(&format!("{image}POINT_DATA 8\nPOINT_DATA 9\n")), ["line 9: 9", "the data before is for 8"]),
         (text(&format!("{image}CELL_DATA 8\n")), ["CELL_DATA: 8", "the data set has 1"]),
         (text(image), ["arrays: none", "a grid needs point or cell data"]),
         (
@@ -736,7 +736,7 @@ fn what_is_wrong_is_refused_with_its_place() {
         ),
         (
             binary(b"DATASET POLYDATA\nPOINTS 1 float\n123456789012345"),
-            ["before byte", "\"345\": is no keyword"],
+            ["before byte", "\"345\": is not a keyword"],
         ),
         (
             binary(b"DATASET POLYDATA\nFIELD f 1\na 1 2 string\n\xc1a"),
@@ -884,6 +884,9 @@ fn the_last_spacing_counts() {
     assert!(same.report.warnings.is_empty(), "{:?}", same.report.warnings);
     assert_eq!(grid(same).spacing(), DVec3::new(1.0, 2.0, 3.0));
     let other = image("SPACING 1 2 3\nASPECT_RATIO 1 2 4");
-    assert_eq!(other.report.warnings, ["ASPECT_RATIO 1 2 4: the spacing before was 1 2 3, the last counts"]);
+    assert_eq!(
+        other.report.warnings,
+        ["ASPECT_RATIO 1 2 4: the previous spacing was 1 2 3, the last one is used"]
+    );
     assert_eq!(grid(other).spacing(), DVec3::new(1.0, 2.0, 4.0));
 }

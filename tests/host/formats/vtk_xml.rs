@@ -911,7 +911,7 @@ fn wrong_cells_are_refused() {
     );
     change("10 10 12 13 14", "10 10 12 13 256", &["line 27: \"256\": must be a number of type u8"]);
     let wide = replaced(&replaced(&good, "13 14\n", "13 256"), "type=\"UInt8\"", "type=\"Int16\"");
-    Sample::one("", "a.vtu", wide).refused(&["\"types\": 256: no type of a cell"]);
+    Sample::one("", "a.vtu", wide).refused(&["\"types\": 256: not a type of a cell"]);
     change("10 10 12 13 14", "10 10 12 13 42", &["1 of type 42 (polyhedra): "]);
     change("10 10 12 13 14", "10 10 12 14 13", &["cells"]);
     change("0 1 5 11 0", "0 1 5 12 0", &["node 12: the piece has 12 points"]);
