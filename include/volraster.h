@@ -1497,3 +1497,5 @@ void vr_recording_destroy(struct vr_recording *recording);
 #endif  // __cplusplus
 
 #endif  /* VOLRASTER_H */
+
+/* Checksum of the sources: 64a8226f29fa937d */
