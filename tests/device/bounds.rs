@@ -169,7 +169,7 @@ fn scenes(gpu: &Gpu) -> Vec<Case> {
 #[test]
 fn every_technique_is_cut_where_the_reference_is() {
     let gpu = gpu();
-    for (name, scene, specs) in scenes(&gpu) {
+    for (name, scene, specs) in taken(2, scenes(&gpu)) {
         let on_device = GpuScene::new(&gpu, scene.clone());
         for (i, plain) in taken(3, views().into_iter().enumerate()) {
             let [width, height] = plain.extent();
@@ -363,7 +363,7 @@ fn plans_turn_between_clipped_views() {
 
 /// A dispatch that goes on where another has ended is cut where that was.
 #[test]
-fn split_marches_are_cut_alike() {
+fn own_device_split_marches_are_cut_alike() {
     let few = gpu_with(GpuOptions { loop_limit: Some(400), ..GpuOptions::default() });
     let scene = scene(Field::Blobs, 24, "f32", &FOG);
     let split = GpuScene::new(&few, scene.clone());

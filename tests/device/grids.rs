@@ -395,7 +395,7 @@ fn the_scale_of_the_world_does_not_matter() {
 
 /// Early termination counts with the colours: what is bright shows through more.
 #[test]
-fn bright_colours_behind_opaque_matter_are_not_lost() {
+fn own_device_bright_colours_behind_opaque_matter_are_not_lost() {
     let gpu = gpu();
     // Dark and dense in front (z = 1), bright behind: transmittance is some 1e-7 where brightness begins.
     let rows = [[0.5, 0.0, 0.0, 0.0, 16.0], [0.5, 1e5, 1e5, 1e5, 1.0]];
@@ -490,7 +490,7 @@ fn frames_repeat_exactly() {
 }
 /// More slabs than one invocation may loop over: the work is split, and the picture is whole.
 #[test]
-fn long_marches_are_split() {
+fn own_device_long_marches_are_split() {
     let gpu = gpu();
     let limit = gpu.loop_limit().unwrap();
     println!("loop limit: {limit}");
@@ -547,7 +547,7 @@ fn long_marches_are_split() {
 
 /// What the device cannot hold is said before the driver is asked, with both numbers.
 #[test]
-fn limits_are_reported_with_both_numbers() {
+fn own_device_limits_are_reported_with_both_numbers() {
     let small = gpu_with(GpuOptions { memory_budget: Some(100_000), ..GpuOptions::default() });
     let view = view(perspective(), 1.0, 64, 48);
     let big = scene(Field::Ramp, 64, "f32", &FOG);
@@ -1036,7 +1036,7 @@ fn early_ends_are_bounded() {
 
 /// A march in many dispatches draws what one dispatch does, but for the rounding of what is kept between them.
 #[test]
-fn split_marches_resume_where_they_stopped() {
+fn own_device_split_marches_resume_where_they_stopped() {
     let whole = gpu();
     let split = gpu_with(GpuOptions { loop_limit: Some(1500), ..GpuOptions::default() });
     let make = || scene(Field::Blobs, 24, "f32", &FOG);
@@ -1066,7 +1066,7 @@ fn wrong_options_are_named() {
         ("slabs:integrator=midpoint", ["integrator", "midpoint", "integral, full, exact"]),
         ("slabs:integrator=simpson", ["integrator", "simpson", "integral"]),
         ("raycast:order=back-to-front", ["raycast", "order", "must be one of"]),
-        ("raycast:route=raster", ["raycast", "route", "compute alone"]),
+        ("raycast:route=raster", ["raycast", "route", "must be compute"]),
         ("slices-2d:hysteresis=1", ["hysteresis", "\"1\"", "below 1"]),
         ("slices-2d:step=half", ["step", "half", "number"]),
         ("slices-2d:stacks=two", ["stacks", "two", "used, all"]),
@@ -1087,7 +1087,7 @@ fn wrong_options_are_named() {
 /// A plain scene builds one pipeline and takes the samples, the knots and the image; each thing more is asked for
 /// by an option, and everything is given back.
 #[test]
-fn a_plain_scene_takes_what_it_needs() {
+fn own_device_a_plain_scene_takes_what_it_needs() {
     const SAMPLES: u64 = 32 * 32 * 32 * 4;
     const PIXELS: u64 = 64 * 48;
     let view = view(perspective(), 1.0, 64, 48);

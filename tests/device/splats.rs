@@ -182,7 +182,7 @@ fn scenes() -> Vec<(&'static str, Scene, bool)> {
 #[test]
 fn slabs_converge_to_the_reference_of_the_same_kernels() {
     let gpu = gpu();
-    for (what, scene, gaussian) in scenes() {
+    for (what, scene, gaussian) in taken(2, scenes()) {
         let mesh = scene.mesh().is_some();
         let jumps = scene.grid().is_none() && scene.kernels.unwrap().model == Model::Interpolate;
         // What sheets and slabs of splats share is drawn by the same shader.
@@ -334,7 +334,7 @@ fn templates_are_the_integrals() {
 fn columns_and_pixels_are_the_same_image() {
     let gpu = gpu();
     let view = view(perspective(), 0.6, 37, 29);
-    for (what, scene, gaussian) in scenes() {
+    for (what, scene, gaussian) in taken(3, scenes()) {
         let density = scene.kernels.unwrap().model == Model::Density;
         let mut specs = Vec::new();
         if scene.mesh().is_none() {

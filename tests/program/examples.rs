@@ -12,7 +12,12 @@ fn examples() -> &'static Path {
     FOLDER.get_or_init(|| {
         let root = env!("CARGO_MANIFEST_DIR");
         let mut build = Command::new(env!("CARGO"));
-        let status = build.args(["build", "--examples"]).current_dir(root).status().unwrap();
+        let status = build
+            .args(["build", "--examples"])
+            .env_remove("RUSTC_BOOTSTRAP")
+            .current_dir(root)
+            .status()
+            .unwrap();
         assert!(status.success());
         // target/PROFILE/deps/this
         let this = std::env::current_exe().unwrap();

@@ -82,9 +82,13 @@ families!(
     splats,
     splat_limits,
     metamorphic,
-    limits,
     refusals
 );
+
+#[test]
+fn own_device_limits() {
+    assert_family(&limits::FAMILY);
+}
 
 /// The document lists the cases and exactly the refusals that happen, and there are enough of both.
 #[test]

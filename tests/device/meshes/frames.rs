@@ -122,7 +122,7 @@ fn other_scalars_and_transfer_functions_share_the_mesh() {
 
 /// Where a shader sees little of a buffer, the image is drawn in bands of tiles, to the same bit.
 #[test]
-fn bands_change_nothing() {
+fn own_device_bands_change_nothing() {
     let scene = Scene::new(needles(6), transfer(&HAZE));
     let view = needles_view(150, 83);
     let specs = ["havs", "havs:k=1", "havs:k=2,chunk=7", "abuffer"];
@@ -148,7 +148,7 @@ fn bands_change_nothing() {
 
 /// Neither more fragments than a buffer holds nor a memory that is too small is anything but an error that says so.
 #[test]
-fn what_the_device_cannot_hold_is_refused() {
+fn own_device_what_the_device_cannot_hold_is_refused() {
     let scene = cubes(Field::Blobs, 12, &FOG);
     let view = view(perspective(), 1.0, 64, 64);
     for (options, part) in [
