@@ -1,4 +1,4 @@
-//! The composite draws a technique's image into the caller's colour image, of any format (`glsl/composite.glsl`).
+//! The composite draws a technique's image into the caller's colour image, of any format (`glsl/frame/composite.glsl`).
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Bounds the rays of pixels by the clip planes and the crop box of a view, and by a depth image (`glsl/line-bounds.glsl`).
+//! Bounds the rays of pixels by the clip planes and the crop box of a view, and by a depth image (`glsl/frame/line-bounds.glsl`).
 //!
 //! Half-spaces are convex, and so is the part of a ray before a surface. Each ray therefore keeps one interval, and every
 //! technique clips its segments to it. A plan without bounds has no such pass, and its pipelines have no code for them.

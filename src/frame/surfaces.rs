@@ -1,4 +1,4 @@
-//! Surfaces in the volume (`glsl/surfaces.glsl`): lists the triangles that each pixel's ray meets, as lists of a mesh's faces are made,
+//! Surfaces in the volume (`glsl/frame/surfaces.glsl`): lists the triangles that each pixel's ray meets, as lists of a mesh's faces are made,
 //! and sorts them by depth.
 //!
 //! The nearest opaque triangle bounds the ray of every technique, and shows through the part of the volume in front of it. Translucent

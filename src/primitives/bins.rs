@@ -1,4 +1,4 @@
-//! Bins: the primitives of each tile of an image, in order of rank (`glsl/bins.glsl`).
+//! Bins: the primitives of each tile of an image, in order of rank (`glsl/primitives/bins.glsl`).
 //!
 //! Three passes: count, prefix sums, write. They need no sort by tile: each invocation bins a run of consecutive ranks, and the
 //! table of counts has the runs of a tile side by side.

@@ -1,4 +1,4 @@
-//! Stable radix sort of pairs of words on the device (`glsl/radix-sort.glsl`), least significant digit first. Each digit takes
+//! Stable radix sort of pairs of words on the device (`glsl/primitives/radix-sort.glsl`), least significant digit first. Each digit takes
 //! a count, prefix sums and a scatter (Satish, Harris and Garland, IPDPS 2009). No workgroup waits for another, and the
 //! result is deterministic.
 
@@ -252,7 +252,7 @@ fn mixed_words(pairs: u32) -> u64 {
 #[cfg_attr(not(test), expect(dead_code, reason = "used by the test alone"))]
 const FLOAT_KEYS: &Shader = &RADIX_SORT_FLOAT_KEYS;
 
-/// Returns the key of a float like `float_key` of `glsl/keys.glsl`: keys are in the order of floats, -0 equals +0, NaN is last.
+/// Returns the key of a float like `float_key` of `glsl/shared/keys.glsl`: keys are in the order of floats, -0 equals +0, NaN is last.
 #[cfg(test)]
 pub(crate) fn float_key(value: f32) -> u32 {
     if value.is_nan() {

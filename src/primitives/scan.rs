@@ -1,4 +1,4 @@
-//! Exclusive prefix sums of words on the device (`glsl/scan.glsl`): reduce, then scan, in two dispatches for any number of
+//! Exclusive prefix sums of words on the device (`glsl/primitives/scan.glsl`): reduce, then scan, in two dispatches for any number of
 //! words. No workgroup waits for another.
 
 use std::sync::Arc;

@@ -12,7 +12,7 @@ use crate::resident::splats::{SplatNeeds, SplatSet};
 use crate::resident::surfaces::SurfaceData;
 use crate::resident::tables::{Integrator, Knots, SegmentOptions, Table, Tables};
 use crate::resident::visible_scalars::nonzero_ranges;
-use crate::resident::volume::{Layout, Volume, Volumes};
+use crate::resident::volume::{Form, Layout, Volume, Volumes};
 use crate::scene::grid::diagonal;
 use crate::scene::{Grid, Kernels, Samples, Scene, Surface, TetScalars, Tets, TransferFunction};
 
@@ -222,7 +222,7 @@ impl GpuScene {
     pub(crate) fn volume(&self, layout: Layout, for_filter: bool, mip: bool) -> Result<Arc<Volume>> {
         let grid = self.grid()?;
         let ends = self.scene.transfer.domain();
-        self.data.volumes.volume(&self.gpu, &self.clock, grid, ends, layout, for_filter, mip)
+        self.data.volumes.volume(&self.gpu, &self.clock, grid, ends, Form { layout, for_filter, mip })
     }
 
     /// Returns the table that an integrator reads; `None` if it reads none.

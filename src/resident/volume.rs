@@ -45,6 +45,16 @@ pub(crate) struct Volume {
     pub(crate) filterable: bool,
 }
 
+/// The form in which a technique asks for samples.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Form {
+    pub(crate) layout: Layout,
+    /// Encoded for the sampler's filter, not for exact fetches alone.
+    pub(crate) for_filter: bool,
+    /// With mip levels.
+    pub(crate) mip: bool,
+}
+
 /// The samples of one grid, in each form that techniques have asked for.
 #[derive(Debug, Default)]
 pub(crate) struct Volumes(Mutex<Vec<Arc<Volume>>>);
@@ -59,9 +69,7 @@ impl Volumes {
         clock: &Clock,
         grid: &Grid,
         ends: [f64; 2],
-        layout: Layout,
-        for_filter: bool,
-        mip: bool,
+        Form { layout, for_filter, mip }: Form,
     ) -> Result<Arc<Volume>> {
         let encoding = encoding_on(gpu, grid.samples(), for_filter, mip)?;
         let (dims, along) = match layout {

@@ -21,7 +21,7 @@ impl Preset {
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if a number is not finite or `tau_scale` is negative.
+    /// [`Error::Invalid`](crate::Error::Invalid) if a number is not finite or `tau_scale` is negative.
     pub fn transfer(&self, range: [f64; 2], tau_scale: f64) -> Result<TransferFunction> {
         stretch(self.rows, range, tau_scale)
     }

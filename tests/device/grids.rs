@@ -14,7 +14,7 @@ use volraster::{Gpu, TargetDesc};
 
 /// A homogeneous cube has opacity `1 - exp(-tau d)` at any spacing: what is left is rounding. The bound
 /// is that of every technique in rgba32f: `max(2e-6, 1.2e-7 N)` for N blended pieces, and the rounding of
-/// the depth at the eye's distance. What resamples an image is exact where pixels have lines of their own: `tests/extremes`.
+/// the depth at the eye's distance. What resamples an image is exact where pixels have lines of their own: `tests/device/extremes`.
 #[test]
 fn a_homogeneous_cube_is_exact() {
     let gpu = gpu();

@@ -11,7 +11,7 @@
 //!   or `0 1 2`, after `p`, `pos`, `position`, `point`, `coord`, `coordinate`, `centre` or `center`, singular or plural,
 //!   with an optional `_`, `:`, `.` or blank between: `px`, `pos_x`, `Points:0`.
 //! - **Arrays** are the other columns whose first value is a number, and groups of them as described in
-//!   [`columns`](crate::io::build::columns).
+//!   [`crate::io::build::columns`].
 //! - **Numbers** have a decimal point. An empty cell, `nan`, `na`, `n/a` and `null` are NaN.
 
 mod row;

@@ -16,7 +16,7 @@ use crate::io::options::ReadOptions;
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if the file cannot be read; [`Error::File`] if it is neither, its contents break a rule of the
+/// [`Error::Io`](crate::Error::Io) if the file cannot be read; [`Error::File`](crate::Error::File) if it is neither, its contents break a rule of the
 /// format, it has no face or 2³¹ triangles or more, or it would take more than `options.max_bytes`.
 pub fn read_triangles(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Triangles> {
     read(&Source::open(path.as_ref(), options)?, options)
@@ -26,7 +26,7 @@ pub fn read_triangles(path: impl AsRef<Path>, options: &ReadOptions) -> Result<T
 ///
 /// # Errors
 ///
-/// As [`read_triangles`]; [`Error::Invalid`] if there is no file.
+/// As [`read_triangles`]; [`Error::Invalid`](crate::Error::Invalid) if there is no file.
 pub fn read_triangles_memory(files: &[(&str, &[u8])], options: &ReadOptions) -> Result<Triangles> {
     read(&Source::in_memory(files)?, options)
 }

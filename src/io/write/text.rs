@@ -10,7 +10,7 @@ use crate::replace::replace;
 ///
 /// # Errors
 ///
-/// [`Error::File`] if the path is a folder, [`Error::Io`] if it cannot be written; no partial file remains.
+/// [`Error::File`](crate::Error::File) if the path is a folder, [`Error::Io`](crate::Error::Io) if it cannot be written; no partial file remains.
 pub fn write_text(path: impl AsRef<Path>, text: &str) -> Result<()> {
     replace(path.as_ref(), |writer| writer.write_all(text.as_bytes()))
 }

@@ -134,8 +134,7 @@ impl Sampling {
         &self,
         pipeline: &Arc<Pipeline>,
         scene: &GpuScene,
-        axes: Vec<Option<usize>>,
-        volumes: Vec<Arc<Volume>>,
+        volumes: Vec<(Option<usize>, Arc<Volume>)>,
         resources: &[(u32, Resource)],
     ) -> Result<Vec<Samples>> {
         let [filter, table_filter] = self.filters;
@@ -147,7 +146,7 @@ impl Sampling {
             let descriptors = Arc::new(Descriptors::new(scene.gpu(), pipeline, &resources)?);
             Ok(Samples { axis, volume, descriptors })
         };
-        axes.into_iter().zip(volumes).map(bind).collect()
+        volumes.into_iter().map(bind).collect()
     }
 }
 
@@ -156,7 +155,7 @@ fn volumes(
     scene: &GpuScene,
     technique: &dyn GridTechnique,
     axis: Option<usize>,
-) -> Result<(Vec<Option<usize>>, Vec<Arc<Volume>>)> {
+) -> Result<Vec<(Option<usize>, Arc<Volume>)>> {
     let options = technique.options();
     let axes: Vec<Option<usize>> = match axis {
         Some(axis) if technique.keeps_all_stacks() => {
@@ -166,10 +165,10 @@ fn volumes(
     };
     let hardware = options.filter == Filter::Hardware;
     let mip = options.prefilter == Prefilter::Mip;
-    let volume =
-        |axis: &Option<usize>| scene.volume(axis.map_or(Layout::Volume, Layout::Stack), hardware, mip);
-    let volumes = axes.iter().map(volume).collect::<Result<_>>()?;
-    Ok((axes, volumes))
+    let volume = |axis: Option<usize>| {
+        Ok((axis, scene.volume(axis.map_or(Layout::Volume, Layout::Stack), hardware, mip)?))
+    };
+    axes.into_iter().map(volume).collect()
 }
 
 impl GridFrame {
@@ -196,8 +195,8 @@ impl GridFrame {
             ));
         }
         let axis = technique.stack_axis(grid, view, None);
-        let (axes, volumes) = volumes(scene, technique.as_ref(), axis)?;
-        let Some(volume) = volumes.first() else { return Err(Error::invalid(name, "no volume")) };
+        let volumes = volumes(scene, technique.as_ref(), axis)?;
+        let Some((_, volume)) = volumes.first() else { return Err(Error::invalid(name, "no volume")) };
         let knots = scene.knots()?;
         let cut = cut(scene, technique.as_ref(), volume, &knots, view, axis)?;
         let sampling = Sampling::new(scene, target, technique.as_ref(), &knots, volume, has_nan)?;
@@ -218,7 +217,7 @@ impl GridFrame {
             Route::Compute => desc.march(cut.count, &mut resources)?,
             _ => desc.raster(&mut resources)?,
         };
-        let samples = sampling.bind(&pipeline, scene, axes, volumes, &resources)?;
+        let samples = sampling.bind(&pipeline, scene, volumes, &resources)?;
         let measure = DepthMeasure::of_grid(grid);
         let scene = Arc::clone(scene);
         let table = sampling.table;

@@ -3,7 +3,7 @@
 //! Segments of equal length, `step`, split each pixel's ray from its entry into the domain, or from the eye, on. Reconstruction,
 //! integrators and early ray termination are those of the other techniques, so that only the geometry differs.
 //!
-//! 1. `glsl/raycast.glsl` walks a pixel's ray front to back in registers.
+//! 1. `glsl/grid/raycast.glsl` walks a pixel's ray front to back in registers.
 //! 2. The host derives the rays of the view in index space (`grid/rays.rs`).
 //!
 //! Error: that of `slices-3d` with `integrator=midpoint`, else that of `slabs`, at the same spacing along the

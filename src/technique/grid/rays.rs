@@ -1,4 +1,4 @@
-//! The rays of a view in a grid's index space, as `glsl/grid.glsl` reads them.
+//! The rays of a view in a grid's index space, as `glsl/grid/grid.glsl` reads them.
 
 use glam::{DMat3, DVec3};
 

@@ -4,9 +4,9 @@
 //! integrates the transfer function between the two, so that no feature of the transfer function is missed, however far apart
 //! the planes are.
 //!
-//! 1. `glsl/slabs.glsl` makes the polygon of each slab in the vertex shader (route `raster`), or walks a
+//! 1. `glsl/grid/slabs.glsl` makes the polygon of each slab in the vertex shader (route `raster`), or walks a
 //!    pixel's slabs in registers (route `compute`).
-//! 2. `glsl/segments.glsl` integrates, by option `integrator`; tables are built on the host in float64
+//! 2. `glsl/shared/segments.glsl` integrates, by option `integrator`; tables are built on the host in float64
 //!    (`optics`) on first use.
 //!
 //! Error: second order in `step` where the field is smooth, for every transfer function; tables add their

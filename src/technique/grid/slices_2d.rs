@@ -8,7 +8,7 @@
 //! 1. The host chooses the axis: the one with the largest cosine between the planes' normal and the direction
 //!    to the domain's centre from the eye (perspective with the eye outside), or the view's direction
 //!    (parallel rays, or the eye inside). It keeps the axis in use until another leads by `hysteresis`.
-//! 2. `glsl/slices-2d.glsl` draws the far faces of each slab's box (route `raster`), or walks a pixel's slabs
+//! 2. `glsl/grid/slices-2d.glsl` draws the far faces of each slab's box (route `raster`), or walks a pixel's slabs
 //!    in registers (route `compute`).
 //!
 //! Error: the spacing along a ray is that of the planes divided by the cosine, up to sqrt(3) in a cube. A `step` makes it finer by

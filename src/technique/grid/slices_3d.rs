@@ -4,7 +4,7 @@
 //! domain and to the eye, classifies the scalar at the middle of that segment, and takes extinction times the segment's length
 //! as its optical depth.
 //!
-//! 1. `glsl/slices-3d.glsl` makes the polygon of each slice in the vertex shader (route `raster`, one
+//! 1. `glsl/grid/slices-3d.glsl` makes the polygon of each slice in the vertex shader (route `raster`, one
 //!    instance a slice, blended by fixed function), or walks a pixel's slices in registers (route
 //!    `compute`).
 //! 2. The host derives the rays of the view in index space (`grid/rays.rs`) and the number of slabs.

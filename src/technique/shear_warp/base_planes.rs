@@ -35,7 +35,7 @@ pub(crate) struct Capacity {
 ///
 /// # Errors
 ///
-/// [`Error::Invalid`] where float64 cannot hold the view, or the planes of every axis are seen edge-on.
+/// [`Error::Invalid`](crate::Error::Invalid) where float64 cannot hold the view, or the planes of every axis are seen edge-on.
 pub(crate) fn base_planes(
     grid: &Grid,
     view: &View,

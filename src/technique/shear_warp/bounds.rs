@@ -1,4 +1,4 @@
-//! Bounds the rays of base planes' texels, and finds the pixels that need a march of their own (`glsl/shear-bounds.glsl`).
+//! Bounds the rays of base planes' texels, and finds the pixels that need a march of their own (`glsl/shear-warp/shear-bounds.glsl`).
 //!
 //! Clip planes and depth images bound the rays of pixels. The bounds of a texel's ray are interpolated from the four
 //! pixels around it. A pixel whose own bounds differ from those of its four texels, as at outlines of surfaces, cannot take the texels'

@@ -6,9 +6,9 @@
 //!
 //! 1. `factorisation` factors the view. `base_planes` chooses base planes, up to six where the eye is near or in the domain,
 //!    and lays a lattice of texels on each.
-//! 2. `glsl/shear-warp.glsl` composites slabs: by a march along the ray of each texel (route `compute`), or by one quad per slab,
+//! 2. `glsl/shear-warp/shear-warp.glsl` composites slabs: by a march along the ray of each texel (route `compute`), or by one quad per slab,
 //!    blended by fixed function (route `raster`).
-//! 3. `glsl/warp.glsl` resamples the intermediate image. Each pixel reads the base plane whose slices its ray crosses most
+//! 3. `glsl/shear-warp/warp.glsl` resamples the intermediate image. Each pixel reads the base plane whose slices its ray crosses most
 //!    steeply. `warp=mip` averages texels that are smaller than pixels.
 //!
 //! Error: along a ray that of `slices-2d` or `slabs`. Resampling adds an error of second order in the texels' distance (third

@@ -68,7 +68,7 @@ fn bound() -> f64 {
 
 /// What places cost: coordinates of a view are sums of three products and of the eye, which rounds by some 8 units of
 /// 2^-24 of the cube's radius, and lines through meshes are moved aside by 4.3e-7 of it, so that all cells at an edge agree
-/// (`ASIDE` in `glsl/mesh.glsl`). So far are the ends of a ray off, measured from the face that it passes, and by more
+/// (`ASIDE` in `glsl/mesh/mesh.glsl`). So far are the ends of a ray off, measured from the face that it passes, and by more
 /// along the ray the flatter it meets the face; extinction is at most 2.2.
 fn slack(view: &View, pixel: DVec2) -> f64 {
     let (origin, direction) = view.ray(pixel);

@@ -1,4 +1,4 @@
-//! NIfTI-1: what is doubtful is told. `tests/io.rs` covers the rest.
+//! NIfTI-1: what is doubtful is told. `tests/host/io.rs` covers the rest.
 
 use glam::DVec3;
 use volraster::io::ReadOptions;

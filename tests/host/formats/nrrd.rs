@@ -1,4 +1,4 @@
-//! NRRD: what it has beyond one raw or gzip file of numbers, which `tests/io.rs` covers.
+//! NRRD: what it has beyond one raw or gzip file of numbers, which `tests/host/io.rs` covers.
 
 use glam::{DMat3, DVec3};
 use volraster::io::{ReadOptions, read};
