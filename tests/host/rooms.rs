@@ -143,7 +143,11 @@ fn absolute(path: &[String], from: &[String], modules: &BTreeMap<Names, Module>)
 fn inline_paths(code: &str) -> Vec<Names> {
     let is_path = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
     let words = code.split(|c: char| !is_path(c)).filter(|word| word.contains("::"));
-    words.map(|word| word.split("::").filter(|part| !part.is_empty()).map(str::to_string).collect()).collect()
+    words
+        .map(|word| word.split("::").filter(|part| !part.is_empty()).map(str::to_string).collect::<Names>())
+        // `super` alone begins a group of names in a module inside of the file.
+        .filter(|path| path.len() > 1)
+        .collect()
 }
 
 /// Every module of the crate with what it names.
@@ -168,9 +172,13 @@ fn modules(root: &Path) -> BTreeMap<Names, Module> {
                 continue;
             };
             plain.push_str(&text[..at]);
+            let nested =
+                statement.lines().any(|line| line.starts_with(' ') && line.trim_start().starts_with("use "));
             let public =
                 text[..at].trim_end().ends_with("pub") || text[..at].trim_end().ends_with("pub(crate)");
             for (path, name) in tree(&text[at + 4..]) {
+                // In a module inside of the file, `super` is the file.
+                let path = if nested && path[0] == "super" { path[1..].to_vec() } else { path };
                 let Some(path) = absolute(&path, &from, &modules) else { continue };
                 let of_child = path.len() > from.len() && path.starts_with(&from);
                 if public && name == "*" {

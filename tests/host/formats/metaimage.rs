@@ -334,7 +334,7 @@ fn what_breaks_a_rule_is_refused_by_place() {
     swap("NDims = 3\nDimSize = 4 3 2", "NDims = 4\nDimSize = 2 3 2 2", &["last extent of 2", "must be 1"]);
     swap("MET_UCHAR", "MET_UCHAR_ARRAY", &["ElementType", "MET_UCHAR_ARRAY", "must be MET_CHAR"]);
     with("BinaryData = maybe\n", &["line 3, BinaryData", "\"maybe\"", "True or False"]);
-    with("BinaryData = False\nCompressedData = True\n", &["CompressedData", "words"]);
+    with("BinaryData = False\nCompressedData = True\n", &["CompressedData", "text data"]);
     with(
         "BinaryDataByteOrderMSB = 0\nElementByteOrderMSB = 1\n",
         &["must not differ from BinaryDataByteOrderMSB"],

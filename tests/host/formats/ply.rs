@@ -258,7 +258,7 @@ fn broken_rules_are_refused_in_one_line() {
         .refused(&["header longer than 1048576 bytes"]);
     let long = words(&format!("{XYZ}property int {}\n", "n".repeat(257)), "1 2 3 4\n");
     Sample::one("long", "a.ply", long).refused(&["line 7: ", "a name of 257 bytes: must be at most 256"]);
-    Sample::one("none", "a.ply", words(XYZ, "")).refused(&["points", "there is none"]);
+    Sample::one("none", "a.ply", words(XYZ, "")).refused(&["points", "there must be at least one"]);
     for encoding in [Encoding::Little, Encoding::Big] {
         let good = file(encoding, false);
         Sample::one("one more", "a.ply", [good.as_slice(), b"\n"].concat())

@@ -754,7 +754,7 @@ fn points_with_vertices_or_without_cells() {
         assert_eq!(own.scalars().unwrap()[11], 99_879.0);
     }
     let none = replaced(&cloud(false), "NumberOfPoints=\"12\"", "NumberOfPoints=\"0\"");
-    Sample::one("", "a.vtu", none).refused(&["there is none"]);
+    Sample::one("", "a.vtu", none).refused(&["there must be at least one"]);
 }
 
 #[test]
