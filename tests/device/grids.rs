@@ -1087,6 +1087,7 @@ fn wrong_options_are_named() {
 /// A plain scene builds one pipeline and takes the samples, the knots and the image; each thing more is asked for
 /// by an option, and everything is given back.
 #[test]
+#[ignore = "make test-all"]
 fn own_device_a_plain_scene_takes_what_it_needs() {
     const SAMPLES: u64 = 32 * 32 * 32 * 4;
     const PIXELS: u64 = 64 * 48;

@@ -182,7 +182,7 @@ fn scenes() -> Vec<(&'static str, Scene, bool)> {
 #[test]
 fn slabs_converge_to_the_reference_of_the_same_kernels() {
     let gpu = gpu();
-    for (what, scene, gaussian) in taken(2, scenes()) {
+    for (what, scene, gaussian) in taken(4, scenes()) {
         let mesh = scene.mesh().is_some();
         let jumps = scene.grid().is_none() && scene.kernels.unwrap().model == Model::Interpolate;
         // What sheets and slabs of splats share is drawn by the same shader.
@@ -225,6 +225,7 @@ fn turned(angle: f64, side: u32) -> View {
 /// While the camera turns, what an image changes by from step to step beyond what the field itself does: slabs do not jump, centres that
 /// change places do.
 #[test]
+#[ignore = "make test-all"]
 fn a_turning_camera_shows_no_jump_in_slabs() {
     let gpu = gpu();
     let rows = [[0.0, 1.0, 0.1, 0.0, 12.0], [0.5, 0.0, 1.0, 0.2, 12.0], [1.0, 0.1, 0.0, 1.0, 12.0]];

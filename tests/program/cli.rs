@@ -521,6 +521,7 @@ fn bench_reports_what_low_precision_loses_without_failing() {
 }
 
 #[test]
+#[ignore = "make test-all"]
 fn bench_takes_the_volumes_of_a_folder_and_says_what_it_passes_over() {
     let folder = Folder::with_scene("bench-data");
     std::fs::create_dir_all(folder.path("data/sub")).unwrap();

@@ -357,7 +357,7 @@ fn random_grids_equal_an_adaptive_integrator() {
         .unwrap();
     let (to_index, origin) = (axes.inverse(), placed.origin());
     let base = scene(placed, &RAMP);
-    for (_, kernel) in Kernel::ALL.into_iter().step_by(if crate::exhaustive() { 1 } else { 3 }) {
+    for (_, kernel) in Kernel::ALL.into_iter().step_by(if crate::exhaustive() { 1 } else { 5 }) {
         for model in [Model::Density, Model::Interpolate] {
             let kernels = Kernels { kernel, model, cut: 2.6, ..Kernels::of_samples() };
             let Ok(scene) = base.clone().with_kernels(kernels) else { continue };
