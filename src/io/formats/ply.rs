@@ -1,7 +1,7 @@
 //! PLY points (`.ply`), as text or binary in either byte order.
 //!
 //! The element `vertex` is read, with its properties `x`, `y`, `z` of any type. Further numeric properties are arrays,
-//! also grouped as described in [`columns`](crate::io::build::columns): `nx ny nz` are `normal`, `red green blue` are
+//! also grouped as described in [`columns`]: `nx ny nz` are `normal`, `red green blue` are
 //! `colour`, `scale_0 scale_1 scale_2` are `scale`. List properties, faces and other elements are skipped, but must be
 //! complete. In text, each vertex is a line. [`faces`] reads the faces of surfaces.
 
