@@ -11,7 +11,7 @@ void pass_layers(inout LayersAhead ahead, float depth, inout vec4 sum) {
     for (uint turn = 0u; turn < MOST_TURNS / 2u && ahead.depth <= depth; ++turn) composite(sum, take_layer(ahead), false);
 }
 
-// What of a segment was not begun yet, because of the surfaces in it.
+// Part of a segment that is left to integrate, because translucent surfaces split it.
 struct Uncut {
     End front, back;
     vec2 depths; // equal: nothing

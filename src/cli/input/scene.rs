@@ -30,7 +30,7 @@ pub(crate) struct Settings {
     path: PathBuf,
     /// The file of the data itself.
     pub(crate) data: PathBuf,
-    /// What the reader reports.
+    /// Notes and warnings of the reader.
     pub(crate) report: Report,
     /// Camera and image size.
     pub(crate) view: View,
