@@ -38,6 +38,7 @@ enum State {
 struct Told {
     complete: bool,
     passes: Vec<vr_pass_time>,
+    gpu_ms: f64,
     counters: Vec<vr_counter>,
     /// Owner of the texts that the lists point to.
     _names: Vec<CString>,
@@ -109,6 +110,8 @@ pub struct vr_status {
     pub counters: *const vr_counter,
     /// Number of counters.
     pub counter_count: u32,
+    /// Milliseconds on the device from the beginning of the first pass to the end of the last; 0 if the device has no timestamps.
+    pub gpu_ms: f64,
 }
 
 // SAFETY: repr(C), numbers and pointers, the first its size.
@@ -130,7 +133,8 @@ impl Told {
         let passes = passes.collect();
         let counters = status.counters.iter().map(|&(name, value)| vr_counter { name: keep(name), value });
         let counters = counters.collect();
-        Self { complete: status.complete, passes, counters, _names: names }
+        let gpu_ms = status.gpu_ms.unwrap_or(0.0);
+        Self { complete: status.complete, passes, gpu_ms, counters, _names: names }
     }
 
     fn status(&self) -> vr_status {
@@ -141,6 +145,7 @@ impl Told {
             passes: self.passes.as_ptr(),
             counters: self.counters.as_ptr(),
             counter_count: num::count(self.counters.len()),
+            gpu_ms: self.gpu_ms,
         }
     }
 }

@@ -31,13 +31,14 @@ impl Timers {
         Ok(Some(Arc::new(Self { gpu: gpu.clone(), pool, passes: passes.max(1) })))
     }
 
-    /// Returns the milliseconds of the first `passes` passes, after their submission has ended.
-    pub(crate) fn read(&self, passes: usize) -> Result<Vec<f64>> {
+    /// Returns the milliseconds of each of the first `passes` passes, and those from the first pass's beginning to the last one's
+    /// end, after their submission has ended.
+    pub(crate) fn read(&self, passes: usize) -> Result<(Vec<f64>, Option<f64>)> {
         debug_assert!(passes <= crate::num::index(self.passes), "{passes} passes, {} timers", self.passes);
         let passes = passes.min(crate::num::index(self.passes));
         let mut stamps = vec![0_u64; 2 * passes];
         if stamps.is_empty() {
-            return Ok(Vec::new());
+            return Ok((Vec::new(), None));
         }
         // SAFETY: every query read here was written by a submission that has ended.
         unsafe {
@@ -47,9 +48,10 @@ impl Timers {
         let bits = self.gpu.inner.timestamp_bits;
         let mask = if bits >= 64 { u64::MAX } else { (1 << bits) - 1 };
         let nanoseconds = f64::from(self.gpu.inner.properties.limits.timestamp_period);
-        let span =
-            |pair: &[u64]| crate::num::f64_of_u64(pair[1].wrapping_sub(pair[0]) & mask) * nanoseconds * 1e-6;
-        Ok(stamps.chunks_exact(2).map(span).collect())
+        let ms =
+            |from: u64, to: u64| crate::num::f64_of_u64(to.wrapping_sub(from) & mask) * nanoseconds * 1e-6;
+        let frame = stamps.first().zip(stamps.last()).map(|(&first, &last)| ms(first, last));
+        Ok((stamps.chunks_exact(2).map(|pair| ms(pair[0], pair[1])).collect(), frame))
     }
 }
 

@@ -159,7 +159,7 @@ fn the_error_that_is_asked_for_is_held_for_kernels() {
     }
     let nothing = GpuScene::new(&gpu, with(&mesh, Kernel::BSpline, Model::Interpolate));
     let error = choice::choose(&nothing, &view, Goal::MaxError(0.1), &Profile::built_in()).unwrap_err();
-    assert!(error.to_string().contains("nothing draws"), "{error}");
+    assert!(error.to_string().contains("no technique draws"), "{error}");
 }
 
 /// An empty folder of this test's own.
