@@ -66,9 +66,9 @@ mapfile -t executables < <(sed -nE 's/^ *Executable .*\((.*)\)$/\1/p' "$scratch/
 [ ${#executables[@]} -gt 0 ] || { echo "no test executable was built" && exit 1; }
 printf '\n==> built in %d s\n' $((SECONDS - begin))
 
-# Those that open devices; the others need no second driver. Nor do the rooms below `gpu`.
+# Those that open devices; the others need no second driver. Nor do the rooms below `gpu` and the orders of cells.
 on_devices='^(volraster|device|failures|embed|c_interface)$'
-below_gpu='^(num|image|replace|scene|optics|io|reference)::'
+on_host='^(num|image|replace|scene|optics|io|reference|technique::mesh::order)::'
 own_device=(own_device validation:: threads::)
 drivers=("the default device")
 second=.deps/lavapipe25/lvp_icd.json
@@ -91,7 +91,7 @@ for driver in "${drivers[@]}"; do
             run "$driver" "$name" "$executable" "${own_device[@]/#/--skip=}"
             run "$driver" "$name" "$executable" "${own_device[@]}"
         elif [ "$name" = volraster ] && $devices && [ ${#filter[@]} = 0 ]; then
-            mapfile -t names < <("$executable" --list --format terse | sed -nE 's/: test$//p' | grep -vE "$below_gpu")
+            mapfile -t names < <("$executable" --list --format terse | sed -nE 's/: test$//p' | grep -vE "$on_host")
             run "$driver" "$name" "$executable" --exact "${names[@]}"
         else
             run "$driver" "$name" "$executable" "${filter[@]}"

@@ -488,6 +488,8 @@ fn path(turn: u32, turns: u32) -> View {
 #[test]
 fn a_flight_through_the_volume_has_no_bad_view() {
     const TURNS: u32 = 360;
+    // A step that hits the views which are compared with a fresh plan.
+    let step: u32 = if exhaustive() { 1 } else { 3 };
     let gpu = gpu();
     let scene = scene(Field::MarschnerLobb, 40, "f32", &SHELLS);
     let on_device = GpuScene::new(&gpu, scene.clone());
@@ -495,7 +497,7 @@ fn a_flight_through_the_volume_has_no_bad_view() {
     let renderer = Renderer::new(&on_device, technique(spec));
     let mut frames = renderer.frames(&path(0, TURNS)).unwrap();
     let (mut worst, mut sum, mut planes, mut past) = ((0.0, 0), 0.0, [0; 7], 0);
-    for turn in 0..TURNS {
+    for turn in (1..TURNS).step_by(step as usize) {
         let view = path(turn, TURNS);
         frames.draw(&view).unwrap();
         let image = frames.read_back().unwrap();
@@ -519,11 +521,12 @@ fn a_flight_through_the_volume_has_no_bad_view() {
             assert_eq!(image, fresh.read_back().unwrap(), "view {turn}");
         }
     }
-    let mean = sum / f64::from(TURNS);
+    let mean = sum * f64::from(step) / f64::from(TURNS);
     println!("rmse: mean {mean:.2e}, worst {:.2e} in view {}", worst.0, worst.1);
     println!("views by number of base planes: {planes:?}; {past} see past the domain");
     assert!(worst.0 < 1.5e-2 && mean < 5e-3, "view {}: {:e}, mean {mean:e}", worst.1, worst.0);
-    assert!(planes[1] > 100 && planes[2] > 50 && planes[3] > 30 && past > 20, "{planes:?} {past}");
+    let seen = [planes[1], planes[2], planes[3], past].map(|views| views * step);
+    assert!(seen[0] > 100 && seen[1] > 50 && seen[2] > 30 && seen[3] > 20, "{planes:?} {past}");
 }
 
 /// Where two base planes serve alike the picture jumps from one to the other: by the difference of the lines' errors at the same

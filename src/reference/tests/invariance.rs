@@ -95,8 +95,9 @@ fn integer_types_and_rescale_equal_their_float_values() {
 fn axis_aligned_and_face_grazing_rays_are_limits_of_their_neighbours() {
     let scene = marschner_lobb(9);
     // Index 4 is the centre: 0 and 1/4 lie on faces along every axis, 0.1 does not.
+    let step = if crate::exhaustive() { 1 } else { 2 };
     for a in [-0.25, 0.0, 0.1, 0.25] {
-        for b in [-0.5, 0.0, 0.3] {
+        for b in [-0.5, 0.0, 0.3].into_iter().step_by(step) {
             for (o, d) in [
                 (DVec3::new(-3.0, a, b), DVec3::X),
                 (DVec3::new(a, 3.0, b), DVec3::NEG_Y),

@@ -381,7 +381,8 @@ fn hollow_meshes_are_right_at_every_pixel() {
         cubes_where(5, chess),
         cubes_where(5, two),
     ];
-    for mesh in meshes.iter().cloned().chain(meshes.iter().map(long)) {
+    let step = if crate::exhaustive() { 1 } else { 3 };
+    for mesh in meshes.iter().cloned().chain(meshes.iter().map(long)).step_by(step) {
         let topology = Topology::new(&mesh).unwrap();
         assert!(!topology.is_convex());
         // Odd sides: pixel centres on planes and edges of the lattice. Parallel rays of half height 1.25 over
