@@ -1,11 +1,15 @@
-//! Compiles the shaders of `glsl/` to SPIR-V and writes `shaders.rs`: the modules with their bindings, the numbers of
-//! `glsl/interface.glsl`, and compile-time assertions that the Rust structures of `src/interface.rs` have the layout
-//! that the shaders read.
+//! Compiles the shaders of `glsl/` to SPIR-V and writes `shaders.rs`:
+//!
+//! - the modules, each with the type of its inputs: a structure of its resources and specialisation constants by name, in
+//!   which the inputs that a header declares are a structure of their own;
+//! - compile-time assertions that the Rust structures of `src/interface.rs` have the layout that the shaders read.
+//!
+//! The numbers of `glsl/interface.glsl` become `constants.rs`.
 //!
 //! A file with `// entry` lines becomes one module for each of them, named for the file's stem and the entry. Other
 //! files are headers. The path in an `#include` starts at `glsl/`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
@@ -40,15 +44,18 @@ fn main() {
     let optimise = env::var("PROFILE").is_ok_and(|profile| profile == "release");
 
     let mut numbers = String::from("// Written by build.rs from glsl/interface.glsl.\n\n");
-    constants(&read(&folder.join("interface.glsl")), &mut numbers);
+    let numbered = constants(&read(&folder.join("interface.glsl")), &mut numbers);
     let path = out.join("constants.rs");
     if let Err(error) = fs::write(&path, numbers) {
         refuse!("{}: {error}", path.display());
     }
     let mut rust = String::from("// Written by build.rs from glsl/.\n\n");
     let mut layouts = BTreeMap::new();
+    let mut inputs = AllInputs::default();
     for file in &files {
         let source = read(file);
+        let mut headers = Vec::new();
+        collect_headers(&folder, &source, &mut headers);
         for (stage, entry) in entries(file, &source) {
             let name = format!("{}_{entry}", stem(file)).to_uppercase().replace('-', "_");
             // Names are read from the plain module: optimisation strips them.
@@ -65,9 +72,12 @@ fn main() {
             if let Err(error) = fs::write(&path, bytes) {
                 refuse!("{}: {error}", path.display());
             }
-            module.describe(&name, stage, &mut rust);
+            let fields = module.fields(&name, &numbered);
+            let module = (name.clone(), module.describe(&name, stage));
+            inputs.add(&stem(file), &entry, module, fields, &headers);
         }
     }
+    inputs.write(&mut rust);
     assertions(&layouts, &mut rust);
     let path = out.join("shaders.rs");
     if let Err(error) = fs::write(&path, rust) {
@@ -183,22 +193,244 @@ fn compile(
     }
 }
 
-/// Writes a constant for each `#define NAME n`, under the same name.
-fn constants(interface: &str, rust: &mut String) {
+/// A number that `glsl/interface.glsl` gives to a binding or a specialisation constant: its name there and what it says.
+struct Numbered {
+    name: String,
+    says: String,
+}
+
+/// Bindings (`false`) and specialisation constants (`true`) by number.
+type Numbers = BTreeMap<(bool, u32), Numbered>;
+
+/// Writes a constant for each `#define NAME n`, under the same name. Returns the bindings and specialisation constants, which
+/// Rust knows by the structures of inputs only.
+fn constants(interface: &str, rust: &mut String) -> Numbers {
+    let mut numbers = Numbers::new();
     for line in interface.lines() {
         let words: Vec<&str> = line.split_whitespace().collect();
         let [define, name, number, ..] = words[..] else { continue };
         if define != "#define" {
             continue;
         }
-        if number.parse::<u32>().is_err() {
-            refuse!("glsl/interface.glsl: `{line}`: {name} must be a plain number");
+        let Ok(value) = number.parse::<u32>() else {
+            refuse!("glsl/interface.glsl: `{line}`: {name} must be a plain number")
+        };
+        let is_constant = name.starts_with("SPEC_");
+        if is_constant || name.starts_with("BINDING_") {
+            let says = line.split_once("// ").map_or_else(String::new, |(_, says)| says.to_string());
+            let place = numbers.insert((is_constant, value), Numbered { name: name.to_string(), says });
+            if let Some(other) = place {
+                refuse!("glsl/interface.glsl: {name} and {} have one number", other.name);
+            }
+            continue;
         }
         let _ = writeln!(
             rust,
             "/// `{name}` of `glsl/interface.glsl`.\npub(crate) const {name}: u32 = {number};"
         );
     }
+    numbers
+}
+
+/// A header that declares resources or specialisation constants.
+#[derive(Clone)]
+struct Header {
+    /// Name of the file without its extension.
+    stem: String,
+    /// Names of the bindings and constants that it declares.
+    declares: Vec<String>,
+}
+
+/// Collects the headers that a file includes, directly or through others.
+fn collect_headers(folder: &Path, source: &str, headers: &mut Vec<Header>) {
+    for line in source.lines() {
+        let Some(name) = line.trim().strip_prefix("#include \"").and_then(|rest| rest.strip_suffix('"'))
+        else {
+            continue;
+        };
+        let stem = stem(Path::new(name));
+        if headers.iter().any(|header| header.stem == stem) {
+            continue;
+        }
+        let text = read(&folder.join(name));
+        let declared = |line: &str| {
+            let inner = line.strip_prefix("layout(")?.split_once(')')?.0;
+            let name = inner
+                .split([' ', ','])
+                .find(|word| word.starts_with("BINDING_") || word.starts_with("SPEC_"));
+            name.map(str::to_string)
+        };
+        headers.push(Header { stem, declares: text.lines().filter_map(declared).collect() });
+        collect_headers(folder, &text, headers);
+    }
+}
+
+/// A resource or a specialisation constant that an entry reads.
+#[derive(Clone, PartialEq, Eq, PartialOrd, Ord)]
+struct Field {
+    /// Name in `glsl/interface.glsl`.
+    name: String,
+    says: String,
+    /// Type in Rust.
+    kind: &'static str,
+    is_constant: bool,
+    number: u32,
+}
+
+impl Field {
+    /// The name of the Rust field.
+    fn short(&self) -> String {
+        self.name.trim_start_matches("BINDING_").trim_start_matches("SPEC_").to_lowercase()
+    }
+
+    fn declare(&self, rust: &mut String) {
+        if !self.says.is_empty() {
+            let _ = writeln!(rust, "    /// {}.", self.says);
+        }
+        let _ = writeln!(rust, "    pub(crate) {}: {},", self.short(), self.kind);
+    }
+
+    fn list(&self, rust: &mut String) {
+        let (short, number) = (self.short(), self.number);
+        let _ = match (self.is_constant, self.kind) {
+            (true, _) => writeln!(rust, "        to.constants.push(({number}, u32::from(self.{short})));"),
+            (false, _) => {
+                writeln!(rust, "        to.resources.push(({number}, self.{short}.clone().into()));")
+            }
+        };
+    }
+}
+
+/// The inputs of entries of one file that read the same.
+#[derive(Clone)]
+struct EntryInputs {
+    stem: String,
+    /// Entries with these inputs, and their modules: name and description.
+    entries: Vec<String>,
+    modules: Vec<(String, String)>,
+    own: BTreeSet<Field>,
+    /// Stems of the headers that declare further inputs.
+    headers: BTreeSet<String>,
+}
+
+impl EntryInputs {
+    /// Returns the file's name and the words that the names of all entries share, or the name of the first entry.
+    fn name(&self) -> String {
+        let words = |entry: &str| entry.split('_').map(str::to_string).collect::<Vec<_>>();
+        let first = words(&self.entries[0]);
+        let mut shared = first.clone();
+        shared.retain(|word| self.entries.iter().all(|entry| words(entry).contains(word)));
+        format!("{}-{}", self.stem, if shared.is_empty() { first.join("-") } else { shared.join("-") })
+    }
+}
+
+/// The inputs of all entries and of the headers that they include.
+#[derive(Default)]
+struct AllInputs {
+    entries: Vec<EntryInputs>,
+    headers: BTreeMap<String, BTreeSet<Field>>,
+}
+
+impl AllInputs {
+    fn add(
+        &mut self,
+        stem: &str,
+        entry: &str,
+        module: (String, String),
+        fields: Vec<Field>,
+        headers: &[Header],
+    ) {
+        let mut inputs = EntryInputs {
+            stem: stem.to_string(),
+            entries: vec![entry.to_string()],
+            modules: vec![module.clone()],
+            own: BTreeSet::new(),
+            headers: BTreeSet::new(),
+        };
+        for field in fields {
+            match headers.iter().find(|header| header.declares.contains(&field.name)) {
+                Some(header) => {
+                    inputs.headers.insert(header.stem.clone());
+                    self.headers.entry(header.stem.clone()).or_default().insert(field);
+                }
+                None => drop(inputs.own.insert(field)),
+            }
+        }
+        let same = |other: &&mut EntryInputs| {
+            other.stem == inputs.stem && other.own == inputs.own && other.headers == inputs.headers
+        };
+        match self.entries.iter_mut().find(same) {
+            Some(other) => {
+                other.entries.push(entry.to_string());
+                other.modules.push(module);
+            }
+            None => self.entries.push(inputs),
+        }
+    }
+
+    /// Writes the structures, and for each module its entry.
+    fn write(&self, rust: &mut String) {
+        for (stem, fields) in self.headers.iter().filter(|(_, fields)| fields.len() > 1) {
+            let of = format!("the header `{stem}.glsl`");
+            structure(&camel(stem), &of, fields.iter(), &[], rust);
+        }
+        for inputs in &self.entries {
+            let alone = self.entries.iter().filter(|other| other.stem == inputs.stem).count() == 1;
+            let name = camel(&if alone { inputs.stem.clone() } else { inputs.name() });
+            let (single, several): (Vec<&String>, Vec<&String>) =
+                inputs.headers.iter().partition(|stem| self.headers[*stem].len() == 1);
+            let fields = inputs.own.iter().chain(single.into_iter().flat_map(|stem| &self.headers[stem]));
+            let modules: Vec<String> =
+                inputs.modules.iter().map(|(module, _)| format!("`{module}`")).collect();
+            structure(&name, &modules.join(", "), fields, &several, rust);
+            for (module, description) in &inputs.modules {
+                let _ = writeln!(
+                    rust,
+                    "/// `{module}`, compiled from `glsl/`.\n\
+                     pub(crate) const {module}: Entry<{name}> = Entry::new(&{description});"
+                );
+            }
+        }
+    }
+}
+
+/// Writes a structure of inputs: fields, and structures of headers.
+fn structure<'a>(
+    name: &str,
+    of: &str,
+    fields: impl Iterator<Item = &'a Field>,
+    headers: &[&String],
+    rust: &mut String,
+) {
+    let mut list = String::new();
+    let _ = writeln!(rust, "/// Inputs of {of}.\n#[derive(Clone, Debug)]\npub(crate) struct {name} {{");
+    for field in fields {
+        field.declare(rust);
+        field.list(&mut list);
+    }
+    for header in headers {
+        let short = header.replace('-', "_");
+        let _ = writeln!(
+            rust,
+            "    /// Inputs of the header `{header}.glsl`.\n    pub(crate) {short}: {},",
+            camel(header)
+        );
+        let _ = writeln!(list, "        self.{short}.list(to);");
+    }
+    let _ = writeln!(
+        rust,
+        "}}\nimpl Inputs for {name} {{\n    fn list(&self, {}: &mut InputList) {{\n{list}    }}\n}}\n",
+        if list.is_empty() { "_" } else { "to" }
+    );
+}
+
+/// Converts `words-of_A-name` to `WordsOfAName`.
+fn camel(name: &str) -> String {
+    let words = name.split(['-', '_']).map(|word| {
+        let (first, rest) = word.split_at(word.len().min(1));
+        first.to_uppercase() + &rest.to_lowercase()
+    });
+    words.collect()
 }
 
 /// The layout of a structure in the shaders: (name, offset) of its members, then its size.
@@ -229,6 +461,16 @@ struct Module {
     offsets: BTreeMap<(u32, u32), u32>,
     strides: BTreeMap<u32, u32>,
     bindings: BTreeMap<u32, u32>,
+    /// Variables, and types of blocks with a member, that shaders only read.
+    read_only: BTreeSet<u32>,
+    /// Numbers of specialisation constants, and which of these are booleans.
+    specialised: BTreeMap<u32, u32>,
+    booleans: BTreeSet<u32>,
+    /// The entry point, and the operands of each function's instructions.
+    entry: u32,
+    functions: BTreeMap<u32, BTreeSet<u32>>,
+    /// Operands of specialisation constants that are computed from others.
+    computed: BTreeMap<u32, Vec<u32>>,
     types: BTreeMap<u32, Vec<u32>>,
     variables: Vec<(u32, u32, u32)>,
     constants: BTreeMap<u32, u32>,
@@ -238,13 +480,16 @@ impl Module {
     /// Reads names, decorations, types and variables (SPIR-V specification, section 3.42).
     fn parse(words: &[u32]) -> Self {
         let mut module = Self::default();
-        let mut at = 5;
+        let (mut at, mut function) = (5, None);
         while at < words.len() {
             let (length, op) = ((words[at] >> 16) as usize, words[at] & 0xffff);
             let Some(operands) = words.get(at + 1..at + length.max(1)) else { break };
             match (op, operands) {
                 (5, [id, rest @ ..]) => drop(module.names.insert(*id, text(rest))),
                 (6, [id, member, rest @ ..]) => drop(module.member_names.insert((*id, *member), text(rest))),
+                (71, [id, 1, number]) => drop(module.specialised.insert(*id, *number)),
+                (71, [id, 24]) | (72, [id, _, 24]) => drop(module.read_only.insert(*id)),
+                (48 | 49, [_, id]) => drop(module.booleans.insert(*id)),
                 (71, [id, 33, binding]) => drop(module.bindings.insert(*id, *binding)),
                 (71, [id, 6, stride]) => drop(module.strides.insert(*id, *stride)),
                 (72, [id, member, 35, offset]) => drop(module.offsets.insert((*id, *member), *offset)),
@@ -255,11 +500,37 @@ impl Module {
                     kind[0] = op;
                     module.types.insert(*id, kind);
                 }
-                _ => {}
+                (15, [_, id, ..]) => module.entry = *id,
+                (52, [_, id, rest @ ..]) => drop(module.computed.insert(*id, rest.to_vec())),
+                (54, [_, id, ..]) => function = Some(*id),
+                // A line of the source.
+                (8, _) => {}
+                _ => {
+                    if let Some(id) = function {
+                        module.functions.entry(id).or_default().extend(operands);
+                    }
+                }
             }
             at += length.max(1);
         }
+        let used = module.used();
+        module.variables.retain(|(_, id, class)| used.contains(id) || *class == 9);
+        module.specialised.retain(|id, _| used.contains(id));
         module
+    }
+
+    /// Returns the operands of all functions that the entry point calls: the compiler also keeps functions, variables and
+    /// constants that it does not use.
+    fn used(&self) -> BTreeSet<u32> {
+        let (mut used, mut next) = (BTreeSet::new(), vec![self.entry]);
+        while let Some(id) = next.pop() {
+            if !used.insert(id) {
+                continue;
+            }
+            next.extend(self.functions.get(&id).into_iter().flatten());
+            next.extend(self.computed.get(&id).into_iter().flatten());
+        }
+        used
     }
 
     /// Returns the type that a pointer variable points at.
@@ -340,18 +611,12 @@ impl Module {
         }
     }
 
-    /// Writes one `Shader` constant: code, stage, size of the push constants, bindings.
-    fn describe(&self, name: &str, stage: &str, rust: &mut String) {
-        let mut push = 0;
-        let mut bindings = BTreeMap::new();
+    /// Returns the resources by binding: the name of their `BindingKind`, and whether the shader only reads them.
+    fn resources(&self, name: &str) -> BTreeMap<u32, (&'static str, bool)> {
+        let mut resources = BTreeMap::new();
         for &(pointer, id, class) in &self.variables {
-            let mut target = self.pointee(pointer);
-            if class == 9 {
-                let mut layouts = BTreeMap::new();
-                self.layout_of(Path::new(name), target, &mut layouts);
-                push = layouts.values().next().map_or(0, |layout| layout.1);
-            }
             let Some(&binding) = self.bindings.get(&id) else { continue };
+            let mut target = self.pointee(pointer);
             while let Some(element) = self.array_element(target) {
                 target = element;
             }
@@ -362,18 +627,56 @@ impl Module {
                 (_, Some([25, ..])) => "StorageImage",
                 _ => refuse!("{name}: binding {binding} is of a kind that this build does not know"),
             };
-            bindings.insert(binding, kind);
+            let read_only = self.read_only.contains(&id) || self.read_only.contains(&target);
+            resources.insert(binding, (kind, read_only));
         }
-        let list: Vec<String> =
-            bindings.iter().map(|(binding, kind)| format!("({binding}, BindingKind::{kind})")).collect();
-        let _ = writeln!(
-            rust,
-            "/// `{name}`, compiled from `glsl/`.\npub(crate) const {name}: Shader = Shader {{ name: \"{name}\", \
-             stage: Stage::{stage}, push_bytes: {push}, bindings: &[{}], \
-             code: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")) }};",
+        resources
+    }
+
+    /// Returns the inputs of the module, named as in `glsl/interface.glsl`.
+    fn fields(&self, name: &str, numbers: &Numbers) -> Vec<Field> {
+        let field = |is_constant: bool, number: u32, kind: &'static str| {
+            let Some(Numbered { name, says }) = numbers.get(&(is_constant, number)) else {
+                refuse!("{name}: number {number} of an input has no name in glsl/interface.glsl")
+            };
+            Field { name: name.clone(), says: says.clone(), kind, is_constant, number }
+        };
+        let resources = self.resources(name).into_iter().map(|(binding, kind)| {
+            let kind = match kind {
+                ("UniformBuffer", _) => "Uniform",
+                ("StorageBuffer", true) => "Read",
+                ("StorageBuffer", false) => "Write",
+                ("SampledImage", _) => "Sampled",
+                _ => "Stored",
+            };
+            field(false, binding, kind)
+        });
+        let constants = self.specialised.iter().map(|(id, &number)| {
+            field(true, number, if self.booleans.contains(id) { "bool" } else { "u32" })
+        });
+        resources.chain(constants).collect()
+    }
+
+    /// Describes the module as a `Shader`: code, stage, size of the push constants, bindings.
+    fn describe(&self, name: &str, stage: &str) -> String {
+        let mut push = 0;
+        for &(pointer, _, class) in &self.variables {
+            if class == 9 {
+                let mut layouts = BTreeMap::new();
+                self.layout_of(Path::new(name), self.pointee(pointer), &mut layouts);
+                push = layouts.values().next().map_or(0, |layout| layout.1);
+            }
+        }
+        let list: Vec<String> = self
+            .resources(name)
+            .iter()
+            .map(|(binding, (kind, _))| format!("({binding}, BindingKind::{kind})"))
+            .collect();
+        format!(
+            "Shader {{ name: \"{name}\", stage: Stage::{stage}, push_bytes: {push}, bindings: &[{}], \
+             code: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")) }}",
             list.join(", ")
-        );
-        let _ = writeln!(rust);
+        )
     }
 }
 

@@ -104,14 +104,14 @@
 #define SPEC_SPLAT_ORDER 28   // uint: sort key of splats, one of ORDER_*
 #define SPEC_SPLAT_AXIS 29    // uint: axis that sheets are stacked along
 #define SPEC_SPLAT_LOWPASS 30 // uint: filter of footprints below a pixel, one of LOWPASS_*
-#define SPEC_SPLAT_TEMPLATE 31 // bool: footprints come from a table
+#define SPEC_SPLAT_TABULATED 31 // bool: footprints come from a table
 #define SPEC_RUNS 32          // uint: runs of ranks of each tile's bin
 
 #define SPEC_WARP 33          // uint: the warp's filter, one of WARP_*
 #define SPEC_EVERY 34         // bool: a slab holds several slices of the stack
 
 #define SPEC_BOUNDED 35       // bool: rays are bounded by the depths of BINDING_LINE_BOUNDS
-#define SPEC_LAYERS 36        // bool: the volume contains translucent surfaces
+#define SPEC_LAYERED 36       // bool: the volume contains translucent surfaces
 
 // Values of SPEC_INTEGRATOR.
 #define INTEGRATOR_MIDPOINT 0

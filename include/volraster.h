@@ -970,10 +970,6 @@ typedef struct vr_status {
      * Number of counters.
      */
     uint32_t counter_count;
-    /**
-     * Milliseconds on the device from the beginning of the first pass to the end of the last; 0 if the device has no timestamps.
-     */
-    double gpu_ms;
 } vr_status;
 
 #ifdef __cplusplus
@@ -1502,4 +1498,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: 9e907fe49e897210 */
+/* Checksum of the sources: 64a8226f29fa937d */

@@ -4,7 +4,7 @@
 
 #include "interface.glsl"
 
-layout(constant_id = SPEC_LAYERS) const bool LAYERS = false;
+layout(constant_id = SPEC_LAYERED) const bool LAYERS = false;
 
 layout(set = 0, binding = BINDING_LAYER_CURSORS, std430) readonly buffer LayerCursors { uint layer_cursors[]; };
 layout(set = 0, binding = BINDING_LAYER_ENDS, std430) readonly buffer LayerEnds { uint layer_ends[]; };

@@ -24,11 +24,19 @@ layout(push_constant, std430) uniform ScanPush {
     uint chunks;
 } push;
 
-layout(set = 0, binding = BINDING_SCAN_WORDS, std430) buffer Words {
+#if defined(LANES_SCAN) || defined(GROUPS_SCAN)
+#define OF_REDUCE
+#define OF_SCAN readonly
+#else
+#define OF_REDUCE readonly
+#define OF_SCAN
+#endif
+
+layout(set = 0, binding = BINDING_SCAN_WORDS, std430) OF_REDUCE buffer Words {
     uint word[];
 } words;
 
-layout(set = 0, binding = BINDING_SCAN_SUMS, std430) buffer Sums {
+layout(set = 0, binding = BINDING_SCAN_SUMS, std430) OF_SCAN buffer Sums {
     uint word[]; // lower and upper half of each chunk's sum
 } sums;
 

@@ -36,7 +36,7 @@
 #include "splat/splats.glsl"
 
 layout(constant_id = SPEC_SPLAT_AXIS) const uint AXIS_OF_SHEETS = 0;
-layout(constant_id = SPEC_SPLAT_TEMPLATE) const bool TEMPLATE = false;
+layout(constant_id = SPEC_SPLAT_TABULATED) const bool TEMPLATE = false;
 
 layout(local_size_x = 64 / ROWS) in;
 layout(set = 0, binding = BINDING_SPLAT_RECORDS, std430) readonly buffer SplatRecords { vec4 splat_records[]; };

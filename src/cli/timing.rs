@@ -13,6 +13,11 @@ const SEED: u64 = 1;
 /// Bootstrap resamples per interval.
 const RESAMPLES: u32 = 2000;
 
+/// Returns the sum of the frame's pass times, in milliseconds; `None` where the device has no timestamps.
+pub(crate) fn gpu_ms(frame: &FrameTime) -> Option<f64> {
+    (!frame.passes.is_empty()).then(|| frame.passes.iter().map(|pass| pass.ms).sum())
+}
+
 /// Returns the times of a frame's passes by name. Passes with the same name are summed.
 pub(crate) fn passes(frame: &FrameTime) -> Vec<(&str, f64)> {
     let mut passes: Vec<(&str, f64)> = Vec::new();
@@ -127,7 +132,7 @@ impl Quantiles {
 
     /// Computes the statistics of device times; `None` unless every frame has one.
     pub(crate) fn gpu(frames: &[FrameTime]) -> Option<Self> {
-        Self::new(frames.iter().map(|frame| frame.gpu_ms).collect::<Option<Vec<_>>>()?)
+        Self::new(frames.iter().map(gpu_ms).collect::<Option<Vec<_>>>()?)
     }
 }
 
@@ -225,12 +230,13 @@ mod tests {
     #[test]
     fn passes_with_one_name_are_summed() {
         let pass = |name: &str, ms| PassTime { name: name.to_string(), ms };
-        let frame = |passes| FrameTime { wall_ms: 9.0, passes, gpu_ms: None, counters: Vec::new() };
+        let frame = |passes| FrameTime { wall_ms: 9.0, passes, counters: Vec::new() };
         let frames = [
             frame(vec![pass("a", 1.0), pass("b", 2.0), pass("a", 3.0)]),
             frame(vec![pass("a", 6.0)]),
             frame(vec![pass("a", 3.5), pass("b", 4.0)]),
         ];
         assert_eq!(pass_medians(&frames), [("a".to_string(), 4.0), ("b".to_string(), 2.0)]);
+        assert_eq!(gpu_ms(&frames[0]), Some(6.0));
     }
 }

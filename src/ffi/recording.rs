@@ -38,7 +38,6 @@ enum State {
 struct Told {
     complete: bool,
     passes: Vec<vr_pass_time>,
-    gpu_ms: f64,
     counters: Vec<vr_counter>,
     /// Owner of the texts that the lists point to.
     _names: Vec<CString>,
@@ -110,8 +109,6 @@ pub struct vr_status {
     pub counters: *const vr_counter,
     /// Number of counters.
     pub counter_count: u32,
-    /// Milliseconds on the device from the beginning of the first pass to the end of the last; 0 if the device has no timestamps.
-    pub gpu_ms: f64,
 }
 
 // SAFETY: repr(C), numbers and pointers, the first its size.
@@ -133,8 +130,7 @@ impl Told {
         let passes = passes.collect();
         let counters = status.counters.iter().map(|&(name, value)| vr_counter { name: keep(name), value });
         let counters = counters.collect();
-        let gpu_ms = status.gpu_ms.unwrap_or(0.0);
-        Self { complete: status.complete, passes, gpu_ms, counters, _names: names }
+        Self { complete: status.complete, passes, counters, _names: names }
     }
 
     fn status(&self) -> vr_status {
@@ -145,7 +141,6 @@ impl Told {
             passes: self.passes.as_ptr(),
             counters: self.counters.as_ptr(),
             counter_count: num::count(self.counters.len()),
-            gpu_ms: self.gpu_ms,
         }
     }
 }

@@ -6,9 +6,9 @@ use ash::vk;
 
 use crate::error::Result;
 use crate::frame::target::TargetMode;
-use crate::gpu::shader::{BINDING_SOURCE, COMPOSITE_FRAGMENT, COMPOSITE_VERTEX};
+use crate::gpu::shader::{COMPOSITE_FRAGMENT, COMPOSITE_VERTEX, CompositeFragment, CompositeVertex};
 use crate::gpu::{
-    Attachment, Blend, Descriptors, Gpu, GraphicsDesc, Image, Pipeline, Recorder, Resource, TargetImage,
+    Attachment, Blend, Descriptors, Gpu, GraphicsState, Image, Pipeline, Recorder, TargetImage,
 };
 
 /// Composites the image of a technique into the target, by one full-screen draw.
@@ -23,19 +23,15 @@ impl Composite {
     /// Builds the pipeline that draws `source` into a target of `format`.
     pub(crate) fn new(gpu: &Gpu, source: &Arc<Image>, format: vk::Format, mode: TargetMode) -> Result<Self> {
         let clear = mode == TargetMode::Clear;
-        let pipeline = gpu.graphics_pipeline(
-            "composite.draw",
-            &GraphicsDesc {
-                vertex: &COMPOSITE_VERTEX,
-                fragment: &COMPOSITE_FRAGMENT,
-                topology: vk::PrimitiveTopology::TRIANGLE_LIST,
-                blend: if clear { Blend::Copy } else { Blend::Over },
-                format: Some(format),
-                constants: &[],
-            },
-        )?;
-        let source = Resource::Sampled(Arc::clone(source), vk::Filter::NEAREST);
-        let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &[(BINDING_SOURCE, source)])?);
+        let fragment = CompositeFragment { source: source.sampled(vk::Filter::NEAREST) };
+        let bound = COMPOSITE_VERTEX.with(&CompositeVertex {}).and(COMPOSITE_FRAGMENT.with(&fragment));
+        let state = GraphicsState {
+            topology: vk::PrimitiveTopology::TRIANGLE_LIST,
+            blend: if clear { Blend::Copy } else { Blend::Over },
+            format: Some(format),
+        };
+        let pipeline = gpu.graphics_pipeline("composite.draw", &bound, state)?;
+        let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &bound)?);
         Ok(Self { pipeline, descriptors, clear })
     }
 

@@ -79,9 +79,6 @@ pub struct Status {
     pub complete: bool,
     /// Passes with their times on the device, in the order of recording. Empty where the device has no timestamps.
     pub passes: Vec<PassTime>,
-    /// Milliseconds on the device from the beginning of the first pass to the end of the last, barriers between them included.
-    /// `None` where the device has no timestamps.
-    pub gpu_ms: Option<f64>,
     /// Counts of work that only the device knows.
     pub counters: Vec<(&'static str, u64)>,
 }
@@ -117,9 +114,9 @@ impl Recorded {
     pub fn completed(self) -> Result<Status> {
         let held = std::mem::ManuallyDrop::into_inner(self.held);
         held.gpu.alive()?;
-        let (times, gpu_ms) = match &held.timers {
+        let times = match &held.timers {
             Some(timers) => timers.read(held.passes.len())?,
-            None => (Vec::new(), None),
+            None => Vec::new(),
         };
         let passes = held.passes.into_iter().zip(times).map(|(name, ms)| PassTime { name, ms }).collect();
         let (mut complete, mut counters) = (true, Vec::new());
@@ -128,7 +125,7 @@ impl Recorded {
             complete &= fits;
             counters.extend(counted);
         }
-        Ok(Status { complete, passes, gpu_ms, counters })
+        Ok(Status { complete, passes, counters })
     }
 
     /// The resources that must live until the submission has ended.

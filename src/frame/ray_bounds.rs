@@ -8,10 +8,8 @@ use std::sync::Arc;
 use crate::error::{Error, Result};
 use crate::frame::depth_measure::{DepthMeasure, PixelRays};
 use crate::frame::surfaces::SurfaceFrame;
-use crate::gpu::shader::{
-    BINDING_DEPTH, BINDING_LINE_BOUNDS, LINE_BOUNDS_DEPTH, LINE_BOUNDS_PLANES, SPEC_RESUME,
-};
-use crate::gpu::{Buffer, BufferUse, DepthImage, Gpu, Recorder, Resource};
+use crate::gpu::shader::{LINE_BOUNDS_DEPTH, LINE_BOUNDS_PLANES, LineBoundsDepth, LineBoundsPlanes};
+use crate::gpu::{Buffer, BufferUse, DepthImage, Gpu, Recorder, Sampled};
 use crate::interface::BoundsPush;
 use crate::num::{self, f32_of};
 use crate::primitives::dispatch::{Dispatch, pass, tiles_of};
@@ -53,15 +51,16 @@ impl RayBounds {
         measure: DepthMeasure,
         view: &View,
     ) -> Result<Self> {
-        let make = |shader, resume: bool| {
-            let resources = [
-                (BINDING_LINE_BOUNDS, Resource::Buffer(Arc::clone(bounds))),
-                (BINDING_DEPTH, Resource::External),
-            ];
-            pass(gpu, "line.bounds", shader, &[(SPEC_RESUME, u32::from(resume))], &resources)
+        let planes =
+            |resume: bool| LINE_BOUNDS_PLANES.with(&LineBoundsPlanes { line_bounds: bounds.write(), resume });
+        let first = if takes_depth {
+            let depth = Sampled::external();
+            LINE_BOUNDS_DEPTH.with(&LineBoundsDepth { line_bounds: bounds.write(), depth, resume: false })
+        } else {
+            planes(false)
         };
-        let first = make(if takes_depth { &LINE_BOUNDS_DEPTH } else { &LINE_BOUNDS_PLANES }, false)?;
-        let more = make(&LINE_BOUNDS_PLANES, true)?;
+        let first = pass(gpu, "line.bounds", &first)?;
+        let more = pass(gpu, "line.bounds", &planes(true))?;
         let made = Self { first, more, takes_depth, measure, view: *view };
         made.check(view)?;
         Ok(made)
@@ -161,7 +160,7 @@ impl RayBounds {
         between: Option<&SurfaceFrame>,
     ) -> Result<()> {
         if let Some(depth) = depth {
-            self.first.descriptors.sample_external(BINDING_DEPTH, depth)?;
+            self.first.descriptors.sample_external(depth)?;
         }
         self.record_pushes(recorder, self.pushes(&self.view, depth), between);
         Ok(())

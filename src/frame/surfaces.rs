@@ -18,12 +18,10 @@ use crate::frame::lists::{Geometry, Lists, Ranking, measure};
 use crate::frame::prepared::Outcome;
 use crate::frame::target::{Canvas, Layers};
 use crate::gpu::shader::{
-    BINDING_ACCUMULATION, BINDING_BACKGROUND, BINDING_CURSORS, BINDING_LAYER_ENDS, BINDING_LAYERS,
-    BINDING_LINE_BOUNDS, BINDING_LISTS, BINDING_SOURCE, BINDING_STATUS, BINDING_TRIANGLES, MOST_LAYERS,
-    SPEC_BOUNDED, STATUS_CUT, STATUS_LONGEST_BIN, STATUS_LOST, STATUS_WORDS, SURFACES_BEHIND,
-    SURFACES_RESOLVE, TILE, TILE_PIXELS,
+    MOST_LAYERS, STATUS_CUT, STATUS_LONGEST_BIN, STATUS_LOST, STATUS_WORDS, SURFACES_BEHIND,
+    SURFACES_RESOLVE, SurfacesBehind, SurfacesResolve, TILE, TILE_PIXELS,
 };
-use crate::gpu::{Buffer, Gpu, Image, ImageDesc, Recorder, Resource};
+use crate::gpu::{Buffer, Gpu, Image, ImageDesc, Recorder};
 use crate::interface::{MeshPush, SurfacePush};
 use crate::num::{self, f32_of};
 use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass, tiles_of, total, words};
@@ -126,17 +124,14 @@ impl SurfaceLists {
                 format!("{} triangles in its pixels: one buffer does not hold them", needs.lists),
             ));
         }
-        let lists = Lists::new(gpu, &stage, tiles, runs, bands, needs)?;
-        let Some(Resource::Buffer(depths)) = lists.list_fill.descriptors.resource(BINDING_LISTS) else {
-            return Err(Error::invalid(NAME, "no lists"));
-        };
+        let lists = Lists::new(gpu, &stage, tiles, runs, bands, needs, None)?;
         // Opaque triangles need no entry.
         let layers = if data.translucent { u64::from(lists.list_capacity) } else { 1 };
         let layers = Layers {
             cursors: Arc::clone(&lists.cursors),
             ends: buffer(gpu, "surfaces.ends", u64::from(tiles) * u64::from(TILE_PIXELS))?,
             colours: buffer(gpu, "surfaces.layers", 4 * layers)?,
-            depths,
+            depths: Arc::clone(&lists.entries),
         };
         let background = buffer(gpu, "surfaces.background", 4 * u64::from(width) * u64::from(height))?;
         Ok(Self { data: Arc::clone(data), stage, lists, needs, push, tiles, layers, background })
@@ -160,18 +155,18 @@ impl SurfaceFrame {
     ) -> Result<Self> {
         let planes = lists.data.planes(measured.centre, measured.unit);
         let planes = Buffer::with_data(gpu, "surfaces.planes", bytemuck::cast_slice(&planes))?;
-        let resources = [
-            (BINDING_CURSORS, Resource::ReadOnly(Arc::clone(&lists.lists.cursors))),
-            (BINDING_LISTS, Resource::Buffer(Arc::clone(&lists.layers.depths))),
-            (BINDING_STATUS, Resource::Buffer(Arc::clone(&lists.stage.status))),
-            (BINDING_TRIANGLES, Resource::Buffer(planes)),
-            (BINDING_LINE_BOUNDS, Resource::Buffer(Arc::clone(bounds))),
-            (BINDING_LAYERS, Resource::Buffer(Arc::clone(&lists.layers.colours))),
-            (BINDING_LAYER_ENDS, Resource::Buffer(Arc::clone(&lists.layers.ends))),
-            (BINDING_BACKGROUND, Resource::Buffer(Arc::clone(&lists.background))),
-        ];
-        let constants = [(SPEC_BOUNDED, u32::from(bounded))];
-        let resolve = pass(gpu, "surfaces.resolve", &SURFACES_RESOLVE, &constants, &resources)?;
+        let resolve = SURFACES_RESOLVE.with(&SurfacesResolve {
+            cursors: lists.lists.cursors.read(),
+            lists: lists.layers.depths.write(),
+            status: lists.stage.status.write(),
+            triangles: planes.read(),
+            line_bounds: bounds.write(),
+            layers: lists.layers.colours.write(),
+            layer_ends: lists.layers.ends.write(),
+            background: lists.background.write(),
+            bounded,
+        });
+        let resolve = pass(gpu, "surfaces.resolve", &resolve)?;
         let outcome = SurfaceOutcome {
             data: Arc::clone(&lists.data),
             status: download(gpu, "surfaces.status", 4 * u64::from(STATUS_WORDS))?,
@@ -204,12 +199,12 @@ impl SurfaceFrame {
             vk::ImageUsageFlags::STORAGE | after,
         );
         let image = Arc::new(Image::new(gpu, "surfaces.image", &desc)?);
-        let resources = [
-            (BINDING_SOURCE, Resource::Sampled(Arc::clone(drawn), vk::Filter::NEAREST)),
-            (BINDING_ACCUMULATION, Resource::Storage(Arc::clone(&image))),
-            (BINDING_BACKGROUND, Resource::ReadOnly(Arc::clone(&self.lists.background))),
-        ];
-        self.behind = Some((pass(gpu, "surfaces.behind", &SURFACES_BEHIND, &[], &resources)?, image));
+        let behind = SURFACES_BEHIND.with(&SurfacesBehind {
+            source: drawn.sampled(vk::Filter::NEAREST),
+            accumulation: image.stored(),
+            background: self.lists.background.read(),
+        });
+        self.behind = Some((pass(gpu, "surfaces.behind", &behind)?, image));
         Ok(())
     }
 

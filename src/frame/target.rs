@@ -5,11 +5,8 @@ use std::sync::Arc;
 use ash::vk;
 
 use crate::error::{Error, Result};
-use crate::gpu::shader::{
-    BINDING_LAYER_CURSORS, BINDING_LAYER_DEPTHS, BINDING_LAYER_ENDS, BINDING_LAYERS, BINDING_LINE_BOUNDS,
-    SPEC_BOUNDED, SPEC_LAYERS,
-};
-use crate::gpu::{Buffer, Gpu, Image, ImageDesc, Resource, SpecConstant};
+use crate::gpu::shader;
+use crate::gpu::{Buffer, Gpu, Image, ImageDesc};
 use crate::scene::View;
 
 /// How the result combines with the existing contents of the target.
@@ -77,19 +74,22 @@ impl Canvas {
         self.target.mode()
     }
 
-    /// The binding of the bounds of rays; `unread` stands in for variants that read none.
-    pub(crate) fn bounds(&self, unread: &Arc<Buffer>) -> [(u32, Resource); 1] {
-        [(BINDING_LINE_BOUNDS, Resource::ReadOnly(Arc::clone(self.bounds.as_ref().unwrap_or(unread))))]
+    /// The bounds of rays; `unread` stands in for variants that read none.
+    pub(crate) fn bounded(&self, unread: &Arc<Buffer>) -> shader::Bounded {
+        let line_bounds = self.bounds.as_ref().unwrap_or(unread).read();
+        shader::Bounded { line_bounds, bounded: self.bounds.is_some() }
     }
 
-    /// The bindings of the translucent surfaces of pixels, with the same stand-in.
-    pub(crate) fn layers(&self, unread: &Arc<Buffer>) -> [(u32, Resource); 4] {
-        Layers::bound(self.layers.as_ref(), unread)
-    }
-
-    /// The constant that says whether pixels have translucent surfaces.
-    pub(crate) fn layered(&self) -> SpecConstant {
-        (SPEC_LAYERS, u32::from(self.layers.is_some()))
+    /// The translucent surfaces of pixels, with the same stand-in.
+    pub(crate) fn layered(&self, unread: &Arc<Buffer>) -> shader::Layers {
+        let read = |buffer: fn(&Layers) -> &Arc<Buffer>| self.layers.as_ref().map_or(unread, buffer).read();
+        shader::Layers {
+            layer_cursors: read(|layers| &layers.cursors),
+            layer_ends: read(|layers| &layers.ends),
+            layer_depths: read(|layers| &layers.depths),
+            layers: read(|layers| &layers.colours),
+            layered: self.layers.is_some(),
+        }
     }
 
     /// Refuses a route or order, `what`, that cannot split rays at translucent surfaces.
@@ -98,11 +98,6 @@ impl Canvas {
             return Ok(());
         }
         Err(Error::invalid("technique", format!("{what} draws no translucent surfaces: {instead} does")))
-    }
-
-    /// The constant that says whether rays are bounded.
-    pub(crate) fn bounded(&self) -> SpecConstant {
-        (SPEC_BOUNDED, u32::from(self.bounds.is_some()))
     }
 }
 
@@ -113,20 +108,6 @@ pub(crate) struct Layers {
     pub(crate) ends: Arc<Buffer>,
     pub(crate) depths: Arc<Buffer>,
     pub(crate) colours: Arc<Buffer>,
-}
-
-impl Layers {
-    /// Their bindings; `unread` stands in where there are none.
-    pub(crate) fn bound(layers: Option<&Self>, unread: &Arc<Buffer>) -> [(u32, Resource); 4] {
-        let resource =
-            |buffer: fn(&Self) -> &Arc<Buffer>| Resource::ReadOnly(Arc::clone(layers.map_or(unread, buffer)));
-        [
-            (BINDING_LAYER_CURSORS, resource(|layers| &layers.cursors)),
-            (BINDING_LAYER_ENDS, resource(|layers| &layers.ends)),
-            (BINDING_LAYER_DEPTHS, resource(|layers| &layers.depths)),
-            (BINDING_LAYERS, resource(|layers| &layers.colours)),
-        ]
-    }
 }
 
 /// Whether raster may draw into the caller's image itself: the format matches, and the contents are either cleared or

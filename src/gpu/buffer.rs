@@ -30,7 +30,6 @@ pub(crate) struct Buffer {
     allocation: Option<Allocation>,
     _reservation: Option<Reservation>,
     size: u64,
-    purpose: BufferUse,
     name: String,
 }
 
@@ -72,7 +71,6 @@ impl Buffer {
             allocation: None,
             _reservation: None,
             size,
-            purpose,
             name: name.to_string(),
         };
         gpu.name(raw, name);
@@ -108,11 +106,6 @@ impl Buffer {
     /// Returns the mapped memory for writing.
     pub(crate) fn bytes_mut(&mut self) -> Option<&mut [u8]> {
         self.allocation.as_mut()?.mapped_slice_mut()
-    }
-
-    /// Returns whether shaders write the buffer, so that its uses need barriers between them.
-    pub(crate) fn is_written_by_shaders(&self) -> bool {
-        self.purpose == BufferUse::ShaderWrite
     }
 
     pub(crate) fn name(&self) -> &str {

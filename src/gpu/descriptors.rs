@@ -1,35 +1,17 @@
 //! Descriptor sets: the resources bound to a pipeline.
 
-use std::sync::Arc;
-
 use ash::vk;
 
-use super::buffer::Buffer;
 use super::depth::DepthImage;
 use super::device::Gpu;
-use super::image::Image;
+use super::inputs::{Bound, Resource};
 use super::pipeline::{Pipeline, descriptor_type};
-use super::shader::BindingKind;
+use super::spirv::BindingKind;
 use super::sync::Use;
 use crate::error::{Error, Result};
 
 /// Filter for images of the caller.
 const EXTERNAL_FILTER: vk::Filter = vk::Filter::NEAREST;
-
-/// A resource for a binding.
-#[derive(Clone, Debug)]
-pub(crate) enum Resource {
-    /// A whole buffer.
-    Buffer(Arc<Buffer>),
-    /// A whole buffer that another pass has written and this one only reads.
-    ReadOnly(Arc<Buffer>),
-    /// An image with a filter to sample it with.
-    Sampled(Arc<Image>, vk::Filter),
-    /// A storage image.
-    Storage(Arc<Image>),
-    /// An image of the caller, set by [`Descriptors::sample_external`] before each recording.
-    External,
-}
 
 /// A descriptor set that keeps its resources alive.
 #[derive(Debug)]
@@ -41,12 +23,12 @@ pub(crate) struct Descriptors {
 }
 
 impl Descriptors {
-    /// Makes a set for `pipeline`. Every binding that the pipeline declares must be in `given`; others are ignored.
+    /// Makes a set for `pipeline` of the resources in `bound`.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] when a binding is missing; the errors of Vulkan.
-    pub(crate) fn new(gpu: &Gpu, pipeline: &Pipeline, given: &[(u32, Resource)]) -> Result<Self> {
+    /// [`Error::Invalid`] when `bound` belongs to another pipeline; the errors of Vulkan.
+    pub(crate) fn new(gpu: &Gpu, pipeline: &Pipeline, bound: &Bound) -> Result<Self> {
         gpu.alive()?;
         let missing = |binding: u32| {
             Error::invalid(
@@ -56,8 +38,8 @@ impl Descriptors {
         };
         let mut resources = Vec::new();
         for &(binding, kind) in &pipeline.bindings {
-            let found =
-                given.iter().find(|(number, _)| *number == binding).ok_or_else(|| missing(binding))?;
+            let mut given = bound.inputs.resources.iter();
+            let found = given.find(|(number, _)| *number == binding).ok_or_else(|| missing(binding))?;
             resources.push((binding, kind, found.1.clone()));
         }
         let sizes: Vec<_> = pipeline
@@ -85,7 +67,7 @@ impl Descriptors {
                 .descriptor_type(descriptor_type(*kind));
             let (buffer, image);
             let write = match resource {
-                Resource::Buffer(b) | Resource::ReadOnly(b) => {
+                Resource::Read(b) | Resource::Write(b) => {
                     // A uniform block may cover only the start of a larger buffer.
                     let most = u64::from(gpu.inner.properties.limits.max_uniform_buffer_range);
                     let range =
@@ -101,7 +83,7 @@ impl Descriptors {
                     }];
                     write.image_info(&image)
                 }
-                Resource::Storage(i) => {
+                Resource::Stored(i) => {
                     image = [vk::DescriptorImageInfo {
                         sampler: vk::Sampler::null(),
                         image_view: i.view(),
@@ -122,8 +104,11 @@ impl Descriptors {
         Ok(descriptors)
     }
 
-    /// Sets the binding of an image of the caller. No submission that uses the set may be pending.
-    pub(crate) fn sample_external(&self, binding: u32, depth: &DepthImage) -> Result<()> {
+    /// Sets the image of the caller. No submission that uses the set may be pending.
+    pub(crate) fn sample_external(&self, depth: &DepthImage) -> Result<()> {
+        let is_external =
+            |(_, _, resource): &&(u32, BindingKind, Resource)| matches!(resource, Resource::External);
+        let Some(&(binding, ..)) = self.resources.iter().find(is_external) else { return Ok(()) };
         let image = [vk::DescriptorImageInfo {
             sampler: self.gpu.sampler(EXTERNAL_FILTER, false)?,
             image_view: depth.view,
@@ -140,35 +125,22 @@ impl Descriptors {
         Ok(())
     }
 
-    /// Returns the resource of a binding.
-    pub(crate) fn resource(&self, binding: u32) -> Option<Resource> {
-        self.resources.iter().find(|(number, ..)| *number == binding).map(|(_, _, resource)| resource.clone())
-    }
-
     pub(crate) fn set(&self) -> vk::DescriptorSet {
         self.set
     }
 
     /// Iterates over the resources with their use by a pass of this bind point.
     pub(crate) fn uses(&self, compute: bool) -> impl Iterator<Item = (&Resource, Use)> {
-        self.resources.iter().filter_map(move |(_, kind, resource)| {
+        self.resources.iter().filter_map(move |(_, _, resource)| {
             let usage = match (resource, compute) {
                 // The caller promises that it is ready.
                 (Resource::External, _) => return None,
                 (Resource::Sampled(..), true) => Use::ComputeSample,
                 (Resource::Sampled(..), false) => Use::FragmentSample,
-                (Resource::Storage(_), true) => Use::ComputeReadWrite,
-                (Resource::Storage(_), false) => Use::FragmentReadWrite,
-                (Resource::Buffer(_), true) if *kind == BindingKind::UniformBuffer => Use::ComputeRead,
-                (Resource::Buffer(b), true) if b.is_written_by_shaders() => Use::ComputeReadWrite,
-                (Resource::Buffer(_), true) => Use::ComputeRead,
-                (Resource::Buffer(b), false)
-                    if *kind == BindingKind::StorageBuffer && b.is_written_by_shaders() =>
-                {
-                    Use::FragmentReadWrite
-                }
-                (Resource::Buffer(_) | Resource::ReadOnly(_), false) => Use::FragmentRead,
-                (Resource::ReadOnly(_), true) => Use::ComputeRead,
+                (Resource::Stored(_) | Resource::Write(_), true) => Use::ComputeReadWrite,
+                (Resource::Stored(_) | Resource::Write(_), false) => Use::FragmentReadWrite,
+                (Resource::Read(_), true) => Use::ComputeRead,
+                (Resource::Read(_), false) => Use::FragmentRead,
             };
             Some((resource, usage))
         })

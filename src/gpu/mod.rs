@@ -22,6 +22,7 @@ mod feature;
 mod image;
 #[cfg(feature = "testing")]
 mod inject;
+pub(crate) mod inputs;
 mod instance;
 mod layer_lock;
 mod loader;
@@ -40,6 +41,7 @@ mod recorder;
 mod sampler;
 mod select;
 pub(crate) mod shader;
+mod spirv;
 mod submit;
 pub(crate) mod sync;
 #[cfg(test)]
@@ -49,10 +51,11 @@ mod transfer;
 mod validation;
 
 pub(crate) use buffer::{Buffer, BufferUse};
-pub(crate) use descriptors::{Descriptors, Resource};
+pub(crate) use descriptors::Descriptors;
 pub(crate) use draw::Attachment;
 pub(crate) use image::{Image, ImageDesc};
-pub(crate) use pipeline::{Blend, ComputeDesc, GraphicsDesc, Pipeline, SpecConstant};
+pub(crate) use inputs::{Bound, Sampled};
+pub(crate) use pipeline::{Blend, GraphicsState, Pipeline};
 pub(crate) use recorder::{Counted, Keep, Recorder};
 pub(crate) use submit::Commands;
 pub(crate) use timers::Timers;

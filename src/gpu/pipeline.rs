@@ -2,10 +2,8 @@
 
 use ash::vk;
 
-use super::shader::{BindingKind, Shader};
-
-/// A specialisation constant: its number and its value; booleans are 0 and 1.
-pub(crate) type SpecConstant = (u32, u32);
+use super::inputs::SpecConstant;
+use super::spirv::BindingKind;
 
 /// A fixed-function blend mode for premultiplied colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -18,23 +16,13 @@ pub(crate) enum Blend {
     Under,
 }
 
-/// Describes a graphics pipeline without vertex buffers: shaders compute vertices from their index.
-#[derive(Debug)]
-pub(crate) struct GraphicsDesc<'a> {
-    pub(crate) vertex: &'static Shader,
-    pub(crate) fragment: &'static Shader,
+/// The fixed state of a graphics pipeline without vertex buffers: shaders compute vertices from their index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct GraphicsState {
     pub(crate) topology: vk::PrimitiveTopology,
     pub(crate) blend: Blend,
     /// Format of the colour attachment; `None` where shaders write to buffers or storage images.
     pub(crate) format: Option<vk::Format>,
-    pub(crate) constants: &'a [SpecConstant],
-}
-
-/// Describes a compute pipeline.
-#[derive(Debug)]
-pub(crate) struct ComputeDesc<'a> {
-    pub(crate) shader: &'static Shader,
-    pub(crate) constants: &'a [SpecConstant],
 }
 
 /// Identifies a pipeline: equal keys mean the same pipeline.
@@ -42,7 +30,7 @@ pub(crate) struct ComputeDesc<'a> {
 pub(crate) struct PipelineKey {
     pub(super) shaders: Vec<&'static str>,
     pub(super) constants: Vec<SpecConstant>,
-    pub(super) state: Option<(vk::PrimitiveTopology, Blend, Option<vk::Format>)>,
+    pub(super) state: Option<GraphicsState>,
 }
 
 /// A pipeline with its layout. The device's table owns it, for the life of the device.

@@ -7,46 +7,43 @@ use std::time::Instant;
 use ash::vk;
 
 use super::device::Gpu;
-use super::pipeline::{
-    Blend, ComputeDesc, GraphicsDesc, Pipeline, PipelineKey, SpecConstant, descriptor_type,
-};
-use super::shader::{BindingKind, Shader, Stage};
-use crate::error::Result;
+use super::inputs::{Bound, SpecConstant};
+use super::pipeline::{Blend, GraphicsState, Pipeline, PipelineKey, descriptor_type};
+use super::spirv::{BindingKind, Shader, Stage};
+use crate::error::{Error, Result};
 
 impl Gpu {
-    /// Returns the graphics pipeline of a description, built on first use.
-    pub(crate) fn graphics_pipeline(&self, name: &str, desc: &GraphicsDesc<'_>) -> Result<Arc<Pipeline>> {
-        let key = PipelineKey {
-            shaders: vec![desc.vertex.name, desc.fragment.name],
-            constants: desc.constants.to_vec(),
-            state: Some((desc.topology, desc.blend, desc.format)),
-        };
-        self.find_or_build(key, name, &[desc.vertex, desc.fragment], |layout| {
-            self.build_graphics(desc, layout)
-        })
+    /// Returns the graphics pipeline of a vertex and a fragment shader, built on first use.
+    pub(crate) fn graphics_pipeline(
+        &self,
+        name: &str,
+        bound: &Bound,
+        state: GraphicsState,
+    ) -> Result<Arc<Pipeline>> {
+        self.find_or_build(bound, Some(state), name, |layout| self.build_graphics(bound, state, layout))
     }
 
-    /// Returns the compute pipeline of a description, built on first use.
-    pub(crate) fn compute_pipeline(&self, name: &str, desc: &ComputeDesc<'_>) -> Result<Arc<Pipeline>> {
-        let key =
-            PipelineKey { shaders: vec![desc.shader.name], constants: desc.constants.to_vec(), state: None };
-        self.find_or_build(key, name, &[desc.shader], |layout| self.build_compute(desc, layout))
+    /// Returns the compute pipeline of a shader, built on first use.
+    pub(crate) fn compute_pipeline(&self, name: &str, bound: &Bound) -> Result<Arc<Pipeline>> {
+        self.find_or_build(bound, None, name, |layout| self.build_compute(bound, layout))
     }
 
     fn find_or_build(
         &self,
-        key: PipelineKey,
+        bound: &Bound,
+        state: Option<GraphicsState>,
         name: &str,
-        shaders: &[&'static Shader],
         build: impl FnOnce(vk::PipelineLayout) -> Result<vk::Pipeline>,
     ) -> Result<Arc<Pipeline>> {
         self.alive()?;
+        let shaders = bound.shaders.iter().map(|shader| shader.name).collect();
+        let key = PipelineKey { shaders, constants: bound.inputs.constants.clone(), state };
         let mut table = self.pipeline_table();
         if let Some(found) = table.get(&key) {
             return Ok(Arc::clone(found));
         }
         let start = Instant::now();
-        let mut pipeline = self.layout_of(name, shaders)?;
+        let mut pipeline = self.layout_of(name, &bound.shaders)?;
         match build(pipeline.layout) {
             Ok(raw) => pipeline.raw = raw,
             Err(error) => {
@@ -118,14 +115,19 @@ impl Gpu {
         Ok(pipeline)
     }
 
-    fn build_graphics(&self, desc: &GraphicsDesc<'_>, layout: vk::PipelineLayout) -> Result<vk::Pipeline> {
-        let (entries, data) = specialisation(desc.constants);
+    fn build_graphics(
+        &self,
+        bound: &Bound,
+        state: GraphicsState,
+        layout: vk::PipelineLayout,
+    ) -> Result<vk::Pipeline> {
+        let (entries, data) = specialisation(&bound.inputs.constants);
         let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
-        let vertex = Module::new(self, desc.vertex)?;
-        let fragment = Module::new(self, desc.fragment)?;
-        let stages = [vertex.stage(&constants), fragment.stage(&constants)];
+        let modules: Vec<Module<'_>> =
+            bound.shaders.iter().map(|shader| Module::new(self, shader)).collect::<Result<_>>()?;
+        let stages: Vec<_> = modules.iter().map(|module| module.stage(&constants)).collect();
         let vertex_input = vk::PipelineVertexInputStateCreateInfo::default();
-        let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(desc.topology);
+        let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(state.topology);
         let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
         let raster = vk::PipelineRasterizationStateCreateInfo::default()
             .polygon_mode(vk::PolygonMode::FILL)
@@ -133,13 +135,13 @@ impl Gpu {
             .line_width(1.0);
         let samples = vk::PipelineMultisampleStateCreateInfo::default()
             .rasterization_samples(vk::SampleCountFlags::TYPE_1);
-        let (source, destination) = match desc.blend {
+        let (source, destination) = match state.blend {
             Blend::Copy => (vk::BlendFactor::ONE, vk::BlendFactor::ZERO),
             Blend::Over => (vk::BlendFactor::ONE, vk::BlendFactor::ONE_MINUS_SRC_ALPHA),
             Blend::Under => (vk::BlendFactor::ONE_MINUS_DST_ALPHA, vk::BlendFactor::ONE),
         };
         let attachments = [vk::PipelineColorBlendAttachmentState::default()
-            .blend_enable(desc.blend != Blend::Copy)
+            .blend_enable(state.blend != Blend::Copy)
             .src_color_blend_factor(source)
             .dst_color_blend_factor(destination)
             .color_blend_op(vk::BlendOp::ADD)
@@ -147,11 +149,11 @@ impl Gpu {
             .dst_alpha_blend_factor(destination)
             .alpha_blend_op(vk::BlendOp::ADD)
             .color_write_mask(vk::ColorComponentFlags::RGBA)];
-        let colours = desc.format.map_or(0, |_| 1);
+        let colours = state.format.map_or(0, |_| 1);
         let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&attachments[..colours]);
         let states = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&states);
-        let formats = [desc.format.unwrap_or_default()];
+        let formats = [state.format.unwrap_or_default()];
         let mut rendering =
             vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&formats[..colours]);
         let info = vk::GraphicsPipelineCreateInfo::default()
@@ -171,10 +173,13 @@ impl Gpu {
         self.first(built, "vkCreateGraphicsPipelines")
     }
 
-    fn build_compute(&self, desc: &ComputeDesc<'_>, layout: vk::PipelineLayout) -> Result<vk::Pipeline> {
-        let (entries, data) = specialisation(desc.constants);
+    fn build_compute(&self, bound: &Bound, layout: vk::PipelineLayout) -> Result<vk::Pipeline> {
+        let (entries, data) = specialisation(&bound.inputs.constants);
         let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
-        let module = Module::new(self, desc.shader)?;
+        let [shader] = bound.shaders[..] else {
+            return Err(Error::invalid("compute pipeline", "has one shader"));
+        };
+        let module = Module::new(self, shader)?;
         let info = vk::ComputePipelineCreateInfo::default().stage(module.stage(&constants)).layout(layout);
         // SAFETY: every pointer in `info` refers to a local; the module is alive.
         let built = unsafe { self.device().create_compute_pipelines(self.inner.cache, &[info], None) };

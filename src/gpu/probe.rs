@@ -6,12 +6,12 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::buffer::{Buffer, BufferUse};
-use super::descriptors::{Descriptors, Resource};
+use super::descriptors::Descriptors;
 use super::device::Gpu;
 use super::image::{Image, ImageDesc};
-use super::pipeline::ComputeDesc;
+use super::inputs::Bound;
 use super::recorder::Recorder;
-use super::shader::{self, BINDING_RESULT, BINDING_VOLUME};
+use super::shader::{PROBE_FILTER, PROBE_LOOP, ProbeFilter, ProbeLoop};
 use super::submit::Commands;
 use crate::error::Result;
 use crate::interface::ProbePush;
@@ -72,7 +72,9 @@ impl Gpu {
 
     /// Returns how many of `count` iterations of one loop an invocation makes.
     fn probe_loop(&self, count: u32) -> Result<u32> {
-        let words = self.run_probe(&shader::PROBE_LOOP, count, 1, 1, None)?;
+        let result = self.probe_result(1)?;
+        let bound = PROBE_LOOP.with(&ProbeLoop { result: result.write() });
+        let words = self.run_probe("probe.loop", &bound, count, &result, 1)?;
         Ok(words.first().copied().unwrap_or(0))
     }
 
@@ -87,42 +89,36 @@ impl Gpu {
                 bytes.fill(if i % 2 == 1 { 0xff } else { 0 });
             }
         })?;
-        let words =
-            self.run_probe(&shader::PROBE_FILTER, POSITIONS, POSITIONS, POSITIONS / 64, Some(volume))?;
+        let result = self.probe_result(POSITIONS)?;
+        let volume = volume.sampled(vk::Filter::LINEAR);
+        let bound = PROBE_FILTER.with(&ProbeFilter { volume, result: result.write() });
+        let words = self.run_probe("probe.filter", &bound, POSITIONS, &result, POSITIONS / 64)?;
         let error = |(i, &bits): (usize, &u32)| {
             (f64::from(f32::from_bits(bits)) - num::f64_of(i) / f64::from(POSITIONS - 1)).abs()
         };
         Ok(words.iter().enumerate().map(error).fold(0.0, f64::max))
     }
 
+    fn probe_result(&self, words: u32) -> Result<Arc<Buffer>> {
+        Buffer::new(self, "probe.result", 4 * u64::from(words), BufferUse::ShaderWrite).map(Arc::new)
+    }
+
     fn run_probe(
         &self,
-        shader: &'static shader::Shader,
+        name: &str,
+        bound: &Bound,
         count: u32,
-        words: u32,
+        result: &Arc<Buffer>,
         groups: u32,
-        volume: Option<Arc<Image>>,
     ) -> Result<Vec<u32>> {
-        let pipeline = self.compute_pipeline(
-            &shader.name.to_lowercase().replace('_', "."),
-            &ComputeDesc { shader, constants: &[] },
-        )?;
-        let result =
-            Arc::new(Buffer::new(self, "probe.result", 4 * u64::from(words), BufferUse::ShaderWrite)?);
-        let mut resources = vec![(BINDING_RESULT, Resource::Buffer(Arc::clone(&result)))];
-        if let Some(volume) = &volume {
-            resources.push((BINDING_VOLUME, Resource::Sampled(Arc::clone(volume), vk::Filter::LINEAR)));
-        }
-        let descriptors = Arc::new(Descriptors::new(self, &pipeline, &resources)?);
+        let pipeline = self.compute_pipeline(name, bound)?;
+        let descriptors = Arc::new(Descriptors::new(self, &pipeline, bound)?);
         let mut commands = Commands::new(self)?;
         let mut recorder = Recorder::new(self, commands.begin()?, None);
-        if let Some(volume) = &volume {
-            recorder.assume_ready(volume);
-        }
         let push = ProbePush { count };
         recorder.dispatch("probe", &pipeline, &descriptors, bytemuck::bytes_of(&push), [groups, 1, 1]);
         let host = Arc::new(Buffer::new(self, "probe.host", result.size(), BufferUse::Download)?);
-        recorder.copy_buffer("download", &result, &host, result.size());
+        recorder.copy_buffer("download", result, &host, result.size());
         recorder.release_to_host(&host);
         let (_, keep) = recorder.finish();
         commands.submit(keep, "probe")?;

@@ -5,11 +5,10 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::buffer::{Buffer, BufferUse};
-use super::descriptors::{Descriptors, Resource};
+use super::descriptors::Descriptors;
 use super::device::Gpu;
-use super::pipeline::ComputeDesc;
 use super::recorder::Recorder;
-use super::shader::{self, BINDING_RESULT};
+use super::shader::{PROBE_OVERRUN, ProbeLoop};
 use super::submit::Commands;
 use super::validation::Validation;
 use crate::error::Result;
@@ -107,12 +106,11 @@ impl Gpu {
                 Ok(())
             }
             Provocation::GpuAssisted => {
-                let desc = ComputeDesc { shader: &shader::PROBE_OVERRUN, constants: &[] };
-                let pipeline = self.compute_pipeline("provoked", &desc)?;
                 // The block of memory is larger, and no other resource lies in it.
                 let buffer = Arc::new(Buffer::new(self, "provoked", 64, BufferUse::ShaderWrite)?);
-                let resources = [(BINDING_RESULT, Resource::Buffer(buffer))];
-                let descriptors = Arc::new(Descriptors::new(self, &pipeline, &resources)?);
+                let bound = PROBE_OVERRUN.with(&ProbeLoop { result: buffer.write() });
+                let pipeline = self.compute_pipeline("provoked", &bound)?;
+                let descriptors = Arc::new(Descriptors::new(self, &pipeline, &bound)?);
                 let mut commands = Commands::new(self)?;
                 let mut recorder = Recorder::new(self, commands.begin()?, None);
                 let push = ProbePush { count: 64 };

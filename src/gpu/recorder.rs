@@ -1,5 +1,5 @@
 //! The recorder: named passes declare their uses of resources, from which it derives barriers. Each pass gets a label and
-//! two timestamps.
+//! a timestamp.
 
 use std::any::Any;
 use std::sync::Arc;
@@ -8,10 +8,11 @@ use ash::vk;
 use ash::vk::Handle as _;
 
 use super::buffer::Buffer;
-use super::descriptors::{Descriptors, Resource};
+use super::descriptors::Descriptors;
 use super::device::Gpu;
 use super::external::{CommandBuffer, TargetImage};
 use super::image::{Image, whole};
+use super::inputs::Resource;
 use super::instance::c_name;
 use super::pipeline::Pipeline;
 use super::sync::{Barrier, Tracker, Use};
@@ -50,7 +51,7 @@ impl<'a> Recorder<'a> {
             // SAFETY: the command buffer is recording, outside of rendering; the last submission that used the
             // pool has ended.
             unsafe {
-                gpu.device().cmd_reset_query_pool(commands.raw(), timers.pool, 0, 2 * timers.passes);
+                gpu.device().cmd_reset_query_pool(commands.raw(), timers.pool, 0, timers.passes + 1);
             }
             keep.push(Arc::clone(timers) as _);
         }
@@ -147,8 +148,13 @@ impl<'a> Recorder<'a> {
         self.use_buffer(buffer, Use::HostRead);
     }
 
-    /// Returns the names of the passes, and the resources to keep until the submission has ended.
+    /// Writes the timestamp after the last pass. Returns the names of the passes, and the resources to keep until the submission has
+    /// ended.
     pub(crate) fn finish(self) -> (Vec<String>, Keep) {
+        if let Some(commands) = self.commands {
+            let _held = self.gpu.lock_layer();
+            self.stamp(commands.raw(), self.passes.len());
+        }
         (self.passes, self.keep)
     }
 
@@ -188,7 +194,7 @@ impl<'a> Recorder<'a> {
     pub(super) fn use_descriptors(&mut self, descriptors: &Arc<Descriptors>, compute: bool) {
         for (resource, usage) in descriptors.uses(compute) {
             match resource {
-                Resource::Buffer(buffer) | Resource::ReadOnly(buffer) => self.use_buffer(buffer, usage),
+                Resource::Read(buffer) | Resource::Write(buffer) => self.use_buffer(buffer, usage),
                 Resource::Sampled(image, _) => {
                     // An image that this recording has not written was made ready before; its contents are kept.
                     if !self.tracker.knows(image.raw().as_raw()) {
@@ -196,7 +202,7 @@ impl<'a> Recorder<'a> {
                     }
                     self.use_image(image, usage);
                 }
-                Resource::Storage(image) => self.use_image(image, usage),
+                Resource::Stored(image) => self.use_image(image, usage),
                 Resource::External => {}
             }
         }
@@ -257,7 +263,7 @@ impl<'a> Recorder<'a> {
         unsafe { self.gpu.device().cmd_pipeline_barrier2(commands.raw(), info) };
     }
 
-    /// Begins a pass: label and first timestamp. The stamp waits for earlier work, whose time does not count for this pass.
+    /// Begins a pass: label and timestamp. The stamp waits for earlier work, whose time does not count for this pass.
     pub(super) fn begin(&self, raw: vk::CommandBuffer, name: &str) {
         if let Some(debug) = self.gpu.debug() {
             let name = c_name(name);
@@ -265,11 +271,10 @@ impl<'a> Recorder<'a> {
             // SAFETY: recording; the extension is enabled.
             unsafe { debug.cmd_begin_debug_utils_label(raw, &label) };
         }
-        self.stamp(raw, 0);
+        self.stamp(raw, self.passes.len() - 1);
     }
 
     pub(super) fn end(&self, raw: vk::CommandBuffer) {
-        self.stamp(raw, 1);
         if let Some(debug) = self.gpu.debug() {
             // SAFETY: a label was begun in this command buffer by `begin`.
             unsafe { debug.cmd_end_debug_utils_label(raw) };
@@ -279,12 +284,12 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Writes timestamp 0 (before) or 1 (after) of the last pass.
-    fn stamp(&self, raw: vk::CommandBuffer, which: u32) {
+    /// Writes a timestamp: that of a pass, or the one after the last.
+    fn stamp(&self, raw: vk::CommandBuffer, number: usize) {
         let Some(timers) = &self.timers else { return };
-        let pass = crate::num::count(self.passes.len()) - 1;
-        debug_assert!(pass < timers.passes, "pass {pass}, {:?}, has no timer", self.passes.last());
-        if pass >= timers.passes {
+        let number = crate::num::count(number);
+        debug_assert!(number <= timers.passes, "{:?} has no timer", self.passes.last());
+        if number > timers.passes {
             return;
         }
         // SAFETY: recording; the query was reset in this command buffer and is written once.
@@ -293,7 +298,7 @@ impl<'a> Recorder<'a> {
                 raw,
                 super::sync::END_OF_ALL,
                 timers.pool,
-                2 * pass + which,
+                number,
             );
         }
     }

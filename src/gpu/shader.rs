@@ -1,41 +1,12 @@
-//! Compiled shader modules with their bindings, which `build.rs` has read from the SPIR-V.
+//! The entries of the shaders and the types of their inputs, which `build.rs` has written.
 
+use super::inputs::{Entry, InputList, Inputs, Read, Sampled, Stored, Uniform, Write};
+use super::spirv::{BindingKind, Shader, Stage};
 pub(crate) use crate::interface::constants::*;
-
-/// Pipeline stage of a module.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Stage {
-    Vertex,
-    Fragment,
-    Compute,
-}
-
-/// Kind of a descriptor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum BindingKind {
-    UniformBuffer,
-    StorageBuffer,
-    SampledImage,
-    StorageImage,
-}
-
-/// One entry of one GLSL file, compiled.
-#[derive(Debug)]
-pub(crate) struct Shader {
-    /// File and entry, such as `SLICES_3D_FRAGMENT`; unique.
-    pub(crate) name: &'static str,
-    pub(crate) stage: Stage,
-    /// Size of the push constants in bytes; 0 if there are none.
-    pub(crate) push_bytes: u32,
-    /// Bindings of set 0, ascending.
-    pub(crate) bindings: &'static [(u32, BindingKind)],
-    /// SPIR-V, little endian.
-    pub(crate) code: &'static [u8],
-}
 
 /// Marks the shader of `Provocation` as used; nothing dispatches it without the feature.
 #[cfg(not(feature = "testing"))]
-const _: &Shader = &PROBE_OVERRUN;
+const _: &Entry<ProbeLoop> = &PROBE_OVERRUN;
 
 include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 

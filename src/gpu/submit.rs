@@ -17,7 +17,7 @@ const TIMEOUT_SECONDS: u64 = 600;
 pub struct PassTime {
     /// Name of the pass.
     pub name: String,
-    /// Milliseconds between the timestamps before and after it.
+    /// Milliseconds from its beginning to that of the next pass, or to the end of the frame.
     pub ms: f64,
 }
 

@@ -7,7 +7,7 @@ use ash::vk;
 use super::device::Gpu;
 use crate::error::Result;
 
-/// Timestamps of the passes of one recording: two per pass.
+/// Timestamps of one recording: one before each pass, and one after the last.
 #[derive(Debug)]
 pub(crate) struct Timers {
     gpu: Gpu,
@@ -23,23 +23,19 @@ impl Timers {
         }
         let info = vk::QueryPoolCreateInfo::default()
             .query_type(vk::QueryType::TIMESTAMP)
-            .query_count(2 * passes.max(1));
+            .query_count(passes + 1);
         // SAFETY: the device is alive and its queue has timestamps.
         let pool = unsafe { gpu.device().create_query_pool(&info, None) }
             .map_err(|result| gpu.failed("vkCreateQueryPool", result))?;
         gpu.name(pool, "pass timers");
-        Ok(Some(Arc::new(Self { gpu: gpu.clone(), pool, passes: passes.max(1) })))
+        Ok(Some(Arc::new(Self { gpu: gpu.clone(), pool, passes })))
     }
 
-    /// Returns the milliseconds of each of the first `passes` passes, and those from the first pass's beginning to the last one's
-    /// end, after their submission has ended.
-    pub(crate) fn read(&self, passes: usize) -> Result<(Vec<f64>, Option<f64>)> {
+    /// Returns the milliseconds of each of the first `passes` passes, after their submission has ended. A pass lasts until the next
+    /// one begins, so that the time in which its results become visible counts for it.
+    pub(crate) fn read(&self, passes: usize) -> Result<Vec<f64>> {
         debug_assert!(passes <= crate::num::index(self.passes), "{passes} passes, {} timers", self.passes);
-        let passes = passes.min(crate::num::index(self.passes));
-        let mut stamps = vec![0_u64; 2 * passes];
-        if stamps.is_empty() {
-            return Ok((Vec::new(), None));
-        }
+        let mut stamps = vec![0_u64; passes.min(crate::num::index(self.passes)) + 1];
         // SAFETY: every query read here was written by a submission that has ended.
         unsafe {
             self.gpu.device().get_query_pool_results(self.pool, 0, &mut stamps, vk::QueryResultFlags::TYPE_64)
@@ -48,10 +44,8 @@ impl Timers {
         let bits = self.gpu.inner.timestamp_bits;
         let mask = if bits >= 64 { u64::MAX } else { (1 << bits) - 1 };
         let nanoseconds = f64::from(self.gpu.inner.properties.limits.timestamp_period);
-        let ms =
-            |from: u64, to: u64| crate::num::f64_of_u64(to.wrapping_sub(from) & mask) * nanoseconds * 1e-6;
-        let frame = stamps.first().zip(stamps.last()).map(|(&first, &last)| ms(first, last));
-        Ok((stamps.chunks_exact(2).map(|pair| ms(pair[0], pair[1])).collect(), frame))
+        let ms = |pair: &[u64]| crate::num::f64_of_u64(pair[1].wrapping_sub(pair[0]) & mask) * nanoseconds * 1e-6;
+        Ok(stamps.windows(2).map(ms).collect())
     }
 }
 

@@ -6,11 +6,8 @@
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::gpu::shader::{
-    BINDING_BIN_TABLE, BINDING_BINS, BINDING_BOXES, BINDING_ORDER, BINDING_STATUS, BINS_COMPUTE, MOST_TURNS,
-    SPEC_FILL, SPEC_FLAGGED, TILE,
-};
-use crate::gpu::{Buffer, Commands, Gpu, Recorder, Resource};
+use crate::gpu::shader::{self, BINS_COMPUTE, MOST_TURNS, TILE};
+use crate::gpu::{Buffer, Commands, Gpu, Recorder};
 use crate::interface::BinsPush;
 use crate::num;
 use crate::primitives::dispatch::{Dispatch, buffer, download, pass, words};
@@ -31,7 +28,8 @@ pub(crate) struct Bins {
 
 impl Bins {
     /// Makes bins for up to `tiles` tiles at a time, with a capacity of `capacity` entries. `primitives` are the order by
-    /// rank, the pixel box of each primitive, and the status.
+    /// rank, the pixel box of each primitive, and the status. With `flagged` the passes end at once in frames that have flagged
+    /// no pixel.
     pub(crate) fn new(
         gpu: &Gpu,
         name: &str,
@@ -39,41 +37,33 @@ impl Bins {
         tiles: u32,
         runs: u32,
         capacity: u32,
+        flagged: bool,
     ) -> Result<Self> {
         let [order, boxes, status] = primitives;
         let table = buffer(gpu, "bins.table", u64::from(tiles) * u64::from(runs))?;
         let entries = buffer(gpu, "bins", capacity.into())?;
-        let resources = [
-            (BINDING_ORDER, Resource::ReadOnly(Arc::clone(order))),
-            (BINDING_BOXES, Resource::ReadOnly(Arc::clone(boxes))),
-            (BINDING_BIN_TABLE, Resource::Buffer(Arc::clone(&table))),
-            (BINDING_BINS, Resource::Buffer(Arc::clone(&entries))),
-            (BINDING_STATUS, Resource::Buffer(Arc::clone(status))),
-        ];
-        let pass = |part: &str, fill: u32| {
-            pass(gpu, &format!("{name}.bins.{part}"), &BINS_COMPUTE, &[(SPEC_FILL, fill)], &resources)
+        let pass = |part: &str, fill: bool| {
+            let inputs = shader::Bins {
+                order: order.read(),
+                boxes: boxes.read(),
+                bin_table: table.write(),
+                bins: entries.write(),
+                status: status.write(),
+                fill,
+                flagged,
+            };
+            pass(gpu, &format!("{name}.bins.{part}"), &BINS_COMPUTE.with(&inputs))
         };
         Ok(Self {
             runs,
             capacity,
             tiles,
-            count: pass("count", 0)?,
+            count: pass("count", false)?,
             scan: Scan::new(gpu, &format!("{name}.bins"), &table, tiles * runs)?,
-            fill: pass("fill", 1)?,
+            fill: pass("fill", true)?,
             table,
             entries,
         })
-    }
-
-    /// Makes the passes end at once in frames that have flagged no pixel.
-    pub(crate) fn only_where_flagged(&mut self, gpu: &Gpu) -> Result<()> {
-        for (old, fill) in [(&mut self.count, 0), (&mut self.fill, 1)] {
-            let resource = |&(binding, _): &(u32, _)| Some((binding, old.descriptors.resource(binding)?));
-            let resources: Vec<_> = BINS_COMPUTE.bindings.iter().filter_map(resource).collect();
-            let constants = [(SPEC_FILL, fill), (SPEC_FLAGGED, 1)];
-            *old = pass(gpu, &old.name, &BINS_COMPUTE, &constants, &resources)?;
-        }
-        Ok(())
     }
 
     /// Records the passes that bin `count` primitives to tiles `[first, first + tiles)` of an image with `across` tiles in a

@@ -5,10 +5,7 @@ use std::sync::Arc;
 use bytemuck::Pod;
 
 use crate::error::Result;
-use crate::gpu::shader::Shader;
-use crate::gpu::{
-    Buffer, BufferUse, ComputeDesc, Descriptors, Gpu, Pipeline, Recorder, Resource, SpecConstant,
-};
+use crate::gpu::{Bound, Buffer, BufferUse, Descriptors, Gpu, Pipeline, Recorder};
 
 /// A compute pipeline with the resources bound to it, ready to be recorded as a pass of its name.
 #[derive(Debug)]
@@ -25,22 +22,14 @@ impl Dispatch {
     }
 }
 
-/// Makes the dispatch of a shader, which is both the pipeline and the pass called `name`.
-///
-/// `resources` are pairs of binding number and resource. Every binding of the shader must be given; others are ignored.
+/// Makes the dispatch of a shader with its inputs; `name` is both the pipeline's and the pass's.
 ///
 /// # Errors
 ///
-/// [`Error::Invalid`](crate::Error::Invalid) when a binding is missing; errors of Vulkan when the pipeline cannot be built.
-pub(crate) fn pass(
-    gpu: &Gpu,
-    name: &str,
-    shader: &'static Shader,
-    constants: &[SpecConstant],
-    resources: &[(u32, Resource)],
-) -> Result<Dispatch> {
-    let pipeline = gpu.compute_pipeline(name, &ComputeDesc { shader, constants })?;
-    let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, resources)?);
+/// Errors of Vulkan when the pipeline or its descriptors cannot be made.
+pub(crate) fn pass(gpu: &Gpu, name: &str, bound: &Bound) -> Result<Dispatch> {
+    let pipeline = gpu.compute_pipeline(name, bound)?;
+    let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, bound)?);
     Ok(Dispatch { name: name.to_string(), pipeline, descriptors })
 }
 

@@ -5,16 +5,18 @@
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
+use crate::gpu::inputs::Entry;
 use crate::gpu::shader::{
-    BINDING_SORT_COUNT, BINDING_SORT_DIGITS, BINDING_SORT_KEYS, BINDING_SORT_VALUES, BINDING_SORTED_KEYS,
-    BINDING_SORTED_VALUES, LANE_GROUP, RADIX_SORT_FLOAT_KEYS, RADIX_SORT_GROUPS_COUNT,
-    RADIX_SORT_GROUPS_SCATTER, RADIX_SORT_LANES_COUNT, RADIX_SORT_LANES_COUNT_MIXED,
-    RADIX_SORT_LANES_SCATTER, RADIX_SORT_LANES_SCATTER_FIRST, RADIX_SORT_LANES_SCATTER_LAST,
-    RADIX_SORT_LANES_SCATTER_MIXED, SORT_LANE_DIGITS, SORT_LANE_FOURS, SORT_TILE, Shader, WIDE_GROUP,
+    LANE_GROUP, RADIX_SORT_FLOAT_KEYS, RADIX_SORT_GROUPS_COUNT, RADIX_SORT_GROUPS_SCATTER,
+    RADIX_SORT_LANES_COUNT, RADIX_SORT_LANES_COUNT_MIXED, RADIX_SORT_LANES_SCATTER,
+    RADIX_SORT_LANES_SCATTER_FIRST, RADIX_SORT_LANES_SCATTER_LAST, RADIX_SORT_LANES_SCATTER_MIXED,
+    RadixSortCount, RadixSortFloatKeys, RadixSortLanesScatterFirst, RadixSortLanesScatterLast,
+    RadixSortLanesScatterMixed, RadixSortScatter, SORT_LANE_DIGITS, SORT_LANE_FOURS, SORT_TILE, WIDE_GROUP,
 };
-use crate::gpu::{Buffer, BufferUse, ComputeDesc, Descriptors, Gpu, Pipeline, Recorder, Resource};
+use crate::gpu::{Bound, Buffer, BufferUse, Gpu, Recorder};
 use crate::interface::SortPush;
 use crate::num;
+use crate::primitives::dispatch::{Dispatch, pass};
 use crate::primitives::scan::{Scan, WorkSplit};
 
 /// Largest number of pairs of a sort: every device allows one workgroup for each tile of them.
@@ -23,17 +25,9 @@ const MOST_PAIRS: u32 = 1 << 26;
 /// The passes that sort by one digit.
 #[derive(Debug)]
 struct Digit {
-    count: Step,
-    scatter: Step,
+    count: Dispatch,
+    scatter: Dispatch,
     push: SortPush,
-}
-
-/// One dispatch of a digit.
-#[derive(Debug)]
-struct Step {
-    name: String,
-    pipeline: Arc<Pipeline>,
-    descriptors: Arc<Descriptors>,
 }
 
 /// A sort of pairs of a key and a value, in place, by ascending key. Pairs with equal keys keep their order.
@@ -123,29 +117,18 @@ impl RadixSort {
             _ => &stops[num::index(pass + 1) % stops.len()],
         };
         let passes: Result<Vec<Digit>> = (0..passes)
-            .map(|pass| {
-                let (from, to) = (place_after(pass), place_after(pass + 1));
-                let ([from_keys, from_values], [to_keys, to_values]) = (from.buffers(), to.buffers());
-                let resources = [
-                    (BINDING_SORT_COUNT, Resource::ReadOnly(Arc::clone(count))),
-                    (BINDING_SORT_KEYS, Resource::ReadOnly(Arc::clone(from_keys))),
-                    (BINDING_SORT_VALUES, Resource::ReadOnly(Arc::clone(from_values))),
-                    (BINDING_SORT_DIGITS, Resource::Buffer(Arc::clone(&counters))),
-                    (BINDING_SORTED_KEYS, Resource::Buffer(Arc::clone(to_keys))),
-                    (BINDING_SORTED_VALUES, Resource::Buffer(Arc::clone(to_values))),
-                ];
-                let step = |step: &str, shader: &'static Shader| -> Result<Step> {
-                    let desc = ComputeDesc { shader, constants: &[] };
-                    let pipeline = gpu.compute_pipeline(&format!("sort.{step}"), &desc)?;
-                    let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
-                    Ok(Step { name: format!("{name}.{step}"), pipeline, descriptors })
-                };
-                let [count, scatter] = shaders(split, from, to);
+            .map(|number| {
+                let (from, to) = (place_after(number), place_after(number + 1));
+                let [counting, scattering] = shaders(split, from, to, count, &counters);
                 // The last digit has the remaining bits; where a single bit is sorted by, none.
-                let shift = (digit * pass).min(bits);
+                let shift = (digit * number).min(bits);
                 let width = digit.min(bits - shift);
                 let push = SortPush { capacity, runs, shift: shift.min(31), mask: (1_u32 << width) - 1 };
-                Ok(Digit { count: step("count", count)?, scatter: step("scatter", scatter)?, push })
+                Ok(Digit {
+                    count: pass(gpu, &format!("{name}.count"), &counting)?,
+                    scatter: pass(gpu, &format!("{name}.scatter"), &scattering)?,
+                    push,
+                })
             })
             .collect();
         let scan = Scan::with_split(gpu, &format!("{name}.digits"), &counters, runs << digit, split)?;
@@ -155,11 +138,10 @@ impl RadixSort {
     /// Records the passes of all digits.
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>) {
         for Digit { count, scatter, push } in &self.passes {
-            let push = bytemuck::bytes_of(push);
             let groups = [self.groups, 1, 1];
-            recorder.dispatch(&count.name, &count.pipeline, &count.descriptors, push, groups);
+            count.record(recorder, push, groups);
             self.scan.record(recorder);
-            recorder.dispatch(&scatter.name, &scatter.pipeline, &scatter.descriptors, push, groups);
+            scatter.record(recorder, push, groups);
         }
     }
 }
@@ -173,29 +155,68 @@ enum Place {
     Mixed(Arc<Buffer>),
 }
 
-impl Place {
-    /// Returns the buffers bound for keys and for values.
-    fn buffers(&self) -> [&Arc<Buffer>; 2] {
-        match self {
-            Self::Apart([keys, values]) => [keys, values],
-            Self::Mixed(pairs) => [pairs, pairs],
+/// Returns the shaders that count and that scatter `sort_count` pairs between two places.
+fn shaders(
+    split: WorkSplit,
+    from: &Place,
+    to: &Place,
+    sort_count: &Arc<Buffer>,
+    digits: &Arc<Buffer>,
+) -> [Bound; 2] {
+    let (Place::Apart([from_keys, _]) | Place::Mixed(from_keys)) = from;
+    let counting = match (split, from) {
+        (WorkSplit::Groups, _) => RADIX_SORT_GROUPS_COUNT,
+        (_, Place::Apart(_)) => RADIX_SORT_LANES_COUNT,
+        (_, Place::Mixed(_)) => RADIX_SORT_LANES_COUNT_MIXED,
+    };
+    let counting = counting.with(&RadixSortCount {
+        sort_count: sort_count.read(),
+        sort_keys: from_keys.read(),
+        sort_digits: digits.write(),
+    });
+    let (sort_count, sort_digits) = (sort_count.read(), digits.write());
+    let scattering = match (from, to) {
+        (Place::Apart([keys, values]), Place::Apart([sorted_keys, sorted_values])) => {
+            let apart = match split {
+                WorkSplit::Groups => RADIX_SORT_GROUPS_SCATTER,
+                WorkSplit::Lanes(_) => RADIX_SORT_LANES_SCATTER,
+            };
+            apart.with(&RadixSortScatter {
+                sort_count,
+                sort_keys: keys.read(),
+                sort_values: values.read(),
+                sort_digits,
+                sorted_keys: sorted_keys.write(),
+                sorted_values: sorted_values.write(),
+            })
         }
-    }
-}
-
-/// Returns the shaders that count and that scatter between two places.
-fn shaders(split: WorkSplit, from: &Place, to: &Place) -> [&'static Shader; 2] {
-    match (split, from, to) {
-        (WorkSplit::Groups, ..) => [&RADIX_SORT_GROUPS_COUNT, &RADIX_SORT_GROUPS_SCATTER],
-        (_, Place::Apart(_), Place::Apart(_)) => [&RADIX_SORT_LANES_COUNT, &RADIX_SORT_LANES_SCATTER],
-        (_, Place::Apart(_), Place::Mixed(_)) => [&RADIX_SORT_LANES_COUNT, &RADIX_SORT_LANES_SCATTER_FIRST],
-        (_, Place::Mixed(_), Place::Mixed(_)) => {
-            [&RADIX_SORT_LANES_COUNT_MIXED, &RADIX_SORT_LANES_SCATTER_MIXED]
+        (Place::Apart([keys, values]), Place::Mixed(sorted)) => {
+            RADIX_SORT_LANES_SCATTER_FIRST.with(&RadixSortLanesScatterFirst {
+                sort_count,
+                sort_keys: keys.read(),
+                sort_values: values.read(),
+                sort_digits,
+                sorted_keys: sorted.write(),
+            })
         }
-        (_, Place::Mixed(_), Place::Apart(_)) => {
-            [&RADIX_SORT_LANES_COUNT_MIXED, &RADIX_SORT_LANES_SCATTER_LAST]
+        (Place::Mixed(pairs), Place::Mixed(sorted)) => {
+            RADIX_SORT_LANES_SCATTER_MIXED.with(&RadixSortLanesScatterMixed {
+                sort_count,
+                sort_keys: pairs.read(),
+                sort_digits,
+                sorted_keys: sorted.write(),
+            })
         }
-    }
+        (Place::Mixed(pairs), Place::Apart([sorted_keys, sorted_values])) => RADIX_SORT_LANES_SCATTER_LAST
+            .with(&RadixSortLanesScatterLast {
+                sort_count,
+                sort_keys: pairs.read(),
+                sort_digits,
+                sorted_keys: sorted_keys.write(),
+                sorted_values: sorted_values.write(),
+            }),
+    };
+    [counting, scattering]
 }
 
 /// The digits of the keys, and the runs of pairs.
@@ -250,7 +271,7 @@ fn mixed_words(pairs: u32) -> u64 {
 
 /// Converts floats into keys in place, for the test that shaders and host compute the same keys.
 #[cfg_attr(not(test), expect(dead_code, reason = "used by the test alone"))]
-const FLOAT_KEYS: &Shader = &RADIX_SORT_FLOAT_KEYS;
+const FLOAT_KEYS: Entry<RadixSortFloatKeys> = RADIX_SORT_FLOAT_KEYS;
 
 /// Returns the key of a float like `float_key` of `glsl/shared/keys.glsl`: keys are in the order of floats, -0 equals +0, NaN is last.
 #[cfg(test)]
@@ -493,19 +514,14 @@ mod tests {
         let n = num::count(bits.len());
         let keys = gpu.upload(&bits);
         let count = gpu.upload(&[n]);
-        let desc = ComputeDesc { shader: FLOAT_KEYS, constants: &[] };
-        let pipeline = gpu.compute_pipeline("test.keys", &desc).unwrap();
-        let resources = [
-            (BINDING_SORT_COUNT, Resource::ReadOnly(Arc::clone(&count))),
-            (BINDING_SORTED_KEYS, Resource::Buffer(Arc::clone(&keys))),
-        ];
-        let descriptors = Arc::new(Descriptors::new(&gpu, &pipeline, &resources).unwrap());
+        let inputs = RadixSortFloatKeys { sort_count: count.read(), sorted_keys: keys.write() };
+        let make_keys = pass(&gpu, "test.keys", &FLOAT_KEYS.with(&inputs)).unwrap();
         let values = gpu.upload(&(0..n).collect::<Vec<u32>>());
         let sort = RadixSort::new(&gpu, "test.sort", &keys, &values, n, 32).unwrap();
         gpu.record(|recorder| {
             let push = SortPush { capacity: n, ..SortPush::default() };
             let groups = [n.div_ceil(LANE_GROUP), 1, 1];
-            recorder.dispatch("test.keys", &pipeline, &descriptors, bytemuck::bytes_of(&push), groups);
+            make_keys.record(recorder, &push, groups);
             sort.record(recorder);
         });
         let right: Vec<u32> = bits.iter().map(|&b| float_key(f32::from_bits(b))).collect();

@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
-    BINDING_SCAN_SUMS, BINDING_SCAN_TOTAL, BINDING_SCAN_WORDS, LANE_GROUP, SCAN_CHUNKS, SCAN_GROUP_TURNS,
-    SCAN_GROUPS_REDUCE, SCAN_GROUPS_SCAN, SCAN_ITEMS, SCAN_LANE_WORDS, SCAN_LANES_REDUCE, SCAN_LANES_SCAN,
-    WIDE_GROUP,
+    LANE_GROUP, SCAN_CHUNKS, SCAN_GROUP_TURNS, SCAN_GROUPS_REDUCE, SCAN_GROUPS_SCAN, SCAN_ITEMS,
+    SCAN_LANE_WORDS, SCAN_LANES_REDUCE, SCAN_LANES_SCAN, ScanReduce, ScanScan, WIDE_GROUP,
 };
-use crate::gpu::{Buffer, BufferUse, ComputeDesc, Descriptors, Gpu, Pipeline, Recorder, Resource};
+use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::interface::ScanPush;
+use crate::primitives::dispatch::{Dispatch, buffer, pass};
 
 /// Largest number of words of a scan.
 pub(crate) const MOST_WORDS: u32 = 1 << 27;
@@ -49,9 +49,7 @@ impl WorkSplit {
 /// Prefix sums of the words of one buffer, in place.
 #[derive(Debug)]
 pub(crate) struct Scan {
-    names: [String; 2],
-    pipelines: [Arc<Pipeline>; 2],
-    descriptors: [Arc<Descriptors>; 2],
+    passes: [Dispatch; 2],
     total: Arc<Buffer>,
     push: ScanPush,
     groups: u32,
@@ -78,57 +76,41 @@ impl Scan {
         if n > MOST_WORDS || 4 * u64::from(n) > data.size() {
             return Err(Error::invalid(name, format!("prefix sums of {n} words in {} bytes", data.size())));
         }
-        let (chunk, shaders) = match split {
+        let (chunk, reduce, scan) = match split {
             WorkSplit::Lanes(lanes) => {
                 let chunk = n.div_ceil(lanes.clamp(1, SCAN_CHUNKS)).clamp(1, SCAN_LANE_WORDS);
-                (chunk, [&SCAN_LANES_REDUCE, &SCAN_LANES_SCAN])
+                (chunk, SCAN_LANES_REDUCE, SCAN_LANES_SCAN)
             }
             WorkSplit::Groups => {
                 let tile = WIDE_GROUP * SCAN_ITEMS;
                 let tiles = n.div_ceil(tile).div_ceil(MOST_GROUPS).clamp(1, SCAN_GROUP_TURNS);
-                (tiles * tile, [&SCAN_GROUPS_REDUCE, &SCAN_GROUPS_SCAN])
+                (tiles * tile, SCAN_GROUPS_REDUCE, SCAN_GROUPS_SCAN)
             }
         };
         // One chunk at least: the total is also written for no words.
         let chunks = n.div_ceil(chunk).max(1);
-        let words = |part: &str, words: u32| {
-            Buffer::new(gpu, &format!("{name}.{part}"), 4 * u64::from(words), BufferUse::ShaderWrite)
-        };
-        let sums = Arc::new(words("sums", 2 * chunks)?);
-        let total = Arc::new(words("total", 2)?);
-        let names = ["reduce", "scan"].map(|step| format!("{name}.{step}"));
-        let pipeline = |i: usize| {
-            let desc = ComputeDesc { shader: shaders[i], constants: &[] };
-            gpu.compute_pipeline(["scan.reduce", "scan.scan"][i], &desc)
-        };
-        let pipelines = [pipeline(0)?, pipeline(1)?];
-        let resources = |second: bool| {
-            let whole = Resource::Buffer;
-            let read = Resource::ReadOnly;
-            [
-                (BINDING_SCAN_WORDS, if second { whole } else { read }(Arc::clone(data))),
-                (BINDING_SCAN_SUMS, if second { read } else { whole }(Arc::clone(&sums))),
-                (BINDING_SCAN_TOTAL, whole(Arc::clone(&total))),
-            ]
-        };
-        let descriptors = [
-            Arc::new(Descriptors::new(gpu, &pipelines[0], &resources(false))?),
-            Arc::new(Descriptors::new(gpu, &pipelines[1], &resources(true))?),
-        ];
+        let sums = buffer(gpu, &format!("{name}.sums"), 2 * u64::from(chunks))?;
+        let total = buffer(gpu, &format!("{name}.total"), 2)?;
+        let reduce = reduce.with(&ScanReduce { scan_words: data.read(), scan_sums: sums.write() });
+        let scan = scan.with(&ScanScan {
+            scan_words: data.write(),
+            scan_sums: sums.read(),
+            scan_total: total.write(),
+        });
+        let passes =
+            [pass(gpu, &format!("{name}.reduce"), &reduce)?, pass(gpu, &format!("{name}.scan"), &scan)?];
         let groups = match split {
             WorkSplit::Lanes(_) => chunks.div_ceil(LANE_GROUP),
             WorkSplit::Groups => chunks,
         };
         let push = ScanPush { count: n, chunk, chunks };
-        Ok(Self { names, pipelines, descriptors, total, push, groups })
+        Ok(Self { passes, total, push, groups })
     }
 
     /// Records the passes, which replace each word by the sum of those before it, modulo 2^32.
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>) {
-        for i in 0..2 {
-            let push = bytemuck::bytes_of(&self.push);
-            let groups = [self.groups, 1, 1];
-            recorder.dispatch(&self.names[i], &self.pipelines[i], &self.descriptors[i], push, groups);
+        for pass in &self.passes {
+            pass.record(recorder, &self.push, [self.groups, 1, 1]);
         }
     }
 

@@ -3,8 +3,8 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::error::Result;
-use crate::gpu::shader::{BINDING_BRICKS, BINDING_RANGES, BINDING_VISIBLE, BRICKS_COMPUTE};
-use crate::gpu::{Buffer, BufferUse, Commands, ComputeDesc, Descriptors, Gpu, Recorder, Resource};
+use crate::gpu::shader::{self, BRICKS_COMPUTE};
+use crate::gpu::{Buffer, BufferUse, Commands, Descriptors, Gpu, Recorder};
 use crate::interface::BricksPush;
 use crate::num;
 use crate::resident::brick_ranges::MinMax;
@@ -34,9 +34,6 @@ impl BrickRanges {
             return Ok(Arc::clone(found));
         }
         let (ranges, count) = self.ranges(gpu, clock, grid)?;
-        let desc = ComputeDesc { shader: &BRICKS_COMPUTE, constants: &[] };
-        let pipeline = gpu.compute_pipeline("bricks.mark", &desc)?;
-        let _time = clock.tables();
         let mut scalars = nonzero_ranges(transfer);
         let push = BricksPush { bricks: count, ranges: num::count(scalars.len()), margin };
         if scalars.is_empty() {
@@ -45,12 +42,14 @@ impl BrickRanges {
         let scalars = Buffer::with_data(gpu, "transfer.visible", bytemuck::cast_slice(&scalars))?;
         let bricks = Buffer::new(gpu, "bricks", 4 * u64::from(count), BufferUse::ShaderWrite)?;
         let bricks = Arc::new(bricks);
-        let resources = [
-            (BINDING_RANGES, Resource::Buffer(ranges)),
-            (BINDING_VISIBLE, Resource::Buffer(scalars)),
-            (BINDING_BRICKS, Resource::Buffer(Arc::clone(&bricks))),
-        ];
-        let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
+        let bound = BRICKS_COMPUTE.with(&shader::Bricks {
+            ranges: ranges.read(),
+            visible: scalars.read(),
+            bricks: bricks.write(),
+        });
+        let pipeline = gpu.compute_pipeline("bricks.mark", &bound)?;
+        let _time = clock.tables();
+        let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &bound)?);
         let groups = count.div_ceil(64);
         // Every device allows this many workgroups along each side.
         let across = groups.min(65_535);

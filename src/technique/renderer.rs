@@ -6,7 +6,7 @@ use std::time::Instant;
 use ash::vk;
 
 use crate::error::{Error, Result};
-use crate::frame::plan::{Plan, Status};
+use crate::frame::plan::Plan;
 use crate::frame::read_back::pixels;
 use crate::frame::target::{TargetDesc, TargetMode};
 use crate::gpu::shader::{FLAG_REPAIRED, FLAG_UNSORTED, TILE, TILE_PIXELS};
@@ -98,10 +98,8 @@ impl Renderer {
 pub struct FrameTime {
     /// Milliseconds from the start of recording to the fence.
     pub wall_ms: f64,
-    /// Passes on the device; their sum is less than `gpu_ms` by the time of the barriers between them.
+    /// Passes on the device; their sum is the frame's time there.
     pub passes: Vec<PassTime>,
-    /// Milliseconds on the device from the beginning of the first pass to the end of the last; `None` where it has no timestamps.
-    pub gpu_ms: Option<f64>,
     /// Counts of work that only the device knows.
     pub counters: Vec<(&'static str, u64)>,
 }
@@ -144,8 +142,7 @@ impl Frames {
             let status = recorded.completed()?;
             if status.complete {
                 self.drawn = true;
-                let Status { passes, gpu_ms, counters, .. } = status;
-                return Ok(FrameTime { wall_ms, passes, gpu_ms, counters });
+                return Ok(FrameTime { wall_ms, passes: status.passes, counters: status.counters });
             }
             self.plan = self.renderer.prepare(view, &TargetDesc::own())?;
         }

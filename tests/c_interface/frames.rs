@@ -107,7 +107,7 @@ fn frames_are_those_of_rust() {
             let names: Vec<String> = passes.iter().map(|pass| text(pass.name)).collect();
             let want: Vec<String> = rust_status.passes.iter().map(|pass| pass.name.clone()).collect();
             assert_eq!(names, want);
-            assert!(passes.iter().all(|pass| (0.0..=status.gpu_ms).contains(&pass.ms)));
+            assert!(passes.iter().all(|pass| pass.ms >= 0.0));
             end_recording(recording);
             images.push(bytes);
         }

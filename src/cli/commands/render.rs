@@ -14,7 +14,7 @@ use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, Request, Size};
 use crate::cli::memory::{peak_rss_bytes, summed};
 use crate::cli::outcome::{Outcome, check_validation};
 use crate::cli::output;
-use crate::cli::timing::{Times, milliseconds_since, passes};
+use crate::cli::timing::{Times, gpu_ms, milliseconds_since, passes};
 
 /// Arguments of `render`.
 #[derive(Debug, clap::Args)]
@@ -309,7 +309,7 @@ fn draw(
 fn frame_json(frame: &FrameTime) -> Value {
     let mut json = Map::new();
     json.insert("wall_ms".to_string(), json!(frame.wall_ms));
-    if let Some(ms) = frame.gpu_ms {
+    if let Some(ms) = gpu_ms(frame) {
         json.insert("gpu_ms".to_string(), json!(ms));
         let passes: Map<String, Value> =
             passes(frame).into_iter().map(|(name, ms)| (name.to_string(), json!(ms))).collect();

@@ -65,7 +65,7 @@ pub(crate) fn measure(
         .step_by(num::index(widest))
         .map(|first| Band { first, tiles: widest.min(tiles - first) })
         .collect();
-    let lists = Lists::new(gpu, ranking, tiles, fill.runs, trial, needs)?;
+    let lists = Lists::new(gpu, ranking, tiles, fill.runs, trial, needs, None)?;
     let fragments = count_fragments(gpu, &mut commands, ranking, &lists, push)?;
 
     // A fifth of the buffer and 64 entries stay free for the margin of nearby views.

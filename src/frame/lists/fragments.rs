@@ -5,12 +5,8 @@ use std::sync::Arc;
 use crate::error::Result;
 use crate::frame::lists::bands::Band;
 use crate::frame::lists::ranking::Ranking;
-use crate::gpu::shader::{
-    BINDING_BIN_TABLE, BINDING_BINS, BINDING_BOXES, BINDING_CURSORS, BINDING_FLAGS, BINDING_LISTS,
-    BINDING_MESH_SCALARS, BINDING_PRIMITIVES, BINDING_STATUS, BINDING_VIEW_POINTS, LIST_WINDOW,
-    MESH_LISTS_LISTS, SPEC_FILL, SPEC_FLAGGED, TILE, TILE_PIXELS,
-};
-use crate::gpu::{Buffer, Gpu, Recorder, Resource};
+use crate::gpu::shader::{LIST_WINDOW, MESH_LISTS_LISTS, MeshListsLists, TILE, TILE_PIXELS};
+use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::interface::MeshPush;
 use crate::num;
 use crate::primitives::bins::Bins;
@@ -36,11 +32,12 @@ pub(crate) struct Lists {
     list_count: Dispatch,
     /// Prefix sums over the pixels of each band.
     pub(crate) list_scans: Vec<Scan>,
-    pub(crate) list_fill: Dispatch,
+    list_fill: Dispatch,
 }
 
 impl Lists {
-    /// Allocates the capacities in `needs`; bins are made in `runs` runs of ranks.
+    /// Allocates the capacities in `needs`; bins are made in `runs` runs of ranks. With the flags of pixels, only the fragments of
+    /// flagged pixels are listed, and faces are binned only if a pixel is flagged.
     pub(crate) fn new(
         gpu: &Gpu,
         ranking: &Ranking,
@@ -48,73 +45,51 @@ impl Lists {
         runs: u32,
         bands: Vec<Band>,
         needs: Needs,
+        flagged: Option<&Arc<Buffer>>,
     ) -> Result<Self> {
         let name = ranking.name;
-        let bins =
-            Bins::new(gpu, name, [&ranking.order, &ranking.boxed, &ranking.status], tiles, runs, needs.bins)?;
+        let primitives = [&ranking.order, &ranking.boxed, &ranking.status];
+        // Cells are listed only once a frame has flagged a pixel, so their bins are always needed.
+        let bins_flagged = flagged.is_some() && ranking.kind == Primitives::Faces;
+        let bins = Bins::new(gpu, name, primitives, tiles, runs, needs.bins, bins_flagged)?;
         let widest = bands.iter().map(|band| band.tiles).max().unwrap_or(1);
         let cursors = buffer(gpu, "lists.cursors", u64::from(widest) * u64::from(TILE_PIXELS))?;
         let entries = buffer(gpu, "lists", u64::from(needs.lists) * entry_words(ranking.kind))?;
-        let resources = [
-            (BINDING_PRIMITIVES, Resource::Buffer(Arc::clone(&ranking.primitives))),
-            (BINDING_MESH_SCALARS, Resource::Buffer(Arc::clone(&ranking.scalars))),
-            (BINDING_VIEW_POINTS, Resource::ReadOnly(Arc::clone(&ranking.view_points))),
-            (BINDING_BOXES, Resource::ReadOnly(Arc::clone(&ranking.boxed))),
-            (BINDING_BIN_TABLE, Resource::ReadOnly(Arc::clone(&bins.table))),
-            (BINDING_BINS, Resource::ReadOnly(Arc::clone(&bins.entries))),
-            (BINDING_CURSORS, Resource::Buffer(Arc::clone(&cursors))),
-            (BINDING_LISTS, Resource::Buffer(Arc::clone(&entries))),
-            (BINDING_STATUS, Resource::Buffer(Arc::clone(&ranking.status))),
-            // A binding must hold something; only passes with SPEC_FLAGGED read flags.
-            (BINDING_FLAGS, Resource::Buffer(Arc::clone(&ranking.status))),
-        ];
-        let pass = |part: &str, shader, fill: bool| {
-            let constants: Vec<_> =
-                ranking.constants.iter().copied().chain([(SPEC_FILL, u32::from(fill))]).collect();
-            pass(gpu, &format!("{name}.{part}"), shader, &constants, &resources)
+        let pass = |part: &str, fill: bool| {
+            let inputs = MeshListsLists {
+                primitives: ranking.primitives.read(),
+                mesh_scalars: ranking.scalars.read(),
+                view_points: ranking.view_points.read(),
+                boxes: ranking.boxed.read(),
+                bin_table: bins.table.read(),
+                bins: bins.entries.read(),
+                cursors: cursors.write(),
+                lists: entries.write(),
+                status: ranking.status.write(),
+                // A binding must hold something; only passes with `flagged` read flags.
+                flags: flagged.unwrap_or(&ranking.boxed).read(),
+                cells: ranking.kind == Primitives::Cells,
+                cell_scalars: ranking.cell_scalars,
+                back_to_front: ranking.back_to_front,
+                fill,
+                flagged: flagged.is_some(),
+            };
+            pass(gpu, &format!("{name}.{part}"), &MESH_LISTS_LISTS.with(&inputs))
         };
         let band_scan =
             |band: &Band| Scan::new(gpu, &format!("{name}.lists"), &cursors, band.tiles * TILE_PIXELS);
+        let (list_count, list_fill) = (pass("lists.count", false)?, pass("lists.fill", true)?);
         Ok(Self {
             bins,
             list_capacity: needs.lists,
             windows: needs.longest_bin.div_ceil(LIST_WINDOW).max(1),
-            list_count: pass("lists.count", &MESH_LISTS_LISTS, false)?,
+            list_count,
             list_scans: bands.iter().map(band_scan).collect::<Result<_>>()?,
-            list_fill: pass("lists.fill", &MESH_LISTS_LISTS, true)?,
+            list_fill,
             bands,
             cursors,
             entries,
         })
-    }
-
-    /// Lists the fragments of flagged pixels only, and bins faces only if a pixel is flagged.
-    pub(crate) fn restrict_to_flagged(
-        &mut self,
-        gpu: &Gpu,
-        ranking: &Ranking,
-        flags: &Arc<Buffer>,
-    ) -> Result<()> {
-        // Cells are listed only once a frame has flagged a pixel, so their bins are always needed.
-        if ranking.kind == Primitives::Faces {
-            self.bins.only_where_flagged(gpu)?;
-        }
-        let passes =
-            [(&mut self.list_count, &MESH_LISTS_LISTS, 0), (&mut self.list_fill, &MESH_LISTS_LISTS, 1)];
-        for (old, shader, fill) in passes {
-            let resource = |&(binding, _): &(u32, _)| {
-                let found = match binding {
-                    BINDING_FLAGS => Some(Resource::ReadOnly(Arc::clone(flags))),
-                    _ => old.descriptors.resource(binding),
-                };
-                found.map(|found| (binding, found))
-            };
-            let resources: Vec<_> = shader.bindings.iter().filter_map(resource).collect();
-            let constants: Vec<_> =
-                ranking.constants.iter().copied().chain([(SPEC_FILL, fill), (SPEC_FLAGGED, 1)]).collect();
-            *old = pass(gpu, &old.name, shader, &constants, &resources)?;
-        }
-        Ok(())
     }
 
     /// Records the bins of all tiles.

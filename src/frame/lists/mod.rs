@@ -11,4 +11,4 @@ mod ranking;
 pub(crate) use bands::{Band, cut_into_bands};
 pub(crate) use capacity::measure;
 pub(crate) use fragments::Lists;
-pub(crate) use ranking::{Geometry, Ranking, listing_constants};
+pub(crate) use ranking::{Geometry, Ranking};

@@ -4,11 +4,9 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::gpu::shader::{
-    BINDING_BOXES, BINDING_MESH_POINTS, BINDING_MESH_SCALARS, BINDING_ORDER, BINDING_PRIMITIVES,
-    BINDING_RANK_KEYS, BINDING_STATUS, BINDING_VIEW_POINTS, MESH_LISTS_BOXES, MESH_LISTS_POINTS,
-    SPEC_BACK_TO_FRONT, SPEC_CELL_SCALARS, SPEC_CELLS, STATUS_WORDS,
+    MESH_LISTS_BOXES, MESH_LISTS_POINTS, MeshListsBoxes, MeshListsPoints, STATUS_WORDS,
 };
-use crate::gpu::{Buffer, BufferUse, Gpu, Recorder, Resource, SpecConstant};
+use crate::gpu::{Buffer, BufferUse, Gpu, Recorder};
 use crate::interface::MeshPush;
 use crate::num;
 use crate::primitives::dispatch::{Dispatch, buffer, groups_of, pass};
@@ -36,7 +34,9 @@ pub(crate) struct Geometry {
 pub(crate) struct Ranking {
     pub(crate) name: &'static str,
     pub(crate) kind: Primitives,
-    pub(crate) constants: Vec<SpecConstant>,
+    /// Whether scalars belong to cells; else they belong to points.
+    pub(crate) cell_scalars: bool,
+    pub(crate) back_to_front: bool,
     /// Sort key of each primitive.
     pub(crate) keys: Arc<Buffer>,
     points: Dispatch,
@@ -83,34 +83,29 @@ impl Ranking {
         let order = buffer(gpu, "order", count.into())?;
         let boxed = buffer(gpu, "boxes", 2 * u64::from(count))?;
         let status = buffer(gpu, "status", STATUS_WORDS.into())?;
-        let constants = listing_constants(kind, cell_scalars, back_to_front);
-        let pass = |part: &str, shader, resources: &[(u32, Resource)]| {
-            pass(gpu, &format!("{name}.{part}"), shader, &constants, resources)
-        };
+        let points = MESH_LISTS_POINTS.with(&MeshListsPoints {
+            mesh_points: points.read(),
+            mesh_scalars: scalars.read(),
+            view_points: view_points.write(),
+            cell_scalars,
+        });
+        let boxes = MESH_LISTS_BOXES.with(&MeshListsBoxes {
+            primitives: primitives.read(),
+            view_points: view_points.read(),
+            rank_keys: keys.write(),
+            order: order.write(),
+            boxes: boxed.write(),
+            status: status.write(),
+            cells: kind == Primitives::Cells,
+            back_to_front,
+        });
         Ok(Self {
             name,
             kind,
-            points: pass(
-                "points",
-                &MESH_LISTS_POINTS,
-                &[
-                    (BINDING_MESH_POINTS, Resource::Buffer(points)),
-                    (BINDING_MESH_SCALARS, Resource::Buffer(Arc::clone(&scalars))),
-                    (BINDING_VIEW_POINTS, Resource::Buffer(Arc::clone(&view_points))),
-                ],
-            )?,
-            boxes: pass(
-                "boxes",
-                &MESH_LISTS_BOXES,
-                &[
-                    (BINDING_PRIMITIVES, Resource::Buffer(Arc::clone(&primitives))),
-                    (BINDING_VIEW_POINTS, Resource::ReadOnly(Arc::clone(&view_points))),
-                    (BINDING_RANK_KEYS, Resource::Buffer(Arc::clone(&keys))),
-                    (BINDING_ORDER, Resource::Buffer(Arc::clone(&order))),
-                    (BINDING_BOXES, Resource::Buffer(Arc::clone(&boxed))),
-                    (BINDING_STATUS, Resource::Buffer(Arc::clone(&status))),
-                ],
-            )?,
+            cell_scalars,
+            back_to_front,
+            points: pass(gpu, &format!("{name}.points"), &points)?,
+            boxes: pass(gpu, &format!("{name}.boxes"), &boxes)?,
             sort: RadixSort::new(gpu, &format!("{name}.sort"), &keys, &order, count, 32)?,
             view_points,
             primitives,
@@ -125,7 +120,6 @@ impl Ranking {
                 Some(order) => Some(given_order(gpu, order)?),
                 None => None,
             },
-            constants,
         })
     }
 
@@ -166,17 +160,4 @@ impl Ranking {
         place.copy_from_slice(bytes);
         true
     }
-}
-
-/// Specialisation constants of every pass that reads a list: the kind of primitives, their scalars, the direction.
-pub(crate) fn listing_constants(
-    kind: Primitives,
-    cell_scalars: bool,
-    back_to_front: bool,
-) -> Vec<SpecConstant> {
-    vec![
-        (SPEC_CELLS, u32::from(kind == Primitives::Cells)),
-        (SPEC_CELL_SCALARS, u32::from(cell_scalars)),
-        (SPEC_BACK_TO_FRONT, u32::from(back_to_front)),
-    ]
 }

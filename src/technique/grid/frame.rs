@@ -5,29 +5,23 @@
 
 use std::sync::Arc;
 
-use ash::vk;
-
 use crate::error::{Error, Result};
 use crate::frame::depth_measure::DepthMeasure;
 use crate::frame::dry_run::dry_run;
 use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
-use crate::gpu::shader::{
-    BINDING_KNOTS, BINDING_KNOTS_UNIFORM, BINDING_TABLE, BINDING_TABLE_HEAD, BINDING_VOLUME,
-    SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_INTEGRATOR, SPEC_KNOT_WALK, SPEC_PREFILTER, SPEC_TABLE_FILTER,
-};
 use crate::gpu::sync::Use;
-use crate::gpu::{Attachment, Descriptors, Image, Pipeline, Recorder, Resource, SpecConstant, TargetImage};
+use crate::gpu::{Attachment, Image, Recorder, TargetImage};
 use crate::interface::GridPush;
 use crate::num;
 use crate::primitives::dispatch::tiles_of;
 use crate::resident::GpuScene;
-use crate::resident::tables::{Integrator, Knots, SegmentOptions, TABLE_FORMAT, Table};
+use crate::resident::tables::Knots;
 use crate::resident::volume::{Layout, Volume};
 use crate::scene::View;
 use crate::technique::grid::cut::{Cut, cut};
-use crate::technique::grid::options::{Filter, GridOptions, Prefilter};
-use crate::technique::grid::route::{Path, RouteDesc, Routed};
+use crate::technique::grid::options::{Filter, Prefilter};
+use crate::technique::grid::route::{Path, RouteDesc, Routed, Samples};
 use crate::technique::grid::technique::GridTechnique;
 use crate::technique::options::{BlendOrder, Choice, Route};
 
@@ -47,14 +41,6 @@ fn march_order(axis: Option<usize>, more: bool) -> u32 {
     axis.map_or(2, num::count) | if more { MORE } else { 0 }
 }
 
-/// Samples of the grid with the descriptors that name them.
-#[derive(Debug)]
-struct Samples {
-    axis: Option<usize>,
-    volume: Arc<Volume>,
-    descriptors: Arc<Descriptors>,
-}
-
 /// Everything that is fixed between frames of one size.
 #[derive(Debug)]
 pub(crate) struct GridFrame {
@@ -62,92 +48,12 @@ pub(crate) struct GridFrame {
     measure: DepthMeasure,
     technique: Box<dyn GridTechnique>,
     knots: Arc<Knots>,
-    table: Option<Arc<Table>>,
     image: Option<Arc<Image>>,
     samples: Vec<Samples>,
     /// Index of the samples that are drawn.
     current: usize,
     cut: Cut,
     path: Path,
-}
-
-/// How shaders look up samples and the transfer function.
-struct Sampling {
-    table: Option<Arc<Table>>,
-    /// The sampler's filter for samples, and that for the table.
-    filters: [vk::Filter; 2],
-    constants: Vec<SpecConstant>,
-    resources: Vec<(u32, Resource)>,
-}
-
-impl Sampling {
-    fn new(
-        scene: &GpuScene,
-        target: &Canvas,
-        technique: &dyn GridTechnique,
-        knots: &Arc<Knots>,
-        volume: &Volume,
-        has_nan: bool,
-    ) -> Result<Self> {
-        let GridOptions { filter, prefilter, .. } = *technique.options();
-        // A sampler may drop NaN.
-        let exact = filter == Filter::Exact || !volume.filterable || has_nan;
-        let segments = technique.segments();
-        let table = match &segments {
-            Some(segments) => scene.table(segments)?,
-            None => None,
-        };
-        let mut constants: Vec<SpecConstant> = vec![
-            (SPEC_FILTER_EXACT, u32::from(exact)),
-            (SPEC_HAS_NAN, u32::from(has_nan)),
-            (SPEC_PREFILTER, u32::from(prefilter == Prefilter::Mip)),
-            (SPEC_KNOT_WALK, knots.walk),
-        ];
-        let linear = vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR;
-        let filters_table = segments.is_some_and(|segments| segments.integrator == Integrator::Full)
-            && filter == Filter::Hardware
-            && scene.gpu().image_features(TABLE_FORMAT).contains(linear);
-        if let Some(segments) = &segments {
-            constants.push((SPEC_INTEGRATOR, segments.integrator.code()));
-            constants.push((SPEC_TABLE_FILTER, u32::from(filters_table)));
-        }
-        constants.extend([target.bounded(), target.layered()]);
-        constants.extend(technique.constants());
-        let knots_buffer = || Resource::Buffer(Arc::clone(&knots.buffer));
-        // A variant that reads no table binds the knots in its place.
-        let table_head =
-            table.as_ref().map_or_else(knots_buffer, |table| Resource::Buffer(Arc::clone(&table.buffer)));
-        let mut resources = vec![
-            (BINDING_KNOTS_UNIFORM, knots_buffer()),
-            (BINDING_KNOTS, knots_buffer()),
-            (BINDING_TABLE_HEAD, table_head),
-        ];
-        resources.extend(target.bounds(&knots.buffer));
-        resources.extend(target.layers(&knots.buffer));
-        let filters = [!exact, filters_table]
-            .map(|linear| if linear { vk::Filter::LINEAR } else { vk::Filter::NEAREST });
-        Ok(Self { table, filters, constants, resources })
-    }
-
-    /// Makes the samples of each axis with their descriptors. `resources` are all other bindings.
-    fn bind(
-        &self,
-        pipeline: &Arc<Pipeline>,
-        scene: &GpuScene,
-        volumes: Vec<(Option<usize>, Arc<Volume>)>,
-        resources: &[(u32, Resource)],
-    ) -> Result<Vec<Samples>> {
-        let [filter, table_filter] = self.filters;
-        let bind = |(axis, volume): (Option<usize>, Arc<Volume>)| {
-            let mut resources = resources.to_vec();
-            resources.push((BINDING_VOLUME, Resource::Sampled(Arc::clone(&volume.image), filter)));
-            let texels = self.table.as_ref().map_or(&volume.image, |table| &table.image);
-            resources.push((BINDING_TABLE, Resource::Sampled(Arc::clone(texels), table_filter)));
-            let descriptors = Arc::new(Descriptors::new(scene.gpu(), pipeline, &resources)?);
-            Ok(Samples { axis, volume, descriptors })
-        };
-        volumes.into_iter().map(bind).collect()
-    }
 }
 
 /// The samples that a frame reads: the whole volume, or the stack of the view first, and all stacks where the technique keeps them.
@@ -199,29 +105,21 @@ impl GridFrame {
         let Some((_, volume)) = volumes.first() else { return Err(Error::invalid(name, "no volume")) };
         let knots = scene.knots()?;
         let cut = cut(scene, technique.as_ref(), volume, &knots, view, axis)?;
-        let sampling = Sampling::new(scene, target, technique.as_ref(), &knots, volume, has_nan)?;
-        let segments: Option<SegmentOptions> = technique.segments();
         let desc = RouteDesc {
             scene,
-            name,
-            options: &options,
-            segments: segments.as_ref(),
-            shaders: technique.shaders(),
+            technique: technique.as_ref(),
+            volumes: &volumes,
             knots: &knots,
-            constants: sampling.constants.clone(),
             view,
             target,
         };
-        let mut resources = sampling.resources.clone();
-        let Routed { path, pipeline, image } = match route {
-            Route::Compute => desc.march(cut.count, &mut resources)?,
-            _ => desc.raster(&mut resources)?,
+        let Routed { path, samples, image } = match route {
+            Route::Compute => desc.march(cut.count)?,
+            _ => desc.raster()?,
         };
-        let samples = sampling.bind(&pipeline, scene, volumes, &resources)?;
         let measure = DepthMeasure::of_grid(grid);
         let scene = Arc::clone(scene);
-        let table = sampling.table;
-        Ok(Self { scene, measure, technique, knots, table, image, samples, current: 0, cut, path })
+        Ok(Self { scene, measure, technique, knots, image, samples, current: 0, cut, path })
     }
 
     /// Records the slabs of a view.
@@ -233,10 +131,6 @@ impl GridFrame {
         target: Option<&TargetImage>,
         clear: bool,
     ) {
-        recorder.assume_ready(&samples.volume.image);
-        if let Some(table) = &self.table {
-            recorder.assume_ready(&table.image);
-        }
         let name = self.technique.name();
         let options = self.technique.options();
         let descriptors = &samples.descriptors;

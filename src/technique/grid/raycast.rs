@@ -10,13 +10,14 @@
 //! ray. Cost: one fetch and one classification or integration per segment. Needs: core Vulkan 1.3.
 
 use crate::error::{Error, Result};
-use crate::gpu::shader::RAYCAST_COMPUTE;
+use crate::gpu::Bound;
+use crate::gpu::shader::{RAYCAST_COMPUTE, Raycast};
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::scene::Grid;
 use crate::scene::grid::diagonal;
 use crate::technique::grid::options::{EMPTY_SPACE, FILTER, GridOptions, PREFILTER, STOP};
 use crate::technique::grid::rays::GridRays;
-use crate::technique::grid::technique::{GridTechnique, Shaders, Slabs};
+use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Slabs};
 use crate::technique::options::{self, OptionInfo, Route, TABLE};
 
 const NAME: &str = "raycast";
@@ -103,8 +104,21 @@ impl GridTechnique for Options {
         Some(self.segments)
     }
 
-    fn shaders(&self) -> Shaders {
-        Shaders { compute: &RAYCAST_COMPUTE, raster: None }
+    fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
+        let segments = grid.segments(&self.segments)?;
+        let GridInputs { volume, lattice, optics, bounded, .. } = grid;
+        let MarchInputs { accumulation, resume, empty_space, layers } = march;
+        Ok(RAYCAST_COMPUTE.with(&Raycast {
+            accumulation,
+            resume,
+            volume,
+            bounded,
+            empty_space,
+            lattice,
+            layers,
+            optics,
+            segments,
+        }))
     }
 
     fn slabs(&self, grid: &Grid, _rays: &GridRays, _axis: Option<usize>) -> Slabs {

@@ -10,20 +10,16 @@ use ash::vk;
 
 use crate::error::{Error, Result};
 use crate::frame::target::{Canvas, draws_directly, own_image};
-use crate::gpu::shader::{
-    BINDING_ACCUMULATION, BINDING_BRICKS, BINDING_KNOTS, BINDING_TEXELS, BINDING_THRESHOLDS, SPEC_BLUE_NOISE,
-    SPEC_EMPTY_SPACE, SPEC_RESUME, SPEC_TARGET, SPEC_UNDER,
-};
-use crate::gpu::{
-    Blend, Buffer, BufferUse, ComputeDesc, Gpu, GraphicsDesc, Image, Pipeline, Resource, SpecConstant,
-};
+use crate::gpu::shader::{self, EmptySpace as Skipping};
+use crate::gpu::{Blend, Bound, Buffer, BufferUse, Descriptors, Gpu, GraphicsState, Image, Pipeline};
 use crate::resident::GpuScene;
-use crate::resident::tables::{Knots, SegmentOptions};
+use crate::resident::tables::Knots;
+use crate::resident::volume::Volume;
 use crate::scene::View;
 use crate::technique::grid::blue_noise;
 use crate::technique::grid::dispatch_limits::{check_loops, slabs_per_dispatch};
-use crate::technique::grid::options::{Dither, GridOptions, Prefilter};
-use crate::technique::grid::technique::{RasterShaders, Shaders};
+use crate::technique::grid::options::{Dither, Filter, Prefilter};
+use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Polygons};
 use crate::technique::options::{BlendOrder, EmptySpace};
 
 /// How a frame's slabs are composited.
@@ -43,11 +39,19 @@ pub(super) enum Path {
     },
 }
 
-/// A route, ready but for its descriptors.
+/// Samples of the grid with the descriptors that name them.
+#[derive(Debug)]
+pub(super) struct Samples {
+    /// The axis of a stack.
+    pub(super) axis: Option<usize>,
+    pub(super) volume: Arc<Volume>,
+    pub(super) descriptors: Arc<Descriptors>,
+}
+
+/// A route, ready to be recorded.
 pub(super) struct Routed {
     pub(super) path: Path,
-    /// The pipeline whose layout the descriptors have.
-    pub(super) pipeline: Arc<Pipeline>,
+    pub(super) samples: Vec<Samples>,
     /// The image that is written; `None` where that is the caller's.
     pub(super) image: Option<Arc<Image>>,
 }
@@ -55,12 +59,9 @@ pub(super) struct Routed {
 /// The description that a route is built from.
 pub(super) struct RouteDesc<'a> {
     pub(super) scene: &'a GpuScene,
-    pub(super) name: &'static str,
-    pub(super) options: &'a GridOptions,
-    pub(super) segments: Option<&'a SegmentOptions>,
-    pub(super) shaders: Shaders,
+    pub(super) technique: &'a dyn GridTechnique,
+    pub(super) volumes: &'a [(Option<usize>, Arc<Volume>)],
     pub(super) knots: &'a Knots,
-    pub(super) constants: Vec<SpecConstant>,
     pub(super) view: &'a View,
     pub(super) target: &'a Canvas,
 }
@@ -70,124 +71,151 @@ impl RouteDesc<'_> {
         self.scene.gpu()
     }
 
-    /// Builds the route `compute` for a first view of so many slabs. Adds its bindings to `resources`.
-    pub(super) fn march(&self, slabs: u32, resources: &mut Vec<(u32, Resource)>) -> Result<Routed> {
-        let Self { scene, name, segments, knots, .. } = *self;
-        let gpu = self.gpu();
+    /// The inputs that all shaders share, for one of the volumes.
+    fn inputs(&self, volume: &Volume) -> Result<GridInputs<'_>> {
+        let options = self.technique.options();
+        let has_nan = self.scene.grid()?.nan_count() > 0;
+        // A sampler may drop NaN.
+        let filter_exact = options.filter == Filter::Exact || !volume.filterable || has_nan;
+        let filter = if filter_exact { vk::Filter::NEAREST } else { vk::Filter::LINEAR };
+        Ok(GridInputs {
+            scene: self.scene,
+            volume: volume.image.sampled(filter),
+            lattice: shader::Lattice {
+                filter_exact,
+                has_nan,
+                prefilter: options.prefilter == Prefilter::Mip,
+            },
+            optics: self.knots.optics(),
+            bounded: self.target.bounded(&self.knots.buffer),
+            hardware: options.filter == Filter::Hardware,
+        })
+    }
+
+    /// Makes the descriptors of each volume for a pipeline; `bind` binds its shaders.
+    fn samples(
+        &self,
+        pipeline: &Pipeline,
+        bind: impl Fn(GridInputs<'_>) -> Result<Bound>,
+    ) -> Result<Vec<Samples>> {
+        let made = |(axis, volume): &(Option<usize>, Arc<Volume>)| {
+            let bound = bind(self.inputs(volume)?)?;
+            let descriptors = Arc::new(Descriptors::new(self.gpu(), pipeline, &bound)?);
+            Ok(Samples { axis: *axis, volume: Arc::clone(volume), descriptors })
+        };
+        self.volumes.iter().map(made).collect()
+    }
+
+    /// The first of the volumes, all of which have one form.
+    fn first(&self) -> Result<&Volume> {
+        let none = || Error::invalid(self.technique.name(), "no volume");
+        self.volumes.first().map(|(_, volume)| volume.as_ref()).ok_or_else(none)
+    }
+
+    /// Builds the route `compute` for a first view of so many slabs.
+    pub(super) fn march(&self, slabs: u32) -> Result<Routed> {
+        let Self { scene, knots, technique, .. } = *self;
+        let (gpu, name, options) = (self.gpu(), technique.name(), technique.options());
+        let segments = technique.segments();
         let format = vk::Format::R32G32B32A32_SFLOAT;
         let image = own_image(gpu, name, format, vk::ImageUsageFlags::STORAGE, self.view, self.target)?;
-        resources.push((BINDING_ACCUMULATION, Resource::Storage(Arc::clone(&image))));
-        let skips = self.options.empty_space == EmptySpace::Skip && self.options.prefilter != Prefilter::Mip;
+        let skips = options.empty_space == EmptySpace::Skip && options.prefilter != Prefilter::Mip;
         // A variant that reads no bricks binds the knots in their place.
-        let bricks = if skips {
-            Resource::ReadOnly(scene.bricks(scene.margin(segments))?)
-        } else {
-            Resource::Buffer(Arc::clone(&knots.buffer))
+        let bricks =
+            if skips { scene.bricks(scene.margin(segments.as_ref()))? } else { Arc::clone(&knots.buffer) };
+        let bind = |grid: GridInputs<'_>, resume: bool| {
+            let march = MarchInputs {
+                accumulation: image.stored(),
+                resume,
+                empty_space: Skipping { bricks: bricks.read(), empty_space: skips },
+                layers: self.target.layered(&knots.buffer),
+            };
+            technique.march(grid, march)
         };
-        resources.push((BINDING_BRICKS, bricks));
         let rays = self.view.extent().map(u64::from).iter().product();
-        let most = slabs_per_dispatch(gpu, name, slabs, knots, segments, scene.grid()?, rays)?;
+        let most = slabs_per_dispatch(gpu, name, slabs, knots, segments.as_ref(), scene.grid()?, rays)?;
         // Translucent surfaces take loop iterations of their own.
         let slabs_per_dispatch = match self.target.layers {
             Some(_) => (most / 2).max(1),
             None => most,
         };
-        let pipeline = |resume: bool| {
-            let mut constants = self.constants.clone();
-            constants.push((SPEC_RESUME, u32::from(resume)));
-            constants.push((SPEC_EMPTY_SPACE, u32::from(skips)));
-            let name = if resume { format!("{name}.march.resume") } else { format!("{name}.march") };
-            let desc = ComputeDesc { shader: self.shaders.compute, constants: &constants };
-            gpu.compute_pipeline(&name, &desc)
+        let volume = self.first()?;
+        let first = gpu.compute_pipeline(&format!("{name}.march"), &bind(self.inputs(volume)?, false)?)?;
+        let resume = if slabs > slabs_per_dispatch {
+            let bound = bind(self.inputs(volume)?, true)?;
+            Some(gpu.compute_pipeline(&format!("{name}.march.resume"), &bound)?)
+        } else {
+            None
         };
-        let first = pipeline(false)?;
-        let resume = if slabs > slabs_per_dispatch { Some(pipeline(true)?) } else { None };
-        let path = Path::Compute { first: Arc::clone(&first), resume, slabs_per_dispatch };
-        Ok(Routed { path, pipeline: first, image: Some(image) })
+        let samples = self.samples(&first, |grid| bind(grid, false))?;
+        let path = Path::Compute { first, resume, slabs_per_dispatch };
+        Ok(Routed { path, samples, image: Some(image) })
     }
 
-    /// Builds the route `raster`, by fixed function or, with dithering, by the shader. Adds its bindings to `resources`.
-    pub(super) fn raster(&self, resources: &mut Vec<(u32, Resource)>) -> Result<Routed> {
-        let name = self.name;
-        let Some(raster) = self.shaders.raster else {
-            return Err(Error::unsupported(format!("{name} route=raster"), "polygons: it has none"));
-        };
-        check_loops(self.gpu(), name, self.knots, self.segments)?;
-        match self.options.accumulation().code() {
-            Some(code) if self.options.dither != Dither::None => self.shader_blend(&raster, code, resources),
-            _ => self.fixed_function(&raster),
+    /// Builds the route `raster`, by fixed function or, with dithering, by the shader.
+    pub(super) fn raster(&self) -> Result<Routed> {
+        let options = self.technique.options();
+        check_loops(self.gpu(), self.technique.name(), self.knots, self.technique.segments().as_ref())?;
+        match options.accumulation().code() {
+            Some(code) if options.dither != Dither::None => self.shader_blend(code),
+            _ => self.fixed_function(),
         }
     }
 
+    /// Binds the shaders that draw polygons.
+    fn polygons(&self, grid: GridInputs<'_>, blend: Option<shader::Blend>) -> Result<Polygons> {
+        let none =
+            || Error::unsupported(format!("{} route=raster", self.technique.name()), "polygons: it has none");
+        self.technique.polygons(grid, blend)?.ok_or_else(none)
+    }
+
     /// Blends the slabs by fixed function.
-    fn fixed_function(&self, raster: &RasterShaders) -> Result<Routed> {
-        let Self { name, view, target, .. } = *self;
-        let gpu = self.gpu();
-        let back_to_front = self.options.order() == BlendOrder::BackToFront;
-        let format = self.options.accumulation().format();
-        let pipeline = gpu.graphics_pipeline(
-            &format!("{name}.draw"),
-            &GraphicsDesc {
-                vertex: raster.vertex,
-                fragment: raster.fragment,
-                topology: raster.topology,
-                blend: if back_to_front { Blend::Over } else { Blend::Under },
-                format: Some(format),
-                constants: &self.constants,
-            },
-        )?;
+    fn fixed_function(&self) -> Result<Routed> {
+        let Self { technique, view, target, .. } = *self;
+        let (gpu, name, options) = (self.gpu(), technique.name(), technique.options());
+        let back_to_front = options.order() == BlendOrder::BackToFront;
+        let format = options.accumulation().format();
+        let Polygons { bound, topology, vertices } = self.polygons(self.inputs(self.first()?)?, None)?;
+        let blend = if back_to_front { Blend::Over } else { Blend::Under };
+        let state = GraphicsState { topology, blend, format: Some(format) };
+        let pipeline = gpu.graphics_pipeline(&format!("{name}.draw"), &bound, state)?;
         let image = if draws_directly(target, format, back_to_front) {
             None
         } else {
             Some(own_image(gpu, name, format, vk::ImageUsageFlags::COLOR_ATTACHMENT, view, target)?)
         };
-        let path = Path::Raster { pipeline: Arc::clone(&pipeline), vertices: raster.vertices };
-        Ok(Routed { path, pipeline, image })
+        let samples = self.samples(&pipeline, |grid| Ok(self.polygons(grid, None)?.bound))?;
+        Ok(Routed { path: Path::Raster { pipeline, vertices }, samples, image })
     }
 
     /// Blends the slabs in the shader, with dithering; `code` is the shader's code of the accumulation format.
-    fn shader_blend(
-        &self,
-        raster: &RasterShaders,
-        code: u32,
-        resources: &mut Vec<(u32, Resource)>,
-    ) -> Result<Routed> {
-        let Self { name, options, view, target, .. } = *self;
-        let gpu = self.gpu();
-        let mut constants = self.constants.clone();
-        constants.extend([
-            (SPEC_TARGET, code),
-            (SPEC_BLUE_NOISE, u32::from(options.dither == Dither::Blue)),
-            (SPEC_UNDER, u32::from(options.order() == BlendOrder::FrontToBack)),
-        ]);
-        let pipeline = gpu.graphics_pipeline(
-            &format!("{name}.dither"),
-            &GraphicsDesc {
-                vertex: raster.vertex,
-                fragment: raster.shader_blend,
-                topology: raster.topology,
-                blend: Blend::Copy,
-                format: None,
-                constants: &constants,
-            },
-        )?;
+    fn shader_blend(&self, code: u32) -> Result<Routed> {
+        let Self { technique, view, target, .. } = *self;
+        let (gpu, name, options) = (self.gpu(), technique.name(), technique.options());
         // An image view needs a usage beyond transfers.
         let usage = vk::ImageUsageFlags::TRANSFER_DST | vk::ImageUsageFlags::SAMPLED;
         gpu.check_drawing(name, view.extent())?;
         let image = own_image(gpu, name, options.accumulation().format(), usage, view, target)?;
         let bytes = image.desc().texel_bytes();
         let texels = Arc::new(Buffer::new(gpu, &format!("{name}.texels"), bytes, BufferUse::ShaderWrite)?);
-        resources.push((BINDING_TEXELS, Resource::Buffer(Arc::clone(&texels))));
-        let thresholds = if options.dither == Dither::Blue {
+        let blue_noise = options.dither == Dither::Blue;
+        let thresholds = if blue_noise {
             Buffer::with_data(gpu, "blue-noise", bytemuck::cast_slice(blue_noise::tile()))?
         } else {
-            match resources.iter().find(|(binding, _)| *binding == BINDING_KNOTS) {
-                Some((_, Resource::Buffer(knots))) => Arc::clone(knots),
-                _ => Arc::clone(&texels),
-            }
+            Arc::clone(&self.knots.buffer)
         };
-        resources.push((BINDING_THRESHOLDS, Resource::Buffer(thresholds)));
-        let path = Path::ShaderBlend { pipeline: Arc::clone(&pipeline), vertices: raster.vertices, texels };
-        Ok(Routed { path, pipeline, image: Some(image) })
+        let blend = shader::Blend {
+            texels: texels.write(),
+            thresholds: thresholds.read(),
+            blue_noise,
+            target: code,
+            under: options.order() == BlendOrder::FrontToBack,
+        };
+        let grid = self.inputs(self.first()?)?;
+        let Polygons { bound, topology, vertices } = self.polygons(grid, Some(blend.clone()))?;
+        let state = GraphicsState { topology, blend: Blend::Copy, format: None };
+        let pipeline = gpu.graphics_pipeline(&format!("{name}.dither"), &bound, state)?;
+        let samples = self.samples(&pipeline, |grid| Ok(self.polygons(grid, Some(blend.clone()))?.bound))?;
+        Ok(Routed { path: Path::ShaderBlend { pipeline, vertices, texels }, samples, image: Some(image) })
     }
 }

@@ -17,15 +17,18 @@
 use ash::vk;
 
 use crate::error::Result;
-use crate::gpu::SpecConstant;
-use crate::gpu::shader::{SLABS_COMPUTE, SLABS_FRAGMENT, SLABS_SHADER_BLEND, SLABS_VERTEX, SPEC_CLIP_ENDS};
+use crate::gpu::Bound;
+use crate::gpu::shader::{
+    Blend, SLABS_COMPUTE, SLABS_FRAGMENT, SLABS_SHADER_BLEND, SLABS_VERTEX, SlabsCompute, SlabsFragment,
+    SlabsShaderBlend, SlabsVertex,
+};
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::scene::Grid;
 use crate::technique::grid::options::{
     DITHER, EMPTY_SPACE, FILTER, GridOptions, ORDER, PREFILTER, ROUTE, SEED, STEP, STOP, TARGET,
 };
 use crate::technique::grid::rays::GridRays;
-use crate::technique::grid::technique::{GridTechnique, RasterShaders, Shaders, Slabs};
+use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Polygons, Slabs};
 use crate::technique::options::{self, OptionInfo, TABLE};
 
 const NAME: &str = "slabs";
@@ -106,21 +109,46 @@ impl GridTechnique for Options {
         Some(self.segments)
     }
 
-    fn constants(&self) -> Vec<SpecConstant> {
-        vec![(SPEC_CLIP_ENDS, 1)]
+    fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
+        let segments = grid.segments(&self.segments)?;
+        let GridInputs { volume, lattice, optics, bounded, .. } = grid;
+        let MarchInputs { accumulation, resume, empty_space, layers } = march;
+        let clip_ends = true;
+        Ok(SLABS_COMPUTE.with(&SlabsCompute {
+            accumulation,
+            resume,
+            clip_ends,
+            volume,
+            bounded,
+            empty_space,
+            lattice,
+            layers,
+            optics,
+            segments,
+        }))
     }
 
-    fn shaders(&self) -> Shaders {
-        Shaders {
-            compute: &SLABS_COMPUTE,
-            raster: Some(RasterShaders {
-                vertex: &SLABS_VERTEX,
-                fragment: &SLABS_FRAGMENT,
-                shader_blend: &SLABS_SHADER_BLEND,
-                topology: vk::PrimitiveTopology::TRIANGLE_STRIP,
-                vertices: 6,
+    fn polygons(&self, grid: GridInputs<'_>, blend: Option<Blend>) -> Result<Option<Polygons>> {
+        let segments = grid.segments(&self.segments)?;
+        let GridInputs { volume, lattice, optics, bounded, .. } = grid;
+        let clip_ends = true;
+        let vertex = SLABS_VERTEX.with(&SlabsVertex { clip_ends });
+        let fragment = match blend {
+            Some(blend) => SLABS_SHADER_BLEND.with(&SlabsShaderBlend {
+                clip_ends,
+                volume,
+                blend,
+                bounded,
+                lattice,
+                optics,
+                segments,
             }),
-        }
+            None => {
+                SLABS_FRAGMENT.with(&SlabsFragment { clip_ends, volume, bounded, lattice, optics, segments })
+            }
+        };
+        let topology = vk::PrimitiveTopology::TRIANGLE_STRIP;
+        Ok(Some(Polygons { bound: vertex.and(fragment), topology, vertices: 6 }))
     }
 
     fn slabs(&self, grid: &Grid, rays: &GridRays, _axis: Option<usize>) -> Slabs {

@@ -21,9 +21,10 @@ use ash::vk;
 use glam::DVec3;
 
 use crate::error::{Error, Result};
-use crate::gpu::SpecConstant;
+use crate::gpu::Bound;
 use crate::gpu::shader::{
-    SLICES_2D_COMPUTE, SLICES_2D_FRAGMENT, SLICES_2D_SHADER_BLEND, SLICES_2D_VERTEX, SPEC_BETWEEN,
+    Blend, SLICES_2D_COMPUTE, SLICES_2D_FRAGMENT, SLICES_2D_SHADER_BLEND, SLICES_2D_VERTEX, Slices2dCompute,
+    Slices2dFragment, Slices2dShaderBlend, Slices2dVertex, Stack,
 };
 use crate::num;
 use crate::scene::grid::turned;
@@ -32,7 +33,7 @@ use crate::technique::grid::options::{
     DITHER, EMPTY_SPACE, FILTER, GridOptions, ORDER, PREFILTER, ROUTE, SEED, STOP, TARGET,
 };
 use crate::technique::grid::rays::GridRays;
-use crate::technique::grid::technique::{GridTechnique, RasterShaders, Shaders, Slabs};
+use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Polygons, Slabs};
 use crate::technique::options::{self, Choice, OptionInfo};
 
 const NAME: &str = "slices-2d";
@@ -150,21 +151,34 @@ impl GridTechnique for Options {
         &self.grid
     }
 
-    fn constants(&self) -> Vec<SpecConstant> {
-        vec![(SPEC_BETWEEN, u32::from(self.between))]
+    fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
+        let GridInputs { volume, lattice, optics, bounded, .. } = grid;
+        let MarchInputs { accumulation, resume, empty_space, layers } = march;
+        let stack = Stack { volume, between: self.between };
+        Ok(SLICES_2D_COMPUTE.with(&Slices2dCompute {
+            accumulation,
+            resume,
+            bounded,
+            empty_space,
+            lattice,
+            layers,
+            optics,
+            stack,
+        }))
     }
 
-    fn shaders(&self) -> Shaders {
-        Shaders {
-            compute: &SLICES_2D_COMPUTE,
-            raster: Some(RasterShaders {
-                vertex: &SLICES_2D_VERTEX,
-                fragment: &SLICES_2D_FRAGMENT,
-                shader_blend: &SLICES_2D_SHADER_BLEND,
-                topology: vk::PrimitiveTopology::TRIANGLE_LIST,
-                vertices: 36,
-            }),
-        }
+    fn polygons(&self, grid: GridInputs<'_>, blend: Option<Blend>) -> Result<Option<Polygons>> {
+        let GridInputs { volume, lattice, optics, bounded, .. } = grid;
+        let stack = Stack { volume, between: self.between };
+        let vertex = SLICES_2D_VERTEX.with(&Slices2dVertex {});
+        let fragment = match blend {
+            Some(blend) => {
+                SLICES_2D_SHADER_BLEND.with(&Slices2dShaderBlend { blend, bounded, lattice, optics, stack })
+            }
+            None => SLICES_2D_FRAGMENT.with(&Slices2dFragment { bounded, lattice, optics, stack }),
+        };
+        let topology = vk::PrimitiveTopology::TRIANGLE_LIST;
+        Ok(Some(Polygons { bound: vertex.and(fragment), topology, vertices: 36 }))
     }
 
     fn stack_axis(&self, grid: &Grid, view: &View, current: Option<usize>) -> Option<usize> {

@@ -16,16 +16,17 @@
 use ash::vk;
 
 use crate::error::Result;
-use crate::gpu::SpecConstant;
+use crate::gpu::Bound;
 use crate::gpu::shader::{
-    SLICES_3D_COMPUTE, SLICES_3D_FRAGMENT, SLICES_3D_SHADER_BLEND, SLICES_3D_VERTEX, SPEC_CLIP_ENDS,
+    Blend, SLICES_3D_COMPUTE, SLICES_3D_FRAGMENT, SLICES_3D_SHADER_BLEND, SLICES_3D_VERTEX, Slices3dCompute,
+    Slices3dFragment, Slices3dShaderBlend, Slices3dVertex,
 };
 use crate::scene::Grid;
 use crate::technique::grid::options::{
     DITHER, EMPTY_SPACE, FILTER, GridOptions, ORDER, PREFILTER, ROUTE, SEED, STEP, STOP, TARGET,
 };
 use crate::technique::grid::rays::GridRays;
-use crate::technique::grid::technique::{GridTechnique, RasterShaders, Shaders, Slabs};
+use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Polygons, Slabs};
 use crate::technique::options::{self, Choice, OptionInfo};
 
 const NAME: &str = "slices-3d";
@@ -114,21 +115,42 @@ impl GridTechnique for Options {
         &self.grid
     }
 
-    fn constants(&self) -> Vec<SpecConstant> {
-        vec![(SPEC_CLIP_ENDS, u32::from(self.ends == Ends::Clip))]
+    fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
+        let GridInputs { volume, lattice, optics, bounded, .. } = grid;
+        let MarchInputs { accumulation, resume, empty_space, layers } = march;
+        let clip_ends = self.ends == Ends::Clip;
+        Ok(SLICES_3D_COMPUTE.with(&Slices3dCompute {
+            accumulation,
+            resume,
+            clip_ends,
+            volume,
+            bounded,
+            empty_space,
+            lattice,
+            layers,
+            optics,
+        }))
     }
 
-    fn shaders(&self) -> Shaders {
-        Shaders {
-            compute: &SLICES_3D_COMPUTE,
-            raster: Some(RasterShaders {
-                vertex: &SLICES_3D_VERTEX,
-                fragment: &SLICES_3D_FRAGMENT,
-                shader_blend: &SLICES_3D_SHADER_BLEND,
-                topology: vk::PrimitiveTopology::TRIANGLE_STRIP,
-                vertices: 6,
+    fn polygons(&self, grid: GridInputs<'_>, blend: Option<Blend>) -> Result<Option<Polygons>> {
+        let GridInputs { volume, lattice, optics, bounded, .. } = grid;
+        let clip_ends = self.ends == Ends::Clip;
+        let vertex = SLICES_3D_VERTEX.with(&Slices3dVertex { clip_ends });
+        let fragment = match blend {
+            Some(blend) => SLICES_3D_SHADER_BLEND.with(&Slices3dShaderBlend {
+                clip_ends,
+                volume,
+                blend,
+                bounded,
+                lattice,
+                optics,
             }),
-        }
+            None => {
+                SLICES_3D_FRAGMENT.with(&Slices3dFragment { clip_ends, volume, bounded, lattice, optics })
+            }
+        };
+        let topology = vk::PrimitiveTopology::TRIANGLE_STRIP;
+        Ok(Some(Polygons { bound: vertex.and(fragment), topology, vertices: 6 }))
     }
 
     fn slabs(&self, grid: &Grid, rays: &GridRays, _axis: Option<usize>) -> Slabs {

@@ -3,27 +3,49 @@
 use ash::vk;
 
 use crate::error::Result;
-use crate::gpu::SpecConstant;
-use crate::gpu::shader::Shader;
+use crate::gpu::inputs::Stored;
+use crate::gpu::shader::{Blend, Bounded, EmptySpace, Lattice, Layers, Optics, Segments};
+use crate::gpu::{Bound, Sampled};
+use crate::resident::GpuScene;
 use crate::resident::tables::SegmentOptions;
 use crate::scene::{Grid, View};
 use crate::technique::grid::options::GridOptions;
 use crate::technique::grid::rays::GridRays;
 
-/// The shaders of a technique.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Shaders {
-    pub(crate) compute: &'static Shader,
-    pub(crate) raster: Option<RasterShaders>,
+/// The inputs of shaders that sample a grid; a technique takes those of its own shaders.
+#[derive(Clone, Debug)]
+pub(crate) struct GridInputs<'a> {
+    pub(crate) scene: &'a GpuScene,
+    /// The samples: a volume or a stack.
+    pub(crate) volume: Sampled,
+    pub(crate) lattice: Lattice,
+    pub(crate) optics: Optics,
+    pub(crate) bounded: Bounded,
+    /// Whether samplers may interpolate.
+    pub(crate) hardware: bool,
 }
 
-/// The shaders that draw slabs as polygons.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct RasterShaders {
-    pub(crate) vertex: &'static Shader,
-    pub(crate) fragment: &'static Shader,
-    /// Blends and dithers in the shader.
-    pub(crate) shader_blend: &'static Shader,
+impl GridInputs<'_> {
+    /// Returns the inputs of shaders that integrate segments.
+    pub(crate) fn segments(&self, options: &SegmentOptions) -> Result<Segments> {
+        self.scene.segments(options, self.hardware)
+    }
+}
+
+/// The further inputs of a march.
+#[derive(Clone, Debug)]
+pub(crate) struct MarchInputs {
+    pub(crate) accumulation: Stored,
+    /// Whether the march continues from the accumulated colour.
+    pub(crate) resume: bool,
+    pub(crate) empty_space: EmptySpace,
+    pub(crate) layers: Layers,
+}
+
+/// Shaders that draw slabs as polygons.
+#[derive(Debug)]
+pub(crate) struct Polygons {
+    pub(crate) bound: Bound,
     pub(crate) topology: vk::PrimitiveTopology,
     /// Vertices of one slab.
     pub(crate) vertices: u32,
@@ -64,12 +86,13 @@ pub(crate) trait GridTechnique: std::fmt::Debug + Send + Sync {
     fn segments(&self) -> Option<SegmentOptions> {
         None
     }
-    /// Specialisation constants of its own.
-    fn constants(&self) -> Vec<SpecConstant> {
-        Vec::new()
+    /// Binds the shader that marches along rays.
+    fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound>;
+    /// Binds the shaders that draw slabs as polygons, blended by the shader with `blend`, else by fixed function. `None` where the
+    /// technique has no polygons.
+    fn polygons(&self, _grid: GridInputs<'_>, _blend: Option<Blend>) -> Result<Option<Polygons>> {
+        Ok(None)
     }
-    /// Its shaders.
-    fn shaders(&self) -> Shaders;
     /// The axis along which slices are stacked for a view; `current` is the one in use. `None` where it samples one volume.
     fn stack_axis(&self, _grid: &Grid, _view: &View, _current: Option<usize>) -> Option<usize> {
         None

@@ -18,19 +18,16 @@ use std::sync::Arc;
 use crate::error::Result;
 use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
-use crate::gpu::shader::ABUFFER_COMPUTE;
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
+use crate::technique::mesh::cell_lists;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
 use crate::technique::mesh::options::{EMPTY_SPACE, INTEGRATOR, MeshOptions, ORDER, SMOKE, STOP};
 use crate::technique::options::{self, BlendOrder, OptionInfo, TABLE};
 
 const NAME: &str = "abuffer";
-
-/// Entries of the window that a list passes through before it is sorted in place.
-const WINDOW: u32 = 7;
 
 /// The options, each with its effect on error and time.
 pub(crate) const OPTIONS: &[OptionInfo] = &[INTEGRATOR, TABLE, SMOKE, ORDER, STOP, EMPTY_SPACE];
@@ -74,10 +71,10 @@ impl Options {
             segments: self.mesh.segments,
             smoke: self.mesh.smoke,
             back_to_front: self.mesh.order == BlendOrder::BackToFront,
-            resolve: &ABUFFER_COMPUTE,
-            k: WINDOW,
+            resolve: cell_lists::resolve,
+            k: cell_lists::WINDOW,
             chunk: None,
-            repair: Some(&ABUFFER_COMPUTE),
+            repair: Some(cell_lists::resolve),
             unsorted: "kbuffer_overflow_pixels",
             stop: self.mesh.stop,
             skip: self.mesh.skips(),

@@ -1,14 +1,13 @@
 //! How a technique for meshes draws, and the primitives that it ranks.
 
 use crate::error::Result;
-use crate::frame::lists::{Geometry, Ranking, listing_constants};
-use crate::gpu::SpecConstant;
-use crate::gpu::shader::Shader;
+use crate::frame::lists::{Geometry, Ranking};
 use crate::num;
 use crate::resident::GpuScene;
 use crate::resident::mesh::{MeshData, Primitives};
 use crate::resident::tables::SegmentOptions;
 use crate::scene::TetScalars;
+use crate::technique::mesh::list_inputs::ListShader;
 
 /// How a technique for meshes draws.
 #[derive(Clone, Copy, Debug)]
@@ -19,14 +18,14 @@ pub(crate) struct MeshDesc {
     /// Extinction per scalar of the smoke model.
     pub(crate) smoke: f64,
     pub(crate) back_to_front: bool,
-    /// Shader that resolves lists.
-    pub(crate) resolve: &'static Shader,
+    /// Shader that resolves lists, with its inputs.
+    pub(crate) resolve: ListShader,
     /// Entries of the k-buffer.
     pub(crate) k: u32,
     /// Entries of a pixel that one dispatch resolves; `None`: all.
     pub(crate) chunk: Option<u32>,
     /// Shader that sorts the lists of pixels that were resolved out of order, and resolves them again.
-    pub(crate) repair: Option<&'static Shader>,
+    pub(crate) repair: Option<ListShader>,
     /// Name of the counter of those pixels.
     pub(crate) unsorted: &'static str,
     /// Transmittance at which a ray ends.
@@ -36,12 +35,6 @@ pub(crate) struct MeshDesc {
 }
 
 impl MeshDesc {
-    /// Returns the specialisation constants that every pass of the technique shares.
-    pub(crate) fn constants(&self, scene: &GpuScene) -> Result<Vec<SpecConstant>> {
-        let cell_scalars = matches!(scene.mesh()?.scalars(), TetScalars::Cell(_));
-        Ok(listing_constants(self.primitives, cell_scalars, self.back_to_front))
-    }
-
     /// Whether pixels in which cells overlap are drawn again.
     pub(crate) fn repairs_overlaps(&self) -> bool {
         self.repair.is_some() && self.primitives == Primitives::Faces

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::gpu::{Buffer, Resource, SpecConstant};
 use crate::interface::MeshPush;
 use crate::resident::GpuScene;
 use crate::resident::mesh::MeshData;
 use crate::technique::mesh::desc::MeshDesc;
+use crate::technique::mesh::list_inputs::ListInputs;
 
 /// A frame whose flagged pixels are drawn again.
 #[derive(Clone, Copy, Debug)]
@@ -19,10 +19,6 @@ pub(crate) struct FlaggedFrame<'a> {
     pub(crate) tiles: u32,
     /// Tiles in a row.
     pub(crate) across: u32,
-    /// Flags of each pixel.
-    pub(crate) flags: &'a Arc<Buffer>,
-    /// Bindings of the passes that drew the pixels.
-    pub(crate) resources: &'a [(u32, Resource)],
-    /// Specialisation constants of passes that shade segments.
-    pub(crate) shading: &'a [SpecConstant],
+    /// Inputs of the passes that drew the pixels.
+    pub(crate) drawn: &'a ListInputs<'a>,
 }

@@ -20,26 +20,23 @@ use crate::frame::lists::{Band, Lists, Ranking, measure};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
 use crate::gpu::shader::{
-    BINDING_ACCUMULATION, BINDING_CURSORS, BINDING_FLAGS, BINDING_KBUFFER_0, BINDING_KBUFFER_1,
-    BINDING_KBUFFER_2, BINDING_KBUFFER_3, BINDING_LISTS, BINDING_STATUS, COUNT_BITS, FLAG_OVERLAPS,
-    FLAG_REPAIRED, FLAG_UNSORTED, LIST_WINDOW, SPEC_EYE_INSIDE, SPEC_INTEGRATOR, SPEC_K, SPEC_KNOT_WALK,
-    SPEC_LAST_CHUNK, SPEC_REPAIR, SPEC_RESUME, STATUS_WORDS, TILE, TILE_PIXELS,
+    COUNT_BITS, FLAG_OVERLAPS, FLAG_REPAIRED, FLAG_UNSORTED, LIST_WINDOW, STATUS_WORDS, TILE, TILE_PIXELS,
 };
 use crate::gpu::sync::Use;
-use crate::gpu::{Buffer, Gpu, Image, ImageDesc, Recorder, Resource, SpecConstant, TargetImage};
+use crate::gpu::{Buffer, Gpu, Image, ImageDesc, Recorder, TargetImage};
 use crate::interface::MeshPush;
 use crate::num;
 use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass};
 use crate::resident::GpuScene;
 use crate::resident::local_space::LocalSpace;
 use crate::resident::mesh::MeshData;
-use crate::resident::tables::{Knots, Table};
 use crate::scene::View;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::flagged::FlaggedFrame;
+use crate::technique::mesh::list_inputs::{ListInputs, Shading};
 use crate::technique::mesh::outcome::MeshOutcome;
 use crate::technique::mesh::overlaps::Overlaps;
-use crate::technique::mesh::shading::{shading_push, shading_resources};
+use crate::technique::mesh::shading::shading_push;
 
 // A counter of a tile has COUNT_BITS bits for the fragments of one dispatch. Shaders write flags as bits 0 to 2.
 const _: () = assert!(LIST_WINDOW < 1 << COUNT_BITS && FLAG_UNSORTED | FLAG_REPAIRED | FLAG_OVERLAPS == 7);
@@ -56,7 +53,7 @@ pub(crate) struct MeshFrame {
     scene: Arc<GpuScene>,
     data: Arc<MeshData>,
     desc: MeshDesc,
-    canvas: Canvas,
+    shading: Shading,
     space: LocalSpace,
     push: MeshPush,
     tiles: u32,
@@ -74,15 +71,13 @@ pub(crate) struct MeshFrame {
     outcome: Arc<MeshOutcome>,
     /// Images that keep the k-buffer between chunks.
     kbuffer: Vec<Arc<Image>>,
-    knots: Arc<Knots>,
-    table: Option<Arc<Table>>,
 }
 
 /// Which of a frame's passes over lists a pipeline is for.
 #[derive(Clone, Copy, Debug)]
 enum Part {
-    /// Resolves a chunk: `resume` loads the k-buffer that the one before left, `last` empties it.
-    Resolve { resume: bool, last: bool },
+    /// Resolves a chunk: `resume` loads the k-buffer that the one before left, `last_chunk` empties it.
+    Resolve { resume: bool, last_chunk: bool },
     /// Sorts unsorted lists and resolves them again.
     Repair,
 }
@@ -128,7 +123,6 @@ impl MeshFrame {
         let data = scene.mesh_data();
         let space = LocalSpace::of(scene.mesh()?);
         let knots = scene.knots()?;
-        let table = scene.table(&desc.segments)?;
         let push = space.push(view, &shading_push(scene, &desc, &knots)?)?;
         let [width, height] = view.extent();
         let across = width.div_ceil(TILE);
@@ -136,7 +130,7 @@ impl MeshFrame {
 
         let ranking = desc.rank_primitives(scene, &data, order)?;
         let (runs, needs, bands) = measure(gpu, &ranking, &data.needs, &push, tiles, across)?;
-        let lists = Lists::new(gpu, &ranking, tiles, runs, bands, needs)?;
+        let lists = Lists::new(gpu, &ranking, tiles, runs, bands, needs, None)?;
 
         let image = own_image(gpu, desc.name, FORMAT, vk::ImageUsageFlags::STORAGE, view, target)?;
         let flags = buffer(gpu, "flags", u64::from(tiles) * u64::from(TILE_PIXELS))?;
@@ -147,7 +141,7 @@ impl MeshFrame {
             scene: Arc::clone(scene),
             data,
             desc,
-            canvas: target.clone(),
+            shading: Shading::new(scene, &desc.segments, target)?,
             space,
             push,
             tiles,
@@ -162,8 +156,6 @@ impl MeshFrame {
             flags,
             outcome: Arc::new(outcome),
             kbuffer,
-            knots,
-            table,
         };
         frame.build_passes(needs.longest_bin)?;
         if desc.repairs_overlaps() && needs.overlaps {
@@ -176,7 +168,7 @@ impl MeshFrame {
     fn build_passes(&mut self, longest: u32) -> Result<()> {
         // A pixel's list is no longer than the bin of its tile.
         self.chunks = self.desc.chunk.map_or(1, |chunk| longest.div_ceil(chunk).max(1));
-        let chunk = |resume, last| self.pass(Part::Resolve { resume, last });
+        let chunk = |resume, last_chunk| self.pass(Part::Resolve { resume, last_chunk });
         self.resolve = match self.chunks {
             1 => vec![chunk(false, true)?],
             _ => vec![chunk(false, false)?, chunk(true, false)?, chunk(true, true)?],
@@ -196,9 +188,7 @@ impl MeshFrame {
             push: &self.push,
             tiles: self.tiles,
             across,
-            flags: &self.flags,
-            resources: &self.resources()?,
-            shading: &self.shading_constants(),
+            drawn: &self.inputs(),
         })?;
         if let Some(outcome) = Arc::get_mut(&mut self.outcome) {
             outcome.overlaps = Some(overlaps.status());
@@ -217,52 +207,40 @@ impl MeshFrame {
         self.ranking.count
     }
 
-    /// Returns the bindings of passes that resolve lists.
-    fn resources(&self) -> Result<Vec<(u32, Resource)>> {
-        let image = || Resource::Storage(Arc::clone(&self.image));
-        let kbuffer = |i: usize| self.kbuffer.get(i).map_or_else(image, |k| Resource::Storage(Arc::clone(k)));
-        let mut resources = shading_resources(&self.scene, &self.knots, self.table.as_ref())?;
-        resources.extend([
-            (BINDING_CURSORS, Resource::ReadOnly(Arc::clone(&self.lists.cursors))),
-            (BINDING_LISTS, Resource::Buffer(Arc::clone(&self.lists.entries))),
-            (BINDING_STATUS, Resource::Buffer(Arc::clone(&self.ranking.status))),
-            (BINDING_FLAGS, Resource::Buffer(Arc::clone(&self.flags))),
-            (BINDING_ACCUMULATION, image()),
-            (BINDING_KBUFFER_0, kbuffer(0)),
-            (BINDING_KBUFFER_1, kbuffer(1)),
-            (BINDING_KBUFFER_2, kbuffer(2)),
-            (BINDING_KBUFFER_3, kbuffer(3)),
-        ]);
-        resources.extend(self.canvas.bounds(&self.knots.buffer));
-        resources.extend(self.canvas.layers(&self.knots.buffer));
-        Ok(resources)
-    }
-
-    /// Returns the specialisation constants of passes that shade segments.
-    fn shading_constants(&self) -> [SpecConstant; 4] {
-        let integrator = (SPEC_INTEGRATOR, self.desc.segments.integrator.code());
-        let canvas = &self.canvas;
-        [(SPEC_KNOT_WALK, self.knots.walk), integrator, canvas.bounded(), canvas.layered()]
+    /// Returns the inputs of passes over lists, as for one that resolves whole lists.
+    fn inputs(&self) -> ListInputs<'_> {
+        ListInputs {
+            shading: &self.shading,
+            cursors: &self.lists.cursors,
+            lists: &self.lists.entries,
+            status: &self.ranking.status,
+            flags: &self.flags,
+            image: &self.image,
+            kbuffer: &self.kbuffer,
+            cell_scalars: self.ranking.cell_scalars,
+            back_to_front: self.desc.back_to_front,
+            eye_inside: eye_inside(&self.push),
+            k: self.desc.k,
+            resume: false,
+            last_chunk: true,
+            repair: false,
+            flagged: false,
+        }
     }
 
     /// Builds one pass over lists.
     fn pass(&self, part: Part) -> Result<Dispatch> {
         let desc = &self.desc;
-        let resources = self.resources()?;
-        let (name, shader, k, resume, last) = match part {
-            Part::Resolve { resume, last } => ("resolve", desc.resolve, desc.k, resume, last),
-            Part::Repair => ("repair", desc.repair.unwrap_or(desc.resolve), REPAIR_K, false, true),
+        let (name, bound) = match part {
+            Part::Resolve { resume, last_chunk } => {
+                ("resolve", (desc.resolve)(&ListInputs { resume, last_chunk, ..self.inputs() }))
+            }
+            Part::Repair => {
+                let shader = desc.repair.unwrap_or(desc.resolve);
+                ("repair", shader(&ListInputs { k: REPAIR_K, repair: true, ..self.inputs() }))
+            }
         };
-        let mut constants = desc.constants(&self.scene)?;
-        constants.extend(self.shading_constants());
-        constants.extend([
-            (SPEC_K, k),
-            (SPEC_RESUME, u32::from(resume)),
-            (SPEC_LAST_CHUNK, u32::from(last)),
-            (SPEC_REPAIR, u32::from(matches!(part, Part::Repair))),
-            (SPEC_EYE_INSIDE, u32::from(eye_inside(&self.push))),
-        ]);
-        pass(self.scene.gpu(), &format!("{}.{name}", desc.name), shader, &constants, &resources)
+        pass(self.scene.gpu(), &format!("{}.{name}", desc.name), &bound)
     }
 
     /// Records the bins of all tiles.
@@ -362,9 +340,6 @@ impl Prepared for MeshFrame {
     }
 
     fn record(&self, recorder: &mut Recorder<'_>, _target: Option<&TargetImage>, _clear: bool) {
-        if let Some(table) = &self.table {
-            recorder.assume_ready(&table.image);
-        }
         self.ranking.record(recorder, &self.push);
         self.record_bins(recorder);
         for (i, band) in self.lists.bands.iter().enumerate() {

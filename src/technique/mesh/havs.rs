@@ -26,7 +26,8 @@ use std::sync::Arc;
 use crate::error::Result;
 use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
-use crate::gpu::shader::HAVS_COMPUTE;
+use crate::gpu::Bound;
+use crate::gpu::shader::{self, HAVS_COMPUTE};
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
@@ -34,6 +35,7 @@ use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
 use crate::technique::mesh::havs::options::NAME;
 use crate::technique::mesh::havs::raster::RasterFrame;
+use crate::technique::mesh::list_inputs::{ListInputs, ListShader};
 use crate::technique::mesh::options::Repair;
 use crate::technique::options::BlendOrder;
 
@@ -55,10 +57,10 @@ impl Options {
             segments: self.mesh.segments,
             smoke: self.mesh.smoke,
             back_to_front: self.mesh.order == BlendOrder::BackToFront,
-            resolve: &HAVS_COMPUTE,
+            resolve,
             k: self.k,
             chunk: self.chunk,
-            repair: (self.repair == Repair::Exact).then_some(&HAVS_COMPUTE),
+            repair: (self.repair == Repair::Exact).then_some(resolve as ListShader),
             unsorted: "kbuffer_overflow_pixels",
             stop: self.mesh.stop,
             skip: self.mesh.skips(),
@@ -68,4 +70,29 @@ impl Options {
         }
         Ok(Box::new(MeshFrame::new(scene, view, target, desc)?))
     }
+}
+
+/// Binds the shader that resolves lists of faces.
+fn resolve(list: &ListInputs<'_>) -> Bound {
+    let [kbuffer_0, kbuffer_1, kbuffer_2, kbuffer_3] = [0, 1, 2, 3].map(|i| list.kbuffer(i).stored());
+    HAVS_COMPUTE.with(&shader::Havs {
+        accumulation: list.image.stored(),
+        cursors: list.cursors.read(),
+        flags: list.flags.write(),
+        kbuffer_0,
+        kbuffer_1,
+        kbuffer_2,
+        kbuffer_3,
+        lists: list.lists.write(),
+        status: list.status.write(),
+        last_chunk: list.last_chunk,
+        repair: list.repair,
+        resume: list.resume,
+        k: list.k,
+        bounded: list.shading.bounded.clone(),
+        havs_sweep: list.sweep(),
+        layers: list.shading.layers.clone(),
+        optics: list.shading.optics.clone(),
+        segments: list.shading.segments.clone(),
+    })
 }

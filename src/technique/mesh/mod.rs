@@ -4,10 +4,12 @@
 //! segments. This module uses `frame`, `resident`, `primitives` and `gpu`; the registry of techniques uses it.
 
 pub mod abuffer;
+mod cell_lists;
 mod desc;
 mod flagged;
 mod frame;
 pub mod havs;
+mod list_inputs;
 pub mod options;
 mod order;
 mod outcome;

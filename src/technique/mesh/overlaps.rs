@@ -8,19 +8,15 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::frame::lists::{Lists, Ranking, measure};
-use crate::gpu::shader::{
-    ABUFFER_COMPUTE, BINDING_CURSORS, BINDING_LISTS, BINDING_STATUS, SPEC_FLAGGED, SPEC_K, SPEC_REPAIR,
-    STATUS_WORDS,
-};
-use crate::gpu::{Buffer, Recorder, Resource};
+use crate::gpu::shader::STATUS_WORDS;
+use crate::gpu::{Buffer, Recorder};
 use crate::interface::MeshPush;
 use crate::primitives::dispatch::{Dispatch, download, groups_of, pass};
 use crate::resident::mesh::Primitives;
+use crate::technique::mesh::cell_lists;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::flagged::FlaggedFrame;
-
-/// Entries of the window that a list passes through before it is sorted in place.
-const WINDOW: u32 = 7;
+use crate::technique::mesh::list_inputs::ListInputs;
 
 /// The passes after `havs` that draw overlaps.
 #[derive(Debug)]
@@ -35,25 +31,23 @@ pub(crate) struct Overlaps {
 impl Overlaps {
     /// Builds the passes; they draw into the image of the frame, where its flags say so.
     pub(crate) fn new(frame: &FlaggedFrame<'_>) -> Result<Self> {
-        let FlaggedFrame { scene, data, push, tiles, across, flags, .. } = *frame;
+        let FlaggedFrame { scene, data, push, tiles, across, drawn, .. } = *frame;
         let gpu = scene.gpu();
         let desc =
             MeshDesc { name: "havs.overlaps", primitives: Primitives::Cells, chunk: None, ..*frame.desc };
         let ranking = desc.rank_primitives(scene, data, None)?;
         let (runs, needs, bands) = measure(gpu, &ranking, &data.needs, push, tiles, across)?;
-        let mut lists = Lists::new(gpu, &ranking, tiles, runs, bands, needs)?;
-        lists.restrict_to_flagged(gpu, &ranking, flags)?;
-        let mut resources = frame.resources.to_vec();
-        resources.retain(|(binding, _)| ![BINDING_CURSORS, BINDING_LISTS, BINDING_STATUS].contains(binding));
-        resources.extend([
-            (BINDING_CURSORS, Resource::ReadOnly(Arc::clone(&lists.cursors))),
-            (BINDING_LISTS, Resource::Buffer(Arc::clone(&lists.entries))),
-            (BINDING_STATUS, Resource::Buffer(Arc::clone(&ranking.status))),
-        ]);
-        let mut constants = desc.constants(scene)?;
-        constants.extend_from_slice(frame.shading);
-        constants.extend([(SPEC_K, WINDOW), (SPEC_REPAIR, 1), (SPEC_FLAGGED, 1)]);
-        let pass = pass(gpu, desc.name, &ABUFFER_COMPUTE, &constants, &resources)?;
+        let lists = Lists::new(gpu, &ranking, tiles, runs, bands, needs, Some(drawn.flags))?;
+        let inputs = ListInputs {
+            cursors: &lists.cursors,
+            lists: &lists.entries,
+            status: &ranking.status,
+            k: cell_lists::WINDOW,
+            repair: true,
+            flagged: true,
+            ..drawn.clone()
+        };
+        let pass = pass(gpu, desc.name, &cell_lists::resolve(&inputs))?;
         let status = download(gpu, "overlaps.status", 4 * u64::from(STATUS_WORDS))?;
         Ok(Self { ranking, lists, pass, rounds: needs.rounds, status })
     }

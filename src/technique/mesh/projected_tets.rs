@@ -23,14 +23,16 @@ use crate::error::Result;
 use crate::frame::depth_measure::DepthMeasure;
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::Canvas;
-use crate::gpu::shader::{ABUFFER_COMPUTE, MOST_TURNS, PROJECTED_TETS_COMPUTE};
+use crate::gpu::shader::{MOST_TURNS, PROJECTED_TETS_COMPUTE, ProjectedTetsCompute};
 use crate::gpu::sync::Use;
-use crate::gpu::{Buffer, Image, Recorder, TargetImage};
+use crate::gpu::{Bound, Buffer, Image, Recorder, TargetImage};
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
+use crate::technique::mesh::cell_lists;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
+use crate::technique::mesh::list_inputs::{ListInputs, ListShader};
 use crate::technique::mesh::options::Repair;
 use crate::technique::mesh::projected_tets::options::NAME;
 use crate::technique::mesh::projected_tets::ranks::Ranker;
@@ -57,10 +59,10 @@ impl Options {
             segments: self.mesh.segments,
             smoke: self.mesh.smoke,
             back_to_front,
-            resolve: &PROJECTED_TETS_COMPUTE,
+            resolve,
             k: 0,
             chunk: Some(MOST_TURNS),
-            repair: (self.repair != Some(Repair::None)).then_some(&ABUFFER_COMPUTE),
+            repair: (self.repair != Some(Repair::None)).then_some(cell_lists::resolve as ListShader),
             unsorted: "unsorted_pixels",
             stop: self.mesh.stop,
             skip: self.mesh.skips(),
@@ -75,6 +77,24 @@ impl Options {
         let frame = MeshFrame::with_order(scene, view, target, desc, order.as_deref())?;
         Ok(Box::new(Listed { frame, ranker, fresh: Some(*view) }))
     }
+}
+
+/// Binds the shader that composites lists of cells by rank.
+fn resolve(list: &ListInputs<'_>) -> Bound {
+    PROJECTED_TETS_COMPUTE.with(&ProjectedTetsCompute {
+        accumulation: list.image.stored(),
+        cursors: list.cursors.read(),
+        flags: list.flags.write(),
+        lists: list.lists.read(),
+        status: list.status.write(),
+        back_to_front: list.back_to_front,
+        cell_scalars: list.cell_scalars,
+        last_chunk: list.last_chunk,
+        resume: list.resume,
+        bounded: list.shading.bounded.clone(),
+        optics: list.shading.optics.clone(),
+        segments: list.shading.segments.clone(),
+    })
 }
 
 /// The route `compute`: lists of cells, ranked by the host where [`Rank`] says so.

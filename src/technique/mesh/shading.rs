@@ -1,16 +1,10 @@
-//! Push constants and resources of the passes that shade segments of a mesh.
-
-use std::sync::Arc;
-
-use ash::vk;
+//! Push constants of the passes that shade segments of a mesh.
 
 use crate::error::{Error, Result};
-use crate::gpu::Resource;
-use crate::gpu::shader::{BINDING_KNOTS, BINDING_KNOTS_UNIFORM, BINDING_TABLE, BINDING_TABLE_HEAD};
 use crate::interface::MeshPush;
 use crate::num::f32_of;
 use crate::resident::GpuScene;
-use crate::resident::tables::{Integrator, Knots, Table};
+use crate::resident::tables::{Integrator, Knots};
 use crate::technique::mesh::desc::MeshDesc;
 
 /// Largest difference of two scalars that count as equal, relative to the transfer function's domain.
@@ -49,21 +43,4 @@ pub(crate) fn shading_push(scene: &GpuScene, desc: &MeshDesc, knots: &Knots) -> 
         last_round: 0,
         ..MeshPush::default()
     })
-}
-
-/// Returns the knots and the table that the colour of a segment comes from.
-pub(crate) fn shading_resources(
-    scene: &GpuScene,
-    knots: &Knots,
-    table: Option<&Arc<Table>>,
-) -> Result<Vec<(u32, Resource)>> {
-    let knots = || Resource::Buffer(Arc::clone(&knots.buffer));
-    let head = table.map_or_else(knots, |table| Resource::Buffer(Arc::clone(&table.buffer)));
-    let texels = table.map_or_else(|| scene.no_table(), |table| Ok(Arc::clone(&table.image)))?;
-    Ok(vec![
-        (BINDING_KNOTS, knots()),
-        (BINDING_KNOTS_UNIFORM, knots()),
-        (BINDING_TABLE_HEAD, head),
-        (BINDING_TABLE, Resource::Sampled(texels, vk::Filter::NEAREST)),
-    ])
 }

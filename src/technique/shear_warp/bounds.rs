@@ -11,10 +11,9 @@ use glam::DMat3;
 use crate::error::Result;
 use crate::frame::depth_measure::DepthMeasure;
 use crate::gpu::shader::{
-    BINDING_EDGES, BINDING_LINE_BOUNDS, BINDING_TEXEL_BOUNDS, EDGE_NONE, SHEAR_BOUNDS_EDGES,
-    SHEAR_BOUNDS_TEXELS,
+    EDGE_NONE, SHEAR_BOUNDS_EDGES, SHEAR_BOUNDS_TEXELS, ShearBoundsEdges, ShearBoundsTexels,
 };
-use crate::gpu::{Buffer, Gpu, Recorder, Resource, SpecConstant};
+use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::interface::{BasePlanePush, ShearBoundsPush};
 use crate::num::{self, f32_of};
 use crate::primitives::dispatch::{Dispatch, buffer, pass, tiles_of};
@@ -45,36 +44,21 @@ pub(crate) struct ShearBounds {
 
 impl ShearBounds {
     /// Builds the passes from the bounds of pixels, for at most `texels` texels and the filter of the warp.
-    pub(crate) fn new(
-        gpu: &Gpu,
-        bounds: &Arc<Buffer>,
-        view: &View,
-        texels: u64,
-        warp: SpecConstant,
-    ) -> Result<Self> {
+    pub(crate) fn new(gpu: &Gpu, bounds: &Arc<Buffer>, view: &View, texels: u64, warp: u32) -> Result<Self> {
         let pixels: u64 = view.extent().map(u64::from).iter().product();
         let texel_bounds = buffer(gpu, &format!("{NAME}.texel-bounds"), 2 * texels)?;
         let edge_pixels = buffer(gpu, &format!("{NAME}.edges"), 4 * pixels)?;
-        let of_pixels = (BINDING_LINE_BOUNDS, Resource::ReadOnly(Arc::clone(bounds)));
+        let of_texels = SHEAR_BOUNDS_TEXELS
+            .with(&ShearBoundsTexels { line_bounds: bounds.read(), texel_bounds: texel_bounds.write() });
+        let of_edges = SHEAR_BOUNDS_EDGES.with(&ShearBoundsEdges {
+            edges: edge_pixels.write(),
+            line_bounds: bounds.read(),
+            texel_bounds: texel_bounds.read(),
+            warp,
+        });
         Ok(Self {
-            texels: pass(
-                gpu,
-                &format!("{NAME}.bounds"),
-                &SHEAR_BOUNDS_TEXELS,
-                &[],
-                &[of_pixels.clone(), (BINDING_TEXEL_BOUNDS, Resource::Buffer(Arc::clone(&texel_bounds)))],
-            )?,
-            edges: pass(
-                gpu,
-                &format!("{NAME}.edges"),
-                &SHEAR_BOUNDS_EDGES,
-                &[warp],
-                &[
-                    of_pixels,
-                    (BINDING_TEXEL_BOUNDS, Resource::ReadOnly(Arc::clone(&texel_bounds))),
-                    (BINDING_EDGES, Resource::Buffer(Arc::clone(&edge_pixels))),
-                ],
-            )?,
+            texels: pass(gpu, &format!("{NAME}.bounds"), &of_texels)?,
+            edges: pass(gpu, &format!("{NAME}.edges"), &of_edges)?,
             texel_bounds,
             edge_pixels,
         })

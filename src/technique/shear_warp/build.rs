@@ -8,22 +8,17 @@ use crate::error::{Error, Result};
 use crate::frame::depth_measure::DepthMeasure;
 use crate::frame::target::{Canvas, draws_directly, own_image};
 use crate::gpu::shader::{
-    BINDING_ACCUMULATION, BINDING_BRICKS, BINDING_EDGES, BINDING_INTERMEDIATE, BINDING_KNOTS,
-    BINDING_KNOTS_UNIFORM, BINDING_TABLE, BINDING_TABLE_HEAD, BINDING_TEXEL_BOUNDS, BINDING_VOLUME,
-    SHEAR_WARP_COMPUTE, SHEAR_WARP_FRAGMENT, SHEAR_WARP_VERTEX, SPEC_BETWEEN, SPEC_EMPTY_SPACE, SPEC_EVERY,
-    SPEC_FILTER_EXACT, SPEC_HAS_NAN, SPEC_INTEGRATOR, SPEC_KNOT_WALK, SPEC_RESUME, SPEC_TABLE_FILTER,
-    SPEC_WARP, WARP_BICUBIC, WARP_BILINEAR, WARP_BOUNDED, WARP_COMPUTE, WARP_FRAGMENT, WARP_HALVE, WARP_MIP,
-    WARP_VERTEX,
+    EmptySpace as Skipping, Lattice, Optics, SHEAR_WARP_COMPUTE, SHEAR_WARP_EDGE, SHEAR_WARP_FRAGMENT,
+    SHEAR_WARP_VERTEX, Segments, ShearWarpCompute, ShearWarpEdge, ShearWarpFragment, ShearWarpVertex,
+    Stack as StackInputs, WARP_BICUBIC, WARP_BILINEAR, WARP_BOUNDED, WARP_COMPUTE, WARP_FRAGMENT, WARP_HALVE,
+    WARP_MIP, WARP_VERTEX, WarpBounded, WarpCompute, WarpFragment, WarpHalve, WarpVertex,
 };
-use crate::gpu::{
-    Blend, Buffer, ComputeDesc, Descriptors, Gpu, GraphicsDesc, Image, ImageDesc, Pipeline, Resource,
-    SpecConstant,
-};
+use crate::gpu::{Blend, Bound, Buffer, Descriptors, Gpu, GraphicsState, Image, ImageDesc, Pipeline};
 use crate::interface::WarpPush;
 use crate::num;
 use crate::primitives::dispatch::buffer;
 use crate::resident::GpuScene;
-use crate::resident::tables::{Integrator, Knots, SegmentOptions, TABLE_FORMAT};
+use crate::resident::tables::{Integrator, Knots, SegmentOptions};
 use crate::resident::volume::{Layout, Volume};
 use crate::scene::View;
 use crate::technique::grid::dispatch_limits::{check_loops, slabs_per_dispatch};
@@ -45,20 +40,19 @@ const MOST_PLANES: usize = 6;
 /// Levels that `warp=mip` provides for in other views.
 const MOST_LEVELS: usize = 16;
 
-/// Bindings with their resources.
-type Resources = Vec<(u32, Resource)>;
-
 /// How every step samples the grid and the transfer function.
 struct Sampling {
     knots: Arc<Knots>,
     /// `None` where slices are classified.
     segments: Option<SegmentOptions>,
-    /// The table's texels, or a placeholder.
-    table: Arc<Image>,
     /// The sampler's filter for slices.
     filter: vk::Filter,
-    constants: Vec<SpecConstant>,
-    resources: Resources,
+    lattice: Lattice,
+    optics: Optics,
+    integration: Segments,
+    between: bool,
+    /// Whether a slab holds several slices.
+    every: bool,
 }
 
 /// The intermediate image on the device, with capacity for views that need more than the first.
@@ -110,7 +104,7 @@ impl ShearFrame {
             .map(|&axis| scene.volume(Layout::Stack(axis), hardware, false))
             .collect::<Result<_>>()?;
         let Some(volume) = volumes.first() else { return Err(Error::invalid(NAME, "no volume")) };
-        let sampling = Sampling::new(scene, target, &options, volume, has_nan)?;
+        let sampling = Sampling::new(scene, &options, volume, has_nan)?;
         let knots = &sampling.knots;
         let drawn = DrawnPlanes::of(scene, &options, &chosen, &axes, volume, knots, view, raster)?;
         let intermediate = Intermediate::new(gpu, &drawn, raster)?;
@@ -128,17 +122,20 @@ impl ShearFrame {
 
         let bounds = match &target.bounds {
             Some(bounds) => {
-                Some(ShearBounds::new(gpu, bounds, view, intermediate.texels, build.warp_constant())?)
+                Some(ShearBounds::new(gpu, bounds, view, intermediate.texels, build.warp_code())?)
             }
             None => None,
         };
-        let mut resources = build.resources(bounds.as_ref());
-        let (path, pipeline) = if raster { build.draws()? } else { build.marches(&mut resources)? };
-        let (stacks, stack_resources) = build.stacks(&pipeline, &resources, &axes, volumes)?;
+        let texel_bounds = bounds.as_ref().map_or(&knots.buffer, |bounds| &bounds.texel_bounds);
+        let (path, stacks) = if raster {
+            build.draws(&axes, &volumes, texel_bounds)?
+        } else {
+            build.marches(&axes, &volumes, texel_bounds)?
+        };
         let (warp, image) = build.warp(bounds.as_ref())?;
         let bounded = match (bounds, &image) {
             (Some(bounds), Some(image)) => {
-                let march = build.edge_march(&bounds, image, stack_resources)?;
+                let march = build.edge_march(&bounds, image, &volumes)?;
                 Some((bounds, march))
             }
             _ => None,
@@ -149,7 +146,6 @@ impl ShearFrame {
             scene: Arc::clone(scene),
             measure: DepthMeasure::of_grid(grid),
             options,
-            table: sampling.table,
             knots: sampling.knots,
             stacks,
             path,
@@ -165,50 +161,27 @@ impl ShearFrame {
 }
 
 impl Sampling {
-    fn new(
-        scene: &GpuScene,
-        target: &Canvas,
-        options: &Options,
-        volume: &Volume,
-        has_nan: bool,
-    ) -> Result<Self> {
+    fn new(scene: &GpuScene, options: &Options, volume: &Volume, has_nan: bool) -> Result<Self> {
         // A sampler may drop NaN.
         let exact = options.grid.filter == Filter::Exact || !volume.filterable || has_nan;
         let knots = scene.knots()?;
         let segments = Some(options.segments).filter(|s| s.integrator != Integrator::Midpoint);
-        let table = match &segments {
-            Some(segments) => scene.table(segments)?,
-            None => None,
-        };
-        let texels = match &table {
-            Some(table) => Arc::clone(&table.image),
-            None => scene.no_table()?,
-        };
-        let linear = vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR;
-        let filters_table = options.segments.integrator == Integrator::Full
-            && options.grid.filter == Filter::Hardware
-            && scene.gpu().image_features(TABLE_FORMAT).contains(linear);
-        let constants = vec![
-            (SPEC_FILTER_EXACT, u32::from(exact)),
-            (SPEC_HAS_NAN, u32::from(has_nan)),
-            (SPEC_KNOT_WALK, knots.walk),
-            (SPEC_INTEGRATOR, options.segments.integrator.code()),
-            (SPEC_TABLE_FILTER, u32::from(filters_table)),
-            (SPEC_BETWEEN, u32::from(options.between)),
-            (SPEC_EVERY, u32::from(options.every > 1)),
-            target.bounded(),
-        ];
-        let filter = |linear: bool| if linear { vk::Filter::LINEAR } else { vk::Filter::NEAREST };
-        let knots_buffer = || Resource::Buffer(Arc::clone(&knots.buffer));
-        let table_head =
-            table.as_ref().map_or_else(knots_buffer, |table| Resource::Buffer(Arc::clone(&table.buffer)));
-        let resources = vec![
-            (BINDING_KNOTS_UNIFORM, knots_buffer()),
-            (BINDING_KNOTS, knots_buffer()),
-            (BINDING_TABLE_HEAD, table_head),
-            (BINDING_TABLE, Resource::Sampled(Arc::clone(&texels), filter(filters_table))),
-        ];
-        Ok(Self { knots, segments, table: texels, filter: filter(!exact), constants, resources })
+        Ok(Self {
+            segments,
+            filter: if exact { vk::Filter::NEAREST } else { vk::Filter::LINEAR },
+            // Stacks have no mip levels here: the warp averages texels instead.
+            lattice: Lattice { filter_exact: exact, has_nan, prefilter: false },
+            optics: knots.optics(),
+            integration: scene.segments(&options.segments, options.grid.filter == Filter::Hardware)?,
+            between: options.between,
+            every: options.every > 1,
+            knots,
+        })
+    }
+
+    /// The inputs of shaders that sample a stack.
+    fn stack(&self, volume: &Volume) -> StackInputs {
+        StackInputs { volume: volume.image.sampled(self.filter), between: self.between }
     }
 }
 
@@ -229,48 +202,70 @@ impl Intermediate {
     }
 }
 
+/// The first of the stacks, all of which have one form.
+fn first_of(volumes: &[Arc<Volume>]) -> Result<&Volume> {
+    volumes.first().map(Arc::as_ref).ok_or_else(|| Error::invalid(NAME, "no volume"))
+}
+
 impl Build<'_> {
-    /// The filter of the warp.
-    fn warp_constant(&self) -> SpecConstant {
-        let code = match self.options.warp {
+    /// The shader's code of the warp's filter.
+    fn warp_code(&self) -> u32 {
+        match self.options.warp {
             Warp::Bilinear => WARP_BILINEAR,
             Warp::Mip => WARP_MIP,
             Warp::Bicubic => WARP_BICUBIC,
-        };
-        (SPEC_WARP, code)
+        }
     }
 
-    /// The bindings of compositing that do not depend on route and stack.
-    fn resources(&self, bounds: Option<&ShearBounds>) -> Resources {
-        let mut resources = self.sampling.resources.clone();
-        resources.push((BINDING_INTERMEDIATE, Resource::Buffer(Arc::clone(&self.intermediate.buffer))));
-        let texel_bounds = bounds.map_or(&self.sampling.knots.buffer, |bounds| &bounds.texel_bounds);
-        resources.push((BINDING_TEXEL_BOUNDS, Resource::ReadOnly(Arc::clone(texel_bounds))));
-        resources
+    /// Makes the descriptors of each stack; `bind` binds the shaders of `pipeline` for its samples.
+    fn stacks(
+        &self,
+        pipeline: &Pipeline,
+        axes: &[usize],
+        volumes: &[Arc<Volume>],
+        bind: impl Fn(&Volume) -> Bound,
+    ) -> Result<Vec<Stack>> {
+        let made = |(&axis, volume): (&usize, &Arc<Volume>)| {
+            let descriptors = Arc::new(Descriptors::new(self.gpu, pipeline, &bind(volume))?);
+            Ok(Stack { axis, volume: Arc::clone(volume), descriptors })
+        };
+        axes.iter().zip(volumes).map(made).collect()
     }
 
     /// Route `raster`: draws each slab as a quad.
-    fn draws(&self) -> Result<(Path, Arc<Pipeline>)> {
-        let gpu = self.gpu;
-        check_loops(gpu, NAME, &self.sampling.knots, self.sampling.segments.as_ref())?;
+    fn draws(
+        &self,
+        axes: &[usize],
+        volumes: &[Arc<Volume>],
+        texel_bounds: &Arc<Buffer>,
+    ) -> Result<(Path, Vec<Stack>)> {
+        let (gpu, sampling) = (self.gpu, self.sampling);
+        check_loops(gpu, NAME, &sampling.knots, sampling.segments.as_ref())?;
+        let bind = |volume: &Volume| {
+            SHEAR_WARP_VERTEX.with(&ShearWarpVertex {}).and(SHEAR_WARP_FRAGMENT.with(&ShearWarpFragment {
+                texel_bounds: texel_bounds.read(),
+                bounded: self.target.bounds.is_some(),
+                every: sampling.every,
+                lattice: sampling.lattice.clone(),
+                optics: sampling.optics.clone(),
+                segments: sampling.integration.clone(),
+                stack: sampling.stack(volume),
+            }))
+        };
         let back_to_front = self.options.grid.order() == BlendOrder::BackToFront;
-        let pipeline = gpu.graphics_pipeline(
-            &format!("{NAME}.draw"),
-            &GraphicsDesc {
-                vertex: &SHEAR_WARP_VERTEX,
-                fragment: &SHEAR_WARP_FRAGMENT,
-                topology: vk::PrimitiveTopology::TRIANGLE_STRIP,
-                blend: if back_to_front { Blend::Over } else { Blend::Under },
-                format: Some(FORMAT),
-                constants: &self.sampling.constants,
-            },
-        )?;
+        let state = GraphicsState {
+            topology: vk::PrimitiveTopology::TRIANGLE_STRIP,
+            blend: if back_to_front { Blend::Over } else { Blend::Under },
+            format: Some(FORMAT),
+        };
+        let pipeline = gpu.graphics_pipeline(&format!("{NAME}.draw"), &bind(first_of(volumes)?), state)?;
         let name = format!("{NAME}.base-planes");
         gpu.check_drawing(&name, self.intermediate.atlas)?;
         let usage = vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC;
         let desc = ImageDesc::flat(FORMAT, self.intermediate.atlas, usage);
         let atlas = Arc::new(Image::new(gpu, &name, &desc)?);
-        Ok((Path::Raster { pipeline: Arc::clone(&pipeline), atlas }, pipeline))
+        let stacks = self.stacks(&pipeline, axes, volumes, bind)?;
+        Ok((Path::Raster { pipeline, atlas }, stacks))
     }
 
     /// Slabs that one dispatch of so many rays may walk.
@@ -281,49 +276,45 @@ impl Build<'_> {
     }
 
     /// Route `compute`: marches the ray of each texel.
-    fn marches(&self, resources: &mut Resources) -> Result<(Path, Arc<Pipeline>)> {
-        let Sampling { knots, segments, constants, .. } = self.sampling;
+    fn marches(
+        &self,
+        axes: &[usize],
+        volumes: &[Arc<Volume>],
+        texel_bounds: &Arc<Buffer>,
+    ) -> Result<(Path, Vec<Stack>)> {
+        let Sampling { knots, segments, .. } = self.sampling;
         let skips = self.options.grid.empty_space == EmptySpace::Skip;
+        // A variant that reads no bricks binds the knots in their place.
         let bricks = if skips {
-            Resource::ReadOnly(self.scene.bricks(self.scene.margin(segments.as_ref()))?)
+            self.scene.bricks(self.scene.margin(segments.as_ref()))?
         } else {
-            Resource::Buffer(Arc::clone(&knots.buffer))
+            Arc::clone(&knots.buffer)
         };
-        resources.push((BINDING_BRICKS, bricks));
+        let bind = |volume: &Volume, resume: bool| {
+            SHEAR_WARP_COMPUTE.with(&ShearWarpCompute {
+                intermediate: self.intermediate.buffer.write(),
+                texel_bounds: texel_bounds.read(),
+                bounded: self.target.bounds.is_some(),
+                every: self.sampling.every,
+                resume,
+                empty_space: Skipping { bricks: bricks.read(), empty_space: skips },
+                lattice: self.sampling.lattice.clone(),
+                optics: self.sampling.optics.clone(),
+                segments: self.sampling.integration.clone(),
+                stack: self.sampling.stack(volume),
+            })
+        };
         // Rays of the largest base plane that the intermediate image holds.
         let slabs_per_dispatch = self.slabs_per_dispatch(self.intermediate.texels)?;
-        let pipeline = |resume: bool| {
-            let mut constants = constants.clone();
-            constants.push((SPEC_RESUME, u32::from(resume)));
-            constants.push((SPEC_EMPTY_SPACE, u32::from(skips)));
-            let name = if resume { format!("{NAME}.march.resume") } else { format!("{NAME}.march") };
-            let desc = ComputeDesc { shader: &SHEAR_WARP_COMPUTE, constants: &constants };
-            self.gpu.compute_pipeline(&name, &desc)
+        let volume = first_of(volumes)?;
+        let first = self.gpu.compute_pipeline(&format!("{NAME}.march"), &bind(volume, false))?;
+        let resume = if self.most_slabs > slabs_per_dispatch {
+            Some(self.gpu.compute_pipeline(&format!("{NAME}.march.resume"), &bind(volume, true))?)
+        } else {
+            None
         };
-        let first = pipeline(false)?;
-        let resume = if self.most_slabs > slabs_per_dispatch { Some(pipeline(true)?) } else { None };
-        Ok((Path::Compute(March { first: Arc::clone(&first), resume, slabs_per_dispatch }), first))
-    }
-
-    /// Makes the descriptors of each stack. Also returns their bindings, for the march of single pixels.
-    fn stacks(
-        &self,
-        pipeline: &Arc<Pipeline>,
-        resources: &Resources,
-        axes: &[usize],
-        volumes: Vec<Arc<Volume>>,
-    ) -> Result<(Vec<Stack>, Vec<Resources>)> {
-        let mut stacks = Vec::new();
-        let mut all = Vec::new();
-        for (&axis, volume) in axes.iter().zip(volumes) {
-            let mut resources = resources.clone();
-            let samples = Resource::Sampled(Arc::clone(&volume.image), self.sampling.filter);
-            resources.push((BINDING_VOLUME, samples));
-            let descriptors = Arc::new(Descriptors::new(self.gpu, pipeline, &resources)?);
-            all.push(resources);
-            stacks.push(Stack { axis, volume, descriptors });
-        }
-        Ok((stacks, all))
+        let stacks = self.stacks(&first, axes, volumes, |volume| bind(volume, false))?;
+        Ok((Path::Compute(March { first, resume, slabs_per_dispatch }), stacks))
     }
 
     /// The warp with its descriptors, and the image that it makes unless it draws into the caller's.
@@ -333,42 +324,41 @@ impl Build<'_> {
         bounds: Option<&ShearBounds>,
     ) -> Result<((Arc<Pipeline>, Arc<Descriptors>), Option<Arc<Image>>)> {
         let gpu = self.gpu;
-        let constants = [self.warp_constant()];
-        let intermediate = Resource::ReadOnly(Arc::clone(&self.intermediate.buffer));
-        let mut resources = vec![(BINDING_INTERMEDIATE, intermediate)];
-        if let Some(bounds) = bounds {
-            resources.push((BINDING_EDGES, Resource::Buffer(Arc::clone(&bounds.edge_pixels))));
-        }
+        let (intermediate, warp) = (self.intermediate.buffer.read(), self.warp_code());
         // Pixels that are marched by themselves are stored by a shader.
-        let (pipeline, image) = if self.raster && bounds.is_none() {
-            self.warp_by_raster(&constants)?
+        let (bound, pipeline, image) = if self.raster && bounds.is_none() {
+            let inputs = WarpFragment { intermediate, warp };
+            let bound = WARP_VERTEX.with(&WarpVertex {}).and(WARP_FRAGMENT.with(&inputs));
+            let (pipeline, image) = self.warp_by_raster(&bound)?;
+            (bound, pipeline, image)
         } else {
             let usage = vk::ImageUsageFlags::STORAGE;
             let image = own_image(gpu, NAME, FORMAT, usage, self.view, self.target)?;
-            resources.push((BINDING_ACCUMULATION, Resource::Storage(Arc::clone(&image))));
-            let shader = if bounds.is_some() { &WARP_BOUNDED } else { &WARP_COMPUTE };
-            let desc = ComputeDesc { shader, constants: &constants };
-            (gpu.compute_pipeline(&format!("{NAME}.warp"), &desc)?, Some(image))
+            let accumulation = image.stored();
+            let bound = match bounds {
+                Some(bounds) => {
+                    let edges = bounds.edge_pixels.write();
+                    WARP_BOUNDED.with(&WarpBounded { accumulation, edges, intermediate, warp })
+                }
+                None => WARP_COMPUTE.with(&WarpCompute { accumulation, intermediate, warp }),
+            };
+            let pipeline = gpu.compute_pipeline(&format!("{NAME}.warp"), &bound)?;
+            (bound, pipeline, Some(image))
         };
-        let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
+        let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &bound)?);
         Ok(((pipeline, descriptors), image))
     }
 
     /// The warp as a draw.
-    fn warp_by_raster(&self, constants: &[SpecConstant]) -> Result<(Arc<Pipeline>, Option<Arc<Image>>)> {
+    fn warp_by_raster(&self, bound: &Bound) -> Result<(Arc<Pipeline>, Option<Arc<Image>>)> {
         let (gpu, target) = (self.gpu, self.target);
         let directly = target.format().filter(|&format| draws_directly(target, format, true));
-        let pipeline = gpu.graphics_pipeline(
-            &format!("{NAME}.warp"),
-            &GraphicsDesc {
-                vertex: &WARP_VERTEX,
-                fragment: &WARP_FRAGMENT,
-                topology: vk::PrimitiveTopology::TRIANGLE_STRIP,
-                blend: Blend::Over,
-                format: Some(directly.unwrap_or(FORMAT)),
-                constants,
-            },
-        )?;
+        let state = GraphicsState {
+            topology: vk::PrimitiveTopology::TRIANGLE_STRIP,
+            blend: Blend::Over,
+            format: Some(directly.unwrap_or(FORMAT)),
+        };
+        let pipeline = gpu.graphics_pipeline(&format!("{NAME}.warp"), bound, state)?;
         if directly.is_some() {
             return Ok((pipeline, None));
         }
@@ -382,12 +372,30 @@ impl Build<'_> {
         &self,
         bounds: &ShearBounds,
         image: &Arc<Image>,
-        stacks: Vec<Resources>,
+        volumes: &[Arc<Volume>],
     ) -> Result<EdgeMarch> {
-        let Sampling { knots, constants, .. } = self.sampling;
+        let sampling = self.sampling;
         let pixels = self.view.extent().map(u64::from).iter().product();
         let slabs_per_dispatch = self.slabs_per_dispatch(pixels)?;
-        EdgeMarch::new(self.gpu, bounds, image, knots, constants, stacks, slabs_per_dispatch)
+        let shader = |volume: &Arc<Volume>| {
+            let stack = sampling.stack(volume);
+            move |resume: bool| {
+                SHEAR_WARP_EDGE.with(&ShearWarpEdge {
+                    accumulation: image.stored(),
+                    edges: bounds.edge_pixels.read(),
+                    every: sampling.every,
+                    resume,
+                    // A single ray skips no bricks.
+                    empty_space: Skipping { bricks: sampling.knots.buffer.read(), empty_space: false },
+                    lattice: sampling.lattice.clone(),
+                    optics: sampling.optics.clone(),
+                    segments: sampling.integration.clone(),
+                    stack: stack.clone(),
+                })
+            }
+        };
+        let shaders: Vec<_> = volumes.iter().map(shader).collect();
+        EdgeMarch::new(self.gpu, &shaders, slabs_per_dispatch)
     }
 
     /// `warp=mip`: averages texels of one level to those of the next.
@@ -395,10 +403,9 @@ impl Build<'_> {
         if self.options.warp != Warp::Mip {
             return Ok(None);
         }
-        let desc = ComputeDesc { shader: &WARP_HALVE, constants: &[] };
-        let pipeline = self.gpu.compute_pipeline(&format!("{NAME}.halve"), &desc)?;
-        let resources = [(BINDING_INTERMEDIATE, Resource::Buffer(Arc::clone(&self.intermediate.buffer)))];
-        let descriptors = Arc::new(Descriptors::new(self.gpu, &pipeline, &resources)?);
+        let bound = WARP_HALVE.with(&WarpHalve { intermediate: self.intermediate.buffer.write() });
+        let pipeline = self.gpu.compute_pipeline(&format!("{NAME}.halve"), &bound)?;
+        let descriptors = Arc::new(Descriptors::new(self.gpu, &pipeline, &bound)?);
         Ok(Some((pipeline, descriptors)))
     }
 

@@ -39,8 +39,6 @@ pub(crate) struct ShearFrame {
     pub(super) measure: DepthMeasure,
     pub(super) options: Options,
     pub(super) knots: Arc<Knots>,
-    /// The transfer function's table, or the placeholder that is bound in its place.
-    pub(super) table: Arc<Image>,
     pub(super) stacks: Vec<Stack>,
     pub(super) path: Path,
     /// Where rays are bounded: the bounds of texels, and the march of single pixels.
@@ -161,10 +159,6 @@ impl ShearFrame {
         target: Option<&TargetImage>,
         clear: bool,
     ) {
-        for stack in &self.stacks {
-            recorder.assume_ready(&stack.volume.image);
-        }
-        recorder.assume_ready(&self.table);
         if let Some((bounds, _)) = &self.bounded {
             for plane in &drawn.planes {
                 bounds.record_texels(recorder, &self.placed_bounds(plane));

@@ -2,14 +2,9 @@
 
 use std::sync::Arc;
 
-use crate::error::Result;
-use crate::gpu::shader::{
-    BINDING_ACCUMULATION, BINDING_BRICKS, BINDING_EDGES, SHEAR_WARP_EDGE, SPEC_EMPTY_SPACE, SPEC_RESUME,
-};
-use crate::gpu::{ComputeDesc, Descriptors, Gpu, Image, Pipeline, Recorder, Resource, SpecConstant};
+use crate::error::{Error, Result};
+use crate::gpu::{Bound, Descriptors, Gpu, Pipeline, Recorder};
 use crate::interface::BasePlanePush;
-use crate::resident::tables::Knots;
-use crate::technique::shear_warp::bounds::ShearBounds;
 use crate::technique::shear_warp::options::NAME;
 use crate::technique::shear_warp::planes::DrawnPlane;
 
@@ -61,36 +56,23 @@ pub(crate) struct EdgeMarch {
 }
 
 impl EdgeMarch {
-    /// Builds the march. `constants` and `stacks` are those of the march of texels.
+    /// Builds the march; `shaders` binds its shader for each stack, with the argument whether it continues a march.
     pub(crate) fn new(
         gpu: &Gpu,
-        bounds: &ShearBounds,
-        image: &Arc<Image>,
-        knots: &Knots,
-        constants: &[SpecConstant],
-        stacks: Vec<Vec<(u32, Resource)>>,
+        shaders: &[impl Fn(bool) -> Bound],
         slabs_per_dispatch: u32,
     ) -> Result<Self> {
-        let pipeline = |resume: bool| {
-            let constants: Vec<SpecConstant> = constants
-                .iter()
-                .copied()
-                .chain([(SPEC_RESUME, u32::from(resume)), (SPEC_EMPTY_SPACE, 0)])
-                .collect();
-            let desc = ComputeDesc { shader: &SHEAR_WARP_EDGE, constants: &constants };
-            gpu.compute_pipeline(&format!("{NAME}.edge"), &desc)
-        };
-        let (first, resume) = (pipeline(false)?, pipeline(true)?);
-        let mut descriptors = Vec::new();
-        for mut resources in stacks {
-            resources.retain(|(binding, _)| *binding != BINDING_BRICKS);
-            resources.extend([
-                (BINDING_BRICKS, Resource::Buffer(Arc::clone(&knots.buffer))),
-                (BINDING_EDGES, Resource::ReadOnly(Arc::clone(&bounds.edge_pixels))),
-                (BINDING_ACCUMULATION, Resource::Storage(Arc::clone(image))),
-            ]);
-            descriptors.push(Arc::new(Descriptors::new(gpu, &first, &resources)?));
+        let (mut march, mut descriptors) = (None, Vec::new());
+        for shader in shaders {
+            let bound = shader(false);
+            let first = gpu.compute_pipeline(&format!("{NAME}.edge"), &bound)?;
+            descriptors.push(Arc::new(Descriptors::new(gpu, &first, &bound)?));
+            if march.is_none() {
+                let resume = Some(gpu.compute_pipeline(&format!("{NAME}.edge"), &shader(true))?);
+                march = Some(March { first, resume, slabs_per_dispatch });
+            }
         }
-        Ok(Self { march: March { first, resume: Some(resume), slabs_per_dispatch }, descriptors })
+        let march = march.ok_or_else(|| Error::invalid(NAME, "no stack"))?;
+        Ok(Self { march, descriptors })
     }
 }

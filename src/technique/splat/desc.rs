@@ -4,8 +4,7 @@ use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::gpu::shader::{
     LOWPASS_AUTO, LOWPASS_FULL, LOWPASS_NONE, MOST_TURNS, ORDER_CENTRES, ORDER_NEAREST, ORDER_SHEETS, SHEETS,
-    SPLAT_EWA_CENTRE, SPLAT_EWA_CENTRE_WIDE, SPLAT_EWA_WINDOW, SPLAT_SHEETS_AXIS, SPLAT_SHEETS_AXIS_WIDE,
-    SPLAT_SHEETS_IMAGE, SPLAT_SHEETS_IMAGE_WIDE, SPLAT_WINDOW, Shader,
+    SPLAT_WINDOW,
 };
 use crate::scene::Kernels;
 use crate::technique::splat::options::TileSplit;
@@ -99,15 +98,15 @@ impl SplatDesc {
         rounds.max(1)
     }
 
-    /// Returns the shader that draws bins.
+    /// Returns whether the pixels of a tile are drawn in columns.
     ///
     /// # Errors
     ///
     /// [`Error::Unsupported`] for `spread=columns` on a device that cannot share words in a subgroup of eight.
-    pub(crate) fn shader(&self, gpu: &Gpu) -> Result<&'static Shader> {
+    pub(crate) fn columns(&self, gpu: &Gpu) -> Result<bool> {
         // A software device runs the lanes of a workgroup in step, and reads what they share once. On a GPU a column
         // would leave most lanes of a subgroup idle.
-        let columns = match self.split {
+        Ok(match self.split {
             TileSplit::Auto => gpu.is_software() && gpu.eight_share_words(),
             TileSplit::Pixels => false,
             TileSplit::Columns if gpu.eight_share_words() => true,
@@ -117,15 +116,6 @@ impl SplatDesc {
                     "subgroups of eight invocations that share words",
                 ));
             }
-        };
-        Ok(match (self.accumulation, columns) {
-            (Accumulation::Centres, true) => &SPLAT_EWA_CENTRE,
-            (Accumulation::Centres, false) => &SPLAT_EWA_CENTRE_WIDE,
-            (Accumulation::Window, _) => &SPLAT_EWA_WINDOW,
-            (Accumulation::Slabs, true) => &SPLAT_SHEETS_IMAGE,
-            (Accumulation::Slabs, false) => &SPLAT_SHEETS_IMAGE_WIDE,
-            (Accumulation::Sheets, true) => &SPLAT_SHEETS_AXIS,
-            (Accumulation::Sheets, false) => &SPLAT_SHEETS_AXIS_WIDE,
         })
     }
 }

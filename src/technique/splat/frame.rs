@@ -18,16 +18,13 @@ use crate::frame::lists::{Band, cut_into_bands};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
 use crate::gpu::shader::{
-    BINDING_ACCUMULATION, BINDING_BIN_TABLE, BINDING_BINS, BINDING_BOXES, BINDING_KNOTS,
-    BINDING_KNOTS_UNIFORM, BINDING_ORDER, BINDING_RANK_KEYS, BINDING_SPLAT_DOMAIN, BINDING_SPLAT_POINTS,
-    BINDING_SPLAT_RECORDS, BINDING_SPLAT_SHAPES, BINDING_SPLAT_STATE, BINDING_SPLAT_TEMPLATE, BINDING_STATUS,
-    FOOTPRINT_PARTS, KERNEL_BSPLINE, KERNEL_GAUSSIAN, KERNEL_SINC, KERNEL_TENT, SPEC_EYE_INSIDE,
-    SPEC_KNOT_WALK, SPEC_RESUME, SPEC_RUNS, SPEC_SPLAT_AXIS, SPEC_SPLAT_DENSITY, SPEC_SPLAT_EWA,
-    SPEC_SPLAT_KERNEL, SPEC_SPLAT_LOWPASS, SPEC_SPLAT_ORDER, SPEC_SPLAT_SHAPE, SPEC_SPLAT_TEMPLATE,
-    SPLAT_PROJECT_COMPUTE, STATUS_WORDS, TILE, TILE_PIXELS,
+    Bounded, FOOTPRINT_PARTS, KERNEL_BSPLINE, KERNEL_GAUSSIAN, KERNEL_SINC, KERNEL_TENT, Optics,
+    SPLAT_EWA_CENTRE, SPLAT_EWA_CENTRE_WIDE, SPLAT_EWA_WINDOW, SPLAT_PROJECT_COMPUTE, SPLAT_SHEETS_AXIS,
+    SPLAT_SHEETS_AXIS_WIDE, SPLAT_SHEETS_IMAGE, SPLAT_SHEETS_IMAGE_WIDE, STATUS_WORDS, SplatEwa,
+    SplatProject, SplatSheetsAxis, SplatSheetsImage, Splats, TILE, TILE_PIXELS,
 };
 use crate::gpu::sync::Use;
-use crate::gpu::{Buffer, Gpu, Image, Recorder, Resource, SpecConstant, TargetImage};
+use crate::gpu::{Bound, Buffer, Gpu, Image, Recorder, Sampled, TargetImage};
 use crate::interface::SplatPush;
 use crate::num::{self, f32_of};
 use crate::primitives::bins::{Bins, Fill};
@@ -35,7 +32,6 @@ use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass};
 use crate::primitives::radix_sort::RadixSort;
 use crate::resident::GpuScene;
 use crate::resident::splats::{Shape, SplatSet};
-use crate::resident::tables::Knots;
 use crate::scene::{Kernel, Model, View};
 use crate::technique::splat::desc::{Accumulation, SplatDesc};
 use crate::technique::splat::outcome::SplatOutcome;
@@ -90,16 +86,70 @@ impl Projected {
         Ok(Self { keys, order, boxes, status, records })
     }
 
-    /// Returns the bindings of the pass that projects kernels.
-    fn resources(&self, set: &SplatSet) -> Vec<(u32, Resource)> {
-        vec![
-            (BINDING_SPLAT_POINTS, Resource::Buffer(Arc::clone(&set.points))),
-            (BINDING_SPLAT_SHAPES, Resource::Buffer(Arc::clone(&set.shapes))),
-            (BINDING_SPLAT_RECORDS, Resource::Buffer(Arc::clone(&self.records))),
-            (BINDING_RANK_KEYS, Resource::Buffer(Arc::clone(&self.keys))),
-            (BINDING_ORDER, Resource::Buffer(Arc::clone(&self.order))),
-            (BINDING_BOXES, Resource::Buffer(Arc::clone(&self.boxes))),
-        ]
+    /// Binds the shader that projects kernels.
+    fn shader(&self, desc: &SplatDesc, set: &SplatSet, axis: usize) -> Bound {
+        SPLAT_PROJECT_COMPUTE.with(&SplatProject {
+            boxes: self.boxes.write(),
+            order: self.order.write(),
+            rank_keys: self.keys.write(),
+            splat_points: set.points.read(),
+            splat_records: self.records.write(),
+            splat_shapes: set.shapes.read(),
+            splat_axis: num::count(axis),
+            splat_density: set.kernels.model == Model::Density,
+            splat_ewa: desc.ewa,
+            splat_kernel: kernel_code(set.kernels.kernel),
+            splat_lowpass: desc.filter.code(),
+            splat_order: desc.accumulation.key_code(),
+            splat_shape: set.shape.code(),
+        })
+    }
+}
+
+/// The inputs of the passes that draw bins.
+struct DrawInputs {
+    splats: Splats,
+    records: Arc<Buffer>,
+    /// The table of footprints.
+    template: Sampled,
+    tabulated: bool,
+    ewa: bool,
+    axis: u32,
+    bounded: Bounded,
+    optics: Optics,
+}
+
+impl DrawInputs {
+    /// Binds the shader that draws bins, in columns or in pixels; with `resume` from where the dispatch before ended.
+    fn shader(&self, accumulation: Accumulation, columns: bool, resume: bool) -> Bound {
+        let splats = Splats { resume, ..self.splats.clone() };
+        let (optics, bounded) = (self.optics.clone(), self.bounded.clone());
+        let splat_records = self.records.read();
+        match accumulation {
+            Accumulation::Centres | Accumulation::Window => {
+                let shader = match (accumulation, columns) {
+                    (Accumulation::Window, _) => SPLAT_EWA_WINDOW,
+                    (_, true) => SPLAT_EWA_CENTRE,
+                    (_, false) => SPLAT_EWA_CENTRE_WIDE,
+                };
+                shader.with(&SplatEwa { splat_records, splat_ewa: self.ewa, bounded, splats })
+            }
+            Accumulation::Slabs => {
+                let shader = if columns { SPLAT_SHEETS_IMAGE } else { SPLAT_SHEETS_IMAGE_WIDE };
+                shader.with(&SplatSheetsImage { splat_records, bounded, optics, splats })
+            }
+            Accumulation::Sheets => {
+                let shader = if columns { SPLAT_SHEETS_AXIS } else { SPLAT_SHEETS_AXIS_WIDE };
+                shader.with(&SplatSheetsAxis {
+                    splat_template: self.template.clone(),
+                    splat_axis: self.axis,
+                    splat_tabulated: self.tabulated,
+                    bounded,
+                    optics,
+                    splats,
+                })
+            }
+        }
     }
 }
 
@@ -110,29 +160,6 @@ fn kernel_code(kernel: Kernel) -> u32 {
         Kernel::Tent => KERNEL_TENT,
         Kernel::Sinc => KERNEL_SINC,
     }
-}
-
-/// Returns the specialisation constants that all passes share.
-fn constants_of(
-    desc: &SplatDesc,
-    set: &SplatSet,
-    seen: &SplatView,
-    knots: &Knots,
-    target: &Canvas,
-) -> Vec<SpecConstant> {
-    vec![
-        (SPEC_SPLAT_SHAPE, set.shape.code()),
-        (SPEC_SPLAT_KERNEL, kernel_code(set.kernels.kernel)),
-        (SPEC_SPLAT_EWA, u32::from(desc.ewa)),
-        (SPEC_SPLAT_AXIS, num::count(seen.axis)),
-        (SPEC_SPLAT_ORDER, desc.accumulation.key_code()),
-        (SPEC_SPLAT_LOWPASS, desc.filter.code()),
-        (SPEC_SPLAT_DENSITY, u32::from(set.kernels.model == Model::Density)),
-        (SPEC_SPLAT_TEMPLATE, u32::from(desc.template.is_some())),
-        (SPEC_KNOT_WALK, knots.walk),
-        (SPEC_EYE_INSIDE, u32::from(seen.eye_inside)),
-        target.bounded(),
-    ]
 }
 
 /// Uploads the half extents of a lattice's domain, the middle of sheet 0, and the scale of the table of footprints.
@@ -180,9 +207,8 @@ impl SplatFrame {
         let projected = Projected::new(gpu, &desc, &set)?;
         let template = scene.splat_template(&set, desc.template, view)?;
         let domain = upload_domain(gpu, &set, seen.axis, template.scale)?;
-        let mut constants = constants_of(&desc, &set, &seen, &knots, target);
-        let mut resources = projected.resources(&set);
-        let project = pass(gpu, &format!("{name}.project"), &SPLAT_PROJECT_COMPUTE, &constants, &resources)?;
+        let bound = projected.shader(&desc, &set, seen.axis);
+        let project = pass(gpu, &format!("{name}.project"), &bound)?;
         let Projected { keys, order, boxes, status, records } = projected;
         let sort = RadixSort::new(gpu, &format!("{name}.sort"), &keys, &order, set.count, 32)?;
 
@@ -194,33 +220,45 @@ impl SplatFrame {
         let known = *scene.splat_needs.lock().unwrap_or_else(PoisonError::into_inner);
         let (bands, capacity) = bands_of(gpu, &desc, &fill, known.entries)?;
         let widest = bands.iter().map(|band| band.tiles).max().unwrap_or(1);
-        let bins = Bins::new(gpu, name, [&order, &boxes, &status], widest, fill.runs, capacity)?;
+        let bins = Bins::new(gpu, name, [&order, &boxes, &status], widest, fill.runs, capacity, false)?;
 
         // 3. Passes that draw bins.
         let format = vk::Format::R32G32B32A32_SFLOAT;
         let image = own_image(gpu, name, format, vk::ImageUsageFlags::STORAGE, view, target)?;
         let state = buffer(gpu, "state", 2 * u64::from(widest) * u64::from(TILE_PIXELS))?;
-        constants.push((SPEC_RUNS, fill.runs));
-        let knots_buffer = || Resource::Buffer(Arc::clone(&knots.buffer));
-        resources.extend([
-            (BINDING_KNOTS, knots_buffer()),
-            (BINDING_KNOTS_UNIFORM, knots_buffer()),
-            (BINDING_SPLAT_DOMAIN, Resource::Buffer(domain)),
-            (BINDING_BIN_TABLE, Resource::ReadOnly(Arc::clone(&bins.table))),
-            (BINDING_BINS, Resource::Buffer(Arc::clone(&bins.entries))),
-            (BINDING_SPLAT_STATE, Resource::Buffer(state)),
-            (BINDING_STATUS, Resource::Buffer(Arc::clone(&status))),
-            (BINDING_ACCUMULATION, Resource::Storage(Arc::clone(&image))),
-        ]);
-        resources.extend(target.bounds(&knots.buffer));
-        for (binding, resource) in &mut resources {
-            if *binding == BINDING_SPLAT_RECORDS {
-                *resource = Resource::ReadOnly(Arc::clone(&records));
-            }
-        }
-        resources.push((BINDING_SPLAT_TEMPLATE, Resource::Sampled(template.image, vk::Filter::LINEAR)));
+        let inputs = DrawInputs {
+            splats: Splats {
+                accumulation: image.stored(),
+                bins: bins.entries.write(),
+                bin_table: bins.table.read(),
+                splat_domain: domain.read(),
+                splat_points: set.points.read(),
+                splat_shapes: set.shapes.read(),
+                splat_state: state.write(),
+                status: status.write(),
+                eye_inside: seen.eye_inside,
+                resume: false,
+                runs: fill.runs,
+                splat_density: set.kernels.model == Model::Density,
+                splat_kernel: kernel_code(set.kernels.kernel),
+                splat_shape: set.shape.code(),
+            },
+            records,
+            template: template.image.sampled(vk::Filter::LINEAR),
+            tabulated: desc.template.is_some(),
+            ewa: desc.ewa,
+            axis: num::count(seen.axis),
+            bounded: target.bounded(&knots.buffer),
+            optics: knots.optics(),
+        };
         let rounds = desc.rounds(fill.longest()).max(known.rounds);
-        let (first, resume) = draw_passes(gpu, &desc, rounds, &constants, &resources)?;
+        let columns = desc.columns(gpu)?;
+        let draw = |part: &str, resume: bool| {
+            let bound = inputs.shader(desc.accumulation, columns, resume);
+            pass(gpu, &format!("{name}.{part}"), &bound)
+        };
+        let first = draw("draw", false)?;
+        let resume = if rounds > 1 { Some(draw("draw.resume", true)?) } else { None };
 
         let outcome = SplatOutcome {
             scene: Arc::clone(scene),
@@ -248,26 +286,6 @@ impl SplatFrame {
             outcome: Arc::new(outcome),
         })
     }
-}
-
-/// Builds the passes that draw bins: from their beginning, and with several rounds from where the one before ended.
-fn draw_passes(
-    gpu: &Gpu,
-    desc: &SplatDesc,
-    rounds: u32,
-    constants: &[SpecConstant],
-    resources: &[(u32, Resource)],
-) -> Result<(Dispatch, Option<Dispatch>)> {
-    let shader = desc.shader(gpu)?;
-    let draw = |resume: bool| {
-        let part = if resume { "draw.resume" } else { "draw" };
-        let mut constants = constants.to_vec();
-        constants.push((SPEC_RESUME, u32::from(resume)));
-        pass(gpu, &format!("{}.{part}", desc.name), shader, &constants, resources)
-    };
-    let first = draw(false)?;
-    let resume = if rounds > 1 { Some(draw(true)?) } else { None };
-    Ok((first, resume))
 }
 
 impl Prepared for SplatFrame {

@@ -22,31 +22,29 @@ use crate::frame::lists::{Lists, Ranking, measure};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
 use crate::gpu::shader::{
-    BINDING_ACCUMULATION, BINDING_BOXES, BINDING_FLAGS, BINDING_KBUFFER_0, BINDING_KBUFFER_1,
-    BINDING_KBUFFER_2, BINDING_KBUFFER_3, BINDING_MESH_SCALARS, BINDING_ORDER, BINDING_PRIMITIVES,
-    BINDING_STATUS, BINDING_VIEW_POINTS, HAVS_RASTER_EMPTY, HAVS_RASTER_IMPLEMENTATION,
-    HAVS_RASTER_INTERLOCK, HAVS_RASTER_VERTEX, SPEC_INTEGRATOR, SPEC_K, SPEC_KNOT_WALK, STATUS_NAN_KEYS,
-    STATUS_OVERFLOW_PIXELS, STATUS_WORDS, TILE, TILE_PIXELS,
+    HAVS_RASTER_EMPTY, HAVS_RASTER_IMPLEMENTATION, HAVS_RASTER_INTERLOCK, HAVS_RASTER_VERTEX,
+    HavsRasterEmpty, HavsRasterInterlock, HavsRasterVertex, STATUS_NAN_KEYS, STATUS_OVERFLOW_PIXELS,
+    STATUS_WORDS, TILE, TILE_PIXELS,
 };
 use crate::gpu::sync::Use;
 use crate::gpu::{
-    Blend, Buffer, Descriptors, Gpu, GraphicsDesc, Image, ImageDesc, OptionalFeature, Pipeline, Recorder,
-    Resource, SpecConstant, TargetImage,
+    Blend, Bound, Buffer, Descriptors, Gpu, GraphicsState, Image, ImageDesc, OptionalFeature, Pipeline,
+    Recorder, TargetImage,
 };
 use crate::interface::MeshPush;
 use crate::num;
 use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass, words};
 use crate::resident::GpuScene;
 use crate::resident::local_space::LocalSpace;
-use crate::resident::tables::{Knots, Table};
 use crate::scene::View;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::flagged::FlaggedFrame;
 use crate::technique::mesh::havs::options::KBufferRoute;
 use crate::technique::mesh::havs::repairs::Repairs;
+use crate::technique::mesh::list_inputs::{ListInputs, Shading};
 use crate::technique::mesh::outcome::MeshOutcome;
 use crate::technique::mesh::overlaps::Overlaps;
-use crate::technique::mesh::shading::{shading_push, shading_resources};
+use crate::technique::mesh::shading::shading_push;
 use crate::technique::options::Choice;
 
 /// The format of the accumulation image and of the k-buffer's images.
@@ -72,7 +70,6 @@ pub(crate) struct RasterFrame {
     image: Arc<Image>,
     flags: Arc<Buffer>,
     outcome: Arc<RasterOutcome>,
-    table: Option<Arc<Table>>,
 }
 
 /// The status of a frame, and the outcome of its repairs.
@@ -147,56 +144,53 @@ fn kbuffer_images(gpu: &Gpu, k: u32, extent: [u32; 2]) -> Result<Vec<Arc<Image>>
     (0..=k / 2).map(|i| Image::new(gpu, &format!("kbuffer.{i}"), &desc).map(Arc::new)).collect()
 }
 
-/// Returns the bindings of the passes that draw faces.
-fn draw_resources(
-    ranking: &Ranking,
-    knots: &Knots,
-    target: &Canvas,
-    flags: &Arc<Buffer>,
-    image: &Arc<Image>,
-    kbuffer: &[Arc<Image>],
-) -> Vec<(u32, Resource)> {
-    let storage = |i: usize| Resource::Storage(Arc::clone(kbuffer.get(i).unwrap_or(image)));
-    let mut resources = vec![
-        (BINDING_ORDER, Resource::ReadOnly(Arc::clone(&ranking.order))),
-        (BINDING_BOXES, Resource::ReadOnly(Arc::clone(&ranking.boxed))),
-        (BINDING_PRIMITIVES, Resource::Buffer(Arc::clone(&ranking.primitives))),
-        (BINDING_VIEW_POINTS, Resource::ReadOnly(Arc::clone(&ranking.view_points))),
-        (BINDING_MESH_SCALARS, Resource::Buffer(Arc::clone(&ranking.scalars))),
-        (BINDING_STATUS, Resource::Buffer(Arc::clone(&ranking.status))),
-        (BINDING_FLAGS, Resource::Buffer(Arc::clone(flags))),
-        (BINDING_ACCUMULATION, Resource::Storage(Arc::clone(image))),
-        (BINDING_KBUFFER_0, storage(0)),
-        (BINDING_KBUFFER_1, storage(1)),
-        (BINDING_KBUFFER_2, storage(2)),
-        (BINDING_KBUFFER_3, storage(3)),
-    ];
-    resources.extend(target.bounds(&knots.buffer));
-    resources.extend(target.layers(&knots.buffer));
-    resources
+/// Binds the shaders that draw faces.
+fn draw_shaders(route: KBufferRoute, ranking: &Ranking, list: &ListInputs<'_>) -> Bound {
+    let fragment = match route {
+        KBufferRoute::Interlock => HAVS_RASTER_INTERLOCK,
+        _ => HAVS_RASTER_IMPLEMENTATION,
+    };
+    let vertex = HAVS_RASTER_VERTEX.with(&HavsRasterVertex {
+        boxes: ranking.boxed.read(),
+        mesh_scalars: ranking.scalars.read(),
+        order: ranking.order.read(),
+        primitives: ranking.primitives.read(),
+        view_points: ranking.view_points.read(),
+        havs_sweep: list.sweep(),
+    });
+    let [kbuffer_0, kbuffer_1, kbuffer_2, kbuffer_3] = [0, 1, 2, 3].map(|i| list.kbuffer(i).stored());
+    vertex.and(fragment.with(&HavsRasterInterlock {
+        accumulation: list.image.stored(),
+        flags: list.flags.write(),
+        kbuffer_0,
+        kbuffer_1,
+        kbuffer_2,
+        kbuffer_3,
+        k: list.k,
+        bounded: list.shading.bounded.clone(),
+        havs_sweep: list.sweep(),
+        optics: list.shading.optics.clone(),
+        segments: list.shading.segments.clone(),
+    }))
 }
 
-/// Builds the pipeline that draws faces.
-fn draw_pipeline(
-    gpu: &Gpu,
-    name: &str,
-    route: KBufferRoute,
-    constants: &[SpecConstant],
-) -> Result<Arc<Pipeline>> {
-    gpu.graphics_pipeline(
-        &format!("{name}.draw"),
-        &GraphicsDesc {
-            vertex: &HAVS_RASTER_VERTEX,
-            fragment: match route {
-                KBufferRoute::Interlock => &HAVS_RASTER_INTERLOCK,
-                _ => &HAVS_RASTER_IMPLEMENTATION,
-            },
-            topology: vk::PrimitiveTopology::TRIANGLE_LIST,
-            blend: Blend::Copy,
-            format: None,
-            constants,
-        },
-    )
+/// Binds the shader that empties the k-buffers.
+fn empty_shader(list: &ListInputs<'_>) -> Bound {
+    let [kbuffer_0, kbuffer_1, kbuffer_2, kbuffer_3] = [0, 1, 2, 3].map(|i| list.kbuffer(i).stored());
+    HAVS_RASTER_EMPTY.with(&HavsRasterEmpty {
+        accumulation: list.image.stored(),
+        flags: list.flags.write(),
+        kbuffer_0,
+        kbuffer_1,
+        kbuffer_2,
+        kbuffer_3,
+        status: list.status.write(),
+        k: list.k,
+        bounded: list.shading.bounded.clone(),
+        havs_sweep: list.sweep(),
+        optics: list.shading.optics.clone(),
+        segments: list.shading.segments.clone(),
+    })
 }
 
 impl RasterFrame {
@@ -217,7 +211,6 @@ impl RasterFrame {
         let data = scene.mesh_data();
         let space = LocalSpace::of(mesh);
         let knots = scene.knots()?;
-        let table = scene.table(&desc.segments)?;
         let push = space.push(view, &shading_push(scene, &desc, &knots)?)?;
         let [width, height] = view.extent();
         let across = width.div_ceil(TILE);
@@ -229,28 +222,42 @@ impl RasterFrame {
         let flags = buffer(gpu, "flags", u64::from(tiles) * u64::from(TILE_PIXELS))?;
         let kbuffer = kbuffer_images(gpu, desc.k, view.extent())?;
 
-        let mut resources = shading_resources(scene, &knots, table.as_ref())?;
-        resources.extend(draw_resources(&ranking, &knots, target, &flags, &image, &kbuffer));
-        let shading = [
-            (SPEC_KNOT_WALK, knots.walk),
-            (SPEC_INTEGRATOR, desc.segments.integrator.code()),
-            target.bounded(),
-        ];
-        let mut constants = desc.constants(scene)?;
-        constants.extend(shading);
-        constants.push((SPEC_K, desc.k));
-        let pipeline = draw_pipeline(gpu, name, route, &constants)?;
-        let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
-        let empty = pass(gpu, &format!("{name}.empty"), &HAVS_RASTER_EMPTY, &constants, &resources)?;
+        let shading = Shading::new(scene, &desc.segments, target)?;
+        let list = ListInputs {
+            shading: &shading,
+            // Only repairs have lists, of their own.
+            cursors: &flags,
+            lists: &flags,
+            status: &ranking.status,
+            flags: &flags,
+            image: &image,
+            kbuffer: &kbuffer,
+            cell_scalars: ranking.cell_scalars,
+            back_to_front: desc.back_to_front,
+            eye_inside: true,
+            k: desc.k,
+            resume: false,
+            last_chunk: true,
+            repair: false,
+            flagged: false,
+        };
+        let bound = draw_shaders(route, &ranking, &list);
+        let state = GraphicsState {
+            topology: vk::PrimitiveTopology::TRIANGLE_LIST,
+            blend: Blend::Copy,
+            format: None,
+        };
+        let pipeline = gpu.graphics_pipeline(&format!("{name}.draw"), &bound, state)?;
+        let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &bound)?);
+        let empty = pass(gpu, &format!("{name}.empty"), &empty_shader(&list))?;
 
         let status = download(gpu, "status", 4 * u64::from(STATUS_WORDS))?;
         let mut outcome = RasterOutcome { status, primitives: ranking.count, repair: None };
         let mut repair = None;
         let mut overlaps = None;
         if desc.repair.is_some() {
-            let (flags, resources) = (&flags, resources.as_slice());
-            let (data, desc, push, shading) = (&data, &desc, &push, shading.as_slice());
-            let frame = FlaggedFrame { scene, data, desc, push, tiles, across, flags, resources, shading };
+            let frame =
+                FlaggedFrame { scene, data: &data, desc: &desc, push: &push, tiles, across, drawn: &list };
             (repair, overlaps) = outcome.add_repairs(&frame, &ranking)?;
         }
         let mut frame = Self {
@@ -269,7 +276,6 @@ impl RasterFrame {
             overlaps,
             image,
             flags,
-            table,
         };
         frame.lobes = frame.lobes_of(view);
         Ok(frame)
@@ -294,11 +300,10 @@ impl RasterOutcome {
         frame: &FlaggedFrame<'_>,
         ranking: &Ranking,
     ) -> Result<(Option<Repairs>, Option<Overlaps>)> {
-        let FlaggedFrame { scene, data, desc, push, tiles, across, flags, .. } = *frame;
+        let FlaggedFrame { scene, data, desc, push, tiles, across, drawn } = *frame;
         let gpu = scene.gpu();
         let (runs, needs, bands) = measure(gpu, ranking, &data.needs, push, tiles, across)?;
-        let mut lists = Lists::new(gpu, ranking, tiles, runs, bands, needs)?;
-        lists.restrict_to_flagged(gpu, ranking, flags)?;
+        let lists = Lists::new(gpu, ranking, tiles, runs, bands, needs, Some(drawn.flags))?;
         let status = Arc::clone(&self.status);
         let mut outcome = MeshOutcome::new(gpu, data, desc, status, &lists, needs, ranking.count)?;
         let repairs = Repairs::new(frame, lists, needs.rounds)?;
@@ -345,9 +350,6 @@ impl Prepared for RasterFrame {
     }
 
     fn record(&self, recorder: &mut Recorder<'_>, _target: Option<&TargetImage>, _clear: bool) {
-        if let Some(table) = &self.table {
-            recorder.assume_ready(&table.image);
-        }
         self.ranking.record(recorder, &self.push);
         // A flag of 0 says that the images hold nothing of the pixel, so they need no clear.
         recorder.clear_buffer("flags.clear", &self.flags);

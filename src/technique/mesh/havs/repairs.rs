@@ -1,15 +1,13 @@
 //! Passes of the raster routes of `havs` that draw flagged pixels again, from lists of their faces.
 
-use std::sync::Arc;
-
 use crate::error::Result;
 use crate::frame::lists::Lists;
-use crate::gpu::shader::{BINDING_CURSORS, BINDING_LISTS, SPEC_K, SPEC_LAST_CHUNK, SPEC_REPAIR, SPEC_RESUME};
-use crate::gpu::{Recorder, Resource};
+use crate::gpu::Recorder;
 use crate::interface::MeshPush;
 use crate::primitives::dispatch::{Dispatch, groups_of, pass};
 use crate::technique::mesh::flagged::FlaggedFrame;
 use crate::technique::mesh::frame::REPAIR_K;
+use crate::technique::mesh::list_inputs::ListInputs;
 use crate::technique::mesh::outcome::MeshOutcome;
 
 /// The passes that list the fragments of flagged pixels and draw them.
@@ -23,15 +21,15 @@ pub(crate) struct Repairs {
 impl Repairs {
     /// Builds the pass that sorts and resolves `lists`.
     pub(crate) fn new(frame: &FlaggedFrame<'_>, lists: Lists, rounds: u32) -> Result<Self> {
-        let FlaggedFrame { scene, desc, .. } = *frame;
-        let mut resources = frame.resources.to_vec();
-        resources.push((BINDING_LISTS, Resource::Buffer(Arc::clone(&lists.entries))));
-        resources.push((BINDING_CURSORS, Resource::ReadOnly(Arc::clone(&lists.cursors))));
-        let mut constants = desc.constants(scene)?;
-        constants.extend_from_slice(frame.shading);
-        constants.extend([(SPEC_K, REPAIR_K), (SPEC_RESUME, 0), (SPEC_LAST_CHUNK, 1), (SPEC_REPAIR, 1)]);
-        let name = format!("{}.repair", desc.name);
-        let pass = pass(scene.gpu(), &name, desc.resolve, &constants, &resources)?;
+        let FlaggedFrame { scene, desc, drawn, .. } = *frame;
+        let inputs = ListInputs {
+            cursors: &lists.cursors,
+            lists: &lists.entries,
+            k: REPAIR_K,
+            repair: true,
+            ..drawn.clone()
+        };
+        let pass = pass(scene.gpu(), &format!("{}.repair", desc.name), &(desc.resolve)(&inputs))?;
         Ok(Self { lists, pass, rounds })
     }
 

@@ -14,28 +14,27 @@ use crate::frame::lists::Ranking;
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, draws_directly, own_image};
 use crate::gpu::shader::{
-    BINDING_BOXES, BINDING_FANS, BINDING_MESH_SCALARS, BINDING_ORDER, BINDING_POLYGONS, BINDING_PRIMITIVES,
-    BINDING_RANK_KEYS, BINDING_VIEW_POINTS, FAN_VERTICES, OUTLINE_VERTICES, PROJECTED_TETS_FRAGMENT,
-    PROJECTED_TETS_OUTLINES, PROJECTED_TETS_VERTEX, SPEC_INTEGRATOR, SPEC_KNOT_WALK, SPEC_SHADED, SPEC_SPACE,
-    STATUS_NAN_KEYS, STATUS_WORDS, TET_FANS_BUILD, TET_FANS_FRAGMENT, TET_FANS_SHADED_FRAGMENT,
-    TET_FANS_SHADED_VERTEX, TET_FANS_VERTEX,
+    FAN_VERTICES, OUTLINE_VERTICES, PROJECTED_TETS_FRAGMENT, PROJECTED_TETS_OUTLINES, PROJECTED_TETS_VERTEX,
+    ProjectedTetsFragment, ProjectedTetsOutlines, ProjectedTetsVertex, STATUS_NAN_KEYS, STATUS_WORDS,
+    TET_FANS_BUILD, TET_FANS_FRAGMENT, TET_FANS_SHADED_FRAGMENT, TET_FANS_SHADED_VERTEX, TET_FANS_VERTEX,
+    TetFansBuild, TetFansFragment, TetFansShadedFragment, TetFansShadedVertex, TetFansVertex,
 };
 use crate::gpu::sync::Use;
 use crate::gpu::{
-    Attachment, Blend, Buffer, Descriptors, Gpu, GraphicsDesc, Image, Pipeline, Recorder, Resource,
-    SpecConstant, TargetImage,
+    Attachment, Blend, Bound, Buffer, Descriptors, GraphicsState, Image, Pipeline, Recorder, TargetImage,
 };
 use crate::interface::{Fan, MeshPush};
 use crate::num;
 use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass, words};
 use crate::resident::GpuScene;
 use crate::resident::local_space::LocalSpace;
-use crate::resident::tables::{Integrator, Knots, Table};
-use crate::scene::{TetScalars, View};
+use crate::resident::tables::Integrator;
+use crate::scene::View;
 use crate::technique::mesh::desc::MeshDesc;
+use crate::technique::mesh::list_inputs::Shading;
 use crate::technique::mesh::projected_tets::options::{Options, Plane, Shade};
 use crate::technique::mesh::projected_tets::ranks::{Rank, Ranker};
-use crate::technique::mesh::shading::{shading_push, shading_resources};
+use crate::technique::mesh::shading::shading_push;
 
 /// The format of the accumulation image.
 const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
@@ -68,7 +67,6 @@ pub(crate) struct TetsRaster {
     descriptors: Arc<Descriptors>,
     /// The image that is drawn into; `None` where it is the target.
     image: Option<Arc<Image>>,
-    table: Option<Arc<Table>>,
     ranker: Ranker,
     /// The view whose ranks the host found last.
     ranked: View,
@@ -115,89 +113,100 @@ fn check_shade(name: &str, options: &Options, target: &Canvas) -> Result<()> {
     ))
 }
 
-/// Returns the specialisation constants of all passes.
-fn constants_of(
-    scene: &GpuScene,
-    desc: &MeshDesc,
-    options: &Options,
-    knots: &Knots,
-    target: &Canvas,
-) -> Result<Vec<SpecConstant>> {
-    // A fragment that walks through knots loads them all; between two scalars a table needs no walk.
-    let between = matches!(scene.mesh()?.scalars(), TetScalars::Point(_));
-    let searches = between && desc.segments.integrator == Integrator::Integral;
-    let mut constants = desc.constants(scene)?;
-    constants.extend([
-        (SPEC_KNOT_WALK, if searches { 0 } else { knots.walk }),
-        (SPEC_INTEGRATOR, desc.segments.integrator.code()),
-        (SPEC_SPACE, u32::from(options.plane == Plane::Space)),
-        (SPEC_SHADED, u32::from(options.shade == Shade::Vertex)),
-        target.bounded(),
-    ]);
-    Ok(constants)
+/// The shaders of the route, with what they share.
+struct Shaders<'a> {
+    ranking: &'a Ranking,
+    polygons: &'a Arc<Buffer>,
+    shading: &'a Shading,
+    /// Whether fans lie in space.
+    space: bool,
+    back_to_front: bool,
 }
 
-/// Returns the bindings that the pass that makes polygons and the draw share.
-fn shared_resources(
-    scene: &GpuScene,
-    knots: &Knots,
-    table: Option<&Arc<Table>>,
-    ranking: &Ranking,
-) -> Result<Vec<(u32, Resource)>> {
-    let mut resources = shading_resources(scene, knots, table)?;
-    resources.extend([
-        (BINDING_PRIMITIVES, Resource::Buffer(Arc::clone(&ranking.primitives))),
-        (BINDING_MESH_SCALARS, Resource::Buffer(Arc::clone(&ranking.scalars))),
-        (BINDING_VIEW_POINTS, Resource::ReadOnly(Arc::clone(&ranking.view_points))),
-    ]);
-    Ok(resources)
-}
+impl Shaders<'_> {
+    /// Binds the shader that makes fans, with colours at the vertices if `shaded`.
+    fn fans(&self, shaded: bool) -> Bound {
+        let Self { ranking, shading, .. } = *self;
+        TET_FANS_BUILD.with(&TetFansBuild {
+            fans: self.polygons.write(),
+            mesh_scalars: ranking.scalars.read(),
+            order: ranking.order.write(),
+            primitives: ranking.primitives.read(),
+            rank_keys: ranking.keys.write(),
+            view_points: ranking.view_points.read(),
+            back_to_front: self.back_to_front,
+            cell_scalars: ranking.cell_scalars,
+            shaded,
+            space: self.space,
+            optics: shading.optics.clone(),
+            segments: shading.segments.clone(),
+        })
+    }
 
-/// Builds the pass that makes polygons: fans, or outlines.
-fn polygon_pass(
-    gpu: &Gpu,
-    name: &str,
-    fans: bool,
-    ranking: &Ranking,
-    polygons: (u32, Resource),
-    shared: &[(u32, Resource)],
-    constants: &[SpecConstant],
-) -> Result<Dispatch> {
-    let written = [
-        polygons,
-        (BINDING_BOXES, Resource::ReadOnly(Arc::clone(&ranking.boxed))),
-        (BINDING_RANK_KEYS, Resource::Buffer(Arc::clone(&ranking.keys))),
-        (BINDING_ORDER, Resource::Buffer(Arc::clone(&ranking.order))),
-    ];
-    let (shader, part) =
-        if fans { (&TET_FANS_BUILD, "fans") } else { (&PROJECTED_TETS_OUTLINES, "outlines") };
-    let resources: Vec<_> = shared.iter().cloned().chain(written).collect();
-    pass(gpu, &format!("{name}.{part}"), shader, constants, &resources)
-}
+    /// Binds the shader that makes outlines.
+    fn outlines(&self) -> Bound {
+        PROJECTED_TETS_OUTLINES.with(&ProjectedTetsOutlines {
+            boxes: self.ranking.boxed.read(),
+            polygons: self.polygons.write(),
+            primitives: self.ranking.primitives.read(),
+            view_points: self.ranking.view_points.read(),
+        })
+    }
 
-/// Builds the pipeline that draws polygons.
-fn draw_pipeline(
-    gpu: &Gpu,
-    desc: &MeshDesc,
-    options: &Options,
-    constants: &[SpecConstant],
-) -> Result<Arc<Pipeline>> {
-    let (vertex, fragment) = match (options.has_fans(), options.shade) {
-        (false, _) => (&PROJECTED_TETS_VERTEX, &PROJECTED_TETS_FRAGMENT),
-        (true, Shade::Fragment) => (&TET_FANS_VERTEX, &TET_FANS_FRAGMENT),
-        (true, Shade::Vertex) => (&TET_FANS_SHADED_VERTEX, &TET_FANS_SHADED_FRAGMENT),
-    };
-    gpu.graphics_pipeline(
-        &format!("{}.draw", desc.name),
-        &GraphicsDesc {
-            vertex,
-            fragment,
-            topology: vk::PrimitiveTopology::TRIANGLE_LIST,
-            blend: if desc.back_to_front { Blend::Over } else { Blend::Under },
-            format: Some(FORMAT),
-            constants,
-        },
-    )
+    /// Binds the shaders that draw outlines.
+    fn draw_outlines(&self) -> Bound {
+        let Self { ranking, shading, .. } = *self;
+        let vertex = PROJECTED_TETS_VERTEX.with(&ProjectedTetsVertex {
+            mesh_scalars: ranking.scalars.read(),
+            order: ranking.order.read(),
+            polygons: self.polygons.read(),
+            primitives: ranking.primitives.read(),
+            view_points: ranking.view_points.read(),
+            cell_scalars: ranking.cell_scalars,
+        });
+        vertex.and(PROJECTED_TETS_FRAGMENT.with(&ProjectedTetsFragment {
+            cell_scalars: ranking.cell_scalars,
+            bounded: shading.bounded.clone(),
+            optics: shading.optics.clone(),
+            segments: shading.segments.clone(),
+        }))
+    }
+
+    /// Binds the shaders that draw fans, with colours in each fragment.
+    fn draw_fans(&self) -> Bound {
+        let Self { ranking, shading, .. } = *self;
+        let vertex = TET_FANS_VERTEX.with(&TetFansVertex {
+            fans: self.polygons.read(),
+            mesh_scalars: ranking.scalars.read(),
+            order: ranking.order.read(),
+            primitives: ranking.primitives.read(),
+            view_points: ranking.view_points.read(),
+            cell_scalars: ranking.cell_scalars,
+            space: self.space,
+        });
+        vertex.and(TET_FANS_FRAGMENT.with(&TetFansFragment {
+            cell_scalars: ranking.cell_scalars,
+            bounded: shading.bounded.clone(),
+            optics: shading.optics.clone(),
+            segments: shading.segments.clone(),
+        }))
+    }
+
+    /// Binds the shaders that draw fans, with colours at the vertices.
+    fn draw_shaded_fans(&self) -> Bound {
+        let Self { ranking, shading, .. } = *self;
+        let vertex = TET_FANS_SHADED_VERTEX.with(&TetFansShadedVertex {
+            fans: self.polygons.read(),
+            mesh_scalars: ranking.scalars.read(),
+            order: ranking.order.read(),
+            primitives: ranking.primitives.read(),
+            view_points: ranking.view_points.read(),
+            cell_scalars: ranking.cell_scalars,
+            space: self.space,
+            optics: shading.optics.clone(),
+        });
+        vertex.and(TET_FANS_SHADED_FRAGMENT.with(&TetFansShadedFragment {}))
+    }
 }
 
 impl TetsRaster {
@@ -216,27 +225,37 @@ impl TetsRaster {
         check_shade(name, options, target)?;
         let space = LocalSpace::of(scene.mesh()?);
         let knots = scene.knots()?;
-        let table = scene.table(&desc.segments)?;
         let push = space.push(view, &shading_push(scene, &desc, &knots)?)?;
         let ranking = desc.rank_primitives(scene, &scene.mesh_data(), order)?;
 
-        let constants = constants_of(scene, &desc, options, &knots, target)?;
+        let mut shading = Shading::new(scene, &desc.segments, target)?;
+        // A fragment that walks through knots loads them all; between two scalars a table needs no walk.
+        if !ranking.cell_scalars && desc.segments.integrator == Integrator::Integral {
+            shading.optics.knot_walk = 0;
+        }
         let fans = options.has_fans();
         let size = if fans { size_of::<Fan>() } else { size_of::<[[f32; 2]; 4]>() };
         let polygons = buffer(gpu, "polygons", num::wide(size / 4) * u64::from(ranking.count))?;
-        let binding = if fans { BINDING_FANS } else { BINDING_POLYGONS };
-        let shared = shared_resources(scene, &knots, table.as_ref(), &ranking)?;
-        let written = (binding, Resource::Buffer(Arc::clone(&polygons)));
-        let make_polygons = polygon_pass(gpu, name, fans, &ranking, written, &shared, &constants)?;
-
-        let pipeline = draw_pipeline(gpu, &desc, options, &constants)?;
-        let read = [
-            (binding, Resource::ReadOnly(polygons)),
-            (BINDING_ORDER, Resource::ReadOnly(Arc::clone(&ranking.order))),
-        ];
-        let bounds = target.bounds(&knots.buffer);
-        let resources: Vec<_> = shared.into_iter().chain(read).chain(bounds).collect();
-        let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
+        let shaders = Shaders {
+            ranking: &ranking,
+            polygons: &polygons,
+            shading: &shading,
+            space: options.plane == Plane::Space,
+            back_to_front: desc.back_to_front,
+        };
+        let (part, making, drawing) = match (fans, options.shade) {
+            (false, _) => ("outlines", shaders.outlines(), shaders.draw_outlines()),
+            (true, Shade::Fragment) => ("fans", shaders.fans(false), shaders.draw_fans()),
+            (true, Shade::Vertex) => ("fans", shaders.fans(true), shaders.draw_shaded_fans()),
+        };
+        let make_polygons = pass(gpu, &format!("{name}.{part}"), &making)?;
+        let state = GraphicsState {
+            topology: vk::PrimitiveTopology::TRIANGLE_LIST,
+            blend: if desc.back_to_front { Blend::Over } else { Blend::Under },
+            format: Some(FORMAT),
+        };
+        let pipeline = gpu.graphics_pipeline(&format!("{name}.draw"), &drawing, state)?;
+        let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &drawing)?);
         let image = if draws_directly(target, FORMAT, desc.back_to_front) {
             None
         } else {
@@ -251,7 +270,6 @@ impl TetsRaster {
             pipeline,
             descriptors,
             image,
-            table,
             ranker,
             ranked: *view,
             fresh: true,
@@ -307,9 +325,6 @@ impl TetsRaster {
         clear: bool,
         [fans, ranks]: [bool; 2],
     ) {
-        if let Some(table) = &self.table {
-            recorder.assume_ready(&table.image);
-        }
         let push = MeshPush { count: self.ranking.count, ..self.push };
         let groups = groups_of(self.ranking.count, 64);
         self.ranking.record_points(recorder, &push);

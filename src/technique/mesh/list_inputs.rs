@@ -1,0 +1,76 @@
+//! The inputs of passes that resolve lists of fragments.
+
+use std::sync::Arc;
+
+use crate::error::Result;
+use crate::frame::target::Canvas;
+use crate::gpu::shader::{Bounded, HavsSweep, Layers, Optics, Segments};
+use crate::gpu::{Bound, Buffer, Image};
+use crate::resident::GpuScene;
+use crate::resident::tables::SegmentOptions;
+
+/// Binds a shader that resolves lists.
+pub(crate) type ListShader = fn(&ListInputs<'_>) -> Bound;
+
+/// The inputs of passes that shade the segments of a mesh.
+#[derive(Clone, Debug)]
+pub(crate) struct Shading {
+    pub(crate) optics: Optics,
+    pub(crate) segments: Segments,
+    pub(crate) bounded: Bounded,
+    pub(crate) layers: Layers,
+}
+
+impl Shading {
+    /// Collects the inputs for a scene and a target.
+    pub(crate) fn new(scene: &GpuScene, segments: &SegmentOptions, target: &Canvas) -> Result<Self> {
+        let knots = scene.knots()?;
+        Ok(Self {
+            optics: knots.optics(),
+            segments: scene.segments(segments, false)?,
+            bounded: target.bounded(&knots.buffer),
+            layers: target.layered(&knots.buffer),
+        })
+    }
+}
+
+/// What passes over lists read and write; a shader takes its own.
+#[derive(Clone, Debug)]
+pub(crate) struct ListInputs<'a> {
+    pub(crate) shading: &'a Shading,
+    /// Ends of the lists of pixels.
+    pub(crate) cursors: &'a Arc<Buffer>,
+    pub(crate) lists: &'a Arc<Buffer>,
+    pub(crate) status: &'a Arc<Buffer>,
+    pub(crate) flags: &'a Arc<Buffer>,
+    pub(crate) image: &'a Arc<Image>,
+    /// Images that keep the k-buffer between chunks; fewer than four where it needs fewer.
+    pub(crate) kbuffer: &'a [Arc<Image>],
+    pub(crate) cell_scalars: bool,
+    pub(crate) back_to_front: bool,
+    /// Whether the mesh may reach behind the eye.
+    pub(crate) eye_inside: bool,
+    pub(crate) k: u32,
+    /// Whether the k-buffer is loaded from the images, and whether the pass empties it.
+    pub(crate) resume: bool,
+    pub(crate) last_chunk: bool,
+    /// Whether the pass sorts the lists of flagged pixels, and whether overlaps of cells flag them.
+    pub(crate) repair: bool,
+    pub(crate) flagged: bool,
+}
+
+impl ListInputs<'_> {
+    /// Returns an image of the k-buffer; the image of the frame stands in where it has fewer.
+    pub(crate) fn kbuffer(&self, i: usize) -> &Arc<Image> {
+        self.kbuffer.get(i).unwrap_or(self.image)
+    }
+
+    /// Returns the inputs of a sweep through faces.
+    pub(crate) fn sweep(&self) -> HavsSweep {
+        HavsSweep {
+            back_to_front: self.back_to_front,
+            cell_scalars: self.cell_scalars,
+            eye_inside: self.eye_inside,
+        }
+    }
+}
