@@ -1,12 +1,13 @@
-//! Counts the work of a frame by recording it without a command buffer.
+//! Collects the steps of a frame without a command buffer.
 
 use ash::vk;
 
-use crate::gpu::{Counted, Gpu, Recorder, TargetImage};
+use crate::gpu::sync::Use;
+use crate::gpu::{Gpu, Recorder, Step, TargetImage};
 
-/// Counts the work that `record` records, without a command buffer. Its second argument is a placeholder for the caller's target.
-pub(crate) fn dry_run(gpu: &Gpu, record: impl FnOnce(&mut Recorder<'_>, &TargetImage)) -> Counted {
-    // A recorder that counts reads no handle.
+/// Returns the steps that `record` adds. Its second argument is a placeholder for the caller's target.
+pub(crate) fn dry_run(gpu: &Gpu, record: impl FnOnce(&mut Recorder<'_>, &TargetImage)) -> Vec<Step> {
+    // Collecting reads no handle.
     let target = TargetImage {
         image: vk::Image::null(),
         view: vk::ImageView::null(),
@@ -14,7 +15,23 @@ pub(crate) fn dry_run(gpu: &Gpu, record: impl FnOnce(&mut Recorder<'_>, &TargetI
         extent: [0; 2],
         device: gpu.device().handle(),
     };
-    let mut recorder = Recorder::counting(gpu);
+    let mut recorder = Recorder::collecting(gpu);
     record(&mut recorder, &target);
-    recorder.counted()
+    recorder.steps().to_vec()
+}
+
+/// Returns the number of passes, each of which has a timer.
+pub(crate) fn passes(steps: &[Step]) -> u32 {
+    crate::num::count(steps.iter().filter(|step| step.is_pass()).count())
+}
+
+/// Returns the number of dispatches and draws.
+pub(crate) fn draws(steps: &[Step]) -> u32 {
+    steps.iter().map(|step| step.work.draws()).sum()
+}
+
+/// Returns the last use of a resource of a key.
+pub(crate) fn last_use(steps: &[Step], key: (bool, u64)) -> Option<Use> {
+    let uses = steps.iter().flat_map(|step| &step.uses);
+    uses.filter(|(used, _)| used.key() == key).map(|(_, usage)| *usage).last()
 }

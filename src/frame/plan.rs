@@ -4,13 +4,15 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::frame::composite::Composite;
-use crate::frame::dry_run::dry_run;
+use crate::frame::dry_run::{dry_run, last_use, passes};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::ray_bounds::{RayBounds, bounds_buffer};
 use crate::frame::surfaces::{SurfaceFrame, SurfaceLists};
 use crate::frame::target::{Canvas, TargetDesc, TargetMode};
 use crate::gpu::sync::Use;
-use crate::gpu::{CommandBuffer, DepthImage, Gpu, Image, Keep, PassTime, Recorder, TargetImage, Timers};
+use crate::gpu::{
+    Buffer, CommandBuffer, DepthImage, Gpu, Image, Keep, PassTime, Recorder, TargetImage, Timers, Used,
+};
 use crate::resident::surfaces::SurfaceData;
 use crate::scene::View;
 
@@ -67,6 +69,8 @@ pub struct Plan {
     /// Most passes of a frame; each has a timer.
     most_passes: u32,
     target: TargetDesc,
+    /// Last uses of the image and of the overflow words in the last recording.
+    last_uses: [Option<Use>; 2],
     pub(crate) extent: [u32; 2],
     /// Shared with the recording in flight.
     in_flight: Arc<()>,
@@ -183,17 +187,18 @@ impl Plan {
             (Some(image), Some((format, mode))) => Some(Composite::new(gpu, image, format, mode)?),
             _ => None,
         };
-        let technique = dry_run(gpu, |recorder, target| prepared.record_most(recorder, target));
+        let most = passes(&dry_run(gpu, |recorder, target| prepared.record_most(recorder, target)));
         let mut plan = Self {
             gpu: gpu.clone(),
             bounds,
             surfaces,
             timers: None,
-            technique_passes: technique.passes,
-            most_passes: technique.passes,
+            technique_passes: most,
+            most_passes: most,
             prepared,
             composite,
             target: *target,
+            last_uses: [None; 2],
             extent: view.extent(),
             in_flight: Arc::new(()),
         };
@@ -203,7 +208,7 @@ impl Plan {
             }
             plan.record_after(recorder, Some(target));
         });
-        plan.most_passes += shared.passes;
+        plan.most_passes += passes(&shared);
         plan.timers = Timers::new(gpu, plan.most_passes)?;
         Ok(plan)
     }
@@ -277,7 +282,14 @@ impl Plan {
         }
         self.prepared.record(&mut recorder, target, self.target.mode() == TargetMode::Clear);
         self.record_after(&mut recorder, target);
-        let counted = recorder.counted().passes;
+        self.last_uses = [
+            self.final_image()
+                .and_then(|image| last_use(recorder.steps(), Used::Image(Arc::clone(image)).key())),
+            self.prepared
+                .overflow()
+                .and_then(|words| last_use(recorder.steps(), Used::Buffer(Arc::clone(words)).key())),
+        ];
+        let counted = passes(recorder.steps());
         debug_assert!(counted <= self.most_passes, "{counted} passes, {} timers", self.most_passes);
         let (passes, keep) = recorder.finish();
         let held = Held {
@@ -326,12 +338,35 @@ impl Plan {
         Ok(fits)
     }
 
-    /// The image that a frame leaves, and its last use.
-    pub(crate) fn image(&self) -> Option<(&Arc<Image>, Use)> {
+    fn final_image(&self) -> Option<&Arc<Image>> {
         match &self.surfaces {
-            Some(surfaces) => surfaces.image().map(|image| (image, Use::ComputeReadWrite)),
-            None => self.prepared.image().map(|image| (image, self.prepared.last_use())),
+            Some(surfaces) => surfaces.image(),
+            None => self.prepared.image(),
         }
+    }
+
+    /// The image that the last recording leaves, and its last use.
+    pub(crate) fn image(&self) -> Option<(&Arc<Image>, Use)> {
+        self.final_image().zip(self.last_uses[0])
+    }
+
+    /// The words of [`Prepared::overflow`] that the last recording leaves, and their last use.
+    pub(crate) fn overflow(&self) -> Option<(&Arc<Buffer>, Use)> {
+        self.prepared.overflow().zip(self.last_uses[1])
+    }
+
+    /// Returns the steps of a frame of the present view, one line each: the name, the work, and the resources that it reads and
+    /// writes.
+    #[must_use]
+    pub fn steps(&self) -> Vec<String> {
+        let steps = dry_run(&self.gpu, |recorder, target| {
+            if let Some(bounds) = &self.bounds {
+                bounds.record_most(recorder, self.surfaces.as_ref());
+            }
+            self.prepared.record(recorder, Some(target), self.target.mode() == TargetMode::Clear);
+            self.record_after(recorder, Some(target));
+        });
+        steps.iter().filter(|step| step.is_pass()).map(ToString::to_string).collect()
     }
 
     /// The route that the technique takes on this device.

@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::frame::depth_measure::DepthMeasure;
-use crate::gpu::sync::Use;
 use crate::gpu::{Buffer, Image, Recorder, TargetImage};
 use crate::scene::View;
 
@@ -22,8 +21,6 @@ pub(crate) trait Prepared: std::fmt::Debug + Send + Sync {
     fn overflow(&self) -> Option<&Arc<Buffer>> {
         None
     }
-    /// The last use of the image and of those words in a frame.
-    fn last_use(&self) -> Use;
     /// The route by name.
     fn route(&self) -> &'static str;
     /// Counts of work that are known before a frame is drawn.

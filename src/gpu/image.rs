@@ -96,6 +96,7 @@ pub(crate) struct Image {
     allocation: Option<Allocation>,
     reservation: Option<Reservation>,
     desc: ImageDesc,
+    name: String,
 }
 
 impl Image {
@@ -123,6 +124,7 @@ impl Image {
             allocation: None,
             reservation: None,
             desc: *desc,
+            name: name.to_string(),
         };
         gpu.name(raw, name);
         // SAFETY: `raw` was just made from this device.
@@ -152,6 +154,10 @@ impl Image {
             .map_err(|result| gpu.failed("vkCreateImageView", result))?;
         gpu.name(image.view, name);
         Ok(image)
+    }
+
+    pub(crate) fn name(&self) -> &str {
+        &self.name
     }
 
     pub(crate) fn raw(&self) -> vk::Image {

@@ -205,6 +205,7 @@ mod tests {
                     let mut commands = Commands::new(&gpu).unwrap();
                     let mut recorder = Recorder::new(&gpu, commands.begin().unwrap(), None);
                     recorder.clear_buffer("stress", &buffer);
+                    drop(recorder.finish());
                 }
             };
             std::thread::scope(|scope| (0..8).for_each(|_| drop(scope.spawn(record))));

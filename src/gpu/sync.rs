@@ -109,6 +109,11 @@ impl Use {
         }
     }
 
+    /// Returns whether the use samples an image.
+    pub(crate) const fn samples(self) -> bool {
+        matches!(self, Self::FragmentSample | Self::ComputeSample)
+    }
+
     /// Returns whether the use writes.
     pub(crate) const fn writes(self) -> bool {
         matches!(

@@ -21,9 +21,8 @@ impl Timers {
         if gpu.inner.timestamp_bits == 0 {
             return Ok(None);
         }
-        let info = vk::QueryPoolCreateInfo::default()
-            .query_type(vk::QueryType::TIMESTAMP)
-            .query_count(passes + 1);
+        let info =
+            vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(passes + 1);
         // SAFETY: the device is alive and its queue has timestamps.
         let pool = unsafe { gpu.device().create_query_pool(&info, None) }
             .map_err(|result| gpu.failed("vkCreateQueryPool", result))?;
@@ -44,7 +43,8 @@ impl Timers {
         let bits = self.gpu.inner.timestamp_bits;
         let mask = if bits >= 64 { u64::MAX } else { (1 << bits) - 1 };
         let nanoseconds = f64::from(self.gpu.inner.properties.limits.timestamp_period);
-        let ms = |pair: &[u64]| crate::num::f64_of_u64(pair[1].wrapping_sub(pair[0]) & mask) * nanoseconds * 1e-6;
+        let ms =
+            |pair: &[u64]| crate::num::f64_of_u64(pair[1].wrapping_sub(pair[0]) & mask) * nanoseconds * 1e-6;
         Ok(stamps.windows(2).map(ms).collect())
     }
 }

@@ -188,13 +188,15 @@ impl Frames {
     /// Those of [`Frames::read_back`].
     pub fn overflow_map(&mut self) -> Result<Option<Vec<bool>>> {
         let gpu = &self.plan.gpu;
-        let Some(words) = self.plan.prepared.overflow() else { return Ok(None) };
-        if !self.drawn {
-            return Err(Error::invalid("frames", "nothing has been drawn: there is no map of its pixels"));
+        if self.plan.prepared.overflow().is_none() {
+            return Ok(None);
         }
+        let Some((words, last)) = self.plan.overflow().filter(|_| self.drawn) else {
+            return Err(Error::invalid("frames", "nothing has been drawn: there is no map of its pixels"));
+        };
         let host = Arc::new(Buffer::new(gpu, "overflow map", words.size(), BufferUse::Download)?);
         let mut recorder = Recorder::new(gpu, self.commands.begin()?, None);
-        recorder.assume_buffer_after(words, self.plan.prepared.last_use());
+        recorder.assume_buffer_after(words, last);
         recorder.copy_buffer("overflow map", words, &host, host.size());
         recorder.release_to_host(&host);
         let (_, keep) = recorder.finish();

@@ -7,10 +7,9 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::frame::depth_measure::DepthMeasure;
-use crate::frame::dry_run::dry_run;
+use crate::frame::dry_run::{draws, dry_run, passes};
 use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
-use crate::gpu::sync::Use;
 use crate::gpu::{Attachment, Image, Recorder, TargetImage};
 use crate::interface::GridPush;
 use crate::num;
@@ -165,6 +164,7 @@ impl GridFrame {
                     let slab = if i < upwards { cut.first + i } else { count - 1 - i };
                     bytemuck::bytes_of(&GridPush { first: slab, count: 1, order: 0, ..push }).to_vec()
                 });
+                let pushes = pushes.collect();
                 recorder.draw_each(
                     &format!("{name}.draw"),
                     pipeline,
@@ -207,10 +207,10 @@ impl Prepared for GridFrame {
         };
         let volume = &self.samples[place].volume;
         let cut = cut(&self.scene, self.technique.as_ref(), volume, &self.knots, view, axis)?;
-        let passes = dry_run(self.scene.gpu(), |recorder, target| {
+        let steps = dry_run(self.scene.gpu(), |recorder, target| {
             self.record_cut(recorder, &self.samples[place], &cut, Some(target), true);
-        })
-        .passes;
+        });
+        let passes = passes(&steps);
         let fits = passes <= most_passes
             && (passes == 1 || !matches!(self.path, Path::Compute { resume: None, .. }));
         if fits {
@@ -227,14 +227,6 @@ impl Prepared for GridFrame {
         self.image.as_ref()
     }
 
-    fn last_use(&self) -> Use {
-        match self.path {
-            Path::Raster { .. } => Use::ColorAttachment,
-            Path::ShaderBlend { .. } => Use::TransferWrite,
-            Path::Compute { .. } => Use::ComputeReadWrite,
-        }
-    }
-
     fn route(&self) -> &'static str {
         match self.path {
             Path::Raster { .. } | Path::ShaderBlend { .. } => Route::Raster.word(),
@@ -243,8 +235,8 @@ impl Prepared for GridFrame {
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
-        let draws =
-            dry_run(self.scene.gpu(), |recorder, target| self.record(recorder, Some(target), true)).draws;
+        let steps = dry_run(self.scene.gpu(), |recorder, target| self.record(recorder, Some(target), true));
+        let draws = draws(&steps);
         let mut counters =
             vec![("slices", u64::from(self.cut.count)), ("dispatches_or_draws", u64::from(draws))];
         let axis = self.samples.get(self.current).and_then(|samples| samples.axis);

@@ -22,7 +22,6 @@ use crate::frame::target::{Canvas, own_image};
 use crate::gpu::shader::{
     COUNT_BITS, FLAG_OVERLAPS, FLAG_REPAIRED, FLAG_UNSORTED, LIST_WINDOW, STATUS_WORDS, TILE, TILE_PIXELS,
 };
-use crate::gpu::sync::Use;
 use crate::gpu::{Buffer, Gpu, Image, ImageDesc, Recorder, TargetImage};
 use crate::interface::MeshPush;
 use crate::num;
@@ -317,10 +316,6 @@ impl Prepared for MeshFrame {
 
     fn overflow(&self) -> Option<&Arc<Buffer>> {
         Some(&self.flags)
-    }
-
-    fn last_use(&self) -> Use {
-        Use::ComputeReadWrite
     }
 
     fn route(&self) -> &'static str {

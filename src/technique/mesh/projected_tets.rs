@@ -24,7 +24,6 @@ use crate::frame::depth_measure::DepthMeasure;
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::Canvas;
 use crate::gpu::shader::{MOST_TURNS, PROJECTED_TETS_COMPUTE, ProjectedTetsCompute};
-use crate::gpu::sync::Use;
 use crate::gpu::{Bound, Buffer, Image, Recorder, TargetImage};
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
@@ -127,10 +126,6 @@ impl Prepared for Listed {
 
     fn overflow(&self) -> Option<&Arc<Buffer>> {
         self.frame.overflow()
-    }
-
-    fn last_use(&self) -> Use {
-        self.frame.last_use()
     }
 
     fn route(&self) -> &'static str {

@@ -4,9 +4,8 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::frame::depth_measure::DepthMeasure;
-use crate::frame::dry_run::dry_run;
+use crate::frame::dry_run::{draws, dry_run, passes};
 use crate::frame::prepared::Prepared;
-use crate::gpu::sync::Use;
 use crate::gpu::{Attachment, Buffer, Descriptors, Image, Pipeline, Recorder, TargetImage};
 use crate::interface::{BasePlanePush, ShearBoundsPush, WarpPush};
 use crate::num::{self, f32_of};
@@ -96,8 +95,8 @@ impl Prepared for ShearFrame {
                     && texels * TEXEL <= self.intermediate.size()
             }
         };
-        let passes = || dry_run(&gpu, |to, target| self.record_planes(to, &drawn, Some(target), true)).passes;
-        let fits = splits && holds && passes() <= most_passes;
+        let steps = || dry_run(&gpu, |to, target| self.record_planes(to, &drawn, Some(target), true));
+        let fits = splits && holds && passes(&steps()) <= most_passes;
         if fits {
             self.drawn = drawn;
         }
@@ -112,13 +111,6 @@ impl Prepared for ShearFrame {
         self.image.as_ref()
     }
 
-    fn last_use(&self) -> Use {
-        match self.path {
-            Path::Raster { .. } if self.bounded.is_none() => Use::ColorAttachment,
-            _ => Use::ComputeReadWrite,
-        }
-    }
-
     fn route(&self) -> &'static str {
         match self.path {
             Path::Raster { .. } => Route::Raster.word(),
@@ -128,8 +120,8 @@ impl Prepared for ShearFrame {
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
         let drawn = &self.drawn;
-        let draws =
-            dry_run(self.scene.gpu(), |recorder, target| self.record(recorder, Some(target), true)).draws;
+        let steps = dry_run(self.scene.gpu(), |recorder, target| self.record(recorder, Some(target), true));
+        let draws = draws(&steps);
         let texels = |plane: &DrawnPlane| u64::from(plane.push.size[0]) * u64::from(plane.push.size[1]);
         let mut counters = vec![
             ("slices", drawn.planes.iter().map(|plane| u64::from(plane.slabs)).sum()),

@@ -23,7 +23,6 @@ use crate::gpu::shader::{
     SPLAT_SHEETS_AXIS_WIDE, SPLAT_SHEETS_IMAGE, SPLAT_SHEETS_IMAGE_WIDE, STATUS_WORDS, SplatEwa,
     SplatProject, SplatSheetsAxis, SplatSheetsImage, Splats, TILE, TILE_PIXELS,
 };
-use crate::gpu::sync::Use;
 use crate::gpu::{Bound, Buffer, Gpu, Image, Recorder, Sampled, TargetImage};
 use crate::interface::SplatPush;
 use crate::num::{self, f32_of};
@@ -307,10 +306,6 @@ impl Prepared for SplatFrame {
 
     fn image(&self) -> Option<&Arc<Image>> {
         Some(&self.image)
-    }
-
-    fn last_use(&self) -> Use {
-        Use::ComputeReadWrite
     }
 
     fn route(&self) -> &'static str {

@@ -26,7 +26,6 @@ use crate::gpu::shader::{
     HavsRasterEmpty, HavsRasterInterlock, HavsRasterVertex, STATUS_NAN_KEYS, STATUS_OVERFLOW_PIXELS,
     STATUS_WORDS, TILE, TILE_PIXELS,
 };
-use crate::gpu::sync::Use;
 use crate::gpu::{
     Blend, Bound, Buffer, Descriptors, Gpu, GraphicsState, Image, ImageDesc, OptionalFeature, Pipeline,
     Recorder, TargetImage,
@@ -333,10 +332,6 @@ impl Prepared for RasterFrame {
         Some(&self.image)
     }
 
-    fn last_use(&self) -> Use {
-        Use::ComputeReadWrite
-    }
-
     fn route(&self) -> &'static str {
         self.route.word()
     }
@@ -359,7 +354,7 @@ impl Prepared for RasterFrame {
             pipeline.name(),
             pipeline,
             descriptors,
-            std::iter::once(bytemuck::bytes_of(&push)),
+            vec![bytemuck::bytes_of(&push).to_vec()],
             self.extent,
             3 * self.ranking.count,
         );

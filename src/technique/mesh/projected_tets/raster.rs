@@ -19,7 +19,6 @@ use crate::gpu::shader::{
     TET_FANS_BUILD, TET_FANS_FRAGMENT, TET_FANS_SHADED_FRAGMENT, TET_FANS_SHADED_VERTEX, TET_FANS_VERTEX,
     TetFansBuild, TetFansFragment, TetFansShadedFragment, TetFansShadedVertex, TetFansVertex,
 };
-use crate::gpu::sync::Use;
 use crate::gpu::{
     Attachment, Blend, Bound, Buffer, Descriptors, GraphicsState, Image, Pipeline, Recorder, TargetImage,
 };
@@ -377,10 +376,6 @@ impl Prepared for TetsRaster {
 
     fn image(&self) -> Option<&Arc<Image>> {
         self.image.as_ref()
-    }
-
-    fn last_use(&self) -> Use {
-        Use::ColorAttachment
     }
 
     fn route(&self) -> &'static str {

@@ -1,0 +1,170 @@
+//! The Vulkan commands of each kind of work.
+
+use ash::vk;
+
+use super::descriptors::Descriptors;
+use super::device::Gpu;
+use super::image::{Image, whole};
+use super::pipeline::Pipeline;
+use super::steps::{Attachment, Work};
+
+impl Gpu {
+    /// Records the commands of a step into a command buffer that is recording, outside of rendering, after the step's barriers.
+    /// `between` records these again, between draws of which each sees the writes of the one before.
+    pub(super) fn issue(&self, raw: vk::CommandBuffer, work: &Work, mut between: impl FnMut()) {
+        let device = self.device();
+        match work {
+            Work::Dispatch { pipeline, descriptors, push, groups: [x, y, z] } => {
+                self.bind(raw, pipeline, descriptors, push);
+                // SAFETY: a compute pipeline with its descriptors and push constants is bound; barriers order the accesses.
+                unsafe { device.cmd_dispatch(raw, *x, *y, *z) };
+            }
+            Work::Draw { pipeline, descriptors, push, target, clear, vertices, instances } => {
+                self.begin_rendering(raw, target.extent(), Some((target, *clear)));
+                self.bind(raw, pipeline, descriptors, push);
+                // SAFETY: a graphics pipeline for this attachment's format is bound with its descriptors and push constants.
+                unsafe { device.cmd_draw(raw, *vertices, *instances, 0, 0) };
+                // SAFETY: rendering was begun above.
+                unsafe { device.cmd_end_rendering(raw) };
+            }
+            Work::DrawEach { pipeline, descriptors, pushes, extent, vertices } => {
+                for (i, push) in pushes.iter().enumerate() {
+                    if i > 0 {
+                        between();
+                    }
+                    self.begin_rendering(raw, *extent, None);
+                    self.bind(raw, pipeline, descriptors, push);
+                    // SAFETY: a graphics pipeline without attachments is bound with its descriptors and push constants.
+                    unsafe { device.cmd_draw(raw, *vertices, 1, 0, 0) };
+                    // SAFETY: rendering was begun above.
+                    unsafe { device.cmd_end_rendering(raw) };
+                }
+            }
+            _ => self.issue_transfer(raw, work),
+        }
+    }
+
+    /// Records a fill or a copy.
+    fn issue_transfer(&self, raw: vk::CommandBuffer, work: &Work) {
+        let device = self.device();
+        match work {
+            Work::ClearBuffer(buffer) => {
+                // SAFETY: recording, outside of rendering; `WHOLE_SIZE` rounds the size down to a multiple of 4.
+                unsafe { device.cmd_fill_buffer(raw, buffer.raw(), 0, vk::WHOLE_SIZE, 0) };
+            }
+            Work::ClearImage(image, colour) => {
+                let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
+                let colour = vk::ClearColorValue { float32: *colour };
+                let all = [whole(vk::ImageAspectFlags::COLOR)];
+                // SAFETY: recording, outside of rendering; a colour image in this layout by the step's barrier.
+                unsafe { device.cmd_clear_color_image(raw, image.raw(), layout, &colour, &all) };
+            }
+            Work::CopyBuffer { from, to, bytes } => {
+                let region = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: *bytes };
+                // SAFETY: both buffers hold at least `bytes`; barriers order the accesses.
+                unsafe { device.cmd_copy_buffer(raw, from.raw(), to.raw(), &[region]) };
+            }
+            Work::CopyImageToBuffer { image, buffer } => {
+                let (layout, region) = (vk::ImageLayout::TRANSFER_SRC_OPTIMAL, image_region(image));
+                // SAFETY: the buffer was made with the size of the image; barriers order layouts and accesses.
+                unsafe {
+                    device.cmd_copy_image_to_buffer(raw, image.raw(), layout, buffer.raw(), &[region]);
+                }
+            }
+            Work::CopyBufferToImage { buffer, image, level, planes: [first, count] } => {
+                let mut region = image_region(image);
+                let [width, height, _] = image.desc().level_extent(*level);
+                region.image_subresource.mip_level = *level;
+                if image.desc().volume {
+                    region.image_offset.z = i32::try_from(*first).unwrap_or(i32::MAX);
+                    region.image_extent = vk::Extent3D { width, height, depth: *count };
+                } else {
+                    region.image_subresource.base_array_layer = *first;
+                    region.image_subresource.layer_count = *count;
+                    region.image_extent = vk::Extent3D { width, height, depth: 1 };
+                }
+                let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
+                // SAFETY: the buffer holds `count` planes of the level; barriers order layouts and accesses.
+                unsafe {
+                    device.cmd_copy_buffer_to_image(raw, buffer.raw(), image.raw(), layout, &[region]);
+                }
+            }
+            Work::Dispatch { .. } | Work::Draw { .. } | Work::DrawEach { .. } | Work::Leave => {}
+        }
+    }
+
+    /// Binds a pipeline with its descriptors and push constants.
+    fn bind(&self, raw: vk::CommandBuffer, pipeline: &Pipeline, descriptors: &Descriptors, push: &[u8]) {
+        debug_assert_eq!(
+            crate::num::count(push.len()),
+            pipeline.push_bytes(),
+            "push constants of {}",
+            pipeline.name()
+        );
+        let (device, point) = (self.device(), pipeline.bind_point());
+        // SAFETY: the pipeline lives as long as the device.
+        unsafe { device.cmd_bind_pipeline(raw, point, pipeline.raw()) };
+        // SAFETY: the set was made for this pipeline's layout and is kept until the submission has ended.
+        unsafe {
+            device.cmd_bind_descriptor_sets(raw, point, pipeline.layout(), 0, &[descriptors.set()], &[])
+        };
+        if !push.is_empty() {
+            // SAFETY: the layout's one range starts at 0 and has this size.
+            unsafe { device.cmd_push_constants(raw, pipeline.layout(), pipeline.stages(), 0, push) };
+        }
+    }
+
+    /// Begins rendering of a whole extent, into an attachment if there is one, which is cleared if the flag says so.
+    fn begin_rendering(
+        &self,
+        raw: vk::CommandBuffer,
+        [width, height]: [u32; 2],
+        target: Option<(&Attachment, bool)>,
+    ) {
+        let device = self.device();
+        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
+        let viewport = vk::Viewport {
+            width: pixels(width),
+            height: pixels(height),
+            max_depth: 1.0,
+            ..vk::Viewport::default()
+        };
+        // SAFETY: recording; every pipeline's viewport is dynamic.
+        unsafe { device.cmd_set_viewport(raw, 0, &[viewport]) };
+        // SAFETY: recording; every pipeline's scissor is dynamic.
+        unsafe { device.cmd_set_scissor(raw, 0, &[area]) };
+        let attachment = |(target, clear): (&Attachment, bool)| {
+            vk::RenderingAttachmentInfo::default()
+                .image_view(target.view())
+                .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+                .load_op(if clear { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD })
+                .store_op(vk::AttachmentStoreOp::STORE)
+        };
+        let attachments: Vec<_> = target.map(attachment).into_iter().collect();
+        let info =
+            vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&attachments);
+        // SAFETY: recording, outside of rendering; the attachment is in its layout by the step's barrier or by the caller's contract.
+        unsafe { device.cmd_begin_rendering(raw, &info) };
+    }
+}
+
+/// Converts an image side for the viewport; exact, since sides are below 2^24.
+#[expect(clippy::cast_precision_loss, reason = "image sides are at most 32768")]
+fn pixels(side: u32) -> f32 {
+    side as f32
+}
+
+/// Returns the region of a whole image.
+fn image_region(image: &Image) -> vk::BufferImageCopy {
+    let [width, height, depth] = image.desc().extent;
+    vk::BufferImageCopy {
+        image_subresource: vk::ImageSubresourceLayers {
+            aspect_mask: vk::ImageAspectFlags::COLOR,
+            mip_level: 0,
+            base_array_layer: 0,
+            layer_count: image.desc().layers,
+        },
+        image_extent: vk::Extent3D { width, height, depth },
+        ..Default::default()
+    }
+}

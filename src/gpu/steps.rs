@@ -1,0 +1,214 @@
+//! The steps of a recording as data: named passes with the resources that they use. Barriers, timestamps, the number of passes and
+//! the recording itself follow from the list, and it can be printed.
+
+use std::fmt;
+use std::sync::Arc;
+
+use ash::vk;
+use ash::vk::Handle as _;
+
+use super::buffer::Buffer;
+use super::descriptors::Descriptors;
+use super::external::TargetImage;
+use super::image::Image;
+use super::inputs::Resource;
+use super::pipeline::Pipeline;
+use super::sync::Use;
+
+/// A resource that a step uses.
+#[derive(Clone, Debug)]
+pub(crate) enum Used {
+    Buffer(Arc<Buffer>),
+    Image(Arc<Image>),
+    /// The colour image of the caller.
+    Target(TargetImage),
+}
+
+impl Used {
+    /// Returns the name of the resource.
+    pub(crate) fn name(&self) -> &str {
+        match self {
+            Self::Buffer(buffer) => buffer.name(),
+            Self::Image(image) => image.name(),
+            Self::Target(_) => "target",
+        }
+    }
+
+    /// Returns the kind of handle, image or not, and the handle.
+    pub(crate) fn key(&self) -> (bool, u64) {
+        match self {
+            Self::Buffer(buffer) => (false, buffer.raw().as_raw()),
+            Self::Image(image) => (true, image.raw().as_raw()),
+            Self::Target(target) => (true, target.image.as_raw()),
+        }
+    }
+}
+
+/// The target of a raster pass.
+#[derive(Clone, Debug)]
+pub(crate) enum Attachment {
+    /// An image of this crate.
+    Own(Arc<Image>),
+    /// An image of the caller.
+    Caller(TargetImage),
+}
+
+impl Attachment {
+    pub(super) fn view(&self) -> vk::ImageView {
+        match self {
+            Self::Own(image) => image.view(),
+            Self::Caller(target) => target.view,
+        }
+    }
+
+    pub(super) fn extent(&self) -> [u32; 2] {
+        match self {
+            Self::Own(image) => [image.desc().extent[0], image.desc().extent[1]],
+            Self::Caller(target) => target.extent,
+        }
+    }
+}
+
+/// The work of a step.
+#[derive(Clone, Debug)]
+pub(crate) enum Work {
+    /// One dispatch.
+    Dispatch { pipeline: Arc<Pipeline>, descriptors: Arc<Descriptors>, push: Vec<u8>, groups: [u32; 3] },
+    /// One draw into the whole of a colour attachment, cleared to transparent black first with `clear`.
+    Draw {
+        pipeline: Arc<Pipeline>,
+        descriptors: Arc<Descriptors>,
+        push: Vec<u8>,
+        target: Attachment,
+        clear: bool,
+        vertices: u32,
+        instances: u32,
+    },
+    /// Draws without attachments, one for each of `pushes`: shaders write bound resources, and each draw sees the writes of the one
+    /// before.
+    DrawEach {
+        pipeline: Arc<Pipeline>,
+        descriptors: Arc<Descriptors>,
+        pushes: Vec<Vec<u8>>,
+        extent: [u32; 2],
+        vertices: u32,
+    },
+    /// Fills a buffer with zeros.
+    ClearBuffer(Arc<Buffer>),
+    /// Fills an image with one colour.
+    ClearImage(Arc<Image>, [f32; 4]),
+    /// Copies the first bytes of a buffer to the start of another.
+    CopyBuffer { from: Arc<Buffer>, to: Arc<Buffer>, bytes: u64 },
+    /// Copies a whole image to the start of a buffer.
+    CopyImageToBuffer { image: Arc<Image>, buffer: Arc<Buffer> },
+    /// Copies the start of a buffer to planes or layers `[first, count]` of a mip level of an image.
+    CopyBufferToImage { buffer: Arc<Buffer>, image: Arc<Image>, level: u32, planes: [u32; 2] },
+    /// Only makes the resources ready for their uses, also for later recordings. This is no pass.
+    Leave,
+}
+
+impl Work {
+    /// Returns the number of dispatches and draws.
+    pub(crate) fn draws(&self) -> u32 {
+        match self {
+            Self::Dispatch { .. } | Self::Draw { .. } => 1,
+            Self::DrawEach { pushes, .. } => crate::num::count(pushes.len()),
+            _ => 0,
+        }
+    }
+}
+
+/// A step of a recording.
+#[derive(Clone, Debug)]
+pub(crate) struct Step {
+    pub(crate) name: String,
+    pub(crate) work: Work,
+    /// Resources with their uses, in the order of their barriers.
+    pub(crate) uses: Vec<(Used, Use)>,
+}
+
+impl Step {
+    pub(super) fn new(name: &str, work: Work) -> Self {
+        let mut step = Self { name: name.to_string(), work, uses: Vec::new() };
+        step.uses = step.resources();
+        step
+    }
+
+    /// Returns whether the step is a pass, which has a timestamp.
+    pub(crate) fn is_pass(&self) -> bool {
+        !matches!(self.work, Work::Leave)
+    }
+
+    fn resources(&self) -> Vec<(Used, Use)> {
+        let buffer = |buffer: &Arc<Buffer>, usage| (Used::Buffer(Arc::clone(buffer)), usage);
+        let image = |image: &Arc<Image>, usage| (Used::Image(Arc::clone(image)), usage);
+        match &self.work {
+            Work::Dispatch { descriptors, .. } => bound(descriptors, true),
+            Work::DrawEach { descriptors, .. } => bound(descriptors, false),
+            Work::Draw { descriptors, target, .. } => {
+                let mut uses = bound(descriptors, false);
+                uses.push(match target {
+                    Attachment::Own(own) => image(own, Use::ColorAttachment),
+                    Attachment::Caller(target) => (Used::Target(*target), Use::ColorAttachment),
+                });
+                uses
+            }
+            Work::ClearBuffer(cleared) => vec![buffer(cleared, Use::TransferWrite)],
+            Work::ClearImage(cleared, _) => vec![image(cleared, Use::TransferWrite)],
+            Work::CopyBuffer { from, to, .. } => {
+                vec![buffer(from, Use::TransferRead), buffer(to, Use::TransferWrite)]
+            }
+            Work::CopyImageToBuffer { image: from, buffer: to } => {
+                vec![image(from, Use::TransferRead), buffer(to, Use::TransferWrite)]
+            }
+            Work::CopyBufferToImage { buffer: from, image: to, .. } => {
+                vec![buffer(from, Use::TransferRead), image(to, Use::TransferWrite)]
+            }
+            Work::Leave => Vec::new(),
+        }
+    }
+}
+
+/// Returns the resources of a descriptor set with their uses by a compute or a graphics pipeline.
+fn bound(descriptors: &Descriptors, compute: bool) -> Vec<(Used, Use)> {
+    let used = |(resource, usage): (&Resource, Use)| {
+        let used = match resource {
+            Resource::Read(buffer) | Resource::Write(buffer) => Used::Buffer(Arc::clone(buffer)),
+            Resource::Sampled(image, _) | Resource::Stored(image) => Used::Image(Arc::clone(image)),
+            Resource::External => return None,
+        };
+        Some((used, usage))
+    };
+    descriptors.uses(compute).filter_map(used).collect()
+}
+
+/// Shows a step in one line: its name, its work, and the resources that it reads and writes.
+impl fmt::Display for Step {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: ", self.name)?;
+        match &self.work {
+            Work::Dispatch { groups: [x, y, z], .. } => write!(f, "{x} x {y} x {z} workgroups")?,
+            Work::Draw { vertices, instances, .. } => write!(f, "{instances} x {vertices} vertices")?,
+            Work::DrawEach { pushes, vertices, .. } => {
+                write!(f, "{} draws of {vertices} vertices", pushes.len())?
+            }
+            Work::ClearBuffer(_) | Work::ClearImage(..) => write!(f, "clear")?,
+            Work::CopyBuffer { .. } | Work::CopyImageToBuffer { .. } | Work::CopyBufferToImage { .. } => {
+                write!(f, "copy")?;
+            }
+            Work::Leave => write!(f, "leave")?,
+        }
+        for (what, writes) in [("reads", false), ("writes", true)] {
+            let mut names: Vec<&str> = Vec::new();
+            for (used, _) in self.uses.iter().filter(|(_, usage)| usage.writes() == writes) {
+                if !names.contains(&used.name()) {
+                    names.push(used.name());
+                }
+            }
+            if !names.is_empty() {
+                write!(f, "; {what} {}", names.join(", "))?;
+            }
+        }
+        Ok(())
+    }
+}
