@@ -1,6 +1,7 @@
 //! Numbers and names as text, and how messages show them.
 
 use std::io::ErrorKind;
+use std::path::Path;
 use std::str::FromStr;
 
 use crate::error::{Error, Result};
@@ -19,6 +20,16 @@ pub(crate) fn stream_error(source: &Source, error: std::io::Error) -> Error {
         ErrorKind::UnexpectedEof => source.error("data", "ends too early"),
         ErrorKind::OutOfMemory => source.error("data", "memory is full"),
         _ => source.io_error(error),
+    }
+}
+
+impl Error {
+    /// Turns an error about a value into one about a place in a file.
+    pub(crate) fn at_place(self, path: &Path, place: &str) -> Self {
+        match self {
+            Self::Invalid { why, .. } => Self::file(path, place, why),
+            other => other,
+        }
     }
 }
 
