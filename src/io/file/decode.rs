@@ -71,26 +71,17 @@ pub(crate) fn append(
 ) -> std::io::Result<()> {
     samples.reserve(count).map_err(|_| ErrorKind::OutOfMemory)?;
     let Layout { kind, endian, components, pick, .. } = *layout;
-    /// Selects the conversion for the byte order.
-    macro_rules! order {
-        ($type:ty) => {
-            match endian {
-                Endian::Little => <$type>::from_le_bytes,
-                Endian::Big => <$type>::from_be_bytes,
-            }
-        };
-    }
     /// Appends to a list of the file's own type.
     macro_rules! kept {
-        ($type:ty, $list:expr, $at:expr) => {
-            convert(reader, count, components, order!($type), |tuple| tuple[$at], $list)
-        };
+        ($type:ty, $list:expr, $at:expr) => {{
+            let number = |bytes| <$type>::from_le_bytes(endian.to_little(bytes));
+            convert(reader, count, components, number, |tuple| tuple[$at], $list)
+        }};
     }
     /// Appends the nearest 32-bit floats.
     macro_rules! narrowed {
         ($type:ty, $list:expr) => {{
-            let number = order!($type);
-            let wide = move |bytes| number(bytes) as f64;
+            let wide = |bytes| <$type>::from_le_bytes(endian.to_little(bytes)) as f64;
             match pick {
                 Pick::Component(at) => {
                     convert(reader, count, components, wide, |tuple| num::f32_of(tuple[at]), $list)
@@ -140,11 +131,8 @@ pub(crate) fn append_f64(
     values.try_reserve_exact(count).map_err(|_| ErrorKind::OutOfMemory)?;
     macro_rules! wide {
         ($type:ty) => {{
-            let number = match endian {
-                Endian::Little => <$type>::from_le_bytes,
-                Endian::Big => <$type>::from_be_bytes,
-            };
-            convert(reader, count, 1, move |bytes| number(bytes) as f64, |tuple| tuple[0], values)
+            let number = |bytes| <$type>::from_le_bytes(endian.to_little(bytes)) as f64;
+            convert(reader, count, 1, number, |tuple| tuple[0], values)
         }};
     }
     match kind {
@@ -177,10 +165,7 @@ pub(crate) fn append_indices(
     let mut wrong = None;
     macro_rules! whole {
         ($type:ty) => {{
-            let number = match endian {
-                Endian::Little => <$type>::from_le_bytes,
-                Endian::Big => <$type>::from_be_bytes,
-            };
+            let number = |bytes| <$type>::from_le_bytes(endian.to_little(bytes));
             let mut index = |tuple: &[$type]| {
                 u32::try_from(tuple[0]).ok().filter(|&i| i < u32::MAX).unwrap_or_else(|| {
                     wrong.get_or_insert_with(|| tuple[0].to_string());

@@ -114,6 +114,14 @@ impl Endian {
             Self::Big => bytes.iter().fold(0, add),
         }
     }
+
+    /// Returns the bytes of a number in this order as little-endian bytes.
+    pub(crate) fn to_little<const N: usize>(self, mut bytes: [u8; N]) -> [u8; N] {
+        if self == Self::Big {
+            bytes.reverse();
+        }
+        bytes
+    }
 }
 
 /// The part of each tuple that is read.

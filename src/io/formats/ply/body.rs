@@ -168,10 +168,7 @@ fn decode(bytes: &[u8], kind: SampleType, endian: Endian) -> f64 {
     macro_rules! number {
         ($type:ty) => {{
             let bytes = bytes.first_chunk().copied().unwrap_or_default();
-            match endian {
-                Endian::Little => <$type>::from_le_bytes(bytes) as f64,
-                Endian::Big => <$type>::from_be_bytes(bytes) as f64,
-            }
+            <$type>::from_le_bytes(endian.to_little(bytes)) as f64
         }};
     }
     match kind {
