@@ -3,7 +3,7 @@
 use std::collections::TryReserveError;
 use std::io::{ErrorKind, Read};
 
-use crate::io::file::sample_type::{Endian, Pick, SampleType};
+use crate::io::file::sample_type::{Endian, Pick, SampleType, by_type};
 use crate::num;
 use crate::scene::Samples;
 
@@ -98,18 +98,7 @@ pub(crate) fn append(
         (Samples::U16(v), SampleType::U16, Pick::Component(at)) => kept!(u16, v, at),
         (Samples::I16(v), SampleType::I16, Pick::Component(at)) => kept!(i16, v, at),
         (Samples::F32(v), SampleType::F32, Pick::Component(at)) => kept!(f32, v, at),
-        (Samples::F32(v), kind, _) => match kind {
-            SampleType::U8 => narrowed!(u8, v),
-            SampleType::I8 => narrowed!(i8, v),
-            SampleType::U16 => narrowed!(u16, v),
-            SampleType::I16 => narrowed!(i16, v),
-            SampleType::U32 => narrowed!(u32, v),
-            SampleType::I32 => narrowed!(i32, v),
-            SampleType::U64 => narrowed!(u64, v),
-            SampleType::I64 => narrowed!(i64, v),
-            SampleType::F32 => narrowed!(f32, v),
-            SampleType::F64 => narrowed!(f64, v),
-        },
+        (Samples::F32(v), kind, _) => by_type!(kind, narrowed, v),
         // The list has been started with another type.
         _ => Err(ErrorKind::Unsupported.into()),
     }
@@ -135,18 +124,7 @@ pub(crate) fn append_f64(
             convert(reader, count, 1, number, |tuple| tuple[0], values)
         }};
     }
-    match kind {
-        SampleType::U8 => wide!(u8),
-        SampleType::I8 => wide!(i8),
-        SampleType::U16 => wide!(u16),
-        SampleType::I16 => wide!(i16),
-        SampleType::U32 => wide!(u32),
-        SampleType::I32 => wide!(i32),
-        SampleType::U64 => wide!(u64),
-        SampleType::I64 => wide!(i64),
-        SampleType::F32 => wide!(f32),
-        SampleType::F64 => wide!(f64),
-    }
+    by_type!(kind, wide)
 }
 
 /// Reads `count` whole numbers from 0 to 2^32 - 2 and appends them: indices, offsets and types.
