@@ -16,6 +16,7 @@ use crate::resident::splats::records::Records;
 use crate::resident::splats::scattered::scattered;
 use crate::resident::splats::sizes::{median_sigma, sigmas, smallest_spacing};
 use crate::resident::splats::space::{Shape, Space};
+use crate::scene::grid::box_corners;
 use crate::scene::{Data, Grid, Kernel, KernelSize, Kernels, Model, Points, Scene, TransferFunction};
 
 /// Capacities that frames of a scene have needed.
@@ -72,11 +73,7 @@ impl SplatSet {
         let to_world = grid.index_to_world() * sigma;
         // Kernels of voxels on the boundary reach beyond the domain.
         let beyond = last * 0.5 + reach;
-        let corner = |i: usize| {
-            let sign = |bit: usize| if i & bit == 0 { -1.0 } else { 1.0 };
-            grid.index_to_world() * (beyond * DVec3::new(sign(1), sign(2), sign(4)))
-        };
-        let corners: [DVec3; 8] = std::array::from_fn(corner);
+        let corners = box_corners([-beyond, beyond]).map(|corner| grid.index_to_world() * corner);
         let space = Space {
             centre: grid.centre(),
             unit: corners.iter().map(|corner| corner.length()).fold(f64::MIN_POSITIVE, f64::max),
@@ -117,15 +114,11 @@ impl SplatSet {
         let reach = in_sigmas * sigmas(points).fold(0.0, f64::max);
         let half = half + reach;
         let unit = half.length().max(f64::MIN_POSITIVE);
-        let corner = |i: usize| {
-            let sign = |bit: usize| if i & bit == 0 { -1.0 } else { 1.0 };
-            half * DVec3::new(sign(1), sign(2), sign(4))
-        };
         let space = Space {
             centre: low + (half - reach),
             unit,
             to_world: DMat3::from_diagonal(DVec3::splat(unit)),
-            corners: std::array::from_fn(corner),
+            corners: box_corners([-half, half]),
             domain: DVec3::INFINITY,
             layer: step / unit,
             middles: [0.25; 3],
