@@ -6,20 +6,17 @@ use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Gpu, Image};
 use crate::num::f32_of;
 use crate::resident::bricks::BrickRanges;
+use crate::resident::cache::Cache;
 use crate::resident::clock::{Clock, UploadTimes};
-use crate::resident::mesh::{DrawnPrimitives, MeshData, Primitives, drawn_cells_buffer, drawn_faces_buffer};
+use crate::resident::mesh::{DrawnPrimitives, MeshData, Primitives};
 use crate::resident::splats::{SplatNeeds, SplatSet};
 use crate::resident::surfaces::SurfaceData;
-use crate::resident::tables::{Integrator, Knots, SegmentOptions, Table, Tables};
-use crate::resident::visible_scalars::nonzero_ranges;
-use crate::resident::volume::{Form, Layout, Volume, Volumes};
+use crate::resident::tables::{Integrator, Knots, SegmentOptions, Table};
+use crate::resident::volume::{Form, Layout, Volume};
 use crate::scene::grid::diagonal;
-use crate::scene::{Grid, Kernels, Samples, Scene, Surface, TetScalars, Tets, TransferFunction};
-
-/// Copies the contents of a place, for another scene.
-fn copied<T: Clone>(place: &Mutex<T>) -> Mutex<T> {
-    Mutex::new(place.lock().unwrap_or_else(PoisonError::into_inner).clone())
-}
+use crate::scene::{
+    Grid, Kernel, Kernels, Model, Samples, Scene, Surface, TetScalars, Tets, TransferFunction,
+};
 
 /// A scene with its data on the device.
 ///
@@ -29,32 +26,42 @@ fn copied<T: Clone>(place: &Mutex<T>) -> Mutex<T> {
 pub struct GpuScene {
     gpu: Gpu,
     scene: Scene,
-    data: Arc<GridData>,
+    grid: GridData,
     mesh: Arc<MeshData>,
-    primitives: Mutex<Vec<(Choice, DrawnPrimitives)>>,
-    tables: Arc<Tables>,
-    bricks: Mutex<Vec<(f32, Arc<Buffer>)>>,
-    splats: Mutex<Vec<(SplatChoice, Arc<SplatSet>)>>,
+    tables: Tables,
+    visible: VisibleData,
     /// Capacities that frames of splats have needed so far.
     pub(crate) splat_needs: Mutex<SplatNeeds>,
-    surfaces: SurfacePlace,
+    /// Surfaces; `None` where no triangle has an area.
+    surfaces: Cache<(), Option<Arc<SurfaceData>>>,
     clock: Clock,
 }
 
-/// Surfaces on the device: `None` before they are first asked for, `Some(None)` where no triangle has an area.
-type SurfacePlace = Arc<Mutex<Option<Option<Arc<SurfaceData>>>>>;
-
-/// Faces or cells; with a margin only those of visible cells.
-type Choice = (Primitives, Option<f32>);
-
-/// Kernels, and the largest thickness of sheets, in steps of the data.
-type SplatChoice = (Kernels, f64);
-
-/// Data that depends only on the grid; scenes that differ in the transfer function share it.
-#[derive(Debug, Default)]
+/// Data that depends on the grid alone.
+#[derive(Clone, Debug, Default)]
 struct GridData {
-    volumes: Volumes,
-    ranges: BrickRanges,
+    volumes: Cache<Form, Arc<Volume>>,
+    ranges: Cache<(), BrickRanges>,
+}
+
+/// Data that depends on the transfer function and the longest segment.
+#[derive(Clone, Debug, Default)]
+struct Tables {
+    /// One texel, for the binding of shaders that read no table.
+    no_table: Cache<(), Arc<Image>>,
+    knots: Cache<(), Arc<Knots>>,
+    tables: Cache<SegmentOptions, Option<Arc<Table>>>,
+}
+
+/// Data that depends on both the data and the transfer function. The bits of floats are keys.
+#[derive(Clone, Debug, Default)]
+struct VisibleData {
+    /// Visible bricks, by margin.
+    bricks: Cache<u32, Arc<Buffer>>,
+    /// Faces or cells that are drawn; with a margin only those of visible cells.
+    primitives: Cache<(Primitives, Option<u32>), DrawnPrimitives>,
+    /// Visible kernels, by kernel and the largest thickness of sheets in steps of the data.
+    splats: Cache<(Kernel, Model, [u64; 4]), Arc<SplatSet>>,
 }
 
 impl GpuScene {
@@ -68,14 +75,12 @@ impl GpuScene {
         Self {
             gpu: gpu.clone(),
             scene,
-            data: Arc::default(),
+            grid: GridData::default(),
             mesh: Arc::default(),
-            primitives: Mutex::default(),
-            tables: Arc::default(),
-            bricks: Mutex::default(),
-            splats: Mutex::default(),
+            tables: Tables::default(),
+            visible: VisibleData::default(),
             splat_needs: Mutex::default(),
-            surfaces: Arc::default(),
+            surfaces: Cache::default(),
             clock: Clock::default(),
         }
     }
@@ -87,16 +92,16 @@ impl GpuScene {
     pub fn with_transfer(&self, transfer: TransferFunction) -> Arc<Self> {
         // Infinite samples were uploaded as the ends of the old transfer function.
         let shared = self.scene.grid().is_none_or(|grid| grid.infinite_count() == 0);
-        let data = if shared { Arc::clone(&self.data) } else { Arc::default() };
+        let grid = if shared { self.grid.clone() } else { GridData::default() };
         let finite = |mesh: &Tets| mesh.scalars().values().iter().all(|s| !s.is_infinite());
         let mesh = if self.scene.mesh().is_none_or(finite) {
             Arc::clone(&self.mesh)
         } else {
-            Arc::new(MeshData::with_shape(&self.mesh.shape))
+            Arc::new(self.mesh.with_other_scalars())
         };
         let scene = Scene { transfer, ..self.scene.clone() };
-        let surfaces = Arc::clone(&self.surfaces);
-        Arc::new(Self { data, mesh, surfaces, ..Self::unshared(&self.gpu, scene) })
+        let surfaces = self.surfaces.clone();
+        Arc::new(Self { grid, mesh, surfaces, ..Self::unshared(&self.gpu, scene) })
     }
 
     /// Returns the same mesh with other scalars and their transfer function. Points and topology on the device are
@@ -107,10 +112,10 @@ impl GpuScene {
     /// [`Error::Invalid`] if the scene holds no mesh, or as [`Tets::with_scalars`].
     pub fn with_scalars(&self, scalars: TetScalars, transfer: TransferFunction) -> Result<Arc<Self>> {
         let mesh = self.mesh()?.clone().with_scalars(scalars)?;
-        let mesh_data = Arc::new(MeshData::with_shape(&self.mesh.shape));
         let scene = Scene { data: mesh.into(), transfer, ..self.scene.clone() };
-        let surfaces = Arc::clone(&self.surfaces);
-        Ok(Arc::new(Self { mesh: mesh_data, surfaces, ..Self::unshared(&self.gpu, scene) }))
+        let mesh = Arc::new(self.mesh.with_other_scalars());
+        let surfaces = self.surfaces.clone();
+        Ok(Arc::new(Self { mesh, surfaces, ..Self::unshared(&self.gpu, scene) }))
     }
 
     /// Returns the same grid with other samples of any type, such as the next step of a time series; uploads nothing
@@ -125,11 +130,8 @@ impl GpuScene {
     pub fn with_samples(&self, samples: Samples) -> Result<Arc<Self>> {
         let grid = self.grid()?.with_samples(samples)?;
         let scene = Scene { data: grid.into(), ..self.scene.clone() };
-        Ok(Arc::new(Self {
-            tables: Arc::clone(&self.tables),
-            surfaces: Arc::clone(&self.surfaces),
-            ..Self::unshared(&self.gpu, scene)
-        }))
+        let (tables, surfaces) = (self.tables.clone(), self.surfaces.clone());
+        Ok(Arc::new(Self { tables, surfaces, ..Self::unshared(&self.gpu, scene) }))
     }
 
     /// Returns the same scene with other surfaces, such as surfaces that move. All other data on the device is shared;
@@ -137,13 +139,11 @@ impl GpuScene {
     #[must_use]
     pub fn with_surfaces(&self, surfaces: Vec<Surface>) -> Arc<Self> {
         Arc::new(Self {
-            data: Arc::clone(&self.data),
+            grid: self.grid.clone(),
             mesh: Arc::clone(&self.mesh),
-            primitives: copied(&self.primitives),
-            tables: Arc::clone(&self.tables),
-            bricks: copied(&self.bricks),
-            splats: copied(&self.splats),
-            splat_needs: copied(&self.splat_needs),
+            tables: self.tables.clone(),
+            visible: self.visible.clone(),
+            splat_needs: Mutex::new(*self.splat_needs.lock().unwrap_or_else(PoisonError::into_inner)),
             ..Self::unshared(&self.gpu, Scene { surfaces, ..self.scene.clone() })
         })
     }
@@ -159,23 +159,10 @@ impl GpuScene {
     /// smears extinction.
     pub(crate) fn primitives(&self, kind: Primitives, margin: Option<f32>) -> Result<DrawnPrimitives> {
         let mesh = self.mesh()?;
-        let mut known = self.primitives.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, found)) = known.iter().find(|(key, _)| *key == (kind, margin)) {
-            return Ok(found.clone());
-        }
-        let transfer = &self.scene.transfer;
-        let ranges = nonzero_ranges(transfer);
-        let seen = margin.map(|margin| (ranges.as_slice(), margin));
-        let _time = self.clock.upload();
-        let made = match kind {
-            Primitives::Cells => drawn_cells_buffer(&self.gpu, mesh, transfer.domain(), seen)?,
-            Primitives::Faces => {
-                let topology = self.mesh.topology(mesh)?;
-                drawn_faces_buffer(&self.gpu, mesh, &topology, transfer.domain(), seen)?
-            }
-        };
-        known.push(((kind, margin), made.clone()));
-        Ok(made)
+        self.visible.primitives.get((kind, margin.map(f32::to_bits)), || {
+            let _time = self.clock.upload();
+            DrawnPrimitives::new(&self.gpu, mesh, &self.mesh, &self.scene.transfer, kind, margin)
+        })
     }
 
     /// Returns the distance, in scalars, by which an integrator smears extinction.
@@ -198,15 +185,12 @@ impl GpuScene {
     pub(crate) fn splats(&self, kernels: &Kernels, thickness: f64) -> Result<Arc<SplatSet>> {
         // Rounded up to a power of two, so that not every thickness of a sweep uploads.
         let thickness = thickness.log2().ceil().max(0.0).exp2();
-        let mut known = self.splats.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, found)) = known.iter().find(|(key, _)| *key == (*kernels, thickness)) {
-            return Ok(Arc::clone(found));
-        }
-        let _time = self.clock.upload();
-        let slab = thickness * SplatSet::step(&self.scene)?;
-        let made = Arc::new(SplatSet::new(&self.gpu, &self.scene, kernels, slab)?);
-        known.push(((*kernels, thickness), Arc::clone(&made)));
-        Ok(made)
+        let Kernels { kernel, sigma, cut, model, least } = *kernels;
+        let numbers = [sigma, cut, least, thickness].map(f64::to_bits);
+        self.visible.splats.get((kernel, model, numbers), || {
+            let _time = self.clock.upload();
+            SplatSet::new(&self.gpu, &self.scene, kernels, thickness)
+        })
     }
 
     /// Returns an upper bound of the length of a segment, in world units.
@@ -221,42 +205,51 @@ impl GpuScene {
     /// Returns the samples, encoded for exact fetches or for the sampler's filter, with mip levels or without.
     pub(crate) fn volume(&self, layout: Layout, for_filter: bool, mip: bool) -> Result<Arc<Volume>> {
         let grid = self.grid()?;
-        let ends = self.scene.transfer.domain();
-        self.data.volumes.volume(&self.gpu, &self.clock, grid, ends, Form { layout, for_filter, mip })
+        let form = Form::new(&self.gpu, grid, layout, for_filter, mip)?;
+        self.grid.volumes.get(form, || {
+            let _time = self.clock.upload();
+            Volume::new(&self.gpu, grid, self.scene.transfer.domain(), form)
+        })
     }
 
     /// Returns the table that an integrator reads; `None` if it reads none.
     pub(crate) fn table(&self, options: &SegmentOptions) -> Result<Option<Arc<Table>>> {
-        let longest = || self.longest_segment();
-        self.tables.table(&self.gpu, &self.clock, &self.scene.transfer, options, longest)
+        let (integrator, size) = (options.integrator, options.table_size());
+        self.tables.tables.get(SegmentOptions { integrator, table: Some(size) }, || {
+            let _time = self.clock.tables();
+            Table::new(&self.gpu, &self.scene.transfer, integrator, size, || self.longest_segment())
+        })
     }
 
     /// Returns one texel, for the binding of shaders that read no table.
     pub(crate) fn no_table(&self) -> Result<Arc<Image>> {
-        self.tables.no_table(&self.gpu)
+        self.tables.no_table.get((), || Table::nothing(&self.gpu))
     }
 
     /// Returns the knots of the transfer function.
     pub(crate) fn knots(&self) -> Result<Arc<Knots>> {
-        self.tables.knots(&self.gpu, &self.clock, &self.scene.transfer)
+        self.tables.knots.get((), || {
+            let _time = self.clock.tables();
+            Knots::new(&self.gpu, &self.scene.transfer)
+        })
     }
 
     /// Returns one word for each brick: 0 where nothing is visible, with extinction smeared by `margin` scalars.
     pub(crate) fn bricks(&self, margin: f32) -> Result<Arc<Buffer>> {
-        let (grid, transfer) = (self.grid()?, &self.scene.transfer);
-        self.data.ranges.visible(&self.gpu, &self.clock, grid, transfer, &self.bricks, margin)
+        let grid = self.grid()?;
+        self.visible.bricks.get(margin.to_bits(), || {
+            let ranges = self.grid.ranges.get((), || {
+                let _time = self.clock.upload();
+                BrickRanges::new(&self.gpu, grid)
+            })?;
+            ranges.visible(&self.gpu, &self.clock, &self.scene.transfer, margin)
+        })
     }
 
     /// Returns the surfaces of the scene; `None` where no triangle has an area.
     pub(crate) fn surfaces(&self) -> Result<Option<Arc<SurfaceData>>> {
-        let mut place = self.surfaces.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = &*place {
-            return Ok(found.clone());
-        }
-        let made =
-            SurfaceData::new(&self.gpu, &self.scene.surfaces, &self.scene.data.corners())?.map(Arc::new);
-        *place = Some(made.clone());
-        Ok(made)
+        let Scene { surfaces, data, .. } = &self.scene;
+        self.surfaces.get((), || SurfaceData::new(&self.gpu, surfaces, &data.corners()))
     }
 
     /// Returns the largest colour channel of the scene, at least 1: a bound of the colour that a ray misses when it

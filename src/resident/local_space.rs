@@ -20,7 +20,11 @@ pub(crate) struct LocalSpace {
 impl LocalSpace {
     /// Takes the centre of the box around a mesh, and half its diagonal.
     pub(crate) fn of(mesh: &Tets) -> Self {
-        let [low, high] = mesh.bounds();
+        Self::around(mesh.bounds())
+    }
+
+    /// Takes the centre of a box, and half its diagonal.
+    pub(crate) fn around([low, high]: [DVec3; 2]) -> Self {
         let half = high * 0.5 - low * 0.5;
         Self { centre: low + half, radius: half.length().max(f64::MIN_POSITIVE) }
     }

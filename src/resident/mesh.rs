@@ -1,6 +1,6 @@
 //! A mesh on the device: points and topology, scalars, and the faces or cells that are drawn.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use rayon::prelude::*;
 
@@ -8,32 +8,28 @@ use crate::error::Result;
 use crate::gpu::shader::{CELL_WORDS, FACE_WORDS, NO_CELL};
 use crate::gpu::{Buffer, Gpu};
 use crate::num::{self, f32_of};
+use crate::resident::cache::Cache;
 use crate::resident::local_space::LocalSpace;
+use crate::resident::visible_scalars::nonzero_ranges;
 use crate::scene::topology::{NONE, Topology};
-use crate::scene::{TetScalars, Tets};
+use crate::scene::{TetScalars, Tets, TransferFunction};
 
 // Shaders rely on these.
 const _: () = assert!(FACE_WORDS == 5 && CELL_WORDS == 4 && NO_CELL == NONE);
 
 /// The primitives that a technique lists for each pixel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Primitives {
     Faces,
     Cells,
 }
 
-/// Data that depends only on the points and cells of a mesh; scenes that differ in scalars share it.
-#[derive(Debug, Default)]
-pub(crate) struct MeshShape {
-    points: Mutex<Option<Arc<Buffer>>>,
-    topology: Mutex<Option<Arc<Topology>>>,
-}
-
-/// Data that also depends on the scalars; scenes that differ in the transfer function share it.
+/// Data that does not depend on the transfer function.
 #[derive(Debug, Default)]
 pub(crate) struct MeshData {
-    pub(crate) shape: Arc<MeshShape>,
-    scalars: Mutex<Option<Arc<Buffer>>>,
+    points: Cache<(), Arc<Buffer>>,
+    topology: Cache<(), Arc<Topology>>,
+    scalars: Cache<(), Arc<Buffer>>,
     /// Capacities that frames have needed so far.
     pub(crate) needs: Mutex<Needs>,
 }
@@ -53,26 +49,15 @@ pub(crate) struct Needs {
     pub(crate) overlaps: bool,
 }
 
-/// Returns the value of a place, made when it is first asked for.
-fn once<T: Clone>(place: &Mutex<Option<T>>, make: impl FnOnce() -> Result<T>) -> Result<T> {
-    let mut place = place.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(found) = &*place {
-        return Ok(found.clone());
-    }
-    let made = make()?;
-    *place = Some(made.clone());
-    Ok(made)
-}
-
 impl MeshData {
-    /// Holds other scalars of the same mesh.
-    pub(crate) fn with_shape(shape: &Arc<MeshShape>) -> Self {
-        Self { shape: Arc::clone(shape), ..Self::default() }
+    /// Returns the data of the same points and cells with other scalars.
+    pub(crate) fn with_other_scalars(&self) -> Self {
+        Self { points: self.points.clone(), topology: self.topology.clone(), ..Self::default() }
     }
 
     /// Returns the points relative to the centre, in radii: four floats each.
     pub(crate) fn points(&self, gpu: &Gpu, mesh: &Tets) -> Result<Arc<Buffer>> {
-        once(&self.shape.points, || {
+        self.points.get((), || {
             let space = LocalSpace::of(mesh);
             // Points that no cell uses may be infinite.
             let place = |point: &glam::DVec3| {
@@ -86,12 +71,12 @@ impl MeshData {
 
     /// Returns the faces with the cells on both sides.
     pub(crate) fn topology(&self, mesh: &Tets) -> Result<Arc<Topology>> {
-        once(&self.shape.topology, || Ok(Arc::new(Topology::new(mesh)?)))
+        self.topology.get((), || Ok(Arc::new(Topology::new(mesh)?)))
     }
 
     /// Returns the scalars of points or cells as [`stored`] converts them.
     pub(crate) fn scalars(&self, gpu: &Gpu, mesh: &Tets, ends: [f64; 2]) -> Result<Arc<Buffer>> {
-        once(&self.scalars, || {
+        self.scalars.get((), || {
             let scalars: Vec<f32> = mesh.scalars().values().iter().map(|&s| stored(s, ends)).collect();
             Buffer::with_data(gpu, "mesh.scalars", bytemuck::cast_slice(&scalars))
         })
@@ -100,9 +85,10 @@ impl MeshData {
 
 /// Returns for each cell whether it is drawn.
 ///
-/// A cell that touches a NaN is vacuum. `seen` are the ranges of scalars with extinction, and the margin by which the
-/// integrator smears them; cells that reach none of them are skipped.
-fn drawn_cells(mesh: &Tets, ends: [f64; 2], seen: Option<(&[[f32; 2]], f32)>) -> Vec<bool> {
+/// A cell that touches a NaN is vacuum. With `margin`, cells without extinction are skipped; it is the distance, in
+/// scalars, by which an integrator smears extinction.
+fn drawn_cells(mesh: &Tets, transfer: &TransferFunction, margin: Option<f32>) -> Vec<bool> {
+    let (ends, ranges) = (transfer.domain(), nonzero_ranges(transfer));
     let shows = |cell: usize| {
         let corners: [f32; 4] = match mesh.scalars() {
             TetScalars::Point(values) => mesh.cells()[cell].map(|i| values[num::index(i)]),
@@ -111,7 +97,7 @@ fn drawn_cells(mesh: &Tets, ends: [f64; 2], seen: Option<(&[[f32; 2]], f32)>) ->
         if corners.iter().any(|s| s.is_nan()) {
             return false;
         }
-        let Some((ranges, margin)) = seen else { return true };
+        let Some(margin) = margin else { return true };
         let corners = corners.map(|s| stored(s, ends));
         let low = corners.into_iter().fold(f32::MAX, f32::min) - margin;
         let high = corners.into_iter().fold(f32::MIN, f32::max) + margin;
@@ -131,57 +117,62 @@ pub(crate) struct DrawnPrimitives {
     pub(crate) scalars: Option<Arc<Buffer>>,
 }
 
-/// Uploads the cells that are drawn: the numbers of their corners, ascending.
-pub(crate) fn drawn_cells_buffer(
-    gpu: &Gpu,
-    mesh: &Tets,
-    ends: [f64; 2],
-    seen: Option<(&[[f32; 2]], f32)>,
-) -> Result<DrawnPrimitives> {
-    let drawn = drawn_cells(mesh, ends, seen);
-    let cells: Vec<u32> = (0..).zip(&drawn).filter(|(_, drawn)| **drawn).map(|(i, _)| i).collect();
-    let corners: Vec<[u32; 4]> = cells
-        .iter()
-        .map(|&i| {
-            let mut corners = mesh.cells()[num::index(i)];
-            corners.sort_unstable();
-            corners
-        })
-        .collect();
-    let scalars = match mesh.scalars() {
-        TetScalars::Point(_) => None,
-        TetScalars::Cell(values) => {
-            let scalars: Vec<f32> = cells.iter().map(|&i| stored(values[num::index(i)], ends)).collect();
-            Some(upload(gpu, "mesh.cell-scalars", &scalars)?)
+impl DrawnPrimitives {
+    /// Uploads the faces or cells of a mesh that are drawn; with `margin` only those of visible cells.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        mesh: &Tets,
+        data: &MeshData,
+        transfer: &TransferFunction,
+        kind: Primitives,
+        margin: Option<f32>,
+    ) -> Result<Self> {
+        let drawn = drawn_cells(mesh, transfer, margin);
+        match kind {
+            Primitives::Faces => Self::faces(gpu, &*data.topology(mesh)?, &drawn),
+            Primitives::Cells => Self::cells(gpu, mesh, transfer.domain(), &drawn),
         }
-    };
-    let count = num::count(cells.len());
-    let buffer = upload(gpu, "mesh.cells", &corners)?;
-    Ok(DrawnPrimitives { buffer, count, cells: Arc::new(cells), scalars })
-}
+    }
 
-/// Uploads the faces of the cells that are drawn: the numbers of their corners, ascending, and of the cells in front
-/// and behind; [`NONE`] stands for a cell that is not drawn.
-pub(crate) fn drawn_faces_buffer(
-    gpu: &Gpu,
-    mesh: &Tets,
-    topology: &Topology,
-    ends: [f64; 2],
-    seen: Option<(&[[f32; 2]], f32)>,
-) -> Result<DrawnPrimitives> {
-    let drawn = drawn_cells(mesh, ends, seen);
-    let cell = |cell: u32| if cell != NONE && drawn[num::index(cell)] { cell } else { NONE };
-    let words: Vec<[u32; 5]> = topology
-        .faces()
-        .iter()
-        .map(|face| {
-            let [a, b, c] = face.corners;
-            [a, b, c, cell(face.front), cell(face.back)]
-        })
-        .filter(|words| words[3] != NONE || words[4] != NONE)
-        .collect();
-    let buffer = upload(gpu, "mesh.faces", &words)?;
-    Ok(DrawnPrimitives { buffer, count: num::count(words.len()), cells: Arc::default(), scalars: None })
+    /// Uploads cells: the numbers of their corners, ascending.
+    fn cells(gpu: &Gpu, mesh: &Tets, ends: [f64; 2], drawn: &[bool]) -> Result<Self> {
+        let cells: Vec<u32> = (0..).zip(drawn).filter(|(_, drawn)| **drawn).map(|(i, _)| i).collect();
+        let corners: Vec<[u32; 4]> = cells
+            .iter()
+            .map(|&i| {
+                let mut corners = mesh.cells()[num::index(i)];
+                corners.sort_unstable();
+                corners
+            })
+            .collect();
+        let scalars = match mesh.scalars() {
+            TetScalars::Point(_) => None,
+            TetScalars::Cell(values) => {
+                let scalars: Vec<f32> = cells.iter().map(|&i| stored(values[num::index(i)], ends)).collect();
+                Some(upload(gpu, "mesh.cell-scalars", &scalars)?)
+            }
+        };
+        let count = num::count(cells.len());
+        let buffer = upload(gpu, "mesh.cells", &corners)?;
+        Ok(Self { buffer, count, cells: Arc::new(cells), scalars })
+    }
+
+    /// Uploads the faces of cells: the numbers of their corners, ascending, and of the cells in front and behind;
+    /// [`NONE`] stands for a cell that is not drawn.
+    fn faces(gpu: &Gpu, topology: &Topology, drawn: &[bool]) -> Result<Self> {
+        let cell = |cell: u32| if cell != NONE && drawn[num::index(cell)] { cell } else { NONE };
+        let words: Vec<[u32; 5]> = topology
+            .faces()
+            .iter()
+            .map(|face| {
+                let [a, b, c] = face.corners;
+                [a, b, c, cell(face.front), cell(face.back)]
+            })
+            .filter(|words| words[3] != NONE || words[4] != NONE)
+            .collect();
+        let buffer = upload(gpu, "mesh.faces", &words)?;
+        Ok(Self { buffer, count: num::count(words.len()), cells: Arc::default(), scalars: None })
+    }
 }
 
 /// Uploads data, or one zero where it is empty: a buffer must have a size.

@@ -6,6 +6,7 @@
 
 mod brick_ranges;
 mod bricks;
+mod cache;
 pub(crate) mod clock;
 mod gpu_scene;
 mod grid_bytes;

@@ -37,7 +37,7 @@ impl SurfaceData {
     /// Uploads surfaces; `None` where no triangle has an area.
     ///
     /// Points are relative to the box of `corners`, those of the volume's data, so that float32 keeps its digits there.
-    pub(crate) fn new(gpu: &Gpu, surfaces: &[Surface], corners: &[DVec3]) -> Result<Option<Self>> {
+    pub(crate) fn new(gpu: &Gpu, surfaces: &[Surface], corners: &[DVec3]) -> Result<Option<Arc<Self>>> {
         let mut places: HashMap<[u64; 3], u32> = HashMap::new();
         let mut points: Vec<DVec3> = Vec::new();
         let mut primitives: Vec<[u32; 5]> = Vec::new();
@@ -82,8 +82,7 @@ impl SurfaceData {
         }
         let low = corners.iter().copied().reduce(DVec3::min).unwrap_or_default();
         let high = corners.iter().copied().reduce(DVec3::max).unwrap_or_default();
-        let half = high * 0.5 - low * 0.5;
-        let space = LocalSpace { centre: low + half, radius: half.length().max(f64::MIN_POSITIVE) };
+        let space = LocalSpace::around([low, high]);
         let places: Vec<[f32; 4]> = points
             .iter()
             .map(|&point| {
@@ -92,7 +91,7 @@ impl SurfaceData {
             })
             .collect();
         let numbers: Vec<u32> = (0..num::count(triangles.len())).map(|i| 0x4000_0000 | i << 2).collect();
-        Ok(Some(Self {
+        Ok(Some(Arc::new(Self {
             space,
             points: Buffer::with_data(gpu, "surfaces.points", bytemuck::cast_slice(&places))?,
             point_count: num::count(points.len()),
@@ -101,7 +100,7 @@ impl SurfaceData {
             translucent: surfaces.iter().any(Surface::is_translucent),
             triangles,
             needs: Mutex::default(),
-        }))
+        })))
     }
 
     /// Returns the plane and colour of each triangle, relative to `centre` in units of `unit`.

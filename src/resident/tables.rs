@@ -1,6 +1,6 @@
 //! The transfer function on the device: its knots, and tables for segments with a scalar at both ends.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use ash::vk;
 
@@ -15,7 +15,6 @@ use crate::num::{self, f32_of};
 use crate::optics::DeviceKnots;
 use crate::optics::cumulative::Cumulative;
 use crate::optics::full::Full;
-use crate::resident::clock::Clock;
 use crate::scene::TransferFunction;
 
 /// Image format of tables.
@@ -27,7 +26,7 @@ pub(crate) const TABLE_FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 const LAYERS: u32 = 12;
 
 /// How colour and opacity are integrated along a segment with a scalar at both ends.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Integrator {
     /// Classifies the scalar of the middle.
     Midpoint,
@@ -60,7 +59,7 @@ const BINS: u32 = 4096;
 const NODES: u32 = 256;
 
 /// How segments are integrated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct SegmentOptions {
     /// The method.
     pub integrator: Integrator,
@@ -78,52 +77,25 @@ impl SegmentOptions {
 /// A table of integrals of the transfer function over segments.
 #[derive(Debug)]
 pub(crate) struct Table {
-    options: SegmentOptions,
     /// Sizes and scales.
     pub(crate) buffer: Arc<Buffer>,
     /// Bins or nodes.
     pub(crate) image: Arc<Image>,
 }
 
-/// The knots of the transfer function as a buffer.
-#[derive(Debug)]
-pub(crate) struct Knots {
-    pub(crate) buffer: Arc<Buffer>,
-    pub(crate) count: u32,
-    pub(crate) walk: u32,
-    pub(crate) iterations: u32,
-}
-
-/// Knots and tables of one transfer function on the device, uploaded when they are first needed.
-#[derive(Debug, Default)]
-pub(crate) struct Tables {
-    /// Fills the binding of shaders that read no table.
-    no_table: Mutex<Option<Arc<Image>>>,
-    knots: Mutex<Option<Arc<Knots>>>,
-    tables: Mutex<Vec<Arc<Table>>>,
-}
-
-impl Tables {
-    /// Returns the table that an integrator reads; `None` if it reads none.
+impl Table {
+    /// Uploads the table of `size` bins or nodes that an integrator reads; `None` if it reads none.
     ///
     /// `longest` is the length of the longest segment, in world units.
-    pub(crate) fn table(
-        &self,
+    pub(crate) fn new(
         gpu: &Gpu,
-        clock: &Clock,
         transfer: &TransferFunction,
-        options: &SegmentOptions,
+        integrator: Integrator,
+        size: u32,
         longest: impl FnOnce() -> Result<f64>,
-    ) -> Result<Option<Arc<Table>>> {
-        let size = options.table_size();
-        let options = SegmentOptions { table: Some(size), ..*options };
-        let mut tables = self.tables.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = tables.iter().find(|table| table.options == options) {
-            return Ok(Some(Arc::clone(found)));
-        }
-        let _time = clock.tables();
+    ) -> Result<Option<Arc<Self>>> {
         let volume = |extent| ImageDesc::sampled_volume(TABLE_FORMAT, extent);
-        let (head, sizes, desc, texels) = match options.integrator {
+        let (head, sizes, desc, texels) = match integrator {
             Integrator::Midpoint | Integrator::Exact | Integrator::Smoke => return Ok(None),
             Integrator::Integral => {
                 let Cumulative { head, mut bins } = Cumulative::new(transfer, size);
@@ -147,38 +119,34 @@ impl Tables {
             let bytes = bytemuck::cast_slice(&texels[first * plane..]);
             memory.copy_from_slice(&bytes[..memory.len()]);
         })?;
-        let table = Arc::new(Table { options, buffer, image });
-        tables.push(Arc::clone(&table));
-        Ok(Some(table))
+        Ok(Some(Arc::new(Self { buffer, image })))
     }
 
-    /// Returns one texel, for the binding of shaders that read no table.
-    pub(crate) fn no_table(&self, gpu: &Gpu) -> Result<Arc<Image>> {
-        let mut place = self.no_table.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = &*place {
-            return Ok(Arc::clone(found));
-        }
+    /// Uploads one texel, for the binding of shaders that read no table.
+    pub(crate) fn nothing(gpu: &Gpu) -> Result<Arc<Image>> {
         let desc = ImageDesc::sampled_volume(TABLE_FORMAT, [1; 3]);
-        let image = Image::with_data(gpu, "transfer.no-table", &desc, |_, _, memory| memory.fill(0))?;
-        *place = Some(Arc::clone(&image));
-        Ok(image)
+        Image::with_data(gpu, "transfer.no-table", &desc, |_, _, memory| memory.fill(0))
     }
+}
 
-    /// Returns the knots.
-    pub(crate) fn knots(&self, gpu: &Gpu, clock: &Clock, transfer: &TransferFunction) -> Result<Arc<Knots>> {
-        let mut knots = self.knots.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = &*knots {
-            return Ok(Arc::clone(found));
-        }
-        let _time = clock.tables();
+/// The knots of the transfer function as a buffer.
+#[derive(Debug)]
+pub(crate) struct Knots {
+    pub(crate) buffer: Arc<Buffer>,
+    pub(crate) count: u32,
+    pub(crate) walk: u32,
+    pub(crate) iterations: u32,
+}
+
+impl Knots {
+    /// Uploads the knots of a transfer function.
+    pub(crate) fn new(gpu: &Gpu, transfer: &TransferFunction) -> Result<Arc<Self>> {
         let table = DeviceKnots::new(transfer);
-        let made = Arc::new(Knots {
+        Ok(Arc::new(Self {
             buffer: Buffer::with_data(gpu, "transfer.knots", bytemuck::cast_slice(&table.knots))?,
             count: table.count,
             walk: table.walk,
             iterations: table.iterations(),
-        });
-        *knots = Some(Arc::clone(&made));
-        Ok(made)
+        }))
     }
 }

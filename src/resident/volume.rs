@@ -1,19 +1,18 @@
 //! The samples of a grid as images on the device.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use ash::vk;
 
 use crate::error::Result;
 use crate::gpu::{Gpu, Image, ImageDesc};
 use crate::num::{self, f32_of};
-use crate::resident::clock::Clock;
 use crate::resident::mips;
 use crate::scene::grid::turned;
 use crate::scene::{Grid, Rescale, Samples};
 
 /// The kind of image that holds samples.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Layout {
     /// One 3D image.
     Volume,
@@ -22,7 +21,7 @@ pub(crate) enum Layout {
 }
 
 /// The texel format of samples.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Encoding {
     /// 8-bit normalised.
     R8,
@@ -32,12 +31,37 @@ enum Encoding {
     R32f,
 }
 
+/// The form in which a device holds samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Form {
+    encoding: Encoding,
+    layout: Layout,
+    levels: u32,
+}
+
+impl Form {
+    /// Chooses the form for exact fetches or for the sampler's filter, with mip levels or without.
+    pub(crate) fn new(gpu: &Gpu, grid: &Grid, layout: Layout, for_filter: bool, mip: bool) -> Result<Self> {
+        let encoding = encoding_on(gpu, grid.samples(), for_filter, mip)?;
+        let (dims, along) = layout.texels(grid);
+        Ok(Self { encoding, layout, levels: if mip { mips::levels(dims, along) } else { 1 } })
+    }
+}
+
+impl Layout {
+    /// Returns the texels along each axis of the image, and the axes that mip levels halve.
+    fn texels(self, grid: &Grid) -> ([u32; 3], [bool; 3]) {
+        match self {
+            Self::Volume => (grid.dims(), [true; 3]),
+            Self::Stack(axis) => (turned(grid.dims(), axis), [true, true, false]),
+        }
+    }
+}
+
 /// The grid's samples as an image.
 #[derive(Debug)]
 pub(crate) struct Volume {
     pub(crate) image: Arc<Image>,
-    encoding: Encoding,
-    layout: Layout,
     /// Value of a texel: `scale * texel + offset`.
     pub(crate) scale: f32,
     pub(crate) offset: f32,
@@ -45,46 +69,17 @@ pub(crate) struct Volume {
     pub(crate) filterable: bool,
 }
 
-/// The form in which a technique asks for samples.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Form {
-    pub(crate) layout: Layout,
-    /// Encoded for the sampler's filter, not for exact fetches alone.
-    pub(crate) for_filter: bool,
-    /// With mip levels.
-    pub(crate) mip: bool,
-}
-
-/// The samples of one grid, in each form that techniques have asked for.
-#[derive(Debug, Default)]
-pub(crate) struct Volumes(Mutex<Vec<Arc<Volume>>>);
-
-impl Volumes {
-    /// Returns the samples, encoded for exact fetches or for the sampler's filter, with mip levels or without.
+impl Volume {
+    /// Uploads the samples of a grid.
     ///
     /// `ends` are the first and last scalar of the transfer function, which infinite samples become.
-    pub(crate) fn volume(
-        &self,
+    pub(crate) fn new(
         gpu: &Gpu,
-        clock: &Clock,
         grid: &Grid,
         ends: [f64; 2],
-        Form { layout, for_filter, mip }: Form,
-    ) -> Result<Arc<Volume>> {
-        let encoding = encoding_on(gpu, grid.samples(), for_filter, mip)?;
-        let (dims, along) = match layout {
-            Layout::Volume => (grid.dims(), [true; 3]),
-            Layout::Stack(axis) => (turned(grid.dims(), axis), [true, true, false]),
-        };
-        let levels = if mip { mips::levels(dims, along) } else { 1 };
-        let mut volumes = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_it = |v: &&Arc<Volume>| {
-            v.encoding == encoding && v.layout == layout && v.image.desc().levels == levels
-        };
-        if let Some(found) = volumes.iter().find(is_it) {
-            return Ok(Arc::clone(found));
-        }
-        let _time = clock.upload();
+        Form { encoding, layout, levels }: Form,
+    ) -> Result<Arc<Self>> {
+        let (dims, along) = layout.texels(grid);
         let [w, h, d] = dims;
         let format = encoding.format();
         let (name, desc) = match layout {
@@ -114,16 +109,8 @@ impl Volumes {
             }
         })?;
         let (scale, offset) = value_map(grid, encoding);
-        let volume = Arc::new(Volume {
-            image,
-            encoding,
-            layout,
-            scale: f32_of(scale),
-            offset: f32_of(offset),
-            filterable: filterable(gpu, encoding),
-        });
-        volumes.push(Arc::clone(&volume));
-        Ok(volume)
+        let filterable = filterable(gpu, encoding);
+        Ok(Arc::new(Self { image, scale: f32_of(scale), offset: f32_of(offset), filterable }))
     }
 }
 
@@ -169,9 +156,7 @@ impl Encoding {
             Self::R32f => vk::Format::R32_SFLOAT,
         }
     }
-}
 
-impl Encoding {
     /// Writes numbers as a shader reads them (0 to 1 where the format is normalised), until `memory` is full.
     fn put(self, texels: &[f32], memory: &mut [u8]) {
         match self {

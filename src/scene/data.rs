@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::grid::box_corners;
 use super::{Grid, Points, Tets};
 
 /// The data of a file or a scene.
@@ -43,14 +44,11 @@ impl Data {
     /// includes their kernels, see [`Points::reach`].
     #[must_use]
     pub fn corners(&self) -> [DVec3; 8] {
-        let [low, high] = match self {
-            Self::Grid(grid) => return grid.corners(),
-            Self::Mesh(mesh) => mesh.bounds(),
-            Self::Points(points) => points.reach(),
-        };
-        std::array::from_fn(|i| {
-            DVec3::select(glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), high, low)
-        })
+        match self {
+            Self::Grid(grid) => grid.corners(),
+            Self::Mesh(mesh) => box_corners(mesh.bounds()),
+            Self::Points(points) => box_corners(points.reach()),
+        }
     }
 }
 

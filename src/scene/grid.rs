@@ -250,11 +250,7 @@ impl Grid {
     /// 2 z.
     #[must_use]
     pub fn corners(&self) -> [DVec3; 8] {
-        let last = self.last_index();
-        std::array::from_fn(|i| {
-            let pick = |bit: usize, far: f64| if i & bit != 0 { far } else { 0.0 };
-            self.world_of_index(DVec3::new(pick(1, last.x), pick(2, last.y), pick(4, last.z)))
-        })
+        box_corners([DVec3::ZERO, self.last_index()]).map(|corner| self.world_of_index(corner))
     }
 
     /// Returns the smallest and the largest finite value after the rescale, in ascending order.
@@ -293,6 +289,11 @@ impl Grid {
         let index = (num::index(z) * ny + num::index(y)) * nx + num::index(x);
         self.rescale.slope * self.samples.get(index) + self.rescale.intercept
     }
+}
+
+/// Returns the corners of a box; bit 0 of the place selects the high x, bit 1 the high y, bit 2 the high z.
+pub(crate) fn box_corners([low, high]: [DVec3; 2]) -> [DVec3; 8] {
+    std::array::from_fn(|i| DVec3::select(glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), high, low))
 }
 
 /// Returns the length of the domain's longest diagonal, world units.

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
+use super::grid::box_corners;
 use crate::error::{Error, Result};
 use crate::num;
 
@@ -64,13 +65,9 @@ impl Surface {
             let why = format!("{low} to {high}: low must be below high on every axis");
             return Err(Error::invalid("surface box", why));
         }
-        // The bits of i select the high corner of an axis: 1 is x, 2 is y, 4 is z.
-        let points = (0..8_u32)
-            .map(|i| DVec3::select(glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), high, low))
-            .collect();
         let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
         let triangles = quads.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
-        Self::new(points, triangles, colour)
+        Self::new(box_corners([low, high]).to_vec(), triangles, colour)
     }
 
     /// Largest number of subdivisions of a sphere: 5,242,880 triangles.

@@ -13,6 +13,20 @@ use crate::io::report::Loaded;
 use crate::num;
 use crate::scene::{Data, KernelSize, Points};
 
+/// Reads positions, once memory for all of them is reserved. `each` passes on three numbers for each.
+pub(crate) fn positions(
+    source: &Source,
+    budget: &mut Budget,
+    count: usize,
+    each: impl FnOnce(&mut dyn FnMut(&[f64])) -> Result<()>,
+) -> Result<Vec<DVec3>> {
+    budget.take("points", num::wide(count).saturating_mul(24))?;
+    let mut points = Vec::new();
+    points.try_reserve_exact(count).map_err(|_| source.error("points", "memory is full"))?;
+    each(&mut |xyz| points.extend(<[f64; 3]>::try_from(xyz).map(DVec3::from_array)))?;
+    Ok(points)
+}
+
 /// Builds kernels at points, with the arrays that the options select. Points that are not finite are left out, with a
 /// note.
 pub(crate) fn points(

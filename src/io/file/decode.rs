@@ -3,7 +3,7 @@
 use std::collections::TryReserveError;
 use std::io::{ErrorKind, Read};
 
-use crate::io::file::sample_type::{Endian, Pick, SampleType};
+use crate::io::file::sample_type::{Endian, Pick, SampleType, by_type};
 use crate::num;
 use crate::scene::Samples;
 
@@ -71,26 +71,17 @@ pub(crate) fn append(
 ) -> std::io::Result<()> {
     samples.reserve(count).map_err(|_| ErrorKind::OutOfMemory)?;
     let Layout { kind, endian, components, pick, .. } = *layout;
-    /// Selects the conversion for the byte order.
-    macro_rules! order {
-        ($type:ty) => {
-            match endian {
-                Endian::Little => <$type>::from_le_bytes,
-                Endian::Big => <$type>::from_be_bytes,
-            }
-        };
-    }
     /// Appends to a list of the file's own type.
     macro_rules! kept {
-        ($type:ty, $list:expr, $at:expr) => {
-            convert(reader, count, components, order!($type), |tuple| tuple[$at], $list)
-        };
+        ($type:ty, $list:expr, $at:expr) => {{
+            let number = |bytes| <$type>::from_le_bytes(endian.to_little(bytes));
+            convert(reader, count, components, number, |tuple| tuple[$at], $list)
+        }};
     }
     /// Appends the nearest 32-bit floats.
     macro_rules! narrowed {
         ($type:ty, $list:expr) => {{
-            let number = order!($type);
-            let wide = move |bytes| number(bytes) as f64;
+            let wide = |bytes| <$type>::from_le_bytes(endian.to_little(bytes)) as f64;
             match pick {
                 Pick::Component(at) => {
                     convert(reader, count, components, wide, |tuple| num::f32_of(tuple[at]), $list)
@@ -107,18 +98,7 @@ pub(crate) fn append(
         (Samples::U16(v), SampleType::U16, Pick::Component(at)) => kept!(u16, v, at),
         (Samples::I16(v), SampleType::I16, Pick::Component(at)) => kept!(i16, v, at),
         (Samples::F32(v), SampleType::F32, Pick::Component(at)) => kept!(f32, v, at),
-        (Samples::F32(v), kind, _) => match kind {
-            SampleType::U8 => narrowed!(u8, v),
-            SampleType::I8 => narrowed!(i8, v),
-            SampleType::U16 => narrowed!(u16, v),
-            SampleType::I16 => narrowed!(i16, v),
-            SampleType::U32 => narrowed!(u32, v),
-            SampleType::I32 => narrowed!(i32, v),
-            SampleType::U64 => narrowed!(u64, v),
-            SampleType::I64 => narrowed!(i64, v),
-            SampleType::F32 => narrowed!(f32, v),
-            SampleType::F64 => narrowed!(f64, v),
-        },
+        (Samples::F32(v), kind, _) => by_type!(kind, narrowed, v),
         // The list has been started with another type.
         _ => Err(ErrorKind::Unsupported.into()),
     }
@@ -140,25 +120,11 @@ pub(crate) fn append_f64(
     values.try_reserve_exact(count).map_err(|_| ErrorKind::OutOfMemory)?;
     macro_rules! wide {
         ($type:ty) => {{
-            let number = match endian {
-                Endian::Little => <$type>::from_le_bytes,
-                Endian::Big => <$type>::from_be_bytes,
-            };
-            convert(reader, count, 1, move |bytes| number(bytes) as f64, |tuple| tuple[0], values)
+            let number = |bytes| <$type>::from_le_bytes(endian.to_little(bytes)) as f64;
+            convert(reader, count, 1, number, |tuple| tuple[0], values)
         }};
     }
-    match kind {
-        SampleType::U8 => wide!(u8),
-        SampleType::I8 => wide!(i8),
-        SampleType::U16 => wide!(u16),
-        SampleType::I16 => wide!(i16),
-        SampleType::U32 => wide!(u32),
-        SampleType::I32 => wide!(i32),
-        SampleType::U64 => wide!(u64),
-        SampleType::I64 => wide!(i64),
-        SampleType::F32 => wide!(f32),
-        SampleType::F64 => wide!(f64),
-    }
+    by_type!(kind, wide)
 }
 
 /// Reads `count` whole numbers from 0 to 2^32 - 2 and appends them: indices, offsets and types.
@@ -177,10 +143,7 @@ pub(crate) fn append_indices(
     let mut wrong = None;
     macro_rules! whole {
         ($type:ty) => {{
-            let number = match endian {
-                Endian::Little => <$type>::from_le_bytes,
-                Endian::Big => <$type>::from_be_bytes,
-            };
+            let number = |bytes| <$type>::from_le_bytes(endian.to_little(bytes));
             let mut index = |tuple: &[$type]| {
                 u32::try_from(tuple[0]).ok().filter(|&i| i < u32::MAX).unwrap_or_else(|| {
                     wrong.get_or_insert_with(|| tuple[0].to_string());

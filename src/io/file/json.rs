@@ -18,7 +18,12 @@ pub(crate) fn parse_file<T: for<'de> Deserialize<'de>>(path: &Path, options: &Re
         return Err(Error::file(path, "file", format!("must be a regular file of at most {most} bytes")));
     }
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, "cannot read", e))?;
-    let mut deserializer = serde_json::Deserializer::from_slice(&bytes);
+    parse(path, &bytes)
+}
+
+/// Parses JSON of a file; errors give line, column and key.
+pub(crate) fn parse<T: for<'de> Deserialize<'de>>(path: &Path, bytes: &[u8]) -> Result<T> {
+    let mut deserializer = serde_json::Deserializer::from_slice(bytes);
     let parsed = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
         let key = error.path().to_string();
         json_error(path, error.inner(), if key == "." { "" } else { &key })

@@ -27,6 +27,25 @@ pub enum SampleType {
     F64,
 }
 
+/// Calls a macro with the Rust type of a [`SampleType`], and further arguments.
+macro_rules! by_type {
+    ($kind:expr, $call:ident $(, $argument:expr)*) => {
+        match $kind {
+            SampleType::U8 => $call!(u8 $(, $argument)*),
+            SampleType::I8 => $call!(i8 $(, $argument)*),
+            SampleType::U16 => $call!(u16 $(, $argument)*),
+            SampleType::I16 => $call!(i16 $(, $argument)*),
+            SampleType::U32 => $call!(u32 $(, $argument)*),
+            SampleType::I32 => $call!(i32 $(, $argument)*),
+            SampleType::U64 => $call!(u64 $(, $argument)*),
+            SampleType::I64 => $call!(i64 $(, $argument)*),
+            SampleType::F32 => $call!(f32 $(, $argument)*),
+            SampleType::F64 => $call!(f64 $(, $argument)*),
+        }
+    };
+}
+pub(crate) use by_type;
+
 impl SampleType {
     /// Every type.
     pub const ALL: [Self; 10] = [
@@ -113,6 +132,14 @@ impl Endian {
             Self::Little => bytes.iter().rev().fold(0, add),
             Self::Big => bytes.iter().fold(0, add),
         }
+    }
+
+    /// Returns the bytes of a number in this order as little-endian bytes.
+    pub(crate) fn to_little<const N: usize>(self, mut bytes: [u8; N]) -> [u8; N] {
+        if self == Self::Big {
+            bytes.reverse();
+        }
+        bytes
     }
 }
 

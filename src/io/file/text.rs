@@ -1,10 +1,11 @@
 //! Numbers and names as text, and how messages show them.
 
 use std::io::ErrorKind;
+use std::path::Path;
 use std::str::FromStr;
 
 use crate::error::{Error, Result};
-use crate::io::file::sample_type::SampleType;
+use crate::io::file::sample_type::{SampleType, by_type};
 use crate::io::file::source::Source;
 use crate::num;
 
@@ -22,7 +23,17 @@ pub(crate) fn stream_error(source: &Source, error: std::io::Error) -> Error {
     }
 }
 
-/// Parses a number as C prints it: `+1`, `1.e5`, `nan(0x1)`, `-nan(ind)`, `NaNQ`.
+impl Error {
+    /// Turns an error about a value into one about a place in a file.
+    pub(crate) fn at_place(self, path: &Path, place: &str) -> Self {
+        match self {
+            Self::Invalid { why, .. } => Self::file(path, place, why),
+            other => other,
+        }
+    }
+}
+
+/// Parses a number of any type as C prints it: `+1`, `1.e5`, `nan(0x1)`, `-nan(ind)`, `NaNQ`.
 pub(crate) fn float<T: FromStr>(word: &str) -> Option<T> {
     if let Ok(number) = word.parse() {
         return Some(number);
@@ -40,18 +51,12 @@ pub(crate) fn to_bytes(word: &str, kind: SampleType) -> Option<[u8; 8]> {
         all[..N].copy_from_slice(&bytes);
         all
     }
-    Some(match kind {
-        SampleType::U8 => padded(word.parse::<u8>().ok()?.to_le_bytes()),
-        SampleType::I8 => padded(word.parse::<i8>().ok()?.to_le_bytes()),
-        SampleType::U16 => padded(word.parse::<u16>().ok()?.to_le_bytes()),
-        SampleType::I16 => padded(word.parse::<i16>().ok()?.to_le_bytes()),
-        SampleType::U32 => padded(word.parse::<u32>().ok()?.to_le_bytes()),
-        SampleType::I32 => padded(word.parse::<i32>().ok()?.to_le_bytes()),
-        SampleType::U64 => padded(word.parse::<u64>().ok()?.to_le_bytes()),
-        SampleType::I64 => padded(word.parse::<i64>().ok()?.to_le_bytes()),
-        SampleType::F32 => padded(float::<f32>(word)?.to_le_bytes()),
-        SampleType::F64 => padded(float::<f64>(word)?.to_le_bytes()),
-    })
+    macro_rules! bytes {
+        ($type:ty) => {
+            padded(float::<$type>(word)?.to_le_bytes())
+        };
+    }
+    Some(by_type!(kind, bytes))
 }
 
 /// Returns an upper bound of the numbers in `bytes` of text: each takes a digit and a blank.

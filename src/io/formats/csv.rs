@@ -17,8 +17,6 @@
 mod row;
 mod table;
 
-use glam::DVec3;
-
 use crate::error::Result;
 use crate::io::build::columns::{self, Column};
 use crate::io::build::origin::Origin;
@@ -79,14 +77,7 @@ impl Reader for Csv {
         let mut budget = Budget::new(source, options);
         let table = Table::survey(source)?;
         let count = text::index(source, "rows", table.rows)?;
-        budget.take("points", table.rows.saturating_mul(24))?;
-        let mut points = Vec::new();
-        points.try_reserve_exact(count).map_err(|_| source.error("points", "memory is full"))?;
-        table.each(&table.axes, &mut |xyz| {
-            if let [x, y, z] = *xyz {
-                points.push(DVec3::new(x, y, z));
-            }
-        })?;
+        let points = points::positions(source, &mut budget, count, |push| table.each(&table.axes, push))?;
 
         let scalars: Vec<usize> = (0..table.columns.len())
             .filter(|place| !table.axes.contains(place) && table.columns[*place].kind.is_some())

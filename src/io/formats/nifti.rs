@@ -106,10 +106,7 @@ fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<
     let spacing = DVec3::new(columns.x_axis.length(), columns.y_axis.length(), columns.z_axis.length());
     let direction =
         DMat3::from_cols(columns.x_axis / spacing.x, columns.y_axis / spacing.y, columns.z_axis / spacing.z);
-    let located = |place: &'static str, error: Error| match error {
-        Error::Invalid { why, .. } => source.error(place, why),
-        other => other,
-    };
+    let located = |place: &'static str, error: Error| error.at_place(source.path(), place);
     let grid = Grid::new(dims, samples).map_err(|error| error.in_file(data.path()))?;
     let grid = grid.with_rescale(rescale(&header)).map_err(|error| located("scl_slope, scl_inter", error))?;
     let placement = Placement { place, spacing, origin, direction, anatomy, notes: Vec::new(), warnings };

@@ -9,8 +9,6 @@ mod body;
 pub(crate) mod faces;
 pub(crate) mod header;
 
-use glam::DVec3;
-
 use crate::error::Result;
 use crate::io::build::columns::{self, Column};
 use crate::io::build::origin::Origin;
@@ -55,14 +53,8 @@ impl Reader for Ply {
         let begin = (scanner.position(), scanner.lines());
         header.holds(&scanner, vertex)?;
         let count = text::index(source, "element vertex", vertex.count)?;
-        budget.take("points", vertex.count.saturating_mul(24))?;
-        let mut points = Vec::new();
-        points.try_reserve_exact(count).map_err(|_| source.error("points", "memory is full"))?;
-        header.each(&mut scanner, vertex, &axes, &mut |xyz| {
-            if let [x, y, z] = *xyz {
-                points.push(DVec3::new(x, y, z));
-            }
-        })?;
+        let each = |push: &mut dyn FnMut(&[f64])| header.each(&mut scanner, vertex, &axes, push);
+        let points = points::positions(source, &mut budget, count, each)?;
         for element in &header.elements[place + 1..] {
             header.pass(&mut scanner, element)?;
         }

@@ -50,9 +50,6 @@ impl ClipSpec {
             DVec3::from(given.unwrap_or_default().map(|bound| bound.unwrap_or(none)))
         };
         let [low, high] = [bound(crop.low, f64::NEG_INFINITY), bound(crop.high, f64::INFINITY)];
-        clip.with_crop(low, high).map_err(|error| match error {
-            Error::Invalid { why, .. } => Error::file(scene, "clip.crop", why),
-            other => other,
-        })
+        clip.with_crop(low, high).map_err(|error| error.at_place(scene, "clip.crop"))
     }
 }

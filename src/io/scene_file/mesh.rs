@@ -62,12 +62,7 @@ impl MeshSpec {
         let Some(cubes) = self.cubes else {
             return Err(Error::file(scene, "mesh.cubes", "missing: a field needs cubes"));
         };
-        let at = |key: &'static str| {
-            move |error: Error| match error {
-                Error::Invalid { why, .. } => Error::file(scene, key, why),
-                other => other,
-            }
-        };
+        let at = |key: &'static str| move |error: Error| error.at_place(scene, key);
         let field = Field::from_name(field).map_err(at("mesh.field"))?;
         // A corner takes 28 bytes (position and scalar), a cube 80 (five tetrahedra of four indices).
         let side = u64::from(cubes.min(Field::MAX_CUBES));

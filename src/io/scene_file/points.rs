@@ -162,12 +162,7 @@ impl PointsSpec {
         let Some(count) = self.count else {
             return Err(Error::file(scene, "points.count", "missing: a field needs count"));
         };
-        let at = |key: &'static str| {
-            move |error: Error| match error {
-                Error::Invalid { why, .. } => Error::file(scene, key, why),
-                other => other,
-            }
-        };
+        let at = |key: &'static str| move |error: Error| error.at_place(scene, key);
         let field = Field::from_name(field).map_err(at("points.field"))?;
         // A point takes 28 bytes: position and scalar.
         let bytes = 28 * u64::from(count);

@@ -92,12 +92,7 @@ impl VolumeSpec {
         let Some(dims) = self.dims else {
             return Err(Error::file(scene, "volume.dims", "missing: a field needs dims"));
         };
-        let at = |key: &'static str| {
-            move |error: Error| match error {
-                Error::Invalid { why, .. } => Error::file(scene, key, why),
-                other => other,
-            }
-        };
+        let at = |key: &'static str| move |error: Error| error.at_place(scene, key);
         let field = Field::from_name(field).map_err(at("volume.field"))?;
         let kind = self.r#type.as_deref().unwrap_or("f32");
         let kinds = ["u8", "u16", "i16", "f32"];

@@ -16,6 +16,7 @@ use crate::resident::splats::records::Records;
 use crate::resident::splats::scattered::scattered;
 use crate::resident::splats::sizes::{median_sigma, sigmas, smallest_spacing};
 use crate::resident::splats::space::{Shape, Space};
+use crate::scene::grid::box_corners;
 use crate::scene::{Data, Grid, Kernel, KernelSize, Kernels, Model, Points, Scene, TransferFunction};
 
 /// Capacities that frames of a scene have needed.
@@ -45,23 +46,15 @@ pub(crate) struct SplatSet {
 }
 
 impl SplatSet {
-    /// Uploads the kernels of a scene that may be visible. `slab` is the thickness of a sheet, in world units.
-    pub(crate) fn new(gpu: &Gpu, scene: &Scene, kernels: &Kernels, slab: f64) -> Result<Self> {
-        kernels.check()?;
-        match &scene.data {
-            Data::Grid(grid) => Self::of_grid(gpu, grid, &scene.transfer, kernels, slab),
-            Data::Mesh(mesh) => Self::of_points(gpu, &Points::of_vertices(mesh)?, &scene.transfer, kernels),
-            Data::Points(points) => Self::of_points(gpu, points, &scene.transfer, kernels),
-        }
-    }
-
-    /// Returns the world length of a step of 1 for the data of a scene.
-    pub(crate) fn step(scene: &Scene) -> Result<f64> {
-        match &scene.data {
-            Data::Grid(grid) => Ok(smallest_spacing(grid)),
-            Data::Mesh(mesh) => median_sigma(&Points::of_vertices(mesh)?),
-            Data::Points(points) => median_sigma(points),
-        }
+    /// Uploads the kernels of a scene that may be visible, for sheets of at most `thickness` steps of the data.
+    pub(crate) fn new(gpu: &Gpu, scene: &Scene, kernels: &Kernels, thickness: f64) -> Result<Arc<Self>> {
+        let transfer = &scene.transfer;
+        let set = match &scene.data {
+            Data::Grid(grid) => Self::of_grid(gpu, grid, transfer, kernels, thickness)?,
+            Data::Mesh(mesh) => Self::of_points(gpu, &Points::of_vertices(mesh)?, transfer, kernels)?,
+            Data::Points(points) => Self::of_points(gpu, points, transfer, kernels)?,
+        };
+        Ok(Arc::new(set))
     }
 
     fn of_grid(
@@ -69,8 +62,9 @@ impl SplatSet {
         grid: &Grid,
         transfer: &TransferFunction,
         kernels: &Kernels,
-        slab: f64,
+        thickness: f64,
     ) -> Result<Self> {
+        kernels.check()?;
         let gaussian = kernels.kernel == Kernel::Gaussian;
         let sigma = if gaussian { kernels.sigma } else { 1.0 };
         let last = grid.last_index();
@@ -79,11 +73,7 @@ impl SplatSet {
         let to_world = grid.index_to_world() * sigma;
         // Kernels of voxels on the boundary reach beyond the domain.
         let beyond = last * 0.5 + reach;
-        let corner = |i: usize| {
-            let sign = |bit: usize| if i & bit == 0 { -1.0 } else { 1.0 };
-            grid.index_to_world() * (beyond * DVec3::new(sign(1), sign(2), sign(4)))
-        };
-        let corners: [DVec3; 8] = std::array::from_fn(corner);
+        let corners = box_corners([-beyond, beyond]).map(|corner| grid.index_to_world() * corner);
         let space = Space {
             centre: grid.centre(),
             unit: corners.iter().map(|corner| corner.length()).fold(f64::MIN_POSITIVE, f64::max),
@@ -94,8 +84,7 @@ impl SplatSet {
             middles: grid.dims().map(|n| if n % 2 == 0 { 0.5 } else { 0.0 }),
             step,
         };
-        let slab = (slab / step).min(f64::from(u32::MAX));
-        let lists = lattice(grid, transfer, kernels, slab)?;
+        let lists = lattice(grid, transfer, kernels, thickness.min(f64::from(u32::MAX)))?;
         let cut = if gaussian { kernels.cut } else { reach };
         // The peak of a product along the axes is its own.
         let amplitude = if gaussian { kernels.peak_on_grid() } else { 1.0 };
@@ -103,18 +92,14 @@ impl SplatSet {
     }
 
     fn of_points(gpu: &Gpu, points: &Points, transfer: &TransferFunction, kernels: &Kernels) -> Result<Self> {
+        let step = median_sigma(points)?;
+        kernels.check()?;
         if !matches!(kernels.kernel, Kernel::Gaussian | Kernel::BSpline) {
             let why = format!("{}: is for grids; points have gaussian or bspline", kernels.kernel.name());
             return Err(Error::invalid("kernel", why));
         }
         let shape = match points.size() {
-            KernelSize::Unknown => {
-                return Err(Error::invalid(
-                    "points",
-                    "have no radius: a radius or covariances must be given",
-                ));
-            }
-            KernelSize::Radius(_) | KernelSize::Radii(_) => Shape::Radii,
+            KernelSize::Unknown | KernelSize::Radius(_) | KernelSize::Radii(_) => Shape::Radii,
             KernelSize::Covariances(_) if kernels.kernel == Kernel::BSpline => {
                 return Err(Error::invalid("kernel", "bspline: points with covariances have gaussian"));
             }
@@ -122,7 +107,6 @@ impl SplatSet {
         };
         let [low, high] = points.bounds();
         let half = high * 0.5 - low * 0.5;
-        let step = median_sigma(points)?;
         // The box is enlarged by the reach of the largest kernel. The radius of a kernel is three sigma of a Gaussian,
         // and two units of a B-spline.
         let (cut, in_sigmas) =
@@ -130,15 +114,11 @@ impl SplatSet {
         let reach = in_sigmas * sigmas(points).fold(0.0, f64::max);
         let half = half + reach;
         let unit = half.length().max(f64::MIN_POSITIVE);
-        let corner = |i: usize| {
-            let sign = |bit: usize| if i & bit == 0 { -1.0 } else { 1.0 };
-            half * DVec3::new(sign(1), sign(2), sign(4))
-        };
         let space = Space {
             centre: low + (half - reach),
             unit,
             to_world: DMat3::from_diagonal(DVec3::splat(unit)),
-            corners: std::array::from_fn(corner),
+            corners: box_corners([-half, half]),
             domain: DVec3::INFINITY,
             layer: step / unit,
             middles: [0.25; 3],

@@ -86,10 +86,11 @@ impl Stream<'_> {
         Err(self.error(rule))
     }
 
-    pub(crate) fn bytes<const N: usize>(&mut self, what: &str) -> Result<([u8; N], bool)> {
+    /// Reads the bytes of a number, in little-endian order.
+    pub(crate) fn bytes<const N: usize>(&mut self, what: &str) -> Result<[u8; N]> {
         let mut bytes = [0; N];
         match self.scanner.read_exact(&mut bytes) {
-            Ok(()) => Ok((bytes, self.format.binary == Some(Endian::Little))),
+            Ok(()) => Ok(self.format.binary.map_or(bytes, |endian| endian.to_little(bytes))),
             Err(error) if error.kind() == ErrorKind::UnexpectedEof => {
                 Err(self.error(format!("ends before {what}")))
             }
@@ -102,8 +103,7 @@ impl Stream<'_> {
         if self.format.binary.is_none() {
             return self.word(what);
         }
-        let (bytes, little) = self.bytes(what)?;
-        Ok(if little { i32::from_le_bytes(bytes) } else { i32::from_be_bytes(bytes) }.into())
+        Ok(i32::from_le_bytes(self.bytes(what)?).into())
     }
 
     /// Reads an `int` that must not be negative.
@@ -121,11 +121,9 @@ impl Stream<'_> {
             return self.word(what);
         }
         if self.format.wide == SampleType::U32 {
-            let (bytes, little) = self.bytes(what)?;
-            return Ok(if little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) }.into());
+            return Ok(u32::from_le_bytes(self.bytes(what)?).into());
         }
-        let (bytes, little) = self.bytes(what)?;
-        Ok(if little { u64::from_le_bytes(bytes) } else { u64::from_be_bytes(bytes) })
+        Ok(u64::from_le_bytes(self.bytes(what)?))
     }
 
     pub(crate) fn real(&mut self, what: &str) -> Result<f64> {
@@ -133,11 +131,9 @@ impl Stream<'_> {
             return self.word::<Real>(what).map(|Real(number)| number);
         }
         if self.format.real == SampleType::F32 {
-            let (bytes, little) = self.bytes(what)?;
-            return Ok(if little { f32::from_le_bytes(bytes) } else { f32::from_be_bytes(bytes) }.into());
+            return Ok(f32::from_le_bytes(self.bytes(what)?).into());
         }
-        let (bytes, little) = self.bytes(what)?;
-        Ok(if little { f64::from_le_bytes(bytes) } else { f64::from_be_bytes(bytes) })
+        Ok(f64::from_le_bytes(self.bytes(what)?))
     }
 
     /// Checks that `count` things of at least `least` bytes can follow, before memory is allocated for them.
@@ -171,7 +167,7 @@ pub(crate) fn read_format(stream: &mut Stream) -> Result<Format> {
     let binary = match binary {
         0 => None,
         1 => {
-            let (one, _) = stream.bytes::<4>("the mark of byte order")?;
+            let one: [u8; 4] = stream.bytes("the mark of byte order")?;
             if one == 1_i32.to_le_bytes() {
                 Some(Endian::Little)
             } else if one == 1_i32.to_be_bytes() {

@@ -77,14 +77,8 @@ impl Header {
 
     /// Reads the fields at their offsets.
     fn decode(bytes: &[u8; HEADER], endian: Endian, magic: [u8; 4]) -> Self {
-        let short = |at: usize| match endian {
-            Endian::Little => i16::from_le_bytes(array(bytes, at)),
-            Endian::Big => i16::from_be_bytes(array(bytes, at)),
-        };
-        let float = |at: usize| match endian {
-            Endian::Little => f32::from_le_bytes(array(bytes, at)),
-            Endian::Big => f32::from_be_bytes(array(bytes, at)),
-        };
+        let short = |at: usize| i16::from_le_bytes(endian.to_little(array(bytes, at)));
+        let float = |at: usize| f32::from_le_bytes(endian.to_little(array(bytes, at)));
         let row = |at: usize| [0, 4, 8, 12].map(|offset| float(at + offset));
         Self {
             dim: [0, 1, 2, 3, 4, 5, 6, 7].map(|axis| short(40 + 2 * axis)),

@@ -306,10 +306,7 @@ impl<R: Read> Read for Halves<R> {
             if self.left == 0 {
                 let mut half = [0; 2];
                 self.reader.read_exact(&mut half)?;
-                let bits = match self.endian {
-                    Endian::Little => u16::from_le_bytes(half),
-                    Endian::Big => u16::from_be_bytes(half),
-                };
+                let bits = u16::from_le_bytes(self.endian.to_little(half));
                 self.bytes = from_half(bits).to_le_bytes();
                 self.left = 4;
             }

@@ -3,7 +3,7 @@
 use std::io::{ErrorKind, Read};
 
 use crate::error::{Error, Result};
-use crate::io::file::sample_type::{Endian, SampleType};
+use crate::io::file::sample_type::{Endian, SampleType, by_type};
 use crate::io::file::scanner::Scanner;
 use crate::io::file::source::Source;
 use crate::io::file::text::{self, shown};
@@ -168,24 +168,10 @@ fn decode(bytes: &[u8], kind: SampleType, endian: Endian) -> f64 {
     macro_rules! number {
         ($type:ty) => {{
             let bytes = bytes.first_chunk().copied().unwrap_or_default();
-            match endian {
-                Endian::Little => <$type>::from_le_bytes(bytes) as f64,
-                Endian::Big => <$type>::from_be_bytes(bytes) as f64,
-            }
+            <$type>::from_le_bytes(endian.to_little(bytes)) as f64
         }};
     }
-    match kind {
-        SampleType::U8 => number!(u8),
-        SampleType::I8 => number!(i8),
-        SampleType::U16 => number!(u16),
-        SampleType::I16 => number!(i16),
-        SampleType::U32 => number!(u32),
-        SampleType::I32 => number!(i32),
-        SampleType::U64 => number!(u64),
-        SampleType::I64 => number!(i64),
-        SampleType::F32 => number!(f32),
-        SampleType::F64 => number!(f64),
-    }
+    by_type!(kind, number)
 }
 
 pub(crate) fn number(scanner: &mut Scanner, kind: SampleType, endian: Endian) -> std::io::Result<f64> {
@@ -272,19 +258,10 @@ fn row(
 
 /// Parses a number and checks the range of its type.
 fn parse(word: &str, kind: SampleType) -> Option<f64> {
-    fn whole<T: std::str::FromStr + Into<f64>>(word: &str) -> Option<f64> {
-        word.parse::<T>().ok().map(Into::into)
+    macro_rules! number {
+        ($type:ty) => {
+            text::float::<$type>(word).map(|number| number as f64)
+        };
     }
-    match kind {
-        SampleType::U8 => whole::<u8>(word),
-        SampleType::I8 => whole::<i8>(word),
-        SampleType::U16 => whole::<u16>(word),
-        SampleType::I16 => whole::<i16>(word),
-        SampleType::U32 => whole::<u32>(word),
-        SampleType::I32 => whole::<i32>(word),
-        SampleType::U64 => word.parse::<u64>().ok().map(|number| number as f64),
-        SampleType::I64 => word.parse::<i64>().ok().map(|number| number as f64),
-        SampleType::F32 => text::float::<f32>(word).map(Into::into),
-        SampleType::F64 => text::float(word),
-    }
+    by_type!(kind, number)
 }

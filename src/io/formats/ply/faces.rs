@@ -1,8 +1,7 @@
 //! Faces: the element `face` with its list `vertex_indices` or `vertex_index`.
 
-use glam::DVec3;
-
 use crate::error::Result;
+use crate::io::build::points::positions;
 use crate::io::file::budget::Budget;
 use crate::io::file::sample_type::SampleType;
 use crate::io::file::scanner::Scanner;
@@ -27,13 +26,8 @@ pub(crate) fn read(source: &Source, budget: &mut Budget) -> Result<Triangles> {
     for (i, element) in header.elements.iter().enumerate() {
         if i == place {
             header.holds(&scanner, element)?;
-            budget.take("points", element.count.saturating_mul(24))?;
-            points.try_reserve_exact(count).map_err(|_| source.error("points", "memory is full"))?;
-            header.each(&mut scanner, element, &axes, &mut |xyz| {
-                if let [x, y, z] = *xyz {
-                    points.push(DVec3::new(x, y, z));
-                }
-            })?;
+            let each = |push: &mut dyn FnMut(&[f64])| header.each(&mut scanner, element, &axes, push);
+            points = positions(source, budget, count, each)?;
         } else if i == of_faces {
             header.holds(&scanner, element)?;
             header.faces(&mut scanner, element, num::count(count), &mut faces)?;

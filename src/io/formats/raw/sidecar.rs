@@ -6,7 +6,7 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 
 use crate::error::Result;
-use crate::io::file::json::json_error;
+use crate::io::file::json;
 use crate::io::file::source::Source;
 use crate::io::formats::raw::layout::{Described, RawLayout};
 use crate::io::options::ReadOptions;
@@ -40,13 +40,7 @@ impl Sidecar {
             ));
         }
         let bytes = source.bytes(0, source.len().min(MAX_JSON))?;
-        let mut deserializer = serde_json::Deserializer::from_slice(&bytes);
-        let parsed = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
-            let key = error.path().to_string();
-            json_error(source.path(), error.inner(), if key == "." { "" } else { &key })
-        })?;
-        deserializer.end().map_err(|error| json_error(source.path(), &error, ""))?;
-        Ok(parsed)
+        json::parse(source.path(), &bytes)
     }
 
     pub(crate) fn layout(&self, source: &Source) -> Result<RawLayout> {

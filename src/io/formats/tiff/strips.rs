@@ -295,11 +295,7 @@ pub(crate) fn unpack(row: &[u8], bits: u16, count: usize, unpacked: &mut Vec<u8>
 
 /// Converts 16-bit floats to 32-bit ones in native byte order.
 pub(crate) fn widened(bytes: &[u8], endian: Endian) -> Vec<u8> {
-    let one = |pair: &[u8; 2]| {
-        let bits =
-            if endian == Endian::Little { u16::from_le_bytes(*pair) } else { u16::from_be_bytes(*pair) };
-        from_half(bits).to_ne_bytes()
-    };
+    let one = |pair: &[u8; 2]| from_half(u16::from_le_bytes(endian.to_little(*pair))).to_ne_bytes();
     bytes.as_chunks::<2>().0.iter().flat_map(one).collect()
 }
 

@@ -66,16 +66,14 @@ impl File<'_> {
         let (dims, points, cells) = self.dims()?;
         self.contents.fit(self.source, points, cells)?;
         let options = self.options;
-        let mut budget = Budget::new(self.source, options);
-        std::mem::swap(&mut budget, &mut self.budget);
+        let mut budget = std::mem::replace(&mut self.budget, Budget::new(self.source, options));
         let (origin, mut read) = self.origin();
         lattice::build(origin, dims, places, &mut budget, &mut read, options)
     }
 
     pub(crate) fn dataset(&mut self, dataset: Dataset) -> Result<Loaded> {
         let options = self.options;
-        let mut budget = Budget::new(self.source, options);
-        std::mem::swap(&mut budget, &mut self.budget);
+        let mut budget = std::mem::replace(&mut self.budget, Budget::new(self.source, options));
         let (origin, mut read) = self.origin();
         dataset.build(origin, &mut budget, &mut read, options)
     }

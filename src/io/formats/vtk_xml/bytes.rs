@@ -47,18 +47,12 @@ impl Bytes<'_, '_> {
         for _ in 0..count {
             let mut bytes = [0; 8];
             let size = usize::try_from(word).unwrap_or(8).min(8);
-            let own = match endian {
-                Endian::Little => &mut bytes[..size],
-                Endian::Big => &mut bytes[8 - size..],
-            };
+            let own = &mut bytes[..size];
             self.read_exact(own).map_err(|error| match error.kind() {
                 ErrorKind::UnexpectedEof => self.error("ends within its header"),
                 _ => stream_error(self.source, error),
             })?;
-            words.push(match endian {
-                Endian::Little => u64::from_le_bytes(bytes),
-                Endian::Big => u64::from_be_bytes(bytes),
-            });
+            words.push(endian.whole(own));
         }
         Ok(words)
     }

@@ -9,7 +9,7 @@ use crate::io::build::origin::Origin;
 use crate::io::file::decode;
 use crate::io::file::source::Source;
 use crate::io::file::text::index;
-use crate::io::formats::vtk_xml::document::{Document, Piece, Section};
+use crate::io::formats::vtk_xml::document::{Array, Document, Piece, Section};
 use crate::io::formats::vtk_xml::file::File;
 use crate::io::formats::vtk_xml::pieces::{append, in_chunks, numbers, part, section, tuples, wrong};
 use crate::io::formats::vtk_xml::store::Store;
@@ -87,18 +87,12 @@ fn read_ends(source: &Source, store: &mut Store, pieces: &[Piece]) -> Result<(Ve
     let mut nodes = 0_u64;
     for piece in pieces.iter().filter(|piece| piece.cells > 0) {
         let array = part(source, piece, Section::Cells, Some("offsets"), 1)?;
-        let count = index(source, &array.at(), piece.cells)?;
+        index(source, &array.at(), piece.cells)?;
         let mut last = 0;
-        store.take(array, piece.cells, &mut |reader, kind, endian| {
-            list.try_reserve_exact(count).map_err(|_| std::io::ErrorKind::OutOfMemory)?;
-            in_chunks(reader, count, kind, endian, decode::append_indices, &mut |chunk| {
-                for &end in chunk {
-                    last = end;
-                    let end = nodes.checked_add(u64::from(end)).and_then(|end| u32::try_from(end).ok());
-                    list.push(end.ok_or_else(|| wrong("more nodes than 32 bits can count".to_owned()))?);
-                }
-                Ok(())
-            })
+        append_each(store, array, piece.cells, &mut list, &mut |end| {
+            last = end;
+            let end = nodes.checked_add(u64::from(end)).and_then(|end| u32::try_from(end).ok());
+            end.ok_or_else(|| wrong("more nodes than 32 bits can count".to_owned()))
         })?;
         nodes = nodes.saturating_add(u64::from(last));
         of_pieces.push(u64::from(last));
@@ -120,19 +114,12 @@ fn read_nodes(
         if piece.cells > 0 {
             let array = part(source, piece, Section::Cells, Some("connectivity"), 1)?;
             let count = counts.next().copied().unwrap_or_default();
-            store.take(array, count, &mut |reader, kind, endian| {
-                let count = usize::try_from(count).unwrap_or(usize::MAX);
-                list.try_reserve_exact(count).map_err(|_| std::io::ErrorKind::OutOfMemory)?;
-                in_chunks(reader, count, kind, endian, decode::append_indices, &mut |chunk| {
-                    for &node in chunk {
-                        if u64::from(node) >= piece.points {
-                            return Err(wrong(format!("node {node}: the piece has {} points", piece.points)));
-                        }
-                        let node = u32::try_from(before + u64::from(node));
-                        list.push(node.map_err(|_| wrong("more points than 32 bits can count".to_owned()))?);
-                    }
-                    Ok(())
-                })
+            append_each(store, array, count, &mut list, &mut |node| {
+                if u64::from(node) >= piece.points {
+                    return Err(wrong(format!("node {node}: the piece has {} points", piece.points)));
+                }
+                u32::try_from(before + u64::from(node))
+                    .map_err(|_| wrong("more points than 32 bits can count".to_owned()))
             })?;
         }
         before = before.saturating_add(piece.points);
@@ -145,18 +132,27 @@ fn read_types(source: &Source, store: &mut Store, pieces: &[Piece]) -> Result<Ve
     let mut list: Vec<u8> = Vec::new();
     for piece in pieces.iter().filter(|piece| piece.cells > 0) {
         let array = part(source, piece, Section::Cells, Some("types"), 1)?;
-        let count = index(source, &array.at(), piece.cells)?;
-        store.take(array, piece.cells, &mut |reader, kind, endian| {
-            list.try_reserve_exact(count).map_err(|_| std::io::ErrorKind::OutOfMemory)?;
-            in_chunks(reader, count, kind, endian, decode::append_indices, &mut |chunk| {
-                for &number in chunk {
-                    list.push(
-                        u8::try_from(number).map_err(|_| wrong(format!("{number}: not a type of a cell")))?,
-                    );
-                }
-                Ok(())
-            })
+        index(source, &array.at(), piece.cells)?;
+        append_each(store, array, piece.cells, &mut list, &mut |number| {
+            u8::try_from(number).map_err(|_| wrong(format!("{number}: not a type of a cell")))
         })?;
     }
     Ok(list)
+}
+
+/// Reads the whole numbers of an array and appends what `each` makes of them.
+fn append_each<T>(
+    store: &mut Store,
+    array: &Array,
+    count: u64,
+    list: &mut Vec<T>,
+    each: &mut dyn FnMut(u32) -> std::io::Result<T>,
+) -> Result<()> {
+    store.take(array, count, &mut |reader, kind, endian| {
+        let count = usize::try_from(count).unwrap_or(usize::MAX);
+        list.try_reserve_exact(count).map_err(|_| std::io::ErrorKind::OutOfMemory)?;
+        in_chunks(reader, count, kind, endian, decode::append_indices, &mut |chunk| {
+            chunk.iter().try_for_each(|&number| each(number).map(|value| list.push(value)))
+        })
+    })
 }
