@@ -79,8 +79,8 @@ impl Texts {
         };
         let options = method.options().iter().map(|option| vr_option_info {
             key: keep(option.key),
-            values: keep(option.values),
-            default_value: keep(option.default),
+            values: keep(&option.values),
+            default_value: keep(&option.default),
             effect: keep(option.effect),
         });
         let options = options.collect();

@@ -4,6 +4,7 @@
 //! `splat` hold the techniques by kind of data, each behind `frame::prepared::Prepared`. The room uses `frame`, `resident`,
 //! `primitives`, `optics`, `scene` and `gpu`; `choice`, `cli`, `ffi` and engines use it.
 
+pub(crate) mod declare;
 pub mod grid;
 pub mod mesh;
 pub(crate) mod options;
@@ -12,6 +13,7 @@ mod renderer;
 pub mod shear_warp;
 pub mod splat;
 
-pub use options::{BlendOrder, EmptySpace, OptionInfo, Route};
+pub use declare::{Numbers, OptionInfo};
+pub use options::{BlendOrder, EmptySpace, Route};
 pub use registry::{Method, Technique};
 pub use renderer::{FrameTime, Frames, Renderer};

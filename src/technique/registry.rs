@@ -1,6 +1,7 @@
 //! The registry of techniques: names, capabilities and options.
 
-use std::sync::Arc;
+use std::collections::HashMap;
+use std::sync::{Arc, OnceLock};
 
 use crate::error::{Error, Result};
 use crate::frame::prepared::Prepared;
@@ -8,11 +9,12 @@ use crate::frame::target::Canvas;
 use crate::resident::GpuScene;
 use crate::resident::surfaces::SurfaceData;
 use crate::scene::{Data, Kernel, Scene, Surface, View};
+use crate::technique::declare::{self, OptionInfo};
 use crate::technique::grid::frame::GridFrame;
 use crate::technique::grid::technique::GridTechnique;
 use crate::technique::grid::{raycast, slabs, slices_2d, slices_3d};
 use crate::technique::mesh::{abuffer, havs, projected_tets};
-use crate::technique::options::OptionInfo;
+
 use crate::technique::shear_warp;
 use crate::technique::splat::{ewa as splat_ewa, sheets as splat_sheets};
 
@@ -116,18 +118,25 @@ impl Method {
     /// Descriptions of its options.
     #[must_use]
     pub fn options(self) -> &'static [OptionInfo] {
-        match self {
-            Self::Slices2d => slices_2d::OPTIONS,
-            Self::Slices3d => slices_3d::OPTIONS,
-            Self::Slabs => slabs::OPTIONS,
-            Self::ShearWarp => shear_warp::OPTIONS,
-            Self::Raycast => raycast::OPTIONS,
-            Self::Havs => havs::OPTIONS,
-            Self::Abuffer => abuffer::OPTIONS,
-            Self::ProjectedTets => projected_tets::OPTIONS,
-            Self::SplatSheets => splat_sheets::OPTIONS,
-            Self::SplatEwa => splat_ewa::OPTIONS,
-        }
+        static INFOS: OnceLock<HashMap<Method, Vec<OptionInfo>>> = OnceLock::new();
+        INFOS
+            .get_or_init(|| {
+                let infos = |method| match method {
+                    Self::Slices2d => declare::infos::<slices_2d::Options>(),
+                    Self::Slices3d => declare::infos::<slices_3d::Options>(),
+                    Self::Slabs => declare::infos::<slabs::Options>(),
+                    Self::ShearWarp => declare::infos::<shear_warp::Options>(),
+                    Self::Raycast => declare::infos::<raycast::Options>(),
+                    Self::Havs => declare::infos::<havs::Options>(),
+                    Self::Abuffer => declare::infos::<abuffer::Options>(),
+                    Self::ProjectedTets => declare::infos::<projected_tets::Options>(),
+                    Self::SplatSheets => declare::infos::<splat_sheets::Options>(),
+                    Self::SplatEwa => declare::infos::<splat_ewa::Options>(),
+                };
+                Self::ALL.into_iter().map(|method| (method, infos(method))).collect()
+            })
+            .get(&self)
+            .map_or(&[], Vec::as_slice)
     }
 
     /// Whether it draws data of this kind; [`Method::draws_scene`] also considers kernels and surfaces.
@@ -251,16 +260,16 @@ impl Technique {
     /// [`Error::Invalid`] naming option, value and range.
     pub fn new(method: Method, options: &[(String, String)]) -> Result<Self> {
         Ok(match method {
-            Method::Slices2d => Self::Slices2d(slices_2d::Options::parse(options)?),
-            Method::Slices3d => Self::Slices3d(slices_3d::Options::parse(options)?),
-            Method::Slabs => Self::Slabs(slabs::Options::parse(options)?),
-            Method::ShearWarp => Self::ShearWarp(shear_warp::Options::parse(options)?),
-            Method::Raycast => Self::Raycast(raycast::Options::parse(options)?),
-            Method::Havs => Self::Havs(havs::Options::parse(options)?),
-            Method::Abuffer => Self::Abuffer(abuffer::Options::parse(options)?),
-            Method::ProjectedTets => Self::ProjectedTets(projected_tets::Options::parse(options)?),
-            Method::SplatSheets => Self::SplatSheets(splat_sheets::Options::parse(options)?),
-            Method::SplatEwa => Self::SplatEwa(splat_ewa::Options::parse(options)?),
+            Method::Slices2d => Self::Slices2d(declare::parse(options)?),
+            Method::Slices3d => Self::Slices3d(declare::parse(options)?),
+            Method::Slabs => Self::Slabs(declare::parse(options)?),
+            Method::ShearWarp => Self::ShearWarp(declare::parse(options)?),
+            Method::Raycast => Self::Raycast(declare::parse(options)?),
+            Method::Havs => Self::Havs(declare::parse(options)?),
+            Method::Abuffer => Self::Abuffer(declare::parse(options)?),
+            Method::ProjectedTets => Self::ProjectedTets(declare::parse(options)?),
+            Method::SplatSheets => Self::SplatSheets(declare::parse(options)?),
+            Method::SplatEwa => Self::SplatEwa(declare::parse(options)?),
         })
     }
 
@@ -303,16 +312,16 @@ impl Technique {
     #[must_use]
     pub fn option_pairs(&self) -> Vec<(&'static str, String)> {
         match self {
-            Self::Slices2d(options) => options.pairs(),
-            Self::Slices3d(options) => options.pairs(),
-            Self::Slabs(options) => options.pairs(),
-            Self::ShearWarp(options) => options.pairs(),
-            Self::Raycast(options) => options.pairs(),
-            Self::Havs(options) => options.pairs(),
-            Self::Abuffer(options) => options.pairs(),
-            Self::ProjectedTets(options) => options.pairs(),
-            Self::SplatSheets(options) => options.pairs(),
-            Self::SplatEwa(options) => options.pairs(),
+            Self::Slices2d(options) => declare::pairs(options),
+            Self::Slices3d(options) => declare::pairs(options),
+            Self::Slabs(options) => declare::pairs(options),
+            Self::ShearWarp(options) => declare::pairs(options),
+            Self::Raycast(options) => declare::pairs(options),
+            Self::Havs(options) => declare::pairs(options),
+            Self::Abuffer(options) => declare::pairs(options),
+            Self::ProjectedTets(options) => declare::pairs(options),
+            Self::SplatSheets(options) => declare::pairs(options),
+            Self::SplatEwa(options) => declare::pairs(options),
         }
     }
 
@@ -334,6 +343,18 @@ impl Technique {
             let why = format!("{} draws {linear}: the scene has kernels", self.method().name());
             return Err(Error::invalid("technique", why));
         }
+        match self {
+            Self::Slices2d(options) => declare::check(options),
+            Self::Slices3d(options) => declare::check(options),
+            Self::Slabs(options) => declare::check(options),
+            Self::ShearWarp(options) => declare::check(options),
+            Self::Raycast(options) => declare::check(options),
+            Self::Havs(options) => declare::check(options),
+            Self::Abuffer(options) => declare::check(options),
+            Self::ProjectedTets(options) => declare::check(options),
+            Self::SplatSheets(options) => declare::check(options),
+            Self::SplatEwa(options) => declare::check(options),
+        }?;
         let grid = |technique: Box<dyn GridTechnique>| -> Result<Box<dyn Prepared>> {
             Ok(Box::new(GridFrame::new(scene, view, target, technique)?))
         };

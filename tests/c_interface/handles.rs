@@ -204,7 +204,7 @@ fn techniques_are_described() {
         assert_eq!(options.len(), method.options().len());
         for (got, want) in options.iter().zip(method.options()) {
             let got = [got.key, got.values, got.default_value, got.effect].map(text);
-            assert_eq!(got, [want.key, want.values, want.default, want.effect]);
+            assert_eq!(got, [want.key, &want.values, &want.default, want.effect]);
         }
         // SAFETY: text.
         done(unsafe { vr_technique_parse(info.name) });

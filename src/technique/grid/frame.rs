@@ -25,11 +25,12 @@ use crate::resident::GpuScene;
 use crate::resident::tables::{Integrator, Knots, SegmentOptions, TABLE_FORMAT, Table};
 use crate::resident::volume::{Layout, Volume};
 use crate::scene::View;
+use crate::technique::declare::Value as _;
 use crate::technique::grid::cut::{Cut, cut};
 use crate::technique::grid::options::{Filter, GridOptions, Prefilter};
 use crate::technique::grid::route::{Path, RouteDesc, Routed};
 use crate::technique::grid::technique::GridTechnique;
-use crate::technique::options::{BlendOrder, Choice, Route};
+use crate::technique::options::{BlendOrder, Route};
 
 /// A bit of `GridPush::order` in the compute route: another dispatch continues the march.
 const MORE: u32 = 4;
@@ -179,7 +180,6 @@ impl GridFrame {
         target: &Canvas,
         technique: Box<dyn GridTechnique>,
     ) -> Result<Self> {
-        technique.check()?;
         let name = technique.name();
         let options = *technique.options();
         let grid = scene.grid()?;

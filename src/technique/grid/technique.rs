@@ -2,7 +2,6 @@
 
 use ash::vk;
 
-use crate::error::Result;
 use crate::gpu::SpecConstant;
 use crate::gpu::shader::Shader;
 use crate::resident::tables::SegmentOptions;
@@ -56,8 +55,6 @@ impl Slabs {
 pub(crate) trait GridTechnique: std::fmt::Debug + Send + Sync {
     /// Its name.
     fn name(&self) -> &'static str;
-    /// Checks its options, alone and together.
-    fn check(&self) -> Result<()>;
     /// The shared options.
     fn options(&self) -> &GridOptions;
     /// How it integrates segments; `None` where it classifies samples.

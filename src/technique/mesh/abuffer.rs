@@ -22,44 +22,31 @@ use crate::gpu::shader::ABUFFER_COMPUTE;
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
+use crate::technique::declare::{GROUP, TechniqueOptions, option_set};
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
-use crate::technique::mesh::options::{EMPTY_SPACE, INTEGRATOR, MeshOptions, ORDER, SMOKE, STOP};
-use crate::technique::options::{self, BlendOrder, OptionInfo, TABLE};
-
-const NAME: &str = "abuffer";
+use crate::technique::mesh::options::MeshOptions;
 
 /// Entries of the window that a list passes through before it is sorted in place.
 const WINDOW: u32 = 7;
 
-/// The options, each with its effect on error and time.
-pub(crate) const OPTIONS: &[OptionInfo] = &[INTEGRATOR, TABLE, SMOKE, ORDER, STOP, EMPTY_SPACE];
+option_set! {
+    /// Options of `abuffer`.
+    pub struct Options {
+        /// The options that the techniques for meshes share.
+        pub mesh: MeshOptions = MeshOptions::default() => GROUP,
+    }
+}
 
-/// Options of `abuffer`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Options {
-    /// The options that the techniques for meshes share.
-    pub mesh: MeshOptions,
+impl TechniqueOptions for Options {
+    const NAME: &'static str = "abuffer";
+
+    fn check(&self) -> Result<()> {
+        self.mesh.check(Self::NAME)
+    }
 }
 
 impl Options {
-    /// Reads `key`, `value` pairs.
-    pub(crate) fn parse(pairs: &[(String, String)]) -> Result<Self> {
-        let mut options = Self::default();
-        for (key, text) in pairs {
-            if !options.mesh.read(NAME, key, text)? {
-                return Err(options::unknown(NAME, key, OPTIONS));
-            }
-        }
-        options.mesh.check(NAME)?;
-        Ok(options)
-    }
-
-    /// Returns the options as text that [`Options::parse`] reads back; options that are unset are left out.
-    pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
-        self.mesh.pairs()
-    }
-
     /// Prepares frames of one view size.
     pub(crate) fn prepare(
         &self,
@@ -67,20 +54,15 @@ impl Options {
         view: &View,
         target: &Canvas,
     ) -> Result<Box<dyn Prepared>> {
-        self.mesh.check(NAME)?;
         let desc = MeshDesc {
-            name: NAME,
+            name: Self::NAME,
             primitives: Primitives::Cells,
-            segments: self.mesh.segments,
-            smoke: self.mesh.smoke,
-            back_to_front: self.mesh.order == BlendOrder::BackToFront,
+            options: self.mesh,
             resolve: &ABUFFER_COMPUTE,
             k: WINDOW,
             chunk: None,
             repair: Some(&ABUFFER_COMPUTE),
             unsorted: "kbuffer_overflow_pixels",
-            stop: self.mesh.stop,
-            skip: self.mesh.skips(),
         };
         Ok(Box::new(MeshFrame::new(scene, view, target, desc)?))
     }

@@ -121,14 +121,14 @@ impl MeshFrame {
         desc: MeshDesc,
         order: Option<&[u32]>,
     ) -> Result<Self> {
-        if desc.back_to_front {
+        if desc.options.back_to_front() {
             target.refuse_layers(&format!("{} order=back-to-front", desc.name), "order=front-to-back")?;
         }
         let gpu = scene.gpu();
         let data = scene.mesh_data();
         let space = LocalSpace::of(scene.mesh()?);
         let knots = scene.knots()?;
-        let table = scene.table(&desc.segments)?;
+        let table = scene.table(&desc.options.segments)?;
         let push = space.push(view, &shading_push(scene, &desc, &knots)?)?;
         let [width, height] = view.extent();
         let across = width.div_ceil(TILE);
@@ -240,7 +240,7 @@ impl MeshFrame {
 
     /// Returns the specialisation constants of passes that shade segments.
     fn shading_constants(&self) -> [SpecConstant; 4] {
-        let integrator = (SPEC_INTEGRATOR, self.desc.segments.integrator.code());
+        let integrator = (SPEC_INTEGRATOR, self.desc.options.segments.integrator.code());
         let canvas = &self.canvas;
         [(SPEC_KNOT_WALK, self.knots.walk), integrator, canvas.bounded(), canvas.layered()]
     }

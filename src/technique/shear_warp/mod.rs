@@ -17,5 +17,4 @@ mod planes;
 mod region;
 
 pub(crate) use frame::ShearFrame;
-pub(crate) use options::OPTIONS;
 pub use options::{Intermediate, Options, Warp};

@@ -40,6 +40,7 @@ use crate::resident::GpuScene;
 use crate::resident::local_space::LocalSpace;
 use crate::resident::tables::{Knots, Table};
 use crate::scene::View;
+use crate::technique::declare::Value as _;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::flagged::FlaggedFrame;
 use crate::technique::mesh::havs::options::KBufferRoute;
@@ -47,7 +48,6 @@ use crate::technique::mesh::havs::repairs::Repairs;
 use crate::technique::mesh::outcome::MeshOutcome;
 use crate::technique::mesh::overlaps::Overlaps;
 use crate::technique::mesh::shading::{shading_push, shading_resources};
-use crate::technique::options::Choice;
 
 /// The format of the accumulation image and of the k-buffer's images.
 const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
@@ -217,7 +217,7 @@ impl RasterFrame {
         let data = scene.mesh_data();
         let space = LocalSpace::of(mesh);
         let knots = scene.knots()?;
-        let table = scene.table(&desc.segments)?;
+        let table = scene.table(&desc.options.segments)?;
         let push = space.push(view, &shading_push(scene, &desc, &knots)?)?;
         let [width, height] = view.extent();
         let across = width.div_ceil(TILE);
@@ -233,7 +233,7 @@ impl RasterFrame {
         resources.extend(draw_resources(&ranking, &knots, target, &flags, &image, &kbuffer));
         let shading = [
             (SPEC_KNOT_WALK, knots.walk),
-            (SPEC_INTEGRATOR, desc.segments.integrator.code()),
+            (SPEC_INTEGRATOR, desc.options.segments.integrator.code()),
             target.bounded(),
         ];
         let mut constants = desc.constants(scene)?;

@@ -125,11 +125,11 @@ fn constants_of(
 ) -> Result<Vec<SpecConstant>> {
     // A fragment that walks through knots loads them all; between two scalars a table needs no walk.
     let between = matches!(scene.mesh()?.scalars(), TetScalars::Point(_));
-    let searches = between && desc.segments.integrator == Integrator::Integral;
+    let searches = between && desc.options.segments.integrator == Integrator::Integral;
     let mut constants = desc.constants(scene)?;
     constants.extend([
         (SPEC_KNOT_WALK, if searches { 0 } else { knots.walk }),
-        (SPEC_INTEGRATOR, desc.segments.integrator.code()),
+        (SPEC_INTEGRATOR, desc.options.segments.integrator.code()),
         (SPEC_SPACE, u32::from(options.plane == Plane::Space)),
         (SPEC_SHADED, u32::from(options.shade == Shade::Vertex)),
         target.bounded(),
@@ -193,7 +193,7 @@ fn draw_pipeline(
             vertex,
             fragment,
             topology: vk::PrimitiveTopology::TRIANGLE_LIST,
-            blend: if desc.back_to_front { Blend::Over } else { Blend::Under },
+            blend: if desc.options.back_to_front() { Blend::Over } else { Blend::Under },
             format: Some(FORMAT),
             constants,
         },
@@ -216,7 +216,7 @@ impl TetsRaster {
         check_shade(name, options, target)?;
         let space = LocalSpace::of(scene.mesh()?);
         let knots = scene.knots()?;
-        let table = scene.table(&desc.segments)?;
+        let table = scene.table(&desc.options.segments)?;
         let push = space.push(view, &shading_push(scene, &desc, &knots)?)?;
         let ranking = desc.rank_primitives(scene, &scene.mesh_data(), order)?;
 
@@ -237,7 +237,7 @@ impl TetsRaster {
         let bounds = target.bounds(&knots.buffer);
         let resources: Vec<_> = shared.into_iter().chain(read).chain(bounds).collect();
         let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &resources)?);
-        let image = if draws_directly(target, FORMAT, desc.back_to_front) {
+        let image = if draws_directly(target, FORMAT, desc.options.back_to_front()) {
             None
         } else {
             Some(own_image(gpu, name, FORMAT, vk::ImageUsageFlags::COLOR_ATTACHMENT, view, target)?)
