@@ -61,12 +61,16 @@ impl Numbers {
         }
     }
 
-    /// Returns the shortest text that reads back to a number; whole numbers have no exponent.
+    /// Returns text that reads back to a number; whole numbers have no exponent.
     fn text(self, number: f64) -> String {
-        let (plain, short) = (number.to_string(), format!("{number:e}"));
-        let is_whole = matches!(self, Self::Whole { .. });
-        if is_whole || plain.len() <= short.len() { plain } else { short }
+        if matches!(self, Self::Whole { .. }) { number.to_string() } else { shortest(number) }
     }
+}
+
+/// Returns the shortest text that reads back to a number.
+fn shortest(number: f64) -> String {
+    let (plain, short) = (number.to_string(), format!("{number:e}"));
+    if plain.len() <= short.len() { plain } else { short }
 }
 
 impl fmt::Display for Numbers {
@@ -74,7 +78,9 @@ impl fmt::Display for Numbers {
         match self {
             Self::Positive => write!(f, "a number that is positive and finite"),
             Self::BelowOne => write!(f, "a number from 0 to below 1"),
-            Self::Between { least, most } => write!(f, "a number from {least} to {most}"),
+            Self::Between { least, most } => {
+                write!(f, "a number from {} to {}", shortest(*least), shortest(*most))
+            }
             Self::Whole { least, most } => write!(f, "a whole number from {least} to {most}"),
         }
     }
@@ -235,17 +241,14 @@ pub(crate) struct Entry<'a> {
 }
 
 impl Entry<'_> {
-    fn values(&self) -> String {
-        let words = (!self.words.is_empty()).then(|| self.words.join("|"));
+    fn values(&self, before: &str, between: &str) -> String {
+        let words = (!self.words.is_empty()).then(|| format!("{before}{}", self.words.join(between)));
         let numbers = self.numbers.map(|numbers| numbers.to_string());
         words.into_iter().chain(numbers).collect::<Vec<_>>().join(", or ")
     }
 
     fn refuse(&self, technique: &str, text: &str) -> Error {
-        let words = (!self.words.is_empty()).then(|| format!("one of {}", self.words.join(", ")));
-        let numbers = self.numbers.map(|numbers| numbers.to_string());
-        let allowed = words.into_iter().chain(numbers).collect::<Vec<_>>().join(", or ");
-        refused(technique, self.key, format!("{text}: must be {allowed}"))
+        refused(technique, self.key, format!("{text}: must be {}", self.values("one of ", ", ")))
     }
 }
 
@@ -255,40 +258,17 @@ pub(crate) trait OptionSet: Copy + Default {
     fn entries(&mut self) -> Vec<Entry<'_>>;
 }
 
-/// Options of a technique.
-pub(crate) trait TechniqueOptions: OptionSet {
-    /// Name of the technique.
-    const NAME: &'static str;
-
-    /// Returns the key of the option that a pair sets; it differs where an option accepts words of another one.
-    fn key<'a>(key: &'a str, _text: &str) -> &'a str {
-        key
-    }
-
-    /// Checks the rules between options.
-    fn check(&self) -> Result<()>;
-}
+/// A key and an effect.
+pub(crate) type Text = [&'static str; 2];
 
 /// How a field declares options.
 pub(crate) trait Declare<T> {
-    /// Appends the options of a field. `effect` is the documentation of the field.
-    fn declare<'a>(
-        self,
-        key: &'static str,
-        effect: &'static str,
-        field: &'a mut T,
-        entries: &mut Vec<Entry<'a>>,
-    );
+    /// Appends the options of a field. `text` is its key and its documentation, which is the effect of an option.
+    fn declare<'a>(self, text: Text, field: &'a mut T, entries: &mut Vec<Entry<'a>>);
 }
 
 impl<V: Value> Declare<V> for Rule<V> {
-    fn declare<'a>(
-        self,
-        key: &'static str,
-        effect: &'static str,
-        field: &'a mut V,
-        entries: &mut Vec<Entry<'a>>,
-    ) {
+    fn declare<'a>(self, [key, effect]: Text, field: &'a mut V, entries: &mut Vec<Entry<'a>>) {
         let value = *field;
         let word_in =
             |words: &[(&'static str, V)]| words.iter().find(|(_, v)| *v == value).map(|(word, _)| *word);
@@ -324,13 +304,7 @@ pub(crate) struct Group {
 pub(crate) const GROUP: Group = Group { hidden: &[], absent: &[] };
 
 impl<T: OptionSet> Declare<T> for Group {
-    fn declare<'a>(
-        self,
-        _key: &'static str,
-        _effect: &'static str,
-        field: &'a mut T,
-        entries: &mut Vec<Entry<'a>>,
-    ) {
+    fn declare<'a>(self, _: Text, field: &'a mut T, entries: &mut Vec<Entry<'a>>) {
         let place = |key| match key {
             _ if self.absent.contains(&key) => Place::Absent,
             _ if self.hidden.contains(&key) => Place::Hidden,
@@ -376,7 +350,7 @@ macro_rules! option_set {
                 $(
                     let key = $crate::technique::declare::option_set!(@key $field $($key)?);
                     let rule = $crate::technique::declare::option_set!(@rule $($rule)?);
-                    rule.declare(key, concat!($($doc),*), &mut self.$field, &mut entries);
+                    rule.declare([key, concat!($($doc),*)], &mut self.$field, &mut entries);
                 )*
                 entries
             }
@@ -401,7 +375,7 @@ pub(crate) fn infos<T: OptionSet>() -> Vec<OptionInfo> {
     let listed = options.entries().into_iter().filter(|entry| entry.place == Place::Listed);
     let info = |entry: Entry<'_>| OptionInfo {
         key: entry.key,
-        values: entry.values(),
+        values: entry.values("", "|"),
         default: entry.text.unwrap_or_else(|| entry.default.to_string()),
         effect: entry.effect,
         words: entry.words,
@@ -410,7 +384,7 @@ pub(crate) fn infos<T: OptionSet>() -> Vec<OptionInfo> {
     listed.map(info).collect()
 }
 
-/// Returns the options as text that [`parse`] reads back to them.
+/// Returns the options as text that [`set`] reads back to them.
 pub(crate) fn pairs<T: OptionSet>(options: &T) -> Vec<(&'static str, String)> {
     let (mut options, mut usual) = (*options, T::default());
     let entries = options.entries().into_iter().zip(usual.entries());
@@ -420,7 +394,7 @@ pub(crate) fn pairs<T: OptionSet>(options: &T) -> Vec<(&'static str, String)> {
 }
 
 /// Sets one option from text.
-fn set<T: OptionSet>(options: &mut T, technique: &str, key: &str, text: &str) -> Result<()> {
+pub(crate) fn set<T: OptionSet>(options: &mut T, technique: &str, key: &str, text: &str) -> Result<()> {
     let mut entries = options.entries();
     let known = |entry: &&mut Entry<'_>| entry.key == key && entry.place != Place::Absent;
     let Some(entry) = entries.iter_mut().find(known) else {
@@ -434,26 +408,16 @@ fn set<T: OptionSet>(options: &mut T, technique: &str, key: &str, text: &str) ->
     if (entry.set)(text) { Ok(()) } else { Err(entry.refuse(technique, &format!("\"{text}\""))) }
 }
 
-/// Reads `key`, `value` pairs.
-pub(crate) fn parse<T: TechniqueOptions>(pairs: &[(String, String)]) -> Result<T> {
-    let mut options = T::default();
-    for (key, text) in pairs {
-        set(&mut options, T::NAME, T::key(key, text), text)?;
-    }
-    check(&options)?;
-    Ok(options)
-}
-
-/// Checks each value, then the rules between options.
-pub(crate) fn check<T: TechniqueOptions>(options: &T) -> Result<()> {
-    let (mut given, mut usual) = (*options, T::default());
-    for (entry, usual) in given.entries().into_iter().zip(usual.entries()) {
+/// Checks each value, which a program may have set.
+pub(crate) fn check<T: OptionSet>(options: &T, technique: &str) -> Result<()> {
+    let (mut options, mut usual) = (*options, T::default());
+    for (entry, usual) in options.entries().into_iter().zip(usual.entries()) {
         if entry.place == Place::Absent && entry.text != usual.text {
-            return Err(refused(T::NAME, entry.key, format!("{} has no such option", T::NAME)));
+            return Err(refused(technique, entry.key, format!("{technique} has no such option")));
         }
         if let (false, Some(text)) = (entry.valid, &entry.text) {
-            return Err(entry.refuse(T::NAME, text));
+            return Err(entry.refuse(technique, text));
         }
     }
-    options.check()
+    Ok(())
 }

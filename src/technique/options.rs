@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::resident::tables::{Integrator, SegmentOptions};
-use crate::technique::declare::{Declare, Entry, Rule, Value, refused, words};
+use crate::technique::declare::{Declare, Entry, Rule, Text, Value, refused, words};
 
 words! {
     /// The order in which slabs or primitives are blended.
@@ -55,18 +55,12 @@ impl Integrator {
 pub(crate) struct Segments(pub(crate) &'static [Integrator]);
 
 impl Declare<SegmentOptions> for Segments {
-    fn declare<'a>(
-        self,
-        _key: &'static str,
-        effect: &'static str,
-        field: &'a mut SegmentOptions,
-        entries: &mut Vec<Entry<'a>>,
-    ) {
-        Rule::only(self.0).declare("integrator", effect, &mut field.integrator, entries);
+    fn declare<'a>(self, [_, effect]: Text, field: &'a mut SegmentOptions, entries: &mut Vec<Entry<'a>>) {
+        Rule::only(self.0).declare(["integrator", effect], &mut field.integrator, entries);
         let table = "Sets the bins of the table of integral (64 bytes each), or the nodes on each axis of that of full (192 bytes for each \
                      pair, at most 1024). Features of the transfer function that are narrower than a bin are blurred.";
         let rule = Rule::whole(2, 65_536).unset("4096 (full: 256)");
-        rule.declare("table", table, &mut field.table, entries);
+        rule.declare(["table", table], &mut field.table, entries);
     }
 }
 

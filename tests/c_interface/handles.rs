@@ -198,7 +198,8 @@ fn techniques_are_described() {
         let mut info = sized!(vr_technique_info {});
         // SAFETY: all are valid.
         done(unsafe { vr_technique_query(i as u32, &mut info) });
-        assert_eq!((text(info.name), text(info.summary)), (method.name().into(), method.summary().into()));
+        let summary = format!("{} ({})", method.summary(), method.source());
+        assert_eq!((text(info.name), text(info.summary)), (method.name().into(), summary));
         // SAFETY: lives for ever.
         let options = unsafe { std::slice::from_raw_parts(info.options, info.option_count) };
         assert_eq!(options.len(), method.options().len());

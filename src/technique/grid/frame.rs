@@ -26,6 +26,7 @@ use crate::resident::tables::{Integrator, Knots, SegmentOptions, TABLE_FORMAT, T
 use crate::resident::volume::{Layout, Volume};
 use crate::scene::View;
 use crate::technique::declare::Value as _;
+use crate::technique::draw::{Draw, TechniqueOptions};
 use crate::technique::grid::cut::{Cut, cut};
 use crate::technique::grid::options::{Filter, GridOptions, Prefilter};
 use crate::technique::grid::route::{Path, RouteDesc, Routed};
@@ -59,6 +60,7 @@ struct Samples {
 /// Everything that is fixed between frames of one size.
 #[derive(Debug)]
 pub(crate) struct GridFrame {
+    name: &'static str,
     scene: Arc<GpuScene>,
     measure: DepthMeasure,
     technique: Box<dyn GridTechnique>,
@@ -172,15 +174,21 @@ fn volumes(
     axes.into_iter().map(volume).collect()
 }
 
+impl<T: GridTechnique + TechniqueOptions + 'static> Draw for T {
+    fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
+        Ok(Box::new(GridFrame::new(scene, view, target, T::NAME, Box::new(*self))?))
+    }
+}
+
 impl GridFrame {
     /// Fixes everything that frames of one size need.
     pub(crate) fn new(
         scene: &Arc<GpuScene>,
         view: &View,
         target: &Canvas,
+        name: &'static str,
         technique: Box<dyn GridTechnique>,
     ) -> Result<Self> {
-        let name = technique.name();
         let options = *technique.options();
         let grid = scene.grid()?;
         let route = options.route_on(scene.gpu(), name)?;
@@ -198,7 +206,7 @@ impl GridFrame {
         let volumes = volumes(scene, technique.as_ref(), axis)?;
         let Some((_, volume)) = volumes.first() else { return Err(Error::invalid(name, "no volume")) };
         let knots = scene.knots()?;
-        let cut = cut(scene, technique.as_ref(), volume, &knots, view, axis)?;
+        let cut = cut(name, scene, technique.as_ref(), volume, &knots, view, axis)?;
         let sampling = Sampling::new(scene, target, technique.as_ref(), &knots, volume, has_nan)?;
         let segments: Option<SegmentOptions> = technique.segments();
         let desc = RouteDesc {
@@ -221,7 +229,7 @@ impl GridFrame {
         let measure = DepthMeasure::of_grid(grid);
         let scene = Arc::clone(scene);
         let table = sampling.table;
-        Ok(Self { scene, measure, technique, knots, table, image, samples, current: 0, cut, path })
+        Ok(Self { name, scene, measure, technique, knots, table, image, samples, current: 0, cut, path })
     }
 
     /// Records the slabs of a view.
@@ -237,7 +245,7 @@ impl GridFrame {
         if let Some(table) = &self.table {
             recorder.assume_ready(&table.image);
         }
-        let name = self.technique.name();
+        let name = self.name;
         let options = self.technique.options();
         let descriptors = &samples.descriptors;
         let count = cut.count;
@@ -312,7 +320,7 @@ impl Prepared for GridFrame {
             return Ok(false);
         };
         let volume = &self.samples[place].volume;
-        let cut = cut(&self.scene, self.technique.as_ref(), volume, &self.knots, view, axis)?;
+        let cut = cut(self.name, &self.scene, self.technique.as_ref(), volume, &self.knots, view, axis)?;
         let passes = dry_run(self.scene.gpu(), |recorder, target| {
             self.record_cut(recorder, &self.samples[place], &cut, Some(target), true);
         })

@@ -5,7 +5,7 @@ use ash::vk;
 use crate::error::{Error, Result};
 use crate::gpu::shader::{TARGET_RGBA8, TARGET_RGBA16, TARGET_RGBA16F};
 use crate::gpu::{Gpu, OptionalFeature};
-use crate::technique::declare::{Declare, Entry, Rule, Value, option_set, refused, words};
+use crate::technique::declare::{Declare, Entry, Rule, Text, Value, option_set, refused, words};
 use crate::technique::options::{BlendOrder, EmptySpace, Route};
 
 words! {
@@ -167,13 +167,7 @@ impl GridOptions {
 pub(crate) struct OrSlices(pub(crate) &'static str);
 
 impl Declare<bool> for OrSlices {
-    fn declare<'a>(
-        self,
-        _key: &'static str,
-        _effect: &'static str,
-        field: &'a mut bool,
-        entries: &mut Vec<Entry<'a>>,
-    ) {
+    fn declare<'a>(self, _: Text, field: &'a mut bool, entries: &mut Vec<Entry<'a>>) {
         let Some(step) = entries.iter_mut().find(|entry| entry.key == "step") else { return };
         step.effect = self.0;
         step.words.push("slices");

@@ -14,7 +14,8 @@ use crate::gpu::shader::RAYCAST_COMPUTE;
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::scene::Grid;
 use crate::scene::grid::diagonal;
-use crate::technique::declare::{Group, TechniqueOptions, option_set, refused};
+use crate::technique::declare::{Group, option_set, refused};
+use crate::technique::draw::{Facts, TechniqueOptions};
 use crate::technique::grid::options::GridOptions;
 use crate::technique::grid::rays::GridRays;
 use crate::technique::grid::technique::{GridTechnique, Shaders, Slabs};
@@ -35,7 +36,15 @@ option_set! {
 }
 
 impl TechniqueOptions for Options {
-    const NAME: &'static str = "raycast";
+    const FACTS: Facts = Facts {
+        name: "raycast",
+        summary: "image-order ray casting, the baseline of the comparison",
+        source: "Levoy 1988",
+        data: &["grid"],
+        kernels: &[],
+        routes: &["compute"],
+        splits_rays: true,
+    };
 
     fn check(&self) -> Result<()> {
         if self.grid.route == Route::Raster {
@@ -46,10 +55,6 @@ impl TechniqueOptions for Options {
 }
 
 impl GridTechnique for Options {
-    fn name(&self) -> &'static str {
-        Self::NAME
-    }
-
     fn options(&self) -> &GridOptions {
         &self.grid
     }

@@ -21,7 +21,8 @@ use crate::gpu::SpecConstant;
 use crate::gpu::shader::{SLABS_COMPUTE, SLABS_FRAGMENT, SLABS_SHADER_BLEND, SLABS_VERTEX, SPEC_CLIP_ENDS};
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::scene::Grid;
-use crate::technique::declare::{GROUP, TechniqueOptions, option_set};
+use crate::technique::declare::{GROUP, option_set};
+use crate::technique::draw::{Facts, TechniqueOptions};
 use crate::technique::grid::options::GridOptions;
 use crate::technique::grid::rays::GridRays;
 use crate::technique::grid::technique::{GridTechnique, RasterShaders, Shaders, Slabs};
@@ -41,7 +42,15 @@ option_set! {
 }
 
 impl TechniqueOptions for Options {
-    const NAME: &'static str = "slabs";
+    const FACTS: Facts = Facts {
+        name: "slabs",
+        summary: "view-aligned slabs, the transfer function integrated across each",
+        source: "Engel, Kraus and Ertl 2001",
+        data: &["grid"],
+        kernels: &[],
+        routes: &["raster", "compute"],
+        splits_rays: true,
+    };
 
     fn check(&self) -> Result<()> {
         self.segments.check(Self::NAME)?;
@@ -50,10 +59,6 @@ impl TechniqueOptions for Options {
 }
 
 impl GridTechnique for Options {
-    fn name(&self) -> &'static str {
-        Self::NAME
-    }
-
     fn options(&self) -> &GridOptions {
         &self.grid
     }

@@ -28,7 +28,8 @@ use crate::gpu::shader::{
 use crate::num;
 use crate::scene::grid::turned;
 use crate::scene::{Grid, View};
-use crate::technique::declare::{GROUP, Rule, TechniqueOptions, option_set, words};
+use crate::technique::declare::{GROUP, Rule, option_set, words};
+use crate::technique::draw::{Facts, TechniqueOptions};
 use crate::technique::grid::options::{GridOptions, OrSlices};
 use crate::technique::grid::rays::GridRays;
 use crate::technique::grid::technique::{GridTechnique, RasterShaders, Shaders, Slabs};
@@ -62,7 +63,15 @@ option_set! {
 }
 
 impl TechniqueOptions for Options {
-    const NAME: &'static str = "slices-2d";
+    const FACTS: Facts = Facts {
+        name: "slices-2d",
+        summary: "stacks of 2D-textured slices parallel to the base plane, post-classified",
+        source: "Peikert 2007",
+        data: &["grid"],
+        kernels: &[],
+        routes: &["raster", "compute"],
+        splits_rays: true,
+    };
 
     fn check(&self) -> Result<()> {
         self.grid.check(Self::NAME)
@@ -70,10 +79,6 @@ impl TechniqueOptions for Options {
 }
 
 impl GridTechnique for Options {
-    fn name(&self) -> &'static str {
-        Self::NAME
-    }
-
     fn options(&self) -> &GridOptions {
         &self.grid
     }

@@ -21,7 +21,8 @@ use crate::gpu::shader::{
     SLICES_3D_COMPUTE, SLICES_3D_FRAGMENT, SLICES_3D_SHADER_BLEND, SLICES_3D_VERTEX, SPEC_CLIP_ENDS,
 };
 use crate::scene::Grid;
-use crate::technique::declare::{GROUP, TechniqueOptions, option_set, words};
+use crate::technique::declare::{GROUP, option_set, words};
+use crate::technique::draw::{Facts, TechniqueOptions};
 use crate::technique::grid::options::GridOptions;
 use crate::technique::grid::rays::GridRays;
 use crate::technique::grid::technique::{GridTechnique, RasterShaders, Shaders, Slabs};
@@ -47,7 +48,15 @@ option_set! {
 }
 
 impl TechniqueOptions for Options {
-    const NAME: &'static str = "slices-3d";
+    const FACTS: Facts = Facts {
+        name: "slices-3d",
+        summary: "view-aligned slices of a 3D texture, post-classified",
+        source: "Cabral, Cam and Foran 1994",
+        data: &["grid"],
+        kernels: &[],
+        routes: &["raster", "compute"],
+        splits_rays: true,
+    };
 
     fn check(&self) -> Result<()> {
         self.grid.check(Self::NAME)
@@ -55,10 +64,6 @@ impl TechniqueOptions for Options {
 }
 
 impl GridTechnique for Options {
-    fn name(&self) -> &'static str {
-        Self::NAME
-    }
-
     fn options(&self) -> &GridOptions {
         &self.grid
     }

@@ -22,7 +22,8 @@ use crate::gpu::shader::ABUFFER_COMPUTE;
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
-use crate::technique::declare::{GROUP, TechniqueOptions, option_set};
+use crate::technique::declare::{GROUP, option_set};
+use crate::technique::draw::{Draw, Facts, TechniqueOptions};
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
 use crate::technique::mesh::options::MeshOptions;
@@ -39,21 +40,23 @@ option_set! {
 }
 
 impl TechniqueOptions for Options {
-    const NAME: &'static str = "abuffer";
+    const FACTS: Facts = Facts {
+        name: "abuffer",
+        summary: "cells of a mesh in one list per pixel, sorted exactly",
+        source: "Carpenter 1984",
+        data: &["mesh"],
+        kernels: &[],
+        routes: &["compute"],
+        splits_rays: true,
+    };
 
     fn check(&self) -> Result<()> {
         self.mesh.check(Self::NAME)
     }
 }
 
-impl Options {
-    /// Prepares frames of one view size.
-    pub(crate) fn prepare(
-        &self,
-        scene: &Arc<GpuScene>,
-        view: &View,
-        target: &Canvas,
-    ) -> Result<Box<dyn Prepared>> {
+impl Draw for Options {
+    fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
         let desc = MeshDesc {
             name: Self::NAME,
             primitives: Primitives::Cells,

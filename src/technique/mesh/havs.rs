@@ -30,7 +30,7 @@ use crate::gpu::shader::HAVS_COMPUTE;
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
-use crate::technique::declare::TechniqueOptions as _;
+use crate::technique::draw::{Draw, TechniqueOptions as _};
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
 use crate::technique::mesh::havs::raster::RasterFrame;
@@ -38,14 +38,8 @@ use crate::technique::mesh::options::Repair;
 
 pub use options::{KBufferRoute, Options};
 
-impl Options {
-    /// Prepares frames of one view size, by the route that the options ask for.
-    pub(crate) fn prepare(
-        &self,
-        scene: &Arc<GpuScene>,
-        view: &View,
-        target: &Canvas,
-    ) -> Result<Box<dyn Prepared>> {
+impl Draw for Options {
+    fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
         let desc = MeshDesc {
             name: Self::NAME,
             primitives: Primitives::Faces,

@@ -29,7 +29,7 @@ use crate::gpu::{Buffer, Image, Recorder, TargetImage};
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
-use crate::technique::declare::TechniqueOptions as _;
+use crate::technique::draw::{Draw, TechniqueOptions as _};
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
 use crate::technique::mesh::options::Repair;
@@ -40,14 +40,8 @@ use crate::technique::options::Route;
 pub use options::{Options, Plane, Shade};
 pub use ranks::Rank;
 
-impl Options {
-    /// Prepares frames of one view size, by the route that the options ask for.
-    pub(crate) fn prepare(
-        &self,
-        scene: &Arc<GpuScene>,
-        view: &View,
-        target: &Canvas,
-    ) -> Result<Box<dyn Prepared>> {
+impl Draw for Options {
+    fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
         let desc = MeshDesc {
             name: Self::NAME,
             primitives: Primitives::Cells,

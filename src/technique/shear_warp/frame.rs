@@ -6,6 +6,7 @@ use crate::error::Result;
 use crate::frame::depth_measure::DepthMeasure;
 use crate::frame::dry_run::dry_run;
 use crate::frame::prepared::Prepared;
+use crate::frame::target::Canvas;
 use crate::gpu::sync::Use;
 use crate::gpu::{Attachment, Buffer, Descriptors, Image, Pipeline, Recorder, TargetImage};
 use crate::interface::{BasePlanePush, ShearBoundsPush, WarpPush};
@@ -16,6 +17,7 @@ use crate::resident::tables::Knots;
 use crate::resident::volume::Volume;
 use crate::scene::View;
 use crate::technique::declare::Value as _;
+use crate::technique::draw::Draw;
 use crate::technique::options::{BlendOrder, Route};
 use crate::technique::shear_warp::bounds::ShearBounds;
 use crate::technique::shear_warp::march::{EdgeMarch, March};
@@ -68,6 +70,12 @@ pub(super) enum Path {
         /// All base planes, one below the other.
         atlas: Arc<Image>,
     },
+}
+
+impl Draw for Options {
+    fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
+        Ok(Box::new(ShearFrame::new(scene, view, target, *self)?))
+    }
 }
 
 impl Prepared for ShearFrame {

@@ -16,5 +16,4 @@ mod options;
 mod planes;
 mod region;
 
-pub(crate) use frame::ShearFrame;
 pub use options::{Intermediate, Options, Warp};

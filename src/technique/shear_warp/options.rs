@@ -19,7 +19,8 @@
 
 use crate::error::Result;
 use crate::resident::tables::{Integrator, SegmentOptions};
-use crate::technique::declare::{Group, Rule, TechniqueOptions, Value, option_set, refused, words};
+use crate::technique::declare::{Group, Rule, Value, option_set, refused, words};
+use crate::technique::draw::{Facts, TechniqueOptions};
 use crate::technique::grid::options::{GridOptions, OrSlices};
 use crate::technique::grid::slices_2d::Stacks;
 use crate::technique::options::Segments;
@@ -98,7 +99,15 @@ option_set! {
 }
 
 impl TechniqueOptions for Options {
-    const NAME: &'static str = NAME;
+    const FACTS: Facts = Facts {
+        name: NAME,
+        summary: "slices composited in a base plane, which is warped to the image",
+        source: "Lacroute and Levoy 1994",
+        data: &["grid"],
+        kernels: &[],
+        routes: &["raster", "compute"],
+        splits_rays: false,
+    };
 
     fn key<'a>(key: &'a str, text: &str) -> &'a str {
         let is_warp = Warp::WORDS.iter().any(|(word, _)| *word == text);

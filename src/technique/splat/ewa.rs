@@ -20,7 +20,8 @@ use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
 use crate::resident::GpuScene;
 use crate::scene::{Kernel, Kernels, Model, Scene, View};
-use crate::technique::declare::{Group, Rule, TechniqueOptions, option_set, refused, words};
+use crate::technique::declare::{Group, Rule, option_set, refused, words};
+use crate::technique::draw::{Draw, Facts, TechniqueOptions};
 use crate::technique::splat::desc::{Accumulation, SplatDesc};
 use crate::technique::splat::frame::SplatFrame;
 use crate::technique::splat::options::SplatOptions;
@@ -75,16 +76,20 @@ option_set! {
 }
 
 impl TechniqueOptions for Options {
-    const NAME: &'static str = "splat-ewa";
-
-    fn check(&self) -> Result<()> {
-        Ok(())
-    }
+    const FACTS: Facts = Facts {
+        name: "splat-ewa",
+        summary: "Gaussian splats, elliptical weighted averages or integrals along rays",
+        source: "Zwicker, Pfister, van Baar and Gross 2001",
+        data: &["points", "grid", "mesh"],
+        kernels: &[Kernel::Gaussian],
+        routes: &["compute"],
+        splits_rays: false,
+    };
 }
 
 impl Options {
     /// Returns the kernels that a scene is drawn with.
-    pub(crate) fn kernels_of(&self, scene: &Scene) -> Result<Kernels> {
+    fn kernels_of(&self, scene: &Scene) -> Result<Kernels> {
         let kernels = self.splat.kernels.of(scene, Kernels::of_samples())?;
         if kernels.kernel != Kernel::Gaussian {
             let why = format!("{}: splat-ewa draws gaussian; splat-sheets draws all", kernels.kernel.name());
@@ -92,14 +97,10 @@ impl Options {
         }
         Ok(kernels)
     }
+}
 
-    /// Prepares frames of one view size.
-    pub(crate) fn prepare(
-        &self,
-        scene: &Arc<GpuScene>,
-        view: &View,
-        target: &Canvas,
-    ) -> Result<Box<dyn Prepared>> {
+impl Draw for Options {
+    fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
         let refuse = |key: &str, why: &str| Err(refused(Self::NAME, key, why));
         let kernels = self.kernels_of(scene.scene())?;
         let interpolates = kernels.model == Model::Interpolate;

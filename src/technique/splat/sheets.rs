@@ -21,7 +21,8 @@ use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
 use crate::resident::GpuScene;
 use crate::scene::{Kernel, Kernels, Scene, View};
-use crate::technique::declare::{GROUP, Rule, TechniqueOptions, option_set, refused, words};
+use crate::technique::declare::{GROUP, Rule, option_set, refused, words};
+use crate::technique::draw::{Draw, Facts, TechniqueOptions};
 use crate::technique::splat::desc::{Accumulation, Filter, SplatDesc};
 use crate::technique::splat::frame::SplatFrame;
 use crate::technique::splat::options::SplatOptions;
@@ -51,26 +52,26 @@ option_set! {
 }
 
 impl TechniqueOptions for Options {
-    const NAME: &'static str = "splat-sheets";
-
-    fn check(&self) -> Result<()> {
-        Ok(())
-    }
+    const FACTS: Facts = Facts {
+        name: "splat-sheets",
+        summary: "kernels summed in sheet buffers, which are composited",
+        source: "Westover 1990; Mueller and Crawfis 1998",
+        data: &["points", "grid"],
+        kernels: &[Kernel::Gaussian, Kernel::BSpline, Kernel::Tent, Kernel::Sinc],
+        routes: &["compute"],
+        splits_rays: false,
+    };
 }
 
 impl Options {
     /// Returns the kernels that a scene is drawn with; the default on a grid is trilinear interpolation.
-    pub(crate) fn kernels_of(&self, scene: &Scene) -> Result<Kernels> {
+    fn kernels_of(&self, scene: &Scene) -> Result<Kernels> {
         self.splat.kernels.of(scene, Kernels { kernel: Kernel::Tent, ..Kernels::of_samples() })
     }
+}
 
-    /// Prepares frames of one view size.
-    pub(crate) fn prepare(
-        &self,
-        scene: &Arc<GpuScene>,
-        view: &View,
-        target: &Canvas,
-    ) -> Result<Box<dyn Prepared>> {
+impl Draw for Options {
+    fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
         if self.template > 0 && self.sheets != Sheets::Axis {
             let why = "image sheets receive parts of footprints: works with sheets=axis only";
             return Err(refused(Self::NAME, "template", why));

@@ -1,7 +1,8 @@
 //! Options of `havs`.
 
 use crate::error::Result;
-use crate::technique::declare::{GROUP, Rule, TechniqueOptions, Value, option_set, refused, words};
+use crate::technique::declare::{GROUP, Rule, Value, option_set, refused, words};
+use crate::technique::draw::{Facts, TechniqueOptions};
 use crate::technique::mesh::options::{MeshOptions, Repair};
 
 /// Largest `k` of the raster routes: seven pairs, and the one that left last, fill a texel of four images.
@@ -50,7 +51,15 @@ option_set! {
 }
 
 impl TechniqueOptions for Options {
-    const NAME: &'static str = "havs";
+    const FACTS: Facts = Facts {
+        name: "havs",
+        summary: "faces of a mesh sorted approximately, then exactly by a k-buffer per pixel",
+        source: "Callahan, Ikits, Comba and Silva 2005",
+        data: &["mesh"],
+        kernels: &[],
+        routes: &["compute", "interlock", "implementation-ordered"],
+        splits_rays: true,
+    };
 
     fn check(&self) -> Result<()> {
         if self.route.rasterises() {

@@ -2,7 +2,8 @@
 
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, OptionalFeature};
-use crate::technique::declare::{GROUP, Rule, TechniqueOptions, option_set, refused, words};
+use crate::technique::declare::{GROUP, Rule, option_set, refused, words};
+use crate::technique::draw::{Facts, TechniqueOptions};
 use crate::technique::mesh::options::{MeshOptions, Repair};
 use crate::technique::mesh::projected_tets::ranks::Rank;
 use crate::technique::options::Route;
@@ -54,7 +55,15 @@ option_set! {
 }
 
 impl TechniqueOptions for Options {
-    const NAME: &'static str = "projected-tets";
+    const FACTS: Facts = Facts {
+        name: "projected-tets",
+        summary: "cells of a mesh sorted, projected and integrated one by one",
+        source: "Shirley and Tuchman 1990",
+        data: &["mesh"],
+        kernels: &[],
+        routes: &["raster", "compute"],
+        splits_rays: false,
+    };
 
     fn check(&self) -> Result<()> {
         let refuse = |key: &str, why: &str| Err(refused(Self::NAME, key, why));
