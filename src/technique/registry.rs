@@ -284,7 +284,10 @@ mod tests {
                     assert_eq!(Technique::new(method, &pairs).unwrap(), technique, "{text}: {pairs:?}");
                 }
                 let error = Technique::parse(&format!("{}:{}=?", method.name(), option.key)).unwrap_err();
-                assert!(error.to_string().contains(&format!("option {}: \"?\": must be", option.key)), "{error}");
+                assert!(
+                    error.to_string().contains(&format!("option {}: \"?\": must be", option.key)),
+                    "{error}"
+                );
             }
         }
     }
@@ -293,7 +296,8 @@ mod tests {
     fn values_that_a_program_sets_are_checked() {
         use crate::technique::grid::options::{Accumulation, GridOptions};
 
-        let why = |grid| draw::check(&raycast::Options { grid, ..Default::default() }).unwrap_err().to_string();
+        let why =
+            |grid| draw::check(&raycast::Options { grid, ..Default::default() }).unwrap_err().to_string();
         let usual = raycast::Options::default().grid;
         let step = why(GridOptions { step: f64::NAN, ..usual });
         assert!(step.contains("raycast option step: NaN: must be a number that is positive"), "{step}");
