@@ -300,7 +300,7 @@ typedef struct vr_technique_info {
      */
     const char *name;
     /**
-     * Summary in one line.
+     * Summary in one line, with authors and year of the paper.
      */
     const char *summary;
     /**

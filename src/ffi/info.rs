@@ -40,7 +40,7 @@ pub struct vr_technique_info {
     pub struct_size: usize,
     /// Name of the technique.
     pub name: *const c_char,
-    /// Summary in one line.
+    /// Summary in one line, with authors and year of the paper.
     pub summary: *const c_char,
     /// Options of the technique.
     pub options: *const vr_option_info,
@@ -79,12 +79,13 @@ impl Texts {
         };
         let options = method.options().iter().map(|option| vr_option_info {
             key: keep(option.key),
-            values: keep(option.values),
-            default_value: keep(option.default),
+            values: keep(&option.values),
+            default_value: keep(&option.default),
             effect: keep(option.effect),
         });
         let options = options.collect();
-        Self { name: c_text(method.name()), summary: c_text(method.summary()), options, _texts: texts }
+        let summary = format!("{} ({})", method.summary(), method.source());
+        Self { name: c_text(method.name()), summary: c_text(&summary), options, _texts: texts }
     }
 }
 

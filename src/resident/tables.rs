@@ -68,6 +68,11 @@ pub struct SegmentOptions {
 }
 
 impl SegmentOptions {
+    /// Makes options of an integrator with a table of the default size.
+    pub(crate) const fn of(integrator: Integrator) -> Self {
+        Self { integrator, table: None }
+    }
+
     /// Returns the size of the table, chosen or default.
     pub(crate) fn table_size(&self) -> u32 {
         self.table.unwrap_or(if self.integrator == Integrator::Full { NODES } else { BINS })

@@ -64,17 +64,19 @@ pub enum Model {
 }
 
 impl Model {
+    /// Every model with its name.
+    pub const ALL: [(&'static str, Self); 2] =
+        [("density", Self::Density), ("interpolate", Self::Interpolate)];
+
     /// Returns the model of a name.
     ///
     /// # Errors
     ///
     /// [`Error::Invalid`] with the allowed names.
     pub fn from_name(name: &str) -> Result<Self> {
-        match name {
-            "density" => Ok(Self::Density),
-            "interpolate" => Ok(Self::Interpolate),
-            _ => Err(Error::invalid("model", format!("\"{name}\": must be one of density, interpolate"))),
-        }
+        Self::ALL.into_iter().find(|(known, _)| *known == name).map(|(_, model)| model).ok_or_else(|| {
+            Error::invalid("model", format!("\"{name}\": must be one of density, interpolate"))
+        })
     }
 
     /// Returns the name in scene files and options.
@@ -106,6 +108,12 @@ pub struct Kernels {
 impl Kernels {
     /// Default of [`Self::least`].
     pub const LEAST: f64 = 0.05;
+    /// Least and largest allowed [`Self::sigma`].
+    pub const SIGMA: [f64; 2] = [0.1, 100.0];
+    /// Least and largest allowed [`Self::cut`].
+    pub const CUT: [f64; 2] = [0.5, 6.0];
+    /// Least and largest allowed [`Self::least`].
+    pub const LEASTS: [f64; 2] = [1e-6, 1e6];
 
     /// Returns the default for points: the density model with Gaussians.
     #[must_use]
@@ -163,14 +171,14 @@ impl Kernels {
     ///
     /// [`Error::Invalid`] naming the number and the rule.
     pub fn check(&self) -> Result<()> {
-        let within = |name: &str, value: f64, low: f64, high: f64| {
+        let within = |name: &str, value: f64, [low, high]: [f64; 2]| {
             let fits = value >= low && value <= high;
             let why = || format!("{value}: must be a number from {low} to {high}");
             fits.then_some(()).ok_or_else(|| Error::invalid(format!("kernel {name}"), why()))
         };
-        within("sigma", self.sigma, 0.1, 100.0)?;
-        within("cut", self.cut, 0.5, 6.0)?;
-        within("least", self.least, 1e-6, 1e6)?;
+        within("sigma", self.sigma, Self::SIGMA)?;
+        within("cut", self.cut, Self::CUT)?;
+        within("least", self.least, Self::LEASTS)?;
         if self.kernel == Kernel::Sinc && self.model == Model::Density {
             let why = "sinc has negative lobes: it requires the model interpolate";
             return Err(Error::invalid("kernel", why));

@@ -1,9 +1,12 @@
 //! The techniques by name, their options, and the renderer that draws a scene with one of them.
 //!
-//! `registry` names the techniques and reads their options; `renderer` prepares plans and draws frames; `grid`, `shear_warp`, `mesh` and
-//! `splat` hold the techniques by kind of data, each behind `frame::prepared::Prepared`. The room uses `frame`, `resident`,
-//! `primitives`, `optics`, `scene` and `gpu`; `choice`, `cli`, `ffi` and engines use it.
+//! `declare` declares options, `draw` is the interface of a technique, `registry` lists the techniques; `renderer` prepares plans and
+//! draws frames; `grid`, `shear_warp`, `mesh` and `splat` hold the techniques by kind of data, each behind
+//! `frame::prepared::Prepared`. The room uses `frame`, `resident`, `primitives`, `optics`, `scene` and `gpu`; `choice`, `cli`, `ffi` and
+//! engines use it.
 
+pub(crate) mod declare;
+mod draw;
 pub mod grid;
 pub mod mesh;
 pub(crate) mod options;
@@ -12,6 +15,7 @@ mod renderer;
 pub mod shear_warp;
 pub mod splat;
 
-pub use options::{BlendOrder, EmptySpace, OptionInfo, Route};
+pub use declare::{Numbers, OptionInfo};
+pub use options::{BlendOrder, EmptySpace, Route};
 pub use registry::{Method, Technique};
 pub use renderer::{FrameTime, Frames, Renderer};

@@ -1,6 +1,6 @@
-//! The registry of techniques: names, capabilities and options.
+//! The registry of techniques: the list of all, and what asks them by name.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::error::{Error, Result};
 use crate::frame::prepared::Prepared;
@@ -8,55 +8,101 @@ use crate::frame::target::Canvas;
 use crate::resident::GpuScene;
 use crate::resident::surfaces::SurfaceData;
 use crate::scene::{Data, Kernel, Scene, Surface, View};
-use crate::technique::grid::frame::GridFrame;
-use crate::technique::grid::technique::GridTechnique;
+use crate::technique::declare::{self, OptionInfo};
+use crate::technique::draw::{self, Draw as _, Facts, TechniqueOptions as _};
 use crate::technique::grid::{raycast, slabs, slices_2d, slices_3d};
 use crate::technique::mesh::{abuffer, havs, projected_tets};
-use crate::technique::options::OptionInfo;
 use crate::technique::shear_warp;
-use crate::technique::splat::{ewa as splat_ewa, sheets as splat_sheets};
+use crate::technique::splat::{ewa, sheets};
 
-/// The identifier of a technique.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum Method {
+/// Declares the enums of techniques, and the functions that depend on the type of their options.
+macro_rules! techniques {
+    ($($(#[$doc:meta])* $technique:ident($options:ty),)*) => {
+        /// The identifier of a technique.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[non_exhaustive]
+        pub enum Method { $($(#[$doc])* $technique,)* }
+
+        /// A technique with its options.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        #[non_exhaustive]
+        pub enum Technique { $($(#[$doc])* $technique($options),)* }
+
+        impl Method {
+            /// Every technique.
+            pub const ALL: [Self; [$(stringify!($technique)),*].len()] = [$(Self::$technique),*];
+
+            fn facts(self) -> &'static Facts {
+                match self { $(Self::$technique => &<$options>::FACTS,)* }
+            }
+
+            /// Descriptions of its options.
+            #[must_use]
+            pub fn options(self) -> &'static [OptionInfo] {
+                match self { $(Self::$technique => {
+                    static INFOS: OnceLock<Vec<OptionInfo>> = OnceLock::new();
+                    INFOS.get_or_init(declare::infos::<$options>)
+                })* }
+            }
+        }
+
+        impl Technique {
+            /// Makes a technique with the given options; the others have their defaults.
+            ///
+            /// # Errors
+            ///
+            /// [`Error::Invalid`] naming option, value and range.
+            pub fn new(method: Method, options: &[(String, String)]) -> Result<Self> {
+                Ok(match method { $(Method::$technique => Self::$technique(draw::parse(options)?),)* })
+            }
+
+            /// Its identifier.
+            #[must_use]
+            pub fn method(&self) -> Method {
+                match self { $(Self::$technique(_) => Method::$technique,)* }
+            }
+
+            /// Its options, as text that reads back to them.
+            #[must_use]
+            pub fn option_pairs(&self) -> Vec<(&'static str, String)> {
+                match self { $(Self::$technique(options) => declare::pairs(options),)* }
+            }
+
+            /// Checks the options, which a program may have set, and builds the frame of a view.
+            fn build(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
+                match self { $(Self::$technique(options) => {
+                    draw::check(options)?;
+                    options.prepare(scene, view, target)
+                })* }
+            }
+        }
+    };
+}
+
+techniques! {
     /// Stacks of 2D-textured slices.
-    Slices2d,
+    Slices2d(slices_2d::Options),
     /// View-aligned slices of a 3D texture.
-    Slices3d,
+    Slices3d(slices_3d::Options),
     /// Pre-integrated slabs between view-aligned slices.
-    Slabs,
+    Slabs(slabs::Options),
     /// Slices composited in a base plane, which is warped to the image.
-    ShearWarp,
+    ShearWarp(shear_warp::Options),
     /// Image-order ray casting.
-    Raycast,
-    /// Hardware-assisted visibility sorting (HAVS) of a mesh's faces.
-    Havs,
-    /// A-buffer: lists of the cells of each pixel, sorted.
-    Abuffer,
+    Raycast(raycast::Options),
     /// Projected tetrahedra.
-    ProjectedTets,
+    ProjectedTets(projected_tets::Options),
+    /// Hardware-assisted visibility sorting (HAVS) of a mesh's faces.
+    Havs(havs::Options),
+    /// A-buffer: lists of the cells of each pixel, sorted.
+    Abuffer(abuffer::Options),
     /// Sheet buffers of splats.
-    SplatSheets,
+    SplatSheets(sheets::Options),
     /// Gaussian splats: elliptical weighted averages, or integrals along each ray.
-    SplatEwa,
+    SplatEwa(ewa::Options),
 }
 
 impl Method {
-    /// Every technique.
-    pub const ALL: [Self; 10] = [
-        Self::Slices2d,
-        Self::Slices3d,
-        Self::Slabs,
-        Self::ShearWarp,
-        Self::Raycast,
-        Self::ProjectedTets,
-        Self::Havs,
-        Self::Abuffer,
-        Self::SplatSheets,
-        Self::SplatEwa,
-    ];
-
     /// Finds the technique of a name.
     ///
     /// # Errors
@@ -72,75 +118,31 @@ impl Method {
     /// Its name in scene files and on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Slices2d => "slices-2d",
-            Self::Slices3d => "slices-3d",
-            Self::Slabs => "slabs",
-            Self::ShearWarp => "shear-warp",
-            Self::Raycast => "raycast",
-            Self::Havs => "havs",
-            Self::Abuffer => "abuffer",
-            Self::ProjectedTets => "projected-tets",
-            Self::SplatSheets => "splat-sheets",
-            Self::SplatEwa => "splat-ewa",
-        }
+        self.facts().name
     }
 
     /// A description in one line.
     #[must_use]
     pub fn summary(self) -> &'static str {
-        match self {
-            Self::Slices2d => "stacks of 2D-textured slices parallel to the base plane, post-classified",
-            Self::Slices3d => "view-aligned slices of a 3D texture, post-classified (Cabral 1994)",
-            Self::Slabs => "view-aligned slabs, the transfer function integrated across each (Engel 2001)",
-            Self::ShearWarp => {
-                "slices composited in a base plane, which is warped to the image (Lacroute 1994)"
-            }
-            Self::Raycast => "image-order ray casting, the baseline of the comparison (Levoy 1988)",
-            Self::Havs => {
-                "faces of a mesh sorted approximately, then exactly by a k-buffer per pixel (Callahan 2005)"
-            }
-            Self::Abuffer => "cells of a mesh in one list per pixel, sorted exactly (Carpenter 1984)",
-            Self::ProjectedTets => {
-                "cells of a mesh sorted, projected and integrated one by one (Shirley 1990)"
-            }
-            Self::SplatSheets => {
-                "kernels summed in sheet buffers, which are composited (Westover 1990, Mueller 1998)"
-            }
-            Self::SplatEwa => {
-                "Gaussian splats, elliptical weighted averages or integrals along rays (Zwicker 2001)"
-            }
-        }
+        self.facts().summary
     }
 
-    /// Descriptions of its options.
+    /// Authors and year of the paper that describes it.
     #[must_use]
-    pub fn options(self) -> &'static [OptionInfo] {
-        match self {
-            Self::Slices2d => slices_2d::OPTIONS,
-            Self::Slices3d => slices_3d::OPTIONS,
-            Self::Slabs => slabs::OPTIONS,
-            Self::ShearWarp => shear_warp::OPTIONS,
-            Self::Raycast => raycast::OPTIONS,
-            Self::Havs => havs::OPTIONS,
-            Self::Abuffer => abuffer::OPTIONS,
-            Self::ProjectedTets => projected_tets::OPTIONS,
-            Self::SplatSheets => splat_sheets::OPTIONS,
-            Self::SplatEwa => splat_ewa::OPTIONS,
-        }
+    pub fn source(self) -> &'static str {
+        self.facts().source
+    }
+
+    /// The kinds of data that it draws, as [`Data::kind`] names them; first the one that it is made for.
+    #[must_use]
+    pub fn data(self) -> &'static [&'static str] {
+        self.facts().data
     }
 
     /// Whether it draws data of this kind; [`Method::draws_scene`] also considers kernels and surfaces.
     #[must_use]
     pub fn draws(self, data: &Data) -> bool {
-        match self {
-            Self::Slices2d | Self::Slices3d | Self::Slabs | Self::ShearWarp | Self::Raycast => {
-                matches!(data, Data::Grid(_))
-            }
-            Self::ProjectedTets | Self::Havs | Self::Abuffer => matches!(data, Data::Mesh(_)),
-            Self::SplatSheets => matches!(data, Data::Grid(_) | Data::Points(_)),
-            Self::SplatEwa => true,
-        }
+        self.data().contains(&data.kind())
     }
 
     /// Whether it draws a scene: its data, its kernels if it has any, and its translucent surfaces. Techniques with kernels of their own
@@ -149,11 +151,7 @@ impl Method {
     pub fn draws_scene(self, scene: &Scene) -> bool {
         self.draws(&scene.data)
             && (self.draws_translucent_surfaces() || !scene.surfaces.iter().any(Surface::is_translucent))
-            && match (self, &scene.kernels) {
-                (_, None) | (Self::SplatSheets, Some(_)) => true,
-                (Self::SplatEwa, Some(kernels)) => kernels.kernel == Kernel::Gaussian,
-                _ => false,
-            }
+            && scene.kernels.is_none_or(|kernels| self.facts().kernels.contains(&kernels.kernel))
     }
 
     /// Whether it draws the same field of a scene as the reference. A technique with kernels of its own draws another field of a scene
@@ -161,18 +159,15 @@ impl Method {
     #[must_use]
     pub fn fits(self, scene: &Scene) -> bool {
         let has_kernels = scene.kernels.is_some() || scene.points().is_some();
-        self.draws_scene(scene) && (has_kernels || self != Self::SplatEwa)
+        let kernels = self.facts().kernels;
+        // A sum of tents is the interpolated field of samples.
+        self.draws_scene(scene) && (has_kernels || kernels.is_empty() || kernels.contains(&Kernel::Tent))
     }
 
     /// Whether it splits rays at translucent surfaces. Other techniques blend whole splats or cells, or rays that several pixels share.
     #[must_use]
     pub fn draws_translucent_surfaces(self) -> bool {
-        match self {
-            Self::Slices2d | Self::Slices3d | Self::Slabs | Self::Raycast | Self::Havs | Self::Abuffer => {
-                true
-            }
-            Self::ShearWarp | Self::ProjectedTets | Self::SplatSheets | Self::SplatEwa => false,
-        }
+        self.facts().splits_rays
     }
 
     /// Refuses a scene with translucent surfaces where it cannot draw them.
@@ -207,63 +202,11 @@ impl Method {
     /// The names of its routes; a device may lack some.
     #[must_use]
     pub fn routes(self) -> &'static [&'static str] {
-        match self {
-            Self::Slices2d | Self::Slices3d | Self::Slabs | Self::ShearWarp | Self::ProjectedTets => {
-                &["raster", "compute"]
-            }
-            Self::Havs => &["compute", "interlock", "implementation-ordered"],
-            Self::Raycast | Self::Abuffer | Self::SplatSheets | Self::SplatEwa => &["compute"],
-        }
+        self.facts().routes
     }
-}
-
-/// A technique with its options.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum Technique {
-    /// Stacks of 2D-textured slices.
-    Slices2d(slices_2d::Options),
-    /// View-aligned slices of a 3D texture.
-    Slices3d(slices_3d::Options),
-    /// Pre-integrated slabs between view-aligned slices.
-    Slabs(slabs::Options),
-    /// Slices composited in a base plane, which is warped to the image.
-    ShearWarp(shear_warp::Options),
-    /// Image-order ray casting.
-    Raycast(raycast::Options),
-    /// Hardware-assisted visibility sorting.
-    Havs(havs::Options),
-    /// A-buffer of cells.
-    Abuffer(abuffer::Options),
-    /// Projected tetrahedra.
-    ProjectedTets(projected_tets::Options),
-    /// Sheet buffers of splats.
-    SplatSheets(splat_sheets::Options),
-    /// Gaussian splats.
-    SplatEwa(splat_ewa::Options),
 }
 
 impl Technique {
-    /// Makes a technique with the given options; the others have their defaults.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Invalid`] naming option, value and range.
-    pub fn new(method: Method, options: &[(String, String)]) -> Result<Self> {
-        Ok(match method {
-            Method::Slices2d => Self::Slices2d(slices_2d::Options::parse(options)?),
-            Method::Slices3d => Self::Slices3d(slices_3d::Options::parse(options)?),
-            Method::Slabs => Self::Slabs(slabs::Options::parse(options)?),
-            Method::ShearWarp => Self::ShearWarp(shear_warp::Options::parse(options)?),
-            Method::Raycast => Self::Raycast(raycast::Options::parse(options)?),
-            Method::Havs => Self::Havs(havs::Options::parse(options)?),
-            Method::Abuffer => Self::Abuffer(abuffer::Options::parse(options)?),
-            Method::ProjectedTets => Self::ProjectedTets(projected_tets::Options::parse(options)?),
-            Method::SplatSheets => Self::SplatSheets(splat_sheets::Options::parse(options)?),
-            Method::SplatEwa => Self::SplatEwa(splat_ewa::Options::parse(options)?),
-        })
-    }
-
     /// Reads `NAME[:key=value,...]`.
     ///
     /// # Errors
@@ -282,40 +225,6 @@ impl Technique {
         Self::new(method, &pairs?)
     }
 
-    /// Its identifier.
-    #[must_use]
-    pub fn method(&self) -> Method {
-        match self {
-            Self::Slices2d(_) => Method::Slices2d,
-            Self::Slices3d(_) => Method::Slices3d,
-            Self::Slabs(_) => Method::Slabs,
-            Self::ShearWarp(_) => Method::ShearWarp,
-            Self::Raycast(_) => Method::Raycast,
-            Self::Havs(_) => Method::Havs,
-            Self::Abuffer(_) => Method::Abuffer,
-            Self::ProjectedTets(_) => Method::ProjectedTets,
-            Self::SplatSheets(_) => Method::SplatSheets,
-            Self::SplatEwa(_) => Method::SplatEwa,
-        }
-    }
-
-    /// Every option in force, as text that reads back to it.
-    #[must_use]
-    pub fn option_pairs(&self) -> Vec<(&'static str, String)> {
-        match self {
-            Self::Slices2d(options) => options.pairs(),
-            Self::Slices3d(options) => options.pairs(),
-            Self::Slabs(options) => options.pairs(),
-            Self::ShearWarp(options) => options.pairs(),
-            Self::Raycast(options) => options.pairs(),
-            Self::Havs(options) => options.pairs(),
-            Self::Abuffer(options) => options.pairs(),
-            Self::ProjectedTets(options) => options.pairs(),
-            Self::SplatSheets(options) => options.pairs(),
-            Self::SplatEwa(options) => options.pairs(),
-        }
-    }
-
     /// Builds the frame of a view; refuses scenes that it does not draw.
     pub(crate) fn prepare(
         &self,
@@ -323,7 +232,7 @@ impl Technique {
         view: &View,
         target: &Canvas,
     ) -> Result<Box<dyn Prepared>> {
-        let splats = matches!(self, Self::SplatSheets(_) | Self::SplatEwa(_));
+        let splats = !self.method().facts().kernels.is_empty();
         if splats && !self.method().draws(&scene.scene().data) {
             let (name, kind) = (self.method().name(), scene.scene().data.kind());
             let why = format!("{name} draws grids and points: the scene holds a {kind}");
@@ -334,23 +243,7 @@ impl Technique {
             let why = format!("{} draws {linear}: the scene has kernels", self.method().name());
             return Err(Error::invalid("technique", why));
         }
-        let grid = |technique: Box<dyn GridTechnique>| -> Result<Box<dyn Prepared>> {
-            Ok(Box::new(GridFrame::new(scene, view, target, technique)?))
-        };
-        match *self {
-            Self::Slices2d(options) => grid(Box::new(options)),
-            Self::Slices3d(options) => grid(Box::new(options)),
-            Self::Slabs(options) => grid(Box::new(options)),
-            Self::ShearWarp(options) => {
-                Ok(Box::new(shear_warp::ShearFrame::new(scene, view, target, options)?))
-            }
-            Self::Raycast(options) => grid(Box::new(options)),
-            Self::Havs(options) => options.prepare(scene, view, target),
-            Self::Abuffer(options) => options.prepare(scene, view, target),
-            Self::ProjectedTets(options) => options.prepare(scene, view, target),
-            Self::SplatSheets(options) => options.prepare(scene, view, target),
-            Self::SplatEwa(options) => options.prepare(scene, view, target),
-        }
+        self.build(scene, view, target)
     }
 }
 
@@ -370,5 +263,45 @@ mod tests {
         assert_eq!(technique.option_pairs()[0], ("step", "0.5".to_string()));
         assert!(Technique::parse("slices-4d").unwrap_err().to_string().contains("slices-3d"));
         assert!(Technique::parse("slices-3d:step").unwrap_err().to_string().contains("key=value"));
+    }
+
+    /// Every word of an option is accepted, unless a rule between options names another option; the text of options reads back.
+    #[test]
+    fn declared_values_are_read_and_printed() {
+        for method in Method::ALL {
+            for option in method.options() {
+                for word in &option.words {
+                    let text = format!("{}:{}={word}", method.name(), option.key);
+                    let Ok(technique) = Technique::parse(&text) else {
+                        assert!(["dither", "route"].contains(&option.key), "{text}");
+                        continue;
+                    };
+                    let pairs: Vec<(String, String)> = technique
+                        .option_pairs()
+                        .into_iter()
+                        .map(|(key, text)| (key.to_string(), text))
+                        .collect();
+                    assert_eq!(Technique::new(method, &pairs).unwrap(), technique, "{text}: {pairs:?}");
+                }
+                let error = Technique::parse(&format!("{}:{}=?", method.name(), option.key)).unwrap_err();
+                assert!(
+                    error.to_string().contains(&format!("option {}: \"?\": must be", option.key)),
+                    "{error}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn values_that_a_program_sets_are_checked() {
+        use crate::technique::grid::options::{Accumulation, GridOptions};
+
+        let why =
+            |grid| draw::check(&raycast::Options { grid, ..Default::default() }).unwrap_err().to_string();
+        let usual = raycast::Options::default().grid;
+        let step = why(GridOptions { step: f64::NAN, ..usual });
+        assert!(step.contains("raycast option step: NaN: must be a number that is positive"), "{step}");
+        let target = why(GridOptions { target: Some(Accumulation::Rgba8), ..usual });
+        assert!(target.contains("raycast has no such option"), "{target}");
     }
 }

@@ -198,13 +198,14 @@ fn techniques_are_described() {
         let mut info = sized!(vr_technique_info {});
         // SAFETY: all are valid.
         done(unsafe { vr_technique_query(i as u32, &mut info) });
-        assert_eq!((text(info.name), text(info.summary)), (method.name().into(), method.summary().into()));
+        let summary = format!("{} ({})", method.summary(), method.source());
+        assert_eq!((text(info.name), text(info.summary)), (method.name().into(), summary));
         // SAFETY: lives for ever.
         let options = unsafe { std::slice::from_raw_parts(info.options, info.option_count) };
         assert_eq!(options.len(), method.options().len());
         for (got, want) in options.iter().zip(method.options()) {
             let got = [got.key, got.values, got.default_value, got.effect].map(text);
-            assert_eq!(got, [want.key, want.values, want.default, want.effect]);
+            assert_eq!(got, [want.key, &want.values, &want.default, want.effect]);
         }
         // SAFETY: text.
         done(unsafe { vr_technique_parse(info.name) });

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use volraster::technique::Method;
+use volraster::technique::{Method, OptionInfo};
 
 fn read(name: &str) -> String {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(name)).unwrap()
@@ -25,6 +25,82 @@ fn every_path_in_the_documents_exists() {
     for path in paths {
         assert!(root.join(path).exists(), "docs/ARCHITECTURE.md names {path}, which does not exist");
     }
+}
+
+/// The text between two marks of docs/TECHNIQUES.md that a test writes.
+struct Block {
+    mark: String,
+    text: String,
+}
+
+fn row(cells: &[&str]) -> String {
+    format!("| {} |\n", cells.join(" | "))
+}
+
+/// Returns values, default and effect of an option as cells of a table.
+fn cells(option: &OptionInfo) -> [String; 3] {
+    let words = option.words.iter().map(|word| format!("`{word}`"));
+    let numbers = option.numbers.iter().map(ToString::to_string);
+    let values = words.chain(numbers).collect::<Vec<_>>().join(", ");
+    [values, option.default.clone(), option.effect.to_string()]
+}
+
+/// Returns the tables of options: those that only one technique has, for each technique, and those that several share.
+fn option_tables() -> Vec<Block> {
+    let all: Vec<(Method, &OptionInfo)> = Method::ALL
+        .into_iter()
+        .flat_map(|method| method.options().iter().map(move |o| (method, o)))
+        .collect();
+    let same = |a: &OptionInfo, b: &OptionInfo| a.key == b.key && cells(a) == cells(b);
+    let sharing = |option: &OptionInfo| {
+        let methods = all.iter().filter(|(_, other)| same(option, other)).map(|(method, _)| method.name());
+        methods.collect::<Vec<_>>()
+    };
+    let code = |key: &str| format!("`{key}`");
+    let mut blocks = Vec::new();
+    for method in Method::ALL {
+        let (own, shared): (Vec<_>, Vec<_>) = method.options().iter().partition(|o| sharing(o).len() == 1);
+        let mut text = String::new();
+        if !own.is_empty() {
+            text.push_str("| option | values | default | effect |\n|---|---|---|---|\n");
+        }
+        for option in own {
+            let [values, default, effect] = cells(option);
+            text.push_str(&row(&[&code(option.key), &values, &default, &effect]));
+        }
+        let keys: Vec<String> = shared.iter().map(|option| code(option.key)).collect();
+        let more = if text.is_empty() { "Options" } else { "\nFurther options" };
+        text.push_str(&format!("{more}, see [shared options](#shared-options): {}.\n", keys.join(", ")));
+        blocks.push(Block { mark: format!("options of {}", method.name()), text });
+    }
+    let mut text = "| option | techniques | values | default | effect |\n|---|---|---|---|---|\n".to_string();
+    for (i, (_, option)) in all.iter().enumerate() {
+        let names = sharing(option);
+        if names.len() > 1 && !all[..i].iter().any(|(_, before)| same(option, before)) {
+            let [values, default, effect] = cells(option);
+            let names: Vec<String> = names.into_iter().map(code).collect();
+            text.push_str(&row(&[&code(option.key), &names.join(", "), &values, &default, &effect]));
+        }
+    }
+    blocks.push(Block { mark: "shared options".to_string(), text });
+    blocks
+}
+
+#[test]
+fn the_tables_of_options_follow_from_the_declarations() {
+    let mut document = read("docs/TECHNIQUES.md");
+    let written = document.clone();
+    for Block { mark, text } in option_tables() {
+        let (before, rest) = document.split_once(&format!("<!-- {mark} -->\n")).unwrap();
+        let (_, after) = rest.split_once("<!-- end -->\n").unwrap();
+        document = format!("{before}<!-- {mark} -->\n{text}<!-- end -->\n{after}");
+    }
+    if std::env::var_os("VOLRASTER_WRITE_OPTIONS").is_some() {
+        std::fs::write(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/TECHNIQUES.md"), document).unwrap();
+        return;
+    }
+    let remake = "VOLRASTER_WRITE_OPTIONS=1 cargo test --test host tables_of_options writes it";
+    assert!(document == written, "docs/TECHNIQUES.md lists other options; {remake}");
 }
 
 #[test]

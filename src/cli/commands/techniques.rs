@@ -36,14 +36,17 @@ fn json_of(method: Method) -> Value {
     json!({
         "name": method.name(),
         "summary": method.summary(),
+        "source": method.source(),
+        "data": method.data(),
         "routes": method.routes(),
         "options": method.options(),
     })
 }
 
 fn text_of(method: Method) -> String {
-    let mut text =
-        format!("{}: {}\n  routes: {}", method.name(), method.summary(), method.routes().join(", "));
+    let [routes, data] = [method.routes(), method.data()].map(|words| words.join(", "));
+    let (name, summary, source) = (method.name(), method.summary(), method.source());
+    let mut text = format!("{name}: {summary} ({source})\n  data: {data}\n  routes: {routes}");
     for option in method.options() {
         // Writing into a string cannot fail.
         let _ = write!(

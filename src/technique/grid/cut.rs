@@ -30,6 +30,7 @@ pub(super) struct Cut {
 
 /// Cuts the domain into the slabs of a view, and derives the push constants that draw them.
 pub(super) fn cut(
+    name: &str,
     scene: &GpuScene,
     technique: &dyn GridTechnique,
     volume: &Volume,
@@ -45,7 +46,7 @@ pub(super) fn cut(
     let most = if options.dither == Dither::None { MAX_SLABS } else { MAX_DRAWS };
     if slabs.count > most {
         return Err(Error::invalid(
-            format!("{} option step", technique.name()),
+            format!("{name} option step"),
             format!("{}: makes {} slices of this grid, at most {most} are drawn", options.step, slabs.count),
         ));
     }

@@ -18,11 +18,13 @@ use crate::resident::GpuScene;
 use crate::resident::tables::Knots;
 use crate::resident::volume::{Layout, Volume};
 use crate::scene::View;
+use crate::technique::declare::Value as _;
+use crate::technique::draw::{Draw, TechniqueOptions};
 use crate::technique::grid::cut::{Cut, cut};
 use crate::technique::grid::options::{Filter, Prefilter};
 use crate::technique::grid::route::{Path, RouteDesc, Routed, Samples};
 use crate::technique::grid::technique::GridTechnique;
-use crate::technique::options::{BlendOrder, Choice, Route};
+use crate::technique::options::{BlendOrder, Route};
 
 /// A bit of `GridPush::order` in the compute route: another dispatch continues the march.
 const MORE: u32 = 4;
@@ -43,6 +45,7 @@ fn march_order(axis: Option<usize>, more: bool) -> u32 {
 /// Everything that is fixed between frames of one size.
 #[derive(Debug)]
 pub(crate) struct GridFrame {
+    name: &'static str,
     scene: Arc<GpuScene>,
     measure: DepthMeasure,
     technique: Box<dyn GridTechnique>,
@@ -76,16 +79,21 @@ fn volumes(
     axes.into_iter().map(volume).collect()
 }
 
+impl<T: GridTechnique + TechniqueOptions + 'static> Draw for T {
+    fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
+        Ok(Box::new(GridFrame::new(scene, view, target, T::NAME, Box::new(*self))?))
+    }
+}
+
 impl GridFrame {
     /// Fixes everything that frames of one size need.
     pub(crate) fn new(
         scene: &Arc<GpuScene>,
         view: &View,
         target: &Canvas,
+        name: &'static str,
         technique: Box<dyn GridTechnique>,
     ) -> Result<Self> {
-        technique.check()?;
-        let name = technique.name();
         let options = *technique.options();
         let grid = scene.grid()?;
         let route = options.route_on(scene.gpu(), name)?;
@@ -103,8 +111,9 @@ impl GridFrame {
         let volumes = volumes(scene, technique.as_ref(), axis)?;
         let Some((_, volume)) = volumes.first() else { return Err(Error::invalid(name, "no volume")) };
         let knots = scene.knots()?;
-        let cut = cut(scene, technique.as_ref(), volume, &knots, view, axis)?;
+        let cut = cut(name, scene, technique.as_ref(), volume, &knots, view, axis)?;
         let desc = RouteDesc {
+            name,
             scene,
             technique: technique.as_ref(),
             volumes: &volumes,
@@ -118,7 +127,7 @@ impl GridFrame {
         };
         let measure = DepthMeasure::of_grid(grid);
         let scene = Arc::clone(scene);
-        Ok(Self { scene, measure, technique, knots, image, samples, current: 0, cut, path })
+        Ok(Self { name, scene, measure, technique, knots, image, samples, current: 0, cut, path })
     }
 
     /// Records the slabs of a view.
@@ -130,7 +139,7 @@ impl GridFrame {
         target: Option<&TargetImage>,
         clear: bool,
     ) {
-        let name = self.technique.name();
+        let name = self.name;
         let options = self.technique.options();
         let descriptors = &samples.descriptors;
         let count = cut.count;
@@ -206,7 +215,7 @@ impl Prepared for GridFrame {
             return Ok(false);
         };
         let volume = &self.samples[place].volume;
-        let cut = cut(&self.scene, self.technique.as_ref(), volume, &self.knots, view, axis)?;
+        let cut = cut(self.name, &self.scene, self.technique.as_ref(), volume, &self.knots, view, axis)?;
         let steps = dry_run(self.scene.gpu(), |recorder, target| {
             self.record_cut(recorder, &self.samples[place], &cut, Some(target), true);
         });

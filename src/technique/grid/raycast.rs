@@ -9,93 +9,53 @@
 //! Error: that of `slices-3d` with `integrator=midpoint`, else that of `slabs`, at the same spacing along the
 //! ray. Cost: one fetch and one classification or integration per segment. Needs: core Vulkan 1.3.
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::Bound;
 use crate::gpu::shader::{RAYCAST_COMPUTE, Raycast};
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::scene::Grid;
 use crate::scene::grid::diagonal;
-use crate::technique::grid::options::{EMPTY_SPACE, FILTER, GridOptions, PREFILTER, STOP};
+use crate::technique::declare::{Group, option_set, refused};
+use crate::technique::draw::{Facts, TechniqueOptions};
+use crate::technique::grid::options::GridOptions;
 use crate::technique::grid::rays::GridRays;
 use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Slabs};
-use crate::technique::options::{self, OptionInfo, Route, TABLE};
+use crate::technique::options::{Route, Segments};
 
-const NAME: &str = "raycast";
+/// Every technique accepts the name of a route that it has.
+const GRID: Group = Group { hidden: &["route"], absent: &["target", "order", "dither", "seed"] };
 
-/// Descriptions of the options.
-pub(crate) const OPTIONS: &[OptionInfo] = &[
-    OptionInfo {
-        key: "step",
-        values: "a positive number",
-        default: "1",
-        effect: "length of segments in units of the smallest voxel spacing; time falls as 1/step, error grows as step^2 where everything is smooth",
-    },
-    OptionInfo {
-        key: "integrator",
-        values: "midpoint|integral|full|exact",
-        default: "midpoint",
-        effect: "midpoint classifies the middle of a segment; the others integrate between its ends as slabs does",
-    },
-    TABLE,
-    FILTER,
-    PREFILTER,
-    EMPTY_SPACE,
-    STOP,
-];
-
-/// Options of this technique.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Options {
-    /// Options that techniques for grids share; the route is always compute.
-    pub grid: GridOptions,
-    /// How segments are integrated.
-    pub segments: SegmentOptions,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        let grid = GridOptions { route: Route::Compute, ..GridOptions::default() };
-        Self { grid, segments: SegmentOptions { integrator: Integrator::Midpoint, table: None } }
+option_set! {
+    /// Options of this technique.
+    pub struct Options {
+        /// Options that techniques for grids share; the route is always compute.
+        pub grid: GridOptions = GridOptions { route: Route::Compute, ..GridOptions::default() } => GRID,
+        /// Selects how segments are integrated. midpoint classifies the middle of a segment; the others integrate between its ends as
+        /// slabs does.
+        pub segments: SegmentOptions = SegmentOptions::of(Integrator::Midpoint) => Segments(Integrator::OF_GRIDS),
     }
 }
 
-impl Options {
-    /// Reads `key`, `value` pairs.
-    pub(crate) fn parse(pairs: &[(String, String)]) -> Result<Self> {
-        let mut options = Self::default();
-        for (key, text) in pairs {
-            // Every technique accepts the name of a route that it has.
-            let known = key == "route" || OPTIONS.iter().any(|info| info.key == key.as_str());
-            if !known || !(options.segments.read(NAME, key, text)? || options.grid.read(NAME, key, text)?) {
-                return Err(options::unknown(NAME, key, OPTIONS));
-            }
+impl TechniqueOptions for Options {
+    const FACTS: Facts = Facts {
+        name: "raycast",
+        summary: "image-order ray casting, the baseline of the comparison",
+        source: "Levoy 1988",
+        data: &["grid"],
+        kernels: &[],
+        routes: &["compute"],
+        splits_rays: true,
+    };
+
+    fn check(&self) -> Result<()> {
+        if self.grid.route == Route::Raster {
+            return Err(refused(Self::NAME, "route", "raster: must be compute"));
         }
-        options.check()?;
-        Ok(options)
-    }
-
-    /// The options as text that reads back to them; unset ones are left out.
-    pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
-        let mut pairs = self.grid.pairs();
-        pairs.retain(|(key, _)| *key != "route");
-        pairs.extend(self.segments.pairs());
-        pairs
+        self.segments.check(Self::NAME)
     }
 }
 
 impl GridTechnique for Options {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn check(&self) -> Result<()> {
-        if self.grid.route == Route::Raster {
-            return Err(Error::invalid("raycast option route", "raster: must be compute"));
-        }
-        self.segments.check(NAME, true)?;
-        GridOptions { route: Route::Compute, ..self.grid }.check(NAME)
-    }
-
     fn options(&self) -> &GridOptions {
         &self.grid
     }

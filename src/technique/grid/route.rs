@@ -59,6 +59,7 @@ pub(super) struct Routed {
 /// The description that a route is built from.
 pub(super) struct RouteDesc<'a> {
     pub(super) scene: &'a GpuScene,
+    pub(super) name: &'static str,
     pub(super) technique: &'a dyn GridTechnique,
     pub(super) volumes: &'a [(Option<usize>, Arc<Volume>)],
     pub(super) knots: &'a Knots,
@@ -108,14 +109,14 @@ impl RouteDesc<'_> {
 
     /// The first of the volumes, all of which have one form.
     fn first(&self) -> Result<&Volume> {
-        let none = || Error::invalid(self.technique.name(), "no volume");
+        let none = || Error::invalid(self.name, "no volume");
         self.volumes.first().map(|(_, volume)| volume.as_ref()).ok_or_else(none)
     }
 
     /// Builds the route `compute` for a first view of so many slabs.
     pub(super) fn march(&self, slabs: u32) -> Result<Routed> {
         let Self { scene, knots, technique, .. } = *self;
-        let (gpu, name, options) = (self.gpu(), technique.name(), technique.options());
+        let (gpu, name, options) = (self.gpu(), self.name, technique.options());
         let segments = technique.segments();
         let format = vk::Format::R32G32B32A32_SFLOAT;
         let image = own_image(gpu, name, format, vk::ImageUsageFlags::STORAGE, self.view, self.target)?;
@@ -155,7 +156,7 @@ impl RouteDesc<'_> {
     /// Builds the route `raster`, by fixed function or, with dithering, by the shader.
     pub(super) fn raster(&self) -> Result<Routed> {
         let options = self.technique.options();
-        check_loops(self.gpu(), self.technique.name(), self.knots, self.technique.segments().as_ref())?;
+        check_loops(self.gpu(), self.name, self.knots, self.technique.segments().as_ref())?;
         match options.accumulation().code() {
             Some(code) if options.dither != Dither::None => self.shader_blend(code),
             _ => self.fixed_function(),
@@ -164,15 +165,14 @@ impl RouteDesc<'_> {
 
     /// Binds the shaders that draw polygons.
     fn polygons(&self, grid: GridInputs<'_>, blend: Option<shader::Blend>) -> Result<Polygons> {
-        let none =
-            || Error::unsupported(format!("{} route=raster", self.technique.name()), "polygons: it has none");
+        let none = || Error::unsupported(format!("{} route=raster", self.name), "polygons: it has none");
         self.technique.polygons(grid, blend)?.ok_or_else(none)
     }
 
     /// Blends the slabs by fixed function.
     fn fixed_function(&self) -> Result<Routed> {
         let Self { technique, view, target, .. } = *self;
-        let (gpu, name, options) = (self.gpu(), technique.name(), technique.options());
+        let (gpu, name, options) = (self.gpu(), self.name, technique.options());
         let back_to_front = options.order() == BlendOrder::BackToFront;
         let format = options.accumulation().format();
         let Polygons { bound, topology, vertices } = self.polygons(self.inputs(self.first()?)?, None)?;
@@ -191,7 +191,7 @@ impl RouteDesc<'_> {
     /// Blends the slabs in the shader, with dithering; `code` is the shader's code of the accumulation format.
     fn shader_blend(&self, code: u32) -> Result<Routed> {
         let Self { technique, view, target, .. } = *self;
-        let (gpu, name, options) = (self.gpu(), technique.name(), technique.options());
+        let (gpu, name, options) = (self.gpu(), self.name, technique.options());
         // An image view needs a usage beyond transfers.
         let usage = vk::ImageUsageFlags::TRANSFER_DST | vk::ImageUsageFlags::SAMPLED;
         gpu.check_drawing(name, view.extent())?;

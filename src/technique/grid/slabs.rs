@@ -24,83 +24,44 @@ use crate::gpu::shader::{
 };
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::scene::Grid;
-use crate::technique::grid::options::{
-    DITHER, EMPTY_SPACE, FILTER, GridOptions, ORDER, PREFILTER, ROUTE, SEED, STEP, STOP, TARGET,
-};
+use crate::technique::declare::{GROUP, option_set};
+use crate::technique::draw::{Facts, TechniqueOptions};
+use crate::technique::grid::options::GridOptions;
 use crate::technique::grid::rays::GridRays;
 use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Polygons, Slabs};
-use crate::technique::options::{self, OptionInfo, TABLE};
+use crate::technique::options::Segments;
 
-const NAME: &str = "slabs";
-
-/// Descriptions of the options.
-pub(crate) const OPTIONS: &[OptionInfo] = &[
-    STEP,
-    OptionInfo {
-        key: "integrator",
-        values: "integral|full|exact",
-        default: "integral",
-        effect: "integral reads 1-D tables, made in 0.1 ms: opacity exact, colour second order in the slab's optical depth; full reads a 2-D table for 12 thicknesses, as fast to draw but slow to make; exact integrates between knots without a table, for slabs of large optical depth, in 1.1 to 1.6 times the time",
-    },
-    TABLE,
-    FILTER,
-    PREFILTER,
-    ROUTE,
-    TARGET,
-    ORDER,
-    DITHER,
-    SEED,
-    EMPTY_SPACE,
-    STOP,
-];
-
-/// Options of this technique.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Options {
-    /// Options that techniques for grids share.
-    pub grid: GridOptions,
-    /// How slabs are integrated; [`Integrator::Midpoint`] is not allowed.
-    pub segments: SegmentOptions,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        let segments = SegmentOptions { integrator: Integrator::Integral, table: None };
-        Self { grid: GridOptions::default(), segments }
+option_set! {
+    /// Options of this technique.
+    pub struct Options {
+        /// Options that techniques for grids share.
+        pub grid: GridOptions = GridOptions::default() => GROUP,
+        /// Selects how slabs are integrated. integral reads 1-D tables, made in 0.1 ms: opacity is exact, colour of second order in the
+        /// slab's optical depth. full reads a 2-D table for 12 thicknesses, as fast to draw but slow to make. exact integrates between
+        /// knots without a table, for slabs of large optical depth, in 1.1 to 1.6 times the time.
+        pub segments: SegmentOptions = SegmentOptions::of(Integrator::Integral)
+            => Segments(&[Integrator::Integral, Integrator::Full, Integrator::Exact]),
     }
 }
 
-impl Options {
-    /// Reads `key`, `value` pairs.
-    pub(crate) fn parse(pairs: &[(String, String)]) -> Result<Self> {
-        let mut options = Self::default();
-        for (key, text) in pairs {
-            if !(options.segments.read(NAME, key, text)? || options.grid.read(NAME, key, text)?) {
-                return Err(options::unknown(NAME, key, OPTIONS));
-            }
-        }
-        options.check()?;
-        Ok(options)
-    }
+impl TechniqueOptions for Options {
+    const FACTS: Facts = Facts {
+        name: "slabs",
+        summary: "view-aligned slabs, the transfer function integrated across each",
+        source: "Engel, Kraus and Ertl 2001",
+        data: &["grid"],
+        kernels: &[],
+        routes: &["raster", "compute"],
+        splits_rays: true,
+    };
 
-    /// The options as text that reads back to them; unset ones are left out.
-    pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
-        let mut pairs = self.grid.pairs();
-        pairs.extend(self.segments.pairs());
-        pairs
+    fn check(&self) -> Result<()> {
+        self.segments.check(Self::NAME)?;
+        self.grid.check(Self::NAME)
     }
 }
 
 impl GridTechnique for Options {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn check(&self) -> Result<()> {
-        self.segments.check(NAME, false)?;
-        self.grid.check(NAME)
-    }
-
     fn options(&self) -> &GridOptions {
         &self.grid
     }

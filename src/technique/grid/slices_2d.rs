@@ -20,7 +20,7 @@
 use ash::vk;
 use glam::DVec3;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::Bound;
 use crate::gpu::shader::{
     Blend, SLICES_2D_COMPUTE, SLICES_2D_FRAGMENT, SLICES_2D_SHADER_BLEND, SLICES_2D_VERTEX, Slices2dCompute,
@@ -29,124 +29,57 @@ use crate::gpu::shader::{
 use crate::num;
 use crate::scene::grid::turned;
 use crate::scene::{Grid, View};
-use crate::technique::grid::options::{
-    DITHER, EMPTY_SPACE, FILTER, GridOptions, ORDER, PREFILTER, ROUTE, SEED, STOP, TARGET,
-};
+use crate::technique::declare::{GROUP, Rule, option_set, words};
+use crate::technique::draw::{Facts, TechniqueOptions};
+use crate::technique::grid::options::{GridOptions, OrSlices};
 use crate::technique::grid::rays::GridRays;
 use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Polygons, Slabs};
-use crate::technique::options::{self, Choice, OptionInfo};
 
-const NAME: &str = "slices-2d";
-
-/// The stacks that the device holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stacks {
-    /// The stack of the view; another view may need another plan.
-    Used,
-    /// All three.
-    All,
-}
-
-impl Choice for Stacks {
-    const WORDS: &'static [(&'static str, Self)] = &[("used", Self::Used), ("all", Self::All)];
-}
-
-/// Descriptions of the options.
-pub(crate) const OPTIONS: &[OptionInfo] = &[
-    OptionInfo {
-        key: "step",
-        values: "slices, or a positive number",
-        default: "slices",
-        effect: "slices: draws the slices of the grid, bilinear; a number: distance of planes in units of the smallest voxel spacing, each a blend of two slices, with twice the fetches and an error of second order",
-    },
-    OptionInfo {
-        key: "hysteresis",
-        values: "a number from 0 to below 1",
-        default: "0",
-        effect: "keeps the stack in use until the cosine of another leads by this value; the image jumps later and less often",
-    },
-    OptionInfo {
-        key: "stacks",
-        values: "used|all",
-        default: "used",
-        effect: "all keeps three copies of the grid on the device, so that no change of the view needs an upload",
-    },
-    FILTER,
-    PREFILTER,
-    ROUTE,
-    TARGET,
-    ORDER,
-    DITHER,
-    SEED,
-    EMPTY_SPACE,
-    STOP,
-];
-
-/// Options of this technique.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Options {
-    /// Options that techniques for grids share; `step` counts only with `between`.
-    pub grid: GridOptions,
-    /// Whether slices are `step` apart, each a blend of two slices of the grid.
-    pub between: bool,
-    /// Lead of another stack's cosine at which a plan changes stacks. A plan's first view takes the best stack.
-    pub hysteresis: f64,
+words! {
     /// The stacks that the device holds.
-    pub stacks: Stacks,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self { grid: GridOptions::default(), between: false, hysteresis: 0.0, stacks: Stacks::Used }
+    pub enum Stacks {
+        /// The stack of the view; another view may need another plan.
+        Used = "used",
+        /// All three.
+        All = "all",
     }
 }
 
-impl Options {
-    /// Reads `key`, `value` pairs.
-    pub(crate) fn parse(pairs: &[(String, String)]) -> Result<Self> {
-        let mut options = Self::default();
-        for (key, text) in pairs {
-            match key.as_str() {
-                "step" if text == "slices" => options.between = false,
-                "hysteresis" => options.hysteresis = options::below_one(NAME, key, text)?,
-                "stacks" => options.stacks = options::choice(NAME, key, text)?,
-                _ if options.grid.read(NAME, key, text)? => options.between |= key == "step",
-                _ => return Err(options::unknown(NAME, key, OPTIONS)),
-            }
-        }
-        options.check()?;
-        Ok(options)
+option_set! {
+    /// Options of this technique.
+    pub struct Options {
+        /// Options that techniques for grids share; `step` counts only with `between`.
+        pub grid: GridOptions = GridOptions::default() => GROUP,
+        /// Whether slices are `step` apart, each a blend of two slices of the grid.
+        pub between: bool = false => OrSlices(
+            "slices draws the slices of the grid, bilinear. A number is the distance of planes in units of the smallest voxel spacing, \
+             each a blend of two slices, with twice the fetches and an error of second order."
+        ),
+        /// Keeps the stack in use until the cosine of another leads by this value. The image jumps later and less often. The first view
+        /// of a plan takes the best stack.
+        pub hysteresis: f64 = 0.0 => Rule::below_one(),
+        /// Selects the stacks that the device holds. all keeps three copies of the grid, so that no change of the view needs an upload.
+        pub stacks: Stacks = Stacks::Used,
     }
+}
 
-    /// The options as text that reads back to them; unset ones are left out.
-    pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
-        let mut pairs = self.grid.pairs();
-        if !self.between {
-            for pair in pairs.iter_mut().filter(|(key, _)| *key == "step") {
-                pair.1 = "slices".to_string();
-            }
-        }
-        pairs.push(("hysteresis", self.hysteresis.to_string()));
-        pairs.push(("stacks", self.stacks.word().to_string()));
-        pairs
+impl TechniqueOptions for Options {
+    const FACTS: Facts = Facts {
+        name: "slices-2d",
+        summary: "stacks of 2D-textured slices parallel to the base plane, post-classified",
+        source: "Peikert 2007",
+        data: &["grid"],
+        kernels: &[],
+        routes: &["raster", "compute"],
+        splits_rays: true,
+    };
+
+    fn check(&self) -> Result<()> {
+        self.grid.check(Self::NAME)
     }
 }
 
 impl GridTechnique for Options {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn check(&self) -> Result<()> {
-        if !(0.0..1.0).contains(&self.hysteresis) {
-            return Err(Error::invalid(
-                "slices-2d option hysteresis",
-                format!("{}: must be at least 0 and below 1", self.hysteresis),
-            ));
-        }
-        self.grid.check(NAME)
-    }
-
     fn options(&self) -> &GridOptions {
         &self.grid
     }

@@ -22,95 +22,49 @@ use crate::gpu::shader::{
     Slices3dFragment, Slices3dShaderBlend, Slices3dVertex,
 };
 use crate::scene::Grid;
-use crate::technique::grid::options::{
-    DITHER, EMPTY_SPACE, FILTER, GridOptions, ORDER, PREFILTER, ROUTE, SEED, STEP, STOP, TARGET,
-};
+use crate::technique::declare::{GROUP, option_set, words};
+use crate::technique::draw::{Facts, TechniqueOptions};
+use crate::technique::grid::options::GridOptions;
 use crate::technique::grid::rays::GridRays;
 use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Polygons, Slabs};
-use crate::technique::options::{self, Choice, OptionInfo};
 
-const NAME: &str = "slices-3d";
-
-/// The ends of a slice's slab along a ray.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ends {
-    /// Clipped at the domain's faces and at the eye.
-    Clip,
-    /// Not clipped: the classic polygons, each weighted with the whole step.
-    Plane,
-}
-
-impl Choice for Ends {
-    const WORDS: &'static [(&'static str, Self)] = &[("clip", Self::Clip), ("plane", Self::Plane)];
-}
-
-/// Descriptions of the options.
-pub(crate) const OPTIONS: &[OptionInfo] = &[
-    STEP,
-    FILTER,
-    PREFILTER,
-    OptionInfo {
-        key: "ends",
-        values: "clip|plane",
-        default: "clip",
-        effect: "plane: the classic polygons, unclipped; first order at the domain's faces",
-    },
-    ROUTE,
-    TARGET,
-    ORDER,
-    DITHER,
-    SEED,
-    EMPTY_SPACE,
-    STOP,
-];
-
-/// Options of this technique.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Options {
-    /// Options that techniques for grids share.
-    pub grid: GridOptions,
-    /// The ends of slabs.
-    pub ends: Ends,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self { grid: GridOptions::default(), ends: Ends::Clip }
+words! {
+    /// The ends of a slice's slab along a ray.
+    pub enum Ends {
+        /// Clipped at the domain's faces and at the eye.
+        Clip = "clip",
+        /// Not clipped: the classic polygons, each weighted with the whole step.
+        Plane = "plane",
     }
 }
 
-impl Options {
-    /// Reads `key`, `value` pairs.
-    pub(crate) fn parse(pairs: &[(String, String)]) -> Result<Self> {
-        let mut options = Self::default();
-        for (key, text) in pairs {
-            match key.as_str() {
-                "ends" => options.ends = options::choice(NAME, key, text)?,
-                _ if options.grid.read(NAME, key, text)? => {}
-                _ => return Err(options::unknown(NAME, key, OPTIONS)),
-            }
-        }
-        options.check()?;
-        Ok(options)
+option_set! {
+    /// Options of this technique.
+    pub struct Options {
+        /// Options that techniques for grids share.
+        pub grid: GridOptions = GridOptions::default() => GROUP,
+        /// Selects the ends of slabs. plane draws the classic polygons, unclipped, which is of first order at the domain's faces.
+        pub ends: Ends = Ends::Clip,
     }
+}
 
-    /// The options as text that reads back to them; unset ones are left out.
-    pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
-        let mut pairs = self.grid.pairs();
-        pairs.push(("ends", self.ends.word().to_string()));
-        pairs
+impl TechniqueOptions for Options {
+    const FACTS: Facts = Facts {
+        name: "slices-3d",
+        summary: "view-aligned slices of a 3D texture, post-classified",
+        source: "Cabral, Cam and Foran 1994",
+        data: &["grid"],
+        kernels: &[],
+        routes: &["raster", "compute"],
+        splits_rays: true,
+    };
+
+    fn check(&self) -> Result<()> {
+        self.grid.check(Self::NAME)
     }
 }
 
 impl GridTechnique for Options {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn check(&self) -> Result<()> {
-        self.grid.check(NAME)
-    }
-
     fn options(&self) -> &GridOptions {
         &self.grid
     }

@@ -76,10 +76,6 @@ impl Slabs {
 
 /// A technique for grids.
 pub(crate) trait GridTechnique: std::fmt::Debug + Send + Sync {
-    /// Its name.
-    fn name(&self) -> &'static str;
-    /// Checks its options, alone and together.
-    fn check(&self) -> Result<()>;
     /// The shared options.
     fn options(&self) -> &GridOptions;
     /// How it integrates segments; `None` where it classifies samples.

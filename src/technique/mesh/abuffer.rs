@@ -21,63 +21,48 @@ use crate::frame::target::Canvas;
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
+use crate::technique::declare::{GROUP, option_set};
+use crate::technique::draw::{Draw, Facts, TechniqueOptions};
 use crate::technique::mesh::cell_lists;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
-use crate::technique::mesh::options::{EMPTY_SPACE, INTEGRATOR, MeshOptions, ORDER, SMOKE, STOP};
-use crate::technique::options::{self, BlendOrder, OptionInfo, TABLE};
+use crate::technique::mesh::options::MeshOptions;
 
-const NAME: &str = "abuffer";
-
-/// The options, each with its effect on error and time.
-pub(crate) const OPTIONS: &[OptionInfo] = &[INTEGRATOR, TABLE, SMOKE, ORDER, STOP, EMPTY_SPACE];
-
-/// Options of `abuffer`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Options {
-    /// The options that the techniques for meshes share.
-    pub mesh: MeshOptions,
+option_set! {
+    /// Options of `abuffer`.
+    pub struct Options {
+        /// The options that the techniques for meshes share.
+        pub mesh: MeshOptions = MeshOptions::default() => GROUP,
+    }
 }
 
-impl Options {
-    /// Reads `key`, `value` pairs.
-    pub(crate) fn parse(pairs: &[(String, String)]) -> Result<Self> {
-        let mut options = Self::default();
-        for (key, text) in pairs {
-            if !options.mesh.read(NAME, key, text)? {
-                return Err(options::unknown(NAME, key, OPTIONS));
-            }
-        }
-        options.mesh.check(NAME)?;
-        Ok(options)
-    }
+impl TechniqueOptions for Options {
+    const FACTS: Facts = Facts {
+        name: "abuffer",
+        summary: "cells of a mesh in one list per pixel, sorted exactly",
+        source: "Carpenter 1984",
+        data: &["mesh"],
+        kernels: &[],
+        routes: &["compute"],
+        splits_rays: true,
+    };
 
-    /// Returns the options as text that [`Options::parse`] reads back; options that are unset are left out.
-    pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
-        self.mesh.pairs()
+    fn check(&self) -> Result<()> {
+        self.mesh.check(Self::NAME)
     }
+}
 
-    /// Prepares frames of one view size.
-    pub(crate) fn prepare(
-        &self,
-        scene: &Arc<GpuScene>,
-        view: &View,
-        target: &Canvas,
-    ) -> Result<Box<dyn Prepared>> {
-        self.mesh.check(NAME)?;
+impl Draw for Options {
+    fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
         let desc = MeshDesc {
-            name: NAME,
+            name: Self::NAME,
             primitives: Primitives::Cells,
-            segments: self.mesh.segments,
-            smoke: self.mesh.smoke,
-            back_to_front: self.mesh.order == BlendOrder::BackToFront,
+            options: self.mesh,
             resolve: cell_lists::resolve,
             k: cell_lists::WINDOW,
             chunk: None,
             repair: Some(cell_lists::resolve),
             unsorted: "kbuffer_overflow_pixels",
-            stop: self.mesh.stop,
-            skip: self.mesh.skips(),
         };
         Ok(Box::new(MeshFrame::new(scene, view, target, desc)?))
     }

@@ -5,19 +5,16 @@ use crate::frame::lists::{Geometry, Ranking};
 use crate::num;
 use crate::resident::GpuScene;
 use crate::resident::mesh::{MeshData, Primitives};
-use crate::resident::tables::SegmentOptions;
 use crate::scene::TetScalars;
 use crate::technique::mesh::list_inputs::ListShader;
+use crate::technique::mesh::options::MeshOptions;
 
 /// How a technique for meshes draws.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MeshDesc {
     pub(crate) name: &'static str,
     pub(crate) primitives: Primitives,
-    pub(crate) segments: SegmentOptions,
-    /// Extinction per scalar of the smoke model.
-    pub(crate) smoke: f64,
-    pub(crate) back_to_front: bool,
+    pub(crate) options: MeshOptions,
     /// Shader that resolves lists, with its inputs.
     pub(crate) resolve: ListShader,
     /// Entries of the k-buffer.
@@ -28,10 +25,6 @@ pub(crate) struct MeshDesc {
     pub(crate) repair: Option<ListShader>,
     /// Name of the counter of those pixels.
     pub(crate) unsorted: &'static str,
-    /// Transmittance at which a ray ends.
-    pub(crate) stop: f64,
-    /// Whether cells in which nothing is visible are skipped.
-    pub(crate) skip: bool,
 }
 
 impl MeshDesc {
@@ -49,7 +42,7 @@ impl MeshDesc {
     ) -> Result<Ranking> {
         let gpu = scene.gpu();
         let mesh = scene.mesh()?;
-        let margin = self.skip.then(|| scene.margin(Some(&self.segments)));
+        let margin = self.options.skips().then(|| scene.margin(Some(&self.options.segments)));
         let drawn = scene.primitives(self.primitives, margin)?;
         let scalars = match drawn.scalars {
             Some(scalars) => scalars,
@@ -64,6 +57,6 @@ impl MeshDesc {
             primitives: drawn.buffer,
             count: drawn.count,
         };
-        Ranking::new(gpu, self.name, geometry, self.back_to_front, order_given)
+        Ranking::new(gpu, self.name, geometry, self.options.back_to_front(), order_given)
     }
 }

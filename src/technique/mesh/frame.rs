@@ -115,7 +115,7 @@ impl MeshFrame {
         desc: MeshDesc,
         order: Option<&[u32]>,
     ) -> Result<Self> {
-        if desc.back_to_front {
+        if desc.options.back_to_front() {
             target.refuse_layers(&format!("{} order=back-to-front", desc.name), "order=front-to-back")?;
         }
         let gpu = scene.gpu();
@@ -140,7 +140,7 @@ impl MeshFrame {
             scene: Arc::clone(scene),
             data,
             desc,
-            shading: Shading::new(scene, &desc.segments, target)?,
+            shading: Shading::new(scene, &desc.options.segments, target)?,
             space,
             push,
             tiles,
@@ -217,7 +217,7 @@ impl MeshFrame {
             image: &self.image,
             kbuffer: &self.kbuffer,
             cell_scalars: self.ranking.cell_scalars,
-            back_to_front: self.desc.back_to_front,
+            back_to_front: self.desc.options.back_to_front(),
             eye_inside: eye_inside(&self.push),
             k: self.desc.k,
             resume: false,

@@ -31,39 +31,26 @@ use crate::gpu::shader::{self, HAVS_COMPUTE};
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
+use crate::technique::draw::{Draw, TechniqueOptions as _};
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
-use crate::technique::mesh::havs::options::NAME;
 use crate::technique::mesh::havs::raster::RasterFrame;
 use crate::technique::mesh::list_inputs::{ListInputs, ListShader};
 use crate::technique::mesh::options::Repair;
-use crate::technique::options::BlendOrder;
 
-pub(crate) use options::OPTIONS;
 pub use options::{KBufferRoute, Options};
 
-impl Options {
-    /// Prepares frames of one view size, by the route that the options ask for.
-    pub(crate) fn prepare(
-        &self,
-        scene: &Arc<GpuScene>,
-        view: &View,
-        target: &Canvas,
-    ) -> Result<Box<dyn Prepared>> {
-        self.check()?;
+impl Draw for Options {
+    fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
         let desc = MeshDesc {
-            name: NAME,
+            name: Self::NAME,
             primitives: Primitives::Faces,
-            segments: self.mesh.segments,
-            smoke: self.mesh.smoke,
-            back_to_front: self.mesh.order == BlendOrder::BackToFront,
+            options: self.mesh,
             resolve,
             k: self.k,
             chunk: self.chunk,
             repair: (self.repair == Repair::Exact).then_some(resolve as ListShader),
             unsorted: "kbuffer_overflow_pixels",
-            stop: self.mesh.stop,
-            skip: self.mesh.skips(),
         };
         if self.route.rasterises() {
             return Ok(Box::new(RasterFrame::new(scene, view, target, desc, self.route)?));

@@ -1,123 +1,56 @@
 //! Options that the techniques for meshes share.
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::resident::tables::{Integrator, SegmentOptions};
-use crate::technique::options::{self, BlendOrder, Choice, EmptySpace, OptionInfo};
+use crate::technique::declare::{Rule, option_set, refused, words};
+use crate::technique::options::{BlendOrder, EmptySpace, Segments};
 
-pub(crate) const INTEGRATOR: OptionInfo = OptionInfo {
-    key: "integrator",
-    values: "exact|integral|full|smoke",
-    default: "exact",
-    effect: "how a cell is integrated: exact cuts it at the knots, without a table; integral reads 1-D tables, opacity is exact and colour of second order in the cell's optical depth; full reads a 2-D table for 12 thicknesses; smoke: extinction is the mean scalar times the option smoke",
-};
-pub(crate) const SMOKE: OptionInfo = OptionInfo {
-    key: "smoke",
-    values: "a positive number",
-    default: "1",
-    effect: "with integrator=smoke: extinction per unit of the scalar",
-};
-pub(crate) const ORDER: OptionInfo = OptionInfo {
-    key: "order",
-    values: "front-to-back|back-to-front",
-    default: "front-to-back",
-    effect: "direction of ranks and compositing; the image is the same but for rounding",
-};
-pub(crate) const EMPTY_SPACE: OptionInfo = OptionInfo {
-    key: "empty-space",
-    values: "skip|march",
-    default: "skip",
-    effect: "skip leaves out cells whose range of scalars has no extinction; march draws all cells; the image is the same",
-};
-pub(crate) const STOP: OptionInfo = OptionInfo {
-    key: "stop",
-    values: "a number from 0 to below 1",
-    default: "0",
-    effect: "largest colour that a ray may miss when it ends early: an absolute error; fragments behind its end are not checked for order",
-};
-
-/// Treatment of pixels whose faces or cells came out of order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Repair {
-    /// Draws them again from sorted lists.
-    Exact,
-    /// Counts them only.
-    None,
+words! {
+    /// Treatment of pixels whose faces or cells came out of order.
+    pub enum Repair {
+        /// Draws them again from sorted lists.
+        Exact = "exact",
+        /// Counts them only.
+        None = "none",
+    }
 }
 
-impl Choice for Repair {
-    const WORDS: &'static [(&'static str, Self)] = &[("exact", Self::Exact), ("none", Self::None)];
-}
-
-/// Options that the techniques for meshes share.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MeshOptions {
-    /// How cells are integrated.
-    pub segments: SegmentOptions,
-    /// With [`Integrator::Smoke`]: extinction per unit of the scalar.
-    pub smoke: f64,
-    /// Direction of ranks and compositing.
-    pub order: BlendOrder,
-    /// Largest colour that a ray may miss when it ends early.
-    pub stop: f64,
-    /// Treatment of cells in which nothing is visible.
-    pub empty_space: EmptySpace,
-}
-
-impl Default for MeshOptions {
-    fn default() -> Self {
-        let segments = SegmentOptions { integrator: Integrator::Exact, table: None };
-        Self {
-            segments,
-            smoke: 1.0,
-            order: BlendOrder::FrontToBack,
-            stop: 0.0,
-            empty_space: EmptySpace::Skip,
-        }
+option_set! {
+    /// Options that the techniques for meshes share.
+    pub struct MeshOptions {
+        /// Selects how a cell is integrated. exact cuts it at the knots, without a table. integral reads 1-D tables: opacity is exact,
+        /// colour of second order in the cell's optical depth. full reads a 2-D table for 12 thicknesses. smoke takes the mean scalar
+        /// times the option smoke as extinction.
+        pub segments: SegmentOptions = SegmentOptions::of(Integrator::Exact)
+            => Segments(&[Integrator::Exact, Integrator::Integral, Integrator::Full, Integrator::Smoke]),
+        /// Sets the extinction per unit of the scalar, with integrator=smoke.
+        pub smoke: f64 = 1.0 => Rule::positive().quiet(),
+        /// Selects the direction of ranks and compositing. The image is the same but for rounding.
+        pub order: BlendOrder = BlendOrder::FrontToBack,
+        /// Sets the largest colour that a ray may miss when it ends early: an absolute error. Fragments behind its end are not checked
+        /// for order.
+        pub stop: f64 = 0.0 => Rule::below_one(),
+        /// skip leaves out cells whose range of scalars has no extinction; march draws all cells. The image is the same.
+        pub empty_space as "empty-space": EmptySpace = EmptySpace::Skip,
     }
 }
 
 impl MeshOptions {
-    /// Reads one option; returns `false` for a key that is none of these.
-    pub(crate) fn read(&mut self, technique: &str, key: &str, text: &str) -> Result<bool> {
-        match key {
-            "smoke" => self.smoke = options::positive(technique, key, text)?,
-            "order" => self.order = options::choice(technique, key, text)?,
-            "empty-space" => self.empty_space = options::choice(technique, key, text)?,
-            "stop" => self.stop = options::below_one(technique, key, text)?,
-            _ => return self.segments.read(technique, key, text),
-        }
-        Ok(true)
-    }
-
-    /// Returns the options as text that [`MeshOptions::read`] reads back.
-    pub(crate) fn pairs(&self) -> Vec<(&'static str, String)> {
-        let mut pairs = self.segments.pairs();
-        if self.segments.integrator == Integrator::Smoke {
-            pairs.push(("smoke", self.smoke.to_string()));
-        }
-        pairs.push(("order", self.order.word().to_string()));
-        pairs.push(("stop", self.stop.to_string()));
-        pairs.push(("empty-space", self.empty_space.word().to_string()));
-        pairs
-    }
-
     /// Whether cells in which nothing is visible are skipped; smoke is visible everywhere.
     pub(crate) fn skips(&self) -> bool {
         self.empty_space == EmptySpace::Skip && self.segments.integrator != Integrator::Smoke
     }
 
-    /// Refuses values and combinations that are not allowed.
+    /// Whether fragments are composited back to front.
+    pub(crate) fn back_to_front(&self) -> bool {
+        self.order == BlendOrder::BackToFront
+    }
+
+    /// Checks the rules between options.
     pub(crate) fn check(&self, technique: &str) -> Result<()> {
-        let refuse = |key: &str, why: &str| Err(Error::invalid(format!("{technique} option {key}"), why));
-        if self.stop > 0.0 && self.order == BlendOrder::BackToFront {
-            return refuse("stop", "works with order=front-to-back only");
+        if self.stop > 0.0 && self.back_to_front() {
+            return Err(refused(technique, "stop", "works with order=front-to-back only"));
         }
-        if self.segments.integrator == Integrator::Smoke {
-            if self.segments.table.is_some() {
-                return refuse("table", "integrator=smoke has no table");
-            }
-            return Ok(());
-        }
-        self.segments.check(technique, false)
+        self.segments.check(technique)
     }
 }

@@ -28,46 +28,33 @@ use crate::gpu::{Bound, Buffer, Image, Recorder, TargetImage};
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
+use crate::technique::draw::{Draw, TechniqueOptions as _};
 use crate::technique::mesh::cell_lists;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
 use crate::technique::mesh::list_inputs::{ListInputs, ListShader};
 use crate::technique::mesh::options::Repair;
-use crate::technique::mesh::projected_tets::options::NAME;
 use crate::technique::mesh::projected_tets::ranks::Ranker;
 use crate::technique::mesh::projected_tets::raster::TetsRaster;
-use crate::technique::options::{BlendOrder, Route};
+use crate::technique::options::Route;
 
-pub(crate) use options::OPTIONS;
 pub use options::{Options, Plane, Shade};
 pub use ranks::Rank;
 
-impl Options {
-    /// Prepares frames of one view size, by the route that the options ask for.
-    pub(crate) fn prepare(
-        &self,
-        scene: &Arc<GpuScene>,
-        view: &View,
-        target: &Canvas,
-    ) -> Result<Box<dyn Prepared>> {
-        self.check()?;
-        let back_to_front = self.mesh.order == BlendOrder::BackToFront;
+impl Draw for Options {
+    fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
         let desc = MeshDesc {
-            name: NAME,
+            name: Self::NAME,
             primitives: Primitives::Cells,
-            segments: self.mesh.segments,
-            smoke: self.mesh.smoke,
-            back_to_front,
+            options: self.mesh,
             resolve,
             k: 0,
             chunk: Some(MOST_TURNS),
             repair: (self.repair != Some(Repair::None)).then_some(cell_lists::resolve as ListShader),
             unsorted: "unsorted_pixels",
-            stop: self.mesh.stop,
-            skip: self.mesh.skips(),
         };
         let margin = self.mesh.skips().then(|| scene.margin(Some(&self.mesh.segments)));
-        let mut ranker = Ranker::new(scene, self.rank, back_to_front, margin);
+        let mut ranker = Ranker::new(scene, self.rank, self.mesh.back_to_front(), margin);
         let order = ranker.order(view)?;
         if self.route_on(scene.gpu())? == Route::Raster {
             let raster = TetsRaster::new(scene, view, target, desc, self, ranker, order.as_deref())?;

@@ -22,7 +22,7 @@ pub(crate) fn shading_push(scene: &GpuScene, desc: &MeshDesc, knots: &Knots) -> 
     const ALWAYS: u32 = 32_768;
     // A segment may span every knot, and a ray has several such segments.
     let iterations = knots.count.saturating_mul(8).saturating_add(1024);
-    if desc.segments.integrator == Integrator::Exact && iterations > ALWAYS {
+    if desc.options.segments.integrator == Integrator::Exact && iterations > ALWAYS {
         let limit = scene.gpu().loop_limit()?;
         if iterations > limit {
             return Err(Error::unsupported(
@@ -37,8 +37,8 @@ pub(crate) fn shading_push(scene: &GpuScene, desc: &MeshDesc, knots: &Knots) -> 
     let [low, high] = transfer.domain();
     Ok(MeshPush {
         knots: knots.count,
-        opaque: f32_of(desc.stop / scene.max_colour()),
-        smoke: f32_of(desc.smoke),
+        opaque: f32_of(desc.options.stop / scene.max_colour()),
+        smoke: f32_of(desc.options.smoke),
         alike: f32_of((high - low) * ALIKE),
         last_round: 0,
         ..MeshPush::default()

@@ -2,17 +2,6 @@
 
 use glam::{DMat3, DVec2};
 
-/// The rule for the distance of texels.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Resolution {
-    /// One texel per voxel of the nearest slice.
-    Voxel,
-    /// This many texels per pixel, along each side, in the middle of the region that is drawn.
-    Pixel(f64),
-    /// One texel per voxel of the nearest slice, but from one to three pixels wide.
-    Auto,
-}
-
 /// A base plane of a view. Positions are indices from the domain's centre, axes in the order of the stack.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BasePlane {

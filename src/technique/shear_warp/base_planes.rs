@@ -13,7 +13,8 @@ use glam::DVec2;
 use crate::error::Result;
 use crate::scene::{Grid, View};
 use crate::technique::grid::slices_2d::{planes, steepest_axis};
-use crate::technique::shear_warp::base_plane::{BasePlane, Resolution};
+use crate::technique::shear_warp::base_plane::BasePlane;
+use crate::technique::shear_warp::options::Intermediate;
 use crate::technique::shear_warp::region::{GridView, MARGIN, MOST_SHEAR, SEAM};
 
 /// Most texels of all base planes per pixel of the image, or per requested texel of a pixel, without margins.
@@ -41,7 +42,7 @@ pub(crate) fn base_planes(
     view: &View,
     current: Option<usize>,
     hysteresis: f64,
-    resolution: Resolution,
+    resolution: Intermediate,
     capacity: Capacity,
 ) -> Result<Vec<BasePlane>> {
     let [width, height] = view.extent().map(f64::from);
@@ -75,9 +76,9 @@ pub(crate) fn base_planes(
     let mut pitches: Vec<DVec2> = regions.iter().map(|region| region.pitch(resolution)).collect();
     // An explicit resolution raises the limit.
     let most = match resolution {
-        Resolution::Voxel => capacity.texels,
-        Resolution::Auto => TEXELS_PER_PIXEL * pixels,
-        Resolution::Pixel(side) => TEXELS_PER_PIXEL * pixels * (side * side).max(1.0),
+        Intermediate::Voxel => capacity.texels,
+        Intermediate::Auto => TEXELS_PER_PIXEL * pixels,
+        Intermediate::Pixel(side) => TEXELS_PER_PIXEL * pixels * (side * side).max(1.0),
     };
     let around = 2.0 * MARGIN + 3.0;
     for (region, pitch) in regions.iter().zip(&mut pitches) {

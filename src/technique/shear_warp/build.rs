@@ -80,7 +80,6 @@ struct Build<'a> {
 impl ShearFrame {
     /// Fixes everything that frames of one size need.
     pub(crate) fn new(scene: &Arc<GpuScene>, view: &View, target: &Canvas, options: Options) -> Result<Self> {
-        options.check()?;
         let gpu = scene.gpu();
         let grid = scene.grid()?;
         let raster = options.grid.route_on(gpu, NAME)? == Route::Raster;

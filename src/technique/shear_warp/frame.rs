@@ -6,6 +6,7 @@ use crate::error::Result;
 use crate::frame::depth_measure::DepthMeasure;
 use crate::frame::dry_run::{draws, dry_run, passes};
 use crate::frame::prepared::Prepared;
+use crate::frame::target::Canvas;
 use crate::gpu::{Attachment, Buffer, Descriptors, Image, Pipeline, Recorder, TargetImage};
 use crate::interface::{BasePlanePush, ShearBoundsPush, WarpPush};
 use crate::num::{self, f32_of};
@@ -14,7 +15,9 @@ use crate::resident::GpuScene;
 use crate::resident::tables::Knots;
 use crate::resident::volume::Volume;
 use crate::scene::View;
-use crate::technique::options::{BlendOrder, Choice, Route};
+use crate::technique::declare::Value as _;
+use crate::technique::draw::Draw;
+use crate::technique::options::{BlendOrder, Route};
 use crate::technique::shear_warp::bounds::ShearBounds;
 use crate::technique::shear_warp::march::{EdgeMarch, March};
 use crate::technique::shear_warp::options::{NAME, Options};
@@ -64,6 +67,12 @@ pub(super) enum Path {
         /// All base planes, one below the other.
         atlas: Arc<Image>,
     },
+}
+
+impl Draw for Options {
+    fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
+        Ok(Box::new(ShearFrame::new(scene, view, target, *self)?))
+    }
 }
 
 impl Prepared for ShearFrame {

@@ -16,6 +16,4 @@ mod options;
 mod planes;
 mod region;
 
-pub(crate) use frame::ShearFrame;
-pub(crate) use options::OPTIONS;
 pub use options::{Intermediate, Options, Warp};

@@ -74,7 +74,7 @@ pub(crate) fn choose_planes(
     let texels = num::f64_of_u64(gpu.most_buffer_bytes() / TEXEL) * FILL * share;
     let side = f64::from(if raster { gpu.max_image_2d() } else { MOST_SIDE });
     let capacity = Capacity { texels, side, rows: if raster { side } else { f64::INFINITY } };
-    let planes = base_planes(grid, view, current, options.hysteresis, options.resolution(), capacity)?;
+    let planes = base_planes(grid, view, current, options.hysteresis, options.intermediate, capacity)?;
     let mut axes: Vec<usize> = planes.iter().map(|plane| plane.axis).collect();
     axes.dedup();
     Ok(ChosenPlanes { planes, axes })

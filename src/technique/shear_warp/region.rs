@@ -7,8 +7,9 @@ use crate::num;
 use crate::scene::grid::turned;
 use crate::scene::{Grid, View};
 use crate::technique::grid::slices_2d::planes;
-use crate::technique::shear_warp::base_plane::{BasePlane, Resolution};
+use crate::technique::shear_warp::base_plane::BasePlane;
 use crate::technique::shear_warp::factorisation::Factorisation;
+use crate::technique::shear_warp::options::Intermediate;
 
 /// Steepest shear of one base plane, per unit of length along the stack, along either of the other axes' normals.
 pub(crate) const MOST_SHEAR: f64 = 1.2;
@@ -265,7 +266,7 @@ impl Region {
     }
 
     /// Returns the distance of texels on the base plane.
-    pub(super) fn pitch(&self, resolution: Resolution) -> DVec2 {
+    pub(super) fn pitch(&self, resolution: Intermediate) -> DVec2 {
         // A voxel of the front slice, projected to the base plane.
         let voxel = DVec2::splat(1.0 / (1.0 + self.factors.scaling() * self.sign * (self.front - self.base)));
         // The pitch at which texels are as large as pixels, in the middle of the region.
@@ -276,9 +277,9 @@ impl Region {
             x.perp_dot(y).abs() / steps
         };
         let pitch = match resolution {
-            Resolution::Voxel => voxel,
-            Resolution::Pixel(texels) => pixel() / texels,
-            Resolution::Auto => voxel.min(COARSEST * pixel()).max(pixel()),
+            Intermediate::Voxel => voxel,
+            Intermediate::Pixel(texels) => pixel() / texels,
+            Intermediate::Auto => voxel.min(COARSEST * pixel()).max(pixel()),
         };
         // A pitch above the region's extent would leave it without a texel.
         let [low, high] = self.bounds();

@@ -7,7 +7,8 @@ use crate::gpu::shader::{
     SPLAT_WINDOW,
 };
 use crate::scene::Kernels;
-use crate::technique::splat::options::TileSplit;
+use crate::technique::declare::words;
+use crate::technique::splat::options::{SplatOptions, TileSplit};
 
 /// How a pixel combines its splats. This also decides the key that they are sorted by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,15 +34,16 @@ impl Accumulation {
     }
 }
 
-/// Treatment of footprints that are smaller than a pixel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Filter {
-    /// Widens ellipses that are narrower than the pixel's filter to it.
-    Auto,
-    /// Convolves every ellipse with the pixel's filter.
-    Full,
-    /// Leaves ellipses as they are.
-    None,
+words! {
+    /// Treatment of footprints that are smaller than a pixel.
+    pub enum Filter {
+        /// Widens ellipses that are narrower than the pixel's filter to it.
+        Auto = "auto",
+        /// Convolves every ellipse with the pixel's filter.
+        Full = "full",
+        /// Leaves ellipses as they are.
+        None = "none",
+    }
 }
 
 impl Filter {
@@ -68,13 +70,7 @@ pub(crate) struct SplatDesc {
     pub(crate) filter: Filter,
     /// Variance of the pixel's filter, in pixels.
     pub(crate) variance: f64,
-    /// Thickness of slabs, in steps of the data.
-    pub(crate) step: f64,
-    /// Largest colour that a ray may miss when it ends early.
-    pub(crate) stop: f64,
-    /// Most entries of bins at a time; `None`: as many as a buffer holds.
-    pub(crate) pairs: Option<u32>,
-    pub(crate) split: TileSplit,
+    pub(crate) options: SplatOptions,
 }
 
 impl SplatDesc {
@@ -106,7 +102,7 @@ impl SplatDesc {
     pub(crate) fn columns(&self, gpu: &Gpu) -> Result<bool> {
         // A software device runs the lanes of a workgroup in step, and reads what they share once. On a GPU a column
         // would leave most lanes of a subgroup idle.
-        Ok(match self.split {
+        Ok(match self.options.spread {
             TileSplit::Auto => gpu.is_software() && gpu.eight_share_words(),
             TileSplit::Pixels => false,
             TileSplit::Columns if gpu.eight_share_words() => true,

@@ -172,7 +172,7 @@ fn upload_domain(gpu: &Gpu, set: &SplatSet, axis: usize, scale: [f32; 4]) -> Res
 fn bands_of(gpu: &Gpu, desc: &SplatDesc, fill: &Fill, known: u32) -> Result<(Vec<Band>, u32)> {
     let most = u64::from(gpu.inner.properties.limits.max_storage_buffer_range) / 4;
     // A fifth of the buffer stays free for the margin of nearby views.
-    let most = desc.pairs.map_or(most - most / 5, |pairs| most.min(pairs.into()));
+    let most = desc.options.pairs.map_or(most - most / 5, |pairs| most.min(pairs.into()));
     let entries = fill.tiles.iter().map(|&entries| u64::from(entries));
     let (bands, fullest) = cut_into_bands(entries, most, u32::MAX).map_err(|entries| {
         Error::unsupported(
@@ -194,9 +194,9 @@ impl SplatFrame {
         let desc = SplatDesc { template, ..desc };
         let gpu = scene.gpu();
         let name = desc.name;
-        let set = scene.splats(&desc.kernels, desc.step)?;
+        let set = scene.splats(&desc.kernels, desc.options.step)?;
         let knots = scene.knots()?;
-        let opaque = desc.stop / scene.max_colour();
+        let opaque = desc.options.stop / scene.max_colour();
         let seen = SplatView::new(&set, &desc, knots.count, opaque, view)?;
         let [width, height] = view.extent();
         let across = width.div_ceil(TILE);

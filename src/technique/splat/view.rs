@@ -76,9 +76,9 @@ fn half_extent(view: &View) -> [f32; 2] {
 fn sheet_thickness(set: &SplatSet, desc: &SplatDesc) -> Result<f64> {
     let space = &set.space;
     let thickness = if desc.accumulation == Accumulation::Sheets {
-        space.layer * if set.shape == Shape::Alike { 1.0 } else { desc.step }
+        space.layer * if set.shape == Shape::Alike { 1.0 } else { desc.options.step }
     } else {
-        desc.step * space.step / space.unit
+        desc.options.step * space.step / space.unit
     };
     // All data lies within two units of depth, or of extent along an axis. Float32 counts sheets.
     let sheets = match desc.accumulation {
@@ -89,7 +89,10 @@ fn sheet_thickness(set: &SplatSet, desc: &SplatDesc) -> Result<f64> {
     if sheets > MAX_SHEETS {
         return Err(Error::invalid(
             format!("{} option step", desc.name),
-            format!("{}: makes {sheets:.0} sheets of this scene, at most {MAX_SHEETS} are drawn", desc.step),
+            format!(
+                "{}: makes {sheets:.0} sheets of this scene, at most {MAX_SHEETS} are drawn",
+                desc.options.step
+            ),
         ));
     }
     Ok(thickness)

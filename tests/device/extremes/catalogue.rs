@@ -162,9 +162,9 @@ impl Spec {
         for method in Method::ALL.into_iter().filter(|method| method.draws(data)) {
             for route in routes_of(gpu, method) {
                 let option = method.options().iter().find(|option| option.key == "integrator");
-                let words = option.map_or("", |option| option.values);
+                let words = option.map_or(&[""][..], |option| &option.words);
                 // Smoke is another optical model.
-                for integrator in words.split('|').filter(|&word| word != "smoke") {
+                for &integrator in words.iter().filter(|word| **word != "smoke") {
                     specs.push(Self { method, route, integrator });
                 }
             }

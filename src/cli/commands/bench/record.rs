@@ -133,7 +133,7 @@ impl Record {
         let number = |text: &str| text.parse::<f64>().ok();
         let same = |a: &str, b: &str| a == b || (number(a).is_some() && number(a) == number(b));
         let is_default =
-            |key: &str, text: &str| infos.iter().any(|info| info.key == key && same(info.default, text));
+            |key: &str, text: &str| infos.iter().any(|info| info.key == key && same(&info.default, text));
         let pairs = self.options.iter().map(|(key, value)| (key, word(value)));
         let shown: Vec<String> = pairs
             .filter(|(key, text)| *key != "route" && !is_default(key, text))

@@ -40,9 +40,9 @@ const GAUSSIANS: Kernels =
 impl Subject {
     /// Returns the subject that a technique draws by default.
     pub(crate) fn of(method: Method) -> Self {
-        match method {
-            Method::Havs | Method::Abuffer | Method::ProjectedTets => Self::Mesh,
-            Method::SplatSheets | Method::SplatEwa => Self::Points,
+        match method.data() {
+            ["mesh", ..] => Self::Mesh,
+            ["points", ..] => Self::Points,
             _ => Self::Grid("f32"),
         }
     }

@@ -36,6 +36,7 @@ use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass, w
 use crate::resident::GpuScene;
 use crate::resident::local_space::LocalSpace;
 use crate::scene::View;
+use crate::technique::declare::Value as _;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::flagged::FlaggedFrame;
 use crate::technique::mesh::havs::options::KBufferRoute;
@@ -44,7 +45,6 @@ use crate::technique::mesh::list_inputs::{ListInputs, Shading};
 use crate::technique::mesh::outcome::MeshOutcome;
 use crate::technique::mesh::overlaps::Overlaps;
 use crate::technique::mesh::shading::shading_push;
-use crate::technique::options::Choice;
 
 /// The format of the accumulation image and of the k-buffer's images.
 const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
@@ -221,7 +221,7 @@ impl RasterFrame {
         let flags = buffer(gpu, "flags", u64::from(tiles) * u64::from(TILE_PIXELS))?;
         let kbuffer = kbuffer_images(gpu, desc.k, view.extent())?;
 
-        let shading = Shading::new(scene, &desc.segments, target)?;
+        let shading = Shading::new(scene, &desc.options.segments, target)?;
         let list = ListInputs {
             shading: &shading,
             // Only repairs have lists, of their own.
@@ -232,7 +232,7 @@ impl RasterFrame {
             image: &image,
             kbuffer: &kbuffer,
             cell_scalars: ranking.cell_scalars,
-            back_to_front: desc.back_to_front,
+            back_to_front: desc.options.back_to_front(),
             eye_inside: true,
             k: desc.k,
             resume: false,

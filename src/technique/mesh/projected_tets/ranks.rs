@@ -8,30 +8,19 @@ use crate::num;
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
+use crate::technique::declare::words;
 use crate::technique::mesh::order::{self, Boundary, keys};
-use crate::technique::options::{Choice, OptionInfo};
 
-pub(crate) const RANK: OptionInfo = OptionInfo {
-    key: "rank",
-    values: "mpvo|power|centroid",
-    default: "mpvo",
-    effect: "visibility order of cells: mpvo sorts topologically on the host, right wherever an order exists; power sorts by the power distance of circumspheres, right for Delaunay meshes; centroid sorts by distance on the device, fast, but wrong where neighbours differ in size or shape",
-};
-
-/// How cells are ranked.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Rank {
-    /// By the distance of centroids, sorted on the device. Approximate.
-    Centroid,
-    /// By the power distance of circumspheres. Exact for Delaunay meshes, up to ties.
-    Power,
-    /// By a topological sort of adjacent cells. Exact wherever an order exists.
-    Mpvo,
-}
-
-impl Choice for Rank {
-    const WORDS: &'static [(&'static str, Self)] =
-        &[("mpvo", Self::Mpvo), ("power", Self::Power), ("centroid", Self::Centroid)];
+words! {
+    /// How cells are ranked.
+    pub enum Rank {
+        /// By a topological sort of adjacent cells. Exact wherever an order exists.
+        Mpvo = "mpvo",
+        /// By the power distance of circumspheres. Exact for Delaunay meshes, up to ties.
+        Power = "power",
+        /// By the distance of centroids, sorted on the device. Approximate.
+        Centroid = "centroid",
+    }
 }
 
 /// Finds orders on the host, and keeps the counters of the last one.

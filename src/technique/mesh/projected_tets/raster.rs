@@ -227,9 +227,9 @@ impl TetsRaster {
         let push = space.push(view, &shading_push(scene, &desc, &knots)?)?;
         let ranking = desc.rank_primitives(scene, &scene.mesh_data(), order)?;
 
-        let mut shading = Shading::new(scene, &desc.segments, target)?;
+        let mut shading = Shading::new(scene, &desc.options.segments, target)?;
         // A fragment that walks through knots loads them all; between two scalars a table needs no walk.
-        if !ranking.cell_scalars && desc.segments.integrator == Integrator::Integral {
+        if !ranking.cell_scalars && desc.options.segments.integrator == Integrator::Integral {
             shading.optics.knot_walk = 0;
         }
         let fans = options.has_fans();
@@ -240,7 +240,7 @@ impl TetsRaster {
             polygons: &polygons,
             shading: &shading,
             space: options.plane == Plane::Space,
-            back_to_front: desc.back_to_front,
+            back_to_front: desc.options.back_to_front(),
         };
         let (part, making, drawing) = match (fans, options.shade) {
             (false, _) => ("outlines", shaders.outlines(), shaders.draw_outlines()),
@@ -250,12 +250,12 @@ impl TetsRaster {
         let make_polygons = pass(gpu, &format!("{name}.{part}"), &making)?;
         let state = GraphicsState {
             topology: vk::PrimitiveTopology::TRIANGLE_LIST,
-            blend: if desc.back_to_front { Blend::Over } else { Blend::Under },
+            blend: if desc.options.back_to_front() { Blend::Over } else { Blend::Under },
             format: Some(FORMAT),
         };
         let pipeline = gpu.graphics_pipeline(&format!("{name}.draw"), &drawing, state)?;
         let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &drawing)?);
-        let image = if draws_directly(target, FORMAT, desc.back_to_front) {
+        let image = if draws_directly(target, FORMAT, desc.options.back_to_front()) {
             None
         } else {
             Some(own_image(gpu, name, FORMAT, vk::ImageUsageFlags::COLOR_ATTACHMENT, view, target)?)

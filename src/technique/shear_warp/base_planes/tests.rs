@@ -2,8 +2,9 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use crate::num;
 use crate::scene::{Camera, Grid, Projection, Samples, View};
-use crate::technique::shear_warp::base_plane::{BasePlane, Resolution};
+use crate::technique::shear_warp::base_plane::BasePlane;
 use crate::technique::shear_warp::base_planes::{Capacity, base_planes};
+use crate::technique::shear_warp::options::Intermediate;
 use crate::technique::shear_warp::region::MOST_SHEAR;
 
 /// Numbers in [0, 1), the same in every run.
@@ -147,10 +148,10 @@ fn every_pixel_s_line_lies_on_one_base_plane() {
         let (place, parallel) = (turn / 5 % 8, turn / 40 % 4 == 0);
         let view = view_of(&mut random, &grid, place, parallel);
         let resolution = match turn / 160 % 4 {
-            0 => Resolution::Voxel,
-            1 => Resolution::Auto,
-            2 => Resolution::Pixel(1.0),
-            _ => Resolution::Pixel(random.between(0.3, 3.0)),
+            0 => Intermediate::Voxel,
+            1 => Intermediate::Auto,
+            2 => Intermediate::Pixel(1.0),
+            _ => Intermediate::Pixel(random.between(0.3, 3.0)),
         };
         let what = format!("{turn}: {view:?} {resolution:?} {:?} {}", grid.dims(), grid.index_to_world());
         // What a buffer holds, or so few that texels must be coarser.
@@ -249,7 +250,7 @@ fn seen_along_an_axis_texels_are_pixels() {
                     };
                     let view = View::new(camera, width, height).unwrap();
                     let planes =
-                        base_planes(&grid, &view, None, 0.0, Resolution::Pixel(1.0), of(1e6)).unwrap();
+                        base_planes(&grid, &view, None, 0.0, Intermediate::Pixel(1.0), of(1e6)).unwrap();
                     assert_eq!(planes.len(), 1);
                     let plane = planes[0];
                     assert_eq!((plane.axis, plane.sign), (axis, -sign));
@@ -281,7 +282,7 @@ fn a_plane_is_kept_and_nothing_has_none() {
         View::new(Camera { eye, target, up: DVec3::Y, projection }, 16, 16).unwrap()
     };
     let axes = |view: &View, current| -> Vec<usize> {
-        let planes = base_planes(&grid, view, current, 0.01, Resolution::Auto, of(1e6)).unwrap();
+        let planes = base_planes(&grid, view, current, 0.01, Intermediate::Auto, of(1e6)).unwrap();
         planes.iter().map(|plane| plane.axis).collect()
     };
     for projection in
@@ -312,20 +313,20 @@ fn there_are_as_many_texels_as_asked_for() {
     };
     // The image lies inside the domain; margins have no more than 14 texels to a side.
     for side in [0.25, 0.5, 1.0, 3.0, 8.0] {
-        let (got, want) = (texels(Resolution::Pixel(side), 1.4, 100), 100.0 * side);
+        let (got, want) = (texels(Intermediate::Pixel(side), 1.4, 100), 100.0 * side);
         assert!(got >= want * want && got <= (want + 14.0) * (want + 14.0), "{side}: {got}");
     }
     // A voxel a texel: 280 x 280 of them in the image, or all.
     for (half_height, want) in [(1.4, 280.0 * 280.0), (9.0, 400.0 * 300.0)] {
-        let got = texels(Resolution::Voxel, half_height, 16);
+        let got = texels(Intermediate::Voxel, half_height, 16);
         assert!(got > 0.99 * want && got < 1.12 * want, "{half_height}: {got}");
         // No finer than pixels.
-        let got = texels(Resolution::Auto, half_height, 16);
+        let got = texels(Intermediate::Auto, half_height, 16);
         assert!(got <= 30.0 * 30.0, "{half_height}: {got}");
     }
     // A texel a voxel between one and three pixels; three pixels where voxels are larger.
     for (half_height, side, want) in [(1.4, 560, 280.0), (0.14, 100, 100.0 / 3.0)] {
-        let got = texels(Resolution::Auto, half_height, side);
+        let got = texels(Intermediate::Auto, half_height, side);
         assert!(got >= want * want && got <= (want + 14.0) * (want + 14.0), "{half_height}: {got}");
     }
 }
@@ -345,7 +346,7 @@ fn a_view_along_an_axis_to_rounding_has_its_planes() {
             projection: Projection::Perspective { fov_y_deg: 120.0 },
         };
         let view = View::new(camera, 33, 33).unwrap();
-        let planes = base_planes(&grid, &view, None, 0.0, Resolution::Pixel(1.0), of(1e6)).unwrap();
+        let planes = base_planes(&grid, &view, None, 0.0, Intermediate::Pixel(1.0), of(1e6)).unwrap();
         assert_eq!(planes.len(), 5, "{tilt}");
         for i in 0..33 * 33 {
             let pixel = DVec2::new(f64::from(i % 33), f64::from(i / 33)) - 16.0;
@@ -377,15 +378,15 @@ fn sides_and_shears_have_their_limits() {
     };
     let room = Capacity { texels: 1e9, side: 700.0, rows: 500.0 };
     let view = look(DVec3::new(0.2, 0.1, -1.0), [1, 4096]);
-    let [plane] = base_planes(&grid, &view, None, 0.0, Resolution::Pixel(128.0), room).unwrap()[..] else {
+    let [plane] = base_planes(&grid, &view, None, 0.0, Intermediate::Pixel(128.0), room).unwrap()[..] else {
         panic!()
     };
     assert!(plane.size[0] <= 700 && plane.size[1] <= 500 && plane.size[1] > 400, "{:?}", plane.size);
     // As much as anyone may ask for.
-    let planes = base_planes(&grid, &view, None, 0.0, Resolution::Pixel(1e200), room).unwrap();
+    let planes = base_planes(&grid, &view, None, 0.0, Intermediate::Pixel(1e200), room).unwrap();
     assert!(planes[0].size[1] <= 500, "{:?}", planes[0].size);
     let along = look(DVec3::new(1.0, 0.0, -0.01), [16, 16]);
-    let [plane] = base_planes(&grid, &along, Some(2), 0.99, Resolution::Auto, room).unwrap()[..] else {
+    let [plane] = base_planes(&grid, &along, Some(2), 0.99, Intermediate::Auto, room).unwrap()[..] else {
         panic!()
     };
     assert_eq!(plane.axis, 0);
