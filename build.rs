@@ -293,6 +293,7 @@ impl Field {
     fn list(&self, rust: &mut String) {
         let (short, number) = (self.short(), self.number);
         let _ = match (self.is_constant, self.kind) {
+            (true, "u32") => writeln!(rust, "        to.constants.push(({number}, self.{short}));"),
             (true, _) => writeln!(rust, "        to.constants.push(({number}, u32::from(self.{short})));"),
             (false, _) => {
                 writeln!(rust, "        to.resources.push(({number}, self.{short}.clone().into()));")

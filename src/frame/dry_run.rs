@@ -32,6 +32,6 @@ pub(crate) fn draws(steps: &[Step]) -> u32 {
 
 /// Returns the last use of a resource of a key.
 pub(crate) fn last_use(steps: &[Step], key: (bool, u64)) -> Option<Use> {
-    let uses = steps.iter().flat_map(|step| &step.uses);
-    uses.filter(|(used, _)| used.key() == key).map(|(_, usage)| *usage).last()
+    let uses = steps.iter().rev().flat_map(|step| step.uses.iter().rev());
+    uses.filter(|(used, _)| used.key() == key).map(|(_, usage)| *usage).next()
 }

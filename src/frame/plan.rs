@@ -355,8 +355,8 @@ impl Plan {
         self.prepared.overflow().zip(self.last_uses[1])
     }
 
-    /// Returns the steps of a frame of the present view, one line each: the name, the work, and the resources that it reads and
-    /// writes.
+    /// Returns the passes of a frame of the present view, one line each: the name, the work, and the resources that it reads and
+    /// writes. Of equal passes in a row there is one line with their number.
     #[must_use]
     pub fn steps(&self) -> Vec<String> {
         let steps = dry_run(&self.gpu, |recorder, target| {
@@ -366,7 +366,15 @@ impl Plan {
             self.prepared.record(recorder, Some(target), self.target.mode() == TargetMode::Clear);
             self.record_after(recorder, Some(target));
         });
-        steps.iter().filter(|step| step.is_pass()).map(ToString::to_string).collect()
+        let mut lines: Vec<(String, u32)> = Vec::new();
+        for line in steps.iter().filter(|step| step.is_pass()).map(ToString::to_string) {
+            match lines.last_mut() {
+                Some((last, times)) if *last == line => *times += 1,
+                _ => lines.push((line, 1)),
+            }
+        }
+        let counted = |(line, times)| if times == 1 { line } else { format!("{line} ({times} times)") };
+        lines.into_iter().map(counted).collect()
     }
 
     /// The route that the technique takes on this device.

@@ -7,7 +7,7 @@ use ash::vk;
 use super::device::Gpu;
 use crate::error::Result;
 
-/// Serialises command pools and recording under validation.
+/// Serialises command pools, allocation from them, and recording under validation.
 ///
 /// Version 1.3.239 of the layer keeps a record of each command buffer in a map that it does not lock. Recording the first
 /// command of a buffer inserts, every later command looks up, and destroying the pool erases. Threads that do so at the same

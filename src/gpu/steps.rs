@@ -185,26 +185,22 @@ fn bound(descriptors: &Descriptors, compute: bool) -> Vec<(Used, Use)> {
 /// Shows a step in one line: its name, its work, and the resources that it reads and writes.
 impl fmt::Display for Step {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: ", self.name)?;
-        match &self.work {
-            Work::Dispatch { groups: [x, y, z], .. } => write!(f, "{x} x {y} x {z} workgroups")?,
-            Work::Draw { vertices, instances, .. } => write!(f, "{instances} x {vertices} vertices")?,
-            Work::DrawEach { pushes, vertices, .. } => {
-                write!(f, "{} draws of {vertices} vertices", pushes.len())?
-            }
-            Work::ClearBuffer(_) | Work::ClearImage(..) => write!(f, "clear")?,
+        let work = match &self.work {
+            Work::Dispatch { .. } => "dispatch",
+            Work::Draw { .. } => "draw",
+            Work::DrawEach { .. } => "draws",
+            Work::ClearBuffer(_) | Work::ClearImage(..) => "clear",
             Work::CopyBuffer { .. } | Work::CopyImageToBuffer { .. } | Work::CopyBufferToImage { .. } => {
-                write!(f, "copy")?;
+                "copy"
             }
-            Work::Leave => write!(f, "leave")?,
-        }
+            Work::Leave => "leave",
+        };
+        write!(f, "{}: {work}", self.name)?;
         for (what, writes) in [("reads", false), ("writes", true)] {
-            let mut names: Vec<&str> = Vec::new();
-            for (used, _) in self.uses.iter().filter(|(_, usage)| usage.writes() == writes) {
-                if !names.contains(&used.name()) {
-                    names.push(used.name());
-                }
-            }
+            let uses = self.uses.iter().filter(|(_, usage)| usage.writes() == writes);
+            let mut names: Vec<&str> = uses.map(|(used, _)| used.name()).collect();
+            names.sort_unstable();
+            names.dedup();
             if !names.is_empty() {
                 write!(f, "; {what} {}", names.join(", "))?;
             }

@@ -28,5 +28,6 @@ mod shear_warp;
 mod slices_3d;
 mod splats;
 mod stacks;
+mod steps;
 mod threads;
 mod validation;

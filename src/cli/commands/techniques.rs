@@ -2,9 +2,13 @@
 
 use std::fmt::Write as _;
 
-use serde_json::{Value, json};
-use volraster::technique::Method;
+use std::path::PathBuf;
 
+use serde_json::{Value, json};
+use volraster::technique::{Method, Renderer};
+use volraster::{GpuScene, TargetDesc};
+
+use crate::cli::input::{ArraysArgs, DeviceArgs, Input, Request};
 use crate::cli::outcome::Outcome;
 use crate::cli::output;
 
@@ -14,6 +18,16 @@ pub(crate) struct Args {
     /// Print JSON.
     #[arg(long)]
     json: bool,
+    /// Print the passes of a frame of this technique, which may have options: what each reads and writes.
+    #[arg(long, value_name = "TECHNIQUE", requires = "scene", conflicts_with = "json")]
+    steps: Option<String>,
+    /// The scene of --steps: a scene file (.json) or a data file.
+    #[arg(value_name = "SCENE|DATA", requires = "steps")]
+    scene: Option<PathBuf>,
+    #[command(flatten)]
+    arrays: ArraysArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 impl Args {
@@ -21,9 +35,17 @@ impl Args {
     ///
     /// # Errors
     ///
-    /// [`volraster::Error::Io`] when stdout cannot be written.
+    /// [`volraster::Error::Io`] when stdout cannot be written; an error in the input or the device of --steps.
     pub(crate) fn run(&self) -> Outcome {
-        if self.json {
+        if let (Some(technique), Some(scene)) = (&self.steps, &self.scene) {
+            let request = Request::parse(technique)?;
+            let Input { scene, settings } = Input::load(scene, None, &self.arrays, true)?;
+            let technique = settings.choose(Some(request), &scene)?;
+            let (gpu, _) = self.device.open(false)?;
+            let renderer = Renderer::new(&GpuScene::new(&gpu, scene), technique);
+            let plan = renderer.prepare(&settings.view, &TargetDesc::own())?;
+            output::print(&plan.steps().join("\n"))?;
+        } else if self.json {
             output::print_json(&Method::ALL.into_iter().map(json_of).collect())?;
         } else {
             output::print(&Method::ALL.map(text_of).join("\n\n"))?;
