@@ -309,7 +309,8 @@ impl Plan {
     }
 
     /// Changes the plan to another view of the same image size, without allocating. Returns `false`, and changes nothing, when the
-    /// view exceeds a capacity of the plan: prepare anew.
+    /// plan does not suit the view: prepare anew. Reasons are another image size, a capacity that is too small, an eye that enters
+    /// a mesh, and clip planes where the plan was prepared without bounds of rays.
     ///
     /// # Errors
     ///

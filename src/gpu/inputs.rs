@@ -7,10 +7,7 @@ use ash::vk;
 
 use super::buffer::Buffer;
 use super::image::Image;
-use super::spirv::Shader;
-
-/// A specialisation constant: its number and its value; booleans are 0 and 1.
-pub(crate) type SpecConstant = (u32, u32);
+use super::spirv::{Shader, SpecConstant};
 
 /// A resource for a binding.
 #[derive(Clone, Debug)]
@@ -168,6 +165,12 @@ impl Bound {
         self.shaders.extend(next.shaders);
         self.inputs.resources.extend(next.inputs.resources);
         for constant in next.inputs.constants {
+            let differs = |&(number, value): &SpecConstant| number == constant.0 && value != constant.1;
+            debug_assert!(
+                !self.inputs.constants.iter().any(differs),
+                "constant {} has two values",
+                constant.0
+            );
             if !self.inputs.constants.contains(&constant) {
                 self.inputs.constants.push(constant);
             }

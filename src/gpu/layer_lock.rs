@@ -12,7 +12,7 @@ use crate::error::Result;
 /// Version 1.3.239 of the layer keeps a record of each command buffer in a map that it does not lock. Recording the first
 /// command of a buffer inserts, every later command looks up, and destroying the pool erases. Threads that do so at the same
 /// time corrupt the map, mostly seen as a crash in `vkDestroyCommandPool`. The environment variable
-/// `VK_LAYER_FINE_GRAINED_LOCKING=0` makes the layer lock each call by itself.
+/// `VK_LAYER_FINE_GRAINED_LOCKING=0` makes the layer hold one lock of its own around each call.
 static RECORDS: Mutex<()> = Mutex::new(());
 
 /// Held for the length of one or several calls.

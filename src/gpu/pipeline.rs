@@ -2,8 +2,7 @@
 
 use ash::vk;
 
-use super::inputs::SpecConstant;
-use super::spirv::BindingKind;
+use super::spirv::{BindingKind, SpecConstant};
 
 /// A fixed-function blend mode for premultiplied colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

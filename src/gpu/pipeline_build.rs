@@ -7,9 +7,9 @@ use std::time::Instant;
 use ash::vk;
 
 use super::device::Gpu;
-use super::inputs::{Bound, SpecConstant};
+use super::inputs::Bound;
 use super::pipeline::{Blend, GraphicsState, Pipeline, PipelineKey, descriptor_type};
-use super::spirv::{BindingKind, Shader, Stage};
+use super::spirv::{BindingKind, Shader, SpecConstant, Stage};
 use crate::error::{Error, Result};
 
 impl Gpu {

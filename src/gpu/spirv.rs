@@ -1,5 +1,8 @@
 //! A compiled shader module with its bindings, which `build.rs` has read from the SPIR-V.
 
+/// A specialisation constant: its number and its value; booleans are 0 and 1.
+pub(crate) type SpecConstant = (u32, u32);
+
 /// Pipeline stage of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Stage {

@@ -87,7 +87,8 @@ impl GpuScene {
 
     /// Returns the same data and kernels with another transfer function.
     ///
-    /// Samples on the device are shared; the tables of the transfer function are uploaded when they are first needed.
+    /// Samples on the device are shared unless some are infinite. The tables of the transfer function are uploaded when they
+    /// are first needed.
     #[must_use]
     pub fn with_transfer(&self, transfer: TransferFunction) -> Arc<Self> {
         // Infinite samples were uploaded as the ends of the old transfer function.

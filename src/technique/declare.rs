@@ -212,7 +212,7 @@ impl<V: Value> Rule<V> {
     }
 }
 
-/// Whom an option of a group concerns.
+/// Says whether a technique lists, hides or lacks an option of a group.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Place {
     /// It is an option of the technique.

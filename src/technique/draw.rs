@@ -9,7 +9,7 @@ use crate::resident::GpuScene;
 use crate::scene::{Kernel, View};
 use crate::technique::declare::{self, OptionSet};
 
-/// What a technique is and draws.
+/// The fixed description of a technique: its name and source, and the scenes and routes that it supports.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Facts {
     /// Name in scene files, on the command line, and of passes and counters.
@@ -28,9 +28,9 @@ pub(crate) struct Facts {
     pub(crate) splits_rays: bool,
 }
 
-/// The options of a technique, and what it is.
+/// The options of a technique, with its facts.
 pub(crate) trait TechniqueOptions: OptionSet {
-    /// What the technique is.
+    /// The fixed description of the technique.
     const FACTS: Facts;
 
     /// Its name.

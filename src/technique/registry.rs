@@ -1,4 +1,4 @@
-//! The registry of techniques: the list of all, and what asks them by name.
+//! The registry of techniques: it lists them all, finds them by name and dispatches calls to them.
 
 use std::sync::{Arc, OnceLock};
 

@@ -15,8 +15,8 @@ fn the_document_lists_the_passes_of_frames() {
     let gpu = gpu();
     let grid = GpuScene::new(&gpu, scene(Field::Blobs, 16, "f32", &FOG));
     let transfer = TransferFunction::from_rows(&FOG).unwrap();
-    let mesh = GpuScene::new(&gpu, Scene::new(Field::Blobs.tets(3).unwrap(), transfer.clone()));
-    let points = GpuScene::new(&gpu, Scene::new(Field::Blobs.points(60).unwrap(), transfer));
+    let mesh = GpuScene::new(&gpu, Scene::new(Field::Blobs.tets(3).unwrap(), transfer));
+    let points = GpuScene::new(&gpu, cut::points());
     let view = view(perspective(), 1.0, 40, 30);
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/TECHNIQUES.md");
     let mut document = std::fs::read_to_string(&path).unwrap();

@@ -1,4 +1,5 @@
-//! The pass over lists of cells that `abuffer` resolves, and that repairs the other techniques (`abuffer.glsl`).
+//! The pass that sorts and resolves lists of cells (`abuffer.glsl`). `abuffer` draws with it; `projected-tets` and `havs` repair
+//! pixels with it.
 
 use crate::gpu::Bound;
 use crate::gpu::shader::{ABUFFER_COMPUTE, Abuffer};

@@ -6,9 +6,9 @@
 //! 4. Pixels whose list was out of order are repaired: the list is sorted in place and resolved again.
 //! 5. Pixels in which cells overlap are drawn again from lists of cells ([`Overlaps`]).
 //!
-//! Steps 2 to 4 run for one band of tiles after the other, because the lists of a band must fit one buffer. The
-//! capacities of bins and lists are measured when a view is prepared; a frame that needs more is incomplete, and is
-//! prepared again with what it needed.
+//! All tiles are binned at once. Lists are written, resolved and repaired for one band of tiles after the other, because
+//! the lists of a band must fit one buffer. The capacities of bins and lists are measured when a view is prepared; a frame
+//! that needs more is incomplete, and is prepared again with the capacity that it lacked.
 
 use std::sync::Arc;
 
@@ -91,7 +91,8 @@ fn eye_inside(push: &MeshPush) -> bool {
 fn kbuffer_images(gpu: &Gpu, desc: &MeshDesc, [width, height]: [u32; 2]) -> Result<Vec<Arc<Image>>> {
     let mut kbuffer = Vec::new();
     if desc.chunk.is_some() && desc.k > 0 {
-        // A texel of the four images holds eight pairs: seven, and the one that left last. More take two texels.
+        // A texel of the four images holds eight pairs of depth and scalar: up to seven of the k-buffer, and the one that left it
+        // last. A larger k-buffer takes two texels.
         let wide = if desc.k > 7 { 2 * width } else { width };
         let image_desc = ImageDesc::flat(FORMAT, [wide, height], vk::ImageUsageFlags::STORAGE);
         for i in 0..4 {

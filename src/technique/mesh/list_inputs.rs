@@ -34,7 +34,7 @@ impl Shading {
     }
 }
 
-/// What passes over lists read and write; a shader takes its own.
+/// The resources and constants of all passes over lists; each shader binds those that it declares.
 #[derive(Clone, Debug)]
 pub(crate) struct ListInputs<'a> {
     pub(crate) shading: &'a Shading,
@@ -44,7 +44,7 @@ pub(crate) struct ListInputs<'a> {
     pub(crate) status: &'a Arc<Buffer>,
     pub(crate) flags: &'a Arc<Buffer>,
     pub(crate) image: &'a Arc<Image>,
-    /// Images that keep the k-buffer between chunks; fewer than four where it needs fewer.
+    /// Images that keep the k-buffer between chunks: four, or none where a list is resolved at once.
     pub(crate) kbuffer: &'a [Arc<Image>],
     pub(crate) cell_scalars: bool,
     pub(crate) back_to_front: bool,

@@ -1,4 +1,4 @@
-//! Draws pixels of `havs` in which cells overlap again, from lists of cells.
+//! Redraws those pixels of `havs` in which cells overlap, from lists of cells.
 //!
 //! Faces say where a ray enters and leaves cells, but not which scalar holds where the ray is in two cells at once.
 //! `havs` flags such pixels; here they get lists of cells, whose entries need no neighbours (`abuffer.glsl`). The passes
