@@ -1,21 +1,18 @@
 //! The techniques by name, their options, and the renderer that draws a scene with one of them.
 //!
-//! `declare` declares options, `draw` is the interface of a technique, `registry` lists the techniques; `renderer` prepares plans and
+//! `declare` declares options and techniques, `registry` lists the techniques; `renderer` prepares plans and
 //! draws frames; `grid`, `shear_warp`, `mesh` and `splat` hold the techniques by kind of data, each behind
 //! `frame::prepared::Prepared`. The room uses `frame`, `resident`, `primitives`, `optics`, `scene` and `gpu`; `choice`, `cli`, `ffi` and
 //! engines use it.
 
 pub(crate) mod declare;
-mod draw;
 pub mod grid;
 pub mod mesh;
-pub(crate) mod options;
 mod registry;
 mod renderer;
 pub mod shear_warp;
 pub mod splat;
 
-pub use declare::{Numbers, OptionInfo};
-pub use options::{BlendOrder, EmptySpace, Route};
+pub use declare::{BlendOrder, EmptySpace, Numbers, OptionInfo, Route};
 pub use registry::{Method, Technique};
 pub use renderer::{FrameTime, Frames, Renderer};

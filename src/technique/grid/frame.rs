@@ -19,12 +19,12 @@ use crate::resident::tables::Knots;
 use crate::resident::volume::{Layout, Volume};
 use crate::scene::View;
 use crate::technique::declare::Value as _;
-use crate::technique::draw::{Draw, TechniqueOptions};
+use crate::technique::declare::draw::{Draw, TechniqueOptions};
+use crate::technique::declare::{BlendOrder, Route};
 use crate::technique::grid::cut::{Cut, cut};
 use crate::technique::grid::options::{Filter, Prefilter};
 use crate::technique::grid::route::{Path, RouteDesc, Routed, Samples};
 use crate::technique::grid::technique::GridTechnique;
-use crate::technique::options::{BlendOrder, Route};
 
 /// A bit of `GridPush::order` in the compute route: another dispatch continues the march.
 const MORE: u32 = 4;

@@ -5,8 +5,8 @@ use ash::vk;
 use crate::error::{Error, Result};
 use crate::gpu::shader::{TARGET_RGBA8, TARGET_RGBA16, TARGET_RGBA16F};
 use crate::gpu::{Gpu, OptionalFeature};
+use crate::technique::declare::{BlendOrder, EmptySpace, Route};
 use crate::technique::declare::{Declare, Entry, Rule, Text, Value, option_set, refused, words};
-use crate::technique::options::{BlendOrder, EmptySpace, Route};
 
 words! {
     /// Reconstruction between samples.

@@ -15,12 +15,12 @@ use crate::gpu::shader::{RAYCAST_COMPUTE, Raycast};
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::scene::Grid;
 use crate::scene::grid::diagonal;
+use crate::technique::declare::draw::{Facts, TechniqueOptions};
 use crate::technique::declare::{Group, option_set, refused};
-use crate::technique::draw::{Facts, TechniqueOptions};
+use crate::technique::declare::{Route, Segments};
 use crate::technique::grid::options::GridOptions;
 use crate::technique::grid::rays::GridRays;
 use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Slabs};
-use crate::technique::options::{Route, Segments};
 
 /// Every technique accepts the name of a route that it has.
 const GRID: Group = Group { hidden: &["route"], absent: &["target", "order", "dither", "seed"] };

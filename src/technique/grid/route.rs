@@ -16,11 +16,11 @@ use crate::resident::GpuScene;
 use crate::resident::tables::Knots;
 use crate::resident::volume::Volume;
 use crate::scene::View;
+use crate::technique::declare::{BlendOrder, EmptySpace};
 use crate::technique::grid::blue_noise;
 use crate::technique::grid::dispatch_limits::{check_loops, slabs_per_dispatch};
 use crate::technique::grid::options::{Dither, Filter, Prefilter};
 use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Polygons};
-use crate::technique::options::{BlendOrder, EmptySpace};
 
 /// How a frame's slabs are composited.
 #[derive(Debug)]

@@ -24,12 +24,12 @@ use crate::gpu::shader::{
 };
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::scene::Grid;
+use crate::technique::declare::Segments;
+use crate::technique::declare::draw::{Facts, TechniqueOptions};
 use crate::technique::declare::{GROUP, option_set};
-use crate::technique::draw::{Facts, TechniqueOptions};
 use crate::technique::grid::options::GridOptions;
 use crate::technique::grid::rays::GridRays;
 use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Polygons, Slabs};
-use crate::technique::options::Segments;
 
 option_set! {
     /// Options of this technique.

@@ -29,8 +29,8 @@ use crate::gpu::shader::{
 use crate::num;
 use crate::scene::grid::turned;
 use crate::scene::{Grid, View};
+use crate::technique::declare::draw::{Facts, TechniqueOptions};
 use crate::technique::declare::{GROUP, Rule, option_set, words};
-use crate::technique::draw::{Facts, TechniqueOptions};
 use crate::technique::grid::options::{GridOptions, OrSlices};
 use crate::technique::grid::rays::GridRays;
 use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Polygons, Slabs};

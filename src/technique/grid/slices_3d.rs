@@ -22,8 +22,8 @@ use crate::gpu::shader::{
     Slices3dFragment, Slices3dShaderBlend, Slices3dVertex,
 };
 use crate::scene::Grid;
+use crate::technique::declare::draw::{Facts, TechniqueOptions};
 use crate::technique::declare::{GROUP, option_set, words};
-use crate::technique::draw::{Facts, TechniqueOptions};
 use crate::technique::grid::options::GridOptions;
 use crate::technique::grid::rays::GridRays;
 use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Polygons, Slabs};

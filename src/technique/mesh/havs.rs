@@ -31,7 +31,7 @@ use crate::gpu::shader::{self, HAVS_COMPUTE};
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
-use crate::technique::draw::{Draw, TechniqueOptions as _};
+use crate::technique::declare::draw::{Draw, TechniqueOptions as _};
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
 use crate::technique::mesh::havs::raster::RasterFrame;

@@ -2,8 +2,8 @@
 
 use crate::error::Result;
 use crate::resident::tables::{Integrator, SegmentOptions};
+use crate::technique::declare::{BlendOrder, EmptySpace, Segments};
 use crate::technique::declare::{Rule, option_set, refused, words};
-use crate::technique::options::{BlendOrder, EmptySpace, Segments};
 
 words! {
     /// Treatment of pixels whose faces or cells came out of order.

@@ -28,7 +28,8 @@ use crate::gpu::{Bound, Buffer, Image, Recorder, TargetImage};
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
-use crate::technique::draw::{Draw, TechniqueOptions as _};
+use crate::technique::declare::Route;
+use crate::technique::declare::draw::{Draw, TechniqueOptions as _};
 use crate::technique::mesh::cell_lists;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
@@ -36,7 +37,6 @@ use crate::technique::mesh::list_inputs::{ListInputs, ListShader};
 use crate::technique::mesh::options::Repair;
 use crate::technique::mesh::projected_tets::ranks::Ranker;
 use crate::technique::mesh::projected_tets::raster::TetsRaster;
-use crate::technique::options::Route;
 
 pub use options::{Options, Plane, Shade};
 pub use ranks::Rank;

@@ -19,11 +19,11 @@
 
 use crate::error::Result;
 use crate::resident::tables::{Integrator, SegmentOptions};
+use crate::technique::declare::Segments;
+use crate::technique::declare::draw::{Facts, TechniqueOptions};
 use crate::technique::declare::{Group, Rule, Value, option_set, refused, words};
-use crate::technique::draw::{Facts, TechniqueOptions};
 use crate::technique::grid::options::{GridOptions, OrSlices};
 use crate::technique::grid::slices_2d::Stacks;
-use crate::technique::options::Segments;
 
 pub(crate) const NAME: &str = "shear-warp";
 

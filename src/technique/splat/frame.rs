@@ -36,6 +36,9 @@ use crate::technique::splat::desc::{Accumulation, SplatDesc};
 use crate::technique::splat::outcome::SplatOutcome;
 use crate::technique::splat::view::SplatView;
 
+/// The format of the accumulation image.
+const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
+
 // The documents say that a footprint is integrated in eight parts.
 const _: () = assert!(FOOTPRINT_PARTS == 8);
 
@@ -150,6 +153,18 @@ impl DrawInputs {
             }
         }
     }
+
+    /// Builds the passes that draw bins: from their beginning, and with several rounds from where the one before ended.
+    fn passes(&self, gpu: &Gpu, desc: &SplatDesc, rounds: u32) -> Result<(Dispatch, Option<Dispatch>)> {
+        let columns = desc.columns(gpu)?;
+        let draw = |part: &str, resume: bool| {
+            let bound = self.shader(desc.accumulation, columns, resume);
+            pass(gpu, &format!("{}.{part}", desc.name), &bound)
+        };
+        let first = draw("draw", false)?;
+        let resume = if rounds > 1 { Some(draw("draw.resume", true)?) } else { None };
+        Ok((first, resume))
+    }
 }
 
 fn kernel_code(kernel: Kernel) -> u32 {
@@ -222,8 +237,7 @@ impl SplatFrame {
         let bins = Bins::new(gpu, name, [&order, &boxes, &status], widest, fill.runs, capacity, false)?;
 
         // 3. Passes that draw bins.
-        let format = vk::Format::R32G32B32A32_SFLOAT;
-        let image = own_image(gpu, name, format, vk::ImageUsageFlags::STORAGE, view, target)?;
+        let image = own_image(gpu, name, FORMAT, vk::ImageUsageFlags::STORAGE, view, target)?;
         let state = buffer(gpu, "state", 2 * u64::from(widest) * u64::from(TILE_PIXELS))?;
         let inputs = DrawInputs {
             splats: Splats {
@@ -251,13 +265,7 @@ impl SplatFrame {
             optics: knots.optics(),
         };
         let rounds = desc.rounds(fill.longest()).max(known.rounds);
-        let columns = desc.columns(gpu)?;
-        let draw = |part: &str, resume: bool| {
-            let bound = inputs.shader(desc.accumulation, columns, resume);
-            pass(gpu, &format!("{name}.{part}"), &bound)
-        };
-        let first = draw("draw", false)?;
-        let resume = if rounds > 1 { Some(draw("draw.resume", true)?) } else { None };
+        let (first, resume) = inputs.passes(gpu, &desc, rounds)?;
 
         let outcome = SplatOutcome {
             scene: Arc::clone(scene),

@@ -1,8 +1,8 @@
 //! Options of `havs`.
 
 use crate::error::Result;
+use crate::technique::declare::draw::{Facts, TechniqueOptions};
 use crate::technique::declare::{GROUP, Rule, Value, option_set, refused, words};
-use crate::technique::draw::{Facts, TechniqueOptions};
 use crate::technique::mesh::options::{MeshOptions, Repair};
 
 /// Largest `k` of the raster routes: seven pairs, and the one that left last, fill a texel of four images.

@@ -2,11 +2,11 @@
 
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, OptionalFeature};
+use crate::technique::declare::Route;
+use crate::technique::declare::draw::{Facts, TechniqueOptions};
 use crate::technique::declare::{GROUP, Rule, option_set, refused, words};
-use crate::technique::draw::{Facts, TechniqueOptions};
 use crate::technique::mesh::options::{MeshOptions, Repair};
 use crate::technique::mesh::projected_tets::ranks::Rank;
-use crate::technique::options::Route;
 
 words! {
     /// Where polygons are made.
