@@ -1,10 +1,9 @@
 //! Inputs of shaders that classify scalars and integrate segments.
 
-use std::sync::Arc;
-
 use ash::vk;
 
 use crate::error::Result;
+use crate::gpu::Sampled;
 use crate::gpu::shader::{Optics, Segments};
 use crate::resident::gpu_scene::GpuScene;
 use crate::resident::tables::{Integrator, Knots, SegmentOptions, TABLE_FORMAT};
@@ -18,22 +17,23 @@ impl Knots {
 
 impl GpuScene {
     /// Returns the inputs of shaders that integrate segments. The sampler interpolates a full table where `hardware` filtering is
-    /// wanted and the device can.
-    pub(crate) fn segments(&self, options: &SegmentOptions, hardware: bool) -> Result<Segments> {
+    /// wanted and the device can. `unread` is bound in the place of a table that no variant reads; else that is a texel of its own.
+    pub(crate) fn segments(
+        &self,
+        options: &SegmentOptions,
+        hardware: bool,
+        unread: Option<Sampled>,
+    ) -> Result<Segments> {
         let linear = vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR;
         let table_filter = hardware
             && options.integrator == Integrator::Full
             && self.gpu().image_features(TABLE_FORMAT).contains(linear);
         let filter = if table_filter { vk::Filter::LINEAR } else { vk::Filter::NEAREST };
-        let (texels, head) = match self.table(options)? {
-            Some(table) => (Arc::clone(&table.image), table.buffer.read()),
-            None => (self.no_table()?, self.knots()?.buffer.read()),
+        let (table, table_head) = match (self.table(options)?, unread) {
+            (Some(table), _) => (table.image.sampled(filter), table.buffer.read()),
+            (None, Some(unread)) => (unread, self.knots()?.buffer.read()),
+            (None, None) => (self.no_table()?.sampled(filter), self.knots()?.buffer.read()),
         };
-        Ok(Segments {
-            table: texels.sampled(filter),
-            table_head: head,
-            integrator: options.integrator.code(),
-            table_filter,
-        })
+        Ok(Segments { table, table_head, integrator: options.integrator.code(), table_filter })
     }
 }

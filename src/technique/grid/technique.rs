@@ -28,7 +28,7 @@ pub(crate) struct GridInputs<'a> {
 impl GridInputs<'_> {
     /// Returns the inputs of shaders that integrate segments.
     pub(crate) fn segments(&self, options: &SegmentOptions) -> Result<Segments> {
-        self.scene.segments(options, self.hardware)
+        self.scene.segments(options, self.hardware, Some(self.volume.clone()))
     }
 }
 

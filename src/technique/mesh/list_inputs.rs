@@ -27,7 +27,7 @@ impl Shading {
         let knots = scene.knots()?;
         Ok(Self {
             optics: knots.optics(),
-            segments: scene.segments(segments, false)?,
+            segments: scene.segments(segments, false, None)?,
             bounded: target.bounded(&knots.buffer),
             layers: target.layered(&knots.buffer),
         })

@@ -171,7 +171,7 @@ impl Sampling {
             // Stacks have no mip levels here: the warp averages texels instead.
             lattice: Lattice { filter_exact: exact, has_nan, prefilter: false },
             optics: knots.optics(),
-            integration: scene.segments(&options.segments, options.grid.filter == Filter::Hardware)?,
+            integration: scene.segments(&options.segments, options.grid.filter == Filter::Hardware, None)?,
             between: options.between,
             every: options.every > 1,
             knots,
