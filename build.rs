@@ -233,7 +233,6 @@ fn constants(interface: &str, rust: &mut String) -> Numbers {
 }
 
 /// A header that declares resources or specialisation constants.
-#[derive(Clone)]
 struct Header {
     /// Name of the file without its extension.
     stem: String,
@@ -303,7 +302,6 @@ impl Field {
 }
 
 /// The inputs of entries of one file that read the same.
-#[derive(Clone)]
 struct EntryInputs {
     stem: String,
     /// Entries with these inputs, and their modules: name and description.

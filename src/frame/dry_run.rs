@@ -17,7 +17,7 @@ pub(crate) fn dry_run(gpu: &Gpu, record: impl FnOnce(&mut Recorder<'_>, &TargetI
     };
     let mut recorder = Recorder::collecting(gpu);
     record(&mut recorder, &target);
-    recorder.steps().to_vec()
+    recorder.into_steps()
 }
 
 /// Returns the number of passes, each of which has a timer.

@@ -53,6 +53,11 @@ impl<'a> Recorder<'a> {
         &self.steps
     }
 
+    /// Returns the steps, and records nothing.
+    pub(crate) fn into_steps(self) -> Vec<Step> {
+        self.steps
+    }
+
     /// Declares that an earlier submission has made an image ready for sampling.
     pub(crate) fn assume_ready(&mut self, image: &Arc<Image>) {
         self.tracker.begin(image.raw().as_raw(), vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);

@@ -10,6 +10,7 @@ use crate::frame::depth_measure::DepthMeasure;
 use crate::frame::dry_run::{draws, dry_run, passes};
 use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
+use crate::gpu::shader::{MARCH_CONTINUES, RASTER_BACK_TO_FRONT, RASTER_FIRST_SHIFT};
 use crate::gpu::{Attachment, Image, Recorder, TargetImage};
 use crate::interface::GridPush;
 use crate::num;
@@ -26,20 +27,14 @@ use crate::technique::grid::options::{Filter, Prefilter};
 use crate::technique::grid::route::{Path, RouteDesc, Routed, Samples};
 use crate::technique::grid::technique::GridTechnique;
 
-/// A bit of `GridPush::order` in the compute route: another dispatch continues the march.
-const MORE: u32 = 4;
-
-/// A bit of `GridPush::order` in the raster route: the farthest slab is drawn first.
-const BACK_TO_FRONT: u32 = 1;
-
 /// `GridPush::order` of the raster route: where front-to-back order begins, and the direction of blending.
 fn raster_order(first: u32, order: BlendOrder) -> u32 {
-    first << 1 | if order == BlendOrder::BackToFront { BACK_TO_FRONT } else { 0 }
+    first << RASTER_FIRST_SHIFT | if order == BlendOrder::BackToFront { RASTER_BACK_TO_FRONT } else { 0 }
 }
 
 /// `GridPush::order` of the compute route: the stack's axis in its two lowest bits, and whether another dispatch follows.
 fn march_order(axis: Option<usize>, more: bool) -> u32 {
-    axis.map_or(2, num::count) | if more { MORE } else { 0 }
+    axis.map_or(2, num::count) | if more { MARCH_CONTINUES } else { 0 }
 }
 
 /// Everything that is fixed between frames of one size.

@@ -61,7 +61,7 @@ impl Draw for Options {
 
 /// Binds the shader that resolves lists of faces.
 fn resolve(list: &ListInputs<'_>) -> Bound {
-    let [kbuffer_0, kbuffer_1, kbuffer_2, kbuffer_3] = [0, 1, 2, 3].map(|i| list.kbuffer(i).stored());
+    let [kbuffer_0, kbuffer_1, kbuffer_2, kbuffer_3] = list.kbuffer_images();
     HAVS_COMPUTE.with(&shader::Havs {
         accumulation: list.image.stored(),
         cursors: list.cursors.read(),

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::frame::target::Canvas;
+use crate::gpu::inputs::Stored;
 use crate::gpu::shader::{Bounded, HavsSweep, Layers, Optics, Segments};
 use crate::gpu::{Bound, Buffer, Image};
 use crate::resident::GpuScene;
@@ -60,9 +61,9 @@ pub(crate) struct ListInputs<'a> {
 }
 
 impl ListInputs<'_> {
-    /// Returns an image of the k-buffer; the image of the frame stands in where it has fewer.
-    pub(crate) fn kbuffer(&self, i: usize) -> &Arc<Image> {
-        self.kbuffer.get(i).unwrap_or(self.image)
+    /// Returns the four images of the k-buffer; the image of the frame stands in where it has fewer.
+    pub(crate) fn kbuffer_images(&self) -> [Stored; 4] {
+        [0, 1, 2, 3].map(|i| self.kbuffer.get(i).unwrap_or(self.image).stored())
     }
 
     /// Returns the inputs of a sweep through faces.

@@ -62,17 +62,13 @@ impl EdgeMarch {
         shaders: &[impl Fn(bool) -> Bound],
         slabs_per_dispatch: u32,
     ) -> Result<Self> {
-        let (mut march, mut descriptors) = (None, Vec::new());
-        for shader in shaders {
-            let bound = shader(false);
-            let first = gpu.compute_pipeline(&format!("{NAME}.edge"), &bound)?;
-            descriptors.push(Arc::new(Descriptors::new(gpu, &first, &bound)?));
-            if march.is_none() {
-                let resume = Some(gpu.compute_pipeline(&format!("{NAME}.edge"), &shader(true))?);
-                march = Some(March { first, resume, slabs_per_dispatch });
-            }
-        }
-        let march = march.ok_or_else(|| Error::invalid(NAME, "no stack"))?;
+        let Some(shader) = shaders.first() else { return Err(Error::invalid(NAME, "no stack")) };
+        let name = format!("{NAME}.edge");
+        let first = gpu.compute_pipeline(&name, &shader(false))?;
+        let resume = Some(gpu.compute_pipeline(&name, &shader(true))?);
+        let sets = shaders.iter().map(|shader| Descriptors::new(gpu, &first, &shader(false)).map(Arc::new));
+        let descriptors = sets.collect::<Result<_>>()?;
+        let march = March { first, resume, slabs_per_dispatch };
         Ok(Self { march, descriptors })
     }
 }

@@ -157,7 +157,7 @@ fn draw_shaders(route: KBufferRoute, ranking: &Ranking, list: &ListInputs<'_>) -
         view_points: ranking.view_points.read(),
         havs_sweep: list.sweep(),
     });
-    let [kbuffer_0, kbuffer_1, kbuffer_2, kbuffer_3] = [0, 1, 2, 3].map(|i| list.kbuffer(i).stored());
+    let [kbuffer_0, kbuffer_1, kbuffer_2, kbuffer_3] = list.kbuffer_images();
     vertex.and(fragment.with(&HavsRasterInterlock {
         accumulation: list.image.stored(),
         flags: list.flags.write(),
@@ -175,7 +175,7 @@ fn draw_shaders(route: KBufferRoute, ranking: &Ranking, list: &ListInputs<'_>) -
 
 /// Binds the shader that empties the k-buffers.
 fn empty_shader(list: &ListInputs<'_>) -> Bound {
-    let [kbuffer_0, kbuffer_1, kbuffer_2, kbuffer_3] = [0, 1, 2, 3].map(|i| list.kbuffer(i).stored());
+    let [kbuffer_0, kbuffer_1, kbuffer_2, kbuffer_3] = list.kbuffer_images();
     HAVS_RASTER_EMPTY.with(&HavsRasterEmpty {
         accumulation: list.image.stored(),
         flags: list.flags.write(),
