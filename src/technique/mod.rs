@@ -13,6 +13,7 @@ mod renderer;
 pub mod shear_warp;
 pub mod splat;
 
+pub use declare::draw::Sample;
 pub use declare::{BlendOrder, EmptySpace, Numbers, OptionInfo, Route};
 pub use registry::{Method, Technique};
 pub use renderer::{FrameTime, Frames, Renderer};

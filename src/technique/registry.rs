@@ -8,7 +8,7 @@ use crate::frame::target::Canvas;
 use crate::resident::GpuScene;
 use crate::resident::surfaces::SurfaceData;
 use crate::scene::{Data, Kernel, Scene, Surface, View};
-use crate::technique::declare::draw::{self, Draw as _, Facts, TechniqueOptions as _};
+use crate::technique::declare::draw::{self, Draw as _, Facts, Family, Sample, TechniqueOptions as _};
 use crate::technique::declare::{self, OptionInfo};
 use crate::technique::grid::{raycast, slabs, slices_2d, slices_3d};
 use crate::technique::mesh::{abuffer, havs, projected_tets};
@@ -203,6 +203,17 @@ impl Method {
     #[must_use]
     pub fn routes(self) -> &'static [&'static str] {
         self.facts().routes
+    }
+
+    /// Settings, each with the name of a test scene and upper bounds of RMSE and largest error there.
+    #[must_use]
+    pub fn samples(self) -> &'static [Sample] {
+        self.facts().samples
+    }
+
+    /// Settings among which one is chosen for a goal.
+    pub(crate) fn families(self) -> &'static [Family] {
+        self.facts().families
     }
 }
 

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
 use crate::resident::GpuScene;
-use crate::scene::{Kernel, View};
+use crate::scene::{Data, Kernel, Kernels, Model, Scene, View};
 use crate::technique::declare::{self, OptionSet};
 
 /// The fixed description of a technique: its name and source, and the scenes and routes that it supports.
@@ -26,6 +26,55 @@ pub(crate) struct Facts {
     pub(crate) routes: &'static [&'static str],
     /// Whether it splits rays at translucent surfaces, instead of blending whole splats or cells, or rays that several pixels share.
     pub(crate) splits_rays: bool,
+    /// Settings, each with a test scene and the errors that it keeps there.
+    pub(crate) samples: &'static [Sample],
+    /// Settings among which one is chosen for a goal.
+    pub(crate) families: &'static [Family],
+}
+
+/// The name of a test scene, options, and upper bounds of RMSE and largest error there: about twice the errors on lavapipe 22.3.6 and
+/// 25.0.7. Bounds below 1e-4 leave only rounding. The self-test has the scenes and draws every sample.
+pub type Sample = (&'static str, &'static str, [f64; 2]);
+
+/// Settings that differ in one option, along which errors fall and times rise: the scenes that they draw as the reference does, options, and
+/// the values that are appended to them.
+pub(crate) type Family = (Of, &'static str, &'static [&'static str]);
+
+/// Steps of a family, from too coarse to finer than most goals need.
+pub(crate) const STEPS: &[&str] = &["8", "4", "2", "1", "0.5", "0.25", "0.125", "0.0625"];
+
+/// Kinds of scenes that a family draws as the reference does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Of {
+    /// Grids without kernels.
+    Grids,
+    /// Meshes without kernels.
+    Meshes,
+    /// Gaussians with the density model.
+    Densities,
+    /// Gaussians with either model.
+    Gaussians,
+    /// Other kernels, except for meshes.
+    Others,
+}
+
+impl Of {
+    /// Returns whether a scene is of the kind.
+    pub(crate) fn is(self, scene: &Scene) -> bool {
+        let kernels = match (&scene.data, scene.kernels) {
+            (Data::Grid(_), None) => return self == Self::Grids,
+            (Data::Mesh(_), None) => return self == Self::Meshes,
+            (Data::Points(_), None) => Kernels::of_points(),
+            (_, Some(kernels)) => kernels,
+        };
+        let gaussian = kernels.kernel == Kernel::Gaussian;
+        match self {
+            Self::Grids | Self::Meshes => false,
+            Self::Densities => gaussian && kernels.model == Model::Density,
+            Self::Gaussians => gaussian,
+            Self::Others => !gaussian && scene.mesh().is_none(),
+        }
+    }
 }
 
 /// The options of a technique, with its facts.

@@ -15,7 +15,7 @@ use crate::gpu::shader::{RAYCAST_COMPUTE, Raycast};
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::scene::Grid;
 use crate::scene::grid::diagonal;
-use crate::technique::declare::draw::{Facts, TechniqueOptions};
+use crate::technique::declare::draw::{Facts, Of, STEPS, TechniqueOptions};
 use crate::technique::declare::{Group, option_set, refused};
 use crate::technique::declare::{Route, Segments};
 use crate::technique::grid::options::GridOptions;
@@ -45,6 +45,14 @@ impl TechniqueOptions for Options {
         kernels: &[],
         routes: &["compute"],
         splits_rays: true,
+        samples: &[
+            ("f32", "step=0.25", [3e-4, 5e-3]),
+            ("f32", "step=0.5,integrator=integral", [3e-3, 4e-2]),
+            ("f32", "step=0.5,integrator=full,table=128", [4e-3, 4e-2]),
+            ("f32", "step=0.25,integrator=exact", [9e-4, 2e-2]),
+            ("u8", "step=0.25,integrator=exact", [9e-4, 2e-2]),
+        ],
+        families: &[(Of::Grids, "step=", STEPS)],
     };
 
     fn check(&self) -> Result<()> {

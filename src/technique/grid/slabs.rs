@@ -25,7 +25,7 @@ use crate::gpu::shader::{
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::scene::Grid;
 use crate::technique::declare::Segments;
-use crate::technique::declare::draw::{Facts, TechniqueOptions};
+use crate::technique::declare::draw::{Facts, Of, STEPS, TechniqueOptions};
 use crate::technique::declare::{GROUP, option_set};
 use crate::technique::grid::options::GridOptions;
 use crate::technique::grid::rays::GridRays;
@@ -53,6 +53,18 @@ impl TechniqueOptions for Options {
         kernels: &[],
         routes: &["raster", "compute"],
         splits_rays: true,
+        samples: &[
+            ("f32", "route=compute,step=0.5", [4e-3, 3e-2]),
+            ("f32", "route=raster,step=0.5", [4e-3, 3e-2]),
+            ("f32", "route=compute,step=0.5,integrator=full,table=128", [4e-3, 4e-2]),
+            ("f32", "route=raster,step=0.5,integrator=exact", [4e-3, 4e-2]),
+            ("f32", "route=compute,step=0.25,integrator=exact", [9e-4, 1e-2]),
+        ],
+        families: &[
+            (Of::Grids, "step=", STEPS),
+            (Of::Grids, "integrator=exact,step=", STEPS),
+            (Of::Grids, "integrator=exact,filter=exact,step=", &["1", "0.5", "0.25", "0.125", "0.0625"]),
+        ],
     };
 
     fn check(&self) -> Result<()> {

@@ -29,7 +29,7 @@ use crate::gpu::shader::{
 use crate::num;
 use crate::scene::grid::turned;
 use crate::scene::{Grid, View};
-use crate::technique::declare::draw::{Facts, TechniqueOptions};
+use crate::technique::declare::draw::{Facts, Of, TechniqueOptions};
 use crate::technique::declare::{GROUP, Rule, option_set, words};
 use crate::technique::grid::options::{GridOptions, OrSlices};
 use crate::technique::grid::rays::GridRays;
@@ -72,6 +72,14 @@ impl TechniqueOptions for Options {
         kernels: &[],
         routes: &["raster", "compute"],
         splits_rays: true,
+        samples: &[
+            ("f32", "route=compute,step=0.25", [1e-3, 2e-2]),
+            ("f32", "route=raster,step=0.25", [1e-3, 2e-2]),
+            ("f32", "route=raster,step=0.25,order=front-to-back", [1e-3, 2e-2]),
+            ("f32", "stacks=all,filter=exact", [3e-2, 0.5]),
+            ("i16", "route=compute,step=0.25", [1e-3, 2e-2]),
+        ],
+        families: &[(Of::Grids, "", &[""])],
     };
 
     fn check(&self) -> Result<()> {

@@ -22,7 +22,7 @@ use crate::gpu::shader::{
     Slices3dFragment, Slices3dShaderBlend, Slices3dVertex,
 };
 use crate::scene::Grid;
-use crate::technique::declare::draw::{Facts, TechniqueOptions};
+use crate::technique::declare::draw::{Facts, Of, STEPS, TechniqueOptions};
 use crate::technique::declare::{GROUP, option_set, words};
 use crate::technique::grid::options::GridOptions;
 use crate::technique::grid::rays::GridRays;
@@ -57,6 +57,20 @@ impl TechniqueOptions for Options {
         kernels: &[],
         routes: &["raster", "compute"],
         splits_rays: true,
+        samples: &[
+            ("f32", "route=compute,step=0.25", [3e-4, 4e-3]),
+            ("f32", "route=compute,step=0.25,empty-space=march,stop=0", [3e-4, 4e-3]),
+            ("f32", "route=raster,step=0.25", [3e-4, 4e-3]),
+            ("f32", "route=raster,step=0.5,target=rgba16", [2e-3, 2e-2]),
+            ("f32", "route=raster,step=0.5,target=rgba16f,order=front-to-back", [4e-3, 2e-2]),
+            ("f32", "route=raster,target=rgba8,dither=alpha", [7e-3, 8e-2]),
+            ("f32", "route=raster,target=rgba8,dither=blue,order=front-to-back", [9e-3, 9e-2]),
+            ("f32", "route=compute,step=0.5,filter=exact", [2e-3, 2e-2]),
+            ("f32", "route=compute,step=0.5,prefilter=mip", [2e-3, 2e-2]),
+            ("f32", "route=raster,step=0.5,ends=plane", [3e-3, 5e-2]),
+            ("u16", "route=raster,step=0.25", [3e-4, 4e-3]),
+        ],
+        families: &[(Of::Grids, "step=", STEPS)],
     };
 
     fn check(&self) -> Result<()> {

@@ -21,7 +21,7 @@ use crate::frame::target::Canvas;
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
-use crate::technique::declare::draw::{Draw, Facts, TechniqueOptions};
+use crate::technique::declare::draw::{Draw, Facts, Of, TechniqueOptions};
 use crate::technique::declare::{GROUP, option_set};
 use crate::technique::mesh::cell_lists;
 use crate::technique::mesh::desc::MeshDesc;
@@ -45,6 +45,11 @@ impl TechniqueOptions for Options {
         kernels: &[],
         routes: &["compute"],
         splits_rays: true,
+        samples: &[
+            ("mesh", "", [1e-6, 4e-6]),
+            ("mesh", "integrator=integral,empty-space=march", [2e-2, 0.2]),
+        ],
+        families: &[(Of::Meshes, "", &[""])],
     };
 
     fn check(&self) -> Result<()> {

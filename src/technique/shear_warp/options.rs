@@ -20,7 +20,7 @@
 use crate::error::Result;
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::technique::declare::Segments;
-use crate::technique::declare::draw::{Facts, TechniqueOptions};
+use crate::technique::declare::draw::{Facts, Of, TechniqueOptions};
 use crate::technique::declare::{Group, Rule, Value, option_set, refused, words};
 use crate::technique::grid::options::{GridOptions, OrSlices};
 use crate::technique::grid::slices_2d::Stacks;
@@ -107,6 +107,19 @@ impl TechniqueOptions for Options {
         kernels: &[],
         routes: &["raster", "compute"],
         splits_rays: false,
+        samples: &[
+            ("f32", "route=compute,step=0.5,intermediate=pixel", [2e-2, 0.3]),
+            ("f32", "route=raster,step=0.5,intermediate=pixel", [2e-2, 0.3]),
+            ("f32", "route=compute,integrator=exact,warp=bicubic,intermediate=2", [2e-2, 0.2]),
+            ("f32", "route=raster,integrator=integral,warp=mip,intermediate=3,stacks=all", [2e-2, 0.2]),
+        ],
+        families: &[
+            (Of::Grids, "every=", &["8", "4", "2", "1"]),
+            (Of::Grids, "every=2,intermediate=", &["0.25", "0.33", "0.5", "pixel"]),
+            (Of::Grids, "warp=bicubic,intermediate=", &["0.5", "0.7", "pixel", "2"]),
+            (Of::Grids, "warp=bicubic,step=", &["1", "0.5", "0.25"]),
+            (Of::Grids, "integrator=exact,warp=bicubic,step=", &["2", "1", "0.5", "0.25"]),
+        ],
     };
 
     fn key<'a>(key: &'a str, text: &str) -> &'a str {

@@ -20,7 +20,7 @@ use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
 use crate::resident::GpuScene;
 use crate::scene::{Kernel, Kernels, Model, Scene, View};
-use crate::technique::declare::draw::{Draw, Facts, TechniqueOptions};
+use crate::technique::declare::draw::{Draw, Facts, Of, TechniqueOptions};
 use crate::technique::declare::{Group, Rule, option_set, refused, words};
 use crate::technique::splat::desc::{Accumulation, SplatDesc};
 use crate::technique::splat::frame::SplatFrame;
@@ -84,6 +84,19 @@ impl TechniqueOptions for Options {
         kernels: &[Kernel::Gaussian],
         routes: &["compute"],
         splits_rays: false,
+        samples: &[
+            ("points", "order=slabs,step=0.25", [4e-5, 4e-4]),
+            ("points", "order=window", [6e-3, 3e-2]),
+            ("points", "order=center,pairs=500", [6e-3, 3e-2]),
+            ("gaussians", "footprint=ewa,filter=none", [0.2, 0.5]),
+            ("gaussians", "order=slabs,step=0.25", [2e-4, 7e-4]),
+        ],
+        families: &[
+            (Of::Densities, "order=center,footprint=ewa", &[""]),
+            (Of::Densities, "order=center,footprint=exact", &[""]),
+            (Of::Densities, "order=window,footprint=exact", &[""]),
+            (Of::Gaussians, "order=slabs,step=", &["8", "4", "2", "1", "0.5", "0.25", "0.125"]),
+        ],
     };
 }
 

@@ -21,7 +21,7 @@ use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
 use crate::resident::GpuScene;
 use crate::scene::{Kernel, Kernels, Scene, View};
-use crate::technique::declare::draw::{Draw, Facts, TechniqueOptions};
+use crate::technique::declare::draw::{Draw, Facts, Of, TechniqueOptions};
 use crate::technique::declare::{GROUP, Rule, option_set, refused, words};
 use crate::technique::splat::desc::{Accumulation, Filter, SplatDesc};
 use crate::technique::splat::frame::SplatFrame;
@@ -60,6 +60,17 @@ impl TechniqueOptions for Options {
         kernels: &[Kernel::Gaussian, Kernel::BSpline, Kernel::Tent, Kernel::Sinc],
         routes: &["compute"],
         splits_rays: false,
+        samples: &[
+            ("points", "sheets=image,step=0.25", [4e-5, 4e-4]),
+            ("points", "sheets=image,step=0.5,spread=pixels,pairs=1500", [2e-4, 2e-3]),
+            ("gaussians", "sheets=image,step=0.25", [2e-4, 7e-4]),
+            ("gaussians", "sheets=axis", [4e-2, 0.2]),
+            ("f32", "sheets=image,step=0.25,kernel=tent", [4e-4, 5e-3]),
+        ],
+        families: &[
+            (Of::Others, "sheets=image,step=", &["8", "4", "2", "1", "0.5", "0.25", "0.125"]),
+            (Of::Others, "sheets=axis,step=", &["1"]),
+        ],
     };
 }
 

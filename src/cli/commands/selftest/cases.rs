@@ -1,10 +1,11 @@
 //! The list of all cases.
 
+use volraster::technique::Method;
 use volraster::{Result, Technique};
 
 use super::case::{Case, by_route, label};
 use super::limits;
-use super::pictures::{PICTURES, picture};
+use super::pictures::picture;
 use super::resources::{flight, passes, resize, scalars, transfer, upload};
 use super::session::{self, Place, Session};
 use super::subject::Subject;
@@ -19,19 +20,20 @@ use super::workbench::{Stop, Verdict, Workbench};
 /// None, unless a constant is wrong.
 pub(crate) fn all(every_call: bool) -> Result<Vec<Case>> {
     let mut cases = Vec::new();
-    for &(subject, spec, bounds) in PICTURES {
-        let kind = match subject {
-            Subject::Grid("f32") => "",
-            Subject::Grid(kind) => kind,
-            Subject::Gaussians => "gaussians",
-            Subject::Mesh | Subject::Points => "",
-        };
-        let name = if kind.is_empty() {
-            format!("draw/{}", label(spec))
-        } else {
-            format!("draw/{}@{kind}", label(spec))
-        };
-        cases.push(Case::new(name, Some(spec), move |workbench| picture(workbench, subject, spec, bounds))?);
+    for method in Method::ALL {
+        for &(scene, options, bounds) in method.samples() {
+            let (subject, spec) = (Subject::of_sample(scene), format!("{}:{options}", method.name()));
+            let suffix = if ["u8", "u16", "i16", "gaussians"].contains(&scene) {
+                format!("@{scene}")
+            } else {
+                String::new()
+            };
+            cases.push(Case::new(
+                format!("draw/{}{suffix}", label(&spec)),
+                Some(&spec.clone()),
+                move |workbench| picture(workbench, subject, &spec, bounds),
+            )?);
+        }
     }
     type Check = fn(&Workbench, &str) -> Verdict;
     let checks: [(&str, Check); 6] = [

@@ -47,6 +47,16 @@ impl Subject {
         }
     }
 
+    /// Returns the subject that a sample of a technique names.
+    pub(crate) fn of_sample(scene: &'static str) -> Self {
+        match scene {
+            "gaussians" => Self::Gaussians,
+            "mesh" => Self::Mesh,
+            "points" => Self::Points,
+            kind => Self::Grid(kind),
+        }
+    }
+
     /// Makes the scene.
     ///
     /// # Errors

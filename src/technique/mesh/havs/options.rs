@@ -1,7 +1,7 @@
 //! Options of `havs`.
 
 use crate::error::Result;
-use crate::technique::declare::draw::{Facts, TechniqueOptions};
+use crate::technique::declare::draw::{Facts, Of, TechniqueOptions};
 use crate::technique::declare::{GROUP, Rule, Value, option_set, refused, words};
 use crate::technique::mesh::options::{MeshOptions, Repair};
 
@@ -59,6 +59,14 @@ impl TechniqueOptions for Options {
         kernels: &[],
         routes: &["compute", "interlock", "implementation-ordered"],
         splits_rays: true,
+        samples: &[
+            ("mesh", "route=compute", [1e-6, 4e-6]),
+            ("mesh", "route=compute,k=2,chunk=9", [1e-6, 4e-6]),
+            ("mesh", "route=compute,k=3,integrator=integral,order=back-to-front", [2e-2, 0.2]),
+            ("mesh", "route=interlock", [1e-6, 4e-6]),
+            ("mesh", "route=implementation-ordered", [1e-6, 4e-6]),
+        ],
+        families: &[(Of::Meshes, "", &[""]), (Of::Meshes, "integrator=integral", &[""])],
     };
 
     fn check(&self) -> Result<()> {

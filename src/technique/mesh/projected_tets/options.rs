@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, OptionalFeature};
 use crate::technique::declare::Route;
-use crate::technique::declare::draw::{Facts, TechniqueOptions};
+use crate::technique::declare::draw::{Facts, Of, TechniqueOptions};
 use crate::technique::declare::{GROUP, Rule, option_set, refused, words};
 use crate::technique::mesh::options::{MeshOptions, Repair};
 use crate::technique::mesh::projected_tets::ranks::Rank;
@@ -63,6 +63,18 @@ impl TechniqueOptions for Options {
         kernels: &[],
         routes: &["raster", "compute"],
         splits_rays: false,
+        samples: &[
+            ("mesh", "route=compute", [1e-6, 4e-6]),
+            ("mesh", "route=compute,rank=centroid,integrator=full,table=128", [4e-4, 9e-3]),
+            ("mesh", "route=raster", [1e-6, 4e-6]),
+            ("mesh", "route=raster,plane=space,order=back-to-front", [1e-6, 6e-6]),
+            ("mesh", "route=raster,rank=power,shade=vertex", [0.2, 0.8]),
+        ],
+        families: &[
+            (Of::Meshes, "route=raster,shade=vertex", &[""]),
+            (Of::Meshes, "route=raster", &[""]),
+            (Of::Meshes, "rank=centroid", &[""]),
+        ],
     };
 
     fn check(&self) -> Result<()> {
