@@ -36,7 +36,7 @@
 #define BINDING_KBUFFER_1 35
 #define BINDING_KBUFFER_2 36
 #define BINDING_KBUFFER_3 37
-#define BINDING_FLAGS 38        // storage block: a word per pixel: SWEEP_* or DRAW_* while it is drawn, then FLAG_*
+#define BINDING_FLAGS 38        // storage block: a word per pixel: FLAG_*, and STATE_* while it is drawn
 #define BINDING_POLYGONS 39     // storage block: outline of each cell in the image, two corners per vector
 #define BINDING_FANS 40         // storage block: thick segment of each cell and the corners around it
 
@@ -189,16 +189,11 @@
 #define FLAG_REPAIRED 2 // the pixel was redrawn with its list sorted
 #define FLAG_OVERLAPS 4 // cells overlap
 
-// The same word between two dispatches of havs.glsl. Bit 0 is FLAG_UNSORTED.
-#define SWEEP_OVERLAPS_BIT 1
-#define SWEEP_INSIDE_SHIFT 2  // entries into the mesh less exits, signed
-#define SWEEP_INSIDE_BITS 20
-#define SWEEP_PASSED_SHIFT 22 // translucent surfaces composited so far, at most MOST_LAYERS
-
-// The same word while havs-raster.glsl draws faces. Bit 0 is FLAG_UNSORTED.
-#define DRAW_BEGUN 2        // the images hold fragments of this frame
-#define DRAW_OVERLAPS 4
-#define DRAW_INSIDE_SHIFT 3 // entries into the mesh less exits, signed
+// Further bits of the same word while the pixel is drawn (pixel-state.glsl).
+#define STATE_BEGUN 8
+#define STATE_INSIDE_SHIFT 4 // signed
+#define STATE_INSIDE_BITS 18
+#define STATE_PASSED_SHIFT 22
 
 // GridPush.order in raster routes: the bit, and above it (stacks only) the first slab in front of the eye along the stack.
 #define RASTER_BACK_TO_FRONT 1

@@ -22,13 +22,13 @@
 #include "mesh/mesh-segments.glsl"
 #include "mesh/mesh-layers.glsl"
 #include "mesh/kbuffer.glsl"
+#include "mesh/pixel-list.glsl"
 
 layout(constant_id = SPEC_BACK_TO_FRONT) const bool BACK_TO_FRONT = false;
 layout(constant_id = SPEC_REPAIR) const bool REPAIR = false;
 layout(constant_id = SPEC_FLAGGED) const bool FLAGGED = false; // pixels of havs in which cells overlap
 
 layout(local_size_x = TILE_PIXELS) in;
-layout(set = 0, binding = BINDING_CURSORS, std430) readonly buffer Cursors { uint cursors[]; };
 layout(set = 0, binding = BINDING_LISTS, std430) buffer Lists { vec4 lists[]; };
 layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
 layout(set = 0, binding = BINDING_FLAGS, std430) buffer Flags { uint flags[]; };
@@ -80,27 +80,19 @@ bool sort_list(uint begin, uint end) {
 }
 
 void main() {
-    uint in_band = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x;
-    if (in_band >= push.count) return;
-    uint tile = push.band + in_band;
-    uvec2 place = pixel_of(tile, gl_LocalInvocationIndex);
-    if (any(greaterThanEqual(vec2(place), 2.0 * push.half_extent))) return;
-
+    PixelList list = list_of_invocation();
+    if (!list.exists) return;
     load_segments(push.knots);
     uint knots = push.knots;
-    float world = length_of_depth(line_at(vec2(place) + 0.5));
-    vec2 bounds = bounds_at(place);
-    uint slot = in_band * TILE_PIXELS + gl_LocalInvocationIndex, word = tile * TILE_PIXELS + gl_LocalInvocationIndex;
-    // After the lists are written, places are where lists end.
-    uint begin = slot == 0u ? 0u : min(cursors[slot - 1u], push.capacity), end = min(cursors[slot], push.capacity);
-    float opaque = BACK_TO_FRONT ? 2.0 : 1.0 - push.opaque; // from behind a line does not end
+    vec2 bounds = bounds_at(list.pixel);
+    float opaque = end_of_line(BACK_TO_FRONT);
 
     bool unsorted = false;
     if (REPAIR) {
-        if ((flags[word] & (FLAGGED ? FLAG_OVERLAPS : FLAG_UNSORTED)) == 0u) return;
-        unsorted = !sort_list(begin, end);
+        if ((flags[list.word] & (FLAGGED ? FLAG_OVERLAPS : FLAG_UNSORTED)) == 0u) return;
+        unsorted = !sort_list(list.begin, list.end);
     }
-    LayersAhead ahead = layers_from(place, uint(2.0 * push.half_extent.x), -3e38);
+    LayersAhead ahead = layers_from(list.pixel, uint(2.0 * push.half_extent.x), -3e38);
     vec4 sum = vec4(0.0);
     float last = NOTHING;
     clear_window();
@@ -108,11 +100,11 @@ void main() {
     begin_segment(pending, end_at(0.0), end_at(0.0), 0.0);
     Uncut rest = Uncut(pending.front, pending.back, vec2(0.0));
     // A turn for each piece of a line, and for each further piece of it between knots. After the last one the window is emptied.
-    uint i = begin;
-    while ((i < end + K || pending.len > 0.0 || is_uncut(rest)) && sum.a < opaque) {
+    uint i = list.begin;
+    while ((i < list.end + K || pending.len > 0.0 || is_uncut(rest)) && sum.a < opaque) {
         if (pending.len == 0.0 && !is_uncut(rest)) {
             Pair pair = Pair(EVERYTHING, i);
-            if (i < end) {
+            if (i < list.end) {
                 vec4 piece = lists[i];
                 // What is left of a cell behind the eye has no place, and falls through the window.
                 pair.at = piece.y > piece.x ? middle_of(piece, BACK_TO_FRONT) : NOTHING;
@@ -125,23 +117,23 @@ void main() {
                 Piece piece = Piece(listed.x, listed.y, listed.z, listed.w);
                 if (BOUNDED) cut(piece, bounds);
                 End near = end_at(piece.s0), far = end_at(piece.s1);
-                float len = max(piece.d1 - piece.d0, 0.0) * world;
+                float len = max(piece.d1 - piece.d0, 0.0) * list.world;
                 if (LAYERS) rest = Uncut(near, far, vec2(piece.d0, piece.d1));
                 else if (BACK_TO_FRONT) begin_segment(pending, far, near, len);
                 else begin_segment(pending, near, far, len);
             }
             ++i;
         }
-        if (LAYERS && pending.len == 0.0 && is_uncut(rest)) begin_uncut(rest, pending, ahead, false, world, sum);
+        if (LAYERS && pending.len == 0.0 && is_uncut(rest)) begin_uncut(rest, pending, ahead, false, list.world, sum);
         if (pending.len > 0.0) composite(sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
     }
     if (LAYERS && sum.a < opaque) pass_layers(ahead, 3e37, sum);
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)
-    uint left = end + K - i + uint(pending.len != 0.0 || is_uncut(rest));
+    uint left = list.end + K - i + uint(pending.len != 0.0 || is_uncut(rest));
     if (left != 0u && sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);
-    if (!FLAGGED) flags[word] = (unsorted ? FLAG_UNSORTED : 0u) | (REPAIR ? FLAG_REPAIRED : 0u);
+    if (!FLAGGED) flags[list.word] = (unsorted ? FLAG_UNSORTED : 0u) | (REPAIR ? FLAG_REPAIRED : 0u);
     // Of repair the last round counts.
     bool counts = unsorted && (!REPAIR || push.last_round == 1u);
     if (counts) atomicAdd(status[REPAIR ? STATUS_UNREPAIRED : STATUS_OVERFLOW_PIXELS], 1u);
-    imageStore(accumulation, ivec2(place), sum);
+    imageStore(accumulation, ivec2(list.pixel), sum);
 }

@@ -115,55 +115,9 @@ void main() {
 #include "shared/optics.glsl"
 #include "shared/segments.glsl"
 #include "mesh/mesh-segments.glsl"
-#include "mesh/havs-sweep.glsl"
+#include "mesh/sweep-images.glsl"
 
 layout(set = 0, binding = BINDING_FLAGS, std430) coherent buffer Flags { uint flags[]; };
-layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) coherent uniform image2D accumulation;
-layout(set = 0, binding = BINDING_KBUFFER_0, rgba32f) coherent uniform image2D kbuffer_0;
-layout(set = 0, binding = BINDING_KBUFFER_1, rgba32f) coherent uniform image2D kbuffer_1;
-layout(set = 0, binding = BINDING_KBUFFER_2, rgba32f) coherent uniform image2D kbuffer_2;
-layout(set = 0, binding = BINDING_KBUFFER_3, rgba32f) coherent uniform image2D kbuffer_3;
-
-// Pairs of the images: the window's, then the one that left last. K is at most 7.
-Sweep load_sweep(ivec2 pixel, uint state) {
-    bool begun = (state & DRAW_BEGUN) != 0u;
-    vec4 texels[4];
-    texels[0] = imageLoad(kbuffer_0, pixel);
-    texels[1] = K >= 2u ? imageLoad(kbuffer_1, pixel) : vec4(0.0);
-    texels[2] = K >= 4u ? imageLoad(kbuffer_2, pixel) : vec4(0.0);
-    texels[3] = K >= 6u ? imageLoad(kbuffer_3, pixel) : vec4(0.0);
-    Sweep sweep;
-    sweep.last = Pair(NOTHING, 0u);
-    for (uint j = 0u; j < 8u; ++j) {
-        vec2 both = (j & 1u) == 0u ? texels[j / 2u].xy : texels[j / 2u].zw;
-        Pair pair = Pair(begun ? both.x : NOTHING, begun ? floatBitsToUint(both.y) : 0u);
-        if (j < K) window[min(j, K)] = pair;
-        if (j == K) sweep.last = pair;
-    }
-    // Nothing is accumulated before something has left.
-    vec4 sum = imageLoad(accumulation, pixel);
-    sweep.sum = sweep.last.at == NOTHING ? vec4(0.0) : sum;
-    sweep.end = end_at(scalar_of_pair(sweep.last));
-    sweep.inside = int(state) >> DRAW_INSIDE_SHIFT;
-    sweep.unsorted = (state & FLAG_UNSORTED) != 0u;
-    sweep.overlaps = (state & DRAW_OVERLAPS) != 0u;
-    return sweep;
-}
-
-void store_sweep(ivec2 pixel, Sweep sweep) {
-    vec4 texels[4];
-    for (uint j = 0u; j < 8u; ++j) {
-        Pair pair = sweep.last;
-        if (j < K) pair = window[min(j, K)];
-        vec2 both = vec2(pair.at, uintBitsToFloat(pair.what));
-        if ((j & 1u) == 0u) texels[j / 2u].xy = both; else texels[j / 2u].zw = both;
-    }
-    imageStore(kbuffer_0, pixel, texels[0]);
-    if (K >= 2u) imageStore(kbuffer_1, pixel, texels[1]);
-    if (K >= 4u) imageStore(kbuffer_2, pixel, texels[2]);
-    if (K >= 6u) imageStore(kbuffer_3, pixel, texels[3]);
-    imageStore(accumulation, pixel, sweep.sum);
-}
 
 // The word of a pixel, as the lists have it: tile by tile.
 uint word_of(uvec2 pixel) {
@@ -184,7 +138,7 @@ void main() {
     uint knots = push.knots;
     float world = length_of_depth(line_at(vec2(place) + 0.5));
     uint word = word_of(place);
-    Sweep sweep = load_sweep(ivec2(place), flags[word]);
+    Sweep sweep = load_sweep(ivec2(place), unpack_state(flags[word]));
     float opaque = BACK_TO_FRONT ? 2.0 : 1.0 - push.opaque; // from behind a line does not end
     Pending pending;
     begin_segment(pending, sweep.end, sweep.end, 0.0);
@@ -197,11 +151,10 @@ void main() {
         }
         if (pending.len > 0.0) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
     }
-    // What is not in order tells nothing of overlaps.
-    bool overlaps = (sweep.overlaps || (sweep.inside != 0 && sweep.sum.a < opaque)) && !sweep.unsorted;
-    flags[word] = (sweep.unsorted ? FLAG_UNSORTED : 0u) | (overlaps ? FLAG_OVERLAPS : 0u);
-    if (overlaps) atomicAdd(status[STATUS_OVERLAPS], 1u);
-    if (sweep.unsorted) atomicAdd(status[STATUS_OVERFLOW_PIXELS], 1u);
+    bool over = overlaps(sweep, opaque);
+    flags[word] = (sweep.state.unsorted ? FLAG_UNSORTED : 0u) | (over ? FLAG_OVERLAPS : 0u);
+    if (over) atomicAdd(status[STATUS_OVERLAPS], 1u);
+    if (sweep.state.unsorted) atomicAdd(status[STATUS_OVERFLOW_PIXELS], 1u);
     imageStore(accumulation, ivec2(place), sweep.sum);
 }
 #else
@@ -270,15 +223,16 @@ void main() {
 #ifdef INTERLOCK
     beginInvocationInterlockARB();
 #endif
-    Sweep sweep = load_sweep(pixel, flags[word]);
+    Sweep sweep = load_sweep(pixel, unpack_state(flags[word]));
     if (pair.at != NOTHING && sweep.sum.a < opaque) {
         Pending pending;
         begin_segment(pending, sweep.end, sweep.end, 0.0);
         leave(sweep, pending, pass_through(pair), drawn_depths(uvec2(pixel)), world);
         while (pending.len > 0.0 && sweep.sum.a < opaque) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
-        store_sweep(pixel, sweep);
-        flags[word] = (sweep.unsorted ? FLAG_UNSORTED : 0u) | DRAW_BEGUN | (sweep.overlaps ? DRAW_OVERLAPS : 0u) |
-                      uint(sweep.inside << DRAW_INSIDE_SHIFT);
+        store_window(pixel, sweep.last);
+        imageStore(accumulation, pixel, sweep.sum);
+        sweep.state.begun = true;
+        flags[word] = pack_state(sweep.state);
     }
 #ifdef INTERLOCK
     endInvocationInterlockARB();

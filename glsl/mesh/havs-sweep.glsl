@@ -7,6 +7,7 @@
 #include "mesh/kbuffer.glsl"
 #include "mesh/mesh-bounds.glsl"
 #include "mesh/mesh-segments.glsl"
+#include "mesh/pixel-state.glsl"
 
 layout(constant_id = SPEC_CELL_SCALARS) const bool CELL_SCALARS = false;
 layout(constant_id = SPEC_BACK_TO_FRONT) const bool BACK_TO_FRONT = false;
@@ -17,10 +18,12 @@ struct Sweep {
     vec4 sum;
     Pair last;
     End end;
-    int inside; // how often the line has entered without leaving
-    bool unsorted;
-    bool overlaps; // faces do not tell which cell the line was in
+    PixelState state;
 };
+
+Sweep empty_sweep() {
+    return Sweep(vec4(0.0), Pair(NOTHING, 0u), end_at(0.0), PixelState(false, false, false, 0, 0u));
+}
 
 // What faces that coincide may be apart by rounding, in radii of the mesh: those of a cell that the line touches at an edge, by ROUNDING.
 const float TOUCHING = 1e-5;
@@ -38,7 +41,7 @@ vec2 drawn_depths(uvec2 pixel) {
 // Takes a pair from the window; begins the segment between it and the pair before. Returns its depths; equal: there is none.
 vec2 leave(inout Sweep sweep, inout Pending pending, Pair pair, vec2 drawn, float world) {
     if (pair.at == NOTHING) return vec2(0.0);
-    sweep.unsorted = sweep.unsorted || pair.at < sweep.last.at;
+    sweep.state.unsorted = sweep.state.unsorted || pair.at < sweep.last.at;
     End end = end_at(scalar_of_pair(pair));
     End first = sweep.end, second = end;
     if (CELL_SCALARS) second = first;
@@ -66,15 +69,21 @@ vec2 leave(inout Sweep sweep, inout Pending pending, Pair pair, vec2 drawn, floa
     bool inner = (pair.what & sweep.last.what & 3u) == 3u;
     float apart = pair.at - sweep.last.at;
     bool same = abs(end.s - sweep.end.s) <= push.alike;
-    sweep.overlaps = sweep.overlaps || (!same && apart <= (inner ? (CELL_SCALARS ? ROUNDING : -1.0) : TOUCHING));
-    sweep.overlaps = sweep.overlaps || ((sweep.inside > 1 || sweep.inside < 0) && to - from > TOUCHING);
-    bool begins = sweep.inside > 0 && len > 0.0;
+    sweep.state.overlaps = sweep.state.overlaps || (!same && apart <= (inner ? (CELL_SCALARS ? ROUNDING : -1.0) : TOUCHING));
+    sweep.state.overlaps = sweep.state.overlaps || ((sweep.state.inside > 1 || sweep.state.inside < 0) && to - from > TOUCHING);
+    bool begins = sweep.state.inside > 0 && len > 0.0;
     if (begins) begin_segment(pending, first, second, len);
     int step = int(pair.what >> 1 & 1u) - int(pair.what & 1u);
-    sweep.inside += BACK_TO_FRONT ? -step : step;
+    sweep.state.inside += BACK_TO_FRONT ? -step : step;
     sweep.last = pair;
     sweep.end = end;
     return begins ? vec2(from, to) : vec2(0.0);
+}
+
+// Whether cells overlap along the line, which ends when it is opaque. A sweep that was not in order tells nothing of that.
+bool overlaps(Sweep sweep, float opaque) {
+    bool open = sweep.state.inside != 0 && sweep.sum.a < opaque;
+    return (sweep.state.overlaps || open) && !sweep.state.unsorted;
 }
 
 #endif

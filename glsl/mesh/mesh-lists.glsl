@@ -184,9 +184,98 @@ bool has(uvec2 mask, uint bit) {
     return ((bit < 32u ? mask.x >> bit : mask.y >> (bit - 32u)) & 1u) != 0u;
 }
 
+// A face, or a cell, of which the face is one, as a tile sees it.
+struct Primitive {
+    vec4 a, b, c, e; // its corners in the view
+    Edge ab, ac, bc, ae, be, ce;
+    Cover abc, abe, ace, bce;
+};
+
+Primitive primitive_of(uint id, vec2 line0) {
+    Primitive p;
+    uint at = id * (CELLS ? CELL_WORDS : FACE_WORDS);
+    p.a = view_points[primitives[at]];
+    p.b = view_points[primitives[at + 1u]];
+    p.c = view_points[primitives[at + 2u]];
+    Corner a = corner_of(p.a, line0), b = corner_of(p.b, line0), c = corner_of(p.c, line0);
+    p.ab = edge_of(a, b);
+    p.ac = edge_of(a, c);
+    p.bc = edge_of(b, c);
+    uvec2 on_ab = positive(p.ab), on_ac = positive(p.ac), on_bc = positive(p.bc);
+    p.abc = cover(on_bc, on_ac, on_ab);
+    if (CELLS) {
+        p.e = view_points[primitives[at + 3u]];
+        Corner e = corner_of(p.e, line0);
+        p.ae = edge_of(a, e);
+        p.be = edge_of(b, e);
+        p.ce = edge_of(c, e);
+        uvec2 on_ae = positive(p.ae), on_be = positive(p.be), on_ce = positive(p.ce);
+        p.abe = cover(on_be, on_ae, on_ab);
+        p.ace = cover(on_ce, on_ae, on_ac);
+        p.bce = cover(on_ce, on_be, on_bc);
+    }
+    return p;
+}
+
+uvec2 all_of(Cover there) {
+    return there.left | there.right;
+}
+
+// The pixels of a tile in a primitive's box. It keeps out what is behind the eye, and the image's edge.
+uvec2 pixels_of_box(uvec2 box, uvec2 origin) {
+    uvec2 low = clamp(uvec2(box.x & 0xffffu, box.y & 0xffffu), origin, origin + TILE) - origin;
+    uvec2 high = clamp(uvec2(box.x >> 16, box.y >> 16), origin, origin + TILE) - origin;
+    uint columns = ((0xffu << low.x) & ~(0xffffu << high.x) & 0xffu) * 0x01010101u;
+    uvec2 rows = uvec2(low.y < 4u ? 0xffffffffu << (8u * low.y) : 0u, 0xffffffffu << (8u * max(low.y, 4u) - 32u));
+    rows &= uvec2(high.y >= 4u ? 0xffffffffu : ~(0xffffffffu << (8u * high.y)),
+                  high.y >= 8u ? 0xffffffffu : ~(0xffffffffu << (8u * max(high.y, 4u) - 32u)));
+    // A shift by a whole word is none.
+    if (low.y >= 8u) rows.y = 0u;
+    return rows & columns;
+}
+
+// The pixels of a tile that are to have lists.
+uvec2 pixels_wanted(uint tile) {
+    uvec2 wanted = uvec2(0u);
+    for (uint bit = 0u; bit < TILE_PIXELS; ++bit) {
+        uint flag = uint((flags[tile * TILE_PIXELS + bit] & (CELLS ? FLAG_OVERLAPS : FLAG_UNSORTED)) != 0u) << (bit & 31u);
+        if (bit < 32u) wanted.x |= flag; else wanted.y |= flag;
+    }
+    return wanted;
+}
+
+// Counters of all pixels, a bit of each in a mask.
+uvec2 counts[COUNT_BITS];
+
+// Counts pixels: adds with carry.
+void count(uvec2 covered) {
+    for (uint j = 0u; j < COUNT_BITS; ++j) {
+        uvec2 carry = counts[j] & covered;
+        counts[j] ^= covered;
+        covered = carry;
+    }
+}
+
+uint count_of(uint bit) {
+    uint number = 0u;
+    for (uint j = 0u; j < COUNT_BITS; ++j) number |= uint(has(counts[j], bit)) << j;
+    return number;
+}
+
+float side_at(Edge edge, vec2 pixel) {
+    return edge.e + pixel.y * edge.dy + pixel.x * edge.dx;
+}
+
+// What the line of a pixel meets on the face of corners a, b and c: depth and scalar.
+vec2 meet_at(uint bit, vec2 pixel, Edge bc, Edge ac, Edge ab, Cover abc, vec4 a, vec4 b, vec4 c) {
+    float turn = has(abc.left, bit) ? 1.0 : -1.0;
+    vec3 aside = vec3(bc.aside, ac.aside, ab.aside);
+    return on_face(side_at(bc, pixel), side_at(ac, pixel), side_at(ab, pixel), aside, a, b, c, turn);
+}
+
 // Adds a face to a piece of a line.
 void add_face(inout Piece piece, Cover there, uint bit, vec2 met) {
-    bool hit = has(there.left | there.right, bit);
+    bool hit = has(all_of(there), bit);
     bool first = hit && met.x < piece.d0, last = hit && met.x > piece.d1;
     piece.d0 = first ? met.x : piece.d0;
     piece.s0 = first ? met.y : piece.s0;
@@ -194,148 +283,102 @@ void add_face(inout Piece piece, Cover there, uint bit, vec2 met) {
     piece.s1 = last ? met.y : piece.s1;
 }
 
+// The piece of a pixel's line inside a cell.
+Piece piece_of(Primitive p, uint bit, vec2 pixel, uvec2 origin) {
+    Piece piece = Piece(3e38, -3e38, 0.0, 0.0);
+    add_face(piece, p.abc, bit, meet_at(bit, pixel, p.bc, p.ac, p.ab, p.abc, p.a, p.b, p.c));
+    add_face(piece, p.abe, bit, meet_at(bit, pixel, p.be, p.ae, p.ab, p.abe, p.a, p.b, p.e));
+    add_face(piece, p.ace, bit, meet_at(bit, pixel, p.ce, p.ae, p.ac, p.ace, p.a, p.c, p.e));
+    add_face(piece, p.bce, bit, meet_at(bit, pixel, p.ce, p.be, p.bc, p.bce, p.b, p.c, p.e));
+    bool on_abc = has(all_of(p.abc), bit), on_abe = has(all_of(p.abe), bit);
+    bool on_ace = has(all_of(p.ace), bit), on_bce = has(all_of(p.bce), bit);
+    if (uint(on_abc) + uint(on_abe) + uint(on_ace) + uint(on_bce) == 1u) {
+        // Rounding at a corner has the line enter and never leave, or the other way round: it does so at the corner.
+        vec4 corner = on_abc ? p.e : on_abe ? p.c : on_ace ? p.b : p.a;
+        vec2 aside = abs(corner_of(corner, line_at(vec2(origin) + 0.5 + pixel)).at);
+        if (max(aside.x, aside.y) < 1e-6) {
+            bool before = corner.z < piece.d0;
+            if (before) piece.d0 = corner.z; else piece.d1 = corner.z;
+            if (before) piece.s0 = corner.w; else piece.s1 = corner.w;
+        }
+    }
+    if (piece.d0 < push.forward.w) {
+        // The line begins inside.
+        float cut = clamp((push.forward.w - piece.d0) / max(piece.d1 - piece.d0, 1e-30), 0.0, 1.0);
+        piece.s0 += (piece.s1 - piece.s0) * cut;
+        piece.d0 = push.forward.w;
+    }
+    return piece;
+}
+
+// Writes the fragment of a cell: depths of its ends, then scalars.
+void write_cell(uint slot, uint id, Piece piece) {
+    vec2 s = vec2(piece.s0, piece.s1);
+    if (CELL_SCALARS) s = vec2(mesh_scalars[id]);
+    lists[2u * slot] = floatBitsToUint(vec2(piece.d0, max(piece.d1, piece.d0)));
+    lists[2u * slot + 1u] = floatBitsToUint(s);
+}
+
+// Writes the fragment of a face: depth, then scalar, of which two bits tell on which sides there is a cell.
+void write_face(uint slot, uint id, vec2 met, bool left) {
+    uint ahead = primitives[id * FACE_WORDS + 3u], behind = primitives[id * FACE_WORDS + 4u];
+    // The view's axes are left-handed: a face that turns counterclockwise has its normal along the line's way back.
+    uint next = left ? behind : ahead, last = left ? ahead : behind;
+    float s = met.y;
+    if (CELL_SCALARS) {
+        // Back to front the line comes from behind.
+        uint entered = BACK_TO_FRONT ? last : next;
+        s = entered != NO_CELL ? mesh_scalars[entered] : 0.0;
+    }
+    uint sides = uint(last != NO_CELL) | uint(next != NO_CELL) << 1;
+    lists[slot] = uvec2(floatBitsToUint(met.x), (floatBitsToUint(s) & 0xfffffffcu) | sides);
+}
+
 void main() {
-    uint in_band = gl_GlobalInvocationID.x;
-    uint tile = push.band + in_band, runs = push.runs, capacity = push.capacity;
+    uint in_band = gl_GlobalInvocationID.x, tile = push.band + in_band;
     if (in_band >= push.count) return;
     uvec2 origin = pixel_of(tile, 0u);
     vec2 line0 = line_at(vec2(origin) + 0.5);
     // After the bins are written, places are where runs end.
-    uint begin = tile == 0u ? 0u : bin_table[tile * runs - 1u];
-    uint bin_end = bin_table[tile * runs + runs - 1u];
+    uint begin = tile == 0u ? 0u : bin_table[tile * push.runs - 1u];
+    uint bin_end = bin_table[tile * push.runs + push.runs - 1u];
     // All of it, also of what has no room.
     if (!FILL && push.first == 0u) atomicMax(status[STATUS_LONGEST_BIN], bin_end - begin);
     bin_end = min(bin_end, push.bins);
     uint first = min(begin + push.first, bin_end), end = min(bin_end, first + push.number);
-    uint lost = 0u;
     uvec2 wanted = uvec2(0xffffffffu);
-    if (FLAGGED) {
-        wanted = uvec2(0u);
-        for (uint bit = 0u; bit < TILE_PIXELS; ++bit) {
-            uint flag = uint((flags[tile * TILE_PIXELS + bit] & (CELLS ? FLAG_OVERLAPS : FLAG_UNSORTED)) != 0u) << (bit & 31u);
-            if (bit < 32u) wanted.x |= flag; else wanted.y |= flag;
-        }
-        if ((wanted.x | wanted.y) == 0u) return;
-    }
-    // Counters of all pixels, a bit of each in a mask: to count is to add with carry.
-    uvec2 counts[COUNT_BITS];
+    if (FLAGGED) wanted = pixels_wanted(tile);
+    if ((wanted.x | wanted.y) == 0u) return;
     for (uint j = 0u; j < COUNT_BITS; ++j) counts[j] = uvec2(0u);
 
+    uint lost = 0u;
     for (uint i = first; i < end; ++i) {
         uint id = bins[i];
-        uvec2 box = boxes[id];
-        uint at = id * (CELLS ? CELL_WORDS : FACE_WORDS);
-        vec4 pa = view_points[primitives[at]], pb = view_points[primitives[at + 1u]], pc = view_points[primitives[at + 2u]], pe = pc;
-        Corner a = corner_of(pa, line0), b = corner_of(pb, line0), c = corner_of(pc, line0), e;
-        Edge ab = edge_of(a, b), ac = edge_of(a, c), bc = edge_of(b, c), ae, be, ce;
-        uvec2 on_ab = positive(ab), on_ac = positive(ac), on_bc = positive(bc), on_ae, on_be, on_ce;
-        Cover abc = cover(on_bc, on_ac, on_ab), abe, ace, bce;
-        uvec2 covered = abc.left | abc.right;
-        if (CELLS) {
-            pe = view_points[primitives[at + 3u]];
-            e = corner_of(pe, line0);
-            ae = edge_of(a, e);
-            be = edge_of(b, e);
-            ce = edge_of(c, e);
-            on_ae = positive(ae);
-            on_be = positive(be);
-            on_ce = positive(ce);
-            abe = cover(on_be, on_ae, on_ab);
-            ace = cover(on_ce, on_ae, on_ac);
-            bce = cover(on_ce, on_be, on_bc);
-            covered |= abe.left | abe.right | ace.left | ace.right | bce.left | bce.right;
-        }
-        // The box keeps out what is behind the eye, and the image's edge.
-        uvec2 low = clamp(uvec2(box.x & 0xffffu, box.y & 0xffffu), origin, origin + TILE) - origin;
-        uvec2 high = clamp(uvec2(box.x >> 16, box.y >> 16), origin, origin + TILE) - origin;
-        uint columns = ((0xffu << low.x) & ~(0xffffu << high.x) & 0xffu) * 0x01010101u;
-        uvec2 rows = uvec2(low.y < 4u ? 0xffffffffu << (8u * low.y) : 0u, 0xffffffffu << (8u * max(low.y, 4u) - 32u));
-        rows &= uvec2(high.y >= 4u ? 0xffffffffu : ~(0xffffffffu << (8u * high.y)),
-                      high.y >= 8u ? 0xffffffffu : ~(0xffffffffu << (8u * max(high.y, 4u) - 32u)));
-        // A shift by a whole word is none.
-        if (low.y >= 8u) rows.y = 0u;
-        covered &= rows & columns & wanted;
-
+        Primitive primitive = primitive_of(id, line0);
+        uvec2 covered = all_of(primitive.abc);
+        if (CELLS) covered |= all_of(primitive.abe) | all_of(primitive.ace) | all_of(primitive.bce);
+        covered &= pixels_of_box(boxes[id], origin) & wanted;
         if (!FILL) {
-            uvec2 carry = covered;
-            for (uint j = 0u; j < COUNT_BITS; ++j) {
-                uvec2 both = counts[j] & carry;
-                counts[j] ^= carry;
-                carry = both;
-            }
+            count(covered);
             continue;
-        }
-        uint ahead = 0u, behind = 0u;
-        if (!CELLS) {
-            ahead = primitives[at + 3u];
-            behind = primitives[at + 4u];
         }
         for (uint turn = 0u; turn < TILE_PIXELS && (covered.x | covered.y) != 0u; ++turn) {
             uint bit = covered.x != 0u ? uint(findLSB(covered.x)) : 32u + uint(findLSB(covered.y));
             if (covered.x != 0u) covered.x &= covered.x - 1u; else covered.y &= covered.y - 1u;
-            float x = float(bit % TILE), y = float(bit / TILE);
-            uint pixel = in_band * TILE_PIXELS + bit;
-            uint slot = cursors[pixel];
-            cursors[pixel] = slot + 1u;
-            bool fits = slot < capacity;
-            lost += uint(!fits);
-            float side_ab = ab.e + y * ab.dy + x * ab.dx, side_ac = ac.e + y * ac.dy + x * ac.dx, side_bc = bc.e + y * bc.dy + x * bc.dx;
-            float turn_abc = has(abc.left, bit) ? 1.0 : -1.0;
-            vec2 met = on_face(side_bc, side_ac, side_ab, vec3(bc.aside, ac.aside, ab.aside), pa, pb, pc, turn_abc);
-            if (CELLS) {
-                float side_ae = ae.e + y * ae.dy + x * ae.dx, side_be = be.e + y * be.dy + x * be.dx, side_ce = ce.e + y * ce.dy + x * ce.dx;
-                Piece piece = Piece(3e38, -3e38, 0.0, 0.0);
-                add_face(piece, abc, bit, met);
-                add_face(piece, abe, bit, on_face(side_be, side_ae, side_ab, vec3(be.aside, ae.aside, ab.aside), pa, pb, pe, has(abe.left, bit) ? 1.0 : -1.0));
-                add_face(piece, ace, bit, on_face(side_ce, side_ae, side_ac, vec3(ce.aside, ae.aside, ac.aside), pa, pc, pe, has(ace.left, bit) ? 1.0 : -1.0));
-                add_face(piece, bce, bit, on_face(side_ce, side_be, side_bc, vec3(ce.aside, be.aside, bc.aside), pb, pc, pe, has(bce.left, bit) ? 1.0 : -1.0));
-                bool on_abc = has(abc.left | abc.right, bit), on_abe = has(abe.left | abe.right, bit);
-                bool on_ace = has(ace.left | ace.right, bit), on_bce = has(bce.left | bce.right, bit);
-                if (uint(on_abc) + uint(on_abe) + uint(on_ace) + uint(on_bce) == 1u) {
-                    // Rounding at a corner has the line enter and never leave, or the other way round: it does so at the corner.
-                    vec4 corner = on_abc ? pe : on_abe ? pc : on_ace ? pb : pa;
-                    vec2 aside = abs(corner_of(corner, line_at(vec2(origin) + 0.5 + vec2(x, y))).at);
-                    if (max(aside.x, aside.y) < 1e-6) {
-                        bool before = corner.z < piece.d0;
-                        if (before) piece.d0 = corner.z; else piece.d1 = corner.z;
-                        if (before) piece.s0 = corner.w; else piece.s1 = corner.w;
-                    }
-                }
-                if (piece.d0 < push.forward.w) {
-                    // The line begins inside.
-                    float cut = clamp((push.forward.w - piece.d0) / max(piece.d1 - piece.d0, 1e-30), 0.0, 1.0);
-                    piece.s0 += (piece.s1 - piece.s0) * cut;
-                    piece.d0 = push.forward.w;
-                }
-                vec2 s = vec2(piece.s0, piece.s1);
-                if (CELL_SCALARS) s = vec2(mesh_scalars[id]);
-                if (fits) {
-                    lists[2u * slot] = floatBitsToUint(vec2(piece.d0, max(piece.d1, piece.d0)));
-                    lists[2u * slot + 1u] = floatBitsToUint(s);
-                }
+            vec2 pixel = vec2(bit % TILE, bit / TILE);
+            uint slot = cursors[in_band * TILE_PIXELS + bit]++;
+            if (slot >= push.capacity) {
+                ++lost;
+            } else if (CELLS) {
+                write_cell(slot, id, piece_of(primitive, bit, pixel, origin));
             } else {
-                // The view's axes are left-handed: a face that turns counterclockwise has its normal along the line's way back.
-                uint next = turn_abc < 0.0 ? ahead : behind, last = turn_abc < 0.0 ? behind : ahead;
-                float s = met.y;
-                if (CELL_SCALARS) {
-                    // Back to front the line comes from behind.
-                    uint entered = BACK_TO_FRONT ? last : next;
-                    s = entered != NO_CELL ? mesh_scalars[entered] : 0.0;
-                }
-                // Two bits of the scalar tell on which sides there is a cell.
-                uint sides = uint(last != NO_CELL) | uint(next != NO_CELL) << 1;
-                if (fits) {
-                    lists[slot] = uvec2(floatBitsToUint(met.x), (floatBitsToUint(s) & 0xfffffffcu) | sides);
-                }
+                vec2 met = meet_at(bit, pixel, primitive.bc, primitive.ac, primitive.ab, primitive.abc, primitive.a, primitive.b, primitive.c);
+                write_face(slot, id, met, has(primitive.abc.left, bit));
             }
         }
     }
     if (!FILL) {
-        for (uint bit = 0u; bit < TILE_PIXELS; ++bit) {
-            uint count = 0u;
-            for (uint j = 0u; j < COUNT_BITS; ++j) count |= ((bit < 32u ? counts[j].x >> bit : counts[j].y >> (bit - 32u)) & 1u) << j;
-            cursors[in_band * TILE_PIXELS + bit] += count;
-        }
+        for (uint bit = 0u; bit < TILE_PIXELS; ++bit) cursors[in_band * TILE_PIXELS + bit] += count_of(bit);
     }
     if (lost > 0u) atomicAdd(status[STATUS_LOST], lost);
 }

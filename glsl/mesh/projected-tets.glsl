@@ -37,37 +37,28 @@ layout(constant_id = SPEC_LAST_CHUNK) const bool LAST_CHUNK = true;
 #include "mesh/mesh-bounds.glsl"
 #include "shared/segments.glsl"
 #include "mesh/mesh-segments.glsl"
+#include "mesh/pixel-list.glsl"
 
 layout(local_size_x = TILE_PIXELS) in;
-layout(set = 0, binding = BINDING_CURSORS, std430) readonly buffer Cursors { uint cursors[]; };
 layout(set = 0, binding = BINDING_LISTS, std430) readonly buffer Lists { vec4 lists[]; };
 layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
 layout(set = 0, binding = BINDING_FLAGS, std430) buffer Flags { uint flags[]; };
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
 
 void main() {
-    uint in_band = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x;
-    if (in_band >= push.count) return;
-    uint tile = push.band + in_band;
-    uvec2 place = pixel_of(tile, gl_LocalInvocationIndex);
-    if (any(greaterThanEqual(vec2(place), 2.0 * push.half_extent))) return;
-    ivec2 pixel = ivec2(place);
-
+    PixelList list = list_of_invocation();
+    if (!list.exists) return;
     load_segments(push.knots);
     uint knots = push.knots;
-    float world = length_of_depth(line_at(vec2(place) + 0.5));
-    vec2 bounds = bounds_at(place);
-    uint slot = in_band * TILE_PIXELS + gl_LocalInvocationIndex, word = tile * TILE_PIXELS + gl_LocalInvocationIndex;
-    // After the lists are written, places are where lists end.
-    uint i = slot == 0u ? 0u : cursors[slot - 1u], end = min(cursors[slot], push.capacity);
-    uint stop = min(end, i + push.first + push.number);
-    i = min(i + push.first, end);
-    float opaque = BACK_TO_FRONT ? 2.0 : 1.0 - push.opaque; // from behind a line does not end
+    ivec2 pixel = ivec2(list.pixel);
+    vec2 bounds = bounds_at(list.pixel);
+    float opaque = end_of_line(BACK_TO_FRONT);
+    uint i = list.from;
 
     vec4 sum = RESUME ? imageLoad(accumulation, pixel) : vec4(0.0);
-    bool unsorted = RESUME && flags[word] != 0u;
-    float last = RESUME && push.first > 0u && i < stop ? middle_of(lists[i - 1u], BACK_TO_FRONT) : -3e38;
-    for (; i < stop && sum.a < opaque; ++i) {
+    bool unsorted = RESUME && flags[list.word] != 0u;
+    float last = RESUME && push.first > 0u && i < list.to ? middle_of(lists[i - 1u], BACK_TO_FRONT) : -3e38;
+    for (; i < list.to && sum.a < opaque; ++i) {
         vec4 listed = lists[i];
         // What is left of a cell behind the eye has no place.
         float middle = listed.y > listed.x ? middle_of(listed, BACK_TO_FRONT) : last;
@@ -77,12 +68,12 @@ void main() {
         if (BOUNDED) cut(piece, bounds);
         End front = end_at(piece.s0), back = front;
         if (!CELL_SCALARS) back = end_at(piece.s1);
-        composite(sum, cell_segment(front, back, max(piece.d1 - piece.d0, 0.0) * world, knots), BACK_TO_FRONT);
+        composite(sum, cell_segment(front, back, max(piece.d1 - piece.d0, 0.0) * list.world, knots), BACK_TO_FRONT);
     }
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)
-    uint left = max(i, stop) - i;
+    uint left = max(i, list.to) - i;
     if (left != 0u && sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);
-    flags[word] = unsorted ? FLAG_UNSORTED : 0u;
+    flags[list.word] = unsorted ? FLAG_UNSORTED : 0u;
     if (LAST_CHUNK && unsorted) atomicAdd(status[STATUS_OVERFLOW_PIXELS], 1u);
     imageStore(accumulation, pixel, sum);
 }

@@ -12,10 +12,9 @@ include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 
 // The bit fields of `glsl/interface.glsl`: the fields of one word do not overlap.
 const _: () = {
-    assert!(FLAG_UNSORTED == 1 && SWEEP_OVERLAPS_BIT == 1 && SWEEP_INSIDE_SHIFT == 2);
-    assert!(SWEEP_INSIDE_SHIFT + SWEEP_INSIDE_BITS == SWEEP_PASSED_SHIFT);
-    assert!(MOST_LAYERS < 1 << (32 - SWEEP_PASSED_SHIFT));
-    assert!(FLAG_UNSORTED | DRAW_BEGUN | DRAW_OVERLAPS == (1 << DRAW_INSIDE_SHIFT) - 1);
+    assert!(FLAG_UNSORTED | FLAG_REPAIRED | FLAG_OVERLAPS | STATE_BEGUN == (1 << STATE_INSIDE_SHIFT) - 1);
+    assert!(STATE_INSIDE_SHIFT + STATE_INSIDE_BITS == STATE_PASSED_SHIFT);
+    assert!(MOST_LAYERS < 1 << (32 - STATE_PASSED_SHIFT));
     assert!(RASTER_BACK_TO_FRONT == (1 << RASTER_FIRST_SHIFT) - 1);
     assert!(MARCH_AXIS + 1 == MARCH_CONTINUES && 2 * MARCH_CONTINUES == PLANE_DOWN);
     assert!(2 * PLANE_DOWN == PLANE_BACK_TO_FRONT && PLANE_BACK_TO_FRONT < 1 << PLANE_EVERY_SHIFT);

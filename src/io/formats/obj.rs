@@ -67,9 +67,11 @@ pub(crate) fn read(source: &Source, budget: &mut Budget) -> Result<Triangles> {
     while let Some(mut line) = scanner.next_line()? {
         let begin = scanner.lines();
         // A backslash at the end continues the line.
-        while let Some(stem) = line.strip_suffix('\\') {
+        while line.ends_with('\\') {
             let Some(more) = scanner.next_line()? else { break };
-            line = format!("{stem} {more}");
+            line.pop();
+            line.push(' ');
+            line.push_str(&more);
             if line.len() > MAX_STATEMENT {
                 return Err(scanner.line_error(format!("a statement longer than {MAX_STATEMENT} bytes")));
             }

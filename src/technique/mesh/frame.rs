@@ -22,7 +22,7 @@ use crate::frame::target::{Canvas, own_image};
 use crate::gpu::shader::{
     COUNT_BITS, FLAG_OVERLAPS, FLAG_REPAIRED, FLAG_UNSORTED, LIST_WINDOW, STATUS_WORDS, TILE, TILE_PIXELS,
 };
-use crate::gpu::{Buffer, Gpu, Image, ImageDesc, Recorder, TargetImage};
+use crate::gpu::{Buffer, Image, Recorder, TargetImage};
 use crate::interface::MeshPush;
 use crate::num;
 use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass};
@@ -32,7 +32,7 @@ use crate::resident::mesh::MeshData;
 use crate::scene::View;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::flagged::FlaggedFrame;
-use crate::technique::mesh::list_inputs::{ListInputs, Shading};
+use crate::technique::mesh::list_inputs::{FORMAT, ListInputs, Shading, kbuffer_images};
 use crate::technique::mesh::outcome::MeshOutcome;
 use crate::technique::mesh::overlaps::Overlaps;
 use crate::technique::mesh::shading::shading_push;
@@ -42,9 +42,6 @@ const _: () = assert!(LIST_WINDOW < 1 << COUNT_BITS && FLAG_UNSORTED | FLAG_REPA
 
 /// Entries of the k-buffer that a repair sorts with.
 pub(crate) const REPAIR_K: u32 = 15;
-
-/// The format of the accumulation image and of the k-buffer's images.
-const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 
 /// Everything that is fixed between frames of one size.
 #[derive(Debug)]
@@ -87,21 +84,6 @@ fn eye_inside(push: &MeshPush) -> bool {
     push.forward[3] > -1.001
 }
 
-/// Allocates the images that keep the k-buffer between chunks; none where a list is resolved at once.
-fn kbuffer_images(gpu: &Gpu, desc: &MeshDesc, [width, height]: [u32; 2]) -> Result<Vec<Arc<Image>>> {
-    let mut kbuffer = Vec::new();
-    if desc.chunk.is_some() && desc.k > 0 {
-        // A texel of the four images holds eight pairs of depth and scalar: up to seven of the k-buffer, and the one that left it
-        // last. A larger k-buffer takes two texels.
-        let wide = if desc.k > 7 { 2 * width } else { width };
-        let image_desc = ImageDesc::flat(FORMAT, [wide, height], vk::ImageUsageFlags::STORAGE);
-        for i in 0..4 {
-            kbuffer.push(Arc::new(Image::new(gpu, &format!("kbuffer.{i}"), &image_desc)?));
-        }
-    }
-    Ok(kbuffer)
-}
-
 impl MeshFrame {
     /// Prepares a frame whose primitives are ranked on the device.
     pub(crate) fn new(scene: &Arc<GpuScene>, view: &View, target: &Canvas, desc: MeshDesc) -> Result<Self> {
@@ -134,7 +116,9 @@ impl MeshFrame {
 
         let image = own_image(gpu, desc.name, FORMAT, vk::ImageUsageFlags::STORAGE, view, target)?;
         let flags = buffer(gpu, "flags", u64::from(tiles) * u64::from(TILE_PIXELS))?;
-        let kbuffer = kbuffer_images(gpu, &desc, view.extent())?;
+        // Between chunks; none where a list is resolved at once.
+        let k = if desc.chunk.is_some() { desc.k } else { 0 };
+        let kbuffer = kbuffer_images(gpu, k, view.extent())?;
         let status = download(gpu, "status", 4 * u64::from(STATUS_WORDS))?;
         let outcome = MeshOutcome::new(gpu, &data, &desc, status, &lists, needs, ranking.count)?;
         let mut frame = Self {

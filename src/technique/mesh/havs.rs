@@ -61,15 +61,9 @@ impl Draw for Options {
 
 /// Binds the shader that resolves lists of faces.
 fn resolve(list: &ListInputs<'_>) -> Bound {
-    let [kbuffer_0, kbuffer_1, kbuffer_2, kbuffer_3] = list.kbuffer_images();
     HAVS_COMPUTE.with(&shader::Havs {
-        accumulation: list.image.stored(),
         cursors: list.cursors.read(),
         flags: list.flags.write(),
-        kbuffer_0,
-        kbuffer_1,
-        kbuffer_2,
-        kbuffer_3,
         lists: list.lists.write(),
         status: list.status.write(),
         last_chunk: list.last_chunk,
@@ -81,5 +75,6 @@ fn resolve(list: &ListInputs<'_>) -> Bound {
         layers: list.shading.layers.clone(),
         optics: list.shading.optics.clone(),
         segments: list.shading.segments.clone(),
+        sweep_images: list.images(),
     })
 }

@@ -2,13 +2,17 @@
 
 use std::sync::Arc;
 
+use ash::vk;
+
 use crate::error::Result;
 use crate::frame::target::Canvas;
-use crate::gpu::inputs::Stored;
-use crate::gpu::shader::{Bounded, HavsSweep, Layers, Optics, Segments};
-use crate::gpu::{Bound, Buffer, Image};
+use crate::gpu::shader::{Bounded, HavsSweep, Layers, Optics, Segments, SweepImages};
+use crate::gpu::{Bound, Buffer, Gpu, Image, ImageDesc};
 use crate::resident::GpuScene;
 use crate::resident::tables::SegmentOptions;
+
+/// The format of a mesh's image and of its k-buffer.
+pub(crate) const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 
 /// Binds a shader that resolves lists.
 pub(crate) type ListShader = fn(&ListInputs<'_>) -> Bound;
@@ -61,9 +65,11 @@ pub(crate) struct ListInputs<'a> {
 }
 
 impl ListInputs<'_> {
-    /// Returns the four images of the k-buffer; the image of the frame stands in where it has fewer.
-    pub(crate) fn kbuffer_images(&self) -> [Stored; 4] {
-        [0, 1, 2, 3].map(|i| self.kbuffer.get(i).unwrap_or(self.image).stored())
+    /// Returns the images of a sweep; the image of the frame stands in for those that a small k-buffer does not need.
+    pub(crate) fn images(&self) -> SweepImages {
+        let [kbuffer_0, kbuffer_1, kbuffer_2, kbuffer_3] =
+            [0, 1, 2, 3].map(|i| self.kbuffer.get(i).unwrap_or(self.image).stored());
+        SweepImages { accumulation: self.image.stored(), kbuffer_0, kbuffer_1, kbuffer_2, kbuffer_3 }
     }
 
     /// Returns the inputs of a sweep through faces.
@@ -74,4 +80,13 @@ impl ListInputs<'_> {
             eye_inside: self.eye_inside,
         }
     }
+}
+
+/// Allocates the images of a k-buffer of K pairs and the one that left last, two pairs a texel and eight in four images. Above 7 a pixel takes
+/// two texels side by side. No pairs need no images.
+pub(crate) fn kbuffer_images(gpu: &Gpu, k: u32, [width, height]: [u32; 2]) -> Result<Vec<Arc<Image>>> {
+    let wide = if k > 7 { 2 * width } else { width };
+    let desc = ImageDesc::flat(FORMAT, [wide, height], vk::ImageUsageFlags::STORAGE);
+    let images = if k == 0 { 0 } else { (k / 2 + 1).min(4) };
+    (0..images).map(|i| Image::new(gpu, &format!("kbuffer.{i}"), &desc).map(Arc::new)).collect()
 }

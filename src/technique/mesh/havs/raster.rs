@@ -27,8 +27,8 @@ use crate::gpu::shader::{
     STATUS_WORDS, TILE, TILE_PIXELS,
 };
 use crate::gpu::{
-    Blend, Bound, Buffer, Descriptors, Gpu, GraphicsState, Image, ImageDesc, OptionalFeature, Pipeline,
-    Recorder, TargetImage,
+    Blend, Bound, Buffer, Descriptors, Gpu, GraphicsState, Image, OptionalFeature, Pipeline, Recorder,
+    TargetImage,
 };
 use crate::interface::MeshPush;
 use crate::num;
@@ -41,13 +41,10 @@ use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::flagged::FlaggedFrame;
 use crate::technique::mesh::havs::options::KBufferRoute;
 use crate::technique::mesh::havs::repairs::Repairs;
-use crate::technique::mesh::list_inputs::{ListInputs, Shading};
+use crate::technique::mesh::list_inputs::{FORMAT, ListInputs, Shading, kbuffer_images};
 use crate::technique::mesh::outcome::MeshOutcome;
 use crate::technique::mesh::overlaps::Overlaps;
 use crate::technique::mesh::shading::shading_push;
-
-/// The format of the accumulation image and of the k-buffer's images.
-const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 
 /// Everything that is fixed between frames of one size.
 #[derive(Debug)]
@@ -137,12 +134,6 @@ fn check_faces(name: &str, route: KBufferRoute, faces: u32) -> Result<()> {
     ))
 }
 
-/// Allocates as many images as K pairs and the one that left last fill: two pairs each.
-fn kbuffer_images(gpu: &Gpu, k: u32, extent: [u32; 2]) -> Result<Vec<Arc<Image>>> {
-    let desc = ImageDesc::flat(FORMAT, extent, vk::ImageUsageFlags::STORAGE);
-    (0..=k / 2).map(|i| Image::new(gpu, &format!("kbuffer.{i}"), &desc).map(Arc::new)).collect()
-}
-
 /// Binds the shaders that draw faces.
 fn draw_shaders(route: KBufferRoute, ranking: &Ranking, list: &ListInputs<'_>) -> Bound {
     let fragment = match route {
@@ -157,38 +148,28 @@ fn draw_shaders(route: KBufferRoute, ranking: &Ranking, list: &ListInputs<'_>) -
         view_points: ranking.view_points.read(),
         havs_sweep: list.sweep(),
     });
-    let [kbuffer_0, kbuffer_1, kbuffer_2, kbuffer_3] = list.kbuffer_images();
     vertex.and(fragment.with(&HavsRasterInterlock {
-        accumulation: list.image.stored(),
         flags: list.flags.write(),
-        kbuffer_0,
-        kbuffer_1,
-        kbuffer_2,
-        kbuffer_3,
         k: list.k,
         bounded: list.shading.bounded.clone(),
         havs_sweep: list.sweep(),
         optics: list.shading.optics.clone(),
         segments: list.shading.segments.clone(),
+        sweep_images: list.images(),
     }))
 }
 
 /// Binds the shader that empties the k-buffers.
 fn empty_shader(list: &ListInputs<'_>) -> Bound {
-    let [kbuffer_0, kbuffer_1, kbuffer_2, kbuffer_3] = list.kbuffer_images();
     HAVS_RASTER_EMPTY.with(&HavsRasterEmpty {
-        accumulation: list.image.stored(),
         flags: list.flags.write(),
-        kbuffer_0,
-        kbuffer_1,
-        kbuffer_2,
-        kbuffer_3,
         status: list.status.write(),
         k: list.k,
         bounded: list.shading.bounded.clone(),
         havs_sweep: list.sweep(),
         optics: list.shading.optics.clone(),
         segments: list.shading.segments.clone(),
+        sweep_images: list.images(),
     })
 }
 
