@@ -126,6 +126,9 @@ layout(set = 0, binding = BINDING_LISTS, std430) writeonly buffer Lists { uvec2 
 layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
 layout(set = 0, binding = BINDING_FLAGS, std430) readonly buffer Flags { uint flags[]; };
 
+// Functions that the loops over pixels calls have no branches: SwiftShader's compiler takes twice the time for each that follows another in a
+// loop.
+
 // On which side of an edge the pixels of a tile pass: `side_of` is an affine function of the place, e + x dx + y dy from the tile's first
 // pixel on. It is the same for all faces of the edge.
 struct Edge {
@@ -147,17 +150,17 @@ Edge edge_of(Corner a, Corner b) {
 uvec2 positive(Edge edge) {
     bool along = edge.dx == 0.0; // the row runs along the edge: all of it is on one side
     // A power of two, so that what is zero stays zero.
-    float inverse = along ? -1.2676506e30 : -1.0 / edge.dx;
+    float inverse = mix(-1.0 / edge.dx, -1.2676506e30, along);
     precise float e = edge.e + edge.aside;
     precise float from0 = e * inverse;
     precise float slope = edge.dy * inverse;
-    ivec2 mask = ivec2(0);
-    for (int y = 0; y < TILE; ++y) {
-        precise float from = fma(float(y), slope, from0);
-        int first = int(ceil(min(max(from, 0.0), float(TILE))));
-        if (y < 4) mask.x |= (0xff << first & 0xff) << (8 * y); else mask.y |= (0xff << first & 0xff) << (8 * y - 32);
+    uvec2 mask = uvec2(0u);
+    for (int y = 0; y < TILE / 2; ++y) {
+        precise vec2 from = fma(vec2(y, y + TILE / 2), vec2(slope), vec2(from0));
+        uvec2 first = uvec2(ceil(min(max(from, 0.0), float(TILE))));
+        mask |= (uvec2(0xffu) << first & 0xffu) << (8 * y);
     }
-    return uvec2(edge.dx < 0.0 ? ~mask : mask);
+    return mix(mask, ~mask, bvec2(edge.dx < 0.0));
 }
 
 // The pixels whose lines pass through a face, turning one way or the other.
@@ -174,14 +177,14 @@ Cover cover(uvec2 bc, uvec2 ac, uvec2 ab) {
 vec2 on_face(float bc, float ac, float ab, vec3 aside, vec4 a, vec4 b, vec4 c, float turn) {
     vec3 weight = vec3(bc, -ac, ab) * turn;
     bool passes = min(min(weight.x, weight.y), weight.z) >= 0.0;
-    weight = max(passes ? weight : weight + vec3(aside.x, -aside.y, aside.z) * turn, 0.0);
+    weight = max(mix(weight + vec3(aside.x, -aside.y, aside.z) * turn, weight, bvec3(passes)), 0.0);
     float sum = weight.x + weight.y + weight.z;
-    weight = sum > 0.0 ? weight / sum : vec3(1.0 / 3.0);
+    weight = mix(vec3(1.0 / 3.0), weight / sum, bvec3(sum > 0.0));
     return vec2(weight.x * a.z + weight.y * b.z + weight.z * c.z, scalar_between(weight, a.w, b.w, c.w));
 }
 
 bool has(uvec2 mask, uint bit) {
-    return ((bit < 32u ? mask.x >> bit : mask.y >> (bit - 32u)) & 1u) != 0u;
+    return (mix(mask.y, mask.x, bit < 32u) >> (bit & 31u) & 1u) != 0u;
 }
 
 // A face, or a cell, of which the face is one, as a tile sees it.
@@ -226,20 +229,19 @@ uvec2 pixels_of_box(uvec2 box, uvec2 origin) {
     uvec2 low = clamp(uvec2(box.x & 0xffffu, box.y & 0xffffu), origin, origin + TILE) - origin;
     uvec2 high = clamp(uvec2(box.x >> 16, box.y >> 16), origin, origin + TILE) - origin;
     uint columns = ((0xffu << low.x) & ~(0xffffu << high.x) & 0xffu) * 0x01010101u;
-    uvec2 rows = uvec2(low.y < 4u ? 0xffffffffu << (8u * low.y) : 0u, 0xffffffffu << (8u * max(low.y, 4u) - 32u));
-    rows &= uvec2(high.y >= 4u ? 0xffffffffu : ~(0xffffffffu << (8u * high.y)),
-                  high.y >= 8u ? 0xffffffffu : ~(0xffffffffu << (8u * max(high.y, 4u) - 32u)));
-    // A shift by a whole word is none.
-    if (low.y >= 8u) rows.y = 0u;
+    // A bit a row, spread to a byte a row.
+    uint row_bits = (0xffu << low.y) & ~(0xffffu << high.y) & 0xffu;
+    uvec2 rows = (uvec2(row_bits & 15u, row_bits >> 4) * 0x204081u & 0x1010101u) * 0xffu;
     return rows & columns;
 }
 
 // The pixels of a tile that are to have lists.
 uvec2 pixels_wanted(uint tile) {
     uvec2 wanted = uvec2(0u);
-    for (uint bit = 0u; bit < TILE_PIXELS; ++bit) {
-        uint flag = uint((flags[tile * TILE_PIXELS + bit] & (CELLS ? FLAG_OVERLAPS : FLAG_UNSORTED)) != 0u) << (bit & 31u);
-        if (bit < 32u) wanted.x |= flag; else wanted.y |= flag;
+    uint flag = CELLS ? FLAG_OVERLAPS : FLAG_UNSORTED, at = tile * TILE_PIXELS;
+    for (uint bit = 0u; bit < 32u; ++bit) {
+        uvec2 word = uvec2(flags[at + bit], flags[at + bit + 32u]) & flag;
+        wanted |= uvec2(notEqual(word, uvec2(0u))) << bit;
     }
     return wanted;
 }
@@ -268,7 +270,7 @@ float side_at(Edge edge, vec2 pixel) {
 
 // What the line of a pixel meets on the face of corners a, b and c: depth and scalar.
 vec2 meet_at(uint bit, vec2 pixel, Edge bc, Edge ac, Edge ab, Cover abc, vec4 a, vec4 b, vec4 c) {
-    float turn = has(abc.left, bit) ? 1.0 : -1.0;
+    float turn = mix(-1.0, 1.0, has(abc.left, bit));
     vec3 aside = vec3(bc.aside, ac.aside, ab.aside);
     return on_face(side_at(bc, pixel), side_at(ac, pixel), side_at(ab, pixel), aside, a, b, c, turn);
 }
@@ -276,11 +278,11 @@ vec2 meet_at(uint bit, vec2 pixel, Edge bc, Edge ac, Edge ab, Cover abc, vec4 a,
 // Adds a face to a piece of a line.
 void add_face(inout Piece piece, Cover there, uint bit, vec2 met) {
     bool hit = has(all_of(there), bit);
-    bool first = hit && met.x < piece.d0, last = hit && met.x > piece.d1;
-    piece.d0 = first ? met.x : piece.d0;
-    piece.s0 = first ? met.y : piece.s0;
-    piece.d1 = last ? met.x : piece.d1;
-    piece.s1 = last ? met.y : piece.s1;
+    bool first = all(bvec2(hit, met.x < piece.d0)), last = all(bvec2(hit, met.x > piece.d1));
+    piece.d0 = mix(piece.d0, met.x, first);
+    piece.s0 = mix(piece.s0, met.y, first);
+    piece.d1 = mix(piece.d1, met.x, last);
+    piece.s1 = mix(piece.s1, met.y, last);
 }
 
 // The piece of a pixel's line inside a cell.
@@ -290,24 +292,23 @@ Piece piece_of(Primitive p, uint bit, vec2 pixel, uvec2 origin) {
     add_face(piece, p.abe, bit, meet_at(bit, pixel, p.be, p.ae, p.ab, p.abe, p.a, p.b, p.e));
     add_face(piece, p.ace, bit, meet_at(bit, pixel, p.ce, p.ae, p.ac, p.ace, p.a, p.c, p.e));
     add_face(piece, p.bce, bit, meet_at(bit, pixel, p.ce, p.be, p.bc, p.bce, p.b, p.c, p.e));
+    // Rounding at a corner has the line enter and never leave, or the other way round: it does so at the corner.
     bool on_abc = has(all_of(p.abc), bit), on_abe = has(all_of(p.abe), bit);
     bool on_ace = has(all_of(p.ace), bit), on_bce = has(all_of(p.bce), bit);
-    if (uint(on_abc) + uint(on_abe) + uint(on_ace) + uint(on_bce) == 1u) {
-        // Rounding at a corner has the line enter and never leave, or the other way round: it does so at the corner.
-        vec4 corner = on_abc ? p.e : on_abe ? p.c : on_ace ? p.b : p.a;
-        vec2 aside = abs(corner_of(corner, line_at(vec2(origin) + 0.5 + pixel)).at);
-        if (max(aside.x, aside.y) < 1e-6) {
-            bool before = corner.z < piece.d0;
-            if (before) piece.d0 = corner.z; else piece.d1 = corner.z;
-            if (before) piece.s0 = corner.w; else piece.s1 = corner.w;
-        }
-    }
-    if (piece.d0 < push.forward.w) {
-        // The line begins inside.
-        float cut = clamp((push.forward.w - piece.d0) / max(piece.d1 - piece.d0, 1e-30), 0.0, 1.0);
-        piece.s0 += (piece.s1 - piece.s0) * cut;
-        piece.d0 = push.forward.w;
-    }
+    vec4 corner = mix(mix(mix(p.a, p.b, bvec4(on_ace)), p.c, bvec4(on_abe)), p.e, bvec4(on_abc));
+    vec2 aside = abs(corner_of(corner, line_at(vec2(origin) + 0.5 + pixel)).at);
+    bool once = uint(on_abc) + uint(on_abe) + uint(on_ace) + uint(on_bce) == 1u;
+    bool touches = all(bvec2(once, max(aside.x, aside.y) < 1e-6)), before = corner.z < piece.d0;
+    bool enters = all(bvec2(touches, before)), leaves = all(bvec2(touches, !before));
+    piece.d0 = mix(piece.d0, corner.z, enters);
+    piece.s0 = mix(piece.s0, corner.w, enters);
+    piece.d1 = mix(piece.d1, corner.z, leaves);
+    piece.s1 = mix(piece.s1, corner.w, leaves);
+    // The line may begin inside.
+    bool inside = piece.d0 < push.forward.w;
+    float cut = clamp((push.forward.w - piece.d0) / max(piece.d1 - piece.d0, 1e-30), 0.0, 1.0);
+    piece.s0 = mix(piece.s0, piece.s0 + (piece.s1 - piece.s0) * cut, inside);
+    piece.d0 = mix(piece.d0, push.forward.w, inside);
     return piece;
 }
 
@@ -363,8 +364,9 @@ void main() {
             continue;
         }
         for (uint turn = 0u; turn < TILE_PIXELS && (covered.x | covered.y) != 0u; ++turn) {
-            uint bit = covered.x != 0u ? uint(findLSB(covered.x)) : 32u + uint(findLSB(covered.y));
-            if (covered.x != 0u) covered.x &= covered.x - 1u; else covered.y &= covered.y - 1u;
+            bool lower = covered.x != 0u;
+            uint word = mix(covered.y, covered.x, lower), bit = uint(findLSB(word)) + mix(32u, 0u, lower);
+            covered = mix(uvec2(0u, word & word - 1u), uvec2(word & word - 1u, covered.y), bvec2(lower));
             vec2 pixel = vec2(bit % TILE, bit / TILE);
             uint slot = cursors[in_band * TILE_PIXELS + bit]++;
             if (slot >= push.capacity) {
