@@ -46,14 +46,11 @@ pub(crate) type Outcome = Result<(), Failure>;
 
 /// Fails if the validation layers gave messages. Call it after the device has been destroyed, which may cause
 /// messages too.
-///
-/// # Errors
-///
-/// [`Failure::Finding`] with the number of messages.
 pub(crate) fn check_validation(log: &ValidationLog) -> Outcome {
-    match log.messages().len() {
-        0 => Ok(()),
-        1 => Err(Failure::Finding("the validation layers gave 1 message".to_string())),
-        n => Err(Failure::Finding(format!("the validation layers gave {n} messages"))),
-    }
+    let count = match log.messages().len() {
+        0 => return Ok(()),
+        1 => "1 message".to_string(),
+        n => format!("{n} messages"),
+    };
+    Err(Failure::Finding(format!("the validation layers gave {count}")))
 }
