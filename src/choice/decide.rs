@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::goal::Goal;
 use super::probes::{Estimate, Probes};
 use super::profile::{Profile, Source};
-use super::search::{Predicted, Search};
+use super::search::Search;
 use super::table::{self, Candidate};
 use super::trial::{Trial, TrialOutcome, tried};
 use crate::error::{Error, Result};
@@ -62,10 +62,10 @@ pub fn choose(scene: &Arc<GpuScene>, view: &View, goal: Goal, profile: &Profile)
             format!("no technique draws this kind of data with these kernels: {}", scene.scene().data.kind());
         return Err(Error::invalid("technique", why));
     }
-    let probes = Probes::new(scene.scene(), view)?;
+    let probes = Probes::new(scene.scene(), view, Probes::MOST)?;
     let mut search = Search::new(&candidates, profile, goal);
     let mut trials: Vec<Trial> = Vec::new();
-    while let Some((candidate, Predicted { error, ms })) = search.next() {
+    while let Some((candidate, [error, ms])) = search.next() {
         let outcome = tried(scene, view, &probes, &candidates[candidate], goal.stop())?;
         search.learn(candidate, &outcome);
         trials.push(Trial {
@@ -95,7 +95,7 @@ pub fn choose(scene: &Arc<GpuScene>, view: &View, goal: Goal, profile: &Profile)
 /// As [`choose`], except that a missed goal is no error.
 pub fn try_all(scene: &Arc<GpuScene>, view: &View, goal: Goal) -> Result<Vec<(String, TrialOutcome)>> {
     goal.check()?;
-    let probes = Probes::whole(scene.scene(), view)?;
+    let probes = Probes::new(scene.scene(), view, u32::MAX)?;
     let tried = |candidate: Candidate| {
         let outcome = tried(scene, view, &probes, &candidate, goal.stop())?;
         Ok((candidate.spec, outcome))

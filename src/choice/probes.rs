@@ -6,9 +6,6 @@ use crate::num;
 use crate::reference;
 use crate::scene::{Scene, View};
 
-/// Largest number of pixels. Their float64 rays cost less than a frame of a fine setting.
-const MOST: u32 = 4096;
-
 /// 95 % quantile of the normal distribution.
 const ONE_SIDED_95: f64 = 1.645;
 
@@ -43,31 +40,17 @@ pub(super) fn random(state: &mut u64) -> f64 {
 }
 
 impl Probes {
-    /// Selects pixels and computes their colours.
+    /// Largest number of pixels for a trial. Their float64 rays cost less than a frame of a fine setting.
+    pub(super) const MOST: u32 = 4096;
+
+    /// Selects at most `most` pixels and computes their colours.
     ///
     /// # Errors
     ///
     /// As [`reference::pixels`].
-    pub(super) fn new(scene: &Scene, view: &View) -> Result<Self> {
-        let (pixels, weights) = spread(view.extent(), MOST).into_iter().unzip();
-        Self::of(scene, view, pixels, weights)
-    }
-
-    /// Computes the colours of all pixels.
-    ///
-    /// # Errors
-    ///
-    /// As [`reference::pixels`].
-    pub(super) fn whole(scene: &Scene, view: &View) -> Result<Self> {
-        let [width, height] = view.extent();
-        let pixels: Vec<_> = (0..height).flat_map(|y| (0..width).map(move |x| [x, y])).collect();
-        let weights = vec![1.0; pixels.len()];
-        Self::of(scene, view, pixels, weights)
-    }
-
-    fn of(scene: &Scene, view: &View, pixels: Vec<[u32; 2]>, weights: Vec<f64>) -> Result<Self> {
-        let truth = reference::pixels(scene, view, &pixels)?;
-        Ok(Self { pixels, truth, weights })
+    pub(super) fn new(scene: &Scene, view: &View, most: u32) -> Result<Self> {
+        let (pixels, weights): (Vec<_>, _) = spread(view.extent(), most).into_iter().unzip();
+        Ok(Self { truth: reference::pixels(scene, view, &pixels)?, pixels, weights })
     }
 
     /// Estimates the error of an image of the view.
@@ -76,8 +59,7 @@ impl Probes {
             let found = image.pixel(x, y);
             found.iter().zip(truth).map(|(a, b)| (f64::from(*a) - b).powi(2)).sum::<f64>() * 0.25
         });
-        let squares: Vec<f64> = squares.collect();
-        estimate(&squares, &self.weights)
+        estimate(&squares.collect::<Vec<_>>(), &self.weights)
     }
 }
 
