@@ -109,15 +109,12 @@ fn missed(goal: Goal, trials: &[Trial]) -> Error {
         TrialOutcome::Drawn { error, ms } => Some((trial, error.bound, ms)),
         TrialOutcome::Refused(_) => None,
     });
-    let by = |key: fn(f64, f64) -> f64| {
-        drawn
-            .clone()
-            .min_by(|a, b| key(a.1, a.2).total_cmp(&key(b.1, b.2)))
-            .map(|(trial, error, ms)| format!("the nearest is {}: error {error:.2e}, {ms:.1} ms", trial.spec))
+    let (what, key): (_, fn(f64, f64) -> f64) = match goal {
+        Goal::MaxError(error) => (format!("an error of at most {error:e}"), |error, _| error),
+        Goal::Budget(budget) => (format!("a frame in {budget} ms"), |_, ms| ms),
     };
-    let (what, nearest) = match goal {
-        Goal::MaxError(error) => (format!("an error of at most {error:e}"), by(|error, _| error)),
-        Goal::Budget(budget) => (format!("a frame in {budget} ms"), by(|_, ms| ms)),
-    };
+    let nearest = drawn.min_by(|a, b| key(a.1, a.2).total_cmp(&key(b.1, b.2)));
+    let nearest = nearest
+        .map(|(trial, error, ms)| format!("the nearest is {}: error {error:.2e}, {ms:.1} ms", trial.spec));
     Error::unsupported(what, nearest.unwrap_or_else(|| "no setting drew the scene".to_string()))
 }

@@ -14,9 +14,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{Gpu, user_cache_folder};
 use crate::resident::GpuScene;
 use crate::scene::presets::PRESETS;
-use crate::scene::{
-    Camera, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, TransferFunction, View,
-};
+use crate::scene::{Camera, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, View};
 
 /// The source of a profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -211,7 +209,7 @@ fn read(path: &Path, gpu: &Gpu) -> Option<Profile> {
 
 /// Returns the valid entries of a file: settings of the table with possible numbers.
 fn costs_of(stored: Stored) -> BTreeMap<String, (f64, f64)> {
-    let known: Vec<String> = table::every().map(|candidate| candidate.spec).collect();
+    let known: Vec<String> = table::every().into_iter().map(|candidate| candidate.spec).collect();
     let valid = |&StoredCost { ref technique, rmse, ms }: &StoredCost| {
         known.contains(technique) && rmse.is_finite() && rmse >= 0.0 && ms.is_finite() && ms > 0.0
     };
@@ -220,20 +218,16 @@ fn costs_of(stored: Stored) -> BTreeMap<String, (f64, f64)> {
 
 fn scene_of(&(field, sides, look, side): &(&str, Sides, &str, u32)) -> Result<(Scene, u32)> {
     let field = Field::from_name(field)?;
-    let (data, range) = match sides {
-        Sides::Samples(side, "u8") => (Data::from(field.sample([side; 3], "u8")?), [0.0, 255.0]),
-        Sides::Samples(side, kind) => (Data::from(field.sample([side; 3], kind)?), [0.0, 1.0]),
-        Sides::Kernels(side, ..) => (Data::from(field.sample([side; 3], "f32")?), [0.0, 1.0]),
-        Sides::Cubes(cubes) => (Data::from(field.tets(cubes)?), [0.0, 1.0]),
-        Sides::Points(count, radius) => {
-            (Data::from(field.points(count)?.with_size(KernelSize::Radius(radius))?), [0.0, 1.0])
-        }
+    let data = match sides {
+        Sides::Samples(side, kind) => Data::from(field.sample([side; 3], kind)?),
+        Sides::Kernels(side, ..) => field.sample([side; 3], "f32")?.into(),
+        Sides::Cubes(cubes) => field.tets(cubes)?.into(),
+        Sides::Points(count, radius) => field.points(count)?.with_size(KernelSize::Radius(radius))?.into(),
     };
-    let Some(preset) = PRESETS.iter().find(|known| known.name == look) else {
-        return Err(Error::invalid("transfer function", format!("\"{look}\": is not a preset")));
-    };
-    let transfer: TransferFunction = preset.transfer(range, 1.0)?;
-    let mut scene = Scene::new(data, transfer);
+    let top = if matches!(sides, Sides::Samples(_, "u8")) { 255.0 } else { 1.0 };
+    let preset = PRESETS.iter().find(|known| known.name == look);
+    let unknown = || Error::invalid("transfer function", format!("\"{look}\": is not a preset"));
+    let mut scene = Scene::new(data, preset.ok_or_else(unknown)?.transfer([0.0, top], 1.0)?);
     if let Sides::Kernels(_, kernel, model) = sides {
         scene = scene.with_kernels(Kernels { kernel, model, ..Kernels::of_samples() })?;
     }

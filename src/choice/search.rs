@@ -187,7 +187,7 @@ mod tests {
     /// Settings for grids with a step.
     fn stepped() -> Vec<Candidate> {
         let is_one = |c: &Candidate| c.spec.contains("step=") && !c.spec.starts_with("splat");
-        table::every().filter(is_one).collect()
+        table::every().into_iter().filter(is_one).collect()
     }
 
     /// Runs a search in which `cost` gives the true costs.

@@ -113,11 +113,15 @@ impl Candidate {
 
 /// Returns the candidates for a scene.
 pub(crate) fn candidates(scene: &Scene) -> Vec<Candidate> {
-    every().filter(|candidate| FAMILIES[candidate.family].of.is(scene)).collect()
+    all().filter(|candidate| FAMILIES[candidate.family].of.is(scene)).collect()
 }
 
 /// Returns the candidates for all kinds of scenes.
-pub(crate) fn every() -> impl Iterator<Item = Candidate> {
+pub(crate) fn every() -> Vec<Candidate> {
+    all().collect()
+}
+
+fn all() -> impl Iterator<Item = Candidate> {
     FAMILIES.iter().enumerate().flat_map(|(family, &Family { spec, values, stops, .. })| {
         let one = move |(place, value): (usize, &&str)| Candidate {
             spec: format!("{spec}{value}"),
@@ -167,7 +171,7 @@ mod tests {
 
     #[test]
     fn every_candidate_is_a_technique_of_its_own() {
-        let mut specs: Vec<String> = every().map(|candidate| candidate.spec).collect();
+        let mut specs: Vec<String> = every().into_iter().map(|candidate| candidate.spec).collect();
         assert!(specs.len() > 40);
         for spec in &specs {
             Technique::parse(spec).unwrap();

@@ -14,7 +14,7 @@ use flate2::write::ZlibEncoder;
 use sha2::{Digest, Sha256};
 use volraster::gpu::user_cache_folder;
 use volraster::reference::{ReferenceImage, ReferenceOptions};
-use volraster::scene::{Data, Grid, KernelSize, Points, Samples, Scene, TetScalars, Tets, View};
+use volraster::scene::{Data, KernelSize, Samples, Scene, TetScalars, View};
 use volraster::{Result, reference};
 
 /// Maximum total size of the files, in bytes.
@@ -163,55 +163,44 @@ fn key(scene: &Scene, view: &View) -> Option<[u8; HASH]> {
         put(bytemuck::cast_slice(surface.triangles()));
     }
     match &scene.data {
-        Data::Grid(grid) => of_grid(grid, &mut put),
-        Data::Mesh(mesh) => of_mesh(mesh, &mut put),
-        Data::Points(points) => of_points(points, &mut put),
+        Data::Grid(grid) => {
+            let place = (grid.dims(), grid.index_to_world(), grid.origin(), grid.rescale());
+            put(format!("grid {:?} {place:?}", grid.samples().type_name()).as_bytes());
+            put(match grid.samples() {
+                Samples::U8(samples) => samples,
+                Samples::U16(samples) => bytemuck::cast_slice(samples),
+                Samples::I16(samples) => bytemuck::cast_slice(samples),
+                Samples::F32(samples) => bytemuck::cast_slice(samples),
+            });
+        }
+        Data::Mesh(mesh) => {
+            put(match mesh.scalars() {
+                TetScalars::Point(_) => b"mesh, scalars of points",
+                TetScalars::Cell(_) => b"mesh, scalars of cells",
+            });
+            put(bytemuck::cast_slice(mesh.points()));
+            put(bytemuck::cast_slice(mesh.cells()));
+            put(bytemuck::cast_slice(mesh.scalars().values()));
+        }
+        Data::Points(points) => {
+            put(b"points");
+            put(bytemuck::cast_slice(points.centres()));
+            for list in [points.scalars(), points.weights()] {
+                put(&[u8::from(list.is_some())]);
+                put(bytemuck::cast_slice(list.unwrap_or_default()));
+            }
+            let (kind, sizes): (&[u8], &[u8]) = match points.size() {
+                KernelSize::Unknown => (b"unknown", &[]),
+                KernelSize::Radius(radius) => (b"radius", bytemuck::bytes_of(radius)),
+                KernelSize::Radii(radii) => (b"radii", bytemuck::cast_slice(radii)),
+                KernelSize::Covariances(all) => (b"covariances", bytemuck::cast_slice(all)),
+            };
+            put(kind);
+            put(sizes);
+        }
         _ => return None,
     }
     Some(hash.finalize().into())
-}
-
-fn of_grid(grid: &Grid, put: &mut impl FnMut(&[u8])) {
-    let place = (grid.dims(), grid.index_to_world(), grid.origin(), grid.rescale());
-    put(format!("grid {:?} {place:?}", grid.samples().type_name()).as_bytes());
-    match grid.samples() {
-        Samples::U8(samples) => put(samples),
-        Samples::U16(samples) => put(bytemuck::cast_slice(samples)),
-        Samples::I16(samples) => put(bytemuck::cast_slice(samples)),
-        Samples::F32(samples) => put(bytemuck::cast_slice(samples)),
-    }
-}
-
-fn of_mesh(mesh: &Tets, put: &mut impl FnMut(&[u8])) {
-    let kind = match mesh.scalars() {
-        TetScalars::Point(_) => "mesh, scalars of points",
-        TetScalars::Cell(_) => "mesh, scalars of cells",
-    };
-    put(kind.as_bytes());
-    put(bytemuck::cast_slice(mesh.points()));
-    put(bytemuck::cast_slice(mesh.cells()));
-    put(bytemuck::cast_slice(mesh.scalars().values()));
-}
-
-fn of_points(points: &Points, put: &mut impl FnMut(&[u8])) {
-    put(b"points");
-    put(bytemuck::cast_slice(points.centres()));
-    for list in [points.scalars(), points.weights()] {
-        put(&[u8::from(list.is_some())]);
-        put(bytemuck::cast_slice(list.unwrap_or_default()));
-    }
-    match points.size() {
-        KernelSize::Unknown => put(b"unknown"),
-        KernelSize::Radius(radius) => put(&radius.to_le_bytes()),
-        KernelSize::Radii(radii) => {
-            put(b"radii");
-            put(bytemuck::cast_slice(radii));
-        }
-        KernelSize::Covariances(all) => {
-            put(b"covariances");
-            put(bytemuck::cast_slice(all));
-        }
-    }
 }
 
 fn encoded(image: &ReferenceImage) -> std::io::Result<Vec<u8>> {
@@ -263,7 +252,7 @@ mod tests {
     use std::sync::atomic::{AtomicU32, Ordering};
     use volraster::glam::DVec3;
     use volraster::scene::{
-        Camera, Clip, Field, Kernel, Kernels, Model, Projection, Shading, Surface, TransferFunction,
+        Camera, Clip, Field, Kernel, Kernels, Model, Points, Projection, Shading, Surface, TransferFunction,
     };
 
     fn scene(name: &str, cubes: bool, extinction: f64) -> Scene {

@@ -72,7 +72,7 @@ pub(crate) fn main() -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            output::complain(&failure.line());
+            output::complain(&failure.to_string());
             ExitCode::from(failure.exit_code())
         }
     }

@@ -6,31 +6,20 @@ use volraster::gpu::ValidationLog;
 use crate::cli::interrupt;
 
 /// A failure; the run ends with an exit code other than 0.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub(crate) enum Failure {
     /// The command could not do its work.
-    Error(Error),
+    #[error(transparent)]
+    Error(#[from] Error),
     /// The command did its work and found something wrong.
+    #[error("{0}")]
     Finding(String),
     /// The user interrupted the command.
+    #[error("{0}")]
     Interrupted(String),
 }
 
-impl From<Error> for Failure {
-    fn from(error: Error) -> Self {
-        Self::Error(error)
-    }
-}
-
 impl Failure {
-    /// Returns the line for stderr.
-    pub(super) fn line(&self) -> String {
-        match self {
-            Self::Error(error) => error.to_string(),
-            Self::Finding(text) | Self::Interrupted(text) => text.clone(),
-        }
-    }
-
     /// Returns the exit code: 2 wrong input or usage, 3 no device or feature, 130 interrupted, 1 anything else.
     pub(super) fn exit_code(&self) -> u8 {
         match self {

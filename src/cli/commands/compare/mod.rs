@@ -13,7 +13,6 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 use volraster::Result;
-use volraster::gpu::DeviceReport;
 use volraster::io::{ReadOptions, read_exr, write_exr, write_png};
 use volraster::reference::ReferenceImage;
 use volraster::scene::{Data, Scene, View};
@@ -22,7 +21,7 @@ use self::entry::{Entry, FRAMES, draw, read};
 use self::page::Page;
 use self::row::{HEADING, Row};
 use crate::cli::cache::{Cache, Origin};
-use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, Settings, Size, Wanted};
+use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, Size, Wanted};
 use crate::cli::outcome::{Outcome, check_validation};
 use crate::cli::{output, table};
 
@@ -67,8 +66,12 @@ impl Args {
         let wanted = lists.concat();
         let given = self.given_truth()?;
         let Input { scene, settings } = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
-        if let Some(truth) = &given {
-            self.check_extent(truth, settings.view.extent())?;
+        let [width, height] = settings.view.extent();
+        if let Some((has_width, has_height)) = given.as_ref().map(|truth| (truth.width(), truth.height()))
+            && (has_width, has_height) != (width, height)
+        {
+            let rule = format!("{has_width} x {has_height}: must be the image size, {width} x {height}");
+            return Err(output::refuse(&self.against, "dataWindow", &rule).into());
         }
         // With `all`, an error in the scene file's technique would only skip that technique.
         settings.technique()?;
@@ -89,7 +92,16 @@ impl Args {
             None => self.reference(&scene, &settings.view)?,
         };
         output::make_folder(&self.output)?;
-        let facts = self.facts(&scene, &settings, &what, &device);
+        let projection = if settings.view.is_perspective() { "perspective" } else { "orthographic" };
+        let facts = vec![
+            ("Scene", self.scene.display().to_string()),
+            ("Data", format!("{}, {}", settings.data.display(), described(&scene.data))),
+            ("View", format!("{width} × {height}, {projection}")),
+            ("Ground truth", what.clone()),
+            ("Device", format!("{}, {}, Vulkan {}", device.name, device.driver, device.api)),
+            ("Frames", format!("{FRAMES} timed, after one warm-up frame")),
+            ("volraster", env!("CARGO_PKG_VERSION").to_string()),
+        ];
         let truth_png = self.write_truth(&truth, settings.background)?;
         let rows = self.write_entries(&entries, &truth, settings.background)?;
         let lines: Vec<_> =
@@ -101,16 +113,6 @@ impl Args {
             output::print(&table::aligned(&lines, &[0, 1, 2]))?;
         }
         check_validation(&log)
-    }
-
-    /// Refuses a given ground truth of another size.
-    fn check_extent(&self, truth: &ReferenceImage, [width, height]: [u32; 2]) -> Result<()> {
-        let (has_width, has_height) = (truth.width(), truth.height());
-        if [has_width, has_height] == [width, height] {
-            return Ok(());
-        }
-        let rule = format!("{has_width} x {has_height}: must be the image size, {width} x {height}");
-        Err(output::refuse(&self.against, "dataWindow", &rule))
     }
 
     /// Draws the reference, or reads it from the cache; returns it with its description in the report.
@@ -162,27 +164,6 @@ impl Args {
         let errors: Value = entries.iter().zip(&rows).map(|(entry, row)| entry.json(row)).collect();
         output::write_json(&self.output.join("errors.json"), &errors)?;
         Ok(rows)
-    }
-
-    /// Returns the names and values at the head of the report.
-    fn facts(
-        &self,
-        scene: &Scene,
-        settings: &Settings,
-        truth: &str,
-        device: &DeviceReport,
-    ) -> Vec<(&'static str, String)> {
-        let [width, height] = settings.view.extent();
-        let projection = if settings.view.is_perspective() { "perspective" } else { "orthographic" };
-        vec![
-            ("Scene", self.scene.display().to_string()),
-            ("Data", format!("{}, {}", settings.data.display(), described(&scene.data))),
-            ("View", format!("{width} × {height}, {projection}")),
-            ("Ground truth", truth.to_string()),
-            ("Device", format!("{}, {}, Vulkan {}", device.name, device.driver, device.api)),
-            ("Frames", format!("{FRAMES} timed, after one warm-up frame")),
-            ("volraster", env!("CARGO_PKG_VERSION").to_string()),
-        ]
     }
 }
 
