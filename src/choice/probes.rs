@@ -4,6 +4,7 @@ use crate::error::Result;
 use crate::image::Image;
 use crate::num;
 use crate::reference;
+use crate::scene::field::random;
 use crate::scene::{Scene, View};
 
 /// 95 % quantile of the normal distribution.
@@ -28,15 +29,6 @@ pub struct Estimate {
     pub bound: f64,
     /// Number of compared pixels.
     pub pixels: u32,
-}
-
-/// Returns a random number in [0, 1) and advances the state (Steele, Lea and Flood 2014: SplitMix64).
-pub(super) fn random(state: &mut u64) -> f64 {
-    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let mut z = *state;
-    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    num::f64_of_u64((z ^ z >> 31) >> 11) * (-53.0_f64).exp2()
 }
 
 impl Probes {
