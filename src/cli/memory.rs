@@ -1,6 +1,6 @@
 //! Memory figures: device memory of some work, device memory by object name, peak host memory.
 
-use serde_json::Value;
+use serde_json::{Map, Value};
 use volraster::{GpuScene, Result};
 
 /// Runs some work; returns its result and the growth of the device memory during it, in bytes.
@@ -13,14 +13,12 @@ pub(crate) fn device_bytes<T>(scene: &GpuScene, work: impl FnOnce() -> Result<T>
 
 /// Sums bytes by object name, in order of first appearance.
 pub(super) fn summed(report: Vec<(String, u64)>) -> Value {
-    let mut sums: Vec<(String, u64)> = Vec::new();
+    let mut sums = Map::new();
     for (name, bytes) in report {
-        match sums.iter_mut().find(|(other, _)| *other == name) {
-            Some((_, sum)) => *sum += bytes,
-            None => sums.push((name, bytes)),
-        }
+        let sum = sums.get(&name).and_then(Value::as_u64).unwrap_or(0) + bytes;
+        sums.insert(name, sum.into());
     }
-    sums.into_iter().collect()
+    Value::Object(sums)
 }
 
 /// Returns the peak resident memory of the process in bytes, where the system reports it (Linux).

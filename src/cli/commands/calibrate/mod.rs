@@ -43,7 +43,7 @@ impl Args {
             };
             let found = draws::check(&gpu, &profile, [count, self.seed], self.size, &mut progress)?;
             bar.finish_and_clear();
-            return report(&found, &profile);
+            return report(found, &profile);
         }
         let bar = output::progress(0, "settings");
         let profile = Profile::measure(&gpu, &mut |done, all| {
@@ -63,7 +63,7 @@ impl Args {
 /// Percentage of choices that must meet their goal.
 const PROMISED: f64 = 95.0;
 
-fn report(found: &Check, profile: &Profile) -> Outcome {
+fn report(found: Check, profile: &Profile) -> Outcome {
     let Check { possible, held, refused, ratios, trials } = found;
     let source = match profile.source() {
         Source::BuiltIn => "built-in costs",
@@ -72,7 +72,7 @@ fn report(found: &Check, profile: &Profile) -> Outcome {
     output::print(&format!(
         "held: {held} of {possible}; no setting meets the goal and none was chosen: {refused}"
     ))?;
-    if let (Some(ratios), Some(trials)) = (Times::new(ratios.clone()), Times::new(trials.clone())) {
+    if let (Some(ratios), Some(trials)) = (Times::new(ratios), Times::new(trials)) {
         output::print(&format!(
             "time relative to the fastest setting that meets the goal: median {:.2}, 95 % below {:.2}; trials: median {}, \
              maximum {}; with {source}",
@@ -82,7 +82,7 @@ fn report(found: &Check, profile: &Profile) -> Outcome {
             trials.quantile(100)
         ))?;
     }
-    if f64::from(*held) * 100.0 < PROMISED * f64::from(*possible) {
+    if f64::from(held) * 100.0 < PROMISED * f64::from(possible) {
         return Err(Failure::Finding(format!("only {held} of {possible} choices meet their goal")));
     }
     Ok(())

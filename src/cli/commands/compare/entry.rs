@@ -42,11 +42,12 @@ pub(super) fn draw(
     settings: &Settings,
     list: &[Wanted],
 ) -> Result<(Vec<Entry>, Refused)> {
+    let draw = |technique, others: &[Entry]| Entry::draw(gpu, scene, &settings.view, technique, others);
     let (mut entries, mut refused, mut skipped) = (Vec::new(), Vec::new(), None);
     for wanted in list {
         if let Wanted::One(request) = *wanted {
             let technique = settings.choose(Some(request), scene)?;
-            entries.push(Entry::draw(gpu, scene, &settings.view, technique, &entries)?);
+            entries.push(draw(technique, &entries)?);
             continue;
         }
         for (method, route) in all_routes().filter(|(method, _)| method.fits(scene)) {
@@ -58,9 +59,7 @@ pub(super) fn draw(
                 let given = settings.choice.as_ref().filter(|choice| choice.name == method.name());
                 let technique =
                     input::by_route(method, route, given.map_or(&[], |choice| &choice.options), &[]);
-                match technique
-                    .and_then(|technique| Entry::draw(gpu, scene, &settings.view, technique, &entries))
-                {
+                match technique.and_then(|technique| draw(technique, &entries)) {
                     Ok(entry) => {
                         entries.push(entry);
                         continue;
