@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::goal::Goal;
 use super::probes::{Estimate, Probes};
 use super::profile::{Profile, Source};
-use super::search::{Predicted, Search};
+use super::search::Search;
 use super::table::{self, Candidate};
 use super::trial::{Trial, TrialOutcome, tried};
 use crate::error::{Error, Result};
@@ -62,10 +62,10 @@ pub fn choose(scene: &Arc<GpuScene>, view: &View, goal: Goal, profile: &Profile)
             format!("no technique draws this kind of data with these kernels: {}", scene.scene().data.kind());
         return Err(Error::invalid("technique", why));
     }
-    let probes = Probes::new(scene.scene(), view)?;
+    let probes = Probes::new(scene.scene(), view, Probes::MOST)?;
     let mut search = Search::new(&candidates, profile, goal);
     let mut trials: Vec<Trial> = Vec::new();
-    while let Some((candidate, Predicted { error, ms })) = search.next() {
+    while let Some((candidate, [error, ms])) = search.next() {
         let outcome = tried(scene, view, &probes, &candidates[candidate], goal.stop())?;
         search.learn(candidate, &outcome);
         trials.push(Trial {
@@ -95,7 +95,7 @@ pub fn choose(scene: &Arc<GpuScene>, view: &View, goal: Goal, profile: &Profile)
 /// As [`choose`], except that a missed goal is no error.
 pub fn try_all(scene: &Arc<GpuScene>, view: &View, goal: Goal) -> Result<Vec<(String, TrialOutcome)>> {
     goal.check()?;
-    let probes = Probes::whole(scene.scene(), view)?;
+    let probes = Probes::new(scene.scene(), view, u32::MAX)?;
     let tried = |candidate: Candidate| {
         let outcome = tried(scene, view, &probes, &candidate, goal.stop())?;
         Ok((candidate.spec, outcome))
@@ -109,15 +109,12 @@ fn missed(goal: Goal, trials: &[Trial]) -> Error {
         TrialOutcome::Drawn { error, ms } => Some((trial, error.bound, ms)),
         TrialOutcome::Refused(_) => None,
     });
-    let by = |key: fn(f64, f64) -> f64| {
-        drawn
-            .clone()
-            .min_by(|a, b| key(a.1, a.2).total_cmp(&key(b.1, b.2)))
-            .map(|(trial, error, ms)| format!("the nearest is {}: error {error:.2e}, {ms:.1} ms", trial.spec))
+    let (what, key): (_, fn(f64, f64) -> f64) = match goal {
+        Goal::MaxError(error) => (format!("an error of at most {error:e}"), |error, _| error),
+        Goal::Budget(budget) => (format!("a frame in {budget} ms"), |_, ms| ms),
     };
-    let (what, nearest) = match goal {
-        Goal::MaxError(error) => (format!("an error of at most {error:e}"), by(|error, _| error)),
-        Goal::Budget(budget) => (format!("a frame in {budget} ms"), by(|_, ms| ms)),
-    };
+    let nearest = drawn.min_by(|a, b| key(a.1, a.2).total_cmp(&key(b.1, b.2)));
+    let nearest = nearest
+        .map(|(trial, error, ms)| format!("the nearest is {}: error {error:.2e}, {ms:.1} ms", trial.spec));
     Error::unsupported(what, nearest.unwrap_or_else(|| "no setting drew the scene".to_string()))
 }

@@ -4,10 +4,8 @@ use crate::error::Result;
 use crate::image::Image;
 use crate::num;
 use crate::reference;
+use crate::scene::field::random;
 use crate::scene::{Scene, View};
-
-/// Largest number of pixels. Their float64 rays cost less than a frame of a fine setting.
-const MOST: u32 = 4096;
 
 /// 95 % quantile of the normal distribution.
 const ONE_SIDED_95: f64 = 1.645;
@@ -33,41 +31,18 @@ pub struct Estimate {
     pub pixels: u32,
 }
 
-/// Returns a random number in [0, 1) and advances the state (Steele, Lea and Flood 2014: SplitMix64).
-pub(super) fn random(state: &mut u64) -> f64 {
-    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let mut z = *state;
-    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    num::f64_of_u64((z ^ z >> 31) >> 11) * (-53.0_f64).exp2()
-}
-
 impl Probes {
-    /// Selects pixels and computes their colours.
+    /// Largest number of pixels for a trial. Their float64 rays cost less than a frame of a fine setting.
+    pub(super) const MOST: u32 = 4096;
+
+    /// Selects at most `most` pixels and computes their colours.
     ///
     /// # Errors
     ///
     /// As [`reference::pixels`].
-    pub(super) fn new(scene: &Scene, view: &View) -> Result<Self> {
-        let (pixels, weights) = spread(view.extent(), MOST).into_iter().unzip();
-        Self::of(scene, view, pixels, weights)
-    }
-
-    /// Computes the colours of all pixels.
-    ///
-    /// # Errors
-    ///
-    /// As [`reference::pixels`].
-    pub(super) fn whole(scene: &Scene, view: &View) -> Result<Self> {
-        let [width, height] = view.extent();
-        let pixels: Vec<_> = (0..height).flat_map(|y| (0..width).map(move |x| [x, y])).collect();
-        let weights = vec![1.0; pixels.len()];
-        Self::of(scene, view, pixels, weights)
-    }
-
-    fn of(scene: &Scene, view: &View, pixels: Vec<[u32; 2]>, weights: Vec<f64>) -> Result<Self> {
-        let truth = reference::pixels(scene, view, &pixels)?;
-        Ok(Self { pixels, truth, weights })
+    pub(super) fn new(scene: &Scene, view: &View, most: u32) -> Result<Self> {
+        let (pixels, weights): (Vec<_>, _) = spread(view.extent(), most).into_iter().unzip();
+        Ok(Self { truth: reference::pixels(scene, view, &pixels)?, pixels, weights })
     }
 
     /// Estimates the error of an image of the view.
@@ -76,8 +51,7 @@ impl Probes {
             let found = image.pixel(x, y);
             found.iter().zip(truth).map(|(a, b)| (f64::from(*a) - b).powi(2)).sum::<f64>() * 0.25
         });
-        let squares: Vec<f64> = squares.collect();
-        estimate(&squares, &self.weights)
+        estimate(&squares.collect::<Vec<_>>(), &self.weights)
     }
 }
 

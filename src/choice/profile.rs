@@ -3,21 +3,18 @@
 use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::probes::Probes;
-use super::table::{self, Candidate};
+use super::table;
 use super::trial::drawn;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, user_cache_folder};
 use crate::resident::GpuScene;
 use crate::scene::presets::PRESETS;
-use crate::scene::{
-    Camera, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, TransferFunction, View,
-};
+use crate::scene::{Camera, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, View};
 
 /// The source of a profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,8 +30,8 @@ pub enum Source {
 /// Only the ratios between settings matter: trials find the scale of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
-    source: Source,
-    costs: BTreeMap<String, (f64, f64)>,
+    pub(super) source: Source,
+    pub(super) costs: BTreeMap<String, (f64, f64)>,
 }
 
 /// A profile in a file.
@@ -90,15 +87,11 @@ enum Sides {
 }
 
 impl Profile {
-    pub(super) fn new(source: Source, costs: BTreeMap<String, (f64, f64)>) -> Self {
-        Self { source, costs }
-    }
-
     /// Returns the profile that is part of the library.
     #[must_use]
     pub fn built_in() -> Self {
         let stored: Option<Stored> = serde_json::from_str(BUILT_IN).ok();
-        Self::new(Source::BuiltIn, stored.map(costs_of).unwrap_or_default())
+        Self { source: Source::BuiltIn, costs: stored.map(costs_of).unwrap_or_default() }
     }
 
     /// Returns the profile stored for a device, or the built-in one.
@@ -134,20 +127,26 @@ impl Profile {
             let camera =
                 Camera { eye: DVec3::new(2.0, 1.5, 3.8), target: DVec3::ZERO, up: DVec3::Y, projection };
             let view = View::new(camera, side, side)?;
-            let probes = Probes::new(&scene, &view)?;
+            let probes = Probes::new(&scene, &view, Probes::MOST)?;
             let candidates = table::candidates(&scene);
             let on_gpu = GpuScene::new(gpu, scene);
             for candidate in candidates {
-                if let Some((rmse, ms)) = cost_of(&on_gpu, &view, &probes, &candidate)? {
-                    let sum = sums.entry(candidate.spec).or_default();
-                    *sum = [sum[0] + rmse.ln(), sum[1] + ms.ln(), sum[2] + 1.0];
+                match drawn(&on_gpu, &view, &candidate, 0.0, 5) {
+                    Ok((image, ms)) => {
+                        let (rmse, ms) = (probes.error(&image).rmse.max(1e-9), ms.max(1e-6));
+                        let sum = sums.entry(candidate.spec).or_default();
+                        *sum = [sum[0] + rmse.ln(), sum[1] + ms.ln(), sum[2] + 1.0];
+                    }
+                    Err(Error::Unsupported { .. }) => {}
+                    Err(error) => return Err(error),
                 }
                 done += 1;
                 progress(done, all);
             }
         }
         let mean = |[rmse, ms, n]: [f64; 3]| ((rmse / n).exp(), (ms / n).exp());
-        Ok(Self::new(Source::Measured, sums.into_iter().map(|(spec, sum)| (spec, mean(sum))).collect()))
+        let costs = sums.into_iter().map(|(spec, sum)| (spec, mean(sum))).collect();
+        Ok(Self { source: Source::Measured, costs })
     }
 
     /// Writes the profile to the file that [`Profile::load`] reads for this device.
@@ -159,31 +158,22 @@ impl Profile {
         let Some(path) = Self::path(gpu) else {
             return Err(Error::unsupported("a profile", "neither XDG_CACHE_HOME nor HOME is set"));
         };
-        let text = self.json(gpu)?;
-        if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, "write", source))?;
-        }
-        crate::replace::replace(&path, |writer| writer.write_all(text.as_bytes()))?;
-        Ok(path)
-    }
-
-    /// Returns the profile as JSON.
-    fn json(&self, gpu: &Gpu) -> Result<String> {
         let report = gpu.report();
+        let cost = |(spec, &(rmse, ms)): (&String, _)| StoredCost { technique: spec.clone(), rmse, ms };
         let stored = Stored {
             schema: SCHEMA,
             version: env!("CARGO_PKG_VERSION").to_string(),
             device: report.name.clone(),
             driver: report.driver.clone(),
-            costs: self
-                .costs
-                .iter()
-                .map(|(technique, &(rmse, ms))| StoredCost { technique: technique.clone(), rmse, ms })
-                .collect(),
+            costs: self.costs.iter().map(cost).collect(),
         };
-        serde_json::to_string_pretty(&stored)
-            .map(|text| text + "\n")
-            .map_err(|error| Error::invalid("profile", error.to_string()))
+        let text = serde_json::to_string_pretty(&stored);
+        let text = text.map_err(|error| Error::invalid("profile", error.to_string()))? + "\n";
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, "write", source))?;
+        }
+        crate::replace::replace(&path, |writer| writer.write_all(text.as_bytes()))?;
+        Ok(path)
     }
 
     /// Returns the source of the profile.
@@ -195,10 +185,6 @@ impl Profile {
     /// Returns the settings with their root mean square error and milliseconds.
     pub fn costs(&self) -> impl Iterator<Item = (&str, (f64, f64))> {
         self.costs.iter().map(|(spec, cost)| (spec.as_str(), *cost))
-    }
-
-    pub(super) fn cost(&self, spec: &str) -> Option<(f64, f64)> {
-        self.costs.get(spec).copied()
     }
 }
 
@@ -214,56 +200,34 @@ fn read(path: &Path, gpu: &Gpu) -> Option<Profile> {
         && stored.device == report.name
         && stored.driver == report.driver;
     // Settings that it lacks keep their built-in costs.
-    let Profile { mut costs, .. } = Profile::built_in();
     is_ours.then(|| {
+        let mut costs = Profile::built_in().costs;
         costs.extend(costs_of(stored));
-        Profile::new(Source::Measured, costs)
+        Profile { source: Source::Measured, costs }
     })
 }
 
 /// Returns the valid entries of a file: settings of the table with possible numbers.
 fn costs_of(stored: Stored) -> BTreeMap<String, (f64, f64)> {
     let known: Vec<String> = table::every().into_iter().map(|candidate| candidate.spec).collect();
-    let valid = |cost: &StoredCost| {
-        known.contains(&cost.technique)
-            && cost.rmse.is_finite()
-            && cost.rmse >= 0.0
-            && cost.ms.is_finite()
-            && cost.ms > 0.0
+    let valid = |&StoredCost { ref technique, rmse, ms }: &StoredCost| {
+        known.contains(technique) && rmse.is_finite() && rmse >= 0.0 && ms.is_finite() && ms > 0.0
     };
     stored.costs.into_iter().filter(valid).map(|cost| (cost.technique, (cost.rmse, cost.ms))).collect()
 }
 
-/// Measures error and milliseconds of a setting; `None` if the device does not support it.
-fn cost_of(
-    scene: &Arc<GpuScene>,
-    view: &View,
-    probes: &Probes,
-    candidate: &Candidate,
-) -> Result<Option<(f64, f64)>> {
-    match drawn(scene, view, candidate, 0.0, 5) {
-        Ok((image, ms)) => Ok(Some((probes.error(&image).rmse.max(1e-9), ms.max(1e-6)))),
-        Err(Error::Unsupported { .. }) => Ok(None),
-        Err(error) => Err(error),
-    }
-}
-
 fn scene_of(&(field, sides, look, side): &(&str, Sides, &str, u32)) -> Result<(Scene, u32)> {
     let field = Field::from_name(field)?;
-    let (data, range) = match sides {
-        Sides::Samples(side, "u8") => (Data::from(field.sample([side; 3], "u8")?), [0.0, 255.0]),
-        Sides::Samples(side, kind) => (Data::from(field.sample([side; 3], kind)?), [0.0, 1.0]),
-        Sides::Kernels(side, ..) => (Data::from(field.sample([side; 3], "f32")?), [0.0, 1.0]),
-        Sides::Cubes(cubes) => (Data::from(field.tets(cubes)?), [0.0, 1.0]),
-        Sides::Points(count, radius) => {
-            (Data::from(field.points(count)?.with_size(KernelSize::Radius(radius))?), [0.0, 1.0])
-        }
+    let data = match sides {
+        Sides::Samples(side, kind) => Data::from(field.sample([side; 3], kind)?),
+        Sides::Kernels(side, ..) => field.sample([side; 3], "f32")?.into(),
+        Sides::Cubes(cubes) => field.tets(cubes)?.into(),
+        Sides::Points(count, radius) => field.points(count)?.with_size(KernelSize::Radius(radius))?.into(),
     };
-    let Some(preset) = PRESETS.iter().find(|known| known.name == look) else {
-        return Err(Error::invalid("transfer function", format!("\"{look}\": is not a preset")));
-    };
-    let transfer: TransferFunction = preset.transfer(range, 1.0)?;
-    let mut scene = Scene::new(data, transfer);
+    let top = if matches!(sides, Sides::Samples(_, "u8")) { 255.0 } else { 1.0 };
+    let preset = PRESETS.iter().find(|known| known.name == look);
+    let unknown = || Error::invalid("transfer function", format!("\"{look}\": is not a preset"));
+    let mut scene = Scene::new(data, preset.ok_or_else(unknown)?.transfer([0.0, top], 1.0)?);
     if let Sides::Kernels(_, kernel, model) = sides {
         scene = scene.with_kernels(Kernels { kernel, model, ..Kernels::of_samples() })?;
     }
@@ -278,11 +242,11 @@ mod tests {
     fn what_is_built_in_is_whole_and_plausible() {
         let profile = Profile::built_in();
         for candidate in table::every() {
-            let (rmse, ms) = profile.cost(&candidate.spec).unwrap_or_else(|| panic!("{}", candidate.spec));
+            let &(rmse, ms) =
+                profile.costs.get(&candidate.spec).unwrap_or_else(|| panic!("{}", candidate.spec));
             assert!((1e-9..1.0).contains(&rmse) && (0.01..1e4).contains(&ms), "{candidate:?}: {rmse} {ms}");
         }
-        let [coarse, fine] =
-            ["8", "0.125"].map(|step| profile.cost(&format!("slices-3d:step={step}")).unwrap());
+        let [coarse, fine] = ["8", "0.125"].map(|step| profile.costs[&format!("slices-3d:step={step}")]);
         assert!(coarse.0 > 10.0 * fine.0 && coarse.1 < fine.1);
     }
 

@@ -4,22 +4,17 @@ use super::goal::Goal;
 use super::profile::Profile;
 use super::table::Candidate;
 use super::trial::TrialOutcome;
+use crate::num;
 
-/// The prediction for a setting.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Predicted {
-    /// Root mean square error.
-    pub(super) error: f64,
-    pub(super) ms: f64,
-}
+/// Error (root mean square, or its upper bound) and milliseconds of a setting.
+pub(super) type Costs = [f64; 2];
 
 /// The state of a candidate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Known {
     Nothing,
     Refused,
-    /// Upper bound of the error, and milliseconds.
-    Measured(f64, f64),
+    Measured(Costs),
 }
 
 /// A search in progress.
@@ -27,8 +22,8 @@ enum Known {
 pub(super) struct Search<'a> {
     candidates: &'a [Candidate],
     goal: Goal,
-    /// Logarithms of error and time on the profile's scenes.
-    prior: Vec<[f64; 2]>,
+    /// Logarithms of the costs on the profile's scenes.
+    prior: Vec<Costs>,
     known: Vec<Known>,
 }
 
@@ -53,61 +48,56 @@ const UNSURE: f64 = 1.3;
 
 impl<'a> Search<'a> {
     pub(super) fn new(candidates: &'a [Candidate], profile: &Profile, goal: Goal) -> Self {
-        let prior = candidates
-            .iter()
-            .map(|candidate| {
-                // Settings missing in the profile get typical costs.
-                let (error, ms) = profile.cost(&candidate.spec).unwrap_or((1e-3, 10.0));
-                [error.max(LEAST_ERROR).ln(), ms.max(LEAST_MS).ln()]
-            })
-            .collect();
-        Self { candidates, goal, prior, known: vec![Known::Nothing; candidates.len()] }
+        let prior = candidates.iter().map(|candidate| {
+            // Settings missing in the profile get typical costs.
+            let (error, ms) = profile.costs.get(&candidate.spec).copied().unwrap_or((1e-3, 10.0));
+            [error.max(LEAST_ERROR).ln(), ms.max(LEAST_MS).ln()]
+        });
+        let known = vec![Known::Nothing; candidates.len()];
+        Self { candidates, goal, prior: prior.collect(), known }
     }
 
     /// Returns the next candidate to try with its prediction.
-    pub(super) fn next(&self) -> Option<(usize, Predicted)> {
-        let best = self.best().map(|best| self.costs(best));
-        let untried = || (0..self.candidates.len()).filter(|&i| self.known[i] == Known::Nothing);
-        let promising = untried().filter_map(|i| {
-            let predicted = self.predicted(i);
-            let room = if self.has_family(i) { SURE } else { UNSURE };
-            let (limited, price) = self.axes(predicted.error, predicted.ms);
-            let gains = best.is_none_or(|[_, price_now]| price < price_now * WORTH);
-            (limited * room <= self.limit() && gains).then_some((i, predicted, price))
-        });
-        if let Some((i, predicted, _)) = promising.min_by(|a, b| a.2.total_cmp(&b.2)) {
-            return Some((i, predicted));
-        }
-        if let Some([_, price_now]) = best {
-            return self.surprise(price_now);
-        }
-        // Nothing promises to meet the goal: try the nearest candidate, unless it is known to be far off.
-        let near = |(i, predicted): &(usize, Predicted)| {
-            !self.has_family(*i) || self.axes(predicted.error, predicted.ms).0 <= self.limit() * NEAR
+    pub(super) fn next(&self) -> Option<(usize, Costs)> {
+        let untried = || {
+            let all = (0..self.candidates.len()).filter(|&i| self.known[i] == Known::Nothing);
+            all.map(|i| (i, self.predicted(i)))
         };
-        untried()
-            .map(|i| (i, self.predicted(i)))
-            .filter(near)
-            .min_by(|a, b| self.axes(a.1.error, a.1.ms).0.total_cmp(&self.axes(b.1.error, b.1.ms).0))
-    }
-
-    /// Returns the most accurate untried setting of an untried family that would be a large improvement if
-    /// the family were much better than predicted.
-    fn surprise(&self, price_now: f64) -> Option<(usize, Predicted)> {
-        (0..self.candidates.len())
-            .filter(|&i| self.known[i] == Known::Nothing && !self.was_tried(i))
-            .map(|i| (i, self.predicted(i)))
-            .filter(|(_, Predicted { error, ms })| {
-                let (limited, price) = self.axes(error / SURPRISE, *ms);
-                limited <= self.limit() && price < price_now * WORTH_A_SURPRISE
-            })
-            .min_by(|a, b| a.1.error.total_cmp(&b.1.error))
+        let least = |axis: usize| {
+            move |a: &(usize, Costs), b: &(usize, Costs)| {
+                self.axes(a.1)[axis].total_cmp(&self.axes(b.1)[axis])
+            }
+        };
+        let price_now = self.best().map(|best| self.costs(best)[1]);
+        let promising = untried().filter(|&(i, predicted)| {
+            let safety = if self.was_drawn(i) { SURE } else { UNSURE };
+            let [limited, price] = self.axes(predicted);
+            limited * safety <= self.limit() && price_now.is_none_or(|now| price < now * WORTH)
+        });
+        if let Some(next) = promising.min_by(least(1)) {
+            return Some(next);
+        }
+        let Some(price_now) = price_now else {
+            // Nothing promises to meet the goal: try the nearest candidate, unless it is known to be far off.
+            let near = |&(i, predicted): &(usize, Costs)| {
+                !self.was_drawn(i) || self.axes(predicted)[0] <= self.limit() * NEAR
+            };
+            return untried().filter(near).min_by(least(0));
+        };
+        // The most accurate setting of an untried family that would be a large improvement if the family were
+        // much better than predicted.
+        let surprise = |&(i, [error, ms]): &(usize, Costs)| {
+            let was_tried = self.family(i).any(|other| self.known[other] != Known::Nothing);
+            let [limited, price] = self.axes([error / SURPRISE, ms]);
+            !was_tried && limited <= self.limit() && price < price_now * WORTH_A_SURPRISE
+        };
+        untried().filter(surprise).min_by(|(_, a), (_, b)| a[0].total_cmp(&b[0]))
     }
 
     /// Records the outcome of a trial.
     pub(super) fn learn(&mut self, candidate: usize, outcome: &TrialOutcome) {
         self.known[candidate] = match outcome {
-            TrialOutcome::Drawn { error, ms } => Known::Measured(error.bound, *ms),
+            TrialOutcome::Drawn { error, ms } => Known::Measured([error.bound, *ms]),
             TrialOutcome::Refused(_) => Known::Refused,
         };
     }
@@ -119,18 +109,19 @@ impl<'a> Search<'a> {
             .min_by(|&a, &b| self.costs(a)[1].total_cmp(&self.costs(b)[1]))
     }
 
-    /// Returns the measured costs: the one that the goal limits, then the one that it minimises.
+    /// Returns the measured costs as [`Self::axes`] orders them.
     fn costs(&self, candidate: usize) -> [f64; 2] {
         match self.known[candidate] {
-            Known::Measured(error, ms) => self.axes(error, ms).into(),
+            Known::Measured(costs) => self.axes(costs),
             _ => [f64::INFINITY; 2],
         }
     }
 
-    fn axes(&self, error: f64, ms: f64) -> (f64, f64) {
+    /// Returns the cost that the goal limits, then the one that it minimises.
+    fn axes(&self, [error, ms]: Costs) -> [f64; 2] {
         match self.goal {
-            Goal::MaxError(_) => (error, ms),
-            Goal::Budget(_) => (ms, error),
+            Goal::MaxError(_) => [error, ms],
+            Goal::Budget(_) => [ms, error],
         }
     }
 
@@ -140,60 +131,50 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Returns whether a setting of the same family was tried, whether drawn or refused.
-    fn was_tried(&self, candidate: usize) -> bool {
+    /// Returns the settings of the same family.
+    fn family(&self, candidate: usize) -> impl Iterator<Item = usize> {
         let family = self.candidates[candidate].family;
-        self.candidates
-            .iter()
-            .zip(&self.known)
-            .any(|(c, known)| c.family == family && *known != Known::Nothing)
+        (0..self.candidates.len()).filter(move |&i| self.candidates[i].family == family)
     }
 
-    fn has_family(&self, candidate: usize) -> bool {
-        self.measured().any(|(i, _)| self.candidates[i].family == self.candidates[candidate].family)
+    /// Returns whether a setting of the same family was drawn.
+    fn was_drawn(&self, candidate: usize) -> bool {
+        self.family(candidate).any(|i| matches!(self.known[i], Known::Measured(_)))
     }
 
-    /// Returns the drawn candidates with the logarithms of their ratios to the profile's costs.
-    fn measured(&self) -> impl Iterator<Item = (usize, [f64; 2])> {
-        (0..self.candidates.len()).filter_map(|i| match self.known[i] {
-            Known::Measured(error, ms) => {
-                let [prior_error, prior_ms] = self.prior[i];
-                let error = if error.is_finite() { error.max(LEAST_ERROR).ln() } else { 0.0 };
-                Some((i, [error - prior_error, ms.max(LEAST_MS).ln() - prior_ms]))
-            }
-            _ => None,
-        })
+    /// Returns the logarithms of a drawn candidate's costs relative to those of the profile.
+    fn shift(&self, candidate: usize) -> Option<Costs> {
+        let Known::Measured([error, ms]) = self.known[candidate] else { return None };
+        let [prior_error, prior_ms] = self.prior[candidate];
+        let error = if error.is_finite() { error.max(LEAST_ERROR).ln() } else { 0.0 };
+        Some([error - prior_error, ms.max(LEAST_MS).ln() - prior_ms])
     }
 
     /// Predicts a candidate's costs: those of the profile, corrected by trials.
     ///
     /// The correction is interpolated between the nearest trials of the same family on both sides; without
     /// any it is the mean of all trials.
-    fn predicted(&self, candidate: usize) -> Predicted {
-        let Candidate { family, place, .. } = self.candidates[candidate];
-        let of_family = || self.measured().filter(|(i, _)| self.candidates[*i].family == family);
+    fn predicted(&self, candidate: usize) -> Costs {
         let place_of = |i: usize| self.candidates[i].place;
-        let below = of_family().filter(|(i, _)| place_of(*i) < place).max_by_key(|(i, _)| place_of(*i));
-        let above = of_family().filter(|(i, _)| place_of(*i) > place).min_by_key(|(i, _)| place_of(*i));
+        let place = place_of(candidate);
+        let of_family =
+            || self.family(candidate).filter_map(|i| self.shift(i).map(|shift| (place_of(i), shift)));
+        let below = of_family().filter(|(at, _)| *at < place).max_by_key(|(at, _)| *at);
+        let above = of_family().filter(|(at, _)| *at > place).min_by_key(|(at, _)| *at);
         let shift = match (below, above) {
             (Some((_, shift)), None) | (None, Some((_, shift))) => shift,
             (Some((a, low)), Some((b, high))) => {
-                let [a, b, at] = [place_of(a), place_of(b), place].map(crate::num::f64_of);
+                let [a, b, at] = [a, b, place].map(num::f64_of);
                 let x = (at - a) / (b - a);
                 [0, 1].map(|axis| low[axis] + (high[axis] - low[axis]) * x)
             }
             (None, None) => {
-                let mut sum = [0.0; 2];
-                let mut count = 0.0;
-                for (_, shift) in self.measured() {
-                    sum = [sum[0] + shift[0], sum[1] + shift[1]];
-                    count += 1.0;
-                }
-                sum.map(|sum| sum / f64::max(count, 1.0))
+                let all: Vec<Costs> = (0..self.candidates.len()).filter_map(|i| self.shift(i)).collect();
+                let count = num::f64_of(all.len()).max(1.0);
+                [0, 1].map(|axis| all.iter().map(|shift| shift[axis]).sum::<f64>() / count)
             }
         };
-        let [error, ms] = self.prior[candidate];
-        Predicted { error: (error + shift[0]).exp(), ms: (ms + shift[1]).exp() }
+        [0, 1].map(|axis| (self.prior[candidate][axis] + shift[axis]).exp())
     }
 }
 
@@ -212,10 +193,8 @@ mod tests {
     /// Runs a search in which `cost` gives the true costs.
     fn search(goal: Goal, cost: impl Fn(&Candidate) -> Option<(f64, f64)>) -> (Option<usize>, Vec<usize>) {
         let candidates = stepped();
-        let profile = Profile::new(
-            Source::BuiltIn,
-            candidates.iter().map(|c| (c.spec.clone(), rule(c, 1.0))).collect(),
-        );
+        let costs = candidates.iter().map(|c| (c.spec.clone(), rule(c, 1.0))).collect();
+        let profile = Profile { source: Source::BuiltIn, costs };
         let mut search = Search::new(&candidates, &profile, goal);
         let mut tried = Vec::new();
         while let Some((i, _)) = search.next() {

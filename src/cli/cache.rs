@@ -14,8 +14,8 @@ use flate2::write::ZlibEncoder;
 use sha2::{Digest, Sha256};
 use volraster::gpu::user_cache_folder;
 use volraster::reference::{ReferenceImage, ReferenceOptions};
-use volraster::scene::{Data, Grid, KernelSize, Points, Samples, Scene, TetScalars, Tets, View};
-use volraster::{Error, Result, reference};
+use volraster::scene::{Data, KernelSize, Samples, Scene, TetScalars, View};
+use volraster::{Result, reference};
 
 /// Maximum total size of the files, in bytes.
 const MAX_BYTES: u64 = 1 << 30;
@@ -29,48 +29,26 @@ const HASH: usize = 32;
 
 const ENDING: &str = "reference";
 
+/// Lists files below `src/`, each with its content.
+macro_rules! sources {
+    ($($folder:literal: $($file:literal),*;)*) => {
+        &[$($((concat!($folder, $file), include_bytes!(concat!("../", $folder, $file)))),*),*]
+    };
+}
+
 /// Source code that determines the image: a changed reference invalidates the cache.
-const SOURCES: &[(&str, &[u8])] = &[
-    ("optics/kernel.rs", include_bytes!("../optics/kernel.rs")),
-    ("optics/kernel/erf.rs", include_bytes!("../optics/kernel/erf.rs")),
-    ("optics/kernel/flatness.rs", include_bytes!("../optics/kernel/flatness.rs")),
-    ("optics/kernel/footprint.rs", include_bytes!("../optics/kernel/footprint.rs")),
-    ("optics/kernel/frequency.rs", include_bytes!("../optics/kernel/frequency.rs")),
-    ("optics/kernel/prefilter.rs", include_bytes!("../optics/kernel/prefilter.rs")),
-    ("optics/kernel/quadrature.rs", include_bytes!("../optics/kernel/quadrature.rs")),
-    ("optics/kernel/shape.rs", include_bytes!("../optics/kernel/shape.rs")),
-    ("optics/kernel/template.rs", include_bytes!("../optics/kernel/template.rs")),
-    ("reference/cover.rs", include_bytes!("../reference/cover.rs")),
-    ("reference/draw.rs", include_bytes!("../reference/draw.rs")),
-    ("reference/grid.rs", include_bytes!("../reference/grid.rs")),
-    ("reference/image.rs", include_bytes!("../reference/image.rs")),
-    ("reference/kernels.rs", include_bytes!("../reference/kernels.rs")),
-    ("reference/kernels/density.rs", include_bytes!("../reference/kernels/density.rs")),
-    ("reference/kernels/hits.rs", include_bytes!("../reference/kernels/hits.rs")),
-    ("reference/kernels/interpolate.rs", include_bytes!("../reference/kernels/interpolate.rs")),
-    ("reference/kernels/lattice.rs", include_bytes!("../reference/kernels/lattice.rs")),
-    ("reference/kernels/medium.rs", include_bytes!("../reference/kernels/medium.rs")),
-    ("reference/kernels/scattered.rs", include_bytes!("../reference/kernels/scattered.rs")),
-    ("reference/kernels/values.rs", include_bytes!("../reference/kernels/values.rs")),
-    ("reference/march.rs", include_bytes!("../reference/march.rs")),
-    ("reference/mod.rs", include_bytes!("../reference/mod.rs")),
-    ("reference/one_ray.rs", include_bytes!("../reference/one_ray.rs")),
-    ("reference/polynomial.rs", include_bytes!("../reference/polynomial.rs")),
-    ("reference/quadrature.rs", include_bytes!("../reference/quadrature.rs")),
-    ("reference/rays.rs", include_bytes!("../reference/rays.rs")),
-    ("reference/sampling.rs", include_bytes!("../reference/sampling.rs")),
-    ("reference/surfaces.rs", include_bytes!("../reference/surfaces.rs")),
-    ("reference/tets.rs", include_bytes!("../reference/tets.rs")),
-    ("reference/view_ray.rs", include_bytes!("../reference/view_ray.rs")),
-    ("scene/camera.rs", include_bytes!("../scene/camera.rs")),
-    ("scene/clip.rs", include_bytes!("../scene/clip.rs")),
-    ("scene/grid.rs", include_bytes!("../scene/grid.rs")),
-    ("scene/kernel.rs", include_bytes!("../scene/kernel.rs")),
-    ("scene/points.rs", include_bytes!("../scene/points.rs")),
-    ("scene/samples.rs", include_bytes!("../scene/samples.rs")),
-    ("scene/tets.rs", include_bytes!("../scene/tets.rs")),
-    ("scene/transfer.rs", include_bytes!("../scene/transfer.rs")),
-];
+const SOURCES: &[(&str, &[u8])] = sources! {
+    "optics/": "kernel.rs";
+    "optics/kernel/": "erf.rs", "flatness.rs", "footprint.rs", "frequency.rs", "prefilter.rs",
+        "quadrature.rs", "shape.rs", "template.rs";
+    "reference/": "cover.rs", "draw.rs", "grid.rs", "image.rs", "kernels.rs", "march.rs", "mod.rs",
+        "one_ray.rs", "polynomial.rs", "quadrature.rs", "rays.rs", "sampling.rs", "surfaces.rs", "tets.rs",
+        "view_ray.rs";
+    "reference/kernels/": "density.rs", "hits.rs", "interpolate.rs", "lattice.rs", "medium.rs",
+        "scattered.rs", "values.rs";
+    "scene/": "camera.rs", "clip.rs", "grid.rs", "kernel.rs", "points.rs", "samples.rs", "tets.rs",
+        "transfer.rs";
+};
 
 /// A folder of reference images.
 #[derive(Clone, Debug)]
@@ -95,11 +73,7 @@ impl Cache {
     }
 
     /// Returns the reference image of a view, with one ray per pixel, from the cache or drawn. `progress` is called
-    /// as by [`reference::render`].
-    ///
-    /// # Errors
-    ///
-    /// As [`reference::render`]. A cache that cannot be read or written is no error.
+    /// as by [`reference::render`]. A cache that cannot be read or written is no error.
     pub(crate) fn image(
         &self,
         scene: &Scene,
@@ -114,41 +88,39 @@ impl Cache {
         if let Some(path) = &path
             && let Some(image) = load(path, view.extent())
         {
-            touch(path);
+            // The modification time marks a file as recently used.
+            if let Ok(file) = std::fs::OpenOptions::new().append(true).open(path) {
+                let _ = file.set_modified(SystemTime::now());
+            }
             return Ok((image, Origin::Cached));
         }
         let image = reference::render(scene, view, &ReferenceOptions::default(), progress)?;
-        if let Some(path) = &path {
-            // The file appears complete or not at all for other processes.
-            let _ = self.store(path, &image);
+        if let (Some(folder), Some(path)) = (&self.folder, &path) {
+            let _ = self.store(folder, path, &image);
         }
         Ok((image, Origin::Drawn))
     }
 
-    fn store(&self, path: &Path, image: &ReferenceImage) -> Result<()> {
-        let Some(folder) = &self.folder else { return Ok(()) };
-        let failed = |source| Error::Io { path: path.to_path_buf(), action: "cannot write", source };
-        let bytes = encoded(image).map_err(failed)?;
+    /// Writes a file, which appears complete or not at all for other processes.
+    fn store(&self, folder: &Path, path: &Path, image: &ReferenceImage) -> std::io::Result<()> {
+        let bytes = encoded(image)?;
         if bytes.len() as u64 > self.max_bytes {
             return Ok(());
         }
-        std::fs::create_dir_all(folder).map_err(failed)?;
-        self.evict(bytes.len() as u64);
+        std::fs::create_dir_all(folder)?;
+        self.evict(folder, bytes.len() as u64);
         let part = path.with_extension(format!("{}.part", std::process::id()));
         let written = std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, path));
         if written.is_err() {
             let _ = std::fs::remove_file(&part);
         }
-        written.map_err(failed)
+        written
     }
 
     /// Removes the least recently used files until `bytes` more fit, and files that interrupted writers left.
-    fn evict(&self, bytes: u64) {
-        let Some(entries) = self.folder.as_ref().and_then(|folder| std::fs::read_dir(folder).ok()) else {
-            return;
-        };
+    fn evict(&self, folder: &Path, bytes: u64) {
         let mut files: Vec<(SystemTime, u64, PathBuf)> = Vec::new();
-        for entry in entries.flatten() {
+        for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
             let (path, Ok(meta)) = (entry.path(), entry.metadata()) else { continue };
             let is_ours = path.extension().is_some_and(|ending| ending == ENDING || ending == "part");
             if let (true, true, Ok(used)) = (is_ours, meta.is_file(), meta.modified()) {
@@ -165,13 +137,6 @@ impl Cache {
                 all -= size;
             }
         }
-    }
-}
-
-/// Sets the modification time to now, which marks a file as recently used.
-fn touch(path: &Path) {
-    if let Ok(file) = std::fs::OpenOptions::new().append(true).open(path) {
-        let _ = file.set_modified(SystemTime::now());
     }
 }
 
@@ -198,55 +163,44 @@ fn key(scene: &Scene, view: &View) -> Option<[u8; HASH]> {
         put(bytemuck::cast_slice(surface.triangles()));
     }
     match &scene.data {
-        Data::Grid(grid) => of_grid(grid, &mut put),
-        Data::Mesh(mesh) => of_mesh(mesh, &mut put),
-        Data::Points(points) => of_points(points, &mut put),
+        Data::Grid(grid) => {
+            let place = (grid.dims(), grid.index_to_world(), grid.origin(), grid.rescale());
+            put(format!("grid {:?} {place:?}", grid.samples().type_name()).as_bytes());
+            put(match grid.samples() {
+                Samples::U8(samples) => samples,
+                Samples::U16(samples) => bytemuck::cast_slice(samples),
+                Samples::I16(samples) => bytemuck::cast_slice(samples),
+                Samples::F32(samples) => bytemuck::cast_slice(samples),
+            });
+        }
+        Data::Mesh(mesh) => {
+            put(match mesh.scalars() {
+                TetScalars::Point(_) => b"mesh, scalars of points",
+                TetScalars::Cell(_) => b"mesh, scalars of cells",
+            });
+            put(bytemuck::cast_slice(mesh.points()));
+            put(bytemuck::cast_slice(mesh.cells()));
+            put(bytemuck::cast_slice(mesh.scalars().values()));
+        }
+        Data::Points(points) => {
+            put(b"points");
+            put(bytemuck::cast_slice(points.centres()));
+            for list in [points.scalars(), points.weights()] {
+                put(&[u8::from(list.is_some())]);
+                put(bytemuck::cast_slice(list.unwrap_or_default()));
+            }
+            let (kind, sizes): (&[u8], &[u8]) = match points.size() {
+                KernelSize::Unknown => (b"unknown", &[]),
+                KernelSize::Radius(radius) => (b"radius", bytemuck::bytes_of(radius)),
+                KernelSize::Radii(radii) => (b"radii", bytemuck::cast_slice(radii)),
+                KernelSize::Covariances(all) => (b"covariances", bytemuck::cast_slice(all)),
+            };
+            put(kind);
+            put(sizes);
+        }
         _ => return None,
     }
     Some(hash.finalize().into())
-}
-
-fn of_grid(grid: &Grid, put: &mut impl FnMut(&[u8])) {
-    let place = (grid.dims(), grid.index_to_world(), grid.origin(), grid.rescale());
-    put(format!("grid {:?} {place:?}", grid.samples().type_name()).as_bytes());
-    match grid.samples() {
-        Samples::U8(samples) => put(samples),
-        Samples::U16(samples) => put(bytemuck::cast_slice(samples)),
-        Samples::I16(samples) => put(bytemuck::cast_slice(samples)),
-        Samples::F32(samples) => put(bytemuck::cast_slice(samples)),
-    }
-}
-
-fn of_mesh(mesh: &Tets, put: &mut impl FnMut(&[u8])) {
-    let kind = match mesh.scalars() {
-        TetScalars::Point(_) => "mesh, scalars of points",
-        TetScalars::Cell(_) => "mesh, scalars of cells",
-    };
-    put(kind.as_bytes());
-    put(bytemuck::cast_slice(mesh.points()));
-    put(bytemuck::cast_slice(mesh.cells()));
-    put(bytemuck::cast_slice(mesh.scalars().values()));
-}
-
-fn of_points(points: &Points, put: &mut impl FnMut(&[u8])) {
-    put(b"points");
-    put(bytemuck::cast_slice(points.centres()));
-    for list in [points.scalars(), points.weights()] {
-        put(&[u8::from(list.is_some())]);
-        put(bytemuck::cast_slice(list.unwrap_or_default()));
-    }
-    match points.size() {
-        KernelSize::Unknown => put(b"unknown"),
-        KernelSize::Radius(radius) => put(&radius.to_le_bytes()),
-        KernelSize::Radii(radii) => {
-            put(b"radii");
-            put(bytemuck::cast_slice(radii));
-        }
-        KernelSize::Covariances(all) => {
-            put(b"covariances");
-            put(bytemuck::cast_slice(all));
-        }
-    }
 }
 
 fn encoded(image: &ReferenceImage) -> std::io::Result<Vec<u8>> {
@@ -255,10 +209,8 @@ fn encoded(image: &ReferenceImage) -> std::io::Result<Vec<u8>> {
     bytes.extend(image.height().to_le_bytes());
     // Many images are mostly empty and compress well.
     let mut packer = ZlibEncoder::new(bytes, Compression::fast());
-    for pixel in image.pixels() {
-        for channel in pixel {
-            packer.write_all(&channel.to_le_bytes())?;
-        }
+    for channel in image.pixels().as_flattened() {
+        packer.write_all(&channel.to_le_bytes())?;
     }
     let mut bytes = packer.finish()?;
     let hash = Sha256::digest(&bytes);
@@ -300,7 +252,7 @@ mod tests {
     use std::sync::atomic::{AtomicU32, Ordering};
     use volraster::glam::DVec3;
     use volraster::scene::{
-        Camera, Clip, Field, Kernel, Kernels, Model, Projection, Shading, Surface, TransferFunction,
+        Camera, Clip, Field, Kernel, Kernels, Model, Points, Projection, Shading, Surface, TransferFunction,
     };
 
     fn scene(name: &str, cubes: bool, extinction: f64) -> Scene {

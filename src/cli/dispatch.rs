@@ -72,7 +72,7 @@ pub(crate) fn main() -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            output::complain(&failure.line());
+            output::complain(&failure.to_string());
             ExitCode::from(failure.exit_code())
         }
     }
@@ -80,21 +80,14 @@ pub(crate) fn main() -> ExitCode {
 
 /// Prints help and version as clap formats them, and a usage error as one line.
 fn usage(error: &clap::Error) -> ExitCode {
-    match error.kind() {
-        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
-            // A closed pipe is no error here.
-            let _ = error.print();
-            ExitCode::SUCCESS
-        }
-        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
-            let _ = error.print();
-            ExitCode::from(USAGE)
-        }
-        _ => {
-            output::complain(&one_line(&error.to_string()));
-            ExitCode::from(USAGE)
-        }
+    use ErrorKind::{DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion};
+    if matches!(error.kind(), DisplayHelp | DisplayVersion | DisplayHelpOnMissingArgumentOrSubcommand) {
+        // A closed pipe is no error here.
+        let _ = error.print();
+    } else {
+        output::complain(&one_line(&error.to_string()));
     }
+    if error.use_stderr() { ExitCode::from(USAGE) } else { ExitCode::SUCCESS }
 }
 
 /// Extracts the message of clap's report, without the usage and the hint that follow it.

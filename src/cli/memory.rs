@@ -1,13 +1,9 @@
 //! Memory figures: device memory of some work, device memory by object name, peak host memory.
 
-use serde_json::{Value, json};
+use serde_json::{Map, Value};
 use volraster::{GpuScene, Result};
 
 /// Runs some work; returns its result and the growth of the device memory during it, in bytes.
-///
-/// # Errors
-///
-/// Those of the work.
 pub(crate) fn device_bytes<T>(scene: &GpuScene, work: impl FnOnce() -> Result<T>) -> Result<(T, u64)> {
     let taken = || scene.gpu().memory_report().iter().map(|(_, bytes)| bytes).sum::<u64>();
     let before = taken();
@@ -17,14 +13,12 @@ pub(crate) fn device_bytes<T>(scene: &GpuScene, work: impl FnOnce() -> Result<T>
 
 /// Sums bytes by object name, in order of first appearance.
 pub(super) fn summed(report: Vec<(String, u64)>) -> Value {
-    let mut sums: Vec<(String, u64)> = Vec::new();
+    let mut sums = Map::new();
     for (name, bytes) in report {
-        match sums.iter_mut().find(|(other, _)| *other == name) {
-            Some((_, sum)) => *sum += bytes,
-            None => sums.push((name, bytes)),
-        }
+        let sum = sums.get(&name).and_then(Value::as_u64).unwrap_or(0) + bytes;
+        sums.insert(name, sum.into());
     }
-    Value::Object(sums.into_iter().map(|(name, bytes)| (name, json!(bytes))).collect())
+    Value::Object(sums)
 }
 
 /// Returns the peak resident memory of the process in bytes, where the system reports it (Linux).
@@ -37,6 +31,7 @@ pub(super) fn peak_rss_bytes() -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
 
     #[test]
     fn bytes_are_summed_by_name_and_the_peak_is_plausible() {

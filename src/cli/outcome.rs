@@ -6,31 +6,20 @@ use volraster::gpu::ValidationLog;
 use crate::cli::interrupt;
 
 /// A failure; the run ends with an exit code other than 0.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub(crate) enum Failure {
     /// The command could not do its work.
-    Error(Error),
+    #[error(transparent)]
+    Error(#[from] Error),
     /// The command did its work and found something wrong.
+    #[error("{0}")]
     Finding(String),
     /// The user interrupted the command.
+    #[error("{0}")]
     Interrupted(String),
 }
 
-impl From<Error> for Failure {
-    fn from(error: Error) -> Self {
-        Self::Error(error)
-    }
-}
-
 impl Failure {
-    /// Returns the line for stderr.
-    pub(super) fn line(&self) -> String {
-        match self {
-            Self::Error(error) => error.to_string(),
-            Self::Finding(text) | Self::Interrupted(text) => text.clone(),
-        }
-    }
-
     /// Returns the exit code: 2 wrong input or usage, 3 no device or feature, 130 interrupted, 1 anything else.
     pub(super) fn exit_code(&self) -> u8 {
         match self {
@@ -46,14 +35,11 @@ pub(crate) type Outcome = Result<(), Failure>;
 
 /// Fails if the validation layers gave messages. Call it after the device has been destroyed, which may cause
 /// messages too.
-///
-/// # Errors
-///
-/// [`Failure::Finding`] with the number of messages.
 pub(crate) fn check_validation(log: &ValidationLog) -> Outcome {
-    match log.messages().len() {
-        0 => Ok(()),
-        1 => Err(Failure::Finding("the validation layers gave 1 message".to_string())),
-        n => Err(Failure::Finding(format!("the validation layers gave {n} messages"))),
-    }
+    let count = match log.messages().len() {
+        0 => return Ok(()),
+        1 => "1 message".to_string(),
+        n => format!("{n} messages"),
+    };
+    Err(Failure::Finding(format!("the validation layers gave {count}")))
 }

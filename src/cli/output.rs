@@ -8,31 +8,21 @@ use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressFinish, ProgressStyle};
 use serde_json::Value;
 use volraster::io::{Progress, ReadOptions};
+use volraster::scene::View;
 use volraster::{Error, Result};
 
 /// Prints a line on stdout. A closed pipe (`| head`) is no error: the work goes on.
-///
-/// # Errors
-///
-/// [`Error::Io`] when stdout cannot be written for another reason.
 pub(crate) fn print(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.write_all(b"\n")).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(io(Path::new("stdout"), error)),
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(unwritable(Path::new("stdout"))(error))
+        }
         _ => Ok(()),
     }
-}
-
-/// Prints JSON on stdout.
-///
-/// # Errors
-///
-/// As [`print`].
-pub(crate) fn print_json(value: &Value) -> Result<()> {
-    print(&format!("{value:#}"))
 }
 
 /// Prints one line on stderr. Ignores write errors: there is no other place to report them.
@@ -47,60 +37,44 @@ pub(crate) fn plain(text: &str) -> String {
 
 /// Shows a progress bar if stderr is a terminal.
 pub(crate) fn progress(total: u64, what: &str) -> ProgressBar {
+    styled(ProgressBar::new(total), "{msg} {wide_bar} {pos}/{len} {eta}", what)
+}
+
+/// Draws a reference image with a progress bar; the work calls its argument after each row.
+pub(crate) fn counting_rows<T>(view: &View, work: impl FnOnce(&(dyn Fn(u32, u32) + Sync)) -> T) -> T {
+    let bar = progress(u64::from(view.extent()[1]), "reference");
+    let result = work(&|_, _| bar.inc(1));
+    bar.finish_and_clear();
+    result
+}
+
+/// Adds a progress bar to the options for reading a file. It appears on a terminal if reading takes a while, and
+/// disappears with the options.
+pub(crate) fn with_progress(path: &Path, options: ReadOptions) -> ReadOptions {
+    const PATIENCE: Duration = Duration::from_millis(300);
     if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
+        return options;
     }
-    let bar = ProgressBar::new(total);
-    if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} {eta}") {
+    let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::hidden());
+    let name = plain(&path.file_name().unwrap_or_default().to_string_lossy());
+    let bar = styled(bar, "{msg} {wide_bar} {bytes}/{total_bytes} {eta}", &name);
+    let bar = bar.with_finish(ProgressFinish::AndClear);
+    let (begin, shown) = (Instant::now(), std::sync::Once::new());
+    let progress = Progress::new(move |done, all| {
+        if begin.elapsed() >= PATIENCE {
+            bar.set_length(all);
+            bar.set_position(done);
+            shown.call_once(|| bar.set_draw_target(ProgressDrawTarget::stderr()));
+        }
+    });
+    ReadOptions { progress: Some(progress), ..options }
+}
+
+fn styled(bar: ProgressBar, template: &str, what: &str) -> ProgressBar {
+    if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
     }
-    bar.set_message(what.to_string());
-    bar
-}
-
-/// A progress bar for reading a file. It appears on a terminal if reading takes a while, and disappears on drop.
-#[derive(Debug)]
-pub(crate) struct Reading {
-    bar: ProgressBar,
-}
-
-impl Reading {
-    /// Delay before the bar appears.
-    const PATIENCE: Duration = Duration::from_millis(300);
-
-    /// Creates the bar, not yet visible.
-    pub(crate) fn new(path: &Path) -> Self {
-        let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::hidden());
-        if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {bytes}/{total_bytes} {eta}") {
-            bar.set_style(style);
-        }
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        bar.set_message(plain(&name));
-        Self { bar }
-    }
-
-    /// Returns the options with a progress callback that updates the bar.
-    pub(crate) fn with_progress(&self, options: ReadOptions) -> ReadOptions {
-        if !std::io::stderr().is_terminal() {
-            return options;
-        }
-        let (bar, begin) = (self.bar.clone(), Instant::now());
-        let shown = std::sync::Once::new();
-        let progress = Progress::new(move |done, all| {
-            if begin.elapsed() >= Self::PATIENCE {
-                bar.set_length(all);
-                bar.set_position(done);
-                shown.call_once(|| bar.set_draw_target(ProgressDrawTarget::stderr()));
-            }
-        });
-        ReadOptions { progress: Some(progress), ..options }
-    }
-}
-
-impl Drop for Reading {
-    fn drop(&mut self) {
-        self.bar.finish_and_clear();
-    }
+    bar.with_message(what.to_string())
 }
 
 /// Prints the warnings about a file.
@@ -110,19 +84,18 @@ pub(crate) fn warn(path: &Path, warnings: &[String]) {
     }
 }
 
-/// Returns whether two paths name the same file. A path to a missing file is compared as text.
-pub(crate) fn same_place(a: &Path, b: &Path) -> bool {
-    match (a.canonicalize(), b.canonicalize()) {
-        (Ok(a), Ok(b)) => a == b,
-        _ => a == b,
-    }
+/// Refuses an output path that is also another file of the run. A path to a missing file is compared as text.
+pub(crate) fn check_apart(what: &str, path: &Path, others: &[(&PathBuf, &str)]) -> Result<()> {
+    let is_same = |other: &Path| match (path.canonicalize(), other.canonicalize()) {
+        (Ok(path), Ok(other)) => path == other,
+        _ => path == other,
+    };
+    let Some((_, role)) = others.iter().find(|(other, _)| is_same(other)) else { return Ok(()) };
+    let why = format!("{}: is also {role}", path.display());
+    Err(Error::Invalid { what: what.to_string(), why })
 }
 
 /// Checks an output image path: its ending, and that it is writable.
-///
-/// # Errors
-///
-/// [`Error::File`] for another ending than `.exr` and `.png`, otherwise as [`check_file`].
 pub(crate) fn check_image(path: &Path) -> Result<()> {
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
     if !matches!(ending.as_deref(), Some("exr" | "png")) {
@@ -132,22 +105,14 @@ pub(crate) fn check_image(path: &Path) -> Result<()> {
 }
 
 /// Checks that a file is writable, by creating and removing a temporary file beside it.
-///
-/// # Errors
-///
-/// [`Error::File`] when the path is a folder, [`Error::Io`] when the file cannot be created.
 pub(crate) fn check_file(path: &Path) -> Result<()> {
     if path.file_name().is_none() || path.is_dir() {
         return Err(refuse(path, "file name", "must not be empty or a folder"));
     }
-    probe(&beside(path, "check"), path)
+    probe(path, path)
 }
 
 /// Checks that a folder is writable or can be created, by creating and removing a temporary file.
-///
-/// # Errors
-///
-/// [`Error::File`] when a file is in the way, [`Error::Io`] when the folder is not writable.
 pub(crate) fn check_folder(path: &Path) -> Result<()> {
     let exists = |folder: &&Path| folder.symlink_metadata().is_ok();
     let nearest = path.ancestors().filter(|folder| !folder.as_os_str().is_empty()).find(exists);
@@ -155,47 +120,41 @@ pub(crate) fn check_folder(path: &Path) -> Result<()> {
     if !nearest.is_dir() {
         return Err(refuse(path, "folder", &format!("{} is not a folder", nearest.display())));
     }
-    probe(&beside(&nearest.join("volraster"), "check"), path)
+    probe(&nearest.join("volraster"), path)
 }
 
 /// Creates a folder and its parents.
-///
-/// # Errors
-///
-/// [`Error::Io`] when that fails.
 pub(crate) fn make_folder(path: &Path) -> Result<()> {
-    std::fs::create_dir_all(path).map_err(|source| io(path, source))
+    std::fs::create_dir_all(path).map_err(unwritable(path))
 }
 
 /// Writes a JSON file, completely or not at all.
-///
-/// # Errors
-///
-/// As [`volraster::io::write_text`].
 pub(crate) fn write_json(path: &Path, value: &Value) -> Result<()> {
     volraster::io::write_text(path, &format!("{value:#}\n"))
 }
 
-/// Returns a hidden temporary name in the same folder.
-fn beside(path: &Path, ending: &str) -> PathBuf {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!(".{name}.{}.{ending}", std::process::id()))
+/// Removes the null members of a JSON object: quantities that were not measured.
+pub(crate) fn without_nulls(mut object: Value) -> Value {
+    if let Value::Object(members) = &mut object {
+        members.retain(|_, value| !value.is_null());
+    }
+    object
 }
 
-/// Creates and removes a file; an error names `path`.
+/// Creates and removes a hidden file beside `file`; an error names `path`.
 fn probe(file: &Path, path: &Path) -> Result<()> {
-    OpenOptions::new()
-        .write(true)
-        .create_new(true)
-        .open(file)
-        .and_then(|_| std::fs::remove_file(file))
-        .map_err(|source| io(path, source))
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let hidden = file.with_file_name(format!(".{name}.{}.check", std::process::id()));
+    let created = OpenOptions::new().write(true).create_new(true).open(&hidden);
+    created.and_then(|_| std::fs::remove_file(hidden)).map_err(unwritable(path))
 }
 
-fn io(path: &Path, source: std::io::Error) -> Error {
-    Error::Io { path: path.to_path_buf(), action: "cannot write", source }
+/// Makes the error of a file that cannot be written.
+pub(crate) fn unwritable(path: &Path) -> impl Fn(std::io::Error) -> Error {
+    move |source| Error::Io { path: path.to_path_buf(), action: "cannot write", source }
 }
 
-fn refuse(path: &Path, place: &str, rule: &str) -> Error {
+/// Makes the error of a file that breaks a rule.
+pub(crate) fn refuse(path: &Path, place: &str, rule: &str) -> Error {
     Error::File { path: path.to_path_buf(), place: place.to_string(), rule: rule.to_string() }
 }

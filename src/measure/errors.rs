@@ -70,9 +70,9 @@ impl ImageErrors {
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if the sizes differ or there are no pixels.
+    /// [`Error::Invalid`] if the sizes differ.
     pub fn between(image: &Image, truth: &Image) -> Result<Self> {
-        Self::compare(image, truth)
+        Self::between_f64(image, &widened(truth)?)
     }
 
     /// Compares an image with a float64 truth, which is not rounded.
@@ -85,16 +85,10 @@ impl ImageErrors {
     ///
     /// As [`Self::between`].
     pub fn between_f64(image: &Image, truth: &ReferenceImage) -> Result<Self> {
-        Self::compare(image, truth)
-    }
-
-    fn compare(image: &impl Raster, truth: &impl Raster) -> Result<Self> {
-        let [width, height] = common_size(image, truth)?;
-        let pixels = num::index(width) * num::index(height);
+        let pixels = image.pixels().len();
         let mut channels: [Vec<f64>; 4] = std::array::from_fn(|_| Vec::with_capacity(pixels));
         let (mut above, mut non_finite) = (0_usize, 0_u64);
-        for i in 0..pixels {
-            let errors = signed_errors(image.at(i), truth.at(i));
+        for errors in signed_errors(image, truth)? {
             above += usize::from(errors.iter().any(|e| e.abs() > 1.0 / 255.0));
             for (channel, error) in channels.iter_mut().zip(errors) {
                 non_finite += u64::from(error.is_infinite());
@@ -104,8 +98,8 @@ impl ImageErrors {
         let mut all = channels.concat();
         let [red, green, blue, alpha] = channels.map(|mut errors| statistics(&mut errors));
         Ok(Self {
-            width,
-            height,
+            width: image.width(),
+            height: image.height(),
             all: statistics(&mut all),
             red,
             green,
@@ -131,60 +125,32 @@ impl fmt::Display for ImageErrors {
     }
 }
 
-/// Pixels that can be compared, whatever their precision.
-pub(super) trait Raster {
-    /// Returns width and height.
-    fn size(&self) -> [u32; 2];
-    /// Returns the pixel of an index, row by row from the top.
-    fn at(&self, index: usize) -> [f64; 4];
+/// Converts pixels to float64.
+pub(super) fn widened(image: &Image) -> Result<ReferenceImage> {
+    let pixels = image.pixels().iter().map(|pixel| pixel.map(f64::from)).collect();
+    ReferenceImage::new(image.width(), image.height(), pixels)
 }
 
-impl Raster for Image {
-    fn size(&self) -> [u32; 2] {
-        [self.width(), self.height()]
-    }
-
-    fn at(&self, index: usize) -> [f64; 4] {
-        self.pixels()[index].map(f64::from)
-    }
-}
-
-impl Raster for ReferenceImage {
-    fn size(&self) -> [u32; 2] {
-        [self.width(), self.height()]
-    }
-
-    fn at(&self, index: usize) -> [f64; 4] {
-        self.pixels()[index]
-    }
-}
-
-/// Returns the common size of two images.
+/// Returns `image - truth` in each channel of each pixel, positive infinity where either is not finite.
 ///
 /// # Errors
 ///
-/// [`Error::Invalid`] if the sizes differ or there are no pixels.
-pub(super) fn common_size(image: &impl Raster, truth: &impl Raster) -> Result<[u32; 2]> {
-    let ([w, h], [truth_w, truth_h]) = (image.size(), truth.size());
+/// [`Error::Invalid`] if the sizes differ.
+pub(super) fn signed_errors(image: &Image, truth: &ReferenceImage) -> Result<impl Iterator<Item = [f64; 4]>> {
+    let ([w, h], [truth_w, truth_h]) = ([image.width(), image.height()], [truth.width(), truth.height()]);
     if [w, h] != [truth_w, truth_h] {
         return Err(Error::invalid(
             "image size",
             format!("{w} x {h} against {truth_w} x {truth_h}: images to compare must have the same size"),
         ));
     }
-    if w == 0 || h == 0 {
-        return Err(Error::invalid("image size", format!("{w} x {h}: there are no pixels to compare")));
-    }
-    Ok([w, h])
-}
-
-/// Returns `image - truth` in each channel, positive infinity where either is not finite.
-pub(super) fn signed_errors(image: [f64; 4], truth: [f64; 4]) -> [f64; 4] {
-    std::array::from_fn(|c| {
-        let error = image[c] - truth[c];
-        // Infinity minus itself and NaN minus anything are NaN: one test covers all cases.
-        if error.is_finite() { error } else { f64::INFINITY }
-    })
+    Ok(image.pixels().iter().zip(truth.pixels()).map(|(image, truth)| {
+        std::array::from_fn(|c| {
+            let error = f64::from(image[c]) - truth[c];
+            // Infinity minus itself and NaN minus anything are NaN: one test covers all cases.
+            if error.is_finite() { error } else { f64::INFINITY }
+        })
+    }))
 }
 
 /// Computes the statistics; sorts the errors by magnitude. There is at least one, and none is NaN.

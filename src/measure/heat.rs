@@ -5,7 +5,7 @@ use crate::image::Image;
 use crate::num;
 use crate::reference::ReferenceImage;
 
-use super::errors::{Raster, common_size, signed_errors};
+use super::errors::{signed_errors, widened};
 
 /// The legend: absolute error, and its sRGB colour (0 to 1) in a PNG.
 ///
@@ -43,9 +43,9 @@ pub const HEAT_NON_FINITE: [f64; 3] = [0.0, 1.0, 1.0];
 ///
 /// # Errors
 ///
-/// [`crate::error::Error::Invalid`] if the sizes differ or there are no pixels.
+/// [`crate::error::Error::Invalid`] if the sizes differ.
 pub fn heat_map(image: &Image, truth: &Image) -> Result<Image> {
-    draw(image, truth)
+    heat_map_f64(image, &widened(truth)?)
 }
 
 /// Maps the errors against a float64 truth, which is not rounded.
@@ -54,21 +54,13 @@ pub fn heat_map(image: &Image, truth: &Image) -> Result<Image> {
 ///
 /// As [`heat_map`].
 pub fn heat_map_f64(image: &Image, truth: &ReferenceImage) -> Result<Image> {
-    draw(image, truth)
-}
-
-fn draw(image: &impl Raster, truth: &impl Raster) -> Result<Image> {
-    let [width, height] = common_size(image, truth)?;
-    let pixels = (0..num::index(width) * num::index(height))
-        .map(|i| {
-            // No error is NaN here: `signed_errors` makes them infinite.
-            let error =
-                signed_errors(image.at(i), truth.at(i)).iter().fold(0.0, |max: f64, e| max.max(e.abs()));
-            let [r, g, b] = colour(error).map(|c| num::f32_of(linear(c)));
-            [r, g, b, 1.0]
-        })
-        .collect();
-    Image::new(width, height, pixels)
+    let pixels = signed_errors(image, truth)?.map(|errors| {
+        // No error is NaN here: `signed_errors` makes them infinite.
+        let error = errors.iter().fold(0.0, |max: f64, e| max.max(e.abs()));
+        let [r, g, b] = colour(error).map(|c| num::f32_of(linear(c)));
+        [r, g, b, 1.0]
+    });
+    Image::new(image.width(), image.height(), pixels.collect())
 }
 
 /// Returns the sRGB colour of an absolute error.

@@ -210,7 +210,7 @@ impl Field {
 }
 
 /// Returns a random number in [0, 1) and advances the state (Steele, Lea and Flood 2014: SplitMix64).
-fn random(state: &mut u64) -> f64 {
+pub(crate) fn random(state: &mut u64) -> f64 {
     *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut z = *state;
     z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);

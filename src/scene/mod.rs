@@ -14,7 +14,7 @@ mod clip;
 #[cfg(feature = "io")]
 mod cut;
 mod data;
-mod field;
+pub(crate) mod field;
 pub(crate) mod grid;
 mod kernel;
 mod points;

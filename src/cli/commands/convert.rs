@@ -1,10 +1,10 @@
 //! `volraster convert`: writes data of any supported format as NRRD or VTU.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use volraster::io::scene_file::{LoadedScene, SceneFile};
 use volraster::io::{Data, Report, write_nrrd, write_vtu};
-use volraster::{Error, Result, io};
+use volraster::{Result, io};
 
 use crate::cli::input::ArraysArgs;
 use crate::cli::outcome::Outcome;
@@ -23,27 +23,20 @@ pub(crate) struct Args {
     arrays: ArraysArgs,
 }
 
-/// An output format, chosen by the ending of the file name.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Format {
-    Nrrd,
-    Vtu,
-}
-
 impl Args {
     /// Runs the command.
-    ///
-    /// # Errors
-    ///
-    /// An error in the arguments, the input or the output.
     pub(crate) fn run(&self, quiet: bool) -> Outcome {
-        let format = self.format()?;
+        let refuse = |rule: &str| output::refuse(&self.output, "file name", rule);
+        let ending = self.output.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        if !["nrrd", "vtu"].contains(&ending.as_str()) {
+            return Err(refuse("must end in .nrrd (grids) or .vtu (meshes and points)").into());
+        }
         output::check_file(&self.output)?;
-        self.check_place(&self.input)?;
+        output::check_apart("output", &self.output, &[(&self.input, "the input")])?;
         let (data, report) = self.load()?;
-        let written = match (&data, format) {
-            (Data::Grid(grid), Format::Nrrd) => write_nrrd(&self.output, grid)?,
-            (Data::Mesh(_) | Data::Points(_), Format::Vtu) => {
+        let written = match (&data, ending.as_str()) {
+            (Data::Grid(grid), "nrrd") => write_nrrd(&self.output, grid)?,
+            (Data::Mesh(_) | Data::Points(_), "vtu") => {
                 write_vtu(&self.output, &data, name_of(&report))?;
                 None
             }
@@ -55,7 +48,7 @@ impl Args {
                 };
                 let input = self.input.display();
                 let rule = format!("must end in .{ending}: {input} holds {what}");
-                return Err(refuse(&self.output, &rule).into());
+                return Err(refuse(&rule).into());
             }
         };
         if quiet {
@@ -64,39 +57,16 @@ impl Args {
         output::warn(&self.input, &report.warnings);
         let written = written.map_or_else(String::new, |note| format!(", {note}"));
         let bytes = std::fs::metadata(&self.output).map_or(0, |metadata| metadata.len());
-        let line = format!(
-            "{}: {}{written}: {}, {bytes} bytes",
-            report.format,
-            summary(&data, &report),
-            self.output.display()
-        );
-        output::print(&output::plain(&line))?;
-        Ok(())
-    }
-
-    fn format(&self) -> Result<Format> {
-        match self.output.extension().map(|ending| ending.to_string_lossy().to_lowercase()).as_deref() {
-            Some("nrrd") => Ok(Format::Nrrd),
-            Some("vtu") => Ok(Format::Vtu),
-            _ => Err(refuse(&self.output, "must end in .nrrd (grids) or .vtu (meshes and points)")),
-        }
-    }
-
-    /// Refuses to overwrite the input.
-    fn check_place(&self, input: &Path) -> Result<()> {
-        if output::same_place(&self.output, input) {
-            let why = format!("{}: is also the input", self.output.display());
-            return Err(Error::Invalid { what: "output".to_string(), why });
-        }
-        Ok(())
+        let (format, summary, output) = (report.format, summary(&data, &report), self.output.display());
+        let line = format!("{format}: {summary}{written}: {output}, {bytes} bytes");
+        Ok(output::print(&output::plain(&line))?)
     }
 
     fn load(&self) -> Result<(Data, Report)> {
-        let reading = output::Reading::new(&self.input);
-        let options = reading.with_progress(self.arrays.options());
+        let options = output::with_progress(&self.input, self.arrays.options());
         if SceneFile::is_at(&self.input, &options) {
             let LoadedScene { scene, file, report, .. } = LoadedScene::load_any(&self.input, &options)?;
-            self.check_place(&file)?;
+            output::check_apart("output", &self.output, &[(&file, "the input")])?;
             return Ok((scene.data, report));
         }
         let loaded = io::read(&self.input, &options)?;
@@ -123,8 +93,4 @@ fn summary(data: &Data, report: &Report) -> String {
         Data::Points(points) => format!("{} points{shown}", points.centres().len()),
         other => other.kind().to_string(),
     }
-}
-
-fn refuse(path: &Path, rule: &str) -> Error {
-    Error::File { path: path.to_path_buf(), place: "file name".to_string(), rule: rule.to_string() }
 }

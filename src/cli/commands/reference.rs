@@ -1,11 +1,9 @@
 //! `volraster reference`: draws the float64 reference image.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
-use volraster::reference::{ReferenceImage, ReferenceOptions};
-use volraster::scene::{Scene, View};
-use volraster::{Result, reference};
+use volraster::reference::{self, ReferenceOptions};
 
 use crate::cli::input::{ArraysArgs, Input, Size};
 use crate::cli::outcome::Outcome;
@@ -32,15 +30,15 @@ pub(crate) struct Args {
 
 impl Args {
     /// Runs the command.
-    ///
-    /// # Errors
-    ///
-    /// An error in the arguments, the input or the output.
     pub(crate) fn run(&self, quiet: bool) -> Outcome {
         output::check_image(&self.output)?;
         let Input { scene, settings } = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
         let start = Instant::now();
-        let image = draw(&scene, &settings.view, self.samples)?.to_image()?;
+        let options = ReferenceOptions { samples: self.samples };
+        let image = output::counting_rows(&settings.view, |rows| {
+            reference::render(&scene, &settings.view, &options, Some(rows))
+        });
+        let image = image?.to_image()?;
         let seconds = start.elapsed().as_secs_f64();
         volraster::io::write_image(&self.output, &image, settings.background)?;
         if !quiet {
@@ -49,22 +47,9 @@ impl Args {
                 self.samples * self.samples,
                 image.width(),
                 image.height(),
-                Path::display(&self.output)
+                self.output.display()
             ))?;
         }
         Ok(())
     }
-}
-
-/// Draws the reference with a progress bar that counts rows.
-///
-/// # Errors
-///
-/// As [`reference::render`].
-pub(crate) fn draw(scene: &Scene, view: &View, samples: u32) -> Result<ReferenceImage> {
-    let bar = output::progress(u64::from(view.extent()[1]), "reference");
-    let rows = |_: u32, _: u32| bar.inc(1);
-    let image = reference::render(scene, view, &ReferenceOptions { samples }, Some(&rows));
-    bar.finish_and_clear();
-    image
 }

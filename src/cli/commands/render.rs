@@ -1,10 +1,10 @@
 //! `volraster render`: draws one image, and measures frame times.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 use volraster::choice::{Choice, Estimate, Goal, Profile, Source, Trial, TrialOutcome};
 use volraster::scene::View;
 use volraster::technique::FrameTime;
@@ -45,7 +45,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     frames: Option<u32>,
     /// Degrees by which the eye orbits the target around `up` from frame to frame. The image shows angle 0.
-    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, value_parser = input::finite)]
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
     orbit: f64,
     /// Write times, memory and counters as JSON.
     #[arg(long, value_name = "FILE")]
@@ -62,37 +62,19 @@ pub(crate) struct Args {
 }
 
 /// The results of drawing, which outlive the device.
-pub(super) struct Drawn {
+struct Drawn {
     image: Image,
-    /// Pixels that the k-buffer did not sort, if asked for.
-    overflow: Option<Vec<bool>>,
-    /// The warm-up frame.
-    first: FrameTime,
-    frames: Vec<FrameTime>,
-    stats: Map<String, Value>,
-    route: &'static str,
-    device: String,
+    /// The image of --overflow-map.
+    map: Option<Image>,
+    stats: Value,
+    /// The line for stdout, without the file.
+    line: String,
 }
 
 impl Args {
     /// Runs the command.
-    ///
-    /// # Errors
-    ///
-    /// An error in the arguments, the input, the device or the output.
     pub(crate) fn run(&self, quiet: bool) -> Outcome {
-        output::check_image(&self.output)?;
-        if let Some(stats) = &self.stats {
-            output::check_file(stats)?;
-            apart("--stats", stats, &[(&self.output, "the image"), (&self.scene, "the input")])?;
-        }
-        if let Some(map) = &self.overflow_map {
-            output::check_image(map)?;
-            apart("--overflow-map", map, &[(&self.output, "the image"), (&self.scene, "the input")])?;
-            if let Some(stats) = &self.stats {
-                apart("--overflow-map", map, &[(stats, "the file of --stats")])?;
-            }
-        }
+        self.check_paths()?;
         let request = self.technique.as_deref().map(Request::parse).transpose()?;
         let Input { scene, settings } = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
         let mut technique = settings.choose(request, &scene)?;
@@ -101,65 +83,54 @@ impl Args {
         let start = Instant::now();
         let (gpu, log) = self.device.open(self.validate)?;
         let open_ms = milliseconds_since(start);
-        let profile = self.goal().map(|_| Profile::load(&gpu));
         let scene = GpuScene::new(&gpu, scene);
-        drop(gpu);
         let mut chosen = None;
-        if let (Some(goal), Some(profile)) = (self.goal(), profile) {
+        if let Some(goal) = self.goal() {
+            let profile = Profile::load(&gpu);
             let start = Instant::now();
             let choice = choice::choose(&scene, &settings.view, goal, &profile)?;
             technique = choice.technique;
             chosen = Some((choice, milliseconds_since(start)));
         }
-        let Drawn { image, overflow, first, frames, mut stats, route, device } = draw(
-            &scene,
-            technique,
-            &settings.view,
-            &views,
-            self.overflow_map.is_some(),
-            [settings.load_ms, open_ms],
-        )?;
-        let map = self.overflow_map.as_ref().map(|path| {
-            let Some(overflow) = overflow else {
-                let why = format!("\"{}\": has no k-buffer", technique.method().name());
-                return Err(Error::Invalid { what: "--overflow-map".to_string(), why });
-            };
-            let grey = |is_set| [f32::from(u8::from(is_set)), 1.0];
-            let pixels = overflow.into_iter().map(grey).map(|[v, a]| [v, v, v, a]).collect();
-            Ok((path, Image::new(image.width(), image.height(), pixels)?))
-        });
-        let map = map.transpose()?;
+        drop(gpu);
+        let drawn = self.draw(&scene, technique, &settings.view, &views, [settings.load_ms, open_ms])?;
+        let Drawn { image, map, mut stats, line } = drawn;
         drop(scene);
         if let Some((choice, ms)) = &chosen {
-            stats.insert("choice".to_string(), self.choice_json(choice, *ms));
+            stats["choice"] = self.choice_json(choice, *ms);
         }
-        stats.insert("validation_messages".to_string(), json!(log.messages().len()));
+        stats["validation_messages"] = json!(log.messages().len());
 
         volraster::io::write_image(&self.output, &image, settings.background)?;
-        if let Some((path, map)) = map {
+        if let (Some(path), Some(map)) = (&self.overflow_map, map) {
             volraster::io::write_image(path, &map, [0.0, 0.0, 0.0, 1.0])?;
         }
         if let Some(path) = &self.stats {
-            output::write_json(path, &Value::Object(stats))?;
+            output::write_json(path, &stats)?;
         }
         if !quiet {
-            let name = technique.method().name();
-            let time = match Times::wall(&frames) {
-                None => format!("first frame {:.1} ms", first.wall_ms),
-                Some(times) if frames.len() == 1 => format!("{:.1} ms per frame", times.median()),
-                Some(times) => format!("{:.1} ms per frame (median of {})", times.median(), frames.len()),
-            };
             if let Some((choice, _)) = &chosen {
                 output::print(&reason(choice))?;
             }
-            output::print(&format!(
-                "{name} ({route}) on {device}: {} x {}, {time}: {}",
-                image.width(),
-                image.height(),
-                self.output.display()
-            ))?;
+            output::print(&format!("{line}: {}", self.output.display()))?;
         }
         check_validation(&log)
+    }
+
+    /// Checks the output paths.
+    fn check_paths(&self) -> Result<()> {
+        output::check_image(&self.output)?;
+        let mut taken = vec![(&self.output, "the image"), (&self.scene, "the input")];
+        if let Some(stats) = &self.stats {
+            output::check_file(stats)?;
+            output::check_apart("--stats", stats, &taken)?;
+            taken.push((stats, "the file of --stats"));
+        }
+        if let Some(map) = &self.overflow_map {
+            output::check_image(map)?;
+            output::check_apart("--overflow-map", map, &taken)?;
+        }
+        Ok(())
     }
 
     /// Returns the goal of an automatic choice.
@@ -170,20 +141,18 @@ impl Args {
     /// Describes an automatic choice and its trials.
     fn choice_json(&self, choice: &Choice, ms: f64) -> Value {
         let trial = |trial: &Trial| {
-            let mut json = Map::new();
-            json.insert("technique".to_string(), json!(trial.spec));
-            json.insert(
-                "predicted".to_string(),
-                json!({"rmse": trial.predicted_error, "ms": trial.predicted_ms}),
-            );
-            match &trial.outcome {
-                TrialOutcome::Drawn { error, ms } => json.insert(
-                    "measured".to_string(),
-                    json!({"rmse": error.rmse, "rmse_bound": error.bound, "pixels": error.pixels, "ms": ms}),
-                ),
-                TrialOutcome::Refused(why) => json.insert("refused".to_string(), json!(why)),
+            let (measured, refused) = match &trial.outcome {
+                TrialOutcome::Drawn { error: Estimate { rmse, bound, pixels }, ms } => {
+                    (json!({"rmse": rmse, "rmse_bound": bound, "pixels": pixels, "ms": ms}), None)
+                }
+                TrialOutcome::Refused(why) => (Value::Null, Some(why)),
             };
-            Value::Object(json)
+            output::without_nulls(json!({
+                "technique": trial.spec,
+                "predicted": {"rmse": trial.predicted_error, "ms": trial.predicted_ms},
+                "measured": measured,
+                "refused": refused,
+            }))
         };
         json!({
             "max_error": self.max_error,
@@ -193,7 +162,7 @@ impl Args {
             "confidence": CONFIDENCE,
             "predictions": source(choice.source),
             "search_ms": ms,
-            "trials": choice.trials.iter().map(trial).collect::<Vec<_>>(),
+            "trials": choice.trials.iter().map(trial).collect::<Value>(),
         })
     }
 
@@ -208,15 +177,81 @@ impl Args {
         let count = self.frames.unwrap_or(u32::from(self.stats.is_some()));
         (0..count).map(view).collect()
     }
+
+    /// Draws one warm-up frame, which gives the image, then every timed view once.
+    fn draw(
+        &self,
+        scene: &Arc<GpuScene>,
+        technique: Technique,
+        view: &View,
+        timed: &[View],
+        [load_ms, open_ms]: [f64; 2],
+    ) -> Result<Drawn> {
+        let name = technique.method().name();
+        let renderer = Renderer::new(scene, technique);
+        let start = Instant::now();
+        let mut drawing = renderer.frames(view)?;
+        let prepare_ms = milliseconds_since(start);
+        let first = drawing.draw(view)?;
+        let image = drawing.read_back()?;
+        let (width, height) = (image.width(), image.height());
+        let overflow = if self.overflow_map.is_some() { Some(drawing.overflow_map()?) } else { None };
+        // Counters known from the plan, and those that the device counted in the first frame.
+        let (route, counters) = (drawing.plan().route(), drawing.plan().counters());
+        let counters = counters.into_iter().chain(first.counters.iter().copied());
+        let frames: Vec<FrameTime> = timed.iter().map(|view| drawing.draw(view)).collect::<Result<_>>()?;
+        let map = overflow.map(|overflow| {
+            let Some(overflow) = overflow else {
+                let why = format!("\"{name}\": has no k-buffer");
+                return Err(Error::Invalid { what: "--overflow-map".to_string(), why });
+            };
+            let grey = overflow.into_iter().map(|is_set| f32::from(u8::from(is_set)));
+            Image::new(width, height, grey.map(|v| [v, v, v, 1.0]).collect())
+        });
+        let time = match Times::wall(&frames) {
+            None => format!("first frame {:.1} ms", first.wall_ms),
+            Some(times) if frames.len() == 1 => format!("{:.1} ms per frame", times.median()),
+            Some(times) => format!("{:.1} ms per frame (median of {})", times.median(), frames.len()),
+        };
+
+        let gpu = scene.gpu();
+        let report = gpu.report();
+        // `prepare` excludes the parts that are reported separately.
+        let (times, pipelines) = (scene.times(), gpu.pipeline_ms());
+        let rest = (prepare_ms - times.upload - times.tables - pipelines).max(0.0);
+        let stats = output::without_nulls(json!({
+            "schema": 1,
+            "technique": name,
+            "route": route,
+            "options": input::options_json(&technique),
+            "device": {"name": report.name, "driver": report.driver, "api": report.api, "kind": report.kind},
+            "image": [width, height],
+            "frames": frames.iter().map(frame_json).collect::<Value>(),
+            "setup_ms": {
+                "load": load_ms, "device": open_ms, "upload": times.upload, "tables": times.tables,
+                "pipelines": pipelines, "prepare": rest,
+            },
+            "device_bytes": summed(gpu.memory_report()),
+            "peak_rss_bytes": peak_rss_bytes(),
+            "pipelines": gpu.pipelines(),
+            "counters": counters.collect::<Value>(),
+        }));
+        let line = format!("{name} ({route}) on {}: {width} x {height}, {time}", report.name);
+        Ok(Drawn { image, map: map.transpose()?, stats, line })
+    }
 }
 
 /// Probability that the bound of an estimated error holds.
 const CONFIDENCE: f64 = 0.95;
 
+/// Parses a finite number.
+fn finite(text: &str) -> std::result::Result<f64, String> {
+    text.parse().ok().filter(|n: &f64| n.is_finite()).ok_or_else(|| "must be a finite number".to_string())
+}
+
 /// Parses a positive number.
 fn positive(text: &str) -> std::result::Result<f64, String> {
-    let number = text.parse().ok().filter(|n: &f64| n.is_finite() && *n > 0.0);
-    number.ok_or_else(|| "must be a positive number".to_string())
+    finite(text).ok().filter(|n| *n > 0.0).ok_or_else(|| "must be a positive number".to_string())
 }
 
 fn source(source: Source) -> &'static str {
@@ -241,79 +276,8 @@ fn reason(choice: &Choice) -> String {
     )
 }
 
-/// Refuses an output path that is also another file of the run.
-fn apart(what: &str, path: &Path, others: &[(&PathBuf, &str)]) -> Result<()> {
-    match others.iter().find(|(other, _)| output::same_place(path, other)) {
-        None => Ok(()),
-        Some((_, role)) => {
-            let why = format!("{}: is also {role}", path.display());
-            Err(Error::Invalid { what: what.to_string(), why })
-        }
-    }
-}
-
-/// Draws one warm-up frame, which gives the image, then every timed view once.
-fn draw(
-    scene: &Arc<GpuScene>,
-    technique: Technique,
-    view: &View,
-    timed: &[View],
-    wants_map: bool,
-    [load_ms, open_ms]: [f64; 2],
-) -> Result<Drawn> {
-    let renderer = Renderer::new(scene, technique);
-    let start = Instant::now();
-    let mut drawing = renderer.frames(view)?;
-    let prepare_ms = milliseconds_since(start);
-    let first = drawing.draw(view)?;
-    let image = drawing.read_back()?;
-    let overflow = if wants_map { drawing.overflow_map()? } else { None };
-    // Counters known from the plan, and those that the device counted in the first frame.
-    let (route, counters) = (drawing.plan().route(), drawing.plan().counters());
-    let counters = counters.into_iter().chain(first.counters.iter().copied());
-    let frames: Vec<FrameTime> = timed.iter().map(|view| drawing.draw(view)).collect::<Result<_>>()?;
-
-    let gpu = scene.gpu();
-    let report = gpu.report();
-    let mut stats = Map::new();
-    let mut put = |key: &str, value: Value| stats.insert(key.to_string(), value);
-    put("schema", json!(1));
-    put("technique", json!(technique.method().name()));
-    put("route", json!(route));
-    put("options", input::options_json(&technique));
-    put(
-        "device",
-        json!({"name": report.name, "driver": report.driver, "api": report.api, "kind": report.kind}),
-    );
-    put("image", json!([image.width(), image.height()]));
-    put("frames", frames.iter().map(frame_json).collect());
-    // `prepare` excludes the parts that are reported separately.
-    let (times, pipelines) = (scene.times(), gpu.pipeline_ms());
-    let rest = (prepare_ms - times.upload - times.tables - pipelines).max(0.0);
-    put(
-        "setup_ms",
-        json!({
-            "load": load_ms, "device": open_ms, "upload": times.upload, "tables": times.tables,
-            "pipelines": pipelines, "prepare": rest,
-        }),
-    );
-    put("device_bytes", summed(gpu.memory_report()));
-    if let Some(bytes) = peak_rss_bytes() {
-        put("peak_rss_bytes", json!(bytes));
-    }
-    put("pipelines", json!(gpu.pipelines()));
-    put("counters", counters.map(|(name, n)| (name.to_string(), json!(n))).collect::<Map<_, _>>().into());
-    Ok(Drawn { image, overflow, first, frames, stats, route, device: report.name.clone() })
-}
-
 fn frame_json(frame: &FrameTime) -> Value {
-    let mut json = Map::new();
-    json.insert("wall_ms".to_string(), json!(frame.wall_ms));
-    if let Some(ms) = gpu_ms(frame) {
-        json.insert("gpu_ms".to_string(), json!(ms));
-        let passes: Map<String, Value> =
-            passes(frame).into_iter().map(|(name, ms)| (name.to_string(), json!(ms))).collect();
-        json.insert("passes".to_string(), Value::Object(passes));
-    }
-    Value::Object(json)
+    let gpu_ms = gpu_ms(frame);
+    let passes = gpu_ms.map(|_| passes(frame).into_iter().collect::<Value>());
+    output::without_nulls(json!({"wall_ms": frame.wall_ms, "gpu_ms": gpu_ms, "passes": passes}))
 }

@@ -1,7 +1,6 @@
 //! `volraster techniques`: lists the techniques with their routes and options.
 
 use std::fmt::Write as _;
-
 use std::path::PathBuf;
 
 use serde_json::{Value, json};
@@ -32,10 +31,6 @@ pub(crate) struct Args {
 
 impl Args {
     /// Runs the command.
-    ///
-    /// # Errors
-    ///
-    /// [`volraster::Error::Io`] when stdout cannot be written; an error in the input or the device of --steps.
     pub(crate) fn run(&self) -> Outcome {
         if let (Some(technique), Some(scene)) = (&self.steps, &self.scene) {
             let request = Request::parse(technique)?;
@@ -46,7 +41,7 @@ impl Args {
             let plan = renderer.prepare(&settings.view, &TargetDesc::own())?;
             output::print(&plan.steps().join("\n"))?;
         } else if self.json {
-            output::print_json(&Method::ALL.into_iter().map(json_of).collect())?;
+            output::print(&format!("{:#}", Method::ALL.into_iter().map(json_of).collect::<Value>()))?;
         } else {
             output::print(&Method::ALL.map(text_of).join("\n\n"))?;
         }
@@ -71,11 +66,8 @@ fn text_of(method: Method) -> String {
     let mut text = format!("{name}: {summary} ({source})\n  data: {data}\n  routes: {routes}");
     for option in method.options() {
         // Writing into a string cannot fail.
-        let _ = write!(
-            text,
-            "\n  {}={} (default {})\n      {}",
-            option.key, option.values, option.default, option.effect
-        );
+        let (key, values, default) = (option.key, &option.values, &option.default);
+        let _ = write!(text, "\n  {key}={values} (default {default})\n      {}", option.effect);
     }
     text
 }

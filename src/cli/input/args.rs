@@ -17,10 +17,6 @@ pub(crate) struct DeviceArgs {
 
 impl DeviceArgs {
     /// Opens the device, and returns it with its validation log, which outlives it.
-    ///
-    /// # Errors
-    ///
-    /// As [`Gpu::new`].
     pub(crate) fn open(&self, validate: bool) -> Result<(Gpu, Arc<ValidationLog>)> {
         let validation = if validate { Validation::On } else { Validation::Off };
         let gpu = Gpu::new(&GpuOptions { device: self.device.clone(), validation, ..GpuOptions::default() })?;
@@ -39,26 +35,13 @@ pub(crate) struct Size {
 }
 
 impl Size {
-    /// Reads `WxH`.
-    ///
-    /// # Errors
-    ///
-    /// Text of the rule; clap adds option and value.
+    /// Reads `WxH`. An error is the text of the rule; clap adds option and value.
     pub(crate) fn parse(text: &str) -> std::result::Result<Self, String> {
         let side = |text: &str| text.parse().ok().filter(|side| (1..=View::MAX_SIDE).contains(side));
         text.split_once('x')
             .and_then(|(width, height)| Some(Self { width: side(width)?, height: side(height)? }))
             .ok_or_else(|| format!("must be WIDTHxHEIGHT, each 1 to {}", View::MAX_SIDE))
     }
-}
-
-/// Reads a finite number.
-///
-/// # Errors
-///
-/// Text of the rule; clap adds option and value.
-pub(crate) fn finite(text: &str) -> std::result::Result<f64, String> {
-    text.parse().ok().filter(|n: &f64| n.is_finite()).ok_or_else(|| "must be a finite number".to_string())
 }
 
 /// The arrays of a file to read. They override those of a scene file.

@@ -47,14 +47,8 @@ pub(crate) struct Settings {
 impl Input {
     /// Reads a scene file or a data file with a progress bar, and prints its warnings. `size` replaces the image
     /// size; an automatic camera adapts to it.
-    ///
-    /// # Errors
-    ///
-    /// As [`LoadedScene::load_any`] and [`View::new`].
     pub(crate) fn load(path: &Path, size: Option<Size>, arrays: &ArraysArgs, quiet: bool) -> Result<Self> {
-        let reading = output::Reading::new(path);
-        let input = Self::load_within(path, size, &reading.with_progress(arrays.options()))?;
-        drop(reading);
+        let input = Self::load_within(path, size, &output::with_progress(path, arrays.options()))?;
         if !quiet {
             output::warn(&input.settings.data, &input.settings.report.warnings);
         }
@@ -62,22 +56,9 @@ impl Input {
     }
 
     /// Reads like [`Input::load`], but prints nothing.
-    ///
-    /// # Errors
-    ///
-    /// As [`LoadedScene::load_any`] and [`View::new`].
     pub(crate) fn load_within(path: &Path, size: Option<Size>, options: &ReadOptions) -> Result<Self> {
         let start = Instant::now();
         let loaded = LoadedScene::load_any(path, options)?;
-        Self::new(path, loaded, size, start)
-    }
-
-    /// Combines what was read with the image size.
-    ///
-    /// # Errors
-    ///
-    /// As [`View::new`].
-    pub(crate) fn new(path: &Path, loaded: LoadedScene, size: Option<Size>, start: Instant) -> Result<Self> {
         let Size { width, height } = size.unwrap_or(Size { width: loaded.width, height: loaded.height });
         let view = loaded.view(width, height).map_err(|error| error.in_file(path))?;
         let LoadedScene { scene, camera_is_automatic, background, technique, file, report, .. } = loaded;
@@ -96,11 +77,7 @@ impl Input {
 }
 
 impl Settings {
-    /// Returns the technique that the scene file names, if any.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::File`], which names the scene file and the rule.
+    /// Returns the technique that the scene file names, if any. An error names the scene file.
     pub(crate) fn technique(&self) -> Result<Option<Technique>> {
         let Some(choice) = &self.choice else { return Ok(None) };
         let technique = Method::from_name(&choice.name).and_then(|m| Technique::new(m, &choice.options));
@@ -109,10 +86,7 @@ impl Settings {
 
     /// Chooses the technique: the requested one, else that of the scene file, else the default for the scene. The
     /// technique of the scene file, requested without options, keeps the options of the file.
-    ///
-    /// # Errors
-    ///
-    /// As [`Settings::technique`] and [`drawn`]; [`Error::Invalid`] if the technique cannot draw the scene.
+    /// A technique that cannot draw the scene is an error.
     pub(crate) fn choose(&self, request: Option<Request>, scene: &Scene) -> Result<Technique> {
         let own = || self.technique().transpose();
         let technique = match request {
@@ -139,37 +113,24 @@ impl Settings {
 /// Describes what decides which techniques draw a scene: kind of data, kernels, translucent surfaces.
 fn described(scene: &Scene) -> String {
     let kind = scene.data.kind();
-    let surfaces = match scene.surfaces.iter().any(Surface::is_translucent) {
-        true => " with translucent surfaces",
-        false => "",
-    };
-    scene.kernels.map_or_else(
-        || format!("{kind}{surfaces}"),
-        |kernels| format!("{kind} of {} kernels{surfaces}", kernels.kernel.name()),
-    )
+    let translucent = scene.surfaces.iter().any(Surface::is_translucent);
+    let surfaces = if translucent { " with translucent surfaces" } else { "" };
+    let of = scene.kernels.map_or_else(String::new, |of| format!(" of {} kernels", of.kernel.name()));
+    format!("{kind}{of}{surfaces}")
 }
 
-/// Returns the default technique for a scene.
-///
-/// # Errors
-///
-/// As [`drawn`].
+/// Returns the default technique for a scene. An error says that no technique draws it.
 fn default_technique(scene: &Scene) -> Result<Technique> {
-    drawn(scene)?;
-    Method::default_for(scene).map_or_else(|| Ok(Technique::default()), |method| Technique::new(method, &[]))
+    let Some(method) = Method::default_for(scene) else {
+        let why = format!("no technique draws data of this kind: {}; `reference` does", described(scene));
+        return Err(Error::Invalid { what: "technique".to_string(), why });
+    };
+    Technique::new(method, &[])
 }
 
 /// Checks that some technique draws a scene.
-///
-/// # Errors
-///
-/// [`Error::Invalid`] if no technique does.
 pub(crate) fn drawn(scene: &Scene) -> Result<()> {
-    if Method::default_for(scene).is_some() {
-        return Ok(());
-    }
-    let why = format!("no technique draws data of this kind: {}; `reference` does", described(scene));
-    Err(Error::Invalid { what: "technique".to_string(), why })
+    default_technique(scene).map(drop)
 }
 
 #[cfg(test)]

@@ -25,10 +25,6 @@ pub(crate) struct Request {
 
 impl Request {
     /// Parses `NAME[:key=value,...]`.
-    ///
-    /// # Errors
-    ///
-    /// As [`Technique::parse`].
     pub(crate) fn parse(text: &str) -> Result<Self> {
         Ok(Self { technique: Technique::parse(text)?, bare: !text.contains(':') })
     }
@@ -37,10 +33,6 @@ impl Request {
 impl Wanted {
     /// Parses a list separated by `;` or `,`. A part with `=` and without `:` is an option of the technique before
     /// it.
-    ///
-    /// # Errors
-    ///
-    /// As [`Technique::parse`].
     pub(crate) fn parse_list(text: &str) -> Result<Vec<Self>> {
         let mut words: Vec<String> = Vec::new();
         for part in text.split(';') {
@@ -56,10 +48,8 @@ impl Wanted {
             }
         }
         if words.is_empty() {
-            return Err(Error::Invalid {
-                what: "techniques".to_string(),
-                why: format!("\"{text}\": must name at least one technique"),
-            });
+            let why = format!("\"{text}\": must name at least one technique");
+            return Err(Error::Invalid { what: "techniques".to_string(), why });
         }
         let read =
             |word: &String| if word == "all" { Ok(Self::All) } else { Request::parse(word).map(Self::One) };
@@ -68,10 +58,6 @@ impl Wanted {
 }
 
 /// Returns a technique with options `given`, of which `more` are replaced or added.
-///
-/// # Errors
-///
-/// As [`Technique::new`].
 pub(crate) fn with_options(
     method: Method,
     given: &[(String, String)],
@@ -85,10 +71,6 @@ pub(crate) fn with_options(
 
 /// Returns a technique with a route and options as [`with_options`]. Techniques with a single route may lack the
 /// option `route`.
-///
-/// # Errors
-///
-/// As [`Technique::new`].
 pub(crate) fn by_route(
     method: Method,
     route: &str,
@@ -130,15 +112,11 @@ const MAX_SPLATS: u64 = 1 << 18;
 
 /// Returns why a technique is skipped for data without kernels: splatting would take too long.
 pub(crate) fn too_many_splats(method: Method, data: &Data) -> Option<String> {
-    let count = match data {
-        Data::Grid(grid) if method == Method::SplatSheets => {
-            grid.dims().into_iter().map(u64::from).product::<u64>()
-        }
-        _ => 0,
-    };
-    let why =
-        || format!("{count} samples without kernels: by default splatted only up to {MAX_SPLATS} samples");
-    (count > MAX_SPLATS).then(why)
+    let Data::Grid(grid) = data else { return None };
+    let count: u64 = grid.dims().into_iter().map(u64::from).product();
+    (method == Method::SplatSheets && count > MAX_SPLATS).then(|| {
+        format!("{count} samples without kernels: by default splatted only up to {MAX_SPLATS} samples")
+    })
 }
 
 /// Returns whether an error only means that a technique does not support this device or scene.

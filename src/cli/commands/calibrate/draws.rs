@@ -44,14 +44,7 @@ impl Sample {
             (Data::from(field.sample([side; 3], "f32")?), 1.0, what)
         } else {
             let side = random.whole(16, 80);
-            let kind = random.of(&["f32", "u8", "u16"]);
-            let unit = if kind == "u8" {
-                255.0
-            } else if kind == "u16" {
-                65535.0
-            } else {
-                1.0
-            };
+            let (kind, unit) = random.of(&[("f32", 1.0), ("u8", 255.0), ("u16", 65535.0)]);
             (Data::from(field.sample([side; 3], kind)?), unit, format!("{field:?} {side} {kind}"))
         };
         let fov_y_deg = random.scale(15.0, 90.0);
@@ -61,8 +54,7 @@ impl Sample {
             Projection::Perspective { fov_y_deg }
         };
         // Distances range from inside the data to where it covers few pixels.
-        let mut direction =
-            || DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), random.between(-1.0, 1.0));
+        let mut direction = || DVec3::from_array(std::array::from_fn(|_| random.between(-1.0, 1.0)));
         let (towards, target, up) = (direction(), direction() * 0.3, direction());
         let distance = random.scale(0.5, 6.0);
         let eye = target + towards.try_normalize().unwrap_or(DVec3::Z) * distance;
@@ -86,8 +78,7 @@ fn transfer(random: &mut Random, unit: f64) -> Result<TransferFunction> {
     let count = random.whole(2, 7);
     let mut at: Vec<f64> = (0..count).map(|_| random.between(0.0, 1.0)).collect();
     let mut rows = Vec::new();
-    let colour =
-        |random: &mut Random| [random.between(0.0, 1.0), random.between(0.0, 1.0), random.between(0.0, 1.0)];
+    let colour = |random: &mut Random| std::array::from_fn(|_| random.between(0.0, 1.0));
     at.sort_by(f64::total_cmp);
     for s in at {
         let [r, g, b] = colour(random);
@@ -106,27 +97,23 @@ fn transfer(random: &mut Random, unit: f64) -> Result<TransferFunction> {
 }
 
 /// Counts of a check.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Check {
+#[derive(Default)]
+pub(super) struct Check {
     /// Samples with a choice, or with a setting that meets the goal.
-    pub(crate) possible: u32,
+    pub(super) possible: u32,
     /// Of these, samples whose chosen setting meets the goal.
-    pub(crate) held: u32,
+    pub(super) held: u32,
     /// Samples whose goal no setting meets, and for which none was chosen.
-    pub(crate) refused: u32,
+    pub(super) refused: u32,
     /// Time of each choice relative to the fastest setting that meets the goal.
-    pub(crate) ratios: Vec<f64>,
+    pub(super) ratios: Vec<f64>,
     /// Trials of each choice.
-    pub(crate) trials: Vec<f64>,
+    pub(super) trials: Vec<f64>,
 }
 
 /// Chooses settings for random samples, and compares each choice with all settings. `progress` gets the number of
 /// samples done and a line about the last one.
-///
-/// # Errors
-///
-/// As [`choice::choose`].
-pub(crate) fn check(
+pub(super) fn check(
     gpu: &Gpu,
     profile: &Profile,
     [count, seed]: [u32; 2],
@@ -145,14 +132,15 @@ pub(crate) fn check(
             Err(Error::Unsupported { .. }) => None,
             Err(error) => return Err(error),
         };
-        let all = choice::try_all(&scene, &view, goal)?;
-        let cost = |outcome: &TrialOutcome| match outcome {
-            TrialOutcome::Drawn { error, ms } => Some((error.rmse, *ms)),
-            TrialOutcome::Refused(_) => None,
-        };
-        let meets =
-            all.iter().filter_map(|(_, outcome)| cost(outcome)).filter(|(rmse, _)| *rmse <= max_error);
-        let fastest = meets.map(|(_, ms)| ms).min_by(f64::total_cmp);
+        let mut costs = Vec::new();
+        for (spec, outcome) in choice::try_all(&scene, &view, goal)? {
+            if let TrialOutcome::Drawn { error, ms } = outcome {
+                costs.push((spec, error.rmse, ms));
+            }
+        }
+        let meets = costs.iter().filter(|(_, rmse, _)| *rmse <= max_error);
+        let fastest = meets.map(|(.., ms)| *ms).min_by(f64::total_cmp);
+        found.possible += u32::from(fastest.is_some() || choice.is_some());
         let mut line = format!("{what}, {}, error {max_error:.1e}: ", view.extent()[0]);
         match (fastest, choice) {
             (None, None) => {
@@ -160,24 +148,17 @@ pub(crate) fn check(
                 line += "no setting meets it, none chosen";
             }
             (None, Some(choice)) => {
-                found.possible += 1;
                 line += &format!("no setting meets it, {} chosen", choice.trials[choice.chosen].spec);
             }
-            (Some(_), None) => {
-                found.possible += 1;
-                line += "none chosen";
-            }
+            (Some(_), None) => line += "none chosen",
             (Some(fastest), Some(choice)) => {
-                found.possible += 1;
-                let spec = &choice.trials[choice.chosen].spec;
-                found.trials.push(f64::from(u32::try_from(choice.trials.len()).unwrap_or(u32::MAX)));
-                let own = all.iter().find(|(other, _)| other == spec).and_then(|(_, outcome)| cost(outcome));
-                if let Some((rmse, ms)) = own {
+                let (spec, trials) = (&choice.trials[choice.chosen].spec, choice.trials.len());
+                found.trials.push(trials as f64);
+                if let Some(&(_, rmse, ms)) = costs.iter().find(|(other, ..)| other == spec) {
                     found.held += u32::from(rmse <= max_error);
                     found.ratios.push(ms / fastest);
                     line += &format!(
-                        "{spec} has {rmse:.1e} in {ms:.2} ms after {} trials; the fastest {fastest:.2} ms",
-                        choice.trials.len()
+                        "{spec} has {rmse:.1e} in {ms:.2} ms after {trials} trials; the fastest {fastest:.2} ms"
                     );
                 }
             }

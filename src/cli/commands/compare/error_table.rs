@@ -5,82 +5,42 @@ use std::fmt::Write as _;
 use super::row::{Row, bias, interval, mebibytes, scientific, time};
 use crate::cli::markup::escape_xml;
 
-/// A column of the table: heading, explanation, and each cell's value to sort by with its text.
+/// Returns a cell's value to sort by, and its text.
+type Cell = fn(&Row) -> (f64, String);
+
+/// A column of the table.
 struct Column {
     head: &'static str,
     about: &'static str,
-    cell: fn(&Row) -> (f64, String),
+    cell: Cell,
     /// Whether the smallest value is highlighted.
     marks_best: bool,
 }
 
+const fn plain(head: &'static str, about: &'static str, cell: Cell) -> Column {
+    Column { head, about, cell, marks_best: false }
+}
+
+const fn ranked(head: &'static str, about: &'static str, cell: Cell) -> Column {
+    Column { head, about, cell, marks_best: true }
+}
+
 const COLUMNS: [Column; 11] = [
-    Column {
-        head: "RMSE",
-        about: "root of the mean squared error",
-        cell: |row| scientific(row.errors.all.rmse),
-        marks_best: true,
-    },
-    Column {
-        head: "max",
-        about: "largest error",
-        cell: |row| scientific(row.errors.all.max_abs),
-        marks_best: true,
-    },
-    Column {
-        head: "p99",
-        about: "99th percentile of the absolute error",
-        cell: |row| scientific(row.errors.all.p99),
-        marks_best: true,
-    },
-    Column {
-        head: "p99.9",
-        about: "99.9th percentile of the absolute error",
-        cell: |row| scientific(row.errors.all.p999),
-        marks_best: true,
-    },
-    Column {
-        head: "bias",
-        about: "mean error, positive where the image is too bright",
-        cell: |row| bias(row.errors.all.bias),
-        marks_best: false,
-    },
-    Column {
-        head: "> 1/255",
-        about: "share of pixels with a larger error in some channel",
-        cell: |row| (row.errors.above_1_255, format!("{:.2} %", 100.0 * row.errors.above_1_255)),
-        marks_best: false,
-    },
-    Column {
-        head: "NaN",
-        about: "samples that are NaN or infinite",
-        cell: |row| (row.errors.non_finite as f64, row.errors.non_finite.to_string()),
-        marks_best: false,
-    },
-    Column {
-        head: "ms",
-        about: "median wall time of a frame, from recording to fence",
-        cell: |row| time(row.wall.as_ref()),
-        marks_best: true,
-    },
-    Column {
-        head: "95 %",
-        about: "95 % confidence interval of that median (bootstrap)",
-        cell: |row| interval(row.wall.as_ref()),
-        marks_best: false,
-    },
-    Column {
-        head: "GPU ms",
-        about: "median of the summed pass times on the device",
-        cell: |row| time(row.gpu.as_ref()),
-        marks_best: true,
-    },
-    Column {
-        head: "MiB",
-        about: "device memory of scene and frame",
-        cell: |row| mebibytes(row.device_bytes),
-        marks_best: true,
-    },
+    ranked("RMSE", "root of the mean squared error", |row| scientific(row.errors.all.rmse)),
+    ranked("max", "largest error", |row| scientific(row.errors.all.max_abs)),
+    ranked("p99", "99th percentile of the absolute error", |row| scientific(row.errors.all.p99)),
+    ranked("p99.9", "99.9th percentile of the absolute error", |row| scientific(row.errors.all.p999)),
+    plain("bias", "mean error, positive where the image is too bright", |row| bias(row.errors.all.bias)),
+    plain("> 1/255", "share of pixels with a larger error in some channel", |row| {
+        (row.errors.above_1_255, format!("{:.2} %", 100.0 * row.errors.above_1_255))
+    }),
+    plain("NaN", "samples that are NaN or infinite", |row| {
+        (row.errors.non_finite as f64, row.errors.non_finite.to_string())
+    }),
+    ranked("ms", "median wall time of a frame, from recording to fence", |row| time(row.wall.as_ref())),
+    plain("95 %", "95 % confidence interval of that median (bootstrap)", |row| interval(row.wall.as_ref())),
+    ranked("GPU ms", "median of the summed pass times on the device", |row| time(row.gpu.as_ref())),
+    ranked("MiB", "device memory of scene and frame", |row| mebibytes(row.device_bytes)),
 ];
 
 /// Writes the table of errors and times.

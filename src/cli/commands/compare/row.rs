@@ -1,6 +1,6 @@
 //! Results of a technique, and how the report formats them: a value to sort by, and its text.
 
-use volraster::measure::ImageErrors;
+use volraster::measure::{ErrorStatistics, ImageErrors};
 
 use crate::cli::numbers::three_digits;
 use crate::cli::timing::Quantiles;
@@ -20,6 +20,29 @@ pub(crate) struct Row {
     pub(crate) device_bytes: u64,
     /// The image and its heat map as PNG.
     pub(crate) pictures: [Vec<u8>; 2],
+}
+
+/// The heading of the table on stdout.
+pub(super) const HEADING: [&str; 10] =
+    ["technique", "route", "options", "rmse", "max", "bias", "p99", "p99.9", ">1/255", "ms"];
+
+impl Row {
+    /// Returns the row of the table on stdout.
+    pub(super) fn line(&self) -> [String; 10] {
+        let ErrorStatistics { max_abs, rmse, bias, p99, p999 } = self.errors.all;
+        [
+            self.technique.clone(),
+            self.route.clone(),
+            self.options.clone(),
+            format!("{rmse:.2e}"),
+            format!("{max_abs:.2e}"),
+            format!("{bias:+.2e}"),
+            format!("{p99:.2e}"),
+            format!("{p999:.2e}"),
+            format!("{:.2} %", 100.0 * self.errors.above_1_255),
+            self.wall.as_ref().map_or_else(String::new, |times| format!("{:.1}", times.median)),
+        ]
+    }
 }
 
 pub(super) fn scientific(value: f64) -> (f64, String) {

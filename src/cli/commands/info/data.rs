@@ -1,6 +1,6 @@
 //! Facts about the data: grids, meshes and points.
 
-use serde_json::{Value, json};
+use serde_json::json;
 use volraster::GridBytes;
 use volraster::glam::DVec3;
 use volraster::io::Report;
@@ -16,107 +16,83 @@ impl Facts {
         self.lattice(grid);
         self.values(grid.range(), grid.nan_count(), grid.infinite_count(), &Histogram::of(grid));
         self.arrays(report);
-        let device = GridBytes::of(grid);
-        self.put(
-            "device_bytes",
-            json!({
-                "volume": device.volume, "stack": device.stack, "stacks": device.stacks, "bricks": device.bricks,
-            }),
-        );
-        self.line(
-            "on device",
-            format!(
-                "{} bytes (slices-3d, slabs, raycast), {} (slices-2d and shear-warp, {} with stacks=all); bricks {} more",
-                device.volume, device.stack, device.stacks, device.bricks
-            ),
-        );
+        let GridBytes { volume, stack, stacks, bricks } = GridBytes::of(grid);
+        let bytes = json!({"volume": volume, "stack": stack, "stacks": stacks, "bricks": bricks});
+        self.put(json!({"device_bytes": bytes}));
+        let stacks = format!("{stack} (slices-2d and shear-warp, {stacks} with stacks=all)");
+        let text = format!("{volume} bytes (slices-3d, slabs, raycast), {stacks}; bricks {bricks} more");
+        self.line("on device", text);
     }
 
     /// Adds the facts about a mesh.
     pub(super) fn of_mesh(&mut self, mesh: &Tets, report: &Report) {
         let (points, cells) = (mesh.points().len(), mesh.cells().len());
-        let values = mesh.scalars().values();
+        let (values, vacuum) = (mesh.scalars().values(), mesh.blank_count());
         let (of, each) = match mesh.scalars() {
             TetScalars::Point(_) => ("point", "a scalar at each point"),
             TetScalars::Cell(_) => ("cell", "a scalar in each cell"),
         };
         let bytes = 24 * points + 16 * cells + 4 * values.len();
-        self.put("points", json!(points));
-        self.put("tetrahedra", json!(cells));
-        self.put("scalars", json!(of));
-        self.put("type", json!("f32"));
-        self.put("bytes", json!(bytes));
-        self.put("vacuum", json!(mesh.blank_count()));
+        self.put(json!({
+            "points": points, "tetrahedra": cells, "scalars": of, "type": "f32", "bytes": bytes, "vacuum": vacuum,
+        }));
         self.line("points", format!("{points}, {cells} tetrahedra, {bytes} bytes"));
         self.line("scalars", format!("f32, {each}"));
-        self.line("vacuum", format!("{} tetrahedra", mesh.blank_count()));
+        self.line("vacuum", format!("{vacuum} tetrahedra"));
         self.bounds(mesh.bounds());
         self.scalars(mesh.range(), values);
         self.arrays(report);
-        self.geometry(12 * points + 16 * cells + 4 * values.len());
+        self.geometry(bytes - 12 * points);
     }
 
     /// Adds the facts about points.
     pub(super) fn of_points(&mut self, points: &Points, report: &Report) {
         let count = points.centres().len();
         let lists = points.scalars().map_or(0, |_| 4) + points.weights().map_or(0, |_| 4);
-        let (kernel, extra) = match points.size() {
-            KernelSize::Unknown => (json!({"kind": "unknown"}), 0),
-            KernelSize::Radius(radius) => (json!({"kind": "radius", "radius": radius}), 0),
-            KernelSize::Radii(radii) => (json!({"kind": "radii", "range": range_of(radii)}), 4),
-            KernelSize::Covariances(_) => (json!({"kind": "covariances"}), 24),
+        let (kernel, text, extra) = match points.size() {
+            KernelSize::Unknown => (json!({"kind": "unknown"}), "of unknown size".to_string(), 0),
+            KernelSize::Radius(radius) => {
+                (json!({"kind": "radius", "radius": radius}), format!("radius {}", number(*radius)), 0)
+            }
+            KernelSize::Radii(radii) => {
+                let range = range_of(radii);
+                (json!({"kind": "radii", "range": range}), format!("radii {}", range_text(range)), 4)
+            }
+            KernelSize::Covariances(_) => (json!({"kind": "covariances"}), "covariances".to_string(), 24),
         };
         let bytes = count * (24 + lists + extra);
-        self.put("points", json!(count));
-        self.put("type", json!("f32"));
-        self.put("bytes", json!(bytes));
+        let weights = points.weights().map(range_of);
+        self.put(json!({
+            "points": count, "type": "f32", "bytes": bytes, "kernel": kernel, "weights": weights.flatten(),
+        }));
         self.line("points", format!("{count}, {bytes} bytes"));
-        self.line(
-            "kernels",
-            match points.size() {
-                KernelSize::Unknown => "of unknown size".to_string(),
-                KernelSize::Radius(radius) => format!("radius {}", number(*radius)),
-                KernelSize::Radii(radii) => format!("radii {}", range_text(radii)),
-                KernelSize::Covariances(_) => "covariances".to_string(),
-            },
-        );
-        self.put("kernel", kernel);
-        self.put("weights", points.weights().map_or(Value::Null, |weights| json!(range_of(weights))));
-        self.line("weights", points.weights().map_or_else(|| "1 each".to_string(), range_text));
+        self.line("kernels", text);
+        self.line("weights", weights.map_or_else(|| "1 each".to_string(), range_text));
         self.bounds(points.bounds());
-        match points.scalars() {
-            Some(scalars) => self.scalars(points.range(), scalars),
-            None => {
-                self.values(
-                    points.range(),
-                    0,
-                    0,
-                    &Histogram { first: 1.0, width: 1.0, counts: vec![count as u64] },
-                );
-            }
+        if let Some(scalars) = points.scalars() {
+            self.scalars(points.range(), scalars);
+        } else {
+            let histogram = Histogram { first: 1.0, width: 1.0, counts: vec![count as u64] };
+            self.values(points.range(), 0, 0, &histogram);
         }
         self.arrays(report);
         self.geometry(count * (12 + lists + extra));
     }
 
     /// Adds extent, type, position and orientation of a grid.
-    pub(super) fn lattice(&mut self, grid: &Grid) {
-        let samples = grid.samples();
-        let [nx, ny, nz] = grid.dims();
+    fn lattice(&mut self, grid: &Grid) {
+        let (samples, kind) = (grid.samples(), grid.samples().type_name());
+        let dims @ [nx, ny, nz] = grid.dims();
         let bytes = samples.len() * samples.sample_bytes();
         let m = grid.index_to_world();
         let axes = [m.x_axis, m.y_axis, m.z_axis].map(DVec3::normalize_or_zero);
-        let anatomy = anatomy(grid.anatomy());
-        let rescale = grid.rescale();
-        self.put("dims", json!(grid.dims()));
-        self.put("type", json!(samples.type_name()));
-        self.put("bytes", json!(bytes));
-        self.put("spacing", json!(grid.spacing().to_array()));
-        self.put("origin", json!(grid.origin().to_array()));
-        self.put("axes", json!(axes.map(|axis| axis.to_array())));
-        self.put("anatomy", json!(anatomy));
-        self.put("rescale", json!({"slope": rescale.slope, "intercept": rescale.intercept}));
-        self.line("samples", format!("{nx} x {ny} x {nz}, {}, {bytes} bytes", samples.type_name()));
+        let (anatomy, rescale) = (anatomy(grid.anatomy()), grid.rescale());
+        self.put(json!({
+            "dims": dims, "type": kind, "bytes": bytes, "spacing": grid.spacing().to_array(),
+            "origin": grid.origin().to_array(), "axes": axes.map(|axis| axis.to_array()), "anatomy": anatomy,
+            "rescale": {"slope": rescale.slope, "intercept": rescale.intercept},
+        }));
+        self.line("samples", format!("{nx} x {ny} x {nz}, {kind}, {bytes} bytes"));
         self.line("spacing", triple(grid.spacing()));
         self.line("size", triple(grid.spacing() * grid.last_index()));
         self.line("origin", triple(grid.origin()));
@@ -132,34 +108,31 @@ impl Facts {
     }
 
     /// Adds the bounding box.
-    pub(super) fn bounds(&mut self, [low, high]: [DVec3; 2]) {
-        self.put("bounds", json!([low.to_array(), high.to_array()]));
+    fn bounds(&mut self, [low, high]: [DVec3; 2]) {
+        self.put(json!({"bounds": [low.to_array(), high.to_array()]}));
         self.line("bounds", format!("{} to {}", triple(low), triple(high)));
     }
 
     /// Adds range and histogram of the scalars of a mesh or of points.
-    pub(super) fn scalars(&mut self, range: [f64; 2], values: &[f32]) {
+    fn scalars(&mut self, range: [f64; 2], values: &[f32]) {
         let nan = values.iter().filter(|value| value.is_nan()).count();
         let infinite = values.iter().filter(|value| value.is_infinite()).count();
         self.values(range, nan, infinite, &Histogram::of_values(range, values));
     }
 
     /// Adds range, number of NaN and infinite values, and histogram.
-    pub(super) fn values(&mut self, [lo, hi]: [f64; 2], nan: usize, infinite: usize, histogram: &Histogram) {
-        let Histogram { first, width, counts } = histogram;
-        self.put("range", json!([lo, hi]));
-        self.put("nan", json!(nan));
-        self.put("infinite", json!(infinite));
-        self.put("histogram", json!({"first": first, "width": width, "counts": counts}));
-        self.line("range", format!("{} to {}", number(lo), number(hi)));
+    fn values(&mut self, range: [f64; 2], nan: usize, infinite: usize, histogram: &Histogram) {
+        self.put(json!({"range": range, "nan": nan, "infinite": infinite, "histogram": histogram}));
+        let [lo, hi] = range.map(number);
+        self.line("range", format!("{lo} to {hi}"));
         self.line("NaN", nan.to_string());
         self.line("infinite", infinite.to_string());
         self.line("histogram", format!("|{}| logarithmic", histogram.sketch()));
     }
 
     /// Adds a lower bound of the device memory of a mesh or of points.
-    pub(super) fn geometry(&mut self, bytes: usize) {
-        self.put("device_bytes", json!({"geometry": bytes}));
+    fn geometry(&mut self, bytes: usize) {
+        self.put(json!({"device_bytes": {"geometry": bytes}}));
         self.line("on device", format!("{bytes} bytes at least (geometry and scalars in 32 bits)"));
     }
 }
@@ -170,11 +143,11 @@ fn range_of(values: &[f32]) -> Option<[f32; 2]> {
     Some([finite().reduce(f32::min)?, finite().reduce(f32::max)?])
 }
 
-fn range_text(values: &[f32]) -> String {
-    match range_of(values) {
-        Some([lo, hi]) => format!("{} to {}", number(f64::from(lo)), number(f64::from(hi))),
-        None => "none finite".to_string(),
-    }
+fn range_text(range: Option<[f32; 2]>) -> String {
+    range.map_or_else(
+        || "none finite".to_string(),
+        |range| range.map(|end| number(f64::from(end))).join(" to "),
+    )
 }
 
 fn anatomy(anatomy: Anatomy) -> &'static str {

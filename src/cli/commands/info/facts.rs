@@ -26,23 +26,32 @@ impl Facts {
         // Folders have no size, and the file may be gone by now.
         let size = std::fs::metadata(data).ok().filter(std::fs::Metadata::is_file);
         let size = size.map(|metadata| metadata.len());
-        facts.put("file", json!(file.display().to_string()));
-        facts.put("kind", json!(kind));
-        facts.put("format", json!(report.format));
-        facts.put("file_bytes", json!(size));
+        let file = file.display().to_string();
+        facts.put(json!({"file": file, "kind": kind, "format": report.format, "file_bytes": size}));
         let size = size.map_or_else(String::new, |size| format!(", {size} bytes"));
         facts.line("format", format!("{} ({kind}){size}", report.format));
         facts
     }
 
-    /// Adds a member of the JSON.
-    pub(super) fn put(&mut self, key: &str, value: Value) {
-        self.json.insert(key.to_string(), value);
+    /// Adds the members of an object to the JSON.
+    pub(super) fn put(&mut self, object: Value) {
+        if let Value::Object(members) = object {
+            self.json.extend(members);
+        }
     }
 
     /// Adds a line of text.
     pub(super) fn line(&mut self, word: &'static str, text: String) {
         self.lines.push((word, text));
+    }
+
+    /// Adds lines of text under one word: at most `most`, and the number of the others.
+    pub(super) fn list(&mut self, word: &'static str, most: usize, texts: &[String]) {
+        let rest = texts.len().saturating_sub(most);
+        let more = (rest > 0).then(|| format!("and {rest} more"));
+        for (i, text) in texts.iter().take(most).cloned().chain(more).enumerate() {
+            self.line(if i == 0 { word } else { "" }, text);
+        }
     }
 
     /// Adds the arrays of the file, and which one is shown.
@@ -54,25 +63,18 @@ impl Facts {
                 "components": array.components, "shown": shown == Some(i),
             })
         };
-        let all: Vec<Value> = report.arrays.iter().enumerate().map(json_of).collect();
-        self.put("arrays", Value::Array(all));
-        self.put("shown", json!(report.shown));
-        for (i, array) in report.arrays.iter().take(LISTED_ARRAYS).enumerate() {
-            let mark = match &report.shown {
-                Some(name) if shown == Some(i) => format!(", shown as {name}"),
-                _ => String::new(),
-            };
-            self.line(if i == 0 { "arrays" } else { "" }, format!("{array}{mark}"));
-        }
-        if report.arrays.len() > LISTED_ARRAYS {
-            self.line("", format!("and {} more", report.arrays.len() - LISTED_ARRAYS));
-        }
+        let text_of = |(i, array): (usize, &ArrayInfo)| match &report.shown {
+            Some(name) if shown == Some(i) => format!("{array}, shown as {name}"),
+            _ => array.to_string(),
+        };
+        let arrays = || report.arrays.iter().enumerate();
+        self.put(json!({"arrays": arrays().map(json_of).collect::<Value>(), "shown": report.shown}));
+        self.list("arrays", LISTED_ARRAYS, &arrays().map(text_of).collect::<Vec<_>>());
     }
 
     /// Adds the notes and warnings of the reader.
     pub(super) fn remarks(&mut self, report: &Report) {
-        self.put("notes", json!(report.notes));
-        self.put("warnings", json!(report.warnings));
+        self.put(json!({"notes": report.notes, "warnings": report.warnings}));
         for note in &report.notes {
             self.line("note", note.clone());
         }

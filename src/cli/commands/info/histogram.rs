@@ -1,12 +1,13 @@
 //! Histograms of scalars.
 
+use serde::Serialize;
 use volraster::scene::{Grid, Samples};
 
 /// Maximum number of classes.
 const CLASSES: usize = 64;
 
 /// A histogram with classes of equal width. It leaves out NaN and infinite values.
-#[derive(Debug, PartialEq)]
+#[derive(Debug, PartialEq, Serialize)]
 pub(crate) struct Histogram {
     /// Smallest value of the first class.
     pub(crate) first: f64,

@@ -37,7 +37,7 @@ impl Facts {
             // Writing into a string cannot fail.
             let _ = write!(text, ", {name} {}", number(value));
         }
-        self.put("kernels", Value::Object(json));
+        self.put(json!({"kernels": json}));
         self.line("field", text);
     }
 
@@ -55,24 +55,16 @@ impl Facts {
                 "colour": [r, g, b], "opacity": opacity, "shade": shade(surface),
             })
         };
-        self.put("surfaces", Value::Array(surfaces.iter().map(json_of).collect()));
-        for (i, surface) in surfaces.iter().take(LISTED_SURFACES).enumerate() {
+        self.put(json!({"surfaces": surfaces.iter().map(json_of).collect::<Value>()}));
+        let text_of = |surface: &Surface| {
             let [r, g, b, opacity] = surface.colour();
-            let bounds = surface
-                .bounds()
-                .map_or_else(String::new, |[low, high]| format!(", {} to {}", triple(low), triple(high)));
-            let text = format!(
-                "{} triangles{bounds}, colour {}, opacity {}, {}",
-                surface.triangles().len(),
-                triple(DVec3::new(r, g, b)),
-                number(opacity),
-                shade(surface)
-            );
-            self.line(if i == 0 { "surfaces" } else { "" }, text);
-        }
-        if surfaces.len() > LISTED_SURFACES {
-            self.line("", format!("and {} more", surfaces.len() - LISTED_SURFACES));
-        }
+            let bounds = surface.bounds().map(|bounds| bounds.map(triple).join(" to "));
+            let bounds = bounds.map_or_else(String::new, |bounds| format!(", {bounds}"));
+            let (triangles, colour) = (surface.triangles().len(), triple(DVec3::new(r, g, b)));
+            let look = format!("colour {colour}, opacity {}, {}", number(opacity), shade(surface));
+            format!("{triangles} triangles{bounds}, {look}")
+        };
+        self.list("surfaces", LISTED_SURFACES, &surfaces.iter().map(text_of).collect::<Vec<_>>());
     }
 
     /// Adds clip planes and crop box.
@@ -84,34 +76,47 @@ impl Facts {
             .collect();
         let crop = clip.crop().map(|[low, high]| json!({"low": low.to_array(), "high": high.to_array()}));
         let is_none = planes.is_empty() && crop.is_none();
-        self.put("clip", if is_none { Value::Null } else { json!({"planes": planes, "crop": crop}) });
+        self.put(
+            json!({"clip": if is_none { Value::Null } else { json!({"planes": planes, "crop": crop}) }}),
+        );
         let planes = clip
             .planes()
             .map(|plane| format!("plane through {} along {}", triple(plane.point), triple(plane.normal)));
         let crop = clip.crop().map(|[low, high]| format!("box {} to {}", bounds(low), bounds(high)));
-        for (i, text) in planes.chain(crop).enumerate() {
-            self.line(if i == 0 { "kept" } else { "" }, text);
+        self.list("kept", usize::MAX, &planes.chain(crop).collect::<Vec<_>>());
+    }
+
+    /// Adds the transfer function; its text follows all lines.
+    pub(super) fn transfer(&mut self, transfer: &TransferFunction) {
+        let knots = transfer.knots();
+        let knots: Vec<[f64; 5]> =
+            knots.iter().map(|k| [k.s, k.colour.x, k.colour.y, k.colour.z, k.tau]).collect();
+        self.put(json!({"transfer": knots}));
+        let heading = "value, red, green, blue, extinction";
+        self.tail = format!("\n  transfer function of {} knots: {heading}", knots.len());
+        let listed: Vec<[String; 5]> = knots.iter().take(LISTED_KNOTS).map(|row| row.map(number)).collect();
+        for line in table::aligned(&listed, &[]).lines() {
+            let _ = write!(self.tail, "\n    {line}");
+        }
+        if knots.len() > LISTED_KNOTS {
+            let _ = write!(self.tail, "\n    and {} more", knots.len() - LISTED_KNOTS);
         }
     }
-}
 
-pub(super) fn rows(transfer: &TransferFunction) -> Vec<[f64; 5]> {
-    transfer.knots().iter().map(|k| [k.s, k.colour.x, k.colour.y, k.colour.z, k.tau]).collect()
-}
-
-pub(super) fn knots_text(transfer: &TransferFunction) -> String {
-    let knots = rows(transfer);
-    let mut text =
-        format!("\n  transfer function of {} knots: value, red, green, blue, extinction", knots.len());
-    let listed: Vec<Vec<String>> =
-        knots.iter().take(LISTED_KNOTS).map(|row| row.iter().map(|&n| number(n)).collect()).collect();
-    for line in table::aligned(&listed, &[]).lines() {
-        let _ = write!(text, "\n    {line}");
+    /// Adds the camera.
+    pub(super) fn camera(&mut self, camera: &Camera, is_automatic: bool) {
+        let (key, value) = match camera.projection {
+            Projection::Perspective { fov_y_deg } => ("fov_y_deg", fov_y_deg),
+            Projection::Orthographic { half_height } => ("half_height", half_height),
+        };
+        let [eye, target, up] = [camera.eye, camera.target, camera.up].map(|v| v.to_array());
+        self.put(json!({
+            "camera": {"eye": eye, "target": target, "up": up, "automatic": is_automatic, key: value},
+        }));
+        let origin = if is_automatic { " (automatic)" } else { "" };
+        let [eye, target, up] = [camera.eye, camera.target, camera.up].map(triple);
+        self.line("camera", format!("eye {eye}, target {target}, up {up}, {key} {}{origin}", number(value)));
     }
-    if knots.len() > LISTED_KNOTS {
-        let _ = write!(text, "\n    and {} more", knots.len() - LISTED_KNOTS);
-    }
-    text
 }
 
 /// Formats a corner of a crop box, with `-` for a side that does not clip.
@@ -119,28 +124,4 @@ fn bounds(corner: DVec3) -> String {
     let [x, y, z] =
         corner.to_array().map(|bound| if bound.is_finite() { number(bound) } else { "-".to_string() });
     format!("[{x}, {y}, {z}]")
-}
-
-pub(super) fn camera_json(camera: &Camera, automatic: bool) -> Value {
-    let mut json = json!({
-        "eye": camera.eye.to_array(),
-        "target": camera.target.to_array(),
-        "up": camera.up.to_array(),
-        "automatic": automatic,
-    });
-    match camera.projection {
-        Projection::Perspective { fov_y_deg } => json["fov_y_deg"] = json!(fov_y_deg),
-        Projection::Orthographic { half_height } => json["half_height"] = json!(half_height),
-    }
-    json
-}
-
-pub(super) fn camera_text(camera: &Camera, automatic: bool) -> String {
-    let projection = match camera.projection {
-        Projection::Perspective { fov_y_deg } => format!("fov_y_deg {}", number(fov_y_deg)),
-        Projection::Orthographic { half_height } => format!("half_height {}", number(half_height)),
-    };
-    let origin = if automatic { " (automatic)" } else { "" };
-    let [eye, target, up] = [camera.eye, camera.target, camera.up].map(triple);
-    format!("eye {eye}, target {target}, up {up}, {projection}{origin}")
 }
