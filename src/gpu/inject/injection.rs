@@ -9,8 +9,8 @@ pub(super) const LOST: vk::Result = vk::Result::ERROR_DEVICE_LOST;
 /// Counts the Vulkan calls of one [`Gpu`](crate::gpu::Gpu) and makes some of them fail; for tests.
 ///
 /// A test passes a clone in [`GpuOptions::inject`](crate::gpu::GpuOptions::inject) and keeps another: clones share one
-/// count. It counts every call that returns a `VkResult`, from the first call of the loader on, including calls of the memory
-/// allocator and of callers through [`Gpu::handles`](crate::gpu::Gpu::handles). A call that fails does not reach the driver;
+/// count. It counts the calls of this crate and its memory allocator that return a `VkResult`, from the first call of the loader
+/// on, and the same calls of callers through [`Gpu::handles`](crate::gpu::Gpu::handles). A call that fails does not reach the driver;
 /// its outputs are unchanged, or null where Vulkan requires that.
 #[derive(Clone, Debug, Default)]
 pub struct Injection {
