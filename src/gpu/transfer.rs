@@ -5,7 +5,6 @@ use std::sync::Arc;
 use super::buffer::{Buffer, BufferUse};
 use super::device::Gpu;
 use super::image::{Image, ImageDesc};
-use super::recorder::Recorder;
 use super::submit::Commands;
 use crate::error::{Error, Result};
 use crate::num;
@@ -17,12 +16,10 @@ impl Buffer {
         let buffer = Arc::new(Self::new(gpu, name, size, BufferUse::ShaderRead)?);
         let staging =
             Arc::new(staging(gpu, name, size, |memory| memory[..bytes.len()].copy_from_slice(bytes))?);
-        let mut commands = Commands::new(gpu)?;
-        let mut recorder = Recorder::new(gpu, commands.begin()?, None);
-        recorder.copy_buffer("upload", &staging, &buffer, size);
-        recorder.release_buffer(&buffer);
-        let (_, keep) = recorder.finish();
-        commands.submit(keep, "upload")?;
+        Commands::new(gpu)?.run("upload", |recorder| {
+            recorder.copy_buffer("upload", &staging, &buffer, size);
+            recorder.release_buffer(&buffer);
+        })?;
         Ok(buffer)
     }
 
@@ -58,14 +55,13 @@ impl Image {
                 let buffer = Arc::new(staging(gpu, name, plane_bytes * u64::from(count), |memory| {
                     fill(level, num::index(first), &mut memory[..bytes]);
                 })?);
-                let mut recorder = Recorder::new(gpu, commands.begin()?, None);
-                if level > 0 || first > 0 {
-                    recorder.assume_ready(&image);
-                }
-                recorder.copy_buffer_to_image("upload", &buffer, &image, level, [first, count]);
-                recorder.release_image(&image);
-                let (_, keep) = recorder.finish();
-                commands.submit(keep, "upload")?;
+                commands.run("upload", |recorder| {
+                    if level > 0 || first > 0 {
+                        recorder.assume_ready(&image);
+                    }
+                    recorder.copy_buffer_to_image("upload", &buffer, &image, level, [first, count]);
+                    recorder.release_image(&image);
+                })?;
                 first += count;
             }
         }
