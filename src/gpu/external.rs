@@ -139,9 +139,7 @@ impl TargetImage {
         debug_assert!(!view.is_null(), "the null view of {}", gpu.report().name);
         Self { image, view, format, extent, device: gpu.device().handle() }
     }
-}
 
-impl TargetImage {
     /// Wraps an image of the crate like one of a caller. The code that records into it keeps it until the submission has ended.
     pub(crate) fn own(gpu: &Gpu, image: &super::image::Image) -> Self {
         let [width, height, _] = image.desc().extent;

@@ -19,23 +19,15 @@ impl Gpu {
                 // SAFETY: a compute pipeline with its descriptors and push constants is bound; barriers order the accesses.
                 unsafe { device.cmd_dispatch(raw, *x, *y, *z) };
             }
-            Work::Draw { pipeline, descriptors, push, target, clear, vertices, instances } => {
-                self.begin_rendering(raw, target.extent(), Some((target, *clear)));
-                self.bind(raw, pipeline, descriptors, push);
-                // SAFETY: a graphics pipeline for this attachment's format is bound with its descriptors and push constants.
-                unsafe { device.cmd_draw(raw, *vertices, *instances, 0, 0) };
-                // SAFETY: rendering was begun above.
-                unsafe { device.cmd_end_rendering(raw) };
-            }
-            Work::DrawEach { pipeline, descriptors, pushes, extent, vertices } => {
+            Work::Draw { pipeline, descriptors, pushes, target, extent, vertices, instances } => {
                 for (i, push) in pushes.iter().enumerate() {
                     if i > 0 {
                         between();
                     }
-                    self.begin_rendering(raw, *extent, None);
+                    self.begin_rendering(raw, *extent, target.as_ref());
                     self.bind(raw, pipeline, descriptors, push);
-                    // SAFETY: a graphics pipeline without attachments is bound with its descriptors and push constants.
-                    unsafe { device.cmd_draw(raw, *vertices, 1, 0, 0) };
+                    // SAFETY: a graphics pipeline for these attachments is bound with its descriptors and push constants.
+                    unsafe { device.cmd_draw(raw, *vertices, *instances, 0, 0) };
                     // SAFETY: rendering was begun above.
                     unsafe { device.cmd_end_rendering(raw) };
                 }
@@ -89,7 +81,7 @@ impl Gpu {
                     device.cmd_copy_buffer_to_image(raw, buffer.raw(), image.raw(), layout, &[region]);
                 }
             }
-            Work::Dispatch { .. } | Work::Draw { .. } | Work::DrawEach { .. } | Work::Leave => {}
+            Work::Dispatch { .. } | Work::Draw { .. } | Work::Leave => {}
         }
     }
 
@@ -97,20 +89,18 @@ impl Gpu {
     fn bind(&self, raw: vk::CommandBuffer, pipeline: &Pipeline, descriptors: &Descriptors, push: &[u8]) {
         debug_assert_eq!(
             crate::num::count(push.len()),
-            pipeline.push_bytes(),
+            pipeline.push_bytes,
             "push constants of {}",
-            pipeline.name()
+            pipeline.name
         );
-        let (device, point) = (self.device(), pipeline.bind_point());
+        let (device, point) = (self.device(), pipeline.bind_point);
         // SAFETY: the pipeline lives as long as the device.
-        unsafe { device.cmd_bind_pipeline(raw, point, pipeline.raw()) };
+        unsafe { device.cmd_bind_pipeline(raw, point, pipeline.raw) };
         // SAFETY: the set was made for this pipeline's layout and is kept until the submission has ended.
-        unsafe {
-            device.cmd_bind_descriptor_sets(raw, point, pipeline.layout(), 0, &[descriptors.set()], &[])
-        };
+        unsafe { device.cmd_bind_descriptor_sets(raw, point, pipeline.layout, 0, &[descriptors.set], &[]) };
         if !push.is_empty() {
             // SAFETY: the layout's one range starts at 0 and has this size.
-            unsafe { device.cmd_push_constants(raw, pipeline.layout(), pipeline.stages(), 0, push) };
+            unsafe { device.cmd_push_constants(raw, pipeline.layout, pipeline.stages, 0, push) };
         }
     }
 
@@ -119,7 +109,7 @@ impl Gpu {
         &self,
         raw: vk::CommandBuffer,
         [width, height]: [u32; 2],
-        target: Option<(&Attachment, bool)>,
+        target: Option<&(Attachment, bool)>,
     ) {
         let device = self.device();
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
@@ -133,11 +123,11 @@ impl Gpu {
         unsafe { device.cmd_set_viewport(raw, 0, &[viewport]) };
         // SAFETY: recording; every pipeline's scissor is dynamic.
         unsafe { device.cmd_set_scissor(raw, 0, &[area]) };
-        let attachment = |(target, clear): (&Attachment, bool)| {
+        let attachment = |(target, clear): &(Attachment, bool)| {
             vk::RenderingAttachmentInfo::default()
                 .image_view(target.view())
                 .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
-                .load_op(if clear { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD })
+                .load_op(if *clear { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD })
                 .store_op(vk::AttachmentStoreOp::STORE)
         };
         let attachments: Vec<_> = target.map(attachment).into_iter().collect();

@@ -27,8 +27,9 @@ impl Gpu {
 
     /// Creates a command pool for the queue.
     pub(super) fn create_command_pool(&self, flags: vk::CommandPoolCreateFlags) -> Result<vk::CommandPool> {
-        let info =
-            vk::CommandPoolCreateInfo::default().queue_family_index(self.inner.queue_family).flags(flags);
+        let info = vk::CommandPoolCreateInfo::default()
+            .queue_family_index(self.inner.candidate.queue_family)
+            .flags(flags);
         let _held = self.lock_layer();
         // SAFETY: the device is alive and has this queue family.
         unsafe { self.device().create_command_pool(&info, None) }

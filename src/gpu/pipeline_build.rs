@@ -8,8 +8,7 @@ use ash::vk;
 
 use super::device::Gpu;
 use super::inputs::Bound;
-use super::pipeline::{Blend, GraphicsState, Pipeline, PipelineKey, descriptor_type};
-use super::spirv::{BindingKind, Shader, SpecConstant, Stage};
+use super::pipeline::{Blend, GraphicsState, Pipeline, PipelineKey, Shader, SpecConstant};
 use crate::error::{Error, Result};
 
 impl Gpu {
@@ -37,7 +36,7 @@ impl Gpu {
     ) -> Result<Arc<Pipeline>> {
         self.alive()?;
         let shaders = bound.shaders.iter().map(|shader| shader.name).collect();
-        let key = PipelineKey { shaders, constants: bound.inputs.constants.clone(), state };
+        let key = PipelineKey { shaders, constants: bound.constants.clone(), state };
         let mut table = self.pipeline_table();
         if let Some(found) = table.get(&key) {
             return Ok(Arc::clone(found));
@@ -63,18 +62,18 @@ impl Gpu {
 
     /// Creates the layouts that the shaders declare: set 0 with the union of their bindings.
     fn layout_of(&self, name: &str, shaders: &[&'static Shader]) -> Result<Pipeline> {
-        let mut bindings: Vec<(u32, BindingKind)> =
+        let mut bindings: Vec<(u32, vk::DescriptorType)> =
             shaders.iter().flat_map(|s| s.bindings.iter().copied()).collect();
         bindings.sort_unstable_by_key(|&(binding, _)| binding);
         bindings.dedup();
-        let stages = shaders.iter().fold(vk::ShaderStageFlags::empty(), |all, s| all | stage_flags(s.stage));
+        let stages = shaders.iter().fold(vk::ShaderStageFlags::empty(), |all, s| all | s.stage);
         let push_bytes = shaders.iter().map(|s| s.push_bytes).max().unwrap_or(0);
         let entries: Vec<_> = bindings
             .iter()
             .map(|&(binding, kind)| {
                 vk::DescriptorSetLayoutBinding::default()
                     .binding(binding)
-                    .descriptor_type(descriptor_type(kind))
+                    .descriptor_type(kind)
                     .descriptor_count(1)
                     .stage_flags(stages)
             })
@@ -121,7 +120,7 @@ impl Gpu {
         state: GraphicsState,
         layout: vk::PipelineLayout,
     ) -> Result<vk::Pipeline> {
-        let (entries, data) = specialisation(&bound.inputs.constants);
+        let (entries, data) = specialisation(&bound.constants);
         let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
         let modules: Vec<Module<'_>> =
             bound.shaders.iter().map(|shader| Module::new(self, shader)).collect::<Result<_>>()?;
@@ -174,7 +173,7 @@ impl Gpu {
     }
 
     fn build_compute(&self, bound: &Bound, layout: vk::PipelineLayout) -> Result<vk::Pipeline> {
-        let (entries, data) = specialisation(&bound.inputs.constants);
+        let (entries, data) = specialisation(&bound.constants);
         let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
         let [shader] = bound.shaders[..] else {
             return Err(Error::invalid("compute pipeline", "has one shader"));
@@ -203,7 +202,7 @@ impl Gpu {
 struct Module<'a> {
     gpu: &'a Gpu,
     raw: vk::ShaderModule,
-    stage: Stage,
+    stage: vk::ShaderStageFlags,
 }
 
 impl<'a> Module<'a> {
@@ -220,7 +219,7 @@ impl<'a> Module<'a> {
 
     fn stage<'b>(&self, constants: &'b vk::SpecializationInfo<'b>) -> vk::PipelineShaderStageCreateInfo<'b> {
         vk::PipelineShaderStageCreateInfo::default()
-            .stage(stage_flags(self.stage))
+            .stage(self.stage)
             .module(self.raw)
             .name(c"main")
             .specialization_info(constants)
@@ -243,12 +242,4 @@ fn specialisation(constants: &[SpecConstant]) -> (Vec<vk::SpecializationMapEntry
         size: 4,
     });
     (entries.collect(), constants.iter().flat_map(|&(_, value)| value.to_ne_bytes()).collect())
-}
-
-fn stage_flags(stage: Stage) -> vk::ShaderStageFlags {
-    match stage {
-        Stage::Vertex => vk::ShaderStageFlags::VERTEX,
-        Stage::Fragment => vk::ShaderStageFlags::FRAGMENT,
-        Stage::Compute => vk::ShaderStageFlags::COMPUTE,
-    }
 }
