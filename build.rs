@@ -60,8 +60,8 @@ fn main() {
             let bytes: Vec<u8> = shipped.iter().flat_map(|word| word.to_le_bytes()).collect();
             write(&out.join(format!("{name}.spv")), bytes);
             let fields = module.fields(&name, &numbered);
-            let module = (name.clone(), module.describe(&name, stage));
-            inputs.add(&stem(file), &entry, module, fields, &headers);
+            let description = module.describe(&name, stage);
+            inputs.add(&stem(file), [entry, name, description], fields, &headers);
         }
     }
     inputs.write(&mut rust);
@@ -269,9 +269,8 @@ impl Field {
 /// The inputs of entries of one file that read the same.
 struct EntryInputs {
     stem: String,
-    /// Entries with these inputs, and their modules: name and description.
-    entries: Vec<String>,
-    modules: Vec<(String, String)>,
+    /// Entries with these inputs, and the names and descriptions of their modules.
+    modules: Vec<[String; 3]>,
     own: BTreeSet<Field>,
     /// Stems of the headers that declare further inputs.
     headers: BTreeSet<String>,
@@ -281,9 +280,9 @@ impl EntryInputs {
     /// Returns the file's name and the words that the names of all entries share, or the name of the first entry.
     fn name(&self) -> String {
         let words = |entry: &str| entry.split('_').map(str::to_string).collect::<Vec<_>>();
-        let first = words(&self.entries[0]);
+        let first = words(&self.modules[0][0]);
         let mut shared = first.clone();
-        shared.retain(|word| self.entries.iter().all(|entry| words(entry).contains(word)));
+        shared.retain(|word| self.modules.iter().all(|[entry, ..]| words(entry).contains(word)));
         format!("{}-{}", self.stem, if shared.is_empty() { first.join("-") } else { shared.join("-") })
     }
 }
@@ -296,14 +295,8 @@ struct AllInputs {
 }
 
 impl AllInputs {
-    fn add(
-        &mut self,
-        stem: &str,
-        entry: &str,
-        module: (String, String),
-        fields: Vec<Field>,
-        headers: &[Header],
-    ) {
+    /// Adds a module, given by its entry, name and description, of the file `stem`.
+    fn add(&mut self, stem: &str, module: [String; 3], fields: Vec<Field>, headers: &[Header]) {
         let (mut own, mut including) = (BTreeSet::new(), BTreeSet::new());
         for field in fields {
             match headers.iter().find(|header| header.declares.contains(&field.name)) {
@@ -318,9 +311,8 @@ impl AllInputs {
         let at = self.entries.iter().position(same).unwrap_or(self.entries.len());
         if at == self.entries.len() {
             let (stem, headers) = (stem.to_string(), including);
-            self.entries.push(EntryInputs { stem, entries: Vec::new(), modules: Vec::new(), own, headers });
+            self.entries.push(EntryInputs { stem, modules: Vec::new(), own, headers });
         }
-        self.entries[at].entries.push(entry.to_string());
         self.entries[at].modules.push(module);
     }
 
@@ -337,9 +329,9 @@ impl AllInputs {
                 inputs.headers.iter().partition(|stem| self.headers[*stem].len() == 1);
             let fields = inputs.own.iter().chain(single.into_iter().flat_map(|stem| &self.headers[stem]));
             let modules: Vec<String> =
-                inputs.modules.iter().map(|(module, _)| format!("`{module}`")).collect();
+                inputs.modules.iter().map(|[_, module, _]| format!("`{module}`")).collect();
             structure(&name, &modules.join(", "), fields, &several, rust);
-            for (module, description) in &inputs.modules {
+            for [_, module, description] in &inputs.modules {
                 let _ = writeln!(
                     rust,
                     "/// `{module}`, compiled from `glsl/`.\n\

@@ -24,11 +24,11 @@ pub(crate) enum BufferUse {
 #[derive(Debug)]
 pub(crate) struct Buffer {
     gpu: Gpu,
-    raw: vk::Buffer,
+    pub(super) raw: vk::Buffer,
     /// `None` until the memory is allocated. Dropped after the buffer is destroyed.
     memory: Option<Memory>,
     size: u64,
-    name: String,
+    pub(super) name: String,
 }
 
 impl Buffer {
@@ -75,10 +75,6 @@ impl Buffer {
         Ok(buffer)
     }
 
-    pub(crate) fn raw(&self) -> vk::Buffer {
-        self.raw
-    }
-
     pub(crate) fn size(&self) -> u64 {
         self.size
     }
@@ -92,10 +88,6 @@ impl Buffer {
     /// Returns the mapped memory for writing.
     pub(crate) fn bytes_mut(&mut self) -> Option<&mut [u8]> {
         self.memory.as_mut()?.allocation.mapped_slice_mut()
-    }
-
-    pub(crate) fn name(&self) -> &str {
-        &self.name
     }
 }
 

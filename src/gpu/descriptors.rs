@@ -62,18 +62,18 @@ impl Descriptors {
                         _ => u64::MAX,
                     };
                     let range = buffer.size().min(most);
-                    let info = vk::DescriptorBufferInfo { buffer: buffer.raw(), offset: 0, range };
+                    let info = vk::DescriptorBufferInfo { buffer: buffer.raw, offset: 0, range };
                     descriptors.update(write.buffer_info(&[info]));
                     continue;
                 }
                 Resource::Sampled(image, filter) => vk::DescriptorImageInfo {
                     sampler: gpu.sampler(*filter, image.desc().levels > 1)?,
-                    image_view: image.view(),
+                    image_view: image.view,
                     image_layout: vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
                 },
                 Resource::Stored(image) => vk::DescriptorImageInfo {
                     sampler: vk::Sampler::null(),
-                    image_view: image.view(),
+                    image_view: image.view,
                     image_layout: vk::ImageLayout::GENERAL,
                 },
                 Resource::External => {

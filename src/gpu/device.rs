@@ -121,10 +121,6 @@ impl Gpu {
         let _ = unsafe { debug.set_debug_utils_object_name(&info) };
     }
 
-    pub(crate) fn debug(&self) -> Option<&ext::debug_utils::Device> {
-        self.inner.debug.as_ref()
-    }
-
     /// Writes the pipeline cache to disk unless it is switched off. Dropping the last clone does so, too.
     pub fn save_pipeline_cache(&self) {
         self.inner.save_cache();

@@ -144,8 +144,8 @@ impl TargetImage {
     pub(crate) fn own(gpu: &Gpu, image: &super::image::Image) -> Self {
         let [width, height, _] = image.desc().extent;
         Self {
-            image: image.raw(),
-            view: image.view(),
+            image: image.raw,
+            view: image.view,
             format: image.desc().format,
             extent: [width, height],
             device: gpu.device().handle(),

@@ -89,12 +89,12 @@ pub(crate) fn format_bytes(format: vk::Format) -> u64 {
 #[derive(Debug)]
 pub(crate) struct Image {
     gpu: Gpu,
-    raw: vk::Image,
-    view: vk::ImageView,
+    pub(super) raw: vk::Image,
+    pub(super) view: vk::ImageView,
     /// `None` until the memory is allocated. Dropped after the image is destroyed.
     memory: Option<Memory>,
     desc: ImageDesc,
-    name: String,
+    pub(super) name: String,
 }
 
 impl Image {
@@ -147,18 +147,6 @@ impl Image {
             .map_err(|result| gpu.failed("vkCreateImageView", result))?;
         gpu.name(image.view, name);
         Ok(image)
-    }
-
-    pub(crate) fn name(&self) -> &str {
-        &self.name
-    }
-
-    pub(crate) fn raw(&self) -> vk::Image {
-        self.raw
-    }
-
-    pub(crate) fn view(&self) -> vk::ImageView {
-        self.view
     }
 
     pub(crate) fn desc(&self) -> &ImageDesc {

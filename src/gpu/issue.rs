@@ -32,56 +32,35 @@ impl Gpu {
                     unsafe { device.cmd_end_rendering(raw) };
                 }
             }
-            _ => self.issue_transfer(raw, work),
-        }
-    }
-
-    /// Records a fill or a copy.
-    fn issue_transfer(&self, raw: vk::CommandBuffer, work: &Work) {
-        let device = self.device();
-        match work {
             Work::ClearBuffer(buffer) => {
                 // SAFETY: recording, outside of rendering; `WHOLE_SIZE` rounds the size down to a multiple of 4.
-                unsafe { device.cmd_fill_buffer(raw, buffer.raw(), 0, vk::WHOLE_SIZE, 0) };
+                unsafe { device.cmd_fill_buffer(raw, buffer.raw, 0, vk::WHOLE_SIZE, 0) };
             }
             Work::ClearImage(image, colour) => {
                 let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
                 let colour = vk::ClearColorValue { float32: *colour };
                 let all = [whole(vk::ImageAspectFlags::COLOR)];
                 // SAFETY: recording, outside of rendering; a colour image in this layout by the step's barrier.
-                unsafe { device.cmd_clear_color_image(raw, image.raw(), layout, &colour, &all) };
+                unsafe { device.cmd_clear_color_image(raw, image.raw, layout, &colour, &all) };
             }
             Work::CopyBuffer { from, to, bytes } => {
                 let region = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: *bytes };
                 // SAFETY: both buffers hold at least `bytes`; barriers order the accesses.
-                unsafe { device.cmd_copy_buffer(raw, from.raw(), to.raw(), &[region]) };
+                unsafe { device.cmd_copy_buffer(raw, from.raw, to.raw, &[region]) };
             }
             Work::CopyImageToBuffer { image, buffer } => {
-                let (layout, region) = (vk::ImageLayout::TRANSFER_SRC_OPTIMAL, image_region(image));
+                let region = image_region(image, 0, [0, image.desc().planes(0)]);
+                let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
                 // SAFETY: the buffer was made with the size of the image; barriers order layouts and accesses.
-                unsafe {
-                    device.cmd_copy_image_to_buffer(raw, image.raw(), layout, buffer.raw(), &[region]);
-                }
+                unsafe { device.cmd_copy_image_to_buffer(raw, image.raw, layout, buffer.raw, &[region]) };
             }
-            Work::CopyBufferToImage { buffer, image, level, planes: [first, count] } => {
-                let mut region = image_region(image);
-                let [width, height, _] = image.desc().level_extent(*level);
-                region.image_subresource.mip_level = *level;
-                if image.desc().volume {
-                    region.image_offset.z = i32::try_from(*first).unwrap_or(i32::MAX);
-                    region.image_extent = vk::Extent3D { width, height, depth: *count };
-                } else {
-                    region.image_subresource.base_array_layer = *first;
-                    region.image_subresource.layer_count = *count;
-                    region.image_extent = vk::Extent3D { width, height, depth: 1 };
-                }
+            Work::CopyBufferToImage { buffer, image, level, planes } => {
+                let region = image_region(image, *level, *planes);
                 let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
-                // SAFETY: the buffer holds `count` planes of the level; barriers order layouts and accesses.
-                unsafe {
-                    device.cmd_copy_buffer_to_image(raw, buffer.raw(), image.raw(), layout, &[region]);
-                }
+                // SAFETY: the buffer holds these planes of the level; barriers order layouts and accesses.
+                unsafe { device.cmd_copy_buffer_to_image(raw, buffer.raw, image.raw, layout, &[region]) };
             }
-            Work::Dispatch { .. } | Work::Draw { .. } | Work::Leave => {}
+            Work::Leave => {}
         }
     }
 
@@ -144,17 +123,23 @@ fn pixels(side: u32) -> f32 {
     side as f32
 }
 
-/// Returns the region of a whole image.
-fn image_region(image: &Image) -> vk::BufferImageCopy {
-    let [width, height, depth] = image.desc().extent;
-    vk::BufferImageCopy {
+/// Returns the region of planes or layers `[first, count]` of a mip level.
+fn image_region(image: &Image, mip_level: u32, [first, count]: [u32; 2]) -> vk::BufferImageCopy {
+    let [width, height, _] = image.desc().level_extent(mip_level);
+    let mut region = vk::BufferImageCopy {
         image_subresource: vk::ImageSubresourceLayers {
             aspect_mask: vk::ImageAspectFlags::COLOR,
-            mip_level: 0,
-            base_array_layer: 0,
-            layer_count: image.desc().layers,
+            mip_level,
+            base_array_layer: first,
+            layer_count: count,
         },
-        image_extent: vk::Extent3D { width, height, depth },
+        image_extent: vk::Extent3D { width, height, depth: 1 },
         ..Default::default()
+    };
+    if image.desc().volume {
+        (region.image_subresource.base_array_layer, region.image_subresource.layer_count) = (0, 1);
+        region.image_offset.z = i32::try_from(first).unwrap_or(i32::MAX);
+        region.image_extent.depth = count;
     }
+    region
 }

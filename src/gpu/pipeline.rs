@@ -48,7 +48,7 @@ pub(crate) struct PipelineKey {
 }
 
 /// A pipeline with its layout. The device's table owns it, for the life of the device.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Pipeline {
     pub(super) name: String,
     pub(super) raw: vk::Pipeline,

@@ -42,8 +42,9 @@ impl Gpu {
             return Ok(Arc::clone(found));
         }
         let start = Instant::now();
-        let mut pipeline = self.layout_of(name, &bound.shaders)?;
-        match build(pipeline.layout) {
+        let mut pipeline = Pipeline { name: name.to_string(), ..Pipeline::default() };
+        let layouts = self.make_layouts(&mut pipeline, &bound.shaders);
+        match layouts.and_then(|()| build(pipeline.layout)) {
             Ok(raw) => pipeline.raw = raw,
             Err(error) => {
                 pipeline.destroy(self.device());
@@ -61,57 +62,42 @@ impl Gpu {
     }
 
     /// Creates the layouts that the shaders declare: set 0 with the union of their bindings.
-    fn layout_of(&self, name: &str, shaders: &[&'static Shader]) -> Result<Pipeline> {
-        let mut bindings: Vec<(u32, vk::DescriptorType)> =
-            shaders.iter().flat_map(|s| s.bindings.iter().copied()).collect();
-        bindings.sort_unstable_by_key(|&(binding, _)| binding);
-        bindings.dedup();
+    fn make_layouts(&self, pipeline: &mut Pipeline, shaders: &[&'static Shader]) -> Result<()> {
+        pipeline.bindings = shaders.iter().flat_map(|s| s.bindings.iter().copied()).collect();
+        pipeline.bindings.sort_unstable_by_key(|&(binding, _)| binding);
+        pipeline.bindings.dedup();
         let stages = shaders.iter().fold(vk::ShaderStageFlags::empty(), |all, s| all | s.stage);
-        let push_bytes = shaders.iter().map(|s| s.push_bytes).max().unwrap_or(0);
-        let entries: Vec<_> = bindings
-            .iter()
-            .map(|&(binding, kind)| {
-                vk::DescriptorSetLayoutBinding::default()
-                    .binding(binding)
-                    .descriptor_type(kind)
-                    .descriptor_count(1)
-                    .stage_flags(stages)
-            })
-            .collect();
+        pipeline.stages = stages;
+        pipeline.bind_point = if stages == vk::ShaderStageFlags::COMPUTE {
+            vk::PipelineBindPoint::COMPUTE
+        } else {
+            vk::PipelineBindPoint::GRAPHICS
+        };
+        pipeline.push_bytes = shaders.iter().map(|s| s.push_bytes).max().unwrap_or(0);
+        let entry = |&(binding, kind): &(u32, vk::DescriptorType)| {
+            vk::DescriptorSetLayoutBinding::default()
+                .binding(binding)
+                .descriptor_type(kind)
+                .descriptor_count(1)
+                .stage_flags(stages)
+        };
+        let entries: Vec<_> = pipeline.bindings.iter().map(entry).collect();
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&entries);
         // SAFETY: the device is alive; `info` points at `entries`, which outlive the call.
-        let set_layout = unsafe { self.device().create_descriptor_set_layout(&info, None) }
+        pipeline.set_layout = unsafe { self.device().create_descriptor_set_layout(&info, None) }
             .map_err(|result| self.failed("vkCreateDescriptorSetLayout", result))?;
-        let mut pipeline = Pipeline {
-            name: name.to_string(),
-            raw: vk::Pipeline::null(),
-            layout: vk::PipelineLayout::null(),
-            set_layout,
-            bind_point: if stages == vk::ShaderStageFlags::COMPUTE {
-                vk::PipelineBindPoint::COMPUTE
-            } else {
-                vk::PipelineBindPoint::GRAPHICS
-            },
-            stages,
-            push_bytes,
-            bindings,
-        };
-        let ranges = [vk::PushConstantRange { stage_flags: stages, offset: 0, size: push_bytes }];
-        let set_layouts = [set_layout];
+        let size = pipeline.push_bytes;
+        let ranges = [vk::PushConstantRange { stage_flags: stages, offset: 0, size }];
+        let set_layouts = [pipeline.set_layout];
         let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&set_layouts);
-        if push_bytes > 0 {
+        if size > 0 {
             info = info.push_constant_ranges(&ranges);
         }
         // SAFETY: the device is alive; no shader declares more than 128 bytes of push constants, which
         // every device offers; `info` points at locals.
-        match unsafe { self.device().create_pipeline_layout(&info, None) } {
-            Ok(layout) => pipeline.layout = layout,
-            Err(result) => {
-                pipeline.destroy(self.device());
-                return Err(self.failed("vkCreatePipelineLayout", result));
-            }
-        }
-        Ok(pipeline)
+        pipeline.layout = unsafe { self.device().create_pipeline_layout(&info, None) }
+            .map_err(|result| self.failed("vkCreatePipelineLayout", result))?;
+        Ok(())
     }
 
     fn build_graphics(

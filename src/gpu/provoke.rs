@@ -107,7 +107,7 @@ impl Gpu {
                 for value in [1, 2] {
                     // SAFETY: recording, outside of rendering; the fault is the missing barrier between the fills, which
                     // are never submitted.
-                    unsafe { device.cmd_fill_buffer(raw, buffer.raw(), 0, 256, value) };
+                    unsafe { device.cmd_fill_buffer(raw, buffer.raw, 0, 256, value) };
                 }
                 drop(commands);
                 Ok(())

@@ -225,7 +225,7 @@ impl<'a> Recorder<'a> {
     /// Records one pass between labels.
     fn issue_pass(&mut self, commands: &CommandBuffer, step: &Step) {
         let raw = commands.raw();
-        if let Some(debug) = self.gpu.debug() {
+        if let Some(debug) = &self.gpu.inner.debug {
             let name = c_name(&step.name);
             let label = vk::DebugUtilsLabelEXT::default().label_name(&name);
             // SAFETY: recording; the extension is enabled.
@@ -233,7 +233,7 @@ impl<'a> Recorder<'a> {
         }
         let gpu = self.gpu.clone();
         gpu.issue(raw, &step.work, || self.barriers(commands, step));
-        if let Some(debug) = self.gpu.debug() {
+        if let Some(debug) = &self.gpu.inner.debug {
             // SAFETY: a label was begun in this command buffer above.
             unsafe { debug.cmd_end_debug_utils_label(raw) };
         }
@@ -257,7 +257,7 @@ impl<'a> Recorder<'a> {
             let (of_buffer, of_image);
             let info = match used {
                 Used::Buffer(buffer) => {
-                    of_buffer = [buffer_barrier(buffer.raw(), &barrier)];
+                    of_buffer = [buffer_barrier(buffer.raw, &barrier)];
                     vk::DependencyInfo::default().buffer_memory_barriers(&of_buffer)
                 }
                 Used::Image(_) | Used::Target(_) => {

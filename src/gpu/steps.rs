@@ -28,16 +28,16 @@ impl Used {
     /// Returns the name of the resource.
     pub(crate) fn name(&self) -> &str {
         match self {
-            Self::Buffer(buffer) => buffer.name(),
-            Self::Image(image) => image.name(),
+            Self::Buffer(buffer) => &buffer.name,
+            Self::Image(image) => &image.name,
             Self::Target(_) => "target",
         }
     }
 
     pub(crate) fn key(&self) -> Key {
         match self {
-            Self::Buffer(buffer) => (false, buffer.raw().as_raw()),
-            Self::Image(image) => (true, image.raw().as_raw()),
+            Self::Buffer(buffer) => (false, buffer.raw.as_raw()),
+            Self::Image(image) => (true, image.raw.as_raw()),
             Self::Target(target) => (true, target.image.as_raw()),
         }
     }
@@ -55,7 +55,7 @@ pub(crate) enum Attachment {
 impl Attachment {
     pub(super) fn view(&self) -> vk::ImageView {
         match self {
-            Self::Own(image) => image.view(),
+            Self::Own(image) => image.view,
             Self::Caller(target) => target.view,
         }
     }

@@ -12,10 +12,9 @@ use crate::num;
 impl Buffer {
     /// Makes a buffer for shaders to read, and uploads `bytes` into it.
     pub(crate) fn with_data(gpu: &Gpu, name: &str, bytes: &[u8]) -> Result<Arc<Self>> {
-        let size = u64::try_from(bytes.len()).unwrap_or(u64::MAX);
+        let size = num::wide(bytes.len());
         let buffer = Arc::new(Self::new(gpu, name, size, BufferUse::ShaderRead)?);
-        let staging =
-            Arc::new(staging(gpu, name, size, |memory| memory[..bytes.len()].copy_from_slice(bytes))?);
+        let staging = staging(gpu, name, bytes.len(), |memory| memory.copy_from_slice(bytes))?;
         Commands::new(gpu)?.run("upload", |recorder| {
             recorder.copy_buffer("upload", &staging, &buffer, size);
             recorder.release_buffer(&buffer);
@@ -27,7 +26,7 @@ impl Buffer {
     pub(crate) fn host_copy(&self) -> Result<Vec<u8>> {
         let length = usize::try_from(self.size()).unwrap_or(usize::MAX);
         let bytes = self.bytes().and_then(|bytes| bytes.get(..length));
-        bytes.map(<[u8]>::to_vec).ok_or_else(|| Error::invalid(self.name(), "is not visible to the host"))
+        bytes.map(<[u8]>::to_vec).ok_or_else(|| Error::invalid(&self.name, "is not visible to the host"))
     }
 }
 
@@ -52,9 +51,7 @@ impl Image {
             while first < planes {
                 let count = group.min(planes - first);
                 let bytes = usize::try_from(plane_bytes * u64::from(count)).unwrap_or(usize::MAX);
-                let buffer = Arc::new(staging(gpu, name, plane_bytes * u64::from(count), |memory| {
-                    fill(level, num::index(first), &mut memory[..bytes]);
-                })?);
+                let buffer = staging(gpu, name, bytes, |memory| fill(level, num::index(first), memory))?;
                 commands.run("upload", |recorder| {
                     if level > 0 || first > 0 {
                         recorder.assume_ready(&image);
@@ -69,12 +66,12 @@ impl Image {
     }
 }
 
-/// Makes a staging buffer and fills it.
-fn staging(gpu: &Gpu, name: &str, size: u64, fill: impl FnOnce(&mut [u8])) -> Result<Buffer> {
-    let mut buffer = Buffer::new(gpu, &format!("{name} (staging)"), size, BufferUse::Upload)?;
-    let Some(memory) = buffer.bytes_mut() else {
+/// Makes a staging buffer of `size` bytes and fills it.
+fn staging(gpu: &Gpu, name: &str, size: usize, fill: impl FnOnce(&mut [u8])) -> Result<Arc<Buffer>> {
+    let mut buffer = Buffer::new(gpu, &format!("{name} (staging)"), num::wide(size), BufferUse::Upload)?;
+    let Some(memory) = buffer.bytes_mut().and_then(|memory| memory.get_mut(..size)) else {
         return Err(Error::invalid(name, "staging memory is not visible to the host"));
     };
     fill(memory);
-    Ok(buffer)
+    Ok(Arc::new(buffer))
 }

@@ -114,24 +114,18 @@ impl Injection {
             names.push(info.name);
         }
         let call = state.calls;
-        if state.lose.is_some_and(|at| call >= at) && info.errors.contains(&LOST) {
-            state.failed = Some((info.name, LOST));
-            state.failures += 1;
-            return if std::mem::replace(&mut state.lost, true) {
-                Verdict::Fail(LOST)
-            } else {
-                Verdict::Lose
-            };
-        }
-        let Some((_, wanted)) = state.fail.filter(|&(at, _)| at == call) else { return Verdict::Pass };
-        let allowed = info.errors.iter().copied().filter(|&error| error != LOST);
-        let Some(error) = allowed.clone().find(|&error| error == wanted).or_else(|| allowed.clone().next())
-        else {
-            return Verdict::Pass;
+        let error = if state.lose.is_some_and(|at| call >= at) && info.errors.contains(&LOST) {
+            Some(LOST)
+        } else {
+            let mut allowed = info.errors.iter().copied().filter(|&error| error != LOST);
+            let wanted = state.fail.filter(|&(at, _)| at == call).map(|(_, wanted)| wanted);
+            wanted.and_then(|wanted| allowed.clone().find(|&error| error == wanted).or(allowed.next()))
         };
+        let Some(error) = error else { return Verdict::Pass };
         state.failed = Some((info.name, error));
         state.failures += 1;
-        Verdict::Fail(error)
+        let first = error == LOST && !std::mem::replace(&mut state.lost, true);
+        if first { Verdict::Lose } else { Verdict::Fail(error) }
     }
 }
 
