@@ -34,11 +34,6 @@ impl ImageDesc {
         Self { layers, ..Self::flat(format, extent, usage) }
     }
 
-    /// Sets the number of mip levels.
-    pub(crate) fn with_levels(self, levels: u32) -> Self {
-        Self { levels, ..self }
-    }
-
     /// Returns the extent of a mip level.
     pub(crate) fn level_extent(&self, level: u32) -> [u32; 3] {
         self.extent.map(|side| (side >> level).max(1))

@@ -7,6 +7,7 @@ use super::device::Gpu;
 use super::image::{Image, whole};
 use super::pipeline::Pipeline;
 use super::steps::{Attachment, Work};
+use crate::num;
 
 impl Gpu {
     /// Records the commands of a step into a command buffer that is recording, outside of rendering, after the step's barriers.
@@ -66,12 +67,7 @@ impl Gpu {
 
     /// Binds a pipeline with its descriptors and push constants.
     fn bind(&self, raw: vk::CommandBuffer, pipeline: &Pipeline, descriptors: &Descriptors, push: &[u8]) {
-        debug_assert_eq!(
-            crate::num::count(push.len()),
-            pipeline.push_bytes,
-            "push constants of {}",
-            pipeline.name
-        );
+        debug_assert_eq!(num::count(push.len()), pipeline.push_bytes, "push constants of {}", pipeline.name);
         let (device, point) = (self.device(), pipeline.bind_point);
         // SAFETY: the pipeline lives as long as the device.
         unsafe { device.cmd_bind_pipeline(raw, point, pipeline.raw) };

@@ -9,8 +9,8 @@ pub(super) const LOST: vk::Result = vk::Result::ERROR_DEVICE_LOST;
 /// Counts the Vulkan calls of one [`Gpu`](crate::gpu::Gpu) and makes some of them fail; for tests.
 ///
 /// A test passes a clone in [`GpuOptions::inject`](crate::gpu::GpuOptions::inject) and keeps another: clones share one
-/// count. It counts the calls of this crate and its memory allocator that return a `VkResult`, from the first call of the loader
-/// on, and the same calls of callers through [`Gpu::handles`](crate::gpu::Gpu::handles). A call that fails does not reach the driver;
+/// count. It counts every call that returns a `VkResult`, from the first call of the loader on, including calls of the memory
+/// allocator and of callers through [`Gpu::handles`](crate::gpu::Gpu::handles). A call that fails does not reach the driver;
 /// its outputs are unchanged, or null where Vulkan requires that.
 #[derive(Clone, Debug, Default)]
 pub struct Injection {
@@ -26,14 +26,6 @@ struct State {
     failed: Option<(&'static str, vk::Result)>,
     failures: u64,
     names: Option<Vec<&'static str>>,
-}
-
-/// The decision on a call.
-pub(super) enum Verdict {
-    Pass,
-    Fail(vk::Result),
-    /// The first call of a lost device.
-    Lose,
 }
 
 impl Injection {
@@ -106,8 +98,8 @@ impl Injection {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Counts a call, and decides on it.
-    pub(super) fn enter(&self, info: &Info) -> Verdict {
+    /// Counts a call. Returns the error with which it fails, and whether it is the first call of a lost device.
+    pub(super) fn enter(&self, info: &Info) -> Option<(vk::Result, bool)> {
         let mut state = self.lock();
         state.calls += 1;
         if let Some(names) = &mut state.names {
@@ -115,17 +107,15 @@ impl Injection {
         }
         let call = state.calls;
         let error = if state.lose.is_some_and(|at| call >= at) && info.errors.contains(&LOST) {
-            Some(LOST)
+            LOST
         } else {
+            let (_, wanted) = state.fail.filter(|&(at, _)| at == call)?;
             let mut allowed = info.errors.iter().copied().filter(|&error| error != LOST);
-            let wanted = state.fail.filter(|&(at, _)| at == call).map(|(_, wanted)| wanted);
-            wanted.and_then(|wanted| allowed.clone().find(|&error| error == wanted).or(allowed.next()))
+            allowed.clone().find(|&error| error == wanted).or_else(|| allowed.next())?
         };
-        let Some(error) = error else { return Verdict::Pass };
         state.failed = Some((info.name, error));
         state.failures += 1;
-        let first = error == LOST && !std::mem::replace(&mut state.lost, true);
-        if first { Verdict::Lose } else { Verdict::Fail(error) }
+        Some((error, error == LOST && !std::mem::replace(&mut state.lost, true)))
     }
 }
 
