@@ -34,70 +34,48 @@ fn main() {
     files.sort();
     refuse_equal_stems(&files);
 
-    let compiler = match shaderc::Compiler::new() {
-        Ok(compiler) => compiler,
-        Err(error) => {
-            refuse!("the GLSL compiler does not start ({error}): run `make setup`, which installs libshaderc")
-        }
-    };
+    let compiler = shaderc::Compiler::new().unwrap_or_else(|error| {
+        refuse!("the GLSL compiler does not start ({error}): run `make setup`, which installs libshaderc")
+    });
     // Debug builds keep names and line numbers for the validation layers' messages.
     let optimise = env::var("PROFILE").is_ok_and(|profile| profile == "release");
 
     let mut numbers = String::from("// Written by build.rs from glsl/interface.glsl.\n\n");
     let numbered = constants(&read(&folder.join("interface.glsl")), &mut numbers);
-    let path = out.join("constants.rs");
-    if let Err(error) = fs::write(&path, numbers) {
-        refuse!("{}: {error}", path.display());
-    }
+    write(&out.join("constants.rs"), numbers);
     let mut rust = String::from("// Written by build.rs from glsl/.\n\n");
     let mut layouts = BTreeMap::new();
     let mut inputs = AllInputs::default();
     for file in &files {
-        let source = read(file);
+        let source = Source { folder: &folder, file, text: read(file) };
         let mut headers = Vec::new();
-        collect_headers(&folder, &source, &mut headers);
-        for (stage, entry) in entries(file, &source) {
+        collect_headers(&folder, &source.text, &mut headers);
+        for (stage, entry) in source.entries() {
             let name = format!("{}_{entry}", stem(file)).to_uppercase().replace('-', "_");
             // Names are read from the plain module: optimisation strips them.
-            let plain = compile(&compiler, &folder, file, &source, stage, &entry, false);
+            let plain = source.compile(&compiler, stage, &entry, false);
             let module = Module::parse(&plain);
             module.layouts(file, &mut layouts);
-            let shipped = if optimise {
-                compile(&compiler, &folder, file, &source, stage, &entry, true)
-            } else {
-                plain
-            };
+            let shipped = if optimise { source.compile(&compiler, stage, &entry, true) } else { plain };
             let bytes: Vec<u8> = shipped.iter().flat_map(|word| word.to_le_bytes()).collect();
-            let path = out.join(format!("{name}.spv"));
-            if let Err(error) = fs::write(&path, bytes) {
-                refuse!("{}: {error}", path.display());
-            }
+            write(&out.join(format!("{name}.spv")), bytes);
             let fields = module.fields(&name, &numbered);
-            let module = (name.clone(), module.describe(&name, stage));
-            inputs.add(&stem(file), &entry, module, fields, &headers);
+            let description = module.describe(&name, stage);
+            inputs.add(&stem(file), [entry, name, description], fields, &headers);
         }
     }
     inputs.write(&mut rust);
     assertions(&layouts, &mut rust);
-    let path = out.join("shaders.rs");
-    if let Err(error) = fs::write(&path, rust) {
-        refuse!("{}: {error}", path.display());
-    }
+    write(&out.join("shaders.rs"), rust);
 }
 
 /// Collects the GLSL files of a folder and of the folders in it, and has Cargo watch them all.
 fn walk(folder: &Path, files: &mut Vec<PathBuf>) {
     // A watched folder is built again when a file is added or removed.
     println!("cargo::rerun-if-changed={}", folder.display());
-    let entries = match fs::read_dir(folder) {
-        Ok(entries) => entries,
-        Err(error) => refuse!("{}: {error}", folder.display()),
-    };
-    for entry in entries {
-        let path = match entry {
-            Ok(entry) => entry.path(),
-            Err(error) => refuse!("{}: {error}", folder.display()),
-        };
+    let entries = fs::read_dir(folder).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
+    for entry in entries.unwrap_or_else(|error| refuse!("{}: {error}", folder.display())) {
+        let path = entry.path();
         if path.is_dir() {
             walk(&path, files);
         } else if path.extension().is_some_and(|extension| extension == "glsl") {
@@ -105,6 +83,14 @@ fn walk(folder: &Path, files: &mut Vec<PathBuf>) {
             files.push(path);
         }
     }
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|error| refuse!("{}: {error}", path.display()))
+}
+
+fn write(path: &Path, content: impl AsRef<[u8]>) {
+    fs::write(path, content).unwrap_or_else(|error| refuse!("{}: {error}", path.display()));
 }
 
 fn stem(file: &Path) -> String {
@@ -121,86 +107,69 @@ fn refuse_equal_stems(files: &[PathBuf]) {
     }
 }
 
-/// The path of a shader as messages name it: from the root of the project, with forward slashes.
-fn shown(folder: &Path, file: &Path) -> String {
-    let inner = file.strip_prefix(folder).unwrap_or(file);
-    let parts: Vec<_> = inner.iter().map(|part| part.to_string_lossy()).collect();
-    format!("glsl/{}", parts.join("/"))
+/// A file with entries.
+struct Source<'a> {
+    folder: &'a Path,
+    file: &'a Path,
+    text: String,
 }
 
-fn read(path: &Path) -> String {
-    match fs::read_to_string(path) {
-        Ok(text) => text,
-        Err(error) => refuse!("{}: {error}", path.display()),
-    }
-}
-
-/// Returns stage and macro of the `// entry <stage> <MACRO>` lines at the top of a file.
-fn entries(file: &Path, source: &str) -> Vec<(&'static str, String)> {
-    let mut found = Vec::new();
-    for line in source.lines() {
-        let Some(rest) = line.strip_prefix("// entry ") else { continue };
-        let words: Vec<&str> = rest.split_whitespace().collect();
-        let stage = match words.first() {
-            Some(&"vertex") => "Vertex",
-            Some(&"fragment") => "Fragment",
-            Some(&"compute") => "Compute",
-            _ => refuse!("{}: `{line}`: the stage must be vertex, fragment or compute", file.display()),
+impl Source<'_> {
+    /// Returns stage and macro of the `// entry <stage> <MACRO>` lines at the top of the file.
+    fn entries(&self) -> Vec<(shaderc::ShaderKind, String)> {
+        let entry = |line: &str| {
+            let refuse = |why: &str| -> ! { refuse!("{}: `{line}`: {why}", self.file.display()) };
+            let mut words = line.strip_prefix("// entry ")?.split_whitespace();
+            let stage = match words.next() {
+                Some("vertex") => shaderc::ShaderKind::Vertex,
+                Some("fragment") => shaderc::ShaderKind::Fragment,
+                Some("compute") => shaderc::ShaderKind::Compute,
+                _ => refuse("the stage must be vertex, fragment or compute"),
+            };
+            let Some(entry) = words.next() else { refuse("no macro is named") };
+            Some((stage, entry.to_string()))
         };
-        let Some(entry) = words.get(1) else { refuse!("{}: `{line}`: no macro is named", file.display()) };
-        found.push((stage, (*entry).to_string()));
+        self.text.lines().filter_map(entry).collect()
     }
-    found
-}
 
-fn compile(
-    compiler: &shaderc::Compiler,
-    folder: &Path,
-    file: &Path,
-    source: &str,
-    stage: &str,
-    entry: &str,
-    optimise: bool,
-) -> Vec<u32> {
-    let Ok(mut options) = shaderc::CompileOptions::new() else {
-        refuse!("the GLSL compiler gives no options object: run `make setup`")
-    };
-    options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
-    // 1.5, not 1.6: Mesa 22.3's software driver crashes on gl_HelperInvocation in 1.6.
-    options.set_target_spirv(shaderc::SpirvVersion::V1_5);
-    options.set_warnings_as_errors();
-    if optimise {
-        options.set_optimization_level(shaderc::OptimizationLevel::Performance);
-    } else {
-        options.set_generate_debug_info();
-    }
-    options.add_macro_definition(entry, None);
-    options.set_include_callback(|name, _, from, _| {
-        let path = folder.join(name);
-        let content = fs::read_to_string(&path)
-            .map_err(|error| format!("glsl/{name}, included from {from}: {error}"))?;
-        Ok(shaderc::ResolvedInclude { resolved_name: format!("glsl/{name}"), content })
-    });
-    let kind = match stage {
-        "Vertex" => shaderc::ShaderKind::Vertex,
-        "Fragment" => shaderc::ShaderKind::Fragment,
-        _ => shaderc::ShaderKind::Compute,
-    };
-    let shown = shown(folder, file);
-    match compiler.compile_into_spirv(source, kind, &shown, "main", Some(&options)) {
-        Ok(artifact) => artifact.as_binary().to_vec(),
-        Err(error) => refuse!("{shown} ({entry}): {error}"),
+    fn compile(
+        &self,
+        compiler: &shaderc::Compiler,
+        stage: shaderc::ShaderKind,
+        entry: &str,
+        optimise: bool,
+    ) -> Vec<u32> {
+        let Ok(mut options) = shaderc::CompileOptions::new() else {
+            refuse!("the GLSL compiler gives no options object: run `make setup`")
+        };
+        options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
+        // 1.5, not 1.6: Mesa 22.3's software driver crashes on gl_HelperInvocation in 1.6.
+        options.set_target_spirv(shaderc::SpirvVersion::V1_5);
+        options.set_warnings_as_errors();
+        if optimise {
+            options.set_optimization_level(shaderc::OptimizationLevel::Performance);
+        } else {
+            options.set_generate_debug_info();
+        }
+        options.add_macro_definition(entry, None);
+        options.set_include_callback(|name, _, from, _| {
+            let content = fs::read_to_string(self.folder.join(name))
+                .map_err(|error| format!("glsl/{name}, included from {from}: {error}"))?;
+            Ok(shaderc::ResolvedInclude { resolved_name: format!("glsl/{name}"), content })
+        });
+        // Messages name the file from the root of the project, with forward slashes.
+        let inner = self.file.strip_prefix(self.folder).unwrap_or(self.file);
+        let parts: Vec<_> = inner.iter().map(|part| part.to_string_lossy()).collect();
+        let shown = format!("glsl/{}", parts.join("/"));
+        match compiler.compile_into_spirv(&self.text, stage, &shown, "main", Some(&options)) {
+            Ok(artifact) => artifact.as_binary().to_vec(),
+            Err(error) => refuse!("{shown} ({entry}): {error}"),
+        }
     }
 }
 
-/// A number that `glsl/interface.glsl` gives to a binding or a specialisation constant: its name there and what it says.
-struct Numbered {
-    name: String,
-    says: String,
-}
-
-/// Bindings (`false`) and specialisation constants (`true`) by number.
-type Numbers = BTreeMap<(bool, u32), Numbered>;
+/// Bindings (`false`) and specialisation constants (`true`) of `glsl/interface.glsl` by number: name there, and what it says.
+type Numbers = BTreeMap<(bool, u32), (String, String)>;
 
 /// Writes a constant for each `#define NAME n`, under the same name. Returns the bindings and specialisation constants, which
 /// Rust knows by the structures of inputs only.
@@ -218,9 +187,8 @@ fn constants(interface: &str, rust: &mut String) -> Numbers {
         let is_constant = name.starts_with("SPEC_");
         if is_constant || name.starts_with("BINDING_") {
             let says = line.split_once("// ").map_or_else(String::new, |(_, says)| says.to_string());
-            let place = numbers.insert((is_constant, value), Numbered { name: name.to_string(), says });
-            if let Some(other) = place {
-                refuse!("glsl/interface.glsl: {name} and {} have one number", other.name);
+            if let Some((other, _)) = numbers.insert((is_constant, value), (name.to_string(), says)) {
+                refuse!("glsl/interface.glsl: {name} and {other} have one number");
             }
             continue;
         }
@@ -272,7 +240,6 @@ struct Field {
     says: String,
     /// Type in Rust.
     kind: &'static str,
-    is_constant: bool,
     number: u32,
 }
 
@@ -291,12 +258,10 @@ impl Field {
 
     fn list(&self, rust: &mut String) {
         let (short, number) = (self.short(), self.number);
-        let _ = match (self.is_constant, self.kind) {
-            (true, "u32") => writeln!(rust, "        to.constants.push(({number}, self.{short}));"),
-            (true, _) => writeln!(rust, "        to.constants.push(({number}, u32::from(self.{short})));"),
-            (false, _) => {
-                writeln!(rust, "        to.resources.push(({number}, self.{short}.clone().into()));")
-            }
+        let _ = match self.kind {
+            "u32" => writeln!(rust, "        to.constants.push(({number}, self.{short}));"),
+            "bool" => writeln!(rust, "        to.constants.push(({number}, u32::from(self.{short})));"),
+            _ => writeln!(rust, "        to.resources.push(({number}, self.{short}.0.clone()));"),
         };
     }
 }
@@ -304,9 +269,8 @@ impl Field {
 /// The inputs of entries of one file that read the same.
 struct EntryInputs {
     stem: String,
-    /// Entries with these inputs, and their modules: name and description.
-    entries: Vec<String>,
-    modules: Vec<(String, String)>,
+    /// Entries with these inputs, and the names and descriptions of their modules.
+    modules: Vec<[String; 3]>,
     own: BTreeSet<Field>,
     /// Stems of the headers that declare further inputs.
     headers: BTreeSet<String>,
@@ -316,9 +280,9 @@ impl EntryInputs {
     /// Returns the file's name and the words that the names of all entries share, or the name of the first entry.
     fn name(&self) -> String {
         let words = |entry: &str| entry.split('_').map(str::to_string).collect::<Vec<_>>();
-        let first = words(&self.entries[0]);
+        let first = words(&self.modules[0][0]);
         let mut shared = first.clone();
-        shared.retain(|word| self.entries.iter().all(|entry| words(entry).contains(word)));
+        shared.retain(|word| self.modules.iter().all(|[entry, ..]| words(entry).contains(word)));
         format!("{}-{}", self.stem, if shared.is_empty() { first.join("-") } else { shared.join("-") })
     }
 }
@@ -331,40 +295,25 @@ struct AllInputs {
 }
 
 impl AllInputs {
-    fn add(
-        &mut self,
-        stem: &str,
-        entry: &str,
-        module: (String, String),
-        fields: Vec<Field>,
-        headers: &[Header],
-    ) {
-        let mut inputs = EntryInputs {
-            stem: stem.to_string(),
-            entries: vec![entry.to_string()],
-            modules: vec![module.clone()],
-            own: BTreeSet::new(),
-            headers: BTreeSet::new(),
-        };
+    /// Adds a module, given by its entry, name and description, of the file `stem`.
+    fn add(&mut self, stem: &str, module: [String; 3], fields: Vec<Field>, headers: &[Header]) {
+        let (mut own, mut including) = (BTreeSet::new(), BTreeSet::new());
         for field in fields {
             match headers.iter().find(|header| header.declares.contains(&field.name)) {
                 Some(header) => {
-                    inputs.headers.insert(header.stem.clone());
+                    including.insert(header.stem.clone());
                     self.headers.entry(header.stem.clone()).or_default().insert(field);
                 }
-                None => drop(inputs.own.insert(field)),
+                None => drop(own.insert(field)),
             }
         }
-        let same = |other: &&mut EntryInputs| {
-            other.stem == inputs.stem && other.own == inputs.own && other.headers == inputs.headers
-        };
-        match self.entries.iter_mut().find(same) {
-            Some(other) => {
-                other.entries.push(entry.to_string());
-                other.modules.push(module);
-            }
-            None => self.entries.push(inputs),
+        let same = |other: &EntryInputs| other.stem == stem && other.own == own && other.headers == including;
+        let at = self.entries.iter().position(same).unwrap_or(self.entries.len());
+        if at == self.entries.len() {
+            let (stem, headers) = (stem.to_string(), including);
+            self.entries.push(EntryInputs { stem, modules: Vec::new(), own, headers });
         }
+        self.entries[at].modules.push(module);
     }
 
     /// Writes the structures, and for each module its entry.
@@ -380,9 +329,9 @@ impl AllInputs {
                 inputs.headers.iter().partition(|stem| self.headers[*stem].len() == 1);
             let fields = inputs.own.iter().chain(single.into_iter().flat_map(|stem| &self.headers[stem]));
             let modules: Vec<String> =
-                inputs.modules.iter().map(|(module, _)| format!("`{module}`")).collect();
+                inputs.modules.iter().map(|[_, module, _]| format!("`{module}`")).collect();
             structure(&name, &modules.join(", "), fields, &several, rust);
-            for (module, description) in &inputs.modules {
+            for [_, module, description] in &inputs.modules {
                 let _ = writeln!(
                     rust,
                     "/// `{module}`, compiled from `glsl/`.\n\
@@ -418,7 +367,7 @@ fn structure<'a>(
     }
     let _ = writeln!(
         rust,
-        "}}\nimpl Inputs for {name} {{\n    fn list(&self, {}: &mut InputList) {{\n{list}    }}\n}}\n",
+        "}}\nimpl Inputs for {name} {{\n    fn list(&self, {}: &mut Bound) {{\n{list}    }}\n}}\n",
         if list.is_empty() { "_" } else { "to" }
     );
 }
@@ -532,10 +481,15 @@ impl Module {
         used
     }
 
+    /// Returns the operation that declares a type, and its operands; nothing for other identifiers.
+    fn kind(&self, id: u32) -> &[u32] {
+        self.types.get(&id).map_or(&[], Vec::as_slice)
+    }
+
     /// Returns the type that a pointer variable points at.
     fn pointee(&self, pointer: u32) -> u32 {
-        match self.types.get(&pointer).map(Vec::as_slice) {
-            Some([32, _, target]) => *target,
+        match self.kind(pointer) {
+            [32, _, target] => *target,
             _ => 0,
         }
     }
@@ -543,75 +497,62 @@ impl Module {
     /// Collects the structures with offsets in the push constants and buffers of the module. A block whose members are
     /// all structures or arrays of them is only a wrapper around them.
     fn layouts(&self, file: &Path, layouts: &mut BTreeMap<String, Layout>) {
-        for &(pointer, _, class) in &self.variables {
-            // Uniform, push constant, storage buffer.
-            if ![2, 9, 12].contains(&class) {
-                continue;
-            }
-            let Some([30, members @ ..]) = self.types.get(&self.pointee(pointer)).map(Vec::as_slice) else {
-                continue;
-            };
-            let elements: Vec<u32> = members.iter().filter_map(|member| self.framed(*member)).collect();
-            if elements.len() == members.len() {
-                for element in elements {
-                    self.layout_of(file, element, layouts);
+        // Uniform, push constant, storage buffer.
+        for &(pointer, ..) in self.variables.iter().filter(|(.., class)| [2, 9, 12].contains(class)) {
+            let block = self.pointee(pointer);
+            let [30, members @ ..] = self.kind(block) else { continue };
+            let elements: Option<Vec<u32>> = members.iter().map(|member| self.framed(*member)).collect();
+            for id in elements.unwrap_or(vec![block]) {
+                let Some((name, layout)) = self.layout(id) else { continue };
+                if layouts.get(&name).is_some_and(|other| *other != layout) {
+                    refuse!("{}: {name} is laid out differently here than in another shader", file.display());
                 }
-            } else {
-                self.layout_of(file, self.pointee(pointer), layouts);
+                layouts.insert(name, layout);
             }
         }
     }
 
     /// Returns the structure itself, or the element of an array.
     fn framed(&self, id: u32) -> Option<u32> {
-        let is_structure = matches!(self.types.get(&id).map(Vec::as_slice), Some([30, ..]));
-        if is_structure { Some(id) } else { self.array_element(id) }
+        if let [30, ..] = self.kind(id) { Some(id) } else { self.array_element(id) }
     }
 
     fn array_element(&self, id: u32) -> Option<u32> {
-        match self.types.get(&id).map(Vec::as_slice) {
-            Some([28 | 29, element, ..]) => Some(*element),
+        match self.kind(id) {
+            [28 | 29, element, ..] => Some(*element),
             _ => None,
         }
     }
 
-    fn layout_of(&self, file: &Path, id: u32, layouts: &mut BTreeMap<String, Layout>) {
-        let Some([30, members @ ..]) = self.types.get(&id).map(Vec::as_slice) else { return };
-        let name = self.names.get(&id).cloned().unwrap_or_default();
+    /// Returns name and layout of a structure.
+    fn layout(&self, id: u32) -> Option<(String, Layout)> {
+        let [30, members @ ..] = self.kind(id) else { return None };
         let mut fields = Vec::new();
         let mut size = 0;
         for (i, member) in (0..).zip(members) {
-            let field = self.member_names.get(&(id, i)).cloned().unwrap_or_default();
             let offset = self.offsets.get(&(id, i)).copied().unwrap_or(0);
             size = size.max(offset + self.size(*member));
-            fields.push((field, offset));
+            fields.push((self.member_names.get(&(id, i)).cloned().unwrap_or_default(), offset));
         }
-        let stride = self.types.iter().find_map(|(array, kind)| match kind[..] {
-            [28 | 29, element, ..] if element == id => self.strides.get(array).copied(),
-            _ => None,
-        });
-        let layout = (fields, stride.unwrap_or(size));
-        if let Some(other) = layouts.insert(name.clone(), layout.clone())
-            && other != layout
-        {
-            refuse!("{}: {name} is laid out differently here than in another shader", file.display());
-        }
+        let mut arrays = self.types.keys().filter(|array| self.array_element(**array) == Some(id));
+        let stride = arrays.find_map(|array| self.strides.get(array).copied());
+        Some((self.names.get(&id).cloned().unwrap_or_default(), (fields, stride.unwrap_or(size))))
     }
 
     /// Returns the size in bytes of a type that a shared structure may have.
     fn size(&self, id: u32) -> u32 {
-        match self.types.get(&id).map(Vec::as_slice) {
-            Some([21 | 22, bits, ..]) => bits / 8,
-            Some([23, element, count]) => self.size(*element) * count,
-            Some([28, _, count]) => {
+        match self.kind(id) {
+            [21 | 22, bits, ..] => bits / 8,
+            [23, element, count] => self.size(*element) * count,
+            [28, _, count] => {
                 self.strides.get(&id).copied().unwrap_or(0) * self.constants.get(count).copied().unwrap_or(0)
             }
             _ => 0,
         }
     }
 
-    /// Returns the resources by binding: the name of their `BindingKind`, and whether the shader only reads them.
-    fn resources(&self, name: &str) -> BTreeMap<u32, (&'static str, bool)> {
+    /// Returns the resources by binding: descriptor type, and type of the input in Rust.
+    fn resources(&self, name: &str) -> BTreeMap<u32, (&'static str, &'static str)> {
         let mut resources = BTreeMap::new();
         for &(pointer, id, class) in &self.variables {
             let Some(&binding) = self.bindings.get(&id) else { continue };
@@ -619,15 +560,15 @@ impl Module {
             while let Some(element) = self.array_element(target) {
                 target = element;
             }
-            let kind = match (class, self.types.get(&target).map(Vec::as_slice)) {
-                (12, _) => "StorageBuffer",
-                (2, _) => "UniformBuffer",
-                (_, Some([27, ..])) => "SampledImage",
-                (_, Some([25, ..])) => "StorageImage",
+            let read_only = self.read_only.contains(&id) || self.read_only.contains(&target);
+            let kinds = match (class, self.kind(target)) {
+                (12, _) => ("STORAGE_BUFFER", if read_only { "Read" } else { "Write" }),
+                (2, _) => ("UNIFORM_BUFFER", "Uniform"),
+                (_, [27, ..]) => ("COMBINED_IMAGE_SAMPLER", "Sampled"),
+                (_, [25, ..]) => ("STORAGE_IMAGE", "Stored"),
                 _ => refuse!("{name}: binding {binding} is of a kind that this build does not know"),
             };
-            let read_only = self.read_only.contains(&id) || self.read_only.contains(&target);
-            resources.insert(binding, (kind, read_only));
+            resources.insert(binding, kinds);
         }
         resources
     }
@@ -635,21 +576,13 @@ impl Module {
     /// Returns the inputs of the module, named as in `glsl/interface.glsl`.
     fn fields(&self, name: &str, numbers: &Numbers) -> Vec<Field> {
         let field = |is_constant: bool, number: u32, kind: &'static str| {
-            let Some(Numbered { name, says }) = numbers.get(&(is_constant, number)) else {
+            let Some((name, says)) = numbers.get(&(is_constant, number)) else {
                 refuse!("{name}: number {number} of an input has no name in glsl/interface.glsl")
             };
-            Field { name: name.clone(), says: says.clone(), kind, is_constant, number }
+            Field { name: name.clone(), says: says.clone(), kind, number }
         };
-        let resources = self.resources(name).into_iter().map(|(binding, kind)| {
-            let kind = match kind {
-                ("UniformBuffer", _) => "Uniform",
-                ("StorageBuffer", true) => "Read",
-                ("StorageBuffer", false) => "Write",
-                ("SampledImage", _) => "Sampled",
-                _ => "Stored",
-            };
-            field(false, binding, kind)
-        });
+        let resources = self.resources(name).into_iter();
+        let resources = resources.map(|(binding, (_, kind))| field(false, binding, kind));
         let constants = self.specialised.iter().map(|(id, &number)| {
             field(true, number, if self.booleans.contains(id) { "bool" } else { "u32" })
         });
@@ -657,24 +590,19 @@ impl Module {
     }
 
     /// Describes the module as a `Shader`: code, stage, size of the push constants, bindings.
-    fn describe(&self, name: &str, stage: &str) -> String {
-        let mut push = 0;
-        for &(pointer, _, class) in &self.variables {
-            if class == 9 {
-                let mut layouts = BTreeMap::new();
-                self.layout_of(Path::new(name), self.pointee(pointer), &mut layouts);
-                push = layouts.values().next().map_or(0, |layout| layout.1);
-            }
-        }
-        let list: Vec<String> = self
-            .resources(name)
-            .iter()
-            .map(|(binding, (kind, _))| format!("({binding}, BindingKind::{kind})"))
+    fn describe(&self, name: &str, stage: shaderc::ShaderKind) -> String {
+        let mut pushes = self.variables.iter().filter(|(.., class)| *class == 9);
+        let push = pushes.find_map(|(pointer, ..)| self.layout(self.pointee(*pointer)));
+        let push_bytes = push.map_or(0, |(_, (_, size))| size);
+        let stage = format!("{stage:?}").to_uppercase();
+        let resources = self.resources(name).into_iter();
+        let bindings: Vec<String> = resources
+            .map(|(binding, (kind, _))| format!("({binding}, vk::DescriptorType::{kind})"))
             .collect();
         format!(
-            "Shader {{ name: \"{name}\", stage: Stage::{stage}, push_bytes: {push}, bindings: &[{}], \
-             code: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")) }}",
-            list.join(", ")
+            "Shader {{ name: \"{name}\", stage: vk::ShaderStageFlags::{stage}, push_bytes: {push_bytes}, \
+             bindings: &[{}], code: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")) }}",
+            bindings.join(", ")
         )
     }
 }

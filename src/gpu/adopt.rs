@@ -111,7 +111,6 @@ impl Gpu {
                 "device and validation are for a device that the crate opens: leave them unset",
             ));
         }
-        let family = crate::num::index(parts.queue_family);
         parts.check_handles()?;
         if parts.api_version < vk::API_VERSION_1_3 {
             return Err(missing(format!(
@@ -125,12 +124,12 @@ impl Gpu {
         if !devices.contains(&parts.physical_device) {
             return Err(invalid("the physical device is not of this instance"));
         }
-        let mut candidate = inspect(&parts.instance, parts.physical_device, Some(family));
+        let mut candidate =
+            inspect(&parts.instance, parts.physical_device, Some(crate::num::index(parts.queue_family)));
         if let Some(lack) = &candidate.refused {
             return Err(missing(lack.clone()));
         }
         parts.check_enabled()?;
-        candidate.queue_family = parts.queue_family;
         candidate.report.chosen = true;
         candidate.report.reason = "the caller's".to_string();
         let GpuParts { entry, instance, device, mut enabled, keep, .. } = parts;
@@ -172,11 +171,11 @@ impl GpuParts {
         if let Some(what) = self.enabled.beyond(&offered) {
             return Err(invalid(format!("{what} is said to be enabled, and the device does not offer it")));
         }
-        if !self.enabled.synchronization2 {
-            return Err(missing("the required feature synchronization2 is not enabled".to_string()));
-        }
-        if !self.enabled.dynamic_rendering {
-            return Err(missing("the required feature dynamicRendering is not enabled".to_string()));
+        let Enabled { synchronization2, dynamic_rendering, .. } = self.enabled;
+        for (on, name) in [(synchronization2, "synchronization2"), (dynamic_rendering, "dynamicRendering")] {
+            if !on {
+                return Err(missing(format!("the required feature {name} is not enabled")));
+            }
         }
         let get = self.instance.fp_v1_0().get_device_proc_addr;
         for name in FUNCTIONS {

@@ -2,11 +2,9 @@
 
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use gpu_allocator::vulkan::Allocation;
 
-use super::budget::Reservation;
 use super::device::Gpu;
-use super::memory::{allocate, free};
+use super::memory::Memory;
 use crate::error::{Error, Result};
 
 /// The purpose of a buffer, which decides its memory type and usage flags.
@@ -26,11 +24,11 @@ pub(crate) enum BufferUse {
 #[derive(Debug)]
 pub(crate) struct Buffer {
     gpu: Gpu,
-    raw: vk::Buffer,
-    allocation: Option<Allocation>,
-    _reservation: Option<Reservation>,
+    pub(super) raw: vk::Buffer,
+    /// `None` until the memory is allocated. Dropped after the buffer is destroyed.
+    memory: Option<Memory>,
     size: u64,
-    name: String,
+    pub(super) name: String,
 }
 
 impl Buffer {
@@ -65,32 +63,16 @@ impl Buffer {
         let raw = unsafe { gpu.device().create_buffer(&info, None) }
             .map_err(|result| gpu.failed("vkCreateBuffer", result))?;
         // `buffer` owns `raw` from here on, so every `?` below destroys it.
-        let mut buffer = Self {
-            gpu: gpu.clone(),
-            raw,
-            allocation: None,
-            _reservation: None,
-            size,
-            name: name.to_string(),
-        };
+        let mut buffer = Self { gpu: gpu.clone(), raw, memory: None, size, name: name.to_string() };
         gpu.name(raw, name);
         // SAFETY: `raw` was just made from this device.
         let requirements = unsafe { gpu.device().get_buffer_memory_requirements(raw) };
-        gpu.check_allocation(name, requirements.size)?;
-        buffer._reservation = Some(gpu.inner.budget.reserve(name, requirements.size)?);
-        let allocation = allocate(gpu, name, requirements, location, true)?;
-        // SAFETY: the memory belongs to an allocation that `buffer` frees after the buffer is destroyed.
-        let memory = unsafe { allocation.memory() };
-        let offset = allocation.offset();
-        buffer.allocation = Some(allocation);
+        let memory = buffer.memory.insert(Memory::new(gpu, name, requirements, location, true)?);
+        let (memory, offset) = memory.place();
         // SAFETY: the buffer is unbound; memory type, size and alignment come from its requirements.
         unsafe { gpu.device().bind_buffer_memory(raw, memory, offset) }
             .map_err(|result| gpu.failed("vkBindBufferMemory", result))?;
         Ok(buffer)
-    }
-
-    pub(crate) fn raw(&self) -> vk::Buffer {
-        self.raw
     }
 
     pub(crate) fn size(&self) -> u64 {
@@ -100,16 +82,12 @@ impl Buffer {
     /// Returns the mapped memory; `None` for buffers in device memory. The device does not access staging memory at the
     /// same time: uploads are submitted after the host has written, downloads are read after the fence.
     pub(crate) fn bytes(&self) -> Option<&[u8]> {
-        self.allocation.as_ref()?.mapped_slice()
+        self.memory.as_ref()?.allocation.mapped_slice()
     }
 
     /// Returns the mapped memory for writing.
     pub(crate) fn bytes_mut(&mut self) -> Option<&mut [u8]> {
-        self.allocation.as_mut()?.mapped_slice_mut()
-    }
-
-    pub(crate) fn name(&self) -> &str {
-        &self.name
+        self.memory.as_mut()?.allocation.mapped_slice_mut()
     }
 }
 
@@ -118,6 +96,5 @@ impl Drop for Buffer {
         // SAFETY: a submission holds every resource it names until its fence has signalled, so no
         // pending command refers to `raw` (VUID-vkDestroyBuffer-buffer-00922).
         unsafe { self.gpu.device().destroy_buffer(self.raw, None) };
-        free(&self.gpu, self.allocation.take());
     }
 }

@@ -14,34 +14,20 @@ const HEADER: usize = 8 + 4 + 4 + 4 + 16 + 8 + 8;
 /// Upper bound of the size of a cache; larger files are ignored.
 const MAX_BYTES: u64 = 256 << 20;
 
-/// The device and driver that a cache belongs to.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Identity {
-    pub(crate) vendor: u32,
-    pub(crate) device: u32,
-    pub(crate) driver: u32,
-    pub(crate) uuid: [u8; 16],
-}
-
 /// The cache file of one device.
 #[derive(Clone, Debug)]
 pub(crate) struct PipelineCacheFile {
     path: PathBuf,
-    identity: Identity,
+    /// The device and driver that the cache belongs to.
+    identity: Vec<u8>,
 }
 
 impl PipelineCacheFile {
     /// Returns the file of a device in `folder`, or in the user's cache folder; `None` where there is no such folder.
     pub(crate) fn locate(folder: Option<&Path>, properties: &vk::PhysicalDeviceProperties) -> Option<Self> {
         let folder = folder.map(Path::to_path_buf).or_else(user_cache_folder)?;
-        let identity = Identity {
-            vendor: properties.vendor_id,
-            device: properties.device_id,
-            driver: properties.driver_version,
-            uuid: properties.pipeline_cache_uuid,
-        };
-        let name = format!("pipelines-{:08x}-{:08x}.bin", identity.vendor, identity.device);
-        Some(Self { path: folder.join(name), identity })
+        let name = format!("pipelines-{:08x}-{:08x}.bin", properties.vendor_id, properties.device_id);
+        Some(Self { path: folder.join(name), identity: identity(properties) })
     }
 
     /// Returns the cached data if the file is undamaged and belongs to this device and driver.
@@ -84,26 +70,23 @@ fn hash(bytes: &[u8]) -> u64 {
         .fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
-fn header(data: &[u8], identity: &Identity) -> Vec<u8> {
-    let mut header = Vec::with_capacity(HEADER);
-    header.extend_from_slice(MAGIC);
-    for number in [identity.vendor, identity.device, identity.driver] {
-        header.extend_from_slice(&number.to_le_bytes());
-    }
-    header.extend_from_slice(&identity.uuid);
-    header.extend_from_slice(&u64::try_from(data.len()).unwrap_or(u64::MAX).to_le_bytes());
-    header.extend_from_slice(&hash(data).to_le_bytes());
-    header
+/// Returns vendor, device, driver version and cache UUID.
+fn identity(properties: &vk::PhysicalDeviceProperties) -> Vec<u8> {
+    let numbers = [properties.vendor_id, properties.device_id, properties.driver_version];
+    [numbers.map(u32::to_le_bytes).as_flattened(), &properties.pipeline_cache_uuid].concat()
 }
 
-fn wrap(data: &[u8], identity: &Identity) -> Vec<u8> {
-    let mut bytes = header(data, identity);
-    bytes.extend_from_slice(data);
-    bytes
+fn header(data: &[u8], identity: &[u8]) -> Vec<u8> {
+    let length = crate::num::wide(data.len()).to_le_bytes();
+    [MAGIC, identity, &length, &hash(data).to_le_bytes()].concat()
+}
+
+fn wrap(data: &[u8], identity: &[u8]) -> Vec<u8> {
+    [&header(data, identity), data].concat()
 }
 
 /// Returns the data of a file if its header is the one that this device would write for it.
-fn unwrap<'a>(bytes: &'a [u8], identity: &Identity) -> Option<&'a [u8]> {
+fn unwrap<'a>(bytes: &'a [u8], identity: &[u8]) -> Option<&'a [u8]> {
     let (found, data) = bytes.split_at_checked(HEADER)?;
     (found == header(data, identity)).then_some(data)
 }
@@ -112,8 +95,18 @@ fn unwrap<'a>(bytes: &'a [u8], identity: &Identity) -> Option<&'a [u8]> {
 mod tests {
     use super::*;
 
-    fn identity() -> Identity {
-        Identity { vendor: 0x10de, device: 7, driver: 99, uuid: *b"0123456789abcdef" }
+    fn properties() -> vk::PhysicalDeviceProperties {
+        vk::PhysicalDeviceProperties {
+            vendor_id: 0x10de,
+            device_id: 7,
+            driver_version: 99,
+            pipeline_cache_uuid: *b"0123456789abcdef",
+            ..Default::default()
+        }
+    }
+
+    fn identity() -> Vec<u8> {
+        super::identity(&properties())
     }
 
     #[test]
@@ -135,12 +128,12 @@ mod tests {
         longer.push(0);
         assert_eq!(unwrap(&longer, &identity()), None);
         for foreign in [
-            Identity { vendor: 1, ..identity() },
-            Identity { device: 1, ..identity() },
-            Identity { driver: 1, ..identity() },
-            Identity { uuid: [0; 16], ..identity() },
+            vk::PhysicalDeviceProperties { vendor_id: 1, ..properties() },
+            vk::PhysicalDeviceProperties { device_id: 1, ..properties() },
+            vk::PhysicalDeviceProperties { driver_version: 1, ..properties() },
+            vk::PhysicalDeviceProperties { pipeline_cache_uuid: [0; 16], ..properties() },
         ] {
-            assert_eq!(unwrap(&bytes, &foreign), None);
+            assert_eq!(unwrap(&bytes, &super::identity(&foreign)), None);
         }
     }
 }

@@ -63,8 +63,7 @@ impl DepthProjection {
     ///
     /// [`Error::Invalid`] for other matrices: oblique, off-centre, without depth, or not finite.
     pub fn from_matrix(matrix: &DMat4) -> Result<Self> {
-        let row = |i: usize| matrix.row(i);
-        let (x, y, z, w) = (row(0), row(1), row(2), row(3));
+        let [x, y, z, w] = [0, 1, 2, 3].map(|i| matrix.row(i));
         let wrong = |why: &str| Err(Error::invalid("depth projection", format!("{matrix}: {why}")));
         if !matrix.is_finite() {
             return wrong("must be finite");

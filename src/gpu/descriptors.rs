@@ -1,13 +1,13 @@
-//! Descriptor sets: the resources bound to a pipeline.
+//! Descriptor sets: the resources bound to a pipeline, with their samplers.
+
+use std::sync::PoisonError;
 
 use ash::vk;
 
 use super::depth::DepthImage;
 use super::device::Gpu;
 use super::inputs::{Bound, Resource};
-use super::pipeline::{Pipeline, descriptor_type};
-use super::spirv::BindingKind;
-use super::sync::Use;
+use super::pipeline::Pipeline;
 use crate::error::{Error, Result};
 
 /// Filter for images of the caller.
@@ -18,8 +18,9 @@ const EXTERNAL_FILTER: vk::Filter = vk::Filter::NEAREST;
 pub(crate) struct Descriptors {
     gpu: Gpu,
     pool: vk::DescriptorPool,
-    set: vk::DescriptorSet,
-    resources: Vec<(u32, BindingKind, Resource)>,
+    pub(super) set: vk::DescriptorSet,
+    /// The resources by binding.
+    pub(super) resources: Vec<(u32, Resource)>,
 }
 
 impl Descriptors {
@@ -30,120 +31,83 @@ impl Descriptors {
     /// [`Error::Invalid`] when `bound` belongs to another pipeline; the errors of Vulkan.
     pub(crate) fn new(gpu: &Gpu, pipeline: &Pipeline, bound: &Bound) -> Result<Self> {
         gpu.alive()?;
-        let missing = |binding: u32| {
-            Error::invalid(
-                format!("descriptors of {}", pipeline.name),
-                format!("binding {binding} is not given"),
-            )
-        };
-        let mut resources = Vec::new();
-        for &(binding, kind) in &pipeline.bindings {
-            let mut given = bound.inputs.resources.iter();
-            let found = given.find(|(number, _)| *number == binding).ok_or_else(|| missing(binding))?;
-            resources.push((binding, kind, found.1.clone()));
+        let (mut resources, mut sizes) = (Vec::new(), Vec::new());
+        for &(binding, ty) in &pipeline.bindings {
+            let Some(given) = bound.resources.iter().find(|(number, _)| *number == binding) else {
+                let what = format!("descriptors of {}", pipeline.name);
+                return Err(Error::invalid(what, format!("binding {binding} is not given")));
+            };
+            resources.push(given.clone());
+            sizes.push(vk::DescriptorPoolSize { ty, descriptor_count: 1 });
         }
-        let sizes: Vec<_> = pipeline
-            .bindings
-            .iter()
-            .map(|&(_, kind)| vk::DescriptorPoolSize { ty: descriptor_type(kind), descriptor_count: 1 })
-            .collect();
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
         // SAFETY: the device is alive; every pipeline of this crate has at least one binding, so the sizes
         // are not empty.
         let pool = unsafe { gpu.device().create_descriptor_pool(&info, None) }
             .map_err(|result| gpu.failed("vkCreateDescriptorPool", result))?;
-        let mut descriptors =
-            Self { gpu: gpu.clone(), pool, set: vk::DescriptorSet::null(), resources: Vec::new() };
+        let mut descriptors = Self { gpu: gpu.clone(), pool, set: vk::DescriptorSet::null(), resources };
         let layouts = [pipeline.set_layout];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: the pool has the capacity for one set of this layout.
         let sets = unsafe { gpu.device().allocate_descriptor_sets(&info) }
             .map_err(|result| gpu.failed("vkAllocateDescriptorSets", result))?;
         descriptors.set = sets.first().copied().unwrap_or_default();
-        for (binding, kind, resource) in &resources {
-            let write = vk::WriteDescriptorSet::default()
-                .dst_set(descriptors.set)
-                .dst_binding(*binding)
-                .descriptor_type(descriptor_type(*kind));
-            let (buffer, image);
-            let write = match resource {
-                Resource::Read(b) | Resource::Write(b) => {
+        for ((binding, resource), &(_, kind)) in descriptors.resources.iter().zip(&pipeline.bindings) {
+            let write = vk::WriteDescriptorSet::default().dst_binding(*binding).descriptor_type(kind);
+            let image = match resource {
+                Resource::Read(buffer) | Resource::Write(buffer) => {
                     // A uniform block may cover only the start of a larger buffer.
-                    let most = u64::from(gpu.inner.properties.limits.max_uniform_buffer_range);
-                    let range =
-                        if *kind == BindingKind::UniformBuffer { b.size().min(most) } else { b.size() };
-                    buffer = [vk::DescriptorBufferInfo { buffer: b.raw(), offset: 0, range }];
-                    write.buffer_info(&buffer)
+                    let most = match kind {
+                        vk::DescriptorType::UNIFORM_BUFFER => gpu.limits().max_uniform_buffer_range.into(),
+                        _ => u64::MAX,
+                    };
+                    let range = buffer.size().min(most);
+                    let info = vk::DescriptorBufferInfo { buffer: buffer.raw, offset: 0, range };
+                    descriptors.update(write.buffer_info(&[info]));
+                    continue;
                 }
-                Resource::Sampled(i, filter) => {
-                    image = [vk::DescriptorImageInfo {
-                        sampler: gpu.sampler(*filter, i.desc().levels > 1)?,
-                        image_view: i.view(),
-                        image_layout: vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
-                    }];
-                    write.image_info(&image)
-                }
-                Resource::Stored(i) => {
-                    image = [vk::DescriptorImageInfo {
-                        sampler: vk::Sampler::null(),
-                        image_view: i.view(),
-                        image_layout: vk::ImageLayout::GENERAL,
-                    }];
-                    write.image_info(&image)
-                }
+                Resource::Sampled(image, filter) => vk::DescriptorImageInfo {
+                    sampler: gpu.sampler(*filter, image.desc().levels > 1)?,
+                    image_view: image.view,
+                    image_layout: vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
+                },
+                Resource::Stored(image) => vk::DescriptorImageInfo {
+                    sampler: vk::Sampler::null(),
+                    image_view: image.view,
+                    image_layout: vk::ImageLayout::GENERAL,
+                },
                 Resource::External => {
                     // Creates the sampler now, since recording must not create objects.
                     gpu.sampler(EXTERNAL_FILTER, false)?;
                     continue;
                 }
             };
-            // SAFETY: the set is not in use; the resources are alive and `descriptors` keeps them so.
-            unsafe { gpu.device().update_descriptor_sets(&[write], &[]) };
+            descriptors.update(write.image_info(&[image]));
         }
-        descriptors.resources = resources;
         Ok(descriptors)
     }
 
     /// Sets the image of the caller. No submission that uses the set may be pending.
     pub(crate) fn sample_external(&self, depth: &DepthImage) -> Result<()> {
-        let is_external =
-            |(_, _, resource): &&(u32, BindingKind, Resource)| matches!(resource, Resource::External);
-        let Some(&(binding, ..)) = self.resources.iter().find(is_external) else { return Ok(()) };
-        let image = [vk::DescriptorImageInfo {
+        let is_external = |(_, resource): &&(u32, Resource)| matches!(resource, Resource::External);
+        let Some(&(binding, _)) = self.resources.iter().find(is_external) else { return Ok(()) };
+        let image = vk::DescriptorImageInfo {
             sampler: self.gpu.sampler(EXTERNAL_FILTER, false)?,
             image_view: depth.view,
             image_layout: depth.layout,
-        }];
+        };
         let write = vk::WriteDescriptorSet::default()
-            .dst_set(self.set)
             .dst_binding(binding)
-            .descriptor_type(vk::DescriptorType::COMBINED_IMAGE_SAMPLER)
-            .image_info(&image);
-        // SAFETY: the set is not in use: the only caller has exclusive access to the plan, whose last recording has
-        // completed; the view is alive by the contract of `DepthImage::from_raw`.
-        unsafe { self.gpu.device().update_descriptor_sets(&[write], &[]) };
+            .descriptor_type(vk::DescriptorType::COMBINED_IMAGE_SAMPLER);
+        self.update(write.image_info(&[image]));
         Ok(())
     }
 
-    pub(crate) fn set(&self) -> vk::DescriptorSet {
-        self.set
-    }
-
-    /// Iterates over the resources with their use by a pass of this bind point.
-    pub(crate) fn uses(&self, compute: bool) -> impl Iterator<Item = (&Resource, Use)> {
-        self.resources.iter().filter_map(move |(_, _, resource)| {
-            let usage = match (resource, compute) {
-                // The caller promises that it is ready.
-                (Resource::External, _) => return None,
-                (Resource::Sampled(..), true) => Use::ComputeSample,
-                (Resource::Sampled(..), false) => Use::FragmentSample,
-                (Resource::Stored(_) | Resource::Write(_), true) => Use::ComputeReadWrite,
-                (Resource::Stored(_) | Resource::Write(_), false) => Use::FragmentReadWrite,
-                (Resource::Read(_), true) => Use::ComputeRead,
-                (Resource::Read(_), false) => Use::FragmentRead,
-            };
-            Some((resource, usage))
-        })
+    fn update(&self, write: vk::WriteDescriptorSet<'_>) {
+        // SAFETY: the set is not in use: it is new, or the caller of `sample_external` has exclusive access to the plan, whose
+        // last recording has completed. The resources are alive: this object keeps them, or the contract of
+        // `DepthImage::from_raw` says so.
+        unsafe { self.gpu.device().update_descriptor_sets(&[write.dst_set(self.set)], &[]) };
     }
 }
 
@@ -151,5 +115,36 @@ impl Drop for Descriptors {
     fn drop(&mut self) {
         // SAFETY: a submission holds its descriptors until its fence has signalled; sets go with the pool.
         unsafe { self.gpu.device().destroy_descriptor_pool(self.pool, None) };
+    }
+}
+
+impl Gpu {
+    /// Returns the sampler of a filter, clamped to the edge. With `mips` it blends mip levels, else it reads only the
+    /// first.
+    pub(crate) fn sampler(&self, filter: vk::Filter, mips: bool) -> Result<vk::Sampler> {
+        let mut samplers = self.inner.samplers.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(&sampler) = samplers.get(&(filter, mips)) {
+            return Ok(sampler);
+        }
+        let clamp = vk::SamplerAddressMode::CLAMP_TO_EDGE;
+        let info = vk::SamplerCreateInfo::default()
+            .mag_filter(filter)
+            .min_filter(filter)
+            .address_mode_u(clamp)
+            .address_mode_v(clamp)
+            .address_mode_w(clamp)
+            .mipmap_mode(if mips { vk::SamplerMipmapMode::LINEAR } else { vk::SamplerMipmapMode::NEAREST })
+            .max_lod(if mips { vk::LOD_CLAMP_NONE } else { 0.0 });
+        // SAFETY: the device is alive; `info` points at nothing.
+        let sampler = unsafe { self.device().create_sampler(&info, None) }
+            .map_err(|result| self.failed("vkCreateSampler", result))?;
+        samplers.insert((filter, mips), sampler);
+        let name = match (filter, mips) {
+            (vk::Filter::LINEAR, true) => "mip sampler",
+            (vk::Filter::LINEAR, false) => "linear sampler",
+            _ => "nearest sampler",
+        };
+        self.name(sampler, name);
+        Ok(sampler)
     }
 }

@@ -9,10 +9,12 @@ use gpu_allocator::vulkan::Allocator;
 
 use super::budget::Budget;
 use super::cache::PipelineCacheFile;
+use super::feature::Enabled;
 use super::instance::{Instance, c_name};
 use super::pipeline::{Pipeline, PipelineKey};
 use super::queue::Queue;
-use super::select::DeviceReport;
+use super::select::{Candidate, DeviceReport};
+use crate::error::{Error, Result};
 
 /// A Vulkan device, opened by the crate or [by the caller](Gpu::from_raw).
 ///
@@ -47,45 +49,39 @@ impl std::fmt::Debug for Handles {
 
 /// The shared state of all clones of a [`Gpu`]. [`Inner::drop`] destroys the device before the fields are dropped in order.
 pub(crate) struct Inner {
-    pub(crate) device: ash::Device,
-    pub(crate) physical: vk::PhysicalDevice,
+    pub(super) device: ash::Device,
+    /// The physical device. Options may have lowered its limits.
+    pub(super) candidate: Candidate,
+    pub(super) enabled: Enabled,
     /// Whether each pass gets a command buffer of its own.
-    pub(crate) part_by_pass: bool,
-    pub(crate) properties: vk::PhysicalDeviceProperties,
-    pub(crate) queue_family: u32,
-    pub(crate) timestamp_bits: u32,
-    pub(crate) budget: Arc<Budget>,
+    pub(super) part_by_pass: bool,
+    pub(super) budget: Arc<Budget>,
     /// Largest size of one allocation, in bytes.
     pub(super) max_allocation: u64,
-    pub(crate) cache_file: Option<PipelineCacheFile>,
-    pub(crate) cache: vk::PipelineCache,
+    pub(super) cache_file: Option<PipelineCacheFile>,
+    pub(super) cache: vk::PipelineCache,
     /// The first call that reported the loss of the device.
     pub(super) lost: OnceLock<&'static str>,
-    pub(crate) staging_bytes: u64,
-    pub(crate) loop_limit: OnceLock<u32>,
-    pub(crate) filters_in_8_bit: OnceLock<bool>,
+    pub(super) staging_bytes: u64,
+    pub(super) loop_limit: OnceLock<u32>,
+    pub(super) filters_in_8_bit: OnceLock<bool>,
     /// Microseconds spent on building pipelines.
-    pub(crate) pipeline_us: AtomicU64,
+    pub(super) pipeline_us: AtomicU64,
     pub(super) allocator: Mutex<Option<Allocator>>,
     pub(super) queue: Queue,
     pub(super) pipelines: Mutex<HashMap<PipelineKey, Arc<Pipeline>>>,
     pub(super) samplers: Mutex<HashMap<(vk::Filter, bool), vk::Sampler>>,
     pub(super) debug: Option<ext::debug_utils::Device>,
-    pub(super) memory_budget: bool,
-    pub(super) fragment_stores: bool,
-    pub(super) fragment_interlock: bool,
-    pub(super) orders_stores: bool,
     pub(super) reports: Vec<DeviceReport>,
-    pub(super) report: DeviceReport,
     /// Whether dropping this destroys the device.
     pub(super) owned: bool,
     // Last: destroys the instance after the device.
-    pub(crate) instance: Instance,
+    pub(super) instance: Instance,
 }
 
 impl std::fmt::Debug for Inner {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Gpu").field("report", &self.report).finish_non_exhaustive()
+        f.debug_struct("Gpu").field("report", &self.candidate.report).finish_non_exhaustive()
     }
 }
 
@@ -99,6 +95,11 @@ impl Gpu {
 
     pub(crate) fn device(&self) -> &ash::Device {
         &self.inner.device
+    }
+
+    /// Returns the limits of the device, as options may have lowered them.
+    pub(crate) fn limits(&self) -> &vk::PhysicalDeviceLimits {
+        &self.inner.candidate.properties.limits
     }
 
     /// Locks the allocator, which is `None` only while the device is being destroyed.
@@ -120,13 +121,40 @@ impl Gpu {
         let _ = unsafe { debug.set_debug_utils_object_name(&info) };
     }
 
-    pub(crate) fn debug(&self) -> Option<&ext::debug_utils::Device> {
-        self.inner.debug.as_ref()
-    }
-
     /// Writes the pipeline cache to disk unless it is switched off. Dropping the last clone does so, too.
     pub fn save_pipeline_cache(&self) {
         self.inner.save_cache();
+    }
+
+    /// Returns whether the device is lost. Functions that use a lost device return [`Error::DeviceLost`] before they
+    /// call Vulkan. Its objects can be dropped as usual, and [`Gpu::new`] may open the device again.
+    #[must_use]
+    pub fn is_lost(&self) -> bool {
+        self.inner.lost.get().is_some()
+    }
+
+    /// Marks the device as lost, after a call of the caller's own, such as a submission, has returned
+    /// `ERROR_DEVICE_LOST`.
+    pub fn note_loss(&self) {
+        let _ = self.inner.lost.set("a call of the caller");
+    }
+
+    /// Checks that the device is not known to be lost; called before work starts.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::DeviceLost`] with the call that reported the loss first.
+    pub(crate) fn alive(&self) -> Result<()> {
+        self.inner.lost.get().map_or(Ok(()), |&call| Err(Error::DeviceLost { call }))
+    }
+
+    /// Returns the error of a failed call, and remembers a loss.
+    pub(crate) fn failed(&self, call: &'static str, result: vk::Result) -> Error {
+        if result == vk::Result::ERROR_DEVICE_LOST {
+            let call = *self.inner.lost.get_or_init(|| call);
+            return Error::DeviceLost { call };
+        }
+        Error::vulkan(call, result)
     }
 }
 

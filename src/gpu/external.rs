@@ -139,15 +139,13 @@ impl TargetImage {
         debug_assert!(!view.is_null(), "the null view of {}", gpu.report().name);
         Self { image, view, format, extent, device: gpu.device().handle() }
     }
-}
 
-impl TargetImage {
     /// Wraps an image of the crate like one of a caller. The code that records into it keeps it until the submission has ended.
     pub(crate) fn own(gpu: &Gpu, image: &super::image::Image) -> Self {
         let [width, height, _] = image.desc().extent;
         Self {
-            image: image.raw(),
-            view: image.view(),
+            image: image.raw,
+            view: image.view,
             format: image.desc().format,
             extent: [width, height],
             device: gpu.device().handle(),

@@ -48,31 +48,27 @@ impl OptionalFeature {
     /// Returns the name in reports.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::LinearFilterR32f => "linear-filter-r32f",
-            Self::LinearFilterR16 => "linear-filter-r16",
-            Self::BlendRgba32f => "blend-rgba32f",
-            Self::FragmentStores => "fragment-stores",
-            Self::FragmentInterlock => "fragment-interlock",
-            Self::OrderedStores => "ordered-stores",
-            Self::MemoryBudget => "memory-budget",
-            Self::Timestamps => "timestamps",
-            Self::DebugNames => "debug-names",
-        }
+        self.texts()[0]
     }
 
     /// Returns the fallback on a device without the feature.
     #[must_use]
     pub fn fallback(self) -> &'static str {
+        self.texts()[1]
+    }
+
+    /// Returns name and fallback.
+    fn texts(self) -> [&'static str; 2] {
         match self {
-            Self::LinearFilterR32f | Self::LinearFilterR16 => "eight fetches in the shader",
-            Self::BlendRgba32f => "accumulation in registers",
-            Self::FragmentStores => "no dithering",
-            Self::FragmentInterlock => "havs by compute",
-            Self::OrderedStores => "no route implementation-ordered",
-            Self::MemoryBudget => "nine tenths of the device-local heap",
-            Self::Timestamps => "wall time only",
-            Self::DebugNames => "no names or labels",
+            Self::LinearFilterR32f => ["linear-filter-r32f", "eight fetches in the shader"],
+            Self::LinearFilterR16 => ["linear-filter-r16", "eight fetches in the shader"],
+            Self::BlendRgba32f => ["blend-rgba32f", "accumulation in registers"],
+            Self::FragmentStores => ["fragment-stores", "no dithering"],
+            Self::FragmentInterlock => ["fragment-interlock", "havs by compute"],
+            Self::OrderedStores => ["ordered-stores", "no route implementation-ordered"],
+            Self::MemoryBudget => ["memory-budget", "nine tenths of the device-local heap"],
+            Self::Timestamps => ["timestamps", "wall time only"],
+            Self::DebugNames => ["debug-names", "no names or labels"],
         }
     }
 }
@@ -162,50 +158,27 @@ impl Enabled {
         }
         let mut next = info.p_next.cast::<vk::BaseInStructure<'_>>();
         // SAFETY: every structure of a chain begins with its type and the next one's address.
-        while let Some(&link) = unsafe { next.as_ref() } {
-            // SAFETY: the structure is of the type that it names.
-            unsafe { enabled.read(link.s_type, next) };
-            next = link.p_next;
+        while let Some(&base) = unsafe { next.as_ref() } {
+            let link = Link { kind: base.s_type, address: next.cast() };
+            if let Some(it) = link.get::<vk::PhysicalDeviceFeatures2<'_>>() {
+                enabled.fragment_stores_and_atomics |= it.features.fragment_stores_and_atomics == vk::TRUE;
+            }
+            if let Some(it) = link.get::<vk::PhysicalDeviceVulkan13Features<'_>>() {
+                enabled.synchronization2 |= it.synchronization2 == vk::TRUE;
+                enabled.dynamic_rendering |= it.dynamic_rendering == vk::TRUE;
+            }
+            if let Some(it) = link.get::<vk::PhysicalDeviceSynchronization2Features<'_>>() {
+                enabled.synchronization2 |= it.synchronization2 == vk::TRUE;
+            }
+            if let Some(it) = link.get::<vk::PhysicalDeviceDynamicRenderingFeatures<'_>>() {
+                enabled.dynamic_rendering |= it.dynamic_rendering == vk::TRUE;
+            }
+            if let Some(it) = link.get::<vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT<'_>>() {
+                enabled.fragment_shader_pixel_interlock |= it.fragment_shader_pixel_interlock == vk::TRUE;
+            }
+            next = base.p_next;
         }
         enabled
-    }
-
-    /// Reads one structure of a chain.
-    ///
-    /// # Safety
-    ///
-    /// `link` is valid, and of the type that `kind` says.
-    unsafe fn read(&mut self, kind: vk::StructureType, link: *const vk::BaseInStructure<'_>) {
-        use vk::StructureType as T;
-        match kind {
-            T::PHYSICAL_DEVICE_FEATURES_2 => {
-                // SAFETY: the type says what it is.
-                let it = unsafe { &*link.cast::<vk::PhysicalDeviceFeatures2<'_>>() };
-                self.fragment_stores_and_atomics |= it.features.fragment_stores_and_atomics == vk::TRUE;
-            }
-            T::PHYSICAL_DEVICE_VULKAN_1_3_FEATURES => {
-                // SAFETY: the type says what it is.
-                let it = unsafe { &*link.cast::<vk::PhysicalDeviceVulkan13Features<'_>>() };
-                self.synchronization2 |= it.synchronization2 == vk::TRUE;
-                self.dynamic_rendering |= it.dynamic_rendering == vk::TRUE;
-            }
-            T::PHYSICAL_DEVICE_SYNCHRONIZATION_2_FEATURES => {
-                // SAFETY: the type says what it is.
-                let it = unsafe { &*link.cast::<vk::PhysicalDeviceSynchronization2Features<'_>>() };
-                self.synchronization2 |= it.synchronization2 == vk::TRUE;
-            }
-            T::PHYSICAL_DEVICE_DYNAMIC_RENDERING_FEATURES => {
-                // SAFETY: the type says what it is.
-                let it = unsafe { &*link.cast::<vk::PhysicalDeviceDynamicRenderingFeatures<'_>>() };
-                self.dynamic_rendering |= it.dynamic_rendering == vk::TRUE;
-            }
-            T::PHYSICAL_DEVICE_FRAGMENT_SHADER_INTERLOCK_FEATURES_EXT => {
-                // SAFETY: the type says what it is.
-                let it = unsafe { &*link.cast::<vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT<'_>>() };
-                self.fragment_shader_pixel_interlock |= it.fragment_shader_pixel_interlock == vk::TRUE;
-            }
-            _ => {}
-        }
     }
 
     /// Returns whether an extension is enabled.
@@ -215,23 +188,31 @@ impl Enabled {
 
     /// Returns the first extension or feature that `offered` lacks.
     pub(super) fn beyond(&self, offered: &Self) -> Option<&'static str> {
-        let budget = ext::memory_budget::NAME;
-        let budget = (self.has(budget), offered.has(budget), "VK_EXT_memory_budget");
-        let features = [
-            (self.synchronization2, offered.synchronization2, "synchronization2"),
-            (self.dynamic_rendering, offered.dynamic_rendering, "dynamicRendering"),
-            (
-                self.fragment_stores_and_atomics,
-                offered.fragment_stores_and_atomics,
-                "fragmentStoresAndAtomics",
-            ),
-            (
-                self.fragment_shader_pixel_interlock,
-                offered.fragment_shader_pixel_interlock,
-                "fragmentShaderPixelInterlock",
-            ),
-        ];
-        std::iter::once(budget).chain(features).find(|&(on, there, _)| on && !there).map(|(.., text)| text)
+        let features = |of: &Self| {
+            [
+                ("VK_EXT_memory_budget", of.has(ext::memory_budget::NAME)),
+                ("synchronization2", of.synchronization2),
+                ("dynamicRendering", of.dynamic_rendering),
+                ("fragmentStoresAndAtomics", of.fragment_stores_and_atomics),
+                ("fragmentShaderPixelInterlock", of.fragment_shader_pixel_interlock),
+            ]
+        };
+        let pairs = features(self).into_iter().zip(features(offered));
+        pairs.filter(|((_, on), (_, there))| *on && !there).map(|((name, _), _)| name).next()
+    }
+}
+
+/// A valid structure of a chain of `vkCreateDevice`, with the type that it names.
+struct Link {
+    kind: vk::StructureType,
+    address: *const std::ffi::c_void,
+}
+
+impl Link {
+    /// Returns the structure if it is of type `T`.
+    fn get<T: vk::TaggedStructure>(&self) -> Option<&T> {
+        // SAFETY: the address is valid, and the type says what is there.
+        (self.kind == T::STRUCTURE_TYPE).then(|| unsafe { &*self.address.cast::<T>() })
     }
 }
 

@@ -2,11 +2,9 @@
 
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use gpu_allocator::vulkan::Allocation;
 
-use super::budget::Reservation;
 use super::device::Gpu;
-use super::memory::{allocate, free};
+use super::memory::Memory;
 use crate::error::{Error, Result};
 
 /// Describes an image.
@@ -33,12 +31,7 @@ impl ImageDesc {
     /// Describes a stack of slices to sample, one layer each.
     pub(crate) fn sampled_stack(format: vk::Format, extent: [u32; 2], layers: u32) -> Self {
         let usage = vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST;
-        Self { format, extent: [extent[0], extent[1], 1], layers, levels: 1, volume: false, usage }
-    }
-
-    /// Sets the number of mip levels.
-    pub(crate) fn with_levels(self, levels: u32) -> Self {
-        Self { levels, ..self }
+        Self { layers, ..Self::flat(format, extent, usage) }
     }
 
     /// Returns the extent of a mip level.
@@ -91,12 +84,12 @@ pub(crate) fn format_bytes(format: vk::Format) -> u64 {
 #[derive(Debug)]
 pub(crate) struct Image {
     gpu: Gpu,
-    raw: vk::Image,
-    view: vk::ImageView,
-    allocation: Option<Allocation>,
-    reservation: Option<Reservation>,
+    pub(super) raw: vk::Image,
+    pub(super) view: vk::ImageView,
+    /// `None` until the memory is allocated. Dropped after the image is destroyed.
+    memory: Option<Memory>,
     desc: ImageDesc,
-    name: String,
+    pub(super) name: String,
 }
 
 impl Image {
@@ -121,21 +114,16 @@ impl Image {
             gpu: gpu.clone(),
             raw,
             view: vk::ImageView::null(),
-            allocation: None,
-            reservation: None,
+            memory: None,
             desc: *desc,
             name: name.to_string(),
         };
         gpu.name(raw, name);
         // SAFETY: `raw` was just made from this device.
         let requirements = unsafe { gpu.device().get_image_memory_requirements(raw) };
-        gpu.check_allocation(name, requirements.size)?;
-        image.reservation = Some(gpu.inner.budget.reserve(name, requirements.size)?);
-        let allocation = allocate(gpu, name, requirements, MemoryLocation::GpuOnly, false)?;
-        // SAFETY: the memory belongs to an allocation that `image` frees after the image is destroyed.
-        let memory = unsafe { allocation.memory() };
-        let offset = allocation.offset();
-        image.allocation = Some(allocation);
+        let location = MemoryLocation::GpuOnly;
+        let memory = image.memory.insert(Memory::new(gpu, name, requirements, location, false)?);
+        let (memory, offset) = memory.place();
         // SAFETY: the image is unbound; memory type, size and alignment come from its requirements.
         unsafe { gpu.device().bind_image_memory(raw, memory, offset) }
             .map_err(|result| gpu.failed("vkBindImageMemory", result))?;
@@ -156,18 +144,6 @@ impl Image {
         Ok(image)
     }
 
-    pub(crate) fn name(&self) -> &str {
-        &self.name
-    }
-
-    pub(crate) fn raw(&self) -> vk::Image {
-        self.raw
-    }
-
-    pub(crate) fn view(&self) -> vk::ImageView {
-        self.view
-    }
-
     pub(crate) fn desc(&self) -> &ImageDesc {
         &self.desc
     }
@@ -180,7 +156,6 @@ impl Drop for Image {
         unsafe { self.gpu.device().destroy_image_view(self.view, None) };
         // SAFETY: the same for the image (VUID-vkDestroyImage-image-01000).
         unsafe { self.gpu.device().destroy_image(self.raw, None) };
-        free(&self.gpu, self.allocation.take());
     }
 }
 
@@ -195,7 +170,7 @@ pub(crate) fn whole(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
 impl Gpu {
     /// Checks the size of an image to draw into against the limits of framebuffers and viewports.
     pub(crate) fn check_drawing(&self, name: &str, [w, h]: [u32; 2]) -> Result<()> {
-        let limits = &self.inner.properties.limits;
+        let limits = self.limits();
         let [view_w, view_h] = limits.max_viewport_dimensions;
         let most = [limits.max_framebuffer_width.min(view_w), limits.max_framebuffer_height.min(view_h)];
         if w > most[0] || h > most[1] {
@@ -217,52 +192,39 @@ impl Gpu {
 }
 
 fn check_limits(gpu: &Gpu, name: &str, desc: &ImageDesc) -> Result<()> {
-    let limits = &gpu.inner.properties.limits;
+    let limits = gpu.limits();
     let [w, h, d] = desc.extent;
-    let (largest, limit, kind) = if desc.volume {
-        (w.max(h).max(d), limits.max_image_dimension3_d, "3D image")
+    let (largest, limit, shown, kind) = if desc.volume {
+        (w.max(h).max(d), limits.max_image_dimension3_d, "3D image", vk::ImageType::TYPE_3D)
     } else {
-        (w.max(h), limits.max_image_dimension2_d, "2D image")
+        (w.max(h), limits.max_image_dimension2_d, "2D image", vk::ImageType::TYPE_2D)
     };
     if desc.usage.contains(vk::ImageUsageFlags::COLOR_ATTACHMENT) {
         gpu.check_drawing(name, [w, h])?;
     }
+    let lacks = |why: String| Err(Error::unsupported(name, why));
     if largest > limit {
-        return Err(Error::unsupported(
-            name,
-            format!("an extent of {largest} exceeds the limit of {limit} for a {kind}"),
-        ));
+        return lacks(format!("an extent of {largest} exceeds the limit of {limit} for a {shown}"));
     }
-    if desc.layers > limits.max_image_array_layers {
-        return Err(Error::unsupported(
-            name,
-            format!("{} layers exceed the limit of {}", desc.layers, limits.max_image_array_layers),
-        ));
+    let most = limits.max_image_array_layers;
+    if desc.layers > most {
+        return lacks(format!("{} layers exceed the limit of {most}", desc.layers));
     }
     // Drivers may limit the size of an image in bytes below the limits of its extents.
-    let kind = if desc.volume { vk::ImageType::TYPE_3D } else { vk::ImageType::TYPE_2D };
-    let instance = &gpu.inner.instance.raw;
+    let (instance, physical) = (&gpu.inner.instance.raw, gpu.inner.candidate.raw);
+    let (tiling, flags) = (vk::ImageTiling::OPTIMAL, vk::ImageCreateFlags::empty());
+    let ImageDesc { format, usage, .. } = *desc;
     // SAFETY: the physical device belongs to this instance.
     let properties = unsafe {
-        instance.get_physical_device_image_format_properties(
-            gpu.inner.physical,
-            desc.format,
-            kind,
-            vk::ImageTiling::OPTIMAL,
-            desc.usage,
-            vk::ImageCreateFlags::empty(),
-        )
+        instance.get_physical_device_image_format_properties(physical, format, kind, tiling, usage, flags)
     };
-    match properties {
-        Ok(p) if desc.texel_bytes() <= p.max_resource_size => Ok(()),
-        Ok(p) => Err(Error::unsupported(
-            name,
-            format!("{} bytes exceed the limit of {} for one image", desc.texel_bytes(), p.max_resource_size),
-        )),
-        Err(vk::Result::ERROR_FORMAT_NOT_SUPPORTED) => Err(Error::unsupported(
-            name,
-            format!("no images of format {:?} with {:?}", desc.format, desc.usage),
-        )),
+    let bytes = desc.texel_bytes();
+    match properties.map(|properties| properties.max_resource_size) {
+        Ok(most) if bytes <= most => Ok(()),
+        Ok(most) => lacks(format!("{bytes} bytes exceed the limit of {most} for one image")),
+        Err(vk::Result::ERROR_FORMAT_NOT_SUPPORTED) => {
+            lacks(format!("no images of format {format:?} with {usage:?}"))
+        }
         Err(result) => Err(gpu.failed("vkGetPhysicalDeviceImageFormatProperties", result)),
     }
 }

@@ -7,7 +7,7 @@ use ash::vk;
 
 use super::buffer::Buffer;
 use super::image::Image;
-use super::spirv::{Shader, SpecConstant};
+use super::pipeline::{Shader, SpecConstant};
 
 /// A resource for a binding.
 #[derive(Clone, Debug)]
@@ -26,101 +26,72 @@ pub(crate) enum Resource {
 
 /// A uniform block.
 #[derive(Clone, Debug)]
-pub(crate) struct Uniform(pub(crate) Arc<Buffer>);
+pub(crate) struct Uniform(pub(super) Resource);
 
 /// A storage block that the shader only reads.
 #[derive(Clone, Debug)]
-pub(crate) struct Read(pub(crate) Arc<Buffer>);
+pub(crate) struct Read(pub(super) Resource);
 
 /// A storage block that the shader writes.
 #[derive(Clone, Debug)]
-pub(crate) struct Write(pub(crate) Arc<Buffer>);
+pub(crate) struct Write(pub(super) Resource);
 
-/// An image that the shader samples; `None` is one of the caller's.
+/// An image that the shader samples.
 #[derive(Clone, Debug)]
-pub(crate) struct Sampled(pub(crate) Option<(Arc<Image>, vk::Filter)>);
+pub(crate) struct Sampled(pub(super) Resource);
+
+/// A storage image.
+#[derive(Clone, Debug)]
+pub(crate) struct Stored(pub(super) Resource);
 
 impl Sampled {
     /// An image of the caller.
     pub(crate) fn external() -> Self {
-        Self(None)
+        Self(Resource::External)
     }
 }
-
-/// A storage image.
-#[derive(Clone, Debug)]
-pub(crate) struct Stored(pub(crate) Arc<Image>);
 
 impl Buffer {
     /// Binds the buffer as a uniform block.
     pub(crate) fn uniform(self: &Arc<Self>) -> Uniform {
-        Uniform(Arc::clone(self))
+        Uniform(Resource::Read(Arc::clone(self)))
     }
 
     /// Binds the buffer as a storage block that is only read.
     pub(crate) fn read(self: &Arc<Self>) -> Read {
-        Read(Arc::clone(self))
+        Read(Resource::Read(Arc::clone(self)))
     }
 
     /// Binds the buffer as a storage block that is written.
     pub(crate) fn write(self: &Arc<Self>) -> Write {
-        Write(Arc::clone(self))
+        Write(Resource::Write(Arc::clone(self)))
     }
 }
 
 impl Image {
     /// Binds the image for sampling.
     pub(crate) fn sampled(self: &Arc<Self>, filter: vk::Filter) -> Sampled {
-        Sampled(Some((Arc::clone(self), filter)))
+        Sampled(Resource::Sampled(Arc::clone(self), filter))
     }
 
     /// Binds the image for loads and stores.
     pub(crate) fn stored(self: &Arc<Self>) -> Stored {
-        Stored(Arc::clone(self))
+        Stored(Resource::Stored(Arc::clone(self)))
     }
 }
 
-impl From<Uniform> for Resource {
-    fn from(Uniform(buffer): Uniform) -> Self {
-        Self::Read(buffer)
-    }
-}
-
-impl From<Read> for Resource {
-    fn from(Read(buffer): Read) -> Self {
-        Self::Read(buffer)
-    }
-}
-
-impl From<Write> for Resource {
-    fn from(Write(buffer): Write) -> Self {
-        Self::Write(buffer)
-    }
-}
-
-impl From<Sampled> for Resource {
-    fn from(Sampled(image): Sampled) -> Self {
-        image.map_or(Self::External, |(image, filter)| Self::Sampled(image, filter))
-    }
-}
-
-impl From<Stored> for Resource {
-    fn from(Stored(image): Stored) -> Self {
-        Self::Stored(image)
-    }
-}
-
-/// The inputs of a pipeline by number.
-#[derive(Debug, Default)]
-pub(crate) struct InputList {
-    pub(crate) resources: Vec<(u32, Resource)>,
-    pub(crate) constants: Vec<SpecConstant>,
+/// The shaders of a pipeline with all their inputs by number.
+#[derive(Debug)]
+pub(crate) struct Bound {
+    pub(super) shaders: Vec<&'static Shader>,
+    pub(super) resources: Vec<(u32, Resource)>,
+    pub(super) constants: Vec<SpecConstant>,
 }
 
 /// A structure of the inputs of an entry, or of a header.
 pub(crate) trait Inputs {
     /// Appends the inputs with their numbers.
-    fn list(&self, to: &mut InputList);
+    fn list(&self, to: &mut Bound);
 }
 
 /// An entry of a shader with the type of its inputs.
@@ -137,25 +108,10 @@ impl<I: Inputs> Entry<I> {
 
     /// Returns the shader with its inputs, for a pipeline.
     pub(crate) fn with(&self, inputs: &I) -> Bound {
-        let mut list = InputList::default();
-        inputs.list(&mut list);
-        Bound { shaders: vec![self.shader], inputs: list }
+        let mut bound = Bound { shaders: vec![self.shader], resources: Vec::new(), constants: Vec::new() };
+        inputs.list(&mut bound);
+        bound
     }
-}
-
-// Derived, these would need `I: Copy`.
-impl<I> Clone for Entry<I> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-impl<I> Copy for Entry<I> {}
-
-/// The shaders of a pipeline with all their inputs.
-#[derive(Debug)]
-pub(crate) struct Bound {
-    pub(super) shaders: Vec<&'static Shader>,
-    pub(super) inputs: InputList,
 }
 
 impl Bound {
@@ -163,16 +119,12 @@ impl Bound {
     #[must_use]
     pub(crate) fn and(mut self, next: Self) -> Self {
         self.shaders.extend(next.shaders);
-        self.inputs.resources.extend(next.inputs.resources);
-        for constant in next.inputs.constants {
+        self.resources.extend(next.resources);
+        for constant in next.constants {
             let differs = |&(number, value): &SpecConstant| number == constant.0 && value != constant.1;
-            debug_assert!(
-                !self.inputs.constants.iter().any(differs),
-                "constant {} has two values",
-                constant.0
-            );
-            if !self.inputs.constants.contains(&constant) {
-                self.inputs.constants.push(constant);
+            debug_assert!(!self.constants.iter().any(differs), "constant {} has two values", constant.0);
+            if !self.constants.contains(&constant) {
+                self.constants.push(constant);
             }
         }
         self

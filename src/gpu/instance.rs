@@ -1,4 +1,5 @@
-//! The Vulkan instance, with the validation layer and its messenger.
+//! The Vulkan instance, with its loader, the validation layer and its messenger. Tests hook the loader to count its calls and make
+//! them fail.
 
 use std::any::Any;
 use std::ffi::{CStr, CString};
@@ -6,7 +7,8 @@ use std::sync::Arc;
 
 use ash::{ext, vk};
 
-use super::loader::Loader;
+#[cfg(feature = "testing")]
+use super::inject::Hook;
 use super::options::GpuOptions;
 use super::validation::{Validation, ValidationLog, messenger_info};
 use crate::error::{Error, Result};
@@ -44,7 +46,7 @@ impl Instance {
     pub(crate) fn new(options: &GpuOptions) -> Result<Self> {
         let validation = options.validation;
         let loader = Loader::load(options)?;
-        let entry = loader.entry();
+        let entry = &loader.entry;
         let layer = if validation == Validation::Off { None } else { Some(find_layer(entry)?) };
         let log = options.validation_log.clone().unwrap_or_default();
         if validation.best_practices() {
@@ -69,7 +71,7 @@ impl Instance {
             loader,
         };
         if layer.is_some() {
-            let loader = ext::debug_utils::Instance::new(instance.loader.entry(), &instance.raw);
+            let loader = ext::debug_utils::Instance::new(&instance.loader.entry, &instance.raw);
             let info = messenger_info(&instance.log);
             // SAFETY: VK_EXT_debug_utils is enabled; the log that `info` points at is owned by
             // `instance`, which destroys the messenger first.
@@ -111,6 +113,45 @@ impl Drop for Instance {
         }
         // SAFETY: the device was destroyed before: its owner drops this instance afterwards.
         unsafe { self.raw.destroy_instance(None) };
+    }
+}
+
+/// A loaded library with the entry points that the crate calls: the library's own, or those of a hook.
+struct Loader {
+    entry: ash::Entry,
+    #[cfg(feature = "testing")]
+    _hook: Option<Hook>,
+    // Last: the library is unloaded after everything that calls into it is gone.
+    _library: ash::Entry,
+}
+
+impl Loader {
+    /// Loads the system's loader and hooks it where `options` ask for that.
+    #[cfg_attr(not(feature = "testing"), expect(unused_variables, reason = "no option without the feature"))]
+    fn load(options: &GpuOptions) -> Result<Self> {
+        // SAFETY: loading the system's Vulkan loader runs its initialisers; the crate relies on the
+        // installed loader being sound, as every Vulkan program does.
+        let library = unsafe { ash::Entry::load() }.map_err(|error| Error::NoDevice {
+            why: format!(
+                "the Vulkan loader cannot be loaded ({error}); install libvulkan1 or a driver that brings it"
+            ),
+        })?;
+        #[cfg(feature = "testing")]
+        if let Some(injection) = &options.inject {
+            let (hook, entry) = Hook::new(injection, &library)?;
+            return Ok(Self { entry, _hook: Some(hook), _library: library });
+        }
+        Ok(Self::of(library))
+    }
+
+    /// Wraps a loader that the caller has loaded.
+    fn of(entry: ash::Entry) -> Self {
+        Self {
+            entry: entry.clone(),
+            #[cfg(feature = "testing")]
+            _hook: None,
+            _library: entry,
+        }
     }
 }
 
@@ -157,10 +198,10 @@ fn create(
         .engine_name(c"volraster")
         .api_version(vk::API_VERSION_1_3);
 
-    let features = enabled_checks(validation);
+    let (features, settings) = checks(validation);
     let mut features_info = vk::ValidationFeaturesEXT::default().enabled_validation_features(&features);
     let on = 1_u32.to_ne_bytes();
-    let settings: Vec<_> = setting_names(validation).into_iter().map(|name| setting(name, &on)).collect();
+    let settings: Vec<_> = settings.into_iter().map(|name| setting(name, &on)).collect();
     let mut settings_info = vk::LayerSettingsCreateInfoEXT::default().settings(&settings);
     let mut messenger = messenger_info(log);
     let mut info = vk::InstanceCreateInfo::default();
@@ -184,28 +225,19 @@ fn create(
     unsafe { entry.create_instance(&info, None) }.map_err(|result| Error::vulkan("vkCreateInstance", result))
 }
 
-/// The checks to enable, as layers without `VK_EXT_layer_settings` take them.
-fn enabled_checks(validation: Validation) -> Vec<vk::ValidationFeatureEnableEXT> {
+/// Returns the checks to enable, as layers without `VK_EXT_layer_settings` take them, and as layers with it do.
+fn checks(validation: Validation) -> (Vec<vk::ValidationFeatureEnableEXT>, Vec<&'static CStr>) {
     let mut features = vec![vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+    let mut settings = vec![c"validate_sync", c"syncval_shader_accesses_heuristic"];
     if validation.gpu_assisted() {
         features.push(vk::ValidationFeatureEnableEXT::GPU_ASSISTED);
+        settings.push(c"gpuav_enable");
     }
     if validation.best_practices() {
         features.push(vk::ValidationFeatureEnableEXT::BEST_PRACTICES);
+        settings.push(c"validate_best_practices");
     }
-    features
-}
-
-/// The settings to switch on, as layers with `VK_EXT_layer_settings` take them.
-fn setting_names(validation: Validation) -> Vec<&'static CStr> {
-    let mut names = vec![c"validate_sync", c"syncval_shader_accesses_heuristic"];
-    if validation.gpu_assisted() {
-        names.push(c"gpuav_enable");
-    }
-    if validation.best_practices() {
-        names.push(c"validate_best_practices");
-    }
-    names
+    (features, settings)
 }
 
 fn setting<'a>(name: &'a CStr, value: &'a [u8; 4]) -> vk::LayerSettingEXT<'a> {

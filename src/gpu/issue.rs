@@ -7,6 +7,7 @@ use super::device::Gpu;
 use super::image::{Image, whole};
 use super::pipeline::Pipeline;
 use super::steps::{Attachment, Work};
+use crate::num;
 
 impl Gpu {
     /// Records the commands of a step into a command buffer that is recording, outside of rendering, after the step's barriers.
@@ -19,98 +20,62 @@ impl Gpu {
                 // SAFETY: a compute pipeline with its descriptors and push constants is bound; barriers order the accesses.
                 unsafe { device.cmd_dispatch(raw, *x, *y, *z) };
             }
-            Work::Draw { pipeline, descriptors, push, target, clear, vertices, instances } => {
-                self.begin_rendering(raw, target.extent(), Some((target, *clear)));
-                self.bind(raw, pipeline, descriptors, push);
-                // SAFETY: a graphics pipeline for this attachment's format is bound with its descriptors and push constants.
-                unsafe { device.cmd_draw(raw, *vertices, *instances, 0, 0) };
-                // SAFETY: rendering was begun above.
-                unsafe { device.cmd_end_rendering(raw) };
-            }
-            Work::DrawEach { pipeline, descriptors, pushes, extent, vertices } => {
+            Work::Draw { pipeline, descriptors, pushes, target, extent, vertices, instances } => {
                 for (i, push) in pushes.iter().enumerate() {
                     if i > 0 {
                         between();
                     }
-                    self.begin_rendering(raw, *extent, None);
+                    self.begin_rendering(raw, *extent, target.as_ref());
                     self.bind(raw, pipeline, descriptors, push);
-                    // SAFETY: a graphics pipeline without attachments is bound with its descriptors and push constants.
-                    unsafe { device.cmd_draw(raw, *vertices, 1, 0, 0) };
+                    // SAFETY: a graphics pipeline for these attachments is bound with its descriptors and push constants.
+                    unsafe { device.cmd_draw(raw, *vertices, *instances, 0, 0) };
                     // SAFETY: rendering was begun above.
                     unsafe { device.cmd_end_rendering(raw) };
                 }
             }
-            _ => self.issue_transfer(raw, work),
-        }
-    }
-
-    /// Records a fill or a copy.
-    fn issue_transfer(&self, raw: vk::CommandBuffer, work: &Work) {
-        let device = self.device();
-        match work {
             Work::ClearBuffer(buffer) => {
                 // SAFETY: recording, outside of rendering; `WHOLE_SIZE` rounds the size down to a multiple of 4.
-                unsafe { device.cmd_fill_buffer(raw, buffer.raw(), 0, vk::WHOLE_SIZE, 0) };
+                unsafe { device.cmd_fill_buffer(raw, buffer.raw, 0, vk::WHOLE_SIZE, 0) };
             }
             Work::ClearImage(image, colour) => {
                 let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
                 let colour = vk::ClearColorValue { float32: *colour };
                 let all = [whole(vk::ImageAspectFlags::COLOR)];
                 // SAFETY: recording, outside of rendering; a colour image in this layout by the step's barrier.
-                unsafe { device.cmd_clear_color_image(raw, image.raw(), layout, &colour, &all) };
+                unsafe { device.cmd_clear_color_image(raw, image.raw, layout, &colour, &all) };
             }
             Work::CopyBuffer { from, to, bytes } => {
                 let region = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: *bytes };
                 // SAFETY: both buffers hold at least `bytes`; barriers order the accesses.
-                unsafe { device.cmd_copy_buffer(raw, from.raw(), to.raw(), &[region]) };
+                unsafe { device.cmd_copy_buffer(raw, from.raw, to.raw, &[region]) };
             }
             Work::CopyImageToBuffer { image, buffer } => {
-                let (layout, region) = (vk::ImageLayout::TRANSFER_SRC_OPTIMAL, image_region(image));
+                let region = image_region(image, 0, [0, image.desc().planes(0)]);
+                let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
                 // SAFETY: the buffer was made with the size of the image; barriers order layouts and accesses.
-                unsafe {
-                    device.cmd_copy_image_to_buffer(raw, image.raw(), layout, buffer.raw(), &[region]);
-                }
+                unsafe { device.cmd_copy_image_to_buffer(raw, image.raw, layout, buffer.raw, &[region]) };
             }
-            Work::CopyBufferToImage { buffer, image, level, planes: [first, count] } => {
-                let mut region = image_region(image);
-                let [width, height, _] = image.desc().level_extent(*level);
-                region.image_subresource.mip_level = *level;
-                if image.desc().volume {
-                    region.image_offset.z = i32::try_from(*first).unwrap_or(i32::MAX);
-                    region.image_extent = vk::Extent3D { width, height, depth: *count };
-                } else {
-                    region.image_subresource.base_array_layer = *first;
-                    region.image_subresource.layer_count = *count;
-                    region.image_extent = vk::Extent3D { width, height, depth: 1 };
-                }
+            Work::CopyBufferToImage { buffer, image, level, planes } => {
+                let region = image_region(image, *level, *planes);
                 let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
-                // SAFETY: the buffer holds `count` planes of the level; barriers order layouts and accesses.
-                unsafe {
-                    device.cmd_copy_buffer_to_image(raw, buffer.raw(), image.raw(), layout, &[region]);
-                }
+                // SAFETY: the buffer holds these planes of the level; barriers order layouts and accesses.
+                unsafe { device.cmd_copy_buffer_to_image(raw, buffer.raw, image.raw, layout, &[region]) };
             }
-            Work::Dispatch { .. } | Work::Draw { .. } | Work::DrawEach { .. } | Work::Leave => {}
+            Work::Leave => {}
         }
     }
 
     /// Binds a pipeline with its descriptors and push constants.
     fn bind(&self, raw: vk::CommandBuffer, pipeline: &Pipeline, descriptors: &Descriptors, push: &[u8]) {
-        debug_assert_eq!(
-            crate::num::count(push.len()),
-            pipeline.push_bytes(),
-            "push constants of {}",
-            pipeline.name()
-        );
-        let (device, point) = (self.device(), pipeline.bind_point());
+        debug_assert_eq!(num::count(push.len()), pipeline.push_bytes, "push constants of {}", pipeline.name);
+        let (device, point) = (self.device(), pipeline.bind_point);
         // SAFETY: the pipeline lives as long as the device.
-        unsafe { device.cmd_bind_pipeline(raw, point, pipeline.raw()) };
+        unsafe { device.cmd_bind_pipeline(raw, point, pipeline.raw) };
         // SAFETY: the set was made for this pipeline's layout and is kept until the submission has ended.
-        unsafe {
-            device.cmd_bind_descriptor_sets(raw, point, pipeline.layout(), 0, &[descriptors.set()], &[])
-        };
+        unsafe { device.cmd_bind_descriptor_sets(raw, point, pipeline.layout, 0, &[descriptors.set], &[]) };
         if !push.is_empty() {
             // SAFETY: the layout's one range starts at 0 and has this size.
-            unsafe { device.cmd_push_constants(raw, pipeline.layout(), pipeline.stages(), 0, push) };
+            unsafe { device.cmd_push_constants(raw, pipeline.layout, pipeline.stages, 0, push) };
         }
     }
 
@@ -119,7 +84,7 @@ impl Gpu {
         &self,
         raw: vk::CommandBuffer,
         [width, height]: [u32; 2],
-        target: Option<(&Attachment, bool)>,
+        target: Option<&(Attachment, bool)>,
     ) {
         let device = self.device();
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
@@ -133,11 +98,11 @@ impl Gpu {
         unsafe { device.cmd_set_viewport(raw, 0, &[viewport]) };
         // SAFETY: recording; every pipeline's scissor is dynamic.
         unsafe { device.cmd_set_scissor(raw, 0, &[area]) };
-        let attachment = |(target, clear): (&Attachment, bool)| {
+        let attachment = |(target, clear): &(Attachment, bool)| {
             vk::RenderingAttachmentInfo::default()
                 .image_view(target.view())
                 .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
-                .load_op(if clear { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD })
+                .load_op(if *clear { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD })
                 .store_op(vk::AttachmentStoreOp::STORE)
         };
         let attachments: Vec<_> = target.map(attachment).into_iter().collect();
@@ -154,17 +119,23 @@ fn pixels(side: u32) -> f32 {
     side as f32
 }
 
-/// Returns the region of a whole image.
-fn image_region(image: &Image) -> vk::BufferImageCopy {
-    let [width, height, depth] = image.desc().extent;
-    vk::BufferImageCopy {
+/// Returns the region of planes or layers `[first, count]` of a mip level.
+fn image_region(image: &Image, mip_level: u32, [first, count]: [u32; 2]) -> vk::BufferImageCopy {
+    let [width, height, _] = image.desc().level_extent(mip_level);
+    let mut region = vk::BufferImageCopy {
         image_subresource: vk::ImageSubresourceLayers {
             aspect_mask: vk::ImageAspectFlags::COLOR,
-            mip_level: 0,
-            base_array_layer: 0,
-            layer_count: image.desc().layers,
+            mip_level,
+            base_array_layer: first,
+            layer_count: count,
         },
-        image_extent: vk::Extent3D { width, height, depth },
+        image_extent: vk::Extent3D { width, height, depth: 1 },
         ..Default::default()
+    };
+    if image.desc().volume {
+        (region.image_subresource.base_array_layer, region.image_subresource.layer_count) = (0, 1);
+        region.image_offset.z = i32::try_from(first).unwrap_or(i32::MAX);
+        region.image_extent.depth = count;
     }
+    region
 }

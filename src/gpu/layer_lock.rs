@@ -15,20 +15,18 @@ use crate::error::Result;
 /// `VK_LAYER_FINE_GRAINED_LOCKING=0` makes the layer hold one lock of its own around each call.
 static RECORDS: Mutex<()> = Mutex::new(());
 
-/// Held for the length of one or several calls.
-pub(super) type LayerGuard = Option<MutexGuard<'static, ()>>;
-
 impl Gpu {
     /// Takes the lock where the crate has switched validation on; else returns `None` at once.
-    pub(super) fn lock_layer(&self) -> LayerGuard {
+    pub(super) fn lock_layer(&self) -> Option<MutexGuard<'static, ()>> {
         let validated = self.inner.instance.layer_version.is_some();
         validated.then(|| RECORDS.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Creates a command pool for the queue.
     pub(super) fn create_command_pool(&self, flags: vk::CommandPoolCreateFlags) -> Result<vk::CommandPool> {
-        let info =
-            vk::CommandPoolCreateInfo::default().queue_family_index(self.inner.queue_family).flags(flags);
+        let info = vk::CommandPoolCreateInfo::default()
+            .queue_family_index(self.inner.candidate.queue_family)
+            .flags(flags);
         let _held = self.lock_layer();
         // SAFETY: the device is alive and has this queue family.
         unsafe { self.device().create_command_pool(&info, None) }

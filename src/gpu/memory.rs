@@ -4,13 +4,14 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 
+use super::budget::Reservation;
 use super::device::Gpu;
 use crate::error::{Error, Result};
 
 impl Gpu {
     /// Returns how many bytes of a buffer shaders can access.
     pub(crate) fn most_buffer_bytes(&self) -> u64 {
-        u64::from(self.inner.properties.limits.max_storage_buffer_range).min(self.inner.max_allocation)
+        u64::from(self.limits().max_storage_buffer_range).min(self.inner.max_allocation)
     }
 
     /// Checks the size of an allocation against the limit of the driver.
@@ -26,32 +27,53 @@ impl Gpu {
     }
 }
 
-/// Allocates memory for a resource. `linear` says that it is a buffer.
-pub(super) fn allocate(
-    gpu: &Gpu,
-    name: &str,
-    requirements: vk::MemoryRequirements,
-    location: MemoryLocation,
-    linear: bool,
-) -> Result<Allocation> {
-    let desc = AllocationCreateDesc {
-        name,
-        requirements,
-        location,
-        linear,
-        allocation_scheme: AllocationScheme::GpuAllocatorManaged,
-    };
-    let failed = |source| Error::Allocation { object: name.to_string(), source };
-    match gpu.allocator().as_mut() {
-        Some(allocator) => allocator.allocate(&desc).map_err(failed),
-        None => Err(failed(gpu_allocator::AllocationError::Internal("the device is being destroyed".into()))),
+/// The memory of a buffer or an image, which owns it and is destroyed before it.
+#[derive(Debug)]
+pub(super) struct Memory {
+    gpu: Gpu,
+    pub(super) allocation: Allocation,
+    _reservation: Reservation,
+}
+
+impl Memory {
+    /// Reserves and allocates memory for a resource. `linear` says that it is a buffer.
+    pub(super) fn new(
+        gpu: &Gpu,
+        name: &str,
+        requirements: vk::MemoryRequirements,
+        location: MemoryLocation,
+        linear: bool,
+    ) -> Result<Self> {
+        gpu.check_allocation(name, requirements.size)?;
+        let reservation = gpu.inner.budget.reserve(name, requirements.size)?;
+        let desc = AllocationCreateDesc {
+            name,
+            requirements,
+            location,
+            linear,
+            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+        };
+        let allocated = match gpu.allocator().as_mut() {
+            Some(allocator) => allocator.allocate(&desc),
+            None => Err(gpu_allocator::AllocationError::Internal("the device is being destroyed".into())),
+        };
+        let allocation =
+            allocated.map_err(|source| Error::Allocation { object: name.to_string(), source })?;
+        Ok(Self { gpu: gpu.clone(), allocation, _reservation: reservation })
+    }
+
+    /// Returns the handle and the offset to bind the resource to.
+    pub(super) fn place(&self) -> (vk::DeviceMemory, u64) {
+        // SAFETY: the resource that is bound to it is destroyed before this object.
+        (unsafe { self.allocation.memory() }, self.allocation.offset())
     }
 }
 
-/// Frees the memory of a resource that is destroyed already.
-pub(super) fn free(gpu: &Gpu, allocation: Option<Allocation>) {
-    if let (Some(allocation), Some(allocator)) = (allocation, gpu.allocator().as_mut()) {
-        // The only error is a broken invariant of the allocator, which a destructor cannot report.
-        let _ = allocator.free(allocation);
+impl Drop for Memory {
+    fn drop(&mut self) {
+        if let Some(allocator) = self.gpu.allocator().as_mut() {
+            // The only error is a broken invariant of the allocator, which a destructor cannot report.
+            let _ = allocator.free(std::mem::take(&mut self.allocation));
+        }
     }
 }

@@ -2,7 +2,7 @@
 //! [`ffi`](crate::ffi).
 //!
 //! May use `error`, `num`, `interface`, and `io` for the pipeline cache. Used by `primitives`, `resident`, `frame`,
-//! `technique`, `ffi` and the program. From bottom to top: `loader`, `instance`, `select`; `device` (what exists once per
+//! `technique`, `ffi` and the program. From bottom to top: `instance`, `select`; `device` (what exists once per
 //! device); `memory`, `buffer`, `image`, `pipeline`, `inputs`, `descriptors`; `sync`, `steps`, `issue`, `recorder`; `submit`,
 //! `transfer`; `probe`, `query`; `open` and `adopt` make the [`Gpu`].
 
@@ -24,8 +24,6 @@ pub(crate) mod inputs;
 mod instance;
 mod issue;
 mod layer_lock;
-mod loader;
-mod loss;
 mod memory;
 mod open;
 mod options;
@@ -37,10 +35,8 @@ mod provoke;
 mod query;
 mod queue;
 mod recorder;
-mod sampler;
 mod select;
 pub(crate) mod shader;
-mod spirv;
 mod steps;
 mod submit;
 pub(crate) mod sync;

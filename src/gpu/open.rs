@@ -82,15 +82,7 @@ impl Gpu {
             };
             return Err(Error::NoDevice { why });
         };
-        Self::open(options, instance, candidates.swap_remove(best), reports)
-    }
-
-    fn open(
-        options: &GpuOptions,
-        instance: Instance,
-        candidate: Candidate,
-        reports: Vec<DeviceReport>,
-    ) -> Result<Self> {
+        let candidate = candidates.swap_remove(best);
         let physical = candidate.raw;
         // SAFETY: `physical` was enumerated from this instance; only devices for Vulkan 1.3 are chosen.
         let enabled = unsafe { Enabled::useful(&instance.raw, physical) }?;
@@ -131,31 +123,31 @@ impl Gpu {
 
     /// Makes a [`Gpu`] of an open device: pipeline cache, allocator, budget and limits.
     pub(super) fn assemble(options: &GpuOptions, opened: Opened) -> Result<Self> {
-        let Opened { instance, device, candidate, enabled, queue, reports, owned } = opened;
+        let Opened { instance, device, mut candidate, enabled, queue, reports, owned } = opened;
         let physical = candidate.raw;
         let debug = instance.debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &device));
-        let memory_budget = enabled.has(ext::memory_budget::NAME);
-        let total = options.memory_budget.unwrap_or_else(|| free_memory(&instance, physical, memory_budget));
-
+        let total = options
+            .memory_budget
+            .unwrap_or_else(|| free_memory(&instance, physical, enabled.has(ext::memory_budget::NAME)));
         let max_allocation =
             options.allocation_size.unwrap_or(u64::MAX).min(largest_allocation(&instance, physical));
-
         let cache_file = (!options.no_pipeline_cache)
             .then(|| PipelineCacheFile::locate(options.pipeline_cache.as_deref(), &candidate.properties))
             .flatten();
+        let range = &mut candidate.properties.limits.max_storage_buffer_range;
+        *range = options.storage_range.unwrap_or(u32::MAX).min(*range);
         let mut inner = Inner {
             device,
-            physical,
-            properties: candidate.properties,
-            queue_family: candidate.queue_family,
-            timestamp_bits: candidate.timestamp_bits,
+            candidate,
+            enabled,
+            part_by_pass: options.command_buffer_by_pass,
             budget: Budget::new(total),
             max_allocation,
             cache_file,
             cache: vk::PipelineCache::null(),
             lost: OnceLock::new(),
             staging_bytes: options.staging_bytes.unwrap_or(STAGING_BYTES).max(1),
-            loop_limit: OnceLock::new(),
+            loop_limit: options.loop_limit.map(|limit| limit.max(1).into()).unwrap_or_default(),
             filters_in_8_bit: OnceLock::new(),
             pipeline_us: AtomicU64::new(0),
             allocator: Mutex::new(None),
@@ -163,18 +155,10 @@ impl Gpu {
             pipelines: Mutex::default(),
             samplers: Mutex::default(),
             debug,
-            memory_budget,
-            part_by_pass: options.command_buffer_by_pass,
-            fragment_stores: enabled.fragment_stores_and_atomics,
-            fragment_interlock: enabled.fragment_shader_pixel_interlock,
-            orders_stores: candidate.orders_stores,
             reports,
-            report: candidate.report,
             owned,
             instance,
         };
-        let range = &mut inner.properties.limits.max_storage_buffer_range;
-        *range = options.storage_range.unwrap_or(u32::MAX).min(*range);
         // From here on `inner` owns everything: an early return destroys it.
         let data = inner.cache_file.as_ref().and_then(PipelineCacheFile::load).unwrap_or_default();
         let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
@@ -194,9 +178,6 @@ impl Gpu {
         })
         .map_err(|source| Error::Allocation { object: "allocator".to_string(), source })?;
         inner.allocator = Mutex::new(Some(allocator));
-        if let Some(limit) = options.loop_limit {
-            let _ = inner.loop_limit.set(limit.max(1));
-        }
         let gpu = Self { inner: Arc::new(inner) };
         gpu.name(gpu.inner.cache, "pipeline cache");
         Ok(gpu)

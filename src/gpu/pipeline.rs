@@ -1,8 +1,23 @@
-//! Pipelines and their descriptions.
+//! Shaders, pipelines and their descriptions.
 
 use ash::vk;
 
-use super::spirv::{BindingKind, SpecConstant};
+/// A specialisation constant: its number and its value; booleans are 0 and 1.
+pub(crate) type SpecConstant = (u32, u32);
+
+/// A compiled entry of a GLSL file, with what `build.rs` has read from its SPIR-V.
+#[derive(Debug)]
+pub(crate) struct Shader {
+    /// File and entry, such as `SLICES_3D_FRAGMENT`; unique.
+    pub(super) name: &'static str,
+    pub(super) stage: vk::ShaderStageFlags,
+    /// Size of the push constants in bytes; 0 if there are none.
+    pub(super) push_bytes: u32,
+    /// Bindings of set 0, ascending.
+    pub(super) bindings: &'static [(u32, vk::DescriptorType)],
+    /// SPIR-V, little endian.
+    pub(super) code: &'static [u8],
+}
 
 /// A fixed-function blend mode for premultiplied colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -33,7 +48,7 @@ pub(crate) struct PipelineKey {
 }
 
 /// A pipeline with its layout. The device's table owns it, for the life of the device.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Pipeline {
     pub(super) name: String,
     pub(super) raw: vk::Pipeline,
@@ -42,32 +57,12 @@ pub(crate) struct Pipeline {
     pub(super) bind_point: vk::PipelineBindPoint,
     pub(super) stages: vk::ShaderStageFlags,
     pub(super) push_bytes: u32,
-    pub(super) bindings: Vec<(u32, BindingKind)>,
+    pub(super) bindings: Vec<(u32, vk::DescriptorType)>,
 }
 
 impl Pipeline {
     pub(crate) fn name(&self) -> &str {
         &self.name
-    }
-
-    pub(crate) fn raw(&self) -> vk::Pipeline {
-        self.raw
-    }
-
-    pub(crate) fn layout(&self) -> vk::PipelineLayout {
-        self.layout
-    }
-
-    pub(crate) fn bind_point(&self) -> vk::PipelineBindPoint {
-        self.bind_point
-    }
-
-    pub(crate) fn stages(&self) -> vk::ShaderStageFlags {
-        self.stages
-    }
-
-    pub(crate) fn push_bytes(&self) -> u32 {
-        self.push_bytes
     }
 
     /// Destroys the handles. Called by the destructor of the device, and for a pipeline that could not be built.
@@ -78,14 +73,5 @@ impl Pipeline {
         unsafe { device.destroy_pipeline_layout(self.layout, None) };
         // SAFETY: as above; every set of this layout is destroyed.
         unsafe { device.destroy_descriptor_set_layout(self.set_layout, None) };
-    }
-}
-
-pub(super) fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
-    match kind {
-        BindingKind::UniformBuffer => vk::DescriptorType::UNIFORM_BUFFER,
-        BindingKind::StorageBuffer => vk::DescriptorType::STORAGE_BUFFER,
-        BindingKind::SampledImage => vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
-        BindingKind::StorageImage => vk::DescriptorType::STORAGE_IMAGE,
     }
 }

@@ -8,8 +8,7 @@ use ash::vk;
 
 use super::device::Gpu;
 use super::inputs::Bound;
-use super::pipeline::{Blend, GraphicsState, Pipeline, PipelineKey, descriptor_type};
-use super::spirv::{BindingKind, Shader, SpecConstant, Stage};
+use super::pipeline::{Blend, GraphicsState, Pipeline, PipelineKey, Shader, SpecConstant};
 use crate::error::{Error, Result};
 
 impl Gpu {
@@ -37,14 +36,15 @@ impl Gpu {
     ) -> Result<Arc<Pipeline>> {
         self.alive()?;
         let shaders = bound.shaders.iter().map(|shader| shader.name).collect();
-        let key = PipelineKey { shaders, constants: bound.inputs.constants.clone(), state };
+        let key = PipelineKey { shaders, constants: bound.constants.clone(), state };
         let mut table = self.pipeline_table();
         if let Some(found) = table.get(&key) {
             return Ok(Arc::clone(found));
         }
         let start = Instant::now();
-        let mut pipeline = self.layout_of(name, &bound.shaders)?;
-        match build(pipeline.layout) {
+        let mut pipeline = Pipeline { name: name.to_string(), ..Pipeline::default() };
+        let layouts = self.make_layouts(&mut pipeline, &bound.shaders);
+        match layouts.and_then(|()| build(pipeline.layout)) {
             Ok(raw) => pipeline.raw = raw,
             Err(error) => {
                 pipeline.destroy(self.device());
@@ -62,57 +62,42 @@ impl Gpu {
     }
 
     /// Creates the layouts that the shaders declare: set 0 with the union of their bindings.
-    fn layout_of(&self, name: &str, shaders: &[&'static Shader]) -> Result<Pipeline> {
-        let mut bindings: Vec<(u32, BindingKind)> =
-            shaders.iter().flat_map(|s| s.bindings.iter().copied()).collect();
-        bindings.sort_unstable_by_key(|&(binding, _)| binding);
-        bindings.dedup();
-        let stages = shaders.iter().fold(vk::ShaderStageFlags::empty(), |all, s| all | stage_flags(s.stage));
-        let push_bytes = shaders.iter().map(|s| s.push_bytes).max().unwrap_or(0);
-        let entries: Vec<_> = bindings
-            .iter()
-            .map(|&(binding, kind)| {
-                vk::DescriptorSetLayoutBinding::default()
-                    .binding(binding)
-                    .descriptor_type(descriptor_type(kind))
-                    .descriptor_count(1)
-                    .stage_flags(stages)
-            })
-            .collect();
+    fn make_layouts(&self, pipeline: &mut Pipeline, shaders: &[&'static Shader]) -> Result<()> {
+        pipeline.bindings = shaders.iter().flat_map(|s| s.bindings.iter().copied()).collect();
+        pipeline.bindings.sort_unstable_by_key(|&(binding, _)| binding);
+        pipeline.bindings.dedup();
+        let stages = shaders.iter().fold(vk::ShaderStageFlags::empty(), |all, s| all | s.stage);
+        pipeline.stages = stages;
+        pipeline.bind_point = if stages == vk::ShaderStageFlags::COMPUTE {
+            vk::PipelineBindPoint::COMPUTE
+        } else {
+            vk::PipelineBindPoint::GRAPHICS
+        };
+        pipeline.push_bytes = shaders.iter().map(|s| s.push_bytes).max().unwrap_or(0);
+        let entry = |&(binding, kind): &(u32, vk::DescriptorType)| {
+            vk::DescriptorSetLayoutBinding::default()
+                .binding(binding)
+                .descriptor_type(kind)
+                .descriptor_count(1)
+                .stage_flags(stages)
+        };
+        let entries: Vec<_> = pipeline.bindings.iter().map(entry).collect();
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&entries);
         // SAFETY: the device is alive; `info` points at `entries`, which outlive the call.
-        let set_layout = unsafe { self.device().create_descriptor_set_layout(&info, None) }
+        pipeline.set_layout = unsafe { self.device().create_descriptor_set_layout(&info, None) }
             .map_err(|result| self.failed("vkCreateDescriptorSetLayout", result))?;
-        let mut pipeline = Pipeline {
-            name: name.to_string(),
-            raw: vk::Pipeline::null(),
-            layout: vk::PipelineLayout::null(),
-            set_layout,
-            bind_point: if stages == vk::ShaderStageFlags::COMPUTE {
-                vk::PipelineBindPoint::COMPUTE
-            } else {
-                vk::PipelineBindPoint::GRAPHICS
-            },
-            stages,
-            push_bytes,
-            bindings,
-        };
-        let ranges = [vk::PushConstantRange { stage_flags: stages, offset: 0, size: push_bytes }];
-        let set_layouts = [set_layout];
+        let size = pipeline.push_bytes;
+        let ranges = [vk::PushConstantRange { stage_flags: stages, offset: 0, size }];
+        let set_layouts = [pipeline.set_layout];
         let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&set_layouts);
-        if push_bytes > 0 {
+        if size > 0 {
             info = info.push_constant_ranges(&ranges);
         }
         // SAFETY: the device is alive; no shader declares more than 128 bytes of push constants, which
         // every device offers; `info` points at locals.
-        match unsafe { self.device().create_pipeline_layout(&info, None) } {
-            Ok(layout) => pipeline.layout = layout,
-            Err(result) => {
-                pipeline.destroy(self.device());
-                return Err(self.failed("vkCreatePipelineLayout", result));
-            }
-        }
-        Ok(pipeline)
+        pipeline.layout = unsafe { self.device().create_pipeline_layout(&info, None) }
+            .map_err(|result| self.failed("vkCreatePipelineLayout", result))?;
+        Ok(())
     }
 
     fn build_graphics(
@@ -121,7 +106,7 @@ impl Gpu {
         state: GraphicsState,
         layout: vk::PipelineLayout,
     ) -> Result<vk::Pipeline> {
-        let (entries, data) = specialisation(&bound.inputs.constants);
+        let (entries, data) = specialisation(&bound.constants);
         let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
         let modules: Vec<Module<'_>> =
             bound.shaders.iter().map(|shader| Module::new(self, shader)).collect::<Result<_>>()?;
@@ -174,7 +159,7 @@ impl Gpu {
     }
 
     fn build_compute(&self, bound: &Bound, layout: vk::PipelineLayout) -> Result<vk::Pipeline> {
-        let (entries, data) = specialisation(&bound.inputs.constants);
+        let (entries, data) = specialisation(&bound.constants);
         let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
         let [shader] = bound.shaders[..] else {
             return Err(Error::invalid("compute pipeline", "has one shader"));
@@ -203,7 +188,7 @@ impl Gpu {
 struct Module<'a> {
     gpu: &'a Gpu,
     raw: vk::ShaderModule,
-    stage: Stage,
+    stage: vk::ShaderStageFlags,
 }
 
 impl<'a> Module<'a> {
@@ -220,7 +205,7 @@ impl<'a> Module<'a> {
 
     fn stage<'b>(&self, constants: &'b vk::SpecializationInfo<'b>) -> vk::PipelineShaderStageCreateInfo<'b> {
         vk::PipelineShaderStageCreateInfo::default()
-            .stage(stage_flags(self.stage))
+            .stage(self.stage)
             .module(self.raw)
             .name(c"main")
             .specialization_info(constants)
@@ -243,12 +228,4 @@ fn specialisation(constants: &[SpecConstant]) -> (Vec<vk::SpecializationMapEntry
         size: 4,
     });
     (entries.collect(), constants.iter().flat_map(|&(_, value)| value.to_ne_bytes()).collect())
-}
-
-fn stage_flags(stage: Stage) -> vk::ShaderStageFlags {
-    match stage {
-        Stage::Vertex => vk::ShaderStageFlags::VERTEX,
-        Stage::Fragment => vk::ShaderStageFlags::FRAGMENT,
-        Stage::Compute => vk::ShaderStageFlags::COMPUTE,
-    }
 }

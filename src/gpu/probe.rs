@@ -10,7 +10,6 @@ use super::descriptors::Descriptors;
 use super::device::Gpu;
 use super::image::{Image, ImageDesc};
 use super::inputs::Bound;
-use super::recorder::Recorder;
 use super::shader::{PROBE_FILTER, PROBE_LOOP, ProbeFilter, ProbeLoop};
 use super::submit::Commands;
 use crate::error::Result;
@@ -72,10 +71,8 @@ impl Gpu {
 
     /// Returns how many of `count` iterations of one loop an invocation makes.
     fn probe_loop(&self, count: u32) -> Result<u32> {
-        let result = self.probe_result(1)?;
-        let bound = PROBE_LOOP.with(&ProbeLoop { result: result.write() });
-        let words = self.run_probe("probe.loop", &bound, count, &result, 1)?;
-        Ok(words.first().copied().unwrap_or(0))
+        let bind = |result: &Arc<Buffer>| PROBE_LOOP.with(&ProbeLoop { result: result.write() });
+        Ok(self.run_probe("probe.loop", bind, count, [1, 1])?.first().copied().unwrap_or(0))
     }
 
     /// Returns the largest error of the linear filter between a texel of 0 and one of 1.
@@ -89,39 +86,36 @@ impl Gpu {
                 bytes.fill(if i % 2 == 1 { 0xff } else { 0 });
             }
         })?;
-        let result = self.probe_result(POSITIONS)?;
         let volume = volume.sampled(vk::Filter::LINEAR);
-        let bound = PROBE_FILTER.with(&ProbeFilter { volume, result: result.write() });
-        let words = self.run_probe("probe.filter", &bound, POSITIONS, &result, POSITIONS / 64)?;
+        let bind = |result: &Arc<Buffer>| PROBE_FILTER.with(&ProbeFilter { volume, result: result.write() });
+        let words = self.run_probe("probe.filter", bind, POSITIONS, [POSITIONS, POSITIONS / 64])?;
         let error = |(i, &bits): (usize, &u32)| {
             (f64::from(f32::from_bits(bits)) - num::f64_of(i) / f64::from(POSITIONS - 1)).abs()
         };
         Ok(words.iter().enumerate().map(error).fold(0.0, f64::max))
     }
 
-    fn probe_result(&self, words: u32) -> Result<Arc<Buffer>> {
-        Buffer::new(self, "probe.result", 4 * u64::from(words), BufferUse::ShaderWrite).map(Arc::new)
-    }
-
+    /// Runs `groups` workgroups of the shader that `bind` binds to a result of `words` words, which are returned.
     fn run_probe(
         &self,
         name: &str,
-        bound: &Bound,
+        bind: impl FnOnce(&Arc<Buffer>) -> Bound,
         count: u32,
-        result: &Arc<Buffer>,
-        groups: u32,
+        [words, groups]: [u32; 2],
     ) -> Result<Vec<u32>> {
-        let pipeline = self.compute_pipeline(name, bound)?;
-        let descriptors = Arc::new(Descriptors::new(self, &pipeline, bound)?);
+        let size = 4 * u64::from(words);
+        let result = Arc::new(Buffer::new(self, "probe.result", size, BufferUse::ShaderWrite)?);
+        let bound = bind(&result);
+        let pipeline = self.compute_pipeline(name, &bound)?;
+        let descriptors = Arc::new(Descriptors::new(self, &pipeline, &bound)?);
         let mut commands = Commands::new(self)?;
-        let mut recorder = Recorder::new(self, commands.begin()?, None);
-        let push = ProbePush { count };
-        recorder.dispatch("probe", &pipeline, &descriptors, bytemuck::bytes_of(&push), [groups, 1, 1]);
-        let host = Arc::new(Buffer::new(self, "probe.host", result.size(), BufferUse::Download)?);
-        recorder.copy_buffer("download", result, &host, result.size());
-        recorder.release_to_host(&host);
-        let (_, keep) = recorder.finish();
-        commands.submit(keep, "probe")?;
+        let host = Arc::new(Buffer::new(self, "probe.host", size, BufferUse::Download)?);
+        commands.run("probe", |recorder| {
+            let push = ProbePush { count };
+            recorder.dispatch("probe", &pipeline, &descriptors, bytemuck::bytes_of(&push), [groups, 1, 1]);
+            recorder.copy_buffer("download", &result, &host, size);
+            recorder.release_to_host(&host);
+        })?;
         Ok(host.host_copy()?.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
     }
 }

@@ -7,7 +7,6 @@ use ash::vk;
 use super::buffer::{Buffer, BufferUse};
 use super::descriptors::Descriptors;
 use super::device::Gpu;
-use super::recorder::Recorder;
 use super::shader::{PROBE_OVERRUN, ProbeLoop};
 use super::submit::Commands;
 use super::validation::Validation;
@@ -38,36 +37,44 @@ impl Provocation {
     /// Returns the name in reports.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Core => "core",
-            Self::Leak => "leaks",
-            Self::Synchronization => "synchronization",
-            Self::GpuAssisted => "gpu-assisted",
-            Self::BestPractices => "best-practices",
-        }
+        self.facts().0
     }
 
     /// Returns the least validation that reports it.
     #[must_use]
     pub fn needs(self) -> Validation {
-        match self {
-            Self::Core | Self::Leak | Self::Synchronization => Validation::On,
-            Self::GpuAssisted => Validation::GpuAssisted,
-            Self::BestPractices => Validation::BestPractices,
-        }
+        self.facts().1
     }
 
     /// Returns texts of which the message must contain one; they differ between versions of the layer.
     #[must_use]
     pub fn message(self) -> &'static [&'static str] {
+        self.facts().2
+    }
+
+    fn facts(self) -> (&'static str, Validation, &'static [&'static str]) {
         match self {
-            Self::Core => &["VUID-VkBufferCreateInfo-size-00912"],
-            Self::Leak => &["VUID-vkDestroyDevice-device-00378", "VUID-vkDestroyDevice-device-05137"],
-            Self::Synchronization => &["SYNC-HAZARD-WRITE"],
-            Self::GpuAssisted => {
-                &["VUID-vkCmdDispatch-None-02706", "VUID-vkCmdDispatch-storageBuffers-06936", "out of bounds"]
-            }
-            Self::BestPractices => &["BestPractices-vkCreateCommandPool-command-buffer-reset"],
+            Self::Core => ("core", Validation::On, &["VUID-VkBufferCreateInfo-size-00912"]),
+            Self::Leak => (
+                "leaks",
+                Validation::On,
+                &["VUID-vkDestroyDevice-device-00378", "VUID-vkDestroyDevice-device-05137"],
+            ),
+            Self::Synchronization => ("synchronization", Validation::On, &["SYNC-HAZARD-WRITE"]),
+            Self::GpuAssisted => (
+                "gpu-assisted",
+                Validation::GpuAssisted,
+                &[
+                    "VUID-vkCmdDispatch-None-02706",
+                    "VUID-vkCmdDispatch-storageBuffers-06936",
+                    "out of bounds",
+                ],
+            ),
+            Self::BestPractices => (
+                "best-practices",
+                Validation::BestPractices,
+                &["BestPractices-vkCreateCommandPool-command-buffer-reset"],
+            ),
         }
     }
 }
@@ -100,7 +107,7 @@ impl Gpu {
                 for value in [1, 2] {
                     // SAFETY: recording, outside of rendering; the fault is the missing barrier between the fills, which
                     // are never submitted.
-                    unsafe { device.cmd_fill_buffer(raw, buffer.raw(), 0, 256, value) };
+                    unsafe { device.cmd_fill_buffer(raw, buffer.raw, 0, 256, value) };
                 }
                 drop(commands);
                 Ok(())
@@ -111,12 +118,10 @@ impl Gpu {
                 let bound = PROBE_OVERRUN.with(&ProbeLoop { result: buffer.write() });
                 let pipeline = self.compute_pipeline("provoked", &bound)?;
                 let descriptors = Arc::new(Descriptors::new(self, &pipeline, &bound)?);
-                let mut commands = Commands::new(self)?;
-                let mut recorder = Recorder::new(self, commands.begin()?, None);
                 let push = ProbePush { count: 64 };
-                recorder.dispatch("provoked", &pipeline, &descriptors, bytemuck::bytes_of(&push), [1, 1, 1]);
-                let (_, keep) = recorder.finish();
-                commands.submit(keep, "provoked")
+                Commands::new(self)?.run("provoked", |recorder| {
+                    recorder.dispatch("provoked", &pipeline, &descriptors, bytemuck::bytes_of(&push), [1; 3]);
+                })
             }
             Provocation::BestPractices => {
                 let pool = self.create_command_pool(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER)?;

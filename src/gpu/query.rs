@@ -3,9 +3,9 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use ash::vk;
+use ash::{ext, vk};
 
-use super::device::{Gpu, Handles};
+use super::device::{Gpu, Handles, Inner};
 use super::feature::OptionalFeature;
 use super::instance::version_text;
 use super::select::DeviceReport;
@@ -22,7 +22,7 @@ impl Gpu {
     /// Returns the report of this device.
     #[must_use]
     pub fn report(&self) -> &DeviceReport {
-        &self.inner.report
+        &self.inner.candidate.report
     }
 
     /// Returns the version of the validation layer if the crate has enabled it; `None` for a caller's instance.
@@ -44,9 +44,9 @@ impl Gpu {
     pub fn handles(&self) -> Handles {
         Handles {
             instance: self.inner.instance.raw.clone(),
-            physical_device: self.inner.physical,
+            physical_device: self.inner.candidate.raw,
             device: self.inner.device.clone(),
-            queue_family: self.inner.queue_family,
+            queue_family: self.inner.candidate.queue_family,
         }
     }
 
@@ -54,6 +54,7 @@ impl Gpu {
     #[must_use]
     pub fn has(&self, feature: OptionalFeature) -> bool {
         use vk::FormatFeatureFlags as F;
+        let Inner { candidate, enabled, .. } = &*self.inner;
         let format = |format, flags| self.image_features(format).contains(flags);
         match feature {
             OptionalFeature::LinearFilterR32f => {
@@ -63,11 +64,11 @@ impl Gpu {
             OptionalFeature::BlendRgba32f => {
                 format(vk::Format::R32G32B32A32_SFLOAT, F::COLOR_ATTACHMENT_BLEND)
             }
-            OptionalFeature::FragmentStores => self.inner.fragment_stores,
-            OptionalFeature::FragmentInterlock => self.inner.fragment_interlock,
-            OptionalFeature::OrderedStores => self.inner.fragment_stores && self.inner.orders_stores,
-            OptionalFeature::MemoryBudget => self.inner.memory_budget,
-            OptionalFeature::Timestamps => self.inner.timestamp_bits > 0,
+            OptionalFeature::FragmentStores => enabled.fragment_stores_and_atomics,
+            OptionalFeature::FragmentInterlock => enabled.fragment_shader_pixel_interlock,
+            OptionalFeature::OrderedStores => enabled.fragment_stores_and_atomics && candidate.orders_stores,
+            OptionalFeature::MemoryBudget => enabled.has(ext::memory_budget::NAME),
+            OptionalFeature::Timestamps => candidate.timestamp_bits > 0,
             OptionalFeature::DebugNames => self.inner.debug.is_some(),
         }
     }
@@ -102,18 +103,18 @@ impl Gpu {
     /// Returns the largest extent of a 3D image, in samples.
     #[must_use]
     pub fn max_image_3d(&self) -> u32 {
-        self.inner.properties.limits.max_image_dimension3_d
+        self.limits().max_image_dimension3_d
     }
 
     /// Returns the largest side of a 2D image, in pixels.
     pub(crate) fn max_image_2d(&self) -> u32 {
-        self.inner.properties.limits.max_image_dimension2_d
+        self.limits().max_image_dimension2_d
     }
 
     /// Returns whether the device is a software rasteriser.
     #[must_use]
     pub fn is_software(&self) -> bool {
-        self.inner.properties.device_type == vk::PhysicalDeviceType::CPU
+        self.inner.candidate.properties.device_type == vk::PhysicalDeviceType::CPU
     }
 
     /// Returns whether a workgroup of eight invocations fits one subgroup with ballot and vote operations.
@@ -122,7 +123,10 @@ impl Gpu {
         let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup);
         // SAFETY: the physical device belongs to this instance; subgroup properties are core since 1.1.
         unsafe {
-            self.inner.instance.raw.get_physical_device_properties2(self.inner.physical, &mut properties);
+            self.inner
+                .instance
+                .raw
+                .get_physical_device_properties2(self.inner.candidate.raw, &mut properties);
         }
         let needed = vk::SubgroupFeatureFlags::BASIC
             | vk::SubgroupFeatureFlags::BALLOT
@@ -137,13 +141,13 @@ impl Gpu {
         let instance = &self.inner.instance.raw;
         // SAFETY: the physical device belongs to this instance.
         let properties =
-            unsafe { instance.get_physical_device_format_properties(self.inner.physical, format) };
+            unsafe { instance.get_physical_device_format_properties(self.inner.candidate.raw, format) };
         properties.optimal_tiling_features
     }
 
     /// Returns the Vulkan version of the device.
     #[must_use]
     pub fn api_version(&self) -> String {
-        version_text(self.inner.properties.api_version)
+        version_text(self.inner.candidate.properties.api_version)
     }
 }

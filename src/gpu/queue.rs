@@ -32,18 +32,6 @@ impl<F: Fn(&mut dyn FnMut()) + Send + Sync> QueueLock for F {
     }
 }
 
-/// The default lock.
-#[derive(Default)]
-struct Own(Mutex<()>);
-
-impl QueueLock for Own {
-    fn hold(&self, work: &mut dyn FnMut()) {
-        // Poison is ignored: the lock guards no data that a panic could leave half changed.
-        let _held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        work();
-    }
-}
-
 /// A queue and its lock.
 pub(super) struct Queue {
     raw: vk::Queue,
@@ -51,8 +39,15 @@ pub(super) struct Queue {
 }
 
 impl Queue {
+    /// Wraps a queue; without a lock it gets one of its own.
     pub(super) fn new(raw: vk::Queue, lock: Option<Arc<dyn QueueLock>>) -> Self {
-        Self { raw, lock: lock.unwrap_or_else(|| Arc::new(Own::default())) }
+        let own = Mutex::new(());
+        let hold = move |work: &mut dyn FnMut()| {
+            // Poison is ignored: the lock guards no data that a panic could leave half changed.
+            let _held = own.lock().unwrap_or_else(PoisonError::into_inner);
+            work();
+        };
+        Self { raw, lock: lock.unwrap_or_else(|| Arc::new(hold)) }
     }
 
     /// Runs `work` with the queue, under the lock.

@@ -60,17 +60,18 @@ impl<'a> Recorder<'a> {
 
     /// Declares that an earlier submission has made an image ready for sampling.
     pub(crate) fn assume_ready(&mut self, image: &Arc<Image>) {
-        self.tracker.begin(image.raw().as_raw(), vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);
+        let key = Used::Image(Arc::clone(image)).key();
+        self.tracker.begin(key, vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);
     }
 
     /// Declares the last use of an image by an earlier submission, which has ended.
     pub(crate) fn assume_after(&mut self, image: &Arc<Image>, last: Use) {
-        self.tracker.begin_after(image.raw().as_raw(), last, true);
+        self.tracker.begin_after(Used::Image(Arc::clone(image)).key(), last);
     }
 
     /// Declares the last use of a buffer by an earlier submission, which has ended.
     pub(crate) fn assume_buffer_after(&mut self, buffer: &Arc<Buffer>, last: Use) {
-        self.tracker.begin_after(buffer.raw().as_raw(), last, false);
+        self.tracker.begin_after(Used::Buffer(Arc::clone(buffer)).key(), last);
     }
 
     fn step(&mut self, name: &str, work: Work) {
@@ -107,8 +108,9 @@ impl<'a> Recorder<'a> {
         instances: u32,
     ) {
         let (pipeline, descriptors) = (Arc::clone(pipeline), Arc::clone(descriptors));
-        let (push, target) = (push.to_vec(), target.clone());
-        self.step(name, Work::Draw { pipeline, descriptors, push, target, clear, vertices, instances });
+        let (pushes, extent) = (vec![push.to_vec()], target.extent());
+        let target = Some((target.clone(), clear));
+        self.step(name, Work::Draw { pipeline, descriptors, pushes, target, extent, vertices, instances });
     }
 
     /// Adds several draws without attachments as one pass: shaders write bound resources, and each draw sees the writes of the one
@@ -123,7 +125,8 @@ impl<'a> Recorder<'a> {
         vertices: u32,
     ) {
         let (pipeline, descriptors) = (Arc::clone(pipeline), Arc::clone(descriptors));
-        self.step(name, Work::DrawEach { pipeline, descriptors, pushes, extent, vertices });
+        let (target, instances) = (None, 1);
+        self.step(name, Work::Draw { pipeline, descriptors, pushes, target, extent, vertices, instances });
     }
 
     /// Adds a copy of a whole image to the start of a buffer that the host reads.
@@ -222,7 +225,7 @@ impl<'a> Recorder<'a> {
     /// Records one pass between labels.
     fn issue_pass(&mut self, commands: &CommandBuffer, step: &Step) {
         let raw = commands.raw();
-        if let Some(debug) = self.gpu.debug() {
+        if let Some(debug) = &self.gpu.inner.debug {
             let name = c_name(&step.name);
             let label = vk::DebugUtilsLabelEXT::default().label_name(&name);
             // SAFETY: recording; the extension is enabled.
@@ -230,7 +233,7 @@ impl<'a> Recorder<'a> {
         }
         let gpu = self.gpu.clone();
         gpu.issue(raw, &step.work, || self.barriers(commands, step));
-        if let Some(debug) = self.gpu.debug() {
+        if let Some(debug) = &self.gpu.inner.debug {
             // SAFETY: a label was begun in this command buffer above.
             unsafe { debug.cmd_end_debug_utils_label(raw) };
         }
@@ -240,63 +243,31 @@ impl<'a> Recorder<'a> {
     /// Records the barriers before the uses of a step.
     fn barriers(&mut self, commands: &CommandBuffer, step: &Step) {
         for (used, usage) in &step.uses {
+            let key = used.key();
             match used {
-                Used::Buffer(buffer) => {
-                    if let Some(barrier) = self.tracker.next(buffer.raw().as_raw(), *usage, false) {
-                        self.buffer_barrier(commands, buffer, &barrier);
-                    }
+                // An image that this recording has not written was made ready before; its contents are kept.
+                Used::Image(_) if usage.samples() => {
+                    self.tracker.begin(key, vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);
                 }
-                Used::Image(image) => {
-                    // An image that this recording has not written was made ready before; its contents are kept.
-                    if usage.samples() && !self.tracker.knows(image.raw().as_raw()) {
-                        self.assume_ready(image);
-                    }
-                    self.image_barrier(commands, image.raw(), *usage);
-                }
-                Used::Target(target) => {
-                    // The caller has made the image ready; a second pass must wait for the first.
-                    let key = target.image.as_raw();
-                    if !self.tracker.knows(key) {
-                        self.tracker.begin(key, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
-                    }
-                    self.image_barrier(commands, target.image, *usage);
-                }
+                // The caller has made the image ready; a second pass must wait for the first.
+                Used::Target(_) => self.tracker.begin(key, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
+                _ => {}
             }
+            let Some(barrier) = self.tracker.next(key, *usage) else { continue };
+            let (of_buffer, of_image);
+            let info = match used {
+                Used::Buffer(buffer) => {
+                    of_buffer = [buffer_barrier(buffer.raw, &barrier)];
+                    vk::DependencyInfo::default().buffer_memory_barriers(&of_buffer)
+                }
+                Used::Image(_) | Used::Target(_) => {
+                    of_image = [image_barrier(vk::Image::from_raw(key.1), &barrier)];
+                    vk::DependencyInfo::default().image_memory_barriers(&of_image)
+                }
+            };
+            // SAFETY: recording, outside of rendering; handles in `info` are alive; synchronization2 is on.
+            unsafe { self.gpu.device().cmd_pipeline_barrier2(commands.raw(), &info) };
         }
-    }
-
-    fn buffer_barrier(&self, commands: &CommandBuffer, buffer: &Buffer, barrier: &Barrier) {
-        let barriers = [vk::BufferMemoryBarrier2::default()
-            .src_stage_mask(barrier.src_stage)
-            .src_access_mask(barrier.src_access)
-            .dst_stage_mask(barrier.dst_stage)
-            .dst_access_mask(barrier.dst_access)
-            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .buffer(buffer.raw())
-            .size(vk::WHOLE_SIZE)];
-        self.barrier(commands, &vk::DependencyInfo::default().buffer_memory_barriers(&barriers));
-    }
-
-    fn image_barrier(&mut self, commands: &CommandBuffer, image: vk::Image, usage: Use) {
-        let Some(barrier) = self.tracker.next(image.as_raw(), usage, true) else { return };
-        let barriers = [vk::ImageMemoryBarrier2::default()
-            .src_stage_mask(barrier.src_stage)
-            .src_access_mask(barrier.src_access)
-            .dst_stage_mask(barrier.dst_stage)
-            .dst_access_mask(barrier.dst_access)
-            .old_layout(barrier.old_layout)
-            .new_layout(barrier.new_layout)
-            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .image(image)
-            .subresource_range(whole(vk::ImageAspectFlags::COLOR))];
-        self.barrier(commands, &vk::DependencyInfo::default().image_memory_barriers(&barriers));
-    }
-
-    fn barrier(&self, commands: &CommandBuffer, info: &vk::DependencyInfo<'_>) {
-        // SAFETY: recording, outside of rendering; handles in `info` are alive; synchronization2 is on.
-        unsafe { self.gpu.device().cmd_pipeline_barrier2(commands.raw(), info) };
     }
 
     /// Writes the timestamp before a pass, or the one after the last. It waits for earlier work, whose time does not count for the pass.
@@ -311,4 +282,30 @@ impl<'a> Recorder<'a> {
             self.gpu.device().cmd_write_timestamp2(raw, super::sync::END_OF_ALL, timers.pool, number);
         }
     }
+}
+
+fn buffer_barrier(buffer: vk::Buffer, barrier: &Barrier) -> vk::BufferMemoryBarrier2<'static> {
+    vk::BufferMemoryBarrier2::default()
+        .src_stage_mask(barrier.src_stage)
+        .src_access_mask(barrier.src_access)
+        .dst_stage_mask(barrier.dst_stage)
+        .dst_access_mask(barrier.dst_access)
+        .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+        .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+        .buffer(buffer)
+        .size(vk::WHOLE_SIZE)
+}
+
+fn image_barrier(image: vk::Image, barrier: &Barrier) -> vk::ImageMemoryBarrier2<'static> {
+    vk::ImageMemoryBarrier2::default()
+        .src_stage_mask(barrier.src_stage)
+        .src_access_mask(barrier.src_access)
+        .dst_stage_mask(barrier.dst_stage)
+        .dst_access_mask(barrier.dst_access)
+        .old_layout(barrier.old_layout)
+        .new_layout(barrier.new_layout)
+        .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+        .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+        .image(image)
+        .subresource_range(whole(vk::ImageAspectFlags::COLOR))
 }

@@ -152,9 +152,6 @@ pub(super) fn inspect(instance: &ash::Instance, raw: vk::PhysicalDevice, family:
     } else {
         None
     };
-    let name = properties
-        .device_name_as_c_str()
-        .map_or_else(|_| String::new(), |n| n.to_string_lossy().into_owned());
     let text = |s: std::result::Result<&std::ffi::CStr, std::ffi::FromBytesUntilNulError>| {
         s.map_or_else(|_| String::new(), |n| n.to_string_lossy().into_owned())
     };
@@ -172,7 +169,7 @@ pub(super) fn inspect(instance: &ash::Instance, raw: vk::PhysicalDevice, family:
         },
         orders_stores: orders_stores(driver.driver_id),
         report: DeviceReport {
-            name,
+            name: text(properties.device_name_as_c_str()),
             kind,
             driver: driver_text.trim().to_string(),
             api: version_text(properties.api_version),

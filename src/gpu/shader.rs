@@ -1,7 +1,9 @@
 //! The entries of the shaders and the types of their inputs, which `build.rs` has written.
 
-use super::inputs::{Entry, InputList, Inputs, Read, Sampled, Stored, Uniform, Write};
-use super::spirv::{BindingKind, Shader, Stage};
+use ash::vk;
+
+use super::inputs::{Bound, Entry, Inputs, Read, Sampled, Stored, Uniform, Write};
+use super::pipeline::Shader;
 pub(crate) use crate::interface::constants::*;
 
 /// Marks the shader of `Provocation` as used; nothing dispatches it without the feature.

@@ -13,7 +13,7 @@ use super::external::TargetImage;
 use super::image::Image;
 use super::inputs::Resource;
 use super::pipeline::Pipeline;
-use super::sync::Use;
+use super::sync::{Key, Use};
 
 /// A resource that a step uses.
 #[derive(Clone, Debug)]
@@ -28,17 +28,16 @@ impl Used {
     /// Returns the name of the resource.
     pub(crate) fn name(&self) -> &str {
         match self {
-            Self::Buffer(buffer) => buffer.name(),
-            Self::Image(image) => image.name(),
+            Self::Buffer(buffer) => &buffer.name,
+            Self::Image(image) => &image.name,
             Self::Target(_) => "target",
         }
     }
 
-    /// Returns the kind of handle, image or not, and the handle.
-    pub(crate) fn key(&self) -> (bool, u64) {
+    pub(crate) fn key(&self) -> Key {
         match self {
-            Self::Buffer(buffer) => (false, buffer.raw().as_raw()),
-            Self::Image(image) => (true, image.raw().as_raw()),
+            Self::Buffer(buffer) => (false, buffer.raw.as_raw()),
+            Self::Image(image) => (true, image.raw.as_raw()),
             Self::Target(target) => (true, target.image.as_raw()),
         }
     }
@@ -56,7 +55,7 @@ pub(crate) enum Attachment {
 impl Attachment {
     pub(super) fn view(&self) -> vk::ImageView {
         match self {
-            Self::Own(image) => image.view(),
+            Self::Own(image) => image.view,
             Self::Caller(target) => target.view,
         }
     }
@@ -74,24 +73,17 @@ impl Attachment {
 pub(crate) enum Work {
     /// One dispatch.
     Dispatch { pipeline: Arc<Pipeline>, descriptors: Arc<Descriptors>, push: Vec<u8>, groups: [u32; 3] },
-    /// One draw into the whole of a colour attachment, cleared to transparent black first with `clear`.
+    /// One draw into the whole of an attachment; or draws without an attachment, one for each of `pushes`: shaders write bound
+    /// resources, and each draw sees the writes of the one before.
     Draw {
         pipeline: Arc<Pipeline>,
         descriptors: Arc<Descriptors>,
-        push: Vec<u8>,
-        target: Attachment,
-        clear: bool,
-        vertices: u32,
-        instances: u32,
-    },
-    /// Draws without attachments, one for each of `pushes`: shaders write bound resources, and each draw sees the writes of the one
-    /// before.
-    DrawEach {
-        pipeline: Arc<Pipeline>,
-        descriptors: Arc<Descriptors>,
         pushes: Vec<Vec<u8>>,
+        /// The colour attachment, and whether it is cleared to transparent black first.
+        target: Option<(Attachment, bool)>,
         extent: [u32; 2],
         vertices: u32,
+        instances: u32,
     },
     /// Fills a buffer with zeros.
     ClearBuffer(Arc<Buffer>),
@@ -111,9 +103,38 @@ impl Work {
     /// Returns the number of dispatches and draws.
     pub(crate) fn draws(&self) -> u32 {
         match self {
-            Self::Dispatch { .. } | Self::Draw { .. } => 1,
-            Self::DrawEach { pushes, .. } => crate::num::count(pushes.len()),
+            Self::Dispatch { .. } => 1,
+            Self::Draw { pushes, .. } => crate::num::count(pushes.len()),
             _ => 0,
+        }
+    }
+
+    /// Returns the resources with their uses, in the order of their barriers.
+    fn uses(&self) -> Vec<(Used, Use)> {
+        let buffer = |buffer: &Arc<Buffer>, usage| (Used::Buffer(Arc::clone(buffer)), usage);
+        let image = |image: &Arc<Image>, usage| (Used::Image(Arc::clone(image)), usage);
+        match self {
+            Self::Dispatch { descriptors, .. } => bound(descriptors, true),
+            Self::Draw { descriptors, target, .. } => {
+                let mut uses = bound(descriptors, false);
+                uses.extend(target.as_ref().map(|(target, _)| match target {
+                    Attachment::Own(own) => image(own, Use::ColorAttachment),
+                    Attachment::Caller(target) => (Used::Target(*target), Use::ColorAttachment),
+                }));
+                uses
+            }
+            Self::ClearBuffer(cleared) => vec![buffer(cleared, Use::TransferWrite)],
+            Self::ClearImage(cleared, _) => vec![image(cleared, Use::TransferWrite)],
+            Self::CopyBuffer { from, to, .. } => {
+                vec![buffer(from, Use::TransferRead), buffer(to, Use::TransferWrite)]
+            }
+            Self::CopyImageToBuffer { image: from, buffer: to } => {
+                vec![image(from, Use::TransferRead), buffer(to, Use::TransferWrite)]
+            }
+            Self::CopyBufferToImage { buffer: from, image: to, .. } => {
+                vec![buffer(from, Use::TransferRead), image(to, Use::TransferWrite)]
+            }
+            Self::Leave => Vec::new(),
         }
     }
 }
@@ -129,57 +150,32 @@ pub(crate) struct Step {
 
 impl Step {
     pub(super) fn new(name: &str, work: Work) -> Self {
-        let mut step = Self { name: name.to_string(), work, uses: Vec::new() };
-        step.uses = step.resources();
-        step
+        Self { name: name.to_string(), uses: work.uses(), work }
     }
 
     /// Returns whether the step is a pass, which has a timestamp.
     pub(crate) fn is_pass(&self) -> bool {
         !matches!(self.work, Work::Leave)
     }
-
-    fn resources(&self) -> Vec<(Used, Use)> {
-        let buffer = |buffer: &Arc<Buffer>, usage| (Used::Buffer(Arc::clone(buffer)), usage);
-        let image = |image: &Arc<Image>, usage| (Used::Image(Arc::clone(image)), usage);
-        match &self.work {
-            Work::Dispatch { descriptors, .. } => bound(descriptors, true),
-            Work::DrawEach { descriptors, .. } => bound(descriptors, false),
-            Work::Draw { descriptors, target, .. } => {
-                let mut uses = bound(descriptors, false);
-                uses.push(match target {
-                    Attachment::Own(own) => image(own, Use::ColorAttachment),
-                    Attachment::Caller(target) => (Used::Target(*target), Use::ColorAttachment),
-                });
-                uses
-            }
-            Work::ClearBuffer(cleared) => vec![buffer(cleared, Use::TransferWrite)],
-            Work::ClearImage(cleared, _) => vec![image(cleared, Use::TransferWrite)],
-            Work::CopyBuffer { from, to, .. } => {
-                vec![buffer(from, Use::TransferRead), buffer(to, Use::TransferWrite)]
-            }
-            Work::CopyImageToBuffer { image: from, buffer: to } => {
-                vec![image(from, Use::TransferRead), buffer(to, Use::TransferWrite)]
-            }
-            Work::CopyBufferToImage { buffer: from, image: to, .. } => {
-                vec![buffer(from, Use::TransferRead), image(to, Use::TransferWrite)]
-            }
-            Work::Leave => Vec::new(),
-        }
-    }
 }
 
 /// Returns the resources of a descriptor set with their uses by a compute or a graphics pipeline.
 fn bound(descriptors: &Descriptors, compute: bool) -> Vec<(Used, Use)> {
-    let used = |(resource, usage): (&Resource, Use)| {
-        let used = match resource {
-            Resource::Read(buffer) | Resource::Write(buffer) => Used::Buffer(Arc::clone(buffer)),
-            Resource::Sampled(image, _) | Resource::Stored(image) => Used::Image(Arc::clone(image)),
+    let used = |(_, resource): &(u32, Resource)| {
+        let by = |in_compute, in_graphics| if compute { in_compute } else { in_graphics };
+        let read_write = by(Use::ComputeReadWrite, Use::FragmentReadWrite);
+        Some(match resource {
+            Resource::Read(read) => (Used::Buffer(Arc::clone(read)), by(Use::ComputeRead, Use::FragmentRead)),
+            Resource::Write(written) => (Used::Buffer(Arc::clone(written)), read_write),
+            Resource::Sampled(image, _) => {
+                (Used::Image(Arc::clone(image)), by(Use::ComputeSample, Use::FragmentSample))
+            }
+            Resource::Stored(image) => (Used::Image(Arc::clone(image)), read_write),
+            // The caller promises that it is ready.
             Resource::External => return None,
-        };
-        Some((used, usage))
+        })
     };
-    descriptors.uses(compute).filter_map(used).collect()
+    descriptors.resources.iter().filter_map(used).collect()
 }
 
 /// Shows a step in one line: its name, its work, and the resources that it reads and writes.
@@ -187,8 +183,7 @@ impl fmt::Display for Step {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let work = match &self.work {
             Work::Dispatch { .. } => "dispatch",
-            Work::Draw { .. } => "draw",
-            Work::DrawEach { .. } => "draws",
+            Work::Draw { target, .. } => target.as_ref().map_or("draws", |_| "draw"),
             Work::ClearBuffer(_) | Work::ClearImage(..) => "clear",
             Work::CopyBuffer { .. } | Work::CopyImageToBuffer { .. } | Work::CopyBufferToImage { .. } => {
                 "copy"

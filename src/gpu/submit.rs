@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::device::Gpu;
 use super::external::CommandBuffer;
-use super::recorder::Keep;
+use super::recorder::{Keep, Recorder};
 use crate::error::{Error, Result};
 
 /// Time limit of a wait for one submission, in seconds. A software rasteriser may need minutes for a large frame. Dropping
@@ -88,6 +88,15 @@ impl Commands {
         Ok(&mut self.buffer)
     }
 
+    /// Records the steps that `record` adds, submits and waits. An error of a time-out names `last_pass`.
+    pub(crate) fn run(&mut self, last_pass: &str, record: impl FnOnce(&mut Recorder<'_>)) -> Result<()> {
+        let gpu = self.gpu.clone();
+        let mut recorder = Recorder::new(&gpu, self.begin()?, None);
+        record(&mut recorder);
+        let (_, keep) = recorder.finish();
+        self.submit(keep, last_pass)
+    }
+
     /// Ends recording, submits and waits. `keep` has the resources of the recording, which are freed when the submission
     /// has ended. An error of a time-out names `last_pass`.
     pub(crate) fn submit(&mut self, keep: Keep, last_pass: &str) -> Result<()> {
@@ -127,30 +136,22 @@ impl Commands {
         let device = self.gpu.device();
         // SAFETY: the fence was submitted: `pending` is set.
         let waited = unsafe { device.wait_for_fences(&[self.fence], true, TIMEOUT_SECONDS * 1_000_000_000) };
-        match waited {
-            Ok(()) => {}
+        let ended = match waited {
+            // SAFETY: the fence is signalled and not in use.
+            Ok(()) => unsafe { device.reset_fences(&[self.fence]) }
+                .map_err(|result| self.gpu.failed("vkResetFences", result)),
             Err(vk::Result::TIMEOUT) => {
-                return Err(Error::Timeout {
-                    what: "a submission".to_string(),
-                    seconds: TIMEOUT_SECONDS,
-                    last_pass: last_pass.to_string(),
-                });
+                let (what, last_pass) = ("a submission".to_string(), last_pass.to_string());
+                Err(Error::Timeout { what, seconds: TIMEOUT_SECONDS, last_pass })
             }
-            Err(result) => {
-                // Work on a lost device counts as ended once a wait has returned.
-                if result == vk::Result::ERROR_DEVICE_LOST {
-                    self.pending = false;
-                    self.held.clear();
-                }
-                return Err(self.gpu.failed("vkWaitForFences", result));
-            }
+            Err(result) => Err(self.gpu.failed("vkWaitForFences", result)),
+        };
+        // Work on a lost device counts as ended once a wait has returned.
+        if matches!(waited, Err(vk::Result::ERROR_DEVICE_LOST)) || ended.is_ok() {
+            self.pending = false;
+            self.held.clear();
         }
-        // SAFETY: the fence is signalled and not in use.
-        unsafe { device.reset_fences(&[self.fence]) }
-            .map_err(|result| self.gpu.failed("vkResetFences", result))?;
-        self.pending = false;
-        self.held.clear();
-        Ok(())
+        ended
     }
 
     /// Waits for the pending submission without a limit; returns whether it has ended.

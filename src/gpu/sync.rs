@@ -40,82 +40,35 @@ pub(crate) enum Use {
 }
 
 impl Use {
-    /// All uses, for the test of the table.
-    #[cfg(test)]
-    pub(crate) const ALL: [Self; 11] = [
-        Self::TransferRead,
-        Self::TransferWrite,
-        Self::HostRead,
-        Self::FragmentSample,
-        Self::FragmentRead,
-        Self::FragmentReadWrite,
-        Self::ComputeSample,
-        Self::ComputeRead,
-        Self::ComputeReadWrite,
-        Self::ColorAttachment,
-        Self::AnyShaderRead,
-    ];
-
     /// Returns the stages, the accesses, and for images the layout.
-    pub(crate) const fn masks(self) -> (Stage, Access, Layout) {
+    fn masks(self) -> (Stage, Access, Layout) {
+        use Layout as L;
+        let (compute, shader) = (Stage::COMPUTE_SHADER, L::SHADER_READ_ONLY_OPTIMAL);
+        let read = Access::UNIFORM_READ | Access::SHADER_STORAGE_READ;
+        let read_write = Access::SHADER_STORAGE_READ | Access::SHADER_STORAGE_WRITE;
+        let blended = Access::COLOR_ATTACHMENT_READ | Access::COLOR_ATTACHMENT_WRITE;
         match self {
-            Self::TransferRead => (Stage::COPY, Access::TRANSFER_READ, Layout::TRANSFER_SRC_OPTIMAL),
-            Self::TransferWrite => {
-                (Stage::ALL_TRANSFER, Access::TRANSFER_WRITE, Layout::TRANSFER_DST_OPTIMAL)
-            }
-            Self::HostRead => (Stage::HOST, Access::HOST_READ, Layout::GENERAL),
-            Self::FragmentSample => {
-                (Stage::FRAGMENT_SHADER, Access::SHADER_SAMPLED_READ, Layout::SHADER_READ_ONLY_OPTIMAL)
-            }
-            Self::FragmentRead => (
-                GRAPHICS,
-                Access::from_raw(Access::UNIFORM_READ.as_raw() | Access::SHADER_STORAGE_READ.as_raw()),
-                Layout::UNDEFINED,
-            ),
-            Self::FragmentReadWrite => (
-                GRAPHICS,
-                Access::from_raw(
-                    Access::SHADER_STORAGE_READ.as_raw() | Access::SHADER_STORAGE_WRITE.as_raw(),
-                ),
-                Layout::GENERAL,
-            ),
-            Self::ComputeSample => {
-                (Stage::COMPUTE_SHADER, Access::SHADER_SAMPLED_READ, Layout::SHADER_READ_ONLY_OPTIMAL)
-            }
-            Self::ComputeRead => (
-                Stage::COMPUTE_SHADER,
-                Access::from_raw(Access::UNIFORM_READ.as_raw() | Access::SHADER_STORAGE_READ.as_raw()),
-                Layout::UNDEFINED,
-            ),
-            Self::ComputeReadWrite => (
-                Stage::COMPUTE_SHADER,
-                Access::from_raw(
-                    Access::SHADER_STORAGE_READ.as_raw() | Access::SHADER_STORAGE_WRITE.as_raw(),
-                ),
-                Layout::GENERAL,
-            ),
-            Self::ColorAttachment => (
-                Stage::COLOR_ATTACHMENT_OUTPUT,
-                Access::from_raw(
-                    Access::COLOR_ATTACHMENT_READ.as_raw() | Access::COLOR_ATTACHMENT_WRITE.as_raw(),
-                ),
-                Layout::COLOR_ATTACHMENT_OPTIMAL,
-            ),
-            Self::AnyShaderRead => (
-                Stage::ALL_COMMANDS,
-                Access::from_raw(Access::SHADER_READ.as_raw() | Access::UNIFORM_READ.as_raw()),
-                Layout::SHADER_READ_ONLY_OPTIMAL,
-            ),
+            Self::TransferRead => (Stage::COPY, Access::TRANSFER_READ, L::TRANSFER_SRC_OPTIMAL),
+            Self::TransferWrite => (Stage::ALL_TRANSFER, Access::TRANSFER_WRITE, L::TRANSFER_DST_OPTIMAL),
+            Self::HostRead => (Stage::HOST, Access::HOST_READ, L::GENERAL),
+            Self::FragmentSample => (Stage::FRAGMENT_SHADER, Access::SHADER_SAMPLED_READ, shader),
+            Self::FragmentRead => (GRAPHICS, read, L::UNDEFINED),
+            Self::FragmentReadWrite => (GRAPHICS, read_write, L::GENERAL),
+            Self::ComputeSample => (compute, Access::SHADER_SAMPLED_READ, shader),
+            Self::ComputeRead => (compute, read, L::UNDEFINED),
+            Self::ComputeReadWrite => (compute, read_write, L::GENERAL),
+            Self::ColorAttachment => (Stage::COLOR_ATTACHMENT_OUTPUT, blended, L::COLOR_ATTACHMENT_OPTIMAL),
+            Self::AnyShaderRead => (Stage::ALL_COMMANDS, Access::SHADER_READ | Access::UNIFORM_READ, shader),
         }
     }
 
     /// Returns whether the use samples an image.
-    pub(crate) const fn samples(self) -> bool {
+    pub(crate) fn samples(self) -> bool {
         matches!(self, Self::FragmentSample | Self::ComputeSample)
     }
 
     /// Returns whether the use writes.
-    pub(crate) const fn writes(self) -> bool {
+    pub(crate) fn writes(self) -> bool {
         matches!(
             self,
             Self::TransferWrite | Self::FragmentReadWrite | Self::ComputeReadWrite | Self::ColorAttachment
@@ -134,8 +87,11 @@ pub(crate) struct Barrier {
     pub(crate) new_layout: Layout,
 }
 
+/// A resource: the kind of its handle, image or not, and the handle. Handles of different kinds may be equal.
+pub(crate) type Key = (bool, u64);
+
 /// The uses of one resource in one recording so far.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct History {
     /// Stage and access of the last write; empty if this recording has not written it.
     write: (Stage, Access),
@@ -150,45 +106,31 @@ struct History {
 /// layout need one.
 #[derive(Debug, Default)]
 pub(crate) struct Tracker {
-    /// Keyed by kind (image or not) and handle: handles of different kinds may be equal.
-    histories: HashMap<(bool, u64), History>,
+    histories: HashMap<Key, History>,
 }
 
 impl Tracker {
-    /// Declares the layout of an image when the recording begins. The contents of an undeclared image are undefined.
-    pub(crate) fn begin(&mut self, resource: u64, layout: Layout) {
-        let none = (Stage::NONE, Access::NONE);
-        self.histories
-            .insert((true, resource), History { write: none, readers: Stage::NONE, visible: none, layout });
+    /// Declares the layout of an image when the recording begins, unless it was used or declared before. The contents of an
+    /// undeclared image are undefined.
+    pub(crate) fn begin(&mut self, image: Key, layout: Layout) {
+        self.histories.entry(image).or_insert(History { layout, ..History::default() });
     }
 
     /// Declares the last use of a resource by an earlier submission, which has ended.
-    pub(crate) fn begin_after(&mut self, resource: u64, last: Use, is_image: bool) {
+    pub(crate) fn begin_after(&mut self, (is_image, handle): Key, last: Use) {
         let (stage, access, layout) = last.masks();
         let layout = if is_image { layout } else { Layout::UNDEFINED };
-        let none = (Stage::NONE, Access::NONE);
-        let history = History { write: (stage, access), readers: Stage::NONE, visible: none, layout };
-        self.histories.insert((is_image, resource), history);
+        let history = History { write: (stage, access), layout, ..History::default() };
+        self.histories.insert((is_image, handle), history);
     }
 
-    /// Returns whether this recording has used or declared the image.
-    pub(crate) fn knows(&self, resource: u64) -> bool {
-        self.histories.contains_key(&(true, resource))
-    }
-
-    /// Returns the barrier that must precede this use, if any. `is_image` says whether the resource has a layout.
-    pub(crate) fn next(&mut self, resource: u64, next: Use, is_image: bool) -> Option<Barrier> {
+    /// Returns the barrier that must precede this use, if any.
+    pub(crate) fn next(&mut self, (is_image, handle): Key, next: Use) -> Option<Barrier> {
         let (stage, access, layout) = next.masks();
         let layout = if is_image { layout } else { Layout::UNDEFINED };
         // Uniform reads apply to buffers only.
         let access = if is_image { access & !Access::UNIFORM_READ } else { access };
-        let none = (Stage::NONE, Access::NONE);
-        let history = self.histories.entry((is_image, resource)).or_insert(History {
-            write: none,
-            readers: Stage::NONE,
-            visible: none,
-            layout: Layout::UNDEFINED,
-        });
+        let history = self.histories.entry((is_image, handle)).or_default();
         let changes_layout = is_image && history.layout != layout;
         let unseen = history.write.0 != Stage::NONE
             && !(history.visible.0.contains(stage) && history.visible.1.contains(access));
@@ -206,7 +148,7 @@ impl Tracker {
             // A layout transition is a write, too: later uses in other stages must wait for it.
             history.write = (stage, if next.writes() { access } else { Access::NONE });
             history.readers = if next.writes() { Stage::NONE } else { stage };
-            history.visible = if next.writes() { none } else { (stage, access) };
+            history.visible = if next.writes() { Default::default() } else { (stage, access) };
         } else {
             history.readers |= stage;
             if unseen {
@@ -222,10 +164,24 @@ impl Tracker {
 mod tests {
     use super::*;
 
+    const USES: [Use; 11] = [
+        Use::TransferRead,
+        Use::TransferWrite,
+        Use::HostRead,
+        Use::FragmentSample,
+        Use::FragmentRead,
+        Use::FragmentReadWrite,
+        Use::ComputeSample,
+        Use::ComputeRead,
+        Use::ComputeReadWrite,
+        Use::ColorAttachment,
+        Use::AnyShaderRead,
+    ];
+
     #[test]
     fn every_use_has_stage_and_access_and_writes_match_the_masks() {
         let writing = Access::TRANSFER_WRITE | Access::SHADER_STORAGE_WRITE | Access::COLOR_ATTACHMENT_WRITE;
-        for each in Use::ALL {
+        for each in USES {
             let (stage, access, _) = each.masks();
             assert!(!stage.is_empty() && !access.is_empty(), "{each:?}");
             assert_eq!(access.intersects(writing), each.writes(), "{each:?}");
@@ -235,10 +191,10 @@ mod tests {
     #[test]
     fn read_after_read_is_nothing_and_write_after_read_waits() {
         let mut tracker = Tracker::default();
-        tracker.begin(1, Layout::SHADER_READ_ONLY_OPTIMAL);
-        assert_eq!(tracker.next(1, Use::FragmentSample, true), None);
-        assert_eq!(tracker.next(1, Use::ComputeSample, true), None);
-        let barrier = tracker.next(1, Use::TransferWrite, true).unwrap();
+        tracker.begin((true, 1), Layout::SHADER_READ_ONLY_OPTIMAL);
+        assert_eq!(tracker.next((true, 1), Use::FragmentSample), None);
+        assert_eq!(tracker.next((true, 1), Use::ComputeSample), None);
+        let barrier = tracker.next((true, 1), Use::TransferWrite).unwrap();
         assert_eq!(barrier.src_stage, Stage::FRAGMENT_SHADER | Stage::COMPUTE_SHADER);
         assert_eq!(barrier.src_access, Access::NONE);
         assert_eq!(barrier.old_layout, Layout::SHADER_READ_ONLY_OPTIMAL);
@@ -248,54 +204,54 @@ mod tests {
     #[test]
     fn a_write_waits_for_reads_of_what_nobody_wrote() {
         let mut tracker = Tracker::default();
-        assert!(tracker.next(4, Use::FragmentRead, false).is_none());
-        let barrier = tracker.next(4, Use::ComputeReadWrite, false).unwrap();
+        assert!(tracker.next((false, 4), Use::FragmentRead).is_none());
+        let barrier = tracker.next((false, 4), Use::ComputeReadWrite).unwrap();
         assert_eq!((barrier.src_stage, barrier.src_access), (GRAPHICS, Access::NONE));
     }
 
     #[test]
     fn a_write_is_made_visible_to_each_reader_once() {
         let mut tracker = Tracker::default();
-        assert!(tracker.next(7, Use::ComputeReadWrite, false).is_none());
-        let barrier = tracker.next(7, Use::FragmentRead, false).unwrap();
+        assert!(tracker.next((false, 7), Use::ComputeReadWrite).is_none());
+        let barrier = tracker.next((false, 7), Use::FragmentRead).unwrap();
         assert_eq!(barrier.src_access, Access::SHADER_STORAGE_READ | Access::SHADER_STORAGE_WRITE);
-        assert_eq!(tracker.next(7, Use::FragmentRead, false), None);
-        assert!(tracker.next(7, Use::TransferRead, false).is_some());
-        let barrier = tracker.next(7, Use::ComputeReadWrite, false).unwrap();
+        assert_eq!(tracker.next((false, 7), Use::FragmentRead), None);
+        assert!(tracker.next((false, 7), Use::TransferRead).is_some());
+        let barrier = tracker.next((false, 7), Use::ComputeReadWrite).unwrap();
         assert!(barrier.src_stage.contains(Stage::FRAGMENT_SHADER | Stage::COPY));
         // Write after write.
-        assert!(tracker.next(7, Use::ComputeReadWrite, false).is_some());
+        assert!(tracker.next((false, 7), Use::ComputeReadWrite).is_some());
     }
 
     #[test]
     fn the_first_use_of_an_image_leaves_the_undefined_layout() {
         let mut tracker = Tracker::default();
-        let barrier = tracker.next(3, Use::ColorAttachment, true).unwrap();
+        let barrier = tracker.next((true, 3), Use::ColorAttachment).unwrap();
         assert_eq!((barrier.old_layout, barrier.src_stage), (Layout::UNDEFINED, Stage::NONE));
         // Blending must wait for the writes of the pass before.
-        assert!(tracker.next(3, Use::ColorAttachment, true).is_some());
+        assert!(tracker.next((true, 3), Use::ColorAttachment).is_some());
     }
 
     #[test]
     fn what_an_earlier_recording_wrote_is_made_visible() {
         let mut tracker = Tracker::default();
-        tracker.begin_after(1, Use::ComputeReadWrite, true);
-        let barrier = tracker.next(1, Use::TransferRead, true).unwrap();
+        tracker.begin_after((true, 1), Use::ComputeReadWrite);
+        let barrier = tracker.next((true, 1), Use::TransferRead).unwrap();
         assert_eq!((barrier.src_stage, barrier.old_layout), (Stage::COMPUTE_SHADER, Layout::GENERAL));
         assert!(barrier.src_access.contains(Access::SHADER_STORAGE_WRITE));
         // A buffer of the same handle is another resource.
-        assert!(tracker.next(1, Use::TransferRead, false).is_none());
-        tracker.begin_after(2, Use::ComputeReadWrite, false);
-        let barrier = tracker.next(2, Use::TransferRead, false).unwrap();
+        assert!(tracker.next((false, 1), Use::TransferRead).is_none());
+        tracker.begin_after((false, 2), Use::ComputeReadWrite);
+        let barrier = tracker.next((false, 2), Use::TransferRead).unwrap();
         assert_eq!((barrier.src_stage, barrier.dst_stage), (Stage::COMPUTE_SHADER, Stage::COPY));
     }
 
     #[test]
     fn a_reader_after_a_layout_change_waits_for_the_change() {
         let mut tracker = Tracker::default();
-        tracker.begin(1, Layout::GENERAL);
-        assert!(tracker.next(1, Use::FragmentSample, true).is_some());
-        let barrier = tracker.next(1, Use::ComputeSample, true).unwrap();
+        tracker.begin((true, 1), Layout::GENERAL);
+        assert!(tracker.next((true, 1), Use::FragmentSample).is_some());
+        let barrier = tracker.next((true, 1), Use::ComputeSample).unwrap();
         assert_eq!(barrier.src_stage, Stage::FRAGMENT_SHADER);
     }
 }

@@ -64,11 +64,7 @@ impl TestGpu {
 
     /// Records, submits and waits.
     pub(crate) fn record(&self, work: impl FnOnce(&mut Recorder<'_>)) {
-        let mut commands = Commands::new(self).unwrap();
-        let mut recorder = Recorder::new(self, commands.begin().unwrap(), None);
-        work(&mut recorder);
-        let (_, keep) = recorder.finish();
-        commands.submit(keep, "test").unwrap();
+        Commands::new(self).unwrap().run("test", work).unwrap();
     }
 }
 

@@ -18,7 +18,7 @@ pub(crate) struct Timers {
 impl Timers {
     /// Makes timers for `passes` passes; `None` where the device has no timestamps.
     pub(crate) fn new(gpu: &Gpu, passes: u32) -> Result<Option<Arc<Self>>> {
-        if gpu.inner.timestamp_bits == 0 {
+        if gpu.inner.candidate.timestamp_bits == 0 {
             return Ok(None);
         }
         let info =
@@ -40,9 +40,9 @@ impl Timers {
             self.gpu.device().get_query_pool_results(self.pool, 0, &mut stamps, vk::QueryResultFlags::TYPE_64)
         }
         .map_err(|result| self.gpu.failed("vkGetQueryPoolResults", result))?;
-        let bits = self.gpu.inner.timestamp_bits;
+        let bits = self.gpu.inner.candidate.timestamp_bits;
         let mask = if bits >= 64 { u64::MAX } else { (1 << bits) - 1 };
-        let nanoseconds = f64::from(self.gpu.inner.properties.limits.timestamp_period);
+        let nanoseconds = f64::from(self.gpu.limits().timestamp_period);
         let ms =
             |pair: &[u64]| crate::num::f64_of_u64(pair[1].wrapping_sub(pair[0]) & mask) * nanoseconds * 1e-6;
         Ok(stamps.windows(2).map(ms).collect())

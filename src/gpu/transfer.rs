@@ -5,7 +5,6 @@ use std::sync::Arc;
 use super::buffer::{Buffer, BufferUse};
 use super::device::Gpu;
 use super::image::{Image, ImageDesc};
-use super::recorder::Recorder;
 use super::submit::Commands;
 use crate::error::{Error, Result};
 use crate::num;
@@ -13,16 +12,13 @@ use crate::num;
 impl Buffer {
     /// Makes a buffer for shaders to read, and uploads `bytes` into it.
     pub(crate) fn with_data(gpu: &Gpu, name: &str, bytes: &[u8]) -> Result<Arc<Self>> {
-        let size = u64::try_from(bytes.len()).unwrap_or(u64::MAX);
+        let size = num::wide(bytes.len());
         let buffer = Arc::new(Self::new(gpu, name, size, BufferUse::ShaderRead)?);
-        let staging =
-            Arc::new(staging(gpu, name, size, |memory| memory[..bytes.len()].copy_from_slice(bytes))?);
-        let mut commands = Commands::new(gpu)?;
-        let mut recorder = Recorder::new(gpu, commands.begin()?, None);
-        recorder.copy_buffer("upload", &staging, &buffer, size);
-        recorder.release_buffer(&buffer);
-        let (_, keep) = recorder.finish();
-        commands.submit(keep, "upload")?;
+        let staging = staging(gpu, name, bytes.len(), |memory| memory.copy_from_slice(bytes))?;
+        Commands::new(gpu)?.run("upload", |recorder| {
+            recorder.copy_buffer("upload", &staging, &buffer, size);
+            recorder.release_buffer(&buffer);
+        })?;
         Ok(buffer)
     }
 
@@ -30,7 +26,7 @@ impl Buffer {
     pub(crate) fn host_copy(&self) -> Result<Vec<u8>> {
         let length = usize::try_from(self.size()).unwrap_or(usize::MAX);
         let bytes = self.bytes().and_then(|bytes| bytes.get(..length));
-        bytes.map(<[u8]>::to_vec).ok_or_else(|| Error::invalid(self.name(), "is not visible to the host"))
+        bytes.map(<[u8]>::to_vec).ok_or_else(|| Error::invalid(&self.name, "is not visible to the host"))
     }
 }
 
@@ -55,17 +51,14 @@ impl Image {
             while first < planes {
                 let count = group.min(planes - first);
                 let bytes = usize::try_from(plane_bytes * u64::from(count)).unwrap_or(usize::MAX);
-                let buffer = Arc::new(staging(gpu, name, plane_bytes * u64::from(count), |memory| {
-                    fill(level, num::index(first), &mut memory[..bytes]);
-                })?);
-                let mut recorder = Recorder::new(gpu, commands.begin()?, None);
-                if level > 0 || first > 0 {
-                    recorder.assume_ready(&image);
-                }
-                recorder.copy_buffer_to_image("upload", &buffer, &image, level, [first, count]);
-                recorder.release_image(&image);
-                let (_, keep) = recorder.finish();
-                commands.submit(keep, "upload")?;
+                let buffer = staging(gpu, name, bytes, |memory| fill(level, num::index(first), memory))?;
+                commands.run("upload", |recorder| {
+                    if level > 0 || first > 0 {
+                        recorder.assume_ready(&image);
+                    }
+                    recorder.copy_buffer_to_image("upload", &buffer, &image, level, [first, count]);
+                    recorder.release_image(&image);
+                })?;
                 first += count;
             }
         }
@@ -73,12 +66,12 @@ impl Image {
     }
 }
 
-/// Makes a staging buffer and fills it.
-fn staging(gpu: &Gpu, name: &str, size: u64, fill: impl FnOnce(&mut [u8])) -> Result<Buffer> {
-    let mut buffer = Buffer::new(gpu, &format!("{name} (staging)"), size, BufferUse::Upload)?;
-    let Some(memory) = buffer.bytes_mut() else {
+/// Makes a staging buffer of `size` bytes and fills it.
+fn staging(gpu: &Gpu, name: &str, size: usize, fill: impl FnOnce(&mut [u8])) -> Result<Arc<Buffer>> {
+    let mut buffer = Buffer::new(gpu, &format!("{name} (staging)"), num::wide(size), BufferUse::Upload)?;
+    let Some(memory) = buffer.bytes_mut().and_then(|memory| memory.get_mut(..size)) else {
         return Err(Error::invalid(name, "staging memory is not visible to the host"));
     };
     fill(memory);
-    Ok(buffer)
+    Ok(Arc::new(buffer))
 }

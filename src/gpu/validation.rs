@@ -74,10 +74,6 @@ impl ValidationLog {
     pub(crate) fn keep_advice(&self) {
         self.advice.store(true, Ordering::Relaxed);
     }
-
-    fn push(&self, message: String) {
-        self.messages.lock().unwrap_or_else(PoisonError::into_inner).push(message);
-    }
 }
 
 /// Describes the messenger that fills `log`. The log must outlive the messenger.
@@ -129,6 +125,6 @@ unsafe extern "system" fn on_message(
     if !message.contains("BestPractices") && !log.silent.load(Ordering::Relaxed) {
         let _ = writeln!(std::io::stderr(), "validation: {message}");
     }
-    log.push(message);
+    log.messages.lock().unwrap_or_else(PoisonError::into_inner).push(message);
     vk::FALSE
 }

@@ -252,7 +252,7 @@ impl Digits {
                 let runs = lanes.min(capacity >> digit).max(capacity.div_ceil(4 * SORT_LANE_FOURS));
                 let groups = runs.div_ceil(LANE_GROUP).max(1);
                 let runs = groups * LANE_GROUP;
-                let room = u64::from(gpu.inner.properties.limits.max_storage_buffer_range);
+                let room = u64::from(gpu.limits().max_storage_buffer_range);
                 let mixes = 4 * mixed_words(capacity) <= room;
                 Self { split, capacity, bits, digit, passes, runs, groups, mixes }
             }

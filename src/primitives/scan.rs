@@ -31,7 +31,7 @@ impl WorkSplit {
     /// Returns the faster division for a device. Software rasterisers get lanes: they suspend every invocation of a workgroup
     /// at a barrier, and emulate shared memory.
     pub(crate) fn of(gpu: &Gpu) -> Self {
-        let limits = &gpu.inner.properties.limits;
+        let limits = gpu.limits();
         let wide = limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]);
         if !gpu.is_software() && wide >= WIDE_GROUP {
             return Self::Groups;

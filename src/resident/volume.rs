@@ -88,7 +88,7 @@ impl Volume {
                 (format!("stack.{}", ["x", "y", "z"][axis % 3]), ImageDesc::sampled_stack(format, [w, h], d))
             }
         };
-        let desc = desc.with_levels(levels);
+        let desc = ImageDesc { levels, ..desc };
         // Checked before samples are reordered and averaged, which takes time.
         gpu.check_image(&name, &desc)?;
         let turned_samples;

@@ -59,7 +59,7 @@ pub(crate) fn measure(
         overlaps: known.overlaps,
     };
 
-    let most_words = u64::from(gpu.inner.properties.limits.max_storage_buffer_range) / 4;
+    let most_words = u64::from(gpu.limits().max_storage_buffer_range) / 4;
     let widest = u32::try_from(most_words / u64::from(TILE_PIXELS)).unwrap_or(u32::MAX).min(tiles);
     let trial: Vec<Band> = (0..tiles)
         .step_by(num::index(widest))

@@ -7,7 +7,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use ash::vk;
 use ash::vk::Handle as _;
 
-use super::injection::{Info, Injection, LOST, Verdict};
+use super::injection::{Info, Injection, LOST};
 
 const HOST: vk::Result = vk::Result::ERROR_OUT_OF_HOST_MEMORY;
 const DEVICE: vk::Result = vk::Result::ERROR_OUT_OF_DEVICE_MEMORY;
@@ -58,30 +58,20 @@ impl Slot {
 
     /// Locks the queues for a call that uses one.
     fn alone(&self, call: Call) -> Option<MutexGuard<'_, ()>> {
-        use Call as C;
-        let uses = matches!(
-            call,
-            C::queue_submit
-                | C::queue_submit2
-                | C::queue_bind_sparse
-                | C::queue_wait_idle
-                | C::device_wait_idle
-        );
+        let name = CALLS[call as usize].name;
+        let uses = name.starts_with("vkQueue") || name == "vkDeviceWaitIdle";
         uses.then(|| self.queue.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Counts a call, and returns the error with which it fails. `alone` says that this thread holds the lock of the queues.
     fn enter(&self, call: Call, alone: bool) -> Option<vk::Result> {
-        let injection = self.lock().clone();
-        match injection.map_or(Verdict::Pass, |injection| injection.enter(&CALLS[call as usize])) {
-            Verdict::Pass => None,
-            Verdict::Fail(error) => Some(error),
-            Verdict::Lose => {
-                let _alone = if alone { None } else { self.alone(Call::device_wait_idle) };
-                self.drain();
-                Some(LOST)
-            }
+        let injection = self.lock().clone()?;
+        let (error, loses) = injection.enter(&CALLS[call as usize])?;
+        if loses {
+            let _alone = if alone { None } else { self.alone(Call::device_wait_idle) };
+            self.drain();
         }
+        Some(error)
     }
 
     /// Waits for pending work, since nothing runs on a lost device. This thread holds the lock of the queues.
@@ -244,14 +234,22 @@ mod tests {
     use super::*;
 
     fn info(name: &str) -> &'static Info {
-        CALLS.iter().find(|info| info.name == name).unwrap()
+        CALLS.iter().find(|info| info.name == name).unwrap_or_else(|| panic!("{name}"))
     }
 
     fn result(injection: &Injection, name: &str) -> Option<vk::Result> {
-        match injection.enter(info(name)) {
-            Verdict::Pass => None,
-            Verdict::Fail(error) => Some(error),
-            Verdict::Lose => Some(LOST),
+        injection.enter(info(name)).map(|(error, _)| error)
+    }
+
+    /// Reported calls are named by string literals of `src/gpu`.
+    #[test]
+    fn every_call_whose_failure_is_reported_can_be_made_to_fail() {
+        let room = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/gpu");
+        for file in std::fs::read_dir(room).unwrap().map(|entry| entry.unwrap().path()) {
+            let text = std::fs::read_to_string(&file).unwrap_or_default();
+            for (at, _) in text.match_indices("\"vk").filter(|(at, _)| !text[..*at].ends_with('c')) {
+                info(text[at + 1..].split('"').next().unwrap());
+            }
         }
     }
 

@@ -28,14 +28,6 @@ struct State {
     names: Option<Vec<&'static str>>,
 }
 
-/// The decision on a call.
-pub(super) enum Verdict {
-    Pass,
-    Fail(vk::Result),
-    /// The first call of a lost device.
-    Lose,
-}
-
 impl Injection {
     /// Makes a counter that lets every call pass.
     #[must_use]
@@ -106,32 +98,24 @@ impl Injection {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Counts a call, and decides on it.
-    pub(super) fn enter(&self, info: &Info) -> Verdict {
+    /// Counts a call. Returns the error with which it fails, and whether it is the first call of a lost device.
+    pub(super) fn enter(&self, info: &Info) -> Option<(vk::Result, bool)> {
         let mut state = self.lock();
         state.calls += 1;
         if let Some(names) = &mut state.names {
             names.push(info.name);
         }
         let call = state.calls;
-        if state.lose.is_some_and(|at| call >= at) && info.errors.contains(&LOST) {
-            state.failed = Some((info.name, LOST));
-            state.failures += 1;
-            return if std::mem::replace(&mut state.lost, true) {
-                Verdict::Fail(LOST)
-            } else {
-                Verdict::Lose
-            };
-        }
-        let Some((_, wanted)) = state.fail.filter(|&(at, _)| at == call) else { return Verdict::Pass };
-        let allowed = info.errors.iter().copied().filter(|&error| error != LOST);
-        let Some(error) = allowed.clone().find(|&error| error == wanted).or_else(|| allowed.clone().next())
-        else {
-            return Verdict::Pass;
+        let error = if state.lose.is_some_and(|at| call >= at) && info.errors.contains(&LOST) {
+            LOST
+        } else {
+            let (_, wanted) = state.fail.filter(|&(at, _)| at == call)?;
+            let mut allowed = info.errors.iter().copied().filter(|&error| error != LOST);
+            allowed.clone().find(|&error| error == wanted).or_else(|| allowed.next())?
         };
         state.failed = Some((info.name, error));
         state.failures += 1;
-        Verdict::Fail(error)
+        Some((error, error == LOST && !std::mem::replace(&mut state.lost, true)))
     }
 }
 

@@ -185,7 +185,7 @@ fn upload_domain(gpu: &Gpu, set: &SplatSet, axis: usize, scale: [f32; 4]) -> Res
 
 /// Returns the bands whose bins fit a buffer, and the capacity that the fullest needs.
 fn bands_of(gpu: &Gpu, desc: &SplatDesc, fill: &Fill, known: u32) -> Result<(Vec<Band>, u32)> {
-    let most = u64::from(gpu.inner.properties.limits.max_storage_buffer_range) / 4;
+    let most = u64::from(gpu.limits().max_storage_buffer_range) / 4;
     // A fifth of the buffer stays free for the margin of nearby views.
     let most = desc.options.pairs.map_or(most - most / 5, |pairs| most.min(pairs.into()));
     let entries = fill.tiles.iter().map(|&entries| u64::from(entries));
