@@ -111,6 +111,7 @@
 #define SPEC_EVERY 34         // bool: a slab holds several slices of the stack
 
 #define SPEC_BOUNDED 35       // bool: rays are bounded by the depths of BINDING_LINE_BOUNDS
+#define SPEC_SUBPIXEL_BITS 37 // uint: bits of the fraction of a pixel to which the rasteriser rounds corners
 #define SPEC_LAYERED 36       // bool: the volume contains translucent surfaces
 
 // Values of SPEC_INTEGRATOR.

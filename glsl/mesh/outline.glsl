@@ -5,7 +5,10 @@
 #ifndef OUTLINE_GLSL
 #define OUTLINE_GLSL
 
+#include "interface.glsl"
 #include "mesh/mesh.glsl"
+
+layout(constant_id = SPEC_SUBPIXEL_BITS) const uint SUBPIXEL_BITS = 4;
 
 // A convex polygon in normalised device coordinates; of a triangle c and d are the same.
 struct Polygon {
@@ -55,8 +58,8 @@ Polygon outline_of(vec4 a, vec4 b, vec4 c, vec4 d, uvec2 box) {
     float furthest = max(far.x, far.y);
     bool there = (box.x >> 16) > 0u;
     bool regular = before_eye && furthest < 1e5;
-    // What rasterisers round places to, and what places are rounded by here.
-    float margin = 1.0 / 128.0 + 2e-6 * furthest;
+    // Twice the rasteriser's grid, and what places are rounded by here.
+    float margin = 2.0 / float(1u << SUBPIXEL_BITS) + 2e-6 * furthest;
 
     vec2 d1 = p1 - p0, d2 = p2 - p0, d3 = p3 - p0;
     float l1 = cross2(d2, d3), l2 = -cross2(d1, d3), l3 = cross2(d1, d2), l0 = -(l1 + l2 + l3);
