@@ -159,10 +159,8 @@ impl Header {
             let Some(line) = scanner.next_line()? else {
                 return Err(scanner.error("ends before end_header"));
             };
-            let end = lines
-                .add(&line)
-                .map_err(|rule| scanner.line_error(format!("\"{}\": {rule}", shown(line.trim()))))?;
-            if end {
+            let wrong = |rule| scanner.line_error(format!("\"{}\": {rule}", shown(line.trim())));
+            if lines.add(&line).map_err(wrong)? {
                 break;
             }
         }
