@@ -4,6 +4,7 @@ use std::io::{BufRead, ErrorKind, Read};
 use std::str::FromStr;
 
 use crate::error::{Error, Result};
+use crate::io::file::decode::NumberBytes;
 use crate::io::file::sample_type::SampleType;
 use crate::io::file::source::{Encoding, Source};
 use crate::io::file::text::{shown, stream_error, to_bytes};
@@ -50,14 +51,6 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// Scans an uncompressed file from an offset, before which there are `line` lines.
-    pub(crate) fn at(source: &'a Source, offset: u64, line: u64) -> Self {
-        let mut scanner = Self::of(source, source.reader(offset, Encoding::Raw), source.len());
-        scanner.line = line;
-        scanner.position = offset;
-        scanner
-    }
-
     /// Sets the number of lines read.
     pub(crate) fn after_lines(mut self, line: u64) -> Self {
         self.line = line;
@@ -67,12 +60,12 @@ impl<'a> Scanner<'a> {
     /// Scans the decompressed file from an offset, before which there are `line` lines.
     pub(crate) fn resume(source: &'a Source, offset: u64, line: u64) -> Result<Self> {
         if !source.is_gzip() {
-            return Ok(Self::at(source, offset, line));
+            let scanner = Self::of(source, source.reader(offset, Encoding::Raw), source.len());
+            return Ok(Self { position: offset, line, ..scanner });
         }
         let mut scanner = Self::new(source);
         scanner.skip(offset)?;
-        scanner.line = line;
-        Ok(scanner)
+        Ok(scanner.after_lines(line))
     }
 
     /// Moves to another offset of the decompressed file, before which there are `line` lines. A compressed file is
@@ -135,16 +128,13 @@ impl<'a> Scanner<'a> {
     }
 
     fn fill_stream(&mut self) -> Result<&[u8]> {
-        let source = self.source;
         // Interrupted reads are repeated.
-        loop {
-            match self.reader.fill_buf() {
-                Ok(_) => break,
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) => return Err(stream_error(source, error)),
+        while let Err(error) = self.reader.fill_buf() {
+            if error.kind() != ErrorKind::Interrupted {
+                return Err(stream_error(self.source, error));
             }
         }
-        self.reader.fill_buf().map_err(|error| stream_error(source, error))
+        self.reader.fill_buf().map_err(|error| stream_error(self.source, error))
     }
 
     /// Reads the next line without its line end; None at the end of the file.
@@ -322,13 +312,10 @@ impl<'a> Scanner<'a> {
 
     /// Reads the rest of the line, which must be blank.
     pub(crate) fn end_line(&mut self) -> Result<()> {
-        let place = self.line;
         match self.next_line()? {
             Some(rest) if !rest.trim().is_empty() => {
                 let shown: String = rest.trim().chars().take(40).collect();
-                Err(self
-                    .source
-                    .error(format!("line {}", place + 1), format!("\"{shown}\": must not follow here")))
+                Err(self.line_error(format!("\"{shown}\": must not follow here")))
             }
             _ => Ok(()),
         }
@@ -339,7 +326,7 @@ impl<'a> Scanner<'a> {
         match self.word()?.map(|word| word.parse().map_err(|_| word.to_owned())) {
             Some(Ok(number)) => Ok(number),
             Some(Err(word)) => Err(self.error(format!("\"{word}\": must be {what}"))),
-            None => Err(self.source.error(format!("line {}", self.line + 1), format!("ends before {what}"))),
+            None => Err(self.error(format!("ends before {what}"))),
         }
     }
 
@@ -386,8 +373,18 @@ impl<'a> Scanner<'a> {
     }
 
     /// Reads the following numbers as the little-endian bytes of a type.
-    pub(crate) fn numbers(&mut self, kind: SampleType) -> Numbers<'_, 'a> {
-        Numbers { scanner: self, kind, bytes: [0; 8], left: 0 }
+    pub(crate) fn numbers(&mut self, kind: SampleType) -> impl Read {
+        let size = usize::try_from(kind.bytes()).unwrap_or(8);
+        NumberBytes::new(move || {
+            let Some(word) = self.word().map_err(std::io::Error::other)? else { return Ok(None) };
+            match to_bytes(word, kind) {
+                Some(bytes) => Ok(Some((bytes, size))),
+                None => {
+                    let rule = format!("\"{word}\": must be a number of type {}", kind.name());
+                    Err(std::io::Error::other(self.error(rule)))
+                }
+            }
+        })
     }
 }
 
@@ -403,48 +400,6 @@ impl Read for Scanner<'_> {
         };
         self.position = self.position.saturating_add(num::wide(got));
         Ok(got)
-    }
-}
-
-/// Numbers as text, read as bytes: see [`Scanner::numbers`].
-pub(crate) struct Numbers<'s, 'a> {
-    scanner: &'s mut Scanner<'a>,
-    kind: SampleType,
-    bytes: [u8; 8],
-    /// Bytes of the last number that have not been returned yet.
-    left: usize,
-}
-
-impl Numbers<'_, '_> {
-    /// Reads the next number. False at the end.
-    fn next(&mut self) -> Result<bool> {
-        let kind = self.kind;
-        let Some(word) = self.scanner.word()? else { return Ok(false) };
-        let Some(bytes) = to_bytes(word, kind) else {
-            let rule = format!("\"{word}\": must be a number of type {}", kind.name());
-            return Err(self.scanner.error(rule));
-        };
-        self.bytes = bytes;
-        self.left = usize::try_from(kind.bytes()).unwrap_or(8);
-        Ok(true)
-    }
-}
-
-impl Read for Numbers<'_, '_> {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        let size = usize::try_from(self.kind.bytes()).unwrap_or(8);
-        let mut filled = 0;
-        while filled < buffer.len() {
-            if self.left == 0 && !self.next().map_err(std::io::Error::other)? {
-                break;
-            }
-            let take = self.left.min(buffer.len() - filled);
-            let from = size - self.left;
-            buffer[filled..filled + take].copy_from_slice(&self.bytes[from..from + take]);
-            self.left -= take;
-            filled += take;
-        }
-        Ok(filled)
     }
 }
 
@@ -575,7 +530,8 @@ mod tests {
         let bytes = |text: &[u8], kind| {
             scan(text, |s| {
                 let mut bytes = Vec::new();
-                s.numbers(kind).read_to_end(&mut bytes).map(|_| bytes).map_err(|e| s.source().io_error(e))
+                let source = s.source();
+                s.numbers(kind).read_to_end(&mut bytes).map(|_| bytes).map_err(|e| source.io_error(e))
             })
         };
         assert_eq!(bytes(b"1 2\n255", SampleType::U8).unwrap(), [1, 2, 255]);

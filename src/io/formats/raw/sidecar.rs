@@ -1,59 +1,81 @@
-//! The JSON file that describes raw samples.
+//! The description of raw samples in JSON, in a file beside them or in a scene file.
 
-use std::path::Path;
-
+use glam::{DMat3, DVec3};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::io::file::json;
+use crate::io::file::sample_type::{Endian, SampleType};
 use crate::io::file::source::Source;
-use crate::io::formats::raw::layout::{Described, RawLayout};
-use crate::io::options::ReadOptions;
+use crate::io::file::text::shown;
+use crate::io::formats::raw::layout::{RawLayout, type_of};
 
 /// The limit on the size of a sidecar, in bytes.
 const MAX_JSON: u64 = 1 << 20;
 
-/// A JSON file that describes raw samples.
+/// A description of raw samples.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "the layout of raw samples: an object with `dims` and `type`")]
 pub(crate) struct Sidecar {
     pub(crate) file: Option<String>,
-    dims: [u32; 3],
-    r#type: String,
-    endian: Option<String>,
-    spacing: Option<[f64; 3]>,
-    origin: Option<[f64; 3]>,
-    direction: Option<[f64; 9]>,
-    offset: Option<u64>,
+    pub(crate) dims: [u32; 3],
+    pub(crate) r#type: String,
+    pub(crate) endian: Option<String>,
+    pub(crate) spacing: Option<[f64; 3]>,
+    pub(crate) origin: Option<[f64; 3]>,
+    pub(crate) direction: Option<[f64; 9]>,
+    pub(crate) offset: Option<u64>,
 }
 
 impl Sidecar {
-    pub(crate) fn parse(source: &Source) -> Result<Self> {
-        if !is_sidecar(source) && is_json(source) {
-            return Err(source.error(
-                "content",
-                format!(
-                    "no layout of raw samples, which is an object of at most {MAX_JSON} bytes with `dims` and \
-                     `type` and without `volume`, `mesh` and `points`"
-                ),
-            ));
+    /// Parses a file. None if it is JSON that describes something else; what is no JSON at all may be a broken sidecar,
+    /// so it is an error.
+    pub(crate) fn parse(source: &Source) -> Result<Option<Self>> {
+        let bytes = || source.bytes(0, source.len());
+        let is_json = || bytes().is_ok_and(|bytes| serde_json::from_slice::<IgnoredAny>(&bytes).is_ok());
+        if !is_sidecar(source) && (source.len() > MAX_JSON || is_json()) {
+            return Ok(None);
         }
-        let bytes = source.bytes(0, source.len().min(MAX_JSON))?;
-        json::parse(source.path(), &bytes)
+        json::parse(source.path(), &bytes()?).map(Some)
     }
 
-    pub(crate) fn layout(&self, source: &Source) -> Result<RawLayout> {
-        let described = Described {
-            dims: self.dims,
-            kind: &self.r#type,
-            endian: self.endian.as_deref(),
-            spacing: self.spacing,
-            origin: self.origin,
-            direction: self.direction,
-            offset: self.offset,
+    /// Reads a JSON file, which must be a sidecar.
+    pub(crate) fn read(source: &Source) -> Result<Self> {
+        let rule = || {
+            format!(
+                "no layout of raw samples, which is an object of at most {MAX_JSON} bytes with `dims` and `type` and \
+                 without `volume`, `mesh` and `points`"
+            )
         };
-        described.layout(&|key, rule| source.error(key, rule))
+        Self::parse(source)?.ok_or_else(|| source.error("content", rule()))
+    }
+
+    /// Converts the description to a layout. `refuse` makes an error of a key and the rule that its value breaks.
+    pub(crate) fn layout(&self, refuse: impl Fn(&str, String) -> Error) -> Result<RawLayout> {
+        let Some((kind, _)) = type_of(&self.r#type.to_lowercase()) else {
+            let names = SampleType::ALL.map(SampleType::name).join(", ");
+            return Err(refuse("type", format!("\"{}\": must be one of {names}", shown(&self.r#type))));
+        };
+        let endian = match self.endian.as_deref().map(str::to_lowercase).as_deref() {
+            None | Some("little") => Endian::Little,
+            Some("big") => Endian::Big,
+            Some(other) => {
+                return Err(refuse("endian", format!("\"{}\": must be little or big", shown(other))));
+            }
+        };
+        let plain = RawLayout::new(self.dims, kind);
+        Ok(RawLayout {
+            endian,
+            offset: self.offset.unwrap_or(0),
+            spacing: self.spacing.map_or(plain.spacing, DVec3::from_array),
+            origin: self.origin.map_or(plain.origin, DVec3::from_array),
+            // The file lists rows, the matrix has columns.
+            direction: self
+                .direction
+                .map_or(plain.direction, |rows| DMat3::from_cols_array(&rows).transpose()),
+            ..plain
+        })
     }
 }
 
@@ -71,17 +93,4 @@ pub(crate) fn is_sidecar(source: &Source) -> bool {
     };
     source.len() <= MAX_JSON
         && source.bytes(0, source.len()).is_ok_and(|bytes| serde_json::from_slice(&bytes).is_ok_and(fits))
-}
-
-/// Whether a file is well-formed JSON, or larger than the limit.
-pub(crate) fn is_json(source: &Source) -> bool {
-    source.len() > MAX_JSON
-        || source
-            .bytes(0, source.len())
-            .is_ok_and(|bytes| serde_json::from_slice::<IgnoredAny>(&bytes).is_ok())
-}
-
-/// Whether a file is JSON that describes raw samples and is not a scene file.
-pub(crate) fn describes_raw(path: &Path, options: &ReadOptions) -> bool {
-    Source::open(path, options).is_ok_and(|source| is_sidecar(&source))
 }
