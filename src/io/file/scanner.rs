@@ -137,6 +137,24 @@ impl<'a> Scanner<'a> {
         self.reader.fill_buf().map_err(|error| stream_error(self.source, error))
     }
 
+    /// Consumes bytes and counts their line breaks. `take` returns how many bytes of a buffer it takes, and whether it
+    /// wants no more. False at the end of the file.
+    fn scan(&mut self, mut take: impl FnMut(&[u8]) -> (usize, bool)) -> Result<bool> {
+        loop {
+            let buffer = self.fill()?;
+            if buffer.is_empty() {
+                return Ok(false);
+            }
+            let (used, ended) = take(buffer);
+            let lines = buffer[..used].iter().filter(|&&byte| byte == b'\n').count();
+            self.line += num::wide(lines);
+            self.advance(used);
+            if ended {
+                return Ok(true);
+            }
+        }
+    }
+
     /// Reads the next line without its line end; None at the end of the file.
     ///
     /// # Errors
@@ -144,26 +162,21 @@ impl<'a> Scanner<'a> {
     /// If it is longer than 64 KiB.
     pub(crate) fn next_line(&mut self) -> Result<Option<String>> {
         let mut line = Vec::new();
-        loop {
-            let buffer = self.fill()?;
-            if buffer.is_empty() {
-                if line.is_empty() {
-                    return Ok(None);
-                }
-                break;
-            }
+        let ended = self.scan(|buffer| {
             let end = buffer.iter().position(|&byte| byte == b'\n');
-            let take = end.unwrap_or(buffer.len());
-            line.extend_from_slice(&buffer[..take]);
-            self.advance(take + usize::from(end.is_some()));
-            if line.len() > MAX_LINE {
-                return Err(self.error(format!("longer than {MAX_LINE} bytes")));
-            }
-            if end.is_some() {
-                break;
-            }
+            let text = end.unwrap_or(buffer.len());
+            line.extend_from_slice(&buffer[..text]);
+            let long = line.len() > MAX_LINE;
+            (text + usize::from(end.is_some() && !long), end.is_some() || long)
+        })?;
+        if line.len() > MAX_LINE {
+            return Err(self.error(format!("longer than {MAX_LINE} bytes")));
         }
-        self.line += 1;
+        if !ended && line.is_empty() {
+            return Ok(None);
+        }
+        // The last line may have no line end.
+        self.line += u64::from(!ended);
         if line.last() == Some(&b'\r') {
             line.pop();
         }
@@ -173,21 +186,13 @@ impl<'a> Scanner<'a> {
     /// Skips a line of any length. False at the end of the file.
     pub(crate) fn skip_line(&mut self) -> Result<bool> {
         let mut any = false;
-        loop {
-            let buffer = self.fill()?;
-            if buffer.is_empty() {
-                self.line += u64::from(any);
-                return Ok(any);
-            }
+        let ended = self.scan(|buffer| {
             any = true;
             let end = buffer.iter().position(|&byte| byte == b'\n');
-            let take = end.map_or(buffer.len(), |end| end + 1);
-            self.advance(take);
-            if end.is_some() {
-                self.line += 1;
-                return Ok(true);
-            }
-        }
+            (end.map_or(buffer.len(), |end| end + 1), end.is_some())
+        })?;
+        self.line += u64::from(any && !ended);
+        Ok(any)
     }
 
     /// Reads the next line that is not blank, trimmed.
@@ -208,21 +213,17 @@ impl<'a> Scanner<'a> {
     /// If it is longer than 256 bytes.
     pub(crate) fn word(&mut self) -> Result<Option<&str>> {
         self.skip_blanks()?;
-        self.word.clear();
-        loop {
-            let buffer = self.fill()?;
+        let mut word = std::mem::take(&mut self.word);
+        word.clear();
+        self.scan(|buffer| {
             let end = buffer.iter().position(u8::is_ascii_whitespace);
             let take = end.unwrap_or(buffer.len());
-            let (done, none) = (end.is_some(), buffer.is_empty());
-            let piece = buffer[..take.min(MAX_WORD + 1)].to_vec();
-            self.word.extend_from_slice(&piece);
-            if self.word.len() > MAX_WORD {
-                return Err(self.error(format!("a word longer than {MAX_WORD} bytes")));
-            }
-            self.advance(take);
-            if done || none {
-                break;
-            }
+            word.extend_from_slice(&buffer[..take.min(MAX_WORD + 1)]);
+            (take, end.is_some() || word.len() > MAX_WORD)
+        })?;
+        self.word = word;
+        if self.word.len() > MAX_WORD {
+            return Err(self.error(format!("a word longer than {MAX_WORD} bytes")));
         }
         if self.word.is_empty() {
             return Ok(None);
@@ -235,20 +236,11 @@ impl<'a> Scanner<'a> {
 
     /// Skips blanks and line ends.
     pub(crate) fn skip_blanks(&mut self) -> Result<()> {
-        loop {
-            let buffer = self.fill()?;
-            if buffer.is_empty() {
-                return Ok(());
-            }
+        self.scan(|buffer| {
             let blanks = buffer.iter().take_while(|byte| byte.is_ascii_whitespace()).count();
-            let lines = buffer[..blanks].iter().filter(|&&byte| byte == b'\n').count();
-            let done = blanks < buffer.len();
-            self.line += num::wide(lines);
-            self.advance(blanks);
-            if done {
-                return Ok(());
-            }
-        }
+            (blanks, blanks < buffer.len())
+        })
+        .map(drop)
     }
 
     /// Returns the next `count` bytes, or all that are left, without consuming them.
@@ -267,45 +259,33 @@ impl<'a> Scanner<'a> {
 
     /// Skips numbers up to the blank after the last one. Only the first character of each is checked.
     pub(crate) fn skip_numbers(&mut self, count: u64) -> Result<()> {
-        let mut left = count;
-        let mut inside = false;
         // `nan` and `inf` are numbers too.
         let begins = |byte: u8| {
             byte.is_ascii_digit() || matches!(byte, b'+' | b'-' | b'.' | b'n' | b'N' | b'i' | b'I')
         };
-        while left > 0 {
-            let buffer = self.fill()?;
-            let (mut used, mut lines) = (0, 0);
-            let ended = buffer.is_empty();
-            let mut wrong = false;
-            for &byte in buffer {
-                let blank = byte.is_ascii_whitespace();
-                wrong = !blank && !inside && !begins(byte);
-                if wrong {
-                    break;
-                }
-                if blank && inside {
-                    left -= 1;
-                    if left == 0 {
+        let (mut left, mut inside, mut wrong) = (count, false, false);
+        let more = count == 0
+            || self.scan(|buffer| {
+                let mut used = 0;
+                for &byte in buffer {
+                    let blank = byte.is_ascii_whitespace();
+                    wrong = !blank && !inside && !begins(byte);
+                    left -= u64::from(blank && inside);
+                    if wrong || left == 0 {
                         break;
                     }
+                    inside = !blank;
+                    used += 1;
                 }
-                inside = !blank;
-                used += 1;
-                lines += u64::from(byte == b'\n');
-            }
-            self.line += lines;
-            self.advance(used);
-            if wrong {
-                let word = self.word()?.map(shown).unwrap_or_default();
-                return Err(self.error(format!("\"{word}\": must be a number, {left} more are announced")));
-            }
-            if ended {
-                left -= u64::from(inside);
-                if left > 0 {
-                    return Err(self.error(format!("ends here: {left} more numbers are announced")));
-                }
-            }
+                (used, wrong || left == 0)
+            })?;
+        if wrong {
+            let word = self.word()?.map(shown).unwrap_or_default();
+            return Err(self.error(format!("\"{word}\": must be a number, {left} more are announced")));
+        }
+        left -= u64::from(!more && inside);
+        if left > 0 {
+            return Err(self.error(format!("ends here: {left} more numbers are announced")));
         }
         Ok(())
     }
@@ -352,24 +332,17 @@ impl<'a> Scanner<'a> {
     /// ends before one.
     pub(crate) fn pass(&mut self, mark: &[u8]) -> Result<bool> {
         let mut met = 0;
-        while met < mark.len() {
-            let buffer = self.fill()?;
-            if buffer.is_empty() {
-                return Ok(false);
-            }
-            let (mut take, mut lines) = (0, 0);
+        self.scan(|buffer| {
+            let mut used = 0;
             for &byte in buffer {
-                take += 1;
-                lines += u64::from(byte == b'\n');
+                used += 1;
                 met = if byte == mark[met] { met + 1 } else { usize::from(byte == mark[0]) };
                 if met == mark.len() {
                     break;
                 }
             }
-            self.line += lines;
-            self.advance(take);
-        }
-        Ok(true)
+            (used, met == mark.len())
+        })
     }
 
     /// Reads the following numbers as the little-endian bytes of a type.
