@@ -60,14 +60,14 @@ pub(crate) fn read(key: &str, file: &Path, options: &ReadOptions) -> Result<Load
     if own == key { Ok(loaded) } else { Err(Error::file(file, "content", rule)) }
 }
 
-/// The origin of data: a file, or the name of an analytic field.
-pub(crate) enum Origin<'a> {
+/// The place that data comes from: a file, or the name of an analytic field.
+pub(crate) enum Given<'a> {
     File(PathBuf),
     Field(&'a str),
 }
 
-impl<'a> Origin<'a> {
-    /// Returns the origin that is given under a key.
+impl<'a> Given<'a> {
+    /// Returns what is given under a key, which must be one of both.
     pub(crate) fn of(
         scene: &Path,
         key: &str,

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Result};
 use crate::io::file::json::parse_file;
 use crate::io::file::source::Source;
-use crate::io::formats::raw::sidecar::is_sidecar;
+use crate::io::formats::raw::layout::is_sidecar;
 use crate::io::options::ReadOptions;
 use crate::io::read_data;
 use crate::io::report::{Loaded, Report};

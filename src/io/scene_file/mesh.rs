@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use crate::error::{Error, Result};
 use crate::io::options::ReadOptions;
-use crate::io::scene_file::data::{Origin, SceneData, check_memory, read, refuse_arrays};
+use crate::io::scene_file::data::{Given, SceneData, check_memory, read, refuse_arrays};
 use crate::scene::{Data, Field};
 
 /// The keys of both kinds of mesh, in one struct so that every error names its key.
@@ -22,16 +22,16 @@ pub(crate) struct MeshSpec {
 impl MeshSpec {
     pub(crate) fn load(&self, scene: &Path, options: &ReadOptions) -> Result<SceneData> {
         options.check_kernels("a mesh").map_err(|error| error.in_file(scene))?;
-        match Origin::of(scene, "mesh", &self.file, &self.field)? {
-            Origin::File(_) if self.cubes.is_some() => {
+        match Given::of(scene, "mesh", &self.file, &self.field)? {
+            Given::File(_) if self.cubes.is_some() => {
                 Err(Error::file(scene, "mesh.cubes", "belongs to a field, not to a file"))
             }
-            Origin::File(file) => {
+            Given::File(file) => {
                 let array = options.array.clone().or_else(|| self.array.clone());
                 let loaded = read("mesh", &file, &ReadOptions { array, ..options.clone() })?;
                 Ok(SceneData::new(&file, loaded))
             }
-            Origin::Field(field) => {
+            Given::Field(field) => {
                 let wanted = [("mesh.array", &self.array), ("array", &options.array)];
                 refuse_arrays(scene, "fields", &wanted)?;
                 Ok(SceneData::analytic(scene, self.analytic(scene, field, options)?))

@@ -8,7 +8,7 @@ use serde::{Deserialize, Deserializer};
 
 use crate::error::{Error, Result};
 use crate::io::options::ReadOptions;
-use crate::io::scene_file::data::{Origin, SceneData, check_memory, read, refuse_arrays};
+use crate::io::scene_file::data::{Given, SceneData, check_memory, read, refuse_arrays};
 use crate::io::scene_file::kernels::KernelsSpec;
 use crate::num;
 use crate::scene::{Data, Field, KernelSize, Points};
@@ -82,12 +82,12 @@ impl PointsSpec {
         if self.radius.is_some() && self.covariance.is_some() {
             return refuse("points.covariance", "points have either `radius` or `covariance`, not both");
         }
-        match Origin::of(scene, "points", &self.file, &self.field)? {
-            Origin::File(_) if self.count.is_some() => {
+        match Given::of(scene, "points", &self.file, &self.field)? {
+            Given::File(_) if self.count.is_some() => {
                 refuse("points.count", "belongs to a field, not to a file")
             }
-            Origin::File(file) => self.read(&file, options),
-            Origin::Field(field) => Ok(SceneData::analytic(scene, self.analytic(scene, field, options)?)),
+            Given::File(file) => self.read(&file, options),
+            Given::Field(field) => Ok(SceneData::analytic(scene, self.analytic(scene, field, options)?)),
         }
     }
 

@@ -7,9 +7,9 @@ use serde::Deserialize;
 use crate::error::{Error, Result};
 use crate::io::file::source::Source;
 use crate::io::formats::raw;
-use crate::io::formats::raw::sidecar::Sidecar;
+use crate::io::formats::raw::layout::Sidecar;
 use crate::io::options::ReadOptions;
-use crate::io::scene_file::data::{Origin, SceneData, read, refuse_arrays};
+use crate::io::scene_file::data::{Given, SceneData, read, refuse_arrays};
 use crate::scene::{Field, Grid};
 
 /// The keys of all three kinds of volume, in one struct so that every error names its key.
@@ -44,14 +44,14 @@ impl VolumeSpec {
             ("volume.offset", self.offset.is_some()),
         ];
         let stray = keys.into_iter().find(|(_, given)| *given).map(|(key, _)| key);
-        let file = match (Origin::of(scene, "volume", &self.file, &self.field)?, stray) {
-            (Origin::Field(_), Some(key)) => {
+        let file = match (Given::of(scene, "volume", &self.file, &self.field)?, stray) {
+            (Given::Field(_), Some(key)) => {
                 return refuse(key, "belongs to raw data: a field fills the cube from -1 to 1");
             }
-            (Origin::Field(field), None) => {
+            (Given::Field(field), None) => {
                 return Ok(SceneData::analytic(scene, self.analytic(scene, field, options)?));
             }
-            (Origin::File(file), _) => file,
+            (Given::File(file), _) => file,
         };
         match (self.dims, &self.r#type, stray) {
             (Some(dims), Some(kind), _) => self.raw(scene, &file, dims, kind, options),
