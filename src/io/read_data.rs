@@ -134,20 +134,17 @@ impl Files {
 
     /// Says what the folder holds and what is supported.
     fn refusal(&self) -> String {
-        let mut held = Vec::new();
-        let mut count = |count: usize, what: &str| match count {
-            0 => {}
-            1 => held.push(format!("1 {what} file")),
-            _ => held.push(format!("{count} {what} files")),
-        };
-        count(self.slices.len(), "TIFF");
-        count(self.images.len(), "DICOM");
         let mut names: Vec<&str> = self.others.iter().map(|(_, name)| *name).collect();
         names.sort_unstable();
-        for group in names.chunk_by(|a, b| a == b) {
-            count(group.len(), group[0]);
-        }
-        count(self.left_out.len(), "other");
+        let mut counts = vec![(self.slices.len(), "TIFF"), (self.images.len(), "DICOM")];
+        counts.extend(names.chunk_by(|a, b| a == b).map(|group| (group.len(), group[0])));
+        counts.push((self.left_out.len(), "other"));
+        counts.retain(|(count, _)| *count > 0);
+        let files = |&(count, what): &(usize, &str)| match count {
+            1 => format!("1 {what} file"),
+            _ => format!("{count} {what} files"),
+        };
+        let mut held: Vec<String> = counts.iter().map(files).collect();
         if self.folders > 0 {
             held.push(format!("{} folders", self.folders));
         }

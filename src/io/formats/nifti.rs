@@ -83,10 +83,9 @@ fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<
     }
     // 2^40 is beyond any plausible offset, and a float64 is exact up to there.
     if !(offset >= first && offset <= 1_099_511_627_776.0 && offset.fract() == 0.0) {
-        return Err(source.error(
-            "vox_offset",
-            format!("{offset}: must be a whole number of bytes, at least {first} in this kind of file"),
-        ));
+        let rule =
+            format!("{offset}: must be a whole number of bytes, at least {first} in this kind of file");
+        return Err(source.error("vox_offset", rule));
     }
     let skip = num::u64_of(offset);
     let data = if single {

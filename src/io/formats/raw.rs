@@ -9,7 +9,6 @@
 
 mod file_name;
 pub(crate) mod layout;
-pub(crate) mod sidecar;
 
 use std::path::{Path, PathBuf};
 
@@ -20,8 +19,7 @@ use crate::io::file::samples::{self, Part};
 use crate::io::file::source::Source;
 use crate::io::file::text;
 use crate::io::formats::raw::file_name::named;
-use crate::io::formats::raw::layout::RawLayout;
-use crate::io::formats::raw::sidecar::Sidecar;
+use crate::io::formats::raw::layout::{RawLayout, Sidecar};
 use crate::io::options::ReadOptions;
 use crate::io::reader::Reader;
 use crate::io::report::Loaded;

@@ -20,42 +20,24 @@ const PICTURE: &str =
 const PACKED: &str = "unpack it and read its contents";
 const PIECES: &str = "give one of the files that it names, or write all as one .vtu or .vti";
 const ATOMS: &str = "write the atoms as CSV: x, y, z and a radius";
+const ARRAY: &str = "write the wanted array as NRRD, NPY or VTK";
+const GRID: &str = "write a dense grid as NRRD or NPY";
 const ARCHIVE: &str = "unpack it and give the file, or for a series the folder";
 const STUDIES: &str = "a DICOMDIR lists studies and holds no samples: give the folder of one series";
 const ZARR: &str = "write the array as NRRD, NPY or TIFF";
 
 /// The formats, special ones before general ones: EXODUS files are NetCDF or HDF5 files.
 static FORMATS: &[Format] = &[
-    Format(
-        "EXODUS",
-        CELLS,
-        |s| (netcdf(s) || hdf5(s)) && ends(s, &["exo", "ex2", "exii", "e", "g"]),
-        &["exo", "ex2", "exii"],
-    ),
-    Format("MINC", SAMPLES, |s| (netcdf(s) || hdf5(s)) && ends(s, &["mnc"]), &["mnc"]),
+    Format("EXODUS", CELLS, |s| scientific(s, &["exo", "ex2", "exii", "e", "g"]), &["exo", "ex2", "exii"]),
+    Format("MINC", SAMPLES, |s| scientific(s, &["mnc"]), &["mnc"]),
     Format("CGNS", CELLS, |s| hdf5(s) && ends(s, &["cgns"]), &["cgns"]),
-    Format(
-        "HDF5 (or NetCDF-4)",
-        "write the wanted array as NRRD, NPY or VTK",
-        hdf5,
-        &["h5", "hdf5", "he5", "nc4", "vtkhdf", "ims"],
-    ),
+    Format("HDF5 (or NetCDF-4)", ARRAY, hdf5, &["h5", "hdf5", "he5", "nc4", "vtkhdf", "ims"]),
     Format("NetCDF", "write the wanted variable as NRRD, NPY or VTK", netcdf, &["nc", "cdf"]),
-    Format(
-        "Houdini BGEO",
-        PARTICLES,
-        |s| starts(s, &[b"BgeoV", b"\x7fNSJb", b"scf1"]),
-        &["bgeo", "bgeo.gz", "bgeo.sc"],
-    ),
+    Format("Houdini BGEO", PARTICLES, |s| starts(s, &[b"BgeoV", b"\x7fNSJb", b"scf1"]), &["bgeo", "bgeo.sc"]),
     Format("PLOT3D", CELLS, plot3d, &["p3d", "plot3d"]),
     Format("PDB", ATOMS, pdb, &["pdb", "ent", "cif"]),
     Format("molecular XYZ", ATOMS, molecule, &[]),
-    Format(
-        "OpenVDB",
-        "write a dense grid as NRRD or NPY",
-        |s| starts(s, &[b" BDV\0\0\0\0", b"NanoVDB"]),
-        &["vdb", "nvdb"],
-    ),
+    Format("OpenVDB", GRID, |s| starts(s, &[b" BDV\0\0\0\0", b"NanoVDB"]), &["vdb", "nvdb"]),
     Format("XDMF", CELLS, |s| element(s, "Xdmf"), &["xdmf", "xmf"]),
     // The reader of VTK's XML names what it does not take.
     Format(
@@ -171,6 +153,11 @@ fn element(source: &Source, name: &str) -> bool {
     let head = source.head();
     let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
     head.trim_ascii_start().starts_with(b"<") && holds(source, &format!("<{name}"))
+}
+
+/// Whether the file is NetCDF or HDF5 with one of these extensions.
+fn scientific(source: &Source, endings: &[&str]) -> bool {
+    (netcdf(source) || hdf5(source)) && ends(source, endings)
 }
 
 fn hdf5(source: &Source) -> bool {

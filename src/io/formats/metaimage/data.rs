@@ -21,10 +21,8 @@ impl<'a> Header<'a> {
         }
         let skip = fields.whole_number("HeaderSize", -1)?;
         if skip < 0 && (text || compressed) {
-            return Err(fields.error(
-                "HeaderSize",
-                "-1: only binary data without compression can be found from the end of its file",
-            ));
+            let rule = "-1: only binary data without compression can be found from the end of its file";
+            return Err(fields.error("HeaderSize", rule));
         }
         let value = fields.required("ElementDataFile")?;
         let error = |rule: String| fields.error("ElementDataFile", rule);
@@ -37,15 +35,13 @@ impl<'a> Header<'a> {
             ["LIST", rest @ ..] => {
                 let rank = match rest {
                     [] => self.rank - 1,
-                    [rank] => rank
-                        .trim_end_matches(['d', 'D'])
-                        .parse()
-                        .ok()
-                        .filter(|rank| (1..=self.rank).contains(rank))
-                        .ok_or_else(|| {
-                            let shown = text::shown(rank);
-                            error(format!("\"{shown}\": each file must have 1 to {} axes", self.rank))
-                        })?,
+                    [word] => {
+                        let rank = word.trim_end_matches(['d', 'D']).parse().ok();
+                        let rule = || {
+                            format!("\"{}\": each file must have 1 to {} axes", text::shown(word), self.rank)
+                        };
+                        rank.filter(|rank| (1..=self.rank).contains(rank)).ok_or_else(|| error(rule()))?
+                    }
                     _ => return Err(error(format!("\"{}\": must be LIST, or LIST 2", text::shown(value)))),
                 };
                 (Some(Files::Named(self.names.clone())), slices(rank))

@@ -76,14 +76,13 @@ impl<'a> Header<'a> {
             let list = data.split_whitespace().next() == Some("LIST");
             for (number, line) in lines {
                 let line = String::from_utf8_lossy(line);
-                let line = line.trim();
-                if list && !line.is_empty() {
-                    names.push(line.to_owned());
-                } else if !line.is_empty() {
-                    return Err(source.error(
-                        format!("line {}", number + 1),
-                        format!("\"{}\": ElementDataFile must be the last key", text::shown(line)),
-                    ));
+                match line.trim() {
+                    "" => {}
+                    line if list => names.push(line.to_owned()),
+                    line => {
+                        let rule = format!("\"{}\": ElementDataFile must be the last key", text::shown(line));
+                        return Err(source.error(format!("line {}", number + 1), rule));
+                    }
                 }
             }
             if source.len() > MAX_HEADER {

@@ -51,15 +51,16 @@ fn components_of(kind: &str) -> Option<u32> {
 impl<'a> Header<'a> {
     /// Reads the extents: three in space, after an optional axis of components, and further ones of 1.
     pub(crate) fn axes(&self) -> Result<Axes> {
-        let dimension = self.fields.required("dimension")?;
+        let fields = &self.fields;
+        let dimension = fields.required("dimension")?;
         let rank = dimension.parse().ok().filter(|rank| (3..=MAX_AXES).contains(rank));
         let Some(rank) = rank else {
             let shown = text::shown(dimension);
             let rule = format!("{shown}: a volume has 3, and at most {MAX_AXES} with components");
-            return Err(self.fields.error("dimension", rule));
+            return Err(fields.error("dimension", rule));
         };
-        let sizes = self.fields.extents("sizes", "dimension", rank)?;
-        let kinds: Vec<&str> = self.fields.get("kinds").unwrap_or_default().split_whitespace().collect();
+        let sizes = fields.extents("sizes", "dimension", rank)?;
+        let kinds: Vec<&str> = fields.get("kinds").unwrap_or_default().split_whitespace().collect();
         if !kinds.is_empty() && kinds.len() != rank {
             return Err(self
                 .fields
@@ -70,7 +71,7 @@ impl<'a> Header<'a> {
             return match (0..3).find_map(other) {
                 Some(kind) => {
                     let rule = format!("\"{kind}\": all three axes of a volume must be spatial");
-                    Err(self.fields.error("kinds", rule))
+                    Err(fields.error("kinds", rule))
                 }
                 None => Ok(Axes { sizes, first: 0 }),
             };
@@ -90,31 +91,29 @@ impl<'a> Header<'a> {
         for (axis, &size) in sizes.iter().enumerate().skip(first) {
             if let Some(kind) = other(axis).filter(|_| size > 1) {
                 let rule = format!("\"{kind}\" on axis {}: components must lie on the first axis", axis + 1);
-                return Err(self.fields.error("kinds", rule));
+                return Err(fields.error("kinds", rule));
             }
             if axis >= first + 3 && size > 1 {
-                let mut rule =
-                    format!("{size} on axis {}: a volume has three axes, further ones must be 1", axis + 1);
-                if first == 0 {
-                    rule.push_str(
-                        "; a first axis of components needs a kind such as vector, or direction none",
-                    );
-                }
-                return Err(self.fields.error("sizes", rule));
+                let more = "; a first axis of components needs a kind such as vector, or direction none";
+                let rule = format!(
+                    "{size} on axis {}: a volume has three axes, further ones must be 1{}",
+                    axis + 1,
+                    if first == 0 { more } else { "" }
+                );
+                return Err(fields.error("sizes", rule));
             }
         }
         if sizes.len() < first + 3 {
-            return Err(self.fields.error("sizes", "fewer than three axes beside the components"));
+            return Err(fields.error("sizes", "fewer than three axes beside the components"));
         }
         Ok(Axes { sizes, first })
     }
 
     /// Whether the length of the components is meaningless: times, lists, or colours with opacity or hue.
     pub(crate) fn has_no_length(&self) -> bool {
-        let kind =
-            self.fields.get("kinds").and_then(|kinds| kinds.split_whitespace().next()).unwrap_or_default();
-        let kind = kind.to_lowercase();
-        matches!(kind.as_str(), "list" | "time" | "rgba-color" | "4-color" | "hsv-color")
+        let kinds = self.fields.get("kinds").unwrap_or_default().to_lowercase();
+        let kind = kinds.split_whitespace().next().unwrap_or_default();
+        matches!(kind, "list" | "time" | "rgba-color" | "4-color" | "hsv-color")
     }
 
     /// Returns the files of the data in order; None if the data is attached.
@@ -123,29 +122,23 @@ impl<'a> Header<'a> {
         let error = |rule: String| self.fields.error("data file", rule);
         let rank = axes.sizes.len();
         // The number of axes per file; the default is all but the slowest.
-        let sub = |word: Option<&str>| match word {
-            None => Ok(rank - 1),
-            Some(word) => {
-                word.parse::<usize>().ok().filter(|sub| (1..=rank).contains(sub)).ok_or_else(|| {
-                    error(format!("\"{}\": each file must have 1 to {rank} axes", text::shown(word)))
-                })
-            }
+        let sub = |words: &[&str]| {
+            let Some(word) = words.first() else { return Ok(rank - 1) };
+            let rule = || format!("\"{}\": each file must have 1 to {rank} axes", text::shown(word));
+            word.parse().ok().filter(|sub| (1..=rank).contains(sub)).ok_or_else(|| error(rule()))
         };
         let words: Vec<&str> = name.split_whitespace().collect();
         let (files, sub) = match words.as_slice() {
             [] => return Err(error("empty: must name the data".to_owned())),
-            ["LIST", rest @ ..] if rest.len() < 2 => {
-                (Files::Named(self.names.clone()), sub(rest.first().copied())?)
-            }
+            ["LIST", rest @ ..] if rest.len() < 2 => (Files::Named(self.names.clone()), sub(rest)?),
             [pattern, first, last, step, rest @ ..]
                 if rest.len() < 2
                     && let Some(pattern) = Numbered::parse(pattern)
                     && let (Ok(first), Ok(last), Ok(step)) = (first.parse(), last.parse(), step.parse()) =>
             {
-                let numbered = pattern.over(first, last, step);
-                let numbered =
-                    numbered.map_err(|rule| error(format!("\"{}\": {rule}", text::shown(name))))?;
-                (Files::Numbered(numbered), sub(rest.first().copied())?)
+                let wrong = |rule| error(format!("\"{}\": {rule}", text::shown(name)));
+                let numbered = pattern.over(first, last, step).map_err(wrong)?;
+                (Files::Numbered(numbered), sub(rest)?)
             }
             _ => return Ok(Some(Files::one(name))),
         };

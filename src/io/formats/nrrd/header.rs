@@ -54,19 +54,16 @@ impl<'a> Header<'a> {
             } else if !text.starts_with('#') {
                 header.field(number + 1, text)?;
                 // Checked only after fields, because a list may have many lines.
-                list = header
-                    .fields
-                    .get("data file")
-                    .is_some_and(|value| value.split_whitespace().next() == Some("LIST"));
+                let files = header.fields.get("data file").unwrap_or_default();
+                list = files.split_whitespace().next() == Some("LIST");
             }
         }
         header.end = num::wide(at);
         // A detached header may end with the file; attached data needs an empty line before it.
         if !complete && (header.fields.get("data file").is_none() || source.len() > MAX_HEADER) {
-            return Err(source.error(
-                "header",
-                format!("no empty line ends it within {} bytes, and no data file is named", bytes.len()),
-            ));
+            let length = bytes.len();
+            let rule = format!("no empty line ends it within {length} bytes, and no data file is named");
+            return Err(source.error("header", rule));
         }
         Ok(header)
     }

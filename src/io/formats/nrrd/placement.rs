@@ -12,32 +12,31 @@ use crate::scene::Anatomy;
 impl<'a> Header<'a> {
     /// Returns the placement of the grid and the anatomy of the world axes.
     pub(crate) fn placement(&self, axes: &Axes) -> Result<Placement> {
-        let anatomy = match self.fields.get("space").map(str::to_lowercase).as_deref() {
+        let fields = &self.fields;
+        let anatomy = match fields.get("space").map(str::to_lowercase).as_deref() {
             Some("right-anterior-superior" | "ras") => Anatomy::Ras,
             Some("left-anterior-superior" | "las") => Anatomy::Las,
             Some("left-posterior-superior" | "lps") => Anatomy::Lps,
             None | Some("scanner-xyz" | "3d-right-handed" | "3d-left-handed") => Anatomy::Unknown,
             Some(other) => {
-                return Err(self.fields.error(
-                    "space",
-                    format!(
-                        "\"{}\": must be one of right-anterior-superior, left-anterior-superior, \
-                         left-posterior-superior, scanner-xyz, 3D-right-handed, 3D-left-handed",
-                        text::shown(other)
-                    ),
-                ));
+                let rule = format!(
+                    "\"{}\": must be one of right-anterior-superior, left-anterior-superior, \
+                     left-posterior-superior, scanner-xyz, 3D-right-handed, 3D-left-handed",
+                    text::shown(other)
+                );
+                return Err(fields.error("space", rule));
             }
         };
-        if let Some(dimension) = self.fields.get("space dimension") {
-            if self.fields.get("space").is_some() {
-                return Err(self.fields.error("space dimension", "must not be given together with space"));
+        if let Some(dimension) = fields.get("space dimension") {
+            if fields.get("space").is_some() {
+                return Err(fields.error("space dimension", "must not be given together with space"));
             }
             if dimension != "3" {
                 let rule = format!("{}: a volume lies in 3", text::shown(dimension));
-                return Err(self.fields.error("space dimension", rule));
+                return Err(fields.error("space dimension", rule));
             }
         }
-        let origin = match self.fields.get("space origin") {
+        let origin = match fields.get("space origin") {
             None => None,
             Some(text) => match self.vectors("space origin", text)?.as_slice() {
                 &[Some(origin)] => Some(origin),
@@ -50,8 +49,7 @@ impl<'a> Header<'a> {
         };
         let (mut notes, mut warnings) = (Vec::new(), Vec::new());
         let rank = axes.sizes.len();
-        let (place, spacing, origin, direction) = match (self.directions(rank)?, self.fields.get("spacings"))
-        {
+        let (place, spacing, origin, direction) = match (self.directions(rank)?, fields.get("spacings")) {
             (Some(_), Some(_)) => {
                 return Err(self
                     .fields
@@ -59,17 +57,15 @@ impl<'a> Header<'a> {
             }
             (Some(directions), None) => {
                 let &[Some(x), Some(y), Some(z)] = &directions[axes.first..axes.first + 3] else {
-                    return Err(self.fields.error(
-                        "space directions",
-                        "none: all three axes of a volume must have a direction",
-                    ));
+                    let rule = "none: all three axes of a volume must have a direction";
+                    return Err(fields.error("space directions", rule));
                 };
                 let lengths = DVec3::new(x.length(), y.length(), z.length());
                 let direction = DMat3::from_cols(x / lengths.x, y / lengths.y, z / lengths.z);
                 ("space directions", lengths, origin.unwrap_or(DVec3::ZERO), direction)
             }
             (None, spacings) => {
-                if let Some(space) = self.fields.get("space").filter(|_| spacings.is_some()) {
+                if let Some(space) = fields.get("space").filter(|_| spacings.is_some()) {
                     warnings.push(format!(
                         "spacings in a space ({space}) do not say where the axes run: taken along the space's"
                     ));
