@@ -69,13 +69,11 @@ pub fn read_exr(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Image> 
     let meta = MetaData::read_from_buffered(open()?, false).map_err(broken)?;
     for header in &meta.headers {
         let (width, height) = (header.layer_size.width(), header.layer_size.height());
-        let bytes = width.checked_mul(height).and_then(|n| n.checked_mul(16)).map(u64::try_from);
-        if !matches!(bytes, Some(Ok(bytes)) if bytes <= options.max_bytes) {
-            return Err(Error::file(
-                path,
-                "dataWindow",
-                format!("{width} x {height} pixels of 16 bytes: the limit is {} bytes", options.max_bytes),
-            ));
+        let bytes = num::wide(width).checked_mul(num::wide(height)).and_then(|n| n.checked_mul(16));
+        if bytes.is_none_or(|bytes| bytes > options.max_bytes) {
+            let limit = options.max_bytes;
+            let rule = format!("{width} x {height} pixels of 16 bytes: the limit is {limit} bytes");
+            return Err(Error::file(path, "dataWindow", rule));
         }
     }
     let image = exr::prelude::read()

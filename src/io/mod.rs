@@ -2,7 +2,7 @@
 //!
 //! [`read`] finds the format by content, else by file name, and returns scene data with a [`Report`].
 //! Rooms, each may use those before it: `file` (open files, text, samples), `build` (from arrays to scene data),
-//! `formats` (one reader per format), then the registry, folders and `read_data`; `write`, `image`; `scene_file`.
+//! `formats` (one reader per format), then the registry and `read_data`; `write`, `image`; `scene_file`.
 //! The module uses `scene`, `image`, `num`, `error` and `replace`; the program, the C interface and tests use it.
 //!
 //! Every size is checked against the file and the memory limit before memory is allocated. Compressed streams are read
@@ -10,7 +10,6 @@
 
 mod build;
 mod file;
-mod folder;
 mod formats;
 mod image;
 mod options;

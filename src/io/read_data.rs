@@ -1,13 +1,17 @@
-//! Reading of data files, of folders and of files in memory, in any known format.
+//! Reading of data files and of files in memory, in any known format, and of folders: a stack of slices, one per file,
+//! or exactly one data file.
 
-use std::path::Path;
+use std::cmp::Ordering;
+use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::io::file::source::Source;
-use crate::io::folder;
+use crate::io::file::source::{Source, list};
+use crate::io::formats::dicom::{self, recognise};
 use crate::io::formats::refused;
+use crate::io::formats::tiff::{self, file};
 use crate::io::options::ReadOptions;
-use crate::io::registry::{checked, read_source};
+use crate::io::reader::Reader as _;
+use crate::io::registry::{by_content, by_name, checked, read_source};
 use crate::io::report::Loaded;
 use crate::scene::{Data, Grid};
 
@@ -24,7 +28,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Loaded> {
         return Err(refusal);
     }
     if path.is_dir() {
-        return checked(path, folder::read(path, options)?, options);
+        return checked(path, read_folder(path, options)?, options);
     }
     read_source(&Source::open(path, options)?, options)
 }
@@ -49,5 +53,217 @@ pub fn read_grid(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Grid> 
     match read(path, options)?.data {
         Data::Grid(grid) => Ok(grid),
         other => Err(Error::file(path, "content", format!("{}: must be a grid", other.kind()))),
+    }
+}
+
+/// Reads the contents of a folder: slices in TIFF files, a DICOM series, or exactly one data file.
+fn read_folder(folder: &Path, options: &ReadOptions) -> Result<Loaded> {
+    let files = Files::sorted(folder, options)?;
+    let Files { slices, images, others, left_out, folders } = &files;
+    let mut loaded = match (slices.as_slice(), images.as_slice(), others.as_slice()) {
+        ([path], [], []) | ([], [], [(path, _)]) => read_source(&Source::open(path, options)?, options),
+        (slices, [], []) if !slices.is_empty() => {
+            let mut loaded = tiff::read_series(folder, slices, options)?;
+            loaded.report.warnings.extend(numbering(slices));
+            Ok(loaded)
+        }
+        ([], images, []) if !images.is_empty() => dicom::read_files(folder, images, options),
+        _ => Err(Error::file(folder, "files", files.refusal())),
+    }?;
+    loaded.report.notes.extend(left_out_note(left_out));
+    loaded.report.notes.extend(match folders {
+        0 => None,
+        1 => Some("1 folder is not looked into".to_owned()),
+        _ => Some(format!("{folders} folders are not looked into")),
+    });
+    Ok(loaded)
+}
+
+/// The files of a folder, sorted by kind.
+#[derive(Debug, Default)]
+struct Files {
+    folders: usize,
+    /// TIFF.
+    slices: Vec<PathBuf>,
+    /// DICOM.
+    images: Vec<PathBuf>,
+    /// Files of other formats, with the names of the formats.
+    others: Vec<(PathBuf, &'static str)>,
+    /// Names of files of no known format.
+    left_out: Vec<String>,
+}
+
+impl Files {
+    /// Sorts the files of a folder by content and name, opening one at a time.
+    fn sorted(folder: &Path, options: &ReadOptions) -> Result<Self> {
+        let named = |path: &Path, endings: &[&str]| {
+            path.extension().is_some_and(|own| endings.iter().any(|ending| own.eq_ignore_ascii_case(ending)))
+        };
+        let (mut all, folders) = list(folder)?;
+        all.sort_by(|a, b| natural(&name(a), &name(b)));
+        let mut files = Self { folders, ..Self::default() };
+        let mut named_only = Vec::new();
+        for path in all {
+            let name = name(&path);
+            if is_aside(&name) {
+                files.left_out.push(name);
+                continue;
+            }
+            let source = Source::open(&path, options)?;
+            // A file named as a slice must not be skipped silently if its content is not one.
+            if file::is_tiff(&source) || named(&path, tiff::Tiff.extensions()) {
+                files.slices.push(path);
+            } else if recognise::is_dicom(&source) || named(&path, dicom::Dicom.extensions()) {
+                files.images.push(path);
+            } else if let Some(reader) = by_content(&source) {
+                files.others.push((path, reader.name()));
+            } else if let Some(reader) = by_name(&source) {
+                named_only.push((path, reader.name()));
+            } else {
+                files.left_out.push(name);
+            }
+        }
+        // If content identifies one file, files identified by name alone are taken as its parts, such as its samples.
+        if files.slices.is_empty() && files.images.is_empty() && files.others.is_empty() {
+            files.others = named_only;
+        } else {
+            files.left_out.extend(named_only.iter().map(|(path, _)| name(path)));
+        }
+        Ok(files)
+    }
+
+    /// Says what the folder holds and what is supported.
+    fn refusal(&self) -> String {
+        let mut names: Vec<&str> = self.others.iter().map(|(_, name)| *name).collect();
+        names.sort_unstable();
+        let mut counts = vec![(self.slices.len(), "TIFF"), (self.images.len(), "DICOM")];
+        counts.extend(names.chunk_by(|a, b| a == b).map(|group| (group.len(), group[0])));
+        counts.push((self.left_out.len(), "other"));
+        counts.retain(|(count, _)| *count > 0);
+        let files = |&(count, what): &(usize, &str)| match count {
+            1 => format!("1 {what} file"),
+            _ => format!("{count} {what} files"),
+        };
+        let mut held: Vec<String> = counts.iter().map(files).collect();
+        if self.folders > 0 {
+            held.push(format!("{} folders", self.folders));
+        }
+        let held = if held.is_empty() { "nothing".to_owned() } else { held.join(", ") };
+        format!(
+            "holds {held}: slices in TIFF files, one DICOM series, or exactly one data file are supported"
+        )
+    }
+}
+
+fn name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Whether the name is that of a file that operating systems or people put beside data.
+fn is_aside(name: &str) -> bool {
+    let lower = name.to_lowercase();
+    lower.starts_with('.')
+        || ["thumbs.db", "desktop.ini", "dicomdir"].contains(&lower.as_str())
+        || ["readme", "license", "licence"].iter().any(|word| lower.starts_with(word))
+}
+
+fn left_out_note(names: &[String]) -> Option<String> {
+    /// The limit on names in one note.
+    const MOST: usize = 8;
+    if names.is_empty() {
+        return None;
+    }
+    let list = names[..names.len().min(MOST)].join(", ");
+    let more = names.len().saturating_sub(MOST);
+    Some(if more > 0 { format!("left out: {list}, and {more} more") } else { format!("left out: {list}") })
+}
+
+/// Splits a name into alternating pieces of text and digits.
+fn pieces(name: &str) -> Vec<&str> {
+    let digit = |byte: u8| byte.is_ascii_digit();
+    name.as_bytes()
+        .chunk_by(|&a, &b| digit(a) == digit(b))
+        // Digits are ASCII, so pieces begin and end at character boundaries.
+        .scan(0, |at, piece| {
+            let begin = *at;
+            *at += piece.len();
+            name.get(begin..*at)
+        })
+        .collect()
+}
+
+fn is_number(piece: &str) -> bool {
+    piece.starts_with(|c: char| c.is_ascii_digit())
+}
+
+/// Compares names so that numbers in them sort by value: 2 before 10.
+fn natural(a: &str, b: &str) -> Ordering {
+    let (left, right) = (pieces(a), pieces(b));
+    for (left, right) in left.iter().zip(&right) {
+        let order = if is_number(left) && is_number(right) {
+            let (left, right) = (left.trim_start_matches('0'), right.trim_start_matches('0'));
+            left.len().cmp(&right.len()).then_with(|| left.cmp(right))
+        } else {
+            left.cmp(right)
+        };
+        if order != Ordering::Equal {
+            return order;
+        }
+    }
+    left.len().cmp(&right.len()).then_with(|| a.cmp(b))
+}
+
+/// Returns a warning if the names of consecutive slices suggest gaps or several series.
+fn numbering(paths: &[PathBuf]) -> Option<String> {
+    let names: Vec<String> = paths.iter().map(|path| name(path)).collect();
+    let all: Vec<Vec<&str>> = names.iter().map(|name| pieces(name)).collect();
+    let first = all.first()?;
+    let mut varies: Option<usize> = None;
+    for (own, parts) in names.iter().zip(&all) {
+        let alike = |(a, b): (&&str, &&str)| a == b || is_number(a) && is_number(b);
+        let (what, several) = if parts.len() != first.len() || !parts.iter().zip(first).all(alike) {
+            ("names have several forms", true)
+        } else {
+            let mut differ = (0..first.len()).filter(|&i| parts[i] != first[i]);
+            ("names differ in several numbers", differ.any(|i| *varies.get_or_insert(i) != i))
+        };
+        if several {
+            return Some(format!("{what}, {} and {own}: all are taken as slices of one volume", names[0]));
+        }
+    }
+    let at = varies?;
+    let numbers = all.iter().map(|parts| parts[at].parse().ok()).collect::<Option<Vec<u64>>>()?;
+    let steps: Vec<u64> = numbers.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).collect();
+    let least = steps.iter().min()?;
+    let odd = steps.iter().position(|step| step != least)?;
+    let (last, next) = (&names[odd], &names[odd + 1]);
+    Some(format!("after {last} comes {next}: slices may be missing, all are taken as equally far apart"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_in_names_count() {
+        let mut names =
+            ["b1", "a10", "a2", "a02", "a2b", "a", "10", "9", "a2a10", "\u{e9}2", "a99999999999999999999"];
+        names.sort_by(|a, b| natural(a, b));
+        assert_eq!(
+            names,
+            ["9", "10", "a", "a02", "a2", "a2a10", "a2b", "a10", "a99999999999999999999", "b1", "\u{e9}2"]
+        );
+        assert_eq!(pieces("z\u{e9}12x003"), ["z\u{e9}", "12", "x", "003"]);
+    }
+
+    #[test]
+    fn gaps_and_mixtures_are_told() {
+        let of = |names: &[&str]| numbering(&names.iter().map(PathBuf::from).collect::<Vec<_>>());
+        assert_eq!(of(&["z1.tif", "z2.tif", "z3.tif"]), None);
+        assert_eq!(of(&["z08.tif", "z10.tif", "z12.tif"]), None);
+        assert!(of(&["z1.tif", "z2.tif", "z4.tif"]).unwrap().contains("after z2.tif comes z4.tif"));
+        assert!(of(&["a1.tif", "b2.tif"]).unwrap().contains("several forms, a1.tif and b2.tif"));
+        assert!(of(&["c1z1.tif", "c2z2.tif"]).unwrap().contains("several numbers"));
+        assert_eq!(of(&["z1.tif"]), None);
     }
 }

@@ -47,21 +47,14 @@ pub(crate) fn read_source(source: &Source, options: &ReadOptions) -> Result<Load
     }
     let Some(reader) = known.or_else(|| by_name(source)) else {
         return Err(refused::by_name(source).unwrap_or_else(|| {
-            if source.is_gzip() {
-                return source.error(
-                    "content",
-                    "a gzip stream: only NIfTI-1, raw samples, VTK, Gmsh, PLY and CSV are read packed, unpack it \
-                     first",
-                );
-            }
-            source.error(
-                "content",
-                format!(
-                    "unknown format: known are {}; raw samples need size and type in their name, as \
-                     head_256x256x128_int16.raw, in a JSON file beside them, or in a scene file",
-                    known_formats()
-                ),
-            )
+            let packed = "a gzip stream: only NIfTI-1, raw samples, VTK, Gmsh, PLY and CSV are read packed, unpack it \
+                          first";
+            let unknown = format!(
+                "unknown format: known are {}; raw samples need size and type in their name, as \
+                 head_256x256x128_int16.raw, in a JSON file beside them, or in a scene file",
+                known_formats()
+            );
+            source.error("content", if source.is_gzip() { packed.to_owned() } else { unknown })
         }));
     };
     checked(source.path(), reader.read(source, options)?, options)

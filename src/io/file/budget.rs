@@ -22,20 +22,13 @@ impl<'a> Budget<'a> {
 
     /// Takes bytes from the budget, before they are allocated.
     pub(crate) fn take(&mut self, place: &str, bytes: u64) -> Result<()> {
-        match self.left.get().checked_sub(bytes) {
-            Some(left) => {
-                self.left.set(left);
-                Ok(())
-            }
-            None => Err(self.source.error(
-                place,
-                format!(
-                    "{bytes} bytes of memory: {} are left of the limit of {}",
-                    self.left.get(),
-                    self.limit
-                ),
-            )),
-        }
+        let left = self.left.get();
+        let Some(rest) = left.checked_sub(bytes) else {
+            let rule = format!("{bytes} bytes of memory: {left} are left of the limit of {}", self.limit);
+            return Err(self.source.error(place, rule));
+        };
+        self.left.set(rest);
+        Ok(())
     }
 
     /// Returns bytes to the budget after they are freed.

@@ -2,6 +2,7 @@
 
 use std::collections::TryReserveError;
 use std::io::{ErrorKind, Read};
+use std::ops::Range;
 
 use crate::io::file::sample_type::{Endian, Pick, SampleType, by_type};
 use crate::num;
@@ -175,6 +176,38 @@ pub(crate) fn append_indices(
             Err(std::io::Error::new(ErrorKind::InvalidData, rule))
         }
         None => Ok(()),
+    }
+}
+
+/// A reader of the bytes of numbers that are converted one by one. `next` returns the bytes of the next number and how
+/// many of them count, or None at the end.
+pub(crate) struct NumberBytes<F> {
+    next: F,
+    bytes: [u8; 8],
+    /// The bytes of the last number that have not been read yet.
+    left: Range<usize>,
+}
+
+impl<F: FnMut() -> std::io::Result<Option<([u8; 8], usize)>>> NumberBytes<F> {
+    pub(crate) fn new(next: F) -> Self {
+        Self { next, bytes: [0; 8], left: 0..0 }
+    }
+}
+
+impl<F: FnMut() -> std::io::Result<Option<([u8; 8], usize)>>> Read for NumberBytes<F> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let mut filled = 0;
+        while filled < buffer.len() {
+            if self.left.is_empty() {
+                let Some((bytes, size)) = (self.next)()? else { break };
+                (self.bytes, self.left) = (bytes, 0..size);
+            }
+            let take = self.left.len().min(buffer.len() - filled);
+            buffer[filled..filled + take].copy_from_slice(&self.bytes[self.left.start..][..take]);
+            self.left.start += take;
+            filled += take;
+        }
+        Ok(filled)
     }
 }
 

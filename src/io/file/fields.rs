@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use crate::error::{Error, Result};
 use crate::io::file::source::Source;
+use crate::io::file::text::shown;
 
 /// The values of a header by name, each with its line number.
 pub(crate) struct Fields<'a> {
@@ -54,6 +55,31 @@ impl<'a> Fields<'a> {
         text.parse().ok().filter(|&number| number >= least).ok_or_else(|| {
             self.error(name, format!("\"{text}\": must be a whole number of at least {least}"))
         })
+    }
+
+    /// Parses `count` numbers, if the field exists.
+    pub(crate) fn numbers(&self, name: &str, count: usize) -> Result<Option<Vec<f64>>> {
+        let Some(text) = self.get(name) else { return Ok(None) };
+        let numbers: Option<Vec<f64>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
+        match numbers.filter(|numbers| numbers.len() == count) {
+            None => Err(self.error(name, format!("\"{}\": must be {count} numbers", shown(text)))),
+            numbers => Ok(numbers),
+        }
+    }
+
+    /// Parses extents, one for each axis; the field `of` gave their number.
+    pub(crate) fn extents(&self, name: &str, of: &str, rank: usize) -> Result<Vec<u32>> {
+        let words: Vec<&str> = self.required(name)?.split_whitespace().collect();
+        if words.len() != rank {
+            return Err(self.error(name, format!("{} numbers: {of} {rank} needs {rank}", words.len())));
+        }
+        let extent = |word: &&str| {
+            word.parse::<u32>().ok().filter(|&extent| extent > 0).ok_or_else(|| {
+                let rule = format!("\"{}\": must be a whole number from 1 to {}", shown(word), u32::MAX);
+                self.error(name, rule)
+            })
+        };
+        words.iter().map(extent).collect()
     }
 
     /// Adds the header field to an error about a value.

@@ -32,7 +32,7 @@ pub(crate) fn parse<T: for<'de> Deserialize<'de>>(path: &Path, bytes: &[u8]) -> 
     Ok(parsed)
 }
 
-pub(crate) fn json_error(path: &Path, error: &serde_json::Error, key: &str) -> Error {
+fn json_error(path: &Path, error: &serde_json::Error, key: &str) -> Error {
     let position = format!("line {}, column {}", error.line(), error.column());
     let place = if key.is_empty() { position.clone() } else { format!("{position}, {key}") };
     // The parser repeats the position at the end of its message.

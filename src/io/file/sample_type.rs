@@ -48,34 +48,15 @@ pub(crate) use by_type;
 
 impl SampleType {
     /// Every type.
-    pub const ALL: [Self; 10] = [
-        Self::U8,
-        Self::I8,
-        Self::U16,
-        Self::I16,
-        Self::U32,
-        Self::I32,
-        Self::U64,
-        Self::I64,
-        Self::F32,
-        Self::F64,
-    ];
+    pub const ALL: [Self; 10] = {
+        use SampleType::{F32, F64, I8, I16, I32, I64, U8, U16, U32, U64};
+        [U8, I8, U16, I16, U32, I32, U64, I64, F32, F64]
+    };
 
     /// Returns the name used in scene files.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::U8 => "u8",
-            Self::I8 => "i8",
-            Self::U16 => "u16",
-            Self::I16 => "i16",
-            Self::U32 => "u32",
-            Self::I32 => "i32",
-            Self::U64 => "u64",
-            Self::I64 => "i64",
-            Self::F32 => "f32",
-            Self::F64 => "f64",
-        }
+        by_type!(self, stringify)
     }
 
     /// Returns the type with this name.
@@ -107,7 +88,7 @@ impl SampleType {
         match self {
             Self::U8 => 1,
             Self::U16 | Self::I16 => 2,
-            Self::I8 | Self::U32 | Self::I32 | Self::U64 | Self::I64 | Self::F32 | Self::F64 => 4,
+            _ => 4,
         }
     }
 }

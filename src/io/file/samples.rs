@@ -44,25 +44,17 @@ pub(crate) fn data_size(
     options: &ReadOptions,
 ) -> Result<(usize, u64)> {
     let [x, y, z] = layout.dims;
+    let wrong = |rule: String| source.error(place, format!("{x} x {y} x {z} {rule}"));
     if let Some(extent) = layout.dims.iter().find(|&&extent| extent < 2) {
-        return Err(
-            source.error(place, format!("{x} x {y} x {z} has {extent}: every extent must be at least 2"))
-        );
+        return Err(wrong(format!("has {extent}: every extent must be at least 2")));
     }
-    let overflow =
-        || source.error(place, format!("{x} x {y} x {z} samples are more than memory can address"));
-    let count = layout
-        .dims
-        .iter()
-        .try_fold(1_u64, |n, &extent| n.checked_mul(u64::from(extent)))
-        .ok_or_else(overflow)?;
+    let overflow = || wrong("samples are more than memory can address".to_owned());
+    let count = layout.dims.iter().try_fold(1_u64, |n, &extent| n.checked_mul(u64::from(extent)));
+    let count = count.ok_or_else(overflow)?;
     let stored = if layout.pick == Pick::Magnitude { 4 } else { layout.kind.stored_bytes() };
     let memory = count.checked_mul(stored).ok_or_else(overflow)?;
     if memory > options.max_bytes {
-        return Err(source.error(
-            place,
-            format!("{x} x {y} x {z} samples take {memory} bytes: the limit is {}", options.max_bytes),
-        ));
+        return Err(wrong(format!("samples take {memory} bytes: the limit is {}", options.max_bytes)));
     }
     let tuple = u64::try_from(layout.components).ok().and_then(|n| n.checked_mul(layout.kind.bytes()));
     let in_file = tuple.and_then(|tuple| count.checked_mul(tuple)).ok_or_else(overflow)?;
@@ -72,128 +64,117 @@ pub(crate) fn data_size(
 /// Reads samples from files that hold equal shares of them and nothing more.
 ///
 /// `source` and `place` are the header and its field, for messages. `part` opens each file when it is needed, so that
-/// few files are open at a time.
+/// few files are open at a time, given its index and the size of its share in bytes.
 pub(crate) fn read(
     source: &Source,
     place: &str,
     layout: &Layout,
     parts: usize,
-    part: &dyn Fn(usize) -> Result<Part>,
+    part: &dyn Fn(usize, u64) -> Result<Part>,
     options: &ReadOptions,
 ) -> Result<Samples> {
     let (count, bytes) = data_size(source, place, layout, options)?;
     if parts == 0 || count % parts != 0 {
         return Err(source.error(place, format!("{count} samples do not divide into {parts} files")));
     }
+    let (share, bytes) = (count / parts, bytes / num::wide(parts));
     let mut samples = Samples::none(layout.kind, layout.pick);
     for i in 0..parts {
-        let share = Share { count: count / parts, bytes: bytes / num::wide(parts) };
-        let part = part(i)?;
-        share.check(&part, layout)?;
+        let share = Share { part: part(i, bytes)?, layout, count: share, bytes };
+        share.check()?;
         if i == 0 {
             // The first file is large enough for its share, which bounds the allocation; the others must be as large.
             let full = |_| source.error(place, format!("{count} samples: memory is full"));
             samples.reserve(count).map_err(full)?;
         }
-        share.read(&part, layout, &mut samples)?;
+        share.read(&mut samples)?;
     }
     Ok(samples)
 }
 
-/// The number and size of the samples in one file.
-struct Share {
+/// The samples in one file, their number and size.
+struct Share<'a> {
+    part: Part,
+    layout: &'a Layout,
     count: usize,
     bytes: u64,
 }
 
-impl Share {
-    fn wanted(&self, layout: &Layout) -> String {
-        let [x, y, z] = layout.dims;
-        let all = if layout.components == 1 {
-            format!("{x} x {y} x {z} samples")
-        } else {
-            format!("{x} x {y} x {z} samples of {} components", layout.components)
-        };
-        format!("{} bytes for {} of {all} of type {}", self.bytes, self.count, layout.kind.name())
+impl Share<'_> {
+    /// Returns the error that the file does not hold the samples, with what it holds.
+    fn needs(&self, place: impl Into<String>, held: &str) -> Error {
+        let Layout { dims: [x, y, z], components, kind, .. } = *self.layout;
+        let tuples = if components == 1 { String::new() } else { format!(" of {components} components") };
+        let all = format!("{x} x {y} x {z} samples{tuples} of type {}", kind.name());
+        let rule = format!("needs {} bytes for {} of {all}: {held}", self.bytes, self.count);
+        self.part.source.error(place, rule)
     }
 
     /// Checks that the file can hold its share, before memory is allocated.
-    fn check(&self, part: &Part, layout: &Layout) -> Result<()> {
-        let source = &part.source;
-        let stored = source.len().saturating_sub(part.offset);
-        let end = part.skip.checked_add(self.bytes);
-        let end = end.ok_or_else(|| source.error("data", format!("skips {} bytes: overflows", part.skip)))?;
-        let most = part.encoding.most(stored);
-        if part.text {
-            let numbers = text::most_numbers(most);
-            let wanted = self.bytes / layout.kind.bytes();
+    fn check(&self) -> Result<()> {
+        let Part { source, offset, encoding, skip, text } = &self.part;
+        let stored = source.len().saturating_sub(*offset);
+        let end = skip.checked_add(self.bytes);
+        let end = end.ok_or_else(|| source.error("data", format!("skips {skip} bytes: overflows")))?;
+        let most = encoding.most(stored);
+        if *text {
+            let (numbers, wanted) = (text::most_numbers(most), self.bytes / self.layout.kind.bytes());
             if wanted > numbers {
-                return Err(source.error(
-                    "data",
-                    format!("needs {wanted} numbers: {stored} bytes hold at most {numbers}"),
-                ));
+                let rule = format!("needs {wanted} numbers: {stored} bytes hold at most {numbers}");
+                return Err(source.error("data", rule));
             }
-        } else if part.encoding != Encoding::Raw {
+        } else if *encoding != Encoding::Raw {
             if end > most {
-                return Err(source.error(
-                    "data",
-                    format!("needs {}: {stored} compressed bytes hold at most {most}", self.wanted(layout)),
-                ));
+                return Err(self.needs("data", &format!("{stored} compressed bytes hold at most {most}")));
             }
         } else if end != stored {
-            return Err(source.error(
-                format!("data at byte {}", part.offset.saturating_add(part.skip)),
-                format!("needs {}: {} are there", self.wanted(layout), stored.saturating_sub(part.skip)),
-            ));
+            let place = format!("data at byte {}", offset.saturating_add(*skip));
+            return Err(self.needs(place, &format!("{} are there", stored.saturating_sub(*skip))));
         }
         Ok(())
     }
 
-    fn read(&self, part: &Part, layout: &Layout, samples: &mut Samples) -> Result<()> {
-        let source = &part.source;
-        let packed = source.reader(part.offset, part.encoding);
-        let most = part.encoding.most(source.len().saturating_sub(part.offset));
-        let mut scanner = Scanner::of(source, packed, most);
-        scanner.skip(part.skip)?;
-        if part.text {
+    fn read(&self, samples: &mut Samples) -> Result<()> {
+        let Part { source, offset, encoding, skip, text } = &self.part;
+        let most = encoding.most(source.len().saturating_sub(*offset));
+        let mut scanner = Scanner::of(source, source.reader(*offset, *encoding), most);
+        scanner.skip(*skip)?;
+        if *text {
             // The scanner converts text to little-endian bytes.
-            let words = Layout { endian: Endian::Little, ..*layout };
-            append(&mut scanner.numbers(layout.kind), self.count, &words, samples)
-                .map_err(|error| self.describe(error, 0, part, layout))?;
+            let words = Layout { endian: Endian::Little, ..*self.layout };
+            append(&mut scanner.numbers(words.kind), self.count, &words, samples)
+                .map_err(|error| self.describe(error, 0))?;
             return match scanner.word()?.map(text::shown) {
                 Some(word) => Err(scanner.error(format!("\"{word}\": more numbers than announced"))),
                 None => Ok(()),
             };
         }
         let begin = scanner.position();
-        append(&mut scanner, self.count, layout, samples)
-            .map_err(|error| self.describe(error, scanner.position() - begin, part, layout))?;
+        append(&mut scanner, self.count, self.layout, samples)
+            .map_err(|error| self.describe(error, scanner.position() - begin))?;
         // Reading one more byte detects excess data, and makes gzip verify its checksum.
-        let mut more = [0_u8];
-        match scanner.read(&mut more) {
+        match scanner.read(&mut [0]) {
             Ok(0) => Ok(()),
-            Ok(_) => {
-                Err(source.error("data", format!("needs {}: the stream holds more", self.wanted(layout))))
-            }
+            Ok(_) => Err(self.needs("data", "the stream holds more")),
             Err(error) if error.kind() == ErrorKind::UnexpectedEof => {
-                Err(source
-                    .error("data", format!("{} stream ends before its check sum", part.encoding.name())))
+                Err(source.error("data", format!("{} stream ends before its check sum", encoding.name())))
             }
-            Err(error) => Err(self.describe(error, self.bytes, part, layout)),
+            Err(error) => Err(self.describe(error, self.bytes)),
         }
     }
 
-    fn describe(&self, error: std::io::Error, got: u64, part: &Part, layout: &Layout) -> Error {
-        let source = &part.source;
+    /// Converts an error of the stream; `got` bytes have been decompressed.
+    fn describe(&self, error: std::io::Error, got: u64) -> Error {
+        let Part { source, encoding, text, .. } = &self.part;
         match error.kind() {
-            ErrorKind::UnexpectedEof if part.text => source
-                .error("data", format!("needs {} numbers: there are fewer", self.count * layout.components)),
-            ErrorKind::UnexpectedEof => {
-                source.error("data", format!("needs {}: ends after {got}", self.wanted(layout)))
+            ErrorKind::UnexpectedEof if *text => {
+                let numbers = self.count * self.layout.components;
+                source.error("data", format!("needs {numbers} numbers: there are fewer"))
             }
+            ErrorKind::UnexpectedEof => self.needs("data", &format!("ends after {got}")),
             ErrorKind::InvalidData | ErrorKind::InvalidInput => source.error(
                 "data",
-                format!("{} stream is damaged after {got} unpacked bytes: {error}", part.encoding.name()),
+                format!("{} stream is damaged after {got} unpacked bytes: {error}", encoding.name()),
             ),
             _ => source.io_error(error),
         }

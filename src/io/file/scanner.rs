@@ -4,6 +4,7 @@ use std::io::{BufRead, ErrorKind, Read};
 use std::str::FromStr;
 
 use crate::error::{Error, Result};
+use crate::io::file::decode::NumberBytes;
 use crate::io::file::sample_type::SampleType;
 use crate::io::file::source::{Encoding, Source};
 use crate::io::file::text::{shown, stream_error, to_bytes};
@@ -50,14 +51,6 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// Scans an uncompressed file from an offset, before which there are `line` lines.
-    pub(crate) fn at(source: &'a Source, offset: u64, line: u64) -> Self {
-        let mut scanner = Self::of(source, source.reader(offset, Encoding::Raw), source.len());
-        scanner.line = line;
-        scanner.position = offset;
-        scanner
-    }
-
     /// Sets the number of lines read.
     pub(crate) fn after_lines(mut self, line: u64) -> Self {
         self.line = line;
@@ -67,12 +60,12 @@ impl<'a> Scanner<'a> {
     /// Scans the decompressed file from an offset, before which there are `line` lines.
     pub(crate) fn resume(source: &'a Source, offset: u64, line: u64) -> Result<Self> {
         if !source.is_gzip() {
-            return Ok(Self::at(source, offset, line));
+            let scanner = Self::of(source, source.reader(offset, Encoding::Raw), source.len());
+            return Ok(Self { position: offset, line, ..scanner });
         }
         let mut scanner = Self::new(source);
         scanner.skip(offset)?;
-        scanner.line = line;
-        Ok(scanner)
+        Ok(scanner.after_lines(line))
     }
 
     /// Moves to another offset of the decompressed file, before which there are `line` lines. A compressed file is
@@ -135,16 +128,31 @@ impl<'a> Scanner<'a> {
     }
 
     fn fill_stream(&mut self) -> Result<&[u8]> {
-        let source = self.source;
         // Interrupted reads are repeated.
-        loop {
-            match self.reader.fill_buf() {
-                Ok(_) => break,
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) => return Err(stream_error(source, error)),
+        while let Err(error) = self.reader.fill_buf() {
+            if error.kind() != ErrorKind::Interrupted {
+                return Err(stream_error(self.source, error));
             }
         }
-        self.reader.fill_buf().map_err(|error| stream_error(source, error))
+        self.reader.fill_buf().map_err(|error| stream_error(self.source, error))
+    }
+
+    /// Consumes bytes and counts their line breaks. `take` returns how many bytes of a buffer it takes, and whether it
+    /// wants no more. False at the end of the file.
+    fn scan(&mut self, mut take: impl FnMut(&[u8]) -> (usize, bool)) -> Result<bool> {
+        loop {
+            let buffer = self.fill()?;
+            if buffer.is_empty() {
+                return Ok(false);
+            }
+            let (used, ended) = take(buffer);
+            let lines = buffer[..used].iter().filter(|&&byte| byte == b'\n').count();
+            self.line += num::wide(lines);
+            self.advance(used);
+            if ended {
+                return Ok(true);
+            }
+        }
     }
 
     /// Reads the next line without its line end; None at the end of the file.
@@ -154,26 +162,21 @@ impl<'a> Scanner<'a> {
     /// If it is longer than 64 KiB.
     pub(crate) fn next_line(&mut self) -> Result<Option<String>> {
         let mut line = Vec::new();
-        loop {
-            let buffer = self.fill()?;
-            if buffer.is_empty() {
-                if line.is_empty() {
-                    return Ok(None);
-                }
-                break;
-            }
+        let ended = self.scan(|buffer| {
             let end = buffer.iter().position(|&byte| byte == b'\n');
-            let take = end.unwrap_or(buffer.len());
-            line.extend_from_slice(&buffer[..take]);
-            self.advance(take + usize::from(end.is_some()));
-            if line.len() > MAX_LINE {
-                return Err(self.error(format!("longer than {MAX_LINE} bytes")));
-            }
-            if end.is_some() {
-                break;
-            }
+            let text = end.unwrap_or(buffer.len());
+            line.extend_from_slice(&buffer[..text]);
+            let long = line.len() > MAX_LINE;
+            (text + usize::from(end.is_some() && !long), end.is_some() || long)
+        })?;
+        if line.len() > MAX_LINE {
+            return Err(self.error(format!("longer than {MAX_LINE} bytes")));
         }
-        self.line += 1;
+        if !ended && line.is_empty() {
+            return Ok(None);
+        }
+        // The last line may have no line end.
+        self.line += u64::from(!ended);
         if line.last() == Some(&b'\r') {
             line.pop();
         }
@@ -183,21 +186,13 @@ impl<'a> Scanner<'a> {
     /// Skips a line of any length. False at the end of the file.
     pub(crate) fn skip_line(&mut self) -> Result<bool> {
         let mut any = false;
-        loop {
-            let buffer = self.fill()?;
-            if buffer.is_empty() {
-                self.line += u64::from(any);
-                return Ok(any);
-            }
+        let ended = self.scan(|buffer| {
             any = true;
             let end = buffer.iter().position(|&byte| byte == b'\n');
-            let take = end.map_or(buffer.len(), |end| end + 1);
-            self.advance(take);
-            if end.is_some() {
-                self.line += 1;
-                return Ok(true);
-            }
-        }
+            (end.map_or(buffer.len(), |end| end + 1), end.is_some())
+        })?;
+        self.line += u64::from(any && !ended);
+        Ok(any)
     }
 
     /// Reads the next line that is not blank, trimmed.
@@ -218,21 +213,17 @@ impl<'a> Scanner<'a> {
     /// If it is longer than 256 bytes.
     pub(crate) fn word(&mut self) -> Result<Option<&str>> {
         self.skip_blanks()?;
-        self.word.clear();
-        loop {
-            let buffer = self.fill()?;
+        let mut word = std::mem::take(&mut self.word);
+        word.clear();
+        self.scan(|buffer| {
             let end = buffer.iter().position(u8::is_ascii_whitespace);
             let take = end.unwrap_or(buffer.len());
-            let (done, none) = (end.is_some(), buffer.is_empty());
-            let piece = buffer[..take.min(MAX_WORD + 1)].to_vec();
-            self.word.extend_from_slice(&piece);
-            if self.word.len() > MAX_WORD {
-                return Err(self.error(format!("a word longer than {MAX_WORD} bytes")));
-            }
-            self.advance(take);
-            if done || none {
-                break;
-            }
+            word.extend_from_slice(&buffer[..take.min(MAX_WORD + 1)]);
+            (take, end.is_some() || word.len() > MAX_WORD)
+        })?;
+        self.word = word;
+        if self.word.len() > MAX_WORD {
+            return Err(self.error(format!("a word longer than {MAX_WORD} bytes")));
         }
         if self.word.is_empty() {
             return Ok(None);
@@ -245,20 +236,11 @@ impl<'a> Scanner<'a> {
 
     /// Skips blanks and line ends.
     pub(crate) fn skip_blanks(&mut self) -> Result<()> {
-        loop {
-            let buffer = self.fill()?;
-            if buffer.is_empty() {
-                return Ok(());
-            }
+        self.scan(|buffer| {
             let blanks = buffer.iter().take_while(|byte| byte.is_ascii_whitespace()).count();
-            let lines = buffer[..blanks].iter().filter(|&&byte| byte == b'\n').count();
-            let done = blanks < buffer.len();
-            self.line += num::wide(lines);
-            self.advance(blanks);
-            if done {
-                return Ok(());
-            }
-        }
+            (blanks, blanks < buffer.len())
+        })
+        .map(drop)
     }
 
     /// Returns the next `count` bytes, or all that are left, without consuming them.
@@ -277,58 +259,43 @@ impl<'a> Scanner<'a> {
 
     /// Skips numbers up to the blank after the last one. Only the first character of each is checked.
     pub(crate) fn skip_numbers(&mut self, count: u64) -> Result<()> {
-        let mut left = count;
-        let mut inside = false;
         // `nan` and `inf` are numbers too.
         let begins = |byte: u8| {
             byte.is_ascii_digit() || matches!(byte, b'+' | b'-' | b'.' | b'n' | b'N' | b'i' | b'I')
         };
-        while left > 0 {
-            let buffer = self.fill()?;
-            let (mut used, mut lines) = (0, 0);
-            let ended = buffer.is_empty();
-            let mut wrong = false;
-            for &byte in buffer {
-                let blank = byte.is_ascii_whitespace();
-                wrong = !blank && !inside && !begins(byte);
-                if wrong {
-                    break;
-                }
-                if blank && inside {
-                    left -= 1;
-                    if left == 0 {
+        let (mut left, mut inside, mut wrong) = (count, false, false);
+        let more = count == 0
+            || self.scan(|buffer| {
+                let mut used = 0;
+                for &byte in buffer {
+                    let blank = byte.is_ascii_whitespace();
+                    wrong = !blank && !inside && !begins(byte);
+                    left -= u64::from(blank && inside);
+                    if wrong || left == 0 {
                         break;
                     }
+                    inside = !blank;
+                    used += 1;
                 }
-                inside = !blank;
-                used += 1;
-                lines += u64::from(byte == b'\n');
-            }
-            self.line += lines;
-            self.advance(used);
-            if wrong {
-                let word = self.word()?.map(shown).unwrap_or_default();
-                return Err(self.error(format!("\"{word}\": must be a number, {left} more are announced")));
-            }
-            if ended {
-                left -= u64::from(inside);
-                if left > 0 {
-                    return Err(self.error(format!("ends here: {left} more numbers are announced")));
-                }
-            }
+                (used, wrong || left == 0)
+            })?;
+        if wrong {
+            let word = self.word()?.map(shown).unwrap_or_default();
+            return Err(self.error(format!("\"{word}\": must be a number, {left} more are announced")));
+        }
+        left -= u64::from(!more && inside);
+        if left > 0 {
+            return Err(self.error(format!("ends here: {left} more numbers are announced")));
         }
         Ok(())
     }
 
     /// Reads the rest of the line, which must be blank.
     pub(crate) fn end_line(&mut self) -> Result<()> {
-        let place = self.line;
         match self.next_line()? {
             Some(rest) if !rest.trim().is_empty() => {
                 let shown: String = rest.trim().chars().take(40).collect();
-                Err(self
-                    .source
-                    .error(format!("line {}", place + 1), format!("\"{shown}\": must not follow here")))
+                Err(self.line_error(format!("\"{shown}\": must not follow here")))
             }
             _ => Ok(()),
         }
@@ -339,7 +306,7 @@ impl<'a> Scanner<'a> {
         match self.word()?.map(|word| word.parse().map_err(|_| word.to_owned())) {
             Some(Ok(number)) => Ok(number),
             Some(Err(word)) => Err(self.error(format!("\"{word}\": must be {what}"))),
-            None => Err(self.source.error(format!("line {}", self.line + 1), format!("ends before {what}"))),
+            None => Err(self.error(format!("ends before {what}"))),
         }
     }
 
@@ -365,29 +332,32 @@ impl<'a> Scanner<'a> {
     /// ends before one.
     pub(crate) fn pass(&mut self, mark: &[u8]) -> Result<bool> {
         let mut met = 0;
-        while met < mark.len() {
-            let buffer = self.fill()?;
-            if buffer.is_empty() {
-                return Ok(false);
-            }
-            let (mut take, mut lines) = (0, 0);
+        self.scan(|buffer| {
+            let mut used = 0;
             for &byte in buffer {
-                take += 1;
-                lines += u64::from(byte == b'\n');
+                used += 1;
                 met = if byte == mark[met] { met + 1 } else { usize::from(byte == mark[0]) };
                 if met == mark.len() {
                     break;
                 }
             }
-            self.line += lines;
-            self.advance(take);
-        }
-        Ok(true)
+            (used, met == mark.len())
+        })
     }
 
     /// Reads the following numbers as the little-endian bytes of a type.
-    pub(crate) fn numbers(&mut self, kind: SampleType) -> Numbers<'_, 'a> {
-        Numbers { scanner: self, kind, bytes: [0; 8], left: 0 }
+    pub(crate) fn numbers(&mut self, kind: SampleType) -> impl Read {
+        let size = usize::try_from(kind.bytes()).unwrap_or(8);
+        NumberBytes::new(move || {
+            let Some(word) = self.word().map_err(std::io::Error::other)? else { return Ok(None) };
+            match to_bytes(word, kind) {
+                Some(bytes) => Ok(Some((bytes, size))),
+                None => {
+                    let rule = format!("\"{word}\": must be a number of type {}", kind.name());
+                    Err(std::io::Error::other(self.error(rule)))
+                }
+            }
+        })
     }
 }
 
@@ -403,48 +373,6 @@ impl Read for Scanner<'_> {
         };
         self.position = self.position.saturating_add(num::wide(got));
         Ok(got)
-    }
-}
-
-/// Numbers as text, read as bytes: see [`Scanner::numbers`].
-pub(crate) struct Numbers<'s, 'a> {
-    scanner: &'s mut Scanner<'a>,
-    kind: SampleType,
-    bytes: [u8; 8],
-    /// Bytes of the last number that have not been returned yet.
-    left: usize,
-}
-
-impl Numbers<'_, '_> {
-    /// Reads the next number. False at the end.
-    fn next(&mut self) -> Result<bool> {
-        let kind = self.kind;
-        let Some(word) = self.scanner.word()? else { return Ok(false) };
-        let Some(bytes) = to_bytes(word, kind) else {
-            let rule = format!("\"{word}\": must be a number of type {}", kind.name());
-            return Err(self.scanner.error(rule));
-        };
-        self.bytes = bytes;
-        self.left = usize::try_from(kind.bytes()).unwrap_or(8);
-        Ok(true)
-    }
-}
-
-impl Read for Numbers<'_, '_> {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        let size = usize::try_from(self.kind.bytes()).unwrap_or(8);
-        let mut filled = 0;
-        while filled < buffer.len() {
-            if self.left == 0 && !self.next().map_err(std::io::Error::other)? {
-                break;
-            }
-            let take = self.left.min(buffer.len() - filled);
-            let from = size - self.left;
-            buffer[filled..filled + take].copy_from_slice(&self.bytes[from..from + take]);
-            self.left -= take;
-            filled += take;
-        }
-        Ok(filled)
     }
 }
 
@@ -575,7 +503,8 @@ mod tests {
         let bytes = |text: &[u8], kind| {
             scan(text, |s| {
                 let mut bytes = Vec::new();
-                s.numbers(kind).read_to_end(&mut bytes).map(|_| bytes).map_err(|e| s.source().io_error(e))
+                let source = s.source();
+                s.numbers(kind).read_to_end(&mut bytes).map(|_| bytes).map_err(|e| source.io_error(e))
             })
         };
         assert_eq!(bytes(b"1 2\n255", SampleType::U8).unwrap(), [1, 2, 255]);

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::fs::{File, Metadata};
-use std::io::{BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -50,20 +50,18 @@ enum Body {
 
 /// An open regular file, its size and its first bytes; cheap to clone.
 #[derive(Clone)]
-pub(crate) struct Source(Arc<Inner>);
-
-struct Inner {
-    path: PathBuf,
-    body: Body,
+pub(crate) struct Source {
+    path: Arc<Path>,
+    body: Arc<Body>,
     len: u64,
     gzip: bool,
-    head: Vec<u8>,
+    head: Arc<[u8]>,
     progress: Option<Progress>,
 }
 
 impl fmt::Debug for Source {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.debug_struct("Source").field("path", &self.0.path).field("len", &self.0.len).finish_non_exhaustive()
+        f.debug_struct("Source").field("path", &self.path).field("len", &self.len).finish_non_exhaustive()
     }
 }
 
@@ -103,32 +101,34 @@ impl Source {
     }
 
     fn of_bundle(path: &Path, bundle: &Arc<Bundle>) -> Result<Self> {
-        let Some(bytes) = path.to_str().and_then(|name| bundle.get(name)) else {
+        let Some(bytes) = path.to_str().and_then(|name| bundle.get(name)).cloned() else {
             return Err(Error::io(path, "cannot open", std::io::ErrorKind::NotFound.into()));
         };
         let len = num::wide(bytes.len());
-        Self::new(path, Body::Memory { bytes: bytes.clone(), bundle: bundle.clone() }, len, None)
+        Self::new(path, Body::Memory { bytes, bundle: bundle.clone() }, len, None)
     }
 
     fn new(path: &Path, body: Body, len: u64, progress: Option<Progress>) -> Result<Self> {
-        let mut inner =
-            Inner { path: path.to_path_buf(), body, len, gzip: false, head: Vec::new(), progress: None };
-        inner.head = inner.bytes(0, Self::HEAD.min(len))?;
-        if inner.head.starts_with(&[0x1f, 0x8b]) {
-            inner.gzip = true;
-            let mut head = Vec::new();
+        let (path, body, head) = (path.into(), Arc::new(body), Arc::default());
+        let source = Self { path, body, len, gzip: false, head, progress: None };
+        let mut head = source.bytes(0, Self::HEAD.min(len))?;
+        let gzip = head.starts_with(&[0x1f, 0x8b]);
+        if gzip {
+            head.clear();
             // A damaged stream leaves a short head; reading it later reports the damage.
-            let _ = inner.reader(0, Encoding::Gzip).take(Self::HEAD).read_to_end(&mut head);
-            inner.head = head;
+            let _ = source.reader(0, Encoding::Gzip).take(Self::HEAD).read_to_end(&mut head);
         }
-        inner.progress = progress;
-        Ok(Self(Arc::new(inner)))
+        Ok(Self { gzip, head: head.into(), progress, ..source })
+    }
+
+    fn folder(&self) -> &Path {
+        self.path.parent().unwrap_or(Path::new(""))
     }
 
     /// Opens another file that this one names, by a path relative to this file's folder.
     pub(crate) fn sibling(&self, name: &Path, options: &ReadOptions) -> Result<Self> {
-        let path = self.0.path.parent().unwrap_or(Path::new("")).join(name);
-        match &self.0.body {
+        let path = self.folder().join(name);
+        match &*self.body {
             Body::File(_) => Self::open(&path, options),
             Body::Memory { bundle, .. } => Self::of_bundle(&path, bundle),
         }
@@ -136,74 +136,57 @@ impl Source {
 
     /// Whether a file with this name exists beside this one.
     pub(crate) fn has_sibling(&self, name: &Path) -> bool {
-        let path = self.0.path.parent().unwrap_or(Path::new("")).join(name);
-        match &self.0.body {
+        let path = self.folder().join(name);
+        match &*self.body {
             Body::File(_) => path.exists(),
             Body::Memory { bundle, .. } => path.to_str().is_some_and(|name| bundle.contains_key(name)),
         }
     }
 
     /// Returns the names of the regular files in the same folder, including this one, sorted.
-    ///
-    /// # Errors
-    ///
-    /// If the folder cannot be read, or holds more than 131,072 files.
     #[cfg(feature = "dicom")]
     pub(crate) fn neighbours(&self) -> Result<Vec<PathBuf>> {
-        const MOST: usize = 1 << 17;
-        let folder = self.0.path.parent().unwrap_or(Path::new(""));
-        let mut names = Vec::new();
-        match &self.0.body {
-            Body::File(_) => {
-                let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-                let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, "cannot list", e))?;
-                for entry in entries {
-                    let entry = entry.map_err(|e| Error::io(folder, "cannot list", e))?;
-                    if entry.path().is_file() {
-                        names.push(PathBuf::from(entry.file_name()));
-                    }
-                    if names.len() > MOST {
-                        return Err(Error::file(folder, "files", format!("more than {MOST}")));
-                    }
-                }
-            }
+        let folder = self.folder();
+        let paths = match &*self.body {
+            Body::File(_) if folder.as_os_str().is_empty() => list(Path::new("."))?.0,
+            Body::File(_) => list(folder)?.0,
             Body::Memory { bundle, .. } => {
-                let own = bundle.keys().map(Path::new).filter(|path| path.parent() == Some(folder));
-                names.extend(own.filter_map(|path| path.file_name()).map(PathBuf::from));
+                bundle.keys().map(PathBuf::from).filter(|path| path.parent() == Some(folder)).collect()
             }
-        }
+        };
+        let mut names: Vec<PathBuf> =
+            paths.iter().filter_map(|path| path.file_name()).map(PathBuf::from).collect();
         names.sort();
         Ok(names)
     }
 
-    /// The file's path, for messages.
     pub(crate) fn path(&self) -> &Path {
-        &self.0.path
+        &self.path
     }
 
-    /// Size of the file in bytes.
+    /// Returns the size of the file as stored, in bytes.
     pub(crate) fn len(&self) -> u64 {
-        self.0.len
+        self.len
     }
 
     /// Whether the whole file is a gzip stream.
     pub(crate) fn is_gzip(&self) -> bool {
-        self.0.gzip
+        self.gzip
     }
 
     /// The compression of the file as a whole.
     pub(crate) fn encoding(&self) -> Encoding {
-        if self.0.gzip { Encoding::Gzip } else { Encoding::Raw }
+        if self.gzip { Encoding::Gzip } else { Encoding::Raw }
     }
 
     /// The first 4096 bytes, decompressed; fewer only if the file is shorter.
     pub(crate) fn head(&self) -> &[u8] {
-        &self.0.head
+        &self.head
     }
 
     /// Returns an error that names this file.
     pub(crate) fn error(&self, place: impl Into<String>, rule: impl Into<String>) -> Error {
-        Error::file(&self.0.path, place, rule)
+        Error::file(&self.path, place, rule)
     }
 
     /// Converts an error of a stream of this file: unwraps an error of this crate, and wraps those of the operating
@@ -211,50 +194,35 @@ impl Source {
     pub(crate) fn io_error(&self, error: std::io::Error) -> Error {
         match error.downcast::<Error>() {
             Ok(ours) => ours,
-            Err(error) => Error::io(&self.0.path, "cannot read", error),
+            Err(error) => Error::io(&self.path, "cannot read", error),
         }
     }
 
     /// Reads a range of the file as stored. The caller bounds `len`.
     pub(crate) fn bytes(&self, offset: u64, len: u64) -> Result<Vec<u8>> {
-        self.0.bytes(offset, len)
-    }
-
-    /// Returns the decompressed stream from `offset` to the end.
-    pub(crate) fn reader(&self, offset: u64, encoding: Encoding) -> Box<dyn BufRead + '_> {
-        self.0.reader(offset, encoding)
-    }
-}
-
-impl Inner {
-    fn bytes(&self, offset: u64, len: u64) -> Result<Vec<u8>> {
         if offset.checked_add(len).is_none_or(|end| end > self.len) {
-            return Err(Error::file(
-                &self.path,
-                format!("byte {offset}"),
-                format!("needs {len} bytes here, the file has {} in all", self.len),
-            ));
+            let rule = format!("needs {len} bytes here, the file has {} in all", self.len);
+            return Err(self.error(format!("byte {offset}"), rule));
         }
         let mut bytes = Vec::new();
-        let read = match &self.body {
+        let read = match &*self.body {
             // Ranges are often small and far apart: a buffer would read more than needed.
-            Body::File(file) => At { inner: self, file, position: offset }.take(len).read_to_end(&mut bytes),
+            Body::File(file) => At { source: self, file, position: offset }.take(len).read_to_end(&mut bytes),
             Body::Memory { .. } => self.reader(offset, Encoding::Raw).take(len).read_to_end(&mut bytes),
         };
         read.map_err(|e| Error::io(&self.path, "cannot read", e))?;
         Ok(bytes)
     }
 
-    fn reader(&self, offset: u64, encoding: Encoding) -> Box<dyn BufRead + '_> {
-        let stored: Box<dyn BufRead + '_> = match &self.body {
+    /// Returns the decompressed stream from `offset` to the end.
+    pub(crate) fn reader(&self, offset: u64, encoding: Encoding) -> Box<dyn BufRead + '_> {
+        let stored: Box<dyn BufRead + '_> = match &*self.body {
             Body::File(file) => {
-                let at = At { inner: self, file, position: offset };
-                Box::new(BufReader::with_capacity(1 << 16, at))
+                Box::new(BufReader::with_capacity(1 << 16, At { source: self, file, position: offset }))
             }
             Body::Memory { bytes, .. } => {
-                let mut cursor = Cursor::new(bytes.as_slice());
-                cursor.set_position(offset.min(self.len));
-                Box::new(cursor)
+                let offset = usize::try_from(offset).unwrap_or(usize::MAX);
+                Box::new(bytes.get(offset..).unwrap_or_default())
             }
         };
         match encoding {
@@ -267,7 +235,7 @@ impl Inner {
 
 /// A reader with its own position in a file that several readers share.
 struct At<'a> {
-    inner: &'a Inner,
+    source: &'a Source,
     file: &'a File,
     position: u64,
 }
@@ -277,9 +245,32 @@ impl Read for At<'_> {
         self.file.seek(SeekFrom::Start(self.position))?;
         let got = self.file.read(buffer)?;
         self.position = self.position.saturating_add(num::wide(got));
-        if let Some(progress) = &self.inner.progress {
-            progress.call(self.position.min(self.inner.len), self.inner.len);
+        if let Some(progress) = &self.source.progress {
+            progress.call(self.position.min(self.source.len), self.source.len);
         }
         Ok(got)
     }
+}
+
+/// Lists the regular files in a folder, in any order, and counts its folders.
+///
+/// # Errors
+///
+/// If the folder cannot be read, or holds more than 131,072 files.
+pub(crate) fn list(folder: &Path) -> Result<(Vec<PathBuf>, usize)> {
+    const MOST: usize = 1 << 17;
+    let failed = |error| Error::io(folder, "cannot list", error);
+    let (mut files, mut folders) = (Vec::new(), 0);
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        if path.is_dir() {
+            folders += 1;
+        } else if path.is_file() {
+            files.push(path);
+        }
+        if files.len() > MOST {
+            return Err(Error::file(folder, "files", format!("more than {MOST}")));
+        }
+    }
+    Ok((files, folders))
 }

@@ -88,15 +88,10 @@ pub(crate) fn shown(text: &str) -> String {
 
 /// Converts a count to an index, which must be below 2^32 - 1.
 pub(crate) fn index(source: &Source, place: &str, count: u64) -> Result<usize> {
-    usize::try_from(count)
-        .map_err(|_| source.error(place, format!("{count}: is more than memory can address")))
-        .and_then(|index| {
-            if index < num::index(u32::MAX) {
-                Ok(index)
-            } else {
-                Err(source.error(place, format!("{count}: must be below {}", u32::MAX)))
-            }
-        })
+    match u32::try_from(count) {
+        Ok(index) if index < u32::MAX => Ok(num::index(index)),
+        _ => Err(source.error(place, format!("{count}: must be below {}", u32::MAX))),
+    }
 }
 
 #[cfg(test)]

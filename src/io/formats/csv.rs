@@ -22,12 +22,11 @@ use crate::io::build::columns::{self, Column};
 use crate::io::build::origin::Origin;
 use crate::io::build::points;
 use crate::io::file::budget::Budget;
-use crate::io::file::sample_type::{Pick, SampleType};
+use crate::io::file::sample_type::Pick;
 use crate::io::file::source::Source;
 use crate::io::file::text;
-use crate::io::formats::csv::row::is_number;
-use crate::io::formats::csv::row::{Delimiter, Row, is_skipped};
-use crate::io::formats::csv::table::{Table, positions};
+use crate::io::formats::csv::row::{Delimiter, Row, is_number, is_skipped};
+use crate::io::formats::csv::table::{Table, TableColumn, positions};
 use crate::io::options::ReadOptions;
 use crate::io::reader::Reader;
 use crate::io::report::Loaded;
@@ -47,8 +46,7 @@ impl Reader for Csv {
 
     /// Recognises only `.txt` files whose first two rows look like a table; other extensions are matched by name.
     fn recognises(&self, source: &Source) -> bool {
-        let text = source.path().extension().is_some_and(|ending| ending.eq_ignore_ascii_case("txt"));
-        if !text {
+        if source.path().extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("txt")) {
             return false;
         }
         let head = String::from_utf8_lossy(source.head());
@@ -65,11 +63,9 @@ impl Reader for Csv {
         if first.len() != second.len() {
             return false;
         }
-        match positions((0..first.len()).map(|i| first.cell(i))) {
+        match positions(first.cells()) {
             Ok(Some(axes)) => axes.iter().all(|&axis| is_number(second.cell(axis))),
-            _ => [first, second]
-                .iter()
-                .all(|row| row.len() >= 3 && (0..row.len()).all(|i| is_number(row.cell(i)))),
+            _ => [first, second].iter().all(|row| row.len() >= 3 && row.cells().all(is_number)),
         }
     }
 
@@ -79,14 +75,11 @@ impl Reader for Csv {
         let count = text::index(source, "rows", table.rows)?;
         let points = points::positions(source, &mut budget, count, |push| table.each(&table.axes, push))?;
 
-        let scalars: Vec<usize> = (0..table.columns.len())
-            .filter(|place| !table.axes.contains(place) && table.columns[*place].kind.is_some())
-            .collect();
-        let own: Vec<Column> = scalars
-            .iter()
-            .map(|&place| &table.columns[place])
-            .map(|told| Column { name: told.name.clone(), kind: told.kind.unwrap_or(SampleType::F64) })
-            .collect();
+        let numeric = |(place, told): (usize, &TableColumn)| {
+            Some((place, Column { name: told.name.clone(), kind: told.kind? }))
+        };
+        let others = table.columns.iter().enumerate().filter(|(place, _)| !table.axes.contains(place));
+        let (scalars, own): (Vec<usize>, Vec<Column>) = others.filter_map(numeric).unzip();
         let groups = columns::groups(&own);
         let arrays = groups.iter().map(|group| group.info.clone()).collect();
         let mut read = |index: usize, pick: Pick| -> Result<Samples> {

@@ -17,12 +17,12 @@ mod placement;
 use std::cell::Cell;
 
 use crate::error::Result;
+use crate::io::build::file_names::Files;
 use crate::io::build::volume::Chosen;
 use crate::io::file::decode::Layout;
 use crate::io::file::samples;
 use crate::io::file::source::Source;
-use crate::io::formats::metaimage::header::pair;
-use crate::io::formats::metaimage::header::{Header, KEYS, SLOPE};
+use crate::io::formats::metaimage::header::{Header, SLOPE, keys, pair};
 use crate::io::options::ReadOptions;
 use crate::io::reader::Reader;
 use crate::io::report::Loaded;
@@ -43,44 +43,35 @@ impl Reader for MetaImage {
         // The format has no magic number: the first key must be one of its own, and the rank must be among the first
         // keys.
         let text = String::from_utf8_lossy(source.head());
-        let mut keys = text.lines().map_while(|line| pair(line).map(|(key, _)| key));
-        let first = keys.next();
+        let mut own = text.lines().map_while(|line| pair(line).map(|(key, _)| key));
+        let first = own.next();
         !source.is_gzip()
-            && first.is_some_and(|key| KEYS.contains(&key) || key == "Comment")
-            && (first == Some("NDims") || keys.any(|key| key == "NDims"))
+            && first.is_some_and(|key| keys().any(|name| name == key) || key == "Comment")
+            && (first == Some("NDims") || own.any(|key| key == "NDims"))
     }
 
     fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
         let header = Header::read(source)?;
-        header.read_image(self.name(), options)
-    }
-}
-
-impl<'a> Header<'a> {
-    fn read_image(&self, format: &'static str, options: &ReadOptions) -> Result<Loaded> {
-        let Self { source, fields, .. } = self;
-        let sizes = self.sizes()?;
+        let fields = &header.fields;
+        let sizes = header.sizes()?;
         let dims = [sizes[0], sizes[1], sizes[2]];
-        let kind = self.sample_type()?;
-        let endian = self.endian()?;
-        let components = match fields.get("ElementNumberOfChannels") {
-            None => 1,
-            Some(_) => {
-                usize::try_from(fields.whole_number("ElementNumberOfChannels", 1)?).unwrap_or(usize::MAX)
-            }
-        };
+        let kind = header.sample_type()?;
+        let endian = header.endian()?;
         let place = "ElementNumberOfChannels";
+        let components = match fields.get(place) {
+            None => 1,
+            Some(_) => usize::try_from(fields.whole_number(place, 1)?).unwrap_or(usize::MAX),
+        };
         let chosen = Chosen::new(source, place, Layout::scalar(dims, kind, endian), components, options)?;
-        let rescale = self.rescale(&chosen)?;
-        let placement = self.placement()?;
+        let rescale = header.rescale(&chosen)?;
+        let placement = header.placement()?;
 
-        let (_, bytes) = samples::data_size(source, "DimSize", &chosen.layout, options)?;
-        let data = self.data(&sizes, bytes)?;
+        let data = header.data(&sizes)?;
         let packed = fields.whole_number("CompressedDataSize", 0)?;
-        let parts = usize::try_from(data.parts()).unwrap_or(usize::MAX);
+        let parts = usize::try_from(data.files.as_ref().map_or(1, Files::count)).unwrap_or(usize::MAX);
         let stored = Cell::new(0_u64);
-        let part = |index| {
-            let part = self.part(&data, index, options)?;
+        let part = |index, share| {
+            let part = header.part(&data, index, share, options)?;
             let bytes = part.source.len().saturating_sub(part.offset);
             stored.set(stored.get().saturating_add(bytes));
             Ok(part)
@@ -90,7 +81,7 @@ impl<'a> Header<'a> {
         let located = |name, error| fields.located(name, error);
         let grid = Grid::new(dims, samples).map_err(|error| error.in_file(source.path()))?;
         let grid = grid.with_rescale(rescale).map_err(|error| located(SLOPE, error))?;
-        let mut loaded = chosen.placed(format, grid, placement, &located)?;
+        let mut loaded = chosen.placed(self.name(), grid, placement, &located)?;
         // Only a warning: the stream has its own checksum, and the number is stale in many files.
         if data.compressed
             && let size @ 1.. = packed

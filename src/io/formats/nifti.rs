@@ -67,7 +67,7 @@ fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<
     let dims = dims(source, &header)?;
     let kind = sample_type(source, &header)?;
 
-    let single = header.magic == SINGLE;
+    let single = header.single;
     let first = if single { 352.0 } else { 0.0 };
     let mut warnings = doubts(&header);
     let mut offset = f64::from(header.vox_offset);
@@ -83,10 +83,9 @@ fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<
     }
     // 2^40 is beyond any plausible offset, and a float64 is exact up to there.
     if !(offset >= first && offset <= 1_099_511_627_776.0 && offset.fract() == 0.0) {
-        return Err(source.error(
-            "vox_offset",
-            format!("{offset}: must be a whole number of bytes, at least {first} in this kind of file"),
-        ));
+        let rule =
+            format!("{offset}: must be a whole number of bytes, at least {first} in this kind of file");
+        return Err(source.error("vox_offset", rule));
     }
     let skip = num::u64_of(offset);
     let data = if single {
@@ -98,14 +97,14 @@ fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<
         source.sibling(&path, options)?
     };
     let chosen = Chosen::new(source, "dim", Layout::scalar(dims, kind, endian), 1, options)?;
-    let (_, bytes) = samples::data_size(source, "dim", &chosen.layout, options)?;
-    let part = Part::sized(data.clone(), skip, bytes);
-    let samples = samples::read(source, "dim", &chosen.layout, 1, &|_| Ok(part.clone()), options)?;
+    let part = |_, bytes| Ok(Part::sized(data.clone(), skip, bytes));
+    let samples = samples::read(source, "dim", &chosen.layout, 1, &part, options)?;
 
     let (place, columns, origin, anatomy) = placement(&header);
-    let spacing = DVec3::new(columns.x_axis.length(), columns.y_axis.length(), columns.z_axis.length());
-    let direction =
-        DMat3::from_cols(columns.x_axis / spacing.x, columns.y_axis / spacing.y, columns.z_axis / spacing.z);
+    let axes = [columns.x_axis, columns.y_axis, columns.z_axis];
+    let spacing = DVec3::from_array(axes.map(DVec3::length));
+    let [x, y, z] = axes.map(|axis| axis / axis.length());
+    let direction = DMat3::from_cols(x, y, z);
     let located = |place: &'static str, error: Error| error.at_place(source.path(), place);
     let grid = Grid::new(dims, samples).map_err(|error| error.in_file(data.path()))?;
     let grid = grid.with_rescale(rescale(&header)).map_err(|error| located("scl_slope, scl_inter", error))?;
@@ -123,8 +122,7 @@ fn doubts(header: &Header) -> Vec<String> {
     if ![-1.0, 0.0, 1.0].contains(&handed) {
         doubts.push(format!("pixdim[0] is {handed}: must be 1 or -1, only its sign is used"));
     }
-    let squares = [header.quatern_b, header.quatern_c, header.quatern_d].map(|x| f64::from(x).powi(2));
-    let sum: f64 = squares.iter().sum();
+    let sum: f64 = header.quatern.iter().map(|x| x.powi(2)).sum();
     // The tolerance exceeds the rounding of float32.
     if sum > 1.0 + 1e-5 {
         doubts
@@ -148,10 +146,8 @@ fn dims(source: &Source, header: &Header) -> Result<[u32; 3]> {
                 5 => "components",
                 _ => "entries",
             };
-            return Err(source.error(
-                format!("dim[{axis}]"),
-                format!("{extent} {what}: a volume has three dimensions, further ones must be 1"),
-            ));
+            let rule = format!("{extent} {what}: a volume has three dimensions, further ones must be 1");
+            return Err(source.error(format!("dim[{axis}]"), rule));
         }
     }
     if rank < 3 {
@@ -162,9 +158,8 @@ fn dims(source: &Source, header: &Header) -> Result<[u32; 3]> {
 }
 
 fn sample_type(source: &Source, header: &Header) -> Result<SampleType> {
-    let known = "whole numbers of 8 to 64 bits, f32 and f64 are supported";
     let code = header.datatype;
-    let kind = match code {
+    Ok(match code {
         2 => SampleType::U8,
         256 => SampleType::I8,
         512 => SampleType::U16,
@@ -185,10 +180,10 @@ fn sample_type(source: &Source, header: &Header) -> Result<SampleType> {
                 2304 => " (Rgba32)",
                 _ => "",
             };
-            return Err(source.error("datatype", format!("{code}{name}: {known}")));
+            let rule = format!("{code}{name}: whole numbers of 8 to 64 bits, f32 and f64 are supported");
+            return Err(source.error("datatype", rule));
         }
-    };
-    Ok(kind)
+    })
 }
 
 /// Returns the header field that places the grid, the columns of the index-to-world map, its origin and the anatomy
@@ -200,24 +195,17 @@ fn placement(header: &Header) -> (&'static str, DMat3, DVec3, Anatomy) {
     };
     let sizes = DVec3::new(size(1), size(2), size(3));
     if header.sform_code > 0 {
-        let rows = [header.srow_x, header.srow_y, header.srow_z].map(|row| row.map(f64::from));
-        let column = |i: usize| DVec3::new(rows[0][i], rows[1][i], rows[2][i]);
-        return (
-            "srow_x, srow_y, srow_z",
-            DMat3::from_cols(column(0), column(1), column(2)),
-            column(3),
-            Anatomy::Ras,
-        );
+        let [x, y, z, origin] = [0, 1, 2, 3].map(|i| DVec3::from_array(header.srow.map(|row| row[i])));
+        return ("srow_x, srow_y, srow_z", DMat3::from_cols(x, y, z), origin, Anatomy::Ras);
     }
     if header.qform_code > 0 {
-        let [b, c, d] = [header.quatern_b, header.quatern_c, header.quatern_d].map(f64::from);
+        let [b, c, d] = header.quatern;
         // The scalar part completes the quaternion to unit length; rounding may make its square negative.
         let a = (1.0 - (b * b + c * c + d * d)).max(0.0).sqrt();
         let rotation = DMat3::from_quat(DQuat::from_xyzw(b, c, d, a).normalize());
         let handed = if header.pixdim[0] < 0.0 { -1.0 } else { 1.0 };
         let columns = rotation * DMat3::from_diagonal(sizes * DVec3::new(1.0, 1.0, handed));
-        let offset = [header.quatern_x, header.quatern_y, header.quatern_z].map(f64::from);
-        return ("quatern", columns, DVec3::from_array(offset), Anatomy::Ras);
+        return ("quatern", columns, header.qoffset.into(), Anatomy::Ras);
     }
     ("pixdim", DMat3::from_diagonal(sizes), DVec3::ZERO, Anatomy::Unknown)
 }

@@ -26,7 +26,7 @@ use crate::io::file::decode::Layout;
 use crate::io::file::sample_type::Pick;
 use crate::io::file::samples::{self, Part};
 use crate::io::file::source::{Encoding, Source};
-use crate::io::formats::nrrd::header::{Header, Packing};
+use crate::io::formats::nrrd::header::Header;
 use crate::io::options::ReadOptions;
 use crate::io::reader::Reader;
 use crate::io::report::Loaded;
@@ -67,15 +67,15 @@ impl Reader for Nrrd {
 
         let files = header.files(&axes)?;
         let count = files.as_ref().map_or(1, Files::count);
-        let lines = header.whole_number("line skip", 0)?;
-        let skip = header.whole_number("byte skip", -1)?;
-        if skip < 0 && packing != Packing::Binary(Encoding::Raw) {
-            return Err(header.error("byte skip", "-1: only raw data can be found from the end of its file"));
+        let lines = header.fields.whole_number("line skip", 0)?;
+        let skip = header.fields.whole_number("byte skip", -1)?;
+        if skip < 0 && packing != Some(Encoding::Raw) {
+            return Err(header
+                .fields
+                .error("byte skip", "-1: only raw data can be found from the end of its file"));
         }
-        let (_, bytes) = samples::data_size(source, "sizes", &chosen.layout, options)?;
-        let share = bytes / count.max(1);
         let skipped = Cell::new(0_u64);
-        let part = |index: usize| {
+        let part = |index: usize, share: u64| {
             let (data, start) = match &files {
                 None => (source.clone(), header.end),
                 Some(files) => (source.sibling(Path::new(&files.name(index)), options)?, 0),
@@ -87,20 +87,17 @@ impl Reader for Nrrd {
                 })?,
                 skip => skip.unsigned_abs(),
             };
-            let (encoding, text) = match packing {
-                Packing::Binary(encoding) => (encoding, false),
-                Packing::Text => (Encoding::Raw, true),
-            };
             // Uncompressed bytes are skipped by offset, without reading.
-            let seeks = packing == Packing::Binary(Encoding::Raw);
+            let seeks = packing == Some(Encoding::Raw);
             let (offset, skip) = if seeks { (begin.saturating_add(skip), 0) } else { (begin, skip) };
             let read = skipped.get().saturating_add(begin - start).saturating_add(skip);
             skipped.set(read);
             if count > 1 && read > MAX_SKIP {
                 let rule = format!("skips {read} bytes in {} files: the limit is {MAX_SKIP}", index + 1);
-                return Err(header.error(if lines > 0 { "line skip" } else { "byte skip" }, rule));
+                return Err(header.fields.error(if lines > 0 { "line skip" } else { "byte skip" }, rule));
             }
-            Ok(Part { source: data, offset, encoding, skip, text })
+            let encoding = packing.unwrap_or(Encoding::Raw);
+            Ok(Part { source: data, offset, encoding, skip, text: packing.is_none() })
         };
         let parts = usize::try_from(count).unwrap_or(usize::MAX);
         let samples = samples::read(source, "sizes", &chosen.layout, parts, &part, options)?;
@@ -120,20 +117,15 @@ impl Reader for Nrrd {
 
 /// Returns the offset after skipping lines of the file as stored.
 fn skip_lines(source: &Source, start: u64, lines: i64) -> Result<u64> {
-    let mut left = lines;
-    let mut position = start;
-    if left == 0 {
-        return Ok(start);
-    }
-    for byte in source.reader(start, Encoding::Raw).bytes() {
+    let (mut skipped, mut position) = (0, start);
+    let mut bytes = source.reader(start, Encoding::Raw).bytes();
+    while skipped < lines {
+        let Some(byte) = bytes.next() else {
+            return Err(source.error("line skip", format!("{lines}: the data has {skipped} lines")));
+        };
         let byte = byte.map_err(|e| Error::io(source.path(), "cannot read", e))?;
         position += 1;
-        if byte == b'\n' {
-            left -= 1;
-            if left == 0 {
-                return Ok(position);
-            }
-        }
+        skipped += i64::from(byte == b'\n');
     }
-    Err(source.error("line skip", format!("{lines}: the data has {} lines", lines - left)))
+    Ok(position)
 }

@@ -3,6 +3,8 @@
 //! Vertices (`v`) and faces (`f`) are read, with positive or relative indices. Groups, normals, texture coordinates,
 //! materials, lines, points and free-form curves and surfaces are skipped.
 
+use glam::DVec3;
+
 use crate::error::Result;
 use crate::io::file::budget::Budget;
 use crate::io::file::scanner::Scanner;
@@ -12,51 +14,12 @@ use crate::io::formats::fan::{Faces, Growing, Triangles};
 use crate::num;
 
 /// Statements that are skipped.
-const OTHERS: [&str; 43] = [
-    "vt",
-    "vn",
-    "vp",
-    "l",
-    "p",
-    "o",
-    "g",
-    "s",
-    "mg",
-    "usemtl",
-    "mtllib",
-    "usemap",
-    "maplib",
-    "lod",
-    "bevel",
-    "c_interp",
-    "d_interp",
-    "shadow_obj",
-    "trace_obj",
-    "cstype",
-    "deg",
-    "bmat",
-    "step",
-    "curv",
-    "curv2",
-    "surf",
-    "parm",
-    "trim",
-    "hole",
-    "scrv",
-    "sp",
-    "end",
-    "con",
-    "ctech",
-    "stech",
-    "call",
-    "csh",
-    "bsp",
-    "bzp",
-    "cdc",
-    "cdp",
-    "res",
-    "vc",
-];
+const OTHERS: &str = "vt vn vp l p o g s mg usemtl mtllib usemap maplib lod bevel c_interp d_interp shadow_obj \
+    trace_obj cstype deg bmat step curv curv2 surf parm trim hole scrv sp end con ctech stech call csh bsp bzp cdc cdp \
+    res vc";
+
+/// The limit on the length of a statement, in bytes.
+const MAX_STATEMENT: usize = 1 << 20;
 
 pub(crate) fn read(source: &Source, budget: &mut Budget) -> Result<Triangles> {
     let mut scanner = Scanner::new(source);
@@ -84,29 +47,24 @@ pub(crate) fn read(source: &Source, budget: &mut Budget) -> Result<Triangles> {
         match words.next() {
             None => {}
             Some("v") => {
-                let mut place = [0.0; 3];
-                let mut count = 0;
+                let mut numbers = Vec::new();
                 for word in words {
                     let number = text::float::<f64>(word).ok_or_else(|| wrong(word, "must be a number"))?;
-                    if let Some(coordinate) = place.get_mut(count) {
-                        if !number.is_finite() {
-                            return Err(wrong(word, "a coordinate must be finite"));
-                        }
-                        *coordinate = number;
+                    if numbers.len() < 3 && !number.is_finite() {
+                        return Err(wrong(word, "a coordinate must be finite"));
                     }
-                    count += 1;
+                    numbers.push(number);
                 }
                 // A weight, a colour or both may follow the coordinates.
-                if !matches!(count, 3 | 4 | 6 | 7) {
-                    return Err(wrong(
-                        statement.trim(),
-                        "must be three coordinates, and a weight or a colour",
-                    ));
-                }
+                let ([x, y, z] | [x, y, z, _] | [x, y, z, _, _, _] | [x, y, z, _, _, _, _]) = numbers[..]
+                else {
+                    let rule = "must be three coordinates, and a weight or a colour";
+                    return Err(wrong(statement.trim(), rule));
+                };
                 if points.list.len() >= num::index(u32::MAX) {
                     return Err(source.error("points", format!("must be fewer than {}", u32::MAX)));
                 }
-                points.push(source, budget, place.into())?;
+                points.push(source, budget, DVec3::new(x, y, z))?;
             }
             Some("f" | "fo") => {
                 let have = points.list.len();
@@ -119,7 +77,7 @@ pub(crate) fn read(source: &Source, budget: &mut Budget) -> Result<Triangles> {
                 }
                 faces.end(|rule| source.error(format!("line {begin}"), rule))?;
             }
-            Some(other) if OTHERS.contains(&other) => {}
+            Some(other) if OTHERS.split(' ').any(|name| name == other) => {}
             Some(other) => return Err(wrong(other, "is not a statement of OBJ")),
         }
     }
@@ -131,9 +89,6 @@ pub(crate) fn read(source: &Source, budget: &mut Budget) -> Result<Triangles> {
     Ok(Triangles { points, triangles })
 }
 
-/// The limit on the length of a statement, in bytes.
-const MAX_STATEMENT: usize = 1 << 20;
-
 /// Parses a corner and returns the index of its vertex from 0. Files count from 1 or, with negative numbers,
 /// backwards from the last vertex read. Indices of texture coordinates and normals may follow.
 fn corner(word: &str, have: usize) -> std::result::Result<u32, &'static str> {
@@ -144,14 +99,10 @@ fn corner(word: &str, have: usize) -> std::result::Result<u32, &'static str> {
             return Err("must be vertex, vertex/texture, vertex//normal or vertex/texture/normal");
         }
     }
-    let have = i64::try_from(have).unwrap_or(i64::MAX);
     let index = match first {
         0 => return Err("indices begin at 1"),
-        1.. => first - 1,
-        _ => have.checked_add(first).ok_or("is before the first vertex")?,
+        1.. => first.unsigned_abs() - 1,
+        _ => num::wide(have).checked_sub(first.unsigned_abs()).ok_or("is before the first vertex")?,
     };
-    if index < 0 {
-        return Err("is before the first vertex");
-    }
     u32::try_from(index).ok().filter(|index| *index < u32::MAX).ok_or("is too large an index")
 }

@@ -18,7 +18,7 @@ use crate::io::file::sample_type::Pick;
 use crate::io::file::scanner::Scanner;
 use crate::io::file::source::Source;
 use crate::io::file::text::{self, shown};
-use crate::io::formats::ply::header::{Header, Property, recognises};
+use crate::io::formats::ply::header::{Element, Header, Property, recognises};
 use crate::io::options::ReadOptions;
 use crate::io::reader::Reader;
 use crate::io::report::Loaded;
@@ -61,26 +61,24 @@ impl Reader for Ply {
         header.end(&mut scanner)?;
 
         let mut notes = Vec::new();
-        for element in header.elements.iter().filter(|element| element.name != "vertex" && element.count > 0)
-        {
-            let (count, name) = (element.count, shown(&element.name));
-            notes.push(if name == "face" {
-                format!("{count} faces left out: points are read")
-            } else {
-                format!("{count} elements \"{name}\" left out")
-            });
+        for Element { name, count, .. } in &header.elements {
+            match name.as_str() {
+                "vertex" => {}
+                _ if *count == 0 => {}
+                "face" => notes.push(format!("{count} faces left out: points are read")),
+                name => notes.push(format!("{count} elements \"{}\" left out", shown(name))),
+            }
         }
-        let scalars: Vec<usize> = (0..vertex.properties.len())
-            .filter(|place| !axes.contains(place) && vertex.properties[*place].list.is_none())
-            .collect();
-        for property in vertex.properties.iter().filter(|property| property.list.is_some()) {
-            notes.push(format!("property \"{}\": a list, left out", shown(&property.name)));
+        let (mut scalars, mut own) = (Vec::new(), Vec::new());
+        for (place, Property { name, kind, list }) in vertex.properties.iter().enumerate() {
+            if list.is_some() {
+                notes.push(format!("property \"{}\": a list, left out", shown(name)));
+            } else if !axes.contains(&place) {
+                scalars.push(place);
+                own.push(Column { name: name.clone(), kind: *kind });
+            }
         }
-        let column = |place: &usize| {
-            let Property { name, kind, .. } = &vertex.properties[*place];
-            Column { name: name.clone(), kind: *kind }
-        };
-        let groups = columns::groups(&scalars.iter().map(column).collect::<Vec<_>>());
+        let groups = columns::groups(&own);
         let arrays = groups.iter().map(|group| group.info.clone()).collect();
         let mut read = |index: usize, pick: Pick| -> Result<Samples> {
             let wanted: Vec<usize> = groups[index].needed(pick).iter().map(|&i| scalars[i]).collect();

@@ -9,7 +9,6 @@
 
 mod file_name;
 pub(crate) mod layout;
-pub(crate) mod sidecar;
 
 use std::path::{Path, PathBuf};
 
@@ -20,8 +19,7 @@ use crate::io::file::samples::{self, Part};
 use crate::io::file::source::Source;
 use crate::io::file::text;
 use crate::io::formats::raw::file_name::named;
-use crate::io::formats::raw::layout::RawLayout;
-use crate::io::formats::raw::sidecar::{Sidecar, is_json, is_sidecar};
+use crate::io::formats::raw::layout::{RawLayout, Sidecar};
 use crate::io::options::ReadOptions;
 use crate::io::reader::Reader;
 use crate::io::report::Loaded;
@@ -39,10 +37,8 @@ pub fn read_raw(path: impl AsRef<Path>, layout: &RawLayout, options: &ReadOption
 }
 
 pub(crate) fn read(source: &Source, layout: &RawLayout, options: &ReadOptions) -> Result<Grid> {
-    let numbers = numbers(layout);
-    let (_, bytes) = samples::data_size(source, "dims", &numbers, options)?;
-    let part = Part::sized(source.clone(), layout.offset, bytes);
-    let samples = samples::read(source, "dims", &numbers, 1, &|_| Ok(part.clone()), options)?;
+    let part = |_, bytes| Ok(Part::sized(source.clone(), layout.offset, bytes));
+    let samples = samples::read(source, "dims", &numbers(layout), 1, &part, options)?;
     Grid::new(layout.dims, samples)
         .and_then(|grid| grid.with_placement(layout.spacing, layout.origin, layout.direction))
         .map_err(|error| error.in_file(source.path()))
@@ -68,7 +64,7 @@ impl Reader for Raw {
         let name = source.path().file_name().map(|name| name.to_string_lossy().into_owned());
         let name = name.unwrap_or_default();
         let Some(stem) = stem(&name) else {
-            let sidecar = Sidecar::parse(source)?;
+            let sidecar = Sidecar::read(source)?;
             let data = match &sidecar.file {
                 Some(file) => PathBuf::from(file),
                 None => {
@@ -77,19 +73,13 @@ impl Reader for Raw {
                     if !source.has_sibling(&raw) && source.has_sibling(&packed) { packed } else { raw }
                 }
             };
-            return self.load(
-                &source.sibling(&data, options)?,
-                &sidecar.layout(source)?,
-                options,
-                Vec::new(),
-            );
+            let layout = sidecar.layout(|key, rule| source.error(key, rule));
+            return load(&source.sibling(&data, options)?, &layout?, options, Vec::new());
         };
         let beside = PathBuf::from(format!("{stem}.json"));
         if source.has_sibling(&beside) {
             let json = source.sibling(&beside, options)?;
-            // A file that is not JSON at all may be a broken sidecar, so it is reported.
-            if is_sidecar(&json) || !is_json(&json) {
-                let sidecar = Sidecar::parse(&json)?;
+            if let Some(sidecar) = Sidecar::parse(&json)? {
                 if let Some(other) =
                     sidecar.file.as_ref().filter(|file| file.strip_prefix("./").unwrap_or(file) != name)
                 {
@@ -97,7 +87,8 @@ impl Reader for Raw {
                     return Err(json.error("file", rule));
                 }
                 let notes = vec![format!("layout from {}", beside.display())];
-                return self.load(source, &sidecar.layout(&json)?, options, notes);
+                let layout = sidecar.layout(|key, rule| json.error(key, rule))?;
+                return load(source, &layout, options, notes);
             }
         }
         let (layout, notes) = named(source, stem)?;
@@ -111,28 +102,21 @@ impl Reader for Raw {
             );
             return Err(source.error("name", rule));
         }
-        self.load(source, &layout, options, notes)
+        load(source, &layout, options, notes)
     }
 }
 
 /// Reads raw samples as [`read_raw`] does, and returns them with a report.
-pub(crate) fn load_raw(path: &Path, layout: &RawLayout, options: &ReadOptions) -> Result<Loaded> {
-    Raw.load(&Source::open(path, options)?, layout, options, Vec::new())
-}
-
-impl Raw {
-    fn load(
-        &self,
-        source: &Source,
-        layout: &RawLayout,
-        options: &ReadOptions,
-        notes: Vec<String>,
-    ) -> Result<Loaded> {
-        let chosen = Chosen::new(source, "dims", numbers(layout), 1, options)?;
-        let mut loaded = chosen.loaded(self.name(), read(source, layout, options)?);
-        loaded.report.notes.extend(notes);
-        Ok(loaded)
-    }
+pub(crate) fn load(
+    source: &Source,
+    layout: &RawLayout,
+    options: &ReadOptions,
+    notes: Vec<String>,
+) -> Result<Loaded> {
+    let chosen = Chosen::new(source, "dims", numbers(layout), 1, options)?;
+    let mut loaded = chosen.loaded("raw samples", read(source, layout, options)?);
+    loaded.report.notes.extend(notes);
+    Ok(loaded)
 }
 
 fn numbers(layout: &RawLayout) -> Layout {

@@ -3,17 +3,13 @@
 use std::path::Path;
 
 use crate::error::Error;
+use crate::io::file::sample_type::Endian;
 use crate::io::file::source::Source;
+use crate::num;
 
-struct Format {
-    name: &'static str,
-    /// The suggested conversion.
-    hint: &'static str,
-    /// Whether the content is certainly of this format.
-    content: fn(&Source) -> bool,
-    /// File name extensions that identify it if the content does not.
-    endings: &'static [&'static str],
-}
+/// The name of a format, the suggested conversion, whether a content is certainly of the format, and the file name
+/// extensions that identify it if the content does not.
+struct Format(&'static str, &'static str, fn(&Source) -> bool, &'static [&'static str]);
 
 const CELLS: &str = "write it as VTK (.vtu) with a program that reads it, such as ParaView";
 const SAMPLES: &str = "write the samples as NRRD, NIfTI or MetaImage with a program that reads it";
@@ -23,218 +19,103 @@ const PICTURE: &str =
     "a single picture is not a volume; a series of them may come as one TIFF file of several pages";
 const PACKED: &str = "unpack it and read its contents";
 const PIECES: &str = "give one of the files that it names, or write all as one .vtu or .vti";
+const ATOMS: &str = "write the atoms as CSV: x, y, z and a radius";
+const ARRAY: &str = "write the wanted array as NRRD, NPY or VTK";
+const GRID: &str = "write a dense grid as NRRD or NPY";
+const ARCHIVE: &str = "unpack it and give the file, or for a series the folder";
+const STUDIES: &str = "a DICOMDIR lists studies and holds no samples: give the folder of one series";
+const ZARR: &str = "write the array as NRRD, NPY or TIFF";
 
 /// The formats, special ones before general ones: EXODUS files are NetCDF or HDF5 files.
 static FORMATS: &[Format] = &[
-    Format {
-        name: "EXODUS",
-        hint: CELLS,
-        content: |s| (netcdf(s) || hdf5(s)) && ends(s, &["exo", "ex2", "exii", "e", "g"]),
-        endings: &["exo", "ex2", "exii"],
-    },
-    Format {
-        name: "MINC",
-        hint: SAMPLES,
-        content: |s| (netcdf(s) || hdf5(s)) && ends(s, &["mnc"]),
-        endings: &["mnc"],
-    },
-    Format { name: "CGNS", hint: CELLS, content: |s| hdf5(s) && ends(s, &["cgns"]), endings: &["cgns"] },
-    Format {
-        name: "HDF5 (or NetCDF-4)",
-        hint: "write the wanted array as NRRD, NPY or VTK",
-        content: hdf5,
-        endings: &["h5", "hdf5", "he5", "nc4", "vtkhdf", "ims"],
-    },
-    Format {
-        name: "NetCDF",
-        hint: "write the wanted variable as NRRD, NPY or VTK",
-        content: netcdf,
-        endings: &["nc", "cdf"],
-    },
-    Format {
-        name: "Houdini BGEO",
-        hint: PARTICLES,
-        content: |s| starts(s, &[b"BgeoV", b"\x7fNSJb", b"scf1"]),
-        endings: &["bgeo", "bgeo.gz", "bgeo.sc"],
-    },
-    Format { name: "PLOT3D", hint: CELLS, content: plot3d, endings: &["p3d", "plot3d"] },
-    Format {
-        name: "PDB",
-        hint: "write the atoms as CSV: x, y, z and a radius",
-        content: pdb,
-        endings: &["pdb", "ent", "cif"],
-    },
-    Format {
-        name: "molecular XYZ",
-        hint: "write the atoms as CSV: x, y, z and a radius",
-        content: molecule,
-        endings: &[],
-    },
-    Format {
-        name: "OpenVDB",
-        hint: "write a dense grid as NRRD or NPY",
-        content: |s| starts(s, &[b" BDV\0\0\0\0", b"NanoVDB"]),
-        endings: &["vdb", "nvdb"],
-    },
-    Format { name: "XDMF", hint: CELLS, content: |s| element(s, "Xdmf"), endings: &["xdmf", "xmf"] },
-    Format {
-        name: "parallel or multi-block VTK",
-        hint: PIECES,
-        content: |_| false, // the reader of VTK's XML names what it does not take
-        endings: &["pvtu", "pvti", "pvtp", "pvtr", "pvts", "vtm", "vtmb", "vtpd", "vtpc", "pvd", "pvtk"],
-    },
-    Format {
-        name: "Analyze 7.5",
-        hint: "write it as NIfTI-1: Analyze does not say which side is left",
-        content: analyze,
-        endings: &[],
-    },
-    Format {
-        name: "MRC / CCP4",
-        hint: SAMPLES,
-        content: |s| at(s, 208, b"MAP "),
-        endings: &["mrc", "ccp4", "rec"],
-    },
-    Format {
-        name: "FITS",
-        hint: SAMPLES,
-        content: |s| starts(s, &[b"SIMPLE  ="]),
-        endings: &["fits", "fit", "fts"],
-    },
-    Format {
-        name: "AmiraMesh",
-        hint: SAMPLES,
-        content: |s| starts(s, &[b"# AmiraMesh", b"# Avizo"]),
-        endings: &["am"],
-    },
-    Format { name: "PVM", hint: SAMPLES, content: |s| starts(s, &[b"PVM", b"DDS v3"]), endings: &["pvm"] },
-    Format {
-        name: "MATLAB",
-        hint: "write the array as NPY or NRRD",
-        content: |s| starts(s, &[b"MATLAB 5.0 MAT-file"]),
-        endings: &["mat"],
-    },
-    Format { name: "LAS", hint: PARTICLES, content: |s| starts(s, &[b"LASF"]), endings: &["las", "laz"] },
-    Format { name: "PCD", hint: PARTICLES, content: |s| starts(s, &[b"# .PCD"]), endings: &["pcd"] },
-    Format { name: "E57", hint: PARTICLES, content: |s| starts(s, &[b"ASTM-E57"]), endings: &["e57"] },
-    Format {
-        name: "LAMMPS",
-        hint: PARTICLES,
-        content: |s| starts(s, &[b"ITEM: TIMESTEP"]),
-        endings: &["lammpstrj"],
-    },
-    Format { name: "EnSight", hint: CELLS, content: |_| false, endings: &["case"] },
-    Format {
-        name: "Tecplot",
-        hint: CELLS,
-        content: |s| starts(s, &[b"#!TDV", b"#!SZPLT"]),
-        endings: &["plt", "szplt"],
-    },
-    Format { name: "STL", hint: SURFACE, content: stl, endings: &["stl"] },
-    Format {
-        name: "OBJ",
-        hint: SURFACE,
-        content: |s| ends(s, &["obj"]) && starts(s, &[b"v ", b"#", b"mtllib ", b"o ", b"g "]),
-        endings: &["obj"],
-    },
-    Format { name: "glTF", hint: SURFACE, content: |s| starts(s, &[b"glTF"]), endings: &["gltf", "glb"] },
-    Format {
-        name: "OFF",
-        hint: SURFACE,
-        content: |s| starts(s, &[b"OFF\n", b"OFF\r", b"OFF "]),
-        endings: &["off"],
-    },
-    Format { name: "PNG", hint: PICTURE, content: |s| starts(s, &[b"\x89PNG\r\n\x1a\n"]), endings: &["png"] },
-    Format {
-        name: "JPEG",
-        hint: PICTURE,
-        content: |s| starts(s, &[b"\xff\xd8\xff", b"\0\0\0\x0cjP  \r\n\x87\n"]),
-        endings: &["jpg", "jpeg", "jp2"],
-    },
-    Format { name: "GIF", hint: PICTURE, content: |s| starts(s, &[b"GIF87a", b"GIF89a"]), endings: &["gif"] },
-    Format { name: "BMP", hint: PICTURE, content: |_| false, endings: &["bmp"] },
-    Format {
-        name: "OpenEXR",
-        hint: PICTURE,
-        content: |s| starts(s, &[b"\x76\x2f\x31\x01"]),
-        endings: &["exr"],
-    },
-    Format {
-        name: "NPZ",
-        hint: "unpack it and give one of its .npy files",
-        content: |s| starts(s, ZIP) && ends(s, &["npz"]),
-        endings: &["npz"],
-    },
-    Format {
-        name: "ZIP",
-        hint: "unpack it and give the file, or for a series the folder",
-        content: |s| starts(s, ZIP),
-        endings: &["zip"],
-    },
-    Format {
-        name: "tar",
-        hint: "unpack it and give the file, or for a series the folder",
-        content: |s| at(s, 257, b"ustar"),
-        endings: &["tar", "tgz"],
-    },
-    Format {
-        name: "bzip2",
-        hint: PACKED,
-        content: |s| starts(s, &[b"BZh"]) && at(s, 4, b"1AY&SY"),
-        endings: &["bz2"],
-    },
-    Format { name: "xz", hint: PACKED, content: |s| starts(s, &[b"\xfd7zXZ\0"]), endings: &["xz", "lzma"] },
-    Format { name: "zstd", hint: PACKED, content: |s| starts(s, &[b"\x28\xb5\x2f\xfd"]), endings: &["zst"] },
-    Format { name: "LZ4", hint: PACKED, content: |s| starts(s, &[b"\x04\x22\x4d\x18"]), endings: &["lz4"] },
-    Format { name: "7z", hint: PACKED, content: |s| starts(s, &[b"7z\xbc\xaf\x27\x1c"]), endings: &["7z"] },
-    Format { name: "RAR", hint: PACKED, content: |s| starts(s, &[b"Rar!\x1a\x07"]), endings: &["rar"] },
-    Format {
-        name: "DICOMDIR",
-        hint: "a DICOMDIR lists studies and holds no samples: give the folder of one series",
-        content: |s| named(s, "dicomdir") && at(s, 128, b"DICM"),
-        endings: &[],
-    },
+    Format("EXODUS", CELLS, |s| scientific(s, &["exo", "ex2", "exii", "e", "g"]), &["exo", "ex2", "exii"]),
+    Format("MINC", SAMPLES, |s| scientific(s, &["mnc"]), &["mnc"]),
+    Format("CGNS", CELLS, |s| hdf5(s) && ends(s, &["cgns"]), &["cgns"]),
+    Format("HDF5 (or NetCDF-4)", ARRAY, hdf5, &["h5", "hdf5", "he5", "nc4", "vtkhdf", "ims"]),
+    Format("NetCDF", "write the wanted variable as NRRD, NPY or VTK", netcdf, &["nc", "cdf"]),
+    Format("Houdini BGEO", PARTICLES, |s| starts(s, &[b"BgeoV", b"\x7fNSJb", b"scf1"]), &["bgeo", "bgeo.sc"]),
+    Format("PLOT3D", CELLS, plot3d, &["p3d", "plot3d"]),
+    Format("PDB", ATOMS, pdb, &["pdb", "ent", "cif"]),
+    Format("molecular XYZ", ATOMS, molecule, &[]),
+    Format("OpenVDB", GRID, |s| starts(s, &[b" BDV\0\0\0\0", b"NanoVDB"]), &["vdb", "nvdb"]),
+    Format("XDMF", CELLS, |s| element(s, "Xdmf"), &["xdmf", "xmf"]),
+    // The reader of VTK's XML names what it does not take.
+    Format(
+        "parallel or multi-block VTK",
+        PIECES,
+        |_| false,
+        &["pvtu", "pvti", "pvtp", "pvtr", "pvts", "vtm", "vtmb", "vtpd", "vtpc", "pvd", "pvtk"],
+    ),
+    Format("Analyze 7.5", "write it as NIfTI-1: Analyze does not say which side is left", analyze, &[]),
+    Format("MRC / CCP4", SAMPLES, |s| at(s, 208, b"MAP "), &["mrc", "ccp4", "rec"]),
+    Format("FITS", SAMPLES, |s| starts(s, &[b"SIMPLE  ="]), &["fits", "fit", "fts"]),
+    Format("AmiraMesh", SAMPLES, |s| starts(s, &[b"# AmiraMesh", b"# Avizo"]), &["am"]),
+    Format("PVM", SAMPLES, |s| starts(s, &[b"PVM", b"DDS v3"]), &["pvm"]),
+    Format("MATLAB", "write the array as NPY or NRRD", |s| starts(s, &[b"MATLAB 5.0 MAT-file"]), &["mat"]),
+    Format("LAS", PARTICLES, |s| starts(s, &[b"LASF"]), &["las", "laz"]),
+    Format("PCD", PARTICLES, |s| starts(s, &[b"# .PCD"]), &["pcd"]),
+    Format("E57", PARTICLES, |s| starts(s, &[b"ASTM-E57"]), &["e57"]),
+    Format("LAMMPS", PARTICLES, |s| starts(s, &[b"ITEM: TIMESTEP"]), &["lammpstrj"]),
+    Format("EnSight", CELLS, |_| false, &["case"]),
+    Format("Tecplot", CELLS, |s| starts(s, &[b"#!TDV", b"#!SZPLT"]), &["plt", "szplt"]),
+    Format("STL", SURFACE, stl, &["stl"]),
+    Format(
+        "OBJ",
+        SURFACE,
+        |s| ends(s, &["obj"]) && starts(s, &[b"v ", b"#", b"mtllib ", b"o ", b"g "]),
+        &["obj"],
+    ),
+    Format("glTF", SURFACE, |s| starts(s, &[b"glTF"]), &["gltf", "glb"]),
+    Format("OFF", SURFACE, |s| starts(s, &[b"OFF\n", b"OFF\r", b"OFF "]), &["off"]),
+    Format("PNG", PICTURE, |s| starts(s, &[b"\x89PNG\r\n\x1a\n"]), &["png"]),
+    Format(
+        "JPEG",
+        PICTURE,
+        |s| starts(s, &[b"\xff\xd8\xff", b"\0\0\0\x0cjP  \r\n\x87\n"]),
+        &["jpg", "jpeg", "jp2"],
+    ),
+    Format("GIF", PICTURE, |s| starts(s, &[b"GIF87a", b"GIF89a"]), &["gif"]),
+    Format("BMP", PICTURE, |_| false, &["bmp"]),
+    Format("OpenEXR", PICTURE, |s| starts(s, &[b"\x76\x2f\x31\x01"]), &["exr"]),
+    Format(
+        "NPZ",
+        "unpack it and give one of its .npy files",
+        |s| starts(s, ZIP) && ends(s, &["npz"]),
+        &["npz"],
+    ),
+    Format("ZIP", ARCHIVE, |s| starts(s, ZIP), &["zip"]),
+    Format("tar", ARCHIVE, |s| at(s, 257, b"ustar"), &["tar", "tgz"]),
+    Format("bzip2", PACKED, |s| starts(s, &[b"BZh"]) && at(s, 4, b"1AY&SY"), &["bz2"]),
+    Format("xz", PACKED, |s| starts(s, &[b"\xfd7zXZ\0"]), &["xz", "lzma"]),
+    Format("zstd", PACKED, |s| starts(s, &[b"\x28\xb5\x2f\xfd"]), &["zst"]),
+    Format("LZ4", PACKED, |s| starts(s, &[b"\x04\x22\x4d\x18"]), &["lz4"]),
+    Format("7z", PACKED, |s| starts(s, &[b"7z\xbc\xaf\x27\x1c"]), &["7z"]),
+    Format("RAR", PACKED, |s| starts(s, &[b"Rar!\x1a\x07"]), &["rar"]),
+    Format("DICOMDIR", STUDIES, |s| named(s, "dicomdir") && at(s, 128, b"DICM"), &[]),
     #[cfg(not(feature = "dicom"))]
-    Format {
-        name: "DICOM",
-        hint: "this build is without the feature `dicom`",
-        content: |s| at(s, 128, b"DICM"),
-        endings: &["dcm"],
-    },
-    Format {
-        name: "Zarr",
-        hint: ZARR,
-        content: |s| ZARR_FILES.iter().any(|name| named(s, name)),
-        endings: &[],
-    },
+    Format("DICOM", "this build is without the feature `dicom`", |s| at(s, 128, b"DICM"), &["dcm"]),
+    Format("Zarr", ZARR, |s| ZARR_FILES.iter().any(|name| named(s, name)), &[]),
 ];
 
 const ZIP: &[&[u8]] = &[b"PK\x03\x04", b"PK\x05\x06"];
-const ZARR: &str = "write the array as NRRD, NPY or TIFF";
 const ZARR_FILES: [&str; 4] = [".zarray", ".zgroup", ".zattrs", "zarr.json"];
 
 /// Returns the error for a file whose content is of an unsupported format.
 pub(crate) fn by_content(source: &Source) -> Option<Error> {
-    let format = FORMATS.iter().find(|format| (format.content)(source))?;
-    Some(source.error("content", format.text()))
+    let Format(name, hint, ..) = FORMATS.iter().find(|Format(_, _, content, _)| content(source))?;
+    Some(source.error("content", format!("{name} is not supported: {hint}")))
 }
 
 /// Returns the error for a file whose name is that of an unsupported format.
 pub(crate) fn by_name(source: &Source) -> Option<Error> {
-    let format = FORMATS.iter().find(|format| ends(source, format.endings))?;
-    Some(source.error("file name", format.text()))
+    let Format(name, hint, ..) = FORMATS.iter().find(|Format(.., endings)| ends(source, endings))?;
+    Some(source.error("file name", format!("{name} is not supported: {hint}")))
 }
 
 /// Returns the error for a folder that is a data set of an unsupported format.
 pub(crate) fn folder(path: &Path) -> Option<Error> {
     let zarr = path.is_dir() && ZARR_FILES.iter().any(|name| path.join(name).is_file());
     zarr.then(|| Error::file(path, "folder", format!("Zarr is not supported: {ZARR}")))
-}
-
-impl Format {
-    fn text(&self) -> String {
-        format!("{} is not supported: {}", self.name, self.hint)
-    }
 }
 
 fn starts(source: &Source, magics: &[&[u8]]) -> bool {
@@ -274,6 +155,11 @@ fn element(source: &Source, name: &str) -> bool {
     head.trim_ascii_start().starts_with(b"<") && holds(source, &format!("<{name}"))
 }
 
+/// Whether the file is NetCDF or HDF5 with one of these extensions.
+fn scientific(source: &Source, endings: &[&str]) -> bool {
+    (netcdf(source) || hdf5(source)) && ends(source, endings)
+}
+
 fn hdf5(source: &Source) -> bool {
     starts(source, &[b"\x89HDF\r\n\x1a\n"])
 }
@@ -286,14 +172,9 @@ fn netcdf(source: &Source) -> bool {
 /// Recognises a header of 348 bytes without the magic of NIfTI.
 fn analyze(source: &Source) -> bool {
     let Some(head) = source.head().first_chunk::<348>() else { return false };
-    let size = [head[0], head[1], head[2], head[3]];
-    let dims = |rank: i16| (1..=7).contains(&rank);
-    let fits = match (i32::from_le_bytes(size), i32::from_be_bytes(size)) {
-        (348, _) => dims(i16::from_le_bytes([head[40], head[41]])),
-        (_, 348) => dims(i16::from_be_bytes([head[40], head[41]])),
-        _ => false,
-    };
-    fits && head[344..] == [0; 4]
+    let fits =
+        |order: Endian| order.whole(&head[..4]) == 348 && (1..=7).contains(&order.whole(&head[40..42]));
+    [Endian::Little, Endian::Big].into_iter().any(fits) && head[344..] == [0; 4]
 }
 
 /// Recognises a first record that only PDB files have, or an atom in the columns of the format.
@@ -333,11 +214,8 @@ fn stl(source: &Source) -> bool {
     if starts(source, &[b"solid"]) && holds(source, "facet normal") {
         return true;
     }
-    let count = |head: &[u8]| head.get(80..84).and_then(|bytes| bytes.first_chunk().copied());
-    !source.is_gzip()
-        && count(source.head())
-            .map(|bytes| u64::from(u32::from_le_bytes(bytes)))
-            .is_some_and(|count| count > 0 && source.len() == 84 + 50 * count)
+    let count = source.head().get(80..84).map_or(0, |bytes| Endian::Little.whole(bytes));
+    !source.is_gzip() && count > 0 && source.len() == 84 + 50 * count
 }
 
 /// Recognises PLOT3D by its sizes alone: the extents of one or several grids, then exactly as many numbers as
@@ -347,28 +225,22 @@ fn plot3d(source: &Source) -> bool {
     if source.is_gzip() || !ends(source, &["bin", "xyz", "x", "q", "f", "p3d", "grd", "dat"]) {
         return false;
     }
-    let words: Vec<[u8; 4]> = source.head().as_chunks::<4>().0.to_vec();
-    [u32::from_le_bytes, u32::from_be_bytes].into_iter().any(|order| {
-        let word = |i: usize| words.get(i).map(|&bytes| u64::from(order(bytes)));
+    [Endian::Little, Endian::Big].into_iter().any(|order| {
+        let word = |i: usize| source.head().get(4 * i..4 * i + 4).map(|bytes| order.whole(bytes));
         // A Fortran record has its length before and after it.
         [0, 1].into_iter().any(|marker| {
             let one = (marker == 0 || word(0) == Some(12)).then_some((marker, 1));
             let several = (marker == 0 || word(0) == Some(4))
                 .then(|| word(marker))
                 .flatten()
-                .filter(|count| (1..=256).contains(count))
+                .and_then(|count| usize::try_from(count).ok().filter(|count| (1..=256).contains(count)))
                 .map(|count| (1 + 3 * marker, count));
             [one, several].into_iter().flatten().any(|(first, grids)| {
-                let extents = usize::try_from(3 * grids).ok().map(|count| first..first + count);
-                let extents = extents.and_then(|range| range.map(word).collect::<Option<Vec<u64>>>());
-                let Some(extents) = extents else { return false };
-                let end = first + extents.len() + marker;
-                plot3d_sizes(
-                    4 * u64::try_from(end).unwrap_or(0),
-                    u64::try_from(marker).unwrap_or(0),
-                    &extents,
-                )
-                .is_some_and(|sizes| {
+                let Some(extents) = (first..).take(grids * 3).map(word).collect::<Option<Vec<u64>>>() else {
+                    return false;
+                };
+                let end = num::wide(first + extents.len() + marker);
+                plot3d_sizes(4 * end, num::wide(marker), &extents).is_some_and(|sizes| {
                     sizes.iter().any(|&size| [size, size.next_multiple_of(512)].contains(&source.len()))
                 })
             })

@@ -1,11 +1,13 @@
-//! The data of a scene, and the file that it comes from.
+//! The data of a scene: where it comes from, and what all kinds of data have in common.
 
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::io::options::ReadOptions;
+use crate::io::read_data;
 use crate::io::report::{Loaded, Report};
 use crate::num;
-use crate::scene::{Data, KernelSize, Points};
+use crate::scene::{Data, KernelSize};
 
 /// The data of a scene, and the file it comes from.
 pub(crate) struct SceneData {
@@ -17,36 +19,25 @@ pub(crate) struct SceneData {
 impl SceneData {
     /// Wraps data that has been read; points without size get an estimated radius.
     pub(crate) fn new(file: &Path, loaded: Loaded) -> Self {
-        let Loaded { data, report } = loaded;
-        match data {
-            Data::Points(points) => Self::of_points(file, points, report),
-            data => Self { data, file: file.to_path_buf(), report },
-        }
-    }
-
-    /// Wraps points; those without size get an estimated radius.
-    pub(crate) fn of_points(file: &Path, mut points: Points, mut report: Report) -> Self {
-        if *points.size() == KernelSize::Unknown {
-            points = points.with_estimated_radius();
-            if let KernelSize::Radius(radius) = points.size() {
-                report.notes.push(format!("radius {}: from the spacing of points", short(*radius)));
+        let Loaded { data, mut report } = loaded;
+        let data = match data {
+            Data::Points(points) if *points.size() == KernelSize::Unknown => {
+                let points = points.with_estimated_radius();
+                if let KernelSize::Radius(radius) = points.size() {
+                    report.notes.push(format!("radius {}: from the spacing of points", short(*radius)));
+                }
+                points.into()
             }
-        }
-        Self { data: points.into(), file: file.to_path_buf(), report }
+            data => data,
+        };
+        Self { data, file: file.to_path_buf(), report }
     }
 
-    /// Wraps data that must be a grid.
-    pub(crate) fn grid(file: &Path, loaded: Loaded) -> Result<Self> {
-        match loaded.data {
-            Data::Grid(_) => Ok(Self::new(file, loaded)),
-            Data::Mesh(_) => Err(Error::file(file, "content", "holds a mesh: a scene names it in `mesh`")),
-            Data::Points(_) => Err(Error::file(file, "content", HOLDS_POINTS)),
-        }
+    /// Wraps an analytic field.
+    pub(crate) fn analytic(scene: &Path, data: impl Into<Data>) -> Self {
+        Self::new(scene, Loaded::new("analytic field", data))
     }
 }
-
-/// The rule for a file of points under another key.
-pub(crate) const HOLDS_POINTS: &str = "holds points: a scene names them in `points`";
 
 /// Formats a positive number with three digits.
 fn short(value: f64) -> String {
@@ -56,6 +47,66 @@ fn short(value: f64) -> String {
     } else {
         format!("{value:.2e}")
     }
+}
+
+/// Reads a data file, which must hold the data that belongs under the key.
+pub(crate) fn read(key: &str, file: &Path, options: &ReadOptions) -> Result<Loaded> {
+    let loaded = read_data::read(file, options)?;
+    let (own, rule) = match loaded.data {
+        Data::Grid(_) => ("volume", "holds a grid: a scene names it in `volume`"),
+        Data::Mesh(_) => ("mesh", "holds a mesh: a scene names it in `mesh`"),
+        Data::Points(_) => ("points", "holds points: a scene names them in `points`"),
+    };
+    if own == key { Ok(loaded) } else { Err(Error::file(file, "content", rule)) }
+}
+
+/// The place that data comes from: a file, or the name of an analytic field.
+pub(crate) enum Given<'a> {
+    File(PathBuf),
+    Field(&'a str),
+}
+
+impl<'a> Given<'a> {
+    /// Returns what is given under a key, which must be one of both.
+    pub(crate) fn of(
+        scene: &Path,
+        key: &str,
+        file: &Option<String>,
+        field: &'a Option<String>,
+    ) -> Result<Self> {
+        let rule = match (file, field) {
+            (Some(file), None) => return Ok(Self::File(beside(scene, file))),
+            (None, Some(field)) => return Ok(Self::Field(field)),
+            (Some(_), Some(_)) => "must have either `file` or `field`, not both",
+            (None, None) => "must have `file` or `field`",
+        };
+        Err(Error::file(scene, key, rule))
+    }
+}
+
+/// Refuses arrays that keys of the scene or options select, for data that has none.
+pub(crate) fn refuse_arrays(scene: &Path, what: &str, wanted: &[(&str, &Option<String>)]) -> Result<()> {
+    match wanted.iter().find_map(|&(key, array)| Some((key, array.as_ref()?))) {
+        Some((key, array)) => {
+            Err(Error::file(scene, key, format!("\"{array}\": {what} have no arrays with names")))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Checks the memory of an analytic field, whose extent a key gives, before it is allocated.
+pub(crate) fn check_memory(
+    scene: &Path,
+    key: &str,
+    extent: u32,
+    bytes: u64,
+    options: &ReadOptions,
+) -> Result<()> {
+    if bytes <= options.max_bytes {
+        return Ok(());
+    }
+    let rule = format!("{extent}: takes {bytes} bytes, the limit is {} bytes", options.max_bytes);
+    Err(Error::file(scene, key, rule))
 }
 
 /// Resolves a path relative to the scene file.

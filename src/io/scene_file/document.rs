@@ -1,4 +1,4 @@
-//! The keys of a scene file.
+//! The keys of a scene file: the document, its camera, its image and its clip region.
 
 use std::path::Path;
 
@@ -6,7 +6,6 @@ use glam::DVec3;
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
-use crate::io::scene_file::clip::ClipSpec;
 use crate::io::scene_file::kernels::{KernelsSpec, Kind};
 use crate::io::scene_file::mesh::MeshSpec;
 use crate::io::scene_file::points::PointsSpec;
@@ -14,7 +13,7 @@ use crate::io::scene_file::surfaces::SurfaceSpec;
 use crate::io::scene_file::technique::TechniqueChoice;
 use crate::io::scene_file::transfer::TransferSpec;
 use crate::io::scene_file::volume::VolumeSpec;
-use crate::scene::{Camera, Kernels, Projection};
+use crate::scene::{Camera, Clip, Kernels, Projection};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a scene: an object with `volume`, `mesh` or `points`")]
@@ -45,13 +44,13 @@ impl DataSpec {
         let kind = match self {
             Self::Volume(_) => Kind::Grid,
             Self::Mesh(_) => Kind::Mesh,
-            Self::Points(points) => match (points.kernels_key(), &spec) {
-                (_, None) => return points.kernels(path),
+            Self::Points(points) => match (points.kernels().key(), &spec) {
+                (Some(_), None) => return points.kernels().check(path, "points", Kind::Points).map(Some),
                 (Some(key), Some(_)) => {
                     let rule = "must be in `kernels` or in `points`, not in both";
                     return Err(Error::file(path, format!("points.{key}"), rule));
                 }
-                (None, Some(_)) => Kind::Points,
+                (None, _) => Kind::Points,
             },
         };
         spec.map(|spec| spec.check(path, "kernels", kind)).transpose()
@@ -84,5 +83,51 @@ impl CameraSpec {
         };
         let [eye, target, up] = [self.eye, self.target, self.up].map(DVec3::from_array);
         Ok(Camera { eye, target, up, projection })
+    }
+}
+
+/// Clip planes and a crop box.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "an object with `planes` and `crop`")]
+pub(crate) struct ClipSpec {
+    planes: Option<Vec<PlaneSpec>>,
+    crop: Option<CropSpec>,
+}
+
+#[derive(Deserialize)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "an object with `point` and `normal`, which points to the side that is kept"
+)]
+struct PlaneSpec {
+    point: [f64; 3],
+    normal: [f64; 3],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "an object with `low` and `high`")]
+struct CropSpec {
+    low: Option<[Option<f64>; 3]>,
+    high: Option<[Option<f64>; 3]>,
+}
+
+impl ClipSpec {
+    pub(crate) fn check(&self, scene: &Path) -> Result<Clip> {
+        let mut clip = Clip::none();
+        for (i, plane) in self.planes.iter().flatten().enumerate() {
+            clip = clip.with_plane(plane.point.into(), plane.normal.into()).map_err(|error| match error {
+                Error::Invalid { what, why } => {
+                    let key = what.strip_prefix("clip plane ").map_or(String::new(), |key| format!(".{key}"));
+                    Error::file(scene, format!("clip.planes[{i}]{key}"), why)
+                }
+                other => other,
+            })?;
+        }
+        let Some(crop) = &self.crop else { return Ok(clip) };
+        let bound = |given: Option<[Option<f64>; 3]>, none: f64| {
+            DVec3::from(given.unwrap_or_default().map(|bound| bound.unwrap_or(none)))
+        };
+        let [low, high] = [bound(crop.low, f64::NEG_INFINITY), bound(crop.high, f64::INFINITY)];
+        clip.with_crop(low, high).map_err(|error| error.at_place(scene, "clip.crop"))
     }
 }

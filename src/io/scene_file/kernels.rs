@@ -39,27 +39,18 @@ impl KernelsSpec {
             Kind::Grid | Kind::Mesh => Kernels::of_samples(),
         };
         if let Some(name) = &self.kernel {
-            kernels.kernel = match Kernel::from_name(name) {
-                Ok(kernel) if kind == Kind::Grid || matches!(kernel, Kernel::Gaussian | Kernel::BSpline) => {
-                    kernel
-                }
-                Ok(_) => {
-                    return refuse(
-                        "kernel",
-                        format!("\"{name}\": is for grids; gaussian and bspline are for all"),
-                    );
-                }
-                Err(Error::Invalid { why, .. }) => return refuse("kernel", why),
-                Err(other) => return Err(other),
-            };
+            let place = format!("{of}.kernel");
+            kernels.kernel = Kernel::from_name(name).map_err(|error| error.at_place(scene, &place))?;
+            if kind != Kind::Grid && !matches!(kernels.kernel, Kernel::Gaussian | Kernel::BSpline) {
+                let rule = format!("\"{name}\": is for grids; gaussian and bspline are for all");
+                return refuse("kernel", rule);
+            }
         }
         if let Some(name) = &self.model {
             let models = [Model::Density, Model::Interpolate];
             let Some(model) = models.into_iter().find(|model| model.name() == name) else {
-                return refuse(
-                    "model",
-                    format!("\"{name}\": must be one of {}", models.map(Model::name).join(", ")),
-                );
+                let names = models.map(Model::name).join(", ");
+                return refuse("model", format!("\"{name}\": must be one of {names}"));
             };
             kernels.model = model;
         }

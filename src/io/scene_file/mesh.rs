@@ -6,9 +6,7 @@ use serde::Deserialize;
 
 use crate::error::{Error, Result};
 use crate::io::options::ReadOptions;
-use crate::io::read_data;
-use crate::io::report::Report;
-use crate::io::scene_file::data::{HOLDS_POINTS, SceneData, beside};
+use crate::io::scene_file::data::{Given, SceneData, check_memory, read, refuse_arrays};
 use crate::scene::{Data, Field};
 
 /// The keys of both kinds of mesh, in one struct so that every error names its key.
@@ -23,37 +21,20 @@ pub(crate) struct MeshSpec {
 
 impl MeshSpec {
     pub(crate) fn load(&self, scene: &Path, options: &ReadOptions) -> Result<SceneData> {
-        let refuse = |place: &str, rule: String| Err(Error::file(scene, place, rule));
         options.check_kernels("a mesh").map_err(|error| error.in_file(scene))?;
-        match (&self.file, &self.field) {
-            (Some(_), Some(_)) => refuse("mesh", "must have either `file` or `field`, not both".into()),
-            (None, None) => refuse("mesh", "must have `file` or `field`".into()),
-            (Some(_), None) if self.cubes.is_some() => {
-                refuse("mesh.cubes", "belongs to a field, not to a file".into())
+        match Given::of(scene, "mesh", &self.file, &self.field)? {
+            Given::File(_) if self.cubes.is_some() => {
+                Err(Error::file(scene, "mesh.cubes", "belongs to a field, not to a file"))
             }
-            (Some(file), None) => {
-                let file = beside(scene, file);
+            Given::File(file) => {
                 let array = options.array.clone().or_else(|| self.array.clone());
-                let loaded = read_data::read(&file, &ReadOptions { array, ..options.clone() })?;
-                match loaded.data {
-                    Data::Mesh(_) => Ok(SceneData::new(&file, loaded)),
-                    Data::Grid(_) => {
-                        Err(Error::file(&file, "content", "holds a grid: a scene names it in `volume`"))
-                    }
-                    Data::Points(_) => Err(Error::file(&file, "content", HOLDS_POINTS)),
-                }
+                let loaded = read("mesh", &file, &ReadOptions { array, ..options.clone() })?;
+                Ok(SceneData::new(&file, loaded))
             }
-            (None, Some(field)) => {
-                // Arrays may be selected in the scene or in the options.
+            Given::Field(field) => {
                 let wanted = [("mesh.array", &self.array), ("array", &options.array)];
-                if let Some((key, array)) = wanted.into_iter().find_map(|(key, a)| Some((key, a.as_ref()?))) {
-                    return refuse(key, format!("\"{array}\": fields have no arrays with names"));
-                }
-                Ok(SceneData {
-                    data: self.analytic(scene, field, options)?,
-                    file: scene.to_path_buf(),
-                    report: Report { format: "analytic field", ..Report::default() },
-                })
+                refuse_arrays(scene, "fields", &wanted)?;
+                Ok(SceneData::analytic(scene, self.analytic(scene, field, options)?))
             }
         }
     }
@@ -66,11 +47,7 @@ impl MeshSpec {
         let field = Field::from_name(field).map_err(at("mesh.field"))?;
         // A corner takes 28 bytes (position and scalar), a cube 80 (five tetrahedra of four indices).
         let side = u64::from(cubes.min(Field::MAX_CUBES));
-        let bytes = 28 * (side + 1).pow(3) + 80 * side.pow(3);
-        if bytes > options.max_bytes {
-            let rule = format!("{cubes}: takes {bytes} bytes, the limit is {} bytes", options.max_bytes);
-            return Err(Error::file(scene, "mesh.cubes", rule));
-        }
+        check_memory(scene, "mesh.cubes", cubes, 28 * (side + 1).pow(3) + 80 * side.pow(3), options)?;
         field.tets(cubes).map(Data::Mesh).map_err(at("mesh.cubes"))
     }
 }

@@ -3,12 +3,10 @@
 //! Unknown keys are errors that name the allowed ones. Paths are relative to the scene file.
 //! It uses the readers of `io` and `scene`; the program, the C interface and tests use it.
 
-mod clip;
 mod data;
 mod document;
 mod kernels;
 mod load;
-mod loaded;
 mod mesh;
 mod points;
 mod surfaces;
@@ -17,6 +15,5 @@ mod transfer;
 mod volume;
 
 pub use crate::scene::presets::{PRESETS, Preset};
-pub use load::SceneFile;
-pub use loaded::LoadedScene;
+pub use load::{LoadedScene, SceneFile};
 pub use technique::TechniqueChoice;

@@ -8,12 +8,10 @@ use serde::{Deserialize, Deserializer};
 
 use crate::error::{Error, Result};
 use crate::io::options::ReadOptions;
-use crate::io::read_data;
-use crate::io::report::Report;
-use crate::io::scene_file::data::{SceneData, beside};
-use crate::io::scene_file::kernels::{KernelsSpec, Kind};
+use crate::io::scene_file::data::{Given, SceneData, check_memory, read, refuse_arrays};
+use crate::io::scene_file::kernels::KernelsSpec;
 use crate::num;
-use crate::scene::{Data, Field, KernelSize, Kernels, Points};
+use crate::scene::{Data, Field, KernelSize, Points};
 
 /// The keys of both kinds of points, in one struct so that every error names its key.
 #[derive(Deserialize)]
@@ -73,18 +71,8 @@ impl<'de> Deserialize<'de> for Radius {
 }
 
 impl PointsSpec {
-    /// Returns the kernels given among the keys of points, if any.
-    pub(crate) fn kernels(&self, scene: &Path) -> Result<Option<Kernels>> {
-        let spec = self.kernels_spec();
-        spec.key().map(|_| spec.check(scene, "points", Kind::Points)).transpose()
-    }
-
-    /// Returns the first kernel key that is given.
-    pub(crate) fn kernels_key(&self) -> Option<&'static str> {
-        self.kernels_spec().key()
-    }
-
-    fn kernels_spec(&self) -> KernelsSpec {
+    /// Returns the kernels given among the keys of points.
+    pub(crate) fn kernels(&self) -> KernelsSpec {
         let Self { kernel, cut, model, least, .. } = self;
         KernelsSpec { kernel: kernel.clone(), sigma: None, cut: *cut, model: model.clone(), least: *least }
     }
@@ -94,18 +82,12 @@ impl PointsSpec {
         if self.radius.is_some() && self.covariance.is_some() {
             return refuse("points.covariance", "points have either `radius` or `covariance`, not both");
         }
-        match (&self.file, &self.field) {
-            (Some(_), Some(_)) => refuse("points", "must have either `file` or `field`, not both"),
-            (None, None) => refuse("points", "must have `file` or `field`"),
-            (Some(_), None) if self.count.is_some() => {
+        match Given::of(scene, "points", &self.file, &self.field)? {
+            Given::File(_) if self.count.is_some() => {
                 refuse("points.count", "belongs to a field, not to a file")
             }
-            (Some(file), None) => self.read(&beside(scene, file), options),
-            (None, Some(field)) => {
-                self.refuse_arrays(scene, options)?;
-                let report = Report { format: "analytic field", ..Report::default() };
-                Ok(SceneData::of_points(scene, self.analytic(scene, field, options)?, report))
-            }
+            Given::File(file) => self.read(&file, options),
+            Given::Field(field) => Ok(SceneData::analytic(scene, self.analytic(scene, field, options)?)),
         }
     }
 
@@ -123,65 +105,40 @@ impl PointsSpec {
                 None => {}
             }
         }
-        let loaded = read_data::read(file, &wanted)?;
-        let holds = |what: &str| Err(Error::file(file, "content", format!("holds a {what}")));
-        let points = match loaded.data {
-            Data::Points(points) => points,
-            Data::Grid(_) => return holds("grid: a scene names it in `volume`"),
-            Data::Mesh(_) => return holds("mesh: a scene names it in `mesh`"),
-        };
-        Ok(SceneData::of_points(file, sized(points, all)?, loaded.report))
-    }
-
-    /// Refuses selected arrays, which fields do not have.
-    fn refuse_arrays(&self, scene: &Path, options: &ReadOptions) -> Result<()> {
-        let radius = match &self.radius {
-            Some(Radius::Array(name)) => Some(name),
-            _ => None,
-        };
-        let wanted = [
-            ("points.array", self.array.as_ref()),
-            ("points.radius", radius),
-            ("points.covariance", self.covariance.as_ref()),
-            ("points.weight", self.weight.as_ref()),
-            ("array", options.array.as_ref()),
-            ("radius", options.radius.as_ref()),
-            ("covariance", options.covariance.as_ref()),
-            ("weight", options.weight.as_ref()),
-        ];
-        match wanted.into_iter().find_map(|(key, array)| Some((key, array?))) {
-            Some((key, array)) => {
-                let rule = format!("\"{array}\": fields have no arrays with names");
-                Err(Error::file(scene, key, rule))
-            }
-            None => Ok(()),
+        let mut loaded = read("points", file, &wanted)?;
+        if let (Data::Points(points), Some(radius)) = (&loaded.data, all) {
+            loaded.data = points.clone().with_size(KernelSize::Radius(radius))?.into();
         }
+        Ok(SceneData::new(file, loaded))
     }
 
     fn analytic(&self, scene: &Path, field: &str, options: &ReadOptions) -> Result<Points> {
+        let radius = match &self.radius {
+            Some(Radius::Array(name)) => &Some(name.clone()),
+            _ => &None,
+        };
+        let wanted = [
+            ("points.array", &self.array),
+            ("points.radius", radius),
+            ("points.covariance", &self.covariance),
+            ("points.weight", &self.weight),
+            ("array", &options.array),
+            ("radius", &options.radius),
+            ("covariance", &options.covariance),
+            ("weight", &options.weight),
+        ];
+        refuse_arrays(scene, "fields", &wanted)?;
         let Some(count) = self.count else {
             return Err(Error::file(scene, "points.count", "missing: a field needs count"));
         };
         let at = |key: &'static str| move |error: Error| error.at_place(scene, key);
         let field = Field::from_name(field).map_err(at("points.field"))?;
         // A point takes 28 bytes: position and scalar.
-        let bytes = 28 * u64::from(count);
-        if bytes > options.max_bytes {
-            let rule = format!("{count}: takes {bytes} bytes, the limit is {} bytes", options.max_bytes);
-            return Err(Error::file(scene, "points.count", rule));
+        check_memory(scene, "points.count", count, 28 * u64::from(count), options)?;
+        let points = field.points(count).map_err(at("points.count"))?;
+        match self.radius {
+            Some(Radius::All(radius)) => points.with_size(KernelSize::Radius(radius)),
+            _ => Ok(points),
         }
-        let all = match self.radius {
-            Some(Radius::All(radius)) => Some(radius),
-            _ => None,
-        };
-        sized(field.points(count).map_err(at("points.count"))?, all)
-    }
-}
-
-/// Gives all points one radius, if there is one.
-fn sized(points: Points, radius: Option<f64>) -> Result<Points> {
-    match radius {
-        Some(radius) => points.with_size(KernelSize::Radius(radius)),
-        None => Ok(points),
     }
 }

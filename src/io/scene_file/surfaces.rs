@@ -68,7 +68,7 @@ pub(crate) fn load(specs: &[SurfaceSpec], scene: &Path, options: &ReadOptions) -
         let surface = plan.load(&ReadOptions { max_bytes: left, ..options.clone() })?;
         triangles += surface.triangles().len();
         if triangles > MAX_TRIANGLES {
-            return Err(plan.refuse("", &format!("all surfaces have more than {MAX_TRIANGLES} triangles")));
+            return Err(plan.refuse("", format!("all surfaces have more than {MAX_TRIANGLES} triangles")));
         }
         let bytes = 24 * surface.points().len() + 12 * surface.triangles().len();
         left = left.saturating_sub(num::wide(bytes));
@@ -94,19 +94,18 @@ impl<'a> Plan<'a> {
             return Err(plan.refuse("", "must have exactly one of `file`, `box` and `sphere`"));
         }
         if [r, g, b].iter().any(|c| !(c.is_finite() && *c >= 0.0)) {
-            let rule = format!("{:?}: must be three numbers from 0 on", [r, g, b]);
-            return Err(plan.refuse(".colour", &rule));
+            return Err(plan.refuse(".colour", format!("{:?}: must be three numbers from 0 on", [r, g, b])));
         }
         if !(0.0..=1.0).contains(&opacity) {
-            return Err(plan.refuse(".opacity", &format!("{opacity}: must lie in [0, 1]")));
+            return Err(plan.refuse(".opacity", format!("{opacity}: must lie in [0, 1]")));
         }
         if !(plan.scale > 0.0 && plan.scale.is_finite()) {
-            return Err(plan.refuse(".scale", &format!("{}: must be positive and finite", plan.scale)));
+            return Err(plan.refuse(".scale", format!("{}: must be positive and finite", plan.scale)));
         }
         if let Some(name) = &spec.shade {
             let Some((_, shading)) = SHADES.into_iter().find(|(known, _)| known == name) else {
                 let names = SHADES.map(|(name, _)| name).join(", ");
-                return Err(plan.refuse(".shade", &format!("\"{name}\": must be one of {names}")));
+                return Err(plan.refuse(".shade", format!("\"{name}\": must be one of {names}")));
             };
             plan.shading = shading;
         }
@@ -115,10 +114,7 @@ impl<'a> Plan<'a> {
 
     fn load(&self, options: &ReadOptions) -> Result<Surface> {
         let at = |key: &'static str| {
-            move |error: Error| match error {
-                Error::Invalid { why, .. } => self.refuse(key, &why),
-                other => other,
-            }
+            move |error: Error| error.at_place(self.scene, &format!("{}{key}", self.place))
         };
         let surface = if let Some(file) = &self.spec.file {
             let path = beside(self.scene, file);
@@ -131,20 +127,16 @@ impl<'a> Plan<'a> {
             // A corner takes 24 bytes and a triangle 12; there are twice as many triangles as corners.
             let bytes = 480 << (2 * subdivisions.min(Surface::MAX_SUBDIVISIONS));
             if bytes > options.max_bytes {
-                let rule = format!(
-                    "{subdivisions}: takes {bytes} bytes, {} are left of the limit",
-                    options.max_bytes
-                );
-                return Err(self.refuse(".sphere.subdivisions", &rule));
+                let left = options.max_bytes;
+                let rule = format!("{subdivisions}: takes {bytes} bytes, {left} are left of the limit");
+                return Err(self.refuse(".sphere.subdivisions", rule));
             }
-            let key = |error: Error| match error {
-                Error::Invalid { what, why } if what.ends_with("radius") => {
-                    self.refuse(".sphere.radius", &why)
+            let key = |error: Error| match &error {
+                Error::Invalid { what, .. } if what.ends_with("radius") => at(".sphere.radius")(error),
+                Error::Invalid { what, .. } if what.ends_with("subdivisions") => {
+                    at(".sphere.subdivisions")(error)
                 }
-                Error::Invalid { what, why } if what.ends_with("subdivisions") => {
-                    self.refuse(".sphere.subdivisions", &why)
-                }
-                other => at(".sphere")(other),
+                _ => at(".sphere")(error),
             };
             Surface::sphere((*centre).into(), *radius, self.colour, subdivisions).map_err(key)?
         } else {
@@ -156,7 +148,7 @@ impl<'a> Plan<'a> {
     }
 
     /// Returns an error about one of its keys, given with a leading dot, or about the whole surface.
-    fn refuse(&self, key: &str, rule: &str) -> Error {
+    fn refuse(&self, key: &str, rule: impl Into<String>) -> Error {
         Error::file(self.scene, format!("{}{key}", self.place), rule)
     }
 }

@@ -18,7 +18,7 @@ pub struct TechniqueChoice {
 const MAX_OPTIONS: usize = 64;
 
 impl<'de> Deserialize<'de> for TechniqueChoice {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct Options;
         impl<'de> Visitor<'de> for Options {
             type Value = TechniqueChoice;
@@ -27,10 +27,7 @@ impl<'de> Deserialize<'de> for TechniqueChoice {
                 f.write_str("an object with `name` and options")
             }
 
-            fn visit_map<A: MapAccess<'de>>(
-                self,
-                mut map: A,
-            ) -> std::result::Result<TechniqueChoice, A::Error> {
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<TechniqueChoice, A::Error> {
                 use serde::de::Error;
                 let (mut name, mut options) = (None, Vec::<(String, String)>::new());
                 while let Some(key) = map.next_key::<String>()? {
@@ -58,7 +55,7 @@ impl<'de> Deserialize<'de> for TechniqueChoice {
 struct Plain(String);
 
 impl<'de> Deserialize<'de> for Plain {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct Text;
         impl Visitor<'_> for Text {
             type Value = Plain;
@@ -67,23 +64,23 @@ impl<'de> Deserialize<'de> for Plain {
                 f.write_str("a number, a string or a truth value")
             }
 
-            fn visit_bool<E>(self, value: bool) -> std::result::Result<Plain, E> {
+            fn visit_bool<E>(self, value: bool) -> Result<Plain, E> {
                 Ok(Plain(value.to_string()))
             }
 
-            fn visit_i64<E>(self, value: i64) -> std::result::Result<Plain, E> {
+            fn visit_i64<E>(self, value: i64) -> Result<Plain, E> {
                 Ok(Plain(value.to_string()))
             }
 
-            fn visit_u64<E>(self, value: u64) -> std::result::Result<Plain, E> {
+            fn visit_u64<E>(self, value: u64) -> Result<Plain, E> {
                 Ok(Plain(value.to_string()))
             }
 
-            fn visit_f64<E>(self, value: f64) -> std::result::Result<Plain, E> {
+            fn visit_f64<E>(self, value: f64) -> Result<Plain, E> {
                 Ok(Plain(value.to_string()))
             }
 
-            fn visit_str<E>(self, value: &str) -> std::result::Result<Plain, E> {
+            fn visit_str<E>(self, value: &str) -> Result<Plain, E> {
                 Ok(Plain(value.to_owned()))
             }
         }

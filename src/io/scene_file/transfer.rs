@@ -58,7 +58,12 @@ pub(crate) enum Recipe {
 
 impl Recipe {
     pub(crate) fn new(path: &Path, spec: TransferSpec, options: &ReadOptions) -> Result<Self> {
-        let spec = match spec {
+        let refuse = |place: &str, rule: String| Err(Error::file(path, place, rule));
+        let (name, range, tau_scale) = match spec {
+            TransferSpec::Rows(rows) => {
+                let transfer = TransferFunction::from_rows(&rows).map_err(|error| error.in_file(path))?;
+                return Ok(Self::Ready(transfer));
+            }
             TransferSpec::Preset(PresetSpec {
                 preset: None,
                 range: None,
@@ -73,37 +78,27 @@ impl Recipe {
                     spec => Self::new(&path, spec, options),
                 };
             }
-            TransferSpec::Preset(spec) => spec,
-            TransferSpec::Rows(rows) => {
-                return TransferFunction::from_rows(&rows)
-                    .map(Self::Ready)
-                    .map_err(|error| error.in_file(path));
+            TransferSpec::Preset(PresetSpec { preset: Some(name), range, tau_scale, file: None }) => {
+                (name, range, tau_scale.unwrap_or(1.0))
             }
-        };
-        let refuse = |place: &str, rule: String| Err(Error::file(path, place, rule));
-        let name = match (&spec.preset, &spec.file) {
-            (Some(name), None) => name,
-            _ => {
-                return refuse(
-                    "transfer",
-                    "must have either `preset`, `range` and `tau_scale`, or `file`".into(),
-                );
+            TransferSpec::Preset(_) => {
+                let rule = "must have either `preset`, `range` and `tau_scale`, or `file`";
+                return refuse("transfer", rule.to_owned());
             }
         };
         let Some(preset) = PRESETS.iter().find(|preset| preset.name == name) else {
             let names = PRESETS.map(|preset| preset.name).join(", ");
             return refuse("transfer.preset", format!("\"{name}\": must be one of {names}"));
         };
-        if let Some([lo, hi]) = spec.range
+        if let Some([lo, hi]) = range
             && !(lo < hi && (hi - lo).is_finite())
         {
             return refuse("transfer.range", format!("[{lo}, {hi}]: the first must be below the second"));
         }
-        let tau_scale = spec.tau_scale.unwrap_or(1.0);
         if !(tau_scale >= 0.0 && tau_scale.is_finite()) {
             return refuse("transfer.tau_scale", format!("{tau_scale}: must be finite and not negative"));
         }
-        Ok(Self::Stretched { path: path.to_path_buf(), rows: preset.rows, range: spec.range, tau_scale })
+        Ok(Self::Stretched { path: path.to_path_buf(), rows: preset.rows, range, tau_scale })
     }
 
     /// Builds the transfer function for data with this range.

@@ -5,12 +5,11 @@ use std::path::Path;
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
+use crate::io::file::source::Source;
 use crate::io::formats::raw;
-use crate::io::formats::raw::layout::Described;
+use crate::io::formats::raw::layout::Sidecar;
 use crate::io::options::ReadOptions;
-use crate::io::read_data;
-use crate::io::report::Report;
-use crate::io::scene_file::data::{SceneData, beside};
+use crate::io::scene_file::data::{Given, SceneData, read, refuse_arrays};
 use crate::scene::{Field, Grid};
 
 /// The keys of all three kinds of volume, in one struct so that every error names its key.
@@ -30,61 +29,42 @@ pub(crate) struct VolumeSpec {
 }
 
 impl VolumeSpec {
-    /// Returns the keys of raw data, and whether they are given.
-    fn raw_keys(&self) -> [(&'static str, bool); 5] {
-        [
+    pub(crate) fn load(&self, scene: &Path, options: &ReadOptions) -> Result<SceneData> {
+        let refuse = |place: &str, rule: &str| Err(Error::file(scene, place, rule));
+        options.check_kernels("a grid").map_err(|error| error.in_file(scene))?;
+        if self.file.is_none() || self.dims.is_some() || self.r#type.is_some() {
+            let wanted = [("volume.array", &self.array), ("array", &options.array)];
+            refuse_arrays(scene, "fields and raw data", &wanted)?;
+        }
+        let keys = [
             ("volume.endian", self.endian.is_some()),
             ("volume.spacing", self.spacing.is_some()),
             ("volume.origin", self.origin.is_some()),
             ("volume.direction", self.direction.is_some()),
             ("volume.offset", self.offset.is_some()),
-        ]
-    }
-
-    pub(crate) fn load(&self, scene: &Path, options: &ReadOptions) -> Result<SceneData> {
-        let refuse = |place: &str, rule: String| Err(Error::file(scene, place, rule));
-        options.check_kernels("a grid").map_err(|error| error.in_file(scene))?;
-        let named = self.file.is_some() && self.dims.is_none() && self.r#type.is_none();
-        if !named {
-            // Arrays may be selected in the scene or in the options.
-            let wanted = [("volume.array", &self.array), ("array", &options.array)];
-            if let Some((key, array)) = wanted.into_iter().find_map(|(key, a)| Some((key, a.as_ref()?))) {
-                let rule = format!("\"{array}\": fields and raw data have no arrays with names");
-                return refuse(key, rule);
+        ];
+        let stray = keys.into_iter().find(|(_, given)| *given).map(|(key, _)| key);
+        let file = match (Given::of(scene, "volume", &self.file, &self.field)?, stray) {
+            (Given::Field(_), Some(key)) => {
+                return refuse(key, "belongs to raw data: a field fills the cube from -1 to 1");
             }
-        }
-        let stray = || self.raw_keys().into_iter().find(|(_, given)| *given).map(|(key, _)| key);
-        match (&self.file, &self.field) {
-            (Some(_), Some(_)) => refuse("volume", "must have either `file` or `field`, not both".into()),
-            (None, None) => refuse("volume", "must have `file` or `field`".into()),
-            (None, Some(field)) => {
-                if let Some(key) = stray() {
-                    return refuse(key, "belongs to raw data: a field fills the cube from -1 to 1".into());
-                }
-                Ok(SceneData {
-                    data: self.analytic(scene, field, options)?.into(),
-                    file: scene.to_path_buf(),
-                    report: Report { format: "analytic field", ..Report::default() },
-                })
+            (Given::Field(field), None) => {
+                return Ok(SceneData::analytic(scene, self.analytic(scene, field, options)?));
             }
-            (Some(file), None) => match (self.dims, &self.r#type) {
-                (Some(dims), Some(kind)) => self.raw(scene, &beside(scene, file), dims, kind, options),
-                (Some(_), None) => refuse("volume.type", "missing: raw data has `dims` and `type`".into()),
-                (None, Some(_)) => refuse("volume.dims", "missing: raw data has `dims` and `type`".into()),
-                (None, None) => match stray() {
-                    Some(key) => {
-                        refuse(key, "belongs to raw data, which has `dims` and `type` as well".into())
-                    }
-                    None => {
-                        let file = beside(scene, file);
-                        let array = options.array.clone().or_else(|| self.array.clone());
-                        SceneData::grid(
-                            &file,
-                            read_data::read(&file, &ReadOptions { array, ..options.clone() })?,
-                        )
-                    }
-                },
-            },
+            (Given::File(file), _) => file,
+        };
+        match (self.dims, &self.r#type, stray) {
+            (Some(dims), Some(kind), _) => self.raw(scene, &file, dims, kind, options),
+            (Some(_), None, _) => refuse("volume.type", "missing: raw data has `dims` and `type`"),
+            (None, Some(_), _) => refuse("volume.dims", "missing: raw data has `dims` and `type`"),
+            (None, None, Some(key)) => {
+                refuse(key, "belongs to raw data, which has `dims` and `type` as well")
+            }
+            (None, None, None) => {
+                let array = options.array.clone().or_else(|| self.array.clone());
+                let loaded = read("volume", &file, &ReadOptions { array, ..options.clone() })?;
+                Ok(SceneData::new(&file, loaded))
+            }
         }
     }
 
@@ -117,16 +97,18 @@ impl VolumeSpec {
         kind: &str,
         options: &ReadOptions,
     ) -> Result<SceneData> {
-        let described = Described {
+        let description = Sidecar {
+            file: None,
             dims,
-            kind,
-            endian: self.endian.as_deref(),
+            r#type: kind.to_owned(),
+            endian: self.endian.clone(),
             spacing: self.spacing,
             origin: self.origin,
             direction: self.direction,
             offset: self.offset,
         };
-        let layout = described.layout(&|key, rule| Error::file(scene, format!("volume.{key}"), rule))?;
-        SceneData::grid(file, raw::load_raw(file, &layout, options)?)
+        let layout = description.layout(|key, rule| Error::file(scene, format!("volume.{key}"), rule))?;
+        let loaded = raw::load(&Source::open(file, options)?, &layout, options, Vec::new())?;
+        Ok(SceneData::new(file, loaded))
     }
 }

@@ -20,16 +20,10 @@ pub(crate) enum Delimiter {
 impl Delimiter {
     /// Finds the delimiter of a table from its first row.
     pub(crate) fn of(line: &str) -> Self {
-        let mut quoted = false;
-        let mut there = [false; 3];
-        for byte in line.trim().bytes() {
-            quoted ^= byte == b'"';
-            for (there, delimiter) in there.iter_mut().zip(b"\t;,") {
-                *there |= !quoted && byte == *delimiter;
-            }
-        }
-        let first = b"\t;,".iter().zip(there).find(|(_, there)| *there);
-        first.map_or(Self::Blanks, |(&delimiter, _)| Self::Byte(delimiter))
+        // Quotes enclose every second piece.
+        let outside = line.trim().split('"').step_by(2);
+        let there = |delimiter: &&u8| outside.clone().any(|piece| piece.contains(char::from(**delimiter)));
+        b"\t;,".iter().find(there).map_or(Self::Blanks, |&delimiter| Self::Byte(delimiter))
     }
 
     fn separates(self, byte: u8) -> bool {
@@ -62,6 +56,15 @@ impl Row {
 
     pub(crate) fn cell(&self, i: usize) -> &str {
         &self.text[self.cells[i].clone()]
+    }
+
+    pub(crate) fn cells(&self) -> impl Iterator<Item = &str> {
+        self.cells.iter().map(|range| &self.text[range.clone()])
+    }
+
+    /// Returns the cells as names of columns.
+    pub(crate) fn names(&self) -> Vec<String> {
+        self.cells().map(str::to_owned).collect()
     }
 
     /// Splits a line into cells. `open` says that the line begins within quotes; the result, that it ends within

@@ -7,8 +7,7 @@ use crate::io::build::columns::bare;
 use crate::io::file::sample_type::SampleType;
 use crate::io::file::source::Source;
 use crate::io::file::text::{self, shown};
-use crate::io::formats::csv::row::is_number;
-use crate::io::formats::csv::row::{Delimiter, Row, Rows, number};
+use crate::io::formats::csv::row::{Delimiter, Row, Rows, is_number, number};
 
 /// The limit on columns.
 const MAX_COLUMNS: usize = 1 << 14;
@@ -16,51 +15,35 @@ const MAX_COLUMNS: usize = 1 << 14;
 /// The limit on the length of a column name, in bytes.
 const MAX_NAME: usize = 256;
 
+/// Names of positions without their coordinate, the first of which is empty.
+const STEMS: &str = ",p,pos,position,positions,point,points,coord,coords,coordinate,coordinates,centre,centres,center,\
+    centers";
+
 /// Finds the columns of positions by name. The error is a column that duplicates one of them.
 pub(crate) fn positions<'n>(
     names: impl Iterator<Item = &'n str>,
 ) -> std::result::Result<Option<[usize; 3]>, usize> {
-    const STEMS: [&str; 15] = [
-        "",
-        "p",
-        "pos",
-        "position",
-        "positions",
-        "point",
-        "points",
-        "coord",
-        "coords",
-        "coordinate",
-        "coordinates",
-        "centre",
-        "centres",
-        "center",
-        "centers",
-    ];
-    let mut found = [[None; 3]; STEMS.len()];
-    let mut twice = [None; STEMS.len()];
+    // The columns of the three coordinates for each stem, and the last column that duplicates one.
+    let mut found = vec![([None; 3], None); STEMS.split(',').count()];
     for (column, name) in names.enumerate() {
         let name = bare(name).to_lowercase();
         let letter = |axis: char| name.strip_suffix(axis);
         let digit = |axis: char| letter(axis).filter(|stem| !stem.is_empty());
         let parts = [letter('x'), letter('y'), letter('z'), digit('0'), digit('1'), digit('2')];
-        let Some((place, stem)) = parts.into_iter().enumerate().find_map(|(i, stem)| Some((i % 3, stem?)))
-        else {
-            continue;
-        };
+        let part = parts.into_iter().enumerate().find_map(|(i, stem)| Some((i % 3, stem?)));
+        let Some((axis, stem)) = part else { continue };
         let stem = stem.trim_end_matches(['_', ':', '.', ' ']);
-        if let Some(rank) = STEMS.iter().position(|known| *known == stem)
-            && found[rank][place].replace(column).is_some()
+        if let Some(rank) = STEMS.split(',').position(|known| known == stem)
+            && found[rank].0[axis].replace(column).is_some()
         {
-            twice[rank] = Some(column);
+            found[rank].1 = Some(column);
         }
     }
-    for (found, twice) in found.into_iter().zip(twice) {
-        if let [Some(x), Some(y), Some(z)] = found {
-            return twice.map_or(Ok(Some([x, y, z])), Err);
-        }
-    }
-    Ok(None)
+    let complete = found.into_iter().find_map(|(axes, twice)| match axes {
+        [Some(x), Some(y), Some(z)] => Some(twice.map_or(Ok([x, y, z]), Err)),
+        _ => None,
+    });
+    complete.transpose()
 }
 
 /// A column; its type is None if it holds no numbers.
@@ -96,29 +79,24 @@ impl<'a> Table<'a> {
             return Err(rows.error(format!("{width} columns: must be at most {MAX_COLUMNS}")));
         }
         let delimiter = rows.delimiter.unwrap_or(Delimiter::Blanks);
-        let cells: Vec<String> = (0..width).map(|i| rows.row.cell(i).to_owned()).collect();
         let twice = |column: usize| {
             rows.error(format!("column {} is a second column of the same coordinate", column + 1))
         };
-        let mut axes = positions(cells.iter().map(String::as_str)).map_err(twice)?;
-        let numeric: Vec<usize> = (0..width).filter(|&i| is_number(&cells[i])).collect();
+        let mut axes = positions(rows.row.cells()).map_err(twice)?;
+        let numeric: Vec<usize> = (0..width).filter(|&i| is_number(rows.row.cell(i))).collect();
         let header = axes.is_some() || numeric.len() < 3;
-        let mut names = cells;
-        let mut named = true;
+        let (mut names, mut named) = (rows.row.names(), true);
         if !header {
-            named = false;
-            names = (1..=width).map(|column| format!("column {column}")).collect();
+            (names, named) = ((1..=width).map(|column| format!("column {column}")).collect(), false);
             axes = numeric.first_chunk().copied();
             // A comment may name the columns.
             let mut row = Row::default();
             let comment = rows.comment.as_deref().unwrap_or("");
             if row.split(comment, delimiter, false) == Ok(false)
                 && row.len() == width
-                && let Some(told) = positions((0..width).map(|i| row.cell(i))).map_err(twice)?
+                && let Some(told) = positions(row.cells()).map_err(twice)?
             {
-                named = true;
-                names = (0..width).map(|i| row.cell(i).to_owned()).collect();
-                axes = Some(told);
+                (names, named, axes) = (row.names(), true, Some(told));
             }
         }
         let Some(axes) = axes else {
@@ -133,8 +111,7 @@ impl<'a> Table<'a> {
             let rule = format!("column {}: its name is longer than {MAX_NAME} bytes", i + 1);
             return Err(rows.error(rule));
         }
-        let names = names.iter().map(|name| text::plain(name));
-        let columns = names.map(|name| TableColumn { name, kind: None }).collect();
+        let columns = names.iter().map(|name| TableColumn { name: text::plain(name), kind: None }).collect();
         let mut table = Self { source, delimiter, header, named, columns, axes, rows: 0 };
         let mut words = vec![false; width];
         let mut more = !header || rows.next()?;
@@ -143,8 +120,7 @@ impl<'a> Table<'a> {
                 return Err(rows.error(format!("{} cells: the first row has {width}", rows.row.len())));
             }
             table.rows += 1;
-            for (i, (told, words)) in table.columns.iter_mut().zip(&mut words).enumerate() {
-                let cell = rows.row.cell(i);
+            for ((told, words), cell) in table.columns.iter_mut().zip(&mut words).zip(rows.row.cells()) {
                 // The first value decides whether the column is numeric; it is a column of whole numbers if all
                 // values are.
                 match told.kind {
@@ -213,9 +189,8 @@ impl<'a> Table<'a> {
         let mut names = HashSet::new();
         let again =
             self.columns.iter().filter(|told| told.kind.is_some() && !names.insert(told.name.as_str()));
-        again
-            .take(16)
-            .map(|told| format!("several columns \"{}\": the first is read by this name", shown(&told.name)))
-            .collect()
+        let warning =
+            |name: &str| format!("several columns \"{}\": the first is read by this name", shown(name));
+        again.take(16).map(|told| warning(&told.name)).collect()
     }
 }

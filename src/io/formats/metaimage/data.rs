@@ -11,8 +11,8 @@ use crate::io::formats::metaimage::header::{Header, is_local};
 use crate::io::options::ReadOptions;
 
 impl<'a> Header<'a> {
-    /// Finds the files of the data and their encoding. `bytes` is the decompressed size of the samples.
-    pub(crate) fn data(&self, sizes: &[u32], bytes: u64) -> Result<Data> {
+    /// Finds the files of the data and their encoding.
+    pub(crate) fn data(&self, sizes: &[u32]) -> Result<Data> {
         let fields = &self.fields;
         let text = !self.truth("BinaryData")?.unwrap_or(true);
         let compressed = self.truth("CompressedData")?.unwrap_or(false);
@@ -21,10 +21,8 @@ impl<'a> Header<'a> {
         }
         let skip = fields.whole_number("HeaderSize", -1)?;
         if skip < 0 && (text || compressed) {
-            return Err(fields.error(
-                "HeaderSize",
-                "-1: only binary data without compression can be found from the end of its file",
-            ));
+            let rule = "-1: only binary data without compression can be found from the end of its file";
+            return Err(fields.error("HeaderSize", rule));
         }
         let value = fields.required("ElementDataFile")?;
         let error = |rule: String| fields.error("ElementDataFile", rule);
@@ -37,15 +35,13 @@ impl<'a> Header<'a> {
             ["LIST", rest @ ..] => {
                 let rank = match rest {
                     [] => self.rank - 1,
-                    [rank] => rank
-                        .trim_end_matches(['d', 'D'])
-                        .parse()
-                        .ok()
-                        .filter(|rank| (1..=self.rank).contains(rank))
-                        .ok_or_else(|| {
-                            let shown = text::shown(rank);
-                            error(format!("\"{shown}\": each file must have 1 to {} axes", self.rank))
-                        })?,
+                    [word] => {
+                        let rank = word.trim_end_matches(['d', 'D']).parse().ok();
+                        let rule = || {
+                            format!("\"{}\": each file must have 1 to {} axes", text::shown(word), self.rank)
+                        };
+                        rank.filter(|rank| (1..=self.rank).contains(rank)).ok_or_else(|| error(rule()))?
+                    }
                     _ => return Err(error(format!("\"{}\": must be LIST, or LIST 2", text::shown(value)))),
                 };
                 (Some(Files::Named(self.names.clone())), slices(rank))
@@ -59,18 +55,19 @@ impl<'a> Header<'a> {
         if given != wanted {
             return Err(error(format!("{given} files: the extents need {wanted}")));
         }
-        Ok(Data { files, text, compressed, skip, share: bytes / wanted.max(1) })
+        Ok(Data { files, text, compressed, skip })
     }
 
-    pub(crate) fn part(&self, data: &Data, index: usize, options: &ReadOptions) -> Result<Part> {
+    /// Opens a file of the data, which holds `share` decompressed bytes of it.
+    pub(crate) fn part(&self, data: &Data, index: usize, share: u64, options: &ReadOptions) -> Result<Part> {
         let (source, least) = match &data.files {
             None => (self.source.clone(), self.end),
             Some(files) => (self.source.sibling(Path::new(&files.name(index)), options)?, 0),
         };
         let offset = match data.skip {
             0 => least,
-            -1 => source.len().checked_sub(data.share).ok_or_else(|| {
-                source.error("data", format!("needs {} bytes: {} are there", data.share, source.len()))
+            -1 => source.len().checked_sub(share).ok_or_else(|| {
+                source.error("data", format!("needs {share} bytes: {} are there", source.len()))
             })?,
             skip => skip.unsigned_abs(),
         };
@@ -95,38 +92,25 @@ fn numbered(words: &[&str], slices: u64) -> Option<std::result::Result<Numbered,
     // File names may contain blanks, so numbers are taken from the end.
     let number = |word: &&str| word.parse::<i64>().ok();
     let tail: Vec<i64> = words.iter().rev().map_while(number).take(3).collect();
-    let (name, numbers) = match *tail.as_slice() {
-        [step, last, first] => (&words[..words.len() - 3], [first, last, step]),
-        [last, first] => (&words[..words.len() - 2], [first, last, 1]),
-        [first] => {
-            let count = i64::try_from(slices).unwrap_or(i64::MAX);
-            (&words[..words.len() - 1], [first, first.saturating_add(count - 1), 1])
-        }
-        _ => (words, [1, i64::try_from(slices).unwrap_or(i64::MAX), 1]),
+    let count = i64::try_from(slices).unwrap_or(i64::MAX);
+    let [first, last, step] = match *tail.as_slice() {
+        [step, last, first] => [first, last, step],
+        [last, first] => [first, last, 1],
+        [first] => [first, first.saturating_add(count - 1), 1],
+        _ => [1, count, 1],
     };
-    let pattern = Numbered::parse(&name.join(" "))?;
-    let [first, last, step] = numbers;
+    let pattern = Numbered::parse(&words[..words.len() - tail.len()].join(" "))?;
     Some(pattern.over(first, last, step).map_err(|rule| {
-        format!(
-            "\"{}\": {rule}; needed are a pattern, first and last number, and step",
-            text::shown(&words.join(" "))
-        )
+        let shown = text::shown(&words.join(" "));
+        format!("\"{shown}\": {rule}; needed are a pattern, first and last number, and step")
     }))
 }
 
 pub(crate) struct Data {
     /// The files; None if the data follows the header.
-    files: Option<Files>,
+    pub(crate) files: Option<Files>,
     text: bool,
     pub(crate) compressed: bool,
     /// Bytes before the data of each file; -1 locates the data from the end.
     skip: i64,
-    /// Decompressed bytes of each file.
-    share: u64,
-}
-
-impl Data {
-    pub(crate) fn parts(&self) -> u64 {
-        self.files.as_ref().map_or(1, Files::count)
-    }
 }

@@ -1,6 +1,6 @@
 //! Keys and values of the header.
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::io::build::volume::Chosen;
 use crate::io::file::fields::Fields;
 use crate::io::file::sample_type::{Endian, SampleType};
@@ -13,32 +13,15 @@ use crate::scene::Rescale;
 const MAX_HEADER: u64 = 1 << 20;
 
 /// The keys that are read.
-pub(crate) const KEYS: [&str; 24] = [
-    "ObjectType",
-    "NDims",
-    "DimSize",
-    "ElementType",
-    "ElementDataFile",
-    "BinaryData",
-    "BinaryDataByteOrderMSB",
-    "ElementByteOrderMSB",
-    "CompressedData",
-    "CompressedDataSize",
-    "HeaderSize",
-    "ElementSpacing",
-    "ElementSize",
-    "Offset",
-    "Position",
-    "Origin",
-    "TransformMatrix",
-    "Rotation",
-    "Orientation",
-    "CenterOfRotation",
-    "AnatomicalOrientation",
-    "ElementNumberOfChannels",
-    SLOPE,
-    INTERCEPT,
-];
+const KEYS: &str = "ObjectType NDims DimSize ElementType ElementDataFile BinaryData BinaryDataByteOrderMSB \
+    ElementByteOrderMSB CompressedData CompressedDataSize HeaderSize ElementSpacing ElementSize Offset Position Origin \
+    TransformMatrix Rotation Orientation CenterOfRotation AnatomicalOrientation ElementNumberOfChannels \
+    ElementToIntensityFunctionSlope ElementToIntensityFunctionOffset";
+
+/// Returns the keys that are read.
+pub(crate) fn keys() -> impl Iterator<Item = &'static str> {
+    KEYS.split(' ')
+}
 
 /// The keys of the map from stored numbers to values.
 pub(crate) const SLOPE: &str = "ElementToIntensityFunctionSlope";
@@ -79,9 +62,9 @@ impl<'a> Header<'a> {
                 let rule = format!("\"{}\": must be \"key = value\"", text::shown(text.trim()));
                 return Err(source.error(place(), rule));
             };
-            if let Some(name) = KEYS.iter().find(|name| **name == key) {
+            if let Some(name) = keys().find(|name| *name == key) {
                 fields.add(number + 1, name, value)?;
-            } else if let Some(name) = KEYS.iter().find(|name| name.eq_ignore_ascii_case(key)) {
+            } else if let Some(name) = keys().find(|name| name.eq_ignore_ascii_case(key)) {
                 return Err(source.error(place(), format!("{key}: must be spelt {name}")));
             }
             if key == "ElementDataFile" {
@@ -93,14 +76,13 @@ impl<'a> Header<'a> {
             let list = data.split_whitespace().next() == Some("LIST");
             for (number, line) in lines {
                 let line = String::from_utf8_lossy(line);
-                let line = line.trim();
-                if list && !line.is_empty() {
-                    names.push(line.to_owned());
-                } else if !line.is_empty() {
-                    return Err(source.error(
-                        format!("line {}", number + 1),
-                        format!("\"{}\": ElementDataFile must be the last key", text::shown(line)),
-                    ));
+                match line.trim() {
+                    "" => {}
+                    line if list => names.push(line.to_owned()),
+                    line => {
+                        let rule = format!("\"{}\": ElementDataFile must be the last key", text::shown(line));
+                        return Err(source.error(format!("line {}", number + 1), rule));
+                    }
                 }
             }
             if source.len() > MAX_HEADER {
@@ -121,8 +103,8 @@ impl<'a> Header<'a> {
             "3" => Ok(3),
             "4" => Ok(4),
             other => {
-                let rule =
-                    format!("\"{}\": a volume has 3, or 4 with a last extent of 1", text::shown(other));
+                let shown = text::shown(other);
+                let rule = format!("\"{shown}\": a volume has 3, or 4 with a last extent of 1");
                 Err(self.fields.error("NDims", rule))
             }
         }
@@ -130,20 +112,7 @@ impl<'a> Header<'a> {
 
     /// Returns the extents, one per axis.
     pub(crate) fn sizes(&self) -> Result<Vec<u32>> {
-        let text = self.fields.required("DimSize")?;
-        let words: Vec<&str> = text.split_whitespace().collect();
-        if words.len() != self.rank {
-            let rule = format!("{} numbers: NDims {} needs {}", words.len(), self.rank, self.rank);
-            return Err(self.fields.error("DimSize", rule));
-        }
-        let size = |word: &&str| {
-            word.parse::<u32>().ok().filter(|&size| size > 0).ok_or_else(|| {
-                let rule =
-                    format!("\"{}\": must be a whole number from 1 to {}", text::shown(word), u32::MAX);
-                self.fields.error("DimSize", rule)
-            })
-        };
-        let sizes = words.iter().map(size).collect::<Result<Vec<u32>>>()?;
+        let sizes = self.fields.extents("DimSize", "NDims", self.rank)?;
         match sizes.get(3) {
             Some(&last) if last != 1 => {
                 let rule = format!("a last extent of {last}: a volume has three axes, a fourth must be 1");
@@ -201,41 +170,25 @@ impl<'a> Header<'a> {
         Ok(if big { Endian::Big } else { Endian::Little })
     }
 
-    /// Parses `count` numbers, if the field exists.
-    pub(crate) fn numbers(&self, name: &str, count: usize) -> Result<Option<Vec<f64>>> {
-        let Some(text) = self.fields.get(name) else { return Ok(None) };
-        let numbers: Option<Vec<f64>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
-        match numbers {
-            Some(numbers) if numbers.len() == count => Ok(Some(numbers)),
-            _ => {
-                let rule = format!("\"{}\": must be {count} numbers", text::shown(text));
-                Err(self.fields.error(name, rule))
-            }
-        }
-    }
-
-    /// Parses the numbers of a field with alternative names; returns the name found with them.
-    pub(crate) fn named<'n>(&self, names: &[&'n str], count: usize) -> Result<Option<(&'n str, Vec<f64>)>> {
-        let mut found: Option<(&str, Vec<f64>)> = None;
+    /// Parses the numbers of a field with alternative names; returns them with the name that the file has, else the
+    /// first one.
+    pub(crate) fn named<'n>(&self, names: &[&'n str], count: usize) -> Result<(&'n str, Option<Vec<f64>>)> {
+        let mut found = (names[0], None);
         for name in names {
-            let Some(numbers) = self.numbers(name, count)? else { continue };
-            match &found {
-                Some((first, others)) if *others != numbers => {
-                    return Err(self.fields.error(name, format!("must not differ from {first}")));
-                }
-                Some(_) => {}
-                None => found = Some((name, numbers)),
+            let Some(numbers) = self.fields.numbers(name, count)? else { continue };
+            if found.1.as_ref().is_some_and(|others| *others != numbers) {
+                return Err(self.fields.error(name, format!("must not differ from {}", found.0)));
+            }
+            if found.1.is_none() {
+                found = (name, Some(numbers));
             }
         }
         Ok(found)
     }
 
     pub(crate) fn rescale(&self, chosen: &Chosen) -> Result<Rescale> {
-        let number = |name: &str, default: f64| {
-            Ok::<_, Error>(self.numbers(name, 1)?.and_then(|n| n.first().copied()).unwrap_or(default))
-        };
-        let slope = number(SLOPE, 1.0)?;
-        let intercept = number(INTERCEPT, 0.0)?;
+        let slope = self.fields.numbers(SLOPE, 1)?.map_or(1.0, |numbers| numbers[0]);
+        let intercept = self.fields.numbers(INTERCEPT, 1)?.map_or(0.0, |numbers| numbers[0]);
         chosen.rescale(self.source, INTERCEPT, Rescale { slope, intercept })
     }
 }

@@ -13,30 +13,30 @@ impl<'a> Header<'a> {
         let rank = self.rank;
         let (mut notes, mut warnings) = (Vec::new(), Vec::new());
         // Without ElementSpacing, ElementSize gives the spacing.
-        let (spacing_place, spacing) = match self.numbers("ElementSpacing", rank)? {
-            Some(spacing) => ("ElementSpacing", vector(&spacing)),
-            None => match self.numbers("ElementSize", rank)? {
-                Some(size) => ("ElementSize", vector(&size)),
-                None => ("DimSize", DVec3::ONE),
-            },
-        };
-        let origin = self.named(&["Offset", "Position", "Origin"], rank)?;
-        let origin_place = origin.as_ref().map(|(name, _)| *name);
-        let origin = origin.map_or(DVec3::ZERO, |(_, numbers)| vector(&numbers));
-        let matrix = self.named(&["TransformMatrix", "Rotation", "Orientation"], rank * rank)?;
-        let matrix_place = matrix.as_ref().map(|(name, _)| *name);
-        let direction = match &matrix {
+        let mut spacing_place = "DimSize";
+        let mut spacing = DVec3::ONE;
+        for name in ["ElementSpacing", "ElementSize"] {
+            if let Some(numbers) = self.fields.numbers(name, rank)? {
+                (spacing_place, spacing) = (name, DVec3::from_slice(&numbers));
+                break;
+            }
+        }
+        let (origin_place, origin) = self.named(&["Offset", "Position", "Origin"], rank)?;
+        let origin = origin.map_or(DVec3::ZERO, |numbers| DVec3::from_slice(&numbers));
+        let names = ["TransformMatrix", "Rotation", "Orientation"];
+        let (matrix_place, matrix) = self.named(&names, rank * rank)?;
+        let direction = match matrix {
             None => DMat3::IDENTITY,
-            Some((name, numbers)) => {
+            Some(numbers) => {
                 // Entries that mix the fourth axis with the others.
                 let mixes = |i: usize| (i % rank == 3) != (i / rank == 3);
                 if let Some((_, number)) =
                     numbers.iter().enumerate().find(|&(i, &number)| mixes(i) && number != 0.0)
                 {
                     let rule = format!("{number}: the fourth axis must not mix with the others");
-                    return Err(self.fields.error(name, rule));
+                    return Err(self.fields.error(matrix_place, rule));
                 }
-                let row = |i: usize| vector(&numbers[i * rank..]);
+                let row = |i: usize| DVec3::from_slice(&numbers[i * rank..]);
                 DMat3::from_cols(row(0), row(1), row(2))
             }
         };
@@ -46,10 +46,10 @@ impl<'a> Header<'a> {
             notes.push("a negative spacing reverses its axis".to_owned());
         }
 
-        if let Some(centre) = self.numbers("CenterOfRotation", rank)?
-            && vector(&centre) != DVec3::ZERO
+        if let Some(centre) = self.fields.numbers("CenterOfRotation", rank)?
+            && DVec3::from_slice(&centre) != DVec3::ZERO
         {
-            notes.push(format!("CenterOfRotation {} does not move the image", vector(&centre)));
+            notes.push(format!("CenterOfRotation {} does not move the image", DVec3::from_slice(&centre)));
         }
         let anatomy = match self.fields.get("AnatomicalOrientation") {
             None | Some("" | "???" | "????") => Anatomy::Unknown,
@@ -76,17 +76,12 @@ impl<'a> Header<'a> {
         let place = if bad_spacing {
             spacing_place
         } else if !origin.is_finite() {
-            origin_place.unwrap_or("Offset")
+            origin_place
         } else {
-            matrix_place.unwrap_or("TransformMatrix")
+            matrix_place
         };
         Ok(Placement { place, spacing: spacing.abs(), origin, direction, anatomy, notes, warnings })
     }
-}
-
-/// Converts the first three numbers to a vector.
-fn vector(numbers: &[f64]) -> DVec3 {
-    DVec3::new(numbers[0], numbers[1], numbers[2])
 }
 
 /// Returns the directions of axes that start at the named sides, in LPS coordinates (x to the left, y to the back, z

@@ -25,16 +25,14 @@ pub(crate) struct Header {
     pub(crate) scl_inter: f32,
     pub(crate) qform_code: i16,
     pub(crate) sform_code: i16,
-    pub(crate) quatern_b: f32,
-    pub(crate) quatern_c: f32,
-    pub(crate) quatern_d: f32,
-    pub(crate) quatern_x: f32,
-    pub(crate) quatern_y: f32,
-    pub(crate) quatern_z: f32,
-    pub(crate) srow_x: [f32; 4],
-    pub(crate) srow_y: [f32; 4],
-    pub(crate) srow_z: [f32; 4],
-    pub(crate) magic: [u8; 4],
+    /// `quatern_b`, `quatern_c` and `quatern_d`, as 64-bit floats like the following ones.
+    pub(crate) quatern: [f64; 3],
+    /// `qoffset_x`, `qoffset_y` and `qoffset_z`.
+    pub(crate) qoffset: [f64; 3],
+    /// `srow_x`, `srow_y` and `srow_z`.
+    pub(crate) srow: [[f64; 4]; 3],
+    /// Whether the samples follow the header.
+    pub(crate) single: bool,
 }
 
 impl Header {
@@ -59,15 +57,11 @@ impl Header {
         };
         let magic: [u8; 4] = array(bytes, 344);
         if magic != SINGLE && magic != PAIR {
-            return Err(source.error(
-                "magic (byte 344)",
-                format!(
-                    "\"{}\": must be \"n+1\" or \"ni1\"; Analyze 7.5 is not supported",
-                    magic.escape_ascii()
-                ),
-            ));
+            let shown = magic.escape_ascii();
+            let rule = format!("\"{shown}\": must be \"n+1\" or \"ni1\"; Analyze 7.5 is not supported");
+            return Err(source.error("magic (byte 344)", rule));
         }
-        let header = Self::decode(bytes, endian, magic);
+        let header = Self::decode(bytes, endian, magic == SINGLE);
         let rank = header.dim[0];
         if !(1..=7).contains(&rank) {
             return Err(source.error("dim[0]", format!("{rank}: must be 1 to 7")));
@@ -76,10 +70,11 @@ impl Header {
     }
 
     /// Reads the fields at their offsets.
-    fn decode(bytes: &[u8; HEADER], endian: Endian, magic: [u8; 4]) -> Self {
+    fn decode(bytes: &[u8; HEADER], endian: Endian, single: bool) -> Self {
         let short = |at: usize| i16::from_le_bytes(endian.to_little(array(bytes, at)));
         let float = |at: usize| f32::from_le_bytes(endian.to_little(array(bytes, at)));
-        let row = |at: usize| [0, 4, 8, 12].map(|offset| float(at + offset));
+        let three = |at: usize| [at, at + 4, at + 8].map(|at| f64::from(float(at)));
+        let row = |at: usize| [at, at + 4, at + 8, at + 12].map(|at| f64::from(float(at)));
         Self {
             dim: [0, 1, 2, 3, 4, 5, 6, 7].map(|axis| short(40 + 2 * axis)),
             datatype: short(70),
@@ -90,16 +85,10 @@ impl Header {
             scl_inter: float(116),
             qform_code: short(252),
             sform_code: short(254),
-            quatern_b: float(256),
-            quatern_c: float(260),
-            quatern_d: float(264),
-            quatern_x: float(268),
-            quatern_y: float(272),
-            quatern_z: float(276),
-            srow_x: row(280),
-            srow_y: row(296),
-            srow_z: row(312),
-            magic,
+            quatern: three(256),
+            qoffset: three(268),
+            srow: [280, 296, 312].map(row),
+            single,
         }
     }
 }
@@ -147,10 +136,10 @@ mod tests {
             let (header, endian) = header(wanted);
             assert_eq!(endian, wanted);
             assert_eq!((header.dim[0], header.dim[3], header.datatype, header.bitpix), (3, -5, 16, 32));
-            assert_eq!((header.qform_code, header.sform_code, header.magic), (1, 2, SINGLE));
+            assert_eq!((header.qform_code, header.sform_code, header.single), (1, 2, true));
             assert_eq!((header.pixdim[0], header.pixdim[3], header.vox_offset), (-1.0, 0.5, 352.0));
             assert_eq!((header.scl_slope, header.scl_inter), (2.0, 3.0));
-            assert_eq!((header.quatern_d, header.quatern_z, header.srow_z[3]), (4.0, 6.0, 7.0));
+            assert_eq!((header.quatern[2], header.qoffset[2], header.srow[2][3]), (4.0, 6.0, 7.0));
         }
     }
 }

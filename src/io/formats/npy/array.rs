@@ -1,6 +1,7 @@
 //! The array of a file, read as a grid or as points.
 
 use std::io::Read;
+use std::ops::Range;
 
 use glam::DVec3;
 
@@ -10,7 +11,7 @@ use crate::io::build::origin::Origin;
 use crate::io::build::points;
 use crate::io::build::volume::Chosen;
 use crate::io::file::budget::Budget;
-use crate::io::file::decode::{self, Layout};
+use crate::io::file::decode::{self, Layout, NumberBytes};
 use crate::io::file::half::from_half;
 use crate::io::file::sample_type::{Endian, Pick, SampleType};
 use crate::io::file::source::{Encoding, Source};
@@ -36,21 +37,18 @@ pub(crate) struct Array<'a> {
 
 impl<'a> Array<'a> {
     pub(crate) fn open(source: &'a Source) -> Result<Self> {
-        let head = source.head();
-        if !head.starts_with(MAGIC) {
+        let Some(rest) = source.head().strip_prefix(MAGIC) else {
             return Err(source.error("byte 0", "must begin with \\x93NUMPY"));
-        }
-        let &[major, minor] = head.get(6..8).unwrap_or_default() else {
-            return Err(source.error("byte 6", "ends before the version"));
         };
-        let (length, begin) = match (major, minor, head.get(8..)) {
-            (1, 0, Some(&[a, b, ..])) => (u64::from(u16::from_le_bytes([a, b])), 10),
-            (2 | 3, 0, Some(&[a, b, c, d, ..])) => (u64::from(u32::from_le_bytes([a, b, c, d])), 12),
-            (1..=3, 0, _) => return Err(source.error("byte 8", "ends before the header's length")),
-            _ => {
+        let (length, begin) = match *rest {
+            [1, 0, a, b, ..] => (u64::from(u16::from_le_bytes([a, b])), 10),
+            [2 | 3, 0, a, b, c, d, ..] => (u64::from(u32::from_le_bytes([a, b, c, d])), 12),
+            [1..=3, 0, ..] => return Err(source.error("byte 8", "ends before the header's length")),
+            [major, minor, ..] => {
                 let rule = format!("version {major}.{minor}: must be 1.0, 2.0 or 3.0");
                 return Err(source.error("byte 6", rule));
             }
+            _ => return Err(source.error("byte 6", "ends before the version")),
         };
         if length > MAX_HEADER {
             let rule = format!("a header of {length} bytes: the limit is {MAX_HEADER}");
@@ -90,12 +88,18 @@ impl<'a> Array<'a> {
     /// Returns the numbers after the first `skip`, as bytes of `self.kind` in `self.order()`.
     fn numbers(&self, skip: u64) -> Box<dyn Read + 'a> {
         let offset = self.start.saturating_add(skip.saturating_mul(self.item()));
-        let reader = self.source.reader(offset, Encoding::Raw);
-        if self.half {
-            Box::new(Halves { reader, endian: self.endian, bytes: [0; 4], left: 0 })
-        } else {
-            Box::new(reader)
+        let mut reader = self.source.reader(offset, Encoding::Raw);
+        if !self.half {
+            return Box::new(reader);
         }
+        let endian = self.endian;
+        // Half precision becomes little-endian single precision.
+        Box::new(NumberBytes::new(move || {
+            let mut half = [0; 2];
+            reader.read_exact(&mut half)?;
+            let [a, b, c, d] = from_half(u16::from_le_bytes(endian.to_little(half))).to_le_bytes();
+            Ok(Some(([a, b, c, d, 0, 0, 0, 0], 4)))
+        }))
     }
 
     /// Returns the byte order of [`Self::numbers`].
@@ -115,7 +119,7 @@ impl<'a> Array<'a> {
         let chosen = Chosen::new(source, "shape", layout, components, options)?;
         let (count, _) = samples::data_size(source, "shape", &chosen.layout, options)?;
         let samples = if self.fortran {
-            self.turned(count, &chosen.layout, options)?
+            self.turned(&chosen.layout, options)?
         } else {
             let mut samples = Samples::none(self.kind, chosen.layout.pick);
             decode::append(&mut self.numbers(0), count, &chosen.layout, &mut samples)
@@ -135,69 +139,67 @@ impl<'a> Array<'a> {
         Ok(loaded)
     }
 
-    /// Reads samples in Fortran order, a block at a time.
-    fn turned(&self, count: usize, layout: &Layout, options: &ReadOptions) -> Result<Samples> {
-        let source = self.source;
-        let volume = num::wide(count);
-        let plane = Layout { components: 1, pick: Pick::Component(0), ..*layout };
-        let mut budget = Budget::new(source, options);
-        let full = |_| source.error("shape", format!("{count} samples: memory is full"));
-        let failed = |error| text::stream_error(source, error);
-        match layout.pick {
-            Pick::Component(component) => {
-                let bytes = volume.saturating_mul(layout.kind.stored_bytes());
-                budget.take("shape", bytes)?;
-                let skip = volume.saturating_mul(num::wide(component));
-                let mut numbers = self.numbers(skip);
-                let mut samples = Samples::none(layout.kind, layout.pick);
-                samples.reserve(count).map_err(full)?;
-                macro_rules! scatter {
-                    ($list:expr, $variant:path) => {{
-                        $list.resize(count, Default::default());
-                        scatter(
-                            layout.dims,
-                            |block| {
-                                let mut part = Samples::none(layout.kind, layout.pick);
-                                decode::append(&mut numbers, block, &plane, &mut part)?;
-                                match part {
-                                    $variant(part) => Ok(part),
-                                    _ => Ok(Vec::new()),
-                                }
-                            },
-                            |at, value| $list[at] = value,
-                        )
-                        .map_err(failed)?
-                    }};
-                }
-                match &mut samples {
-                    Samples::U8(list) => scatter!(list, Samples::U8),
-                    Samples::U16(list) => scatter!(list, Samples::U16),
-                    Samples::I16(list) => scatter!(list, Samples::I16),
-                    Samples::F32(list) => scatter!(list, Samples::F32),
-                }
-                Ok(samples)
+    /// Reads samples in Fortran order.
+    fn turned(&self, layout: &Layout, options: &ReadOptions) -> Result<Samples> {
+        let Layout { dims, pick, components, .. } = *layout;
+        Ok(match (pick, Samples::none(self.kind, pick)) {
+            (Pick::Magnitude, _) => {
+                // Components are stored one after another: their squares are accumulated, 8 bytes and the result's 4.
+                let count = dims.into_iter().map(u64::from).product::<u64>();
+                Budget::new(self.source, options).take("shape", count.saturating_mul(12))?;
+                let sums = self.scattered(dims, 0..components, |sum: f64, value| sum + value * value)?;
+                Samples::F32(sums.into_iter().map(|sum| num::f32_of(sum.sqrt())).collect())
             }
-            Pick::Magnitude => {
-                // Components are stored one after another: their squares are accumulated.
-                budget.take("shape", volume.saturating_mul(12))?;
-                let mut sums: Vec<f64> = Vec::new();
-                sums.try_reserve_exact(count).map_err(full)?;
-                sums.resize(count, 0.0);
-                let mut numbers = self.numbers(0);
-                for _ in 0..layout.components {
-                    let read = |block| {
-                        let mut part = Vec::new();
-                        decode::append_f64(&mut numbers, block, layout.kind, layout.endian, &mut part)?;
-                        Ok(part)
-                    };
-                    scatter(layout.dims, read, |at, value: f64| sums[at] += value * value).map_err(failed)?;
+            // Numbers of these types are exact in 64-bit floats.
+            (Pick::Component(i), Samples::U8(_)) => {
+                Samples::U8(self.scattered(dims, i..i + 1, |_, value| num::u8_code(value))?)
+            }
+            (Pick::Component(i), Samples::U16(_)) => {
+                Samples::U16(self.scattered(dims, i..i + 1, |_, value| num::u16_code(value))?)
+            }
+            (Pick::Component(i), Samples::I16(_)) => {
+                Samples::I16(self.scattered(dims, i..i + 1, |_, value| num::i16_code(value))?)
+            }
+            (Pick::Component(i), Samples::F32(_)) => {
+                Samples::F32(self.scattered(dims, i..i + 1, |_, value| num::f32_of(value))?)
+            }
+        })
+    }
+
+    /// Reads components with z fastest and x slowest, a block at a time, and stores samples with x fastest. `add` makes
+    /// a sample of what has been stored, first 0, and a component.
+    fn scattered<T: Copy + Default>(
+        &self,
+        dims: [u32; 3],
+        components: Range<usize>,
+        add: impl Fn(T, f64) -> T,
+    ) -> Result<Vec<T>> {
+        let [nx, ny, nz] = dims.map(num::index);
+        let count = nx * ny * nz;
+        let mut samples: Vec<T> = Vec::new();
+        let full = |_| self.source.error("shape", format!("{count} samples: memory is full"));
+        samples.try_reserve_exact(count).map_err(full)?;
+        samples.resize(count, T::default());
+        for component in components {
+            let mut numbers = self.numbers(num::wide(component).saturating_mul(num::wide(count)));
+            for begin in (0..count).step_by(BLOCK) {
+                let block = self.block(&mut numbers, BLOCK.min(count - begin))?;
+                for (i, value) in (begin..).zip(block) {
+                    let [x, y, z] = [i / (nz * ny), i / nz % ny, i % nz];
+                    let sample = &mut samples[x + nx * (y + ny * z)];
+                    *sample = add(*sample, value);
                 }
-                let mut lengths = Vec::new();
-                lengths.try_reserve_exact(count).map_err(full)?;
-                lengths.extend(sums.into_iter().map(|sum| num::f32_of(sum.sqrt())));
-                Ok(Samples::F32(lengths))
             }
         }
+        Ok(samples)
+    }
+
+    /// Reads the next numbers.
+    fn block(&self, numbers: &mut dyn Read, count: usize) -> Result<Vec<f64>> {
+        let mut values = Vec::new();
+        decode::append_f64(numbers, count, self.kind, self.order(), &mut values)
+            .map_err(|error| text::stream_error(self.source, error))?;
+        Ok(values)
     }
 
     pub(crate) fn points(&self, n: u64, k: u64, options: &ReadOptions) -> Result<Loaded> {
@@ -206,33 +208,25 @@ impl<'a> Array<'a> {
         budget.take("shape", n.saturating_mul(24))?;
         let count = text::index(source, "shape", n)?;
         let columns = usize::try_from(k).unwrap_or(usize::MAX);
-        let failed = |error| text::stream_error(source, error);
         let mut centres: Vec<DVec3> = Vec::new();
         let full = |_| source.error("shape", format!("{n} points: memory is full"));
         centres.try_reserve_exact(count).map_err(full)?;
+        centres.resize(count, DVec3::ZERO);
         if self.fortran {
-            centres.resize(count, DVec3::ZERO);
-            for axis in 0..3_usize {
-                let mut numbers = self.numbers(n.saturating_mul(u64::try_from(axis).unwrap_or(0)));
+            for (axis, skip) in [0, n, n.saturating_mul(2)].into_iter().enumerate() {
+                let mut numbers = self.numbers(skip);
                 for block in centres.chunks_mut(BLOCK) {
-                    let mut values = Vec::new();
-                    decode::append_f64(&mut numbers, block.len(), self.kind, self.order(), &mut values)
-                        .map_err(failed)?;
-                    for (centre, value) in block.iter_mut().zip(values) {
-                        centre[axis] = value;
-                    }
+                    let values = self.block(&mut numbers, block.len())?;
+                    block.iter_mut().zip(values).for_each(|(centre, value)| centre[axis] = value);
                 }
             }
         } else {
             let mut numbers = self.numbers(0);
-            let mut left = count;
-            while left > 0 {
-                let block = left.min(BLOCK);
-                let mut values = Vec::new();
-                decode::append_f64(&mut numbers, block * columns, self.kind, self.order(), &mut values)
-                    .map_err(failed)?;
-                centres.extend(values.chunks_exact(columns).map(|row| DVec3::new(row[0], row[1], row[2])));
-                left -= block;
+            for block in centres.chunks_mut(BLOCK) {
+                let values = self.block(&mut numbers, block.len() * columns)?;
+                for (centre, row) in block.iter_mut().zip(values.chunks_exact(columns)) {
+                    *centre = DVec3::from_slice(row);
+                }
             }
         }
         let array = |column| ArrayInfo {
@@ -252,7 +246,8 @@ impl<'a> Array<'a> {
                 (0, columns, Pick::Component(column))
             };
             let layout = Layout { components, pick, ..Layout::scalar([0; 3], self.kind, self.order()) };
-            decode::append(&mut self.numbers(skip), count, &layout, &mut samples).map_err(failed)?;
+            decode::append(&mut self.numbers(skip), count, &layout, &mut samples)
+                .map_err(|error| text::stream_error(source, error))?;
             Ok(samples)
         };
         points::points(centres, Origin { source, format: "NPY", arrays }, &mut budget, &mut read, options)
@@ -261,61 +256,3 @@ impl<'a> Array<'a> {
 
 /// The number of values read at a time.
 const BLOCK: usize = 1 << 13;
-
-/// Reads samples with z fastest and x slowest, and stores each at its index with x fastest.
-fn scatter<T>(
-    dims: [u32; 3],
-    mut read: impl FnMut(usize) -> std::io::Result<Vec<T>>,
-    mut put: impl FnMut(usize, T),
-) -> std::io::Result<()> {
-    let [nx, ny, nz] = dims.map(num::index);
-    let mut left = nx * ny * nz;
-    let [mut x, mut y, mut z] = [0; 3];
-    while left > 0 {
-        let block = left.min(BLOCK);
-        for value in read(block)? {
-            put(x + nx * (y + ny * z), value);
-            z += 1;
-            if z == nz {
-                z = 0;
-                y += 1;
-                if y == ny {
-                    y = 0;
-                    x += 1;
-                }
-            }
-        }
-        left -= block;
-    }
-    Ok(())
-}
-
-/// Reads half-precision numbers as little-endian bytes of single precision.
-struct Halves<R> {
-    reader: R,
-    endian: Endian,
-    bytes: [u8; 4],
-    /// Bytes of the last number that have not been returned yet.
-    left: usize,
-}
-
-impl<R: Read> Read for Halves<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        let mut filled = 0;
-        while filled < buffer.len() {
-            if self.left == 0 {
-                let mut half = [0; 2];
-                self.reader.read_exact(&mut half)?;
-                let bits = u16::from_le_bytes(self.endian.to_little(half));
-                self.bytes = from_half(bits).to_le_bytes();
-                self.left = 4;
-            }
-            let take = self.left.min(buffer.len() - filled);
-            let from = 4 - self.left;
-            buffer[filled..filled + take].copy_from_slice(&self.bytes[from..from + take]);
-            self.left -= take;
-            filled += take;
-        }
-        Ok(filled)
-    }
-}

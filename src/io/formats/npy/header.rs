@@ -136,13 +136,8 @@ impl<'a> Literal<'a> {
     }
 
     fn truth(&mut self) -> Result<bool> {
-        if self.take("True") {
-            Ok(true)
-        } else if self.take("False") {
-            Ok(false)
-        } else {
-            Err(self.error("True or False must come here"))
-        }
+        let yes = self.take("True");
+        if yes || self.take("False") { Ok(yes) } else { Err(self.error("True or False must come here")) }
     }
 
     fn tuple(&mut self) -> Result<Vec<u64>> {

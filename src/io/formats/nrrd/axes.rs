@@ -6,7 +6,9 @@ use crate::io::file::text;
 use crate::io::formats::nrrd::header::Header;
 use crate::num;
 
-/// The axes of the array.
+/// The limit of the format on axes.
+const MAX_AXES: usize = 16;
+
 pub(crate) struct Axes {
     pub(crate) sizes: Vec<u32>,
     /// The index of the first spatial axis: 1 after an axis of components, else 0.
@@ -33,17 +35,10 @@ fn components_of(kind: &str) -> Option<u32> {
     Some(match kind.to_lowercase().as_str() {
         "stub" | "scalar" => 1,
         "complex" | "2-vector" => 2,
-        "3-color"
-        | "rgb-color"
-        | "hsv-color"
-        | "xyz-color"
-        | "3-vector"
-        | "3-gradient"
-        | "3-normal"
-        | "2d-symmetric-matrix" => 3,
-        "4-color" | "rgba-color" | "4-vector" | "quaternion" | "2d-masked-symmetric-matrix" | "2d-matrix" => {
-            4
-        }
+        "3-color" | "rgb-color" | "hsv-color" | "xyz-color" => 3,
+        "3-vector" | "3-gradient" | "3-normal" | "2d-symmetric-matrix" => 3,
+        "4-color" | "rgba-color" | "4-vector" | "quaternion" => 4,
+        "2d-masked-symmetric-matrix" | "2d-matrix" => 4,
         "2d-masked-matrix" => 5,
         "3d-symmetric-matrix" => 6,
         "3d-masked-symmetric-matrix" => 7,
@@ -56,41 +51,27 @@ fn components_of(kind: &str) -> Option<u32> {
 impl<'a> Header<'a> {
     /// Reads the extents: three in space, after an optional axis of components, and further ones of 1.
     pub(crate) fn axes(&self) -> Result<Axes> {
-        let dimension = self.required("dimension")?;
-        let rank = dimension.parse().ok().filter(|rank| (3..=Self::MAX_AXES).contains(rank));
+        let fields = &self.fields;
+        let dimension = fields.required("dimension")?;
+        let rank = dimension.parse().ok().filter(|rank| (3..=MAX_AXES).contains(rank));
         let Some(rank) = rank else {
-            let rule = format!(
-                "{}: a volume has 3, and at most {} with components",
-                text::shown(dimension),
-                Self::MAX_AXES
-            );
-            return Err(self.error("dimension", rule));
+            let shown = text::shown(dimension);
+            let rule = format!("{shown}: a volume has 3, and at most {MAX_AXES} with components");
+            return Err(fields.error("dimension", rule));
         };
-        let text = self.required("sizes")?;
-        let words: Vec<&str> = text.split_whitespace().collect();
-        if words.len() != rank {
-            return Err(
-                self.error("sizes", format!("{} numbers: dimension {rank} needs {rank}", words.len()))
-            );
-        }
-        let size = |text: &&str| {
-            text.parse::<u32>().ok().filter(|&size| size > 0).ok_or_else(|| {
-                let rule =
-                    format!("\"{}\": must be a whole number from 1 to {}", text::shown(text), u32::MAX);
-                self.error("sizes", rule)
-            })
-        };
-        let sizes = words.iter().map(size).collect::<Result<Vec<u32>>>()?;
-        let kinds: Vec<&str> = self.get("kinds").unwrap_or_default().split_whitespace().collect();
+        let sizes = fields.extents("sizes", "dimension", rank)?;
+        let kinds: Vec<&str> = fields.get("kinds").unwrap_or_default().split_whitespace().collect();
         if !kinds.is_empty() && kinds.len() != rank {
-            return Err(self.error("kinds", format!("{} kinds: dimension {rank} needs {rank}", kinds.len())));
+            return Err(self
+                .fields
+                .error("kinds", format!("{} kinds: dimension {rank} needs {rank}", kinds.len())));
         }
         let other = |axis: usize| kinds.get(axis).filter(|kind| !is_domain(kind));
         if rank == 3 {
             return match (0..3).find_map(other) {
                 Some(kind) => {
                     let rule = format!("\"{kind}\": all three axes of a volume must be spatial");
-                    Err(self.error("kinds", rule))
+                    Err(fields.error("kinds", rule))
                 }
                 None => Ok(Axes { sizes, first: 0 }),
             };
@@ -103,65 +84,61 @@ impl<'a> Header<'a> {
             && let Some(components) = components_of(kind)
             && components != sizes[0]
         {
-            return Err(self.error("kinds", format!("{kind}: has {components} components, not {}", sizes[0])));
+            return Err(self
+                .fields
+                .error("kinds", format!("{kind}: has {components} components, not {}", sizes[0])));
         }
         for (axis, &size) in sizes.iter().enumerate().skip(first) {
             if let Some(kind) = other(axis).filter(|_| size > 1) {
                 let rule = format!("\"{kind}\" on axis {}: components must lie on the first axis", axis + 1);
-                return Err(self.error("kinds", rule));
+                return Err(fields.error("kinds", rule));
             }
             if axis >= first + 3 && size > 1 {
-                let mut rule =
-                    format!("{size} on axis {}: a volume has three axes, further ones must be 1", axis + 1);
-                if first == 0 {
-                    rule.push_str(
-                        "; a first axis of components needs a kind such as vector, or direction none",
-                    );
-                }
-                return Err(self.error("sizes", rule));
+                let more = "; a first axis of components needs a kind such as vector, or direction none";
+                let rule = format!(
+                    "{size} on axis {}: a volume has three axes, further ones must be 1{}",
+                    axis + 1,
+                    if first == 0 { more } else { "" }
+                );
+                return Err(fields.error("sizes", rule));
             }
         }
         if sizes.len() < first + 3 {
-            return Err(self.error("sizes", "fewer than three axes beside the components"));
+            return Err(fields.error("sizes", "fewer than three axes beside the components"));
         }
         Ok(Axes { sizes, first })
     }
 
     /// Whether the length of the components is meaningless: times, lists, or colours with opacity or hue.
     pub(crate) fn has_no_length(&self) -> bool {
-        let kind = self.get("kinds").and_then(|kinds| kinds.split_whitespace().next()).unwrap_or_default();
-        let kind = kind.to_lowercase();
-        matches!(kind.as_str(), "list" | "time" | "rgba-color" | "4-color" | "hsv-color")
+        let kinds = self.fields.get("kinds").unwrap_or_default().to_lowercase();
+        let kind = kinds.split_whitespace().next().unwrap_or_default();
+        matches!(kind, "list" | "time" | "rgba-color" | "4-color" | "hsv-color")
     }
 
     /// Returns the files of the data in order; None if the data is attached.
     pub(crate) fn files(&self, axes: &Axes) -> Result<Option<Files>> {
-        let Some(name) = self.get("data file") else { return Ok(None) };
-        let error = |rule: String| self.error("data file", rule);
+        let Some(name) = self.fields.get("data file") else { return Ok(None) };
+        let error = |rule: String| self.fields.error("data file", rule);
         let rank = axes.sizes.len();
         // The number of axes per file; the default is all but the slowest.
-        let sub = |word: Option<&str>| match word {
-            None => Ok(rank - 1),
-            Some(word) => {
-                word.parse::<usize>().ok().filter(|sub| (1..=rank).contains(sub)).ok_or_else(|| {
-                    error(format!("\"{}\": each file must have 1 to {rank} axes", text::shown(word)))
-                })
-            }
+        let sub = |words: &[&str]| {
+            let Some(word) = words.first() else { return Ok(rank - 1) };
+            let rule = || format!("\"{}\": each file must have 1 to {rank} axes", text::shown(word));
+            word.parse().ok().filter(|sub| (1..=rank).contains(sub)).ok_or_else(|| error(rule()))
         };
         let words: Vec<&str> = name.split_whitespace().collect();
         let (files, sub) = match words.as_slice() {
             [] => return Err(error("empty: must name the data".to_owned())),
-            ["LIST"] => (Files::Named(self.names.clone()), sub(None)?),
-            ["LIST", word] => (Files::Named(self.names.clone()), sub(Some(word))?),
+            ["LIST", rest @ ..] if rest.len() < 2 => (Files::Named(self.names.clone()), sub(rest)?),
             [pattern, first, last, step, rest @ ..]
                 if rest.len() < 2
                     && let Some(pattern) = Numbered::parse(pattern)
                     && let (Ok(first), Ok(last), Ok(step)) = (first.parse(), last.parse(), step.parse()) =>
             {
-                let numbered = pattern.over(first, last, step);
-                let numbered =
-                    numbered.map_err(|rule| error(format!("\"{}\": {rule}", text::shown(name))))?;
-                (Files::Numbered(numbered), sub(rest.first().copied())?)
+                let wrong = |rule| error(format!("\"{}\": {rule}", text::shown(name)));
+                let numbered = pattern.over(first, last, step).map_err(wrong)?;
+                (Files::Numbered(numbered), sub(rest)?)
             }
             _ => return Ok(Some(Files::one(name))),
         };

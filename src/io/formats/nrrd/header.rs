@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::io::file::fields::Fields;
 use crate::io::file::sample_type::{Endian, SampleType};
 use crate::io::file::source::{Encoding, Source};
@@ -13,47 +13,10 @@ use crate::num;
 const MAX_HEADER: u64 = 1 << 20;
 
 /// Every field of the format, by its canonical name.
-const FIELDS: [&str; 30] = [
-    "axis maxs",
-    "axis mins",
-    "block size",
-    "byte skip",
-    "centers",
-    "content",
-    "data file",
-    "dimension",
-    "encoding",
-    "endian",
-    "kinds",
-    "labels",
-    "line skip",
-    "max",
-    "measurement frame",
-    "min",
-    "number",
-    "old max",
-    "old min",
-    "sample units",
-    "sizes",
-    "space",
-    "space dimension",
-    "space directions",
-    "space origin",
-    "space units",
-    "spacings",
-    "thicknesses",
-    "type",
-    "units",
-];
+const FIELDS: &str = "axis maxs, axis mins, block size, byte skip, centers, content, data file, dimension, encoding, \
+    endian, kinds, labels, line skip, max, measurement frame, min, number, old max, old min, sample units, sizes, space, \
+    space dimension, space directions, space origin, space units, spacings, thicknesses, type, units";
 
-/// The encoding of the numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Packing {
-    Binary(Encoding),
-    Text,
-}
-
-/// The header.
 pub(crate) struct Header<'a> {
     source: &'a Source,
     pub(crate) fields: Fields<'a>,
@@ -64,9 +27,6 @@ pub(crate) struct Header<'a> {
 }
 
 impl<'a> Header<'a> {
-    /// The limit of the format on axes.
-    pub(crate) const MAX_AXES: usize = 16;
-
     pub(crate) fn read(source: &'a Source) -> Result<Self> {
         let bytes = source.bytes(0, source.len().min(MAX_HEADER))?;
         let fields = Fields::new(source, "NRRD");
@@ -94,16 +54,16 @@ impl<'a> Header<'a> {
             } else if !text.starts_with('#') {
                 header.field(number + 1, text)?;
                 // Checked only after fields, because a list may have many lines.
-                list = header.get("data file").is_some_and(is_list);
+                let files = header.fields.get("data file").unwrap_or_default();
+                list = files.split_whitespace().next() == Some("LIST");
             }
         }
         header.end = num::wide(at);
         // A detached header may end with the file; attached data needs an empty line before it.
-        if !complete && (header.get("data file").is_none() || source.len() > MAX_HEADER) {
-            return Err(source.error(
-                "header",
-                format!("no empty line ends it within {} bytes, and no data file is named", bytes.len()),
-            ));
+        if !complete && (header.fields.get("data file").is_none() || source.len() > MAX_HEADER) {
+            let length = bytes.len();
+            let rule = format!("no empty line ends it within {length} bytes, and no data file is named");
+            return Err(source.error("header", rule));
         }
         Ok(header)
     }
@@ -117,119 +77,81 @@ impl<'a> Header<'a> {
         if value.starts_with('=') {
             return Ok(()); // a key/value pair, free for the writer's use
         }
-        let key = match key.trim().to_lowercase().as_str() {
-            "datafile" => "data file".to_owned(),
-            "lineskip" => "line skip".to_owned(),
-            "byteskip" => "byte skip".to_owned(),
-            "blocksize" => "block size".to_owned(),
-            "axismins" => "axis mins".to_owned(),
-            "axismaxs" => "axis maxs".to_owned(),
-            "centerings" => "centers".to_owned(),
-            "oldmin" => "old min".to_owned(),
-            "oldmax" => "old max".to_owned(),
-            "sampleunits" => "sample units".to_owned(),
-            "spacedimension" => "space dimension".to_owned(),
-            "spacedirections" => "space directions".to_owned(),
-            "spaceorigin" => "space origin".to_owned(),
-            "spaceunits" => "space units".to_owned(),
-            "measurementframe" => "measurement frame".to_owned(),
-            key => key.to_owned(),
-        };
-        let Some(name) = FIELDS.iter().find(|name| **name == key) else {
+        let key = key.trim().to_lowercase();
+        // Canonical names may come without their blank.
+        let is = |name: &&str| *name == key || name.replace(' ', "") == key;
+        let name = if key == "centerings" { Some("centers") } else { FIELDS.split(", ").find(is) };
+        let Some(name) = name else {
             return Err(self.source.error(place(), format!("\"{}\": no such field in NRRD", shown())));
         };
         self.fields.add(number, name, value.trim())
     }
 
-    pub(crate) fn get(&self, name: &str) -> Option<&str> {
-        self.fields.get(name)
-    }
-
-    pub(crate) fn required(&self, name: &str) -> Result<&str> {
-        self.fields.required(name)
-    }
-
-    pub(crate) fn error(&self, name: &str, rule: impl Into<String>) -> Error {
-        self.fields.error(name, rule)
-    }
-
-    pub(crate) fn whole_number(&self, name: &str, least: i64) -> Result<i64> {
-        self.fields.whole_number(name, least)
-    }
-
     pub(crate) fn sample_type(&self) -> Result<SampleType> {
-        let text = self.required("type")?;
+        let text = self.fields.required("type")?;
         Ok(match text.to_lowercase().split_whitespace().collect::<Vec<_>>().join(" ").as_str() {
             "signed char" | "int8" | "int8_t" => SampleType::I8,
             "uchar" | "unsigned char" | "uint8" | "uint8_t" => SampleType::U8,
-            "short" | "short int" | "signed short" | "signed short int" | "int16" | "int16_t" => {
-                SampleType::I16
-            }
+            "short" | "short int" | "signed short" | "signed short int" => SampleType::I16,
+            "int16" | "int16_t" => SampleType::I16,
             "ushort" | "unsigned short" | "unsigned short int" | "uint16" | "uint16_t" => SampleType::U16,
             "int" | "signed int" | "int32" | "int32_t" => SampleType::I32,
             "uint" | "unsigned int" | "uint32" | "uint32_t" => SampleType::U32,
-            "longlong"
-            | "long long"
-            | "long long int"
-            | "signed long long"
-            | "signed long long int"
-            | "int64"
-            | "int64_t" => SampleType::I64,
-            "ulonglong" | "unsigned long long" | "unsigned long long int" | "uint64" | "uint64_t" => {
-                SampleType::U64
-            }
+            "longlong" | "long long" | "long long int" => SampleType::I64,
+            "signed long long" | "signed long long int" | "int64" | "int64_t" => SampleType::I64,
+            "ulonglong" | "unsigned long long" | "unsigned long long int" => SampleType::U64,
+            "uint64" | "uint64_t" => SampleType::U64,
             "float" => SampleType::F32,
             "double" => SampleType::F64,
             _ => {
-                return Err(self.error(
-                    "type",
-                    format!(
-                        "\"{}\": integers of 8, 16, 32 and 64 bits, float and double are supported",
-                        text::shown(text)
-                    ),
-                ));
+                let shown = text::shown(text);
+                let rule =
+                    format!("\"{shown}\": integers of 8, 16, 32 and 64 bits, float and double are supported");
+                return Err(self.fields.error("type", rule));
             }
         })
     }
 
-    pub(crate) fn packing(&self) -> Result<Packing> {
-        match self.required("encoding")?.to_lowercase().as_str() {
-            "raw" => Ok(Packing::Binary(Encoding::Raw)),
-            "gzip" | "gz" => Ok(Packing::Binary(Encoding::Gzip)),
-            "ascii" | "text" | "txt" => Ok(Packing::Text),
+    /// Returns the compression of the numbers; None for text.
+    pub(crate) fn packing(&self) -> Result<Option<Encoding>> {
+        match self.fields.required("encoding")?.to_lowercase().as_str() {
+            "raw" => Ok(Some(Encoding::Raw)),
+            "gzip" | "gz" => Ok(Some(Encoding::Gzip)),
+            "ascii" | "text" | "txt" => Ok(None),
             other => {
                 let rule = format!("\"{}\": raw and gzip are supported, and ascii", text::shown(other));
-                Err(self.error("encoding", rule))
+                Err(self.fields.error("encoding", rule))
             }
         }
     }
 
-    pub(crate) fn endian(&self, kind: SampleType, packing: Packing) -> Result<Endian> {
-        match self.get("endian").map(str::to_lowercase).as_deref() {
+    pub(crate) fn endian(&self, kind: SampleType, packing: Option<Encoding>) -> Result<Endian> {
+        match self.fields.get("endian").map(str::to_lowercase).as_deref() {
             Some("little") => Ok(Endian::Little),
             Some("big") => Ok(Endian::Big),
             Some(other) => {
-                Err(self.error("endian", format!("\"{}\": must be little or big", text::shown(other))))
+                Err(self.fields.error("endian", format!("\"{}\": must be little or big", text::shown(other))))
             }
-            None if kind.bytes() == 1 || packing == Packing::Text => Ok(Endian::Little),
-            None => Err(self.error("endian", format!("missing: {} samples need it", kind.name()))),
+            None if kind.bytes() == 1 || packing.is_none() => Ok(Endian::Little),
+            None => Err(self.fields.error("endian", format!("missing: {} samples need it", kind.name()))),
         }
     }
 
     /// Returns one vector or `none` per axis, if the file gives directions.
     pub(crate) fn directions(&self, rank: usize) -> Result<Option<Vec<Option<DVec3>>>> {
-        let Some(text) = self.get("space directions") else { return Ok(None) };
+        let Some(text) = self.fields.get("space directions") else { return Ok(None) };
         let vectors = self.vectors("space directions", text)?;
         if vectors.len() != rank {
             let rule = format!("{} vectors: must be {rank}", vectors.len());
-            return Err(self.error("space directions", rule));
+            return Err(self.fields.error("space directions", rule));
         }
         Ok(Some(vectors))
     }
 
     /// Parses vectors such as `(a,b,c) none (d,e,f)`, with blanks anywhere.
     pub(crate) fn vectors(&self, name: &str, text: &str) -> Result<Vec<Option<DVec3>>> {
-        let broken = || self.error(name, format!("\"{}\": must be vectors like (1,0,0)", text::shown(text)));
+        let broken =
+            || self.fields.error(name, format!("\"{}\": must be vectors like (1,0,0)", text::shown(text)));
         let mut vectors = Vec::new();
         let mut rest = text.trim();
         while !rest.is_empty() {
@@ -249,9 +171,4 @@ impl<'a> Header<'a> {
         }
         Ok(vectors)
     }
-}
-
-/// Whether file names follow the header.
-fn is_list(value: &str) -> bool {
-    value.split_whitespace().next() == Some("LIST")
 }

@@ -2,10 +2,9 @@
 
 use std::io::{ErrorKind, Read};
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::io::file::sample_type::{Endian, SampleType, by_type};
 use crate::io::file::scanner::Scanner;
-use crate::io::file::source::Source;
 use crate::io::file::text::{self, shown};
 use crate::io::formats::ply::header::{Element, Header, Property};
 use crate::num;
@@ -57,15 +56,9 @@ impl Header {
             Some(endian) if element.has_lists() => {
                 for i in 0..element.count {
                     for (property, slot) in element.properties.iter().zip(&slots) {
-                        if let Some(length) = property.list {
-                            pass_list(scanner, property, length, endian)
-                                .map_err(|e| ended(scanner.source(), element, i, e))?;
-                            continue;
-                        }
-                        let number = number(scanner, property.kind, endian)
-                            .map_err(|e| ended(scanner.source(), element, i, e))?;
-                        if let Some(slot) = *slot {
-                            numbers[slot] = number;
+                        match *slot {
+                            Some(slot) => numbers[slot] = number(scanner, element, i, property.kind, endian)?,
+                            None => self.skip(scanner, element, i, property)?,
                         }
                     }
                     sink(&numbers);
@@ -85,7 +78,7 @@ impl Header {
                 while done < element.count {
                     let left = usize::try_from(element.count - done).unwrap_or(usize::MAX);
                     let block = &mut block[..rows.min(left) * stride];
-                    scanner.read_exact(block).map_err(|e| ended(scanner.source(), element, done, e))?;
+                    read_exact(scanner, element, done, block)?;
                     for row in block.chunks_exact(stride.max(1)) {
                         for (slot, place, kind) in &places {
                             numbers[*slot] = decode(&row[place.clone()], *kind, endian);
@@ -105,63 +98,92 @@ impl Header {
         if element.properties.is_empty() {
             return Ok(());
         }
-        match self.binary {
-            Some(_) if !element.has_lists() => scanner.skip(element.count.saturating_mul(element.bytes())),
-            Some(_) => self.each(scanner, element, &[], &mut |_| {}),
-            // Lines of long lists may exceed the line limit, so they are read word by word.
-            None => {
-                for _ in 0..element.count {
-                    for property in &element.properties {
-                        let words: u64 = match property.list {
-                            Some(_) => scanner.number("the length of a list")?,
-                            None => 1,
-                        };
-                        for _ in 0..words {
-                            if scanner.word()?.is_none() {
-                                let rule = format!("ends before the last {}", shown(&element.name));
-                                return Err(scanner.error(rule));
-                            }
-                        }
-                    }
-                    scanner.end_line()?;
-                }
-                Ok(())
+        if self.binary.is_some() && !element.has_lists() {
+            return scanner.skip(element.count.saturating_mul(element.bytes()));
+        }
+        for i in 0..element.count {
+            for property in &element.properties {
+                self.skip(scanner, element, i, property)?;
+            }
+            if self.binary.is_none() {
+                scanner.end_line()?;
             }
         }
+        Ok(())
+    }
+
+    /// Skips a property of element `i`. Lines of long lists may exceed the line limit, so text is read word by word.
+    pub(crate) fn skip(
+        &self,
+        scanner: &mut Scanner,
+        element: &Element,
+        i: u64,
+        property: &Property,
+    ) -> Result<()> {
+        let count = match property.list {
+            Some(length) => self.list_length(scanner, element, i, property, length)?,
+            None => 1,
+        };
+        match self.binary {
+            Some(endian) if property.list.is_none() => {
+                number(scanner, element, i, property.kind, endian)?;
+            }
+            Some(_) => scanner.skip(count * property.kind.bytes())?,
+            None => {
+                for _ in 0..count {
+                    if scanner.word()?.is_none() {
+                        let rule = format!("ends before the last {}", shown(&element.name));
+                        return Err(scanner.error(rule));
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the length of a list of element `i`, and checks in binary that its numbers can follow.
+    pub(crate) fn list_length(
+        &self,
+        scanner: &mut Scanner,
+        element: &Element,
+        i: u64,
+        property: &Property,
+        length: SampleType,
+    ) -> Result<u64> {
+        let Some(endian) = self.binary else { return scanner.number("the length of a list") };
+        let count = number(scanner, element, i, length, endian)?;
+        let wrong = |rule: &str| {
+            let rule = format!("property {}: a list of {count}{rule}", shown(&property.name));
+            Err(scanner.source().error(format!("byte {}", scanner.position()), rule))
+        };
+        if count < 0.0 {
+            return wrong("");
+        }
+        let length = num::u64_of(count);
+        if length.saturating_mul(property.kind.bytes()) > scanner.available() {
+            return wrong(" is longer than what follows");
+        }
+        Ok(length)
     }
 
     /// Checks that nothing follows.
     pub(crate) fn end(&self, scanner: &mut Scanner) -> Result<()> {
+        let rule = "more than the header announces";
         if self.binary.is_none() {
             return match scanner.word()?.map(shown) {
-                Some(word) => Err(scanner.error(format!("\"{word}\": more than the header announces"))),
+                Some(word) => Err(scanner.error(format!("\"{word}\": {rule}"))),
                 None => Ok(()),
             };
         }
-        let position = scanner.position();
-        let mut more = [0];
-        match scanner.read(&mut more) {
-            Ok(0) => Ok(()),
-            Ok(_) => {
-                let rule = "more than the header announces";
-                Err(scanner.source().error(format!("byte {position}"), rule))
-            }
-            Err(error) => Err(text::stream_error(scanner.source(), error)),
+        if scanner.peek(1)?.is_empty() {
+            return Ok(());
         }
+        Err(scanner.source().error(format!("byte {}", scanner.position()), rule))
     }
 }
 
 /// The number of bytes read at once.
 const BLOCK: usize = 1 << 16;
-
-/// Converts an error of a stream; an early end reports the number of elements read.
-pub(crate) fn ended(source: &Source, element: &Element, done: u64, error: std::io::Error) -> Error {
-    if error.kind() == ErrorKind::UnexpectedEof {
-        let place = format!("element {}", shown(&element.name));
-        return source.error(place, format!("ends between {done} and all {}", element.count));
-    }
-    text::stream_error(source, error)
-}
 
 /// Decodes a number of `kind.bytes()` bytes.
 fn decode(bytes: &[u8], kind: SampleType, endian: Endian) -> f64 {
@@ -174,43 +196,29 @@ fn decode(bytes: &[u8], kind: SampleType, endian: Endian) -> f64 {
     by_type!(kind, number)
 }
 
-pub(crate) fn number(scanner: &mut Scanner, kind: SampleType, endian: Endian) -> std::io::Result<f64> {
+/// Reads a number of element `i`.
+pub(crate) fn number(
+    scanner: &mut Scanner,
+    element: &Element,
+    i: u64,
+    kind: SampleType,
+    endian: Endian,
+) -> Result<f64> {
     let mut bytes = [0; 8];
     let bytes = &mut bytes[..usize::try_from(kind.bytes()).unwrap_or(8)];
-    scanner.read_exact(bytes)?;
+    read_exact(scanner, element, i, bytes)?;
     Ok(decode(bytes, kind, endian))
 }
 
-/// Reads the length of a binary list, and checks that its numbers can follow.
-pub(crate) fn list_length(
-    scanner: &mut Scanner,
-    property: &Property,
-    length: SampleType,
-    endian: Endian,
-) -> std::io::Result<u64> {
-    let count = number(scanner, length, endian)?;
-    let name = shown(&property.name);
-    let place = format!("byte {}", scanner.position());
-    let wrong = |rule: String| std::io::Error::other(scanner.source().error(place, rule));
-    if count < 0.0 {
-        return Err(wrong(format!("property {name}: a list of {count}")));
-    }
-    let length = num::u64_of(count);
-    if length.saturating_mul(property.kind.bytes()) > scanner.available() {
-        return Err(wrong(format!("property {name}: a list of {count} is longer than what follows")));
-    }
-    Ok(length)
-}
-
-/// Skips a binary list.
-pub(crate) fn pass_list(
-    scanner: &mut Scanner,
-    property: &Property,
-    length: SampleType,
-    endian: Endian,
-) -> std::io::Result<()> {
-    let count = list_length(scanner, property, length, endian)?;
-    scanner.skip(count * property.kind.bytes()).map_err(std::io::Error::other)
+/// Reads bytes; `done` elements have been read before.
+fn read_exact(scanner: &mut Scanner, element: &Element, done: u64, bytes: &mut [u8]) -> Result<()> {
+    scanner.read_exact(bytes).map_err(|error| {
+        if error.kind() != ErrorKind::UnexpectedEof {
+            return text::stream_error(scanner.source(), error);
+        }
+        let place = format!("element {}", shown(&element.name));
+        scanner.source().error(place, format!("ends between {done} and all {}", element.count))
+    })
 }
 
 /// Parses the wanted numbers of an element on a line of text.
@@ -224,34 +232,23 @@ fn row(
     let mut words = line.split_ascii_whitespace();
     for (property, slot) in element.properties.iter().zip(slots) {
         let name = || shown(&property.name);
-        let mut next = || {
-            let rule = || scanner.line_error(format!("ends before property {}", name()));
-            words.next().ok_or_else(rule)
-        };
-        let word = next()?;
+        let wrong = |word: &str, rule: String| scanner.line_error(format!("\"{}\": {rule}", shown(word)));
+        let early = || scanner.line_error(format!("ends before property {}", name()));
+        let word = words.next().ok_or_else(early)?;
         if property.list.is_some() {
-            let length: u64 = word.parse().map_err(|_| {
-                scanner.line_error(format!("\"{}\": must be the length of list {}", shown(word), name()))
-            })?;
+            let length = word
+                .parse::<u64>()
+                .map_err(|_| wrong(word, format!("must be the length of list {}", name())))?;
             for _ in 0..length {
-                next()?;
+                words.next().ok_or_else(early)?;
             }
         } else if let Some(slot) = *slot {
-            numbers[slot] = parse(word, property.kind).ok_or_else(|| {
-                let kind = property.kind.name();
-                scanner.line_error(format!(
-                    "\"{}\": property {} must be a number of type {kind}",
-                    shown(word),
-                    name()
-                ))
-            })?;
+            let rule = || format!("property {} must be a number of type {}", name(), property.kind.name());
+            numbers[slot] = parse(word, property.kind).ok_or_else(|| wrong(word, rule()))?;
         }
     }
-    match words.next() {
-        Some(word) => {
-            let rule = format!("\"{}\": must not follow here", shown(word));
-            Err(scanner.line_error(rule))
-        }
+    match words.next().map(shown) {
+        Some(word) => Err(scanner.line_error(format!("\"{word}\": must not follow here"))),
         None => Ok(()),
     }
 }

@@ -8,7 +8,7 @@ use crate::io::file::scanner::Scanner;
 use crate::io::file::source::Source;
 use crate::io::file::text::{self, shown};
 use crate::io::formats::fan::{Faces, Triangles};
-use crate::io::formats::ply::body::{ended, list_length, number, pass_list};
+use crate::io::formats::ply::body::number;
 use crate::io::formats::ply::header::{Element, Header};
 use crate::num;
 
@@ -65,41 +65,17 @@ impl Header {
                 })
             };
             for (place, property) in element.properties.iter().enumerate() {
-                match (self.binary, property.list) {
-                    (Some(endian), Some(length)) if place == list => {
-                        let ended = |e| ended(source, element, i, e);
-                        let mut left = list_length(scanner, property, length, endian).map_err(ended)?;
-                        while left > 0 {
-                            let number = number(scanner, property.kind, endian).map_err(ended)?;
-                            faces.corner(index(number)?)?;
-                            left -= 1;
-                        }
-                    }
-                    (Some(endian), Some(length)) => {
-                        pass_list(scanner, property, length, endian)
-                            .map_err(|e| ended(source, element, i, e))?;
-                    }
-                    (Some(endian), None) => {
-                        number(scanner, property.kind, endian).map_err(|e| ended(source, element, i, e))?;
-                    }
-                    (None, Some(_)) => {
-                        let mut left: u64 = scanner.number("the length of a list")?;
-                        while left > 0 {
-                            if place == list {
-                                let number: i64 = scanner.number("an index")?;
-                                // Indices beyond 2^53, where rounding begins, are too large anyway.
-                                faces.corner(index(number as f64)?)?;
-                            } else if scanner.word()?.is_none() {
-                                return Err(scanner.error("ends before the last face"));
-                            }
-                            left -= 1;
-                        }
-                    }
-                    (None, None) => {
-                        if scanner.word()?.is_none() {
-                            return Err(scanner.error("ends before the last face"));
-                        }
-                    }
+                let Some(length) = property.list.filter(|_| place == list) else {
+                    self.skip(scanner, element, i, property)?;
+                    continue;
+                };
+                for _ in 0..self.list_length(scanner, element, i, property, length)? {
+                    let number = match self.binary {
+                        Some(endian) => number(scanner, element, i, property.kind, endian)?,
+                        // Indices beyond 2^53, where rounding begins, are too large anyway.
+                        None => scanner.number::<i64>("an index")? as f64,
+                    };
+                    faces.corner(index(number)?)?;
                 }
             }
             faces.end(|rule| source.error(format!("face {i}"), rule))?;

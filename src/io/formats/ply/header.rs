@@ -124,18 +124,18 @@ impl Lines {
     /// Adds a property to the last element.
     fn property(&mut self, words: &[&str], name: &str) -> std::result::Result<(), String> {
         let Some(element) = self.elements.last_mut() else { return Err("belongs to no element".to_owned()) };
+        let known =
+            |name: &str| sample_type(name).ok_or_else(|| format!("\"{}\" is not a type", shown(name)));
         let (kind, list) = match *words {
-            [_, "list", length, kind, _] => (kind, Some(length)),
-            [_, kind, _] => (kind, None),
+            [_, "list", length, kind, _] => {
+                let kind = known(kind)?;
+                let whole =
+                    sample_type(length).filter(|kind| !matches!(kind, SampleType::F32 | SampleType::F64));
+                let rule = || format!("\"{}\" is not a type of a length", shown(length));
+                (kind, Some(whole.ok_or_else(rule)?))
+            }
+            [_, kind, _] => (known(kind)?, None),
             _ => return Err("must be a type and a name, or a list".to_owned()),
-        };
-        let Some(kind) = sample_type(kind) else {
-            return Err(format!("\"{}\" is not a type", shown(kind)));
-        };
-        let list = match list.map(|length| (length, sample_type(length))) {
-            None => None,
-            Some((_, Some(length))) if !matches!(length, SampleType::F32 | SampleType::F64) => Some(length),
-            Some((length, _)) => return Err(format!("\"{}\" is not a type of a length", shown(length))),
         };
         if !self.properties.insert(name.to_owned()) {
             return Err("a second property of this name".to_owned());
@@ -159,10 +159,8 @@ impl Header {
             let Some(line) = scanner.next_line()? else {
                 return Err(scanner.error("ends before end_header"));
             };
-            let end = lines
-                .add(&line)
-                .map_err(|rule| scanner.line_error(format!("\"{}\": {rule}", shown(line.trim()))))?;
-            if end {
+            let wrong = |rule| scanner.line_error(format!("\"{}\": {rule}", shown(line.trim())));
+            if lines.add(&line).map_err(wrong)? {
                 break;
             }
         }

@@ -85,39 +85,38 @@ pub(crate) fn named(source: &Source, stem: &str) -> Result<(RawLayout, Vec<Strin
         let shown = text::shown(text);
         return error(format!("\"{shown}\": neither three extents such as 64x64x40 nor three spacings"));
     }
-    let mut dims =
-        words.iter().filter_map(|(_, word)| if let Word::Dims(dims) = word { Some(*dims) } else { None });
-    let mut spacings =
-        words.iter().filter_map(|(_, word)| if let Word::Spacing(size) = word { Some(*size) } else { None });
-    let types: Vec<(usize, SampleType, bool, Option<Endian>)> = (words.iter().enumerate())
-        .filter_map(|(i, (_, word))| match *word {
-            Word::Type(kind, plain, endian) => Some((i, kind, plain, endian)),
-            _ => None,
-        })
-        .collect();
+    let (mut dims, mut spacings, mut types) = (Vec::new(), Vec::new(), Vec::new());
+    for (i, (_, word)) in words.iter().enumerate() {
+        match (word, words.get(i + 1)) {
+            (Word::Dims(size), _) => dims.push(*size),
+            (Word::Spacing(size), _) => spacings.push(*size),
+            (Word::Type(kind, plain, None), Some((_, Word::Endian(endian)))) => {
+                types.push((*kind, *plain, Some(*endian)));
+            }
+            (Word::Type(kind, plain, endian), _) => types.push((*kind, *plain, *endian)),
+            _ => {}
+        }
+    }
     // An ambiguous word such as `short` counts only if no unambiguous type exists.
-    let plain: Vec<_> = types.iter().filter(|(_, _, plain, _)| *plain).copied().collect();
-    let types = if plain.is_empty() { types } else { plain };
-    let dims = match (dims.next(), dims.next()) {
-        (Some(dims), None) => dims,
-        (Some(a), Some(b)) => return error(format!("{a:?} and {b:?}: only one can be the size")),
-        (None, _) => return error(missing(source, stem, "no size")),
+    if types.iter().any(|(_, plain, _)| *plain) {
+        types.retain(|(_, plain, _)| *plain);
+    }
+    let dims = match *dims.as_slice() {
+        [dims] => dims,
+        [a, b, ..] => return error(format!("{a:?} and {b:?}: only one can be the size")),
+        [] => return error(missing(source, stem, "no size")),
     };
-    let (at, kind, endian) = match types.as_slice() {
-        [(at, kind, _, endian)] => (*at, *kind, *endian),
+    let (kind, endian) = match *types.as_slice() {
+        [(kind, _, endian)] => (kind, endian),
         [] => return error(missing(source, stem, "no sample type")),
-        [(_, a, ..), (_, b, ..), ..] => {
+        [(a, ..), (b, ..), ..] => {
             return error(format!("{} and {}: only one can be the type", a.name(), b.name()));
         }
     };
-    let spacing = match (spacings.next(), spacings.next()) {
-        (spacing, None) => spacing,
-        _ => return error("more than one spacing".to_owned()),
-    };
-    let endian = endian.or(match words.get(at + 1) {
-        Some((_, Word::Endian(endian))) => Some(*endian),
-        _ => None,
-    });
+    let spacing = spacings.pop();
+    if !spacings.is_empty() {
+        return error("more than one spacing".to_owned());
+    }
     let [x, y, z] = dims;
     let mut notes = vec![format!("layout from the name: {x} x {y} x {z} samples of type {}", kind.name())];
     if endian.is_none() && kind.bytes() > 1 {

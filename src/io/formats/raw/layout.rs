@@ -1,10 +1,17 @@
-//! The layout of raw samples, and its description in JSON.
+//! The layout of raw samples, and its description in JSON, in a file beside them or in a scene file.
 
 use glam::{DMat3, DVec3};
+use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 use crate::error::{Error, Result};
+use crate::io::file::json;
 use crate::io::file::sample_type::{Endian, SampleType};
-use crate::io::file::text;
+use crate::io::file::source::Source;
+use crate::io::file::text::shown;
+
+/// The limit on the size of a sidecar, in bytes.
+const MAX_JSON: u64 = 1 << 20;
 
 /// The layout of raw samples, which their file does not contain.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,32 +49,54 @@ impl RawLayout {
     }
 }
 
-/// The description of raw samples in JSON, in a sidecar or in a scene file.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Described<'a> {
+/// A description of raw samples.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "the layout of raw samples: an object with `dims` and `type`")]
+pub(crate) struct Sidecar {
+    pub(crate) file: Option<String>,
     pub(crate) dims: [u32; 3],
-    pub(crate) kind: &'a str,
-    pub(crate) endian: Option<&'a str>,
+    pub(crate) r#type: String,
+    pub(crate) endian: Option<String>,
     pub(crate) spacing: Option<[f64; 3]>,
     pub(crate) origin: Option<[f64; 3]>,
     pub(crate) direction: Option<[f64; 9]>,
     pub(crate) offset: Option<u64>,
 }
 
-impl Described<'_> {
-    /// Converts the description to a layout. `refuse` makes an error of a key and the rule that its value breaks.
-    pub(crate) fn layout(&self, refuse: &dyn Fn(&str, String) -> Error) -> Result<RawLayout> {
-        let Some((kind, _)) = type_of(&self.kind.to_lowercase()) else {
-            let names = SampleType::ALL.map(SampleType::name).join(", ");
-            let rule = format!("\"{}\": must be one of {names}", text::shown(self.kind));
-            return Err(refuse("type", rule));
+impl Sidecar {
+    /// Parses a file. None if it is JSON that describes something else; what is no JSON at all may be a broken sidecar,
+    /// so it is an error.
+    pub(crate) fn parse(source: &Source) -> Result<Option<Self>> {
+        let bytes = || source.bytes(0, source.len());
+        let is_json = || bytes().is_ok_and(|bytes| serde_json::from_slice::<IgnoredAny>(&bytes).is_ok());
+        if !is_sidecar(source) && (source.len() > MAX_JSON || is_json()) {
+            return Ok(None);
+        }
+        json::parse(source.path(), &bytes()?).map(Some)
+    }
+
+    /// Reads a JSON file, which must be a sidecar.
+    pub(crate) fn read(source: &Source) -> Result<Self> {
+        let rule = || {
+            format!(
+                "no layout of raw samples, which is an object of at most {MAX_JSON} bytes with `dims` and `type` and \
+                 without `volume`, `mesh` and `points`"
+            )
         };
-        let endian = match self.endian.map(str::to_lowercase).as_deref() {
+        Self::parse(source)?.ok_or_else(|| source.error("content", rule()))
+    }
+
+    /// Converts the description to a layout. `refuse` makes an error of a key and the rule that its value breaks.
+    pub(crate) fn layout(&self, refuse: impl Fn(&str, String) -> Error) -> Result<RawLayout> {
+        let Some((kind, _)) = type_of(&self.r#type.to_lowercase()) else {
+            let names = SampleType::ALL.map(SampleType::name).join(", ");
+            return Err(refuse("type", format!("\"{}\": must be one of {names}", shown(&self.r#type))));
+        };
+        let endian = match self.endian.as_deref().map(str::to_lowercase).as_deref() {
             None | Some("little") => Endian::Little,
             Some("big") => Endian::Big,
             Some(other) => {
-                let rule = format!("\"{}\": must be little or big", text::shown(other));
-                return Err(refuse("endian", rule));
+                return Err(refuse("endian", format!("\"{}\": must be little or big", shown(other))));
             }
         };
         let plain = RawLayout::new(self.dims, kind);
@@ -85,29 +114,39 @@ impl Described<'_> {
     }
 }
 
+/// Whether a JSON file describes raw samples and is not a scene file.
+pub(crate) fn is_sidecar(source: &Source) -> bool {
+    #[derive(Deserialize)]
+    struct Keys {
+        dims: Option<IgnoredAny>,
+        volume: Option<IgnoredAny>,
+        mesh: Option<IgnoredAny>,
+        points: Option<IgnoredAny>,
+    }
+    let fits = |keys: Keys| {
+        keys.dims.is_some() && keys.volume.is_none() && keys.mesh.is_none() && keys.points.is_none()
+    };
+    source.len() <= MAX_JSON
+        && source.bytes(0, source.len()).is_ok_and(|bytes| serde_json::from_slice(&bytes).is_ok_and(fits))
+}
+
 /// Returns the sample type of a common name in lower case, and whether the name is unambiguous: `int16` is, `short`
 /// may mean something else.
 pub(crate) fn type_of(name: &str) -> Option<(SampleType, bool)> {
-    let (kind, plain) = match name {
-        "u8" | "uint8" => (SampleType::U8, true),
-        "uchar" | "ubyte" | "byte" => (SampleType::U8, false),
-        "i8" | "int8" => (SampleType::I8, true),
-        "schar" | "sbyte" => (SampleType::I8, false),
-        "u16" | "uint16" => (SampleType::U16, true),
-        "ushort" => (SampleType::U16, false),
-        "i16" | "int16" => (SampleType::I16, true),
-        "short" => (SampleType::I16, false),
-        "u32" | "uint32" => (SampleType::U32, true),
-        "uint" => (SampleType::U32, false),
-        "i32" | "int32" => (SampleType::I32, true),
-        "int" => (SampleType::I32, false),
-        "u64" | "uint64" => (SampleType::U64, true),
-        "i64" | "int64" => (SampleType::I64, true),
-        "f32" | "float32" => (SampleType::F32, true),
-        "float" => (SampleType::F32, false),
-        "f64" | "float64" => (SampleType::F64, true),
-        "double" => (SampleType::F64, false),
+    let short = name.replace("uint", "u").replace("int", "i").replace("float", "f");
+    if let Some(kind) = SampleType::ALL.into_iter().find(|kind| kind.name() == short) {
+        return Some((kind, true));
+    }
+    let kind = match name {
+        "uchar" | "ubyte" | "byte" => SampleType::U8,
+        "schar" | "sbyte" => SampleType::I8,
+        "ushort" => SampleType::U16,
+        "short" => SampleType::I16,
+        "uint" => SampleType::U32,
+        "int" => SampleType::I32,
+        "float" => SampleType::F32,
+        "double" => SampleType::F64,
         _ => return None,
     };
-    Some((kind, plain))
+    Some((kind, false))
 }
