@@ -31,15 +31,6 @@ const ENDING: &str = "reference";
 
 /// Source code that determines the image: a changed reference invalidates the cache.
 const SOURCES: &[(&str, &[u8])] = &[
-    ("optics/kernel.rs", include_bytes!("../optics/kernel.rs")),
-    ("optics/kernel/erf.rs", include_bytes!("../optics/kernel/erf.rs")),
-    ("optics/kernel/flatness.rs", include_bytes!("../optics/kernel/flatness.rs")),
-    ("optics/kernel/footprint.rs", include_bytes!("../optics/kernel/footprint.rs")),
-    ("optics/kernel/frequency.rs", include_bytes!("../optics/kernel/frequency.rs")),
-    ("optics/kernel/prefilter.rs", include_bytes!("../optics/kernel/prefilter.rs")),
-    ("optics/kernel/quadrature.rs", include_bytes!("../optics/kernel/quadrature.rs")),
-    ("optics/kernel/shape.rs", include_bytes!("../optics/kernel/shape.rs")),
-    ("optics/kernel/template.rs", include_bytes!("../optics/kernel/template.rs")),
     ("reference/cover.rs", include_bytes!("../reference/cover.rs")),
     ("reference/draw.rs", include_bytes!("../reference/draw.rs")),
     ("reference/grid.rs", include_bytes!("../reference/grid.rs")),
@@ -49,18 +40,16 @@ const SOURCES: &[(&str, &[u8])] = &[
     ("reference/kernels/hits.rs", include_bytes!("../reference/kernels/hits.rs")),
     ("reference/kernels/interpolate.rs", include_bytes!("../reference/kernels/interpolate.rs")),
     ("reference/kernels/lattice.rs", include_bytes!("../reference/kernels/lattice.rs")),
-    ("reference/kernels/medium.rs", include_bytes!("../reference/kernels/medium.rs")),
     ("reference/kernels/scattered.rs", include_bytes!("../reference/kernels/scattered.rs")),
     ("reference/kernels/values.rs", include_bytes!("../reference/kernels/values.rs")),
     ("reference/march.rs", include_bytes!("../reference/march.rs")),
     ("reference/mod.rs", include_bytes!("../reference/mod.rs")),
-    ("reference/one_ray.rs", include_bytes!("../reference/one_ray.rs")),
     ("reference/polynomial.rs", include_bytes!("../reference/polynomial.rs")),
     ("reference/quadrature.rs", include_bytes!("../reference/quadrature.rs")),
-    ("reference/rays.rs", include_bytes!("../reference/rays.rs")),
     ("reference/sampling.rs", include_bytes!("../reference/sampling.rs")),
     ("reference/surfaces.rs", include_bytes!("../reference/surfaces.rs")),
     ("reference/tets.rs", include_bytes!("../reference/tets.rs")),
+    ("reference/tree.rs", include_bytes!("../reference/tree.rs")),
     ("reference/view_ray.rs", include_bytes!("../reference/view_ray.rs")),
     ("scene/camera.rs", include_bytes!("../scene/camera.rs")),
     ("scene/clip.rs", include_bytes!("../scene/clip.rs")),
@@ -334,7 +323,7 @@ mod tests {
     #[test]
     fn every_source_of_the_reference_counts() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-        for folder in ["reference", "reference/kernels", "optics/kernel"] {
+        for folder in ["reference", "reference/kernels"] {
             for entry in std::fs::read_dir(root.join(folder)).unwrap() {
                 let entry = entry.unwrap();
                 let name = entry.file_name().into_string().unwrap();

@@ -6,7 +6,7 @@ use super::polynomial::{self, Cubic};
 use super::quadrature::{Node, gauss_legendre};
 
 /// Optical depth at which a ray ends: the transmittance is below exp(-60) < 1e-26.
-pub(super) const OPAQUE: f64 = 60.0;
+const OPAQUE: f64 = 60.0;
 
 /// Largest optical depth of a panel, and the number of points that integrate a piece of that depth to 1e-12
 /// of the panel's own emission; ascending.
@@ -14,6 +14,15 @@ const PANELS: [(f64, usize); 3] = [(0.002, 8), (0.05, 10), (1.0, 14)];
 
 /// Extinctions are clamped to this, so that the polynomials do not overflow; a ray is opaque long before.
 const MAX_TAU: f64 = 1e150;
+
+/// Returns a scalar, with infinities replaced by the ends of the transfer function.
+pub(super) fn finite(scalar: f64, [low, high]: [f64; 2]) -> f64 {
+    match scalar {
+        f64::NEG_INFINITY => low,
+        f64::INFINITY => high,
+        scalar => scalar,
+    }
+}
 
 /// A transfer function, prepared for integration along rays.
 #[derive(Debug)]
@@ -66,8 +75,8 @@ impl Classes {
 /// Optical depth and colour accumulated along a ray, front to back.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct March {
-    depth: f64,
-    colour: [f64; 3],
+    pub(super) depth: f64,
+    pub(super) colour: [f64; 3],
 }
 
 impl March {
