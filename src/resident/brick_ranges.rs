@@ -10,46 +10,34 @@ use crate::scene::{Grid, Samples};
 /// So the range still holds for a position that rounding puts into the neighbouring cell.
 const APRON: usize = 1;
 
-/// Smallest and largest scalar of every brick of a grid.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct MinMax {
-    /// Bricks along x, y and z.
-    pub(crate) dims: [u32; 3],
-    /// Smallest and largest scalar of each brick, x fastest; `[inf, -inf]` where every sample is NaN.
-    pub(crate) ranges: Vec<[f32; 2]>,
-}
+/// Bytes of a brick on the device: its range, and a word that says whether it is visible.
+pub(crate) const BRICK_BYTES: u64 = 8 + 4;
 
 /// Returns the number of bricks along each axis of a grid.
 pub(crate) fn bricks_of(dims: [u32; 3]) -> [u32; 3] {
     dims.map(|n| n.saturating_sub(1).div_ceil(BRICK).max(1))
 }
 
-impl MinMax {
-    /// Bytes of a brick on the device: its range, and a word that says whether it is visible.
-    pub(crate) const BYTES: u64 = 8 + 4;
-
-    /// Computes the ranges of a grid, in the units of its data.
-    ///
-    /// Brick b covers the samples 8b to 8b + 8 and the apron. A NaN counts for no range: a cell that touches it is
-    /// vacuum. An infinity counts as the largest `f32` of its sign, which
-    /// [`nonzero_ranges`](crate::resident::visible_scalars::nonzero_ranges) takes into account. Ranges are widened by the
-    /// rounding of a device's decoding and filtering.
-    pub(crate) fn of(grid: &Grid) -> Self {
-        let dims = bricks_of(grid.dims());
-        let [n, m] = [grid.dims().map(num::index), dims.map(num::index)];
-        let ranges = match grid.samples() {
-            Samples::U8(v) => in_units(grid, extremes(v, n, m, [u8::MAX, u8::MIN])),
-            Samples::U16(v) => in_units(grid, extremes(v, n, m, [u16::MAX, u16::MIN])),
-            Samples::I16(v) => in_units(grid, extremes(v, n, m, [i16::MAX, i16::MIN])),
-            Samples::F32(v) => {
-                let mut ranges = in_units(grid, extremes(v, n, m, [f32::INFINITY, f32::NEG_INFINITY]));
-                if grid.nan_count() > 0 {
-                    open_at_nan(v, n, m, &mut ranges);
-                }
-                ranges
+/// Returns the smallest and largest scalar of each brick of a grid, x fastest, in the units of its data;
+/// `[inf, -inf]` where every sample is NaN.
+///
+/// Brick b covers the samples 8b to 8b + 8 and the apron. A NaN counts for no range: a cell that touches it is
+/// vacuum. An infinity counts as the largest `f32` of its sign, which
+/// [`nonzero_ranges`](crate::resident::visible_scalars::nonzero_ranges) takes into account. Ranges are widened by the
+/// rounding of a device's decoding and filtering.
+pub(crate) fn brick_ranges(grid: &Grid) -> Vec<[f32; 2]> {
+    let [n, m] = [grid.dims(), bricks_of(grid.dims())].map(|dims| dims.map(num::index));
+    match grid.samples() {
+        Samples::U8(v) => in_units(grid, extremes(v, n, m, [u8::MAX, u8::MIN])),
+        Samples::U16(v) => in_units(grid, extremes(v, n, m, [u16::MAX, u16::MIN])),
+        Samples::I16(v) => in_units(grid, extremes(v, n, m, [i16::MAX, i16::MIN])),
+        Samples::F32(v) => {
+            let mut ranges = in_units(grid, extremes(v, n, m, [f32::INFINITY, f32::NEG_INFINITY]));
+            if grid.nan_count() > 0 {
+                open_at_nan(v, n, m, &mut ranges);
             }
-        };
-        Self { dims, ranges }
+            ranges
+        }
     }
 }
 
@@ -142,14 +130,8 @@ fn extremes<T: Copy + PartialOrd>(
 /// Converts ranges of stored numbers to widened ranges of values.
 fn in_units<T: Copy + Into<f64>>(grid: &Grid, stored: Vec<[T; 2]>) -> Vec<[f32; 2]> {
     let rescale = grid.rescale();
-    // The stored number of an all-zero texel, and the largest number that a texel decodes to before the offset is
-    // added: its rounding decides by how much a range is widened.
-    let (zero, full) = match grid.samples() {
-        Samples::U8(_) => (0.0, 255.0),
-        Samples::U16(_) => (0.0, 65535.0),
-        Samples::I16(_) => (-32768.0, 65535.0),
-        Samples::F32(_) => (0.0, 0.0),
-    };
+    // The largest decoded number's rounding decides by how much a range is widened.
+    let [zero, full] = normalised(grid.samples());
     let finite = |value: f64| value.clamp(-f64::from(f32::MAX), f64::from(f32::MAX));
     let value = |stored: f64| finite(rescale.slope * stored + rescale.intercept);
     let terms = (rescale.slope * full).abs().max(value(zero).abs());
@@ -168,6 +150,17 @@ fn in_units<T: Copy + Into<f64>>(grid: &Grid, stored: Vec<[T; 2]>) -> Vec<[f32; 
             [below(finite(min - pad)), above(finite(max + pad))]
         })
         .collect()
+}
+
+/// Returns the stored number of an all-zero texel, and the largest number that a normalised texel decodes to before
+/// that is added; both 0 for floats.
+pub(crate) fn normalised(samples: &Samples) -> [f64; 2] {
+    match samples {
+        Samples::U8(_) => [0.0, 255.0],
+        Samples::U16(_) => [0.0, 65535.0],
+        Samples::I16(_) => [-32768.0, 65535.0],
+        Samples::F32(_) => [0.0, 0.0],
+    }
 }
 
 /// Bounds the rounding of a device for values between `min` and `max`.
@@ -228,12 +221,13 @@ mod tests {
                 for slope in [1.0, -0.37] {
                     let rescale = Rescale { slope, intercept: 0.25 };
                     let grid = Grid::new(dims, samples.clone()).unwrap().with_rescale(rescale).unwrap();
-                    let all = MinMax::of(&grid);
-                    assert_eq!(all.dims, dims.map(|n| (n - 1).div_ceil(8)));
-                    let mut ranges = all.ranges.iter();
-                    for z in 0..all.dims[2] {
-                        for y in 0..all.dims[1] {
-                            for x in 0..all.dims[0] {
+                    let bricks = bricks_of(dims);
+                    assert_eq!(bricks, dims.map(|n| (n - 1).div_ceil(8)));
+                    let all = brick_ranges(&grid);
+                    let mut ranges = all.iter();
+                    for z in 0..bricks[2] {
+                        for y in 0..bricks[1] {
+                            for x in 0..bricks[0] {
                                 let want = slow(&grid, [x, y, z]);
                                 let got = ranges.next().unwrap().map(f64::from);
                                 let span = want[1] - want[0];
@@ -260,9 +254,9 @@ mod tests {
         let seen = |at: usize| -> Vec<bool> {
             let mut values = vec![0_u8; 26 * 4];
             values[at] = 100;
-            let all = MinMax::of(&Grid::new([26, 2, 2], Samples::U8(values)).unwrap());
-            assert_eq!(all.dims, [4, 1, 1]);
-            all.ranges.iter().map(|range| range[1] > 50.0).collect()
+            assert_eq!(bricks_of([26, 2, 2]), [4, 1, 1]);
+            let ranges = brick_ranges(&Grid::new([26, 2, 2], Samples::U8(values)).unwrap());
+            ranges.iter().map(|range| range[1] > 50.0).collect()
         };
         assert_eq!(seen(0), [true, false, false, false]);
         assert_eq!(seen(6), [true, false, false, false]);
@@ -281,12 +275,12 @@ mod tests {
         values[12] = f32::NEG_INFINITY;
         values[33] = f32::INFINITY;
         let grid = Grid::new([34, 2, 2], Samples::F32(values)).unwrap();
-        let ranges = MinMax::of(&grid).ranges;
+        let ranges = brick_ranges(&grid);
         assert!(ranges[0][0] < 1.0 && ranges[0][0] > 0.99 && ranges[0][1] > 3.0 && ranges[0][1] < 3.01);
         assert_eq!(ranges[1][0], -MAX);
         assert_eq!(ranges[4][1], MAX);
         let flipped = grid.with_rescale(Rescale { slope: -2.0, intercept: 7.0 }).unwrap();
-        let ranges = MinMax::of(&flipped).ranges;
+        let ranges = brick_ranges(&flipped);
         assert_eq!(ranges[4][0], -MAX);
         assert_eq!(ranges[1][1], MAX);
         assert!(ranges[0][0] < 1.0 && ranges[0][1] > 5.0);
@@ -298,7 +292,7 @@ mod tests {
         // Samples 17 to 36 along z.
         values[17 * 4..37 * 4].fill(f32::NAN);
         let grid = Grid::new([2, 2, 50], Samples::F32(values)).unwrap();
-        let ranges = MinMax::of(&grid).ranges;
+        let ranges = brick_ranges(&grid);
         assert_eq!(ranges.len(), 7);
         let whole = |range: [f32; 2]| range[0] <= 0.0 && range[1] >= 49.0;
         // Windows reach one sample beyond: brick 1 has samples 7 to 17, brick 3 those from 23 to 33.
@@ -311,7 +305,7 @@ mod tests {
     fn zero_texels_are_exact_and_other_constants_cover_the_decoding() {
         let range = |samples: Samples, intercept: f64| {
             let rescale = Rescale { slope: 1.0, intercept };
-            MinMax::of(&Grid::new([2, 2, 2], samples).unwrap().with_rescale(rescale).unwrap()).ranges[0]
+            brick_ranges(&Grid::new([2, 2, 2], samples).unwrap().with_rescale(rescale).unwrap())[0]
         };
         assert_eq!(range(Samples::U8(vec![0; 8]), 0.0), [0.0, 0.0]);
         assert_eq!(range(Samples::F32(vec![0.0; 8]), -5.0), [-5.0, -5.0]);

@@ -7,7 +7,7 @@ use crate::gpu::shader::{self, BRICKS_COMPUTE};
 use crate::gpu::{Buffer, BufferUse, Commands, Descriptors, Gpu, Recorder};
 use crate::interface::BricksPush;
 use crate::num;
-use crate::resident::brick_ranges::MinMax;
+use crate::resident::brick_ranges::brick_ranges;
 use crate::resident::clock::Clock;
 use crate::resident::visible_scalars::nonzero_ranges;
 use crate::scene::{Grid, TransferFunction};
@@ -22,9 +22,9 @@ pub(crate) struct BrickRanges {
 impl BrickRanges {
     /// Computes and uploads the ranges of a grid.
     pub(crate) fn new(gpu: &Gpu, grid: &Grid) -> Result<Self> {
-        let bricks = MinMax::of(grid);
-        let buffer = Buffer::with_data(gpu, "bricks.ranges", bytemuck::cast_slice(&bricks.ranges))?;
-        Ok(Self { buffer, count: num::count(bricks.ranges.len()) })
+        let ranges = brick_ranges(grid);
+        let buffer = Buffer::with_data(gpu, "bricks.ranges", bytemuck::cast_slice(&ranges))?;
+        Ok(Self { buffer, count: num::count(ranges.len()) })
     }
 
     /// Returns one word for each brick: 0 where nothing is visible, with extinction smeared by `margin` scalars.

@@ -2,8 +2,11 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use ash::vk;
+
 use crate::error::{Error, Result};
-use crate::gpu::{Buffer, Gpu, Image};
+use crate::gpu::shader::Segments;
+use crate::gpu::{Buffer, Gpu, Image, Sampled};
 use crate::num::f32_of;
 use crate::resident::bricks::BrickRanges;
 use crate::resident::cache::Cache;
@@ -11,7 +14,7 @@ use crate::resident::clock::{Clock, UploadTimes};
 use crate::resident::mesh::{DrawnPrimitives, MeshData, Primitives};
 use crate::resident::splats::{SplatNeeds, SplatSet};
 use crate::resident::surfaces::SurfaceData;
-use crate::resident::tables::{Integrator, Knots, SegmentOptions, Table};
+use crate::resident::tables::{Integrator, Knots, SegmentOptions, TABLE_FORMAT, Table};
 use crate::resident::volume::{Form, Layout, Volume};
 use crate::scene::grid::diagonal;
 use crate::scene::{
@@ -222,9 +225,28 @@ impl GpuScene {
         })
     }
 
-    /// Returns one texel, for the binding of shaders that read no table.
-    pub(crate) fn no_table(&self) -> Result<Arc<Image>> {
-        self.tables.no_table.get((), || Table::nothing(&self.gpu))
+    /// Returns the inputs of shaders that integrate segments. The sampler interpolates a full table where `hardware` filtering is
+    /// wanted and the device can. `unread` is bound in the place of a table that no variant reads; else that is a texel of its own.
+    pub(crate) fn segments(
+        &self,
+        options: &SegmentOptions,
+        hardware: bool,
+        unread: Option<Sampled>,
+    ) -> Result<Segments> {
+        let linear = vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR;
+        let table_filter = hardware
+            && options.integrator == Integrator::Full
+            && self.gpu.image_features(TABLE_FORMAT).contains(linear);
+        let filter = if table_filter { vk::Filter::LINEAR } else { vk::Filter::NEAREST };
+        let (table, table_head) = match (self.table(options)?, unread) {
+            (Some(table), _) => (table.image.sampled(filter), table.buffer.read()),
+            (None, Some(unread)) => (unread, self.knots()?.buffer.read()),
+            (None, None) => {
+                let unread = self.tables.no_table.get((), || Table::nothing(&self.gpu))?;
+                (unread.sampled(filter), self.knots()?.buffer.read())
+            }
+        };
+        Ok(Segments { table, table_head, integrator: options.integrator.code(), table_filter })
     }
 
     /// Returns the knots of the transfer function.

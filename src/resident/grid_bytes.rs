@@ -1,7 +1,7 @@
 //! Device memory that a grid takes, computed without a device.
 
-use crate::resident::brick_ranges::{MinMax, bricks_of};
-use crate::resident::volume::texel_bytes;
+use crate::num;
+use crate::resident::brick_ranges::{BRICK_BYTES, bricks_of};
 use crate::scene::Grid;
 
 /// Least bytes of device memory that techniques allocate for a grid.
@@ -24,12 +24,12 @@ impl GridBytes {
     #[must_use]
     pub fn of(grid: &Grid) -> Self {
         let product = |extents: [u32; 3]| extents.iter().fold(1_u64, |n, &e| n.saturating_mul(u64::from(e)));
-        let volume = product(grid.dims()).saturating_mul(texel_bytes(grid.samples()));
+        let volume = product(grid.dims()).saturating_mul(num::wide(grid.samples().sample_bytes()));
         Self {
             volume,
             stack: volume,
             stacks: volume.saturating_mul(3),
-            bricks: product(bricks_of(grid.dims())).saturating_mul(MinMax::BYTES),
+            bricks: product(bricks_of(grid.dims())).saturating_mul(BRICK_BYTES),
         }
     }
 }

@@ -13,7 +13,6 @@ mod grid_bytes;
 pub(crate) mod local_space;
 pub(crate) mod mesh;
 mod mips;
-mod shading;
 pub(crate) mod splats;
 pub(crate) mod surfaces;
 pub(crate) mod tables;

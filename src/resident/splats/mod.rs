@@ -3,10 +3,8 @@
 //! [`SplatSet`] is made from a scene by `lattice` or `scattered`.
 
 mod lattice;
-mod records;
 mod scattered;
 mod set;
-mod sizes;
 mod space;
 
 pub(crate) use set::{SplatNeeds, SplatSet};

@@ -12,11 +12,9 @@ use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Gpu};
 use crate::num;
 use crate::resident::splats::lattice::lattice;
-use crate::resident::splats::records::Records;
 use crate::resident::splats::scattered::scattered;
-use crate::resident::splats::sizes::{median_sigma, sigmas, smallest_spacing};
 use crate::resident::splats::space::{Shape, Space};
-use crate::scene::grid::box_corners;
+use crate::scene::grid::{box_corners, diagonal};
 use crate::scene::{Data, Grid, Kernel, KernelSize, Kernels, Model, Points, Scene, TransferFunction};
 
 /// Capacities that frames of a scene have needed.
@@ -84,11 +82,11 @@ impl SplatSet {
             middles: grid.dims().map(|n| if n % 2 == 0 { 0.5 } else { 0.0 }),
             step,
         };
-        let lists = lattice(grid, transfer, kernels, thickness.min(f64::from(u32::MAX)))?;
+        let points = lattice(grid, transfer, kernels, thickness.min(f64::from(u32::MAX)))?;
         let cut = if gaussian { kernels.cut } else { reach };
         // The peak of a product along the axes is its own.
         let amplitude = if gaussian { kernels.peak_on_grid() } else { 1.0 };
-        Self::upload(gpu, *kernels, Shape::Alike, space, lists, cut, amplitude)
+        Self::upload(gpu, *kernels, Shape::Alike, space, [points, vec![]], cut, amplitude)
     }
 
     fn of_points(gpu: &Gpu, points: &Points, transfer: &TransferFunction, kernels: &Kernels) -> Result<Self> {
@@ -124,21 +122,22 @@ impl SplatSet {
             middles: [0.25; 3],
             step,
         };
-        let lists = scattered(points, transfer, kernels, &space)?;
+        let lists = scattered(points, transfer, kernels, &space);
         Self::upload(gpu, *kernels, shape, space, lists, cut, 1.0)
     }
 
+    /// Uploads the lists of points and of shapes, four floats an entry.
     fn upload(
         gpu: &Gpu,
         kernels: Kernels,
         shape: Shape,
         space: Space,
-        mut lists: Records,
+        mut lists: [Vec<[f32; 4]>; 2],
         cut: f64,
         amplitude: f64,
     ) -> Result<Self> {
         let each = if shape == Shape::Alike && kernels.model == Model::Interpolate { 1 } else { 2 };
-        let count = lists.points.len() / each;
+        let count = lists[0].len() / each;
         let most = u64::from(gpu.inner.properties.limits.max_storage_buffer_range);
         let widest = if shape == Shape::Covariances { 64 } else { 16 * num::wide(each) };
         if num::wide(count) * widest > most || count >= 1 << 27 {
@@ -148,7 +147,7 @@ impl SplatSet {
             ));
         }
         // A binding must hold something.
-        for list in [&mut lists.points, &mut lists.shapes] {
+        for list in &mut lists {
             if list.is_empty() {
                 list.extend([[0.0; 4]; 2]);
             }
@@ -159,10 +158,49 @@ impl SplatSet {
             shape,
             space,
             count: num::count(count),
-            points: buffer("splats.points", &lists.points)?,
-            shapes: buffer("splats.shapes", &lists.shapes)?,
+            points: buffer("splats.points", &lists[0])?,
+            shapes: buffer("splats.shapes", &lists[1])?,
             cut,
             amplitude,
         })
     }
+}
+
+/// Returns the smallest distance of samples along an axis that has several.
+fn smallest_spacing(grid: &Grid) -> f64 {
+    let spacing = grid.spacing().to_array();
+    let dims = grid.dims();
+    let several = dims.iter().zip(spacing).filter(|(n, _)| **n > 1).map(|(_, s)| s);
+    several.reduce(f64::min).unwrap_or_else(|| diagonal(grid).max(1.0))
+}
+
+/// Returns the standard deviations of all points, visible or not.
+///
+/// Of a covariance it is an upper bound over all axes, the root of the trace.
+fn sigmas(points: &Points) -> Box<dyn Iterator<Item = f64> + '_> {
+    match points.size() {
+        KernelSize::Unknown => Box::new(std::iter::empty()),
+        KernelSize::Radius(radius) => Box::new(std::iter::once(*radius / 3.0)),
+        KernelSize::Radii(radii) => {
+            Box::new(radii.iter().map(|&r| f64::from(r) / 3.0).filter(|r| r.is_finite()))
+        }
+        KernelSize::Covariances(all) => Box::new(all.iter().filter_map(|c| {
+            let trace = f64::from(c[0]) + f64::from(c[3]) + f64::from(c[5]);
+            (trace >= 0.0).then(|| trace.sqrt())
+        })),
+    }
+}
+
+/// Returns the median standard deviation of points.
+///
+/// # Errors
+///
+/// [`Error::Invalid`] where no point has a size.
+fn median_sigma(points: &Points) -> Result<f64> {
+    let mut all: Vec<f64> = sigmas(points).filter(|&sigma| sigma > 0.0).collect();
+    if all.is_empty() {
+        return Err(Error::invalid("points", "none has a size: a radius or covariances must be given"));
+    }
+    let middle = all.len() / 2;
+    Ok(*all.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
