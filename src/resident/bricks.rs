@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::gpu::shader::{self, BRICKS_COMPUTE};
-use crate::gpu::{Buffer, BufferUse, Commands, Descriptors, Gpu, Recorder};
+use crate::gpu::{Buffer, Commands, Gpu, Recorder};
 use crate::interface::BricksPush;
 use crate::num;
+use crate::primitives::dispatch::{buffer, groups_of, pass};
 use crate::resident::brick_ranges::brick_ranges;
 use crate::resident::clock::Clock;
 use crate::resident::visible_scalars::nonzero_ranges;
@@ -41,23 +42,17 @@ impl BrickRanges {
             scalars.push([0.0; 2]);
         }
         let scalars = Buffer::with_data(gpu, "transfer.visible", bytemuck::cast_slice(&scalars))?;
-        let bricks = Buffer::new(gpu, "bricks", 4 * u64::from(self.count), BufferUse::ShaderWrite)?;
-        let bricks = Arc::new(bricks);
+        let bricks = buffer(gpu, "bricks", self.count.into())?;
         let bound = BRICKS_COMPUTE.with(&shader::Bricks {
             ranges: self.buffer.read(),
             visible: scalars.read(),
             bricks: bricks.write(),
         });
-        let pipeline = gpu.compute_pipeline("bricks.mark", &bound)?;
+        let mark = pass(gpu, "bricks.mark", &bound)?;
         let _time = clock.tables();
-        let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &bound)?);
-        let groups = self.count.div_ceil(64);
-        // Every device allows this many workgroups along each side.
-        let across = groups.min(65_535);
         let mut commands = Commands::new(gpu)?;
         let mut recorder = Recorder::new(gpu, commands.begin()?, None);
-        let push = bytemuck::bytes_of(&push);
-        recorder.dispatch("bricks.mark", &pipeline, &descriptors, push, [across, groups.div_ceil(across), 1]);
+        mark.record(&mut recorder, &push, groups_of(self.count, 64));
         recorder.release_buffer(&bricks);
         let (_, keep) = recorder.finish();
         commands.submit(keep, "bricks.mark")?;

@@ -1,7 +1,7 @@
 //! A scene on the device.
 //!
 //! Each form of the data is uploaded when a technique first needs it, and shared from then on: samples, meshes,
-//! kernels, surfaces, tables of the transfer function. This module uses `scene`, `optics` and `gpu`; `frame` and the
+//! kernels, surfaces, tables of the transfer function. This module uses `scene`, `optics`, `gpu` and `primitives`; `frame` and the
 //! techniques use it.
 
 mod brick_ranges;

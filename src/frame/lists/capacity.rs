@@ -3,8 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use crate::error::{Error, Result};
-use crate::frame::lists::bands::{Band, cut_into_bands};
-use crate::frame::lists::fragments::{Lists, entry_words};
+use crate::frame::lists::fragments::{Band, Lists, cut_into_bands, entry_words};
 use crate::frame::lists::ranking::Ranking;
 use crate::gpu::shader::{TILE, TILE_PIXELS};
 use crate::gpu::{Commands, Gpu, Recorder};
@@ -108,11 +107,8 @@ fn count_fragments(
         };
         commands.submit(keep, ranking.name)?;
         let counts = words(&host.host_copy()?);
-        fragments.extend(
-            counts
-                .chunks_exact(num::index(TILE_PIXELS))
-                .map(|tile| tile.iter().map(|&n| u64::from(n)).sum::<u64>()),
-        );
+        let tiles = counts.chunks_exact(num::index(TILE_PIXELS));
+        fragments.extend(tiles.map(|tile| tile.iter().map(|&n| u64::from(n)).sum::<u64>()));
     }
     Ok(fragments)
 }

@@ -41,14 +41,13 @@ pub(crate) fn lattice(
             }
         }));
     }
+    let spline = kernels.kernel == Kernel::BSpline;
+    if spline && grid.nan_count() > 0 {
+        let missing = "samples without NaN: its coefficients need all";
+        return Err(Error::unsupported("kernel bspline on this grid", missing));
+    }
     let mut scalars: Vec<f64> = (0..dims.iter().product()).into_par_iter().map(value).collect();
-    if kernels.kernel == Kernel::BSpline {
-        if grid.nan_count() > 0 {
-            return Err(Error::unsupported(
-                "kernel bspline on this grid",
-                "samples without NaN: its coefficients need all",
-            ));
-        }
+    if spline {
         prefilter(&mut scalars, dims);
     }
     let shown = needed(&scalars, dims, transfer, kernels, slab);
