@@ -46,7 +46,6 @@ const SOURCES: &[(&str, &[u8])] = &[
     ("reference/mod.rs", include_bytes!("../reference/mod.rs")),
     ("reference/polynomial.rs", include_bytes!("../reference/polynomial.rs")),
     ("reference/quadrature.rs", include_bytes!("../reference/quadrature.rs")),
-    ("reference/sampling.rs", include_bytes!("../reference/sampling.rs")),
     ("reference/surfaces.rs", include_bytes!("../reference/surfaces.rs")),
     ("reference/tets.rs", include_bytes!("../reference/tets.rs")),
     ("reference/tree.rs", include_bytes!("../reference/tree.rs")),

@@ -72,14 +72,9 @@ impl Full {
     }
 }
 
-/// Premultiplied colour and opacity. `front.over(back)` is associative.
-#[derive(Clone, Copy, Debug, Default)]
-struct Layer(DVec4);
-
-impl Layer {
-    fn over(self, back: Self) -> Self {
-        Self(self.0 + back.0 * (1.0 - self.0.w))
-    }
+/// Composites premultiplied colours and opacities; associative.
+fn over(front: DVec4, back: DVec4) -> DVec4 {
+    front + back * (1.0 - front.w)
 }
 
 /// An interval of the scalar axis, composited from either end.
@@ -87,16 +82,16 @@ impl Layer {
 struct Stretch {
     /// Sum of the parts' densities.
     sum: DVec4,
-    /// Seen from low to high scalars.
-    up: Layer,
-    /// Seen from high to low scalars.
-    down: Layer,
+    /// Premultiplied colour and opacity, seen from low to high scalars.
+    up: DVec4,
+    /// The same from high to low scalars.
+    down: DVec4,
 }
 
 impl Stretch {
     /// Appends an interval on the side of higher scalars.
     fn then(&self, next: &Self) -> Self {
-        Self { sum: self.sum + next.sum, up: self.up.over(next.up), down: next.down.over(self.down) }
+        Self { sum: self.sum + next.sum, up: over(self.up, next.up), down: over(next.down, self.down) }
     }
 }
 
@@ -125,7 +120,7 @@ impl Windows {
             let parts = interval.iter().map(|&mean| {
                 let alpha = -(-mean.w * piece).exp_m1();
                 let colour = if mean.w > 0.0 { mean.truncate() / mean.w } else { DVec3::ZERO };
-                let seen = Layer((colour * alpha).extend(alpha));
+                let seen = (colour * alpha).extend(alpha);
                 Stretch { sum: mean, up: seen, down: seen }
             });
             parts.fold(Stretch::default(), |all, part| all.then(&part))
@@ -151,7 +146,7 @@ impl Windows {
             self.ends[low].then(&self.starts[low + self.span - 1])
         };
         let mean = window.sum / f64_of(self.span * PARTS);
-        [window.up, window.down].map(|Layer(seen)| {
+        [window.up, window.down].map(|seen| {
             // C = G d phi(a d) with phi(a d) = alpha / (a d).
             let effective = if seen.w > 0.0 { seen.truncate() * (mean.w / seen.w) } else { mean.truncate() };
             effective.extend(mean.w).to_array().map(f32_of)

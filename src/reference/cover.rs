@@ -8,7 +8,6 @@ use rayon::prelude::*;
 use crate::num;
 use crate::scene::View;
 
-use super::sampling::{Progress, samples_of};
 use super::tets::{LocalRay, Piece, TetRays};
 use super::view_ray::{ViewRay, ViewRays};
 
@@ -18,6 +17,9 @@ const COLUMNS: u32 = 64;
 
 /// Safety margin of a tetrahedron's box of pixels, in pixels.
 const MARGIN: f64 = 1.0 / 64.0;
+
+/// A callback that receives the number of finished rows and of all rows.
+pub(super) type Progress<'a> = dyn Fn(u32, u32) + Sync + 'a;
 
 /// A tetrahedron, with the first and the last column and row of pixels that it may cover.
 #[derive(Clone, Copy, Debug)]
@@ -204,4 +206,10 @@ fn wedges(view: &View, seen: &[([f64; 3], f64); 4], axis: usize, side: u32) -> O
             && !seen.iter().all(|(at, rounding)| at[axis] > last * at[2] + room(*rounding, last))
     };
     Some([(0..side).find(meets)?, (0..side).rev().find(meets)?])
+}
+
+/// Returns the centres of a pixel's equal squares, row by row.
+pub(super) fn samples_of(samples: u32) -> impl Iterator<Item = DVec2> {
+    let centre = move |i: u32| (f64::from(i) + 0.5) / f64::from(samples);
+    (0..samples).flat_map(move |j| (0..samples).map(move |i| DVec2::new(centre(i), centre(j))))
 }

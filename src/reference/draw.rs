@@ -5,11 +5,10 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::cover;
+use super::cover::{self, Progress, samples_of};
 use super::grid::GridRays;
 use super::image::ReferenceImage;
 use super::kernels::KernelRays;
-use super::sampling::{Progress, ReferenceOptions, box_filter};
 use super::surfaces::SurfaceRays;
 use super::tets::{self, Piece, TetRays};
 use super::view_ray::{ViewRay, ViewRays, view_range};
@@ -44,6 +43,25 @@ impl<'a> Rays<'a> {
             Self::Kernels(rays) => rays.trace(origin, direction, range),
         })
     }
+}
+
+/// Options of a reference image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReferenceOptions {
+    /// Rays along each side of a pixel: `samples` x `samples` rays at the centres of equal squares, averaged
+    /// (a box filter). The default 1 samples the pixel's centre only, as every technique does.
+    pub samples: u32,
+}
+
+impl Default for ReferenceOptions {
+    fn default() -> Self {
+        Self { samples: 1 }
+    }
+}
+
+impl ReferenceOptions {
+    /// Largest number of rays along each side of a pixel.
+    pub const MAX_SAMPLES: u32 = 64;
 }
 
 /// Renders the reference image on all cores: the clipped volume and the scene's surfaces.
@@ -103,6 +121,18 @@ pub fn render(
         }
     });
     ReferenceImage::new(width, height, pixels)
+}
+
+/// Returns the mean of `samples` x `samples` rays through the centres of equal squares of a pixel.
+pub(super) fn box_filter(samples: u32, ray: impl Fn(DVec2) -> [f64; 4]) -> [f64; 4] {
+    let mut sum = [0.0; 4];
+    for offset in samples_of(samples) {
+        for (sum, value) in sum.iter_mut().zip(ray(offset)) {
+            *sum += value;
+        }
+    }
+    let n = f64::from(samples);
+    sum.map(|sum| sum / (n * n))
 }
 
 /// Returns one value for each pixel of an image.
@@ -181,7 +211,7 @@ pub fn depth(scene: &Scene, view: &View) -> Result<Vec<f64>> {
 /// NaN, or kernels do not match the data, as for [`render`].
 pub fn ray(scene: &Scene, origin: DVec3, direction: DVec3, t_range: [f64; 2]) -> Result<[f64; 4]> {
     let direction = checked(origin, direction, t_range)?;
-    let surfaces = SurfaceRays::once(&scene.surfaces);
+    let surfaces = SurfaceRays::with_leaves(&scene.surfaces, |_| true, usize::MAX);
     Ok(Rays::new(scene)?.draw(&ViewRay::new(surfaces.as_ref(), origin, direction, t_range, t_range)))
 }
 

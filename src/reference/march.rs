@@ -53,11 +53,6 @@ impl Classes {
         self.knots.partition_point(|knot| knot.s <= s)
     }
 
-    /// Returns the scalar of a knot.
-    pub(super) fn scalar(&self, knot: usize) -> f64 {
-        self.knots[knot].s
-    }
-
     /// Returns the knots that bound an interval; beyond the ends, both are the end knot.
     fn ends(&self, interval: usize) -> (&Knot, &Knot) {
         let last = self.knots.len() - 1;
@@ -115,7 +110,7 @@ impl March {
         let mut crossed = None;
         for step in first..last {
             let knot = if rising { step } else { first + last - 1 - step };
-            let s = classes.scalar(knot);
+            let s = classes.knots[knot].s;
             // The second knot of a jump is at the same place as the first.
             if crossed == Some(s) {
                 continue;

@@ -16,15 +16,13 @@ mod kernels;
 mod march;
 mod polynomial;
 mod quadrature;
-mod sampling;
 mod surfaces;
 mod tets;
 mod tree;
 mod view_ray;
 
-pub use draw::{depth, pieces, pixels, ray, render};
+pub use draw::{ReferenceOptions, depth, pieces, pixels, ray, render};
 pub use image::ReferenceImage;
-pub use sampling::ReferenceOptions;
 pub use tets::Piece;
 
 #[cfg(test)]

@@ -49,18 +49,13 @@ pub(super) struct SurfaceRays<'a> {
 }
 
 impl<'a> SurfaceRays<'a> {
-    /// Builds a tree for many rays from the visible surfaces that `takes` accepts, or returns `None` without
-    /// triangles.
+    /// Builds a tree of the visible surfaces that `takes` accepts, or returns `None` without triangles.
     pub(super) fn new(surfaces: &'a [Surface], takes: impl Fn(&Surface) -> bool) -> Option<Self> {
         Self::with_leaves(surfaces, takes, LEAF)
     }
 
-    /// Prepares for one ray, which tests every triangle.
-    pub(super) fn once(surfaces: &'a [Surface]) -> Option<Self> {
-        Self::with_leaves(surfaces, |_| true, usize::MAX)
-    }
-
-    fn with_leaves(
+    /// As [`Self::new`], with at most `largest` triangles in a leaf; for one ray no tree is worth its time.
+    pub(super) fn with_leaves(
         surfaces: &'a [Surface],
         takes: impl Fn(&Surface) -> bool,
         largest: usize,

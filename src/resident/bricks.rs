@@ -49,13 +49,14 @@ impl BrickRanges {
             bricks: bricks.write(),
         });
         let mark = pass(gpu, "bricks.mark", &bound)?;
-        let _time = clock.tables();
-        let mut commands = Commands::new(gpu)?;
-        let mut recorder = Recorder::new(gpu, commands.begin()?, None);
-        mark.record(&mut recorder, &push, groups_of(self.count, 64));
-        recorder.release_buffer(&bricks);
-        let (_, keep) = recorder.finish();
-        commands.submit(keep, "bricks.mark")?;
+        clock.tables(|| {
+            let mut commands = Commands::new(gpu)?;
+            let mut recorder = Recorder::new(gpu, commands.begin()?, None);
+            mark.record(&mut recorder, &push, groups_of(self.count, 64));
+            recorder.release_buffer(&bricks);
+            let (_, keep) = recorder.finish();
+            commands.submit(keep, "bricks.mark")
+        })?;
         Ok(bricks)
     }
 }

@@ -164,8 +164,9 @@ impl GpuScene {
     pub(crate) fn primitives(&self, kind: Primitives, margin: Option<f32>) -> Result<DrawnPrimitives> {
         let mesh = self.mesh()?;
         self.visible.primitives.get((kind, margin.map(f32::to_bits)), || {
-            let _time = self.clock.upload();
-            DrawnPrimitives::new(&self.gpu, mesh, &self.mesh, &self.scene.transfer, kind, margin)
+            self.clock.upload(|| {
+                DrawnPrimitives::new(&self.gpu, mesh, &self.mesh, &self.scene.transfer, kind, margin)
+            })
         })
     }
 
@@ -192,8 +193,7 @@ impl GpuScene {
         let Kernels { kernel, sigma, cut, model, least } = *kernels;
         let numbers = [sigma, cut, least, thickness].map(f64::to_bits);
         self.visible.splats.get((kernel, model, numbers), || {
-            let _time = self.clock.upload();
-            SplatSet::new(&self.gpu, &self.scene, kernels, thickness)
+            self.clock.upload(|| SplatSet::new(&self.gpu, &self.scene, kernels, thickness))
         })
     }
 
@@ -211,8 +211,7 @@ impl GpuScene {
         let grid = self.grid()?;
         let form = Form::new(&self.gpu, grid, layout, for_filter, mip)?;
         self.grid.volumes.get(form, || {
-            let _time = self.clock.upload();
-            Volume::new(&self.gpu, grid, self.scene.transfer.domain(), form)
+            self.clock.upload(|| Volume::new(&self.gpu, grid, self.scene.transfer.domain(), form))
         })
     }
 
@@ -220,8 +219,9 @@ impl GpuScene {
     pub(crate) fn table(&self, options: &SegmentOptions) -> Result<Option<Arc<Table>>> {
         let (integrator, size) = (options.integrator, options.table_size());
         self.tables.tables.get(SegmentOptions { integrator, table: Some(size) }, || {
-            let _time = self.clock.tables();
-            Table::new(&self.gpu, &self.scene.transfer, integrator, size, || self.longest_segment())
+            self.clock.tables(|| {
+                Table::new(&self.gpu, &self.scene.transfer, integrator, size, || self.longest_segment())
+            })
         })
     }
 
@@ -251,20 +251,15 @@ impl GpuScene {
 
     /// Returns the knots of the transfer function.
     pub(crate) fn knots(&self) -> Result<Arc<Knots>> {
-        self.tables.knots.get((), || {
-            let _time = self.clock.tables();
-            Knots::new(&self.gpu, &self.scene.transfer)
-        })
+        self.tables.knots.get((), || self.clock.tables(|| Knots::new(&self.gpu, &self.scene.transfer)))
     }
 
     /// Returns one word for each brick: 0 where nothing is visible, with extinction smeared by `margin` scalars.
     pub(crate) fn bricks(&self, margin: f32) -> Result<Arc<Buffer>> {
         let grid = self.grid()?;
         self.visible.bricks.get(margin.to_bits(), || {
-            let ranges = self.grid.ranges.get((), || {
-                let _time = self.clock.upload();
-                BrickRanges::new(&self.gpu, grid)
-            })?;
+            let ranges =
+                self.grid.ranges.get((), || self.clock.upload(|| BrickRanges::new(&self.gpu, grid)))?;
             ranges.visible(&self.gpu, &self.clock, &self.scene.transfer, margin)
         })
     }

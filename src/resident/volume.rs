@@ -160,15 +160,11 @@ impl Encoding {
 
     /// Returns texels as a shader reads them.
     fn texels(self, memory: &[u8]) -> Vec<f32> {
+        let of = |size: usize, value: fn(&[u8]) -> f32| memory.chunks_exact(size).map(value).collect();
         match self {
-            Self::R8 => memory.iter().map(|&b| f32::from(b) / 255.0).collect(),
-            Self::R16 => memory
-                .chunks_exact(2)
-                .map(|b| f32::from(u16::from_ne_bytes([b[0], b[1]])) / 65535.0)
-                .collect(),
-            Self::R32f => {
-                memory.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect()
-            }
+            Self::R8 => of(1, |b| f32::from(b[0]) / 255.0),
+            Self::R16 => of(2, |b| f32::from(bytemuck::pod_read_unaligned::<u16>(b)) / 65535.0),
+            Self::R32f => of(4, bytemuck::pod_read_unaligned),
         }
     }
 

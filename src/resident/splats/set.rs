@@ -109,7 +109,7 @@ impl SplatSet {
         // and two units of a B-spline.
         let (cut, in_sigmas) =
             if kernels.kernel == Kernel::Gaussian { (kernels.cut, kernels.cut) } else { (2.0, 3.0) };
-        let reach = in_sigmas * sigmas(points).fold(0.0, f64::max);
+        let reach = in_sigmas * sigmas(points).into_iter().fold(0.0, f64::max);
         let half = half + reach;
         let unit = half.length().max(f64::MIN_POSITIVE);
         let space = Space {
@@ -177,17 +177,17 @@ fn smallest_spacing(grid: &Grid) -> f64 {
 /// Returns the standard deviations of all points, visible or not.
 ///
 /// Of a covariance it is an upper bound over all axes, the root of the trace.
-fn sigmas(points: &Points) -> Box<dyn Iterator<Item = f64> + '_> {
+fn sigmas(points: &Points) -> Vec<f64> {
     match points.size() {
-        KernelSize::Unknown => Box::new(std::iter::empty()),
-        KernelSize::Radius(radius) => Box::new(std::iter::once(*radius / 3.0)),
+        KernelSize::Unknown => Vec::new(),
+        KernelSize::Radius(radius) => vec![radius / 3.0],
         KernelSize::Radii(radii) => {
-            Box::new(radii.iter().map(|&r| f64::from(r) / 3.0).filter(|r| r.is_finite()))
+            radii.iter().map(|&r| f64::from(r) / 3.0).filter(|r| r.is_finite()).collect()
         }
-        KernelSize::Covariances(all) => Box::new(all.iter().filter_map(|c| {
-            let trace = f64::from(c[0]) + f64::from(c[3]) + f64::from(c[5]);
-            (trace >= 0.0).then(|| trace.sqrt())
-        })),
+        KernelSize::Covariances(all) => {
+            let traces = all.iter().map(|c| f64::from(c[0]) + f64::from(c[3]) + f64::from(c[5]));
+            traces.filter(|&trace| trace >= 0.0).map(f64::sqrt).collect()
+        }
     }
 }
 
@@ -197,7 +197,8 @@ fn sigmas(points: &Points) -> Box<dyn Iterator<Item = f64> + '_> {
 ///
 /// [`Error::Invalid`] where no point has a size.
 fn median_sigma(points: &Points) -> Result<f64> {
-    let mut all: Vec<f64> = sigmas(points).filter(|&sigma| sigma > 0.0).collect();
+    let mut all = sigmas(points);
+    all.retain(|&sigma| sigma > 0.0);
     if all.is_empty() {
         return Err(Error::invalid("points", "none has a size: a radius or covariances must be given"));
     }
