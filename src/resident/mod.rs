@@ -4,12 +4,10 @@
 //! kernels, surfaces, tables of the transfer function. This module uses `scene`, `optics`, `gpu` and `primitives`; `frame` and the
 //! techniques use it.
 
-mod brick_ranges;
 mod bricks;
 mod cache;
 pub(crate) mod clock;
 mod gpu_scene;
-mod grid_bytes;
 pub(crate) mod local_space;
 pub(crate) mod mesh;
 mod mips;
@@ -21,5 +19,5 @@ pub(crate) mod volume;
 
 pub use clock::UploadTimes;
 pub use gpu_scene::GpuScene;
-pub use grid_bytes::GridBytes;
 pub use tables::{Integrator, SegmentOptions};
+pub use volume::GridBytes;
