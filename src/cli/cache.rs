@@ -45,7 +45,6 @@ const SOURCES: &[(&str, &[u8])] = &[
     ("reference/march.rs", include_bytes!("../reference/march.rs")),
     ("reference/mod.rs", include_bytes!("../reference/mod.rs")),
     ("reference/polynomial.rs", include_bytes!("../reference/polynomial.rs")),
-    ("reference/quadrature.rs", include_bytes!("../reference/quadrature.rs")),
     ("reference/surfaces.rs", include_bytes!("../reference/surfaces.rs")),
     ("reference/tets.rs", include_bytes!("../reference/tets.rs")),
     ("reference/tree.rs", include_bytes!("../reference/tree.rs")),

@@ -24,11 +24,7 @@ const PARTS: usize = 4;
 #[derive(Clone, Debug)]
 pub(crate) struct Full {
     pub(crate) head: TableHead,
-    /// Nodes along each scalar axis.
-    pub(crate) size: u32,
-    /// Number of layers; layer l is for the length `longest` 2^-l.
-    pub(crate) layers: u32,
-    /// Texels at `(layer * size + back) * size + front`.
+    /// Texels at `(layer * size + back) * size + front`; layer l is for the length `longest` 2^-l.
     pub(crate) texels: Vec<[f32; 4]>,
 }
 
@@ -40,7 +36,7 @@ impl Full {
         let n = index(size);
         if first == last {
             let texels = vec![density.last().to_array().map(f32_of); index(layers) * n * n];
-            return Self { head: density.head(0.0, 1.0), size, layers, texels };
+            return Self { head: density.head(0.0, 1.0), texels };
         }
         let spacing = (last - first) / f64::from(size - 1);
         let node = |i: usize| if i + 1 == n { last } else { first + f64_of(i) * spacing };
@@ -68,7 +64,7 @@ impl Full {
             }
             length *= 0.5;
         }
-        Self { head: density.head(1.0 / spacing, spacing), size, layers, texels }
+        Self { head: density.head(1.0 / spacing, spacing), texels }
     }
 }
 
@@ -157,13 +153,15 @@ impl Windows {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::num::usize_of;
 
     fn transfer(rows: &[[f64; 5]]) -> TransferFunction {
         TransferFunction::from_rows(rows).unwrap()
     }
 
     fn texel(table: &Full, layer: u32, front: usize, back: usize) -> [f64; 4] {
-        let size = index(table.size);
+        let [first, last, per_unit, _] = table.head.range.map(f64::from);
+        let size = usize_of(((last - first) * per_unit).round()) + 1;
         table.texels[(index(layer) * size + back) * size + front].map(f64::from)
     }
 

@@ -2,8 +2,7 @@
 
 use crate::scene::{Knot, TransferFunction};
 
-use super::polynomial::{self, Cubic};
-use super::quadrature::{Node, gauss_legendre};
+use super::polynomial::{self, Cubic, Node, gauss_legendre};
 
 /// Optical depth at which a ray ends: the transmittance is below exp(-60) < 1e-26.
 const OPAQUE: f64 = 60.0;

@@ -15,7 +15,6 @@ mod image;
 mod kernels;
 mod march;
 mod polynomial;
-mod quadrature;
 mod surfaces;
 mod tets;
 mod tree;

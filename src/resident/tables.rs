@@ -112,9 +112,9 @@ impl Table {
             }
             Integrator::Full => {
                 let longest = longest()?;
-                let Full { head, size, layers, texels } = Full::new(transfer, size, LAYERS, longest);
-                let sizes = [f64::from(size), f64::from(layers), longest, 0.0];
-                (head, sizes, volume([size, size, layers]), texels)
+                let Full { head, texels } = Full::new(transfer, size, LAYERS, longest);
+                let sizes = [f64::from(size), f64::from(LAYERS), longest, 0.0];
+                (head, sizes, volume([size, size, LAYERS]), texels)
             }
         };
         let head = TableHead { size: sizes.map(f32_of), ..head };

@@ -3,7 +3,7 @@
 use crate::num;
 
 use super::super::march::March;
-use super::super::quadrature::gauss_legendre;
+use super::super::polynomial::gauss_legendre;
 use super::values::{Medium, Sums};
 
 /// Largest length of a panel in units of the scale, and number of points; ascending. The points follow a
