@@ -38,14 +38,9 @@ macro_rules! sources {
 
 /// Source code that determines the image: a changed reference invalidates the cache.
 const SOURCES: &[(&str, &[u8])] = sources! {
-    "optics/": "kernel.rs";
-    "optics/kernel/": "erf.rs", "flatness.rs", "footprint.rs", "frequency.rs", "prefilter.rs",
-        "quadrature.rs", "shape.rs", "template.rs";
-    "reference/": "cover.rs", "draw.rs", "grid.rs", "image.rs", "kernels.rs", "march.rs", "mod.rs",
-        "one_ray.rs", "polynomial.rs", "quadrature.rs", "rays.rs", "sampling.rs", "surfaces.rs", "tets.rs",
-        "view_ray.rs";
-    "reference/kernels/": "density.rs", "hits.rs", "interpolate.rs", "lattice.rs", "medium.rs",
-        "scattered.rs", "values.rs";
+    "reference/": "cover.rs", "draw.rs", "grid.rs", "image.rs", "kernels.rs", "march.rs", "mod.rs", "polynomial.rs",
+        "surfaces.rs", "tets.rs", "tree.rs", "view_ray.rs";
+    "reference/kernels/": "density.rs", "hits.rs", "interpolate.rs", "lattice.rs", "scattered.rs", "values.rs";
     "scene/": "camera.rs", "clip.rs", "grid.rs", "kernel.rs", "points.rs", "samples.rs", "tets.rs",
         "transfer.rs";
 };
@@ -286,7 +281,7 @@ mod tests {
     #[test]
     fn every_source_of_the_reference_counts() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-        for folder in ["reference", "reference/kernels", "optics/kernel"] {
+        for folder in ["reference", "reference/kernels"] {
             for entry in std::fs::read_dir(root.join(folder)).unwrap() {
                 let entry = entry.unwrap();
                 let name = entry.file_name().into_string().unwrap();

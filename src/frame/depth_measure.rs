@@ -23,6 +23,18 @@ impl DepthMeasure {
     pub(crate) fn of_frame(frame: &LocalSpace) -> Self {
         Self { centre: frame.centre, unit: frame.radius }
     }
+
+    /// Returns the rays of a view.
+    pub(crate) fn rays(&self, view: &View) -> PixelRays {
+        let eye = view.camera().eye;
+        let centre_depth = (self.centre - eye).dot(view.forward());
+        let foot = eye + view.forward() * centre_depth - self.centre;
+        let (kq, scale) = match view.is_perspective() {
+            true => (centre_depth / self.unit, view.pixel_size()),
+            false => (1.0, view.pixel_size() / self.unit),
+        };
+        PixelRays { foot, kq, scale, centre_depth }
+    }
 }
 
 /// The rays of a view's pixels in a technique's measure. The ray of the pixel (x, y), x to the right and y up from the image's
@@ -38,18 +50,4 @@ pub(crate) struct PixelRays {
     pub(crate) scale: f64,
     /// Depth of the centre from the eye, world units.
     pub(crate) centre_depth: f64,
-}
-
-impl DepthMeasure {
-    /// Returns the rays of a view.
-    pub(crate) fn rays(&self, view: &View) -> PixelRays {
-        let eye = view.camera().eye;
-        let centre_depth = (self.centre - eye).dot(view.forward());
-        let foot = eye + view.forward() * centre_depth - self.centre;
-        let (kq, scale) = match view.is_perspective() {
-            true => (centre_depth / self.unit, view.pixel_size()),
-            false => (1.0, view.pixel_size() / self.unit),
-        };
-        PixelRays { foot, kq, scale, centre_depth }
-    }
 }

@@ -3,12 +3,11 @@
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
-use crate::frame::composite::Composite;
 use crate::frame::dry_run::{dry_run, last_use, passes};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::ray_bounds::{RayBounds, bounds_buffer};
 use crate::frame::surfaces::{SurfaceFrame, SurfaceLists};
-use crate::frame::target::{Canvas, TargetDesc, TargetMode};
+use crate::frame::target::{Canvas, Composite, TargetDesc, TargetMode};
 use crate::gpu::sync::Use;
 use crate::gpu::{
     Buffer, CommandBuffer, DepthImage, Gpu, Image, Keep, PassTime, Recorder, TargetImage, Timers, Used,
@@ -118,10 +117,7 @@ impl Recorded {
     pub fn completed(self) -> Result<Status> {
         let held = std::mem::ManuallyDrop::into_inner(self.held);
         held.gpu.alive()?;
-        let times = match &held.timers {
-            Some(timers) => timers.read(held.passes.len())?,
-            None => Vec::new(),
-        };
+        let times = held.timers.as_ref().map_or(Ok(vec![]), |timers| timers.read(held.passes.len()))?;
         let passes = held.passes.into_iter().zip(times).map(|(name, ms)| PassTime { name, ms }).collect();
         let (mut complete, mut counters) = (true, Vec::new());
         for outcome in &held.outcomes {
@@ -158,31 +154,23 @@ impl Plan {
         target: &TargetDesc,
         prepare: impl FnOnce(&Canvas) -> Result<Box<dyn Prepared>>,
     ) -> Result<Self> {
-        let lists = match surfaces {
-            Some(data) => Some(SurfaceLists::new(gpu, data, view)?),
-            None => None,
-        };
-        let bounds = match target.depth || lists.is_some() || !view.clip().is_none() {
-            true => Some(bounds_buffer(gpu, view)?),
-            false => None,
-        };
+        let lists = surfaces.map(|data| SurfaceLists::new(gpu, data, view)).transpose()?;
+        let bounded = target.depth || lists.is_some() || !view.clip().is_none();
+        let bounds = bounded.then(|| bounds_buffer(gpu, view)).transpose()?;
         let layers = lists.as_ref().and_then(SurfaceLists::layers);
         let canvas = Canvas { target: *target, bounds, layers, behind: lists.is_some() };
         let prepared = prepare(&canvas)?;
         let measure = prepared.measure();
         let surfaces = match (lists, &canvas.bounds, prepared.image()) {
             (Some(lists), Some(bounds), Some(image)) => {
-                let mut frame = SurfaceFrame::new(gpu, lists, view, bounds, target.depth, &measure)?;
-                frame.put_behind(gpu, image, &canvas)?;
-                Some(frame)
+                Some(SurfaceFrame::new(gpu, lists, view, target, bounds, image, &measure)?)
             }
             _ => None,
         };
-        let bounds = match &canvas.bounds {
-            Some(bounds) => Some(RayBounds::new(gpu, bounds, target.depth, measure, view)?),
-            None => None,
-        };
-        let image = surfaces.as_ref().map_or(prepared.image(), SurfaceFrame::image);
+        let bounds = canvas.bounds.as_ref();
+        let bounds =
+            bounds.map(|bounds| RayBounds::new(gpu, bounds, target.depth, measure, view)).transpose()?;
+        let image = surfaces.as_ref().map_or(prepared.image(), |surfaces| Some(&surfaces.image));
         let composite = match (image, target.caller) {
             (Some(image), Some((format, mode))) => Some(Composite::new(gpu, image, format, mode)?),
             _ => None,
@@ -244,10 +232,8 @@ impl Plan {
         let strange = target.is_some_and(|target| target.device != device)
             || depth.is_some_and(|depth| depth.device != device);
         if commands.device() != device || strange {
-            return Err(Error::invalid(
-                "command buffer, target or depth image",
-                "belongs to another device than the plan",
-            ));
+            let what = "command buffer, target or depth image";
+            return Err(Error::invalid(what, "belongs to another device than the plan"));
         }
         if Arc::strong_count(&self.in_flight) > 1 {
             return Err(Error::invalid("plan", "its last recording has not been completed"));
@@ -256,25 +242,21 @@ impl Plan {
             (None, None) => {}
             (Some(format), Some(target)) if target.format == format && target.extent == self.extent => {}
             (wanted, given) => {
-                return Err(Error::invalid(
-                    "target",
-                    format!(
-                        "the plan is for {wanted:?} of {:?}, given is {:?}",
-                        self.extent,
-                        given.map(|target| (target.format, target.extent))
-                    ),
-                ));
+                let given = given.map(|target| (target.format, target.extent));
+                let why = format!("the plan is for {wanted:?} of {:?}, given is {given:?}", self.extent);
+                return Err(Error::invalid("target", why));
             }
         }
-        match &self.bounds {
-            Some(bounds) => bounds.check_depth(&self.gpu, depth)?,
-            None if depth.is_some() => {
-                return Err(Error::invalid(
-                    "depth image",
-                    "the plan expects none: see TargetDesc::with_depth",
-                ));
+        match (depth, &self.bounds) {
+            (Some(depth), Some(bounds)) if self.target.depth => bounds.check_depth(&self.gpu, depth)?,
+            (Some(_), _) => {
+                let why = "the plan expects none: see TargetDesc::with_depth";
+                return Err(Error::invalid("depth image", why));
             }
-            None => {}
+            (None, _) if self.target.depth => {
+                return Err(Error::invalid("depth image", "the plan expects one: none is given"));
+            }
+            (None, _) => {}
         }
         let mut recorder = Recorder::new(&self.gpu, commands, self.timers.clone());
         if let Some(bounds) = &self.bounds {
@@ -282,27 +264,21 @@ impl Plan {
         }
         self.prepared.record(&mut recorder, target, self.target.mode() == TargetMode::Clear);
         self.record_after(&mut recorder, target);
+        let used = |resource: Used| last_use(recorder.steps(), resource.key());
         self.last_uses = [
-            self.final_image()
-                .and_then(|image| last_use(recorder.steps(), Used::Image(Arc::clone(image)).key())),
-            self.prepared
-                .overflow()
-                .and_then(|words| last_use(recorder.steps(), Used::Buffer(Arc::clone(words)).key())),
+            self.final_image().and_then(|image| used(Used::Image(Arc::clone(image)))),
+            self.prepared.overflow().and_then(|words| used(Used::Buffer(Arc::clone(words)))),
         ];
         let counted = passes(recorder.steps());
         debug_assert!(counted <= self.most_passes, "{counted} passes, {} timers", self.most_passes);
         let (passes, keep) = recorder.finish();
+        let surfaces = self.surfaces.as_ref().map(SurfaceFrame::outcome);
         let held = Held {
             gpu: self.gpu.clone(),
             keep,
             timers: self.timers.clone(),
             passes,
-            outcomes: self
-                .prepared
-                .outcome()
-                .into_iter()
-                .chain(self.surfaces.as_ref().map(SurfaceFrame::outcome))
-                .collect(),
+            outcomes: self.prepared.outcome().into_iter().chain(surfaces).collect(),
             _in_flight: Arc::clone(&self.in_flight),
         };
         Ok(Recorded { held: std::mem::ManuallyDrop::new(held) })
@@ -324,10 +300,7 @@ impl Plan {
             return self.prepared.set_view(view, self.technique_passes);
         };
         bounds.check(view)?;
-        let seen = match &self.surfaces {
-            Some(surfaces) => Some(surfaces.pushes(view)?),
-            None => None,
-        };
+        let seen = self.surfaces.as_ref().map(|surfaces| surfaces.pushes(view)).transpose()?;
         // Everything is checked before anything changes.
         let fits = self.prepared.set_view(view, self.technique_passes)?;
         if fits {
@@ -340,10 +313,7 @@ impl Plan {
     }
 
     fn final_image(&self) -> Option<&Arc<Image>> {
-        match &self.surfaces {
-            Some(surfaces) => surfaces.image(),
-            None => self.prepared.image(),
-        }
+        self.surfaces.as_ref().map_or(self.prepared.image(), |surfaces| Some(&surfaces.image))
     }
 
     /// The image that the last recording leaves, and its last use.

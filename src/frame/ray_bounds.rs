@@ -8,7 +8,10 @@ use std::sync::Arc;
 use crate::error::{Error, Result};
 use crate::frame::depth_measure::{DepthMeasure, PixelRays};
 use crate::frame::surfaces::SurfaceFrame;
-use crate::gpu::shader::{LINE_BOUNDS_DEPTH, LINE_BOUNDS_PLANES, LineBoundsDepth, LineBoundsPlanes};
+use crate::gpu::shader::{
+    BOUNDS_FAR_AT_ONE, BOUNDS_PERSPECTIVE, BOUNDS_PLANES, LINE_BOUNDS_DEPTH, LINE_BOUNDS_PLANES,
+    LineBoundsDepth, LineBoundsPlanes,
+};
 use crate::gpu::{Buffer, BufferUse, DepthImage, Gpu, Recorder, Sampled};
 use crate::interface::BoundsPush;
 use crate::num::{self, f32_of};
@@ -20,11 +23,6 @@ const PLANES: usize = 6;
 
 /// Half-spaces of a view: its clip planes and the six sides of its crop box.
 const MOST_PLANES: usize = Clip::MAX_PLANES + 6;
-
-/// Flags of `BoundsPush::count`, beside the number of planes: rays start at the eye; the depth image stores its far end as 1.
-const PERSPECTIVE: u32 = crate::gpu::shader::BOUNDS_PERSPECTIVE;
-const FAR_AT_ONE: u32 = crate::gpu::shader::BOUNDS_FAR_AT_ONE;
-const PLANE_COUNT: u32 = crate::gpu::shader::BOUNDS_PLANES;
 
 /// Makes the buffer of bounds: two depths per pixel, in the unit of the technique.
 pub(crate) fn bounds_buffer(gpu: &Gpu, view: &View) -> Result<Arc<Buffer>> {
@@ -103,8 +101,9 @@ impl RayBounds {
             })
             .collect();
         let ends = depth.map_or([1.0, 2.0], |depth| [depth.projection.at_zero, depth.projection.at_one]);
-        let far = if ends[1] > ends[0] { FAR_AT_ONE } else { 0 };
-        let flags = far | if perspective { PERSPECTIVE } else { 0 };
+        // The far end is stored as 1, or as 0.
+        let far = if ends[1] > ends[0] { BOUNDS_FAR_AT_ONE } else { 0 };
+        let flags = far | if perspective { BOUNDS_PERSPECTIVE } else { 0 };
         // Differences in float64, because a far eye and ends near the data would cancel.
         let depths = ends.map(|end| {
             let from_centre = if end.is_infinite() { end } else { end - centre_depth };
@@ -132,23 +131,43 @@ impl RayBounds {
         pushes
     }
 
-    /// Checks a depth image against the plan.
+    /// Checks a depth image against the view.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] if it is missing or not expected, or if its extent, projection or format is wrong;
-    /// [`Error::Unsupported`] if the device cannot sample its format.
-    pub(crate) fn check_depth(&self, gpu: &Gpu, depth: Option<&DepthImage>) -> Result<()> {
-        let Some(depth) = depth else {
-            if self.takes_depth {
-                return Err(Error::invalid("depth image", "the plan expects one: none is given"));
-            }
-            return Ok(());
-        };
-        if !self.takes_depth {
-            return Err(Error::invalid("depth image", "the plan expects none: see TargetDesc::with_depth"));
+    /// [`Error::Invalid`] if its extent, projection or format is wrong; [`Error::Unsupported`] if the device cannot sample its
+    /// format.
+    pub(crate) fn check_depth(&self, gpu: &Gpu, depth: &DepthImage) -> Result<()> {
+        let view = &self.view;
+        let invalid = |why: String| Err(Error::invalid("depth image", why));
+        if depth.extent != view.extent() {
+            return invalid(format!("{:?}: must have the view's extent, {:?}", depth.extent, view.extent()));
         }
-        check_depth(gpu, &self.view, depth)
+        if !DepthImage::FORMATS.contains(&depth.format) {
+            return invalid(format!("{:?}: must be one of {:?}", depth.format, DepthImage::FORMATS));
+        }
+        if depth.projection.perspective != view.is_perspective() {
+            let kind = |perspective| if perspective { "perspective" } else { "orthographic" };
+            let (given, wanted) = (kind(depth.projection.perspective), kind(view.is_perspective()));
+            return invalid(format!("its projection is {given}: the view is {wanted}"));
+        }
+        if let Some(scale) = depth.projection.scale {
+            let [width, height] = view.extent().map(f64::from);
+            let wanted = [2.0 / (view.pixel_size() * width), 2.0 / (view.pixel_size() * height)];
+            if scale.iter().zip(wanted).any(|(scale, wanted)| (scale - wanted).abs() > 1e-4 * wanted) {
+                return invalid(format!(
+                    "its projection scales x and y by {scale:?}: the view by {wanted:?}"
+                ));
+            }
+        }
+        let needed = ash::vk::FormatFeatureFlags::SAMPLED_IMAGE;
+        if !gpu.image_features(depth.format).contains(needed) {
+            return Err(Error::unsupported(
+                format!("depth image of {:?}", depth.format),
+                format!("{needed:?}"),
+            ));
+        }
+        Ok(())
     }
 
     /// Records the passes: bounds by the depth image, which has been checked, then by the surfaces in `between`, then by planes. The
@@ -185,43 +204,16 @@ impl RayBounds {
             {
                 self.first.record(
                     recorder,
-                    &BoundsPush { count: push.count & !PLANE_COUNT, ..*push },
+                    &BoundsPush { count: push.count & !BOUNDS_PLANES, ..*push },
                     groups,
                 );
             }
             surfaces.record(recorder);
-            pushes.retain(|push| push.count & PLANE_COUNT > 0);
+            pushes.retain(|push| push.count & BOUNDS_PLANES > 0);
         }
         for (i, push) in pushes.iter().enumerate() {
             let begins = i == 0 && between.is_none();
             if begins { &self.first } else { &self.more }.record(recorder, push, groups);
         }
     }
-}
-
-fn check_depth(gpu: &Gpu, view: &View, depth: &DepthImage) -> Result<()> {
-    let invalid = |why: String| Err(Error::invalid("depth image", why));
-    if depth.extent != view.extent() {
-        return invalid(format!("{:?}: must have the view's extent, {:?}", depth.extent, view.extent()));
-    }
-    if !DepthImage::FORMATS.contains(&depth.format) {
-        return invalid(format!("{:?}: must be one of {:?}", depth.format, DepthImage::FORMATS));
-    }
-    if depth.projection.perspective != view.is_perspective() {
-        let kind = |perspective| if perspective { "perspective" } else { "orthographic" };
-        let (given, wanted) = (kind(depth.projection.perspective), kind(view.is_perspective()));
-        return invalid(format!("its projection is {given}: the view is {wanted}"));
-    }
-    if let Some(scale) = depth.projection.scale {
-        let [width, height] = view.extent().map(f64::from);
-        let wanted = [2.0 / (view.pixel_size() * width), 2.0 / (view.pixel_size() * height)];
-        if scale.iter().zip(wanted).any(|(scale, wanted)| (scale - wanted).abs() > 1e-4 * wanted) {
-            return invalid(format!("its projection scales x and y by {scale:?}: the view by {wanted:?}"));
-        }
-    }
-    let needed = ash::vk::FormatFeatureFlags::SAMPLED_IMAGE;
-    if !gpu.image_features(depth.format).contains(needed) {
-        return Err(Error::unsupported(format!("depth image of {:?}", depth.format), format!("{needed:?}")));
-    }
-    Ok(())
 }

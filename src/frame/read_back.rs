@@ -1,34 +1,23 @@
 //! Converts texels that were read back to float32.
 
 use ash::vk;
+use bytemuck::Pod;
 
 use crate::num;
 
 /// Converts texels of a format that techniques accumulate in to float32 RGBA. Every other format is taken for 32-bit float.
 pub(crate) fn pixels(bytes: &[u8], format: vk::Format) -> Vec<[f32; 4]> {
     match format {
-        vk::Format::R8G8B8A8_UNORM => {
-            bytes.chunks_exact(4).map(|t| std::array::from_fn(|c| f32::from(t[c]) / 255.0)).collect()
-        }
-        vk::Format::R16G16B16A16_UNORM => bytes
-            .chunks_exact(8)
-            .map(|t| {
-                std::array::from_fn(|c| f32::from(u16::from_ne_bytes([t[2 * c], t[2 * c + 1]])) / 65535.0)
-            })
-            .collect(),
-        vk::Format::R16G16B16A16_SFLOAT => bytes
-            .chunks_exact(8)
-            .map(|t| std::array::from_fn(|c| half_to_f32(u16::from_ne_bytes([t[2 * c], t[2 * c + 1]]))))
-            .collect(),
-        _ => bytes
-            .chunks_exact(16)
-            .map(|t| {
-                std::array::from_fn(|c| {
-                    f32::from_ne_bytes([t[4 * c], t[4 * c + 1], t[4 * c + 2], t[4 * c + 3]])
-                })
-            })
-            .collect(),
+        vk::Format::R8G8B8A8_UNORM => texels(bytes, |code: u8| f32::from(code) / 255.0),
+        vk::Format::R16G16B16A16_UNORM => texels(bytes, |code: u16| f32::from(code) / 65535.0),
+        vk::Format::R16G16B16A16_SFLOAT => texels(bytes, half_to_f32),
+        _ => texels(bytes, |value: f32| value),
     }
+}
+
+fn texels<T: Pod>(bytes: &[u8], value: impl Fn(T) -> f32) -> Vec<[f32; 4]> {
+    let texels = bytes.chunks_exact(size_of::<[T; 4]>());
+    texels.map(|texel| bytemuck::pod_read_unaligned::<[T; 4]>(texel).map(&value)).collect()
 }
 
 /// Converts IEEE 754 binary16 to binary32, exactly.

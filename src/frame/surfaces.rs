@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::frame::depth_measure::{DepthMeasure, PixelRays};
 use crate::frame::lists::{Geometry, Lists, Ranking, measure};
 use crate::frame::prepared::Outcome;
-use crate::frame::target::{Canvas, Layers};
+use crate::frame::target::{Layers, TargetDesc};
 use crate::gpu::shader::{
     MOST_LAYERS, STATUS_CUT, STATUS_LONGEST_BIN, STATUS_LOST, STATUS_WORDS, SURFACES_BEHIND,
     SURFACES_RESOLVE, SurfacesBehind, SurfacesResolve, TILE, TILE_PIXELS,
@@ -51,10 +51,6 @@ pub(crate) struct SurfaceLists {
     background: Arc<Buffer>,
 }
 
-/// The push constants of a view.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct SurfaceView(MeshPush, SurfacePush);
-
 /// The passes of a frame's surfaces.
 #[derive(Debug)]
 pub(crate) struct SurfaceFrame {
@@ -63,12 +59,14 @@ pub(crate) struct SurfaceFrame {
     push: SurfacePush,
     measure: DepthMeasure,
     outcome: Arc<SurfaceOutcome>,
-    behind: Option<(Dispatch, Arc<Image>)>,
+    behind: Dispatch,
+    /// The image of volume and surfaces.
+    pub(crate) image: Arc<Image>,
 }
 
 /// The status of the surfaces of a frame that has ended.
 #[derive(Debug)]
-pub(crate) struct SurfaceOutcome {
+struct SurfaceOutcome {
     data: Arc<SurfaceData>,
     status: Arc<Buffer>,
     bins: Arc<Buffer>,
@@ -144,13 +142,15 @@ impl SurfaceLists {
 }
 
 impl SurfaceFrame {
-    /// Builds the passes for a technique's measure of depth. They narrow `bounds`, which a depth image has filled where `bounded`.
+    /// Builds the passes for a technique's measure of depth. They narrow `bounds`, which a depth image has filled where the target
+    /// has one, and composite the technique's image, `drawn`, in front of the opaque surfaces, into an image of its own.
     pub(crate) fn new(
         gpu: &Gpu,
         lists: SurfaceLists,
         view: &View,
+        target: &TargetDesc,
         bounds: &Arc<Buffer>,
-        bounded: bool,
+        drawn: &Arc<Image>,
         measured: &DepthMeasure,
     ) -> Result<Self> {
         let planes = lists.data.planes(measured.centre, measured.unit);
@@ -164,7 +164,7 @@ impl SurfaceFrame {
             layers: lists.layers.colours.write(),
             layer_ends: lists.layers.ends.write(),
             background: lists.background.write(),
-            bounded,
+            bounded: target.depth,
         });
         let resolve = pass(gpu, "surfaces.resolve", &resolve)?;
         let outcome = SurfaceOutcome {
@@ -174,53 +174,39 @@ impl SurfaceFrame {
             lists: download(gpu, "surfaces.lists.total", 8)?,
             capacities: lists.needs,
         };
+        let after = match target.format() {
+            None => vk::ImageUsageFlags::TRANSFER_SRC,
+            Some(_) => vk::ImageUsageFlags::SAMPLED,
+        };
+        let usage = vk::ImageUsageFlags::STORAGE | after;
+        let desc = ImageDesc::flat(vk::Format::R32G32B32A32_SFLOAT, view.extent(), usage);
+        let image = Arc::new(Image::new(gpu, "surfaces.image", &desc)?);
+        let behind = SURFACES_BEHIND.with(&SurfacesBehind {
+            source: drawn.sampled(vk::Filter::NEAREST),
+            accumulation: image.stored(),
+            background: lists.background.read(),
+        });
         let mut frame = Self {
             lists,
             resolve,
             push: SurfacePush::default(),
             measure: *measured,
             outcome: Arc::new(outcome),
-            behind: None,
+            behind: pass(gpu, "surfaces.behind", &behind)?,
+            image,
         };
         frame.push = frame.push_of(view)?;
         Ok(frame)
     }
 
-    /// Adds the pass that composites a technique's image, `drawn`, in front of the opaque surfaces, into an image of its own.
-    pub(crate) fn put_behind(&mut self, gpu: &Gpu, drawn: &Arc<Image>, canvas: &Canvas) -> Result<()> {
-        let [width, height, _] = drawn.desc().extent;
-        let after = match canvas.format() {
-            None => vk::ImageUsageFlags::TRANSFER_SRC,
-            Some(_) => vk::ImageUsageFlags::SAMPLED,
-        };
-        let desc = ImageDesc::flat(
-            vk::Format::R32G32B32A32_SFLOAT,
-            [width, height],
-            vk::ImageUsageFlags::STORAGE | after,
-        );
-        let image = Arc::new(Image::new(gpu, "surfaces.image", &desc)?);
-        let behind = SURFACES_BEHIND.with(&SurfacesBehind {
-            source: drawn.sampled(vk::Filter::NEAREST),
-            accumulation: image.stored(),
-            background: self.lists.background.read(),
-        });
-        self.behind = Some((pass(gpu, "surfaces.behind", &behind)?, image));
-        Ok(())
-    }
-
-    /// The image of volume and surfaces, once [`SurfaceFrame::put_behind`] has made it.
-    pub(crate) fn image(&self) -> Option<&Arc<Image>> {
-        self.behind.as_ref().map(|(_, image)| image)
-    }
-
     /// Returns the push constants that change with the view, for another view of the same extent.
-    pub(crate) fn pushes(&self, view: &View) -> Result<SurfaceView> {
-        Ok(SurfaceView(self.lists.data.space.push(view, &self.lists.push)?, self.push_of(view)?))
+    pub(crate) fn pushes(&self, view: &View) -> Result<(MeshPush, SurfacePush)> {
+        Ok((self.lists.data.space.push(view, &self.lists.push)?, self.push_of(view)?))
     }
 
     /// Changes to that view.
-    pub(crate) fn set_view(&mut self, view: SurfaceView) {
-        (self.lists.push, self.push) = (view.0, view.1);
+    pub(crate) fn set_view(&mut self, pushes: (MeshPush, SurfacePush)) {
+        (self.lists.push, self.push) = pushes;
     }
 
     fn push_of(&self, view: &View) -> Result<SurfacePush> {
@@ -274,10 +260,8 @@ impl SurfaceFrame {
 
     /// Records the pass after the technique that composites its image in front of the opaque surfaces.
     pub(crate) fn record_behind(&self, recorder: &mut Recorder<'_>) {
-        if let Some((pass, image)) = &self.behind {
-            let [width, height, _] = image.desc().extent;
-            pass.record(recorder, &[0_u8; 0], tiles_of([width, height]));
-        }
+        let [width, height, _] = self.image.desc().extent;
+        self.behind.record(recorder, &[0_u8; 0], tiles_of([width, height]));
     }
 
     /// The status of a frame, to be read when it has ended.

@@ -1,12 +1,16 @@
-//! The target of a frame: who owns the image, how the result combines with its contents, and what bounds the rays.
+//! The target of a frame: who owns the image, how the result combines with its contents, and what bounds the rays. The
+//! composite draws a technique's image into the caller's colour image, of any format (`glsl/frame/composite.glsl`).
 
 use std::sync::Arc;
 
 use ash::vk;
 
 use crate::error::{Error, Result};
-use crate::gpu::shader;
-use crate::gpu::{Buffer, Gpu, Image, ImageDesc};
+use crate::gpu::shader::{self, COMPOSITE_FRAGMENT, COMPOSITE_VERTEX, CompositeFragment, CompositeVertex};
+use crate::gpu::{
+    Attachment, Blend, Buffer, Descriptors, Gpu, GraphicsState, Image, ImageDesc, Pipeline, Recorder,
+    TargetImage,
+};
 use crate::scene::View;
 
 /// How the result combines with the existing contents of the target.
@@ -132,4 +136,43 @@ pub(crate) fn own_image(
     };
     let desc = ImageDesc::flat(format, view.extent(), usage | after);
     Ok(Arc::new(Image::new(gpu, &format!("{name}.accumulation"), &desc)?))
+}
+
+/// Composites the image of a technique into the target, by one full-screen draw.
+#[derive(Debug)]
+pub(crate) struct Composite {
+    pipeline: Arc<Pipeline>,
+    descriptors: Arc<Descriptors>,
+    clear: bool,
+}
+
+impl Composite {
+    /// Builds the pipeline that draws `source` into a target of `format`.
+    pub(crate) fn new(gpu: &Gpu, source: &Arc<Image>, format: vk::Format, mode: TargetMode) -> Result<Self> {
+        let clear = mode == TargetMode::Clear;
+        let fragment = CompositeFragment { source: source.sampled(vk::Filter::NEAREST) };
+        let bound = COMPOSITE_VERTEX.with(&CompositeVertex {}).and(COMPOSITE_FRAGMENT.with(&fragment));
+        let state = GraphicsState {
+            topology: vk::PrimitiveTopology::TRIANGLE_LIST,
+            blend: if clear { Blend::Copy } else { Blend::Over },
+            format: Some(format),
+        };
+        let pipeline = gpu.graphics_pipeline("composite.draw", &bound, state)?;
+        let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &bound)?);
+        Ok(Self { pipeline, descriptors, clear })
+    }
+
+    /// Records the draw into `target`.
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, target: &TargetImage) {
+        recorder.draw(
+            "composite.draw",
+            &self.pipeline,
+            &self.descriptors,
+            &[],
+            &Attachment::Caller(*target),
+            self.clear,
+            3,
+            1,
+        );
+    }
 }

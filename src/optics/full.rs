@@ -24,11 +24,7 @@ const PARTS: usize = 4;
 #[derive(Clone, Debug)]
 pub(crate) struct Full {
     pub(crate) head: TableHead,
-    /// Nodes along each scalar axis.
-    pub(crate) size: u32,
-    /// Number of layers; layer l is for the length `longest` 2^-l.
-    pub(crate) layers: u32,
-    /// Texels at `(layer * size + back) * size + front`.
+    /// Texels at `(layer * size + back) * size + front`; layer l is for the length `longest` 2^-l.
     pub(crate) texels: Vec<[f32; 4]>,
 }
 
@@ -40,7 +36,7 @@ impl Full {
         let n = index(size);
         if first == last {
             let texels = vec![density.last().to_array().map(f32_of); index(layers) * n * n];
-            return Self { head: density.head(0.0, 1.0), size, layers, texels };
+            return Self { head: density.head(0.0, 1.0), texels };
         }
         let spacing = (last - first) / f64::from(size - 1);
         let node = |i: usize| if i + 1 == n { last } else { first + f64_of(i) * spacing };
@@ -68,18 +64,13 @@ impl Full {
             }
             length *= 0.5;
         }
-        Self { head: density.head(1.0 / spacing, spacing), size, layers, texels }
+        Self { head: density.head(1.0 / spacing, spacing), texels }
     }
 }
 
-/// Premultiplied colour and opacity. `front.over(back)` is associative.
-#[derive(Clone, Copy, Debug, Default)]
-struct Layer(DVec4);
-
-impl Layer {
-    fn over(self, back: Self) -> Self {
-        Self(self.0 + back.0 * (1.0 - self.0.w))
-    }
+/// Composites premultiplied colours and opacities; associative.
+fn over(front: DVec4, back: DVec4) -> DVec4 {
+    front + back * (1.0 - front.w)
 }
 
 /// An interval of the scalar axis, composited from either end.
@@ -87,16 +78,16 @@ impl Layer {
 struct Stretch {
     /// Sum of the parts' densities.
     sum: DVec4,
-    /// Seen from low to high scalars.
-    up: Layer,
-    /// Seen from high to low scalars.
-    down: Layer,
+    /// Premultiplied colour and opacity, seen from low to high scalars.
+    up: DVec4,
+    /// The same from high to low scalars.
+    down: DVec4,
 }
 
 impl Stretch {
     /// Appends an interval on the side of higher scalars.
     fn then(&self, next: &Self) -> Self {
-        Self { sum: self.sum + next.sum, up: self.up.over(next.up), down: next.down.over(self.down) }
+        Self { sum: self.sum + next.sum, up: over(self.up, next.up), down: over(next.down, self.down) }
     }
 }
 
@@ -125,7 +116,7 @@ impl Windows {
             let parts = interval.iter().map(|&mean| {
                 let alpha = -(-mean.w * piece).exp_m1();
                 let colour = if mean.w > 0.0 { mean.truncate() / mean.w } else { DVec3::ZERO };
-                let seen = Layer((colour * alpha).extend(alpha));
+                let seen = (colour * alpha).extend(alpha);
                 Stretch { sum: mean, up: seen, down: seen }
             });
             parts.fold(Stretch::default(), |all, part| all.then(&part))
@@ -151,7 +142,7 @@ impl Windows {
             self.ends[low].then(&self.starts[low + self.span - 1])
         };
         let mean = window.sum / f64_of(self.span * PARTS);
-        [window.up, window.down].map(|Layer(seen)| {
+        [window.up, window.down].map(|seen| {
             // C = G d phi(a d) with phi(a d) = alpha / (a d).
             let effective = if seen.w > 0.0 { seen.truncate() * (mean.w / seen.w) } else { mean.truncate() };
             effective.extend(mean.w).to_array().map(f32_of)
@@ -162,13 +153,15 @@ impl Windows {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::num::usize_of;
 
     fn transfer(rows: &[[f64; 5]]) -> TransferFunction {
         TransferFunction::from_rows(rows).unwrap()
     }
 
     fn texel(table: &Full, layer: u32, front: usize, back: usize) -> [f64; 4] {
-        let size = index(table.size);
+        let [first, last, per_unit, _] = table.head.range.map(f64::from);
+        let size = usize_of(((last - first) * per_unit).round()) + 1;
         table.texels[(index(layer) * size + back) * size + front].map(f64::from)
     }
 

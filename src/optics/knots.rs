@@ -2,7 +2,7 @@
 
 use crate::interface::Knot;
 use crate::num::{count, f32_of};
-use crate::scene::TransferFunction;
+use crate::scene::{self, TransferFunction};
 
 /// Largest number of knots in the uniform block, which the device scans linearly. Longer lists are searched
 /// in a storage block.
@@ -32,7 +32,8 @@ impl DeviceKnots {
     /// Rounds the knots to float32. Knots whose scalars become equal make a jump.
     pub(crate) fn new(transfer: &TransferFunction) -> Self {
         let scalar = |s: f64| f32_of(s.clamp(-MAX_SCALAR, MAX_SCALAR));
-        let rows: Vec<_> = transfer.knots().iter().map(|k| (scalar(k.s), value(k.colour, k.tau))).collect();
+        let value = |k: &scene::Knot| k.colour.extend(k.tau).to_array().map(|v| f32_of(v.min(MAX_TAU)));
+        let rows: Vec<_> = transfer.knots().iter().map(|k| (scalar(k.s), value(k))).collect();
         let mut knots: Vec<Knot> = rows
             .iter()
             .enumerate()
@@ -56,10 +57,6 @@ impl DeviceKnots {
     pub(crate) fn iterations(&self) -> u32 {
         if self.walk == 0 { self.count.ilog2() + 1 } else { self.walk }
     }
-}
-
-fn value(colour: glam::DVec3, tau: f64) -> [f32; 4] {
-    [colour.x, colour.y, colour.z, tau].map(|v| f32_of(v.min(MAX_TAU)))
 }
 
 #[cfg(test)]

@@ -6,7 +6,6 @@
 pub(crate) mod cumulative;
 mod density;
 pub(crate) mod full;
-#[allow(dead_code, unused_imports, reason = "what documents state of kernels is computed by tests")]
 pub(crate) mod kernel;
 mod knots;
 

@@ -11,7 +11,7 @@ use crate::gpu::{Buffer, Commands, Gpu, Recorder};
 use crate::interface::BinsPush;
 use crate::num;
 use crate::primitives::dispatch::{Dispatch, buffer, download, pass, words};
-use crate::primitives::scan::Scan;
+use crate::primitives::scan::{Scan, WorkSplit};
 
 /// The bins of a range of tiles.
 #[derive(Debug)]
@@ -59,7 +59,7 @@ impl Bins {
             capacity,
             tiles,
             count: pass("count", false)?,
-            scan: Scan::new(gpu, &format!("{name}.bins"), &table, tiles * runs)?,
+            scan: Scan::new(gpu, &format!("{name}.bins"), &table, tiles * runs, WorkSplit::of(gpu))?,
             fill: pass("fill", true)?,
             table,
             entries,

@@ -39,45 +39,19 @@ pub(crate) struct RadixSort {
 }
 
 impl RadixSort {
-    /// Makes a sort of the first `n` words of two buffers that shaders write. It compares the lowest `bits` bits of keys, at
-    /// least one.
+    /// Makes a sort of the first `n` words of a buffer of keys and one of values, which shaders write.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] when a buffer has fewer words, or `bits` is not from 1 to 32; errors of memory, of which a sort
-    /// takes up to 16 bytes per pair, and of Vulkan.
-    pub(crate) fn new(
-        gpu: &Gpu,
-        name: &str,
-        keys: &Arc<Buffer>,
-        values: &Arc<Buffer>,
-        n: u32,
-        bits: u32,
-    ) -> Result<Self> {
+    /// [`Error::Invalid`] when a buffer has fewer words; errors of memory, of which a sort takes up to 16 bytes per pair, and
+    /// of Vulkan.
+    pub(crate) fn new(gpu: &Gpu, name: &str, pairs: [&Arc<Buffer>; 2], n: u32) -> Result<Self> {
         let count = Buffer::with_data(gpu, &format!("{name}.count"), bytemuck::bytes_of(&n))?;
-        Self::counted(gpu, name, keys, values, n, &count, bits)
+        Self::by_digits(gpu, name, pairs, &count, Digits::of(gpu, n, 32, WorkSplit::of(gpu)))
     }
 
-    /// As [`RadixSort::new`], with the number of pairs in the first word of `count` on the device, at most `capacity`. Words
-    /// after these pairs are unchanged.
-    ///
-    /// # Errors
-    ///
-    /// As [`RadixSort::new`].
-    pub(crate) fn counted(
-        gpu: &Gpu,
-        name: &str,
-        keys: &Arc<Buffer>,
-        values: &Arc<Buffer>,
-        capacity: u32,
-        count: &Arc<Buffer>,
-        bits: u32,
-    ) -> Result<Self> {
-        let digits = Digits::of(gpu, capacity, bits, WorkSplit::of(gpu));
-        Self::by_digits(gpu, name, [keys, values], count, digits)
-    }
-
-    /// Makes a sort with given digits.
+    /// Makes a sort with given digits of as many pairs as the first word of `count` says on the device. Words after these
+    /// pairs are unchanged.
     fn by_digits(
         gpu: &Gpu,
         name: &str,
@@ -99,40 +73,35 @@ impl RadixSort {
         // The pairs begin and end in the given buffers. One buffer between is enough where the digits alternate between it and
         // the given ones; else two alternate.
         let stops = if passes == 2 || (passes.is_multiple_of(2) && !mixes) { 1 } else { 2 };
-        let stops: Result<Vec<Place>> = (0..stops)
-            .map(|_| {
-                Ok(if mixes {
-                    Place::Mixed(buffer("pairs", mixed_words(capacity))?)
-                } else {
-                    Place::Apart([buffer("keys", capacity.into())?, buffer("values", capacity.into())?])
-                })
+        let stop = |_| {
+            Ok(if mixes {
+                Place::Mixed(buffer("pairs", mixed_words(capacity))?)
+            } else {
+                Place::Apart([buffer("keys", capacity.into())?, buffer("values", capacity.into())?])
             })
-            .collect();
-        let stops = stops?;
+        };
+        let stops = (0..stops).map(stop).collect::<Result<Vec<Place>>>()?;
         let home = Place::Apart([Arc::clone(keys), Arc::clone(values)]);
         let place_after = |pass: u32| match pass {
-            0 => &home,
-            _ if pass == passes => &home,
+            _ if pass == 0 || pass == passes => &home,
             _ if stops.len() == 1 && pass.is_multiple_of(2) => &home,
             _ => &stops[num::index(pass + 1) % stops.len()],
         };
-        let passes: Result<Vec<Digit>> = (0..passes)
-            .map(|number| {
-                let (from, to) = (place_after(number), place_after(number + 1));
-                let [counting, scattering] = shaders(split, from, to, count, &counters);
-                // The last digit has the remaining bits; where a single bit is sorted by, none.
-                let shift = (digit * number).min(bits);
-                let width = digit.min(bits - shift);
-                let push = SortPush { capacity, runs, shift: shift.min(31), mask: (1_u32 << width) - 1 };
-                Ok(Digit {
-                    count: pass(gpu, &format!("{name}.count"), &counting)?,
-                    scatter: pass(gpu, &format!("{name}.scatter"), &scattering)?,
-                    push,
-                })
+        let digit_pass = |number: u32| {
+            let [counting, scattering] =
+                shaders(split, place_after(number), place_after(number + 1), count, &counters);
+            // The last digit has the remaining bits; where a single bit is sorted by, none.
+            let shift = (digit * number).min(bits);
+            let width = digit.min(bits - shift);
+            Ok(Digit {
+                count: pass(gpu, &format!("{name}.count"), &counting)?,
+                scatter: pass(gpu, &format!("{name}.scatter"), &scattering)?,
+                push: SortPush { capacity, runs, shift: shift.min(31), mask: (1_u32 << width) - 1 },
             })
-            .collect();
-        let scan = Scan::with_split(gpu, &format!("{name}.digits"), &counters, runs << digit, split)?;
-        Ok(Self { passes: passes?, scan, groups })
+        };
+        let passes = (0..passes).map(digit_pass).collect::<Result<_>>()?;
+        let scan = Scan::new(gpu, &format!("{name}.digits"), &counters, runs << digit, split)?;
+        Ok(Self { passes, scan, groups })
     }
 
     /// Records the passes of all digits.
@@ -272,17 +241,6 @@ fn mixed_words(pairs: u32) -> u64 {
 /// Converts floats into keys in place, for the test that shaders and host compute the same keys.
 #[cfg_attr(not(test), expect(dead_code, reason = "used by the test alone"))]
 const FLOAT_KEYS: Entry<RadixSortFloatKeys> = RADIX_SORT_FLOAT_KEYS;
-
-/// Returns the key of a float like `float_key` of `glsl/shared/keys.glsl`: keys are in the order of floats, -0 equals +0, NaN is last.
-#[cfg(test)]
-pub(crate) fn float_key(value: f32) -> u32 {
-    if value.is_nan() {
-        return u32::MAX;
-    }
-    // `value + 0.0` would flush subnormal numbers on some devices.
-    let bits = if value == 0.0 { 0 } else { value.to_bits() };
-    if bits >> 31 == 0 { bits | 1 << 31 } else { !bits }
-}
 
 #[cfg(test)]
 mod tests {
@@ -480,8 +438,20 @@ mod tests {
         let gpu = TestGpu::new();
         let words = gpu.upload(&[1, 2]);
         for (n, bits) in [(3, 32), (2, 0), (2, 33), (MOST_PAIRS + 1, 32)] {
-            assert!(RadixSort::new(&gpu, "test.sort", &words, &words, n, bits).is_err(), "{n}, {bits}");
+            let digits = Digits::of(&gpu, n, bits, WorkSplit::of(&gpu));
+            let sort = RadixSort::by_digits(&gpu, "test.sort", [&words, &words], &words, digits);
+            assert!(sort.is_err(), "{n}, {bits}");
         }
+    }
+
+    /// Returns the key of a float like `float_key` of `glsl/shared/keys.glsl`: keys are in the order of floats, -0 equals +0, NaN is last.
+    fn float_key(value: f32) -> u32 {
+        if value.is_nan() {
+            return u32::MAX;
+        }
+        // `value + 0.0` would flush subnormal numbers on some devices.
+        let bits = if value == 0.0 { 0 } else { value.to_bits() };
+        if bits >> 31 == 0 { bits | 1 << 31 } else { !bits }
     }
 
     /// Floats in ascending order; neighbours that are equal share a rank.
@@ -517,7 +487,7 @@ mod tests {
         let inputs = RadixSortFloatKeys { sort_count: count.read(), sorted_keys: keys.write() };
         let make_keys = pass(&gpu, "test.keys", &FLOAT_KEYS.with(&inputs)).unwrap();
         let values = gpu.upload(&(0..n).collect::<Vec<u32>>());
-        let sort = RadixSort::new(&gpu, "test.sort", &keys, &values, n, 32).unwrap();
+        let sort = RadixSort::new(&gpu, "test.sort", [&keys, &values], n).unwrap();
         gpu.record(|recorder| {
             let push = SortPush { capacity: n, ..SortPush::default() };
             let groups = [n.div_ceil(LANE_GROUP), 1, 1];

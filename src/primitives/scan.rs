@@ -13,7 +13,7 @@ use crate::interface::ScanPush;
 use crate::primitives::dispatch::{Dispatch, buffer, pass};
 
 /// Largest number of words of a scan.
-pub(crate) const MOST_WORDS: u32 = 1 << 27;
+const MOST_WORDS: u32 = 1 << 27;
 
 /// Largest number of workgroups of a scan: enough to fill a device. Each adds up the sums of those before it.
 const MOST_GROUPS: u32 = 1024;
@@ -61,18 +61,7 @@ impl Scan {
     /// # Errors
     ///
     /// [`Error::Invalid`] when the buffer has fewer words, or `n` exceeds [`MOST_WORDS`]; errors of memory and of Vulkan.
-    pub(crate) fn new(gpu: &Gpu, name: &str, data: &Arc<Buffer>, n: u32) -> Result<Self> {
-        Self::with_split(gpu, name, data, n, WorkSplit::of(gpu))
-    }
-
-    /// As [`Scan::new`], with a given division.
-    pub(crate) fn with_split(
-        gpu: &Gpu,
-        name: &str,
-        data: &Arc<Buffer>,
-        n: u32,
-        split: WorkSplit,
-    ) -> Result<Self> {
+    pub(crate) fn new(gpu: &Gpu, name: &str, data: &Arc<Buffer>, n: u32, split: WorkSplit) -> Result<Self> {
         if n > MOST_WORDS || 4 * u64::from(n) > data.size() {
             return Err(Error::invalid(name, format!("prefix sums of {n} words in {} bytes", data.size())));
         }
@@ -139,7 +128,7 @@ mod tests {
 
     fn check(gpu: &TestGpu, words: &[u32], split: WorkSplit) {
         let data = gpu.upload(words);
-        let scan = Scan::with_split(gpu, "test.scan", &data, crate::num::count(words.len()), split).unwrap();
+        let scan = Scan::new(gpu, "test.scan", &data, crate::num::count(words.len()), split).unwrap();
         gpu.record(|recorder| scan.record(recorder));
         let found = gpu.download(&data);
         let mut sum = 0_u64;
@@ -198,7 +187,7 @@ mod tests {
         let gpu = TestGpu::new();
         for split in SPLITS {
             let data = gpu.upload(&[3; 5000]);
-            let scan = Scan::with_split(&gpu, "test.scan", &data, 4999, split).unwrap();
+            let scan = Scan::new(&gpu, "test.scan", &data, 4999, split).unwrap();
             gpu.record(|recorder| scan.record(recorder));
             assert_eq!(gpu.download(&data)[4998..], [3 * 4998, 3], "{split:?}");
         }
@@ -208,7 +197,7 @@ mod tests {
     fn more_words_than_the_buffer_has_are_refused() {
         let gpu = TestGpu::new();
         let data = gpu.upload(&[1, 2]);
-        assert!(Scan::new(&gpu, "test.scan", &data, 3).is_err());
-        assert!(Scan::new(&gpu, "test.scan", &data, MOST_WORDS + 1).is_err());
+        assert!(Scan::new(&gpu, "test.scan", &data, 3, WorkSplit::of(&gpu)).is_err());
+        assert!(Scan::new(&gpu, "test.scan", &data, MOST_WORDS + 1, WorkSplit::of(&gpu)).is_err());
     }
 }

@@ -8,8 +8,7 @@ use rayon::prelude::*;
 use crate::num;
 use crate::scene::View;
 
-use super::sampling::{Progress, samples_of};
-use super::tets::{MeshRay, Piece, TetRays};
+use super::tets::{LocalRay, Piece, TetRays};
 use super::view_ray::{ViewRay, ViewRays};
 
 /// Rows and columns of a block; the pieces of one block are in memory at a time.
@@ -18,6 +17,9 @@ const COLUMNS: u32 = 64;
 
 /// Safety margin of a tetrahedron's box of pixels, in pixels.
 const MARGIN: f64 = 1.0 / 64.0;
+
+/// A callback that receives the number of finished rows and of all rows.
+pub(super) type Progress<'a> = dyn Fn(u32, u32) + Sync + 'a;
 
 /// A tetrahedron, with the first and the last column and row of pixels that it may cover.
 #[derive(Clone, Copy, Debug)]
@@ -40,12 +42,7 @@ pub(super) fn render(
     progress: Option<&Progress>,
 ) {
     let [width, height] = view.extent();
-    let covers: Vec<Cover> = rays
-        .all()
-        .into_par_iter()
-        .filter(|&cell| rays.shows(cell))
-        .filter_map(|c| cover(rays, view, c))
-        .collect();
+    let covers = covers(rays, view);
     let done = AtomicU32::new(0);
     pixels.par_chunks_mut(num::index(width) * ROWS).enumerate().for_each(|(band, pixels)| {
         let first = num::count(band * ROWS);
@@ -56,10 +53,9 @@ pub(super) fn render(
             let right = (left + COLUMNS).min(width) - 1;
             let block: Vec<Cover> =
                 band.iter().filter(|c| c.columns[0] <= right && c.columns[1] >= left).copied().collect();
-            let mut stretch = Stretch::new(rays, view_rays, left, right);
             for (row, y) in pixels.chunks_mut(num::index(width)).zip(first..) {
                 let row = &mut row[num::index(left)..=num::index(right)];
-                stretch.draw(&block, y, samples, row);
+                draw_run(rays, view_rays, &block, [left, y], samples, row);
             }
         }
         if let Some(progress) = progress {
@@ -80,14 +76,8 @@ pub(super) fn some(rays: &TetRays, view_rays: &ViewRays, view: &View, pixels: &[
         rows[num::index(y)].push((x, place));
     }
     rows.par_iter_mut().for_each(|row| row.sort_unstable());
-    let covers: Vec<Cover> = rays
-        .all()
-        .into_par_iter()
-        .filter(|&cell| rays.shows(cell))
-        .filter_map(|c| cover(rays, view, c))
-        .collect();
     let mut cells: Vec<Vec<u32>> = vec![Vec::new(); pixels.len()];
-    for cover in &covers {
+    for cover in &covers(rays, view) {
         for row in &rows[num::index(cover.rows[0])..=num::index(cover.rows[1])] {
             let begin = row.partition_point(|&(x, _)| x < cover.columns[0]);
             for &(_, place) in row[begin..].iter().take_while(|&&(x, _)| x <= cover.columns[1]) {
@@ -106,7 +96,7 @@ pub(super) fn some(rays: &TetRays, view_rays: &ViewRays, view: &View, pixels: &[
 /// A ray, and the pieces found on it so far.
 struct Pixel {
     view_ray: ViewRay,
-    ray: MeshRay,
+    ray: LocalRay,
     pieces: Vec<Piece>,
 }
 
@@ -117,13 +107,6 @@ impl Pixel {
             view_ray,
             pieces: Vec::new(),
         }
-    }
-
-    /// Starts another ray in the same memory.
-    fn restart(&mut self, rays: &TetRays, view_ray: ViewRay) {
-        self.ray = rays.ray(view_ray.origin, view_ray.direction, view_ray.range);
-        self.view_ray = view_ray;
-        self.pieces.clear();
     }
 
     fn draw(&mut self, rays: &TetRays) -> [f64; 4] {
@@ -140,47 +123,41 @@ impl Pixel {
     }
 }
 
-/// A run of pixels in one row.
-struct Stretch<'a> {
-    rays: &'a TetRays<'a>,
-    view_rays: &'a ViewRays<'a>,
-    left: u32,
-    right: u32,
-    pixels: Vec<Pixel>,
+/// Draws a run of pixels in one row, from the column and row `[left, y]` on.
+fn draw_run(
+    rays: &TetRays,
+    view_rays: &ViewRays,
+    block: &[Cover],
+    [left, y]: [u32; 2],
+    samples: u32,
+    row: &mut [[f64; 4]],
+) {
+    let right = left + num::count(row.len()) - 1;
+    for offset in samples_of(samples) {
+        let at = |x: u32| view_rays.at(DVec2::new(f64::from(x), f64::from(y)) + offset);
+        let mut pixels: Vec<Pixel> = (left..=right).map(|x| Pixel::new(rays, at(x))).collect();
+        for cover in block.iter().filter(|c| c.rows[0] <= y && c.rows[1] >= y) {
+            let [first, last] = [cover.columns[0].max(left), cover.columns[1].min(right)];
+            for pixel in &mut pixels[num::index(first - left)..=num::index(last - left)] {
+                pixel.pieces.extend(rays.piece(cover.cell, &pixel.ray));
+            }
+        }
+        for (sum, pixel) in row.iter_mut().zip(&mut pixels) {
+            for (sum, value) in sum.iter_mut().zip(pixel.draw(rays)) {
+                *sum += value;
+            }
+        }
+    }
+    let n = f64::from(samples);
+    for pixel in row {
+        *pixel = pixel.map(|sum| sum / (n * n));
+    }
 }
 
-impl<'a> Stretch<'a> {
-    fn new(rays: &'a TetRays, view_rays: &'a ViewRays, left: u32, right: u32) -> Self {
-        Self { rays, view_rays, left, right, pixels: Vec::new() }
-    }
-
-    fn draw(&mut self, block: &[Cover], y: u32, samples: u32, row: &mut [[f64; 4]]) {
-        for offset in samples_of(samples) {
-            for (i, x) in (self.left..=self.right).enumerate() {
-                let view_ray = self.view_rays.at(DVec2::new(f64::from(x), f64::from(y)) + offset);
-                match self.pixels.get_mut(i) {
-                    Some(pixel) => pixel.restart(self.rays, view_ray),
-                    None => self.pixels.push(Pixel::new(self.rays, view_ray)),
-                }
-            }
-            for cover in block.iter().filter(|c| c.rows[0] <= y && c.rows[1] >= y) {
-                let (first, last) = (cover.columns[0].max(self.left), cover.columns[1].min(self.right));
-                let places = num::index(first - self.left)..=num::index(last - self.left);
-                for pixel in &mut self.pixels[places] {
-                    pixel.pieces.extend(self.rays.piece(cover.cell, &pixel.ray));
-                }
-            }
-            for (sum, pixel) in row.iter_mut().zip(&mut self.pixels) {
-                for (sum, value) in sum.iter_mut().zip(pixel.draw(self.rays)) {
-                    *sum += value;
-                }
-            }
-        }
-        let n = f64::from(samples);
-        for pixel in row {
-            *pixel = pixel.map(|sum| sum / (n * n));
-        }
-    }
+/// Returns the pixels that each visible tetrahedron may cover.
+fn covers(rays: &TetRays, view: &View) -> Vec<Cover> {
+    let shown = rays.all().into_par_iter().filter(|&cell| rays.shows(cell));
+    shown.filter_map(|cell| cover(rays, view, cell)).collect()
 }
 
 /// Returns the pixels that a tetrahedron may cover, if any.
@@ -229,4 +206,10 @@ fn wedges(view: &View, seen: &[([f64; 3], f64); 4], axis: usize, side: u32) -> O
             && !seen.iter().all(|(at, rounding)| at[axis] > last * at[2] + room(*rounding, last))
     };
     Some([(0..side).find(meets)?, (0..side).rev().find(meets)?])
+}
+
+/// Returns the centres of a pixel's equal squares, row by row.
+pub(super) fn samples_of(samples: u32) -> impl Iterator<Item = DVec2> {
+    let centre = move |i: u32| (f64::from(i) + 0.5) / f64::from(samples);
+    (0..samples).flat_map(move |j| (0..samples).map(move |i| DVec2::new(centre(i), centre(j))))
 }

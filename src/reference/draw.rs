@@ -1,19 +1,68 @@
-//! Images, single pixels and depths of a view.
+//! A scene prepared for rays, whatever its data: images, single pixels and depths of a view, and single rays.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::cover;
+use super::cover::{self, Progress, samples_of};
+use super::grid::GridRays;
 use super::image::ReferenceImage;
-use super::rays::Rays;
-use super::sampling::{Progress, ReferenceOptions, box_filter};
+use super::kernels::KernelRays;
 use super::surfaces::SurfaceRays;
-use super::view_ray::{ViewRays, view_range};
+use super::tets::{self, Piece, TetRays};
+use super::view_ray::{ViewRay, ViewRays, view_range};
 use crate::error::{Error, Result};
 use crate::num;
-use crate::scene::{Scene, Surface, View};
+use crate::scene::{Data, Kernels, Scene, Surface, View};
+
+/// A scene's data and transfer function, prepared for rays.
+pub(super) enum Rays<'a> {
+    Grid(GridRays<'a>),
+    Mesh(TetRays<'a>),
+    Kernels(Box<KernelRays>),
+}
+
+impl<'a> Rays<'a> {
+    pub(super) fn new(scene: &'a Scene) -> Result<Self> {
+        let kernels = match (&scene.data, scene.kernels) {
+            (_, Some(kernels)) => kernels,
+            (Data::Points(_), None) => Kernels::of_points(),
+            (Data::Grid(grid), None) => return Ok(Self::Grid(GridRays::new(grid, &scene.transfer))),
+            (Data::Mesh(mesh), None) => return Ok(Self::Mesh(TetRays::new(mesh, &scene.transfer))),
+        };
+        Ok(Self::Kernels(Box::new(KernelRays::new(scene, &kernels)?)))
+    }
+
+    /// Integrates the volume on a ray and composites the surfaces.
+    fn draw(&self, view_ray: &ViewRay) -> [f64; 4] {
+        let ViewRay { origin, direction, .. } = *view_ray;
+        view_ray.composite(|range| match self {
+            Self::Grid(rays) => rays.trace(origin, direction, range),
+            Self::Mesh(rays) => rays.trace(origin, direction, range),
+            Self::Kernels(rays) => rays.trace(origin, direction, range),
+        })
+    }
+}
+
+/// Options of a reference image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReferenceOptions {
+    /// Rays along each side of a pixel: `samples` x `samples` rays at the centres of equal squares, averaged
+    /// (a box filter). The default 1 samples the pixel's centre only, as every technique does.
+    pub samples: u32,
+}
+
+impl Default for ReferenceOptions {
+    fn default() -> Self {
+        Self { samples: 1 }
+    }
+}
+
+impl ReferenceOptions {
+    /// Largest number of rays along each side of a pixel.
+    pub const MAX_SAMPLES: u32 = 64;
+}
 
 /// Renders the reference image on all cores: the clipped volume and the scene's surfaces.
 ///
@@ -53,13 +102,7 @@ pub fn render(
         ));
     }
     let [width, height] = view.extent();
-    let total = num::index(width) * num::index(height);
-    let mut pixels = Vec::new();
-    pixels.try_reserve_exact(total).map_err(|_| {
-        Error::invalid("reference image", format!("{width} x {height}: does not fit into memory"))
-    })?;
-    pixels.resize(total, [0.0; 4]);
-
+    let mut pixels = filled("reference image", [width, height], [0.0; 4])?;
     let rays = Rays::new(scene)?;
     let view_rays = ViewRays::new(scene, view);
     if let Rays::Mesh(rays) = &rays {
@@ -78,6 +121,28 @@ pub fn render(
         }
     });
     ReferenceImage::new(width, height, pixels)
+}
+
+/// Returns the mean of `samples` x `samples` rays through the centres of equal squares of a pixel.
+pub(super) fn box_filter(samples: u32, ray: impl Fn(DVec2) -> [f64; 4]) -> [f64; 4] {
+    let mut sum = [0.0; 4];
+    for offset in samples_of(samples) {
+        for (sum, value) in sum.iter_mut().zip(ray(offset)) {
+            *sum += value;
+        }
+    }
+    let n = f64::from(samples);
+    sum.map(|sum| sum / (n * n))
+}
+
+/// Returns one value for each pixel of an image.
+fn filled<T: Clone>(what: &str, [width, height]: [u32; 2], value: T) -> Result<Vec<T>> {
+    let total = num::index(width) * num::index(height);
+    let mut values = Vec::new();
+    let reserved = values.try_reserve_exact(total);
+    reserved.map_err(|_| Error::invalid(what, format!("{width} x {height}: does not fit into memory")))?;
+    values.resize(total, value);
+    Ok(values)
 }
 
 /// Renders single pixels, given as column and row, bit for bit as [`render`] does with one ray per pixel.
@@ -116,12 +181,7 @@ pub fn pixels(scene: &Scene, view: &View, pixels: &[[u32; 2]]) -> Result<Vec<[f6
 /// [`Error::Invalid`] if the depths do not fit into memory.
 pub fn depth(scene: &Scene, view: &View) -> Result<Vec<f64>> {
     let [width, height] = view.extent();
-    let total = num::index(width) * num::index(height);
-    let mut depths = Vec::new();
-    depths.try_reserve_exact(total).map_err(|_| {
-        Error::invalid("reference depth", format!("{width} x {height}: does not fit into memory"))
-    })?;
-    depths.resize(total, f64::INFINITY);
+    let mut depths = filled("reference depth", [width, height], f64::INFINITY)?;
     let Some(surfaces) = SurfaceRays::new(&scene.surfaces, Surface::is_opaque) else { return Ok(depths) };
     let range = view_range(view);
     depths.par_chunks_mut(num::index(width)).zip(0..height).for_each(|(row, y)| {
@@ -133,4 +193,62 @@ pub fn depth(scene: &Scene, view: &View) -> Result<Vec<f64>> {
         }
     });
     Ok(depths)
+}
+
+/// Integrates one ray in float64; returns premultiplied linear RGBA.
+///
+/// The ray covers the parameters `t_range`, in units of world length from `origin` along `direction`, whose
+/// own length has no effect. An orthographic ray has the range of all numbers, a perspective ray starts at 0.
+/// A surface at the end of the range is included, one at its beginning is not. There is no clip region.
+///
+/// # Accuracy
+///
+/// As [`render`].
+///
+/// # Errors
+///
+/// [`Error::Invalid`] if the origin is not finite, the direction has no finite length, an end of the range is
+/// NaN, or kernels do not match the data, as for [`render`].
+pub fn ray(scene: &Scene, origin: DVec3, direction: DVec3, t_range: [f64; 2]) -> Result<[f64; 4]> {
+    let direction = checked(origin, direction, t_range)?;
+    let surfaces = SurfaceRays::with_leaves(&scene.surfaces, |_| true, usize::MAX);
+    Ok(Rays::new(scene)?.draw(&ViewRay::new(surfaces.as_ref(), origin, direction, t_range, t_range)))
+}
+
+/// Returns the pieces of one ray inside the tetrahedra of a scene's mesh, front to back.
+///
+/// Parameters and range are as for [`ray`]. Tetrahedra with a NaN scalar are left out; infinite scalars are
+/// replaced by the ends of the transfer function. Pieces of cells that share a face meet exactly, before
+/// their parameters are rounded to distances from the origin.
+///
+/// # Errors
+///
+/// As [`ray`]; [`Error::Invalid`] if the scene holds no mesh, or a mesh that is drawn by kernels.
+pub fn pieces(scene: &Scene, origin: DVec3, direction: DVec3, t_range: [f64; 2]) -> Result<Vec<Piece>> {
+    let direction = checked(origin, direction, t_range)?;
+    let Rays::Mesh(rays) = Rays::new(scene)? else {
+        let drawn = if scene.kernels.is_some() { ", drawn by kernels" } else { "" };
+        return Err(Error::invalid("reference", format!("the scene holds a {}{drawn}", scene.data.kind())));
+    };
+    let ray = rays.ray(origin, direction, t_range);
+    let mut pieces: Vec<Piece> = rays.all().filter_map(|cell| rays.piece(cell, &ray)).collect();
+    tets::sort(&mut pieces);
+    for piece in &mut pieces {
+        piece.t = piece.t.map(|t| t + ray.nearest);
+    }
+    Ok(pieces)
+}
+
+/// Checks a ray and returns its direction with unit length.
+fn checked(origin: DVec3, direction: DVec3, t_range: [f64; 2]) -> Result<DVec3> {
+    if !origin.is_finite() {
+        return Err(Error::invalid("ray origin", format!("{origin}: must be finite")));
+    }
+    let Some(direction) = direction.try_normalize() else {
+        return Err(Error::invalid("ray direction", format!("{direction}: must have a finite length")));
+    };
+    if t_range.iter().any(|t| t.is_nan()) {
+        return Err(Error::invalid("ray range", format!("{t_range:?}: the ends must not be NaN")));
+    }
+    Ok(direction)
 }

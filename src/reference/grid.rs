@@ -5,63 +5,90 @@ use glam::{DMat3, DVec3};
 use crate::num;
 use crate::scene::{Grid, TransferFunction};
 
-use super::march::{Classes, March};
+use super::march::{Classes, March, finite};
 use super::polynomial::Cubic;
 
 /// Samples are clamped to this magnitude, so that their differences and products do not overflow. Only a
 /// rescale can exceed it; no stored type does.
 const MAX_SAMPLE: f64 = 1e100;
 
+/// The index space of a grid, where samples are one unit apart.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct IndexSpace {
+    to_index: DMat3,
+    centre: DVec3,
+    /// Position of the last sample.
+    pub(super) last: DVec3,
+}
+
+/// The part of a ray inside a box of index space. The parameter is a world length.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct IndexRay {
+    pub(super) start: DVec3,
+    pub(super) slope: DVec3,
+    pub(super) range: [f64; 2],
+}
+
+impl IndexSpace {
+    pub(super) fn new(grid: &Grid) -> Self {
+        Self { to_index: grid.index_to_world().inverse(), centre: grid.centre(), last: grid.last_index() }
+    }
+
+    /// Clips a ray to the closed box that reaches `beyond` the samples on each side. `direction` has unit length.
+    pub(super) fn ray(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        range: [f64; 2],
+        beyond: f64,
+    ) -> Option<IndexRay> {
+        // Measure from the point of the ray nearest to the grid's centre: coordinates along the ray are then
+        // as small as the grid, however far the eye is.
+        let nearest = (self.centre - origin).dot(direction);
+        let start = self.to_index * (origin + direction * nearest - self.centre) + self.last * 0.5;
+        let slope = self.to_index * direction;
+        let [mut from, mut to] = range.map(|t| t - nearest);
+        let (low, high) = (DVec3::ZERO - beyond, self.last + beyond);
+        for axis in 0..3 {
+            if slope[axis] == 0.0 {
+                if !(start[axis] >= low[axis] && start[axis] <= high[axis]) {
+                    return None;
+                }
+                continue;
+            }
+            let [a, b] = [low, high].map(|side| (side[axis] - start[axis]) / slope[axis]);
+            from = from.max(a.min(b));
+            to = to.min(a.max(b));
+        }
+        let inside = from < to && from.is_finite() && to.is_finite();
+        inside.then_some(IndexRay { start, slope, range: [from, to] })
+    }
+}
+
 /// A scene's grid and transfer function, prepared for rays.
 #[derive(Debug)]
 pub(super) struct GridRays<'a> {
     grid: &'a Grid,
     classes: Classes,
-    to_index: DMat3,
-    centre: DVec3,
-    last: DVec3,
+    space: IndexSpace,
     /// Scalars that stand for -Inf and +Inf.
     ends: [f64; 2],
 }
 
 impl<'a> GridRays<'a> {
     pub(super) fn new(grid: &'a Grid, transfer: &TransferFunction) -> Self {
-        Self {
-            grid,
-            classes: Classes::new(transfer),
-            to_index: grid.index_to_world().inverse(),
-            centre: grid.centre(),
-            last: grid.last_index(),
-            ends: transfer.domain(),
-        }
+        let (classes, space) = (Classes::new(transfer), IndexSpace::new(grid));
+        Self { grid, classes, space, ends: transfer.domain() }
     }
 
     /// Integrates one ray. `direction` has unit length, so the parameter is a world length.
     pub(super) fn trace(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> [f64; 4] {
         let mut march = March::default();
-        // Measure from the point of the ray nearest to the grid's centre: coordinates along the ray are then
-        // as small as the grid, however far the eye is.
-        let nearest = (self.centre - origin).dot(direction);
-        let start = self.to_index * (origin + direction * nearest - self.centre) + self.last * 0.5;
-        let slope = self.to_index * direction;
-        let (start, slope, last) = (start.to_array(), slope.to_array(), self.last.to_array());
-
-        // Clip to the closed box.
-        let [mut t0, mut t1] = range.map(|t| t - nearest);
-        for axis in 0..3 {
-            if slope[axis] == 0.0 {
-                if !(start[axis] >= 0.0 && start[axis] <= last[axis]) {
-                    return march.pixel();
-                }
-                continue;
-            }
-            let (a, b) = ((0.0 - start[axis]) / slope[axis], (last[axis] - start[axis]) / slope[axis]);
-            t0 = t0.max(a.min(b));
-            t1 = t1.min(a.max(b));
-        }
-        if !(t0 < t1 && t0.is_finite() && t1.is_finite()) {
+        let Some(IndexRay { start, slope, range: [t0, t1] }) = self.space.ray(origin, direction, range, 0.0)
+        else {
             return march.pixel();
-        }
+        };
+        let (start, slope) = (start.to_array(), slope.to_array());
 
         // Step from face to face. A face's parameter is computed from its index, not accumulated. Two faces
         // at one place leave a segment of length zero between them.
@@ -131,13 +158,7 @@ impl<'a> GridRays<'a> {
     /// Returns one sample. NaN stays and means vacuum; infinities become the ends of the transfer function.
     fn sample(&self, x: u32, y: u32, z: u32) -> f64 {
         let value = self.grid.value(x, y, z);
-        if value == f64::INFINITY {
-            self.ends[1]
-        } else if value == f64::NEG_INFINITY {
-            self.ends[0]
-        } else {
-            value.clamp(-MAX_SAMPLE, MAX_SAMPLE)
-        }
+        if value.is_infinite() { finite(value, self.ends) } else { value.clamp(-MAX_SAMPLE, MAX_SAMPLE) }
     }
 }
 

@@ -13,7 +13,6 @@ mod density;
 mod hits;
 mod interpolate;
 mod lattice;
-mod medium;
 mod scattered;
 mod values;
 
@@ -26,9 +25,8 @@ use super::march::Classes;
 use density::{Density, Rule};
 use interpolate::Interpolate;
 use lattice::Lattice;
-use medium::Medium;
 use scattered::Scattered;
-use values::Values;
+use values::{Medium, Values};
 
 /// A scene of kernels, prepared for rays.
 pub(super) struct KernelRays {
@@ -47,54 +45,44 @@ enum Source {
 }
 
 impl KernelRays {
-    /// Prepares a scene; returns `None` if the scene is drawn without kernels.
-    pub(super) fn new(scene: &Scene) -> Result<Option<Self>> {
-        let kernels = match (&scene.data, scene.kernels) {
-            (_, Some(kernels)) => kernels,
-            (Data::Points(_), None) => Kernels::of_points(),
-            _ => return Ok(None),
-        };
+    pub(super) fn new(scene: &Scene, kernels: &Kernels) -> Result<Self> {
         let values = Values { transfer: &scene.transfer, model: kernels.model };
         let (source, range) = match &scene.data {
-            Data::Grid(grid) => (Source::Lattice(Lattice::new(grid, &kernels, &values)?), grid.range()),
+            Data::Grid(grid) => (Source::Lattice(Lattice::new(grid, kernels, &values)?), grid.range()),
             Data::Mesh(mesh) => {
                 let points = Points::of_vertices(mesh)?;
-                (Source::Scattered(Scattered::new(&points, &kernels, &values)?), points.range())
+                (Source::Scattered(Scattered::new(&points, kernels, &values)?), points.range())
             }
             Data::Points(points) => {
-                (Source::Scattered(Scattered::new(points, &kernels, &values)?), points.range())
+                (Source::Scattered(Scattered::new(points, kernels, &values)?), points.range())
             }
         };
-        Ok(Some(Self {
+        Ok(Self {
             source,
             model: kernels.model,
             classes: Classes::new(&scene.transfer),
             rules: Rule::all(),
             least: kernels.least,
             range,
-        }))
+        })
     }
 
     /// Integrates one ray. `direction` has unit length, so the parameter is a world length.
     pub(super) fn trace(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> [f64; 4] {
         match self.model {
-            Model::Density => {
-                let mut medium = Density::new(&self.rules);
-                self.walk(origin, direction, range, &mut medium);
-                medium.pixel()
-            }
+            Model::Density => self.walk(origin, direction, range, Density::new(&self.rules)),
             Model::Interpolate => {
-                let mut medium = Interpolate::new(&self.classes, self.least, self.range);
-                self.walk(origin, direction, range, &mut medium);
-                medium.pixel()
+                let medium = Interpolate::new(&self.classes, self.least, self.range);
+                self.walk(origin, direction, range, medium)
             }
         }
     }
 
-    fn walk(&self, origin: DVec3, direction: DVec3, range: [f64; 2], medium: &mut impl Medium) {
+    fn walk(&self, origin: DVec3, direction: DVec3, range: [f64; 2], mut medium: impl Medium) -> [f64; 4] {
         match &self.source {
-            Source::Lattice(lattice) => lattice.walk(origin, direction, range, medium),
-            Source::Scattered(scattered) => scattered.walk(origin, direction, range, medium),
+            Source::Lattice(lattice) => lattice.walk(origin, direction, range, &mut medium),
+            Source::Scattered(scattered) => scattered.walk(origin, direction, range, &mut medium),
         }
+        medium.pixel()
     }
 }

@@ -2,11 +2,10 @@
 
 use crate::scene::{Knot, TransferFunction};
 
-use super::polynomial::{self, Cubic};
-use super::quadrature::{Node, gauss_legendre};
+use super::polynomial::{self, Cubic, Node, gauss_legendre};
 
 /// Optical depth at which a ray ends: the transmittance is below exp(-60) < 1e-26.
-pub(super) const OPAQUE: f64 = 60.0;
+const OPAQUE: f64 = 60.0;
 
 /// Largest optical depth of a panel, and the number of points that integrate a piece of that depth to 1e-12
 /// of the panel's own emission; ascending.
@@ -14,6 +13,15 @@ const PANELS: [(f64, usize); 3] = [(0.002, 8), (0.05, 10), (1.0, 14)];
 
 /// Extinctions are clamped to this, so that the polynomials do not overflow; a ray is opaque long before.
 const MAX_TAU: f64 = 1e150;
+
+/// Returns a scalar, with infinities replaced by the ends of the transfer function.
+pub(super) fn finite(scalar: f64, [low, high]: [f64; 2]) -> f64 {
+    match scalar {
+        f64::NEG_INFINITY => low,
+        f64::INFINITY => high,
+        scalar => scalar,
+    }
+}
 
 /// A transfer function, prepared for integration along rays.
 #[derive(Debug)]
@@ -44,11 +52,6 @@ impl Classes {
         self.knots.partition_point(|knot| knot.s <= s)
     }
 
-    /// Returns the scalar of a knot.
-    pub(super) fn scalar(&self, knot: usize) -> f64 {
-        self.knots[knot].s
-    }
-
     /// Returns the knots that bound an interval; beyond the ends, both are the end knot.
     fn ends(&self, interval: usize) -> (&Knot, &Knot) {
         let last = self.knots.len() - 1;
@@ -66,8 +69,8 @@ impl Classes {
 /// Optical depth and colour accumulated along a ray, front to back.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct March {
-    depth: f64,
-    colour: [f64; 3],
+    pub(super) depth: f64,
+    pub(super) colour: [f64; 3],
 }
 
 impl March {
@@ -106,7 +109,7 @@ impl March {
         let mut crossed = None;
         for step in first..last {
             let knot = if rising { step } else { first + last - 1 - step };
-            let s = classes.scalar(knot);
+            let s = classes.knots[knot].s;
             // The second knot of a jump is at the same place as the first.
             if crossed == Some(s) {
                 continue;

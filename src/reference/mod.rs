@@ -14,19 +14,14 @@ mod grid;
 mod image;
 mod kernels;
 mod march;
-mod one_ray;
 mod polynomial;
-mod quadrature;
-mod rays;
-mod sampling;
 mod surfaces;
 mod tets;
+mod tree;
 mod view_ray;
 
-pub use draw::{depth, pixels, render};
+pub use draw::{ReferenceOptions, depth, pieces, pixels, ray, render};
 pub use image::ReferenceImage;
-pub use one_ray::{pieces, ray};
-pub use sampling::ReferenceOptions;
 pub use tets::Piece;
 
 #[cfg(test)]

@@ -10,7 +10,8 @@ use glam::{DVec2, DVec3};
 use crate::num;
 use crate::scene::{Shading, Surface};
 
-use super::tets::{mean, side};
+use super::tets::{LocalRay, mean, side};
+use super::tree::{Node, tree};
 
 /// Largest number of triangles in a leaf.
 const LEAF: usize = 4;
@@ -36,17 +37,6 @@ struct Face {
     triangle: u32,
 }
 
-/// A box around triangles.
-#[derive(Clone, Copy, Debug)]
-struct Node {
-    low: DVec3,
-    high: DVec3,
-    /// First triangle of a leaf, else first of two child nodes.
-    first: usize,
-    /// Number of triangles of a leaf; 0 for inner nodes.
-    count: usize,
-}
-
 /// Surfaces, prepared for rays.
 #[derive(Debug)]
 pub(super) struct SurfaceRays<'a> {
@@ -58,29 +48,14 @@ pub(super) struct SurfaceRays<'a> {
     size: f64,
 }
 
-/// A ray in the form that the intersection test needs.
-#[derive(Clone, Copy)]
-struct LocalRay {
-    /// The point of the ray nearest to the common centre, from which parameters count.
-    start: DVec3,
-    direction: DVec3,
-    across: [DVec3; 2],
-    range: [f64; 2],
-}
-
 impl<'a> SurfaceRays<'a> {
-    /// Builds a tree for many rays from the visible surfaces that `takes` accepts, or returns `None` without
-    /// triangles.
+    /// Builds a tree of the visible surfaces that `takes` accepts, or returns `None` without triangles.
     pub(super) fn new(surfaces: &'a [Surface], takes: impl Fn(&Surface) -> bool) -> Option<Self> {
         Self::with_leaves(surfaces, takes, LEAF)
     }
 
-    /// Prepares for one ray, which tests every triangle.
-    pub(super) fn once(surfaces: &'a [Surface]) -> Option<Self> {
-        Self::with_leaves(surfaces, |_| true, usize::MAX)
-    }
-
-    fn with_leaves(
+    /// As [`Self::new`], with at most `largest` triangles in a leaf; for one ray no tree is worth its time.
+    pub(super) fn with_leaves(
         surfaces: &'a [Surface],
         takes: impl Fn(&Surface) -> bool,
         largest: usize,
@@ -91,11 +66,16 @@ impl<'a> SurfaceRays<'a> {
             let triangles = 0..num::count(of.triangles().len());
             faces.extend(triangles.map(|triangle| Face { surface, triangle }));
         }
-        if faces.is_empty() {
-            return None;
-        }
-        let nodes = tree(surfaces, &mut faces, largest);
-        let Node { low, high, .. } = nodes[0];
+        let bounds = |face: &Face| {
+            let [a, b, c] = corners(&surfaces[num::index(face.surface)], face.triangle);
+            [a.min(b).min(c), a.max(b).max(c)]
+        };
+        let centre = |face: &Face| {
+            let [low, high] = bounds(face);
+            0.5 * low + 0.5 * high
+        };
+        let nodes = tree(&mut faces, largest, bounds, centre);
+        let Node { low, high, .. } = *nodes.first()?;
         // For a box without extent any unit will do.
         let size = Some((0.5 * high - 0.5 * low).max_element()).filter(|size| *size > 0.0).unwrap_or(1.0);
         Some(Self { surfaces, faces, nodes, centre: 0.5 * low + 0.5 * high, size })
@@ -105,19 +85,12 @@ impl<'a> SurfaceRays<'a> {
     ///
     /// The range excludes its beginning and includes its end; `direction` has unit length.
     pub(super) fn hits(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> Vec<Hit> {
-        let nearest = (self.centre - origin).dot(direction);
-        let (u, v) = direction.any_orthonormal_pair();
-        let mut ray = LocalRay {
-            start: origin + direction * nearest,
-            direction,
-            across: [u, v],
-            range: range.map(|t| t - nearest),
-        };
+        let mut ray = LocalRay::new(self.centre, origin, direction, range);
         let mut hits: Vec<Hit> = Vec::new();
         let mut open = vec![0];
         while let Some(node) = open.pop() {
             let node = &self.nodes[node];
-            if !ray.meets(node) {
+            if !meets(&ray, node) {
                 continue;
             }
             if node.count == 0 {
@@ -143,7 +116,7 @@ impl<'a> SurfaceRays<'a> {
             hits.truncate(opaque + 1);
         }
         for hit in &mut hits {
-            hit.t += nearest;
+            hit.t += ray.nearest;
         }
         hits
     }
@@ -201,61 +174,16 @@ fn normal([a, b, c]: [DVec3; 3]) -> DVec3 {
     if length > 0.0 { (normal / length).normalize() } else { DVec3::ZERO }
 }
 
-impl LocalRay {
-    /// Returns whether the ray may meet a box, by the box's projections across and along the ray.
-    fn meets(&self, node: &Node) -> bool {
-        let centre = (0.5 * node.low + 0.5 * node.high) - self.start;
-        let half = 0.5 * node.high - 0.5 * node.low;
-        let margin = ROUNDING * (centre.abs() + half + self.start.abs()).element_sum();
-        let shadow = |axis: DVec3| (centre.dot(axis), half.dot(axis.abs()) + margin);
-        let across = |axis: DVec3| {
-            let (middle, half) = shadow(axis);
-            middle.abs() <= half
-        };
-        let (middle, half) = shadow(self.direction);
-        across(self.across[0])
-            && across(self.across[1])
-            && middle + half >= self.range[0]
-            && middle - half <= self.range[1]
-    }
-}
-
-/// Sorts triangles into a tree with at most `largest` triangles in a leaf.
-///
-/// Each node is split at the median of its triangles' box centres, along the longest side of the box around
-/// those centres.
-fn tree(surfaces: &[Surface], faces: &mut [Face], largest: usize) -> Vec<Node> {
-    let extent = |face: Face| {
-        let [a, b, c] = corners(&surfaces[num::index(face.surface)], face.triangle);
-        (a.min(b).min(c), a.max(b).max(c))
-    };
-    let middle = |face: Face| {
-        let (low, high) = extent(face);
-        0.5 * low + 0.5 * high
-    };
-    let leaf = |first: usize, count: usize| Node { low: DVec3::ZERO, high: DVec3::ZERO, first, count };
-    let mut nodes = vec![leaf(0, faces.len())];
-    let mut next = 0;
-    while next < nodes.len() {
-        let Node { first, count, .. } = nodes[next];
-        let some = &mut faces[first..first + count];
-        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (mut least, mut most) = (low, high);
-        for &face in some.iter() {
-            let (from, to) = extent(face);
-            (low, high) = (low.min(from), high.max(to));
-            let middle = middle(face);
-            (least, most) = (least.min(middle), most.max(middle));
-        }
-        (nodes[next].low, nodes[next].high) = (low, high);
-        if count > largest {
-            let axis = (most - least).max_position();
-            some.select_nth_unstable_by(count / 2, |a, b| middle(*a)[axis].total_cmp(&middle(*b)[axis]));
-            (nodes[next].first, nodes[next].count) = (nodes.len(), 0);
-            nodes.push(leaf(first, count / 2));
-            nodes.push(leaf(first + count / 2, count - count / 2));
-        }
-        next += 1;
-    }
-    nodes
+/// Returns whether a ray may meet a box, by the box's projections across and along the ray.
+fn meets(ray: &LocalRay, node: &Node) -> bool {
+    let centre = (0.5 * node.low + 0.5 * node.high) - ray.start;
+    let half = 0.5 * node.high - 0.5 * node.low;
+    let margin = ROUNDING * (centre.abs() + half + ray.start.abs()).element_sum();
+    let shadow = |axis: DVec3| (centre.dot(axis), half.dot(axis.abs()) + margin);
+    let across = ray.across.into_iter().all(|axis| {
+        let (middle, half) = shadow(axis);
+        middle.abs() <= half
+    });
+    let (middle, half) = shadow(ray.direction);
+    across && middle + half >= ray.range[0] && middle - half <= ray.range[1]
 }

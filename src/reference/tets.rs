@@ -15,7 +15,7 @@ use glam::{DVec2, DVec3};
 use crate::num;
 use crate::scene::{TetScalars, Tets, TransferFunction};
 
-use super::march::{Classes, March};
+use super::march::{Classes, March, finite};
 
 /// Scalars are clamped to this magnitude, so that their differences do not overflow. Only the transfer
 /// function's ends, which replace infinities, can exceed it.
@@ -49,18 +49,26 @@ impl Piece {
     }
 }
 
-/// A ray in the form that the intersection test needs.
+/// A ray in the form that intersection tests need.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct MeshRay {
-    /// The point of the ray nearest to the mesh's centre. Parameters count from there, so they are as small
-    /// as the mesh, however far the eye is.
-    start: DVec3,
-    direction: DVec3,
-    /// Two axes perpendicular to the ray, in units of the mesh's size.
-    across: [DVec3; 2],
-    range: [f64; 2],
+pub(super) struct LocalRay {
+    /// The point of the ray nearest to the data's centre. Parameters count from there, so they are as small
+    /// as the data, however far the eye is.
+    pub(super) start: DVec3,
+    pub(super) direction: DVec3,
+    /// Two axes perpendicular to the ray.
+    pub(super) across: [DVec3; 2],
+    pub(super) range: [f64; 2],
     /// Parameter of `start`, measured from the origin.
     pub(super) nearest: f64,
+}
+
+impl LocalRay {
+    pub(super) fn new(centre: DVec3, origin: DVec3, direction: DVec3, range: [f64; 2]) -> Self {
+        let nearest = (centre - origin).dot(direction);
+        let (start, across) = (origin + direction * nearest, direction.any_orthonormal_pair().into());
+        Self { start, direction, across, range: range.map(|t| t - nearest), nearest }
+    }
 }
 
 /// A mesh and its transfer function, prepared for rays.
@@ -87,17 +95,11 @@ impl<'a> TetRays<'a> {
         }
     }
 
-    /// Prepares a ray. `direction` has unit length, so the parameter is a world length.
-    pub(super) fn ray(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> MeshRay {
-        let nearest = (self.centre - origin).dot(direction);
-        let (u, v) = direction.any_orthonormal_pair();
-        MeshRay {
-            start: origin + direction * nearest,
-            direction,
-            across: [u, v].map(|axis| axis / self.radius),
-            range: range.map(|t| t - nearest),
-            nearest,
-        }
+    /// Prepares a ray, with axes in units of the mesh's size. `direction` has unit length, so the parameter is a
+    /// world length.
+    pub(super) fn ray(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> LocalRay {
+        let ray = LocalRay::new(self.centre, origin, direction, range);
+        LocalRay { across: ray.across.map(|axis| axis / self.radius), ..ray }
     }
 
     /// Intersects one ray with every tetrahedron and integrates it.
@@ -135,21 +137,12 @@ impl<'a> TetRays<'a> {
             TetScalars::Point(values) => corners.map(|i| values[i]),
             TetScalars::Cell(values) => [values[num::index(cell)]; 4],
         };
-        let scalar = |value: f32| {
-            if value == f32::INFINITY {
-                self.ends[1]
-            } else if value == f32::NEG_INFINITY {
-                self.ends[0]
-            } else {
-                f64::from(value)
-            }
-        };
-        (!s.iter().any(|s| s.is_nan())).then(|| s.map(scalar))
+        (!s.iter().any(|s| s.is_nan())).then(|| s.map(|s| finite(s.into(), self.ends)))
     }
 
     /// Returns the part of a ray inside a tetrahedron whose scalars are not NaN. Parameters count from the
     /// ray's `start`.
-    pub(super) fn piece(&self, cell: u32, ray: &MeshRay) -> Option<Piece> {
+    pub(super) fn piece(&self, cell: u32, ray: &LocalRay) -> Option<Piece> {
         let corners = self.corners(cell);
         let relative = corners.map(|i| self.mesh.points()[i] - ray.start);
         let plane = relative.map(|p| DVec2::new(p.dot(ray.across[0]), p.dot(ray.across[1])));

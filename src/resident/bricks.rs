@@ -1,16 +1,184 @@
-//! Which bricks of a grid are visible, on the device (`bricks.glsl`).
+//! The smallest and largest scalar of each brick of a grid, and which bricks are visible, on the device (`bricks.glsl`).
 
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::gpu::shader::{self, BRICKS_COMPUTE};
-use crate::gpu::{Buffer, BufferUse, Commands, Descriptors, Gpu, Recorder};
+use crate::gpu::shader::{self, BRICK, BRICKS_COMPUTE};
+use crate::gpu::{Buffer, Commands, Gpu, Recorder};
 use crate::interface::BricksPush;
 use crate::num;
-use crate::resident::brick_ranges::MinMax;
+use crate::primitives::dispatch::{buffer, groups_of, pass};
 use crate::resident::clock::Clock;
-use crate::resident::visible_scalars::nonzero_ranges;
-use crate::scene::{Grid, TransferFunction};
+use crate::resident::visible_scalars::{above, below, nonzero_ranges};
+use crate::scene::{Grid, Samples, TransferFunction};
+
+/// Samples beyond a brick's own that its range covers on every side.
+///
+/// So the range still holds for a position that rounding puts into the neighbouring cell.
+const APRON: usize = 1;
+
+/// Bytes of a brick on the device: its range, and a word that says whether it is visible.
+pub(crate) const BRICK_BYTES: u64 = 8 + 4;
+
+/// Returns the number of bricks along each axis of a grid.
+pub(crate) fn bricks_of(dims: [u32; 3]) -> [u32; 3] {
+    dims.map(|n| n.saturating_sub(1).div_ceil(BRICK).max(1))
+}
+
+/// Returns the smallest and largest scalar of each brick of a grid, x fastest, in the units of its data;
+/// `[inf, -inf]` where every sample is NaN.
+///
+/// Brick b covers the samples 8b to 8b + 8 and the apron. A NaN counts for no range: a cell that touches it is
+/// vacuum. An infinity counts as the largest `f32` of its sign, which
+/// [`nonzero_ranges`](crate::resident::visible_scalars::nonzero_ranges) takes into account. Ranges are widened by the
+/// rounding of a device's decoding and filtering.
+fn brick_ranges(grid: &Grid) -> Vec<[f32; 2]> {
+    let [n, m] = [grid.dims(), bricks_of(grid.dims())].map(|dims| dims.map(num::index));
+    match grid.samples() {
+        Samples::U8(v) => in_units(grid, extremes(v, n, m, [u8::MAX, u8::MIN])),
+        Samples::U16(v) => in_units(grid, extremes(v, n, m, [u16::MAX, u16::MIN])),
+        Samples::I16(v) => in_units(grid, extremes(v, n, m, [i16::MAX, i16::MIN])),
+        Samples::F32(v) => {
+            let mut ranges = in_units(grid, extremes(v, n, m, [f32::INFINITY, f32::NEG_INFINITY]));
+            if grid.nan_count() > 0 {
+                open_at_nan(v, n, m, &mut ranges);
+            }
+            ranges
+        }
+    }
+}
+
+/// Gives bricks with both NaN and other samples the range of the whole grid.
+///
+/// A segment from one side of vacuum to the other spans scalars that neither side has, so empty-space skipping must
+/// not skip such bricks by their own range.
+fn open_at_nan(values: &[f32], n: [usize; 3], bricks: [usize; 3], ranges: &mut [[f32; 2]]) {
+    let whole = ranges
+        .iter()
+        .fold([f32::INFINITY, f32::NEG_INFINITY], |all, range| [all[0].min(range[0]), all[1].max(range[1])]);
+    let side = num::index(BRICK);
+    // Bricks along an axis whose window holds a sample's index.
+    let around = |place: usize, bricks: usize| {
+        let first = place.saturating_sub(side + APRON).div_ceil(side);
+        first..=((place + APRON) / side).min(bricks - 1)
+    };
+    for (i, _) in values.iter().enumerate().filter(|(_, value)| value.is_nan()) {
+        let [x, y, z] = [i % n[0], i / n[0] % n[1], i / n[0] / n[1]];
+        for bz in around(z, bricks[2]) {
+            for by in around(y, bricks[1]) {
+                for bx in around(x, bricks[0]) {
+                    let range = &mut ranges[(bz * bricks[1] + by) * bricks[0] + bx];
+                    if range[0] <= range[1] {
+                        *range = whole;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Returns the samples that a brick covers along an axis of `n` samples.
+fn window(brick: usize, n: usize) -> std::ops::Range<usize> {
+    let side = num::index(BRICK);
+    (brick * side).saturating_sub(APRON)..(brick * side + side + 1 + APRON).min(n)
+}
+
+/// Finds the smallest and largest stored number of every brick, or `none` where every number is NaN.
+///
+/// Reduces one axis after the other. y comes first, because then the inner loop runs along whole rows, which the
+/// compiler vectorises, and the other axes have an eighth of the numbers left.
+fn extremes<T: Copy + PartialOrd>(
+    values: &[T],
+    n: [usize; 3],
+    bricks: [usize; 3],
+    none: [T; 2],
+) -> Vec<[T; 2]> {
+    // Comparisons are written so that a NaN leaves `so_far` as it is.
+    let low = |so_far: T, value: T| if value < so_far { value } else { so_far };
+    let high = |so_far: T, value: T| if value > so_far { value } else { so_far };
+    let join = |a: [T; 2], b: &[T; 2]| [low(a[0], b[0]), high(a[1], b[1])];
+
+    // Reduced along x and y: [z][brick y][brick x].
+    let mut planes = Vec::with_capacity(n[2] * bricks[1] * bricks[0]);
+    let (mut lows, mut highs) = (vec![none[0]; n[0]], vec![none[1]; n[0]]);
+    for plane in values.chunks_exact(n[0] * n[1]) {
+        for y in 0..bricks[1] {
+            lows.fill(none[0]);
+            highs.fill(none[1]);
+            let rows = window(y, n[1]);
+            for row in plane[rows.start * n[0]..rows.end * n[0]].chunks_exact(n[0]) {
+                for ((lo, hi), &value) in lows.iter_mut().zip(&mut highs).zip(row) {
+                    *lo = low(*lo, value);
+                    *hi = high(*hi, value);
+                }
+            }
+            planes.extend((0..bricks[0]).map(|x| {
+                let columns = window(x, n[0]);
+                let lo = lows[columns.clone()].iter().fold(none[0], |a, &b| low(a, b));
+                let hi = highs[columns].iter().fold(none[1], |a, &b| high(a, b));
+                [lo, hi]
+            }));
+        }
+    }
+
+    let area = bricks[0] * bricks[1];
+    let mut ranges = vec![none; bricks[2] * area];
+    for (z, layer) in ranges.chunks_exact_mut(area).enumerate() {
+        let depths = window(z, n[2]);
+        for plane in planes[depths.start * area..depths.end * area].chunks_exact(area) {
+            for (range, other) in layer.iter_mut().zip(plane) {
+                *range = join(*range, other);
+            }
+        }
+    }
+    ranges
+}
+
+/// Converts ranges of stored numbers to widened ranges of values.
+fn in_units<T: Copy + Into<f64>>(grid: &Grid, stored: Vec<[T; 2]>) -> Vec<[f32; 2]> {
+    let rescale = grid.rescale();
+    // The largest decoded number's rounding decides by how much a range is widened.
+    let [zero, full] = normalised(grid.samples());
+    let finite = |value: f64| value.clamp(-f64::from(f32::MAX), f64::from(f32::MAX));
+    let value = |stored: f64| finite(rescale.slope * stored + rescale.intercept);
+    let terms = (rescale.slope * full).abs().max(value(zero).abs());
+    stored
+        .into_iter()
+        .map(|range| {
+            let [lo, hi] = range.map(Into::into);
+            if lo > hi {
+                return [f32::INFINITY, f32::NEG_INFINITY];
+            }
+            let (a, b) = (value(lo), value(hi));
+            let (min, max) = (a.min(b), a.max(b));
+            // Zero texels stay zero under every filter. Without this case the empty background of most data would
+            // become visible under a transfer function that starts there.
+            let pad = if lo == zero && hi == zero { 0.0 } else { slack(min, max, terms) };
+            [below(finite(min - pad)), above(finite(max + pad))]
+        })
+        .collect()
+}
+
+/// Returns the stored number of an all-zero texel, and the largest number that a normalised texel decodes to before
+/// that is added; both 0 for floats.
+pub(crate) fn normalised(samples: &Samples) -> [f64; 2] {
+    match samples {
+        Samples::U8(_) => [0.0, 255.0],
+        Samples::U16(_) => [0.0, 65535.0],
+        Samples::I16(_) => [-32768.0, 65535.0],
+        Samples::F32(_) => [0.0, 0.0],
+    }
+}
+
+/// Bounds the rounding of a device for values between `min` and `max`.
+///
+/// It is one step of the filter's weights, which have at least 8 bits, and 4 units in the last place of the largest
+/// intermediate number.
+fn slack(min: f64, max: f64, terms: f64) -> f64 {
+    let largest = min.abs().max(max.abs()).max(terms);
+    let unit = (largest * f64::from(f32::EPSILON)).max(f64::from(f32::from_bits(1)));
+    (max - min) / 512.0 + 4.0 * unit
+}
 
 /// The smallest and largest scalar of each brick on the device, and the number of bricks.
 #[derive(Clone, Debug)]
@@ -22,9 +190,9 @@ pub(crate) struct BrickRanges {
 impl BrickRanges {
     /// Computes and uploads the ranges of a grid.
     pub(crate) fn new(gpu: &Gpu, grid: &Grid) -> Result<Self> {
-        let bricks = MinMax::of(grid);
-        let buffer = Buffer::with_data(gpu, "bricks.ranges", bytemuck::cast_slice(&bricks.ranges))?;
-        Ok(Self { buffer, count: num::count(bricks.ranges.len()) })
+        let ranges = brick_ranges(grid);
+        let buffer = Buffer::with_data(gpu, "bricks.ranges", bytemuck::cast_slice(&ranges))?;
+        Ok(Self { buffer, count: num::count(ranges.len()) })
     }
 
     /// Returns one word for each brick: 0 where nothing is visible, with extinction smeared by `margin` scalars.
@@ -41,26 +209,169 @@ impl BrickRanges {
             scalars.push([0.0; 2]);
         }
         let scalars = Buffer::with_data(gpu, "transfer.visible", bytemuck::cast_slice(&scalars))?;
-        let bricks = Buffer::new(gpu, "bricks", 4 * u64::from(self.count), BufferUse::ShaderWrite)?;
-        let bricks = Arc::new(bricks);
+        let bricks = buffer(gpu, "bricks", self.count.into())?;
         let bound = BRICKS_COMPUTE.with(&shader::Bricks {
             ranges: self.buffer.read(),
             visible: scalars.read(),
             bricks: bricks.write(),
         });
-        let pipeline = gpu.compute_pipeline("bricks.mark", &bound)?;
-        let _time = clock.tables();
-        let descriptors = Arc::new(Descriptors::new(gpu, &pipeline, &bound)?);
-        let groups = self.count.div_ceil(64);
-        // Every device allows this many workgroups along each side.
-        let across = groups.min(65_535);
-        let mut commands = Commands::new(gpu)?;
-        let mut recorder = Recorder::new(gpu, commands.begin()?, None);
-        let push = bytemuck::bytes_of(&push);
-        recorder.dispatch("bricks.mark", &pipeline, &descriptors, push, [across, groups.div_ceil(across), 1]);
-        recorder.release_buffer(&bricks);
-        let (_, keep) = recorder.finish();
-        commands.submit(keep, "bricks.mark")?;
+        let mark = pass(gpu, "bricks.mark", &bound)?;
+        clock.tables(|| {
+            let mut commands = Commands::new(gpu)?;
+            let mut recorder = Recorder::new(gpu, commands.begin()?, None);
+            mark.record(&mut recorder, &push, groups_of(self.count, 64));
+            recorder.release_buffer(&bricks);
+            let (_, keep) = recorder.finish();
+            commands.submit(keep, "bricks.mark")
+        })?;
         Ok(bricks)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::num::f32_of;
+    use crate::scene::Rescale;
+
+    const MAX: f32 = f32::MAX;
+
+    /// Returns numbers without a pattern.
+    fn scatter(i: usize) -> f32 {
+        let x = num::count(i).wrapping_mul(0x9E37_79B9);
+        let x = (x ^ (x >> 15)).wrapping_mul(0x85EB_CA6B);
+        f32_of(f64::from((x ^ (x >> 13)) & 0xFFFF) / 65535.0)
+    }
+
+    /// Computes the range of a brick from its definition, sample by sample, without widening.
+    fn slow(grid: &Grid, brick: [u32; 3]) -> [f64; 2] {
+        let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+        let reach = |axis: usize| {
+            let first = (8 * brick[axis]).saturating_sub(1);
+            first..=(8 * brick[axis] + 9).min(grid.dims()[axis] - 1)
+        };
+        for z in reach(2) {
+            for y in reach(1) {
+                for x in reach(0) {
+                    let value = grid.value(x, y, z);
+                    range = [range[0].min(value), range[1].max(value)];
+                }
+            }
+        }
+        range
+    }
+
+    #[test]
+    fn ranges_are_those_of_the_samples_with_apron_slightly_widened() {
+        for dims in [[2, 2, 2], [9, 10, 17], [18, 3, 8], [27, 26, 11]] {
+            let number = dims.iter().map(|&n| num::index(n)).product::<usize>();
+            let unit: Vec<f32> = (0..number).map(scatter).collect();
+            let cast = |scale: f64| unit.iter().map(move |&v| f64::from(v) * scale);
+            for samples in [
+                Samples::U8(cast(255.0).map(num::u8_code).collect()),
+                Samples::U16(cast(65535.0).map(num::u16_code).collect()),
+                Samples::I16(cast(65535.0).map(|v| num::i16_code(v - 32768.0)).collect()),
+                Samples::F32(unit.clone()),
+            ] {
+                for slope in [1.0, -0.37] {
+                    let rescale = Rescale { slope, intercept: 0.25 };
+                    let grid = Grid::new(dims, samples.clone()).unwrap().with_rescale(rescale).unwrap();
+                    let bricks = bricks_of(dims);
+                    assert_eq!(bricks, dims.map(|n| (n - 1).div_ceil(8)));
+                    let all = brick_ranges(&grid);
+                    let mut ranges = all.iter();
+                    for z in 0..bricks[2] {
+                        for y in 0..bricks[1] {
+                            for x in 0..bricks[0] {
+                                let want = slow(&grid, [x, y, z]);
+                                let got = ranges.next().unwrap().map(f64::from);
+                                let span = want[1] - want[0];
+                                for pad in [want[0] - got[0], got[1] - want[1]] {
+                                    assert!(
+                                        pad >= span / 512.0
+                                            && pad < span / 511.0 + 4.1 * span.max(0.25) / 8e6,
+                                        "{} {dims:?} slope {slope} brick [{x}, {y}, {z}]: {got:?}, not {want:?}",
+                                        samples.type_name()
+                                    );
+                                }
+                            }
+                        }
+                    }
+                    assert!(ranges.next().is_none());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_apron_of_one_sample_and_no_more() {
+        // One sample stands out; these bricks along x cover it.
+        let seen = |at: usize| -> Vec<bool> {
+            let mut values = vec![0_u8; 26 * 4];
+            values[at] = 100;
+            assert_eq!(bricks_of([26, 2, 2]), [4, 1, 1]);
+            let ranges = brick_ranges(&Grid::new([26, 2, 2], Samples::U8(values)).unwrap());
+            ranges.iter().map(|range| range[1] > 50.0).collect()
+        };
+        assert_eq!(seen(0), [true, false, false, false]);
+        assert_eq!(seen(6), [true, false, false, false]);
+        assert_eq!(seen(7), [true, true, false, false]);
+        assert_eq!(seen(9), [true, true, false, false]);
+        assert_eq!(seen(10), [false, true, false, false]);
+        assert_eq!(seen(17), [false, true, true, false]);
+        assert_eq!(seen(25), [false, false, true, true]);
+    }
+
+    #[test]
+    fn infinities_reach_to_the_largest_number() {
+        let mut values = vec![2.0; 34 * 4];
+        values[0] = 3.0;
+        values[1] = 1.0;
+        values[12] = f32::NEG_INFINITY;
+        values[33] = f32::INFINITY;
+        let grid = Grid::new([34, 2, 2], Samples::F32(values)).unwrap();
+        let ranges = brick_ranges(&grid);
+        assert!(ranges[0][0] < 1.0 && ranges[0][0] > 0.99 && ranges[0][1] > 3.0 && ranges[0][1] < 3.01);
+        assert_eq!(ranges[1][0], -MAX);
+        assert_eq!(ranges[4][1], MAX);
+        let flipped = grid.with_rescale(Rescale { slope: -2.0, intercept: 7.0 }).unwrap();
+        let ranges = brick_ranges(&flipped);
+        assert_eq!(ranges[4][0], -MAX);
+        assert_eq!(ranges[1][1], MAX);
+        assert!(ranges[0][0] < 1.0 && ranges[0][1] > 5.0);
+    }
+
+    #[test]
+    fn bricks_that_touch_nan_have_every_scalar_and_those_of_nan_alone_none() {
+        let mut values: Vec<f32> = (0..50_u8).flat_map(|x| [f32::from(x); 4]).collect();
+        // Samples 17 to 36 along z.
+        values[17 * 4..37 * 4].fill(f32::NAN);
+        let grid = Grid::new([2, 2, 50], Samples::F32(values)).unwrap();
+        let ranges = brick_ranges(&grid);
+        assert_eq!(ranges.len(), 7);
+        let whole = |range: [f32; 2]| range[0] <= 0.0 && range[1] >= 49.0;
+        // Windows reach one sample beyond: brick 1 has samples 7 to 17, brick 3 those from 23 to 33.
+        assert!(!whole(ranges[0]) && whole(ranges[1]) && whole(ranges[2]), "{ranges:?}");
+        assert_eq!(ranges[3], [f32::INFINITY, f32::NEG_INFINITY]);
+        assert!(whole(ranges[4]) && !whole(ranges[5]) && !whole(ranges[6]), "{ranges:?}");
+    }
+
+    #[test]
+    fn zero_texels_are_exact_and_other_constants_cover_the_decoding() {
+        let range = |samples: Samples, intercept: f64| {
+            let rescale = Rescale { slope: 1.0, intercept };
+            brick_ranges(&Grid::new([2, 2, 2], samples).unwrap().with_rescale(rescale).unwrap())[0]
+        };
+        assert_eq!(range(Samples::U8(vec![0; 8]), 0.0), [0.0, 0.0]);
+        assert_eq!(range(Samples::F32(vec![0.0; 8]), -5.0), [-5.0, -5.0]);
+        assert_eq!(range(Samples::I16(vec![i16::MIN; 8]), 0.0), [-32768.0, -32768.0]);
+        // 0.1 lies between two f32, and the device may have either.
+        let [lo, hi] = range(Samples::U16(vec![0; 8]), 0.1);
+        assert!(f64::from(lo) < 0.1 && f64::from(hi) > 0.1 && lo.next_up() == hi);
+        // 65535 * texel - 32768 in float32, where the texel is a rounded 32768 / 65535.
+        let [lo, hi] = range(Samples::I16(vec![0; 8]), 0.0);
+        assert!(lo <= -1.0 / 128.0 && hi >= 1.0 / 128.0, "[{lo}, {hi}]");
+        let [lo, hi] = range(Samples::F32(vec![7.0; 8]), 0.0);
+        assert!(lo <= 7.0 - 4.0 * 4.7e-7 && (7.0 + 4.0 * 4.7e-7..7.00001).contains(&hi));
     }
 }

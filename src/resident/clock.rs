@@ -16,35 +16,27 @@ pub struct UploadTimes {
 #[derive(Debug, Default)]
 pub(crate) struct Clock(Mutex<UploadTimes>);
 
-/// Work in progress: its time counts when this is dropped.
-#[derive(Debug)]
-pub(crate) struct Running<'a> {
-    clock: &'a Clock,
-    start: Instant,
-    tables: bool,
-}
-
 impl Clock {
     /// Returns the times so far.
     pub(crate) fn times(&self) -> UploadTimes {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Begins an upload.
-    pub(crate) fn upload(&self) -> Running<'_> {
-        Running { clock: self, start: Instant::now(), tables: false }
+    /// Does the work of an upload.
+    pub(crate) fn upload<T>(&self, work: impl FnOnce() -> T) -> T {
+        self.measure(work, |times| &mut times.upload)
     }
 
-    /// Begins a table.
-    pub(crate) fn tables(&self) -> Running<'_> {
-        Running { clock: self, start: Instant::now(), tables: true }
+    /// Does the work of a table.
+    pub(crate) fn tables<T>(&self, work: impl FnOnce() -> T) -> T {
+        self.measure(work, |times| &mut times.tables)
     }
-}
 
-impl Drop for Running<'_> {
-    fn drop(&mut self) {
-        let mut times = self.clock.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let sum = if self.tables { &mut times.tables } else { &mut times.upload };
-        *sum += self.start.elapsed().as_secs_f64() * 1e3;
+    fn measure<T>(&self, work: impl FnOnce() -> T, sum: fn(&mut UploadTimes) -> &mut f64) -> T {
+        let start = Instant::now();
+        let result = work();
+        let mut times = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        *sum(&mut times) += start.elapsed().as_secs_f64() * 1e3;
+        result
     }
 }

@@ -2,8 +2,11 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use ash::vk;
+
 use crate::error::{Error, Result};
-use crate::gpu::{Buffer, Gpu, Image};
+use crate::gpu::shader::Segments;
+use crate::gpu::{Buffer, Gpu, Image, Sampled};
 use crate::num::f32_of;
 use crate::resident::bricks::BrickRanges;
 use crate::resident::cache::Cache;
@@ -11,7 +14,7 @@ use crate::resident::clock::{Clock, UploadTimes};
 use crate::resident::mesh::{DrawnPrimitives, MeshData, Primitives};
 use crate::resident::splats::{SplatNeeds, SplatSet};
 use crate::resident::surfaces::SurfaceData;
-use crate::resident::tables::{Integrator, Knots, SegmentOptions, Table};
+use crate::resident::tables::{Integrator, Knots, SegmentOptions, TABLE_FORMAT, Table};
 use crate::resident::volume::{Form, Layout, Volume};
 use crate::scene::grid::diagonal;
 use crate::scene::{
@@ -161,8 +164,9 @@ impl GpuScene {
     pub(crate) fn primitives(&self, kind: Primitives, margin: Option<f32>) -> Result<DrawnPrimitives> {
         let mesh = self.mesh()?;
         self.visible.primitives.get((kind, margin.map(f32::to_bits)), || {
-            let _time = self.clock.upload();
-            DrawnPrimitives::new(&self.gpu, mesh, &self.mesh, &self.scene.transfer, kind, margin)
+            self.clock.upload(|| {
+                DrawnPrimitives::new(&self.gpu, mesh, &self.mesh, &self.scene.transfer, kind, margin)
+            })
         })
     }
 
@@ -189,8 +193,7 @@ impl GpuScene {
         let Kernels { kernel, sigma, cut, model, least } = *kernels;
         let numbers = [sigma, cut, least, thickness].map(f64::to_bits);
         self.visible.splats.get((kernel, model, numbers), || {
-            let _time = self.clock.upload();
-            SplatSet::new(&self.gpu, &self.scene, kernels, thickness)
+            self.clock.upload(|| SplatSet::new(&self.gpu, &self.scene, kernels, thickness))
         })
     }
 
@@ -208,8 +211,7 @@ impl GpuScene {
         let grid = self.grid()?;
         let form = Form::new(&self.gpu, grid, layout, for_filter, mip)?;
         self.grid.volumes.get(form, || {
-            let _time = self.clock.upload();
-            Volume::new(&self.gpu, grid, self.scene.transfer.domain(), form)
+            self.clock.upload(|| Volume::new(&self.gpu, grid, self.scene.transfer.domain(), form))
         })
     }
 
@@ -217,32 +219,47 @@ impl GpuScene {
     pub(crate) fn table(&self, options: &SegmentOptions) -> Result<Option<Arc<Table>>> {
         let (integrator, size) = (options.integrator, options.table_size());
         self.tables.tables.get(SegmentOptions { integrator, table: Some(size) }, || {
-            let _time = self.clock.tables();
-            Table::new(&self.gpu, &self.scene.transfer, integrator, size, || self.longest_segment())
+            self.clock.tables(|| {
+                Table::new(&self.gpu, &self.scene.transfer, integrator, size, || self.longest_segment())
+            })
         })
     }
 
-    /// Returns one texel, for the binding of shaders that read no table.
-    pub(crate) fn no_table(&self) -> Result<Arc<Image>> {
-        self.tables.no_table.get((), || Table::nothing(&self.gpu))
+    /// Returns the inputs of shaders that integrate segments. The sampler interpolates a full table where `hardware` filtering is
+    /// wanted and the device can. `unread` is bound in the place of a table that no variant reads; else that is a texel of its own.
+    pub(crate) fn segments(
+        &self,
+        options: &SegmentOptions,
+        hardware: bool,
+        unread: Option<Sampled>,
+    ) -> Result<Segments> {
+        let linear = vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR;
+        let table_filter = hardware
+            && options.integrator == Integrator::Full
+            && self.gpu.image_features(TABLE_FORMAT).contains(linear);
+        let filter = if table_filter { vk::Filter::LINEAR } else { vk::Filter::NEAREST };
+        let (table, table_head) = match (self.table(options)?, unread) {
+            (Some(table), _) => (table.image.sampled(filter), table.buffer.read()),
+            (None, Some(unread)) => (unread, self.knots()?.buffer.read()),
+            (None, None) => {
+                let unread = self.tables.no_table.get((), || Table::nothing(&self.gpu))?;
+                (unread.sampled(filter), self.knots()?.buffer.read())
+            }
+        };
+        Ok(Segments { table, table_head, integrator: options.integrator.code(), table_filter })
     }
 
     /// Returns the knots of the transfer function.
     pub(crate) fn knots(&self) -> Result<Arc<Knots>> {
-        self.tables.knots.get((), || {
-            let _time = self.clock.tables();
-            Knots::new(&self.gpu, &self.scene.transfer)
-        })
+        self.tables.knots.get((), || self.clock.tables(|| Knots::new(&self.gpu, &self.scene.transfer)))
     }
 
     /// Returns one word for each brick: 0 where nothing is visible, with extinction smeared by `margin` scalars.
     pub(crate) fn bricks(&self, margin: f32) -> Result<Arc<Buffer>> {
         let grid = self.grid()?;
         self.visible.bricks.get(margin.to_bits(), || {
-            let ranges = self.grid.ranges.get((), || {
-                let _time = self.clock.upload();
-                BrickRanges::new(&self.gpu, grid)
-            })?;
+            let ranges =
+                self.grid.ranges.get((), || self.clock.upload(|| BrickRanges::new(&self.gpu, grid)))?;
             ranges.visible(&self.gpu, &self.clock, &self.scene.transfer, margin)
         })
     }

@@ -1,19 +1,16 @@
 //! A scene on the device.
 //!
 //! Each form of the data is uploaded when a technique first needs it, and shared from then on: samples, meshes,
-//! kernels, surfaces, tables of the transfer function. This module uses `scene`, `optics` and `gpu`; `frame` and the
+//! kernels, surfaces, tables of the transfer function. This module uses `scene`, `optics`, `gpu` and `primitives`; `frame` and the
 //! techniques use it.
 
-mod brick_ranges;
 mod bricks;
 mod cache;
 pub(crate) mod clock;
 mod gpu_scene;
-mod grid_bytes;
 pub(crate) mod local_space;
 pub(crate) mod mesh;
 mod mips;
-mod shading;
 pub(crate) mod splats;
 pub(crate) mod surfaces;
 pub(crate) mod tables;
@@ -22,5 +19,5 @@ pub(crate) mod volume;
 
 pub use clock::UploadTimes;
 pub use gpu_scene::GpuScene;
-pub use grid_bytes::GridBytes;
 pub use tables::{Integrator, SegmentOptions};
+pub use volume::GridBytes;

@@ -6,7 +6,7 @@ use ash::vk;
 
 use crate::error::Result;
 use crate::gpu::shader::{
-    INTEGRATOR_EXACT, INTEGRATOR_FULL, INTEGRATOR_INTEGRAL, INTEGRATOR_MIDPOINT, INTEGRATOR_SMOKE,
+    INTEGRATOR_EXACT, INTEGRATOR_FULL, INTEGRATOR_INTEGRAL, INTEGRATOR_MIDPOINT, INTEGRATOR_SMOKE, Optics,
     TABLE_BINS_PER_ROW,
 };
 use crate::gpu::{Buffer, Gpu, Image, ImageDesc};
@@ -112,9 +112,9 @@ impl Table {
             }
             Integrator::Full => {
                 let longest = longest()?;
-                let Full { head, size, layers, texels } = Full::new(transfer, size, LAYERS, longest);
-                let sizes = [f64::from(size), f64::from(layers), longest, 0.0];
-                (head, sizes, volume([size, size, layers]), texels)
+                let Full { head, texels } = Full::new(transfer, size, LAYERS, longest);
+                let sizes = [f64::from(size), f64::from(LAYERS), longest, 0.0];
+                (head, sizes, volume([size, size, LAYERS]), texels)
             }
         };
         let head = TableHead { size: sizes.map(f32_of), ..head };
@@ -153,5 +153,10 @@ impl Knots {
             walk: table.walk,
             iterations: table.iterations(),
         }))
+    }
+
+    /// Returns the inputs of shaders that classify scalars.
+    pub(crate) fn optics(&self) -> Optics {
+        Optics { knots: self.buffer.read(), knots_uniform: self.buffer.uniform(), knot_walk: self.walk }
     }
 }

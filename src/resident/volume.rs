@@ -1,4 +1,4 @@
-//! The samples of a grid as images on the device.
+//! The samples of a grid as images on the device, and the memory that a grid takes.
 
 use std::sync::Arc;
 
@@ -7,9 +7,40 @@ use ash::vk;
 use crate::error::Result;
 use crate::gpu::{Gpu, Image, ImageDesc};
 use crate::num::{self, f32_of};
+use crate::resident::bricks::{BRICK_BYTES, bricks_of, normalised};
 use crate::resident::mips;
 use crate::scene::grid::turned;
 use crate::scene::{Grid, Rescale, Samples};
+
+/// Least bytes of device memory that techniques allocate for a grid.
+///
+/// Devices pad images; and on a device that filters 8-bit samples too coarsely they are stored in 16 bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GridBytes {
+    /// Samples as one 3D image: `slices-3d`, `slabs`, `raycast`.
+    pub volume: u64,
+    /// Samples as one stack of 2D slices: `slices-2d` and `shear-warp`.
+    pub stack: u64,
+    /// All three stacks, as `stacks=all` keeps them.
+    pub stacks: u64,
+    /// Ranges of bricks, and which bricks are visible: with `empty-space`.
+    pub bricks: u64,
+}
+
+impl GridBytes {
+    /// Computes the bytes of a grid.
+    #[must_use]
+    pub fn of(grid: &Grid) -> Self {
+        let product = |extents: [u32; 3]| extents.iter().fold(1_u64, |n, &e| n.saturating_mul(u64::from(e)));
+        let volume = product(grid.dims()).saturating_mul(num::wide(grid.samples().sample_bytes()));
+        Self {
+            volume,
+            stack: volume,
+            stacks: volume.saturating_mul(3),
+            bricks: product(bricks_of(grid.dims())).saturating_mul(BRICK_BYTES),
+        }
+    }
+}
 
 /// The kind of image that holds samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -109,7 +140,8 @@ impl Volume {
             }
         })?;
         let (scale, offset) = value_map(grid, encoding);
-        let filterable = filterable(gpu, encoding);
+        let linear = vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR;
+        let filterable = gpu.image_features(format).contains(linear);
         Ok(Arc::new(Self { image, scale: f32_of(scale), offset: f32_of(offset), filterable }))
     }
 }
@@ -127,16 +159,6 @@ fn encoding_on(gpu: &Gpu, samples: &Samples, for_filter: bool, mip: bool) -> Res
     // 16-bit normalised images are optional.
     let sampled = gpu.image_features(own.format()).contains(vk::FormatFeatureFlags::SAMPLED_IMAGE);
     Ok(if sampled { own } else { Encoding::R32f })
-}
-
-/// Whether the device filters an encoding linearly.
-fn filterable(gpu: &Gpu, encoding: Encoding) -> bool {
-    gpu.image_features(encoding.format()).contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)
-}
-
-/// Returns the bytes of a sample on a device that supports the sample's own type.
-pub(crate) fn texel_bytes(samples: &Samples) -> u64 {
-    u64::try_from(Encoding::own(samples).texel_bytes()).unwrap_or(u64::MAX)
 }
 
 impl Encoding {
@@ -168,15 +190,11 @@ impl Encoding {
 
     /// Returns texels as a shader reads them.
     fn texels(self, memory: &[u8]) -> Vec<f32> {
+        let of = |size: usize, value: fn(&[u8]) -> f32| memory.chunks_exact(size).map(value).collect();
         match self {
-            Self::R8 => memory.iter().map(|&b| f32::from(b) / 255.0).collect(),
-            Self::R16 => memory
-                .chunks_exact(2)
-                .map(|b| f32::from(u16::from_ne_bytes([b[0], b[1]])) / 65535.0)
-                .collect(),
-            Self::R32f => {
-                memory.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect()
-            }
+            Self::R8 => of(1, |b| f32::from(b[0]) / 255.0),
+            Self::R16 => of(2, |b| f32::from(bytemuck::pod_read_unaligned::<u16>(b)) / 65535.0),
+            Self::R32f => of(4, bytemuck::pod_read_unaligned),
         }
     }
 
@@ -193,12 +211,7 @@ impl Encoding {
 fn value_map(grid: &Grid, encoding: Encoding) -> (f64, f64) {
     let rescale = grid.rescale();
     // The stored number is full * texel + zero.
-    let (full, zero) = match (grid.samples(), encoding) {
-        (_, Encoding::R32f) => (1.0, 0.0),
-        (Samples::U8(_), _) => (255.0, 0.0),
-        (Samples::I16(_), _) => (65535.0, -32768.0),
-        (Samples::U16(_) | Samples::F32(_), _) => (65535.0, 0.0),
-    };
+    let [zero, full] = if encoding == Encoding::R32f { [0.0, 1.0] } else { normalised(grid.samples()) };
     (rescale.slope * full, rescale.slope * zero + rescale.intercept)
 }
 
@@ -245,9 +258,8 @@ impl Source<'_> {
     /// Writes samples from `first` on as texels, until `memory` is full.
     fn encode(&self, first: usize, memory: &mut [u8]) {
         // Infinities become the ends of the transfer function, as stored numbers.
-        let slope = self.rescale.slope;
-        let low = self.stored_end(if slope > 0.0 { 0 } else { 1 });
-        let high = self.stored_end(if slope > 0.0 { 1 } else { 0 });
+        let [low, high] =
+            if self.rescale.slope > 0.0 { [0, 1] } else { [1, 0] }.map(|end| self.stored_end(end));
         match (self.samples, self.encoding) {
             (Samples::U8(v), Encoding::R8) => put(&v[first..], memory, |x| [x]),
             (Samples::U8(v), Encoding::R16) => {
@@ -261,15 +273,10 @@ impl Source<'_> {
             (Samples::I16(v), _) => {
                 put(&v[first..], memory, |x| (x.cast_unsigned() ^ 0x8000).to_ne_bytes());
             }
-            (Samples::F32(v), _) => put(&v[first..], memory, |x| {
-                let x = if x == f32::INFINITY {
-                    high
-                } else if x == f32::NEG_INFINITY {
-                    low
-                } else {
-                    x
-                };
-                x.to_ne_bytes()
+            (Samples::F32(v), _) => put(&v[first..], memory, |x| match x {
+                f32::INFINITY => high.to_ne_bytes(),
+                f32::NEG_INFINITY => low.to_ne_bytes(),
+                x => x.to_ne_bytes(),
             }),
         }
     }

@@ -3,8 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use crate::error::{Error, Result};
-use crate::frame::lists::bands::{Band, cut_into_bands};
-use crate::frame::lists::fragments::{Lists, entry_words};
+use crate::frame::lists::fragments::{Band, Lists, cut_into_bands, entry_words};
 use crate::frame::lists::ranking::Ranking;
 use crate::gpu::shader::{TILE, TILE_PIXELS};
 use crate::gpu::{Commands, Gpu, Recorder};
@@ -49,7 +48,6 @@ pub(crate) fn measure(
     let fill = Fill::measure(gpu, name, [order, boxed], *count, [tiles, across], |recorder| {
         ranking.record(recorder, push);
     })?;
-    let mut commands = Commands::new(gpu)?;
     let known = *known.lock().unwrap_or_else(PoisonError::into_inner);
     let mut needs = Needs {
         bins: with_margin(in_one_frame(name, "entries of bins", fill.entries())?.max(known.bins)),
@@ -66,7 +64,7 @@ pub(crate) fn measure(
         .map(|first| Band { first, tiles: widest.min(tiles - first) })
         .collect();
     let lists = Lists::new(gpu, ranking, tiles, fill.runs, trial, needs, None)?;
-    let fragments = count_fragments(gpu, &mut commands, ranking, &lists, push)?;
+    let fragments = count_fragments(gpu, ranking, &lists, push)?;
 
     // A fifth of the buffer and 64 entries stay free for the margin of nearby views.
     let most = most_words / entry_words(ranking.kind);
@@ -85,13 +83,8 @@ pub(crate) fn measure(
 }
 
 /// Counts the fragments of each tile on the device, band by band.
-fn count_fragments(
-    gpu: &Gpu,
-    commands: &mut Commands,
-    ranking: &Ranking,
-    lists: &Lists,
-    push: &MeshPush,
-) -> Result<Vec<u64>> {
+fn count_fragments(gpu: &Gpu, ranking: &Ranking, lists: &Lists, push: &MeshPush) -> Result<Vec<u64>> {
+    let mut commands = Commands::new(gpu)?;
     let mut fragments = Vec::with_capacity(num::index(lists.bins.tiles));
     for (i, band) in lists.bands.iter().enumerate() {
         let bytes = 4 * u64::from(band.tiles) * u64::from(TILE_PIXELS);
@@ -108,11 +101,8 @@ fn count_fragments(
         };
         commands.submit(keep, ranking.name)?;
         let counts = words(&host.host_copy()?);
-        fragments.extend(
-            counts
-                .chunks_exact(num::index(TILE_PIXELS))
-                .map(|tile| tile.iter().map(|&n| u64::from(n)).sum::<u64>()),
-        );
+        let tiles = counts.chunks_exact(num::index(TILE_PIXELS));
+        fragments.extend(tiles.map(|tile| tile.iter().map(|&n| u64::from(n)).sum::<u64>()));
     }
     Ok(fragments)
 }

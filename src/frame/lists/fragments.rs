@@ -1,9 +1,9 @@
-//! The fragments of each pixel, in lists by rank (`mesh-lists.glsl`).
+//! The fragments of each pixel, in lists by rank (`mesh-lists.glsl`), and bands: tiles that are drawn together because their
+//! entries fit one buffer.
 
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::frame::lists::bands::Band;
 use crate::frame::lists::ranking::Ranking;
 use crate::gpu::shader::{LIST_WINDOW, MESH_LISTS_LISTS, MeshListsLists, TILE, TILE_PIXELS};
 use crate::gpu::{Buffer, Gpu, Recorder};
@@ -11,7 +11,7 @@ use crate::interface::MeshPush;
 use crate::num;
 use crate::primitives::bins::Bins;
 use crate::primitives::dispatch::{Dispatch, buffer, pass};
-use crate::primitives::scan::Scan;
+use crate::primitives::scan::{Scan, WorkSplit};
 use crate::resident::mesh::{Needs, Primitives};
 
 /// Bins of tiles and lists of pixels, with the passes that write them.
@@ -76,8 +76,9 @@ impl Lists {
             };
             pass(gpu, &format!("{name}.{part}"), &MESH_LISTS_LISTS.with(&inputs))
         };
+        let split = WorkSplit::of(gpu);
         let band_scan =
-            |band: &Band| Scan::new(gpu, &format!("{name}.lists"), &cursors, band.tiles * TILE_PIXELS);
+            |band: &Band| Scan::new(gpu, &format!("{name}.lists"), &cursors, band.tiles * TILE_PIXELS, split);
         let (list_count, list_fill) = (pass("lists.count", false)?, pass("lists.fill", true)?);
         Ok(Self {
             bins,
@@ -126,4 +127,44 @@ pub(crate) fn entry_words(primitives: Primitives) -> u64 {
         Primitives::Faces => 2,
         Primitives::Cells => 4,
     }
+}
+
+/// Consecutive tiles of an image that are drawn together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Band {
+    /// Number of the first tile, row by row.
+    pub(crate) first: u32,
+    /// Number of tiles.
+    pub(crate) tiles: u32,
+}
+
+/// Cuts an image into bands of at most `most` entries and `widest` tiles each.
+///
+/// `entries` are those of each tile. Returns the bands, and the entries of the fullest.
+///
+/// # Errors
+///
+/// The entries of a single tile that exceeds `most`.
+pub(crate) fn cut_into_bands(
+    entries: impl IntoIterator<Item = u64>,
+    most: u64,
+    widest: u32,
+) -> std::result::Result<(Vec<Band>, u64), u64> {
+    let mut bands = vec![Band { first: 0, tiles: 0 }];
+    let (mut sum, mut fullest) = (0_u64, 0_u64);
+    for (tile, count) in (0_u32..).zip(entries) {
+        if count > most {
+            return Err(count);
+        }
+        let last = bands.len() - 1;
+        if sum + count > most || bands[last].tiles >= widest {
+            bands.push(Band { first: tile, tiles: 1 });
+            sum = count;
+        } else {
+            bands[last].tiles += 1;
+            sum += count;
+        }
+        fullest = fullest.max(sum);
+    }
+    Ok((bands, fullest))
 }

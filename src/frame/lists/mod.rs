@@ -3,12 +3,10 @@
 //! A frame ranks its primitives ([`Ranking`]), bins them to tiles, and lists the fragments of each pixel by rank
 //! ([`Lists`]). [`measure`] counts what a view needs when it is prepared.
 
-mod bands;
 mod capacity;
 mod fragments;
 mod ranking;
 
-pub(crate) use bands::{Band, cut_into_bands};
 pub(crate) use capacity::measure;
-pub(crate) use fragments::Lists;
+pub(crate) use fragments::{Band, Lists, cut_into_bands};
 pub(crate) use ranking::{Geometry, Ranking};

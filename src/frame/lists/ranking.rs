@@ -106,7 +106,7 @@ impl Ranking {
             back_to_front,
             points: pass(gpu, &format!("{name}.points"), &points)?,
             boxes: pass(gpu, &format!("{name}.boxes"), &boxes)?,
-            sort: RadixSort::new(gpu, &format!("{name}.sort"), &keys, &order, count, 32)?,
+            sort: RadixSort::new(gpu, &format!("{name}.sort"), [&keys, &order], count)?,
             view_points,
             primitives,
             scalars,
@@ -116,10 +116,7 @@ impl Ranking {
             status,
             count,
             point_count,
-            given: match order_given {
-                Some(order) => Some(given_order(gpu, order)?),
-                None => None,
-            },
+            given: order_given.map(|order| given_order(gpu, order)).transpose()?,
         })
     }
 

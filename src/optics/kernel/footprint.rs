@@ -1,89 +1,14 @@
-//! Line integrals of kernels.
+//! Kernels of one coordinate, and the line integrals of kernels.
 
 use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::erf::erf;
-use super::quadrature::rule;
-use super::shape::{cubic, lanczos};
 use crate::scene::{Kernel, Kernels};
-
-/// A line that passes a radial kernel, in the kernel's own unit of distance.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Chord {
-    /// Parameter of the point nearest to the centre.
-    pub(crate) middle: f64,
-    /// Squared distance from the centre at that point.
-    pub(crate) nearest: f64,
-    /// Distance along the line per unit of the parameter; positive.
-    pub(crate) speed: f64,
-}
-
-impl Chord {
-    /// Makes the chord of the line `start + slope u`, both relative to the centre and in the kernel's unit of
-    /// distance.
-    ///
-    /// The squared distance is that of the residual: `|start|²` minus the square of the projection would lose
-    /// its digits far from the centre.
-    pub(crate) fn new(start: DVec3, slope: DVec3) -> Self {
-        let speed = slope.length();
-        let middle = -start.dot(slope) / (speed * speed);
-        Self { middle, nearest: (start + slope * middle).length_squared(), speed }
-    }
-
-    /// Clips a range of the parameter to the ball of radius `support`; returns signed distances from the
-    /// nearest point.
-    fn inside(&self, support: f64, range: [f64; 2]) -> Option<[f64; 2]> {
-        let half = (support * support - self.nearest).max(0.0).sqrt();
-        let [from, to] = range.map(|u| ((u - self.middle) * self.speed).clamp(-half, half));
-        (from < to).then_some([from, to])
-    }
-}
-
-/// Integrates a Gaussian of peak 1 over `range` of the parameter, with distances in standard deviations.
-///
-/// `cut` and the ends of the range may be infinite. The result is `sqrt(pi / 2) exp(-b² / 2) (erf(v1 / sqrt
-/// 2) - erf(v0 / sqrt 2)) / speed`, where b is the least distance and v is measured from the nearest point.
-pub(crate) fn gaussian(chord: Chord, cut: f64, range: [f64; 2]) -> f64 {
-    let Some([from, to]) = chord.inside(cut, range) else { return 0.0 };
-    let root = 0.5_f64.sqrt();
-    (0.5 * PI).sqrt() * (-0.5 * chord.nearest).exp() * (erf(to * root) - erf(from * root)) / chord.speed
-}
-
-/// Integrates the radial cubic B-spline of peak 1 over `range` of the parameter, with distances in halves of
-/// the radius.
-///
-/// The closed form follows from q² = b² + v²: the integrals of q and q³ are (v q + b² asinh(v / b)) / 2 and v
-/// q³ / 4 + 3 b² (v q + b² asinh(v / b)) / 8.
-pub(crate) fn spline(chord: Chord, range: [f64; 2]) -> f64 {
-    let Some([from, to]) = chord.inside(2.0, range) else { return 0.0 };
-    let square = chord.nearest;
-    let moments = |v: f64| {
-        let q = (square + v * v).sqrt();
-        let bend = if square > 1e-40 { square * (v / square.sqrt()).asinh() } else { 0.0 };
-        let first = 0.5 * (v * q + bend);
-        [v, first, v * (square + v * v / 3.0), 0.25 * v * q * q * q + 0.75 * square * first]
-    };
-    let sum = |c: [f64; 4], from: f64, to: f64| -> f64 {
-        let (a, b) = (moments(from), moments(to));
-        (0..4).map(|i| c[i] * (b[i] - a[i])).sum()
-    };
-    // 1 - 3/2 q² + 3/4 q³ inside 1, (2 - q)³ / 4 outside.
-    let (near, far) = ([1.0, 0.0, -1.5, 0.75], [2.0, -3.0, 1.5, -0.25]);
-    let knot = (1.0 - square).max(0.0).sqrt();
-    // Before, inside and behind the sphere of radius 1, where the formula changes; each part may be empty.
-    let part = |c, low: f64, high: f64| {
-        let (from, to) = (from.max(low), to.min(high));
-        if from < to { sum(c, from, to) } else { 0.0 }
-    };
-    let all = part(far, -2.0, -knot) + part(near, -knot, knot) + part(far, knot, 2.0);
-    all.max(0.0) / chord.speed
-}
 
 /// A kernel on a lattice, in index space.
 #[derive(Clone, Debug)]
-pub(crate) struct Lattice {
+pub(super) struct Lattice {
     kernels: Kernels,
     /// Quadrature rule that is exact between two planes of samples.
     rule: Vec<(f64, f64)>,
@@ -91,7 +16,7 @@ pub(crate) struct Lattice {
 
 impl Lattice {
     /// Prepares a kernel; its model has no effect.
-    pub(crate) fn new(kernels: Kernels) -> Self {
+    pub(super) fn new(kernels: Kernels) -> Self {
         let points = match kernels.kernel {
             Kernel::Gaussian => 0,
             // Polynomials of degree 3 and 9; six sines of at most one period between two planes.
@@ -103,7 +28,7 @@ impl Lattice {
     }
 
     /// Returns the kernel at an offset from its sample, in voxels.
-    pub(crate) fn at(&self, offset: DVec3) -> f64 {
+    pub(super) fn at(&self, offset: DVec3) -> f64 {
         let product = |f: fn(f64) -> f64| f(offset.x) * f(offset.y) * f(offset.z);
         match self.kernels.kernel {
             Kernel::Gaussian => {
@@ -120,10 +45,10 @@ impl Lattice {
     /// Integrates the kernel over `range` of u along `start + slope u`, an offset from the sample in voxels.
     ///
     /// An infinite range gives the whole footprint, a finite one that of a slab. Exact up to rounding.
-    pub(crate) fn line(&self, start: DVec3, slope: DVec3, range: [f64; 2]) -> f64 {
+    pub(super) fn line(&self, start: DVec3, slope: DVec3, range: [f64; 2]) -> f64 {
         if self.kernels.kernel == Kernel::Gaussian {
-            let chord = Chord::new(start / self.kernels.sigma, slope / self.kernels.sigma);
-            return self.kernels.peak_on_grid() * gaussian(chord, self.kernels.cut, range);
+            let Kernels { sigma, cut, .. } = self.kernels;
+            return self.kernels.peak_on_grid() * gaussian(start / sigma, slope / sigma, cut, range);
         }
         let reach = self.kernels.reach();
         let [mut from, mut to] = range;
@@ -178,6 +103,92 @@ impl Lattice {
     }
 }
 
+/// Integrates a Gaussian of peak 1 along `start + slope u` over `range` of u.
+///
+/// `start` and `slope` are relative to the centre, in standard deviations. `cut` and the ends of the range may
+/// be infinite. The result is `sqrt(pi / 2) exp(-b² / 2) (erf(v1 / sqrt 2) - erf(v0 / sqrt 2)) / |slope|`,
+/// where b is the least distance and v is measured from the nearest point.
+fn gaussian(start: DVec3, slope: DVec3, cut: f64, range: [f64; 2]) -> f64 {
+    let speed = slope.length();
+    let middle = -start.dot(slope) / (speed * speed);
+    // The residual keeps the digits that `|start|²` minus the square of the projection loses far away.
+    let nearest = (start + slope * middle).length_squared();
+    let half = (cut * cut - nearest).max(0.0).sqrt();
+    let [from, to] = range.map(|u| ((u - middle) * speed).clamp(-half, half));
+    let root = 0.5_f64.sqrt();
+    if from < to {
+        (0.5 * PI).sqrt() * (-0.5 * nearest).exp() * (erf(to * root) - erf(from * root)) / speed
+    } else {
+        0.0
+    }
+}
+
+/// Returns `2 / sqrt(pi) ∫ exp(-t²) dt` from 0 to x, accurate to 5e-16; NaN for NaN.
+///
+/// Below 2 it sums the series of Kummer's function, whose terms are all positive; above, it evaluates the
+/// continued fraction of the complement (Abramowitz and Stegun 1964, 7.1.6 and 7.1.14).
+pub(super) fn erf(x: f64) -> f64 {
+    let y = x.abs();
+    if y < 2.0 {
+        let square = x * x;
+        let (mut term, mut sum, mut n) = (x, x, 1.0);
+        // At 2 the terms fall below rounding after 40 iterations.
+        for _ in 0..48 {
+            n += 2.0;
+            term *= 2.0 * square / n;
+            sum += term;
+        }
+        2.0 / PI.sqrt() * (-square).exp() * sum
+    } else if y < 6.0 {
+        let mut tail = y;
+        // From the innermost level outwards: 70 levels are enough at 2.
+        for k in (1..=70).rev() {
+            tail = y + 0.5 * f64::from(k) / tail;
+        }
+        (1.0 - (-y * y).exp() / (tail * PI.sqrt())).copysign(x)
+    } else if y.is_nan() {
+        x
+    } else {
+        1.0_f64.copysign(x)
+    }
+}
+
+/// Returns the cubic B-spline of unit mass.
+pub(super) fn cubic(x: f64) -> f64 {
+    let x = x.abs();
+    if x < 1.0 { 2.0 / 3.0 + x * x * (0.5 * x - 1.0) } else { (2.0 - x).max(0.0).powi(3) / 6.0 }
+}
+
+/// Returns the sinc with Lanczos' window of three lobes.
+pub(super) fn lanczos(x: f64) -> f64 {
+    let sinc = |x: f64| if x.abs() < 1e-9 { 1.0 } else { (PI * x).sin() / (PI * x) };
+    if x.abs() < 3.0 { sinc(x) * sinc(x / 3.0) } else { 0.0 }
+}
+
+/// Returns nodes and weights of the Gauss-Legendre rule on the unit interval, exact for polynomials of degree
+/// `2 points - 1`.
+///
+/// Newton's method on Legendre's recurrence finds the nodes, from Tricomi's estimates.
+pub(super) fn rule(points: u32) -> Vec<(f64, f64)> {
+    let n = f64::from(points);
+    (1..=points)
+        .map(|i| {
+            let mut x = -(PI * (f64::from(i) - 0.25) / (n + 0.5)).cos();
+            let mut slope = 1.0;
+            for _ in 0..10 {
+                let [mut p, mut before] = [1.0, 0.0];
+                for k in 0..points {
+                    let k = f64::from(k);
+                    [p, before] = [((2.0 * k + 1.0) * x * p - k * before) / (k + 1.0), p];
+                }
+                slope = n * (before - x * p) / (1.0 - x * x);
+                x -= p / slope;
+            }
+            (0.5 + 0.5 * x, 1.0 / ((1.0 - x * x) * slope * slope))
+        })
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -213,20 +224,21 @@ mod tests {
     }
 
     #[test]
-    fn radial_kernels_are_the_integrals_of_their_shapes() {
-        let spline_at = |q: f64| 1.5 * cubic(q);
+    fn gaussians_are_the_integrals_of_their_shape() {
         let mut random = Random(1);
         for i in 0..60 {
             let square = if i < 4 { [0.0, 1.0, 4.0, 1e-20][i] } else { 2.2 * (1.0 + random.next()) };
-            let chord = Chord { middle: random.next(), nearest: square, speed: 1.5 + random.next() };
+            let (middle, speed) = (random.next(), 1.5 + random.next());
+            let start = DVec3::new(-middle * speed, f64::sqrt(square), 0.0);
+            let slope = DVec3::X * speed;
             let range = [random.next() - 0.5, random.next() + 0.8];
-            let v = |u: f64| (square + ((u - chord.middle) * chord.speed).powi(2)).sqrt();
+            let v = |u: f64| (square + ((u - middle) * speed).powi(2)).sqrt();
             // Split where the shapes change.
             let cuts = |support: f64| {
                 let mut cuts = vec![range[0], range[1]];
                 for distance in [0.0, 1.0, support] {
-                    let half = (distance * distance - square).max(0.0).sqrt() / chord.speed;
-                    cuts.extend([chord.middle - half, chord.middle + half]);
+                    let half = (distance * distance - square).max(0.0).sqrt() / speed;
+                    cuts.extend([middle - half, middle + half]);
                 }
                 cuts.retain(|u| *u >= range[0] && *u <= range[1]);
                 cuts.sort_unstable_by(f64::total_cmp);
@@ -238,21 +250,18 @@ mod tests {
                 parts.map(|ends| romberg(f, ends[0], ends[1], 400)).sum()
             };
             if range[0] >= range[1] {
-                assert_eq!(spline(chord, range), 0.0);
+                assert_eq!(gaussian(start, slope, f64::INFINITY, range), 0.0);
                 continue;
             }
-            let error = spline(chord, range) - numeric(&|u| spline_at(v(u)), 2.0);
-            assert!(error.abs() < 1e-11, "spline, {chord:?}, {range:?}: {error:e}");
             for cut in [1.8, 3.0, f64::INFINITY] {
                 let want = numeric(&|u| (-0.5 * v(u) * v(u)).exp(), cut);
-                let error = gaussian(chord, cut, range) - want;
-                assert!(error.abs() < 1e-11, "gaussian cut at {cut}, {chord:?}, {range:?}: {error:e}");
+                let error = gaussian(start, slope, cut, range) - want;
+                assert!(error.abs() < 1e-11, "cut at {cut}, {start} + {slope} u, {range:?}: {error:e}");
             }
         }
         // The whole chord through the centre.
-        let chord = Chord::new(DVec3::new(1e6, 0.0, 0.0), DVec3::new(-3.0, 0.0, 0.0));
-        assert!((gaussian(chord, f64::INFINITY, ALL) - (2.0 * PI).sqrt() / 3.0).abs() < 1e-15);
-        assert!((spline(chord, ALL) - 0.5).abs() < 1e-15);
+        let whole = gaussian(DVec3::X * 1e6, DVec3::X * -3.0, f64::INFINITY, ALL);
+        assert!((whole - (2.0 * PI).sqrt() / 3.0).abs() < 1e-15);
     }
 
     #[test]
@@ -324,6 +333,61 @@ mod tests {
             // The mass of the footprint is that of the kernel.
             let mass: f64 = table.iter().sum::<f64>() * step * step;
             assert!((mass - 1.0).abs() < 4e-3, "{kernel:?}: {mass}");
+        }
+    }
+
+    #[test]
+    fn known_values() {
+        let known = [
+            (0.0, 0.0),
+            (1e-10, 1.128_379_167_095_512_6e-10),
+            (0.1, 0.112_462_916_018_284_9),
+            (0.5, 0.520_499_877_813_046_5),
+            (0.84, 0.765_142_711_454_994_6),
+            (1.0, 0.842_700_792_949_714_9),
+            (1.5, 0.966_105_146_475_310_8),
+            (1.99, 0.995_111_413_199_617),
+            (2.0, 0.995_322_265_018_952_7),
+            (2.01, 0.995_524_849_355_248_2),
+            (2.5, 0.999_593_047_982_555),
+            (3.0, 0.999_977_909_503_001_4),
+            (3.5, 0.999_999_256_901_627_6),
+            (4.2, 0.999_999_997_144_505_8),
+            (5.0, 0.999_999_999_998_462_6),
+            (5.9, 0.999_999_999_999_999_9),
+            (f64::INFINITY, 1.0),
+        ];
+        let mut worst = 0.0_f64;
+        for (x, value) in known {
+            for (got, want) in [(erf(x), value), (erf(-x), -value)] {
+                let error = (got - want).abs();
+                worst = worst.max(error);
+                assert!(error <= 5e-16 && error <= 1e-15 * value.abs(), "erf({x}): {got} instead of {want}");
+            }
+        }
+        println!("{worst:e}");
+        assert!(erf(f64::NAN).is_nan());
+    }
+
+    #[test]
+    fn rises_across_the_switches() {
+        for switch in [2.0_f64, 6.0] {
+            assert!((erf(switch) - erf(switch.next_down())).abs() < 1e-15, "{switch}");
+        }
+        for i in 0..1500 {
+            let x = f64::from(i) * 0.004;
+            assert!(erf(x + 0.004) >= erf(x), "{x}");
+        }
+    }
+
+    #[test]
+    fn rules_are_exact_up_to_their_degree() {
+        for points in [2, 5, 16] {
+            for degree in 0..2 * points {
+                let sum: f64 = rule(points).iter().map(|(x, w)| w * x.powi(degree.try_into().unwrap())).sum();
+                let error = sum * f64::from(degree + 1) - 1.0;
+                assert!(error.abs() < 2e-14, "{points} points, degree {degree}: {error:e}");
+            }
         }
     }
 }

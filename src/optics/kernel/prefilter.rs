@@ -93,7 +93,7 @@ impl System {
 
 #[cfg(test)]
 mod tests {
-    use super::super::shape::cubic;
+    use super::super::footprint::cubic;
     use super::*;
     use crate::num;
 

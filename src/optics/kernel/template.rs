@@ -26,8 +26,6 @@ use crate::scene::Kernels;
 /// | Lanczos-3 | 2.5e-2 | 5.5e-3 |
 #[derive(Clone, Debug)]
 pub(crate) struct Template {
-    /// Values along each side.
-    pub(crate) size: u32,
     /// Half of the extent along the image's axes, in their units.
     pub(crate) half: [f64; 2],
     /// Integrals of the kernel along the ray, in units of the direction's parameter.
@@ -38,7 +36,7 @@ impl Template {
     /// Computes the footprint for rays along `direction` and image axes along `axes`, all in voxels.
     ///
     /// The unit of `direction` is the ray's parameter: if it covers one world unit, extinction times the
-    /// value is an optical depth. The unit of `axes` is that of [`Self::at`], such as a pixel.
+    /// value is an optical depth. The unit of `axes` is that of places in the image, such as a pixel.
     ///
     /// # Errors
     ///
@@ -65,22 +63,7 @@ impl Template {
                 *value = num::f32_of(lattice.line(start, direction, [f64::NEG_INFINITY, f64::INFINITY]));
             }
         });
-        Ok(Self { size, half, values })
-    }
-
-    /// Returns the value at a place of the image relative to the sample's, interpolated as on the device.
-    pub(crate) fn at(&self, x: f64, y: f64) -> f64 {
-        let last = f64::from(self.size - 1);
-        let [u, v] = [x / self.half[0], y / self.half[1]].map(|place| 0.5 * (place + 1.0) * last);
-        if !(u >= 0.0 && u <= last && v >= 0.0 && v <= last) {
-            return 0.0;
-        }
-        let cell = |u: f64| num::u32_of(u).min(self.size - 2);
-        let (i, j) = (cell(u), cell(v));
-        let (fu, fv) = (u - f64::from(i), v - f64::from(j));
-        let value = |i: u32, j: u32| f64::from(self.values[num::index(j * self.size + i)]);
-        let row = |j: u32| value(i, j) * (1.0 - fu) + value(i + 1, j) * fu;
-        row(j) * (1.0 - fv) + row(j + 1) * fv
+        Ok(Self { half, values })
     }
 }
 
@@ -88,6 +71,22 @@ impl Template {
 mod tests {
     use super::*;
     use crate::scene::Kernel;
+
+    /// Returns the value at a place of the image relative to the sample's, interpolated as on the device.
+    fn at(template: &Template, x: f64, y: f64) -> f64 {
+        let size = num::count(template.values.len().isqrt());
+        let last = f64::from(size - 1);
+        let [u, v] = [x / template.half[0], y / template.half[1]].map(|place| 0.5 * (place + 1.0) * last);
+        if !(u >= 0.0 && u <= last && v >= 0.0 && v <= last) {
+            return 0.0;
+        }
+        let cell = |u: f64| num::u32_of(u).min(size - 2);
+        let (i, j) = (cell(u), cell(v));
+        let (fu, fv) = (u - f64::from(i), v - f64::from(j));
+        let value = |i: u32, j: u32| f64::from(template.values[num::index(j * size + i)]);
+        let row = |j: u32| value(i, j) * (1.0 - fu) + value(i + 1, j) * fu;
+        row(j) * (1.0 - fv) + row(j + 1) * fv
+    }
 
     /// Returns the largest error of a look-up as a share of the peak, over directions and places.
     fn error(kernels: Kernels, size: u32) -> f64 {
@@ -109,7 +108,7 @@ mod tests {
                     place(0.754_877_666_246_693) * template.half[0],
                     place(0.569_840_290_998_053) * template.half[1],
                 );
-                worst = worst.max((template.at(x, y) - exact(x, y)).abs() / peak);
+                worst = worst.max((at(&template, x, y) - exact(x, y)).abs() / peak);
             }
         }
         worst
@@ -143,8 +142,8 @@ mod tests {
         assert_eq!(template.half, [4.0, 2.0]);
         // Rays along z, 4 voxels per unit of the parameter: through the sample, and one voxel beside it.
         assert_eq!(template.values[12], num::f32_of(4.0 / 9.0 / 4.0));
-        assert!((template.at(2.0, 0.0) - 1.0 / 9.0 / 4.0).abs() < 1e-8);
-        assert_eq!((template.at(4.1, 0.0), template.at(0.0, f64::NAN)), (0.0, 0.0));
+        assert!((at(&template, 2.0, 0.0) - 1.0 / 9.0 / 4.0).abs() < 1e-8);
+        assert_eq!((at(&template, 4.1, 0.0), at(&template, 0.0, f64::NAN)), (0.0, 0.0));
         assert!(Template::new(kernels, DVec3::X, [DVec3::X, DVec3::Y], 9).is_err());
         assert!(Template::new(kernels, DVec3::Z, [DVec3::X, DVec3::Y], 1).is_err());
     }

@@ -2,9 +2,9 @@
 
 use crate::num;
 
-use super::super::march::OPAQUE;
-use super::super::quadrature::gauss_legendre;
-use super::medium::{Medium, Sums};
+use super::super::march::March;
+use super::super::polynomial::gauss_legendre;
+use super::values::{Medium, Sums};
 
 /// Largest length of a panel in units of the scale, and number of points; ascending. The points follow a
 /// Gaussian's integral to 1e-9 of its peak at each node, and to rounding over the whole panel.
@@ -61,22 +61,15 @@ fn legendre(x: f64, degree: usize) -> Vec<f64> {
     all
 }
 
-/// Optical depth and colour accumulated along a ray, front to back.
+/// The state of a ray, front to back.
 pub(super) struct Density<'a> {
     rules: &'a [Rule],
-    depth: f64,
-    colour: [f64; 3],
+    march: March,
 }
 
 impl<'a> Density<'a> {
     pub(super) fn new(rules: &'a [Rule]) -> Self {
-        Self { rules, depth: 0.0, colour: [0.0; 3] }
-    }
-
-    /// Returns premultiplied colour and opacity.
-    pub(super) fn pixel(&self) -> [f64; 4] {
-        let [r, g, b] = self.colour;
-        [r, g, b, -(-self.depth).exp_m1()]
+        Self { rules, march: March::default() }
     }
 
     /// Adds a panel that is short compared with the kernels, halved until its optical depth is small too.
@@ -97,7 +90,7 @@ impl<'a> Density<'a> {
         if depth <= 0.0 {
             return;
         }
-        let transmittance = (-self.depth).exp();
+        let transmittance = (-self.march.depth).exp();
         if depth > DEPTH {
             let middle = from + 0.5 * length;
             if middle > from && middle < to {
@@ -107,7 +100,7 @@ impl<'a> Density<'a> {
             }
             // Opaque within the rounding of the parameter: treat the panel as one place.
             let emitted = transmittance * -(-depth).exp_m1();
-            for (sum, total) in self.colour.iter_mut().zip(&total[1..]) {
+            for (sum, total) in self.march.colour.iter_mut().zip(&total[1..]) {
                 *sum += emitted * (total / depth);
             }
         } else {
@@ -115,12 +108,12 @@ impl<'a> Density<'a> {
                 let row = &rule.partial[j * rule.nodes.len()..][..rule.nodes.len()];
                 let inner: f64 = row.iter().zip(&at).map(|(partial, at)| partial * at[0]).sum();
                 let seen = transmittance * weight * (-inner).exp();
-                for (sum, emission) in self.colour.iter_mut().zip(&at[j][1..]) {
+                for (sum, emission) in self.march.colour.iter_mut().zip(&at[j][1..]) {
                     *sum += seen * emission;
                 }
             }
         }
-        self.depth += depth;
+        self.march.depth += depth;
     }
 }
 
@@ -146,7 +139,11 @@ impl Medium for Density<'_> {
     }
 
     fn is_opaque(&self) -> bool {
-        self.depth >= OPAQUE
+        self.march.is_opaque()
+    }
+
+    fn pixel(&self) -> [f64; 4] {
+        self.march.pixel()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::num;
 
-use super::medium::{Medium, Sums};
+use super::values::{Medium, Sums, parts};
 
 /// Selects a radial kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -113,14 +113,13 @@ fn stretch(inside: &[(usize, Hit)], shape: Shape, [from, to]: [f64; 2], medium: 
         medium.add(from, to, scale, &|t| sums(inside, shape, t));
         return;
     }
-    let parts = ((to - from) / (2.0 * Series::LONGEST * scale)).ceil().max(1.0);
-    let (mut here, mut part) = (from, 1.0);
-    while part <= parts && !medium.is_opaque() {
-        let end = if part < parts { from + (to - from) * (part / parts) } else { to };
+    let count = ((to - from) / (2.0 * Series::LONGEST * scale)).ceil().max(1.0);
+    for [here, end] in parts([from, to], count) {
+        if medium.is_opaque() {
+            return;
+        }
         let series = Series::new(inside, here, end, fastest);
         medium.add(here, end, scale, &|t| series.at(t));
-        here = end;
-        part += 1.0;
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::super::march::{Classes, March};
 use super::super::polynomial::{self, Cubic};
-use super::medium::{Medium, Sums};
+use super::values::{Medium, Sums, parts};
 
 /// Largest error of a cubic at which its two halves are used, as a share of the scalars' range. The error of
 /// the halves is sixteen times smaller.
@@ -45,11 +45,6 @@ impl<'a> Interpolate<'a> {
         let size = range[0].abs().max(range[1].abs());
         let tolerance = ERROR * (range[1] - range[0]) + ROUNDING * size;
         Self { classes, march: March::default(), least, tolerance }
-    }
-
-    /// Returns premultiplied colour and opacity.
-    pub(super) fn pixel(&self) -> [f64; 4] {
-        self.march.pixel()
     }
 
     /// Integrates a part of the ray. `shows` means that the weight is known to be above the threshold.
@@ -132,14 +127,8 @@ impl<'a> Interpolate<'a> {
 
 impl Medium for Interpolate<'_> {
     fn add(&mut self, from: f64, to: f64, scale: f64, sums: &impl Fn(f64) -> Sums) {
-        let parts = ((to - from) / scale).ceil().max(1.0);
-        let mut here = from;
-        let mut part = 1.0;
-        while part <= parts {
-            let end = if part < parts { from + (to - from) * (part / parts) } else { to };
+        for [here, end] in parts([from, to], ((to - from) / scale).ceil().max(1.0)) {
             self.follow(Part::new(here, end, sums), false, BISECTIONS, sums);
-            here = end;
-            part += 1.0;
         }
     }
 
@@ -160,6 +149,10 @@ impl Medium for Interpolate<'_> {
 
     fn is_opaque(&self) -> bool {
         self.march.is_opaque()
+    }
+
+    fn pixel(&self) -> [f64; 4] {
+        self.march.pixel()
     }
 }
 

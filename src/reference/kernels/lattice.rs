@@ -1,14 +1,14 @@
 //! Kernels at the samples of a grid.
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 
 use crate::error::{Error, Result};
 use crate::num;
 use crate::scene::{Grid, Kernel, Kernels, Model};
 
+use super::super::grid::{IndexRay, IndexSpace};
 use super::hits::{self, Hit, Shape};
-use super::medium::{Medium, Sums};
-use super::values::Values;
+use super::values::{Medium, Sums, Values};
 
 /// Half-width of the widest product kernel, in voxels.
 const WIDEST: usize = 3;
@@ -16,19 +16,10 @@ const WIDEST: usize = 3;
 #[derive(Clone, Debug)]
 pub(super) struct Lattice {
     dims: [usize; 3],
-    last: DVec3,
-    centre: DVec3,
-    to_index: DMat3,
+    space: IndexSpace,
     kernels: Kernels,
     /// Contribution of each kernel, x fastest; all 0 for an invisible one.
     values: Vec<Sums>,
-}
-
-/// A ray in index space.
-#[derive(Clone, Copy, Debug)]
-struct LocalRay {
-    start: DVec3,
-    slope: DVec3,
 }
 
 impl Lattice {
@@ -56,32 +47,17 @@ impl Lattice {
         } else {
             samples().map(value).collect()
         };
-        Ok(Self {
-            dims,
-            last: grid.last_index(),
-            centre: grid.centre(),
-            to_index: grid.index_to_world().inverse(),
-            kernels: *kernels,
-            values,
-        })
+        Ok(Self { dims, space: IndexSpace::new(grid), kernels: *kernels, values })
     }
 
     pub(super) fn walk(&self, origin: DVec3, direction: DVec3, range: [f64; 2], medium: &mut impl Medium) {
-        // Measure from the point of the ray nearest to the grid's centre.
-        let nearest = (self.centre - origin).dot(direction);
-        let ray = LocalRay {
-            start: self.to_index * (origin + direction * nearest - self.centre) + self.last * 0.5,
-            slope: self.to_index * direction,
-        };
-        let range = range.map(|t| t - nearest);
         // Interpolation ends at the domain, density at the ends of the kernels.
         let beyond = if self.kernels.model == Model::Interpolate { 0.0 } else { self.kernels.reach() };
-        let Some(range) = ray.inside(DVec3::splat(-beyond), self.last + beyond, range) else { return };
+        let Some(ray) = self.space.ray(origin, direction, range, beyond) else { return };
         if self.kernels.kernel == Kernel::Gaussian {
-            let hits = self.hits(ray, range);
-            hits::sweep(&hits, Shape::Gaussian, range, medium);
+            hits::sweep(&self.hits(ray), Shape::Gaussian, ray.range, medium);
         } else {
-            self.products(ray, range, medium);
+            self.products(ray, medium);
         }
     }
 
@@ -90,7 +66,7 @@ impl Lattice {
     }
 
     /// Returns the Gaussians that a ray meets.
-    fn hits(&self, ray: LocalRay, range: [f64; 2]) -> Vec<Hit> {
+    fn hits(&self, ray: IndexRay) -> Vec<Hit> {
         let Kernels { sigma, cut, .. } = self.kernels;
         let reach = sigma * cut;
         let mut hits = Vec::new();
@@ -99,7 +75,7 @@ impl Lattice {
         let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
         let steep = ray.slope[axis];
         let half = [u, v].map(|other| reach * (ray.slope[other] / steep).hypot(1.0));
-        let ends = range.map(|t| ray.start[axis] + ray.slope[axis] * t);
+        let ends = ray.range.map(|t| ray.start[axis] + ray.slope[axis] * t);
         let slices = self.between(axis, ends[0].min(ends[1]) - reach, ends[0].max(ends[1]) + reach);
         for k in slices {
             let t = (num::f64_of(k) - ray.start[axis]) / steep;
@@ -132,8 +108,9 @@ impl Lattice {
     }
 
     /// Integrates product kernels, cutting the ray at every plane of samples.
-    fn products(&self, ray: LocalRay, range: [f64; 2], medium: &mut impl Medium) {
-        let mut cuts = vec![range[0], range[1]];
+    fn products(&self, ray: IndexRay, medium: &mut impl Medium) {
+        let range = ray.range;
+        let mut cuts = range.to_vec();
         for axis in 0..3 {
             let (start, slope) = (ray.start[axis], ray.slope[axis]);
             if slope == 0.0 {
@@ -186,7 +163,7 @@ impl Lattice {
         let first = cell - (num::f64_of(reach) - 1.0);
         let inside = |axis: usize, offset: usize| {
             let at = first[axis] + num::f64_of(offset);
-            (at >= 0.0 && at <= self.last[axis]).then(|| num::usize_of(at))
+            (at >= 0.0 && at <= self.space.last[axis]).then(|| num::usize_of(at))
         };
         for z in 0..2 * reach {
             for y in 0..2 * reach {
@@ -200,25 +177,6 @@ impl Lattice {
                 }
             }
         }
-    }
-}
-
-impl LocalRay {
-    /// Returns the part of a range inside a closed box.
-    fn inside(self, low: DVec3, high: DVec3, [mut from, mut to]: [f64; 2]) -> Option<[f64; 2]> {
-        for axis in 0..3 {
-            let (start, slope) = (self.start[axis], self.slope[axis]);
-            if slope == 0.0 {
-                if !(start >= low[axis] && start <= high[axis]) {
-                    return None;
-                }
-                continue;
-            }
-            let (a, b) = ((low[axis] - start) / slope, (high[axis] - start) / slope);
-            from = from.max(a.min(b));
-            to = to.min(a.max(b));
-        }
-        (from < to && from.is_finite() && to.is_finite()).then_some([from, to])
     }
 }
 

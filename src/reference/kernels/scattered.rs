@@ -5,9 +5,9 @@ use glam::{DMat3, DVec3};
 use crate::error::{Error, Result};
 use crate::scene::{Kernel, KernelSize, Kernels, Points};
 
+use super::super::tree::{Node, tree};
 use super::hits::{self, Hit, Shape};
-use super::medium::{Medium, Sums};
-use super::values::Values;
+use super::values::{Medium, Sums, Values};
 
 /// A kernel.
 #[derive(Clone, Debug)]
@@ -18,16 +18,6 @@ struct Blob {
     /// Half of the sides of its box.
     reach: DVec3,
     value: Sums,
-}
-
-/// A node of the tree: a box with its blobs, or with two adjacent children.
-#[derive(Clone, Debug)]
-struct Node {
-    low: DVec3,
-    high: DVec3,
-    first: usize,
-    /// 0 for a node with children.
-    count: usize,
 }
 
 /// Largest number of blobs in a leaf.
@@ -77,7 +67,8 @@ impl Scattered {
             Some(Blob { centre: points.centres()[i], measure, reach, value })
         };
         let mut blobs: Vec<Blob> = (0..points.centres().len()).filter_map(blob).collect();
-        let nodes = tree(&mut blobs);
+        let bounds = |blob: &Blob| [blob.centre - blob.reach, blob.centre + blob.reach];
+        let nodes = tree(&mut blobs, LEAF, bounds, |blob| blob.centre);
         let [low, high] = points.bounds();
         Ok(Self { blobs, nodes, shape, support, centre: 0.5 * low + 0.5 * high })
     }
@@ -88,12 +79,9 @@ impl Scattered {
         let start = origin + direction * nearest;
         let range = range.map(|t| t - nearest);
         let mut hits = Vec::new();
-        let mut open = Vec::new();
-        if !self.nodes.is_empty() {
-            open.push(0);
-        }
+        let mut open = if self.nodes.is_empty() { vec![] } else { vec![0] };
         while let Some(node) = open.pop() {
-            let node: &Node = &self.nodes[node];
+            let node = &self.nodes[node];
             if !meets(node, start, direction, range) {
                 continue;
             }
@@ -133,38 +121,6 @@ fn ellipsoid([xx, xy, xz, yy, yz, zz]: [f64; 6], support: f64) -> Option<(DMat3,
     let lower = DMat3::from_cols(DVec3::new(a, b, c), DVec3::new(0.0, d, e), DVec3::new(0.0, 0.0, f));
     let measure = lower.inverse();
     measure.is_finite().then(|| (measure, DVec3::new(xx.sqrt(), yy.sqrt(), zz.sqrt()) * support))
-}
-
-/// Sorts the blobs into a tree. Each node is split at the median along the longest side of the box around its
-/// centres.
-fn tree(blobs: &mut [Blob]) -> Vec<Node> {
-    let mut nodes = Vec::new();
-    if blobs.is_empty() {
-        return nodes;
-    }
-    let leaf = |first: usize, count: usize| Node { low: DVec3::ZERO, high: DVec3::ZERO, first, count };
-    nodes.push(leaf(0, blobs.len()));
-    let mut next = 0;
-    while next < nodes.len() {
-        let Node { first, count, .. } = nodes[next];
-        let some = &mut blobs[first..first + count];
-        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (mut least, mut most) = (low, high);
-        for blob in some.iter() {
-            (low, high) = (low.min(blob.centre - blob.reach), high.max(blob.centre + blob.reach));
-            (least, most) = (least.min(blob.centre), most.max(blob.centre));
-        }
-        (nodes[next].low, nodes[next].high) = (low, high);
-        if count > LEAF {
-            let axis = (most - least).max_position();
-            some.select_nth_unstable_by(count / 2, |a, b| a.centre[axis].total_cmp(&b.centre[axis]));
-            (nodes[next].first, nodes[next].count) = (nodes.len(), 0);
-            nodes.push(leaf(first, count / 2));
-            nodes.push(leaf(first + count / 2, count - count / 2));
-        }
-        next += 1;
-    }
-    nodes
 }
 
 /// Returns whether a ray may meet a box.

@@ -1,8 +1,7 @@
 //! Tetrahedra: closed forms, boxes cut in several ways against grids, rays in faces, edges and corners,
 //! images against brute force.
 
-use super::super::rays::Rays;
-use super::super::sampling::box_filter;
+use super::super::draw::{Rays, box_filter};
 use super::*;
 use crate::scene::{TetScalars, Tets};
 

@@ -336,7 +336,7 @@ fn the_tree_misses_no_triangle() {
             surfaces.push(Surface::new(points, triangles, colour).unwrap());
         }
         let tree = SurfaceRays::new(&surfaces, |_| true).unwrap();
-        let all = SurfaceRays::once(&surfaces).unwrap();
+        let all = SurfaceRays::with_leaves(&surfaces, |_| true, usize::MAX).unwrap();
         let (mut some, mut opaque) = (0, 0);
         for i in 0..3000 {
             let far = if i % 3 == 0 { 1e5 } else { 4.0 };

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::num::{self, f32_of};
 use crate::optics::kernel::prefilter;
-use crate::resident::splats::records::{Records, classified, finite};
+use crate::resident::splats::space::{classified, finite};
 use crate::resident::visible_scalars::nonzero_ranges;
 use crate::scene::{Grid, Kernel, Kernels, Model, TransferFunction};
 
@@ -22,74 +22,57 @@ pub(crate) fn lattice(
     transfer: &TransferFunction,
     kernels: &Kernels,
     slab: f64,
-) -> Result<Records> {
+) -> Result<Vec<[f32; 4]>> {
     let dims = grid.dims().map(num::index);
-    let [nx, ny, nz] = dims;
     let ends = transfer.domain();
     let rescale = grid.rescale();
     let value = |i: usize| finite(rescale.slope * grid.samples().get(i) + rescale.intercept, ends);
     let sigma = if kernels.kernel == Kernel::Gaussian { kernels.sigma } else { 1.0 };
     let half = grid.last_index() * 0.5;
-    let centre = |x: usize, y: usize, z: usize| {
-        let index = DVec3::new(num::f64_of(x), num::f64_of(y), num::f64_of(z));
-        ((index - half) / sigma).to_array().map(f32_of)
+    let centre = |voxel: [usize; 3], last: f32| {
+        let [x, y, z] = ((DVec3::from_array(voxel.map(num::f64_of)) - half) / sigma).to_array().map(f32_of);
+        [x, y, z, last]
     };
     if kernels.model == Model::Density {
-        let slice = |z: usize| {
-            let mut lists = Records::default();
-            for y in 0..ny {
-                for x in 0..nx {
-                    let shown = classified(transfer, value((z * ny + y) * nx + x), 1.0);
-                    if shown[3] > 0.0 {
-                        let [a, b, c] = centre(x, y, z);
-                        lists.points.extend([[a, b, c, 1.0], shown]);
-                    }
-                }
+        return Ok(each_voxel(dims, |i, voxel, list| {
+            let shown = classified(transfer, value(i), 1.0);
+            if shown[3] > 0.0 {
+                list.extend([centre(voxel, 1.0), shown]);
             }
-            lists
-        };
-        return Ok(joined((0..nz).into_par_iter().map(slice).collect()));
+        }));
     }
-
-    let scalars: Vec<f64> = if kernels.kernel == Kernel::BSpline {
-        if grid.nan_count() > 0 {
-            return Err(Error::unsupported(
-                "kernel bspline on this grid",
-                "samples without NaN: its coefficients need all",
-            ));
-        }
-        let mut all: Vec<f64> = (0..nx * ny * nz).into_par_iter().map(value).collect();
-        prefilter(&mut all, dims);
-        all
-    } else {
-        (0..nx * ny * nz).into_par_iter().map(value).collect()
-    };
+    let spline = kernels.kernel == Kernel::BSpline;
+    if spline && grid.nan_count() > 0 {
+        let missing = "samples without NaN: its coefficients need all";
+        return Err(Error::unsupported("kernel bspline on this grid", missing));
+    }
+    let mut scalars: Vec<f64> = (0..dims.iter().product()).into_par_iter().map(value).collect();
+    if spline {
+        prefilter(&mut scalars, dims);
+    }
     let shown = needed(&scalars, dims, transfer, kernels, slab);
-    let slice = |z: usize| {
-        let mut lists = Records::default();
-        for y in 0..ny {
-            for x in 0..nx {
-                let i = (z * ny + y) * nx + x;
-                let s = scalars[i];
-                if shown[i] && !s.is_nan() {
-                    let [a, b, c] = centre(x, y, z);
-                    lists.points.push([a, b, c, f32_of(s)]);
-                }
-            }
+    Ok(each_voxel(dims, |i, voxel, list| {
+        if shown[i] && !scalars[i].is_nan() {
+            list.push(centre(voxel, f32_of(scalars[i])));
         }
-        lists
-    };
-    Ok(joined((0..nz).into_par_iter().map(slice).collect()))
+    }))
 }
 
-/// Concatenates the lists of slices.
-fn joined(parts: Vec<Records>) -> Records {
-    let mut all = Records::default();
-    for part in parts {
-        all.points.extend(part.points);
-        all.shapes.extend(part.shapes);
-    }
-    all
+/// Collects the entries that `add` makes of each voxel, given its number and indices, x fastest.
+fn each_voxel(
+    [nx, ny, nz]: [usize; 3],
+    add: impl Fn(usize, [usize; 3], &mut Vec<[f32; 4]>) + Sync,
+) -> Vec<[f32; 4]> {
+    let slice = |z: usize| {
+        let mut list = Vec::new();
+        for y in 0..ny {
+            for x in 0..nx {
+                add((z * ny + y) * nx + x, [x, y, z], &mut list);
+            }
+        }
+        list
+    };
+    (0..nz).into_par_iter().flat_map_iter(slice).collect()
 }
 
 /// Returns for each voxel whether its kernel may contribute to a visible place.

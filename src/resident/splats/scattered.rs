@@ -1,22 +1,20 @@
 //! The visible kernels of points.
 
-use crate::error::Result;
 use crate::num::f32_of;
-use crate::resident::splats::records::{Records, classified, finite};
-use crate::resident::splats::space::Space;
+use crate::resident::splats::space::{Space, classified, finite};
 use crate::scene::{Kernel, KernelSize, Kernels, Model, Points, TransferFunction};
 
 /// Returns the visible kernels of points: centre and inverse of sigma, then colour and extinction, or for the
-/// interpolating model scalar and weight.
+/// interpolating model scalar and weight. Returns the shapes of those with covariances too.
 pub(crate) fn scattered(
     points: &Points,
     transfer: &TransferFunction,
     kernels: &Kernels,
     space: &Space,
-) -> Result<Records> {
+) -> [Vec<[f32; 4]>; 2] {
     let ends = transfer.domain();
     let density = kernels.model == Model::Density;
-    let mut lists = Records::default();
+    let [mut lists, mut shapes] = [vec![], vec![]];
     for (i, centre) in points.centres().iter().enumerate() {
         let s = finite(points.scalars().map_or(1.0, |all| f64::from(all[i])), ends);
         let weight = points.weights().map_or(1.0, |all| f64::from(all[i]));
@@ -47,10 +45,10 @@ pub(crate) fn scattered(
         } else {
             [f32_of(s), f32_of(weight), 0.0, 0.0]
         };
-        lists.points.extend([[x, y, z, f32_of(inverse)], value]);
-        lists.shapes.extend(shape.into_iter().flatten());
+        lists.extend([[x, y, z, f32_of(inverse)], value]);
+        shapes.extend(shape.into_iter().flatten());
     }
-    Ok(lists)
+    [lists, shapes]
 }
 
 /// Returns the lower triangular root L of the inverse of a covariance S, with `S^-1 = L^T L`, and S itself, as shaders

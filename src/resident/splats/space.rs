@@ -1,8 +1,10 @@
-//! The space that splats lie in, and how their sizes are given.
+//! The space that splats lie in, how their sizes are given, and the scalars and colours of their records.
 
 use glam::{DMat3, DVec3};
 
 use crate::gpu::shader::{SHAPE_ALIKE, SHAPE_COVARIANCES, SHAPE_RADII};
+use crate::num::f32_of;
+use crate::scene::TransferFunction;
 
 /// How the sizes of splats are given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,4 +47,21 @@ pub(crate) struct Space {
     pub(crate) middles: [f64; 3],
     /// World length of a step of 1.
     pub(crate) step: f64,
+}
+
+/// Returns the colour of a scalar, not premultiplied, and its extinction times `weight`.
+pub(crate) fn classified(transfer: &TransferFunction, s: f64, weight: f64) -> [f32; 4] {
+    let (colour, tau) = transfer.at(s);
+    // A kernel is opaque long before its extinction overflows.
+    let extinction = (tau * weight).clamp(0.0, 1e30);
+    [colour.x, colour.y, colour.z, extinction].map(f32_of)
+}
+
+/// Returns a scalar, with infinities replaced by the ends of the transfer function.
+pub(crate) fn finite(s: f64, [low, high]: [f64; 2]) -> f64 {
+    match s {
+        f64::INFINITY => high,
+        f64::NEG_INFINITY => low,
+        s => s,
+    }
 }

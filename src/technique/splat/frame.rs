@@ -224,7 +224,7 @@ impl SplatFrame {
         let bound = projected.shader(&desc, &set, seen.axis);
         let project = pass(gpu, &format!("{name}.project"), &bound)?;
         let Projected { keys, order, boxes, status, records } = projected;
-        let sort = RadixSort::new(gpu, &format!("{name}.sort"), &keys, &order, set.count, 32)?;
+        let sort = RadixSort::new(gpu, &format!("{name}.sort"), [&keys, &order], set.count)?;
 
         // 2. Bands whose bins fit a buffer.
         let fill = Fill::measure(gpu, name, [&order, &boxes], set.count, [tiles, across], |recorder| {

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::erf::erf;
+use super::super::footprint::erf;
 
 /// Returns the largest deviation from 1 of the sum of uncut Gaussians of unit weight on a lattice in three
 /// dimensions.
@@ -13,30 +13,30 @@ use super::erf::erf;
 /// | sigma | 0.4 | 0.5 | 0.6 | 0.7 | 0.8 | 1.0 |
 /// |---|---|---|---|---|---|---|
 /// | ripple | 0.28 | 4.4e-2 | 4.9e-3 | 3.8e-4 | 2.0e-5 | 1.6e-8 |
-pub(crate) fn ripple(sigma: f64) -> f64 {
+fn ripple(sigma: f64) -> f64 {
     let r: f64 = (1..=40).map(|k| 2.0 * (-2.0 * (PI * sigma * f64::from(k)).powi(2)).exp()).sum();
     r * (3.0 + r * (3.0 + r))
 }
 
 /// The sum of cut Gaussians on a lattice, each of weight 1 before the cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Deviation {
+struct Deviation {
     /// Smallest sum, minus 1.
-    pub(crate) low: f64,
+    low: f64,
     /// Largest sum, minus 1.
-    pub(crate) high: f64,
+    high: f64,
     /// Mean of the sum, minus 1: the share that the cut removes, negative.
-    pub(crate) mean: f64,
+    mean: f64,
 }
 
 impl Deviation {
     /// Returns the largest deviation from 1: the relative error of a homogeneous field's extinction.
-    pub(crate) fn largest(self) -> f64 {
+    fn largest(self) -> f64 {
         self.low.abs().max(self.high.abs())
     }
 
     /// Returns the largest deviation from 1 after the kernels are scaled to a mean of 1.
-    pub(crate) fn scaled(self) -> f64 {
+    fn scaled(self) -> f64 {
         (self.high - self.mean).max(self.mean - self.low) / (1.0 + self.mean)
     }
 }
@@ -53,7 +53,7 @@ impl Deviation {
 /// | 0.7 | 6.0e-2, 1.9e-2 | 9.1e-3, 4.3e-3 | 7.7e-4, 5.1e-4 |
 /// | 0.8 | 0.13, 3.7e-2 | 3.2e-2, 1.3e-2 | 4.2e-3, 1.8e-3 |
 /// | 1.0 | 0.31, 7.5e-2 | 0.13, 4.7e-2 | 3.7e-2, 1.4e-2 |
-pub(crate) fn deviation(sigma: f64, cut: f64) -> Deviation {
+fn deviation(sigma: f64, cut: f64) -> Deviation {
     // A closed ball, whatever the rounding of its radius.
     let reach = sigma * cut * (1.0 + 1e-12);
     let mean = erf(cut / 2.0_f64.sqrt()) - (2.0 / PI).sqrt() * cut * (-0.5 * cut * cut).exp() - 1.0;
@@ -89,44 +89,38 @@ pub(crate) fn deviation(sigma: f64, cut: f64) -> Deviation {
     found
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn ripples_are_the_known_ones() {
-        let table =
-            [(0.4, 2.8e-1), (0.5, 4.4e-2), (0.6, 4.9e-3), (0.7, 3.8e-4), (0.8, 2.0e-5), (1.0, 1.6e-8)];
-        for (sigma, known) in table {
-            assert!((ripple(sigma) / known - 1.0).abs() < 0.03, "{sigma}: {:e}", ripple(sigma));
-            // With hardly any cut, the deviation is the ripple.
-            if sigma > 0.45 && sigma < 0.75 {
-                let high = deviation(sigma, 6.0).high;
-                assert!((high / ripple(sigma) - 1.0).abs() < 1e-2, "{sigma}: {high:e}");
-            }
+#[test]
+fn ripples_are_the_known_ones() {
+    let table = [(0.4, 2.8e-1), (0.5, 4.4e-2), (0.6, 4.9e-3), (0.7, 3.8e-4), (0.8, 2.0e-5), (1.0, 1.6e-8)];
+    for (sigma, known) in table {
+        assert!((ripple(sigma) / known - 1.0).abs() < 0.03, "{sigma}: {:e}", ripple(sigma));
+        // With hardly any cut, the deviation is the ripple.
+        if sigma > 0.45 && sigma < 0.75 {
+            let high = deviation(sigma, 6.0).high;
+            assert!((high / ripple(sigma) - 1.0).abs() < 1e-2, "{sigma}: {high:e}");
         }
     }
+}
 
-    /// Known values for cuts at 2, 2.5 and 3 voxels, without and with scaling.
-    #[test]
-    fn cut_gaussians_deviate_as_known() {
-        let table = [
-            (0.5, [4.4e-2, 4.4e-2, 4.4e-2], [4.4e-2, 4.4e-2, 4.4e-2]),
-            (0.6, [7.8e-3, 5.5e-3, 4.9e-3], [1.7e-2, 5.9e-3, 4.9e-3]),
-            (0.7, [1.9e-2, 4.3e-3, 5.1e-4], [6.0e-2, 9.1e-3, 7.7e-4]),
-            (0.8, [3.7e-2, 1.3e-2, 1.8e-3], [0.13, 3.2e-2, 4.2e-3]),
-            (1.0, [7.5e-2, 4.7e-2, 1.4e-2], [0.31, 0.13, 3.7e-2]),
-        ];
-        for (sigma, scaled, largest) in table {
-            for ((radius, scaled), largest) in [2.0, 2.5, 3.0].into_iter().zip(scaled).zip(largest) {
-                let found = deviation(sigma, radius / sigma);
-                println!("sigma {sigma}, cut at {radius}: {:.2e} {:.2e}", found.largest(), found.scaled());
-                assert!((found.scaled() / scaled - 1.0).abs() < 0.1, "sigma {sigma}, {radius}: {found:?}");
-                assert!((found.largest() / largest - 1.0).abs() < 0.1, "sigma {sigma}, {radius}: {found:?}");
-            }
+/// Known values for cuts at 2, 2.5 and 3 voxels, without and with scaling.
+#[test]
+fn cut_gaussians_deviate_as_known() {
+    let table = [
+        (0.5, [4.4e-2, 4.4e-2, 4.4e-2], [4.4e-2, 4.4e-2, 4.4e-2]),
+        (0.6, [7.8e-3, 5.5e-3, 4.9e-3], [1.7e-2, 5.9e-3, 4.9e-3]),
+        (0.7, [1.9e-2, 4.3e-3, 5.1e-4], [6.0e-2, 9.1e-3, 7.7e-4]),
+        (0.8, [3.7e-2, 1.3e-2, 1.8e-3], [0.13, 3.2e-2, 4.2e-3]),
+        (1.0, [7.5e-2, 4.7e-2, 1.4e-2], [0.31, 0.13, 3.7e-2]),
+    ];
+    for (sigma, scaled, largest) in table {
+        for ((radius, scaled), largest) in [2.0, 2.5, 3.0].into_iter().zip(scaled).zip(largest) {
+            let found = deviation(sigma, radius / sigma);
+            println!("sigma {sigma}, cut at {radius}: {:.2e} {:.2e}", found.largest(), found.scaled());
+            assert!((found.scaled() / scaled - 1.0).abs() < 0.1, "sigma {sigma}, {radius}: {found:?}");
+            assert!((found.largest() / largest - 1.0).abs() < 0.1, "sigma {sigma}, {radius}: {found:?}");
         }
-        // Wide Gaussians deviate by the mass beyond the cut. Both sides of the switch agree.
-        let (near, far) = (deviation(3.9, 2.0), deviation(4.1, 2.0));
-        assert!((near.largest() - far.largest()).abs() < 0.02, "{near:?} {far:?}");
     }
+    // Wide Gaussians deviate by the mass beyond the cut. Both sides of the switch agree.
+    let (near, far) = (deviation(3.9, 2.0), deviation(4.1, 2.0));
+    assert!((near.largest() - far.largest()).abs() < 0.02, "{near:?} {far:?}");
 }
