@@ -1,54 +1,54 @@
-//! A case of the self-test, and specs of techniques by every route.
+//! A case of the self-test, and its result.
 
-use std::sync::Arc;
-
+use serde::Serialize;
 use volraster::technique::Method;
-use volraster::{GpuScene, Result, Technique};
 
-use super::subject::Subject;
 use super::workbench::{Verdict, Workbench};
+use crate::cli::output;
 
 /// A check with a name.
-pub(crate) struct Case {
-    pub(crate) name: String,
+pub(super) struct Case {
+    pub(super) name: String,
     /// The technique under test; `None` for checks of all or none.
-    pub(crate) method: Option<Method>,
-    pub(crate) run: Box<dyn Fn(&Workbench) -> Verdict>,
+    pub(super) method: Option<Method>,
+    pub(super) run: Box<dyn Fn(&Workbench) -> Verdict>,
 }
 
-impl Case {
-    pub(crate) fn new(
-        name: impl Into<String>,
-        spec: Option<&str>,
-        run: impl Fn(&Workbench) -> Verdict + 'static,
-    ) -> Result<Self> {
-        let method = spec.map(Technique::parse).transpose()?.map(|technique| technique.method());
-        Ok(Self { name: name.into(), method, run: Box::new(run) })
+/// The result of a case, as an entry of the report.
+#[derive(Serialize)]
+pub(super) struct Done {
+    pub(super) name: String,
+    pub(super) status: Status,
+    pub(super) ms: f64,
+    pub(super) detail: String,
+    /// Messages that are not allowed.
+    pub(super) messages: Vec<String>,
+    /// Number of messages that are allowed.
+    pub(super) allowed_messages: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Status {
+    Ok,
+    Fail,
+    Skip,
+}
+
+impl Done {
+    /// Returns a result without messages.
+    pub(super) fn new(name: String, status: Status, ms: f64, detail: String) -> Self {
+        Self { name, status, ms, detail, messages: Vec::new(), allowed_messages: 0 }
     }
-}
 
-/// Returns a spec for every technique by every route, other options at their defaults.
-pub(crate) fn by_route() -> Vec<String> {
-    let mut specs = Vec::new();
-    for method in Method::ALL {
-        let named = method.options().iter().any(|option| option.key == "route");
-        for route in method.routes() {
-            specs.push(if named {
-                format!("{}:route={route}", method.name())
-            } else {
-                format!("{}:", method.name())
-            });
-        }
+    /// Returns the line on stdout.
+    pub(super) fn line(&self) -> String {
+        let status = match self.status {
+            Status::Ok => "ok",
+            Status::Fail => "FAIL",
+            Status::Skip => "skip",
+        };
+        let (name, ms, detail) = (&self.name, self.ms, output::plain(&self.detail));
+        format!("{status:4} {name:60} {ms:8.1} ms  {detail}")
     }
-    specs
-}
-
-/// Returns a spec as part of the name of a case.
-pub(crate) fn label(spec: &str) -> &str {
-    spec.trim_end_matches(':')
-}
-
-/// Uploads the scene of a subject.
-pub(crate) fn on(gpu: &volraster::Gpu, subject: Subject) -> Result<Arc<GpuScene>> {
-    Ok(GpuScene::new(gpu, subject.scene()?))
 }

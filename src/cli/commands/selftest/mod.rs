@@ -14,7 +14,6 @@ mod resources;
 mod session;
 mod subject;
 mod targets;
-mod verdict;
 mod workbench;
 
 pub(crate) use command::Args;

@@ -53,7 +53,7 @@ pub(super) const PICTURES: &[Picture] = &[
     (Subject::Mesh, "havs:route=compute,k=3,integrator=integral,order=back-to-front", [2e-2, 0.2]),
     (Subject::Mesh, "havs:route=interlock", [1e-6, 4e-6]),
     (Subject::Mesh, "havs:route=implementation-ordered", [1e-6, 4e-6]),
-    (Subject::Mesh, "abuffer:", [1e-6, 4e-6]),
+    (Subject::Mesh, "abuffer", [1e-6, 4e-6]),
     (Subject::Mesh, "abuffer:integrator=integral,empty-space=march", [2e-2, 0.2]),
     (Subject::Points, "splat-ewa:order=slabs,step=0.25", [4e-5, 4e-4]),
     (Subject::Points, "splat-ewa:order=window", [6e-3, 3e-2]),
