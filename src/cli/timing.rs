@@ -137,18 +137,14 @@ impl Quantiles {
 }
 
 /// A ratio with its 95 % confidence interval.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize)]
 pub(crate) struct Ratio {
+    #[serde(rename = "ratio")]
     pub(crate) value: f64,
     pub(crate) low: f64,
     pub(crate) high: f64,
-}
-
-impl Ratio {
-    /// Returns whether the interval excludes 1.
-    pub(crate) fn is_outside_noise(&self) -> bool {
-        self.low > 1.0 || self.high < 1.0
-    }
+    /// Whether the interval excludes 1.
+    pub(crate) outside_noise: bool,
 }
 
 /// Returns the geometric mean over pairs of the ratio of medians, second over first. The bootstrap resamples both
@@ -166,7 +162,7 @@ pub(crate) fn ratio(pairs: &[[&Times; 2]]) -> Option<Ratio> {
         mean(pairs.iter().map(log).sum())
     };
     let [low, high] = middle_95((0..RESAMPLES).map(|_| once()).collect());
-    Some(Ratio { value, low, high })
+    Some(Ratio { value, low, high, outside_noise: low > 1.0 || high < 1.0 })
 }
 
 /// Returns the milliseconds since an instant.
@@ -218,12 +214,12 @@ mod tests {
         let fast = times(&[5.0, 5.1, 4.9, 5.05, 5.0]);
         let one = ratio(&[[&slow, &fast]]).unwrap();
         assert!((one.value - 0.5).abs() < 1e-12 && one.low < 0.5 && one.high > 0.5, "{one:?}");
-        assert!(one.is_outside_noise());
+        assert!(one.outside_noise);
         let same = ratio(&[[&slow, &times(&[10.1, 9.8, 10.3, 10.0, 9.95])]]).unwrap();
-        assert!(!same.is_outside_noise(), "{same:?}");
+        assert!(!same.outside_noise, "{same:?}");
         // One pair halves the time, the other doubles it: the mean ratio is 1.
         let both = ratio(&[[&slow, &fast], [&fast, &slow]]).unwrap();
-        assert!((both.value - 1.0).abs() < 1e-12 && !both.is_outside_noise());
+        assert!((both.value - 1.0).abs() < 1e-12 && !both.outside_noise);
         assert!(ratio(&[]).is_none());
     }
 

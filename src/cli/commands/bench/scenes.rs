@@ -8,23 +8,23 @@ use volraster::scene::{
 };
 use volraster::{Error, Result};
 
-use crate::cli::input::{self, Size};
+use crate::cli::input::Size;
 
 use Cut::{Clipped, Opaque, Translucent, Whole};
 use Shape::{Cubes, Gaussians, Points, Samples};
 
 /// Image size of the standard scenes and of data files found in a folder.
-pub(crate) const SIZE: Size = Size { width: 512, height: 512 };
+pub(super) const SIZE: Size = Size { width: 512, height: 512 };
 
 /// Image size of the suite `smoke`.
-pub(crate) const SMALL: Size = Size { width: 192, height: 192 };
+pub(super) const SMALL: Size = Size { width: 192, height: 192 };
 
 /// A standard scene.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct StandardScene {
-    pub(crate) name: &'static str,
+pub(super) struct StandardScene {
+    pub(super) name: &'static str,
     /// Name that it shares with scenes that differ only in size.
-    pub(crate) family: &'static str,
+    pub(super) family: &'static str,
     pub(super) field: &'static str,
     pub(super) shape: Shape,
     pub(super) look: Look,
@@ -114,25 +114,16 @@ const SHELLS: Look = Look::Preset("shells");
 
 const FOG: Look = Look::Preset("fog");
 
-/// A named viewpoint.
-#[derive(Clone, Copy, Debug)]
-struct Viewpoint {
-    name: &'static str,
-    eye: [f64; 3],
-    projection: Projection,
-}
-
 const EYE: [f64; 3] = [2.0, 1.5, 3.8];
 
 const PERSPECTIVE: Projection = Projection::Perspective { fov_y_deg: 42.0 };
 
-/// The first two are the standard views; the others are from inside the data and from afar.
-#[rustfmt::skip]
-const VIEWS: [Viewpoint; 4] = [
-    Viewpoint { name: "perspective", eye: EYE, projection: PERSPECTIVE },
-    Viewpoint { name: "orthographic", eye: EYE, projection: Projection::Orthographic { half_height: 1.6 } },
-    Viewpoint { name: "inside", eye: [0.31, 0.22, 0.47], projection: PERSPECTIVE },
-    Viewpoint { name: "far", eye: [8.0, 6.0, 15.2], projection: PERSPECTIVE },
+/// Views with their names. The first two are the standard views; the others are from inside the data and from afar.
+const VIEWS: [(&str, [f64; 3], Projection); 4] = [
+    ("perspective", EYE, PERSPECTIVE),
+    ("orthographic", EYE, Projection::Orthographic { half_height: 1.6 }),
+    ("inside", [0.31, 0.22, 0.47], PERSPECTIVE),
+    ("far", [8.0, 6.0, 15.2], PERSPECTIVE),
 ];
 
 pub(super) const UNIT: [f64; 2] = [0.0, 1.0];
@@ -149,7 +140,7 @@ const RADIUS_SMALL: f64 = 0.0546;
 
 /// The scenes of the suite `standard`.
 #[rustfmt::skip]
-pub(crate) const SCENES: &[StandardScene] = &[
+pub(super) const SCENES: &[StandardScene] = &[
     StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, cut: Whole, views: 1, sides: &[] },
     StandardScene { name: "marschner-lobb-128", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: SHELLS, cut: Whole, views: 2, sides: SIDES },
     StandardScene { name: "marschner-lobb-256", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(256, "f32", UNIT), look: SHELLS, cut: Whole, views: 1, sides: &[] },
@@ -168,7 +159,7 @@ pub(crate) const SCENES: &[StandardScene] = &[
 /// Further scenes of the suite `full`: other sizes and transfer functions, views from inside and from afar, clip
 /// planes and surfaces.
 #[rustfmt::skip]
-pub(crate) const MORE_SCENES: &[StandardScene] = &[
+pub(super) const MORE_SCENES: &[StandardScene] = &[
     StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32", UNIT), look: FOG, cut: Whole, views: 1, sides: &[] },
     StandardScene { name: "blobs-256", family: "blobs", field: "blobs", shape: Samples(256, "f32", UNIT), look: FOG, cut: Whole, views: 1, sides: &[] },
     StandardScene { name: "blobs-thin-128", family: "blobs-thin", field: "blobs", shape: Samples(128, "f32", UNIT), look: THIN, cut: Whole, views: 4, sides: SIDES },
@@ -186,7 +177,7 @@ pub(crate) const MORE_SCENES: &[StandardScene] = &[
 
 /// The small scenes of the suite `smoke`.
 #[rustfmt::skip]
-pub(crate) const SMOKE_SCENES: &[StandardScene] = &[
+pub(super) const SMOKE_SCENES: &[StandardScene] = &[
     StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, cut: Whole, views: 1, sides: &[96] },
     StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32", UNIT), look: FOG, cut: Whole, views: 1, sides: &[] },
     StandardScene { name: "blobs-tets-12", family: "blobs-tets", field: "blobs", shape: Cubes(12), look: FOG, cut: Whole, views: 1, sides: &[96] },
@@ -200,8 +191,8 @@ impl StandardScene {
     /// # Errors
     ///
     /// As [`View::new`].
-    pub(crate) fn views(&self, Size { width, height }: Size) -> Result<Vec<(&'static str, View)>> {
-        let view = |&Viewpoint { name, eye, projection }: &Viewpoint| {
+    pub(super) fn views(&self, Size { width, height }: Size) -> Result<Vec<(&'static str, View)>> {
+        let view = |&(name, eye, projection): &(&'static str, [f64; 3], Projection)| {
             let camera = Camera { eye: DVec3::from(eye), target: DVec3::ZERO, up: DVec3::Y, projection };
             Ok((name, View::new(camera, width, height)?.with_clip(self.cut.clip()?)))
         };
@@ -209,23 +200,11 @@ impl StandardScene {
     }
 
     /// Returns the further image sizes of the first view.
-    pub(crate) fn sizes(&self) -> impl Iterator<Item = Size> {
+    pub(super) fn sizes(&self) -> impl Iterator<Item = Size> {
         self.sides.iter().map(|&side| Size { width: side, height: side })
     }
 
-    /// Returns whether some technique draws the scene.
-    pub(crate) fn is_drawn(&self) -> bool {
-        // The smallest scene of the same kind decides.
-        let small = match self.shape {
-            Samples(_, kind, range) => Samples(2, kind, range),
-            Gaussians(_) => Gaussians(2),
-            Cubes(_) => Cubes(1),
-            Points(_, radius) => Points(1, radius),
-        };
-        Self { shape: small, ..*self }.load().is_ok_and(|scene| input::drawn(&scene).is_ok())
-    }
-
-    pub(super) fn data(&self) -> Result<Data> {
+    fn data(&self) -> Result<Data> {
         let field = Field::from_name(self.field)?;
         match self.shape {
             Samples(side, kind, _) => field.sample([side; 3], kind).map(Data::from),
@@ -242,7 +221,7 @@ impl StandardScene {
     /// # Errors
     ///
     /// [`Error::Invalid`] when the scene names an unknown field or preset.
-    pub(crate) fn load(&self) -> Result<Scene> {
+    pub(super) fn load(&self) -> Result<Scene> {
         let range @ [lo, hi] = self.range();
         let transfer = match self.look {
             Look::Preset(name) => {

@@ -42,16 +42,23 @@ pub(super) struct Opened {
 
 impl Workload {
     /// Lists files found in a folder.
-    pub(super) fn of_files(files: Vec<PathBuf>, folder: &Path, sweeps: &'static [Sweep]) -> Vec<Self> {
-        let name =
-            |path: &Path| path.strip_prefix(folder).unwrap_or(path).to_string_lossy().replace('\\', "/");
-        files
-            .into_iter()
-            .map(|path| {
-                let name = name(&path);
-                Self::Found(path, name, sweeps)
-            })
-            .collect()
+    pub(super) fn of_files(
+        files: Vec<PathBuf>,
+        folder: &Path,
+        sweeps: &'static [Sweep],
+    ) -> impl Iterator<Item = Self> {
+        files.into_iter().map(move |path| {
+            let name = path.strip_prefix(folder).unwrap_or(&path).to_string_lossy().replace('\\', "/");
+            Self::Found(path, name, sweeps)
+        })
+    }
+
+    /// Returns the name in results.
+    pub(super) fn name(&self) -> &str {
+        match self {
+            Self::Standard(_, scene) => scene.name,
+            Self::File(name, _) | Self::Found(_, name, _) => name,
+        }
     }
 
     /// Returns an upper bound of the number of cases. A given image size replaces the further sizes of a suite's scenes.
@@ -107,30 +114,13 @@ impl Workload {
     }
 }
 
-/// Lists the scene files in a folder, sorted.
-///
-/// # Errors
-///
-/// [`Error::Io`] when the folder cannot be listed.
-pub(super) fn scene_files(folder: &Path) -> Result<Vec<PathBuf>> {
-    let failed = |source| Error::Io { path: folder.to_path_buf(), action: "cannot list", source };
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
-        if path.is_file() && SceneFile::is_at(&path, &ReadOptions::default()) {
-            files.push(path);
-        }
-    }
-    files.sort();
-    Ok(files)
-}
-
-/// Lists every file under a folder, sorted. Follows links to files, not links to folders.
+/// Lists the files in a folder, sorted; if `deep`, also those in its subfolders. Follows links to files, not links to
+/// folders.
 ///
 /// # Errors
 ///
 /// [`Error::Io`] when a folder cannot be listed.
-pub(super) fn files_under(folder: &Path) -> Result<Vec<PathBuf>> {
+pub(super) fn files_in(folder: &Path, deep: bool) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     let mut folders = vec![folder.to_path_buf()];
     while let Some(folder) = folders.pop() {
@@ -138,10 +128,10 @@ pub(super) fn files_under(folder: &Path) -> Result<Vec<PathBuf>> {
         for entry in std::fs::read_dir(&folder).map_err(failed)? {
             let entry = entry.map_err(failed)?;
             let path = entry.path();
-            if entry.file_type().map_err(failed)?.is_dir() {
+            if !entry.file_type().map_err(failed)?.is_dir() {
+                files.extend(path.is_file().then_some(path));
+            } else if deep {
                 folders.push(path);
-            } else if path.is_file() {
-                files.push(path);
             }
         }
     }
