@@ -2,8 +2,7 @@
 
 use std::ops::Range;
 
-use super::picture::text_width;
-use super::style::{LINE, TEXT};
+use super::picture::{LINE, text_width};
 use crate::cli::numbers::tick_label;
 
 /// Returns the position of a value in a range, 0 to 1, on a logarithmic scale.
@@ -49,7 +48,7 @@ pub(super) fn ticks(range: &Range<f64>, length: f64, is_x: bool) -> Vec<(f64, St
     let choices =
         [of(&all, 1), of(&[1.0, 2.0, 5.0], 1), of(&[1.0], 1), of(&[1.0], 2), of(&[1.0], 3), of(&[1.0], 5)];
     // Labels lie side by side along x, one above the other along y.
-    let extent = |value: f64| if is_x { text_width(&tick_label(value), TEXT) + 12.0 } else { 2.0 * LINE };
+    let extent = |value: f64| if is_x { text_width(&tick_label(value)) + 12.0 } else { 2.0 * LINE };
     let fits = |values: &&Vec<f64>| {
         let gap = |pair: &[f64]| length * (share(range, pair[1]) - share(range, pair[0]));
         values.windows(2).all(|pair| gap(pair) >= 0.5 * (extent(pair[0]) + extent(pair[1])))

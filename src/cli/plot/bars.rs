@@ -1,8 +1,7 @@
 //! Stacked horizontal bars.
 
 use super::axis::nice_step;
-use super::picture::{Anchor, Colour, Picture, text_width};
-use super::style::{COLOURS, FRAME, GREY, GRID, INK, LINE, TEXT, Titles, heading, whole};
+use super::picture::{Anchor, COLOURS, Colour, FRAME, GREY, GRID, INK, LINE, Picture, Titles, text_width};
 use crate::cli::numbers::{three_digits, tick_label};
 
 /// A stacked bar: a name, and named parts with their values.
@@ -30,42 +29,41 @@ pub(crate) fn bars(titles: &Titles, bars: &[Bar]) -> Option<Picture> {
     let colours =
         |name: &str| part_colour(names.iter().position(|known| *known == name).unwrap_or(usize::MAX));
     let legends: Vec<&str> = names.iter().copied().chain(has_others.then_some(OTHER)).collect();
-    let names_width = bars.iter().map(|bar| text_width(&bar.name, TEXT)).fold(0.0, f64::max);
-    let legend = legends.iter().map(|name| text_width(name, TEXT)).fold(0.0, f64::max) + 44.0;
+    let names_width = bars.iter().map(|bar| text_width(&bar.name)).fold(0.0, f64::max);
+    let legend = legends.iter().map(|name| text_width(name)).fold(0.0, f64::max) + 44.0;
     let (left, top, row) = (names_width + 28.0, 66.0, 26.0);
     let right = left + 520.0;
     let count = f64::from(u32::try_from(bars.len()).unwrap_or(u32::MAX));
     let bottom = top + row * count + 6.0;
     let legend_end = top + LINE * legends.len() as f64;
-    let mut picture =
-        Picture::new(whole(right + 70.0 + legend), whole((bottom + 54.0).max(legend_end + 16.0)));
-    heading(&mut picture, titles);
+    let height = (bottom + 54.0).max(legend_end + 16.0);
+    let mut picture = Picture::new([right + 70.0 + legend, height], titles);
     let step = nice_step(most / 6.0);
     let end = (most / step).ceil() * step;
     let x = |v: f64| left + (right - left) * v / end;
     let mut i = 0_u32;
     while f64::from(i) * step <= end * (1.0 + 1e-9) {
         let value = f64::from(i) * step;
-        picture.line(vec![[x(value), top], [x(value), bottom]], 1.0, GRID, false);
-        picture.text(&tick_label(value), [x(value), bottom + 18.0], TEXT, Anchor::Middle, INK);
+        picture.line(&[[x(value), top], [x(value), bottom]], 1.0, GRID, false);
+        picture.text(&tick_label(value), [x(value), bottom + 18.0], Anchor::Middle, INK);
         i += 1;
     }
-    picture.text(titles.x, [0.5 * (left + right), bottom + 42.0], TEXT, Anchor::Middle, INK);
+    picture.text(titles.x, [0.5 * (left + right), bottom + 42.0], Anchor::Middle, INK);
     for (i, bar) in (0_u32..).zip(bars) {
         let y = top + 6.0 + row * f64::from(i);
-        picture.text(&bar.name, [left - 8.0, y + 13.5], TEXT, Anchor::End, INK);
+        picture.text(&bar.name, [left - 8.0, y + 13.5], Anchor::End, INK);
         let mut from = 0.0;
         for (name, value) in &bar.parts {
             picture.fill([x(from), y], [x(from + value), y + row - 8.0], colours(name));
             from += value;
         }
-        picture.text(&three_digits(sum(bar)), [x(from) + 6.0, y + 13.5], TEXT, Anchor::Start, GREY);
+        picture.text(&three_digits(sum(bar)), [x(from) + 6.0, y + 13.5], Anchor::Start, GREY);
     }
-    picture.line(vec![[left, top], [left, bottom]], 1.0, FRAME, false);
+    picture.line(&[[left, top], [left, bottom]], 1.0, FRAME, false);
     for (i, name) in legends.iter().enumerate() {
         let (at, y) = (right + 62.0, top + 10.0 + LINE * i as f64);
         picture.fill([at, y - 6.0], [at + 14.0, y + 6.0], colours(name));
-        picture.text(name, [at + 22.0, y + 4.5], TEXT, Anchor::Start, INK);
+        picture.text(name, [at + 22.0, y + 4.5], Anchor::Start, INK);
     }
     Some(picture)
 }

@@ -177,7 +177,7 @@ fn growth(title: &str, (axis, size): Size, views: &[Vec<&Record>]) -> Option<Pic
         x: axis,
         y: "ms per frame (median)",
     };
-    plot::curves(&titles, &series)
+    plot::curves(&titles, series)
 }
 
 #[cfg(test)]

@@ -205,7 +205,9 @@ impl Args {
             opened => opened?,
         };
         let scene = GpuScene::new(gpu, scene);
-        for ViewCases { projection, view, sweeps } in views {
+        for ViewCases { projection, view, sweeps } in
+            views.into_iter().take_while(|_| !interrupt::requested())
+        {
             let device = gpu.report();
             let record = Record {
                 version: env!("CARGO_PKG_VERSION").to_string(),
@@ -231,9 +233,6 @@ impl Args {
             let text = results.add(&record, records, required_k.as_ref())?;
             if !quiet {
                 bar.suspend(|| output::print(&text))?;
-            }
-            if interrupt::requested() {
-                return Ok(());
             }
         }
         bar.set_position(end);

@@ -96,7 +96,7 @@ impl<'a> Fronts<'a> {
             x: "ms per frame (median)",
             y: "RMSE against the reference",
         };
-        plot::curves(&titles, &self.lines.iter().map(series).collect::<Vec<_>>())
+        plot::curves(&titles, self.lines.iter().map(series).collect())
     }
 }
 
