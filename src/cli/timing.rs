@@ -33,18 +33,18 @@ pub(crate) fn passes(frame: &FrameTime) -> Vec<(&str, f64)> {
 /// Returns the median time of each pass over frames, in order of first appearance. A frame without the pass counts as
 /// 0.
 pub(crate) fn pass_medians(frames: &[FrameTime]) -> Vec<(String, f64)> {
-    let of_frames: Vec<Vec<(&str, f64)>> = frames.iter().map(passes).collect();
-    let mut names: Vec<&str> = Vec::new();
-    for (name, _) in of_frames.iter().flatten() {
-        if !names.contains(name) {
-            names.push(name);
+    let mut times: Vec<(String, Vec<f64>)> = Vec::new();
+    for (i, frame) in frames.iter().enumerate() {
+        for (name, ms) in passes(frame) {
+            let known = times.iter().position(|(known, _)| known == name);
+            let place = known.unwrap_or_else(|| {
+                times.push((name.to_string(), vec![0.0; frames.len()]));
+                times.len() - 1
+            });
+            times[place].1[i] = ms;
         }
     }
-    let ms = |passes: &Vec<(&str, f64)>, name: &str| {
-        passes.iter().find(|(known, _)| *known == name).map_or(0.0, |(_, ms)| *ms)
-    };
-    let times = |name: &str| Times::new(of_frames.iter().map(|passes| ms(passes, name)).collect());
-    names.into_iter().filter_map(|name| Some((name.to_string(), times(name)?.median()))).collect()
+    times.into_iter().filter_map(|(name, times)| Some((name, Times::new(times)?.median()))).collect()
 }
 
 /// Times of one quantity over several frames, in ascending order.

@@ -1,7 +1,7 @@
 //! Stacked horizontal bars.
 
 use super::axis::nice_step;
-use super::picture::{Anchor, COLOURS, Colour, FRAME, GREY, GRID, INK, LINE, Picture, Titles, text_width};
+use super::picture::{COLOURS, Colour, FRAME, GREY, GRID, INK, LINE, Picture, Titles, text_width};
 use crate::cli::numbers::{three_digits, tick_label};
 
 /// A stacked bar: a name, and named parts with their values.
@@ -26,8 +26,11 @@ pub(crate) fn bars(titles: &Titles, bars: &[Bar]) -> Option<Picture> {
         }
     }
     let has_others = bars.iter().flat_map(|bar| &bar.parts).any(|(name, _)| name == OTHER);
-    let colours =
-        |name: &str| part_colour(names.iter().position(|known| *known == name).unwrap_or(usize::MAX));
+    // The other parts are grey.
+    let colours = |name: &str| -> Colour {
+        let place = names.iter().position(|known| *known == name);
+        (place.and_then(|place| COLOURS.get(place)).copied().unwrap_or([175; 3]), 1.0)
+    };
     let legends: Vec<&str> = names.iter().copied().chain(has_others.then_some(OTHER)).collect();
     let names_width = bars.iter().map(|bar| text_width(&bar.name)).fold(0.0, f64::max);
     let legend = legends.iter().map(|name| text_width(name)).fold(0.0, f64::max) + 44.0;
@@ -45,32 +48,27 @@ pub(crate) fn bars(titles: &Titles, bars: &[Bar]) -> Option<Picture> {
     while f64::from(i) * step <= end * (1.0 + 1e-9) {
         let value = f64::from(i) * step;
         picture.line(&[[x(value), top], [x(value), bottom]], 1.0, GRID, false);
-        picture.text(&tick_label(value), [x(value), bottom + 18.0], Anchor::Middle, INK);
+        picture.text(&tick_label(value), [x(value), bottom + 18.0], "middle", INK);
         i += 1;
     }
-    picture.text(titles.x, [0.5 * (left + right), bottom + 42.0], Anchor::Middle, INK);
+    picture.text(titles.x, [0.5 * (left + right), bottom + 42.0], "middle", INK);
     for (i, bar) in (0_u32..).zip(bars) {
         let y = top + 6.0 + row * f64::from(i);
-        picture.text(&bar.name, [left - 8.0, y + 13.5], Anchor::End, INK);
+        picture.text(&bar.name, [left - 8.0, y + 13.5], "end", INK);
         let mut from = 0.0;
         for (name, value) in &bar.parts {
             picture.fill([x(from), y], [x(from + value), y + row - 8.0], colours(name));
             from += value;
         }
-        picture.text(&three_digits(sum(bar)), [x(from) + 6.0, y + 13.5], Anchor::Start, GREY);
+        picture.text(&three_digits(sum(bar)), [x(from) + 6.0, y + 13.5], "start", GREY);
     }
     picture.line(&[[left, top], [left, bottom]], 1.0, FRAME, false);
     for (i, name) in legends.iter().enumerate() {
         let (at, y) = (right + 62.0, top + 10.0 + LINE * i as f64);
         picture.fill([at, y - 6.0], [at + 14.0, y + 6.0], colours(name));
-        picture.text(name, [at + 22.0, y + 4.5], Anchor::Start, INK);
+        picture.text(name, [at + 22.0, y + 4.5], "start", INK);
     }
     Some(picture)
-}
-
-/// Returns the colour of a part; parts without a colour of their own are grey.
-fn part_colour(style: usize) -> Colour {
-    COLOURS.get(style).map_or(([175, 175, 175], 1.0), |colour| (*colour, 1.0))
 }
 
 /// Merges small parts, and parts beyond the number of colours, into one.

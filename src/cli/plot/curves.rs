@@ -1,7 +1,7 @@
 //! Curves over logarithmic axes.
 
 use super::axis::{bounds, share, ticks};
-use super::picture::{Anchor, FRAME, GRID, INK, LINE, Mark, Picture, Titles, colour, mark, text_width};
+use super::picture::{FRAME, GRID, INK, LINE, Mark, Picture, Titles, style, text_width};
 
 /// A named curve, with further points around it.
 #[derive(Debug)]
@@ -46,39 +46,40 @@ pub(crate) fn curves(titles: &Titles, mut series: Vec<Series>) -> Option<Picture
             let width = if label.is_empty() { 0.5 } else { 1.0 };
             picture.line(&ends, width, GRID, false);
             if is_x {
-                picture.text(&label, [x(value), bottom + 18.0], Anchor::Middle, INK);
+                picture.text(&label, [x(value), bottom + 18.0], "middle", INK);
             } else {
-                picture.text(&label, [left - 8.0, y(value) + 4.5], Anchor::End, INK);
+                picture.text(&label, [left - 8.0, y(value) + 4.5], "end", INK);
             }
         }
     }
     let frame = [[left, top], [right, top], [right, bottom], [left, bottom], [left, top]];
     picture.line(&frame, 1.0, FRAME, false);
-    picture.text(titles.x, [0.5 * (left + right), bottom + 42.0], Anchor::Middle, INK);
+    picture.text(titles.x, [0.5 * (left + right), bottom + 42.0], "middle", INK);
     picture.upwards(titles.y, [20.0, 0.5 * (top + bottom)], INK);
 
     let place = |point: &[f64; 2]| [x(point[0]), y(point[1])];
     // Pale dots lie below the lines.
     for one in &series {
         for dot in &one.dots {
-            picture.mark(Mark::Disc, place(dot), 2.2, (colour(one.style), 0.35));
+            picture.mark(Mark::Disc, place(dot), 2.2, (style(one.style).0, 0.35));
         }
     }
     for one in &series {
-        let solid = (colour(one.style), 1.0);
+        let (colour, mark) = style(one.style);
+        let solid = (colour, 1.0);
         if one.line.len() > 1 {
             picture.line(&one.line.iter().map(place).collect::<Vec<_>>(), 2.0, solid, one.dashed);
         }
         for point in &one.line {
-            picture.mark(mark(one.style), place(point), 4.0, solid);
+            picture.mark(mark, place(point), 4.0, solid);
         }
     }
     for (i, one) in (0_u32..).zip(&series) {
         let (at, y) = (right + 18.0, top + 10.0 + LINE * f64::from(i));
-        let solid = (colour(one.style), 1.0);
-        picture.line(&[[at, y], [at + 26.0, y]], 2.0, solid, one.dashed);
-        picture.mark(mark(one.style), [at + 13.0, y], 4.0, solid);
-        picture.text(&one.name, [at + 34.0, y + 4.5], Anchor::Start, INK);
+        let (colour, mark) = style(one.style);
+        picture.line(&[[at, y], [at + 26.0, y]], 2.0, (colour, 1.0), one.dashed);
+        picture.mark(mark, [at + 13.0, y], 4.0, (colour, 1.0));
+        picture.text(&one.name, [at + 34.0, y + 4.5], "start", INK);
     }
     Some(picture)
 }

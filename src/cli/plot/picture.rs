@@ -54,20 +54,9 @@ pub(super) enum Mark {
 /// Marks: curves also differ in shape, for readers who see no colours.
 const MARKS: [Mark; 6] = [Mark::Disc, Mark::Square, Mark::Up, Mark::Diamond, Mark::Cross, Mark::Down];
 
-pub(super) fn colour(style: usize) -> [u8; 3] {
-    COLOURS[style % COLOURS.len()]
-}
-
-pub(super) fn mark(style: usize) -> Mark {
-    MARKS[style % MARKS.len()]
-}
-
-/// The point of a text that lies at its position.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Anchor {
-    Start,
-    Middle,
-    End,
+/// Returns colour and mark of a curve.
+pub(super) fn style(index: usize) -> ([u8; 3], Mark) {
+    (COLOURS[index % COLOURS.len()], MARKS[index % MARKS.len()])
 }
 
 /// Title, note and axis names of a chart.
@@ -97,8 +86,8 @@ impl Picture {
              <rect width=\"{width}\" height=\"{height}\" fill=\"#fff\"/>\n"
         );
         let mut picture = Self { text };
-        picture.write(&titles.title, [16.0, 28.0], TITLE, Anchor::Start, "", INK);
-        picture.text(&titles.note, [16.0, 48.0], Anchor::Start, GREY);
+        picture.write(&titles.title, [16.0, 28.0], TITLE, "start", "", INK);
+        picture.text(&titles.note, [16.0, 48.0], "start", GREY);
         picture
     }
 
@@ -145,23 +134,18 @@ impl Picture {
         self.polygon(&points, colour);
     }
 
-    /// Draws text; `at` is a point on its baseline.
-    pub(super) fn text(&mut self, text: &str, at: [f64; 2], anchor: Anchor, colour: Colour) {
+    /// Draws text; `at` is the `start`, `middle` or `end` of its baseline, as `anchor` says.
+    pub(super) fn text(&mut self, text: &str, at: [f64; 2], anchor: &str, colour: Colour) {
         self.write(text, at, TEXT, anchor, "", colour);
     }
 
     /// Draws centred text that runs upwards.
     pub(super) fn upwards(&mut self, text: &str, [x, y]: [f64; 2], colour: Colour) {
         let turn = format!(" transform=\"rotate(-90 {x:.2} {y:.2})\"");
-        self.write(text, [x, y], TEXT, Anchor::Middle, &turn, colour);
+        self.write(text, [x, y], TEXT, "middle", &turn, colour);
     }
 
-    fn write(&mut self, text: &str, [x, y]: [f64; 2], size: f64, anchor: Anchor, turn: &str, colour: Colour) {
-        let anchor = match anchor {
-            Anchor::Start => "start",
-            Anchor::Middle => "middle",
-            Anchor::End => "end",
-        };
+    fn write(&mut self, text: &str, [x, y]: [f64; 2], size: f64, anchor: &str, turn: &str, colour: Colour) {
         let (text, paint) = (escape_xml(text), paint("fill", colour));
         self.text += &format!(
             "<text x=\"{x:.2}\" y=\"{y:.2}\" font-size=\"{size}\" text-anchor=\"{anchor}\"{turn} {paint}>{text}</text>\n"
@@ -201,7 +185,7 @@ mod tests {
         picture.fill([5.0, 5.0], [15.0, 10.0], RED);
         picture.line(&[[20.0, 20.0], [30.0, 20.0]], 2.0, ([0, 0, 0], 0.5), true);
         picture.mark(Mark::Disc, [35.0, 5.0], 3.0, RED);
-        picture.text("a < b", [5.0, 25.0], Anchor::End, RED);
+        picture.text("a < b", [5.0, 25.0], "end", RED);
         picture.upwards("up", [3.0, 15.0], RED);
         let svg = picture.svg();
         for part in [

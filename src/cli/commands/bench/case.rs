@@ -113,10 +113,6 @@ impl Case {
     }
 
     /// Times one frame, unless the case has taken enough time.
-    ///
-    /// # Errors
-    ///
-    /// As [`Frames::draw`].
     pub(super) fn time(&mut self, view: &View) -> Result<()> {
         if let Some(drawing) = &mut self.drawing {
             let spent: f64 = self.frames.iter().map(|frame| frame.wall_ms).sum();

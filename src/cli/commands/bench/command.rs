@@ -19,7 +19,7 @@ use super::ratios::Ratios;
 use super::record::Record;
 use super::required_k::RequiredK;
 use super::results::Results;
-use super::suite::SUITES;
+use super::scenes::SUITES;
 use super::sweeps::{self, Sweep};
 use super::workload::{Opened, ViewCases, Workload, files_in};
 use crate::cli::cache::Cache;

@@ -24,10 +24,6 @@ pub(super) struct RequiredK {
 impl RequiredK {
     /// Draws a view with every k, without repair. Exactly the unsorted pixels count as overflowing, so that
     /// differences are exact. `None` for scenes without faces.
-    ///
-    /// # Errors
-    ///
-    /// As [`Renderer::frames`] and [`Frames::draw`](volraster::technique::Frames::draw).
     pub(super) fn measure(scene: &Arc<GpuScene>, view: &View) -> Result<Option<Self>> {
         if !Method::Havs.draws_scene(scene.scene()) {
             return Ok(None);

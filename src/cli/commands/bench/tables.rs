@@ -78,38 +78,31 @@ fn image(chart: &Chart) -> String {
 
 /// Returns the table of all drawn cases of a view.
 fn cases(view: &[&Record]) -> String {
+    let median =
+        |spread: &Option<Quantiles>| spread.as_ref().map_or_else(dash, |spread| three_digits(spread.median));
+    let mebibytes = |bytes| three_digits(bytes as f64 / f64::from(1 << 20));
+    let per_second = |record: &Record, number: Option<f64>| match (number, &record.wall_ms) {
+        (Some(number), Some(spread)) => count(number / spread.median * 1e3),
+        _ => dash(),
+    };
     let is_mesh = view[0].data == "mesh";
-    let mut heading = vec!["technique", "route", "options", "RMSE", "max", "ms", "95 %", "gpu ms", "MiB"];
-    if is_mesh {
-        heading.extend(["tets/s", "fragments/s"]);
-    }
     let has_splats = view.iter().any(|record| record.counter("pairs").is_some());
-    if has_splats {
-        heading.extend(["pairs/s", "evaluations/s"]);
-    }
+    let mut heading = vec!["technique", "route", "options", "RMSE", "max", "ms", "95 %", "gpu ms", "MiB"];
+    heading.extend(is_mesh.then_some(["tets/s", "fragments/s"]).into_iter().flatten());
+    heading.extend(has_splats.then_some(["pairs/s", "evaluations/s"]).into_iter().flatten());
     let mut rows = vec![heading.into_iter().map(str::to_string).collect::<Vec<_>>()];
     for record in view.iter().filter(|record| record.skipped.is_none() && record.failed.is_none()) {
-        let wall = record.wall_ms.as_ref();
-        let per_second = |number: Option<f64>| match (number, wall) {
-            (Some(number), Some(spread)) => count(number / spread.median * 1e3),
-            _ => dash(),
-        };
-        let median =
-            |spread: Option<&Quantiles>| spread.map_or_else(dash, |spread| three_digits(spread.median));
-        let mebibytes = |bytes| three_digits(bytes as f64 / f64::from(1 << 20));
         let mut row = record.names().to_vec();
-        row.extend([record.error_text("rmse"), record.error_text("max_abs"), median(wall)]);
-        row.extend([
-            wall.map_or_else(dash, interval),
-            median(record.gpu_ms.as_ref()),
-            record.device_bytes.map_or_else(dash, mebibytes),
-        ]);
+        row.extend(["rmse", "max_abs"].map(|statistic| record.error_text(statistic)));
+        row.extend([median(&record.wall_ms), record.wall_ms.as_ref().map_or_else(dash, interval)]);
+        row.extend([median(&record.gpu_ms), record.device_bytes.map_or_else(dash, mebibytes)]);
+        let rate = |number| per_second(record, number);
         if is_mesh {
-            row.extend([per_second(Some(record.elements as f64)), per_second(record.counter("fragments"))]);
+            row.extend([Some(record.elements as f64), record.counter("fragments")].map(rate));
         }
         if has_splats {
             let pairs = record.counter("pairs");
-            row.extend([per_second(pairs), per_second(pairs.map(|pairs| pairs * EVALUATIONS))]);
+            row.extend([pairs, pairs.map(|pairs| pairs * EVALUATIONS)].map(rate));
         }
         rows.push(row);
     }

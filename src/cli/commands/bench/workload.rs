@@ -7,8 +7,7 @@ use volraster::io::scene_file::SceneFile;
 use volraster::scene::{Scene, View};
 use volraster::{Error, Result};
 
-use super::scenes::{self, StandardScene};
-use super::suite::Suite;
+use super::scenes::{self, StandardScene, Suite};
 use super::sweeps::{self, Sweep};
 use crate::cli::input::{self, Input, Size};
 
@@ -62,27 +61,19 @@ impl Workload {
     }
 
     /// Returns an upper bound of the number of cases. A given image size replaces the further sizes of a suite's scenes.
-    ///
-    /// # Errors
-    ///
-    /// As [`StandardScene::views`] and [`sweeps::settings`].
     pub(super) fn case_count(&self, size: Option<Size>) -> Result<usize> {
-        Ok(match self {
+        let count = |sweeps| Ok(sweeps::settings(sweeps)?.len());
+        match self {
             Self::Standard(suite, scene) => {
-                let views = scene.views(suite.size)?.len();
-                let sizes = if size.is_some() { 0 } else { scene.sizes().count() };
-                views * sweeps::settings(suite.sweeps)?.len() + sizes * sweeps::settings(sweeps::SIZES)?.len()
+                let sizes = if size.is_some() { 0 } else { scene.sides.len() };
+                Ok(scene.views * count(suite.sweeps)? + sizes * count(sweeps::SIZES)?)
             }
-            Self::File(..) => sweeps::settings(sweeps::STANDARD)?.len(),
-            Self::Found(_, _, sweeps) => sweeps::settings(sweeps)?.len(),
-        })
+            Self::File(..) => count(sweeps::STANDARD),
+            Self::Found(_, _, sweeps) => count(sweeps),
+        }
     }
 
     /// Reads or makes the scene, and lists its views.
-    ///
-    /// # Errors
-    ///
-    /// As [`Input::load_within`], [`input::drawn`] and [`StandardScene::load`].
     pub(super) fn open(self, size: Option<Size>) -> Result<Opened> {
         let of_file = |name: String, input: Input, sweeps: &'static [Sweep]| {
             let view = input.settings.view;

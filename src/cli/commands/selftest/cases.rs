@@ -6,10 +6,10 @@ use volraster::{Result, Technique};
 use super::case::Case;
 use super::limits::{allocation, budget, loops, storage};
 use super::pictures::{PICTURES, picture};
-use super::resources::{flight, passes, resize, scalars, transfer, upload};
+use super::resources::{passes, resize, scalars, transfer, upload};
 use super::session::{self, Place, Session};
 use super::subject::Subject;
-use super::targets::caller;
+use super::targets::{caller, flight};
 use super::workbench::{Stop, Verdict, Workbench};
 use crate::cli::input::all_routes;
 
@@ -42,10 +42,6 @@ const SWEEPS: [(&str, Sweep, usize); 4] = [
 
 /// Returns all cases in the order in which they run. With `every_call`, each Vulkan call of a session fails in turn,
 /// instead of a few calls of each function.
-///
-/// # Errors
-///
-/// None, unless a constant is wrong.
 pub(super) fn all(every_call: bool) -> Result<Vec<Case>> {
     let mut cases = Vec::new();
     let mut add = |name: String, method: Method, run: Box<dyn Fn(&Workbench) -> Verdict>| {

@@ -1,12 +1,12 @@
 //! Controls: deliberate faults, one for each kind of validation, each of which must be reported.
 
-use std::sync::Arc;
 use std::time::Instant;
 
-use volraster::gpu::{Gpu, GpuOptions, Provocation, Validation, ValidationLog};
+use volraster::gpu::{GpuOptions, Provocation, Validation};
 
 use super::allow::id_of;
 use super::case::{Done, Status};
+use super::workbench::Workbench;
 use crate::cli::timing::milliseconds_since;
 
 /// The results of the controls.
@@ -77,20 +77,13 @@ fn provoke(
     what: Provocation,
     layer: &mut Option<String>,
 ) -> std::result::Result<String, String> {
-    let log = Arc::new(ValidationLog::default());
-    log.keep_silent();
-    let options = GpuOptions {
-        device: device.map(str::to_string),
-        validation: Validation::Full,
-        validation_log: Some(Arc::clone(&log)),
-        no_pipeline_cache: true,
-        ..GpuOptions::default()
-    };
-    let gpu = Gpu::new(&options).map_err(|error| error.to_string())?;
+    let bench = Workbench::new(device.map(str::to_string), Validation::Full);
+    bench.log.keep_silent();
+    let gpu = bench.open_under(Validation::Full, GpuOptions::default()).map_err(|error| error.to_string())?;
     *layer = gpu.validation_layer().map(str::to_string);
     gpu.provoke(what).map_err(|error| error.to_string())?;
     drop(gpu);
-    let messages = log.take();
+    let messages = bench.log.take();
     let is_it = |message: &&String| what.message().iter().any(|part| message.contains(part));
     match messages.iter().find(is_it) {
         Some(message) => Ok(id_of(message).to_string()),

@@ -1,15 +1,12 @@
-//! Resources that are created, replaced and released: image sizes, uploads, transfer functions, scalars, frames in
-//! flight.
+//! Resources that are created, replaced and released: image sizes, uploads, transfer functions, scalars.
 
 use std::sync::Arc;
 
-use volraster::ash::vk;
 use volraster::gpu::GpuOptions;
 use volraster::scene::TetScalars;
-use volraster::{GpuScene, Image, Offscreen, Renderer, TargetDesc, TargetMode};
+use volraster::{GpuScene, Image, Renderer};
 
-use super::subject::{SIZE, VIEWS, view};
-use super::targets::{difference, texels_f32};
+use super::subject::{VIEWS, view};
 use super::workbench::{Stop, Trial, Verdict, Workbench, fail};
 
 fn same(what: &str, a: &Image, b: &Image) -> std::result::Result<(), Stop> {
@@ -85,37 +82,4 @@ pub(super) fn passes(workbench: &Workbench, spec: &str) -> Verdict {
     let by_pass = workbench.open(GpuOptions { command_buffer_by_pass: true, ..GpuOptions::default() })?;
     same("by pass", &Trial::on(by_pass, spec)?.image()?, &image)?;
     Ok("as in one command buffer".to_string())
-}
-
-/// Compares three frames in flight, of three views, with images that are drawn one by one.
-pub(super) fn flight(workbench: &Workbench, spec: &str) -> Verdict {
-    let trial = Trial::new(workbench, spec)?;
-    let scene = trial.scene()?;
-    let renderer = Renderer::new(&scene, trial.technique);
-    let format = vk::Format::R32G32B32A32_SFLOAT;
-    let mut flying = Vec::new();
-    let mut expected = Vec::new();
-    for name in VIEWS {
-        let view = view(name, SIZE)?;
-        // Capacities are known after a frame of the view has been drawn.
-        expected.push(renderer.render(&view)?);
-        let plan = renderer.prepare(&view, &TargetDesc::caller(format, TargetMode::Clear))?;
-        flying.push((plan, Offscreen::new(&trial.gpu, format, SIZE)?));
-    }
-    for _ in 0..2 {
-        for (plan, image) in &mut flying {
-            image.draw(plan, [0.0; 4])?;
-        }
-        for ((_, image), expected) in flying.iter_mut().zip(&expected) {
-            let (status, bytes) = image.finish()?;
-            if !status.complete {
-                return fail("a frame is not complete");
-            }
-            let far = difference(&texels_f32(&bytes), expected);
-            if far > 1e-5 {
-                return fail(format!("{far:.1e} from the image that is drawn alone"));
-            }
-        }
-    }
-    Ok(format!("{} at a time", VIEWS.len()))
 }

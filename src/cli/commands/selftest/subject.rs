@@ -48,10 +48,6 @@ impl Subject {
     }
 
     /// Makes the scene.
-    ///
-    /// # Errors
-    ///
-    /// None, unless a constant above is wrong.
     pub(crate) fn scene(self) -> Result<Scene> {
         match self {
             Self::Grid(kind) => {
@@ -72,10 +68,6 @@ impl Subject {
     }
 
     /// Returns another transfer function for the subject.
-    ///
-    /// # Errors
-    ///
-    /// As [`Subject::scene`].
     pub(crate) fn other_transfer(self) -> Result<TransferFunction> {
         self.transfer(&SMOKE)
     }
@@ -97,10 +89,6 @@ impl Subject {
 pub(crate) const VIEWS: [&str; 3] = ["perspective", "orthographic", "inside"];
 
 /// Returns a view of [`VIEWS`].
-///
-/// # Errors
-///
-/// As [`View::new`].
 pub(crate) fn view(name: &str, [width, height]: [u32; 2]) -> Result<View> {
     let (distance, projection) = match name {
         "orthographic" => (1.0, Projection::Orthographic { half_height: 1.6 }),

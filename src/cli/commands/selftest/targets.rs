@@ -1,18 +1,18 @@
-//! Images of the caller as targets, in several formats.
+//! Images of the caller as targets: in several formats, and with frames in flight.
 
 use volraster::ash::vk;
 use volraster::{Image, Offscreen, Renderer, TargetDesc, TargetMode};
 
-use super::subject::SIZE;
+use super::subject::{SIZE, VIEWS, view};
 use super::workbench::{Trial, Verdict, Workbench, fail};
 
-pub(super) fn texels_f32(bytes: &[u8]) -> Vec<[f32; 4]> {
+fn texels_f32(bytes: &[u8]) -> Vec<[f32; 4]> {
     let number = |b: &[u8]| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]);
     bytes.chunks_exact(16).map(|t| std::array::from_fn(|c| number(&t[4 * c..4 * c + 4]))).collect()
 }
 
 /// Returns the largest difference between texels and an image.
-pub(super) fn difference(texels: &[[f32; 4]], picture: &Image) -> f32 {
+fn difference(texels: &[[f32; 4]], picture: &Image) -> f32 {
     if texels.len() != picture.pixels().len() {
         return f32::INFINITY;
     }
@@ -69,4 +69,37 @@ pub(super) fn caller(workbench: &Workbench, spec: &str) -> Verdict {
         }
     }
     Ok(format!("{} formats, cleared and over", FORMATS.len()))
+}
+
+/// Compares three frames in flight, of three views, with images that are drawn one by one.
+pub(super) fn flight(workbench: &Workbench, spec: &str) -> Verdict {
+    let trial = Trial::new(workbench, spec)?;
+    let scene = trial.scene()?;
+    let renderer = Renderer::new(&scene, trial.technique);
+    let format = vk::Format::R32G32B32A32_SFLOAT;
+    let mut flying = Vec::new();
+    let mut expected = Vec::new();
+    for name in VIEWS {
+        let view = view(name, SIZE)?;
+        // Capacities are known after a frame of the view has been drawn.
+        expected.push(renderer.render(&view)?);
+        let plan = renderer.prepare(&view, &TargetDesc::caller(format, TargetMode::Clear))?;
+        flying.push((plan, Offscreen::new(&trial.gpu, format, SIZE)?));
+    }
+    for _ in 0..2 {
+        for (plan, image) in &mut flying {
+            image.draw(plan, [0.0; 4])?;
+        }
+        for ((_, image), expected) in flying.iter_mut().zip(&expected) {
+            let (status, bytes) = image.finish()?;
+            if !status.complete {
+                return fail("a frame is not complete");
+            }
+            let far = difference(&texels_f32(&bytes), expected);
+            if far > 1e-5 {
+                return fail(format!("{far:.1e} from the image that is drawn alone"));
+            }
+        }
+    }
+    Ok(format!("{} at a time", VIEWS.len()))
 }

@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 use std::collections::HashMap;
-use std::rc::Rc;
+use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 use volraster::gpu::{Gpu, GpuOptions, OptionalFeature, Validation, ValidationLog};
@@ -37,25 +37,19 @@ pub(super) fn fail<T>(reason: impl Into<String>) -> std::result::Result<T, Stop>
 }
 
 /// The devices, validation and reference images that cases share.
+#[derive(Default)]
 pub(super) struct Workbench {
     pub(super) device: Option<String>,
     pub(super) validation: Validation,
     pub(super) log: Arc<ValidationLog>,
     full: RefCell<Option<Gpu>>,
     light: RefCell<Option<Gpu>>,
-    truths: RefCell<HashMap<Sight, Rc<ReferenceImage>>>,
+    truths: RefCell<HashMap<Sight, ReferenceImage>>,
 }
 
 impl Workbench {
     pub(super) fn new(device: Option<String>, validation: Validation) -> Self {
-        Self {
-            device,
-            validation,
-            log: Arc::default(),
-            full: RefCell::default(),
-            light: RefCell::default(),
-            truths: RefCell::default(),
-        }
+        Self { device, validation, ..Self::default() }
     }
 
     /// Returns core and synchronization validation, if any is on.
@@ -65,15 +59,12 @@ impl Workbench {
 
     /// Opens a separate device under core and synchronization validation. Instrumenting its shaders as well would
     /// dominate the run time.
-    ///
-    /// # Errors
-    ///
-    /// As [`Gpu::new`].
     pub(super) fn open(&self, options: GpuOptions) -> Result<Gpu> {
         self.open_under(self.plain(), options)
     }
 
-    fn open_under(&self, validation: Validation, options: GpuOptions) -> Result<Gpu> {
+    /// Opens a separate device under some validation.
+    pub(super) fn open_under(&self, validation: Validation, options: GpuOptions) -> Result<Gpu> {
         Gpu::new(&GpuOptions {
             device: self.device.clone(),
             validation,
@@ -93,20 +84,12 @@ impl Workbench {
     }
 
     /// Returns the shared device, under full validation.
-    ///
-    /// # Errors
-    ///
-    /// As [`Gpu::new`].
     pub(super) fn gpu(&self) -> Result<Gpu> {
         self.shared(&self.full, self.validation)
     }
 
     /// Returns a second shared device without instrumented shaders, for cases with so many shader variants that
     /// compiling instrumented ones takes minutes.
-    ///
-    /// # Errors
-    ///
-    /// As [`Gpu::new`].
     pub(super) fn light(&self) -> Result<Gpu> {
         let validation = match self.validation {
             Validation::Full => Validation::BestPractices,
@@ -122,30 +105,18 @@ impl Workbench {
         self.light.borrow_mut().take();
     }
 
-    /// Returns the reference image.
-    ///
-    /// # Errors
-    ///
-    /// As [`reference::render`].
-    pub(super) fn truth(&self, sight: Sight) -> Result<Rc<ReferenceImage>> {
-        if let Some(truth) = self.truths.borrow().get(&sight) {
-            return Ok(Rc::clone(truth));
-        }
-        let (subject, name, size) = sight;
-        let image =
-            reference::render(&subject.scene()?, &view(name, size)?, &ReferenceOptions::default(), None)?;
-        let truth = Rc::new(image);
-        self.truths.borrow_mut().insert(sight, Rc::clone(&truth));
-        Ok(truth)
-    }
-
-    /// Returns RMSE and largest error of an image; infinite if a sample is not finite.
-    ///
-    /// # Errors
-    ///
-    /// As [`Workbench::truth`].
+    /// Compares an image with the reference. Returns RMSE and largest error; infinite if a sample is not finite.
     pub(super) fn errors(&self, image: &Image, sight: Sight) -> Result<[f64; 2]> {
-        let errors = ImageErrors::between_f64(image, &*self.truth(sight)?)?;
+        let mut truths = self.truths.borrow_mut();
+        let truth = match truths.entry(sight) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(place) => {
+                let (subject, name, size) = sight;
+                let (scene, view) = (subject.scene()?, view(name, size)?);
+                place.insert(reference::render(&scene, &view, &ReferenceOptions::default(), None)?)
+            }
+        };
+        let errors = ImageErrors::between_f64(image, truth)?;
         let finite = if errors.non_finite == 0 { errors.all.max_abs } else { f64::INFINITY };
         Ok([errors.all.rmse, finite])
     }

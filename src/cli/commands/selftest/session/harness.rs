@@ -45,7 +45,7 @@ pub(crate) struct Swept {
     pub(crate) harmless: u32,
 }
 
-/// The result of a check; the error is the finding as one line of text.
+/// The result of a check; the error is the first finding as one line of text.
 pub(super) type Outcome<T> = std::result::Result<T, String>;
 
 impl Swept {
@@ -176,9 +176,6 @@ pub(super) fn spread(
     };
     let mut calls: Vec<_> = of.into_iter().flat_map(few).collect();
     calls.sort_unstable();
-    calls
-        .into_iter()
-        .zip(RESULTS.into_iter().cycle())
-        .map(|((call, name), error)| (call, name, error))
-        .collect()
+    let errors = RESULTS.into_iter().cycle();
+    calls.into_iter().zip(errors).map(|((call, name), error)| (call, name, error)).collect()
 }

@@ -48,10 +48,6 @@ const EYE: DVec3 = DVec3::new(2.0, 1.5, 3.8);
 pub(crate) type Pictures = Vec<(&'static str, Vec<u8>)>;
 
 /// Returns the sessions, each with a few samples, cells or points.
-///
-/// # Errors
-///
-/// None, unless a constant above is wrong.
 pub(crate) fn sessions() -> Result<Vec<Session>> {
     let transfer = TransferFunction::from_rows(&ROWS)?;
     // 8-bit samples make the library probe how the device filters them.
@@ -112,10 +108,6 @@ impl Session {
 
     /// Uploads, draws and reads back; then another view, size and transfer function, other scalars and surfaces, and
     /// the caller's images with two frames in flight. Drops everything at the end.
-    ///
-    /// # Errors
-    ///
-    /// The first error.
     pub(crate) fn run(&self, gpu: &Gpu) -> Result<Pictures> {
         let mut pictures = Pictures::new();
         let views = self.views()?;

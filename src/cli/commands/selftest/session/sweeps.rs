@@ -1,5 +1,7 @@
 //! Sweeps of failures: sessions in which each call fails in turn, or in which the device is lost.
 
+use std::ops::RangeInclusive;
+
 use volraster::gpu::Injection;
 use volraster::scene::View;
 use volraster::{Error, GpuScene, Renderer, Result};
@@ -10,10 +12,6 @@ use super::sessions::{Pictures, Session, bytes};
 /// Lets each call of a session fail in turn, at most `most` calls of each function, on a device that has all
 /// pipelines. Checks that each failure is reported or harmless, that nothing stays allocated, and that the next frame
 /// is identical to the bit.
-///
-/// # Errors
-///
-/// The first finding.
 pub(crate) fn fail_each(place: &Place, session: &Session, most: usize) -> Outcome<Swept> {
     let harness = Harness::new(place, session);
     let gpu = harness.at("open", harness.open())?;
@@ -50,10 +48,6 @@ pub(crate) fn fail_each(place: &Place, session: &Session, most: usize) -> Outcom
 
 /// Lets each call of a frame fail in turn on a plan that draws again afterwards, first another view, then the same.
 /// Checks that its allocations have not grown and that the images are identical to the bit.
-///
-/// # Errors
-///
-/// The first finding.
 pub(crate) fn fail_frames(place: &Place, session: &Session, most: usize) -> Outcome<Swept> {
     let harness = Harness::new(place, session);
     let gpu = harness.at("open", harness.open())?;
@@ -110,36 +104,24 @@ const ONCE: [&str; 9] = [
     "vkGetPipelineCacheData",
 ];
 
-/// A session on a new device, without failures.
-struct FirstRun {
-    pictures: Pictures,
-    names: Vec<&'static str>,
-    /// Numbers of the calls between opening and destroying the device.
-    inner: std::ops::RangeInclusive<u64>,
-}
-
-impl FirstRun {
-    fn new(harness: &Harness<'_>) -> Outcome<Self> {
-        let ((pictures, inner), names) = harness.recorded(|| {
-            let gpu = harness.at("open", harness.open())?;
-            let opened = harness.injection.calls();
-            let pictures = harness.at("first run", harness.session.run(&gpu))?;
-            Ok((pictures, opened + 1..=harness.injection.calls()))
-        })?;
-        harness.clean("first run", None)?;
-        Ok(Self { pictures, names, inner })
-    }
+/// Runs a session on a new device, without failures. Returns its pictures, the names of its calls, and the numbers of the
+/// calls between opening and destroying the device.
+fn first_run(harness: &Harness<'_>) -> Outcome<(Pictures, Vec<&'static str>, RangeInclusive<u64>)> {
+    let ((pictures, inner), names) = harness.recorded(|| {
+        let gpu = harness.at("open", harness.open())?;
+        let opened = harness.injection.calls();
+        let pictures = harness.at("first run", harness.session.run(&gpu))?;
+        Ok((pictures, opened + 1..=harness.injection.calls()))
+    })?;
+    harness.clean("first run", None)?;
+    Ok((pictures, names, inner))
 }
 
 /// Lets each call fail in turn that opens or destroys a device or is made once for it, at most `most` calls of each
 /// function, each time on a new device.
-///
-/// # Errors
-///
-/// The first finding.
 pub(crate) fn fail_opening(place: &Place, session: &Session, most: usize) -> Outcome<Swept> {
     let harness = Harness::new(place, session);
-    let FirstRun { pictures: expected, names, inner } = FirstRun::new(&harness)?;
+    let (expected, names, inner) = first_run(&harness)?;
     let mut swept = Swept { calls: names.len() as u64, ..Swept::default() };
     let outside = |call: u64, name: &str| !inner.contains(&call) || ONCE.contains(&name);
     for (call, name, result) in spread(&names, most, outside) {
@@ -179,13 +161,9 @@ pub(crate) fn fail_opening(place: &Place, session: &Session, most: usize) -> Out
 /// Loses the device at calls that can report it, at most `most` calls of each function, each time on a new device.
 /// Checks that the session ends with [`Error::DeviceLost`], that later requests return the same error without a
 /// Vulkan call, that nothing stays allocated, and that the device can be opened again.
-///
-/// # Errors
-///
-/// The first finding.
 pub(crate) fn lose(place: &Place, session: &Session, most: usize) -> Outcome<Swept> {
     let harness = Harness::new(place, session);
-    let FirstRun { pictures: expected, names, inner } = FirstRun::new(&harness)?;
+    let (expected, names, inner) = first_run(&harness)?;
     let mut swept = Swept { calls: *inner.end(), ..Swept::default() };
     let tells = |call: u64, name: &str| inner.contains(&call) && Injection::tells_of_loss(name);
     for (call, name, _) in spread(&names, most, tells) {
