@@ -1,7 +1,7 @@
 //! Stacked horizontal bars.
 
 use super::axis::nice_step;
-use super::picture::{COLOURS, Colour, FRAME, GREY, GRID, INK, LINE, Picture, Titles, text_width};
+use super::picture::{COLOURS, Colour, FRAME, GREY, GRID, INK, LINE, Picture, Titles, style, text_width};
 use crate::cli::numbers::{three_digits, tick_label};
 
 /// A stacked bar: a name, and named parts with their values.
@@ -21,35 +21,31 @@ pub(crate) fn bars(titles: &Titles, bars: &[Bar]) -> Option<Picture> {
     let bars = &few_parts(bars, most);
     let mut names: Vec<&str> = Vec::new();
     for (name, _) in bars.iter().flat_map(|bar| &bar.parts) {
-        if !names.contains(&name.as_str()) && name != OTHER {
+        if !names.contains(&name.as_str()) {
             names.push(name);
         }
     }
-    let has_others = bars.iter().flat_map(|bar| &bar.parts).any(|(name, _)| name == OTHER);
-    // The other parts are grey.
-    let colours = |name: &str| -> Colour {
-        let place = names.iter().position(|known| *known == name);
-        (place.and_then(|place| COLOURS.get(place)).copied().unwrap_or([175; 3]), 1.0)
+    names.sort_by_key(|name| *name == OTHER);
+    let colour = |name: &str| -> Colour {
+        let place = names.iter().position(|known| *known == name).filter(|_| name != OTHER);
+        (place.map_or([175; 3], |place| style(place).0), 1.0)
     };
-    let legends: Vec<&str> = names.iter().copied().chain(has_others.then_some(OTHER)).collect();
     let names_width = bars.iter().map(|bar| text_width(&bar.name)).fold(0.0, f64::max);
-    let legend = legends.iter().map(|name| text_width(name)).fold(0.0, f64::max) + 44.0;
+    let legend = names.iter().map(|name| text_width(name)).fold(0.0, f64::max) + 44.0;
     let (left, top, row) = (names_width + 28.0, 66.0, 26.0);
     let right = left + 520.0;
     let count = f64::from(u32::try_from(bars.len()).unwrap_or(u32::MAX));
     let bottom = top + row * count + 6.0;
-    let legend_end = top + LINE * legends.len() as f64;
+    let legend_end = top + LINE * names.len() as f64;
     let height = (bottom + 54.0).max(legend_end + 16.0);
     let mut picture = Picture::new([right + 70.0 + legend, height], titles);
     let step = nice_step(most / 6.0);
     let end = (most / step).ceil() * step;
     let x = |v: f64| left + (right - left) * v / end;
-    let mut i = 0_u32;
-    while f64::from(i) * step <= end * (1.0 + 1e-9) {
-        let value = f64::from(i) * step;
+    let ticks = (0_u32..).map(|i| f64::from(i) * step);
+    for value in ticks.take_while(|value| *value <= end * (1.0 + 1e-9)) {
         picture.line(&[[x(value), top], [x(value), bottom]], 1.0, GRID, false);
         picture.text(&tick_label(value), [x(value), bottom + 18.0], "middle", INK);
-        i += 1;
     }
     picture.text(titles.x, [0.5 * (left + right), bottom + 42.0], "middle", INK);
     for (i, bar) in (0_u32..).zip(bars) {
@@ -57,15 +53,15 @@ pub(crate) fn bars(titles: &Titles, bars: &[Bar]) -> Option<Picture> {
         picture.text(&bar.name, [left - 8.0, y + 13.5], "end", INK);
         let mut from = 0.0;
         for (name, value) in &bar.parts {
-            picture.fill([x(from), y], [x(from + value), y + row - 8.0], colours(name));
+            picture.fill([x(from), y], [x(from + value), y + row - 8.0], colour(name));
             from += value;
         }
         picture.text(&three_digits(sum(bar)), [x(from) + 6.0, y + 13.5], "start", GREY);
     }
     picture.line(&[[left, top], [left, bottom]], 1.0, FRAME, false);
-    for (i, name) in legends.iter().enumerate() {
+    for (i, name) in names.iter().enumerate() {
         let (at, y) = (right + 62.0, top + 10.0 + LINE * i as f64);
-        picture.fill([at, y - 6.0], [at + 14.0, y + 6.0], colours(name));
+        picture.fill([at, y - 6.0], [at + 14.0, y + 6.0], colour(name));
         picture.text(name, [at + 22.0, y + 4.5], "start", INK);
     }
     Some(picture)

@@ -1,7 +1,7 @@
 //! Curves over logarithmic axes.
 
 use super::axis::{bounds, share, ticks};
-use super::picture::{FRAME, GRID, INK, LINE, Mark, Picture, Titles, style, text_width};
+use super::picture::{DISC, FRAME, GRID, INK, LINE, Picture, Titles, style, text_width};
 
 /// A named curve, with further points around it.
 #[derive(Debug)]
@@ -61,7 +61,7 @@ pub(crate) fn curves(titles: &Titles, mut series: Vec<Series>) -> Option<Picture
     // Pale dots lie below the lines.
     for one in &series {
         for dot in &one.dots {
-            picture.mark(Mark::Disc, place(dot), 2.2, (style(one.style).0, 0.35));
+            picture.mark(DISC, place(dot), 2.2, (style(one.style).0, 0.35));
         }
     }
     for one in &series {

@@ -40,19 +40,14 @@ pub(super) const COLOURS: [[u8; 3]; 8] = [
     [136, 84, 24],
 ];
 
-/// Shape of a marker.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Mark {
-    Disc,
-    Square,
-    Diamond,
-    Up,
-    Down,
-    Cross,
-}
+/// A marker: the corners of a polygon, the turn of the first, and its size relative to other markers; `None` for a cross.
+pub(super) type Mark = Option<(u32, f64, f64)>;
+
+pub(super) const DISC: Mark = Some((24, 0.0, 1.0));
 
 /// Marks: curves also differ in shape, for readers who see no colours.
-const MARKS: [Mark; 6] = [Mark::Disc, Mark::Square, Mark::Up, Mark::Diamond, Mark::Cross, Mark::Down];
+const MARKS: [Mark; 6] =
+    [DISC, Some((4, 0.125, 1.25)), Some((3, -0.25, 1.4)), Some((4, 0.0, 1.35)), None, Some((3, 0.25, 1.4))];
 
 /// Returns colour and mark of a curve.
 pub(super) fn style(index: usize) -> ([u8; 3], Mark) {
@@ -111,27 +106,17 @@ impl Picture {
 
     /// Draws a marker.
     pub(super) fn mark(&mut self, mark: Mark, [x, y]: [f64; 2], radius: f64, colour: Colour) {
-        let around = |corners: u32, turn: f64, reach: f64| {
-            let corner = |i: u32| {
-                let (s, c) = (std::f64::consts::TAU * (f64::from(i) / f64::from(corners) + turn)).sin_cos();
-                [x + reach * c, y + reach * s]
-            };
-            (0..corners).map(corner).collect::<Vec<_>>()
+        let Some((corners, turn, size)) = mark else {
+            let r = radius;
+            self.line(&[[x - r, y - r], [x + r, y + r]], 0.6 * r, colour, false);
+            return self.line(&[[x - r, y + r], [x + r, y - r]], 0.6 * r, colour, false);
         };
-        let points = match mark {
-            Mark::Disc => around(24, 0.0, radius),
-            Mark::Square => around(4, 0.125, 1.25 * radius),
-            Mark::Diamond => around(4, 0.0, 1.35 * radius),
-            Mark::Up => around(3, -0.25, 1.4 * radius),
-            Mark::Down => around(3, 0.25, 1.4 * radius),
-            Mark::Cross => {
-                let r = radius;
-                self.line(&[[x - r, y - r], [x + r, y + r]], 0.6 * r, colour, false);
-                self.line(&[[x - r, y + r], [x + r, y - r]], 0.6 * r, colour, false);
-                return;
-            }
+        let reach = size * radius;
+        let corner = |i: u32| {
+            let (s, c) = (std::f64::consts::TAU * (f64::from(i) / f64::from(corners) + turn)).sin_cos();
+            [x + reach * c, y + reach * s]
         };
-        self.polygon(&points, colour);
+        self.polygon(&(0..corners).map(corner).collect::<Vec<_>>(), colour);
     }
 
     /// Draws text; `at` is the `start`, `middle` or `end` of its baseline, as `anchor` says.
@@ -184,7 +169,7 @@ mod tests {
         let mut picture = Picture::new([39.5, 30.0], &titles);
         picture.fill([5.0, 5.0], [15.0, 10.0], RED);
         picture.line(&[[20.0, 20.0], [30.0, 20.0]], 2.0, ([0, 0, 0], 0.5), true);
-        picture.mark(Mark::Disc, [35.0, 5.0], 3.0, RED);
+        picture.mark(DISC, [35.0, 5.0], 3.0, RED);
         picture.text("a < b", [5.0, 25.0], "end", RED);
         picture.upwards("up", [3.0, 15.0], RED);
         let svg = picture.svg();

@@ -182,7 +182,7 @@ fn growth(title: &str, (axis, size): Size, views: &[Vec<&Record>]) -> Option<Pic
 
 #[cfg(test)]
 mod tests {
-    use super::super::record::tests::case;
+    use super::super::record::case;
     use super::*;
     use serde_json::json;
 

@@ -85,7 +85,8 @@ impl Args {
         output::make_folder(folder)?;
         let mut results = Results::begin(folder)?;
         interrupt::watch();
-        let draws: u64 = workloads.iter().map(|workload| self.draws_of(workload)).sum::<Result<_>>()?;
+        let draws = |workload| Ok(self.frames_of(workload)?.1);
+        let draws = workloads.iter().map(draws).sum::<Result<u64>>()?;
         let bar = output::progress(draws, "bench");
         for workload in workloads.into_iter().take_while(|_| !interrupt::requested()) {
             self.measure(&gpu, workload, &bar, &mut results, quiet)?;
@@ -172,15 +173,11 @@ impl Args {
         Ok(vec![Workload::File(name, Box::new(input))])
     }
 
-    /// Returns the number of timed frames per case.
-    fn frames_of(&self, workload: &Workload) -> usize {
+    /// Returns the number of timed frames per case, and an upper bound of the frames that the workload draws.
+    fn frames_of(&self, workload: &Workload) -> Result<(usize, u64)> {
         let own = if let Workload::Standard(suite, _) = workload { suite.frames } else { FRAMES };
-        self.frames.map_or(own, usize::from)
-    }
-
-    /// Returns an upper bound of the frames that a workload draws.
-    fn draws_of(&self, workload: &Workload) -> Result<u64> {
-        Ok((workload.case_count(self.size)? * (self.frames_of(workload) + 1)) as u64)
+        let frames = self.frames.map_or(own, usize::from);
+        Ok((frames, (workload.case_count(self.size)? * (frames + 1)) as u64))
     }
 
     /// Measures every case of a workload, one view after the other.
@@ -192,7 +189,7 @@ impl Args {
         results: &mut Results,
         quiet: bool,
     ) -> Result<()> {
-        let (draws, frames) = (self.draws_of(&workload)?, self.frames_of(&workload));
+        let (frames, draws) = self.frames_of(&workload)?;
         let end = bar.position() + draws;
         let is_found = matches!(workload, Workload::Found(..));
         let Opened { name, family, scene, views } = match workload.open(self.size) {

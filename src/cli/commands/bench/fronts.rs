@@ -116,7 +116,7 @@ fn cell(time: TimeAt) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::record::tests::case;
+    use super::super::record::case;
     use super::*;
 
     fn measured(technique: &str, options: &str, time: f64, error: f64) -> Record {

@@ -160,7 +160,7 @@ impl<'a> Ratios<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::record::tests::case;
+    use super::super::record::case;
     use super::*;
 
     #[test]

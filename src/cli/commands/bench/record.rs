@@ -189,7 +189,10 @@ pub(super) fn views(records: &[Record]) -> Vec<Vec<&Record>> {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+pub(super) use tests::case;
+
+#[cfg(test)]
+mod tests {
     use super::*;
     use serde_json::json;
 

@@ -1,12 +1,12 @@
 //! Suites and their standard scenes. A further scene is a further row of a list.
 
+use volraster::Result;
 use volraster::glam::DVec3;
-use volraster::io::scene_file::PRESETS;
+use volraster::io::scene_file::{PRESETS, Preset};
 use volraster::scene::{
     Camera, Clip, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, Shading, Surface,
     TransferFunction, View,
 };
-use volraster::{Error, Result};
 
 use super::sweeps::{SMOKE, STANDARD, Sweep};
 use crate::cli::input::Size;
@@ -102,7 +102,7 @@ pub(super) const GAUSSIANS: Kernels =
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Look {
     /// A preset that scene files can name.
-    Preset(&'static str),
+    Preset(&'static Preset),
     /// Knots: scalar, colour, extinction.
     Rows(&'static [[f64; 5]]),
 }
@@ -111,9 +111,9 @@ pub(super) enum Look {
 const THIN: Look =
     Look::Rows(&[[0.49, 1.0, 0.8, 0.3, 0.0], [0.5, 1.0, 0.8, 0.3, 240.0], [0.51, 1.0, 0.8, 0.3, 0.0]]);
 
-const SHELLS: Look = Look::Preset("shells");
+const SHELLS: Look = Look::Preset(&PRESETS[2]);
 
-const FOG: Look = Look::Preset("fog");
+const FOG: Look = Look::Preset(&PRESETS[1]);
 
 const EYE: [f64; 3] = [2.0, 1.5, 3.8];
 
@@ -243,17 +243,11 @@ impl StandardScene {
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] when the scene names an unknown field or preset.
+    /// [`Error::Invalid`](volraster::Error::Invalid) when the scene names an unknown field.
     pub(super) fn load(&self) -> Result<Scene> {
         let range @ [lo, hi] = self.range();
         let transfer = match self.look {
-            Look::Preset(name) => {
-                let Some(preset) = PRESETS.iter().find(|known| known.name == name) else {
-                    let why = format!("\"{name}\": unknown preset");
-                    return Err(Error::Invalid { what: "transfer function".to_string(), why });
-                };
-                preset.transfer(range, 1.0)?
-            }
+            Look::Preset(preset) => preset.transfer(range, 1.0)?,
             Look::Rows(rows) => {
                 let stretched = rows.iter().map(|&[s, r, g, b, tau]| [lo + (hi - lo) * s, r, g, b, tau]);
                 TransferFunction::from_rows(&stretched.collect::<Vec<_>>())?
@@ -317,6 +311,8 @@ mod tests {
 
     #[test]
     fn the_standard_scenes_are_valid() {
+        let name = |look| if let Look::Preset(preset) = look { preset.name } else { "" };
+        assert_eq!([SHELLS, FOG].map(name), ["shells", "fog"]);
         for suite in SUITES {
             let mut names: Vec<&str> = suite.scenes().map(|scene| scene.name).collect();
             let count = names.len();

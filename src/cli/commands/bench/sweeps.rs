@@ -214,14 +214,12 @@ pub(super) fn settings(sweeps: &[Sweep]) -> Result<Vec<Setting>> {
 fn combinations(
     options: &[(&'static str, &'static [&'static str])],
 ) -> Vec<Vec<(&'static str, &'static str)>> {
-    let extend = |rows: Vec<Vec<(&'static str, &'static str)>>,
-                  &(key, values): &(&'static str, &'static [&'static str])| {
-        let longer = rows.iter().flat_map(|row| {
-            values.iter().map(move |&value| row.iter().copied().chain([(key, value)]).collect())
-        });
-        longer.collect()
-    };
-    options.iter().fold(vec![Vec::new()], extend)
+    let mut rows = vec![Vec::new()];
+    for &(key, values) in options {
+        let longer = |row: &Vec<_>, value| row.iter().copied().chain([(key, value)]).collect();
+        rows = rows.iter().flat_map(|row| values.iter().map(|value| longer(row, *value))).collect();
+    }
+    rows
 }
 
 impl Setting {

@@ -196,7 +196,7 @@ fn table(rows: &[Vec<String>], text: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::charts::charts;
-    use super::super::record::tests::case;
+    use super::super::record::case;
     use super::*;
 
     #[test]

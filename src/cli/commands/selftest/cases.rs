@@ -75,7 +75,7 @@ pub(super) fn all(every_call: bool) -> Result<Vec<Case>> {
             if kind == "opening" && session.name != "grid-raster" {
                 continue;
             }
-            let (name, method) = (format!("{kind}/{}", session.name), session.method());
+            let (name, method) = (format!("{kind}/{}", session.name), session.technique.method());
             let run = move |workbench: &Workbench| {
                 // Best-practice advice and instrumented shaders do not matter here, and cost time.
                 let place = Place { device: workbench.device.clone(), validation: workbench.plain() };

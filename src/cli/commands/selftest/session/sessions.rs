@@ -10,7 +10,6 @@ use volraster::gpu::Gpu;
 use volraster::scene::{
     Camera, Clip, Field, Points, Projection, Scene, Surface, TetScalars, TransferFunction, View,
 };
-use volraster::technique::Method;
 use volraster::{GpuScene, Offscreen, Renderer, Result, TargetDesc, TargetMode, Technique};
 
 /// A technique with a scene that it draws.
@@ -18,7 +17,7 @@ use volraster::{GpuScene, Offscreen, Renderer, Result, TargetDesc, TargetMode, T
 pub(crate) struct Session {
     /// The name in messages.
     pub(crate) name: &'static str,
-    pub(super) technique: Technique,
+    pub(crate) technique: Technique,
     pub(super) scene: Scene,
 }
 
@@ -94,11 +93,6 @@ impl Session {
     /// Returns the first and the second view.
     pub(super) fn views(&self) -> Result<[View; 2]> {
         Ok([self.view(EYE, 20, 14)?, self.view(DVec3::new(-3.0, 1.0, 2.0), 20, 14)?])
-    }
-
-    /// Returns the technique.
-    pub(crate) fn method(&self) -> Method {
-        self.technique.method()
     }
 
     /// Draws the first view of a scene.
