@@ -114,7 +114,7 @@ impl Args {
         }
         let runs = [Record::read(a)?, Record::read(b)?];
         let ratios = Ratios::new(runs.each_ref().map(Vec::as_slice));
-        if ratios.is_empty() {
+        if ratios.pairs.is_empty() {
             let why = format!("{} and {} have no timed case in common", a.display(), b.display());
             return Err(invalid("compare", why).into());
         }

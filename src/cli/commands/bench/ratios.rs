@@ -13,7 +13,8 @@ const NAMES: [&str; 6] = ["scene", "projection", "size", "technique", "route", "
 /// The comparison of two runs, A and B.
 #[derive(Debug)]
 pub(super) struct Ratios<'a> {
-    pairs: Vec<Pair<'a>>,
+    /// Cases that both runs timed.
+    pub(super) pairs: Vec<Pair<'a>>,
     /// Cases that only one run timed.
     alone: [usize; 2],
     /// Device, driver and version of each run.
@@ -22,7 +23,7 @@ pub(super) struct Ratios<'a> {
 
 /// A case that both runs timed.
 #[derive(Debug)]
-struct Pair<'a> {
+pub(super) struct Pair<'a> {
     records: [&'a Record; 2],
     times: [Times; 2],
     ratio: Ratio,
@@ -65,11 +66,6 @@ impl<'a> Ratios<'a> {
             records.first().map_or_else(String::new, of)
         };
         Self { alone: [ours.len() - pairs.len(), theirs.len()], pairs, devices: runs.map(device) }
-    }
-
-    /// Returns whether no case was timed by both runs.
-    pub(super) fn is_empty(&self) -> bool {
-        self.pairs.is_empty()
     }
 
     /// Returns the geometric mean of the ratios and the number of cases of each technique, then of all.

@@ -138,7 +138,6 @@ impl Record {
     /// Returns the options that differ from their defaults, as `key=value,...`, without the route.
     pub(super) fn options_text(&self) -> String {
         let infos = Method::from_name(&self.technique).map_or(&[][..], Method::options);
-        let word = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_string);
         let number = |text: &str| text.parse::<f64>().ok();
         let same = |a: &str, b: &str| a == b || (number(a).is_some() && number(a) == number(b));
         let is_default =
@@ -169,6 +168,11 @@ impl Record {
     pub(super) fn view(&self) -> (&str, &str, [u32; 2]) {
         (&self.scene, &self.projection, self.size)
     }
+}
+
+/// Returns the value of an option as text.
+pub(super) fn word(value: &Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_string)
 }
 
 /// Returns what a table shows where there is no value.

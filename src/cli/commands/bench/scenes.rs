@@ -39,8 +39,8 @@ pub(super) struct StandardScene {
 /// The data on which the field is sampled.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Shape {
-    /// A grid: samples along each side, their type, and the stored values of the transfer function's \[0, 1\].
-    Samples(u32, &'static str, [f64; 2]),
+    /// A grid: samples along each side, and their type.
+    Samples(u32, &'static str),
     /// A grid of Gaussian kernels: samples along each side.
     Gaussians(u32),
     /// A mesh: cubes along each side, of five tetrahedra each.
@@ -127,10 +127,6 @@ const VIEWS: [(&str, [f64; 3], Projection); 4] = [
     ("far", [8.0, 6.0, 15.2], PERSPECTIVE),
 ];
 
-pub(super) const UNIT: [f64; 2] = [0.0, 1.0];
-
-const BYTE: [f64; 2] = [0.0, 255.0];
-
 const SIDES: &[u32] = &[256, 1024];
 
 /// Radius of points: three pixels of [`SIZE`] at the centre of the data, so that a standard deviation is one pixel.
@@ -142,35 +138,35 @@ const RADIUS_SMALL: f64 = 0.0546;
 /// The scenes of the suite `standard`.
 #[rustfmt::skip]
 pub(super) const SCENES: &[StandardScene] = &[
-    StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, cut: Whole, views: 1, sides: &[] },
-    StandardScene { name: "marschner-lobb-128", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: SHELLS, cut: Whole, views: 2, sides: SIDES },
-    StandardScene { name: "marschner-lobb-256", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(256, "f32", UNIT), look: SHELLS, cut: Whole, views: 1, sides: &[] },
-    StandardScene { name: "blobs-128", family: "blobs", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, cut: Whole, views: 2, sides: &[] },
-    StandardScene { name: "thin-128", family: "thin", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: THIN, cut: Whole, views: 1, sides: &[] },
-    StandardScene { name: "marschner-lobb-128-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(128, "u8", BYTE), look: SHELLS, cut: Whole, views: 2, sides: &[] },
+    StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32"), look: SHELLS, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "marschner-lobb-128", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(128, "f32"), look: SHELLS, cut: Whole, views: 2, sides: SIDES },
+    StandardScene { name: "marschner-lobb-256", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(256, "f32"), look: SHELLS, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "blobs-128", family: "blobs", field: "blobs", shape: Samples(128, "f32"), look: FOG, cut: Whole, views: 2, sides: &[] },
+    StandardScene { name: "thin-128", family: "thin", field: "marschner-lobb", shape: Samples(128, "f32"), look: THIN, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "marschner-lobb-128-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(128, "u8"), look: SHELLS, cut: Whole, views: 2, sides: &[] },
     StandardScene { name: "blobs-tets-12", family: "blobs-tets", field: "blobs", shape: Cubes(12), look: FOG, cut: Whole, views: 2, sides: &[] },
     StandardScene { name: "blobs-tets-34", family: "blobs-tets", field: "blobs", shape: Cubes(34), look: FOG, cut: Whole, views: 2, sides: SIDES },
     StandardScene { name: "blobs-tets-58", family: "blobs-tets", field: "blobs", shape: Cubes(58), look: FOG, cut: Whole, views: 2, sides: &[] },
     StandardScene { name: "blobs-gaussians-128", family: "blobs-gaussians", field: "blobs", shape: Gaussians(128), look: FOG, cut: Whole, views: 2, sides: &[] },
     StandardScene { name: "blobs-points-100k", family: "blobs-points", field: "blobs", shape: Points(100_000, RADIUS), look: FOG, cut: Whole, views: 2, sides: SIDES },
     StandardScene { name: "blobs-points-1m", family: "blobs-points", field: "blobs", shape: Points(1_000_000, RADIUS), look: FOG, cut: Whole, views: 1, sides: &[] },
-    StandardScene { name: "marschner-lobb-256-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(256, "u8", BYTE), look: SHELLS, cut: Whole, views: 2, sides: &[] },
+    StandardScene { name: "marschner-lobb-256-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(256, "u8"), look: SHELLS, cut: Whole, views: 2, sides: &[] },
 ];
 
 /// Further scenes of the suite `full`: other sizes and transfer functions, views from inside and from afar, clip
 /// planes and surfaces.
 #[rustfmt::skip]
 pub(super) const MORE_SCENES: &[StandardScene] = &[
-    StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32", UNIT), look: FOG, cut: Whole, views: 1, sides: &[] },
-    StandardScene { name: "blobs-256", family: "blobs", field: "blobs", shape: Samples(256, "f32", UNIT), look: FOG, cut: Whole, views: 1, sides: &[] },
-    StandardScene { name: "blobs-thin-128", family: "blobs-thin", field: "blobs", shape: Samples(128, "f32", UNIT), look: THIN, cut: Whole, views: 4, sides: SIDES },
-    StandardScene { name: "marschner-lobb-fog-128", family: "marschner-lobb-fog", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: FOG, cut: Whole, views: 4, sides: &[] },
-    StandardScene { name: "ramp-fog-128", family: "ramp-fog", field: "ramp", shape: Samples(128, "f32", UNIT), look: FOG, cut: Whole, views: 4, sides: &[] },
+    StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32"), look: FOG, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "blobs-256", family: "blobs", field: "blobs", shape: Samples(256, "f32"), look: FOG, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "blobs-thin-128", family: "blobs-thin", field: "blobs", shape: Samples(128, "f32"), look: THIN, cut: Whole, views: 4, sides: SIDES },
+    StandardScene { name: "marschner-lobb-fog-128", family: "marschner-lobb-fog", field: "marschner-lobb", shape: Samples(128, "f32"), look: FOG, cut: Whole, views: 4, sides: &[] },
+    StandardScene { name: "ramp-fog-128", family: "ramp-fog", field: "ramp", shape: Samples(128, "f32"), look: FOG, cut: Whole, views: 4, sides: &[] },
     StandardScene { name: "blobs-tets-23", family: "blobs-tets", field: "blobs", shape: Cubes(23), look: FOG, cut: Whole, views: 4, sides: &[] },
     StandardScene { name: "marschner-lobb-tets-34", family: "marschner-lobb-tets", field: "marschner-lobb", shape: Cubes(34), look: SHELLS, cut: Whole, views: 4, sides: &[] },
-    StandardScene { name: "blobs-128-clipped", family: "blobs-clipped", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, cut: Clipped, views: 1, sides: &[] },
-    StandardScene { name: "blobs-128-opaque", family: "blobs-opaque", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, cut: Opaque, views: 1, sides: &[] },
-    StandardScene { name: "blobs-128-translucent", family: "blobs-translucent", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, cut: Translucent, views: 1, sides: &[] },
+    StandardScene { name: "blobs-128-clipped", family: "blobs-clipped", field: "blobs", shape: Samples(128, "f32"), look: FOG, cut: Clipped, views: 1, sides: &[] },
+    StandardScene { name: "blobs-128-opaque", family: "blobs-opaque", field: "blobs", shape: Samples(128, "f32"), look: FOG, cut: Opaque, views: 1, sides: &[] },
+    StandardScene { name: "blobs-128-translucent", family: "blobs-translucent", field: "blobs", shape: Samples(128, "f32"), look: FOG, cut: Translucent, views: 1, sides: &[] },
     StandardScene { name: "blobs-tets-34-clipped", family: "blobs-tets-clipped", field: "blobs", shape: Cubes(34), look: FOG, cut: Clipped, views: 1, sides: &[] },
     StandardScene { name: "blobs-tets-34-opaque", family: "blobs-tets-opaque", field: "blobs", shape: Cubes(34), look: FOG, cut: Opaque, views: 1, sides: &[] },
     StandardScene { name: "blobs-tets-34-translucent", family: "blobs-tets-translucent", field: "blobs", shape: Cubes(34), look: FOG, cut: Translucent, views: 1, sides: &[] },
@@ -179,8 +175,8 @@ pub(super) const MORE_SCENES: &[StandardScene] = &[
 /// The small scenes of the suite `smoke`.
 #[rustfmt::skip]
 pub(super) const SMOKE_SCENES: &[StandardScene] = &[
-    StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, cut: Whole, views: 1, sides: &[96] },
-    StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32", UNIT), look: FOG, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32"), look: SHELLS, cut: Whole, views: 1, sides: &[96] },
+    StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32"), look: FOG, cut: Whole, views: 1, sides: &[] },
     StandardScene { name: "blobs-tets-12", family: "blobs-tets", field: "blobs", shape: Cubes(12), look: FOG, cut: Whole, views: 1, sides: &[96] },
     StandardScene { name: "blobs-gaussians-32", family: "blobs-gaussians", field: "blobs", shape: Gaussians(32), look: FOG, cut: Whole, views: 1, sides: &[] },
     StandardScene { name: "blobs-points-10k", family: "blobs-points", field: "blobs", shape: Points(10_000, RADIUS_SMALL), look: FOG, cut: Whole, views: 1, sides: &[96] },
@@ -222,15 +218,10 @@ impl StandardScene {
         VIEWS.iter().take(self.views).map(view).collect()
     }
 
-    /// Returns the further image sizes of the first view.
-    pub(super) fn sizes(&self) -> impl Iterator<Item = Size> {
-        self.sides.iter().map(|&side| Size { width: side, height: side })
-    }
-
     fn data(&self) -> Result<Data> {
         let field = Field::from_name(self.field)?;
         match self.shape {
-            Samples(side, kind, _) => field.sample([side; 3], kind).map(Data::from),
+            Samples(side, kind) => field.sample([side; 3], kind).map(Data::from),
             Gaussians(side) => field.sample([side; 3], "f32").map(Data::from),
             Cubes(cubes) => field.tets(cubes).map(Data::from),
             Points(count, radius) => {
@@ -258,11 +249,8 @@ impl StandardScene {
     }
 
     /// Returns the scalars that the transfer function's \[0, 1\] stands for.
-    pub(super) fn range(&self) -> [f64; 2] {
-        match self.shape {
-            Samples(_, _, range) => range,
-            Gaussians(_) | Cubes(_) | Points(..) => UNIT,
-        }
+    fn range(&self) -> [f64; 2] {
+        if let Samples(_, "u8") = self.shape { [0.0, 255.0] } else { [0.0, 1.0] }
     }
 }
 
@@ -299,9 +287,9 @@ mod tests {
                 .filter(|(method, _)| SPLATS.contains(method))
                 .collect::<Vec<_>>()
         };
-        let small = of(Samples(8, "f32", UNIT));
+        let small = of(Samples(8, "f32"));
         assert!(small.len() > 3 && small.iter().all(|(method, _)| *method == SplatSheets), "{small:?}");
-        assert_eq!(of(Samples(65, "f32", UNIT)), []);
+        assert_eq!(of(Samples(65, "f32")), []);
         for shape in [Gaussians(65), Points(9, 0.1)] {
             let all = of(shape);
             assert!(all.contains(&(SplatEwa, "order=center,footprint=ewa".into())), "{all:?}");
@@ -324,14 +312,14 @@ mod tests {
         for scene in [SCENES, MORE_SCENES, SMOKE_SCENES].concat() {
             assert_eq!(scene.views(SIZE).unwrap().len(), scene.views);
             let small = match scene.shape {
-                Samples(_, kind, range) => Samples(4, kind, range),
+                Samples(_, kind) => Samples(4, kind),
                 Gaussians(_) => Gaussians(4),
                 Cubes(_) => Cubes(2),
                 Points(_, radius) => Points(20, radius),
             };
             let loaded = StandardScene { shape: small, ..scene }.load().unwrap();
             match (scene.shape, &loaded.data) {
-                (Samples(_, kind, _), Data::Grid(grid)) => assert_eq!(grid.samples().type_name(), kind),
+                (Samples(_, kind), Data::Grid(grid)) => assert_eq!(grid.samples().type_name(), kind),
                 (Cubes(_), Data::Mesh(mesh)) => assert_eq!(mesh.cells().len(), 40),
                 (Gaussians(_), Data::Grid(_)) => assert_eq!(loaded.kernels, Some(GAUSSIANS)),
                 (Points(_, radius), Data::Points(points)) => {

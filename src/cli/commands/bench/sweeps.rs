@@ -51,8 +51,6 @@ const ONE: &[&str] = &["1"];
 
 const MESHES: &[Method] = &[Havs, Abuffer, ProjectedTets];
 
-const EVERY: &[&str] = &["compute", "raster", "interlock", "implementation-ordered"];
-
 const RASTERS: &[&str] = &["raster", "interlock", "implementation-ordered"];
 
 const PAIRS: &[&str] = &["1", "2", "4", "7", "15"];
@@ -156,7 +154,7 @@ pub(super) const SMOKE: &[Sweep] = &[
 pub(super) const SIZES: &[Sweep] = &[
     Sweep { name: "size", methods: &[Slices2d, ShearWarp], routes: BOTH, options: &[("step", &["slices"])] },
     Sweep { name: "size", methods: &[Slices3d, Slabs, Raycast], routes: BOTH, options: &[("step", ONE)] },
-    Sweep { name: "size", methods: MESHES, routes: EVERY, options: &[] },
+    Sweep { name: "size", methods: MESHES, routes: &["compute", "raster", "interlock", "implementation-ordered"], options: &[] },
     Sweep { name: "size", methods: SPLATS, routes: COMPUTE, options: &[] },
 ];
 

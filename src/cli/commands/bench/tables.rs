@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::charts::{Chart, view_title};
 use super::fronts::Fronts;
-use super::record::{Record, dash, views};
+use super::record::{Record, dash, views, word};
 use crate::cli::markup::{escape_markdown, link_address};
 use crate::cli::numbers::{count, three_digits};
 use crate::cli::timing::{Quantiles, ratio};
@@ -117,13 +117,11 @@ fn features(view: &[&Record]) -> Vec<Vec<String>> {
     for (key, off) in FEATURES {
         for record in view.iter().filter(|record| record.wall_ms.is_some()) {
             // Missing options are off: `dither` is recorded only when on.
-            let word = |record: &Record| {
-                let value = record.options.get(key);
-                let text =
-                    value.map(|value| value.as_str().map_or_else(|| value.to_string(), str::to_string));
+            let state = |record: &Record| {
+                let text = record.options.get(key).map(word);
                 text.map_or_else(|| off.to_string(), |text| text.trim_end_matches(".0").to_string())
             };
-            let on = word(record);
+            let on = state(record);
             if on == off {
                 continue;
             }
@@ -135,7 +133,7 @@ fn features(view: &[&Record]) -> Vec<Vec<String>> {
             let same = |other: &&&Record| {
                 other.wall_ms.is_some()
                     && (&other.technique, &other.route) == (&record.technique, &record.route)
-                    && word(other) == off
+                    && state(other) == off
                     && others(other) == others(record)
             };
             let Some(base) = view.iter().find(same) else { continue };

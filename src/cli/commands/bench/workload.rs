@@ -95,7 +95,8 @@ impl Workload {
                 let cases = |sweeps| move |(projection, view)| ViewCases { projection, view, sweeps };
                 let views = scene.views(size.unwrap_or(suite.size))?;
                 let mut views: Vec<ViewCases> = views.into_iter().map(cases(suite.sweeps)).collect();
-                for size in scene.sizes().filter(|_| size.is_none()) {
+                for &side in scene.sides.iter().filter(|_| size.is_none()) {
+                    let size = Size { width: side, height: side };
                     views.extend(scene.views(size)?.into_iter().take(1).map(cases(sweeps::SIZES)));
                 }
                 let family = Some(scene.family.to_string());

@@ -116,8 +116,8 @@ impl Args {
         let bar = output::progress(cases.len() as u64 + 1, "selftest");
         let layer = controls.layer.as_deref();
         if !quiet {
-            let (name, driver, api, layer) =
-                (&report.name, &report.driver, &report.api, layer.unwrap_or("none"));
+            let DeviceReport { name, driver, api, .. } = &report;
+            let layer = layer.unwrap_or("none");
             output::print(&format!("device: {name}, {driver}, Vulkan {api}; layer: {layer}"))?;
             output::print(&format!("validation: {}", controls.line()))?;
         }
