@@ -35,10 +35,9 @@ pub(super) fn bounds(values: impl Iterator<Item = f64>) -> Option<Range<f64>> {
 /// Returns grid lines of a logarithmic axis with a length in units; lines without a label have an empty text. Chooses
 /// as many labels as fit without overlap.
 pub(super) fn ticks(range: &Range<f64>, length: f64, is_x: bool) -> Vec<(f64, String)> {
-    let decades = || -300..=300;
     let inside = |value: f64| value >= range.start * (1.0 - 1e-9) && value <= range.end * (1.0 + 1e-9);
     let of = |digits: &[f64], every: i32| -> Vec<f64> {
-        decades()
+        (-300..=300)
             .filter(|exponent| exponent % every == 0)
             .flat_map(|exponent| digits.iter().map(move |digit| digit * 10.0_f64.powi(exponent)))
             .filter(|value| inside(*value))
@@ -57,10 +56,8 @@ pub(super) fn ticks(range: &Range<f64>, length: f64, is_x: bool) -> Vec<(f64, St
     // Minor lines are drawn only over few decades, where they are not too dense.
     let lines = if choices[2].len() <= 8 { of(&all, 1) } else { choices[2].clone() };
     let is_labelled = |value: f64| labelled.iter().any(|known| (known / value - 1.0).abs() < 1e-9);
-    lines
-        .into_iter()
-        .map(|value| (value, if is_labelled(value) { tick_label(value) } else { String::new() }))
-        .collect()
+    let label = |value| if is_labelled(value) { tick_label(value) } else { String::new() };
+    lines.into_iter().map(|value| (value, label(value))).collect()
 }
 
 /// Returns a round step of at least some size.

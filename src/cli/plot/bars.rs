@@ -5,20 +5,20 @@ use super::picture::{COLOURS, Colour, FRAME, GREY, GRID, INK, LINE, Picture, Tit
 use crate::cli::numbers::{three_digits, tick_label};
 
 /// A stacked bar: a name, and named parts with their values.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct Bar {
     pub(crate) name: String,
     pub(crate) parts: Vec<(String, f64)>,
 }
 
 /// Draws stacked bars below one another, each with its sum, and a legend at the right. `None` if no bar has a length.
-pub(crate) fn bars(titles: &Titles, bars: &[Bar]) -> Option<Picture> {
+pub(crate) fn bars(titles: &Titles, mut bars: Vec<Bar>) -> Option<Picture> {
     let sum = |bar: &Bar| bar.parts.iter().map(|(_, v)| v).sum::<f64>();
     let most = bars.iter().map(sum).fold(0.0, f64::max);
     if !(most > 0.0 && most.is_finite()) {
         return None;
     }
-    let bars = &few_parts(bars, most);
+    merge_parts(&mut bars, most);
     let mut names: Vec<&str> = Vec::new();
     for (name, _) in bars.iter().flat_map(|bar| &bar.parts) {
         if !names.contains(&name.as_str()) {
@@ -48,7 +48,7 @@ pub(crate) fn bars(titles: &Titles, bars: &[Bar]) -> Option<Picture> {
         picture.text(&tick_label(value), [x(value), bottom + 18.0], "middle", INK);
     }
     picture.text(titles.x, [0.5 * (left + right), bottom + 42.0], "middle", INK);
-    for (i, bar) in (0_u32..).zip(bars) {
+    for (i, bar) in (0_u32..).zip(&bars) {
         let y = top + 6.0 + row * f64::from(i);
         picture.text(&bar.name, [left - 8.0, y + 13.5], "end", INK);
         let mut from = 0.0;
@@ -68,28 +68,23 @@ pub(crate) fn bars(titles: &Titles, bars: &[Bar]) -> Option<Picture> {
 }
 
 /// Merges small parts, and parts beyond the number of colours, into one.
-fn few_parts(bars: &[Bar], most: f64) -> Vec<Bar> {
-    let mut largest: Vec<(&str, f64)> = Vec::new();
+fn merge_parts(bars: &mut [Bar], most: f64) {
+    let mut largest: Vec<(String, f64)> = Vec::new();
     for (name, value) in bars.iter().flat_map(|bar| &bar.parts) {
         match largest.iter_mut().find(|(known, _)| known == name) {
             Some((_, known)) => *known = known.max(*value),
-            None => largest.push((name, *value)),
+            None => largest.push((name.clone(), *value)),
         }
     }
     largest.retain(|(_, value)| *value >= 0.02 * most);
     largest.sort_by(|a, b| b.1.total_cmp(&a.1));
     largest.truncate(COLOURS.len());
-    let is_own = |name: &str| largest.iter().any(|(known, _)| *known == name);
-    let merged = |bar: &Bar| {
-        let (mut parts, others): (Vec<_>, Vec<_>) =
-            bar.parts.iter().cloned().partition(|(name, _)| is_own(name));
-        let rest: f64 = others.iter().map(|(_, value)| value).sum();
-        if rest > 0.0 {
-            parts.push((OTHER.to_string(), rest));
-        }
-        Bar { name: bar.name.clone(), parts }
-    };
-    bars.iter().map(merged).collect()
+    let is_own = |(name, _): &(String, f64)| largest.iter().any(|(known, _)| known == name);
+    for Bar { parts, .. } in bars {
+        let rest: f64 = parts.iter().filter(|part| !is_own(part)).map(|(_, value)| value).sum();
+        parts.retain(is_own);
+        parts.extend((rest > 0.0).then(|| (OTHER.to_string(), rest)));
+    }
 }
 
 const OTHER: &str = "other";
@@ -108,8 +103,8 @@ mod tests {
             name: name.to_string(),
             parts: parts.iter().map(|(name, v)| ((*name).to_string(), *v)).collect(),
         };
-        let two = [bar("one", &[("sort", 2.0), ("draw", 6.0)]), bar("two", &[("draw", 3.0)])];
-        let svg = bars(&titles(), &two).unwrap().svg();
+        let two = vec![bar("one", &[("sort", 2.0), ("draw", 6.0)]), bar("two", &[("draw", 3.0)])];
+        let svg = bars(&titles(), two).unwrap().svg();
         let widths: Vec<f64> = svg
             .lines()
             .filter(|line| line.starts_with("<polygon"))
@@ -131,9 +126,9 @@ mod tests {
             "{widths:?}"
         );
         // Parts that are small in all bars are merged; their sum stays in the bar.
-        let small = bars(&titles(), &[bar("one", &[("a", 100.0), ("b", 0.6), ("c", 0.4)])]).unwrap().svg();
+        let small = bars(&titles(), vec![bar("one", &[("a", 100.0), ("b", 0.6), ("c", 0.4)])]).unwrap().svg();
         assert!(small.contains(">other<") && small.contains(">101<") && !small.contains(">b<"), "{small}");
         assert!(svg.contains(">8.00<") && svg.contains(">sort<") && svg.contains(">two<"));
-        assert!(bars(&titles(), &[bar("none", &[])]).is_none());
+        assert!(bars(&titles(), vec![bar("none", &[])]).is_none());
     }
 }

@@ -35,22 +35,14 @@ pub(crate) fn curves(titles: &Titles, mut series: Vec<Series>) -> Option<Picture
     let mut picture = Picture::new([right + 22.0 + legend, 524.0], titles);
     let x = |v: f64| left + (right - left) * share(&across, v);
     let y = |v: f64| bottom - (bottom - top) * share(&up, v);
-    for (range, is_x) in [(&across, true), (&up, false)] {
-        let length = if is_x { right - left } else { bottom - top };
-        for (value, label) in ticks(range, length, is_x) {
-            let ends = if is_x {
-                [[x(value), top], [x(value), bottom]]
-            } else {
-                [[left, y(value)], [right, y(value)]]
-            };
-            let width = if label.is_empty() { 0.5 } else { 1.0 };
-            picture.line(&ends, width, GRID, false);
-            if is_x {
-                picture.text(&label, [x(value), bottom + 18.0], "middle", INK);
-            } else {
-                picture.text(&label, [left - 8.0, y(value) + 4.5], "end", INK);
-            }
-        }
+    let width = |label: &str| if label.is_empty() { 0.5 } else { 1.0 };
+    for (value, label) in ticks(&across, right - left, true) {
+        picture.line(&[[x(value), top], [x(value), bottom]], width(&label), GRID, false);
+        picture.text(&label, [x(value), bottom + 18.0], "middle", INK);
+    }
+    for (value, label) in ticks(&up, bottom - top, false) {
+        picture.line(&[[left, y(value)], [right, y(value)]], width(&label), GRID, false);
+        picture.text(&label, [left - 8.0, y(value) + 4.5], "end", INK);
     }
     let frame = [[left, top], [right, top], [right, bottom], [left, bottom], [left, top]];
     picture.line(&frame, 1.0, FRAME, false);

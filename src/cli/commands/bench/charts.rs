@@ -117,7 +117,7 @@ fn passes(view: &[&Record]) -> Option<Picture> {
         x: "ms per frame (median of each pass)",
         y: "",
     };
-    plot::bars(&titles, &typical(view).iter().map(bar).collect::<Vec<_>>())
+    plot::bars(&titles, typical(view).iter().map(bar).collect())
 }
 
 /// The name and value of what varies along the x axis.

@@ -12,8 +12,7 @@ use volraster::technique::Method;
 use volraster::{Error, Result};
 
 use super::allow::{Allowed, id_of};
-use super::case::{Case, Done, Status};
-use super::cases;
+use super::cases::{self, Case, Done, Status};
 use super::controls::Controls;
 use super::workbench::{Stop, Workbench};
 use crate::cli::input::DeviceArgs;

@@ -5,7 +5,7 @@ use std::time::Instant;
 use volraster::gpu::{GpuOptions, Provocation, Validation};
 
 use super::allow::id_of;
-use super::case::{Done, Status};
+use super::cases::{Done, Status};
 use super::workbench::Workbench;
 use crate::cli::timing::milliseconds_since;
 

@@ -1,6 +1,4 @@
 //! Sessions: what a program does with a device, from data to images.
-//!
-//! `tests/failures.rs` compiles this file too; it uses nothing but the library.
 
 use std::sync::Arc;
 
