@@ -16,22 +16,22 @@ pub(crate) fn number(value: f64) -> String {
     if !(1e-4..1e6).contains(&magnitude) {
         return format!("{value:.5e}");
     }
-    let text = format!("{value:.*}", if magnitude < 1.0 { 6 } else { 4 });
-    text.trim_end_matches('0').trim_end_matches('.').to_string()
+    trimmed(value, if magnitude < 1.0 { 6 } else { 4 })
+}
+
+/// Formats a number with at most some decimal places.
+fn trimmed(value: f64, places: usize) -> String {
+    format!("{value:.places$}").trim_end_matches('0').trim_end_matches('.').to_string()
 }
 
 /// Formats a round number of an axis, with a suffix k, M or G from 10,000 up.
 pub(crate) fn tick_label(value: f64) -> String {
-    let trimmed = |value: f64| {
-        let text = format!("{value:.3}");
-        text.trim_end_matches('0').trim_end_matches('.').to_string()
-    };
+    let trimmed = |value| trimmed(value, 3);
     match value {
         0.0 => "0".to_string(),
         v if v < 1e-3 * (1.0 - 1e-9) => {
             let exponent = (v.log10() + 1e-9).floor();
-            let digit = trimmed(v / 10.0_f64.powf(exponent));
-            format!("{digit}e{exponent}")
+            format!("{}e{exponent}", trimmed(v / 10.0_f64.powf(exponent)))
         }
         v if v >= 1e9 => format!("{}G", trimmed(v / 1e9)),
         v if v >= 1e6 => format!("{}M", trimmed(v / 1e6)),

@@ -33,18 +33,18 @@ pub(crate) fn passes(frame: &FrameTime) -> Vec<(&str, f64)> {
 /// Returns the median time of each pass over frames, in order of first appearance. A frame without the pass counts as
 /// 0.
 pub(crate) fn pass_medians(frames: &[FrameTime]) -> Vec<(String, f64)> {
-    let of_frames: Vec<Vec<(&str, f64)>> = frames.iter().map(passes).collect();
-    let mut names: Vec<&str> = Vec::new();
-    for (name, _) in of_frames.iter().flatten() {
-        if !names.contains(name) {
-            names.push(name);
+    let mut times: Vec<(String, Vec<f64>)> = Vec::new();
+    for (i, frame) in frames.iter().enumerate() {
+        for (name, ms) in passes(frame) {
+            let known = times.iter().position(|(known, _)| known == name);
+            let place = known.unwrap_or_else(|| {
+                times.push((name.to_string(), vec![0.0; frames.len()]));
+                times.len() - 1
+            });
+            times[place].1[i] = ms;
         }
     }
-    let ms = |passes: &Vec<(&str, f64)>, name: &str| {
-        passes.iter().find(|(known, _)| *known == name).map_or(0.0, |(_, ms)| *ms)
-    };
-    let times = |name: &str| Times::new(of_frames.iter().map(|passes| ms(passes, name)).collect());
-    names.into_iter().filter_map(|name| Some((name.to_string(), times(name)?.median()))).collect()
+    times.into_iter().filter_map(|(name, times)| Some((name, Times::new(times)?.median()))).collect()
 }
 
 /// Times of one quantity over several frames, in ascending order.
@@ -137,18 +137,14 @@ impl Quantiles {
 }
 
 /// A ratio with its 95 % confidence interval.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize)]
 pub(crate) struct Ratio {
+    #[serde(rename = "ratio")]
     pub(crate) value: f64,
     pub(crate) low: f64,
     pub(crate) high: f64,
-}
-
-impl Ratio {
-    /// Returns whether the interval excludes 1.
-    pub(crate) fn is_outside_noise(&self) -> bool {
-        self.low > 1.0 || self.high < 1.0
-    }
+    /// Whether the interval excludes 1.
+    pub(crate) outside_noise: bool,
 }
 
 /// Returns the geometric mean over pairs of the ratio of medians, second over first. The bootstrap resamples both
@@ -166,7 +162,7 @@ pub(crate) fn ratio(pairs: &[[&Times; 2]]) -> Option<Ratio> {
         mean(pairs.iter().map(log).sum())
     };
     let [low, high] = middle_95((0..RESAMPLES).map(|_| once()).collect());
-    Some(Ratio { value, low, high })
+    Some(Ratio { value, low, high, outside_noise: low > 1.0 || high < 1.0 })
 }
 
 /// Returns the milliseconds since an instant.
@@ -218,12 +214,12 @@ mod tests {
         let fast = times(&[5.0, 5.1, 4.9, 5.05, 5.0]);
         let one = ratio(&[[&slow, &fast]]).unwrap();
         assert!((one.value - 0.5).abs() < 1e-12 && one.low < 0.5 && one.high > 0.5, "{one:?}");
-        assert!(one.is_outside_noise());
+        assert!(one.outside_noise);
         let same = ratio(&[[&slow, &times(&[10.1, 9.8, 10.3, 10.0, 9.95])]]).unwrap();
-        assert!(!same.is_outside_noise(), "{same:?}");
+        assert!(!same.outside_noise, "{same:?}");
         // One pair halves the time, the other doubles it: the mean ratio is 1.
         let both = ratio(&[[&slow, &fast], [&fast, &slow]]).unwrap();
-        assert!((both.value - 1.0).abs() < 1e-12 && !both.is_outside_noise());
+        assert!((both.value - 1.0).abs() < 1e-12 && !both.outside_noise);
         assert!(ratio(&[]).is_none());
     }
 

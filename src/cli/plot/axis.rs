@@ -2,8 +2,7 @@
 
 use std::ops::Range;
 
-use super::picture::text_width;
-use super::style::{LINE, TEXT};
+use super::picture::{LINE, text_width};
 use crate::cli::numbers::tick_label;
 
 /// Returns the position of a value in a range, 0 to 1, on a logarithmic scale.
@@ -36,10 +35,9 @@ pub(super) fn bounds(values: impl Iterator<Item = f64>) -> Option<Range<f64>> {
 /// Returns grid lines of a logarithmic axis with a length in units; lines without a label have an empty text. Chooses
 /// as many labels as fit without overlap.
 pub(super) fn ticks(range: &Range<f64>, length: f64, is_x: bool) -> Vec<(f64, String)> {
-    let decades = || -300..=300;
     let inside = |value: f64| value >= range.start * (1.0 - 1e-9) && value <= range.end * (1.0 + 1e-9);
     let of = |digits: &[f64], every: i32| -> Vec<f64> {
-        decades()
+        (-300..=300)
             .filter(|exponent| exponent % every == 0)
             .flat_map(|exponent| digits.iter().map(move |digit| digit * 10.0_f64.powi(exponent)))
             .filter(|value| inside(*value))
@@ -49,7 +47,7 @@ pub(super) fn ticks(range: &Range<f64>, length: f64, is_x: bool) -> Vec<(f64, St
     let choices =
         [of(&all, 1), of(&[1.0, 2.0, 5.0], 1), of(&[1.0], 1), of(&[1.0], 2), of(&[1.0], 3), of(&[1.0], 5)];
     // Labels lie side by side along x, one above the other along y.
-    let extent = |value: f64| if is_x { text_width(&tick_label(value), TEXT) + 12.0 } else { 2.0 * LINE };
+    let extent = |value: f64| if is_x { text_width(&tick_label(value)) + 12.0 } else { 2.0 * LINE };
     let fits = |values: &&Vec<f64>| {
         let gap = |pair: &[f64]| length * (share(range, pair[1]) - share(range, pair[0]));
         values.windows(2).all(|pair| gap(pair) >= 0.5 * (extent(pair[0]) + extent(pair[1])))
@@ -58,10 +56,8 @@ pub(super) fn ticks(range: &Range<f64>, length: f64, is_x: bool) -> Vec<(f64, St
     // Minor lines are drawn only over few decades, where they are not too dense.
     let lines = if choices[2].len() <= 8 { of(&all, 1) } else { choices[2].clone() };
     let is_labelled = |value: f64| labelled.iter().any(|known| (known / value - 1.0).abs() < 1e-9);
-    lines
-        .into_iter()
-        .map(|value| (value, if is_labelled(value) { tick_label(value) } else { String::new() }))
-        .collect()
+    let label = |value| if is_labelled(value) { tick_label(value) } else { String::new() };
+    lines.into_iter().map(|value| (value, label(value))).collect()
 }
 
 /// Returns a round step of at least some size.

@@ -1,11 +1,10 @@
 //! Curves over logarithmic axes.
 
 use super::axis::{bounds, share, ticks};
-use super::picture::{Anchor, Mark, Picture, text_width};
-use super::style::{FRAME, GRID, INK, LINE, TEXT, Titles, colour, heading, mark, whole};
+use super::picture::{DISC, FRAME, GRID, INK, LINE, Picture, Titles, style, text_width};
 
 /// A named curve, with further points around it.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct Series {
     pub(crate) name: String,
     /// Index of colour and mark, the same for a technique in all charts.
@@ -19,72 +18,60 @@ pub(crate) struct Series {
 
 /// Draws curves over logarithmic axes, with a legend at the right. Leaves out points that are not positive and
 /// finite, and series without a line. `None` if no point remains.
-pub(crate) fn curves(titles: &Titles, series: &[Series]) -> Option<Picture> {
-    let shown = |point: &&[f64; 2]| point.iter().all(|v| *v > 0.0 && v.is_finite());
-    let series: Vec<Series> = series
-        .iter()
-        .map(|one| Series {
-            line: one.line.iter().filter(shown).copied().collect(),
-            dots: one.dots.iter().filter(shown).copied().collect(),
-            ..one.clone()
-        })
-        .filter(|one| !one.line.is_empty())
-        .collect();
+pub(crate) fn curves(titles: &Titles, mut series: Vec<Series>) -> Option<Picture> {
+    let shown = |point: &[f64; 2]| point.iter().all(|v| *v > 0.0 && v.is_finite());
+    for one in &mut series {
+        one.line.retain(shown);
+        one.dots.retain(shown);
+    }
+    series.retain(|one| !one.line.is_empty());
     let points = || series.iter().flat_map(|one| one.line.iter().chain(&one.dots));
     let [across, up] = [0, 1].map(|axis| bounds(points().map(move |point| point[axis])));
     let (across, up) = (across?, up?);
 
-    let legend = series.iter().map(|one| text_width(&one.name, TEXT)).fold(0.0, f64::max) + 44.0;
+    let legend = series.iter().map(|one| text_width(&one.name)).fold(0.0, f64::max) + 44.0;
     let (left, top, bottom) = (78.0, 66.0, 470.0);
     let right = left + 600.0;
-    let mut picture = Picture::new(whole(right + 22.0 + legend), 524);
-    heading(&mut picture, titles);
+    let mut picture = Picture::new([right + 22.0 + legend, 524.0], titles);
     let x = |v: f64| left + (right - left) * share(&across, v);
     let y = |v: f64| bottom - (bottom - top) * share(&up, v);
-    for (range, is_x) in [(&across, true), (&up, false)] {
-        let length = if is_x { right - left } else { bottom - top };
-        for (value, label) in ticks(range, length, is_x) {
-            let ends = if is_x {
-                [[x(value), top], [x(value), bottom]]
-            } else {
-                [[left, y(value)], [right, y(value)]]
-            };
-            let width = if label.is_empty() { 0.5 } else { 1.0 };
-            picture.line(ends.to_vec(), width, GRID, false);
-            if is_x {
-                picture.text(&label, [x(value), bottom + 18.0], TEXT, Anchor::Middle, INK);
-            } else {
-                picture.text(&label, [left - 8.0, y(value) + 4.5], TEXT, Anchor::End, INK);
-            }
-        }
+    let width = |label: &str| if label.is_empty() { 0.5 } else { 1.0 };
+    for (value, label) in ticks(&across, right - left, true) {
+        picture.line(&[[x(value), top], [x(value), bottom]], width(&label), GRID, false);
+        picture.text(&label, [x(value), bottom + 18.0], "middle", INK);
     }
-    let frame = vec![[left, top], [right, top], [right, bottom], [left, bottom], [left, top]];
-    picture.line(frame, 1.0, FRAME, false);
-    picture.text(titles.x, [0.5 * (left + right), bottom + 42.0], TEXT, Anchor::Middle, INK);
-    picture.upwards(titles.y, [20.0, 0.5 * (top + bottom)], TEXT, INK);
+    for (value, label) in ticks(&up, bottom - top, false) {
+        picture.line(&[[left, y(value)], [right, y(value)]], width(&label), GRID, false);
+        picture.text(&label, [left - 8.0, y(value) + 4.5], "end", INK);
+    }
+    let frame = [[left, top], [right, top], [right, bottom], [left, bottom], [left, top]];
+    picture.line(&frame, 1.0, FRAME, false);
+    picture.text(titles.x, [0.5 * (left + right), bottom + 42.0], "middle", INK);
+    picture.upwards(titles.y, [20.0, 0.5 * (top + bottom)], INK);
 
     let place = |point: &[f64; 2]| [x(point[0]), y(point[1])];
     // Pale dots lie below the lines.
     for one in &series {
         for dot in &one.dots {
-            picture.mark(Mark::Disc, place(dot), 2.2, (colour(one.style), 0.35));
+            picture.mark(DISC, place(dot), 2.2, (style(one.style).0, 0.35));
         }
     }
     for one in &series {
-        let solid = (colour(one.style), 1.0);
+        let (colour, mark) = style(one.style);
+        let solid = (colour, 1.0);
         if one.line.len() > 1 {
-            picture.line(one.line.iter().map(place).collect(), 2.0, solid, one.dashed);
+            picture.line(&one.line.iter().map(place).collect::<Vec<_>>(), 2.0, solid, one.dashed);
         }
         for point in &one.line {
-            picture.mark(mark(one.style), place(point), 4.0, solid);
+            picture.mark(mark, place(point), 4.0, solid);
         }
     }
     for (i, one) in (0_u32..).zip(&series) {
         let (at, y) = (right + 18.0, top + 10.0 + LINE * f64::from(i));
-        let solid = (colour(one.style), 1.0);
-        picture.line(vec![[at, y], [at + 26.0, y]], 2.0, solid, one.dashed);
-        picture.mark(mark(one.style), [at + 13.0, y], 4.0, solid);
-        picture.text(&one.name, [at + 34.0, y + 4.5], TEXT, Anchor::Start, INK);
+        let (colour, mark) = style(one.style);
+        picture.line(&[[at, y], [at + 26.0, y]], 2.0, (colour, 1.0), one.dashed);
+        picture.mark(mark, [at + 13.0, y], 4.0, (colour, 1.0));
+        picture.text(&one.name, [at + 34.0, y + 4.5], "start", INK);
     }
     Some(picture)
 }
@@ -110,13 +97,14 @@ mod tests {
     #[test]
     fn curves_show_lines_dots_and_names() {
         let points = [[1.0, 0.1], [10.0, 0.01], [100.0, 0.0]];
-        let svg = curves(&titles(), &[series("raster & more", &points), series("empty", &[])]).unwrap().svg();
+        let svg =
+            curves(&titles(), vec![series("raster & more", &points), series("empty", &[])]).unwrap().svg();
         for part in
             ["a &lt;scene&gt;", "raster &amp; more", "RMSE", "stroke-dasharray", "fill-opacity=\"0.35\""]
         {
             assert!(svg.contains(part), "{part}: {svg}");
         }
         assert!(!svg.contains("empty") && !svg.contains("NaN") && !svg.contains("inf"));
-        assert!(curves(&titles(), &[series("none", &[[1.0, 0.0], [f64::NAN, 1.0]])]).is_none());
+        assert!(curves(&titles(), vec![series("none", &[[1.0, 0.0], [f64::NAN, 1.0]])]).is_none());
     }
 }

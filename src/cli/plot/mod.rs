@@ -6,9 +6,7 @@ mod axis;
 mod bars;
 mod curves;
 mod picture;
-mod style;
 
 pub(crate) use bars::{Bar, bars};
 pub(crate) use curves::{Series, curves};
-pub(crate) use picture::Picture;
-pub(crate) use style::Titles;
+pub(crate) use picture::{Picture, Titles};

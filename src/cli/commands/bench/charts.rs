@@ -9,37 +9,31 @@ use crate::cli::plot::{self, Bar, Picture, Series, Titles};
 
 /// A plot, and the name of its file without the ending.
 #[derive(Debug)]
-pub(crate) struct Chart {
-    pub(crate) name: String,
+pub(super) struct Chart {
+    pub(super) name: String,
     /// Title in table.md.
-    pub(crate) title: String,
-    pub(crate) picture: Picture,
+    pub(super) title: String,
+    pub(super) picture: Picture,
 }
 
 /// Makes all plots of some records.
-pub(crate) fn charts(records: &[Record]) -> Vec<Chart> {
+pub(super) fn charts(records: &[Record]) -> Vec<Chart> {
     let mut charts = Vec::new();
-    let mut add = |kind: &str, of: &str, size: Option<[u32; 2]>, title: String, picture: Option<Picture>| {
+    let mut add = |kind, of: &str, size: Option<[u32; 2]>, title, picture: Option<Picture>| {
         if let Some(picture) = picture {
             charts.push(Chart { name: file_name(&charts, kind, of, size), title, picture });
         }
     };
-    for view in views(records) {
-        let title = view_title(view[0]);
-        let picture = Fronts::new(&view).picture(&title, &format!("Error over time; {}", device(view[0])));
-        add("fronts", &view_name(view[0]), Some(view[0].size), format!("Error over time: {title}"), picture);
+    type Draw = fn(&[&Record]) -> Option<Picture>;
+    let kinds: [(&str, &str, Draw); 2] =
+        [("fronts", "Error over time", fronts), ("passes", "Time per pass", passes)];
+    for (kind, what, draw) in kinds {
+        for view in views(records) {
+            let title = format!("{what}: {}", view_title(view[0]));
+            add(kind, &view_name(view[0]), Some(view[0].size), title, draw(&view));
+        }
     }
-    for view in views(records) {
-        let title = view_title(view[0]);
-        add(
-            "passes",
-            &view_name(view[0]),
-            Some(view[0].size),
-            format!("Time per pass: {title}"),
-            passes(&view),
-        );
-    }
-    for (of, title, picture) in growths(records) {
+    for (of, picture, title) in growths(records) {
         add("size", &of, None, format!("Time over size: {title}"), picture);
     }
     charts
@@ -50,7 +44,7 @@ fn device(record: &Record) -> String {
 }
 
 /// Returns the title of a view.
-pub(crate) fn view_title(record: &Record) -> String {
+pub(super) fn view_title(record: &Record) -> String {
     let [width, height] = record.size;
     format!("{}, {}, {width} x {height}", record.scene, record.projection)
 }
@@ -104,6 +98,10 @@ fn short(pass: &str, record: &Record) -> String {
     own.unwrap_or(pass).to_string()
 }
 
+fn fronts(view: &[&Record]) -> Option<Picture> {
+    Fronts::new(view).picture(&view_title(view[0]), &format!("Error over time; {}", device(view[0])))
+}
+
 fn passes(view: &[&Record]) -> Option<Picture> {
     let bar = |record: &&Record| Bar {
         name: name_of(record),
@@ -119,15 +117,15 @@ fn passes(view: &[&Record]) -> Option<Picture> {
         x: "ms per frame (median of each pass)",
         y: "",
     };
-    plot::bars(&titles, &typical(view).iter().map(bar).collect::<Vec<_>>())
+    plot::bars(&titles, typical(view).iter().map(bar).collect())
 }
 
 /// The name and value of what varies along the x axis.
-pub(super) type Size = (&'static str, fn(&Record) -> f64);
+type Size = (&'static str, fn(&Record) -> f64);
 
-/// Returns name, title and plot of time over voxels, tetrahedra, points and pixels, where at least two sizes were
-/// measured.
-fn growths(records: &[Record]) -> Vec<(String, String, Option<Picture>)> {
+/// Returns name, plot and title of time over voxels, tetrahedra, points and pixels; `None` for the plot where only one
+/// size was measured.
+fn growths(records: &[Record]) -> Vec<(String, Option<Picture>, String)> {
     let elements: fn(&Record) -> f64 = |record| record.elements as f64;
     let pixels: fn(&Record) -> f64 = |record| f64::from(record.size[0]) * f64::from(record.size[1]);
     let mut groups: Vec<(String, String, Size, Vec<Vec<&Record>>)> = Vec::new();
@@ -148,19 +146,11 @@ fn growths(records: &[Record]) -> Vec<(String, String, Option<Picture>)> {
             }
         }
     }
-    let drawn = |(name, title, (axis, size), views): (String, String, Size, Vec<Vec<&Record>>)| {
-        let picture = growth(&title, axis, size, &views);
-        (name, title, picture)
-    };
-    groups.into_iter().map(drawn).filter(|(_, _, picture)| picture.is_some()).collect()
+    let groups = groups.into_iter();
+    groups.map(|(name, title, size, views)| (name, growth(&title, size, &views), title)).collect()
 }
 
-fn growth(
-    title: &str,
-    axis: &'static str,
-    size: fn(&Record) -> f64,
-    views: &[Vec<&Record>],
-) -> Option<Picture> {
+fn growth(title: &str, (axis, size): Size, views: &[Vec<&Record>]) -> Option<Picture> {
     let mut series: Vec<Series> = Vec::new();
     for record in views.iter().flat_map(|view| typical(view)) {
         let Some(times) = &record.wall_ms else { continue };
@@ -181,19 +171,18 @@ fn growth(
         one.line.dedup_by(|a, b| a[0].total_cmp(&b[0]).is_eq());
     }
     series.retain(|one| one.line.len() > 1);
-    let first = views[0][0];
     let titles = Titles {
         title: title.to_string(),
-        note: format!("Time over {axis}; {}", device(first)),
+        note: format!("Time over {axis}; {}", device(views[0][0])),
         x: axis,
         y: "ms per frame (median)",
     };
-    plot::curves(&titles, &series)
+    plot::curves(&titles, series)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::record::tests::case;
+    use super::super::record::case;
     use super::*;
     use serde_json::json;
 

@@ -5,19 +5,23 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 use indicatif::ProgressBar;
+use volraster::io::ReadOptions;
+use volraster::io::scene_file::SceneFile;
+use volraster::reference::ReferenceImage;
 use volraster::scene::View;
 use volraster::{Error, Gpu, GpuScene, Result};
 
-use super::case::{Case, ViewInfo};
+use super::case::{Case, elements};
 use super::ratios::Ratios;
+use super::record::Record;
 use super::required_k::RequiredK;
 use super::results::Results;
-use super::suite::SUITES;
+use super::scenes::SUITES;
 use super::sweeps::{self, Sweep};
-use super::truth::truth;
-use super::workload::{Opened, ViewCases, Workload, files_under, scene_files};
+use super::workload::{Opened, ViewCases, Workload, files_in};
 use crate::cli::cache::Cache;
 use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, Size, is_refusal};
 use crate::cli::outcome::{Failure, Outcome};
@@ -63,13 +67,6 @@ pub(crate) struct Args {
     device: DeviceArgs,
 }
 
-/// Whether the run continues.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum RunState {
-    Running,
-    Stopped,
-}
-
 impl Args {
     /// Runs the command.
     ///
@@ -86,31 +83,27 @@ impl Args {
         let workloads = self.workloads(quiet)?;
         let (gpu, _) = self.device.open(false)?;
         output::make_folder(folder)?;
-        let mut results = Results::begin(folder, quiet)?;
+        let mut results = Results::begin(folder)?;
         interrupt::watch();
-        let mut draws = 0;
-        for workload in &workloads {
-            draws += self.draws_of(workload)?;
-        }
+        let draws = |workload| Ok(self.frames_of(workload)?.1);
+        let draws = workloads.iter().map(draws).sum::<Result<u64>>()?;
         let bar = output::progress(draws, "bench");
-        let mut state = RunState::Running;
-        for workload in workloads {
-            state = self.measure(&gpu, workload, &bar, &mut results)?;
-            if state == RunState::Stopped {
-                break;
-            }
+        for workload in workloads.into_iter().take_while(|_| !interrupt::requested()) {
+            self.measure(&gpu, workload, &bar, &mut results, quiet)?;
         }
         bar.finish_and_clear();
-        results.finish(state == RunState::Stopped)?;
-        if state == RunState::Stopped {
-            return Err(Failure::Interrupted(format!(
-                "stopped; partial results are in {}",
-                folder.display()
-            )));
+        let is_stopped = interrupt::requested();
+        results.finish(is_stopped)?;
+        if is_stopped {
+            let text = format!("stopped; partial results are in {}", folder.display());
+            return Err(Failure::Interrupted(text));
         }
-        match results.failed() {
+        match results.records.iter().filter(|record| record.failed.is_some()).count() {
             0 => Ok(()),
-            n => Err(Failure::Finding(format!("{n} of {} cases drew a wrong image", results.cases()))),
+            n => {
+                let cases = results.records.len();
+                Err(Failure::Finding(format!("{n} of {cases} cases drew a wrong image")))
+            }
         }
     }
 
@@ -119,7 +112,12 @@ impl Args {
         if let Some(folder) = &self.output {
             output::check_folder(folder)?;
         }
-        let ratios = Ratios::of_files([a, b])?;
+        let runs = [Record::read(a)?, Record::read(b)?];
+        let ratios = Ratios::new(runs.each_ref().map(Vec::as_slice));
+        if ratios.pairs.is_empty() {
+            let why = format!("{} and {} have no timed case in common", a.display(), b.display());
+            return Err(invalid("compare", why).into());
+        }
         if let Some(folder) = &self.output {
             output::make_folder(folder)?;
             output::write_json(&folder.join("ratios.json"), &ratios.json())?;
@@ -134,14 +132,11 @@ impl Args {
     fn workloads(&self, quiet: bool) -> Result<Vec<Workload>> {
         let mut workloads = self.suite_workloads(quiet)?;
         if let Some(folder) = &self.data {
-            workloads.extend(Workload::of_files(files_under(folder)?, folder, sweeps::DATA));
+            workloads.extend(Workload::of_files(files_in(folder, true)?, folder, sweeps::DATA));
         }
-        let is_wanted =
-            |name: &str| self.only.is_empty() || self.only.iter().any(|text| name.contains(text.as_str()));
-        workloads.retain(|workload| match workload {
-            Workload::Standard(_, scene) => is_wanted(scene.name),
-            Workload::Found(_, name, _) => is_wanted(name),
-            Workload::File(..) => true,
+        workloads.retain(|workload| {
+            let is_named = |text: &String| workload.name().contains(text.as_str());
+            self.only.is_empty() || matches!(workload, Workload::File(..)) || self.only.iter().any(is_named)
         });
         if workloads.is_empty() {
             return Err(invalid("--only", format!("\"{}\": is in no scene's name", self.only.join(","))));
@@ -167,9 +162,10 @@ impl Args {
             );
             return Err(invalid("suite", why));
         }
-        let scenes = if self.suite.is_dir() { scene_files(&self.suite)? } else { Vec::new() };
+        let mut scenes = if self.suite.is_dir() { files_in(&self.suite, false)? } else { Vec::new() };
+        scenes.retain(|path| SceneFile::is_at(path, &ReadOptions::default()));
         if !scenes.is_empty() {
-            return Ok(Workload::of_files(scenes, &self.suite, sweeps::STANDARD));
+            return Ok(Workload::of_files(scenes, &self.suite, sweeps::STANDARD).collect());
         }
         let input = Input::load(&self.suite, self.size, &self.arrays, quiet)?;
         input::drawn(&input.scene)?;
@@ -177,15 +173,11 @@ impl Args {
         Ok(vec![Workload::File(name, Box::new(input))])
     }
 
-    /// Returns the number of timed frames per case.
-    fn frames_of(&self, workload: &Workload) -> usize {
+    /// Returns the number of timed frames per case, and an upper bound of the frames that the workload draws.
+    fn frames_of(&self, workload: &Workload) -> Result<(usize, u64)> {
         let own = if let Workload::Standard(suite, _) = workload { suite.frames } else { FRAMES };
-        self.frames.map_or(own, usize::from)
-    }
-
-    /// Returns an upper bound of the frames that a workload draws.
-    fn draws_of(&self, workload: &Workload) -> Result<u64> {
-        Ok((workload.case_count(self.size)? * (self.frames_of(workload) + 1)) as u64)
+        let frames = self.frames.map_or(own, usize::from);
+        Ok((frames, (workload.case_count(self.size)? * (frames + 1)) as u64))
     }
 
     /// Measures every case of a workload, one view after the other.
@@ -195,90 +187,120 @@ impl Args {
         workload: Workload,
         bar: &ProgressBar,
         results: &mut Results,
-    ) -> Result<RunState> {
-        let (draws, frames) = (self.draws_of(&workload)?, self.frames_of(&workload));
+        quiet: bool,
+    ) -> Result<()> {
+        let (frames, draws) = self.frames_of(&workload)?;
         let end = bar.position() + draws;
         let is_found = matches!(workload, Workload::Found(..));
-        match workload.open(self.size) {
-            Ok(Opened { name, family, scene, views }) => {
-                let scene = GpuScene::new(gpu, scene);
-                for ViewCases { projection, view, sweeps } in views {
-                    let (scene_name, family) = (name.clone(), family.clone());
-                    let projection = projection.to_string();
-                    let info = ViewInfo { scene: scene_name, family, projection, view };
-                    if self.measure_view(&scene, &info, sweeps, frames, bar, results)? == RunState::Stopped {
-                        return Ok(RunState::Stopped);
-                    }
-                }
-            }
+        let Opened { name, family, scene, views } = match workload.open(self.size) {
             // The user named the folder, not this file: skip it.
-            Err(error) if is_found => bar.suspend(|| output::complain(&format!("skipped: {error}"))),
-            Err(error) => return Err(error),
+            Err(error) if is_found => {
+                bar.suspend(|| output::complain(&format!("skipped: {error}")));
+                bar.set_position(end);
+                return Ok(());
+            }
+            opened => opened?,
+        };
+        let scene = GpuScene::new(gpu, scene);
+        for ViewCases { projection, view, sweeps } in
+            views.into_iter().take_while(|_| !interrupt::requested())
+        {
+            let device = gpu.report();
+            let record = Record {
+                version: env!("CARGO_PKG_VERSION").to_string(),
+                device: device.name.clone(),
+                driver: device.driver.clone(),
+                api: device.api.clone(),
+                software: gpu.is_software(),
+                scene: name.clone(),
+                family: family.clone(),
+                projection: projection.to_string(),
+                size: view.extent(),
+                data: scene.scene().data.kind().to_string(),
+                elements: elements(&scene.scene().data),
+                ..Record::default()
+            };
+            bar.set_message(output::plain(&format!("{name} {projection}")));
+            let Some((records, required_k)) =
+                self.measure_view(&scene, &view, &record, sweeps, frames, bar)?
+            else {
+                return Ok(());
+            };
+            // Written after every view, so that an interrupted run keeps its results so far.
+            let text = results.add(&record, records, required_k.as_ref())?;
+            if !quiet {
+                bar.suspend(|| output::print(&text))?;
+            }
         }
         bar.set_position(end);
-        Ok(RunState::Running)
+        Ok(())
     }
 
-    /// Checks, then times every case of a view, and adds the results.
+    /// Checks, then times every case of a view; `None` if the run is stopped before all are checked. `record` has what
+    /// the cases share.
     fn measure_view(
         &self,
         scene: &Arc<GpuScene>,
-        info: &ViewInfo,
+        view: &View,
+        record: &Record,
         sweeps: &[Sweep],
         frames: usize,
         bar: &ProgressBar,
-        results: &mut Results,
-    ) -> Result<RunState> {
-        let view = &info.view;
-        bar.set_message(output::plain(&format!("{} {}", info.scene, info.projection)));
-        let Some(truth) = truth(scene, view, &Cache::of_user(!self.no_cache))? else {
-            return Ok(RunState::Stopped);
-        };
+    ) -> Result<Option<(Vec<Record>, Option<RequiredK>)>> {
+        let Some(truth) = truth(scene, view, &Cache::of_user(!self.no_cache))? else { return Ok(None) };
         let mut settings = sweeps::settings(sweeps)?;
         settings.retain(|setting| setting.is_for(scene.scene()));
-        let mut cases: Vec<Case> = settings.into_iter().map(Case::new).collect();
+        let mut cases: Vec<Case> = settings.into_iter().map(|setting| Case::new(setting, record)).collect();
         let mut weighed = Vec::new();
         for case in &mut cases {
             if interrupt::requested() {
-                return Ok(RunState::Stopped);
+                return Ok(None);
             }
             case.check(scene, view, &truth)?;
-            let kind = (case.setting.technique.method(), case.setting.route);
-            if !weighed.contains(&kind) {
-                weighed.push(kind);
+            if !weighed.contains(&case.kind()) {
+                weighed.push(case.kind());
                 case.measure_memory(scene, view);
             }
             bar.inc(1);
         }
-        let state = time(&mut cases, view, frames, bar)?;
+        time(&mut cases, view, frames, bar)?;
         let required_k = match RequiredK::measure(scene, view) {
-            _ if state == RunState::Stopped => None,
+            _ if interrupt::requested() => None,
             Err(error) if is_refusal(&error) => None,
             measured => measured?,
         };
         cases.retain(Case::is_done);
-        // Written after every view, so that an interrupted run keeps its results so far.
-        let text = results.add(scene, info, &cases, required_k.as_ref())?;
-        if !results.is_quiet() {
-            bar.suspend(|| output::print(&text))?;
-        }
-        Ok(state)
+        Ok(Some((cases.into_iter().map(|case| case.finish(required_k.as_ref())).collect(), required_k)))
     }
 }
 
-/// Times cases in rounds of one frame each, in alternating directions.
-fn time(cases: &mut [Case], view: &View, frames: usize, bar: &ProgressBar) -> Result<RunState> {
+/// Times cases in rounds of one frame each, in alternating directions, until the user requests a stop.
+fn time(cases: &mut [Case], view: &View, frames: usize, bar: &ProgressBar) -> Result<()> {
     for round in 0..frames {
         for i in 0..cases.len() {
             if interrupt::requested() {
-                return Ok(RunState::Stopped);
+                return Ok(());
             }
             let place = if round % 2 == 0 { i } else { cases.len() - 1 - i };
             cases[place].time(view)?;
             bar.inc(1);
         }
     }
-    Ok(RunState::Running)
+    Ok(())
+}
+
+/// Returns the reference image of a view, drawn on a thread of its own; `None` as soon as the user requests a stop.
+fn truth(scene: &Arc<GpuScene>, view: &View, cache: &Cache) -> Result<Option<ReferenceImage>> {
+    let (scene, view, cache) = (Arc::clone(scene), *view, cache.clone());
+    let drawing = std::thread::spawn(move || cache.image(scene.scene(), &view, None).map(|(image, _)| image));
+    while !drawing.is_finished() {
+        if interrupt::requested() {
+            return Ok(None);
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let ended = |_| invalid("reference", "its thread ended without an image".to_string());
+    drawing.join().map_err(ended)?.map(Some)
 }
 
 fn invalid(what: &str, why: String) -> Error {

@@ -22,13 +22,13 @@ struct TechniqueFront<'a> {
 
 /// The fronts of all techniques.
 #[derive(Debug)]
-pub(crate) struct Fronts<'a> {
+pub(super) struct Fronts<'a> {
     lines: Vec<TechniqueFront<'a>>,
 }
 
 impl<'a> Fronts<'a> {
     /// Computes the fronts of the cases of one view. Wrong images do not count.
-    pub(crate) fn new(records: &[&'a Record]) -> Self {
+    pub(super) fn new(records: &[&'a Record]) -> Self {
         let line = |method: Method| {
             let own = || records.iter().copied().filter(move |record| record.technique == method.name());
             let measured: Vec<(&Record, Cost)> = own()
@@ -44,7 +44,7 @@ impl<'a> Fronts<'a> {
     }
 
     /// Returns the time at each error, one row per technique, below a heading.
-    pub(crate) fn rows(&self) -> Vec<Vec<String>> {
+    pub(super) fn rows(&self) -> Vec<Vec<String>> {
         let heading = ["ms at rmse"].into_iter().chain(ERRORS.map(|(name, _)| name));
         let mut rows = vec![heading.map(str::to_string).collect::<Vec<_>>()];
         for line in &self.lines {
@@ -55,12 +55,12 @@ impl<'a> Fronts<'a> {
     }
 
     /// Returns the rows as aligned text.
-    pub(crate) fn table(&self) -> String {
+    pub(super) fn table(&self) -> String {
         table::aligned(&self.rows(), &[0])
     }
 
     /// Returns the members of each front, and the time at each error.
-    pub(crate) fn json(&self) -> Value {
+    pub(super) fn json(&self) -> Value {
         let line = |line: &TechniqueFront<'_>| {
             let member = |(place, cost): &(usize, Cost)| {
                 let record = line.measured[*place].0;
@@ -81,7 +81,7 @@ impl<'a> Fronts<'a> {
     }
 
     /// Returns the fronts as a plot; `None` if no case has a positive time and error.
-    pub(crate) fn picture(&self, title: &str, note: &str) -> Option<Picture> {
+    pub(super) fn picture(&self, title: &str, note: &str) -> Option<Picture> {
         let place = |cost: &Cost| [cost.time, cost.error];
         let series = |line: &TechniqueFront<'_>| Series {
             name: line.method.name().to_string(),
@@ -96,17 +96,17 @@ impl<'a> Fronts<'a> {
             x: "ms per frame (median)",
             y: "RMSE against the reference",
         };
-        plot::curves(&titles, &self.lines.iter().map(series).collect::<Vec<_>>())
+        plot::curves(&titles, self.lines.iter().map(series).collect())
     }
 }
 
 /// Returns the index of colour and mark of a technique, the same in all plots.
-pub(crate) fn style(technique: &str) -> usize {
+pub(super) fn style(technique: &str) -> usize {
     Method::ALL.iter().position(|method| method.name() == technique).unwrap_or(Method::ALL.len())
 }
 
 /// Formats a time.
-pub(super) fn cell(time: TimeAt) -> String {
+fn cell(time: TimeAt) -> String {
     match time {
         TimeAt::Interpolated(ms) => format!("{ms:.1}"),
         TimeAt::AtMost(ms) => format!("<={ms:.1}"),
@@ -116,7 +116,7 @@ pub(super) fn cell(time: TimeAt) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::record::tests::case;
+    use super::super::record::case;
     use super::*;
 
     fn measured(technique: &str, options: &str, time: f64, error: f64) -> Record {

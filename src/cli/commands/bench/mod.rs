@@ -1,6 +1,6 @@
 //! `volraster bench`: measures time and error of every technique, all on one device in one run.
 //!
-//! `suite`, `scenes` and `sweeps` list what is measured; `command`, `workload`, `truth`, `case` and `required_k` measure it.
+//! `scenes` and `sweeps` list what is measured; `command`, `workload`, `case` and `required_k` measure it.
 //! Each case becomes a `record`, a line of bench.jsonl. `results`, `tables`, `fronts`, `charts` and `ratios` are made
 //! from records alone.
 
@@ -13,10 +13,8 @@ mod record;
 mod required_k;
 mod results;
 mod scenes;
-mod suite;
 mod sweeps;
 mod tables;
-mod truth;
 mod workload;
 
 pub(crate) use command::Args;

@@ -1,20 +1,20 @@
 //! `bench --compare`: the ratio of the times of two runs, case by case.
 
-use std::fmt::Write as _;
-use std::path::Path;
-
 use serde_json::{Value, json};
 use volraster::technique::Method;
-use volraster::{Error, Result};
 
 use super::record::Record;
 use crate::cli::table;
 use crate::cli::timing::{Ratio, Times, ratio};
 
+/// What names a case: columns of the text and keys of the JSON.
+const NAMES: [&str; 6] = ["scene", "projection", "size", "technique", "route", "options"];
+
 /// The comparison of two runs, A and B.
 #[derive(Debug)]
-pub(crate) struct Ratios {
-    pairs: Vec<Pair>,
+pub(super) struct Ratios<'a> {
+    /// Cases that both runs timed.
+    pub(super) pairs: Vec<Pair<'a>>,
     /// Cases that only one run timed.
     alone: [usize; 2],
     /// Device, driver and version of each run.
@@ -23,124 +23,97 @@ pub(crate) struct Ratios {
 
 /// A case that both runs timed.
 #[derive(Debug)]
-struct Pair {
-    name: [String; 6],
-    method: String,
+pub(super) struct Pair<'a> {
+    records: [&'a Record; 2],
     times: [Times; 2],
-    errors: [Option<f64>; 2],
     ratio: Ratio,
 }
 
-impl Ratios {
-    /// Compares the cases of two files.
-    ///
-    /// # Errors
-    ///
-    /// As [`Record::read`]; [`Error::Invalid`] if both runs have no timed case in common.
-    pub(crate) fn of_files(files: [&Path; 2]) -> Result<Self> {
-        let [a, b] = files.map(Record::read);
-        let this = Self::new(&a?, &b?);
-        if this.pairs.is_empty() {
-            let why =
-                format!("{} and {} have no timed case in common", files[0].display(), files[1].display());
-            return Err(Error::Invalid { what: "compare".to_string(), why });
-        }
-        Ok(this)
+impl Pair<'_> {
+    fn technique(&self) -> &str {
+        &self.records[0].technique
     }
 
-    fn new(a: &[Record], b: &[Record]) -> Self {
-        let [timed_a, timed_b] = [a, b].map(|records| keyed(records));
-        let mut pairs = Vec::new();
-        for (key, one) in &timed_a {
-            let Some((_, other)) = timed_b.iter().find(|(known, _)| known == key) else { continue };
-            let times = [one, other]
-                .map(|record| record.wall_ms.as_ref().and_then(|spread| Times::new(spread.times.clone())));
-            let [Some(first), Some(second)] = times else { continue };
-            let Some(ratio) = ratio(&[[&first, &second]]) else { continue };
-            let [width, height] = one.size;
-            pairs.push(Pair {
-                name: [
-                    one.scene.clone(),
-                    one.projection.clone(),
-                    format!("{width}x{height}"),
-                    one.technique.clone(),
-                    one.route.clone(),
-                    one.options_text(),
-                ],
-                method: one.technique.clone(),
-                times: [first, second],
-                errors: [one, other].map(|record| record.error("rmse")),
-                ratio,
-            });
-        }
-        let alone = [timed_a.len() - pairs.len(), timed_b.len() - pairs.len()];
-        let device = |records: &[Record]| {
-            records.first().map_or_else(String::new, |one| {
-                format!("{}, {}, version {}", one.device, one.driver, one.version)
-            })
+    /// Returns the cells of [`NAMES`].
+    fn names(&self) -> [String; 6] {
+        let (scene, projection, [width, height]) = self.records[0].view();
+        let [technique, route, options] = self.records[0].names();
+        let size = format!("{width}x{height}");
+        [scene.to_string(), projection.to_string(), size, technique, route, options]
+    }
+}
+
+impl<'a> Ratios<'a> {
+    /// Compares the cases of two runs. Equal cases of a run are paired in order.
+    pub(super) fn new(runs: [&'a [Record]; 2]) -> Self {
+        let timed = |records: &'a [Record]| -> Vec<&Record> {
+            records.iter().filter(|record| record.wall_ms.is_some()).collect()
         };
-        Self { pairs, alone, devices: [device(a), device(b)] }
+        let [ours, mut theirs] = runs.map(timed);
+        let identity =
+            |record: &'a Record| (record.view(), &record.technique, &record.route, &record.options);
+        let mut pairs = Vec::new();
+        for &one in &ours {
+            let same = theirs.iter().position(|&other| identity(other) == identity(one));
+            let Some(place) = same else { continue };
+            let records = [one, theirs.remove(place)];
+            let [Some(a), Some(b)] = records.map(Record::times) else { continue };
+            let Some(ratio) = ratio(&[[&a, &b]]) else { continue };
+            pairs.push(Pair { records, times: [a, b], ratio });
+        }
+        let device = |records: &[Record]| {
+            let of = |one: &Record| format!("{}, {}, version {}", one.device, one.driver, one.version);
+            records.first().map_or_else(String::new, of)
+        };
+        Self { alone: [ours.len() - pairs.len(), theirs.len()], pairs, devices: runs.map(device) }
     }
 
     /// Returns the geometric mean of the ratios and the number of cases of each technique, then of all.
-    fn means(&self) -> Vec<(String, usize, Ratio)> {
+    fn means(&self) -> Vec<(&str, usize, Ratio)> {
         let mut names: Vec<&str> = Method::ALL.map(Method::name).to_vec();
         for pair in &self.pairs {
-            if !names.contains(&pair.method.as_str()) {
-                names.push(&pair.method);
+            if !names.contains(&pair.technique()) {
+                names.push(pair.technique());
             }
         }
-        let mean = |name: String, wanted: &dyn Fn(&Pair) -> bool| {
-            let times: Vec<[&Times; 2]> = self
-                .pairs
-                .iter()
-                .filter(|pair| wanted(pair))
-                .map(|pair| [&pair.times[0], &pair.times[1]])
-                .collect();
+        let every: Vec<&Pair<'_>> = self.pairs.iter().collect();
+        let groups = names.into_iter().map(|name| {
+            let own = every.iter().copied().filter(|pair| pair.technique() == name);
+            (name, own.collect())
+        });
+        let mean = |(name, pairs): (_, Vec<&Pair<'_>>)| {
+            let times: Vec<[&Times; 2]> = pairs.iter().map(|pair| pair.times.each_ref()).collect();
             Some((name, times.len(), ratio(&times)?))
         };
-        let of = |name: &str| mean(name.to_string(), &|pair: &Pair| pair.method == name);
-        names.into_iter().filter_map(of).chain(mean("all".to_string(), &|_| true)).collect()
+        groups.chain([("all", every.clone())]).filter_map(mean).collect()
     }
 
     /// Returns the comparison as aligned text.
-    pub(crate) fn text(&self) -> String {
-        let heading = [
-            "",
-            "scene",
-            "projection",
-            "size",
-            "technique",
-            "route",
-            "options",
-            "ms A",
-            "ms B",
-            "B/A",
-            "95 %",
-            "rmse A",
-            "rmse B",
-        ];
-        let mut rows = vec![heading.map(str::to_string).to_vec()];
+    pub(super) fn text(&self) -> String {
+        let mark = |ratio: &Ratio| match ratio {
+            ratio if !ratio.outside_noise => "",
+            ratio if ratio.value > 1.0 => "+",
+            _ => "-",
+        };
+        let cells =
+            |ratio: &Ratio| [format!("{:.3}", ratio.value), format!("{:.3}..{:.3}", ratio.low, ratio.high)];
+        let heading = [&[""], &NAMES[..], &["ms A", "ms B", "B/A", "95 %", "rmse A", "rmse B"]].concat();
+        let mut rows = vec![heading.into_iter().map(str::to_string).collect::<Vec<_>>()];
         for pair in &self.pairs {
-            let error = |error: Option<f64>| error.map_or_else(|| "-".to_string(), |e| format!("{e:.2e}"));
             let mut row = vec![mark(&pair.ratio).to_string()];
-            row.extend(pair.name.clone());
+            row.extend(pair.names());
             row.extend(pair.times.each_ref().map(|times| format!("{:.2}", times.median())));
-            row.extend([number(&pair.ratio), interval(&pair.ratio)]);
-            row.extend(pair.errors.map(error));
+            row.extend(cells(&pair.ratio));
+            row.extend(pair.records.map(|record| record.error_text("rmse")));
             rows.push(row);
         }
         let mut means = vec![["", "geometric mean", "cases", "B/A", "95 %"].map(str::to_string).to_vec()];
         for (name, count, ratio) in self.means() {
-            means.push(vec![
-                mark(&ratio).to_string(),
-                name,
-                count.to_string(),
-                number(&ratio),
-                interval(&ratio),
-            ]);
+            let mut row = vec![mark(&ratio).to_string(), name.to_string(), count.to_string()];
+            row.extend(cells(&ratio));
+            means.push(row);
         }
-        let outside = self.pairs.iter().filter(|pair| pair.ratio.is_outside_noise()).count();
+        let outside = self.pairs.iter().filter(|pair| pair.ratio.outside_noise).count();
         let mut text = format!(
             "{}\n\n{}\n\n+ slower, - faster in B than in A, with a 95 % interval that excludes 1: {outside} of {} cases. Without any \
              change, about 1 case in 20 is marked by chance.",
@@ -149,29 +122,26 @@ impl Ratios {
             self.pairs.len()
         );
         let [a, b] = &self.devices;
-        // Writing into a string cannot fail.
-        let _ = if a == b { write!(text, "\nA and B: {a}") } else { write!(text, "\nA: {a}\nB: {b}") };
+        text += &if a == b { format!("\nA and B: {a}") } else { format!("\nA: {a}\nB: {b}") };
         for (name, count) in ["A", "B"].into_iter().zip(self.alone).filter(|(_, count)| *count > 0) {
-            let _ = write!(text, "\nTimed in {name} alone: {count}");
+            text += &format!("\nTimed in {name} alone: {count}");
         }
         text
     }
 
     /// Returns the comparison as JSON.
-    pub(crate) fn json(&self) -> Value {
-        let of = |ratio: &Ratio| json!({"ratio": ratio.value, "low": ratio.low, "high": ratio.high, "outside_noise": ratio.is_outside_noise()});
-        let case = |pair: &Pair| {
-            let mut case = of(&pair.ratio);
-            let keys = ["scene", "projection", "size", "technique", "route", "options"];
-            for (key, value) in keys.into_iter().zip(&pair.name) {
-                case[key] = json!(value);
+    pub(super) fn json(&self) -> Value {
+        let case = |pair: &Pair<'_>| {
+            let mut case = json!(pair.ratio);
+            for (key, name) in NAMES.into_iter().zip(pair.names()) {
+                case[key] = json!(name);
             }
             case["ms"] = json!(pair.times.each_ref().map(Times::median));
-            case["rmse"] = json!(pair.errors);
+            case["rmse"] = json!(pair.records.map(|record| record.error("rmse")));
             case
         };
-        let mean = |(name, count, ratio): &(String, usize, Ratio)| {
-            let mut mean = of(ratio);
+        let mean = |(name, count, ratio): &(&str, usize, Ratio)| {
+            let mut mean = json!(ratio);
             mean["technique"] = json!(name);
             mean["cases"] = json!(count);
             mean
@@ -184,52 +154,9 @@ impl Ratios {
     }
 }
 
-fn mark(ratio: &Ratio) -> &'static str {
-    match ratio {
-        ratio if !ratio.is_outside_noise() => "",
-        ratio if ratio.value > 1.0 => "+",
-        _ => "-",
-    }
-}
-
-pub(super) fn number(ratio: &Ratio) -> String {
-    format!("{:.3}", ratio.value)
-}
-
-fn interval(ratio: &Ratio) -> String {
-    format!("{:.3}..{:.3}", ratio.low, ratio.high)
-}
-
-/// The identity of a case: scene, projection, size, technique, route, options, and a number among equal ones.
-type Key = (String, String, [u32; 2], String, String, String, usize);
-
-/// Returns the timed records with their keys; equal cases of a run are numbered.
-fn keyed(records: &[Record]) -> Vec<(Key, &Record)> {
-    let mut keyed: Vec<(Key, &Record)> = Vec::new();
-    for record in records.iter().filter(|record| record.wall_ms.is_some()) {
-        let mut options: Vec<String> =
-            record.options.iter().map(|(key, value)| format!("{key}={value}")).collect();
-        options.sort();
-        let mut key = (
-            record.scene.clone(),
-            record.projection.clone(),
-            record.size,
-            record.technique.clone(),
-            record.route.clone(),
-            options.join(","),
-            0,
-        );
-        while keyed.iter().any(|(known, _)| *known == key) {
-            key.6 += 1;
-        }
-        keyed.push((key, record));
-    }
-    keyed
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::record::tests::case;
+    use super::super::record::case;
     use super::*;
 
     #[test]
@@ -246,7 +173,7 @@ mod tests {
             case("slabs", "compute", "step=2", 2e-3, &[20.0, 20.2, 19.8]),
             case("slices-2d", "compute", "", 1e-3, &[1.0]),
         ];
-        let ratios = Ratios::new(&a, &b);
+        let ratios = Ratios::new([&a, &b]);
         assert_eq!((ratios.pairs.len(), ratios.alone), (3, [1, 1]));
         let json = ratios.json();
         assert_eq!(json["cases"][0]["options"], "step=2");
@@ -271,7 +198,7 @@ mod tests {
     fn repeated_cases_are_paired_in_order() {
         let twice =
             [case("raycast", "compute", "", 1e-3, &[1.0]), case("raycast", "compute", "", 1e-3, &[8.0])];
-        let ratios = Ratios::new(&twice, &twice);
+        let ratios = Ratios::new([&twice, &twice]);
         assert_eq!(ratios.pairs.len(), 2);
         assert!(ratios.pairs.iter().all(|pair| pair.ratio.value == 1.0));
     }

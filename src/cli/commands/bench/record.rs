@@ -7,58 +7,58 @@ use serde_json::{Map, Value};
 use volraster::technique::Method;
 use volraster::{Error, Result};
 
-use crate::cli::timing::Quantiles;
+use crate::cli::timing::{Quantiles, Times};
 
 /// The results of one technique with its options in one view of one scene.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(default)]
-pub(crate) struct Record {
-    pub(crate) version: String,
-    pub(crate) device: String,
-    pub(crate) driver: String,
-    pub(crate) api: String,
-    pub(crate) software: bool,
-    pub(crate) scene: String,
+pub(super) struct Record {
+    pub(super) version: String,
+    pub(super) device: String,
+    pub(super) driver: String,
+    pub(super) api: String,
+    pub(super) software: bool,
+    pub(super) scene: String,
     /// Name that scenes share which differ only in size.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) family: Option<String>,
-    pub(crate) projection: String,
-    pub(crate) size: [u32; 2],
+    pub(super) family: Option<String>,
+    pub(super) projection: String,
+    pub(super) size: [u32; 2],
     /// `grid`, `mesh` or `points`; `elements` is the number of voxels, tetrahedra or points.
-    pub(crate) data: String,
-    pub(crate) elements: u64,
-    pub(crate) sweep: String,
-    pub(crate) technique: String,
-    pub(crate) route: String,
-    pub(crate) options: Map<String, Value>,
+    pub(super) data: String,
+    pub(super) elements: u64,
+    pub(super) sweep: String,
+    pub(super) technique: String,
+    pub(super) route: String,
+    pub(super) options: Map<String, Value>,
     /// The option `step`, if it is a number.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) step: Option<Value>,
+    pub(super) step: Option<Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) errors: Option<Value>,
+    pub(super) errors: Option<Value>,
     #[serde(skip_serializing_if = "Map::is_empty")]
-    pub(crate) counters: Map<String, Value>,
+    pub(super) counters: Map<String, Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) required_k: Option<Value>,
+    pub(super) required_k: Option<Value>,
     /// Device memory of scene and frame alone, measured for the first case of each technique and route.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) device_bytes: Option<u64>,
+    pub(super) device_bytes: Option<u64>,
     /// Number of timed frames.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) frames: Option<usize>,
+    pub(super) frames: Option<usize>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) failed: Option<String>,
+    pub(super) failed: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) skipped: Option<String>,
+    pub(super) skipped: Option<String>,
     #[serde(skip_serializing_if = "std::ops::Not::not")]
-    pub(crate) wrong: bool,
+    pub(super) wrong: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) wall_ms: Option<Quantiles>,
+    pub(super) wall_ms: Option<Quantiles>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) gpu_ms: Option<Quantiles>,
+    pub(super) gpu_ms: Option<Quantiles>,
     /// Median time of each pass, in milliseconds.
     #[serde(skip_serializing_if = "Map::is_empty")]
-    pub(crate) passes_ms: Map<String, Value>,
+    pub(super) passes_ms: Map<String, Value>,
 }
 
 impl Record {
@@ -67,7 +67,7 @@ impl Record {
     /// # Errors
     ///
     /// [`Error::Io`] when the file cannot be read, [`Error::File`] with the number of an invalid line.
-    pub(crate) fn read(path: &Path) -> Result<Vec<Self>> {
+    pub(super) fn read(path: &Path) -> Result<Vec<Self>> {
         let failed = |source| Error::Io { path: path.to_path_buf(), action: "cannot read", source };
         let bytes = std::fs::read(path).map_err(failed)?;
         let text = String::from_utf8_lossy(&bytes);
@@ -100,36 +100,44 @@ impl Record {
                 return Err(format!("is not a record of bench.jsonl: has no \"{key}\""));
             }
         }
-        let spreads = [&record.wall_ms, &record.gpu_ms];
         let is_time = |ms: &f64| *ms > 0.0 && ms.is_finite();
-        let sound = |spread: &&Quantiles| !spread.times.is_empty() && spread.times.iter().all(is_time);
-        if !spreads.into_iter().flatten().all(|spread| sound(&spread)) {
+        let is_sound = |spread: &Quantiles| !spread.times.is_empty() && spread.times.iter().all(is_time);
+        if ![&record.wall_ms, &record.gpu_ms].into_iter().flatten().all(is_sound) {
             return Err("\"times\": must be numbers above 0".to_string());
         }
         Ok(record)
     }
 
     /// Returns the RMSE, unless the image is wrong.
-    pub(crate) fn rmse(&self) -> Option<f64> {
+    pub(super) fn rmse(&self) -> Option<f64> {
         self.error("rmse").filter(|_| !self.wrong && self.failed.is_none())
     }
 
     /// Returns an error statistic over all channels; infinite values are stored as text.
-    pub(crate) fn error(&self, statistic: &str) -> Option<f64> {
+    pub(super) fn error(&self, statistic: &str) -> Option<f64> {
         match self.errors.as_ref()?.get("all")?.get(statistic)? {
             Value::String(_) => Some(f64::INFINITY),
             number => number.as_f64(),
         }
     }
 
-    pub(crate) fn counter(&self, name: &str) -> Option<f64> {
+    /// Returns an error statistic as text.
+    pub(super) fn error_text(&self, statistic: &str) -> String {
+        self.error(statistic).map_or_else(dash, |error| format!("{error:.2e}"))
+    }
+
+    /// Returns the wall times.
+    pub(super) fn times(&self) -> Option<Times> {
+        Times::new(self.wall_ms.as_ref()?.times.clone())
+    }
+
+    pub(super) fn counter(&self, name: &str) -> Option<f64> {
         self.counters.get(name)?.as_f64()
     }
 
     /// Returns the options that differ from their defaults, as `key=value,...`, without the route.
-    pub(crate) fn options_text(&self) -> String {
+    pub(super) fn options_text(&self) -> String {
         let infos = Method::from_name(&self.technique).map_or(&[][..], Method::options);
-        let word = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_string);
         let number = |text: &str| text.parse::<f64>().ok();
         let same = |a: &str, b: &str| a == b || (number(a).is_some() && number(a) == number(b));
         let is_default =
@@ -142,8 +150,13 @@ impl Record {
         shown.join(",")
     }
 
+    /// Returns technique, route and options for a row of a table.
+    pub(super) fn names(&self) -> [String; 3] {
+        [self.technique.clone(), self.route.clone(), self.options_text()]
+    }
+
     /// Returns the plural name of the elements.
-    pub(crate) fn elements_name(&self) -> &'static str {
+    pub(super) fn elements_name(&self) -> &'static str {
         match self.data.as_str() {
             "mesh" => "tetrahedra",
             "points" => "points",
@@ -152,13 +165,23 @@ impl Record {
     }
 
     /// Returns scene, projection and size.
-    pub(crate) fn view(&self) -> (&str, &str, [u32; 2]) {
+    pub(super) fn view(&self) -> (&str, &str, [u32; 2]) {
         (&self.scene, &self.projection, self.size)
     }
 }
 
+/// Returns the value of an option as text.
+pub(super) fn word(value: &Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_string)
+}
+
+/// Returns what a table shows where there is no value.
+pub(super) fn dash() -> String {
+    "-".to_string()
+}
+
 /// Groups records by view, in order of first appearance.
-pub(crate) fn views(records: &[Record]) -> Vec<Vec<&Record>> {
+pub(super) fn views(records: &[Record]) -> Vec<Vec<&Record>> {
     let mut views: Vec<Vec<&Record>> = Vec::new();
     for record in records {
         match views.iter_mut().find(|view| view[0].view() == record.view()) {
@@ -170,7 +193,10 @@ pub(crate) fn views(records: &[Record]) -> Vec<Vec<&Record>> {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+pub(super) use tests::case;
+
+#[cfg(test)]
+mod tests {
     use super::*;
     use serde_json::json;
 

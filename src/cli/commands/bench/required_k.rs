@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use serde_json::{Value, json};
+use serde::Serialize;
 use volraster::scene::View;
 use volraster::technique::Method;
 use volraster::{GpuScene, Renderer, Result};
@@ -13,29 +13,25 @@ use crate::cli::input;
 const MAX_K: usize = 15;
 
 /// Number of pixels by the smallest k that sorts their faces.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct RequiredK {
+#[derive(Debug, Serialize)]
+pub(super) struct RequiredK {
     /// Pixels for k = 1 to 15; the first includes pixels without faces.
-    sorted: [u64; MAX_K],
+    pixels: [u64; MAX_K],
+    /// Pixels for larger k.
     more: u64,
 }
 
 impl RequiredK {
     /// Draws a view with every k, without repair. Exactly the unsorted pixels count as overflowing, so that
     /// differences are exact. `None` for scenes without faces.
-    ///
-    /// # Errors
-    ///
-    /// As [`Renderer::frames`] and [`Frames::draw`](volraster::technique::Frames::draw).
-    pub(crate) fn measure(scene: &Arc<GpuScene>, view: &View) -> Result<Option<Self>> {
+    pub(super) fn measure(scene: &Arc<GpuScene>, view: &View) -> Result<Option<Self>> {
         if !Method::Havs.draws_scene(scene.scene()) {
             return Ok(None);
         }
         let [width, height] = view.extent();
         let mut unsorted = u64::from(width) * u64::from(height);
-        let mut sorted = [0; MAX_K];
-        for (k, place) in (1..).zip(&mut sorted) {
-            let k: u32 = k;
+        let mut pixels = [0; MAX_K];
+        for (k, place) in (1_u32..).zip(&mut pixels) {
             let technique =
                 input::with_options(Method::Havs, &[], &[("k", &k.to_string()), ("repair", "none")])?;
             let counters = Renderer::new(scene, technique).frames(view)?.draw(view)?.counters;
@@ -47,18 +43,13 @@ impl RequiredK {
                 break;
             }
         }
-        Ok(Some(Self { sorted, more: unsorted }))
-    }
-
-    /// Returns `pixels`, the counts for k = 1, 2, ..., and `more`, the count for k above 15.
-    pub(crate) fn json(&self) -> Value {
-        json!({"pixels": self.sorted, "more": self.more})
+        Ok(Some(Self { pixels, more: unsorted }))
     }
 
     /// Returns the counts as one line.
-    pub(crate) fn text(&self) -> String {
+    pub(super) fn text(&self) -> String {
         let counts =
-            (1..).zip(self.sorted).filter(|&(_, n)| n > 0).map(|(k, n): (u32, _)| format!("{k}: {n}"));
+            (1..).zip(self.pixels).filter(|&(_, n)| n > 0).map(|(k, n): (u32, _)| format!("{k}: {n}"));
         let more = (self.more > 0).then(|| format!("more: {}", self.more));
         let counts: Vec<String> = counts.chain(more).collect();
         format!("pixels by required k: {}", counts.join(", "))
@@ -71,13 +62,13 @@ mod tests {
 
     #[test]
     fn zero_counts_are_omitted() {
-        let mut some = RequiredK { sorted: [0; MAX_K], more: 0 };
-        some.sorted[0] = 90;
-        some.sorted[2] = 10;
+        let mut some = RequiredK { pixels: [0; MAX_K], more: 0 };
+        some.pixels[0] = 90;
+        some.pixels[2] = 10;
         assert_eq!(some.text(), "pixels by required k: 1: 90, 3: 10");
         some.more = 7;
         assert!(some.text().ends_with("3: 10, more: 7"));
-        assert_eq!(some.json()["pixels"][2], 10);
-        assert_eq!(some.json()["more"], 7);
+        assert_eq!(serde_json::json!(some)["pixels"][2], 10);
+        assert_eq!(serde_json::json!(some)["more"], 7);
     }
 }

@@ -5,24 +5,26 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
-use volraster::{Error, GpuScene, Result};
+use volraster::{Error, Result};
 
-use super::case::{Case, HEADING, ViewInfo};
 use super::charts::{Chart, charts, view_title};
 use super::fronts::Fronts;
-use super::record::{Record, views};
+use super::record::{Record, dash, views};
 use super::required_k::RequiredK;
 use super::tables::markdown;
+use crate::cli::timing::Quantiles;
 use crate::cli::{output, table};
+
+/// Headings of the table on stdout.
+const HEADING: [&str; 11] =
+    ["scene", "projection", "technique", "route", "options", "rmse", "max", "ms", "p10", "p90", "gpu ms"];
 
 /// The records so far, and the folder they go to.
 #[derive(Debug)]
-pub(crate) struct Results {
+pub(super) struct Results {
     folder: PathBuf,
-    quiet: bool,
     lines: File,
-    records: Vec<Record>,
-    failed: usize,
+    pub(super) records: Vec<Record>,
 }
 
 impl Results {
@@ -31,53 +33,34 @@ impl Results {
     /// # Errors
     ///
     /// [`Error::Io`] when it cannot be written.
-    pub(crate) fn begin(folder: &Path, quiet: bool) -> Result<Self> {
+    pub(super) fn begin(folder: &Path) -> Result<Self> {
         let lines = File::create(folder.join(LINES)).map_err(|source| cannot_write(folder, source))?;
-        Ok(Self { folder: folder.to_path_buf(), quiet, lines, records: Vec::new(), failed: 0 })
+        Ok(Self { folder: folder.to_path_buf(), lines, records: Vec::new() })
     }
 
-    /// Returns whether nothing is printed.
-    pub(crate) fn is_quiet(&self) -> bool {
-        self.quiet
-    }
-
-    /// Returns the number of cases with a wrong image.
-    pub(crate) fn failed(&self) -> usize {
-        self.failed
-    }
-
-    /// Returns the number of cases.
-    pub(crate) fn cases(&self) -> usize {
-        self.records.len()
-    }
-
-    /// Writes the records of a view, and returns its tables as text.
+    /// Writes the records of a view, and returns its tables as text. `view` names the view.
     ///
     /// # Errors
     ///
     /// [`Error::Io`] when they cannot be written.
-    pub(crate) fn add(
+    pub(super) fn add(
         &mut self,
-        scene: &GpuScene,
-        info: &ViewInfo,
-        cases: &[Case],
+        view: &Record,
+        records: Vec<Record>,
         required_k: Option<&RequiredK>,
     ) -> Result<String> {
         let mut rows = vec![HEADING.map(str::to_string).to_vec()];
-        let first = self.records.len();
-        for case in cases {
-            let record = case.record(scene, info, required_k);
-            self.failed += usize::from(case.has_failed());
-            rows.push(case.row(info));
+        for record in &records {
+            rows.push(row(record));
             let line = format!("{}\n", json!(record));
             let written = self.lines.write_all(line.as_bytes()).and_then(|()| self.lines.flush());
             written.map_err(|source| cannot_write(&self.folder, source))?;
-            self.records.push(record);
         }
-        let fronts = Fronts::new(&self.records[first..].iter().collect::<Vec<_>>()).table();
+        let fronts = Fronts::new(&records.iter().collect::<Vec<_>>()).table();
+        self.records.extend(records);
         let cases = table::aligned(&rows, &[0, 1, 2, 3, 4, 11]);
         let required_k = required_k.map_or_else(String::new, |required| format!("\n{}\n", required.text()));
-        Ok(format!("{cases}\n\nfronts of {} {}\n{fronts}\n{required_k}", info.scene, info.projection))
+        Ok(format!("{cases}\n\nfronts of {} {}\n{fronts}\n{required_k}", view.scene, view.projection))
     }
 
     /// Writes table.md, fronts.json and the plots.
@@ -85,7 +68,7 @@ impl Results {
     /// # Errors
     ///
     /// [`Error::Io`] when a file cannot be written.
-    pub(crate) fn finish(&self, is_interrupted: bool) -> Result<()> {
+    pub(super) fn finish(&self, is_interrupted: bool) -> Result<()> {
         let charts = charts(&self.records);
         for Chart { name, picture, .. } in &charts {
             volraster::io::write_text(self.folder.join(format!("{name}.svg")), &picture.svg())?;
@@ -94,6 +77,27 @@ impl Results {
         volraster::io::write_text(self.folder.join("table.md"), &text)?;
         output::write_json(&self.folder.join("fronts.json"), &fronts_json(&self.records, &charts))
     }
+}
+
+/// Returns a row of the table on stdout.
+fn row(record: &Record) -> Vec<String> {
+    let mut row = vec![record.scene.clone(), record.projection.clone()];
+    row.extend(record.names());
+    row.extend(["rmse", "max_abs"].map(|statistic| record.error_text(statistic)));
+    let ms = |spread: &Option<Quantiles>, pick: fn(&Quantiles) -> f64| {
+        spread.as_ref().map_or_else(dash, |spread| format!("{:.1}", pick(spread)))
+    };
+    if record.failed.is_some() {
+        row.push("FAILED".to_string());
+    } else if record.skipped.is_some() {
+        row.push("skipped".to_string());
+    } else {
+        let wall = |pick| ms(&record.wall_ms, pick);
+        row.extend([wall(|ms| ms.median), wall(|ms| ms.p10), wall(|ms| ms.p90)]);
+        row.push(ms(&record.gpu_ms, |ms| ms.median));
+        row.extend(record.wrong.then(|| "wrong".to_string()));
+    }
+    row
 }
 
 const LINES: &str = "bench.jsonl";

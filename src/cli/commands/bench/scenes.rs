@@ -1,30 +1,31 @@
-//! Standard scenes of the suites. A further scene is a further row of a list.
+//! Suites and their standard scenes. A further scene is a further row of a list.
 
+use volraster::Result;
 use volraster::glam::DVec3;
-use volraster::io::scene_file::PRESETS;
+use volraster::io::scene_file::{PRESETS, Preset};
 use volraster::scene::{
     Camera, Clip, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, Shading, Surface,
     TransferFunction, View,
 };
-use volraster::{Error, Result};
 
-use crate::cli::input::{self, Size};
+use super::sweeps::{SMOKE, STANDARD, Sweep};
+use crate::cli::input::Size;
 
 use Cut::{Clipped, Opaque, Translucent, Whole};
 use Shape::{Cubes, Gaussians, Points, Samples};
 
 /// Image size of the standard scenes and of data files found in a folder.
-pub(crate) const SIZE: Size = Size { width: 512, height: 512 };
+pub(super) const SIZE: Size = Size { width: 512, height: 512 };
 
 /// Image size of the suite `smoke`.
-pub(crate) const SMALL: Size = Size { width: 192, height: 192 };
+pub(super) const SMALL: Size = Size { width: 192, height: 192 };
 
 /// A standard scene.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct StandardScene {
-    pub(crate) name: &'static str,
+pub(super) struct StandardScene {
+    pub(super) name: &'static str,
     /// Name that it shares with scenes that differ only in size.
-    pub(crate) family: &'static str,
+    pub(super) family: &'static str,
     pub(super) field: &'static str,
     pub(super) shape: Shape,
     pub(super) look: Look,
@@ -38,8 +39,8 @@ pub(crate) struct StandardScene {
 /// The data on which the field is sampled.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Shape {
-    /// A grid: samples along each side, their type, and the stored values of the transfer function's \[0, 1\].
-    Samples(u32, &'static str, [f64; 2]),
+    /// A grid: samples along each side, and their type.
+    Samples(u32, &'static str),
     /// A grid of Gaussian kernels: samples along each side.
     Gaussians(u32),
     /// A mesh: cubes along each side, of five tetrahedra each.
@@ -101,7 +102,7 @@ pub(super) const GAUSSIANS: Kernels =
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Look {
     /// A preset that scene files can name.
-    Preset(&'static str),
+    Preset(&'static Preset),
     /// Knots: scalar, colour, extinction.
     Rows(&'static [[f64; 5]]),
 }
@@ -110,34 +111,21 @@ pub(super) enum Look {
 const THIN: Look =
     Look::Rows(&[[0.49, 1.0, 0.8, 0.3, 0.0], [0.5, 1.0, 0.8, 0.3, 240.0], [0.51, 1.0, 0.8, 0.3, 0.0]]);
 
-const SHELLS: Look = Look::Preset("shells");
+const SHELLS: Look = Look::Preset(&PRESETS[2]);
 
-const FOG: Look = Look::Preset("fog");
-
-/// A named viewpoint.
-#[derive(Clone, Copy, Debug)]
-struct Viewpoint {
-    name: &'static str,
-    eye: [f64; 3],
-    projection: Projection,
-}
+const FOG: Look = Look::Preset(&PRESETS[1]);
 
 const EYE: [f64; 3] = [2.0, 1.5, 3.8];
 
 const PERSPECTIVE: Projection = Projection::Perspective { fov_y_deg: 42.0 };
 
-/// The first two are the standard views; the others are from inside the data and from afar.
-#[rustfmt::skip]
-const VIEWS: [Viewpoint; 4] = [
-    Viewpoint { name: "perspective", eye: EYE, projection: PERSPECTIVE },
-    Viewpoint { name: "orthographic", eye: EYE, projection: Projection::Orthographic { half_height: 1.6 } },
-    Viewpoint { name: "inside", eye: [0.31, 0.22, 0.47], projection: PERSPECTIVE },
-    Viewpoint { name: "far", eye: [8.0, 6.0, 15.2], projection: PERSPECTIVE },
+/// Views with their names. The first two are the standard views; the others are from inside the data and from afar.
+const VIEWS: [(&str, [f64; 3], Projection); 4] = [
+    ("perspective", EYE, PERSPECTIVE),
+    ("orthographic", EYE, Projection::Orthographic { half_height: 1.6 }),
+    ("inside", [0.31, 0.22, 0.47], PERSPECTIVE),
+    ("far", [8.0, 6.0, 15.2], PERSPECTIVE),
 ];
-
-pub(super) const UNIT: [f64; 2] = [0.0, 1.0];
-
-const BYTE: [f64; 2] = [0.0, 255.0];
 
 const SIDES: &[u32] = &[256, 1024];
 
@@ -149,36 +137,36 @@ const RADIUS_SMALL: f64 = 0.0546;
 
 /// The scenes of the suite `standard`.
 #[rustfmt::skip]
-pub(crate) const SCENES: &[StandardScene] = &[
-    StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, cut: Whole, views: 1, sides: &[] },
-    StandardScene { name: "marschner-lobb-128", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: SHELLS, cut: Whole, views: 2, sides: SIDES },
-    StandardScene { name: "marschner-lobb-256", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(256, "f32", UNIT), look: SHELLS, cut: Whole, views: 1, sides: &[] },
-    StandardScene { name: "blobs-128", family: "blobs", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, cut: Whole, views: 2, sides: &[] },
-    StandardScene { name: "thin-128", family: "thin", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: THIN, cut: Whole, views: 1, sides: &[] },
-    StandardScene { name: "marschner-lobb-128-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(128, "u8", BYTE), look: SHELLS, cut: Whole, views: 2, sides: &[] },
+pub(super) const SCENES: &[StandardScene] = &[
+    StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32"), look: SHELLS, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "marschner-lobb-128", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(128, "f32"), look: SHELLS, cut: Whole, views: 2, sides: SIDES },
+    StandardScene { name: "marschner-lobb-256", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(256, "f32"), look: SHELLS, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "blobs-128", family: "blobs", field: "blobs", shape: Samples(128, "f32"), look: FOG, cut: Whole, views: 2, sides: &[] },
+    StandardScene { name: "thin-128", family: "thin", field: "marschner-lobb", shape: Samples(128, "f32"), look: THIN, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "marschner-lobb-128-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(128, "u8"), look: SHELLS, cut: Whole, views: 2, sides: &[] },
     StandardScene { name: "blobs-tets-12", family: "blobs-tets", field: "blobs", shape: Cubes(12), look: FOG, cut: Whole, views: 2, sides: &[] },
     StandardScene { name: "blobs-tets-34", family: "blobs-tets", field: "blobs", shape: Cubes(34), look: FOG, cut: Whole, views: 2, sides: SIDES },
     StandardScene { name: "blobs-tets-58", family: "blobs-tets", field: "blobs", shape: Cubes(58), look: FOG, cut: Whole, views: 2, sides: &[] },
     StandardScene { name: "blobs-gaussians-128", family: "blobs-gaussians", field: "blobs", shape: Gaussians(128), look: FOG, cut: Whole, views: 2, sides: &[] },
     StandardScene { name: "blobs-points-100k", family: "blobs-points", field: "blobs", shape: Points(100_000, RADIUS), look: FOG, cut: Whole, views: 2, sides: SIDES },
     StandardScene { name: "blobs-points-1m", family: "blobs-points", field: "blobs", shape: Points(1_000_000, RADIUS), look: FOG, cut: Whole, views: 1, sides: &[] },
-    StandardScene { name: "marschner-lobb-256-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(256, "u8", BYTE), look: SHELLS, cut: Whole, views: 2, sides: &[] },
+    StandardScene { name: "marschner-lobb-256-u8", family: "marschner-lobb-u8", field: "marschner-lobb", shape: Samples(256, "u8"), look: SHELLS, cut: Whole, views: 2, sides: &[] },
 ];
 
 /// Further scenes of the suite `full`: other sizes and transfer functions, views from inside and from afar, clip
 /// planes and surfaces.
 #[rustfmt::skip]
-pub(crate) const MORE_SCENES: &[StandardScene] = &[
-    StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32", UNIT), look: FOG, cut: Whole, views: 1, sides: &[] },
-    StandardScene { name: "blobs-256", family: "blobs", field: "blobs", shape: Samples(256, "f32", UNIT), look: FOG, cut: Whole, views: 1, sides: &[] },
-    StandardScene { name: "blobs-thin-128", family: "blobs-thin", field: "blobs", shape: Samples(128, "f32", UNIT), look: THIN, cut: Whole, views: 4, sides: SIDES },
-    StandardScene { name: "marschner-lobb-fog-128", family: "marschner-lobb-fog", field: "marschner-lobb", shape: Samples(128, "f32", UNIT), look: FOG, cut: Whole, views: 4, sides: &[] },
-    StandardScene { name: "ramp-fog-128", family: "ramp-fog", field: "ramp", shape: Samples(128, "f32", UNIT), look: FOG, cut: Whole, views: 4, sides: &[] },
+pub(super) const MORE_SCENES: &[StandardScene] = &[
+    StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32"), look: FOG, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "blobs-256", family: "blobs", field: "blobs", shape: Samples(256, "f32"), look: FOG, cut: Whole, views: 1, sides: &[] },
+    StandardScene { name: "blobs-thin-128", family: "blobs-thin", field: "blobs", shape: Samples(128, "f32"), look: THIN, cut: Whole, views: 4, sides: SIDES },
+    StandardScene { name: "marschner-lobb-fog-128", family: "marschner-lobb-fog", field: "marschner-lobb", shape: Samples(128, "f32"), look: FOG, cut: Whole, views: 4, sides: &[] },
+    StandardScene { name: "ramp-fog-128", family: "ramp-fog", field: "ramp", shape: Samples(128, "f32"), look: FOG, cut: Whole, views: 4, sides: &[] },
     StandardScene { name: "blobs-tets-23", family: "blobs-tets", field: "blobs", shape: Cubes(23), look: FOG, cut: Whole, views: 4, sides: &[] },
     StandardScene { name: "marschner-lobb-tets-34", family: "marschner-lobb-tets", field: "marschner-lobb", shape: Cubes(34), look: SHELLS, cut: Whole, views: 4, sides: &[] },
-    StandardScene { name: "blobs-128-clipped", family: "blobs-clipped", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, cut: Clipped, views: 1, sides: &[] },
-    StandardScene { name: "blobs-128-opaque", family: "blobs-opaque", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, cut: Opaque, views: 1, sides: &[] },
-    StandardScene { name: "blobs-128-translucent", family: "blobs-translucent", field: "blobs", shape: Samples(128, "f32", UNIT), look: FOG, cut: Translucent, views: 1, sides: &[] },
+    StandardScene { name: "blobs-128-clipped", family: "blobs-clipped", field: "blobs", shape: Samples(128, "f32"), look: FOG, cut: Clipped, views: 1, sides: &[] },
+    StandardScene { name: "blobs-128-opaque", family: "blobs-opaque", field: "blobs", shape: Samples(128, "f32"), look: FOG, cut: Opaque, views: 1, sides: &[] },
+    StandardScene { name: "blobs-128-translucent", family: "blobs-translucent", field: "blobs", shape: Samples(128, "f32"), look: FOG, cut: Translucent, views: 1, sides: &[] },
     StandardScene { name: "blobs-tets-34-clipped", family: "blobs-tets-clipped", field: "blobs", shape: Cubes(34), look: FOG, cut: Clipped, views: 1, sides: &[] },
     StandardScene { name: "blobs-tets-34-opaque", family: "blobs-tets-opaque", field: "blobs", shape: Cubes(34), look: FOG, cut: Opaque, views: 1, sides: &[] },
     StandardScene { name: "blobs-tets-34-translucent", family: "blobs-tets-translucent", field: "blobs", shape: Cubes(34), look: FOG, cut: Translucent, views: 1, sides: &[] },
@@ -186,49 +174,54 @@ pub(crate) const MORE_SCENES: &[StandardScene] = &[
 
 /// The small scenes of the suite `smoke`.
 #[rustfmt::skip]
-pub(crate) const SMOKE_SCENES: &[StandardScene] = &[
-    StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32", UNIT), look: SHELLS, cut: Whole, views: 1, sides: &[96] },
-    StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32", UNIT), look: FOG, cut: Whole, views: 1, sides: &[] },
+pub(super) const SMOKE_SCENES: &[StandardScene] = &[
+    StandardScene { name: "marschner-lobb-64", family: "marschner-lobb", field: "marschner-lobb", shape: Samples(64, "f32"), look: SHELLS, cut: Whole, views: 1, sides: &[96] },
+    StandardScene { name: "blobs-64", family: "blobs", field: "blobs", shape: Samples(64, "f32"), look: FOG, cut: Whole, views: 1, sides: &[] },
     StandardScene { name: "blobs-tets-12", family: "blobs-tets", field: "blobs", shape: Cubes(12), look: FOG, cut: Whole, views: 1, sides: &[96] },
     StandardScene { name: "blobs-gaussians-32", family: "blobs-gaussians", field: "blobs", shape: Gaussians(32), look: FOG, cut: Whole, views: 1, sides: &[] },
     StandardScene { name: "blobs-points-10k", family: "blobs-points", field: "blobs", shape: Points(10_000, RADIUS_SMALL), look: FOG, cut: Whole, views: 1, sides: &[96] },
 ];
 
+/// A list of scenes with the sweeps that are measured on each.
+#[derive(Debug)]
+pub(super) struct Suite {
+    pub(super) name: &'static str,
+    /// Lists of scenes, measured in this order.
+    scenes: &'static [&'static [StandardScene]],
+    pub(super) sweeps: &'static [Sweep],
+    pub(super) size: Size,
+    /// Timed frames per case.
+    pub(super) frames: usize,
+}
+
+/// All suites.
+pub(super) const SUITES: &[Suite] = &[
+    Suite { name: "smoke", scenes: &[SMOKE_SCENES], sweeps: SMOKE, size: SMALL, frames: 5 },
+    Suite { name: "standard", scenes: &[SCENES], sweeps: STANDARD, size: SIZE, frames: 9 },
+    Suite { name: "full", scenes: &[SCENES, MORE_SCENES], sweeps: STANDARD, size: SIZE, frames: 15 },
+];
+
+impl Suite {
+    /// Returns the scenes.
+    pub(super) fn scenes(&self) -> impl Iterator<Item = &'static StandardScene> {
+        self.scenes.iter().copied().flatten()
+    }
+}
+
 impl StandardScene {
     /// Returns the views with their names.
-    ///
-    /// # Errors
-    ///
-    /// As [`View::new`].
-    pub(crate) fn views(&self, Size { width, height }: Size) -> Result<Vec<(&'static str, View)>> {
-        let view = |&Viewpoint { name, eye, projection }: &Viewpoint| {
+    pub(super) fn views(&self, Size { width, height }: Size) -> Result<Vec<(&'static str, View)>> {
+        let view = |&(name, eye, projection): &(&'static str, [f64; 3], Projection)| {
             let camera = Camera { eye: DVec3::from(eye), target: DVec3::ZERO, up: DVec3::Y, projection };
             Ok((name, View::new(camera, width, height)?.with_clip(self.cut.clip()?)))
         };
         VIEWS.iter().take(self.views).map(view).collect()
     }
 
-    /// Returns the further image sizes of the first view.
-    pub(crate) fn sizes(&self) -> impl Iterator<Item = Size> {
-        self.sides.iter().map(|&side| Size { width: side, height: side })
-    }
-
-    /// Returns whether some technique draws the scene.
-    pub(crate) fn is_drawn(&self) -> bool {
-        // The smallest scene of the same kind decides.
-        let small = match self.shape {
-            Samples(_, kind, range) => Samples(2, kind, range),
-            Gaussians(_) => Gaussians(2),
-            Cubes(_) => Cubes(1),
-            Points(_, radius) => Points(1, radius),
-        };
-        Self { shape: small, ..*self }.load().is_ok_and(|scene| input::drawn(&scene).is_ok())
-    }
-
-    pub(super) fn data(&self) -> Result<Data> {
+    fn data(&self) -> Result<Data> {
         let field = Field::from_name(self.field)?;
         match self.shape {
-            Samples(side, kind, _) => field.sample([side; 3], kind).map(Data::from),
+            Samples(side, kind) => field.sample([side; 3], kind).map(Data::from),
             Gaussians(side) => field.sample([side; 3], "f32").map(Data::from),
             Cubes(cubes) => field.tets(cubes).map(Data::from),
             Points(count, radius) => {
@@ -241,17 +234,11 @@ impl StandardScene {
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] when the scene names an unknown field or preset.
-    pub(crate) fn load(&self) -> Result<Scene> {
+    /// [`Error::Invalid`](volraster::Error::Invalid) when the scene names an unknown field.
+    pub(super) fn load(&self) -> Result<Scene> {
         let range @ [lo, hi] = self.range();
         let transfer = match self.look {
-            Look::Preset(name) => {
-                let Some(preset) = PRESETS.iter().find(|known| known.name == name) else {
-                    let why = format!("\"{name}\": unknown preset");
-                    return Err(Error::Invalid { what: "transfer function".to_string(), why });
-                };
-                preset.transfer(range, 1.0)?
-            }
+            Look::Preset(preset) => preset.transfer(range, 1.0)?,
             Look::Rows(rows) => {
                 let stretched = rows.iter().map(|&[s, r, g, b, tau]| [lo + (hi - lo) * s, r, g, b, tau]);
                 TransferFunction::from_rows(&stretched.collect::<Vec<_>>())?
@@ -262,17 +249,18 @@ impl StandardScene {
     }
 
     /// Returns the scalars that the transfer function's \[0, 1\] stands for.
-    pub(super) fn range(&self) -> [f64; 2] {
-        match self.shape {
-            Samples(_, _, range) => range,
-            Gaussians(_) | Cubes(_) | Points(..) => UNIT,
-        }
+    fn range(&self) -> [f64; 2] {
+        if let Samples(_, "u8") = self.shape { [0.0, 255.0] } else { [0.0, 1.0] }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use volraster::technique::Method::{SplatEwa, SplatSheets};
+
+    use super::super::sweeps::{DATA, SIZES, SPLATS, Setting, settings};
     use super::*;
+    use crate::cli::input;
 
     /// The standard deviation of a point is one pixel at the centre of the data.
     #[test]
@@ -286,6 +274,74 @@ mod tests {
             let pixels = across(right * radius) - across(DVec3::ZERO);
             assert!(matches!(scene.shape, Points(_, r) if r == radius), "{}", scene.name);
             assert!((pixels - 3.0).abs() < 0.01, "{}: {pixels}", scene.name);
+        }
+    }
+
+    #[test]
+    fn splats_are_tried_where_they_are_reasonable() {
+        let settings = settings(STANDARD).unwrap();
+        let of = |shape: Shape| {
+            let scene = StandardScene { shape, ..SCENES[3] }.load().unwrap();
+            let own = settings.iter().filter(|setting| setting.is_for(&scene));
+            own.map(|setting| (setting.technique.method(), input::options_text(&setting.technique)))
+                .filter(|(method, _)| SPLATS.contains(method))
+                .collect::<Vec<_>>()
+        };
+        let small = of(Samples(8, "f32"));
+        assert!(small.len() > 3 && small.iter().all(|(method, _)| *method == SplatSheets), "{small:?}");
+        assert_eq!(of(Samples(65, "f32")), []);
+        for shape in [Gaussians(65), Points(9, 0.1)] {
+            let all = of(shape);
+            assert!(all.contains(&(SplatEwa, "order=center,footprint=ewa".into())), "{all:?}");
+            assert!(all.contains(&(SplatSheets, "sheets=axis".into())), "{all:?}");
+        }
+    }
+
+    #[test]
+    fn the_standard_scenes_are_valid() {
+        let name = |look| if let Look::Preset(preset) = look { preset.name } else { "" };
+        assert_eq!([SHELLS, FOG].map(name), ["shells", "fog"]);
+        for suite in SUITES {
+            let mut names: Vec<&str> = suite.scenes().map(|scene| scene.name).collect();
+            let count = names.len();
+            assert!(count >= 3, "{}", suite.name);
+            names.sort_unstable();
+            names.dedup();
+            assert_eq!(names.len(), count, "{}", suite.name);
+        }
+        for scene in [SCENES, MORE_SCENES, SMOKE_SCENES].concat() {
+            assert_eq!(scene.views(SIZE).unwrap().len(), scene.views);
+            let small = match scene.shape {
+                Samples(_, kind) => Samples(4, kind),
+                Gaussians(_) => Gaussians(4),
+                Cubes(_) => Cubes(2),
+                Points(_, radius) => Points(20, radius),
+            };
+            let loaded = StandardScene { shape: small, ..scene }.load().unwrap();
+            match (scene.shape, &loaded.data) {
+                (Samples(_, kind), Data::Grid(grid)) => assert_eq!(grid.samples().type_name(), kind),
+                (Cubes(_), Data::Mesh(mesh)) => assert_eq!(mesh.cells().len(), 40),
+                (Gaussians(_), Data::Grid(_)) => assert_eq!(loaded.kernels, Some(GAUSSIANS)),
+                (Points(_, radius), Data::Points(points)) => {
+                    assert_eq!(points.size(), &KernelSize::Radius(radius));
+                    assert_eq!(points.centres().len(), 20);
+                }
+                _ => panic!("{}: another kind of data", scene.name),
+            }
+            assert!(input::drawn(&loaded).is_ok(), "{}", scene.name);
+            // Every sweep list has settings for every scene.
+            for sweeps in [STANDARD, SMOKE, SIZES, DATA] {
+                let settings = settings(sweeps).unwrap();
+                let own: Vec<&Setting> = settings.iter().filter(|setting| setting.is_for(&loaded)).collect();
+                assert!(own.len() >= 2, "{}", scene.name);
+                let splats =
+                    own.iter().filter(|setting| SPLATS.contains(&setting.technique.method())).count();
+                let has_kernels = matches!(scene.shape, Gaussians(_) | Points(..));
+                assert_eq!(splats == own.len(), has_kernels, "{}", scene.name);
+            }
+            let [lo, hi] = loaded.transfer.domain();
+            let range = scene.range();
+            assert!(lo >= range[0] && hi <= range[1] && hi > lo, "{}", scene.name);
         }
     }
 }

@@ -13,7 +13,7 @@ use Method::{
 
 /// Techniques whose options run through all combinations of some values.
 #[derive(Debug)]
-pub(crate) struct Sweep {
+pub(super) struct Sweep {
     /// The name of the sweep in results.
     pub(super) name: &'static str,
     /// Techniques; those without all of the options are skipped.
@@ -51,8 +51,6 @@ const ONE: &[&str] = &["1"];
 
 const MESHES: &[Method] = &[Havs, Abuffer, ProjectedTets];
 
-const EVERY: &[&str] = &["compute", "raster", "interlock", "implementation-ordered"];
-
 const RASTERS: &[&str] = &["raster", "interlock", "implementation-ordered"];
 
 const PAIRS: &[&str] = &["1", "2", "4", "7", "15"];
@@ -75,7 +73,7 @@ pub(super) const SPLATS: &[Method] = &[SplatSheets, SplatEwa];
 
 /// The complete sweep: the settings of the fronts, then each further option alone at step 1.
 #[rustfmt::skip]
-pub(crate) const STANDARD: &[Sweep] = &[
+pub(super) const STANDARD: &[Sweep] = &[
     Sweep { name: "slices", methods: &[Slices2d], routes: BOTH, options: &[("step", &["slices"])] },
     Sweep { name: "step", methods: &[Slices2d, Slices3d], routes: COMPUTE, options: &[("step", STEPS)] },
     Sweep { name: "step", methods: &[Slices2d, Slices3d], routes: RASTER, options: &[("step", MIDDLE)] },
@@ -118,7 +116,7 @@ pub(crate) const STANDARD: &[Sweep] = &[
 
 /// The sweep of `smoke`: every technique by every route, each feature off and on.
 #[rustfmt::skip]
-pub(crate) const SMOKE: &[Sweep] = &[
+pub(super) const SMOKE: &[Sweep] = &[
     Sweep { name: "slices", methods: &[Slices2d], routes: BOTH, options: &[("step", &["slices"])] },
     Sweep { name: "step", methods: &[Slices2d, Slices3d], routes: COMPUTE, options: &[("step", SPARSE)] },
     Sweep { name: "step", methods: &[Slices2d, Slices3d], routes: RASTER, options: &[("step", COARSE)] },
@@ -153,16 +151,16 @@ pub(crate) const SMOKE: &[Sweep] = &[
 
 /// Settings for time over image size: every technique by every route.
 #[rustfmt::skip]
-pub(crate) const SIZES: &[Sweep] = &[
+pub(super) const SIZES: &[Sweep] = &[
     Sweep { name: "size", methods: &[Slices2d, ShearWarp], routes: BOTH, options: &[("step", &["slices"])] },
     Sweep { name: "size", methods: &[Slices3d, Slabs, Raycast], routes: BOTH, options: &[("step", ONE)] },
-    Sweep { name: "size", methods: MESHES, routes: EVERY, options: &[] },
+    Sweep { name: "size", methods: MESHES, routes: &["compute", "raster", "interlock", "implementation-ordered"], options: &[] },
     Sweep { name: "size", methods: SPLATS, routes: COMPUTE, options: &[] },
 ];
 
 /// Few settings for data found in a folder, which may be many files.
 #[rustfmt::skip]
-pub(crate) const DATA: &[Sweep] = &[
+pub(super) const DATA: &[Sweep] = &[
     Sweep { name: "slices", methods: &[Slices2d], routes: COMPUTE, options: &[("step", &["slices"])] },
     Sweep { name: "slices", methods: &[ShearWarp], routes: COMPUTE, options: &[("intermediate", FEW_TEXELS)] },
     Sweep { name: "every", methods: &[ShearWarp], routes: COMPUTE, options: &[("intermediate", &["0.5"]), ("every", &["4"])] },
@@ -176,12 +174,12 @@ pub(crate) const DATA: &[Sweep] = &[
 
 /// A technique with one combination of options.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Setting {
+pub(super) struct Setting {
     /// The name of its sweep.
-    pub(crate) sweep: &'static str,
-    pub(crate) technique: Technique,
+    pub(super) sweep: &'static str,
+    pub(super) technique: Technique,
     /// The requested route; checking the case replaces it by that of the plan.
-    pub(crate) route: &'static str,
+    pub(super) route: &'static str,
 }
 
 /// Returns every setting of some sweeps, without duplicates.
@@ -189,7 +187,7 @@ pub(crate) struct Setting {
 /// # Errors
 ///
 /// As [`Technique::new`], when a list contains an invalid value.
-pub(crate) fn settings(sweeps: &[Sweep]) -> Result<Vec<Setting>> {
+pub(super) fn settings(sweeps: &[Sweep]) -> Result<Vec<Setting>> {
     let mut settings: Vec<Setting> = Vec::new();
     for sweep in sweeps {
         for &method in sweep.methods {
@@ -214,19 +212,17 @@ pub(crate) fn settings(sweeps: &[Sweep]) -> Result<Vec<Setting>> {
 fn combinations(
     options: &[(&'static str, &'static [&'static str])],
 ) -> Vec<Vec<(&'static str, &'static str)>> {
-    let extend = |rows: Vec<Vec<(&'static str, &'static str)>>,
-                  &(key, values): &(&'static str, &'static [&'static str])| {
-        let longer = rows.iter().flat_map(|row| {
-            values.iter().map(move |&value| row.iter().copied().chain([(key, value)]).collect())
-        });
-        longer.collect()
-    };
-    options.iter().fold(vec![Vec::new()], extend)
+    let mut rows = vec![Vec::new()];
+    for &(key, values) in options {
+        let longer = |row: &Vec<_>, value| row.iter().copied().chain([(key, value)]).collect();
+        rows = rows.iter().flat_map(|row| values.iter().map(|value| longer(row, *value))).collect();
+    }
+    rows
 }
 
 impl Setting {
     /// Returns whether the technique draws the scene's field as the reference does, in reasonable time.
-    pub(crate) fn is_for(&self, scene: &Scene) -> bool {
+    pub(super) fn is_for(&self, scene: &Scene) -> bool {
         let method = self.technique.method();
         let (adds_up, has_kernels) = match (&scene.data, &scene.kernels) {
             (_, Some(kernels)) => (kernels.model == Model::Density, true),

@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 
 use super::charts::{Chart, view_title};
 use super::fronts::Fronts;
-use super::record::{Record, views};
+use super::record::{Record, dash, views, word};
 use crate::cli::markup::{escape_markdown, link_address};
 use crate::cli::numbers::{count, three_digits};
-use crate::cli::timing::{Quantiles, Times, ratio};
+use crate::cli::timing::{Quantiles, ratio};
 
 /// Optional features: option and its value when off.
 const FEATURES: [(&str, &str); 7] = [
@@ -24,7 +24,7 @@ const FEATURES: [(&str, &str); 7] = [
 const EVALUATIONS: f64 = 64.0;
 
 /// Returns the text of table.md.
-pub(crate) fn markdown(records: &[Record], charts: &[Chart], is_interrupted: bool) -> String {
+pub(super) fn markdown(records: &[Record], charts: &[Chart], is_interrupted: bool) -> String {
     let mut text = String::from("# Benchmark\n\n");
     if let Some(first) = records.first() {
         // Writing into a string cannot fail.
@@ -45,12 +45,8 @@ pub(crate) fn markdown(records: &[Record], charts: &[Chart], is_interrupted: boo
     for view in views(records) {
         let _ = writeln!(text, "## {}\n", escape_markdown(&view_title(view[0])));
         let _ = writeln!(text, "{} {}.\n", view[0].elements, view[0].elements_name());
-        for chart in
-            charts.iter().filter(|chart| chart.title.ends_with(&format!(": {}", view_title(view[0]))))
-        {
-            let _ =
-                writeln!(text, "![{}]({}.svg)\n", escape_markdown(&chart.title), link_address(&chart.name));
-        }
+        let title = format!(": {}", view_title(view[0]));
+        text.extend(charts.iter().filter(|chart| chart.title.ends_with(&title)).map(image));
         text.push_str("Time at equal error, in ms, of the best route and options (`<=`: even the coarsest setting is more accurate; `-`: not reached):\n\n");
         text.push_str(&table(&Fronts::new(&view).rows(), 1));
         text.push_str("\nEvery case:\n\n");
@@ -71,47 +67,42 @@ pub(crate) fn markdown(records: &[Record], charts: &[Chart], is_interrupted: boo
     let sizes: Vec<&Chart> = charts.iter().filter(|chart| chart.name.starts_with("size-")).collect();
     if !sizes.is_empty() {
         text.push_str("## Time over size\n\n");
-        for chart in sizes {
-            let _ =
-                writeln!(text, "![{}]({}.svg)\n", escape_markdown(&chart.title), link_address(&chart.name));
-        }
+        text.extend(sizes.into_iter().map(image));
     }
     text
 }
 
+fn image(chart: &Chart) -> String {
+    format!("![{}]({}.svg)\n\n", escape_markdown(&chart.title), link_address(&chart.name))
+}
+
 /// Returns the table of all drawn cases of a view.
 fn cases(view: &[&Record]) -> String {
+    let median =
+        |spread: &Option<Quantiles>| spread.as_ref().map_or_else(dash, |spread| three_digits(spread.median));
+    let mebibytes = |bytes| three_digits(bytes as f64 / f64::from(1 << 20));
+    let per_second = |record: &Record, number: Option<f64>| match (number, &record.wall_ms) {
+        (Some(number), Some(spread)) => count(number / spread.median * 1e3),
+        _ => dash(),
+    };
     let is_mesh = view[0].data == "mesh";
-    let mut heading = vec!["technique", "route", "options", "RMSE", "max", "ms", "95 %", "gpu ms", "MiB"];
-    if is_mesh {
-        heading.extend(["tets/s", "fragments/s"]);
-    }
     let has_splats = view.iter().any(|record| record.counter("pairs").is_some());
-    if has_splats {
-        heading.extend(["pairs/s", "evaluations/s"]);
-    }
+    let mut heading = vec!["technique", "route", "options", "RMSE", "max", "ms", "95 %", "gpu ms", "MiB"];
+    heading.extend(is_mesh.then_some(["tets/s", "fragments/s"]).into_iter().flatten());
+    heading.extend(has_splats.then_some(["pairs/s", "evaluations/s"]).into_iter().flatten());
     let mut rows = vec![heading.into_iter().map(str::to_string).collect::<Vec<_>>()];
     for record in view.iter().filter(|record| record.skipped.is_none() && record.failed.is_none()) {
-        let error = |name: &str| record.error(name).map_or_else(dash, |error| format!("{error:.2e}"));
-        let wall = record.wall_ms.as_ref();
-        let per_second = |number: Option<f64>| match (number, wall) {
-            (Some(number), Some(spread)) => count(number / spread.median * 1e3),
-            _ => dash(),
-        };
-        let mut row = names(record);
-        row.extend([error("rmse"), error("max_abs")]);
-        row.push(wall.map_or_else(dash, |spread| three_digits(spread.median)));
-        row.push(wall.map_or_else(dash, interval));
-        row.push(record.gpu_ms.as_ref().map_or_else(dash, |spread| three_digits(spread.median)));
-        row.push(
-            record.device_bytes.map_or_else(dash, |bytes| three_digits(bytes as f64 / f64::from(1 << 20))),
-        );
+        let mut row = record.names().to_vec();
+        row.extend(["rmse", "max_abs"].map(|statistic| record.error_text(statistic)));
+        row.extend([median(&record.wall_ms), record.wall_ms.as_ref().map_or_else(dash, interval)]);
+        row.extend([median(&record.gpu_ms), record.device_bytes.map_or_else(dash, mebibytes)]);
+        let rate = |number| per_second(record, number);
         if is_mesh {
-            row.extend([per_second(Some(record.elements as f64)), per_second(record.counter("fragments"))]);
+            row.extend([Some(record.elements as f64), record.counter("fragments")].map(rate));
         }
         if has_splats {
             let pairs = record.counter("pairs");
-            row.extend([per_second(pairs), per_second(pairs.map(|pairs| pairs * EVALUATIONS))]);
+            row.extend([pairs, pairs.map(|pairs| pairs * EVALUATIONS)].map(rate));
         }
         rows.push(row);
     }
@@ -120,29 +111,17 @@ fn cases(view: &[&Record]) -> String {
 
 /// Returns rows that compare cases that differ only in one feature.
 fn features(view: &[&Record]) -> Vec<Vec<String>> {
-    let heading = [
-        "feature",
-        "technique",
-        "route",
-        "options",
-        "off ms",
-        "on ms",
-        "on/off",
-        "95 %",
-        "off RMSE",
-        "on RMSE",
-    ];
-    let mut rows = vec![heading.map(str::to_string).to_vec()];
+    let names = ["feature", "technique", "route", "options"];
+    let values = ["off ms", "on ms", "on/off", "95 %", "off RMSE", "on RMSE"];
+    let mut rows = vec![names.into_iter().chain(values).map(str::to_string).collect::<Vec<_>>()];
     for (key, off) in FEATURES {
         for record in view.iter().filter(|record| record.wall_ms.is_some()) {
             // Missing options are off: `dither` is recorded only when on.
-            let word = |record: &Record| {
-                let value = record.options.get(key);
-                let text =
-                    value.map(|value| value.as_str().map_or_else(|| value.to_string(), str::to_string));
+            let state = |record: &Record| {
+                let text = record.options.get(key).map(word);
                 text.map_or_else(|| off.to_string(), |text| text.trim_end_matches(".0").to_string())
             };
-            let on = word(record);
+            let on = state(record);
             if on == off {
                 continue;
             }
@@ -154,17 +133,13 @@ fn features(view: &[&Record]) -> Vec<Vec<String>> {
             let same = |other: &&&Record| {
                 other.wall_ms.is_some()
                     && (&other.technique, &other.route) == (&record.technique, &record.route)
-                    && word(other) == off
+                    && state(other) == off
                     && others(other) == others(record)
             };
             let Some(base) = view.iter().find(same) else { continue };
-            let times =
-                |record: &Record| record.wall_ms.as_ref().and_then(|spread| Times::new(spread.times.clone()));
-            let (Some(before), Some(after)) = (times(base), times(record)) else { continue };
+            let (Some(before), Some(after)) = (base.times(), record.times()) else { continue };
             let Some(ratio) = ratio(&[[&before, &after]]) else { continue };
-            let error =
-                |record: &Record| record.error("rmse").map_or_else(dash, |error| format!("{error:.2e}"));
-            let [technique, route, options] = <[String; 3]>::try_from(names(base)).unwrap_or_default();
+            let [technique, route, options] = base.names();
             // The column of the feature shows its value.
             let others: Vec<&str> =
                 options.split(',').filter(|pair| pair.split('=').next() != Some(key)).collect();
@@ -177,8 +152,8 @@ fn features(view: &[&Record]) -> Vec<Vec<String>> {
                 three_digits(after.median()),
                 format!("{:.2}", ratio.value),
                 format!("{:.2}..{:.2}", ratio.low, ratio.high),
-                error(base),
-                error(record),
+                base.error_text("rmse"),
+                record.error_text("rmse"),
             ]);
         }
     }
@@ -187,25 +162,19 @@ fn features(view: &[&Record]) -> Vec<Vec<String>> {
 
 /// Returns the row of a case without a valid image: technique, route, options and reason.
 fn refusal(record: &Record) -> Option<Vec<String>> {
-    let rmse = || record.error("rmse").map_or_else(dash, |error| format!("{error:.2e}"));
     let why = match (&record.skipped, &record.failed) {
         (Some(why), _) | (_, Some(why)) => why.clone(),
-        _ if record.wrong => format!("RMSE {}: the target format is too imprecise for this scene", rmse()),
+        _ if record.wrong => {
+            let rmse = record.error_text("rmse");
+            format!("RMSE {rmse}: the target format is too imprecise for this scene")
+        }
         _ => return None,
     };
-    Some([names(record), vec![why]].concat())
-}
-
-pub(super) fn names(record: &Record) -> Vec<String> {
-    vec![record.technique.clone(), record.route.clone(), record.options_text()]
+    Some(record.names().into_iter().chain([why]).collect())
 }
 
 fn interval(spread: &Quantiles) -> String {
     format!("[{}, {}]", three_digits(spread.low), three_digits(spread.high))
-}
-
-fn dash() -> String {
-    "-".to_string()
 }
 
 /// Formats a Markdown table; the first row is the heading. The first `text` columns are left-aligned, the others
@@ -225,7 +194,7 @@ fn table(rows: &[Vec<String>], text: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::charts::charts;
-    use super::super::record::tests::case;
+    use super::super::record::case;
     use super::*;
 
     #[test]

@@ -7,8 +7,7 @@ use volraster::io::scene_file::SceneFile;
 use volraster::scene::{Scene, View};
 use volraster::{Error, Result};
 
-use super::scenes::{self, StandardScene};
-use super::suite::Suite;
+use super::scenes::{self, StandardScene, Suite};
 use super::sweeps::{self, Sweep};
 use crate::cli::input::{self, Input, Size};
 
@@ -42,40 +41,39 @@ pub(super) struct Opened {
 
 impl Workload {
     /// Lists files found in a folder.
-    pub(super) fn of_files(files: Vec<PathBuf>, folder: &Path, sweeps: &'static [Sweep]) -> Vec<Self> {
-        let name =
-            |path: &Path| path.strip_prefix(folder).unwrap_or(path).to_string_lossy().replace('\\', "/");
-        files
-            .into_iter()
-            .map(|path| {
-                let name = name(&path);
-                Self::Found(path, name, sweeps)
-            })
-            .collect()
-    }
-
-    /// Returns an upper bound of the number of cases. A given image size replaces the further sizes of a suite's scenes.
-    ///
-    /// # Errors
-    ///
-    /// As [`StandardScene::views`] and [`sweeps::settings`].
-    pub(super) fn case_count(&self, size: Option<Size>) -> Result<usize> {
-        Ok(match self {
-            Self::Standard(suite, scene) => {
-                let views = scene.views(suite.size)?.len();
-                let sizes = if size.is_some() { 0 } else { scene.sizes().count() };
-                views * sweeps::settings(suite.sweeps)?.len() + sizes * sweeps::settings(sweeps::SIZES)?.len()
-            }
-            Self::File(..) => sweeps::settings(sweeps::STANDARD)?.len(),
-            Self::Found(_, _, sweeps) => sweeps::settings(sweeps)?.len(),
+    pub(super) fn of_files(
+        files: Vec<PathBuf>,
+        folder: &Path,
+        sweeps: &'static [Sweep],
+    ) -> impl Iterator<Item = Self> {
+        files.into_iter().map(move |path| {
+            let name = path.strip_prefix(folder).unwrap_or(&path).to_string_lossy().replace('\\', "/");
+            Self::Found(path, name, sweeps)
         })
     }
 
+    /// Returns the name in results.
+    pub(super) fn name(&self) -> &str {
+        match self {
+            Self::Standard(_, scene) => scene.name,
+            Self::File(name, _) | Self::Found(_, name, _) => name,
+        }
+    }
+
+    /// Returns an upper bound of the number of cases. A given image size replaces the further sizes of a suite's scenes.
+    pub(super) fn case_count(&self, size: Option<Size>) -> Result<usize> {
+        let count = |sweeps| Ok(sweeps::settings(sweeps)?.len());
+        match self {
+            Self::Standard(suite, scene) => {
+                let sizes = if size.is_some() { 0 } else { scene.sides.len() };
+                Ok(scene.views * count(suite.sweeps)? + sizes * count(sweeps::SIZES)?)
+            }
+            Self::File(..) => count(sweeps::STANDARD),
+            Self::Found(_, _, sweeps) => count(sweeps),
+        }
+    }
+
     /// Reads or makes the scene, and lists its views.
-    ///
-    /// # Errors
-    ///
-    /// As [`Input::load_within`], [`input::drawn`] and [`StandardScene::load`].
     pub(super) fn open(self, size: Option<Size>) -> Result<Opened> {
         let of_file = |name: String, input: Input, sweeps: &'static [Sweep]| {
             let view = input.settings.view;
@@ -97,7 +95,8 @@ impl Workload {
                 let cases = |sweeps| move |(projection, view)| ViewCases { projection, view, sweeps };
                 let views = scene.views(size.unwrap_or(suite.size))?;
                 let mut views: Vec<ViewCases> = views.into_iter().map(cases(suite.sweeps)).collect();
-                for size in scene.sizes().filter(|_| size.is_none()) {
+                for &side in scene.sides.iter().filter(|_| size.is_none()) {
+                    let size = Size { width: side, height: side };
                     views.extend(scene.views(size)?.into_iter().take(1).map(cases(sweeps::SIZES)));
                 }
                 let family = Some(scene.family.to_string());
@@ -107,30 +106,13 @@ impl Workload {
     }
 }
 
-/// Lists the scene files in a folder, sorted.
-///
-/// # Errors
-///
-/// [`Error::Io`] when the folder cannot be listed.
-pub(super) fn scene_files(folder: &Path) -> Result<Vec<PathBuf>> {
-    let failed = |source| Error::Io { path: folder.to_path_buf(), action: "cannot list", source };
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
-        if path.is_file() && SceneFile::is_at(&path, &ReadOptions::default()) {
-            files.push(path);
-        }
-    }
-    files.sort();
-    Ok(files)
-}
-
-/// Lists every file under a folder, sorted. Follows links to files, not links to folders.
+/// Lists the files in a folder, sorted; if `deep`, also those in its subfolders. Follows links to files, not links to
+/// folders.
 ///
 /// # Errors
 ///
 /// [`Error::Io`] when a folder cannot be listed.
-pub(super) fn files_under(folder: &Path) -> Result<Vec<PathBuf>> {
+pub(super) fn files_in(folder: &Path, deep: bool) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     let mut folders = vec![folder.to_path_buf()];
     while let Some(folder) = folders.pop() {
@@ -138,10 +120,10 @@ pub(super) fn files_under(folder: &Path) -> Result<Vec<PathBuf>> {
         for entry in std::fs::read_dir(&folder).map_err(failed)? {
             let entry = entry.map_err(failed)?;
             let path = entry.path();
-            if entry.file_type().map_err(failed)?.is_dir() {
+            if !entry.file_type().map_err(failed)?.is_dir() {
+                files.extend(path.is_file().then_some(path));
+            } else if deep {
                 folders.push(path);
-            } else if path.is_file() {
-                files.push(path);
             }
         }
     }

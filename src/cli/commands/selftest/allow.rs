@@ -2,12 +2,11 @@
 
 use std::cell::Cell;
 
-use serde::Deserialize;
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
 use volraster::{Error, Result};
 
 /// An allowed message.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 struct Entry {
     /// The complete message id.
@@ -20,13 +19,14 @@ struct Entry {
     text: String,
     /// Why it is allowed.
     reason: String,
-    #[serde(skip)]
+    /// Number of messages that it matched.
+    #[serde(skip_deserializing)]
     matched: Cell<u64>,
 }
 
 /// The list of allowed messages.
-#[derive(Debug)]
-pub(crate) struct Allowed(Vec<Entry>);
+#[derive(Debug, Serialize)]
+pub(super) struct Allowed(Vec<Entry>);
 
 impl Allowed {
     /// Returns the list of the crate.
@@ -34,7 +34,7 @@ impl Allowed {
     /// # Errors
     ///
     /// [`Error::Invalid`] if the list is malformed, which a test below rules out.
-    pub(crate) fn of_crate() -> Result<Self> {
+    pub(super) fn of_crate() -> Result<Self> {
         Self::parse(include_str!("allowed.json"))
     }
 
@@ -48,7 +48,7 @@ impl Allowed {
     }
 
     /// Returns whether a message is allowed in a case, and counts it.
-    pub(crate) fn allows(&self, case: &str, message: &str) -> bool {
+    pub(super) fn allows(&self, case: &str, message: &str) -> bool {
         let id = id_of(message);
         let found = self
             .0
@@ -61,19 +61,13 @@ impl Allowed {
     }
 
     /// Returns the ids of entries that matched no message.
-    pub(crate) fn unused(&self) -> Vec<&str> {
+    pub(super) fn unused(&self) -> Vec<&str> {
         self.0.iter().filter(|entry| entry.matched.get() == 0).map(|entry| entry.id.as_str()).collect()
-    }
-
-    /// Returns the list as JSON, with the number of matches.
-    pub(crate) fn json(&self) -> Value {
-        let entry = |entry: &Entry| json!({"id": entry.id, "where": entry.place, "text": entry.text, "reason": entry.reason, "matched": entry.matched.get()});
-        self.0.iter().map(entry).collect()
     }
 }
 
 /// Returns the id in a message of the form `error ID: text`.
-pub(crate) fn id_of(message: &str) -> &str {
+pub(super) fn id_of(message: &str) -> &str {
     message.split_whitespace().nth(1).map_or("", |id| id.trim_end_matches(':'))
 }
 
@@ -96,7 +90,7 @@ mod tests {
         assert_eq!(allowed.unused(), ["VUID-b"]);
         let some = Allowed::parse(r#"[{"id": "a", "where": "", "text": "this", "reason": "r"}]"#).unwrap();
         assert!(some.allows("x", "warning a: of this") && !some.allows("x", "warning a: of that"));
-        assert_eq!(allowed.json()[0]["matched"], 1);
+        assert_eq!(serde_json::json!(allowed)[0]["matched"], 1);
         assert!(Allowed::parse(r#"[{"id": "VUID-a", "where": "", "reason": ""}]"#).is_err());
     }
 }

@@ -1,89 +1,134 @@
-//! The list of all cases.
+//! Cases of the self-test, their results, and the list of all cases.
 
+use serde::Serialize;
+use volraster::Result;
 use volraster::technique::Method;
-use volraster::{Result, Technique};
 
-use super::case::{Case, by_route, label};
-use super::limits;
+use super::limits::{allocation, budget, loops, storage};
 use super::pictures::picture;
-use super::resources::{flight, passes, resize, scalars, transfer, upload};
+use super::resources::{passes, resize, scalars, transfer, upload};
 use super::session::{self, Place, Session};
 use super::subject::Subject;
-use super::targets::caller;
+use super::targets::{caller, flight};
 use super::workbench::{Stop, Verdict, Workbench};
+use crate::cli::input::all_routes;
+use crate::cli::output;
+
+/// A check with a name.
+pub(super) struct Case {
+    pub(super) name: String,
+    /// The technique under test; `None` for checks of all or none.
+    pub(super) method: Option<Method>,
+    pub(super) run: Box<dyn Fn(&Workbench) -> Verdict>,
+}
+
+/// The result of a case, as an entry of the report.
+#[derive(Serialize)]
+pub(super) struct Done {
+    pub(super) name: String,
+    pub(super) status: Status,
+    pub(super) ms: f64,
+    pub(super) detail: String,
+    /// Messages that are not allowed.
+    pub(super) messages: Vec<String>,
+    /// Number of messages that are allowed.
+    pub(super) allowed_messages: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Status {
+    Ok,
+    Fail,
+    Skip,
+}
+
+impl Done {
+    /// Returns a result without messages.
+    pub(super) fn new(name: String, status: Status, ms: f64, detail: String) -> Self {
+        Self { name, status, ms, detail, messages: Vec::new(), allowed_messages: 0 }
+    }
+
+    /// Returns the line on stdout.
+    pub(super) fn line(&self) -> String {
+        let status = match self.status {
+            Status::Ok => "ok",
+            Status::Fail => "FAIL",
+            Status::Skip => "skip",
+        };
+        let (name, ms, detail) = (&self.name, self.ms, output::plain(&self.detail));
+        format!("{status:4} {name:60} {ms:8.1} ms  {detail}")
+    }
+}
+
+type Check = fn(&Workbench, &str) -> Verdict;
+
+/// Checks of every technique by every route.
+const CHECKS: [(&str, Check); 11] = [
+    ("resize", resize),
+    ("upload", upload),
+    ("transfer", transfer),
+    ("flight", flight),
+    ("passes", passes),
+    ("caller", caller),
+    ("scalars", scalars),
+    ("limits/loop", loops),
+    ("limits/storage", storage),
+    ("limits/allocation", allocation),
+    ("limits/budget", budget),
+];
+
+type Sweep = fn(&Place, &Session, usize) -> std::result::Result<session::Swept, String>;
+
+/// Sweeps of failures, with the number of calls of each function that fail.
+const SWEEPS: [(&str, Sweep, usize); 4] = [
+    ("frames", session::fail_frames, 8),
+    ("failures", session::fail_each, 2),
+    ("opening", session::fail_opening, 1),
+    ("lost", session::lose, 2),
+];
 
 /// Returns all cases in the order in which they run. With `every_call`, each Vulkan call of a session fails in turn,
 /// instead of a few calls of each function.
-///
-/// # Errors
-///
-/// None, unless a constant is wrong.
-pub(crate) fn all(every_call: bool) -> Result<Vec<Case>> {
+pub(super) fn all(every_call: bool) -> Result<Vec<Case>> {
     let mut cases = Vec::new();
+    let mut add = |name: String, method: Method, run: Box<dyn Fn(&Workbench) -> Verdict>| {
+        cases.push(Case { name, method: Some(method), run });
+    };
     for method in Method::ALL {
         for &(scene, options, bounds) in method.samples() {
-            let (subject, spec) = (Subject::of_sample(scene), format!("{}:{options}", method.name()));
-            let suffix = if ["u8", "u16", "i16", "gaussians"].contains(&scene) {
-                format!("@{scene}")
-            } else {
+            let spec = format!("{}:{options}", method.name());
+            let spec = spec.trim_end_matches(':').to_string();
+            let subject = Subject::of_sample(scene);
+            let data = if subject == Subject::of(method) || scene == "f32" {
                 String::new()
+            } else {
+                format!("@{scene}")
             };
-            cases.push(Case::new(
-                format!("draw/{}{suffix}", label(&spec)),
-                Some(&spec.clone()),
-                move |workbench| picture(workbench, subject, &spec, bounds),
-            )?);
+            let name = format!("draw/{spec}{data}");
+            add(name, method, Box::new(move |workbench| picture(workbench, subject, &spec, bounds)));
         }
     }
-    type Check = fn(&Workbench, &str) -> Verdict;
-    let checks: [(&str, Check); 6] = [
-        ("resize", resize),
-        ("upload", upload),
-        ("transfer", transfer),
-        ("flight", flight),
-        ("passes", passes),
-        ("caller", caller),
-    ];
-    for (kind, check) in checks {
-        for spec in by_route() {
-            let of = spec.clone();
-            cases.push(Case::new(format!("{kind}/{}", label(&spec)), Some(&spec), move |workbench| {
-                check(workbench, &of)
-            })?);
+    for (kind, check) in CHECKS {
+        for (method, route) in all_routes() {
+            // Only the scalars of a mesh can be replaced.
+            if kind == "scalars" && Subject::of(method) != Subject::Mesh {
+                continue;
+            }
+            let named = method.options().iter().any(|option| option.key == "route");
+            let route = if named { format!(":route={route}") } else { String::new() };
+            let spec = format!("{}{route}", method.name());
+            add(format!("{kind}/{spec}"), method, Box::new(move |workbench| check(workbench, &spec)));
         }
     }
-    for spec in by_route()
-        .into_iter()
-        .filter(|spec| Technique::parse(spec).is_ok_and(|t| Subject::of(t.method()) == Subject::Mesh))
-    {
-        let of = spec.clone();
-        cases.push(Case::new(format!("scalars/{}", label(&spec)), Some(&spec), move |workbench| {
-            scalars(workbench, &of)
-        })?);
-    }
-    cases.extend(limits::cases()?);
-    cases.extend(failures(every_call)?);
-    Ok(cases)
-}
-
-/// Returns the cases of failing calls and lost devices, for sessions of each kind of data and route.
-fn failures(every_call: bool) -> Result<Vec<Case>> {
-    type Sweep = fn(&Place, &Session, usize) -> std::result::Result<session::Swept, String>;
-    let sweeps: [(&str, Sweep, usize); 4] = [
-        ("frames", session::fail_frames, 8),
-        ("failures", session::fail_each, 2),
-        ("opening", session::fail_opening, 1),
-        ("lost", session::lose, 2),
-    ];
-    let sweeps = sweeps.map(|(kind, sweep, some)| (kind, sweep, if every_call { usize::MAX } else { some }));
-    let mut cases = Vec::new();
-    for (kind, sweep, most) in sweeps {
+    for (kind, sweep, some) in SWEEPS {
+        let most = if every_call { usize::MAX } else { some };
         for session in session::sessions()? {
             // Opening a device does not depend on the session.
             if kind == "opening" && session.name != "grid-raster" {
                 continue;
             }
-            let (name, method) = (format!("{kind}/{}", session.name), Some(session.method()));
+            let (name, method) = (format!("{kind}/{}", session.name), session.technique.method());
             let run = move |workbench: &Workbench| {
                 // Best-practice advice and instrumented shaders do not matter here, and cost time.
                 let place = Place { device: workbench.device.clone(), validation: workbench.plain() };
@@ -91,7 +136,7 @@ fn failures(every_call: bool) -> Result<Vec<Case>> {
                 let failed: u32 = swept.failed.values().sum();
                 Ok(format!("{failed} of {} calls, {} kinds", swept.calls, swept.failed.len()))
             };
-            cases.push(Case { name, method, run: Box::new(run) });
+            add(name, method, Box::new(run));
         }
     }
     Ok(cases)

@@ -1,23 +1,24 @@
 //! Arguments of `selftest`, its run and its report.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
 
 use indicatif::ProgressBar;
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::json;
 use volraster::gpu::{DeviceReport, Provocation, Validation};
 use volraster::technique::Method;
 use volraster::{Error, Result};
 
 use super::allow::{Allowed, id_of};
-use super::case::Case;
-use super::cases;
+use super::cases::{self, Case, Done, Status};
 use super::controls::Controls;
-use super::verdict::{Done, Status};
 use super::workbench::{Stop, Workbench};
 use crate::cli::input::DeviceArgs;
 use crate::cli::outcome::{Failure, Outcome};
 use crate::cli::output;
+use crate::cli::timing::milliseconds_since;
 
 /// Arguments of `selftest`.
 #[derive(Debug, clap::Args)]
@@ -47,16 +48,25 @@ pub(crate) struct Args {
     provoke: Option<String>,
 }
 
-/// A finished run, for the report.
-struct Run<'a> {
+/// The report as JSON.
+#[derive(Serialize)]
+struct Report<'a> {
+    schema: &'static str,
+    volraster: &'static str,
     device: &'a DeviceReport,
     layer: Option<&'a str>,
+    /// Whether each kind of validation works.
+    validation: BTreeMap<&'static str, bool>,
     /// Whether no case was filtered out.
     whole: bool,
-    done: &'a [Done],
+    every_call: bool,
+    cases: &'a [Done],
     allowed: &'a Allowed,
     /// Allowed messages that never appeared.
-    unused: &'a [&'a str],
+    unused: Vec<&'a str>,
+    passed: usize,
+    failed: usize,
+    skipped: usize,
     seconds: f64,
 }
 
@@ -100,86 +110,71 @@ impl Args {
         let report = self.device.open(false)?.0.report().clone();
         let controls =
             if self.without_validation { Controls::skipped() } else { Controls::run(device.as_deref()) };
+        let validation = controls.validation();
         let allowed = Allowed::of_crate()?;
-        let bar = output::progress(u64::try_from(cases.len()).unwrap_or(0), "selftest");
+        let bar = output::progress(cases.len() as u64 + 1, "selftest");
+        let layer = controls.layer.as_deref();
         if !quiet {
-            let layer = controls.layer.as_deref().unwrap_or("none");
-            let (name, driver, api) = (&report.name, &report.driver, &report.api);
+            let DeviceReport { name, driver, api, .. } = &report;
+            let layer = layer.unwrap_or("none");
             output::print(&format!("device: {name}, {driver}, Vulkan {api}; layer: {layer}"))?;
             output::print(&format!("validation: {}", controls.line()))?;
         }
-        let workbench = Workbench::new(device, controls.validation);
-        let mut done = controls.cases;
+        let workbench = Workbench::new(device, validation);
+        let kinds = controls.kinds().map(|(what, works)| (what.name(), works)).collect();
+        let mut done: Vec<Done> = controls.faults.into_iter().map(|(_, control)| control).collect();
         for control in &done {
             print_result(control, &bar, quiet)?;
         }
-        for case in cases {
+        // Leaks are reported when the device is destroyed.
+        let end = |workbench: &Workbench| {
+            workbench.end();
+            Ok("nothing is left".to_string())
+        };
+        let end = Case { name: "end of the device".to_string(), method: None, run: Box::new(end) };
+        for case in cases.iter().chain([&end]) {
             let result = self.run_case(&workbench, case, &allowed);
             bar.inc(1);
             print_result(&result, &bar, quiet)?;
             done.push(result);
         }
-        // Leaks are reported when the device is destroyed.
-        let end = Case::new("end of the device", None, |workbench| {
-            workbench.end();
-            Ok("nothing is left".to_string())
-        })?;
-        let end = self.run_case(&workbench, &end, &allowed);
         bar.finish_and_clear();
-        print_result(&end, &bar, quiet)?;
-        done.push(end);
-        let is_complete = whole && controls.validation == Validation::Full;
-        let run = Run {
+        let count = |status: Status| done.iter().filter(|case| case.status == status).count();
+        let is_complete = whole && validation == Validation::Full;
+        let report = Report {
+            schema: "volraster-selftest/1",
+            volraster: env!("CARGO_PKG_VERSION"),
             device: &report,
-            layer: controls.layer.as_deref(),
+            layer,
+            validation: kinds,
             whole,
-            done: &done,
+            every_call: self.every_call,
+            cases: &done,
             allowed: &allowed,
-            unused: &if is_complete { allowed.unused() } else { Vec::new() },
+            unused: if is_complete { allowed.unused() } else { Vec::new() },
+            passed: count(Status::Ok),
+            failed: count(Status::Fail),
+            skipped: count(Status::Skip),
             seconds: start.elapsed().as_secs_f64(),
         };
-        self.conclude(&run, quiet)
+        self.conclude(&report, quiet)
     }
 
     /// Writes the report, prints the counts, and fails if a case failed.
-    fn conclude(&self, run: &Run<'_>, quiet: bool) -> Outcome {
-        let count = |status: Status| run.done.iter().filter(|case| case.status == status).count();
-        let [passed, failed, skipped] = [Status::Ok, Status::Fail, Status::Skip].map(count);
+    fn conclude(&self, report: &Report<'_>, quiet: bool) -> Outcome {
         if let Some(path) = &self.output {
-            let control = |case: &Done| {
-                let kind = case.name.strip_prefix("validation/")?;
-                Some((kind.to_string(), json!(case.status == Status::Ok)))
-            };
-            let mut controls: Vec<(String, Value)> = run.done.iter().filter_map(control).collect();
-            controls.sort_by(|a, b| a.0.cmp(&b.0));
-            let json = json!({
-                "schema": "volraster-selftest/1",
-                "volraster": env!("CARGO_PKG_VERSION"),
-                "device": run.device,
-                "layer": run.layer,
-                "validation": Value::Object(controls.into_iter().collect()),
-                "whole": run.whole,
-                "every_call": self.every_call,
-                "cases": run.done.iter().map(Done::json).collect::<Value>(),
-                "allowed": run.allowed.json(),
-                "unused": run.unused,
-                "passed": passed,
-                "failed": failed,
-                "skipped": skipped,
-                "seconds": run.seconds,
-            });
-            output::write_json(path, &json)?;
+            output::write_json(path, &json!(report))?;
         }
+        let &Report { passed, failed, skipped, seconds, .. } = report;
         if !quiet {
-            for id in run.unused {
+            for id in &report.unused {
                 output::print(&format!("note: the allowed message {id} never appeared"))?;
             }
-            let seconds = run.seconds;
             output::print(&format!("{passed} ok, {failed} failed, {skipped} skipped in {seconds:.1} s"))?;
         }
         match failed {
             0 => Ok(()),
-            failed => Err(Failure::Finding(format!("selftest: {failed} of {} cases failed", run.done.len()))),
+            _ => Err(Failure::Finding(format!("selftest: {failed} of {} cases failed", report.cases.len()))),
         }
     }
 
@@ -191,7 +186,7 @@ impl Args {
             let provoked = workbench.gpu().and_then(|gpu| gpu.provoke(Provocation::Core));
             verdict = provoked.map_err(Stop::from).and(verdict);
         }
-        let ms = start.elapsed().as_secs_f64() * 1e3;
+        let ms = milliseconds_since(start);
         let (known, messages): (Vec<String>, Vec<String>) =
             workbench.log.take().into_iter().partition(|message| allowed.allows(&case.name, message));
         let (mut status, mut detail) = match verdict {
@@ -205,7 +200,7 @@ impl Args {
             }
             status = Status::Fail;
         }
-        Done { name: case.name.clone(), status, ms, detail, messages, allowed: known.len() }
+        Done { messages, allowed_messages: known.len(), ..Done::new(case.name.clone(), status, ms, detail) }
     }
 }
 

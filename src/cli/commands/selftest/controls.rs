@@ -1,78 +1,74 @@
 //! Controls: deliberate faults, one for each kind of validation, each of which must be reported.
 
-use std::sync::Arc;
 use std::time::Instant;
 
-use volraster::gpu::{Gpu, GpuOptions, Provocation, Validation, ValidationLog};
+use volraster::gpu::{GpuOptions, Provocation, Validation};
 
 use super::allow::id_of;
-use super::verdict::{Done, Status};
+use super::cases::{Done, Status};
+use super::workbench::Workbench;
+use crate::cli::timing::milliseconds_since;
 
 /// The results of the controls.
 pub(super) struct Controls {
     /// Name and version of the validation layer.
     pub(super) layer: Option<String>,
-    pub(super) cases: Vec<Done>,
-    /// The most thorough validation that works; cases run under it.
-    pub(super) validation: Validation,
+    /// The result of each fault.
+    pub(super) faults: Vec<(Provocation, Done)>,
 }
 
 impl Controls {
     /// Returns every control as skipped, for runs without the layer.
     pub(super) fn skipped() -> Self {
-        let skipped = |what: &Provocation| Done {
-            name: format!("validation/{}", what.name()),
-            status: Status::Skip,
-            ms: 0.0,
-            detail: "--without-validation".to_string(),
-            messages: Vec::new(),
-            allowed: 0,
-        };
-        Self {
-            layer: None,
-            cases: Provocation::ALL.iter().map(skipped).collect(),
-            validation: Validation::Off,
-        }
+        let why = "--without-validation";
+        let skipped = |what| (what, Done::new(name(what), Status::Skip, 0.0, why.to_string()));
+        Self { layer: None, faults: Provocation::ALL.map(skipped).into() }
     }
 
     /// Provokes a fault for each kind of validation, each on a new device with all kinds enabled.
     pub(super) fn run(device: Option<&str>) -> Self {
-        let mut controls = Self { layer: None, cases: Vec::new(), validation: Validation::Full };
-        for what in Provocation::ALL {
+        let mut layer = None;
+        let faults = Provocation::ALL.map(|what| {
             let start = Instant::now();
-            let outcome = provoke(device, what, &mut controls.layer);
-            let (status, detail) = match outcome {
+            let (status, detail) = match provoke(device, what, &mut layer) {
                 Ok(id) => (Status::Ok, format!("reported: {id}")),
                 Err(reason) => (Status::Fail, reason),
             };
-            let ms = start.elapsed().as_secs_f64() * 1e3;
-            let name = format!("validation/{}", what.name());
-            controls.cases.push(Done { name, status, ms, detail, messages: Vec::new(), allowed: 0 });
+            (what, Done::new(name(what), status, milliseconds_since(start), detail))
+        });
+        Self { layer, faults: faults.into() }
+    }
+
+    /// Returns each kind of validation, and whether it works.
+    pub(super) fn kinds(&self) -> impl Iterator<Item = (Provocation, bool)> {
+        self.faults.iter().map(|(what, done)| (*what, done.status == Status::Ok))
+    }
+
+    /// Returns the most thorough validation that works; cases run under it.
+    pub(super) fn validation(&self) -> Validation {
+        let ok = |wanted: Provocation| self.kinds().any(|kind| kind == (wanted, true));
+        match (ok(Provocation::Core), ok(Provocation::GpuAssisted), ok(Provocation::BestPractices)) {
+            (false, ..) => Validation::Off,
+            (true, true, true) => Validation::Full,
+            (true, true, false) => Validation::GpuAssisted,
+            (true, false, true) => Validation::BestPractices,
+            (true, false, false) => Validation::On,
         }
-        let ok = |what: Provocation| {
-            let name = format!("validation/{}", what.name());
-            controls.cases.iter().any(|case| case.name == name && case.status == Status::Ok)
-        };
-        controls.validation =
-            match (ok(Provocation::Core), ok(Provocation::GpuAssisted), ok(Provocation::BestPractices)) {
-                (false, ..) => Validation::Off,
-                (true, true, true) => Validation::Full,
-                (true, true, false) => Validation::GpuAssisted,
-                (true, false, true) => Validation::BestPractices,
-                (true, false, false) => Validation::On,
-            };
-        controls
     }
 
     /// Returns one line: the kinds that work, and those that are missing.
     pub(super) fn line(&self) -> String {
-        let names = |on: bool| -> Vec<&str> {
-            let of = self.cases.iter().filter(|case| (case.status == Status::Ok) == on);
-            of.filter_map(|case| case.name.strip_prefix("validation/")).collect()
+        let list = |on: bool| {
+            let names: Vec<&str> =
+                self.kinds().filter(|kind| kind.1 == on).map(|(what, _)| what.name()).collect();
+            if names.is_empty() { "none".to_string() } else { names.join(", ") }
         };
-        let list = |names: Vec<&str>| if names.is_empty() { "none".to_string() } else { names.join(", ") };
-        format!("on: {}; missing: {}", list(names(true)), list(names(false)))
+        format!("on: {}; missing: {}", list(true), list(false))
     }
+}
+
+fn name(what: Provocation) -> String {
+    format!("validation/{}", what.name())
 }
 
 /// Causes a fault on a new device and returns the id of its message, or why there is none.
@@ -81,20 +77,13 @@ fn provoke(
     what: Provocation,
     layer: &mut Option<String>,
 ) -> std::result::Result<String, String> {
-    let log = Arc::new(ValidationLog::default());
-    log.keep_silent();
-    let options = GpuOptions {
-        device: device.map(str::to_string),
-        validation: Validation::Full,
-        validation_log: Some(Arc::clone(&log)),
-        no_pipeline_cache: true,
-        ..GpuOptions::default()
-    };
-    let gpu = Gpu::new(&options).map_err(|error| error.to_string())?;
+    let bench = Workbench::new(device.map(str::to_string), Validation::Full);
+    bench.log.keep_silent();
+    let gpu = bench.open_under(Validation::Full, GpuOptions::default()).map_err(|error| error.to_string())?;
     *layer = gpu.validation_layer().map(str::to_string);
     gpu.provoke(what).map_err(|error| error.to_string())?;
     drop(gpu);
-    let messages = log.take();
+    let messages = bench.log.take();
     let is_it = |message: &&String| what.message().iter().any(|part| message.contains(part));
     match messages.iter().find(is_it) {
         Some(message) => Ok(id_of(message).to_string()),

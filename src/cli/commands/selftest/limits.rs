@@ -2,59 +2,21 @@
 //! budget.
 
 use volraster::gpu::GpuOptions;
-use volraster::{Error, Image, Result, Technique};
+use volraster::measure::ImageErrors;
+use volraster::{Error, Image, Result};
 
-use super::case::{Case, by_route, label, on};
-use super::subject::{SIZE, Subject, VIEWS, view};
-use super::workbench::{Stop, Verdict, Workbench, draw, fail, offered};
+use super::workbench::{Stop, Trial, Verdict, Workbench, fail};
 
 /// Largest difference of images when work is split differently: rounding.
 const ROUNDING: f64 = 1e-5;
 
-/// Returns the cases of all limits, for every technique and route.
-///
-/// # Errors
-///
-/// As [`Case::new`].
-pub(crate) fn cases() -> Result<Vec<Case>> {
-    type Check = fn(&Workbench, &str) -> Verdict;
-    let checks: [(&str, Check); 4] =
-        [("loop", loops), ("storage", storage), ("allocation", allocation), ("budget", budget)];
-    let mut cases = Vec::new();
-    for (kind, check) in checks {
-        for spec in by_route() {
-            let of = spec.clone();
-            let name = format!("limits/{kind}/{}", label(&spec));
-            cases.push(Case::new(name, Some(&spec), move |workbench| check(workbench, &of))?);
-        }
-    }
-    Ok(cases)
-}
-
-/// Draws the image without limits.
-fn expected(workbench: &Workbench, spec: &str) -> std::result::Result<Image, Stop> {
-    let gpu = workbench.gpu()?;
-    offered(&gpu, spec)?;
-    Ok(with(workbench, spec, GpuOptions::default(), Some(gpu))?)
-}
-
-/// Draws the image on a new device with options, or on an open one.
-fn with(
-    workbench: &Workbench,
-    spec: &str,
-    options: GpuOptions,
-    gpu: Option<volraster::Gpu>,
-) -> Result<Image> {
-    let gpu = match gpu {
-        Some(gpu) => gpu,
-        None => workbench.open(options)?,
-    };
-    let technique = Technique::parse(spec)?;
-    draw(&on(&gpu, Subject::of(technique.method()))?, technique, &view(VIEWS[0], SIZE)?)
+/// Draws the image on a new device with options.
+fn limited(workbench: &Workbench, spec: &str, options: GpuOptions) -> Result<Image> {
+    Trial::on(workbench.open(options)?, spec)?.image()
 }
 
 fn near(what: &str, image: &Image, expected: &Image) -> std::result::Result<(), Stop> {
-    let errors = volraster::measure::ImageErrors::between(image, expected)?;
+    let errors = ImageErrors::between(image, expected)?;
     if errors.non_finite == 0 && errors.all.max_abs <= ROUNDING {
         return Ok(());
     }
@@ -62,10 +24,10 @@ fn near(what: &str, image: &Image, expected: &Image) -> std::result::Result<(), 
 }
 
 /// Checks that marches resume where the loop limit stopped an invocation.
-fn loops(workbench: &Workbench, spec: &str) -> Verdict {
-    let expected = expected(workbench, spec)?;
+pub(super) fn loops(workbench: &Workbench, spec: &str) -> Verdict {
+    let expected = Trial::new(workbench, spec)?.image()?;
     let options = GpuOptions { loop_limit: Some(1500), ..GpuOptions::default() };
-    near("1500 loop iterations", &with(workbench, spec, options, None)?, &expected)?;
+    near("1500 loop iterations", &limited(workbench, spec, options)?, &expected)?;
     Ok("1500 loop iterations".to_string())
 }
 
@@ -79,11 +41,11 @@ fn tighten(
     options: impl Fn(u64) -> GpuOptions,
     is_refusal: impl Fn(&Error) -> bool,
 ) -> Verdict {
-    let expected = expected(workbench, spec)?;
+    let expected = Trial::new(workbench, spec)?.image()?;
     let mut least = None;
     let mut refused = 0;
     for (i, &limit) in limits.iter().enumerate() {
-        match with(workbench, spec, options(limit), None) {
+        match limited(workbench, spec, options(limit)) {
             Ok(image) => {
                 near(&format!("{limit} bytes"), &image, &expected)?;
                 least = least.or(Some(limit));
@@ -104,7 +66,7 @@ fn tighten(
 }
 
 /// Limits the bytes of a storage buffer that a shader sees.
-fn storage(workbench: &Workbench, spec: &str) -> Verdict {
+pub(super) fn storage(workbench: &Workbench, spec: &str) -> Verdict {
     // The resolution of the intermediate image of shear-warp depends on this limit; with less, the image differs.
     let fits = |&limit: &u64| limit >= 1 << 20 || !spec.starts_with("shear-warp");
     let limits: Vec<u64> = [1 << 10, 1 << 13, 1 << 16, 1 << 20, 1 << 24].into_iter().filter(fits).collect();
@@ -119,7 +81,7 @@ fn storage(workbench: &Workbench, spec: &str) -> Verdict {
 }
 
 /// Limits the size of an allocation.
-fn allocation(workbench: &Workbench, spec: &str) -> Verdict {
+pub(super) fn allocation(workbench: &Workbench, spec: &str) -> Verdict {
     tighten(
         workbench,
         spec,
@@ -131,7 +93,7 @@ fn allocation(workbench: &Workbench, spec: &str) -> Verdict {
 }
 
 /// Limits the memory budget: requests above it must be refused before the driver is called.
-fn budget(workbench: &Workbench, spec: &str) -> Verdict {
+pub(super) fn budget(workbench: &Workbench, spec: &str) -> Verdict {
     let mut limits: Vec<u64> = (10..=28).step_by(2).map(|bits| 1 << bits).collect();
     limits.extend([5 << 12, 9 << 13, 11 << 14]);
     limits.sort_unstable();

@@ -4,7 +4,6 @@
 //! `controls` provoke a fault for each kind of validation; `allow` knows the messages that are no fault.
 
 mod allow;
-mod case;
 mod cases;
 mod command;
 mod controls;
@@ -14,7 +13,6 @@ mod resources;
 mod session;
 mod subject;
 mod targets;
-mod verdict;
 mod workbench;
 
 pub(crate) use command::Args;

@@ -1,14 +1,13 @@
-//! Resources that are created, replaced and released: image sizes, uploads, transfer functions, scalars, frames in
-//! flight.
+//! Resources that are created, replaced and released: image sizes, uploads, transfer functions, scalars.
 
-use volraster::ash::vk;
+use std::sync::Arc;
+
 use volraster::gpu::GpuOptions;
 use volraster::scene::TetScalars;
-use volraster::{GpuScene, Image, Offscreen, Renderer, TargetDesc, TargetMode};
+use volraster::{GpuScene, Image, Renderer};
 
-use super::subject::{SIZE, VIEWS, view};
-use super::targets::{difference, texels_f32};
-use super::workbench::{Stop, Verdict, Workbench, draw, fail, prepared};
+use super::subject::{VIEWS, view};
+use super::workbench::{Stop, Trial, Verdict, Workbench, fail};
 
 fn same(what: &str, a: &Image, b: &Image) -> std::result::Result<(), Stop> {
     let bits =
@@ -16,43 +15,47 @@ fn same(what: &str, a: &Image, b: &Image) -> std::result::Result<(), Stop> {
     if bits(a) == bits(b) { Ok(()) } else { fail(format!("{what}: the images differ")) }
 }
 
+/// Compares a scene that shares uploads with the same scene uploaded anew.
+fn as_anew(trial: &Trial, what: &str, scene: &Arc<GpuScene>) -> Verdict {
+    let anew = GpuScene::new(&trial.gpu, scene.scene().clone());
+    same(what, &trial.draw(scene)?, &trial.draw(&anew)?)?;
+    Ok("as uploaded anew".to_string())
+}
+
 /// Draws other image sizes, down to one pixel, and the first size again.
 pub(super) fn resize(workbench: &Workbench, spec: &str) -> Verdict {
-    let (gpu, technique, subject) = prepared(workbench, spec)?;
-    let scene = GpuScene::new(&gpu, subject.scene()?);
-    let first = draw(&scene, technique, &view(VIEWS[0], SIZE)?)?;
+    let trial = Trial::new(workbench, spec)?;
+    let scene = trial.scene()?;
+    let first = trial.draw(&scene)?;
     for size in [[1, 1], [7, 65], [64, 8]] {
-        let image = draw(&scene, technique, &view(VIEWS[0], size)?)?;
+        let image = Renderer::new(&scene, trial.technique).render(&view(VIEWS[0], size)?)?;
         if [image.width(), image.height()] != size || image.pixels().iter().flatten().any(|v| !v.is_finite())
         {
             return fail(format!("{} x {}: wrong size or not finite", size[0], size[1]));
         }
     }
-    same("the first size again", &first, &draw(&scene, technique, &view(VIEWS[0], SIZE)?)?)?;
+    same("the first size again", &first, &trial.draw(&scene)?)?;
     Ok("4 sizes".to_string())
 }
 
 /// Compares another transfer function over the same upload with a new upload.
 pub(super) fn transfer(workbench: &Workbench, spec: &str) -> Verdict {
-    let (gpu, technique, subject) = prepared(workbench, spec)?;
-    let view = view(VIEWS[0], SIZE)?;
-    let scene = GpuScene::new(&gpu, subject.scene()?);
-    let before = draw(&scene, technique, &view)?;
-    let other = scene.with_transfer(subject.other_transfer()?);
-    let anew = GpuScene::new(&gpu, other.scene().clone());
-    same("over the same samples", &draw(&other, technique, &view)?, &draw(&anew, technique, &view)?)?;
-    same("the first transfer function again", &draw(&scene, technique, &view)?, &before)?;
-    Ok("as uploaded anew".to_string())
+    let trial = Trial::new(workbench, spec)?;
+    let scene = trial.scene()?;
+    let before = trial.draw(&scene)?;
+    let other = scene.with_transfer(trial.subject.other_transfer()?);
+    let summary = as_anew(&trial, "over the same samples", &other)?;
+    same("the first transfer function again", &trial.draw(&scene)?, &before)?;
+    Ok(summary)
 }
 
 /// Checks that a dropped scene releases its memory, and that a new upload draws the same image.
 pub(super) fn upload(workbench: &Workbench, spec: &str) -> Verdict {
-    let (gpu, technique, subject) = prepared(workbench, spec)?;
-    let view = view(VIEWS[0], SIZE)?;
+    let trial = Trial::new(workbench, spec)?;
     let mut images = Vec::new();
     for _ in 0..3 {
-        images.push(draw(&GpuScene::new(&gpu, subject.scene()?), technique, &view)?);
-        let held = gpu.memory_report();
+        images.push(trial.image()?);
+        let held = trial.gpu.memory_report();
         if !held.is_empty() {
             return fail(format!("memory is still allocated after the scene was dropped: {held:?}"));
         }
@@ -64,58 +67,19 @@ pub(super) fn upload(workbench: &Workbench, spec: &str) -> Verdict {
 
 /// Compares other scalars over the same mesh with a new upload.
 pub(super) fn scalars(workbench: &Workbench, spec: &str) -> Verdict {
-    let (gpu, technique, subject) = prepared(workbench, spec)?;
-    let view = view(VIEWS[0], SIZE)?;
-    let scene = GpuScene::new(&gpu, subject.scene()?);
-    draw(&scene, technique, &view)?;
+    let trial = Trial::new(workbench, spec)?;
+    let scene = trial.scene()?;
+    trial.draw(&scene)?;
     let Some(mesh) = scene.scene().mesh() else { return fail("no mesh") };
     let turned = mesh.scalars().values().iter().map(|scalar| 1.0 - scalar).collect();
-    let other = scene.with_scalars(TetScalars::Point(turned), subject.other_transfer()?)?;
-    let anew = GpuScene::new(&gpu, other.scene().clone());
-    same("over the same points", &draw(&other, technique, &view)?, &draw(&anew, technique, &view)?)?;
-    Ok("as uploaded anew".to_string())
+    let other = scene.with_scalars(TetScalars::Point(turned), trial.subject.other_transfer()?)?;
+    as_anew(&trial, "over the same points", &other)
 }
 
 /// Checks that a command buffer per pass draws the same image.
 pub(super) fn passes(workbench: &Workbench, spec: &str) -> Verdict {
-    let (gpu, technique, subject) = prepared(workbench, spec)?;
-    let view = view(VIEWS[0], SIZE)?;
-    let image = draw(&GpuScene::new(&gpu, subject.scene()?), technique, &view)?;
+    let image = Trial::new(workbench, spec)?.image()?;
     let by_pass = workbench.open(GpuOptions { command_buffer_by_pass: true, ..GpuOptions::default() })?;
-    let parts = draw(&GpuScene::new(&by_pass, subject.scene()?), technique, &view)?;
-    same("by pass", &parts, &image)?;
+    same("by pass", &Trial::on(by_pass, spec)?.image()?, &image)?;
     Ok("as in one command buffer".to_string())
-}
-
-/// Compares three frames in flight, of three views, with images that are drawn one by one.
-pub(super) fn flight(workbench: &Workbench, spec: &str) -> Verdict {
-    let (gpu, technique, subject) = prepared(workbench, spec)?;
-    let scene = GpuScene::new(&gpu, subject.scene()?);
-    let renderer = Renderer::new(&scene, technique);
-    let format = vk::Format::R32G32B32A32_SFLOAT;
-    let mut flying = Vec::new();
-    let mut expected = Vec::new();
-    for name in VIEWS {
-        let view = view(name, SIZE)?;
-        // Capacities are known after a frame of the view has been drawn.
-        expected.push(renderer.render(&view)?);
-        let plan = renderer.prepare(&view, &TargetDesc::caller(format, TargetMode::Clear))?;
-        flying.push((plan, Offscreen::new(&gpu, format, SIZE)?));
-    }
-    for _ in 0..2 {
-        for (plan, image) in &mut flying {
-            image.draw(plan, [0.0; 4])?;
-        }
-        for ((_, image), expected) in flying.iter_mut().zip(&expected) {
-            let (status, bytes) = image.finish()?;
-            if !status.complete {
-                return fail("a frame is not complete");
-            }
-            let far = difference(&texels_f32(&bytes), expected, [0.0; 4]);
-            if far > 1e-5 {
-                return fail(format!("{far:.1e} from the image that is drawn alone"));
-            }
-        }
-    }
-    Ok(format!("{} at a time", VIEWS.len()))
 }

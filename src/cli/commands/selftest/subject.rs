@@ -2,6 +2,7 @@
 
 use volraster::Result;
 use volraster::glam::DVec3;
+use volraster::io::scene_file::{PRESETS, Preset};
 use volraster::scene::{
     Camera, Field, Kernel, KernelSize, Kernels, Model, Points, Projection, Scene, TransferFunction, View,
 };
@@ -20,14 +21,8 @@ pub(crate) enum Subject {
     Points,
 }
 
-/// Transfer function of all subjects, over the range of the field.
-const FOG: [[f64; 5]; 5] = [
-    [0.0, 0.1, 0.2, 0.7, 0.0],
-    [0.06, 0.1, 0.2, 0.7, 0.0],
-    [0.3, 0.2, 0.6, 0.9, 1.0],
-    [0.6, 0.9, 0.85, 0.3, 3.0],
-    [1.0, 1.0, 0.25, 0.1, 8.0],
-];
+/// Transfer function of all subjects: the preset `fog`.
+const FOG: Preset = PRESETS[1];
 
 /// Another transfer function.
 const SMOKE: [[f64; 5]; 3] =
@@ -58,48 +53,35 @@ impl Subject {
     }
 
     /// Makes the scene.
-    ///
-    /// # Errors
-    ///
-    /// None, unless a constant above is wrong.
     pub(crate) fn scene(self) -> Result<Scene> {
+        let transfer = FOG.transfer(self.range(), 1.0)?;
         match self {
-            Self::Grid(kind) => {
-                let grid = Field::Blobs.sample([12, 11, 10], kind)?;
-                Ok(Scene::new(grid, self.transfer(&FOG)?))
-            }
+            Self::Grid(kind) => Ok(Scene::new(Field::Blobs.sample([12, 11, 10], kind)?, transfer)),
             Self::Gaussians => {
-                let grid = Field::Blobs.sample([9, 8, 7], "f32")?;
-                Scene::new(grid, self.transfer(&FOG)?).with_kernels(GAUSSIANS)
+                Scene::new(Field::Blobs.sample([9, 8, 7], "f32")?, transfer).with_kernels(GAUSSIANS)
             }
-            Self::Mesh => Ok(Scene::new(Field::Blobs.tets(3)?, self.transfer(&FOG)?)),
+            Self::Mesh => Ok(Scene::new(Field::Blobs.tets(3)?, transfer)),
             Self::Points => {
-                let points =
-                    Points::of_vertices(&Field::Blobs.tets(4)?)?.with_size(KernelSize::Radius(0.5))?;
-                Ok(Scene::new(points, self.transfer(&FOG)?))
+                let points = Points::of_vertices(&Field::Blobs.tets(4)?)?;
+                Ok(Scene::new(points.with_size(KernelSize::Radius(0.5))?, transfer))
             }
         }
     }
 
     /// Returns another transfer function for the subject.
-    ///
-    /// # Errors
-    ///
-    /// As [`Subject::scene`].
     pub(crate) fn other_transfer(self) -> Result<TransferFunction> {
-        self.transfer(&SMOKE)
+        let [_, scale] = self.range();
+        TransferFunction::from_rows(&SMOKE.map(|[scalar, r, g, b, tau]| [scale * scalar, r, g, b, tau]))
     }
 
-    fn transfer(self, rows: &[[f64; 5]]) -> Result<TransferFunction> {
-        // Scale of the stored integers of a field.
-        let scale = match self {
-            Self::Grid("u8") => 255.0,
-            Self::Grid("u16") => 65535.0,
-            Self::Grid("i16") => 32767.0,
-            _ => 1.0,
-        };
-        let row = |&[scalar, r, g, b, tau]: &[f64; 5]| [scale * scalar, r, g, b, tau];
-        TransferFunction::from_rows(&rows.iter().map(row).collect::<Vec<_>>())
+    /// Returns the range of the stored values of the field.
+    fn range(self) -> [f64; 2] {
+        match self {
+            Self::Grid("u8") => [0.0, 255.0],
+            Self::Grid("u16") => [0.0, 65535.0],
+            Self::Grid("i16") => [0.0, 32767.0],
+            _ => [0.0, 1.0],
+        }
     }
 }
 
@@ -107,10 +89,6 @@ impl Subject {
 pub(crate) const VIEWS: [&str; 3] = ["perspective", "orthographic", "inside"];
 
 /// Returns a view of [`VIEWS`].
-///
-/// # Errors
-///
-/// As [`View::new`].
 pub(crate) fn view(name: &str, [width, height]: [u32; 2]) -> Result<View> {
     let (distance, projection) = match name {
         "orthographic" => (1.0, Projection::Orthographic { half_height: 1.6 }),

@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 use std::collections::HashMap;
-use std::rc::Rc;
+use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 use volraster::gpu::{Gpu, GpuOptions, OptionalFeature, Validation, ValidationLog};
@@ -11,11 +11,11 @@ use volraster::reference::{ReferenceImage, ReferenceOptions};
 use volraster::scene::View;
 use volraster::{Error, GpuScene, Image, Renderer, Result, Technique, reference};
 
-use super::subject::{Sight, Subject, view};
+use super::subject::{SIZE, Sight, Subject, VIEWS, view};
 
 /// Why a case does not pass.
 #[derive(Debug)]
-pub(crate) enum Stop {
+pub(super) enum Stop {
     /// The device lacks a feature that the case needs.
     Skip(String),
     /// The check failed.
@@ -29,51 +29,42 @@ impl From<Error> for Stop {
 }
 
 /// The result of a case: a summary if it passes.
-pub(crate) type Verdict = std::result::Result<String, Stop>;
+pub(super) type Verdict = std::result::Result<String, Stop>;
 
 /// Returns a failure.
-pub(crate) fn fail<T>(reason: impl Into<String>) -> std::result::Result<T, Stop> {
+pub(super) fn fail<T>(reason: impl Into<String>) -> std::result::Result<T, Stop> {
     Err(Stop::Fail(reason.into()))
 }
 
 /// The devices, validation and reference images that cases share.
-pub(crate) struct Workbench {
-    pub(crate) device: Option<String>,
-    pub(crate) validation: Validation,
-    pub(crate) log: Arc<ValidationLog>,
-    shared: RefCell<Option<Gpu>>,
+#[derive(Default)]
+pub(super) struct Workbench {
+    pub(super) device: Option<String>,
+    pub(super) validation: Validation,
+    pub(super) log: Arc<ValidationLog>,
+    full: RefCell<Option<Gpu>>,
     light: RefCell<Option<Gpu>>,
-    truths: RefCell<HashMap<Sight, Rc<ReferenceImage>>>,
+    truths: RefCell<HashMap<Sight, ReferenceImage>>,
 }
 
 impl Workbench {
-    pub(crate) fn new(device: Option<String>, validation: Validation) -> Self {
-        Self {
-            device,
-            validation,
-            log: Arc::default(),
-            shared: RefCell::default(),
-            light: RefCell::default(),
-            truths: RefCell::default(),
-        }
+    pub(super) fn new(device: Option<String>, validation: Validation) -> Self {
+        Self { device, validation, ..Self::default() }
     }
 
     /// Returns core and synchronization validation, if any is on.
-    pub(crate) fn plain(&self) -> Validation {
+    pub(super) fn plain(&self) -> Validation {
         if self.validation == Validation::Off { Validation::Off } else { Validation::On }
     }
 
     /// Opens a separate device under core and synchronization validation. Instrumenting its shaders as well would
     /// dominate the run time.
-    ///
-    /// # Errors
-    ///
-    /// As [`Gpu::new`].
-    pub(crate) fn open(&self, options: GpuOptions) -> Result<Gpu> {
+    pub(super) fn open(&self, options: GpuOptions) -> Result<Gpu> {
         self.open_under(self.plain(), options)
     }
 
-    fn open_under(&self, validation: Validation, options: GpuOptions) -> Result<Gpu> {
+    /// Opens a separate device under some validation.
+    pub(super) fn open_under(&self, validation: Validation, options: GpuOptions) -> Result<Gpu> {
         Gpu::new(&GpuOptions {
             device: self.device.clone(),
             validation,
@@ -83,114 +74,105 @@ impl Workbench {
         })
     }
 
-    /// Returns the shared device, under full validation.
-    ///
-    /// # Errors
-    ///
-    /// As [`Gpu::new`].
-    pub(crate) fn gpu(&self) -> Result<Gpu> {
-        if let Some(gpu) = &*self.shared.borrow() {
+    /// Returns the device in a place, which it opens if there is none yet.
+    fn shared(&self, place: &RefCell<Option<Gpu>>, validation: Validation) -> Result<Gpu> {
+        if let Some(gpu) = &*place.borrow() {
             return Ok(gpu.clone());
         }
-        let gpu = self.open_under(self.validation, GpuOptions::default())?;
-        *self.shared.borrow_mut() = Some(gpu.clone());
-        Ok(gpu)
+        let gpu = self.open_under(validation, GpuOptions::default())?;
+        Ok(place.borrow_mut().insert(gpu).clone())
+    }
+
+    /// Returns the shared device, under full validation.
+    pub(super) fn gpu(&self) -> Result<Gpu> {
+        self.shared(&self.full, self.validation)
     }
 
     /// Returns a second shared device without instrumented shaders, for cases with so many shader variants that
     /// compiling instrumented ones takes minutes.
-    ///
-    /// # Errors
-    ///
-    /// As [`Gpu::new`].
-    pub(crate) fn light(&self) -> Result<Gpu> {
-        if let Some(gpu) = &*self.light.borrow() {
-            return Ok(gpu.clone());
-        }
+    pub(super) fn light(&self) -> Result<Gpu> {
         let validation = match self.validation {
             Validation::Full => Validation::BestPractices,
             Validation::GpuAssisted => Validation::On,
             other => other,
         };
-        let gpu = self.open_under(validation, GpuOptions::default())?;
-        *self.light.borrow_mut() = Some(gpu.clone());
-        Ok(gpu)
+        self.shared(&self.light, validation)
     }
 
     /// Destroys the shared devices.
-    pub(crate) fn end(&self) {
-        self.shared.borrow_mut().take();
+    pub(super) fn end(&self) {
+        self.full.borrow_mut().take();
         self.light.borrow_mut().take();
     }
 
-    /// Returns the reference image.
-    ///
-    /// # Errors
-    ///
-    /// As [`reference::render`].
-    pub(crate) fn truth(&self, sight: Sight) -> Result<Rc<ReferenceImage>> {
-        if let Some(truth) = self.truths.borrow().get(&sight) {
-            return Ok(Rc::clone(truth));
-        }
-        let (subject, name, size) = sight;
-        let image =
-            reference::render(&subject.scene()?, &view(name, size)?, &ReferenceOptions::default(), None)?;
-        let truth = Rc::new(image);
-        self.truths.borrow_mut().insert(sight, Rc::clone(&truth));
-        Ok(truth)
-    }
-
-    /// Returns RMSE and largest error of an image; infinite if a sample is not finite.
-    ///
-    /// # Errors
-    ///
-    /// As [`Workbench::truth`].
-    pub(crate) fn errors(&self, image: &Image, sight: Sight) -> Result<[f64; 2]> {
-        let errors = ImageErrors::between_f64(image, &*self.truth(sight)?)?;
+    /// Compares an image with the reference. Returns RMSE and largest error; infinite if a sample is not finite.
+    pub(super) fn errors(&self, image: &Image, sight: Sight) -> Result<[f64; 2]> {
+        let mut truths = self.truths.borrow_mut();
+        let truth = match truths.entry(sight) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(place) => {
+                let (subject, name, size) = sight;
+                let (scene, view) = (subject.scene()?, view(name, size)?);
+                place.insert(reference::render(&scene, &view, &ReferenceOptions::default(), None)?)
+            }
+        };
+        let errors = ImageErrors::between_f64(image, truth)?;
         let finite = if errors.non_finite == 0 { errors.all.max_abs } else { f64::INFINITY };
         Ok([errors.all.rmse, finite])
     }
 }
 
-/// Draws one image of a scene.
-///
-/// # Errors
-///
-/// As [`Renderer::render`].
-pub(crate) fn draw(scene: &Arc<GpuScene>, technique: Technique, view: &View) -> Result<Image> {
-    Renderer::new(scene, technique).render(view)
-}
-
 /// Skips the case if the device lacks a feature that the technique's options need.
-pub(crate) fn offered(gpu: &Gpu, spec: &str) -> std::result::Result<(), Stop> {
-    let lacks = |feature: OptionalFeature| {
-        let why = format!("the device lacks {}: {}", feature.name(), feature.fallback());
-        if gpu.has(feature) { Ok(()) } else { Err(Stop::Skip(why)) }
-    };
-    let has = |option: &str| spec.split([':', ',']).any(|part| part == option);
-    if has("route=raster") {
-        lacks(OptionalFeature::BlendRgba32f)?;
+pub(super) fn offered(gpu: &Gpu, spec: &str) -> std::result::Result<(), Stop> {
+    let needs = [
+        ("route=raster", OptionalFeature::BlendRgba32f),
+        ("route=interlock", OptionalFeature::FragmentInterlock),
+        ("route=implementation-ordered", OptionalFeature::OrderedStores),
+        ("dither=", OptionalFeature::FragmentStores),
+    ];
+    match needs.into_iter().find(|(option, feature)| spec.contains(option) && !gpu.has(*feature)) {
+        Some((_, lacks)) => {
+            Err(Stop::Skip(format!("the device lacks {}: {}", lacks.name(), lacks.fallback())))
+        }
+        None => Ok(()),
     }
-    if has("route=interlock") {
-        lacks(OptionalFeature::FragmentInterlock)?;
-    }
-    if has("route=implementation-ordered") {
-        lacks(OptionalFeature::OrderedStores)?;
-    }
-    if spec.contains("dither=") {
-        lacks(OptionalFeature::FragmentStores)?;
-    }
-    Ok(())
 }
 
-/// Returns the shared device, the technique of a spec and its subject; skips the case if the device does not support
-/// it.
-pub(super) fn prepared(
-    workbench: &Workbench,
-    spec: &str,
-) -> std::result::Result<(Gpu, Technique, Subject), Stop> {
-    let gpu = workbench.gpu()?;
-    offered(&gpu, spec)?;
-    let technique = Technique::parse(spec)?;
-    Ok((gpu, technique, Subject::of(technique.method())))
+/// A technique with the device, the subject and the view that it draws.
+pub(super) struct Trial {
+    pub(super) gpu: Gpu,
+    pub(super) technique: Technique,
+    pub(super) subject: Subject,
+    pub(super) view: View,
+}
+
+impl Trial {
+    /// Takes the shared device; skips the case if the device does not support the options.
+    pub(super) fn new(workbench: &Workbench, spec: &str) -> std::result::Result<Self, Stop> {
+        let gpu = workbench.gpu()?;
+        offered(&gpu, spec)?;
+        Ok(Self::on(gpu, spec)?)
+    }
+
+    /// Takes any device.
+    pub(super) fn on(gpu: Gpu, spec: &str) -> Result<Self> {
+        let technique = Technique::parse(spec)?;
+        let subject = Subject::of(technique.method());
+        Ok(Self { gpu, technique, subject, view: view(VIEWS[0], SIZE)? })
+    }
+
+    /// Uploads the scene of the subject.
+    pub(super) fn scene(&self) -> Result<Arc<GpuScene>> {
+        Ok(GpuScene::new(&self.gpu, self.subject.scene()?))
+    }
+
+    /// Draws a scene.
+    pub(super) fn draw(&self, scene: &Arc<GpuScene>) -> Result<Image> {
+        Renderer::new(scene, self.technique).render(&self.view)
+    }
+
+    /// Uploads the scene of the subject, and draws it.
+    pub(super) fn image(&self) -> Result<Image> {
+        self.draw(&self.scene()?)
+    }
 }

@@ -1,29 +1,30 @@
 //! A device on which calls fail, and the checks after each failure.
 
 use std::collections::BTreeMap;
+use std::fmt::Display;
 use std::sync::Arc;
 
 use volraster::ash::vk;
-use volraster::gpu::{Gpu, Injection, Validation, ValidationLog};
+use volraster::gpu::{Gpu, GpuOptions, Injection, Validation, ValidationLog};
 use volraster::{Error, Result};
 
-use super::sessions::{Pictures, Session, open};
+use super::sessions::{Pictures, Session};
 
-/// Calls whose failure is not reported to the caller, with the reason.
-pub(crate) const HARMLESS: [(&str, &str); 7] = [
-    ("vkSetDebugUtilsObjectNameEXT", "the object has no name"),
-    ("vkAllocateMemory", "staging memory is requested again from a slower memory type"),
-    ("vkMapMemory", "as vkAllocateMemory"),
-    (
-        "vkGetPipelineCacheData",
-        "the pipeline cache is not stored; pipelines are compiled again the next time",
-    ),
-    (
-        "vkDeviceWaitIdle",
-        "called before the device is destroyed, when every submission has completed already",
-    ),
-    ("vkWaitForFences", "called when an object with a pending submission is dropped; it waits again"),
-    ("vkEndCommandBuffer", "called between the parts of a frame, which goes on in the same command buffer"),
+/// Calls whose failure is not reported to the caller.
+const HARMLESS: [&str; 7] = [
+    // The object has no name.
+    "vkSetDebugUtilsObjectNameEXT",
+    // Staging memory is requested again from a slower memory type.
+    "vkAllocateMemory",
+    "vkMapMemory",
+    // The pipeline cache is not stored; pipelines are compiled again the next time.
+    "vkGetPipelineCacheData",
+    // Called before the device is destroyed, when every submission has completed already.
+    "vkDeviceWaitIdle",
+    // Called when an object with a pending submission is dropped; it waits again.
+    "vkWaitForFences",
+    // Called between the parts of a frame, which goes on in the same command buffer.
+    "vkEndCommandBuffer",
 ];
 
 /// The device and validation for sessions with failures.
@@ -44,7 +45,11 @@ pub(crate) struct Swept {
     pub(crate) harmless: u32,
 }
 
+/// The result of a check; the error is the first finding as one line of text.
+pub(super) type Outcome<T> = std::result::Result<T, String>;
+
 impl Swept {
+    /// Counts a run in which a call was made to fail, and checks that the failure is reported or harmless.
     pub(super) fn count_failure(
         &mut self,
         harness: &Harness<'_>,
@@ -55,29 +60,18 @@ impl Swept {
         let name = harness.injection.last_failed().unwrap_or("none");
         *self.failed.entry(name).or_default() += 1;
         match run {
-            Ok(pictures) => {
-                if !HARMLESS.iter().any(|(harmless, _)| *harmless == name) {
-                    return Err(format!(
-                        "{}: {what}: failed, but no error was returned",
-                        harness.session.name
-                    ));
-                }
+            Ok(pictures) if HARMLESS.contains(&name) => {
                 self.harmless += 1;
                 harness.same(what, &pictures, expected)
             }
+            Ok(_) => harness.finding(what, "failed, but no error was returned"),
             Err(error) => harness.check_error(what, &error),
         }
     }
 }
 
-/// A finding as one line of text.
-pub(crate) type Finding = String;
-
-/// The result of a check.
-pub(super) type Outcome<T> = std::result::Result<T, Finding>;
-
 /// Error codes, used in turn; a code that a call may not return is replaced by one that it may.
-pub(super) const RESULTS: [vk::Result; 4] = [
+const RESULTS: [vk::Result; 4] = [
     vk::Result::ERROR_OUT_OF_DEVICE_MEMORY,
     vk::Result::ERROR_OUT_OF_HOST_MEMORY,
     vk::Result::ERROR_OUT_OF_POOL_MEMORY,
@@ -97,34 +91,56 @@ impl<'a> Harness<'a> {
         Self { place, session, injection: Injection::new(), log: Arc::default() }
     }
 
+    /// Opens the device, without a pipeline cache.
     pub(super) fn open(&self) -> Result<Gpu> {
-        open(self.place.device.as_deref(), self.place.validation, &self.log, &self.injection)
+        Gpu::new(&GpuOptions {
+            device: self.place.device.clone(),
+            validation: self.place.validation,
+            validation_log: Some(Arc::clone(&self.log)),
+            inject: Some(self.injection.clone()),
+            no_pipeline_cache: true,
+            ..GpuOptions::default()
+        })
+    }
+
+    pub(super) fn finding<T>(&self, what: &str, text: impl Display) -> Outcome<T> {
+        Err(format!("{}: {what}: {text}", self.session.name))
     }
 
     pub(super) fn at<T>(&self, what: &str, result: Result<T>) -> Outcome<T> {
-        result.map_err(|error| format!("{}: {what}: {error}", self.session.name))
+        result.or_else(|error| self.finding(what, error))
+    }
+
+    /// Runs some work from call number 1 on, and returns its result with the names of its calls.
+    pub(super) fn recorded<T>(&self, work: impl FnOnce() -> Outcome<T>) -> Outcome<(T, Vec<&'static str>)> {
+        self.injection.rewind();
+        self.injection.keep_names(true);
+        let result = work()?;
+        let names = self.injection.names();
+        self.injection.keep_names(false);
+        Ok((result, names))
     }
 
     /// Checks that the device holds no memory and that validation is silent.
     pub(super) fn clean(&self, what: &str, gpu: Option<&Gpu>) -> Outcome<()> {
         let held = gpu.map(Gpu::memory_report).unwrap_or_default();
         if !held.is_empty() {
-            return Err(format!("{}: {what}: memory is still allocated: {held:?}", self.session.name));
+            return self.finding(what, format!("memory is still allocated: {held:?}"));
         }
-        match self.log.take().first() {
-            Some(message) => Err(format!("{}: {what}: {message}", self.session.name)),
-            None => Ok(()),
-        }
+        self.silent(what)
+    }
+
+    /// Checks that validation is silent.
+    pub(super) fn silent(&self, what: &str) -> Outcome<()> {
+        self.log.take().first().map_or(Ok(()), |message| self.finding(what, message))
     }
 
     pub(super) fn same(&self, what: &str, pictures: &Pictures, expected: &Pictures) -> Outcome<()> {
-        for (name, picture) in pictures {
-            // Frames in flight share a name: each image must equal one of them.
-            if !expected.iter().any(|(other, bytes)| other == name && bytes == picture) {
-                return Err(format!("{}: {what}: {name} is a different image", self.session.name));
-            }
+        // Frames in flight share a name: each image must equal one of them.
+        match pictures.iter().find(|picture| !expected.contains(picture)) {
+            Some((name, _)) => self.finding(what, format!("{name} is a different image")),
+            None => Ok(()),
         }
-        Ok(())
     }
 
     /// Checks that an error names the injected failure.
@@ -138,31 +154,28 @@ impl<'a> Harness<'a> {
             Error::Unsupported { .. } => failed == "vkGetPhysicalDeviceImageFormatProperties",
             _ => false,
         };
-        if fits { Ok(()) } else { Err(format!("{}: {what}: reported as: {error}", self.session.name)) }
+        if fits { Ok(()) } else { self.finding(what, format!("reported as: {error}")) }
     }
 }
 
-pub(super) fn name_of(names: &[&'static str], call: u64) -> &'static str {
-    usize::try_from(call)
-        .ok()
-        .and_then(|i| names.get(i.checked_sub(1)?))
-        .copied()
-        .unwrap_or("beyond the last call")
-}
-
-/// Selects at most `most` calls of each function, evenly spaced and including the last. Two calls that name objects
-/// are enough.
-pub(super) fn spread(names: &[&'static str], most: usize, wanted: impl Fn(u64, &str) -> bool) -> Vec<u64> {
-    let mut of: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
-    for (call, name) in (1..).zip(names).filter(|(call, name)| wanted(*call, name)) {
+/// Selects at most `most` calls of each function, evenly spaced and including the last, with their names and the errors
+/// that they are to return. Two calls that name objects are enough.
+pub(super) fn spread(
+    names: &[&'static str],
+    most: usize,
+    wanted: impl Fn(u64, &str) -> bool,
+) -> Vec<(u64, &'static str, vk::Result)> {
+    let mut of: BTreeMap<&'static str, Vec<u64>> = BTreeMap::new();
+    for (call, &name) in (1..).zip(names).filter(|(call, name)| wanted(*call, name)) {
         of.entry(name).or_default().push(call);
     }
-    let few = |(name, calls): (&str, Vec<u64>)| {
+    let few = |(name, calls): (&'static str, Vec<u64>)| {
         let most = if name == "vkSetDebugUtilsObjectNameEXT" { most.min(2) } else { most };
         let step = calls.len().div_ceil(most.max(1)).max(1);
-        calls.into_iter().rev().step_by(step).collect::<Vec<_>>()
+        calls.into_iter().rev().step_by(step).map(move |call| (call, name))
     };
-    let mut calls: Vec<u64> = of.into_iter().flat_map(few).collect();
+    let mut calls: Vec<_> = of.into_iter().flat_map(few).collect();
     calls.sort_unstable();
-    calls
+    let errors = RESULTS.into_iter().cycle();
+    calls.into_iter().zip(errors).map(|((call, name), error)| (call, name, error)).collect()
 }

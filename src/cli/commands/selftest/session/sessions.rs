@@ -1,16 +1,13 @@
 //! Sessions: what a program does with a device, from data to images.
-//!
-//! `tests/failures.rs` compiles this file too; it uses nothing but the library.
 
 use std::sync::Arc;
 
 use volraster::ash::vk;
 use volraster::glam::DVec3;
-use volraster::gpu::{Gpu, GpuOptions, Injection, Validation, ValidationLog};
+use volraster::gpu::Gpu;
 use volraster::scene::{
     Camera, Clip, Field, Points, Projection, Scene, Surface, TetScalars, TransferFunction, View,
 };
-use volraster::technique::Method;
 use volraster::{GpuScene, Offscreen, Renderer, Result, TargetDesc, TargetMode, Technique};
 
 /// A technique with a scene that it draws.
@@ -18,7 +15,7 @@ use volraster::{GpuScene, Offscreen, Renderer, Result, TargetDesc, TargetMode, T
 pub(crate) struct Session {
     /// The name in messages.
     pub(crate) name: &'static str,
-    pub(super) technique: Technique,
+    pub(crate) technique: Technique,
     pub(super) scene: Scene,
 }
 
@@ -42,14 +39,12 @@ const SPECS: [(&str, &str); 9] = [
     ("mesh-cut", "havs:"),
 ];
 
+const EYE: DVec3 = DVec3::new(2.0, 1.5, 3.8);
+
 /// Names and bytes of results: images, an overflow map, the image of a caller.
 pub(crate) type Pictures = Vec<(&'static str, Vec<u8>)>;
 
 /// Returns the sessions, each with a few samples, cells or points.
-///
-/// # Errors
-///
-/// None, unless a constant above is wrong.
 pub(crate) fn sessions() -> Result<Vec<Session>> {
     let transfer = TransferFunction::from_rows(&ROWS)?;
     // 8-bit samples make the library probe how the device filters them.
@@ -60,22 +55,13 @@ pub(crate) fn sessions() -> Result<Vec<Session>> {
     let scenes = [grid, Scene::new(mesh, transfer.clone()), Scene::new(points, transfer)];
     let mut sessions = Vec::new();
     for (name, spec) in SPECS {
-        let technique = Technique::parse(spec)?;
-        if let Some(scene) =
-            scenes.iter().find(|scene| technique.method().draws(&scene.data) && fits(name, scene))
-        {
-            let mut scene = scene.clone();
-            if name.ends_with("cut") {
-                scene = scene.with_surfaces(surfaces()?);
-            }
+        for scene in scenes.iter().filter(|scene| name.starts_with(scene.data.kind())) {
+            let surfaces = if name.ends_with("cut") { surfaces()? } else { Vec::new() };
+            let (technique, scene) = (Technique::parse(spec)?, scene.clone().with_surfaces(surfaces));
             sessions.push(Session { name, technique, scene });
         }
     }
     Ok(sessions)
-}
-
-fn fits(name: &str, scene: &Scene) -> bool {
-    name.starts_with(scene.data.kind())
 }
 
 /// An opaque box inside a translucent sphere.
@@ -87,35 +73,14 @@ fn surfaces() -> Result<Vec<Surface>> {
     ])
 }
 
-/// Opens a device with injected failures, validated into `log`, without a pipeline cache.
-///
-/// # Errors
-///
-/// As [`Gpu::new`].
-pub(crate) fn open(
-    device: Option<&str>,
-    validation: Validation,
-    log: &Arc<ValidationLog>,
-    injection: &Injection,
-) -> Result<Gpu> {
-    Gpu::new(&GpuOptions {
-        device: device.map(str::to_string),
-        validation,
-        validation_log: Some(Arc::clone(log)),
-        inject: Some(injection.clone()),
-        no_pipeline_cache: true,
-        ..GpuOptions::default()
-    })
-}
-
 pub(super) fn bytes(image: &volraster::Image) -> Vec<u8> {
     image.pixels().iter().flatten().flat_map(|value| value.to_bits().to_ne_bytes()).collect()
 }
 
 impl Session {
-    pub(super) fn view(&self, eye: [f64; 3], width: u32, height: u32) -> Result<View> {
+    fn view(&self, eye: DVec3, width: u32, height: u32) -> Result<View> {
         let projection = Projection::Perspective { fov_y_deg: 42.0 };
-        let camera = Camera { eye: DVec3::from(eye), target: DVec3::ZERO, up: DVec3::Y, projection };
+        let camera = Camera { eye, target: DVec3::ZERO, up: DVec3::Y, projection };
         let view = View::new(camera, width, height)?;
         if self.scene.surfaces.is_empty() {
             return Ok(view);
@@ -123,24 +88,25 @@ impl Session {
         Ok(view.with_clip(Clip::none().with_plane(DVec3::new(0.6, 0.0, 0.0), DVec3::new(-1.0, 0.3, 0.0))?))
     }
 
-    /// Returns the technique.
-    pub(crate) fn method(&self) -> Method {
-        self.technique.method()
+    /// Returns the first and the second view.
+    pub(super) fn views(&self) -> Result<[View; 2]> {
+        Ok([self.view(EYE, 20, 14)?, self.view(DVec3::new(-3.0, 1.0, 2.0), 20, 14)?])
+    }
+
+    /// Draws the first view of a scene.
+    fn draw(&self, scene: &Arc<GpuScene>) -> Result<Vec<u8>> {
+        Ok(bytes(&Renderer::new(scene, self.technique).render(&self.views()?[0])?))
     }
 
     /// Uploads, draws and reads back; then another view, size and transfer function, other scalars and surfaces, and
     /// the caller's images with two frames in flight. Drops everything at the end.
-    ///
-    /// # Errors
-    ///
-    /// The first error.
     pub(crate) fn run(&self, gpu: &Gpu) -> Result<Pictures> {
         let mut pictures = Pictures::new();
-        let (first, second) = (self.view([2.0, 1.5, 3.8], 20, 14)?, self.view([-3.0, 1.0, 2.0], 20, 14)?);
+        let views = self.views()?;
         let scene = GpuScene::new(gpu, self.scene.clone());
         let renderer = Renderer::new(&scene, self.technique);
-        let mut frames = renderer.frames(&first)?;
-        for (name, view) in [("first view", &first), ("second view", &second)] {
+        let mut frames = renderer.frames(&views[0])?;
+        for (name, view) in ["first view", "second view"].into_iter().zip(&views) {
             frames.draw(view)?;
             pictures.push((name, bytes(&frames.read_back()?)));
         }
@@ -148,44 +114,37 @@ impl Session {
             pictures.push(("overflow map", map.into_iter().map(u8::from).collect()));
         }
         drop(frames);
-        pictures.push(("another size", bytes(&renderer.render(&self.view([2.0, 1.5, 3.8], 9, 31)?)?)));
+        pictures.push(("another size", bytes(&renderer.render(&self.view(EYE, 9, 31)?)?)));
         // From white to black over the same scalars.
         let [low, high] = self.scene.transfer.domain();
         let other = [[low, 1.0, 1.0, 1.0, 0.5], [high, 0.0, 0.0, 0.0, 4.0]];
         let other = TransferFunction::from_rows(&other)?;
-        let recoloured = scene.with_transfer(other.clone());
-        pictures.push((
-            "another transfer function",
-            bytes(&Renderer::new(&recoloured, self.technique).render(&first)?),
-        ));
+        pictures.push(("another transfer function", self.draw(&scene.with_transfer(other.clone()))?));
         if let Some(mesh) = self.scene.mesh() {
             let scalars = mesh.scalars().values().iter().map(|scalar| 1.0 - scalar).collect();
             let turned = scene.with_scalars(TetScalars::Point(scalars), other)?;
-            pictures.push(("other scalars", bytes(&Renderer::new(&turned, self.technique).render(&first)?)));
+            pictures.push(("other scalars", self.draw(&turned)?));
         }
         if !self.scene.surfaces.is_empty() {
             let moved = scene.with_surfaces(self.scene.surfaces[..1].to_vec());
-            pictures.push(("other surfaces", bytes(&Renderer::new(&moved, self.technique).render(&first)?)));
+            pictures.push(("other surfaces", self.draw(&moved)?));
         }
         let format = vk::Format::R8G8B8A8_UNORM;
         let mut flying = Vec::new();
-        for view in [&first, &second] {
+        for view in &views {
             let mut plan = renderer.prepare(view, &TargetDesc::caller(format, TargetMode::Over))?;
             let mut image = Offscreen::new(gpu, format, view.extent())?;
             image.draw(&mut plan, [0.0, 0.5, 0.25, 1.0])?;
             flying.push((plan, image));
         }
         for (_, image) in &mut flying {
-            let (_, texels) = image.finish()?;
-            pictures.push(("a caller's image", texels));
+            pictures.push(("a caller's image", image.finish()?.1));
         }
         Ok(pictures)
     }
 
     /// Draws one frame of the first view.
     pub(super) fn frame(&self, gpu: &Gpu) -> Result<Pictures> {
-        let scene = GpuScene::new(gpu, self.scene.clone());
-        let image = Renderer::new(&scene, self.technique).render(&self.view([2.0, 1.5, 3.8], 20, 14)?)?;
-        Ok(vec![("first view", bytes(&image))])
+        Ok(vec![("first view", self.draw(&GpuScene::new(gpu, self.scene.clone()))?)])
     }
 }
