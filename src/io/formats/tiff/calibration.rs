@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use crate::io::formats::tiff::file::index;
+use crate::num::wide;
 use crate::scene::Rescale;
 
 /// The meaning of the pages of a stack, and the size of a voxel.
@@ -60,12 +62,15 @@ impl Calibration {
         }
     }
 
-    /// Describes the announced counts, if there are several channels or frames.
-    pub(crate) fn announced(&self) -> Option<String> {
-        let [channels, slices, frames] = ['C', 'Z', 'T'].map(|axis| extent(&self.axes, axis));
-        (channels > 1 || frames > 1).then(|| {
-            format!("the description announces {channels} channels x {slices} slices x {frames} frames")
-        })
+    /// Describes the announced counts.
+    pub(crate) fn announced(&self) -> String {
+        let [channels, slices, frames] = ['C', 'Z', 'T'].map(|axis| self.extent(axis));
+        format!("the description announces {channels} channels x {slices} slices x {frames} frames")
+    }
+
+    /// Returns the extent of `C`, `Z` or `T`.
+    pub(crate) fn extent(&self, axis: char) -> u64 {
+        self.axes.iter().find(|(name, _)| *name == axis).map_or(1, |(_, extent)| *extent)
     }
 
     /// Applies the tag of Zeiss microscopes: voxel size in metres, and the numbers of slices and points in time.
@@ -90,66 +95,52 @@ impl Calibration {
 
     /// Returns the volumes that the pages make; the first is shown by default.
     pub(crate) fn volumes(&mut self, pages: usize) -> Vec<Volume> {
-        let all = |pages| vec![Volume { name: String::new(), first: 0, stride: 1, slices: pages }];
-        let mut axes = self.axes;
-        let product = axes.iter().try_fold(1_u64, |n, (_, extent)| n.checked_mul(*extent));
+        let all = vec![Volume { name: String::new(), first: 0, stride: 1, slices: pages }];
+        let product = self.axes.iter().try_fold(1_u64, |n, (_, extent)| n.checked_mul(*extent));
         if product == Some(1) {
-            return all(pages);
+            return all;
         }
-        let (channels, slices, frames) = (extent(&axes, 'C'), extent(&axes, 'Z'), extent(&axes, 'T'));
-        if product.and_then(|product| usize::try_from(product).ok()) != Some(pages) {
-            self.warnings.push(format!(
-                "the description announces {channels} channels x {slices} slices x {frames} frames, there are {pages} \
-                 pages: all are taken as slices"
-            ));
-            return all(pages);
+        if product != Some(wide(pages)) {
+            let announced = self.announced();
+            self.warnings.push(format!("{announced}, there are {pages} pages: all are taken as slices"));
+            return all;
         }
         // Programs without a notion of slices count them as frames or channels.
-        let taken = match (slices, frames, channels) {
-            (1, 2.., _) => Some(('T', frames, "frames")),
-            (1, _, 2..) => Some(('C', channels, "channels")),
+        let other = match ['Z', 'T', 'C'].map(|axis| self.extent(axis)) {
+            [1, frames, _] if frames > 1 => Some(('T', frames, "frames")),
+            [1, _, channels] if channels > 1 => Some(('C', channels, "channels")),
             _ => None,
         };
-        if let Some((other, count, what)) = taken {
+        if let Some((other, count, what)) = other {
             self.warnings.push(format!("{count} {what} of one slice are taken as slices"));
-            axes = axes.map(|(name, extent)| match name {
-                'Z' => (other, extent),
-                _ if name == other => ('Z', extent),
-                _ => (name, extent),
-            });
+            for (name, _) in &mut self.axes {
+                *name = if *name == 'Z' {
+                    other
+                } else if *name == other {
+                    'Z'
+                } else {
+                    *name
+                };
+            }
         }
         // The product of extents is the number of pages, so nothing here overflows.
         let stride = |axis| {
-            let before = axes.iter().take_while(|(name, _)| *name != axis);
-            before.map(|(_, extent)| usize::try_from(*extent).unwrap_or(usize::MAX)).product::<usize>()
+            let before = self.axes.iter().take_while(|(name, _)| *name != axis);
+            before.map(|(_, extent)| index(*extent)).product::<usize>()
         };
-        let count = |axis| usize::try_from(extent(&axes, axis)).unwrap_or(usize::MAX);
-        let (channels, slices, frames) = (count('C'), count('Z'), count('T'));
-        let mut volumes = Vec::new();
-        for frame in 0..frames {
-            for channel in 0..channels {
-                let mut name = Vec::new();
-                if frames > 1 {
-                    name.push(format!("frame {}", frame + 1));
-                }
-                if channels > 1 {
-                    name.push(format!("channel {}", channel + 1));
-                }
-                volumes.push(Volume {
-                    name: name.join(" "),
-                    first: frame * stride('T') + channel * stride('C'),
-                    stride: stride('Z'),
-                    slices,
-                });
+        let [channels, slices, frames] = ['C', 'Z', 'T'].map(|axis| index(self.extent(axis)));
+        let part = |what, number: usize, count| (count > 1).then(|| format!("{what} {}", number + 1));
+        let volume = |(frame, channel)| {
+            let name = [part("frame", frame, frames), part("channel", channel, channels)];
+            Volume {
+                name: name.into_iter().flatten().collect::<Vec<_>>().join(" "),
+                first: frame * stride('T') + channel * stride('C'),
+                stride: stride('Z'),
+                slices,
             }
-        }
-        volumes
+        };
+        (0..frames).flat_map(|frame| (0..channels).map(move |channel| (frame, channel))).map(volume).collect()
     }
 }
 
 pub(crate) const UNKNOWN_VOXEL: &str = "the size of a voxel is unknown and counts as 1";
-
-/// Returns the extent of `C`, `Z` or `T`.
-fn extent(axes: &[(char, u64); 3], axis: char) -> u64 {
-    axes.iter().find(|(name, _)| *name == axis).map_or(1, |(_, extent)| *extent)
-}

@@ -54,7 +54,7 @@ impl Look {
             return Err(source.error("pages", "none"));
         };
         let (_, first, count) = parts[index % parts.len()];
-        let shown = crate::io::build::arrays::describe(&arrays[index], pick);
+        let shown = arrays::describe(&arrays[index], pick);
         let (volume, asked) = (index / parts.len(), options.array.is_some());
         Ok(Self { arrays, shown, asked, volumes: volumes.len(), volume, first, count, pick })
     }

@@ -59,25 +59,22 @@ fn pixels(element: &BytesStart) -> Calibration {
         let size: f64 = attribute(&format!("PhysicalSize{axis}"))?.trim().parse().ok()?;
         Some(size).filter(|size| *size > 0.0 && size.is_finite())
     };
-    let (x, y, z) = (length('X'), length('Y'), length('Z'));
-    let (Some(x), Some(y)) = (x, y) else {
+    let (Some(x), Some(y)) = (length('X'), length('Y')) else {
         calibration.notes.push(UNKNOWN_VOXEL.to_owned());
         return calibration;
     };
     let world = unit('X');
     let mut spacing = [x, y, 1.0];
-    let mut convert = |axis: char, place: usize, length: f64| match (metres(&unit(axis)), metres(&world)) {
-        _ if unit(axis) == world => spacing[place] = length,
-        (Some(own), Some(world)) => spacing[place] = length * (own / world),
-        _ => calibration.warnings.push(format!(
-            "PhysicalSize{axis} is in {}, PhysicalSizeX in {world}: not converted",
-            unit(axis)
-        )),
-    };
-    convert('Y', 1, y);
-    match z {
-        Some(z) => convert('Z', 2, z),
-        None => calibration.warnings.push(format!("no PhysicalSizeZ: 1 {world} is assumed")),
+    for (place, axis, length) in [(1, 'Y', Some(y)), (2, 'Z', length('Z'))] {
+        let own = unit(axis);
+        match (length, metres(&own), metres(&world)) {
+            (None, ..) => calibration.warnings.push(format!("no PhysicalSizeZ: 1 {world} is assumed")),
+            (Some(length), ..) if own == world => spacing[place] = length,
+            (Some(length), Some(own), Some(world)) => spacing[place] = length * (own / world),
+            _ => calibration
+                .warnings
+                .push(format!("PhysicalSize{axis} is in {own}, PhysicalSizeX in {world}: not converted")),
+        }
     }
     calibration.spacing = DVec3::from_array(spacing);
     calibration.notes.push(format!("voxels of {} x {} x {} {world}", spacing[0], spacing[1], spacing[2]));
