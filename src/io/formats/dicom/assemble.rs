@@ -9,8 +9,7 @@ use crate::io::file::decode::{self, Layout};
 use crate::io::file::sample_type::{Pick, SampleType};
 use crate::io::file::samples;
 use crate::io::file::source::Source;
-use crate::io::formats::dicom::account::Account;
-use crate::io::formats::dicom::header::{self, Header, vector};
+use crate::io::formats::dicom::header::{Account, Header, MAX_FRAMES, vector};
 use crate::io::formats::dicom::placement::{Frame, Line, Slice};
 use crate::io::formats::dicom::recognise::NAME;
 use crate::io::formats::dicom::syntax::Packing;
@@ -51,7 +50,7 @@ pub(crate) fn assemble(
     let same = slices.iter().all(|slice| slice.rescale == rescale);
     let extent = |size: u64| u32::try_from(size).unwrap_or(u32::MAX);
     let dims = [extent(first.columns), extent(first.rows), num::count(count)];
-    let layout = Layout::scalar(dims, kind, first.endian);
+    let layout = Layout::scalar(dims, kind, first.syntax.endian);
     let (total, _) = samples::data_size(source, "Rows, Columns, slices", &layout, options)?;
     let mut budget = account.budget.clone();
     let stored = if same { kind.stored_bytes() } else { 4 };
@@ -64,7 +63,10 @@ pub(crate) fn assemble(
     let reader = SliceReader { first, frame: &frame, layout, kind, same, pixels: total / count };
     let values = reader.read(source, &slices, total, open, &mut account, &mut budget)?;
 
-    let mut warnings: Vec<String> = first.warnings.iter().map(|&warning| warning.to_owned()).collect();
+    let mut warnings = Vec::new();
+    if first.table {
+        warnings.push("ModalityLUTSequence is not applied: values are as stored".to_owned());
+    }
     describe(first, same, &mut notes);
     if frame.guessed {
         warnings.push("no PixelSpacing: 1 mm is assumed".to_owned());
@@ -108,13 +110,11 @@ fn describe(first: &Header, same: bool, notes: &mut Vec<String>) {
         notes.push("MONOCHROME1: the smallest value is white; values are kept as they are stored".to_owned());
     }
     if first.stored < first.allocated && !first.float {
-        notes.push(format!(
-            "{} of {} bits are samples, the others are left out",
-            first.stored, first.allocated
-        ));
+        let Header { stored, allocated, .. } = first;
+        notes.push(format!("{stored} of {allocated} bits are samples, the others are left out"));
     }
     if first.packing == Packing::Jpeg
-        && matches!(first.syntax.as_str(), "1.2.840.10008.1.2.4.50" | "1.2.840.10008.1.2.4.51")
+        && matches!(first.uid.as_str(), "1.2.840.10008.1.2.4.50" | "1.2.840.10008.1.2.4.51")
     {
         notes.push("JPEG: values are those of a lossy compression".to_owned());
     }
@@ -199,8 +199,8 @@ fn collect(headers: &[Header], frame: &Frame) -> Result<Vec<Slice>> {
     for (file, header) in headers.iter().enumerate() {
         frame.check(&headers[0], header)?;
         let frames = frames_of(header);
-        if frames > header::MAX_FRAMES {
-            let rule = format!("{frames}: at most {}", header::MAX_FRAMES);
+        if frames > MAX_FRAMES {
+            let rule = format!("{frames}: at most {}", MAX_FRAMES);
             return Err(header.error("NumberOfFrames", rule));
         }
         if !header.planes.is_empty() && header.planes.len() != frames {
@@ -210,31 +210,25 @@ fn collect(headers: &[Header], frame: &Frame) -> Result<Vec<Slice>> {
         frames::check(header, frames)?;
         for number in 0..frames {
             let plane = header.plane_of(number);
-            let place = if frames > 1 { format!("frame {}", number + 1) } else { "slice".to_owned() };
-            let position = if frames > 1 {
-                header.planes.get(number).and_then(|own| own.position)
+            // Each of several frames needs its own position.
+            let (place, position) = if frames > 1 {
+                let own = header.planes.get(number).and_then(|own| own.position);
+                (format!("frame {}", number + 1), own)
             } else {
-                plane.position
+                ("slice".to_owned(), plane.position)
             };
             let Some(position) = position else {
                 let rule = "no ImagePositionPatient of its own: slices cannot be put in order";
                 return Err(header.error(&*place, rule));
             };
             frame.check_plane(header, &place, &plane)?;
-            let slope = plane.slope.unwrap_or(1.0);
-            let intercept = plane.intercept.unwrap_or(0.0);
+            let (slope, intercept) = (plane.slope.unwrap_or(1.0), plane.intercept.unwrap_or(0.0));
             if slope == 0.0 {
                 return Err(header.error(&*place, "RescaleSlope 0: must not be zero"));
             }
             let position = vector(&position);
-            let height = position.dot(frame.normal);
-            slices.push(Slice {
-                file,
-                frame: number,
-                position,
-                height,
-                rescale: Rescale { slope, intercept },
-            });
+            let (height, rescale) = (position.dot(frame.normal), Rescale { slope, intercept });
+            slices.push(Slice { file, frame: number, position, height, rescale });
         }
     }
     Ok(slices)

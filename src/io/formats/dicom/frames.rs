@@ -19,10 +19,8 @@ pub(crate) fn kind(header: &Header) -> Result<SampleType> {
     }
     if !matches!(header.photometric.as_str(), "MONOCHROME1" | "MONOCHROME2") {
         let shown = text::shown(&header.photometric);
-        return Err(header.error(
-            "PhotometricInterpretation",
-            format!("\"{shown}\": MONOCHROME1 and MONOCHROME2 are supported"),
-        ));
+        let rule = format!("\"{shown}\": MONOCHROME1 and MONOCHROME2 are supported");
+        return Err(header.error("PhotometricInterpretation", rule));
     }
     if header.float {
         return match allocated {
@@ -31,15 +29,15 @@ pub(crate) fn kind(header: &Header) -> Result<SampleType> {
             _ => Err(header.error("BitsAllocated", format!("{allocated}: floats have 32 or 64"))),
         };
     }
-    if header.endian == Endian::Big && allocated == 8 {
+    if header.syntax.endian == Endian::Big && allocated == 8 {
         return Err(header.error("BitsAllocated", "8: with big-endian data, 16 and 32 are supported"));
     }
     if !matches!(allocated, 8 | 16 | 32) {
         return Err(header.error("BitsAllocated", format!("{allocated}: 8, 16 and 32 are supported")));
     }
     if stored == 0 || stored > allocated || high >= allocated || high + 1 < stored {
-        return Err(header
-            .error("BitsStored, HighBit", format!("{stored} up to bit {high}: do not fit in {allocated}")));
+        let rule = format!("{stored} up to bit {high}: do not fit in {allocated}");
+        return Err(header.error("BitsStored, HighBit", rule));
     }
     Ok(match (allocated, signed) {
         (8, false) => SampleType::U8,
@@ -56,50 +54,36 @@ pub(crate) fn check(header: &Header, frames: usize) -> Result<()> {
     let Some(pixels) = &header.pixels else {
         return Err(header.error("PixelData", "there is none"));
     };
-    if header.packing == Packing::Other {
-        return Err(header.error(
-            "TransferSyntaxUID",
-            format!(
-                "{}{}: uncompressed, deflated, RLE and JPEG (baseline, extended, lossless) data are supported",
-                text::shown(&header.syntax),
-                syntax::named(&header.syntax)
-            ),
-        ));
+    let Header { packing, rows, columns, allocated, ref uid, .. } = *header;
+    if packing == Packing::Other {
+        let rule = "uncompressed, deflated, RLE and JPEG (baseline, extended, lossless) data are supported";
+        let rule = format!("{}{}: {rule}", text::shown(uid), syntax::named(uid));
+        return Err(header.error("TransferSyntaxUID", rule));
     }
-    if header.rows == 0 || header.columns == 0 {
-        return Err(
-            header.error("Rows, Columns", format!("{}, {}: must be positive", header.rows, header.columns))
-        );
+    if rows == 0 || columns == 0 {
+        return Err(header.error("Rows, Columns", format!("{rows}, {columns}: must be positive")));
     }
     let needed = header.frame_bytes().saturating_mul(wide(frames));
-    match pixels {
-        Pixels::Plain { len, .. } if header.packing == Packing::Native => {
+    let rule = match pixels {
+        Pixels::Plain { len, .. } if packing == Packing::Native => {
             // A padding byte may make the length even.
-            if needed.next_multiple_of(2) != *len && needed != *len {
-                return Err(header.error(
-                    "PixelData",
-                    format!(
-                        "{len} bytes: {} x {} samples of {} bits in {frames} frames need {needed}",
-                        header.columns, header.rows, header.allocated
-                    ),
-                ));
+            if needed == *len || needed.next_multiple_of(2) == *len {
+                return Ok(());
             }
+            let samples = format!("{columns} x {rows} samples of {allocated} bits in {frames} frames");
+            format!("{len} bytes: {samples} need {needed}")
         }
-        Pixels::Plain { .. } => {
-            return Err(header.error("PixelData", format!("transfer syntax {} has fragments", header.syntax)));
-        }
+        Pixels::Plain { .. } => format!("transfer syntax {uid} has fragments"),
         Pixels::Fragments(list) => {
             let stored: u64 = list.iter().skip(1).map(|(_, len)| len).sum();
-            let most = stored.saturating_mul(ratio(header.packing));
-            if needed > most {
-                return Err(header.error(
-                    "PixelData",
-                    format!("{stored} packed bytes hold at most {most}: {frames} frames need {needed}"),
-                ));
+            let most = stored.saturating_mul(ratio(packing));
+            if needed <= most {
+                return Ok(());
             }
+            format!("{stored} packed bytes hold at most {most}: {frames} frames need {needed}")
         }
-    }
-    Ok(())
+    };
+    Err(header.error("PixelData", rule))
 }
 
 /// Returns the largest ratio of decompressed to compressed bytes.
@@ -133,7 +117,7 @@ pub(crate) fn bytes(data: &Source, header: &Header, frame: usize) -> Result<(Vec
     let frames = usize::try_from(header.frames.unwrap_or(1)).unwrap_or(usize::MAX);
     let (bytes, endian) = match &header.pixels {
         Some(Pixels::Plain { at, .. }) => {
-            (data.bytes(at.saturating_add(size.saturating_mul(wide(frame))), size)?, header.endian)
+            (data.bytes(at.saturating_add(size.saturating_mul(wide(frame))), size)?, header.syntax.endian)
         }
         Some(Pixels::Fragments(list)) => {
             let packed = packed(header, data, list, frame, frames, size)?;
@@ -177,23 +161,19 @@ fn packed(
         let place = |wanted: u64| fragments.partition_point(|(at, _)| at.saturating_sub(8) < wanted);
         let (begin, end) = (place(begin), place(end));
         if begin >= end {
-            return Err(
-                header.error("PixelData", format!("frame {}: its offsets hold no fragment", frame + 1))
-            );
+            let rule = format!("frame {}: its offsets hold no fragment", frame + 1);
+            return Err(header.error("PixelData", rule));
         }
         &fragments[begin..end]
     } else {
-        return Err(header.error(
-            "PixelData",
-            format!("{} fragments for {frames} frames, and no table of offsets", fragments.len()),
-        ));
+        let rule = format!("{} fragments for {frames} frames, and no table of offsets", fragments.len());
+        return Err(header.error("PixelData", rule));
     };
     let total: u64 = own.iter().map(|(_, len)| len).sum();
     let most = size.saturating_mul(2).saturating_add(1 << 16);
     if total > most {
-        return Err(
-            header.error("PixelData", format!("frame {}: {total} packed bytes for {size}", frame + 1))
-        );
+        let rule = format!("frame {}: {total} packed bytes for {size}", frame + 1);
+        return Err(header.error("PixelData", rule));
     }
     let mut bytes = Vec::new();
     for &(at, len) in own {
@@ -228,42 +208,25 @@ fn run_lengths(packed: &[u8], header: &Header) -> Result<Vec<u8>> {
         let begin = word(1 + plane);
         let end = if plane + 1 < planes { word(2 + plane) } else { packed.len() };
         let Some(segment) = packed.get(begin..end).filter(|_| begin >= 64) else {
-            return Err(error(format!(
-                "segment {plane} from byte {begin} to {end}: there are {}",
-                packed.len()
-            )));
+            let there = packed.len();
+            return Err(error(format!("segment {plane} from byte {begin} to {end}: there are {there}")));
         };
         // The result is little-endian.
         let mut targets = bytes.iter_mut().skip(planes - 1 - plane).step_by(planes);
-        let mut left = count;
-        let mut at = 0;
+        let (mut left, mut rest) = (count, segment);
         while left > 0 {
-            let Some(&control) = segment.get(at) else {
-                return Err(error(format!("segment {plane} ends {left} samples early")));
+            let early = || error(format!("segment {plane} ends {left} samples early"));
+            let (&control, after) = rest.split_first().ok_or_else(early)?;
+            // Below 128 a run of different bytes follows, above it one byte that is repeated; 128 means nothing.
+            let (run, stored) = match usize::from(control) {
+                different @ 0..=127 => ((different + 1).min(left), (different + 1).min(left)),
+                128 => (0, 0),
+                repeated => ((257 - repeated).min(left), 1),
             };
-            let control = usize::from(control);
-            at += 1;
-            match control {
-                0..=127 => {
-                    let run = (control + 1).min(left);
-                    let Some(literal) = segment.get(at..at + run) else {
-                        return Err(error(format!("segment {plane} ends {left} samples early")));
-                    };
-                    targets.by_ref().take(run).zip(literal).for_each(|(target, byte)| *target = *byte);
-                    at += control + 1;
-                    left -= run;
-                }
-                128 => {}
-                _ => {
-                    let run = (257 - control).min(left);
-                    let Some(&byte) = segment.get(at) else {
-                        return Err(error(format!("segment {plane} ends {left} samples early")));
-                    };
-                    targets.by_ref().take(run).for_each(|target| *target = byte);
-                    at += 1;
-                    left -= run;
-                }
-            }
+            let (values, after) = after.split_at_checked(stored).ok_or_else(early)?;
+            let targets = targets.by_ref().take(run);
+            targets.zip(values.iter().cycle()).for_each(|(target, byte)| *target = *byte);
+            (left, rest) = (left - run, after);
         }
     }
     Ok(bytes)
@@ -322,7 +285,7 @@ fn data_set(packed: &[u8], header: &Header) -> Vec<u8> {
         }
     };
     let mut meta = Vec::new();
-    text(&mut meta, [2, 0x10], b"UI", header.syntax.as_bytes());
+    text(&mut meta, [2, 0x10], b"UI", header.uid.as_bytes());
     let len = u32::try_from(meta.len()).unwrap_or(0);
     text(&mut bytes, [2, 0], b"UL", &len.to_le_bytes());
     bytes.extend(meta);

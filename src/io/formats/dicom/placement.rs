@@ -28,11 +28,7 @@ pub(crate) struct Slice {
 fn called(headers: &[Header], slice: &Slice) -> String {
     let header = &headers[slice.file];
     let name = header.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    if header.frames.is_some_and(|frames| frames > 1) {
-        format!("{name} frame {}", slice.frame + 1)
-    } else {
-        name
-    }
+    if header.is_multiframe() { format!("{name} frame {}", slice.frame + 1) } else { name }
 }
 
 /// The orientation of the first slice, which all others share.
@@ -97,10 +93,8 @@ impl Frame {
         let (row, column) = (vector(&orientation[..3]), vector(&orientation[3..]));
         // A deviation of 1/1000 moves the hundredth pixel by a tenth of a pixel.
         if (row - self.row).length() > 1e-3 || (column - self.column).length() > 1e-3 {
-            let rule = format!(
-                "ImageOrientationPatient {orientation:?}: other slices of the series lie differently"
-            );
-            return Err(header.error(place, rule));
+            let rule = "other slices of the series lie differently";
+            return Err(header.error(place, format!("ImageOrientationPatient {orientation:?}: {rule}")));
         }
         let spacing = plane.spacing.unwrap_or([1.0; 2]);
         let differs = |a: f64, b: f64| (a - b).abs() > 1e-4 * b;
@@ -128,15 +122,12 @@ impl Line {
         let pixel = frame.spacing[0].min(frame.spacing[1]);
         for pair in slices.windows(2) {
             if pair[1].height - pair[0].height <= 1e-3 * pixel {
-                return Err(headers[pair[1].file].error(
-                    "ImagePositionPatient",
-                    format!(
-                        "{} and {} lie at the same place, {:.3} mm along the normal: one volume has one slice there",
-                        called(headers, &pair[0]),
-                        called(headers, &pair[1]),
-                        pair[1].height
-                    ),
-                ));
+                let [one, other] = [&pair[0], &pair[1]].map(|slice| called(headers, slice));
+                let rule = format!(
+                    "{one} and {other} lie at the same place, {:.3} mm along the normal: one volume has one slice there",
+                    pair[1].height
+                );
+                return Err(headers[pair[1].file].error("ImagePositionPatient", rule));
             }
         }
         let (first, last) = (slices[0], slices[slices.len() - 1]);
@@ -148,15 +139,11 @@ impl Line {
             let share = (slice.height - first.height) / (last.height - first.height);
             let beside = (slice.position - first.position - whole * share).length();
             if beside > BESIDE * pixel {
-                return Err(source.error(
-                    "ImagePositionPatient",
-                    format!(
-                        "{} lies {beside:.3} mm beside the line from {} to {}: slices must follow one line",
-                        called(headers, slice),
-                        called(headers, &first),
-                        called(headers, &last)
-                    ),
-                ));
+                let [slice, first, last] = [slice, &first, &last].map(|slice| called(headers, slice));
+                let rule = format!(
+                    "{slice} lies {beside:.3} mm beside the line from {first} to {last}: slices must follow one line"
+                );
+                return Err(source.error("ImagePositionPatient", rule));
             }
             even &= (share * intervals - num::f64_of(i)).abs() <= ROUNDING;
         }
