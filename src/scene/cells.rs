@@ -70,87 +70,49 @@ const QUADRATIC_PYRAMID: [Face; 5] = [
     &[3, 0, 4, 8, 9, 12],
 ];
 
+/// Every cell type, in the order of the enum: number in VTK's files, plural name, number of nodes, largest number of
+/// tetrahedra that one is cut into, faces.
+const KINDS: [(CellKind, u8, &str, usize, usize, &[Face]); 10] = [
+    (CellKind::Tetrahedron, 10, "tetrahedra", 4, 1, &TETRAHEDRON),
+    (CellKind::Voxel, 11, "voxels", 8, 6, &VOXEL),
+    (CellKind::Hexahedron, 12, "hexahedra", 8, 6, &HEXAHEDRON),
+    (CellKind::Wedge, 13, "wedges", 6, 3, &WEDGE),
+    (CellKind::Pyramid, 14, "pyramids", 5, 2, &PYRAMID),
+    (CellKind::QuadraticTetrahedron, 24, "quadratic tetrahedra", 10, 8, &TETRAHEDRON),
+    (CellKind::QuadraticHexahedron, 25, "quadratic hexahedra", 20, 36, &QUADRATIC_HEXAHEDRON),
+    (CellKind::QuadraticWedge, 26, "quadratic wedges", 15, 26, &QUADRATIC_WEDGE),
+    (CellKind::QuadraticPyramid, 27, "quadratic pyramids", 13, 22, &QUADRATIC_PYRAMID),
+    (CellKind::TriquadraticHexahedron, 29, "triquadratic hexahedra", 27, 48, &TRIQUADRATIC_HEXAHEDRON),
+];
+
 impl CellKind {
     /// Returns the cell type of a number in VTK's files, or `None` for types that are not solid or not
     /// supported.
     #[must_use]
     pub fn of_vtk(number: u8) -> Option<Self> {
-        Some(match number {
-            10 => Self::Tetrahedron,
-            11 => Self::Voxel,
-            12 => Self::Hexahedron,
-            13 => Self::Wedge,
-            14 => Self::Pyramid,
-            24 => Self::QuadraticTetrahedron,
-            25 => Self::QuadraticHexahedron,
-            26 => Self::QuadraticWedge,
-            27 => Self::QuadraticPyramid,
-            29 => Self::TriquadraticHexahedron,
-            _ => return None,
-        })
+        KINDS.iter().find(|(_, known, ..)| *known == number).map(|(kind, ..)| *kind)
     }
 
     /// Returns the plural name for reports.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Tetrahedron => "tetrahedra",
-            Self::Voxel => "voxels",
-            Self::Hexahedron => "hexahedra",
-            Self::Wedge => "wedges",
-            Self::Pyramid => "pyramids",
-            Self::QuadraticTetrahedron => "quadratic tetrahedra",
-            Self::QuadraticHexahedron => "quadratic hexahedra",
-            Self::QuadraticWedge => "quadratic wedges",
-            Self::QuadraticPyramid => "quadratic pyramids",
-            Self::TriquadraticHexahedron => "triquadratic hexahedra",
-        }
+        KINDS[self as usize].2
     }
 
     /// Returns the number of nodes.
     #[must_use]
     pub fn nodes(self) -> usize {
-        match self {
-            Self::Tetrahedron => 4,
-            Self::Voxel | Self::Hexahedron => 8,
-            Self::Wedge => 6,
-            Self::Pyramid => 5,
-            Self::QuadraticTetrahedron => 10,
-            Self::QuadraticHexahedron => 20,
-            Self::QuadraticWedge => 15,
-            Self::QuadraticPyramid => 13,
-            Self::TriquadraticHexahedron => 27,
-        }
+        KINDS[self as usize].3
     }
 
     /// Returns the largest number of tetrahedra that one cell is cut into.
     #[must_use]
     pub fn most_tets(self) -> usize {
-        match self {
-            Self::Tetrahedron => 1,
-            Self::Pyramid => 2,
-            Self::Wedge => 3,
-            Self::Voxel | Self::Hexahedron => 6,
-            Self::QuadraticTetrahedron => 8,
-            Self::QuadraticPyramid => 22,
-            Self::QuadraticWedge => 26,
-            Self::QuadraticHexahedron => 36,
-            Self::TriquadraticHexahedron => 48,
-        }
+        KINDS[self as usize].4
     }
 
     pub(super) fn faces(self) -> &'static [Face] {
-        match self {
-            Self::Tetrahedron | Self::QuadraticTetrahedron => &TETRAHEDRON,
-            Self::Voxel => &VOXEL,
-            Self::Hexahedron => &HEXAHEDRON,
-            Self::Wedge => &WEDGE,
-            Self::Pyramid => &PYRAMID,
-            Self::QuadraticHexahedron => &QUADRATIC_HEXAHEDRON,
-            Self::QuadraticWedge => &QUADRATIC_WEDGE,
-            Self::QuadraticPyramid => &QUADRATIC_PYRAMID,
-            Self::TriquadraticHexahedron => &TRIQUADRATIC_HEXAHEDRON,
-        }
+        KINDS[self as usize].5
     }
 
     /// Returns the weights of corners and edge mid-nodes at the centre of a cell that needs a new point
@@ -161,50 +123,23 @@ impl CellKind {
     /// axis, at a quarter of the height.
     #[must_use]
     pub fn centre(self) -> Option<&'static [f64]> {
-        const HEXAHEDRON: [f64; 20] = {
-            let mut weights = [0.25; 20];
-            let mut corner = 0;
-            while corner < 8 {
-                weights[corner] = -0.25;
-                corner += 1;
-            }
-            weights
-        };
+        const HEXAHEDRON: [f64; 20] = [
+            -0.25, -0.25, -0.25, -0.25, -0.25, -0.25, -0.25, -0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25,
+            0.25, 0.25, 0.25, 0.25, 0.25,
+        ];
         // At (1/3, 1/3, 0): corners -2/9 each, edges of the triangles 2/9, upright edges 1/3.
-        const WEDGE: [f64; 15] = {
-            let mut weights = [2.0 / 9.0; 15];
-            let mut i = 0;
-            while i < 6 {
-                weights[i] = -2.0 / 9.0;
-                i += 1;
-            }
-            i = 12;
-            while i < 15 {
-                weights[i] = 1.0 / 3.0;
-                i += 1;
-            }
-            weights
-        };
+        const EDGE: f64 = 2.0 / 9.0;
+        const UPRIGHT: f64 = 1.0 / 3.0;
+        const WEDGE: [[f64; 3]; 5] = [[-EDGE; 3], [-EDGE; 3], [EDGE; 3], [EDGE; 3], [UPRIGHT; 3]];
         // At (0, 0, 1/4) between base corners (+-1, +-1, 0) and apex (0, 0, 1): corners, apex, edges of the
         // base, edges to the apex.
-        const PYRAMID: [f64; 13] = {
-            let mut weights = [0.1875; 13];
-            let mut i = 0;
-            while i < 4 {
-                weights[i] = -0.1875;
-                i += 1;
-            }
-            weights[4] = -0.125;
-            i = 5;
-            while i < 9 {
-                weights[i] = 0.281_25;
-                i += 1;
-            }
-            weights
-        };
+        const PYRAMID: [f64; 13] = [
+            -0.1875, -0.1875, -0.1875, -0.1875, -0.125, 0.281_25, 0.281_25, 0.281_25, 0.281_25, 0.1875,
+            0.1875, 0.1875, 0.1875,
+        ];
         match self {
             Self::QuadraticHexahedron => Some(&HEXAHEDRON),
-            Self::QuadraticWedge => Some(&WEDGE),
+            Self::QuadraticWedge => Some(WEDGE.as_flattened()),
             Self::QuadraticPyramid => Some(&PYRAMID),
             _ => None,
         }

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::grid::Grid;
+use super::grid::{Grid, sample_count};
 use super::points::Points;
 use super::samples::Samples;
 use super::tets::{TetScalars, Tets};
@@ -58,10 +58,8 @@ impl Field {
             "ramp" => Self::Ramp,
             "sphere" => Self::Sphere,
             _ => {
-                return Err(Error::invalid(
-                    "field",
-                    format!("\"{name}\": must be one of {}", Self::NAMES.join(", ")),
-                ));
+                let why = format!("\"{name}\": must be one of {}", Self::NAMES.join(", "));
+                return Err(Error::invalid("field", why));
             }
         })
     }
@@ -101,19 +99,11 @@ impl Field {
     ///
     /// [`Error::Invalid`] for another type, or an extent that [`Grid::new`] refuses.
     pub fn sample(self, dims: [u32; 3], type_name: &str) -> Result<Grid> {
-        if let Some(extent) = dims.iter().find(|&&extent| extent < 2) {
-            return Err(Error::invalid(
-                "grid extent",
-                format!("{dims:?} has {extent}: every extent must be at least 2 samples"),
-            ));
-        }
-        let step = DVec3::from_array(dims.map(|n| 2.0 / f64::from(n - 1)));
-        let mut values = Vec::new();
-        let total = dims.iter().try_fold(1_usize, |n, &extent| n.checked_mul(num::index(extent)));
-        let total = total.filter(|&n| n <= 1 << 33).ok_or_else(|| {
+        let total = sample_count(dims)?.filter(|&n| n <= 1 << 33).ok_or_else(|| {
             Error::invalid("grid extent", format!("{dims:?}: an analytic field has at most 2^33 samples"))
         })?;
-        values.reserve_exact(total);
+        let step = DVec3::from_array(dims.map(|n| 2.0 / f64::from(n - 1)));
+        let mut values = Vec::with_capacity(total);
         for z in 0..dims[2] {
             for y in 0..dims[1] {
                 for x in 0..dims[0] {
@@ -128,10 +118,8 @@ impl Field {
             "i16" => Samples::I16(values.iter().map(|v| num::i16_code(v * 32767.0)).collect()),
             "f32" => Samples::F32(values.iter().map(|&v| num::f32_of(v)).collect()),
             _ => {
-                return Err(Error::invalid(
-                    "field type",
-                    format!("\"{type_name}\": must be one of u8, u16, i16, f32"),
-                ));
+                let why = format!("\"{type_name}\": must be one of u8, u16, i16, f32");
+                return Err(Error::invalid("field type", why));
             }
         };
         Grid::new(dims, samples)?.with_placement(step, DVec3::NEG_ONE, glam::DMat3::IDENTITY)

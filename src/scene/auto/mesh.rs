@@ -3,8 +3,8 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::ramp::{DEPTH, RAMP, WARM, knot, ramp, ramp_down};
-use super::statistics::{BINS, Histogram, RAYS, SAMPLES, quantile, sorted, stride};
+use super::ramp::{DEPTH, RAMP, WARM, hazy, knot, ramp, ramp_down};
+use super::statistics::{BINS, Histogram, RAYS, SAMPLES, quantile, stride, substantial};
 use crate::error::Result;
 use crate::num;
 use crate::scene::{Knot, TetScalars, Tets, TransferFunction};
@@ -38,8 +38,7 @@ pub(super) fn transfer(mesh: &Tets) -> Result<TransferFunction> {
     let knots = shape(mesh);
     let scale = DEPTH / dense_depth(mesh, &TransferFunction::new(knots.clone())?);
     let haze = HAZE / dense_depth(mesh, &TransferFunction::new(vec![knot(0.0, 1.0, WARM[0])])?);
-    let tau = |tau: f64| (tau * scale).max(haze);
-    TransferFunction::new(knots.into_iter().map(|knot| Knot { tau: tau(knot.tau), ..knot }).collect())
+    hazy(knots, scale, haze)
 }
 
 /// Returns the knots, with extinction relative to its largest value.
@@ -69,14 +68,9 @@ fn shape(mesh: &Tets) -> Vec<Knot> {
     } else if above.len() <= few {
         above.clear();
     }
-    let mut knots = Vec::new();
-    if !below.is_empty() {
-        knots.extend(ramp_down(foot_below, &below, &COOL));
-    }
-    if !above.is_empty() {
-        knots.extend(ramp(foot_above, &above, &WARM));
-    }
-    knots
+    let cool = (!below.is_empty()).then(|| ramp_down(foot_below, &below, &COOL));
+    let warm = (!above.is_empty()).then(|| ramp(foot_above, &above, &WARM));
+    cool.into_iter().chain(warm).flatten().collect()
 }
 
 /// Returns corners and scalars of a tetrahedron, or `None` where a scalar is not finite.
@@ -117,11 +111,8 @@ fn drawn(mesh: &Tets) -> Vec<f64> {
 
 /// Returns the 90 % quantile of optical depth over axis-aligned rays, leaving out nearly empty ones.
 fn dense_depth(mesh: &Tets, transfer: &TransferFunction) -> f64 {
-    let mut depths: Vec<f64> =
-        (0..3).into_par_iter().flat_map(|axis| ray_depths(mesh, transfer, axis)).collect();
-    let most = depths.iter().copied().fold(0.0, f64::max);
-    depths.retain(|&depth| depth > 0.01 * most);
-    let depth = quantile(&sorted(depths), 0.9);
+    let depths = (0..3).into_par_iter().flat_map(|axis| ray_depths(mesh, transfer, axis)).collect();
+    let depth = quantile(&substantial(depths), 0.9);
     let [low, high] = mesh.bounds();
     // Features that every ray misses are smaller than the distance between rays.
     if depth > 0.0 { depth } else { (high - low).max_element() / num::f64_of(RAYS).sqrt() }

@@ -3,8 +3,8 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::ramp::{DEPTH, WARM, knot, ramp};
-use super::statistics::{RAYS, SAMPLES, quantile, sorted, stride};
+use super::ramp::{DEPTH, WARM, hazy, knot, ramp};
+use super::statistics::{RAYS, SAMPLES, quantile, sorted, stride, substantial};
 use crate::error::Result;
 use crate::num;
 use crate::scene::{KernelSize, Kernels, Knot, Model, Points, TransferFunction};
@@ -30,8 +30,7 @@ pub(super) fn transfer(points: &Points, kernels: &Kernels) -> Result<TransferFun
     let one = TransferFunction::new(vec![knot(0.0, 1.0, PLAIN)])?;
     let scale = DEPTH / dense_depth(points, kernels, &TransferFunction::new(knots.clone())?);
     let haze = HAZE / dense_depth(points, kernels, &one);
-    let tau = |tau: f64| (tau * scale).max(haze);
-    TransferFunction::new(knots.into_iter().map(|knot| Knot { tau: tau(knot.tau), ..knot }).collect())
+    hazy(knots, scale, haze)
 }
 
 /// Returns the knots, with extinction relative to its largest value.
@@ -127,14 +126,12 @@ struct RaySums {
 /// Returns the 90 % quantile of optical depth over axis-aligned rays, leaving out nearly empty ones;
 /// positive.
 fn dense_depth(points: &Points, kernels: &Kernels, transfer: &TransferFunction) -> f64 {
-    let mut depths: Vec<f64> =
-        (0..3).into_par_iter().flat_map(|axis| ray_depths(points, kernels, transfer, axis)).collect();
-    let most = depths.iter().copied().fold(0.0, f64::max);
-    depths.retain(|&depth| depth > 0.01 * most);
+    let depths = (0..3).into_par_iter().flat_map(|axis| ray_depths(points, kernels, transfer, axis));
+    let depths = substantial(depths.collect());
     // Rays rarely meet small kernels, which then rarely overlap: measure single kernels.
     let few = depths.len() < FEWEST * FEWEST;
     let single = if few { single_depth(points, kernels, transfer) } else { 0.0 };
-    let depth = quantile(&sorted(depths), 0.9).max(single);
+    let depth = quantile(&depths, 0.9).max(single);
     if depth > 0.0 && depth.is_finite() { depth } else { 1.0 }
 }
 

@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use super::statistics::quantile;
-use crate::scene::Knot;
+use crate::error::Result;
+use crate::scene::{Knot, TransferFunction};
 
 /// Optical depth of the densest tenth of the rays through the data.
 pub(super) const DEPTH: f64 = 5.0;
@@ -25,6 +26,12 @@ pub(super) const WARM: [[f64; 3]; RAMP.len()] = [
 
 pub(super) fn knot(s: f64, tau: f64, [r, g, b]: [f64; 3]) -> Knot {
     Knot { s, colour: DVec3::new(r, g, b), tau }
+}
+
+/// Returns a transfer function of knots with their extinction scaled, and at least `haze`.
+pub(super) fn hazy(knots: Vec<Knot>, scale: f64, haze: f64) -> Result<TransferFunction> {
+    let scaled = |knot: Knot| Knot { tau: (knot.tau * scale).max(haze), ..knot };
+    TransferFunction::new(knots.into_iter().map(scaled).collect())
 }
 
 /// Returns knots from the foot of the background upwards, at quantiles of the ascending values above it.

@@ -83,6 +83,13 @@ pub(super) fn sorted(mut values: Vec<f64>) -> Vec<f64> {
     values
 }
 
+/// Returns the optical depths of rays in ascending order, without those of nearly empty ones.
+pub(super) fn substantial(mut depths: Vec<f64>) -> Vec<f64> {
+    let most = depths.iter().copied().fold(0.0, f64::max);
+    depths.retain(|&depth| depth > 0.01 * most);
+    sorted(depths)
+}
+
 /// Returns the value below which a share of a sorted list lies; NaN for an empty list.
 pub(super) fn quantile(sorted: &[f64], share: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
