@@ -27,27 +27,13 @@ pub enum CellKind {
 
 pub(super) type Face = &'static [usize];
 
-/// Faces of the linear cells, counter-clockwise seen from outside. Those of the wedge follow VTK's code; most
-/// programs exchange its two triangles.
+/// Faces, counter-clockwise seen from outside: corners, then the mid-nodes of the edges between them in the same
+/// order, then the mid-node of the face. A kind with fewer nodes has the first of them. Those of the wedge follow
+/// VTK's code; most programs exchange its two triangles.
 const TETRAHEDRON: [Face; 4] = [&[0, 1, 3], &[1, 2, 3], &[2, 0, 3], &[0, 2, 1]];
-const HEXAHEDRON: [Face; 6] =
-    [&[0, 4, 7, 3], &[1, 2, 6, 5], &[0, 1, 5, 4], &[3, 7, 6, 2], &[0, 3, 2, 1], &[4, 5, 6, 7]];
 const VOXEL: [Face; 6] =
     [&[0, 4, 6, 2], &[1, 3, 7, 5], &[0, 1, 5, 4], &[2, 6, 7, 3], &[0, 2, 3, 1], &[4, 5, 7, 6]];
-const WEDGE: [Face; 5] = [&[0, 1, 2], &[3, 5, 4], &[0, 3, 4, 1], &[1, 4, 5, 2], &[2, 5, 3, 0]];
-const PYRAMID: [Face; 5] = [&[0, 3, 2, 1], &[0, 1, 4], &[1, 2, 4], &[2, 3, 4], &[3, 0, 4]];
-
-/// Faces of the quadratic cells: corners, then the mid-nodes of the edges between them in the same order,
-/// then the mid-node of the face.
-const QUADRATIC_HEXAHEDRON: [Face; 6] = [
-    &[0, 4, 7, 3, 16, 15, 19, 11],
-    &[1, 2, 6, 5, 9, 18, 13, 17],
-    &[0, 1, 5, 4, 8, 17, 12, 16],
-    &[3, 7, 6, 2, 19, 14, 18, 10],
-    &[0, 3, 2, 1, 11, 10, 9, 8],
-    &[4, 5, 6, 7, 12, 13, 14, 15],
-];
-const TRIQUADRATIC_HEXAHEDRON: [Face; 6] = [
+const HEXAHEDRON: [Face; 6] = [
     &[0, 4, 7, 3, 16, 15, 19, 11, 20],
     &[1, 2, 6, 5, 9, 18, 13, 17, 21],
     &[0, 1, 5, 4, 8, 17, 12, 16, 22],
@@ -55,14 +41,14 @@ const TRIQUADRATIC_HEXAHEDRON: [Face; 6] = [
     &[0, 3, 2, 1, 11, 10, 9, 8, 24],
     &[4, 5, 6, 7, 12, 13, 14, 15, 25],
 ];
-const QUADRATIC_WEDGE: [Face; 5] = [
+const WEDGE: [Face; 5] = [
     &[0, 1, 2, 6, 7, 8],
     &[3, 5, 4, 11, 10, 9],
     &[0, 3, 4, 1, 12, 9, 13, 6],
     &[1, 4, 5, 2, 13, 10, 14, 7],
     &[2, 5, 3, 0, 14, 11, 12, 8],
 ];
-const QUADRATIC_PYRAMID: [Face; 5] = [
+const PYRAMID: [Face; 5] = [
     &[0, 3, 2, 1, 8, 7, 6, 5],
     &[0, 1, 4, 5, 10, 9],
     &[1, 2, 4, 6, 11, 10],
@@ -70,19 +56,22 @@ const QUADRATIC_PYRAMID: [Face; 5] = [
     &[3, 0, 4, 8, 9, 12],
 ];
 
-/// Every cell type, in the order of the enum: number in VTK's files, plural name, number of nodes, largest number of
-/// tetrahedra that one is cut into, faces.
-const KINDS: [(CellKind, u8, &str, usize, usize, &[Face]); 10] = [
+/// A cell type, its number in VTK's files, plural name, number of nodes, largest number of tetrahedra that one is cut
+/// into, and faces.
+type Row = (CellKind, u8, &'static str, usize, usize, &'static [Face]);
+
+/// Every cell type, in the order of the enum.
+const KINDS: [Row; 10] = [
     (CellKind::Tetrahedron, 10, "tetrahedra", 4, 1, &TETRAHEDRON),
     (CellKind::Voxel, 11, "voxels", 8, 6, &VOXEL),
     (CellKind::Hexahedron, 12, "hexahedra", 8, 6, &HEXAHEDRON),
     (CellKind::Wedge, 13, "wedges", 6, 3, &WEDGE),
     (CellKind::Pyramid, 14, "pyramids", 5, 2, &PYRAMID),
     (CellKind::QuadraticTetrahedron, 24, "quadratic tetrahedra", 10, 8, &TETRAHEDRON),
-    (CellKind::QuadraticHexahedron, 25, "quadratic hexahedra", 20, 36, &QUADRATIC_HEXAHEDRON),
-    (CellKind::QuadraticWedge, 26, "quadratic wedges", 15, 26, &QUADRATIC_WEDGE),
-    (CellKind::QuadraticPyramid, 27, "quadratic pyramids", 13, 22, &QUADRATIC_PYRAMID),
-    (CellKind::TriquadraticHexahedron, 29, "triquadratic hexahedra", 27, 48, &TRIQUADRATIC_HEXAHEDRON),
+    (CellKind::QuadraticHexahedron, 25, "quadratic hexahedra", 20, 36, &HEXAHEDRON),
+    (CellKind::QuadraticWedge, 26, "quadratic wedges", 15, 26, &WEDGE),
+    (CellKind::QuadraticPyramid, 27, "quadratic pyramids", 13, 22, &PYRAMID),
+    (CellKind::TriquadraticHexahedron, 29, "triquadratic hexahedra", 27, 48, &HEXAHEDRON),
 ];
 
 impl CellKind {
@@ -111,8 +100,10 @@ impl CellKind {
         KINDS[self as usize].4
     }
 
-    pub(super) fn faces(self) -> &'static [Face] {
-        KINDS[self as usize].5
+    /// Returns the nodes of each face that a cell of this kind has.
+    pub(super) fn faces(self) -> impl Iterator<Item = Face> {
+        let (.., nodes, _, faces) = KINDS[self as usize];
+        faces.iter().map(move |face| &face[..face.partition_point(|&node| node < nodes)])
     }
 
     /// Returns the weights of corners and edge mid-nodes at the centre of a cell that needs a new point

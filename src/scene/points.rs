@@ -160,12 +160,8 @@ impl Points {
             }
         };
         if let Some((i, size)) = wrong {
-            return Err(Error::invalid(
-                "sizes of points",
-                format!(
-                    "point {i} has {size}: radii and variances must be finite and not negative, a common radius positive"
-                ),
-            ));
+            let rule = "radii and variances must be finite and not negative, a common radius positive";
+            return Err(Error::invalid("sizes of points", format!("point {i} has {size}: {rule}")));
         }
         self.size = Arc::new(size);
         Ok(self)

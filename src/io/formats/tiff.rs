@@ -169,11 +169,7 @@ fn finish(
     notes.extend(calibration.notes);
     loaded.report.notes = notes;
     loaded.report.warnings = calibration.warnings;
-    if look.volumes > 1 && !look.asked {
-        let Look { volumes, shown, .. } = &look;
-        let warning = format!("{volumes} volumes, {shown} is shown: name another array to see it");
-        loaded.report.warnings.push(warning);
-    }
+    loaded.report.warnings.extend(look.others);
     if look.arrays.len() > 1 || look.arrays.iter().any(|array| array.components > 1) {
         loaded.report.arrays = look.arrays;
         loaded.report.shown = Some(look.shown);

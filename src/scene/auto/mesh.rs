@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::ramp::{DEPTH, RAMP, WARM, hazy, knot, ramp, ramp_down};
-use super::statistics::{BINS, Histogram, RAYS, SAMPLES, quantile, stride, substantial};
+use super::statistics::{BINS, Histogram, RAYS, SAMPLES, quantile, span, stride, substantial};
 use crate::error::Result;
 use crate::num;
 use crate::scene::{Knot, TetScalars, Tets, TransferFunction};
@@ -132,11 +132,7 @@ fn ray_depths(mesh: &Tets, transfer: &TransferFunction, axis: usize) -> Vec<f64>
     let mut depths = vec![0.0; side * side];
     for ([a, b, c, d], s) in (0..mesh.cells().len()).filter_map(|cell| tet(mesh, cell)) {
         let (least, most) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
-        let span = |axis: usize| {
-            let first = num::usize_of(((least[axis] - low[axis]) / step[axis] - 1.0).max(0.0));
-            let last = num::usize_of((most[axis] - low[axis]) / step[axis]);
-            first..=last.min(side - 1)
-        };
+        let span = |axis: usize| span([least[axis] - low[axis], most[axis] - low[axis]], step[axis], side);
         // Gradients of three barycentric coordinates.
         let [p, q, r] = [b - a, c - a, d - a];
         let volume = p.dot(q.cross(r));

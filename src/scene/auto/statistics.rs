@@ -1,5 +1,7 @@
 //! Histograms, quantiles and subsets of values.
 
+use std::ops::RangeInclusive;
+
 use crate::num;
 
 /// Largest number of samples or cells in the histogram.
@@ -81,6 +83,11 @@ pub(super) fn sorted(mut values: Vec<f64>) -> Vec<f64> {
     values.retain(|value| value.is_finite());
     values.sort_unstable_by(f64::total_cmp);
     values
+}
+
+/// Returns the numbers of the rays, of `side` at distance `step`, that may pass between two places.
+pub(super) fn span([from, to]: [f64; 2], step: f64, side: usize) -> RangeInclusive<usize> {
+    num::usize_of((from / step - 1.0).max(0.0))..=num::usize_of(to / step).min(side - 1)
 }
 
 /// Returns the optical depths of rays in ascending order, without those of nearly empty ones.

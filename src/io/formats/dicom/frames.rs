@@ -262,36 +262,27 @@ fn decoded(packed: &[u8], header: &Header) -> Result<Vec<u8>> {
 
 /// Returns the message of the innermost cause.
 fn deepest(error: &dyn std::error::Error) -> String {
-    let mut error = error;
-    while let Some(source) = error.source() {
-        error = source;
-    }
+    let deepest = std::iter::successors(Some(error), |error| error.source()).last().unwrap_or(error);
     // Messages of decoders may have several lines.
-    error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
+    deepest.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// Writes a minimal data set of one frame, for the decoder.
 fn data_set(packed: &[u8], header: &Header) -> Vec<u8> {
     let mut bytes = vec![0; 128];
     bytes.extend_from_slice(b"DICM");
-    let text = |bytes: &mut Vec<u8>, tag: [u16; 2], vr: &[u8; 2], value: &[u8]| {
+    // All values, also the identifiers of JPEG, have an even length.
+    let mut put = |tag: [u16; 2], vr: &[u8; 2], value: &[u8]| {
         bytes.extend(tag.iter().flat_map(|part| part.to_le_bytes()));
         bytes.extend_from_slice(vr);
-        let len = u16::try_from(value.len().next_multiple_of(2)).unwrap_or(0);
-        bytes.extend_from_slice(&len.to_le_bytes());
+        bytes.extend_from_slice(&u16::try_from(value.len()).unwrap_or(0).to_le_bytes());
         bytes.extend_from_slice(value);
-        if value.len() % 2 == 1 {
-            bytes.push(if vr == b"UI" { 0 } else { b' ' });
-        }
     };
-    let mut meta = Vec::new();
-    text(&mut meta, [2, 0x10], b"UI", header.uid.as_bytes());
-    let len = u32::try_from(meta.len()).unwrap_or(0);
-    text(&mut bytes, [2, 0], b"UL", &len.to_le_bytes());
-    bytes.extend(meta);
-    let short = |number: u64| u16::try_from(number).unwrap_or(0).to_le_bytes();
-    text(&mut bytes, [0x28, 0x02], b"US", &short(1));
-    text(&mut bytes, [0x28, 0x04], b"CS", b"MONOCHROME2");
+    let uid = header.uid.as_bytes();
+    put([2, 0], b"UL", &u32::try_from(8 + uid.len()).unwrap_or(0).to_le_bytes());
+    put([2, 0x10], b"UI", uid);
+    put([0x28, 0x02], b"US", &[1, 0]);
+    put([0x28, 0x04], b"CS", b"MONOCHROME2 ");
     for (element, number) in [
         (0x10, header.rows),
         (0x11, header.columns),
@@ -300,7 +291,7 @@ fn data_set(packed: &[u8], header: &Header) -> Vec<u8> {
         (0x102, header.high),
         (0x103, u64::from(header.signed)),
     ] {
-        text(&mut bytes, [0x28, element], b"US", &short(number));
+        put([0x28, element], b"US", &u16::try_from(number).unwrap_or(0).to_le_bytes());
     }
     bytes.extend_from_slice(&[0xe0, 0x7f, 0x10, 0, b'O', b'B', 0, 0, 0xff, 0xff, 0xff, 0xff]);
     bytes.extend_from_slice(&[0xfe, 0xff, 0x00, 0xe0, 0, 0, 0, 0]);

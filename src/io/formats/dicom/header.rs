@@ -2,8 +2,6 @@
 
 use std::path::PathBuf;
 
-use glam::DVec3;
-
 use crate::error::{Error, Result};
 use crate::io::file::budget::Budget;
 use crate::io::formats::dicom::syntax::{Packing, Syntax};
@@ -99,11 +97,6 @@ impl Header {
     pub(crate) fn frame_bytes(&self) -> u64 {
         self.rows.saturating_mul(self.columns).saturating_mul(self.allocated / 8)
     }
-}
-
-/// Converts the first three numbers to a vector.
-pub(crate) fn vector(numbers: &[f64]) -> DVec3 {
-    DVec3::new(numbers[0], numbers[1], numbers[2])
 }
 
 /// Counts the memory taken from a budget for the header of each file.

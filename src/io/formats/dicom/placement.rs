@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::error::Result;
 use crate::io::file::source::Source;
-use crate::io::formats::dicom::header::{Header, Plane, vector};
+use crate::io::formats::dicom::header::{Header, Plane};
 use crate::num;
 use crate::scene::Rescale;
 
@@ -31,6 +31,29 @@ fn called(headers: &[Header], slice: &Slice) -> String {
     if header.is_multiframe() { format!("{name} frame {}", slice.frame + 1) } else { name }
 }
 
+/// Returns the directions of rows and columns.
+fn axes(orientation: &[f64; 6]) -> [DVec3; 2] {
+    [DVec3::from_slice(orientation), DVec3::from_slice(&orientation[3..])]
+}
+
+/// Checks that the samples of a file have the size and type of those of the first.
+pub(crate) fn check(first: &Header, header: &Header) -> Result<()> {
+    let of = |header: &Header| {
+        let Header { rows, columns, samples, allocated, stored, high, signed, float, .. } = *header;
+        (rows, columns, samples, allocated, stored, high, signed, float)
+    };
+    if of(first) == of(header) && first.photometric == header.photometric {
+        return Ok(());
+    }
+    let text = |header: &Header| {
+        let Header { rows, columns, stored, allocated, signed, ref photometric, .. } = *header;
+        let sign = if signed { "signed" } else { "unsigned" };
+        format!("{columns} x {rows} {photometric} samples, {sign}, {stored} of {allocated} bits")
+    };
+    let name = first.path.file_name().unwrap_or_default().to_string_lossy();
+    Err(header.error("samples", format!("{}: {name} has {}", text(header), text(first))))
+}
+
 /// The orientation of the first slice, which all others share.
 pub(crate) struct Frame {
     /// Unit vectors towards the next column, towards the next row, and normal to both.
@@ -49,7 +72,7 @@ impl Frame {
         let Some(orientation) = plane.orientation else {
             return Err(header.error("ImageOrientationPatient", "missing: slices cannot be placed"));
         };
-        let (row, column) = (vector(&orientation[..3]), vector(&orientation[3..]));
+        let [row, column] = axes(&orientation);
         let upright = (row.length() - 1.0).abs() < 0.01 && (column.length() - 1.0).abs() < 0.01;
         if !upright || row.dot(column).abs() > 0.01 {
             let rule = format!("{row} and {column}: must have unit length and be at right angles");
@@ -65,32 +88,11 @@ impl Frame {
         Ok(Self { row, column, normal, spacing, guessed: plane.spacing.is_none() })
     }
 
-    /// Checks that the samples of a file have the size and type of those of the first.
-    pub(crate) fn check(&self, first: &Header, header: &Header) -> Result<()> {
-        let of = |header: &Header| {
-            let Header { rows, columns, samples, allocated, stored, high, signed, float, .. } = *header;
-            (rows, columns, samples, allocated, stored, high, signed, float)
-        };
-        if of(first) != of(header) || first.photometric != header.photometric {
-            let text = |header: &Header| {
-                let Header { rows, columns, stored, allocated, signed, .. } = *header;
-                let sign = if signed { "signed" } else { "unsigned" };
-                format!(
-                    "{columns} x {rows} {} samples, {sign}, {stored} of {allocated} bits",
-                    header.photometric
-                )
-            };
-            let name = first.path.file_name().unwrap_or_default().to_string_lossy();
-            return Err(header.error("samples", format!("{}: {name} has {}", text(header), text(first))));
-        }
-        Ok(())
-    }
-
     pub(crate) fn check_plane(&self, header: &Header, place: &str, plane: &Plane) -> Result<()> {
         let Some(orientation) = plane.orientation else {
             return Err(header.error(place, "no ImageOrientationPatient"));
         };
-        let (row, column) = (vector(&orientation[..3]), vector(&orientation[3..]));
+        let [row, column] = axes(&orientation);
         // A deviation of 1/1000 moves the hundredth pixel by a tenth of a pixel.
         if (row - self.row).length() > 1e-3 || (column - self.column).length() > 1e-3 {
             let rule = "other slices of the series lie differently";

@@ -67,20 +67,20 @@ pub(crate) fn read(source: &Source, options: &ReadOptions) -> Result<Loaded> {
             }
         };
         let same = header.series == own.series;
-        if header.pixels.is_none() || !same || header.is_multiframe() {
-            if same && header.pixels.is_none() {
-                is_damaged(cut(&header));
-            } else {
-                others += 1;
+        if same && header.pixels.is_some() && !header.is_multiframe() {
+            if headers.len() == MAX_FILES {
+                return Err(source.error("series", format!("more than {MAX_FILES} files")));
             }
-            account.budget.put_back(header.taken);
+            names.push(name);
+            headers.push(header);
             continue;
         }
-        if headers.len() == MAX_FILES {
-            return Err(source.error("series", format!("more than {MAX_FILES} files")));
+        account.budget.put_back(header.taken);
+        if same && header.pixels.is_none() {
+            is_damaged(cut(&header));
+        } else {
+            others += 1;
         }
-        names.push(name);
-        headers.push(header);
     }
     let mut notes = Vec::new();
     if others > 0 {

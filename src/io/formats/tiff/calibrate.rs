@@ -1,5 +1,6 @@
 //! Calibration from the first page's tags: ImageJ's description, OME-XML, or neither; and the tag of Zeiss microscopes.
 
+use glam::DVec3;
 use tiff::tags::Tag;
 
 use crate::error::Result;
@@ -38,8 +39,10 @@ impl Directory<'_> {
         Ok(calibration)
     }
 
-    /// Reads the beginning of the tag of Zeiss microscopes.
+    /// Applies the tag of Zeiss microscopes: voxel size in metres, and the numbers of slices and points in time.
+    /// Channels are samples of a pixel.
     fn microscope(&self, page: &Page, entry: &Entry, calibration: &mut Calibration) -> Result<()> {
+        let Calibration { notes, warnings, .. } = calibration;
         /// The number of bytes that are read.
         const LEN: u64 = 64;
         let known = entry.size() == 1 && entry.count >= LEN;
@@ -48,19 +51,31 @@ impl Directory<'_> {
         let [magic, width, height, slices, frames] = [0, 8, 12, 16, 24].map(|at| whole(at, 4));
         // Counts are signed 32-bit numbers.
         let counts = [slices, frames].iter().all(|count| (1..=0x7fff_ffff).contains(count));
-        let same = (width, height) == (u64::from(page.width), u64::from(page.height));
         let why = if !matches!(magic, 0x0030_494c | 0x0040_494c) {
             "is none that is known".to_owned()
         } else if !counts {
             format!("{slices} slices, {frames} points in time")
-        } else if !same {
+        } else if [width, height] != [page.width, page.height].map(u64::from) {
             format!("{width} x {height} pixels, the page has {} x {}", page.width, page.height)
         } else {
-            let sizes = [40, 48, 56].map(|at| f64::from_bits(whole(at, 8)));
-            calibration.microscope(sizes, slices, frames);
+            calibration.axes = [('C', 1), ('Z', slices), ('T', frames)];
+            notes.retain(|note| note != UNKNOWN_VOXEL);
+            let sizes = [40, 48, 56].map(|at| f64::from_bits(whole(at, 8)) * 1e6);
+            let [x, y, z] = sizes.map(|size| Some(size).filter(|size| *size > 0.0 && size.is_finite()));
+            if let (Some(x), Some(y)) = (x, y) {
+                if z.is_none() {
+                    let warning = "CZ_LSMINFO: no distance of slices: 1 \u{b5}m is assumed";
+                    warnings.push(warning.to_owned());
+                }
+                let z = z.unwrap_or(1.0);
+                calibration.spacing = DVec3::new(x, y, z);
+                notes.push(format!("voxels of {x} x {y} x {z} \u{b5}m"));
+            } else {
+                warnings.push("CZ_LSMINFO: the size of a voxel is unknown and counts as 1".to_owned());
+            }
             return Ok(());
         };
-        calibration.warnings.push(format!(
+        warnings.push(format!(
             "CZ_LSMINFO: {why}: the size of a voxel was not read, and time steps may be stacked as slices"
         ));
         Ok(())
@@ -114,8 +129,6 @@ fn shape(description: &str) -> Option<Vec<u64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec3;
-
     use crate::io::formats::tiff::calibration::Volume;
     use crate::scene::Rescale;
 

@@ -73,26 +73,6 @@ impl Calibration {
         self.axes.iter().find(|(name, _)| *name == axis).map_or(1, |(_, extent)| *extent)
     }
 
-    /// Applies the tag of Zeiss microscopes: voxel size in metres, and the numbers of slices and points in time.
-    /// Channels are samples of a pixel.
-    pub(crate) fn microscope(&mut self, metres: [f64; 3], slices: u64, frames: u64) {
-        self.axes = [('C', 1), ('Z', slices.max(1)), ('T', frames.max(1))];
-        self.notes.retain(|note| note != UNKNOWN_VOXEL);
-        let length = |metres: f64| Some(metres * 1e6).filter(|length| *length > 0.0 && length.is_finite());
-        let [x, y, z] = metres.map(length);
-        if let (Some(x), Some(y)) = (x, y) {
-            if z.is_none() {
-                let warning = "CZ_LSMINFO: no distance of slices: 1 \u{b5}m is assumed";
-                self.warnings.push(warning.to_owned());
-            }
-            let z = z.unwrap_or(1.0);
-            self.spacing = DVec3::new(x, y, z);
-            self.notes.push(format!("voxels of {x} x {y} x {z} \u{b5}m"));
-        } else {
-            self.warnings.push("CZ_LSMINFO: the size of a voxel is unknown and counts as 1".to_owned());
-        }
-    }
-
     /// Returns the volumes that the pages make; the first is shown by default.
     pub(crate) fn volumes(&mut self, pages: usize) -> Vec<Volume> {
         let all = vec![Volume { name: String::new(), first: 0, stride: 1, slices: pages }];
