@@ -210,14 +210,10 @@ impl View {
     pub fn project(&self, position: DVec3) -> Option<(DVec2, f64)> {
         let relative = position - self.camera.eye;
         let depth = relative.dot(self.forward);
-        let size = if self.is_perspective() {
-            if depth <= 0.0 {
-                return None;
-            }
-            self.scale * depth
-        } else {
-            self.scale
-        };
+        if self.is_perspective() && depth <= 0.0 {
+            return None;
+        }
+        let size = if self.is_perspective() { self.scale * depth } else { self.scale };
         let x = relative.dot(self.right) / size + f64::from(self.extent[0]) * 0.5;
         let y = f64::from(self.extent[1]) * 0.5 - relative.dot(self.up) / size;
         Some((DVec2::new(x, y), depth))

@@ -10,9 +10,7 @@
 mod calibrate;
 mod calibration;
 pub(crate) mod file;
-mod imagej;
 mod look;
-mod ome;
 mod page;
 mod read_page;
 mod stack;
@@ -94,8 +92,7 @@ pub(crate) fn read_series(folder: &Path, files: &[PathBuf], options: &ReadOption
         return Err(Error::file(folder, "files", "there is none"));
     };
     let source = &Source::open(path, options)?;
-    let first = Stack::open(source)?;
-    first.single()?;
+    let first = Stack::single(source)?;
     let volumes = [Volume { name: String::new(), first: 0, stride: 1, slices: files.len() }];
     let look = Look::choose(source, &first.shape, &volumes, options)?;
     let layout = first.shape.layout(&look, files.len());
@@ -103,8 +100,7 @@ pub(crate) fn read_series(folder: &Path, files: &[PathBuf], options: &ReadOption
     let (mut most, mut scratch) = (0_u64, 0);
     for path in files {
         let source = Source::open(path, options)?;
-        let stack = Stack::open(&source)?;
-        stack.single()?;
+        let stack = Stack::single(&source)?;
         first.shape.check(&source, &stack.shape)?;
         most = most.saturating_add(source.len().saturating_mul(stack.ratio));
         scratch = stack.scratch.max(scratch);
@@ -113,9 +109,8 @@ pub(crate) fn read_series(folder: &Path, files: &[PathBuf], options: &ReadOption
     let mut values = reserve(source, "slices", &layout, &most, scratch, options)?;
     for path in files {
         let source = Source::open(path, options)?;
-        let stack = Stack::open(&source)?;
         // The file may have been replaced in the meantime.
-        stack.single()?;
+        let stack = Stack::single(&source)?;
         first.shape.check(&source, &stack.shape)?;
         stack.shape.append(&stack.file, &stack.shape.chunks(&stack.file)?, &look, &mut values)?;
     }

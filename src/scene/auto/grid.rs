@@ -1,13 +1,13 @@
 //! The automatic transfer function of a grid.
 
-use super::ramp::{DEPTH, WARM, knot, ramp, ramp_down};
-use super::statistics::{BINS, Histogram, RAYS, SAMPLES, quantile, sorted, stride, substantial};
+use super::statistics::{
+    BINS, DEPTH, Histogram, RAYS, SAMPLES, WARM, knot, quantile, ramp, ramp_down, sorted, stride, substantial,
+};
 use crate::error::Result;
 use crate::num;
 use crate::scene::grid::turned;
 use crate::scene::{Grid, Knot, TransferFunction};
 
-/// Returns the transfer function; see [`super::transfer`].
 pub(super) fn transfer(grid: &Grid) -> Result<TransferFunction> {
     let knots = shape(grid);
     let depth = dense_depth(grid, &TransferFunction::new(knots.clone())?);

@@ -3,8 +3,10 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::ramp::{DEPTH, RAMP, WARM, hazy, knot, ramp, ramp_down};
-use super::statistics::{BINS, Histogram, RAYS, SAMPLES, quantile, span, stride, substantial};
+use super::statistics::{
+    BINS, Histogram, RAMP, RAYS, SAMPLES, WARM, hazy, knot, quantile, ramp, ramp_down, span, stride,
+    substantial,
+};
 use crate::error::Result;
 use crate::num;
 use crate::scene::{Knot, TetScalars, Tets, TransferFunction};
@@ -19,9 +21,6 @@ const BACKGROUND: f64 = 0.1;
 /// other side more, only the other side is shown.
 const NEGLIGIBLE: f64 = 0.002;
 
-/// Optical depth of the background along the densest tenth of rays through background alone.
-const HAZE: f64 = 0.3;
-
 /// Linear colours of values below the background.
 const COOL: [[f64; 3]; RAMP.len()] = [
     [0.03, 0.08, 0.24],
@@ -33,12 +32,8 @@ const COOL: [[f64; 3]; RAMP.len()] = [
     [0.92, 0.98, 1.0],
 ];
 
-/// Returns the transfer function; see [`super::transfer`].
 pub(super) fn transfer(mesh: &Tets) -> Result<TransferFunction> {
-    let knots = shape(mesh);
-    let scale = DEPTH / dense_depth(mesh, &TransferFunction::new(knots.clone())?);
-    let haze = HAZE / dense_depth(mesh, &TransferFunction::new(vec![knot(0.0, 1.0, WARM[0])])?);
-    hazy(knots, scale, haze)
+    hazy(shape(mesh), |transfer| dense_depth(mesh, transfer))
 }
 
 /// Returns the knots, with extinction relative to its largest value.
@@ -141,14 +136,9 @@ fn ray_depths(mesh: &Tets, transfer: &TransferFunction, axis: usize) -> Vec<f64>
             for i in span(u) {
                 let mut from = a;
                 (from[u], from[v]) = (place(u, i), place(v, j));
-                let [w1, w2, w3] = gradients.map(|gradient| gradient.dot(from - a));
-                let slopes = gradients.map(|gradient| gradient[axis]);
-                let coordinates = [
-                    (1.0 - w1 - w2 - w3, -slopes[0] - slopes[1] - slopes[2]),
-                    (w1, slopes[0]),
-                    (w2, slopes[1]),
-                    (w3, slopes[2]),
-                ];
+                // Value at the beginning of the ray and slope of each barycentric coordinate.
+                let [x, y, z] = gradients.map(|gradient| (gradient.dot(from - a), gradient[axis]));
+                let coordinates = [(1.0 - x.0 - y.0 - z.0, -x.1 - y.1 - z.1), x, y, z];
                 let (mut t0, mut t1) = (f64::NEG_INFINITY, f64::INFINITY);
                 for (at, slope) in coordinates {
                     if slope > 0.0 {
@@ -173,6 +163,7 @@ fn ray_depths(mesh: &Tets, transfer: &TransferFunction, axis: usize) -> Vec<f64>
 
 #[cfg(test)]
 mod tests {
+    use super::super::statistics::HAZE;
     use super::*;
     use crate::scene::Field;
 

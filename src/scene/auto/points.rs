@@ -3,8 +3,7 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::ramp::{DEPTH, WARM, hazy, knot, ramp};
-use super::statistics::{RAYS, SAMPLES, quantile, sorted, span, stride, substantial};
+use super::statistics::{RAYS, SAMPLES, WARM, hazy, knot, quantile, ramp, sorted, span, stride, substantial};
 use crate::error::Result;
 use crate::num;
 use crate::scene::{KernelSize, Kernels, Knot, Model, Points, TransferFunction};
@@ -12,25 +11,17 @@ use crate::scene::{KernelSize, Kernels, Knot, Model, Points, TransferFunction};
 /// Linear colour of points without scalars.
 const PLAIN: [f64; 3] = [0.46, 0.68, 0.95];
 
-/// Optical depth of the lowest scalars along the densest tenth of rays through them alone.
-const HAZE: f64 = 0.3;
-
 /// Approximate limit of intersections of rays and kernels that are computed along each axis.
 const CROSSINGS: usize = 1 << 24;
 
 /// Smallest number of rays along a side of the image.
 const FEWEST: usize = 16;
 
-/// Returns the transfer function; see [`super::transfer_of`].
 pub(super) fn transfer(points: &Points, kernels: &Kernels) -> Result<TransferFunction> {
     // Unknown sizes are estimated, as when a scene is loaded.
     let estimated = (*points.size() == KernelSize::Unknown).then(|| points.clone().with_estimated_radius());
     let points = estimated.as_ref().unwrap_or(points);
-    let knots = shape(points);
-    let one = TransferFunction::new(vec![knot(0.0, 1.0, PLAIN)])?;
-    let scale = DEPTH / dense_depth(points, kernels, &TransferFunction::new(knots.clone())?);
-    let haze = HAZE / dense_depth(points, kernels, &one);
-    hazy(knots, scale, haze)
+    hazy(shape(points), |transfer| dense_depth(points, kernels, transfer))
 }
 
 /// Returns the knots, with extinction relative to its largest value.
@@ -234,6 +225,7 @@ fn ray_depths(points: &Points, kernels: &Kernels, transfer: &TransferFunction, a
 
 #[cfg(test)]
 mod tests {
+    use super::super::statistics::DEPTH;
     use super::*;
     use crate::scene::Field;
 

@@ -145,7 +145,7 @@ fn append(
             let (header, data) = data_set::read(&source, account)?;
             // The file may have been replaced in the meantime.
             placement::check(first, &header)?;
-            frames::check(&header, frames_of(&header))?;
+            frames::check(&header)?;
             opened = Some((slice.file, source, data, header));
         }
         let Some((_, source, data, header)) = &opened else { continue };
@@ -168,17 +168,12 @@ fn append(
     Ok(())
 }
 
-/// The number of frames of a file.
-fn frames_of(header: &Header) -> usize {
-    header.frames.and_then(|frames| usize::try_from(frames).ok()).unwrap_or(1)
-}
-
 /// Collects the slices of all files, unsorted, and checks everything that can be checked without their samples.
 fn collect(headers: &[Header], frame: &Frame) -> Result<Vec<Slice>> {
     let mut slices = Vec::new();
     for (file, header) in headers.iter().enumerate() {
         placement::check(&headers[0], header)?;
-        let frames = frames_of(header);
+        let frames = usize::try_from(header.frames).unwrap_or(usize::MAX);
         if frames > MAX_FRAMES {
             return Err(header.error("NumberOfFrames", format!("{frames}: at most {MAX_FRAMES}")));
         }
@@ -186,7 +181,7 @@ fn collect(headers: &[Header], frame: &Frame) -> Result<Vec<Slice>> {
             let rule = format!("{} items for {frames} frames", header.planes.len());
             return Err(header.error("PerFrameFunctionalGroupsSequence", rule));
         }
-        frames::check(header, frames)?;
+        frames::check(header)?;
         for number in 0..frames {
             let plane = header.plane_of(number);
             // Each of several frames needs its own position.

@@ -41,7 +41,7 @@ fn read_within(source: &Source, account: &mut Account) -> Result<(Header, Source
     };
     let deflated = uid == "1.2.840.10008.1.2.1.99";
     let path = source.path().to_path_buf();
-    let header = Header { path, syntax, packing, uid, samples: 1, ..Header::default() };
+    let header = Header { path, syntax, packing, uid, samples: 1, frames: 1, ..Header::default() };
     if deflated {
         let inflated = inflate(source, begin, account)?;
         let mut header = Pass::new(Walk::new(&inflated), account, header).run(0)?;
@@ -87,7 +87,6 @@ struct Pass<'a, 'b> {
     open: Vec<Open>,
 }
 
-/// An open sequence or item.
 struct Open {
     tag: Tag,
     /// Its end, unless a delimiter ends it.
@@ -164,7 +163,7 @@ impl<'a, 'b> Pass<'a, 'b> {
         self.push(at, element, syntax)?;
         if self.open.len() == 2 && self.open[0].tag == PER_FRAME {
             // NumberOfFrames comes earlier: elements are sorted by tag.
-            let frames = self.header.frames.unwrap_or(1);
+            let frames = self.header.frames;
             let most = frames.min(num::wide(MAX_FRAMES));
             if num::wide(self.header.planes.len()) >= most {
                 return Err(self.walk.error(at, format!("more than {most} items for {frames} frames")));
@@ -242,7 +241,7 @@ impl<'a, 'b> Pass<'a, 'b> {
                     let rule = format!("NumberOfFrames \"{text}\": must be a whole number from 1");
                     return Err(walk.error(element.at, rule));
                 }
-                header.frames = frames.or(header.frames);
+                header.frames = frames.unwrap_or(header.frames);
                 return Ok(());
             }
             (0x0028, 0x0002 | 0x0010 | 0x0011 | 0x0100..=0x0103) => {
@@ -270,7 +269,7 @@ impl<'a, 'b> Pass<'a, 'b> {
         }
         header.plane = shared.or(header.plane);
         // The groups of a single frame hold for the file.
-        if header.frames.unwrap_or(1) == 1
+        if header.frames == 1
             && let [own] = header.planes[..]
         {
             header.plane = own.or(header.plane);
@@ -284,7 +283,6 @@ impl<'a, 'b> Pass<'a, 'b> {
         Ok(header)
     }
 
-    /// Opens a sequence or an item.
     fn push(&mut self, at: u64, element: &Element, syntax: Syntax) -> Result<()> {
         let end = if element.len == UNDEFINED { None } else { Some(self.walk.behind(element)?) };
         if self.open.len() == MAX_DEPTH {

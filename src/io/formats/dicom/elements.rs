@@ -32,7 +32,6 @@ pub(crate) struct Element {
     pub(crate) len: u64,
 }
 
-/// Names a tag in messages.
 pub(crate) fn named((group, number): Tag) -> String {
     format!("({group:04x},{number:04x})")
 }

@@ -22,18 +22,16 @@ pub(crate) fn kind(header: &Header) -> Result<SampleType> {
         let rule = format!("\"{shown}\": MONOCHROME1 and MONOCHROME2 are supported");
         return Err(header.error("PhotometricInterpretation", rule));
     }
-    if header.float {
-        return match allocated {
-            32 => Ok(SampleType::F32),
-            64 => Ok(SampleType::F64),
-            _ => Err(header.error("BitsAllocated", format!("{allocated}: floats have 32 or 64"))),
-        };
-    }
-    if header.syntax.endian == Endian::Big && allocated == 8 {
-        return Err(header.error("BitsAllocated", "8: with big-endian data, 16 and 32 are supported"));
-    }
-    if !matches!(allocated, 8 | 16 | 32) {
-        return Err(header.error("BitsAllocated", format!("{allocated}: 8, 16 and 32 are supported")));
+    let rule = match allocated {
+        32 if header.float => return Ok(SampleType::F32),
+        64 if header.float => return Ok(SampleType::F64),
+        _ if header.float => "floats have 32 or 64",
+        8 if header.syntax.endian == Endian::Big => "with big-endian data, 16 and 32 are supported",
+        8 | 16 | 32 => "",
+        _ => "8, 16 and 32 are supported",
+    };
+    if !rule.is_empty() {
+        return Err(header.error("BitsAllocated", format!("{allocated}: {rule}")));
     }
     if stored == 0 || stored > allocated || high >= allocated || high + 1 < stored {
         let rule = format!("{stored} up to bit {high}: do not fit in {allocated}");
@@ -50,11 +48,11 @@ pub(crate) fn kind(header: &Header) -> Result<SampleType> {
 }
 
 /// Checks that the data of a file can hold these frames, before memory is allocated.
-pub(crate) fn check(header: &Header, frames: usize) -> Result<()> {
+pub(crate) fn check(header: &Header) -> Result<()> {
     let Some(pixels) = &header.pixels else {
         return Err(header.error("PixelData", "there is none"));
     };
-    let Header { packing, rows, columns, allocated, ref uid, .. } = *header;
+    let Header { packing, rows, columns, allocated, frames, ref uid, .. } = *header;
     if packing == Packing::Other {
         let rule = "uncompressed, deflated, RLE and JPEG (baseline, extended, lossless) data are supported";
         let rule = format!("{}{}: {rule}", text::shown(uid), syntax::named(uid));
@@ -63,11 +61,11 @@ pub(crate) fn check(header: &Header, frames: usize) -> Result<()> {
     if rows == 0 || columns == 0 {
         return Err(header.error("Rows, Columns", format!("{rows}, {columns}: must be positive")));
     }
-    let needed = header.frame_bytes().saturating_mul(wide(frames));
+    let needed = header.frame_bytes().saturating_mul(frames);
     let rule = match pixels {
         Pixels::Plain { len, .. } if packing == Packing::Native => {
             // A padding byte may make the length even.
-            if needed == *len || needed.next_multiple_of(2) == *len {
+            if needed == *len || needed.checked_next_multiple_of(2) == Some(*len) {
                 return Ok(());
             }
             let samples = format!("{columns} x {rows} samples of {allocated} bits in {frames} frames");
@@ -76,7 +74,13 @@ pub(crate) fn check(header: &Header, frames: usize) -> Result<()> {
         Pixels::Plain { .. } => format!("transfer syntax {uid} has fragments"),
         Pixels::Fragments(list) => {
             let stored: u64 = list.iter().skip(1).map(|(_, len)| len).sum();
-            let most = stored.saturating_mul(ratio(packing));
+            let most = stored.saturating_mul(match packing {
+                Packing::Native | Packing::Other => 1,
+                // Two bytes encode up to 128.
+                Packing::RunLength => 64,
+                // One bit encodes a block of 64 samples of two bytes; lossless, one sample.
+                Packing::Jpeg => 1024,
+            });
             if needed <= most {
                 return Ok(());
             }
@@ -84,17 +88,6 @@ pub(crate) fn check(header: &Header, frames: usize) -> Result<()> {
         }
     };
     Err(header.error("PixelData", rule))
-}
-
-/// Returns the largest ratio of decompressed to compressed bytes.
-fn ratio(packing: Packing) -> u64 {
-    match packing {
-        Packing::Native | Packing::Other => 1,
-        // Two bytes encode up to 128.
-        Packing::RunLength => 64,
-        // One bit encodes a block of 64 samples of two bytes; lossless, one sample.
-        Packing::Jpeg => 1024,
-    }
 }
 
 /// Returns the memory that decoding a frame takes in addition to the result, in bytes.
@@ -114,7 +107,7 @@ pub(crate) fn scratch(header: &Header) -> u64 {
 /// Returns the bytes of a frame and their byte order.
 pub(crate) fn bytes(data: &Source, header: &Header, frame: usize) -> Result<(Vec<u8>, Endian)> {
     let size = header.frame_bytes();
-    let frames = usize::try_from(header.frames.unwrap_or(1)).unwrap_or(usize::MAX);
+    let frames = usize::try_from(header.frames).unwrap_or(usize::MAX);
     let (bytes, endian) = match &header.pixels {
         Some(Pixels::Plain { at, .. }) => {
             (data.bytes(at.saturating_add(size.saturating_mul(wide(frame))), size)?, header.syntax.endian)
@@ -232,7 +225,6 @@ fn run_lengths(packed: &[u8], header: &Header) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Decodes a frame in JPEG.
 fn decoded(packed: &[u8], header: &Header) -> Result<Vec<u8>> {
     let error = |rule: String| header.error("PixelData: JPEG", rule);
     let frame = jpeg::frame(packed).map_err(|why| error(why.to_owned()))?;

@@ -61,10 +61,8 @@ pub(crate) struct Header {
     pub(crate) stored: u64,
     pub(crate) high: u64,
     pub(crate) signed: bool,
-    /// Whether samples are floats.
     pub(crate) float: bool,
-    /// NumberOfFrames, if given.
-    pub(crate) frames: Option<u64>,
+    pub(crate) frames: u64,
     pub(crate) plane: Plane,
     /// The planes of single frames, if the file gives them.
     pub(crate) planes: Vec<Plane>,
@@ -78,17 +76,10 @@ pub(crate) struct Header {
 }
 
 impl Header {
-    /// Returns an error that names the file.
     pub(crate) fn error(&self, place: impl Into<String>, rule: impl Into<String>) -> Error {
         Error::file(&self.path, place, rule)
     }
 
-    /// Whether the file holds several frames.
-    pub(crate) fn is_multiframe(&self) -> bool {
-        self.frames.is_some_and(|frames| frames > 1)
-    }
-
-    /// Returns the plane of a frame.
     pub(crate) fn plane_of(&self, frame: usize) -> Plane {
         self.planes.get(frame).copied().unwrap_or_default().or(self.plane)
     }

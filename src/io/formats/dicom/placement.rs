@@ -24,11 +24,10 @@ pub(crate) struct Slice {
     pub(crate) rescale: Rescale,
 }
 
-/// Names a slice in messages.
 fn called(headers: &[Header], slice: &Slice) -> String {
     let header = &headers[slice.file];
     let name = header.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    if header.is_multiframe() { format!("{name} frame {}", slice.frame + 1) } else { name }
+    if header.frames > 1 { format!("{name} frame {}", slice.frame + 1) } else { name }
 }
 
 /// Returns the directions of rows and columns.

@@ -39,7 +39,7 @@ pub(crate) fn read(source: &Source, options: &ReadOptions) -> Result<Loaded> {
     if own.pixels.is_none() {
         return Err(cut(&own));
     }
-    if own.is_multiframe() {
+    if own.frames > 1 {
         return assemble(source, vec![own], &|_| Ok(source.clone()), Vec::new(), account, options);
     }
     let mut names = Vec::new();
@@ -67,7 +67,7 @@ pub(crate) fn read(source: &Source, options: &ReadOptions) -> Result<Loaded> {
             }
         };
         let same = header.series == own.series;
-        if same && header.pixels.is_some() && !header.is_multiframe() {
+        if same && header.pixels.is_some() && header.frames == 1 {
             if headers.len() == MAX_FILES {
                 return Err(source.error("series", format!("more than {MAX_FILES} files")));
             }

@@ -31,7 +31,6 @@ pub(crate) enum Packing {
 const COMMON: &str = "1.2.840.10008.1.2";
 
 impl Syntax {
-    /// The encoding of a data set with this transfer syntax.
     pub(crate) fn of(uid: &str) -> Self {
         match uid.strip_prefix(COMMON) {
             Some("") => Self { explicit: false, endian: Endian::Little },
@@ -42,7 +41,6 @@ impl Syntax {
 }
 
 impl Packing {
-    /// The compression of samples with this transfer syntax.
     pub(crate) fn of(uid: &str) -> Self {
         match uid.strip_prefix(COMMON) {
             Some("" | ".1" | ".1.98" | ".1.99" | ".2") => Self::Native,

@@ -1,15 +1,18 @@
-//! Calibration from the first page's tags: ImageJ's description, OME-XML, or neither; and the tag of Zeiss microscopes.
+//! Calibration from the first page's tags: the descriptions of ImageJ (lines of `key=value`), of OME-XML (the first
+//! `Pixels`), or neither; and the tag of Zeiss microscopes.
 
 use glam::DVec3;
+use quick_xml::XmlVersion;
+use quick_xml::events::{BytesStart, Event};
 use tiff::tags::Tag;
 
 use crate::error::Result;
 use crate::io::file::sample_type::SampleType;
+use crate::io::file::text;
 use crate::io::formats::tiff::calibration::{Calibration, Resolution, UNKNOWN_VOXEL};
 use crate::io::formats::tiff::file::{Directory, Entry, LSM};
-use crate::io::formats::tiff::imagej::imagej;
-use crate::io::formats::tiff::ome::ome;
 use crate::io::formats::tiff::page::Page;
+use crate::scene::Rescale;
 
 /// The limit on bytes of the description that are read.
 const MAX_DESCRIPTION: u64 = 4 << 20;
@@ -126,11 +129,160 @@ fn shape(description: &str) -> Option<Vec<u64>> {
     json.get("shape")?.as_array()?.iter().take(16).map(serde_json::Value::as_u64).collect()
 }
 
+fn imagej(description: &str, resolution: Resolution, integer: bool) -> Calibration {
+    let field = |name: &str| {
+        let mut values = description.lines().filter_map(|line| line.split_once('='));
+        values.find(|(key, _)| *key == name).map(|(_, value)| text::shown(value.trim()))
+    };
+    let number = |name: &str| field(name)?.parse::<f64>().ok().filter(|number| number.is_finite());
+    let count = |name: &str| field(name)?.parse::<u64>().ok();
+    let axes = [("channels", 'C'), ("slices", 'Z'), ("frames", 'T')]
+        .map(|(name, axis)| (axis, count(name).unwrap_or(1).max(1)));
+    let (mut notes, mut warnings) = (Vec::new(), Vec::new());
+
+    // As in ImageJ, 72 pixels per inch means an unknown scale.
+    let screen = resolution.unit == 2 && resolution.pixels[0] == Some(72.0);
+    let unit = match field("unit").map(|unit| unit.replace("\\u00B5", "\u{b5}")) {
+        Some(unit) if !unit.is_empty() => unit,
+        _ if resolution.unit == 2 && !screen => "inch".to_owned(),
+        _ if resolution.unit == 3 => "cm".to_owned(),
+        _ => "pixel".to_owned(),
+    };
+    let [x, y] = resolution.sizes().filter(|_| !screen).unwrap_or([1.0; 2]);
+    let z = number("spacing").filter(|&spacing| spacing != 0.0);
+    match z {
+        Some(spacing) if spacing < 0.0 => warnings.push(format!("spacing {spacing}: its magnitude is used")),
+        None if [x, y] != [1.0; 2] => warnings.push(format!("no spacing of slices: 1 {unit} is assumed")),
+        _ => {}
+    }
+    let spacing = DVec3::new(x, y, z.map_or(1.0, f64::abs));
+    notes.push(format!("voxels of {x} x {y} x {} {unit}", spacing.z));
+    for name in ["yunit", "zunit"] {
+        if let Some(other) = field(name).filter(|other| !other.is_empty() && *other != unit) {
+            warnings.push(format!("{name} {other} is not the unit {unit}: no length is converted"));
+        }
+    }
+
+    // ImageJ gives the origin in pixels.
+    let origin = ["xorigin", "yorigin", "zorigin"].map(|name| number(name).unwrap_or(0.0));
+    if origin != [0.0; 3] {
+        let [x, y, z] = origin;
+        notes.push(format!("the origin lies at voxel {x}, {y}, {z}"));
+    }
+
+    // Function 0 is a straight line, for samples of 8 and 16 bits; signed samples are stored with an offset of 32768.
+    let mut rescale = None;
+    match field("cf").as_deref() {
+        Some("0") if integer => match (number("c0"), number("c1")) {
+            (Some(intercept), Some(slope)) if slope != 0.0 => {
+                rescale = Some(Rescale { slope, intercept });
+                let unit = field("vunit").unwrap_or_default();
+                notes.push(format!("values are {slope} x stored + {intercept} {unit}").trim().to_owned());
+            }
+            _ => warnings.push("calibration function without c0 and c1: not applied".to_owned()),
+        },
+        // Function 20 is ImageJ's code for none.
+        None | Some("20") => {}
+        Some(function) => {
+            warnings.push(format!("calibration function {function} is not applied: values are as stored"));
+        }
+    }
+    let origin = if origin == [0.0; 3] { DVec3::ZERO } else { -DVec3::from_array(origin) * spacing };
+    Calibration { spacing, origin, rescale, images: count("images"), axes, notes, warnings }
+}
+
+/// Parses the first `Pixels` of OME-XML; None if the description is something else.
+fn ome(description: &str) -> Option<Calibration> {
+    if !description.trim_start().starts_with('<') {
+        return None;
+    }
+    let mut reader = quick_xml::Reader::from_str(description);
+    let (mut images, mut found, mut first) = (0_u32, false, None);
+    // An incomplete or damaged description ends the search.
+    while let Ok(event) = reader.read_event() {
+        match event {
+            Event::Eof => break,
+            Event::Start(element) | Event::Empty(element) => match element.local_name().as_ref() {
+                "OME" => found = true,
+                "Image" => images += 1,
+                "Pixels" if found && first.is_none() => first = Some(pixels(&element)),
+                _ => {}
+            },
+            _ => {}
+        }
+    }
+    let mut calibration = first?;
+    if images > 1 {
+        calibration
+            .warnings
+            .push(format!("OME-XML describes {images} images: the voxel size of the first one is used"));
+    }
+    Some(calibration)
+}
+
+fn pixels(element: &BytesStart) -> Calibration {
+    let attribute = |name: &str| {
+        let attribute = element.try_get_attribute(name).ok()??;
+        Some(text::shown(&attribute.normalized_value(XmlVersion::Implicit1_0).ok()?))
+    };
+    let mut calibration = Calibration::unknown();
+    let order = attribute("DimensionOrder").unwrap_or_default();
+    let size = |axis: char| {
+        attribute(&format!("Size{axis}")).and_then(|size| size.parse::<u64>().ok()).unwrap_or(1).max(1)
+    };
+    let mut axes: Vec<(char, u64)> =
+        order.chars().filter(|axis| "CZT".contains(*axis)).map(|axis| (axis, size(axis))).collect();
+    axes.dedup_by_key(|(axis, _)| *axis);
+    if let Ok(axes) = <[(char, u64); 3]>::try_from(axes) {
+        calibration.axes = axes;
+    }
+
+    let unit =
+        |axis: char| attribute(&format!("PhysicalSize{axis}Unit")).unwrap_or_else(|| "\u{b5}m".to_owned());
+    let length = |axis: char| {
+        let size: f64 = attribute(&format!("PhysicalSize{axis}"))?.trim().parse().ok()?;
+        Some(size).filter(|size| *size > 0.0 && size.is_finite())
+    };
+    let (Some(x), Some(y)) = (length('X'), length('Y')) else {
+        calibration.notes.push(UNKNOWN_VOXEL.to_owned());
+        return calibration;
+    };
+    let world = unit('X');
+    let mut spacing = [x, y, 1.0];
+    for (place, axis, length) in [(1, 'Y', Some(y)), (2, 'Z', length('Z'))] {
+        let own = unit(axis);
+        match (length, metres(&own), metres(&world)) {
+            (None, ..) => calibration.warnings.push(format!("no PhysicalSizeZ: 1 {world} is assumed")),
+            (Some(length), ..) if own == world => spacing[place] = length,
+            (Some(length), Some(own), Some(world)) => spacing[place] = length * (own / world),
+            _ => calibration
+                .warnings
+                .push(format!("PhysicalSize{axis} is in {own}, PhysicalSizeX in {world}: not converted")),
+        }
+    }
+    calibration.spacing = DVec3::from_array(spacing);
+    calibration.notes.push(format!("voxels of {} x {} x {} {world}", spacing[0], spacing[1], spacing[2]));
+    calibration
+}
+
+/// Returns the length of a unit of OME-XML in metres.
+fn metres(unit: &str) -> Option<f64> {
+    Some(match unit {
+        "pm" => 1e-12,
+        "\u{c5}" => 1e-10,
+        "nm" => 1e-9,
+        "\u{b5}m" | "\u{3bc}m" => 1e-6,
+        "mm" => 1e-3,
+        "cm" => 1e-2,
+        "m" => 1.0,
+        _ => return None,
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::io::formats::tiff::calibration::Volume;
-    use crate::scene::Rescale;
 
     const UNKNOWN: Resolution = Resolution { pixels: [None; 2], unit: 1 };
 

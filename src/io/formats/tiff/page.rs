@@ -16,6 +16,8 @@ pub(crate) struct Page {
     pub(crate) height: u32,
     pub(crate) bits: u16,
     pub(crate) kind: SampleType,
+    /// The code of the sample format: 1 unsigned, 2 signed, 3 floats.
+    pub(crate) format: u64,
     pub(crate) samples: usize,
     pub(crate) extra: Vec<u64>,
     pub(crate) photometric: u64,

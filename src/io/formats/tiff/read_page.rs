@@ -61,6 +61,8 @@ impl Directory<'_> {
             height,
             bits: u16::try_from(bits).unwrap_or(0),
             kind,
+            // Undefined samples count as unsigned.
+            format: if format == 4 { 1 } else { format },
             samples,
             extra,
             photometric,

@@ -111,14 +111,13 @@ impl<'a> Stack<'a> {
         Ok(Some(count))
     }
 
-    /// Checks that the file holds one slice.
-    pub(crate) fn single(&self) -> Result<()> {
-        let images = self.calibration.images.unwrap_or(1);
-        if self.pages.len() != 1 || images > 1 {
-            let count = wide(self.pages.len()).max(images);
-            let rule = format!("{count}: a file of a series of slices has 1");
-            return Err(self.file.source.error("pages", rule));
+    /// Opens a file that must hold one slice.
+    pub(crate) fn single(source: &'a Source) -> Result<Self> {
+        let stack = Self::open(source)?;
+        let images = stack.calibration.images.unwrap_or(1).max(wide(stack.pages.len()));
+        if images > 1 {
+            return Err(source.error("pages", format!("{images}: a file of a series of slices has 1")));
         }
-        Ok(())
+        Ok(stack)
     }
 }

@@ -8,7 +8,7 @@ use tiff::tags::CompressionMethod;
 use crate::error::Result;
 use crate::io::file::decode::{self, Layout};
 use crate::io::file::half::from_half;
-use crate::io::file::sample_type::{Endian, SampleType};
+use crate::io::file::sample_type::Endian;
 use crate::io::file::source::{Encoding, Source};
 use crate::io::formats::jpeg;
 use crate::io::formats::tiff::file::{File, index, place_of};
@@ -195,11 +195,6 @@ impl Page {
     /// Writes a TIFF file of one strip, for the decoder.
     fn small(&self, endian: Endian, rows: u64, packed: &[u8], tables: &[u8]) -> Vec<u8> {
         let samples = if self.planar { 1 } else { self.samples };
-        let format = match self.kind {
-            SampleType::U8 | SampleType::U16 | SampleType::U32 | SampleType::U64 => 1,
-            SampleType::I8 | SampleType::I16 | SampleType::I32 | SampleType::I64 => 2,
-            SampleType::F32 | SampleType::F64 => 3,
-        };
         let count = if tables.is_empty() { 11 } else { 12 };
         let behind = 8 + 2 + 12 * count + 4;
         // Tag, type, number of values, value or offset. Type 4 is a number, 7 are bytes.
@@ -214,7 +209,7 @@ impl Page {
             (278, 4, 1, rows),
             (279, 4, 1, wide(packed.len())),
             (317, 4, 1, self.predictor),
-            (339, 4, 1, format),
+            (339, 4, 1, self.format),
             (347, 7, wide(tables.len()), wide(behind)),
         ];
         let mut bytes = Vec::with_capacity(behind + tables.len() + packed.len());
