@@ -107,15 +107,23 @@ pub(crate) fn scratch(header: &Header) -> u64 {
 /// Returns the bytes of a frame and their byte order.
 pub(crate) fn bytes(data: &Source, header: &Header, frame: usize) -> Result<(Vec<u8>, Endian)> {
     let size = header.frame_bytes();
-    let frames = usize::try_from(header.frames).unwrap_or(usize::MAX);
     let (bytes, endian) = match &header.pixels {
         Some(Pixels::Plain { at, .. }) => {
             (data.bytes(at.saturating_add(size.saturating_mul(wide(frame))), size)?, header.syntax.endian)
         }
         Some(Pixels::Fragments(list)) => {
-            let packed = packed(header, data, list, frame, frames, size)?;
+            let mut packed = packed(header, data, list, frame)?;
             match header.packing {
-                Packing::Native | Packing::Other => (plain(header, packed, size)?, Endian::Little),
+                Packing::Native | Packing::Other => {
+                    let len = wide(packed.len());
+                    // A padding byte may make the length even.
+                    if len != size && len != size.next_multiple_of(2) {
+                        let rule = format!("a frame of {len} bytes: {size} are needed");
+                        return Err(header.error("PixelData", rule));
+                    }
+                    packed.truncate(usize::try_from(size).unwrap_or(usize::MAX));
+                    (packed, Endian::Little)
+                }
                 Packing::RunLength => (run_lengths(&packed, header)?, Endian::Little),
                 Packing::Jpeg => (decoded(&packed, header)?, Endian::NATIVE),
             }
@@ -126,16 +134,12 @@ pub(crate) fn bytes(data: &Source, header: &Header, frame: usize) -> Result<(Vec
 }
 
 /// Joins the fragments of a frame.
-fn packed(
-    header: &Header,
-    data: &Source,
-    list: &[(u64, u64)],
-    frame: usize,
-    frames: usize,
-    size: u64,
-) -> Result<Vec<u8>> {
+fn packed(header: &Header, data: &Source, list: &[(u64, u64)], frame: usize) -> Result<Vec<u8>> {
+    let size = header.frame_bytes();
+    let frames = usize::try_from(header.frames).unwrap_or(usize::MAX);
+    let error = |rule: String| Err(header.error("PixelData", rule));
     let Some((table, fragments)) = list.split_first() else {
-        return Err(header.error("PixelData", "has no offset table"));
+        return error("has no offset table".to_owned());
     };
     let own: &[(u64, u64)] = if frames == 1 {
         fragments
@@ -146,27 +150,24 @@ fn packed(
         let first = fragments.first().map_or(0, |(at, _)| at.saturating_sub(8));
         let offset = |frame: usize| -> Result<u64> {
             let bytes = data.bytes(table.0.saturating_add(wide(frame).saturating_mul(4)), 4)?;
-            let bytes = <[u8; 4]>::try_from(bytes.as_slice()).unwrap_or_default();
-            Ok(first.saturating_add(u64::from(u32::from_le_bytes(bytes))))
+            Ok(first.saturating_add(Endian::Little.whole(&bytes)))
         };
         let begin = offset(frame)?;
         let end = if frame + 1 < frames { offset(frame + 1)? } else { u64::MAX };
         let place = |wanted: u64| fragments.partition_point(|(at, _)| at.saturating_sub(8) < wanted);
         let (begin, end) = (place(begin), place(end));
         if begin >= end {
-            let rule = format!("frame {}: its offsets hold no fragment", frame + 1);
-            return Err(header.error("PixelData", rule));
+            return error(format!("frame {}: its offsets hold no fragment", frame + 1));
         }
         &fragments[begin..end]
     } else {
-        let rule = format!("{} fragments for {frames} frames, and no table of offsets", fragments.len());
-        return Err(header.error("PixelData", rule));
+        let count = fragments.len();
+        return error(format!("{count} fragments for {frames} frames, and no table of offsets"));
     };
     let total: u64 = own.iter().map(|(_, len)| len).sum();
     let most = size.saturating_mul(2).saturating_add(1 << 16);
     if total > most {
-        let rule = format!("frame {}: {total} packed bytes for {size}", frame + 1);
-        return Err(header.error("PixelData", rule));
+        return error(format!("frame {}: {total} packed bytes for {size}", frame + 1));
     }
     let mut bytes = Vec::new();
     for &(at, len) in own {
@@ -175,21 +176,12 @@ fn packed(
     Ok(bytes)
 }
 
-/// Returns samples that are in fragments but not compressed.
-fn plain(header: &Header, mut bytes: Vec<u8>, size: u64) -> Result<Vec<u8>> {
-    if wide(bytes.len()) != size && wide(bytes.len()) != size.next_multiple_of(2) {
-        return Err(header.error("PixelData", format!("a frame of {} bytes: {size} are needed", bytes.len())));
-    }
-    bytes.truncate(usize::try_from(size).unwrap_or(usize::MAX));
-    Ok(bytes)
-}
-
 /// Decodes run lengths: one segment per byte of a sample, the most significant first.
 fn run_lengths(packed: &[u8], header: &Header) -> Result<Vec<u8>> {
     let error = |rule: String| header.error("PixelData: RLE", rule);
-    let word = |i: usize| match packed.get(4 * i..4 * i + 4) {
-        Some(&[a, b, c, d]) => usize::try_from(u32::from_le_bytes([a, b, c, d])).unwrap_or(usize::MAX),
-        _ => usize::MAX,
+    let word = |i: usize| {
+        let word = packed.get(4 * i..4 * i + 4).map(|bytes| Endian::Little.whole(bytes));
+        word.and_then(|word| usize::try_from(word).ok()).unwrap_or(usize::MAX)
     };
     let planes = usize::try_from(header.allocated / 8).unwrap_or(1);
     if packed.len() < 64 || word(0) != planes {
