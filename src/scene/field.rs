@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::grid::{Grid, sample_count};
+use super::kernel::named;
 use super::points::Points;
 use super::samples::Samples;
 use super::tets::{TetScalars, Tets};
@@ -51,17 +52,8 @@ impl Field {
     ///
     /// [`Error::Invalid`] with the allowed names.
     pub fn from_name(name: &str) -> Result<Self> {
-        Ok(match name {
-            "marschner-lobb" => Self::MarschnerLobb,
-            "blobs" => Self::Blobs,
-            "homogeneous" => Self::Homogeneous(1.0),
-            "ramp" => Self::Ramp,
-            "sphere" => Self::Sphere,
-            _ => {
-                let why = format!("\"{name}\": must be one of {}", Self::NAMES.join(", "));
-                return Err(Error::invalid("field", why));
-            }
-        })
+        let fields = [Self::MarschnerLobb, Self::Blobs, Self::Homogeneous(1.0), Self::Ramp, Self::Sphere];
+        named("field", name, &Self::NAMES.into_iter().zip(fields).collect::<Vec<_>>())
     }
 
     /// Returns the field's value at a position.

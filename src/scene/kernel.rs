@@ -45,7 +45,7 @@ impl Kernel {
 }
 
 /// Returns the entry of a name.
-fn named<T: Copy>(what: &str, name: &str, all: &[(&str, T)]) -> Result<T> {
+pub(super) fn named<T: Copy>(what: &str, name: &str, all: &[(&str, T)]) -> Result<T> {
     all.iter().find(|(known, _)| *known == name).map(|(_, value)| *value).ok_or_else(|| {
         let names: Vec<&str> = all.iter().map(|(name, _)| *name).collect();
         Error::invalid(what, format!("\"{name}\": must be one of {}", names.join(", ")))

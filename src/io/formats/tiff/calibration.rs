@@ -93,15 +93,12 @@ impl Calibration {
         };
         if let Some((other, count, what)) = other {
             self.warnings.push(format!("{count} {what} of one slice are taken as slices"));
-            for (name, _) in &mut self.axes {
-                *name = if *name == 'Z' {
-                    other
-                } else if *name == other {
-                    'Z'
-                } else {
-                    *name
-                };
-            }
+            let swap = |name| match name {
+                'Z' => other,
+                name if name == other => 'Z',
+                name => name,
+            };
+            self.axes = self.axes.map(|(name, extent)| (swap(name), extent));
         }
         // The product of extents is the number of pages, so nothing here overflows.
         let stride = |axis| {
