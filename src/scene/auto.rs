@@ -6,7 +6,6 @@ mod framing;
 mod grid;
 mod mesh;
 mod points;
-mod ramp;
 mod statistics;
 
 pub use framing::camera;

@@ -78,10 +78,8 @@ impl View {
     pub fn new(camera: Camera, width: u32, height: u32) -> Result<Self> {
         for (name, side) in [("width", width), ("height", height)] {
             if side == 0 || side > Self::MAX_SIDE {
-                return Err(Error::invalid(
-                    format!("image {name}"),
-                    format!("{side}: must be 1 to {}", Self::MAX_SIDE),
-                ));
+                let why = format!("{side}: must be 1 to {}", Self::MAX_SIDE);
+                return Err(Error::invalid(format!("image {name}"), why));
             }
         }
         for (name, v) in [("eye", camera.eye), ("target", camera.target), ("up", camera.up)] {
@@ -100,42 +98,29 @@ impl View {
             .map(|up| forward.cross(up))
             .filter(|right| right.length() > 1e-9)
             .ok_or_else(|| {
-                Error::invalid(
-                    "camera up",
-                    format!("{}: must have a length and not be parallel to the view", camera.up),
-                )
+                let rule = "must have a length and not be parallel to the view";
+                Error::invalid("camera up", format!("{}: {rule}", camera.up))
             })?
             .normalize();
         let half_rows = f64::from(height) * 0.5;
+        let check = |name: &str, value: f64, fits: bool, rule: &str| {
+            let error = || Error::invalid(format!("camera {name}"), format!("{value}: {rule}"));
+            if fits { Ok(()) } else { Err(error()) }
+        };
         let scale = match camera.projection {
-            Projection::Perspective { fov_y_deg } => {
-                if !(fov_y_deg > 0.0 && fov_y_deg < 180.0) {
-                    return Err(Error::invalid(
-                        "camera fov_y_deg",
-                        format!("{fov_y_deg}: must lie between 0 and 180, exclusive"),
-                    ));
-                }
-                (fov_y_deg.to_radians() * 0.5).tan() / half_rows
+            Projection::Perspective { fov_y_deg: angle } => {
+                let fits = angle > 0.0 && angle < 180.0;
+                check("fov_y_deg", angle, fits, "must lie between 0 and 180, exclusive")?;
+                (angle.to_radians() * 0.5).tan() / half_rows
             }
-            Projection::Orthographic { half_height } => {
-                if !(half_height > 0.0 && half_height.is_finite()) {
-                    return Err(Error::invalid(
-                        "camera half_height",
-                        format!("{half_height}: must be positive and finite"),
-                    ));
-                }
-                half_height / half_rows
+            Projection::Orthographic { half_height: height } => {
+                let fits = height > 0.0 && height.is_finite();
+                check("half_height", height, fits, "must be positive and finite")?;
+                height / half_rows
             }
         };
-        Ok(Self {
-            camera,
-            extent: [width, height],
-            right,
-            up: right.cross(forward),
-            forward,
-            scale,
-            clip: Clip::none(),
-        })
+        let (extent, up, clip) = ([width, height], right.cross(forward), Clip::none());
+        Ok(Self { camera, extent, right, up, forward, scale, clip })
     }
 
     /// Returns the view with this clip region.
@@ -225,14 +210,10 @@ impl View {
     pub fn project(&self, position: DVec3) -> Option<(DVec2, f64)> {
         let relative = position - self.camera.eye;
         let depth = relative.dot(self.forward);
-        let size = if self.is_perspective() {
-            if depth <= 0.0 {
-                return None;
-            }
-            self.scale * depth
-        } else {
-            self.scale
-        };
+        if self.is_perspective() && depth <= 0.0 {
+            return None;
+        }
+        let size = if self.is_perspective() { self.scale * depth } else { self.scale };
         let x = relative.dot(self.right) / size + f64::from(self.extent[0]) * 0.5;
         let y = f64::from(self.extent[1]) * 0.5 - relative.dot(self.up) / size;
         Some((DVec2::new(x, y), depth))

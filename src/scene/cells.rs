@@ -27,27 +27,13 @@ pub enum CellKind {
 
 pub(super) type Face = &'static [usize];
 
-/// Faces of the linear cells, counter-clockwise seen from outside. Those of the wedge follow VTK's code; most
-/// programs exchange its two triangles.
+/// Faces, counter-clockwise seen from outside: corners, then the mid-nodes of the edges between them in the same
+/// order, then the mid-node of the face. A kind with fewer nodes has the first of them. Those of the wedge follow
+/// VTK's code; most programs exchange its two triangles.
 const TETRAHEDRON: [Face; 4] = [&[0, 1, 3], &[1, 2, 3], &[2, 0, 3], &[0, 2, 1]];
-const HEXAHEDRON: [Face; 6] =
-    [&[0, 4, 7, 3], &[1, 2, 6, 5], &[0, 1, 5, 4], &[3, 7, 6, 2], &[0, 3, 2, 1], &[4, 5, 6, 7]];
 const VOXEL: [Face; 6] =
     [&[0, 4, 6, 2], &[1, 3, 7, 5], &[0, 1, 5, 4], &[2, 6, 7, 3], &[0, 2, 3, 1], &[4, 5, 7, 6]];
-const WEDGE: [Face; 5] = [&[0, 1, 2], &[3, 5, 4], &[0, 3, 4, 1], &[1, 4, 5, 2], &[2, 5, 3, 0]];
-const PYRAMID: [Face; 5] = [&[0, 3, 2, 1], &[0, 1, 4], &[1, 2, 4], &[2, 3, 4], &[3, 0, 4]];
-
-/// Faces of the quadratic cells: corners, then the mid-nodes of the edges between them in the same order,
-/// then the mid-node of the face.
-const QUADRATIC_HEXAHEDRON: [Face; 6] = [
-    &[0, 4, 7, 3, 16, 15, 19, 11],
-    &[1, 2, 6, 5, 9, 18, 13, 17],
-    &[0, 1, 5, 4, 8, 17, 12, 16],
-    &[3, 7, 6, 2, 19, 14, 18, 10],
-    &[0, 3, 2, 1, 11, 10, 9, 8],
-    &[4, 5, 6, 7, 12, 13, 14, 15],
-];
-const TRIQUADRATIC_HEXAHEDRON: [Face; 6] = [
+const HEXAHEDRON: [Face; 6] = [
     &[0, 4, 7, 3, 16, 15, 19, 11, 20],
     &[1, 2, 6, 5, 9, 18, 13, 17, 21],
     &[0, 1, 5, 4, 8, 17, 12, 16, 22],
@@ -55,14 +41,14 @@ const TRIQUADRATIC_HEXAHEDRON: [Face; 6] = [
     &[0, 3, 2, 1, 11, 10, 9, 8, 24],
     &[4, 5, 6, 7, 12, 13, 14, 15, 25],
 ];
-const QUADRATIC_WEDGE: [Face; 5] = [
+const WEDGE: [Face; 5] = [
     &[0, 1, 2, 6, 7, 8],
     &[3, 5, 4, 11, 10, 9],
     &[0, 3, 4, 1, 12, 9, 13, 6],
     &[1, 4, 5, 2, 13, 10, 14, 7],
     &[2, 5, 3, 0, 14, 11, 12, 8],
 ];
-const QUADRATIC_PYRAMID: [Face; 5] = [
+const PYRAMID: [Face; 5] = [
     &[0, 3, 2, 1, 8, 7, 6, 5],
     &[0, 1, 4, 5, 10, 9],
     &[1, 2, 4, 6, 11, 10],
@@ -70,87 +56,54 @@ const QUADRATIC_PYRAMID: [Face; 5] = [
     &[3, 0, 4, 8, 9, 12],
 ];
 
+/// A cell type, its number in VTK's files, plural name, number of nodes, largest number of tetrahedra that one is cut
+/// into, and faces.
+type Row = (CellKind, u8, &'static str, usize, usize, &'static [Face]);
+
+/// Every cell type, in the order of the enum.
+const KINDS: [Row; 10] = [
+    (CellKind::Tetrahedron, 10, "tetrahedra", 4, 1, &TETRAHEDRON),
+    (CellKind::Voxel, 11, "voxels", 8, 6, &VOXEL),
+    (CellKind::Hexahedron, 12, "hexahedra", 8, 6, &HEXAHEDRON),
+    (CellKind::Wedge, 13, "wedges", 6, 3, &WEDGE),
+    (CellKind::Pyramid, 14, "pyramids", 5, 2, &PYRAMID),
+    (CellKind::QuadraticTetrahedron, 24, "quadratic tetrahedra", 10, 8, &TETRAHEDRON),
+    (CellKind::QuadraticHexahedron, 25, "quadratic hexahedra", 20, 36, &HEXAHEDRON),
+    (CellKind::QuadraticWedge, 26, "quadratic wedges", 15, 26, &WEDGE),
+    (CellKind::QuadraticPyramid, 27, "quadratic pyramids", 13, 22, &PYRAMID),
+    (CellKind::TriquadraticHexahedron, 29, "triquadratic hexahedra", 27, 48, &HEXAHEDRON),
+];
+
 impl CellKind {
     /// Returns the cell type of a number in VTK's files, or `None` for types that are not solid or not
     /// supported.
     #[must_use]
     pub fn of_vtk(number: u8) -> Option<Self> {
-        Some(match number {
-            10 => Self::Tetrahedron,
-            11 => Self::Voxel,
-            12 => Self::Hexahedron,
-            13 => Self::Wedge,
-            14 => Self::Pyramid,
-            24 => Self::QuadraticTetrahedron,
-            25 => Self::QuadraticHexahedron,
-            26 => Self::QuadraticWedge,
-            27 => Self::QuadraticPyramid,
-            29 => Self::TriquadraticHexahedron,
-            _ => return None,
-        })
+        KINDS.iter().find(|(_, known, ..)| *known == number).map(|(kind, ..)| *kind)
     }
 
     /// Returns the plural name for reports.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Tetrahedron => "tetrahedra",
-            Self::Voxel => "voxels",
-            Self::Hexahedron => "hexahedra",
-            Self::Wedge => "wedges",
-            Self::Pyramid => "pyramids",
-            Self::QuadraticTetrahedron => "quadratic tetrahedra",
-            Self::QuadraticHexahedron => "quadratic hexahedra",
-            Self::QuadraticWedge => "quadratic wedges",
-            Self::QuadraticPyramid => "quadratic pyramids",
-            Self::TriquadraticHexahedron => "triquadratic hexahedra",
-        }
+        KINDS[self as usize].2
     }
 
     /// Returns the number of nodes.
     #[must_use]
     pub fn nodes(self) -> usize {
-        match self {
-            Self::Tetrahedron => 4,
-            Self::Voxel | Self::Hexahedron => 8,
-            Self::Wedge => 6,
-            Self::Pyramid => 5,
-            Self::QuadraticTetrahedron => 10,
-            Self::QuadraticHexahedron => 20,
-            Self::QuadraticWedge => 15,
-            Self::QuadraticPyramid => 13,
-            Self::TriquadraticHexahedron => 27,
-        }
+        KINDS[self as usize].3
     }
 
     /// Returns the largest number of tetrahedra that one cell is cut into.
     #[must_use]
     pub fn most_tets(self) -> usize {
-        match self {
-            Self::Tetrahedron => 1,
-            Self::Pyramid => 2,
-            Self::Wedge => 3,
-            Self::Voxel | Self::Hexahedron => 6,
-            Self::QuadraticTetrahedron => 8,
-            Self::QuadraticPyramid => 22,
-            Self::QuadraticWedge => 26,
-            Self::QuadraticHexahedron => 36,
-            Self::TriquadraticHexahedron => 48,
-        }
+        KINDS[self as usize].4
     }
 
-    pub(super) fn faces(self) -> &'static [Face] {
-        match self {
-            Self::Tetrahedron | Self::QuadraticTetrahedron => &TETRAHEDRON,
-            Self::Voxel => &VOXEL,
-            Self::Hexahedron => &HEXAHEDRON,
-            Self::Wedge => &WEDGE,
-            Self::Pyramid => &PYRAMID,
-            Self::QuadraticHexahedron => &QUADRATIC_HEXAHEDRON,
-            Self::QuadraticWedge => &QUADRATIC_WEDGE,
-            Self::QuadraticPyramid => &QUADRATIC_PYRAMID,
-            Self::TriquadraticHexahedron => &TRIQUADRATIC_HEXAHEDRON,
-        }
+    /// Returns the nodes of each face that a cell of this kind has.
+    pub(super) fn faces(self) -> impl Iterator<Item = Face> {
+        let (.., nodes, _, faces) = KINDS[self as usize];
+        faces.iter().map(move |face| &face[..face.partition_point(|&node| node < nodes)])
     }
 
     /// Returns the weights of corners and edge mid-nodes at the centre of a cell that needs a new point
@@ -161,50 +114,23 @@ impl CellKind {
     /// axis, at a quarter of the height.
     #[must_use]
     pub fn centre(self) -> Option<&'static [f64]> {
-        const HEXAHEDRON: [f64; 20] = {
-            let mut weights = [0.25; 20];
-            let mut corner = 0;
-            while corner < 8 {
-                weights[corner] = -0.25;
-                corner += 1;
-            }
-            weights
-        };
+        const HEXAHEDRON: [f64; 20] = [
+            -0.25, -0.25, -0.25, -0.25, -0.25, -0.25, -0.25, -0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25,
+            0.25, 0.25, 0.25, 0.25, 0.25,
+        ];
         // At (1/3, 1/3, 0): corners -2/9 each, edges of the triangles 2/9, upright edges 1/3.
-        const WEDGE: [f64; 15] = {
-            let mut weights = [2.0 / 9.0; 15];
-            let mut i = 0;
-            while i < 6 {
-                weights[i] = -2.0 / 9.0;
-                i += 1;
-            }
-            i = 12;
-            while i < 15 {
-                weights[i] = 1.0 / 3.0;
-                i += 1;
-            }
-            weights
-        };
+        const EDGE: f64 = 2.0 / 9.0;
+        const UPRIGHT: f64 = 1.0 / 3.0;
+        const WEDGE: [[f64; 3]; 5] = [[-EDGE; 3], [-EDGE; 3], [EDGE; 3], [EDGE; 3], [UPRIGHT; 3]];
         // At (0, 0, 1/4) between base corners (+-1, +-1, 0) and apex (0, 0, 1): corners, apex, edges of the
         // base, edges to the apex.
-        const PYRAMID: [f64; 13] = {
-            let mut weights = [0.1875; 13];
-            let mut i = 0;
-            while i < 4 {
-                weights[i] = -0.1875;
-                i += 1;
-            }
-            weights[4] = -0.125;
-            i = 5;
-            while i < 9 {
-                weights[i] = 0.281_25;
-                i += 1;
-            }
-            weights
-        };
+        const PYRAMID: [f64; 13] = [
+            -0.1875, -0.1875, -0.1875, -0.1875, -0.125, 0.281_25, 0.281_25, 0.281_25, 0.281_25, 0.1875,
+            0.1875, 0.1875, 0.1875,
+        ];
         match self {
             Self::QuadraticHexahedron => Some(&HEXAHEDRON),
-            Self::QuadraticWedge => Some(&WEDGE),
+            Self::QuadraticWedge => Some(WEDGE.as_flattened()),
             Self::QuadraticPyramid => Some(&PYRAMID),
             _ => None,
         }

@@ -63,7 +63,7 @@ impl CellKind {
             }
             Self::Voxel | Self::Hexahedron | Self::Wedge | Self::Pyramid => {
                 let tip = (0..self.nodes()).min_by_key(|&i| key(i)).unwrap_or(0);
-                let away = self.faces().iter().filter(|face| !face.contains(&tip));
+                let away = self.faces().filter(|face| !face.contains(&tip));
                 let mut cone = Vec::with_capacity(6);
                 for face in away {
                     triangles(face, &key, |triangle| cone.push(triangle));
@@ -130,26 +130,18 @@ fn five(cone: &[[usize; 3]]) -> Option<(usize, [usize; 3])> {
     if cone.len() != 6 {
         return None;
     }
-    let touching = |vertex: usize| cone.iter().filter(move |triangle| triangle.contains(&vertex));
-    // The far corner lies in three faces. It is in exactly one triangle of each only where no diagonal ends
-    // there.
-    let far = (0..8).find(|&vertex| {
-        let around: Vec<usize> = touching(vertex).flatten().copied().filter(|&v| v != vertex).collect();
-        let mut ring = around.clone();
-        ring.sort_unstable();
-        ring.dedup();
-        around.len() == 6 && ring.len() == 3
-    })?;
+    // The far corner lies in three faces, each of which is two triangles.
+    let far = (0..8).find(|vertex| cone.chunks(2).all(|face| face.as_flattened().contains(vertex)))?;
+    let opposite = |triangle: &[usize; 3]| {
+        let at = triangle.iter().position(|&vertex| vertex == far)?;
+        Some([triangle[(at + 1) % 3], triangle[(at + 2) % 3]])
+    };
+    // It is in exactly one triangle of each only where no diagonal ends there.
+    let edges: Vec<[usize; 2]> = cone.iter().filter_map(opposite).collect();
+    let &[[first, second], ..] = &edges[..] else { return None };
     // Order the neighbours around the far corner: the last vertex of one edge is the first of the next.
-    let edges: Vec<[usize; 2]> = touching(far)
-        .filter_map(|triangle| {
-            let at = triangle.iter().position(|&vertex| vertex == far)?;
-            Some([triangle[(at + 1) % 3], triangle[(at + 2) % 3]])
-        })
-        .collect();
-    let [first, second] = *edges.first()?;
     let [_, third] = *edges.iter().find(|edge| edge[0] == second)?;
-    Some((far, [first, second, third]))
+    (edges.len() == 3).then_some((far, [first, second, third]))
 }
 
 #[cfg(test)]

@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use super::grid::Grid;
+use super::grid::{Grid, sample_count};
+use super::kernel::named;
 use super::points::Points;
 use super::samples::Samples;
 use super::tets::{TetScalars, Tets};
@@ -51,19 +52,8 @@ impl Field {
     ///
     /// [`Error::Invalid`] with the allowed names.
     pub fn from_name(name: &str) -> Result<Self> {
-        Ok(match name {
-            "marschner-lobb" => Self::MarschnerLobb,
-            "blobs" => Self::Blobs,
-            "homogeneous" => Self::Homogeneous(1.0),
-            "ramp" => Self::Ramp,
-            "sphere" => Self::Sphere,
-            _ => {
-                return Err(Error::invalid(
-                    "field",
-                    format!("\"{name}\": must be one of {}", Self::NAMES.join(", ")),
-                ));
-            }
-        })
+        let fields = [Self::MarschnerLobb, Self::Blobs, Self::Homogeneous(1.0), Self::Ramp, Self::Sphere];
+        named("field", name, &Self::NAMES.into_iter().zip(fields).collect::<Vec<_>>())
     }
 
     /// Returns the field's value at a position.
@@ -101,37 +91,22 @@ impl Field {
     ///
     /// [`Error::Invalid`] for another type, or an extent that [`Grid::new`] refuses.
     pub fn sample(self, dims: [u32; 3], type_name: &str) -> Result<Grid> {
-        if let Some(extent) = dims.iter().find(|&&extent| extent < 2) {
-            return Err(Error::invalid(
-                "grid extent",
-                format!("{dims:?} has {extent}: every extent must be at least 2 samples"),
-            ));
-        }
-        let step = DVec3::from_array(dims.map(|n| 2.0 / f64::from(n - 1)));
-        let mut values = Vec::new();
-        let total = dims.iter().try_fold(1_usize, |n, &extent| n.checked_mul(num::index(extent)));
-        let total = total.filter(|&n| n <= 1 << 33).ok_or_else(|| {
+        let total = sample_count(dims)?.filter(|&n| n <= 1 << 33).ok_or_else(|| {
             Error::invalid("grid extent", format!("{dims:?}: an analytic field has at most 2^33 samples"))
         })?;
-        values.reserve_exact(total);
-        for z in 0..dims[2] {
-            for y in 0..dims[1] {
-                for x in 0..dims[0] {
-                    let index = DVec3::new(f64::from(x), f64::from(y), f64::from(z));
-                    values.push(self.value(DVec3::NEG_ONE + index * step));
-                }
-            }
-        }
+        let step = DVec3::from_array(dims.map(|n| 2.0 / f64::from(n - 1)));
+        let mut values = Vec::with_capacity(total);
+        let value =
+            |index: [u32; 3]| self.value(DVec3::NEG_ONE + DVec3::from_array(index.map(f64::from)) * step);
+        values.extend(indices(dims).map(value));
         let samples = match type_name {
             "u8" => Samples::U8(values.iter().map(|v| num::u8_code(v * 255.0)).collect()),
             "u16" => Samples::U16(values.iter().map(|v| num::u16_code(v * 65535.0)).collect()),
             "i16" => Samples::I16(values.iter().map(|v| num::i16_code(v * 32767.0)).collect()),
             "f32" => Samples::F32(values.iter().map(|&v| num::f32_of(v)).collect()),
             _ => {
-                return Err(Error::invalid(
-                    "field type",
-                    format!("\"{type_name}\": must be one of u8, u16, i16, f32"),
-                ));
+                let why = format!("\"{type_name}\": must be one of u8, u16, i16, f32");
+                return Err(Error::invalid("field type", why));
             }
         };
         Grid::new(dims, samples)?.with_placement(step, DVec3::NEG_ONE, glam::DMat3::IDENTITY)
@@ -162,15 +137,12 @@ impl Field {
             .and_then(|()| scalars.try_reserve_exact(side.pow(3)))
             .and_then(|()| cells.try_reserve_exact(5 * (side - 1).pow(3)))
             .map_err(|_| refuse("the mesh does not fit into memory"))?;
-        let places = |end: u32| {
-            (0..end).flat_map(move |z| (0..end).flat_map(move |y| (0..end).map(move |x| [x, y, z])))
-        };
-        for place in places(cubes + 1) {
-            let p = DVec3::from_array(place.map(|i| 2.0 * f64::from(i) / f64::from(cubes) - 1.0));
+        for index in indices([cubes + 1; 3]) {
+            let p = DVec3::from_array(index.map(|i| 2.0 * f64::from(i) / f64::from(cubes) - 1.0));
             points.push(p);
             scalars.push(num::f32_of(self.value(p)));
         }
-        for [x, y, z] in places(cubes) {
+        for [x, y, z] in indices([cubes; 3]) {
             let corner = |bits: u32| {
                 let [x, y, z] = [x + (bits & 1), y + (bits >> 1 & 1), z + (bits >> 2)];
                 (z * (cubes + 1) + y) * (cubes + 1) + x
@@ -207,6 +179,11 @@ impl Field {
         }
         Points::new(centres)?.with_scalars(scalars)
     }
+}
+
+/// Returns the indices of a lattice, x fastest.
+fn indices([x, y, z]: [u32; 3]) -> impl Iterator<Item = [u32; 3]> {
+    (0..z).flat_map(move |k| (0..y).flat_map(move |j| (0..x).map(move |i| [i, j, k])))
 }
 
 /// Returns a random number in [0, 1) and advances the state (Steele, Lea and Flood 2014: SplitMix64).

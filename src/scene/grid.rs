@@ -71,21 +71,11 @@ impl Grid {
     /// [`Error::Invalid`] if an extent is below 2, if their product is not the number of samples, or if no
     /// sample is finite.
     pub fn new(dims: [u32; 3], samples: Samples) -> Result<Self> {
-        if let Some(extent) = dims.iter().find(|&&extent| extent < 2) {
-            return Err(Error::invalid(
-                "grid extent",
-                format!("{dims:?} has {extent}: every extent must be at least 2 samples"),
-            ));
-        }
-        let expected = dims
-            .iter()
-            .try_fold(1_usize, |product, &extent| product.checked_mul(num::index(extent)))
+        let expected = sample_count(dims)?
             .ok_or_else(|| Error::invalid("grid extent", format!("{dims:?} overflows the address space")))?;
         if expected != samples.len() {
-            return Err(Error::invalid(
-                "grid samples",
-                format!("extent {dims:?} needs {expected} samples, {} were given", samples.len()),
-            ));
+            let why = format!("extent {dims:?} needs {expected} samples, {} were given", samples.len());
+            return Err(Error::invalid("grid samples", why));
         }
         let (range, nan_count, infinite_count) = samples.statistics();
         if range[0] > range[1] {
@@ -114,32 +104,23 @@ impl Grid {
     ///
     /// [`Error::Invalid`] if a spacing is not positive and finite, another number is not finite, or the axes
     /// do not span space.
-    pub fn with_placement(mut self, spacing: DVec3, origin: DVec3, direction: DMat3) -> Result<Self> {
+    pub fn with_placement(self, spacing: DVec3, origin: DVec3, direction: DMat3) -> Result<Self> {
         if !(spacing.is_finite() && spacing.min_element() > 0.0) {
-            return Err(Error::invalid(
-                "grid spacing",
-                format!("{spacing}: every spacing must be positive and finite"),
-            ));
+            let why = format!("{spacing}: every spacing must be positive and finite");
+            return Err(Error::invalid("grid spacing", why));
         }
         if !origin.is_finite() {
             return Err(Error::invalid("grid origin", format!("{origin}: must be finite")));
         }
-        let lengths =
-            DVec3::new(direction.x_axis.length(), direction.y_axis.length(), direction.z_axis.length());
-        let volume = direction.determinant().abs();
         // Divided by the axes' lengths, the determinant measures, like a sine, how far the axes are from
         // lying in one plane.
-        let spans = direction.is_finite() && volume > 1e-9 * lengths.x * lengths.y * lengths.z;
-        if !spans {
-            return Err(Error::invalid(
-                "grid direction",
-                format!("{direction}: the three axes must be finite and span space"),
-            ));
+        let volume = direction.determinant().abs();
+        let lengths = lengths(direction);
+        if !(direction.is_finite() && volume > 1e-9 * lengths.x * lengths.y * lengths.z) {
+            let why = format!("{direction}: the three axes must be finite and span space");
+            return Err(Error::invalid("grid direction", why));
         }
-        self.spacing = spacing;
-        self.origin = origin;
-        self.direction = direction;
-        Ok(self)
+        Ok(Self { spacing, origin, direction, ..self })
     }
 
     /// Returns the same lattice with other samples of any type and the same rescale.
@@ -158,25 +139,20 @@ impl Grid {
     /// # Errors
     ///
     /// [`Error::Invalid`] if a number is not finite or the slope is zero.
-    pub fn with_rescale(mut self, rescale: Rescale) -> Result<Self> {
-        if !(rescale.slope.is_finite() && rescale.slope != 0.0 && rescale.intercept.is_finite()) {
-            return Err(Error::invalid(
-                "grid rescale",
-                format!(
-                    "slope {} and intercept {}: both must be finite and the slope not zero",
-                    rescale.slope, rescale.intercept
-                ),
-            ));
+    pub fn with_rescale(self, rescale: Rescale) -> Result<Self> {
+        let Rescale { slope, intercept } = rescale;
+        if !(slope.is_finite() && slope != 0.0 && intercept.is_finite()) {
+            let rule = "both must be finite and the slope not zero";
+            let why = format!("slope {slope} and intercept {intercept}: {rule}");
+            return Err(Error::invalid("grid rescale", why));
         }
-        self.rescale = rescale;
-        Ok(self)
+        Ok(Self { rescale, ..self })
     }
 
     /// Sets the anatomical meaning of the world's axes.
     #[must_use]
-    pub fn with_anatomy(mut self, anatomy: Anatomy) -> Self {
-        self.anatomy = anatomy;
-        self
+    pub fn with_anatomy(self, anatomy: Anatomy) -> Self {
+        Self { anatomy, ..self }
     }
 
     /// Returns the number of samples along x, y and z.
@@ -208,8 +184,7 @@ impl Grid {
     /// It includes the lengths of the direction's columns.
     #[must_use]
     pub fn spacing(&self) -> DVec3 {
-        let m = self.index_to_world();
-        DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length())
+        lengths(self.index_to_world())
     }
 
     /// Returns the world position of the sample of index 0, 0, 0.
@@ -289,6 +264,20 @@ impl Grid {
         let index = (num::index(z) * ny + num::index(y)) * nx + num::index(x);
         self.rescale.slope * self.samples.get(index) + self.rescale.intercept
     }
+}
+
+/// Returns the lengths of the columns.
+fn lengths(m: DMat3) -> DVec3 {
+    DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length())
+}
+
+/// Checks that each extent is at least 2; returns the number of samples, or `None` if memory cannot address them.
+pub(super) fn sample_count(dims: [u32; 3]) -> Result<Option<usize>> {
+    if let Some(extent) = dims.iter().find(|&&extent| extent < 2) {
+        let why = format!("{dims:?} has {extent}: every extent must be at least 2 samples");
+        return Err(Error::invalid("grid extent", why));
+    }
+    Ok(dims.iter().try_fold(1_usize, |n, &extent| n.checked_mul(num::index(extent))))
 }
 
 /// Returns the corners of a box; bit 0 of the place selects the high x, bit 1 the high y, bit 2 the high z.

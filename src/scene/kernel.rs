@@ -20,7 +20,7 @@ pub enum Kernel {
 }
 
 impl Kernel {
-    /// Every kernel with its name.
+    /// Every kernel with its name, in the order of the enum.
     pub const ALL: [(&'static str, Self); 4] = [
         ("gaussian", Self::Gaussian),
         ("bspline", Self::BSpline),
@@ -34,22 +34,22 @@ impl Kernel {
     ///
     /// [`Error::Invalid`] with the allowed names.
     pub fn from_name(name: &str) -> Result<Self> {
-        Self::ALL.into_iter().find(|(known, _)| *known == name).map(|(_, kernel)| kernel).ok_or_else(|| {
-            let names: Vec<&str> = Self::ALL.iter().map(|(name, _)| *name).collect();
-            Error::invalid("kernel", format!("\"{name}\": must be one of {}", names.join(", ")))
-        })
+        named("kernel", name, &Self::ALL)
     }
 
     /// Returns the name in scene files and options.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Gaussian => "gaussian",
-            Self::BSpline => "bspline",
-            Self::Tent => "tent",
-            Self::Sinc => "sinc",
-        }
+        Self::ALL[self as usize].0
     }
+}
+
+/// Returns the entry of a name.
+pub(super) fn named<T: Copy>(what: &str, name: &str, all: &[(&str, T)]) -> Result<T> {
+    all.iter().find(|(known, _)| *known == name).map(|(_, value)| *value).ok_or_else(|| {
+        let names: Vec<&str> = all.iter().map(|(name, _)| *name).collect();
+        Error::invalid(what, format!("\"{name}\": must be one of {}", names.join(", ")))
+    })
 }
 
 /// Selects how kernels `K_i` with scalars `s_i` and weights `w_i` become optical properties.
@@ -64,7 +64,7 @@ pub enum Model {
 }
 
 impl Model {
-    /// Every model with its name.
+    /// Every model with its name, in the order of the enum.
     pub const ALL: [(&'static str, Self); 2] =
         [("density", Self::Density), ("interpolate", Self::Interpolate)];
 
@@ -74,18 +74,13 @@ impl Model {
     ///
     /// [`Error::Invalid`] with the allowed names.
     pub fn from_name(name: &str) -> Result<Self> {
-        Self::ALL.into_iter().find(|(known, _)| *known == name).map(|(_, model)| model).ok_or_else(|| {
-            Error::invalid("model", format!("\"{name}\": must be one of density, interpolate"))
-        })
+        named("model", name, &Self::ALL)
     }
 
     /// Returns the name in scene files and options.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Density => "density",
-            Self::Interpolate => "interpolate",
-        }
+        Self::ALL[self as usize].0
     }
 }
 

@@ -95,27 +95,18 @@ impl Scene {
     /// Returns the grid if the data is one.
     #[must_use]
     pub fn grid(&self) -> Option<&Grid> {
-        match &self.data {
-            Data::Grid(grid) => Some(grid),
-            _ => None,
-        }
+        if let Data::Grid(grid) = &self.data { Some(grid) } else { None }
     }
 
     /// Returns the mesh if the data is one.
     #[must_use]
     pub fn mesh(&self) -> Option<&Tets> {
-        match &self.data {
-            Data::Mesh(mesh) => Some(mesh),
-            _ => None,
-        }
+        if let Data::Mesh(mesh) = &self.data { Some(mesh) } else { None }
     }
 
     /// Returns the points if the data is points.
     #[must_use]
     pub fn points(&self) -> Option<&Points> {
-        match &self.data {
-            Data::Points(points) => Some(points),
-            _ => None,
-        }
+        if let Data::Points(points) = &self.data { Some(points) } else { None }
     }
 }

@@ -153,19 +153,13 @@ impl Points {
             }
             KernelSize::Covariances(all) => {
                 self.fits("covariances", all.len())?;
-                let variances = |c: &[f32; 6]| [c[0], c[3], c[5]].map(f64::from);
-                all.iter()
-                    .enumerate()
-                    .find_map(|(i, c)| variances(c).into_iter().find(|&v| !valid(v)).map(|v| (i, v)))
+                let variances = |(i, c): (usize, &[f32; 6])| [c[0], c[3], c[5]].map(|v| (i, f64::from(v)));
+                all.iter().enumerate().flat_map(variances).find(|&(_, v)| !valid(v))
             }
         };
         if let Some((i, size)) = wrong {
-            return Err(Error::invalid(
-                "sizes of points",
-                format!(
-                    "point {i} has {size}: radii and variances must be finite and not negative, a common radius positive"
-                ),
-            ));
+            let rule = "radii and variances must be finite and not negative, a common radius positive";
+            return Err(Error::invalid("sizes of points", format!("point {i} has {size}: {rule}")));
         }
         self.size = Arc::new(size);
         Ok(self)

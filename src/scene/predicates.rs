@@ -20,7 +20,11 @@ pub(crate) fn along(direction: DVec3) -> Span {
 /// Exact unless products of three components leave the range of float64 after each vector was scaled to about
 /// 1.
 pub(crate) fn sign(rows: [Span; 3]) -> Ordering {
-    let [u, v, w] = rows.map(|[to, from]| to - from);
+    certain(rows.map(|[to, from]| to - from)).unwrap_or_else(|| exact(rows))
+}
+
+/// Returns the sign of det[u, v, w] where float64 is certain of it.
+pub(super) fn certain([u, v, w]: [DVec3; 3]) -> Option<Ordering> {
     let (vw, wv) = (v * DVec3::new(w.y, w.z, w.x), w * DVec3::new(v.y, v.z, v.x));
     // Components of v x w: x from (y, z), y from (z, x), z from (x, y).
     let cross = vw - wv;
@@ -30,10 +34,7 @@ pub(crate) fn sign(rows: [Span; 3]) -> Ordering {
     // Bound A of orient3d. Directions have no rounding of differences, so the bound holds for them too.
     const EPSILON: f64 = f64::EPSILON / 2.0;
     const BOUND: f64 = (7.0 + 56.0 * EPSILON) * EPSILON;
-    if determinant.abs() > BOUND * magnitude {
-        return if determinant > 0.0 { Ordering::Greater } else { Ordering::Less };
-    }
-    exact(rows)
+    determinant.partial_cmp(&0.0).filter(|_| determinant.abs() > BOUND * magnitude)
 }
 
 /// Returns the sign by exact arithmetic.

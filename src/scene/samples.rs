@@ -16,15 +16,20 @@ pub enum Samples {
 }
 
 impl Samples {
+    /// Returns the number of samples, the name of their type in scene files and its size in bytes.
+    fn facts(&self) -> (usize, &'static str, usize) {
+        match self {
+            Self::U8(v) => (v.len(), "u8", 1),
+            Self::U16(v) => (v.len(), "u16", 2),
+            Self::I16(v) => (v.len(), "i16", 2),
+            Self::F32(v) => (v.len(), "f32", 4),
+        }
+    }
+
     /// Returns the number of samples.
     #[must_use]
     pub fn len(&self) -> usize {
-        match self {
-            Self::U8(v) => v.len(),
-            Self::U16(v) => v.len(),
-            Self::I16(v) => v.len(),
-            Self::F32(v) => v.len(),
-        }
+        self.facts().0
     }
 
     /// Returns whether there are no samples.
@@ -51,22 +56,13 @@ impl Samples {
     /// Returns the name of the type in scene files.
     #[must_use]
     pub fn type_name(&self) -> &'static str {
-        match self {
-            Self::U8(_) => "u8",
-            Self::U16(_) => "u16",
-            Self::I16(_) => "i16",
-            Self::F32(_) => "f32",
-        }
+        self.facts().1
     }
 
     /// Returns the size of one sample in bytes.
     #[must_use]
     pub fn sample_bytes(&self) -> usize {
-        match self {
-            Self::U8(_) => 1,
-            Self::U16(_) | Self::I16(_) => 2,
-            Self::F32(_) => 4,
-        }
+        self.facts().2
     }
 
     /// Returns the range of finite values, the number of NaN and the number of infinities. Without finite

@@ -1,9 +1,11 @@
 //! Tetrahedral meshes.
 
+use std::cmp::Ordering;
 use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::predicates;
 use crate::error::{Error, Result};
 use crate::num;
 
@@ -88,10 +90,8 @@ impl Tets {
         if let Some((i, cell)) =
             cells.iter().enumerate().find(|(_, cell)| cell.iter().any(|&i| num::index(i) >= points.len()))
         {
-            return Err(Error::invalid(
-                "mesh cells",
-                format!("tetrahedron {i} has the corners {cell:?}: there are {} points", points.len()),
-            ));
+            let why = format!("tetrahedron {i} has the corners {cell:?}: there are {} points", points.len());
+            return Err(Error::invalid("mesh cells", why));
         }
         let mut mended = Mended::default();
         let mut kept = 0;
@@ -119,10 +119,8 @@ impl Tets {
             kept += 1;
         }
         if kept == 0 {
-            return Err(Error::invalid(
-                "mesh cells",
-                format!("no tetrahedron has a volume: {} were given", cells.len()),
-            ));
+            let why = format!("no tetrahedron has a volume: {} were given", cells.len());
+            return Err(Error::invalid("mesh cells", why));
         }
         cells.truncate(kept);
         if let TetScalars::Cell(values) = &mut scalars {
@@ -226,21 +224,10 @@ impl Orientation {
         if !(a.is_finite() && b.is_finite() && c.is_finite() && d.is_finite()) {
             return Self::Nowhere;
         }
-        let (u, v, w) = (b - a, c - a, d - a);
-        let (p, q) = (v.y * w.z - v.z * w.y, v.z * w.x - v.x * w.z);
-        let r = v.x * w.y - v.y * w.x;
-        let volume = u.x * p + u.y * q + u.z * r;
-        let magnitude = u.x.abs() * ((v.y * w.z).abs() + (v.z * w.y).abs())
-            + u.y.abs() * ((v.z * w.x).abs() + (v.x * w.z).abs())
-            + u.z.abs() * ((v.x * w.y).abs() + (v.y * w.x).abs());
-        const EPSILON: f64 = f64::EPSILON / 2.0;
-        let bound = (7.0 + 56.0 * EPSILON) * EPSILON * magnitude;
-        if volume > bound {
-            Self::Positive
-        } else if -volume > bound {
-            Self::Negative
-        } else {
-            Self::Flat
+        match predicates::certain([b - a, c - a, d - a]) {
+            Some(Ordering::Greater) => Self::Positive,
+            Some(Ordering::Less) => Self::Negative,
+            _ => Self::Flat,
         }
     }
 }

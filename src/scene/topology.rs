@@ -78,10 +78,8 @@ impl Topology {
     pub(crate) fn new(mesh: &Tets) -> Result<Self> {
         let cells = mesh.cells();
         if cells.len() > Self::MAX_CELLS {
-            return Err(Error::unsupported(
-                format!("mesh of {} tetrahedra", cells.len()),
-                format!("at most {} are supported", Self::MAX_CELLS),
-            ));
+            let most = format!("at most {} are supported", Self::MAX_CELLS);
+            return Err(Error::unsupported(format!("mesh of {} tetrahedra", cells.len()), most));
         }
         let (mut sides, ends) = bucket(cells, mesh.points().len());
         let mut faces = Vec::with_capacity(cells.len() * 2 + cells.len() / 8);

@@ -42,22 +42,19 @@ impl TransferFunction {
             return refuse(format!("{} knots: there must be 1 to {}", knots.len(), Self::MAX_KNOTS));
         }
         for (i, knot) in knots.iter().enumerate() {
-            if !knot.s.is_finite() {
-                return refuse(format!("knot {i}: scalar {} must be finite", knot.s));
+            let Knot { s, colour, tau } = *knot;
+            if !s.is_finite() {
+                return refuse(format!("knot {i}: scalar {s} must be finite"));
             }
-            if i > 0 && knot.s < knots[i - 1].s {
-                return refuse(format!(
-                    "knot {i}: scalar {} is below that of knot {} ({}): scalars must not decrease",
-                    knot.s,
-                    i - 1,
-                    knots[i - 1].s
-                ));
+            if let Some(last) = i.checked_sub(1).filter(|&last| s < knots[last].s) {
+                let below = format!("is below that of knot {last} ({})", knots[last].s);
+                return refuse(format!("knot {i}: scalar {s} {below}: scalars must not decrease"));
             }
-            if !(knot.colour.is_finite() && knot.colour.min_element() >= 0.0) {
-                return refuse(format!("knot {i}: colour {} must be finite and not negative", knot.colour));
+            if !(colour.is_finite() && colour.min_element() >= 0.0) {
+                return refuse(format!("knot {i}: colour {colour} must be finite and not negative"));
             }
-            if !(knot.tau.is_finite() && knot.tau >= 0.0) {
-                return refuse(format!("knot {i}: extinction {} must be finite and not negative", knot.tau));
+            if !(tau.is_finite() && tau >= 0.0) {
+                return refuse(format!("knot {i}: extinction {tau} must be finite and not negative"));
             }
         }
         Ok(Self { knots })

@@ -8,8 +8,6 @@
 //! which a grid represents exactly. Uneven slice distances are resampled.
 
 #[cfg(feature = "dicom")]
-mod account;
-#[cfg(feature = "dicom")]
 mod assemble;
 #[cfg(feature = "dicom")]
 mod data_set;

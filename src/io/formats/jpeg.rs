@@ -11,17 +11,11 @@ pub(crate) struct Frame {
 
 /// Finds the only frame of a stream, up to the end of its image; the error says why there is none, or more than one.
 pub(crate) fn frame(bytes: &[u8]) -> Result<Frame, &'static str> {
-    let (mut found, mut scanned) = (None, false);
-    let mut at = 0;
+    let (mut found, mut scanned, mut at) = (None, false, 0);
     while let Some(&byte) = bytes.get(at) {
-        let marker = match (byte, bytes.get(at + 1)) {
-            // Fill bytes.
-            (0xff, Some(0xff)) => {
-                at += 1;
-                continue;
-            }
-            (0xff, Some(&marker)) => marker,
-            // Coded samples, or padding.
+        let marker = match bytes.get(at + 1) {
+            Some(&marker) if byte == 0xff && marker != 0xff => marker,
+            // Coded samples, padding or fill bytes.
             _ => {
                 at += 1;
                 continue;
@@ -33,11 +27,11 @@ pub(crate) fn frame(bytes: &[u8]) -> Result<Frame, &'static str> {
             0xd9 if scanned => break,
             0 | 1 | 0xd0..=0xd9 => {}
             _ => {
-                let length = match bytes.get(at..at + 2) {
-                    Some(pair) => usize::from(u16::from_be_bytes([pair[0], pair[1]])),
-                    None => return Err("it ends within a marker"),
+                let Some(&[high, low]) = bytes.get(at..at + 2) else {
+                    return Err("it ends within a marker");
                 };
-                let Some(segment) = bytes.get(at + 2..at + length.max(2)) else {
+                let length = usize::from(u16::from_be_bytes([high, low])).max(2);
+                let Some(segment) = bytes.get(at + 2..at + length) else {
                     return Err("a segment ends after the stream");
                 };
                 // DHT, DAC and JPG markers do not start a frame.
@@ -52,7 +46,7 @@ pub(crate) fn frame(bytes: &[u8]) -> Result<Frame, &'static str> {
                     found = Some(Frame { bits, width, height, components });
                 }
                 scanned |= marker == 0xda;
-                at += length.max(2);
+                at += length;
             }
         }
     }

@@ -9,11 +9,8 @@
 
 mod calibrate;
 mod calibration;
-mod description;
 pub(crate) mod file;
-mod imagej;
 mod look;
-mod ome;
 mod page;
 mod read_page;
 mod stack;
@@ -27,7 +24,6 @@ use crate::error::{Error, Result};
 use crate::io::build::volume::rescale_of;
 use crate::io::file::budget::Budget;
 use crate::io::file::decode::Layout;
-use crate::io::file::sample_type::Pick;
 use crate::io::file::samples;
 use crate::io::file::source::Source;
 use crate::io::formats::tiff::calibration::{Calibration, Volume};
@@ -64,46 +60,29 @@ impl Reader for Tiff {
         let images = stack.contiguous()?.unwrap_or(stack.pages.len());
         let volumes = stack.calibration.volumes(images);
         if volumes.first().is_none_or(|volume| volume.slices < 2) {
-            let announced = stack.calibration.announced();
-            let more = announced.map(|counts| format!("; {counts}, there is 1 page")).unwrap_or_default();
+            let several = ['C', 'T'].iter().any(|axis| stack.calibration.extent(*axis) > 1);
+            let announced = || format!("; {}, there is 1 page", stack.calibration.announced());
+            let more = if several { announced() } else { String::new() };
             return Err(source.error("pages", format!("{ONE_PAGE}{more}")));
         }
-        let Stack { mut file, shape, pages, ratio, scratch, calibration, notes } = stack;
+        let Stack { file, shape, pages, ratio, scratch, calibration, notes } = stack;
         let look = Look::choose(source, &shape, &volumes, options)?;
-        let volume = &volumes[look.volume];
-        let layout = shape.layout(&look, volume.slices);
-        let (count, in_file) = samples::data_size(source, "pages", &layout, options)?;
-        let most = source.len().saturating_mul(ratio);
-        if in_file > most {
-            return Err(source.error(
-                "pages",
-                format!(
-                    "needs {in_file} bytes for {} slices: {} bytes hold at most {most}",
-                    volume.slices,
-                    source.len()
-                ),
-            ));
-        }
-        let mut budget = Budget::new(source, options);
-        budget.take("pages", wide(count).saturating_mul(stored_bytes(&layout)))?;
-        budget.take("pages", scratch)?;
-        let mut values = Samples::none(layout.kind, layout.pick);
-        values
-            .reserve(count)
-            .map_err(|_| source.error("pages", format!("{count} samples: memory is full")))?;
-        for slice in 0..volume.slices {
-            let index = volume.first + slice * volume.stride;
-            match pages.get(index) {
-                Some(&(number, offset)) => {
-                    let page = file.page(number, offset)?;
-                    shape.check(source, &page)?;
-                    page.decode(&mut file, &look, &layout, &mut values)?;
-                }
+        let Volume { first, stride, slices, .. } = volumes[look.volume];
+        let layout = shape.layout(&look, slices);
+        let most = (source.len().saturating_mul(ratio), format!("{} bytes", source.len()));
+        let mut values = reserve(source, "pages", &layout, &most, scratch, options)?;
+        for index in (0..slices).map(|slice| first + slice * stride) {
+            if let Some(&(number, offset)) = pages.get(index) {
+                let page = file.directory(number, offset)?.page()?;
+                shape.check(source, &page)?;
+                page.append(&file, &page.chunks(&file)?, &look, &mut values)?;
+            } else {
                 // One directory describes several contiguous images.
-                None => shape.decode_after(&mut file, index, &look, &layout, &mut values)?,
+                let (image, strip) = shape.following(&file, index)?;
+                image.append(&file, &[strip], &look, &mut values)?;
             }
         }
-        finish(source, self.name(), layout.dims, values, calibration, &look, notes)
+        finish(source, self.name(), layout.dims, values, calibration, look, notes)
     }
 }
 
@@ -113,46 +92,54 @@ pub(crate) fn read_series(folder: &Path, files: &[PathBuf], options: &ReadOption
         return Err(Error::file(folder, "files", "there is none"));
     };
     let source = &Source::open(path, options)?;
-    let first = Stack::open(source)?;
-    first.single()?;
+    let first = Stack::single(source)?;
     let volumes = [Volume { name: String::new(), first: 0, stride: 1, slices: files.len() }];
     let look = Look::choose(source, &first.shape, &volumes, options)?;
     let layout = first.shape.layout(&look, files.len());
-    let (count, in_file) = samples::data_size(source, "slices", &layout, options)?;
+    samples::data_size(source, "slices", &layout, options)?;
     let (mut most, mut scratch) = (0_u64, 0);
     for path in files {
         let source = Source::open(path, options)?;
-        let stack = Stack::open(&source)?;
-        stack.single()?;
+        let stack = Stack::single(&source)?;
         first.shape.check(&source, &stack.shape)?;
         most = most.saturating_add(source.len().saturating_mul(stack.ratio));
         scratch = stack.scratch.max(scratch);
     }
-    if in_file > most {
-        return Err(source.error(
-            "slices",
-            format!("needs {in_file} bytes for {} slices: the files hold at most {most}", files.len()),
-        ));
-    }
-    let mut budget = Budget::new(source, options);
-    budget.take("slices", wide(count).saturating_mul(stored_bytes(&layout)))?;
-    budget.take("slices", scratch)?;
-    let mut values = Samples::none(layout.kind, layout.pick);
-    values.reserve(count).map_err(|_| source.error("slices", format!("{count} samples: memory is full")))?;
+    let most = (most, "the files".to_owned());
+    let mut values = reserve(source, "slices", &layout, &most, scratch, options)?;
     for path in files {
         let source = Source::open(path, options)?;
-        let mut stack = Stack::open(&source)?;
         // The file may have been replaced in the meantime.
-        stack.single()?;
+        let stack = Stack::single(&source)?;
         first.shape.check(&source, &stack.shape)?;
-        stack.shape.decode(&mut stack.file, &look, &layout, &mut values)?;
+        stack.shape.append(&stack.file, &stack.shape.chunks(&stack.file)?, &look, &mut values)?;
     }
     let Stack { calibration, notes, .. } = first;
-    finish(source, "TIFF slices", layout.dims, values, calibration, &look, notes)
+    finish(source, "TIFF slices", layout.dims, values, calibration, look, notes)
 }
 
-fn stored_bytes(layout: &Layout) -> u64 {
-    if layout.pick == Pick::Magnitude { 4 } else { layout.kind.stored_bytes() }
+/// Takes the memory for these samples, which the files must be able to hold: at most `most` bytes. `scratch` is what
+/// decoding a page takes in addition.
+fn reserve(
+    source: &Source,
+    place: &str,
+    layout: &Layout,
+    (most, holder): &(u64, String),
+    scratch: u64,
+    options: &ReadOptions,
+) -> Result<Samples> {
+    let (count, in_file) = samples::data_size(source, place, layout, options)?;
+    if in_file > *most {
+        let rule =
+            format!("needs {in_file} bytes for {} slices: {holder} hold at most {most}", layout.dims[2]);
+        return Err(source.error(place, rule));
+    }
+    let mut values = Samples::none(layout.kind, layout.pick);
+    let mut budget = Budget::new(source, options);
+    budget.take(place, wide(count).saturating_mul(wide(values.sample_bytes())))?;
+    budget.take(place, scratch)?;
+    values.reserve(count).map_err(|_| source.error(place, format!("{count} samples: memory is full")))?;
+    Ok(values)
 }
 
 fn finish(
@@ -161,7 +148,7 @@ fn finish(
     dims: [u32; 3],
     values: Samples,
     calibration: Calibration,
-    look: &Look,
+    look: Look,
     mut notes: Vec<String>,
 ) -> Result<Loaded> {
     let located = |error: Error| error.in_file(source.path());
@@ -177,14 +164,10 @@ fn finish(
     notes.extend(calibration.notes);
     loaded.report.notes = notes;
     loaded.report.warnings = calibration.warnings;
-    if look.volumes > 1 && !look.asked {
-        let warning =
-            format!("{} volumes, {} is shown: name another array to see it", look.volumes, look.shown);
-        loaded.report.warnings.push(warning);
-    }
+    loaded.report.warnings.extend(look.others);
     if look.arrays.len() > 1 || look.arrays.iter().any(|array| array.components > 1) {
-        loaded.report.arrays.clone_from(&look.arrays);
-        loaded.report.shown = Some(look.shown.clone());
+        loaded.report.arrays = look.arrays;
+        loaded.report.shown = Some(look.shown);
     }
     Ok(loaded)
 }

@@ -24,10 +24,7 @@ const FILL: f64 = 0.98;
 /// [`crate::Error::Invalid`] if `width` or `height` is not a valid image side, or if the box is so large, so
 /// small or so far from the origin that no camera sees it in float64.
 pub fn camera(data: &Data, width: u32, height: u32) -> Result<Camera> {
-    let anatomy = match data {
-        Data::Grid(grid) => grid.anatomy(),
-        Data::Mesh(_) | Data::Points(_) => Anatomy::Unknown,
-    };
+    let anatomy = if let Data::Grid(grid) = data { grid.anatomy() } else { Anatomy::Unknown };
     // World directions to the viewer and to the viewer's right.
     let (front, right) = match anatomy {
         Anatomy::Unknown => (DVec3::NEG_Y, DVec3::X),

@@ -1,12 +1,13 @@
 //! The automatic transfer function of a grid.
 
-use super::ramp::{DEPTH, WARM, knot, ramp, ramp_down};
-use super::statistics::{BINS, Histogram, RAYS, SAMPLES, quantile, sorted, stride};
+use super::statistics::{
+    BINS, DEPTH, Histogram, RAYS, SAMPLES, WARM, knot, quantile, ramp, ramp_down, sorted, stride, substantial,
+};
 use crate::error::Result;
 use crate::num;
+use crate::scene::grid::turned;
 use crate::scene::{Grid, Knot, TransferFunction};
 
-/// Returns the transfer function; see [`super::transfer`].
 pub(super) fn transfer(grid: &Grid) -> Result<TransferFunction> {
     let knots = shape(grid);
     let depth = dense_depth(grid, &TransferFunction::new(knots.clone())?);
@@ -45,27 +46,27 @@ fn foreground(grid: &Grid, values: &[f64]) -> (f64, bool) {
 
 /// Returns the 90 % quantile of optical depth over index-aligned rays, leaving out nearly empty ones.
 fn dense_depth(grid: &Grid, transfer: &TransferFunction) -> f64 {
-    let dims = grid.dims();
-    let mut depths = Vec::new();
-    for axis in 0..3 {
-        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-        let step = grid.spacing()[axis];
-        let area = num::index(dims[u]) * num::index(dims[v]);
-        for ray in (0..area).step_by(stride(area, RAYS)) {
-            let mut index = [0_u32; 3];
-            index[u] = num::count(ray % num::index(dims[u]));
-            index[v] = num::count(ray / num::index(dims[u]));
-            let mut depth = 0.0;
-            for i in 0..dims[axis] {
-                index[axis] = i;
-                depth += transfer.at(grid.value(index[0], index[1], index[2])).1;
-            }
-            depths.push(depth * step);
-        }
-    }
-    let most = depths.iter().copied().fold(0.0, f64::max);
-    depths.retain(|&depth| depth > 0.01 * most);
-    quantile(&sorted(depths), 0.9)
+    let rays = (0..3).flat_map(|axis| spread(grid, axis, RAYS).map(move |ray| (axis, ray)));
+    let depth = |(axis, ray)| {
+        let taus = (0..grid.dims()[axis]).map(|i| transfer.at(value(grid, axis, ray, i)).1);
+        taus.sum::<f64>() * grid.spacing()[axis]
+    };
+    quantile(&substantial(rays.map(depth).collect()), 0.9)
+}
+
+/// Returns numbers of about `wanted` rays along an axis, counted over the face that they cross.
+fn spread(grid: &Grid, axis: usize, wanted: usize) -> impl Iterator<Item = usize> {
+    let [u, v, _] = turned(grid.dims(), axis).map(num::index);
+    (0..u * v).step_by(stride(u * v, wanted))
+}
+
+/// Returns the value of sample `i` on a ray along an axis.
+fn value(grid: &Grid, axis: usize, ray: usize, i: u32) -> f64 {
+    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+    let width = num::index(grid.dims()[u]);
+    let mut index = [i; 3];
+    (index[u], index[v]) = (num::count(ray % width), num::count(ray / width));
+    grid.value(index[0], index[1], index[2])
 }
 
 /// Returns an evenly spread, repeatable subset of the samples.
@@ -78,21 +79,9 @@ fn all_samples(grid: &Grid) -> Vec<f64> {
 
 /// Returns a subset of the samples on the six faces of the box.
 fn faces(grid: &Grid) -> Vec<f64> {
-    let dims = grid.dims();
-    let mut values = Vec::new();
-    for axis in 0..3 {
-        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-        let area = num::index(dims[u]) * num::index(dims[v]);
-        for i in (0..area).step_by(stride(area, SAMPLES / 16)) {
-            for end in [0, dims[axis] - 1] {
-                let mut index = [end; 3];
-                index[u] = num::count(i % num::index(dims[u]));
-                index[v] = num::count(i / num::index(dims[u]));
-                values.push(grid.value(index[0], index[1], index[2]));
-            }
-        }
-    }
-    values
+    let rays = (0..3).flat_map(|axis| spread(grid, axis, SAMPLES / 16).map(move |ray| (axis, ray)));
+    let ends = |(axis, ray)| [0, grid.dims()[axis] - 1].map(|end| value(grid, axis, ray, end));
+    rays.flat_map(ends).collect()
 }
 
 #[cfg(test)]

@@ -3,8 +3,10 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::ramp::{DEPTH, RAMP, WARM, knot, ramp, ramp_down};
-use super::statistics::{BINS, Histogram, RAYS, SAMPLES, quantile, sorted, stride};
+use super::statistics::{
+    BINS, Histogram, RAMP, RAYS, SAMPLES, WARM, hazy, knot, quantile, ramp, ramp_down, span, stride,
+    substantial,
+};
 use crate::error::Result;
 use crate::num;
 use crate::scene::{Knot, TetScalars, Tets, TransferFunction};
@@ -19,9 +21,6 @@ const BACKGROUND: f64 = 0.1;
 /// other side more, only the other side is shown.
 const NEGLIGIBLE: f64 = 0.002;
 
-/// Optical depth of the background along the densest tenth of rays through background alone.
-const HAZE: f64 = 0.3;
-
 /// Linear colours of values below the background.
 const COOL: [[f64; 3]; RAMP.len()] = [
     [0.03, 0.08, 0.24],
@@ -33,13 +32,8 @@ const COOL: [[f64; 3]; RAMP.len()] = [
     [0.92, 0.98, 1.0],
 ];
 
-/// Returns the transfer function; see [`super::transfer`].
 pub(super) fn transfer(mesh: &Tets) -> Result<TransferFunction> {
-    let knots = shape(mesh);
-    let scale = DEPTH / dense_depth(mesh, &TransferFunction::new(knots.clone())?);
-    let haze = HAZE / dense_depth(mesh, &TransferFunction::new(vec![knot(0.0, 1.0, WARM[0])])?);
-    let tau = |tau: f64| (tau * scale).max(haze);
-    TransferFunction::new(knots.into_iter().map(|knot| Knot { tau: tau(knot.tau), ..knot }).collect())
+    hazy(shape(mesh), |transfer| dense_depth(mesh, transfer))
 }
 
 /// Returns the knots, with extinction relative to its largest value.
@@ -69,14 +63,9 @@ fn shape(mesh: &Tets) -> Vec<Knot> {
     } else if above.len() <= few {
         above.clear();
     }
-    let mut knots = Vec::new();
-    if !below.is_empty() {
-        knots.extend(ramp_down(foot_below, &below, &COOL));
-    }
-    if !above.is_empty() {
-        knots.extend(ramp(foot_above, &above, &WARM));
-    }
-    knots
+    let cool = (!below.is_empty()).then(|| ramp_down(foot_below, &below, &COOL));
+    let warm = (!above.is_empty()).then(|| ramp(foot_above, &above, &WARM));
+    cool.into_iter().chain(warm).flatten().collect()
 }
 
 /// Returns corners and scalars of a tetrahedron, or `None` where a scalar is not finite.
@@ -117,11 +106,8 @@ fn drawn(mesh: &Tets) -> Vec<f64> {
 
 /// Returns the 90 % quantile of optical depth over axis-aligned rays, leaving out nearly empty ones.
 fn dense_depth(mesh: &Tets, transfer: &TransferFunction) -> f64 {
-    let mut depths: Vec<f64> =
-        (0..3).into_par_iter().flat_map(|axis| ray_depths(mesh, transfer, axis)).collect();
-    let most = depths.iter().copied().fold(0.0, f64::max);
-    depths.retain(|&depth| depth > 0.01 * most);
-    let depth = quantile(&sorted(depths), 0.9);
+    let depths = (0..3).into_par_iter().flat_map(|axis| ray_depths(mesh, transfer, axis)).collect();
+    let depth = quantile(&substantial(depths), 0.9);
     let [low, high] = mesh.bounds();
     // Features that every ray misses are smaller than the distance between rays.
     if depth > 0.0 { depth } else { (high - low).max_element() / num::f64_of(RAYS).sqrt() }
@@ -141,11 +127,7 @@ fn ray_depths(mesh: &Tets, transfer: &TransferFunction, axis: usize) -> Vec<f64>
     let mut depths = vec![0.0; side * side];
     for ([a, b, c, d], s) in (0..mesh.cells().len()).filter_map(|cell| tet(mesh, cell)) {
         let (least, most) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
-        let span = |axis: usize| {
-            let first = num::usize_of(((least[axis] - low[axis]) / step[axis] - 1.0).max(0.0));
-            let last = num::usize_of((most[axis] - low[axis]) / step[axis]);
-            first..=last.min(side - 1)
-        };
+        let span = |axis: usize| span([least[axis] - low[axis], most[axis] - low[axis]], step[axis], side);
         // Gradients of three barycentric coordinates.
         let [p, q, r] = [b - a, c - a, d - a];
         let volume = p.dot(q.cross(r));
@@ -154,14 +136,9 @@ fn ray_depths(mesh: &Tets, transfer: &TransferFunction, axis: usize) -> Vec<f64>
             for i in span(u) {
                 let mut from = a;
                 (from[u], from[v]) = (place(u, i), place(v, j));
-                let [w1, w2, w3] = gradients.map(|gradient| gradient.dot(from - a));
-                let slopes = gradients.map(|gradient| gradient[axis]);
-                let coordinates = [
-                    (1.0 - w1 - w2 - w3, -slopes[0] - slopes[1] - slopes[2]),
-                    (w1, slopes[0]),
-                    (w2, slopes[1]),
-                    (w3, slopes[2]),
-                ];
+                // Value at the beginning of the ray and slope of each barycentric coordinate.
+                let [x, y, z] = gradients.map(|gradient| (gradient.dot(from - a), gradient[axis]));
+                let coordinates = [(1.0 - x.0 - y.0 - z.0, -x.1 - y.1 - z.1), x, y, z];
                 let (mut t0, mut t1) = (f64::NEG_INFINITY, f64::INFINITY);
                 for (at, slope) in coordinates {
                     if slope > 0.0 {
@@ -186,6 +163,7 @@ fn ray_depths(mesh: &Tets, transfer: &TransferFunction, axis: usize) -> Vec<f64>
 
 #[cfg(test)]
 mod tests {
+    use super::super::statistics::HAZE;
     use super::*;
     use crate::scene::Field;
 

@@ -3,8 +3,7 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::ramp::{DEPTH, WARM, knot, ramp};
-use super::statistics::{RAYS, SAMPLES, quantile, sorted, stride};
+use super::statistics::{RAYS, SAMPLES, WARM, hazy, knot, quantile, ramp, sorted, span, stride, substantial};
 use crate::error::Result;
 use crate::num;
 use crate::scene::{KernelSize, Kernels, Knot, Model, Points, TransferFunction};
@@ -12,26 +11,17 @@ use crate::scene::{KernelSize, Kernels, Knot, Model, Points, TransferFunction};
 /// Linear colour of points without scalars.
 const PLAIN: [f64; 3] = [0.46, 0.68, 0.95];
 
-/// Optical depth of the lowest scalars along the densest tenth of rays through them alone.
-const HAZE: f64 = 0.3;
-
 /// Approximate limit of intersections of rays and kernels that are computed along each axis.
 const CROSSINGS: usize = 1 << 24;
 
 /// Smallest number of rays along a side of the image.
 const FEWEST: usize = 16;
 
-/// Returns the transfer function; see [`super::transfer_of`].
 pub(super) fn transfer(points: &Points, kernels: &Kernels) -> Result<TransferFunction> {
     // Unknown sizes are estimated, as when a scene is loaded.
     let estimated = (*points.size() == KernelSize::Unknown).then(|| points.clone().with_estimated_radius());
     let points = estimated.as_ref().unwrap_or(points);
-    let knots = shape(points);
-    let one = TransferFunction::new(vec![knot(0.0, 1.0, PLAIN)])?;
-    let scale = DEPTH / dense_depth(points, kernels, &TransferFunction::new(knots.clone())?);
-    let haze = HAZE / dense_depth(points, kernels, &one);
-    let tau = |tau: f64| (tau * scale).max(haze);
-    TransferFunction::new(knots.into_iter().map(|knot| Knot { tau: tau(knot.tau), ..knot }).collect())
+    hazy(shape(points), |transfer| dense_depth(points, kernels, transfer))
 }
 
 /// Returns the knots, with extinction relative to its largest value.
@@ -66,49 +56,41 @@ struct Footprint {
     scalar: f64,
 }
 
-/// The kernels projected along an axis.
-struct Footprints<'a> {
-    points: &'a Points,
-    axes: [usize; 3],
-    low: DVec3,
-}
-
-impl Footprints<'_> {
-    fn of(&self, i: usize) -> Option<Footprint> {
-        let [axis, u, v] = self.axes;
-        // Relative to the largest variance: products of tiny lengths would underflow.
-        let (variance, c) = match self.points.size() {
-            KernelSize::Unknown => return None,
-            KernelSize::Radius(radius) => ((radius / 3.0).powi(2), [1.0, 0.0, 0.0, 1.0, 0.0, 1.0]),
-            KernelSize::Radii(radii) => ((f64::from(radii[i]) / 3.0).powi(2), [1.0, 0.0, 0.0, 1.0, 0.0, 1.0]),
-            KernelSize::Covariances(all) => {
-                let c = all[i].map(f64::from);
-                let most = c[0].max(c[3]).max(c[5]);
-                (most, c.map(|c| c / most))
-            }
-        };
-        let weight = self.points.weights().map_or(1.0, |weights| f64::from(weights[i]));
-        let entry = |a: usize, b: usize| c[[[0, 1, 2], [1, 3, 4], [2, 4, 5]][a][b]];
-        let (uu, uv, vv) = (entry(u, u), entry(u, v), entry(v, v));
-        let (au, av) = (entry(axis, u), entry(axis, v));
-        let across = uu * vv - uv * uv;
-        // Schur complement: the variance along the axis for a fixed position across it.
-        let along = entry(axis, axis) - (au * au * vv - 2.0 * au * av * uv + av * av * uu) / across;
-        let shows = self.points.shows(i) && weight > 0.0 && weight.is_finite() && variance > 0.0;
-        if !(shows && across > 0.0 && along > 0.0) {
-            return None;
+/// Projects kernel `i` along the first axis; None if it is invisible or flat. `low` is the low corner of the box.
+fn project(points: &Points, [axis, u, v]: [usize; 3], low: DVec3, i: usize) -> Option<Footprint> {
+    let round = |radius: f64| ((radius / 3.0).powi(2), [1.0, 0.0, 0.0, 1.0, 0.0, 1.0]);
+    // Relative to the largest variance: products of tiny lengths would underflow.
+    let (variance, c) = match points.size() {
+        KernelSize::Unknown => return None,
+        KernelSize::Radius(radius) => round(*radius),
+        KernelSize::Radii(radii) => round(radii[i].into()),
+        KernelSize::Covariances(all) => {
+            let c = all[i].map(f64::from);
+            let most = c[0].max(c[3]).max(c[5]);
+            (most, c.map(|c| c / most))
         }
-        let centre = self.points.centres()[i] - self.low;
-        Some(Footprint {
-            middle: DVec2::new(centre[u], centre[v]),
-            along: centre[axis],
-            inverse: [vv, -uv, uu].map(|entry| entry / across / variance),
-            reach: 3.0 * (DVec2::new(uu, vv) * variance).map(f64::sqrt),
-            sigma: (along * variance).sqrt(),
-            weight,
-            scalar: self.points.scalars().map_or(1.0, |scalars| scalars[i].into()),
-        })
+    };
+    let weight = points.weights().map_or(1.0, |weights| f64::from(weights[i]));
+    let entry = |a: usize, b: usize| c[[[0, 1, 2], [1, 3, 4], [2, 4, 5]][a][b]];
+    let (uu, uv, vv) = (entry(u, u), entry(u, v), entry(v, v));
+    let (au, av) = (entry(axis, u), entry(axis, v));
+    let across = uu * vv - uv * uv;
+    // Schur complement: the variance along the axis for a fixed position across it.
+    let along = entry(axis, axis) - (au * au * vv - 2.0 * au * av * uv + av * av * uu) / across;
+    let shows = points.shows(i) && weight > 0.0 && weight.is_finite() && variance > 0.0;
+    if !(shows && across > 0.0 && along > 0.0) {
+        return None;
     }
+    let centre = points.centres()[i] - low;
+    Some(Footprint {
+        middle: DVec2::new(centre[u], centre[v]),
+        along: centre[axis],
+        inverse: [vv, -uv, uu].map(|entry| entry / across / variance),
+        reach: 3.0 * (DVec2::new(uu, vv) * variance).map(f64::sqrt),
+        sigma: (along * variance).sqrt(),
+        weight,
+        scalar: points.scalars().map_or(1.0, |scalars| scalars[i].into()),
+    })
 }
 
 /// Sums over the kernels on a ray.
@@ -127,23 +109,20 @@ struct RaySums {
 /// Returns the 90 % quantile of optical depth over axis-aligned rays, leaving out nearly empty ones;
 /// positive.
 fn dense_depth(points: &Points, kernels: &Kernels, transfer: &TransferFunction) -> f64 {
-    let mut depths: Vec<f64> =
-        (0..3).into_par_iter().flat_map(|axis| ray_depths(points, kernels, transfer, axis)).collect();
-    let most = depths.iter().copied().fold(0.0, f64::max);
-    depths.retain(|&depth| depth > 0.01 * most);
+    let depths = (0..3).into_par_iter().flat_map(|axis| ray_depths(points, kernels, transfer, axis));
+    let depths = substantial(depths.collect());
     // Rays rarely meet small kernels, which then rarely overlap: measure single kernels.
     let few = depths.len() < FEWEST * FEWEST;
     let single = if few { single_depth(points, kernels, transfer) } else { 0.0 };
-    let depth = quantile(&sorted(depths), 0.9).max(single);
+    let depth = quantile(&depths, 0.9).max(single);
     if depth > 0.0 && depth.is_finite() { depth } else { 1.0 }
 }
 
 /// Returns the 90 % quantile of optical depth over rays through the centres of single kernels.
 fn single_depth(points: &Points, kernels: &Kernels, transfer: &TransferFunction) -> f64 {
-    let footprints = Footprints { points, axes: [0, 1, 2], low: DVec3::ZERO };
     let count = points.centres().len();
     let depths = (0..count).step_by(stride(count, SAMPLES)).filter_map(|i| {
-        let footprint = footprints.of(i)?;
+        let footprint = project(points, [0, 1, 2], DVec3::ZERO, i)?;
         let mut ray = RaySums::default();
         ray.add(&footprint, 0.0, kernels, transfer, 0.0);
         Some(ray.depth(kernels, f64::INFINITY))
@@ -197,13 +176,13 @@ fn ray_depths(points: &Points, kernels: &Kernels, transfer: &TransferFunction, a
     let axes = [axis, (axis + 1) % 3, (axis + 2) % 3];
     let [low, high] = points.reach();
     let size = DVec2::new((high - low)[axes[1]], (high - low)[axes[2]]);
-    let footprints = Footprints { points, axes, low };
+    let footprint = |i: usize| project(points, axes, low, i);
     let count = points.centres().len();
 
     // Where kernels are many and large, fewer rays suffice, and then a subset of the kernels.
     let subset = stride(count, SAMPLES / 16);
     let shares = (0..count).step_by(subset).filter_map(|i| {
-        let share = 2.0 * footprints.of(i)?.reach / size;
+        let share = 2.0 * footprint(i)?.reach / size;
         Some((share.x * share.y).min(1.0))
     });
     let share = shares.sum::<f64>() * num::f64_of(subset);
@@ -223,13 +202,10 @@ fn ray_depths(points: &Points, kernels: &Kernels, transfer: &TransferFunction, a
     // Offset from the middle by different amounts, so that no ray passes through the points of a lattice.
     let place = |i: usize, axis: usize| step[axis] * (num::f64_of(i) + [0.4427, 0.5839][axis]);
     let mut all = vec![RaySums::default(); side * side];
-    for footprint in (0..count).step_by(each).filter_map(|i| footprints.of(i)) {
+    for footprint in (0..count).step_by(each).filter_map(footprint) {
         let Footprint { middle, reach, inverse, .. } = footprint;
-        let span = |axis: usize| {
-            let first = num::usize_of(((middle[axis] - reach[axis]) / step[axis] - 1.0).max(0.0));
-            let last = num::usize_of((middle[axis] + reach[axis]) / step[axis]);
-            first..=last.min(side - 1)
-        };
+        let span =
+            |axis: usize| span([middle[axis] - reach[axis], middle[axis] + reach[axis]], step[axis], side);
         for j in span(1) {
             for i in span(0) {
                 let p = DVec2::new(place(i, 0), place(j, 1)) - middle;
@@ -249,6 +225,7 @@ fn ray_depths(points: &Points, kernels: &Kernels, transfer: &TransferFunction, a
 
 #[cfg(test)]
 mod tests {
+    use super::super::statistics::DEPTH;
     use super::*;
     use crate::scene::Field;
 

@@ -1,6 +1,12 @@
-//! Histograms, quantiles and subsets of values.
+//! Histograms, quantiles and subsets of values, and knots at quantiles.
 
+use std::ops::RangeInclusive;
+
+use glam::DVec3;
+
+use crate::error::Result;
 use crate::num;
+use crate::scene::{Knot, TransferFunction};
 
 /// Largest number of samples or cells in the histogram.
 pub(super) const SAMPLES: usize = 1 << 20;
@@ -36,8 +42,7 @@ impl Histogram {
 
     /// Returns the fullest bin.
     pub(super) fn peak(&self) -> usize {
-        let fullest = self.counts.iter().enumerate().max_by_key(|&(bin, count)| (*count, BINS - bin));
-        fullest.map_or(0, |(bin, _)| bin)
+        (0..BINS).max_by_key(|&bin| (self.counts[bin], BINS - bin)).unwrap_or(0)
     }
 
     /// Returns the foot of a peak on one side.
@@ -83,8 +88,86 @@ pub(super) fn sorted(mut values: Vec<f64>) -> Vec<f64> {
     values
 }
 
+/// Returns the numbers of the rays, of `side` at distance `step`, that may pass between two places.
+pub(super) fn span([from, to]: [f64; 2], step: f64, side: usize) -> RangeInclusive<usize> {
+    num::usize_of((from / step - 1.0).max(0.0))..=num::usize_of(to / step).min(side - 1)
+}
+
+/// Returns the optical depths of rays in ascending order, without those of nearly empty ones.
+pub(super) fn substantial(mut depths: Vec<f64>) -> Vec<f64> {
+    let most = depths.iter().copied().fold(0.0, f64::max);
+    depths.retain(|&depth| depth > 0.01 * most);
+    sorted(depths)
+}
+
 /// Returns the value below which a share of a sorted list lies; NaN for an empty list.
 pub(super) fn quantile(sorted: &[f64], share: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
     sorted[num::usize_of((share * num::f64_of(last)).round()).min(last)]
+}
+
+/// Optical depth of the densest tenth of the rays through the data.
+pub(super) const DEPTH: f64 = 5.0;
+/// Optical depth of the values with the least extinction along the densest tenth of the rays through them alone.
+pub(super) const HAZE: f64 = 0.3;
+/// For each knot: the share of the foreground's samples below it, and its relative extinction.
+pub(super) const RAMP: [(f64, f64); 7] =
+    [(0.0, 0.0), (0.25, 0.025), (0.50, 0.08), (0.70, 0.20), (0.85, 0.45), (0.95, 0.80), (0.995, 1.0)];
+
+/// Linear colours of the knots, warm and neutral: from brown for thin and frequent values to white for dense
+/// and rare ones.
+pub(super) const WARM: [[f64; 3]; RAMP.len()] = [
+    [0.24, 0.06, 0.03],
+    [0.34, 0.09, 0.04],
+    [0.50, 0.17, 0.07],
+    [0.68, 0.31, 0.14],
+    [0.84, 0.54, 0.30],
+    [0.95, 0.82, 0.60],
+    [1.0, 0.98, 0.92],
+];
+
+pub(super) fn knot(s: f64, tau: f64, [r, g, b]: [f64; 3]) -> Knot {
+    Knot { s, colour: DVec3::new(r, g, b), tau }
+}
+
+/// Returns a transfer function of knots, with extinction scaled for [`DEPTH`] along the densest rays, as `depth`
+/// measures it, and at least so that a haze remains.
+pub(super) fn hazy(knots: Vec<Knot>, depth: impl Fn(&TransferFunction) -> f64) -> Result<TransferFunction> {
+    let scale = DEPTH / depth(&TransferFunction::new(knots.clone())?);
+    let haze = HAZE / depth(&TransferFunction::new(vec![knot(0.0, 1.0, WARM[0])])?);
+    let scaled = |knot: Knot| Knot { tau: (knot.tau * scale).max(haze), ..knot };
+    TransferFunction::new(knots.into_iter().map(scaled).collect())
+}
+
+/// Returns knots from the foot of the background upwards, at quantiles of the ascending values above it.
+///
+/// Extinction is relative to its largest value.
+pub(super) fn ramp(foot: f64, above: &[f64], colours: &[[f64; 3]; RAMP.len()]) -> Vec<Knot> {
+    let mut knots = vec![knot(foot, RAMP[0].1, colours[0])];
+    let mut group = 0;
+    for (i, &(rank, tau)) in RAMP.iter().enumerate().skip(1) {
+        let s = quantile(above, rank);
+        if knots.len() > 1 && s <= knots[knots.len() - 1].s {
+            // Quantiles that coincide share one knot, the middle one of them.
+            group += 1;
+            let middle = i - group / 2;
+            let last = knots.len() - 1;
+            knots[last] = knot(s, RAMP[middle].1, colours[middle]);
+        } else {
+            group = 0;
+            knots.push(knot(s, tau, colours[i]));
+        }
+    }
+    knots
+}
+
+/// Returns knots from the foot downwards, at quantiles of the ascending values below it.
+pub(super) fn ramp_down(foot: f64, below: &[f64], colours: &[[f64; 3]; RAMP.len()]) -> Vec<Knot> {
+    let mirrored: Vec<f64> = below.iter().rev().map(|s| -s).collect();
+    let mut knots = ramp(-foot, &mirrored, colours);
+    for knot in &mut knots {
+        knot.s = -knot.s;
+    }
+    knots.reverse();
+    knots
 }

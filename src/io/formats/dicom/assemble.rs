@@ -4,17 +4,15 @@ use glam::{DMat3, DVec3};
 
 use crate::error::{Error, Result};
 use crate::io::build::resample;
-use crate::io::file::budget::Budget;
 use crate::io::file::decode::{self, Layout};
 use crate::io::file::sample_type::{Pick, SampleType};
 use crate::io::file::samples;
 use crate::io::file::source::Source;
-use crate::io::formats::dicom::account::Account;
-use crate::io::formats::dicom::header::{self, Header, vector};
+use crate::io::formats::dicom::header::{Account, Header, MAX_FRAMES};
 use crate::io::formats::dicom::placement::{Frame, Line, Slice};
 use crate::io::formats::dicom::recognise::NAME;
 use crate::io::formats::dicom::syntax::Packing;
-use crate::io::formats::dicom::{data_set, frames};
+use crate::io::formats::dicom::{data_set, frames, placement};
 use crate::io::options::ReadOptions;
 use crate::io::report::Loaded;
 use crate::num;
@@ -51,20 +49,22 @@ pub(crate) fn assemble(
     let same = slices.iter().all(|slice| slice.rescale == rescale);
     let extent = |size: u64| u32::try_from(size).unwrap_or(u32::MAX);
     let dims = [extent(first.columns), extent(first.rows), num::count(count)];
-    let layout = Layout::scalar(dims, kind, first.endian);
+    let layout = Layout::scalar(dims, kind, first.syntax.endian);
     let (total, _) = samples::data_size(source, "Rows, Columns, slices", &layout, options)?;
-    let mut budget = account.budget.clone();
     let stored = if same { kind.stored_bytes() } else { 4 };
-    budget.take("series", num::wide(total).saturating_mul(stored))?;
+    account.budget.take("series", num::wide(total).saturating_mul(stored))?;
     let scratch = headers.iter().map(frames::scratch).max().unwrap_or(0);
     // One slice is converted at a time if slices differ in rescale.
     let one = if same { 0 } else { first.rows.saturating_mul(first.columns).saturating_mul(4) };
-    budget.take("one slice", scratch.saturating_add(one))?;
+    account.budget.take("one slice", scratch.saturating_add(one))?;
+    let mut values = Samples::none(if same { kind } else { SampleType::F32 }, Pick::Component(0));
+    values.reserve(total).map_err(|_| source.error("series", format!("{total} samples: memory is full")))?;
+    append(&mut values, first, &slices, layout, same, open, &mut account)?;
 
-    let reader = SliceReader { first, frame: &frame, layout, kind, same, pixels: total / count };
-    let values = reader.read(source, &slices, total, open, &mut account, &mut budget)?;
-
-    let mut warnings: Vec<String> = first.warnings.iter().map(|&warning| warning.to_owned()).collect();
+    let mut warnings = Vec::new();
+    if first.table {
+        warnings.push("ModalityLUTSequence is not applied: values are as stored".to_owned());
+    }
     describe(first, same, &mut notes);
     if frame.guessed {
         warnings.push("no PixelSpacing: 1 mm is assumed".to_owned());
@@ -81,7 +81,7 @@ pub(crate) fn assemble(
             let list = |extent: u32| (0..extent).map(f64::from).collect::<Vec<_>>();
             let places = [list(dims[0]), list(dims[1]), heights];
             warnings.push(format!("distances of slices are uneven: {} mm", line.gaps));
-            let even = resample::evenly(source, "slices", dims, values, places, &mut budget)?;
+            let even = resample::evenly(source, "slices", dims, values, places, &mut account.budget)?;
             notes.extend(even.note);
             (even.dims, even.samples, even.steps.z)
         }
@@ -108,133 +108,101 @@ fn describe(first: &Header, same: bool, notes: &mut Vec<String>) {
         notes.push("MONOCHROME1: the smallest value is white; values are kept as they are stored".to_owned());
     }
     if first.stored < first.allocated && !first.float {
-        notes.push(format!(
-            "{} of {} bits are samples, the others are left out",
-            first.stored, first.allocated
-        ));
+        let Header { stored, allocated, .. } = first;
+        notes.push(format!("{stored} of {allocated} bits are samples, the others are left out"));
     }
     if first.packing == Packing::Jpeg
-        && matches!(first.syntax.as_str(), "1.2.840.10008.1.2.4.50" | "1.2.840.10008.1.2.4.51")
+        && matches!(first.uid.as_str(), "1.2.840.10008.1.2.4.50" | "1.2.840.10008.1.2.4.51")
     {
         notes.push("JPEG: values are those of a lossy compression".to_owned());
     }
     if !same {
-        notes.push(
-            "slices differ in slope and intercept: values are rescaled and kept as 32-bit floats".to_owned(),
-        );
+        let note = "slices differ in slope and intercept: values are rescaled and kept as 32-bit floats";
+        notes.push(note.to_owned());
     }
 }
 
-/// Reads the samples of all slices.
-struct SliceReader<'a> {
-    first: &'a Header,
-    frame: &'a Frame,
+/// Appends the samples of slice after slice; a file with several frames is opened once. If slices differ in rescale, it
+/// is applied here.
+fn append(
+    values: &mut Samples,
+    first: &Header,
+    slices: &[Slice],
     layout: Layout,
-    kind: SampleType,
-    /// Whether all slices have the same rescale; else it is applied here.
     same: bool,
-    /// Pixels of a slice.
-    pixels: usize,
-}
-
-impl SliceReader<'_> {
-    /// Appends slice after slice; a file with several frames is opened once.
-    fn read(
-        &self,
-        source: &Source,
-        slices: &[Slice],
-        total: usize,
-        open: &Open,
-        account: &mut Account,
-        budget: &mut Budget,
-    ) -> Result<Samples> {
-        let list = if self.same { self.kind } else { SampleType::F32 };
-        let mut values = Samples::none(list, Pick::Component(0));
-        values
-            .reserve(total)
-            .map_err(|_| source.error("series", format!("{total} samples: memory is full")))?;
-        let mut opened: Option<(usize, Source, Source, Header)> = None;
-        for slice in slices {
-            if opened.as_ref().is_none_or(|(file, ..)| *file != slice.file) {
-                if let Some((.., data, header)) = opened.take() {
-                    drop(data);
-                    budget.put_back(header.taken.saturating_add(header.inflated));
-                }
-                let source = open(slice.file)?;
-                let (header, data) = data_set::read(&source, account)?;
-                // The file may have been replaced in the meantime.
-                self.frame.check(self.first, &header)?;
-                frames::check(&header, frames_of(&header))?;
-                opened = Some((slice.file, source, data, header));
+    open: &Open,
+    account: &mut Account,
+) -> Result<()> {
+    let pixels = num::index(layout.dims[0]) * num::index(layout.dims[1]);
+    let mut opened: Option<(usize, Source, Source, Header)> = None;
+    for slice in slices {
+        if opened.as_ref().is_none_or(|(file, ..)| *file != slice.file) {
+            if let Some((.., data, header)) = opened.take() {
+                drop(data);
+                account.budget.put_back(header.taken.saturating_add(header.inflated));
             }
-            let Some((_, source, data, header)) = &opened else { continue };
-            let (bytes, endian) = frames::bytes(data, header, slice.frame)?;
-            let layout = Layout { endian, ..self.layout };
-            let append = |values: &mut Samples| {
-                decode::append(&mut bytes.as_slice(), self.pixels, &layout, values)
-                    .map_err(|error| source.io_error(error))
-            };
-            match &mut values {
-                Samples::F32(list) if !self.same => {
-                    let mut own = Samples::none(self.kind, Pick::Component(0));
-                    append(&mut own)?;
-                    let Rescale { slope, intercept } = slice.rescale;
-                    list.extend((0..own.len()).map(|i| num::f32_of(slope * own.get(i) + intercept)));
-                }
-                list => append(list)?,
-            }
+            let source = open(slice.file)?;
+            let (header, data) = data_set::read(&source, account)?;
+            // The file may have been replaced in the meantime.
+            placement::check(first, &header)?;
+            frames::check(&header)?;
+            opened = Some((slice.file, source, data, header));
         }
-        Ok(values)
+        let Some((_, source, data, header)) = &opened else { continue };
+        let (bytes, endian) = frames::bytes(data, header, slice.frame)?;
+        let layout = Layout { endian, ..layout };
+        let append = |values: &mut Samples| {
+            decode::append(&mut bytes.as_slice(), pixels, &layout, values)
+                .map_err(|error| source.io_error(error))
+        };
+        match &mut *values {
+            Samples::F32(list) if !same => {
+                let mut own = Samples::none(layout.kind, Pick::Component(0));
+                append(&mut own)?;
+                let Rescale { slope, intercept } = slice.rescale;
+                list.extend((0..own.len()).map(|i| num::f32_of(slope * own.get(i) + intercept)));
+            }
+            list => append(list)?,
+        }
     }
-}
-
-/// The number of frames of a file.
-fn frames_of(header: &Header) -> usize {
-    header.frames.and_then(|frames| usize::try_from(frames).ok()).unwrap_or(1)
+    Ok(())
 }
 
 /// Collects the slices of all files, unsorted, and checks everything that can be checked without their samples.
 fn collect(headers: &[Header], frame: &Frame) -> Result<Vec<Slice>> {
     let mut slices = Vec::new();
     for (file, header) in headers.iter().enumerate() {
-        frame.check(&headers[0], header)?;
-        let frames = frames_of(header);
-        if frames > header::MAX_FRAMES {
-            let rule = format!("{frames}: at most {}", header::MAX_FRAMES);
-            return Err(header.error("NumberOfFrames", rule));
+        placement::check(&headers[0], header)?;
+        let frames = usize::try_from(header.frames).unwrap_or(usize::MAX);
+        if frames > MAX_FRAMES {
+            return Err(header.error("NumberOfFrames", format!("{frames}: at most {MAX_FRAMES}")));
         }
         if !header.planes.is_empty() && header.planes.len() != frames {
             let rule = format!("{} items for {frames} frames", header.planes.len());
             return Err(header.error("PerFrameFunctionalGroupsSequence", rule));
         }
-        frames::check(header, frames)?;
+        frames::check(header)?;
         for number in 0..frames {
             let plane = header.plane_of(number);
-            let place = if frames > 1 { format!("frame {}", number + 1) } else { "slice".to_owned() };
-            let position = if frames > 1 {
-                header.planes.get(number).and_then(|own| own.position)
+            // Each of several frames needs its own position.
+            let (place, position) = if frames > 1 {
+                let own = header.planes.get(number).and_then(|own| own.position);
+                (format!("frame {}", number + 1), own)
             } else {
-                plane.position
+                ("slice".to_owned(), plane.position)
             };
             let Some(position) = position else {
                 let rule = "no ImagePositionPatient of its own: slices cannot be put in order";
                 return Err(header.error(&*place, rule));
             };
             frame.check_plane(header, &place, &plane)?;
-            let slope = plane.slope.unwrap_or(1.0);
-            let intercept = plane.intercept.unwrap_or(0.0);
+            let (slope, intercept) = (plane.slope.unwrap_or(1.0), plane.intercept.unwrap_or(0.0));
             if slope == 0.0 {
                 return Err(header.error(&*place, "RescaleSlope 0: must not be zero"));
             }
-            let position = vector(&position);
-            let height = position.dot(frame.normal);
-            slices.push(Slice {
-                file,
-                frame: number,
-                position,
-                height,
-                rescale: Rescale { slope, intercept },
-            });
+            let position = DVec3::from_array(position);
+            let (height, rescale) = (position.dot(frame.normal), Rescale { slope, intercept });
+            slices.push(Slice { file, frame: number, position, height, rescale });
         }
     }
     Ok(slices)

@@ -4,8 +4,8 @@ use crate::error::{Error, Result};
 use crate::io::file::sample_type::Endian;
 use crate::io::file::source::Source;
 use crate::io::file::text;
-use crate::io::formats::dicom::account::Account;
 use crate::io::formats::dicom::syntax::Syntax;
+use crate::num;
 
 /// Group and element number.
 pub(crate) type Tag = (u16, u16);
@@ -18,6 +18,10 @@ pub(crate) const ITEM_END: Tag = (0xfffe, 0xe00d);
 pub(crate) const SEQUENCE_END: Tag = (0xfffe, 0xe0dd);
 pub(crate) const UNDEFINED: u64 = 0xffff_ffff;
 
+/// The types whose length has 4 bytes.
+const LONG: [&[u8; 2]; 13] =
+    [b"OB", b"OD", b"OF", b"OL", b"OV", b"OW", b"SQ", b"SV", b"UC", b"UN", b"UR", b"UT", b"UV"];
+
 /// A data element's header.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Element {
@@ -28,21 +32,24 @@ pub(crate) struct Element {
     pub(crate) len: u64,
 }
 
+pub(crate) fn named((group, number): Tag) -> String {
+    format!("({group:04x},{number:04x})")
+}
+
 /// A forward pass through a file.
-pub(crate) struct Walk<'a, 'b> {
+pub(crate) struct Walk<'a> {
     pub(crate) source: &'a Source,
-    pub(crate) account: &'a mut Account<'b>,
     /// The buffered part of the file, and its offset.
     window: Vec<u8>,
     start: u64,
 }
 
-impl<'a, 'b> Walk<'a, 'b> {
+impl<'a> Walk<'a> {
     /// Bytes that are read at a time.
     const WINDOW: u64 = 1 << 14;
 
-    pub(crate) fn new(source: &'a Source, account: &'a mut Account<'b>) -> Self {
-        Self { source, account, window: Vec::new(), start: 0 }
+    pub(crate) fn new(source: &'a Source) -> Self {
+        Self { source, window: Vec::new(), start: 0 }
     }
 
     pub(crate) fn error(&self, at: u64, rule: impl Into<String>) -> Error {
@@ -52,12 +59,10 @@ impl<'a, 'b> Walk<'a, 'b> {
     /// Returns a few bytes at an offset, through the window.
     pub(crate) fn bytes(&mut self, at: u64, len: u64) -> Result<&[u8]> {
         let all = self.source.len();
-        let end = at.checked_add(len).filter(|&end| end <= all);
-        let Some(end) = end else {
+        let Some(end) = at.checked_add(len).filter(|&end| end <= all) else {
             return Err(self.error(at, format!("needs {len} bytes here, the file has {all} in all")));
         };
-        let window_end = self.start.saturating_add(u64::try_from(self.window.len()).unwrap_or(0));
-        if at < self.start || end > window_end {
+        if at < self.start || end > self.start.saturating_add(num::wide(self.window.len())) {
             let size = len.max(Self::WINDOW).min(all - at);
             self.window = self.source.bytes(at, size)?;
             self.start = at;
@@ -82,38 +87,13 @@ impl<'a, 'b> Walk<'a, 'b> {
         let vr = self.bytes(at + 4, 2)?;
         let vr = [vr[0], vr[1]];
         if !vr.iter().all(u8::is_ascii_uppercase) {
-            return Err(self.error(
-                at,
-                format!(
-                    "\"{}\": element ({:04x},{:04x}) must have a type of two letters",
-                    vr.escape_ascii(),
-                    tag.0,
-                    tag.1
-                ),
-            ));
+            let (vr, tag) = (vr.escape_ascii(), named(tag));
+            return Err(self.error(at, format!("\"{vr}\": element {tag} must have a type of two letters")));
         }
-        let long = matches!(
-            &vr,
-            b"OB"
-                | b"OD"
-                | b"OF"
-                | b"OL"
-                | b"OV"
-                | b"OW"
-                | b"SQ"
-                | b"SV"
-                | b"UC"
-                | b"UN"
-                | b"UR"
-                | b"UT"
-                | b"UV"
-        );
-        if long {
-            let len = self.number(at + 8, 4, endian)?;
-            Ok(Element { tag, vr, at: at + 12, len })
+        if LONG.contains(&&vr) {
+            Ok(Element { tag, vr, at: at + 12, len: self.number(at + 8, 4, endian)? })
         } else {
-            let len = self.number(at + 6, 2, endian)?;
-            Ok(Element { tag, vr, at: at + 8, len })
+            Ok(Element { tag, vr, at: at + 8, len: self.number(at + 6, 2, endian)? })
         }
     }
 
@@ -121,10 +101,9 @@ impl<'a, 'b> Walk<'a, 'b> {
     pub(crate) fn meta(&mut self) -> Result<(u64, String)> {
         let head = self.source.head();
         let mut at = if head.get(128..132) == Some(b"DICM") { 132 } else { 0 };
-        let syntax = Syntax { explicit: true, endian: Endian::Little };
         let mut uid = String::new();
         while at + 8 <= self.source.len() && self.number(at, 2, Endian::Little)? == 2 {
-            let element = self.element(at, syntax)?;
+            let element = self.element(at, Syntax::default())?;
             if element.tag == (0x0002, 0x0010) {
                 uid = self.text(&element)?;
             }
@@ -141,28 +120,22 @@ impl<'a, 'b> Walk<'a, 'b> {
 
     /// Returns the end of an element of known length, which must lie in the file.
     pub(crate) fn behind(&self, element: &Element) -> Result<u64> {
-        let end = element.at.checked_add(element.len).filter(|&end| end <= self.source.len());
-        let ((group, number), len) = (element.tag, element.len);
-        end.ok_or_else(|| {
-            let left = self.source.len().saturating_sub(element.at);
-            self.error(element.at, format!("({group:04x},{number:04x}) has {len} bytes: {left} are left"))
+        let Element { tag, at, len, .. } = *element;
+        at.checked_add(len).filter(|&end| end <= self.source.len()).ok_or_else(|| {
+            let left = self.source.len().saturating_sub(at);
+            self.error(at, format!("{} has {len} bytes: {left} are left", named(tag)))
         })
     }
 
-    fn value(&mut self, element: &Element) -> Result<&[u8]> {
-        let ((group, number), len) = (element.tag, element.len);
-        if len > MAX_VALUE {
-            let rule = format!("({group:04x},{number:04x}) has {len} bytes: at most {MAX_VALUE}");
-            return Err(self.error(element.at, rule));
-        }
-        self.bytes(element.at, len)
-    }
-
     pub(crate) fn text(&mut self, element: &Element) -> Result<String> {
-        let text = String::from_utf8_lossy(self.value(element)?).into_owned();
+        let Element { tag, at, len, .. } = *element;
+        if len > MAX_VALUE {
+            return Err(self.error(at, format!("{} has {len} bytes: at most {MAX_VALUE}", named(tag))));
+        }
+        let text = String::from_utf8_lossy(self.bytes(at, len)?).into_owned();
         let text = text.trim_matches(|c: char| c == '\0' || c.is_whitespace());
         // Messages show it, and have one line.
-        Ok(text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect())
+        Ok(text::plain(text))
     }
 
     /// Parses decimal numbers separated by backslashes; None if the value is empty.
@@ -171,27 +144,20 @@ impl<'a, 'b> Walk<'a, 'b> {
         if text.is_empty() {
             return Ok(None);
         }
-        let numbers: Vec<f64> = text
-            .split('\\')
-            .filter_map(|word| word.trim().parse().ok())
-            .filter(|n: &f64| n.is_finite())
-            .collect();
-        let wanted = text.split('\\').count() == N && numbers.len() == N;
-        let numbers = <[f64; N]>::try_from(numbers).ok().filter(|_| wanted);
-        numbers.map(Some).ok_or_else(|| {
-            let (group, number) = element.tag;
-            let shown = text::shown(&text);
-            self.error(element.at, format!("({group:04x},{number:04x}) \"{shown}\": must be {N} numbers"))
+        let number = |word: &str| word.trim().parse().ok().filter(|n: &f64| n.is_finite());
+        let numbers: Option<Vec<f64>> = text.split('\\').map(number).collect();
+        numbers.and_then(|numbers| numbers.try_into().ok()).map(Some).ok_or_else(|| {
+            let (tag, shown) = (named(element.tag), text::shown(&text));
+            self.error(element.at, format!("{tag} \"{shown}\": must be {N} numbers"))
         })
     }
 
     /// Reads a whole number of 2 bytes.
     pub(crate) fn short(&mut self, element: &Element, endian: Endian) -> Result<u64> {
-        let ((group, number), len) = (element.tag, element.len);
+        let Element { tag, at, len, .. } = *element;
         if len < 2 {
-            let rule = format!("({group:04x},{number:04x}) has {len} bytes: must be a number of 2");
-            return Err(self.error(element.at, rule));
+            return Err(self.error(at, format!("{} has {len} bytes: must be a number of 2", named(tag))));
         }
-        self.number(element.at, 2, endian)
+        self.number(at, 2, endian)
     }
 }

@@ -19,27 +19,23 @@ pub(crate) fn kind(header: &Header) -> Result<SampleType> {
     }
     if !matches!(header.photometric.as_str(), "MONOCHROME1" | "MONOCHROME2") {
         let shown = text::shown(&header.photometric);
-        return Err(header.error(
-            "PhotometricInterpretation",
-            format!("\"{shown}\": MONOCHROME1 and MONOCHROME2 are supported"),
-        ));
+        let rule = format!("\"{shown}\": MONOCHROME1 and MONOCHROME2 are supported");
+        return Err(header.error("PhotometricInterpretation", rule));
     }
-    if header.float {
-        return match allocated {
-            32 => Ok(SampleType::F32),
-            64 => Ok(SampleType::F64),
-            _ => Err(header.error("BitsAllocated", format!("{allocated}: floats have 32 or 64"))),
-        };
-    }
-    if header.endian == Endian::Big && allocated == 8 {
-        return Err(header.error("BitsAllocated", "8: with big-endian data, 16 and 32 are supported"));
-    }
-    if !matches!(allocated, 8 | 16 | 32) {
-        return Err(header.error("BitsAllocated", format!("{allocated}: 8, 16 and 32 are supported")));
+    let rule = match allocated {
+        32 if header.float => return Ok(SampleType::F32),
+        64 if header.float => return Ok(SampleType::F64),
+        _ if header.float => "floats have 32 or 64",
+        8 if header.syntax.endian == Endian::Big => "with big-endian data, 16 and 32 are supported",
+        8 | 16 | 32 => "",
+        _ => "8, 16 and 32 are supported",
+    };
+    if !rule.is_empty() {
+        return Err(header.error("BitsAllocated", format!("{allocated}: {rule}")));
     }
     if stored == 0 || stored > allocated || high >= allocated || high + 1 < stored {
-        return Err(header
-            .error("BitsStored, HighBit", format!("{stored} up to bit {high}: do not fit in {allocated}")));
+        let rule = format!("{stored} up to bit {high}: do not fit in {allocated}");
+        return Err(header.error("BitsStored, HighBit", rule));
     }
     Ok(match (allocated, signed) {
         (8, false) => SampleType::U8,
@@ -52,65 +48,46 @@ pub(crate) fn kind(header: &Header) -> Result<SampleType> {
 }
 
 /// Checks that the data of a file can hold these frames, before memory is allocated.
-pub(crate) fn check(header: &Header, frames: usize) -> Result<()> {
+pub(crate) fn check(header: &Header) -> Result<()> {
     let Some(pixels) = &header.pixels else {
         return Err(header.error("PixelData", "there is none"));
     };
-    if header.packing == Packing::Other {
-        return Err(header.error(
-            "TransferSyntaxUID",
-            format!(
-                "{}{}: uncompressed, deflated, RLE and JPEG (baseline, extended, lossless) data are supported",
-                text::shown(&header.syntax),
-                syntax::named(&header.syntax)
-            ),
-        ));
+    let Header { packing, rows, columns, allocated, frames, ref uid, .. } = *header;
+    if packing == Packing::Other {
+        let rule = "uncompressed, deflated, RLE and JPEG (baseline, extended, lossless) data are supported";
+        let rule = format!("{}{}: {rule}", text::shown(uid), syntax::named(uid));
+        return Err(header.error("TransferSyntaxUID", rule));
     }
-    if header.rows == 0 || header.columns == 0 {
-        return Err(
-            header.error("Rows, Columns", format!("{}, {}: must be positive", header.rows, header.columns))
-        );
+    if rows == 0 || columns == 0 {
+        return Err(header.error("Rows, Columns", format!("{rows}, {columns}: must be positive")));
     }
-    let needed = header.frame_bytes().saturating_mul(wide(frames));
-    match pixels {
-        Pixels::Plain { len, .. } if header.packing == Packing::Native => {
+    let needed = header.frame_bytes().saturating_mul(frames);
+    let rule = match pixels {
+        Pixels::Plain { len, .. } if packing == Packing::Native => {
             // A padding byte may make the length even.
-            if needed.next_multiple_of(2) != *len && needed != *len {
-                return Err(header.error(
-                    "PixelData",
-                    format!(
-                        "{len} bytes: {} x {} samples of {} bits in {frames} frames need {needed}",
-                        header.columns, header.rows, header.allocated
-                    ),
-                ));
+            if needed == *len || needed.checked_next_multiple_of(2) == Some(*len) {
+                return Ok(());
             }
+            let samples = format!("{columns} x {rows} samples of {allocated} bits in {frames} frames");
+            format!("{len} bytes: {samples} need {needed}")
         }
-        Pixels::Plain { .. } => {
-            return Err(header.error("PixelData", format!("transfer syntax {} has fragments", header.syntax)));
-        }
+        Pixels::Plain { .. } => format!("transfer syntax {uid} has fragments"),
         Pixels::Fragments(list) => {
             let stored: u64 = list.iter().skip(1).map(|(_, len)| len).sum();
-            let most = stored.saturating_mul(ratio(header.packing));
-            if needed > most {
-                return Err(header.error(
-                    "PixelData",
-                    format!("{stored} packed bytes hold at most {most}: {frames} frames need {needed}"),
-                ));
+            let most = stored.saturating_mul(match packing {
+                Packing::Native | Packing::Other => 1,
+                // Two bytes encode up to 128.
+                Packing::RunLength => 64,
+                // One bit encodes a block of 64 samples of two bytes; lossless, one sample.
+                Packing::Jpeg => 1024,
+            });
+            if needed <= most {
+                return Ok(());
             }
+            format!("{stored} packed bytes hold at most {most}: {frames} frames need {needed}")
         }
-    }
-    Ok(())
-}
-
-/// Returns the largest ratio of decompressed to compressed bytes.
-fn ratio(packing: Packing) -> u64 {
-    match packing {
-        Packing::Native | Packing::Other => 1,
-        // Two bytes encode up to 128.
-        Packing::RunLength => 64,
-        // One bit encodes a block of 64 samples of two bytes; lossless, one sample.
-        Packing::Jpeg => 1024,
-    }
+    };
+    Err(header.error("PixelData", rule))
 }
 
 /// Returns the memory that decoding a frame takes in addition to the result, in bytes.
@@ -130,15 +107,23 @@ pub(crate) fn scratch(header: &Header) -> u64 {
 /// Returns the bytes of a frame and their byte order.
 pub(crate) fn bytes(data: &Source, header: &Header, frame: usize) -> Result<(Vec<u8>, Endian)> {
     let size = header.frame_bytes();
-    let frames = usize::try_from(header.frames.unwrap_or(1)).unwrap_or(usize::MAX);
     let (bytes, endian) = match &header.pixels {
         Some(Pixels::Plain { at, .. }) => {
-            (data.bytes(at.saturating_add(size.saturating_mul(wide(frame))), size)?, header.endian)
+            (data.bytes(at.saturating_add(size.saturating_mul(wide(frame))), size)?, header.syntax.endian)
         }
         Some(Pixels::Fragments(list)) => {
-            let packed = packed(header, data, list, frame, frames, size)?;
+            let mut packed = packed(header, data, list, frame)?;
             match header.packing {
-                Packing::Native | Packing::Other => (plain(header, packed, size)?, Endian::Little),
+                Packing::Native | Packing::Other => {
+                    let len = wide(packed.len());
+                    // A padding byte may make the length even.
+                    if len != size && len != size.next_multiple_of(2) {
+                        let rule = format!("a frame of {len} bytes: {size} are needed");
+                        return Err(header.error("PixelData", rule));
+                    }
+                    packed.truncate(usize::try_from(size).unwrap_or(usize::MAX));
+                    (packed, Endian::Little)
+                }
                 Packing::RunLength => (run_lengths(&packed, header)?, Endian::Little),
                 Packing::Jpeg => (decoded(&packed, header)?, Endian::NATIVE),
             }
@@ -149,16 +134,12 @@ pub(crate) fn bytes(data: &Source, header: &Header, frame: usize) -> Result<(Vec
 }
 
 /// Joins the fragments of a frame.
-fn packed(
-    header: &Header,
-    data: &Source,
-    list: &[(u64, u64)],
-    frame: usize,
-    frames: usize,
-    size: u64,
-) -> Result<Vec<u8>> {
+fn packed(header: &Header, data: &Source, list: &[(u64, u64)], frame: usize) -> Result<Vec<u8>> {
+    let size = header.frame_bytes();
+    let frames = usize::try_from(header.frames).unwrap_or(usize::MAX);
+    let error = |rule: String| Err(header.error("PixelData", rule));
     let Some((table, fragments)) = list.split_first() else {
-        return Err(header.error("PixelData", "has no offset table"));
+        return error("has no offset table".to_owned());
     };
     let own: &[(u64, u64)] = if frames == 1 {
         fragments
@@ -169,31 +150,24 @@ fn packed(
         let first = fragments.first().map_or(0, |(at, _)| at.saturating_sub(8));
         let offset = |frame: usize| -> Result<u64> {
             let bytes = data.bytes(table.0.saturating_add(wide(frame).saturating_mul(4)), 4)?;
-            let bytes = <[u8; 4]>::try_from(bytes.as_slice()).unwrap_or_default();
-            Ok(first.saturating_add(u64::from(u32::from_le_bytes(bytes))))
+            Ok(first.saturating_add(Endian::Little.whole(&bytes)))
         };
         let begin = offset(frame)?;
         let end = if frame + 1 < frames { offset(frame + 1)? } else { u64::MAX };
         let place = |wanted: u64| fragments.partition_point(|(at, _)| at.saturating_sub(8) < wanted);
         let (begin, end) = (place(begin), place(end));
         if begin >= end {
-            return Err(
-                header.error("PixelData", format!("frame {}: its offsets hold no fragment", frame + 1))
-            );
+            return error(format!("frame {}: its offsets hold no fragment", frame + 1));
         }
         &fragments[begin..end]
     } else {
-        return Err(header.error(
-            "PixelData",
-            format!("{} fragments for {frames} frames, and no table of offsets", fragments.len()),
-        ));
+        let count = fragments.len();
+        return error(format!("{count} fragments for {frames} frames, and no table of offsets"));
     };
     let total: u64 = own.iter().map(|(_, len)| len).sum();
     let most = size.saturating_mul(2).saturating_add(1 << 16);
     if total > most {
-        return Err(
-            header.error("PixelData", format!("frame {}: {total} packed bytes for {size}", frame + 1))
-        );
+        return error(format!("frame {}: {total} packed bytes for {size}", frame + 1));
     }
     let mut bytes = Vec::new();
     for &(at, len) in own {
@@ -202,21 +176,12 @@ fn packed(
     Ok(bytes)
 }
 
-/// Returns samples that are in fragments but not compressed.
-fn plain(header: &Header, mut bytes: Vec<u8>, size: u64) -> Result<Vec<u8>> {
-    if wide(bytes.len()) != size && wide(bytes.len()) != size.next_multiple_of(2) {
-        return Err(header.error("PixelData", format!("a frame of {} bytes: {size} are needed", bytes.len())));
-    }
-    bytes.truncate(usize::try_from(size).unwrap_or(usize::MAX));
-    Ok(bytes)
-}
-
 /// Decodes run lengths: one segment per byte of a sample, the most significant first.
 fn run_lengths(packed: &[u8], header: &Header) -> Result<Vec<u8>> {
     let error = |rule: String| header.error("PixelData: RLE", rule);
-    let word = |i: usize| match packed.get(4 * i..4 * i + 4) {
-        Some(&[a, b, c, d]) => usize::try_from(u32::from_le_bytes([a, b, c, d])).unwrap_or(usize::MAX),
-        _ => usize::MAX,
+    let word = |i: usize| {
+        let word = packed.get(4 * i..4 * i + 4).map(|bytes| Endian::Little.whole(bytes));
+        word.and_then(|word| usize::try_from(word).ok()).unwrap_or(usize::MAX)
     };
     let planes = usize::try_from(header.allocated / 8).unwrap_or(1);
     if packed.len() < 64 || word(0) != planes {
@@ -228,48 +193,30 @@ fn run_lengths(packed: &[u8], header: &Header) -> Result<Vec<u8>> {
         let begin = word(1 + plane);
         let end = if plane + 1 < planes { word(2 + plane) } else { packed.len() };
         let Some(segment) = packed.get(begin..end).filter(|_| begin >= 64) else {
-            return Err(error(format!(
-                "segment {plane} from byte {begin} to {end}: there are {}",
-                packed.len()
-            )));
+            let there = packed.len();
+            return Err(error(format!("segment {plane} from byte {begin} to {end}: there are {there}")));
         };
         // The result is little-endian.
         let mut targets = bytes.iter_mut().skip(planes - 1 - plane).step_by(planes);
-        let mut left = count;
-        let mut at = 0;
+        let (mut left, mut rest) = (count, segment);
         while left > 0 {
-            let Some(&control) = segment.get(at) else {
-                return Err(error(format!("segment {plane} ends {left} samples early")));
+            let early = || error(format!("segment {plane} ends {left} samples early"));
+            let (&control, after) = rest.split_first().ok_or_else(early)?;
+            // Below 128 a run of different bytes follows, above it one byte that is repeated; 128 means nothing.
+            let (run, stored) = match usize::from(control) {
+                different @ 0..=127 => ((different + 1).min(left), (different + 1).min(left)),
+                128 => (0, 0),
+                repeated => ((257 - repeated).min(left), 1),
             };
-            let control = usize::from(control);
-            at += 1;
-            match control {
-                0..=127 => {
-                    let run = (control + 1).min(left);
-                    let Some(literal) = segment.get(at..at + run) else {
-                        return Err(error(format!("segment {plane} ends {left} samples early")));
-                    };
-                    targets.by_ref().take(run).zip(literal).for_each(|(target, byte)| *target = *byte);
-                    at += control + 1;
-                    left -= run;
-                }
-                128 => {}
-                _ => {
-                    let run = (257 - control).min(left);
-                    let Some(&byte) = segment.get(at) else {
-                        return Err(error(format!("segment {plane} ends {left} samples early")));
-                    };
-                    targets.by_ref().take(run).for_each(|target| *target = byte);
-                    at += 1;
-                    left -= run;
-                }
-            }
+            let (values, after) = after.split_at_checked(stored).ok_or_else(early)?;
+            let targets = targets.by_ref().take(run);
+            targets.zip(values.iter().cycle()).for_each(|(target, byte)| *target = *byte);
+            (left, rest) = (left - run, after);
         }
     }
     Ok(bytes)
 }
 
-/// Decodes a frame in JPEG.
 fn decoded(packed: &[u8], header: &Header) -> Result<Vec<u8>> {
     let error = |rule: String| header.error("PixelData: JPEG", rule);
     let frame = jpeg::frame(packed).map_err(|why| error(why.to_owned()))?;
@@ -299,36 +246,27 @@ fn decoded(packed: &[u8], header: &Header) -> Result<Vec<u8>> {
 
 /// Returns the message of the innermost cause.
 fn deepest(error: &dyn std::error::Error) -> String {
-    let mut error = error;
-    while let Some(source) = error.source() {
-        error = source;
-    }
+    let deepest = std::iter::successors(Some(error), |error| error.source()).last().unwrap_or(error);
     // Messages of decoders may have several lines.
-    error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
+    deepest.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// Writes a minimal data set of one frame, for the decoder.
 fn data_set(packed: &[u8], header: &Header) -> Vec<u8> {
     let mut bytes = vec![0; 128];
     bytes.extend_from_slice(b"DICM");
-    let text = |bytes: &mut Vec<u8>, tag: [u16; 2], vr: &[u8; 2], value: &[u8]| {
+    // All values, also the identifiers of JPEG, have an even length.
+    let mut put = |tag: [u16; 2], vr: &[u8; 2], value: &[u8]| {
         bytes.extend(tag.iter().flat_map(|part| part.to_le_bytes()));
         bytes.extend_from_slice(vr);
-        let len = u16::try_from(value.len().next_multiple_of(2)).unwrap_or(0);
-        bytes.extend_from_slice(&len.to_le_bytes());
+        bytes.extend_from_slice(&u16::try_from(value.len()).unwrap_or(0).to_le_bytes());
         bytes.extend_from_slice(value);
-        if value.len() % 2 == 1 {
-            bytes.push(if vr == b"UI" { 0 } else { b' ' });
-        }
     };
-    let mut meta = Vec::new();
-    text(&mut meta, [2, 0x10], b"UI", header.syntax.as_bytes());
-    let len = u32::try_from(meta.len()).unwrap_or(0);
-    text(&mut bytes, [2, 0], b"UL", &len.to_le_bytes());
-    bytes.extend(meta);
-    let short = |number: u64| u16::try_from(number).unwrap_or(0).to_le_bytes();
-    text(&mut bytes, [0x28, 0x02], b"US", &short(1));
-    text(&mut bytes, [0x28, 0x04], b"CS", b"MONOCHROME2");
+    let uid = header.uid.as_bytes();
+    put([2, 0], b"UL", &u32::try_from(8 + uid.len()).unwrap_or(0).to_le_bytes());
+    put([2, 0x10], b"UI", uid);
+    put([0x28, 0x02], b"US", &[1, 0]);
+    put([0x28, 0x04], b"CS", b"MONOCHROME2 ");
     for (element, number) in [
         (0x10, header.rows),
         (0x11, header.columns),
@@ -337,7 +275,7 @@ fn data_set(packed: &[u8], header: &Header) -> Vec<u8> {
         (0x102, header.high),
         (0x103, u64::from(header.signed)),
     ] {
-        text(&mut bytes, [0x28, element], b"US", &short(number));
+        put([0x28, element], b"US", &u16::try_from(number).unwrap_or(0).to_le_bytes());
     }
     bytes.extend_from_slice(&[0xe0, 0x7f, 0x10, 0, b'O', b'B', 0, 0, 0xff, 0xff, 0xff, 0xff]);
     bytes.extend_from_slice(&[0xfe, 0xff, 0x00, 0xe0, 0, 0, 0, 0]);

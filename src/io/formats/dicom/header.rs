@@ -1,12 +1,11 @@
 //! The contents of a DICOM file that place and decode its samples.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use glam::DVec3;
-
-use crate::error::Error;
-use crate::io::file::sample_type::Endian;
+use crate::error::{Error, Result};
+use crate::io::file::budget::Budget;
 use crate::io::formats::dicom::syntax::{Packing, Syntax};
+use crate::num;
 
 /// The limit on frames of a file.
 pub(crate) const MAX_FRAMES: usize = 1 << 16;
@@ -45,13 +44,14 @@ pub(crate) enum Pixels {
 }
 
 /// The contents of a file without its samples.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Header {
     /// The file, for messages.
     pub(crate) path: PathBuf,
-    pub(crate) endian: Endian,
+    pub(crate) syntax: Syntax,
     pub(crate) packing: Packing,
-    pub(crate) syntax: String,
+    /// The transfer syntax.
+    pub(crate) uid: String,
     pub(crate) series: String,
     pub(crate) photometric: String,
     pub(crate) rows: u64,
@@ -61,10 +61,8 @@ pub(crate) struct Header {
     pub(crate) stored: u64,
     pub(crate) high: u64,
     pub(crate) signed: bool,
-    /// Whether samples are floats.
     pub(crate) float: bool,
-    /// NumberOfFrames, if given.
-    pub(crate) frames: Option<u64>,
+    pub(crate) frames: u64,
     pub(crate) plane: Plane,
     /// The planes of single frames, if the file gives them.
     pub(crate) planes: Vec<Plane>,
@@ -73,44 +71,15 @@ pub(crate) struct Header {
     pub(crate) taken: u64,
     /// Bytes taken for its data set, if that is deflated.
     pub(crate) inflated: u64,
-    /// Warnings about elements that are not applied.
-    pub(crate) warnings: Vec<&'static str>,
+    /// Whether there is a modality table, which is not applied.
+    pub(crate) table: bool,
 }
 
 impl Header {
-    /// Returns an empty header; only the encoding is known.
-    pub(crate) fn empty(path: &Path, syntax: Syntax, packing: Packing, syntax_uid: String) -> Self {
-        Self {
-            path: path.to_path_buf(),
-            endian: syntax.endian,
-            packing,
-            syntax: syntax_uid,
-            series: String::new(),
-            photometric: String::new(),
-            rows: 0,
-            columns: 0,
-            samples: 1,
-            allocated: 0,
-            stored: 0,
-            high: 0,
-            signed: false,
-            float: false,
-            frames: None,
-            plane: Plane::default(),
-            planes: Vec::new(),
-            pixels: None,
-            taken: 0,
-            inflated: 0,
-            warnings: Vec::new(),
-        }
-    }
-
-    /// Returns an error that names the file.
     pub(crate) fn error(&self, place: impl Into<String>, rule: impl Into<String>) -> Error {
         Error::file(&self.path, place, rule)
     }
 
-    /// Returns the plane of a frame.
     pub(crate) fn plane_of(&self, frame: usize) -> Plane {
         self.planes.get(frame).copied().unwrap_or_default().or(self.plane)
     }
@@ -121,7 +90,28 @@ impl Header {
     }
 }
 
-/// Converts the first three numbers to a vector.
-pub(crate) fn vector(numbers: &[f64]) -> DVec3 {
-    DVec3::new(numbers[0], numbers[1], numbers[2])
+/// Counts the memory taken from a budget for the header of each file.
+pub(crate) struct Account<'b> {
+    pub(crate) budget: Budget<'b>,
+    /// Bytes taken for the current file.
+    pub(crate) taken: u64,
+    /// Whether the budget was exceeded, which does not mean that a file is damaged.
+    pub(crate) full: bool,
+}
+
+impl<'b> Account<'b> {
+    pub(crate) fn new(budget: Budget<'b>) -> Self {
+        Self { budget, taken: 0, full: false }
+    }
+
+    pub(crate) fn take(&mut self, place: &str, bytes: u64) -> Result<()> {
+        self.budget.take(place, bytes).inspect_err(|_| self.full = true)?;
+        self.taken = self.taken.saturating_add(bytes);
+        Ok(())
+    }
+
+    /// Takes the memory of `count` values of a type.
+    pub(crate) fn take_for<T>(&mut self, count: usize) -> Result<()> {
+        self.take("header", num::wide(count.saturating_mul(size_of::<T>())))
+    }
 }

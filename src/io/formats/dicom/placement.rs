@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::error::Result;
 use crate::io::file::source::Source;
-use crate::io::formats::dicom::header::{Header, Plane, vector};
+use crate::io::formats::dicom::header::{Header, Plane};
 use crate::num;
 use crate::scene::Rescale;
 
@@ -24,15 +24,33 @@ pub(crate) struct Slice {
     pub(crate) rescale: Rescale,
 }
 
-/// Names a slice in messages.
 fn called(headers: &[Header], slice: &Slice) -> String {
     let header = &headers[slice.file];
     let name = header.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    if header.frames.is_some_and(|frames| frames > 1) {
-        format!("{name} frame {}", slice.frame + 1)
-    } else {
-        name
+    if header.frames > 1 { format!("{name} frame {}", slice.frame + 1) } else { name }
+}
+
+/// Returns the directions of rows and columns.
+fn axes(orientation: &[f64; 6]) -> [DVec3; 2] {
+    [DVec3::from_slice(orientation), DVec3::from_slice(&orientation[3..])]
+}
+
+/// Checks that the samples of a file have the size and type of those of the first.
+pub(crate) fn check(first: &Header, header: &Header) -> Result<()> {
+    let of = |header: &Header| {
+        let Header { rows, columns, samples, allocated, stored, high, signed, float, .. } = *header;
+        (rows, columns, samples, allocated, stored, high, signed, float)
+    };
+    if of(first) == of(header) && first.photometric == header.photometric {
+        return Ok(());
     }
+    let text = |header: &Header| {
+        let Header { rows, columns, stored, allocated, signed, ref photometric, .. } = *header;
+        let sign = if signed { "signed" } else { "unsigned" };
+        format!("{columns} x {rows} {photometric} samples, {sign}, {stored} of {allocated} bits")
+    };
+    let name = first.path.file_name().unwrap_or_default().to_string_lossy();
+    Err(header.error("samples", format!("{}: {name} has {}", text(header), text(first))))
 }
 
 /// The orientation of the first slice, which all others share.
@@ -53,7 +71,7 @@ impl Frame {
         let Some(orientation) = plane.orientation else {
             return Err(header.error("ImageOrientationPatient", "missing: slices cannot be placed"));
         };
-        let (row, column) = (vector(&orientation[..3]), vector(&orientation[3..]));
+        let [row, column] = axes(&orientation);
         let upright = (row.length() - 1.0).abs() < 0.01 && (column.length() - 1.0).abs() < 0.01;
         if !upright || row.dot(column).abs() > 0.01 {
             let rule = format!("{row} and {column}: must have unit length and be at right angles");
@@ -69,38 +87,15 @@ impl Frame {
         Ok(Self { row, column, normal, spacing, guessed: plane.spacing.is_none() })
     }
 
-    /// Checks that the samples of a file have the size and type of those of the first.
-    pub(crate) fn check(&self, first: &Header, header: &Header) -> Result<()> {
-        let of = |header: &Header| {
-            let Header { rows, columns, samples, allocated, stored, high, signed, float, .. } = *header;
-            (rows, columns, samples, allocated, stored, high, signed, float)
-        };
-        if of(first) != of(header) || first.photometric != header.photometric {
-            let text = |header: &Header| {
-                let Header { rows, columns, stored, allocated, signed, .. } = *header;
-                let sign = if signed { "signed" } else { "unsigned" };
-                format!(
-                    "{columns} x {rows} {} samples, {sign}, {stored} of {allocated} bits",
-                    header.photometric
-                )
-            };
-            let name = first.path.file_name().unwrap_or_default().to_string_lossy();
-            return Err(header.error("samples", format!("{}: {name} has {}", text(header), text(first))));
-        }
-        Ok(())
-    }
-
     pub(crate) fn check_plane(&self, header: &Header, place: &str, plane: &Plane) -> Result<()> {
         let Some(orientation) = plane.orientation else {
             return Err(header.error(place, "no ImageOrientationPatient"));
         };
-        let (row, column) = (vector(&orientation[..3]), vector(&orientation[3..]));
+        let [row, column] = axes(&orientation);
         // A deviation of 1/1000 moves the hundredth pixel by a tenth of a pixel.
         if (row - self.row).length() > 1e-3 || (column - self.column).length() > 1e-3 {
-            let rule = format!(
-                "ImageOrientationPatient {orientation:?}: other slices of the series lie differently"
-            );
-            return Err(header.error(place, rule));
+            let rule = "other slices of the series lie differently";
+            return Err(header.error(place, format!("ImageOrientationPatient {orientation:?}: {rule}")));
         }
         let spacing = plane.spacing.unwrap_or([1.0; 2]);
         let differs = |a: f64, b: f64| (a - b).abs() > 1e-4 * b;
@@ -128,15 +123,12 @@ impl Line {
         let pixel = frame.spacing[0].min(frame.spacing[1]);
         for pair in slices.windows(2) {
             if pair[1].height - pair[0].height <= 1e-3 * pixel {
-                return Err(headers[pair[1].file].error(
-                    "ImagePositionPatient",
-                    format!(
-                        "{} and {} lie at the same place, {:.3} mm along the normal: one volume has one slice there",
-                        called(headers, &pair[0]),
-                        called(headers, &pair[1]),
-                        pair[1].height
-                    ),
-                ));
+                let [one, other] = [&pair[0], &pair[1]].map(|slice| called(headers, slice));
+                let rule = format!(
+                    "{one} and {other} lie at the same place, {:.3} mm along the normal: one volume has one slice there",
+                    pair[1].height
+                );
+                return Err(headers[pair[1].file].error("ImagePositionPatient", rule));
             }
         }
         let (first, last) = (slices[0], slices[slices.len() - 1]);
@@ -148,15 +140,11 @@ impl Line {
             let share = (slice.height - first.height) / (last.height - first.height);
             let beside = (slice.position - first.position - whole * share).length();
             if beside > BESIDE * pixel {
-                return Err(source.error(
-                    "ImagePositionPatient",
-                    format!(
-                        "{} lies {beside:.3} mm beside the line from {} to {}: slices must follow one line",
-                        called(headers, slice),
-                        called(headers, &first),
-                        called(headers, &last)
-                    ),
-                ));
+                let [slice, first, last] = [slice, &first, &last].map(|slice| called(headers, slice));
+                let rule = format!(
+                    "{slice} lies {beside:.3} mm beside the line from {first} to {last}: slices must follow one line"
+                );
+                return Err(source.error("ImagePositionPatient", rule));
             }
             even &= (share * intervals - num::f64_of(i)).abs() <= ROUNDING;
         }

@@ -7,10 +7,10 @@ use crate::error::{Error, Result};
 use crate::io::file::budget::Budget;
 use crate::io::file::source::Source;
 use crate::io::file::text;
-use crate::io::formats::dicom::account::Account;
 use crate::io::formats::dicom::assemble::assemble;
 use crate::io::formats::dicom::data_set;
-use crate::io::formats::dicom::header::Header;
+use crate::io::formats::dicom::header::{Account, Header};
+use crate::io::formats::dicom::recognise::is_dicom;
 use crate::io::options::ReadOptions;
 use crate::io::report::Loaded;
 
@@ -39,7 +39,7 @@ pub(crate) fn read(source: &Source, options: &ReadOptions) -> Result<Loaded> {
     if own.pixels.is_none() {
         return Err(cut(&own));
     }
-    if own.frames.is_some_and(|frames| frames > 1) {
+    if own.frames > 1 {
         return assemble(source, vec![own], &|_| Ok(source.clone()), Vec::new(), account, options);
     }
     let mut names = Vec::new();
@@ -54,7 +54,7 @@ pub(crate) fn read(source: &Source, options: &ReadOptions) -> Result<Loaded> {
     };
     for name in source.neighbours()? {
         let neighbour = source.sibling(&name, options)?;
-        if !crate::io::formats::dicom::recognise::is_dicom(&neighbour) {
+        if !is_dicom(&neighbour) {
             continue;
         }
         let header = match header_of(&neighbour, &mut account) {
@@ -67,20 +67,20 @@ pub(crate) fn read(source: &Source, options: &ReadOptions) -> Result<Loaded> {
             }
         };
         let same = header.series == own.series;
-        if header.pixels.is_none() || !same || header.frames.is_some_and(|n| n > 1) {
-            if same && header.pixels.is_none() {
-                is_damaged(cut(&header));
-            } else {
-                others += 1;
+        if same && header.pixels.is_some() && header.frames == 1 {
+            if headers.len() == MAX_FILES {
+                return Err(source.error("series", format!("more than {MAX_FILES} files")));
             }
-            account.budget.put_back(header.taken);
+            names.push(name);
+            headers.push(header);
             continue;
         }
-        if headers.len() == MAX_FILES {
-            return Err(source.error("series", format!("more than {MAX_FILES} files")));
+        account.budget.put_back(header.taken);
+        if same && header.pixels.is_none() {
+            is_damaged(cut(&header));
+        } else {
+            others += 1;
         }
-        names.push(name);
-        headers.push(header);
     }
     let mut notes = Vec::new();
     if others > 0 {

@@ -2,16 +2,24 @@
 
 use crate::io::file::sample_type::Endian;
 
-/// The encoding of a data set.
+/// The encoding of a data set: whether types are explicit, and the byte order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Syntax {
     pub(crate) explicit: bool,
     pub(crate) endian: Endian,
 }
 
+impl Default for Syntax {
+    /// Returns the encoding of the file meta information, and of most data sets.
+    fn default() -> Self {
+        Self { explicit: true, endian: Endian::Little }
+    }
+}
+
 /// The compression of samples.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Packing {
+    #[default]
     Native,
     Jpeg,
     RunLength,
@@ -19,31 +27,25 @@ pub(crate) enum Packing {
     Other,
 }
 
+/// The beginning of the identifiers of transfer syntaxes.
+const COMMON: &str = "1.2.840.10008.1.2";
+
 impl Syntax {
-    /// The encoding of a data set with this transfer syntax.
     pub(crate) fn of(uid: &str) -> Self {
-        match uid {
-            "1.2.840.10008.1.2" => Self { explicit: false, endian: Endian::Little },
-            "1.2.840.10008.1.2.2" => Self { explicit: true, endian: Endian::Big },
-            _ => Self { explicit: true, endian: Endian::Little },
+        match uid.strip_prefix(COMMON) {
+            Some("") => Self { explicit: false, endian: Endian::Little },
+            Some(".2") => Self { explicit: true, endian: Endian::Big },
+            _ => Self::default(),
         }
     }
 }
 
 impl Packing {
-    /// The compression of samples with this transfer syntax.
     pub(crate) fn of(uid: &str) -> Self {
-        match uid {
-            "1.2.840.10008.1.2"
-            | "1.2.840.10008.1.2.2"
-            | "1.2.840.10008.1.2.1"
-            | "1.2.840.10008.1.2.1.98"
-            | "1.2.840.10008.1.2.1.99" => Self::Native,
-            "1.2.840.10008.1.2.5" => Self::RunLength,
-            "1.2.840.10008.1.2.4.50"
-            | "1.2.840.10008.1.2.4.51"
-            | "1.2.840.10008.1.2.4.57"
-            | "1.2.840.10008.1.2.4.70" => Self::Jpeg,
+        match uid.strip_prefix(COMMON) {
+            Some("" | ".1" | ".1.98" | ".1.99" | ".2") => Self::Native,
+            Some(".5") => Self::RunLength,
+            Some(".4.50" | ".4.51" | ".4.57" | ".4.70") => Self::Jpeg,
             _ => Self::Other,
         }
     }
@@ -51,16 +53,14 @@ impl Packing {
 
 /// The name of a transfer syntax that is not read, with a blank before it.
 pub(crate) fn named(uid: &str) -> &'static str {
-    match uid {
-        "1.2.840.10008.1.2.4.80" | "1.2.840.10008.1.2.4.81" => " (JPEG-LS)",
-        "1.2.840.10008.1.2.4.90" | "1.2.840.10008.1.2.4.91" => " (JPEG 2000)",
-        "1.2.840.10008.1.2.4.92" | "1.2.840.10008.1.2.4.93" => " (JPEG 2000 of several components)",
-        "1.2.840.10008.1.2.4.110" | "1.2.840.10008.1.2.4.111" | "1.2.840.10008.1.2.4.112" => " (JPEG XL)",
-        "1.2.840.10008.1.2.4.201" | "1.2.840.10008.1.2.4.202" | "1.2.840.10008.1.2.4.203" => {
-            " (high-throughput JPEG 2000)"
-        }
-        "1.2.840.10008.1.2.4.100" | "1.2.840.10008.1.2.4.101" => " (MPEG-2)",
-        "1.2.840.10008.1.2.4.102" | "1.2.840.10008.1.2.4.103" => " (MPEG-4)",
+    match uid.strip_prefix(COMMON) {
+        Some(".4.80" | ".4.81") => " (JPEG-LS)",
+        Some(".4.90" | ".4.91") => " (JPEG 2000)",
+        Some(".4.92" | ".4.93") => " (JPEG 2000 of several components)",
+        Some(".4.110" | ".4.111" | ".4.112") => " (JPEG XL)",
+        Some(".4.201" | ".4.202" | ".4.203") => " (high-throughput JPEG 2000)",
+        Some(".4.100" | ".4.101") => " (MPEG-2)",
+        Some(".4.102" | ".4.103") => " (MPEG-4)",
         _ => "",
     }
 }

@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use crate::io::formats::tiff::file::index;
+use crate::num::wide;
 use crate::scene::Rescale;
 
 /// The meaning of the pages of a stack, and the size of a voxel.
@@ -60,96 +62,62 @@ impl Calibration {
         }
     }
 
-    /// Describes the announced counts, if there are several channels or frames.
-    pub(crate) fn announced(&self) -> Option<String> {
-        let [channels, slices, frames] = ['C', 'Z', 'T'].map(|axis| extent(&self.axes, axis));
-        (channels > 1 || frames > 1).then(|| {
-            format!("the description announces {channels} channels x {slices} slices x {frames} frames")
-        })
+    /// Describes the announced counts.
+    pub(crate) fn announced(&self) -> String {
+        let [channels, slices, frames] = ['C', 'Z', 'T'].map(|axis| self.extent(axis));
+        format!("the description announces {channels} channels x {slices} slices x {frames} frames")
     }
 
-    /// Applies the tag of Zeiss microscopes: voxel size in metres, and the numbers of slices and points in time.
-    /// Channels are samples of a pixel.
-    pub(crate) fn microscope(&mut self, metres: [f64; 3], slices: u64, frames: u64) {
-        self.axes = [('C', 1), ('Z', slices.max(1)), ('T', frames.max(1))];
-        self.notes.retain(|note| note != UNKNOWN_VOXEL);
-        let length = |metres: f64| Some(metres * 1e6).filter(|length| *length > 0.0 && length.is_finite());
-        let [x, y, z] = metres.map(length);
-        if let (Some(x), Some(y)) = (x, y) {
-            if z.is_none() {
-                let warning = "CZ_LSMINFO: no distance of slices: 1 \u{b5}m is assumed";
-                self.warnings.push(warning.to_owned());
-            }
-            let z = z.unwrap_or(1.0);
-            self.spacing = DVec3::new(x, y, z);
-            self.notes.push(format!("voxels of {x} x {y} x {z} \u{b5}m"));
-        } else {
-            self.warnings.push("CZ_LSMINFO: the size of a voxel is unknown and counts as 1".to_owned());
-        }
+    /// Returns the extent of `C`, `Z` or `T`.
+    pub(crate) fn extent(&self, axis: char) -> u64 {
+        self.axes.iter().find(|(name, _)| *name == axis).map_or(1, |(_, extent)| *extent)
     }
 
     /// Returns the volumes that the pages make; the first is shown by default.
     pub(crate) fn volumes(&mut self, pages: usize) -> Vec<Volume> {
-        let all = |pages| vec![Volume { name: String::new(), first: 0, stride: 1, slices: pages }];
-        let mut axes = self.axes;
-        let product = axes.iter().try_fold(1_u64, |n, (_, extent)| n.checked_mul(*extent));
+        let all = vec![Volume { name: String::new(), first: 0, stride: 1, slices: pages }];
+        let product = self.axes.iter().try_fold(1_u64, |n, (_, extent)| n.checked_mul(*extent));
         if product == Some(1) {
-            return all(pages);
+            return all;
         }
-        let (channels, slices, frames) = (extent(&axes, 'C'), extent(&axes, 'Z'), extent(&axes, 'T'));
-        if product.and_then(|product| usize::try_from(product).ok()) != Some(pages) {
-            self.warnings.push(format!(
-                "the description announces {channels} channels x {slices} slices x {frames} frames, there are {pages} \
-                 pages: all are taken as slices"
-            ));
-            return all(pages);
+        if product != Some(wide(pages)) {
+            let announced = self.announced();
+            self.warnings.push(format!("{announced}, there are {pages} pages: all are taken as slices"));
+            return all;
         }
         // Programs without a notion of slices count them as frames or channels.
-        let taken = match (slices, frames, channels) {
-            (1, 2.., _) => Some(('T', frames, "frames")),
-            (1, _, 2..) => Some(('C', channels, "channels")),
+        let other = match ['Z', 'T', 'C'].map(|axis| self.extent(axis)) {
+            [1, frames, _] if frames > 1 => Some(('T', frames, "frames")),
+            [1, _, channels] if channels > 1 => Some(('C', channels, "channels")),
             _ => None,
         };
-        if let Some((other, count, what)) = taken {
+        if let Some((other, count, what)) = other {
             self.warnings.push(format!("{count} {what} of one slice are taken as slices"));
-            axes = axes.map(|(name, extent)| match name {
-                'Z' => (other, extent),
-                _ if name == other => ('Z', extent),
-                _ => (name, extent),
-            });
+            let swap = |name| match name {
+                'Z' => other,
+                name if name == other => 'Z',
+                name => name,
+            };
+            self.axes = self.axes.map(|(name, extent)| (swap(name), extent));
         }
         // The product of extents is the number of pages, so nothing here overflows.
         let stride = |axis| {
-            let before = axes.iter().take_while(|(name, _)| *name != axis);
-            before.map(|(_, extent)| usize::try_from(*extent).unwrap_or(usize::MAX)).product::<usize>()
+            let before = self.axes.iter().take_while(|(name, _)| *name != axis);
+            before.map(|(_, extent)| index(*extent)).product::<usize>()
         };
-        let count = |axis| usize::try_from(extent(&axes, axis)).unwrap_or(usize::MAX);
-        let (channels, slices, frames) = (count('C'), count('Z'), count('T'));
-        let mut volumes = Vec::new();
-        for frame in 0..frames {
-            for channel in 0..channels {
-                let mut name = Vec::new();
-                if frames > 1 {
-                    name.push(format!("frame {}", frame + 1));
-                }
-                if channels > 1 {
-                    name.push(format!("channel {}", channel + 1));
-                }
-                volumes.push(Volume {
-                    name: name.join(" "),
-                    first: frame * stride('T') + channel * stride('C'),
-                    stride: stride('Z'),
-                    slices,
-                });
+        let [channels, slices, frames] = ['C', 'Z', 'T'].map(|axis| index(self.extent(axis)));
+        let part = |what, number: usize, count| (count > 1).then(|| format!("{what} {}", number + 1));
+        let volume = |(frame, channel)| {
+            let name = [part("frame", frame, frames), part("channel", channel, channels)];
+            Volume {
+                name: name.into_iter().flatten().collect::<Vec<_>>().join(" "),
+                first: frame * stride('T') + channel * stride('C'),
+                stride: stride('Z'),
+                slices,
             }
-        }
-        volumes
+        };
+        (0..frames).flat_map(|frame| (0..channels).map(move |channel| (frame, channel))).map(volume).collect()
     }
 }
 
 pub(crate) const UNKNOWN_VOXEL: &str = "the size of a voxel is unknown and counts as 1";
-
-/// Returns the extent of `C`, `Z` or `T`.
-fn extent(axes: &[(char, u64); 3], axis: char) -> u64 {
-    axes.iter().find(|(name, _)| *name == axis).map_or(1, |(_, extent)| *extent)
-}

@@ -16,8 +16,8 @@ use crate::num;
 pub(crate) struct Look {
     pub(crate) arrays: Vec<ArrayInfo>,
     pub(crate) shown: String,
-    pub(crate) asked: bool,
-    pub(crate) volumes: usize,
+    /// A warning that there are other volumes.
+    pub(crate) others: Option<String>,
     pub(crate) volume: usize,
     /// The first sample of a pixel, and their number.
     pub(crate) first: usize,
@@ -54,9 +54,10 @@ impl Look {
             return Err(source.error("pages", "none"));
         };
         let (_, first, count) = parts[index % parts.len()];
-        let shown = crate::io::build::arrays::describe(&arrays[index], pick);
-        let (volume, asked) = (index / parts.len(), options.array.is_some());
-        Ok(Self { arrays, shown, asked, volumes: volumes.len(), volume, first, count, pick })
+        let shown = arrays::describe(&arrays[index], pick);
+        let others = (volumes.len() > 1 && options.array.is_none())
+            .then(|| format!("{} volumes, {shown} is shown: name another array to see it", volumes.len()));
+        Ok(Self { arrays, shown, others, volume: index / parts.len(), first, count, pick })
     }
 }
 

@@ -1,5 +1,7 @@
 //! One image of a file: its properties, and the sizes that follow from them.
 
+use tiff::tags::CompressionMethod;
+
 use crate::error::Result;
 use crate::io::file::sample_type::SampleType;
 use crate::io::file::source::{Encoding, Source};
@@ -14,13 +16,13 @@ pub(crate) struct Page {
     pub(crate) height: u32,
     pub(crate) bits: u16,
     pub(crate) kind: SampleType,
-    /// Whether samples are 16-bit floats, which become 32-bit ones.
-    pub(crate) half: bool,
+    /// The code of the sample format: 1 unsigned, 2 signed, 3 floats.
+    pub(crate) format: u64,
     pub(crate) samples: usize,
     pub(crate) extra: Vec<u64>,
     pub(crate) photometric: u64,
     pub(crate) planar: bool,
-    pub(crate) compression: Compression,
+    pub(crate) compression: CompressionMethod,
     pub(crate) predictor: u64,
     /// Width and height of a strip or tile, in pixels.
     pub(crate) chunk: [u32; 2],
@@ -30,57 +32,17 @@ pub(crate) struct Page {
     pub(crate) tables: Option<Entry>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Compression {
-    None,
-    Fax4,
-    Lzw,
-    Jpeg,
-    Deflate,
-    PackBits,
-}
-
-impl Compression {
-    pub(crate) const ALL: [(u64, Self); 7] = [
-        (1, Self::None),
-        (4, Self::Fax4),
-        (5, Self::Lzw),
-        (7, Self::Jpeg),
-        (8, Self::Deflate),
-        (32946, Self::Deflate),
-        (32773, Self::PackBits),
-    ];
-
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::None => "uncompressed",
-            Self::Fax4 => "CCITT Group 4",
-            Self::Lzw => "LZW",
-            Self::Jpeg => "JPEG",
-            Self::Deflate => "Deflate",
-            Self::PackBits => "PackBits",
-        }
-    }
-
-    pub(crate) fn code(self) -> u64 {
-        Self::ALL.iter().find(|(_, kind)| *kind == self).map_or(1, |(code, _)| *code)
-    }
-
-    /// Names an unsupported compression, with a blank before it.
-    pub(crate) fn other(code: u64) -> &'static str {
-        match code {
-            2 => " (CCITT modified Huffman)",
-            3 => " (CCITT Group 3)",
-            6 => " (old JPEG)",
-            34712 | 33003 | 33005 => " (JPEG 2000)",
-            34887 => " (LERC)",
-            34925 => " (LZMA)",
-            50000 => " (Zstandard)",
-            50001 => " (WebP)",
-            50002 | 52546 => " (JPEG XL)",
-            _ => "",
-        }
-    }
+/// Returns the name of a compression; None if it is not supported.
+pub(crate) fn name(compression: CompressionMethod) -> Option<&'static str> {
+    Some(match compression {
+        CompressionMethod::None => "uncompressed",
+        CompressionMethod::Fax4 => "CCITT Group 4",
+        CompressionMethod::LZW => "LZW",
+        CompressionMethod::ModernJPEG => "JPEG",
+        CompressionMethod::Deflate | CompressionMethod::OldDeflate => "Deflate",
+        CompressionMethod::PackBits => "PackBits",
+        _ => return None,
+    })
 }
 
 impl Page {
@@ -109,36 +71,38 @@ impl Page {
         if self.bits < 8 {
             notes.push(format!("samples of {} bits are kept as 8", self.bits));
         }
-        if self.half {
+        if self.is_half() {
             notes.push("16-bit floats are kept as 32-bit ones".to_owned());
         }
-        if self.compression == Compression::Jpeg {
+        if self.compression == CompressionMethod::ModernJPEG {
             notes.push("JPEG: values are those of a lossy compression".to_owned());
         }
     }
 
-    pub(crate) fn text(&self) -> String {
+    fn text(&self) -> String {
         let Self { width, height, samples, bits, .. } = self;
         format!("{width} x {height} pixels of {samples} x {} ({bits} bits)", self.kind.name())
     }
 
     /// Checks that another page has the same size and type as this one.
     pub(crate) fn check(&self, source: &Source, other: &Self) -> Result<()> {
-        let of = |page: &Self| {
-            (page.width, page.height, page.samples, page.kind, page.bits, page.half, page.photometric)
-        };
-        if of(self) != of(other) || self.extra != other.extra {
-            let photometric = if self.photometric == other.photometric {
-                String::new()
-            } else {
-                format!(", PhotometricInterpretation {} instead of {}", other.photometric, self.photometric)
-            };
-            return Err(source.error(
-                format!("page {}", other.number),
-                format!("{}{photometric}: all slices must be as the first, {}", other.text(), self.text()),
-            ));
+        let of =
+            |page: &Self| (page.width, page.height, page.samples, page.kind, page.bits, page.photometric);
+        if of(self) == of(other) && self.extra == other.extra {
+            return Ok(());
         }
-        Ok(())
+        let photometric = if self.photometric == other.photometric {
+            String::new()
+        } else {
+            format!(", PhotometricInterpretation {} instead of {}", other.photometric, self.photometric)
+        };
+        let rule = format!("{}{photometric}: all slices must be as the first, {}", other.text(), self.text());
+        Err(source.error(format!("page {}", other.number), rule))
+    }
+
+    /// Whether samples are 16-bit floats, which become 32-bit ones.
+    pub(crate) fn is_half(&self) -> bool {
+        self.kind == SampleType::F32 && self.bits == 16
     }
 
     /// Returns the size of a row of `pixels` in a strip or tile, in bytes.
@@ -155,41 +119,46 @@ impl Page {
     /// Returns the largest ratio of decompressed to compressed bytes of a strip or tile.
     pub(crate) fn ratio(&self) -> u64 {
         match self.compression {
-            Compression::None => 1,
             // One bit may encode a row.
-            Compression::Fax4 => u64::from(self.width.max(self.chunk[0])),
+            CompressionMethod::Fax4 => u64::from(self.width.max(self.chunk[0])),
             // A code of at least 9 bits encodes at most one byte more than the number of codes.
-            Compression::Lzw => 4096,
+            CompressionMethod::LZW => 4096,
             // One bit may encode a block of 64 samples.
-            Compression::Jpeg => 1024,
-            Compression::Deflate => Encoding::Zlib.most(1),
+            CompressionMethod::ModernJPEG => 1024,
+            CompressionMethod::Deflate | CompressionMethod::OldDeflate => Encoding::Zlib.most(1),
             // Two bytes encode up to 128.
-            Compression::PackBits => 64,
+            CompressionMethod::PackBits => 64,
+            _ => 1,
         }
     }
 
-    /// Returns an upper bound of the samples in memory, in bytes, that `len` bytes of the file encode.
-    pub(crate) fn most(&self, len: u64) -> u64 {
-        let wider = if self.half { 2 } else { 8 / u64::from(self.bits.clamp(1, 8)) };
-        len.saturating_mul(self.ratio()).saturating_mul(wider)
+    /// Returns an upper bound of the samples in memory, in bytes, that one byte of the file encodes.
+    pub(crate) fn most(&self) -> u64 {
+        let wider = if self.is_half() { 2 } else { 8 / u64::from(self.bits.clamp(1, 8)) };
+        self.ratio().saturating_mul(wider)
     }
 
     /// Whether samples need no decompression, rearrangement or conversion.
     pub(crate) fn is_plain(&self) -> bool {
-        !self.tiles && !self.planar && self.compression == Compression::None && self.bits >= 8 && !self.half
+        !self.tiles
+            && !self.planar
+            && self.compression == CompressionMethod::None
+            && self.bits >= 8
+            && !self.is_half()
     }
 
     /// Returns the memory that decoding takes in addition to the result, in bytes.
     pub(crate) fn scratch(&self) -> u64 {
         let samples =
             u64::from(self.width).saturating_mul(u64::from(self.height)).saturating_mul(wide(self.samples));
-        let own = if self.half { 6 } else { u64::from(self.bits).div_ceil(8) };
+        let own = if self.is_half() { 6 } else { u64::from(self.bits).div_ceil(8) };
         let page = samples.saturating_mul(own);
         let chunk = self.row(self.chunk[0]).saturating_mul(u64::from(self.chunk[1]));
-        let unpacked = chunk.saturating_mul(if self.compression == Compression::Jpeg { 8 } else { 1 });
+        let unpacked =
+            chunk.saturating_mul(if self.compression == CompressionMethod::ModernJPEG { 8 } else { 1 });
         let decoding = match self.compression {
-            Compression::None if self.is_plain() && self.parts().len() == 1 => 0,
-            Compression::None => page.saturating_add(chunk),
+            CompressionMethod::None if self.is_plain() && self.parts().len() == 1 => 0,
+            CompressionMethod::None => page.saturating_add(chunk),
             _ => page.saturating_add(unpacked).saturating_add(most_packed(chunk).saturating_mul(2)),
         };
         // The lists of strips or tiles count too, except short ones.
@@ -210,23 +179,28 @@ impl Page {
     }
 
     /// Reads the offsets and sizes of strips or tiles.
-    pub(crate) fn chunks(&self, file: &mut File) -> Result<Vec<(u64, u64)>> {
+    pub(crate) fn chunks(&self, file: &File) -> Result<Vec<(u64, u64)>> {
         let count = self.chunk_count();
-        let mut lists = Vec::new();
-        for entry in [Some(self.offsets), self.counts].into_iter().flatten() {
+        let list = |entry: Entry| {
             let list = file.numbers(self.number, &entry, count)?;
             if wide(list.len()) != count {
                 let rule = format!("{}: {count} strips or tiles are needed", list.len());
                 return Err(file.source.error(place_of(self.number, entry.tag), rule));
             }
-            lists.push(list);
-        }
-        if lists.len() == 1 {
+            Ok(list)
+        };
+        let offsets = list(self.offsets)?;
+        let counts = match self.counts {
+            Some(entry) => list(entry)?,
             // Old writers omit the sizes, which follow from the rows.
-            lists.push((0..count).map(|i| self.row(self.chunk[0]).saturating_mul(self.rows(i))).collect());
-        }
-        let counts = lists.pop().unwrap_or_default();
-        Ok(lists.pop().unwrap_or_default().into_iter().zip(counts).collect())
+            None => (0..count).map(|chunk| self.chunk_bytes(chunk)).collect(),
+        };
+        Ok(offsets.into_iter().zip(counts).collect())
+    }
+
+    /// Returns the decompressed size of a strip or tile, in bytes.
+    pub(crate) fn chunk_bytes(&self, chunk: u64) -> u64 {
+        self.row(self.chunk[0]).saturating_mul(self.rows(chunk))
     }
 
     /// Returns the rows of a strip or tile: tiles are complete, the last strip has those that are left.

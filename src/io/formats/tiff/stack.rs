@@ -2,11 +2,13 @@
 
 use std::collections::HashSet;
 
+use tiff::tags::{CompressionMethod, Tag};
+
 use crate::error::Result;
 use crate::io::file::source::Source;
 use crate::io::formats::tiff::calibration::Calibration;
 use crate::io::formats::tiff::file::File;
-use crate::io::formats::tiff::page::{Compression, Page};
+use crate::io::formats::tiff::page::Page;
 use crate::num::wide;
 
 /// The limit on pages.
@@ -31,14 +33,13 @@ impl<'a> Stack<'a> {
         if source.is_gzip() {
             return Err(source.error("file", "is a gzip stream: unpack the TIFF file first"));
         }
-        let (mut file, mut next) = File::open(source)?;
+        let (file, mut next) = File::open(source)?;
         let mut seen = HashSet::new();
         let mut pages = Vec::new();
         let mut reduced = 0;
-        let mut first: Option<Page> = None;
+        let mut first: Option<(Page, Calibration)> = None;
         let (mut ratio, mut scratch) = (0, 0);
         let mut notes = Vec::new();
-        let mut calibration = None;
         for number in 1.. {
             if next == 0 {
                 break;
@@ -51,28 +52,28 @@ impl<'a> Stack<'a> {
                 return Err(source.error("pages", format!("more than {MAX_PAGES}")));
             }
             let at = next;
-            let (entries, after) = file.directory(number, at)?;
-            next = after;
-            let flags = file.number(number, &entries, 254, 0)?;
-            let old = file.number(number, &entries, 255, 1)?;
+            let directory = file.directory(number, at)?;
+            next = directory.next;
+            let flags = directory.number(Tag::NewSubfileType, 0)?;
+            let old = directory.number(Tag::SubfileType, 1)?;
             // Bit 1 marks reduced resolution, bit 4 a mask for another page.
             if flags & 5 != 0 || (flags == 0 && old == 2) {
                 reduced += 1;
                 continue;
             }
-            let page = file.page_of(number, &entries)?;
+            let page = directory.page()?;
             pages.push((number, at));
-            ratio = page.most(1).max(ratio);
+            ratio = page.most().max(ratio);
             scratch = page.scratch().max(scratch);
-            if let Some(first) = &first {
+            if let Some((first, _)) = &first {
                 first.check(source, &page)?;
                 continue;
             }
-            calibration = Some(file.calibration(&page, &entries)?);
+            let calibration = directory.calibration(&page)?;
             page.describe(&mut notes);
-            first = Some(page);
+            first = Some((page, calibration));
         }
-        let (Some(shape), Some(calibration)) = (first, calibration) else {
+        let Some((shape, calibration)) = first else {
             return Err(source.error("pages", "there is none"));
         };
         if reduced > 0 {
@@ -89,12 +90,12 @@ impl<'a> Stack<'a> {
         }
         let source = self.file.source;
         let error = |rule: String| source.error("ImageDescription: images", rule);
-        if self.shape.compression != Compression::None || self.shape.tiles || self.shape.planar {
+        if self.shape.compression != CompressionMethod::None || self.shape.tiles || self.shape.planar {
             return Err(error(format!(
                 "{images}: there is 1 page, and its data are not plain strips that others could follow"
             )));
         }
-        let chunks = self.shape.chunks(&mut self.file)?;
+        let chunks = self.shape.chunks(&self.file)?;
         let joined = chunks.windows(2).all(|pair| pair[0].0.checked_add(pair[0].1) == Some(pair[1].0));
         let first = chunks.first().map_or(0, |chunk| chunk.0);
         let needed = self.shape.bytes().saturating_mul(images);
@@ -110,16 +111,13 @@ impl<'a> Stack<'a> {
         Ok(Some(count))
     }
 
-    /// Checks that the file holds one slice.
-    pub(crate) fn single(&self) -> Result<()> {
-        let images = self.calibration.images.unwrap_or(1);
-        if self.pages.len() != 1 || images > 1 {
-            let count = wide(self.pages.len()).max(images);
-            return Err(self
-                .file
-                .source
-                .error("pages", format!("{count}: a file of a series of slices has 1")));
+    /// Opens a file that must hold one slice.
+    pub(crate) fn single(source: &'a Source) -> Result<Self> {
+        let stack = Self::open(source)?;
+        let images = stack.calibration.images.unwrap_or(1).max(wide(stack.pages.len()));
+        if images > 1 {
+            return Err(source.error("pages", format!("{images}: a file of a series of slices has 1")));
         }
-        Ok(())
+        Ok(stack)
     }
 }

@@ -3,16 +3,17 @@
 use std::io::{Cursor, Read};
 
 use tiff::decoder::{Decoder, Limits};
+use tiff::tags::CompressionMethod;
 
 use crate::error::Result;
 use crate::io::file::decode::{self, Layout};
 use crate::io::file::half::from_half;
-use crate::io::file::sample_type::{Endian, SampleType};
+use crate::io::file::sample_type::Endian;
 use crate::io::file::source::{Encoding, Source};
 use crate::io::formats::jpeg;
 use crate::io::formats::tiff::file::{File, index, place_of};
 use crate::io::formats::tiff::look::Look;
-use crate::io::formats::tiff::page::{Compression, Page, most_packed};
+use crate::io::formats::tiff::page::{Page, most_packed, name};
 use crate::num::{self, wide};
 use crate::scene::Samples;
 
@@ -20,91 +21,67 @@ use crate::scene::Samples;
 const MAX_TABLES: u64 = 4096;
 
 impl Page {
-    /// Appends the samples of the page.
-    pub(crate) fn decode(
-        &self,
-        file: &mut File,
-        look: &Look,
-        layout: &Layout,
-        values: &mut Samples,
-    ) -> Result<()> {
-        let chunks = self.chunks(file)?;
-        self.append(file, &chunks, look, layout, values)
-    }
-
-    /// Appends the samples of an image by its index among the contiguous images of this page.
-    pub(crate) fn decode_after(
-        &self,
-        file: &mut File,
-        image: usize,
-        look: &Look,
-        layout: &Layout,
-        values: &mut Samples,
-    ) -> Result<()> {
+    /// Returns an image by its index among the contiguous images of this page, as a page with a single strip, and
+    /// that strip.
+    pub(crate) fn following(&self, file: &File, image: usize) -> Result<(Self, (u64, u64))> {
         let first = self.chunks(file)?.first().map_or(0, |chunk| chunk.0);
-        let whole = Self { chunk: [self.width, self.height], ..self.clone() };
         let offset = first.saturating_add(self.bytes().saturating_mul(wide(image)));
-        whole.append(file, &[(offset, self.bytes())], look, layout, values)
+        Ok((Self { chunk: [self.width, self.height], ..self.clone() }, (offset, self.bytes())))
     }
 
+    /// Appends the samples of the page, whose strips or tiles are `chunks`.
     pub(crate) fn append(
         &self,
-        file: &mut File,
+        file: &File,
         chunks: &[(u64, u64)],
         look: &Look,
-        layout: &Layout,
         values: &mut Samples,
     ) -> Result<()> {
         let source = file.source;
         let pixels = index(u64::from(self.width).saturating_mul(u64::from(self.height)));
         let before = values.len();
+        let mut append = |reader: &mut dyn Read, count: usize, endian: Endian| {
+            let layout = Layout { endian, ..self.layout(look, 1) };
+            decode::append(reader, count, &layout, values).map_err(|error| source.io_error(error))
+        };
         if self.is_plain() && look.count == self.samples {
             // Contiguous strips are read in one run.
-            let mut run: Option<(u64, u64)> = None;
-            let layout = Layout { endian: file.endian, ..*layout };
-            let mut flush = |file: &mut File, run: (u64, u64)| {
-                let place = format!("page {}: strip at byte {}", self.number, run.0);
-                file.spend(&place, run.0, run.1)?;
-                let count = index(run.1 / self.row(1).max(1));
-                let mut bytes = source.reader(run.0, Encoding::Raw).take(run.1);
-                decode::append(&mut bytes, count, &layout, values).map_err(|error| source.io_error(error))
-            };
+            let mut runs: Vec<(u64, u64)> = Vec::new();
             for (i, &(offset, count)) in (0..).zip(chunks) {
                 let needed = self.needed(source, i, count)?;
-                match &mut run {
+                match runs.last_mut() {
                     Some((start, len)) if start.checked_add(*len) == Some(offset) => {
-                        *len = len.saturating_add(needed)
+                        *len = len.saturating_add(needed);
                     }
-                    _ => {
-                        if let Some(run) = run.replace((offset, needed)) {
-                            flush(file, run)?;
-                        }
-                    }
+                    _ => runs.push((offset, needed)),
                 }
             }
-            if let Some(run) = run {
-                flush(file, run)?;
+            for (offset, len) in runs {
+                file.spend(&format!("page {}: strip at byte {offset}", self.number), offset, len)?;
+                let mut bytes = source.reader(offset, Encoding::Raw).take(len);
+                append(&mut bytes, index(len / self.row(1).max(1)), file.endian)?;
             }
         } else {
             let bytes = self.assemble(file, chunks, look)?;
-            let endian = if self.compression == Compression::None { file.endian } else { Endian::NATIVE };
-            let bytes = if self.half { widened(&bytes, endian) } else { bytes };
-            let endian = if self.half { Endian::NATIVE } else { endian };
-            let layout = Layout { endian, ..*layout };
-            decode::append(&mut &*bytes, pixels, &layout, values).map_err(|error| source.io_error(error))?;
+            let endian =
+                if self.compression == CompressionMethod::None { file.endian } else { Endian::NATIVE };
+            if self.is_half() {
+                append(&mut &*widened(&bytes, endian), pixels, Endian::NATIVE)?;
+            } else {
+                append(&mut &*bytes, pixels, endian)?;
+            }
         }
-        if values.len() - before != pixels {
-            return Err(source.error(
-                format!("page {}", self.number),
-                format!("{} pixels: {pixels} are needed", values.len() - before),
-            ));
+        let count = values.len() - before;
+        if count != pixels {
+            let rule = format!("{count} pixels: {pixels} are needed");
+            return Err(source.error(format!("page {}", self.number), rule));
         }
         Ok(())
     }
 
     /// Returns the size of an uncompressed strip or tile, which must be at most its `count`.
-    pub(crate) fn needed(&self, source: &Source, chunk: u64, count: u64) -> Result<u64> {
-        let needed = self.row(self.chunk[0]).saturating_mul(self.rows(chunk));
+    fn needed(&self, source: &Source, chunk: u64, count: u64) -> Result<u64> {
+        let needed = self.chunk_bytes(chunk);
         if count < needed {
             let place = format!("page {}: strip or tile {chunk}", self.number);
             return Err(source.error(place, format!("{count} bytes: {needed} are needed")));
@@ -113,18 +90,23 @@ impl Page {
     }
 
     /// Collects the selected samples pixel by pixel: samples below 8 bits as bytes, others as stored.
-    pub(crate) fn assemble(&self, file: &mut File, chunks: &[(u64, u64)], look: &Look) -> Result<Vec<u8>> {
+    fn assemble(&self, file: &File, chunks: &[(u64, u64)], look: &Look) -> Result<Vec<u8>> {
         let tables = match &self.tables {
-            Some(entry) if entry.count.saturating_mul(entry.size()) > MAX_TABLES => {
-                let rule = format!("{} bytes: at most {MAX_TABLES}", entry.count);
-                return Err(file.source.error(place_of(self.number, 347), rule));
+            Some(entry) => {
+                let (place, len) =
+                    (place_of(self.number, entry.tag), entry.count.saturating_mul(entry.size()));
+                if len > MAX_TABLES {
+                    let rule = format!("{} bytes: at most {MAX_TABLES}", entry.count);
+                    return Err(file.source.error(place, rule));
+                }
+                file.piece(&place, entry.at, len)?
             }
-            Some(entry) => file.piece(&place_of(self.number, 347), entry.at, entry.count * entry.size())?,
             None => Vec::new(),
         };
         let own = usize::from(self.bits).div_ceil(8);
         let pixel = own * look.count;
         let [width, height] = [self.width, self.height].map(num::index);
+        let chunk = self.chunk.map(num::index);
         // The caller has taken the memory from the budget.
         let mut page = vec![0_u8; width * height * pixel];
         let [across, down] = self.grid();
@@ -136,11 +118,13 @@ impl Page {
                 continue;
             }
             let bytes = self.expand(file, i, stored, &tables)?;
-            let (left, top) = (
-                index(i % across) * num::index(self.chunk[0]),
-                index(i / across % down) * num::index(self.chunk[1]),
-            );
-            let columns = num::index(self.chunk[0]).min(width - left);
+            let (left, top) = (index(i % across) * chunk[0], index(i / across % down) * chunk[1]);
+            let columns = chunk[0].min(width - left);
+            // The selected bytes of a stored pixel, and their place in the result.
+            let (from, to, len) = match self.planar {
+                true => (0, (plane - look.first) * own, own),
+                false => (look.first * own, 0, pixel),
+            };
             let rows = bytes.chunks_exact(index(self.row(self.chunk[0]))).take(index(self.visible_rows(i)));
             for (y, row) in rows.enumerate() {
                 let row = if self.bits < 8 {
@@ -150,17 +134,8 @@ impl Page {
                     row
                 };
                 let target = &mut page[((top + y) * width + left) * pixel..][..columns * pixel];
-                if self.planar {
-                    let at = (plane - look.first) * own;
-                    for (target, sample) in target.chunks_exact_mut(pixel).zip(row.chunks_exact(own)) {
-                        target[at..at + own].copy_from_slice(sample);
-                    }
-                } else {
-                    let at = look.first * own;
-                    for (target, all) in target.chunks_exact_mut(pixel).zip(row.chunks_exact(own * in_chunk))
-                    {
-                        target.copy_from_slice(&all[at..at + pixel]);
-                    }
+                for (target, stored) in target.chunks_exact_mut(pixel).zip(row.chunks_exact(own * in_chunk)) {
+                    target[to..to + len].copy_from_slice(&stored[from..from + len]);
                 }
             }
         }
@@ -168,49 +143,37 @@ impl Page {
     }
 
     /// Decompresses one strip or tile.
-    pub(crate) fn expand(
-        &self,
-        file: &mut File,
-        chunk: u64,
-        stored: (u64, u64),
-        tables: &[u8],
-    ) -> Result<Vec<u8>> {
+    fn expand(&self, file: &File, chunk: u64, (offset, count): (u64, u64), tables: &[u8]) -> Result<Vec<u8>> {
         let source = file.source;
-        let (offset, count) = stored;
         let place = format!("page {}: strip or tile {chunk} at byte {offset}", self.number);
-        if self.compression == Compression::None {
+        let name = name(self.compression).unwrap_or_default();
+        if self.compression == CompressionMethod::None {
             let needed = self.needed(source, chunk, count)?;
             file.spend(&place, offset, needed)?;
             return source.bytes(offset, needed);
         }
-        let rows = self.rows(chunk);
-        let needed = self.row(self.chunk[0]).saturating_mul(rows);
+        let needed = self.chunk_bytes(chunk);
         let most = count.saturating_mul(self.ratio());
         if needed > most {
-            let name = self.compression.name();
-            return Err(
-                source.error(place, format!("needs {needed} bytes: {count} of {name} hold at most {most}"))
-            );
+            let rule = format!("needs {needed} bytes: {count} of {name} hold at most {most}");
+            return Err(source.error(place, rule));
         }
         if count > most_packed(needed) {
             return Err(source.error(place, format!("{count} bytes for {needed} unpacked ones")));
         }
         file.spend(&place, offset, count)?;
         let packed = source.bytes(offset, count)?;
-        if self.compression == Compression::Jpeg {
-            let frame = jpeg::frame(&packed).map_err(|why| source.error(&place, format!("JPEG: {why}")))?;
-            let fits = u32::from(frame.width) == self.chunk[0]
-                && (rows..=u64::from(self.chunk[1])).contains(&u64::from(frame.height))
-                && usize::from(frame.components) == (if self.planar { 1 } else { self.samples })
-                && frame.bits == 8;
+        let rows = self.rows(chunk);
+        if self.compression == CompressionMethod::ModernJPEG {
+            let jpeg::Frame { width, height, components, bits } =
+                jpeg::frame(&packed).map_err(|why| source.error(&place, format!("JPEG: {why}")))?;
+            let fits = u32::from(width) == self.chunk[0]
+                && (rows..=u64::from(self.chunk[1])).contains(&height.into())
+                && usize::from(components) == (if self.planar { 1 } else { self.samples })
+                && bits == 8;
             if !fits {
-                let jpeg::Frame { width, height, components, bits, .. } = frame;
-                return Err(source.error(
-                    place,
-                    format!(
-                        "JPEG of {width} x {height} pixels, {components} x {bits} bits: does not fit the page"
-                    ),
-                ));
+                let found = format!("JPEG of {width} x {height} pixels, {components} x {bits} bits");
+                return Err(source.error(place, format!("{found}: does not fit the page")));
             }
         }
         let small = self.small(file.endian, rows, &packed, tables);
@@ -224,55 +187,44 @@ impl Page {
             .map_err(|error| {
                 // Messages of decoders may have several lines.
                 let why = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
-                source.error(place, format!("{} is damaged: {why}", self.compression.name()))
+                source.error(place, format!("{name} is damaged: {why}"))
             })?;
         Ok(bytes)
     }
 
     /// Writes a TIFF file of one strip, for the decoder.
-    pub(crate) fn small(&self, endian: Endian, rows: u64, packed: &[u8], tables: &[u8]) -> Vec<u8> {
+    fn small(&self, endian: Endian, rows: u64, packed: &[u8], tables: &[u8]) -> Vec<u8> {
         let samples = if self.planar { 1 } else { self.samples };
-        let format = match self.kind {
-            SampleType::U8 | SampleType::U16 | SampleType::U32 | SampleType::U64 => 1,
-            SampleType::I8 | SampleType::I16 | SampleType::I32 | SampleType::I64 => 2,
-            SampleType::F32 | SampleType::F64 => 3,
-        };
-        let mut entries = vec![
-            (256_u16, 1_u64, u64::from(self.chunk[0])),
-            (257, 1, rows),
-            (258, 1, u64::from(self.bits)),
-            (259, 1, self.compression.code()),
-            (262, 1, 1),
-            (273, 1, 0),
-            (277, 1, wide(samples)),
-            (278, 1, rows),
-            (279, 1, wide(packed.len())),
-            (317, 1, self.predictor),
-            (339, 1, format),
+        let count = if tables.is_empty() { 11 } else { 12 };
+        let behind = 8 + 2 + 12 * count + 4;
+        // Tag, type, number of values, value or offset. Type 4 is a number, 7 are bytes.
+        let entries = [
+            (256, 4, 1, u64::from(self.chunk[0])),
+            (257, 4, 1, rows),
+            (258, 4, 1, u64::from(self.bits)),
+            (259, 4, 1, u64::from(self.compression.to_u16())),
+            (262, 4, 1, 1),
+            (273, 4, 1, wide(behind + tables.len())),
+            (277, 4, 1, wide(samples)),
+            (278, 4, 1, rows),
+            (279, 4, 1, wide(packed.len())),
+            (317, 4, 1, self.predictor),
+            (339, 4, 1, self.format),
+            (347, 7, wide(tables.len()), wide(behind)),
         ];
-        if !tables.is_empty() {
-            entries.push((347, wide(tables.len()), 0));
-        }
-        let behind = 8 + 2 + 12 * entries.len() + 4;
         let mut bytes = Vec::with_capacity(behind + tables.len() + packed.len());
         let put = |bytes: &mut Vec<u8>, value: u64, size: usize| match endian {
             Endian::Little => bytes.extend_from_slice(&value.to_le_bytes()[..size]),
             Endian::Big => bytes.extend_from_slice(&value.to_be_bytes()[8 - size..]),
         };
         bytes.extend_from_slice(if endian == Endian::Little { b"II" } else { b"MM" });
-        put(&mut bytes, 42, 2);
-        put(&mut bytes, 8, 4);
-        put(&mut bytes, wide(entries.len()), 2);
-        for (tag, count, value) in entries {
-            let (kind, value) = match tag {
-                273 => (4, wide(behind + tables.len())),
-                347 => (7, wide(behind)),
-                _ => (4, value),
-            };
-            put(&mut bytes, u64::from(tag), 2);
-            put(&mut bytes, kind, 2);
-            put(&mut bytes, count, 4);
-            put(&mut bytes, value, 4);
+        for (value, size) in [(42, 2), (8, 4), (wide(count), 2)] {
+            put(&mut bytes, value, size);
+        }
+        for (tag, kind, count, value) in entries.into_iter().take(count) {
+            for (number, size) in [(tag, 2), (kind, 2), (count, 4), (value, 4)] {
+                put(&mut bytes, number, size);
+            }
         }
         put(&mut bytes, 0, 4);
         bytes.extend_from_slice(tables);
@@ -282,7 +234,7 @@ impl Page {
 }
 
 /// Expands samples of less than 8 bits to bytes; the first is in the highest bits.
-pub(crate) fn unpack(row: &[u8], bits: u16, count: usize, unpacked: &mut Vec<u8>) {
+fn unpack(row: &[u8], bits: u16, count: usize, unpacked: &mut Vec<u8>) {
     let bits = usize::from(bits);
     let mask = 0xff_u8 >> (8 - bits);
     unpacked.clear();
@@ -294,7 +246,7 @@ pub(crate) fn unpack(row: &[u8], bits: u16, count: usize, unpacked: &mut Vec<u8>
 }
 
 /// Converts 16-bit floats to 32-bit ones in native byte order.
-pub(crate) fn widened(bytes: &[u8], endian: Endian) -> Vec<u8> {
+fn widened(bytes: &[u8], endian: Endian) -> Vec<u8> {
     let one = |pair: &[u8; 2]| from_half(u16::from_le_bytes(endian.to_little(*pair))).to_ne_bytes();
     bytes.as_chunks::<2>().0.iter().flat_map(one).collect()
 }
