@@ -14,16 +14,6 @@ use volraster::scene::{
 };
 use volraster::technique::Renderer;
 
-fn erf(x: f64) -> f64 {
-    // Its series, for the arguments of these tests.
-    let (mut sum, mut term) = (0.0, x);
-    for k in 0..200 {
-        sum += term / f64::from(2 * k + 1);
-        term *= -x * x / f64::from(k + 1);
-    }
-    sum * 2.0 / std::f64::consts::PI.sqrt()
-}
-
 /// Optical depth along a ray of a Gaussian of peak `tau` that is cut at `cut` sigmas.
 fn gaussian(view: &View, pixel: DVec2, centre: DVec3, sigma: f64, cut: f64, tau: f64) -> f64 {
     let (origin, direction) = view.ray(pixel);
@@ -104,15 +94,6 @@ fn a_homogeneous_box_is_exact_in_sheets() {
             }
             println!("{spec}: {worst:e}");
         }
-    }
-}
-
-/// Repeatable numbers from -1 to 1.
-fn random(seed: u64) -> impl FnMut() -> f64 {
-    let mut state = seed;
-    move || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        f64::from((state >> 33) as u32) / f64::from(1_u32 << 30) - 1.0
     }
 }
 
