@@ -49,12 +49,9 @@ fn single_gaussians_are_their_closed_form() {
                 for spec in ["order=center,stop=0", "order=window,stop=0", "order=slabs,step=0.7,stop=0"] {
                     let image = draw(&gpu, &scene, &view, &format!("splat-ewa:{spec}"));
                     let mut worst = 0.0_f64;
-                    for y in 0..32 {
-                        for x in 0..48 {
-                            let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-                            let alpha = -(-gaussian(&view, pixel, centre, sigma, 3.0, 2.0 / sigma)).exp_m1();
-                            worst = worst.max((f64::from(image.pixel(x, y)[3]) - alpha).abs());
-                        }
+                    for (i, pixel) in pixels(&view) {
+                        let alpha = -(-gaussian(&view, pixel, centre, sigma, 3.0, 2.0 / sigma)).exp_m1();
+                        worst = worst.max((f64::from(image.pixels()[i][3]) - alpha).abs());
                     }
                     println!("{sigma} {distance} {aside} {spec}: {worst:e}");
                     let length = DVec3::new(2.0, 1.5, 3.8).length() * distance;
@@ -82,15 +79,9 @@ fn a_homogeneous_box_is_exact_in_sheets() {
         ] {
             let image = draw(&gpu, &scene, &view, &format!("splat-sheets:stop=0,{spec}"));
             let mut worst = 0.0_f64;
-            for y in 0..48 {
-                for x in 0..64 {
-                    let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-                    if on_outline(&view, pixel) {
-                        continue;
-                    }
-                    let alpha = -(-1.5 * chord(&view, pixel)).exp_m1();
-                    worst = worst.max((f64::from(image.pixel(x, y)[3]) - alpha).abs());
-                }
+            for (i, pixel) in pixels(&view).filter(|(_, pixel)| !on_outline(&view, *pixel)) {
+                let alpha = -(-1.5 * chord(&view, pixel)).exp_m1();
+                worst = worst.max((f64::from(image.pixels()[i][3]) - alpha).abs());
             }
             println!("{spec}: {worst:e}");
         }

@@ -108,8 +108,7 @@ fn meshes_are_refused_by_place_and_rule() {
 #[test]
 fn the_largest_field_within_the_limit_of_memory_is_made() {
     let folder = Folder::new();
-    fs::write(folder.path("scene.json"), format!("{{\"mesh\": {{\"field\": \"ramp\", \"cubes\": 5}}{REST}"))
-        .unwrap();
+    folder.write("scene.json", format!("{{\"mesh\": {{\"field\": \"ramp\", \"cubes\": 5}}{REST}"));
     let bytes = 28 * 216 + 80 * 125;
     assert!(SceneFile::load(folder.path("scene.json"), &ReadOptions::within(bytes)).is_ok());
     assert!(SceneFile::load(folder.path("scene.json"), &ReadOptions::within(bytes - 1)).is_err());

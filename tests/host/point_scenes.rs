@@ -94,7 +94,7 @@ fn the_options_arrays_win_over_the_file_s() {
     write_points(&folder.path("p.vtu"));
     let named = |name: &str| Some(name.to_string());
     let load = |spec: &str, options: &ReadOptions| {
-        fs::write(folder.path("scene.json"), format!("{{\"points\": {spec}}}")).unwrap();
+        folder.write("scene.json", format!("{{\"points\": {spec}}}"));
         let loaded = SceneFile::load(folder.path("scene.json"), options).unwrap_or_else(|e| panic!("{e}"));
         loaded.scene.points().unwrap().clone()
     };
@@ -240,7 +240,7 @@ fn points_are_refused_by_place_and_rule() {
     let both = r#"{"points": {"file": "p.vtu"}, "mesh": {"field": "ramp", "cubes": 1}}"#;
     folder.refused(both, "scene.json", &["points", "one of"]);
     let options = ReadOptions { weight: Some("q".into()), ..OPTIONS };
-    fs::write(folder.path("scene.json"), r#"{"points": {"field": "ramp", "count": 3}}"#).unwrap();
+    folder.write("scene.json", r#"{"points": {"field": "ramp", "count": 3}}"#);
     let error = SceneFile::load(folder.path("scene.json"), &options).unwrap_err().to_string();
     assert!(error.contains("weight") && error.contains("fields have no arrays"), "{error}");
 }

@@ -706,7 +706,7 @@ fn the_reference_draws_meshes() {
     }
     let folder = empty();
     write_cells(&folder);
-    let write = |name: &str, json: &str| std::fs::write(folder.path(name), json).unwrap();
+    let write = |name: &str, json: &str| folder.write(name, json);
     let run = folder.run("reference mesh.vtu -o alone.exr --size 24x18").done();
     assert!(run.out.contains("24 x 18"), "{}", run.out);
     let seen = |name: &str| folder.exr(name).pixels().iter().filter(|pixel| pixel[3] > 0.05).count();
