@@ -1498,4 +1498,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: bdfc8144efc91931 */
+/* Checksum of the sources: d694cbc3107d9741 */

@@ -1,13 +1,93 @@
 //! Grids, meshes, points, surfaces and transfer functions, copied from the caller's memory.
 
+use std::ffi::c_void;
+
+use bytemuck::AnyBitPattern;
 use glam::{DMat3, DVec3};
 
-use super::argument::{self, Structure, choice};
-use super::samples::samples;
+use super::argument::{Caller, Structure, choice, reserved};
 use crate::error::{Error, Result};
+use crate::io::SampleType;
+use crate::num;
 use crate::scene::{
-    Grid, KernelSize, Knot, Points, Rescale, Shading, Surface, TetScalars, Tets, TransferFunction,
+    Grid, KernelSize, Knot, Points, Rescale, Samples, Shading, Surface, TetScalars, Tets, TransferFunction,
 };
+
+/// Type of samples.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum vr_sample_type {
+    /// 8-bit unsigned.
+    VR_SAMPLE_U8 = 1,
+    /// 16-bit unsigned.
+    VR_SAMPLE_U16 = 2,
+    /// 16-bit signed.
+    VR_SAMPLE_I16 = 3,
+    /// 32-bit float. NaN marks vacuum.
+    VR_SAMPLE_F32 = 4,
+    /// 8-bit signed; kept as 32-bit float.
+    VR_SAMPLE_I8 = 5,
+    /// 32-bit unsigned; kept as 32-bit float.
+    VR_SAMPLE_U32 = 6,
+    /// 32-bit signed; kept as 32-bit float.
+    VR_SAMPLE_I32 = 7,
+    /// 64-bit unsigned; kept as 32-bit float.
+    VR_SAMPLE_U64 = 8,
+    /// 64-bit signed; kept as 32-bit float.
+    VR_SAMPLE_I64 = 9,
+    /// 64-bit float; kept as 32-bit float.
+    VR_SAMPLE_F64 = 10,
+}
+
+/// In the order of `vr_sample_type`.
+const SAMPLE_TYPES: [SampleType; 10] = {
+    use SampleType::*;
+    [U8, U16, I16, F32, I8, U32, I32, U64, I64, F64]
+};
+
+/// Copies samples of one type.
+pub(super) fn samples(
+    caller: &Caller,
+    dims: [u32; 3],
+    sample_type: u32,
+    (samples, bytes): (*const c_void, usize),
+) -> Result<Samples> {
+    let kind = choice(sample_type, 1, &SAMPLE_TYPES, "sample_type")?;
+    let needed = dims.iter().try_fold(kind.bytes(), |bytes, &n| bytes.checked_mul(u64::from(n)));
+    if needed != Some(num::wide(bytes)) {
+        let needed = needed.map_or("more than 2^64".to_string(), |needed| needed.to_string());
+        let why = format!("{dims:?} samples of type {} need {needed} bytes, {bytes} are given", kind.name());
+        return Err(Error::invalid("sample_bytes", why));
+    }
+    let bytes = caller.array(samples.cast::<u8>(), bytes, "samples")?;
+    Ok(match kind {
+        SampleType::U8 => Samples::U8(numbers(bytes, |s| s)?),
+        SampleType::U16 => Samples::U16(numbers(bytes, |s| s)?),
+        SampleType::I16 => Samples::I16(numbers(bytes, |s| s)?),
+        SampleType::F32 => Samples::F32(numbers(bytes, |s| s)?),
+        SampleType::I8 => Samples::F32(numbers(bytes, |s: i8| f32::from(s))?),
+        SampleType::U32 => Samples::F32(numbers(bytes, |s: u32| s as f32)?),
+        SampleType::I32 => Samples::F32(numbers(bytes, |s: i32| s as f32)?),
+        SampleType::U64 => Samples::F32(numbers(bytes, |s: u64| s as f32)?),
+        SampleType::I64 => Samples::F32(numbers(bytes, |s: i64| s as f32)?),
+        SampleType::F64 => Samples::F32(numbers(bytes, num::f32_of)?),
+    })
+}
+
+/// Copies and converts numbers from memory of any alignment.
+fn numbers<T: AnyBitPattern, U>(bytes: &[u8], convert: impl Fn(T) -> U) -> Result<Vec<U>> {
+    let numbers = bytes.chunks_exact(size_of::<T>()).map(|b| convert(bytemuck::pod_read_unaligned(b)));
+    copied(numbers, "samples")
+}
+
+/// Copies a list.
+fn copied<T>(given: impl ExactSizeIterator<Item = T>, name: &str) -> Result<Vec<T>> {
+    let (mut list, count) = (Vec::new(), given.len());
+    list.try_reserve_exact(count)
+        .map_err(|error| Error::invalid(name, format!("no memory for a copy of {count}: {error}")))?;
+    list.extend(given);
+    Ok(list)
+}
 
 /// A regular grid: a scalar field, trilinear between samples, with vacuum outside the box of the samples.
 #[repr(C)]
@@ -36,9 +116,7 @@ pub struct vr_grid_info {
 }
 
 // SAFETY: repr(C), numbers and pointers, the first its size.
-unsafe impl Structure for vr_grid_info {
-    const FIRST: usize = size_of::<Self>();
-}
+unsafe impl Structure for vr_grid_info {}
 
 /// The elements of a mesh that have the scalars.
 #[repr(C)]
@@ -76,9 +154,7 @@ pub struct vr_mesh_info {
 }
 
 // SAFETY: repr(C), numbers and pointers, the first its size.
-unsafe impl Structure for vr_mesh_info {
-    const FIRST: usize = size_of::<Self>();
-}
+unsafe impl Structure for vr_mesh_info {}
 
 /// Dependence of a surface's colour on the direction of view.
 #[repr(C)]
@@ -89,11 +165,6 @@ pub enum vr_shading {
     /// The colour is scaled by the cosine between the triangle's normal and the ray, as if lit from the eye.
     VR_SHADING_HEADLIGHT = 1,
 }
-
-const SHADINGS: [(Shading, u32); 2] = [
-    (Shading::Flat, vr_shading::VR_SHADING_FLAT as u32),
-    (Shading::Headlight, vr_shading::VR_SHADING_HEADLIGHT as u32),
-];
 
 /// A triangle mesh of one colour in the volume, visible from both sides.
 #[repr(C)]
@@ -118,9 +189,7 @@ pub struct vr_surface_info {
 }
 
 // SAFETY: repr(C), numbers and pointers, the first its size.
-unsafe impl Structure for vr_surface_info {
-    const FIRST: usize = size_of::<Self>();
-}
+unsafe impl Structure for vr_surface_info {}
 
 /// Scattered points with kernels. Arrays may be NULL; others have one element per point.
 #[repr(C)]
@@ -145,9 +214,7 @@ pub struct vr_points_info {
 }
 
 // SAFETY: repr(C), numbers and pointers, the first its size.
-unsafe impl Structure for vr_points_info {
-    const FIRST: usize = size_of::<Self>();
-}
+unsafe impl Structure for vr_points_info {}
 
 /// A knot of a transfer function, which maps a scalar to emitted colour and extinction. It is linear between knots and constant
 /// beyond the ends. Two knots of one scalar make a jump, at which the later one applies.
@@ -162,38 +229,19 @@ pub struct vr_knot {
     pub extinction: f64,
 }
 
-/// Copies a list.
-///
-/// # Safety
-///
-/// As [`argument::array()`].
-unsafe fn list<T: Copy>(pointer: *const T, count: usize, name: &str) -> Result<Vec<T>> {
-    // SAFETY: the caller's promise.
-    let given = unsafe { argument::array(pointer, count, name) }?;
-    let mut list = Vec::new();
-    list.try_reserve_exact(count)
-        .map_err(|error| Error::invalid(name, format!("no memory for a copy of {count}: {error}")))?;
-    list.extend_from_slice(given);
-    Ok(list)
+/// Copies an array of the caller's.
+fn list<T: Copy>(caller: &Caller, pointer: *const T, count: usize, name: &str) -> Result<Vec<T>> {
+    copied(caller.array(pointer, count, name)?.iter().copied(), name)
 }
 
 /// Copies positions.
-///
-/// # Safety
-///
-/// As [`argument::array()`].
-unsafe fn positions(pointer: *const f64, count: usize, name: &str) -> Result<Vec<DVec3>> {
-    // SAFETY: the caller's promise.
-    let given = unsafe { argument::tuples::<3, f64>(pointer, count, name) }?;
-    Ok(given.iter().copied().map(DVec3::from_array).collect())
+fn positions(caller: &Caller, pointer: *const f64, count: usize, name: &str) -> Result<Vec<DVec3>> {
+    let given = caller.array(pointer.cast::<[f64; 3]>(), count, name)?;
+    copied(given.iter().copied().map(DVec3::from_array), name)
 }
 
-/// # Safety
-///
-/// Its samples are null or as many bytes as it says.
-pub(super) unsafe fn grid(info: &vr_grid_info) -> Result<Grid> {
-    // SAFETY: the caller's promise.
-    let samples = unsafe { samples(info.dims, info.sample_type, info.samples, info.sample_bytes) }?;
+pub(super) fn grid(caller: &Caller, info: &vr_grid_info) -> Result<Grid> {
+    let samples = samples(caller, info.dims, info.sample_type, (info.samples, info.sample_bytes))?;
     let spacing = if info.spacing == [0.0; 3] { [1.0; 3] } else { info.spacing };
     let axes =
         if info.direction == [[0.0; 3]; 3] { DMat3::IDENTITY.to_cols_array_2d() } else { info.direction };
@@ -203,58 +251,37 @@ pub(super) unsafe fn grid(info: &vr_grid_info) -> Result<Grid> {
         .with_rescale(Rescale { slope, intercept: info.intercept })
 }
 
-/// # Safety
-///
-/// `values` is null or has so many.
-pub(super) unsafe fn scalars(values: *const f32, count: usize, per: u32) -> Result<TetScalars> {
-    let kinds = [vr_scalars_per::VR_SCALARS_PER_POINT, vr_scalars_per::VR_SCALARS_PER_CELL];
-    let kind = choice(per, &kinds.map(|kind| (kind, kind as u32)), "scalars_per")?;
-    // SAFETY: the caller's promise.
-    let values = unsafe { list(values, count, "scalars") }?;
-    Ok(match kind {
-        vr_scalars_per::VR_SCALARS_PER_POINT => TetScalars::Point(values),
-        vr_scalars_per::VR_SCALARS_PER_CELL => TetScalars::Cell(values),
-    })
+pub(super) fn scalars(caller: &Caller, values: *const f32, count: usize, per: u32) -> Result<TetScalars> {
+    let kinds: [fn(Vec<f32>) -> TetScalars; 2] = [TetScalars::Point, TetScalars::Cell];
+    let kind = choice(per, 1, &kinds, "scalars_per")?;
+    Ok(kind(list(caller, values, count, "scalars")?))
 }
 
-/// # Safety
-///
-/// Its arrays are null or as long as it says.
-pub(super) unsafe fn mesh(info: &vr_mesh_info) -> Result<Tets> {
-    argument::reserved(info.reserved)?;
-    // SAFETY: the caller's promise.
-    let points = unsafe { positions(info.points, info.point_count, "points") }?;
-    // SAFETY: the caller's promise.
-    let cells = unsafe { argument::tuples::<4, u32>(info.cells, info.cell_count, "cells") }?.to_vec();
-    // SAFETY: the caller's promise.
-    let scalars = unsafe { scalars(info.scalars, info.scalar_count, info.scalars_per) }?;
+pub(super) fn mesh(caller: &Caller, info: &vr_mesh_info) -> Result<Tets> {
+    reserved(info.reserved)?;
+    let points = positions(caller, info.points, info.point_count, "points")?;
+    let cells = list(caller, info.cells.cast::<[u32; 4]>(), info.cell_count, "cells")?;
+    let scalars = scalars(caller, info.scalars, info.scalar_count, info.scalars_per)?;
     Ok(Tets::new(points, cells, scalars)?.0)
 }
 
-/// # Safety
-///
-/// Its arrays are null or have an element for each point.
-pub(super) unsafe fn points(info: &vr_points_info) -> Result<Points> {
+pub(super) fn points(caller: &Caller, info: &vr_points_info) -> Result<Points> {
     let count = info.point_count;
-    // SAFETY: the caller's promise.
-    let mut points = Points::new(unsafe { positions(info.centres, count, "centres") }?)?;
+    let mut points = Points::new(positions(caller, info.centres, count, "centres")?)?;
     if !info.scalars.is_null() {
-        // SAFETY: the caller's promise.
-        points = points.with_scalars(unsafe { list(info.scalars, count, "scalars") }?)?;
+        points = points.with_scalars(list(caller, info.scalars, count, "scalars")?)?;
     }
     if !info.weights.is_null() {
-        // SAFETY: the caller's promise.
-        points = points.with_weights(unsafe { list(info.weights, count, "weights") }?)?;
+        points = points.with_weights(list(caller, info.weights, count, "weights")?)?;
     }
     let size = match (info.radii.is_null(), info.covariances.is_null()) {
         (true, true) if info.radius == 0.0 => return Ok(points.with_estimated_radius()),
         (true, true) => KernelSize::Radius(info.radius),
-        // SAFETY: the caller's promise.
-        (false, true) => KernelSize::Radii(unsafe { list(info.radii, count, "radii") }?),
-        (true, false) => KernelSize::Covariances(
-            // SAFETY: the caller's promise.
-            unsafe { argument::tuples::<6, f32>(info.covariances, count, "covariances") }?.to_vec(),
-        ),
+        (false, true) => KernelSize::Radii(list(caller, info.radii, count, "radii")?),
+        (true, false) => {
+            let covariances = info.covariances.cast::<[f32; 6]>();
+            KernelSize::Covariances(list(caller, covariances, count, "covariances")?)
+        }
         (false, false) => {
             return Err(Error::invalid("radii and covariances", "one of them must be NULL"));
         }
@@ -262,27 +289,21 @@ pub(super) unsafe fn points(info: &vr_points_info) -> Result<Points> {
     points.with_size(size)
 }
 
-/// # Safety
-///
-/// Its arrays are null or as long as it says.
-pub(super) unsafe fn surface(info: &vr_surface_info) -> Result<Surface> {
-    argument::reserved(info.reserved)?;
-    let shading = choice(info.shading, &SHADINGS, "shading")?;
-    // SAFETY: the caller's promise.
-    let points = unsafe { positions(info.points, info.point_count, "points") }?;
-    // SAFETY: the caller's promise.
-    let triangles = unsafe { argument::tuples::<3, u32>(info.triangles, info.triangle_count, "triangles") }?;
-    Ok(Surface::new(points, triangles.to_vec(), info.colour)?.with_shading(shading))
+pub(super) fn surface(caller: &Caller, info: &vr_surface_info) -> Result<Surface> {
+    reserved(info.reserved)?;
+    let shading = choice(info.shading, 0, &[Shading::Flat, Shading::Headlight], "shading")?;
+    let points = positions(caller, info.points, info.point_count, "points")?;
+    let triangles = list(caller, info.triangles.cast::<[u32; 3]>(), info.triangle_count, "triangles")?;
+    Ok(Surface::new(points, triangles, info.colour)?.with_shading(shading))
 }
 
 /// Converts a transfer function; `None` without knots.
-///
-/// # Safety
-///
-/// As [`argument::array()`].
-pub(super) unsafe fn transfer(knots: *const vr_knot, count: usize) -> Result<Option<TransferFunction>> {
-    // SAFETY: the caller's promise.
-    let knots = unsafe { argument::array(knots, count, "knots") }?;
+pub(super) fn transfer(
+    caller: &Caller,
+    knots: *const vr_knot,
+    count: usize,
+) -> Result<Option<TransferFunction>> {
+    let knots = caller.array(knots, count, "knots")?;
     if knots.is_empty() {
         return Ok(None);
     }
@@ -292,4 +313,68 @@ pub(super) unsafe fn transfer(knots: *const vr_knot, count: usize) -> Result<Opt
     }
     let knot = |knot: &vr_knot| Knot { s: knot.scalar, colour: knot.colour.into(), tau: knot.extinction };
     TransferFunction::new(knots.iter().map(knot).collect()).map(Some)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_of_every_type_are_copied_from_any_place() {
+        fn check<T: bytemuck::NoUninit>(kind: vr_sample_type, values: [T; 8], want: Samples) {
+            let bytes: &[u8] = bytemuck::cast_slice(&values);
+            // Not aligned.
+            let mut memory = vec![0xee_u8; bytes.len() + 1];
+            memory[1..].copy_from_slice(bytes);
+            // SAFETY: that many bytes follow.
+            let caller = unsafe { Caller::trusted() };
+            let given = (memory[1..].as_ptr().cast(), bytes.len());
+            let got = samples(&caller, [2; 3], kind as u32, given);
+            assert_eq!(got.unwrap(), want, "{kind:?}");
+        }
+        use vr_sample_type::*;
+        let floats = |values: [f32; 8]| Samples::F32(values.to_vec());
+        check(VR_SAMPLE_U8, [0_u8, 1, 2, 3, 4, 5, 6, 255], Samples::U8(vec![0, 1, 2, 3, 4, 5, 6, 255]));
+        let u16s = [0_u16, 1, 258, 3, 4, 5, 6, 65535];
+        check(VR_SAMPLE_U16, u16s, Samples::U16(u16s.to_vec()));
+        let i16s = [0_i16, -1, 258, 3, 4, 5, 6, -32768];
+        check(VR_SAMPLE_I16, i16s, Samples::I16(i16s.to_vec()));
+        let f32s = [0.0_f32, -1.5, 1e30, 3.0, 4.0, 5.0, 6.0, f32::INFINITY];
+        check(VR_SAMPLE_F32, f32s, floats(f32s));
+        check(VR_SAMPLE_I8, [-128_i8, 1, 2, 3, 4, 5, 6, 127], floats([-128., 1., 2., 3., 4., 5., 6., 127.]));
+        let large = 4_294_967_296.0;
+        check(VR_SAMPLE_U32, [u32::MAX, 1, 2, 3, 4, 5, 6, 7], floats([large, 1., 2., 3., 4., 5., 6., 7.]));
+        check(VR_SAMPLE_I32, [-5_i32, 1, 2, 3, 4, 5, 6, 7], floats([-5., 1., 2., 3., 4., 5., 6., 7.]));
+        check(VR_SAMPLE_U64, [1_u64 << 32, 1, 2, 3, 4, 5, 6, 7], floats([large, 1., 2., 3., 4., 5., 6., 7.]));
+        check(
+            VR_SAMPLE_I64,
+            [-(1_i64 << 32), 1, 2, 3, 4, 5, 6, 7],
+            floats([-large, 1., 2., 3., 4., 5., 6., 7.]),
+        );
+        check(
+            VR_SAMPLE_F64,
+            [0.1_f64, 1., 2., 3., 4., 5., 6., 1e300],
+            floats([0.1, 1., 2., 3., 4., 5., 6., f32::INFINITY]),
+        );
+    }
+
+    #[test]
+    fn sizes_are_checked_before_anything_is_read() {
+        let place = std::ptr::dangling::<u8>().cast();
+        // SAFETY: refused before anything is read.
+        let caller = unsafe { Caller::trusted() };
+        let refused =
+            |dims, kind, bytes| samples(&caller, dims, kind, (place, bytes)).unwrap_err().to_string();
+        assert!(refused([2; 3], 2, 8).contains("need 16 bytes, 8 are given"));
+        assert!(refused([u32::MAX; 3], 10, usize::MAX).contains("more than 2^64"));
+        assert!(refused([2; 3], 0, 8).contains("sample_type: 0"));
+        assert!(refused([2; 3], 11, 8).contains("must be one of 1, 2"));
+    }
+
+    #[test]
+    fn every_type_has_a_code() {
+        for kind in SampleType::ALL {
+            assert_eq!(SAMPLE_TYPES.iter().filter(|known| **known == kind).count(), 1, "{kind:?}");
+        }
+    }
 }

@@ -1,20 +1,32 @@
-//! Devices that the library opens, and queries of any device.
+//! Devices: those that the library opens, those of the caller, and queries of any.
 
+use std::any::Any;
 use std::ffi::{CString, c_char, c_void};
+use std::sync::Arc;
 
 use ash::vk;
 
-use super::argument::{self, Structure, choice};
-use super::result::{c_text, call, quietly, vr_result};
-use super::vulkan::{VkBool32, VkDevice, VkInstance, VkPhysicalDevice, VkQueue};
+use super::argument::{Caller, Structure, User, check_handle, choice, given};
+use super::result::{c_text, call, destroy, make, vr_result};
+use super::vulkan::{
+    PFN_vkGetInstanceProcAddr, VkBool32, VkDevice, VkDeviceCreateInfo, VkInstance, VkPhysicalDevice, VkQueue,
+};
 use crate::error::{Error, Result};
-use crate::gpu::{Gpu, GpuOptions, Validation};
+use crate::gpu::{Enabled, Gpu, GpuOptions, GpuParts, QueueLock, Validation};
+use crate::num;
 
 /// A Vulkan device with the library's objects. It lives until this handle and all handles made from it are destroyed.
 #[derive(Debug)]
 pub struct vr_gpu {
     pub(super) gpu: Gpu,
     name: CString,
+}
+
+impl vr_gpu {
+    fn new(gpu: Gpu) -> Self {
+        let name = c_text(&gpu.report().name);
+        Self { gpu, name }
+    }
 }
 
 /// Checks of the validation layer on a device that the library opens.
@@ -50,9 +62,7 @@ pub struct vr_gpu_info {
 }
 
 // SAFETY: repr(C), numbers and pointers, the first its size.
-unsafe impl Structure for vr_gpu_info {
-    const FIRST: usize = size_of::<Self>();
-}
+unsafe impl Structure for vr_gpu_info {}
 
 /// Receives a queue, which no other thread uses during the call, and the user pointer.
 pub type vr_queue_callback = Option<unsafe extern "C" fn(queue: VkQueue, user: *mut c_void)>;
@@ -76,27 +86,13 @@ pub struct vr_gpu_objects {
 }
 
 // SAFETY: repr(C), numbers and handles, the first its size.
-unsafe impl Structure for vr_gpu_objects {
-    const FIRST: usize = size_of::<Self>();
-}
-
-/// Returns a device through `out`.
-pub(super) fn give(gpu: Gpu, out: &mut *mut vr_gpu) -> vr_result {
-    let name = c_text(&gpu.report().name);
-    *out = Box::into_raw(Box::new(vr_gpu { gpu, name }));
-    vr_result::VR_OK
-}
+unsafe impl Structure for vr_gpu_objects {}
 
 /// Converts the options that opened and adopted devices share.
-///
-/// # Safety
-///
-/// `cache` is null or ends with NUL.
-pub(super) unsafe fn options(no_cache: VkBool32, cache: *const c_char, budget: u64) -> Result<GpuOptions> {
+fn options(caller: &Caller, no_cache: VkBool32, cache: *const c_char, budget: u64) -> Result<GpuOptions> {
     Ok(GpuOptions {
         no_pipeline_cache: no_cache != vk::FALSE,
-        // SAFETY: the caller's promise.
-        pipeline_cache: unsafe { argument::path(cache, "pipeline_cache") }?.map(Into::into),
+        pipeline_cache: caller.path(cache, "pipeline_cache")?.map(Into::into),
         memory_budget: (budget > 0).then_some(budget),
         ..GpuOptions::default()
     })
@@ -114,28 +110,16 @@ pub(super) unsafe fn options(no_cache: VkBool32, cache: *const c_char, budget: u
 /// `info` is NULL or valid, and so are its strings; `gpu` is NULL or valid.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_gpu_create(info: *const vr_gpu_info, gpu: *mut *mut vr_gpu) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let out = unsafe { argument::out(gpu, "gpu") }?;
-        if info.is_null() {
-            return Ok(give(Gpu::headless()?, out));
-        }
-        // SAFETY: the caller's promise.
-        let info = unsafe { argument::structure(info, "vr_gpu_info") }?;
-        // SAFETY: the caller's promise.
-        let common = unsafe { options(info.no_pipeline_cache, info.pipeline_cache, info.memory_budget) }?;
-        let validations = [
-            (Validation::Off, vr_validation::VR_VALIDATION_OFF as u32),
-            (Validation::On, vr_validation::VR_VALIDATION_ON as u32),
-            (Validation::GpuAssisted, vr_validation::VR_VALIDATION_GPU_ASSISTED as u32),
-        ];
+    // SAFETY: the caller's promise.
+    make(unsafe { Caller::trusted() }, (gpu, "gpu"), |caller| {
+        let info = caller.structure_or_zeros(info, "vr_gpu_info")?;
+        let validations = [Validation::Off, Validation::On, Validation::GpuAssisted];
         let options = GpuOptions {
-            // SAFETY: the caller's promise.
-            device: unsafe { argument::text(info.device, "device") }?.map(str::to_string),
-            validation: choice(info.validation, &validations, "validation")?,
-            ..common
+            device: caller.text(info.device, "device")?.map(str::to_string),
+            validation: choice(info.validation, 0, &validations, "validation")?,
+            ..options(caller, info.no_pipeline_cache, info.pipeline_cache, info.memory_budget)?
         };
-        Ok(give(Gpu::new(&options)?, out))
+        Ok(vr_gpu::new(Gpu::new(&options)?))
     })
 }
 
@@ -148,10 +132,8 @@ pub unsafe extern "C" fn vr_gpu_create(info: *const vr_gpu_info, gpu: *mut *mut 
 /// `gpu` is NULL, or a handle that was not destroyed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_gpu_destroy(gpu: *mut vr_gpu) {
-    if !gpu.is_null() {
-        // SAFETY: made by `give`, and not destroyed before.
-        quietly(|| drop(unsafe { Box::from_raw(gpu) }));
-    }
+    // SAFETY: the caller's promise.
+    unsafe { destroy(gpu) };
 }
 
 /// Returns the device's name, valid as long as the handle; NULL for NULL.
@@ -176,18 +158,16 @@ pub unsafe extern "C" fn vr_gpu_name(gpu: *const vr_gpu) -> *const c_char {
 /// `gpu` is NULL or valid; the others are NULL or valid.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_gpu_memory(gpu: *const vr_gpu, used: *mut u64, budget: *mut u64) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let gpu = &unsafe { argument::reference(gpu, "gpu") }?.gpu;
-        // SAFETY: the caller's promise.
-        if let Some(used) = unsafe { used.as_mut() } {
-            *used = gpu.memory_report().iter().map(|(_, bytes)| bytes).sum();
+    // SAFETY: the caller's promise.
+    call(unsafe { Caller::trusted() }, |caller| {
+        let gpu = &caller.reference(gpu, "gpu")?.gpu;
+        if !used.is_null() {
+            caller.write(used, gpu.memory_report().iter().map(|(_, bytes)| bytes).sum(), "used")?;
         }
-        // SAFETY: the caller's promise.
-        if let Some(budget) = unsafe { budget.as_mut() } {
-            *budget = gpu.memory_budget();
+        if !budget.is_null() {
+            caller.write(budget, gpu.memory_budget(), "budget")?;
         }
-        Ok(vr_result::VR_OK)
+        Ok(())
     })
 }
 
@@ -201,9 +181,9 @@ pub unsafe extern "C" fn vr_gpu_memory(gpu: *const vr_gpu, used: *mut u64, budge
 /// `gpu` is NULL or valid; `objects` is NULL or valid, with its size.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_gpu_handles(gpu: *const vr_gpu, objects: *mut vr_gpu_objects) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let gpu = &unsafe { argument::reference(gpu, "gpu") }?.gpu;
+    // SAFETY: the caller's promise.
+    call(unsafe { Caller::trusted() }, |caller| {
+        let gpu = &caller.reference(gpu, "gpu")?.gpu;
         let handles = gpu.handles();
         let value = vr_gpu_objects {
             struct_size: 0,
@@ -213,9 +193,7 @@ pub unsafe extern "C" fn vr_gpu_handles(gpu: *const vr_gpu, objects: *mut vr_gpu
             queue: gpu.with_queue(|queue| queue),
             queue_family: handles.queue_family,
         };
-        // SAFETY: the caller's promise.
-        unsafe { argument::fill(objects, value, "vr_gpu_objects") }?;
-        Ok(vr_result::VR_OK)
+        caller.fill(objects, value, "vr_gpu_objects")
     })
 }
 
@@ -233,12 +211,152 @@ pub unsafe extern "C" fn vr_gpu_with_queue(
     work: vr_queue_callback,
     user: *mut c_void,
 ) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let gpu = &unsafe { argument::reference(gpu, "gpu") }?.gpu;
-        let work = work.ok_or_else(|| Error::invalid("work", "is NULL"))?;
-        // SAFETY: the caller's promise.
+    // SAFETY: the caller's promise.
+    call(unsafe { Caller::trusted() }, |caller| {
+        let gpu = &caller.reference(gpu, "gpu")?.gpu;
+        let work = given(work, "work")?;
+        // SAFETY: the caller's function with its own pointer.
         gpu.with_queue(|queue| unsafe { work(queue, user) });
-        Ok(vr_result::VR_OK)
+        Ok(())
+    })
+}
+
+/// Receives the user pointer that was given with it.
+pub type vr_callback = Option<unsafe extern "C" fn(user: *mut c_void)>;
+
+/// A device of the caller, and options of its use by the library.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct vr_device_info {
+    /// sizeof(vr_device_info).
+    pub struct_size: usize,
+    /// Entry point of the loader that made the instance. NULL: the system's loader.
+    pub get_instance_proc_addr: PFN_vkGetInstanceProcAddr,
+    /// The instance.
+    pub instance: VkInstance,
+    /// VkApplicationInfo::apiVersion of the instance: at least VK_API_VERSION_1_3.
+    pub api_version: u32,
+    /// Number of instance_extensions.
+    pub instance_extension_count: u32,
+    /// Enabled extensions of the instance. The library uses VK_EXT_debug_utils, for names and labels.
+    pub instance_extensions: *const *const c_char,
+    /// A physical device of that instance, for Vulkan 1.3 or later.
+    pub physical_device: VkPhysicalDevice,
+    /// The device.
+    pub device: VkDevice,
+    /// The structure that the device was made with, or one that names the extensions and features that the library may use.
+    /// The library reads extensions, and features in any structure of the chain that may have them. Required are
+    /// synchronization2 and dynamicRendering; optional are fragmentStoresAndAtomics, VK_EXT_memory_budget, and
+    /// VK_EXT_fragment_shader_interlock with fragmentShaderPixelInterlock.
+    pub device_create_info: *const VkDeviceCreateInfo,
+    /// A queue for graphics and compute.
+    pub queue: VkQueue,
+    /// Family of the queue.
+    pub queue_family: u32,
+    /// VK_TRUE keeps no pipelines on disk.
+    pub no_pipeline_cache: VkBool32,
+    /// Folder of the pipeline cache. NULL: volraster in the user's cache folder.
+    pub pipeline_cache: *const c_char,
+    /// Limit of device memory, in bytes. 0: the free memory that the driver reports, or nine tenths of the largest
+    /// device-local heap.
+    pub memory_budget: u64,
+    /// Called with `user` before each submission of the library to the queue; unlock_queue is called after it on the same
+    /// thread. Set both or neither. Without them the caller uses the queue only within vr_gpu_with_queue(), or while no
+    /// other thread is in a function of the library. Recording submits nothing. A thread that holds the lock must not call
+    /// into the library, except to record.
+    pub lock_queue: vr_callback,
+    /// See lock_queue.
+    pub unlock_queue: vr_callback,
+    /// Called once with `user` when the library has destroyed its last object on the device, by the thread that destroyed
+    /// the last handle; also if vr_gpu_adopt() fails. From then on device and instance may be destroyed, also by this
+    /// function. May be NULL; then the caller must destroy all handles before the device.
+    pub released: vr_callback,
+    /// Passed to lock_queue, unlock_queue and released.
+    pub user: *mut c_void,
+}
+
+// SAFETY: repr(C), numbers, handles and pointers, which may be null, the first its size.
+unsafe impl Structure for vr_device_info {}
+
+/// Calls a function of the caller on drop.
+struct OnDrop(unsafe extern "C" fn(*mut c_void), User);
+
+impl Drop for OnDrop {
+    fn drop(&mut self) {
+        // SAFETY: the caller's function with its own pointer, called once.
+        unsafe { (self.0)(self.1.pointer()) };
+    }
+}
+
+/// Adopts a device that the caller made. The library destroys neither the device nor its instance. Destroying the handle and
+/// all handles made from it destroys everything that the library has made on the device, without a wait.
+///
+/// Fails with VR_ERROR_UNSUPPORTED, whose message names the missing requirement, VR_ERROR_INVALID for a null handle, a
+/// physical device of another instance, or an enabled feature that the device does not offer, VR_ERROR_VULKAN.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// `info` and `gpu` are NULL or valid. The objects belong together and were made with what `info` says; they live until
+/// `released` is called. The queue is not protected.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_gpu_adopt(info: *const vr_device_info, gpu: *mut *mut vr_gpu) -> vr_result {
+    // SAFETY: the caller's promise.
+    make(unsafe { Caller::trusted() }, (gpu, "gpu"), |caller| {
+        let info = caller.structure(info, "vr_device_info")?;
+        let user = User(info.user);
+        // Every return path drops this, or passes it on.
+        let keep: Option<Arc<dyn Any + Send + Sync>> =
+            info.released.map(|released| Arc::new(OnDrop(released, user)) as _);
+        check_handle(info.instance, "instance")?;
+        check_handle(info.physical_device, "physical_device")?;
+        check_handle(info.device, "device")?;
+        check_handle(info.queue, "queue")?;
+        let create = caller.reference(info.device_create_info, "device_create_info")?;
+        let queue_lock: Option<Arc<dyn QueueLock>> = match (info.lock_queue, info.unlock_queue) {
+            (Some(lock), Some(unlock)) => Some(Arc::new(move |work: &mut dyn FnMut()| {
+                // SAFETY: the caller's function with its own pointer.
+                unsafe { lock(user.pointer()) };
+                let _unlock = OnDrop(unlock, user);
+                work();
+            })),
+            (None, None) => None,
+            _ => return Err(Error::invalid("lock_queue and unlock_queue", "one of them is NULL")),
+        };
+        let count = num::index(info.instance_extension_count);
+        let mut instance_extensions = Vec::new();
+        for &name in caller.array(info.instance_extensions, count, "instance_extensions")? {
+            instance_extensions.extend(caller.text(name, "instance_extensions")?.map(c_text));
+        }
+        let options = options(caller, info.no_pipeline_cache, info.pipeline_cache, info.memory_budget)?;
+        let entry = match info.get_instance_proc_addr {
+            // SAFETY: the caller promises that it is the loader's.
+            Some(get) => unsafe { ash::Entry::from_static_fn(ash::StaticFn { get_instance_proc_addr: get }) },
+            // SAFETY: the system's loader, which has made the caller's instance, is loaded already.
+            None => unsafe { ash::Entry::load() }.map_err(|error| Error::NoDevice {
+                why: format!("the Vulkan loader cannot be loaded ({error}): give get_instance_proc_addr"),
+            })?,
+        };
+        // SAFETY: an instance of this loader.
+        let instance = unsafe { ash::Instance::load(entry.static_fn(), info.instance) };
+        // SAFETY: a device of this instance.
+        let device = unsafe { ash::Device::load(instance.fp_v1_0(), info.device) };
+        let parts = GpuParts {
+            entry,
+            instance,
+            api_version: info.api_version,
+            instance_extensions,
+            physical_device: info.physical_device,
+            device,
+            // SAFETY: the caller's promise: what vkCreateDevice took.
+            enabled: unsafe { Enabled::from_create_info(create) },
+            queue_family: info.queue_family,
+            queue: info.queue,
+            queue_lock,
+            keep,
+        };
+        // SAFETY: the caller's promise, which is the same.
+        Ok(vr_gpu::new(unsafe { Gpu::from_raw(parts, &options) }?))
     })
 }

@@ -1,9 +1,9 @@
 //! Version and techniques of the library.
 
-use std::ffi::{CString, c_char};
+use std::ffi::c_char;
 use std::sync::OnceLock;
 
-use super::argument::{self, Structure};
+use super::argument::{Caller, Structure, given};
 use super::result::{c_text, call, vr_result};
 use crate::error::Error;
 use crate::num;
@@ -49,49 +49,32 @@ pub struct vr_technique_info {
 }
 
 // SAFETY: repr(C), numbers and pointers, the first its size.
-unsafe impl Structure for vr_technique_info {
-    const FIRST: usize = size_of::<Self>();
-}
+unsafe impl Structure for vr_technique_info {}
 
-/// The texts of a technique for C.
-struct Texts {
-    name: CString,
-    summary: CString,
-    options: Vec<vr_option_info>,
-    /// Owner of the texts of `options`.
-    _texts: Vec<CString>,
-}
+/// All techniques. Their texts are never freed.
+struct Techniques(Vec<vr_technique_info>);
 
 // SAFETY: the pointers refer to texts that never change.
-unsafe impl Send for Texts {}
+unsafe impl Send for Techniques {}
 // SAFETY: the same.
-unsafe impl Sync for Texts {}
+unsafe impl Sync for Techniques {}
 
-impl Texts {
-    fn of(method: Method) -> Self {
-        let mut texts = Vec::new();
-        // Moving a `CString` does not move its text.
-        let mut keep = |text: &str| -> *const c_char {
-            let text = c_text(text);
-            let pointer = text.as_ptr();
-            texts.push(text);
-            pointer
-        };
-        let options = method.options().iter().map(|option| vr_option_info {
-            key: keep(option.key),
-            values: keep(&option.values),
-            default_value: keep(&option.default),
-            effect: keep(option.effect),
-        });
-        let options = options.collect();
-        let summary = format!("{} ({})", method.summary(), method.source());
-        Self { name: c_text(method.name()), summary: c_text(&summary), options, _texts: texts }
+fn told(method: Method) -> vr_technique_info {
+    let text = |text: &str| c_text(text).into_raw().cast_const();
+    let options = method.options().iter().map(|option| vr_option_info {
+        key: text(option.key),
+        values: text(&option.values),
+        default_value: text(&option.default),
+        effect: text(option.effect),
+    });
+    let options = Vec::leak(options.collect());
+    vr_technique_info {
+        struct_size: 0,
+        name: text(method.name()),
+        summary: text(&format!("{} ({})", method.summary(), method.source())),
+        options: options.as_ptr(),
+        option_count: options.len(),
     }
-}
-
-fn techniques() -> &'static [Texts] {
-    static ALL: OnceLock<Vec<Texts>> = OnceLock::new();
-    ALL.get_or_init(|| Method::ALL.into_iter().map(Texts::of).collect())
 }
 
 /// Returns the number of techniques.
@@ -113,20 +96,14 @@ pub extern "C" fn vr_technique_count() -> u32 {
 /// `info` is NULL or valid, with its size.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_technique_query(index: u32, info: *mut vr_technique_info) -> vr_result {
-    call(|| {
-        let words = techniques().get(num::index(index)).ok_or_else(|| {
-            Error::invalid("index", format!("{index}: there are {} techniques", Method::ALL.len()))
-        })?;
-        let value = vr_technique_info {
-            struct_size: 0,
-            name: words.name.as_ptr(),
-            summary: words.summary.as_ptr(),
-            options: words.options.as_ptr(),
-            option_count: words.options.len(),
-        };
-        // SAFETY: the caller's promise.
-        unsafe { argument::fill(info, value, "vr_technique_info") }?;
-        Ok(vr_result::VR_OK)
+    // SAFETY: the caller's promise.
+    call(unsafe { Caller::trusted() }, |caller| {
+        static ALL: OnceLock<Techniques> = OnceLock::new();
+        let all = &ALL.get_or_init(|| Techniques(Method::ALL.into_iter().map(told).collect())).0;
+        let value = all
+            .get(num::index(index))
+            .ok_or_else(|| Error::invalid("index", format!("{index}: there are {} techniques", all.len())))?;
+        caller.fill(info, *value, "vr_technique_info")
     })
 }
 
@@ -141,10 +118,9 @@ pub unsafe extern "C" fn vr_technique_query(index: u32, info: *mut vr_technique_
 /// `technique` is NULL or ends with NUL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_technique_parse(technique: *const c_char) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let text = unsafe { argument::text(technique, "technique") }?;
-        Technique::parse(text.ok_or_else(|| Error::invalid("technique", "is NULL"))?)?;
-        Ok(vr_result::VR_OK)
+    // SAFETY: the caller's promise.
+    call(unsafe { Caller::trusted() }, |caller| {
+        let text = caller.text(technique, "technique")?;
+        Technique::parse(given(text, "technique")?).map(drop)
     })
 }

@@ -1,30 +1,28 @@
 //! Plans: a technique prepared for a view and a target.
 
 use std::ffi::{CString, c_char};
-use std::sync::{Mutex, MutexGuard};
+use std::sync::Mutex;
 
 use ash::vk;
 
-use super::argument::{self, Structure, choice};
-use super::result::{c_text, call, quietly, vr_result};
+use super::argument::{Caller, Structure, check_pointer, choice, reserved};
+use super::result::{c_text, call, caught, destroy, lock, make, vr_result};
 use super::scene::vr_scene;
 use super::view::vr_view;
 use super::vulkan::{VkBool32, VkFormat};
-use crate::error::{Error, Result};
+use crate::error::Error;
 use crate::frame::plan::Plan;
 use crate::frame::target::{TargetDesc, TargetMode};
-use crate::gpu::Gpu;
 use crate::num;
 use crate::technique::Renderer;
 
 /// Everything that frames of one size need: pipelines, buffers, images. Each frame in flight needs a plan of its own.
 #[derive(Debug)]
 pub struct vr_plan {
-    pub(super) gpu: Gpu,
     renderer: Renderer,
     target: TargetDesc,
     route: CString,
-    plan: Mutex<Plan>,
+    pub(super) plan: Mutex<Plan>,
 }
 
 /// How the result combines with the contents of the target image.
@@ -56,18 +54,7 @@ pub struct vr_plan_info {
 }
 
 // SAFETY: repr(C), numbers and pointers, the first its size.
-unsafe impl Structure for vr_plan_info {
-    const FIRST: usize = size_of::<Self>();
-}
-
-impl vr_plan {
-    /// Locks the plan; fails if a panic left it half changed.
-    pub(super) fn plan(&self) -> Result<MutexGuard<'_, Plan>> {
-        self.plan
-            .lock()
-            .map_err(|_| Error::invalid("plan", "an earlier call with it failed by a defect: destroy it"))
-    }
-}
+unsafe impl Structure for vr_plan_info {}
 
 /// Makes a plan for frames of this view's size. May allocate, compile, upload, submit and wait.
 ///
@@ -86,28 +73,18 @@ pub unsafe extern "C" fn vr_plan_create(
     view: *const vr_view,
     plan: *mut *mut vr_plan,
 ) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let out = unsafe { argument::out(plan, "plan") }?;
-        // SAFETY: the caller's promise.
-        let scene = unsafe { argument::reference(scene, "scene") }?;
-        // SAFETY: the caller's promise.
-        let info = unsafe { argument::structure(info, "vr_plan_info") }?;
-        argument::reserved(info.reserved)?;
-        // SAFETY: the caller's promise.
-        let view = unsafe { argument::structure(view, "vr_view") }?.view()?;
-        let modes = [
-            (TargetMode::Clear, vr_target_mode::VR_TARGET_CLEAR as u32),
-            (TargetMode::Over, vr_target_mode::VR_TARGET_OVER as u32),
-        ];
-        let target = TargetDesc::caller(info.format, choice(info.mode, &modes, "mode")?);
+    // SAFETY: the caller's promise.
+    make(unsafe { Caller::trusted() }, (plan, "plan"), |caller| {
+        let scene = caller.reference(scene, "scene")?;
+        let info = caller.structure(info, "vr_plan_info")?;
+        reserved(info.reserved)?;
+        let view = caller.structure(view, "vr_view")?.view()?;
+        let mode = choice(info.mode, 1, &[TargetMode::Clear, TargetMode::Over], "mode")?;
+        let target = TargetDesc::caller(info.format, mode);
         let target = if info.with_depth == vk::FALSE { target } else { target.with_depth() };
-        // SAFETY: the caller's promise.
-        let renderer = Renderer::new(&scene.scene, unsafe { scene.chosen(info.technique) }?);
+        let renderer = Renderer::new(&scene.scene, scene.chosen(caller, info.technique)?);
         let plan = renderer.prepare(&view, &target)?;
-        let (gpu, route) = (scene.scene.gpu().clone(), c_text(plan.route()));
-        *out = Box::into_raw(Box::new(vr_plan { gpu, renderer, target, route, plan: Mutex::new(plan) }));
-        Ok(vr_result::VR_OK)
+        Ok(vr_plan { renderer, target, route: c_text(plan.route()), plan: Mutex::new(plan) })
     })
 }
 
@@ -124,12 +101,12 @@ pub unsafe extern "C" fn vr_plan_create(
 /// Pointers are NULL or valid, structures with their sizes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_plan_set_view(plan: *mut vr_plan, view: *const vr_view) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let plan = unsafe { argument::reference(plan, "plan") }?;
-        // SAFETY: the caller's promise.
-        let view = unsafe { argument::structure(view, "vr_view") }?.view()?;
-        Ok(if plan.plan()?.set_view(&view)? { vr_result::VR_OK } else { vr_result::VR_NO_ROOM })
+    // SAFETY: the caller's promise.
+    let caller = unsafe { Caller::trusted() };
+    caught(|| {
+        let plan = caller.reference(plan, "plan")?;
+        let view = caller.structure(view, "vr_view")?.view()?;
+        Ok(if lock(&plan.plan, "plan")?.set_view(&view)? { vr_result::VR_OK } else { vr_result::VR_NO_ROOM })
     })
 }
 
@@ -145,14 +122,13 @@ pub unsafe extern "C" fn vr_plan_set_view(plan: *mut vr_plan, view: *const vr_vi
 /// Pointers are NULL or valid, structures with their sizes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_plan_prepare(plan: *mut vr_plan, view: *const vr_view) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let plan = unsafe { argument::reference(plan, "plan") }?;
-        // SAFETY: the caller's promise.
-        let view = unsafe { argument::structure(view, "vr_view") }?.view()?;
-        let mut held = plan.plan()?;
+    // SAFETY: the caller's promise.
+    call(unsafe { Caller::trusted() }, |caller| {
+        let plan = caller.reference(plan, "plan")?;
+        let view = caller.structure(view, "vr_view")?.view()?;
+        let mut held = lock(&plan.plan, "plan")?;
         *held = plan.renderer.prepare(&view, &plan.target)?;
-        Ok(vr_result::VR_OK)
+        Ok(())
     })
 }
 
@@ -178,10 +154,8 @@ pub unsafe extern "C" fn vr_plan_route(plan: *const vr_plan) -> *const c_char {
 /// `plan` is NULL, or a handle that was not destroyed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_plan_destroy(plan: *mut vr_plan) {
-    if !plan.is_null() {
-        // SAFETY: made by `vr_plan_create`, and not destroyed before.
-        quietly(|| drop(unsafe { Box::from_raw(plan) }));
-    }
+    // SAFETY: the caller's promise.
+    unsafe { destroy(plan) };
 }
 
 /// Draws a frame and waits for it, for tests, thumbnails and files. Writes width * height pixels of premultiplied linear red, green,
@@ -202,25 +176,22 @@ pub unsafe extern "C" fn vr_render(
     pixels: *mut f32,
     float_count: usize,
 ) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let scene = unsafe { argument::reference(scene, "scene") }?;
-        // SAFETY: the caller's promise.
-        let view = unsafe { argument::structure(view, "vr_view") }?.view()?;
-        // SAFETY: the caller's promise.
-        let technique = unsafe { scene.chosen(technique) }?;
+    // SAFETY: the caller's promise.
+    call(unsafe { Caller::trusted() }, |caller| {
+        let scene = caller.reference(scene, "scene")?;
+        let view = caller.structure(view, "vr_view")?.view()?;
+        let technique = scene.chosen(caller, technique)?;
         let [width, height] = view.extent();
         let needed = num::index(width).saturating_mul(num::index(height)).saturating_mul(4);
         if float_count < needed {
             let why = format!("{float_count}: {width} x {height} pixels need {needed}");
             return Err(Error::invalid("float_count", why));
         }
-        // SAFETY: the caller's promise.
-        let _ = unsafe { argument::reference(pixels.cast_const(), "pixels") }?;
+        check_pointer(pixels, "pixels")?;
         let image = Renderer::new(&scene.scene, technique).render(&view)?;
         let floats: &[f32] = image.pixels().as_flattened();
         // SAFETY: the caller's array is large enough, as checked, and separate from the image.
         unsafe { std::ptr::copy_nonoverlapping(floats.as_ptr(), pixels, floats.len().min(needed)) };
-        Ok(vr_result::VR_OK)
+        Ok(())
     })
 }

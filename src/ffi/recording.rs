@@ -1,19 +1,84 @@
-//! Recordings, and the status of a frame.
+//! Recordings, the depth images that cut them, and the status of a frame.
 
 use std::ffi::{CString, c_char};
 use std::sync::Mutex;
 
-use ash::vk::Handle as _;
+use ash::vk;
+use glam::DMat4;
 
-use super::argument::{self, Structure};
-use super::depth::vr_depth_image;
+use super::argument::{Caller, Structure, check_handle, choice};
 use super::plan::vr_plan;
-use super::result::{c_text, call, quietly, vr_result};
-use super::vulkan::{VkBool32, VkCommandBuffer, VkExtent2D, VkFormat, VkImage, VkImageView};
-use crate::error::Error;
+use super::result::{c_text, call, destroy, lock, make, vr_result};
+use super::vulkan::{VkBool32, VkCommandBuffer, VkExtent2D, VkFormat, VkImage, VkImageLayout, VkImageView};
+use crate::error::{Error, Result};
 use crate::frame::plan::{Recorded, Status};
-use crate::gpu::{CommandBuffer, TargetImage};
+use crate::gpu::{CommandBuffer, DepthImage, DepthProjection, Gpu, TargetImage};
 use crate::num;
+
+/// Kind of the mapping from depth to stored values.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum vr_depth_kind {
+    /// A perspective camera: at_zero and at_one are distances from the eye along the view.
+    VR_DEPTH_PERSPECTIVE = 1,
+    /// A camera with parallel rays: at_zero and at_one are distances from the eye along the view, negative behind it.
+    VR_DEPTH_ORTHOGRAPHIC = 2,
+    /// The mapping of `matrix`.
+    VR_DEPTH_MATRIX = 3,
+}
+
+/// A depth image of the caller.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct vr_depth_image {
+    /// sizeof(vr_depth_image).
+    pub struct_size: usize,
+    /// A two-dimensional view with one level, one layer and only the depth aspect. Its image has one sample per texel and the
+    /// usage VK_IMAGE_USAGE_SAMPLED_BIT.
+    pub view: VkImageView,
+    /// Format of the view, with depth.
+    pub format: VkFormat,
+    /// Layout when the commands run. VK_IMAGE_LAYOUT_UNDEFINED stands for VK_IMAGE_LAYOUT_DEPTH_READ_ONLY_OPTIMAL. The commands
+    /// leave the image in that layout, last read in the compute shader stage.
+    pub layout: VkImageLayout,
+    /// Size of the image, equal to that of the plan's view.
+    pub extent: VkExtent2D,
+    /// A vr_depth_kind.
+    pub kind: u32,
+    /// Depth along the view, in world units, that is stored as 0: near for the usual projection, far for a reversed one,
+    /// INFINITY for a reversed one without a far plane. A pixel that stores the far end shows no surface.
+    pub at_zero: f64,
+    /// Depth along the view, in world units, that is stored as 1.
+    pub at_one: f64,
+    /// Matrix from view coordinates to clip coordinates with depths from 0 to 1, column by column.
+    pub matrix: [f64; 16],
+}
+
+// SAFETY: repr(C), numbers and handles, the first its size.
+unsafe impl Structure for vr_depth_image {}
+
+impl vr_depth_image {
+    fn projection(&self) -> Result<DepthProjection> {
+        let kinds: [fn(&Self) -> Result<DepthProjection>; 3] = [
+            |image| DepthProjection::perspective(image.at_zero, image.at_one),
+            |image| DepthProjection::orthographic(image.at_zero, image.at_one),
+            |image| DepthProjection::from_matrix(&DMat4::from_cols_array(&image.matrix)),
+        ];
+        choice(self.kind, 1, &kinds, "depth kind")?(self)
+    }
+
+    /// # Safety
+    ///
+    /// As [`DepthImage::from_raw`].
+    unsafe fn image(&self, gpu: &Gpu) -> Result<DepthImage> {
+        check_handle(self.view, "depth view")?;
+        let (projection, extent) = (self.projection()?, [self.extent.width, self.extent.height]);
+        // SAFETY: the caller's promise.
+        let image = unsafe { DepthImage::from_raw(gpu, self.view, self.format, extent, projection) };
+        let given = self.layout != vk::ImageLayout::UNDEFINED;
+        Ok(if given { image.in_layout(self.layout) } else { image })
+    }
+}
 
 /// A recording in a command buffer. It keeps the resources of its commands until vr_recording_completed() says that their
 /// submission has ended, or vr_recording_discard() that there is none; then it has the status of the frame.
@@ -33,17 +98,14 @@ enum State {
     Lost,
 }
 
-/// The status of a frame for C.
+/// The status of a frame for C, with what it points to.
 #[derive(Debug)]
 struct Told {
-    complete: bool,
-    passes: Vec<vr_pass_time>,
-    counters: Vec<vr_counter>,
-    /// Owner of the texts that the lists point to.
-    _names: Vec<CString>,
+    status: vr_status,
+    _owned: (Vec<vr_pass_time>, Vec<vr_counter>, Vec<CString>),
 }
 
-// SAFETY: its pointers refer to its own texts, which never change.
+// SAFETY: its pointers refer to its own lists and texts, which never change.
 unsafe impl Send for Told {}
 
 /// Command buffer and images of a recording.
@@ -69,9 +131,7 @@ pub struct vr_record_info {
 }
 
 // SAFETY: repr(C), numbers, handles and pointers, the first its size.
-unsafe impl Structure for vr_record_info {
-    const FIRST: usize = size_of::<Self>();
-}
+unsafe impl Structure for vr_record_info {}
 
 /// Time of one pass.
 #[repr(C)]
@@ -112,9 +172,7 @@ pub struct vr_status {
 }
 
 // SAFETY: repr(C), numbers and pointers, the first its size.
-unsafe impl Structure for vr_status {
-    const FIRST: usize = size_of::<Self>();
-}
+unsafe impl Structure for vr_status {}
 
 impl Told {
     fn new(status: Status) -> Self {
@@ -127,21 +185,18 @@ impl Told {
             pointer
         };
         let passes = status.passes.iter().map(|pass| vr_pass_time { name: keep(&pass.name), ms: pass.ms });
-        let passes = passes.collect();
+        let passes: Vec<_> = passes.collect();
         let counters = status.counters.iter().map(|&(name, value)| vr_counter { name: keep(name), value });
-        let counters = counters.collect();
-        Self { complete: status.complete, passes, counters, _names: names }
-    }
-
-    fn status(&self) -> vr_status {
-        vr_status {
+        let counters: Vec<_> = counters.collect();
+        let status = vr_status {
             struct_size: 0,
-            complete: VkBool32::from(self.complete),
-            pass_count: num::count(self.passes.len()),
-            passes: self.passes.as_ptr(),
-            counters: self.counters.as_ptr(),
-            counter_count: num::count(self.counters.len()),
-        }
+            complete: VkBool32::from(status.complete),
+            pass_count: num::count(passes.len()),
+            passes: passes.as_ptr(),
+            counters: counters.as_ptr(),
+            counter_count: num::count(counters.len()),
+        };
+        Self { status, _owned: (passes, counters, names) }
     }
 }
 
@@ -165,38 +220,24 @@ pub unsafe extern "C" fn vr_plan_record(
     info: *const vr_record_info,
     recording: *mut *mut vr_recording,
 ) -> vr_result {
-    call(|| {
+    // SAFETY: the caller's promise.
+    make(unsafe { Caller::trusted() }, (recording, "recording"), |caller| {
+        let plan = caller.reference(plan, "plan")?;
+        let info = caller.structure(info, "vr_record_info")?;
+        check_handle(info.commands, "commands")?;
+        check_handle(info.image, "image")?;
+        check_handle(info.view, "view")?;
+        let mut plan = lock(&plan.plan, "plan")?;
+        let depth = (!info.depth.is_null()).then(|| caller.structure(info.depth, "vr_depth_image"));
         // SAFETY: the caller's promise.
-        let out = unsafe { argument::out(recording, "recording") }?;
-        // SAFETY: the caller's promise.
-        let plan = unsafe { argument::reference(plan, "plan") }?;
-        // SAFETY: the caller's promise.
-        let info = unsafe { argument::structure(info, "vr_record_info") }?;
-        let nulls = [
-            (info.commands.is_null(), "commands"),
-            (info.image.is_null(), "image"),
-            (info.view.is_null(), "view"),
-        ];
-        if let Some((_, name)) = nulls.iter().find(|(null, _)| *null) {
-            return Err(Error::invalid(*name, "is VK_NULL_HANDLE"));
-        }
-        let depth = if info.depth.is_null() {
-            None
-        } else {
-            // SAFETY: the caller's promise.
-            let depth = unsafe { argument::structure(info.depth, "vr_depth_image") }?;
-            // SAFETY: the caller's promise.
-            Some(unsafe { depth.image(&plan.gpu) }?)
-        };
+        let depth = depth.transpose()?.map(|depth| unsafe { depth.image(&plan.gpu) }).transpose()?;
         // SAFETY: the caller's promise.
         let mut commands = unsafe { CommandBuffer::from_raw(&plan.gpu, info.commands) };
         let extent = [info.extent.width, info.extent.height];
         // SAFETY: the caller's promise.
         let target = unsafe { TargetImage::from_raw(&plan.gpu, info.image, info.view, info.format, extent) };
-        let recorded = plan.plan()?.record(&mut commands, Some(&target), depth.as_ref())?;
-        let state = Mutex::new(State::Pending(Box::new(recorded)));
-        *out = Box::into_raw(Box::new(vr_recording { state }));
-        Ok(vr_result::VR_OK)
+        let recorded = plan.record(&mut commands, Some(&target), depth.as_ref())?;
+        Ok(vr_recording { state: Mutex::new(State::Pending(Box::new(recorded))) })
     })
 }
 
@@ -216,9 +257,9 @@ pub unsafe extern "C" fn vr_recording_completed(
     recording: *mut vr_recording,
     status: *mut vr_status,
 ) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let recording = unsafe { argument::reference(recording, "recording") }?;
+    // SAFETY: the caller's promise.
+    call(unsafe { Caller::trusted() }, |caller| {
+        let recording = caller.reference(recording, "recording")?;
         let lost = || Error::invalid("recording", "was discarded, or its status could not be read");
         let mut state = recording.state.lock().map_err(|_| lost())?;
         // The state stays `Lost` if the status cannot be read.
@@ -227,11 +268,7 @@ pub unsafe extern "C" fn vr_recording_completed(
             known => known,
         };
         let State::Completed(told) = &*state else { return Err(lost()) };
-        if !status.is_null() {
-            // SAFETY: the caller's promise.
-            unsafe { argument::fill(status, told.status(), "vr_status") }?;
-        }
-        Ok(vr_result::VR_OK)
+        if status.is_null() { Ok(()) } else { caller.fill(status, told.status, "vr_status") }
     })
 }
 
@@ -248,20 +285,15 @@ pub unsafe extern "C" fn vr_recording_completed(
 /// `recording` is NULL or valid, and no submission of it is pending or will be made.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_recording_discard(recording: *mut vr_recording) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let recording = unsafe { argument::reference(recording, "recording") }?;
-        let poisoned =
-            |_| Error::invalid("recording", "an earlier call with it failed by a defect: destroy it");
-        let mut state = recording.state.lock().map_err(poisoned)?;
-        *state = match std::mem::replace(&mut *state, State::Lost) {
-            State::Pending(recorded) => {
-                recorded.discarded();
-                State::Lost
-            }
-            known => known,
-        };
-        Ok(vr_result::VR_OK)
+    // SAFETY: the caller's promise.
+    call(unsafe { Caller::trusted() }, |caller| {
+        let recording = caller.reference(recording, "recording")?;
+        let mut state = lock(&recording.state, "recording")?;
+        match std::mem::replace(&mut *state, State::Lost) {
+            State::Pending(recorded) => recorded.discarded(),
+            known => *state = known,
+        }
+        Ok(())
     })
 }
 
@@ -275,8 +307,6 @@ pub unsafe extern "C" fn vr_recording_discard(recording: *mut vr_recording) -> v
 /// `recording` is NULL, or a handle that was not destroyed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_recording_destroy(recording: *mut vr_recording) {
-    if !recording.is_null() {
-        // SAFETY: made by `vr_plan_record`, and not destroyed before.
-        quietly(|| drop(unsafe { Box::from_raw(recording) }));
-    }
+    // SAFETY: the caller's promise.
+    unsafe { destroy(recording) };
 }

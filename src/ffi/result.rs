@@ -1,12 +1,13 @@
 //! Return codes, and the last message of each thread.
 
-use std::any::Any;
 use std::cell::RefCell;
 use std::ffi::{CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Mutex, MutexGuard};
 
 use ash::vk;
 
+use super::argument::Caller;
 use super::vulkan::VkResult;
 use crate::error::{Error, Result};
 
@@ -43,15 +44,9 @@ pub enum vr_result {
     VR_ERROR_DEVICE_LOST = -11,
 }
 
-/// The last failure of a thread.
-struct LastError {
-    message: CString,
-    vulkan: vk::Result,
-}
-
 thread_local! {
-    static LAST: RefCell<LastError> =
-        RefCell::new(LastError { message: CString::default(), vulkan: vk::Result::SUCCESS });
+    /// Message and Vulkan's code of the last failure.
+    static LAST: RefCell<(CString, vk::Result)> = RefCell::default();
 }
 
 /// Returns the message of this thread's last failure: one line of UTF-8, never NULL, "" before the first failure. It is valid
@@ -60,7 +55,7 @@ thread_local! {
 /// Threads: each has its own.
 #[unsafe(no_mangle)]
 pub extern "C" fn vr_last_error() -> *const c_char {
-    LAST.try_with(|last| last.borrow().message.as_ptr()).unwrap_or(c"".as_ptr())
+    LAST.try_with(|last| last.borrow().0.as_ptr()).unwrap_or(c"".as_ptr())
 }
 
 /// Returns the code of the failed Vulkan call if this thread's last failure was VR_ERROR_VULKAN, VK_ERROR_DEVICE_LOST if it
@@ -69,11 +64,12 @@ pub extern "C" fn vr_last_error() -> *const c_char {
 /// Threads: each has its own.
 #[unsafe(no_mangle)]
 pub extern "C" fn vr_last_vulkan_result() -> VkResult {
-    LAST.try_with(|last| last.borrow().vulkan).unwrap_or(vk::Result::SUCCESS)
+    LAST.try_with(|last| last.borrow().1).unwrap_or(vk::Result::SUCCESS)
 }
 
-fn code(error: &Error) -> vr_result {
-    match error {
+/// Returns the codes of a failure: the interface's and Vulkan's.
+fn codes(error: &Error) -> (vr_result, vk::Result) {
+    let code = match error {
         Error::Invalid { .. } => vr_result::VR_ERROR_INVALID,
         Error::File { .. } => vr_result::VR_ERROR_FILE,
         Error::Io { .. } => vr_result::VR_ERROR_IO,
@@ -81,10 +77,13 @@ fn code(error: &Error) -> vr_result {
         Error::Unsupported { .. } => vr_result::VR_ERROR_UNSUPPORTED,
         Error::Memory { .. } => vr_result::VR_ERROR_MEMORY,
         Error::Allocation { .. } => vr_result::VR_ERROR_ALLOCATION,
-        Error::Vulkan { .. } => vr_result::VR_ERROR_VULKAN,
+        Error::Vulkan { result, .. } => return (vr_result::VR_ERROR_VULKAN, *result),
         Error::Timeout { .. } => vr_result::VR_ERROR_TIMEOUT,
-        Error::DeviceLost { .. } => vr_result::VR_ERROR_DEVICE_LOST,
-    }
+        Error::DeviceLost { .. } => {
+            return (vr_result::VR_ERROR_DEVICE_LOST, vk::Result::ERROR_DEVICE_LOST);
+        }
+    };
+    (code, vk::Result::SUCCESS)
 }
 
 /// Converts text for C; it ends before the first NUL.
@@ -92,44 +91,62 @@ pub(super) fn c_text(text: &str) -> CString {
     CString::new(text.split('\0').next().unwrap_or_default()).unwrap_or_default()
 }
 
-fn fail(code: vr_result, message: &str, vulkan: vk::Result) -> vr_result {
-    let last = LastError { message: c_text(message), vulkan };
+/// Runs what a function of the interface does, and keeps the message of a failure.
+pub(super) fn caught(work: impl FnOnce() -> Result<vr_result>) -> vr_result {
+    // A panic poisons the lock of the state that it leaves half changed.
+    let ((code, vulkan), message) = match catch_unwind(AssertUnwindSafe(work)) {
+        Ok(Ok(code)) => return code,
+        Ok(Err(error)) => (codes(&error), error.to_string()),
+        Err(panic) => {
+            let text = panic.downcast_ref::<&str>().copied();
+            let text = text.or_else(|| panic.downcast_ref::<String>().map(String::as_str));
+            let text = format!("defect in volraster: {}", text.unwrap_or("no message"));
+            // Dropping the payload might panic again.
+            std::mem::forget(panic);
+            ((vr_result::VR_ERROR_PANIC, vk::Result::SUCCESS), text)
+        }
+    };
     // Fails only while the thread ends.
-    let _ = LAST.try_with(|place| place.replace(last));
+    let _ = LAST.try_with(|last| last.replace((c_text(&message), vulkan)));
     code
 }
 
-/// Runs the body of a function of the interface.
-pub(super) fn call(work: impl FnOnce() -> Result<vr_result>) -> vr_result {
-    // A panic poisons the lock of the state that it leaves half changed.
-    match catch_unwind(AssertUnwindSafe(work)) {
-        Ok(Ok(code)) => code,
-        Ok(Err(error)) => {
-            let vulkan = match error {
-                Error::Vulkan { result, .. } => result,
-                Error::DeviceLost { .. } => vk::Result::ERROR_DEVICE_LOST,
-                _ => vk::Result::SUCCESS,
-            };
-            fail(code(&error), &error.to_string(), vulkan)
-        }
-        Err(panic) => panicked(panic),
-    }
+/// Locks what a handle changes; fails if a panic left it half changed.
+pub(super) fn lock<'a, T>(state: &'a Mutex<T>, name: &str) -> Result<MutexGuard<'a, T>> {
+    let why = "an earlier call with it failed by a defect: destroy it";
+    state.lock().map_err(|_| Error::invalid(name, why))
 }
 
-/// Runs the body of a function that returns nothing.
-pub(super) fn quietly(work: impl FnOnce()) {
-    if let Err(panic) = catch_unwind(AssertUnwindSafe(work)) {
-        panicked(panic);
-    }
+/// Runs the body of a function that succeeds or fails.
+pub(super) fn call(caller: Caller, work: impl FnOnce(&Caller) -> Result<()>) -> vr_result {
+    caught(|| work(&caller).map(|()| vr_result::VR_OK))
 }
 
-fn panicked(panic: Box<dyn Any + Send>) -> vr_result {
-    let text = panic.downcast_ref::<&str>().map(ToString::to_string);
-    let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
-    // Dropping the payload might panic again.
-    std::mem::forget(panic);
-    let text = text.unwrap_or_else(|| "no message".to_string());
-    fail(vr_result::VR_ERROR_PANIC, &format!("defect in volraster: {text}"), vk::Result::SUCCESS)
+/// Runs the body of a function that makes a handle. The handle is null if it fails.
+pub(super) fn make<T>(
+    caller: Caller,
+    (handle, name): (*mut *mut T, &str),
+    work: impl FnOnce(&Caller) -> Result<T>,
+) -> vr_result {
+    call(caller, |caller| {
+        caller.write(handle, std::ptr::null_mut(), name)?;
+        caller.write(handle, Box::into_raw(Box::new(work(caller)?)), name)
+    })
+}
+
+/// Destroys a handle; null is ignored.
+///
+/// # Safety
+///
+/// The handle is null, or was made by [`make`] and not destroyed before.
+pub(super) unsafe fn destroy<T>(handle: *mut T) {
+    if !handle.is_null() {
+        caught(|| {
+            // SAFETY: the caller's promise.
+            drop(unsafe { Box::from_raw(handle) });
+            Ok(vr_result::VR_OK)
+        });
+    }
 }
 
 #[cfg(test)]
@@ -144,11 +161,18 @@ mod tests {
 
     #[test]
     fn a_panic_is_a_code_and_stays_inside() {
-        assert_eq!(call(|| panic!("number {}", 7)), vr_result::VR_ERROR_PANIC);
+        assert_eq!(caught(|| panic!("number {}", 7)), vr_result::VR_ERROR_PANIC);
         assert!(last().ends_with("number 7"), "{}", last());
-        assert_eq!(call(|| panic!("plain")), vr_result::VR_ERROR_PANIC);
+        assert_eq!(caught(|| panic!("plain")), vr_result::VR_ERROR_PANIC);
         assert!(last().ends_with("plain"), "{}", last());
-        quietly(|| std::panic::panic_any(7));
+        struct Bomb(u8);
+        impl Drop for Bomb {
+            fn drop(&mut self) {
+                std::panic::panic_any(self.0);
+            }
+        }
+        // SAFETY: a box.
+        unsafe { destroy(Box::into_raw(Box::new(Bomb(7)))) };
         assert!(last().ends_with("no message"), "{}", last());
     }
 
@@ -156,22 +180,22 @@ mod tests {
     fn each_thread_has_its_last_failure() {
         let vulkan = || {
             let result = vk::Result::ERROR_DEVICE_LOST;
-            call(|| Err(Error::Vulkan { call: "vkQueueSubmit2", result }))
+            caught(|| Err(Error::Vulkan { call: "vkQueueSubmit2", result }))
         };
         assert_eq!(vulkan(), vr_result::VR_ERROR_VULKAN);
         assert_eq!(vr_last_vulkan_result(), vk::Result::ERROR_DEVICE_LOST);
         std::thread::spawn(|| {
             assert_eq!((last().as_str(), vr_last_vulkan_result()), ("", vk::Result::SUCCESS));
-            assert_eq!(call(|| Err(Error::invalid("a", "b\0c"))), vr_result::VR_ERROR_INVALID);
+            assert_eq!(caught(|| Err(Error::invalid("a", "b\0c"))), vr_result::VR_ERROR_INVALID);
             assert!(last().starts_with("invalid a: b"));
         })
         .join()
         .unwrap();
         assert!(last().contains("vkQueueSubmit2"), "{}", last());
         // A success does not change it.
-        assert_eq!(call(|| Ok(vr_result::VR_OK)), vr_result::VR_OK);
+        assert_eq!(caught(|| Ok(vr_result::VR_OK)), vr_result::VR_OK);
         assert!(last().contains("vkQueueSubmit2"));
-        assert_eq!(call(|| Err(Error::invalid("a", "b"))), vr_result::VR_ERROR_INVALID);
+        assert_eq!(caught(|| Err(Error::invalid("a", "b"))), vr_result::VR_ERROR_INVALID);
         assert_eq!(vr_last_vulkan_result(), vk::Result::SUCCESS);
     }
 }

@@ -3,16 +3,16 @@
 use std::ffi::{CString, c_char};
 use std::sync::Arc;
 
-use super::argument::{self, Structure};
+use super::argument::{Caller, Structure};
 use super::data::{self, vr_grid_info, vr_knot, vr_mesh_info, vr_points_info};
 use super::gpu::vr_gpu;
-use super::result::{c_text, call, quietly, vr_result};
+use super::result::{c_text, call, destroy, make, vr_result};
 use super::view::vr_view;
 use super::vulkan::VkBool32;
 use crate::error::Result;
 use crate::io::scene_file::LoadedScene;
 use crate::resident::GpuScene;
-use crate::scene::{Camera, Clip, Data, Scene, TransferFunction, View, auto};
+use crate::scene::{Camera, Clip, Data, Scene, View, auto};
 use crate::technique::{Method, Technique};
 
 /// Data with a transfer function on a device. Creating a plan uploads the data that its technique needs, which the scene then keeps.
@@ -22,14 +22,13 @@ pub struct vr_scene {
     pub(super) scene: Arc<GpuScene>,
     /// Default technique, as `NAME:key=value,...`.
     pub(super) technique: CString,
-    /// View of the file that the scene was read from.
-    pub(super) file: Option<FileView>,
+    pub(super) view: SceneView,
     pub(super) warnings: CString,
 }
 
-/// The view of a file.
+/// The view of the file that a scene was read from, or the default.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct FileView {
+pub(super) struct SceneView {
     /// `None` if the library chooses it for the data.
     pub(super) camera: Option<Camera>,
     pub(super) clip: Clip,
@@ -67,50 +66,28 @@ pub struct vr_scene_info {
 }
 
 // SAFETY: repr(C), numbers, the first its size.
-unsafe impl Structure for vr_scene_info {
-    const FIRST: usize = size_of::<Self>();
-}
+unsafe impl Structure for vr_scene_info {}
 
 impl vr_scene {
-    /// Makes a scene of data; without `transfer` it chooses a transfer function.
-    fn from_data(gpu: &vr_gpu, data: impl Into<Data>, transfer: Option<TransferFunction>) -> Result<Self> {
-        let data = data.into();
-        let transfer = match transfer {
-            Some(transfer) => transfer,
-            None => auto::transfer(&data)?,
-        };
-        let scene = Scene::new(data, transfer);
-        let technique = default_technique(&scene);
-        let scene = GpuScene::new(&gpu.gpu, scene);
-        Ok(Self { scene, technique, file: None, warnings: CString::default() })
-    }
-
     /// Makes a handle of another scene with the same technique, view and warnings.
     pub(super) fn with(&self, scene: Arc<GpuScene>) -> Self {
-        Self { scene, technique: self.technique.clone(), file: self.file, warnings: self.warnings.clone() }
+        Self { scene, technique: self.technique.clone(), view: self.view, warnings: self.warnings.clone() }
     }
 
-    /// Returns the view of the file, or one chosen for the data; with sides of 0 also the size.
+    /// Returns the scene's view, with a camera chosen for the data if it has none; with sides of 0 also the size.
     fn view(&self, width: u32, height: u32) -> Result<View> {
-        let file = self.file;
-        let extent = file.map_or([LoadedScene::DEFAULT_SIDE; 2], |file| file.extent);
+        let SceneView { camera, clip, extent } = self.view;
         let [width, height] = if [width, height] == [0; 2] { extent } else { [width, height] };
-        let camera = match file.and_then(|file| file.camera) {
+        let camera = match camera {
             Some(camera) => camera,
             None => auto::camera(&self.scene.scene().data, width, height)?,
         };
-        let clip = file.map_or(Clip::none(), |file| file.clip);
         Ok(View::new(camera, width, height)?.with_clip(clip))
     }
 
     /// Parses a technique; null stands for the scene's own.
-    ///
-    /// # Safety
-    ///
-    /// `technique` is null or ends with NUL.
-    pub(super) unsafe fn chosen(&self, technique: *const c_char) -> Result<Technique> {
-        // SAFETY: the caller's promise.
-        match unsafe { argument::text(technique, "technique") }? {
+    pub(super) fn chosen(&self, caller: &Caller, technique: *const c_char) -> Result<Technique> {
+        match caller.text(technique, "technique")? {
             Some(text) => Technique::parse(text),
             None => Technique::parse(&self.technique.to_string_lossy()),
         }
@@ -121,35 +98,28 @@ pub(super) fn default_technique(scene: &Scene) -> CString {
     c_text(Method::default_for(scene).map_or("", Method::name))
 }
 
-pub(super) fn give(scene: vr_scene, out: &mut *mut vr_scene) -> vr_result {
-    *out = Box::into_raw(Box::new(scene));
-    vr_result::VR_OK
-}
-
-/// Makes a scene of data in the caller's memory.
-///
-/// # Safety
-///
-/// Pointers are null or valid, and `read` may read what the information points to.
-unsafe fn create<Info: Structure, D: Into<Data>>(
+/// Makes a scene of data in the caller's memory, which `read` copies. Without knots the transfer function is chosen.
+fn create<Info: Structure, D: Into<Data>>(
+    caller: Caller,
     gpu: *const vr_gpu,
     (info, name): (*const Info, &str),
     (knots, knot_count): (*const vr_knot, usize),
     scene: *mut *mut vr_scene,
-    read: unsafe fn(&Info) -> Result<D>,
+    read: fn(&Caller, &Info) -> Result<D>,
 ) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let out = unsafe { argument::out(scene, "scene") }?;
-        // SAFETY: the caller's promise.
-        let gpu = unsafe { argument::reference(gpu, "gpu") }?;
-        // SAFETY: the caller's promise.
-        let info = unsafe { argument::structure(info, name) }?;
-        // SAFETY: the caller's promise.
-        let transfer = unsafe { data::transfer(knots, knot_count) }?;
-        // SAFETY: the caller's promise.
-        let data = unsafe { read(&info) }?;
-        Ok(give(vr_scene::from_data(gpu, data, transfer)?, out))
+    make(caller, (scene, "scene"), |caller| {
+        let gpu = caller.reference(gpu, "gpu")?;
+        let info = caller.structure(info, name)?;
+        let transfer = data::transfer(caller, knots, knot_count)?;
+        let data = read(caller, &info)?.into();
+        let transfer = match transfer {
+            Some(transfer) => transfer,
+            None => auto::transfer(&data)?,
+        };
+        let scene = Scene::new(data, transfer);
+        let technique = default_technique(&scene);
+        let view = SceneView { camera: None, clip: Clip::none(), extent: [LoadedScene::DEFAULT_SIDE; 2] };
+        Ok(vr_scene { scene: GpuScene::new(&gpu.gpu, scene), technique, view, warnings: CString::default() })
     })
 }
 
@@ -171,7 +141,8 @@ pub unsafe extern "C" fn vr_scene_create_grid(
     scene: *mut *mut vr_scene,
 ) -> vr_result {
     // SAFETY: the caller's promise.
-    unsafe { create(gpu, (info, "vr_grid_info"), (knots, knot_count), scene, data::grid) }
+    let caller = unsafe { Caller::trusted() };
+    create(caller, gpu, (info, "vr_grid_info"), (knots, knot_count), scene, data::grid)
 }
 
 /// Makes a scene of tetrahedra in memory, which are copied. Without knots (NULL, 0) the library chooses a transfer function.
@@ -192,7 +163,8 @@ pub unsafe extern "C" fn vr_scene_create_mesh(
     scene: *mut *mut vr_scene,
 ) -> vr_result {
     // SAFETY: the caller's promise.
-    unsafe { create(gpu, (info, "vr_mesh_info"), (knots, knot_count), scene, data::mesh) }
+    let caller = unsafe { Caller::trusted() };
+    create(caller, gpu, (info, "vr_mesh_info"), (knots, knot_count), scene, data::mesh)
 }
 
 /// Makes a scene of points in memory, which are copied. Without knots (NULL, 0) the library chooses a transfer function.
@@ -213,7 +185,8 @@ pub unsafe extern "C" fn vr_scene_create_points(
     scene: *mut *mut vr_scene,
 ) -> vr_result {
     // SAFETY: the caller's promise.
-    unsafe { create(gpu, (info, "vr_points_info"), (knots, knot_count), scene, data::points) }
+    let caller = unsafe { Caller::trusted() };
+    create(caller, gpu, (info, "vr_points_info"), (knots, knot_count), scene, data::points)
 }
 
 /// Destroys a scene's handle; NULL is ignored. Plans and recordings made from it stay valid.
@@ -225,10 +198,8 @@ pub unsafe extern "C" fn vr_scene_create_points(
 /// `scene` is NULL, or a handle that was not destroyed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_scene_destroy(scene: *mut vr_scene) {
-    if !scene.is_null() {
-        // SAFETY: made by `give`, and not destroyed before.
-        quietly(|| drop(unsafe { Box::from_raw(scene) }));
-    }
+    // SAFETY: the caller's promise.
+    unsafe { destroy(scene) };
 }
 
 /// Writes the properties of a scene.
@@ -240,9 +211,9 @@ pub unsafe extern "C" fn vr_scene_destroy(scene: *mut vr_scene) {
 /// `scene` is NULL or valid; `info` is NULL or valid, with its size.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vr_scene_query(scene: *const vr_scene, info: *mut vr_scene_info) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let data = &unsafe { argument::reference(scene, "scene") }?.scene.scene().data;
+    // SAFETY: the caller's promise.
+    call(unsafe { Caller::trusted() }, |caller| {
+        let data = &caller.reference(scene, "scene")?.scene.scene().data;
         let corners = data.corners();
         let (kind, dims) = match data {
             Data::Grid(grid) => (vr_data_kind::VR_DATA_GRID, grid.dims()),
@@ -257,9 +228,7 @@ pub unsafe extern "C" fn vr_scene_query(scene: *const vr_scene, info: *mut vr_sc
             data_kind: kind as u32,
             dims,
         };
-        // SAFETY: the caller's promise.
-        unsafe { argument::fill(info, value, "vr_scene_info") }?;
-        Ok(vr_result::VR_OK)
+        caller.fill(info, value, "vr_scene_info")
     })
 }
 
@@ -280,13 +249,10 @@ pub unsafe extern "C" fn vr_scene_view(
     height: u32,
     view: *mut vr_view,
 ) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let scene = unsafe { argument::reference(scene, "scene") }?;
-        let value = vr_view::of(&scene.view(width, height)?);
-        // SAFETY: the caller's promise.
-        unsafe { argument::fill(view, value, "vr_view") }?;
-        Ok(vr_result::VR_OK)
+    // SAFETY: the caller's promise.
+    call(unsafe { Caller::trusted() }, |caller| {
+        let scene = caller.reference(scene, "scene")?;
+        caller.fill(view, vr_view::of(&scene.view(width, height)?), "vr_view")
     })
 }
 
@@ -333,14 +299,10 @@ pub unsafe extern "C" fn vr_scene_draws(
     technique: *const c_char,
     draws: *mut VkBool32,
 ) -> vr_result {
-    call(|| {
-        // SAFETY: the caller's promise.
-        let scene = unsafe { argument::reference(scene, "scene") }?;
-        // SAFETY: the caller's promise.
-        let technique = unsafe { scene.chosen(technique) }?;
-        // SAFETY: the caller's promise.
-        let draws = unsafe { argument::place(draws, "draws") }?;
-        *draws = VkBool32::from(technique.method().draws_scene(scene.scene.scene()));
-        Ok(vr_result::VR_OK)
+    // SAFETY: the caller's promise.
+    call(unsafe { Caller::trusted() }, |caller| {
+        let scene = caller.reference(scene, "scene")?;
+        let method = scene.chosen(caller, technique)?.method();
+        caller.write(draws, VkBool32::from(method.draws_scene(scene.scene.scene())), "draws")
     })
 }

@@ -61,27 +61,19 @@ pub struct vr_view {
 }
 
 // SAFETY: repr(C), numbers, the first its size.
-unsafe impl Structure for vr_view {
-    const FIRST: usize = size_of::<Self>();
-}
+unsafe impl Structure for vr_view {}
 
 impl vr_view {
     pub(super) fn view(&self) -> Result<View> {
-        let kinds = [
-            (
-                Projection::Perspective { fov_y_deg: self.fov_y_deg },
-                vr_projection::VR_PROJECTION_PERSPECTIVE as u32,
-            ),
-            (
-                Projection::Orthographic { half_height: self.half_height },
-                vr_projection::VR_PROJECTION_ORTHOGRAPHIC as u32,
-            ),
+        let projections = [
+            Projection::Perspective { fov_y_deg: self.fov_y_deg },
+            Projection::Orthographic { half_height: self.half_height },
         ];
         let camera = Camera {
             eye: self.eye.into(),
             target: self.target.into(),
             up: self.up.into(),
-            projection: choice(self.projection, &kinds, "projection")?,
+            projection: choice(self.projection, 1, &projections, "projection")?,
         };
         let planes = self.clip_planes.get(..num::index(self.clip_plane_count)).ok_or_else(|| {
             Error::invalid("clip_plane_count", format!("{}: at most 6 are taken", self.clip_plane_count))
@@ -108,10 +100,8 @@ impl vr_view {
             }
         };
         let mut clip_planes = [vr_clip_plane::default(); Clip::MAX_PLANES];
-        let mut count = 0;
         for (place, plane) in clip_planes.iter_mut().zip(view.clip().planes()) {
             *place = vr_clip_plane { point: plane.point.into(), normal: plane.normal.into() };
-            count += 1;
         }
         let [crop_low, crop_high] = view.clip().crop().unwrap_or([DVec3::ZERO; 2]);
         let [width, height] = view.extent();
@@ -123,7 +113,7 @@ impl vr_view {
             projection: projection as u32,
             width,
             height,
-            clip_plane_count: count,
+            clip_plane_count: num::count(view.clip().planes().count()),
             fov_y_deg,
             half_height,
             clip_planes,

@@ -2,30 +2,12 @@
 
 use ash::vk;
 
-/// `VkBool32`: 0 is false, other values are true.
-pub type VkBool32 = vk::Bool32;
-/// `VkInstance`.
-pub type VkInstance = vk::Instance;
-/// `VkPhysicalDevice`.
-pub type VkPhysicalDevice = vk::PhysicalDevice;
-/// `VkDevice`.
-pub type VkDevice = vk::Device;
-/// `VkQueue`.
-pub type VkQueue = vk::Queue;
-/// `VkCommandBuffer`.
-pub type VkCommandBuffer = vk::CommandBuffer;
-/// `VkImage`.
-pub type VkImage = vk::Image;
-/// `VkImageView`.
-pub type VkImageView = vk::ImageView;
-/// `VkFormat`.
-pub type VkFormat = vk::Format;
-/// `VkImageLayout`.
-pub type VkImageLayout = vk::ImageLayout;
-/// `VkExtent2D`.
-pub type VkExtent2D = vk::Extent2D;
-/// `VkResult`.
-pub type VkResult = vk::Result;
+pub use ash::vk::{
+    Bool32 as VkBool32, CommandBuffer as VkCommandBuffer, Device as VkDevice, Extent2D as VkExtent2D,
+    Format as VkFormat, Image as VkImage, ImageLayout as VkImageLayout, ImageView as VkImageView,
+    Instance as VkInstance, PhysicalDevice as VkPhysicalDevice, Queue as VkQueue, Result as VkResult,
+};
+
 /// `VkDeviceCreateInfo`.
 pub type VkDeviceCreateInfo = vk::DeviceCreateInfo<'static>;
 /// `PFN_vkGetInstanceProcAddr`, which may be null.

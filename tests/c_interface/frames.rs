@@ -47,8 +47,7 @@ fn frames_are_those_of_rust() {
             with_depth: u32::from(with_depth),
         });
         let mut plan = null_mut();
-        // SAFETY: all are valid, and live.
-        done(unsafe { vr_plan_create(scene, &info, &c_view(&second), &mut plan) });
+        done!(vr_plan_create(scene, &info, &c_view(&second), &mut plan));
         // SAFETY: a plan.
         let route = text(unsafe { vr_plan_route(plan) });
         assert_eq!(route, if with_depth { "compute" } else { "raster" });
@@ -58,8 +57,7 @@ fn frames_are_those_of_rust() {
         let mut rust_plan = renderer.prepare(&second, &target).unwrap();
         let mut images = Vec::new();
         for view in [&first, &second] {
-            // SAFETY: all are valid.
-            done(unsafe { vr_plan_set_view(plan, &c_view(view)) });
+            done!(vr_plan_set_view(plan, &c_view(view)));
             frame.begin([0.1, 0.2, 0.3, 1.0]);
             if with_depth {
                 depth.fill(frame.commands);
@@ -77,13 +75,11 @@ fn frames_are_those_of_rust() {
                 info.depth = &raw const c_depth;
             }
             let mut recording = null_mut();
-            // SAFETY: all are valid; the frame is submitted once.
-            done(unsafe { vr_plan_record(plan, &info, &mut recording) });
+            done!(vr_plan_record(plan, &info, &mut recording));
             let bytes = frame.end(&own);
             let mut status = sized!(vr_status {});
             for _ in 0..2 {
-                // SAFETY: the submission has ended.
-                done(unsafe { vr_recording_completed(recording, &mut status) });
+                done!(vr_recording_completed(recording, &mut status));
                 assert_eq!((status.struct_size, status.complete), (size_of::<vr_status>(), 1));
             }
             assert!(rust_plan.set_view(view).unwrap());
@@ -122,7 +118,7 @@ fn frames_are_those_of_rust() {
     end_scene(scene);
     end_gpu(gpu);
     drop((depth, frame, rust, own));
-    silent(engine);
+    engine.end_silently();
 }
 
 /// Scenes that are made of others, of a mesh, of points and of files draw what Rust's do.
@@ -143,15 +139,13 @@ fn scenes_are_those_of_rust() {
     let grid = Field::Blobs.sample([12; 3], "u8").unwrap();
     let first = c_scene(gpu, &grid, &FOG);
     let mut made = null_mut();
-    // SAFETY: all are valid.
-    done(unsafe { vr_scene_with_transfer(first, c_shells.as_ptr(), c_shells.len(), &mut made) });
+    done!(vr_scene_with_transfer(first, c_shells.as_ptr(), c_shells.len(), &mut made));
     same(made, Scene::new(grid.clone(), shells.clone()), c"raycast");
     handles.push(made);
     // Samples of another type.
     let floats: Vec<f32> = (0..12 * 12 * 12).map(|i| (i % 7) as f32 * 30.0).collect();
     let kind = vr_sample_type::VR_SAMPLE_F32 as u32;
-    // SAFETY: all are valid.
-    done(unsafe { vr_scene_with_samples(first, kind, floats.as_ptr().cast(), 4 * floats.len(), &mut made) });
+    done!(vr_scene_with_samples(first, kind, floats.as_ptr().cast(), 4 * floats.len(), &mut made));
     let other = volraster::scene::Grid::new([12; 3], Samples::F32(floats)).unwrap();
     let other = other.with_placement(glam::DVec3::ONE, grid.origin(), grid.index_to_world()).unwrap();
     same(made, Scene::new(other.with_rescale(grid.rescale()).unwrap(), fog.clone()), c"slabs");
@@ -164,8 +158,7 @@ fn scenes_are_those_of_rust() {
     let [c_cube, c_ball] = [&cube, &ball].map(c_surface);
     let volumes = || {
         let (mut used, mut budget) = (0, 0);
-        // SAFETY: all are valid.
-        done(unsafe { vr_gpu_memory(gpu, &mut used, &mut budget) });
+        done!(vr_gpu_memory(gpu, &mut used, &mut budget));
         used
     };
     let held = volumes();
@@ -175,8 +168,7 @@ fn scenes_are_those_of_rust() {
         (vec![&raw const c_cube.0, &raw const c_ball.0], vec![cube.clone(), ball.clone()], c"slices-2d"),
         (Vec::new(), Vec::new(), c"slices-2d"),
     ] {
-        // SAFETY: all are valid.
-        done(unsafe { vr_scene_with_surfaces(first, infos.as_ptr(), infos.len(), &mut made) });
+        done!(vr_scene_with_surfaces(first, infos.as_ptr(), infos.len(), &mut made));
         same(made, Scene::new(grid.clone(), fog.clone()).with_surfaces(surfaces), spec);
         handles.push(made);
     }
@@ -200,23 +192,18 @@ fn scenes_are_those_of_rust() {
         scalars_per: vr_scalars_per::VR_SCALARS_PER_POINT as u32,
     });
     let c_fog = knots(&FOG);
-    // SAFETY: all are valid.
-    done(unsafe { vr_scene_create_mesh(gpu, &info, c_fog.as_ptr(), c_fog.len(), &mut made) });
+    done!(vr_scene_create_mesh(gpu, &info, c_fog.as_ptr(), c_fog.len(), &mut made));
     same(made, Scene::new(mesh.clone(), fog.clone()), c"abuffer");
     handles.push(made);
     let cells: Vec<f32> = (0..mesh.cells().len()).map(|i| (i % 5) as f32 * 0.25).collect();
     let per_cell = vr_scalars_per::VR_SCALARS_PER_CELL as u32;
     let source = made;
-    // SAFETY: all are valid.
-    done(unsafe {
-        vr_scene_with_scalars(source, per_cell, cells.as_ptr(), cells.len(), null(), 0, &mut made)
-    });
+    done!(vr_scene_with_scalars(source, per_cell, cells.as_ptr(), cells.len(), null(), 0, &mut made));
     let by_cell = mesh.clone().with_scalars(TetScalars::Cell(cells.clone())).unwrap();
     same(made, Scene::new(by_cell.clone(), fog.clone()), c"havs");
     handles.push(made);
     (info.scalars, info.scalar_count, info.scalars_per) = (cells.as_ptr(), cells.len(), per_cell);
-    // SAFETY: all are valid.
-    done(unsafe { vr_scene_create_mesh(gpu, &info, c_shells.as_ptr(), c_shells.len(), &mut made) });
+    done!(vr_scene_create_mesh(gpu, &info, c_shells.as_ptr(), c_shells.len(), &mut made));
     same(made, Scene::new(by_cell, shells.clone()), c"havs");
     handles.push(made);
 
@@ -245,8 +232,7 @@ fn scenes_are_those_of_rust() {
             },
             radius: radius,
         });
-        // SAFETY: all are valid.
-        done(unsafe { vr_scene_create_points(gpu, &info, c_fog.as_ptr(), c_fog.len(), &mut made) });
+        done!(vr_scene_create_points(gpu, &info, c_fog.as_ptr(), c_fog.len(), &mut made));
         let want = volraster::scene::Points::new(splats.centres().to_vec()).unwrap();
         let want = want.with_scalars(scalars.to_vec()).unwrap().with_weights(radii.clone()).unwrap();
         let want = match size {
@@ -258,10 +244,8 @@ fn scenes_are_those_of_rust() {
     }
     // Nothing draws points among glass; without it, what draws points.
     let (points, mut glass) = (made, null_mut());
-    // SAFETY: all are valid.
-    done(unsafe { vr_scene_with_surfaces(points, [&raw const c_ball.0].as_ptr(), 1, &mut glass) });
-    // SAFETY: all are valid.
-    done(unsafe { vr_scene_with_surfaces(glass, null(), 0, &mut made) });
+    done!(vr_scene_with_surfaces(points, [&raw const c_ball.0].as_ptr(), 1, &mut glass));
+    done!(vr_scene_with_surfaces(glass, null(), 0, &mut made));
     // SAFETY: scenes.
     let chosen = [points, glass, made].map(|scene| text(unsafe { vr_scene_technique(scene) }));
     assert_eq!(chosen, ["splat-ewa", "", "splat-ewa"]);
@@ -271,7 +255,7 @@ fn scenes_are_those_of_rust() {
     }
     end_gpu(gpu);
     drop(own);
-    silent(engine);
+    engine.end_silently();
 }
 
 /// Files: what they ask for, and how far they were read.
@@ -301,12 +285,10 @@ fn files_are_read() {
     let info = sized!(vr_read_info { progress: Some(progress), user: (&raw const seen).cast_mut().cast() });
     let path = |path: &Path| CString::new(path.to_str().unwrap()).unwrap();
     let mut scene = null_mut();
-    // SAFETY: all are valid.
-    done(unsafe { vr_scene_load(gpu, path(&data).as_ptr(), &info, &mut scene) });
+    done!(vr_scene_load(gpu, path(&data).as_ptr(), &info, &mut scene));
     assert!(!seen.lock().unwrap().is_empty());
     let mut told = sized!(vr_scene_info {});
-    // SAFETY: all are valid.
-    done(unsafe { vr_scene_query(scene, &mut told) });
+    done!(vr_scene_query(scene, &mut told));
     assert_eq!((told.data_kind, told.dims), (vr_data_kind::VR_DATA_GRID as u32, [16; 3]));
     let near = |a: f64, b: f64| (a - b).abs() < 1e-9;
     assert!(near(told.low[0], -1.0) && near(told.high[2], 1.0) && told.range[0] < told.range[1], "{told:?}");
@@ -314,31 +296,26 @@ fn files_are_read() {
     assert_eq!(text(unsafe { vr_scene_technique(scene) }), "slices-3d");
     let mut view = sized!(vr_view {});
     for (asked, want) in [([0, 0], [512, 512]), ([20, 10], [20, 10])] {
-        // SAFETY: all are valid.
-        done(unsafe { vr_scene_view(scene, asked[0], asked[1], &mut view) });
+        done!(vr_scene_view(scene, asked[0], asked[1], &mut view));
         assert_eq!(([view.width, view.height], view.clip_plane_count), (want, 0));
         assert_eq!(view.projection, vr_projection::VR_PROJECTION_PERSPECTIVE as u32);
     }
     let mut pixels = [0_f32; 4 * 200];
-    // SAFETY: all are valid.
-    done(unsafe { vr_render(scene, null(), &view, pixels.as_mut_ptr(), pixels.len()) });
+    done!(vr_render(scene, null(), &view, pixels.as_mut_ptr(), pixels.len()));
     assert!(pixels.chunks(4).any(|p| p[3] > 0.1));
     end_scene(scene);
 
-    // SAFETY: all are valid.
-    done(unsafe { vr_scene_load(gpu, path(&scene_file).as_ptr(), null(), &mut scene) });
+    done!(vr_scene_load(gpu, path(&scene_file).as_ptr(), null(), &mut scene));
     // SAFETY: a scene.
     assert_eq!(text(unsafe { vr_scene_technique(scene) }), "slabs:step=2");
     // SAFETY: a scene.
     assert_eq!(text(unsafe { vr_scene_warnings(scene) }), "");
-    // SAFETY: all are valid.
-    done(unsafe { vr_scene_view(scene, 0, 0, &mut view) });
+    done!(vr_scene_view(scene, 0, 0, &mut view));
     assert_eq!(([view.width, view.height], view.eye, view.half_height), ([31, 17], [3.0, 2.0, 1.0], 1.5));
     assert_eq!((view.crop_low[2], view.crop_high), (0.0, [1.0; 3]));
     let mut draws = 7;
     for (spec, want) in [(c"raycast", 1), (c"havs:k=4", 0)] {
-        // SAFETY: all are valid.
-        done(unsafe { vr_scene_draws(scene, spec.as_ptr(), &mut draws) });
+        done!(vr_scene_draws(scene, spec.as_ptr(), &mut draws));
         assert_eq!(draws, want);
     }
     end_scene(scene);
@@ -346,8 +323,7 @@ fn files_are_read() {
         [(c"/no/such/file.nrrd", vr_result::VR_ERROR_IO, "cannot"), (c"/", vr_result::VR_ERROR_FILE, "/")]
     {
         scene = std::ptr::dangling_mut();
-        // SAFETY: all are valid.
-        refused(unsafe { vr_scene_load(gpu, name.as_ptr(), null(), &mut scene) }, code, words);
+        refused!(vr_scene_load(gpu, name.as_ptr(), null(), &mut scene), code, words);
         assert!(scene.is_null());
     }
     std::fs::write(&scene_file, document.replace("\"step\": 2", "\"stride\": 2")).unwrap();
@@ -356,5 +332,5 @@ fn files_are_read() {
     assert!(result == vr_result::VR_ERROR_FILE || result == vr_result::VR_ERROR_INVALID, "{}", message());
     assert!(message().contains("stride"), "{}", message());
     end_gpu(gpu);
-    silent(engine);
+    engine.end_silently();
 }

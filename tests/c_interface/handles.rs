@@ -63,24 +63,20 @@ fn handles_go_in_any_order() {
             info.unlock_queue = Some(unlock);
             info.released = Some(released);
             info.user = (&raw const calls).cast_mut().cast();
-            // SAFETY: the engine's objects.
-            done(unsafe { vr_gpu_adopt(&info, &mut gpu) });
+            done!(vr_gpu_adopt(&info, &mut gpu));
             // What fails has released, too.
             info.unlock_queue = None;
             let mut none = null_mut();
-            // SAFETY: the engine's objects.
-            refused(unsafe { vr_gpu_adopt(&info, &mut none) }, vr_result::VR_ERROR_INVALID, "one of them");
+            refused!(vr_gpu_adopt(&info, &mut none), vr_result::VR_ERROR_INVALID, "one of them");
             expected += 1;
             assert_eq!(calls.released.get(), expected);
         });
         let before = calls.locks.get();
         let mut queue = 0_u64;
-        // SAFETY: all are valid.
-        done(unsafe { vr_gpu_with_queue(gpu, Some(with_queue), (&raw mut queue).cast()) });
+        done!(vr_gpu_with_queue(gpu, Some(with_queue), (&raw mut queue).cast()));
         assert_eq!((queue, calls.locks.get()), (engine.queue.as_raw(), before + 1));
         let scene = c_scene(gpu, &Field::Blobs.sample([12; 3], "u8").unwrap(), &FOG);
-        // SAFETY: all are valid.
-        done(unsafe { vr_plan_create(scene, &info, &view, &mut plan) });
+        done!(vr_plan_create(scene, &info, &view, &mut plan));
         assert!(calls.locks.get() > before + 1 && !calls.held.get());
         end_gpu(gpu);
         if order > 0 {
@@ -88,8 +84,7 @@ fn handles_go_in_any_order() {
         }
         let at_record = calls.locks.get();
         frame.begin([0.0; 4]);
-        // SAFETY: all are valid.
-        done(unsafe { vr_plan_record(plan, &record_info(&frame), &mut recording) });
+        done!(vr_plan_record(plan, &record_info(&frame), &mut recording));
         assert_eq!(calls.locks.get(), at_record);
         if order > 1 {
             end_plan(plan);
@@ -97,8 +92,7 @@ fn handles_go_in_any_order() {
         let bytes = frame.end(&own);
         assert!(bytes.iter().any(|&byte| byte != 0));
         let mut status = sized!(vr_status {});
-        // SAFETY: the submission has ended.
-        done(unsafe { vr_recording_completed(recording, &mut status) });
+        done!(vr_recording_completed(recording, &mut status));
         assert_eq!((status.complete, calls.released.get()), (1, expected + u32::from(order > 1)));
         end_recording(recording);
         if order < 2 {
@@ -112,7 +106,7 @@ fn handles_go_in_any_order() {
     }
     assert!(!calls.wrong.get() && calls.locks.get() > 3);
     drop((frame, own));
-    silent(engine);
+    engine.end_silently();
 }
 
 /// A device of the library's own, and what is no device.
@@ -132,11 +126,9 @@ fn a_device_of_its_own() {
     // SAFETY: a device.
     assert_ne!(text(unsafe { vr_gpu_name(gpu) }), "");
     let (mut budget, mut objects) = (0, sized!(vr_gpu_objects {}));
-    // SAFETY: all are valid.
-    done(unsafe { vr_gpu_memory(gpu, null_mut(), &mut budget) });
+    done!(vr_gpu_memory(gpu, null_mut(), &mut budget));
     assert_eq!(budget, 123 << 20);
-    // SAFETY: all are valid.
-    done(unsafe { vr_gpu_handles(gpu, &mut objects) });
+    done!(vr_gpu_handles(gpu, &mut objects));
     assert!(
         !objects.instance.is_null()
             && !objects.physical_device.is_null()
@@ -153,8 +145,7 @@ fn a_device_of_its_own() {
     refused(create(&none, &mut gpu), vr_result::VR_ERROR_NO_DEVICE, "none");
     assert!(gpu.is_null());
     refused(create(&vr_gpu_info { validation: 3, ..info }, &mut gpu), INVALID, "validation: 3");
-    // SAFETY: null is refused.
-    refused(unsafe { vr_gpu_create(&info, null_mut()) }, INVALID, "gpu: is NULL");
+    refused!(vr_gpu_create(&info, null_mut()), INVALID, "gpu: is NULL");
 
     let engine = Engine::new(|_| Enabled { dynamic_rendering: true, ..Enabled::default() });
     with_device(&engine, |info| {
@@ -187,7 +178,7 @@ fn a_device_of_its_own() {
             "synchronization2",
         );
     });
-    silent(engine);
+    engine.end_silently();
 }
 
 #[test]
@@ -196,8 +187,7 @@ fn techniques_are_described() {
     assert_eq!(vr_technique_count() as usize, Method::ALL.len());
     for (i, method) in Method::ALL.into_iter().enumerate() {
         let mut info = sized!(vr_technique_info {});
-        // SAFETY: all are valid.
-        done(unsafe { vr_technique_query(i as u32, &mut info) });
+        done!(vr_technique_query(i as u32, &mut info));
         let summary = format!("{} ({})", method.summary(), method.source());
         assert_eq!((text(info.name), text(info.summary)), (method.name().into(), summary));
         // SAFETY: lives for ever.
@@ -207,12 +197,9 @@ fn techniques_are_described() {
             let got = [got.key, got.values, got.default_value, got.effect].map(text);
             assert_eq!(got, [want.key, &want.values, &want.default, want.effect]);
         }
-        // SAFETY: text.
-        done(unsafe { vr_technique_parse(info.name) });
+        done!(vr_technique_parse(info.name));
     }
     let mut info = sized!(vr_technique_info {});
-    // SAFETY: all are valid.
-    refused(unsafe { vr_technique_query(99, &mut info) }, vr_result::VR_ERROR_INVALID, "index: 99");
-    // SAFETY: null is refused.
-    refused(unsafe { vr_technique_parse(null()) }, vr_result::VR_ERROR_INVALID, "NULL");
+    refused!(vr_technique_query(99, &mut info), vr_result::VR_ERROR_INVALID, "index: 99");
+    refused!(vr_technique_parse(null()), vr_result::VR_ERROR_INVALID, "NULL");
 }

@@ -53,20 +53,13 @@ fn wrong_arguments_are_refused() {
     wrong(&|info| info.sample_type = 77, "sample_type: 77");
     wrong(&|info| info.spacing = [1.0, 0.0, 1.0], "spacing");
     wrong(&|info| info.slope = f64::NAN, "slope");
-    // SAFETY: null is refused.
-    refused(unsafe { vr_scene_create_grid(gpu, &info, null(), 3, &mut out) }, INVALID, "knots: is NULL");
+    refused!(vr_scene_create_grid(gpu, &info, null(), 3, &mut out), INVALID, "knots: is NULL");
     refused(grid_of(gpu, &info, &c_fog, usize::MAX, &mut out), INVALID, "knots");
     let falling = knots(&[[1.0, 0.0, 0.0, 0.0, 0.0], [0.5, 0.0, 0.0, 0.0, 1.0]]);
     refused(grid_of(gpu, &info, &falling, 2, &mut out), INVALID, "knot 1");
 
-    // SAFETY: what is wrong is refused before it is followed.
-    refused(unsafe { vr_scene_with_transfer(scene, null(), 0, &mut out) }, INVALID, "at least 1");
-    // SAFETY: the same.
-    refused(
-        unsafe { vr_scene_with_samples(scene, 1, [0_u8; 8].as_ptr().cast(), 8, &mut out) },
-        INVALID,
-        "need 512",
-    );
+    refused!(vr_scene_with_transfer(scene, null(), 0, &mut out), INVALID, "at least 1");
+    refused!(vr_scene_with_samples(scene, 1, [0_u8; 8].as_ptr().cast(), 8, &mut out), INVALID, "need 512");
     // SAFETY: the same.
     let scalars = unsafe { vr_scene_with_scalars(scene, 1, [0_f32; 8].as_ptr(), 8, null(), 0, &mut out) };
     refused(scalars, INVALID, "grid");
@@ -75,9 +68,8 @@ fn wrong_arguments_are_refused() {
     let wrong = |change: &dyn Fn(&mut vr_surface_info), words: &str| {
         let (mut info, mut out) = (surface, std::ptr::dangling_mut());
         change(&mut info);
-        // SAFETY: what is wrong is refused before it is followed.
-        refused(
-            unsafe { vr_scene_with_surfaces(scene, [&raw const surface, &info].as_ptr(), 2, &mut out) },
+        refused!(
+            vr_scene_with_surfaces(scene, [&raw const surface, &info].as_ptr(), 2, &mut out),
             INVALID,
             words,
         );
@@ -90,16 +82,9 @@ fn wrong_arguments_are_refused() {
     wrong(&|info| info.colour[3] = 1.5, "opacity");
     wrong(&|info| info.shading = 2, "shading: 2: must be one of 0, 1");
     wrong(&|info| info.reserved = 1, "reserved");
-    // SAFETY: the same.
-    refused(unsafe { vr_scene_with_surfaces(scene, null(), 1, &mut out) }, INVALID, "surfaces: is NULL");
-    // SAFETY: the same.
-    refused(
-        unsafe { vr_scene_with_surfaces(scene, [null()].as_ptr(), 1, &mut out) },
-        INVALID,
-        "surfaces[0]: is NULL",
-    );
-    // SAFETY: all are valid.
-    done(unsafe { vr_scene_with_surfaces(scene, [&raw const surface].as_ptr(), 1, &mut out) });
+    refused!(vr_scene_with_surfaces(scene, null(), 1, &mut out), INVALID, "surfaces: is NULL");
+    refused!(vr_scene_with_surfaces(scene, [null()].as_ptr(), 1, &mut out), INVALID, "surfaces[0]: is NULL");
+    done!(vr_scene_with_surfaces(scene, [&raw const surface].as_ptr(), 1, &mut out));
     let mut plan = null_mut();
     let info = sized!(vr_plan_info {
         technique: c"shear-warp".as_ptr(),
@@ -111,8 +96,7 @@ fn wrong_arguments_are_refused() {
     refused(translucent, INVALID, "shear-warp draws no translucent surfaces: slices-2d, ");
     assert!(plan.is_null());
     end_scene(out);
-    // SAFETY: the same.
-    refused(unsafe { vr_scene_query(scene, null_mut()) }, INVALID, "is NULL");
+    refused!(vr_scene_query(scene, null_mut()), INVALID, "is NULL");
     let mesh = sized!(vr_mesh_info {
         points: [0.0; 12].as_ptr(),
         point_count: 4,
@@ -131,8 +115,7 @@ fn wrong_arguments_are_refused() {
     ] {
         let mut mesh = mesh;
         change(&mut mesh);
-        // SAFETY: the same.
-        refused(unsafe { vr_scene_create_mesh(gpu, &mesh, c_fog.as_ptr(), 1, &mut out) }, INVALID, words);
+        refused!(vr_scene_create_mesh(gpu, &mesh, c_fog.as_ptr(), 1, &mut out), INVALID, words);
     }
     let both = sized!(vr_points_info {
         centres: [0.0; 6].as_ptr(),
@@ -140,9 +123,8 @@ fn wrong_arguments_are_refused() {
         radii: [1.0; 2].as_ptr(),
         covariances: [1.0; 12].as_ptr()
     });
-    // SAFETY: the same.
-    refused(
-        unsafe { vr_scene_create_points(gpu, &both, c_fog.as_ptr(), 1, &mut out) },
+    refused!(
+        vr_scene_create_points(gpu, &both, c_fog.as_ptr(), 1, &mut out),
         INVALID,
         "one of them must be NULL",
     );
@@ -223,18 +205,14 @@ fn wrong_arguments_are_refused() {
     status.struct_size = 3;
     refused(completed(&mut status), INVALID, "struct_size 3");
     done(completed(null_mut()));
-    // SAFETY: null is refused.
-    refused(unsafe { vr_recording_completed(null_mut(), null_mut()) }, INVALID, "recording: is NULL");
+    refused!(vr_recording_completed(null_mut(), null_mut()), INVALID, "recording: is NULL");
     end_recording(recording);
     // A frame that is dropped.
     frame.begin([0.0; 4]);
     done(record(&target, &mut recording));
-    // SAFETY: never submitted: it is begun anew.
-    done(unsafe { vr_recording_discard(recording) });
-    // SAFETY: discarded already.
-    done(unsafe { vr_recording_discard(recording) });
-    // SAFETY: nothing is read.
-    refused(unsafe { vr_recording_completed(recording, &mut status) }, INVALID, "discarded");
+    done!(vr_recording_discard(recording));
+    done!(vr_recording_discard(recording));
+    refused!(vr_recording_completed(recording, &mut status), INVALID, "discarded");
     end_recording(recording);
     // SAFETY: not pending.
     unsafe { engine.device.reset_command_buffer(frame.commands, vk::CommandBufferResetFlags::empty()) }
@@ -242,16 +220,13 @@ fn wrong_arguments_are_refused() {
     frame.begin([0.0; 4]);
     done(record(&target, &mut recording));
     frame.end(&own);
-    // SAFETY: the submission has ended.
-    done(unsafe { vr_recording_completed(recording, null_mut()) });
+    done!(vr_recording_completed(recording, null_mut()));
     end_recording(recording);
 
     let (mut used, mut budget) = (0, 0);
-    // SAFETY: all are valid.
-    done(unsafe { vr_gpu_memory(gpu, &mut used, &mut budget) });
+    done!(vr_gpu_memory(gpu, &mut used, &mut budget));
     assert!(used > 0 && used < budget);
-    // SAFETY: null is refused.
-    refused(unsafe { vr_gpu_memory(null(), &mut used, &mut budget) }, INVALID, "gpu");
+    refused!(vr_gpu_memory(null(), &mut used, &mut budget), INVALID, "gpu");
     // SAFETY: null is nothing.
     assert!(unsafe { vr_gpu_name(null()) }.is_null());
     // SAFETY: null is nothing.
@@ -266,5 +241,5 @@ fn wrong_arguments_are_refused() {
     }
     end_recording(null_mut());
     drop((frame, own));
-    silent(engine);
+    engine.end_silently();
 }

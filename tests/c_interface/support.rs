@@ -2,7 +2,6 @@
 
 use std::ffi::{CStr, c_char};
 use std::ptr::{null, null_mut};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use volraster::ash::vk;
 use volraster::ffi::*;
@@ -10,14 +9,9 @@ use volraster::scene::{Samples, Shading, Surface, View};
 
 use crate::common::caller::Caller;
 use crate::engine::Engine;
+pub use crate::engine::turn;
 
 pub const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
-
-/// The layer keeps its devices in a table without a lock: tests with devices take turns.
-pub fn turn() -> MutexGuard<'static, ()> {
-    static TURN: Mutex<()> = Mutex::new(());
-    TURN.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// A structure with nothing but its size.
 macro_rules! sized {
@@ -44,6 +38,22 @@ pub fn done(result: vr_result) {
 pub fn refused(result: vr_result, code: vr_result, words: &str) {
     assert_eq!(result, code, "{}", message());
     assert!(message().contains(words), "{words}: {}", message());
+}
+
+/// A function of the interface succeeds.
+macro_rules! done {
+    ($call:expr) => {
+        // SAFETY: all that the tests pass is valid.
+        done(unsafe { $call })
+    };
+}
+
+/// A function of the interface fails.
+macro_rules! refused {
+    ($call:expr, $code:expr, $words:expr $(,)?) => {
+        // SAFETY: what is wrong is refused before it is followed.
+        refused(unsafe { $call }, $code, $words)
+    };
 }
 
 pub fn text(pointer: *const c_char) -> String {
@@ -143,8 +153,7 @@ pub fn c_scene(gpu: *const vr_gpu, grid: &volraster::scene::Grid, rows: &[[f64; 
         intercept: rescale.intercept,
     });
     let (knots, mut scene) = (knots(rows), null_mut());
-    // SAFETY: all are valid.
-    done(unsafe { vr_scene_create_grid(gpu, &info, knots.as_ptr(), knots.len(), &mut scene) });
+    done!(vr_scene_create_grid(gpu, &info, knots.as_ptr(), knots.len(), &mut scene));
     scene
 }
 
@@ -170,8 +179,7 @@ pub fn c_render(scene: *const vr_scene, spec: Option<&CStr>, view: &View) -> Vec
     let [width, height] = view.extent();
     let mut pixels = vec![[f32::NAN; 4]; (width * height) as usize];
     let (spec, view) = (spec.map_or(null(), CStr::as_ptr), c_view(view));
-    // SAFETY: all are valid.
-    done(unsafe { vr_render(scene, spec, &view, pixels.as_mut_ptr().cast(), 4 * pixels.len()) });
+    done!(vr_render(scene, spec, &view, pixels.as_mut_ptr().cast(), 4 * pixels.len()));
     pixels
 }
 
@@ -183,10 +191,4 @@ pub fn record_info(frame: &Caller) -> vr_record_info {
         format: frame.format,
         extent: vk::Extent2D { width: frame.extent[0], height: frame.extent[1] },
     })
-}
-
-pub fn silent(engine: Engine) {
-    let log = std::sync::Arc::clone(&engine.log);
-    drop(engine);
-    assert_eq!(log.messages(), [""; 0]);
 }

@@ -63,12 +63,11 @@ fn image_of(
     let memory = allocate(handles, unsafe { device.get_image_memory_requirements(image) }, false);
     // SAFETY: fresh image and memory of its size.
     unsafe { device.bind_image_memory(image, memory, 0) }.unwrap();
-    let range = vk::ImageSubresourceRange::default().aspect_mask(aspect).level_count(1).layer_count(1);
     let info = vk::ImageViewCreateInfo::default()
         .image(image)
         .view_type(vk::ImageViewType::TYPE_2D)
         .format(format)
-        .subresource_range(range);
+        .subresource_range(range_of(aspect));
     // SAFETY: the image is bound.
     (image, memory, unsafe { device.create_image_view(&info, None) }.unwrap())
 }
@@ -84,6 +83,43 @@ fn host_buffer(handles: &Handles, size: u64, usage: vk::BufferUsageFlags) -> (vk
     // SAFETY: fresh buffer and memory of its size.
     unsafe { device.bind_buffer_memory(buffer, memory, 0) }.unwrap();
     (buffer, memory)
+}
+
+fn range_of(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
+    vk::ImageSubresourceRange::default().aspect_mask(aspect).level_count(1).layer_count(1)
+}
+
+/// The whole image, without gaps in the buffer.
+fn region_of(extent: [u32; 2], aspect: vk::ImageAspectFlags) -> vk::BufferImageCopy {
+    let layers = vk::ImageSubresourceLayers { aspect_mask: aspect, layer_count: 1, ..Default::default() };
+    vk::BufferImageCopy {
+        image_subresource: layers,
+        image_extent: vk::Extent3D { width: extent[0], height: extent[1], depth: 1 },
+        ..Default::default()
+    }
+}
+
+/// Records a barrier after everything and before everything, which changes an image's layout.
+fn transition(
+    device: &volraster::ash::Device,
+    commands: vk::CommandBuffer,
+    (image, aspect): (vk::Image, vk::ImageAspectFlags),
+    old: vk::ImageLayout,
+    new: vk::ImageLayout,
+) {
+    let all = vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE;
+    let barriers = [vk::ImageMemoryBarrier2::default()
+        .src_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+        .src_access_mask(all)
+        .dst_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+        .dst_access_mask(all)
+        .old_layout(old)
+        .new_layout(new)
+        .image(image)
+        .subresource_range(range_of(aspect))];
+    let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
+    // SAFETY: recording, outside of rendering.
+    unsafe { device.cmd_pipeline_barrier2(commands, &info) };
 }
 
 /// What an engine has: a colour image, a buffer to read it back, a command buffer, a fence.
@@ -139,13 +175,6 @@ impl Caller {
         }
     }
 
-    fn range() -> vk::ImageSubresourceRange {
-        vk::ImageSubresourceRange::default()
-            .aspect_mask(vk::ImageAspectFlags::COLOR)
-            .level_count(1)
-            .layer_count(1)
-    }
-
     /// Begins, fills the image with `clear`, and leaves it as the contract of `TargetImage` asks.
     pub fn begin(&self, clear: [f32; 4]) {
         // SAFETY: nothing is pending.
@@ -160,26 +189,14 @@ impl Caller {
                 self.image,
                 vk::ImageLayout::TRANSFER_DST_OPTIMAL,
                 &colour,
-                &[Self::range()],
+                &[range_of(vk::ImageAspectFlags::COLOR)],
             )
         };
         self.transition(vk::ImageLayout::TRANSFER_DST_OPTIMAL, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
     }
 
-    pub fn transition(&self, old: vk::ImageLayout, new: vk::ImageLayout) {
-        let all = vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE;
-        let barriers = [vk::ImageMemoryBarrier2::default()
-            .src_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
-            .src_access_mask(all)
-            .dst_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
-            .dst_access_mask(all)
-            .old_layout(old)
-            .new_layout(new)
-            .image(self.image)
-            .subresource_range(Self::range())];
-        let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
-        // SAFETY: recording, outside of rendering.
-        unsafe { self.device.cmd_pipeline_barrier2(self.commands, &info) };
+    fn transition(&self, old: vk::ImageLayout, new: vk::ImageLayout) {
+        transition(&self.device, self.commands, (self.image, vk::ImageAspectFlags::COLOR), old, new);
     }
 
     /// Copies out, submits, waits, and gives the image's bytes.
@@ -192,15 +209,7 @@ impl Caller {
     /// Copies out and submits.
     pub fn submit(&self, gpu: &Gpu, signal: Signal) {
         self.transition(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
-        let region = vk::BufferImageCopy {
-            image_subresource: vk::ImageSubresourceLayers {
-                aspect_mask: vk::ImageAspectFlags::COLOR,
-                layer_count: 1,
-                ..Default::default()
-            },
-            image_extent: vk::Extent3D { width: self.extent[0], height: self.extent[1], depth: 1 },
-            ..Default::default()
-        };
+        let region = region_of(self.extent, vk::ImageAspectFlags::COLOR);
         // SAFETY: recording; the buffer holds the image.
         unsafe {
             self.device.cmd_copy_image_to_buffer(
@@ -352,22 +361,10 @@ impl Depth {
         Some(Self { device, image, image_memory, view, buffer, buffer_memory, format, extent })
     }
 
-    fn range(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
-        vk::ImageSubresourceRange::default().aspect_mask(aspect).level_count(1).layer_count(1)
-    }
-
     /// Records the fill, and leaves the image as the contract of `DepthImage` asks.
     pub fn fill(&self, commands: vk::CommandBuffer) {
         self.transition(commands, vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
-        let region = vk::BufferImageCopy {
-            image_subresource: vk::ImageSubresourceLayers {
-                aspect_mask: vk::ImageAspectFlags::DEPTH,
-                layer_count: 1,
-                ..Default::default()
-            },
-            image_extent: vk::Extent3D { width: self.extent[0], height: self.extent[1], depth: 1 },
-            ..Default::default()
-        };
+        let region = region_of(self.extent, vk::ImageAspectFlags::DEPTH);
         let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
         // SAFETY: recording; the buffer holds the image's depths.
         unsafe { self.device.cmd_copy_buffer_to_image(commands, self.buffer, self.image, layout, &[region]) };
@@ -381,25 +378,13 @@ impl Depth {
             }
             _ => vk::ImageAspectFlags::DEPTH,
         };
-        let all = vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE;
         let new = match new {
             vk::ImageLayout::DEPTH_READ_ONLY_OPTIMAL if aspect.contains(vk::ImageAspectFlags::STENCIL) => {
                 vk::ImageLayout::DEPTH_STENCIL_READ_ONLY_OPTIMAL
             }
             new => new,
         };
-        let barriers = [vk::ImageMemoryBarrier2::default()
-            .src_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
-            .src_access_mask(all)
-            .dst_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
-            .dst_access_mask(all)
-            .old_layout(old)
-            .new_layout(new)
-            .image(self.image)
-            .subresource_range(Self::range(aspect))];
-        let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
-        // SAFETY: recording, outside of rendering.
-        unsafe { self.device.cmd_pipeline_barrier2(commands, &info) };
+        transition(&self.device, commands, (self.image, aspect), old, new);
     }
 
     pub fn image(&self, gpu: &Gpu, projection: DepthProjection) -> DepthImage {

@@ -209,15 +209,49 @@ pub fn errors(image: &Image, scene: &Scene, view: &View) -> ImageErrors {
     ImageErrors::between_f64(image, &truth(scene, view)).unwrap()
 }
 
-/// Length of the ray inside the cube [-1, 1]³; perspective rays start at the eye.
-pub fn chord(view: &View, pixel: DVec2) -> f64 {
-    let (origin, direction) = view.ray(pixel);
-    let mut range = [if view.is_perspective() { 0.0 } else { f64::NEG_INFINITY }, f64::INFINITY];
+/// Every pixel's centre, row by row.
+pub fn pixels(view: &View) -> impl Iterator<Item = (usize, DVec2)> {
+    let [width, height] = view.extent();
+    let centre = move |i: u32| DVec2::new(f64::from(i % width) + 0.5, f64::from(i / width) + 0.5);
+    (0..width * height).map(move |i| (i as usize, centre(i)))
+}
+
+/// Length of the part of a ray's range that lies inside the cube [-1, 1]³.
+pub fn in_cube(mut range: [f64; 2], origin: DVec3, direction: DVec3) -> f64 {
     for axis in 0..3 {
         let (a, b) = ((-1.0 - origin[axis]) / direction[axis], (1.0 - origin[axis]) / direction[axis]);
         range = [range[0].max(a.min(b)), range[1].min(a.max(b))];
     }
     (range[1] - range[0]).max(0.0)
+}
+
+/// Length of the ray inside the cube [-1, 1]³; perspective rays start at the eye.
+pub fn chord(view: &View, pixel: DVec2) -> f64 {
+    let (origin, direction) = view.ray(pixel);
+    let range = [if view.is_perspective() { 0.0 } else { f64::NEG_INFINITY }, f64::INFINITY];
+    in_cube(range, origin, direction)
+}
+
+/// The error function, by its series.
+pub fn erf(x: f64) -> f64 {
+    if x.abs() > 5.0 {
+        return x.signum();
+    }
+    let (mut sum, mut term) = (0.0, x);
+    for k in 0..120 {
+        sum += term / f64::from(2 * k + 1);
+        term *= -x * x / f64::from(k + 1);
+    }
+    sum * 2.0 / std::f64::consts::PI.sqrt()
+}
+
+/// Repeatable numbers from -1 to 1.
+pub fn random(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        f64::from((state >> 33) as u32) / f64::from(1_u32 << 30) - 1.0
+    }
 }
 
 /// Whether the outline of the cube passes within 1/64 pixel of a pixel's centre.

@@ -85,6 +85,11 @@ fn stored(projection: [f64; 2], perspective: bool, bits: Option<u32>, depth: f64
     (s as f32, back)
 }
 
+fn projection_of(perspective: bool, [at_zero, at_one]: [f64; 2]) -> DepthProjection {
+    let make = if perspective { DepthProjection::perspective } else { DepthProjection::orthographic };
+    make(at_zero, at_one).unwrap()
+}
+
 /// Homogeneous matter: what is left of it has the length that clipping leaves, by every technique for grids.
 #[test]
 fn clipped_matter_has_its_length() {
@@ -96,14 +101,8 @@ fn clipped_matter_has_its_length() {
             let image = draw_on(&grid, &view, spec);
             for (i, alpha) in image.pixels().iter().map(|p| f64::from(p[3])).enumerate() {
                 let at = DVec2::new((i % 40) as f64 + 0.5, (i / 40) as f64 + 0.5);
-                let ([begin, end], origin, direction) = range_of(&view, at, f64::INFINITY);
-                let mut range = [begin, end];
-                for axis in 0..3 {
-                    let (a, b) =
-                        ((-1.0 - origin[axis]) / direction[axis], (1.0 - origin[axis]) / direction[axis]);
-                    range = [range[0].max(a.min(b)), range[1].min(a.max(b))];
-                }
-                let length = (range[1] - range[0]).max(0.0);
+                let (range, origin, direction) = range_of(&view, at, f64::INFINITY);
+                let length = in_cube(range, origin, direction);
                 if on_outline(&view, at) || (length < 1e-3 && chord(&view, at) > 0.0) {
                     continue;
                 }
@@ -178,12 +177,7 @@ fn every_technique_is_cut_where_the_reference_is() {
             let ends = if perspective { [f64::INFINITY, 0.03] } else { [0.5, 9.0] };
             let (values, depths): (Vec<f32>, Vec<f64>) =
                 (0..width * height).map(|i| stored(ends, perspective, None, wall(&plain, at(i)))).unzip();
-            let projection = if perspective {
-                DepthProjection::perspective(ends[0], ends[1])
-            } else {
-                DepthProjection::orthographic(ends[0], ends[1])
-            }
-            .unwrap();
+            let projection = projection_of(perspective, ends);
             let image = Depth::new(&gpu, vk::Format::D32_SFLOAT, [width, height], &values).unwrap();
             let depth_of = |p: DVec2| depths[p.y as usize * width as usize + p.x as usize];
             let nothing = |_: DVec2| f64::INFINITY;
@@ -250,12 +244,7 @@ fn depth_is_read_as_it_was_stored() {
         .chain([[-1.0, 12.0], [12.0, 0.0]].map(|ends| (ends, view(orthographic(), 1.0, 40, 30))))
     {
         let perspective = plain.is_perspective();
-        let projection = if perspective {
-            DepthProjection::perspective(ends[0], ends[1])
-        } else {
-            DepthProjection::orthographic(ends[0], ends[1])
-        }
-        .unwrap();
+        let projection = projection_of(perspective, ends);
         let at = |i: u32| DVec2::new(f64::from(i % 40) + 0.5, f64::from(i / 40) + 0.5);
         for (format, bits) in formats {
             let (values, depths): (Vec<f32>, Vec<f64>) =
@@ -268,16 +257,11 @@ fn depth_is_read_as_it_was_stored() {
             let drawn = draw_before(&gpu, &grid, &plain, "slices-3d", Some((&image, projection)));
             for (i, alpha) in drawn.pixels().iter().map(|p| f64::from(p[3])).enumerate() {
                 let pixel = at(i as u32);
-                let (mut range, origin, direction) = range_of(&plain, pixel, depths[i]);
-                for axis in 0..3 {
-                    let (a, b) =
-                        ((-1.0 - origin[axis]) / direction[axis], (1.0 - origin[axis]) / direction[axis]);
-                    range = [range[0].max(a.min(b)), range[1].min(a.max(b))];
-                }
+                let (range, origin, direction) = range_of(&plain, pixel, depths[i]);
                 if on_outline(&plain, pixel) {
                     continue;
                 }
-                let want = -(-0.7 * (range[1] - range[0]).max(0.0)).exp_m1();
+                let want = -(-0.7 * in_cube(range, origin, direction)).exp_m1();
                 // Of distances z float32 knows the inverse to 3 / 2^24 of that of the near plane, and what is stored so close: depth to
                 // z^2 over the near plane's distance times as much.
                 let near = ends[0].min(ends[1]).abs().max(0.5);

@@ -2,10 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use std::path::{Path, PathBuf};
-use std::process::Command;
-
 use crate::common::*;
+use crate::folder::Folder;
 use serde_json::Value;
 use volraster::GpuScene;
 use volraster::choice::{self, Choice, Goal, Profile, Source, TrialOutcome};
@@ -99,38 +97,22 @@ fn what_cannot_be_met_is_refused_with_the_nearest() {
     }
 }
 
-/// An empty folder of this test's own.
-fn folder(name: &str) -> PathBuf {
-    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("choice-{name}"));
-    let _ = std::fs::remove_dir_all(&path);
-    std::fs::create_dir_all(&path).unwrap();
-    path
-}
-
-/// Runs the program with a cache folder of its own; exit code, what it printed, and what it complained of.
-fn run(folder: &Path, line: &str) -> (Option<i32>, String, String) {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_volraster"));
-    command.current_dir(folder).args(line.split(' ')).env("XDG_CACHE_HOME", folder.join("cache"));
-    let output = command.output().unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    (output.status.code(), text(output.stdout), text(output.stderr))
-}
-
 const SCENE: &str = r#"{"volume": {"field": "blobs", "dims": [24, 24, 24]}, "transfer": {"preset": "fog"},
     "camera": {"eye": [2, 1.5, 3.8], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_deg": 42}}"#;
 
 #[test]
 fn render_chooses_and_says_why() {
-    let folder = folder("render");
-    std::fs::write(folder.join("scene.json"), SCENE).unwrap();
-    let (code, out, err) =
-        run(&folder, "render scene.json -o a.exr --size 50x40 --max-error 1e-3 --stats s.json --validate");
-    assert_eq!((code, err.as_str()), (Some(0), ""));
+    let folder = Folder::new();
+    folder.write("scene.json", SCENE);
+    let out = folder
+        .run("render scene.json -o a.exr --size 50x40 --max-error 1e-3 --stats s.json --validate")
+        .done()
+        .out;
     assert!(
         out.contains("chosen: ") && out.contains("95 % confidence") && out.contains("at 2000 pixels"),
         "{out}"
     );
-    let stats: Value = serde_json::from_slice(&std::fs::read(folder.join("s.json")).unwrap()).unwrap();
+    let stats = folder.json("s.json");
     let choice = &stats["choice"];
     assert_eq!((&choice["max_error"], &choice["budget_ms"]), (&Value::from(1e-3), &Value::Null));
     assert_eq!(choice["predictions"], "built in");
@@ -143,19 +125,15 @@ fn render_chooses_and_says_why() {
     let name = choice["chosen"].as_str().unwrap().split(':').next().unwrap();
     assert_eq!(stats["technique"], name);
     // The picture is as good as was said: all of it was compared.
-    let (code, out, _) = run(
-        &folder,
-        &format!("compare scene.json -o c --size 50x40 --techniques {}", choice["chosen"].as_str().unwrap()),
-    );
-    assert_eq!(code, Some(0), "{out}");
+    let chosen = choice["chosen"].as_str().unwrap();
+    let run = folder.run(&format!("compare scene.json -o c --size 50x40 --techniques {chosen}"));
+    assert_eq!(run.code, 0, "{}", run.out);
 
-    let (code, _, err) = run(&folder, "render scene.json -o b.png --size 20x20 --max-error 1e-15");
-    assert_eq!(code, Some(3));
-    assert!(err.lines().count() == 1 && err.contains("the nearest is"), "{err}");
-    assert!(!folder.join("b.png").exists());
+    let run = folder.run("render scene.json -o b.png --size 20x20 --max-error 1e-15");
+    run.complains(3, &["the nearest is"]);
+    assert!(!folder.path("b.png").exists());
     for line in ["--max-error 0", "--budget x", "--max-error 1 --budget 2", "--budget 2 --technique slabs"] {
-        let (code, _, err) = run(&folder, &format!("render scene.json -o b.png {line}"));
-        assert_eq!((code, err.lines().count()), (Some(2), 1), "{line}: {err}");
+        folder.run(&format!("render scene.json -o b.png {line}")).complains(2, &[]);
     }
 }
 
@@ -163,18 +141,16 @@ fn render_chooses_and_says_why() {
 #[test]
 #[ignore = "make test-all: it calibrates a device"]
 fn a_profile_is_measured_kept_and_dropped() {
-    let folder = folder("calibrate");
-    std::fs::write(folder.join("scene.json"), SCENE).unwrap();
-    let (code, out, err) = run(&folder, "calibrate");
-    assert_eq!((code, err.as_str()), (Some(0), ""));
+    let folder = Folder::new();
+    folder.write("scene.json", SCENE);
+    let out = folder.run("calibrate").done().out;
     assert!(out.contains(" settings on "), "{out}");
-    let path = std::fs::read_dir(folder.join("cache/volraster")).unwrap().map(|entry| entry.unwrap().path());
+    let path = std::fs::read_dir(folder.path("cache/volraster")).unwrap().map(|entry| entry.unwrap().path());
     let path = path.into_iter().find(|path| path.to_string_lossy().contains("profile-")).unwrap();
     let used = || {
-        let (code, out, err) =
-            run(&folder, "render scene.json -o a.png --size 16x16 --max-error 0.01 --stats s.json");
-        assert_eq!(code, Some(0), "{out}{err}");
-        let stats: Value = serde_json::from_slice(&std::fs::read(folder.join("s.json")).unwrap()).unwrap();
+        let run = folder.run("render scene.json -o a.png --size 16x16 --max-error 0.01 --stats s.json");
+        assert_eq!(run.code, 0, "{}{}", run.out, run.err);
+        let stats = folder.json("s.json");
         stats["choice"]["predictions"].as_str().unwrap().to_string()
     };
     assert_eq!(used(), "measured on this device");
@@ -199,9 +175,8 @@ fn a_profile_is_measured_kept_and_dropped() {
 #[test]
 #[ignore = "make test-all: it calibrates a device"]
 fn choices_hold_on_random_draws() {
-    let folder = folder("check");
-    let (code, out, err) = run(&folder, "calibrate --check 8 --seed 3 --size 32x32");
-    assert_eq!((code, err.as_str()), (Some(0), ""), "{out}");
+    let folder = Folder::new();
+    let out = folder.run("calibrate --check 8 --seed 3 --size 32x32").done().out;
     let line = out.lines().find(|line| line.starts_with("held: ")).unwrap();
     let [held, possible] =
         [1, 3].map(|word| line.split(' ').nth(word).unwrap().trim_end_matches(';').parse::<u32>().unwrap());

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::common::*;
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use volraster::GpuScene;
 use volraster::Image;
 use volraster::gpu::Gpu;
@@ -86,17 +86,11 @@ fn a_homogeneous_box_of_many_cells_is_the_box() {
             let (image, _) = frame(&scene, view, spec);
             let mut worst: f64 = 0.0;
             let mut seen = 0;
-            for y in 0..image.height() {
-                for x in 0..image.width() {
-                    let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-                    if on_outline(view, pixel) {
-                        continue;
-                    }
-                    let alpha = f64::from(image.pixel(x, y)[3]);
-                    let truth = -(-tau * chord(view, pixel)).exp_m1();
-                    seen += u32::from(truth > 0.0);
-                    worst = worst.max((alpha - truth).abs());
-                }
+            for (i, pixel) in pixels(view).filter(|(_, pixel)| !on_outline(view, *pixel)) {
+                let alpha = f64::from(image.pixels()[i][3]);
+                let truth = -(-tau * chord(view, pixel)).exp_m1();
+                seen += u32::from(truth > 0.0);
+                worst = worst.max((alpha - truth).abs());
             }
             // A cell's thickness changes by at most 2 sqrt(3) its edge across itself, here some pixels; 1/256 of
             // a pixel of it, for a few cells a line.

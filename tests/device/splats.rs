@@ -14,16 +14,6 @@ use volraster::scene::{
 };
 use volraster::technique::Renderer;
 
-fn erf(x: f64) -> f64 {
-    // Its series, for the arguments of these tests.
-    let (mut sum, mut term) = (0.0, x);
-    for k in 0..200 {
-        sum += term / f64::from(2 * k + 1);
-        term *= -x * x / f64::from(k + 1);
-    }
-    sum * 2.0 / std::f64::consts::PI.sqrt()
-}
-
 /// Optical depth along a ray of a Gaussian of peak `tau` that is cut at `cut` sigmas.
 fn gaussian(view: &View, pixel: DVec2, centre: DVec3, sigma: f64, cut: f64, tau: f64) -> f64 {
     let (origin, direction) = view.ray(pixel);
@@ -59,12 +49,9 @@ fn single_gaussians_are_their_closed_form() {
                 for spec in ["order=center,stop=0", "order=window,stop=0", "order=slabs,step=0.7,stop=0"] {
                     let image = draw(&gpu, &scene, &view, &format!("splat-ewa:{spec}"));
                     let mut worst = 0.0_f64;
-                    for y in 0..32 {
-                        for x in 0..48 {
-                            let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-                            let alpha = -(-gaussian(&view, pixel, centre, sigma, 3.0, 2.0 / sigma)).exp_m1();
-                            worst = worst.max((f64::from(image.pixel(x, y)[3]) - alpha).abs());
-                        }
+                    for (i, pixel) in pixels(&view) {
+                        let alpha = -(-gaussian(&view, pixel, centre, sigma, 3.0, 2.0 / sigma)).exp_m1();
+                        worst = worst.max((f64::from(image.pixels()[i][3]) - alpha).abs());
                     }
                     println!("{sigma} {distance} {aside} {spec}: {worst:e}");
                     let length = DVec3::new(2.0, 1.5, 3.8).length() * distance;
@@ -92,27 +79,12 @@ fn a_homogeneous_box_is_exact_in_sheets() {
         ] {
             let image = draw(&gpu, &scene, &view, &format!("splat-sheets:stop=0,{spec}"));
             let mut worst = 0.0_f64;
-            for y in 0..48 {
-                for x in 0..64 {
-                    let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-                    if on_outline(&view, pixel) {
-                        continue;
-                    }
-                    let alpha = -(-1.5 * chord(&view, pixel)).exp_m1();
-                    worst = worst.max((f64::from(image.pixel(x, y)[3]) - alpha).abs());
-                }
+            for (i, pixel) in pixels(&view).filter(|(_, pixel)| !on_outline(&view, *pixel)) {
+                let alpha = -(-1.5 * chord(&view, pixel)).exp_m1();
+                worst = worst.max((f64::from(image.pixels()[i][3]) - alpha).abs());
             }
             println!("{spec}: {worst:e}");
         }
-    }
-}
-
-/// Repeatable numbers from -1 to 1.
-fn random(seed: u64) -> impl FnMut() -> f64 {
-    let mut state = seed;
-    move || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        f64::from((state >> 33) as u32) / f64::from(1_u32 << 30) - 1.0
     }
 }
 

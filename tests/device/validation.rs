@@ -7,7 +7,7 @@
 use crate::common::TestGpu;
 use volraster::GpuScene;
 use volraster::ash::vk;
-use volraster::gpu::{Gpu, GpuOptions, Validation};
+use volraster::gpu::{Gpu, GpuOptions, Handles, Validation};
 use volraster::scene::{Field, KernelSize, Points, Scene, TetScalars, Tets, TransferFunction};
 use volraster::technique::{Method, Renderer};
 
@@ -48,15 +48,14 @@ fn a_leak_is_heard_after_the_device_is_gone() {
     assert!(heard(&log.messages(), "VUID-vkDestroyDevice-device-00378"), "{:#?}", log.messages());
 }
 
-/// Two fills of one buffer without a barrier between them: a hazard that only synchronization validation
-/// sees.
-#[test]
-fn a_missing_barrier_is_heard() {
-    let gpu = validated();
-    let handles = gpu.handles();
+/// A buffer of 256 bytes, its memory, and command buffers of a pool to fill it with.
+fn to_fill(
+    handles: &Handles,
+    count: u32,
+) -> (vk::Buffer, vk::DeviceMemory, vk::CommandPool, Vec<vk::CommandBuffer>) {
     let device = &handles.device;
     let info = vk::BufferCreateInfo::default().size(256).usage(vk::BufferUsageFlags::TRANSFER_DST);
-    // SAFETY: valid; destroyed below.
+    // SAFETY: valid; destroyed by the caller.
     let buffer = unsafe { device.create_buffer(&info, None) }.unwrap();
     // SAFETY: `buffer` is alive.
     let requirements = unsafe { device.get_buffer_memory_requirements(buffer) };
@@ -68,11 +67,22 @@ fn a_missing_barrier_is_heard() {
     // SAFETY: fresh buffer and memory of its size.
     unsafe { device.bind_buffer_memory(buffer, memory, 0) }.unwrap();
     let info = vk::CommandPoolCreateInfo::default().queue_family_index(handles.queue_family);
-    // SAFETY: valid; destroyed below.
+    // SAFETY: valid; destroyed by the caller.
     let pool = unsafe { device.create_command_pool(&info, None) }.unwrap();
-    let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
+    let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(count);
     // SAFETY: `pool` is alive.
-    let commands = unsafe { device.allocate_command_buffers(&info) }.unwrap()[0];
+    (buffer, memory, pool, unsafe { device.allocate_command_buffers(&info) }.unwrap())
+}
+
+/// Two fills of one buffer without a barrier between them: a hazard that only synchronization validation
+/// sees.
+#[test]
+fn a_missing_barrier_is_heard() {
+    let gpu = validated();
+    let handles = gpu.handles();
+    let device = &handles.device;
+    let (buffer, memory, pool, commands) = to_fill(&handles, 1);
+    let commands = commands[0];
     // SAFETY: in the initial state.
     unsafe { device.begin_command_buffer(commands, &vk::CommandBufferBeginInfo::default()) }.unwrap();
     assert!(gpu.validation_log().messages().is_empty());
@@ -177,24 +187,7 @@ fn child_misses_a_barrier_between_command_buffers() {
     let gpu = validated();
     let handles = gpu.handles();
     let device = &handles.device;
-    let info = vk::BufferCreateInfo::default().size(256).usage(vk::BufferUsageFlags::TRANSFER_DST);
-    // SAFETY: valid; destroyed below.
-    let buffer = unsafe { device.create_buffer(&info, None) }.unwrap();
-    // SAFETY: `buffer` is alive.
-    let requirements = unsafe { device.get_buffer_memory_requirements(buffer) };
-    let info = vk::MemoryAllocateInfo::default()
-        .allocation_size(requirements.size)
-        .memory_type_index(requirements.memory_type_bits.trailing_zeros());
-    // SAFETY: the type is one that the buffer allows.
-    let memory = unsafe { device.allocate_memory(&info, None) }.unwrap();
-    // SAFETY: fresh buffer and memory of its size.
-    unsafe { device.bind_buffer_memory(buffer, memory, 0) }.unwrap();
-    let info = vk::CommandPoolCreateInfo::default().queue_family_index(handles.queue_family);
-    // SAFETY: valid; destroyed below.
-    let pool = unsafe { device.create_command_pool(&info, None) }.unwrap();
-    let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(2);
-    // SAFETY: `pool` is alive.
-    let commands = unsafe { device.allocate_command_buffers(&info) }.unwrap();
+    let (buffer, memory, pool, commands) = to_fill(&handles, 2);
     for &commands in &commands {
         // SAFETY: in the initial state.
         unsafe { device.begin_command_buffer(commands, &vk::CommandBufferBeginInfo::default()) }.unwrap();

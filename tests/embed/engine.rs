@@ -1,10 +1,16 @@
 //! An engine: its own instance and device under validation, with the features that a test asks for.
 
 use std::ffi::{CStr, CString, c_void};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use volraster::ash::{self, ext, vk};
 use volraster::gpu::{Enabled, Gpu, GpuOptions, GpuParts, devices};
+
+/// The layer keeps its devices in a table without a lock: tests with devices take turns.
+pub fn turn() -> MutexGuard<'static, ()> {
+    static TURN: Mutex<()> = Mutex::new(());
+    TURN.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// What the validation layers said.
 #[derive(Default)]
@@ -158,6 +164,14 @@ impl Engine {
     /// The crate's part on it.
     pub fn gpu(&self) -> Gpu {
         adopt(self.parts()).unwrap()
+    }
+
+    /// Ends it. The layers have said nothing, and say nothing of the end.
+    #[track_caller]
+    pub fn end_silently(self) {
+        let log = Arc::clone(&self.log);
+        drop(self);
+        assert_eq!(log.messages(), [""; 0]);
     }
 }
 

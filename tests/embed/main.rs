@@ -15,22 +15,16 @@ mod common;
 mod engine;
 
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use common::caller::{Caller, Depth, Signal};
 use common::*;
-use engine::{Engine, adopt};
+use engine::{Engine, adopt, turn};
 use volraster::ash::vk;
 use volraster::gpu::{DepthProjection, Enabled, Gpu, GpuOptions, OptionalFeature, Validation};
 use volraster::scene::Field;
 use volraster::technique::Renderer;
 use volraster::{GpuScene, Plan, TargetDesc, TargetMode};
-
-/// The layer keeps its devices in a table without a lock: tests with devices take turns.
-fn turn() -> MutexGuard<'static, ()> {
-    static TURN: Mutex<()> = Mutex::new(());
-    TURN.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 
@@ -76,9 +70,7 @@ fn the_caller_s_device_is_as_good_as_one_s_own() {
     // Alive, and nothing of the crate's on it: the layer tells of what is left when a device goes.
     // SAFETY: nothing is pending.
     unsafe { engine.device.device_wait_idle() }.unwrap();
-    let messages = Arc::clone(&engine.log);
-    drop(engine);
-    assert_eq!(messages.messages(), [""; 0]);
+    engine.end_silently();
     assert!(log.messages().is_empty());
 }
 
@@ -109,9 +101,7 @@ fn the_least_device_draws_everything() {
         }
     }
     drop(gpu);
-    let messages = Arc::clone(&engine.log);
-    drop(engine);
-    assert_eq!(messages.messages(), [""; 0]);
+    engine.end_silently();
 }
 
 /// What is required and missing is named, and nothing is taken that cannot be.
@@ -174,9 +164,7 @@ fn what_is_missing_is_named() {
     // Refusals leave the device as it was.
     assert!(engine.gpu().loop_limit().unwrap() > 0);
     for engine in [engine, other] {
-        let messages = Arc::clone(&engine.log);
-        drop(engine);
-        assert_eq!(messages.messages(), [""; 0]);
+        engine.end_silently();
     }
 }
 
@@ -202,9 +190,7 @@ fn budget_and_pipeline_cache_work_on_the_caller_s_device() {
     assert!(matches!(error, volraster::Error::Memory { budget: 1000, .. }), "{error:?}");
     drop((scene, gpu));
     assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
-    let messages = Arc::clone(&engine.log);
-    drop(engine);
-    assert_eq!(messages.messages(), [""; 0]);
+    engine.end_silently();
 }
 
 /// What the caller gives to be kept goes after everything that was made from the device, and may take the device along.
@@ -296,9 +282,7 @@ fn recording_only_records() {
         assert!(calls::NOTED.contains(&call) && seen.contains(&call), "{call}");
     }
     drop((frame, depth, gpu));
-    let messages = Arc::clone(&engine.log);
-    drop(engine);
-    assert_eq!(messages.messages(), [""; 0]);
+    engine.end_silently();
 }
 
 /// Each submission of the crate is made under the caller's lock, and nothing else is. The end waits for nothing.
@@ -341,9 +325,7 @@ fn the_caller_s_lock_is_held_around_each_submission() {
     assert!(end.contains(&"vkFreeMemory"), "{end:?}");
     let waits = |call: &&str| call.contains("Wait") || *call == "vkDestroyDevice";
     assert!(!end.iter().any(waits), "{end:?}");
-    let messages = Arc::clone(&engine.log);
-    drop(engine);
-    assert_eq!(messages.messages(), [""; 0]);
+    engine.end_silently();
 }
 
 /// A timeline semaphore tells of the ends of frames as well as a fence does: two frames in flight, each completed when the
@@ -404,7 +386,5 @@ fn a_timeline_semaphore_tells_of_the_end() {
     // SAFETY: every value was waited for.
     unsafe { engine.device.destroy_semaphore(semaphore, None) };
     drop((slots, plan, renderer, scene, gpu));
-    let messages = Arc::clone(&engine.log);
-    drop(engine);
-    assert_eq!(messages.messages(), [""; 0]);
+    engine.end_silently();
 }

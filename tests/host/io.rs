@@ -3,10 +3,10 @@
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
 
+use crate::folder::{Folder, OPTIONS};
+use crate::formats::support::{gzip, shared};
 use glam::{DMat3, DVec3};
 use volraster::Image;
 use volraster::Result;
@@ -16,41 +16,6 @@ use volraster::io::{
     write_image, write_png,
 };
 use volraster::scene::{Anatomy, Field, Grid, Projection, Samples};
-
-const OPTIONS: ReadOptions = ReadOptions::within(1 << 30);
-
-/// A folder that goes when the test ends.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new() -> Self {
-        static NEXT: AtomicU32 = AtomicU32::new(0);
-        let name = format!("volraster-io-{}-{}", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed));
-        let path = std::env::temp_dir().join(name);
-        fs::create_dir_all(&path).unwrap();
-        Self(path)
-    }
-
-    fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
-        let path = self.0.join(name);
-        // Some file systems flush a file that is truncated and written again: thousands here.
-        let _ = fs::remove_file(&path);
-        fs::write(&path, bytes).unwrap();
-        path
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
-
-fn gzip(bytes: &[u8]) -> Vec<u8> {
-    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
-    encoder.write_all(bytes).unwrap();
-    encoder.finish().unwrap()
-}
 
 /// The message, after checking that it is one line and names the file.
 #[track_caller]
@@ -245,13 +210,13 @@ fn nrrd_refuses_by_place_and_rule() {
     with("byte skip: 3", &["needs 24 bytes", "21 are there"]);
     with("byte skip: 9223372036854775807", &["needs 24 bytes", "0 are there"]);
     with("byte skip: -2", &["-1"]);
-    let missing = folder.0.join("missing.raw");
+    let missing = folder.path("missing.raw");
     let path = folder.write("bad.nhdr", nrrd(&basic("raw", "data file: missing.raw"), &[]));
     contains(&refusal(read_grid(path, &OPTIONS), &missing), &["cannot open"]);
     with("data file: LIST", &["several files"]);
     with("data file: slice.%03d.raw 1 9 1", &["several files"]);
     let path = folder.write("bad.nhdr", nrrd(&basic("raw", "data file: ."), &[]));
-    contains(&refusal(read_grid(path, &OPTIONS), &folder.0), &["regular file"]);
+    contains(&refusal(read_grid(path, &OPTIONS), folder.root()), &["regular file"]);
     swap("encoding: raw", "encoding: bzip2", &["line 5, encoding", "bzip2", "raw and gzip"]);
     swap("encoding: raw", "encoding: ascii", &["needs 24 numbers", "24 bytes hold at most 13"]);
     swap("encoding: raw", "encoding: hex", &["hex"]);
@@ -383,9 +348,9 @@ fn nifti_holds_the_same_in_every_packing() {
         folder.write("a.nii.gz", gzip(&small().file(&ramp()))),
         folder.write("named_wrong.dat", small().file(&ramp())),
         folder.write("pair.hdr", &pair.bytes),
-        folder.0.join("pair.img"),
+        folder.path("pair.img"),
         folder.write("packed.hdr.gz", gzip(&pair.bytes[..348])),
-        folder.0.join("packed.img.gz"),
+        folder.path("packed.img.gz"),
         folder.write("later.nii", small().with(|h| h.float(108, 360.0)).file(&[vec![9; 8], ramp()].concat())),
     ];
     for file in files {
@@ -644,9 +609,9 @@ fn what_no_format_knows_gets_a_list() {
     contains(&known_formats(), &["NRRD", "NIfTI-1", ".nhdr"]);
     let path = folder.write("empty.nii", "");
     contains(&refusal(read_grid(&path, &OPTIONS), &path), &["header", "348 bytes", "0 are there"]);
-    let path = folder.0.join("absent.nrrd");
+    let path = folder.path("absent.nrrd");
     contains(&refusal(read_grid(&path, &OPTIONS), &path), &["cannot open"]);
-    contains(&refusal(read_grid(&folder.0, &OPTIONS), &folder.0.join("empty.nii")), &["0 are there"]);
+    contains(&refusal(read_grid(folder.root(), &OPTIONS), &folder.path("empty.nii")), &["0 are there"]);
 }
 
 #[test]
@@ -682,7 +647,7 @@ fn picture() -> Image {
 #[test]
 fn exr_keeps_every_bit() {
     let folder = Folder::new();
-    let path = folder.0.join("a.exr");
+    let path = folder.path("a.exr");
     write_exr(&path, &picture()).unwrap();
     assert_eq!(read_exr(&path, &OPTIONS).unwrap(), picture());
     contains(&refusal(read_exr(&path, &ReadOptions::within(239)), &path), &["5 x 3", "239"]);
@@ -709,7 +674,7 @@ fn exr_keeps_every_bit() {
 #[test]
 fn exr_keeps_nan_and_infinity() {
     let folder = Folder::new();
-    let path = folder.0.join("a.exr");
+    let path = folder.path("a.exr");
     let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -0.0];
     write_exr(&path, &Image::new(2, 1, vec![odd; 2]).unwrap()).unwrap();
     let back = read_exr(&path, &OPTIONS).unwrap().pixel(1, 0);
@@ -719,7 +684,7 @@ fn exr_keeps_nan_and_infinity() {
 #[test]
 fn png_is_composited_encoded_and_the_right_way_up() {
     let folder = Folder::new();
-    let path = folder.0.join("a.png");
+    let path = folder.path("a.png");
     let pixels = vec![[0.5, 0.5, 0.5, 0.5], [0.0; 4], [1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]];
     let image = Image::new(2, 2, pixels).unwrap();
     write_png(&path, &image, [0.0, 1.0, 0.0, 1.0]).unwrap();
@@ -739,20 +704,18 @@ fn writing_fails_in_one_line_and_leaves_nothing() {
     let folder = Folder::new();
     let inside = folder.write("file", "x").join("a.png");
     contains(&refusal(write_image(&inside, &picture(), [0.0; 4]), &inside), &["cannot write"]);
-    let absent = folder.0.join("absent").join("a.exr");
+    let absent = folder.path("absent").join("a.exr");
     contains(&refusal(write_image(&absent, &picture(), [0.0; 4]), &absent), &["cannot write"]);
-    let taken = folder.0.join("taken.exr");
+    let taken = folder.path("taken.exr");
     fs::create_dir(&taken).unwrap();
     contains(&refusal(write_image(&taken, &picture(), [0.0; 4]), &taken), &["cannot write"]);
-    let odd = folder.0.join("a.jpg");
+    let odd = folder.path("a.jpg");
     contains(&refusal(write_image(&odd, &picture(), [0.0; 4]), &odd), &[".exr or .png"]);
-    let mut left: Vec<_> = fs::read_dir(&folder.0).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-    left.sort();
-    assert_eq!(left, ["file", "taken.exr"]);
+    assert_eq!(folder.names(""), ["file", "taken.exr"]);
     for name in ["a.EXR", "b.png"] {
-        write_image(folder.0.join(name), &picture(), [0.0; 4]).unwrap();
+        write_image(folder.path(name), &picture(), [0.0; 4]).unwrap();
     }
-    assert_eq!(fs::read_dir(&folder.0).unwrap().count(), 4);
+    assert_eq!(folder.names("").len(), 4);
 }
 
 // ---------------------------------------------------------------------------------------------------
@@ -911,7 +874,7 @@ fn scene_files_are_refused_by_place_and_rule() {
     check(r#", "technique": {"name": "slabs", "step": 1, "step": 2}"#, &["duplicate", "step"]);
     check(r#", "image": {}, "image": {}"#, &["duplicate", "image"]);
     check(r#"} {"#, &["line 1"]);
-    let looped = folder.0.join("loop.json");
+    let looped = folder.path("loop.json");
     contains(
         &refusal(scene(&folder, r#", "transfer": {"file": "loop.json"}"#).1, &looped),
         &["must not name another"],
@@ -947,7 +910,7 @@ fn scene_files_are_refused_by_place_and_rule() {
     volume(r#"{"field": "blobs", "dims": [4294967295,4294967295,4294967295]}"#, &["volume.dims", "limit"]);
     volume(r#"{"field": "blobs", "dims": [4,3,2], "type": "f64"}"#, &["volume.type", "f64", "f32"]);
     volume(r#"{"field": "blobs", "dims": [4,3,2], "spacing": [1,1,1]}"#, &["volume.spacing", "cube"]);
-    let raw = folder.0.join("a.raw");
+    let raw = folder.path("a.raw");
     let path = folder.write("scene.json", r#"{"volume": {"file": "a.raw", "dims": [4,3,3], "type": "u8"}}"#);
     contains(&refusal(SceneFile::load(path, &OPTIONS), &raw), &["needs 36 bytes", "24 are there"]);
     for text in ["", "[]", "{\"volume\"", "nul", "{} x", "\u{0}", "{\"volume\": {\"file\": \"\"}}"] {
@@ -963,24 +926,13 @@ fn scene_files_are_refused_by_place_and_rule() {
 // ---------------------------------------------------------------------------------------------------
 // Real files
 
-/// The folder of shared data; without it the test says that it is skipped.
-fn data(test: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("VOLRASTER_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: {test}: no data at {} (VOLRASTER_DATA)", folder.display());
-    None
-}
-
 fn close(a: DVec3, b: DVec3) -> bool {
     (a - b).length() < 1e-5 * (1.0 + b.length())
 }
 
 #[test]
 fn real_scans_have_their_known_sizes_and_ranges() {
-    let Some(folder) = data("real_scans_have_their_known_sizes_and_ranges") else { return };
+    let Some(folder) = shared("") else { return };
     let read = |name: &str| {
         read_grid(folder.join("structured").join(name), &OPTIONS).unwrap_or_else(|e| panic!("{e}"))
     };
@@ -1032,7 +984,7 @@ fn npy(path: &Path) -> Vec<i16> {
 
 #[test]
 fn one_head_in_every_format_has_the_same_values() {
-    let Some(folder) = data("one_head_in_every_format_has_the_same_values") else { return };
+    let Some(folder) = shared("") else { return };
     let folder = folder.join("format_conformance");
     let expected = npy(&folder.join("head_i16.npy"));
     assert_eq!(expected.len(), 64 * 64 * 40);

@@ -9,6 +9,9 @@
     reason = "a test fails by panicking"
 )]
 
+#[path = "../common/folder.rs"]
+mod folder;
+
 mod contract;
 mod formats;
 mod io;

@@ -1,54 +1,15 @@
 //! Scenes of meshes: what scene files may say of them.
 
-#![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use crate::folder::{Folder, OPTIONS};
 use glam::DVec3;
-use volraster::io::scene_file::{LoadedScene, SceneFile};
+use volraster::io::scene_file::SceneFile;
 use volraster::io::{Data, ReadOptions, write_nrrd, write_vtu};
 use volraster::scene::{Field, Points, TetScalars, Tets};
-
-const OPTIONS: ReadOptions = ReadOptions::within(1 << 30);
-
-/// A folder that goes when the test ends.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("volraster-mesh-{name}-{}", std::process::id()));
-        fs::create_dir_all(&path).unwrap();
-        Self(path)
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.join(name)
-    }
-
-    /// Writes and loads a scene file.
-    fn scene(&self, json: &str) -> volraster::Result<LoadedScene> {
-        let path = self.path("scene.json");
-        fs::write(&path, json).unwrap();
-        SceneFile::load(path, &OPTIONS)
-    }
-
-    /// The message of a scene that is refused; one line that names a file.
-    #[track_caller]
-    fn refused(&self, json: &str, file: &str, parts: &[&str]) {
-        let text = self.scene(json).expect_err(json).to_string();
-        assert!(!text.contains('\n') && text.contains(&*self.path(file).to_string_lossy()), "{text}");
-        for part in parts {
-            assert!(text.contains(part), "\"{part}\" is not in: {text}");
-        }
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
 
 const REST: &str = r#", "transfer": {"preset": "fog"},
     "camera": {"eye": [2,1.5,3.8], "target": [0,0,0], "up": [0,1,0], "fov_y_deg": 42}}"#;
@@ -81,7 +42,7 @@ fn write_mesh(path: &Path) {
 
 #[test]
 fn a_mesh_is_a_file_or_a_field_on_cubes() {
-    let folder = Folder::new("loads");
+    let folder = Folder::new();
     write_mesh(&folder.path("mesh.vtu"));
     let field = mesh(&folder, r#"{"field": "blobs", "cubes": 3}"#);
     assert_eq!(field.cells(), Field::Blobs.tets(3).unwrap().cells());
@@ -102,7 +63,7 @@ fn a_mesh_is_a_file_or_a_field_on_cubes() {
 
 #[test]
 fn meshes_are_refused_by_place_and_rule() {
-    let folder = Folder::new("refused");
+    let folder = Folder::new();
     write_mesh(&folder.path("mesh.vtu"));
     let grid = Field::Ramp.sample([3, 3, 3], "u8").unwrap();
     write_nrrd(folder.path("grid.nrrd"), &grid).unwrap();
@@ -146,9 +107,8 @@ fn meshes_are_refused_by_place_and_rule() {
 
 #[test]
 fn the_largest_field_within_the_limit_of_memory_is_made() {
-    let folder = Folder::new("limit");
-    fs::write(folder.path("scene.json"), format!("{{\"mesh\": {{\"field\": \"ramp\", \"cubes\": 5}}{REST}"))
-        .unwrap();
+    let folder = Folder::new();
+    folder.write("scene.json", format!("{{\"mesh\": {{\"field\": \"ramp\", \"cubes\": 5}}{REST}"));
     let bytes = 28 * 216 + 80 * 125;
     assert!(SceneFile::load(folder.path("scene.json"), &ReadOptions::within(bytes)).is_ok());
     assert!(SceneFile::load(folder.path("scene.json"), &ReadOptions::within(bytes - 1)).is_err());

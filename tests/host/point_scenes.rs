@@ -9,58 +9,20 @@
 )]
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use crate::folder::{Folder, OPTIONS};
+use crate::formats::support::shared;
 use glam::DVec3;
 use volraster::io::scene_file::{LoadedScene, SceneFile};
 use volraster::io::{Data, ReadOptions, write_nrrd, write_vtu};
 use volraster::scene::{Field, Kernel, KernelSize, Kernels, Model, Points, Scene, View, auto};
 
-const OPTIONS: ReadOptions = ReadOptions::within(1 << 30);
-
-/// A folder that goes when the test ends.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("volraster-points-{name}-{}", std::process::id()));
-        fs::create_dir_all(&path).unwrap();
-        Self(path)
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.join(name)
-    }
-
-    /// Writes and loads a scene file.
-    fn scene(&self, json: &str) -> volraster::Result<LoadedScene> {
-        let path = self.path("scene.json");
-        fs::write(&path, json).unwrap();
-        SceneFile::load(path, &OPTIONS)
-    }
-
-    /// Points of a scene file.
-    #[track_caller]
-    fn points(&self, spec: &str) -> Points {
-        let loaded = self.scene(&format!("{{\"points\": {spec}}}")).unwrap_or_else(|e| panic!("{e}"));
-        loaded.scene.points().unwrap().clone()
-    }
-
-    /// The message of a scene that is refused; one line that names a file.
-    #[track_caller]
-    fn refused(&self, json: &str, file: &str, parts: &[&str]) {
-        let text = self.scene(json).expect_err(json).to_string();
-        assert!(!text.contains('\n') && text.contains(&*self.path(file).to_string_lossy()), "{text}");
-        for part in parts {
-            assert!(text.contains(part), "\"{part}\" is not in: {text}");
-        }
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
+/// Points of a scene file.
+#[track_caller]
+fn points(folder: &Folder, spec: &str) -> Points {
+    let loaded = folder.scene(&format!("{{\"points\": {spec}}}")).unwrap_or_else(|e| panic!("{e}"));
+    loaded.scene.points().unwrap().clone()
 }
 
 const CENTRES: [[f64; 3]; 4] = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -95,22 +57,22 @@ fn write_points(path: &Path) {
 
 #[test]
 fn points_are_a_file_with_its_arrays() {
-    let folder = Folder::new("file");
+    let folder = Folder::new();
     write_points(&folder.path("p.vtu"));
-    let plain = folder.points(r#"{"file": "p.vtu"}"#);
+    let plain = points(&folder, r#"{"file": "p.vtu"}"#);
     assert_eq!(plain.centres(), CENTRES.map(DVec3::from_array));
     assert_eq!((plain.range(), plain.weights()), ([1.0, 4.0], None));
     // Distances to the nearest: four times 1.
     assert_eq!(plain.size(), &KernelSize::Radius(3.0));
 
-    let named = folder.points(r#"{"file": "p.vtu", "array": "t", "radius": "h", "weight": "m"}"#);
+    let named = points(&folder, r#"{"file": "p.vtu", "array": "t", "radius": "h", "weight": "m"}"#);
     assert_eq!(named.range(), [5.0, 8.0]);
     assert_eq!(named.size(), &KernelSize::Radii(vec![0.5, 0.5, 0.25, 1.0]));
     assert_eq!(named.weights().unwrap(), [2.0, 3.0, 4.0, 5.0]);
-    let all = folder.points(r#"{"file": "p.vtu", "radius": 0.125}"#);
+    let all = points(&folder, r#"{"file": "p.vtu", "radius": 0.125}"#);
     assert_eq!(all.size(), &KernelSize::Radius(0.125));
-    assert_eq!(folder.points(r#"{"file": "p.vtu", "radius": 2}"#).size(), &KernelSize::Radius(2.0));
-    let covariances = folder.points(r#"{"file": "p.vtu", "covariance": "c"}"#);
+    assert_eq!(points(&folder, r#"{"file": "p.vtu", "radius": 2}"#).size(), &KernelSize::Radius(2.0));
+    let covariances = points(&folder, r#"{"file": "p.vtu", "covariance": "c"}"#);
     assert_eq!(covariances.size(), &KernelSize::Covariances(vec![[1.0, 0.0, 0.0, 4.0, 0.0, 9.0]; 4]));
 
     let loaded = folder.scene(r#"{"points": {"file": "p.vtu"}}"#).unwrap();
@@ -128,11 +90,11 @@ fn points_are_a_file_with_its_arrays() {
 /// What the command line asks for wins, key by key; a size of one kind over that of the other.
 #[test]
 fn the_options_arrays_win_over_the_file_s() {
-    let folder = Folder::new("options");
+    let folder = Folder::new();
     write_points(&folder.path("p.vtu"));
     let named = |name: &str| Some(name.to_string());
     let load = |spec: &str, options: &ReadOptions| {
-        fs::write(folder.path("scene.json"), format!("{{\"points\": {spec}}}")).unwrap();
+        folder.write("scene.json", format!("{{\"points\": {spec}}}"));
         let loaded = SceneFile::load(folder.path("scene.json"), options).unwrap_or_else(|e| panic!("{e}"));
         loaded.scene.points().unwrap().clone()
     };
@@ -153,9 +115,9 @@ fn the_options_arrays_win_over_the_file_s() {
 
 #[test]
 fn points_are_a_field_at_random_places() {
-    let folder = Folder::new("field");
+    let folder = Folder::new();
     let spec = r#"{"field": "blobs", "count": 500, "radius": 0.25}"#;
-    let points = folder.points(spec);
+    let points = points(&folder, spec);
     let own = Field::Blobs.points(500).unwrap();
     assert_eq!((points.centres(), points.scalars()), (own.centres(), own.scalars()));
     assert_eq!(points.size(), &KernelSize::Radius(0.25));
@@ -174,7 +136,7 @@ fn points_are_a_field_at_random_places() {
 
 #[test]
 fn kernels_are_those_of_the_scene() {
-    let folder = Folder::new("kernels");
+    let folder = Folder::new();
     let load = |json: &str| folder.scene(json).unwrap_or_else(|e| panic!("{json}: {e}")).scene.kernels;
     let points = |keys: &str| load(&format!("{{\"points\": {{\"field\": \"ramp\", \"count\": 9{keys}}}}}"));
     let of_points = Kernels::of_points();
@@ -230,7 +192,7 @@ fn kernels_are_those_of_the_scene() {
 
 #[test]
 fn points_are_refused_by_place_and_rule() {
-    let folder = Folder::new("refused");
+    let folder = Folder::new();
     write_points(&folder.path("p.vtu"));
     write_nrrd(folder.path("grid.nrrd"), &Field::Ramp.sample([3, 3, 3], "u8").unwrap()).unwrap();
     write_vtu(folder.path("mesh.vtu"), &Data::Mesh(Field::Ramp.tets(1).unwrap()), "s").unwrap();
@@ -278,7 +240,7 @@ fn points_are_refused_by_place_and_rule() {
     let both = r#"{"points": {"file": "p.vtu"}, "mesh": {"field": "ramp", "cubes": 1}}"#;
     folder.refused(both, "scene.json", &["points", "one of"]);
     let options = ReadOptions { weight: Some("q".into()), ..OPTIONS };
-    fs::write(folder.path("scene.json"), r#"{"points": {"field": "ramp", "count": 3}}"#).unwrap();
+    folder.write("scene.json", r#"{"points": {"field": "ramp", "count": 3}}"#);
     let error = SceneFile::load(folder.path("scene.json"), &options).unwrap_err().to_string();
     assert!(error.contains("weight") && error.contains("fields have no arrays"), "{error}");
 }
@@ -286,7 +248,7 @@ fn points_are_refused_by_place_and_rule() {
 /// Scenes in any unit of length are framed and coloured alike.
 #[test]
 fn the_automatic_scene_scales_with_the_unit() {
-    let folder = Folder::new("unit");
+    let folder = Folder::new();
     let mut first: Option<(f64, f64)> = None;
     for scale in [1.0, 1e-9, 1e9] {
         let own = Field::Blobs.points(3000).unwrap();
@@ -323,18 +285,6 @@ fn check_framing(loaded: &LoadedScene) {
     });
     let most = reach.fold(0.0, f64::max);
     assert!(loaded.camera_is_automatic && (most - 0.98).abs() < 1e-6, "{most}");
-}
-
-/// A file of the shared data, or None where there is none: the test is skipped then, and says so.
-fn shared(name: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("VOLRASTER_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    let path = root.join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    eprintln!("skipped: {} is missing", path.display());
-    None
 }
 
 #[test]

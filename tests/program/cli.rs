@@ -2,14 +2,15 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
+use std::process::Command;
 
+use crate::folder::{Folder, Run};
 use serde_json::Value;
 use volraster::GpuScene;
 use volraster::gpu::{Gpu, GpuOptions};
 use volraster::io::scene_file::SceneFile;
-use volraster::io::{Data, ReadOptions, known_formats, read_exr, write_vtu};
+use volraster::io::{Data, ReadOptions, known_formats, write_vtu};
 use volraster::scene::{KernelSize, Points, TetScalars, Tets, View};
 use volraster::technique::{Renderer, Technique};
 
@@ -22,117 +23,26 @@ const SCENE: &str = r#"{
   "technique": {"name": "slices-3d", "step": 0.5}
 }"#;
 
-/// An empty folder for one test.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(test: &str) -> Self {
-        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("cli-{test}"));
-        let _ = std::fs::remove_dir_all(&path);
-        std::fs::create_dir_all(&path).unwrap();
-        Self(path)
-    }
-
-    /// The same with a scene file in it.
-    fn with_scene(test: &str) -> Self {
-        let folder = Self::new(test);
-        std::fs::write(folder.0.join("scene.json"), SCENE).unwrap();
-        folder
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.join(name)
-    }
-
-    /// Names of what lies in it, sorted.
-    fn names(&self) -> Vec<String> {
-        names(&self.0)
-    }
-
-    /// Runs the program here.
-    fn run(&self, line: &str) -> Run {
-        self.run_in(line, &[])
-    }
-
-    fn run_in(&self, line: &str, environment: &[(&str, &str)]) -> Run {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_volraster"));
-        // No test reads or writes the user's pipeline cache.
-        command.current_dir(&self.0).args(line.split(' ')).env("XDG_CACHE_HOME", cache());
-        command.envs(environment.iter().copied());
-        Run::of(command.output().unwrap(), line)
-    }
-
-    fn json(&self, name: &str) -> Value {
-        serde_json::from_slice(&std::fs::read(self.path(name)).unwrap()).unwrap()
-    }
-
-    fn exr(&self, name: &str) -> volraster::Image {
-        read_exr(self.path(name), &ReadOptions::default()).unwrap()
-    }
+/// A folder for one test; all share a cache.
+fn empty() -> Folder {
+    Folder::with_cache(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("cli-cache"))
 }
 
-fn cache() -> PathBuf {
-    Path::new(env!("CARGO_TARGET_TMPDIR")).join("cli-cache")
-}
-
-fn names(folder: &Path) -> Vec<String> {
-    let name = |entry: std::io::Result<std::fs::DirEntry>| entry.unwrap().file_name().into_string().unwrap();
-    let mut names: Vec<String> = std::fs::read_dir(folder).unwrap().map(name).collect();
-    names.sort();
-    names
-}
-
-/// What a run of the program left.
-struct Run {
-    line: String,
-    code: i32,
-    out: String,
-    err: String,
-}
-
-impl Run {
-    fn of(output: Output, line: &str) -> Self {
-        Self {
-            line: line.to_string(),
-            code: output.status.code().unwrap(),
-            out: String::from_utf8(output.stdout).unwrap(),
-            err: String::from_utf8(output.stderr).unwrap(),
-        }
-    }
-
-    /// Exit code 0, and nothing on stderr: no message, no progress.
-    #[track_caller]
-    fn done(self) -> Self {
-        assert_eq!((self.code, self.err.as_str()), (0, ""), "{}: {}", self.line, self.out);
-        self
-    }
-
-    /// An exit code, and one line on stderr with these parts.
-    #[track_caller]
-    fn fails(self, code: i32, parts: &[&str]) -> Self {
-        assert_eq!(self.code, code, "{}: {}{}", self.line, self.out, self.err);
-        assert!(self.err.starts_with("volraster: "), "{}: {}", self.line, self.err);
-        assert!(self.err.ends_with('\n') && self.err.lines().count() == 1, "{}: {}", self.line, self.err);
-        for part in parts {
-            assert!(self.err.contains(part), "{}: no {part:?} in {}", self.line, self.err);
-        }
-        assert_eq!(self.out, "", "{}", self.line);
-        self
-    }
-
-    fn json(&self) -> Value {
-        serde_json::from_str(&self.out).unwrap()
-    }
+/// The same with a scene file in it.
+fn with_scene() -> Folder {
+    let folder = empty();
+    folder.write("scene.json", SCENE);
+    folder
 }
 
 #[test]
 fn wrong_usage_and_input_are_exit_code_2_and_one_line() {
-    let folder = Folder::with_scene("wrong");
+    let folder = with_scene();
     let json = |technique: &str| SCENE.replace(r#""step": 0.5"#, technique);
-    std::fs::write(folder.path("key.json"), SCENE.replace("\"image\"", "\"imago\"")).unwrap();
-    std::fs::write(folder.path("option.json"), json(r#""step": 0"#)).unwrap();
-    std::fs::write(folder.path("file.txt"), "no volume").unwrap();
-    let before = folder.names();
+    folder.write("key.json", SCENE.replace("\"image\"", "\"imago\""));
+    folder.write("option.json", json(r#""step": 0"#));
+    folder.write("file.txt", "no volume");
+    let before = folder.names("");
     let render = |rest: &str| folder.run(&format!("render scene.json -o out.exr --size 8x8 {rest}"));
 
     folder.run("render missing.json -o out.exr").fails(2, &["missing.json", "cannot open"]);
@@ -166,15 +76,15 @@ fn wrong_usage_and_input_are_exit_code_2_and_one_line() {
     folder.run("compare scene.json -o out --array a").fails(2, &["\"a\"", "no arrays"]);
     folder.run("bench scene.json -o out --array a").fails(2, &["\"a\"", "no arrays"]);
     folder.run("bench -o out --array a").fails(2, &["--array", "\"a\"", "standard"]);
-    assert_eq!(folder.names(), before);
+    assert_eq!(folder.names(""), before);
 }
 
 #[test]
 fn where_the_output_cannot_be_written_nothing_is_drawn_and_nothing_is_left() {
-    let folder = Folder::with_scene("output");
+    let folder = with_scene();
     std::fs::create_dir(folder.path("folder.exr")).unwrap();
-    std::fs::write(folder.path("file"), "in the way").unwrap();
-    let before = folder.names();
+    folder.write("file", "in the way");
+    let before = folder.names("");
     // The place is looked at first: the missing scene and the missing device are not the error.
     for name in ["out.jpg", "out", "exr"] {
         folder.run(&format!("render gone.json -o {name}")).fails(2, &[name, ".exr or .png"]);
@@ -192,13 +102,13 @@ fn where_the_output_cannot_be_written_nothing_is_drawn_and_nothing_is_left() {
     folder.run("compare gone.json -o file").fails(2, &["file", "not a folder"]);
     folder.run("compare gone.json -o file/deep").fails(2, &["file/deep", "not a folder"]);
     folder.run("bench gone -o file").fails(2, &["file", "not a folder"]);
-    assert_eq!(folder.names(), before);
+    assert_eq!(folder.names(""), before);
 }
 
 #[test]
 fn without_a_device_the_exit_code_is_3_and_nothing_is_left() {
-    let folder = Folder::with_scene("device");
-    let before = folder.names();
+    let folder = with_scene();
+    let before = folder.names("");
     let none = [("VOLRASTER_DEVICE", "none")];
     let says = ["no usable Vulkan device", "name"];
     folder.run_in("render scene.json -o out.exr --stats out.json", &none).fails(3, &says);
@@ -213,7 +123,7 @@ fn without_a_device_the_exit_code_is_3_and_nothing_is_left() {
     assert!(devices.iter().all(|device| device["chosen"] == false && device["reason"] != ""));
     // The option wins over the environment; every name contains the empty one.
     folder.run_in("render scene.json -o out.exr --size 8x6 --device=", &none).done();
-    assert_eq!(folder.names(), [vec!["out.exr".to_string()], before].concat());
+    assert_eq!(folder.names(""), [vec!["out.exr".to_string()], before].concat());
 }
 
 /// Float32 pixels of the library's own picture of a scene file.
@@ -227,7 +137,7 @@ fn drawn_by_the_library(scene: &Path, technique: &str) -> volraster::Image {
 
 #[test]
 fn a_render_is_the_library_s_and_goes_to_exr_and_png() {
-    let folder = Folder::with_scene("render");
+    let folder = with_scene();
     let run = folder.run("render scene.json -o out.exr --validate").done();
     assert_eq!(run.out.lines().count(), 1, "{}", run.out);
     for part in ["slices-3d", "compute", "64 x 48", " ms", "out.exr"] {
@@ -251,12 +161,12 @@ fn a_render_is_the_library_s_and_goes_to_exr_and_png() {
     assert_eq!(png[..8], *b"\x89PNG\r\n\x1a\n");
     // Width and height, big-endian, follow the first chunk's length and name.
     assert_eq!(png[16..24], [0, 0, 0, 20, 0, 0, 0, 10]);
-    assert_eq!(folder.names(), ["coarse.exr", "named.exr", "out.exr", "out.png", "scene.json"]);
+    assert_eq!(folder.names(""), ["coarse.exr", "named.exr", "out.exr", "out.png", "scene.json"]);
 }
 
 #[test]
 fn stats_follow_the_schema_and_the_picture_of_an_orbit_is_that_of_angle_0() {
-    let folder = Folder::with_scene("stats");
+    let folder = with_scene();
     folder.run("render scene.json -o still.exr --validate").done();
     let run = folder
         .run("render scene.json -o orbit.exr --frames 3 --orbit -30 --stats stats.json --validate")
@@ -298,12 +208,12 @@ fn stats_follow_the_schema_and_the_picture_of_an_orbit_is_that_of_angle_0() {
     if cfg!(target_os = "linux") {
         assert!(stats["peak_rss_bytes"].as_u64().unwrap() > 1 << 20);
     }
-    assert_eq!(folder.names(), ["orbit.exr", "scene.json", "stats.json", "still.exr"]);
+    assert_eq!(folder.names(""), ["orbit.exr", "scene.json", "stats.json", "still.exr"]);
 }
 
 #[test]
 fn data_alone_gives_a_picture() {
-    let folder = Folder::new("data");
+    let folder = empty();
     let head = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/head.nrrd");
     // Narrow: a camera for a square picture would cut the head off at the sides.
     let line = format!("render {head} -o head.exr --size 16x64 --technique slices-3d:step=2 --validate");
@@ -319,7 +229,7 @@ fn data_alone_gives_a_picture() {
 
 #[test]
 fn the_reference_is_drawn_and_filtered() {
-    let folder = Folder::with_scene("reference");
+    let folder = with_scene();
     folder.run("reference scene.json -o one.exr --size 24x18").done();
     folder.run("reference scene.json -o four.exr --size 24x18 --samples 2").done();
     folder.run("reference scene.json -o two.png --size 24x18").done();
@@ -334,7 +244,7 @@ fn the_reference_is_drawn_and_filtered() {
 
 #[test]
 fn compare_measures_each_technique() {
-    let folder = Folder::with_scene("compare");
+    let folder = with_scene();
     let run = folder.run("compare scene.json -o out --size 32x24 --techniques slices-3d,slices-3d:step=4,ends=plane --techniques slices-3d:step=0.125,filter=exact --validate").done();
     let errors = folder.json("out/errors.json");
     let errors = errors.as_array().unwrap();
@@ -361,7 +271,7 @@ fn compare_measures_each_technique() {
         .chain(["errors.json", "reference.exr", "reference.png", "report.html"].map(str::to_string))
         .collect();
     files.sort();
-    assert_eq!(names(&folder.path("out")), files);
+    assert_eq!(folder.names("out"), files);
 
     // The reference rounded to float32 is the same truth within that rounding.
     let line = "compare scene.json -o again --size 32x24 --techniques slices-3d --against out/reference.exr --validate";
@@ -380,10 +290,10 @@ fn compare_measures_each_technique() {
 
 #[test]
 fn compare_all_draws_every_route_and_says_what_it_skips() {
-    let folder = Folder::with_scene("all");
+    let folder = with_scene();
     // What only raster does is skipped by the other route.
     let scene = SCENE.replace(r#""step": 0.5"#, r#""order": "front-to-back""#);
-    std::fs::write(folder.path("order.json"), scene).unwrap();
+    folder.write("order.json", scene);
     let run = folder.run("compare order.json -o order --size 8x6 --validate").done();
     assert!(run.out.contains("skipped: slices-3d/compute: "), "{}", run.out);
     let errors = folder.json("order/errors.json");
@@ -424,7 +334,7 @@ fn bench_cases(folder: &Folder) -> Vec<Value> {
 
 #[test]
 fn bench_checks_each_case_and_times_it() {
-    let folder = Folder::with_scene("bench");
+    let folder = with_scene();
     let run = folder.run("bench scene.json -o out --size 16x12").done();
     let cases = bench_cases(&folder);
     // The cases and their heading; the fronts' name, heading and six techniques; a line below each.
@@ -462,7 +372,7 @@ fn bench_checks_each_case_and_times_it() {
     let plain = |case: &&Value| case["technique"] == "slices-2d" && case["options"]["step"] == "slices";
     assert!(cases.iter().find(plain).unwrap().get("step").is_none());
 
-    let mut files = names(&folder.path("out"));
+    let mut files = folder.names("out");
     // Passes have a time where the device has timestamps.
     files.retain(|name| !name.starts_with("passes-scene-perspective."));
     let fronts = ["fronts-scene-perspective.svg", "fronts.json"];
@@ -500,12 +410,12 @@ fn bench_checks_each_case_and_times_it() {
 #[test]
 #[ignore = "make test-all"]
 fn bench_reports_what_low_precision_loses_without_failing() {
-    let folder = Folder::new("bench-low");
+    let folder = empty();
     // Five times as bright as what a normalised format holds, without an outline that coarse texels blur.
     let bright = r#"{"volume": {"field": "blobs", "dims": [8, 8, 8], "type": "f32"},
         "transfer": [[0, 5, 5, 5, 2], [1, 5, 5, 5, 2]],
         "camera": {"eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "half_height": 0.5}}"#;
-    std::fs::write(folder.path("bright.json"), bright).unwrap();
+    folder.write("bright.json", bright);
     let run = folder.run("bench bright.json -o out --size 8x8").done();
     let cases = bench_cases(&folder);
     let drawn: Vec<&Value> = cases.iter().filter(|case| case.get("skipped").is_none()).collect();
@@ -523,17 +433,17 @@ fn bench_reports_what_low_precision_loses_without_failing() {
 #[test]
 #[ignore = "make test-all"]
 fn bench_takes_the_volumes_of_a_folder_and_says_what_it_passes_over() {
-    let folder = Folder::with_scene("bench-data");
+    let folder = with_scene();
     std::fs::create_dir_all(folder.path("data/sub")).unwrap();
     let header =
         |sizes: &str| format!("NRRD0004\ntype: uint8\ndimension: 3\nsizes: {sizes}\nencoding: raw\n\n");
     let ramp: Vec<u8> = (0..125).map(|i| i * 2).collect();
     let volume = [header("5 5 5").into_bytes(), ramp].concat();
-    std::fs::write(folder.path("data/sub/ramp.nrrd"), volume).unwrap();
-    std::fs::write(folder.path("data/notes.txt"), "no volume").unwrap();
+    folder.write("data/sub/ramp.nrrd", volume);
+    folder.write("data/notes.txt", "no volume");
     // A byte for each sample, none of them written.
     let large = header("1024 1024 513");
-    std::fs::write(folder.path("data/large.nrrd"), &large).unwrap();
+    folder.write("data/large.nrrd", &large);
     let file = std::fs::OpenOptions::new().write(true).open(folder.path("data/large.nrrd")).unwrap();
     file.set_len(large.len() as u64 + (513 << 20)).unwrap();
 
@@ -555,7 +465,7 @@ fn bench_takes_the_volumes_of_a_folder_and_says_what_it_passes_over() {
 
 #[test]
 fn devices_techniques_and_info_say_the_same_as_json() {
-    let folder = Folder::with_scene("lists");
+    let folder = with_scene();
     let devices = folder.run("devices --json").done().json();
     let chosen = &devices["chosen"];
     assert!(chosen["memory_budget"].as_u64().unwrap() > 0);
@@ -618,7 +528,7 @@ fn devices_techniques_and_info_say_the_same_as_json() {
 /// What `info` foretells is what a technique takes.
 #[test]
 fn samples_take_as_much_of_the_device_as_is_told() {
-    let folder = Folder::with_scene("device-bytes");
+    let folder = with_scene();
     let told = folder.run("info scene.json --json").done().json()["device_bytes"].clone();
     let bytes = |technique: &str, object: &str| {
         let line =
@@ -638,7 +548,7 @@ fn samples_take_as_much_of_the_device_as_is_told() {
 
 #[test]
 fn grids_are_converted_to_nrrd() {
-    let folder = Folder::with_scene("convert");
+    let folder = with_scene();
     let run = folder.run("convert scene.json out.nrrd").done();
     for part in ["analytic field", "16 x 16 x 16 f32", "out.nrrd", " bytes"] {
         assert!(run.out.contains(part), "{part}: {}", run.out);
@@ -661,18 +571,18 @@ fn grids_are_converted_to_nrrd() {
     // Written over, since that is no input.
     folder.run("convert scene.json head.NRRD").done();
     assert_eq!(folder.run("info head.NRRD --json").done().json()["dims"][0], 16);
-    assert_eq!(folder.names(), ["head.NRRD", "out.nrrd", "scene.json"]);
+    assert_eq!(folder.names(""), ["head.NRRD", "out.nrrd", "scene.json"]);
 }
 
 #[test]
 fn what_cannot_be_converted_is_one_line_and_leaves_nothing() {
-    let folder = Folder::with_scene("convert-wrong");
+    let folder = with_scene();
     folder.run("convert scene.json in.nrrd").done();
     let raw = r#"{"volume": {"file": "raw.nrrd", "dims": [2, 2, 2], "type": "u8"}}"#;
-    std::fs::write(folder.path("raw.json"), raw).unwrap();
-    std::fs::write(folder.path("raw.nrrd"), [1, 2, 3, 4, 5, 6, 7, 8]).unwrap();
+    folder.write("raw.json", raw);
+    folder.write("raw.nrrd", [1, 2, 3, 4, 5, 6, 7, 8]);
     std::fs::create_dir(folder.path("folder.nrrd")).unwrap();
-    let before = folder.names();
+    let before = folder.names("");
     for name in ["out.vtk", "out", "nrrd", "out.nii.gz"] {
         folder.run(&format!("convert gone.nrrd {name}")).fails(2, &[name, ".nrrd (grids) or .vtu (meshes"]);
     }
@@ -689,7 +599,7 @@ fn what_cannot_be_converted_is_one_line_and_leaves_nothing() {
     folder.run("convert in.nrrd out.nrrd --array a").fails(2, &["in.nrrd", "\"a\"", "no such array"]);
     folder.run("convert in.nrrd out.nrrd --radius r --covariance c").fails(2, &["--radius", "--covariance"]);
     folder.run("convert in.nrrd").fails(2, &["<OUT>"]);
-    assert_eq!(folder.names(), before);
+    assert_eq!(folder.names(""), before);
 }
 
 /// Two tetrahedra and three points, written by the library.
@@ -713,9 +623,9 @@ fn meshes_and_points_are_described_and_converted() {
         eprintln!("skipped: no reader of .vtu");
         return;
     }
-    let folder = Folder::new("cells");
+    let folder = empty();
     write_cells(&folder);
-    let before = folder.names();
+    let before = folder.names("");
     // Before a device is opened.
     folder.run("render mesh.vtu -o out.exr --technique slabs").fails(2, &["technique", "mesh"]);
     folder.run("compare mesh.vtu -o out --techniques slabs --device none").fails(2, &["technique", "mesh"]);
@@ -731,7 +641,7 @@ fn meshes_and_points_are_described_and_converted() {
         folder.run(&format!("info {name} --array q")).fails(2, &[name, "\"q\"", "no such array"]);
     }
     folder.run("info mesh.vtu --weight p").fails(2, &["mesh.vtu", "a mesh has no weight"]);
-    assert_eq!(folder.names(), before);
+    assert_eq!(folder.names(""), before);
 
     let mesh = folder.run("info mesh.vtu --json").done().json();
     assert_eq!((&mesh["kind"], &mesh["points"]), (&"mesh".into(), &5.into()));
@@ -794,9 +704,9 @@ fn the_reference_draws_meshes() {
         eprintln!("skipped: no reader of .vtu");
         return;
     }
-    let folder = Folder::new("mesh");
+    let folder = empty();
     write_cells(&folder);
-    let write = |name: &str, json: &str| std::fs::write(folder.path(name), json).unwrap();
+    let write = |name: &str, json: &str| folder.write(name, json);
     let run = folder.run("reference mesh.vtu -o alone.exr --size 24x18").done();
     assert!(run.out.contains("24 x 18"), "{}", run.out);
     let seen = |name: &str| folder.exr(name).pixels().iter().filter(|pixel| pixel[3] > 0.05).count();
@@ -837,9 +747,9 @@ const CROSSED: &str = "# vtk DataFile Version 3.0\ntwo\nASCII\nDATASET UNSTRUCTU
 
 #[test]
 fn a_mesh_is_rendered_with_counters_and_a_map_of_its_overflow() {
-    let folder = Folder::new("mesh-render");
-    std::fs::write(folder.path("cubes.json"), CUBES).unwrap();
-    std::fs::write(folder.path("crossed.vtk"), CROSSED).unwrap();
+    let folder = empty();
+    folder.write("cubes.json", CUBES);
+    folder.write("crossed.vtk", CROSSED);
     let run = folder.run("render cubes.json -o plain.exr --stats stats.json --validate").done();
     assert!(run.out.contains("havs (compute)"), "{}", run.out);
     let counters = folder.json("stats.json")["counters"].clone();
@@ -868,8 +778,8 @@ fn a_mesh_is_rendered_with_counters_and_a_map_of_its_overflow() {
     assert_eq!(folder.json("stats.json")["counters"]["kbuffer_overflow_pixels"], 0);
     assert_eq!(std::fs::read(folder.path("map.png")).unwrap()[1..4], *b"PNG");
 
-    let before = folder.names();
-    std::fs::write(folder.path("scene.json"), SCENE).unwrap();
+    let before = folder.names("");
+    folder.write("scene.json", SCENE);
     let grid = "render scene.json -o grid.exr --size 8x8 --technique slabs --overflow-map grid.png";
     folder.run(grid).fails(2, &["--overflow-map", "slabs", "k-buffer"]);
     folder.run("render cubes.json -o a.exr --overflow-map a.exr").fails(2, &["--overflow-map", "image"]);
@@ -878,14 +788,14 @@ fn a_mesh_is_rendered_with_counters_and_a_map_of_its_overflow() {
         .run("render cubes.json -o a.exr --overflow-map m.png --stats m.png")
         .fails(2, &["--overflow-map", "--stats"]);
     std::fs::remove_file(folder.path("scene.json")).unwrap();
-    assert_eq!(folder.names(), before);
+    assert_eq!(folder.names(""), before);
 }
 
 #[test]
 #[ignore = "make test-all"]
 fn techniques_for_meshes_are_compared_and_benched() {
-    let folder = Folder::new("mesh-bench");
-    std::fs::write(folder.path("cubes.json"), CUBES).unwrap();
+    let folder = empty();
+    folder.write("cubes.json", CUBES);
     let run = folder.run("compare cubes.json -o all --validate").done();
     let errors = folder.json("all/errors.json");
     let errors = errors.as_array().unwrap();
@@ -925,11 +835,11 @@ fn warnings_go_to_stderr() {
         eprintln!("skipped: no reader of .vti");
         return;
     }
-    let folder = Folder::new("warnings");
+    let folder = empty();
     let file = "<VTKFile type=\"ImageData\" version=\"1.0\"><ImageData WholeExtent=\"0 1 0 1 0 1\" Origin=\"0 0 0\" \
         Spacing=\"1 1 1\"><Piece Extent=\"0 1 0 1 0 1\"><PointData><DataArray type=\"UInt8\" Name=\"a\" \
         format=\"ascii\">1 2 3 4 5 6 7 8</DataArray></PointData></Piece></ImageData></VTKFile>";
-    std::fs::write(folder.path("a.vti"), file).unwrap();
+    folder.write("a.vti", file);
     let warned = |line: &str| {
         let run = folder.run(line);
         assert_eq!(run.code, 0, "{line}: {}", run.err);
@@ -966,7 +876,7 @@ fn a_closed_pipe_is_no_error() {
 
 #[test]
 fn help_and_version_are_exit_code_0() {
-    let folder = Folder::new("help");
+    let folder = empty();
     let version = folder.run("--version").done().out;
     assert_eq!(version.trim(), format!("volraster {}", env!("CARGO_PKG_VERSION")));
     let help = folder.run("--help").done().out;

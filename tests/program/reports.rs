@@ -2,9 +2,9 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use crate::folder::{Folder, Run};
 use serde_json::Value;
 
 const GRID: &str = r#"{
@@ -21,73 +21,6 @@ const MESH: &str = r#"{
   "image": {"width": 24, "height": 16}
 }"#;
 
-/// An empty folder for one test, with a cache of its own.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(test: &str) -> Self {
-        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("reports-{test}"));
-        let _ = std::fs::remove_dir_all(&path);
-        std::fs::create_dir_all(&path).unwrap();
-        Self(path)
-    }
-
-    fn write(&self, name: &str, text: &str) {
-        let path = self.0.join(name);
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(path, text).unwrap();
-    }
-
-    fn command(&self, line: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_volraster"));
-        command.current_dir(&self.0).args(line.split(' ')).env("XDG_CACHE_HOME", self.0.join("cache"));
-        command
-    }
-
-    /// Exit code, stdout, stderr.
-    fn run(&self, line: &str) -> (i32, String, String) {
-        let output = self.command(line).output().unwrap();
-        let text = |bytes| String::from_utf8(bytes).unwrap();
-        (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
-    }
-
-    /// Stdout of a run that ends well and says nothing on stderr.
-    #[track_caller]
-    fn done(&self, line: &str) -> String {
-        let (code, out, err) = self.run(line);
-        assert_eq!((code, err.as_str()), (0, ""), "{line}: {out}");
-        out
-    }
-
-    /// A run that ends in one line on stderr.
-    #[track_caller]
-    fn fails(&self, line: &str, parts: &[&str]) {
-        let (code, out, err) = self.run(line);
-        assert_eq!((code, out.as_str(), err.lines().count()), (2, "", 1), "{line}: {err}");
-        assert!(parts.iter().all(|part| err.contains(part)), "{line}: {err}");
-    }
-
-    fn text(&self, name: &str) -> String {
-        std::fs::read_to_string(self.0.join(name)).unwrap()
-    }
-
-    fn json(&self, name: &str) -> Value {
-        serde_json::from_str(&self.text(name)).unwrap()
-    }
-
-    fn names(&self, folder: &str) -> Vec<String> {
-        let Ok(entries) = std::fs::read_dir(self.0.join(folder)) else { return Vec::new() };
-        let mut names: Vec<String> =
-            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
-        names.sort();
-        names
-    }
-
-    fn cases(&self, name: &str) -> Vec<Value> {
-        self.text(name).lines().map(|line| serde_json::from_str(line).unwrap()).collect()
-    }
-}
-
 /// Pictures in a page, decoded.
 fn pictures(html: &str) -> Vec<image::RgbImage> {
     use base64::Engine as _;
@@ -101,9 +34,9 @@ fn pictures(html: &str) -> Vec<image::RgbImage> {
 
 #[test]
 fn a_report_shows_every_technique_and_says_what_it_refused() {
-    let folder = Folder::new("report");
+    let folder = Folder::new();
     folder.write("a&b.json", MESH);
-    let out = folder.done("compare a&b.json -o out --validate");
+    let out = folder.run("compare a&b.json -o out --validate").done().out;
     let html = folder.text("out/report.html");
     let errors = folder.json("out/errors.json");
     let errors = errors.as_array().unwrap();
@@ -132,27 +65,27 @@ fn a_report_shows_every_technique_and_says_what_it_refused() {
 
 #[test]
 fn a_reference_is_drawn_once() {
-    let folder = Folder::new("cache");
+    let folder = Folder::new();
     folder.write("grid.json", GRID);
     let line = "compare grid.json -o out --techniques raycast:step=0.5";
     let is_cached = || folder.text("out/report.html").contains("reference (cached)");
     let cached = || folder.names("cache/volraster/reference");
-    folder.done(&format!("{line} --no-cache"));
+    folder.run(&format!("{line} --no-cache")).done();
     assert!(cached().is_empty() && !is_cached());
-    folder.done(line);
+    folder.run(line).done();
     let first = folder.json("out/errors.json")[0]["errors"].clone();
     let [name] = &cached()[..] else { panic!("{:?}", cached()) };
     assert!(!is_cached());
-    folder.done(line);
+    folder.run(line).done();
     assert!(is_cached());
     assert_eq!(folder.json("out/errors.json")[0]["errors"], first);
     // Another size is another image, and a file that is damaged is drawn anew.
-    folder.done(&format!("{line} --size 8x8"));
+    folder.run(&format!("{line} --size 8x8")).done();
     assert_eq!((cached().len(), is_cached()), (2, false));
-    let path = folder.0.join("cache/volraster/reference").join(name);
+    let path = folder.path("cache/volraster/reference").join(name);
     let whole = std::fs::read(&path).unwrap();
     std::fs::write(&path, &whole[..whole.len() - 1]).unwrap();
-    folder.done(line);
+    folder.run(line).done();
     assert!(!is_cached());
     assert_eq!(folder.json("out/errors.json")[0]["errors"], first);
     assert_eq!(std::fs::read(&path).unwrap(), whole);
@@ -161,17 +94,17 @@ fn a_reference_is_drawn_once() {
 #[test]
 #[ignore = "make test-all"]
 fn a_folder_of_scenes_is_benched_with_tables_and_plots() {
-    let folder = Folder::new("suite");
+    let folder = Folder::new();
     folder.write("scenes/grid.json", GRID);
     folder.write("scenes/mesh.json", MESH);
     folder.write("scenes/odd.json", "{\"volume\": 7}");
-    let (code, out, err) = folder.run("bench scenes -o out --frames 2");
+    let Run { code, out, err, .. } = folder.run("bench scenes -o out --frames 2");
     assert_eq!(code, 0, "{err}");
     assert!(err.lines().count() == 1 && err.contains("skipped: ") && err.contains("odd.json"), "{err}");
     assert!(
         out.contains("fronts of grid.json perspective") && out.contains("fronts of mesh.json orthographic")
     );
-    let cases = folder.cases("out/bench.jsonl");
+    let cases = folder.json_lines("out/bench.jsonl");
     for (scene, kind, elements) in [("grid.json", "grid", 1728), ("mesh.json", "mesh", 40)] {
         let own: Vec<&Value> = cases.iter().filter(|case| case["scene"] == scene).collect();
         assert!(own.iter().all(|case| case["data"] == kind && case["elements"] == elements), "{scene}");
@@ -230,16 +163,16 @@ fn a_folder_of_scenes_is_benched_with_tables_and_plots() {
 #[test]
 #[ignore = "make test-all"]
 fn suites_are_chosen_by_name_and_sizes_have_a_plot() {
-    let folder = Folder::new("smoke");
-    folder.done("bench smoke -o out --only blobs-tets,no-such --frames 1");
-    let cases = folder.cases("out/bench.jsonl");
+    let folder = Folder::new();
+    folder.run("bench smoke -o out --only blobs-tets,no-such --frames 1").done();
+    let cases = folder.json_lines("out/bench.jsonl");
     assert!(cases.iter().all(|case| case["scene"] == "blobs-tets-12" && case["family"] == "blobs-tets"));
     let names = folder.names("out");
     assert!(names.contains(&"size-pixels-blobs-tets-12-perspective.svg".to_string()), "{names:?}");
     assert!(!names.iter().any(|name| name.ends_with(".png")), "{names:?}");
     assert!(names.contains(&"fronts-blobs-tets-12-perspective-96x96.svg".to_string()), "{names:?}");
-    folder.fails("bench smoke -o out --only no-such", &["--only", "no-such"]);
-    folder.fails("bench", &["--output"]);
+    folder.run("bench smoke -o out --only no-such").fails(2, &["--only", "no-such"]);
+    folder.run("bench").fails(2, &["--output"]);
 }
 
 /// A line of bench.jsonl.
@@ -255,7 +188,7 @@ fn line(technique: &str, step: f64, times: &[f64]) -> String {
 
 #[test]
 fn runs_are_compared_case_by_case() {
-    let folder = Folder::new("ratios");
+    let folder = Folder::new();
     let steps = [0.5, 1.0, 2.0];
     let run = |times: [f64; 5]| -> Vec<String> {
         let of = |technique| steps.map(|step| line(technique, step, &times.map(|ms| ms * step)));
@@ -264,9 +197,9 @@ fn runs_are_compared_case_by_case() {
     let first = run([10.0, 10.1, 9.9, 10.2, 9.8]);
     // Twice as slow, and one case fewer.
     let second = run([20.0, 20.2, 19.8, 20.4, 19.6])[1..].to_vec();
-    folder.write("a.jsonl", &first.join("\n"));
-    folder.write("b.jsonl", &second.join("\n"));
-    let text = folder.done("bench --compare a.jsonl b.jsonl -o out");
+    folder.write("a.jsonl", first.join("\n"));
+    folder.write("b.jsonl", second.join("\n"));
+    let text = folder.run("bench --compare a.jsonl b.jsonl -o out").done().out;
     let json = folder.json("out/ratios.json");
     assert_eq!(json["cases"].as_array().unwrap().len(), 5);
     let near = |value: &Value, wanted: f64| (value.as_f64().unwrap() / wanted - 1.0).abs() < 1e-9;
@@ -282,30 +215,30 @@ fn runs_are_compared_case_by_case() {
     assert!(text.contains("geometric mean") && text.contains("Timed in A alone: 1"), "{text}");
     assert!(text.contains("5 of 5 cases"), "{text}");
     // With itself nothing is beyond noise.
-    let text = folder.done("bench --compare a.jsonl a.jsonl");
+    let text = folder.run("bench --compare a.jsonl a.jsonl").done().out;
     assert!(text.contains(": 0 of 6 cases"), "{text}");
 
-    folder.write("broken.jsonl", &format!("{}\nnonsense\n{}\n", first[0], first[1]));
-    folder.write("other.jsonl", &first[0].replace("grid", "other"));
-    folder.fails("bench --compare a.jsonl gone.jsonl", &["gone.jsonl", "cannot read"]);
-    folder.fails("bench --compare broken.jsonl b.jsonl", &["broken.jsonl", "line 2"]);
-    folder.fails("bench --compare a.jsonl other.jsonl", &["no timed case in common"]);
-    folder.fails("bench --compare a.jsonl", &["--compare"]);
-    folder.fails("bench smoke --compare a.jsonl b.jsonl", &["--compare", "SUITE"]);
+    folder.write("broken.jsonl", format!("{}\nnonsense\n{}\n", first[0], first[1]));
+    folder.write("other.jsonl", first[0].replace("grid", "other"));
+    folder.run("bench --compare a.jsonl gone.jsonl").fails(2, &["gone.jsonl", "cannot read"]);
+    folder.run("bench --compare broken.jsonl b.jsonl").fails(2, &["broken.jsonl", "line 2"]);
+    folder.run("bench --compare a.jsonl other.jsonl").fails(2, &["no timed case in common"]);
+    folder.run("bench --compare a.jsonl").fails(2, &["--compare"]);
+    folder.run("bench smoke --compare a.jsonl b.jsonl").fails(2, &["--compare", "SUITE"]);
 }
 
 /// Ctrl-C ends a run soon, with all that it had.
 #[cfg(unix)]
 #[test]
 fn a_run_that_is_stopped_keeps_what_it_has() {
-    let folder = Folder::new("stopped");
+    let folder = Folder::new();
     folder.write("scenes/1.json", GRID);
     // Long enough to be stopped in.
     let long = GRID.replace("12, 12, 12", "96, 96, 96").replace("\"width\": 24", "\"width\": 640");
-    folder.write("scenes/2.json", &long.replace("\"height\": 16", "\"height\": 480"));
+    folder.write("scenes/2.json", long.replace("\"height\": 16", "\"height\": 480"));
     let mut command = folder.command("bench scenes -o out --frames 3");
     let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
-    let lines = || std::fs::read_to_string(folder.0.join("out/bench.jsonl")).unwrap_or_default();
+    let lines = || std::fs::read_to_string(folder.path("out/bench.jsonl")).unwrap_or_default();
     for _ in 0..6000 {
         if lines().ends_with('\n') {
             break;
@@ -318,7 +251,7 @@ fn a_run_that_is_stopped_keeps_what_it_has() {
     let err = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(130), "{err}");
     assert!(err.contains("stopped; partial results are in out"), "{err}");
-    let cases = folder.cases("out/bench.jsonl");
+    let cases = folder.json_lines("out/bench.jsonl");
     assert!(cases.iter().any(|case| case["scene"] == "1.json" && case.get("wall_ms").is_some()));
     assert!(folder.text("out/table.md").contains("was stopped"));
     assert!(folder.names("out").contains(&"fronts-1.json-perspective.svg".to_string()));

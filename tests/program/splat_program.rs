@@ -2,11 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use std::path::{Path, PathBuf};
-use std::process::Command;
-
 use crate::common::*;
-use serde_json::Value;
+use crate::folder::{Folder, Run};
 use volraster::GpuScene;
 use volraster::choice::{self, Goal, Profile};
 use volraster::scene::{Field, Kernel, KernelSize, Kernels, Model, Scene, TransferFunction};
@@ -162,27 +159,6 @@ fn the_error_that_is_asked_for_is_held_for_kernels() {
     assert!(error.to_string().contains("no technique draws"), "{error}");
 }
 
-/// An empty folder of this test's own.
-fn folder(name: &str) -> PathBuf {
-    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("splats-{name}"));
-    let _ = std::fs::remove_dir_all(&path);
-    std::fs::create_dir_all(&path).unwrap();
-    path
-}
-
-/// Runs the program with a cache folder of its own; exit code, what it printed, and what it complained of.
-fn run(folder: &Path, line: &str) -> (Option<i32>, String, String) {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_volraster"));
-    command.current_dir(folder).args(line.split(' ')).env("XDG_CACHE_HOME", folder.join("cache"));
-    let output = command.output().unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    (output.status.code(), text(output.stdout), text(output.stderr))
-}
-
-fn json(path: PathBuf) -> Value {
-    serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
-}
-
 /// Points with a scalar in VTK's legacy format.
 fn vtk(count: u32) -> String {
     let points = Field::Blobs.points(count).unwrap();
@@ -203,10 +179,10 @@ const GRID: &str = r#"{"volume": {"field": "blobs", "dims": [8, 8, 8]}, "transfe
 
 #[test]
 fn the_program_draws_points_and_kernels() {
-    let folder = folder("render");
-    std::fs::write(folder.join("points.vtk"), vtk(300)).unwrap();
+    let folder = Folder::new();
+    folder.write("points.vtk", vtk(300));
     let kernels = |name: &str, spec: &str| {
-        std::fs::write(folder.join(name), GRID.replace("KERNELS", spec)).unwrap();
+        folder.write(name, GRID.replace("KERNELS", spec));
     };
     kernels("gaussian.json", r#"{"model": "density"}"#);
     kernels("sinc.json", r#"{"kernel": "sinc"}"#);
@@ -215,13 +191,10 @@ fn the_program_draws_points_and_kernels() {
         ("gaussian.json", "splat-ewa", &["splat-sheets", "splat-ewa"], 2e-2),
         ("sinc.json", "splat-sheets", &["splat-sheets"], 2e-2),
     ] {
-        let (code, out, err) = run(&folder, &format!("render {file} -o a.exr --size 40x30 --validate"));
-        assert_eq!((code, err.as_str()), (Some(0), ""), "{out}");
+        let out = folder.run(&format!("render {file} -o a.exr --size 40x30 --validate")).done().out;
         assert!(out.starts_with(&format!("{default} (compute)")), "{out}");
-        let (code, out, err) =
-            run(&folder, &format!("compare {file} -o c-{default}-{file} --size 40x30 --validate"));
-        assert_eq!((code, err.as_str()), (Some(0), ""), "{out}");
-        let found = json(folder.join(format!("c-{default}-{file}/errors.json")));
+        folder.run(&format!("compare {file} -o c-{default}-{file} --size 40x30 --validate")).done();
+        let found = folder.json(&format!("c-{default}-{file}/errors.json"));
         let found = found.as_array().unwrap();
         let names: Vec<&str> = found.iter().map(|entry| entry["technique"].as_str().unwrap()).collect();
         assert_eq!(names, methods, "{file}");
@@ -230,64 +203,50 @@ fn the_program_draws_points_and_kernels() {
             assert!(rmse < most, "{file} {}: {rmse}", entry["technique"]);
         }
         let line = format!("render {file} -o b.png --size 40x30 --max-error 5e-3 --stats s.json --validate");
-        let (code, out, err) = run(&folder, &line);
-        assert_eq!((code, err.as_str()), (Some(0), ""), "{out}");
-        let choice = &json(folder.join("s.json"))["choice"];
+        folder.run(&line).done();
+        let choice = &folder.json("s.json")["choice"];
         let chosen = choice["chosen"].as_str().unwrap();
         assert!(methods.iter().any(|method| chosen.starts_with(method)), "{chosen}");
-        let (code, _, err) = run(&folder, &format!("render {file} -o d.png --technique raycast"));
-        assert_eq!((code, err.lines().count()), (Some(2), 1), "{err}");
-        assert!(err.contains("\"raycast\": draws no") && err.contains(default), "{err}");
+        let refused = folder.run(&format!("render {file} -o d.png --technique raycast"));
+        refused.complains(2, &["\"raycast\": draws no", default]);
     }
     // Nothing draws B-splines at the vertices of a mesh.
-    std::fs::write(
-        folder.join("mesh.json"),
-        r#"{"mesh": {"field": "ramp", "cubes": 1}, "kernels": {"kernel": "bspline"}}"#,
-    )
-    .unwrap();
+    let mesh = r#"{"mesh": {"field": "ramp", "cubes": 1}, "kernels": {"kernel": "bspline"}}"#;
+    folder.write("mesh.json", mesh);
     for command in
         ["render mesh.json -o e.png", "compare mesh.json -o e", "render mesh.json -o e.png --max-error 1"]
     {
-        let (code, _, err) = run(&folder, command);
-        assert_eq!((code, err.lines().count()), (Some(2), 1), "{err}");
-        assert!(err.contains("mesh of bspline kernels") && !folder.join("e").exists(), "{err}");
+        folder.run(command).complains(2, &["mesh of bspline kernels"]);
+        assert!(!folder.path("e").exists());
     }
 }
 
 /// Splats that are asked for are drawn whatever their number; unasked they are not tried where others are far faster.
 #[test]
 fn large_grids_are_not_splatted_unasked() {
-    let folder = folder("unasked");
+    let folder = Folder::new();
     let scene = r#"{"volume": {"field": "ramp", "dims": [65, 65, 65]}, "transfer": {"preset": "fog"}}"#;
-    std::fs::write(folder.join("grid.json"), scene).unwrap();
-    let (code, out, err) = run(&folder, "compare grid.json -o c --size 8x8");
-    assert_eq!((code, err.as_str()), (Some(0), ""), "{out}");
+    folder.write("grid.json", scene);
+    let out = folder.run("compare grid.json -o c --size 8x8").done().out;
     assert!(out.contains("skipped: splat-sheets/compute: 274625 samples"), "{out}");
-    let names = json(folder.join("c/errors.json"));
+    let names = folder.json("c/errors.json");
     assert!(
         names.as_array().unwrap().iter().all(|entry| !entry["technique"].as_str().unwrap().contains("splat"))
     );
-    let report = std::fs::read_to_string(folder.join("c/report.html")).unwrap();
+    let report = folder.text("c/report.html");
     assert!(report.contains("274625 samples"));
-    let (code, out, _) = run(&folder, "compare grid.json -o d --size 8x8 --techniques splat-sheets");
-    assert!(code == Some(0) && out.contains("splat-sheets"), "{out}");
+    let Run { code, out, .. } = folder.run("compare grid.json -o d --size 8x8 --techniques splat-sheets");
+    assert!(code == 0 && out.contains("splat-sheets"), "{out}");
 }
 
 #[test]
 fn bench_measures_points_and_kernels() {
-    let folder = folder("bench");
-    std::fs::create_dir(folder.join("data")).unwrap();
-    std::fs::write(folder.join("data/cloud.vtk"), vtk(100)).unwrap();
-    std::fs::write(folder.join("gaussian.json"), GRID.replace("KERNELS", "{}")).unwrap();
-    let records = |out: &str| -> Vec<Value> {
-        let text = std::fs::read_to_string(folder.join(out).join("bench.jsonl")).unwrap();
-        text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
-    };
+    let folder = Folder::new();
+    folder.write("data/cloud.vtk", vtk(100));
+    folder.write("gaussian.json", GRID.replace("KERNELS", "{}"));
     // What a folder holds, beside no scene of the suite.
-    let (code, out, err) =
-        run(&folder, "bench smoke --data data --only cloud -o found --size 24x20 --frames 1");
-    assert_eq!((code, err.as_str()), (Some(0), ""), "{out}");
-    let found = records("found");
+    folder.run("bench smoke --data data --only cloud -o found --size 24x20 --frames 1").done();
+    let found = folder.json_lines("found/bench.jsonl");
     let mut names: Vec<&str> = found.iter().map(|record| record["technique"].as_str().unwrap()).collect();
     names.dedup();
     assert_eq!(names, ["splat-sheets", "splat-ewa"]);
@@ -295,15 +254,14 @@ fn bench_measures_points_and_kernels() {
         assert_eq!((&record["data"], &record["elements"]), (&"points".into(), &100.into()));
         assert!(record["counters"]["pairs"].as_u64().unwrap() > 0, "{record}");
     }
-    let (code, out, err) = run(&folder, "bench gaussian.json -o file --size 24x20 --frames 1");
-    assert_eq!((code, err.as_str()), (Some(0), ""), "{out}");
-    let found = records("file");
+    folder.run("bench gaussian.json -o file --size 24x20 --frames 1").done();
+    let found = folder.json_lines("file/bench.jsonl");
     assert!(found.len() > 8);
     for record in &found {
         // Interpolated kernels have no order of their own: nothing is tried that is refused.
         assert!(record["skipped"].is_null() && record["failed"].is_null(), "{record}");
         assert!(record["technique"].as_str().unwrap().starts_with("splat-"), "{record}");
     }
-    let table = std::fs::read_to_string(folder.join("file/table.md")).unwrap();
+    let table = folder.text("file/table.md");
     assert!(table.contains("| pairs/s | evaluations/s |") && table.contains("512 voxels."), "{table}");
 }

@@ -2,74 +2,22 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
-use std::fs;
-use std::path::PathBuf;
-use std::process::Command;
-
+use crate::folder::Folder;
 use glam::DVec3;
 use serde_json::{Value, json};
 use volraster::io::ReadOptions;
-use volraster::io::scene_file::{LoadedScene, SceneFile};
+use volraster::io::scene_file::SceneFile;
 use volraster::reference::{self, ReferenceOptions};
 use volraster::scene::{Clip, Shading, Surface};
 
-const OPTIONS: ReadOptions = ReadOptions::within(1 << 30);
-
-/// A folder that goes when the test ends.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("volraster-surfaces-{name}-{}", std::process::id()));
-        fs::create_dir_all(&path).unwrap();
-        Self(path)
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.join(name)
-    }
-
-    /// Writes a scene file of a box of extinction 1.5, with something else in it.
-    fn write(&self, rest: &str) -> PathBuf {
-        let path = self.path("scene.json");
-        let text = format!(
-            "{{\"volume\": {{\"field\": \"homogeneous\", \"dims\": [3, 3, 3]}},\n\
-             \"transfer\": [[0, 0.8, 0.4, 0.1, 1.5]],\n\
-             \"camera\": {{\"eye\": [0, 0, 4], \"target\": [0, 0, 0], \"up\": [0, 1, 0], \"half_height\": 0.5}},\n\
-             \"image\": {{\"width\": 8, \"height\": 6}}{rest}}}"
-        );
-        fs::write(&path, text).unwrap();
-        path
-    }
-
-    fn scene(&self, rest: &str) -> volraster::Result<LoadedScene> {
-        SceneFile::load(self.write(rest), &OPTIONS)
-    }
-
-    /// The message of a scene that is refused; one line that names a file.
-    #[track_caller]
-    fn refused(&self, rest: &str, file: &str, parts: &[&str]) {
-        let text = self.scene(rest).expect_err(rest).to_string();
-        assert!(!text.contains('\n') && text.contains(&*self.path(file).to_string_lossy()), "{text}");
-        for part in parts {
-            assert!(text.contains(part), "\"{part}\" is not in: {text}");
-        }
-    }
-
-    /// What the program prints.
-    #[track_caller]
-    fn run(&self, line: &str) -> String {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_volraster"));
-        let output = command.current_dir(&self.0).args(line.split(' ')).output().unwrap();
-        assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8(output.stdout).unwrap()
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
+/// A scene file of a box of extinction 1.5, with something else in it.
+fn document(rest: &str) -> String {
+    format!(
+        "{{\"volume\": {{\"field\": \"homogeneous\", \"dims\": [3, 3, 3]}},\n\
+         \"transfer\": [[0, 0.8, 0.4, 0.1, 1.5]],\n\
+         \"camera\": {{\"eye\": [0, 0, 4], \"target\": [0, 0, 0], \"up\": [0, 1, 0], \"half_height\": 0.5}},\n\
+         \"image\": {{\"width\": 8, \"height\": 6}}{rest}}}"
+    )
 }
 
 /// A tetrahedron of four faces; the second file has the same ones as one quadrangle and two triangles with normals.
@@ -77,18 +25,18 @@ fn write_files(folder: &Folder) {
     let rows = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n";
     let header = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
                   element face 4\nproperty list uchar int vertex_indices\nend_header\n";
-    fs::write(folder.path("a.ply"), format!("{header}{rows}3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n")).unwrap();
+    folder.write("a.ply", format!("{header}{rows}3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"));
     let vertices: String = rows.lines().map(|row| format!("v {row}\n")).collect();
-    fs::write(folder.path("b.obj"), format!("{vertices}f 1 3 2\nf -4 -3 -1\nf 1 4 3\nf 2 3 4\n")).unwrap();
+    folder.write("b.obj", format!("{vertices}f 1 3 2\nf -4 -3 -1\nf 1 4 3\nf 2 3 4\n"));
 }
 
 fn opaque(list: &str) -> String {
-    format!(", \"opaque\": {list}")
+    document(&format!(", \"opaque\": {list}"))
 }
 
 #[test]
 fn surfaces_are_files_boxes_and_spheres() {
-    let folder = Folder::new("loads");
+    let folder = Folder::new();
     write_files(&folder);
     let loaded = folder
         .scene(&opaque(
@@ -108,16 +56,16 @@ fn surfaces_are_files_boxes_and_spheres() {
     let sphere = |n| Surface::sphere(DVec3::new(1.0, 2.0, 3.0), 0.5, [1.0; 4], n).unwrap();
     assert_eq!((ball.points(), ball.triangles()), (sphere(4).points(), sphere(4).triangles()));
     assert_eq!(coarse.triangles(), sphere(1).triangles());
-    assert!(folder.scene("").unwrap().scene.surfaces.is_empty());
+    assert!(folder.scene(&document("")).unwrap().scene.surfaces.is_empty());
     assert!(folder.scene(&opaque("[]")).unwrap().scene.surfaces.is_empty());
 }
 
 #[test]
 fn surfaces_are_refused_by_place_and_rule() {
-    let folder = Folder::new("refused");
+    let folder = Folder::new();
     write_files(&folder);
-    fs::write(folder.path("bad.obj"), "v 1 2 3\nf 1 1 2\n").unwrap();
-    fs::write(folder.path("c.txt"), "v 1 2 3\n").unwrap();
+    folder.write("bad.obj", "v 1 2 3\nf 1 1 2\n");
+    folder.write("c.txt", "v 1 2 3\n");
     let of = |list: &str, parts: &[&str]| folder.refused(&opaque(list), "scene.json", parts);
     let ball = r#""sphere": {"centre": [0, 0, 0], "radius": 1}"#;
     of("[7]", &["opaque[0]", "`file`, `box` or `sphere`"]);
@@ -159,9 +107,9 @@ fn surfaces_are_refused_by_place_and_rule() {
 
 #[test]
 fn all_surfaces_together_stay_within_the_limit_of_memory() {
-    let folder = Folder::new("limit");
+    let folder = Folder::new();
     let ball = r#"{"sphere": {"centre": [0, 0, 0], "radius": 1, "subdivisions": 5}}"#;
-    let path = folder.write(&opaque(&format!("[{ball}, {ball}]")));
+    let path = folder.write("scene.json", opaque(&format!("[{ball}, {ball}]")));
     // 20,480 triangles and 10,242 corners each.
     let each = 480 << 10;
     assert!(SceneFile::load(&path, &ReadOptions::within(2 * each + 48)).is_ok());
@@ -170,14 +118,14 @@ fn all_surfaces_together_stay_within_the_limit_of_memory() {
 }
 
 fn clip(spec: &str) -> String {
-    format!(", \"clip\": {spec}")
+    document(&format!(", \"clip\": {spec}"))
 }
 
 #[test]
 fn clip_regions_are_planes_and_a_box_with_open_sides() {
-    let folder = Folder::new("clip");
+    let folder = Folder::new();
     let of = |spec: &str| folder.scene(&clip(spec)).unwrap().clip;
-    assert_eq!(folder.scene("").unwrap().clip, Clip::none());
+    assert_eq!(folder.scene(&document("")).unwrap().clip, Clip::none());
     assert_eq!(of("{}"), Clip::none());
     let planes = r#"{"planes": [{"point": [1, 2, 3], "normal": [0, 0, -2]}, {"point": [0, 0, 0], "normal": [1, 1, 0]}]}"#;
     let want = Clip::none().with_plane(DVec3::new(1.0, 2.0, 3.0), DVec3::NEG_Z).unwrap();
@@ -206,7 +154,7 @@ fn clip_regions_are_planes_and_a_box_with_open_sides() {
 /// A view at another size keeps the cuts, and one by another camera, too.
 #[test]
 fn views_of_a_scene_are_cut() {
-    let folder = Folder::new("views");
+    let folder = Folder::new();
     let loaded = folder.scene(&clip(r#"{"crop": {"low": [0, 0, 0]}}"#)).unwrap();
     let view = loaded.view(30, 20).unwrap();
     assert_eq!((view.extent(), *view.clip(), *view.camera()), ([30, 20], loaded.clip, loaded.camera));
@@ -214,13 +162,8 @@ fn views_of_a_scene_are_cut() {
     assert_eq!((turned.extent(), turned.clip()), (view.extent(), view.clip()));
     assert_ne!(turned.camera(), view.camera());
     // An automatic camera is chosen for the size.
-    let path = folder.path("auto.json");
-    fs::write(
-        &path,
-        r#"{"volume": {"field": "ramp", "dims": [3, 4, 5]}, "clip": {"crop": {"low": [0, 0, 0]}}}"#,
-    )
-    .unwrap();
-    let loaded = SceneFile::load(path, &OPTIONS).unwrap();
+    let ramp = r#"{"volume": {"field": "ramp", "dims": [3, 4, 5]}, "clip": {"crop": {"low": [0, 0, 0]}}}"#;
+    let loaded = folder.scene(ramp).unwrap();
     let tall = loaded.view(100, 600).unwrap();
     let square = loaded.view(loaded.width, loaded.height).unwrap();
     assert!(
@@ -241,8 +184,8 @@ fn want() -> [f64; 4] {
 
 #[test]
 fn the_reference_of_a_scene_file_is_its_closed_form() {
-    let folder = Folder::new("reference");
-    let loaded = folder.scene(REST).unwrap();
+    let folder = Folder::new();
+    let loaded = folder.scene(&document(REST)).unwrap();
     let view = loaded.view(loaded.width, loaded.height).unwrap();
     let image = reference::render(&loaded.scene, &view, &ReferenceOptions::default(), None).unwrap();
     for pixel in image.pixels() {
@@ -254,9 +197,9 @@ fn the_reference_of_a_scene_file_is_its_closed_form() {
 
 #[test]
 fn the_program_tells_and_draws_clips_and_surfaces() {
-    let folder = Folder::new("program");
-    folder.write(REST);
-    let told: Value = serde_json::from_str(&folder.run("info scene.json --json")).unwrap();
+    let folder = Folder::new();
+    folder.write("scene.json", document(REST));
+    let told = folder.run("info scene.json --json").done().json();
     assert_eq!(told["surfaces"].as_array().unwrap().len(), 2);
     assert_eq!(
         told["surfaces"][1],
@@ -272,7 +215,7 @@ fn the_program_tells_and_draws_clips_and_surfaces() {
             "crop": {"low": [null, null, -3.0], "high": [null, null, null]},
         })
     );
-    let text = folder.run("info scene.json");
+    let text = folder.run("info scene.json").done().out;
     for part in [
         "surfaces   12 triangles, [-9, -9, -1] to [9, 9, -0.5], colour [0, 1, 0], opacity 1, flat",
         "\n             12 triangles, [-9, -9, 1.5] to [9, 9, 1.75], colour [0, 0, 1], opacity 0.5, headlight",
@@ -281,8 +224,8 @@ fn the_program_tells_and_draws_clips_and_surfaces() {
     ] {
         assert!(text.contains(part), "{part}: {text}");
     }
-    folder.run("reference scene.json -o out.exr --size 16x12");
-    let image = volraster::io::read_exr(folder.path("out.exr"), &OPTIONS).unwrap();
+    folder.run("reference scene.json -o out.exr --size 16x12").done();
+    let image = folder.exr("out.exr");
     assert_eq!((image.width(), image.height()), (16, 12));
     for pixel in image.pixels() {
         assert!(
@@ -290,9 +233,9 @@ fn the_program_tells_and_draws_clips_and_surfaces() {
             "{pixel:?}"
         );
     }
-    folder.write("");
-    let told: Value = serde_json::from_str(&folder.run("info scene.json --json")).unwrap();
+    folder.write("scene.json", document(""));
+    let told = folder.run("info scene.json --json").done().json();
     assert_eq!((&told["surfaces"], &told["clip"]), (&json!([]), &Value::Null));
-    let text = folder.run("info scene.json");
+    let text = folder.run("info scene.json").done().out;
     assert!(!text.contains("surfaces") && !text.contains("kept"), "{text}");
 }

@@ -5,6 +5,7 @@
 use glam::{DVec2, DVec3};
 use volraster::scene::{Clip, Scene, Surface, View};
 
+use crate::common::pixels;
 use crate::extremes::catalogue::{Case, Family, Run};
 use crate::extremes::support::*;
 

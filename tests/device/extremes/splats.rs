@@ -60,19 +60,6 @@ pub fn scene_of(balls: &[Ball], cut: f64, transfer: TransferFunction) -> Scene {
     Scene::new(points_of(balls), transfer).with_kernels(Kernels { cut, ..Kernels::of_points() }).unwrap()
 }
 
-/// The error function, by its series.
-fn erf(x: f64) -> f64 {
-    if x.abs() > 5.0 {
-        return x.signum();
-    }
-    let (mut sum, mut term) = (0.0, x);
-    for k in 0..120 {
-        sum += term / f64::from(2 * k + 1);
-        term *= -x * x / f64::from(k + 1);
-    }
-    sum * 2.0 / std::f64::consts::PI.sqrt()
-}
-
 /// Optical depth of Gaussians that are cut at so many sigmas, along a pixel's ray from the eye.
 pub fn depth(balls: &[Ball], view: &View, pixel: DVec2, cut: f64) -> f64 {
     let (origin, direction) = view.ray(pixel);
@@ -130,15 +117,6 @@ pub fn by(
         {
             run.fail(format!("{} {options:?}: {wrong}", mode.0.name()));
         }
-    }
-}
-
-/// Repeatable numbers from -1 to 1.
-pub fn random(seed: u64) -> impl FnMut() -> f64 {
-    let mut state = seed;
-    move || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        f64::from((state >> 33) as u32) / f64::from(1_u32 << 30) - 1.0
     }
 }
 

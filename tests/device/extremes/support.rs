@@ -174,13 +174,6 @@ pub fn look(eye: DVec3, target: DVec3, up: DVec3, fov_y_deg: f64, side: u32) -> 
     View::new(Camera { eye, target, up, projection }, side, side).unwrap()
 }
 
-/// Every pixel's centre, row by row.
-pub fn pixels(view: &View) -> impl Iterator<Item = (usize, DVec2)> {
-    let [width, height] = view.extent();
-    let centre = move |i: u32| DVec2::new(f64::from(i % width) + 0.5, f64::from(i / width) + 0.5);
-    (0..width * height).map(move |i| (i as usize, centre(i)))
-}
-
 /// An affine field without a symmetry, within [0, 1] in the cube.
 pub fn affine(p: DVec3) -> f64 {
     0.5 + 0.27 * p.x - 0.13 * p.y + 0.09 * p.z

@@ -70,13 +70,6 @@ pub fn needles_view(width: u32, height: u32) -> View {
     View::new(camera, width, height).unwrap()
 }
 
-/// Every pixel's centre, row by row.
-pub fn pixels(view: &View) -> impl Iterator<Item = (usize, DVec2)> {
-    let [width, height] = view.extent();
-    let centre = move |i: u32| DVec2::new(f64::from(i % width) + 0.5, f64::from(i / width) + 0.5);
-    (0..width * height).map(move |i| (i as usize, centre(i)))
-}
-
 /// Ray parameters that a view sees.
 pub fn range_of(view: &View) -> [f64; 2] {
     [if view.is_perspective() { 0.0 } else { f64::NEG_INFINITY }, f64::INFINITY]

@@ -25,7 +25,7 @@ mod ply;
 mod raw;
 mod real;
 mod refused;
-mod support;
+pub mod support;
 mod tiff;
 mod triangles;
 mod vtk_legacy;
