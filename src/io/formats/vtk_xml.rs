@@ -8,26 +8,33 @@ mod attributes;
 mod blocks;
 mod bytes;
 mod cells;
-mod cursor;
 mod document;
 mod fields;
-mod file;
 mod grid;
 mod parser;
 mod pieces;
 mod store;
-mod stream;
 
 use crate::error::Result;
+use crate::io::build::arrays::ArrayInfo;
 use crate::io::file::budget::Budget;
 use crate::io::file::source::Source;
 use crate::io::formats::vtk_xml::document::{Document, Kind};
 use crate::io::formats::vtk_xml::fields::Fields;
-use crate::io::formats::vtk_xml::file::File;
 use crate::io::formats::vtk_xml::store::Store;
 use crate::io::options::ReadOptions;
 use crate::io::reader::Reader;
 use crate::io::report::Loaded;
+
+/// A file whose structure has been read.
+struct File<'a> {
+    source: &'a Source,
+    document: Document,
+    store: Store<'a>,
+    arrays: Vec<ArrayInfo>,
+    budget: Budget<'a>,
+    notes: Vec<String>,
+}
 
 pub(crate) struct VtkXml;
 

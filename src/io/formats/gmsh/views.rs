@@ -74,13 +74,9 @@ impl View {
             Filled { values: vec![f32::NAN; count], given: vec![false; count], strange: 0, again: 0 };
         let mut tuple = Vec::new();
         // Parts are in file order, so that a compressed file is decompressed once.
-        let mut last = None;
+        let mut stream = Stream { scanner: Scanner::new(source), format, row: None };
         for part in &self.parts {
-            let scanner = match last.take() {
-                None => Scanner::resume(source, part.position, part.line)?,
-                Some(Stream { scanner, .. }) => scanner.go_on(part.position, part.line)?,
-            };
-            let mut stream = Stream { scanner, format, row: None };
+            stream.scanner.go_on(part.position, part.line)?;
             for _ in 0..part.count {
                 stream.row("a tag and its values")?;
                 let tag = stream.natural("a tag")?;
@@ -105,7 +101,6 @@ impl View {
                 let rule = format!("\"{}\": {} tuples are announced", shown(&next), part.count);
                 return Err(stream.scanner.line_error(rule));
             }
-            last = Some(stream);
         }
         Ok(filled)
     }

@@ -51,9 +51,6 @@ pub(crate) struct Stored {
     pub(crate) flags: Flags,
 }
 
-/// Decodes a given number of values of a stream and appends them to a list.
-type Decode<'d, T> = dyn FnMut(&mut dyn Read, Endian, usize, &mut Vec<T>) -> std::io::Result<()> + 'd;
-
 impl Stored {
     /// Describes its place, for messages.
     pub(crate) fn place(&self) -> String {
@@ -103,53 +100,28 @@ impl Stored {
         Ok(samples)
     }
 
-    /// Reads all numbers in pieces of whole points, until the function returns false.
-    fn pieces<T>(
-        &self,
-        source: &Source,
-        decode: &mut Decode<T>,
-        each: &mut dyn FnMut(&[T]) -> Result<bool>,
-    ) -> Result<()> {
-        const PIECE: u64 = 3 << 12;
-        let numbers = self.numbers();
+    /// Reads points, some at a time, until the function returns false.
+    pub(crate) fn each_point(&self, source: &Source, each: &mut dyn FnMut(DVec3) -> bool) -> Result<()> {
+        const SOME: u64 = 1 << 12;
         self.stream(source, &mut |stream, endian| {
-            let mut left = numbers;
-            let mut piece = Vec::new();
+            let mut left = self.tuples;
+            let mut points = Vec::new();
             while left > 0 {
-                let take = left.min(PIECE);
-                piece.clear();
-                decode(stream, endian, usize::try_from(take).unwrap_or(0), &mut piece)?;
-                if !each(&piece).map_err(std::io::Error::other)? {
-                    break;
-                }
-                left -= take;
+                let some = left.min(SOME);
+                points.clear();
+                let count = usize::try_from(some).unwrap_or(0);
+                decode::append_points(stream, count, self.kind, endian, &mut points)?;
+                left = if points.iter().all(|&point| each(point)) { left - some } else { 0 };
             }
             Ok(())
         })
     }
 
-    fn numbers(&self) -> u64 {
-        self.tuples.saturating_mul(num::wide(self.components))
-    }
-
-    /// Reads points until the function returns false.
-    pub(crate) fn each_point(&self, source: &Source, each: &mut dyn FnMut(DVec3) -> bool) -> Result<()> {
-        self.pieces(
-            source,
-            &mut |stream, endian, count, piece| decode::append_f64(stream, count, self.kind, endian, piece),
-            &mut |piece| {
-                let points = piece.as_chunks::<3>().0;
-                Ok(points.iter().all(|&point| each(DVec3::from_array(point))))
-            },
-        )
-    }
-
     /// Reads all points. The caller has taken the memory from the budget.
     pub(crate) fn points(&self, source: &Source) -> Result<Vec<DVec3>> {
         let mut points = self.room(source)?;
-        self.each_point(source, &mut |point| {
-            points.push(point);
-            true
+        self.stream(source, &mut |stream, endian| {
+            decode::append_points(stream, self.count(), self.kind, endian, &mut points)
         })?;
         Ok(points)
     }
@@ -157,31 +129,30 @@ impl Stored {
     /// Reads all numbers as 64-bit floats.
     pub(crate) fn coordinates(&self, source: &Source) -> Result<Vec<f64>> {
         let mut all = self.room(source)?;
-        self.pieces(
-            source,
-            &mut |stream, endian, count, piece| decode::append_f64(stream, count, self.kind, endian, piece),
-            &mut |piece| {
-                all.extend_from_slice(piece);
-                Ok(true)
-            },
-        )?;
+        self.stream(source, &mut |stream, endian| {
+            decode::append_f64(stream, self.count(), self.kind, endian, &mut all)
+        })?;
         Ok(all)
     }
 
-    /// Reads all numbers as indices, a piece at a time.
-    pub(crate) fn indices(&self, source: &Source, each: &mut dyn FnMut(&[u32]) -> Result<()>) -> Result<()> {
-        self.pieces(
-            source,
-            &mut |stream, endian, count, piece| {
-                decode::append_indices(stream, count, self.kind, endian, piece)
-            },
-            &mut |piece| each(piece).map(|()| true),
-        )
+    /// Reads all numbers as indices. The function returns the rule that a number breaks.
+    pub(crate) fn indices(
+        &self,
+        source: &Source,
+        each: &mut dyn FnMut(u32) -> std::result::Result<(), String>,
+    ) -> Result<()> {
+        self.stream(source, &mut |stream, endian| {
+            decode::each_index(stream, self.count(), self.kind, endian, each)
+        })
     }
 
     /// Returns an empty list with capacity for one entry per tuple.
     pub(crate) fn room<T>(&self, source: &Source) -> Result<Vec<T>> {
         room(source, &self.place(), self.tuples)
+    }
+
+    fn count(&self) -> usize {
+        usize::try_from(self.tuples).unwrap_or(usize::MAX)
     }
 
     /// Returns an error about the array.

@@ -1,19 +1,14 @@
 //! Pieces: their sizes, and reading of their arrays.
 
-use std::io::Read;
-
 use crate::error::Result;
 use crate::io::build::arrays::Association;
 use crate::io::file::decode::{self, Layout};
-use crate::io::file::sample_type::{Endian, Pick, SampleType};
+use crate::io::file::sample_type::Pick;
 use crate::io::file::source::Source;
 use crate::io::file::text::index;
 use crate::io::formats::vtk_xml::document::{Array, Extent, Kind, Piece, Section};
 use crate::io::formats::vtk_xml::store::Store;
 use crate::scene::Samples;
-
-/// The number of values converted at a time.
-const CHUNK: usize = 3 << 13;
 
 /// Returns the number of points of an extent along each axis; 0 if it is empty.
 pub(crate) fn counts(extent: Extent) -> [u64; 3] {
@@ -70,30 +65,6 @@ pub(crate) fn numbers(source: &Source, array: &Array, count: u64, components: us
         .ok_or_else(|| source.error(array.at(), format!("{count} tuples: more than memory can address")))
 }
 
-/// Decodes a given number of values of a stream and appends them to a list.
-type Fill<T> = fn(&mut dyn Read, usize, SampleType, Endian, &mut Vec<T>) -> std::io::Result<()>;
-
-/// Decodes values and passes them on in chunks.
-pub(crate) fn in_chunks<T>(
-    reader: &mut dyn Read,
-    count: usize,
-    kind: SampleType,
-    endian: Endian,
-    fill: Fill<T>,
-    chunk: &mut dyn FnMut(&[T]) -> std::io::Result<()>,
-) -> std::io::Result<()> {
-    let mut list = Vec::new();
-    let mut left = count;
-    while left > 0 {
-        let take = left.min(CHUNK);
-        list.clear();
-        fill(reader, take, kind, endian, &mut list)?;
-        chunk(&list)?;
-        left -= take;
-    }
-    Ok(())
-}
-
 /// Returns an array that a piece must have, with this number of components.
 pub(crate) fn part<'d>(
     source: &Source,
@@ -115,11 +86,6 @@ pub(crate) fn part<'d>(
         return Err(source.error(array.at(), rule));
     }
     Ok(array)
-}
-
-/// Makes an error that passes through a stream.
-pub(crate) fn wrong(rule: String) -> std::io::Error {
-    std::io::Error::new(std::io::ErrorKind::InvalidData, rule)
 }
 
 /// Converts an index of an extent, which fits 32 bits, to a coordinate.

@@ -4,7 +4,7 @@
 //! blocks, the size of a block, the size of the last block if it is smaller (else 0), and the compressed size of each
 //! block; in base64 this header is padded and encoded separately.
 
-use std::io::{BufRead, ErrorKind, Read};
+use std::io::{Cursor, ErrorKind, Read};
 
 use crate::error::{Error, Result};
 use crate::io::file::budget::Budget;
@@ -14,20 +14,23 @@ use crate::io::file::source::Source;
 use crate::io::file::text::{self, stream_error};
 use crate::io::formats::vtk_xml::blocks::Blocks;
 use crate::io::formats::vtk_xml::bytes::Bytes;
-use crate::io::formats::vtk_xml::cursor::Cursor;
 use crate::io::formats::vtk_xml::document::{Array, Place, Storage, Text};
 
 /// The limit on the bytes read, as a multiple of the file size.
 const MOST_OFTEN: u64 = 16;
 
+/// The limit on restarts of the decompression of a packed file; common files need about one per array.
+const MOST_RESTARTS: u32 = 64;
+
 /// Reads the numbers of arrays.
 pub(crate) struct Store<'a> {
     source: &'a Source,
     storage: Storage,
-    cursor: Cursor<'a>,
+    scanner: Scanner<'a>,
     budget: Budget<'a>,
     /// The number of stored bytes read.
     behind: u64,
+    restarts: u32,
 }
 
 /// A function that takes numbers from a stream.
@@ -35,7 +38,7 @@ pub(crate) type Taker<'t> = dyn FnMut(&mut dyn Read, SampleType, Endian) -> std:
 
 impl<'a> Store<'a> {
     pub(crate) fn new(source: &'a Source, storage: Storage, budget: Budget<'a>) -> Self {
-        Self { source, storage, cursor: Cursor::new(source), budget, behind: 0 }
+        Self { source, storage, scanner: Scanner::new(source), budget, behind: 0, restarts: 0 }
     }
 
     /// Returns the type of an array, or the error that it cannot be read.
@@ -90,10 +93,15 @@ impl<'a> Store<'a> {
         let (begin, ..) = self.span(array)?;
         self.read(array, count, taker)?;
         if let Place::Base64(text) = array.place {
-            self.blank(array, count, text.end)?;
+            // Markup follows the text, so no blank beyond it is skipped.
+            self.scanner.skip_blanks()?;
+            if self.scanner.position() < text.end {
+                let rule = format!("more base64 than the {count} numbers need");
+                return Err(self.source.error(array.at(), rule));
+            }
         }
         // Arrays may share bytes, but not so often that a small file takes long to read.
-        self.behind = self.behind.saturating_add(self.cursor.position.saturating_sub(begin));
+        self.behind = self.behind.saturating_add(self.scanner.position().saturating_sub(begin));
         let most = self.source.encoding().most(self.source.len()).saturating_mul(MOST_OFTEN);
         if self.behind <= most {
             return Ok(());
@@ -101,23 +109,16 @@ impl<'a> Store<'a> {
         Err(self.source.error(array.at(), "too many arrays lie in the same place"))
     }
 
-    /// Checks that only blanks are left of a text.
-    fn blank(&mut self, array: &Array, count: u64, end: u64) -> Result<()> {
-        while self.cursor.position < end {
-            let left = usize::try_from(end - self.cursor.position).unwrap_or(usize::MAX);
-            let take = match self.cursor.fill_buf() {
-                Ok([]) => break,
-                Ok(buffer) if !buffer[..buffer.len().min(left)].iter().all(u8::is_ascii_whitespace) => {
-                    let rule = format!("more base64 than the {count} numbers need");
-                    return Err(self.source.error(array.at(), rule));
-                }
-                Ok(buffer) => buffer.len().min(left),
-                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
-                Err(error) => return Err(stream_error(self.source, error)),
-            };
-            self.cursor.consume(take);
+    /// Moves to an offset of the decompressed file. In a packed file, moving backwards restarts decompression.
+    fn seek(&mut self, begin: u64) -> Result<()> {
+        if self.source.is_gzip() && begin < self.scanner.position() {
+            self.restarts += 1;
+            if self.restarts > MOST_RESTARTS {
+                let rule = "arrays in an order that needs unpacking the file too often: unpack it first";
+                return Err(self.source.error("data", rule));
+            }
         }
-        Ok(())
+        self.scanner.go_on(begin, 0)
     }
 
     fn read(&mut self, array: &Array, count: u64, taker: &mut Taker) -> Result<()> {
@@ -133,9 +134,9 @@ impl<'a> Store<'a> {
             }
             _ => stream_error(source, error),
         };
-        self.cursor.seek(begin)?;
+        self.seek(begin)?;
         if let Place::Words(Text { line, .. }) = array.place {
-            let words = (&mut self.cursor).take(stored);
+            let words = (&mut self.scanner).take(stored);
             let mut scanner = Scanner::of(source, words, stored).after_lines(line);
             taker(&mut scanner.numbers(kind), kind, Endian::Little).map_err(failed)?;
             return match scanner.word()?.map(text::shown) {
@@ -149,24 +150,15 @@ impl<'a> Store<'a> {
         let wanted = count.checked_mul(kind.bytes()).ok_or_else(|| {
             source.error(array.at(), format!("needs {count} numbers: more than memory can address"))
         })?;
-        let bytes = Bytes {
-            source,
-            at: array.at(),
-            cursor: &mut self.cursor,
-            base64,
-            stored,
-            left: 0,
-            decoded: Vec::new(),
-            behind: 0,
-            text: Vec::new(),
+        let decoded = base64.then(Cursor::default);
+        let mut bytes =
+            Bytes { source, at: array.at(), scanner: &mut self.scanner, stored, left: 0, decoded };
+        let endian = self.storage.endian;
+        let Some(compressor) = self.storage.compressor else {
+            bytes.begin(self.storage, wanted)?;
+            return taker(&mut bytes, kind, endian).map_err(failed);
         };
-        let Storage { endian, word, compressor, .. } = self.storage;
-        let Some(compressor) = compressor else {
-            return bytes
-                .whole(endian, word, wanted, &mut |reader| taker(reader, kind, endian))
-                .map_err(failed);
-        };
-        let mut blocks = Blocks::open(bytes, endian, word, compressor, wanted, &mut self.budget)?;
+        let mut blocks = Blocks::open(bytes, self.storage, compressor, wanted, &mut self.budget)?;
         taker(&mut blocks, kind, endian).map_err(failed)?;
         let taken = blocks.taken;
         drop(blocks);
