@@ -10,7 +10,7 @@ use crate::io::file::budget::Budget;
 use crate::io::file::sample_type::Pick;
 use crate::io::options::ReadOptions;
 use crate::io::report::Loaded;
-use crate::scene::{Grid, Samples};
+use crate::scene::{Data, Grid, Samples};
 
 /// The positions of the points of a lattice.
 #[derive(Clone, Debug)]
@@ -51,10 +51,11 @@ pub(crate) fn build(
     read: &mut ReadArray,
     options: &ReadOptions,
 ) -> Result<Loaded> {
-    let Origin { source, format, arrays } = origin;
-    let Some(Choice { index, pick }) = arrays::choose(source, &arrays, options.array.as_deref())? else {
+    let Origin { source, arrays, .. } = &origin;
+    let Some(choice) = arrays::choose(source, arrays, options.array.as_deref())? else {
         return Err(source.error("arrays", "none: a grid needs point or cell data to show"));
     };
+    let Choice { index, pick } = choice;
     let mut notes = Vec::new();
     let association = arrays[index].association;
     let (dims, places) = match association {
@@ -66,10 +67,9 @@ pub(crate) fn build(
     };
     if let Some(extent) = dims.iter().find(|&&extent| extent < 2) {
         let [x, y, z] = dims;
-        return Err(source.error(
-            format!("array {}", arrays[index]),
-            format!("{x} x {y} x {z} samples: {extent} is too few, every extent must be at least 2"),
-        ));
+        let rule = "is too few, every extent must be at least 2";
+        let rule = format!("{x} x {y} x {z} samples: {extent} {rule}");
+        return Err(source.error(format!("array {}", arrays[index]), rule));
     }
     let overflow = || source.error("dimensions", format!("{dims:?}: more samples than memory can address"));
     let count =
@@ -83,7 +83,7 @@ pub(crate) fn build(
         return Err(source.error(format!("array {}", arrays[index]), rule));
     }
 
-    if let Some(flags) = origin::ghosts(&arrays, association, samples.len(), budget, read)? {
+    if let Some(flags) = origin::ghosts(arrays, association, samples.len(), budget, read)? {
         let hidden = if association == Association::Point { 2 } else { 32 };
         let masked = flags.iter().filter(|&&flag| flag & hidden != 0).count();
         if masked > 0 {
@@ -114,13 +114,7 @@ pub(crate) fn build(
         }
     }
     .map_err(located)?;
-    let warning = arrays::coarse(grid.range(), &arrays[index]);
-    let mut loaded = Loaded::new(format, grid);
-    loaded.report.shown = Some(arrays::describe(&arrays[index], pick));
-    loaded.report.arrays = arrays;
-    loaded.report.notes = notes;
-    loaded.report.warnings.extend(warning);
-    Ok(loaded)
+    Ok(origin.loaded(Data::Grid(grid), Some(choice), notes))
 }
 
 /// Returns the lattice of the cell centres.

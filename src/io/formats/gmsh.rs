@@ -23,7 +23,7 @@ mod views;
 use std::collections::BTreeSet;
 
 use crate::error::Result;
-use crate::io::build::arrays::{ArrayInfo, Association};
+use crate::io::build::arrays::{ArrayInfo, Association, readings};
 use crate::io::build::dataset::Dataset;
 use crate::io::build::origin::Origin;
 use crate::io::file::budget::Budget;
@@ -147,9 +147,9 @@ impl Reader for Gmsh {
 
 /// Refuses a selected array that is element-node data.
 fn refuse_left_out(source: &Source, wanted: &str, views: &[View], left_out: &BTreeSet<String>) -> Result<()> {
-    let bare = wanted.strip_prefix("point:").or_else(|| wanted.strip_prefix("cell:")).unwrap_or(wanted);
-    let names = [Some(wanted), Some(bare), bare.rsplit_once(':').map(|(name, _)| name)];
-    for name in names.into_iter().flatten() {
+    let names =
+        readings(wanted).flat_map(|(_, name)| [Some(name), name.rsplit_once(':').map(|(name, _)| name)]);
+    for name in names.flatten() {
         if views.iter().any(|view| view.name == name) || name == PHYSICAL {
             return Ok(());
         }

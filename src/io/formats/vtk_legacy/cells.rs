@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::io::build::dataset::{self, Dataset};
-use crate::io::build::{cells, points};
+use crate::io::build::points;
 use crate::io::file::source::Source;
 use crate::io::file::text;
 use crate::io::formats::vtk_legacy::contents::Cells;
@@ -59,7 +59,7 @@ impl File<'_> {
         self.contents.fit(source, points.tuples, all)?;
         // Nodes are not read: vertices are the points, and other cells have no volume.
         let counts = [2, 4, 7, 6].into_iter().zip(counts).filter(|&(_, count)| count > 0).collect();
-        cells::check_points(source, &counts)?;
+        dataset::check_points(source, &counts)?;
         self.budget.take("POINTS", dataset::bytes(points.tuples, 0, 0))?;
         let points = points.points(source)?;
         let options = self.options;

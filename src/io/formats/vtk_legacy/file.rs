@@ -5,6 +5,7 @@ use crate::io::build::arrays::Association;
 use crate::io::build::dataset::Dataset;
 use crate::io::build::lattice::{self, Places};
 use crate::io::build::origin::Origin;
+use crate::io::build::points::keep;
 use crate::io::file::budget::Budget;
 use crate::io::file::sample_type::Pick;
 use crate::io::file::source::Source;
@@ -55,7 +56,7 @@ impl File<'_> {
             if let Some(shown) = shown
                 && of_cells.get(index) == Some(&true)
             {
-                keep(&mut samples, shown);
+                keep_samples(&mut samples, shown);
             }
             Ok(samples)
         };
@@ -80,15 +81,11 @@ impl File<'_> {
 }
 
 /// Keeps the samples that are marked.
-fn keep(samples: &mut Samples, marked: &[bool]) {
-    fn retain<T>(list: &mut Vec<T>, marked: &[bool]) {
-        let mut marks = marked.iter();
-        list.retain(|_| marks.next() == Some(&true));
-    }
+fn keep_samples(samples: &mut Samples, marked: &[bool]) {
     match samples {
-        Samples::U8(list) => retain(list, marked),
-        Samples::U16(list) => retain(list, marked),
-        Samples::I16(list) => retain(list, marked),
-        Samples::F32(list) => retain(list, marked),
+        Samples::U8(list) => keep(list, marked),
+        Samples::U16(list) => keep(list, marked),
+        Samples::I16(list) => keep(list, marked),
+        Samples::F32(list) => keep(list, marked),
     }
 }

@@ -3,10 +3,10 @@
 use glam::{DMat3, DVec3};
 
 use crate::error::Result;
-use crate::io::build::arrays::{ArrayInfo, Association};
+use crate::io::build::arrays::Association;
 use crate::io::build::dataset::{self, Dataset};
 use crate::io::build::lattice::Places;
-use crate::io::file::sample_type::{Pick, SampleType};
+use crate::io::file::sample_type::Pick;
 use crate::io::file::source::Source;
 use crate::io::file::text;
 use crate::io::formats::vtk_legacy::file::File;
@@ -130,13 +130,8 @@ impl File<'_> {
 
     /// Returns whether each point is hidden; empty if the file has no ghost array.
     fn hidden_points(&mut self, count: u64) -> Result<Vec<bool>> {
-        let is_ghosts = |array: &ArrayInfo| {
-            array.association == Association::Point
-                && array.name == "vtkGhostType"
-                && array.components == 1
-                && array.kind == SampleType::U8
-        };
-        let Some(index) = self.contents.arrays.iter().position(is_ghosts) else { return Ok(Vec::new()) };
+        let ghosts = self.contents.arrays.iter().position(|array| array.is_ghosts(Association::Point));
+        let Some(index) = ghosts else { return Ok(Vec::new()) };
         self.budget.take("vtkGhostType", count.saturating_mul(2))?;
         let Samples::U8(flags) = self.contents.stored[index].samples(self.source, Pick::Component(0))? else {
             return Ok(Vec::new());

@@ -3,12 +3,11 @@
 use std::collections::{HashMap, HashSet};
 
 use crate::error::Result;
-use crate::io::build::arrays::{ArrayInfo, Association};
+use crate::io::build::arrays::{ArrayInfo, Association, readings};
 use crate::io::file::source::Source;
 use crate::io::file::text::shown;
 use crate::io::formats::vtk_xml::document::{Array, Document, Piece};
-use crate::io::formats::vtk_xml::pieces::section;
-use crate::io::formats::vtk_xml::pieces::tuples;
+use crate::io::formats::vtk_xml::pieces::{section, tuples};
 use crate::io::options::ReadOptions;
 
 /// The limit on notes about arrays.
@@ -109,12 +108,8 @@ impl Fields {
     pub(crate) fn check(&self, source: &Source, options: &ReadOptions) -> Result<()> {
         let wanted = [&options.array, &options.radius, &options.covariance, &options.weight];
         for wanted in wanted.into_iter().flatten() {
-            let (prefix, name) = [Association::Point, Association::Cell]
-                .into_iter()
-                .find_map(|a| Some((Some(a), wanted.strip_prefix(a.name())?.strip_prefix(':')?)))
-                .unwrap_or((None, wanted));
             let asked = |association: Association, own: &str| {
-                own == wanted || own == name && prefix.is_none_or(|prefix| prefix == association)
+                readings(wanted).any(|(a, name)| own == name && a.is_none_or(|a| a == association))
             };
             if self.arrays.iter().any(|array| asked(array.association, &array.name)) {
                 continue;
