@@ -46,9 +46,8 @@ impl Dataset {
                 && num::index(end - begin) != kind.nodes()
             {
                 let (own, name) = (end - begin, kind.name());
-                return Err(
-                    source.error("cells", format!("cell {cell}: {own} nodes, {name} have {}", kind.nodes()))
-                );
+                let rule = format!("cell {cell}: {own} nodes, {name} have {}", kind.nodes());
+                return Err(source.error("cells", rule));
             }
             begin = end;
         }

@@ -22,12 +22,19 @@ pub(crate) enum Places {
 }
 
 impl Places {
-    /// Builds an even lattice whose first sample has the index `first`; `origin` is the position of index 0. A
-    /// negative spacing reverses its axis. Also returns notes on both.
-    pub(crate) fn even(origin: DVec3, spacing: DVec3, direction: DMat3, first: DVec3) -> (Self, Vec<String>) {
-        let mut notes = Vec::new();
+    /// Builds an even lattice whose first sample has the index `first`; `origin` is the position of index 0, and
+    /// `direction` is a matrix, row by row. A negative spacing reverses its axis. Adds notes on both.
+    pub(crate) fn even(
+        origin: [f64; 3],
+        spacing: [f64; 3],
+        direction: &[f64; 9],
+        first: [f64; 3],
+        notes: &mut Vec<String>,
+    ) -> Self {
+        let [x, y, z] = first;
+        let (origin, spacing, first) = (DVec3::from(origin), DVec3::from(spacing), DVec3::from(first));
+        let direction = DMat3::from_cols_array(direction).transpose();
         if first != DVec3::ZERO {
-            let [x, y, z] = first.to_array();
             notes.push(format!("indices begin at {x} {y} {z}: the origin is moved there"));
         }
         let turned = spacing.map(|step| if step < 0.0 { -1.0 } else { 1.0 });
@@ -35,8 +42,7 @@ impl Places {
             notes.push("negative spacing: axes are reversed".to_owned());
         }
         let origin = origin + direction * (spacing * first);
-        let direction = direction * DMat3::from_diagonal(turned);
-        (Self::Even { origin, spacing: spacing.abs(), direction }, notes)
+        Self::Even { origin, spacing: spacing.abs(), direction: direction * DMat3::from_diagonal(turned) }
     }
 }
 

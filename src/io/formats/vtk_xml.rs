@@ -12,7 +12,6 @@ mod document;
 mod fields;
 mod grid;
 mod parser;
-mod pieces;
 mod store;
 
 use crate::error::Result;
@@ -55,28 +54,16 @@ impl Reader for VtkXml {
 
     fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
         let mut budget = Budget::new(source, options);
-        let mut document = Document::read(source, &mut budget)?;
-        let fields = Fields::of(source, &document)?;
-        fields.check(source, options)?;
-        let warnings = std::mem::take(&mut document.warnings);
-        let mut notes = fields.notes;
-        let mut file = File {
-            source,
-            store: Store::new(source, document.storage, budget.clone()),
-            document,
-            arrays: fields.arrays,
-            budget,
-            notes: Vec::new(),
-        };
-        let format = self.name();
+        let document = Document::read(source, &mut budget)?;
+        let Fields { arrays, notes, .. } = Fields::of(source, &document, options)?;
+        let store = Store::new(source, document.storage, budget.clone());
+        let mut file = File { source, document, store, arrays, budget, notes };
         let mut loaded = match file.document.kind {
-            Kind::Image | Kind::Rectilinear => file.lattice(format, options),
-            Kind::Unstructured => file.cells(format, options),
+            Kind::Image | Kind::Rectilinear => file.lattice(options),
+            Kind::Unstructured => file.cells(options),
         }?;
-        notes.append(&mut file.notes);
-        notes.append(&mut loaded.report.notes);
-        loaded.report.notes = notes;
-        loaded.report.warnings.splice(0..0, warnings);
+        loaded.report.notes.splice(0..0, file.notes);
+        loaded.report.warnings.splice(0..0, file.document.warnings);
         Ok(loaded)
     }
 }

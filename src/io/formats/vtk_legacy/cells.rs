@@ -5,8 +5,8 @@ use crate::io::build::dataset::{self, Dataset};
 use crate::io::build::points;
 use crate::io::file::source::Source;
 use crate::io::file::text;
+use crate::io::formats::vtk_legacy::File;
 use crate::io::formats::vtk_legacy::contents::Cells;
-use crate::io::formats::vtk_legacy::file::File;
 use crate::io::formats::vtk_legacy::stored::{Stored, room};
 use crate::io::report::Loaded;
 use crate::num;
@@ -19,9 +19,8 @@ impl File<'_> {
         let count = cells.map_or(0, |cells| cells.count());
         match types {
             Some(types) if types.tuples != count => {
-                return Err(
-                    types.error(source, format!("CELL_TYPES {}: there are {count} cells", types.tuples))
-                );
+                let rule = format!("CELL_TYPES {}: there are {count} cells", types.tuples);
+                return Err(types.error(source, rule));
             }
             None if count > 0 => return Err(self.missing("CELL_TYPES")),
             _ => {}
@@ -62,10 +61,7 @@ impl File<'_> {
         dataset::check_points(source, &counts)?;
         self.budget.take("POINTS", dataset::bytes(points.tuples, 0, 0))?;
         let points = points.points(source)?;
-        let options = self.options;
-        let mut budget = self.budget.clone();
-        let (origin, mut read) = self.origin();
-        points::points(points, origin, &mut budget, &mut read, options)
+        self.build(|origin, budget, read, options| points::points(points, origin, budget, read, options))
     }
 }
 

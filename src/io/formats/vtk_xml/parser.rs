@@ -3,10 +3,12 @@
 
 use std::io::{BufRead, ErrorKind, Read, Take};
 
+use glam::DMat3;
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::reader::Reader;
 
 use crate::error::{Error, Result};
+use crate::io::build::arrays::Association;
 use crate::io::file::budget::Budget;
 use crate::io::file::decode::MAX_COMPONENTS;
 use crate::io::file::sample_type::{Endian, SampleType};
@@ -15,7 +17,7 @@ use crate::io::file::source::Source;
 use crate::io::file::text::{shown, stream_error};
 use crate::io::formats::vtk_xml::attributes::{Attributes, no_xml};
 use crate::io::formats::vtk_xml::document::{
-    Appended, Array, Compressor, Document, Extent, Kind, Piece, Place, Section, Storage, Text,
+    Appended, Array, Compressor, Document, Extent, Kind, Piece, Place, Section, Storage, Text, volume,
 };
 use crate::num;
 
@@ -44,7 +46,7 @@ impl Document {
             whole: Extent::default(),
             origin: [0.0; 3],
             spacing: [1.0; 3],
-            direction: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            direction: DMat3::IDENTITY.to_cols_array(),
             pieces: Vec::new(),
             warnings: Vec::new(),
         };
@@ -299,6 +301,8 @@ impl Parser<'_> {
             piece.cells = own.count("NumberOfCells")?;
         } else {
             piece.extent = own.extent("Extent")?;
+            [piece.points, piece.cells] =
+                [Association::Point, Association::Cell].map(|association| volume(piece.extent, association));
         }
         self.document.pieces.push(piece);
         Ok(())

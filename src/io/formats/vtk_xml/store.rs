@@ -7,14 +7,18 @@
 use std::io::{Cursor, ErrorKind, Read};
 
 use crate::error::{Error, Result};
+use crate::io::build::arrays::ArrayInfo;
 use crate::io::file::budget::Budget;
-use crate::io::file::sample_type::{Endian, SampleType};
+use crate::io::file::decode::{self, Layout};
+use crate::io::file::sample_type::{Endian, Pick, SampleType};
 use crate::io::file::scanner::Scanner;
 use crate::io::file::source::Source;
 use crate::io::file::text::{self, stream_error};
 use crate::io::formats::vtk_xml::blocks::Blocks;
 use crate::io::formats::vtk_xml::bytes::Bytes;
-use crate::io::formats::vtk_xml::document::{Array, Place, Storage, Text};
+use crate::io::formats::vtk_xml::document::{Array, Piece, Place, Storage, Text};
+use crate::num;
+use crate::scene::Samples;
 
 /// The limit on the bytes read, as a multiple of the file size.
 const MOST_OFTEN: u64 = 16;
@@ -24,7 +28,7 @@ const MOST_RESTARTS: u32 = 64;
 
 /// Reads the numbers of arrays.
 pub(crate) struct Store<'a> {
-    source: &'a Source,
+    pub(crate) source: &'a Source,
     storage: Storage,
     scanner: Scanner<'a>,
     budget: Budget<'a>,
@@ -107,6 +111,37 @@ impl<'a> Store<'a> {
             return Ok(());
         }
         Err(self.source.error(array.at(), "too many arrays lie in the same place"))
+    }
+
+    /// Checks that the array of a piece that has this description can hold its numbers, if there is one.
+    pub(crate) fn check_samples(&self, piece: &Piece, info: &ArrayInfo) -> Result<()> {
+        let Some(array) = piece.array(info.association, &info.name) else { return Ok(()) };
+        self.check(array, self.numbers(array, piece.tuples(info.association))?)
+    }
+
+    /// Reads the selected part of each tuple of the array of a piece that has this description, if there is one.
+    pub(crate) fn samples(
+        &mut self,
+        piece: &Piece,
+        info: &ArrayInfo,
+        pick: Pick,
+        samples: &mut Samples,
+    ) -> Result<()> {
+        let Some(array) = piece.array(info.association, &info.name) else { return Ok(()) };
+        let components = array.components;
+        let tuples = text::index(self.source, &array.at(), piece.tuples(info.association))?;
+        let numbers = self.numbers(array, num::wide(tuples))?;
+        self.take(array, numbers, &mut |reader, kind, endian| {
+            let layout = Layout { dims: [0; 3], kind, endian, components, pick };
+            decode::append(reader, tuples, &layout, samples)
+        })
+    }
+
+    /// Returns the number of values in `count` tuples of an array.
+    pub(crate) fn numbers(&self, array: &Array, count: u64) -> Result<u64> {
+        count.checked_mul(num::wide(array.components)).ok_or_else(|| {
+            self.source.error(array.at(), format!("{count} tuples: more than memory can address"))
+        })
     }
 
     /// Moves to an offset of the decompressed file. In a packed file, moving backwards restarts decompression.
