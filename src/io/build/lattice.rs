@@ -73,8 +73,7 @@ pub(crate) fn build(
     };
     if let Some(extent) = dims.iter().find(|&&extent| extent < 2) {
         let [x, y, z] = dims;
-        let rule = "is too few, every extent must be at least 2";
-        let rule = format!("{x} x {y} x {z} samples: {extent} {rule}");
+        let rule = format!("{x} x {y} x {z} samples: {extent} is too few, every extent must be at least 2");
         return Err(source.error(format!("array {}", arrays[index]), rule));
     }
     let overflow = || source.error("dimensions", format!("{dims:?}: more samples than memory can address"));

@@ -57,7 +57,24 @@ impl Reader for VtkLegacy {
     fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
         let contents = Walk::over(source)?;
         let budget = Budget::new(source, options);
-        File { source, options, budget, contents, shown: None }.read()
+        let mut file = File { source, options, budget, contents, shown: None };
+        let mut loaded = match file.contents.kind {
+            Kind::StructuredPoints => {
+                let places = file.structured_points();
+                file.lattice(places)
+            }
+            Kind::RectilinearGrid => {
+                let places = file.rectilinear()?;
+                file.lattice(places)
+            }
+            Kind::StructuredGrid => file.structured_grid(),
+            Kind::UnstructuredGrid => file.unstructured_grid(),
+            Kind::PolyData => file.poly_data(),
+        }?;
+        // Notes of the first pass come first.
+        loaded.report.notes.splice(0..0, file.contents.notes);
+        loaded.report.warnings.splice(0..0, file.contents.warnings);
+        Ok(loaded)
     }
 }
 
@@ -72,28 +89,6 @@ struct File<'a> {
 }
 
 impl File<'_> {
-    fn read(mut self) -> Result<Loaded> {
-        let mut loaded = match self.contents.kind {
-            Kind::StructuredPoints => {
-                let places = self.structured_points();
-                self.lattice(places)
-            }
-            Kind::RectilinearGrid => {
-                let places = self.rectilinear()?;
-                self.lattice(places)
-            }
-            Kind::StructuredGrid => self.structured_grid(),
-            Kind::UnstructuredGrid => self.unstructured_grid(),
-            Kind::PolyData => self.poly_data(),
-        }?;
-        // Notes of the first pass come first.
-        self.contents.notes.append(&mut loaded.report.notes);
-        self.contents.warnings.append(&mut loaded.report.warnings);
-        loaded.report.notes = self.contents.notes;
-        loaded.report.warnings = self.contents.warnings;
-        Ok(loaded)
-    }
-
     fn missing(&self, keyword: &str) -> Error {
         self.source.error(keyword, format!("missing: {} needs it", self.contents.kind.name()))
     }

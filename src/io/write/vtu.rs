@@ -104,7 +104,7 @@ fn of_mesh<'a>(mesh: &'a Tets, name: &str) -> Piece<'a> {
             ("PointData", point_data),
             ("CellData", cell_data),
             ("Points", vec![coordinates(mesh.points())]),
-            ("Cells", vec![corners, offsets(cells, 4), types(cells, 10)]),
+            ("Cells", vec![corners, counting("offsets", cells, 4, 4), types(cells, 10)]),
         ],
     }
 }
@@ -145,7 +145,14 @@ fn of_points<'a>(points: &'a Points, name: &str) -> Piece<'a> {
             ("PointData", arrays),
             ("CellData", Vec::new()),
             ("Points", vec![coordinates(points.centres())]),
-            ("Cells", vec![counting("connectivity", count, 0, 1), offsets(count, 1), types(count, 1)]),
+            (
+                "Cells",
+                vec![
+                    counting("connectivity", count, 0, 1),
+                    counting("offsets", count, 1, 1),
+                    types(count, 1),
+                ],
+            ),
         ],
     }
 }
@@ -185,11 +192,6 @@ fn counting(name: &str, tuples: usize, first: u64, step: u64) -> Array<'static> 
         bytes.extend(range.flat_map(|i| number(i).to_le_bytes()));
     };
     Array::new(name, "Int64", [1, tuples, 8], put)
-}
-
-/// Returns the array of the ends of each cell's nodes.
-fn offsets(cells: usize, nodes: u64) -> Array<'static> {
-    counting("offsets", cells, nodes, nodes)
 }
 
 fn types(cells: usize, number: u8) -> Array<'static> {

@@ -15,7 +15,6 @@ impl File<'_> {
     pub(crate) fn read_nodes(&mut self, stream: &mut Stream, parametric: bool) -> Result<()> {
         /// The length of the shortest node: "1 0 0 0" and a line end.
         const LEAST: u64 = 8;
-        let old = self.format.version == 2;
         let (blocks, all) = read_counts(stream, "nodes", "a node's number")?;
         stream.holds(all, LEAST, "nodes")?;
         let count = text::index(stream.scanner.source(), "$Nodes", all)?;
@@ -29,23 +28,20 @@ impl File<'_> {
             let mut next = || stream.real("a coordinate");
             Ok(DVec3::new(next()?, next()?, next()?))
         };
-        for _ in 0..blocks.unwrap_or(1) {
-            if old {
-                for index in 0..num::count(count) {
-                    stream.row("a node")?;
-                    pairs.push((stream.natural("a node's number")?, index));
-                    self.points.push(coordinates(stream)?);
-                    if parametric {
-                        let dimension = stream.int("a dimension")?;
-                        stream.int("an entity")?;
-                        for _ in 0..if (1..=2).contains(&dimension) { dimension } else { 0 } {
-                            stream.real("a parameter")?;
-                        }
-                    }
-                    stream.end_row()?;
+        for index in 0..if blocks.is_none() { num::count(count) } else { 0 } {
+            stream.row("a node")?;
+            pairs.push((stream.natural("a node's number")?, index));
+            self.points.push(coordinates(stream)?);
+            if parametric {
+                let dimension = stream.int("a dimension")?;
+                stream.int("an entity")?;
+                for _ in 0..if (1..=2).contains(&dimension) { dimension } else { 0 } {
+                    stream.real("a parameter")?;
                 }
-                continue;
             }
+            stream.end_row()?;
+        }
+        for _ in 0..blocks.unwrap_or(0) {
             stream.row("a block of nodes")?;
             let dimension = stream.int("a dimension")?;
             stream.int("an entity")?;
@@ -156,11 +152,7 @@ impl File<'_> {
             if !old {
                 stream.row("an element")?;
             }
-            let element = match element {
-                Some(element) => element,
-                None if old => stream.natural("an element's number")?,
-                None => stream.wide("an element's number")?,
-            };
+            let element = element.map_or_else(|| stream.tag("an element's number"), Ok)?;
             for i in 0..tags {
                 let tag = stream.int("a tag")?;
                 if i == 0 {
@@ -168,11 +160,9 @@ impl File<'_> {
                 }
             }
             for node in &mut own[..kind.nodes] {
-                let tag = if old { stream.natural("a node")? } else { stream.wide("a node")? };
-                *node = self
-                    .nodes
-                    .get(tag)
-                    .ok_or_else(|| stream.error(format!("element {element}: there is no node {tag}")))?;
+                let tag = stream.tag("a node")?;
+                let none = || stream.error(format!("element {element}: there is no node {tag}"));
+                *node = self.nodes.get(tag).ok_or_else(none)?;
             }
             stream.end_row()?;
             self.cells.add(stream, &kind, element, &own[..kind.nodes], physical)?;

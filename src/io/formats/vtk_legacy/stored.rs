@@ -61,17 +61,36 @@ impl Stored {
     }
 
     /// Passes the stream of its bytes, and their byte order, to a function.
-    fn stream<T>(
+    fn stream(
         &self,
         source: &Source,
-        read: &mut dyn FnMut(&mut dyn Read, Endian) -> std::io::Result<T>,
-    ) -> Result<T> {
+        read: &mut dyn FnMut(&mut dyn Read, Endian) -> std::io::Result<()>,
+    ) -> Result<()> {
         let mut scanner = Scanner::resume(source, self.offset, self.line)?;
         let result = match self.form {
             Form::Words => read(&mut scanner.numbers(self.kind), Endian::Little),
             Form::Bytes => read(&mut scanner, Endian::Big),
-            Form::Bits => read(&mut Bits { from: &mut scanner, byte: 0, left: 0 }, Endian::Big),
-            Form::Shares => read(&mut Shares(scanner.numbers(SampleType::F32)), Endian::Big),
+            Form::Bits => {
+                let (mut byte, mut left) = ([0], 0);
+                let bit = || {
+                    if left == 0 {
+                        scanner.read_exact(&mut byte)?;
+                        left = 8;
+                    }
+                    left -= 1;
+                    Ok((byte[0] >> left) & 1)
+                };
+                read(&mut OneByOne(bit), Endian::Big)
+            }
+            Form::Shares => {
+                let mut numbers = scanner.numbers(SampleType::F32);
+                let code = || {
+                    let mut share = [0; 4];
+                    numbers.read_exact(&mut share)?;
+                    Ok(num::u8_code(255.0 * f64::from(f32::from_le_bytes(share))))
+                };
+                read(&mut OneByOne(code), Endian::Big)
+            }
         };
         result.map_err(|error| match error.kind() {
             // A number is out of range, or the compression is damaged.
@@ -83,12 +102,11 @@ impl Stored {
     /// Reads the selected part of each tuple.
     pub(crate) fn samples(&self, source: &Source, pick: Pick) -> Result<Samples> {
         let count = text::index(source, &self.place(), self.tuples)?;
-        let layout =
-            Layout { dims: [0; 3], kind: self.kind, endian: Endian::Big, components: self.components, pick };
-        let mut samples = self.stream(source, &mut |stream, endian| {
-            let mut samples = Samples::none(self.kind, pick);
-            let layout = Layout { endian, ..layout };
-            decode::append(stream, count, &layout, &mut samples).map(|()| samples)
+        let Self { kind, components, .. } = *self;
+        let mut samples = Samples::none(kind, pick);
+        self.stream(source, &mut |stream, endian| {
+            let layout = Layout { dims: [0; 3], kind, endian, components, pick };
+            decode::append(stream, count, &layout, &mut samples)
         })?;
         if let Samples::U8(flags) = &mut samples {
             match self.flags {
@@ -169,37 +187,13 @@ pub(crate) fn room<T>(source: &Source, place: &str, count: u64) -> Result<Vec<T>
     Ok(list)
 }
 
-/// Reads bits as bytes.
-struct Bits<'r> {
-    from: &'r mut dyn Read,
-    byte: u8,
-    left: u8,
-}
+/// Reads the bytes that a function returns.
+struct OneByOne<F>(F);
 
-impl Read for Bits<'_> {
+impl<F: FnMut() -> std::io::Result<u8>> Read for OneByOne<F> {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         for place in buffer.iter_mut() {
-            if self.left == 0 {
-                let mut byte = [0];
-                self.from.read_exact(&mut byte)?;
-                (self.byte, self.left) = (byte[0], 8);
-            }
-            self.left -= 1;
-            *place = (self.byte >> self.left) & 1;
-        }
-        Ok(buffer.len())
-    }
-}
-
-/// Reads numbers from 0 to 1 as bytes from 0 to 255.
-struct Shares<R>(R);
-
-impl<R: Read> Read for Shares<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        for place in buffer.iter_mut() {
-            let mut share = [0; 4];
-            self.0.read_exact(&mut share)?;
-            *place = num::u8_code(255.0 * f64::from(f32::from_le_bytes(share)));
+            *place = (self.0)()?;
         }
         Ok(buffer.len())
     }

@@ -150,17 +150,24 @@ impl<'a> Walk<'a> {
             return Err(self.error(format!("type \"{shown}\": must be one of bit, char, short, int, long, float, double, \
                  unsigned_char, unsigned_short, unsigned_int, unsigned_long, vtkIdType, vtktypeint64, vtktypeuint64, string")));
         };
+        if self.binary {
+            self.end_line()?;
+        }
+        let bit = word.eq_ignore_ascii_case("bit");
         let mut stored = Stored {
-            offset: 0,
-            line: 0,
+            offset: self.scanner.position(),
+            line: self.scanner.lines(),
             tuples,
             components: usize::try_from(components).unwrap_or(usize::MAX),
             kind,
-            form: Form::Words,
+            form: match self.binary {
+                false => Form::Words,
+                true if bit => Form::Bits,
+                true => Form::Bytes,
+            },
             flags: Flags::AsTheyAre,
         };
         if !self.binary {
-            (stored.offset, stored.line) = (self.scanner.position(), self.scanner.lines());
             let most = text::most_numbers(self.scanner.available());
             if numbers > most {
                 return Err(self.error(format!("{numbers} numbers are announced: at most {most} can follow")));
@@ -168,10 +175,6 @@ impl<'a> Walk<'a> {
             self.scanner.skip_numbers(numbers)?;
             return Ok(Some(stored));
         }
-        self.end_line()?;
-        (stored.offset, stored.line) = (self.scanner.position(), self.scanner.lines());
-        let bit = word.eq_ignore_ascii_case("bit");
-        stored.form = if bit { Form::Bits } else { Form::Bytes };
         let size = |kind: SampleType| {
             if bit { Some(numbers.div_ceil(8)) } else { numbers.checked_mul(kind.bytes()) }
         };

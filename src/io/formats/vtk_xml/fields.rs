@@ -54,8 +54,9 @@ impl Fields {
     fn add(&mut self, document: &Document, association: Association) {
         let pieces: Vec<&Piece> =
             document.pieces.iter().filter(|piece| piece.tuples(association) > 0).collect();
-        let mut found: HashMap<&str, (&Array, usize)> = HashMap::new();
-        let mut order: Vec<&Array> = Vec::new();
+        // Arrays in the order in which they are met, with the number of pieces that have them.
+        let mut order: Vec<(&Array, usize)> = Vec::new();
+        let mut places: HashMap<&str, usize> = HashMap::new();
         for (number, piece) in pieces.iter().enumerate() {
             let mut own: HashSet<&str> = HashSet::new();
             for array in piece.arrays(association.into()) {
@@ -64,35 +65,27 @@ impl Fields {
                     self.skip(association, name, "another array has the same name");
                     continue;
                 }
-                match found.get_mut(name) {
-                    Some((like, count)) if *count == number => {
-                        if like.kind == array.kind && like.components == array.components {
-                            *count += 1;
-                        }
+                let place = *places.entry(name).or_insert(order.len());
+                match order.get_mut(place) {
+                    Some((like, count)) => {
+                        let same = like.kind == array.kind && like.components == array.components;
+                        *count += usize::from(same && *count == number);
                     }
-                    Some(_) => {}
-                    None => {
-                        found.insert(name, (array, usize::from(number == 0)));
-                        order.push(array);
-                    }
+                    None => order.push((array, usize::from(number == 0))),
                 }
             }
         }
-        for array in order {
-            let name = array.name.as_str();
-            let everywhere = found.get(name).is_some_and(|(_, count)| *count == pieces.len());
-            match &array.kind {
-                _ if !everywhere => {
+        for (array, count) in order {
+            let Array { name, kind, components, .. } = array;
+            match kind {
+                _ if count < pieces.len() => {
                     self.skip(association, name, "not all pieces have it, or not of the same type");
                 }
                 Err(why) => self.skip(association, name, why),
-                Ok(kind) => self.arrays.push(ArrayInfo {
-                    name: name.to_owned(),
-                    association,
-                    kind: *kind,
-                    components: array.components,
-                    active: false,
-                }),
+                Ok(kind) => {
+                    let (name, kind, components) = (name.clone(), *kind, *components);
+                    self.arrays.push(ArrayInfo { name, association, kind, components, active: false });
+                }
             }
         }
     }

@@ -196,40 +196,23 @@ impl Parser<'_> {
         }
         let source = self.source;
         let own = || Attributes::of(source, tag, line);
-        Ok(match (self.stack.last().copied(), name) {
-            (None, "VTKFile") if self.set.is_empty() => {
-                self.file(&own()?)?;
-                Element::File
-            }
-            (None, name) => {
-                return Err(self.error(line, format!("<{}>: must be one VTKFile", shown(name))));
-            }
-            (Some(Element::File), "AppendedData") => Element::Appended,
-            (Some(Element::File), name) if name == self.set => {
-                self.set(&own()?)?;
-                Element::Set
-            }
-            (Some(Element::Set), "Piece") => {
-                self.piece(&own()?, budget)?;
-                Element::Piece
-            }
+        match (self.stack.last().copied(), name) {
+            (None, "VTKFile") if self.set.is_empty() => self.file(&own()?),
+            (None, name) => Err(self.error(line, format!("<{}>: must be one VTKFile", shown(name)))),
+            (Some(Element::File), "AppendedData") => Ok(Element::Appended),
+            (Some(Element::File), name) if name == self.set => self.set(&own()?),
+            (Some(Element::Set), "Piece") => self.piece(&own()?, budget),
             (Some(Element::Piece), name) => match Section::ALL.iter().find(|(own, _)| *own == name) {
-                Some(&(_, section)) => {
-                    self.section(section, &own()?);
-                    Element::Section(section)
-                }
-                None => Element::Other,
+                Some(&(_, section)) => Ok(self.section(section, &own()?)),
+                None => Ok(Element::Other),
             },
-            (Some(Element::Section(section)), "DataArray" | "Array") => {
-                self.array(section, &own()?, budget)?;
-                Element::Array
-            }
-            _ => Element::Other,
-        })
+            (Some(Element::Section(section)), "DataArray" | "Array") => self.array(section, &own()?, budget),
+            _ => Ok(Element::Other),
+        }
     }
 
     /// Reads the root element.
-    fn file(&mut self, own: &Attributes) -> Result<()> {
+    fn file(&mut self, own: &Attributes) -> Result<Element> {
         let name = own.required("type")?;
         (self.set, self.document.kind) = match name {
             "ImageData" => ("ImageData", Kind::Image),
@@ -273,11 +256,11 @@ impl Parser<'_> {
         }
         let endian = endian.unwrap_or(Endian::Little);
         self.document.storage = Storage { endian, word: word.unwrap_or(4), compressor, appended: None };
-        Ok(())
+        Ok(Element::File)
     }
 
     /// Reads the element that holds the pieces.
-    fn set(&mut self, own: &Attributes) -> Result<()> {
+    fn set(&mut self, own: &Attributes) -> Result<Element> {
         let document = &mut self.document;
         if document.kind != Kind::Unstructured {
             document.whole = own.extent("WholeExtent")?;
@@ -287,10 +270,10 @@ impl Parser<'_> {
             document.spacing = own.numbers("Spacing", document.spacing)?;
             document.direction = own.numbers("Direction", document.direction)?;
         }
-        Ok(())
+        Ok(Element::Set)
     }
 
-    fn piece(&mut self, own: &Attributes, budget: &mut Budget) -> Result<()> {
+    fn piece(&mut self, own: &Attributes, budget: &mut Budget) -> Result<Element> {
         if self.document.pieces.len() >= MAX_COUNT {
             return Err(own.error("pieces", format!("more than {MAX_COUNT}")));
         }
@@ -305,23 +288,22 @@ impl Parser<'_> {
                 [Association::Point, Association::Cell].map(|association| volume(piece.extent, association));
         }
         self.document.pieces.push(piece);
-        Ok(())
+        Ok(Element::Piece)
     }
 
-    fn section(&mut self, section: Section, own: &Attributes) {
-        let place = match section {
-            Section::PointData => 0,
-            Section::CellData => 1,
-            Section::Points | Section::Cells | Section::Coordinates => return,
-        };
+    fn section(&mut self, section: Section, own: &Attributes) -> Element {
+        let sections = [Section::PointData, Section::CellData];
         // The first piece decides the active arrays.
-        if let [piece] = self.document.pieces.as_mut_slice() {
+        if let [piece] = self.document.pieces.as_mut_slice()
+            && let Some(place) = sections.iter().position(|data| *data == section)
+        {
             piece.active[place] = ["Scalars", "Vectors"]
                 .map(|name| own.get(name).filter(|name| !name.is_empty()).map(str::to_owned));
         }
+        Element::Section(section)
     }
 
-    fn array(&mut self, section: Section, own: &Attributes, budget: &mut Budget) -> Result<()> {
+    fn array(&mut self, section: Section, own: &Attributes, budget: &mut Budget) -> Result<Element> {
         self.arrays += 1;
         if self.arrays > MAX_COUNT {
             return Err(own.error("arrays", format!("more than {MAX_COUNT}")));
@@ -364,7 +346,7 @@ impl Parser<'_> {
         if let Some(piece) = self.document.pieces.last_mut() {
             piece.arrays.push((section, array));
         }
-        Ok(())
+        Ok(Element::Array)
     }
 
     /// Finds the beginning of the appended data.

@@ -45,11 +45,6 @@ impl<'a> Store<'a> {
         Self { source, storage, scanner: Scanner::new(source), budget, behind: 0, restarts: 0 }
     }
 
-    /// Returns the type of an array, or the error that it cannot be read.
-    fn kind(&self, array: &Array) -> Result<SampleType> {
-        array.kind.clone().map_err(|why| self.source.error(array.at(), format!("cannot be read: {why}")))
-    }
-
     /// Returns the offset of an array's bytes, an upper bound of their number, and whether they are base64 or text.
     fn span(&self, array: &Array) -> Result<(u64, u64, bool)> {
         let source = self.source;
@@ -70,9 +65,10 @@ impl<'a> Store<'a> {
         })
     }
 
-    /// Checks that an array can hold `count` numbers, before memory is allocated.
-    pub(crate) fn check(&self, array: &Array, count: u64) -> Result<()> {
-        let kind = self.kind(array)?;
+    /// Checks that an array can hold `count` numbers, before memory is allocated, and returns their type.
+    pub(crate) fn check(&self, array: &Array, count: u64) -> Result<SampleType> {
+        let kind = array.kind.clone();
+        let kind = kind.map_err(|why| self.source.error(array.at(), format!("cannot be read: {why}")))?;
         let (_, stored, base64) = self.span(array)?;
         let most = if matches!(array.place, Place::Words(_)) {
             text::most_numbers(stored)
@@ -81,7 +77,7 @@ impl<'a> Store<'a> {
             self.storage.compressor.map_or(bytes, |compressor| compressor.most(bytes)) / kind.bytes()
         };
         if count <= most {
-            return Ok(());
+            return Ok(kind);
         }
         let rule =
             format!("needs {count} numbers of type {}: {stored} bytes hold at most {most}", kind.name());
@@ -93,9 +89,9 @@ impl<'a> Store<'a> {
         if count == 0 {
             return Ok(());
         }
-        self.check(array, count)?;
+        let kind = self.check(array, count)?;
         let (begin, ..) = self.span(array)?;
-        self.read(array, count, taker)?;
+        self.read(array, count, kind, taker)?;
         if let Place::Base64(text) = array.place {
             // Markup follows the text, so no blank beyond it is skipped.
             self.scanner.skip_blanks()?;
@@ -116,7 +112,7 @@ impl<'a> Store<'a> {
     /// Checks that the array of a piece that has this description can hold its numbers, if there is one.
     pub(crate) fn check_samples(&self, piece: &Piece, info: &ArrayInfo) -> Result<()> {
         let Some(array) = piece.array(info.association, &info.name) else { return Ok(()) };
-        self.check(array, self.numbers(array, piece.tuples(info.association))?)
+        self.check(array, self.numbers(array, piece.tuples(info.association))?).map(drop)
     }
 
     /// Reads the selected part of each tuple of the array of a piece that has this description, if there is one.
@@ -156,9 +152,8 @@ impl<'a> Store<'a> {
         self.scanner.go_on(begin, 0)
     }
 
-    fn read(&mut self, array: &Array, count: u64, taker: &mut Taker) -> Result<()> {
+    fn read(&mut self, array: &Array, count: u64, kind: SampleType, taker: &mut Taker) -> Result<()> {
         let source = self.source;
-        let kind = self.kind(array)?;
         let (begin, stored, base64) = self.span(array)?;
         let failed = |error: std::io::Error| match error.kind() {
             ErrorKind::UnexpectedEof => {
