@@ -8,11 +8,10 @@ use glam::DVec3;
 use crate::error::Result;
 use crate::io::build::arrays::{self, Association, Choice};
 use crate::io::build::dataset::{Counts, Dataset, check_points, check_supported, flat};
-use crate::io::build::origin::{Origin, ReadArray, ghosts};
+use crate::io::build::origin::Origin;
 use crate::io::build::points::points;
 use crate::io::file::budget::Budget;
 use crate::io::file::source::Source;
-use crate::io::options::ReadOptions;
 use crate::io::report::Loaded;
 use crate::num;
 use crate::scene::{CellKind, Data, Orientation, TetScalars, Tets};
@@ -22,23 +21,17 @@ const DUPLICATE_OR_HIDDEN: u8 = 1 | 32;
 
 impl Dataset {
     /// Builds a mesh of the cells with volume, or points if there are none.
-    pub(crate) fn build(
-        self,
-        origin: Origin,
-        budget: &mut Budget,
-        read: &mut ReadArray,
-        options: &ReadOptions,
-    ) -> Result<Loaded> {
+    pub(crate) fn build(self, origin: Origin) -> Result<Loaded> {
         self.check(origin.source)?;
         let mut counts = Counts::new();
         for &kind in &self.types {
             *counts.entry(kind).or_insert(0) += 1;
         }
         if counts.keys().any(|&number| CellKind::of_vtk(number).is_some()) {
-            mesh(self, &counts, origin, budget, read, options)
+            mesh(self, &counts, origin)
         } else {
             check_points(origin.source, &counts)?;
-            points(self.points, origin, budget, read, options)
+            points(self.points, origin)
         }
     }
 }
@@ -47,15 +40,8 @@ impl Dataset {
 ///
 /// Cells that are no tetrahedra are cut into some: faces between cells match also where points coincide. Cells without
 /// volume and ghost cells are left out, with a note.
-fn mesh(
-    dataset: Dataset,
-    counts: &Counts,
-    origin: Origin,
-    budget: &mut Budget,
-    read: &mut ReadArray,
-    options: &ReadOptions,
-) -> Result<Loaded> {
-    let Origin { source, arrays, .. } = &origin;
+fn mesh(dataset: Dataset, counts: &Counts, mut origin: Origin) -> Result<Loaded> {
+    let Origin { source, options, .. } = origin;
     options.check_kernels("a mesh").map_err(|error| error.in_file(source.path()))?;
     let mut notes = Vec::new();
     let mut warnings = Vec::new();
@@ -64,25 +50,25 @@ fn mesh(
     if surface > 0 {
         notes.push(format!("{surface} cells without volume (surfaces, lines, vertices) left out"));
     }
-    let ghosts = ghosts(arrays, Association::Cell, dataset.types.len(), budget, read)?;
+    let ghosts = origin.ghosts(Association::Cell, dataset.types.len())?;
 
-    let chosen = arrays::choose(source, arrays, options.array.as_deref())?;
+    let chosen = arrays::choose(source, &origin.arrays, options.array.as_deref())?;
     let Some(Choice { index, pick }) = chosen else {
         return Err(source.error("arrays", "none: a mesh needs point or cell data to show"));
     };
-    let association = arrays[index].association;
+    let association = origin.arrays[index].association;
     let per_tuple = match association {
         Association::Point => dataset.points.len(),
         Association::Cell => dataset.types.len(),
     };
-    budget.take("arrays", num::wide(per_tuple).saturating_mul(4))?;
-    let values = read(index, pick)?.into_f32();
+    origin.budget.take("arrays", num::wide(per_tuple).saturating_mul(4))?;
+    let values = (origin.read)(index, pick)?.into_f32();
     if values.len() != per_tuple {
         let rule = format!("{} tuples: {per_tuple} are needed", values.len());
-        return Err(source.error(format!("array {}", arrays[index]), rule));
+        return Err(source.error(format!("array {}", origin.arrays[index]), rule));
     }
 
-    let mut cutter = Cutter::new(source, dataset, counts, association, values, budget)?;
+    let mut cutter = Cutter::new(source, dataset, counts, association, values, origin.budget)?;
     cutter.cut_all(ghosts.as_deref())?;
     cutter.describe(&mut notes, &mut warnings);
     let Cutter { data, tets, values, cell_values, .. } = cutter;

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::error::Result;
 use crate::io::build::arrays::{self, ArrayInfo, Association, Choice};
-use crate::io::build::origin::{Origin, ReadArray};
+use crate::io::build::origin::Origin;
 use crate::io::file::budget::Budget;
 use crate::io::file::sample_type::Pick;
 use crate::io::file::source::Source;
@@ -29,16 +29,10 @@ pub(crate) fn positions(
 
 /// Builds kernels at points, with the arrays that the options select. Points that are not finite are left out, with a
 /// note.
-pub(crate) fn points(
-    mut centres: Vec<DVec3>,
-    origin: Origin,
-    budget: &mut Budget,
-    read: &mut ReadArray,
-    options: &ReadOptions,
-) -> Result<Loaded> {
-    let Origin { source, arrays, .. } = &origin;
-    let finite: Vec<bool> = centres.iter().map(|centre| centre.is_finite()).collect();
-    let mut columns = Columns { source, arrays, finite: &finite, budget, read };
+pub(crate) fn points(mut centres: Vec<DVec3>, origin: Origin) -> Result<Loaded> {
+    let Origin { source, options, .. } = origin;
+    let finite = centres.iter().map(|centre| centre.is_finite()).collect();
+    let mut columns = Columns { origin, finite };
     let chosen = columns.chosen(options)?;
     let scalars = chosen.map(|choice| columns.column(choice)).transpose()?;
     let radii = columns.named(&options.radius)?;
@@ -49,9 +43,9 @@ pub(crate) fn points(
         return Err(source.error("arrays", "points have either radii or covariances"));
     }
     let mut notes = Vec::new();
-    let nowhere = finite.iter().filter(|finite| !**finite).count();
+    let nowhere = columns.finite.iter().filter(|finite| !**finite).count();
     if nowhere > 0 {
-        keep(&mut centres, &finite);
+        keep(&mut centres, &columns.finite);
         notes.push(format!("{nowhere} points with positions that are not finite left out"));
     }
     let attach = || -> Result<Points> {
@@ -69,7 +63,7 @@ pub(crate) fn points(
         }
     };
     let points = attach().map_err(|error| error.in_file(source.path()))?;
-    Ok(origin.loaded(Data::Points(points), chosen, notes))
+    Ok(columns.origin.loaded(Data::Points(points), chosen, notes))
 }
 
 /// Keeps the entries that are marked.
@@ -79,16 +73,13 @@ pub(crate) fn keep<T>(list: &mut Vec<T>, marked: &[bool]) {
 }
 
 /// Reads arrays with one tuple per point.
-struct Columns<'c, 'b, 'r> {
-    source: &'c Source,
-    arrays: &'c [ArrayInfo],
+struct Columns<'o, 'b> {
+    origin: Origin<'o, 'b>,
     /// Whether each point is finite, and is kept.
-    finite: &'c [bool],
-    budget: &'c mut Budget<'b>,
-    read: &'c mut ReadArray<'r>,
+    finite: Vec<bool>,
 }
 
-impl Columns<'_, '_, '_> {
+impl Columns<'_, '_> {
     /// Chooses the scalars to show.
     fn chosen(&self, options: &ReadOptions) -> Result<Option<Choice>> {
         // Cell data of vertices would be point data too, but nothing says that there is one vertex per point. An array
@@ -99,12 +90,12 @@ impl Columns<'_, '_, '_> {
             .collect();
         let own =
             |i: usize, array: &ArrayInfo| array.association == Association::Point && !taken.contains(&i);
-        Ok(self.find(&options.array)?.or_else(|| arrays::choose_among(self.arrays, own)))
+        Ok(self.find(&options.array)?.or_else(|| arrays::choose_among(&self.origin.arrays, own)))
     }
 
     /// The array of a name that an option gives.
     fn find(&self, name: &Option<String>) -> Result<Option<Choice>> {
-        name.as_deref().map(|name| arrays::find(self.source, self.arrays, name)).transpose()
+        name.as_deref().map(|name| arrays::find(self.origin.source, &self.origin.arrays, name)).transpose()
     }
 
     /// Reads the array of a name that an option gives.
@@ -114,32 +105,33 @@ impl Columns<'_, '_, '_> {
 
     /// Reads one number per finite point.
     fn column(&mut self, Choice { index, pick }: Choice) -> Result<Vec<f32>> {
-        let array = &self.arrays[index];
+        let array = &self.origin.arrays[index];
         if array.association == Association::Cell && array.components > 0 {
-            return Err(self.source.error(format!("array {array}"), "cell data: points need point data"));
+            let rule = "cell data: points need point data";
+            return Err(self.origin.source.error(format!("array {array}"), rule));
         }
         let count = self.finite.len();
-        self.budget.take("arrays", num::wide(count).saturating_mul(4))?;
-        let mut values = (self.read)(index, pick)?.into_f32();
+        self.origin.budget.take("arrays", num::wide(count).saturating_mul(4))?;
+        let mut values = (self.origin.read)(index, pick)?.into_f32();
         if values.len() != count {
             let rule = format!("{} tuples: there are {count} points", values.len());
-            return Err(self.source.error(format!("array {array}"), rule));
+            return Err(self.origin.source.error(format!("array {array}"), rule));
         }
-        keep(&mut values, self.finite);
+        keep(&mut values, &self.finite);
         Ok(values)
     }
 
     /// Reads covariances of 6 or 9 components as xx, xy, xz, yy, yz, zz.
     fn covariances(&mut self, index: usize) -> Result<Vec<[f32; 6]>> {
-        let places: [usize; 6] = match self.arrays[index].components {
+        let places: [usize; 6] = match self.origin.arrays[index].components {
             6 => [0, 1, 2, 3, 4, 5],
             9 => [0, 1, 2, 4, 5, 8],
             n => {
                 let rule = format!("{n} components: a covariance has 6 or 9");
-                return Err(self.source.error(format!("array {}", self.arrays[index]), rule));
+                return Err(self.origin.source.error(format!("array {}", self.origin.arrays[index]), rule));
             }
         };
-        self.budget.take("arrays", num::wide(self.finite.len()).saturating_mul(24))?;
+        self.origin.budget.take("arrays", num::wide(self.finite.len()).saturating_mul(24))?;
         let mut all = vec![[0.0; 6]; self.finite.iter().filter(|finite| **finite).count()];
         for (i, place) in places.into_iter().enumerate() {
             let column = self.column(Choice { index, pick: Pick::Component(place) })?;

@@ -126,8 +126,9 @@ impl Reader for Gmsh {
             Ok(Samples::F32(filled.values))
         };
         let dataset = Dataset { points, ..mesh };
-        let origin = Origin { source, format: self.name(), arrays };
-        let mut loaded = dataset.build(origin, &mut budget, &mut read, options)?;
+        let (budget, read) = (&mut budget, &mut read);
+        let origin = Origin { source, format: self.name(), arrays, options, budget, read };
+        let mut loaded = dataset.build(origin)?;
         let report = &mut loaded.report;
         report.notes.splice(0..0, notes);
         if groups {

@@ -27,7 +27,7 @@ use crate::error::{Error, Result};
 use crate::io::build::arrays::Association;
 use crate::io::build::dataset::Dataset;
 use crate::io::build::lattice::{self, Places};
-use crate::io::build::origin::{Origin, ReadArray};
+use crate::io::build::origin::Origin;
 use crate::io::build::points::keep;
 use crate::io::file::budget::Budget;
 use crate::io::file::source::Source;
@@ -107,10 +107,7 @@ impl File<'_> {
     }
 
     /// Passes the arrays of the file, its memory and the function that reads an array to a builder.
-    fn build(
-        &mut self,
-        build: impl FnOnce(Origin, &mut Budget, &mut ReadArray, &ReadOptions) -> Result<Loaded>,
-    ) -> Result<Loaded> {
+    fn build(&mut self, build: impl FnOnce(Origin) -> Result<Loaded>) -> Result<Loaded> {
         let (source, shown, arrays) = (self.source, self.shown.as_deref(), &self.contents.arrays);
         let mut read = |index: usize, pick| {
             let (info, stored) = &arrays[index];
@@ -125,20 +122,18 @@ impl File<'_> {
             }
             Ok(samples)
         };
-        let infos = arrays.iter().map(|(info, _)| info.clone()).collect();
-        let origin = Origin { source, format: VtkLegacy.name(), arrays: infos };
-        build(origin, &mut self.budget, &mut read, self.options)
+        let arrays = arrays.iter().map(|(info, _)| info.clone()).collect();
+        let (options, budget, read) = (self.options, &mut self.budget, &mut read);
+        build(Origin { source, format: VtkLegacy.name(), arrays, options, budget, read })
     }
 
     fn lattice(&mut self, places: Places) -> Result<Loaded> {
         let (dims, points, cells) = self.dims()?;
         self.contents.fit(self.source, points, cells)?;
-        self.build(|origin, budget, read, options| {
-            lattice::build(origin, dims, places, budget, read, options)
-        })
+        self.build(|origin| lattice::build(origin, dims, places))
     }
 
     fn dataset(&mut self, dataset: Dataset) -> Result<Loaded> {
-        self.build(|origin, budget, read, options| dataset.build(origin, budget, read, options))
+        self.build(|origin| dataset.build(origin))
     }
 }

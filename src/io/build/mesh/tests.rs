@@ -6,6 +6,7 @@ use super::*;
 use crate::io::build::arrays::{ArrayInfo, Association};
 use crate::io::file::sample_type::{Pick, SampleType};
 use crate::io::file::source::Source;
+use crate::io::options::ReadOptions;
 use crate::num;
 use crate::scene::{Data, KernelSize, Samples, TetScalars, Tets};
 
@@ -30,7 +31,8 @@ fn build_with(dataset: Dataset, options: &ReadOptions, ghosts: Option<Vec<u8>>) 
         })
     };
     let mut budget = Budget::new(&source, options);
-    dataset.build(Origin { source: &source, format: "test", arrays }, &mut budget, &mut read, options)
+    let (budget, read) = (&mut budget, &mut read);
+    dataset.build(Origin { source: &source, format: "test", arrays, options, budget, read })
 }
 
 fn mesh_of(dataset: Dataset, array: &str) -> (Tets, Vec<String>) {
@@ -256,10 +258,12 @@ fn vertices_are_points_with_what_is_asked_for() {
     // The place that is no place goes with everything that belongs to it.
     let source = Source::in_memory(&[("a.vtu", b"")]).unwrap();
     let options = ReadOptions::within(1 << 20);
-    let origin = Origin { source: &source, format: "test", arrays: vec![array("s", Association::Point, 1)] };
     let mut read = |_: usize, _: Pick| Ok(Samples::F32(vec![5.0, 6.0, 7.0]));
     let mut budget = Budget::new(&source, &options);
-    let loaded = dataset().build(origin, &mut budget, &mut read, &options).unwrap();
+    let arrays = vec![array("s", Association::Point, 1)];
+    let (options, budget, read) = (&options, &mut budget, &mut read);
+    let origin = Origin { source: &source, format: "test", arrays, options, budget, read };
+    let loaded = dataset().build(origin).unwrap();
     let Data::Points(points) = loaded.data else { panic!() };
     assert_eq!((points.centres().len(), points.scalars().unwrap()), (2, [5.0, 7.0].as_slice()));
     assert_eq!(loaded.report.notes, ["1 points with positions that are not finite left out"]);

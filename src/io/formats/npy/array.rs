@@ -255,7 +255,8 @@ impl<'a> Array<'a> {
             decode::append(&mut self.numbers(skip), count, &layout, &mut samples).map_err(failed)?;
             Ok(samples)
         };
-        points::points(centres, Origin { source, format: "NPY", arrays }, &mut budget, &mut read, options)
+        let (budget, read) = (&mut budget, &mut read);
+        points::points(centres, Origin { source, format: "NPY", arrays, options, budget, read })
     }
 }
 

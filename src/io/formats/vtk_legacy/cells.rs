@@ -61,7 +61,7 @@ impl File<'_> {
         dataset::check_points(source, &counts)?;
         self.budget.take("POINTS", dataset::bytes(points.tuples, 0, 0))?;
         let points = points.points(source)?;
-        self.build(|origin, budget, read, options| points::points(points, origin, budget, read, options))
+        self.build(|origin| points::points(points, origin))
     }
 }
 

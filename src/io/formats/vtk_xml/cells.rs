@@ -38,14 +38,14 @@ impl File<'_> {
             self.notes.push(format!("{full} pieces were joined"));
         }
         let arrays = self.arrays.clone();
-        let origin = Origin { source, format: VtkXml.name(), arrays: arrays.clone() };
         let store = &mut self.store;
         let mut read = |index: usize, pick| {
             let mut samples = Samples::none(arrays[index].kind, pick);
             pieces.iter().try_for_each(|piece| store.samples(piece, &arrays[index], pick, &mut samples))?;
             Ok(samples)
         };
-        data.build(origin, &mut self.budget, &mut read, options)
+        let (arrays, budget, read) = (arrays.clone(), &mut self.budget, &mut read);
+        data.build(Origin { source, format: VtkXml.name(), arrays, options, budget, read })
     }
 }
 

@@ -67,11 +67,12 @@ impl File<'_> {
         };
 
         let arrays = self.arrays.clone();
-        let origin = Origin { source, format: VtkXml.name(), arrays: arrays.clone() };
         let (store, mut scratch) = (&mut self.store, self.budget.clone());
         let mut read =
             |index: usize, pick| samples_of(store, &mut scratch, &pieces, extent, &arrays[index], pick);
-        lattice::build(origin, dims, places, &mut self.budget, &mut read, options)
+        let (arrays, budget, read) = (arrays.clone(), &mut self.budget, &mut read);
+        let origin = Origin { source, format: VtkXml.name(), arrays, options, budget, read };
+        lattice::build(origin, dims, places)
     }
 }
 
