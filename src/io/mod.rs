@@ -33,5 +33,5 @@ pub use read_data::{read, read_grid, read_memory};
 pub use registry::known_formats;
 pub use report::{Loaded, Report};
 pub use write::nrrd::write_nrrd;
-pub use write::text::write_text;
 pub use write::vtu::write_vtu;
+pub use write::write_text;

@@ -29,13 +29,8 @@ pub(crate) fn coarse([lo, hi]: [f64; 2], array: &ArrayInfo) -> Option<String> {
     let step = magnitude * f64::from(f32::EPSILON);
     let whole = !matches!(array.kind, SampleType::F64);
     let coarse = if whole { magnitude > WHOLE } else { (hi - lo) / step < STEPS };
-    coarse.then(|| {
-        format!(
-            "{} values are kept as f32: steps of {step:.1e} in a range of {:.1e}",
-            array.kind.name(),
-            hi - lo
-        )
-    })
+    let (name, range) = (array.kind.name(), hi - lo);
+    coarse.then(|| format!("{name} values are kept as f32: steps of {step:.1e} in a range of {range:.1e}"))
 }
 
 /// The elements that the tuples of an array belong to.
@@ -74,6 +69,12 @@ pub struct ArrayInfo {
 }
 
 impl ArrayInfo {
+    /// Whether it is VTK's ghost array of points or cells.
+    pub(crate) fn is_ghosts(&self, association: Association) -> bool {
+        (self.association, self.components, self.kind) == (association, 1, SampleType::U8)
+            && self.name == "vtkGhostType"
+    }
+
     /// Whether it holds identifiers or flags, which are shown only on request.
     fn is_bookkeeping(&self) -> bool {
         let whole = !matches!(self.kind, SampleType::F32 | SampleType::F64);
@@ -128,30 +129,31 @@ pub(crate) fn choose_among(arrays: &[ArrayInfo], may: impl Fn(usize, &ArrayInfo)
     found.map(|(index, array)| Choice { index, pick: usual(array) })
 }
 
+/// Returns the ways to read a selection without its part: as a name, and as a name after the prefix of an association.
+pub(crate) fn readings(wanted: &str) -> impl Iterator<Item = (Option<Association>, &str)> + Clone {
+    let prefixed = [Association::Point, Association::Cell]
+        .into_iter()
+        .find_map(|a| Some((Some(a), wanted.strip_prefix(a.name())?.strip_prefix(':')?)));
+    [Some((None, wanted)), prefixed].into_iter().flatten()
+}
+
 /// Finds an array by `NAME`, `NAME:PART`, `point:NAME` or `cell:NAME:PART`.
 pub(crate) fn find(source: &Source, arrays: &[ArrayInfo], wanted: &str) -> Result<Choice> {
     let by_name = |association: Option<Association>, name: &str| {
-        let fits = |array: &ArrayInfo| {
-            array.name == name && association.is_none_or(|association| array.association == association)
-        };
-        arrays.iter().position(fits)
+        arrays
+            .iter()
+            .position(|array| array.name == name && association.is_none_or(|a| array.association == a))
     };
     // Names may contain colons: the interpretation with the longest name wins.
-    let prefix = [Association::Point, Association::Cell]
-        .into_iter()
-        .find_map(|a| Some((a, wanted.strip_prefix(a.name())?.strip_prefix(':')?)));
-    let readings = [Some((None, wanted)), prefix.map(|(association, name)| (Some(association), name))];
-    for (association, name) in readings.into_iter().flatten() {
-        if let Some(index) = by_name(association, name) {
-            return Ok(Choice { index, pick: usual(&arrays[index]) });
-        }
+    if let Some(index) = readings(wanted).find_map(|(association, name)| by_name(association, name)) {
+        return Ok(Choice { index, pick: usual(&arrays[index]) });
     }
-    for (association, name) in readings.into_iter().flatten() {
-        if let Some((name, part)) = name.rsplit_once(':')
-            && let Some(index) = by_name(association, name)
-        {
-            return Ok(Choice { index, pick: part_of(source, &arrays[index], part)? });
-        }
+    let parted = readings(wanted).find_map(|(association, name)| {
+        let (name, part) = name.rsplit_once(':')?;
+        Some((by_name(association, name)?, part))
+    });
+    if let Some((index, part)) = parted {
+        return Ok(Choice { index, pick: part_of(source, &arrays[index], part)? });
     }
     Err(source.error(format!("array \"{wanted}\""), format!("no such array: there are {}", list(arrays))))
 }
@@ -178,13 +180,9 @@ fn part_of(source: &Source, array: &ArrayInfo, part: &str) -> Result<Pick> {
         _ => part.parse().ok().or_else(|| letter("xyzw")).or_else(|| letter("rgba")),
     };
     component.filter(|&component| component < array.components).map(Pick::Component).ok_or_else(|| {
-        source.error(
-            format!("array {array}"),
-            format!(
-                "\"{part}\": must be a component below {}, a letter of xyzw or rgba, or magnitude",
-                array.components
-            ),
-        )
+        let most = array.components;
+        let rule = format!("must be a component below {most}, a letter of xyzw or rgba, or magnitude");
+        source.error(format!("array {array}"), format!("\"{part}\": {rule}"))
     })
 }
 

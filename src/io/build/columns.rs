@@ -53,13 +53,13 @@ pub(crate) fn value(numbers: &[f64], pick: Pick) -> f64 {
     }
 }
 
-/// The last part of a column's name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+/// The kind of the last part of a column's name, which is a number of its kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Part {
-    Axis(usize),
-    Number(usize),
+    Axis,
+    Number,
     /// Three times the row, plus the column.
-    Pair(usize),
+    Pair,
 }
 
 /// Strips a unit in brackets from the end of a name.
@@ -78,28 +78,28 @@ fn axis(letter: u8) -> Option<usize> {
     b"xyz".iter().position(|&axis| axis == letter.to_ascii_lowercase())
 }
 
-fn letters(part: &str) -> Option<Part> {
+fn letters(part: &str) -> Option<(Part, usize)> {
     match *part.as_bytes() {
-        [a] => Some(Part::Axis(axis(a)?)),
-        [a, b] => Some(Part::Pair(3 * axis(a)? + axis(b)?)),
+        [a] => Some((Part::Axis, axis(a)?)),
+        [a, b] => Some((Part::Pair, 3 * axis(a)? + axis(b)?)),
         _ => None,
     }
 }
 
 /// Splits the name of a column into the name of its group and its part.
-fn split(name: &str) -> Option<(&str, Part)> {
+fn split(name: &str) -> Option<(&str, (Part, usize))> {
     let name = bare(name);
     let colours = ["red", "green", "blue", "alpha"];
     if let Some(place) = colours.iter().position(|colour| *colour == name) {
-        return Some(("colour", Part::Number(place)));
+        return Some(("colour", (Part::Number, place)));
     }
     let normals = ["nx", "ny", "nz"];
     if let Some(place) = normals.iter().position(|normal| *normal == name) {
-        return Some(("normal", Part::Axis(place)));
+        return Some(("normal", (Part::Axis, place)));
     }
     if let Some((stem, part)) = name.rsplit_once(['_', ':', '.']).filter(|(stem, _)| !stem.is_empty()) {
         let plain = part == "0" || part.starts_with(|c: char| c.is_ascii_digit() && c != '0');
-        let number = part.parse().ok().filter(|_| plain).map(Part::Number);
+        let number = part.parse().ok().filter(|_| plain).map(|number| (Part::Number, number));
         return Some((stem, number.or_else(|| letters(part))?));
     }
     let (stem, part) = name.split_at_checked(1)?;
@@ -108,23 +108,15 @@ fn split(name: &str) -> Option<(&str, Part)> {
 }
 
 /// Returns the columns of a group in the order of the parts, if it is complete.
-fn complete(parts: &BTreeMap<Part, usize>) -> Option<Vec<usize>> {
-    let get = |part: Part| parts.get(&part).copied();
-    let (first, _) = parts.first_key_value()?;
-    match first {
-        Part::Axis(_) => (0..3).map(|axis| get(Part::Axis(axis))).collect(),
-        Part::Number(_) => {
-            let all: Option<Vec<usize>> = (0..parts.len()).map(|number| get(Part::Number(number))).collect();
-            all.filter(|all| (2..=MAX_COMPONENTS).contains(&all.len()))
-        }
-        Part::Pair(_) => {
-            let all: Option<Vec<usize>> = (0..9).map(|pair| get(Part::Pair(pair))).collect();
-            let half = || {
-                let pairs = [(0, 0), (1, 3), (2, 6), (4, 4), (5, 7), (8, 8)];
-                pairs.iter().map(|&(a, b)| get(Part::Pair(a)).or_else(|| get(Part::Pair(b)))).collect()
-            };
-            all.or_else(half)
-        }
+fn complete(kind: Part, parts: &BTreeMap<usize, usize>) -> Option<Vec<usize>> {
+    let all = |count: usize| (0..count).map(|number| parts.get(&number).copied()).collect::<Option<Vec<_>>>();
+    match kind {
+        Part::Axis => all(3),
+        Part::Number => all(parts.len()).filter(|all| (2..=MAX_COMPONENTS).contains(&all.len())),
+        Part::Pair => all(9).or_else(|| {
+            let pairs = [(0, 0), (1, 3), (2, 6), (4, 4), (5, 7), (8, 8)];
+            pairs.iter().map(|(a, b)| parts.get(a).or_else(|| parts.get(b)).copied()).collect()
+        }),
     }
 }
 
@@ -133,16 +125,11 @@ pub(crate) fn groups(columns: &[Column]) -> Vec<Group> {
     let names: HashSet<&str> = columns.iter().map(|column| column.name.as_str()).collect();
     // Groups are keyed by name and by the kind of part, and ordered by their first columns.
     let mut order = Vec::new();
-    let mut found: HashMap<(&str, u8), BTreeMap<Part, usize>> = HashMap::new();
+    let mut found: HashMap<(&str, Part), BTreeMap<usize, usize>> = HashMap::new();
     for (i, column) in columns.iter().enumerate() {
-        if let Some((stem, part)) = split(&column.name).filter(|(stem, _)| !names.contains(stem)) {
-            let class = match part {
-                Part::Axis(_) => 0,
-                Part::Number(_) => 1,
-                Part::Pair(_) => 2,
-            };
-            let parts = found.entry((stem, class)).or_insert_with(|| {
-                order.push((stem, class));
+        if let Some((stem, (kind, part))) = split(&column.name).filter(|(stem, _)| !names.contains(stem)) {
+            let parts = found.entry((stem, kind)).or_insert_with(|| {
+                order.push((stem, kind));
                 BTreeMap::new()
             });
             parts.entry(part).or_insert(i);
@@ -162,7 +149,7 @@ pub(crate) fn groups(columns: &[Column]) -> Vec<Group> {
     let mut grouped = HashSet::new();
     let mut groups = Vec::new();
     for key in order {
-        if let Some(places) = found.get(&key).and_then(complete)
+        if let Some(places) = found.get(&key).and_then(|parts| complete(key.1, parts))
             && taken.insert(key.0)
         {
             grouped.extend(places.iter().copied());

@@ -4,13 +4,11 @@ use glam::{DMat3, DVec3};
 
 use crate::error::{Error, Result};
 use crate::io::build::arrays::{self, Association, Choice};
-use crate::io::build::origin::{self, Origin, ReadArray};
+use crate::io::build::origin::Origin;
 use crate::io::build::resample::evenly;
-use crate::io::file::budget::Budget;
 use crate::io::file::sample_type::Pick;
-use crate::io::options::ReadOptions;
 use crate::io::report::Loaded;
-use crate::scene::{Grid, Samples};
+use crate::scene::{Data, Grid, Samples};
 
 /// The positions of the points of a lattice.
 #[derive(Clone, Debug)]
@@ -22,12 +20,19 @@ pub(crate) enum Places {
 }
 
 impl Places {
-    /// Builds an even lattice whose first sample has the index `first`; `origin` is the position of index 0. A
-    /// negative spacing reverses its axis. Also returns notes on both.
-    pub(crate) fn even(origin: DVec3, spacing: DVec3, direction: DMat3, first: DVec3) -> (Self, Vec<String>) {
-        let mut notes = Vec::new();
+    /// Builds an even lattice whose first sample has the index `first`; `origin` is the position of index 0, and
+    /// `direction` is a matrix, row by row. A negative spacing reverses its axis. Adds notes on both.
+    pub(crate) fn even(
+        origin: [f64; 3],
+        spacing: [f64; 3],
+        direction: &[f64; 9],
+        first: [f64; 3],
+        notes: &mut Vec<String>,
+    ) -> Self {
+        let [x, y, z] = first;
+        let (origin, spacing, first) = (DVec3::from(origin), DVec3::from(spacing), DVec3::from(first));
+        let direction = DMat3::from_cols_array(direction).transpose();
         if first != DVec3::ZERO {
-            let [x, y, z] = first.to_array();
             notes.push(format!("indices begin at {x} {y} {z}: the origin is moved there"));
         }
         let turned = spacing.map(|step| if step < 0.0 { -1.0 } else { 1.0 });
@@ -35,28 +40,22 @@ impl Places {
             notes.push("negative spacing: axes are reversed".to_owned());
         }
         let origin = origin + direction * (spacing * first);
-        let direction = direction * DMat3::from_diagonal(turned);
-        (Self::Even { origin, spacing: spacing.abs(), direction }, notes)
+        Self::Even { origin, spacing: spacing.abs(), direction: direction * DMat3::from_diagonal(turned) }
     }
 }
 
 /// Builds a grid from points on a lattice and arrays on its points or cells. `dims` counts points.
 ///
 /// Cell data gives a sample at the centre of each cell. Points and cells hidden by VTK's ghost array become NaN.
-pub(crate) fn build(
-    origin: Origin,
-    dims: [u32; 3],
-    places: Places,
-    budget: &mut Budget,
-    read: &mut ReadArray,
-    options: &ReadOptions,
-) -> Result<Loaded> {
-    let Origin { source, format, arrays } = origin;
-    let Some(Choice { index, pick }) = arrays::choose(source, &arrays, options.array.as_deref())? else {
+pub(crate) fn build(mut origin: Origin, dims: [u32; 3], places: Places) -> Result<Loaded> {
+    let source = origin.source;
+    let chosen = arrays::choose(source, &origin.arrays, origin.options.array.as_deref())?;
+    let Some(Choice { index, pick }) = chosen else {
         return Err(source.error("arrays", "none: a grid needs point or cell data to show"));
     };
+    let array = origin.arrays[index].clone();
     let mut notes = Vec::new();
-    let association = arrays[index].association;
+    let association = array.association;
     let (dims, places) = match association {
         Association::Point => (dims, places),
         Association::Cell => {
@@ -66,29 +65,27 @@ pub(crate) fn build(
     };
     if let Some(extent) = dims.iter().find(|&&extent| extent < 2) {
         let [x, y, z] = dims;
-        return Err(source.error(
-            format!("array {}", arrays[index]),
-            format!("{x} x {y} x {z} samples: {extent} is too few, every extent must be at least 2"),
-        ));
+        let rule = format!("{x} x {y} x {z} samples: {extent} is too few, every extent must be at least 2");
+        return Err(source.error(format!("array {array}"), rule));
     }
     let overflow = || source.error("dimensions", format!("{dims:?}: more samples than memory can address"));
     let count =
         dims.iter().try_fold(1_u64, |n, &extent| n.checked_mul(u64::from(extent))).ok_or_else(overflow)?;
-    let stored = if pick == Pick::Magnitude { 4 } else { arrays[index].kind.stored_bytes() };
-    budget.take("dimensions", count.saturating_mul(stored))?;
-    let mut samples = read(index, pick)?;
+    let stored = if pick == Pick::Magnitude { 4 } else { array.kind.stored_bytes() };
+    origin.budget.take("dimensions", count.saturating_mul(stored))?;
+    let mut samples = (origin.read)(index, pick)?;
     if Ok(samples.len()) != usize::try_from(count) {
         let [x, y, z] = dims;
         let rule = format!("{} tuples: {x} x {y} x {z} are needed", samples.len());
-        return Err(source.error(format!("array {}", arrays[index]), rule));
+        return Err(source.error(format!("array {array}"), rule));
     }
 
-    if let Some(flags) = origin::ghosts(&arrays, association, samples.len(), budget, read)? {
+    if let Some(flags) = origin.ghosts(association, samples.len())? {
         let hidden = if association == Association::Point { 2 } else { 32 };
         let masked = flags.iter().filter(|&&flag| flag & hidden != 0).count();
         if masked > 0 {
             let narrow = !matches!(samples, Samples::F32(_));
-            budget.take("vtkGhostType", if narrow { count.saturating_mul(4) } else { 0 })?;
+            origin.budget.take("vtkGhostType", if narrow { count.saturating_mul(4) } else { 0 })?;
             let mut values = samples.into_f32();
             for (value, flag) in values.iter_mut().zip(flags) {
                 if flag & hidden != 0 {
@@ -106,7 +103,7 @@ pub(crate) fn build(
             Grid::new(dims, samples).and_then(|grid| grid.with_placement(spacing, origin, direction))
         }
         Places::Listed(coordinates) => {
-            let even = evenly(source, "coordinates", dims, samples, coordinates, budget)?;
+            let even = evenly(source, "coordinates", dims, samples, coordinates, origin.budget)?;
             notes.extend(even.note);
             Grid::new(even.dims, even.samples).and_then(|grid| {
                 grid.with_placement(even.steps.abs(), even.origin, DMat3::from_diagonal(even.steps.signum()))
@@ -114,13 +111,7 @@ pub(crate) fn build(
         }
     }
     .map_err(located)?;
-    let warning = arrays::coarse(grid.range(), &arrays[index]);
-    let mut loaded = Loaded::new(format, grid);
-    loaded.report.shown = Some(arrays::describe(&arrays[index], pick));
-    loaded.report.arrays = arrays;
-    loaded.report.notes = notes;
-    loaded.report.warnings.extend(warning);
-    Ok(loaded)
+    Ok(origin.loaded(Data::Grid(grid), chosen, notes))
 }
 
 /// Returns the lattice of the cell centres.

@@ -1,4 +1,4 @@
-//! From solid cells and an array to a tetrahedral mesh.
+//! From an unstructured data set to a tetrahedral mesh, or to points if it has no cells with volume.
 
 use std::collections::{BTreeMap, TryReserveError};
 use std::ops::Range;
@@ -6,13 +6,12 @@ use std::ops::Range;
 use glam::DVec3;
 
 use crate::error::Result;
-use crate::io::build::arrays::{self, Association, Choice, coarse, describe};
-use crate::io::build::cells::{Counts, check_supported, flat};
-use crate::io::build::dataset::Dataset;
-use crate::io::build::origin::{Origin, ReadArray, ghosts};
+use crate::io::build::arrays::{self, Association, Choice};
+use crate::io::build::dataset::{Counts, Dataset, check_points, check_supported, flat};
+use crate::io::build::origin::Origin;
+use crate::io::build::points::points;
 use crate::io::file::budget::Budget;
 use crate::io::file::source::Source;
-use crate::io::options::ReadOptions;
 use crate::io::report::Loaded;
 use crate::num;
 use crate::scene::{CellKind, Data, Orientation, TetScalars, Tets};
@@ -20,19 +19,29 @@ use crate::scene::{CellKind, Data, Orientation, TetScalars, Tets};
 /// VTK's flags of ghost cells: duplicate of a cell in another piece, or hidden.
 const DUPLICATE_OR_HIDDEN: u8 = 1 | 32;
 
+impl Dataset {
+    /// Builds a mesh of the cells with volume, or points if there are none.
+    pub(crate) fn build(self, origin: Origin) -> Result<Loaded> {
+        self.check(origin.source)?;
+        let mut counts = Counts::new();
+        for &kind in &self.types {
+            *counts.entry(kind).or_insert(0) += 1;
+        }
+        if counts.keys().any(|&number| CellKind::of_vtk(number).is_some()) {
+            mesh(self, &counts, origin)
+        } else {
+            check_points(origin.source, &counts)?;
+            points(self.points, origin)
+        }
+    }
+}
+
 /// Builds a mesh of the cells that have a volume, with the chosen array as its scalars.
 ///
 /// Cells that are no tetrahedra are cut into some: faces between cells match also where points coincide. Cells without
 /// volume and ghost cells are left out, with a note.
-pub(crate) fn build(
-    dataset: Dataset,
-    counts: &Counts,
-    origin: Origin,
-    budget: &mut Budget,
-    read: &mut ReadArray,
-    options: &ReadOptions,
-) -> Result<Loaded> {
-    let Origin { source, format, arrays } = origin;
+fn mesh(dataset: Dataset, counts: &Counts, mut origin: Origin) -> Result<Loaded> {
+    let Origin { source, options, .. } = origin;
     options.check_kernels("a mesh").map_err(|error| error.in_file(source.path()))?;
     let mut notes = Vec::new();
     let mut warnings = Vec::new();
@@ -41,33 +50,34 @@ pub(crate) fn build(
     if surface > 0 {
         notes.push(format!("{surface} cells without volume (surfaces, lines, vertices) left out"));
     }
-    let ghosts = ghosts(&arrays, Association::Cell, dataset.types.len(), budget, read)?;
+    let ghosts = origin.ghosts(Association::Cell, dataset.types.len())?;
 
-    let chosen = arrays::choose(source, &arrays, options.array.as_deref())?;
+    let chosen = arrays::choose(source, &origin.arrays, options.array.as_deref())?;
     let Some(Choice { index, pick }) = chosen else {
         return Err(source.error("arrays", "none: a mesh needs point or cell data to show"));
     };
-    let association = arrays[index].association;
+    let association = origin.arrays[index].association;
     let per_tuple = match association {
         Association::Point => dataset.points.len(),
         Association::Cell => dataset.types.len(),
     };
-    budget.take("arrays", num::wide(per_tuple).saturating_mul(4))?;
-    let values = read(index, pick)?.into_f32();
+    origin.budget.take("arrays", num::wide(per_tuple).saturating_mul(4))?;
+    let values = (origin.read)(index, pick)?.into_f32();
     if values.len() != per_tuple {
         let rule = format!("{} tuples: {per_tuple} are needed", values.len());
-        return Err(source.error(format!("array {}", arrays[index]), rule));
+        return Err(source.error(format!("array {}", origin.arrays[index]), rule));
     }
 
-    let mut cutter = Cutter::new(source, dataset, counts, association, values, budget)?;
+    let mut cutter = Cutter::new(source, dataset, counts, association, values, origin.budget)?;
     cutter.cut_all(ghosts.as_deref())?;
     cutter.describe(&mut notes, &mut warnings);
-    let Cutter { points, tets, values, cell_values, .. } = cutter;
+    let Cutter { data, tets, values, cell_values, .. } = cutter;
     let scalars = match association {
         Association::Point => TetScalars::Point(values),
         Association::Cell => TetScalars::Cell(cell_values),
     };
-    let (mesh, mended) = Tets::new(points, tets, scalars).map_err(|error| error.in_file(source.path()))?;
+    let mesh = Tets::new(data.points, tets, scalars);
+    let (mesh, mended) = mesh.map_err(|error| error.in_file(source.path()))?;
     for (count, what) in [
         (mended.reoriented, "tetrahedra were inside out and were reoriented"),
         (mended.flat, "tetrahedra without volume left out"),
@@ -78,12 +88,8 @@ pub(crate) fn build(
             notes.push(format!("{count} {what}"));
         }
     }
-    warnings.extend(coarse(mesh.range(), &arrays[index]));
-    let mut loaded = Loaded::new(format, Data::Mesh(mesh));
-    loaded.report.shown = Some(describe(&arrays[index], pick));
-    loaded.report.arrays = arrays;
-    loaded.report.notes = notes;
-    loaded.report.warnings = warnings;
+    let mut loaded = origin.loaded(Data::Mesh(mesh), chosen, notes);
+    loaded.report.warnings.splice(0..0, warnings);
     Ok(loaded)
 }
 
@@ -91,12 +97,8 @@ pub(crate) fn build(
 struct Cutter<'a> {
     source: &'a Source,
     association: Association,
-    /// The points of the data set, then the new centres of cells.
-    points: Vec<DVec3>,
-    /// Types, ends and nodes of the cells, as in [`Dataset`].
-    types: Vec<u8>,
-    ends: Vec<u32>,
-    nodes: Vec<u32>,
+    /// The points of the data set, followed by the new centres of cells, and the cells.
+    data: Dataset,
     /// The rank of each point; empty if all cells are tetrahedra.
     ranks: Vec<u32>,
     /// Scalars of points, or of the cells of the data set.
@@ -113,7 +115,7 @@ impl<'a> Cutter<'a> {
     /// Takes memory from the budget and allocates it.
     fn new(
         source: &'a Source,
-        dataset: Dataset,
+        mut data: Dataset,
         counts: &Counts,
         association: Association,
         mut values: Vec<f32>,
@@ -127,52 +129,34 @@ impl<'a> Cutter<'a> {
             })
             .fold(0, u64::saturating_add);
         budget.take("cells", most.saturating_mul(if association == Association::Cell { 24 } else { 16 }))?;
-        let Dataset { mut points, types, ends, nodes } = dataset;
-        let split = counts
-            .keys()
-            .any(|&number| !matches!(CellKind::of_vtk(number), None | Some(CellKind::Tetrahedron)));
-        let ranks = if split {
-            budget.take("points", num::wide(points.len()).saturating_mul(8))?;
-            ranks(&points)
+        let split = |&number: &u8| !matches!(CellKind::of_vtk(number), None | Some(CellKind::Tetrahedron));
+        let ranks = if counts.keys().any(split) {
+            budget.take("points", num::wide(data.points.len()).saturating_mul(8))?;
+            ranks(&data.points)
         } else {
             Vec::new()
         };
-        let centres: usize =
-            types.iter().filter(|&&n| CellKind::of_vtk(n).is_some_and(|k| k.centre().is_some())).count();
+        let has_centre = |number: u8| CellKind::of_vtk(number).is_some_and(|kind| kind.centre().is_some());
+        let centres = data.types.iter().filter(|&&number| has_centre(number)).count();
         budget.take("points", num::wide(centres).saturating_mul(28))?;
 
         let full = |_: TryReserveError| source.error("cells", "memory is full");
         let most = usize::try_from(most).unwrap_or(usize::MAX);
-        let mut tets: Vec<[u32; 4]> = Vec::new();
-        let mut cell_values = Vec::new();
+        let (mut tets, mut cell_values, made) = (Vec::new(), Vec::new(), BTreeMap::new());
         tets.try_reserve_exact(most).map_err(full)?;
-        points.try_reserve_exact(centres).map_err(full)?;
+        data.points.try_reserve_exact(centres).map_err(full)?;
         match association {
             Association::Point => values.try_reserve_exact(centres).map_err(full)?,
             Association::Cell => cell_values.try_reserve_exact(most).map_err(full)?,
         }
-        let made = BTreeMap::new();
-        Ok(Self {
-            source,
-            association,
-            points,
-            types,
-            ends,
-            nodes,
-            ranks,
-            values,
-            tets,
-            cell_values,
-            made,
-            ghosts: 0,
-        })
+        Ok(Self { source, association, data, ranks, values, tets, cell_values, made, ghosts: 0 })
     }
 
     /// Cuts every cell with a volume, except ghost cells.
     fn cut_all(&mut self, ghosts: Option<&[u8]>) -> Result<()> {
         let mut begin = 0;
-        for cell in 0..self.types.len() {
-            let (end, number) = (self.ends[cell], self.types[cell]);
+        for cell in 0..self.data.types.len() {
+            let (end, number) = (self.data.ends[cell], self.data.types[cell]);
             let own = num::index(begin)..num::index(end);
             begin = end;
             let Some(kind) = CellKind::of_vtk(number) else { continue };
@@ -182,13 +166,14 @@ impl<'a> Cutter<'a> {
             }
             self.cut(cell, number, kind, own)?;
         }
-        (self.types, self.ends, self.nodes, self.ranks) = Default::default();
+        let points = std::mem::take(&mut self.data.points);
+        (self.data, self.ranks) = (Dataset { points, ..Dataset::default() }, Vec::new());
         Ok(())
     }
 
     /// Cuts one cell; `own` is its range of nodes.
     fn cut(&mut self, cell: usize, number: u8, kind: CellKind, own: Range<usize>) -> Result<()> {
-        let Self { source, points, nodes, ranks, values, tets, .. } = self;
+        let Self { source, data: Dataset { points, nodes, .. }, ranks, values, tets, .. } = self;
         let own = &nodes[own];
         let before = tets.len();
         let mut centre = 0;
@@ -289,3 +274,6 @@ fn ranks(points: &[DVec3]) -> Vec<u32> {
     }
     ranks
 }
+
+#[cfg(test)]
+mod tests;

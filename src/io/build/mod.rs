@@ -4,7 +4,6 @@
 //! They use `file` and `scene`; `formats` use them.
 
 pub(crate) mod arrays;
-pub(crate) mod cells;
 pub(crate) mod columns;
 pub(crate) mod dataset;
 pub(crate) mod file_names;
@@ -13,5 +12,4 @@ pub(crate) mod mesh;
 pub(crate) mod origin;
 pub(crate) mod points;
 pub(crate) mod resample;
-pub(crate) mod unstructured;
 pub(crate) mod volume;

@@ -73,17 +73,14 @@ pub(crate) fn evenly(
             continue;
         }
         let wanted = (((last - first) * sign) / least * (1.0 - 1e-9)).ceil();
+        let [least, most] = [least, most].map(short);
         if wanted > MOST_GROWTH * intervals {
-            let [least, most] = [least, most].map(short);
-            return Err(at(format!(
-                "gaps from {least} to {most}: an even lattice would need {wanted} samples instead of {intervals}; \
-                 resample the data first"
-            )));
+            let rule = format!("an even lattice would need {wanted} samples instead of {intervals}");
+            return Err(at(format!("gaps from {least} to {most}: {rule}; resample the data first")));
         }
         uneven[axis] = true;
         steps[axis] = (last - first) / wanted;
         counts[axis] = num::u32_of(wanted) + 1;
-        let [least, most] = [least, most].map(short);
         notes.push(format!(
             "{letter}: gaps from {least} to {most}, resampled linearly from {} to {} samples",
             dims[axis], counts[axis]
@@ -95,10 +92,8 @@ pub(crate) fn evenly(
     let before: f64 = dims.iter().map(|&n| f64::from(n)).product();
     let after: f64 = counts.iter().map(|&n| f64::from(n)).product();
     if after > MOST_GROWTH * before {
-        return Err(source.error(
-            place,
-            format!("uneven: an even lattice would have {counts:?} samples instead of {dims:?}; resample the data first"),
-        ));
+        let rule = format!("{counts:?} samples instead of {dims:?}; resample the data first");
+        return Err(source.error(place, format!("uneven: an even lattice would have {rule}")));
     }
     // Axes are resampled one after another; the largest pass holds its input and its output.
     budget.take(place, num::u64_of(after * 8.0))?;

@@ -4,6 +4,8 @@ use std::collections::TryReserveError;
 use std::io::{ErrorKind, Read};
 use std::ops::Range;
 
+use glam::DVec3;
+
 use crate::io::file::sample_type::{Endian, Pick, SampleType, by_type};
 use crate::num;
 use crate::scene::Samples;
@@ -118,65 +120,91 @@ pub(crate) fn append_f64(
     endian: Endian,
     values: &mut Vec<f64>,
 ) -> std::io::Result<()> {
+    append_wide(reader, count, 1, (kind, endian), |tuple| tuple[0], values)
+}
+
+/// Reads `count` points, three numbers each, and appends them.
+pub(crate) fn append_points(
+    reader: &mut dyn Read,
+    count: usize,
+    kind: SampleType,
+    endian: Endian,
+    points: &mut Vec<DVec3>,
+) -> std::io::Result<()> {
+    append_wide(reader, count, 3, (kind, endian), DVec3::from_slice, points)
+}
+
+/// Reads `count` tuples as 64-bit floats and appends a value for each.
+fn append_wide<V>(
+    reader: &mut dyn Read,
+    count: usize,
+    components: usize,
+    (kind, endian): (SampleType, Endian),
+    value: impl Fn(&[f64]) -> V,
+    values: &mut Vec<V>,
+) -> std::io::Result<()> {
     values.try_reserve_exact(count).map_err(|_| ErrorKind::OutOfMemory)?;
     macro_rules! wide {
         ($type:ty) => {{
             let number = |bytes| <$type>::from_le_bytes(endian.to_little(bytes)) as f64;
-            convert(reader, count, 1, number, |tuple| tuple[0], values)
+            convert(reader, count, components, number, value, values)
         }};
     }
     by_type!(kind, wide)
 }
 
-/// Reads `count` whole numbers from 0 to 2^32 - 2 and appends them: indices, offsets and types.
+/// Reads `count` whole numbers from 0 to 2^32 - 2 and passes them on: indices, offsets and types.
 ///
 /// # Errors
 ///
-/// As [`append`]; [`ErrorKind::InvalidData`] with the number that is out of range, or if the type is a float.
-pub(crate) fn append_indices(
+/// As [`append`]; [`ErrorKind::InvalidData`] with the number that is out of range, with the rule that `each` refuses a
+/// number by, or if the type is a float.
+pub(crate) fn each_index(
     reader: &mut dyn Read,
     count: usize,
     kind: SampleType,
     endian: Endian,
-    values: &mut Vec<u32>,
+    each: &mut dyn FnMut(u32) -> std::result::Result<(), String>,
 ) -> std::io::Result<()> {
-    values.try_reserve_exact(count).map_err(|_| ErrorKind::OutOfMemory)?;
+    /// The number of indices read before a wrong one ends reading.
+    const SOME: usize = 1 << 13;
     let mut wrong = None;
     macro_rules! whole {
-        ($type:ty) => {{
+        ($type:ty, $count:expr) => {{
             let number = |bytes| <$type>::from_le_bytes(endian.to_little(bytes));
-            let mut index = |tuple: &[$type]| {
-                u32::try_from(tuple[0]).ok().filter(|&i| i < u32::MAX).unwrap_or_else(|| {
-                    wrong.get_or_insert_with(|| tuple[0].to_string());
-                    0
-                })
+            let pass = |tuple: &[$type]| {
+                let index = u32::try_from(tuple[0]).ok().filter(|&i| i < u32::MAX);
+                let rule = || format!("{}: must be from 0 to {}", tuple[0], u32::MAX - 1);
+                if wrong.is_none() {
+                    wrong = index.ok_or_else(rule).and_then(&mut *each).err();
+                }
             };
-            convert(reader, count, 1, number, &mut index, values)
+            convert(reader, $count, 1, number, pass, &mut Vec::new())
         }};
     }
-    match kind {
-        SampleType::U8 => whole!(u8),
-        SampleType::I8 => whole!(i8),
-        SampleType::U16 => whole!(u16),
-        SampleType::I16 => whole!(i16),
-        SampleType::U32 => whole!(u32),
-        SampleType::I32 => whole!(i32),
-        SampleType::U64 => whole!(u64),
-        SampleType::I64 => whole!(i64),
-        SampleType::F32 | SampleType::F64 => {
-            return Err(std::io::Error::new(
-                ErrorKind::InvalidData,
-                format!("type {}: indices are whole numbers", kind.name()),
-            ));
+    let mut left = count;
+    while left > 0 {
+        let some = left.min(SOME);
+        match kind {
+            SampleType::U8 => whole!(u8, some),
+            SampleType::I8 => whole!(i8, some),
+            SampleType::U16 => whole!(u16, some),
+            SampleType::I16 => whole!(i16, some),
+            SampleType::U32 => whole!(u32, some),
+            SampleType::I32 => whole!(i32, some),
+            SampleType::U64 => whole!(u64, some),
+            SampleType::I64 => whole!(i64, some),
+            SampleType::F32 | SampleType::F64 => {
+                let rule = format!("type {}: indices are whole numbers", kind.name());
+                Err(std::io::Error::new(ErrorKind::InvalidData, rule))
+            }
+        }?;
+        if let Some(rule) = wrong {
+            return Err(std::io::Error::new(ErrorKind::InvalidData, rule));
         }
-    }?;
-    match wrong {
-        Some(number) => {
-            let rule = format!("{number}: must be from 0 to {}", u32::MAX - 1);
-            Err(std::io::Error::new(ErrorKind::InvalidData, rule))
-        }
-        None => Ok(()),
+        left -= some;
     }
+    Ok(())
 }
 
 /// A reader of the bytes of numbers that are converted one by one. `next` returns the bytes of the next number and how
@@ -302,7 +330,11 @@ mod tests {
         let read = |bytes: &[u8], kind| {
             let mut values = Vec::new();
             let count = bytes.len() / usize::try_from(kind_bytes(kind)).unwrap();
-            append_indices(&mut &*bytes, count, kind, Endian::Little, &mut values).map(|()| values)
+            each_index(&mut &*bytes, count, kind, Endian::Little, &mut |index| {
+                values.push(index);
+                if index == 7 { Err("7 is refused".to_owned()) } else { Ok(()) }
+            })
+            .map(|()| values)
         };
         fn kind_bytes(kind: SampleType) -> u64 {
             kind.bytes()
@@ -310,6 +342,7 @@ mod tests {
         assert_eq!(read(&[1, 0, 2, 0], SampleType::U16).unwrap(), [1, 2]);
         assert!(read(&(-1_i64).to_le_bytes(), SampleType::I64).unwrap_err().to_string().contains("-1"));
         assert!(read(&u64::MAX.to_le_bytes(), SampleType::U64).is_err());
+        assert_eq!(read(&[6, 7, 8], SampleType::U8).unwrap_err().to_string(), "7 is refused");
         assert!(read(&1_f32.to_le_bytes(), SampleType::F32).is_err());
     }
 }

@@ -1,6 +1,6 @@
 //! A scanner of lines, words, numbers and binary blocks that tracks its line and byte position.
 
-use std::io::{BufRead, ErrorKind, Read};
+use std::io::{self, ErrorKind, Read};
 use std::str::FromStr;
 
 use crate::error::{Error, Result};
@@ -19,7 +19,7 @@ const MAX_WORD: usize = 256;
 /// A stream of lines, words and binary blocks that tracks its position.
 pub(crate) struct Scanner<'a> {
     source: &'a Source,
-    reader: Box<dyn BufRead + 'a>,
+    reader: Box<dyn io::BufRead + 'a>,
     /// Lines read.
     line: u64,
     /// Bytes read since the start of the stream.
@@ -39,7 +39,7 @@ impl<'a> Scanner<'a> {
     }
 
     /// Scans any stream that belongs to the file. `most` bounds its length.
-    pub(crate) fn of(source: &'a Source, reader: impl BufRead + 'a, most: u64) -> Self {
+    pub(crate) fn of(source: &'a Source, reader: impl io::BufRead + 'a, most: u64) -> Self {
         Self {
             source,
             reader: Box::new(reader),
@@ -70,16 +70,15 @@ impl<'a> Scanner<'a> {
 
     /// Moves to another offset of the decompressed file, before which there are `line` lines. A compressed file is
     /// decompressed from its beginning only to move backwards.
-    pub(crate) fn go_on(mut self, offset: u64, line: u64) -> Result<Self> {
+    pub(crate) fn go_on(&mut self, offset: u64, line: u64) -> Result<()> {
         /// The distance up to which reading on is no slower than opening a new stream.
         const NEAR: u64 = 1 << 16;
         match offset.checked_sub(self.position) {
-            Some(gap) if self.source.is_gzip() || gap <= NEAR => {
-                self.skip(gap)?;
-                Ok(self.after_lines(line))
-            }
-            _ => Self::resume(self.source, offset, line),
+            Some(gap) if self.source.is_gzip() || gap <= NEAR => self.skip(gap)?,
+            _ => *self = Self::resume(self.source, offset, line)?,
         }
+        self.line = line;
+        Ok(())
     }
 
     pub(crate) fn source(&self) -> &'a Source {
@@ -376,6 +375,16 @@ impl Read for Scanner<'_> {
     }
 }
 
+impl io::BufRead for Scanner<'_> {
+    fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
+        if self.ahead.is_empty() { self.reader.fill_buf() } else { Ok(&self.ahead) }
+    }
+
+    fn consume(&mut self, bytes: usize) {
+        self.advance(bytes);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -491,7 +500,7 @@ mod tests {
             assert_eq!(s.word().unwrap(), Some("end"));
             assert_eq!((s.position(), s.lines()), (18, 2));
             for (place, word) in [(18, None), (4, Some("$a$ab")), (6, Some("$ab")), (0, Some("one"))] {
-                s = s.go_on(place, 7).unwrap();
+                s.go_on(place, 7).unwrap();
                 assert_eq!((s.position(), s.lines()), (place, 7));
                 assert_eq!(s.word().unwrap(), word);
             }

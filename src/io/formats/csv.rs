@@ -90,8 +90,9 @@ impl Reader for Csv {
             })?;
             Ok(Samples::F32(values))
         };
-        let origin = Origin { source, format: self.name(), arrays };
-        let mut loaded = points::points(points, origin, &mut budget, &mut read, options)?;
+        let (budget, read) = (&mut budget, &mut read);
+        let origin = Origin { source, format: self.name(), arrays, options, budget, read };
+        let mut loaded = points::points(points, origin)?;
         loaded.report.notes.splice(0..0, table.notes());
         loaded.report.warnings.extend(table.warnings());
         Ok(loaded)

@@ -11,7 +11,6 @@
 //!
 //! Other sections (`$Periodic`, `$InterpolationScheme`, unknown ones) are skipped.
 
-mod cells;
 mod elements;
 mod file;
 mod mesh_sections;
@@ -23,14 +22,13 @@ mod views;
 use std::collections::BTreeSet;
 
 use crate::error::Result;
-use crate::io::build::arrays::{ArrayInfo, Association};
+use crate::io::build::arrays::{ArrayInfo, Association, readings};
 use crate::io::build::dataset::Dataset;
 use crate::io::build::origin::Origin;
 use crate::io::file::budget::Budget;
 use crate::io::file::sample_type::{Pick, SampleType};
 use crate::io::file::source::Source;
-use crate::io::formats::gmsh::cells::Cells;
-use crate::io::formats::gmsh::file::{File, PHYSICAL};
+use crate::io::formats::gmsh::file::{Cells, File, PHYSICAL};
 use crate::io::formats::gmsh::tags::Tags;
 use crate::io::formats::gmsh::views::View;
 use crate::io::options::ReadOptions;
@@ -59,7 +57,7 @@ impl Reader for Gmsh {
 
     fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
         let mut budget = Budget::new(source, options);
-        let file = File::read(source, &mut budget)?;
+        let file = File::read(source, &budget)?;
         let File { format, points, nodes, cells, views, left_out, names, notes, .. } = file;
         if let Some(wanted) = &options.array {
             refuse_left_out(source, wanted, &views, &left_out)?;
@@ -68,7 +66,7 @@ impl Reader for Gmsh {
         let solid = |cell: usize| CellKind::of_vtk(mesh.types[cell]).is_some();
         let solids = (0..mesh.types.len()).filter(|&cell| solid(cell)).count();
         let groups = (0..physical.len()).any(|cell| physical[cell] != 0 && solid(cell));
-        let of_cells = views.iter().any(|view| view.association == Association::Cell);
+        let of_cells = views.iter().any(|view| view.info.association == Association::Cell);
         let taken = num::wide(elements.len()).saturating_mul(Tags::BYTES);
         let elements = if of_cells { Tags::new(source, "element", elements)? } else { Tags::none() };
         budget.put_back(taken.saturating_sub(elements.bytes()));
@@ -79,7 +77,7 @@ impl Reader for Gmsh {
             Vec::new()
         };
 
-        let mut arrays: Vec<ArrayInfo> = views.iter().map(|view| view.info(format.real)).collect();
+        let mut arrays: Vec<ArrayInfo> = views.iter().map(|view| view.info.clone()).collect();
         if groups {
             arrays.push(ArrayInfo {
                 name: PHYSICAL.to_owned(),
@@ -100,41 +98,37 @@ impl Reader for Gmsh {
                     physical.iter().map(|&group| num::f32_of(f64::from(group))).collect(),
                 ));
             };
-            let (tags, count) = match view.association {
+            let (tags, count) = match view.info.association {
                 Association::Point => (&nodes, counts.0),
                 Association::Cell => (&elements, counts.1),
             };
             let filled = view.read(source, format, tags, count, pick)?;
-            let (what, missing, all) = match view.association {
+            let (what, missing, all) = match view.info.association {
                 Association::Point => ("nodes", filled.missing(|_| true), count),
                 Association::Cell => ("solid elements", filled.missing(|cell| solid[cell]), solids),
             };
-            let name = &view.name;
+            let name = &view.info.name;
             if missing > 0 {
                 warnings.insert(format!("{name}: {missing} of {all} {what} have no value: they are NaN"));
             }
-            if filled.strange > 0 {
-                warnings.insert(format!(
-                    "{name}: {} values belong to no node or element in this file",
-                    filled.strange
-                ));
-            }
-            if filled.again > 0 {
-                warnings.insert(format!(
-                    "{name}: {} values are given more than once: the last one is used",
-                    filled.again
-                ));
+            for (count, what) in [
+                (filled.strange, "values belong to no node or element in this file"),
+                (filled.again, "values are given more than once: the last one is used"),
+            ] {
+                if count > 0 {
+                    warnings.insert(format!("{name}: {count} {what}"));
+                }
             }
             if view.scheme {
-                warnings.insert(format!(
-                    "{name}: has an interpolation scheme: between nodes it is interpolated linearly anyway"
-                ));
+                let rule = "has an interpolation scheme: between nodes it is interpolated linearly anyway";
+                warnings.insert(format!("{name}: {rule}"));
             }
             Ok(Samples::F32(filled.values))
         };
         let dataset = Dataset { points, ..mesh };
-        let origin = Origin { source, format: self.name(), arrays };
-        let mut loaded = dataset.build(origin, &mut budget, &mut read, options)?;
+        let (budget, read) = (&mut budget, &mut read);
+        let origin = Origin { source, format: self.name(), arrays, options, budget, read };
+        let mut loaded = dataset.build(origin)?;
         let report = &mut loaded.report;
         report.notes.splice(0..0, notes);
         if groups {
@@ -147,17 +141,15 @@ impl Reader for Gmsh {
 
 /// Refuses a selected array that is element-node data.
 fn refuse_left_out(source: &Source, wanted: &str, views: &[View], left_out: &BTreeSet<String>) -> Result<()> {
-    let bare = wanted.strip_prefix("point:").or_else(|| wanted.strip_prefix("cell:")).unwrap_or(wanted);
-    let names = [Some(wanted), Some(bare), bare.rsplit_once(':').map(|(name, _)| name)];
-    for name in names.into_iter().flatten() {
-        if views.iter().any(|view| view.name == name) || name == PHYSICAL {
+    let names =
+        readings(wanted).flat_map(|(_, name)| [Some(name), name.rsplit_once(':').map(|(name, _)| name)]);
+    for name in names.flatten() {
+        if views.iter().any(|view| view.info.name == name) || name == PHYSICAL {
             return Ok(());
         }
         if left_out.contains(name) {
-            return Err(source.error(
-                format!("array \"{name}\""),
-                "is $ElementNodeData: values of nodes that differ between elements are not supported",
-            ));
+            let rule = "is $ElementNodeData: values of nodes that differ between elements are not supported";
+            return Err(source.error(format!("array \"{name}\""), rule));
         }
     }
     Ok(())

@@ -89,8 +89,9 @@ impl Reader for Ply {
             })?;
             Ok(Samples::F32(values))
         };
-        let origin = Origin { source, format: self.name(), arrays };
-        let mut loaded = points::points(points, origin, &mut budget, &mut read, options)?;
+        let (budget, read) = (&mut budget, &mut read);
+        let origin = Origin { source, format: self.name(), arrays, options, budget, read };
+        let mut loaded = points::points(points, origin)?;
         loaded.report.notes.splice(0..0, notes);
         Ok(loaded)
     }

@@ -17,30 +17,33 @@
 
 mod cells;
 mod contents;
-mod file;
 mod grids;
 mod keywords;
 mod stored;
 mod walk;
 mod walk_arrays;
-mod walk_keywords;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::io::build::arrays::Association;
+use crate::io::build::dataset::Dataset;
+use crate::io::build::lattice::{self, Places};
+use crate::io::build::origin::Origin;
+use crate::io::build::points::keep;
 use crate::io::file::budget::Budget;
 use crate::io::file::source::Source;
-use crate::io::formats::vtk_legacy::contents::Kind;
-use crate::io::formats::vtk_legacy::file::{File, NAME};
+use crate::io::formats::vtk_legacy::contents::{Contents, Kind};
 use crate::io::formats::vtk_legacy::keywords::MAGIC;
 use crate::io::formats::vtk_legacy::walk::Walk;
 use crate::io::options::ReadOptions;
 use crate::io::reader::Reader;
 use crate::io::report::Loaded;
+use crate::scene::Samples;
 
 pub(crate) struct VtkLegacy;
 
 impl Reader for VtkLegacy {
     fn name(&self) -> &'static str {
-        NAME
+        "VTK legacy"
     }
 
     fn extensions(&self) -> &'static [&'static str] {
@@ -54,30 +57,83 @@ impl Reader for VtkLegacy {
     fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
         let contents = Walk::over(source)?;
         let budget = Budget::new(source, options);
-        File { source, options, budget, contents, shown: None }.read()
+        let mut file = File { source, options, budget, contents, shown: None };
+        let mut loaded = match file.contents.kind {
+            Kind::StructuredPoints => {
+                let places = file.structured_points();
+                file.lattice(places)
+            }
+            Kind::RectilinearGrid => {
+                let places = file.rectilinear()?;
+                file.lattice(places)
+            }
+            Kind::StructuredGrid => file.structured_grid(),
+            Kind::UnstructuredGrid => file.unstructured_grid(),
+            Kind::PolyData => file.poly_data(),
+        }?;
+        // Notes of the first pass come first.
+        loaded.report.notes.splice(0..0, file.contents.notes);
+        loaded.report.warnings.splice(0..0, file.contents.warnings);
+        Ok(loaded)
     }
 }
 
+/// A file after its first pass.
+struct File<'a> {
+    source: &'a Source,
+    options: &'a ReadOptions,
+    budget: Budget<'a>,
+    contents: Contents,
+    /// Whether each cell of the file is kept, if some are dropped.
+    shown: Option<Vec<bool>>,
+}
+
 impl File<'_> {
-    pub(crate) fn read(mut self) -> Result<Loaded> {
-        let mut loaded = match self.contents.kind {
-            Kind::StructuredPoints => {
-                let places = self.structured_points();
-                self.lattice(places)
+    fn missing(&self, keyword: &str) -> Error {
+        self.source.error(keyword, format!("missing: {} needs it", self.contents.kind.name()))
+    }
+
+    /// Returns the dimensions, and the numbers of points and cells that follow.
+    fn dims(&self) -> Result<([u32; 3], u64, u64)> {
+        let dims = self.contents.dims.ok_or_else(|| self.missing("DIMENSIONS"))?;
+        let [x, y, z] = dims;
+        let product = |dims: [u32; 3]| dims.iter().try_fold(1_u64, |n, &d| n.checked_mul(u64::from(d)));
+        let points = product(dims).ok_or_else(|| {
+            self.source.error("DIMENSIONS", format!("{x} x {y} x {z}: more points than 64 bits can count"))
+        })?;
+        // A grid of one layer has flat cells.
+        let cells = product(dims.map(|d| d.saturating_sub(1).max(1))).unwrap_or(u64::MAX);
+        Ok((dims, points, cells))
+    }
+
+    /// Passes the arrays of the file, its memory and the function that reads an array to a builder.
+    fn build(&mut self, build: impl FnOnce(Origin) -> Result<Loaded>) -> Result<Loaded> {
+        let (source, shown, arrays) = (self.source, self.shown.as_deref(), &self.contents.arrays);
+        let mut read = |index: usize, pick| {
+            let (info, stored) = &arrays[index];
+            let mut samples = stored.samples(source, pick)?;
+            if let Some(shown) = shown.filter(|_| info.association == Association::Cell) {
+                match &mut samples {
+                    Samples::U8(list) => keep(list, shown),
+                    Samples::U16(list) => keep(list, shown),
+                    Samples::I16(list) => keep(list, shown),
+                    Samples::F32(list) => keep(list, shown),
+                }
             }
-            Kind::RectilinearGrid => {
-                let places = self.rectilinear()?;
-                self.lattice(places)
-            }
-            Kind::StructuredGrid => self.structured_grid(),
-            Kind::UnstructuredGrid => self.unstructured_grid(),
-            Kind::PolyData => self.poly_data(),
-        }?;
-        // Notes of the first pass come first.
-        self.contents.notes.append(&mut loaded.report.notes);
-        self.contents.warnings.append(&mut loaded.report.warnings);
-        loaded.report.notes = self.contents.notes;
-        loaded.report.warnings = self.contents.warnings;
-        Ok(loaded)
+            Ok(samples)
+        };
+        let arrays = arrays.iter().map(|(info, _)| info.clone()).collect();
+        let (options, budget, read) = (self.options, &mut self.budget, &mut read);
+        build(Origin { source, format: VtkLegacy.name(), arrays, options, budget, read })
+    }
+
+    fn lattice(&mut self, places: Places) -> Result<Loaded> {
+        let (dims, points, cells) = self.dims()?;
+        self.contents.fit(self.source, points, cells)?;
+        self.build(|origin| lattice::build(origin, dims, places))
+    }
+
+    fn dataset(&mut self, dataset: Dataset) -> Result<Loaded> {
+        self.build(|origin| dataset.build(origin))
     }
 }

@@ -8,26 +8,32 @@ mod attributes;
 mod blocks;
 mod bytes;
 mod cells;
-mod cursor;
 mod document;
 mod fields;
-mod file;
 mod grid;
 mod parser;
-mod pieces;
 mod store;
-mod stream;
 
 use crate::error::Result;
+use crate::io::build::arrays::ArrayInfo;
 use crate::io::file::budget::Budget;
 use crate::io::file::source::Source;
 use crate::io::formats::vtk_xml::document::{Document, Kind};
 use crate::io::formats::vtk_xml::fields::Fields;
-use crate::io::formats::vtk_xml::file::File;
 use crate::io::formats::vtk_xml::store::Store;
 use crate::io::options::ReadOptions;
 use crate::io::reader::Reader;
 use crate::io::report::Loaded;
+
+/// A file whose structure has been read.
+struct File<'a> {
+    source: &'a Source,
+    document: Document,
+    store: Store<'a>,
+    arrays: Vec<ArrayInfo>,
+    budget: Budget<'a>,
+    notes: Vec<String>,
+}
 
 pub(crate) struct VtkXml;
 
@@ -48,28 +54,16 @@ impl Reader for VtkXml {
 
     fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
         let mut budget = Budget::new(source, options);
-        let mut document = Document::read(source, &mut budget)?;
-        let fields = Fields::of(source, &document)?;
-        fields.check(source, options)?;
-        let warnings = std::mem::take(&mut document.warnings);
-        let mut notes = fields.notes;
-        let mut file = File {
-            source,
-            store: Store::new(source, document.storage, budget.clone()),
-            document,
-            arrays: fields.arrays,
-            budget,
-            notes: Vec::new(),
-        };
-        let format = self.name();
+        let document = Document::read(source, &mut budget)?;
+        let Fields { arrays, notes, .. } = Fields::of(source, &document, options)?;
+        let store = Store::new(source, document.storage, budget.clone());
+        let mut file = File { source, document, store, arrays, budget, notes };
         let mut loaded = match file.document.kind {
-            Kind::Image | Kind::Rectilinear => file.lattice(format, options),
-            Kind::Unstructured => file.cells(format, options),
+            Kind::Image | Kind::Rectilinear => file.lattice(options),
+            Kind::Unstructured => file.cells(options),
         }?;
-        notes.append(&mut file.notes);
-        notes.append(&mut loaded.report.notes);
-        loaded.report.notes = notes;
-        loaded.report.warnings.splice(0..0, warnings);
+        loaded.report.notes.splice(0..0, file.notes);
+        loaded.report.warnings.splice(0..0, file.document.warnings);
         Ok(loaded)
     }
 }

@@ -48,12 +48,9 @@ pub fn write_nrrd(path: impl AsRef<Path>, grid: &Grid) -> Result<Option<String>>
     })?;
     let Rescale { slope, intercept } = grid.rescale();
     Ok(rescaled.then(|| {
-        format!("values written as {}: {slope} * stored ({}) + {intercept}", kind.name(), type_name(grid))
+        let stored = grid.samples().type_name();
+        format!("values written as {}: {slope} * stored ({stored}) + {intercept}", kind.name())
     }))
-}
-
-fn type_name(grid: &Grid) -> &'static str {
-    grid.samples().type_name()
 }
 
 fn kind_of(samples: &Samples) -> SampleType {

@@ -62,16 +62,26 @@ struct Array<'a> {
     put: Put<'a>,
 }
 
+impl<'a> Array<'a> {
+    /// Makes an array of `[components, tuples, bytes of a tuple]`.
+    fn new(
+        name: impl Into<String>,
+        kind: &'static str,
+        [components, tuples, bytes]: [usize; 3],
+        put: impl Fn(Range<usize>, &mut Vec<u8>) + Sync + 'a,
+    ) -> Self {
+        Self { name: name.into(), kind, components, tuples, bytes, put: Box::new(put) }
+    }
+}
+
 /// The one piece of a file.
 struct Piece<'a> {
     points: usize,
     cells: usize,
+    /// The name of the active array; may be empty.
     active: String,
-    /// The arrays in their order in the file: point data, cell data, coordinates, topology.
-    point_data: Vec<Array<'a>>,
-    cell_data: Vec<Array<'a>>,
-    coordinates: Array<'a>,
-    topology: [Array<'a>; 3],
+    /// The elements of the piece and their arrays, in their order in the file.
+    sections: [(&'static str, Vec<Array<'a>>); 4],
 }
 
 fn of_mesh<'a>(mesh: &'a Tets, name: &str) -> Piece<'a> {
@@ -85,24 +95,16 @@ fn of_mesh<'a>(mesh: &'a Tets, name: &str) -> Piece<'a> {
         let all = mesh.cells()[range].iter().flatten();
         bytes.extend(all.flat_map(|&corner| i64::from(corner).to_le_bytes()));
     };
+    let corners = Array::new("connectivity", "Int64", [1, cells, 32], corners);
     Piece {
         points,
         cells,
         active: title(name),
-        point_data,
-        cell_data,
-        coordinates: coordinates(mesh.points()),
-        topology: [
-            Array {
-                name: "connectivity".into(),
-                kind: "Int64",
-                components: 1,
-                tuples: cells,
-                bytes: 32,
-                put: Box::new(corners),
-            },
-            offsets(cells, 4),
-            types(cells, 10),
+        sections: [
+            ("PointData", point_data),
+            ("CellData", cell_data),
+            ("Points", vec![coordinates(mesh.points())]),
+            ("Cells", vec![corners, counting("offsets", cells, 4, 4), types(cells, 10)]),
         ],
     }
 }
@@ -122,14 +124,7 @@ fn of_points<'a>(points: &'a Points, name: &str) -> Piece<'a> {
             let all = |range: Range<usize>, bytes: &mut Vec<u8>| {
                 bytes.extend(range.flat_map(|_| radius.to_le_bytes()));
             };
-            arrays.push(Array {
-                name: unused("radius", &arrays),
-                kind: "Float64",
-                components: 1,
-                tuples: count,
-                bytes: 8,
-                put: Box::new(all),
-            });
+            arrays.push(Array::new(unused("radius", &arrays), "Float64", [1, count, 8], all));
         }
         KernelSize::Radii(radii) => arrays.push(floats(unused("radius", &arrays), radii)),
         KernelSize::Covariances(all) => {
@@ -138,14 +133,7 @@ fn of_points<'a>(points: &'a Points, name: &str) -> Piece<'a> {
                 let row = |[xx, xy, xz, yy, yz, zz]: [f32; 6]| [xx, xy, xz, xy, yy, yz, xz, yz, zz];
                 bytes.extend(all[range].iter().flat_map(|&c| row(c)).flat_map(f32::to_le_bytes));
             };
-            arrays.push(Array {
-                name: unused("covariance", &arrays),
-                kind: "Float32",
-                components: 9,
-                tuples: count,
-                bytes: 36,
-                put: Box::new(rows),
-            });
+            arrays.push(Array::new(unused("covariance", &arrays), "Float32", [9, count, 36], rows));
         }
     }
     let active = if points.scalars().is_some() { title(name) } else { String::new() };
@@ -153,10 +141,19 @@ fn of_points<'a>(points: &'a Points, name: &str) -> Piece<'a> {
         points: count,
         cells: count,
         active,
-        point_data: arrays,
-        cell_data: Vec::new(),
-        coordinates: coordinates(points.centres()),
-        topology: [counting("connectivity", count, 0, 1), offsets(count, 1), types(count, 1)],
+        sections: [
+            ("PointData", arrays),
+            ("CellData", Vec::new()),
+            ("Points", vec![coordinates(points.centres())]),
+            (
+                "Cells",
+                vec![
+                    counting("connectivity", count, 0, 1),
+                    counting("offsets", count, 1, 1),
+                    types(count, 1),
+                ],
+            ),
+        ],
     }
 }
 
@@ -178,15 +175,14 @@ fn floats(name: String, values: &[f32]) -> Array<'_> {
     let put = |range: Range<usize>, bytes: &mut Vec<u8>| {
         bytes.extend(values[range].iter().flat_map(|x| x.to_le_bytes()));
     };
-    Array { name, kind: "Float32", components: 1, tuples: values.len(), bytes: 4, put: Box::new(put) }
+    Array::new(name, "Float32", [1, values.len(), 4], put)
 }
 
 fn coordinates(points: &[DVec3]) -> Array<'_> {
     let put = |range: Range<usize>, bytes: &mut Vec<u8>| {
         bytes.extend(points[range].iter().flat_map(|p| p.to_array()).flat_map(f64::to_le_bytes));
     };
-    let tuples = points.len();
-    Array { name: "Points".into(), kind: "Float64", components: 3, tuples, bytes: 24, put: Box::new(put) }
+    Array::new("Points", "Float64", [3, points.len(), 24], put)
 }
 
 /// Returns an array of `first`, `first + step`, and so on.
@@ -195,17 +191,12 @@ fn counting(name: &str, tuples: usize, first: u64, step: u64) -> Array<'static> 
         let number = |i: usize| num::wide(i).saturating_mul(step).saturating_add(first);
         bytes.extend(range.flat_map(|i| number(i).to_le_bytes()));
     };
-    Array { name: name.into(), kind: "Int64", components: 1, tuples, bytes: 8, put: Box::new(put) }
-}
-
-/// Returns the array of the ends of each cell's nodes.
-fn offsets(cells: usize, nodes: u64) -> Array<'static> {
-    counting("offsets", cells, nodes, nodes)
+    Array::new(name, "Int64", [1, tuples, 8], put)
 }
 
 fn types(cells: usize, number: u8) -> Array<'static> {
     let put = move |range: Range<usize>, bytes: &mut Vec<u8>| bytes.extend(range.map(|_| number));
-    Array { name: "types".into(), kind: "UInt8", components: 1, tuples: cells, bytes: 1, put: Box::new(put) }
+    Array::new("types", "UInt8", [1, cells, 1], put)
 }
 
 impl Piece<'_> {
@@ -214,7 +205,7 @@ impl Piece<'_> {
         writer.write_all(header.as_bytes())?;
         let begin = writer.stream_position()?;
         let mut places = Vec::new();
-        for array in self.arrays() {
+        for array in self.sections.iter().flat_map(|(_, arrays)| arrays) {
             places.push(writer.stream_position()? - begin);
             array.write(writer)?;
         }
@@ -226,12 +217,6 @@ impl Piece<'_> {
         Ok(())
     }
 
-    /// Iterates over all arrays in the order of the header.
-    fn arrays(&self) -> impl Iterator<Item = &Array<'_>> {
-        let data = self.point_data.iter().chain(&self.cell_data);
-        data.chain([&self.coordinates]).chain(&self.topology)
-    }
-
     /// Returns the text before the data, and the positions in it that receive the offsets of arrays.
     fn header(&self) -> (String, Vec<u64>) {
         let mut slots = Vec::new();
@@ -241,12 +226,13 @@ impl Piece<'_> {
              <UnstructuredGrid>\n    <Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">\n",
             self.points, self.cells
         );
-        let mut section = |element: &str, arrays: &[&Array]| {
-            let active = element.ends_with("Data")
-                && arrays.iter().any(|array| array.name == self.active)
-                && !self.active.is_empty();
-            let active =
-                if active { format!(" Scalars=\"{}\"", escaped(&self.active)) } else { String::new() };
+        for (element, arrays) in &self.sections {
+            let active = match arrays.iter().find(|array| array.name == self.active) {
+                Some(array) if element.ends_with("Data") && !array.name.is_empty() => {
+                    format!(" Scalars=\"{}\"", escaped(&array.name))
+                }
+                _ => String::new(),
+            };
             text.push_str(&format!("      <{element}{active}>\n"));
             for array in arrays {
                 text.push_str(&format!(
@@ -262,11 +248,7 @@ impl Piece<'_> {
                 text.push_str("/>\n");
             }
             text.push_str(&format!("      </{element}>\n"));
-        };
-        section("PointData", &self.point_data.iter().collect::<Vec<_>>());
-        section("CellData", &self.cell_data.iter().collect::<Vec<_>>());
-        section("Points", &[&self.coordinates]);
-        section("Cells", &self.topology.iter().collect::<Vec<_>>());
+        }
         text.push_str("    </Piece>\n  </UnstructuredGrid>\n  <AppendedData encoding=\"raw\">\n   _");
         (text, slots)
     }

@@ -6,66 +6,42 @@ use crate::error::Result;
 use crate::io::file::budget::Budget;
 use crate::io::file::text;
 use crate::io::formats::gmsh::elements::{family, kind_of};
-use crate::io::formats::gmsh::file::File;
+use crate::io::formats::gmsh::file::{Cells, File};
 use crate::io::formats::gmsh::stream::{Stream, count_line};
 use crate::io::formats::gmsh::tags::Tags;
 use crate::num;
 
-impl File {
-    pub(crate) fn read_nodes(
-        &mut self,
-        stream: &mut Stream,
-        parametric: bool,
-        budget: &mut Budget,
-    ) -> Result<()> {
+impl File<'_> {
+    pub(crate) fn read_nodes(&mut self, stream: &mut Stream, parametric: bool) -> Result<()> {
         /// The length of the shortest node: "1 0 0 0" and a line end.
         const LEAST: u64 = 8;
-        let old = self.format.version == 2;
-        let (blocks, all) = if old {
-            // The count is text in binary files too.
-            (1, count_line(stream, "the number of nodes")?)
-        } else {
-            stream.row("the number of nodes")?;
-            let blocks = stream.wide("a number of blocks")?;
-            let all = stream.wide("a number of nodes")?;
-            for _ in 0..2 {
-                stream.wide("a node's number")?;
-            }
-            stream.end_row()?;
-            (blocks, all)
-        };
+        let (blocks, all) = read_counts(stream, "nodes", "a node's number")?;
         stream.holds(all, LEAST, "nodes")?;
         let count = text::index(stream.scanner.source(), "$Nodes", all)?;
-        budget.take("nodes", all.saturating_mul(24 + Tags::BYTES))?;
+        self.budget.take("nodes", all.saturating_mul(24 + Tags::BYTES))?;
         let full = |_| stream.scanner.source().error("nodes", "memory is full");
         self.points.try_reserve_exact(count).map_err(full)?;
         let mut pairs: Vec<(u64, u32)> = Vec::new();
         pairs.try_reserve_exact(count).map_err(full)?;
 
         let coordinates = |stream: &mut Stream| -> Result<DVec3> {
-            let mut point = [0.0; 3];
-            for x in &mut point {
-                *x = stream.real("a coordinate")?;
-            }
-            Ok(point.into())
+            let mut next = || stream.real("a coordinate");
+            Ok(DVec3::new(next()?, next()?, next()?))
         };
-        for _ in 0..blocks {
-            if old {
-                for index in 0..num::count(count) {
-                    stream.row("a node")?;
-                    pairs.push((stream.natural("a node's number")?, index));
-                    self.points.push(coordinates(stream)?);
-                    if parametric {
-                        let dimension = stream.int("a dimension")?;
-                        stream.int("an entity")?;
-                        for _ in 0..if (1..=2).contains(&dimension) { dimension } else { 0 } {
-                            stream.real("a parameter")?;
-                        }
-                    }
-                    stream.end_row()?;
+        for index in 0..if blocks.is_none() { num::count(count) } else { 0 } {
+            stream.row("a node")?;
+            pairs.push((stream.natural("a node's number")?, index));
+            self.points.push(coordinates(stream)?);
+            if parametric {
+                let dimension = stream.int("a dimension")?;
+                stream.int("an entity")?;
+                for _ in 0..if (1..=2).contains(&dimension) { dimension } else { 0 } {
+                    stream.real("a parameter")?;
                 }
-                continue;
             }
+            stream.end_row()?;
+        }
+        for _ in 0..blocks.unwrap_or(0) {
             stream.row("a block of nodes")?;
             let dimension = stream.int("a dimension")?;
             stream.int("an entity")?;
@@ -94,42 +70,29 @@ impl File {
             return Err(stream.scanner.source().error("$Nodes", rule));
         }
         self.nodes = Tags::new(stream.scanner.source(), "node", pairs)?;
-        budget.put_back(all.saturating_mul(Tags::BYTES).saturating_sub(self.nodes.bytes()));
+        self.budget.put_back(all.saturating_mul(Tags::BYTES).saturating_sub(self.nodes.bytes()));
         Ok(())
     }
 
-    pub(crate) fn read_elements(&mut self, stream: &mut Stream, budget: &mut Budget) -> Result<()> {
+    pub(crate) fn read_elements(&mut self, stream: &mut Stream) -> Result<()> {
         /// The length of the shortest element: "1 1" and a line end.
         const LEAST: u64 = 4;
-        let old = self.format.version == 2;
-        let (blocks, all) = if old {
-            (u64::MAX, count_line(stream, "the number of elements")?)
-        } else {
-            stream.row("the number of elements")?;
-            let blocks = stream.wide("a number of blocks")?;
-            let all = stream.wide("a number of elements")?;
-            for _ in 0..2 {
-                stream.wide("an element's number")?;
-            }
-            stream.end_row()?;
-            (blocks, all)
-        };
+        let (blocks, all) = read_counts(stream, "elements", "an element's number")?;
         stream.holds(all, LEAST, "elements")?;
         let count = text::index(stream.scanner.source(), "$Elements", all)?;
         // The memory of types, ends, groups and numbers.
-        budget.take("elements", all.saturating_mul(5 + 4 + Tags::BYTES))?;
+        self.budget.take("elements", all.saturating_mul(5 + 4 + Tags::BYTES))?;
         let full = |_| stream.scanner.source().error("elements", "memory is full");
-        self.cells.mesh.types.try_reserve_exact(count).map_err(full)?;
-        self.cells.mesh.ends.try_reserve_exact(count).map_err(full)?;
-        self.cells.physical.try_reserve_exact(count).map_err(full)?;
-        self.cells.elements.try_reserve_exact(count).map_err(full)?;
+        let Cells { mesh, physical, elements, .. } = &mut self.cells;
+        mesh.types.try_reserve_exact(count).map_err(full)?;
+        mesh.ends.try_reserve_exact(count).map_err(full)?;
+        physical.try_reserve_exact(count).map_err(full)?;
+        elements.try_reserve_exact(count).map_err(full)?;
 
-        let mut left = all;
-        let mut block = 0;
-        while if old { left > 0 } else { block < blocks } {
+        let (mut left, mut block) = (all, 0);
+        while blocks.map_or(left > 0, |blocks| block < blocks) {
             block += 1;
-            let many = self.read_block(stream, left, budget)?;
-            left -= many;
+            left -= self.read_block(stream, left)?;
         }
         if left > 0 {
             let rule = format!("{all} are announced, the blocks hold {}", all - left);
@@ -139,7 +102,7 @@ impl File {
     }
 
     /// Reads a block of elements of one type, at most `left`, and returns their number.
-    fn read_block(&mut self, stream: &mut Stream, left: u64, budget: &mut Budget) -> Result<u64> {
+    fn read_block(&mut self, stream: &mut Stream, left: u64) -> Result<u64> {
         let binary = self.format.binary.is_some();
         let old = self.format.version == 2;
         let mut physical = 0;
@@ -154,19 +117,15 @@ impl File {
             let many = if binary { stream.natural("a number of elements")? } else { 1 };
             (number, many, stream.natural("a number of tags")?)
         } else {
-            let dimension = stream.int("a dimension")?;
-            let entity = stream.int("an entity")?;
-            physical = self.groups.get(&(dimension, entity)).copied().unwrap_or(0);
-            let number = stream.int("an element type")?;
-            (number, stream.wide("a number of elements")?, 0)
-        };
-        if !old {
+            let entity = (stream.int("a dimension")?, stream.int("an entity")?);
+            physical = self.groups.get(&entity).copied().unwrap_or(0);
+            let counts = (stream.int("an element type")?, stream.wide("a number of elements")?, 0);
             stream.end_row()?;
-        }
+            counts
+        };
         if many > left {
-            return Err(
-                stream.error(format!("a block of {many} elements: {left} are left of those announced"))
-            );
+            let rule = format!("a block of {many} elements: {left} are left of those announced");
+            return Err(stream.error(rule));
         }
         let Some(kind) = kind_of(number) else {
             return Err(stream.error(format!(
@@ -186,18 +145,14 @@ impl File {
         let slack = if binary { 0 } else { size };
         stream.holds(many, words.saturating_sub(slack), "elements of this type")?;
         let room = usize::try_from(many).unwrap_or(usize::MAX).saturating_mul(kind.order.len());
-        make_room(stream, &mut self.cells.mesh.nodes, room, budget)?;
+        make_room(stream, &mut self.cells.mesh.nodes, room, &mut self.budget)?;
 
         let mut own = [0_u32; 27];
         for _ in 0..many {
             if !old {
                 stream.row("an element")?;
             }
-            let element = match element {
-                Some(element) => element,
-                None if old => stream.natural("an element's number")?,
-                None => stream.wide("an element's number")?,
-            };
+            let element = element.map_or_else(|| stream.tag("an element's number"), Ok)?;
             for i in 0..tags {
                 let tag = stream.int("a tag")?;
                 if i == 0 {
@@ -205,11 +160,9 @@ impl File {
                 }
             }
             for node in &mut own[..kind.nodes] {
-                let tag = if old { stream.natural("a node")? } else { stream.wide("a node")? };
-                *node = self
-                    .nodes
-                    .get(tag)
-                    .ok_or_else(|| stream.error(format!("element {element}: there is no node {tag}")))?;
+                let tag = stream.tag("a node")?;
+                let none = || stream.error(format!("element {element}: there is no node {tag}"));
+                *node = self.nodes.get(tag).ok_or_else(none)?;
             }
             stream.end_row()?;
             self.cells.add(stream, &kind, element, &own[..kind.nodes], physical)?;
@@ -218,12 +171,7 @@ impl File {
     }
 
     /// Reads the physical groups of entities. Lines may be very long, so they are read word by word.
-    pub(crate) fn read_entities(
-        &mut self,
-        stream: &mut Stream,
-        partitioned: bool,
-        budget: &mut Budget,
-    ) -> Result<()> {
+    pub(crate) fn read_entities(&mut self, stream: &mut Stream, partitioned: bool) -> Result<()> {
         /// The memory of an entry of the map, in bytes.
         const BYTES: u64 = 64;
         let first_of = |stream: &mut Stream| -> Result<i32> {
@@ -263,7 +211,7 @@ impl File {
                     first_of(stream)?;
                 }
                 if group != 0 && self.groups.insert((dimension, tag), group).is_none() {
-                    budget.take("entities", BYTES)?;
+                    self.budget.take("entities", BYTES)?;
                 }
             }
         }
@@ -272,6 +220,22 @@ impl File {
         }
         Ok(())
     }
+}
+
+/// Reads the number of nodes or elements, and that of their blocks; None in version 2.
+fn read_counts(stream: &mut Stream, what: &str, number: &str) -> Result<(Option<u64>, u64)> {
+    if stream.format.version == 2 {
+        // The count is text in binary files too.
+        return Ok((None, count_line(stream, &format!("the number of {what}"))?));
+    }
+    stream.row(&format!("the number of {what}"))?;
+    let blocks = stream.wide("a number of blocks")?;
+    let all = stream.wide(&format!("a number of {what}"))?;
+    // The least and the largest number.
+    stream.wide(number)?;
+    stream.wide(number)?;
+    stream.end_row()?;
+    Ok((Some(blocks), all))
 }
 
 /// Converts a tag to a physical group; negative tags mark reversed elements.

@@ -9,8 +9,7 @@ use crate::io::file::sample_type::SampleType;
 use crate::io::file::scanner::Scanner;
 use crate::io::file::source::Source;
 use crate::io::file::text::shown;
-use crate::io::formats::gmsh::cells::Cells;
-use crate::io::formats::gmsh::file::File;
+use crate::io::formats::gmsh::file::{Cells, File};
 use crate::io::formats::gmsh::stream::{Format, Stream, pass_section, read_format};
 use crate::io::formats::gmsh::tags::Tags;
 use crate::io::formats::gmsh::views::Views;
@@ -18,45 +17,12 @@ use crate::io::formats::gmsh::views::Views;
 /// The limit on names of physical groups, and of skipped sections, in notes.
 const MAX_NAMED: usize = 16;
 
-/// The state of the pass over the sections.
-struct State {
-    /// Sections that may occur once.
-    seen: BTreeSet<String>,
-    /// Unknown sections, for a note.
-    passed: BTreeSet<String>,
-    views: Views,
-}
-
-impl State {
-    /// Checks that a section may come here: some occur once, all known ones follow `$MeshFormat`.
-    fn check_order(&mut self, stream: &Stream, name: &str) -> Result<()> {
-        let once = ["MeshFormat", "Nodes", "ParametricNodes", "Elements", "Entities", "PartitionedEntities"]
-            .contains(&name);
-        // Both give the nodes.
-        let key = if name == "ParametricNodes" { "Nodes" } else { name };
-        if once && !self.seen.insert(key.to_owned()) {
-            return Err(stream.scanner.line_error(format!("${name}: a second one")));
-        }
-        if once || ["NodeData", "ElementData", "ElementNodeData"].contains(&name) {
-            self.needs(stream, name, "MeshFormat", "$MeshFormat must come first")?;
-        }
-        Ok(())
-    }
-
-    /// Checks that another section came before.
-    fn needs(&self, stream: &Stream, name: &str, section: &str, why: &str) -> Result<()> {
-        match self.seen.contains(section) {
-            true => Ok(()),
-            false => Err(stream.scanner.line_error(format!("${name}: {why}"))),
-        }
-    }
-}
-
-impl File {
-    pub(crate) fn read(source: &Source, budget: &mut Budget) -> Result<Self> {
+impl<'a> File<'a> {
+    pub(crate) fn read(source: &'a Source, budget: &Budget<'a>) -> Result<Self> {
         let format = Format { version: 0, binary: None, wide: SampleType::U64, real: SampleType::F64 };
         let mut stream = Stream { scanner: Scanner::new(source), format, row: None };
         let mut file = Self {
+            budget: budget.clone(),
             format,
             points: Vec::new(),
             nodes: Tags::none(),
@@ -66,16 +32,18 @@ impl File {
             names: Vec::new(),
             notes: Vec::new(),
             groups: HashMap::new(),
+            seen: BTreeSet::new(),
+            passed: BTreeSet::new(),
+            met: Views::new(budget.clone()),
         };
-        let mut state = State { seen: BTreeSet::new(), passed: BTreeSet::new(), views: Views::default() };
         while let Some(line) = stream.scanner.full_line()? {
             let name = line.strip_prefix('$').filter(|name| !name.starts_with("End"));
             let Some(name) = name else {
                 let rule = format!("\"{}\": must begin a section, such as $Nodes", shown(&line));
                 return Err(stream.scanner.line_error(rule));
             };
-            state.check_order(&stream, name)?;
-            if file.section(&mut stream, name, &mut state, budget)? {
+            file.check_order(&stream, name)?;
+            if file.section(&mut stream, name)? {
                 continue;
             }
             let end = stream.scanner.full_line()?.unwrap_or_default();
@@ -84,45 +52,55 @@ impl File {
                 return Err(stream.scanner.line_error(rule));
             }
         }
-        if !state.seen.contains("Nodes") {
+        if !file.seen.contains("Nodes") {
             return Err(source.error("$Nodes", "missing: there is no mesh in this file"));
         }
-        file.note(state.passed);
+        file.note();
         Ok(file)
     }
 
+    /// Checks that a section may come here: some occur once, all known ones follow `$MeshFormat`.
+    fn check_order(&mut self, stream: &Stream, name: &str) -> Result<()> {
+        let once = ["MeshFormat", "Nodes", "ParametricNodes", "Elements", "Entities", "PartitionedEntities"]
+            .contains(&name);
+        let wrong = |why: &str| Err(stream.scanner.line_error(format!("${name}: {why}")));
+        // Both give the nodes.
+        let key = if name == "ParametricNodes" { "Nodes" } else { name };
+        if once && !self.seen.insert(key.to_owned()) {
+            return wrong("a second one");
+        }
+        let known = once || ["NodeData", "ElementData", "ElementNodeData"].contains(&name);
+        if known && !self.seen.contains("MeshFormat") {
+            return wrong("$MeshFormat must come first");
+        }
+        if name == "Elements" && !self.seen.contains("Nodes") {
+            return wrong("$Nodes must come before");
+        }
+        Ok(())
+    }
+
     /// Reads one section. True if that included its end line.
-    fn section(
-        &mut self,
-        stream: &mut Stream,
-        name: &str,
-        state: &mut State,
-        budget: &mut Budget,
-    ) -> Result<bool> {
+    fn section(&mut self, stream: &mut Stream, name: &str) -> Result<bool> {
         match name {
             "NOD" => {
                 let rule = "$NOD: is of version 1: 2.0 to 2.2 and 4.1 are supported";
                 return Err(stream.scanner.line_error(rule));
             }
             "MeshFormat" => self.format = read_format(stream)?,
-            "Nodes" | "ParametricNodes" => self.read_nodes(stream, name == "ParametricNodes", budget)?,
-            "Elements" => {
-                state.needs(stream, name, "Nodes", "$Nodes must come before")?;
-                self.read_elements(stream, budget)?;
-            }
+            "Nodes" | "ParametricNodes" => self.read_nodes(stream, name == "ParametricNodes")?,
+            "Elements" => self.read_elements(stream)?,
             "Entities" | "PartitionedEntities" if self.format.version == 4 => {
-                self.read_entities(stream, name == "PartitionedEntities", budget)?;
+                self.read_entities(stream, name == "PartitionedEntities")?;
             }
-            "NodeData" => {
-                state.views.read(stream, Association::Point, &mut self.views, budget)?;
-                return Ok(true);
-            }
-            "ElementData" => {
-                state.views.read(stream, Association::Cell, &mut self.views, budget)?;
+            "NodeData" | "ElementData" => {
+                let association = if name == "NodeData" { Association::Point } else { Association::Cell };
+                self.met.read(stream, association, &mut self.views)?;
+                pass_section(stream, name)?;
                 return Ok(true);
             }
             "ElementNodeData" => {
-                state.views.pass(stream, &mut self.left_out, budget)?;
+                self.left_out.insert(self.met.pass(stream)?);
+                pass_section(stream, name)?;
                 return Ok(true);
             }
             "PhysicalNames" => {
@@ -131,8 +109,8 @@ impl File {
             }
             _ => {
                 let quiet = ["Comments", "Periodic", "InterpolationScheme"].contains(&name);
-                if !quiet && state.passed.len() < MAX_NAMED {
-                    state.passed.insert(name.to_owned());
+                if !quiet && self.passed.len() < MAX_NAMED {
+                    self.passed.insert(name.to_owned());
                 }
                 pass_section(stream, name)?;
                 return Ok(true);
@@ -142,7 +120,7 @@ impl File {
     }
 
     /// Notes what was left out.
-    fn note(&mut self, passed: BTreeSet<String>) {
+    fn note(&mut self) {
         let Cells { repeated, reduced, .. } = self.cells;
         if repeated > 0 {
             self.notes.push(format!("{repeated} elements that repeat for further physical groups left out"));
@@ -157,8 +135,8 @@ impl File {
         if let Some(more @ 1..) = self.left_out.len().checked_sub(MAX_NAMED) {
             self.notes.push(format!("and {more} more arrays of $ElementNodeData left out"));
         }
-        for name in passed {
-            self.notes.push(format!("section ${} left out", shown(&name)));
+        for name in &self.passed {
+            self.notes.push(format!("section ${} left out", shown(name)));
         }
     }
 }

@@ -126,6 +126,11 @@ impl Stream<'_> {
         Ok(u64::from_le_bytes(self.bytes(what)?))
     }
 
+    /// Reads the number of a node or an element: an `int` in version 2, later a `size_t`.
+    pub(crate) fn tag(&mut self, what: &str) -> Result<u64> {
+        if self.format.version == 2 { self.natural(what) } else { self.wide(what) }
+    }
+
     pub(crate) fn real(&mut self, what: &str) -> Result<f64> {
         if self.format.binary.is_none() {
             return self.word::<Real>(what).map(|Real(number)| number);

@@ -1,16 +1,16 @@
 //! Views: arrays at time steps, in parts.
 
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 
 use crate::error::Result;
 use crate::io::build::arrays::{ArrayInfo, Association};
 use crate::io::file::budget::Budget;
 use crate::io::file::decode::MAX_COMPONENTS;
-use crate::io::file::sample_type::{Pick, SampleType};
+use crate::io::file::sample_type::Pick;
 use crate::io::file::scanner::Scanner;
 use crate::io::file::source::Source;
 use crate::io::file::text::{plain, shown};
-use crate::io::formats::gmsh::stream::{Format, Stream, count_line, pass_section};
+use crate::io::formats::gmsh::stream::{Format, Stream, count_line};
 use crate::io::formats::gmsh::tags::Tags;
 use crate::num;
 
@@ -19,9 +19,7 @@ const MAX_VIEWS: usize = 1 << 16;
 
 /// A view at one time step.
 pub(crate) struct View {
-    pub(crate) name: String,
-    pub(crate) association: Association,
-    pub(crate) components: usize,
+    pub(crate) info: ArrayInfo,
     /// Whether it names an interpolation scheme.
     pub(crate) scheme: bool,
     pub(crate) parts: Vec<Part>,
@@ -29,10 +27,10 @@ pub(crate) struct View {
 
 /// A part of the tuples of a view, and its place in the file.
 pub(crate) struct Part {
-    pub(crate) partition: Option<i64>,
-    pub(crate) count: u64,
-    pub(crate) position: u64,
-    pub(crate) line: u64,
+    partition: Option<i64>,
+    count: u64,
+    position: u64,
+    line: u64,
 }
 
 /// The values of an array; missing ones are NaN.
@@ -52,16 +50,6 @@ impl Filled {
 }
 
 impl View {
-    pub(crate) fn info(&self, kind: SampleType) -> ArrayInfo {
-        ArrayInfo {
-            name: self.name.clone(),
-            association: self.association,
-            kind,
-            components: self.components,
-            active: false,
-        }
-    }
-
     pub(crate) fn read(
         &self,
         source: &Source,
@@ -74,18 +62,14 @@ impl View {
             Filled { values: vec![f32::NAN; count], given: vec![false; count], strange: 0, again: 0 };
         let mut tuple = Vec::new();
         // Parts are in file order, so that a compressed file is decompressed once.
-        let mut last = None;
+        let mut stream = Stream { scanner: Scanner::new(source), format, row: None };
         for part in &self.parts {
-            let scanner = match last.take() {
-                None => Scanner::resume(source, part.position, part.line)?,
-                Some(Stream { scanner, .. }) => scanner.go_on(part.position, part.line)?,
-            };
-            let mut stream = Stream { scanner, format, row: None };
+            stream.scanner.go_on(part.position, part.line)?;
             for _ in 0..part.count {
                 stream.row("a tag and its values")?;
                 let tag = stream.natural("a tag")?;
                 tuple.clear();
-                for _ in 0..self.components {
+                for _ in 0..self.info.components {
                     tuple.push(stream.real("a value")?);
                 }
                 stream.end_row()?;
@@ -105,42 +89,45 @@ impl View {
                 let rule = format!("\"{}\": {} tuples are announced", shown(&next), part.count);
                 return Err(stream.scanner.line_error(rule));
             }
-            last = Some(stream);
         }
         Ok(filled)
     }
 }
 
 /// The views met so far, by association (true for cells) and name.
-#[derive(Default)]
-pub(crate) struct Views {
-    pub(crate) sections: usize,
-    pub(crate) names: HashSet<(bool, String)>,
+pub(crate) struct Views<'a> {
+    budget: Budget<'a>,
+    sections: usize,
+    names: HashSet<(bool, String)>,
     /// Views by association, name and step.
-    pub(crate) steps: HashMap<(bool, String, i64), Steps>,
+    steps: HashMap<(bool, String, i64), Steps>,
 }
 
 /// Views of the same association, name and step.
 #[derive(Default)]
-pub(crate) struct Steps {
-    pub(crate) count: usize,
+struct Steps {
+    count: usize,
     /// The index of the last one.
-    pub(crate) last: usize,
-    pub(crate) partitions: HashSet<i64>,
+    last: usize,
+    partitions: HashSet<i64>,
 }
 
 /// The header of a section of data.
-pub(crate) struct Header {
-    pub(crate) name: String,
-    pub(crate) scheme: bool,
-    pub(crate) step: i64,
-    pub(crate) components: usize,
-    pub(crate) count: u64,
-    pub(crate) partition: Option<i64>,
+struct Header {
+    name: String,
+    scheme: bool,
+    step: i64,
+    components: usize,
+    count: u64,
+    partition: Option<i64>,
 }
 
-impl Views {
-    pub(crate) fn header(&mut self, stream: &mut Stream, budget: &mut Budget) -> Result<Header> {
+impl<'a> Views<'a> {
+    pub(crate) fn new(budget: Budget<'a>) -> Self {
+        Self { budget, sections: 0, names: HashSet::new(), steps: HashMap::new() }
+    }
+
+    fn header(&mut self, stream: &mut Stream) -> Result<Header> {
         /// The limit on the length of a name, in bytes.
         const MAX_NAME: usize = 256;
         /// The memory of a section in lists and maps, which grow by doubling, in bytes.
@@ -150,7 +137,7 @@ impl Views {
         if self.sections > MAX_VIEWS {
             return Err(stream.scanner.line_error(format!("more than {MAX_VIEWS} sections of data")));
         }
-        budget.take("views", num::wide(BYTES))?;
+        self.budget.take("views", num::wide(BYTES))?;
         let strings = count_line(stream, "the number of string tags")?;
         let mut name = String::new();
         let mut scheme = false;
@@ -196,19 +183,18 @@ impl Views {
         };
         stream.scanner.end_line()?;
         // The name is stored four times: in the view, in its array, and in two maps.
-        budget.take("views", num::wide(name.len()).saturating_mul(4))?;
+        self.budget.take("views", num::wide(name.len()).saturating_mul(4))?;
         Ok(Header { name, scheme, step, components: size, count, partition })
     }
 
-    /// Records where the tuples of a view are, and skips to the end of the section.
+    /// Records where the tuples of a view are, and skips them if they are binary.
     pub(crate) fn read(
         &mut self,
         stream: &mut Stream,
         association: Association,
         views: &mut Vec<View>,
-        budget: &mut Budget,
     ) -> Result<()> {
-        let Header { name, scheme, step, components, count, partition } = self.header(stream, budget)?;
+        let Header { name, scheme, step, components, count, partition } = self.header(stream)?;
         let Format { binary, real, .. } = stream.format;
         let numbers = num::wide(components);
         // A number takes a digit and a blank; the last needs no blank.
@@ -222,16 +208,13 @@ impl Views {
         if binary.is_some() {
             stream.scanner.skip(count.saturating_mul(least))?;
         }
-        let section = if association == Association::Point { "NodeData" } else { "ElementData" };
-        pass_section(stream, section)?;
-
         let cell = association == Association::Cell;
         let next = views.len();
         let first = self.names.insert((cell, name.clone()));
         let steps = self.steps.entry((cell, name.clone(), step)).or_default();
         if let Some(partition) = part.partition
             && let Some(view) = views.get_mut(steps.last)
-            && view.components == components
+            && view.info.components == components
             && !steps.partitions.is_empty()
             && steps.partitions.insert(partition)
         {
@@ -246,18 +229,14 @@ impl Views {
             (false, 1) => format!("{name}@{step}"),
             (false, several) => format!("{name}@{step}#{several}"),
         };
-        views.push(View { name, association, components, scheme, parts: vec![part] });
+        let info = ArrayInfo { name, association, kind: real, components, active: false };
+        views.push(View { info, scheme, parts: vec![part] });
         Ok(())
     }
 
-    /// Skips element-node data to the end of the section.
-    pub(crate) fn pass(
-        &mut self,
-        stream: &mut Stream,
-        left_out: &mut BTreeSet<String>,
-        budget: &mut Budget,
-    ) -> Result<()> {
-        let Header { name, components, count, .. } = self.header(stream, budget)?;
+    /// Skips element-node data if they are binary, and returns their name.
+    pub(crate) fn pass(&mut self, stream: &mut Stream) -> Result<String> {
+        let Header { name, components, count, .. } = self.header(stream)?;
         if stream.format.binary.is_some() {
             let tuple = num::wide(components).saturating_mul(stream.format.real.bytes());
             for _ in 0..count {
@@ -266,7 +245,6 @@ impl Views {
                 stream.scanner.skip(nodes.saturating_mul(tuple))?;
             }
         }
-        left_out.insert(name);
-        pass_section(stream, "ElementNodeData")
+        Ok(name)
     }
 }

@@ -250,7 +250,8 @@ impl<'a> Array<'a> {
                 .map_err(|error| text::stream_error(source, error))?;
             Ok(samples)
         };
-        points::points(centres, Origin { source, format: "NPY", arrays }, &mut budget, &mut read, options)
+        let (budget, read) = (&mut budget, &mut read);
+        points::points(centres, Origin { source, format: "NPY", arrays, options, budget, read })
     }
 }
 

@@ -2,11 +2,11 @@
 
 use crate::error::Result;
 use crate::io::build::dataset::{self, Dataset};
-use crate::io::build::{cells, points};
+use crate::io::build::points;
 use crate::io::file::source::Source;
 use crate::io::file::text;
+use crate::io::formats::vtk_legacy::File;
 use crate::io::formats::vtk_legacy::contents::Cells;
-use crate::io::formats::vtk_legacy::file::File;
 use crate::io::formats::vtk_legacy::stored::{Stored, room};
 use crate::io::report::Loaded;
 use crate::num;
@@ -19,9 +19,8 @@ impl File<'_> {
         let count = cells.map_or(0, |cells| cells.count());
         match types {
             Some(types) if types.tuples != count => {
-                return Err(
-                    types.error(source, format!("CELL_TYPES {}: there are {count} cells", types.tuples))
-                );
+                let rule = format!("CELL_TYPES {}: there are {count} cells", types.tuples);
+                return Err(types.error(source, rule));
             }
             None if count > 0 => return Err(self.missing("CELL_TYPES")),
             _ => {}
@@ -41,13 +40,10 @@ impl File<'_> {
         }
         if let Some(types) = types {
             dataset.types = types.room(source)?;
-            types.indices(source, &mut |piece| {
-                for &number in piece {
-                    let number = u8::try_from(number).map_err(|_| {
-                        types.error(source, format!("cell type {number}: must be from 0 to 255"))
-                    })?;
-                    dataset.types.push(number);
-                }
+            types.indices(source, &mut |number| {
+                let kind =
+                    u8::try_from(number).map_err(|_| format!("cell type {number}: must be from 0 to 255"))?;
+                dataset.types.push(kind);
                 Ok(())
             })?;
         }
@@ -62,46 +58,42 @@ impl File<'_> {
         self.contents.fit(source, points.tuples, all)?;
         // Nodes are not read: vertices are the points, and other cells have no volume.
         let counts = [2, 4, 7, 6].into_iter().zip(counts).filter(|&(_, count)| count > 0).collect();
-        cells::check_points(source, &counts)?;
+        dataset::check_points(source, &counts)?;
         self.budget.take("POINTS", dataset::bytes(points.tuples, 0, 0))?;
         let points = points.points(source)?;
-        let options = self.options;
-        let mut budget = self.budget.clone();
-        let (origin, mut read) = self.origin();
-        points::points(points, origin, &mut budget, &mut read, options)
+        self.build(|origin| points::points(points, origin))
     }
 }
 
 /// Reads cells that give their number of nodes before the nodes.
 fn inline(source: &Source, numbers: &Stored, count: u64, dataset: &mut Dataset) -> Result<()> {
-    let wrong = |rule: String| numbers.error(source, rule);
     let nodes = numbers.tuples.saturating_sub(count);
+    // Memory is reserved for exactly this number, so that lists never grow.
     dataset.ends = room(source, "CELLS", count)?;
     dataset.nodes = room(source, "CELLS", nodes)?;
-    // Memory is reserved for exactly this number, so that lists never grow.
     let most = text::index(source, "CELLS", count)?;
     let mut left = 0;
-    numbers.indices(source, &mut |piece| {
-        for &number in piece {
-            if left > 0 {
-                dataset.nodes.push(number);
-                left -= 1;
-            } else if dataset.ends.len() == most {
-                return Err(wrong(format!("{count} cells have fewer than {} numbers", numbers.tuples)));
-            } else {
-                left = number;
-                let end = u64::from(num::count(dataset.nodes.len())) + u64::from(number);
-                if end > nodes {
-                    let cell = dataset.ends.len();
-                    return Err(wrong(format!("cell {cell}: {number} nodes, fewer are left")));
-                }
-                dataset.ends.push(u32::try_from(end).unwrap_or(u32::MAX));
-            }
+    numbers.indices(source, &mut |number| {
+        if left > 0 {
+            dataset.nodes.push(number);
+            left -= 1;
+            return Ok(());
         }
+        let cell = dataset.ends.len();
+        if cell == most {
+            return Err(format!("{count} cells have fewer than {} numbers", numbers.tuples));
+        }
+        left = number;
+        let end = num::wide(dataset.nodes.len()) + u64::from(number);
+        if end > nodes {
+            return Err(format!("cell {cell}: {number} nodes, fewer are left"));
+        }
+        dataset.ends.push(u32::try_from(end).unwrap_or(u32::MAX));
         Ok(())
     })?;
     if dataset.ends.len() != most {
-        return Err(wrong(format!("{} cells, {count} are announced", dataset.ends.len())));
+        let rule = format!("{} cells, {count} are announced", dataset.ends.len());
+        return Err(numbers.error(source, rule));
     }
     Ok(())
 }
@@ -110,21 +102,17 @@ fn inline(source: &Source, numbers: &Stored, count: u64, dataset: &mut Dataset) 
 fn separate(source: &Source, offsets: &Stored, nodes: &Stored, dataset: &mut Dataset) -> Result<()> {
     dataset.ends = offsets.room(source)?;
     let mut first = true;
-    offsets.indices(source, &mut |piece| {
-        let mut piece = piece;
-        if first && let Some((&begin, rest)) = piece.split_first() {
-            if begin != 0 {
-                return Err(offsets.error(source, format!("the first offset is {begin}: must be 0")));
-            }
-            first = false;
-            piece = rest;
+    offsets.indices(source, &mut |offset| {
+        if !std::mem::take(&mut first) {
+            dataset.ends.push(offset);
+        } else if offset != 0 {
+            return Err(format!("the first offset is {offset}: must be 0"));
         }
-        dataset.ends.extend_from_slice(piece);
         Ok(())
     })?;
     dataset.nodes = nodes.room(source)?;
-    nodes.indices(source, &mut |piece| {
-        dataset.nodes.extend_from_slice(piece);
+    nodes.indices(source, &mut |node| {
+        dataset.nodes.push(node);
         Ok(())
     })
 }

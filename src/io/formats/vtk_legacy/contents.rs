@@ -9,8 +9,9 @@ use crate::io::formats::vtk_legacy::stored::Stored;
 pub(crate) const MAX_NAMES: usize = 16;
 
 /// The kind of a data set.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Kind {
+    #[default]
     StructuredPoints,
     RectilinearGrid,
     StructuredGrid,
@@ -57,7 +58,7 @@ impl Cells {
 }
 
 /// The contents of a file.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Contents {
     pub(crate) kind: Kind,
     pub(crate) dims: Option<[u32; 3]>,
@@ -73,9 +74,8 @@ pub(crate) struct Contents {
     pub(crate) types: Option<Stored>,
     /// Numbers of vertices, lines, polygons and triangle strips.
     pub(crate) surface: [Option<u64>; 4],
-    /// Arrays of points and cells; `stored` has the place of each.
-    pub(crate) arrays: Vec<ArrayInfo>,
-    pub(crate) stored: Vec<Stored>,
+    /// Arrays of points and cells, each with its place.
+    pub(crate) arrays: Vec<(ArrayInfo, Stored)>,
     pub(crate) notes: Vec<String>,
     pub(crate) warnings: Vec<String>,
     /// The numbers of points and cells for which data is announced.
@@ -94,23 +94,18 @@ impl Contents {
             }
         }
         if let Some(active) = self.scalars[0].or(self.scalars[1])
-            && let Some(array) = self.arrays.get_mut(active)
+            && let Some((array, _)) = self.arrays.get_mut(active)
         {
             array.active = true;
         }
-        let arrays = std::mem::take(&mut self.arrays);
-        let stored = std::mem::take(&mut self.stored);
         let mut misfits = Vec::new();
-        for (array, stored) in arrays.into_iter().zip(stored) {
+        self.arrays.retain(|(array, Stored { tuples, .. })| {
             let wanted = wanted[side(array.association)];
-            if stored.tuples == wanted {
-                self.arrays.push(array);
-                self.stored.push(stored);
-            } else {
-                let misfit = format!("{array} has {} tuples instead of {wanted}", stored.tuples);
-                remember(&mut misfits, misfit);
+            if *tuples != wanted {
+                remember(&mut misfits, format!("{array} has {tuples} tuples instead of {wanted}"));
             }
-        }
+            *tuples == wanted
+        });
         if !misfits.is_empty() {
             self.warnings.push(format!("arrays left out: {}", misfits.join(", ")));
         }
@@ -127,9 +122,7 @@ pub(crate) fn remember(names: &mut Vec<String>, name: String) {
     }
 }
 
+/// Returns the place of data of points or cells in pairs.
 pub(crate) fn side(association: Association) -> usize {
-    match association {
-        Association::Point => 0,
-        Association::Cell => 1,
-    }
+    usize::from(association == Association::Cell)
 }

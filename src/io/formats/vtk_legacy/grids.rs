@@ -3,13 +3,13 @@
 use glam::{DMat3, DVec3};
 
 use crate::error::Result;
-use crate::io::build::arrays::{ArrayInfo, Association};
+use crate::io::build::arrays::Association;
 use crate::io::build::dataset::{self, Dataset};
 use crate::io::build::lattice::Places;
-use crate::io::file::sample_type::{Pick, SampleType};
+use crate::io::file::sample_type::Pick;
 use crate::io::file::source::Source;
 use crate::io::file::text;
-use crate::io::formats::vtk_legacy::file::File;
+use crate::io::formats::vtk_legacy::File;
 use crate::io::formats::vtk_legacy::stored::{Stored, room};
 use crate::io::report::Loaded;
 use crate::num;
@@ -35,13 +35,9 @@ impl File<'_> {
                 contents.warnings.push(format!("{keyword} is missing: {value} is taken"));
             }
         }
-        let spacing = DVec3::from_array(contents.spacing.unwrap_or([1.0; 3]));
-        let rows =
-            contents.direction.map_or(DMat3::IDENTITY, |rows| DMat3::from_cols_array(&rows).transpose());
-        let origin = DVec3::from_array(contents.origin.unwrap_or([0.0; 3]));
-        let (places, notes) = Places::even(origin, spacing, rows, DVec3::from_array(contents.first));
-        contents.notes.extend(notes);
-        places
+        let direction = contents.direction.unwrap_or(DMat3::IDENTITY.to_cols_array());
+        let (origin, spacing) = (contents.origin.unwrap_or([0.0; 3]), contents.spacing.unwrap_or([1.0; 3]));
+        Places::even(origin, spacing, &direction, contents.first, &mut contents.notes)
     }
 
     pub(crate) fn rectilinear(&mut self) -> Result<Places> {
@@ -130,15 +126,11 @@ impl File<'_> {
 
     /// Returns whether each point is hidden; empty if the file has no ghost array.
     fn hidden_points(&mut self, count: u64) -> Result<Vec<bool>> {
-        let is_ghosts = |array: &ArrayInfo| {
-            array.association == Association::Point
-                && array.name == "vtkGhostType"
-                && array.components == 1
-                && array.kind == SampleType::U8
-        };
-        let Some(index) = self.contents.arrays.iter().position(is_ghosts) else { return Ok(Vec::new()) };
+        let mut arrays = self.contents.arrays.iter();
+        let ghosts = arrays.find(|(array, _)| array.is_ghosts(Association::Point));
+        let Some((_, ghosts)) = ghosts else { return Ok(Vec::new()) };
         self.budget.take("vtkGhostType", count.saturating_mul(2))?;
-        let Samples::U8(flags) = self.contents.stored[index].samples(self.source, Pick::Component(0))? else {
+        let Samples::U8(flags) = ghosts.samples(self.source, Pick::Component(0))? else {
             return Ok(Vec::new());
         };
         Ok(flags.into_iter().map(|flag| flag & HIDDEN_POINT != 0).collect())

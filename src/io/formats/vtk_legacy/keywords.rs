@@ -6,43 +6,10 @@ use crate::io::file::sample_type::SampleType;
 pub(crate) const MAGIC: &[u8] = b"# vtk DataFile Version";
 
 /// Every keyword that may follow an array.
-const KEYWORDS: [&str; 35] = [
-    "ASPECT_RATIO",
-    "BLANKING",
-    "CELLS",
-    "CELL_DATA",
-    "CELL_TYPES",
-    "COLOR_SCALARS",
-    "CONNECTIVITY",
-    "DIMENSIONS",
-    "DIRECTION",
-    "EDGE_FLAGS",
-    "EXTENT",
-    "FIELD",
-    "GLOBAL_IDS",
-    "LINES",
-    "LOOKUP_TABLE",
-    "METADATA",
-    "NORMALS",
-    "NULL_ARRAY",
-    "OFFSETS",
-    "ORIGIN",
-    "PEDIGREE_IDS",
-    "POINTS",
-    "POINT_DATA",
-    "POLYGONS",
-    "SCALARS",
-    "SPACING",
-    "TENSORS",
-    "TENSORS6",
-    "TEXTURE_COORDINATES",
-    "TRIANGLE_STRIPS",
-    "VECTORS",
-    "VERTICES",
-    "X_COORDINATES",
-    "Y_COORDINATES",
-    "Z_COORDINATES",
-];
+const KEYWORDS: &str = "ASPECT_RATIO BLANKING CELLS CELL_DATA CELL_TYPES COLOR_SCALARS CONNECTIVITY DIMENSIONS \
+    DIRECTION EDGE_FLAGS EXTENT FIELD GLOBAL_IDS LINES LOOKUP_TABLE METADATA NORMALS NULL_ARRAY OFFSETS ORIGIN \
+    PEDIGREE_IDS POINTS POINT_DATA POLYGONS SCALARS SPACING TENSORS TENSORS6 TEXTURE_COORDINATES \
+    TRIANGLE_STRIPS VECTORS VERTICES X_COORDINATES Y_COORDINATES Z_COORDINATES";
 
 /// Returns the type of numbers with this name.
 pub(crate) fn number_type(word: &str) -> Option<SampleType> {
@@ -78,25 +45,13 @@ pub(crate) fn long_types(word: &str) -> Option<[SampleType; 2]> {
 
 /// Decodes a name with codes such as `%20`.
 pub(crate) fn decoded(name: &str) -> String {
-    let bytes = name.as_bytes();
-    let mut plain = Vec::with_capacity(bytes.len());
-    let mut at = 0;
-    while let Some(&byte) = bytes.get(at) {
-        let code = || {
-            let &[high, low] = bytes.get(at + 1..at + 3)? else { return None };
-            let code = char::from(high).to_digit(16)? * 16 + char::from(low).to_digit(16)?;
-            u8::try_from(code).ok()
-        };
-        match code().filter(|_| byte == b'%') {
-            Some(code) => {
-                plain.push(code);
-                at += 3;
-            }
-            None => {
-                plain.push(byte);
-                at += 1;
-            }
-        }
+    let mut parts = name.split('%');
+    let mut plain = parts.next().unwrap_or_default().as_bytes().to_vec();
+    for part in parts {
+        let code = part.get(..2).filter(|code| code.bytes().all(|digit| digit.is_ascii_hexdigit()));
+        let code = code.and_then(|code| u8::from_str_radix(code, 16).ok());
+        plain.push(code.unwrap_or(b'%'));
+        plain.extend_from_slice(&part.as_bytes()[if code.is_some() { 2 } else { 0 }..]);
     }
     String::from_utf8_lossy(&plain).into_owned()
 }
@@ -112,7 +67,7 @@ pub(crate) fn may_follow(bytes: &[u8]) -> bool {
     let mut words = line.split_ascii_whitespace();
     let word = words.next().unwrap_or_default().to_ascii_uppercase();
     let mut number = || words.next().is_some_and(|word| word.parse::<u64>().is_ok());
-    KEYWORDS.contains(&word.as_str())
+    KEYWORDS.split(' ').any(|keyword| keyword == word)
         || number()
             && number()
             && words.next().is_some_and(|kind| number_type(kind).is_some() || is_text_type(kind))

@@ -51,9 +51,6 @@ pub(crate) struct Stored {
     pub(crate) flags: Flags,
 }
 
-/// Decodes a given number of values of a stream and appends them to a list.
-type Decode<'d, T> = dyn FnMut(&mut dyn Read, Endian, usize, &mut Vec<T>) -> std::io::Result<()> + 'd;
-
 impl Stored {
     /// Describes its place, for messages.
     pub(crate) fn place(&self) -> String {
@@ -64,17 +61,36 @@ impl Stored {
     }
 
     /// Passes the stream of its bytes, and their byte order, to a function.
-    fn stream<T>(
+    fn stream(
         &self,
         source: &Source,
-        read: &mut dyn FnMut(&mut dyn Read, Endian) -> std::io::Result<T>,
-    ) -> Result<T> {
+        read: &mut dyn FnMut(&mut dyn Read, Endian) -> std::io::Result<()>,
+    ) -> Result<()> {
         let mut scanner = Scanner::resume(source, self.offset, self.line)?;
         let result = match self.form {
             Form::Words => read(&mut scanner.numbers(self.kind), Endian::Little),
             Form::Bytes => read(&mut scanner, Endian::Big),
-            Form::Bits => read(&mut Bits { from: &mut scanner, byte: 0, left: 0 }, Endian::Big),
-            Form::Shares => read(&mut Shares(scanner.numbers(SampleType::F32)), Endian::Big),
+            Form::Bits => {
+                let (mut byte, mut left) = ([0], 0);
+                let bit = || {
+                    if left == 0 {
+                        scanner.read_exact(&mut byte)?;
+                        left = 8;
+                    }
+                    left -= 1;
+                    Ok((byte[0] >> left) & 1)
+                };
+                read(&mut OneByOne(bit), Endian::Big)
+            }
+            Form::Shares => {
+                let mut numbers = scanner.numbers(SampleType::F32);
+                let code = || {
+                    let mut share = [0; 4];
+                    numbers.read_exact(&mut share)?;
+                    Ok(num::u8_code(255.0 * f64::from(f32::from_le_bytes(share))))
+                };
+                read(&mut OneByOne(code), Endian::Big)
+            }
         };
         result.map_err(|error| match error.kind() {
             // A number is out of range, or the compression is damaged.
@@ -86,12 +102,11 @@ impl Stored {
     /// Reads the selected part of each tuple.
     pub(crate) fn samples(&self, source: &Source, pick: Pick) -> Result<Samples> {
         let count = text::index(source, &self.place(), self.tuples)?;
-        let layout =
-            Layout { dims: [0; 3], kind: self.kind, endian: Endian::Big, components: self.components, pick };
-        let mut samples = self.stream(source, &mut |stream, endian| {
-            let mut samples = Samples::none(self.kind, pick);
-            let layout = Layout { endian, ..layout };
-            decode::append(stream, count, &layout, &mut samples).map(|()| samples)
+        let Self { kind, components, .. } = *self;
+        let mut samples = Samples::none(kind, pick);
+        self.stream(source, &mut |stream, endian| {
+            let layout = Layout { dims: [0; 3], kind, endian, components, pick };
+            decode::append(stream, count, &layout, &mut samples)
         })?;
         if let Samples::U8(flags) = &mut samples {
             match self.flags {
@@ -103,53 +118,28 @@ impl Stored {
         Ok(samples)
     }
 
-    /// Reads all numbers in pieces of whole points, until the function returns false.
-    fn pieces<T>(
-        &self,
-        source: &Source,
-        decode: &mut Decode<T>,
-        each: &mut dyn FnMut(&[T]) -> Result<bool>,
-    ) -> Result<()> {
-        const PIECE: u64 = 3 << 12;
-        let numbers = self.numbers();
+    /// Reads points, some at a time, until the function returns false.
+    pub(crate) fn each_point(&self, source: &Source, each: &mut dyn FnMut(DVec3) -> bool) -> Result<()> {
+        const SOME: u64 = 1 << 12;
         self.stream(source, &mut |stream, endian| {
-            let mut left = numbers;
-            let mut piece = Vec::new();
+            let mut left = self.tuples;
+            let mut points = Vec::new();
             while left > 0 {
-                let take = left.min(PIECE);
-                piece.clear();
-                decode(stream, endian, usize::try_from(take).unwrap_or(0), &mut piece)?;
-                if !each(&piece).map_err(std::io::Error::other)? {
-                    break;
-                }
-                left -= take;
+                let some = left.min(SOME);
+                points.clear();
+                let count = usize::try_from(some).unwrap_or(0);
+                decode::append_points(stream, count, self.kind, endian, &mut points)?;
+                left = if points.iter().all(|&point| each(point)) { left - some } else { 0 };
             }
             Ok(())
         })
     }
 
-    fn numbers(&self) -> u64 {
-        self.tuples.saturating_mul(num::wide(self.components))
-    }
-
-    /// Reads points until the function returns false.
-    pub(crate) fn each_point(&self, source: &Source, each: &mut dyn FnMut(DVec3) -> bool) -> Result<()> {
-        self.pieces(
-            source,
-            &mut |stream, endian, count, piece| decode::append_f64(stream, count, self.kind, endian, piece),
-            &mut |piece| {
-                let points = piece.as_chunks::<3>().0;
-                Ok(points.iter().all(|&point| each(DVec3::from_array(point))))
-            },
-        )
-    }
-
     /// Reads all points. The caller has taken the memory from the budget.
     pub(crate) fn points(&self, source: &Source) -> Result<Vec<DVec3>> {
         let mut points = self.room(source)?;
-        self.each_point(source, &mut |point| {
-            points.push(point);
-            true
+        self.stream(source, &mut |stream, endian| {
+            decode::append_points(stream, self.count(), self.kind, endian, &mut points)
         })?;
         Ok(points)
     }
@@ -157,31 +147,30 @@ impl Stored {
     /// Reads all numbers as 64-bit floats.
     pub(crate) fn coordinates(&self, source: &Source) -> Result<Vec<f64>> {
         let mut all = self.room(source)?;
-        self.pieces(
-            source,
-            &mut |stream, endian, count, piece| decode::append_f64(stream, count, self.kind, endian, piece),
-            &mut |piece| {
-                all.extend_from_slice(piece);
-                Ok(true)
-            },
-        )?;
+        self.stream(source, &mut |stream, endian| {
+            decode::append_f64(stream, self.count(), self.kind, endian, &mut all)
+        })?;
         Ok(all)
     }
 
-    /// Reads all numbers as indices, a piece at a time.
-    pub(crate) fn indices(&self, source: &Source, each: &mut dyn FnMut(&[u32]) -> Result<()>) -> Result<()> {
-        self.pieces(
-            source,
-            &mut |stream, endian, count, piece| {
-                decode::append_indices(stream, count, self.kind, endian, piece)
-            },
-            &mut |piece| each(piece).map(|()| true),
-        )
+    /// Reads all numbers as indices. The function returns the rule that a number breaks.
+    pub(crate) fn indices(
+        &self,
+        source: &Source,
+        each: &mut dyn FnMut(u32) -> std::result::Result<(), String>,
+    ) -> Result<()> {
+        self.stream(source, &mut |stream, endian| {
+            decode::each_index(stream, self.count(), self.kind, endian, each)
+        })
     }
 
     /// Returns an empty list with capacity for one entry per tuple.
     pub(crate) fn room<T>(&self, source: &Source) -> Result<Vec<T>> {
         room(source, &self.place(), self.tuples)
+    }
+
+    fn count(&self) -> usize {
+        usize::try_from(self.tuples).unwrap_or(usize::MAX)
     }
 
     /// Returns an error about the array.
@@ -198,37 +187,13 @@ pub(crate) fn room<T>(source: &Source, place: &str, count: u64) -> Result<Vec<T>
     Ok(list)
 }
 
-/// Reads bits as bytes.
-struct Bits<'r> {
-    from: &'r mut dyn Read,
-    byte: u8,
-    left: u8,
-}
+/// Reads the bytes that a function returns.
+struct OneByOne<F>(F);
 
-impl Read for Bits<'_> {
+impl<F: FnMut() -> std::io::Result<u8>> Read for OneByOne<F> {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         for place in buffer.iter_mut() {
-            if self.left == 0 {
-                let mut byte = [0];
-                self.from.read_exact(&mut byte)?;
-                (self.byte, self.left) = (byte[0], 8);
-            }
-            self.left -= 1;
-            *place = (self.byte >> self.left) & 1;
-        }
-        Ok(buffer.len())
-    }
-}
-
-/// Reads numbers from 0 to 1 as bytes from 0 to 255.
-struct Shares<R>(R);
-
-impl<R: Read> Read for Shares<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        for place in buffer.iter_mut() {
-            let mut share = [0; 4];
-            self.0.read_exact(&mut share)?;
-            *place = num::u8_code(255.0 * f64::from(f32::from_le_bytes(share)));
+            *place = (self.0)()?;
         }
         Ok(buffer.len())
     }

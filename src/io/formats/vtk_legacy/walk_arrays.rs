@@ -19,35 +19,27 @@ const AHEAD: usize = 600;
 impl<'a> Walk<'a> {
     /// Reads an attribute array of the current section.
     pub(crate) fn attribute(&mut self, keyword: &str) -> Result<()> {
-        let kind = self.contents.kind.name();
-        let known = [
-            "SCALARS",
-            "COLOR_SCALARS",
-            "LOOKUP_TABLE",
-            "VECTORS",
-            "NORMALS",
-            "TENSORS",
-            "TENSORS6",
-            "TEXTURE_COORDINATES",
-            "GLOBAL_IDS",
-            "PEDIGREE_IDS",
-            "EDGE_FLAGS",
-        ];
-        if !known.contains(&keyword) {
-            let shown = text::shown(keyword);
-            return Err(
-                self.error(format!("\"{shown}\": is not a keyword of {kind}, or data before it is longer"))
-            );
-        }
+        let components = match keyword {
+            "VECTORS" | "NORMALS" => Some(3),
+            "TENSORS" => Some(9),
+            "TENSORS6" => Some(6),
+            "GLOBAL_IDS" | "PEDIGREE_IDS" | "EDGE_FLAGS" => Some(1),
+            "SCALARS" | "COLOR_SCALARS" | "LOOKUP_TABLE" | "TEXTURE_COORDINATES" => None,
+            _ => {
+                let (shown, kind) = (text::shown(keyword), self.contents.kind.name());
+                let rule = format!("\"{shown}\": is not a keyword of {kind}, or data before it is longer");
+                return Err(self.error(rule));
+            }
+        };
         let Some((association, count)) = self.section else {
             return Err(self.error(format!("{keyword}: must follow POINT_DATA or CELL_DATA")));
         };
         let name = decoded(&self.word("a name")?);
+        let colours = if self.binary { "unsigned_char" } else { "float" };
         let stored = match keyword {
             "LOOKUP_TABLE" => {
                 let size = self.count("colours")?;
-                self.array(if self.binary { "unsigned_char" } else { "float" }, size, 4)?;
-                return Ok(());
+                return self.array(colours, size, 4).map(drop);
             }
             "SCALARS" => {
                 let kind = self.word("a type")?;
@@ -63,41 +55,29 @@ impl<'a> Walk<'a> {
             }
             "COLOR_SCALARS" => {
                 let components = self.count("components")?;
-                let kind = if self.binary { "unsigned_char" } else { "float" };
-                let stored = self.array(kind, count, components)?;
-                let bytes = |stored: Stored| match stored.form {
-                    Form::Words => Stored { kind: SampleType::U8, form: Form::Shares, ..stored },
-                    _ => stored,
-                };
-                stored.map(bytes)
+                let mut stored = self.array(colours, count, components)?;
+                if let Some(stored) = stored.as_mut().filter(|stored| stored.form == Form::Words) {
+                    (stored.kind, stored.form) = (SampleType::U8, Form::Shares);
+                }
+                stored
             }
             _ => {
-                let components = match keyword {
-                    "VECTORS" | "NORMALS" => 3,
-                    "TENSORS" => 9,
-                    "TENSORS6" => 6,
-                    "TEXTURE_COORDINATES" => self.count("components")?,
-                    _ => 1,
-                };
+                let components = components.map_or_else(|| self.count("components"), Ok)?;
                 let kind = self.word("a type")?;
                 self.array(&kind, count, components)?
             }
         };
-        match stored {
-            Some(stored) => {
-                let index = self.contents.arrays.len();
-                self.list(name, association, stored)?;
-                let first = &mut self.contents.scalars[side(association)];
-                if keyword.ends_with("SCALARS") && first.is_none() && self.contents.arrays.len() > index {
-                    *first = Some(index);
-                }
-                Ok(())
-            }
-            None => {
-                self.apart(1, name);
-                Ok(())
-            }
+        let Some(stored) = stored else {
+            self.apart(1, name);
+            return Ok(());
+        };
+        let index = self.contents.arrays.len();
+        self.list(name, association, stored)?;
+        let first = &mut self.contents.scalars[side(association)];
+        if keyword.ends_with("SCALARS") && first.is_none() && self.contents.arrays.len() > index {
+            *first = Some(index);
         }
+        Ok(())
     }
 
     pub(crate) fn field(&mut self) -> Result<()> {
@@ -114,22 +94,17 @@ impl<'a> Walk<'a> {
             let kind = self.word("a type")?;
             let stored = self.array(&kind, tuples, components)?;
             match (stored, self.section) {
-                (Some(stored), Some((association, _))) => {
-                    let levels = self.version.0 < 4 && name == "vtkGhostLevels";
-                    if levels && stored.kind == SampleType::U8 {
-                        let stored = Stored { flags: Flags::Levels, ..stored };
-                        self.list("vtkGhostType".to_owned(), association, stored)?;
-                    } else {
-                        self.list(name, association, stored)?;
-                    }
+                (Some(stored), Some((association, _)))
+                    if self.version.0 < 4 && name == "vtkGhostLevels" && stored.kind == SampleType::U8 =>
+                {
+                    let stored = Stored { flags: Flags::Levels, ..stored };
+                    self.list("vtkGhostType".to_owned(), association, stored)?;
                 }
+                (Some(stored), Some((association, _))) => self.list(name, association, stored)?,
                 (Some(_), None) => self.apart(0, name),
                 (None, _) => self.apart(1, name),
             }
-            if self.comes("METADATA")? {
-                self.scanner.word()?;
-                self.metadata()?;
-            }
+            self.metadata_of_array()?;
         }
         Ok(())
     }
@@ -149,8 +124,8 @@ impl<'a> Walk<'a> {
         if self.contents.arrays.len() == MAX_ARRAYS {
             return Err(self.error(format!("array \"{name}\": there may be {MAX_ARRAYS} arrays")));
         }
-        self.contents.arrays.push(ArrayInfo { name, association, kind, components, active: false });
-        self.contents.stored.push(stored);
+        let info = ArrayInfo { name, association, kind, components, active: false };
+        self.contents.arrays.push((info, stored));
         Ok(())
     }
 
@@ -175,17 +150,24 @@ impl<'a> Walk<'a> {
             return Err(self.error(format!("type \"{shown}\": must be one of bit, char, short, int, long, float, double, \
                  unsigned_char, unsigned_short, unsigned_int, unsigned_long, vtkIdType, vtktypeint64, vtktypeuint64, string")));
         };
+        if self.binary {
+            self.end_line()?;
+        }
+        let bit = word.eq_ignore_ascii_case("bit");
         let mut stored = Stored {
-            offset: 0,
-            line: 0,
+            offset: self.scanner.position(),
+            line: self.scanner.lines(),
             tuples,
             components: usize::try_from(components).unwrap_or(usize::MAX),
             kind,
-            form: Form::Words,
+            form: match self.binary {
+                false => Form::Words,
+                true if bit => Form::Bits,
+                true => Form::Bytes,
+            },
             flags: Flags::AsTheyAre,
         };
         if !self.binary {
-            (stored.offset, stored.line) = (self.scanner.position(), self.scanner.lines());
             let most = text::most_numbers(self.scanner.available());
             if numbers > most {
                 return Err(self.error(format!("{numbers} numbers are announced: at most {most} can follow")));
@@ -193,10 +175,6 @@ impl<'a> Walk<'a> {
             self.scanner.skip_numbers(numbers)?;
             return Ok(Some(stored));
         }
-        self.end_line()?;
-        (stored.offset, stored.line) = (self.scanner.position(), self.scanner.lines());
-        let bit = word.eq_ignore_ascii_case("bit");
-        stored.form = if bit { Form::Bits } else { Form::Bytes };
         let size = |kind: SampleType| {
             if bit { Some(numbers.div_ceil(8)) } else { numbers.checked_mul(kind.bytes()) }
         };
@@ -270,6 +248,15 @@ impl<'a> Walk<'a> {
             self.skip_bytes(length.saturating_add(u64::try_from(size).unwrap_or(0)))?;
         }
         Ok(())
+    }
+
+    /// Skips the metadata of the last array, if it has any.
+    pub(crate) fn metadata_of_array(&mut self) -> Result<()> {
+        if !self.comes("METADATA")? {
+            return Ok(());
+        }
+        self.scanner.word()?;
+        self.metadata()
     }
 
     /// Skips the metadata of the last array, up to an empty line.

@@ -1,19 +1,22 @@
 //! Attributes of an element.
 
+use std::fmt::Display;
+
 use quick_xml::XmlVersion;
 use quick_xml::events::BytesStart;
 
 use crate::error::{Error, Result};
 use crate::io::file::source::Source;
-use crate::io::file::text::shown;
+use crate::io::file::text::{floats, plain, shown};
 use crate::io::formats::vtk_xml::document::Extent;
 
 /// The limit on attributes of an element.
 const MAX_ATTRIBUTES: usize = 64;
 
-/// Shortens a message of a library to one line.
-pub(crate) fn one_line(text: &str) -> String {
-    text.chars().take(200).map(|c| if c.is_control() { ' ' } else { c }).collect()
+/// Makes an error of the XML library one of the file, in one short line.
+pub(crate) fn no_xml(source: &Source, line: u64, error: impl Display) -> Error {
+    let text: String = plain(&error.to_string()).chars().take(200).collect();
+    source.error(format!("line {line}"), format!("no XML: {text}"))
 }
 
 /// The attributes of an element.
@@ -27,23 +30,19 @@ pub(crate) struct Attributes<'a> {
 impl<'a> Attributes<'a> {
     /// Reads the attributes of an element; control characters become blanks.
     pub(crate) fn of(source: &'a Source, tag: &BytesStart, line: u64) -> Result<Self> {
-        let at = |rule: String| source.error(format!("line {line}"), rule);
         let mut list = Vec::new();
         for attribute in tag.attributes() {
-            let wrong = |error: String| at(format!("no XML: attributes: {}", one_line(&error)));
+            let wrong = |error: &dyn Display| no_xml(source, line, format!("attributes: {error}"));
             if list.len() == MAX_ATTRIBUTES {
-                return Err(at(format!("more than {MAX_ATTRIBUTES} attributes")));
+                let rule = format!("more than {MAX_ATTRIBUTES} attributes");
+                return Err(source.error(format!("line {line}"), rule));
             }
-            let attribute = attribute.map_err(|error| wrong(error.to_string()))?;
-            let value = attribute
-                .normalized_value(XmlVersion::Implicit1_0)
-                .map_err(|error| wrong(error.to_string()))?;
+            let attribute = attribute.map_err(|error| wrong(&error))?;
+            let value = attribute.normalized_value(XmlVersion::Implicit1_0).map_err(|error| wrong(&error))?;
             // Line ends may be given as character references.
-            let value = value.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-            list.push((attribute.key.as_ref().to_owned(), value));
+            list.push((attribute.key.as_ref().to_owned(), plain(&value)));
         }
-        let element: &str = &shown(tag.name().as_ref());
-        Ok(Self { source, line, element: element.to_owned(), list })
+        Ok(Self { source, line, element: shown(tag.name().as_ref()), list })
     }
 
     pub(crate) fn get(&self, name: &str) -> Option<&str> {
@@ -54,34 +53,40 @@ impl<'a> Attributes<'a> {
         self.source.error(format!("line {}, {} {name}", self.line, self.element), rule)
     }
 
+    /// Returns the error that a value breaks a rule.
+    fn wrong(&self, name: &str, value: &str, rule: &str) -> Error {
+        self.error(name, format!("\"{}\": {rule}", shown(value)))
+    }
+
     pub(crate) fn required(&self, name: &str) -> Result<&str> {
         self.get(name).ok_or_else(|| self.error(name, "missing"))
     }
 
+    /// Returns what the value of an attribute means; None if the attribute is missing.
+    pub(crate) fn choice<T: Copy>(&self, name: &str, known: &[(&str, T)], rule: &str) -> Result<Option<T>> {
+        let Some(value) = self.get(name) else { return Ok(None) };
+        let found = known.iter().find(|(own, _)| *own == value).map(|(_, meaning)| *meaning);
+        found.ok_or_else(|| self.wrong(name, value, rule)).map(Some)
+    }
+
     pub(crate) fn count(&self, name: &str) -> Result<u64> {
-        let text = self.required(name)?;
-        text.trim()
-            .parse()
-            .map_err(|_| self.error(name, format!("\"{}\": must be a whole number", shown(text))))
+        let text = self.required(name)?.trim();
+        text.parse().map_err(|_| self.wrong(name, text, "must be a whole number"))
     }
 
     pub(crate) fn numbers<const N: usize>(&self, name: &str, default: [f64; N]) -> Result<[f64; N]> {
         let Some(text) = self.get(name) else { return Ok(default) };
-        crate::io::file::text::floats(text)
-            .filter(|numbers| numbers.iter().all(|number| number.is_finite()))
-            .ok_or_else(|| self.error(name, format!("\"{}\": must be {N} finite numbers", shown(text))))
+        let finite = floats(text).filter(|numbers| numbers.iter().all(|number| number.is_finite()));
+        finite.ok_or_else(|| self.wrong(name, text, &format!("must be {N} finite numbers")))
     }
 
     pub(crate) fn extent(&self, name: &str) -> Result<Extent> {
         let text = self.required(name)?;
-        let wrong = || self.error(name, format!("\"{}\": must be 6 whole numbers", shown(text)));
-        let numbers: Vec<i32> = text
-            .split_whitespace()
-            .take(7)
-            .map(str::parse)
-            .collect::<std::result::Result<_, _>>()
-            .map_err(|_| wrong())?;
-        let &[a, b, c, d, e, f] = numbers.as_slice() else { return Err(wrong()) };
-        Ok([[a, b], [c, d], [e, f]].map(|pair| pair.map(i64::from)))
+        let words = text.split_whitespace().take(7);
+        let numbers: Option<Vec<i32>> = words.map(|word| word.parse().ok()).collect();
+        match numbers.as_deref() {
+            Some(&[a, b, c, d, e, f]) => Ok([[a, b], [c, d], [e, f]].map(|pair| pair.map(i64::from))),
+            _ => Err(self.wrong(name, text, "must be 6 whole numbers")),
+        }
     }
 }

@@ -1,16 +1,16 @@
 //! The decompressed bytes of an array in blocks: zlib, LZ4 or xz.
 
-use std::io::{BufRead, ErrorKind, Read};
+use std::io::{BufRead, Cursor, ErrorKind, Read};
 
 use flate2::{Decompress, FlushDecompress, Status};
 use lzma_rust2::{Action, XzStream};
 
 use crate::error::Result;
 use crate::io::file::budget::Budget;
-use crate::io::file::sample_type::Endian;
 use crate::io::file::source::Encoding;
 use crate::io::formats::vtk_xml::bytes::Bytes;
-use crate::io::formats::vtk_xml::document::Compressor;
+use crate::io::formats::vtk_xml::document::{Compressor, Storage};
+use crate::num;
 
 impl Compressor {
     /// Returns an upper bound of the size of `packed` bytes after decompression.
@@ -38,8 +38,8 @@ impl Compressor {
 enum Unpacker {
     Zlib(Decompress),
     Lzma(Box<XzStream>),
-    /// The decompressed block, and the number of bytes returned.
-    Lz4(Vec<u8>, usize),
+    /// The whole decompressed block.
+    Whole(Cursor<Vec<u8>>),
 }
 
 /// Reads the decompressed bytes of an array in blocks.
@@ -51,79 +51,63 @@ pub(crate) struct Blocks<'s, 'a> {
     compressor: Compressor,
     /// The compressed sizes of the blocks.
     sizes: Vec<u64>,
-    /// The decompressed sizes of a block and of the last block.
+    /// The decompressed sizes of a block and of the last block, which are not 0.
     size: u64,
     last: u64,
-    /// The current block, and whether it has been started.
+    /// The current block.
     next: usize,
-    open: bool,
     unpacker: Unpacker,
-    /// Bytes left of the current block, compressed and decompressed.
+    /// Bytes left of the current block, compressed and decompressed; none between blocks.
     packed: u64,
     unpacked: u64,
+    /// Whether the compressed stream of the current block has ended.
     ended: bool,
     /// Memory granted to the xz decoder, in KiB.
     granted: u32,
 }
 
 impl<'s, 'a> Blocks<'s, 'a> {
-    /// Reads the header of blocks and checks it.
+    /// Reads the header of blocks that hold `wanted` bytes, not 0, and checks it.
     pub(crate) fn open(
         mut bytes: Bytes<'s, 'a>,
-        endian: Endian,
-        word: u64,
+        storage: Storage,
         compressor: Compressor,
         wanted: u64,
         budget: &'s mut Budget<'a>,
     ) -> Result<Self> {
-        let (count, size, partial) = match bytes.words(endian, word, 3)?.as_slice() {
-            &[count, size, partial] => (count, size, partial),
-            _ => return Err(bytes.error("ends within its header")),
-        };
+        let mut word = || bytes.word(storage);
+        let (count, size, partial) = (word()?, word()?, word()?);
         let last = if partial == 0 { size } else { partial };
-        let total = match count.checked_sub(1) {
-            None => Some(0),
-            Some(full) => full.checked_mul(size).and_then(|full| full.checked_add(last)),
-        };
-        if total != Some(wanted) || last > size {
-            let rule = format!(
-                "its header announces {count} blocks of {size} bytes, the last of {last}: {wanted} bytes are \
-                 needed"
-            );
-            return Err(bytes.error(rule));
+        let full = count.checked_sub(1).and_then(|full| full.checked_mul(size));
+        if full.and_then(|full| full.checked_add(last)) != Some(wanted) || last > size {
+            let rule =
+                format!("{count} blocks of {size} bytes, the last of {last}: {wanted} bytes are needed");
+            return Err(bytes.error(format!("its header announces {rule}")));
         }
-        let header = count.saturating_mul(word);
-        if header > bytes.most() {
+        if count.saturating_mul(storage.word) > bytes.most() {
             let rule = format!("its header announces {count} blocks: at most {} bytes follow", bytes.most());
             return Err(bytes.error(rule));
         }
         let mut taken = count.saturating_mul(8);
         budget.take(&bytes.at, taken)?;
-        let sizes = bytes.words(endian, word, count)?;
+        let sizes = (0..count).map(|_| bytes.word(storage)).collect::<Result<Vec<u64>>>()?;
         let packed = sizes.iter().try_fold(0_u64, |sum, &size| sum.checked_add(size));
         let Some(packed) = packed.filter(|&packed| packed <= bytes.most()) else {
             let rule = format!("its header announces more compressed bytes than the {} there", bytes.most());
             return Err(bytes.error(rule));
         };
-        if compressor.most(packed) < wanted {
-            let rule = format!(
-                "needs {wanted} bytes: {packed} bytes of {} hold at most {}",
-                compressor.name(),
-                compressor.most(packed)
-            );
+        let most = compressor.most(packed);
+        if most < wanted {
+            let name = compressor.name();
+            let rule = format!("needs {wanted} bytes: {packed} bytes of {name} hold at most {most}");
             return Err(bytes.error(rule));
         }
-        let unpacker = match compressor {
-            Compressor::Zlib => Unpacker::Zlib(Decompress::new(true)),
-            Compressor::Lzma => Unpacker::Lzma(Box::new(XzStream::new_mem_limit(false, 0))),
-            Compressor::Lz4 => {
-                let largest = sizes.iter().copied().max().unwrap_or_default();
-                let buffers = largest.saturating_add(size.max(last));
-                budget.take(&bytes.at, buffers)?;
-                taken = taken.saturating_add(buffers);
-                Unpacker::Lz4(Vec::new(), 0)
-            }
-        };
+        if compressor == Compressor::Lz4 {
+            // A block is held twice, compressed and not.
+            let buffers = sizes.iter().copied().max().unwrap_or_default().saturating_add(size);
+            budget.take(&bytes.at, buffers)?;
+            taken = taken.saturating_add(buffers);
+        }
         bytes.left = packed;
         Ok(Self {
             bytes,
@@ -134,8 +118,7 @@ impl<'s, 'a> Blocks<'s, 'a> {
             size,
             last,
             next: 0,
-            open: false,
-            unpacker,
+            unpacker: Unpacker::Whole(Cursor::default()),
             packed: 0,
             unpacked: 0,
             ended: false,
@@ -151,25 +134,23 @@ impl<'s, 'a> Blocks<'s, 'a> {
     fn begin(&mut self) -> std::io::Result<()> {
         self.packed = self.sizes[self.next];
         self.unpacked = if self.next + 1 == self.sizes.len() { self.last } else { self.size };
-        self.open = true;
-        self.ended = false;
-        match &mut self.unpacker {
-            Unpacker::Zlib(zlib) => zlib.reset(true),
-            Unpacker::Lzma(xz) => **xz = XzStream::new_mem_limit(false, self.granted),
-            Unpacker::Lz4(unpacked, behind) => {
-                *behind = 0;
-                let mut packed = Vec::new();
-                let size = usize::try_from(self.packed).map_err(|_| ErrorKind::OutOfMemory)?;
-                packed.try_reserve_exact(size).map_err(|_| ErrorKind::OutOfMemory)?;
+        self.ended = self.compressor == Compressor::Lz4;
+        match (self.compressor, &mut self.unpacker) {
+            (Compressor::Zlib, Unpacker::Zlib(zlib)) => zlib.reset(true),
+            (Compressor::Zlib, unpacker) => *unpacker = Unpacker::Zlib(Decompress::new(true)),
+            (Compressor::Lzma, unpacker) => {
+                *unpacker = Unpacker::Lzma(Box::new(XzStream::new_mem_limit(false, self.granted)));
+            }
+            (Compressor::Lz4, unpacker) => {
+                // The block before is freed first.
+                *unpacker = Unpacker::Whole(Cursor::default());
+                let (mut packed, _) = reserved(self.packed)?;
                 (&mut self.bytes).take(self.packed).read_to_end(&mut packed)?;
                 self.packed = 0;
-                self.ended = true;
-                let size = usize::try_from(self.unpacked).map_err(|_| ErrorKind::OutOfMemory)?;
-                unpacked.clear();
-                unpacked.try_reserve_exact(size).map_err(|_| ErrorKind::OutOfMemory)?;
+                let (mut unpacked, size) = reserved(self.unpacked)?;
                 unpacked.resize(size, 0);
-                match lz4_flex::block::decompress_into(&packed, unpacked) {
-                    Ok(got) if got == size => {}
+                match lz4_flex::block::decompress_into(&packed, &mut unpacked) {
+                    Ok(got) if got == size => self.unpacker = Unpacker::Whole(Cursor::new(unpacked)),
                     Ok(got) => return Err(self.error(format!("LZ4 of {got} bytes: {size} are needed"))),
                     Err(error) => return Err(self.error(format!("LZ4 is damaged: {error}"))),
                 }
@@ -178,41 +159,30 @@ impl<'s, 'a> Blocks<'s, 'a> {
         Ok(())
     }
 
-    /// Decompresses some bytes of the current block.
+    /// Decompresses some bytes of the current block; none at its end.
     fn step(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         let name = self.compressor.name();
         let damaged = |error: &dyn std::fmt::Display| format!("{name} stream is damaged: {error}");
         loop {
-            if self.ended && !matches!(self.unpacker, Unpacker::Lz4(..)) {
-                return Ok(0);
-            }
             let most = usize::try_from(self.packed).unwrap_or(usize::MAX);
-            let input = self.bytes.fill_buf()?;
-            let input = &input[..input.len().min(most)];
+            let mut stopped = false;
             let (consumed, produced) = match &mut self.unpacker {
-                Unpacker::Lz4(unpacked, behind) => {
-                    let got = (&unpacked[*behind..]).read(buffer)?;
-                    *behind += got;
-                    return Ok(got);
-                }
+                Unpacker::Whole(block) => return block.read(buffer),
+                _ if self.ended => return Ok(0),
                 Unpacker::Zlib(zlib) => {
+                    let input = self.bytes.fill_buf()?;
                     let before = (zlib.total_in(), zlib.total_out());
-                    match zlib.decompress(input, buffer, FlushDecompress::None) {
+                    match zlib.decompress(&input[..input.len().min(most)], buffer, FlushDecompress::None) {
                         Ok(status) => self.ended = status == Status::StreamEnd,
                         Err(error) => return Err(self.error(damaged(&error))),
                     }
                     (zlib.total_in() - before.0, zlib.total_out() - before.1)
                 }
                 Unpacker::Lzma(xz) => {
+                    let input = self.bytes.fill_buf()?;
                     let before = (xz.total_in(), xz.total_out());
-                    let result = xz.process(input, buffer, Action::Run);
-                    // Input is consumed even if the decoder stops at its memory limit.
-                    let consumed = xz.total_in() - before.0;
-                    match result {
-                        Ok(result) => {
-                            self.ended = result.status == lzma_rust2::Status::StreamEnd;
-                            (consumed, xz.total_out() - before.1)
-                        }
+                    match xz.process(&input[..input.len().min(most)], buffer, Action::Run) {
+                        Ok(result) => self.ended = result.status == lzma_rust2::Status::StreamEnd,
                         Err(error) => {
                             let needed = xz.memory_usage().unwrap_or_default();
                             if error.kind() != ErrorKind::OutOfMemory || needed <= self.granted {
@@ -225,40 +195,32 @@ impl<'s, 'a> Blocks<'s, 'a> {
                             self.budget.take(&self.bytes.at, more).map_err(std::io::Error::other)?;
                             self.taken = self.taken.saturating_add(more);
                             self.granted = needed;
-                            self.advance(consumed);
-                            continue;
+                            stopped = true;
                         }
                     }
+                    // Input is consumed even if the decoder stops at its memory limit.
+                    (xz.total_in() - before.0, xz.total_out() - before.1)
                 }
             };
-            if consumed == 0 && produced == 0 && !self.ended {
+            if consumed == 0 && produced == 0 && !self.ended && !stopped {
                 return Err(self.error(format!("{name} stream ends too early")));
             }
-            self.advance(consumed);
-            if produced > 0 || buffer.is_empty() {
+            self.bytes.consume(usize::try_from(consumed).unwrap_or(usize::MAX));
+            self.packed = self.packed.saturating_sub(consumed);
+            if produced > 0 {
                 return Ok(usize::try_from(produced).unwrap_or(buffer.len()));
             }
         }
     }
 
-    /// Consumes compressed bytes of the current block.
-    fn advance(&mut self, bytes: u64) {
-        self.bytes.consume(usize::try_from(bytes).unwrap_or(usize::MAX));
-        self.packed = self.packed.saturating_sub(bytes);
-    }
-
     /// Ends the current block, of which nothing may be left.
     fn end(&mut self) -> std::io::Result<()> {
-        let mut more = [0_u8];
-        while !self.ended {
-            if self.step(&mut more)? > 0 {
-                return Err(self.error("holds more bytes than its header says"));
-            }
+        if self.step(&mut [0])? > 0 {
+            return Err(self.error("holds more bytes than its header says"));
         }
         if self.packed > 0 {
             return Err(self.error(format!("{} bytes are left after its end", self.packed)));
         }
-        self.open = false;
         self.next += 1;
         Ok(())
     }
@@ -266,24 +228,32 @@ impl<'s, 'a> Blocks<'s, 'a> {
 
 impl Read for Blocks<'_, '_> {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        if buffer.is_empty() {
-            return Ok(0);
-        }
-        if !self.open {
+        if self.unpacked == 0 {
             if self.next == self.sizes.len() {
                 return Ok(0);
             }
             self.begin()?;
         }
         let most = usize::try_from(self.unpacked).unwrap_or(usize::MAX).min(buffer.len());
+        if most == 0 {
+            return Ok(0);
+        }
         let got = self.step(&mut buffer[..most])?;
         if got == 0 {
             return Err(self.error(format!("ends {} bytes too early", self.unpacked)));
         }
-        self.unpacked -= u64::try_from(got).unwrap_or(self.unpacked);
+        self.unpacked -= num::wide(got);
         if self.unpacked == 0 {
             self.end()?;
         }
         Ok(got)
     }
+}
+
+/// Returns an empty list with room for `count` bytes, and the count.
+fn reserved(count: u64) -> std::io::Result<(Vec<u8>, usize)> {
+    let mut list = Vec::new();
+    let count = usize::try_from(count).map_err(|_| ErrorKind::OutOfMemory)?;
+    list.try_reserve_exact(count).map_err(|_| ErrorKind::OutOfMemory)?;
+    Ok((list, count))
 }

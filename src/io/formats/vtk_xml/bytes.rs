@@ -1,15 +1,15 @@
 //! The stored bytes of one array, decoded from base64 if needed.
 
-use std::io::{BufRead, ErrorKind, Read};
+use std::io::{BufRead, Cursor, ErrorKind, Read};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 
 use crate::error::{Error, Result};
-use crate::io::file::sample_type::Endian;
+use crate::io::file::scanner::Scanner;
 use crate::io::file::source::Source;
 use crate::io::file::text::stream_error;
-use crate::io::formats::vtk_xml::cursor::Cursor;
+use crate::io::formats::vtk_xml::document::Storage;
 use crate::num;
 
 /// Reads the bytes of one array.
@@ -17,17 +17,13 @@ pub(crate) struct Bytes<'s, 'a> {
     pub(crate) source: &'a Source,
     /// The array, for messages.
     pub(crate) at: String,
-    pub(crate) cursor: &'s mut Cursor<'a>,
-    pub(crate) base64: bool,
+    pub(crate) scanner: &'s mut Scanner<'a>,
     /// An upper bound of the stored bytes still to come.
     pub(crate) stored: u64,
     /// Bytes requested but not yet returned.
     pub(crate) left: u64,
-    /// Decoded base64; `behind` bytes of it have been returned.
-    pub(crate) decoded: Vec<u8>,
-    pub(crate) behind: usize,
-    /// Base64 to decode.
-    pub(crate) text: Vec<u8>,
+    /// Decoded bytes, if the stored ones are base64.
+    pub(crate) decoded: Option<Cursor<Vec<u8>>>,
 }
 
 impl Bytes<'_, '_> {
@@ -37,85 +33,68 @@ impl Bytes<'_, '_> {
 
     /// Returns an upper bound of the bytes still to come.
     pub(crate) fn most(&self) -> u64 {
-        if self.base64 { self.stored / 4 * 3 + 2 } else { self.stored }
+        if self.decoded.is_some() { self.stored / 4 * 3 + 2 } else { self.stored }
     }
 
-    /// Reads whole numbers of a header.
-    pub(crate) fn words(&mut self, endian: Endian, word: u64, count: u64) -> Result<Vec<u64>> {
-        self.left = word * count;
-        let mut words = Vec::new();
-        for _ in 0..count {
-            let mut bytes = [0; 8];
-            let size = usize::try_from(word).unwrap_or(8).min(8);
-            let own = &mut bytes[..size];
-            self.read_exact(own).map_err(|error| match error.kind() {
-                ErrorKind::UnexpectedEof => self.error("ends within its header"),
-                _ => stream_error(self.source, error),
-            })?;
-            words.push(endian.whole(own));
-        }
-        Ok(words)
+    /// Reads a whole number of a header, of 4 or 8 bytes.
+    pub(crate) fn word(&mut self, storage: Storage) -> Result<u64> {
+        self.left = storage.word;
+        let mut bytes = [0; 8];
+        let own = if storage.word == 4 { &mut bytes[..4] } else { &mut bytes[..] };
+        self.read_exact(own).map_err(|error| match error.kind() {
+            ErrorKind::UnexpectedEof => self.error("ends within its header"),
+            _ => stream_error(self.source, error),
+        })?;
+        Ok(storage.endian.whole(own))
     }
 
-    /// Reads uncompressed data: a header with its size, then exactly `wanted` bytes.
-    pub(crate) fn whole(
-        mut self,
-        endian: Endian,
-        word: u64,
-        wanted: u64,
-        taker: &mut dyn FnMut(&mut dyn Read) -> std::io::Result<()>,
-    ) -> std::io::Result<()> {
-        let announced = self.words(endian, word, 1).map_err(std::io::Error::other)?;
-        if announced != [wanted] {
-            let announced = announced.first().copied().unwrap_or_default();
+    /// Begins uncompressed data: a header with its size, then exactly `wanted` bytes.
+    pub(crate) fn begin(&mut self, storage: Storage, wanted: u64) -> Result<()> {
+        let announced = self.word(storage)?;
+        if announced != wanted {
             let rule = format!("its header announces {announced} bytes: {wanted} are needed");
-            return Err(std::io::Error::other(self.error(rule)));
+            return Err(self.error(rule));
         }
         if wanted > self.most() {
-            let rule = format!("needs {wanted} bytes: at most {} are there", self.most());
-            return Err(std::io::Error::other(self.error(rule)));
+            return Err(self.error(format!("needs {wanted} bytes: at most {} are there", self.most())));
         }
         self.left = wanted;
-        taker(&mut self)
+        Ok(())
     }
 
     /// Decodes more base64, at most the requested bytes.
-    fn decode(&mut self) -> std::io::Result<()> {
+    fn decode(&mut self) -> std::io::Result<Vec<u8>> {
         const MOST: u64 = 1 << 14;
-        self.decoded.clear();
-        self.behind = 0;
-        self.text.clear();
         let wanted = usize::try_from(self.left.min(MOST).div_ceil(3) * 4).unwrap_or(4);
+        let mut text = Vec::with_capacity(wanted);
         // A padded group ends a base64 stream; another may follow.
         let mut padded = false;
-        while self.text.len() < wanted && !(padded && self.text.len().is_multiple_of(4)) {
+        loop {
             let most = usize::try_from(self.stored).unwrap_or(usize::MAX);
-            let buffer = match self.cursor.fill_buf() {
+            let buffer = match self.scanner.fill_buf() {
                 Ok(buffer) => &buffer[..buffer.len().min(most)],
                 Err(error) if error.kind() == ErrorKind::Interrupted => continue,
                 Err(error) => return Err(error),
             };
-            if buffer.is_empty() {
-                break;
-            }
-            let mut used = 0;
+            let (mut used, mut done) = (0, buffer.is_empty());
             for &byte in buffer {
-                if self.text.len() == wanted || (padded && self.text.len().is_multiple_of(4)) {
-                    break;
-                }
                 used += 1;
                 if !byte.is_ascii_whitespace() {
-                    self.text.push(byte);
+                    text.push(byte);
                     padded |= byte == b'=';
+                    done = text.len() == wanted || padded && text.len().is_multiple_of(4);
+                }
+                if done {
+                    break;
                 }
             }
-            self.cursor.consume(used);
-            self.stored -= u64::try_from(used).unwrap_or(self.stored);
+            self.scanner.consume(used);
+            self.stored -= num::wide(used);
+            if done {
+                let no_base64 = |error| std::io::Error::other(self.error(format!("no base64: {error}")));
+                return STANDARD.decode(&text).map_err(no_base64);
+            }
         }
-        if let Err(error) = STANDARD.decode_vec(&self.text, &mut self.decoded) {
-            return Err(std::io::Error::other(self.error(format!("no base64: {error}"))));
-        }
-        Ok(())
     }
 }
 
@@ -129,31 +108,26 @@ impl Read for Bytes<'_, '_> {
 
 impl BufRead for Bytes<'_, '_> {
     fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
-        if self.base64 {
-            if self.left > 0 && self.behind == self.decoded.len() {
-                self.decode()?;
-            }
-            let most = usize::try_from(self.left).unwrap_or(usize::MAX);
-            let bytes = &self.decoded[self.behind..];
-            Ok(&bytes[..bytes.len().min(most)])
-        } else {
-            let most = usize::try_from(self.left.min(self.stored)).unwrap_or(usize::MAX);
-            if most == 0 {
-                return Ok(&[]);
-            }
-            let bytes = self.cursor.fill_buf()?;
-            Ok(&bytes[..bytes.len().min(most)])
+        let empty = |decoded: &mut Cursor<_>| decoded.fill_buf().is_ok_and(<[u8]>::is_empty);
+        if self.left > 0 && self.decoded.as_mut().is_some_and(empty) {
+            self.decoded = Some(Cursor::new(self.decode()?));
         }
+        let (bytes, most) = match &mut self.decoded {
+            Some(decoded) => (decoded.fill_buf()?, self.left),
+            None if self.left.min(self.stored) == 0 => return Ok(&[]),
+            None => (self.scanner.fill_buf()?, self.left.min(self.stored)),
+        };
+        Ok(&bytes[..bytes.len().min(usize::try_from(most).unwrap_or(usize::MAX))])
     }
 
     fn consume(&mut self, bytes: usize) {
-        let count = num::wide(bytes);
-        self.left = self.left.saturating_sub(count);
-        if self.base64 {
-            self.behind = self.behind.saturating_add(bytes).min(self.decoded.len());
-        } else {
-            self.cursor.consume(bytes);
-            self.stored = self.stored.saturating_sub(count);
+        self.left = self.left.saturating_sub(num::wide(bytes));
+        match &mut self.decoded {
+            Some(decoded) => decoded.consume(bytes),
+            None => {
+                self.scanner.consume(bytes);
+                self.stored = self.stored.saturating_sub(num::wide(bytes));
+            }
         }
     }
 }

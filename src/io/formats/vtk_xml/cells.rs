@@ -3,36 +3,34 @@
 use glam::DVec3;
 
 use crate::error::Result;
-use crate::io::build::arrays::ArrayInfo;
 use crate::io::build::dataset::{self, Dataset};
 use crate::io::build::origin::Origin;
 use crate::io::file::decode;
-use crate::io::file::source::Source;
 use crate::io::file::text::index;
-use crate::io::formats::vtk_xml::document::{Array, Document, Piece, Section};
-use crate::io::formats::vtk_xml::file::File;
-use crate::io::formats::vtk_xml::pieces::{append, in_chunks, numbers, part, section, tuples, wrong};
+use crate::io::formats::vtk_xml::document::{Piece, Section};
 use crate::io::formats::vtk_xml::store::Store;
+use crate::io::formats::vtk_xml::{File, VtkXml};
 use crate::io::options::ReadOptions;
+use crate::io::reader::Reader as _;
 use crate::io::report::Loaded;
 use crate::scene::Samples;
 
 impl File<'_> {
     /// Reads an unstructured grid as a mesh, or as points if it has no cells with volume.
-    pub(crate) fn cells(&mut self, format: &'static str, options: &ReadOptions) -> Result<Loaded> {
+    pub(crate) fn cells(&mut self, options: &ReadOptions) -> Result<Loaded> {
         let source = self.source;
-        let Document { pieces, kind, .. } = &self.document;
+        let pieces = &self.document.pieces;
         let sum = |count: fn(&Piece) -> u64| pieces.iter().map(count).fold(0, u64::saturating_add);
         let (points, cells) = (sum(|piece| piece.points), sum(|piece| piece.cells));
         index(source, "NumberOfPoints", points)?;
         index(source, "NumberOfCells", cells)?;
         self.budget.take("points and cells", dataset::bytes(points, cells, 0))?;
-        let points = read_points(source, &mut self.store, pieces)?;
-        let (ends, nodes_of_pieces) = read_ends(source, &mut self.store, pieces)?;
+        let points = read_points(&mut self.store, pieces)?;
+        let (ends, nodes_of_pieces) = read_ends(&mut self.store, pieces)?;
         let all = nodes_of_pieces.iter().copied().fold(0, u64::saturating_add);
         self.budget.take("nodes of cells", dataset::bytes(0, 0, all))?;
-        let nodes = read_nodes(source, &mut self.store, pieces, &nodes_of_pieces)?;
-        let types = read_types(source, &mut self.store, pieces)?;
+        let nodes = read_nodes(&mut self.store, pieces, &nodes_of_pieces)?;
+        let types = read_types(&mut self.store, pieces)?;
         let data = Dataset { points, types, ends, nodes };
 
         let full = pieces.iter().filter(|piece| piece.points > 0).count();
@@ -40,119 +38,95 @@ impl File<'_> {
             self.notes.push(format!("{full} pieces were joined"));
         }
         let arrays = self.arrays.clone();
-        let origin = Origin { source, format, arrays: arrays.clone() };
         let store = &mut self.store;
-        data.build(
-            origin,
-            &mut self.budget,
-            &mut |index, pick| {
-                let ArrayInfo { name, association, kind: number, .. } = &arrays[index];
-                let mut samples = Samples::none(*number, pick);
-                for piece in pieces {
-                    let count = tuples(*kind, piece, *association);
-                    if let Some(array) = piece.array(section(*association), name).filter(|_| count > 0) {
-                        append(store, array, count, pick, &mut samples, source)?;
-                    }
-                }
-                Ok(samples)
-            },
-            options,
-        )
+        let mut read = |index: usize, pick| {
+            let mut samples = Samples::none(arrays[index].kind, pick);
+            pieces.iter().try_for_each(|piece| store.samples(piece, &arrays[index], pick, &mut samples))?;
+            Ok(samples)
+        };
+        let (arrays, budget, read) = (arrays.clone(), &mut self.budget, &mut read);
+        data.build(Origin { source, format: VtkXml.name(), arrays, options, budget, read })
     }
 }
 
 /// The coordinates of the points of all pieces.
-fn read_points(source: &Source, store: &mut Store, pieces: &[Piece]) -> Result<Vec<DVec3>> {
-    let mut list: Vec<DVec3> = Vec::new();
+fn read_points(store: &mut Store, pieces: &[Piece]) -> Result<Vec<DVec3>> {
+    let mut list = Vec::new();
     for piece in pieces.iter().filter(|piece| piece.points > 0) {
-        let array = part(source, piece, Section::Points, None, 3)?;
-        let count = numbers(source, array, piece.points, 3)?;
-        store.take(array, count, &mut |reader, kind, endian| {
-            let count = usize::try_from(count).unwrap_or(usize::MAX);
-            list.try_reserve_exact(count / 3).map_err(|_| std::io::ErrorKind::OutOfMemory)?;
-            in_chunks(reader, count, kind, endian, decode::append_f64, &mut |chunk| {
-                list.extend(chunk.as_chunks::<3>().0.iter().map(|&point| DVec3::from_array(point)));
-                Ok(())
-            })
+        let array = piece.part(store.source, Section::Points, None, 3)?;
+        let count = index(store.source, "NumberOfPoints", piece.points)?;
+        let numbers = store.numbers(array, piece.points)?;
+        store.take(array, numbers, &mut |reader, kind, endian| {
+            decode::append_points(reader, count, kind, endian, &mut list)
         })?;
     }
     Ok(list)
 }
 
-/// Where the nodes of each cell end, counted over all pieces, and the number of nodes of each piece with cells.
-/// Node lists that are text give their length nowhere else.
-fn read_ends(source: &Source, store: &mut Store, pieces: &[Piece]) -> Result<(Vec<u32>, Vec<u64>)> {
-    let mut list: Vec<u32> = Vec::new();
-    let mut of_pieces: Vec<u64> = Vec::new();
+/// Where the nodes of each cell end, counted over all pieces, and the number of nodes of each piece. Node lists that are
+/// text give their length nowhere else.
+fn read_ends(store: &mut Store, pieces: &[Piece]) -> Result<(Vec<u32>, Vec<u64>)> {
+    let mut list = Vec::new();
+    let mut of_pieces = Vec::new();
     let mut nodes = 0_u64;
-    for piece in pieces.iter().filter(|piece| piece.cells > 0) {
-        let array = part(source, piece, Section::Cells, Some("offsets"), 1)?;
-        index(source, &array.at(), piece.cells)?;
+    for piece in pieces {
         let mut last = 0;
-        append_each(store, array, piece.cells, &mut list, &mut |end| {
-            last = end;
-            let end = nodes.checked_add(u64::from(end)).and_then(|end| u32::try_from(end).ok());
-            end.ok_or_else(|| wrong("more nodes than 32 bits can count".to_owned()))
+        each(store, piece, ("offsets", piece.cells), &mut list, &mut |end| {
+            last = u64::from(end);
+            let end = u32::try_from(nodes.saturating_add(last));
+            end.map_err(|_| "more nodes than 32 bits can count".to_owned())
         })?;
-        nodes = nodes.saturating_add(u64::from(last));
-        of_pieces.push(u64::from(last));
+        nodes = nodes.saturating_add(last);
+        of_pieces.push(last);
     }
     Ok((list, of_pieces))
 }
 
 /// The nodes of all cells, as indices into the points of all pieces.
-fn read_nodes(
-    source: &Source,
-    store: &mut Store,
-    pieces: &[Piece],
-    nodes_of_pieces: &[u64],
-) -> Result<Vec<u32>> {
-    let mut list: Vec<u32> = Vec::new();
+fn read_nodes(store: &mut Store, pieces: &[Piece], counts: &[u64]) -> Result<Vec<u32>> {
+    let mut list = Vec::new();
     let mut before = 0_u64;
-    let mut counts = nodes_of_pieces.iter();
-    for piece in pieces {
-        if piece.cells > 0 {
-            let array = part(source, piece, Section::Cells, Some("connectivity"), 1)?;
-            let count = counts.next().copied().unwrap_or_default();
-            append_each(store, array, count, &mut list, &mut |node| {
-                if u64::from(node) >= piece.points {
-                    return Err(wrong(format!("node {node}: the piece has {} points", piece.points)));
-                }
-                u32::try_from(before + u64::from(node))
-                    .map_err(|_| wrong("more points than 32 bits can count".to_owned()))
-            })?;
-        }
+    for (piece, &count) in pieces.iter().zip(counts) {
+        each(store, piece, ("connectivity", count), &mut list, &mut |node| {
+            if u64::from(node) >= piece.points {
+                return Err(format!("node {node}: the piece has {} points", piece.points));
+            }
+            let node = u32::try_from(before + u64::from(node));
+            node.map_err(|_| "more points than 32 bits can count".to_owned())
+        })?;
         before = before.saturating_add(piece.points);
     }
     Ok(list)
 }
 
 /// The VTK type numbers of all cells.
-fn read_types(source: &Source, store: &mut Store, pieces: &[Piece]) -> Result<Vec<u8>> {
-    let mut list: Vec<u8> = Vec::new();
-    for piece in pieces.iter().filter(|piece| piece.cells > 0) {
-        let array = part(source, piece, Section::Cells, Some("types"), 1)?;
-        index(source, &array.at(), piece.cells)?;
-        append_each(store, array, piece.cells, &mut list, &mut |number| {
-            u8::try_from(number).map_err(|_| wrong(format!("{number}: not a type of a cell")))
+fn read_types(store: &mut Store, pieces: &[Piece]) -> Result<Vec<u8>> {
+    let mut list = Vec::new();
+    for piece in pieces {
+        each(store, piece, ("types", piece.cells), &mut list, &mut |number| {
+            u8::try_from(number).map_err(|_| format!("{number}: not a type of a cell"))
         })?;
     }
     Ok(list)
 }
 
-/// Reads the whole numbers of an array and appends what `each` makes of them.
-fn append_each<T>(
+/// Reads `count` whole numbers of an array of a piece, if it has cells, and appends what `value` makes of them.
+fn each<T>(
     store: &mut Store,
-    array: &Array,
-    count: u64,
+    piece: &Piece,
+    (name, count): (&str, u64),
     list: &mut Vec<T>,
-    each: &mut dyn FnMut(u32) -> std::io::Result<T>,
+    value: &mut dyn FnMut(u32) -> std::result::Result<T, String>,
 ) -> Result<()> {
+    if piece.cells == 0 {
+        return Ok(());
+    }
+    let array = piece.part(store.source, Section::Cells, Some(name), 1)?;
+    let numbers = index(store.source, &array.at(), count)?;
     store.take(array, count, &mut |reader, kind, endian| {
-        let count = usize::try_from(count).unwrap_or(usize::MAX);
-        list.try_reserve_exact(count).map_err(|_| std::io::ErrorKind::OutOfMemory)?;
-        in_chunks(reader, count, kind, endian, decode::append_indices, &mut |chunk| {
-            chunk.iter().try_for_each(|&number| each(number).map(|value| list.push(value)))
+        list.try_reserve_exact(numbers).map_err(|_| std::io::ErrorKind::OutOfMemory)?;
+        decode::each_index(reader, numbers, kind, endian, &mut |number| {
+            value(number).map(|value| list.push(value))
         })
     })
 }

@@ -1,6 +1,9 @@
 //! The structure of a document: pieces, and where the numbers of each array lie.
 
+use crate::error::Result;
+use crate::io::build::arrays::Association;
 use crate::io::file::sample_type::{Endian, SampleType};
+use crate::io::file::source::Source;
 use crate::io::file::text::shown;
 
 /// The kind of a data set.
@@ -95,8 +98,34 @@ impl Section {
     ];
 }
 
+impl From<Association> for Section {
+    fn from(association: Association) -> Self {
+        match association {
+            Association::Point => Self::PointData,
+            Association::Cell => Self::CellData,
+        }
+    }
+}
+
 /// First and last index of points along each axis.
 pub(crate) type Extent = [[i64; 2]; 3];
+
+/// Returns the number of points or cells along each axis of an extent; 0 if it is empty.
+pub(crate) fn shape(extent: Extent, association: Association) -> [u64; 3] {
+    let less = u64::from(association == Association::Cell);
+    extent.map(|[first, last]| u64::try_from(last - first + 1).unwrap_or(0).saturating_sub(less))
+}
+
+/// Returns the number of points or cells of an extent.
+pub(crate) fn volume(extent: Extent, association: Association) -> u64 {
+    shape(extent, association).into_iter().fold(1, u64::saturating_mul)
+}
+
+/// Formats an extent as files write it.
+pub(crate) fn words(extent: Extent) -> String {
+    let [[a, b], [c, d], [e, f]] = extent;
+    format!("{a} {b} {c} {d} {e} {f}")
+}
 
 /// A piece of the data set.
 #[derive(Debug, Default)]
@@ -104,9 +133,7 @@ pub(crate) struct Piece {
     pub(crate) line: u64,
     /// The extent, of an image or a rectilinear grid.
     pub(crate) extent: Extent,
-    /// The number, of an unstructured grid.
     pub(crate) points: u64,
-    /// The number, of an unstructured grid.
     pub(crate) cells: u64,
     /// Names of the scalars and the vectors to show: of points, and of cells.
     pub(crate) active: [[Option<String>; 2]; 2],
@@ -120,8 +147,36 @@ impl Piece {
     }
 
     /// Returns an array of a section by name.
-    pub(crate) fn array(&self, section: Section, name: &str) -> Option<&Array> {
-        self.arrays(section).find(|array| array.name == name)
+    pub(crate) fn array(&self, section: impl Into<Section>, name: &str) -> Option<&Array> {
+        self.arrays(section.into()).find(|array| array.name == name)
+    }
+
+    /// Returns an array that must be there, by name or as the first, and have this number of components.
+    pub(crate) fn part(
+        &self,
+        source: &Source,
+        section: Section,
+        name: Option<&str>,
+        components: usize,
+    ) -> Result<&Array> {
+        let found = self.arrays(section).find(|array| name.is_none_or(|name| array.name == name));
+        let Some(array) = found else {
+            let rule = format!("no array of {}", name.unwrap_or("Points"));
+            return Err(source.error(format!("line {}, Piece", self.line), rule));
+        };
+        if array.components != components {
+            let rule = format!("{} components: must be {components}", array.components);
+            return Err(source.error(array.at(), rule));
+        }
+        Ok(array)
+    }
+
+    /// Returns the number of tuples of point or cell data.
+    pub(crate) fn tuples(&self, association: Association) -> u64 {
+        match association {
+            Association::Point => self.points,
+            Association::Cell => self.cells,
+        }
     }
 }
 

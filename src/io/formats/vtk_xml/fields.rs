@@ -3,12 +3,10 @@
 use std::collections::{HashMap, HashSet};
 
 use crate::error::Result;
-use crate::io::build::arrays::{ArrayInfo, Association};
+use crate::io::build::arrays::{ArrayInfo, Association, readings};
 use crate::io::file::source::Source;
 use crate::io::file::text::shown;
 use crate::io::formats::vtk_xml::document::{Array, Document, Piece};
-use crate::io::formats::vtk_xml::pieces::section;
-use crate::io::formats::vtk_xml::pieces::tuples;
 use crate::io::options::ReadOptions;
 
 /// The limit on notes about arrays.
@@ -23,80 +21,71 @@ pub(crate) struct Fields {
 }
 
 impl Fields {
-    pub(crate) fn of(source: &Source, document: &Document) -> Result<Self> {
-        if document.pieces.is_empty() {
+    pub(crate) fn of(source: &Source, document: &Document, options: &ReadOptions) -> Result<Self> {
+        let Some(first) = document.pieces.first() else {
             return Err(source.error("pieces", "none: the data set is empty"));
-        }
+        };
         let mut fields = Self { arrays: Vec::new(), skipped: Vec::new(), notes: Vec::new() };
         for association in [Association::Point, Association::Cell] {
             fields.add(document, association);
         }
         // Active scalars of points or cells take precedence over active vectors.
-        let marks = document.pieces.first().map(|piece| &piece.active);
         for kind in 0..2 {
             for array in &mut fields.arrays {
                 let place = usize::from(array.association == Association::Cell);
-                array.active = marks
-                    .and_then(|marks| marks[place][kind].as_ref())
-                    .is_some_and(|name| *name == array.name);
+                array.active = first.active[place][kind].as_ref() == Some(&array.name);
             }
             if fields.arrays.iter().any(|array| array.active) {
                 break;
             }
         }
-        for (association, name, why) in fields.skipped.iter().take(MOST_NOTES) {
-            fields.notes.push(format!("{}:{} left out: {why}", association.name(), shown(name)));
-        }
+        let note = |(association, name, why): &(Association, String, String)| {
+            format!("{}:{} left out: {why}", association.name(), shown(name))
+        };
+        fields.notes.extend(fields.skipped.iter().take(MOST_NOTES).map(note));
         if fields.skipped.len() > MOST_NOTES {
             fields.notes.push(format!("{} more arrays left out", fields.skipped.len() - MOST_NOTES));
         }
+        fields.check(source, options)?;
         Ok(fields)
     }
 
     /// Adds the arrays that all pieces with points, or cells, have.
     fn add(&mut self, document: &Document, association: Association) {
-        let section = section(association);
         let pieces: Vec<&Piece> =
-            document.pieces.iter().filter(|piece| tuples(document.kind, piece, association) > 0).collect();
-        let mut found: HashMap<&str, (&Array, usize)> = HashMap::new();
-        let mut order: Vec<&Array> = Vec::new();
+            document.pieces.iter().filter(|piece| piece.tuples(association) > 0).collect();
+        // Arrays in the order in which they are met, with the number of pieces that have them.
+        let mut order: Vec<(&Array, usize)> = Vec::new();
+        let mut places: HashMap<&str, usize> = HashMap::new();
         for (number, piece) in pieces.iter().enumerate() {
             let mut own: HashSet<&str> = HashSet::new();
-            for array in piece.arrays(section) {
+            for array in piece.arrays(association.into()) {
                 let name = array.name.as_str();
                 if !own.insert(name) {
                     self.skip(association, name, "another array has the same name");
                     continue;
                 }
-                match found.get_mut(name) {
-                    Some((like, count)) if *count == number => {
-                        if like.kind == array.kind && like.components == array.components {
-                            *count += 1;
-                        }
+                let place = *places.entry(name).or_insert(order.len());
+                match order.get_mut(place) {
+                    Some((like, count)) => {
+                        let same = like.kind == array.kind && like.components == array.components;
+                        *count += usize::from(same && *count == number);
                     }
-                    Some(_) => {}
-                    None => {
-                        found.insert(name, (array, usize::from(number == 0)));
-                        order.push(array);
-                    }
+                    None => order.push((array, usize::from(number == 0))),
                 }
             }
         }
-        for array in order {
-            let name = array.name.as_str();
-            let everywhere = found.get(name).is_some_and(|(_, count)| *count == pieces.len());
-            match &array.kind {
-                _ if !everywhere => {
+        for (array, count) in order {
+            let Array { name, kind, components, .. } = array;
+            match kind {
+                _ if count < pieces.len() => {
                     self.skip(association, name, "not all pieces have it, or not of the same type");
                 }
                 Err(why) => self.skip(association, name, why),
-                Ok(kind) => self.arrays.push(ArrayInfo {
-                    name: name.to_owned(),
-                    association,
-                    kind: *kind,
-                    components: array.components,
-                    active: false,
-                }),
+                Ok(kind) => {
+                    let (name, kind, components) = (name.clone(), *kind, *components);
+                    self.arrays.push(ArrayInfo { name, association, kind, components, active: false });
+                }
             }
         }
     }
@@ -106,23 +95,18 @@ impl Fields {
     }
 
     /// Refuses selected arrays that cannot be read.
-    pub(crate) fn check(&self, source: &Source, options: &ReadOptions) -> Result<()> {
+    fn check(&self, source: &Source, options: &ReadOptions) -> Result<()> {
         let wanted = [&options.array, &options.radius, &options.covariance, &options.weight];
         for wanted in wanted.into_iter().flatten() {
-            let (prefix, name) = [Association::Point, Association::Cell]
-                .into_iter()
-                .find_map(|a| Some((Some(a), wanted.strip_prefix(a.name())?.strip_prefix(':')?)))
-                .unwrap_or((None, wanted));
             let asked = |association: Association, own: &str| {
-                own == wanted || own == name && prefix.is_none_or(|prefix| prefix == association)
+                readings(wanted).any(|(a, name)| own == name && a.is_none_or(|a| a == association))
             };
             if self.arrays.iter().any(|array| asked(array.association, &array.name)) {
                 continue;
             }
             if let Some((_, _, why)) = self.skipped.iter().find(|(a, own, _)| asked(*a, own)) {
-                return Err(
-                    source.error(format!("array \"{}\"", shown(wanted)), format!("cannot be read: {why}"))
-                );
+                let place = format!("array \"{}\"", shown(wanted));
+                return Err(source.error(place, format!("cannot be read: {why}")));
             }
         }
         Ok(())

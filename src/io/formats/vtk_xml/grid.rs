@@ -1,33 +1,28 @@
 //! Image data and rectilinear grids: pieces joined by their extents.
 
-use glam::{DMat3, DVec3};
-
 use crate::error::Result;
-use crate::io::build::arrays::ArrayInfo;
+use crate::io::build::arrays::{ArrayInfo, Association};
 use crate::io::build::lattice::{self, Places};
 use crate::io::build::origin::Origin;
 use crate::io::file::budget::Budget;
 use crate::io::file::decode;
 use crate::io::file::sample_type::Pick;
-use crate::io::file::source::Source;
 use crate::io::file::text::index;
-use crate::io::formats::vtk_xml::document::{Document, Extent, Kind, Piece, Section};
-use crate::io::formats::vtk_xml::file::File;
-use crate::io::formats::vtk_xml::pieces::f64_of;
-use crate::io::formats::vtk_xml::pieces::{append, counts, numbers, section, shape, words};
+use crate::io::formats::vtk_xml::document::{Document, Extent, Kind, Piece, Section, shape, volume, words};
 use crate::io::formats::vtk_xml::store::Store;
+use crate::io::formats::vtk_xml::{File, VtkXml};
 use crate::io::options::ReadOptions;
+use crate::io::reader::Reader as _;
 use crate::io::report::Loaded;
 use crate::num;
 use crate::scene::Samples;
 
 impl File<'_> {
     /// Reads image data or a rectilinear grid.
-    pub(crate) fn lattice(&mut self, format: &'static str, options: &ReadOptions) -> Result<Loaded> {
+    pub(crate) fn lattice(&mut self, options: &ReadOptions) -> Result<Loaded> {
         let source = self.source;
         let Document { whole, origin, spacing, direction, kind, .. } = self.document;
-        let empty = |extent: Extent| counts(extent).contains(&0);
-        let pieces: Vec<&Piece> = self.document.pieces.iter().filter(|piece| !empty(piece.extent)).collect();
+        let pieces: Vec<&Piece> = self.document.pieces.iter().filter(|piece| piece.points > 0).collect();
         let mut extent: Option<Extent> = None;
         for piece in &pieces {
             let inside = |axis: usize| {
@@ -45,19 +40,19 @@ impl File<'_> {
         let Some(extent) = extent else {
             return Err(source.error("pieces", "all are empty: the data set has no points"));
         };
-        let mut warnings = Vec::new();
         if extent != whole {
-            warnings.push(format!("pieces cover {} of the whole extent {}", words(extent), words(whole)));
+            let warning = format!("pieces cover {} of the whole extent {}", words(extent), words(whole));
+            self.document.warnings.push(warning);
         }
-        let points = |extent: Extent| counts(extent).into_iter().fold(1, u64::saturating_mul);
-        let sum = pieces.iter().map(|piece| points(piece.extent)).fold(0, u64::saturating_add);
+        let points = volume(extent, Association::Point);
+        let sum = pieces.iter().map(|piece| piece.points).fold(0, u64::saturating_add);
         // Pieces share points: with one cell each, they have up to eight times the points of the whole.
-        if sum > points(extent).saturating_mul(8) {
-            let rule = format!("they overlap: {sum} points in all, {} in {}", points(extent), words(extent));
+        if sum > points.saturating_mul(8) {
+            let rule = format!("they overlap: {sum} points in all, {points} in {}", words(extent));
             return Err(source.error("pieces", rule));
         }
         let mut dims = [0; 3];
-        for (dim, count) in dims.iter_mut().zip(counts(extent)) {
+        for (dim, count) in dims.iter_mut().zip(shape(extent, Association::Point)) {
             *dim = num::count(index(source, "WholeExtent", count)?);
         }
         if pieces.len() > 1 {
@@ -65,54 +60,43 @@ impl File<'_> {
         }
 
         let places = if kind == Kind::Image {
-            let rows = DMat3::from_cols_array(&direction).transpose();
-            let spacing = DVec3::from_array(spacing);
-            let first = DVec3::from_array(extent.map(|[first, _]| f64_of(first)));
-            let (places, notes) = Places::even(DVec3::from_array(origin), spacing, rows, first);
-            self.notes.extend(notes);
-            places
+            let first = extent.map(|[first, _]| i32::try_from(first).map_or(f64::NAN, f64::from));
+            Places::even(origin, spacing, &direction, first, &mut self.notes)
         } else {
-            Places::Listed(coordinates(source, &mut self.store, &mut self.budget, &pieces, extent)?)
+            Places::Listed(coordinates(&mut self.store, &mut self.budget, &pieces, extent)?)
         };
 
         let arrays = self.arrays.clone();
-        let origin = Origin { source, format, arrays: arrays.clone() };
         let (store, mut scratch) = (&mut self.store, self.budget.clone());
-        let mut loaded = lattice::build(
-            origin,
-            dims,
-            places,
-            &mut self.budget,
-            &mut |index, pick| samples_of(source, store, &mut scratch, &pieces, extent, &arrays[index], pick),
-            options,
-        )?;
-        loaded.report.warnings.splice(0..0, warnings);
-        Ok(loaded)
+        let mut read =
+            |index: usize, pick| samples_of(store, &mut scratch, &pieces, extent, &arrays[index], pick);
+        let (arrays, budget, read) = (arrays.clone(), &mut self.budget, &mut read);
+        let origin = Origin { source, format: VtkXml.name(), arrays, options, budget, read };
+        lattice::build(origin, dims, places)
     }
 }
 
 /// Reads the coordinates along each axis and joins those of the pieces.
 fn coordinates(
-    source: &Source,
     store: &mut Store,
     budget: &mut Budget,
     pieces: &[&Piece],
     extent: Extent,
 ) -> Result<[Vec<f64>; 3]> {
-    const LETTERS: [char; 3] = ['x', 'y', 'z'];
+    let source = store.source;
     let mut all = [const { Vec::new() }; 3];
-    for (axis, all) in all.iter_mut().enumerate() {
-        let count = counts(extent)[axis];
+    for (axis, (all, letter)) in all.iter_mut().zip(['x', 'y', 'z']).enumerate() {
+        let count = shape(extent, Association::Point)[axis];
         for (number, piece) in pieces.iter().enumerate() {
             let Some(array) = piece.arrays(Section::Coordinates).nth(axis) else {
-                let rule = format!("no coordinates along {}", LETTERS[axis]);
+                let rule = format!("no coordinates along {letter}");
                 return Err(source.error(format!("line {}, Piece", piece.line), rule));
             };
             if array.components != 1 {
                 let rule = format!("{} components: coordinates have 1", array.components);
                 return Err(source.error(array.at(), rule));
             }
-            let own = counts(piece.extent)[axis];
+            let own = shape(piece.extent, Association::Point)[axis];
             store.check(array, own)?;
             // Memory is taken for the list of the piece, and below for that of the whole.
             let bytes = own.saturating_mul(8);
@@ -129,7 +113,7 @@ fn coordinates(
             let begin = usize::try_from(piece.extent[axis][0] - extent[axis][0]).unwrap_or(0);
             for (all, own) in all.iter_mut().skip(begin).zip(list) {
                 if !all.is_nan() && *all != own {
-                    let rule = format!("{own}: another piece has {all} along {} here", LETTERS[axis]);
+                    let rule = format!("{own}: another piece has {all} along {letter} here");
                     return Err(source.error(array.at(), rule));
                 }
                 *all = own;
@@ -142,7 +126,6 @@ fn coordinates(
 
 /// Reads the selected part of an array and joins the pieces.
 fn samples_of(
-    source: &Source,
     store: &mut Store,
     budget: &mut Budget,
     pieces: &[&Piece],
@@ -150,26 +133,17 @@ fn samples_of(
     info: &ArrayInfo,
     pick: Pick,
 ) -> Result<Samples> {
-    let association = info.association;
-    let own = |piece: &Piece| shape(piece.extent, association).into_iter().fold(1, u64::saturating_mul);
+    let (source, association) = (store.source, info.association);
     let mut samples = Samples::none(info.kind, pick);
     if let [piece] = pieces {
-        if let Some(array) = piece.array(section(association), &info.name) {
-            append(store, array, own(piece), pick, &mut samples, source)?;
-        }
+        store.samples(piece, info, pick, &mut samples)?;
         return Ok(samples);
     }
     // All pieces are checked before the whole is allocated.
-    for piece in pieces {
-        if let Some(array) = piece.array(section(association), &info.name) {
-            store.check(array, numbers(source, array, own(piece), array.components)?)?;
-        }
-    }
+    pieces.iter().try_for_each(|piece| store.check_samples(piece, info))?;
     let place = format!("array {info}");
-    let dims = shape(extent, association);
-    let count = dims.into_iter().fold(1, u64::saturating_mul);
-    let count =
-        usize::try_from(count).map_err(|_| source.error(&place, "more samples than memory can address"))?;
+    let unaddressable = |_| source.error(&place, "more samples than memory can address");
+    let count = usize::try_from(volume(extent, association)).map_err(unaddressable)?;
     // The memory of the whole has been taken; the record of filled samples takes a byte each.
     budget.take(&place, num::wide(count))?;
     let full = |_| source.error(&place, "memory is full");
@@ -178,38 +152,30 @@ fn samples_of(
     let mut there: Vec<bool> = Vec::new();
     there.try_reserve_exact(count).map_err(full)?;
     there.resize(count, false);
+    let shape = |extent: Extent| shape(extent, association).map(|n| usize::try_from(n).unwrap_or(0));
+    let dims = shape(extent);
     for piece in pieces {
-        let count = own(piece);
-        let Some(array) = piece.array(section(association), &info.name).filter(|_| count > 0) else {
-            continue;
-        };
-        let bytes = count.saturating_mul(info.kind.stored_bytes().max(4));
+        let bytes = piece.tuples(association).saturating_mul(info.kind.stored_bytes().max(4));
         budget.take(&place, bytes)?;
         let mut share = Samples::none(info.kind, pick);
-        append(store, array, count, pick, &mut share, source)?;
-        let own = shape(piece.extent, association).map(|n| usize::try_from(n).unwrap_or(0));
-        let dims = dims.map(|n| usize::try_from(n).unwrap_or(0));
-        let mut at = [0; 3];
-        for axis in 0..3 {
-            at[axis] = usize::try_from(piece.extent[axis][0] - extent[axis][0]).unwrap_or(0);
-        }
+        store.samples(piece, info, pick, &mut share)?;
+        let own = if share.is_empty() { [0; 3] } else { shape(piece.extent) };
+        let at = [0, 1, 2].map(|i| usize::try_from(piece.extent[i][0] - extent[i][0]).unwrap_or(0));
         for row in 0..own[1] * own[2] {
             let (y, z) = (row % own[1], row / own[1]);
-            let from = row * own[0];
             let to = at[0] + dims[0] * (at[1] + y + dims[1] * (at[2] + z));
-            samples.copy(to, &share, from, own[0]);
+            samples.copy(to, &share, row * own[0], own[0]);
             there[to..to + own[0]].fill(true);
         }
         budget.put_back(bytes);
     }
     if let Some(gap) = there.iter().position(|there| !there) {
-        let gap = u64::try_from(gap).unwrap_or(0);
         let at = [gap % dims[0], gap / dims[0] % dims[1], gap / dims[0] / dims[1]];
         let [x, y, z] = [0, 1, 2].map(|i: usize| i64::try_from(at[i]).unwrap_or(0) + extent[i][0]);
         let rule = format!("no piece has the {} with index {x} {y} {z}", association.name());
         return Err(source.error(&place, rule));
     }
-    budget.put_back(u64::try_from(count).unwrap_or(0));
+    budget.put_back(num::wide(count));
     Ok(samples)
 }
 

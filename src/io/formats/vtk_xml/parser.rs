@@ -1,26 +1,28 @@
-//! The parser of the document. It skips text, and stops at the appended data, which need not be XML.
+//! The parser of the document. It skips text, which may be longer than memory, and stops at the appended data, which need
+//! not be XML.
 
-use std::io::{BufRead, ErrorKind};
-use std::mem;
+use std::io::{BufRead, ErrorKind, Read, Take};
 
+use glam::DMat3;
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::reader::Reader;
 
 use crate::error::{Error, Result};
+use crate::io::build::arrays::Association;
 use crate::io::file::budget::Budget;
 use crate::io::file::decode::MAX_COMPONENTS;
 use crate::io::file::sample_type::{Endian, SampleType};
+use crate::io::file::scanner::Scanner;
 use crate::io::file::source::Source;
 use crate::io::file::text::{shown, stream_error};
-use crate::io::formats::vtk_xml::attributes::{Attributes, one_line};
+use crate::io::formats::vtk_xml::attributes::{Attributes, no_xml};
 use crate::io::formats::vtk_xml::document::{
-    Appended, Array, Compressor, Document, Extent, Kind, Piece, Place, Section, Storage, Text,
+    Appended, Array, Compressor, Document, Extent, Kind, Piece, Place, Section, Storage, Text, volume,
 };
-use crate::io::formats::vtk_xml::stream::Counted;
 use crate::num;
 
 /// The limit on the length of a tag or comment, in bytes.
-const MAX_MARKUP: usize = 1 << 20;
+const MAX_MARKUP: u64 = 1 << 20;
 
 /// The limit on nested elements.
 const MAX_DEPTH: usize = 64;
@@ -34,21 +36,29 @@ const MAX_COUNT: usize = 1 << 16;
 impl Document {
     /// Reads the structure of the document. Its memory is taken from the budget.
     pub(crate) fn read(source: &Source, budget: &mut Budget) -> Result<Self> {
-        let mut stream =
-            Counted { reader: source.reader(0, source.encoding()), position: 0, line: 0, fuel: None };
-        if stream.fill_buf().map_err(|error| stream_error(source, error))?.starts_with(b"\xef\xbb\xbf") {
-            stream.consume(3);
+        let mut scanner = Scanner::new(source);
+        if source.head().starts_with(b"\xef\xbb\xbf") {
+            scanner.skip(3)?;
         }
-        let parser = Parser {
-            source,
-            reader: Reader::from_reader(stream),
-            stack: Vec::new(),
-            document: None,
-            name: String::new(),
-            array: None,
-            arrays: 0,
+        let document = Self {
+            kind: Kind::Image,
+            storage: Storage { endian: Endian::Little, word: 4, compressor: None, appended: None },
+            whole: Extent::default(),
+            origin: [0.0; 3],
+            spacing: [1.0; 3],
+            direction: DMat3::IDENTITY.to_cols_array(),
+            pieces: Vec::new(),
+            warnings: Vec::new(),
         };
-        parser.run(budget)
+        let reader = Reader::from_reader(scanner.take(u64::MAX));
+        let mut parser = Parser { source, reader, line: 0, stack: Vec::new(), document, set: "", arrays: 0 };
+        parser.run(budget)?;
+        let Parser { line, stack, document, set, .. } = parser;
+        if !stack.is_empty() && document.storage.appended.is_none() {
+            let rule = format!("ends within {} open elements", stack.len());
+            return Err(source.error(format!("line {}", line + 1), rule));
+        }
+        if set.is_empty() { Err(source.error("content", "no VTKFile element")) } else { Ok(document) }
     }
 }
 
@@ -64,87 +74,74 @@ enum Element {
     Other,
 }
 
-/// The current array.
-struct Open {
-    section: Section,
-    array: Array,
-    text: Option<Text>,
-}
-
-pub(crate) struct Parser<'a> {
-    pub(crate) source: &'a Source,
-    reader: Reader<Counted<'a>>,
+struct Parser<'a> {
+    source: &'a Source,
+    /// The stream, whose limit is that of markup while the library reads.
+    reader: Reader<Take<Scanner<'a>>>,
+    /// Line breaks read.
+    line: u64,
     stack: Vec<Element>,
-    document: Option<Document>,
-    /// The name of the element that holds the pieces.
-    name: String,
-    array: Option<Open>,
+    document: Document,
+    /// The name of the element that holds the pieces; empty before the root element.
+    set: &'static str,
     /// The number of arrays read.
     arrays: usize,
 }
 
-impl<'a> Parser<'a> {
-    fn run(mut self, budget: &mut Budget) -> Result<Document> {
+impl Parser<'_> {
+    /// Reads up to the appended data or the end.
+    fn run(&mut self, budget: &mut Budget) -> Result<()> {
         let mut markup = Vec::new();
         loop {
-            self.text()?;
+            self.line += breaks(&markup);
             markup.clear();
-            self.reader.get_mut().fuel = Some(MAX_MARKUP);
-            let line = self.reader.get_ref().line + 1;
+            self.text()?;
+            let line = self.line + 1;
+            self.reader.get_mut().set_limit(MAX_MARKUP);
             let event = self.reader.read_event_into(&mut markup);
-            let fuel = mem::take(&mut self.reader.get_mut().fuel);
+            let full = self.reader.get_ref().limit() == 0;
+            self.reader.get_mut().set_limit(u64::MAX);
             match event {
-                Ok(Event::Start(tag)) => {
-                    let element = self.open(&tag, line, budget)?;
-                    if element == Element::Appended {
-                        self.appended(&tag, line)?;
-                        return self.finish();
-                    }
-                    self.stack.push(element);
-                }
-                Ok(Event::Empty(tag)) => {
-                    let element = self.open(&tag, line, budget)?;
-                    self.close(element)?;
-                }
-                Ok(Event::End(_)) => {
-                    if let Some(element) = self.stack.pop() {
-                        self.close(element)?;
-                    }
-                }
+                Ok(Event::Start(tag)) => match self.open(&tag, line, budget)? {
+                    Element::Appended => return self.appended(&Attributes::of(self.source, &tag, line)?),
+                    element => self.stack.push(element),
+                },
+                Ok(Event::Empty(tag)) => drop(self.open(&tag, line, budget)?),
+                Ok(Event::End(_)) => drop(self.stack.pop()),
                 Ok(Event::DocType(_)) => {
-                    return Err(
-                        self.error(line, "a document type: VTK's files have none, and it is not read")
-                    );
+                    let rule = "a document type: VTK's files have none, and it is not read";
+                    return Err(self.error(line, rule));
                 }
                 Ok(Event::CData(_)) if self.stack.last() == Some(&Element::Array) => {
-                    return Err(
-                        self.error(line, "a CDATA section: the numbers of an array must be plain text")
-                    );
+                    let rule = "a CDATA section: the numbers of an array must be plain text";
+                    return Err(self.error(line, rule));
                 }
-                Ok(Event::Eof) => return self.finish(),
+                Ok(Event::Eof) => return Ok(()),
                 Ok(_) => {}
                 Err(quick_xml::Error::Io(error)) => {
-                    if fuel == Some(0) {
-                        return Err(self.error(line, format!("markup longer than {MAX_MARKUP} bytes")));
-                    }
                     // The error is shared, so only its kind and its message can be passed on.
                     let error = std::io::Error::new(error.kind(), error.to_string());
                     return Err(stream_error(self.source, error));
                 }
-                Err(error) => {
-                    return Err(self.error(line, format!("no XML: {}", one_line(&error.to_string()))));
+                Err(_) if full => {
+                    return Err(self.error(line, format!("markup longer than {MAX_MARKUP} bytes")));
                 }
+                Err(error) => return Err(no_xml(self.source, line, error)),
             }
         }
     }
 
-    pub(crate) fn error(&self, line: u64, rule: impl Into<String>) -> Error {
+    fn error(&self, line: u64, rule: impl Into<String>) -> Error {
         self.source.error(format!("line {line}"), rule)
+    }
+
+    fn position(&self) -> u64 {
+        self.reader.get_ref().get_ref().position()
     }
 
     /// Skips text up to the next markup; records where the numbers of an array are.
     fn text(&mut self) -> Result<()> {
-        let (begin, line) = (self.reader.get_ref().position, self.reader.get_ref().line);
+        let (begin, line) = (self.position(), self.line);
         let mut blank = true;
         loop {
             let mut stream = self.reader.stream();
@@ -154,32 +151,37 @@ impl<'a> Parser<'a> {
                 Err(error) => return Err(stream_error(self.source, error)),
             };
             let end = buffer.iter().position(|&byte| byte == b'<');
-            let take = end.unwrap_or(buffer.len());
-            blank &= buffer[..take].iter().all(u8::is_ascii_whitespace);
+            let text = &buffer[..end.unwrap_or(buffer.len())];
+            blank &= text.iter().all(u8::is_ascii_whitespace);
+            self.line += breaks(text);
+            let take = text.len();
             stream.consume(take);
             if end.is_some() || take == 0 {
                 break;
             }
         }
-        let end = self.reader.get_ref().position;
-        if blank {
-            return Ok(());
-        }
+        let end = self.position();
         match self.stack.last() {
+            _ if blank => Ok(()),
             None => Err(self.error(line + 1, "text outside of all elements")),
-            Some(Element::Array) => match &mut self.array {
-                Some(Open { text: text @ None, .. }) => {
-                    *text = Some(Text { begin, end, line });
-                    Ok(())
-                }
-                Some(Open { array, .. }) => Err(self.source.error(
-                    array.at(),
-                    format!("more numbers on line {}: they must be in one place", line + 1),
-                )),
-                None => Ok(()),
-            },
+            Some(Element::Array) => self.numbers(Text { begin, end, line }),
             Some(_) => Ok(()),
         }
+    }
+
+    /// Records where the numbers of the open array are.
+    fn numbers(&mut self, own: Text) -> Result<()> {
+        let piece = self.document.pieces.last_mut();
+        let Some((_, array)) = piece.and_then(|piece| piece.arrays.last_mut()) else { return Ok(()) };
+        let rule = match &mut array.place {
+            Place::Appended(_) => "numbers here: its format is appended".to_owned(),
+            Place::Words(text) | Place::Base64(text) if text.end == 0 => {
+                *text = own;
+                return Ok(());
+            }
+            _ => format!("more numbers on line {}: they must be in one place", own.line + 1),
+        };
+        Err(self.source.error(array.at(), rule))
     }
 
     /// Reads a start tag and classifies the element.
@@ -192,96 +194,43 @@ impl<'a> Parser<'a> {
         if name.len() > MAX_NAME {
             return Err(self.error(line, format!("an element whose name is longer than {MAX_NAME} bytes")));
         }
-        let element = match (self.stack.last(), name) {
-            (None, "VTKFile") if self.document.is_none() => {
-                self.file(&Attributes::of(self.source, tag, line)?)?;
-                Element::File
-            }
-            (None, name) => {
-                let rule = format!("<{}>: must be one VTKFile", shown(name));
-                return Err(self.error(line, rule));
-            }
-            (Some(Element::File), "AppendedData") => Element::Appended,
-            (Some(Element::File), name) if name == self.name => {
-                self.set(&Attributes::of(self.source, tag, line)?)?;
-                Element::Set
-            }
-            (Some(Element::Set), "Piece") => {
-                self.piece(&Attributes::of(self.source, tag, line)?, budget)?;
-                Element::Piece
-            }
+        let source = self.source;
+        let own = || Attributes::of(source, tag, line);
+        match (self.stack.last().copied(), name) {
+            (None, "VTKFile") if self.set.is_empty() => self.file(&own()?),
+            (None, name) => Err(self.error(line, format!("<{}>: must be one VTKFile", shown(name)))),
+            (Some(Element::File), "AppendedData") => Ok(Element::Appended),
+            (Some(Element::File), name) if name == self.set => self.set(&own()?),
+            (Some(Element::Set), "Piece") => self.piece(&own()?, budget),
             (Some(Element::Piece), name) => match Section::ALL.iter().find(|(own, _)| *own == name) {
-                Some(&(_, section)) => {
-                    self.section(section, &Attributes::of(self.source, tag, line)?);
-                    Element::Section(section)
-                }
-                None => Element::Other,
+                Some(&(_, section)) => Ok(self.section(section, &own()?)),
+                None => Ok(Element::Other),
             },
-            (Some(&Element::Section(section)), "DataArray" | "Array") => {
-                self.array(section, &Attributes::of(self.source, tag, line)?, budget)?;
-                Element::Array
-            }
-            _ => Element::Other,
-        };
-        Ok(element)
-    }
-
-    fn close(&mut self, element: Element) -> Result<()> {
-        if element != Element::Array {
-            return Ok(());
-        }
-        let Some(Open { section, mut array, text }) = self.array.take() else { return Ok(()) };
-        match (&mut array.place, text) {
-            (Place::Words(place) | Place::Base64(place), Some(text)) => *place = text,
-            (Place::Appended(_), Some(_)) => {
-                return Err(self.source.error(array.at(), "numbers here: its format is appended"));
-            }
-            (_, None) => {}
-        }
-        if let Some(piece) = self.document.as_mut().and_then(|document| document.pieces.last_mut()) {
-            piece.arrays.push((section, array));
-        }
-        Ok(())
-    }
-
-    fn finish(self) -> Result<Document> {
-        let line = self.reader.get_ref().line + 1;
-        let appended = self.document.as_ref().is_some_and(|document| document.storage.appended.is_some());
-        if !self.stack.is_empty() && !appended {
-            return Err(self.error(line, format!("ends within {} open elements", self.stack.len())));
-        }
-        match self.document {
-            Some(document) => Ok(document),
-            None => Err(self.source.error("content", "no VTKFile element")),
+            (Some(Element::Section(section)), "DataArray" | "Array") => self.array(section, &own()?, budget),
+            _ => Ok(Element::Other),
         }
     }
 
     /// Reads the root element.
-    fn file(&mut self, own: &Attributes) -> Result<()> {
-        let kind = own.required("type")?;
-        let kind = match kind {
-            "ImageData" => Kind::Image,
-            "RectilinearGrid" => Kind::Rectilinear,
-            "UnstructuredGrid" => Kind::Unstructured,
-            other => {
-                let what = match other {
+    fn file(&mut self, own: &Attributes) -> Result<Element> {
+        let name = own.required("type")?;
+        (self.set, self.document.kind) = match name {
+            "ImageData" => ("ImageData", Kind::Image),
+            "RectilinearGrid" => ("RectilinearGrid", Kind::Rectilinear),
+            "UnstructuredGrid" => ("UnstructuredGrid", Kind::Unstructured),
+            _ => {
+                let what = match name {
                     "PolyData" => "surfaces are no volume: ",
                     "StructuredGrid" => "curvilinear grids are not read, convert it to unstructured: ",
-                    other if other.starts_with('P') || other.starts_with("vtk") || other == "Collection" => {
+                    _ if name.starts_with('P') || name.starts_with("vtk") || name == "Collection" => {
                         "it names other files, read those one by one: "
                     }
                     _ => "",
                 };
-                return Err(own.error(
-                    "type",
-                    format!(
-                        "\"{}\": {what}ImageData, RectilinearGrid and UnstructuredGrid are supported",
-                        shown(other)
-                    ),
-                ));
+                let known = "ImageData, RectilinearGrid and UnstructuredGrid are supported";
+                return Err(own.error("type", format!("\"{}\": {what}{known}", shown(name))));
             }
         };
-        own.required("type")?.clone_into(&mut self.name);
         if let Some(version) = own.get("version") {
             let major = version.split('.').next().and_then(|major| major.trim().parse::<u32>().ok());
             if major.is_none_or(|major| major > 2) {
@@ -289,104 +238,72 @@ impl<'a> Parser<'a> {
                 return Err(own.error("version", rule));
             }
         }
-        let endian = match own.get("byte_order") {
-            Some("LittleEndian") | None => Endian::Little,
-            Some("BigEndian") => Endian::Big,
-            Some(other) => {
-                let rule = format!("\"{}\": must be LittleEndian or BigEndian", shown(other));
-                return Err(own.error("byte_order", rule));
-            }
-        };
-        let word = match own.get("header_type") {
-            Some("UInt32") | None => 4,
-            Some("UInt64") => 8,
-            Some(other) => {
-                return Err(
-                    own.error("header_type", format!("\"{}\": must be UInt32 or UInt64", shown(other)))
-                );
-            }
-        };
-        let compressor = match own.get("compressor") {
-            None | Some("") => None,
-            Some("vtkZLibDataCompressor") => Some(Compressor::Zlib),
-            Some("vtkLZ4DataCompressor") => Some(Compressor::Lz4),
-            Some("vtkLZMADataCompressor") => Some(Compressor::Lzma),
-            Some(other) => {
-                return Err(own.error(
-                    "compressor",
-                    format!(
-                        "\"{}\": vtkZLibDataCompressor, vtkLZ4DataCompressor and vtkLZMADataCompressor are \
-                         supported",
-                        shown(other)
-                    ),
-                ));
-            }
-        };
-        let mut warnings = Vec::new();
-        if own.get("byte_order").is_none() {
-            warnings.push("no byte_order: binary data is taken as little-endian".to_owned());
+        let orders = [("LittleEndian", Endian::Little), ("BigEndian", Endian::Big)];
+        let endian = own.choice("byte_order", &orders, "must be LittleEndian or BigEndian")?;
+        let words = [("UInt32", 4), ("UInt64", 8)];
+        let word = own.choice("header_type", &words, "must be UInt32 or UInt64")?;
+        let compressors = [
+            ("", None),
+            ("vtkZLibDataCompressor", Some(Compressor::Zlib)),
+            ("vtkLZ4DataCompressor", Some(Compressor::Lz4)),
+            ("vtkLZMADataCompressor", Some(Compressor::Lzma)),
+        ];
+        let rule = "vtkZLibDataCompressor, vtkLZ4DataCompressor and vtkLZMADataCompressor are supported";
+        let compressor = own.choice("compressor", &compressors, rule)?.flatten();
+        if endian.is_none() {
+            let warning = "no byte_order: binary data is taken as little-endian";
+            self.document.warnings.push(warning.to_owned());
         }
-        self.document = Some(Document {
-            kind,
-            storage: Storage { endian, word, compressor, appended: None },
-            whole: Extent::default(),
-            origin: [0.0; 3],
-            spacing: [1.0; 3],
-            direction: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-            pieces: Vec::new(),
-            warnings,
-        });
-        Ok(())
+        let endian = endian.unwrap_or(Endian::Little);
+        self.document.storage = Storage { endian, word: word.unwrap_or(4), compressor, appended: None };
+        Ok(Element::File)
     }
 
     /// Reads the element that holds the pieces.
-    fn set(&mut self, own: &Attributes) -> Result<()> {
-        let Some(document) = &mut self.document else { return Ok(()) };
-        if document.kind == Kind::Unstructured {
-            return Ok(());
+    fn set(&mut self, own: &Attributes) -> Result<Element> {
+        let document = &mut self.document;
+        if document.kind != Kind::Unstructured {
+            document.whole = own.extent("WholeExtent")?;
         }
-        document.whole = own.extent("WholeExtent")?;
         if document.kind == Kind::Image {
             document.origin = own.numbers("Origin", document.origin)?;
             document.spacing = own.numbers("Spacing", document.spacing)?;
             document.direction = own.numbers("Direction", document.direction)?;
         }
-        Ok(())
+        Ok(Element::Set)
     }
 
-    fn piece(&mut self, own: &Attributes, budget: &mut Budget) -> Result<()> {
-        let Some(document) = &mut self.document else { return Ok(()) };
-        if document.pieces.len() >= MAX_COUNT {
+    fn piece(&mut self, own: &Attributes, budget: &mut Budget) -> Result<Element> {
+        if self.document.pieces.len() >= MAX_COUNT {
             return Err(own.error("pieces", format!("more than {MAX_COUNT}")));
         }
-        budget.take("pieces", size::<Piece>())?;
+        budget.take("pieces", num::wide(size_of::<Piece>()))?;
         let mut piece = Piece { line: own.line, ..Piece::default() };
-        if document.kind == Kind::Unstructured {
+        if self.document.kind == Kind::Unstructured {
             piece.points = own.count("NumberOfPoints")?;
             piece.cells = own.count("NumberOfCells")?;
         } else {
             piece.extent = own.extent("Extent")?;
+            [piece.points, piece.cells] =
+                [Association::Point, Association::Cell].map(|association| volume(piece.extent, association));
         }
-        document.pieces.push(piece);
-        Ok(())
+        self.document.pieces.push(piece);
+        Ok(Element::Piece)
     }
 
-    fn section(&mut self, section: Section, own: &Attributes) {
-        let place = match section {
-            Section::PointData => 0,
-            Section::CellData => 1,
-            Section::Points | Section::Cells | Section::Coordinates => return,
-        };
+    fn section(&mut self, section: Section, own: &Attributes) -> Element {
+        let sections = [Section::PointData, Section::CellData];
         // The first piece decides the active arrays.
-        if let Some(document) = &mut self.document
-            && let [piece] = document.pieces.as_mut_slice()
+        if let [piece] = self.document.pieces.as_mut_slice()
+            && let Some(place) = sections.iter().position(|data| *data == section)
         {
             piece.active[place] = ["Scalars", "Vectors"]
                 .map(|name| own.get(name).filter(|name| !name.is_empty()).map(str::to_owned));
         }
+        Element::Section(section)
     }
 
-    fn array(&mut self, section: Section, own: &Attributes, budget: &mut Budget) -> Result<()> {
+    fn array(&mut self, section: Section, own: &Attributes, budget: &mut Budget) -> Result<Element> {
         self.arrays += 1;
         if self.arrays > MAX_COUNT {
             return Err(own.error("arrays", format!("more than {MAX_COUNT}")));
@@ -395,15 +312,12 @@ impl<'a> Parser<'a> {
         if name.len() > MAX_NAME {
             return Err(own.error("Name", format!("longer than {MAX_NAME} bytes")));
         }
-        let bytes = size::<(Section, Array)>().saturating_add(num::wide(name.len()));
+        let bytes = num::wide(size_of::<(Section, Array)>() + name.len());
         // Lists grow by doubling, so they may hold twice the size.
         budget.take("arrays", bytes.saturating_mul(2))?;
         let components = match own.get("NumberOfComponents").map(str::trim) {
             None | Some("" | "0") => 1,
-            Some(text) => text.parse::<usize>().map_err(|_| {
-                let rule = format!("\"{}\": must be a whole number", shown(text));
-                own.error("NumberOfComponents", rule)
-            })?,
+            Some(_) => usize::try_from(own.count("NumberOfComponents")?).unwrap_or(usize::MAX),
         };
         let mut kind = match own.required("type")? {
             "Int8" => Ok(SampleType::I8),
@@ -422,56 +336,36 @@ impl<'a> Parser<'a> {
             kind = Err(format!("it has {components} components, more than {MAX_COMPONENTS}"));
         }
         let none = Text { begin: 0, end: 0, line: own.line };
-        let place = match own.get("format") {
-            None | Some("ascii") => Place::Words(none),
-            Some("binary") => Place::Base64(none),
-            Some("appended") => {
-                let text = own.required("offset")?.trim();
-                let offset = text.parse().map_err(|_| {
-                    own.error("offset", format!("\"{}\": must be a whole number", shown(text)))
-                })?;
-                Place::Appended(offset)
-            }
-            Some(other) => {
-                let rule = format!("\"{}\": must be ascii, binary or appended", shown(other));
-                return Err(own.error("format", rule));
-            }
-        };
+        let (words, base64) = (Place::Words(none), Place::Base64(none));
+        let places = [("ascii", words), ("binary", base64), ("appended", Place::Appended(0))];
+        let mut place = own.choice("format", &places, "must be ascii, binary or appended")?.unwrap_or(words);
+        if let Place::Appended(offset) = &mut place {
+            *offset = own.count("offset")?;
+        }
         let array = Array { name: name.to_owned(), line: own.line, kind, components, place };
-        self.array = Some(Open { section, array, text: None });
-        Ok(())
+        if let Some(piece) = self.document.pieces.last_mut() {
+            piece.arrays.push((section, array));
+        }
+        Ok(Element::Array)
     }
 
     /// Finds the beginning of the appended data.
-    fn appended(&mut self, tag: &BytesStart, line: u64) -> Result<()> {
-        let own = Attributes::of(self.source, tag, line)?;
-        let base64 = match own.required("encoding")? {
-            "raw" => false,
-            "base64" => true,
-            other => {
-                let rule = format!("\"{}\": must be raw or base64", shown(other));
-                return Err(own.error("encoding", rule));
-            }
-        };
-        loop {
-            let mut stream = self.reader.stream();
-            let found = stream.fill_buf().map_err(|error| stream_error(self.source, error))?.first().copied();
-            stream.consume(usize::from(found.is_some()));
-            match found {
-                Some(byte) if byte.is_ascii_whitespace() => {}
-                Some(b'_') => break,
-                _ => return Err(self.error(line, "AppendedData: must begin with \"_\"")),
-            }
+    fn appended(&mut self, own: &Attributes) -> Result<()> {
+        own.required("encoding")?;
+        let encodings = [("raw", false), ("base64", true)];
+        let base64 = own.choice("encoding", &encodings, "must be raw or base64")? == Some(true);
+        let scanner = self.reader.get_mut().get_mut();
+        scanner.skip_blanks()?;
+        if scanner.peek(1)? != b"_" {
+            return Err(self.error(own.line, "AppendedData: must begin with \"_\""));
         }
-        let begin = self.reader.get_ref().position;
-        if let Some(document) = &mut self.document {
-            document.storage.appended = Some(Appended { begin, base64 });
-        }
+        scanner.skip(1)?;
+        self.document.storage.appended = Some(Appended { begin: self.position(), base64 });
         Ok(())
     }
 }
 
-/// Returns the size of a type, in bytes.
-fn size<T>() -> u64 {
-    u64::try_from(size_of::<T>()).unwrap_or(u64::MAX)
+/// Returns the number of line breaks.
+fn breaks(bytes: &[u8]) -> u64 {
+    num::wide(bytes.iter().filter(|&&byte| byte == b'\n').count())
 }

@@ -4,30 +4,37 @@
 //! blocks, the size of a block, the size of the last block if it is smaller (else 0), and the compressed size of each
 //! block; in base64 this header is padded and encoded separately.
 
-use std::io::{BufRead, ErrorKind, Read};
+use std::io::{Cursor, ErrorKind, Read};
 
 use crate::error::{Error, Result};
+use crate::io::build::arrays::ArrayInfo;
 use crate::io::file::budget::Budget;
-use crate::io::file::sample_type::{Endian, SampleType};
+use crate::io::file::decode::{self, Layout};
+use crate::io::file::sample_type::{Endian, Pick, SampleType};
 use crate::io::file::scanner::Scanner;
 use crate::io::file::source::Source;
 use crate::io::file::text::{self, stream_error};
 use crate::io::formats::vtk_xml::blocks::Blocks;
 use crate::io::formats::vtk_xml::bytes::Bytes;
-use crate::io::formats::vtk_xml::cursor::Cursor;
-use crate::io::formats::vtk_xml::document::{Array, Place, Storage, Text};
+use crate::io::formats::vtk_xml::document::{Array, Piece, Place, Storage, Text};
+use crate::num;
+use crate::scene::Samples;
 
 /// The limit on the bytes read, as a multiple of the file size.
 const MOST_OFTEN: u64 = 16;
 
+/// The limit on restarts of the decompression of a packed file; common files need about one per array.
+const MOST_RESTARTS: u32 = 64;
+
 /// Reads the numbers of arrays.
 pub(crate) struct Store<'a> {
-    source: &'a Source,
+    pub(crate) source: &'a Source,
     storage: Storage,
-    cursor: Cursor<'a>,
+    scanner: Scanner<'a>,
     budget: Budget<'a>,
     /// The number of stored bytes read.
     behind: u64,
+    restarts: u32,
 }
 
 /// A function that takes numbers from a stream.
@@ -35,12 +42,7 @@ pub(crate) type Taker<'t> = dyn FnMut(&mut dyn Read, SampleType, Endian) -> std:
 
 impl<'a> Store<'a> {
     pub(crate) fn new(source: &'a Source, storage: Storage, budget: Budget<'a>) -> Self {
-        Self { source, storage, cursor: Cursor::new(source), budget, behind: 0 }
-    }
-
-    /// Returns the type of an array, or the error that it cannot be read.
-    fn kind(&self, array: &Array) -> Result<SampleType> {
-        array.kind.clone().map_err(|why| self.source.error(array.at(), format!("cannot be read: {why}")))
+        Self { source, storage, scanner: Scanner::new(source), budget, behind: 0, restarts: 0 }
     }
 
     /// Returns the offset of an array's bytes, an upper bound of their number, and whether they are base64 or text.
@@ -63,9 +65,10 @@ impl<'a> Store<'a> {
         })
     }
 
-    /// Checks that an array can hold `count` numbers, before memory is allocated.
-    pub(crate) fn check(&self, array: &Array, count: u64) -> Result<()> {
-        let kind = self.kind(array)?;
+    /// Checks that an array can hold `count` numbers, before memory is allocated, and returns their type.
+    pub(crate) fn check(&self, array: &Array, count: u64) -> Result<SampleType> {
+        let kind = array.kind.clone();
+        let kind = kind.map_err(|why| self.source.error(array.at(), format!("cannot be read: {why}")))?;
         let (_, stored, base64) = self.span(array)?;
         let most = if matches!(array.place, Place::Words(_)) {
             text::most_numbers(stored)
@@ -74,7 +77,7 @@ impl<'a> Store<'a> {
             self.storage.compressor.map_or(bytes, |compressor| compressor.most(bytes)) / kind.bytes()
         };
         if count <= most {
-            return Ok(());
+            return Ok(kind);
         }
         let rule =
             format!("needs {count} numbers of type {}: {stored} bytes hold at most {most}", kind.name());
@@ -86,14 +89,19 @@ impl<'a> Store<'a> {
         if count == 0 {
             return Ok(());
         }
-        self.check(array, count)?;
+        let kind = self.check(array, count)?;
         let (begin, ..) = self.span(array)?;
-        self.read(array, count, taker)?;
+        self.read(array, count, kind, taker)?;
         if let Place::Base64(text) = array.place {
-            self.blank(array, count, text.end)?;
+            // Markup follows the text, so no blank beyond it is skipped.
+            self.scanner.skip_blanks()?;
+            if self.scanner.position() < text.end {
+                let rule = format!("more base64 than the {count} numbers need");
+                return Err(self.source.error(array.at(), rule));
+            }
         }
         // Arrays may share bytes, but not so often that a small file takes long to read.
-        self.behind = self.behind.saturating_add(self.cursor.position.saturating_sub(begin));
+        self.behind = self.behind.saturating_add(self.scanner.position().saturating_sub(begin));
         let most = self.source.encoding().most(self.source.len()).saturating_mul(MOST_OFTEN);
         if self.behind <= most {
             return Ok(());
@@ -101,28 +109,51 @@ impl<'a> Store<'a> {
         Err(self.source.error(array.at(), "too many arrays lie in the same place"))
     }
 
-    /// Checks that only blanks are left of a text.
-    fn blank(&mut self, array: &Array, count: u64, end: u64) -> Result<()> {
-        while self.cursor.position < end {
-            let left = usize::try_from(end - self.cursor.position).unwrap_or(usize::MAX);
-            let take = match self.cursor.fill_buf() {
-                Ok([]) => break,
-                Ok(buffer) if !buffer[..buffer.len().min(left)].iter().all(u8::is_ascii_whitespace) => {
-                    let rule = format!("more base64 than the {count} numbers need");
-                    return Err(self.source.error(array.at(), rule));
-                }
-                Ok(buffer) => buffer.len().min(left),
-                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
-                Err(error) => return Err(stream_error(self.source, error)),
-            };
-            self.cursor.consume(take);
-        }
-        Ok(())
+    /// Checks that the array of a piece that has this description can hold its numbers, if there is one.
+    pub(crate) fn check_samples(&self, piece: &Piece, info: &ArrayInfo) -> Result<()> {
+        let Some(array) = piece.array(info.association, &info.name) else { return Ok(()) };
+        self.check(array, self.numbers(array, piece.tuples(info.association))?).map(drop)
     }
 
-    fn read(&mut self, array: &Array, count: u64, taker: &mut Taker) -> Result<()> {
+    /// Reads the selected part of each tuple of the array of a piece that has this description, if there is one.
+    pub(crate) fn samples(
+        &mut self,
+        piece: &Piece,
+        info: &ArrayInfo,
+        pick: Pick,
+        samples: &mut Samples,
+    ) -> Result<()> {
+        let Some(array) = piece.array(info.association, &info.name) else { return Ok(()) };
+        let components = array.components;
+        let tuples = text::index(self.source, &array.at(), piece.tuples(info.association))?;
+        let numbers = self.numbers(array, num::wide(tuples))?;
+        self.take(array, numbers, &mut |reader, kind, endian| {
+            let layout = Layout { dims: [0; 3], kind, endian, components, pick };
+            decode::append(reader, tuples, &layout, samples)
+        })
+    }
+
+    /// Returns the number of values in `count` tuples of an array.
+    pub(crate) fn numbers(&self, array: &Array, count: u64) -> Result<u64> {
+        count.checked_mul(num::wide(array.components)).ok_or_else(|| {
+            self.source.error(array.at(), format!("{count} tuples: more than memory can address"))
+        })
+    }
+
+    /// Moves to an offset of the decompressed file. In a packed file, moving backwards restarts decompression.
+    fn seek(&mut self, begin: u64) -> Result<()> {
+        if self.source.is_gzip() && begin < self.scanner.position() {
+            self.restarts += 1;
+            if self.restarts > MOST_RESTARTS {
+                let rule = "arrays in an order that needs unpacking the file too often: unpack it first";
+                return Err(self.source.error("data", rule));
+            }
+        }
+        self.scanner.go_on(begin, 0)
+    }
+
+    fn read(&mut self, array: &Array, count: u64, kind: SampleType, taker: &mut Taker) -> Result<()> {
         let source = self.source;
-        let kind = self.kind(array)?;
         let (begin, stored, base64) = self.span(array)?;
         let failed = |error: std::io::Error| match error.kind() {
             ErrorKind::UnexpectedEof => {
@@ -133,9 +164,9 @@ impl<'a> Store<'a> {
             }
             _ => stream_error(source, error),
         };
-        self.cursor.seek(begin)?;
+        self.seek(begin)?;
         if let Place::Words(Text { line, .. }) = array.place {
-            let words = (&mut self.cursor).take(stored);
+            let words = (&mut self.scanner).take(stored);
             let mut scanner = Scanner::of(source, words, stored).after_lines(line);
             taker(&mut scanner.numbers(kind), kind, Endian::Little).map_err(failed)?;
             return match scanner.word()?.map(text::shown) {
@@ -149,24 +180,15 @@ impl<'a> Store<'a> {
         let wanted = count.checked_mul(kind.bytes()).ok_or_else(|| {
             source.error(array.at(), format!("needs {count} numbers: more than memory can address"))
         })?;
-        let bytes = Bytes {
-            source,
-            at: array.at(),
-            cursor: &mut self.cursor,
-            base64,
-            stored,
-            left: 0,
-            decoded: Vec::new(),
-            behind: 0,
-            text: Vec::new(),
+        let decoded = base64.then(Cursor::default);
+        let mut bytes =
+            Bytes { source, at: array.at(), scanner: &mut self.scanner, stored, left: 0, decoded };
+        let endian = self.storage.endian;
+        let Some(compressor) = self.storage.compressor else {
+            bytes.begin(self.storage, wanted)?;
+            return taker(&mut bytes, kind, endian).map_err(failed);
         };
-        let Storage { endian, word, compressor, .. } = self.storage;
-        let Some(compressor) = compressor else {
-            return bytes
-                .whole(endian, word, wanted, &mut |reader| taker(reader, kind, endian))
-                .map_err(failed);
-        };
-        let mut blocks = Blocks::open(bytes, endian, word, compressor, wanted, &mut self.budget)?;
+        let mut blocks = Blocks::open(bytes, self.storage, compressor, wanted, &mut self.budget)?;
         taker(&mut blocks, kind, endian).map_err(failed)?;
         let taken = blocks.taken;
         drop(blocks);
