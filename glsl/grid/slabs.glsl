@@ -99,6 +99,7 @@ void main() {
         Face front = face_of(stored_at(ray, max(fma(float(slab), h, z0), interval.x), lattice), lattice);
         for (; slab < stop && transmittance > opaque; ++slab) {
             vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
+            // Where a surface splits a slab, the slab is taken again for the rest.
             if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --slab;
             Face back = face_of(stored_at(ray, piece.y, lattice), lattice);
             if (piece.x < piece.y) {

@@ -25,9 +25,10 @@ Sweep empty_sweep() {
     return Sweep(vec4(0.0), Pair(NOTHING, 0u), end_at(0.0), PixelState(false, false, false, 0, 0u));
 }
 
-// What faces that coincide may be apart by rounding, in radii of the mesh: those of a cell that the line touches at an edge, by ROUNDING.
+// Faces that coincide may be this far apart by rounding, in radii of the mesh; inner faces where scalars belong to cells, by ROUNDING.
 const float TOUCHING = 1e-5;
 
+// The lowest two bits tell on which sides of the face there is a cell: bit 0 before it along the line, bit 1 behind it.
 float scalar_of_pair(Pair pair) {
     return uintBitsToFloat(pair.what & 0xfffffffcu);
 }

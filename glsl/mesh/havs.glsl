@@ -21,6 +21,7 @@
 #include "frame/layers.glsl"
 #include "mesh/mesh-segments.glsl"
 #include "mesh/mesh-layers.glsl"
+#include "mesh/havs-sweep.glsl"
 #include "mesh/pixel-list.glsl"
 #include "mesh/sweep-images.glsl"
 

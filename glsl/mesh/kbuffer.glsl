@@ -2,7 +2,8 @@
 // What leaves is sorted if and only if no arrival comes after more than K that lie beyond it; else, and only then, something leaves
 // that is less than what left before it.
 //
-// Source: Callahan, Ikits, Comba and Silva, TVCG 11(3), 2005. Compared is with what left last, not with what will leave next.
+// Source: Callahan, Ikits, Comba and Silva, TVCG 11(3), 2005. There the order is tested
+// against the pair that leaves next, here against the pair that left last.
 #ifndef KBUFFER_GLSL
 #define KBUFFER_GLSL
 
@@ -19,7 +20,7 @@ struct Pair {
     uint what;
 };
 
-Pair window[K + 1u]; // ascending; the last place is where what leaves passes through
+Pair window[K]; // ascending
 
 void clear_window() {
     for (uint j = 0u; j < K; ++j) window[j] = Pair(NOTHING, 0u);
@@ -33,10 +34,9 @@ Pair pass_through(Pair pair) {
         window[j] = Pair(before ? pair.at : kept.at, before ? pair.what : kept.what);
         pair = Pair(before ? kept.at : pair.at, before ? kept.what : pair.what);
     }
-    if (K == 0u) return pair;
     Pair leaves = window[0];
     for (uint j = 1u; j < K; ++j) window[j - 1u] = window[j];
-    if (K > 0u) window[K - 1u] = pair;
+    window[K - 1u] = pair;
     return leaves;
 }
 

@@ -6,7 +6,7 @@
 //
 //   POINTS  one invocation a point: as the view sees it
 //   BOXES   one invocation a primitive: the pixels that it may cover, and a key of visibility, the signed distance of its centroid
-//           from the eye less that of the mesh's centre
+//           from the eye less the depth of the plane through the mesh's centre
 //   LISTS   one invocation a tile, from its bin (bins.glsl): which pixels of the tile its primitives do cover, and where; counted, then written. No other
 //           invocation has these pixels: ranks stay in order.
 //
@@ -78,7 +78,7 @@ void main() {
     vec2 half_size = push.half_extent * push.pixel;
     vec4 covered = vec4(half_size, -half_size);
     for (uint lobe = 0u; lobe < 2u; ++lobe) {
-        // Lines have no other side of cells; of faces they have, from which what lies around the eye follows.
+        // Cells behind the eye are not listed. Faces are: they tell whether the eye is inside the mesh.
         float front = lobe == 0u ? 1.0 : -1.0;
         if (lobe == 1u && (CELLS || push.w1 == 0.0)) break;
         vec4 box = vec4(vec2(1e30), vec2(-1e30));
@@ -126,7 +126,7 @@ layout(set = 0, binding = BINDING_LISTS, std430) writeonly buffer Lists { uvec2 
 layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
 layout(set = 0, binding = BINDING_FLAGS, std430) readonly buffer Flags { uint flags[]; };
 
-// Functions that the loops over pixels calls have no branches: SwiftShader's compiler takes twice the time for each that follows another in a
+// Functions that the loops over pixels call have no branches: SwiftShader's compiler takes twice the time for each that follows another in a
 // loop.
 
 // On which side of an edge the pixels of a tile pass: `side_of` is an affine function of the place, e + x dx + y dy from the tile's first

@@ -6,12 +6,12 @@
 #include "shared/segments.glsl"
 #include "mesh/mesh.glsl"
 
-// A segment that is being integrated. `exact` takes it piece by piece, each between two knots and of little optical depth, and a loop
-// over segments takes a piece a turn: a loop of its own would cost every invocation what one of several needs.
+// A segment that is being integrated. `exact` takes it piece by piece, each between two knots and of little optical depth, and the
+// caller's loop takes one piece a turn: an inner loop would make all lanes wait for the one with most pieces.
 struct Pending {
     End front, back; // in the direction of ranks
     float len;       // what is left, in the world; 0: nothing
-    float least;     // length of the shortest piece
+    float least;     // no piece is cut shorter than this for its thickness; knots may cut shorter
 };
 
 // Begins a segment.

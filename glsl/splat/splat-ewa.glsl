@@ -11,9 +11,9 @@
 //
 //   in    bins of splats by distance of their centres, records of the view (splat-project.glsl)
 //   out   accumulation image: premultiplied linear RGBA
-//   error opacity is exact but for footprints, in any order. Colour mixes as if kernels did not overlap: two that do are wrong by at most the
+//   error opacity does not depend on the order: its only error is that of footprints. Colour mixes as if kernels did not overlap: two that do are wrong by at most the
 //         product of their opacities times the difference of their colours
-//   cost  per splat, tile and pixel one exponential for the footprint and one for opacity
+//   cost  per splat and pixel one exponential for the footprint and a series for opacity
 //
 // Source: Zwicker, Pfister, van Baar, Gross, EWA volume splatting, 2001. Windows: Radl et al., StopThePop, 2024 (the idea).
 #version 460
@@ -33,13 +33,13 @@ layout(constant_id = SPEC_SPLAT_EWA) const bool EWA = false;
 layout(local_size_x = 64 / ROWS) in;
 layout(set = 0, binding = BINDING_SPLAT_RECORDS, std430) readonly buffer SplatRecords { vec4 splat_records[]; };
 
-// The logarithm to base 2 of an ellipse's optical depth at a pixel is a quadratic form less that of the peak: minus this.
+// Returns minus the logarithm to base 2 of an ellipse's optical depth at a pixel: a quadratic form less the logarithm of the peak.
 float form_of(vec4 record0, vec4 record1, vec2 pixel) {
     vec2 from = pixel - record0.xy;
     return fma(from.x, record0.z * from.x, record1.y) + from.y * (record0.w * from.x + record1.x * from.y);
 }
 
-// What of a footprint, an ellipse's or the line's own, is drawn: of an ellipse the same share as of the kernel on the pixel's line.
+// Returns the share of an ellipse that is drawn: the same as of the kernel along the pixel's line.
 float drawn_share(Meeting met, vec2 drawn) {
     if (met.beyond <= 0.0) return met.u >= drawn.x && met.u <= drawn.y ? 1.0 : 0.0;
     float most = most_of(met);
@@ -98,7 +98,7 @@ void main() {
         }
         EACH_ROW(BLEND)
     }
-    // What is opaque has ended. The same for all that go on together.
+    // Opaque pixels have ended; all invocations of a subgroup agree.
     bool unfinished = i < end && ANY(live > opaque);
     splat_state[place] = uvec2(unfinished ? i : end, 0u);
     if (unfinished && IS_LAST) atomicAdd(status[STATUS_UNFINISHED], 1u);
@@ -132,7 +132,7 @@ void main() {
         held_depth[j] = 0.0;
         held_id[j] = 0u;
     }
-    // The window is empty at the end of a dispatch: what comes with the next one is further by far, unless a tile has tens of thousands.
+    // The window is emptied at the end of a dispatch, and does not correct the order between the splats of two.
     uint i = first, through = stop + HELD;
     for (; i < through && transmittance > opaque; ++i) {
         bool more = i < stop;

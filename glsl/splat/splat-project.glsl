@@ -85,7 +85,7 @@ float peak_that_hides(float y, float start, float end) {
     return x;
 }
 
-// Least and greatest place, x / w, of what spans x +- sqrt(xx) and z +- sqrt(zz) with the covariance xz; all of the image where it
+// Least and greatest place, x / w, of what spans x +- sqrt(xx) and w +- sqrt(ww) with the covariance xz; all of the image where it
 // reaches behind the eye. `w` is proportional to the depth before the eye, of slope w1.
 vec2 places(float x, float w, float xx, float xz, float ww) {
     float a = w * w - ww, b = x * w - xz, c = x * x - xx;
@@ -94,106 +94,160 @@ vec2 places(float x, float w, float xx, float xz, float ww) {
     return vec2(b - root, b + root) / a;
 }
 
-void main() {
-    uint i = gl_GlobalInvocationID.x + gl_GlobalInvocationID.y * (gl_NumWorkGroups.x * 64u);
-    if (i >= push.count) return;
-    vec4 point = splat_points[SHAPE == SHAPE_ALIKE && !DENSITY ? i : 2u * i];
-    vec3 m = point.xyz;
-    float x = dot(m, push.right.xyz) + push.right.w, y = dot(m, push.up.xyz) + push.up.w, z = dot(m, push.forward.xyz);
-    float w = push.w0 + push.w1 * z;
-    vec3 r = push.right.xyz, u = push.up.xyz, f = push.forward.xyz;
+// A kernel's centre in the view: to the right of its axis, up, depth; `w` is proportional to the depth before the eye.
+struct Centre {
+    float x, y, z, w;
+};
 
-    // Covariance in the view's coordinates: of what an ellipsoid has, sigma 1.
+Centre centre_of(vec3 m) {
+    float x = dot(m, push.right.xyz) + push.right.w, y = dot(m, push.up.xyz) + push.up.w, z = dot(m, push.forward.xyz);
+    return Centre(x, y, z, push.w0 + push.w1 * z);
+}
+
+// A kernel's covariance in the coordinates of the view, for one sigma.
+struct Spread {
     float xx, xy, xz, yy, yz, zz;
+};
+
+// Kernels with a radius have `per_sigma`, the inverse of their sigma.
+Spread spread_of(uint i, float per_sigma) {
+    vec3 r = push.right.xyz, u = push.up.xyz, f = push.forward.xyz;
     if (SHAPE == SHAPE_COVARIANCES) {
         vec4 c0 = splat_shapes[4u * i + 2u], c1 = splat_shapes[4u * i + 3u];
         mat3 s = mat3(c0.x, c0.y, c0.z, c0.y, c0.w, c1.x, c0.z, c1.x, c1.y);
         vec3 sr = s * r, su = s * u, sf = s * f;
-        xx = dot(r, sr); xy = dot(r, su); xz = dot(r, sf);
-        yy = dot(u, su); yz = dot(u, sf); zz = dot(f, sf);
-    } else {
-        float sigma = SHAPE == SHAPE_RADII ? 1.0 / point.w : 1.0, variance = sigma * sigma;
-        xx = variance * dot(r, r); xy = variance * dot(r, u); xz = variance * dot(r, f);
-        yy = variance * dot(u, u); yz = variance * dot(u, f); zz = variance * dot(f, f);
+        return Spread(dot(r, sr), dot(r, su), dot(r, sf), dot(u, su), dot(u, sf), dot(f, sf));
     }
-    float cut2 = push.cut * push.cut;
-    bool product = SHAPE == SHAPE_ALIKE && KERNEL != KERNEL_GAUSSIAN;
-    float reach = product ? push.cut * (abs(f.x) + abs(f.y) + abs(f.z)) : push.cut * sqrt(zz);
+    float sigma = SHAPE == SHAPE_RADII ? 1.0 / per_sigma : 1.0, variance = sigma * sigma;
+    return Spread(variance * dot(r, r), variance * dot(r, u), variance * dot(r, f), variance * dot(u, u), variance * dot(u, f), variance * dot(f, f));
+}
+
+// Whether the kernel is a product along the axes of a lattice, which ends on a box; others end on an ellipsoid.
+const bool PRODUCT = SHAPE == SHAPE_ALIKE && KERNEL != KERNEL_GAUSSIAN;
+
+// Returns half the depth that a kernel spans.
+float reach_of(Spread spread) {
+    vec3 f = push.forward.xyz;
+    return PRODUCT ? push.cut * (abs(f.x) + abs(f.y) + abs(f.z)) : push.cut * sqrt(spread.zz);
+}
+
+// Returns the box of a kernel in the image: least and greatest place, in pixels from the image's centre, y down.
+vec4 box_of(Centre c, Spread spread, float reach) {
     vec2 across, down;
-    if (product) {
+    if (PRODUCT) {
         // A box: its extents, each for itself.
+        vec3 r = push.right.xyz, u = push.up.xyz;
         vec2 side = push.cut * vec2(abs(r.x) + abs(r.y) + abs(r.z), abs(u.x) + abs(u.y) + abs(u.z));
-        float near = w - abs(push.w1) * reach, far = w + abs(push.w1) * reach;
-        vec2 low = vec2(x, y) - side, high = vec2(x, y) + side;
+        float near = c.w - abs(push.w1) * reach, far = c.w + abs(push.w1) * reach;
+        vec2 low = vec2(c.x, c.y) - side, high = vec2(c.x, c.y) + side;
         bool before = near > 0.0;
         across = before ? vec2(low.x / (low.x < 0.0 ? near : far), high.x / (high.x > 0.0 ? near : far)) : vec2(-1e30, 1e30);
         down = before ? vec2(low.y / (low.y < 0.0 ? near : far), high.y / (high.y > 0.0 ? near : far)) : vec2(-1e30, 1e30);
     } else {
-        float ww = push.w1 * push.w1 * zz * cut2;
-        across = places(x, w, xx * cut2, push.w1 * xz * cut2, ww);
-        down = places(y, w, yy * cut2, push.w1 * yz * cut2, ww);
+        float cut2 = push.cut * push.cut, ww = push.w1 * push.w1 * spread.zz * cut2;
+        across = places(c.x, c.w, spread.xx * cut2, push.w1 * spread.xz * cut2, ww);
+        down = places(c.y, c.w, spread.yy * cut2, push.w1 * spread.yz * cut2, ww);
     }
-    // In pixels from the image's centre, y down.
-    vec4 box = vec4(across.x, -down.y, across.y, -down.x) / push.pixel;
-    bool there = z + reach > push.forward.w;
+    return vec4(across.x, -down.y, across.y, -down.x) / push.pixel;
+}
+
+// An ellipse in the image, y down: covariance in square pixels with its determinant, and the optical depth at its centre.
+struct Ellipse {
+    float xx, xy, yy, det, peak;
+};
+
+// Returns the ellipse of a kernel: the image of its covariance by the projection's derivative at the centre, and the integral along the
+// line through the centre, sqrt(2 pi / (t^T S^-1 t)).
+Ellipse ellipse_of(uint i, Centre c, Spread spread) {
+    float xx = spread.xx, xy = spread.xy, xz = spread.xz, yy = spread.yy, yz = spread.yz, zz = spread.zz;
+    float s = 1.0 / (max(c.w, 1e-20) * push.pixel), gx = -c.x * push.w1 * s / max(c.w, 1e-20), gy = c.y * push.w1 * s / max(c.w, 1e-20);
+    Ellipse to;
+    to.xx = s * s * xx + 2.0 * s * gx * xz + gx * gx * zz;
+    to.xy = -s * s * xy + s * gy * xz - gx * s * yz + gx * gy * zz;
+    to.yy = s * s * yy - 2.0 * s * gy * yz + gy * gy * zz;
+    vec3 t = vec3(c.x * push.w1, c.y * push.w1, c.w) / max(c.w, 1e-20);
+    float along;
+    if (SHAPE == SHAPE_COVARIANCES) {
+        // By the root of the inverse: cofactors of discs and needles cancel. The line's direction is what the projection maps to 0.
+        vec4 l0 = splat_shapes[4u * i];
+        vec2 l1 = splat_shapes[4u * i + 1u].xy;
+        vec3 v = t.x * push.right.xyz + t.y * push.up.xyz + t.z * push.forward.xyz;
+        vec3 lv = vec3(l0.x * v.x, l0.y * v.x + l0.z * v.y, l0.w * v.x + l1.x * v.y + l1.y * v.z);
+        along = dot(lv, lv);
+        float root = s * s / (l0.x * l0.z * l1.y);
+        to.det = root * root * along;
+    } else {
+        float cxx = yy * zz - yz * yz, cxy = xz * yz - xy * zz, cxz = xy * yz - xz * yy;
+        float cyy = xx * zz - xz * xz, cyz = xy * xz - xx * yz, czz = xx * yy - xy * xy;
+        float det = xx * cxx + xy * cxy + xz * cxz;
+        along = (cxx * t.x * t.x + cyy * t.y * t.y + czz * t.z * t.z + 2.0 * (cxy * t.x * t.y + cxz * t.x * t.z + cyz * t.y * t.z)) / det;
+        to.det = to.xx * to.yy - to.xy * to.xy;
+    }
+    to.peak = splat_points[2u * i + 1u].a * push.amplitude * push.unit * sqrt(6.283185307 / along) * length(t);
+    return to;
+}
+
+// Widens an ellipse by the pixel's filter, and lowers its peak so that the sum of opacities in the image stays.
+void lowpass(inout Ellipse to) {
+    float middle = 0.5 * (to.xx + to.yy), spread = sqrt(max(middle * middle - to.det, 0.0));
+    float large = middle + spread, small = max(to.det, 0.0) / max(large, 1e-30), wide;
+    if (LOWPASS == LOWPASS_FULL) {
+        to.xx += push.lowpass;
+        to.yy += push.lowpass;
+        wide = (large + push.lowpass) * (small + push.lowpass);
+    } else if (small < push.lowpass) {
+        float large_to = max(large, push.lowpass), by = spread > 1e-6 * middle ? (large_to - push.lowpass) / (2.0 * spread) : 0.0;
+        to.xx = push.lowpass + by * (to.xx - small);
+        to.yy = push.lowpass + by * (to.yy - small);
+        to.xy *= by;
+        wide = large_to * push.lowpass;
+    } else {
+        wide = large * small;
+    }
+    float ratio = sqrt(clamp(large * small / wide, 0.0, 1.0));
+    float bounded = min(to.peak, 1e30), end = exp(-0.5 * (push.cut * push.cut));
+    if (ratio < 0.9999) to.peak = peak_that_hides(ratio * hidden(bounded, end), bounded, end);
+    to.det = wide;
+}
+
+// Returns the sort key of a kernel that spans z +- reach.
+uint key_of(Centre c, float reach, vec3 m) {
+    if (ORDER == ORDER_CENTRES) {
+        // Distance from the eye less the depth of the plane through the centre of the data, without the difference.
+        float r2 = c.x * c.x + c.y * c.y, before = abs(c.z - push.forward.w);
+        return float_key(c.z + (push.w1 == 0.0 ? 0.0 : r2 / max(sqrt(r2 + before * before) + before, 1e-30)));
+    }
+    if (ORDER == ORDER_NEAREST) return float_key(c.z - reach);
+    float at = (floor(m[AXIS_OF_SHEETS] / push.thickness + 0.25) + push.middle) * push.thickness;
+    // Lines go both ways from an eye between sheets.
+    float key = abs(push.eye) > 1e30 ? (push.eye < 0.0 ? at : -at) : abs(at - push.eye);
+    return (float_key(key) & 0xfffffffeu) | uint(at > push.eye);
+}
+
+void main() {
+    uint i = gl_GlobalInvocationID.x + gl_GlobalInvocationID.y * (gl_NumWorkGroups.x * 64u);
+    if (i >= push.count) return;
+    vec4 point = splat_points[SHAPE == SHAPE_ALIKE && !DENSITY ? i : 2u * i];
+    Centre c = centre_of(point.xyz);
+    Spread spread = spread_of(i, point.w);
+    float reach = reach_of(spread);
+    vec4 box = box_of(c, spread, reach);
+    bool there = c.z + reach > push.forward.w;
 
     if (EWA) {
-        float s = 1.0 / (max(w, 1e-20) * push.pixel), gx = -x * push.w1 * s / max(w, 1e-20), gy = y * push.w1 * s / max(w, 1e-20);
-        float sxx = s * s * xx + 2.0 * s * gx * xz + gx * gx * zz;
-        float sxy = -s * s * xy + s * gy * xz - gx * s * yz + gx * gy * zz;
-        float syy = s * s * yy - 2.0 * s * gy * yz + gy * gy * zz;
-        // Line integral through the centre: sqrt(2 pi / (t^T S^-1 t)).
-        vec3 t = vec3(x * push.w1, y * push.w1, w) / max(w, 1e-20);
-        float along, det2;
-        if (SHAPE == SHAPE_COVARIANCES) {
-            // By the root of the inverse: cofactors of discs and needles cancel. The line's direction is what the projection maps to 0.
-            vec4 l0 = splat_shapes[4u * i];
-            vec2 l1 = splat_shapes[4u * i + 1u].xy;
-            vec3 v = t.x * r + t.y * u + t.z * f;
-            vec3 lv = vec3(l0.x * v.x, l0.y * v.x + l0.z * v.y, l0.w * v.x + l1.x * v.y + l1.y * v.z);
-            along = dot(lv, lv);
-            float root = s * s / (l0.x * l0.z * l1.y);
-            det2 = root * root * along;
-        } else {
-            float cxx = yy * zz - yz * yz, cxy = xz * yz - xy * zz, cxz = xy * yz - xz * yy;
-            float cyy = xx * zz - xz * xz, cyz = xy * xz - xx * yz, czz = xx * yy - xy * xy;
-            float det = xx * cxx + xy * cxy + xz * cxz;
-            along = (cxx * t.x * t.x + cyy * t.y * t.y + czz * t.z * t.z + 2.0 * (cxy * t.x * t.y + cxz * t.x * t.z + cyz * t.y * t.z)) / det;
-            det2 = sxx * syy - sxy * sxy;
-        }
-        float peak = splat_points[2u * i + 1u].a * push.amplitude * push.unit * sqrt(6.283185307 / along) * length(t);
-        if (LOWPASS != LOWPASS_NONE) {
-            float middle = 0.5 * (sxx + syy), spread = sqrt(max(middle * middle - det2, 0.0));
-            float large = middle + spread, small = max(det2, 0.0) / max(large, 1e-30), wide;
-            if (LOWPASS == LOWPASS_FULL) {
-                sxx += push.lowpass;
-                syy += push.lowpass;
-                wide = (large + push.lowpass) * (small + push.lowpass);
-            } else if (small < push.lowpass) {
-                float large_to = max(large, push.lowpass), by = spread > 1e-6 * middle ? (large_to - push.lowpass) / (2.0 * spread) : 0.0;
-                sxx = push.lowpass + by * (sxx - small);
-                syy = push.lowpass + by * (syy - small);
-                sxy *= by;
-                wide = large_to * push.lowpass;
-            } else {
-                wide = large * small;
-            }
-            float ratio = sqrt(clamp(large * small / wide, 0.0, 1.0));
-            float bounded = min(peak, 1e30), end = exp(-0.5 * cut2);
-            if (ratio < 0.9999) peak = peak_that_hides(ratio * hidden(bounded, end), bounded, end);
-            det2 = wide;
-        }
-        vec2 centre = vec2(x, -y) / (max(w, 1e-20) * push.pixel);
-        vec2 side = push.cut * sqrt(vec2(sxx, syy));
+        Ellipse to = ellipse_of(i, c, spread);
+        if (LOWPASS != LOWPASS_NONE) lowpass(to);
+        vec2 centre = vec2(c.x, -c.y) / (max(c.w, 1e-20) * push.pixel);
+        vec2 side = push.cut * sqrt(vec2(to.xx, to.yy));
         box = vec4(centre - side, centre + side);
         // Behind the eye there is no ellipse.
-        there = there && w > 0.0 && z > push.forward.w && det2 > 0.0;
+        there = there && c.w > 0.0 && c.z > push.forward.w && to.det > 0.0;
         // For the exponential to base 2: the form, less the logarithm of the peak; and where it is cut.
-        float half_bits = 0.72134752 / det2, lowered = -log2(max(peak, 1e-37));
-        splat_records[2u * i] = vec4(centre, syy * half_bits, -2.0 * sxy * half_bits);
-        splat_records[2u * i + 1u] = vec4(sxx * half_bits, lowered, lowered + 0.72134752 * cut2, 0.0);
+        float half_bits = 0.72134752 / to.det, lowered = -log2(max(to.peak, 1e-37));
+        splat_records[2u * i] = vec4(centre, to.yy * half_bits, -2.0 * to.xy * half_bits);
+        splat_records[2u * i + 1u] = vec4(to.xx * half_bits, lowered, lowered + 0.72134752 * (push.cut * push.cut), 0.0);
     } else if (SHAPE == SHAPE_COVARIANCES) {
-        splat_records[2u * i] = vec4(z - reach, z + reach, 0.0, 0.0);
+        splat_records[2u * i] = vec4(c.z - reach, c.z + reach, 0.0, 0.0);
     }
 
     // A hundredth of a pixel and what the place itself may be rounded by.
@@ -203,23 +257,6 @@ void main() {
     uvec2 high = uvec2(clamp(floor(box.zw + push.half_extent + 0.5 + margin), vec2(0.0), size));
     there = there && all(lessThan(low, high));
     boxes[i] = there ? uvec2(low.x | high.x << 16, low.y | high.y << 16) : uvec2(0u);
-
-    float key;
-    uint side = 0u;
-    if (ORDER == ORDER_CENTRES) {
-        // Distance from the eye less that of the centre of the data, without the difference.
-        float r2 = x * x + y * y, before = abs(z - push.forward.w);
-        key = z + (push.w1 == 0.0 ? 0.0 : r2 / max(sqrt(r2 + before * before) + before, 1e-30));
-    } else if (ORDER == ORDER_NEAREST) {
-        key = z - reach;
-    } else {
-        float at = (floor(m[AXIS_OF_SHEETS] / push.thickness + 0.25) + push.middle) * push.thickness;
-        // Lines go both ways from an eye between sheets.
-        key = abs(push.eye) > 1e30 ? (push.eye < 0.0 ? at : -at) : abs(at - push.eye);
-        side = uint(at > push.eye);
-    }
-    uint word = float_key(key);
-    if (ORDER == ORDER_SHEETS) word = (word & 0xfffffffeu) | side;
-    sort_keys[i] = there ? word : 0xffffffffu;
+    sort_keys[i] = there ? key_of(c, reach, point.xyz) : 0xffffffffu;
     order[i] = i;
 }

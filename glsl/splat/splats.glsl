@@ -159,7 +159,7 @@ Meeting meet(Line line, Splat splat) {
     return met;
 }
 
-// Of a Gaussian whose cut the line does not miss: the greatest argument of the error function before the cut, and the peak along the line.
+// Of a Gaussian whose cut the line does not miss: the greatest argument of the error function before the cut, and what error functions are multiplied by.
 float most_of(Meeting met) {
     return min(sqrt(0.5 * met.beyond), 3.9);
 }

@@ -1,7 +1,7 @@
 //! Techniques that draw scalar grids along the rays of pixels: stacks of slices, view-aligned slices, slabs, ray casting.
 //!
 //! Each technique implements `technique::GridTechnique`; `frame` builds and records what they share, by the `route` that options and
-//! device allow. The room uses `frame`, `resident`, `primitives`, `gpu`, `scene` and `technique::options`. `technique::registry`
+//! device allow. It uses `frame`, `resident`, `primitives`, `gpu`, `scene` and `technique::declare`. `technique::registry`
 //! builds its frames; `shear_warp` and `splat` use its rays, options and dispatch limits.
 
 mod blue_noise;

@@ -6,6 +6,7 @@
 //!
 //! 1. `glsl/grid/slabs.glsl` makes the polygon of each slab in the vertex shader (route `raster`), or walks a
 //!    pixel's slabs in registers (route `compute`).
+//!    `grid/frame.rs` records either, as for all techniques for grids.
 //! 2. `glsl/shared/segments.glsl` integrates, by option `integrator`; tables are built on the host in float64
 //!    (`optics`) on first use.
 //!

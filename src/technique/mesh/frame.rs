@@ -4,7 +4,7 @@
 //! 2. Primitives are binned to tiles, and fragments are listed for each pixel by rank ([`Lists`]).
 //! 3. The technique's shader resolves each list, in one dispatch or in chunks.
 //! 4. Pixels whose list was out of order are repaired: the list is sorted in place and resolved again.
-//! 5. Pixels in which cells overlap are drawn again from lists of cells ([`Overlaps`]).
+//! 5. Pixels in which cells overlap are drawn again from lists of cells ([`Overlaps`]), from the next frame after the first overlap on.
 //!
 //! All tiles are binned at once. Lists are written, resolved and repaired for one band of tiles after the other, because
 //! the lists of a band must fit one buffer. The capacities of bins and lists are measured when a view is prepared; a frame

@@ -6,15 +6,15 @@
 //! inside one cell, whose optical depth and colour are integrated.
 //!
 //! 1. Faces are ranked, and with `route=compute` listed for each pixel (`mesh/frame.rs`, `mesh-lists.glsl`).
-//! 2. `route=compute`: `havs.glsl` takes a pixel's list through the window in registers; between chunks four storage
-//!    images hold the window. The raster routes (`havs/raster.rs`) draw each face once instead, and every fragment
+//! 2. `route=compute`: `havs.glsl` takes a pixel's list through the window in registers; between chunks up to four
+//!    storage images hold the window. The raster routes (`havs/raster.rs`) draw each face once instead, and every fragment
 //!    loads the window from the images and stores it again.
 //! 3. A pixel is unsorted if and only if a pair leaves the window that is nearer than the one before. Such pixels are
 //!    counted, and with `repair=exact` drawn again from their sorted list.
 //! 4. With `repair=exact`, pixels in which cells overlap are drawn again from lists of cells (`mesh/overlaps.rs`).
 //!
-//! Error: that of the integrator; sorting adds none with `repair=exact`. Cost: a test for each pixel of a face's box,
-//! `k` comparisons and an integration for each fragment. Needs: core Vulkan 1.3; the route `interlock` needs
+//! Error: that of the integrator; sorting adds none with `repair=exact`. Cost: a mask of 64 pixels for each tile that a
+//! face's box touches, twice; `k` comparisons and an integration for each fragment. Needs: core Vulkan 1.3; the route `interlock` needs
 //! `VK_EXT_fragment_shader_interlock`, `implementation-ordered` a driver that is known to keep the order of stores.
 
 mod options;

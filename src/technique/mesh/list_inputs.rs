@@ -49,7 +49,7 @@ pub(crate) struct ListInputs<'a> {
     pub(crate) status: &'a Arc<Buffer>,
     pub(crate) flags: &'a Arc<Buffer>,
     pub(crate) image: &'a Arc<Image>,
-    /// Images that keep the k-buffer between chunks: four, or none where a list is resolved at once.
+    /// Images that keep the k-buffer between chunks: up to four, or none where a list is resolved at once.
     pub(crate) kbuffer: &'a [Arc<Image>],
     pub(crate) cell_scalars: bool,
     pub(crate) back_to_front: bool,

@@ -1,5 +1,6 @@
 //! Gaussian splats in perspective: elliptical weighted averages (Zwicker 2001), or integrals along each pixel's ray.
 //!
+//! 0. The host classifies the samples of grids and points, except those whose scalars are interpolated (`resident/splats/`).
 //! 1. `splat-project.glsl` finds the pixels that each kernel may cover, its sort key and its ellipse.
 //! 2. A stable sort orders kernels by key; tiles take their splats in that order (`bins.glsl`).
 //! 3. `splat-ewa.glsl` blends the splats of each tile in registers, front to back. With `order=slabs`
@@ -10,8 +11,8 @@
 //! Error: `footprint=ewa` has at most about `1.2 rho tan(theta) + 1.1 rho²` of a kernel's peak, where rho is its standard
 //! deviation over its distance and theta the angle off the axis; `footprint=exact` has that of float32. The opacity of
 //! `order=center` has no other error; its colour errs by at most the product of the opacities of two overlapping kernels
-//! times the difference of their colours. `order=slabs` is of second order in the thickness of slabs. Cost: for each pair
-//! of splat and tile 64 exponentials, twice; slabs take five error functions more. Needs: core Vulkan 1.3.
+//! times the difference of their colours. `order=slabs` is of second order in the thickness of slabs. Cost: for each splat
+//! and pixel an exponential and the series of opacity; `exact` an error function more, slabs five for four slabs. Needs: core Vulkan 1.3.
 
 use std::sync::Arc;
 

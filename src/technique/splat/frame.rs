@@ -72,7 +72,7 @@ struct Projected {
     order: Arc<Buffer>,
     boxes: Arc<Buffer>,
     status: Arc<Buffer>,
-    /// Ellipses; empty where footprints have none.
+    /// Ellipses, or the depths that kernels with covariances span; else empty.
     records: Arc<Buffer>,
 }
 
