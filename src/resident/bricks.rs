@@ -30,7 +30,7 @@ pub(crate) fn bricks_of(dims: [u32; 3]) -> [u32; 3] {
 ///
 /// Brick b covers the samples 8b to 8b + 8 and the apron. A NaN counts for no range: a cell that touches it is
 /// vacuum. An infinity counts as the largest `f32` of its sign, which
-/// [`nonzero_ranges`](crate::resident::visible_scalars::nonzero_ranges) takes into account. Ranges are widened by the
+/// [`nonzero_ranges`] takes into account. Ranges are widened by the
 /// rounding of a device's decoding and filtering.
 fn brick_ranges(grid: &Grid) -> Vec<[f32; 2]> {
     let [n, m] = [grid.dims(), bricks_of(grid.dims())].map(|dims| dims.map(num::index));
