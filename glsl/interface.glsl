@@ -32,7 +32,7 @@
 #define BINDING_CURSORS 31      // storage block: positions in the lists, pixel by pixel
 #define BINDING_LISTS 32        // storage block: fragments of each pixel, by rank
 #define BINDING_STATUS 33       // storage block: STATUS_* words
-#define BINDING_KBUFFER_0 34    // image2D, rgba32f: two pairs of the k-buffer each
+#define BINDING_KBUFFER_0 34    // uimage2D, rgba32ui: two pairs of the k-buffer each
 #define BINDING_KBUFFER_1 35
 #define BINDING_KBUFFER_2 36
 #define BINDING_KBUFFER_3 37

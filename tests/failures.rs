@@ -22,7 +22,7 @@ fn turn() -> std::sync::MutexGuard<'static, ()> {
 }
 
 fn place() -> Place {
-    Place { device: None, validation: Validation::On }
+    Place { validation: Validation::On, ..Place::default() }
 }
 
 fn named(name: &str) -> Session {

@@ -205,10 +205,7 @@ Pair arrival(vec2 line) {
         // Back to front the line comes from behind.
         s = BACK_TO_FRONT ? s_last : s_next;
     }
-    uint bits = floatBitsToUint(s) & 0xfffffffcu;
-    // Images of floats may lose subnormal numbers, and with them the bits below.
-    if ((bits & 0x7f800000u) == 0u) bits = 0x00800000u;
-    return Pair(BACK_TO_FRONT ? -d : d, bits | last | next << 1);
+    return Pair(BACK_TO_FRONT ? -d : d, (floatBitsToUint(s) & 0xfffffffcu) | last | next << 1);
 }
 
 void main() {

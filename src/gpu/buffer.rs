@@ -45,6 +45,11 @@ impl Buffer {
                 format!("{size} bytes exceed the limit of {most} that a shader can see of a buffer"),
             ));
         }
+        let most = gpu.inner.max_buffer;
+        if size > most {
+            let why = format!("{size} bytes exceed the limit of {most} for one buffer");
+            return Err(Error::unsupported(name, why));
+        }
         gpu.check_allocation(name, size)?;
         gpu.inner.budget.check(name, size)?;
         let (usage, location) = match purpose {

@@ -56,8 +56,12 @@ pub(crate) struct Inner {
     /// Whether each pass gets a command buffer of its own.
     pub(super) part_by_pass: bool,
     pub(super) budget: Arc<Budget>,
-    /// Largest size of one allocation, in bytes.
+    /// Bytes of one allocation that the driver promises. It may grant more.
     pub(super) max_allocation: u64,
+    /// Bytes of one allocation that the options allow.
+    pub(super) allocation_size: u64,
+    pub(super) max_buffer: u64,
+    pub(super) as_hardware: bool,
     pub(super) cache_file: Option<PipelineCacheFile>,
     pub(super) cache: vk::PipelineCache,
     /// The first call that reported the loss of the device.

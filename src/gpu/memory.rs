@@ -14,9 +14,9 @@ impl Gpu {
         u64::from(self.limits().max_storage_buffer_range).min(self.inner.max_allocation)
     }
 
-    /// Checks the size of an allocation against the limit of the driver.
+    /// Checks the size of an allocation against the limit of the options.
     pub(crate) fn check_allocation(&self, name: &str, bytes: u64) -> Result<()> {
-        let most = self.inner.max_allocation;
+        let most = self.inner.allocation_size;
         if bytes > most {
             return Err(Error::unsupported(
                 name,

@@ -129,8 +129,9 @@ impl Gpu {
         let total = options
             .memory_budget
             .unwrap_or_else(|| free_memory(&instance, physical, enabled.has(ext::memory_budget::NAME)));
-        let max_allocation =
-            options.allocation_size.unwrap_or(u64::MAX).min(largest_allocation(&instance, physical));
+        let [granted, buffer] = largest_sizes(&instance, physical);
+        let allocation_size = options.allocation_size.unwrap_or(u64::MAX);
+        let max_allocation = allocation_size.min(granted).min(buffer);
         let cache_file = (!options.no_pipeline_cache)
             .then(|| PipelineCacheFile::locate(options.pipeline_cache.as_deref(), &candidate.properties))
             .flatten();
@@ -143,6 +144,9 @@ impl Gpu {
             part_by_pass: options.command_buffer_by_pass,
             budget: Budget::new(total),
             max_allocation,
+            allocation_size,
+            max_buffer: buffer,
+            as_hardware: options.as_hardware,
             cache_file,
             cache: vk::PipelineCache::null(),
             lost: OnceLock::new(),
@@ -184,13 +188,15 @@ impl Gpu {
     }
 }
 
-/// Returns the driver's limit for the size of one allocation, in bytes.
-fn largest_allocation(instance: &Instance, physical: vk::PhysicalDevice) -> u64 {
-    let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();
-    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut maintenance);
-    // SAFETY: `physical` belongs to this instance; the chained structure is core since 1.1.
+/// Returns the bytes of one allocation that the driver promises, and the largest buffer.
+fn largest_sizes(instance: &Instance, physical: vk::PhysicalDevice) -> [u64; 2] {
+    let mut allocation = vk::PhysicalDeviceMaintenance3Properties::default();
+    let mut buffer = vk::PhysicalDeviceMaintenance4Properties::default();
+    let mut properties =
+        vk::PhysicalDeviceProperties2::default().push_next(&mut allocation).push_next(&mut buffer);
+    // SAFETY: `physical` belongs to this instance; the chained structures are core in 1.3.
     unsafe { instance.raw.get_physical_device_properties2(physical, &mut properties) };
-    maintenance.max_memory_allocation_size
+    [allocation.max_memory_allocation_size, buffer.max_buffer_size]
 }
 
 /// Returns the default budget: the free memory that the driver reports for the largest device-local heap, else nine tenths

@@ -26,8 +26,12 @@ pub struct GpuOptions {
     pub loop_limit: Option<u32>,
     /// Bytes of a buffer that a shader may access; lowers the driver's limit.
     pub storage_range: Option<u32>,
-    /// Bytes of one allocation of device memory; lowers the driver's limit.
+    /// Bytes of one allocation of device memory. Without it the driver is asked for every size, also above the one that it
+    /// promises.
     pub allocation_size: Option<u64>,
+    /// Whether a software device gets the passes of a GPU: workgroups that share memory, an invocation for each pixel. Tests
+    /// of these passes need no GPU then.
+    pub as_hardware: bool,
     /// Whether each pass of the crate's own submissions gets a command buffer of its own. Synchronization validation of
     /// submissions then reports hazards between passes that it overlooks within one command buffer.
     pub command_buffer_by_pass: bool,

@@ -117,6 +117,12 @@ impl Gpu {
         self.inner.candidate.properties.device_type == vk::PhysicalDeviceType::CPU
     }
 
+    /// Returns whether passes are laid out for a device that emulates workgroups: it runs their lanes in step, suspends all at
+    /// a barrier and emulates shared memory.
+    pub(crate) fn emulates_groups(&self) -> bool {
+        self.is_software() && !self.inner.as_hardware
+    }
+
     /// Returns whether a workgroup of eight invocations fits one subgroup with ballot and vote operations.
     pub(crate) fn eight_share_words(&self) -> bool {
         let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();

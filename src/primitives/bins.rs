@@ -137,7 +137,7 @@ impl Fill {
         let boxes = words(&host_boxes.host_copy()?);
         let mut order = words(&host_order.host_copy()?);
         order.truncate(num::index(count));
-        Ok(Self::of(&order, &boxes, [tiles, across], gpu.is_software()))
+        Ok(Self::of(&order, &boxes, [tiles, across], gpu.emulates_groups()))
     }
 
     /// Counts entries of tiles and iterations of runs, from the primitives by rank and the pixel box of each.

@@ -33,10 +33,10 @@ impl WorkSplit {
     pub(crate) fn of(gpu: &Gpu) -> Self {
         let limits = gpu.limits();
         let wide = limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]);
-        if !gpu.is_software() && wide >= WIDE_GROUP {
+        if !gpu.emulates_groups() && wide >= WIDE_GROUP {
             return Self::Groups;
         }
-        if gpu.is_software() { Self::software() } else { Self::Lanes(8192) }
+        if gpu.emulates_groups() { Self::software() } else { Self::Lanes(8192) }
     }
 
     /// Returns the division for a software rasteriser: two workgroups per core of this machine.

@@ -8,18 +8,27 @@ use volraster::scene::View;
 use volraster::{Gpu, Result};
 
 /// The device to draw with.
-#[derive(Clone, Debug, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct DeviceArgs {
     /// Select the device by part of its name, ignoring case. Overrides the environment variable `VOLRASTER_DEVICE`.
     #[arg(long, value_name = "NAME")]
     pub(crate) device: Option<String>,
+    /// Give a software device the passes of a GPU: wide workgroups, an invocation for each pixel. Slower, for tests.
+    #[arg(long)]
+    as_hardware: bool,
 }
 
 impl DeviceArgs {
+    /// Returns options of the device.
+    pub(crate) fn options(&self) -> GpuOptions {
+        let (device, as_hardware) = (self.device.clone(), self.as_hardware);
+        GpuOptions { device, as_hardware, ..GpuOptions::default() }
+    }
+
     /// Opens the device, and returns it with its validation log, which outlives it.
     pub(crate) fn open(&self, validate: bool) -> Result<(Gpu, Arc<ValidationLog>)> {
         let validation = if validate { Validation::On } else { Validation::Off };
-        let gpu = Gpu::new(&GpuOptions { device: self.device.clone(), validation, ..GpuOptions::default() })?;
+        let gpu = Gpu::new(&GpuOptions { validation, ..self.options() })?;
         let log = gpu.validation_log();
         Ok((gpu, log))
     }

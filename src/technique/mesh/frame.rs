@@ -28,7 +28,7 @@ use crate::num;
 use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass};
 use crate::resident::GpuScene;
 use crate::resident::local_space::LocalSpace;
-use crate::resident::mesh::MeshData;
+use crate::resident::mesh::{MeshData, Primitives};
 use crate::scene::View;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::flagged::FlaggedFrame;
@@ -116,9 +116,12 @@ impl MeshFrame {
 
         let image = own_image(gpu, desc.name, FORMAT, vk::ImageUsageFlags::STORAGE, view, target)?;
         let flags = buffer(gpu, "flags", u64::from(tiles) * u64::from(TILE_PIXELS))?;
-        // Between chunks; none where a list is resolved at once.
-        let k = if desc.chunk.is_some() { desc.k } else { 0 };
-        let kbuffer = kbuffer_images(gpu, k, view.extent())?;
+        let kbuffer = match (desc.primitives, desc.chunk) {
+            (Primitives::Faces, Some(_)) => kbuffer_images(gpu, desc.k, view.extent())?,
+            // A list is resolved at once, but the shader declares images.
+            (Primitives::Faces, None) => kbuffer_images(gpu, 1, [1, 1])?,
+            (Primitives::Cells, _) => Vec::new(),
+        };
         let status = download(gpu, "status", 4 * u64::from(STATUS_WORDS))?;
         let outcome = MeshOutcome::new(gpu, &data, &desc, status, &lists, needs, ranking.count)?;
         let mut frame = Self {

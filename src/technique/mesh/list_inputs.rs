@@ -11,7 +11,7 @@ use crate::gpu::{Bound, Buffer, Gpu, Image, ImageDesc};
 use crate::resident::GpuScene;
 use crate::resident::tables::SegmentOptions;
 
-/// The format of a mesh's image and of its k-buffer.
+/// The format of a mesh's image.
 pub(crate) const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 
 /// Binds a shader that resolves lists.
@@ -49,7 +49,7 @@ pub(crate) struct ListInputs<'a> {
     pub(crate) status: &'a Arc<Buffer>,
     pub(crate) flags: &'a Arc<Buffer>,
     pub(crate) image: &'a Arc<Image>,
-    /// Images that keep the k-buffer between chunks: up to four, or none where a list is resolved at once.
+    /// Images that keep the k-buffer between chunks: up to four; one of a texel where a list is resolved at once, none for cells.
     pub(crate) kbuffer: &'a [Arc<Image>],
     pub(crate) cell_scalars: bool,
     pub(crate) back_to_front: bool,
@@ -65,10 +65,10 @@ pub(crate) struct ListInputs<'a> {
 }
 
 impl ListInputs<'_> {
-    /// Returns the images of a sweep; the image of the frame stands in for those that a small k-buffer does not need.
+    /// Returns the images of a sweep; the first of the k-buffer stands in for those that a small one does not need.
     pub(crate) fn images(&self) -> SweepImages {
         let [kbuffer_0, kbuffer_1, kbuffer_2, kbuffer_3] =
-            [0, 1, 2, 3].map(|i| self.kbuffer.get(i).unwrap_or(self.image).stored());
+            [0, 1, 2, 3].map(|i| self.kbuffer.get(i).or(self.kbuffer.first()).unwrap_or(self.image).stored());
         SweepImages { accumulation: self.image.stored(), kbuffer_0, kbuffer_1, kbuffer_2, kbuffer_3 }
     }
 
@@ -83,10 +83,9 @@ impl ListInputs<'_> {
 }
 
 /// Allocates the images of a k-buffer of K pairs and the one that left last, two pairs a texel and eight in four images. Above 7 a pixel takes
-/// two texels side by side. No pairs need no images.
+/// two texels side by side.
 pub(crate) fn kbuffer_images(gpu: &Gpu, k: u32, [width, height]: [u32; 2]) -> Result<Vec<Arc<Image>>> {
     let wide = if k > 7 { 2 * width } else { width };
-    let desc = ImageDesc::flat(FORMAT, [wide, height], vk::ImageUsageFlags::STORAGE);
-    let images = if k == 0 { 0 } else { (k / 2 + 1).min(4) };
-    (0..images).map(|i| Image::new(gpu, &format!("kbuffer.{i}"), &desc).map(Arc::new)).collect()
+    let desc = ImageDesc::flat(vk::Format::R32G32B32A32_UINT, [wide, height], vk::ImageUsageFlags::STORAGE);
+    (0..(k / 2 + 1).min(4)).map(|i| Image::new(gpu, &format!("kbuffer.{i}"), &desc).map(Arc::new)).collect()
 }

@@ -103,7 +103,7 @@ impl SplatDesc {
         // A software device runs the lanes of a workgroup in step, and reads what they share once. On a GPU a column
         // would leave most lanes of a subgroup idle.
         Ok(match self.options.spread {
-            TileSplit::Auto => gpu.is_software() && gpu.eight_share_words(),
+            TileSplit::Auto => gpu.emulates_groups() && gpu.eight_share_words(),
             TileSplit::Pixels => false,
             TileSplit::Columns if gpu.eight_share_words() => true,
             TileSplit::Columns => {

@@ -131,7 +131,7 @@ pub(super) fn all(every_call: bool) -> Result<Vec<Case>> {
             let (name, method) = (format!("{kind}/{}", session.name), session.technique.method());
             let run = move |workbench: &Workbench| {
                 // Best-practice advice and instrumented shaders do not matter here, and cost time.
-                let place = Place { device: workbench.device.clone(), validation: workbench.plain() };
+                let place = Place { validation: workbench.plain(), ..workbench.device.options() };
                 let swept = sweep(&place, &session, most).map_err(Stop::Fail)?;
                 let failed: u32 = swept.failed.values().sum();
                 Ok(format!("{failed} of {} calls, {} kinds", swept.calls, swept.failed.len()))

@@ -105,11 +105,10 @@ impl Args {
     /// Checks validation itself, runs the cases, and reports.
     fn test(&self, cases: &[Case], whole: bool, quiet: bool) -> Outcome {
         let start = Instant::now();
-        let device = self.device.device.clone();
         // Fails here if there is no device.
         let report = self.device.open(false)?.0.report().clone();
         let controls =
-            if self.without_validation { Controls::skipped() } else { Controls::run(device.as_deref()) };
+            if self.without_validation { Controls::skipped() } else { Controls::run(&self.device) };
         let validation = controls.validation();
         let allowed = Allowed::of_crate()?;
         let bar = output::progress(cases.len() as u64 + 1, "selftest");
@@ -120,7 +119,7 @@ impl Args {
             output::print(&format!("device: {name}, {driver}, Vulkan {api}; layer: {layer}"))?;
             output::print(&format!("validation: {}", controls.line()))?;
         }
-        let workbench = Workbench::new(device, validation);
+        let workbench = Workbench::new(self.device.clone(), validation);
         let kinds = controls.kinds().map(|(what, works)| (what.name(), works)).collect();
         let mut done: Vec<Done> = controls.faults.into_iter().map(|(_, control)| control).collect();
         for control in &done {

@@ -7,6 +7,7 @@ use volraster::gpu::{GpuOptions, Provocation, Validation};
 use super::allow::id_of;
 use super::cases::{Done, Status};
 use super::workbench::Workbench;
+use crate::cli::input::DeviceArgs;
 use crate::cli::timing::milliseconds_since;
 
 /// The results of the controls.
@@ -26,7 +27,7 @@ impl Controls {
     }
 
     /// Provokes a fault for each kind of validation, each on a new device with all kinds enabled.
-    pub(super) fn run(device: Option<&str>) -> Self {
+    pub(super) fn run(device: &DeviceArgs) -> Self {
         let mut layer = None;
         let faults = Provocation::ALL.map(|what| {
             let start = Instant::now();
@@ -73,11 +74,11 @@ fn name(what: Provocation) -> String {
 
 /// Causes a fault on a new device and returns the id of its message, or why there is none.
 fn provoke(
-    device: Option<&str>,
+    device: &DeviceArgs,
     what: Provocation,
     layer: &mut Option<String>,
 ) -> std::result::Result<String, String> {
-    let bench = Workbench::new(device.map(str::to_string), Validation::Full);
+    let bench = Workbench::new(device.clone(), Validation::Full);
     bench.log.keep_silent();
     let gpu = bench.open_under(Validation::Full, GpuOptions::default()).map_err(|error| error.to_string())?;
     *layer = gpu.validation_layer().map(str::to_string);

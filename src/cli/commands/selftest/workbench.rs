@@ -12,6 +12,7 @@ use volraster::scene::View;
 use volraster::{Error, GpuScene, Image, Renderer, Result, Technique, reference};
 
 use super::subject::{SIZE, Sight, Subject, VIEWS, view};
+use crate::cli::input::DeviceArgs;
 
 /// Why a case does not pass.
 #[derive(Debug)]
@@ -39,7 +40,8 @@ pub(super) fn fail<T>(reason: impl Into<String>) -> std::result::Result<T, Stop>
 /// The devices, validation and reference images that cases share.
 #[derive(Default)]
 pub(super) struct Workbench {
-    pub(super) device: Option<String>,
+    /// Which device, and how it is treated.
+    pub(super) device: DeviceArgs,
     pub(super) validation: Validation,
     pub(super) log: Arc<ValidationLog>,
     full: RefCell<Option<Gpu>>,
@@ -48,7 +50,7 @@ pub(super) struct Workbench {
 }
 
 impl Workbench {
-    pub(super) fn new(device: Option<String>, validation: Validation) -> Self {
+    pub(super) fn new(device: DeviceArgs, validation: Validation) -> Self {
         Self { device, validation, ..Self::default() }
     }
 
@@ -65,8 +67,10 @@ impl Workbench {
 
     /// Opens a separate device under some validation.
     pub(super) fn open_under(&self, validation: Validation, options: GpuOptions) -> Result<Gpu> {
+        let GpuOptions { device, as_hardware, .. } = self.device.options();
         Gpu::new(&GpuOptions {
-            device: self.device.clone(),
+            device,
+            as_hardware,
             validation,
             validation_log: Some(Arc::clone(&self.log)),
             no_pipeline_cache: true,

@@ -5,7 +5,7 @@ use std::fmt::Display;
 use std::sync::Arc;
 
 use volraster::ash::vk;
-use volraster::gpu::{Gpu, GpuOptions, Injection, Validation, ValidationLog};
+use volraster::gpu::{Gpu, GpuOptions, Injection, ValidationLog};
 use volraster::{Error, Result};
 
 use super::sessions::{Pictures, Session};
@@ -28,11 +28,7 @@ const HARMLESS: [&str; 7] = [
 ];
 
 /// The device and validation for sessions with failures.
-#[derive(Clone, Debug)]
-pub(crate) struct Place {
-    pub(crate) device: Option<String>,
-    pub(crate) validation: Validation,
-}
+pub(crate) type Place = GpuOptions;
 
 /// Counts of a sweep of failures.
 #[derive(Debug, Default)]
@@ -94,12 +90,10 @@ impl<'a> Harness<'a> {
     /// Opens the device, without a pipeline cache.
     pub(super) fn open(&self) -> Result<Gpu> {
         Gpu::new(&GpuOptions {
-            device: self.place.device.clone(),
-            validation: self.place.validation,
             validation_log: Some(Arc::clone(&self.log)),
             inject: Some(self.injection.clone()),
             no_pipeline_cache: true,
-            ..GpuOptions::default()
+            ..self.place.clone()
         })
     }
 
