@@ -2,7 +2,7 @@
 # Builds the tests and runs them under the validation layers:
 #
 #     tools/test.sh                    the gate's tests, on the default device
-#     tools/test.sh --all              every case of every test, on the system's driver and on a second one
+#     tools/test.sh --all              every case of every test, on the system's driver and on a second one, and draws on a third
 #     tools/test.sh --devices          only the tests that depend on a driver
 #     tools/test.sh [...] -- WORD...   only the tests whose names contain a word
 #
@@ -100,6 +100,25 @@ for driver in "${drivers[@]}"; do
         fi
     done
 done
+# The draws of the self-test: on SwiftShader, and on lavapipe with other sizes of subgroups and with the passes of a GPU.
+selftest() { # NAME ARGUMENT...: counts as a test
+    local name=$1
+    shift
+    printf '\n==> %s\n' "$name"
+    if env "$@"; then passed=$((passed + 1)); else failed=$((failed + 1)); fi
+}
+if $all && [ ${#filter[@]} = 0 ]; then
+    program=${CARGO_TARGET_DIR:-target}/debug/volraster
+    tools/swiftshader.sh
+    third=$PWD/.deps/swiftshader/vk_swiftshader_icd.json
+    if [ -f "$third" ]; then
+        selftest 'draws, SwiftShader' -u LD_LIBRARY_PATH VK_DRIVER_FILES="$third" "$program" selftest --filter draw/
+    fi
+    for width in 128 256 512; do
+        selftest "draws as on hardware, vectors of $width bits, ${drivers[-1]}" LP_NATIVE_VECTOR_WIDTH="$width" \
+            "$program" selftest --filter draw/ --as-hardware
+    done
+fi
 if ! $devices || $all; then
     status=0
     printf '\n==> examples in the documentation\n'

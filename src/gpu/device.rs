@@ -62,6 +62,8 @@ pub(crate) struct Inner {
     pub(super) allocation_size: u64,
     pub(super) max_buffer: u64,
     pub(super) as_hardware: bool,
+    /// Whether new memory is filled with bytes 0xFF.
+    pub(super) poison: bool,
     pub(super) cache_file: Option<PipelineCacheFile>,
     pub(super) cache: vk::PipelineCache,
     /// The first call that reported the loss of the device.

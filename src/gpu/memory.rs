@@ -57,8 +57,11 @@ impl Memory {
             Some(allocator) => allocator.allocate(&desc),
             None => Err(gpu_allocator::AllocationError::Internal("the device is being destroyed".into())),
         };
-        let allocation =
+        let mut allocation =
             allocated.map_err(|source| Error::Allocation { object: name.to_string(), source })?;
+        if let (true, Some(bytes)) = (gpu.inner.poison, allocation.mapped_slice_mut()) {
+            bytes.fill(0xFF);
+        }
         Ok(Self { gpu: gpu.clone(), allocation, _reservation: reservation })
     }
 
@@ -75,5 +78,21 @@ impl Drop for Memory {
             // The only error is a broken invariant of the allocator, which a destructor cannot report.
             let _ = allocator.free(std::mem::take(&mut self.allocation));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use crate::gpu::testing::TestGpu;
+    use crate::gpu::{Buffer, BufferUse};
+
+    /// The tests' devices poison memory, and the host of a software device sees all of it.
+    #[test]
+    fn new_memory_holds_no_zeros() {
+        let gpu = TestGpu::new();
+        let buffer = Arc::new(Buffer::new(&gpu, "test", 256, BufferUse::ShaderWrite).unwrap());
+        assert!(!gpu.is_software() || gpu.download(&buffer) == [u32::MAX; 64]);
     }
 }

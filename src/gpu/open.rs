@@ -147,6 +147,7 @@ impl Gpu {
             allocation_size,
             max_buffer: buffer,
             as_hardware: options.as_hardware,
+            poison: options.poison,
             cache_file,
             cache: vk::PipelineCache::null(),
             lost: OnceLock::new(),

@@ -32,6 +32,9 @@ pub struct GpuOptions {
     /// Whether a software device gets the passes of a GPU: workgroups that share memory, an invocation for each pixel. Tests
     /// of these passes need no GPU then.
     pub as_hardware: bool,
+    /// Whether new memory of buffers and images is filled with bytes 0xFF, which are NaN as numbers, where the host sees device
+    /// memory, as with software drivers. Work that relies on memory of zeros then shows. For tests.
+    pub poison: bool,
     /// Whether each pass of the crate's own submissions gets a command buffer of its own. Synchronization validation of
     /// submissions then reports hazards between passes that it overlooks within one command buffer.
     pub command_buffer_by_pass: bool,

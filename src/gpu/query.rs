@@ -117,6 +117,12 @@ impl Gpu {
         self.inner.candidate.properties.device_type == vk::PhysicalDeviceType::CPU
     }
 
+    /// Returns the bits of the fraction of a pixel to which the rasteriser rounds corners; at least 4.
+    #[must_use]
+    pub fn subpixel_bits(&self) -> u32 {
+        self.limits().sub_pixel_precision_bits
+    }
+
     /// Returns whether passes are laid out for a device that emulates workgroups: it runs their lanes in step, suspends all at
     /// a barrier and emulates shared memory.
     pub(crate) fn emulates_groups(&self) -> bool {

@@ -23,7 +23,8 @@ impl TestGpu {
     /// Opens a device with another validation; measurements use none.
     pub(crate) fn with(validation: Validation) -> Self {
         let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
-        let options = GpuOptions { validation, no_pipeline_cache: true, ..GpuOptions::default() };
+        let options =
+            GpuOptions { validation, no_pipeline_cache: true, poison: true, ..GpuOptions::default() };
         let gpu = Gpu::new(&options).unwrap();
         let log = gpu.validation_log();
         Self { gpu: Some(gpu), log, _turn: turn }

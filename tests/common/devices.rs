@@ -88,7 +88,7 @@ fn let_go(shared: bool) {
 }
 
 fn open(options: GpuOptions) -> Gpu {
-    let options = GpuOptions { validation: Validation::On, no_pipeline_cache: true, ..options };
+    let options = GpuOptions { validation: Validation::On, no_pipeline_cache: true, poison: true, ..options };
     match Gpu::new(&options) {
         Ok(gpu) => gpu,
         Err(error) => panic!("a validated device is required (run `make test`, which installs one): {error}"),

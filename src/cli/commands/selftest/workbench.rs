@@ -74,6 +74,7 @@ impl Workbench {
             validation,
             validation_log: Some(Arc::clone(&self.log)),
             no_pipeline_cache: true,
+            poison: true,
             ..options
         })
     }

@@ -244,9 +244,7 @@ impl TetsRaster {
             back_to_front: desc.options.back_to_front(),
         };
         let (part, making, drawing) = match (fans, options.shade) {
-            (false, _) => {
-                ("outlines", shaders.outlines(gpu.limits().sub_pixel_precision_bits), shaders.draw_outlines())
-            }
+            (false, _) => ("outlines", shaders.outlines(gpu.subpixel_bits()), shaders.draw_outlines()),
             (true, Shade::Fragment) => ("fans", shaders.fans(false), shaders.draw_fans()),
             (true, Shade::Vertex) => ("fans", shaders.fans(true), shaders.draw_shaded_fans()),
         };

@@ -93,6 +93,7 @@ impl<'a> Harness<'a> {
             validation_log: Some(Arc::clone(&self.log)),
             inject: Some(self.injection.clone()),
             no_pipeline_cache: true,
+            poison: true,
             ..self.place.clone()
         })
     }
