@@ -92,7 +92,7 @@ for driver in "${drivers[@]}"; do
             # devices without a lock: these tests run among themselves.
             run "$driver" "$name" "$executable" "${own_device[@]/#/--skip=}"
             run "$driver" "$name" "$executable" "${own_device[@]}"
-        elif [ "$name" = volraster ] && $devices && [ ${#filter[@]} = 0 ]; then
+        elif [ "$name" = volraster ] && $devices && ! $all && [ ${#filter[@]} = 0 ]; then
             mapfile -t names < <("$executable" --list --format terse | sed -nE 's/: test$//p' | grep -vE "$on_host")
             run "$driver" "$name" "$executable" --exact "${names[@]}"
         else
