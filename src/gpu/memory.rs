@@ -57,8 +57,15 @@ impl Memory {
             Some(allocator) => allocator.allocate(&desc),
             None => Err(gpu_allocator::AllocationError::Internal("the device is being destroyed".into())),
         };
-        let mut allocation =
-            allocated.map_err(|source| Error::Allocation { object: name.to_string(), source })?;
+        let promised = gpu.inner.max_allocation;
+        let mut allocation = allocated.map_err(|source| match source {
+            gpu_allocator::AllocationError::OutOfMemory if requirements.size > promised => {
+                let why =
+                    format!("promises {promised} bytes in one allocation and refuses {}", requirements.size);
+                Error::unsupported(name, format!("the driver {why}"))
+            }
+            source => Error::Allocation { object: name.to_string(), source },
+        })?;
         if let (true, Some(bytes)) = (gpu.inner.poison, allocation.mapped_slice_mut()) {
             bytes.fill(0xFF);
         }
