@@ -2,8 +2,8 @@
 // What leaves is sorted if and only if no arrival comes after more than K that lie beyond it; else, and only then, something leaves
 // that is less than what left before it.
 //
-// Source: Callahan, Ikits, Comba and Silva, TVCG 11(3), 2005. There the order is tested
-// against the pair that leaves next, here against the pair that left last.
+// Source: Callahan, Ikits, Comba and Silva, TVCG 11(3), 2005. There the order is tested against the
+// pair that leaves next, here against the pair that left last.
 #ifndef KBUFFER_GLSL
 #define KBUFFER_GLSL
 

@@ -268,7 +268,7 @@ float side_at(Edge edge, vec2 pixel) {
     return edge.e + pixel.y * edge.dy + pixel.x * edge.dx;
 }
 
-// What the line of a pixel meets on the face of corners a, b and c: depth and scalar.
+// Returns depth and scalar where the line of a pixel meets the face of corners a, b and c.
 vec2 meet_at(uint bit, vec2 pixel, Edge bc, Edge ac, Edge ab, Cover abc, vec4 a, vec4 b, vec4 c) {
     float turn = mix(-1.0, 1.0, has(abc.left, bit));
     vec3 aside = vec3(bc.aside, ac.aside, ab.aside);

@@ -11,7 +11,8 @@ use crate::error::{Error, Result};
 impl Gpu {
     /// Returns how many bytes of a buffer shaders can access.
     pub(crate) fn most_buffer_bytes(&self) -> u64 {
-        u64::from(self.limits().max_storage_buffer_range).min(self.inner.max_allocation)
+        let inner = &self.inner;
+        u64::from(self.limits().max_storage_buffer_range).min(inner.max_allocation).min(inner.max_buffer)
     }
 
     /// Checks the size of an allocation against the limit of the options.

@@ -131,7 +131,7 @@ impl Gpu {
             .unwrap_or_else(|| free_memory(&instance, physical, enabled.has(ext::memory_budget::NAME)));
         let [granted, buffer] = largest_sizes(&instance, physical);
         let allocation_size = options.allocation_size.unwrap_or(u64::MAX);
-        let max_allocation = allocation_size.min(granted).min(buffer);
+        let max_allocation = allocation_size.min(granted);
         let cache_file = (!options.no_pipeline_cache)
             .then(|| PipelineCacheFile::locate(options.pipeline_cache.as_deref(), &candidate.properties))
             .flatten();
