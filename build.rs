@@ -6,6 +6,9 @@
 //!
 //! The numbers of `glsl/interface.glsl` become `constants.rs`.
 //!
+//! `layout(constant_id = OPTION_STEP_SIZE)` declares a specialisation constant that takes the value of the technique's option
+//! `step-size`: such constants are numbered here, and are listed with the module instead of its inputs.
+//!
 //! A file with `// entry` lines becomes one module for each of them, named for the file's stem and the entry. Other
 //! files are headers. The path in an `#include` starts at `glsl/`.
 
@@ -42,12 +45,13 @@ fn main() {
 
     let mut numbers = String::from("// Written by build.rs from glsl/interface.glsl.\n\n");
     let numbered = constants(&read(&folder.join("interface.glsl")), &mut numbers);
+    let options = options(&files);
     write(&out.join("constants.rs"), numbers);
     let mut rust = String::from("// Written by build.rs from glsl/.\n\n");
     let mut layouts = BTreeMap::new();
     let mut inputs = AllInputs::default();
     for file in &files {
-        let source = Source { folder: &folder, file, text: read(file) };
+        let source = Source { folder: &folder, file, text: read(file), options: &options };
         let mut headers = Vec::new();
         collect_headers(&folder, &source.text, &mut headers);
         for (stage, entry) in source.entries() {
@@ -60,7 +64,7 @@ fn main() {
             let bytes: Vec<u8> = shipped.iter().flat_map(|word| word.to_le_bytes()).collect();
             write(&out.join(format!("{name}.spv")), bytes);
             let fields = module.fields(&name, &numbered);
-            let description = module.describe(&name, stage);
+            let description = module.describe(&name, stage, &options);
             inputs.add(&stem(file), [entry, name, description], fields, &headers);
         }
     }
@@ -112,6 +116,7 @@ struct Source<'a> {
     folder: &'a Path,
     file: &'a Path,
     text: String,
+    options: &'a [String],
 }
 
 impl Source<'_> {
@@ -152,6 +157,9 @@ impl Source<'_> {
             options.set_generate_debug_info();
         }
         options.add_macro_definition(entry, None);
+        for (name, number) in self.options.iter().zip(FIRST_OPTION..) {
+            options.add_macro_definition(name, Some(&number.to_string()));
+        }
         options.set_include_callback(|name, _, from, _| {
             let content = fs::read_to_string(self.folder.join(name))
                 .map_err(|error| format!("glsl/{name}, included from {from}: {error}"))?;
@@ -171,6 +179,20 @@ impl Source<'_> {
 /// Bindings (`false`) and specialisation constants (`true`) of `glsl/interface.glsl` by number: name there, and what it says.
 type Numbers = BTreeMap<(bool, u32), (String, String)>;
 
+/// The number of the first specialisation constant that takes the value of an option.
+const FIRST_OPTION: u32 = 64;
+
+/// Returns the names of all specialisation constants that take the value of an option, in the order of their numbers.
+fn options(files: &[PathBuf]) -> Vec<String> {
+    let mut names = BTreeSet::new();
+    for file in files {
+        let text = read(file);
+        let declared = text.lines().filter_map(|line| line.strip_prefix("layout(constant_id = OPTION_"));
+        names.extend(declared.filter_map(|rest| Some(format!("OPTION_{}", rest.split_once(')')?.0))));
+    }
+    names.into_iter().collect()
+}
+
 /// Writes a constant for each `#define NAME n`, under the same name. Returns the bindings and specialisation constants, which
 /// Rust knows by the structures of inputs only.
 fn constants(interface: &str, rust: &mut String) -> Numbers {
@@ -189,6 +211,9 @@ fn constants(interface: &str, rust: &mut String) -> Numbers {
             let says = line.split_once("// ").map_or_else(String::new, |(_, says)| says.to_string());
             if let Some((other, _)) = numbers.insert((is_constant, value), (name.to_string(), says)) {
                 refuse!("glsl/interface.glsl: {name} and {other} have one number");
+            }
+            if is_constant && value >= FIRST_OPTION {
+                refuse!("glsl/interface.glsl: {name}: numbers from {FIRST_OPTION} belong to options");
             }
             continue;
         }
@@ -583,14 +608,15 @@ impl Module {
         };
         let resources = self.resources(name).into_iter();
         let resources = resources.map(|(binding, (_, kind))| field(false, binding, kind));
-        let constants = self.specialised.iter().map(|(id, &number)| {
+        let constants = self.specialised.iter().filter(|(_, number)| **number < FIRST_OPTION);
+        let constants = constants.map(|(id, &number)| {
             field(true, number, if self.booleans.contains(id) { "bool" } else { "u32" })
         });
         resources.chain(constants).collect()
     }
 
-    /// Describes the module as a `Shader`: code, stage, size of the push constants, bindings.
-    fn describe(&self, name: &str, stage: shaderc::ShaderKind) -> String {
+    /// Describes the module as a `Shader`: code, stage, size of the push constants, bindings, options.
+    fn describe(&self, name: &str, stage: shaderc::ShaderKind, options: &[String]) -> String {
         let mut pushes = self.variables.iter().filter(|(.., class)| *class == 9);
         let push = pushes.find_map(|(pointer, ..)| self.layout(self.pointee(*pointer)));
         let push_bytes = push.map_or(0, |(_, (_, size))| size);
@@ -599,10 +625,19 @@ impl Module {
         let bindings: Vec<String> = resources
             .map(|(binding, (kind, _))| format!("({binding}, vk::DescriptorType::{kind})"))
             .collect();
+        let read = options.iter().zip(FIRST_OPTION..);
+        let read = read.filter(|(_, number)| self.specialised.values().any(|other| other == number));
+        let options: Vec<String> = read
+            .map(|(name, number)| {
+                let key = name.trim_start_matches("OPTION_").to_lowercase().replace('_', "-");
+                format!("(\"{key}\", {number})")
+            })
+            .collect();
         format!(
             "Shader {{ name: \"{name}\", stage: vk::ShaderStageFlags::{stage}, push_bytes: {push_bytes}, \
-             bindings: &[{}], code: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")) }}",
-            bindings.join(", ")
+             bindings: &[{}], options: &[{}], code: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")) }}",
+            bindings.join(", "),
+            options.join(", ")
         )
     }
 }

@@ -80,8 +80,6 @@
 #define SPEC_EMPTY_SPACE 6  // bool: skip bricks in which nothing is visible
 #define SPEC_INTEGRATOR 7   // uint: integrator of a segment, one of INTEGRATOR_*
 #define SPEC_BETWEEN 8      // bool: interpolate between two slices of the stack
-#define SPEC_TARGET 9       // uint: format that the shader blends in, one of TARGET_*
-#define SPEC_BLUE_NOISE 10  // bool: thresholds from a blue-noise tile instead of white noise
 #define SPEC_UNDER 11       // bool: the shader blends front to back
 #define SPEC_TABLE_FILTER 12 // bool: the sampler interpolates the full table
 
@@ -121,10 +119,11 @@
 #define INTEGRATOR_EXACT 3
 #define INTEGRATOR_SMOKE 4
 
-// Values of SPEC_TARGET.
+// Values of OPTION_TARGET and OPTION_DITHER.
 #define TARGET_RGBA8 0
 #define TARGET_RGBA16 1
 #define TARGET_RGBA16F 2
+#define DITHER_BLUE 2
 
 // Values of SPEC_SPLAT_SHAPE, SPEC_SPLAT_KERNEL, SPEC_SPLAT_ORDER, SPEC_SPLAT_LOWPASS.
 #define SHAPE_ALIKE 0

@@ -11,8 +11,8 @@
 #include "interface.glsl"
 #include "grid/grid.glsl"
 
-layout(constant_id = SPEC_TARGET) const uint TARGET = 0;
-layout(constant_id = SPEC_BLUE_NOISE) const bool BLUE_NOISE = false;
+layout(constant_id = OPTION_TARGET) const uint TARGET = 0;
+layout(constant_id = OPTION_DITHER) const uint DITHER = DITHER_BLUE;
 layout(constant_id = SPEC_UNDER) const bool UNDER = false;
 
 layout(set = 0, binding = BINDING_TEXELS, std430) buffer Texels {
@@ -43,7 +43,7 @@ float unit_of(uint word) {
 
 // Returns a number in [0, 1), uniform over seeds. All four channels share it, so that colour stays below opacity.
 float random_of(uvec2 pixel, uint slab) {
-    if (!BLUE_NOISE) return unit_of(hash(uvec3(pixel.x | pixel.y << 16, slab, push.seed)));
+    if (DITHER != DITHER_BLUE) return unit_of(hash(uvec3(pixel.x | pixel.y << 16, slab, push.seed)));
     // Each slab shifts the tile by another offset and adds a random phase, so that slabs are independent.
     uint shift = hash(uvec3(slab, push.seed, 0x9e3779b9u));
     uvec2 at = (pixel + uvec2(shift, shift >> 16)) % uint(THRESHOLD_SIDE);

@@ -8,6 +8,7 @@ use ash::vk;
 use super::buffer::Buffer;
 use super::image::Image;
 use super::pipeline::{Shader, SpecConstant};
+use crate::error::Result;
 
 /// A resource for a binding.
 #[derive(Clone, Debug)]
@@ -120,13 +121,26 @@ impl Bound {
     pub(crate) fn and(mut self, next: Self) -> Self {
         self.shaders.extend(next.shaders);
         self.resources.extend(next.resources);
-        for constant in next.constants {
+        self.set(next.constants);
+        self
+    }
+
+    /// Sets the constants that take the values of options; `value` returns the value of the option of a key.
+    pub(crate) fn with_options(mut self, value: impl Fn(&'static str) -> Result<u32>) -> Result<Self> {
+        let read = self.shaders.iter().flat_map(|shader| shader.options);
+        let constants: Result<Vec<SpecConstant>> =
+            read.map(|&(key, number)| Ok((number, value(key)?))).collect();
+        self.set(constants?);
+        Ok(self)
+    }
+
+    fn set(&mut self, constants: Vec<SpecConstant>) {
+        for constant in constants {
             let differs = |&(number, value): &SpecConstant| number == constant.0 && value != constant.1;
             debug_assert!(!self.constants.iter().any(differs), "constant {} has two values", constant.0);
             if !self.constants.contains(&constant) {
                 self.constants.push(constant);
             }
         }
-        self
     }
 }

@@ -15,6 +15,8 @@ pub(crate) struct Shader {
     pub(super) push_bytes: u32,
     /// Bindings of set 0, ascending.
     pub(super) bindings: &'static [(u32, vk::DescriptorType)],
+    /// Keys of options with the numbers of the specialisation constants that take their values.
+    pub(super) options: &'static [(&'static str, u32)],
     /// SPIR-V, little endian.
     pub(super) code: &'static [u8],
 }

@@ -8,7 +8,7 @@ mod options;
 mod shared;
 
 pub(crate) use options::{
-    Declare, Entry, GROUP, Group, OptionSet, Rule, Text, Value, check, infos, option_set, pairs, refused,
+    Declare, Entry, GROUP, Group, OptionBits, OptionSet, Rule, Text, Value, check, infos, option_set, pairs, refused,
     set, words,
 };
 pub use options::{Numbers, OptionInfo};

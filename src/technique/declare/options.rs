@@ -9,6 +9,7 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::error::{Error, Result};
+use crate::num;
 
 /// The description of one option of a technique, as `volraster techniques` prints it.
 #[derive(Clone, Debug, Serialize)]
@@ -110,6 +111,12 @@ pub(crate) trait Value: Copy + PartialEq + 'static {
     fn number(self) -> Option<f64> {
         None
     }
+
+    /// Returns the value as the 32 bits that shaders read: the position of a word, a whole number, a float32; `None` if it is unset or no
+    /// shader reads it.
+    fn bits(self) -> Option<u32> {
+        None
+    }
 }
 
 impl Value for f64 {
@@ -120,6 +127,10 @@ impl Value for f64 {
     fn number(self) -> Option<f64> {
         Some(self)
     }
+
+    fn bits(self) -> Option<u32> {
+        Some(num::f32_of(self).to_bits())
+    }
 }
 
 impl Value for u32 {
@@ -129,6 +140,10 @@ impl Value for u32 {
 
     fn number(self) -> Option<f64> {
         Some(self.into())
+    }
+
+    fn bits(self) -> Option<u32> {
+        Some(self)
     }
 }
 
@@ -143,6 +158,10 @@ impl<V: Value> Value for Option<V> {
 
     fn number(self) -> Option<f64> {
         self.and_then(V::number)
+    }
+
+    fn bits(self) -> Option<u32> {
+        self.and_then(V::bits)
     }
 }
 
@@ -231,6 +250,8 @@ pub(crate) struct Entry<'a> {
     pub(crate) numbers: Option<Numbers>,
     /// The value as text that reads back to it; `None` where it is unset.
     pub(crate) text: Option<String>,
+    /// The value as shaders read it; `None` where it is unset.
+    pub(crate) bits: Option<u32>,
     /// Reads a value; returns `false` if it is not allowed.
     pub(crate) set: Box<dyn FnMut(&str) -> bool + 'a>,
     /// Text of the default where it is unset.
@@ -258,6 +279,20 @@ pub(crate) trait OptionSet: Copy + Default {
     fn entries(&mut self) -> Vec<Entry<'_>>;
 }
 
+/// Options as shaders read them.
+pub(crate) trait OptionBits {
+    /// Returns the value of an option as the 32 bits of a specialisation constant.
+    fn bits(&self, technique: &str, key: &str) -> Result<u32>;
+}
+
+impl<T: OptionSet> OptionBits for T {
+    fn bits(&self, technique: &str, key: &str) -> Result<u32> {
+        let mut options = *self;
+        let bits = options.entries().iter().find(|entry| entry.key == key).and_then(|entry| entry.bits);
+        bits.ok_or_else(|| refused(technique, key, "a shader reads it: it must be a declared option with a value"))
+    }
+}
+
 /// A key and an effect.
 pub(crate) type Text = [&'static str; 2];
 
@@ -283,6 +318,7 @@ impl<V: Value> Declare<V> for Rule<V> {
             numbers: self.numbers,
             valid: text.is_none() || word.is_some() || self.allows_number(value),
             text,
+            bits: value.bits(),
             default: self.default,
             quiet: self.quiet,
             place: Place::Listed,
@@ -323,6 +359,10 @@ macro_rules! words {
 
         impl $crate::technique::declare::Value for $name {
             const WORDS: &'static [(&'static str, Self)] = &[$(($word, Self::$value)),*];
+
+            fn bits(self) -> Option<u32> {
+                Some(self as u32)
+            }
         }
     };
 }

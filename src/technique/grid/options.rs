@@ -3,7 +3,7 @@
 use ash::vk;
 
 use crate::error::{Error, Result};
-use crate::gpu::shader::{TARGET_RGBA8, TARGET_RGBA16, TARGET_RGBA16F};
+use crate::gpu::shader::{DITHER_BLUE, TARGET_RGBA8, TARGET_RGBA16, TARGET_RGBA16F};
 use crate::gpu::{Gpu, OptionalFeature};
 use crate::technique::declare::{BlendOrder, EmptySpace, Route};
 use crate::technique::declare::{Declare, Entry, Rule, Text, Value, option_set, refused, words};
@@ -63,17 +63,13 @@ impl Accumulation {
             Self::Rgba32f => vk::Format::R32G32B32A32_SFLOAT,
         }
     }
-
-    /// The shader's code of the format; `None` where the shader does not blend into it.
-    pub(crate) fn code(self) -> Option<u32> {
-        match self {
-            Self::Rgba8 => Some(TARGET_RGBA8),
-            Self::Rgba16 => Some(TARGET_RGBA16),
-            Self::Rgba16f => Some(TARGET_RGBA16F),
-            Self::Rgba32f => None,
-        }
-    }
 }
+
+// The values that shaders compare options with.
+const _: () = {
+    assert!(Accumulation::Rgba8 as u32 == TARGET_RGBA8 && Accumulation::Rgba16 as u32 == TARGET_RGBA16);
+    assert!(Accumulation::Rgba16f as u32 == TARGET_RGBA16F && Dither::Blue as u32 == DITHER_BLUE);
+};
 
 option_set! {
     /// The options of the techniques for grids. Not every technique has all of them.
@@ -115,7 +111,7 @@ option_set! {
 impl GridOptions {
     /// Checks the rules between options.
     pub(crate) fn check(&self, technique: &str) -> Result<()> {
-        if self.dither != Dither::None && self.accumulation().code().is_none() {
+        if self.dither != Dither::None && self.accumulation() == Accumulation::Rgba32f {
             let why = format!("{}: target must be one of rgba8, rgba16, rgba16f", self.dither.word());
             return Err(refused(technique, "dither", why));
         }

@@ -93,6 +93,11 @@ impl RouteDesc<'_> {
         })
     }
 
+    /// Sets the constants of shaders that take the values of options.
+    fn with_options(&self, bound: Bound) -> Result<Bound> {
+        bound.with_options(|key| self.technique.bits(self.name, key))
+    }
+
     /// Makes the descriptors of each volume for a pipeline; `bind` binds its shaders.
     fn samples(
         &self,
@@ -131,7 +136,7 @@ impl RouteDesc<'_> {
                 empty_space: Skipping { bricks: bricks.read(), empty_space: skips },
                 layers: self.target.layered(&knots.buffer),
             };
-            technique.march(grid, march)
+            self.with_options(technique.march(grid, march)?)
         };
         let rays = self.view.extent().map(u64::from).iter().product();
         let most = slabs_per_dispatch(gpu, name, slabs, knots, segments.as_ref(), scene.grid()?, rays)?;
@@ -157,16 +162,14 @@ impl RouteDesc<'_> {
     pub(super) fn raster(&self) -> Result<Routed> {
         let options = self.technique.options();
         check_loops(self.gpu(), self.name, self.knots, self.technique.segments().as_ref())?;
-        match options.accumulation().code() {
-            Some(code) if options.dither != Dither::None => self.shader_blend(code),
-            _ => self.fixed_function(),
-        }
+        if options.dither == Dither::None { self.fixed_function() } else { self.shader_blend() }
     }
 
     /// Binds the shaders that draw polygons.
     fn polygons(&self, grid: GridInputs<'_>, blend: Option<shader::Blend>) -> Result<Polygons> {
         let none = || Error::unsupported(format!("{} route=raster", self.name), "polygons: it has none");
-        self.technique.polygons(grid, blend)?.ok_or_else(none)
+        let polygons = self.technique.polygons(grid, blend)?.ok_or_else(none)?;
+        Ok(Polygons { bound: self.with_options(polygons.bound)?, ..polygons })
     }
 
     /// Blends the slabs by fixed function.
@@ -188,8 +191,8 @@ impl RouteDesc<'_> {
         Ok(Routed { path: Path::Raster { pipeline, vertices }, samples, image })
     }
 
-    /// Blends the slabs in the shader, with dithering; `code` is the shader's code of the accumulation format.
-    fn shader_blend(&self, code: u32) -> Result<Routed> {
+    /// Blends the slabs in the shader, with dithering.
+    fn shader_blend(&self) -> Result<Routed> {
         let Self { technique, view, target, .. } = *self;
         let (gpu, name, options) = (self.gpu(), self.name, technique.options());
         // An image view needs a usage beyond transfers.
@@ -198,8 +201,7 @@ impl RouteDesc<'_> {
         let image = own_image(gpu, name, options.accumulation().format(), usage, view, target)?;
         let bytes = image.desc().texel_bytes();
         let texels = Arc::new(Buffer::new(gpu, &format!("{name}.texels"), bytes, BufferUse::ShaderWrite)?);
-        let blue_noise = options.dither == Dither::Blue;
-        let thresholds = if blue_noise {
+        let thresholds = if options.dither == Dither::Blue {
             Buffer::with_data(gpu, "blue-noise", bytemuck::cast_slice(blue_noise::tile()))?
         } else {
             Arc::clone(&self.knots.buffer)
@@ -207,8 +209,6 @@ impl RouteDesc<'_> {
         let blend = shader::Blend {
             texels: texels.write(),
             thresholds: thresholds.read(),
-            blue_noise,
-            target: code,
             under: options.order() == BlendOrder::FrontToBack,
         };
         let grid = self.inputs(self.first()?)?;

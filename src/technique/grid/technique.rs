@@ -9,6 +9,7 @@ use crate::gpu::{Bound, Sampled};
 use crate::resident::GpuScene;
 use crate::resident::tables::SegmentOptions;
 use crate::scene::{Grid, View};
+use crate::technique::declare::OptionBits;
 use crate::technique::grid::options::GridOptions;
 use crate::technique::grid::rays::GridRays;
 
@@ -75,7 +76,7 @@ impl Slabs {
 }
 
 /// A technique for grids.
-pub(crate) trait GridTechnique: std::fmt::Debug + Send + Sync {
+pub(crate) trait GridTechnique: OptionBits + std::fmt::Debug + Send + Sync {
     /// The shared options.
     fn options(&self) -> &GridOptions;
     /// How it integrates segments; `None` where it classifies samples.
