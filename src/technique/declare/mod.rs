@@ -8,8 +8,8 @@ mod options;
 mod shared;
 
 pub(crate) use options::{
-    Declare, Entry, GROUP, Group, OptionBits, OptionSet, Rule, Text, Value, check, infos, option_set, pairs, refused,
-    set, words,
+    Declare, Entry, GROUP, Group, OptionBits, OptionSet, Rule, Text, Value, check, infos, option_set, pairs,
+    refused, set, words,
 };
 pub use options::{Numbers, OptionInfo};
 pub(crate) use shared::Segments;

@@ -289,7 +289,9 @@ impl<T: OptionSet> OptionBits for T {
     fn bits(&self, technique: &str, key: &str) -> Result<u32> {
         let mut options = *self;
         let bits = options.entries().iter().find(|entry| entry.key == key).and_then(|entry| entry.bits);
-        bits.ok_or_else(|| refused(technique, key, "a shader reads it: it must be a declared option with a value"))
+        bits.ok_or_else(|| {
+            refused(technique, key, "a shader reads it: it must be a declared option with a value")
+        })
     }
 }
 
@@ -385,7 +387,8 @@ macro_rules! option_set {
 
         impl $crate::technique::declare::OptionSet for $name {
             fn entries(&mut self) -> Vec<$crate::technique::declare::Entry<'_>> {
-                use $crate::technique::declare::Declare as _;
+                #[allow(unused_imports, reason = "a set may use few of the kinds of rules")]
+                use $crate::technique::declare::{Declare as _, GROUP, Group, Rule};
                 let mut entries = Vec::new();
                 $(
                     let key = $crate::technique::declare::option_set!(@key $field $($key)?);

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::gpu::shader::{DITHER_BLUE, TARGET_RGBA8, TARGET_RGBA16, TARGET_RGBA16F};
 use crate::gpu::{Gpu, OptionalFeature};
 use crate::technique::declare::{BlendOrder, EmptySpace, Route};
-use crate::technique::declare::{Declare, Entry, Rule, Text, Value, option_set, refused, words};
+use crate::technique::declare::{Declare, Entry, Text, Value, option_set, refused, words};
 
 words! {
     /// Reconstruction between samples.

@@ -27,7 +27,7 @@ use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::scene::Grid;
 use crate::technique::declare::Segments;
 use crate::technique::declare::draw::{Facts, Of, STEPS, TechniqueOptions};
-use crate::technique::declare::{GROUP, option_set};
+use crate::technique::declare::option_set;
 use crate::technique::grid::options::GridOptions;
 use crate::technique::grid::rays::GridRays;
 use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Polygons, Slabs};

@@ -30,7 +30,7 @@ use crate::num;
 use crate::scene::grid::turned;
 use crate::scene::{Grid, View};
 use crate::technique::declare::draw::{Facts, Of, TechniqueOptions};
-use crate::technique::declare::{GROUP, Rule, option_set, words};
+use crate::technique::declare::{option_set, words};
 use crate::technique::grid::options::{GridOptions, OrSlices};
 use crate::technique::grid::rays::GridRays;
 use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Polygons, Slabs};

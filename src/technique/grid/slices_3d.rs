@@ -23,7 +23,7 @@ use crate::gpu::shader::{
 };
 use crate::scene::Grid;
 use crate::technique::declare::draw::{Facts, Of, STEPS, TechniqueOptions};
-use crate::technique::declare::{GROUP, option_set, words};
+use crate::technique::declare::{option_set, words};
 use crate::technique::grid::options::GridOptions;
 use crate::technique::grid::rays::GridRays;
 use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Polygons, Slabs};

@@ -22,7 +22,7 @@ use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
 use crate::scene::View;
 use crate::technique::declare::draw::{Draw, Facts, Of, TechniqueOptions};
-use crate::technique::declare::{GROUP, option_set};
+use crate::technique::declare::option_set;
 use crate::technique::mesh::cell_lists;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;

@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::technique::declare::{BlendOrder, EmptySpace, Segments};
-use crate::technique::declare::{Rule, option_set, refused, words};
+use crate::technique::declare::{option_set, refused, words};
 
 words! {
     /// Treatment of pixels whose faces or cells came out of order.

@@ -21,7 +21,7 @@ use crate::error::Result;
 use crate::resident::tables::{Integrator, SegmentOptions};
 use crate::technique::declare::Segments;
 use crate::technique::declare::draw::{Facts, Of, TechniqueOptions};
-use crate::technique::declare::{Group, Rule, Value, option_set, refused, words};
+use crate::technique::declare::{Group, Value, option_set, refused, words};
 use crate::technique::grid::options::{GridOptions, OrSlices};
 use crate::technique::grid::slices_2d::Stacks;
 

@@ -22,7 +22,7 @@ use crate::frame::target::Canvas;
 use crate::resident::GpuScene;
 use crate::scene::{Kernel, Kernels, Model, Scene, View};
 use crate::technique::declare::draw::{Draw, Facts, Of, TechniqueOptions};
-use crate::technique::declare::{Group, Rule, option_set, refused, words};
+use crate::technique::declare::{Group, option_set, refused, words};
 use crate::technique::splat::desc::{Accumulation, SplatDesc};
 use crate::technique::splat::frame::SplatFrame;
 use crate::technique::splat::options::SplatOptions;

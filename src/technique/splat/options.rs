@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::scene::{Data, Kernel, Kernels, Model, Scene};
-use crate::technique::declare::{GROUP, Rule, Value, option_set, words};
+use crate::technique::declare::{Value, option_set, words};
 
 words! {
     /// How the pixels of a tile are divided among invocations.

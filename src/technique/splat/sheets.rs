@@ -22,7 +22,7 @@ use crate::frame::target::Canvas;
 use crate::resident::GpuScene;
 use crate::scene::{Kernel, Kernels, Scene, View};
 use crate::technique::declare::draw::{Draw, Facts, Of, TechniqueOptions};
-use crate::technique::declare::{GROUP, Rule, option_set, refused, words};
+use crate::technique::declare::{option_set, refused, words};
 use crate::technique::splat::desc::{Accumulation, Filter, SplatDesc};
 use crate::technique::splat::frame::SplatFrame;
 use crate::technique::splat::options::SplatOptions;

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::technique::declare::draw::{Facts, Of, TechniqueOptions};
-use crate::technique::declare::{GROUP, Rule, Value, option_set, refused, words};
+use crate::technique::declare::{Value, option_set, refused, words};
 use crate::technique::mesh::options::{MeshOptions, Repair};
 
 /// Largest `k` of the raster routes: seven pairs, and the one that left last, fill a texel of four images.

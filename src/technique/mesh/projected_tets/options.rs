@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{Gpu, OptionalFeature};
 use crate::technique::declare::Route;
 use crate::technique::declare::draw::{Facts, Of, TechniqueOptions};
-use crate::technique::declare::{GROUP, Rule, option_set, refused, words};
+use crate::technique::declare::{option_set, refused, words};
 use crate::technique::mesh::options::{MeshOptions, Repair};
 use crate::technique::mesh::projected_tets::ranks::Rank;
 
