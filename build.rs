@@ -7,7 +7,8 @@
 //! The numbers of `glsl/interface.glsl` become `constants.rs`.
 //!
 //! `layout(constant_id = OPTION_STEP_SIZE)` declares a specialisation constant that takes the value of the technique's option
-//! `step-size`: such constants are numbered here, and are listed with the module instead of its inputs.
+//! `step-size`, and `DEVICE_TURNS` one that takes a property of the device: such constants are numbered here, and are listed with the module
+//! instead of its inputs.
 //!
 //! A file with `// entry` lines becomes one module for each of them, named for the file's stem and the entry. Other
 //! files are headers. The path in an `#include` starts at `glsl/`.
@@ -45,13 +46,13 @@ fn main() {
 
     let mut numbers = String::from("// Written by build.rs from glsl/interface.glsl.\n\n");
     let numbered = constants(&read(&folder.join("interface.glsl")), &mut numbers);
-    let options = options(&files);
+    let given = given_constants(&files);
     write(&out.join("constants.rs"), numbers);
     let mut rust = String::from("// Written by build.rs from glsl/.\n\n");
     let mut layouts = BTreeMap::new();
     let mut inputs = AllInputs::default();
     for file in &files {
-        let source = Source { folder: &folder, file, text: read(file), options: &options };
+        let source = Source { folder: &folder, file, text: read(file), given: &given };
         let mut headers = Vec::new();
         collect_headers(&folder, &source.text, &mut headers);
         for (stage, entry) in source.entries() {
@@ -64,7 +65,7 @@ fn main() {
             let bytes: Vec<u8> = shipped.iter().flat_map(|word| word.to_le_bytes()).collect();
             write(&out.join(format!("{name}.spv")), bytes);
             let fields = module.fields(&name, &numbered);
-            let description = module.describe(&name, stage, &options);
+            let description = module.describe(&name, stage, &given);
             inputs.add(&stem(file), [entry, name, description], fields, &headers);
         }
     }
@@ -116,7 +117,7 @@ struct Source<'a> {
     folder: &'a Path,
     file: &'a Path,
     text: String,
-    options: &'a [String],
+    given: &'a [String],
 }
 
 impl Source<'_> {
@@ -157,7 +158,7 @@ impl Source<'_> {
             options.set_generate_debug_info();
         }
         options.add_macro_definition(entry, None);
-        for (name, number) in self.options.iter().zip(FIRST_OPTION..) {
+        for (name, number) in self.given.iter().zip(FIRST_GIVEN..) {
             options.add_macro_definition(name, Some(&number.to_string()));
         }
         options.set_include_callback(|name, _, from, _| {
@@ -179,16 +180,17 @@ impl Source<'_> {
 /// Bindings (`false`) and specialisation constants (`true`) of `glsl/interface.glsl` by number: name there, and what it says.
 type Numbers = BTreeMap<(bool, u32), (String, String)>;
 
-/// The number of the first specialisation constant that takes the value of an option.
-const FIRST_OPTION: u32 = 64;
+/// The number of the first specialisation constant that takes the value of an option or a property of the device.
+const FIRST_GIVEN: u32 = 64;
 
-/// Returns the names of all specialisation constants that take the value of an option, in the order of their numbers.
-fn options(files: &[PathBuf]) -> Vec<String> {
+/// Returns the names of all these specialisation constants, in the order of their numbers.
+fn given_constants(files: &[PathBuf]) -> Vec<String> {
     let mut names = BTreeSet::new();
     for file in files {
         let text = read(file);
-        let declared = text.lines().filter_map(|line| line.strip_prefix("layout(constant_id = OPTION_"));
-        names.extend(declared.filter_map(|rest| Some(format!("OPTION_{}", rest.split_once(')')?.0))));
+        let declared = text.lines().filter_map(|line| line.strip_prefix("layout(constant_id = "));
+        let declared = declared.filter_map(|rest| Some(rest.split_once(')')?.0.to_string()));
+        names.extend(declared.filter(|name| name.starts_with("OPTION_") || name.starts_with("DEVICE_")));
     }
     names.into_iter().collect()
 }
@@ -212,8 +214,10 @@ fn constants(interface: &str, rust: &mut String) -> Numbers {
             if let Some((other, _)) = numbers.insert((is_constant, value), (name.to_string(), says)) {
                 refuse!("glsl/interface.glsl: {name} and {other} have one number");
             }
-            if is_constant && value >= FIRST_OPTION {
-                refuse!("glsl/interface.glsl: {name}: numbers from {FIRST_OPTION} belong to options");
+            if is_constant && value >= FIRST_GIVEN {
+                refuse!(
+                    "glsl/interface.glsl: {name}: numbers from {FIRST_GIVEN} belong to options and the device"
+                );
             }
             continue;
         }
@@ -608,15 +612,16 @@ impl Module {
         };
         let resources = self.resources(name).into_iter();
         let resources = resources.map(|(binding, (_, kind))| field(false, binding, kind));
-        let constants = self.specialised.iter().filter(|(_, number)| **number < FIRST_OPTION);
+        let constants = self.specialised.iter().filter(|(_, number)| **number < FIRST_GIVEN);
         let constants = constants.map(|(id, &number)| {
             field(true, number, if self.booleans.contains(id) { "bool" } else { "u32" })
         });
         resources.chain(constants).collect()
     }
 
-    /// Describes the module as a `Shader`: code, stage, size of the push constants, bindings, options.
-    fn describe(&self, name: &str, stage: shaderc::ShaderKind, options: &[String]) -> String {
+    /// Describes the module as a `Shader`: code, stage, size of the push constants, bindings, constants that take options and
+    /// properties of the device.
+    fn describe(&self, name: &str, stage: shaderc::ShaderKind, given: &[String]) -> String {
         let mut pushes = self.variables.iter().filter(|(.., class)| *class == 9);
         let push = pushes.find_map(|(pointer, ..)| self.layout(self.pointee(*pointer)));
         let push_bytes = push.map_or(0, |(_, (_, size))| size);
@@ -625,19 +630,22 @@ impl Module {
         let bindings: Vec<String> = resources
             .map(|(binding, (kind, _))| format!("({binding}, vk::DescriptorType::{kind})"))
             .collect();
-        let read = options.iter().zip(FIRST_OPTION..);
+        let read = given.iter().zip(FIRST_GIVEN..);
         let read = read.filter(|(_, number)| self.specialised.values().any(|other| other == number));
-        let options: Vec<String> = read
-            .map(|(name, number)| {
-                let key = name.trim_start_matches("OPTION_").to_lowercase().replace('_', "-");
-                format!("(\"{key}\", {number})")
-            })
-            .collect();
+        let (mut options, mut device) = (Vec::new(), Vec::new());
+        for (name, number) in read {
+            if let Some(key) = name.strip_prefix("OPTION_") {
+                options.push(format!("(\"{}\", {number})", key.to_lowercase().replace('_', "-")));
+            } else if let Some(property) = name.strip_prefix("DEVICE_") {
+                device.push(format!("(DeviceConstant::{}, {number})", camel(property)));
+            }
+        }
         format!(
             "Shader {{ name: \"{name}\", stage: vk::ShaderStageFlags::{stage}, push_bytes: {push_bytes}, \
-             bindings: &[{}], options: &[{}], code: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")) }}",
+             bindings: &[{}], options: &[{}], device: &[{}], code: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")) }}",
             bindings.join(", "),
-            options.join(", ")
+            options.join(", "),
+            device.join(", ")
         )
     }
 }

@@ -1,7 +1,7 @@
 // Numbers that Rust and GLSL share: build.rs turns each `#define NAME n` into a Rust constant of the same name.
 //
 // Includes go down this list, as build.rs checks: shear-warp, grid, frame, primitives, shared, interface. mesh and splat stand beside
-// grid, on frame; gpu and resident use only this file. The path in an #include starts at glsl/. Every header includes what it uses,
+// grid, on frame; gpu and resident use only shared. The path in an #include starts at glsl/. Every header includes what it uses,
 // and no macro of its includer changes what it means.
 #ifndef INTERFACE_GLSL
 #define INTERFACE_GLSL
@@ -109,7 +109,6 @@
 #define SPEC_EVERY 34         // bool: a slab holds several slices of the stack
 
 #define SPEC_BOUNDED 35       // bool: rays are bounded by the depths of BINDING_LINE_BOUNDS
-#define SPEC_SUBPIXEL_BITS 37 // uint: bits of the fraction of a pixel to which the rasteriser rounds corners
 #define SPEC_LAYERED 36       // bool: the volume contains translucent surfaces
 
 // Values of SPEC_INTEGRATOR.
@@ -225,8 +224,6 @@
 #define MOST_LAYERS 1000  // translucent surfaces along a pixel's ray; fits in 10 bits
 #define EDGE_NONE 1000000000 // replaces the bounds of a pixel that is not marched itself
 
-#define MOST_TURNS 60000 // iterations of a loop that every supported device completes
-#define LIST_WINDOW 900  // primitives of a tile per dispatch: at most one iteration for each pixel of the tile
-#define COUNT_BITS 10    // bits of a number up to LIST_WINDOW
+#define COUNT_BITS 10 // bits of the number of a tile's primitives in one dispatch
 
 #endif

@@ -3,6 +3,7 @@
 #define LAYERS_GLSL
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 
 layout(constant_id = SPEC_LAYERED) const bool LAYERS = false;
 

@@ -15,6 +15,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 
 layout(constant_id = SPEC_RESUME) const bool RESUME = false;
 
@@ -51,7 +52,7 @@ float surface_depth(float stored) {
 #endif
 
 void main() {
-    uvec2 pixel = gl_GlobalInvocationID.xy;
+    uvec2 pixel = INVOCATION.xy;
     uvec2 size = uvec2(2.0 * push.half_extent + 0.5);
     if (any(greaterThanEqual(pixel, size))) return;
     uint word = pixel.y * size.x + pixel.x;

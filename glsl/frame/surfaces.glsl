@@ -17,6 +17,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 
 #ifdef RESOLVE
 layout(push_constant, std430) uniform SurfacePush {
@@ -58,7 +59,7 @@ uint triangle_of(uint bits) {
 }
 
 void main() {
-    uint tile = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x;
+    uint tile = WORKGROUP_NUMBER;
     if (tile >= push.tiles) return;
     uint number = gl_LocalInvocationIndex;
     uvec2 pixel = uvec2(tile % push.across, tile / push.across) * TILE + uvec2(number % TILE, number / TILE);
@@ -139,7 +140,7 @@ layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) writeonly uniform image
 layout(set = 0, binding = BINDING_BACKGROUND, std430) readonly buffer Background { vec4 background[]; };
 
 void main() {
-    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy), size = imageSize(accumulation);
+    ivec2 pixel = ivec2(INVOCATION.xy), size = imageSize(accumulation);
     if (any(greaterThanEqual(pixel, size))) return;
     vec4 drawn = texelFetch(source, pixel, 0);
     imageStore(accumulation, pixel, drawn + (1.0 - drawn.a) * background[pixel.y * size.x + pixel.x]);

@@ -12,6 +12,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 
 layout(push_constant, std430) uniform ProbePush {
     uint count;
@@ -38,10 +39,10 @@ void main() {
 layout(local_size_x = 64) in;
 layout(set = 0, binding = BINDING_VOLUME) uniform sampler3D volume;
 void main() {
-    uint i = gl_GlobalInvocationID.x;
+    uint i = INVOCATION.x;
     if (i >= push.count) return;
     float x = float(i) / float(push.count - 1u);
-    result.words[i] = floatBitsToUint(textureLod(volume, vec3((x + 0.5) / 2.0, 0.5, 0.5), 0.0).r);
+    result.words[i] = floatBitsToUint(textureLod(volume, sampled_at(vec3((x + 0.5) / 2.0, 0.5, 0.5), vec3(2.0)), 0.0).r);
 }
 #endif
 

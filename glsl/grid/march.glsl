@@ -4,6 +4,7 @@
 #define MARCH_GLSL
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 #include "shared/optics.glsl"
 #include "frame/layers.glsl"
 #include "grid/grid.glsl"

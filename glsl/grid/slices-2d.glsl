@@ -27,6 +27,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 #include "shared/optics.glsl"
 #include "grid/grid.glsl"
 #include "grid/stack.glsl"
@@ -115,7 +116,7 @@ void main() {
 #include "grid/march.glsl"
 
 void main() {
-    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    ivec2 pixel = ivec2(INVOCATION.xy);
     if (!in_image(pixel)) return;
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray, vec2(pixel));

@@ -3,6 +3,7 @@
 #define STACK_GLSL
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 #include "shared/optics.glsl"
 #include "grid/ray.glsl"
 #include "grid/lattice.glsl"
@@ -29,7 +30,9 @@ float fetched(vec2 index, int slice, int level) {
 // Returns the stored value on a slice, bilinear.
 float on_slice(vec2 index, float slice, float level, Lattice lattice) {
     if (!FILTER_EXACT) {
-        return textureLod(stack, vec3((index + 0.5) / (2.0 * lattice.half_size.xy + 1.0), slice), level).r;
+        vec2 coordinate = (index + 0.5) / (2.0 * lattice.half_size.xy + 1.0);
+        vec3 size = vec3(textureSize(stack, int(level)).xy, 1.0);
+        return textureLod(stack, vec3(sampled_at(vec3(coordinate, 0.5), size).xy, slice), level).r;
     }
     if (!PREFILTER) return fetched(index, int(slice), 0);
     level = min(level, float(textureQueryLevels(stack) - 1));

@@ -2,6 +2,7 @@
 #ifndef VOLUME_GLSL
 #define VOLUME_GLSL
 
+#include "shared/device.glsl"
 #include "grid/grid.glsl"
 
 layout(set = 0, binding = BINDING_VOLUME) uniform sampler3D volume;
@@ -35,7 +36,10 @@ float fetched(vec3 index, int level) {
 float stored_at(Ray ray, float z, Lattice lattice) {
     vec3 position = fma(vec3(z), ray.d, ray.q);
     float level = PREFILTER ? level_at(z, lattice) : 0.0;
-    if (!FILTER_EXACT) return textureLod(volume, position / (2.0 * lattice.half_size + 1.0) + 0.5, level).r;
+    if (!FILTER_EXACT) {
+        vec3 coordinate = position / (2.0 * lattice.half_size + 1.0) + 0.5;
+        return textureLod(volume, sampled_at(coordinate, vec3(textureSize(volume, int(level)))), level).r;
+    }
     vec3 index = position + lattice.half_size;
     if (!PREFILTER) return fetched(index, 0);
     level = min(level, float(textureQueryLevels(volume) - 1));

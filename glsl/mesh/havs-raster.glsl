@@ -29,6 +29,7 @@
 #endif
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 #include "mesh/mesh.glsl"
 
 #ifdef VERTEX
@@ -130,7 +131,7 @@ layout(local_size_x = TILE_PIXELS) in;
 layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
 
 void main() {
-    uint tile = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x;
+    uint tile = WORKGROUP_NUMBER;
     if (tile >= push.count) return;
     uvec2 place = pixel_of(tile, gl_LocalInvocationIndex);
     if (any(greaterThanEqual(vec2(place), 2.0 * push.half_extent))) return;

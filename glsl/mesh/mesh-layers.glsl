@@ -3,6 +3,7 @@
 #define MESH_LAYERS_GLSL
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 #include "frame/layers.glsl"
 #include "mesh/mesh-segments.glsl"
 

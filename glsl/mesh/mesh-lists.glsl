@@ -19,6 +19,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 #include "mesh/mesh.glsl"
 #include "shared/keys.glsl"
 
@@ -35,7 +36,7 @@ layout(set = 0, binding = BINDING_MESH_SCALARS, std430) readonly buffer MeshScal
 layout(set = 0, binding = BINDING_VIEW_POINTS, std430) writeonly buffer ViewPoints { vec4 view_points[]; };
 
 void main() {
-    uint i = gl_GlobalInvocationID.x + gl_GlobalInvocationID.y * (gl_NumWorkGroups.x * 64u);
+    uint i = INVOCATION_NUMBER;
     if (i >= push.count) return;
     vec3 p = mesh_points[i].xyz;
     float s = CELL_SCALARS ? 0.0 : mesh_scalars[i];
@@ -70,7 +71,7 @@ void extend(inout vec4 box, vec4 a, vec4 b, float front) {
 }
 
 void main() {
-    uint i = gl_GlobalInvocationID.x + gl_GlobalInvocationID.y * (gl_NumWorkGroups.x * 64u);
+    uint i = INVOCATION_NUMBER;
     if (i >= push.count) return;
     uint at = i * (CELLS ? CELL_WORDS : FACE_WORDS);
     vec4 a = view_points[primitives[at]], b = view_points[primitives[at + 1u]], c = view_points[primitives[at + 2u]];
@@ -336,7 +337,7 @@ void write_face(uint slot, uint id, vec2 met, bool left) {
 }
 
 void main() {
-    uint in_band = gl_GlobalInvocationID.x, tile = push.band + in_band;
+    uint in_band = INVOCATION.x, tile = push.band + in_band;
     if (in_band >= push.count) return;
     uvec2 origin = pixel_of(tile, 0u);
     vec2 line0 = line_at(vec2(origin) + 0.5);

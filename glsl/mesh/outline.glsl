@@ -6,9 +6,10 @@
 #define OUTLINE_GLSL
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 #include "mesh/mesh.glsl"
 
-layout(constant_id = SPEC_SUBPIXEL_BITS) const uint SUBPIXEL_BITS = 4;
+layout(constant_id = DEVICE_SUBPIXEL_BITS) const uint SUBPIXEL_BITS = 4; // of the rasteriser's rounding of corners
 
 // A convex polygon in normalised device coordinates; of a triangle c and d are the same.
 struct Polygon {

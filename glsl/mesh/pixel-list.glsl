@@ -4,6 +4,7 @@
 #define PIXEL_LIST_GLSL
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 #include "mesh/mesh.glsl"
 
 layout(set = 0, binding = BINDING_CURSORS, std430) readonly buffer Cursors { uint cursors[]; };
@@ -19,7 +20,7 @@ struct PixelList {
 
 PixelList list_of_invocation() {
     PixelList list;
-    uint in_band = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x, tile = push.band + in_band;
+    uint in_band = WORKGROUP_NUMBER, tile = push.band + in_band;
     list.pixel = pixel_of(tile, gl_LocalInvocationIndex);
     list.exists = in_band < push.count && all(lessThan(vec2(list.pixel), 2.0 * push.half_extent));
     if (!list.exists) return list;

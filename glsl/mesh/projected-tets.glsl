@@ -25,6 +25,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 #include "mesh/mesh.glsl"
 
 layout(constant_id = SPEC_CELL_SCALARS) const bool CELL_SCALARS = false;
@@ -89,7 +90,7 @@ layout(set = 0, binding = BINDING_BOXES, std430) readonly buffer Boxes { uvec2 b
 layout(set = 0, binding = BINDING_POLYGONS, std430) writeonly buffer Polygons { vec4 polygons[]; };
 
 void main() {
-    uint i = gl_GlobalInvocationID.x + gl_GlobalInvocationID.y * (gl_NumWorkGroups.x * 64u);
+    uint i = INVOCATION_NUMBER;
     if (i >= push.count) return;
     uvec4 cell = cells[i];
     Polygon polygon = outline_of(view_points[cell.x], view_points[cell.y], view_points[cell.z], view_points[cell.w], boxes[i]);

@@ -27,6 +27,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 #include "mesh/mesh.glsl"
 
 layout(constant_id = SPEC_CELL_SCALARS) const bool CELL_SCALARS = false;
@@ -77,7 +78,7 @@ vec3 corner_of_outline(uint which, vec3 e1, vec3 e2, vec3 e3) {
 }
 
 void main() {
-    uint i = gl_GlobalInvocationID.x + gl_GlobalInvocationID.y * (gl_NumWorkGroups.x * 64u);
+    uint i = INVOCATION_NUMBER;
     if (i >= push.count) return;
     uvec4 cell = cells[i];
     vec4 a = view_points[cell.x], b = view_points[cell.y], c = view_points[cell.z], d = view_points[cell.w];

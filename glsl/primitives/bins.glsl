@@ -14,6 +14,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 
 layout(constant_id = SPEC_FILL) const bool FILL = false;
 layout(constant_id = SPEC_FLAGGED) const bool FLAGGED = false; // only where a frame has flagged pixels
@@ -36,7 +37,7 @@ layout(set = 0, binding = BINDING_BINS, std430) writeonly buffer Bins { uint bin
 layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
 
 void main() {
-    uint run = gl_GlobalInvocationID.x;
+    uint run = INVOCATION.x;
     uint runs = push.runs, capacity = push.capacity, across = push.across, first = push.first, tiles = push.tiles;
     if (run >= runs) return;
     if (FLAGGED && status[STATUS_OVERFLOW_PIXELS] == 0u) return;

@@ -26,6 +26,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 #include "shared/keys.glsl"
 
 #if defined(LANES_COUNT_MIXED) || defined(LANES_SCATTER_MIXED) || defined(LANES_SCATTER_LAST)
@@ -61,7 +62,7 @@ layout(set = 0, binding = BINDING_SORTED_KEYS, std430) buffer Keys {
 layout(local_size_x = LANE_GROUP) in;
 
 void main() {
-    uint i = gl_GlobalInvocationID.y * (gl_NumWorkGroups.x * LANE_GROUP) + gl_GlobalInvocationID.x;
+    uint i = INVOCATION_NUMBER;
     if (i < min(count.word[0], push.capacity)) keys.key[i] = float_key(uintBitsToFloat(keys.key[i]));
 }
 #else
@@ -180,7 +181,7 @@ void take_one(uint i) {
 }
 
 void main() {
-    uint run = gl_GlobalInvocationID.x;
+    uint run = INVOCATION.x;
     uint pairs = min(count.word[0], push.capacity);
     // Runs begin at multiples of four.
     uint length = 4u * ((pairs + 4u * push.runs - 1u) / (4u * push.runs));
@@ -222,7 +223,7 @@ shared uint counts[WIDE_GROUP];
 void main() {
     uint self = gl_LocalInvocationID.x;
     uint pairs = min(count.word[0], push.capacity);
-    uint first = gl_WorkGroupID.x * SORT_TILE;
+    uint first = WORKGROUP.x * SORT_TILE;
     counts[self] = 0u;
     barrier();
     for (uint item = 0u; item < SORT_TILE / WIDE_GROUP; item++) {
@@ -230,7 +231,7 @@ void main() {
         if (i < pairs) atomicAdd(counts[digit_of(from_keys.key[i])], 1u);
     }
     barrier();
-    if (self <= push.mask) digits.word[self * push.runs + gl_WorkGroupID.x] = counts[self];
+    if (self <= push.mask) digits.word[self * push.runs + WORKGROUP.x] = counts[self];
 }
 #else
 
@@ -283,7 +284,7 @@ void rank(uint nibble[ITEMS], out uint ranks[ITEMS]) {
 void main() {
     uint self = gl_LocalInvocationID.x;
     uint pairs = min(count.word[0], push.capacity);
-    uint first = gl_WorkGroupID.x * SORT_TILE;
+    uint first = WORKGROUP.x * SORT_TILE;
     // Uniform over the workgroup.
     if (first >= pairs) return;
     uint valid = min(SORT_TILE, pairs - first);
@@ -328,7 +329,7 @@ void main() {
     for (uint item = 0u; item < ITEMS; item++) {
         uint i = item * WIDE_GROUP + self;
         uint digit = digit_of(keys[item]);
-        places[item] = digits.word[digit * push.runs + gl_WorkGroupID.x] + i - starts[digit];
+        places[item] = digits.word[digit * push.runs + WORKGROUP.x] + i - starts[digit];
         if (i < valid) to_keys.key[places[item]] = keys[item];
         tile[padded(ranks[item])] = values[item];
     }

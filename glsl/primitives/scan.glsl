@@ -17,6 +17,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 
 layout(push_constant, std430) uniform ScanPush {
     uint count;
@@ -69,7 +70,7 @@ void write_total(uvec2 before, uint chunk) {
 layout(local_size_x = LANE_GROUP) in;
 
 void main() {
-    uint chunk = gl_GlobalInvocationID.x;
+    uint chunk = INVOCATION.x;
     if (chunk >= push.chunks) return;
     uint begin = min(chunk * push.chunk, push.count);
     uint end = min(begin + push.chunk, push.count);
@@ -122,7 +123,7 @@ uvec2 group_sum(uvec2 value) {
 
 void main() {
     uint self = gl_LocalInvocationID.x;
-    uint chunk = gl_WorkGroupID.x;
+    uint chunk = WORKGROUP.x;
     uint begin = min(chunk * push.chunk, push.count);
     uint end = min(begin + push.chunk, push.count);
     uvec2 sum = uvec2(0u);

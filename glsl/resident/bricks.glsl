@@ -10,6 +10,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 
 layout(push_constant, std430) uniform BricksPush {
     uint bricks;
@@ -33,7 +34,7 @@ layout(local_size_x = 64) in;
 
 void main() {
     // Large grids need several rows of workgroups.
-    uint brick = gl_GlobalInvocationID.y * (gl_NumWorkGroups.x * gl_WorkGroupSize.x) + gl_GlobalInvocationID.x;
+    uint brick = INVOCATION_NUMBER;
     if (brick >= push.bricks) return;
     vec2 range = ranges.of_brick[brick];
     // The first visible range that ends at or above the brick's least scalar.

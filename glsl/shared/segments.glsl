@@ -12,6 +12,7 @@
 #define SEGMENTS_GLSL
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 #include "shared/optics.glsl"
 
 layout(constant_id = SPEC_INTEGRATOR) const uint INTEGRATOR = 0;
@@ -170,7 +171,7 @@ vec4 full_density(float front, float back, float len) {
     float layer = clamp(log2(head.size.z / max(len, 1e-30)), 0.0, head.size.y - 1.0);
     vec3 size = head.size.xxy;
     vec3 place = vec3(nodes, layer);
-    if (TABLE_FILTER) return textureLod(table_texels, (place + 0.5) / size, 0.0);
+    if (TABLE_FILTER) return textureLod(table_texels, sampled_at((place + 0.5) / size, size), 0.0);
     vec3 index = clamp(place, vec3(0.0), size - 1.0);
     ivec3 i = ivec3(index), j = min(i + 1, ivec3(size) - 1);
     vec3 w = index - vec3(i);

@@ -13,6 +13,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 
 layout(push_constant, std430) uniform ShearBoundsPush {
     vec4 q0_step;    // rays of texels, as in base-plane.glsl
@@ -45,7 +46,7 @@ vec2 along_stack(vec2 depths, vec2 texel) {
 layout(set = 0, binding = BINDING_TEXEL_BOUNDS, std430) writeonly buffer TexelBounds { vec2 texel_bounds[]; };
 
 void main() {
-    uvec2 texel = gl_GlobalInvocationID.xy;
+    uvec2 texel = INVOCATION.xy;
     if (any(greaterThanEqual(texel, push.size))) return;
     vec3 p = vec3(texel, 1.0);
     float w = dot(push.to_w.xyz, p);
@@ -74,7 +75,7 @@ vec2 texel_of(ivec2 at) {
 }
 
 void main() {
-    uvec2 pixel = gl_GlobalInvocationID.xy, extent = uvec2(2.0 * vec2(push.to_x.w, push.to_y.w) + 0.5);
+    uvec2 pixel = INVOCATION.xy, extent = uvec2(2.0 * vec2(push.to_x.w, push.to_y.w) + 0.5);
     if (any(greaterThanEqual(pixel, extent))) return;
     uint word = pixel.y * extent.x + pixel.x;
     vec2 at = edges[word].xy;

@@ -26,6 +26,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 #include "shared/optics.glsl"
 #include "shared/segments.glsl"
 #include "grid/stack.glsl"
@@ -195,7 +196,7 @@ void store_state(ivec2 texel, vec4 state) {
 #endif
 
 void main() {
-    ivec2 texel = ivec2(gl_GlobalInvocationID.xy);
+    ivec2 texel = ivec2(INVOCATION.xy);
     if (!in_image(texel)) return;
 #ifdef EDGE
     vec4 edge = edges[uint(texel.y) * uint(imageSize(accumulation).x) + uint(texel.x)];

@@ -23,6 +23,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 
 layout(constant_id = SPEC_WARP) const uint WARP = 0;
 
@@ -154,7 +155,7 @@ layout(set = 0, binding = BINDING_EDGES, std430) writeonly buffer Edges { vec4 e
 #endif
 
 void main() {
-    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy), extent = ivec2(2.0 * push.half_extent + 0.5);
+    ivec2 pixel = ivec2(INVOCATION.xy), extent = ivec2(2.0 * push.half_extent + 0.5);
     if (any(greaterThanEqual(pixel, extent))) return;
     vec4 colour;
     vec2 at;
@@ -188,7 +189,7 @@ void main() {
 layout(local_size_x = 8, local_size_y = 8) in;
 
 void main() {
-    ivec2 at = ivec2(gl_GlobalInvocationID.xy), size = (ivec2(push.size) + 1) / 2;
+    ivec2 at = ivec2(INVOCATION.xy), size = (ivec2(push.size) + 1) / 2;
     if (any(greaterThanEqual(at, size))) return;
     ivec2 i = 2 * at, j = min(i + 1, ivec2(push.size) - 1);
     int from = int(push.offset), row = int(push.stride), to = floatBitsToInt(push.to_w.w);

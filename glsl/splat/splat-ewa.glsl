@@ -20,6 +20,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 #ifdef CENTRE
 #include "splat/column-lanes.glsl"
 #else
@@ -50,7 +51,7 @@ float drawn_share(Meeting met, vec2 drawn) {
 #ifndef WINDOW
 void main() {
     uint lane = LANE;
-    uint in_band = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x;
+    uint in_band = WORKGROUP_NUMBER;
     if (in_band >= push.tiles) return;
     uvec2 bin = bin_of(in_band);
     uint place = in_band * (64u / ROWS) + lane;
@@ -114,7 +115,7 @@ uint held_id[HELD];
 
 void main() {
     uint lane = LANE;
-    uint in_band = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x;
+    uint in_band = WORKGROUP_NUMBER;
     if (in_band >= push.tiles) return;
     uvec2 bin = bin_of(in_band);
     uint place = in_band * 64u + lane;

@@ -19,6 +19,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 #include "shared/keys.glsl"
 
 layout(constant_id = SPEC_SPLAT_SHAPE) const uint SHAPE = SHAPE_ALIKE;
@@ -225,7 +226,7 @@ uint key_of(Centre c, float reach, vec3 m) {
 }
 
 void main() {
-    uint i = gl_GlobalInvocationID.x + gl_GlobalInvocationID.y * (gl_NumWorkGroups.x * 64u);
+    uint i = INVOCATION_NUMBER;
     if (i >= push.count) return;
     vec4 point = splat_points[SHAPE == SHAPE_ALIKE && !DENSITY ? i : 2u * i];
     Centre c = centre_of(point.xyz);

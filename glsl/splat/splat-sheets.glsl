@@ -27,6 +27,7 @@
 #endif
 
 #include "interface.glsl"
+#include "shared/device.glsl"
 #if defined(IMAGE) || defined(AXIS)
 #include "splat/column-lanes.glsl"
 #else
@@ -124,7 +125,7 @@ void take_slab(inout Row row, float z0, float z1, uint knots, float origin) {
 
 void main() {
     uint lane = LANE;
-    uint in_band = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x;
+    uint in_band = WORKGROUP_NUMBER;
     if (in_band >= push.tiles) return;
     uvec2 bin = bin_of(in_band);
     uint place = in_band * (64u / ROWS) + lane;
@@ -234,7 +235,7 @@ struct Row {
 
 void main() {
     uint lane = LANE;
-    uint in_band = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x;
+    uint in_band = WORKGROUP_NUMBER;
     if (in_band >= push.tiles) return;
     uvec2 bin = bin_of(in_band);
     uint place = in_band * (64u / ROWS) + lane;
@@ -280,7 +281,7 @@ void main() {
                 if (TEMPLATE) { \
                     vec3 b = rows[r].line.q - splat.centre; \
                     vec2 place = vec2(dot(b, to_x), dot(b, to_y)) * scale; \
-                    part = max(abs(place.x), abs(place.y)) < 1.0 ? textureLod(splat_template, 0.5 * splat_domain[1].zw * place + 0.5, 0.0).x : 0.0; \
+                    part = max(abs(place.x), abs(place.y)) < 1.0 ? textureLod(splat_template, sampled_at(vec3(0.5 * splat_domain[1].zw * place + 0.5, 0.5), vec3(textureSize(splat_template, 0), 1)).xy, 0.0).x : 0.0; \
                 } else { \
                     Meeting met = meet(rows[r].line, splat); \
                     part = 0.0; \

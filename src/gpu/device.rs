@@ -64,6 +64,10 @@ pub(crate) struct Inner {
     pub(super) as_hardware: bool,
     /// Whether new memory is filled with bytes 0xFF.
     pub(super) poison: bool,
+    /// Whether shaders round filter weights as samplers of GPUs do.
+    pub(super) emulates_weights: bool,
+    /// Whether workgroups take their work in reverse order.
+    pub(super) permutes: bool,
     pub(super) cache_file: Option<PipelineCacheFile>,
     pub(super) cache: vk::PipelineCache,
     /// The first call that reported the loss of the device.

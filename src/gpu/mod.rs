@@ -12,6 +12,7 @@ mod adopt;
 mod budget;
 mod buffer;
 mod cache;
+mod constants;
 mod depth;
 mod descriptors;
 mod device;

@@ -148,6 +148,8 @@ impl Gpu {
             max_buffer: buffer,
             as_hardware: options.as_hardware,
             poison: options.poison,
+            emulates_weights: options.emulate_filter_weights,
+            permutes: options.permute,
             cache_file,
             cache: vk::PipelineCache::null(),
             lost: OnceLock::new(),

@@ -35,6 +35,10 @@ pub struct GpuOptions {
     /// Whether new memory of buffers and images is filled with bytes 0xFF, which are NaN as numbers, where the host sees device
     /// memory, as with software drivers. Work that relies on memory of zeros then shows. For tests.
     pub poison: bool,
+    /// Whether shaders round the weights of linear filters to 8 fractional bits, as the samplers of most GPUs do. For tests.
+    pub emulate_filter_weights: bool,
+    /// Whether workgroups take their work in reverse order. Images must not depend on the order. For tests.
+    pub permute: bool,
     /// Whether each pass of the crate's own submissions gets a command buffer of its own. Synchronization validation of
     /// submissions then reports hazards between passes that it overlooks within one command buffer.
     pub command_buffer_by_pass: bool,

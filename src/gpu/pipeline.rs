@@ -2,6 +2,8 @@
 
 use ash::vk;
 
+use super::constants::DeviceConstant;
+
 /// A specialisation constant: its number and its value; booleans are 0 and 1.
 pub(crate) type SpecConstant = (u32, u32);
 
@@ -17,6 +19,8 @@ pub(crate) struct Shader {
     pub(super) bindings: &'static [(u32, vk::DescriptorType)],
     /// Keys of options with the numbers of the specialisation constants that take their values.
     pub(super) options: &'static [(&'static str, u32)],
+    /// Properties of the device with the numbers of the constants that take them.
+    pub(super) device: &'static [(DeviceConstant, u32)],
     /// SPIR-V, little endian.
     pub(super) code: &'static [u8],
 }

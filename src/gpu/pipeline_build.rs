@@ -19,12 +19,16 @@ impl Gpu {
         bound: &Bound,
         state: GraphicsState,
     ) -> Result<Arc<Pipeline>> {
-        self.find_or_build(bound, Some(state), name, |layout| self.build_graphics(bound, state, layout))
+        self.find_or_build(bound, Some(state), name, |layout, constants| {
+            self.build_graphics(bound, constants, state, layout)
+        })
     }
 
     /// Returns the compute pipeline of a shader, built on first use.
     pub(crate) fn compute_pipeline(&self, name: &str, bound: &Bound) -> Result<Arc<Pipeline>> {
-        self.find_or_build(bound, None, name, |layout| self.build_compute(bound, layout))
+        self.find_or_build(bound, None, name, |layout, constants| {
+            self.build_compute(bound, constants, layout)
+        })
     }
 
     fn find_or_build(
@@ -32,11 +36,11 @@ impl Gpu {
         bound: &Bound,
         state: Option<GraphicsState>,
         name: &str,
-        build: impl FnOnce(vk::PipelineLayout) -> Result<vk::Pipeline>,
+        build: impl FnOnce(vk::PipelineLayout, &[SpecConstant]) -> Result<vk::Pipeline>,
     ) -> Result<Arc<Pipeline>> {
         self.alive()?;
         let shaders = bound.shaders.iter().map(|shader| shader.name).collect();
-        let key = PipelineKey { shaders, constants: bound.constants.clone(), state };
+        let key = PipelineKey { shaders, constants: self.constants(bound)?, state };
         let mut table = self.pipeline_table();
         if let Some(found) = table.get(&key) {
             return Ok(Arc::clone(found));
@@ -44,7 +48,7 @@ impl Gpu {
         let start = Instant::now();
         let mut pipeline = Pipeline { name: name.to_string(), ..Pipeline::default() };
         let layouts = self.make_layouts(&mut pipeline, &bound.shaders);
-        match layouts.and_then(|()| build(pipeline.layout)) {
+        match layouts.and_then(|()| build(pipeline.layout, &key.constants)) {
             Ok(raw) => pipeline.raw = raw,
             Err(error) => {
                 pipeline.destroy(self.device());
@@ -103,10 +107,11 @@ impl Gpu {
     fn build_graphics(
         &self,
         bound: &Bound,
+        constants: &[SpecConstant],
         state: GraphicsState,
         layout: vk::PipelineLayout,
     ) -> Result<vk::Pipeline> {
-        let (entries, data) = specialisation(&bound.constants);
+        let (entries, data) = specialisation(constants);
         let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
         let modules: Vec<Module<'_>> =
             bound.shaders.iter().map(|shader| Module::new(self, shader)).collect::<Result<_>>()?;
@@ -158,8 +163,13 @@ impl Gpu {
         self.first(built, "vkCreateGraphicsPipelines")
     }
 
-    fn build_compute(&self, bound: &Bound, layout: vk::PipelineLayout) -> Result<vk::Pipeline> {
-        let (entries, data) = specialisation(&bound.constants);
+    fn build_compute(
+        &self,
+        bound: &Bound,
+        constants: &[SpecConstant],
+        layout: vk::PipelineLayout,
+    ) -> Result<vk::Pipeline> {
+        let (entries, data) = specialisation(constants);
         let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
         let [shader] = bound.shaders[..] else {
             return Err(Error::invalid("compute pipeline", "has one shader"));

@@ -2,6 +2,7 @@
 
 use ash::vk;
 
+use super::constants::DeviceConstant;
 use super::inputs::{Bound, Entry, Inputs, Read, Sampled, Stored, Uniform, Write};
 use super::pipeline::Shader;
 pub(crate) use crate::interface::constants::*;

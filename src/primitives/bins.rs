@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::gpu::shader::{self, BINS_COMPUTE, MOST_TURNS, TILE};
+use crate::gpu::shader::{self, BINS_COMPUTE, TILE};
 use crate::gpu::{Buffer, Commands, Gpu, Recorder};
 use crate::interface::BinsPush;
 use crate::num;
@@ -137,11 +137,13 @@ impl Fill {
         let boxes = words(&host_boxes.host_copy()?);
         let mut order = words(&host_order.host_copy()?);
         order.truncate(num::index(count));
-        Ok(Self::of(&order, &boxes, [tiles, across], gpu.emulates_groups()))
+        let runs = if gpu.emulates_groups() { 64 } else { 2048 };
+        Ok(Self::of(&order, &boxes, [tiles, across], runs, gpu.turns()?))
     }
 
-    /// Counts entries of tiles and iterations of runs, from the primitives by rank and the pixel box of each.
-    fn of(order: &[u32], boxes: &[u32], [tiles, across]: [u32; 2], software: bool) -> Self {
+    /// Counts entries of tiles and iterations of runs, from the primitives by rank and the pixel box of each: about `runs` runs, more where
+    /// one would take more than half of `turns` iterations.
+    fn of(order: &[u32], boxes: &[u32], [tiles, across]: [u32; 2], runs: u32, turns: u32) -> Self {
         // Iterations of the binning loop up to each rank, and entries of each tile.
         let tile_box = |id: u32| {
             let at = num::index(id) * 2;
@@ -171,8 +173,8 @@ impl Fill {
         // The table has one word for each run of each tile.
         let most_runs = ((1_u32 << 26) / tiles.max(1)).max(1);
         let few = num::count(order.len()).div_ceil(8).next_power_of_two();
-        let mut runs = if software { 64 } else { 2048 }.min(few).min(most_runs);
-        while longest(runs) > u64::from(MOST_TURNS / 2) && runs < most_runs {
+        let mut runs = runs.min(few).min(most_runs);
+        while longest(runs) > u64::from(turns / 2) && runs < most_runs {
             runs *= 2;
         }
         Self { runs, tiles: fill }
@@ -190,8 +192,8 @@ mod tests {
         for (tiles, across, count) in [(129_600, 480, 12), (129_600, 480, 1_000_000), (16_777_216, 4096, 12)]
         {
             let order: Vec<u32> = (0..count).collect();
-            for software in [true, false] {
-                let fill = Fill::of(&order, &boxes(count), [tiles, across], software);
+            for runs in [64, 2048] {
+                let fill = Fill::of(&order, &boxes(count), [tiles, across], runs, 60_000);
                 let words = u64::from(fill.runs) * u64::from(tiles);
                 assert!(fill.runs >= 1 && words <= 1 << 26, "{tiles} tiles, {count}: {}", fill.runs);
                 assert!(count > 12 || fill.runs <= 2, "{}", fill.runs);

@@ -28,8 +28,8 @@ const ROOMS: [&str; 19] = [
 
 /// Rooms of `glsl/`, each with those that its files may include from. All may include `interface.glsl`.
 const SHADER_ROOMS: [(&str, &[&str]); 9] = [
-    ("gpu", &[]),
-    ("resident", &[]),
+    ("gpu", &["shared"]),
+    ("resident", &["shared"]),
     ("shared", &[]),
     ("primitives", &["shared"]),
     ("frame", &["shared", "primitives"]),

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::frame::lists::ranking::Ranking;
-use crate::gpu::shader::{LIST_WINDOW, MESH_LISTS_LISTS, MeshListsLists, TILE, TILE_PIXELS};
+use crate::gpu::shader::{COUNT_BITS, MESH_LISTS_LISTS, MeshListsLists, TILE, TILE_PIXELS};
 use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::interface::MeshPush;
 use crate::num;
@@ -22,7 +22,9 @@ pub(crate) struct Lists {
     pub(crate) bins: Bins,
     /// Entries that the lists of one band may have.
     pub(crate) list_capacity: u32,
-    /// Dispatches that count, or fill, the lists of a band: each takes the next `LIST_WINDOW` entries of a bin.
+    /// Entries of a bin that one dispatch takes.
+    window: u32,
+    /// Dispatches that count, or fill, the lists of a band: each takes the next window of each bin.
     pub(crate) windows: u32,
     pub(crate) bands: Vec<Band>,
     /// Counts of each pixel of a band; after the scan and the fill, where its list ends.
@@ -76,6 +78,8 @@ impl Lists {
             };
             pass(gpu, &format!("{name}.{part}"), &MESH_LISTS_LISTS.with(&inputs))
         };
+        // An entry takes at most one iteration for each pixel of its tile; the shader counts the entries of a pixel in COUNT_BITS bits.
+        let window = (gpu.turns()? / (TILE_PIXELS + 2)).clamp(1, (1 << COUNT_BITS) - 1);
         let split = WorkSplit::of(gpu);
         let band_scan =
             |band: &Band| Scan::new(gpu, &format!("{name}.lists"), &cursors, band.tiles * TILE_PIXELS, split);
@@ -83,7 +87,8 @@ impl Lists {
         Ok(Self {
             bins,
             list_capacity: needs.lists,
-            windows: needs.longest_bin.div_ceil(LIST_WINDOW).max(1),
+            window,
+            windows: needs.longest_bin.div_ceil(window).max(1),
             list_count,
             list_scans: bands.iter().map(band_scan).collect::<Result<_>>()?,
             list_fill,
@@ -108,8 +113,8 @@ impl Lists {
             let push = MeshPush {
                 count: tiles,
                 band: first,
-                first: window * LIST_WINDOW,
-                number: LIST_WINDOW,
+                first: window * self.window,
+                number: self.window,
                 runs: self.bins.runs,
                 capacity: self.list_capacity,
                 bins: self.bins.capacity,

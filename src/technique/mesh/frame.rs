@@ -19,9 +19,7 @@ use crate::frame::depth_measure::DepthMeasure;
 use crate::frame::lists::{Band, Lists, Ranking, measure};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
-use crate::gpu::shader::{
-    COUNT_BITS, FLAG_OVERLAPS, FLAG_REPAIRED, FLAG_UNSORTED, LIST_WINDOW, STATUS_WORDS, TILE, TILE_PIXELS,
-};
+use crate::gpu::shader::{FLAG_OVERLAPS, FLAG_REPAIRED, FLAG_UNSORTED, STATUS_WORDS, TILE, TILE_PIXELS};
 use crate::gpu::{Buffer, Image, Recorder, TargetImage};
 use crate::interface::MeshPush;
 use crate::num;
@@ -37,8 +35,8 @@ use crate::technique::mesh::outcome::MeshOutcome;
 use crate::technique::mesh::overlaps::Overlaps;
 use crate::technique::mesh::shading::shading_push;
 
-// A counter of a tile has COUNT_BITS bits for the fragments of one dispatch. Shaders write flags as bits 0 to 2.
-const _: () = assert!(LIST_WINDOW < 1 << COUNT_BITS && FLAG_UNSORTED | FLAG_REPAIRED | FLAG_OVERLAPS == 7);
+// Shaders write flags as bits 0 to 2.
+const _: () = assert!(FLAG_UNSORTED | FLAG_REPAIRED | FLAG_OVERLAPS == 7);
 
 /// Entries of the k-buffer that a repair sorts with.
 pub(crate) const REPAIR_K: u32 = 15;

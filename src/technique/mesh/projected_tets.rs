@@ -23,7 +23,7 @@ use crate::error::Result;
 use crate::frame::depth_measure::DepthMeasure;
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::Canvas;
-use crate::gpu::shader::{MOST_TURNS, PROJECTED_TETS_COMPUTE, ProjectedTetsCompute};
+use crate::gpu::shader::{PROJECTED_TETS_COMPUTE, ProjectedTetsCompute};
 use crate::gpu::{Bound, Buffer, Image, Recorder, TargetImage};
 use crate::resident::GpuScene;
 use crate::resident::mesh::Primitives;
@@ -49,7 +49,7 @@ impl Draw for Options {
             options: self.mesh,
             resolve,
             k: 0,
-            chunk: Some(MOST_TURNS),
+            chunk: Some(scene.gpu().turns()?),
             repair: (self.repair != Some(Repair::None)).then_some(cell_lists::resolve as ListShader),
             unsorted: "unsorted_pixels",
         };

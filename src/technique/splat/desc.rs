@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::gpu::shader::{
-    LOWPASS_AUTO, LOWPASS_FULL, LOWPASS_NONE, MOST_TURNS, ORDER_CENTRES, ORDER_NEAREST, ORDER_SHEETS, SHEETS,
+    LOWPASS_AUTO, LOWPASS_FULL, LOWPASS_NONE, ORDER_CENTRES, ORDER_NEAREST, ORDER_SHEETS, SHEETS,
     SPLAT_WINDOW,
 };
 use crate::scene::Kernels;
@@ -70,6 +70,8 @@ pub(crate) struct SplatDesc {
     pub(crate) filter: Filter,
     /// Variance of the pixel's filter, in pixels.
     pub(crate) variance: f64,
+    /// Loop iterations of one invocation, at least 2.
+    pub(crate) turns: u32,
     pub(crate) options: SplatOptions,
 }
 
@@ -78,8 +80,8 @@ impl SplatDesc {
     pub(crate) fn iterations(&self) -> u32 {
         match self.accumulation {
             // Each splat also takes an iteration of the window's own loop for each of its places.
-            Accumulation::Window => MOST_TURNS / (2 * SPLAT_WINDOW + 2),
-            _ => MOST_TURNS,
+            Accumulation::Window => (self.turns / (2 * SPLAT_WINDOW + 2)).max(1),
+            _ => self.turns,
         }
     }
 

@@ -141,6 +141,7 @@ impl Draw for Options {
             template: None,
             filter: self.filter,
             variance: self.variance,
+            turns: scene.gpu().turns()?,
             options: self.splat,
         };
         Ok(Box::new(SplatFrame::new(scene, view, target, desc)?))

@@ -98,6 +98,7 @@ impl Draw for Options {
             template: (self.template > 0).then_some(self.template),
             filter: Filter::None,
             variance: 0.3,
+            turns: scene.gpu().turns()?,
             options: self.splat,
         };
         Ok(Box::new(SplatFrame::new(scene, view, target, desc)?))

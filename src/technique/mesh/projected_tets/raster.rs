@@ -142,14 +142,13 @@ impl Shaders<'_> {
         })
     }
 
-    /// Binds the shader that makes outlines, for a rasteriser with so many bits of a pixel's fraction.
-    fn outlines(&self, subpixel_bits: u32) -> Bound {
+    /// Binds the shader that makes outlines.
+    fn outlines(&self) -> Bound {
         PROJECTED_TETS_OUTLINES.with(&ProjectedTetsOutlines {
             boxes: self.ranking.boxed.read(),
             polygons: self.polygons.write(),
             primitives: self.ranking.primitives.read(),
             view_points: self.ranking.view_points.read(),
-            subpixel_bits,
         })
     }
 
@@ -244,7 +243,7 @@ impl TetsRaster {
             back_to_front: desc.options.back_to_front(),
         };
         let (part, making, drawing) = match (fans, options.shade) {
-            (false, _) => ("outlines", shaders.outlines(gpu.subpixel_bits()), shaders.draw_outlines()),
+            (false, _) => ("outlines", shaders.outlines(), shaders.draw_outlines()),
             (true, Shade::Fragment) => ("fans", shaders.fans(false), shaders.draw_fans()),
             (true, Shade::Vertex) => ("fans", shaders.fans(true), shaders.draw_shaded_fans()),
         };

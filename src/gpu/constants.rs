@@ -1,0 +1,52 @@
+//! Specialisation constants that take properties of the device.
+
+use super::device::Gpu;
+use super::inputs::Bound;
+use super::pipeline::SpecConstant;
+use crate::error::Result;
+
+/// A property of the device that shaders read as a specialisation constant, `DEVICE_*` in `glsl`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum DeviceConstant {
+    /// Loop iterations of one invocation.
+    Turns,
+    /// Bits of a pixel's fraction to which the rasteriser rounds corners.
+    SubpixelBits,
+    /// Bits of emulated filter weights; 0 where the sampler's own are used.
+    WeightBits,
+    /// Whether workgroups take their work in reverse order.
+    Permuted,
+}
+
+/// Bits of the fraction of filter weights, as samplers of GPUs have.
+const WEIGHT_BITS: u32 = 8;
+
+/// Loop iterations of one invocation on a device without a limit: at 100 ns each a tenth of a second, far below what watchdogs of operating
+/// systems allow.
+const MOST_TURNS: u32 = 1 << 20;
+
+impl Gpu {
+    /// Returns the loop iterations that shaders may make in one invocation, summed over the loops that count them.
+    pub(crate) fn turns(&self) -> Result<u32> {
+        let limit = self.loop_limit()?.min(MOST_TURNS);
+        // Loops that do not count theirs have the rest.
+        Ok((limit - limit / 12).max(1))
+    }
+
+    /// Returns the constants of shaders with their inputs.
+    pub(super) fn constants(&self, bound: &Bound) -> Result<Vec<SpecConstant>> {
+        let mut constants = bound.constants.clone();
+        for &(constant, number) in bound.shaders.iter().flat_map(|shader| shader.device) {
+            let value = match constant {
+                DeviceConstant::Turns => self.turns()?,
+                DeviceConstant::SubpixelBits => self.subpixel_bits(),
+                DeviceConstant::WeightBits => u32::from(self.inner.emulates_weights) * WEIGHT_BITS,
+                DeviceConstant::Permuted => self.inner.permutes.into(),
+            };
+            if !constants.contains(&(number, value)) {
+                constants.push((number, value));
+            }
+        }
+        Ok(constants)
+    }
+}
