@@ -16,13 +16,24 @@ pub(crate) struct DeviceArgs {
     /// Give a software device the passes of a GPU: wide workgroups, an invocation for each pixel. Slower, for tests.
     #[arg(long)]
     as_hardware: bool,
+    /// Round the weights of linear filters to 8 bits, as the samplers of most GPUs do. For tests.
+    #[arg(long)]
+    coarse_weights: bool,
+    /// Have workgroups take their work in reverse order. Images must not depend on it. For tests.
+    #[arg(long)]
+    permute: bool,
 }
 
 impl DeviceArgs {
     /// Returns options of the device.
     pub(crate) fn options(&self) -> GpuOptions {
-        let (device, as_hardware) = (self.device.clone(), self.as_hardware);
-        GpuOptions { device, as_hardware, ..GpuOptions::default() }
+        GpuOptions {
+            device: self.device.clone(),
+            as_hardware: self.as_hardware,
+            emulate_filter_weights: self.coarse_weights,
+            permute: self.permute,
+            ..GpuOptions::default()
+        }
     }
 
     /// Opens the device, and returns it with its validation log, which outlives it.

@@ -67,10 +67,12 @@ impl Workbench {
 
     /// Opens a separate device under some validation.
     pub(super) fn open_under(&self, validation: Validation, options: GpuOptions) -> Result<Gpu> {
-        let GpuOptions { device, as_hardware, .. } = self.device.options();
+        let GpuOptions { device, as_hardware, emulate_filter_weights, permute, .. } = self.device.options();
         Gpu::new(&GpuOptions {
             device,
             as_hardware,
+            emulate_filter_weights,
+            permute,
             validation,
             validation_log: Some(Arc::clone(&self.log)),
             no_pipeline_cache: true,
