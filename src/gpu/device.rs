@@ -74,7 +74,8 @@ pub(crate) struct Inner {
     pub(super) lost: OnceLock<&'static str>,
     pub(super) staging_bytes: u64,
     pub(super) loop_limit: OnceLock<u32>,
-    pub(super) filters_in_8_bit: OnceLock<bool>,
+    /// Largest errors of the filters of 8-bit and 16-bit volumes.
+    pub(super) filter_errors: OnceLock<[f64; 2]>,
     /// Microseconds spent on building pipelines.
     pub(super) pipeline_us: AtomicU64,
     pub(super) allocator: Mutex<Option<Allocator>>,

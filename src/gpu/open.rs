@@ -155,7 +155,7 @@ impl Gpu {
             lost: OnceLock::new(),
             staging_bytes: options.staging_bytes.unwrap_or(STAGING_BYTES).max(1),
             loop_limit: options.loop_limit.map(|limit| limit.max(1).into()).unwrap_or_default(),
-            filters_in_8_bit: OnceLock::new(),
+            filter_errors: OnceLock::new(),
             pipeline_us: AtomicU64::new(0),
             allocator: Mutex::new(None),
             queue,

@@ -51,22 +51,35 @@ impl Gpu {
     ///
     /// [`Error::Vulkan`](crate::Error::Vulkan) when the probe cannot run.
     pub fn filters_in_8_bit(&self) -> Result<bool> {
-        if let Some(&answer) = self.inner.filters_in_8_bit.get() {
-            return Ok(answer);
+        let [coarse, fine] = self.filter_errors()?;
+        // Rounding to 8 bits adds an error of at least half of 1/255. Weights of 8 bits, common in hardware, affect both formats alike:
+        // widening would not help.
+        Ok(coarse - fine > 0.3 / 255.0)
+    }
+
+    /// Returns the largest error of a linear filter between two samples, in units of their difference: 0.002 where weights are rounded to 8
+    /// bits; `filter=exact` has none.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Vulkan`](crate::Error::Vulkan) when the probe cannot run.
+    pub fn filter_error(&self) -> Result<f64> {
+        Ok(self.filter_errors()?[1])
+    }
+
+    /// Returns the largest errors of the filters of 8-bit and 16-bit volumes; zeros where the device does not filter both.
+    fn filter_errors(&self) -> Result<[f64; 2]> {
+        if let Some(&errors) = self.inner.filter_errors.get() {
+            return Ok(errors);
         }
         let linear = vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR;
-        let both =
-            [vk::Format::R8_UNORM, vk::Format::R16_UNORM].map(|f| self.image_features(f).contains(linear));
-        let answer = if both == [true, true] {
-            let coarse = self.filter_error(vk::Format::R8_UNORM)?;
-            let fine = self.filter_error(vk::Format::R16_UNORM)?;
-            // Rounding to 8 bits causes an error of at least half of 1/255. Weights of 8 bits, common in
-            // hardware, affect both formats alike: widening would not help.
-            coarse > 0.4 / 255.0 && fine < 0.5 * coarse
+        let formats = [vk::Format::R8_UNORM, vk::Format::R16_UNORM];
+        let errors = if formats.iter().all(|&format| self.image_features(format).contains(linear)) {
+            [self.probe_filter(formats[0])?, self.probe_filter(formats[1])?]
         } else {
-            false
+            [0.0; 2]
         };
-        Ok(*self.inner.filters_in_8_bit.get_or_init(|| answer))
+        Ok(*self.inner.filter_errors.get_or_init(|| errors))
     }
 
     /// Returns how many of `count` iterations of one loop an invocation makes.
@@ -76,7 +89,7 @@ impl Gpu {
     }
 
     /// Returns the largest error of the linear filter between a texel of 0 and one of 1.
-    pub(crate) fn filter_error(&self, format: vk::Format) -> Result<f64> {
+    fn probe_filter(&self, format: vk::Format) -> Result<f64> {
         const POSITIONS: u32 = 1024;
         let desc = ImageDesc::sampled_volume(format, [2, 2, 2]);
         let texel = desc.texel_bytes() / 8;

@@ -16,7 +16,7 @@ pub mod caller;
 pub mod cut;
 mod devices;
 
-pub use devices::{TestGpu, fresh_gpu, gpu, gpu_with, keep, provoked_gpu, undisturbed};
+pub use devices::{TestGpu, emulates, fresh_gpu, gpu, gpu_with, keep, provoked_gpu, undisturbed};
 use glam::{DVec2, DVec3};
 use volraster::GpuScene;
 use volraster::Image;

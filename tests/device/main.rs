@@ -19,6 +19,7 @@ mod bounds;
 mod choice;
 mod extremes;
 mod grids;
+mod hardware;
 mod havs_routes;
 mod layers;
 mod meshes;

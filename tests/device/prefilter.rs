@@ -158,7 +158,9 @@ fn magnified_data_is_not_blurred() {
                 Renderer::new(&gpu_scene, t).render(&view).unwrap()
             };
             let errors = ImageErrors::between(&render("mip"), &render("none")).unwrap();
-            assert!(errors.all.max_abs < 1e-5, "{kind} {spec}: {errors}");
+            // Coordinates round in another way, and then coarse weights may.
+            let bound = 1e-5 + 0.1 * gpu.filter_error().unwrap();
+            assert!(errors.all.max_abs < bound, "{kind} {spec}: {errors}");
         }
     }
     let grid = cube(8, |x, _, _| if x == 3 { f32::NAN } else { 0.5 });

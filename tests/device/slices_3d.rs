@@ -180,7 +180,7 @@ fn plane_ends_are_the_classic_polygons() {
 fn eight_bit_data_is_filtered_finely() {
     let gpu = gpu();
     let coarse = gpu.filters_in_8_bit().unwrap();
-    println!("filters in 8 bit: {coarse}");
+    println!("filters in 8 bit: {coarse}, error {:.1e}", gpu.filter_error().unwrap());
     if gpu.report().name.contains("llvmpipe") {
         assert!(coarse, "lavapipe filters 8-bit volumes in 8-bit fixed point, and the probe must see it");
     }
@@ -204,5 +204,6 @@ fn eight_bit_data_is_filtered_finely() {
     assert!((exact - twin).abs() < 1e-6, "exact {exact:e} of u8, {twin:e} of the same as f32");
     // Sampling dominates: 8-bit rounding (0.75/255 at tau slopes of 375) would add some 1e-2.
     println!("hardware {hardware:e}, exact {exact:e}");
-    assert!(!coarse || hardware < 1.2 * exact + 1e-4, "hardware {hardware:e}, exact {exact:e}");
+    let floor = 1e-4 + 0.2 * gpu.filter_error().unwrap();
+    assert!(!coarse || hardware < 1.2 * exact + floor, "hardware {hardware:e}, exact {exact:e}");
 }

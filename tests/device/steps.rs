@@ -35,5 +35,6 @@ fn the_document_lists_the_passes_of_frames() {
         return;
     }
     let remake = "VOLRASTER_WRITE_STEPS=1 tools/test.sh -- lists_the_passes writes it";
-    assert!(!gpu.is_software() || document == written, "docs/TECHNIQUES.md lists other passes; {remake}");
+    let usual = gpu.is_software() && !emulates("as-hardware");
+    assert!(!usual || document == written, "docs/TECHNIQUES.md lists other passes; {remake}");
 }

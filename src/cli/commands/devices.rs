@@ -56,6 +56,7 @@ fn chosen_json(gpu: &Gpu) -> Result<Value> {
         "max_image_3d": gpu.max_image_3d(),
         "loop_limit": loop_limit(gpu)?,
         "filters_in_8_bit": gpu.filters_in_8_bit()?,
+        "filter_error": gpu.filter_error()?,
         "features": OptionalFeature::ALL.iter().map(feature).collect::<Value>(),
     }))
 }

@@ -123,6 +123,10 @@ fn other_scalars_and_transfer_functions_share_the_mesh() {
 /// Where a shader sees little of a buffer, the image is drawn in bands of tiles, to the same bit.
 #[test]
 fn own_device_bands_change_nothing() {
+    if emulates("as-hardware") {
+        println!("skipped: the bins of a GPU need more than the 96 KiB that make bands of this image");
+        return;
+    }
     let scene = Scene::new(needles(6), transfer(&HAZE));
     let view = needles_view(150, 83);
     let specs = ["havs", "havs:k=1", "havs:k=2,chunk=7", "abuffer"];
