@@ -80,7 +80,8 @@ pub struct Plan {
 pub struct Status {
     /// Whether everything was drawn. `false` when a buffer was too small: prepare anew, which allocates more, and repeat.
     pub complete: bool,
-    /// Passes with their times on the device, in the order of recording. Empty where the device has no timestamps.
+    /// Passes with their times on the device, in the order of recording. Empty where the device has no timestamps, and for
+    /// [`TargetDesc::without_times`].
     pub passes: Vec<PassTime>,
     /// Counts of work that only the device knows.
     pub counters: Vec<(&'static str, u64)>,
@@ -197,7 +198,9 @@ impl Plan {
             plan.record_after(recorder, Some(target));
         });
         plan.most_passes += passes(&shared);
-        plan.timers = Timers::new(gpu, plan.most_passes)?;
+        if !target.untimed {
+            plan.timers = Timers::new(gpu, plan.most_passes)?;
+        }
         Ok(plan)
     }
 
@@ -338,7 +341,7 @@ impl Plan {
             self.record_after(recorder, Some(target));
         });
         let mut lines: Vec<(String, u32)> = Vec::new();
-        for line in steps.iter().filter(|step| step.is_pass()).map(ToString::to_string) {
+        for line in steps.iter().filter(|step| !step.leaves()).map(ToString::to_string) {
             match lines.last_mut() {
                 Some((last, times)) if *last == line => *times += 1,
                 _ => lines.push((line, 1)),

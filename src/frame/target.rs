@@ -27,25 +27,32 @@ pub enum TargetMode {
 pub struct TargetDesc {
     pub(crate) caller: Option<(vk::Format, TargetMode)>,
     pub(crate) depth: bool,
+    pub(crate) untimed: bool,
 }
 
 impl TargetDesc {
     /// An image of the plan's own, to be read back.
     #[must_use]
     pub fn own() -> Self {
-        Self { caller: None, depth: false }
+        Self { caller: None, depth: false, untimed: false }
     }
 
     /// A colour image of the caller, of the view's extent. Values are premultiplied linear RGBA; an sRGB format encodes them.
     #[must_use]
     pub fn caller(format: vk::Format, mode: TargetMode) -> Self {
-        Self { caller: Some((format, mode)), depth: false }
+        Self { caller: Some((format, mode)), ..Self::own() }
     }
 
     /// The same target with a depth image in each recording. Each pixel's ray ends at the depth that the image stores.
     #[must_use]
     pub fn with_depth(self) -> Self {
         Self { depth: true, ..self }
+    }
+
+    /// The same target without times of passes. A recording then has no timestamps, each of which waits for the pass before.
+    #[must_use]
+    pub fn without_times(self) -> Self {
+        Self { untimed: true, ..self }
     }
 
     pub(crate) fn format(&self) -> Option<vk::Format> {

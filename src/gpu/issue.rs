@@ -61,7 +61,7 @@ impl Gpu {
                 // SAFETY: the buffer holds these planes of the level; barriers order layouts and accesses.
                 unsafe { device.cmd_copy_buffer_to_image(raw, buffer.raw, image.raw, layout, &[region]) };
             }
-            Work::Leave => {}
+            Work::Leave | Work::Inherit(..) => {}
         }
     }
 

@@ -66,12 +66,21 @@ impl<'a> Recorder<'a> {
 
     /// Declares the last use of an image by an earlier submission, which has ended.
     pub(crate) fn assume_after(&mut self, image: &Arc<Image>, last: Use) {
-        self.tracker.begin_after(Used::Image(Arc::clone(image)).key(), last);
+        self.inherit(Used::Image(Arc::clone(image)), last);
     }
 
     /// Declares the last use of a buffer by an earlier submission, which has ended.
     pub(crate) fn assume_buffer_after(&mut self, buffer: &Arc<Buffer>, last: Use) {
-        self.tracker.begin_after(Used::Buffer(Arc::clone(buffer)).key(), last);
+        self.inherit(Used::Buffer(Arc::clone(buffer)), last);
+    }
+
+    fn inherit(&mut self, used: Used, last: Use) {
+        self.step(&used.name().to_string(), Work::Inherit(used, last));
+    }
+
+    /// Returns whether the steps are recorded for a submission, not only collected.
+    pub(crate) fn records(&self) -> bool {
+        self.commands.is_some()
     }
 
     fn step(&mut self, name: &str, work: Work) {
@@ -240,8 +249,12 @@ impl<'a> Recorder<'a> {
         commands.next_part();
     }
 
-    /// Records the barriers before the uses of a step.
+    /// Records the barriers before the uses of a step, in one command.
     fn barriers(&mut self, commands: &CommandBuffer, step: &Step) {
+        if let Work::Inherit(used, last) = &step.work {
+            self.tracker.begin_after(used.key(), *last);
+        }
+        let (mut of_memory, mut of_images) = (Vec::new(), Vec::new());
         for (used, usage) in &step.uses {
             let key = used.key();
             match used {
@@ -254,20 +267,23 @@ impl<'a> Recorder<'a> {
                 _ => {}
             }
             let Some(barrier) = self.tracker.next(key, *usage) else { continue };
-            let (of_buffer, of_image);
-            let info = match used {
-                Used::Buffer(buffer) => {
-                    of_buffer = [buffer_barrier(buffer.raw, &barrier)];
-                    vk::DependencyInfo::default().buffer_memory_barriers(&of_buffer)
-                }
+            match used {
+                // Drivers order all memory alike, so equal barriers are one.
+                Used::Buffer(_) if of_memory.contains(&barrier) => {}
+                Used::Buffer(_) => of_memory.push(barrier),
                 Used::Image(_) | Used::Target(_) => {
-                    of_image = [image_barrier(vk::Image::from_raw(key.1), &barrier)];
-                    vk::DependencyInfo::default().image_memory_barriers(&of_image)
+                    of_images.push(image_barrier(vk::Image::from_raw(key.1), &barrier));
                 }
-            };
-            // SAFETY: recording, outside of rendering; handles in `info` are alive; synchronization2 is on.
-            unsafe { self.gpu.device().cmd_pipeline_barrier2(commands.raw(), &info) };
+            }
         }
+        if of_memory.is_empty() && of_images.is_empty() {
+            return;
+        }
+        let of_memory: Vec<_> = of_memory.iter().map(memory_barrier).collect();
+        let info =
+            vk::DependencyInfo::default().memory_barriers(&of_memory).image_memory_barriers(&of_images);
+        // SAFETY: recording, outside of rendering; handles in `info` are alive; synchronization2 is on.
+        unsafe { self.gpu.device().cmd_pipeline_barrier2(commands.raw(), &info) };
     }
 
     /// Writes the timestamp before a pass, or the one after the last. It waits for earlier work, whose time does not count for the pass.
@@ -284,16 +300,12 @@ impl<'a> Recorder<'a> {
     }
 }
 
-fn buffer_barrier(buffer: vk::Buffer, barrier: &Barrier) -> vk::BufferMemoryBarrier2<'static> {
-    vk::BufferMemoryBarrier2::default()
+fn memory_barrier(barrier: &Barrier) -> vk::MemoryBarrier2<'static> {
+    vk::MemoryBarrier2::default()
         .src_stage_mask(barrier.src_stage)
         .src_access_mask(barrier.src_access)
         .dst_stage_mask(barrier.dst_stage)
         .dst_access_mask(barrier.dst_access)
-        .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-        .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-        .buffer(buffer)
-        .size(vk::WHOLE_SIZE)
 }
 
 fn image_barrier(image: vk::Image, barrier: &Barrier) -> vk::ImageMemoryBarrier2<'static> {

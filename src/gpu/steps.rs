@@ -97,6 +97,8 @@ pub(crate) enum Work {
     CopyBufferToImage { buffer: Arc<Buffer>, image: Arc<Image>, level: u32, planes: [u32; 2] },
     /// Only makes the resources ready for their uses, also for later recordings. This is no pass.
     Leave,
+    /// Only says how an earlier submission, which has ended, has used a resource last. This is no pass.
+    Inherit(Used, Use),
 }
 
 impl Work {
@@ -134,7 +136,7 @@ impl Work {
             Self::CopyBufferToImage { buffer: from, image: to, .. } => {
                 vec![buffer(from, Use::TransferRead), image(to, Use::TransferWrite)]
             }
-            Self::Leave => Vec::new(),
+            Self::Leave | Self::Inherit(..) => Vec::new(),
         }
     }
 }
@@ -153,9 +155,14 @@ impl Step {
         Self { name: name.to_string(), uses: work.uses(), work }
     }
 
+    /// Returns whether the step only makes resources ready for later.
+    pub(crate) fn leaves(&self) -> bool {
+        matches!(self.work, Work::Leave)
+    }
+
     /// Returns whether the step is a pass, which has a timestamp.
     pub(crate) fn is_pass(&self) -> bool {
-        !matches!(self.work, Work::Leave)
+        !matches!(self.work, Work::Leave | Work::Inherit(..))
     }
 }
 
@@ -189,6 +196,7 @@ impl fmt::Display for Step {
                 "copy"
             }
             Work::Leave => "leave",
+            Work::Inherit(..) => "from an earlier frame",
         };
         write!(f, "{}: {work}", self.name)?;
         for (what, writes) in [("reads", false), ("writes", true)] {

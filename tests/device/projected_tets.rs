@@ -285,6 +285,8 @@ fn fans_in_space_serve_every_view_from_one_eye() {
         let first = looking(DVec3::ZERO, 42.0);
         let mut frames = Renderer::new(&on_gpu, technique(&spec)).frames(&first).unwrap();
         let mut reused = Vec::new();
+        // Listing steps records nothing that a frame could reuse.
+        assert!(!frames.plan().steps().iter().any(|step| step.contains("earlier")));
         let moved = View::new(Camera { eye: base.eye * 1.1, ..base }, 64, 48).unwrap();
         for view in [
             first,
@@ -306,6 +308,10 @@ fn fans_in_space_serve_every_view_from_one_eye() {
             assert!(errors.all.rmse < 1e-4, "{spec}: reused against made anew: {errors}");
         }
         assert_eq!(reused, [[0, 0], [1, 1], [1, 1], [1, 1], [0, 0], [1, 1]], "{spec}");
+        // What an earlier submission wrote is made visible.
+        let steps = frames.plan().steps();
+        let earlier = ["polygons", "order"].map(|name| format!("{name}: from an earlier frame"));
+        assert!(earlier.iter().all(|line| steps.contains(line)), "{steps:#?}");
     }
     // Of parallel rays the direction counts, not the place.
     let base = camera(orthographic(), 1.0);

@@ -6,6 +6,7 @@ use crate::error::Result;
 use crate::gpu::shader::{
     MESH_LISTS_BOXES, MESH_LISTS_POINTS, MeshListsBoxes, MeshListsPoints, STATUS_WORDS,
 };
+use crate::gpu::sync::Use;
 use crate::gpu::{Buffer, BufferUse, Gpu, Recorder};
 use crate::interface::MeshPush;
 use crate::num;
@@ -146,6 +147,12 @@ impl Ranking {
             Some(order) => recorder.copy_buffer("order", order, &self.order, self.order.size()),
             None => self.sort.record(recorder),
         }
+    }
+
+    /// Declares that an earlier submission has ranked the primitives.
+    pub(crate) fn assume_order(&self, recorder: &mut Recorder<'_>) {
+        let last = if self.given.is_some() { Use::TransferWrite } else { Use::ComputeReadWrite };
+        recorder.assume_buffer_after(&self.order, last);
     }
 
     /// Replaces the ranks from the host. Returns `false`, and changes nothing, while a recording reads the old ones.

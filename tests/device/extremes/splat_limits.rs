@@ -250,7 +250,7 @@ fn crowded(run: &mut Run<'_>) {
     let camera = Camera { eye: DVec3::Z * 5.0, target: DVec3::ZERO, up: DVec3::Y, projection };
     let view = View::new(camera, 8, 8).unwrap();
     let scene = scene_of(&balls, 3.0, fog(1.0));
-    let mut draw = |run: &mut Run<'_>, limited: bool| {
+    let draw = |run: &mut Run<'_>, limited: bool| {
         by(run, &EXACT, &scene, &view, NO_STOP, |_, frame| {
             let rounds = frame.counter("rounds").unwrap_or(0);
             if (rounds > 1) != limited {

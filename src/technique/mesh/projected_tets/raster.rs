@@ -19,6 +19,7 @@ use crate::gpu::shader::{
     TET_FANS_BUILD, TET_FANS_FRAGMENT, TET_FANS_SHADED_FRAGMENT, TET_FANS_SHADED_VERTEX, TET_FANS_VERTEX,
     TetFansBuild, TetFansFragment, TetFansShadedFragment, TetFansShadedVertex, TetFansVertex,
 };
+use crate::gpu::sync::Use;
 use crate::gpu::{
     Attachment, Blend, Bound, Buffer, Descriptors, GraphicsState, Image, Pipeline, Recorder, TargetImage,
 };
@@ -62,6 +63,8 @@ pub(crate) struct TetsRaster {
     ranking: Ranking,
     /// Makes polygons: outlines, or fans.
     polygons: Dispatch,
+    /// What that pass writes: outlines or fans.
+    fans: Arc<Buffer>,
     pipeline: Arc<Pipeline>,
     descriptors: Arc<Descriptors>,
     /// The image that is drawn into; `None` where it is the target.
@@ -266,6 +269,7 @@ impl TetsRaster {
             space,
             push,
             polygons: make_polygons,
+            fans: polygons,
             pipeline,
             descriptors,
             image,
@@ -332,10 +336,14 @@ impl TetsRaster {
             self.ranking.record_boxes(recorder, &push);
             self.ranking.record_order(recorder);
         }
-        if !fans {
+        if fans {
+            recorder.assume_buffer_after(&self.fans, Use::ComputeReadWrite);
+        } else {
             self.polygons.record(recorder, &push, groups);
         }
-        if self.options.plane == Plane::Space && !ranks {
+        if ranks {
+            self.ranking.assume_order(recorder);
+        } else if self.options.plane == Plane::Space {
             self.ranking.record_order(recorder);
         }
         let vertices = if self.options.has_fans() { FAN_VERTICES } else { OUTLINE_VERTICES };
@@ -397,8 +405,10 @@ impl Prepared for TetsRaster {
         // The next recording can reuse the results of this one, because a plan has one in flight.
         let mut built = self.built.lock().unwrap_or_else(PoisonError::into_inner);
         let [fans, ranks] = self.serves(*built, &self.view);
-        *built = Some((Eye::of(&self.view), self.ranked));
-        *self.outcome.reused.lock().unwrap_or_else(PoisonError::into_inner) = [fans, ranks];
+        if recorder.records() {
+            *built = Some((Eye::of(&self.view), self.ranked));
+            *self.outcome.reused.lock().unwrap_or_else(PoisonError::into_inner) = [fans, ranks];
+        }
         self.record_frame(recorder, &attachment, clear, [fans, ranks]);
     }
 
