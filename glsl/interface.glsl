@@ -181,7 +181,8 @@
 #define STATUS_OVERLAPS 7        // pixels in which cells overlap
 #define STATUS_CUT 8             // pixels whose loop the device ended early
 #define STATUS_UNFINISHED 9      // invocations that another dispatch has to resume
-#define STATUS_WORDS 10
+#define STATUS_FILLED 10         // fragments that the pass which writes lists has found, modulo 2^32
+#define STATUS_WORDS 11
 
 // Flags of a pixel that has been drawn.
 #define FLAG_UNSORTED 1 // fragments left the k-buffer out of order

@@ -353,7 +353,7 @@ void main() {
     if ((wanted.x | wanted.y) == 0u) return;
     for (uint j = 0u; j < COUNT_BITS; ++j) counts[j] = uvec2(0u);
 
-    uint lost = 0u;
+    uint lost = 0u, filled = 0u;
     for (uint i = first; i < end; ++i) {
         uint id = bins[i];
         Primitive primitive = primitive_of(id, line0);
@@ -364,6 +364,7 @@ void main() {
             count(covered);
             continue;
         }
+        filled += uint(bitCount(covered.x) + bitCount(covered.y));
         for (uint turn = 0u; turn < TILE_PIXELS && (covered.x | covered.y) != 0u; ++turn) {
             bool lower = covered.x != 0u;
             uint word = mix(covered.y, covered.x, lower), bit = uint(findLSB(word)) + mix(32u, 0u, lower);
@@ -384,5 +385,6 @@ void main() {
         for (uint bit = 0u; bit < TILE_PIXELS; ++bit) cursors[in_band * TILE_PIXELS + bit] += count_of(bit);
     }
     if (lost > 0u) atomicAdd(status[STATUS_LOST], lost);
+    if (filled > 0u) atomicAdd(status[STATUS_FILLED], filled);
 }
 #endif
