@@ -13,7 +13,7 @@
 //! A file with `// entry` lines becomes one module for each of them, named for the file's stem and the entry. Other
 //! files are headers. The path in an `#include` starts at `glsl/`.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
@@ -61,7 +61,13 @@ fn main() {
             let plain = source.compile(&compiler, stage, &entry, false);
             let module = Module::parse(&plain);
             module.layouts(file, &mut layouts);
-            let shipped = if optimise { source.compile(&compiler, stage, &entry, true) } else { plain };
+            let shipped = if optimise {
+                let optimised = source.compile(&compiler, stage, &entry, true);
+                refuse_slow_searches(&name, &optimised);
+                optimised
+            } else {
+                plain
+            };
             let bytes: Vec<u8> = shipped.iter().flat_map(|word| word.to_le_bytes()).collect();
             write(&out.join(format!("{name}.spv")), bytes);
             let fields = module.fields(&name, &numbered);
@@ -647,6 +653,62 @@ impl Module {
             options.join(", "),
             device.join(", ")
         )
+    }
+}
+
+/// Refuses a module that takes SwiftShader's compiler more than a second. For each edge into a loop it searches breadth-first for a
+/// path from the loop's head that closes the loop, and marks blocks when it leaves them: the queue doubles with each selection that
+/// follows another. The module's functions are inlined.
+fn refuse_slow_searches(name: &str, words: &[u32]) {
+    const MOST_VISITS: u32 = 1 << 24;
+    let (mut outs, mut ins) = (BTreeMap::<u32, Vec<u32>>::new(), BTreeMap::<u32, BTreeSet<u32>>::new());
+    let (mut loops, mut at, mut block) = (Vec::new(), 5, 0);
+    while at < words.len() {
+        let (length, op) = ((words[at] >> 16) as usize, words[at] & 0xffff);
+        let Some(operands) = words.get(at + 1..at + length.max(1)) else { break };
+        let targets = match (op, operands) {
+            (248, [label]) => {
+                block = *label;
+                Vec::new()
+            }
+            (246, [merge, ..]) => {
+                loops.push((block, *merge));
+                Vec::new()
+            }
+            (249, [target]) => vec![*target],
+            (250, [_, yes, no, ..]) => vec![*yes, *no],
+            (251, [_, default, cases @ ..]) => {
+                cases.iter().skip(1).step_by(2).chain([default]).copied().collect()
+            }
+            _ => Vec::new(),
+        };
+        for target in targets {
+            ins.entry(target).or_default().insert(block);
+            outs.entry(block).or_default().push(target);
+        }
+        at += length.max(1);
+    }
+    let mut visits = 0;
+    for (head, merge) in loops {
+        for end in ins.get(&head).into_iter().flatten() {
+            let mut left = BTreeSet::from([merge]);
+            let mut queue = VecDeque::from([head]);
+            'search: while let Some(block) = queue.pop_front() {
+                visits += 1;
+                if visits > MOST_VISITS {
+                    refuse!(
+                        "{name}: SwiftShader compiles this for more than a second: too many branches follow each other in a loop; use mix() and all()"
+                    );
+                }
+                for out in outs.get(&block).into_iter().flatten().filter(|out| !left.contains(out)) {
+                    if out == end {
+                        break 'search;
+                    }
+                    queue.push_back(*out);
+                }
+                left.insert(block);
+            }
+        }
     }
 }
 
