@@ -59,7 +59,16 @@ impl Instance {
         let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
         let debug_utils = layer.is_some() || has(ext::debug_utils::NAME);
         let portability = has(ash::khr::portability_enumeration::NAME);
-        let raw = create(entry, validation, layer.as_ref(), &log, [debug_utils, portability])?;
+        let create =
+            |layer: Option<&Layer>| create(entry, validation, layer, &log, [debug_utils, portability]);
+        let raw = match create(layer.as_ref()) {
+            // Older loaders do not know the extension, and refuse it.
+            Err(vk::Result::ERROR_EXTENSION_NOT_PRESENT) => {
+                create(layer.as_ref().map(|layer| Layer { settings: false, ..layer.clone() }).as_ref())
+            }
+            created => created,
+        };
+        let raw = raw.map_err(|result| Error::vulkan("vkCreateInstance", result))?;
         let mut instance = Self {
             raw,
             messenger: None,
@@ -155,8 +164,10 @@ impl Loader {
     }
 }
 
+#[derive(Clone)]
 struct Layer {
     version: String,
+    /// Whether it takes settings by `VK_EXT_layer_settings`, else by `VK_EXT_validation_features`.
     settings: bool,
 }
 
@@ -184,7 +195,7 @@ fn create(
     layer: Option<&Layer>,
     log: &ValidationLog,
     [debug_utils, portability]: [bool; 2],
-) -> Result<ash::Instance> {
+) -> ash::prelude::VkResult<ash::Instance> {
     let mut names = Vec::new();
     if debug_utils {
         names.push(ext::debug_utils::NAME.as_ptr());
@@ -222,7 +233,7 @@ fn create(
     let info = info.application_info(&app).enabled_extension_names(&names).enabled_layer_names(&layers);
     // SAFETY: every pointer in `info` refers to a local that lives past the call; layer and
     // extensions were found by enumeration.
-    unsafe { entry.create_instance(&info, None) }.map_err(|result| Error::vulkan("vkCreateInstance", result))
+    unsafe { entry.create_instance(&info, None) }
 }
 
 /// Returns the checks to enable, as layers without `VK_EXT_layer_settings` take them, and as layers with it do.

@@ -25,7 +25,7 @@ pub enum Provocation {
     Synchronization,
     /// A shader that writes beyond its buffer, into memory that nothing uses.
     GpuAssisted,
-    /// A command pool whose buffers are reset one by one.
+    /// A command pool whose buffers are reset one by one, and a dispatch of no workgroups.
     BestPractices,
 }
 
@@ -73,7 +73,7 @@ impl Provocation {
             Self::BestPractices => (
                 "best-practices",
                 Validation::BestPractices,
-                &["BestPractices-vkCreateCommandPool-command-buffer-reset"],
+                &["vkCreateCommandPool-command-buffer-reset", "vkCmdDispatch-group-count-zero"],
             ),
         }
     }
@@ -114,21 +114,27 @@ impl Gpu {
             }
             Provocation::GpuAssisted => {
                 // The block of memory is larger, and no other resource lies in it.
-                let buffer = Arc::new(Buffer::new(self, "provoked", 64, BufferUse::ShaderWrite)?);
-                let bound = PROBE_OVERRUN.with(&ProbeLoop { result: buffer.write() });
-                let pipeline = self.compute_pipeline("provoked", &bound)?;
-                let descriptors = Arc::new(Descriptors::new(self, &pipeline, &bound)?);
-                let push = ProbePush { count: 64 };
-                Commands::new(self)?.run("provoked", |recorder| {
-                    recorder.dispatch("provoked", &pipeline, &descriptors, bytemuck::bytes_of(&push), [1; 3]);
-                })
+                self.dispatch_provoked(1)
             }
             Provocation::BestPractices => {
                 let pool = self.create_command_pool(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER)?;
                 // SAFETY: just made, unused.
                 unsafe { self.destroy_command_pool(pool) };
-                Ok(())
+                // Newer layers do not mind such pools.
+                self.dispatch_provoked(0)
             }
         }
+    }
+
+    /// Dispatches workgroups that write beyond their buffer.
+    fn dispatch_provoked(&self, groups: u32) -> Result<()> {
+        let buffer = Arc::new(Buffer::new(self, "provoked", 64, BufferUse::ShaderWrite)?);
+        let bound = PROBE_OVERRUN.with(&ProbeLoop { result: buffer.write() });
+        let pipeline = self.compute_pipeline("provoked", &bound)?;
+        let descriptors = Arc::new(Descriptors::new(self, &pipeline, &bound)?);
+        let push = ProbePush { count: 64 };
+        Commands::new(self)?.run("provoked", |recorder| {
+            recorder.dispatch("provoked", &pipeline, &descriptors, bytemuck::bytes_of(&push), [groups, 1, 1]);
+        })
     }
 }

@@ -66,9 +66,10 @@ impl Allowed {
     }
 }
 
-/// Returns the id in a message of the form `error ID: text`.
+/// Returns the id in a message of the form `error ID: text`, without the prefix that newer layers have dropped.
 pub(super) fn id_of(message: &str) -> &str {
-    message.split_whitespace().nth(1).map_or("", |id| id.trim_end_matches(':'))
+    let id = message.split_whitespace().nth(1).map_or("", |id| id.trim_end_matches(':'));
+    id.strip_prefix("UNASSIGNED-").unwrap_or(id)
 }
 
 #[cfg(test)]
