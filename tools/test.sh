@@ -2,7 +2,8 @@
 # Builds the tests and runs them under the validation layers:
 #
 #     tools/test.sh                    the gate's tests, on the default device
-#     tools/test.sh --all              every case of every test, on the system's driver and on a second one, and draws on a third
+#     tools/test.sh --all              every case of every test, on the system's driver and on a second one, the self-test at every width of
+#                                      subgroups, and draws on a third
 #     tools/test.sh --devices          only the tests that depend on a driver
 #     tools/test.sh [...] -- WORD...   only the tests whose names contain a word
 #
@@ -60,6 +61,20 @@ run() {
     sed -nE "s/^test (.*) \.\.\. (ok|FAILED).* <([0-9.]+)s>$/\3 $name::\1/p" "$scratch/log" >>"$scratch/times"
 }
 
+# selftest NAME VARIABLE... -- ARGUMENT...: runs the self-test, which counts as a test.
+selftest() {
+    local name=$1 variables=()
+    shift
+    while [ "$1" != -- ]; do variables+=("$1") && shift; done
+    shift
+    printf '\n==> %s\n' "$name"
+    if env "${variables[@]}" "${CARGO_TARGET_DIR:-target}/debug/volraster" selftest "$@"; then
+        passed=$((passed + 1))
+    else
+        failed=$((failed + 1))
+    fi
+}
+
 begin=$SECONDS
 cargo test --no-run 2>&1 | tee "$scratch/build"
 mapfile -t executables < <(sed -nE 's/^ *Executable .*\((.*)\)$/\1/p' "$scratch/build")
@@ -99,25 +114,30 @@ for driver in "${drivers[@]}"; do
             run "$driver" "$name" "$executable" "${filter[@]}"
         fi
     done
+    if $all && [ ${#filter[@]} = 0 ]; then
+        for width in 128 256 512; do
+            # The key of Mesa's shader cache lacks the width.
+            setting=(MESA_SHADER_CACHE_DIR="$scratch/mesa-$width" LP_NATIVE_VECTOR_WIDTH="$width")
+            selftest "self-test, vectors of $width bits, $driver" "${setting[@]}" --
+            selftest "self-test as on hardware, vectors of $width bits, $driver" "${setting[@]}" -- --as-hardware
+        done
+        selftest "self-test with coarse weights, permuted, $driver" -- --coarse-weights --permute
+    fi
 done
-# The draws of the self-test: on SwiftShader, and on lavapipe with other sizes of subgroups and with the passes of a GPU.
-selftest() { # NAME ARGUMENT...: counts as a test
-    local name=$1
-    shift
-    printf '\n==> %s\n' "$name"
-    if env "$@"; then passed=$((passed + 1)); else failed=$((failed + 1)); fi
-}
 if $all && [ ${#filter[@]} = 0 ]; then
-    program=${CARGO_TARGET_DIR:-target}/debug/volraster
+    # What differs on GPUs, on the last driver.
+    device=$(printf '%s\n' "${executables[@]}" | grep /device-)
+    for property in coarse-weights permute,as-hardware; do
+        export VOLRASTER_EMULATE=$property VOLRASTER_TESTS=
+        all=false run "$driver, $property" device "$device" "${own_device[@]/#/--skip=}"
+        all=false run "$driver, $property" device "$device" own_device
+    done
+    unset VOLRASTER_EMULATE
     tools/swiftshader.sh
     third=$PWD/.deps/swiftshader/vk_swiftshader_icd.json
     if [ -f "$third" ]; then
-        selftest 'draws, SwiftShader' -u LD_LIBRARY_PATH VK_DRIVER_FILES="$third" "$program" selftest --filter draw/
+        selftest 'draws, SwiftShader' -u LD_LIBRARY_PATH VK_DRIVER_FILES="$third" -- --filter draw/
     fi
-    for width in 128 256 512; do
-        selftest "draws as on hardware, vectors of $width bits, ${drivers[-1]}" LP_NATIVE_VECTOR_WIDTH="$width" \
-            "$program" selftest --filter draw/ --as-hardware
-    done
 fi
 if ! $devices || $all; then
     status=0

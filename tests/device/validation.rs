@@ -36,6 +36,9 @@ fn a_core_error_is_heard() {
     assert!(heard(&messages, "VUID-VkBufferCreateInfo-size-00912"), "{messages:#?}");
 }
 
+/// The message of a leak, by older layers and by newer ones.
+const LEAK: [&str; 2] = ["VUID-vkDestroyDevice-device-00378", "VUID-vkDestroyDevice-device-05137"];
+
 #[test]
 fn a_leak_is_heard_after_the_device_is_gone() {
     let gpu = validated();
@@ -45,7 +48,8 @@ fn a_leak_is_heard_after_the_device_is_gone() {
     let _leaked = unsafe { gpu.handles().device.create_buffer(&info, None) }.unwrap();
     assert!(log.messages().is_empty());
     drop(gpu);
-    assert!(heard(&log.messages(), "VUID-vkDestroyDevice-device-00378"), "{:#?}", log.messages());
+    let messages = log.messages();
+    assert!(LEAK.iter().any(|id| heard(&messages, id)), "{messages:#?}");
 }
 
 /// A buffer of 256 bytes, its memory, and command buffers of a pool to fill it with.
@@ -145,7 +149,7 @@ fn child_keeps_memory_of_a_shared_device() {
 fn the_guard_fails_on_leaks_of_shared_devices() {
     let (success, text) = child("child_leaks_on_a_shared_device", &[]);
     assert!(!success && text.contains("at the end of shared devices"), "{text}");
-    assert!(text.contains("VUID-vkDestroyDevice-device-00378"), "{text}");
+    assert!(LEAK.iter().any(|id| text.contains(id)), "{text}");
     let (success, text) = child("child_keeps_memory_of_a_shared_device", &[]);
     assert!(!success && text.contains("still held when the test ends"), "{text}");
 }
@@ -161,7 +165,10 @@ fn gpu_assisted_validation_starts() {
         assert!(limit > 1000, "{limit}");
         let log = gpu.validation_log();
         drop(gpu);
-        assert!(log.messages().is_empty(), "{:#?}", log.messages());
+        // Newer layers tell how they adjust their settings, which is not about our calls.
+        let mut messages = log.messages();
+        messages.retain(|message| !["VALIDATION-SETTINGS", "WARNING-Setting"].iter().any(|id| message.contains(id)));
+        assert!(messages.is_empty(), "{messages:#?}");
     });
 }
 
