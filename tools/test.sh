@@ -118,8 +118,13 @@ for driver in "${drivers[@]}"; do
         for width in 128 256 512; do
             # The key of Mesa's shader cache lacks the width.
             setting=(MESA_SHADER_CACHE_DIR="$scratch/mesa-$width" LP_NATIVE_VECTOR_WIDTH="$width")
-            selftest "self-test, vectors of $width bits, $driver" "${setting[@]}" --
-            selftest "self-test as on hardware, vectors of $width bits, $driver" "${setting[@]}" -- --as-hardware
+            some=()
+            # The rasteriser of lavapipe 25.0.7 crashes in LLVM with vectors of 512 bits.
+            if [ "$driver $width" = "the second driver 512" ]; then
+                some=(--filter draw/slices-3d:route=compute --filter draw/raycast --filter draw/havs --filter draw/splat)
+            fi
+            selftest "self-test, vectors of $width bits, $driver" "${setting[@]}" -- "${some[@]}"
+            selftest "self-test as on hardware, vectors of $width bits, $driver" "${setting[@]}" -- --as-hardware "${some[@]}"
         done
         selftest "self-test with coarse weights, permuted, $driver" -- --coarse-weights --permute
     fi

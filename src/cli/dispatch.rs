@@ -6,7 +6,7 @@ use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 use crate::cli::commands::{
-    bench, calibrate, compare, convert, devices, info, reference, render, selftest, techniques,
+    bench, calibrate, compare, convert, devices, info, reference, render, selftest, shaders, techniques,
 };
 use crate::cli::output;
 
@@ -43,6 +43,8 @@ enum Command {
     Info(info::Args),
     /// Check every technique, route and resource path on this device under full validation.
     Selftest(selftest::Args),
+    /// Print what the driver's compiler tells of the shaders: registers, spills, occupancy, instructions.
+    Shaders(shaders::Args),
     /// Write a data file as NRRD (grids) or VTU (meshes and points).
     Convert(convert::Args),
 }
@@ -67,6 +69,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Techniques(args) => args.run(),
         Command::Info(args) => args.run(),
         Command::Selftest(args) => args.run(quiet),
+        Command::Shaders(args) => args.run(),
         Command::Convert(args) => args.run(quiet),
     };
     match outcome {

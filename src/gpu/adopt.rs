@@ -105,10 +105,11 @@ impl Gpu {
     /// - while this crate may submit, the queue is used, and the whole device waited for, only through
     ///   [`Gpu::with_queue`] or under `queue_lock`.
     pub unsafe fn from_raw(parts: GpuParts, options: &GpuOptions) -> Result<Self> {
-        if options.device.is_some() || options.validation != Validation::Off {
+        let own = options.device.is_some() || options.validation != Validation::Off;
+        if own || options.shader_statistics {
             return Err(Error::invalid(
                 "options of Gpu::from_raw",
-                "device and validation are for a device that the crate opens: leave them unset",
+                "device, validation and shader_statistics are for a device that the crate opens: leave them unset",
             ));
         }
         parts.check_handles()?;

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use ash::{ext, vk};
+use ash::{ext, khr, vk};
 use gpu_allocator::vulkan::Allocator;
 
 use super::budget::Budget;
@@ -66,6 +66,8 @@ pub(crate) struct Inner {
     pub(super) poison: bool,
     /// Whether shaders round filter weights as samplers of GPUs do.
     pub(super) emulates_weights: bool,
+    /// The functions that read statistics of shaders, where these are kept.
+    pub(super) statistics: Option<khr::pipeline_executable_properties::Device>,
     /// Whether workgroups take their work in reverse order.
     pub(super) permutes: bool,
     pub(super) cache_file: Option<PipelineCacheFile>,

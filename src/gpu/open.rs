@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex, OnceLock};
 
-use ash::{ext, vk};
+use ash::{ext, khr, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
 use super::budget::Budget;
@@ -14,6 +14,7 @@ use super::instance::Instance;
 use super::options::GpuOptions;
 use super::queue::Queue;
 use super::select::{self, Candidate, DeviceReport};
+use super::statistics;
 use crate::error::{Error, Result};
 
 /// Default size of the staging memory of an upload; larger data takes several submissions.
@@ -86,7 +87,14 @@ impl Gpu {
         let physical = candidate.raw;
         // SAFETY: `physical` was enumerated from this instance; only devices for Vulkan 1.3 are chosen.
         let enabled = unsafe { Enabled::useful(&instance.raw, physical) }?;
-        let names: Vec<_> = enabled.extensions.iter().map(|name| name.as_ptr()).collect();
+        let mut names: Vec<_> = enabled.extensions.iter().map(|name| name.as_ptr()).collect();
+        let mut statistics = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
+        if options.shader_statistics {
+            // SAFETY: `physical` was enumerated from this instance.
+            unsafe { statistics::check(&instance.raw, physical) }?;
+            names.push(khr::pipeline_executable_properties::NAME.as_ptr());
+            statistics.pipeline_executable_info = vk::TRUE;
+        }
         let mut features = vk::PhysicalDeviceFeatures::default()
             .fragment_stores_and_atomics(enabled.fragment_stores_and_atomics);
         // GPU-assisted validation makes every stage write.
@@ -112,6 +120,9 @@ impl Gpu {
         if enabled.fragment_shader_pixel_interlock {
             info = info.push_next(&mut interlock);
         }
+        if options.shader_statistics {
+            info = info.push_next(&mut statistics);
+        }
         // SAFETY: the pointers in `info` refer to locals; extensions and features were found present.
         let device = unsafe { instance.raw.create_device(physical, &info, None) }
             .map_err(|result| Error::vulkan("vkCreateDevice", result))?;
@@ -126,6 +137,9 @@ impl Gpu {
         let Opened { instance, device, mut candidate, enabled, queue, reports, owned } = opened;
         let physical = candidate.raw;
         let debug = instance.debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &device));
+        let statistics = options
+            .shader_statistics
+            .then(|| khr::pipeline_executable_properties::Device::new(&instance.raw, &device));
         let total = options
             .memory_budget
             .unwrap_or_else(|| free_memory(&instance, physical, enabled.has(ext::memory_budget::NAME)));
@@ -150,6 +164,7 @@ impl Gpu {
             poison: options.poison,
             emulates_weights: options.emulate_filter_weights,
             permutes: options.permute,
+            statistics,
             cache_file,
             cache: vk::PipelineCache::null(),
             lost: OnceLock::new(),

@@ -39,6 +39,9 @@ pub struct GpuOptions {
     pub emulate_filter_weights: bool,
     /// Whether workgroups take their work in reverse order. Images must not depend on the order. For tests.
     pub permute: bool,
+    /// Whether pipelines keep statistics of their shaders ([`Gpu::shader_statistics`](super::Gpu::shader_statistics)). An error
+    /// where the driver lacks `VK_KHR_pipeline_executable_properties`.
+    pub shader_statistics: bool,
     /// Whether each pass of the crate's own submissions gets a command buffer of its own. Synchronization validation of
     /// submissions then reports hazards between passes that it overlooks within one command buffer.
     pub command_buffer_by_pass: bool,

@@ -1,5 +1,7 @@
 //! Shaders, pipelines and their descriptions.
 
+use std::hash::{Hash, Hasher};
+
 use ash::vk;
 
 use super::constants::DeviceConstant;
@@ -45,10 +47,24 @@ pub(crate) struct GraphicsState {
     pub(crate) format: Option<vk::Format>,
 }
 
+impl PartialEq for Shader {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Eq for Shader {}
+
+impl Hash for Shader {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.name.hash(state);
+    }
+}
+
 /// Identifies a pipeline: equal keys mean the same pipeline.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct PipelineKey {
-    pub(super) shaders: Vec<&'static str>,
+    pub(super) shaders: Vec<&'static Shader>,
     pub(super) constants: Vec<SpecConstant>,
     pub(super) state: Option<GraphicsState>,
 }

@@ -19,36 +19,33 @@ impl Gpu {
         bound: &Bound,
         state: GraphicsState,
     ) -> Result<Arc<Pipeline>> {
-        self.find_or_build(bound, Some(state), name, |layout, constants| {
-            self.build_graphics(bound, constants, state, layout)
-        })
+        self.pipeline(name, self.key(bound, Some(state))?)
     }
 
     /// Returns the compute pipeline of a shader, built on first use.
     pub(crate) fn compute_pipeline(&self, name: &str, bound: &Bound) -> Result<Arc<Pipeline>> {
-        self.find_or_build(bound, None, name, |layout, constants| {
-            self.build_compute(bound, constants, layout)
-        })
+        self.pipeline(name, self.key(bound, None)?)
     }
 
-    fn find_or_build(
-        &self,
-        bound: &Bound,
-        state: Option<GraphicsState>,
-        name: &str,
-        build: impl FnOnce(vk::PipelineLayout, &[SpecConstant]) -> Result<vk::Pipeline>,
-    ) -> Result<Arc<Pipeline>> {
+    fn key(&self, bound: &Bound, state: Option<GraphicsState>) -> Result<PipelineKey> {
+        Ok(PipelineKey { shaders: bound.shaders.clone(), constants: self.constants(bound)?, state })
+    }
+
+    /// Returns the pipeline of a key, built on first use.
+    pub(super) fn pipeline(&self, name: &str, key: PipelineKey) -> Result<Arc<Pipeline>> {
         self.alive()?;
-        let shaders = bound.shaders.iter().map(|shader| shader.name).collect();
-        let key = PipelineKey { shaders, constants: self.constants(bound)?, state };
         let mut table = self.pipeline_table();
         if let Some(found) = table.get(&key) {
             return Ok(Arc::clone(found));
         }
         let start = Instant::now();
         let mut pipeline = Pipeline { name: name.to_string(), ..Pipeline::default() };
-        let layouts = self.make_layouts(&mut pipeline, &bound.shaders);
-        match layouts.and_then(|()| build(pipeline.layout, &key.constants)) {
+        let layouts = self.make_layouts(&mut pipeline, &key.shaders);
+        let build = |()| match key.state {
+            Some(state) => self.build_graphics(&key, state, pipeline.layout),
+            None => self.build_compute(&key, pipeline.layout),
+        };
+        match layouts.and_then(build) {
             Ok(raw) => pipeline.raw = raw,
             Err(error) => {
                 pipeline.destroy(self.device());
@@ -63,6 +60,14 @@ impl Gpu {
         let spent = u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
         self.inner.pipeline_us.fetch_add(spent, Ordering::Relaxed);
         Ok(pipeline)
+    }
+
+    /// Flags of new pipelines.
+    fn flags(&self) -> vk::PipelineCreateFlags {
+        match self.inner.statistics {
+            Some(_) => vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR,
+            None => vk::PipelineCreateFlags::empty(),
+        }
     }
 
     /// Creates the layouts that the shaders declare: set 0 with the union of their bindings.
@@ -106,15 +111,14 @@ impl Gpu {
 
     fn build_graphics(
         &self,
-        bound: &Bound,
-        constants: &[SpecConstant],
+        key: &PipelineKey,
         state: GraphicsState,
         layout: vk::PipelineLayout,
     ) -> Result<vk::Pipeline> {
-        let (entries, data) = specialisation(constants);
+        let (entries, data) = specialisation(&key.constants);
         let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
         let modules: Vec<Module<'_>> =
-            bound.shaders.iter().map(|shader| Module::new(self, shader)).collect::<Result<_>>()?;
+            key.shaders.iter().map(|shader| Module::new(self, shader)).collect::<Result<_>>()?;
         let stages: Vec<_> = modules.iter().map(|module| module.stage(&constants)).collect();
         let vertex_input = vk::PipelineVertexInputStateCreateInfo::default();
         let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(state.topology);
@@ -147,6 +151,7 @@ impl Gpu {
         let mut rendering =
             vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&formats[..colours]);
         let info = vk::GraphicsPipelineCreateInfo::default()
+            .flags(self.flags())
             .stages(&stages)
             .vertex_input_state(&vertex_input)
             .input_assembly_state(&assembly)
@@ -163,19 +168,17 @@ impl Gpu {
         self.first(built, "vkCreateGraphicsPipelines")
     }
 
-    fn build_compute(
-        &self,
-        bound: &Bound,
-        constants: &[SpecConstant],
-        layout: vk::PipelineLayout,
-    ) -> Result<vk::Pipeline> {
-        let (entries, data) = specialisation(constants);
+    fn build_compute(&self, key: &PipelineKey, layout: vk::PipelineLayout) -> Result<vk::Pipeline> {
+        let (entries, data) = specialisation(&key.constants);
         let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
-        let [shader] = bound.shaders[..] else {
+        let [shader] = key.shaders[..] else {
             return Err(Error::invalid("compute pipeline", "has one shader"));
         };
         let module = Module::new(self, shader)?;
-        let info = vk::ComputePipelineCreateInfo::default().stage(module.stage(&constants)).layout(layout);
+        let info = vk::ComputePipelineCreateInfo::default()
+            .flags(self.flags())
+            .stage(module.stage(&constants))
+            .layout(layout);
         // SAFETY: every pointer in `info` refers to a local; the module is alive.
         let built = unsafe { self.device().create_compute_pipelines(self.inner.cache, &[info], None) };
         self.first(built, "vkCreateComputePipelines")

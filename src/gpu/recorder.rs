@@ -75,7 +75,8 @@ impl<'a> Recorder<'a> {
     }
 
     fn inherit(&mut self, used: Used, last: Use) {
-        self.step(&used.name().to_string(), Work::Inherit(used, last));
+        let name = used.name().to_string();
+        self.step(&name, Work::Inherit(used, last));
     }
 
     /// Returns whether the steps are recorded for a submission, not only collected.

@@ -167,7 +167,9 @@ fn gpu_assisted_validation_starts() {
         drop(gpu);
         // Newer layers tell how they adjust their settings, which is not about our calls.
         let mut messages = log.messages();
-        messages.retain(|message| !["VALIDATION-SETTINGS", "WARNING-Setting"].iter().any(|id| message.contains(id)));
+        messages.retain(|message| {
+            !["VALIDATION-SETTINGS", "WARNING-Setting"].iter().any(|id| message.contains(id))
+        });
         assert!(messages.is_empty(), "{messages:#?}");
     });
 }

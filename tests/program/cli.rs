@@ -464,6 +464,24 @@ fn bench_takes_the_volumes_of_a_folder_and_says_what_it_passes_over() {
 }
 
 #[test]
+fn statistics_of_shaders_are_listed() {
+    let folder = Folder::new();
+    let run = folder.run("shaders --json");
+    if run.code == 3 {
+        assert!(run.err.contains("VK_KHR_pipeline_executable_properties"), "{}", run.err);
+        return;
+    }
+    let shaders = run.done().json();
+    let shaders = shaders.as_array().unwrap();
+    let march = |shader: &&serde_json::Value| shader["pipeline"] == "slabs.march";
+    let statistics = shaders.iter().find(march).unwrap()["statistics"].as_object().unwrap();
+    assert!(statistics.values().any(|value| value.as_f64().unwrap() > 0.0), "{statistics:?}");
+    let table = folder.run("shaders").done().out;
+    assert!(table.lines().count() == shaders.len() + 2 && table.contains("| slabs.march | "), "{table}");
+    folder.run("shaders --columns gone").fails(2, &["--columns", "gone"]);
+}
+
+#[test]
 fn devices_techniques_and_info_say_the_same_as_json() {
     let folder = with_scene();
     let devices = folder.run("devices --json").done().json();

@@ -11,4 +11,5 @@ pub(crate) mod info;
 pub(crate) mod reference;
 pub(crate) mod render;
 pub(crate) mod selftest;
+pub(crate) mod shaders;
 pub(crate) mod techniques;
