@@ -119,8 +119,8 @@ for driver in "${drivers[@]}"; do
             # The key of Mesa's shader cache lacks the width.
             setting=(MESA_SHADER_CACHE_DIR="$scratch/mesa-$width" LP_NATIVE_VECTOR_WIDTH="$width")
             some=()
-            # The rasteriser of lavapipe 25.0.7 crashes in LLVM with vectors of 512 bits.
-            if [ "$driver $width" = "the second driver 512" ]; then
+            # lavapipe crashes in LLVM 15 when it rasterises with vectors of 512 bits.
+            if [ "$width" = 512 ]; then
                 some=(--filter draw/slices-3d:route=compute --filter draw/raycast --filter draw/havs --filter draw/splat)
             fi
             selftest "self-test, vectors of $width bits, $driver" "${setting[@]}" -- "${some[@]}"
