@@ -97,7 +97,7 @@ void main() {
     float last = NOTHING;
     clear_window();
     Pending pending;
-    begin_segment(pending, end_at(0.0), end_at(0.0), 0.0);
+    begin_segment(pending, no_end(), no_end(), 0.0);
     Uncut rest = Uncut(pending.front, pending.back, vec2(0.0));
     // A turn for each piece of a line, and for each further piece of it between knots. After the last one the window is emptied.
     uint i = list.begin;
@@ -133,7 +133,6 @@ void main() {
     if (left != 0u && sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);
     if (!FLAGGED) flags[list.word] = (unsorted ? FLAG_UNSORTED : 0u) | (REPAIR ? FLAG_REPAIRED : 0u);
     // Of repair the last round counts.
-    bool counts = unsorted && (!REPAIR || push.last_round == 1u);
-    if (counts) atomicAdd(status[REPAIR ? STATUS_UNREPAIRED : STATUS_OVERFLOW_PIXELS], 1u);
+    if (unsorted) atomicAdd(status[REPAIR ? STATUS_UNREPAIRED : STATUS_OVERFLOW_PIXELS], REPAIR ? push.last_round : 1u);
     imageStore(accumulation, ivec2(list.pixel), sum);
 }

@@ -22,7 +22,7 @@ struct Sweep {
 };
 
 Sweep empty_sweep() {
-    return Sweep(vec4(0.0), Pair(NOTHING, 0u), end_at(0.0), PixelState(false, false, false, 0, 0u));
+    return Sweep(vec4(0.0), Pair(NOTHING, 0u), no_end(), PixelState(false, false, false, 0, 0u));
 }
 
 // Faces that coincide may be this far apart by rounding, in radii of the mesh; inner faces where scalars belong to cells, by ROUNDING.

@@ -110,8 +110,7 @@ void main() {
         flags[list.word] = (unsorted ? FLAG_UNSORTED : 0u) | (REPAIR ? FLAG_REPAIRED : 0u) | (over ? FLAG_OVERLAPS : 0u);
         if (over) atomicAdd(status[STATUS_OVERLAPS], 1u);
         // Of repair the last round counts.
-        bool counts = unsorted && (!REPAIR || push.last_round == 1u);
-        if (counts) atomicAdd(status[REPAIR ? STATUS_UNREPAIRED : STATUS_OVERFLOW_PIXELS], 1u);
+        if (unsorted) atomicAdd(status[REPAIR ? STATUS_UNREPAIRED : STATUS_OVERFLOW_PIXELS], REPAIR ? push.last_round : 1u);
     } else {
         store_window(pixel, sweep.last);
         sweep.state.begun = true;

@@ -345,7 +345,7 @@ void main() {
     uint begin = tile == 0u ? 0u : bin_table[tile * push.runs - 1u];
     uint bin_end = bin_table[tile * push.runs + push.runs - 1u];
     // All of it, also of what has no room.
-    if (!FILL && push.first == 0u) atomicMax(status[STATUS_LONGEST_BIN], bin_end - begin);
+    if (!FILL) atomicMax(status[STATUS_LONGEST_BIN], bin_end - begin);
     bin_end = min(bin_end, push.bins);
     uint first = min(begin + push.first, bin_end), end = min(bin_end, first + push.number);
     uvec2 wanted = uvec2(0xffffffffu);

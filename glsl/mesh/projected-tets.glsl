@@ -58,7 +58,7 @@ void main() {
 
     vec4 sum = RESUME ? imageLoad(accumulation, pixel) : vec4(0.0);
     bool unsorted = RESUME && flags[list.word] != 0u;
-    float last = RESUME && push.first > 0u && i < list.to ? middle_of(lists[i - 1u], BACK_TO_FRONT) : -3e38;
+    float last = RESUME && i > list.begin && i < list.to ? middle_of(lists[i - 1u], BACK_TO_FRONT) : -3e38;
     for (; i < list.to && sum.a < opaque; ++i) {
         vec4 listed = lists[i];
         // What is left of a cell behind the eye has no place.

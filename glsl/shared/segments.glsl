@@ -64,6 +64,12 @@ struct End {
     int knot;    // the last knot at or below s; -1: none
 };
 
+// An end before the first look-up. (A look-up of a constant would depend on uniforms alone: Mesa 22.3's software driver then compiles the shader
+// anew with each dispatch.)
+End no_end() {
+    return End(0.0, CumulativeBin(vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0)), 0.0, 0.0, vec4(0.0), -1);
+}
+
 End end_at(float s) {
     End end;
     end.s = clamp(s, -1e37, 1e37);

@@ -1,12 +1,14 @@
 //! What differs on GPUs, on a software driver: the order of workgroups, coarse filter weights.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![allow(clippy::unwrap_used, clippy::cast_precision_loss, reason = "a test fails by panicking")]
 
 use crate::common::*;
+use glam::DVec3;
 use volraster::GpuScene;
 use volraster::choice::{self, Goal, Profile};
-use volraster::gpu::GpuOptions;
-use volraster::scene::Field;
+use volraster::gpu::{Gpu, GpuOptions};
+use volraster::scene::{Camera, Field, View};
+use volraster::technique::Renderer;
 
 /// No image depends on the order in which workgroups run.
 #[test]
@@ -49,4 +51,50 @@ fn own_device_coarse_weights_are_measured_and_avoided() {
     };
     let (below, above) = (chosen(8.5e-5), chosen(2e-3));
     assert!(below.contains("filter=exact") && !above.contains("filter=exact"), "{below}, {above}");
+}
+
+/// Resident memory of this process, in bytes.
+fn resident() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap();
+    let line = status.lines().find(|line| line.starts_with("VmRSS:")).unwrap();
+    1024 * line.split_whitespace().nth(1).unwrap().parse::<u64>().unwrap()
+}
+
+/// Memory and times of frames of turning data, without a layer: `VOLRASTER_FRAMES` frames.
+#[test]
+#[ignore = "prints figures"]
+fn measure_turning() {
+    let count: u32 = std::env::var("VOLRASTER_FRAMES").map_or(2000, |text| text.parse().unwrap());
+    let gpu = Gpu::new(&GpuOptions { no_pipeline_cache: true, ..GpuOptions::default() }).unwrap();
+    for (scene, specs) in every_kind(&gpu) {
+        for spec in specs {
+            let view_at = |i: u32| {
+                let (sin, cos) = (f64::from(i) * 0.01).sin_cos();
+                let base = camera(perspective(), 1.0);
+                let eye = DVec3::new(
+                    base.eye.x * cos + base.eye.z * sin,
+                    base.eye.y,
+                    base.eye.z * cos - base.eye.x * sin,
+                );
+                View::new(Camera { eye, ..base }, 64, 48).unwrap()
+            };
+            let mut frames = Renderer::new(&scene, technique(&spec)).frames(&view_at(0)).unwrap();
+            let mut line = String::new();
+            let mut begin = 0;
+            for part in 0..5 {
+                let start = std::time::Instant::now();
+                for i in part * count / 5..(part + 1) * count / 5 {
+                    frames.draw(&view_at(i)).unwrap();
+                }
+                let ms = start.elapsed().as_secs_f64() * 5e3 / f64::from(count);
+                let now = resident();
+                if part == 0 {
+                    begin = now;
+                }
+                line +=
+                    &format!(" {ms:.1} ms, {:+.1} MiB;", (now as f64 - begin as f64) / f64::from(1 << 20));
+            }
+            println!("{spec}:{line} of {} MiB", begin >> 20);
+        }
+    }
 }

@@ -463,6 +463,25 @@ fn bench_takes_the_volumes_of_a_folder_and_says_what_it_passes_over() {
     folder.run("bench scene.json -o out --data gone").fails(2, &["gone", "cannot list"]);
 }
 
+/// Mesa 22.3's software driver compiles a shader anew with each dispatch if it finds values that depend on uniforms alone: it then keeps
+/// a megabyte a frame.
+#[test]
+fn memory_does_not_grow_with_frames() {
+    let folder = Folder::new();
+    folder.write("mesh.json", r#"{"mesh": {"field": "blobs", "cubes": 3}, "transfer": {"preset": "fog"}}"#);
+    for technique in ["havs", "abuffer", "projected-tets:route=compute"] {
+        let peak = |frames: u32| {
+            let line = format!(
+                "render mesh.json --technique {technique} -o a.exr --size 32x24 --frames {frames} --stats s.json"
+            );
+            folder.run_in(&line, &[("MESA_SHADER_CACHE_DISABLE", "true")]).done();
+            folder.json("s.json")["peak_rss_bytes"].as_u64().unwrap()
+        };
+        let [few, many] = [2, 60].map(peak);
+        assert!(many < few + (8 << 20), "{technique}: {few} bytes after 2 frames, {many} after 60");
+    }
+}
+
 #[test]
 fn statistics_of_shaders_are_listed() {
     let folder = Folder::new();
