@@ -156,6 +156,8 @@ impl Error {
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self {
+            // Nothing is wrong with the input where there is no space left.
+            Self::Io { source, .. } if is_full(source.kind()) => 1,
             Self::Invalid { .. } | Self::File { .. } | Self::Io { .. } => 2,
             Self::NoDevice { .. }
             | Self::Unsupported { .. }
@@ -166,9 +168,22 @@ impl Error {
     }
 }
 
+fn is_full(kind: std::io::ErrorKind) -> bool {
+    use std::io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
+    matches!(kind, StorageFull | QuotaExceeded | FileTooLarge)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_full_disk_is_no_wrong_input() {
+        let code =
+            |kind: std::io::ErrorKind| Error::io(Path::new("a.exr"), "cannot write", kind.into()).exit_code();
+        assert_eq!(code(std::io::ErrorKind::StorageFull), 1);
+        assert_eq!(code(std::io::ErrorKind::PermissionDenied), 2);
+    }
 
     #[test]
     fn what_is_quoted_stays_in_one_line() {

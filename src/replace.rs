@@ -1,5 +1,7 @@
-//! Files that appear complete or not at all: written beside their place, then renamed.
+//! Files that appear complete or not at all: written beside their place, then renamed. What a process that was killed has left there, the
+//! next writer of the same file removes: a lock tells whether a part is being written.
 
+use std::ffi::{OsStr, OsString};
 use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -16,19 +18,40 @@ pub(crate) fn replace(
     let Some(name) = path.file_name() else {
         return Err(Error::file(path, "file name", "must not be empty or a folder's"));
     };
-    let mut beside = std::ffi::OsString::from(".");
-    beside.push(name);
-    beside.push(format!(".{}-{}.part", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed)));
+    let start = [OsStr::new("."), name, OsStr::new(".")].into_iter().collect::<OsString>();
+    remove_left(path, &start);
+    let mut beside = start;
+    beside.push(format!("{}-{}.part", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed)));
     let part = path.with_file_name(beside);
     let file = OpenOptions::new().write(true).create_new(true).open(&part);
-    let mut writer = BufWriter::new(file.map_err(|e| Error::io(path, "cannot write", e))?);
+    let file = file.map_err(|e| Error::io(path, "cannot write", e))?;
     let guard = Part { path: &part };
+    // Some file systems have no locks: parts then stay.
+    let _ = file.try_lock();
+    let mut writer = BufWriter::new(file);
     write(&mut writer)
         .and_then(|()| writer.flush())
         .and_then(|()| std::fs::rename(&part, path))
         .map_err(|e| Error::io(path, "cannot write", e))?;
     std::mem::forget(guard);
     Ok(())
+}
+
+/// Removes parts of a file that nobody writes any longer. `start` begins their names. What cannot be removed stays.
+fn remove_left(path: &Path, start: &OsStr) {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let name = name.as_encoded_bytes();
+        if !name.starts_with(start.as_encoded_bytes()) || !name.ends_with(b".part") {
+            continue;
+        }
+        let is_left = |file: File| file.try_lock().is_ok();
+        if OpenOptions::new().write(true).open(entry.path()).is_ok_and(is_left) {
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
 }
 
 /// A file that is removed unless it was renamed.
@@ -46,6 +69,27 @@ impl Drop for Part<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_next_writer_removes_what_a_killed_one_has_left() {
+        let folder = std::env::temp_dir().join(format!("volraster-left-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let path = folder.join("picture.png");
+        let [left, other] = [".picture.png.99-0.part", ".picture.png.old.png"].map(|name| folder.join(name));
+        std::fs::write(&left, "half").unwrap();
+        std::fs::write(&other, "another file").unwrap();
+        // What is being written stays.
+        replace(&path, |writer| {
+            assert!(!left.exists() && other.exists());
+            replace(&path, |writer| writer.write_all(b"first"))
+                .and_then(|()| writer.write_all(b"second").map_err(|e| Error::io(&path, "cannot write", e)))
+                .map_err(std::io::Error::other)
+        })
+        .unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"second");
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 2);
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
 
     #[test]
     fn a_failed_write_leaves_the_old_file_and_nothing_else() {
