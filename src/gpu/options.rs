@@ -46,7 +46,7 @@ pub struct GpuOptions {
     /// submissions then reports hazards between passes that it overlooks within one command buffer.
     pub command_buffer_by_pass: bool,
     /// Bytes of a volume that one submission uploads, rounded to whole planes; 32 MiB by default. Frames of other threads
-    /// wait for at most one such submission.
+    /// wait for at most two such submissions.
     pub staging_bytes: Option<u64>,
     /// Folder of the pipeline cache. The default is `volraster` in the user's cache folder.
     pub pipeline_cache: Option<PathBuf>,

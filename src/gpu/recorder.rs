@@ -58,13 +58,7 @@ impl<'a> Recorder<'a> {
         self.steps
     }
 
-    /// Declares that an earlier submission has made an image ready for sampling.
-    pub(crate) fn assume_ready(&mut self, image: &Arc<Image>) {
-        let key = Used::Image(Arc::clone(image)).key();
-        self.tracker.begin(key, vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);
-    }
-
-    /// Declares the last use of an image by an earlier submission, which has ended.
+    /// Declares the last use of an image by an earlier submission to the same queue.
     pub(crate) fn assume_after(&mut self, image: &Arc<Image>, last: Use) {
         self.inherit(Used::Image(Arc::clone(image)), last);
     }

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use super::buffer::{Buffer, BufferUse};
 use super::device::Gpu;
 use super::image::{Image, ImageDesc};
+use super::recorder::Recorder;
 use super::submit::Commands;
+use super::sync::Use;
 use crate::error::{Error, Result};
 use crate::num;
 
@@ -14,7 +16,7 @@ impl Buffer {
     pub(crate) fn with_data(gpu: &Gpu, name: &str, bytes: &[u8]) -> Result<Arc<Self>> {
         let size = num::wide(bytes.len());
         let buffer = Arc::new(Self::new(gpu, name, size, BufferUse::ShaderRead)?);
-        let staging = staging(gpu, name, bytes.len(), |memory| memory.copy_from_slice(bytes))?;
+        let staging = staging(gpu, name, bytes)?;
         Commands::new(gpu)?.run("upload", |recorder| {
             recorder.copy_buffer("upload", &staging, &buffer, size);
             recorder.release_buffer(&buffer);
@@ -31,9 +33,9 @@ impl Buffer {
 }
 
 impl Image {
-    /// Makes an image and uploads its texels, level by level, a group of planes at a time. `fill(level, first, memory)`
-    /// writes the planes of a volume, or the layers of an array, from `first` on until `memory` is full. Every later shader
-    /// may sample the image.
+    /// Makes an image and uploads its texels, level by level, a group of planes at a time: while the device copies one group, the next
+    /// is filled. `fill(level, first, memory)` writes the planes of a volume, or the layers of an array, from `first` on until `memory` is
+    /// full. Every later shader may sample the image.
     pub(crate) fn with_data(
         gpu: &Gpu,
         name: &str,
@@ -41,37 +43,77 @@ impl Image {
         fill: impl Fn(u32, usize, &mut [u8]),
     ) -> Result<Arc<Self>> {
         let image = Arc::new(Self::new(gpu, name, desc)?);
-        let mut commands = Commands::new(gpu)?;
-        for level in 0..desc.levels {
-            let (planes, plane_bytes) = (desc.planes(level), desc.plane_bytes(level));
-            let group =
-                num::count(usize::try_from(gpu.inner.staging_bytes / plane_bytes.max(1)).unwrap_or(1))
-                    .clamp(1, planes);
-            let mut first = 0;
-            while first < planes {
-                let count = group.min(planes - first);
-                let bytes = usize::try_from(plane_bytes * u64::from(count)).unwrap_or(usize::MAX);
-                let buffer = staging(gpu, name, bytes, |memory| fill(level, num::index(first), memory))?;
-                commands.run("upload", |recorder| {
-                    if level > 0 || first > 0 {
-                        recorder.assume_ready(&image);
-                    }
-                    recorder.copy_buffer_to_image("upload", &buffer, &image, level, [first, count]);
-                    recorder.release_image(&image);
-                })?;
-                first += count;
+        let groups = groups(gpu, desc);
+        let most = groups.iter().map(|group| group.bytes).max().unwrap_or(0);
+        let mut slots = Vec::new();
+        for (number, group) in groups.iter().enumerate() {
+            if slots.len() < SLOTS {
+                let buffer = Buffer::new(gpu, &format!("{name} (staging)"), most, BufferUse::Upload)?;
+                slots.push((Arc::new(buffer), Commands::new(gpu)?));
             }
+            let (buffer, commands) = &mut slots[number % SLOTS];
+            // The device no longer reads the buffer then.
+            commands.settle()?;
+            fill_staging(name, buffer, group.bytes, |memory| {
+                fill(group.level, num::index(group.first), memory)
+            })?;
+            let mut recorder = Recorder::new(gpu, commands.begin()?, None);
+            if number > 0 {
+                recorder.assume_after(&image, Use::TransferWrite);
+            }
+            recorder.copy_buffer_to_image("upload", buffer, &image, group.level, [group.first, group.count]);
+            if number + 1 == groups.len() {
+                recorder.release_image(&image);
+            }
+            let (_, keep) = recorder.finish();
+            commands.send(keep)?;
         }
+        slots.iter_mut().try_for_each(|(_, commands)| commands.settle())?;
         Ok(image)
     }
 }
 
-/// Makes a staging buffer of `size` bytes and fills it.
-fn staging(gpu: &Gpu, name: &str, size: usize, fill: impl FnOnce(&mut [u8])) -> Result<Arc<Buffer>> {
-    let mut buffer = Buffer::new(gpu, &format!("{name} (staging)"), num::wide(size), BufferUse::Upload)?;
-    let Some(memory) = buffer.bytes_mut().and_then(|memory| memory.get_mut(..size)) else {
+/// Staging buffers of an upload: one is filled while the device reads the other.
+const SLOTS: usize = 2;
+
+/// Planes or layers of a level that one submission uploads.
+struct Group {
+    level: u32,
+    first: u32,
+    count: u32,
+    bytes: u64,
+}
+
+/// Returns the groups of an image, none larger than a staging buffer unless it is a single plane.
+fn groups(gpu: &Gpu, desc: &ImageDesc) -> Vec<Group> {
+    let mut groups = Vec::new();
+    for level in 0..desc.levels {
+        let (planes, plane_bytes) = (desc.planes(level), desc.plane_bytes(level));
+        let most =
+            u32::try_from(gpu.inner.staging_bytes / plane_bytes.max(1)).unwrap_or(u32::MAX).clamp(1, planes);
+        for first in (0..planes).step_by(num::index(most)) {
+            let count = most.min(planes - first);
+            groups.push(Group { level, first, count, bytes: plane_bytes * u64::from(count) });
+        }
+    }
+    groups
+}
+
+/// Makes a staging buffer with `bytes`.
+fn staging(gpu: &Gpu, name: &str, bytes: &[u8]) -> Result<Arc<Buffer>> {
+    let size = num::wide(bytes.len());
+    let mut buffer = Arc::new(Buffer::new(gpu, &format!("{name} (staging)"), size, BufferUse::Upload)?);
+    fill_staging(name, &mut buffer, size, |memory| memory.copy_from_slice(bytes))?;
+    Ok(buffer)
+}
+
+/// Fills the first `size` bytes of a staging buffer that no submission reads.
+fn fill_staging(name: &str, buffer: &mut Arc<Buffer>, size: u64, fill: impl FnOnce(&mut [u8])) -> Result<()> {
+    let size = usize::try_from(size).unwrap_or(usize::MAX);
+    let memory = Arc::get_mut(buffer).and_then(Buffer::bytes_mut).and_then(|memory| memory.get_mut(..size));
+    let Some(memory) = memory else {
         return Err(Error::invalid(name, "staging memory is not visible to the host"));
     };
     fill(memory);
-    Ok(Arc::new(buffer))
+    Ok(())
 }
