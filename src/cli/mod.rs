@@ -7,6 +7,7 @@
 mod cache;
 mod commands;
 mod dispatch;
+mod in_flight;
 mod input;
 mod interrupt;
 mod markup;

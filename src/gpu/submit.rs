@@ -131,8 +131,8 @@ impl Commands {
         Ok(())
     }
 
-    /// Waits for the pending submission, then frees its resources.
-    fn wait(&mut self, last_pass: &str) -> Result<()> {
+    /// Waits for the pending submission, then frees its resources. An error of a time-out names `last_pass`.
+    pub(crate) fn wait(&mut self, last_pass: &str) -> Result<()> {
         let device = self.gpu.device();
         // SAFETY: the fence was submitted: `pending` is set.
         let waited = unsafe { device.wait_for_fences(&[self.fence], true, TIMEOUT_SECONDS * 1_000_000_000) };

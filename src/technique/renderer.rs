@@ -6,7 +6,7 @@ use std::time::Instant;
 use ash::vk;
 
 use crate::error::{Error, Result};
-use crate::frame::plan::Plan;
+use crate::frame::plan::{Plan, Recorded};
 use crate::frame::read_back::pixels;
 use crate::frame::target::{TargetDesc, TargetMode};
 use crate::gpu::shader::{FLAG_REPAIRED, FLAG_UNSORTED, TILE, TILE_PIXELS};
@@ -89,7 +89,8 @@ impl Renderer {
     /// Those of [`Renderer::prepare`].
     pub fn frames(&self, view: &View) -> Result<Frames> {
         let plan = self.prepare(view, &TargetDesc::own())?;
-        Ok(Frames { commands: Commands::new(self.scene.gpu())?, renderer: self.clone(), plan, drawn: false })
+        let commands = Commands::new(self.scene.gpu())?;
+        Ok(Frames { commands, renderer: self.clone(), plan, drawn: false, started: None })
     }
 }
 
@@ -115,6 +116,24 @@ pub struct Frames {
     commands: Commands,
     /// Whether the plan's image holds a frame.
     drawn: bool,
+    started: Option<Started>,
+}
+
+/// A frame that was submitted, and not waited for.
+#[derive(Debug)]
+struct Started {
+    recorded: Recorded,
+    view: View,
+    begin: Instant,
+}
+
+impl Drop for Frames {
+    fn drop(&mut self) {
+        // `commands` keeps the resources of the frame until the submission has ended.
+        if let Some(started) = self.started.take() {
+            started.recorded.discarded();
+        }
+    }
 }
 
 impl Frames {
@@ -124,32 +143,69 @@ impl Frames {
     ///
     /// Those of [`Plan::record`] and [`Renderer::prepare`]; [`Error::Timeout`] when the device does not finish in time.
     pub fn draw(&mut self, view: &View) -> Result<FrameTime> {
+        self.start(view)?;
+        self.finish()
+    }
+
+    /// Submits a frame without waiting for it; [`Frames::finish`] waits. Two `Frames` of one renderer that take turns keep two frames in
+    /// flight: the host records one while the device draws the other.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Frames::draw`]; [`Error::Invalid`] while a started frame is not finished.
+    pub fn start(&mut self, view: &View) -> Result<()> {
+        if self.started.is_some() {
+            return Err(Error::invalid("frames", "a frame was started: finish it first"));
+        }
         self.drawn = false;
         // After an error the last frame may still run, and it reads buffers that a new view changes.
         self.commands.settle()?;
         if !self.plan.set_view(view)? {
             self.plan = self.renderer.prepare(view, &TargetDesc::own())?;
         }
+        self.submit(view)
+    }
+
+    /// Waits for the frame that was started. A frame that lacked a capacity is drawn again.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Frames::draw`]; [`Error::Invalid`] when no frame was started.
+    pub fn finish(&mut self) -> Result<FrameTime> {
         for _ in 0..MOST_TRIES {
-            let start = Instant::now();
-            let recorded = self.plan.record(self.commands.begin()?, None, None)?;
-            // `commands` keeps the resources of the frame for as long as the submission may run.
-            if let Err(error) = self.commands.submit(recorded.keep(), recorded.last_pass()) {
+            let Some(Started { recorded, view, begin }) = self.started.take() else {
+                return Err(Error::invalid("frames", "no frame was started"));
+            };
+            if let Err(error) = self.commands.wait(recorded.last_pass()) {
                 recorded.discarded();
                 return Err(error);
             }
-            let wall_ms = start.elapsed().as_secs_f64() * 1e3;
+            let wall_ms = begin.elapsed().as_secs_f64() * 1e3;
             let status = recorded.completed()?;
             if status.complete {
                 self.drawn = true;
                 return Ok(FrameTime { wall_ms, passes: status.passes, counters: status.counters });
             }
-            self.plan = self.renderer.prepare(view, &TargetDesc::own())?;
+            self.plan = self.renderer.prepare(&view, &TargetDesc::own())?;
+            self.submit(&view)?;
         }
         Err(Error::unsupported(
             format!("{} of this view", self.renderer.technique.method().name()),
             format!("a capacity that suffices: {MOST_TRIES} frames found none"),
         ))
+    }
+
+    /// Records and submits the plan's view.
+    fn submit(&mut self, view: &View) -> Result<()> {
+        let begin = Instant::now();
+        let recorded = self.plan.record(self.commands.begin()?, None, None)?;
+        // `commands` keeps the resources of the frame for as long as the submission may run.
+        if let Err(error) = self.commands.send(recorded.keep()) {
+            recorded.discarded();
+            return Err(error);
+        }
+        self.started = Some(Started { recorded, view: *view, begin });
+        Ok(())
     }
 
     /// The plan in use.

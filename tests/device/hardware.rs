@@ -53,6 +53,33 @@ fn own_device_coarse_weights_are_measured_and_avoided() {
     assert!(below.contains("filter=exact") && !above.contains("filter=exact"), "{below}, {above}");
 }
 
+/// Two frames in flight are those that are drawn one after the other.
+#[test]
+fn two_frames_in_flight_are_the_same_as_one() {
+    let gpu = gpu();
+    let views = [1.0, 0.9, 1.1].map(|distance| view(perspective(), distance, 53, 41));
+    for (scene, specs) in every_kind(&gpu) {
+        for spec in specs {
+            let alone: Vec<_> = views.iter().map(|view| draw_on(&scene, view, &spec)).collect();
+            let renderer = Renderer::new(&scene, technique(&spec));
+            let [mut first, mut second] = [0, 1].map(|i| renderer.frames(&views[i]).unwrap());
+            first.start(&views[0]).unwrap();
+            second.start(&views[1]).unwrap();
+            assert!(first.start(&views[2]).unwrap_err().to_string().contains("finish it first"));
+            first.finish().unwrap();
+            assert_eq!(first.read_back().unwrap(), alone[0], "{spec}");
+            first.start(&views[2]).unwrap();
+            second.finish().unwrap();
+            assert_eq!(second.read_back().unwrap(), alone[1], "{spec}");
+            first.finish().unwrap();
+            assert_eq!(first.read_back().unwrap(), alone[2], "{spec}");
+            assert!(first.finish().unwrap_err().to_string().contains("no frame was started"));
+            // A frame that is never finished.
+            second.start(&views[0]).unwrap();
+        }
+    }
+}
+
 /// Resident memory of this process, in bytes.
 fn resident() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap();

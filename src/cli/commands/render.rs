@@ -8,8 +8,9 @@ use serde_json::{Value, json};
 use volraster::choice::{Choice, Estimate, Goal, Profile, Source, Trial, TrialOutcome};
 use volraster::scene::View;
 use volraster::technique::FrameTime;
-use volraster::{Error, GpuScene, Image, Renderer, Result, Technique, choice};
+use volraster::{Error, GpuScene, Image, Result, Technique, choice};
 
+use crate::cli::in_flight::InFlight;
 use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, Request, Size};
 use crate::cli::memory::{peak_rss_bytes, summed};
 use crate::cli::outcome::{Outcome, check_validation};
@@ -44,6 +45,9 @@ pub(crate) struct Args {
     /// frame].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     frames: Option<u32>,
+    /// Frames in flight: with 2 the host records one while the device draws the other, and the time of a frame is the mean of four.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
+    in_flight: u8,
     /// Degrees by which the eye orbits the target around `up` from frame to frame. The image shows angle 0.
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
     orbit: f64,
@@ -188,10 +192,10 @@ impl Args {
         [load_ms, open_ms]: [f64; 2],
     ) -> Result<Drawn> {
         let name = technique.method().name();
-        let renderer = Renderer::new(scene, technique);
         let start = Instant::now();
-        let mut drawing = renderer.frames(view)?;
+        let mut plans = InFlight::new(scene, technique, view, self.in_flight)?;
         let prepare_ms = milliseconds_since(start);
+        let drawing = plans.first();
         let first = drawing.draw(view)?;
         let image = drawing.read_back()?;
         let (width, height) = (image.width(), image.height());
@@ -199,7 +203,8 @@ impl Args {
         // Counters known from the plan, and those that the device counted in the first frame.
         let (route, counters) = (drawing.plan().route(), drawing.plan().counters());
         let counters = counters.into_iter().chain(first.counters.iter().copied());
-        let frames: Vec<FrameTime> = timed.iter().map(|view| drawing.draw(view)).collect::<Result<_>>()?;
+        let counters: Vec<_> = counters.collect();
+        let frames: Vec<FrameTime> = timed.iter().map(|view| plans.draw(view)).collect::<Result<_>>()?;
         let map = overflow.map(|overflow| {
             let Some(overflow) = overflow else {
                 let why = format!("\"{name}\": has no k-buffer");
@@ -234,7 +239,7 @@ impl Args {
             "device_bytes": summed(gpu.memory_report()),
             "peak_rss_bytes": peak_rss_bytes(),
             "pipelines": gpu.pipelines(),
-            "counters": counters.collect::<Value>(),
+            "counters": counters.into_iter().collect::<Value>(),
         }));
         let line = format!("{name} ({route}) on {}: {width} x {height}, {time}", report.name);
         Ok(Drawn { image, map: map.transpose()?, stats, line })

@@ -6,12 +6,13 @@ use serde_json::{Value, json};
 use volraster::measure::ImageErrors;
 use volraster::reference::ReferenceImage;
 use volraster::scene::{Data, View};
-use volraster::technique::{FrameTime, Frames, Method};
-use volraster::{GpuScene, Renderer, Result, Technique};
+use volraster::technique::{FrameTime, Method};
+use volraster::{GpuScene, Result, Technique};
 
 use super::record::Record;
 use super::required_k::RequiredK;
 use super::sweeps::Setting;
+use crate::cli::in_flight::InFlight;
 use crate::cli::input::{self, is_refusal};
 use crate::cli::memory::device_bytes;
 use crate::cli::timing::{Quantiles, pass_medians};
@@ -30,14 +31,16 @@ pub(super) struct Case {
     technique: Technique,
     /// What draws it, if it is to be timed: its image is right, or wrong only for the known lack of precision of its
     /// target format.
-    drawing: Option<Box<Frames>>,
+    drawing: Option<Box<InFlight>>,
     frames: Vec<FrameTime>,
+    /// Frames in flight, one or two.
+    in_flight: u8,
     record: Record,
 }
 
 impl Case {
     /// Creates a case that is not yet checked. `view` has the properties that all cases of the view share.
-    pub(super) fn new(Setting { sweep, technique, route }: Setting, view: &Record) -> Self {
+    pub(super) fn new(Setting { sweep, technique, route }: Setting, view: &Record, in_flight: u8) -> Self {
         let options = match input::options_json(&technique) {
             Value::Object(options) => options,
             _ => serde_json::Map::new(),
@@ -51,7 +54,7 @@ impl Case {
             options,
             ..view.clone()
         };
-        Self { technique, drawing: None, frames: Vec::new(), record }
+        Self { technique, drawing: None, frames: Vec::new(), in_flight, record }
     }
 
     /// Returns technique and route; after the check, the route is that of the plan.
@@ -64,8 +67,8 @@ impl Case {
         self.drawing.is_none() || !self.frames.is_empty()
     }
 
-    fn draw(&self, scene: &Arc<GpuScene>, view: &View) -> Result<Frames> {
-        let mut frames = Renderer::new(scene, self.technique).frames(view)?;
+    fn draw(&self, scene: &Arc<GpuScene>, view: &View) -> Result<InFlight> {
+        let mut frames = InFlight::new(scene, self.technique, view, self.in_flight)?;
         frames.draw(view)?;
         Ok(frames)
     }
@@ -76,15 +79,15 @@ impl Case {
     ///
     /// Errors that would affect every setting.
     pub(super) fn check(&mut self, scene: &Arc<GpuScene>, view: &View, truth: &ReferenceImage) -> Result<()> {
-        let drawn = self.draw(scene, view).and_then(|mut frames| Ok((frames.read_back()?, frames)));
-        let (image, frames) = match drawn {
+        let drawn = self.draw(scene, view).and_then(|mut frames| Ok((frames.first().read_back()?, frames)));
+        let (image, mut frames) = match drawn {
             Err(error) if is_refusal(&error) => {
                 self.record.skipped = Some(error.to_string());
                 return Ok(());
             }
             drawn => drawn?,
         };
-        self.record.route = frames.plan().route().to_string();
+        self.record.route = frames.first().plan().route().to_string();
         let errors = ImageErrors::between_f64(&image, truth)?;
         self.record.errors = Some(json!(errors));
         // A NaN sample makes the RMSE infinite.
@@ -124,8 +127,8 @@ impl Case {
     }
 
     /// Returns the record of the case.
-    pub(super) fn finish(self, required_k: Option<&RequiredK>) -> Record {
-        let of_plan = self.drawing.iter().flat_map(|drawing| drawing.plan().counters());
+    pub(super) fn finish(mut self, required_k: Option<&RequiredK>) -> Record {
+        let of_plan = self.drawing.iter_mut().flat_map(|drawing| drawing.first().plan().counters());
         let of_frame = self.frames.last().into_iter().flat_map(|frame| frame.counters.iter().copied());
         let counters = of_plan.chain(of_frame).map(|(name, n)| (name.to_string(), json!(n))).collect();
         let passes = pass_medians(&self.frames).into_iter().map(|(name, ms)| (name, json!(ms)));

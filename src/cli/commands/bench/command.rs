@@ -57,6 +57,9 @@ pub(crate) struct Args {
     /// Timed frames per case, after one warm-up frame [default: that of the suite, else 9]. Slow cases get fewer.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
     frames: Option<u16>,
+    /// Frames in flight: with 2 the host records one while the device draws the other, and the time of a frame is the mean of four.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
+    in_flight: u8,
     /// Image size [default: that of the scene file, else of the suite, else 512x512].
     #[arg(long, value_name = "WxH", value_parser = Size::parse)]
     size: Option<Size>,
@@ -250,7 +253,8 @@ impl Args {
         let Some(truth) = truth(scene, view, &Cache::of_user(!self.no_cache))? else { return Ok(None) };
         let mut settings = sweeps::settings(sweeps)?;
         settings.retain(|setting| setting.is_for(scene.scene()));
-        let mut cases: Vec<Case> = settings.into_iter().map(|setting| Case::new(setting, record)).collect();
+        let mut cases: Vec<Case> =
+            settings.into_iter().map(|setting| Case::new(setting, record, self.in_flight)).collect();
         let mut weighed = Vec::new();
         for case in &mut cases {
             if interrupt::requested() {
