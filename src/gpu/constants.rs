@@ -2,21 +2,8 @@
 
 use super::device::Gpu;
 use super::inputs::Bound;
-use super::pipeline::SpecConstant;
+use super::pipeline::{DeviceConstant, SpecConstant};
 use crate::error::Result;
-
-/// A property of the device that shaders read as a specialisation constant, `DEVICE_*` in `glsl`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum DeviceConstant {
-    /// Loop iterations of one invocation.
-    Turns,
-    /// Bits of a pixel's fraction to which the rasteriser rounds corners.
-    SubpixelBits,
-    /// Bits of emulated filter weights; 0 where the sampler's own are used.
-    WeightBits,
-    /// Whether workgroups take their work in reverse order.
-    Permuted,
-}
 
 /// Bits of the fraction of filter weights, as samplers of GPUs have.
 const WEIGHT_BITS: u32 = 8;

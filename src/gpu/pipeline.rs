@@ -4,10 +4,21 @@ use std::hash::{Hash, Hasher};
 
 use ash::vk;
 
-use super::constants::DeviceConstant;
-
 /// A specialisation constant: its number and its value; booleans are 0 and 1.
 pub(crate) type SpecConstant = (u32, u32);
+
+/// A property of the device that shaders read as a specialisation constant, `DEVICE_*` in `glsl`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum DeviceConstant {
+    /// Loop iterations of one invocation.
+    Turns,
+    /// Bits of a pixel's fraction to which the rasteriser rounds corners.
+    SubpixelBits,
+    /// Bits of emulated filter weights; 0 where the sampler's own are used.
+    WeightBits,
+    /// Whether workgroups take their work in reverse order.
+    Permuted,
+}
 
 /// A compiled entry of a GLSL file, with what `build.rs` has read from its SPIR-V.
 #[derive(Debug)]

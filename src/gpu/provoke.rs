@@ -73,7 +73,10 @@ impl Provocation {
             Self::BestPractices => (
                 "best-practices",
                 Validation::BestPractices,
-                &["vkCreateCommandPool-command-buffer-reset", "vkCmdDispatch-group-count-zero"],
+                &[
+                    "BestPractices-vkCreateCommandPool-command-buffer-reset",
+                    "BestPractices-vkCmdDispatch-group-count-zero",
+                ],
             ),
         }
     }

@@ -2,9 +2,8 @@
 
 use ash::vk;
 
-use super::constants::DeviceConstant;
 use super::inputs::{Bound, Entry, Inputs, Read, Sampled, Stored, Uniform, Write};
-use super::pipeline::Shader;
+use super::pipeline::{DeviceConstant, Shader};
 pub(crate) use crate::interface::constants::*;
 
 /// Marks the shader of `Provocation` as used; nothing dispatches it without the feature.
