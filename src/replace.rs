@@ -1,5 +1,5 @@
-//! Files that appear complete or not at all: written beside their place, then renamed. What a process that was killed has left there, the
-//! next writer of the same file removes: a lock tells whether a part is being written.
+//! Files that appear complete or not at all: written beside their place, then renamed. The next writer of a file removes the parts that
+//! killed processes have left there: a lock tells whether a part is being written.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::{File, OpenOptions};
@@ -78,7 +78,7 @@ mod tests {
         let [left, other] = [".picture.png.99-0.part", ".picture.png.old.png"].map(|name| folder.join(name));
         std::fs::write(&left, "half").unwrap();
         std::fs::write(&other, "another file").unwrap();
-        // What is being written stays.
+        // The part that is being written stays.
         replace(&path, |writer| {
             assert!(!left.exists() && other.exists());
             replace(&path, |writer| writer.write_all(b"first"))

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What Mesa's compiler for AMD GPUs tells of the shaders of every technique, without such a GPU:
+# Compiles the shaders of every technique for AMD GPUs without such a GPU, and lists their statistics:
 #
 #     tools/shader-stats.sh          writes docs/SHADERS.md
 #     tools/shader-stats.sh --check  compares with it: fails on a new spill, and where occupancy falls by more than a step
@@ -13,7 +13,7 @@ table=docs/SHADERS.md
 program=${CARGO_TARGET_DIR:-target}/debug/volraster
 [ -x "$program" ] || program=${CARGO_TARGET_DIR:-target}/release/volraster
 folder=$PWD/.deps/lavapipe25
-libraries=$(echo "$folder"/root/usr/lib/*-linux-gnu)
+libraries=$(dirname "$(sed -nE 's/.*"library_path": "([^"]*)".*/\1/p' "$folder/lvp_icd.json" 2>/dev/null)")
 if [ ! -x "$program" ] || [ ! -f "$libraries/libvulkan_radeon.so" ]; then
     echo "shader-stats: no program or no second driver here (make build, tools/lavapipe25.sh): nothing to do"
     exit 0
@@ -30,8 +30,9 @@ version=$(sed -E 's/[^0-9]*([0-9]+\.[0-9]+\.[0-9]+).*/\1/' "$folder/version")
     cat <<END
 # Shaders
 
-What the compiler of Mesa $version for AMD GPUs (RADV) tells of the shaders of every technique with its default options, as
-\`tools/shader-stats.sh\` has written it: a part with subgroups of 32 or 64 invocations, its predecessor, and one with 64 only.
+These are the statistics that the compiler of Mesa $version for AMD GPUs (RADV) gives of the shaders of every technique with its
+default options, as \`tools/shader-stats.sh\` writes them: for a part with subgroups of 32 or 64 invocations, its predecessor, and
+one with 64 only.
 Several lines of a name are variants of a pass. Latency and inverse throughput are estimates in cycles. Occupancy is the number of
 subgroups that a SIMD holds, at most 16, 16 and 10; those of 64 invocations count twice where a part also has 32.
 END

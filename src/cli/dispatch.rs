@@ -43,7 +43,7 @@ enum Command {
     Info(info::Args),
     /// Check every technique, route and resource path on this device under full validation.
     Selftest(selftest::Args),
-    /// Print what the driver's compiler tells of the shaders: registers, spills, occupancy, instructions.
+    /// Print the driver's statistics of the shaders: registers, spills, occupancy, instructions.
     Shaders(shaders::Args),
     /// Write a data file as NRRD (grids) or VTU (meshes and points).
     Convert(convert::Args),

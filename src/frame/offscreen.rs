@@ -53,14 +53,17 @@ impl Offscreen {
         let mut recorder = Recorder::new(&self.gpu, commands, None);
         recorder.clear_image("background", &self.image, behind);
         recorder.leave(&self.image, Use::ColorAttachment);
-        let (_, mut keep) = recorder.finish();
+        let (_, mut keep) = recorder.finish()?;
         let recorded = plan.record(commands, Some(&target), None)?;
         let mut recorder = Recorder::new(&self.gpu, commands, None);
         recorder.assume_after(&self.image, Use::ColorAttachment);
         recorder.copy_image_to_buffer("read back", &self.image, &self.host);
-        keep.extend(recorder.finish().1);
         keep.extend(recorded.keep());
-        match self.commands.send(keep) {
+        let sent = recorder.finish().and_then(|(_, last)| {
+            keep.extend(last);
+            self.commands.send(keep)
+        });
+        match sent {
             Ok(()) => self.recorded = Some(recorded),
             Err(error) => {
                 recorded.discarded();

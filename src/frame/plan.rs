@@ -176,7 +176,8 @@ impl Plan {
             (Some(image), Some((format, mode))) => Some(Composite::new(gpu, image, format, mode)?),
             _ => None,
         };
-        let most = passes(&dry_run(gpu, |recorder, target| prepared.record_most(recorder, target)));
+        let own = dry_run(gpu, |recorder, target| prepared.record_most(recorder, target));
+        let most = passes(&own);
         let mut plan = Self {
             gpu: gpu.clone(),
             bounds,
@@ -198,6 +199,7 @@ impl Plan {
             plan.record_after(recorder, Some(target));
         });
         plan.most_passes += passes(&shared);
+        gpu.build(own.iter().chain(&shared).filter_map(|step| step.work.pipeline()))?;
         if !target.untimed {
             plan.timers = Timers::new(gpu, plan.most_passes)?;
         }
@@ -274,7 +276,15 @@ impl Plan {
         ];
         let counted = passes(recorder.steps());
         debug_assert!(counted <= self.most_passes, "{counted} passes, {} timers", self.most_passes);
-        let (passes, keep) = recorder.finish();
+        debug_assert!(
+            recorder
+                .steps()
+                .iter()
+                .filter_map(|step| step.work.pipeline())
+                .all(|pipeline| pipeline.is_built()),
+            "a pipeline is not built yet"
+        );
+        let (passes, keep) = recorder.finish()?;
         let surfaces = self.surfaces.as_ref().map(SurfaceFrame::outcome);
         let held = Held {
             gpu: self.gpu.clone(),

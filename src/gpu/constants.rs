@@ -1,7 +1,7 @@
 //! Specialisation constants that take properties of the device.
 
 use super::device::Gpu;
-use super::inputs::Bound;
+use super::inputs::{Bound, add};
 use super::pipeline::{DeviceConstant, SpecConstant};
 use crate::error::Result;
 
@@ -10,14 +10,14 @@ const WEIGHT_BITS: u32 = 8;
 
 /// Loop iterations of one invocation on a device without a limit: at 100 ns each a tenth of a second, far below what watchdogs of operating
 /// systems allow.
-const MOST_TURNS: u32 = 1 << 20;
+const UNLIMITED_TURNS: u32 = 1 << 20;
 
 impl Gpu {
     /// Returns the loop iterations that shaders may make in one invocation, summed over the loops that count them.
     pub(crate) fn turns(&self) -> Result<u32> {
-        let limit = self.loop_limit()?.min(MOST_TURNS);
-        // Loops that do not count theirs have the rest.
-        Ok((limit - limit / 12).max(1))
+        let limit = self.loop_limit()?.min(UNLIMITED_TURNS);
+        // Loops that do not count theirs have the rest. Splats take half for the sheet in which a dispatch ends.
+        Ok((limit - limit / 12).max(2))
     }
 
     /// Returns the constants of shaders with their inputs.
@@ -30,9 +30,7 @@ impl Gpu {
                 DeviceConstant::WeightBits => u32::from(self.inner.emulates_weights) * WEIGHT_BITS,
                 DeviceConstant::Permuted => self.inner.permutes.into(),
             };
-            if !constants.contains(&(number, value)) {
-                constants.push((number, value));
-            }
+            add(&mut constants, (number, value));
         }
         Ok(constants)
     }

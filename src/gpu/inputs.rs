@@ -121,26 +121,24 @@ impl Bound {
     pub(crate) fn and(mut self, next: Self) -> Self {
         self.shaders.extend(next.shaders);
         self.resources.extend(next.resources);
-        self.set(next.constants);
+        next.constants.into_iter().for_each(|constant| add(&mut self.constants, constant));
         self
     }
 
     /// Sets the constants that take the values of options; `value` returns the value of the option of a key.
     pub(crate) fn with_options(mut self, value: impl Fn(&'static str) -> Result<u32>) -> Result<Self> {
-        let read = self.shaders.iter().flat_map(|shader| shader.options);
-        let constants: Result<Vec<SpecConstant>> =
-            read.map(|&(key, number)| Ok((number, value(key)?))).collect();
-        self.set(constants?);
+        for &(key, number) in self.shaders.iter().flat_map(|shader| shader.options) {
+            add(&mut self.constants, (number, value(key)?));
+        }
         Ok(self)
     }
+}
 
-    fn set(&mut self, constants: Vec<SpecConstant>) {
-        for constant in constants {
-            let differs = |&(number, value): &SpecConstant| number == constant.0 && value != constant.1;
-            debug_assert!(!self.constants.iter().any(differs), "constant {} has two values", constant.0);
-            if !self.constants.contains(&constant) {
-                self.constants.push(constant);
-            }
-        }
+/// Adds a constant, which stages of one pipeline may share.
+pub(super) fn add(constants: &mut Vec<SpecConstant>, constant: SpecConstant) {
+    let differs = |&(number, value): &SpecConstant| number == constant.0 && value != constant.1;
+    debug_assert!(!constants.iter().any(differs), "constant {} has two values", constant.0);
+    if !constants.contains(&constant) {
+        constants.push(constant);
     }
 }

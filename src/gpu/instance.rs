@@ -47,7 +47,7 @@ impl Instance {
         let validation = options.validation;
         let loader = Loader::load(options)?;
         let entry = &loader.entry;
-        let layer = if validation == Validation::Off { None } else { Some(find_layer(entry)?) };
+        let mut layer = if validation == Validation::Off { None } else { Some(find_layer(entry)?) };
         let log = options.validation_log.clone().unwrap_or_default();
         if validation.best_practices() {
             log.keep_advice();
@@ -61,13 +61,14 @@ impl Instance {
         let portability = has(ash::khr::portability_enumeration::NAME);
         let create =
             |layer: Option<&Layer>| create(entry, validation, layer, &log, [debug_utils, portability]);
-        let raw = match create(layer.as_ref()) {
-            // Older loaders do not know the extension, and refuse it.
-            Err(vk::Result::ERROR_EXTENSION_NOT_PRESENT) => {
-                create(layer.as_ref().map(|layer| Layer { settings: false, ..layer.clone() }).as_ref())
-            }
-            created => created,
-        };
+        let mut raw = create(layer.as_ref());
+        // Older loaders do not know VK_EXT_layer_settings, and refuse it.
+        if let (Err(vk::Result::ERROR_EXTENSION_NOT_PRESENT), Some(layer)) =
+            (&raw, layer.as_mut().filter(|layer| layer.settings))
+        {
+            layer.settings = false;
+            raw = create(Some(layer));
+        }
         let raw = raw.map_err(|result| Error::vulkan("vkCreateInstance", result))?;
         let mut instance = Self {
             raw,
@@ -164,7 +165,6 @@ impl Loader {
     }
 }
 
-#[derive(Clone)]
 struct Layer {
     version: String,
     /// Whether it takes settings by `VK_EXT_layer_settings`, else by `VK_EXT_validation_features`.

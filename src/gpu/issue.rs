@@ -69,8 +69,8 @@ impl Gpu {
     fn bind(&self, raw: vk::CommandBuffer, pipeline: &Pipeline, descriptors: &Descriptors, push: &[u8]) {
         debug_assert_eq!(num::count(push.len()), pipeline.push_bytes, "push constants of {}", pipeline.name);
         let (device, point) = (self.device(), pipeline.bind_point);
-        // SAFETY: the pipeline lives as long as the device.
-        unsafe { device.cmd_bind_pipeline(raw, point, pipeline.raw) };
+        // SAFETY: the pipeline was built before the recording and lives as long as the device.
+        unsafe { device.cmd_bind_pipeline(raw, point, pipeline.raw()) };
         // SAFETY: the set was made for this pipeline's layout and is kept until the submission has ended.
         unsafe { device.cmd_bind_descriptor_sets(raw, point, pipeline.layout, 0, &[descriptors.set], &[]) };
         if !push.is_empty() {

@@ -1,6 +1,7 @@
 //! Shaders, pipelines and their descriptions.
 
 use std::hash::{Hash, Hasher};
+use std::sync::{Mutex, OnceLock};
 
 use ash::vk;
 
@@ -73,18 +74,22 @@ impl Hash for Shader {
 }
 
 /// Identifies a pipeline: equal keys mean the same pipeline.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub(crate) struct PipelineKey {
     pub(super) shaders: Vec<&'static Shader>,
     pub(super) constants: Vec<SpecConstant>,
     pub(super) state: Option<GraphicsState>,
 }
 
-/// A pipeline with its layout. The device's table owns it, for the life of the device.
+/// A pipeline with its layout. The device's table owns it, for the life of the device. It is built before the first recording that
+/// uses it, together with the others of the recording.
 #[derive(Debug, Default)]
 pub(crate) struct Pipeline {
     pub(super) name: String,
-    pub(super) raw: vk::Pipeline,
+    pub(super) key: PipelineKey,
+    pub(super) raw: OnceLock<vk::Pipeline>,
+    /// Held while the pipeline is being built.
+    pub(super) building: Mutex<()>,
     pub(super) layout: vk::PipelineLayout,
     pub(super) set_layout: vk::DescriptorSetLayout,
     pub(super) bind_point: vk::PipelineBindPoint,
@@ -98,10 +103,19 @@ impl Pipeline {
         &self.name
     }
 
+    pub(crate) fn is_built(&self) -> bool {
+        self.raw.get().is_some()
+    }
+
+    /// Returns the handle, which is null until the pipeline is built.
+    pub(super) fn raw(&self) -> vk::Pipeline {
+        self.raw.get().copied().unwrap_or_default()
+    }
+
     /// Destroys the handles. Called by the destructor of the device, and for a pipeline that could not be built.
     pub(super) fn destroy(&self, device: &ash::Device) {
         // SAFETY: made from this device, which is idle; null is allowed.
-        unsafe { device.destroy_pipeline(self.raw, None) };
+        unsafe { device.destroy_pipeline(self.raw(), None) };
         // SAFETY: as above.
         unsafe { device.destroy_pipeline_layout(self.layout, None) };
         // SAFETY: as above; every set of this layout is destroyed.

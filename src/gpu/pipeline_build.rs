@@ -1,7 +1,8 @@
-//! Builds pipelines on first use.
+//! Builds pipelines: the layouts when a pipeline is first asked for, and the pipelines of a recording in parallel before it.
 
-use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, PoisonError};
+use std::thread;
 use std::time::Instant;
 
 use ash::vk;
@@ -12,7 +13,7 @@ use super::pipeline::{Blend, GraphicsState, Pipeline, PipelineKey, Shader, SpecC
 use crate::error::{Error, Result};
 
 impl Gpu {
-    /// Returns the graphics pipeline of a vertex and a fragment shader, built on first use.
+    /// Returns the graphics pipeline of a vertex and a fragment shader, not built yet.
     pub(crate) fn graphics_pipeline(
         &self,
         name: &str,
@@ -22,7 +23,7 @@ impl Gpu {
         self.pipeline(name, self.key(bound, Some(state))?)
     }
 
-    /// Returns the compute pipeline of a shader, built on first use.
+    /// Returns the compute pipeline of a shader, not built yet.
     pub(crate) fn compute_pipeline(&self, name: &str, bound: &Bound) -> Result<Arc<Pipeline>> {
         self.pipeline(name, self.key(bound, None)?)
     }
@@ -31,35 +32,74 @@ impl Gpu {
         Ok(PipelineKey { shaders: bound.shaders.clone(), constants: self.constants(bound)?, state })
     }
 
-    /// Returns the pipeline of a key, built on first use.
+    /// Returns the pipeline of a key with its layouts. [`Gpu::build`] builds it.
     pub(super) fn pipeline(&self, name: &str, key: PipelineKey) -> Result<Arc<Pipeline>> {
         self.alive()?;
         let mut table = self.pipeline_table();
         if let Some(found) = table.get(&key) {
             return Ok(Arc::clone(found));
         }
-        let start = Instant::now();
-        let mut pipeline = Pipeline { name: name.to_string(), ..Pipeline::default() };
-        let layouts = self.make_layouts(&mut pipeline, &key.shaders);
-        let build = |()| match key.state {
-            Some(state) => self.build_graphics(&key, state, pipeline.layout),
-            None => self.build_compute(&key, pipeline.layout),
-        };
-        match layouts.and_then(build) {
-            Ok(raw) => pipeline.raw = raw,
-            Err(error) => {
-                pipeline.destroy(self.device());
-                return Err(error);
-            }
+        let mut pipeline = Pipeline { name: name.to_string(), key: key.clone(), ..Pipeline::default() };
+        if let Err(error) = self.make_layouts(&mut pipeline) {
+            pipeline.destroy(self.device());
+            return Err(error);
         }
-        self.name(pipeline.raw, name);
         self.name(pipeline.layout, name);
         self.name(pipeline.set_layout, name);
         let pipeline = Arc::new(pipeline);
         table.insert(key, Arc::clone(&pipeline));
+        Ok(pipeline)
+    }
+
+    /// Builds those of the pipelines that are not built yet, on as many threads as the processor runs.
+    pub(crate) fn build<'a>(&self, pipelines: impl Iterator<Item = &'a Arc<Pipeline>>) -> Result<()> {
+        let mut open: Vec<&Pipeline> = Vec::new();
+        for pipeline in pipelines.filter(|pipeline| !pipeline.is_built()) {
+            if !open.iter().any(|other| std::ptr::eq(*other, &raw const **pipeline)) {
+                open.push(pipeline);
+            }
+        }
+        if open.is_empty() {
+            return Ok(());
+        }
+        let start = Instant::now();
+        let next = AtomicUsize::new(0);
+        let work = || {
+            let mut built = Ok(());
+            while let Some(pipeline) = open.get(next.fetch_add(1, Ordering::Relaxed)) {
+                built = built.and(self.build_one(pipeline));
+            }
+            built
+        };
+        let threads = thread::available_parallelism().map_or(1, usize::from).min(open.len());
+        // Threads of its own: a thread of a pool that waits may take other work of the caller's, which may build the same pipeline.
+        let built = thread::scope(|scope| {
+            let others: Vec<_> = (1..threads).map(|_| scope.spawn(work)).collect();
+            others.into_iter().fold(work(), |built, other| match other.join() {
+                Ok(result) => built.and(result),
+                Err(panic) => std::panic::resume_unwind(panic),
+            })
+        });
         let spent = u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
         self.inner.pipeline_us.fetch_add(spent, Ordering::Relaxed);
-        Ok(pipeline)
+        built
+    }
+
+    /// Builds a pipeline, unless another thread has.
+    fn build_one(&self, pipeline: &Pipeline) -> Result<()> {
+        let _building = pipeline.building.lock().unwrap_or_else(PoisonError::into_inner);
+        if pipeline.is_built() {
+            return Ok(());
+        }
+        self.alive()?;
+        let raw = match pipeline.key.state {
+            Some(state) => self.build_graphics(&pipeline.key, state, pipeline.layout),
+            None => self.build_compute(&pipeline.key, pipeline.layout),
+        }?;
+        self.name(raw, &pipeline.name);
+        // It was empty, and only the holder of the lock sets it.
+        let _ = pipeline.raw.set(raw);
+        Ok(())
     }
 
     /// Flags of new pipelines.
@@ -71,7 +111,8 @@ impl Gpu {
     }
 
     /// Creates the layouts that the shaders declare: set 0 with the union of their bindings.
-    fn make_layouts(&self, pipeline: &mut Pipeline, shaders: &[&'static Shader]) -> Result<()> {
+    fn make_layouts(&self, pipeline: &mut Pipeline) -> Result<()> {
+        let shaders = &pipeline.key.shaders;
         pipeline.bindings = shaders.iter().flat_map(|s| s.bindings.iter().copied()).collect();
         pipeline.bindings.sort_unstable_by_key(|&(binding, _)| binding);
         pipeline.bindings.dedup();

@@ -88,7 +88,9 @@ impl Gpu {
     /// Returns the names of the pipelines built so far, sorted.
     #[must_use]
     pub fn pipelines(&self) -> Vec<String> {
-        let mut names: Vec<String> = self.pipeline_table().values().map(|p| p.name().to_string()).collect();
+        let table = self.pipeline_table();
+        let built = table.values().filter(|pipeline| pipeline.is_built());
+        let mut names: Vec<String> = built.map(|pipeline| pipeline.name().to_string()).collect();
         names.sort();
         names
     }

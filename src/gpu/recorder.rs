@@ -17,6 +17,7 @@ use super::pipeline::Pipeline;
 use super::steps::{Attachment, Step, Used, Work};
 use super::sync::{Barrier, Tracker, Use};
 use super::timers::Timers;
+use crate::error::Result;
 
 /// The resources of a recording, kept alive until its submission has ended.
 pub(crate) type Keep = Vec<Arc<dyn Any + Send + Sync>>;
@@ -63,7 +64,7 @@ impl<'a> Recorder<'a> {
         self.inherit(Used::Image(Arc::clone(image)), last);
     }
 
-    /// Declares the last use of a buffer by an earlier submission, which has ended.
+    /// Declares the last use of a buffer by an earlier submission to the same queue.
     pub(crate) fn assume_buffer_after(&mut self, buffer: &Arc<Buffer>, last: Use) {
         self.inherit(Used::Buffer(Arc::clone(buffer)), last);
     }
@@ -196,13 +197,14 @@ impl<'a> Recorder<'a> {
         self.leave_used(Used::Buffer(Arc::clone(buffer)), Use::HostRead);
     }
 
-    /// Records the steps into the command buffer. Returns the names of the passes, and the resources to keep until the submission has
-    /// ended.
-    pub(crate) fn finish(mut self) -> (Vec<String>, Keep) {
+    /// Builds the pipelines of the steps, and records the steps into the command buffer. Returns the names of the passes, and the
+    /// resources to keep until the submission has ended. After an error nothing was recorded.
+    pub(crate) fn finish(mut self) -> Result<(Vec<String>, Keep)> {
         let steps = std::mem::take(&mut self.steps);
         let passes = steps.iter().filter(|step| step.is_pass()).map(|step| step.name.clone()).collect();
-        let Some(commands) = self.commands else { return (passes, Keep::new()) };
+        let Some(commands) = self.commands else { return Ok((passes, Keep::new())) };
         let gpu = self.gpu.clone();
+        gpu.build(steps.iter().filter_map(|step| step.work.pipeline()))?;
         let _held = gpu.lock_layer();
         if let Some(timers) = &self.timers {
             // SAFETY: the command buffer is recording, outside of rendering; the last submission that used the
@@ -223,7 +225,7 @@ impl<'a> Recorder<'a> {
         self.stamp(commands.raw(), pass);
         let mut keep: Keep = vec![Arc::new(steps)];
         keep.extend(self.timers.map(|timers| timers as _));
-        (passes, keep)
+        Ok((passes, keep))
     }
 
     /// Records one pass between labels.

@@ -7,7 +7,7 @@ use ash::vk;
 use super::device::Gpu;
 use crate::error::{Error, Result};
 
-/// What a driver's compiler tells of one shader of a pipeline.
+/// The statistics that a driver's compiler gives of one shader of a pipeline.
 #[derive(Clone, Debug)]
 pub struct ShaderStatistics {
     /// Name of the pipeline: the technique and the pass that first used it.
@@ -47,9 +47,9 @@ impl Gpu {
     ///
     /// [`Error::Vulkan`] when a call fails.
     pub fn compile_pipelines_of(&self, other: &Self) -> Result<()> {
-        let pipelines: Vec<_> =
-            other.pipeline_table().iter().map(|(key, made)| (made.name.clone(), key.clone())).collect();
-        pipelines.into_iter().try_for_each(|(name, key)| self.pipeline(&name, key).map(drop))
+        let theirs: Vec<_> = other.pipeline_table().values().cloned().collect();
+        let own = theirs.iter().map(|made| self.pipeline(&made.name, made.key.clone()));
+        self.build(own.collect::<Result<Vec<_>>>()?.iter())
     }
 
     /// Returns statistics of the shaders of all pipelines so far, by name.
@@ -64,16 +64,16 @@ impl Gpu {
         };
         let mut all = Vec::new();
         let table = self.pipeline_table();
-        let mut pipelines: Vec<_> = table.iter().collect();
-        pipelines.sort_by_key(|(key, made)| (made.name.clone(), key.constants.clone()));
-        for (_, pipeline) in pipelines {
-            let info = vk::PipelineInfoKHR::default().pipeline(pipeline.raw);
+        let mut pipelines: Vec<_> = table.values().filter(|made| made.is_built()).collect();
+        pipelines.sort_by_key(|made| (made.name.clone(), made.key.constants.clone()));
+        for pipeline in pipelines {
+            let info = vk::PipelineInfoKHR::default().pipeline(pipeline.raw());
             // SAFETY: the pipeline is alive and was made with the flag for statistics.
             let executables = unsafe { functions.get_pipeline_executable_properties(&info) }
                 .map_err(|result| self.failed("vkGetPipelineExecutablePropertiesKHR", result))?;
             for (index, executable) in (0_u32..).zip(&executables) {
                 let info =
-                    vk::PipelineExecutableInfoKHR::default().pipeline(pipeline.raw).executable_index(index);
+                    vk::PipelineExecutableInfoKHR::default().pipeline(pipeline.raw()).executable_index(index);
                 // SAFETY: as above; the pipeline has an executable of this index.
                 let found = unsafe { functions.get_pipeline_executable_statistics(&info) }
                     .map_err(|result| self.failed("vkGetPipelineExecutableStatisticsKHR", result))?;

@@ -97,7 +97,7 @@ pub(crate) enum Work {
     CopyBufferToImage { buffer: Arc<Buffer>, image: Arc<Image>, level: u32, planes: [u32; 2] },
     /// Only makes the resources ready for their uses, also for later recordings. This is no pass.
     Leave,
-    /// Only says how an earlier submission, which has ended, has used a resource last. This is no pass.
+    /// Only says how an earlier submission to the same queue has used a resource last. This is no pass.
     Inherit(Used, Use),
 }
 
@@ -108,6 +108,14 @@ impl Work {
             Self::Dispatch { .. } => 1,
             Self::Draw { pushes, .. } => crate::num::count(pushes.len()),
             _ => 0,
+        }
+    }
+
+    /// Returns the pipeline of a dispatch or draw.
+    pub(crate) fn pipeline(&self) -> Option<&Arc<Pipeline>> {
+        match self {
+            Self::Dispatch { pipeline, .. } | Self::Draw { pipeline, .. } => Some(pipeline),
+            _ => None,
         }
     }
 

@@ -93,7 +93,7 @@ impl Commands {
         let gpu = self.gpu.clone();
         let mut recorder = Recorder::new(&gpu, self.begin()?, None);
         record(&mut recorder);
-        let (_, keep) = recorder.finish();
+        let (_, keep) = recorder.finish()?;
         self.submit(keep, last_pass)
     }
 
@@ -199,7 +199,7 @@ mod tests {
                 let mut commands = Commands::new(&gpu).unwrap();
                 let mut recorder = Recorder::new(&gpu, commands.begin().unwrap(), None);
                 recorder.clear_buffer("stress", &buffer);
-                drop(recorder.finish());
+                drop(recorder.finish().unwrap());
             }
         };
         std::thread::scope(|scope| (0..8).for_each(|_| drop(scope.spawn(record))));

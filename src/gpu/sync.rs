@@ -116,7 +116,7 @@ impl Tracker {
         self.histories.entry(image).or_insert(History { layout, ..History::default() });
     }
 
-    /// Declares the last use of a resource by an earlier submission, which has ended.
+    /// Declares the last use of a resource by an earlier submission to the same queue.
     pub(crate) fn begin_after(&mut self, (is_image, handle): Key, last: Use) {
         let (stage, access, layout) = last.masks();
         let layout = if is_image { layout } else { Layout::UNDEFINED };

@@ -65,7 +65,7 @@ impl Image {
             if number + 1 == groups.len() {
                 recorder.release_image(&image);
             }
-            let (_, keep) = recorder.finish();
+            let (_, keep) = recorder.finish()?;
             commands.send(keep)?;
         }
         slots.iter_mut().try_for_each(|(_, commands)| commands.settle())?;

@@ -131,7 +131,7 @@ impl Fill {
             recorder.copy_buffer("order", order, &host_order, host_order.size());
             recorder.release_to_host(&host_boxes);
             recorder.release_to_host(&host_order);
-            recorder.finish().1
+            recorder.finish()?.1
         };
         commands.submit(keep, name)?;
         let boxes = words(&host_boxes.host_copy()?);

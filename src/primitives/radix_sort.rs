@@ -542,7 +542,7 @@ mod tests {
                     let start = std::time::Instant::now();
                     let mut recorder = Recorder::new(&gpu, commands.begin().unwrap(), None);
                     sort.record(&mut recorder);
-                    let (_, keep) = recorder.finish();
+                    let (_, keep) = recorder.finish().unwrap();
                     commands.submit(keep, "test").unwrap();
                     times.push(start.elapsed().as_secs_f64() * 1e3);
                 }

@@ -221,7 +221,7 @@ impl BrickRanges {
             let mut recorder = Recorder::new(gpu, commands.begin()?, None);
             mark.record(&mut recorder, &push, groups_of(self.count, 64));
             recorder.release_buffer(&bricks);
-            let (_, keep) = recorder.finish();
+            let (_, keep) = recorder.finish()?;
             commands.submit(keep, "bricks.mark")
         })?;
         Ok(bricks)

@@ -230,7 +230,7 @@ impl Frames {
         recorder.assume_after(image, last);
         recorder.copy_image_to_buffer("read back", image, &host);
         recorder.leave(image, last);
-        let (_, keep) = recorder.finish();
+        let (_, keep) = recorder.finish()?;
         self.commands.submit(keep, "read back")?;
         let [width, height] = self.plan.extent;
         Picture::new(width, height, pixels(&host.host_copy()?, format))
@@ -255,7 +255,7 @@ impl Frames {
         recorder.assume_buffer_after(words, last);
         recorder.copy_buffer("overflow map", words, &host, host.size());
         recorder.release_to_host(&host);
-        let (_, keep) = recorder.finish();
+        let (_, keep) = recorder.finish()?;
         self.commands.submit(keep, "overflow map")?;
         Ok(Some(pixels_of_tiles(&host.host_copy()?, self.plan.extent)))
     }

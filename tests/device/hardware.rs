@@ -1,4 +1,4 @@
-//! What differs on GPUs, on a software driver: the order of workgroups, coarse filter weights.
+//! Properties of GPUs on a software driver: another order of workgroups, coarse filter weights, frames in flight.
 
 #![allow(clippy::unwrap_used, clippy::cast_precision_loss, reason = "a test fails by panicking")]
 

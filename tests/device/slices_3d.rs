@@ -204,6 +204,7 @@ fn eight_bit_data_is_filtered_finely() {
     assert!((exact - twin).abs() < 1e-6, "exact {exact:e} of u8, {twin:e} of the same as f32");
     // Sampling dominates: 8-bit rounding (0.75/255 at tau slopes of 375) would add some 1e-2.
     println!("hardware {hardware:e}, exact {exact:e}");
+    // Coarse weights add a random error to each sample, of which some twenty are summed with weights below one.
     let floor = 1e-4 + 0.2 * gpu.filter_error().unwrap();
     assert!(!coarse || hardware < 1.2 * exact + floor, "hardware {hardware:e}, exact {exact:e}");
 }

@@ -1,4 +1,4 @@
-//! `volraster shaders`: what a driver's compiler tells of the shaders of every technique.
+//! `volraster shaders`: prints the statistics that a driver's compiler gives of the shaders of every technique.
 
 use std::collections::BTreeSet;
 
@@ -6,10 +6,10 @@ use serde_json::{Value, json};
 use volraster::glam::DVec3;
 use volraster::gpu::{GpuOptions, ShaderStatistics};
 use volraster::scene::{Camera, Field, Projection, Scene, TransferFunction, View};
-use volraster::technique::{Method, Renderer, Technique};
+use volraster::technique::Renderer;
 use volraster::{Error, Gpu, GpuScene, Result, TargetDesc};
 
-use crate::cli::input::DeviceArgs;
+use crate::cli::input::{self, DeviceArgs};
 use crate::cli::outcome::Outcome;
 use crate::cli::output;
 
@@ -82,22 +82,15 @@ fn prepare(gpu: &Gpu) -> Result<()> {
     let camera = Camera { eye: DVec3::new(2.0, 1.5, 3.8), target: DVec3::ZERO, up: DVec3::Y, projection };
     let view = View::new(camera, 64, 48)?;
     for scene in scenes {
-        let methods: Vec<Method> =
-            Method::ALL.into_iter().filter(|method| method.draws_scene(&scene)).collect();
         let on_gpu = GpuScene::new(gpu, scene);
-        for method in methods {
-            for route in method.routes() {
-                let several = method.routes().len() > 1;
-                let spec = if several {
-                    format!("{}:route={route}", method.name())
-                } else {
-                    method.name().to_string()
-                };
-                let renderer = Renderer::new(&on_gpu, Technique::parse(&spec)?);
-                match renderer.prepare(&view, &TargetDesc::own()) {
-                    Ok(_) | Err(Error::Unsupported { .. }) => {}
-                    Err(error) => return Err(error),
-                }
+        for (method, route) in input::all_routes() {
+            if !method.draws_scene(on_gpu.scene()) {
+                continue;
+            }
+            let technique = input::by_route(method, route, &[], &[])?;
+            match Renderer::new(&on_gpu, technique).prepare(&view, &TargetDesc::own()) {
+                Ok(_) | Err(Error::Unsupported { .. }) => {}
+                Err(error) => return Err(error),
             }
         }
     }

@@ -97,7 +97,7 @@ fn count_fragments(gpu: &Gpu, ranking: &Ranking, lists: &Lists, push: &MeshPush)
             lists.list(&mut recorder, push, i, false);
             recorder.copy_buffer("fragments", &lists.cursors, &host, bytes);
             recorder.release_to_host(&host);
-            recorder.finish().1
+            recorder.finish()?.1
         };
         commands.submit(keep, ranking.name)?;
         let counts = words(&host.host_copy()?);

@@ -7,10 +7,10 @@ use volraster::technique::Method;
 use super::limits::{allocation, budget, loops, storage};
 use super::pictures::picture;
 use super::resources::{passes, resize, scalars, transfer, upload};
-use super::session::{self, Place, Session};
 use super::subject::Subject;
+use super::sweeps;
 use super::targets::{caller, flight};
-use super::workbench::{Stop, Verdict, Workbench};
+use super::workbench::{Verdict, Workbench};
 use crate::cli::input::all_routes;
 use crate::cli::output;
 
@@ -78,19 +78,8 @@ const CHECKS: [(&str, Check); 11] = [
     ("limits/budget", budget),
 ];
 
-type Sweep = fn(&Place, &Session, usize) -> std::result::Result<session::Swept, String>;
-
-/// Sweeps of failures, with the number of calls of each function that fail.
-const SWEEPS: [(&str, Sweep, usize); 4] = [
-    ("frames", session::fail_frames, 8),
-    ("failures", session::fail_each, 2),
-    ("opening", session::fail_opening, 1),
-    ("lost", session::lose, 2),
-];
-
-/// Returns all cases in the order in which they run. With `every_call`, each Vulkan call of a session fails in turn,
-/// instead of a few calls of each function.
-pub(super) fn all(every_call: bool) -> Result<Vec<Case>> {
+/// Returns all cases in the order in which they run.
+pub(super) fn all() -> Result<Vec<Case>> {
     let mut cases = Vec::new();
     let mut add = |name: String, method: Method, run: Box<dyn Fn(&Workbench) -> Verdict>| {
         cases.push(Case { name, method: Some(method), run });
@@ -121,23 +110,6 @@ pub(super) fn all(every_call: bool) -> Result<Vec<Case>> {
             add(format!("{kind}/{spec}"), method, Box::new(move |workbench| check(workbench, &spec)));
         }
     }
-    for (kind, sweep, some) in SWEEPS {
-        let most = if every_call { usize::MAX } else { some };
-        for session in session::sessions()? {
-            // Opening a device does not depend on the session.
-            if kind == "opening" && session.name != "grid-raster" {
-                continue;
-            }
-            let (name, method) = (format!("{kind}/{}", session.name), session.technique.method());
-            let run = move |workbench: &Workbench| {
-                // Best-practice advice and instrumented shaders do not matter here, and cost time.
-                let place = Place { validation: workbench.plain(), ..workbench.device.options() };
-                let swept = sweep(&place, &session, most).map_err(Stop::Fail)?;
-                let failed: u32 = swept.failed.values().sum();
-                Ok(format!("{failed} of {} calls, {} kinds", swept.calls, swept.failed.len()))
-            };
-            add(name, method, Box::new(run));
-        }
-    }
+    cases.extend(sweeps::all()?);
     Ok(cases)
 }

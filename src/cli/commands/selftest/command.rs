@@ -14,6 +14,8 @@ use volraster::{Error, Result};
 use super::allow::{Allowed, id_of};
 use super::cases::{self, Case, Done, Status};
 use super::controls::Controls;
+use super::session::Place;
+use super::sweeps;
 use super::workbench::{Stop, Workbench};
 use crate::cli::input::DeviceArgs;
 use crate::cli::outcome::{Failure, Outcome};
@@ -46,6 +48,9 @@ pub(crate) struct Args {
     /// Cause a validation error in the cases whose names contain TEXT, to test this command.
     #[arg(long, value_name = "TEXT", hide = true)]
     provoke: Option<String>,
+    /// Run only this sweep of failures, in this process. The command starts itself so.
+    #[arg(long, value_name = "NAME", hide = true)]
+    sweep: Option<String>,
 }
 
 /// The report as JSON.
@@ -77,6 +82,11 @@ impl Args {
     ///
     /// An error in the arguments, the device or the output; [`Failure::Finding`] when a case fails.
     pub(crate) fn run(&self, quiet: bool) -> Outcome {
+        if let Some(name) = &self.sweep {
+            // Best-practice advice and instrumented shaders do not matter there, and cost time.
+            let validation = if self.without_validation { Validation::Off } else { Validation::On };
+            return sweeps::run(name, &Place { validation, ..self.device.options() }, self.every_call);
+        }
         if let Some(path) = &self.output {
             output::check_file(path)?;
         }
@@ -86,7 +96,7 @@ impl Args {
             let named = self.filter.is_empty() || self.filter.iter().any(|text| case.name.contains(text));
             named && (methods.is_empty() || case.method.is_some_and(|method| methods.contains(&method)))
         };
-        let all = cases::all(self.every_call)?;
+        let all = cases::all()?;
         let whole = all.iter().all(wanted);
         let cases: Vec<Case> = all.into_iter().filter(wanted).collect();
         if cases.is_empty() {

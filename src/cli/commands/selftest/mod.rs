@@ -1,6 +1,7 @@
 //! `volraster selftest`: checks every technique, route and resource path under every kind of validation.
 //!
-//! `cases` lists the checks of `pictures`, `resources`, `targets`, `limits` and `session`, which run on a `workbench`.
+//! `cases` lists the checks of `pictures`, `resources`, `targets` and `limits`, which run on a `workbench`, and the `sweeps` of a `session`,
+//! which run in processes of their own.
 //! `controls` provoke a fault for each kind of validation; `allow` knows the messages that are no fault.
 
 mod allow;
@@ -12,6 +13,7 @@ mod pictures;
 mod resources;
 mod session;
 mod subject;
+mod sweeps;
 mod targets;
 mod workbench;
 
