@@ -27,7 +27,7 @@
 #define BINDING_RANK_KEYS 26    // storage block: sort key of each primitive, its visibility order
 #define BINDING_ORDER 27        // storage block: primitives by rank
 #define BINDING_BOXES 28        // storage block: box of pixels that contains each primitive
-#define BINDING_BIN_TABLE 29    // storage block: positions in the bins, tile by tile and run by run
+#define BINDING_BIN_ENDS 29     // storage block: where the bin of each tile ends
 #define BINDING_BINS 30         // storage block: primitives of each tile, by rank
 #define BINDING_CURSORS 31      // storage block: positions in the lists, pixel by pixel
 #define BINDING_LISTS 32        // storage block: fragments of each pixel, by rank
@@ -59,6 +59,10 @@
 #define BINDING_BACKGROUND 56   // storage block: colour of the opaque surface that each pixel shows
 #define BINDING_LAYER_CURSORS 57 // storage block: where those of the next pixel begin
 #define BINDING_LAYER_DEPTHS 58 // storage block: their depths
+#define BINDING_BIN_OFFSETS 59  // storage block: where the pairs of each rank begin
+#define BINDING_BIN_TILES 60    // storage block: tile of each pair
+#define BINDING_MASKS 61        // storage block: pixels of its tile that each pair covers
+#define BINDING_HITS 62         // storage block: for 32 pairs and each pixel of a tile which of them cover it
 
 #define BINDING_SCAN_WORDS 13   // storage block: words that are replaced by their prefix sums
 #define BINDING_SCAN_SUMS 14    // storage block: 64-bit sums of chunks of them
@@ -89,11 +93,11 @@
 #define SPEC_FILL 16        // bool: entries are written, not counted
 #define SPEC_K 17           // uint: entries of the k-buffer
 #define SPEC_LAST_CHUNK 18  // bool: this dispatch is the last and empties the k-buffer
-#define SPEC_REPAIR 19      // bool: flagged pixels only, by sorting their lists
 #define SPEC_EYE_INSIDE 20  // bool: the mesh may reach behind the eye
 #define SPEC_SHADED 21      // bool: colours belong to the vertices of fans
 #define SPEC_SPACE 22       // bool: fans of triangles lie in space, not in the image
-#define SPEC_FLAGGED 23     // bool: lists of flagged pixels only
+#define SPEC_FLAGGED 23     // bool: bins for flagged pixels only
+#define SPEC_LISTED 32       // uint: FLAG_* of the pixels that have lists; 0: all
 
 #define SPEC_SPLAT_SHAPE 24   // uint: sizes of splats, one of SHAPE_*
 #define SPEC_SPLAT_KERNEL 25  // uint: one of KERNEL_*
@@ -103,7 +107,6 @@
 #define SPEC_SPLAT_AXIS 29    // uint: axis that sheets are stacked along
 #define SPEC_SPLAT_LOWPASS 30 // uint: filter of footprints below a pixel, one of LOWPASS_*
 #define SPEC_SPLAT_TABULATED 31 // bool: footprints come from a table
-#define SPEC_RUNS 32          // uint: runs of ranks of each tile's bin
 
 #define SPEC_WARP 33          // uint: the warp's filter, one of WARP_*
 #define SPEC_EVERY 34         // bool: a slab holds several slices of the stack
@@ -167,14 +170,15 @@
 #define UNIFORM_KNOTS 16
 
 #define TILE 8        // pixels along each side of a tile
+#define BIN_PAIRS 16  // pairs of a tile and a primitive that an invocation emits
 #define TILE_PIXELS 64
-#define FACE_WORDS 5  // corners, cell that the normal points to, cell on the other side
+#define FACE_AHEAD 2147483648  // bits of a face's first corner: there is a cell that the normal points to
+#define FACE_BEHIND 1073741824 // there is one on the other side
 #define CELL_WORDS 4  // corners
-#define NO_CELL 4294967295
 
 // Words of the status block.
 #define STATUS_OVERFLOW_PIXELS 2 // pixels whose fragments came out of order
-#define STATUS_LOST 3            // entries beyond the capacity of a buffer
+#define STATUS_LOST 3            // entries of bins or lists beyond the capacity of their buffer
 #define STATUS_NAN_KEYS 4        // primitives without a rank
 #define STATUS_UNREPAIRED 5      // pixels still out of order after repair
 #define STATUS_LONGEST_BIN 6     // primitives of the fullest tile
@@ -182,7 +186,9 @@
 #define STATUS_CUT 8             // pixels whose loop the device ended early
 #define STATUS_UNFINISHED 9      // invocations that another dispatch has to resume
 #define STATUS_FILLED 10         // fragments that the pass which writes lists has found, modulo 2^32
-#define STATUS_WORDS 11
+#define STATUS_FRAGMENTS 11      // fragments that pixels have walked through, modulo 2^32
+#define STATUS_FRAGMENTS_HIGH 12 // the upper word
+#define STATUS_WORDS 13
 
 // Flags of a pixel that has been drawn.
 #define FLAG_UNSORTED 1 // fragments left the k-buffer out of order

@@ -134,13 +134,12 @@ pub(crate) struct MeshPush {
     pub(crate) count: u32,
     pub(crate) first: u32,
     pub(crate) number: u32,
-    pub(crate) runs: u32,
     pub(crate) capacity: u32,
     pub(crate) band: u32,
+    pub(crate) binned: u32,
     pub(crate) knots: u32,
     pub(crate) opaque: f32,
     pub(crate) smoke: f32,
-    pub(crate) bins: u32,
     pub(crate) alike: f32,
     pub(crate) last_round: u32,
 }
@@ -153,8 +152,6 @@ pub(crate) struct BinsPush {
     pub(crate) first: u32,
     pub(crate) tiles: u32,
     pub(crate) count: u32,
-    pub(crate) number: u32,
-    pub(crate) runs: u32,
     pub(crate) capacity: u32,
 }
 

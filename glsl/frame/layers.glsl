@@ -32,7 +32,7 @@ LayersAhead layers_from(uvec2 pixel, uint width, float depth) {
     ahead.next = slot == 0u ? 0u : layer_cursors[slot - 1u];
     ahead.end = layer_ends[slot];
     look_ahead(ahead);
-    for (uint turn = 0u; turn < MOST_TURNS / 2u && ahead.depth < depth; ++turn) {
+    for (uint turn = 0u; turn < MOST_LAYERS && ahead.depth < depth; ++turn) {
         ++ahead.next;
         look_ahead(ahead);
     }

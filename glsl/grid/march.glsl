@@ -45,7 +45,7 @@ float layers_end(float end) {
 
 // Composites the surfaces up to and including a depth, front to back.
 void pass_layers(inout LayersAhead ahead, float depth, float opaque, inout vec4 sum, inout float transmittance) {
-    for (uint turn = 0u; turn < MOST_TURNS / 2u && ahead.depth <= depth && transmittance > opaque; ++turn) {
+    for (uint turn = 0u; turn < MOST_LAYERS && ahead.depth <= depth && transmittance > opaque; ++turn) {
         add_behind(sum, transmittance, take_layer(ahead));
     }
 }
@@ -62,7 +62,7 @@ bool cut_at_layer(inout LayersAhead ahead, inout vec2 piece, inout float reached
 
 // Composites the remaining surfaces in front of depth `end`.
 void end_layers(inout LayersAhead ahead, float end, float opaque, inout vec4 sum, inout float transmittance) {
-    for (uint turn = 0u; turn < MOST_TURNS / 2u && ahead.depth < end && transmittance > opaque; ++turn) {
+    for (uint turn = 0u; turn < MOST_LAYERS && ahead.depth < end && transmittance > opaque; ++turn) {
         add_behind(sum, transmittance, take_layer(ahead));
     }
 }

@@ -12,7 +12,7 @@
 //   IMPLEMENTATION  the same without interlock, for drivers that are known to work so
 //   EMPTY           one invocation a pixel: takes what is left out of the k-buffer
 //
-//   in    faces by rank (mesh-lists.glsl), transfer function or its table
+//   in    faces by rank (mesh-rank.glsl), transfer function or its table
 //   out   accumulation image: premultiplied linear RGBA; for each pixel whether what left the k-buffer was not in order
 //
 // Rasterisers move corners to a grid, of 1/16 pixel at worst. If that decided which faces a line meets, it would meet some that it
@@ -29,6 +29,7 @@
 #endif
 
 #include "interface.glsl"
+#include "mesh/cell-scalars.glsl"
 #include "shared/device.glsl"
 #include "mesh/mesh.glsl"
 
@@ -38,7 +39,6 @@ layout(set = 0, binding = BINDING_BOXES, std430) readonly buffer Boxes { uvec2 b
 layout(set = 0, binding = BINDING_PRIMITIVES, std430) readonly buffer Primitives { uint primitives[]; };
 layout(set = 0, binding = BINDING_VIEW_POINTS, std430) readonly buffer ViewPoints { vec4 view_points[]; };
 layout(set = 0, binding = BINDING_MESH_SCALARS, std430) readonly buffer MeshScalars { float mesh_scalars[]; };
-layout(constant_id = SPEC_CELL_SCALARS) const bool CELL_SCALARS = false;
 
 layout(location = 0) flat out vec4 corner_0;
 layout(location = 1) flat out vec4 corner_1;
@@ -83,15 +83,16 @@ void main() {
     uint vertex = uint(gl_VertexIndex), which = vertex % 3u;
     uint id = order[vertex / 3u];
     uint at = id * FACE_WORDS;
-    corner_0 = view_points[primitives[at]];
+    uint first = primitives[at];
+    corner_0 = view_points[first & ~(FACE_AHEAD | FACE_BEHIND)];
     corner_1 = view_points[primitives[at + 1u]];
     corner_2 = view_points[primitives[at + 2u]];
-    uint ahead = primitives[at + 3u], behind = primitives[at + 4u];
-    sides = uint(ahead != NO_CELL) | uint(behind != NO_CELL) << 1;
+    bool ahead = (first & FACE_AHEAD) != 0u, behind = (first & FACE_BEHIND) != 0u;
+    sides = uint(ahead) | uint(behind) << 1;
     cells = vec2(0.0);
     if (CELL_SCALARS) {
-        cells.x = ahead != NO_CELL ? mesh_scalars[ahead] : 0.0;
-        cells.y = behind != NO_CELL ? mesh_scalars[behind] : 0.0;
+        cells.x = ahead ? mesh_scalars[primitives[at + 3u]] : 0.0;
+        cells.y = behind ? mesh_scalars[primitives[at + 4u]] : 0.0;
     }
     uvec2 box = boxes[id];
     vec3 w = push.w0 + push.w1 * vec3(corner_0.z, corner_1.z, corner_2.z);
@@ -150,7 +151,7 @@ void main() {
             leave(sweep, pending, pass_through(Pair(EVERYTHING, 0u)), drawn_depths(place), world);
             ++j;
         }
-        if (pending.len > 0.0) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
+        if (pending.len > 0.0) take_piece(sweep.sum, pending, BACK_TO_FRONT, knots);
     }
     bool over = overlaps(sweep, opaque);
     flags[word] = (sweep.state.unsorted ? FLAG_UNSORTED : 0u) | (over ? FLAG_OVERLAPS : 0u);
@@ -226,7 +227,7 @@ void main() {
         Pending pending;
         begin_segment(pending, sweep.end, sweep.end, 0.0);
         leave(sweep, pending, pass_through(pair), drawn_depths(uvec2(pixel)), world);
-        while (pending.len > 0.0 && sweep.sum.a < opaque) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
+        while (pending.len > 0.0 && sweep.sum.a < opaque) take_piece(sweep.sum, pending, BACK_TO_FRONT, knots);
         store_window(pixel, sweep.last);
         imageStore(accumulation, pixel, sweep.sum);
         sweep.state.begun = true;

@@ -4,12 +4,12 @@
 #define HAVS_SWEEP_GLSL
 
 #include "interface.glsl"
+#include "mesh/cell-scalars.glsl"
 #include "mesh/kbuffer.glsl"
 #include "mesh/mesh-bounds.glsl"
 #include "mesh/mesh-segments.glsl"
 #include "mesh/pixel-state.glsl"
 
-layout(constant_id = SPEC_CELL_SCALARS) const bool CELL_SCALARS = false;
 layout(constant_id = SPEC_BACK_TO_FRONT) const bool BACK_TO_FRONT = false;
 layout(constant_id = SPEC_EYE_INSIDE) const bool EYE_INSIDE = true;
 

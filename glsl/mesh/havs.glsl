@@ -1,11 +1,15 @@
-// entry compute COMPUTE
+// entry compute TILES
+// entry compute REPAIR
 //
 // Hardware-assisted visibility sorting: faces come nearly sorted, a k-buffer in each pixel puts them in order, and what lies between
 // two faces that leave it one after the other is integrated.
 //
-//   COMPUTE   one invocation owns a pixel and takes its list; the k-buffer is in registers, between dispatches in storage images
+//   TILES   one invocation owns a pixel and walks through the faces that its line meets; the k-buffer is in registers, between dispatches
+//           in storage images
+//   REPAIR  the same for pixels whose pairs did not leave in order, from lists, which are sorted first
 //
-//   in    lists of faces by rank (mesh-lists.glsl), transfer function or its table
+//   in    bins of faces by rank with their hits (mesh-tiles.glsl), or lists of faces by rank (mesh-lists.glsl); transfer function or its
+//         table
 //   out   accumulation image: premultiplied linear RGBA; for each pixel whether what left the k-buffer was not in order
 //
 // A line is inside the mesh while it has entered more often than left: faces of the outline say so, coincident ones too, in whatever order
@@ -22,25 +26,64 @@
 #include "mesh/mesh-segments.glsl"
 #include "mesh/mesh-layers.glsl"
 #include "mesh/havs-sweep.glsl"
+#include "mesh/own-pixel.glsl"
 #include "mesh/pixel-list.glsl"
+#include "mesh/status.glsl"
+#include "mesh/tile-walk.glsl"
 #include "mesh/sweep-images.glsl"
+
+
+layout(local_size_x = TILE_PIXELS) in;
+layout(set = 0, binding = BINDING_FLAGS, std430) buffer Flags { uint flags[]; };
+
+// A face at a depth, in the direction of ranks.
+Pair pair_in(uvec2 listed) {
+    return Pair(uintBitsToFloat(listed.x) * (BACK_TO_FRONT ? -1.0 : 1.0), listed.y);
+}
+
+#ifdef TILES
+const bool REPAIRS = false;
 
 layout(constant_id = SPEC_RESUME) const bool RESUME = false;
 layout(constant_id = SPEC_LAST_CHUNK) const bool LAST_CHUNK = true;
-layout(constant_id = SPEC_REPAIR) const bool REPAIR = false;
 
-layout(local_size_x = TILE_PIXELS) in;
-layout(set = 0, binding = BINDING_LISTS, std430) buffer Lists { uvec2 lists[]; };
-layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
-layout(set = 0, binding = BINDING_FLAGS, std430) buffer Flags { uint flags[]; };
+// What comes of a pixel's line.
+struct Source {
+    Walk walk;
+    uint pixel;
+    vec2 line0; // of the tile
+};
 
-// Returns an entry of a list that ends at `end`. From `to` on comes what is greater than all: it lets the least of the window out.
-Pair arrival(uint i, uint to, uint end) {
-    uvec2 entry = lists[min(i, max(end, 1u) - 1u)];
-    Pair pair = Pair(uintBitsToFloat(entry.x) * (BACK_TO_FRONT ? -1.0 : 1.0), entry.y);
-    if (i >= to) pair = Pair(EVERYTHING, 0u);
-    return pair;
+Source source_of(OwnPixel own) {
+    Source source;
+    source.pixel = gl_LocalInvocationIndex;
+    source.walk = walk_through(own.in_band, source.pixel, push.first, push.number);
+    source.line0 = line_at(vec2(pixel_of(own.tile, 0u)) + 0.5);
+    return source;
 }
+
+bool has_next(Source source) {
+    return source.walk.bits != 0u;
+}
+
+bool ended_early(Source source) {
+    return is_cut(source.walk);
+}
+
+void count_drawn(Source source) {
+    count_fragments(source.walk.met);
+}
+
+Pair next_of(inout Source source) {
+    uint id = next_primitive(source.walk, source.pixel);
+    return pair_in(pair_of(id, primitive_of(id, source.line0), uvec2(source.pixel % TILE, source.pixel / TILE), BACK_TO_FRONT));
+}
+#endif
+
+#ifdef REPAIR
+const bool REPAIRS = true, RESUME = false, LAST_CHUNK = true;
+
+layout(set = 0, binding = BINDING_LISTS, std430) buffer Lists { uvec2 lists[]; };
 
 // Sorts a list in place: it passes through the window again and again until what leaves is in order, at most as many times as every device
 // completes in a dispatch.
@@ -53,7 +96,10 @@ void sort_list(uint begin, uint end) {
         uint to = begin;
         float last = NOTHING;
         for (uint from = begin; from < end + K; ++from) {
-            Pair leaves = pass_through(arrival(from, end, end));
+            Pair pair = pair_in(lists[min(from, max(end, 1u) - 1u)]);
+            // It lets the least of the window out.
+            if (from >= end) pair = Pair(EVERYTHING, 0u);
+            Pair leaves = pass_through(pair);
             if (leaves.at != NOTHING && to < end) {
                 unsorted = unsorted || leaves.at < last;
                 last = leaves.at;
@@ -63,59 +109,93 @@ void sort_list(uint begin, uint end) {
     }
 }
 
+struct Source {
+    uint next, end;
+};
+
+Source source_of(OwnPixel own) {
+    PixelList list = list_of(own);
+    sort_list(list.begin, list.end);
+    return Source(list.begin, list.end);
+}
+
+bool has_next(Source source) {
+    return source.next < source.end;
+}
+
+bool ended_early(Source source) {
+    return false;
+}
+
+// They were counted when the pixel was drawn first.
+void count_drawn(Source source) {}
+
+Pair next_of(inout Source source) {
+    return pair_in(lists[source.next++]);
+}
+#endif
+
 void main() {
-    PixelList list = list_of_invocation();
-    if (!list.exists) return;
-    ivec2 pixel = ivec2(list.pixel);
+    OwnPixel own = own_pixel();
+    if (!own.exists) return;
+    if (REPAIRS && (flags[own.word] & FLAG_UNSORTED) == 0u) return;
+    ivec2 pixel = ivec2(own.pixel);
     load_segments(push.knots);
     uint knots = push.knots;
-    vec2 drawn = drawn_depths(list.pixel);
+    vec2 drawn = drawn_depths(own.pixel);
     float opaque = end_of_line(BACK_TO_FRONT);
-    if (REPAIR) {
-        if ((flags[list.word] & FLAG_UNSORTED) == 0u) return;
-        sort_list(list.begin, list.end);
-    }
+    Source source = source_of(own);
     clear_window();
     Sweep sweep = empty_sweep();
-    if (RESUME) sweep = load_sweep(pixel, unpack_state(flags[list.word]));
-    LayersAhead ahead = layers_from(list.pixel, uint(2.0 * push.half_extent.x), -3e38);
+    if (RESUME) sweep = load_sweep(pixel, unpack_state(flags[own.word]));
+    LayersAhead ahead = layers_from(own.pixel, uint(2.0 * push.half_extent.x), -3e38);
     uint nearest = ahead.next;
     if (LAYERS && RESUME) skip_layers(ahead, sweep.state.passed);
 
     Pending pending;
     begin_segment(pending, sweep.end, sweep.end, 0.0);
     Uncut rest = Uncut(sweep.end, sweep.end, vec2(0.0));
-    // A turn for each pair and for each further piece of a segment. After the last one the window is emptied.
-    uint i = list.from, last = LAST_CHUNK ? list.to + K : list.to;
-    while ((i < last || pending.len > 0.0 || is_uncut(rest)) && sweep.sum.a < opaque) {
-        if (pending.len == 0.0 && !is_uncut(rest)) {
-            vec2 depths = leave(sweep, pending, pass_through(arrival(i, list.to, list.end)), drawn, list.world);
-            if (LAYERS) {
-                rest = Uncut(pending.front, pending.back, depths);
-                pending.len = 0.0;
+    // A turn for each pair and for each further piece of a segment. After the last pair K turns empty the window, if anything is in it.
+    uint held = LAST_CHUNK && (has_next(source) || RESUME) ? K : 0u;
+    bool more = has_next(source);
+    bool goes_on = true;
+    while (goes_on) {
+        while ((more || held > 0u || pending.len > 0.0 || is_uncut(rest)) && sweep.sum.a < opaque && !pending.waits) {
+            if (pending.len == 0.0 && !is_uncut(rest)) {
+                // From the last one on comes what is greater than all: it lets the least of the window out.
+                Pair pair = Pair(EVERYTHING, 0u);
+                if (more) pair = next_of(source); else --held;
+                more = has_next(source);
+                vec2 depths = leave(sweep, pending, pass_through(pair), drawn, own.world);
+                if (LAYERS) {
+                    rest = Uncut(pending.front, pending.back, depths);
+                    pending.len = 0.0;
+                }
             }
-            ++i;
+            if (LAYERS && pending.len == 0.0 && is_uncut(rest)) begin_uncut(rest, pending, ahead, CELL_SCALARS, own.world, sweep.sum);
+            if (pending.len > 0.0) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
         }
-        if (LAYERS && pending.len == 0.0 && is_uncut(rest)) begin_uncut(rest, pending, ahead, CELL_SCALARS, list.world, sweep.sum);
-        if (pending.len > 0.0) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
+        goes_on = pending.waits;
+        for (uint once = 0u; once < uint(goes_on); ++once) composite(sweep.sum, thickest_piece(pending, BACK_TO_FRONT), BACK_TO_FRONT);
     }
     if (LAYERS && LAST_CHUNK && sweep.sum.a < opaque) pass_layers(ahead, 3e37, sweep.sum);
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)
-    uint left = max(i, last) - i + uint(pending.len != 0.0 || is_uncut(rest));
+    uint left = uint(has_next(source) || ended_early(source)) + held + uint(pending.len != 0.0 || is_uncut(rest));
     if (left != 0u && sweep.sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);
 
+    count_drawn(source);
     imageStore(accumulation, pixel, sweep.sum);
     if (LAST_CHUNK) {
         bool unsorted = sweep.state.unsorted, over = overlaps(sweep, opaque);
-        flags[list.word] = (unsorted ? FLAG_UNSORTED : 0u) | (REPAIR ? FLAG_REPAIRED : 0u) | (over ? FLAG_OVERLAPS : 0u);
+        flags[own.word] = (unsorted ? FLAG_UNSORTED : 0u) | (REPAIRS ? FLAG_REPAIRED : 0u) | (over ? FLAG_OVERLAPS : 0u);
         if (over) atomicAdd(status[STATUS_OVERLAPS], 1u);
         // Of repair the last round counts.
-        if (unsorted) atomicAdd(status[REPAIR ? STATUS_UNREPAIRED : STATUS_OVERFLOW_PIXELS], REPAIR ? push.last_round : 1u);
+        if (unsorted) atomicAdd(status[REPAIRS ? STATUS_UNREPAIRED : STATUS_OVERFLOW_PIXELS], REPAIRS ? push.last_round : 1u);
     } else {
         store_window(pixel, sweep.last);
         sweep.state.begun = true;
         // Depths do not tell which surfaces were passed, where pairs leave out of order.
         sweep.state.passed = LAYERS ? min(ahead.next - nearest, MOST_LAYERS) : 0u;
-        flags[list.word] = pack_state(sweep.state);
+        flags[own.word] = pack_state(sweep.state);
     }
 }

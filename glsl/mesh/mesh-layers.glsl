@@ -9,7 +9,7 @@
 
 // Composites the translucent surfaces up to a depth, front to back.
 void pass_layers(inout LayersAhead ahead, float depth, inout vec4 sum) {
-    for (uint turn = 0u; turn < MOST_TURNS / 2u && ahead.depth <= depth; ++turn) composite(sum, take_layer(ahead), false);
+    for (uint turn = 0u; turn < MOST_LAYERS && ahead.depth <= depth; ++turn) composite(sum, take_layer(ahead), false);
 }
 
 // Part of a segment that is left to integrate, because translucent surfaces split it.

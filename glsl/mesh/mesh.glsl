@@ -11,6 +11,7 @@
 #define MESH_GLSL
 
 #include "interface.glsl"
+#include "shared/integers.glsl"
 
 layout(push_constant) uniform MeshPush {
     vec4 right;       // X of a point: dot of xyz with it, + w
@@ -24,13 +25,12 @@ layout(push_constant) uniform MeshPush {
     uint count;       // primitives, or points
     uint first;       // of what this dispatch does
     uint number;
-    uint runs;        // of ranks that are binned side by side
     uint capacity;    // entries that a list has room for
     uint band;        // first tile of the band
+    uint binned;      // first tile of the bins
     uint knots;
     float opaque;     // transmittance at which a line ends
     float smoke;      // extinction per scalar of the smoke model
-    uint bins;        // capacity of the bins, entries
     float alike;      // scalars this far apart show the same
     uint last_round;  // repair: 1 in the last round, whose unsorted pixels count
 } push;
@@ -42,8 +42,8 @@ uint tiles_across() {
 
 // The pixel with a number in a tile, row by row. It may lie beyond the image's edge.
 uvec2 pixel_of(uint tile, uint number) {
-    uint across = tiles_across();
-    return uvec2(tile % across, tile / across) * TILE + uvec2(number % TILE, number / TILE);
+    uint across = tiles_across(), row = quotient(tile, across);
+    return uvec2(tile - row * across, row) * TILE + uvec2(number % TILE, number / TILE);
 }
 
 // A line: the place of a pixel's centre.
@@ -118,13 +118,6 @@ Hit meet(float e0, float e1, float e2, Corner a, Corner b, Corner c) {
     hit.d = dot(weight, vec3(a.d, b.d, c.d));
     hit.s = scalar_between(weight, a.s, b.s, c.s);
     return hit;
-}
-
-// A face of corners with ascending indices.
-Hit meet_face(vec4 p0, vec4 p1, vec4 p2, vec2 line) {
-    Corner a = corner_of(p0, line), b = corner_of(p1, line), c = corner_of(p2, line);
-    float ab = side_of(a.at, b.at), bc = side_of(b.at, c.at), ac = side_of(a.at, c.at);
-    return meet(bc, -ac, ab, a, b, c);
 }
 
 // The piece of a line inside a cell: depths and scalars of its ends, front first. Empty (d1 <= d0) where it misses.

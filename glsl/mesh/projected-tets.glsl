@@ -10,7 +10,8 @@
 //   VERTEX    two triangles a cell
 //   FRAGMENT  one cell of one pixel: the piece of the line inside it, with the edge functions that all cells share;
 //             blended by fixed function
-//   COMPUTE   one invocation owns a pixel and takes its list (mesh-lists.glsl); whether pieces were in order is known
+//   COMPUTE   one invocation owns a pixel and walks through the cells that its line meets (mesh-tiles.glsl); whether pieces were in order
+//             is known
 //
 //   in    points as the view sees them, cells, order, boxes; transfer function or its table
 //   out   colour attachment 0 or the accumulation image: premultiplied linear RGBA
@@ -25,10 +26,10 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "mesh/cell-scalars.glsl"
 #include "shared/device.glsl"
 #include "mesh/mesh.glsl"
 
-layout(constant_id = SPEC_CELL_SCALARS) const bool CELL_SCALARS = false;
 layout(constant_id = SPEC_BACK_TO_FRONT) const bool BACK_TO_FRONT = false;
 layout(constant_id = SPEC_RESUME) const bool RESUME = false;
 layout(constant_id = SPEC_LAST_CHUNK) const bool LAST_CHUNK = true;
@@ -38,29 +39,34 @@ layout(constant_id = SPEC_LAST_CHUNK) const bool LAST_CHUNK = true;
 #include "mesh/mesh-bounds.glsl"
 #include "shared/segments.glsl"
 #include "mesh/mesh-segments.glsl"
-#include "mesh/pixel-list.glsl"
+#include "mesh/own-pixel.glsl"
+#include "mesh/status.glsl"
+#include "mesh/tile-walk.glsl"
 
 layout(local_size_x = TILE_PIXELS) in;
-layout(set = 0, binding = BINDING_LISTS, std430) readonly buffer Lists { vec4 lists[]; };
-layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
 layout(set = 0, binding = BINDING_FLAGS, std430) buffer Flags { uint flags[]; };
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
 
+// In place of a pixel's last place between two dispatches: its pieces came out of order.
+const uint OUT_OF_ORDER = 0xffffffffu;
+
 void main() {
-    PixelList list = list_of_invocation();
-    if (!list.exists) return;
+    OwnPixel own = own_pixel();
+    if (!own.exists) return;
     load_segments(push.knots);
-    uint knots = push.knots;
-    ivec2 pixel = ivec2(list.pixel);
-    vec2 bounds = bounds_at(list.pixel);
+    uint knots = push.knots, number = gl_LocalInvocationIndex;
+    ivec2 pixel = ivec2(own.pixel);
+    vec2 bounds = bounds_at(own.pixel);
     float opaque = end_of_line(BACK_TO_FRONT);
-    uint i = list.from;
+    Walk walk = walk_through(own.in_band, number, push.first, push.number);
+    vec2 line0 = line_at(vec2(pixel_of(own.tile, 0u)) + 0.5), line = line_at(vec2(own.pixel) + 0.5);
 
     vec4 sum = RESUME ? imageLoad(accumulation, pixel) : vec4(0.0);
-    bool unsorted = RESUME && flags[list.word] != 0u;
-    float last = RESUME && i > list.begin && i < list.to ? middle_of(lists[i - 1u], BACK_TO_FRONT) : -3e38;
-    for (; i < list.to && sum.a < opaque; ++i) {
-        vec4 listed = lists[i];
+    bool unsorted = RESUME && flags[own.word] == OUT_OF_ORDER;
+    float last = RESUME && !unsorted ? uintBitsToFloat(flags[own.word]) : -3e38;
+    while (walk.bits != 0u && sum.a < opaque) {
+        uint id = next_primitive(walk, number);
+        vec4 listed = piece_of(id, primitive_of(id, line0), uvec2(number % TILE, number / TILE), line);
         // What is left of a cell behind the eye has no place.
         float middle = listed.y > listed.x ? middle_of(listed, BACK_TO_FRONT) : last;
         unsorted = unsorted || middle < last - ROUNDING;
@@ -69,13 +75,13 @@ void main() {
         if (BOUNDED) cut(piece, bounds);
         End front = end_at(piece.s0), back = front;
         if (!CELL_SCALARS) back = end_at(piece.s1);
-        composite(sum, cell_segment(front, back, max(piece.d1 - piece.d0, 0.0) * list.world, knots), BACK_TO_FRONT);
+        composite(sum, cell_segment(front, back, max(piece.d1 - piece.d0, 0.0) * own.world, knots), BACK_TO_FRONT);
     }
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)
-    uint left = max(i, list.to) - i;
-    if (left != 0u && sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);
-    flags[list.word] = unsorted ? FLAG_UNSORTED : 0u;
+    if ((walk.bits != 0u || is_cut(walk)) && sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);
+    flags[own.word] = LAST_CHUNK ? (unsorted ? FLAG_UNSORTED : 0u) : unsorted ? OUT_OF_ORDER : floatBitsToUint(last);
     if (LAST_CHUNK && unsorted) atomicAdd(status[STATUS_OVERFLOW_PIXELS], 1u);
+    count_fragments(walk.met);
     imageStore(accumulation, pixel, sum);
 }
 #endif

@@ -27,10 +27,10 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "mesh/cell-scalars.glsl"
 #include "shared/device.glsl"
 #include "mesh/mesh.glsl"
 
-layout(constant_id = SPEC_CELL_SCALARS) const bool CELL_SCALARS = false;
 layout(constant_id = SPEC_SPACE) const bool SPACE = false;
 
 // Least w that is drawn: what begins nearer before the eye reaches further, or is nothing.

@@ -1,20 +1,25 @@
-// entry compute COMPUTE
+// entry compute COUNT
+// entry compute EMIT
+// entry compute ENDS
 //
-// Bins: the primitives of each tile, by rank, from which the lists of meshes and the bins of splats are built.
+// Bins: the primitives of each tile, by rank, from which meshes and splats are drawn. Pairs of a tile and a primitive are emitted in order
+// of rank; a stable sort by tile (radix-sort.glsl) between EMIT and ENDS keeps that order in each tile.
 //
-//   COMPUTE  one invocation per run of ranks: finds the tiles that its primitives may cover, first to count them, then, after the
-//            prefix sums of the counts, to write them (FILL). The sums run over the runs within a tile, so that each tile has its
-//            primitives by rank without an atomic and without sorting by tile.
+//   COUNT  one invocation a rank: how many tiles the box of its primitive touches
+//   EMIT   one invocation for BIN_PAIRS pairs, so that a large primitive is split: finds their primitives in the prefix sums of the
+//          counts. Without FILL it only counts the pairs of each tile
+//   ENDS   one invocation a tile: where its sorted pairs end
 //
 //   in    primitives by rank, the box of pixels that contains each
-//   out   positions in the bins, tile by tile and run by run; the bins
+//   out   the bins, tile by tile, and where each ends
 //
-// Entries beyond the capacity are counted, and the frame is repeated with more.
+// Pairs beyond the capacity are left out, and the frame is repeated with more.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
 #include "shared/device.glsl"
+#include "shared/integers.glsl"
 
 layout(constant_id = SPEC_FILL) const bool FILL = false;
 layout(constant_id = SPEC_FLAGGED) const bool FLAGGED = false; // only where a frame has flagged pixels
@@ -24,53 +29,120 @@ layout(push_constant) uniform BinsPush {
     uint first;    // first tile of those that are binned
     uint tiles;    // their number
     uint count;    // primitives
-    uint number;   // primitives per run
-    uint runs;
-    uint capacity; // of the bins, entries
+    uint capacity; // pairs
 } push;
 
-layout(local_size_x = 8) in;
+layout(local_size_x = 64) in;
+
+// The tiles that a box touches, of those that are binned: rows of `width` from `column` on, from which the first `skipped` are missing.
+struct Touched {
+    uint number, row, column, width, skipped;
+};
+
+Touched touched_by(uvec2 box) {
+    uint x0 = (box.x & 0xffffu) / TILE, x1 = ((box.x >> 16) + TILE - 1u) / TILE;
+    uint y0 = (box.y & 0xffffu) / TILE, y1 = ((box.y >> 16) + TILE - 1u) / TILE;
+    uint last = push.first + push.tiles - 1u, first_row = quotient(push.first, push.across), last_row = quotient(last, push.across);
+    Touched tiles;
+    tiles.row = max(y0, first_row);
+    tiles.column = x0;
+    tiles.width = x1 - x0;
+    uint end = min(y1, last_row + 1u), rows = max(end, tiles.row) - tiles.row;
+    // The first row may begin, and the last one end, within the box.
+    uint begins = clamp(push.first - first_row * push.across, x0, x1), ends = clamp(last - last_row * push.across + 1u, x0, x1);
+    tiles.skipped = tiles.row == first_row ? begins - x0 : 0u;
+    uint cut = end == last_row + 1u ? x1 - ends : 0u, all = rows * tiles.width;
+    tiles.number = all - min(all, tiles.skipped + cut);
+    return tiles;
+}
+
+#ifdef COUNT
 layout(set = 0, binding = BINDING_ORDER, std430) readonly buffer Order { uint order[]; };
 layout(set = 0, binding = BINDING_BOXES, std430) readonly buffer Boxes { uvec2 boxes[]; };
-layout(set = 0, binding = BINDING_BIN_TABLE, std430) buffer BinTable { uint bin_table[]; };
-layout(set = 0, binding = BINDING_BINS, std430) writeonly buffer Bins { uint bins[]; };
-layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
+layout(set = 0, binding = BINDING_BIN_OFFSETS, std430) writeonly buffer Offsets { uint offsets[]; };
+layout(set = 0, binding = BINDING_STATUS, std430) readonly buffer Status { uint status[]; };
 
 void main() {
-    uint run = INVOCATION.x;
-    uint runs = push.runs, capacity = push.capacity, across = push.across, first = push.first, tiles = push.tiles;
-    if (run >= runs) return;
-    if (FLAGGED && status[STATUS_OVERFLOW_PIXELS] == 0u) return;
-    uint i = min(run * push.number, push.count), end = min(i + push.number, push.count);
-    // One iteration per tile of a primitive, so that neighbouring runs stay in lockstep.
-    uint id = 0u, x = 0u, y = 0u, x0 = 0u, x1 = 0u, y1 = 0u, lost = 0u;
-    for (uint turn = 0u; turn < MOST_TURNS && (i < end || y < y1); ++turn) {
-        if (y >= y1) {
-            id = order[i++];
-            uvec2 box = boxes[id];
-            x0 = (box.x & 0xffffu) / TILE;
-            x1 = ((box.x >> 16) + TILE - 1u) / TILE;
-            y = (box.y & 0xffffu) / TILE;
-            y1 = ((box.y >> 16) + TILE - 1u) / TILE;
-            x = x0;
+    uint rank = INVOCATION_NUMBER;
+    if (rank >= push.count) return;
+    bool needed = !FLAGGED || status[STATUS_OVERFLOW_PIXELS] != 0u;
+    offsets[rank] = needed ? touched_by(boxes[order[rank]]).number : 0u;
+}
+#endif
+
+#ifdef EMIT
+layout(set = 0, binding = BINDING_ORDER, std430) readonly buffer Order { uint order[]; };
+layout(set = 0, binding = BINDING_BOXES, std430) readonly buffer Boxes { uvec2 boxes[]; };
+layout(set = 0, binding = BINDING_BIN_OFFSETS, std430) readonly buffer Offsets { uint offsets[]; };
+layout(set = 0, binding = BINDING_SCAN_TOTAL, std430) readonly buffer Total { uint total[]; };
+layout(set = 0, binding = BINDING_BIN_TILES, std430) buffer Tiles { uint tiles[]; };
+layout(set = 0, binding = BINDING_BINS, std430) writeonly buffer Bins { uint bins[]; };
+
+// Whether the pairs of a rank do not begin after a pair.
+bool begins(uint rank, uint pair) {
+    return rank < push.count && offsets[rank] <= pair;
+}
+
+// Returns the last rank, from `rank` on, whose pairs do not begin after this one. It has some, since the next one's do.
+uint rank_of(uint rank, uint pair) {
+    if (begins(rank + 1u, pair)) ++rank;
+    // Further only at first, and where ranks have no pairs. (A loop: software rasterisers run through branches that no invocation takes.)
+    for (uint once = 0u; once < uint(begins(rank + 1u, pair)); ++once) {
+        uint span = 1u;
+        while (begins(rank + span, pair)) {
+            rank += span;
+            span *= 2u;
         }
-        if (y < y1) {
-            uint tile = y * across + x - first;
-            if (tile < tiles) {
-                uint place = tile * runs + run;
-                uint slot = bin_table[place];
-                bin_table[place] = slot + 1u;
-                if (FILL && slot < capacity) bins[slot] = id;
-                lost += uint(FILL && slot >= capacity);
-            }
-            ++x;
-            if (x >= x1) {
-                x = x0;
-                ++y;
-            }
+        while (span > 1u) {
+            span /= 2u;
+            if (begins(rank + span, pair)) rank += span;
         }
     }
-    // The host keeps runs so short that every device completes the loop.
-    lost += end - i + uint(y < y1);
-    if (lost > 0u) atomicAdd(status[STATUS_LOST], lost);
+    return rank;
 }
+
+void main() {
+    uint first = INVOCATION_NUMBER * BIN_PAIRS, end = min(first + BIN_PAIRS, min(total[0], push.capacity));
+    uint rank = 0u;
+    for (uint pair = first; pair < end; ++pair) {
+        rank = rank_of(rank, pair);
+        uint id = order[rank];
+        Touched touched = touched_by(boxes[id]);
+        uint at = pair - offsets[rank] + touched.skipped;
+        uint row = quotient(at, touched.width);
+        uint tile = (touched.row + row) * push.across + touched.column + at - row * touched.width - push.first;
+        if (FILL) {
+            tiles[pair] = tile;
+            bins[pair] = id;
+        } else {
+            atomicAdd(tiles[tile], 1u);
+        }
+    }
+}
+#endif
+
+#ifdef ENDS
+layout(set = 0, binding = BINDING_SCAN_TOTAL, std430) readonly buffer Total { uint total[]; };
+layout(set = 0, binding = BINDING_BIN_TILES, std430) readonly buffer Tiles { uint tiles[]; };
+layout(set = 0, binding = BINDING_BIN_ENDS, std430) writeonly buffer Ends { uint bin_ends[]; };
+layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
+
+// Returns the number of pairs of tiles up to one.
+uint pairs_up_to(uint tile, uint pairs) {
+    uint below = 0u, above = pairs;
+    while (below < above) {
+        uint middle = (below + above) / 2u;
+        if (tiles[middle] <= tile) below = middle + 1u; else above = middle;
+    }
+    return below;
+}
+
+void main() {
+    uint tile = INVOCATION_NUMBER;
+    if (tile >= push.tiles) return;
+    uint pairs = min(total[0], push.capacity), end = pairs_up_to(tile, pairs);
+    bin_ends[tile] = end;
+    if (tile == 0u && total[0] > push.capacity) atomicAdd(status[STATUS_LOST], total[0] - push.capacity);
+    atomicMax(status[STATUS_LONGEST_BIN], end - (tile == 0u ? 0u : pairs_up_to(tile - 1u, pairs)));
+}
+#endif

@@ -22,7 +22,6 @@ layout(constant_id = SPEC_SPLAT_KERNEL) const uint KERNEL = KERNEL_GAUSSIAN;
 layout(constant_id = SPEC_SPLAT_DENSITY) const bool DENSITY = false; // extinctions add up; else scalars are interpolated
 layout(constant_id = SPEC_RESUME) const bool RESUME = false;
 layout(constant_id = SPEC_EYE_INSIDE) const bool EYE_INSIDE = false; // kernels may reach behind the eye
-layout(constant_id = SPEC_RUNS) const uint RUNS = 64;
 
 layout(push_constant) uniform SplatPush {
     vec4 q0_kq;
@@ -48,7 +47,7 @@ layout(push_constant) uniform SplatPush {
 layout(set = 0, binding = BINDING_SPLAT_POINTS, std430) readonly buffer SplatPoints { vec4 splat_points[]; };
 layout(set = 0, binding = BINDING_SPLAT_SHAPES, std430) readonly buffer SplatShapes { vec4 splat_shapes[]; };   // see splat-project.glsl
 layout(set = 0, binding = BINDING_SPLAT_DOMAIN, std430) readonly buffer SplatDomain { vec4 splat_domain[]; };   // half extents of a lattice, 0 where there is none
-layout(set = 0, binding = BINDING_BIN_TABLE, std430) readonly buffer BinTable { uint bin_table[]; };
+layout(set = 0, binding = BINDING_BIN_ENDS, std430) readonly buffer BinEnds { uint bin_ends[]; };
 layout(set = 0, binding = BINDING_BINS, std430) buffer Bins { uint bins[]; };
 layout(set = 0, binding = BINDING_SPLAT_STATE, std430) buffer SplatState { uvec2 splat_state[]; };
 layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
@@ -258,9 +257,7 @@ vec2 domain_of(Line line, vec2 drawn) {
 
 // The bin of a tile of the band.
 uvec2 bin_of(uint in_band) {
-    uint begin = in_band == 0u ? 0u : bin_table[in_band * RUNS - 1u];
-    uint end = bin_table[in_band * RUNS + RUNS - 1u], most = uint(bins.length());
-    return min(uvec2(begin, end), uvec2(most));
+    return uvec2(in_band == 0u ? 0u : bin_ends[in_band - 1u], bin_ends[in_band]);
 }
 
 // An invocation's first pixel.

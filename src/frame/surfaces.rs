@@ -14,7 +14,7 @@ use glam::DVec3;
 
 use crate::error::{Error, Result};
 use crate::frame::depth_measure::{DepthMeasure, PixelRays};
-use crate::frame::lists::{Geometry, Lists, Ranking, measure};
+use crate::frame::lists::{Geometry, Lists, Measured, Ranking, measure};
 use crate::frame::prepared::Outcome;
 use crate::frame::target::{Layers, TargetDesc};
 use crate::gpu::shader::{
@@ -115,14 +115,14 @@ impl SurfaceLists {
         let [width, height] = view.extent();
         let across = width.div_ceil(TILE);
         let tiles = across * height.div_ceil(TILE);
-        let (runs, needs, bands) = measure(gpu, &stage, &data.needs, &push, tiles, across)?;
+        let Measured { needs, bins, bands } = measure(gpu, &stage, &data.needs, &push, [tiles, across])?;
         if bands.len() > 1 {
             return Err(Error::unsupported(
                 "surfaces of this view",
                 format!("{} triangles in its pixels: one buffer does not hold them", needs.lists),
             ));
         }
-        let lists = Lists::new(gpu, &stage, tiles, runs, bands, needs, None)?;
+        let lists = Lists::new(gpu, &stage, bins, bands, needs, None)?;
         // Opaque triangles need no entry.
         let layers = if data.translucent { u64::from(lists.list_capacity) } else { 1 };
         let layers = Layers {
@@ -241,7 +241,7 @@ impl SurfaceFrame {
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>) {
         let SurfaceLists { stage, lists, push, tiles, .. } = &self.lists;
         stage.record(recorder, push);
-        lists.bin(recorder, push, stage.count);
+        lists.bin(recorder, push);
         recorder.copy_buffer("surfaces.bins.total", lists.bins.total(), &self.outcome.bins, 8);
         recorder.release_to_host(&self.outcome.bins);
         recorder.clear_buffer("surfaces.lists.clear", &lists.cursors);

@@ -1,102 +1,150 @@
 //! Bins: the primitives of each tile of an image, in order of rank (`glsl/primitives/bins.glsl`).
 //!
-//! Three passes: count, prefix sums, write. They need no sort by tile: each invocation bins a run of consecutive ranks, and the
-//! table of counts has the runs of a tile side by side.
+//! Pairs of a tile and a primitive are emitted in order of rank and sorted by tile. The sort is stable, so that each tile has its
+//! primitives by rank.
 
 use std::sync::Arc;
 
-use crate::error::Result;
-use crate::gpu::shader::{self, BINS_COMPUTE, TILE};
+use crate::error::{Error, Result};
+use crate::gpu::shader::{BIN_PAIRS, BINS_COUNT, BINS_EMIT, BINS_ENDS, BinsCount, BinsEmit, BinsEnds};
 use crate::gpu::{Buffer, Commands, Gpu, Recorder};
 use crate::interface::BinsPush;
 use crate::num;
-use crate::primitives::dispatch::{Dispatch, buffer, download, pass, words};
+use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass, total, words};
+use crate::primitives::radix_sort::{MOST_PAIRS, RadixSort};
 use crate::primitives::scan::{Scan, WorkSplit};
+
+/// Primitives by rank, the box of pixels of each, and the status.
+#[derive(Clone, Debug)]
+pub(crate) struct Ranked {
+    pub(crate) order: Arc<Buffer>,
+    pub(crate) boxes: Arc<Buffer>,
+    pub(crate) status: Arc<Buffer>,
+    pub(crate) count: u32,
+}
+
+/// The passes that count and emit pairs.
+#[derive(Debug)]
+struct Pairs {
+    count: Dispatch,
+    scan: Scan,
+    emit: Dispatch,
+}
+
+impl Pairs {
+    /// Makes the passes that emit pairs of `tiles` and `bins`, or with `fill` off count the pairs of each tile in `tiles`.
+    fn new(
+        gpu: &Gpu,
+        name: &str,
+        ranked: &Ranked,
+        [tiles, bins]: [&Arc<Buffer>; 2],
+        fill: bool,
+        flagged: bool,
+    ) -> Result<Self> {
+        let offsets = buffer(gpu, "bins.offsets", ranked.count.into())?;
+        let count = BINS_COUNT.with(&BinsCount {
+            order: ranked.order.read(),
+            boxes: ranked.boxes.read(),
+            bin_offsets: offsets.write(),
+            status: ranked.status.read(),
+            flagged,
+        });
+        let scan = Scan::new(gpu, &format!("{name}.bins"), &offsets, ranked.count, WorkSplit::of(gpu))?;
+        let emit = BINS_EMIT.with(&BinsEmit {
+            order: ranked.order.read(),
+            boxes: ranked.boxes.read(),
+            bin_offsets: offsets.read(),
+            scan_total: scan.total().read(),
+            bin_tiles: tiles.write(),
+            bins: bins.write(),
+            fill,
+        });
+        let count = pass(gpu, &format!("{name}.bins.count"), &count)?;
+        Ok(Self { count, scan, emit: pass(gpu, &format!("{name}.bins.emit"), &emit)? })
+    }
+
+    fn record_count(&self, recorder: &mut Recorder<'_>, push: &BinsPush) {
+        self.count.record(recorder, push, groups_of(push.count, 64));
+        self.scan.record(recorder);
+    }
+
+    fn record_emit(&self, recorder: &mut Recorder<'_>, push: &BinsPush) {
+        self.emit.record(recorder, push, groups_of(push.capacity.div_ceil(BIN_PAIRS), 64));
+    }
+}
 
 /// The bins of a range of tiles.
 #[derive(Debug)]
 pub(crate) struct Bins {
-    pub(crate) runs: u32,
     pub(crate) capacity: u32,
     pub(crate) tiles: u32,
-    pub(crate) table: Arc<Buffer>,
+    /// Where the bin of each tile ends.
+    pub(crate) ends: Arc<Buffer>,
     pub(crate) entries: Arc<Buffer>,
-    count: Dispatch,
-    scan: Scan,
-    fill: Dispatch,
+    /// Tile of each entry.
+    pub(crate) of_pairs: Arc<Buffer>,
+    count: u32,
+    pairs: Pairs,
+    sort: RadixSort,
+    end: Dispatch,
 }
 
 impl Bins {
-    /// Makes bins for up to `tiles` tiles at a time, with a capacity of `capacity` entries. `primitives` are the order by
-    /// rank, the pixel box of each primitive, and the status. With `flagged` the passes end at once in frames that have flagged
-    /// no pixel.
+    /// Makes bins for up to `tiles` tiles at a time, with a capacity of `capacity` entries. With `flagged` they are empty in frames that
+    /// have flagged no pixel.
+    ///
+    /// # Errors
+    ///
+    /// Those of memory and of Vulkan. The bins, their sort included, take 16 bytes an entry.
     pub(crate) fn new(
         gpu: &Gpu,
         name: &str,
-        primitives: [&Arc<Buffer>; 3],
+        ranked: &Ranked,
         tiles: u32,
-        runs: u32,
         capacity: u32,
         flagged: bool,
     ) -> Result<Self> {
-        let [order, boxes, status] = primitives;
-        let table = buffer(gpu, "bins.table", u64::from(tiles) * u64::from(runs))?;
+        let of_pairs = buffer(gpu, "bins.tiles", capacity.into())?;
         let entries = buffer(gpu, "bins", capacity.into())?;
-        let pass = |part: &str, fill: bool| {
-            let inputs = shader::Bins {
-                order: order.read(),
-                boxes: boxes.read(),
-                bin_table: table.write(),
-                bins: entries.write(),
-                status: status.write(),
-                fill,
-                flagged,
-            };
-            pass(gpu, &format!("{name}.bins.{part}"), &BINS_COMPUTE.with(&inputs))
-        };
-        Ok(Self {
-            runs,
+        let ends = buffer(gpu, "bins.ends", tiles.into())?;
+        let pairs = Pairs::new(gpu, name, ranked, [&of_pairs, &entries], true, flagged)?;
+        let bits = (u32::BITS - tiles.saturating_sub(1).leading_zeros()).max(1);
+        let sort = RadixSort::counted(
+            gpu,
+            &format!("{name}.bins.sort"),
+            [&of_pairs, &entries],
+            pairs.scan.total(),
             capacity,
-            tiles,
-            count: pass("count", false)?,
-            scan: Scan::new(gpu, &format!("{name}.bins"), &table, tiles * runs, WorkSplit::of(gpu))?,
-            fill: pass("fill", true)?,
-            table,
-            entries,
-        })
+            bits,
+        )?;
+        let end = BINS_ENDS.with(&BinsEnds {
+            scan_total: pairs.scan.total().read(),
+            bin_tiles: of_pairs.read(),
+            bin_ends: ends.write(),
+            status: ranked.status.write(),
+        });
+        let end = pass(gpu, &format!("{name}.bins.ends"), &end)?;
+        Ok(Self { capacity, tiles, ends, entries, of_pairs, count: ranked.count, pairs, sort, end })
     }
 
-    /// Records the passes that bin `count` primitives to tiles `[first, first + tiles)` of an image with `across` tiles in a
-    /// row.
-    pub(crate) fn record(
-        &self,
-        recorder: &mut Recorder<'_>,
-        across: u32,
-        [first, tiles]: [u32; 2],
-        count: u32,
-    ) {
-        recorder.clear_buffer("bins.clear", &self.table);
-        let number = count.div_ceil(self.runs);
-        let (runs, capacity) = (self.runs, self.capacity);
-        let push = BinsPush { across, first, tiles, count, number, runs, capacity };
-        let groups = [self.runs.div_ceil(8), 1, 1];
-        self.count.record(recorder, &push, groups);
-        self.scan.record(recorder);
-        self.fill.record(recorder, &push, groups);
+    /// Records the passes that bin the primitives to tiles `[first, first + tiles)` of an image with `across` tiles in a row.
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, across: u32, [first, tiles]: [u32; 2]) {
+        let push = BinsPush { across, first, tiles, count: self.count, capacity: self.capacity };
+        self.pairs.record_count(recorder, &push);
+        self.pairs.record_emit(recorder, &push);
+        self.sort.record(recorder);
+        self.end.record(recorder, &push, groups_of(tiles, 64));
     }
 
     /// Returns the buffer with the number of all entries, in 64 bits.
     pub(crate) fn total(&self) -> &Arc<Buffer> {
-        self.scan.total()
+        self.pairs.scan.total()
     }
 }
 
-/// The measured needs of binning.
+/// The number of primitives in each tile.
 #[derive(Debug)]
 pub(crate) struct Fill {
-    /// Number of runs of ranks: enough to keep the device busy, each short enough for the limit of loop iterations.
-    pub(crate) runs: u32,
-    /// Number of primitives in each tile.
     pub(crate) tiles: Vec<u32>,
 }
 
@@ -111,94 +159,148 @@ impl Fill {
         self.tiles.iter().copied().max().unwrap_or(0)
     }
 
-    /// Runs the passes that `stage` records, reads their results back, and counts. The results are the order of `count`
-    /// primitives and the pixel box of each.
+    /// Runs the passes that `stage` records, which rank primitives, and counts the entries of each tile on the device.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unsupported`] for 2^32 entries or more; errors of memory and of Vulkan.
     pub(crate) fn measure(
         gpu: &Gpu,
         name: &str,
-        [order, boxes]: [&Arc<Buffer>; 2],
-        count: u32,
+        ranked: &Ranked,
         [tiles, across]: [u32; 2],
         stage: impl FnOnce(&mut Recorder<'_>),
     ) -> Result<Self> {
         let mut commands = Commands::new(gpu)?;
-        let host_boxes = download(gpu, "boxes", 8 * u64::from(count))?;
-        let host_order = download(gpu, "order", 4 * u64::from(count))?;
-        let keep = {
-            let mut recorder = Recorder::new(gpu, commands.begin()?, None);
-            stage(&mut recorder);
-            recorder.copy_buffer("boxes", boxes, &host_boxes, host_boxes.size().min(boxes.size()));
-            recorder.copy_buffer("order", order, &host_order, host_order.size());
-            recorder.release_to_host(&host_boxes);
-            recorder.release_to_host(&host_order);
-            recorder.finish()?.1
+        let counts = buffer(gpu, "bins.counts", tiles.into())?;
+        let pairs = Pairs::new(gpu, name, ranked, [&counts, &counts], false, false)?;
+        let push = BinsPush { across, first: 0, tiles, count: ranked.count, capacity: 0 };
+        let entries = download(gpu, "bins.total", 8)?;
+        commands.run(name, |recorder| {
+            stage(recorder);
+            pairs.record_count(recorder, &push);
+            recorder.copy_buffer("bins.total", pairs.scan.total(), &entries, 8);
+            recorder.release_to_host(&entries);
+        })?;
+        let entries = total(&entries)?;
+        let Ok(capacity) = u32::try_from(entries) else {
+            return Err(Error::unsupported(
+                format!("{name} of this view"),
+                format!("{entries} pairs of a tile and a primitive"),
+            ));
         };
-        commands.submit(keep, name)?;
-        let boxes = words(&host_boxes.host_copy()?);
-        let mut order = words(&host_order.host_copy()?);
-        order.truncate(num::index(count));
-        let runs = if gpu.emulates_groups() { 64 } else { 2048 };
-        Ok(Self::of(&order, &boxes, [tiles, across], runs, gpu.turns()?))
+        let host = download(gpu, "bins.counts", 4 * u64::from(tiles))?;
+        commands.run(name, |recorder| {
+            recorder.clear_buffer("bins.clear", &counts);
+            pairs.record_emit(recorder, &BinsPush { capacity, ..push });
+            recorder.copy_buffer("bins.counts", &counts, &host, host.size());
+            recorder.release_to_host(&host);
+        })?;
+        let mut tiles = words(&host.host_copy()?);
+        tiles.truncate(num::index(push.tiles));
+        Ok(Self { tiles })
     }
+}
 
-    /// Counts entries of tiles and iterations of runs, from the primitives by rank and the pixel box of each: about `runs` runs, more where
-    /// one would take more than half of `turns` iterations.
-    fn of(order: &[u32], boxes: &[u32], [tiles, across]: [u32; 2], runs: u32, turns: u32) -> Self {
-        // Iterations of the binning loop up to each rank, and entries of each tile.
-        let tile_box = |id: u32| {
-            let at = num::index(id) * 2;
-            let (x, y) = (boxes[at], boxes[at + 1]);
-            [(x & 0xffff) / TILE, (x >> 16).div_ceil(TILE), (y & 0xffff) / TILE, (y >> 16).div_ceil(TILE)]
-        };
-        let mut iterations = vec![0_u64; order.len() + 1];
-        let mut fill = vec![0_u32; num::index(tiles)];
-        for (rank, &id) in order.iter().enumerate() {
-            let [x0, x1, y0, y1] = tile_box(id);
-            let covered = x1.saturating_sub(x0) * y1.saturating_sub(y0);
-            iterations[rank + 1] = iterations[rank] + 1 + u64::from(covered);
-            for y in y0..y1 {
-                for x in x0..x1 {
-                    fill[num::index(y * across + x)] += 1;
-                }
-            }
-        }
-        let longest = |runs: u32| {
-            let length = num::index(num::count(order.len()).div_ceil(runs)).max(1);
-            (0..order.len())
-                .step_by(length)
-                .map(|begin| iterations[(begin + length).min(order.len())] - iterations[begin])
-                .max()
-                .unwrap_or(0)
-        };
-        // The table has one word for each run of each tile.
-        let most_runs = ((1_u32 << 26) / tiles.max(1)).max(1);
-        let few = num::count(order.len()).div_ceil(8).next_power_of_two();
-        let mut runs = runs.min(few).min(most_runs);
-        while longest(runs) > u64::from(turns / 2) && runs < most_runs {
-            runs *= 2;
-        }
-        Self { runs, tiles: fill }
-    }
+/// Largest number of entries of bins, with room for the margin of nearby views: more cannot be sorted.
+pub(crate) const MOST_ENTRIES: u32 = MOST_PAIRS / 5 * 4 - 64;
+
+/// Adds a quarter and 64 entries, so that nearby views need no larger buffers.
+pub(crate) fn with_margin(need: u32) -> u32 {
+    need.saturating_add(need / 4).saturating_add(64)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gpu::shader::{STATUS_LONGEST_BIN, STATUS_WORDS, TILE};
+    use crate::gpu::testing::TestGpu;
 
-    /// Tables of large images fit a scan, and few primitives need only a small table.
-    #[test]
-    fn tables_stay_small() {
-        let boxes = |count: u32| -> Vec<u32> { (0..count).flat_map(|_| [8 << 16, 8 << 16]).collect() };
-        for (tiles, across, count) in [(129_600, 480, 12), (129_600, 480, 1_000_000), (16_777_216, 4096, 12)]
-        {
-            let order: Vec<u32> = (0..count).collect();
-            for runs in [64, 2048] {
-                let fill = Fill::of(&order, &boxes(count), [tiles, across], runs, 60_000);
-                let words = u64::from(fill.runs) * u64::from(tiles);
-                assert!(fill.runs >= 1 && words <= 1 << 26, "{tiles} tiles, {count}: {}", fill.runs);
-                assert!(count > 12 || fill.runs <= 2, "{}", fill.runs);
-                assert_eq!((fill.entries(), fill.longest()), (u64::from(count), count));
+    /// Boxes of every kind: none, a pixel, whole rows, the whole image.
+    fn boxes(count: u32, [width, height]: [u32; 2]) -> Vec<[u32; 4]> {
+        let mut state = 7_u32;
+        let mut random = |below: u32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) % below
+        };
+        let one = |i: u32| match i % 7 {
+            0 => [0; 4],
+            1 => [0, width, 0, height],
+            2 => [0, width, random(height), height],
+            _ => {
+                let (x, y) = (random(width), random(height));
+                [x, (x + 1 + random(20)).min(width), y, (y + 1 + random(20)).min(height)]
             }
+        };
+        (0..count).map(one).collect()
+    }
+
+    /// The bins that the device should make, tile by tile.
+    fn expected(
+        order: &[u32],
+        boxes: &[[u32; 4]],
+        across: u32,
+        tiles: std::ops::Range<u32>,
+    ) -> Vec<Vec<u32>> {
+        let touches = |id: u32, tile: u32| {
+            let [x0, x1, y0, y1] = boxes[num::index(id)];
+            let [x, y] = [tile % across, tile / across];
+            x >= x0 / TILE && x < x1.div_ceil(TILE) && y >= y0 / TILE && y < y1.div_ceil(TILE)
+        };
+        tiles.map(|tile| order.iter().copied().filter(|&id| touches(id, tile)).collect()).collect()
+    }
+
+    fn ranked(gpu: &TestGpu, order: &[u32], boxes: &[[u32; 4]]) -> Ranked {
+        let packed: Vec<u32> = boxes.iter().flat_map(|b| [b[0] | b[1] << 16, b[2] | b[3] << 16]).collect();
+        Ranked {
+            order: gpu.upload(order),
+            boxes: gpu.upload(&packed),
+            status: gpu.upload(&vec![0; num::index(STATUS_WORDS)]),
+            count: num::count(order.len()),
         }
+    }
+
+    #[test]
+    fn bins_are_those_of_the_host() {
+        let gpu = TestGpu::new();
+        let (extent, across) = ([100, 52], 13);
+        for count in [1, 2, 63, 700] {
+            let boxes = boxes(count, extent);
+            let order: Vec<u32> = (0..count).rev().collect();
+            let ranked = ranked(&gpu, &order, &boxes);
+            let all = expected(&order, &boxes, across, 0..91);
+            let fill = Fill::measure(&gpu, "test", &ranked, [91, across], |_| ()).unwrap();
+            assert_eq!(fill.tiles, all.iter().map(|bin| num::count(bin.len())).collect::<Vec<_>>());
+            let capacity = num::count(all.iter().map(Vec::len).sum::<usize>()).max(1);
+            let bins = Bins::new(&gpu, "test", &ranked, 91, capacity, false).unwrap();
+            // Bands begin and end anywhere in a row.
+            for [first, tiles] in [[0, 91], [0, 1], [5, 3], [5, 30], [20, 45], [90, 1]] {
+                gpu.record(|recorder| bins.record(recorder, across, [first, tiles]));
+                let wanted = &all[num::index(first)..num::index(first + tiles)];
+                let (ends, entries) = (gpu.download(&bins.ends), gpu.download(&bins.entries));
+                let mut begin = 0;
+                for (tile, bin) in wanted.iter().enumerate() {
+                    let end = num::index(ends[tile]);
+                    assert_eq!(&entries[begin..end], bin, "{count} primitives, tile {tile} from {first}");
+                    begin = end;
+                }
+                assert_eq!(gpu.download(bins.total())[0], num::count(begin));
+            }
+            let status = gpu.download(&ranked.status);
+            assert_eq!(status[num::index(STATUS_LONGEST_BIN)], fill.longest());
+        }
+    }
+
+    /// What has no room is counted, and what has keeps its place.
+    #[test]
+    fn bins_that_are_too_small_hold_the_first_ranks() {
+        let gpu = TestGpu::new();
+        let boxes = vec![[0, 16, 0, 8]; 10];
+        let order: Vec<u32> = (0..10).collect();
+        let bins = Bins::new(&gpu, "test", &ranked(&gpu, &order, &boxes), 2, 6, false).unwrap();
+        gpu.record(|recorder| bins.record(recorder, 2, [0, 2]));
+        assert_eq!(gpu.download(&bins.ends)[..2], [3, 6]);
+        assert_eq!(gpu.download(&bins.entries)[..6], [0, 1, 2, 0, 1, 2]);
+        assert_eq!(gpu.download(bins.total())[0], 20);
     }
 }

@@ -20,7 +20,7 @@ use crate::primitives::dispatch::{Dispatch, pass};
 use crate::primitives::scan::{Scan, WorkSplit};
 
 /// Largest number of pairs of a sort: every device allows one workgroup for each tile of them.
-const MOST_PAIRS: u32 = 1 << 26;
+pub(crate) const MOST_PAIRS: u32 = 1 << 26;
 
 /// The passes that sort by one digit.
 #[derive(Debug)]
@@ -48,6 +48,25 @@ impl RadixSort {
     pub(crate) fn new(gpu: &Gpu, name: &str, pairs: [&Arc<Buffer>; 2], n: u32) -> Result<Self> {
         let count = Buffer::with_data(gpu, &format!("{name}.count"), bytemuck::bytes_of(&n))?;
         Self::by_digits(gpu, name, pairs, &count, Digits::of(gpu, n, 32, WorkSplit::of(gpu)))
+    }
+
+    /// Makes a sort by the lowest `bits` of the keys, of as many pairs as the first word of `count` says on the device, at most `capacity`.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`RadixSort::new`]; [`Error::Unsupported`] for more than 2^26 pairs.
+    pub(crate) fn counted(
+        gpu: &Gpu,
+        name: &str,
+        pairs: [&Arc<Buffer>; 2],
+        count: &Arc<Buffer>,
+        capacity: u32,
+        bits: u32,
+    ) -> Result<Self> {
+        if capacity > MOST_PAIRS {
+            return Err(Error::unsupported(name, format!("{capacity} pairs; {MOST_PAIRS} can be sorted")));
+        }
+        Self::by_digits(gpu, name, pairs, count, Digits::of(gpu, capacity, bits, WorkSplit::of(gpu)))
     }
 
     /// Makes a sort with given digits of as many pairs as the first word of `count` says on the device. Words after these

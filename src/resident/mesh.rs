@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use rayon::prelude::*;
 
 use crate::error::Result;
-use crate::gpu::shader::{CELL_WORDS, FACE_WORDS, NO_CELL};
+use crate::gpu::shader::{CELL_WORDS, FACE_AHEAD, FACE_BEHIND};
 use crate::gpu::{Buffer, Gpu};
 use crate::num::{self, f32_of};
 use crate::resident::cache::Cache;
@@ -15,9 +15,9 @@ use crate::scene::topology::{NONE, Topology};
 use crate::scene::{TetScalars, Tets, TransferFunction};
 
 // Shaders rely on these.
-const _: () = assert!(FACE_WORDS == 5 && CELL_WORDS == 4 && NO_CELL == NONE);
+const _: () = assert!(CELL_WORDS == 4 && FACE_AHEAD == 1 << 31 && FACE_BEHIND == 1 << 30);
 
-/// The primitives that a technique lists for each pixel.
+/// The primitives that a technique takes in each pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Primitives {
     Faces,
@@ -30,17 +30,19 @@ pub(crate) struct MeshData {
     points: Cache<(), Arc<Buffer>>,
     topology: Cache<(), Arc<Topology>>,
     scalars: Cache<(), Arc<Buffer>>,
-    /// Capacities that frames have needed so far.
-    pub(crate) needs: Mutex<Needs>,
+    /// Capacities that frames have needed so far, of faces and of cells.
+    needs: [Mutex<Needs>; 2],
 }
 
 /// Capacities that frames have needed.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Needs {
-    /// Entries of all bins.
+    /// Entries of the bins of a band.
     pub(crate) bins: u32,
     /// Entries of the lists of a band.
     pub(crate) lists: u32,
+    /// Entries of lists for an entry of the bins, where only flagged pixels have lists.
+    pub(crate) listed_per_pair: u32,
     /// Entries of the bin of one tile.
     pub(crate) longest_bin: u32,
     /// Repair passes.
@@ -50,6 +52,12 @@ pub(crate) struct Needs {
 }
 
 impl MeshData {
+    /// Returns the capacities that frames of faces, or of cells, have needed so far.
+    pub(crate) fn needs(&self, kind: Primitives) -> &Mutex<Needs> {
+        let [faces, cells] = &self.needs;
+        if kind == Primitives::Faces { faces } else { cells }
+    }
+
     /// Returns the data of the same points and cells with other scalars.
     pub(crate) fn with_other_scalars(&self) -> Self {
         Self { points: self.points.clone(), topology: self.topology.clone(), ..Self::default() }
@@ -129,7 +137,10 @@ impl DrawnPrimitives {
     ) -> Result<Self> {
         let drawn = drawn_cells(mesh, transfer, margin);
         match kind {
-            Primitives::Faces => Self::faces(gpu, &*data.topology(mesh)?, &drawn),
+            Primitives::Faces => {
+                let of_cells = matches!(mesh.scalars(), TetScalars::Cell(_));
+                Self::faces(gpu, &*data.topology(mesh)?, &drawn, of_cells)
+            }
             Primitives::Cells => Self::cells(gpu, mesh, transfer.domain(), &drawn),
         }
     }
@@ -157,22 +168,35 @@ impl DrawnPrimitives {
         Ok(Self { buffer, count, cells: Arc::new(cells), scalars })
     }
 
-    /// Uploads the faces of cells: the numbers of their corners, ascending, and of the cells in front and behind;
-    /// [`NONE`] stands for a cell that is not drawn.
-    fn faces(gpu: &Gpu, topology: &Topology, drawn: &[bool]) -> Result<Self> {
-        let cell = |cell: u32| if cell != NONE && drawn[num::index(cell)] { cell } else { NONE };
-        let words: Vec<[u32; 5]> = topology
-            .faces()
-            .iter()
+    /// Uploads the faces of cells: the numbers of their corners, ascending; with `of_cells` also of the cells in front and behind.
+    fn faces(gpu: &Gpu, topology: &Topology, drawn: &[bool], of_cells: bool) -> Result<Self> {
+        let is_drawn = |cell: u32| cell != NONE && drawn[num::index(cell)];
+        let shown = topology.faces().iter().filter(|face| is_drawn(face.front) || is_drawn(face.back));
+        let words: Vec<[u32; 5]> = shown
             .map(|face| {
-                let [a, b, c] = face.corners;
-                [a, b, c, cell(face.front), cell(face.back)]
+                face_words(face.corners, [face.front, face.back], [is_drawn(face.front), is_drawn(face.back)])
             })
-            .filter(|words| words[3] != NONE || words[4] != NONE)
             .collect();
-        let buffer = upload(gpu, "mesh.faces", &words)?;
-        Ok(Self { buffer, count: num::count(words.len()), cells: Arc::default(), scalars: None })
+        let count = num::count(words.len());
+        let buffer = if of_cells {
+            upload(gpu, "mesh.faces", &words)?
+        } else {
+            let corners: Vec<[u32; 3]> = words.iter().map(|&[a, b, c, ..]| [a, b, c]).collect();
+            upload(gpu, "mesh.faces", &corners)?
+        };
+        Ok(Self { buffer, count, cells: Arc::default(), scalars: None })
     }
+}
+
+/// Returns the words of a face as shaders read them (`glsl/mesh/cell-scalars.glsl`): corners, with bits that tell on which sides there is a
+/// cell, and the cells in front and behind.
+pub(super) fn face_words(
+    [a, b, c]: [u32; 3],
+    [front, back]: [u32; 2],
+    [ahead, behind]: [bool; 2],
+) -> [u32; 5] {
+    let sides = if ahead { FACE_AHEAD } else { 0 } | if behind { FACE_BEHIND } else { 0 };
+    [a | sides, b, c, front, back]
 }
 
 /// Uploads data, or one zero where it is empty: a buffer must have a size.

@@ -10,7 +10,7 @@ use crate::gpu::{Buffer, Gpu};
 use crate::interface::Triangle;
 use crate::num::{self, f32_of};
 use crate::resident::local_space::LocalSpace;
-use crate::resident::mesh::Needs;
+use crate::resident::mesh::{Needs, face_words};
 use crate::scene::{Shading, Surface};
 
 const NAME: &str = "surfaces";
@@ -69,7 +69,7 @@ impl SurfaceData {
                 }
                 corners.sort_unstable();
                 let number = num::count(triangles.len());
-                primitives.push([corners[0], corners[1], corners[2], number, number]);
+                primitives.push(face_words(corners, [number; 2], [true; 2]));
                 triangles.push((a, normal, colour));
             }
         }

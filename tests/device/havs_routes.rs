@@ -195,7 +195,8 @@ fn flagged_pixels_are_repaired() {
     assert_eq!(all[OVERFLOW], 0);
     assert!(shows(&sorted));
     // Most pixels of the image, and some.
-    for (k, least, share) in [(1, 2000, 1.0), (5, 20, 0.3)] {
+    let mut of_most = None;
+    for (k, least) in [(1, 2000), (5, 20)] {
         for route in raster_routes(&gpu) {
             let (unsorted, left) = drawn(&scene, &near, &format!("k={k},route={route},repair=none"));
             assert!(left[OVERFLOW] > least, "{}", left[OVERFLOW]);
@@ -212,9 +213,9 @@ fn flagged_pixels_are_repaired() {
                     let most = difference(&frames.read_back().unwrap(), &sorted);
                     assert!(most < ROUNDING, "{most:.1e}");
                     assert_eq!(counters[OVERFLOW], left[OVERFLOW]);
-                    let [repaired, whole] = [counters["repaired_fragments"], all["fragments"]];
-                    let most = share * f64::from(u32::try_from(whole).unwrap());
-                    assert!(f64::from(u32::try_from(repaired).unwrap()) < most, "{repaired} of {whole}");
+                    let repaired = counters["repaired_fragments"];
+                    let of_most = *of_most.get_or_insert(repaired);
+                    assert!(k == 1 || 10 * repaired < 3 * of_most, "{repaired} of {of_most}");
                     assert!(repaired > left[OVERFLOW]);
                 }
             }

@@ -1,39 +1,37 @@
 //! A device whose functions note that they were called.
 
-use std::cell::{Cell, RefCell};
 use std::ffi::{CStr, c_void};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicPtr, Ordering};
 
 use volraster::ash::{self, vk};
 
 /// Hears of each call.
-type Watch = Box<dyn Fn(&'static str)>;
+type Watch = Box<dyn Fn(&'static str) + Send>;
 
-thread_local! {
-    static CALLS: RefCell<Vec<&'static str>> = const { RefCell::new(Vec::new()) };
-    static WATCH: RefCell<Option<Watch>> = const { RefCell::new(None) };
-}
+// Of the one device that a test has, one test at a time. Threads of the crate call too.
+static CALLS: Mutex<Vec<&'static str>> = Mutex::new(Vec::new());
+static WATCH: Mutex<Option<Watch>> = Mutex::new(None);
 
 fn note(name: &'static str) {
-    CALLS.with_borrow_mut(|calls| calls.push(name));
-    WATCH.with_borrow(|watch| {
-        if let Some(watch) = watch {
-            watch(name);
-        }
-    });
+    CALLS.lock().unwrap().push(name);
+    if let Some(watch) = &*WATCH.lock().unwrap() {
+        watch(name);
+    }
 }
 
-/// The noted calls of this thread while `work` ran.
+/// The noted calls while `work` ran.
 pub fn during<R>(work: impl FnOnce() -> R) -> (R, Vec<&'static str>) {
-    CALLS.take();
+    CALLS.lock().unwrap().clear();
     let result = work();
-    (result, CALLS.take())
+    (result, std::mem::take(&mut CALLS.lock().unwrap()))
 }
 
-/// Runs `watch` before each noted call of this thread while `work` runs.
-pub fn watched<R>(watch: impl Fn(&'static str) + 'static, work: impl FnOnce() -> R) -> R {
-    WATCH.set(Some(Box::new(watch)));
+/// Runs `watch` before each noted call while `work` runs.
+pub fn watched<R>(watch: impl Fn(&'static str) + Send + 'static, work: impl FnOnce() -> R) -> R {
+    *WATCH.lock().unwrap() = Some(Box::new(watch));
     let result = work();
-    WATCH.set(None);
+    *WATCH.lock().unwrap() = None;
     result
 }
 
@@ -48,20 +46,17 @@ macro_rules! noted {
         fn stand_in(name: &CStr, real: *const c_void) -> *const c_void {
             match name.to_str().unwrap() {
                 $(stringify!($name) => {
-                    // Of the one device that a test has; its thread alone calls.
-                    thread_local! {
-                        static REAL: Cell<*const c_void> = const { Cell::new(std::ptr::null()) };
-                    }
+                    static REAL: AtomicPtr<c_void> = AtomicPtr::new(std::ptr::null_mut());
                     unsafe extern "system" fn call($($arg: $kind),*) $(-> $result)? {
                         note(stringify!($name));
-                        let real = REAL.get();
+                        let real = REAL.load(Ordering::Relaxed);
                         // SAFETY: the address was given for a function of this name and type.
                         let real: unsafe extern "system" fn($($kind),*) $(-> $result)? =
                             unsafe { std::mem::transmute(real) };
                         // SAFETY: what the caller promised.
                         unsafe { real($($arg),*) }
                     }
-                    REAL.set(real);
+                    REAL.store(real.cast_mut(), Ordering::Relaxed);
                     call as *const c_void
                 })*
                 _ => real,

@@ -194,7 +194,7 @@ impl Args {
         let name = technique.method().name();
         let start = Instant::now();
         let mut plans = InFlight::new(scene, technique, view, self.in_flight)?;
-        let prepare_ms = milliseconds_since(start);
+        let (prepare_ms, prepared_pipelines) = (milliseconds_since(start), scene.gpu().pipeline_ms());
         let drawing = plans.first();
         let first = drawing.draw(view)?;
         let image = drawing.read_back()?;
@@ -223,7 +223,7 @@ impl Args {
         let report = gpu.report();
         // `prepare` excludes the parts that are reported separately.
         let (times, pipelines) = (scene.times(), gpu.pipeline_ms());
-        let rest = (prepare_ms - times.upload - times.tables - pipelines).max(0.0);
+        let rest = (prepare_ms - times.upload - times.tables - prepared_pipelines).max(0.0);
         let stats = output::without_nulls(json!({
             "schema": 1,
             "technique": name,

@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::frame::lists::ranking::Ranking;
-use crate::gpu::shader::{COUNT_BITS, MESH_LISTS_LISTS, MeshListsLists, TILE, TILE_PIXELS};
+use crate::gpu::shader::{COUNT_BITS, MESH_LISTS_COMPUTE, MeshLists, TILE, TILE_PIXELS};
 use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::interface::MeshPush;
 use crate::num;
 use crate::primitives::bins::Bins;
-use crate::primitives::dispatch::{Dispatch, buffer, pass};
+use crate::primitives::dispatch::{Dispatch, buffer, groups_of, pass};
 use crate::primitives::scan::{Scan, WorkSplit};
 use crate::resident::mesh::{Needs, Primitives};
 
@@ -19,13 +19,13 @@ use crate::resident::mesh::{Needs, Primitives};
 /// A list is counted, then its place is the prefix sum of the counts, then it is filled.
 #[derive(Debug)]
 pub(crate) struct Lists {
-    pub(crate) bins: Bins,
+    pub(crate) bins: Arc<Bins>,
     /// Entries that the lists of one band may have.
     pub(crate) list_capacity: u32,
     /// Entries of a bin that one dispatch takes.
     window: u32,
     /// Dispatches that count, or fill, the lists of a band: each takes the next window of each bin.
-    pub(crate) windows: u32,
+    windows: u32,
     pub(crate) bands: Vec<Band>,
     /// Counts of each pixel of a band; after the scan and the fill, where its list ends.
     pub(crate) cursors: Arc<Buffer>,
@@ -38,45 +38,37 @@ pub(crate) struct Lists {
 }
 
 impl Lists {
-    /// Allocates the capacities in `needs`; bins are made in `runs` runs of ranks. With the flags of pixels, only the fragments of
-    /// flagged pixels are listed, and faces are binned only if a pixel is flagged.
+    /// Allocates the capacities in `needs` for lists from `bins`. With the flags of pixels, only the fragments
+    /// of those with given flags are listed.
     pub(crate) fn new(
         gpu: &Gpu,
         ranking: &Ranking,
-        tiles: u32,
-        runs: u32,
+        bins: Arc<Bins>,
         bands: Vec<Band>,
         needs: Needs,
-        flagged: Option<&Arc<Buffer>>,
+        flagged: Option<(&Arc<Buffer>, u32)>,
     ) -> Result<Self> {
         let name = ranking.name;
-        let primitives = [&ranking.order, &ranking.boxed, &ranking.status];
-        // Cells are listed only once a frame has flagged a pixel, so their bins are always needed.
-        let bins_flagged = flagged.is_some() && ranking.kind == Primitives::Faces;
-        let bins = Bins::new(gpu, name, primitives, tiles, runs, needs.bins, bins_flagged)?;
         let widest = bands.iter().map(|band| band.tiles).max().unwrap_or(1);
         let cursors = buffer(gpu, "lists.cursors", u64::from(widest) * u64::from(TILE_PIXELS))?;
         let entries = buffer(gpu, "lists", u64::from(needs.lists) * entry_words(ranking.kind))?;
         let pass = |part: &str, fill: bool| {
-            let inputs = MeshListsLists {
-                primitives: ranking.primitives.read(),
-                mesh_scalars: ranking.scalars.read(),
-                view_points: ranking.view_points.read(),
+            let inputs = MeshLists {
                 boxes: ranking.boxed.read(),
-                bin_table: bins.table.read(),
+                bin_ends: bins.ends.read(),
                 bins: bins.entries.read(),
                 cursors: cursors.write(),
                 lists: entries.write(),
                 status: ranking.status.write(),
                 // A binding must hold something; only passes with `flagged` read flags.
-                flags: flagged.unwrap_or(&ranking.boxed).read(),
-                cells: ranking.kind == Primitives::Cells,
+                flags: flagged.map_or(&ranking.boxed, |(flags, _)| flags).read(),
                 cell_scalars: ranking.cell_scalars,
                 back_to_front: ranking.back_to_front,
                 fill,
-                flagged: flagged.is_some(),
+                listed: flagged.map_or(0, |(_, listed)| listed),
+                coverage: ranking.coverage(),
             };
-            pass(gpu, &format!("{name}.{part}"), &MESH_LISTS_LISTS.with(&inputs))
+            pass(gpu, &format!("{name}.{part}"), &MESH_LISTS_COMPUTE.with(&inputs))
         };
         // An entry takes at most one iteration for each pixel of its tile; the shader counts the entries of a pixel in COUNT_BITS bits.
         let window = (gpu.turns()? / (TILE_PIXELS + 2)).clamp(1, (1 << COUNT_BITS) - 1);
@@ -99,31 +91,33 @@ impl Lists {
     }
 
     /// Records the bins of all tiles.
-    pub(crate) fn bin(&self, recorder: &mut Recorder<'_>, push: &MeshPush, count: u32) {
-        // The same number as `tiles_across` in the shaders.
-        let across = num::u32_of(f64::from(2.0 * push.half_extent[0])).div_ceil(TILE);
-        self.bins.record(recorder, across, [0, self.bins.tiles], count);
+    pub(crate) fn bin(&self, recorder: &mut Recorder<'_>, push: &MeshPush) {
+        self.bins.record(recorder, tiles_across(push), [0, self.bins.tiles]);
     }
 
-    /// Records the pass that counts the lists of a band, or with `fill` the one that writes them.
+    /// Records the pass that counts the lists of a band, or with `fill` the one that writes them. The bins are those from the tile
+    /// `push.binned` on.
     pub(crate) fn list(&self, recorder: &mut Recorder<'_>, push: &MeshPush, band: usize, fill: bool) {
         let Some(Band { first, tiles }) = self.bands.get(band).copied() else { return };
-        let groups = [tiles.div_ceil(8), 1, 1];
+        let groups = groups_of(tiles, 8);
         for window in 0..self.windows {
             let push = MeshPush {
                 count: tiles,
                 band: first,
                 first: window * self.window,
                 number: self.window,
-                runs: self.bins.runs,
                 capacity: self.list_capacity,
-                bins: self.bins.capacity,
                 ..*push
             };
             let pass = if fill { &self.list_fill } else { &self.list_count };
             pass.record(recorder, &push, groups);
         }
     }
+}
+
+/// Returns the tiles in a row of an image: the same number as `tiles_across` in the shaders.
+pub(crate) fn tiles_across(push: &MeshPush) -> u32 {
+    num::u32_of(f64::from(2.0 * push.half_extent[0])).div_ceil(TILE)
 }
 
 /// Returns the number of 32-bit words of a list's entry.
@@ -143,26 +137,26 @@ pub(crate) struct Band {
     pub(crate) tiles: u32,
 }
 
-/// Cuts an image into bands of at most `most` entries and `widest` tiles each.
+/// Cuts an image into bands of at most `soft` entries and `widest` tiles each; a tile of more entries is a band of its own.
 ///
 /// `entries` are those of each tile. Returns the bands, and the entries of the fullest.
 ///
 /// # Errors
 ///
-/// The entries of a single tile that exceeds `most`.
+/// The entries of a single tile that exceeds `hard`.
 pub(crate) fn cut_into_bands(
     entries: impl IntoIterator<Item = u64>,
-    most: u64,
+    [soft, hard]: [u64; 2],
     widest: u32,
 ) -> std::result::Result<(Vec<Band>, u64), u64> {
     let mut bands = vec![Band { first: 0, tiles: 0 }];
     let (mut sum, mut fullest) = (0_u64, 0_u64);
     for (tile, count) in (0_u32..).zip(entries) {
-        if count > most {
+        if count > hard {
             return Err(count);
         }
         let last = bands.len() - 1;
-        if sum + count > most || bands[last].tiles >= widest {
+        if (sum + count > soft && bands[last].tiles > 0) || bands[last].tiles >= widest {
             bands.push(Band { first: tile, tiles: 1 });
             sum = count;
         } else {

@@ -1,15 +1,16 @@
-//! The visibility order of a frame's primitives: points as the view sees them, boxes, keys and the sort.
+//! The visibility order of a frame's primitives: points as the view sees them, boxes, keys and the sort (`glsl/mesh/mesh-rank.glsl`).
 
 use std::sync::Arc;
 
 use crate::error::Result;
 use crate::gpu::shader::{
-    MESH_LISTS_BOXES, MESH_LISTS_POINTS, MeshListsBoxes, MeshListsPoints, STATUS_WORDS,
+    Coverage, MESH_RANK_BOXES, MESH_RANK_POINTS, MeshRankBoxes, MeshRankPoints, STATUS_WORDS,
 };
 use crate::gpu::sync::Use;
 use crate::gpu::{Buffer, BufferUse, Gpu, Recorder};
 use crate::interface::MeshPush;
 use crate::num;
+use crate::primitives::bins::{Bins, Ranked};
 use crate::primitives::dispatch::{Dispatch, buffer, groups_of, pass};
 use crate::primitives::radix_sort::RadixSort;
 use crate::resident::mesh::Primitives;
@@ -84,19 +85,20 @@ impl Ranking {
         let order = buffer(gpu, "order", count.into())?;
         let boxed = buffer(gpu, "boxes", 2 * u64::from(count))?;
         let status = buffer(gpu, "status", STATUS_WORDS.into())?;
-        let points = MESH_LISTS_POINTS.with(&MeshListsPoints {
+        let points = MESH_RANK_POINTS.with(&MeshRankPoints {
             mesh_points: points.read(),
             mesh_scalars: scalars.read(),
             view_points: view_points.write(),
             cell_scalars,
         });
-        let boxes = MESH_LISTS_BOXES.with(&MeshListsBoxes {
+        let boxes = MESH_RANK_BOXES.with(&MeshRankBoxes {
             primitives: primitives.read(),
             view_points: view_points.read(),
             rank_keys: keys.write(),
             order: order.write(),
             boxes: boxed.write(),
             status: status.write(),
+            cell_scalars,
             cells: kind == Primitives::Cells,
             back_to_front,
         });
@@ -119,6 +121,31 @@ impl Ranking {
             point_count,
             given: order_given.map(|order| given_order(gpu, order)).transpose()?,
         })
+    }
+
+    /// Makes bins of the ranked primitives for an image of `tiles` tiles. With `flagged` they are empty in frames that have flagged no pixel.
+    pub(crate) fn bins(&self, gpu: &Gpu, tiles: u32, capacity: u32, flagged: bool) -> Result<Arc<Bins>> {
+        Bins::new(gpu, self.name, &self.ranked(), tiles, capacity, flagged).map(Arc::new)
+    }
+
+    /// Returns the inputs of shaders that find the pixels of primitives.
+    pub(crate) fn coverage(&self) -> Coverage {
+        Coverage {
+            mesh_scalars: self.scalars.read(),
+            primitives: self.primitives.read(),
+            view_points: self.view_points.read(),
+            cells: self.kind == Primitives::Cells,
+        }
+    }
+
+    /// Returns the ranked primitives, for bins.
+    pub(crate) fn ranked(&self) -> Ranked {
+        Ranked {
+            order: Arc::clone(&self.order),
+            boxes: Arc::clone(&self.boxed),
+            status: Arc::clone(&self.status),
+            count: self.count,
+        }
     }
 
     /// Records every step: points, boxes and keys, order.

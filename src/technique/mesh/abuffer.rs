@@ -1,17 +1,15 @@
 //! An A-buffer of cells: exact lists of the cells of each pixel (Carpenter 1984).
 //!
-//! The other techniques for meshes are compared with it on the device. Every cell that a pixel's ray meets has an entry:
-//! the depths where the ray enters and leaves, and the scalars there. The entries are sorted by the middles of their
-//! segments and integrated one after the other. An entry needs no neighbours, so gaps and overlaps of cells need no
-//! special case.
+//! The other techniques for meshes are compared with it on the device. Every cell that a pixel's ray meets makes a piece:
+//! the depths where the ray enters and leaves, and the scalars there. Pieces are sorted by their middles and integrated one
+//! after the other. A piece needs no neighbours, so gaps and overlaps of cells need no special case.
 //!
-//! 1. Cells are ranked by the distance of their centroids. The entries of each pixel are counted, summed up and written
-//!    (`mesh/frame.rs`, `mesh-lists.glsl`).
-//! 2. `abuffer.glsl` passes each list through a window in registers. A list that leaves the window out of order is
-//!    sorted in place.
+//! 1. Cells are ranked by the distance of their centroids and binned to tiles (`mesh/frame.rs`, `mesh-tiles.glsl`).
+//! 2. `abuffer.glsl` passes the pieces of each pixel through a window in registers. Where they leave it out of order, they
+//!    are listed and sorted (`mesh/repairs.rs`, `mesh-lists.glsl`).
 //!
-//! Error: that of the integrator. Cost: 16 bytes for each fragment, counted before they are allocated; an image whose
-//! lists do not fit one buffer is drawn in bands. Needs: core Vulkan 1.3.
+//! Error: that of the integrator. Cost: a mask for each tile that a cell's box touches; an intersection of four faces and an
+//! integration for each fragment. Needs: core Vulkan 1.3.
 
 use std::sync::Arc;
 
@@ -39,7 +37,7 @@ option_set! {
 impl TechniqueOptions for Options {
     const FACTS: Facts = Facts {
         name: "abuffer",
-        summary: "cells of a mesh in one list per pixel, sorted exactly",
+        summary: "cells of a mesh sorted exactly in each pixel",
         source: "Carpenter 1984",
         data: &["mesh"],
         kernels: &[],
@@ -63,12 +61,12 @@ impl Draw for Options {
             name: Self::NAME,
             primitives: Primitives::Cells,
             options: self.mesh,
-            resolve: cell_lists::resolve,
-            k: cell_lists::WINDOW,
+            draw: cell_lists::draw,
+            k: 0,
             chunk: None,
-            repair: Some(cell_lists::resolve),
+            repair: Some(cell_lists::repair),
             unsorted: "kbuffer_overflow_pixels",
         };
-        Ok(Box::new(MeshFrame::new(scene, view, target, desc)?))
+        Ok(Box::new(MeshFrame::new(scene, view, target, desc, None)?))
     }
 }

@@ -6,7 +6,7 @@ use crate::num;
 use crate::resident::GpuScene;
 use crate::resident::mesh::{MeshData, Primitives};
 use crate::scene::TetScalars;
-use crate::technique::mesh::list_inputs::ListShader;
+use crate::technique::mesh::list_inputs::{ListShader, TileShader};
 use crate::technique::mesh::options::MeshOptions;
 
 /// How a technique for meshes draws.
@@ -15,13 +15,13 @@ pub(crate) struct MeshDesc {
     pub(crate) name: &'static str,
     pub(crate) primitives: Primitives,
     pub(crate) options: MeshOptions,
-    /// Shader that resolves lists, with its inputs.
-    pub(crate) resolve: ListShader,
+    /// Shader that draws the primitives of each tile.
+    pub(crate) draw: TileShader,
     /// Entries of the k-buffer.
     pub(crate) k: u32,
-    /// Entries of a pixel that one dispatch resolves; `None`: all.
+    /// Primitives of a tile that one dispatch takes; `None`: all.
     pub(crate) chunk: Option<u32>,
-    /// Shader that sorts the lists of pixels that were resolved out of order, and resolves them again.
+    /// Shader that sorts the lists of pixels that were drawn out of order, and draws them again.
     pub(crate) repair: Option<ListShader>,
     /// Name of the counter of those pixels.
     pub(crate) unsorted: &'static str,

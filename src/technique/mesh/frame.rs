@@ -1,14 +1,14 @@
-//! A frame of a technique for meshes, drawn from lists of the fragments of each pixel.
+//! The route `compute` of the techniques for meshes: each pixel walks through the faces or cells of its tile, and no fragment is stored.
 //!
 //! 1. Points are projected, and each primitive gets a box of pixels and a rank ([`Ranking`]).
-//! 2. Primitives are binned to tiles, and fragments are listed for each pixel by rank ([`Lists`]).
-//! 3. The technique's shader resolves each list, in one dispatch or in chunks.
-//! 4. Pixels whose list was out of order are repaired: the list is sorted in place and resolved again.
-//! 5. Pixels in which cells overlap are drawn again from lists of cells ([`Overlaps`]), from the next frame after the first overlap on.
+//! 2. Primitives are binned to tiles, and each tile learns which of its primitives the line of each pixel meets ([`Hits`]).
+//! 3. The technique's shader takes the primitives of each pixel by rank, in one dispatch or in chunks.
+//! 4. Pixels that were out of order are drawn again from lists of their primitives alone ([`Repairs`]).
+//! 5. Pixels in which cells overlap are drawn again from lists of cells ([`Overlaps`]), from the next frame after the first overlap on, where
+//!    faces were drawn.
 //!
-//! All tiles are binned at once. Lists are written, resolved and repaired for one band of tiles after the other, because
-//! the lists of a band must fit one buffer. The capacities of bins and lists are measured when a view is prepared; a frame
-//! that needs more is incomplete, and is prepared again with the capacity that it lacked.
+//! Steps 2 to 4 are done for one band of tiles after the other, because the pairs of a tile and a primitive of a band must fit one buffer. Few
+//! images need more than one band.
 
 use std::sync::Arc;
 
@@ -16,64 +16,94 @@ use ash::vk;
 
 use crate::error::Result;
 use crate::frame::depth_measure::DepthMeasure;
-use crate::frame::lists::{Band, Lists, Ranking, measure};
+use crate::frame::lists::{Band, Lists, Measured, Ranking, measure_flagged, tiles_across};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
-use crate::gpu::shader::{FLAG_OVERLAPS, FLAG_REPAIRED, FLAG_UNSORTED, STATUS_WORDS, TILE, TILE_PIXELS};
-use crate::gpu::{Buffer, Image, Recorder, TargetImage};
+use crate::gpu::shader::{
+    FLAG_OVERLAPS, FLAG_REPAIRED, FLAG_UNSORTED, MESH_TILES_HITS, MESH_TILES_MASKS, MeshTilesHits,
+    MeshTilesMasks, STATUS_WORDS, TILE, TILE_PIXELS, TileWalk,
+};
+use crate::gpu::{Buffer, Gpu, Image, Recorder, TargetImage};
 use crate::interface::MeshPush;
 use crate::num;
+use crate::primitives::bins::Bins;
 use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass};
 use crate::resident::GpuScene;
 use crate::resident::local_space::LocalSpace;
-use crate::resident::mesh::{MeshData, Primitives};
+use crate::resident::mesh::Primitives;
 use crate::scene::View;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::flagged::FlaggedFrame;
-use crate::technique::mesh::list_inputs::{FORMAT, ListInputs, Shading, kbuffer_images};
+use crate::technique::mesh::list_inputs::{FORMAT, ListInputs, Shading, TileInputs, kbuffer_images};
 use crate::technique::mesh::outcome::MeshOutcome;
 use crate::technique::mesh::overlaps::Overlaps;
+use crate::technique::mesh::repairs::Repairs;
 use crate::technique::mesh::shading::shading_push;
 
 // Shaders write flags as bits 0 to 2.
 const _: () = assert!(FLAG_UNSORTED | FLAG_REPAIRED | FLAG_OVERLAPS == 7);
 
-/// Entries of the k-buffer that a repair sorts with.
-pub(crate) const REPAIR_K: u32 = 15;
+/// The bins of primitives, and for each pixel which of its tile's primitives its line meets (`mesh-tiles.glsl`).
+#[derive(Debug)]
+pub(crate) struct Hits {
+    bins: Arc<Bins>,
+    hits: Arc<Buffer>,
+    masks_of: Dispatch,
+    hits_of: Dispatch,
+}
+
+impl Hits {
+    fn new(gpu: &Gpu, ranking: &Ranking, bins: Arc<Bins>) -> Result<Self> {
+        // Pairs are turned into words by the 32.
+        let words = 2 * u64::from(bins.capacity).next_multiple_of(32);
+        let (masks, hits) = (buffer(gpu, "masks", words)?, buffer(gpu, "hits", words)?);
+        let masks_of = MESH_TILES_MASKS.with(&MeshTilesMasks {
+            bins: bins.entries.read(),
+            bin_ends: bins.ends.read(),
+            bin_tiles: bins.of_pairs.read(),
+            boxes: ranking.boxed.read(),
+            masks: masks.write(),
+            cell_scalars: ranking.cell_scalars,
+            coverage: ranking.coverage(),
+        });
+        let hits_of = MESH_TILES_HITS.with(&MeshTilesHits {
+            bin_ends: bins.ends.read(),
+            masks: masks.read(),
+            hits: hits.write(),
+        });
+        let masks_of = pass(gpu, &format!("{}.masks", ranking.name), &masks_of)?;
+        let hits_of = pass(gpu, &format!("{}.hits", ranking.name), &hits_of)?;
+        Ok(Self { bins, hits, masks_of, hits_of })
+    }
+
+    /// Records the bins and the hits of a band.
+    fn record(&self, recorder: &mut Recorder<'_>, push: &MeshPush, band: Band) {
+        self.bins.record(recorder, tiles_across(push), [band.first, band.tiles]);
+        let push = MeshPush { count: band.tiles, band: band.first, ..*push };
+        self.masks_of.record(recorder, &push, groups_of(self.bins.capacity, 64));
+        let rows = self.bins.capacity.div_ceil(32) * TILE;
+        self.hits_of.record(recorder, &push, groups_of(rows, 64));
+    }
+}
 
 /// Everything that is fixed between frames of one size.
 #[derive(Debug)]
 pub(crate) struct MeshFrame {
-    scene: Arc<GpuScene>,
-    data: Arc<MeshData>,
-    desc: MeshDesc,
-    shading: Shading,
     space: LocalSpace,
     push: MeshPush,
-    tiles: u32,
+    bands: Vec<Band>,
     ranking: Ranking,
-    lists: Lists,
-    /// One pass that resolves whole lists, or those of the first, a middle and the last chunk.
-    resolve: Vec<Dispatch>,
+    hits: Hits,
+    /// One pass that takes all primitives of a tile, or those of the first, a middle and the last chunk.
+    draw: Vec<Dispatch>,
     chunks: u32,
-    repair: Option<Dispatch>,
+    /// Primitives of a tile that one dispatch takes.
+    chunk: u32,
+    repair: Option<Repairs>,
     overlaps: Option<Overlaps>,
-    /// Repair passes of a frame: each sorts a list further.
-    rounds: u32,
     image: Arc<Image>,
     flags: Arc<Buffer>,
     outcome: Arc<MeshOutcome>,
-    /// Images that keep the k-buffer between chunks.
-    kbuffer: Vec<Arc<Image>>,
-}
-
-/// Which of a frame's passes over lists a pipeline is for.
-#[derive(Clone, Copy, Debug)]
-enum Part {
-    /// Resolves a chunk: `resume` loads the k-buffer that the one before left, `last_chunk` empties it.
-    Resolve { resume: bool, last_chunk: bool },
-    /// Sorts unsorted lists and resolves them again.
-    Repair,
 }
 
 /// Whether the mesh may reach behind the eye.
@@ -83,13 +113,8 @@ fn eye_inside(push: &MeshPush) -> bool {
 }
 
 impl MeshFrame {
-    /// Prepares a frame whose primitives are ranked on the device.
-    pub(crate) fn new(scene: &Arc<GpuScene>, view: &View, target: &Canvas, desc: MeshDesc) -> Result<Self> {
-        Self::with_order(scene, view, target, desc, None)
-    }
-
-    /// Prepares a frame whose primitives are ranked by `order`, if it is given.
-    pub(crate) fn with_order(
+    /// Prepares frames of one view size. Primitives are ranked by `order`, or on the device.
+    pub(crate) fn new(
         scene: &Arc<GpuScene>,
         view: &View,
         target: &Canvas,
@@ -109,77 +134,89 @@ impl MeshFrame {
         let tiles = across * height.div_ceil(TILE);
 
         let ranking = desc.rank_primitives(scene, &data, order)?;
-        let (runs, needs, bands) = measure(gpu, &ranking, &data.needs, &push, tiles, across)?;
-        let lists = Lists::new(gpu, &ranking, tiles, runs, bands, needs, None)?;
+        let Measured { needs, bins, bands } =
+            measure_flagged(gpu, &ranking, data.needs(desc.primitives), &push, [tiles, across], false)?;
+        let hits = Hits::new(gpu, &ranking, Arc::clone(&bins))?;
 
         let image = own_image(gpu, desc.name, FORMAT, vk::ImageUsageFlags::STORAGE, view, target)?;
         let flags = buffer(gpu, "flags", u64::from(tiles) * u64::from(TILE_PIXELS))?;
-        let kbuffer = match (desc.primitives, desc.chunk) {
-            (Primitives::Faces, Some(_)) => kbuffer_images(gpu, desc.k, view.extent())?,
-            // A list is resolved at once, but the shader declares images.
-            (Primitives::Faces, None) => kbuffer_images(gpu, 1, [1, 1])?,
+        let chunk = desc.chunk.unwrap_or(u32::MAX);
+        let chunks = needs.longest_bin.div_ceil(chunk).max(1);
+        let kbuffer = match (desc.primitives, chunks) {
             (Primitives::Cells, _) => Vec::new(),
+            // A pixel is drawn at once, but the shader declares images.
+            (Primitives::Faces, 1) => kbuffer_images(gpu, 1, [1, 1])?,
+            (Primitives::Faces, _) => kbuffer_images(gpu, desc.k, view.extent())?,
         };
+        let shading = Shading::new(scene, &desc.options.segments, target)?;
+        let list = ListInputs {
+            shading: &shading,
+            // Only repairs have lists, of their own.
+            cursors: &flags,
+            lists: &flags,
+            status: &ranking.status,
+            flags: &flags,
+            image: &image,
+            kbuffer: &kbuffer,
+            cell_scalars: ranking.cell_scalars,
+            back_to_front: desc.options.back_to_front(),
+            eye_inside: eye_inside(&push),
+            k: desc.k,
+            listed: FLAG_UNSORTED,
+        };
+        let parts: &[[bool; 2]] = match chunks {
+            1 => &[[false, true]],
+            _ => &[[false, false], [true, false], [true, true]],
+        };
+        let inputs = TileInputs {
+            list: &list,
+            coverage: ranking.coverage(),
+            tile_walk: TileWalk {
+                bins: bins.entries.read(),
+                bin_ends: bins.ends.read(),
+                hits: hits.hits.read(),
+            },
+            resume: false,
+            last_chunk: true,
+        };
+        let part = |&[resume, last_chunk]: &[bool; 2]| {
+            let bound = (desc.draw)(&TileInputs { resume, last_chunk, ..inputs.clone() });
+            pass(gpu, &format!("{}.draw", desc.name), &bound)
+        };
+        let draw = parts.iter().map(part).collect::<Result<_>>()?;
+
         let status = download(gpu, "status", 4 * u64::from(STATUS_WORDS))?;
-        let outcome = MeshOutcome::new(gpu, &data, &desc, status, &lists, needs, ranking.count)?;
-        let mut frame = Self {
-            scene: Arc::clone(scene),
-            data,
-            desc,
-            shading: Shading::new(scene, &desc.options.segments, target)?,
+        let repairs = desc.repair.is_some();
+        let totals = [bands.len(), if repairs { bands.len() } else { 0 }];
+        let mut outcome = MeshOutcome::new(gpu, &data, &desc, status, totals, needs, ranking.count)?;
+        outcome.walks = true;
+        let (mut repair, mut overlaps) = (None, None);
+        if let Some(shader) = desc.repair {
+            let frame =
+                FlaggedFrame { scene, data: &data, desc: &desc, push: &push, tiles, across, drawn: &list };
+            let lists = Lists::new(gpu, &ranking, bins, bands.clone(), needs, Some((&flags, FLAG_UNSORTED)))?;
+            repair = Some(Repairs::new(&frame, shader, lists, needs.rounds)?);
+            if desc.repairs_overlaps() && needs.overlaps {
+                let found = Overlaps::new(&frame)?;
+                outcome.overlaps = Some(found.outcome());
+                overlaps = Some(found);
+            }
+        }
+        Ok(Self {
             space,
             push,
-            tiles,
+            bands,
             ranking,
-            lists,
-            resolve: Vec::new(),
-            chunks: 1,
-            repair: None,
-            overlaps: None,
-            rounds: needs.rounds,
+            hits,
+            draw,
+            chunks,
+            chunk,
+            repair,
+            overlaps,
             image,
             flags,
             outcome: Arc::new(outcome),
-            kbuffer,
-        };
-        frame.build_passes(needs.longest_bin)?;
-        if desc.repairs_overlaps() && needs.overlaps {
-            frame.build_overlaps(across)?;
-        }
-        Ok(frame)
-    }
-
-    /// Builds the passes that resolve and repair lists of at most `longest` entries.
-    fn build_passes(&mut self, longest: u32) -> Result<()> {
-        // A pixel's list is no longer than the bin of its tile.
-        self.chunks = self.desc.chunk.map_or(1, |chunk| longest.div_ceil(chunk).max(1));
-        let chunk = |resume, last_chunk| self.pass(Part::Resolve { resume, last_chunk });
-        self.resolve = match self.chunks {
-            1 => vec![chunk(false, true)?],
-            _ => vec![chunk(false, false)?, chunk(true, false)?, chunk(true, true)?],
-        };
-        if self.desc.repair.is_some() {
-            self.repair = Some(self.pass(Part::Repair)?);
-        }
-        Ok(())
-    }
-
-    /// Builds the passes that draw overlaps of cells again.
-    fn build_overlaps(&mut self, across: u32) -> Result<()> {
-        let overlaps = Overlaps::new(&FlaggedFrame {
-            scene: &self.scene,
-            data: &self.data,
-            desc: &self.desc,
-            push: &self.push,
-            tiles: self.tiles,
-            across,
-            drawn: &self.inputs(),
-        })?;
-        if let Some(outcome) = Arc::get_mut(&mut self.outcome) {
-            outcome.overlaps = Some(overlaps.status());
-        }
-        self.overlaps = Some(overlaps);
-        Ok(())
+        })
     }
 
     /// Replaces the ranks from the host. Returns `false`, and changes nothing, while a recording reads the old ones.
@@ -192,91 +229,21 @@ impl MeshFrame {
         self.ranking.count
     }
 
-    /// Returns the inputs of passes over lists, as for one that resolves whole lists.
-    fn inputs(&self) -> ListInputs<'_> {
-        ListInputs {
-            shading: &self.shading,
-            cursors: &self.lists.cursors,
-            lists: &self.lists.entries,
-            status: &self.ranking.status,
-            flags: &self.flags,
-            image: &self.image,
-            kbuffer: &self.kbuffer,
-            cell_scalars: self.ranking.cell_scalars,
-            back_to_front: self.desc.options.back_to_front(),
-            eye_inside: eye_inside(&self.push),
-            k: self.desc.k,
-            resume: false,
-            last_chunk: true,
-            repair: false,
-            flagged: false,
-        }
-    }
-
-    /// Builds one pass over lists.
-    fn pass(&self, part: Part) -> Result<Dispatch> {
-        let desc = &self.desc;
-        let (name, bound) = match part {
-            Part::Resolve { resume, last_chunk } => {
-                ("resolve", (desc.resolve)(&ListInputs { resume, last_chunk, ..self.inputs() }))
-            }
-            Part::Repair => {
-                let shader = desc.repair.unwrap_or(desc.resolve);
-                ("repair", shader(&ListInputs { k: REPAIR_K, repair: true, ..self.inputs() }))
-            }
-        };
-        pass(self.scene.gpu(), &format!("{}.{name}", desc.name), &bound)
-    }
-
-    /// Records the bins of all tiles.
-    fn record_bins(&self, recorder: &mut Recorder<'_>) {
-        self.lists.bin(recorder, &self.push, self.ranking.count);
-        recorder.copy_buffer("bins.total", self.lists.bins.total(), &self.outcome.bins, 8);
-        recorder.release_to_host(&self.outcome.bins);
-    }
-
-    /// Records the lists of a band: counted, summed up, written.
-    fn record_lists(&self, recorder: &mut Recorder<'_>, band: usize) {
-        recorder.clear_buffer("lists.clear", &self.lists.cursors);
-        self.lists.list(recorder, &self.push, band, false);
-        if let Some(scan) = self.lists.list_scans.get(band) {
-            scan.record(recorder);
-            recorder.copy_buffer("lists.total", scan.total(), &self.outcome.lists[band], 8);
-            recorder.release_to_host(&self.outcome.lists[band]);
-        }
-        self.lists.list(recorder, &self.push, band, true);
-    }
-
-    /// Records the passes that resolve the lists of a band, chunk by chunk, and then repair them.
-    fn record_resolve(&self, recorder: &mut Recorder<'_>, band: &Band) {
-        /// More entries than any list has.
-        const ALL: u32 = u32::MAX / 2;
-        let groups = groups_of(band.tiles, 1);
-        let push = MeshPush {
-            count: band.tiles,
-            band: band.first,
-            capacity: self.lists.list_capacity,
-            number: ALL,
-            ..self.push
-        };
-        let length = self.desc.chunk.unwrap_or(0);
+    /// Records the passes that draw the primitives of each tile of a band, chunk by chunk.
+    fn record_draw(&self, recorder: &mut Recorder<'_>, band: Band) {
+        let push = MeshPush { count: band.tiles, band: band.first, ..self.push };
         for chunk in 0..self.chunks {
             let last = chunk + 1 == self.chunks;
             let pass = match (chunk, last) {
-                (0, _) => self.resolve.first(),
-                (_, false) => self.resolve.get(1),
-                (_, true) => self.resolve.get(2),
+                (0, _) => self.draw.first(),
+                (_, false) => self.draw.get(1),
+                (_, true) => self.draw.get(2),
             };
-            let push = MeshPush { first: chunk * length, number: if last { ALL } else { length }, ..push };
+            // The last takes what a later view may have more.
+            let number = if last { u32::MAX } else { self.chunk };
+            let push = MeshPush { first: chunk * self.chunk, number, ..push };
             if let Some(pass) = pass {
-                pass.record(recorder, &push, groups);
-            }
-        }
-        if let Some(repair) = &self.repair {
-            for round in 1..=self.rounds {
-                // The last round counts the pixels that are still unsorted.
-                let push = MeshPush { last_round: u32::from(round == self.rounds), ..push };
-                repair.record(recorder, &push, groups);
+                pass.record(recorder, &push, groups_of(band.tiles, 1));
             }
         }
     }
@@ -310,8 +277,8 @@ impl Prepared for MeshFrame {
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
         vec![
-            ("tiles", self.tiles.into()),
-            ("bands", num::wide(self.lists.bands.len())),
+            ("tiles", self.bands.iter().map(|band| u64::from(band.tiles)).sum()),
+            ("bands", num::wide(self.bands.len())),
             ("chunks", self.chunks.into()),
         ]
     }
@@ -322,10 +289,16 @@ impl Prepared for MeshFrame {
 
     fn record(&self, recorder: &mut Recorder<'_>, _target: Option<&TargetImage>, _clear: bool) {
         self.ranking.record(recorder, &self.push);
-        self.record_bins(recorder);
-        for (i, band) in self.lists.bands.iter().enumerate() {
-            self.record_lists(recorder, i);
-            self.record_resolve(recorder, band);
+        for (i, band) in self.bands.iter().enumerate() {
+            self.hits.record(recorder, &self.push, *band);
+            if let Some(host) = self.outcome.bins.get(i) {
+                recorder.copy_buffer("bins.total", self.hits.bins.total(), host, 8);
+                recorder.release_to_host(host);
+            }
+            self.record_draw(recorder, *band);
+            if let Some(repair) = &self.repair {
+                repair.record(recorder, &self.push, i, &self.outcome);
+            }
         }
         if let Some(overlaps) = &self.overlaps {
             overlaps.record(recorder, &self.push);

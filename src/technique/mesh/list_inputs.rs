@@ -1,4 +1,4 @@
-//! The inputs of passes that resolve lists of fragments.
+//! The inputs of passes that draw tiles, and of passes that draw lists of fragments.
 
 use std::sync::Arc;
 
@@ -6,7 +6,7 @@ use ash::vk;
 
 use crate::error::Result;
 use crate::frame::target::Canvas;
-use crate::gpu::shader::{Bounded, HavsSweep, Layers, Optics, Segments, SweepImages};
+use crate::gpu::shader::{Bounded, Coverage, HavsSweep, Layers, Optics, Segments, SweepImages, TileWalk};
 use crate::gpu::{Bound, Buffer, Gpu, Image, ImageDesc};
 use crate::resident::GpuScene;
 use crate::resident::tables::SegmentOptions;
@@ -16,6 +16,9 @@ pub(crate) const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 
 /// Binds a shader that resolves lists.
 pub(crate) type ListShader = fn(&ListInputs<'_>) -> Bound;
+
+/// Entries of the k-buffer that a repair sorts with.
+pub(crate) const REPAIR_K: u32 = 15;
 
 /// The inputs of passes that shade the segments of a mesh.
 #[derive(Clone, Debug)]
@@ -39,7 +42,7 @@ impl Shading {
     }
 }
 
-/// The resources and constants of all passes over lists; each shader binds those that it declares.
+/// The resources and constants of all passes that draw; each shader binds those that it declares.
 #[derive(Clone, Debug)]
 pub(crate) struct ListInputs<'a> {
     pub(crate) shading: &'a Shading,
@@ -56,13 +59,23 @@ pub(crate) struct ListInputs<'a> {
     /// Whether the mesh may reach behind the eye.
     pub(crate) eye_inside: bool,
     pub(crate) k: u32,
-    /// Whether the k-buffer is loaded from the images, and whether the pass empties it.
+    /// Flags of the pixels that have lists.
+    pub(crate) listed: u32,
+}
+
+/// The inputs of the passes that draw the primitives of each tile.
+#[derive(Clone, Debug)]
+pub(crate) struct TileInputs<'a> {
+    pub(crate) list: &'a ListInputs<'a>,
+    pub(crate) coverage: Coverage,
+    pub(crate) tile_walk: TileWalk,
+    /// Whether the pass goes on where the one before ended, and whether none comes after it.
     pub(crate) resume: bool,
     pub(crate) last_chunk: bool,
-    /// Whether the pass sorts the lists of flagged pixels, and whether overlaps of cells flag them.
-    pub(crate) repair: bool,
-    pub(crate) flagged: bool,
 }
+
+/// Binds a shader that draws the primitives of each tile.
+pub(crate) type TileShader = fn(&TileInputs<'_>) -> Bound;
 
 impl ListInputs<'_> {
     /// Returns the images of a sweep; the first of the k-buffer stands in for those that a small one does not need.
@@ -74,11 +87,7 @@ impl ListInputs<'_> {
 
     /// Returns the inputs of a sweep through faces.
     pub(crate) fn sweep(&self) -> HavsSweep {
-        HavsSweep {
-            back_to_front: self.back_to_front,
-            cell_scalars: self.cell_scalars,
-            eye_inside: self.eye_inside,
-        }
+        HavsSweep { back_to_front: self.back_to_front, eye_inside: self.eye_inside }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Techniques for tetrahedral meshes: `havs`, `abuffer` and `projected-tets`.
 //!
-//! They share the ranking of primitives, the lists of each pixel (`frame/lists`) and the passes that shade
-//! segments. This module uses `frame`, `resident`, `primitives` and `gpu`; the registry of techniques uses it.
+//! They share the ranking of primitives, the walk of each pixel through its tile (`frame`), lists of flagged pixels (`frame/lists`) and the
+//! passes that shade segments. This module uses `frame`, `resident`, `primitives` and `gpu`; the registry of techniques uses it.
 
 pub mod abuffer;
 mod cell_lists;
@@ -15,4 +15,5 @@ mod order;
 mod outcome;
 mod overlaps;
 pub mod projected_tets;
+mod repairs;
 mod shading;

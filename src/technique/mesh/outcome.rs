@@ -1,58 +1,62 @@
-//! The result of a frame from lists: whether it is complete, and its counters.
+//! The result of a frame of a mesh: whether it is complete, and its counters.
 
 use std::sync::{Arc, PoisonError};
 
 use crate::error::{Error, Result};
-use crate::frame::lists::Lists;
 use crate::frame::prepared::Outcome;
 use crate::gpu::shader::{
-    STATUS_CUT, STATUS_FILLED, STATUS_LONGEST_BIN, STATUS_LOST, STATUS_NAN_KEYS, STATUS_OVERFLOW_PIXELS,
-    STATUS_OVERLAPS, STATUS_UNREPAIRED,
+    STATUS_CUT, STATUS_FILLED, STATUS_FRAGMENTS, STATUS_FRAGMENTS_HIGH, STATUS_LONGEST_BIN, STATUS_LOST,
+    STATUS_NAN_KEYS, STATUS_OVERFLOW_PIXELS, STATUS_OVERLAPS, STATUS_UNREPAIRED,
 };
 use crate::gpu::{Buffer, Gpu};
 use crate::num;
 use crate::primitives::dispatch::{download, total, words};
-use crate::resident::mesh::{MeshData, Needs};
+use crate::resident::mesh::{MeshData, Needs, Primitives};
 use crate::technique::mesh::desc::MeshDesc;
 
 /// Buffers that a frame copies its status and totals to, with the capacities that it had.
 #[derive(Debug)]
 pub(crate) struct MeshOutcome {
     data: Arc<MeshData>,
+    kind: Primitives,
     pub(crate) status: Arc<Buffer>,
-    /// Entries of all bins.
-    pub(crate) bins: Arc<Buffer>,
+    /// Entries of the bins, of each band where these are made band by band.
+    pub(crate) bins: Vec<Arc<Buffer>>,
     /// Entries of the lists of each band.
     pub(crate) lists: Vec<Arc<Buffer>>,
     capacities: Needs,
     primitives: u32,
     /// Whether pixels in which cells overlap must be drawn again.
     repairs_overlaps: bool,
+    /// Whether pixels walk through their tiles, which counts fragments.
+    pub(crate) walks: bool,
     /// Name of the counter of pixels that were resolved out of order.
     unsorted: &'static str,
-    /// Status of the passes that draw overlaps again, if there are any.
-    pub(crate) overlaps: Option<Arc<Buffer>>,
+    /// Outcome of the passes that draw overlaps again, if there are any.
+    pub(crate) overlaps: Option<Arc<Self>>,
 }
 
 impl MeshOutcome {
-    /// Allocates the buffers of the totals; `capacities` are those of `lists`.
+    /// Allocates the buffers of the totals: of `binned` bands whose primitives are binned and `listed` bands whose fragments are listed.
     pub(crate) fn new(
         gpu: &Gpu,
         data: &Arc<MeshData>,
         desc: &MeshDesc,
         status: Arc<Buffer>,
-        lists: &Lists,
+        [binned, listed]: [usize; 2],
         capacities: Needs,
         primitives: u32,
     ) -> Result<Self> {
         Ok(Self {
             data: Arc::clone(data),
+            kind: desc.primitives,
             status,
-            bins: download(gpu, "bins.total", 8)?,
-            lists: lists.bands.iter().map(|_| download(gpu, "lists.total", 8)).collect::<Result<_>>()?,
+            bins: (0..binned).map(|_| download(gpu, "bins.total", 8)).collect::<Result<_>>()?,
+            lists: (0..listed).map(|_| download(gpu, "lists.total", 8)).collect::<Result<_>>()?,
             capacities,
             primitives,
             repairs_overlaps: desc.repairs_overlaps(),
+            walks: false,
             unsorted: desc.unsorted,
             overlaps: None,
         })
@@ -63,60 +67,56 @@ impl Outcome for MeshOutcome {
     fn read(&self) -> Result<(bool, Vec<(&'static str, u64)>)> {
         let status = words(&self.status.host_copy()?);
         let at = |word: u32| status.get(num::index(word)).copied().unwrap_or(0);
-        check_loops(at(STATUS_CUT))?;
-        let bins = total(&self.bins)?;
-        let mut fullest = 0;
-        let mut fragments = 0;
-        for list in &self.lists {
-            let band = total(list)?;
-            fragments += band;
-            fullest = band.max(fullest);
-        }
-        let fits = bins <= u64::from(self.capacities.bins)
+        let totals =
+            |buffers: &[Arc<Buffer>]| buffers.iter().map(|band| total(band)).collect::<Result<Vec<u64>>>();
+        let (bins, lists) = (totals(&self.bins)?, totals(&self.lists)?);
+        let fullest = |totals: &[u64]| totals.iter().copied().max().unwrap_or(0);
+        let (fullest_bins, fullest, fragments) = (fullest(&bins), fullest(&lists), lists.iter().sum::<u64>());
+        let fits = fullest_bins <= u64::from(self.capacities.bins)
             && fullest <= u64::from(self.capacities.lists)
             && at(STATUS_LONGEST_BIN) <= self.capacities.longest_bin
             && at(STATUS_LOST) == 0;
         if fits {
+            check_loops(at(STATUS_CUT))?;
             check_filled(fragments, at(STATUS_FILLED))?;
         }
-        let mut needs = self.data.needs.lock().unwrap_or_else(PoisonError::into_inner);
         let sorted = at(STATUS_UNREPAIRED) == 0;
         let overlaps = match &self.overlaps {
-            Some(status) => overlaps_complete(status, &mut needs)?,
+            Some(overlaps) => overlaps.read()?.0,
             None => at(STATUS_OVERLAPS) == 0 || !self.repairs_overlaps,
         };
+        let mut needs = self.data.needs(self.kind).lock().unwrap_or_else(PoisonError::into_inner);
         if self.overlaps.is_none() && !overlaps {
             needs.overlaps = true;
         }
         let complete = fits && sorted && overlaps;
-        needs.bins = needs.bins.max(u32::try_from(bins).unwrap_or(u32::MAX));
+        needs.bins = needs.bins.max(u32::try_from(fullest_bins).unwrap_or(u32::MAX));
         needs.lists = needs.lists.max(u32::try_from(fullest).unwrap_or(u32::MAX));
         needs.longest_bin = needs.longest_bin.max(at(STATUS_LONGEST_BIN));
+        for (pairs, listed) in bins.iter().zip(&lists) {
+            // Smaller bands, where the lists of one did not fit.
+            if *listed > u64::from(self.capacities.lists) {
+                let ratio = u32::try_from(listed.div_ceil((*pairs).max(1))).unwrap_or(u32::MAX);
+                needs.listed_per_pair = needs.listed_per_pair.max(ratio);
+            }
+        }
         if fits && !sorted {
             needs.rounds = (self.capacities.rounds * 2).max(1);
         }
-        let counters = vec![
+        let mut counters = vec![
             ("primitives", u64::from(self.primitives)),
-            ("bin_entries", bins),
-            ("fragments", fragments),
+            ("bin_entries", bins.iter().sum()),
+            ("repaired_fragments", fragments),
             (self.unsorted, u64::from(at(STATUS_OVERFLOW_PIXELS))),
             ("overlap_pixels", u64::from(at(STATUS_OVERLAPS))),
             ("nan_keys", u64::from(at(STATUS_NAN_KEYS))),
         ];
+        if self.walks {
+            let high = u64::from(at(STATUS_FRAGMENTS_HIGH)) << 32;
+            counters.push(("fragments", high | u64::from(at(STATUS_FRAGMENTS))));
+        }
         Ok((complete, counters))
     }
-}
-
-/// Returns whether all overlaps were drawn again; raises `needs` to the capacities that were missing.
-fn overlaps_complete(status: &Buffer, needs: &mut Needs) -> Result<bool> {
-    let status = words(&status.host_copy()?);
-    let at = |word: u32| status.get(num::index(word)).copied().unwrap_or(0);
-    needs.longest_bin = needs.longest_bin.max(at(STATUS_LONGEST_BIN));
-    check_loops(at(STATUS_CUT))?;
-    if at(STATUS_UNREPAIRED) > 0 {
-        needs.rounds = (needs.rounds * 2).max(2);
-    }
-    Ok(at(STATUS_LOST) == 0 && at(STATUS_UNREPAIRED) == 0)
 }
 
 /// Refuses a frame of which one pass counts other fragments than the other writes: then lists begin where others have not ended.

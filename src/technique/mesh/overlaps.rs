@@ -7,25 +7,25 @@
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::frame::lists::{Lists, Ranking, measure};
-use crate::gpu::shader::STATUS_WORDS;
-use crate::gpu::{Buffer, Recorder};
+use crate::frame::lists::{Lists, Measured, Ranking, measure_flagged};
+use crate::gpu::Recorder;
+use crate::gpu::shader::{FLAG_OVERLAPS, STATUS_WORDS};
 use crate::interface::MeshPush;
-use crate::primitives::dispatch::{Dispatch, download, groups_of, pass};
+use crate::primitives::dispatch::download;
 use crate::resident::mesh::Primitives;
 use crate::technique::mesh::cell_lists;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::flagged::FlaggedFrame;
 use crate::technique::mesh::list_inputs::ListInputs;
+use crate::technique::mesh::outcome::MeshOutcome;
+use crate::technique::mesh::repairs::Repairs;
 
 /// The passes after `havs` that draw overlaps.
 #[derive(Debug)]
 pub(crate) struct Overlaps {
     ranking: Ranking,
-    lists: Lists,
-    pass: Dispatch,
-    rounds: u32,
-    status: Arc<Buffer>,
+    repair: Repairs,
+    outcome: Arc<MeshOutcome>,
 }
 
 impl Overlaps {
@@ -36,49 +36,31 @@ impl Overlaps {
         let desc =
             MeshDesc { name: "havs.overlaps", primitives: Primitives::Cells, chunk: None, ..*frame.desc };
         let ranking = desc.rank_primitives(scene, data, None)?;
-        let (runs, needs, bands) = measure(gpu, &ranking, &data.needs, push, tiles, across)?;
-        let lists = Lists::new(gpu, &ranking, tiles, runs, bands, needs, Some(drawn.flags))?;
-        let inputs = ListInputs {
-            cursors: &lists.cursors,
-            lists: &lists.entries,
-            status: &ranking.status,
-            k: cell_lists::WINDOW,
-            repair: true,
-            flagged: true,
-            ..drawn.clone()
-        };
-        let pass = pass(gpu, desc.name, &cell_lists::resolve(&inputs))?;
+        let known = data.needs(Primitives::Cells);
+        let Measured { needs, bins, bands } =
+            measure_flagged(gpu, &ranking, known, push, [tiles, across], false)?;
         let status = download(gpu, "overlaps.status", 4 * u64::from(STATUS_WORDS))?;
-        Ok(Self { ranking, lists, pass, rounds: needs.rounds, status })
+        let outcome = MeshOutcome::new(gpu, data, &desc, status, [bands.len(); 2], needs, ranking.count)?;
+        let lists = Lists::new(gpu, &ranking, bins, bands, needs, Some((drawn.flags, FLAG_OVERLAPS)))?;
+        let drawn = ListInputs { status: &ranking.status, listed: FLAG_OVERLAPS, ..drawn.clone() };
+        let frame = FlaggedFrame { desc: &desc, drawn: &drawn, ..*frame };
+        let repair = Repairs::new(&frame, cell_lists::repair, lists, needs.rounds)?;
+        Ok(Self { ranking, repair, outcome: Arc::new(outcome) })
     }
 
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>, push: &MeshPush) {
         self.ranking.record(recorder, push);
-        self.lists.bin(recorder, push, self.ranking.count);
-        for (i, band) in self.lists.bands.iter().enumerate() {
-            recorder.clear_buffer("overlaps.clear", &self.lists.cursors);
-            self.lists.list(recorder, push, i, false);
-            if let Some(scan) = self.lists.list_scans.get(i) {
-                scan.record(recorder);
-            }
-            self.lists.list(recorder, push, i, true);
-            for round in 1..=self.rounds {
-                let push = MeshPush {
-                    count: band.tiles,
-                    band: band.first,
-                    capacity: self.lists.list_capacity,
-                    last_round: u32::from(round == self.rounds),
-                    ..*push
-                };
-                self.pass.record(recorder, &push, groups_of(band.tiles, 1));
-            }
+        for band in 0..self.repair.lists.bands.len() {
+            self.repair.bin(recorder, push, band, &self.outcome);
+            self.repair.record(recorder, push, band, &self.outcome);
         }
-        recorder.copy_buffer("overlaps.status", &self.ranking.status, &self.status, self.status.size());
-        recorder.release_to_host(&self.status);
+        let status = &self.outcome.status;
+        recorder.copy_buffer("overlaps.status", &self.ranking.status, status, status.size());
+        recorder.release_to_host(status);
     }
 
-    /// Returns the buffer that holds the status once the frame has ended.
-    pub(crate) fn status(&self) -> Arc<Buffer> {
-        Arc::clone(&self.status)
+    /// Returns the outcome of these passes.
+    pub(crate) fn outcome(&self) -> Arc<MeshOutcome> {
+        Arc::clone(&self.outcome)
     }
 }

@@ -6,7 +6,7 @@
 //! 1. The host ranks cells (`mesh/order`), or the device sorts them by the distance of their centroids.
 //! 2. `route=raster`: `projected-tets.glsl` makes the outline of each cell, or `tet-fans.glsl` a fan of triangles, and
 //!    fixed function blends their fragments (`projected_tets/raster.rs`). `route=compute`: the cells of each pixel are
-//!    listed by rank, and one invocation composites them (`mesh/frame.rs`).
+//!    taken by rank, and one invocation composites them (`mesh/frame.rs`).
 //! 3. With `route=compute` a pixel whose segments come out of order is counted, and with `repair=exact` drawn again from
 //!    its sorted list (`abuffer.glsl`).
 //!
@@ -33,8 +33,7 @@ use crate::technique::declare::draw::{Draw, TechniqueOptions as _};
 use crate::technique::mesh::cell_lists;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
-use crate::technique::mesh::list_inputs::{ListInputs, ListShader};
-use crate::technique::mesh::options::Repair;
+use crate::technique::mesh::list_inputs::{ListShader, TileInputs};
 use crate::technique::mesh::projected_tets::ranks::Ranker;
 use crate::technique::mesh::projected_tets::raster::TetsRaster;
 
@@ -43,47 +42,49 @@ pub use ranks::Rank;
 
 impl Draw for Options {
     fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
+        let route = self.route_on(scene.gpu())?;
         let desc = MeshDesc {
             name: Self::NAME,
             primitives: Primitives::Cells,
             options: self.mesh,
-            resolve,
+            draw,
             k: 0,
             chunk: Some(scene.gpu().turns()?),
-            repair: (self.repair != Some(Repair::None)).then_some(cell_lists::resolve as ListShader),
+            repair: self.repairs_on(route).then_some(cell_lists::repair as ListShader),
             unsorted: "unsorted_pixels",
         };
         let margin = self.mesh.skips().then(|| scene.margin(Some(&self.mesh.segments)));
-        let mut ranker = Ranker::new(scene, self.rank, self.mesh.back_to_front(), margin);
+        let (rank, repaired) = (self.rank_on(route), self.repairs_on(route));
+        let mut ranker = Ranker::new(scene, rank, self.mesh.back_to_front(), margin, repaired);
         let order = ranker.order(view)?;
-        if self.route_on(scene.gpu())? == Route::Raster {
+        if route == Route::Raster {
             let raster = TetsRaster::new(scene, view, target, desc, self, ranker, order.as_deref())?;
             return Ok(Box::new(raster));
         }
-        let frame = MeshFrame::with_order(scene, view, target, desc, order.as_deref())?;
+        let frame = MeshFrame::new(scene, view, target, desc, order.as_deref())?;
         Ok(Box::new(Listed { frame, ranker, fresh: Some(*view) }))
     }
 }
 
-/// Binds the shader that composites lists of cells by rank.
-fn resolve(list: &ListInputs<'_>) -> Bound {
+/// Binds the shader that composites the cells of each tile by rank.
+fn draw(TileInputs { list, coverage, tile_walk, resume, last_chunk }: &TileInputs<'_>) -> Bound {
     PROJECTED_TETS_COMPUTE.with(&ProjectedTetsCompute {
         accumulation: list.image.stored(),
-        cursors: list.cursors.read(),
         flags: list.flags.write(),
-        lists: list.lists.read(),
         status: list.status.write(),
         back_to_front: list.back_to_front,
+        last_chunk: *last_chunk,
+        resume: *resume,
         cell_scalars: list.cell_scalars,
-        last_chunk: list.last_chunk,
-        resume: list.resume,
         bounded: list.shading.bounded.clone(),
+        coverage: coverage.clone(),
         optics: list.shading.optics.clone(),
         segments: list.shading.segments.clone(),
+        tile_walk: tile_walk.clone(),
     })
 }
 
-/// The route `compute`: lists of cells, ranked by the host where [`Rank`] says so.
+/// The route `compute`: cells of tiles, ranked by the host where [`Rank`] says so.
 #[derive(Debug)]
 struct Listed {
     frame: MeshFrame,

@@ -26,7 +26,7 @@ use crate::gpu::shader::{
 use crate::gpu::{Bound, Buffer, Gpu, Image, Recorder, Sampled, TargetImage};
 use crate::interface::SplatPush;
 use crate::num::{self, f32_of};
-use crate::primitives::bins::{Bins, Fill};
+use crate::primitives::bins::{Bins, Fill, MOST_ENTRIES, Ranked, with_margin};
 use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass};
 use crate::primitives::radix_sort::RadixSort;
 use crate::resident::GpuScene;
@@ -188,16 +188,17 @@ fn bands_of(gpu: &Gpu, desc: &SplatDesc, fill: &Fill, known: u32) -> Result<(Vec
     let most = u64::from(gpu.limits().max_storage_buffer_range) / 4;
     // A fifth of the buffer stays free for the margin of nearby views.
     let most = desc.options.pairs.map_or(most - most / 5, |pairs| most.min(pairs.into()));
+    let most = most.min(MOST_ENTRIES.into());
     let entries = fill.tiles.iter().map(|&entries| u64::from(entries));
-    let (bands, fullest) = cut_into_bands(entries, most, u32::MAX).map_err(|entries| {
+    let (bands, fullest) = cut_into_bands(entries, [most; 2], u32::MAX).map_err(|entries| {
         Error::unsupported(
             format!("{} of this view", desc.name),
             format!("{entries} splats in one tile of {TILE} pixels; {most} fit"),
         )
     })?;
     let fullest = u32::try_from(fullest).unwrap_or(u32::MAX);
-    let with_margin = |need: u32| need.saturating_add(need / 4).saturating_add(64);
-    let capacity = if bands.len() == 1 { with_margin(fullest.max(known)) } else { with_margin(fullest) };
+    let known = if bands.len() == 1 { known.min(u32::try_from(most).unwrap_or(u32::MAX)) } else { 0 };
+    let capacity = with_margin(fullest.max(known));
     Ok((bands, capacity))
 }
 
@@ -227,14 +228,15 @@ impl SplatFrame {
         let sort = RadixSort::new(gpu, &format!("{name}.sort"), [&keys, &order], set.count)?;
 
         // 2. Bands whose bins fit a buffer.
-        let fill = Fill::measure(gpu, name, [&order, &boxes], set.count, [tiles, across], |recorder| {
+        let ranked = Ranked { order, boxes, status: Arc::clone(&status), count: set.count };
+        let fill = Fill::measure(gpu, name, &ranked, [tiles, across], |recorder| {
             project.record(recorder, &seen.project, groups_of(set.count, 64));
             sort.record(recorder);
         })?;
         let known = *scene.splat_needs.lock().unwrap_or_else(PoisonError::into_inner);
         let (bands, capacity) = bands_of(gpu, &desc, &fill, known.entries)?;
         let widest = bands.iter().map(|band| band.tiles).max().unwrap_or(1);
-        let bins = Bins::new(gpu, name, [&order, &boxes, &status], widest, fill.runs, capacity, false)?;
+        let bins = Bins::new(gpu, name, &ranked, widest, capacity, false)?;
 
         // 3. Passes that draw bins.
         let image = own_image(gpu, name, FORMAT, vk::ImageUsageFlags::STORAGE, view, target)?;
@@ -243,7 +245,7 @@ impl SplatFrame {
             splats: Splats {
                 accumulation: image.stored(),
                 bins: bins.entries.write(),
-                bin_table: bins.table.read(),
+                bin_ends: bins.ends.read(),
                 splat_domain: domain.read(),
                 splat_points: set.points.read(),
                 splat_shapes: set.shapes.read(),
@@ -251,7 +253,6 @@ impl SplatFrame {
                 status: status.write(),
                 eye_inside: seen.eye_inside,
                 resume: false,
-                runs: fill.runs,
                 splat_density: set.kernels.model == Model::Density,
                 splat_kernel: kernel_code(set.kernels.kernel),
                 splat_shape: set.shape.code(),
@@ -337,7 +338,7 @@ impl Prepared for SplatFrame {
         self.project.record(recorder, &self.view.project, groups_of(self.set.count, 64));
         self.sort.record(recorder);
         for (band, host) in self.bands.iter().zip(&self.outcome.bins) {
-            self.bins.record(recorder, self.across, [band.first, band.tiles], self.set.count);
+            self.bins.record(recorder, self.across, [band.first, band.tiles]);
             recorder.copy_buffer("bins.total", self.bins.total(), host, 8);
             recorder.release_to_host(host);
             let iterations = self.desc.iterations();

@@ -70,8 +70,8 @@ fn what_does_not_fit_is_drawn_again_with_more_room() {
         let on_gpu = GpuScene::new(&gpu, scene.clone());
         let mut frames = Renderer::new(&on_gpu, technique(spec)).frames(&far).unwrap();
         let room = |gpu: &volraster::Gpu| {
-            let lists = gpu.memory_report().into_iter().filter(|(name, _)| name == "lists");
-            lists.map(|(_, bytes)| bytes).sum::<u64>()
+            let bins = gpu.memory_report().into_iter().filter(|(name, _)| name == "bins");
+            bins.map(|(_, bytes)| bytes).sum::<u64>()
         };
         frames.draw(&far).unwrap();
         let before = room(&gpu);
@@ -143,7 +143,7 @@ fn own_device_bands_change_nothing() {
         assert!(whole.counter("bands") == 1 && drawn.counter("bands") > 1, "{spec}");
         assert_eq!(drawn.image, whole.image, "{spec}");
         assert_eq!(drawn.overflow, whole.overflow, "{spec}");
-        for name in ["fragments", "kbuffer_overflow_pixels", "primitives"] {
+        for name in ["bin_entries", "kbuffer_overflow_pixels", "primitives"] {
             assert_eq!(drawn.counter(name), whole.counter(name), "{spec} {name}");
         }
     }

@@ -60,10 +60,8 @@ fn assert_files(gpu: &volraster::Gpu, side: u32) {
                     ["front", "side", "inside"][i]
                 );
                 println!("{what}: {errors}; {} above 1e-3; {:?}", off(1e-3), drawn.counters);
-                let unordered = spec.starts_with("projected") && drawn.counter("dropped_relations") > 0;
-                assert!(!unordered || what.contains("can_crush"), "{what}: relations were dropped");
-                assert!(errors.all.rmse <= if unordered { 5e-4 } else { 5e-6 }, "{what}: {errors}");
-                assert!(unordered || off(1e-3) == 0, "{what}: {} pixels above 1e-3", off(1e-3));
+                assert!(errors.all.rmse <= 5e-6, "{what}: {errors}");
+                assert_eq!(off(1e-3), 0, "{what}: pixels above 1e-3");
                 assert_eq!(errors.non_finite, 0, "{what}");
                 assert_eq!(drawn.counter("nan_keys"), 0, "{what}");
             }

@@ -8,7 +8,6 @@ use super::limits::{allocation, budget, loops, storage};
 use super::pictures::picture;
 use super::resources::{passes, resize, scalars, transfer, upload};
 use super::subject::Subject;
-use super::sweeps;
 use super::targets::{caller, flight};
 use super::workbench::{Verdict, Workbench};
 use crate::cli::input::all_routes;
@@ -78,7 +77,7 @@ const CHECKS: [(&str, Check); 11] = [
     ("limits/budget", budget),
 ];
 
-/// Returns all cases in the order in which they run.
+/// Returns the cases that run in this process, in their order.
 pub(super) fn all() -> Result<Vec<Case>> {
     let mut cases = Vec::new();
     let mut add = |name: String, method: Method, run: Box<dyn Fn(&Workbench) -> Verdict>| {
@@ -110,6 +109,5 @@ pub(super) fn all() -> Result<Vec<Case>> {
             add(format!("{kind}/{spec}"), method, Box::new(move |workbench| check(workbench, &spec)));
         }
     }
-    cases.extend(sweeps::all()?);
     Ok(cases)
 }

@@ -96,7 +96,7 @@ impl Args {
             let named = self.filter.is_empty() || self.filter.iter().any(|text| case.name.contains(text));
             named && (methods.is_empty() || case.method.is_some_and(|method| methods.contains(&method)))
         };
-        let all = cases::all()?;
+        let all: Vec<Case> = cases::all()?.into_iter().chain(sweeps::all()?).collect();
         let whole = all.iter().all(wanted);
         let cases: Vec<Case> = all.into_iter().filter(wanted).collect();
         if cases.is_empty() {

@@ -1,8 +1,7 @@
 //! `volraster selftest`: checks every technique, route and resource path under every kind of validation.
 //!
-//! `cases` lists the checks of `pictures`, `resources`, `targets` and `limits`, which run on a `workbench`, and the `sweeps` of a `session`,
-//! which run in processes of their own.
-//! `controls` provoke a fault for each kind of validation; `allow` knows the messages that are no fault.
+//! `cases` lists the checks of `pictures`, `resources`, `targets` and `limits`, which run on a `workbench`, `sweeps` those of a `session`,
+//! which run in processes of their own. `controls` provoke a fault for each kind of validation; `allow` knows the messages that are no fault.
 
 mod allow;
 mod cases;

@@ -13,7 +13,7 @@ words! {
     pub enum KBufferRoute {
         /// Chooses [`KBufferRoute::Compute`].
         Auto = "auto",
-        /// Lists the faces of each pixel, and keeps the k-buffer in registers.
+        /// Has each pixel walk through the faces of its tile, and keeps the k-buffer in registers.
         Compute = "compute",
         /// Rasterises faces; the k-buffer is in storage images, and `VK_EXT_fragment_shader_interlock` orders fragments.
         Interlock = "interlock",
@@ -42,7 +42,7 @@ option_set! {
         /// Selects the treatment of pixels whose faces left the k-buffer out of order. exact draws them again from sorted lists; none
         /// leaves them wrong, but counts them.
         pub repair: Repair = Repair::Exact,
-        /// Sets the faces of a pixel that one dispatch takes, with route=compute. Storage images keep the k-buffer between two. The
+        /// Sets the faces of a tile that one dispatch takes, with route=compute. Storage images keep the k-buffer between two. The
         /// image is the same.
         pub chunk: Option<u32> = None => Rule::whole(1, 1_000_000).or("all", None).quiet(),
         /// The options that techniques for meshes share.

@@ -18,11 +18,11 @@ use glam::DVec3;
 
 use crate::error::{Error, Result};
 use crate::frame::depth_measure::DepthMeasure;
-use crate::frame::lists::{Lists, Ranking, measure};
+use crate::frame::lists::{Lists, Measured, Ranking, measure_flagged};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
 use crate::gpu::shader::{
-    HAVS_RASTER_EMPTY, HAVS_RASTER_IMPLEMENTATION, HAVS_RASTER_INTERLOCK, HAVS_RASTER_VERTEX,
+    FLAG_UNSORTED, HAVS_RASTER_EMPTY, HAVS_RASTER_IMPLEMENTATION, HAVS_RASTER_INTERLOCK, HAVS_RASTER_VERTEX,
     HavsRasterEmpty, HavsRasterInterlock, HavsRasterVertex, STATUS_NAN_KEYS, STATUS_OVERFLOW_PIXELS,
     STATUS_WORDS, TILE, TILE_PIXELS,
 };
@@ -40,10 +40,10 @@ use crate::technique::declare::Value as _;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::flagged::FlaggedFrame;
 use crate::technique::mesh::havs::options::KBufferRoute;
-use crate::technique::mesh::havs::repairs::Repairs;
-use crate::technique::mesh::list_inputs::{FORMAT, ListInputs, Shading, kbuffer_images};
+use crate::technique::mesh::list_inputs::{FORMAT, ListInputs, ListShader, Shading, kbuffer_images};
 use crate::technique::mesh::outcome::MeshOutcome;
 use crate::technique::mesh::overlaps::Overlaps;
+use crate::technique::mesh::repairs::Repairs;
 use crate::technique::mesh::shading::shading_push;
 
 /// Everything that is fixed between frames of one size.
@@ -79,15 +79,7 @@ struct RasterOutcome {
 impl Outcome for RasterOutcome {
     fn read(&self) -> Result<(bool, Vec<(&'static str, u64)>)> {
         if let Some(repair) = &self.repair {
-            let (complete, mut counters) = repair.read()?;
-            for (name, _) in &mut counters {
-                // Only flagged pixels have lists.
-                *name = match *name {
-                    "fragments" => "repaired_fragments",
-                    other => other,
-                };
-            }
-            return Ok((complete, counters));
+            return repair.read();
         }
         let status = words(&self.status.host_copy()?);
         let at = |word: u32| u64::from(status.get(num::index(word)).copied().unwrap_or(0));
@@ -146,11 +138,12 @@ fn draw_shaders(route: KBufferRoute, ranking: &Ranking, list: &ListInputs<'_>) -
         order: ranking.order.read(),
         primitives: ranking.primitives.read(),
         view_points: ranking.view_points.read(),
-        havs_sweep: list.sweep(),
+        cell_scalars: list.cell_scalars,
     });
     vertex.and(fragment.with(&HavsRasterInterlock {
         flags: list.flags.write(),
         k: list.k,
+        cell_scalars: list.cell_scalars,
         bounded: list.shading.bounded.clone(),
         havs_sweep: list.sweep(),
         optics: list.shading.optics.clone(),
@@ -165,6 +158,7 @@ fn empty_shader(list: &ListInputs<'_>) -> Bound {
         flags: list.flags.write(),
         status: list.status.write(),
         k: list.k,
+        cell_scalars: list.cell_scalars,
         bounded: list.shading.bounded.clone(),
         havs_sweep: list.sweep(),
         optics: list.shading.optics.clone(),
@@ -216,10 +210,7 @@ impl RasterFrame {
             back_to_front: desc.options.back_to_front(),
             eye_inside: true,
             k: desc.k,
-            resume: false,
-            last_chunk: true,
-            repair: false,
-            flagged: false,
+            listed: FLAG_UNSORTED,
         };
         let bound = draw_shaders(route, &ranking, &list);
         let state = GraphicsState {
@@ -235,10 +226,10 @@ impl RasterFrame {
         let mut outcome = RasterOutcome { status, primitives: ranking.count, repair: None };
         let mut repair = None;
         let mut overlaps = None;
-        if desc.repair.is_some() {
+        if let Some(shader) = desc.repair {
             let frame =
                 FlaggedFrame { scene, data: &data, desc: &desc, push: &push, tiles, across, drawn: &list };
-            (repair, overlaps) = outcome.add_repairs(&frame, &ranking)?;
+            (repair, overlaps) = outcome.add_repairs(&frame, shader, &ranking)?;
         }
         let mut frame = Self {
             space,
@@ -278,19 +269,22 @@ impl RasterOutcome {
     fn add_repairs(
         &mut self,
         frame: &FlaggedFrame<'_>,
+        shader: ListShader,
         ranking: &Ranking,
     ) -> Result<(Option<Repairs>, Option<Overlaps>)> {
         let FlaggedFrame { scene, data, desc, push, tiles, across, drawn } = *frame;
         let gpu = scene.gpu();
-        let (runs, needs, bands) = measure(gpu, ranking, &data.needs, push, tiles, across)?;
-        let lists = Lists::new(gpu, ranking, tiles, runs, bands, needs, Some(drawn.flags))?;
+        let Measured { needs, bins, bands } =
+            measure_flagged(gpu, ranking, data.needs(desc.primitives), push, [tiles, across], true)?;
+        let lists = Lists::new(gpu, ranking, bins, bands, needs, Some((drawn.flags, FLAG_UNSORTED)))?;
         let status = Arc::clone(&self.status);
-        let mut outcome = MeshOutcome::new(gpu, data, desc, status, &lists, needs, ranking.count)?;
-        let repairs = Repairs::new(frame, lists, needs.rounds)?;
+        let mut outcome =
+            MeshOutcome::new(gpu, data, desc, status, [lists.bands.len(); 2], needs, ranking.count)?;
+        let repairs = Repairs::new(frame, shader, lists, needs.rounds)?;
         let mut overlaps = None;
         if needs.overlaps {
             let found = Overlaps::new(frame)?;
-            outcome.overlaps = Some(found.status());
+            outcome.overlaps = Some(found.outcome());
             overlaps = Some(found);
         }
         self.repair = Some(outcome);
@@ -342,7 +336,10 @@ impl Prepared for RasterFrame {
         let push = MeshPush { count: self.tiles, ..self.push };
         self.empty.record(recorder, &push, groups_of(self.tiles, 1));
         if let (Some(repair), Some(outcome)) = (&self.repair, &self.outcome.repair) {
-            repair.record(recorder, &self.push, self.ranking.count, outcome);
+            for band in 0..repair.lists.bands.len() {
+                repair.bin(recorder, &self.push, band, outcome);
+                repair.record(recorder, &self.push, band, outcome);
+            }
         }
         if let Some(overlaps) = &self.overlaps {
             overlaps.record(recorder, &self.push);

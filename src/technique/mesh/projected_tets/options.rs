@@ -33,9 +33,9 @@ option_set! {
     pub struct Options {
         /// Selects the visibility order of cells. mpvo sorts topologically on the host, right wherever an order exists. power sorts by
         /// the power distance of circumspheres, right for Delaunay meshes. centroid sorts by distance on the device, fast, but wrong
-        /// where neighbours differ in size or shape.
-        pub rank: Rank = Rank::Mpvo,
-        /// Selects how cells are composited. raster draws polygons that fixed function blends; compute lists the cells of each pixel;
+        /// where neighbours differ in size or shape, until repair=exact mends it.
+        pub rank: Option<Rank> = None => Rule::words().unset("centroid with repair=exact, else mpvo"),
+        /// Selects how cells are composited. raster draws polygons that fixed function blends; compute has each pixel walk through the cells of its tile;
         /// auto is compute unless an option needs polygons. The image is the same but for rounding.
         pub route: Route = Route::Auto,
         /// Selects where polygons are made, with route=raster. image makes outlines for each view, exact at every pixel's centre. space
@@ -65,7 +65,7 @@ impl TechniqueOptions for Options {
         splits_rays: false,
         samples: &[
             ("mesh", "route=compute", [1e-6, 4e-6]),
-            ("mesh", "route=compute,rank=centroid,integrator=full,table=128", [4e-4, 9e-3]),
+            ("mesh", "route=compute,integrator=full,table=128", [4e-4, 9e-3]),
             ("mesh", "route=raster", [1e-6, 4e-6]),
             ("mesh", "route=raster,plane=space,order=back-to-front", [1e-6, 6e-6]),
             ("mesh", "route=raster,rank=power,shade=vertex", [0.2, 0.8]),
@@ -73,7 +73,7 @@ impl TechniqueOptions for Options {
         families: &[
             (Of::Meshes, "route=raster,shade=vertex", &[""]),
             (Of::Meshes, "route=raster", &[""]),
-            (Of::Meshes, "rank=centroid", &[""]),
+            (Of::Meshes, "", &[""]),
         ],
     };
 
@@ -98,6 +98,16 @@ impl Options {
     /// Whether cells are drawn as fans around their thick vertices.
     pub(crate) fn has_fans(&self) -> bool {
         self.plane == Plane::Space || self.shade == Shade::Vertex
+    }
+
+    /// Whether pixels whose cells came out of order are drawn again by a route.
+    pub(crate) fn repairs_on(&self, route: Route) -> bool {
+        route == Route::Compute && self.repair != Some(Repair::None)
+    }
+
+    /// Returns the visibility order of a route.
+    pub(crate) fn rank_on(&self, route: Route) -> Rank {
+        self.rank.unwrap_or(if self.repairs_on(route) { Rank::Centroid } else { Rank::Mpvo })
     }
 
     /// Returns the route on a device.

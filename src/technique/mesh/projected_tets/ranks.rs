@@ -18,7 +18,7 @@ words! {
         Mpvo = "mpvo",
         /// By the power distance of circumspheres. Exact for Delaunay meshes, up to ties.
         Power = "power",
-        /// By the distance of centroids, sorted on the device. Approximate.
+        /// By the distance of centroids, sorted on the device. Approximate until it is repaired.
         Centroid = "centroid",
     }
 }
@@ -35,8 +35,16 @@ pub(crate) struct Ranker {
 }
 
 impl Ranker {
-    pub(crate) fn new(scene: &Arc<GpuScene>, rank: Rank, back_to_front: bool, margin: Option<f32>) -> Self {
-        let counters = if rank == Rank::Centroid { vec![("approximate", 1)] } else { Vec::new() };
+    /// Makes a ranker; pixels that are out of order are mended later if they are `repaired`.
+    pub(crate) fn new(
+        scene: &Arc<GpuScene>,
+        rank: Rank,
+        back_to_front: bool,
+        margin: Option<f32>,
+        repaired: bool,
+    ) -> Self {
+        let counters =
+            if rank == Rank::Centroid { vec![("approximate", u64::from(!repaired))] } else { Vec::new() };
         Self { scene: Arc::clone(scene), rank, back_to_front, margin, counters }
     }
 

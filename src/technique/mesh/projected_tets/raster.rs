@@ -30,6 +30,7 @@ use crate::resident::GpuScene;
 use crate::resident::local_space::LocalSpace;
 use crate::resident::tables::Integrator;
 use crate::scene::View;
+use crate::technique::declare::Route;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::list_inputs::Shading;
 use crate::technique::mesh::projected_tets::options::{Options, Plane, Shade};
@@ -150,8 +151,7 @@ impl Shaders<'_> {
         PROJECTED_TETS_OUTLINES.with(&ProjectedTetsOutlines {
             boxes: self.ranking.boxed.read(),
             polygons: self.polygons.write(),
-            primitives: self.ranking.primitives.read(),
-            view_points: self.ranking.view_points.read(),
+            coverage: self.ranking.coverage(),
         })
     }
 
@@ -159,12 +159,10 @@ impl Shaders<'_> {
     fn draw_outlines(&self) -> Bound {
         let Self { ranking, shading, .. } = *self;
         let vertex = PROJECTED_TETS_VERTEX.with(&ProjectedTetsVertex {
-            mesh_scalars: ranking.scalars.read(),
             order: ranking.order.read(),
             polygons: self.polygons.read(),
-            primitives: ranking.primitives.read(),
-            view_points: ranking.view_points.read(),
             cell_scalars: ranking.cell_scalars,
+            coverage: ranking.coverage(),
         });
         vertex.and(PROJECTED_TETS_FRAGMENT.with(&ProjectedTetsFragment {
             cell_scalars: ranking.cell_scalars,
@@ -291,7 +289,8 @@ impl TetsRaster {
     fn serves(&self, built: Option<(Eye, View)>, view: &View) -> [bool; 2] {
         let same = self.options.plane == Plane::Space && built.is_some_and(|(eye, _)| eye == Eye::of(view));
         // The host finds ranks for a view, the device for an eye.
-        let ranks = self.options.rank == Rank::Centroid || built.is_some_and(|(_, view)| view == self.ranked);
+        let ranks = self.options.rank_on(Route::Raster) == Rank::Centroid
+            || built.is_some_and(|(_, view)| view == self.ranked);
         [same, same && ranks]
     }
 

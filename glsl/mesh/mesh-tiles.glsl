@@ -1,0 +1,69 @@
+// entry compute MASKS
+// entry compute HITS
+//
+// Which primitives of a tile's bin (bins.glsl, the bins of a band) the line of each pixel meets, a bit each. Techniques walk through the bits in order of
+// rank (tile-walk.glsl), and find out where a line meets a primitive when they come to it.
+//
+//   MASKS  one invocation a pair of a tile and a primitive: the pixels of the tile that it covers
+//   HITS   one invocation for a row of pixels and 32 pairs: turns masks of pixels into a word for each pixel, whose bits are pairs
+//
+//   cost   finds the pixels that a primitive covers from where its edges cross rows, once; 16 bytes a pair
+#version 460
+#extension GL_GOOGLE_include_directive : require
+
+#include "interface.glsl"
+#include "shared/device.glsl"
+#include "mesh/mesh.glsl"
+#include "mesh/coverage.glsl"
+
+layout(local_size_x = 64) in;
+layout(set = 0, binding = BINDING_BIN_ENDS, std430) readonly buffer BinEnds { uint bin_ends[]; };
+
+#ifdef MASKS
+layout(set = 0, binding = BINDING_BOXES, std430) readonly buffer Boxes { uvec2 boxes[]; };
+layout(set = 0, binding = BINDING_BIN_TILES, std430) readonly buffer Tiles { uint tiles[]; };
+layout(set = 0, binding = BINDING_BINS, std430) readonly buffer Bins { uint bins[]; };
+layout(set = 0, binding = BINDING_MASKS, std430) writeonly buffer Masks { uvec2 masks[]; };
+
+void main() {
+    uint pair = INVOCATION_NUMBER;
+    if (pair >= bin_ends[push.count - 1u]) return;
+    uint id = bins[pair];
+    uvec2 origin = pixel_of(push.band + tiles[pair], 0u);
+    masks[pair] = pixels_of(primitive_of(id, line_at(vec2(origin) + 0.5))) & pixels_of_box(boxes[id], origin);
+}
+#endif
+
+#ifdef HITS
+layout(set = 0, binding = BINDING_MASKS, std430) readonly buffer Masks { uint masks[]; };
+layout(set = 0, binding = BINDING_HITS, std430) writeonly buffer Hits { uvec4 hits[]; };
+
+// The bytes of a row of four masks.
+uint rows_of(uint pair, uint row) {
+    uint four = 0u;
+    for (uint i = 0u; i < 4u; ++i) four |= (masks[2u * (pair + i) + row / 4u] >> 8u * (row % 4u) & 0xffu) << 8u * i;
+    return four;
+}
+
+void main() {
+    uint first = INVOCATION_NUMBER / TILE * 32u, row = INVOCATION_NUMBER % TILE;
+    if (first >= bin_ends[push.count - 1u]) return;
+    uvec4 low = uvec4(0u), high = uvec4(0u);
+    for (uint i = 0u; i < 32u; i += 8u) {
+        // A square of 8 by 8 bits, a byte for each pair, is transposed in squares of 2, 4 and 8.
+        uint a = rows_of(first + i, row), b = rows_of(first + i + 4u, row);
+        uvec2 both = uvec2(a, b);
+        uvec2 swapped = (both ^ both >> 7) & 0x00aa00aau;
+        both ^= swapped ^ swapped << 7;
+        swapped = (both ^ both >> 14) & 0x0000ccccu;
+        both ^= swapped ^ swapped << 14;
+        uint across = (both.x ^ both.y << 4) & 0xf0f0f0f0u;
+        both ^= uvec2(across, across >> 4);
+        low |= (uvec4(both.x) >> uvec4(0u, 8u, 16u, 24u) & 0xffu) << i;
+        high |= (uvec4(both.y) >> uvec4(0u, 8u, 16u, 24u) & 0xffu) << i;
+    }
+    uint at = (first / 32u * TILE + row) * 2u;
+    hits[at] = low;
+    hits[at + 1u] = high;
+}
+#endif
