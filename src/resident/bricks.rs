@@ -216,6 +216,8 @@ impl BrickRanges {
             bricks: bricks.write(),
         });
         let mark = pass(gpu, "bricks.mark", &bound)?;
+        // Its time is not that of a table.
+        gpu.build(std::iter::once(&mark.pipeline))?;
         clock.tables(|| {
             let mut commands = Commands::new(gpu)?;
             let mut recorder = Recorder::new(gpu, commands.begin()?, None);

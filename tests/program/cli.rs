@@ -478,7 +478,8 @@ fn memory_does_not_grow_with_frames() {
             folder.json("s.json")["peak_rss_bytes"].as_u64().unwrap()
         };
         let [few, many] = [2, 60].map(peak);
-        assert!(many < few + (8 << 20), "{technique}: {few} bytes after 2 frames, {many} after 60");
+        // Threads that build pipelines side by side have peaks that differ by some 15 MiB. Compiling in each frame takes 100.
+        assert!(many < few + (32 << 20), "{technique}: {few} bytes after 2 frames, {many} after 60");
     }
 }
 
