@@ -91,8 +91,8 @@ bool passes_through(bool bc, bool ac, bool ab) {
     return all(bvec2(bc == ab, bc != ac));
 }
 
-// What a pixel's line meets on a face that it passes through: depth and scalar. Where it does so only when it is moved aside, that is
-// where it does.
+// Returns depth and scalar where a pixel's line meets a face that it passes through. A line that does so only when it is moved aside
+// meets the face there.
 vec2 on_face(float bc, float ac, float ab, vec3 aside, vec4 a, vec4 b, vec4 c, float turn) {
     vec3 weight = vec3(bc, -ac, ab) * turn;
     bool passes = min(min(weight.x, weight.y), weight.z) >= 0.0;
@@ -164,8 +164,8 @@ vec2 meet_at(vec2 pixel, Edge bc, Edge ac, Edge ab, bool left, vec4 a, vec4 b, v
     return on_face(side_at(bc, pixel), side_at(ac, pixel), side_at(ab, pixel), aside, a, b, c, turn);
 }
 
-// What a pixel's line has of a face that covers the pixel: depth, and the scalar's bits, of which two tell on which sides of the face there
-// is a cell.
+// Returns depth and scalar of a face that covers a pixel, on the pixel's line, as bits. Two bits of the scalar tell on which sides of the
+// face there is a cell.
 uvec2 pair_of(uint id, Primitive p, uvec2 pixel, bool back_to_front) {
     bool left = is_positive(p.bc, pixel);
     vec2 met = meet_at(vec2(pixel), p.bc, p.ac, p.ab, left, p.a, p.b, p.c);

@@ -47,7 +47,7 @@ const bool REPAIRS = false;
 layout(constant_id = SPEC_RESUME) const bool RESUME = false;
 layout(constant_id = SPEC_LAST_CHUNK) const bool LAST_CHUNK = true;
 
-// What comes of a pixel's line.
+// The faces of a pixel's line that are still to come.
 struct Source {
     Walk walk;
     uint pixel;

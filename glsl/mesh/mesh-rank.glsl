@@ -98,7 +98,7 @@ void main() {
     float further = push.w1 == 0.0 ? 0.0 : r2 / max(sqrt(r2 + z * z) + z, 1e-30);
     float key = middle.z + (middle.z < push.forward.w ? -further : further);
     if (isnan(key)) atomicAdd(status[STATUS_NAN_KEYS], 1u);
-    // What is not there goes last.
+    // Primitives outside of the image go last.
     sort_keys[i] = there ? float_key(BACK_TO_FRONT ? -key : key) : 0xffffffffu;
     order[i] = i;
 }

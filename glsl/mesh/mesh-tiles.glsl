@@ -1,8 +1,8 @@
 // entry compute MASKS
 // entry compute HITS
 //
-// Which primitives of a tile's bin (bins.glsl, the bins of a band) the line of each pixel meets, a bit each. Techniques walk through the bits in order of
-// rank (tile-walk.glsl), and find out where a line meets a primitive when they come to it.
+// A bit tells for each pixel and each primitive of its tile's bin (bins.glsl, the bins of a band) whether the pixel's line meets the
+// primitive. Techniques walk through the bits in order of rank (tile-walk.glsl), and find the place when they come to it.
 //
 //   MASKS  one invocation a pair of a tile and a primitive: the pixels of the tile that it covers
 //   HITS   one invocation for a row of pixels and 32 pairs: turns masks of pixels into a word for each pixel, whose bits are pairs

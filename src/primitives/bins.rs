@@ -95,7 +95,8 @@ impl Bins {
     ///
     /// # Errors
     ///
-    /// Those of memory and of Vulkan. The bins, their sort included, take 16 bytes an entry.
+    /// Those of memory and of Vulkan. The bins, their sort included, take 16 bytes an entry, and 24 where the sort
+    /// takes more than two digits.
     pub(crate) fn new(
         gpu: &Gpu,
         name: &str,

@@ -14,7 +14,7 @@ use crate::technique::mesh::outcome::MeshOutcome;
 pub(crate) struct Repairs {
     pub(crate) lists: Lists,
     pass: Dispatch,
-    pub(crate) rounds: u32,
+    rounds: u32,
 }
 
 impl Repairs {
