@@ -10,8 +10,8 @@
 //! `step-size`, and `DEVICE_TURNS` one that takes a property of the device: such constants are numbered here, and are listed with the module
 //! instead of its inputs.
 //!
-//! A file with `// entry` lines becomes one module for each of them, named for the file's stem and the entry. Other
-//! files are headers. The path in an `#include` starts at `glsl/`.
+//! A file with `// entry` lines becomes one module for each of them, named for the file's stem and the entry. The word `precise`
+//! after an entry has all its variants round alike. Other files are headers. The path in an `#include` starts at `glsl/`.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fmt::Write as _;
@@ -55,7 +55,7 @@ fn main() {
         let source = Source { folder: &folder, file, text: read(file), given: &given };
         let mut headers = Vec::new();
         collect_headers(&folder, &source.text, &mut headers);
-        for (stage, entry) in source.entries() {
+        for (stage, entry, precise) in source.entries() {
             let name = format!("{}_{entry}", stem(file)).to_uppercase().replace('-', "_");
             // Names are read from the plain module: optimisation strips them.
             let plain = source.compile(&compiler, stage, &entry, false);
@@ -68,6 +68,7 @@ fn main() {
             } else {
                 plain
             };
+            let shipped = if precise { rounded_as_written(&shipped) } else { shipped };
             let bytes: Vec<u8> = shipped.iter().flat_map(|word| word.to_le_bytes()).collect();
             write(&out.join(format!("{name}.spv")), bytes);
             let fields = module.fields(&name, &numbered);
@@ -127,8 +128,9 @@ struct Source<'a> {
 }
 
 impl Source<'_> {
-    /// Returns stage and macro of the `// entry <stage> <MACRO>` lines at the top of the file.
-    fn entries(&self) -> Vec<(shaderc::ShaderKind, String)> {
+    /// Returns stage and macro of the `// entry <stage> <MACRO> [precise]` lines at the top of the file, and whether they are
+    /// precise.
+    fn entries(&self) -> Vec<(shaderc::ShaderKind, String, bool)> {
         let entry = |line: &str| {
             let refuse = |why: &str| -> ! { refuse!("{}: `{line}`: {why}", self.file.display()) };
             let mut words = line.strip_prefix("// entry ")?.split_whitespace();
@@ -139,7 +141,12 @@ impl Source<'_> {
                 _ => refuse("the stage must be vertex, fragment or compute"),
             };
             let Some(entry) = words.next() else { refuse("no macro is named") };
-            Some((stage, entry.to_string()))
+            let precise = match words.next() {
+                None => false,
+                Some("precise") => true,
+                Some(_) => refuse("the macro may be followed by `precise` only"),
+            };
+            Some((stage, entry.to_string(), precise))
         };
         self.text.lines().filter_map(entry).collect()
     }
@@ -654,6 +661,27 @@ impl Module {
             device.join(", ")
         )
     }
+}
+
+/// Returns the module with all arithmetic on floats decorated as `NoContraction`: two variants of a pipeline round alike, because
+/// the driver fuses no products and sums but those that the source fuses by `fma`.
+fn rounded_as_written(words: &[u32]) -> Vec<u32> {
+    const ARITHMETIC: [u32; 6] = [127, 129, 131, 133, 142, 148]; // negate, add, subtract, multiply, scale a vector, dot
+    let (mut types, mut decorated, mut results, mut at) = (None, BTreeSet::new(), BTreeSet::new(), 5);
+    while at < words.len() {
+        let (length, op) = ((words[at] >> 16) as usize, words[at] & 0xffff);
+        match op {
+            19 => types = types.or(Some(at)),
+            71 if words[at + 2] == 42 => drop(decorated.insert(words[at + 1])),
+            op if ARITHMETIC.contains(&op) => drop(results.insert(words[at + 2])),
+            _ => {}
+        }
+        at += length.max(1);
+    }
+    // Decorations stand before the first type.
+    let (before, after) = words.split_at(types.unwrap_or(5));
+    let decorations = results.difference(&decorated).flat_map(|&id| [3 << 16 | 71, id, 42]);
+    before.iter().copied().chain(decorations).chain(after.iter().copied()).collect()
 }
 
 /// Refuses a module that takes SwiftShader's compiler more than a second. For each edge into a loop it searches breadth-first for a

@@ -1,4 +1,4 @@
-// entry compute COMPUTE
+// entry compute COMPUTE precise
 //
 // Image-order ray casting, the baseline of the object-order techniques: the same reconstruction, the same integrators, the same early
 // ray termination.

@@ -1,7 +1,7 @@
 // entry vertex   VERTEX
 // entry fragment FRAGMENT
 // entry fragment SHADER_BLEND
-// entry compute  COMPUTE
+// entry compute  COMPUTE precise
 //
 // Pre-integrated slabs between view-aligned slices: samples the scalar on the front and back of a slab, then integrates the transfer
 // function between the two.

@@ -1,7 +1,7 @@
 // entry vertex   VERTEX
 // entry fragment FRAGMENT
 // entry fragment SHADER_BLEND
-// entry compute  COMPUTE
+// entry compute  COMPUTE precise
 //
 // Slices of a stack of 2D textures, parallel to the base plane, post-classified. The axes of index space are permuted so that the
 // stack lies along z; z0 and h are indices from the domain's centre.

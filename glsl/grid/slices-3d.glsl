@@ -1,7 +1,7 @@
 // entry vertex   VERTEX
 // entry fragment FRAGMENT
 // entry fragment SHADER_BLEND
-// entry compute  COMPUTE
+// entry compute  COMPUTE precise
 //
 // View-aligned slices of a 3D texture, post-classified.
 //

@@ -52,7 +52,7 @@ struct Crossing {
 Crossing crossing_of(Edge edge) {
     bool along = edge.dx == 0.0; // the row runs along the edge: all of it is on one side
     // A power of two, so that what is zero stays zero.
-    float inverse = mix(-1.0 / edge.dx, -1.2676506e30, along);
+    precise float inverse = mix(-1.0 / edge.dx, -1.2676506e30, along);
     precise float e = edge.e + edge.aside;
     precise float from0 = e * inverse;
     precise float slope = edge.dy * inverse;

@@ -3,7 +3,6 @@
 #ifndef OPTICS_GLSL
 #define OPTICS_GLSL
 
-
 #include "interface.glsl"
 
 struct Knot {
@@ -34,7 +33,7 @@ void load_knots() {
 }
 
 vec4 on_piece(Knot knot, float s) {
-    return knot.value + knot.rise * min((s - knot.s) * knot.inverse_ds, 1.0);
+    return fma(knot.rise, vec4(min((s - knot.s) * knot.inverse_ds, 1.0)), knot.value);
 }
 
 // Returns colour (rgb) and extinction per world unit (a) of scalar s: the piecewise linear function of `count` knots, exact up to
@@ -61,9 +60,10 @@ vec4 classify(float s, uint count) {
 // is f times a series, whose first omitted term is below 2e-8 of the sum. Where k is 0, nothing is subtracted.
 float alpha_of(float od) {
     float x = min(od * 1.44269504, 120.0), k = floor(x + 0.5), f = x - k;
-    float rest = f * (-0.693147181 + f * (0.240226507 + f * (-0.0555041087 + f * (0.00961812911 + f * (-0.00133335581 + f * (0.000154035304 + f * -0.0000152527338))))));
+    float series = fma(f, fma(f, -0.0000152527338, 0.000154035304), -0.00133335581);
+    series = fma(f, fma(f, fma(f, fma(f, series, 0.00961812911), -0.0555041087), 0.240226507), -0.693147181);
     float scale = intBitsToFloat((127 - int(k)) << 23);
-    return (1.0 - scale) - scale * rest;
+    return fma(-scale, f * series, 1.0 - scale);
 }
 
 // Returns premultiplied colour and opacity of a piece of a ray of constant colour and optical depth `od`.
@@ -74,14 +74,14 @@ vec4 emission_of(vec3 colour, float od) {
 
 // Composites premultiplied colour and opacity behind `sum`.
 void add_behind(inout vec4 sum, inout float transmittance, vec4 emission) {
-    sum += transmittance * emission;
-    transmittance -= transmittance * emission.a;
+    sum = fma(vec4(transmittance), emission, sum);
+    transmittance = fma(-transmittance, emission.a, transmittance);
 }
 
 // Composites a piece of constant colour and optical depth `od` behind `sum`.
 void add_piece_behind(inout vec4 sum, inout float transmittance, vec3 colour, float od) {
     float share = transmittance * alpha_of(od);
-    sum += share * vec4(colour, 1.0);
+    sum = fma(vec4(share), vec4(colour, 1.0), sum);
     transmittance -= share;
 }
 

@@ -120,7 +120,8 @@ vec4 emission_of_density(vec4 density, float len) {
     float od = density.a * len;
     float alpha = alpha_of(od);
     // alpha / extinction; for small optical depths by the series of 1 - exp(-od), divided by the extinction.
-    float depth = od < 0.05 ? len * (1.0 - od * (0.5 - od * (1.0 / 6.0 - od * (1.0 / 24.0)))) : alpha / density.a;
+    float series = fma(-od, fma(-od, fma(-od, 1.0 / 24.0, 1.0 / 6.0), 0.5), 1.0);
+    float depth = od < 0.05 ? len * series : alpha / density.a;
     return vec4(density.rgb * depth, alpha);
 }
 
@@ -137,7 +138,7 @@ float least_difference(float s) {
 
 // Returns the density at position x of a bin.
 vec4 on_line(CumulativeBin bin, float x) {
-    return bin.mean + bin.rise * (x - 0.5);
+    return fma(bin.rise, vec4(x - 0.5), bin.mean);
 }
 
 // Returns the mean density between two scalars: the weighted mean of the parts left of the table's range, in it, and right of it.
@@ -190,7 +191,7 @@ vec4 full_density(float front, float back, float len) {
 
 // Composites `back` behind `front`.
 vec4 behind(vec4 front, vec4 back) {
-    return front + (1.0 - front.a) * back;
+    return fma(vec4(1.0 - front.a), back, front);
 }
 
 // Returns premultiplied colour and opacity of a segment by the full table. The table's range splits the segment: outside of it
@@ -233,15 +234,17 @@ float front_weight(float a, float b) {
     for (float panel = 0.0; panel < panels; panel += 1.0) {
         for (int k = 0; k < 4; ++k) {
             float t = (panel + NODE[k]) * width;
-            sum += WEIGHT[k] * alpha_of(t * (a + 0.5 * (b - a) * t));
+            sum = fma(WEIGHT[k], alpha_of(t * fma(0.5 * (b - a), t, a)), sum);
         }
     }
     return sum * width + (1.0 - cut);
 }
 
-// Returns the opacity of an optical depth of at most 1/2, to a few units in the last place: eight terms of the series.
+// Returns the opacity of an optical depth of at most 1/2, within 1e-7 of it: the polynomial that interpolates (1 - exp(-od)) / od
+// at six Chebyshev nodes.
 float alpha_of_half(float od) {
-    return od * (1.0 - od * (0.5 - od * (1.0 / 6.0 - od * (1.0 / 24.0 - od * (1.0 / 120.0 - od * (1.0 / 720.0 - od * (1.0 / 5040.0 - od * (1.0 / 40320.0))))))));
+    float series = fma(od, fma(od, fma(od, -0.0011234042, 0.008189614), -0.041630074), 0.16666242);
+    return od * fma(od, fma(od, series, -0.49999982), 1.0);
 }
 
 // Returns premultiplied colour and opacity of a piece along which colour and extinction are linear, for optical depths up to 1/2.
@@ -249,17 +252,17 @@ float alpha_of_half(float od) {
 vec4 thin_piece(vec4 ahead, vec4 after, float len) {
     float a = ahead.a * len, slope = 0.5 * (after.a - ahead.a) * len;
     float alpha = alpha_of_half(a + slope);
-    float weight = (5.0 / 18.0) * (alpha_of_half(0.1127016653792583 * (a + slope * 0.1127016653792583)) +
-                                   alpha_of_half(0.8872983346207417 * (a + slope * 0.8872983346207417))) +
-                   (8.0 / 18.0) * alpha_of_half(0.5 * (a + slope * 0.5));
-    return vec4(ahead.rgb * weight + after.rgb * (alpha - weight), alpha);
+    const float NODE[3] = float[](0.1127016653792583, 0.5, 0.8872983346207417);
+    float outer = alpha_of_half(NODE[0] * fma(slope, NODE[0], a)) + alpha_of_half(NODE[2] * fma(slope, NODE[2], a));
+    float weight = fma(8.0 / 18.0, alpha_of_half(NODE[1] * fma(slope, NODE[1], a)), (5.0 / 18.0) * outer);
+    return vec4(fma(ahead.rgb, vec3(weight), after.rgb * (alpha - weight)), alpha);
 }
 
 // The same for any optical depth.
 vec4 thick_piece(vec4 ahead, vec4 after, float len) {
     float alpha = alpha_of(len * 0.5 * (ahead.a + after.a));
     float weight = front_weight(len * ahead.a, len * after.a);
-    return vec4(ahead.rgb * weight + after.rgb * max(alpha - weight, 0.0), alpha);
+    return vec4(fma(ahead.rgb, vec3(weight), after.rgb * max(alpha - weight, 0.0)), alpha);
 }
 
 // Looks up the knot of an index.

@@ -1,4 +1,4 @@
-// entry compute  COMPUTE
+// entry compute  COMPUTE precise
 // entry compute  EDGE
 // entry vertex   VERTEX
 // entry fragment FRAGMENT

@@ -107,6 +107,11 @@ impl<I: Inputs> Entry<I> {
         Self { shader, inputs: PhantomData }
     }
 
+    #[cfg(test)]
+    pub(crate) fn shader(&self) -> &'static Shader {
+        self.shader
+    }
+
     /// Returns the shader with its inputs, for a pipeline.
     pub(crate) fn with(&self, inputs: &I) -> Bound {
         let mut bound = Bound { shaders: vec![self.shader], resources: Vec::new(), constants: Vec::new() };

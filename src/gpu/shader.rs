@@ -23,3 +23,36 @@ const _: () = {
     assert!(BOUNDS_PLANES + 1 == BOUNDS_PERSPECTIVE && 2 * BOUNDS_PERSPECTIVE == BOUNDS_FAR_AT_ONE);
     assert!(WARP_SHARED == 1 && WARP_LATER == 2 && WARP_YIELDS_U == 4 && WARP_YIELDS_V == 8);
 };
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The marches of grids with and without empty-space skipping draw the same image to the bit, so no driver may contract their
+    /// arithmetic: each addition, subtraction and multiplication of floats is decorated with `NoContraction` (42).
+    #[test]
+    fn no_march_of_a_grid_is_contracted() {
+        let marches = [
+            RAYCAST_COMPUTE.shader(),
+            SHEAR_WARP_COMPUTE.shader(),
+            SLABS_COMPUTE.shader(),
+            SLICES_2D_COMPUTE.shader(),
+            SLICES_3D_COMPUTE.shader(),
+        ];
+        for shader in marches {
+            let words: Vec<u32> =
+                shader.code.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+            let (mut kept, mut arithmetic, mut at) = (Vec::new(), Vec::new(), 5);
+            while at < words.len() {
+                match words[at] & 0xffff {
+                    71 if words[at + 2] == 42 => kept.push(words[at + 1]),
+                    129 | 131 | 133 | 142 | 148 => arithmetic.push(words[at + 2]),
+                    _ => {}
+                }
+                at += (words[at] >> 16) as usize;
+            }
+            assert!(arithmetic.len() > 50, "{}: {} operations", shader.name, arithmetic.len());
+            assert!(arithmetic.iter().all(|id| kept.contains(id)), "{} may be contracted", shader.name);
+        }
+    }
+}

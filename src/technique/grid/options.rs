@@ -98,7 +98,7 @@ option_set! {
         /// Selects how the device is used. compute composites in registers in float32; auto selects it unless target, order or dither
         /// is given.
         pub route: Route = Route::Auto,
-        /// skip makes compute skip bricks of 8 x 8 x 8 cells in which nothing is visible. The image is the same, on lavapipe to the
+        /// skip makes compute skip bricks of 8 x 8 x 8 cells in which nothing is visible. The image is the same to the
         /// bit.
         pub empty_space as "empty-space": EmptySpace = EmptySpace::Skip,
         /// Sets the transmittance at which compute ends a ray, which bounds the error of every channel. It is divided by the largest

@@ -7,12 +7,7 @@ use super::workbench::{Stop, Verdict, Workbench, fail, offered};
 
 /// Compares images from every view, drawn by one plan, with the reference.
 pub(super) fn picture(workbench: &Workbench, subject: Subject, spec: &str, bounds: [f64; 2]) -> Verdict {
-    // Other cases instrument the shaders of every technique; here only shaders that compile fast are instrumented.
-    let gpu = if matches!(subject, Subject::Grid(_)) && !spec.starts_with("splat") {
-        workbench.gpu()?
-    } else {
-        workbench.light()?
-    };
+    let gpu = workbench.gpu()?;
     offered(&gpu, spec)?;
     // The error of fans in space is that of the rasteriser's grid, and their bound that of the usual one.
     if spec.contains("plane=space") && gpu.subpixel_bits() < 8 {

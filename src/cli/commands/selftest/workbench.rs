@@ -44,8 +44,7 @@ pub(super) struct Workbench {
     pub(super) device: DeviceArgs,
     pub(super) validation: Validation,
     pub(super) log: Arc<ValidationLog>,
-    full: RefCell<Option<Gpu>>,
-    light: RefCell<Option<Gpu>>,
+    shared: RefCell<Option<Gpu>>,
     truths: RefCell<HashMap<Sight, ReferenceImage>>,
 }
 
@@ -81,35 +80,18 @@ impl Workbench {
         })
     }
 
-    /// Returns the device in a place, which it opens if there is none yet.
-    fn shared(&self, place: &RefCell<Option<Gpu>>, validation: Validation) -> Result<Gpu> {
-        if let Some(gpu) = &*place.borrow() {
-            return Ok(gpu.clone());
-        }
-        let gpu = self.open_under(validation, GpuOptions::default())?;
-        Ok(place.borrow_mut().insert(gpu).clone())
-    }
-
     /// Returns the shared device, under full validation.
     pub(super) fn gpu(&self) -> Result<Gpu> {
-        self.shared(&self.full, self.validation)
+        if let Some(gpu) = &*self.shared.borrow() {
+            return Ok(gpu.clone());
+        }
+        let gpu = self.open_under(self.validation, GpuOptions::default())?;
+        Ok(self.shared.borrow_mut().insert(gpu).clone())
     }
 
-    /// Returns a second shared device without instrumented shaders, for cases with so many shader variants that
-    /// compiling instrumented ones takes minutes.
-    pub(super) fn light(&self) -> Result<Gpu> {
-        let validation = match self.validation {
-            Validation::Full => Validation::BestPractices,
-            Validation::GpuAssisted => Validation::On,
-            other => other,
-        };
-        self.shared(&self.light, validation)
-    }
-
-    /// Destroys the shared devices.
+    /// Destroys the shared device.
     pub(super) fn end(&self) {
-        self.full.borrow_mut().take();
-        self.light.borrow_mut().take();
+        self.shared.borrow_mut().take();
     }
 
     /// Compares an image with the reference. Returns RMSE and largest error; infinite if a sample is not finite.
