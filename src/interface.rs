@@ -248,6 +248,16 @@ pub(crate) struct BoundsPush {
     pub(crate) count: u32,
 }
 
+/// The push constants of `reconstruction.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct ReconstructionPush {
+    pub(crate) half_extent: [f32; 2],
+    pub(crate) half_source: [f32; 2],
+    pub(crate) scale: f32,
+    pub(crate) pad0: u32,
+}
+
 /// The push constants of `shear-bounds.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::frame::dry_run::{dry_run, last_use, passes};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::ray_bounds::{RayBounds, bounds_buffer};
+use crate::frame::reconstruction::Reconstruction;
 use crate::frame::surfaces::{SurfaceFrame, SurfaceLists};
 use crate::frame::target::{Canvas, Composite, TargetDesc, TargetMode};
 use crate::gpu::sync::Use;
@@ -62,6 +63,9 @@ pub struct Plan {
     composite: Option<Composite>,
     bounds: Option<RayBounds>,
     surfaces: Option<SurfaceFrame>,
+    reconstruction: Option<Reconstruction>,
+    /// Side of the squares of pixels that are drawn as one.
+    side: u32,
     timers: Option<Arc<Timers>>,
     /// Most passes of the technique in a frame.
     technique_passes: u32,
@@ -147,20 +151,28 @@ impl Recorded {
 }
 
 impl Plan {
-    /// Builds the plan of a view: bounds of rays, the frame of the technique, which `prepare` makes, surfaces, and the composite.
+    /// Builds the plan of a view: bounds of rays, the frame of the technique, which `prepare` makes, surfaces, and the composite. A pixel
+    /// is drawn for each square of `side` x `side`.
     pub(crate) fn new(
         gpu: &Gpu,
         surfaces: Option<&Arc<SurfaceData>>,
         view: &View,
         target: &TargetDesc,
-        prepare: impl FnOnce(&Canvas) -> Result<Box<dyn Prepared>>,
+        side: u32,
+        prepare: impl FnOnce(&View, &Canvas) -> Result<Box<dyn Prepared>>,
     ) -> Result<Self> {
+        if side > 1 && (target.depth || surfaces.is_some()) {
+            let why =
+                "full is the only one with surfaces or a depth image, whose edges fewer pixels would blur";
+            return Err(Error::invalid("technique option resolution", why));
+        }
+        let drawn = view.reduced(side)?;
         let lists = surfaces.map(|data| SurfaceLists::new(gpu, data, view)).transpose()?;
         let bounded = target.depth || lists.is_some() || !view.clip().is_none();
-        let bounds = bounded.then(|| bounds_buffer(gpu, view)).transpose()?;
+        let bounds = bounded.then(|| bounds_buffer(gpu, &drawn)).transpose()?;
         let layers = lists.as_ref().and_then(SurfaceLists::layers);
-        let canvas = Canvas { target: *target, bounds, layers, behind: lists.is_some() };
-        let prepared = prepare(&canvas)?;
+        let canvas = Canvas { target: *target, bounds, layers, sampled: lists.is_some() || side > 1 };
+        let prepared = prepare(&drawn, &canvas)?;
         let measure = prepared.measure();
         let surfaces = match (lists, &canvas.bounds, prepared.image()) {
             (Some(lists), Some(bounds), Some(image)) => {
@@ -170,8 +182,11 @@ impl Plan {
         };
         let bounds = canvas.bounds.as_ref();
         let bounds =
-            bounds.map(|bounds| RayBounds::new(gpu, bounds, target.depth, measure, view)).transpose()?;
-        let image = surfaces.as_ref().map_or(prepared.image(), |surfaces| Some(&surfaces.image));
+            bounds.map(|bounds| RayBounds::new(gpu, bounds, target.depth, measure, &drawn)).transpose()?;
+        let smaller = prepared.image().filter(|_| side > 1);
+        let reconstruction =
+            smaller.map(|image| Reconstruction::new(gpu, image, view, target)).transpose()?;
+        let image = final_image(surfaces.as_ref(), reconstruction.as_ref(), &*prepared);
         let composite = match (image, target.caller) {
             (Some(image), Some((format, mode))) => Some(Composite::new(gpu, image, format, mode)?),
             _ => None,
@@ -182,6 +197,8 @@ impl Plan {
             gpu: gpu.clone(),
             bounds,
             surfaces,
+            reconstruction,
+            side,
             timers: None,
             technique_passes: most,
             most_passes: most,
@@ -206,8 +223,12 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Records the steps after the technique: opaque surfaces behind its image, and the composite into the caller's image.
+    /// Records the steps after the technique: reconstruction of its image, opaque surfaces behind it, and the composite into the
+    /// caller's image.
     fn record_after(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>) {
+        if let Some(reconstruction) = &self.reconstruction {
+            reconstruction.record(recorder);
+        }
         if let Some(surfaces) = &self.surfaces {
             surfaces.record_behind(recorder);
         }
@@ -309,6 +330,7 @@ impl Plan {
         if view.extent() != self.extent || (self.bounds.is_none() && !view.clip().is_none()) {
             return Ok(false);
         }
+        let view = &view.reduced(self.side)?;
         let Some(bounds) = &mut self.bounds else {
             return self.prepared.set_view(view, self.technique_passes);
         };
@@ -326,7 +348,7 @@ impl Plan {
     }
 
     fn final_image(&self) -> Option<&Arc<Image>> {
-        self.surfaces.as_ref().map_or(self.prepared.image(), |surfaces| Some(&surfaces.image))
+        final_image(self.surfaces.as_ref(), self.reconstruction.as_ref(), &*self.prepared)
     }
 
     /// The image that the last recording leaves, and its last use.
@@ -372,4 +394,14 @@ impl Plan {
     pub fn counters(&self) -> Vec<(&'static str, u64)> {
         self.prepared.counters()
     }
+}
+
+/// Returns the image that the last pass before the composite leaves; `None` where the technique draws into the caller's image.
+fn final_image<'a>(
+    surfaces: Option<&'a SurfaceFrame>,
+    reconstruction: Option<&'a Reconstruction>,
+    prepared: &'a dyn Prepared,
+) -> Option<&'a Arc<Image>> {
+    let own = || reconstruction.map_or(prepared.image(), |reconstruction| Some(&reconstruction.image));
+    surfaces.map_or_else(own, |surfaces| Some(&surfaces.image))
 }

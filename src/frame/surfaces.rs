@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::frame::depth_measure::{DepthMeasure, PixelRays};
 use crate::frame::lists::{Geometry, Lists, Measured, Ranking, measure};
 use crate::frame::prepared::Outcome;
-use crate::frame::target::{Layers, TargetDesc};
+use crate::frame::target::{Layers, TargetDesc, usage_after};
 use crate::gpu::shader::{
     MOST_LAYERS, STATUS_CUT, STATUS_LONGEST_BIN, STATUS_LOST, STATUS_WORDS, SURFACES_BEHIND,
     SURFACES_RESOLVE, SurfacesBehind, SurfacesResolve, TILE, TILE_PIXELS,
@@ -174,11 +174,7 @@ impl SurfaceFrame {
             lists: download(gpu, "surfaces.lists.total", 8)?,
             capacities: lists.needs,
         };
-        let after = match target.format() {
-            None => vk::ImageUsageFlags::TRANSFER_SRC,
-            Some(_) => vk::ImageUsageFlags::SAMPLED,
-        };
-        let usage = vk::ImageUsageFlags::STORAGE | after;
+        let usage = vk::ImageUsageFlags::STORAGE | usage_after(target, false);
         let desc = ImageDesc::flat(vk::Format::R32G32B32A32_SFLOAT, view.extent(), usage);
         let image = Arc::new(Image::new(gpu, "surfaces.image", &desc)?);
         let behind = SURFACES_BEHIND.with(&SurfacesBehind {

@@ -72,8 +72,8 @@ pub(crate) struct Canvas {
     pub(crate) bounds: Option<Arc<Buffer>>,
     /// Translucent surfaces.
     pub(crate) layers: Option<Layers>,
-    /// Whether the result is composited in front of opaque surfaces, in an image of its own.
-    pub(crate) behind: bool,
+    /// Whether another pass of the frame samples the result: it reconstructs the image, or puts it in front of opaque surfaces.
+    pub(crate) sampled: bool,
 }
 
 impl Canvas {
@@ -124,7 +124,18 @@ pub(crate) struct Layers {
 /// Whether raster may draw into the caller's image itself: the format matches, and the contents are either cleared or
 /// composited over back to front.
 pub(crate) fn draws_directly(target: &Canvas, format: vk::Format, back_to_front: bool) -> bool {
-    !target.behind && target.format() == Some(format) && (target.mode() == TargetMode::Clear || back_to_front)
+    !target.sampled
+        && target.format() == Some(format)
+        && (target.mode() == TargetMode::Clear || back_to_front)
+}
+
+/// Returns the usage of an image after it is drawn: it is read back, or sampled by another pass of the frame or by the composite.
+pub(crate) fn usage_after(target: &TargetDesc, sampled: bool) -> vk::ImageUsageFlags {
+    if target.format().is_none() && !sampled {
+        vk::ImageUsageFlags::TRANSFER_SRC
+    } else {
+        vk::ImageUsageFlags::SAMPLED
+    }
 }
 
 /// Makes the image that a technique draws into, with the usages that a read-back or the composite needs.
@@ -136,12 +147,7 @@ pub(crate) fn own_image(
     view: &View,
     target: &Canvas,
 ) -> Result<Arc<Image>> {
-    let after = if target.format().is_none() && !target.behind {
-        vk::ImageUsageFlags::TRANSFER_SRC
-    } else {
-        vk::ImageUsageFlags::SAMPLED
-    };
-    let desc = ImageDesc::flat(format, view.extent(), usage | after);
+    let desc = ImageDesc::flat(format, view.extent(), usage | usage_after(&target.target, target.sampled));
     Ok(Arc::new(Image::new(gpu, &format!("{name}.accumulation"), &desc)?))
 }
 

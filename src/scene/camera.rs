@@ -139,6 +139,17 @@ impl View {
         Ok(Self::new(camera, width, height)?.with_clip(self.clip))
     }
 
+    /// Returns the same view with one pixel for each square of `side` x `side`, or for what is left of it at the right and below. At
+    /// sizes that `side` does not divide it shows up to a pixel more or less of the width.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::new`].
+    pub fn reduced(&self, side: u32) -> Result<Self> {
+        let [width, height] = self.extent.map(|pixels| pixels.div_ceil(side));
+        Ok(Self::new(self.camera, width, height)?.with_clip(self.clip))
+    }
+
     /// Returns the clip region.
     #[must_use]
     pub fn clip(&self) -> &Clip {

@@ -14,6 +14,6 @@ pub mod shear_warp;
 pub mod splat;
 
 pub use declare::draw::Sample;
-pub use declare::{BlendOrder, EmptySpace, Numbers, OptionInfo, Route};
+pub use declare::{BlendOrder, EmptySpace, Numbers, OptionInfo, Resolution, Route};
 pub use registry::{Method, Technique};
 pub use renderer::{FrameTime, Frames, Renderer};

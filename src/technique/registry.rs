@@ -68,6 +68,11 @@ macro_rules! techniques {
                 match self { $(Self::$technique(options) => declare::pairs(options),)* }
             }
 
+            /// Returns the side of the squares of pixels that are drawn as one.
+            pub(crate) fn side(&self) -> u32 {
+                match self { $(Self::$technique(options) => draw::side(options),)* }
+            }
+
             /// Checks the options, which a program may have set, and builds the frame of a view.
             fn build(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
                 match self { $(Self::$technique(options) => {

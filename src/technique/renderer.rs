@@ -65,7 +65,7 @@ impl Renderer {
         if let Some(surfaces) = &surfaces {
             self.technique.method().check_surfaces(surfaces, &self.scene.scene().data)?;
         }
-        Plan::new(gpu, surfaces.as_ref(), view, target, |canvas| {
+        Plan::new(gpu, surfaces.as_ref(), view, target, self.technique.side(), |view, canvas| {
             self.technique.prepare(&self.scene, view, canvas)
         })
     }
@@ -257,14 +257,18 @@ impl Frames {
         recorder.release_to_host(&host);
         let (_, keep) = recorder.finish()?;
         self.commands.submit(keep, "overflow map")?;
-        Ok(Some(pixels_of_tiles(&host.host_copy()?, self.plan.extent)))
+        Ok(Some(pixels_of_tiles(&host.host_copy()?, self.plan.extent, self.renderer.technique.side())))
     }
 }
 
-/// Converts words, tile by tile, to flags of pixels, row by row: whether fragments left the k-buffer out of order, repaired or not.
-fn pixels_of_tiles(words: &[u8], [width, height]: [u32; 2]) -> Vec<bool> {
-    let across = width.div_ceil(TILE);
-    let place = |x: u32, y: u32| (y / TILE * across + x / TILE) * TILE_PIXELS + y % TILE * TILE + x % TILE;
+/// Converts words, tile by tile, to flags of pixels, row by row: whether fragments left the k-buffer out of order, repaired or not. A word is
+/// for a square of `side` x `side` pixels.
+fn pixels_of_tiles(words: &[u8], [width, height]: [u32; 2], side: u32) -> Vec<bool> {
+    let across = width.div_ceil(side).div_ceil(TILE);
+    let place = |x: u32, y: u32| {
+        let [x, y] = [x / side, y / side];
+        (y / TILE * across + x / TILE) * TILE_PIXELS + y % TILE * TILE + x % TILE
+    };
     let unsorted = |word: &[u8]| {
         u32::from_ne_bytes([word[0], word[1], word[2], word[3]]) & (FLAG_UNSORTED | FLAG_REPAIRED) != 0
     };
@@ -287,8 +291,10 @@ mod tests {
         // A pixel outside of the image, and a flag of another kind.
         words[4 * (64 + 2)] = 1;
         words[4 * 5..4 * 6].copy_from_slice(&crate::gpu::shader::FLAG_OVERLAPS.to_ne_bytes());
-        let map = pixels_of_tiles(&words, [10, 9]);
+        let map = pixels_of_tiles(&words, [10, 9], 1);
         let set: Vec<usize> = (0..90).filter(|&i| map[i]).collect();
         assert_eq!((map.len(), set), (90, vec![0, 9, 71, 88]));
+        let larger = pixels_of_tiles(&words, [19, 18], 2);
+        assert!((0..larger.len()).all(|i| larger[i] == map[i / 19 / 2 * 10 + i % 19 / 2]));
     }
 }

@@ -185,7 +185,8 @@ pub fn has_option(spec: &str, key: &str) -> bool {
 
 /// A spec with a value for an option that some techniques lack, which are left as they are.
 pub fn with_option(spec: &str, key: &str, value: &str) -> String {
-    if has_option(spec, key) { format!("{spec},{key}={value}") } else { spec.to_string() }
+    let joint = if spec.contains(':') { ',' } else { ':' };
+    if has_option(spec, key) { format!("{spec}{joint}{key}={value}") } else { spec.to_string() }
 }
 
 pub fn technique(spec: &str) -> Technique {

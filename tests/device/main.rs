@@ -27,6 +27,7 @@ mod orientation;
 mod prefilter;
 mod projected_tets;
 mod record;
+mod resolution;
 mod shear_warp;
 mod slices_3d;
 mod splats;

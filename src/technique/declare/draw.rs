@@ -7,7 +7,7 @@ use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
 use crate::resident::GpuScene;
 use crate::scene::{Data, Kernel, Kernels, Model, Scene, View};
-use crate::technique::declare::{self, OptionSet};
+use crate::technique::declare::{self, OptionBits as _, OptionSet, Resolution};
 
 /// The fixed description of a technique: its name and source, and the scenes and routes that it supports.
 #[derive(Clone, Copy, Debug)]
@@ -110,6 +110,11 @@ pub(crate) fn parse<T: TechniqueOptions>(pairs: &[(String, String)]) -> Result<T
     }
     check(&options)?;
     Ok(options)
+}
+
+/// Returns the side of the squares of pixels that are drawn as one, by the option `resolution`; techniques may lack it.
+pub(crate) fn side<T: TechniqueOptions>(options: &T) -> u32 {
+    1 << options.bits(T::NAME, "resolution").unwrap_or(Resolution::Full as u32)
 }
 
 /// Checks each value, then the rules between options.

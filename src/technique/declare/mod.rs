@@ -13,4 +13,4 @@ pub(crate) use options::{
 };
 pub use options::{Numbers, OptionInfo};
 pub(crate) use shared::Segments;
-pub use shared::{BlendOrder, EmptySpace, Route};
+pub use shared::{BlendOrder, EmptySpace, Resolution, Route};

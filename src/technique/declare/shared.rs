@@ -36,6 +36,18 @@ words! {
     }
 }
 
+words! {
+    /// The share of pixels that is drawn: the place of a value is the logarithm of the side of the squares that are drawn as one.
+    pub enum Resolution {
+        /// Every pixel.
+        Full = "full",
+        /// One for each square of 2 x 2.
+        Half = "half",
+        /// One for each square of 4 x 4.
+        Quarter = "quarter",
+    }
+}
+
 impl Value for Integrator {
     const WORDS: &'static [(&'static str, Self)] = &[
         ("midpoint", Self::Midpoint),

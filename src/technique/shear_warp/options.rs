@@ -64,13 +64,13 @@ impl Value for Intermediate {
 }
 
 /// The intermediate image is rgba32f, and `warp=mip` takes the place of a prefilter.
-const GRID: Group = Group { hidden: &[], absent: &["prefilter", "target", "dither", "seed"] };
+const GRID: Group = Group { hidden: &[], absent: &["prefilter", "target", "dither", "seed", "resolution"] };
 
 option_set! {
     /// Options of this technique.
     pub struct Options {
-        /// Options that techniques for grids share; `step` counts only with `between`. This technique has no `prefilter`, `target` and
-        /// `dither`.
+        /// Options that techniques for grids share; `step` counts only with `between`. This technique has no `prefilter`, `target`, `dither`
+        /// and `resolution`: see `intermediate`.
         pub grid: GridOptions = GridOptions::default() => GRID,
         /// Whether slices are `step` apart along a ray, each a blend of two slices of the grid.
         pub between: bool = false => OrSlices(

@@ -62,11 +62,16 @@ impl TechniqueOptions for Options {
         samples: &[
             ("mesh", "route=compute", [1e-6, 4e-6]),
             ("mesh", "route=compute,k=2,chunk=9", [1e-6, 4e-6]),
+            ("mesh", "resolution=half", [2e-2, 0.2]),
             ("mesh", "route=compute,k=3,integrator=integral,order=back-to-front", [2e-2, 0.2]),
             ("mesh", "route=interlock", [1e-6, 4e-6]),
             ("mesh", "route=implementation-ordered", [1e-6, 4e-6]),
         ],
-        families: &[(Of::Meshes, "", &[""]), (Of::Meshes, "integrator=integral", &[""])],
+        families: &[
+            (Of::Meshes, "resolution=", &["quarter", "half"]),
+            (Of::Meshes, "", &[""]),
+            (Of::Meshes, "integrator=integral", &[""]),
+        ],
     };
 
     fn check(&self) -> Result<()> {

@@ -1,0 +1,109 @@
+//! `resolution=half|quarter`: fewer pixels are drawn, and the image is reconstructed from them.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "places in an image, and its values"
+)]
+
+use crate::common::*;
+use volraster::measure::ImageErrors;
+use volraster::scene::{Clip, View};
+use volraster::technique::Renderer;
+use volraster::{GpuScene, Image, TargetDesc};
+
+/// Cubic convolution (Keys 1981, a = -1/2) of an image that shows the same height with fewer pixels, limited to the range of the
+/// nearest four.
+fn reconstructed(small: &Image, [width, height]: [u32; 2]) -> Image {
+    let weight = |x: f64| match x.abs() {
+        x if x < 1.0 => (1.5 * x - 2.5) * x * x + 1.0,
+        x if x < 2.0 => ((-0.5 * x + 2.5) * x - 4.0) * x + 2.0,
+        _ => 0.0,
+    };
+    let scale = f64::from(small.height()) / f64::from(height);
+    let place = |at: u32, side: u32, small: u32| {
+        (f64::from(at) + 0.5 - f64::from(side) * 0.5) * scale + f64::from(small) * 0.5 - 0.5
+    };
+    let texel = |x: f64, y: f64| {
+        let inside = |at: f64, side: u32| at.clamp(0.0, f64::from(side - 1)) as u32;
+        small.pixel(inside(x, small.width()), inside(y, small.height()))
+    };
+    let pixel = |x: u32, y: u32, channel: usize| {
+        let [x, y] = [place(x, width, small.width()), place(y, height, small.height())];
+        let (mut sum, mut range) = (0.0, [f64::INFINITY, f64::NEG_INFINITY]);
+        for j in -1..3 {
+            for i in -1..3 {
+                let [u, v] = [x.floor() + f64::from(i), y.floor() + f64::from(j)];
+                let value = f64::from(texel(u, v)[channel]);
+                sum += weight(x - u) * weight(y - v) * value;
+                if (0..2).contains(&i) && (0..2).contains(&j) {
+                    range = [range[0].min(value), range[1].max(value)];
+                }
+            }
+        }
+        sum.clamp(range[0], range[1]) as f32
+    };
+    let pixels =
+        (0..width * height).map(|i| [0, 1, 2, 3].map(|channel| pixel(i % width, i / width, channel)));
+    Image::new(width, height, pixels.collect()).unwrap()
+}
+
+/// Every technique with the option draws the pixels of a smaller image of the same view, at sizes that the squares divide or not.
+#[test]
+fn fewer_pixels_are_drawn_and_reconstructed() {
+    let gpu = gpu();
+    for (scene, specs) in every_kind(&gpu) {
+        for spec in specs.iter().filter(|spec| has_option(spec, "resolution")) {
+            for (word, side) in [("half", 2), ("quarter", 4)] {
+                for [width, height] in taken(2, [[32, 24], [37, 21]]) {
+                    let full = view(perspective(), 1.0, width, height);
+                    let small =
+                        View::new(*full.camera(), width.div_ceil(side), height.div_ceil(side)).unwrap();
+                    let draw = |spec: &str, view: &View| {
+                        Renderer::new(&scene, technique(spec)).render(view).unwrap()
+                    };
+                    let wanted = reconstructed(&draw(spec, &small), [width, height]);
+                    let found = draw(&with_option(spec, "resolution", word), &full);
+                    let error = ImageErrors::between(&found, &wanted).unwrap().all.max_abs;
+                    assert!(error <= 1e-6, "{spec} {word} {width} x {height}: {error:e}");
+                }
+            }
+        }
+    }
+}
+
+/// Clip planes cut the fewer pixels, and a plan of them turns.
+#[test]
+fn reconstructed_images_are_clipped_and_turn() {
+    let gpu = gpu();
+    let scene = GpuScene::new(&gpu, cut::mesh());
+    let [first, ..] = cut::views();
+    let [width, height] = first.extent();
+    let clip = Clip::none().with_plane(glam::DVec3::new(0.1, 0.0, 0.0), glam::DVec3::X).unwrap();
+    let renderer = |spec: &str| Renderer::new(&scene, technique(spec));
+    let mut frames = renderer("havs:resolution=half").frames(&first.with_clip(clip)).unwrap();
+    for degrees in [0.0, 25.0] {
+        let camera = first.camera().orbit(degrees).unwrap();
+        let turned = View::new(camera, width, height).unwrap().with_clip(clip);
+        frames.draw(&turned).unwrap();
+        let small = View::new(camera, width.div_ceil(2), height.div_ceil(2)).unwrap().with_clip(clip);
+        let wanted = reconstructed(&renderer("havs").render(&small).unwrap(), [width, height]);
+        let found = frames.read_back().unwrap();
+        assert!(ImageErrors::between(&found, &wanted).unwrap().all.max_abs <= 1e-6, "{degrees}");
+        assert_eq!(frames.overflow_map().unwrap().unwrap().len(), (width * height) as usize);
+    }
+}
+
+/// Edges of surfaces and of a depth image would blur: both are refused.
+#[test]
+fn edges_of_other_images_need_every_pixel() {
+    let gpu = gpu();
+    let scene = GpuScene::new(&gpu, cut::mesh());
+    let [view, ..] = cut::views();
+    let format = volraster::ash::vk::Format::R8G8B8A8_UNORM;
+    let target = TargetDesc::caller(format, volraster::TargetMode::Over);
+    let renderer = Renderer::new(&scene, technique("havs:resolution=quarter"));
+    let why = renderer.prepare(&view, &target.with_depth()).unwrap_err().to_string();
+    assert!(why.contains("resolution") && why.contains("depth image"), "{why}");
+    renderer.prepare(&view, &target).unwrap();
+}
