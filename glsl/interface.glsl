@@ -61,8 +61,8 @@
 #define BINDING_LAYER_DEPTHS 58 // storage block: their depths
 #define BINDING_BIN_OFFSETS 59  // storage block: where the pairs of each rank begin
 #define BINDING_BIN_TILES 60    // storage block: tile of each pair
-#define BINDING_MASKS 61        // storage block: pixels of its tile that each pair covers
-#define BINDING_HITS 62         // storage block: for 32 pairs and each pixel of a tile which of them cover it
+#define BINDING_HITS 61         // storage block: pixels of its tile that each pair covers, or for 32 pairs and each pixel which cover it
+#define BINDING_MARKED 62       // storage block: a word per tile, not 0 where it has flagged pixels
 
 #define BINDING_SCAN_WORDS 13   // storage block: words that are replaced by their prefix sums
 #define BINDING_SCAN_SUMS 14    // storage block: 64-bit sums of chunks of them
@@ -97,7 +97,7 @@
 #define SPEC_SHADED 21      // bool: colours belong to the vertices of fans
 #define SPEC_SPACE 22       // bool: fans of triangles lie in space, not in the image
 #define SPEC_FLAGGED 23     // bool: bins for flagged pixels only
-#define SPEC_LISTED 32       // uint: FLAG_* of the pixels that have lists; 0: all
+#define SPEC_LISTED 32       // uint: FLAG_* of the pixels that are drawn again, from lists; 0: all
 
 #define SPEC_SPLAT_SHAPE 24   // uint: sizes of splats, one of SHAPE_*
 #define SPEC_SPLAT_KERNEL 25  // uint: one of KERNEL_*
@@ -185,10 +185,9 @@
 #define STATUS_OVERLAPS 7        // pixels in which cells overlap
 #define STATUS_CUT 8             // pixels whose loop the device ended early
 #define STATUS_UNFINISHED 9      // invocations that another dispatch has to resume
-#define STATUS_FILLED 10         // fragments that the pass which writes lists has found, modulo 2^32
-#define STATUS_FRAGMENTS 11      // fragments that pixels have walked through, modulo 2^32
-#define STATUS_FRAGMENTS_HIGH 12 // the upper word
-#define STATUS_WORDS 13
+#define STATUS_FRAGMENTS 10      // fragments that pixels have walked through, modulo 2^32
+#define STATUS_FRAGMENTS_HIGH 11 // the upper word
+#define STATUS_WORDS 12
 
 // Flags of a pixel that has been drawn.
 #define FLAG_UNSORTED 1 // fragments left the k-buffer out of order
@@ -231,6 +230,5 @@
 #define MOST_LAYERS 1000  // translucent surfaces along a pixel's ray; fits in 10 bits
 #define EDGE_NONE 1000000000 // replaces the bounds of a pixel that is not marched itself
 
-#define COUNT_BITS 10 // bits of the number of a tile's primitives in one dispatch
 
 #endif

@@ -136,12 +136,12 @@ pub(crate) struct MeshPush {
     pub(crate) number: u32,
     pub(crate) capacity: u32,
     pub(crate) band: u32,
-    pub(crate) binned: u32,
     pub(crate) knots: u32,
     pub(crate) opaque: f32,
     pub(crate) smoke: f32,
     pub(crate) alike: f32,
     pub(crate) last_round: u32,
+    pub(crate) pad0: u32,
 }
 
 /// The push constants of `bins.glsl`.

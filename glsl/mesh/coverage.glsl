@@ -102,10 +102,6 @@ vec2 on_face(float bc, float ac, float ab, vec3 aside, vec4 a, vec4 b, vec4 c, f
     return vec2(weight.x * a.z + weight.y * b.z + weight.z * c.z, scalar_between(weight, a.w, b.w, c.w));
 }
 
-bool has(uvec2 mask, uint bit) {
-    return (mix(mask.y, mask.x, bit < 32u) >> (bit & 31u) & 1u) != 0u;
-}
-
 // A face, or a cell, of which the face is one, as a tile sees it.
 struct Primitive {
     vec4 a, b, c, e; // its corners in the view

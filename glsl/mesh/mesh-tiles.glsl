@@ -1,13 +1,16 @@
+// entry compute MARK
 // entry compute MASKS
 // entry compute HITS
 //
 // A bit tells for each pixel and each primitive of its tile's bin (bins.glsl, the bins of a band) whether the pixel's line meets the
 // primitive. Techniques walk through the bits in order of rank (tile-walk.glsl), and find the place when they come to it.
 //
+//   MARK   one invocation a pixel: marks the tiles that have flagged pixels, where only these are drawn again
 //   MASKS  one invocation a pair of a tile and a primitive: the pixels of the tile that it covers
-//   HITS   one invocation for a row of pixels and 32 pairs: turns masks of pixels into a word for each pixel, whose bits are pairs
+//   HITS   one invocation for a row of pixels and 32 pairs: turns masks of pixels, in place, into a word for each pixel, whose bits are
+//          pairs
 //
-//   cost   finds the pixels that a primitive covers from where its edges cross rows, once; 16 bytes a pair
+//   cost   finds the pixels that a primitive covers from where its edges cross rows, once; 8 bytes a pair
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
@@ -16,42 +19,61 @@
 #include "mesh/mesh.glsl"
 #include "mesh/coverage.glsl"
 
+layout(constant_id = SPEC_LISTED) const uint FLAGGED = 0; // FLAG_* of the pixels whose tiles need hits; 0: all tiles do
+
 layout(local_size_x = 64) in;
-layout(set = 0, binding = BINDING_BIN_ENDS, std430) readonly buffer BinEnds { uint bin_ends[]; };
+
+#ifdef MARK
+layout(set = 0, binding = BINDING_FLAGS, std430) readonly buffer Flags { uint flags[]; };
+layout(set = 0, binding = BINDING_MARKED, std430) buffer Marked { uint marked[]; };
+
+void main() {
+    uint tile = WORKGROUP_NUMBER, pixel = gl_LocalInvocationIndex;
+    if (tile >= push.count || any(greaterThanEqual(vec2(pixel_of(tile, pixel)), 2.0 * push.half_extent))) return;
+    if ((flags[tile * TILE_PIXELS + pixel] & FLAGGED) != 0u) atomicOr(marked[tile], 1u);
+}
+#endif
 
 #ifdef MASKS
+layout(set = 0, binding = BINDING_BIN_ENDS, std430) readonly buffer BinEnds { uint bin_ends[]; };
+layout(set = 0, binding = BINDING_MARKED, std430) readonly buffer Marked { uint marked[]; };
 layout(set = 0, binding = BINDING_BOXES, std430) readonly buffer Boxes { uvec2 boxes[]; };
 layout(set = 0, binding = BINDING_BIN_TILES, std430) readonly buffer Tiles { uint tiles[]; };
 layout(set = 0, binding = BINDING_BINS, std430) readonly buffer Bins { uint bins[]; };
-layout(set = 0, binding = BINDING_MASKS, std430) writeonly buffer Masks { uvec2 masks[]; };
+layout(set = 0, binding = BINDING_HITS, std430) writeonly buffer Masks { uvec2 masks[]; };
 
 void main() {
     uint pair = INVOCATION_NUMBER;
     if (pair >= bin_ends[push.count - 1u]) return;
-    uint id = bins[pair];
-    uvec2 origin = pixel_of(push.band + tiles[pair], 0u);
-    masks[pair] = pixels_of(primitive_of(id, line_at(vec2(origin) + 0.5))) & pixels_of_box(boxes[id], origin);
+    uint id = bins[pair], tile = push.band + tiles[pair];
+    bool needed = FLAGGED == 0u || marked[tile] != 0u;
+    // (A loop: software rasterisers run through branches that no invocation takes.)
+    for (uint once = 0u; once < uint(needed); ++once) {
+        uvec2 origin = pixel_of(tile, 0u);
+        masks[pair] = pixels_of(primitive_of(id, line_at(vec2(origin) + 0.5))) & pixels_of_box(boxes[id], origin);
+    }
 }
 #endif
 
 #ifdef HITS
-layout(set = 0, binding = BINDING_MASKS, std430) readonly buffer Masks { uint masks[]; };
-layout(set = 0, binding = BINDING_HITS, std430) writeonly buffer Hits { uvec4 hits[]; };
+layout(set = 0, binding = BINDING_BIN_ENDS, std430) readonly buffer BinEnds { uint bin_ends[]; };
+layout(set = 0, binding = BINDING_HITS, std430) buffer Hits { uint hits[]; }; // the masks before
 
 // The bytes of a row of four masks.
 uint rows_of(uint pair, uint row) {
     uint four = 0u;
-    for (uint i = 0u; i < 4u; ++i) four |= (masks[2u * (pair + i) + row / 4u] >> 8u * (row % 4u) & 0xffu) << 8u * i;
+    for (uint i = 0u; i < 4u; ++i) four |= (hits[2u * (pair + i) + row / 4u] >> 8u * (row % 4u) & 0xffu) << 8u * i;
     return four;
 }
 
 void main() {
-    uint first = INVOCATION_NUMBER / TILE * 32u, row = INVOCATION_NUMBER % TILE;
-    if (first >= bin_ends[push.count - 1u]) return;
+    // The masks of 32 pairs have as many words as 64 pixels.
+    uint block = INVOCATION_NUMBER / TILE, row = INVOCATION_NUMBER % TILE;
+    bool exists = block * 32u < bin_ends[push.count - 1u];
     uvec4 low = uvec4(0u), high = uvec4(0u);
-    for (uint i = 0u; i < 32u; i += 8u) {
+    for (uint i = 0u; i < 32u && exists; i += 8u) {
         // A square of 8 by 8 bits, a byte for each pair, is transposed in squares of 2, 4 and 8.
-        uint a = rows_of(first + i, row), b = rows_of(first + i + 4u, row);
+        uint a = rows_of(block * 32u + i, row), b = rows_of(block * 32u + i + 4u, row);
         uvec2 both = uvec2(a, b);
         uvec2 swapped = (both ^ both >> 7) & 0x00aa00aau;
         both ^= swapped ^ swapped << 7;
@@ -62,8 +84,14 @@ void main() {
         low |= (uvec4(both.x) >> uvec4(0u, 8u, 16u, 24u) & 0xffu) << i;
         high |= (uvec4(both.y) >> uvec4(0u, 8u, 16u, 24u) & 0xffu) << i;
     }
-    uint at = (first / 32u * TILE + row) * 2u;
-    hits[at] = low;
-    hits[at + 1u] = high;
+    // The invocations of a block are in one workgroup: when all have read, they write.
+    memoryBarrierBuffer();
+    barrier();
+    if (!exists) return;
+    uint at = block * TILE_PIXELS + row * TILE;
+    for (uint i = 0u; i < 4u; ++i) {
+        hits[at + i] = low[i];
+        hits[at + 4u + i] = high[i];
+    }
 }
 #endif

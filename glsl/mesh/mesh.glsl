@@ -27,12 +27,12 @@ layout(push_constant) uniform MeshPush {
     uint number;
     uint capacity;    // entries that a list has room for
     uint band;        // first tile of the band
-    uint binned;      // first tile of the bins
     uint knots;
     float opaque;     // transmittance at which a line ends
     float smoke;      // extinction per scalar of the smoke model
     float alike;      // scalars this far apart show the same
     uint last_round;  // repair: 1 in the last round, whose unsorted pixels count
+    uint pad0;
 } push;
 
 // Tiles in a row of the image.

@@ -16,14 +16,19 @@ struct Walk {
     uint met;        // primitives so far
 };
 
+// Which of the 32 pairs from `base` on are pairs of the walk that the pixel's line meets.
+uint hits_at(uint base, Walk walk, uint pixel) {
+    uint bits = hits[base / 32u * TILE_PIXELS + pixel];
+    if (base < walk.begin) bits &= 0xffffffffu << (walk.begin - base);
+    if (walk.end - base < 32u) bits &= (1u << (walk.end - base)) - 1u;
+    return bits;
+}
+
 // Looks for the next pair that the pixel's line meets.
 void look_ahead(inout Walk walk, uint pixel) {
     while (walk.bits == 0u && walk.base + 32u < walk.end) {
         walk.base += 32u;
-        uint bits = hits[walk.base / 32u * TILE_PIXELS + pixel];
-        if (walk.base < walk.begin) bits &= 0xffffffffu << (walk.begin - walk.base);
-        if (walk.end - walk.base < 32u) bits &= (1u << (walk.end - walk.base)) - 1u;
-        walk.bits = bits;
+        walk.bits = hits_at(walk.base, walk, pixel);
     }
 }
 
@@ -32,14 +37,19 @@ bool is_cut(Walk walk) {
     return walk.bits == 0u && walk.begin < walk.end && walk.base + 32u < walk.end;
 }
 
-// A walk through `number` pairs of the bin of a tile of the band, from `first` on.
-Walk walk_through(uint in_band, uint pixel, uint first, uint number) {
+// A walk that is to go through `number` pairs of the bin of a tile of the band, from `first` on.
+Walk range_of(uint in_band, uint first, uint number) {
     uint begin = in_band == 0u ? 0u : bin_ends[in_band - 1u], end = bin_ends[in_band];
     begin = min(begin + first, end);
     end = begin + min(number, end - begin);
     // Wraps around before the first word.
-    Walk walk = Walk(0u, (begin & ~31u) - 32u, begin, end, 0u);
-    if (begin < end) look_ahead(walk, pixel);
+    return Walk(0u, (begin & ~31u) - 32u, begin, end, 0u);
+}
+
+// The same, at the first pair that the pixel's line meets.
+Walk walk_through(uint in_band, uint pixel, uint first, uint number) {
+    Walk walk = range_of(in_band, first, number);
+    if (walk.begin < walk.end) look_ahead(walk, pixel);
     return walk;
 }
 

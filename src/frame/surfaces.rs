@@ -14,7 +14,7 @@ use glam::DVec3;
 
 use crate::error::{Error, Result};
 use crate::frame::depth_measure::{DepthMeasure, PixelRays};
-use crate::frame::lists::{Geometry, Lists, Measured, Ranking, measure};
+use crate::frame::lists::{Band, Geometry, Hits, Lists, Measured, Ranking, measure, measure_lists};
 use crate::frame::prepared::Outcome;
 use crate::frame::target::{Layers, TargetDesc, usage_after};
 use crate::gpu::shader::{
@@ -43,6 +43,8 @@ const SLACK: f64 = 1e-3;
 pub(crate) struct SurfaceLists {
     data: Arc<SurfaceData>,
     stage: Ranking,
+    band: Band,
+    hits: Arc<Hits>,
     lists: Lists,
     needs: Needs,
     push: MeshPush,
@@ -115,16 +117,20 @@ impl SurfaceLists {
         let [width, height] = view.extent();
         let across = width.div_ceil(TILE);
         let tiles = across * height.div_ceil(TILE);
-        let Measured { needs, bins, bands } = measure(gpu, &stage, &data.needs, &push, [tiles, across])?;
-        if bands.len() > 1 {
+        let known = data.needs.lock().unwrap_or_else(PoisonError::into_inner).lists;
+        let Measured { mut needs, bins, bands } =
+            measure(gpu, &stage, &data.needs, &push, [tiles, across], false)?;
+        let &[band] = &bands[..] else {
             return Err(Error::unsupported(
                 "surfaces of this view",
-                format!("{} triangles in its pixels: one buffer does not hold them", needs.lists),
+                "the triangles of its tiles exceed one buffer",
             ));
-        }
-        let lists = Lists::new(gpu, &stage, bins, bands, needs, None)?;
+        };
+        let hits = Hits::new(gpu, &stage, bins, tiles, None)?;
+        needs.lists = measure_lists(gpu, &stage, &hits, &push, band, known)?;
+        let lists = Lists::new(gpu, &stage, &hits, bands, needs.lists, None)?;
         // Opaque triangles need no entry.
-        let layers = if data.translucent { u64::from(lists.list_capacity) } else { 1 };
+        let layers = if data.translucent { u64::from(lists.capacity) } else { 1 };
         let layers = Layers {
             cursors: Arc::clone(&lists.cursors),
             ends: buffer(gpu, "surfaces.ends", u64::from(tiles) * u64::from(TILE_PIXELS))?,
@@ -132,7 +138,7 @@ impl SurfaceLists {
             depths: Arc::clone(&lists.entries),
         };
         let background = buffer(gpu, "surfaces.background", 4 * u64::from(width) * u64::from(height))?;
-        Ok(Self { data: Arc::clone(data), stage, lists, needs, push, tiles, layers, background })
+        Ok(Self { data: Arc::clone(data), stage, band, hits, lists, needs, push, tiles, layers, background })
     }
 
     /// The translucent surfaces as techniques read them, if there are any.
@@ -219,7 +225,7 @@ impl SurfaceFrame {
             forward_ratio: pack(view.forward(), space.radius / unit),
             half_extent: [width, height].map(|side| f32_of(f64::from(side) * 0.5)),
             offset: f32_of((space.centre - centre).dot(view.forward()) / unit),
-            capacity: self.lists.lists.list_capacity,
+            capacity: self.lists.lists.capacity,
             across: width.div_ceil(TILE),
             tiles: self.lists.tiles,
             slack: f32_of(SLACK * space.radius / unit),
@@ -235,19 +241,11 @@ impl SurfaceFrame {
 
     /// Records the passes that find the surfaces of each ray, after the bounds by the depth image.
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>) {
-        let SurfaceLists { stage, lists, push, tiles, .. } = &self.lists;
+        let SurfaceLists { stage, band, hits, lists, push, tiles, .. } = &self.lists;
         stage.record(recorder, push);
-        lists.bin(recorder, push);
-        recorder.copy_buffer("surfaces.bins.total", lists.bins.total(), &self.outcome.bins, 8);
-        recorder.release_to_host(&self.outcome.bins);
-        recorder.clear_buffer("surfaces.lists.clear", &lists.cursors);
-        lists.list(recorder, push, 0, false);
-        if let Some(scan) = lists.list_scans.first() {
-            scan.record(recorder);
-            recorder.copy_buffer("surfaces.lists.total", scan.total(), &self.outcome.lists, 8);
-            recorder.release_to_host(&self.outcome.lists);
-        }
-        lists.list(recorder, push, 0, true);
+        hits.record(recorder, push, *band, Some(&self.outcome.bins));
+        lists.record_count(recorder, push, 0, Some(&self.outcome.lists));
+        lists.record_fill(recorder, push, 0);
         self.resolve.record(recorder, &self.push, groups_of(*tiles, 1));
         let bytes = self.outcome.status.size();
         recorder.copy_buffer("surfaces.status", &stage.status, &self.outcome.status, bytes);

@@ -14,12 +14,13 @@ use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass, t
 use crate::primitives::radix_sort::{MOST_PAIRS, RadixSort};
 use crate::primitives::scan::{Scan, WorkSplit};
 
-/// Primitives by rank, the box of pixels of each, and the status.
+/// Primitives by rank, the box of pixels of each, the status, and a buffer that is free once the primitives are ranked.
 #[derive(Clone, Debug)]
 pub(crate) struct Ranked {
     pub(crate) order: Arc<Buffer>,
     pub(crate) boxes: Arc<Buffer>,
     pub(crate) status: Arc<Buffer>,
+    pub(crate) scratch: Arc<Buffer>,
     pub(crate) count: u32,
 }
 
@@ -41,7 +42,10 @@ impl Pairs {
         fill: bool,
         flagged: bool,
     ) -> Result<Self> {
-        let offsets = buffer(gpu, "bins.offsets", ranked.count.into())?;
+        let offsets = match &ranked.scratch {
+            scratch if scratch.size() >= 4 * u64::from(ranked.count.max(1)) => Arc::clone(scratch),
+            _ => buffer(gpu, "bins.offsets", ranked.count.into())?,
+        };
         let count = BINS_COUNT.with(&BinsCount {
             order: ranked.order.read(),
             boxes: ranked.boxes.read(),
@@ -77,7 +81,6 @@ impl Pairs {
 #[derive(Debug)]
 pub(crate) struct Bins {
     pub(crate) capacity: u32,
-    pub(crate) tiles: u32,
     /// Where the bin of each tile ends.
     pub(crate) ends: Arc<Buffer>,
     pub(crate) entries: Arc<Buffer>,
@@ -125,7 +128,7 @@ impl Bins {
             status: ranked.status.write(),
         });
         let end = pass(gpu, &format!("{name}.bins.ends"), &end)?;
-        Ok(Self { capacity, tiles, ends, entries, of_pairs, count: ranked.count, pairs, sort, end })
+        Ok(Self { capacity, ends, entries, of_pairs, count: ranked.count, pairs, sort, end })
     }
 
     /// Records the passes that bin the primitives to tiles `[first, first + tiles)` of an image with `across` tiles in a row.
@@ -135,6 +138,11 @@ impl Bins {
         self.pairs.record_emit(recorder, &push);
         self.sort.record(recorder);
         self.end.record(recorder, &push, groups_of(tiles, 64));
+    }
+
+    /// Returns a buffer that a frame may use after the bins are made.
+    pub(crate) fn scratch(&self) -> &Arc<Buffer> {
+        &self.sort.scratch
     }
 
     /// Returns the buffer with the number of all entries, in 64 bits.
@@ -150,11 +158,6 @@ pub(crate) struct Fill {
 }
 
 impl Fill {
-    /// Returns the number of entries in all bins.
-    pub(crate) fn entries(&self) -> u64 {
-        self.tiles.iter().map(|&n| u64::from(n)).sum()
-    }
-
     /// Returns the number of entries in the fullest bin.
     pub(crate) fn longest(&self) -> u32 {
         self.tiles.iter().copied().max().unwrap_or(0)
@@ -206,9 +209,10 @@ impl Fill {
 /// Largest number of entries of bins, with room for the margin of nearby views: more cannot be sorted.
 pub(crate) const MOST_ENTRIES: u32 = MOST_PAIRS / 5 * 4 - 64;
 
-/// Adds a quarter and 64 entries, so that nearby views need no larger buffers.
+/// Adds a quarter and at least 64 entries, so that nearby views need no larger buffers. The sum is a multiple of 32 where it fits.
 pub(crate) fn with_margin(need: u32) -> u32 {
-    need.saturating_add(need / 4).saturating_add(64)
+    let more = need.saturating_add(need / 4).saturating_add(64);
+    more.checked_next_multiple_of(32).unwrap_or(more)
 }
 
 #[cfg(test)]
@@ -257,6 +261,7 @@ mod tests {
             order: gpu.upload(order),
             boxes: gpu.upload(&packed),
             status: gpu.upload(&vec![0; num::index(STATUS_WORDS)]),
+            scratch: gpu.upload(&[0]),
             count: num::count(order.len()),
         }
     }

@@ -36,6 +36,8 @@ pub(crate) struct RadixSort {
     passes: Vec<Digit>,
     scan: Scan,
     groups: u32,
+    /// The first buffer between two digits.
+    pub(crate) scratch: Arc<Buffer>,
 }
 
 impl RadixSort {
@@ -100,6 +102,8 @@ impl RadixSort {
             })
         };
         let stops = (0..stops).map(stop).collect::<Result<Vec<Place>>>()?;
+        let (Place::Mixed(scratch) | Place::Apart([scratch, _])) = &stops[0];
+        let scratch = Arc::clone(scratch);
         let home = Place::Apart([Arc::clone(keys), Arc::clone(values)]);
         let place_after = |pass: u32| match pass {
             _ if pass == 0 || pass == passes => &home,
@@ -120,7 +124,7 @@ impl RadixSort {
         };
         let passes = (0..passes).map(digit_pass).collect::<Result<_>>()?;
         let scan = Scan::new(gpu, &format!("{name}.digits"), &counters, runs << digit, split)?;
-        Ok(Self { passes, scan, groups })
+        Ok(Self { passes, scan, groups, scratch })
     }
 
     /// Records the passes of all digits.

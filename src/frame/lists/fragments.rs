@@ -4,120 +4,106 @@
 use std::sync::Arc;
 
 use crate::error::Result;
+use crate::frame::lists::hits::{Flagged, Hits};
 use crate::frame::lists::ranking::Ranking;
-use crate::gpu::shader::{COUNT_BITS, MESH_LISTS_COMPUTE, MeshLists, TILE, TILE_PIXELS};
+use crate::gpu::shader::{MESH_LISTS_COUNT, MESH_LISTS_FILL, MeshListsCount, MeshListsFill, TILE_PIXELS};
 use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::interface::MeshPush;
-use crate::num;
-use crate::primitives::bins::Bins;
 use crate::primitives::dispatch::{Dispatch, buffer, groups_of, pass};
 use crate::primitives::scan::{Scan, WorkSplit};
-use crate::resident::mesh::{Needs, Primitives};
+use crate::resident::mesh::Primitives;
 
-/// Bins of tiles and lists of pixels, with the passes that write them.
+/// Lists of pixels, with the passes that write them.
 ///
 /// A list is counted, then its place is the prefix sum of the counts, then it is filled.
 #[derive(Debug)]
 pub(crate) struct Lists {
-    pub(crate) bins: Arc<Bins>,
     /// Entries that the lists of one band may have.
-    pub(crate) list_capacity: u32,
-    /// Entries of a bin that one dispatch takes.
-    window: u32,
-    /// Dispatches that count, or fill, the lists of a band: each takes the next window of each bin.
-    windows: u32,
+    pub(crate) capacity: u32,
     pub(crate) bands: Vec<Band>,
     /// Counts of each pixel of a band; after the scan and the fill, where its list ends.
     pub(crate) cursors: Arc<Buffer>,
     /// Entries of all lists of a band.
     pub(crate) entries: Arc<Buffer>,
-    list_count: Dispatch,
+    count: Dispatch,
     /// Prefix sums over the pixels of each band.
-    pub(crate) list_scans: Vec<Scan>,
-    list_fill: Dispatch,
+    scans: Vec<Scan>,
+    fill: Dispatch,
 }
 
 impl Lists {
-    /// Allocates the capacities in `needs` for lists from `bins`. With the flags of pixels, only the fragments
-    /// of those with given flags are listed.
+    /// Allocates `capacity` entries for lists from `hits`, band by band. With `flagged` only flagged pixels have lists.
     pub(crate) fn new(
         gpu: &Gpu,
         ranking: &Ranking,
-        bins: Arc<Bins>,
+        hits: &Hits,
         bands: Vec<Band>,
-        needs: Needs,
-        flagged: Option<(&Arc<Buffer>, u32)>,
+        capacity: u32,
+        flagged: Option<Flagged<'_>>,
     ) -> Result<Self> {
-        let name = ranking.name;
+        let name = |part: &str| format!("{}.lists{part}", ranking.name);
         let widest = bands.iter().map(|band| band.tiles).max().unwrap_or(1);
         let cursors = buffer(gpu, "lists.cursors", u64::from(widest) * u64::from(TILE_PIXELS))?;
-        let entries = buffer(gpu, "lists", u64::from(needs.lists) * entry_words(ranking.kind))?;
-        let pass = |part: &str, fill: bool| {
-            let inputs = MeshLists {
-                boxes: ranking.boxed.read(),
-                bin_ends: bins.ends.read(),
-                bins: bins.entries.read(),
-                cursors: cursors.write(),
-                lists: entries.write(),
-                status: ranking.status.write(),
-                // A binding must hold something; only passes with `flagged` read flags.
-                flags: flagged.map_or(&ranking.boxed, |(flags, _)| flags).read(),
-                cell_scalars: ranking.cell_scalars,
-                back_to_front: ranking.back_to_front,
-                fill,
-                listed: flagged.map_or(0, |(_, listed)| listed),
-                coverage: ranking.coverage(),
-            };
-            pass(gpu, &format!("{name}.{part}"), &MESH_LISTS_COMPUTE.with(&inputs))
-        };
-        // An entry takes at most one iteration for each pixel of its tile; the shader counts the entries of a pixel in COUNT_BITS bits.
-        let window = (gpu.turns()? / (TILE_PIXELS + 2)).clamp(1, (1 << COUNT_BITS) - 1);
+        let entries = buffer(gpu, "lists", u64::from(capacity) * entry_words(ranking.kind))?;
+        let (flags, listed) = flagged.unwrap_or((&ranking.boxed, 0));
+        let count = MESH_LISTS_COUNT.with(&MeshListsCount {
+            cursors: cursors.write(),
+            flags: flags.read(),
+            status: ranking.status.write(),
+            listed,
+            tile_walk: hits.walk(),
+        });
+        let fill = MESH_LISTS_FILL.with(&MeshListsFill {
+            cursors: cursors.write(),
+            flags: flags.read(),
+            lists: entries.write(),
+            status: ranking.status.write(),
+            back_to_front: ranking.back_to_front,
+            cell_scalars: ranking.cell_scalars,
+            listed,
+            coverage: ranking.coverage(),
+            tile_walk: hits.walk(),
+        });
         let split = WorkSplit::of(gpu);
-        let band_scan =
-            |band: &Band| Scan::new(gpu, &format!("{name}.lists"), &cursors, band.tiles * TILE_PIXELS, split);
-        let (list_count, list_fill) = (pass("lists.count", false)?, pass("lists.fill", true)?);
+        let scan = |band: &Band| Scan::new(gpu, &name(""), &cursors, band.tiles * TILE_PIXELS, split);
         Ok(Self {
-            bins,
-            list_capacity: needs.lists,
-            window,
-            windows: needs.longest_bin.div_ceil(window).max(1),
-            list_count,
-            list_scans: bands.iter().map(band_scan).collect::<Result<_>>()?,
-            list_fill,
+            count: pass(gpu, &name(".count"), &count)?,
+            fill: pass(gpu, &name(".fill"), &fill)?,
+            scans: bands.iter().map(scan).collect::<Result<_>>()?,
+            capacity,
             bands,
             cursors,
             entries,
         })
     }
 
-    /// Records the bins of all tiles.
-    pub(crate) fn bin(&self, recorder: &mut Recorder<'_>, push: &MeshPush) {
-        self.bins.record(recorder, tiles_across(push), [0, self.bins.tiles]);
+    /// Returns the push constants of passes over the lists of a band.
+    pub(crate) fn push(&self, push: &MeshPush, Band { first, tiles }: Band) -> MeshPush {
+        MeshPush { count: tiles, band: first, capacity: self.capacity, ..*push }
     }
 
-    /// Records the pass that counts the lists of a band, or with `fill` the one that writes them. The bins are those from the tile
-    /// `push.binned` on.
-    pub(crate) fn list(&self, recorder: &mut Recorder<'_>, push: &MeshPush, band: usize, fill: bool) {
-        let Some(Band { first, tiles }) = self.bands.get(band).copied() else { return };
-        let groups = groups_of(tiles, 8);
-        for window in 0..self.windows {
-            let push = MeshPush {
-                count: tiles,
-                band: first,
-                first: window * self.window,
-                number: self.window,
-                capacity: self.list_capacity,
-                ..*push
-            };
-            let pass = if fill { &self.list_fill } else { &self.list_count };
-            pass.record(recorder, &push, groups);
+    /// Records the passes that count the lists of a band, and a copy of the number of their entries to `total`.
+    pub(crate) fn record_count(
+        &self,
+        recorder: &mut Recorder<'_>,
+        push: &MeshPush,
+        band: usize,
+        total: Option<&Arc<Buffer>>,
+    ) {
+        let (Some(&tiles), Some(scan)) = (self.bands.get(band), self.scans.get(band)) else { return };
+        self.count.record(recorder, &self.push(push, tiles), groups_of(tiles.tiles, 1));
+        scan.record(recorder);
+        if let Some(total) = total {
+            recorder.copy_buffer("lists.total", scan.total(), total, 8);
+            recorder.release_to_host(total);
         }
     }
-}
 
-/// Returns the tiles in a row of an image: the same number as `tiles_across` in the shaders.
-pub(crate) fn tiles_across(push: &MeshPush) -> u32 {
-    num::u32_of(f64::from(2.0 * push.half_extent[0])).div_ceil(TILE)
+    /// Records the pass that writes the lists of a band.
+    pub(crate) fn record_fill(&self, recorder: &mut Recorder<'_>, push: &MeshPush, band: usize) {
+        let Some(&tiles) = self.bands.get(band) else { return };
+        self.fill.record(recorder, &self.push(push, tiles), groups_of(tiles.tiles, 1));
+    }
 }
 
 /// Returns the number of 32-bit words of a list's entry.

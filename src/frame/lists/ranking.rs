@@ -144,6 +144,7 @@ impl Ranking {
             order: Arc::clone(&self.order),
             boxes: Arc::clone(&self.boxed),
             status: Arc::clone(&self.status),
+            scratch: Arc::clone(&self.sort.scratch),
             count: self.count,
         }
     }

@@ -16,17 +16,13 @@ use ash::vk;
 
 use crate::error::Result;
 use crate::frame::depth_measure::DepthMeasure;
-use crate::frame::lists::{Band, Lists, Measured, Ranking, measure_flagged, tiles_across};
+use crate::frame::lists::{Band, Hits, Measured, Ranking, measure};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
-use crate::gpu::shader::{
-    FLAG_OVERLAPS, FLAG_REPAIRED, FLAG_UNSORTED, MESH_TILES_HITS, MESH_TILES_MASKS, MeshTilesHits,
-    MeshTilesMasks, STATUS_WORDS, TILE, TILE_PIXELS, TileWalk,
-};
-use crate::gpu::{Buffer, Gpu, Image, Recorder, TargetImage};
+use crate::gpu::shader::{FLAG_OVERLAPS, FLAG_REPAIRED, FLAG_UNSORTED, STATUS_WORDS, TILE, TILE_PIXELS};
+use crate::gpu::{Buffer, Image, Recorder, TargetImage};
 use crate::interface::MeshPush;
 use crate::num;
-use crate::primitives::bins::Bins;
 use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass};
 use crate::resident::GpuScene;
 use crate::resident::local_space::LocalSpace;
@@ -43,49 +39,6 @@ use crate::technique::mesh::shading::shading_push;
 // Shaders write flags as bits 0 to 2.
 const _: () = assert!(FLAG_UNSORTED | FLAG_REPAIRED | FLAG_OVERLAPS == 7);
 
-/// The bins of primitives, and for each pixel which of its tile's primitives its line meets (`mesh-tiles.glsl`).
-#[derive(Debug)]
-pub(crate) struct Hits {
-    bins: Arc<Bins>,
-    hits: Arc<Buffer>,
-    masks_of: Dispatch,
-    hits_of: Dispatch,
-}
-
-impl Hits {
-    fn new(gpu: &Gpu, ranking: &Ranking, bins: Arc<Bins>) -> Result<Self> {
-        // Pairs are turned into words by the 32.
-        let words = 2 * u64::from(bins.capacity).next_multiple_of(32);
-        let (masks, hits) = (buffer(gpu, "masks", words)?, buffer(gpu, "hits", words)?);
-        let masks_of = MESH_TILES_MASKS.with(&MeshTilesMasks {
-            bins: bins.entries.read(),
-            bin_ends: bins.ends.read(),
-            bin_tiles: bins.of_pairs.read(),
-            boxes: ranking.boxed.read(),
-            masks: masks.write(),
-            cell_scalars: ranking.cell_scalars,
-            coverage: ranking.coverage(),
-        });
-        let hits_of = MESH_TILES_HITS.with(&MeshTilesHits {
-            bin_ends: bins.ends.read(),
-            masks: masks.read(),
-            hits: hits.write(),
-        });
-        let masks_of = pass(gpu, &format!("{}.masks", ranking.name), &masks_of)?;
-        let hits_of = pass(gpu, &format!("{}.hits", ranking.name), &hits_of)?;
-        Ok(Self { bins, hits, masks_of, hits_of })
-    }
-
-    /// Records the bins and the hits of a band.
-    fn record(&self, recorder: &mut Recorder<'_>, push: &MeshPush, band: Band) {
-        self.bins.record(recorder, tiles_across(push), [band.first, band.tiles]);
-        let push = MeshPush { count: band.tiles, band: band.first, ..*push };
-        self.masks_of.record(recorder, &push, groups_of(self.bins.capacity, 64));
-        let rows = self.bins.capacity.div_ceil(32) * TILE;
-        self.hits_of.record(recorder, &push, groups_of(rows, 64));
-    }
-}
-
 /// Everything that is fixed between frames of one size.
 #[derive(Debug)]
 pub(crate) struct MeshFrame {
@@ -93,7 +46,7 @@ pub(crate) struct MeshFrame {
     push: MeshPush,
     bands: Vec<Band>,
     ranking: Ranking,
-    hits: Hits,
+    hits: Arc<Hits>,
     /// One pass that takes all primitives of a tile, or those of the first, a middle and the last chunk.
     draw: Vec<Dispatch>,
     chunks: u32,
@@ -135,8 +88,8 @@ impl MeshFrame {
 
         let ranking = desc.rank_primitives(scene, &data, order)?;
         let Measured { needs, bins, bands } =
-            measure_flagged(gpu, &ranking, data.needs(desc.primitives), &push, [tiles, across], false)?;
-        let hits = Hits::new(gpu, &ranking, Arc::clone(&bins))?;
+            measure(gpu, &ranking, data.needs(desc.primitives), &push, [tiles, across], false)?;
+        let hits = Hits::new(gpu, &ranking, bins, tiles, None)?;
 
         let image = own_image(gpu, desc.name, FORMAT, vk::ImageUsageFlags::STORAGE, view, target)?;
         let flags = buffer(gpu, "flags", u64::from(tiles) * u64::from(TILE_PIXELS))?;
@@ -171,11 +124,7 @@ impl MeshFrame {
         let inputs = TileInputs {
             list: &list,
             coverage: ranking.coverage(),
-            tile_walk: TileWalk {
-                bins: bins.entries.read(),
-                bin_ends: bins.ends.read(),
-                hits: hits.hits.read(),
-            },
+            tile_walk: hits.walk(),
             resume: false,
             last_chunk: true,
         };
@@ -194,8 +143,7 @@ impl MeshFrame {
         if let Some(shader) = desc.repair {
             let frame =
                 FlaggedFrame { scene, data: &data, desc: &desc, push: &push, tiles, across, drawn: &list };
-            let lists = Lists::new(gpu, &ranking, bins, bands.clone(), needs, Some((&flags, FLAG_UNSORTED)))?;
-            repair = Some(Repairs::new(&frame, shader, lists, needs.rounds)?);
+            repair = Some(Repairs::new(&frame, shader, &ranking, Arc::clone(&hits), bands.clone(), needs)?);
             if desc.repairs_overlaps() && needs.overlaps {
                 let found = Overlaps::new(&frame)?;
                 outcome.overlaps = Some(found.outcome());
@@ -290,11 +238,7 @@ impl Prepared for MeshFrame {
     fn record(&self, recorder: &mut Recorder<'_>, _target: Option<&TargetImage>, _clear: bool) {
         self.ranking.record(recorder, &self.push);
         for (i, band) in self.bands.iter().enumerate() {
-            self.hits.record(recorder, &self.push, *band);
-            if let Some(host) = self.outcome.bins.get(i) {
-                recorder.copy_buffer("bins.total", self.hits.bins.total(), host, 8);
-                recorder.release_to_host(host);
-            }
+            self.hits.record(recorder, &self.push, *band, self.outcome.bins.get(i));
             self.record_draw(recorder, *band);
             if let Some(repair) = &self.repair {
                 repair.record(recorder, &self.push, i, &self.outcome);

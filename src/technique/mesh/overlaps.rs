@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::frame::lists::{Lists, Measured, Ranking, measure_flagged};
+use crate::frame::lists::{Hits, Measured, Ranking, measure};
 use crate::gpu::Recorder;
 use crate::gpu::shader::{FLAG_OVERLAPS, STATUS_WORDS};
 use crate::interface::MeshPush;
@@ -37,23 +37,19 @@ impl Overlaps {
             MeshDesc { name: "havs.overlaps", primitives: Primitives::Cells, chunk: None, ..*frame.desc };
         let ranking = desc.rank_primitives(scene, data, None)?;
         let known = data.needs(Primitives::Cells);
-        let Measured { needs, bins, bands } =
-            measure_flagged(gpu, &ranking, known, push, [tiles, across], false)?;
+        let Measured { needs, bins, bands } = measure(gpu, &ranking, known, push, [tiles, across], false)?;
         let status = download(gpu, "overlaps.status", 4 * u64::from(STATUS_WORDS))?;
         let outcome = MeshOutcome::new(gpu, data, &desc, status, [bands.len(); 2], needs, ranking.count)?;
-        let lists = Lists::new(gpu, &ranking, bins, bands, needs, Some((drawn.flags, FLAG_OVERLAPS)))?;
+        let hits = Hits::new(gpu, &ranking, bins, tiles, Some((drawn.flags, FLAG_OVERLAPS)))?;
         let drawn = ListInputs { status: &ranking.status, listed: FLAG_OVERLAPS, ..drawn.clone() };
         let frame = FlaggedFrame { desc: &desc, drawn: &drawn, ..*frame };
-        let repair = Repairs::new(&frame, cell_lists::repair, lists, needs.rounds)?;
+        let repair = Repairs::new(&frame, cell_lists::repair, &ranking, hits, bands, needs)?;
         Ok(Self { ranking, repair, outcome: Arc::new(outcome) })
     }
 
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>, push: &MeshPush) {
         self.ranking.record(recorder, push);
-        for band in 0..self.repair.lists.bands.len() {
-            self.repair.bin(recorder, push, band, &self.outcome);
-            self.repair.record(recorder, push, band, &self.outcome);
-        }
+        self.repair.record_all(recorder, push, &self.outcome);
         let status = &self.outcome.status;
         recorder.copy_buffer("overlaps.status", &self.ranking.status, status, status.size());
         recorder.release_to_host(status);

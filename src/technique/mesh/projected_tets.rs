@@ -49,7 +49,8 @@ impl Draw for Options {
             options: self.mesh,
             draw,
             k: 0,
-            chunk: Some(scene.gpu().turns()?),
+            // A pixel meets few primitives of its tile, and takes some ten turns of loops for each.
+            chunk: Some((scene.gpu().turns()? / 8).max(1)),
             repair: self.repairs_on(route).then_some(cell_lists::repair as ListShader),
             unsorted: "unsorted_pixels",
         };

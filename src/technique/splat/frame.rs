@@ -228,7 +228,8 @@ impl SplatFrame {
         let sort = RadixSort::new(gpu, &format!("{name}.sort"), [&keys, &order], set.count)?;
 
         // 2. Bands whose bins fit a buffer.
-        let ranked = Ranked { order, boxes, status: Arc::clone(&status), count: set.count };
+        let (status_of, scratch) = (Arc::clone(&status), Arc::clone(&sort.scratch));
+        let ranked = Ranked { order, boxes, status: status_of, scratch, count: set.count };
         let fill = Fill::measure(gpu, name, &ranked, [tiles, across], |recorder| {
             project.record(recorder, &seen.project, groups_of(set.count, 64));
             sort.record(recorder);

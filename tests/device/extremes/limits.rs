@@ -11,11 +11,11 @@ use crate::extremes::support::*;
 
 pub static FAMILY: Family = Family::new("limits", CASES);
 
-/// A buffer of which shaders see this much: lists are made for bands of tiles, and the image is the same. (Bits, because
-/// what a pixel's list holds does not depend on where it lies.)
+/// A buffer of which shaders see this much: bands of tiles are drawn one after the other, and the image is the same. (Bits, because
+/// what a pixel's line meets does not depend on where its primitives lie.)
 fn narrow_bindings(run: &mut Run<'_>) {
-    let scene = Scene::new(Field::Blobs.tets(6).unwrap(), transfer(&FOG));
-    let view = view(perspective(), 1.0, 40, 34);
+    let scene = Scene::new(Field::Blobs.tets(9).unwrap(), transfer(&FOG));
+    let view = view(perspective(), 1.0, 96, 80);
     let images: Vec<_> = {
         let on_gpu = GpuScene::new(run.gpu, scene.clone());
         let specs = Spec::all(run.gpu, &scene.data);

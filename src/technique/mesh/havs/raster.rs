@@ -18,7 +18,7 @@ use glam::DVec3;
 
 use crate::error::{Error, Result};
 use crate::frame::depth_measure::DepthMeasure;
-use crate::frame::lists::{Lists, Measured, Ranking, measure_flagged};
+use crate::frame::lists::{Hits, Measured, Ranking, measure};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
 use crate::gpu::shader::{
@@ -275,12 +275,11 @@ impl RasterOutcome {
         let FlaggedFrame { scene, data, desc, push, tiles, across, drawn } = *frame;
         let gpu = scene.gpu();
         let Measured { needs, bins, bands } =
-            measure_flagged(gpu, ranking, data.needs(desc.primitives), push, [tiles, across], true)?;
-        let lists = Lists::new(gpu, ranking, bins, bands, needs, Some((drawn.flags, FLAG_UNSORTED)))?;
+            measure(gpu, ranking, data.needs(desc.primitives), push, [tiles, across], true)?;
+        let hits = Hits::new(gpu, ranking, bins, tiles, Some((drawn.flags, drawn.listed)))?;
         let status = Arc::clone(&self.status);
-        let mut outcome =
-            MeshOutcome::new(gpu, data, desc, status, [lists.bands.len(); 2], needs, ranking.count)?;
-        let repairs = Repairs::new(frame, shader, lists, needs.rounds)?;
+        let mut outcome = MeshOutcome::new(gpu, data, desc, status, [bands.len(); 2], needs, ranking.count)?;
+        let repairs = Repairs::new(frame, shader, ranking, hits, bands, needs)?;
         let mut overlaps = None;
         if needs.overlaps {
             let found = Overlaps::new(frame)?;
@@ -336,10 +335,7 @@ impl Prepared for RasterFrame {
         let push = MeshPush { count: self.tiles, ..self.push };
         self.empty.record(recorder, &push, groups_of(self.tiles, 1));
         if let (Some(repair), Some(outcome)) = (&self.repair, &self.outcome.repair) {
-            for band in 0..repair.lists.bands.len() {
-                repair.bin(recorder, &self.push, band, outcome);
-                repair.record(recorder, &self.push, band, outcome);
-            }
+            repair.record_all(recorder, &self.push, outcome);
         }
         if let Some(overlaps) = &self.overlaps {
             overlaps.record(recorder, &self.push);
