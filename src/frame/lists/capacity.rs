@@ -58,7 +58,8 @@ pub(crate) fn measure(
     // Masks and hits take 8 bytes a pair.
     let hard = (bytes / 8 - bytes / 40).saturating_sub(96).min(MOST_ENTRIES.into());
     let most_listed = most_entries(gpu, ranking);
-    let soft = hard.min(most_listed / u64::from(needs.listed_per_pair.max(1)));
+    // Bands are as large as bins allow, until a frame had more fragments to list than fit.
+    let soft = most_listed.checked_div(needs.listed_per_pair.into()).map_or(hard, |pairs| hard.min(pairs));
     let widest =
         u32::try_from(bytes / 4 / u64::from(TILE_PIXELS)).unwrap_or(u32::MAX).min(MOST_TILES).min(tiles);
     let entries = fill.tiles.iter().map(|&entries| u64::from(entries));

@@ -124,10 +124,10 @@ fn other_scalars_and_transfer_functions_share_the_mesh() {
 #[test]
 fn own_device_bands_change_nothing() {
     if emulates("as-hardware") {
-        println!("skipped: the bins of a GPU need more than the 96 KiB that make bands of this image");
+        println!("skipped: the bins of a GPU need more than the 64 KiB that make bands of this image");
         return;
     }
-    let scene = Scene::new(needles(6), transfer(&HAZE));
+    let scene = Scene::new(needles(7), transfer(&HAZE));
     let view = needles_view(150, 83);
     let specs = ["havs", "havs:k=1", "havs:k=2,chunk=7", "abuffer"];
     let whole: Vec<Drawn> = {
@@ -135,7 +135,7 @@ fn own_device_bands_change_nothing() {
         let on_gpu = GpuScene::new(&gpu, scene.clone());
         specs.iter().map(|spec| Drawn::new(&on_gpu, &view, spec)).collect()
     };
-    let gpu = gpu_with(GpuOptions { storage_range: Some(96 << 10), ..GpuOptions::default() });
+    let gpu = gpu_with(GpuOptions { storage_range: Some(64 << 10), ..GpuOptions::default() });
     let on_gpu = GpuScene::new(&gpu, scene);
     for (spec, whole) in specs.iter().zip(&whole) {
         let drawn = Drawn::new(&on_gpu, &view, spec);
