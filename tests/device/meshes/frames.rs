@@ -260,3 +260,24 @@ fn nothing_to_see_is_transparent() {
         }
     }
 }
+
+/// A plan serves a whole turn around the mesh: every frame is complete, and none is prepared again.
+#[test]
+fn a_plan_serves_a_whole_turn() {
+    let gpu = gpu();
+    let scene = GpuScene::new(&gpu, cubes(Field::Blobs, if exhaustive() { 34 } else { 10 }, &FOG));
+    let side = if exhaustive() { 512 } else { 96 };
+    let first = view(perspective(), 1.0, side, side);
+    let format = volraster::ash::vk::Format::R32G32B32A32_SFLOAT;
+    let target = TargetDesc::caller(format, volraster::TargetMode::Over);
+    for spec in ["havs", "abuffer", "projected-tets"] {
+        let mut plan = Renderer::new(&scene, technique(spec)).prepare(&first, &target).unwrap();
+        let mut frame = volraster::Offscreen::new(&gpu, format, first.extent()).unwrap();
+        for degrees in (0..360).step_by(if exhaustive() { 8 } else { 24 }) {
+            let turned = first.with_camera(first.camera().orbit(degrees.into()).unwrap()).unwrap();
+            assert!(plan.set_view(&turned).unwrap(), "{spec} {degrees}");
+            frame.draw(&mut plan, [0.0; 4]).unwrap();
+            assert!(frame.finish().unwrap().0.complete, "{spec} {degrees}");
+        }
+    }
+}
