@@ -178,7 +178,7 @@
 
 // Words of the status block.
 #define STATUS_OVERFLOW_PIXELS 2 // pixels whose fragments came out of order
-#define STATUS_LOST 3            // entries of bins or lists beyond the capacity of their buffer
+#define STATUS_LOST 3            // entries of bins, and pixels whose list had no room in its buffer
 #define STATUS_NAN_KEYS 4        // primitives without a rank
 #define STATUS_UNREPAIRED 5      // pixels still out of order after repair
 #define STATUS_LONGEST_BIN 6     // primitives of the fullest tile
@@ -229,6 +229,5 @@
 
 #define MOST_LAYERS 1000  // translucent surfaces along a pixel's ray; fits in 10 bits
 #define EDGE_NONE 1000000000 // replaces the bounds of a pixel that is not marched itself
-
 
 #endif

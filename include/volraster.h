@@ -1308,7 +1308,7 @@ enum vr_result vr_scene_with_scalars(const struct vr_scene *source,
 
 /**
  * Makes a scene of the same data with other surfaces, or with none. The scenes share the data on the device. Every technique draws
- * opaque surfaces, some draw translucent ones: vr_plan_create() refuses the others.
+ * opaque surfaces, some draw translucent ones, and none does so with a resolution below full: vr_plan_create() refuses the others.
  *
  * `surfaces` are `surface_count` pointers. Everything is copied, and `source` is unchanged. Fails with VR_ERROR_INVALID.
  *
@@ -1498,4 +1498,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: d694cbc3107d9741 */
+/* Checksum of the sources: 5af75911a23a4b76 */

@@ -248,10 +248,10 @@ pub(crate) struct BoundsPush {
     pub(crate) count: u32,
 }
 
-/// The push constants of `reconstruction.glsl`.
+/// The push constants of `upsampling.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub(crate) struct ReconstructionPush {
+pub(crate) struct UpsamplingPush {
     pub(crate) half_extent: [f32; 2],
     pub(crate) half_source: [f32; 2],
     pub(crate) scale: f32,

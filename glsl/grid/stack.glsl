@@ -4,6 +4,7 @@
 
 #include "interface.glsl"
 #include "shared/device.glsl"
+#include "shared/interpolated.glsl"
 #include "shared/optics.glsl"
 #include "grid/ray.glsl"
 #include "grid/lattice.glsl"
@@ -24,7 +25,7 @@ float fetched(vec2 index, int slice, int level) {
     float v10 = texelFetch(stack, ivec3(j.x, i.y, slice), level).r;
     float v01 = texelFetch(stack, ivec3(i.x, j.y, slice), level).r;
     float v11 = texelFetch(stack, ivec3(j, slice), level).r;
-    return mix(mix(v00, v10, w.x), mix(v01, v11, w.x), w.y);
+    return interpolated(interpolated(v00, v10, w.x), interpolated(v01, v11, w.x), w.y);
 }
 
 // Returns the stored value on a slice, bilinear.
@@ -38,7 +39,7 @@ float on_slice(vec2 index, float slice, float level, Lattice lattice) {
     level = min(level, float(textureQueryLevels(stack) - 1));
     int below = int(level);
     float fine = fetched(index, int(slice), below);
-    return level == float(below) ? fine : mix(fine, fetched(index, int(slice), below + 1), level - float(below));
+    return level == float(below) ? fine : interpolated(fine, fetched(index, int(slice), below + 1), level - float(below));
 }
 
 // Returns the stored value at an index, trilinear: it interpolates between two slices.
@@ -46,7 +47,7 @@ float between_slices(vec3 index, float level, Lattice lattice) {
     float last = 2.0 * lattice.half_size.z;
     float place = clamp(index.z, 0.0, last);
     float slice = max(min(floor(place), last - 1.0), 0.0);
-    return mix(on_slice(index.xy, slice, level, lattice), on_slice(index.xy, min(slice + 1.0, last), level, lattice),
+    return interpolated(on_slice(index.xy, slice, level, lattice), on_slice(index.xy, min(slice + 1.0, last), level, lattice),
                place - slice);
 }
 

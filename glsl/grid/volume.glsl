@@ -3,6 +3,7 @@
 #define VOLUME_GLSL
 
 #include "shared/device.glsl"
+#include "shared/interpolated.glsl"
 #include "grid/grid.glsl"
 
 layout(set = 0, binding = BINDING_VOLUME) uniform sampler3D volume;
@@ -27,9 +28,9 @@ float fetched(vec3 index, int level) {
     float v101 = texelFetch(volume, ivec3(j.x, i.y, j.z), level).r;
     float v011 = texelFetch(volume, ivec3(i.x, j.y, j.z), level).r;
     float v111 = texelFetch(volume, j, level).r;
-    float low = mix(mix(v000, v100, w.x), mix(v010, v110, w.x), w.y);
-    float high = mix(mix(v001, v101, w.x), mix(v011, v111, w.x), w.y);
-    return mix(low, high, w.z);
+    float low = interpolated(interpolated(v000, v100, w.x), interpolated(v010, v110, w.x), w.y);
+    float high = interpolated(interpolated(v001, v101, w.x), interpolated(v011, v111, w.x), w.y);
+    return interpolated(low, high, w.z);
 }
 
 // Returns the stored value at depth z of the ray; NaN in a cell that touches a NaN sample.
@@ -45,7 +46,7 @@ float stored_at(Ray ray, float z, Lattice lattice) {
     level = min(level, float(textureQueryLevels(volume) - 1));
     int below = int(level);
     float fine = fetched(index, below);
-    return level == float(below) ? fine : mix(fine, fetched(index, below + 1), level - float(below));
+    return level == float(below) ? fine : interpolated(fine, fetched(index, below + 1), level - float(below));
 }
 
 #endif

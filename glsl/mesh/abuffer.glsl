@@ -29,7 +29,7 @@
 #include "mesh/tile-walk.glsl"
 
 layout(constant_id = SPEC_BACK_TO_FRONT) const bool BACK_TO_FRONT = false;
-layout(constant_id = SPEC_LISTED) const uint FLAGGED = 0; // FLAG_* of the pixels that are drawn; 0: all
+layout(constant_id = SPEC_LISTED) const uint LISTED = 0; // FLAG_* of the pixels that are drawn; 0: all
 
 layout(local_size_x = TILE_PIXELS) in;
 layout(set = 0, binding = BINDING_FLAGS, std430) buffer Flags { uint flags[]; };
@@ -183,7 +183,7 @@ vec4 next_of(inout Source source, OwnPixel own, out float at) {
 void main() {
     OwnPixel own = own_pixel();
     if (!own.exists) return;
-    if (REPAIRS && (flags[own.word] & FLAGGED) == 0u) return;
+    if (REPAIRS && (flags[own.word] & LISTED) == 0u) return;
     load_segments(push.knots);
     uint knots = push.knots;
     vec2 bounds = bounds_at(own.pixel);
@@ -225,7 +225,7 @@ void main() {
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)
     bool left = has_next(source) || ended_early(source) || pending.len != 0.0 || is_uncut(rest);
     if (left && sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);
-    if (FLAGGED != FLAG_OVERLAPS) flags[own.word] = (unsorted ? FLAG_UNSORTED : 0u) | (REPAIRS ? FLAG_REPAIRED : 0u);
+    if (LISTED != FLAG_OVERLAPS) flags[own.word] = (unsorted ? FLAG_UNSORTED : 0u) | (REPAIRS ? FLAG_REPAIRED : 0u);
     // Of repair the last round counts.
     if (unsorted) atomicAdd(status[REPAIRS ? STATUS_UNREPAIRED : STATUS_OVERFLOW_PIXELS], REPAIRS ? push.last_round : 1u);
     count_drawn(source);

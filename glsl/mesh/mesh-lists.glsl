@@ -11,7 +11,7 @@
 //   out    lists, and where each ends
 //   cost   a word of hits for 32 pairs, twice; an intersection for each entry
 //
-// Where pixels were drawn otherwise and only those that are flagged need lists (FLAGGED), the others have none. What has no room is counted,
+// Where pixels were drawn otherwise and only those that are flagged need lists (LISTED), the others have none. What has no room is counted,
 // and the frame repeated with more.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -24,7 +24,7 @@
 #include "mesh/tile-walk.glsl"
 
 layout(constant_id = SPEC_BACK_TO_FRONT) const bool BACK_TO_FRONT = false;
-layout(constant_id = SPEC_LISTED) const uint FLAGGED = 0; // FLAG_* of the pixels that are to have lists; 0: all
+layout(constant_id = SPEC_LISTED) const uint LISTED = 0; // FLAG_* of the pixels that are to have lists; 0: all
 
 layout(local_size_x = TILE_PIXELS) in;
 layout(set = 0, binding = BINDING_CURSORS, std430) buffer Cursors { uint cursors[]; };
@@ -33,7 +33,7 @@ layout(set = 0, binding = BINDING_FLAGS, std430) readonly buffer Flags { uint fl
 
 bool has_list(OwnPixel own) {
     if (!own.exists) return false;
-    return FLAGGED == 0u || (flags[own.word] & FLAGGED) != 0u;
+    return LISTED == 0u || (flags[own.word] & LISTED) != 0u;
 }
 
 #ifdef COUNT

@@ -5,7 +5,7 @@
 // A bit tells for each pixel and each primitive of its tile's bin (bins.glsl, the bins of a band) whether the pixel's line meets the
 // primitive. Techniques walk through the bits in order of rank (tile-walk.glsl), and find the place when they come to it.
 //
-//   MARK   one invocation a pixel: marks the tiles that have flagged pixels, where only these are drawn again
+//   MARK   one invocation a pixel: marks the tiles of the band that have flagged pixels, where only these are drawn again
 //   MASKS  one invocation a pair of a tile and a primitive: the pixels of the tile that it covers
 //   HITS   one invocation for a row of pixels and 32 pairs: turns masks of pixels, in place, into a word for each pixel, whose bits are
 //          pairs
@@ -18,8 +18,9 @@
 #include "shared/device.glsl"
 #include "mesh/mesh.glsl"
 #include "mesh/coverage.glsl"
+#include "mesh/own-pixel.glsl"
 
-layout(constant_id = SPEC_LISTED) const uint FLAGGED = 0; // FLAG_* of the pixels whose tiles need hits; 0: all tiles do
+layout(constant_id = SPEC_LISTED) const uint LISTED = 0; // FLAG_* of the pixels whose tiles need hits; 0: all tiles do
 
 layout(local_size_x = 64) in;
 
@@ -28,9 +29,8 @@ layout(set = 0, binding = BINDING_FLAGS, std430) readonly buffer Flags { uint fl
 layout(set = 0, binding = BINDING_MARKED, std430) buffer Marked { uint marked[]; };
 
 void main() {
-    uint tile = WORKGROUP_NUMBER, pixel = gl_LocalInvocationIndex;
-    if (tile >= push.count || any(greaterThanEqual(vec2(pixel_of(tile, pixel)), 2.0 * push.half_extent))) return;
-    if ((flags[tile * TILE_PIXELS + pixel] & FLAGGED) != 0u) atomicOr(marked[tile], 1u);
+    OwnPixel own = own_pixel();
+    if (own.exists && (flags[own.word] & LISTED) != 0u) atomicOr(marked[own.in_band], 1u);
 }
 #endif
 
@@ -40,16 +40,16 @@ layout(set = 0, binding = BINDING_MARKED, std430) readonly buffer Marked { uint 
 layout(set = 0, binding = BINDING_BOXES, std430) readonly buffer Boxes { uvec2 boxes[]; };
 layout(set = 0, binding = BINDING_BIN_TILES, std430) readonly buffer Tiles { uint tiles[]; };
 layout(set = 0, binding = BINDING_BINS, std430) readonly buffer Bins { uint bins[]; };
-layout(set = 0, binding = BINDING_HITS, std430) writeonly buffer Masks { uvec2 masks[]; };
+layout(set = 0, binding = BINDING_HITS, std430) writeonly buffer Hits { uvec2 masks[]; }; // masks until HITS
 
 void main() {
     uint pair = INVOCATION_NUMBER;
     if (pair >= bin_ends[push.count - 1u]) return;
-    uint id = bins[pair], tile = push.band + tiles[pair];
-    bool needed = FLAGGED == 0u || marked[tile] != 0u;
+    uint id = bins[pair], tile = tiles[pair];
+    bool needed = LISTED == 0u || marked[tile] != 0u;
     // (A loop: software rasterisers run through branches that no invocation takes.)
     for (uint once = 0u; once < uint(needed); ++once) {
-        uvec2 origin = pixel_of(tile, 0u);
+        uvec2 origin = pixel_of(push.band + tile, 0u);
         masks[pair] = pixels_of(primitive_of(id, line_at(vec2(origin) + 0.5))) & pixels_of_box(boxes[id], origin);
     }
 }

@@ -13,6 +13,7 @@
 
 #include "interface.glsl"
 #include "shared/device.glsl"
+#include "shared/interpolated.glsl"
 #include "shared/optics.glsl"
 
 layout(constant_id = SPEC_INTEGRATOR) const uint INTEGRATOR = 0;
@@ -182,11 +183,11 @@ vec4 full_density(float front, float back, float len) {
     vec3 index = clamp(place, vec3(0.0), size - 1.0);
     ivec3 i = ivec3(index), j = min(i + 1, ivec3(size) - 1);
     vec3 w = index - vec3(i);
-    vec4 low = mix(mix(texelFetch(table_texels, i, 0), texelFetch(table_texels, ivec3(j.x, i.y, i.z), 0), w.x),
-                   mix(texelFetch(table_texels, ivec3(i.x, j.y, i.z), 0), texelFetch(table_texels, ivec3(j.x, j.y, i.z), 0), w.x), w.y);
-    vec4 high = mix(mix(texelFetch(table_texels, ivec3(i.x, i.y, j.z), 0), texelFetch(table_texels, ivec3(j.x, i.y, j.z), 0), w.x),
-                    mix(texelFetch(table_texels, ivec3(i.x, j.y, j.z), 0), texelFetch(table_texels, j, 0), w.x), w.y);
-    return mix(low, high, w.z);
+    vec4 low = interpolated(interpolated(texelFetch(table_texels, i, 0), texelFetch(table_texels, ivec3(j.x, i.y, i.z), 0), w.x),
+                   interpolated(texelFetch(table_texels, ivec3(i.x, j.y, i.z), 0), texelFetch(table_texels, ivec3(j.x, j.y, i.z), 0), w.x), w.y);
+    vec4 high = interpolated(interpolated(texelFetch(table_texels, ivec3(i.x, i.y, j.z), 0), texelFetch(table_texels, ivec3(j.x, i.y, j.z), 0), w.x),
+                    interpolated(texelFetch(table_texels, ivec3(i.x, j.y, j.z), 0), texelFetch(table_texels, j, 0), w.x), w.y);
+    return interpolated(low, high, w.z);
 }
 
 // Composites `back` behind `front`.

@@ -27,6 +27,7 @@
 
 #include "interface.glsl"
 #include "shared/device.glsl"
+#include "shared/interpolated.glsl"
 #include "shared/optics.glsl"
 #include "shared/segments.glsl"
 #include "grid/stack.glsl"
@@ -77,7 +78,7 @@ float stored_at(Ray ray, float z, Lattice lattice) {
     float texel = on_slice(index.xy, slice, 0.0, lattice);
     // A loop, because software rasterisers execute branches that no invocation takes.
     for (uint once = 0u; once < uint(share > 0.0); ++once) {
-        texel = mix(texel, on_slice(index.xy, slice + 1.0, 0.0, lattice), share);
+        texel = interpolated(texel, on_slice(index.xy, slice + 1.0, 0.0, lattice), share);
     }
     return texel;
 }

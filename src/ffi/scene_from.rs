@@ -102,7 +102,7 @@ pub unsafe extern "C" fn vr_scene_with_scalars(
 }
 
 /// Makes a scene of the same data with other surfaces, or with none. The scenes share the data on the device. Every technique draws
-/// opaque surfaces, some draw translucent ones: vr_plan_create() refuses the others.
+/// opaque surfaces, some draw translucent ones, and none does so with a resolution below full: vr_plan_create() refuses the others.
 ///
 /// `surfaces` are `surface_count` pointers. Everything is copied, and `source` is unchanged. Fails with VR_ERROR_INVALID.
 ///

@@ -12,9 +12,9 @@ pub(crate) mod plan;
 pub(crate) mod prepared;
 pub(crate) mod ray_bounds;
 pub(crate) mod read_back;
-pub(crate) mod reconstruction;
 pub(crate) mod surfaces;
 pub(crate) mod target;
+pub(crate) mod upsampling;
 
 pub use offscreen::Offscreen;
 pub use plan::{Plan, Recorded, Status};

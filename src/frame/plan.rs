@@ -6,9 +6,9 @@ use crate::error::{Error, Result};
 use crate::frame::dry_run::{dry_run, last_use, passes};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::ray_bounds::{RayBounds, bounds_buffer};
-use crate::frame::reconstruction::Reconstruction;
 use crate::frame::surfaces::{SurfaceFrame, SurfaceLists};
 use crate::frame::target::{Canvas, Composite, TargetDesc, TargetMode};
+use crate::frame::upsampling::Upsampling;
 use crate::gpu::sync::Use;
 use crate::gpu::{
     Buffer, CommandBuffer, DepthImage, Gpu, Image, Keep, PassTime, Recorder, TargetImage, Timers, Used,
@@ -63,9 +63,11 @@ pub struct Plan {
     composite: Option<Composite>,
     bounds: Option<RayBounds>,
     surfaces: Option<SurfaceFrame>,
-    reconstruction: Option<Reconstruction>,
+    upsampling: Option<Upsampling>,
     /// Side of the squares of pixels that are drawn as one.
     side: u32,
+    /// The size of the image that the technique draws.
+    pub(crate) drawn: [u32; 2],
     timers: Option<Arc<Timers>>,
     /// Most passes of the technique in a frame.
     technique_passes: u32,
@@ -184,9 +186,8 @@ impl Plan {
         let bounds =
             bounds.map(|bounds| RayBounds::new(gpu, bounds, target.depth, measure, &drawn)).transpose()?;
         let smaller = prepared.image().filter(|_| side > 1);
-        let reconstruction =
-            smaller.map(|image| Reconstruction::new(gpu, image, view, target)).transpose()?;
-        let image = final_image(surfaces.as_ref(), reconstruction.as_ref(), &*prepared);
+        let upsampling = smaller.map(|image| Upsampling::new(gpu, image, view, target)).transpose()?;
+        let image = final_image(surfaces.as_ref(), upsampling.as_ref(), &*prepared);
         let composite = match (image, target.caller) {
             (Some(image), Some((format, mode))) => Some(Composite::new(gpu, image, format, mode)?),
             _ => None,
@@ -197,8 +198,9 @@ impl Plan {
             gpu: gpu.clone(),
             bounds,
             surfaces,
-            reconstruction,
+            upsampling,
             side,
+            drawn: drawn.extent(),
             timers: None,
             technique_passes: most,
             most_passes: most,
@@ -223,11 +225,11 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Records the steps after the technique: reconstruction of its image, opaque surfaces behind it, and the composite into the
+    /// Records the steps after the technique: upsampling of its image, opaque surfaces behind it, and the composite into the
     /// caller's image.
     fn record_after(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>) {
-        if let Some(reconstruction) = &self.reconstruction {
-            reconstruction.record(recorder);
+        if let Some(upsampling) = &self.upsampling {
+            upsampling.record(recorder);
         }
         if let Some(surfaces) = &self.surfaces {
             surfaces.record_behind(recorder);
@@ -348,7 +350,7 @@ impl Plan {
     }
 
     fn final_image(&self) -> Option<&Arc<Image>> {
-        final_image(self.surfaces.as_ref(), self.reconstruction.as_ref(), &*self.prepared)
+        final_image(self.surfaces.as_ref(), self.upsampling.as_ref(), &*self.prepared)
     }
 
     /// The image that the last recording leaves, and its last use.
@@ -399,9 +401,9 @@ impl Plan {
 /// Returns the image that the last pass before the composite leaves; `None` where the technique draws into the caller's image.
 fn final_image<'a>(
     surfaces: Option<&'a SurfaceFrame>,
-    reconstruction: Option<&'a Reconstruction>,
+    upsampling: Option<&'a Upsampling>,
     prepared: &'a dyn Prepared,
 ) -> Option<&'a Arc<Image>> {
-    let own = || reconstruction.map_or(prepared.image(), |reconstruction| Some(&reconstruction.image));
+    let own = || upsampling.map_or(prepared.image(), |upsampling| Some(&upsampling.image));
     surfaces.map_or_else(own, |surfaces| Some(&surfaces.image))
 }

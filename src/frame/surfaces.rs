@@ -18,8 +18,8 @@ use crate::frame::lists::{Band, Geometry, Hits, Lists, Measured, Ranking, measur
 use crate::frame::prepared::Outcome;
 use crate::frame::target::{Layers, TargetDesc, usage_after};
 use crate::gpu::shader::{
-    MOST_LAYERS, STATUS_CUT, STATUS_LONGEST_BIN, STATUS_LOST, STATUS_WORDS, SURFACES_BEHIND,
-    SURFACES_RESOLVE, SurfacesBehind, SurfacesResolve, TILE, TILE_PIXELS,
+    MOST_LAYERS, STATUS_CUT, STATUS_LOST, STATUS_WORDS, SURFACES_BEHIND, SURFACES_RESOLVE, SurfacesBehind,
+    SurfacesResolve, TILE, TILE_PIXELS,
 };
 use crate::gpu::{Buffer, Gpu, Image, ImageDesc, Recorder};
 use crate::interface::{MeshPush, SurfacePush};
@@ -83,18 +83,19 @@ impl Outcome for SurfaceOutcome {
         if at(STATUS_CUT) > 0 {
             return Err(Error::unsupported(
                 "surfaces of this view",
-                format!("more than {MOST_LAYERS} translucent surfaces in {} pixels", at(STATUS_CUT)),
+                format!(
+                    "more than {MOST_LAYERS} translucent surfaces, or more triangles than loops have turns for, in {} pixels",
+                    at(STATUS_CUT)
+                ),
             ));
         }
         let (bins, lists) = (total(&self.bins)?, total(&self.lists)?);
         let fits = bins <= u64::from(self.capacities.bins)
             && lists <= u64::from(self.capacities.lists)
-            && at(STATUS_LONGEST_BIN) <= self.capacities.longest_bin
             && at(STATUS_LOST) == 0;
         let mut needs = self.data.needs.lock().unwrap_or_else(PoisonError::into_inner);
         needs.bins = needs.bins.max(u32::try_from(bins).unwrap_or(u32::MAX));
         needs.lists = needs.lists.max(u32::try_from(lists).unwrap_or(u32::MAX));
-        needs.longest_bin = needs.longest_bin.max(at(STATUS_LONGEST_BIN));
         Ok((fits, vec![("surface_fragments", lists)]))
     }
 }
@@ -123,10 +124,10 @@ impl SurfaceLists {
         let &[band] = &bands[..] else {
             return Err(Error::unsupported(
                 "surfaces of this view",
-                "the triangles of its tiles exceed one buffer",
+                format!("the pairs of a tile and a triangle exceed one buffer: they fill {}", bands.len()),
             ));
         };
-        let hits = Hits::new(gpu, &stage, bins, tiles, None)?;
+        let hits = Hits::new(gpu, &stage, bins, None)?;
         needs.lists = measure_lists(gpu, &stage, &hits, &push, band, known)?;
         let lists = Lists::new(gpu, &stage, &hits, bands, needs.lists, None)?;
         // Opaque triangles need no entry.

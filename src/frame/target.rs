@@ -72,7 +72,7 @@ pub(crate) struct Canvas {
     pub(crate) bounds: Option<Arc<Buffer>>,
     /// Translucent surfaces.
     pub(crate) layers: Option<Layers>,
-    /// Whether another pass of the frame samples the result: it reconstructs the image, or puts it in front of opaque surfaces.
+    /// Whether another pass of the frame samples the result: it upsamples the image, or puts it in front of opaque surfaces.
     pub(crate) sampled: bool,
 }
 

@@ -29,7 +29,8 @@ mod tests {
     use super::*;
 
     /// The marches of grids with and without empty-space skipping draw the same image to the bit, so no driver may contract their
-    /// arithmetic: each addition, subtraction and multiplication of floats is decorated with `NoContraction` (42).
+    /// arithmetic: each addition, subtraction and multiplication of floats is decorated with `NoContraction` (42), and there is no
+    /// `FMix` (46), which drivers expand.
     #[test]
     fn no_march_of_a_grid_is_contracted() {
         let marches = [
@@ -47,6 +48,7 @@ mod tests {
                 match words[at] & 0xffff {
                     71 if words[at + 2] == 42 => kept.push(words[at + 1]),
                     129 | 131 | 133 | 142 | 148 => arithmetic.push(words[at + 2]),
+                    12 => assert!(words[at + 4] != 46, "{} has a `mix` of floats", shader.name),
                     _ => {}
                 }
                 at += (words[at] >> 16) as usize;

@@ -139,15 +139,14 @@ impl View {
         Ok(Self::new(camera, width, height)?.with_clip(self.clip))
     }
 
-    /// Returns the same view with one pixel for each square of `side` x `side`, or for what is left of it at the right and below. At
-    /// sizes that `side` does not divide it shows up to a pixel more or less of the width.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::new`].
-    pub fn reduced(&self, side: u32) -> Result<Self> {
-        let [width, height] = self.extent.map(|pixels| pixels.div_ceil(side));
-        Ok(Self::new(self.camera, width, height)?.with_clip(self.clip))
+    /// Returns the same view with pixels of about `side` x `side` of these: as many as its height needs, and of the same size as many as
+    /// its width needs.
+    pub(crate) fn reduced(&self, side: u32) -> Result<Self> {
+        let [width, height] = self.extent.map(u64::from);
+        let rows = height.div_ceil(u64::from(side.max(1)));
+        let columns = (width * rows).div_ceil(height);
+        let [columns, rows] = [columns, rows].map(|pixels| u32::try_from(pixels).unwrap_or(u32::MAX));
+        Ok(Self::new(self.camera, columns, rows)?.with_clip(self.clip))
     }
 
     /// Returns the clip region.

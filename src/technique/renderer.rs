@@ -257,16 +257,22 @@ impl Frames {
         recorder.release_to_host(&host);
         let (_, keep) = recorder.finish()?;
         self.commands.submit(keep, "overflow map")?;
-        Ok(Some(pixels_of_tiles(&host.host_copy()?, self.plan.extent, self.renderer.technique.side())))
+        Ok(Some(pixels_of_tiles(&host.host_copy()?, self.plan.extent, self.plan.drawn)))
     }
 }
 
-/// Converts words, tile by tile, to flags of pixels, row by row: whether fragments left the k-buffer out of order, repaired or not. A word is
-/// for a square of `side` x `side` pixels.
-fn pixels_of_tiles(words: &[u8], [width, height]: [u32; 2], side: u32) -> Vec<bool> {
-    let across = width.div_ceil(side).div_ceil(TILE);
+/// Converts words, tile by tile of an image of the size `drawn`, to flags of pixels of an image that shows the same height, row by row:
+/// whether fragments left the k-buffer out of order, repaired or not.
+fn pixels_of_tiles(words: &[u8], [width, height]: [u32; 2], drawn: [u32; 2]) -> Vec<bool> {
+    let across = drawn[0].div_ceil(TILE);
+    // As in upsampling.glsl.
+    let nearest = |at: u32, side: u32, drawn_side: u32| {
+        let from_centre = f64::from(at) + 0.5 - 0.5 * f64::from(side);
+        let place = from_centre * f64::from(drawn[1]) / f64::from(height) + 0.5 * f64::from(drawn_side);
+        num::u32_of(place.max(0.0)).min(drawn_side - 1)
+    };
     let place = |x: u32, y: u32| {
-        let [x, y] = [x / side, y / side];
+        let [x, y] = [nearest(x, width, drawn[0]), nearest(y, height, drawn[1])];
         (y / TILE * across + x / TILE) * TILE_PIXELS + y % TILE * TILE + x % TILE
     };
     let unsorted = |word: &[u8]| {
@@ -291,10 +297,10 @@ mod tests {
         // A pixel outside of the image, and a flag of another kind.
         words[4 * (64 + 2)] = 1;
         words[4 * 5..4 * 6].copy_from_slice(&crate::gpu::shader::FLAG_OVERLAPS.to_ne_bytes());
-        let map = pixels_of_tiles(&words, [10, 9], 1);
+        let map = pixels_of_tiles(&words, [10, 9], [10, 9]);
         let set: Vec<usize> = (0..90).filter(|&i| map[i]).collect();
         assert_eq!((map.len(), set), (90, vec![0, 9, 71, 88]));
-        let larger = pixels_of_tiles(&words, [19, 18], 2);
-        assert!((0..larger.len()).all(|i| larger[i] == map[i / 19 / 2 * 10 + i % 19 / 2]));
+        let larger = pixels_of_tiles(&words, [20, 18], [10, 9]);
+        assert!((0..larger.len()).all(|i| larger[i] == map[i / 20 / 2 * 10 + i % 20 / 2]));
     }
 }

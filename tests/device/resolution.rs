@@ -1,4 +1,4 @@
-//! `resolution=half|quarter`: fewer pixels are drawn, and the image is reconstructed from them.
+//! `resolution=half|quarter`: fewer pixels are drawn, and the image is upsampled.
 
 #![allow(
     clippy::cast_possible_truncation,
@@ -12,9 +12,16 @@ use volraster::scene::{Clip, View};
 use volraster::technique::Renderer;
 use volraster::{GpuScene, Image, TargetDesc};
 
+/// The same view with larger pixels, which cover its height and its width.
+fn reduced(view: &View, side: u32) -> View {
+    let [width, height] = view.extent();
+    let rows = height.div_ceil(side);
+    View::new(*view.camera(), (width * rows).div_ceil(height), rows).unwrap().with_clip(*view.clip())
+}
+
 /// Cubic convolution (Keys 1981, a = -1/2) of an image that shows the same height with fewer pixels, limited to the range of the
 /// nearest four.
-fn reconstructed(small: &Image, [width, height]: [u32; 2]) -> Image {
+fn upsampled(small: &Image, [width, height]: [u32; 2]) -> Image {
     let weight = |x: f64| match x.abs() {
         x if x < 1.0 => (1.5 * x - 2.5) * x * x + 1.0,
         x if x < 2.0 => ((-0.5 * x + 2.5) * x - 4.0) * x + 2.0,
@@ -50,19 +57,18 @@ fn reconstructed(small: &Image, [width, height]: [u32; 2]) -> Image {
 
 /// Every technique with the option draws the pixels of a smaller image of the same view, at sizes that the squares divide or not.
 #[test]
-fn fewer_pixels_are_drawn_and_reconstructed() {
+fn fewer_pixels_are_drawn_and_upsampled() {
     let gpu = gpu();
     for (scene, specs) in every_kind(&gpu) {
         for spec in specs.iter().filter(|spec| has_option(spec, "resolution")) {
             for (word, side) in [("half", 2), ("quarter", 4)] {
                 for [width, height] in taken(2, [[32, 24], [37, 21]]) {
                     let full = view(perspective(), 1.0, width, height);
-                    let small =
-                        View::new(*full.camera(), width.div_ceil(side), height.div_ceil(side)).unwrap();
+                    let small = reduced(&full, side);
                     let draw = |spec: &str, view: &View| {
                         Renderer::new(&scene, technique(spec)).render(view).unwrap()
                     };
-                    let wanted = reconstructed(&draw(spec, &small), [width, height]);
+                    let wanted = upsampled(&draw(spec, &small), [width, height]);
                     let found = draw(&with_option(spec, "resolution", word), &full);
                     let error = ImageErrors::between(&found, &wanted).unwrap().all.max_abs;
                     assert!(error <= 1e-6, "{spec} {word} {width} x {height}: {error:e}");
@@ -74,7 +80,7 @@ fn fewer_pixels_are_drawn_and_reconstructed() {
 
 /// Clip planes cut the fewer pixels, and a plan of them turns.
 #[test]
-fn reconstructed_images_are_clipped_and_turn() {
+fn upsampled_images_are_clipped_and_turn() {
     let gpu = gpu();
     let scene = GpuScene::new(&gpu, cut::mesh());
     let [first, ..] = cut::views();
@@ -86,11 +92,27 @@ fn reconstructed_images_are_clipped_and_turn() {
         let camera = first.camera().orbit(degrees).unwrap();
         let turned = View::new(camera, width, height).unwrap().with_clip(clip);
         frames.draw(&turned).unwrap();
-        let small = View::new(camera, width.div_ceil(2), height.div_ceil(2)).unwrap().with_clip(clip);
-        let wanted = reconstructed(&renderer("havs").render(&small).unwrap(), [width, height]);
+        let small = reduced(&turned, 2);
+        let wanted = upsampled(&renderer("havs").render(&small).unwrap(), [width, height]);
         let found = frames.read_back().unwrap();
         assert!(ImageErrors::between(&found, &wanted).unwrap().all.max_abs <= 1e-6, "{degrees}");
         assert_eq!(frames.overflow_map().unwrap().unwrap().len(), (width * height) as usize);
+    }
+}
+
+/// Where the volume fills the image, wide or high, the error is small up to its edges.
+#[test]
+fn upsampled_images_reach_the_edges() {
+    let gpu = gpu();
+    let scene = GpuScene::new(&gpu, scene(volraster::scene::Field::Blobs, 24, "f32", &FOG));
+    for [width, height] in [[240, 21], [21, 240], [97, 65]] {
+        let view = view(perspective(), 0.1, width, height);
+        let draw = |spec: &str| Renderer::new(&scene, technique(spec)).render(&view).unwrap();
+        for (word, bound) in [("half", 0.02), ("quarter", 0.05)] {
+            let upsampled = draw(&format!("slabs:resolution={word}"));
+            let error = ImageErrors::between(&upsampled, &draw("slabs")).unwrap().all.max_abs;
+            assert!(error <= bound, "{width} x {height} {word}: {error:e}");
+        }
     }
 }
 

@@ -3,7 +3,8 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::error::{Error, Result};
-use crate::frame::lists::fragments::{Band, Lists, cut_into_bands, entry_words};
+use crate::frame::lists::bands::{Band, cut_into_bands};
+use crate::frame::lists::fragments::{Lists, entry_words};
 use crate::frame::lists::hits::Hits;
 use crate::frame::lists::ranking::Ranking;
 use crate::gpu::shader::{TILE, TILE_PIXELS};
@@ -18,7 +19,7 @@ use crate::resident::mesh::Needs;
 pub(crate) struct Measured {
     pub(crate) needs: Needs,
     pub(crate) bins: Arc<Bins>,
-    /// Tiles whose bins or lists fit a buffer together.
+    /// Tiles whose bins fit a buffer together.
     pub(crate) bands: Vec<Band>,
 }
 
@@ -28,10 +29,10 @@ const MOST_TILES: u32 = 1 << 21;
 /// Entries of the lists of flagged pixels before a frame has told how many there are.
 const FLAGGED_ENTRIES: u32 = 1 << 14;
 
-/// Largest number of entries of the lists of a band. A fifth of the buffer and 64 entries stay free for the margin of nearby views.
+/// Largest number of entries of the lists of a band. A fifth of the buffer and 96 entries stay free for the margin of nearby views.
 fn most_entries(gpu: &Gpu, ranking: &Ranking) -> u64 {
     let most = u64::from(gpu.limits().max_storage_buffer_range) / 4 / entry_words(ranking.kind);
-    (most - most / 5).saturating_sub(64)
+    (most - most / 5).saturating_sub(96)
 }
 
 /// Measures what a view needs: bins are made band by band. How many fragments of flagged pixels are listed is known from earlier frames:
@@ -58,8 +59,9 @@ pub(crate) fn measure(
     // Masks and hits take 8 bytes a pair.
     let hard = (bytes / 8 - bytes / 40).saturating_sub(96).min(MOST_ENTRIES.into());
     let most_listed = most_entries(gpu, ranking);
-    // Bands are as large as bins allow, until a frame had more fragments to list than fit.
-    let soft = most_listed.checked_div(needs.listed_per_pair.into()).map_or(hard, |pairs| hard.min(pairs));
+    // Bands are as large as bins allow, until a frame has had more fragments to list than fit a buffer.
+    let too_many = u64::from(needs.lists) > most_listed;
+    let soft = if too_many { hard.min(most_listed / u64::from(needs.listed_per_pair.max(1))) } else { hard };
     let widest =
         u32::try_from(bytes / 4 / u64::from(TILE_PIXELS)).unwrap_or(u32::MAX).min(MOST_TILES).min(tiles);
     let entries = fill.tiles.iter().map(|&entries| u64::from(entries));

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::frame::lists::Band;
+use crate::frame::lists::bands::Band;
 use crate::frame::lists::ranking::Ranking;
 use crate::gpu::shader::{
     MESH_TILES_HITS, MESH_TILES_MARK, MESH_TILES_MASKS, MeshTilesHits, MeshTilesMark, MeshTilesMasks, TILE,
@@ -26,16 +26,15 @@ pub(crate) struct Hits {
     hits_of: Dispatch,
 }
 
-/// The flags of pixels, a word each, and the bits of those that have hits.
+/// The flags of pixels, a word each, and the bits of those that are drawn from lists.
 pub(crate) type Flagged<'a> = (&'a Arc<Buffer>, u32);
 
 impl Hits {
-    /// Makes the hits of an image of `tiles` tiles; with `flagged` only of tiles that have flagged pixels.
+    /// Makes the hits of the tiles of `bins`; with `flagged` only of those that have flagged pixels.
     pub(crate) fn new(
         gpu: &Gpu,
         ranking: &Ranking,
         bins: Arc<Bins>,
-        tiles: u32,
         flagged: Option<Flagged<'_>>,
     ) -> Result<Arc<Self>> {
         let name = |part: &str| format!("{}.{part}", ranking.name);
@@ -47,7 +46,7 @@ impl Hits {
             _ => buffer(gpu, "hits", words)?,
         };
         let mark = |(flags, listed): Flagged<'_>| {
-            let marked = buffer(gpu, "marked", tiles.into())?;
+            let marked = buffer(gpu, "marked", bins.ends.size() / 4)?;
             let inputs = MeshTilesMark { flags: flags.read(), marked: marked.write(), listed };
             Ok((pass(gpu, &name("mark"), &MESH_TILES_MARK.with(&inputs))?, marked))
         };
@@ -85,9 +84,9 @@ impl Hits {
     ) {
         let across = tiles_across(push);
         if let Some((mark, marked)) = &self.mark {
-            let tiles = across * num::u32_of(f64::from(2.0 * push.half_extent[1])).div_ceil(TILE);
+            let push = MeshPush { count: band.tiles, band: band.first, ..*push };
             recorder.clear_buffer("marked.clear", marked);
-            mark.record(recorder, &MeshPush { count: tiles, ..*push }, groups_of(tiles, 1));
+            mark.record(recorder, &push, groups_of(band.tiles, 1));
         }
         self.bins.record(recorder, across, [band.first, band.tiles]);
         let push = MeshPush { count: band.tiles, band: band.first, ..*push };

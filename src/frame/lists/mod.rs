@@ -4,12 +4,14 @@
 //! ([`Hits`]). Pixels walk through these, or list their fragments by rank ([`Lists`]). [`measure`] counts what a view needs when it is
 //! prepared, [`measure_lists`] the fragments of all its pixels.
 
+mod bands;
 mod capacity;
 mod fragments;
 mod hits;
 mod ranking;
 
+pub(crate) use bands::{Band, cut_into_bands};
 pub(crate) use capacity::{Measured, measure, measure_lists};
-pub(crate) use fragments::{Band, Lists, cut_into_bands};
+pub(crate) use fragments::Lists;
 pub(crate) use hits::Hits;
 pub(crate) use ranking::{Geometry, Ranking};

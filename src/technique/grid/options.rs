@@ -105,8 +105,8 @@ option_set! {
         /// colour where colours exceed 1.
         // Two units in the last place of a float32 near 1.
         pub stop: f64 = 2.4e-7 => Rule::below_one(),
-        /// Selects the pixels that are drawn: half and quarter draw one for each square of 2 x 2 or 4 x 4 and reconstruct the others, which
-        /// takes about a quarter or a sixteenth of the time. They blur edges; where the image is smooth their error is of third order.
+        /// Selects the pixels that are drawn: half and quarter draw one for each square of 2 x 2 or 4 x 4 and upsample the image. They blur
+        /// edges; where the image is smooth their error is of third order. They refuse surfaces and depth images.
         pub resolution: Resolution = Resolution::Full => Rule::words().quiet(),
     }
 }

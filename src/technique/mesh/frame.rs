@@ -89,7 +89,7 @@ impl MeshFrame {
         let ranking = desc.rank_primitives(scene, &data, order)?;
         let Measured { needs, bins, bands } =
             measure(gpu, &ranking, data.needs(desc.primitives), &push, [tiles, across], false)?;
-        let hits = Hits::new(gpu, &ranking, bins, tiles, None)?;
+        let hits = Hits::new(gpu, &ranking, bins, None)?;
 
         let image = own_image(gpu, desc.name, FORMAT, vk::ImageUsageFlags::STORAGE, view, target)?;
         let flags = buffer(gpu, "flags", u64::from(tiles) * u64::from(TILE_PIXELS))?;

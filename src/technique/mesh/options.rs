@@ -32,8 +32,8 @@ option_set! {
         pub stop: f64 = 0.0 => Rule::below_one(),
         /// skip leaves out cells whose range of scalars has no extinction; march draws all cells. The image is the same.
         pub empty_space as "empty-space": EmptySpace = EmptySpace::Skip,
-        /// Selects the pixels that are drawn: half and quarter draw one for each square of 2 x 2 or 4 x 4 and reconstruct the others, which
-        /// takes about a quarter or a sixteenth of the time. They blur edges; where the image is smooth their error is of third order.
+        /// Selects the pixels that are drawn: half and quarter draw one for each square of 2 x 2 or 4 x 4 and upsample the image. They blur
+        /// edges; where the image is smooth their error is of third order. They refuse surfaces and depth images.
         pub resolution: Resolution = Resolution::Full => Rule::words().quiet(),
     }
 }

@@ -20,11 +20,13 @@ pub(crate) struct MeshOutcome {
     data: Arc<MeshData>,
     kind: Primitives,
     pub(crate) status: Arc<Buffer>,
-    /// Entries of the bins, of each band where these are made band by band.
+    /// Entries of the bins of each band.
     pub(crate) bins: Vec<Arc<Buffer>>,
     /// Entries of the lists of each band.
     pub(crate) lists: Vec<Arc<Buffer>>,
     capacities: Needs,
+    /// Whether a tile is drawn chunk by chunk, which its longest bin counts.
+    chunked: bool,
     primitives: u32,
     /// Whether pixels in which cells overlap must be drawn again.
     repairs_overlaps: bool,
@@ -54,6 +56,7 @@ impl MeshOutcome {
             bins: (0..binned).map(|_| download(gpu, "bins.total", 8)).collect::<Result<_>>()?,
             lists: (0..listed).map(|_| download(gpu, "lists.total", 8)).collect::<Result<_>>()?,
             capacities,
+            chunked: desc.chunk.is_some(),
             primitives,
             repairs_overlaps: desc.repairs_overlaps(),
             walks: false,
@@ -74,7 +77,7 @@ impl Outcome for MeshOutcome {
         let (fullest_bins, fullest, fragments) = (fullest(&bins), fullest(&lists), lists.iter().sum::<u64>());
         let fits = fullest_bins <= u64::from(self.capacities.bins)
             && fullest <= u64::from(self.capacities.lists)
-            && at(STATUS_LONGEST_BIN) <= self.capacities.longest_bin
+            && (!self.chunked || at(STATUS_LONGEST_BIN) <= self.capacities.longest_bin)
             && at(STATUS_LOST) == 0;
         if fits {
             check_loops(at(STATUS_CUT))?;

@@ -40,7 +40,7 @@ impl Overlaps {
         let Measured { needs, bins, bands } = measure(gpu, &ranking, known, push, [tiles, across], false)?;
         let status = download(gpu, "overlaps.status", 4 * u64::from(STATUS_WORDS))?;
         let outcome = MeshOutcome::new(gpu, data, &desc, status, [bands.len(); 2], needs, ranking.count)?;
-        let hits = Hits::new(gpu, &ranking, bins, tiles, Some((drawn.flags, FLAG_OVERLAPS)))?;
+        let hits = Hits::new(gpu, &ranking, bins, Some((drawn.flags, FLAG_OVERLAPS)))?;
         let drawn = ListInputs { status: &ranking.status, listed: FLAG_OVERLAPS, ..drawn.clone() };
         let frame = FlaggedFrame { desc: &desc, drawn: &drawn, ..*frame };
         let repair = Repairs::new(&frame, cell_lists::repair, &ranking, hits, bands, needs)?;

@@ -56,8 +56,8 @@ option_set! {
         pub kernels: KernelOptions = KernelOptions::default() => GROUP,
         /// Sets the largest colour that a ray may miss when it ends early: an absolute error.
         pub stop: f64 = 2.4e-7 => Rule::below_one(),
-        /// Selects the pixels that are drawn: half and quarter draw one for each square of 2 x 2 or 4 x 4 and reconstruct the others, which
-        /// takes about a quarter or a sixteenth of the time. They blur edges; where the image is smooth their error is of third order.
+        /// Selects the pixels that are drawn: half and quarter draw one for each square of 2 x 2 or 4 x 4 and upsample the image. They blur
+        /// edges; where the image is smooth their error is of third order. They refuse surfaces and depth images.
         pub resolution: Resolution = Resolution::Full => Rule::words().quiet(),
         /// Sets the most entries of bins at a time. An image with more is drawn in several bands of tiles.
         pub pairs: Option<u32> = None => Rule::whole(64, u32::MAX).unset("as many as a buffer holds"),

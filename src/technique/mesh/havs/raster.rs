@@ -276,7 +276,7 @@ impl RasterOutcome {
         let gpu = scene.gpu();
         let Measured { needs, bins, bands } =
             measure(gpu, ranking, data.needs(desc.primitives), push, [tiles, across], true)?;
-        let hits = Hits::new(gpu, ranking, bins, tiles, Some((drawn.flags, drawn.listed)))?;
+        let hits = Hits::new(gpu, ranking, bins, Some((drawn.flags, drawn.listed)))?;
         let status = Arc::clone(&self.status);
         let mut outcome = MeshOutcome::new(gpu, data, desc, status, [bands.len(); 2], needs, ranking.count)?;
         let repairs = Repairs::new(frame, shader, ranking, hits, bands, needs)?;

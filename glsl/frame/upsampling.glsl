@@ -1,6 +1,6 @@
 // entry compute COMPUTE
 //
-// Reconstructs an image from one with fewer pixels, which covers the same part of the image plane: cubic convolution of the 4 x 4
+// Upsamples an image to one with more pixels, which shows the same part of the image plane: cubic convolution of the 4 x 4
 // pixels around a position, limited to the range of the nearest four, so that edges do not ring.
 //
 //   COMPUTE  one invocation per pixel of the target
@@ -21,7 +21,7 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(set = 0, binding = BINDING_SOURCE) uniform sampler2D source;
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform writeonly image2D accumulation;
 
-layout(push_constant, std430) uniform ReconstructionPush {
+layout(push_constant, std430) uniform UpsamplingPush {
     vec2 half_extent; // half the target, pixels
     vec2 half_source; // half the source, pixels
     float scale;      // side of a pixel of the target, in pixels of the source
