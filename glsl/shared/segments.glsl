@@ -183,10 +183,16 @@ vec4 full_density(float front, float back, float len) {
     vec3 index = clamp(place, vec3(0.0), size - 1.0);
     ivec3 i = ivec3(index), j = min(i + 1, ivec3(size) - 1);
     vec3 w = index - vec3(i);
-    vec4 low = interpolated(interpolated(texelFetch(table_texels, i, 0), texelFetch(table_texels, ivec3(j.x, i.y, i.z), 0), w.x),
-                   interpolated(texelFetch(table_texels, ivec3(i.x, j.y, i.z), 0), texelFetch(table_texels, ivec3(j.x, j.y, i.z), 0), w.x), w.y);
-    vec4 high = interpolated(interpolated(texelFetch(table_texels, ivec3(i.x, i.y, j.z), 0), texelFetch(table_texels, ivec3(j.x, i.y, j.z), 0), w.x),
-                    interpolated(texelFetch(table_texels, ivec3(i.x, j.y, j.z), 0), texelFetch(table_texels, j, 0), w.x), w.y);
+    vec4 v000 = texelFetch(table_texels, i, 0);
+    vec4 v100 = texelFetch(table_texels, ivec3(j.x, i.y, i.z), 0);
+    vec4 v010 = texelFetch(table_texels, ivec3(i.x, j.y, i.z), 0);
+    vec4 v110 = texelFetch(table_texels, ivec3(j.x, j.y, i.z), 0);
+    vec4 v001 = texelFetch(table_texels, ivec3(i.x, i.y, j.z), 0);
+    vec4 v101 = texelFetch(table_texels, ivec3(j.x, i.y, j.z), 0);
+    vec4 v011 = texelFetch(table_texels, ivec3(i.x, j.y, j.z), 0);
+    vec4 v111 = texelFetch(table_texels, j, 0);
+    vec4 low = interpolated(interpolated(v000, v100, w.x), interpolated(v010, v110, w.x), w.y);
+    vec4 high = interpolated(interpolated(v001, v101, w.x), interpolated(v011, v111, w.x), w.y);
     return interpolated(low, high, w.z);
 }
 

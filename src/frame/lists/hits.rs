@@ -83,13 +83,12 @@ impl Hits {
         total: Option<&Arc<Buffer>>,
     ) {
         let across = tiles_across(push);
+        let push = MeshPush { count: band.tiles, band: band.first, ..*push };
         if let Some((mark, marked)) = &self.mark {
-            let push = MeshPush { count: band.tiles, band: band.first, ..*push };
             recorder.clear_buffer("marked.clear", marked);
             mark.record(recorder, &push, groups_of(band.tiles, 1));
         }
         self.bins.record(recorder, across, [band.first, band.tiles]);
-        let push = MeshPush { count: band.tiles, band: band.first, ..*push };
         self.masks_of.record(recorder, &push, groups_of(self.bins.capacity, 64));
         let rows = self.bins.capacity.div_ceil(32) * TILE;
         self.hits_of.record(recorder, &push, groups_of(rows, 64));
