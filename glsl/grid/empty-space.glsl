@@ -3,6 +3,7 @@
 #define EMPTY_SPACE_GLSL
 
 #include "interface.glsl"
+#include "shared/integers.glsl"
 #include "grid/ray.glsl"
 
 layout(constant_id = SPEC_EMPTY_SPACE) const bool EMPTY_SPACE = false;
@@ -44,7 +45,7 @@ float empty_until(Ray ray, float z, float far, BrickGrid grid) {
     float at = z;
     for (int turn = 0; turn < 64; ++turn) {
         vec3 place = (fma(vec3(at + nudge), ray.d, ray.q) + grid.half_size) / float(BRICK);
-        ivec3 brick = clamp(ivec3(floor(place)), ivec3(0), grid.count - 1);
+        ivec3 brick = whole_of(clamp(place, vec3(0.0), vec3(grid.count - 1)));
         ivec3 word = brick * grid.stride;
         if (bricks.visible[word.x + word.y + word.z] != 0u) break;
         vec3 face = (vec3(brick) + mix(vec3(0.0), vec3(1.0), greaterThan(ray.inverse, vec3(0.0)))) * float(BRICK);

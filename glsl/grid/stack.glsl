@@ -4,6 +4,7 @@
 
 #include "interface.glsl"
 #include "shared/device.glsl"
+#include "shared/integers.glsl"
 #include "shared/interpolated.glsl"
 #include "shared/optics.glsl"
 #include "grid/ray.glsl"
@@ -20,7 +21,7 @@ float fetched(vec2 index, int slice, int level) {
     index = clamp(index, vec2(0.0), size - 1.0);
     vec2 base = min(floor(index), max(size - 2.0, 0.0));
     vec2 w = index - base;
-    ivec2 i = ivec2(base), j = min(i + 1, ivec2(size) - 1);
+    ivec2 i = whole_of(base), j = min(i + 1, ivec2(size) - 1);
     float v00 = texelFetch(stack, ivec3(i, slice), level).r;
     float v10 = texelFetch(stack, ivec3(j.x, i.y, slice), level).r;
     float v01 = texelFetch(stack, ivec3(i.x, j.y, slice), level).r;
@@ -35,11 +36,11 @@ float on_slice(vec2 index, float slice, float level, Lattice lattice) {
         vec3 size = vec3(textureSize(stack, int(level)).xy, 1.0);
         return textureLod(stack, vec3(sampled_at(vec3(coordinate, 0.5), size).xy, slice), level).r;
     }
-    if (!PREFILTER) return fetched(index, int(slice), 0);
+    if (!PREFILTER) return fetched(index, whole_of(slice), 0);
     level = min(level, float(textureQueryLevels(stack) - 1));
-    int below = int(level);
-    float fine = fetched(index, int(slice), below);
-    return level == float(below) ? fine : interpolated(fine, fetched(index, int(slice), below + 1), level - float(below));
+    int below = whole_of(level);
+    float fine = fetched(index, whole_of(slice), below);
+    return level == float(below) ? fine : interpolated(fine, fetched(index, whole_of(slice), below + 1), level - float(below));
 }
 
 // Returns the stored value at an index, trilinear: it interpolates between two slices.

@@ -3,6 +3,7 @@
 #define VOLUME_GLSL
 
 #include "shared/device.glsl"
+#include "shared/integers.glsl"
 #include "shared/interpolated.glsl"
 #include "grid/grid.glsl"
 
@@ -19,7 +20,7 @@ float fetched(vec3 index, int level) {
     index = clamp(index, vec3(0.0), size - 1.0);
     vec3 base = min(floor(index), max(size - 2.0, 0.0));
     vec3 w = index - base;
-    ivec3 i = ivec3(base), j = min(i + 1, ivec3(size) - 1);
+    ivec3 i = whole_of(base), j = min(i + 1, ivec3(size) - 1);
     float v000 = texelFetch(volume, i, level).r;
     float v100 = texelFetch(volume, ivec3(j.x, i.y, i.z), level).r;
     float v010 = texelFetch(volume, ivec3(i.x, j.y, i.z), level).r;
@@ -44,7 +45,7 @@ float stored_at(Ray ray, float z, Lattice lattice) {
     vec3 index = position + lattice.half_size;
     if (!PREFILTER) return fetched(index, 0);
     level = min(level, float(textureQueryLevels(volume) - 1));
-    int below = int(level);
+    int below = whole_of(level);
     float fine = fetched(index, below);
     return level == float(below) ? fine : interpolated(fine, fetched(index, below + 1), level - float(below));
 }

@@ -59,10 +59,15 @@ Crossing crossing_of(Edge edge) {
     return Crossing(from0, slope);
 }
 
+// Where the edge crosses rows, in pixels from the tile's first one on, in [0, TILE].
+vec4 crossed_at(Crossing crossing, vec4 rows) {
+    precise vec4 from = fma(rows, vec4(crossing.slope), vec4(crossing.from0));
+    return min(max(from, 0.0), float(TILE));
+}
+
 // The first pixels of rows beyond the crossing.
 uvec4 first_beyond(Crossing crossing, vec4 rows) {
-    precise vec4 from = fma(rows, vec4(crossing.slope), vec4(crossing.from0));
-    return uvec4(ceil(min(max(from, 0.0), float(TILE))));
+    return uvec4(whole_of(ceil(crossed_at(crossing, rows))));
 }
 
 // The pixels of the tile where the side is positive: a bit each, row by row. Where the edge crosses a row is computed once, so that what
@@ -78,7 +83,7 @@ uvec2 positive(Edge edge) {
 
 // The same for one pixel.
 bool is_positive(Edge edge, uvec2 pixel) {
-    return (pixel.x >= first_beyond(crossing_of(edge), vec4(pixel.y)).x) != (edge.dx < 0.0);
+    return (float(pixel.x) >= crossed_at(crossing_of(edge), vec4(pixel.y)).x) != (edge.dx < 0.0);
 }
 
 // A line passes through a face that turns left where it is on the positive sides of bc and ab and on the negative one of ac; the other way

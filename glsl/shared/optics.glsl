@@ -59,10 +59,14 @@ vec4 classify(float s, uint count) {
 // the subtraction would cancel. With od log2(e) = k + f, |f| <= 1/2, it equals (1 - 2^-k) - 2^-k (2^-f - 1). The last parenthesis
 // is f times a series, whose first omitted term is below 2e-8 of the sum. Where k is 0, nothing is subtracted.
 float alpha_of(float od) {
-    float x = min(od * 1.44269504, 120.0), k = floor(x + 0.5), f = x - k;
+    // The sum with 1.5 * 2^23 is a whole number: k is what it adds, in its last bits.
+    float x = min(od * 1.44269504, 120.0);
+    precise float sum = x + 12582912.0;
+    precise float k = sum - 12582912.0;
+    float f = x - k;
     float series = fma(f, fma(f, -0.0000152527338, 0.000154035304), -0.00133335581);
     series = fma(f, fma(f, fma(f, fma(f, series, 0.00961812911), -0.0555041087), 0.240226507), -0.693147181);
-    float scale = intBitsToFloat((127 - int(k)) << 23);
+    float scale = intBitsToFloat((127 - floatBitsToInt(sum)) << 23);
     return fma(-scale, f * series, 1.0 - scale);
 }
 

@@ -13,6 +13,7 @@
 
 #include "interface.glsl"
 #include "shared/device.glsl"
+#include "shared/integers.glsl"
 #include "shared/interpolated.glsl"
 #include "shared/optics.glsl"
 
@@ -106,7 +107,7 @@ End end_at(float s) {
         end.place = place;
         // Below 1, so that a segment across an edge has a non-empty part in at least one of the two bins.
         end.x = min(x * head.range.z, 0.99999994);
-        int bin = int(place);
+        int bin = whole_of(place);
         ivec3 texel = ivec3(bin % TABLE_BINS_PER_ROW * 4, bin / TABLE_BINS_PER_ROW, 0);
         end.bin.high = texelFetch(table_texels, texel, 0);
         end.bin.low = texelFetch(table_texels, texel + ivec3(1, 0, 0), 0);
@@ -181,7 +182,7 @@ vec4 full_density(float front, float back, float len) {
     vec3 place = vec3(nodes, layer);
     if (TABLE_FILTER) return textureLod(table_texels, sampled_at((place + 0.5) / size, size), 0.0);
     vec3 index = clamp(place, vec3(0.0), size - 1.0);
-    ivec3 i = ivec3(index), j = min(i + 1, ivec3(size) - 1);
+    ivec3 i = whole_of(index), j = min(i + 1, ivec3(size) - 1);
     vec3 w = index - vec3(i);
     vec4 v000 = texelFetch(table_texels, i, 0);
     vec4 v100 = texelFetch(table_texels, ivec3(j.x, i.y, i.z), 0);
