@@ -15,7 +15,7 @@
 #define BINDING_RESULT 5        // storage block: results of the start-up probes
 #define BINDING_TABLE_HEAD 6    // storage block: head of a pre-integration table
 #define BINDING_TABLE 7         // sampler3D: its bins or nodes
-#define BINDING_BRICKS 8        // storage block: one word per brick, 0 where nothing is visible
+#define BINDING_BRICKS 8        // storage block: one word per brick: 0 where something is visible, else the side of the empty block around it
 #define BINDING_RANGES 9        // storage block: least and greatest scalar of each brick
 #define BINDING_VISIBLE 10      // storage block: ranges of scalars with extinction
 #define BINDING_TEXELS 11       // storage block: packed texels of the image that the shader blends into
@@ -63,6 +63,8 @@
 #define BINDING_BIN_TILES 60    // storage block: tile of each pair
 #define BINDING_HITS 61         // storage block: pixels of its tile that each pair covers, or for 32 pairs and each pixel which cover it
 #define BINDING_MARKED 62       // storage block: a word per tile, not 0 where it has flagged pixels
+
+#define BINDING_PIXELS 66       // storage block: pixels that are drawn once more
 
 #define BINDING_SCAN_WORDS 13   // storage block: words that are replaced by their prefix sums
 #define BINDING_SCAN_SUMS 14    // storage block: 64-bit sums of chunks of them
@@ -113,6 +115,8 @@
 
 #define SPEC_BOUNDED 35       // bool: rays are bounded by the depths of BINDING_LINE_BOUNDS
 #define SPEC_LAYERED 36       // bool: the volume contains translucent surfaces
+#define SPEC_REDRAWN 37       // bool: only the pixels of BINDING_PIXELS are drawn
+#define SPEC_REFINES 38       // bool: pixels for which fewer do not suffice are listed in BINDING_PIXELS
 
 // Values of SPEC_INTEGRATOR.
 #define INTEGRATOR_MIDPOINT 0
@@ -147,12 +151,18 @@
 #define WARP_MIP 1
 #define WARP_BICUBIC 2
 
+// Words of BINDING_PIXELS: the workgroups of 64 invocations that draw them, in three dimensions; their number; from then on x of each, and y
+// in the upper half.
+#define PIXELS_COUNT 3
+#define PIXELS_FIRST 4
+
 #define SHEETS 4          // slabs of splats that are accumulated at a time
 #define SPLAT_WINDOW 8    // capacity of the window that sorts splats
 #define FOOTPRINT_PARTS 8 // intervals of a ray integral without a closed form, two points each
 
 #define TABLE_BINS_PER_ROW 256 // bins of a cumulative table in one row of its texture
 #define BRICK 8            // cells along each side of a brick
+#define BLOCK 4            // bricks along each side of a block
 #define THRESHOLD_SIDE 64  // side of the tile of thresholds
 
 #define LANE_GROUP 8    // workgroup of independent invocations on devices that emulate workgroups

@@ -7,6 +7,7 @@
 #include "shared/device.glsl"
 #include "shared/optics.glsl"
 #include "frame/layers.glsl"
+#include "frame/redrawn.glsl"
 #include "grid/grid.glsl"
 #include "grid/empty-space.glsl"
 #include "grid/interval.glsl"
@@ -15,7 +16,16 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
 
-bool in_image(ivec2 pixel) {
+// Finds the pixel of an invocation: by its place in the dispatch, or in the list of those that are drawn once more. Returns whether there
+// is one.
+bool own_pixel(out ivec2 pixel) {
+    if (REDRAWN) {
+        uint number = WORKGROUP_NUMBER * 64u + gl_LocalInvocationIndex, count = pixels[PIXELS_COUNT];
+        uint word = pixels[PIXELS_FIRST + min(number, max(count, 1u) - 1u)];
+        pixel = ivec2(word & 0xffffu, word >> 16);
+        return number < count;
+    }
+    pixel = ivec2(INVOCATION.xy);
     return all(lessThan(pixel, ivec2(2.0 * push.half_extent + 0.5)));
 }
 

@@ -71,8 +71,8 @@ void main() {
 #include "grid/march.glsl"
 
 void main() {
-    ivec2 pixel = ivec2(INVOCATION.xy);
-    if (!in_image(pixel)) return;
+    ivec2 pixel;
+    if (!own_pixel(pixel)) return;
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray, vec2(pixel));
     uvec2 slabs = slabs_of(interval);

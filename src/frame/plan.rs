@@ -8,7 +8,7 @@ use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::ray_bounds::{RayBounds, bounds_buffer};
 use crate::frame::surfaces::{SurfaceFrame, SurfaceLists};
 use crate::frame::target::{Canvas, Composite, TargetDesc, TargetMode};
-use crate::frame::upsampling::Upsampling;
+use crate::frame::upsampling::{Drawn, Upsampling};
 use crate::gpu::sync::Use;
 use crate::gpu::{
     Buffer, CommandBuffer, DepthImage, Gpu, Image, Keep, PassTime, Recorder, TargetImage, Timers, Used,
@@ -153,15 +153,14 @@ impl Recorded {
 }
 
 impl Plan {
-    /// Builds the plan of a view: bounds of rays, the frame of the technique, which `prepare` makes, surfaces, and the composite. A pixel
-    /// is drawn for each square of `side` x `side`.
+    /// Builds the plan of a view: bounds of rays, the frame of the technique, which `prepare` makes, surfaces, and the composite.
     pub(crate) fn new(
         gpu: &Gpu,
         surfaces: Option<&Arc<SurfaceData>>,
         view: &View,
         target: &TargetDesc,
-        side: u32,
-        prepare: impl FnOnce(&View, &Canvas) -> Result<Box<dyn Prepared>>,
+        Drawn { side, refine }: Drawn,
+        prepare: impl Fn(&View, &Canvas) -> Result<Box<dyn Prepared>>,
     ) -> Result<Self> {
         if side > 1 && (target.depth || surfaces.is_some()) {
             let why =
@@ -173,7 +172,8 @@ impl Plan {
         let bounded = target.depth || lists.is_some() || !view.clip().is_none();
         let bounds = bounded.then(|| bounds_buffer(gpu, &drawn)).transpose()?;
         let layers = lists.as_ref().and_then(SurfaceLists::layers);
-        let canvas = Canvas { target: *target, bounds, layers, sampled: lists.is_some() || side > 1 };
+        let sampled = lists.is_some() || side > 1;
+        let canvas = Canvas { target: *target, bounds, layers, sampled, redrawn: None };
         let prepared = prepare(&drawn, &canvas)?;
         let measure = prepared.measure();
         let surfaces = match (lists, &canvas.bounds, prepared.image()) {
@@ -186,7 +186,9 @@ impl Plan {
         let bounds =
             bounds.map(|bounds| RayBounds::new(gpu, bounds, target.depth, measure, &drawn)).transpose()?;
         let smaller = prepared.image().filter(|_| side > 1);
-        let upsampling = smaller.map(|image| Upsampling::new(gpu, image, view, target)).transpose()?;
+        let upsampling = smaller
+            .map(|image| Upsampling::new(gpu, image, view, target, refine, bounded, prepare))
+            .transpose()?;
         let image = final_image(surfaces.as_ref(), upsampling.as_ref(), &*prepared);
         let composite = match (image, target.caller) {
             (Some(image), Some((format, mode))) => Some(Composite::new(gpu, image, format, mode)?),
@@ -215,7 +217,7 @@ impl Plan {
             if let Some(bounds) = &plan.bounds {
                 bounds.record_most(recorder, plan.surfaces.as_ref());
             }
-            plan.record_after(recorder, Some(target));
+            plan.record_after(recorder, Some(target), Some(target));
         });
         plan.most_passes += passes(&shared);
         gpu.build(own.iter().chain(&shared).filter_map(|step| step.work.pipeline()))?;
@@ -226,10 +228,15 @@ impl Plan {
     }
 
     /// Records the steps after the technique: upsampling of its image, opaque surfaces behind it, and the composite into the
-    /// caller's image.
-    fn record_after(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>) {
+    /// caller's image. `most` is the placeholder for the target in a dry run of the view with most passes.
+    fn record_after(
+        &self,
+        recorder: &mut Recorder<'_>,
+        target: Option<&TargetImage>,
+        most: Option<&TargetImage>,
+    ) {
         if let Some(upsampling) = &self.upsampling {
-            upsampling.record(recorder);
+            upsampling.record(recorder, most);
         }
         if let Some(surfaces) = &self.surfaces {
             surfaces.record_behind(recorder);
@@ -291,7 +298,7 @@ impl Plan {
             bounds.record(&mut recorder, depth, self.surfaces.as_ref())?;
         }
         self.prepared.record(&mut recorder, target, self.target.mode() == TargetMode::Clear);
-        self.record_after(&mut recorder, target);
+        self.record_after(&mut recorder, target, None);
         let used = |resource: Used| last_use(recorder.steps(), resource.key());
         self.last_uses = [
             self.final_image().and_then(|image| used(Used::Image(Arc::clone(image)))),
@@ -309,12 +316,13 @@ impl Plan {
         );
         let (passes, keep) = recorder.finish()?;
         let surfaces = self.surfaces.as_ref().map(SurfaceFrame::outcome);
+        let refined = self.upsampling.as_ref().and_then(Upsampling::outcome);
         let held = Held {
             gpu: self.gpu.clone(),
             keep,
             timers: self.timers.clone(),
             passes,
-            outcomes: self.prepared.outcome().into_iter().chain(surfaces).collect(),
+            outcomes: self.prepared.outcome().into_iter().chain(surfaces).chain(refined).collect(),
             _in_flight: Arc::clone(&self.in_flight),
         };
         Ok(Recorded { held: std::mem::ManuallyDrop::new(held) })
@@ -332,21 +340,29 @@ impl Plan {
         if view.extent() != self.extent || (self.bounds.is_none() && !view.clip().is_none()) {
             return Ok(false);
         }
-        let view = &view.reduced(self.side)?;
-        let Some(bounds) = &mut self.bounds else {
-            return self.prepared.set_view(view, self.technique_passes);
-        };
-        bounds.check(view)?;
-        let seen = self.surfaces.as_ref().map(|surfaces| surfaces.pushes(view)).transpose()?;
+        let drawn = &view.reduced(self.side)?;
+        if let Some(bounds) = &self.bounds {
+            bounds.check(drawn)?;
+        }
+        let seen = self.surfaces.as_ref().map(|surfaces| surfaces.pushes(drawn)).transpose()?;
         // Everything is checked before anything changes.
-        let fits = self.prepared.set_view(view, self.technique_passes)?;
-        if fits {
-            bounds.set_view(view);
-            if let (Some(surfaces), Some(seen)) = (&mut self.surfaces, seen) {
-                surfaces.set_view(seen);
+        if !self.prepared.set_view(drawn, self.technique_passes)? {
+            return Ok(false);
+        }
+        if let Some(upsampling) = &mut self.upsampling {
+            let before = upsampling.view().reduced(self.side)?;
+            if !upsampling.set_view(view, self.technique_passes)? {
+                self.prepared.set_view(&before, self.technique_passes)?;
+                return Ok(false);
             }
         }
-        Ok(fits)
+        if let Some(bounds) = &mut self.bounds {
+            bounds.set_view(drawn);
+        }
+        if let (Some(surfaces), Some(seen)) = (&mut self.surfaces, seen) {
+            surfaces.set_view(seen);
+        }
+        Ok(true)
     }
 
     fn final_image(&self) -> Option<&Arc<Image>> {
@@ -372,7 +388,7 @@ impl Plan {
                 bounds.record_most(recorder, self.surfaces.as_ref());
             }
             self.prepared.record(recorder, Some(target), self.target.mode() == TargetMode::Clear);
-            self.record_after(recorder, Some(target));
+            self.record_after(recorder, Some(target), None);
         });
         let mut lines: Vec<(String, u32)> = Vec::new();
         for line in steps.iter().filter(|step| !step.leaves()).map(ToString::to_string) {

@@ -185,6 +185,11 @@ impl RayBounds {
         Ok(())
     }
 
+    /// Records the passes of bounds by planes alone.
+    pub(crate) fn record_planes(&self, recorder: &mut Recorder<'_>) {
+        self.record_pushes(recorder, self.pushes(&self.view, None), None);
+    }
+
     /// Records the passes of a view with the most half-spaces, for a dry run.
     pub(crate) fn record_most(&self, recorder: &mut Recorder<'_>, between: Option<&SurfaceFrame>) {
         let full = BoundsPush { count: num::count(PLANES), ..BoundsPush::default() };

@@ -74,6 +74,16 @@ pub(crate) struct Canvas {
     pub(crate) layers: Option<Layers>,
     /// Whether another pass of the frame samples the result: it upsamples the image, or puts it in front of opaque surfaces.
     pub(crate) sampled: bool,
+    /// The pixels to draw, and the image that shows the others already; `None`: all, into an image of the technique's own.
+    pub(crate) redrawn: Option<Redrawn>,
+}
+
+/// Pixels that are drawn once more.
+#[derive(Clone, Debug)]
+pub(crate) struct Redrawn {
+    /// Workgroups, number and places (`glsl/frame/redrawn.glsl`).
+    pub(crate) pixels: Arc<Buffer>,
+    pub(crate) image: Arc<Image>,
 }
 
 impl Canvas {
@@ -101,6 +111,12 @@ impl Canvas {
             layers: read(|layers| &layers.colours),
             layered: self.layers.is_some(),
         }
+    }
+
+    /// The pixels that are drawn once more, with the same stand-in.
+    pub(crate) fn redrawn(&self, unread: &Arc<Buffer>) -> shader::Redrawn {
+        let pixels = self.redrawn.as_ref().map_or(unread, |redrawn| &redrawn.pixels).read();
+        shader::Redrawn { pixels, redrawn: self.redrawn.is_some() }
     }
 
     /// Refuses a route or order, `what`, that cannot split rays at translucent surfaces.
@@ -138,7 +154,8 @@ pub(crate) fn usage_after(target: &TargetDesc, sampled: bool) -> vk::ImageUsageF
     }
 }
 
-/// Makes the image that a technique draws into, with the usages that a read-back or the composite needs.
+/// Makes the image that a technique draws into, with the usages that a read-back or the composite needs; or returns the one of which it
+/// draws some pixels once more.
 pub(crate) fn own_image(
     gpu: &Gpu,
     name: &str,
@@ -147,6 +164,9 @@ pub(crate) fn own_image(
     view: &View,
     target: &Canvas,
 ) -> Result<Arc<Image>> {
+    if let Some(redrawn) = &target.redrawn {
+        return Ok(Arc::clone(&redrawn.image));
+    }
     let desc = ImageDesc::flat(format, view.extent(), usage | usage_after(&target.target, target.sampled));
     Ok(Arc::new(Image::new(gpu, &format!("{name}.accumulation"), &desc)?))
 }

@@ -1,49 +1,171 @@
-//! Enlarges the image of a frame that was drawn with fewer pixels (`glsl/frame/upsampling.glsl`).
+//! Enlarges the image of a frame that was drawn with fewer pixels, and draws those pixels once more for which that is too coarse
+//! (`glsl/frame/upsampling.glsl`).
 
 use std::sync::Arc;
 
 use ash::vk;
 
 use crate::error::Result;
-use crate::frame::target::{TargetDesc, usage_after};
-use crate::gpu::shader::{UPSAMPLING_COMPUTE, Upsampling as Inputs};
-use crate::gpu::{Gpu, Image, ImageDesc, Recorder};
+use crate::frame::prepared::{Outcome, Prepared};
+use crate::frame::ray_bounds::{RayBounds, bounds_buffer};
+use crate::frame::target::{Canvas, Redrawn, TargetDesc, usage_after};
+use crate::gpu::shader::{PIXELS_COUNT, PIXELS_FIRST, UPSAMPLING_COMPUTE, Upsampling as Inputs};
+use crate::gpu::{Buffer, Gpu, Image, ImageDesc, Recorder, TargetImage};
 use crate::interface::UpsamplingPush;
-use crate::num::f32_of;
-use crate::primitives::dispatch::{Dispatch, pass, tiles_of};
+use crate::num::{self, f32_of};
+use crate::primitives::dispatch::{Dispatch, buffer, download, pass, tiles_of, words};
 use crate::scene::View;
+
+/// The pixels of a view that are drawn.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Drawn {
+    /// Side of the squares of pixels of which one is drawn.
+    pub(crate) side: u32,
+    /// The second difference of colour between these beyond which all pixels around them are drawn.
+    pub(crate) refine: Option<f32>,
+}
 
 /// The pass that makes an image of the view's size from one with fewer pixels.
 #[derive(Debug)]
 pub(crate) struct Upsampling {
     pass: Dispatch,
     push: UpsamplingPush,
+    cells: [u32; 2],
+    view: View,
     /// The image of the view's size.
     pub(crate) image: Arc<Image>,
+    refinement: Option<Refinement>,
+}
+
+/// The pixels that are drawn once more, and what draws them.
+#[derive(Debug)]
+struct Refinement {
+    redrawn: Redrawn,
+    bounds: Option<RayBounds>,
+    prepared: Box<dyn Prepared>,
+    outcome: Arc<Refined>,
+}
+
+/// The number of pixels that were drawn once more.
+#[derive(Debug)]
+struct Refined {
+    head: Arc<Buffer>,
+}
+
+impl Outcome for Refined {
+    fn read(&self) -> Result<(bool, Vec<(&'static str, u64)>)> {
+        let head = words(&self.head.host_copy()?);
+        let count = head.get(num::index(PIXELS_COUNT)).copied().unwrap_or(0);
+        Ok((true, vec![("redrawn_pixels", u64::from(count))]))
+    }
+}
+
+impl Refinement {
+    /// Prepares the technique for a list of pixels of the image.
+    fn new(
+        gpu: &Gpu,
+        redrawn: Redrawn,
+        view: &View,
+        target: &TargetDesc,
+        bounded: bool,
+        prepare: impl FnOnce(&View, &Canvas) -> Result<Box<dyn Prepared>>,
+    ) -> Result<Self> {
+        let bounds = bounded.then(|| bounds_buffer(gpu, view)).transpose()?;
+        let list = Some(redrawn.clone());
+        let canvas = Canvas { target: *target, bounds, layers: None, sampled: false, redrawn: list };
+        let prepared = prepare(view, &canvas)?;
+        let bounds = canvas.bounds.as_ref();
+        let bounds = bounds.map(|bounds| RayBounds::new(gpu, bounds, false, prepared.measure(), view));
+        let outcome = Arc::new(Refined { head: download(gpu, "redrawn.head", 4 * u64::from(PIXELS_FIRST))? });
+        Ok(Self { redrawn, bounds: bounds.transpose()?, prepared, outcome })
+    }
 }
 
 impl Upsampling {
-    /// Builds the pass that reads `drawn`, which shows `view` with fewer pixels.
-    pub(crate) fn new(gpu: &Gpu, drawn: &Arc<Image>, view: &View, target: &TargetDesc) -> Result<Self> {
+    /// Builds the pass that reads `source`, which shows `view` with fewer pixels; with `refine` also what draws pixels once more, which
+    /// `prepare` makes. `bounded` says that clip planes may bound rays.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        source: &Arc<Image>,
+        view: &View,
+        target: &TargetDesc,
+        refine: Option<f32>,
+        bounded: bool,
+        prepare: impl FnOnce(&View, &Canvas) -> Result<Box<dyn Prepared>>,
+    ) -> Result<Self> {
         let usage = vk::ImageUsageFlags::STORAGE | usage_after(target, false);
         let desc = ImageDesc::flat(vk::Format::R32G32B32A32_SFLOAT, view.extent(), usage);
         let image = Arc::new(Image::new(gpu, "upsampling", &desc)?);
-        let bound = UPSAMPLING_COMPUTE
-            .with(&Inputs { source: drawn.sampled(vk::Filter::NEAREST), accumulation: image.stored() });
+        let places = refine.map_or(0, |_| view.extent().map(u64::from).iter().product());
+        let pixels = buffer(gpu, "redrawn", u64::from(PIXELS_FIRST) + places)?;
+        let bound = UPSAMPLING_COMPUTE.with(&Inputs {
+            source: source.sampled(vk::Filter::NEAREST),
+            accumulation: image.stored(),
+            pixels: pixels.write(),
+            refines: refine.is_some(),
+        });
         let half = |side: u32| f64::from(side) * 0.5;
-        let [width, height, _] = drawn.desc().extent;
+        let [width, height, _] = source.desc().extent;
         let push = UpsamplingPush {
             half_extent: view.extent().map(|side| f32_of(half(side))),
             half_source: [width, height].map(|side| f32_of(half(side))),
             // Both images show the same height.
             scale: f32_of(f64::from(height) / f64::from(view.extent()[1])),
-            pad0: 0,
+            refine: refine.unwrap_or(0.0),
         };
-        Ok(Self { pass: pass(gpu, "upsampling", &bound)?, push, image })
+        let refinement = match refine {
+            Some(_) => {
+                let redrawn = Redrawn { pixels, image: Arc::clone(&image) };
+                Some(Refinement::new(gpu, redrawn, view, target, bounded, prepare)?)
+            }
+            None => None,
+        };
+        let cells = [width + 1, height + 1];
+        Ok(Self { pass: pass(gpu, "upsampling", &bound)?, push, cells, view: *view, image, refinement })
     }
 
-    pub(crate) fn record(&self, recorder: &mut Recorder<'_>) {
-        let [width, height, _] = self.image.desc().extent;
-        self.pass.record(recorder, &self.push, tiles_of([width, height]));
+    /// The view that is shown.
+    pub(crate) fn view(&self) -> &View {
+        &self.view
+    }
+
+    /// Changes to another view of the same size. Returns `false`, and changes nothing, where the technique does.
+    pub(crate) fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool> {
+        if let Some(Refinement { bounds, prepared, .. }) = &mut self.refinement {
+            if !prepared.set_view(view, most_passes)? {
+                return Ok(false);
+            }
+            if let Some(bounds) = bounds {
+                bounds.set_view(view);
+            }
+        }
+        self.view = *view;
+        Ok(true)
+    }
+
+    /// The status of the pixels that are drawn once more.
+    pub(crate) fn outcome(&self) -> Option<Arc<dyn Outcome>> {
+        self.refinement.as_ref().map(|refinement| Arc::clone(&refinement.outcome) as Arc<dyn Outcome>)
+    }
+
+    /// Records the passes. `most` is the placeholder for the target in a dry run of the view with most passes.
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, most: Option<&TargetImage>) {
+        let groups = tiles_of(self.cells);
+        let Some(Refinement { redrawn, bounds, prepared, outcome }) = &self.refinement else {
+            return self.pass.record(recorder, &self.push, groups);
+        };
+        recorder.clear_buffer("redrawn.clear", &redrawn.pixels);
+        self.pass.record(recorder, &self.push, groups);
+        recorder.copy_buffer("redrawn.count", &redrawn.pixels, &outcome.head, outcome.head.size());
+        recorder.release_to_host(&outcome.head);
+        match (bounds, most) {
+            (Some(bounds), Some(_)) => bounds.record_most(recorder, None),
+            (Some(bounds), None) => bounds.record_planes(recorder),
+            (None, _) => {}
+        }
+        match most {
+            Some(target) => prepared.record_most(recorder, target),
+            None => prepared.record(recorder, None, true),
+        }
     }
 }

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 pub(crate) enum BufferUse {
     /// Shaders read it as a uniform or storage block; in device memory.
     ShaderRead,
-    /// Shaders write and read it, and it can be copied; in device memory.
+    /// Shaders write and read it, it can be copied, and dispatches read their workgroups from it; in device memory.
     ShaderWrite,
     /// The host writes it, as staging memory for uploads.
     Upload,
@@ -56,9 +56,10 @@ impl Buffer {
             BufferUse::ShaderRead => {
                 (U::UNIFORM_BUFFER | U::STORAGE_BUFFER | U::TRANSFER_DST, MemoryLocation::GpuOnly)
             }
-            BufferUse::ShaderWrite => {
-                (U::STORAGE_BUFFER | U::TRANSFER_SRC | U::TRANSFER_DST, MemoryLocation::GpuOnly)
-            }
+            BufferUse::ShaderWrite => (
+                U::STORAGE_BUFFER | U::INDIRECT_BUFFER | U::TRANSFER_SRC | U::TRANSFER_DST,
+                MemoryLocation::GpuOnly,
+            ),
             BufferUse::Upload => (U::TRANSFER_SRC, MemoryLocation::CpuToGpu),
             BufferUse::Download => (U::TRANSFER_DST, MemoryLocation::GpuToCpu),
         };

@@ -6,7 +6,7 @@ use super::descriptors::Descriptors;
 use super::device::Gpu;
 use super::image::{Image, whole};
 use super::pipeline::Pipeline;
-use super::steps::{Attachment, Work};
+use super::steps::{Attachment, Groups, Work};
 use crate::num;
 
 impl Gpu {
@@ -15,10 +15,14 @@ impl Gpu {
     pub(super) fn issue(&self, raw: vk::CommandBuffer, work: &Work, mut between: impl FnMut()) {
         let device = self.device();
         match work {
-            Work::Dispatch { pipeline, descriptors, push, groups: [x, y, z] } => {
+            Work::Dispatch { pipeline, descriptors, push, groups } => {
                 self.bind(raw, pipeline, descriptors, push);
-                // SAFETY: a compute pipeline with its descriptors and push constants is bound; barriers order the accesses.
-                unsafe { device.cmd_dispatch(raw, *x, *y, *z) };
+                match groups {
+                    // SAFETY: a compute pipeline with its descriptors and push constants is bound; barriers order the accesses.
+                    Groups::Fixed([x, y, z]) => unsafe { device.cmd_dispatch(raw, *x, *y, *z) },
+                    // SAFETY: the same; the buffer holds three words, has the usage `INDIRECT_BUFFER`, and is kept.
+                    Groups::Counted(words) => unsafe { device.cmd_dispatch_indirect(raw, words.raw, 0) },
+                }
             }
             Work::Draw { pipeline, descriptors, pushes, target, extent, vertices, instances } => {
                 for (i, push) in pushes.iter().enumerate() {

@@ -54,7 +54,7 @@ pub(crate) use image::{Image, ImageDesc};
 pub(crate) use inputs::{Bound, Sampled};
 pub(crate) use pipeline::{Blend, GraphicsState, Pipeline};
 pub(crate) use recorder::{Keep, Recorder};
-pub(crate) use steps::{Attachment, Step, Used};
+pub(crate) use steps::{Attachment, Groups, Step, Used};
 pub(crate) use submit::Commands;
 pub(crate) use timers::Timers;
 

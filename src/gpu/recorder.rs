@@ -14,7 +14,7 @@ use super::external::CommandBuffer;
 use super::image::{Image, whole};
 use super::instance::c_name;
 use super::pipeline::Pipeline;
-use super::steps::{Attachment, Step, Used, Work};
+use super::steps::{Attachment, Groups, Step, Used, Work};
 use super::sync::{Barrier, Tracker, Use};
 use super::timers::Timers;
 use crate::error::Result;
@@ -90,9 +90,10 @@ impl<'a> Recorder<'a> {
         pipeline: &Arc<Pipeline>,
         descriptors: &Arc<Descriptors>,
         push: &[u8],
-        groups: [u32; 3],
+        groups: impl Into<Groups>,
     ) {
         let (pipeline, descriptors) = (Arc::clone(pipeline), Arc::clone(descriptors));
+        let groups = groups.into();
         self.step(name, Work::Dispatch { pipeline, descriptors, push: push.to_vec(), groups });
     }
 

@@ -68,11 +68,26 @@ impl Attachment {
     }
 }
 
+/// The workgroups of a dispatch.
+#[derive(Clone, Debug)]
+pub(crate) enum Groups {
+    /// As many in each dimension.
+    Fixed([u32; 3]),
+    /// As many as the first three words of a buffer say, which the device has written.
+    Counted(Arc<Buffer>),
+}
+
+impl From<[u32; 3]> for Groups {
+    fn from(groups: [u32; 3]) -> Self {
+        Self::Fixed(groups)
+    }
+}
+
 /// The work of a step.
 #[derive(Clone, Debug)]
 pub(crate) enum Work {
     /// One dispatch.
-    Dispatch { pipeline: Arc<Pipeline>, descriptors: Arc<Descriptors>, push: Vec<u8>, groups: [u32; 3] },
+    Dispatch { pipeline: Arc<Pipeline>, descriptors: Arc<Descriptors>, push: Vec<u8>, groups: Groups },
     /// One draw into the whole of an attachment; or draws without an attachment, one for each of `pushes`: shaders write bound
     /// resources, and each draw sees the writes of the one before.
     Draw {
@@ -124,7 +139,13 @@ impl Work {
         let buffer = |buffer: &Arc<Buffer>, usage| (Used::Buffer(Arc::clone(buffer)), usage);
         let image = |image: &Arc<Image>, usage| (Used::Image(Arc::clone(image)), usage);
         match self {
-            Self::Dispatch { descriptors, .. } => bound(descriptors, true),
+            Self::Dispatch { descriptors, groups, .. } => {
+                let mut uses = bound(descriptors, true);
+                if let Groups::Counted(words) = groups {
+                    uses.push(buffer(words, Use::Indirect));
+                }
+                uses
+            }
             Self::Draw { descriptors, target, .. } => {
                 let mut uses = bound(descriptors, false);
                 uses.extend(target.as_ref().map(|(target, _)| match target {

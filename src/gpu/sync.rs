@@ -27,6 +27,8 @@ pub(crate) enum Use {
     FragmentRead,
     /// A fragment shader writes, and perhaps reads, it as a storage buffer or image.
     FragmentReadWrite,
+    /// A dispatch reads the number of its workgroups from it.
+    Indirect,
     /// A compute shader samples it.
     ComputeSample,
     /// A compute shader reads it as a uniform or storage buffer.
@@ -54,6 +56,7 @@ impl Use {
             Self::FragmentSample => (Stage::FRAGMENT_SHADER, Access::SHADER_SAMPLED_READ, shader),
             Self::FragmentRead => (GRAPHICS, read, L::UNDEFINED),
             Self::FragmentReadWrite => (GRAPHICS, read_write, L::GENERAL),
+            Self::Indirect => (Stage::DRAW_INDIRECT, Access::INDIRECT_COMMAND_READ, L::UNDEFINED),
             Self::ComputeSample => (compute, Access::SHADER_SAMPLED_READ, shader),
             Self::ComputeRead => (compute, read, L::UNDEFINED),
             Self::ComputeReadWrite => (compute, read_write, L::GENERAL),

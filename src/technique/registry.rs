@@ -5,6 +5,7 @@ use std::sync::{Arc, OnceLock};
 use crate::error::{Error, Result};
 use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
+use crate::frame::upsampling::Drawn;
 use crate::resident::GpuScene;
 use crate::resident::surfaces::SurfaceData;
 use crate::scene::{Data, Kernel, Scene, Surface, View};
@@ -68,9 +69,9 @@ macro_rules! techniques {
                 match self { $(Self::$technique(options) => declare::pairs(options),)* }
             }
 
-            /// Returns the side of the squares of pixels that are drawn as one.
-            pub(crate) fn side(&self) -> u32 {
-                match self { $(Self::$technique(options) => draw::side(options),)* }
+            /// Returns which pixels are drawn.
+            pub(crate) fn drawn(&self) -> Drawn {
+                match self { $(Self::$technique(options) => draw::drawn(options),)* }
             }
 
             /// Checks the options, which a program may have set, and builds the frame of a view.

@@ -65,7 +65,7 @@ impl Renderer {
         if let Some(surfaces) = &surfaces {
             self.technique.method().check_surfaces(surfaces, &self.scene.scene().data)?;
         }
-        Plan::new(gpu, surfaces.as_ref(), view, target, self.technique.side(), |view, canvas| {
+        Plan::new(gpu, surfaces.as_ref(), view, target, self.technique.drawn(), |view, canvas| {
             self.technique.prepare(&self.scene, view, canvas)
         })
     }

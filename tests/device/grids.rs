@@ -1105,7 +1105,7 @@ fn own_device_a_plain_scene_takes_what_it_needs() {
         (
             "slices-3d:",
             "f32",
-            &["bricks.mark", "slices-3d.march"],
+            &["bricks.mark", "bricks.merge", "slices-3d.march"],
             vec![("bricks", 64 * 4), ("bricks.ranges", 64 * 8), march, knots, volume],
         ),
         ("slices-3d:route=raster", "f32", &["slices-3d.draw"], vec![march, knots, volume]),

@@ -9,7 +9,7 @@
 use crate::common::*;
 use volraster::measure::ImageErrors;
 use volraster::scene::{Clip, View};
-use volraster::technique::Renderer;
+use volraster::technique::{Renderer, Technique};
 use volraster::{GpuScene, Image, TargetDesc};
 
 /// The same view with larger pixels, which cover its height and its width.
@@ -98,6 +98,87 @@ fn upsampled_images_are_clipped_and_turn() {
         assert!(ImageErrors::between(&found, &wanted).unwrap().all.max_abs <= 1e-6, "{degrees}");
         assert_eq!(frames.overflow_map().unwrap().unwrap().len(), (width * height) as usize);
     }
+}
+
+/// Which pixels of an image show cells between four pixels of `small` beyond whose second differences `refine` lies.
+fn redrawn(small: &Image, [width, height]: [u32; 2], refine: f32) -> Vec<bool> {
+    let scale = f64::from(small.height()) / f64::from(height);
+    let cell = |at: u32, side: u32, small: u32| {
+        ((f64::from(at) + 0.5 - f64::from(side) * 0.5) * scale + f64::from(small) * 0.5 - 0.5).floor()
+    };
+    let texel = |x: f64, y: f64| {
+        let inside = |at: f64, side: u32| at.clamp(0.0, f64::from(side - 1)) as u32;
+        small.pixel(inside(x, small.width()), inside(y, small.height()))
+    };
+    let difference = |a: [f32; 4], b: [f32; 4], c: [f32; 4]| {
+        (0..4).map(|i| ((a[i] - b[i]) + (c[i] - b[i])).abs()).fold(0.0, f32::max)
+    };
+    let bends = |x: u32, y: u32| {
+        let [x, y] = [cell(x, width, small.width()), cell(y, height, small.height())];
+        let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]].map(|[i, j]| [x + i, y + j]);
+        corners.into_iter().any(|[x, y]| {
+            difference(texel(x - 1.0, y), texel(x, y), texel(x + 1.0, y)) > refine
+                || difference(texel(x, y - 1.0), texel(x, y), texel(x, y + 1.0)) > refine
+        })
+    };
+    (0..width * height).map(|i| bends(i % width, i / width)).collect()
+}
+
+/// With `refine` pixels are drawn all the same where the smaller image bends, to the bit as without `resolution`; the others are
+/// upsampled. A plan turns, and clip planes cut both.
+#[test]
+fn pixels_are_redrawn_where_the_smaller_image_bends() {
+    let gpu = gpu();
+    let clip = Clip::none().with_plane(glam::DVec3::new(0.3, 0.0, 0.0), glam::DVec3::NEG_X).unwrap();
+    let mut drawn = 0;
+    for (scene, specs) in every_kind(&gpu) {
+        for spec in specs.iter().filter(|spec| has_option(spec, "refine")) {
+            for (word, side, refine, clip) in
+                [("half", 2, 0.02_f32, Clip::none()), ("quarter", 4, 0.005, clip), ("half", 2, 1e9, clip)]
+            {
+                let size = [61, 40];
+                let refined =
+                    with_option(&with_option(spec, "resolution", word), "refine", &refine.to_string());
+                // Raster refuses.
+                let Ok(refined_technique) = Technique::parse(&refined) else { continue };
+                let first = view(perspective(), 1.0, size[0], size[1]).with_clip(clip);
+                let mut frames = Renderer::new(&scene, refined_technique).frames(&first).unwrap();
+                drawn += 1;
+                for degrees in [0.0, 20.0] {
+                    let turned = first.with_camera(first.camera().orbit(degrees).unwrap()).unwrap();
+                    let draw = |view: &View| Renderer::new(&scene, technique(spec)).render(view).unwrap();
+                    let (small, full) = (draw(&reduced(&turned, side)), draw(&turned));
+                    let (upsampled, redrawn) = (upsampled(&small, size), redrawn(&small, size, refine));
+                    let counters = frames.draw(&turned).unwrap().counters;
+                    let found = frames.read_back().unwrap();
+                    let what = format!("{refined} at {degrees} degrees");
+                    let count = redrawn.iter().filter(|&&redrawn| redrawn).count();
+                    assert_eq!(counters, [("redrawn_pixels", count as u64)], "{what}");
+                    assert_eq!(refine < 1e9, count > 0 && count < redrawn.len(), "{what}: {count}");
+                    for (i, redrawn) in (0..).zip(redrawn) {
+                        let [x, y] = [i % size[0], i / size[0]];
+                        let (found, wanted) =
+                            (found.pixel(x, y), [&upsampled, &full][usize::from(redrawn)].pixel(x, y));
+                        let near =
+                            (0..4).all(|c| (found[c] - wanted[c]).abs() <= if redrawn { 0.0 } else { 1e-6 });
+                        assert!(near, "{what}, pixel {x}, {y}: {found:?}, not {wanted:?}");
+                    }
+                }
+            }
+        }
+    }
+    assert!(drawn >= 12, "{drawn}");
+}
+
+/// `refine` needs fewer pixels, and a route that draws single ones.
+#[test]
+fn refinement_has_its_conditions() {
+    let refused = |spec: &str| Technique::parse(spec).unwrap_err().to_string();
+    assert!(refused("slabs:refine=0.1").contains("resolution"));
+    assert!(refused("slabs:resolution=half,refine=0.1,route=raster").contains("compute"));
+    assert!(refused("slices-3d:resolution=half,refine=0.1,dither=blue,target=rgba8").contains("compute"));
+    assert!(refused("slabs:resolution=half,refine=0").contains("positive"));
+    assert!(refused("shear-warp:refine=0.1").contains("refine"));
 }
 
 /// Where the volume fills the image, wide or high, the error is small up to its edges.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use crate::error::Result;
 use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
+use crate::frame::upsampling::Drawn;
 use crate::resident::GpuScene;
 use crate::scene::{Data, Kernel, Kernels, Model, Scene, View};
 use crate::technique::declare::{self, OptionBits as _, OptionSet, Resolution};
@@ -112,9 +113,12 @@ pub(crate) fn parse<T: TechniqueOptions>(pairs: &[(String, String)]) -> Result<T
     Ok(options)
 }
 
-/// Returns the side of the squares of pixels that are drawn as one, by the option `resolution`; techniques may lack it.
-pub(crate) fn side<T: TechniqueOptions>(options: &T) -> u32 {
-    1 << options.bits(T::NAME, "resolution").unwrap_or(Resolution::Full as u32)
+/// Returns which pixels are drawn, by the options `resolution` and `refine`; techniques may lack them.
+pub(crate) fn drawn<T: TechniqueOptions>(options: &T) -> Drawn {
+    Drawn {
+        side: 1 << options.bits(T::NAME, "resolution").unwrap_or(Resolution::Full as u32),
+        refine: options.bits(T::NAME, "refine").ok().map(f32::from_bits),
+    }
 }
 
 /// Checks each value, then the rules between options.

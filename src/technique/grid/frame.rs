@@ -14,7 +14,6 @@ use crate::gpu::shader::{MARCH_CONTINUES, RASTER_BACK_TO_FRONT, RASTER_FIRST_SHI
 use crate::gpu::{Attachment, Image, Recorder, TargetImage};
 use crate::interface::GridPush;
 use crate::num;
-use crate::primitives::dispatch::tiles_of;
 use crate::resident::GpuScene;
 use crate::resident::tables::Knots;
 use crate::resident::volume::{Layout, Volume};
@@ -179,10 +178,7 @@ impl GridFrame {
                 );
                 recorder.copy_buffer_to_image(&format!("{name}.resolve"), texels, image, 0, [0, 1]);
             }
-            Path::Compute { first, resume, slabs_per_dispatch } => {
-                let Some(image) = &self.image else { return };
-                let [width, height, _] = image.desc().extent;
-                let groups = tiles_of([width, height]);
+            Path::Compute { first, resume, slabs_per_dispatch, groups } => {
                 let mut begin = 0;
                 loop {
                     push.first = begin;
@@ -190,7 +186,13 @@ impl GridFrame {
                     push.order = march_order(samples.axis, begin + push.count < count);
                     let pipeline = resume.as_ref().filter(|_| begin > 0).unwrap_or(first);
                     let pass = format!("{name}.march");
-                    recorder.dispatch(&pass, pipeline, descriptors, bytemuck::bytes_of(&push), groups);
+                    recorder.dispatch(
+                        &pass,
+                        pipeline,
+                        descriptors,
+                        bytemuck::bytes_of(&push),
+                        groups.clone(),
+                    );
                     begin += push.count;
                     if begin >= count {
                         break;

@@ -108,6 +108,9 @@ option_set! {
         /// Selects the pixels that are drawn: half and quarter draw one for each square of 2 x 2 or 4 x 4 and upsample the image. They blur
         /// edges; where the image is smooth their error is of third order. They refuse surfaces and depth images.
         pub resolution: Resolution = Resolution::Full => Rule::words().quiet(),
+        /// Sets the second difference of colour or opacity between pixels in a row beyond which compute draws all pixels around them, where
+        /// resolution is not full: edges are sharp, and what is smooth costs little. off upsamples everything.
+        pub refine: Option<f64> = None => Rule::positive().or("off", None).unset("off").quiet(),
     }
 }
 
@@ -117,6 +120,16 @@ impl GridOptions {
         if self.dither != Dither::None && self.accumulation() == Accumulation::Rgba32f {
             let why = format!("{}: target must be one of rgba8, rgba16, rgba16f", self.dither.word());
             return Err(refused(technique, "dither", why));
+        }
+        if self.refine.is_some() && self.resolution == Resolution::Full {
+            return Err(refused(technique, "refine", "resolution must be half or quarter"));
+        }
+        if self.refine.is_some() && (self.route == Route::Raster || self.takes_raster()) {
+            return Err(refused(
+                technique,
+                "refine",
+                "compute draws single pixels: leave out route, target, order and dither",
+            ));
         }
         if self.route == Route::Compute
             && (self.target.is_some_and(|t| t != Accumulation::Rgba32f)
@@ -129,6 +142,11 @@ impl GridOptions {
         Ok(())
     }
 
+    /// Returns whether an option is given that only raster has.
+    fn takes_raster(&self) -> bool {
+        self.target.is_some() || self.order.is_some() || self.dither != Dither::None
+    }
+
     pub(crate) fn accumulation(&self) -> Accumulation {
         self.target.unwrap_or(Accumulation::Rgba32f)
     }
@@ -139,8 +157,7 @@ impl GridOptions {
 
     /// Returns the route that these options take on a device.
     pub(crate) fn route_on(&self, gpu: &Gpu, technique: &str) -> Result<Route> {
-        let for_raster = self.target.is_some() || self.order.is_some() || self.dither != Dither::None;
-        if self.route == Route::Compute || (self.route == Route::Auto && !for_raster) {
+        if self.route == Route::Compute || (self.route == Route::Auto && !self.takes_raster()) {
             return Ok(Route::Compute);
         }
         let what = |option: &str| format!("{technique} {option}");

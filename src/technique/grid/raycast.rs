@@ -75,7 +75,7 @@ impl GridTechnique for Options {
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
         let segments = grid.segments(&self.segments)?;
         let GridInputs { volume, lattice, optics, bounded, .. } = grid;
-        let MarchInputs { accumulation, resume, empty_space, layers } = march;
+        let MarchInputs { accumulation, resume, empty_space, layers, redrawn } = march;
         Ok(RAYCAST_COMPUTE.with(&Raycast {
             accumulation,
             resume,
@@ -84,6 +84,7 @@ impl GridTechnique for Options {
             empty_space,
             lattice,
             layers,
+            redrawn,
             optics,
             segments,
         }))

@@ -11,7 +11,8 @@ use ash::vk;
 use crate::error::{Error, Result};
 use crate::frame::target::{Canvas, draws_directly, own_image};
 use crate::gpu::shader::{self, EmptySpace as Skipping};
-use crate::gpu::{Blend, Bound, Buffer, BufferUse, Descriptors, Gpu, GraphicsState, Image, Pipeline};
+use crate::gpu::{Blend, Bound, Buffer, BufferUse, Descriptors, Gpu, GraphicsState, Groups, Image, Pipeline};
+use crate::primitives::dispatch::tiles_of;
 use crate::resident::GpuScene;
 use crate::resident::tables::Knots;
 use crate::resident::volume::Volume;
@@ -36,6 +37,8 @@ pub(super) enum Path {
         resume: Option<Arc<Pipeline>>,
         /// Slabs that one dispatch may walk.
         slabs_per_dispatch: u32,
+        /// Workgroups: one invocation for each pixel of the image, or of a list.
+        groups: Groups,
     },
 }
 
@@ -135,6 +138,7 @@ impl RouteDesc<'_> {
                 resume,
                 empty_space: Skipping { bricks: bricks.read(), empty_space: skips },
                 layers: self.target.layered(&knots.buffer),
+                redrawn: self.target.redrawn(&knots.buffer),
             };
             self.with_options(technique.march(grid, march)?)
         };
@@ -154,7 +158,11 @@ impl RouteDesc<'_> {
             None
         };
         let samples = self.samples(&first, |grid| bind(grid, false))?;
-        let path = Path::Compute { first, resume, slabs_per_dispatch };
+        let groups = match &self.target.redrawn {
+            Some(redrawn) => Groups::Counted(Arc::clone(&redrawn.pixels)),
+            None => tiles_of(self.view.extent()).into(),
+        };
+        let path = Path::Compute { first, resume, slabs_per_dispatch, groups };
         Ok(Routed { path, samples, image: Some(image) })
     }
 

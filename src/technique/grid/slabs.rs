@@ -86,7 +86,7 @@ impl GridTechnique for Options {
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
         let segments = grid.segments(&self.segments)?;
         let GridInputs { volume, lattice, optics, bounded, .. } = grid;
-        let MarchInputs { accumulation, resume, empty_space, layers } = march;
+        let MarchInputs { accumulation, resume, empty_space, layers, redrawn } = march;
         let clip_ends = true;
         Ok(SLABS_COMPUTE.with(&SlabsCompute {
             accumulation,
@@ -97,6 +97,7 @@ impl GridTechnique for Options {
             empty_space,
             lattice,
             layers,
+            redrawn,
             optics,
             segments,
         }))

@@ -94,7 +94,7 @@ impl GridTechnique for Options {
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
         let GridInputs { volume, lattice, optics, bounded, .. } = grid;
-        let MarchInputs { accumulation, resume, empty_space, layers } = march;
+        let MarchInputs { accumulation, resume, empty_space, layers, redrawn } = march;
         let stack = Stack { volume, between: self.between };
         Ok(SLICES_2D_COMPUTE.with(&Slices2dCompute {
             accumulation,
@@ -103,6 +103,7 @@ impl GridTechnique for Options {
             empty_space,
             lattice,
             layers,
+            redrawn,
             optics,
             stack,
         }))

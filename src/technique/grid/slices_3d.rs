@@ -85,7 +85,7 @@ impl GridTechnique for Options {
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
         let GridInputs { volume, lattice, optics, bounded, .. } = grid;
-        let MarchInputs { accumulation, resume, empty_space, layers } = march;
+        let MarchInputs { accumulation, resume, empty_space, layers, redrawn } = march;
         let clip_ends = self.ends == Ends::Clip;
         Ok(SLICES_3D_COMPUTE.with(&Slices3dCompute {
             accumulation,
@@ -96,6 +96,7 @@ impl GridTechnique for Options {
             empty_space,
             lattice,
             layers,
+            redrawn,
             optics,
         }))
     }

@@ -4,7 +4,7 @@ use ash::vk;
 
 use crate::error::Result;
 use crate::gpu::inputs::Stored;
-use crate::gpu::shader::{Blend, Bounded, EmptySpace, Lattice, Layers, Optics, Segments};
+use crate::gpu::shader::{Blend, Bounded, EmptySpace, Lattice, Layers, Optics, Redrawn, Segments};
 use crate::gpu::{Bound, Sampled};
 use crate::resident::GpuScene;
 use crate::resident::tables::SegmentOptions;
@@ -41,6 +41,7 @@ pub(crate) struct MarchInputs {
     pub(crate) resume: bool,
     pub(crate) empty_space: EmptySpace,
     pub(crate) layers: Layers,
+    pub(crate) redrawn: Redrawn,
 }
 
 /// Shaders that draw slabs as polygons.

@@ -64,7 +64,8 @@ impl Value for Intermediate {
 }
 
 /// The intermediate image is rgba32f, and `warp=mip` takes the place of a prefilter.
-const GRID: Group = Group { hidden: &[], absent: &["prefilter", "target", "dither", "seed", "resolution"] };
+const GRID: Group =
+    Group { hidden: &[], absent: &["prefilter", "target", "dither", "seed", "resolution", "refine"] };
 
 option_set! {
     /// Options of this technique.

@@ -77,7 +77,13 @@ fn frame(scene: &Arc<GpuScene>, view: &View, options: &str) -> ShearFrame {
     let Technique::ShearWarp(options) = Technique::parse(&format!("shear-warp:{options}")).unwrap() else {
         unreachable!()
     };
-    let canvas = Canvas { target: crate::TargetDesc::own(), bounds: None, layers: None, sampled: false };
+    let canvas = Canvas {
+        target: crate::TargetDesc::own(),
+        bounds: None,
+        layers: None,
+        sampled: false,
+        redrawn: None,
+    };
     ShearFrame::new(scene, view, &canvas, options).unwrap()
 }
 
