@@ -1296,6 +1296,34 @@ fn empty_space_beside_vacuum_changes_nothing() {
     }
 }
 
+/// Empty blocks of bricks, of which the grid's sides cut some, hide nothing: small spots in different blocks and at their edges.
+#[test]
+fn empty_blocks_change_nothing() {
+    let gpu = gpu();
+    let dims = [70, 45, 101];
+    let spots = [[33, 31, 30], [64, 32, 32], [2, 44, 100], [40, 7, 66], [69, 0, 97]];
+    let value = |i: u32| {
+        let at = [i % dims[0], i / dims[0] % dims[1], i / dims[0] / dims[1]];
+        let near = |spot: &[u32; 3]| (0..3).all(|axis| at[axis].abs_diff(spot[axis]) <= 1);
+        if spots.iter().any(near) { 200_u8 } else { 0 }
+    };
+    let samples = (0..dims.iter().product()).map(value).collect();
+    let grid = Grid::new(dims, Samples::U8(samples)).unwrap();
+    let grid =
+        grid.with_placement(DVec3::splat(0.02), DVec3::new(-0.7, -0.45, -1.0), DMat3::IDENTITY).unwrap();
+    let rows = [[0.0, 1.0, 0.8, 0.3, 0.0], [10.0, 1.0, 0.8, 0.3, 0.0], [200.0, 0.4, 0.8, 1.0, 30.0]];
+    let scene = GpuScene::new(&gpu, Scene::new(grid, TransferFunction::from_rows(&rows).unwrap()));
+    for (projection, distance) in [(perspective(), 1.0), (orthographic(), -1.0), (perspective(), 0.1)] {
+        let view = view(projection, distance, 60, 52);
+        for spec in specs(&gpu).iter().filter(|spec| spec.contains("compute")) {
+            let render = |empty: &str| draw_on(&scene, &view, &format!("{spec},empty-space={empty}"));
+            let marched = render("march");
+            assert!(marched.pixels().iter().any(|pixel| pixel[3] > 0.1), "{spec}: nothing to see");
+            assert!(render("skip") == marched, "{spec} {projection:?} {distance}");
+        }
+    }
+}
+
 /// NaN in the stored slices themselves: cells on both sides of it are vacuum.
 #[test]
 fn stored_slices_keep_cells_with_nan_empty() {
