@@ -15,7 +15,7 @@
 #define BINDING_RESULT 5        // storage block: results of the start-up probes
 #define BINDING_TABLE_HEAD 6    // storage block: head of a pre-integration table
 #define BINDING_TABLE 7         // sampler3D: its bins or nodes
-#define BINDING_BRICKS 8        // storage block: one word per brick: 0 where something is visible, else the side of the empty block around it
+#define BINDING_BRICKS 8        // storage block: one word per brick, 0 where nothing is visible
 #define BINDING_RANGES 9        // storage block: least and greatest scalar of each brick
 #define BINDING_VISIBLE 10      // storage block: ranges of scalars with extinction
 #define BINDING_TEXELS 11       // storage block: packed texels of the image that the shader blends into
@@ -151,8 +151,8 @@
 #define WARP_MIP 1
 #define WARP_BICUBIC 2
 
-// Words of BINDING_PIXELS: the workgroups of 64 invocations that draw them, in three dimensions; their number; from then on x of each, and y
-// in the upper half.
+// Words of BINDING_PIXELS: the workgroups of TILE_PIXELS invocations that draw them, in three dimensions; their number; from then on x of
+// each, and y in the upper half.
 #define PIXELS_COUNT 3
 #define PIXELS_FIRST 4
 
@@ -162,7 +162,6 @@
 
 #define TABLE_BINS_PER_ROW 256 // bins of a cumulative table in one row of its texture
 #define BRICK 8            // cells along each side of a brick
-#define BLOCK 4            // bricks along each side of a block
 #define THRESHOLD_SIDE 64  // side of the tile of thresholds
 
 #define LANE_GROUP 8    // workgroup of independent invocations on devices that emulate workgroups

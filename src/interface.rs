@@ -113,7 +113,7 @@ pub(crate) struct WarpPush {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct BricksPush {
-    pub(crate) count: [u32; 3],
+    pub(crate) bricks: u32,
     pub(crate) ranges: u32,
     pub(crate) margin: f32,
 }
@@ -255,7 +255,9 @@ pub(crate) struct UpsamplingPush {
     pub(crate) half_extent: [f32; 2],
     pub(crate) half_source: [f32; 2],
     pub(crate) scale: f32,
+    pub(crate) inverse: f32,
     pub(crate) refine: f32,
+    pub(crate) pad0: u32,
 }
 
 /// The push constants of `shear-bounds.glsl`.

@@ -1,4 +1,4 @@
-// Pixels that are drawn once more: those for which an image with fewer pixels does not suffice (upsampling.glsl).
+// Pixels that are drawn once more: those for which fewer pixels do not suffice (upsampling.glsl lists them).
 #ifndef REDRAWN_GLSL
 #define REDRAWN_GLSL
 

@@ -4,12 +4,12 @@
 // pixels around a position, limited to the range of the nearest four, so that edges do not ring. Where that may be too coarse (REFINES),
 // the pixels of the target are listed, to be drawn once more.
 //
-//   COMPUTE  one invocation per cell between four pixels of the source: it owns the pixels of the target in it
+//   COMPUTE  one invocation per square between the centres of four pixels of the source: it owns the pixels of the target in it
 //
 //   in    the image with fewer pixels, premultiplied
 //   out   accumulation image; list of pixels
 //   error third order in the distance of pixels where the image is smooth; edges become as wide as the larger pixels
-//   cost  16 fetches per cell
+//   cost  16 fetches per square
 //
 // Source: Keys, 1981, with a = -1/2.
 #version 460
@@ -30,7 +30,9 @@ layout(push_constant, std430) uniform UpsamplingPush {
     vec2 half_extent; // half the target, pixels
     vec2 half_source; // half the source, pixels
     float scale;      // side of a pixel of the target, in pixels of the source
+    float inverse;    // 1 / scale
     float refine;     // second difference of colour in the source beyond which pixels are listed
+    uint pad0;
 } push;
 
 // Returns the weights of four pixels for a position at a fraction t between the two in the middle.
@@ -39,9 +41,9 @@ vec4 weights_at(float t) {
     return vec4(-0.5 * t * u * u, 1.0 + t * t * (1.5 * t - 2.5), 1.0 + u * u * (1.5 * u - 2.5), -0.5 * u * t * t);
 }
 
-// Returns the first pixel of the target at or beyond the centre of a pixel of the source: the same for both cells that meet there.
+// Returns the first pixel of the target at or beyond the centre of a pixel of the source: the same for both squares that meet there.
 vec2 first_beyond(vec2 texel) {
-    precise vec2 place = (texel + 0.5 - push.half_source) / push.scale + push.half_extent - 0.5;
+    precise vec2 place = (texel + 0.5 - push.half_source) * push.inverse + push.half_extent - 0.5;
     return clamp(ceil(place), vec2(0.0), 2.0 * push.half_extent);
 }
 
@@ -57,21 +59,21 @@ shared uint group_begin;
 
 void main() {
     vec2 last = 2.0 * push.half_source - 1.0;
-    // The cells at the source's edge reach beyond it, to the target's edge.
-    vec2 cell = vec2(INVOCATION.xy) - 1.0;
-    vec2 begin = mix(first_beyond(cell), vec2(0.0), lessThan(cell, vec2(0.0)));
-    vec2 end = max(mix(first_beyond(cell + 1.0), 2.0 * push.half_extent, greaterThanEqual(cell, last)), begin);
+    // The squares at the source's edge reach beyond it, to the target's edge.
+    vec2 square = vec2(INVOCATION.xy) - 1.0;
+    vec2 begin = mix(first_beyond(square), vec2(0.0), lessThan(square, vec2(0.0)));
+    vec2 end = max(mix(first_beyond(square + 1.0), 2.0 * push.half_extent, greaterThanEqual(square, last)), begin);
     vec4 taps[4][4];
     for (int y = 0; y < 4; ++y) {
         for (int x = 0; x < 4; ++x) {
-            taps[y][x] = texelFetch(source, ivec2(clamp(cell + vec2(x, y) - 1.0, vec2(0.0), last)), 0);
+            taps[y][x] = texelFetch(source, ivec2(clamp(square + vec2(x, y) - 1.0, vec2(0.0), last)), 0);
         }
     }
     vec4 least = min(min(taps[1][1], taps[1][2]), min(taps[2][1], taps[2][2]));
     vec4 most = max(max(taps[1][1], taps[1][2]), max(taps[2][1], taps[2][2]));
     for (float y = begin.y; y < end.y; y += 1.0) {
         for (float x = begin.x; x < end.x; x += 1.0) {
-            vec2 t = fma(vec2(x, y) + 0.5 - push.half_extent, vec2(push.scale), push.half_source) - 0.5 - cell;
+            vec2 t = fma(vec2(x, y) + 0.5 - push.half_extent, vec2(push.scale), push.half_source) - 0.5 - square;
             vec4 across = weights_at(t.x), down = weights_at(t.y), sum = vec4(0.0);
             for (int j = 0; j < 4; ++j) {
                 vec4 row = vec4(0.0);
@@ -96,12 +98,14 @@ void main() {
     uint at = size.x * size.y > 0u ? atomicAdd(group_count, size.x * size.y) : 0u;
     barrier();
     if (gl_LocalInvocationIndex == 0u) {
-        group_begin = atomicAdd(pixels[PIXELS_COUNT], group_count);
-        // Every device has 65,535 workgroups in a dimension.
-        uint groups = (group_begin + group_count + 63u) / 64u;
-        atomicMax(pixels[0], min(groups, 65535u));
-        atomicMax(pixels[1], (groups + 65534u) / 65535u);
-        pixels[2] = 1u;
+        group_begin = group_count > 0u ? atomicAdd(pixels[PIXELS_COUNT], group_count) : 0u;
+        if (group_count > 0u) {
+            // Every device has 65,535 workgroups in a dimension.
+            uint groups = (group_begin + group_count + TILE_PIXELS - 1u) / TILE_PIXELS;
+            atomicMax(pixels[0], min(groups, 65535u));
+            atomicMax(pixels[1], (groups + 65534u) / 65535u);
+            atomicMax(pixels[2], 1u);
+        }
     }
     barrier();
     at += PIXELS_FIRST + group_begin;

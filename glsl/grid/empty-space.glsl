@@ -1,4 +1,4 @@
-// Empty-space skipping: a march skips bricks, and blocks of them, in which nothing is visible (bricks.glsl).
+// Empty-space skipping: a march skips bricks in which nothing is visible (bricks.glsl).
 #ifndef EMPTY_SPACE_GLSL
 #define EMPTY_SPACE_GLSL
 
@@ -9,34 +9,32 @@
 layout(constant_id = SPEC_EMPTY_SPACE) const bool EMPTY_SPACE = false;
 
 layout(set = 0, binding = BINDING_BRICKS, std430) readonly buffer Bricks {
-    uint empty[];
+    uint visible[];
 } bricks;
 
 struct BrickGrid {
-    vec3 last; // the last brick along each axis
+    ivec3 count;
     ivec3 stride;
     vec3 half_size; // half the domain, indices
 };
 
 // Returns the bricks of a domain in whose index space z is axis `axis` of the grid, and the other two follow cyclically.
 BrickGrid bricks_of(vec3 half_size, uint axis) {
-    vec3 last = max(ceil(2.0 * half_size / float(BRICK) - 1e-3) - 1.0, 0.0);
-    ivec3 count = whole_of(last) + 1;
+    ivec3 count = max(ivec3(ceil(2.0 * half_size / float(BRICK) - 1e-3)), ivec3(1));
     // The words are stored along the grid's own axes, whichever of them is z here.
     ivec3 stride = axis == 2u ? ivec3(1, count.x, count.x * count.y)
                  : axis == 0u ? ivec3(count.z, count.z * count.x, 1)
                                    : ivec3(count.y * count.z, 1, count.y);
-    return BrickGrid(last, stride, half_size);
+    return BrickGrid(count, stride, half_size);
 }
 
 // Returns the number of slabs, h cells thick, to march before the next look at the bricks: about two bricks. It is the same for all
 // invocations, so that those which run in lockstep do not wait for each other.
 uint slabs_between_looks(float h) {
-    return uint(whole_of(clamp(2.0 * float(BRICK) / h, 4.0, 64.0)));
+    return uint(clamp(2.0 * float(BRICK) / h, 4.0, 64.0));
 }
 
-// Returns the depth up to which nothing is visible on the ray from depth z on; z where something is visible in the brick there. (The sides
-// of blocks are powers of two: their quotients are exact.)
+// Returns the depth up to which nothing is visible on the ray from depth z on; z where something is visible in the brick there.
 //
 // Rounding may place a position in a neighbouring brick, and the ray may skip a corner of a brick that is shorter than the nudge:
 // both are harmless, because the range of a brick includes the samples one cell around it.
@@ -47,12 +45,10 @@ float empty_until(Ray ray, float z, float far, BrickGrid grid) {
     float at = z;
     for (int turn = 0; turn < 64; ++turn) {
         vec3 place = (fma(vec3(at + nudge), ray.d, ray.q) + grid.half_size) / float(BRICK);
-        vec3 brick = clamp(floor(place), vec3(0.0), grid.last);
-        ivec3 word = whole_of(brick) * grid.stride;
-        float side = float(bricks.empty[word.x + word.y + word.z]);
-        if (side == 0.0) break;
-        vec3 block = floor(brick / side) * side;
-        vec3 face = (block + mix(vec3(0.0), vec3(side), greaterThan(ray.inverse, vec3(0.0)))) * float(BRICK);
+        ivec3 brick = min(whole_of(max(place, vec3(0.0))), grid.count - 1);
+        ivec3 word = brick * grid.stride;
+        if (bricks.visible[word.x + word.y + word.z] != 0u) break;
+        vec3 face = (vec3(brick) + mix(vec3(0.0), vec3(1.0), greaterThan(ray.inverse, vec3(0.0)))) * float(BRICK);
         vec3 leave = (face - grid.half_size - ray.q) * ray.inverse;
         at = max(min(min(leave.x, leave.y), leave.z), at + nudge);
         if (at >= far) break;

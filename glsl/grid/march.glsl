@@ -20,10 +20,12 @@ layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumul
 // is one.
 bool own_pixel(out ivec2 pixel) {
     if (REDRAWN) {
-        uint number = WORKGROUP_NUMBER * 64u + gl_LocalInvocationIndex, count = pixels[PIXELS_COUNT];
-        uint word = pixels[PIXELS_FIRST + min(number, max(count, 1u) - 1u)];
+        pixel = ivec2(0);
+        uint number = WORKGROUP_NUMBER * TILE_PIXELS + gl_LocalInvocationIndex;
+        if (number >= pixels[PIXELS_COUNT]) return false;
+        uint word = pixels[PIXELS_FIRST + number];
         pixel = ivec2(word & 0xffffu, word >> 16);
-        return number < count;
+        return true;
     }
     pixel = ivec2(INVOCATION.xy);
     return all(lessThan(pixel, ivec2(2.0 * push.half_extent + 0.5)));

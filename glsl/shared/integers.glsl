@@ -2,7 +2,8 @@
 #ifndef INTEGERS_GLSL
 #define INTEGERS_GLSL
 
-// Returns the integer part of a float in [0, 2^23): the last bits of its sum with 2^23, where floats are whole numbers.
+// Returns the integer part of a float in [0, 2^23): the last bits of its sum with 2^23, where floats are whole numbers. Others, and NaN, give any
+// number in [0, 2^23).
 #define WHOLE_OF(INTEGER, FLOAT) \
 INTEGER whole_of(FLOAT x) { \
     precise FLOAT sum = floor(x) + 8388608.0; \

@@ -59,7 +59,7 @@ vec4 classify(float s, uint count) {
 // the subtraction would cancel. With od log2(e) = k + f, |f| <= 1/2, it equals (1 - 2^-k) - 2^-k (2^-f - 1). The last parenthesis
 // is f times a series, whose first omitted term is below 2e-8 of the sum. Where k is 0, nothing is subtracted.
 float alpha_of(float od) {
-    // The sum with 1.5 * 2^23 is a whole number: k is what it adds, in its last bits.
+    // The sum with 1.5 * 2^23 rounds x to a whole number k, which its last bits hold.
     float x = min(od * 1.44269504, 120.0);
     precise float sum = x + 12582912.0;
     precise float k = sum - 12582912.0;

@@ -345,16 +345,13 @@ impl Plan {
             bounds.check(drawn)?;
         }
         let seen = self.surfaces.as_ref().map(|surfaces| surfaces.pushes(drawn)).transpose()?;
+        let redrawn = self.upsampling.as_ref().map_or(Ok(true), |upsampling| upsampling.suits(view))?;
         // Everything is checked before anything changes.
-        if !self.prepared.set_view(drawn, self.technique_passes)? {
+        if !redrawn || !self.prepared.set_view(drawn, self.technique_passes)? {
             return Ok(false);
         }
         if let Some(upsampling) = &mut self.upsampling {
-            let before = upsampling.view().reduced(self.side)?;
-            if !upsampling.set_view(view, self.technique_passes)? {
-                self.prepared.set_view(&before, self.technique_passes)?;
-                return Ok(false);
-            }
+            upsampling.set_view(view)?;
         }
         if let Some(bounds) = &mut self.bounds {
             bounds.set_view(drawn);

@@ -12,6 +12,10 @@ pub(crate) trait Prepared: std::fmt::Debug + Send + Sync {
     /// Changes to another view of the same image size. Returns `false`, and changes nothing, where the view exceeds a capacity of the
     /// plan or has more than `most_passes` passes.
     fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool>;
+    /// Returns whether [`Prepared::set_view`] would return `true`. Of techniques without the option `refine` nobody asks.
+    fn suits(&self, _view: &View, _most_passes: u32) -> Result<bool> {
+        Ok(true)
+    }
     /// The measure of depth that the bounds of rays take.
     fn measure(&self) -> DepthMeasure;
     /// The image that the technique draws into; `None` where it draws into the caller's.

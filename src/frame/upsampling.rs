@@ -6,6 +6,7 @@ use std::sync::Arc;
 use ash::vk;
 
 use crate::error::Result;
+use crate::frame::dry_run::{dry_run, passes};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::ray_bounds::{RayBounds, bounds_buffer};
 use crate::frame::target::{Canvas, Redrawn, TargetDesc, usage_after};
@@ -30,8 +31,7 @@ pub(crate) struct Drawn {
 pub(crate) struct Upsampling {
     pass: Dispatch,
     push: UpsamplingPush,
-    cells: [u32; 2],
-    view: View,
+    squares: [u32; 2],
     /// The image of the view's size.
     pub(crate) image: Arc<Image>,
     refinement: Option<Refinement>,
@@ -43,6 +43,8 @@ struct Refinement {
     redrawn: Redrawn,
     bounds: Option<RayBounds>,
     prepared: Box<dyn Prepared>,
+    /// Most passes of the technique. (More rays than of fewer pixels may need more dispatches.)
+    most_passes: u32,
     outcome: Arc<Refined>,
 }
 
@@ -77,7 +79,8 @@ impl Refinement {
         let bounds = canvas.bounds.as_ref();
         let bounds = bounds.map(|bounds| RayBounds::new(gpu, bounds, false, prepared.measure(), view));
         let outcome = Arc::new(Refined { head: download(gpu, "redrawn.head", 4 * u64::from(PIXELS_FIRST))? });
-        Ok(Self { redrawn, bounds: bounds.transpose()?, prepared, outcome })
+        let most_passes = passes(&dry_run(gpu, |recorder, target| prepared.record_most(recorder, target)));
+        Ok(Self { redrawn, bounds: bounds.transpose()?, prepared, most_passes, outcome })
     }
 }
 
@@ -111,7 +114,9 @@ impl Upsampling {
             half_source: [width, height].map(|side| f32_of(half(side))),
             // Both images show the same height.
             scale: f32_of(f64::from(height) / f64::from(view.extent()[1])),
+            inverse: f32_of(f64::from(view.extent()[1]) / f64::from(height)),
             refine: refine.unwrap_or(0.0),
+            pad0: 0,
         };
         let refinement = match refine {
             Some(_) => {
@@ -120,27 +125,25 @@ impl Upsampling {
             }
             None => None,
         };
-        let cells = [width + 1, height + 1];
-        Ok(Self { pass: pass(gpu, "upsampling", &bound)?, push, cells, view: *view, image, refinement })
+        let squares = [width + 1, height + 1];
+        Ok(Self { pass: pass(gpu, "upsampling", &bound)?, push, squares, image, refinement })
     }
 
-    /// The view that is shown.
-    pub(crate) fn view(&self) -> &View {
-        &self.view
+    /// Returns whether another view of the same size fits what draws pixels once more.
+    pub(crate) fn suits(&self, view: &View) -> Result<bool> {
+        let Some(Refinement { prepared, most_passes, .. }) = &self.refinement else { return Ok(true) };
+        prepared.suits(view, *most_passes)
     }
 
-    /// Changes to another view of the same size. Returns `false`, and changes nothing, where the technique does.
-    pub(crate) fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool> {
-        if let Some(Refinement { bounds, prepared, .. }) = &mut self.refinement {
-            if !prepared.set_view(view, most_passes)? {
-                return Ok(false);
-            }
-            if let Some(bounds) = bounds {
-                bounds.set_view(view);
-            }
+    /// Changes to another view, which [`Upsampling::suits`] has accepted.
+    pub(crate) fn set_view(&mut self, view: &View) -> Result<bool> {
+        let Some(Refinement { bounds, prepared, most_passes, .. }) = &mut self.refinement else {
+            return Ok(true);
+        };
+        if let Some(bounds) = bounds {
+            bounds.set_view(view);
         }
-        self.view = *view;
-        Ok(true)
+        prepared.set_view(view, *most_passes)
     }
 
     /// The status of the pixels that are drawn once more.
@@ -150,11 +153,11 @@ impl Upsampling {
 
     /// Records the passes. `most` is the placeholder for the target in a dry run of the view with most passes.
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>, most: Option<&TargetImage>) {
-        let groups = tiles_of(self.cells);
-        let Some(Refinement { redrawn, bounds, prepared, outcome }) = &self.refinement else {
+        let groups = tiles_of(self.squares);
+        let Some(Refinement { redrawn, bounds, prepared, outcome, .. }) = &self.refinement else {
             return self.pass.record(recorder, &self.push, groups);
         };
-        recorder.clear_buffer("redrawn.clear", &redrawn.pixels);
+        recorder.clear_start("redrawn.clear", &redrawn.pixels, 4 * u64::from(PIXELS_FIRST));
         self.pass.record(recorder, &self.push, groups);
         recorder.copy_buffer("redrawn.count", &redrawn.pixels, &outcome.head, outcome.head.size());
         recorder.release_to_host(&outcome.head);

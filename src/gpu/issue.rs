@@ -37,9 +37,10 @@ impl Gpu {
                     unsafe { device.cmd_end_rendering(raw) };
                 }
             }
-            Work::ClearBuffer(buffer) => {
-                // SAFETY: recording, outside of rendering; `WHOLE_SIZE` rounds the size down to a multiple of 4.
-                unsafe { device.cmd_fill_buffer(raw, buffer.raw, 0, vk::WHOLE_SIZE, 0) };
+            Work::ClearBuffer(buffer, bytes) => {
+                // SAFETY: recording, outside of rendering; `bytes` is a multiple of 4 within the buffer, or `WHOLE_SIZE`, which rounds the
+                // size down to one.
+                unsafe { device.cmd_fill_buffer(raw, buffer.raw, 0, *bytes, 0) };
             }
             Work::ClearImage(image, colour) => {
                 let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;

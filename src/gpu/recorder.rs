@@ -144,7 +144,12 @@ impl<'a> Recorder<'a> {
 
     /// Adds a fill of a buffer with zeros.
     pub(crate) fn clear_buffer(&mut self, name: &str, buffer: &Arc<Buffer>) {
-        self.step(name, Work::ClearBuffer(Arc::clone(buffer)));
+        self.clear_start(name, buffer, vk::WHOLE_SIZE);
+    }
+
+    /// Adds a fill of the first bytes of a buffer, a multiple of four, with zeros.
+    pub(crate) fn clear_start(&mut self, name: &str, buffer: &Arc<Buffer>, bytes: u64) {
+        self.step(name, Work::ClearBuffer(Arc::clone(buffer), bytes));
     }
 
     /// Adds a fill of an image with one colour.

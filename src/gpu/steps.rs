@@ -100,8 +100,8 @@ pub(crate) enum Work {
         vertices: u32,
         instances: u32,
     },
-    /// Fills a buffer with zeros.
-    ClearBuffer(Arc<Buffer>),
+    /// Fills the first bytes of a buffer with zeros, or (`WHOLE_SIZE`) all of it.
+    ClearBuffer(Arc<Buffer>, u64),
     /// Fills an image with one colour.
     ClearImage(Arc<Image>, [f32; 4]),
     /// Copies the first bytes of a buffer to the start of another.
@@ -154,7 +154,7 @@ impl Work {
                 }));
                 uses
             }
-            Self::ClearBuffer(cleared) => vec![buffer(cleared, Use::TransferWrite)],
+            Self::ClearBuffer(cleared, _) => vec![buffer(cleared, Use::TransferWrite)],
             Self::ClearImage(cleared, _) => vec![image(cleared, Use::TransferWrite)],
             Self::CopyBuffer { from, to, .. } => {
                 vec![buffer(from, Use::TransferRead), buffer(to, Use::TransferWrite)]
@@ -220,7 +220,7 @@ impl fmt::Display for Step {
         let work = match &self.work {
             Work::Dispatch { .. } => "dispatch",
             Work::Draw { target, .. } => target.as_ref().map_or("draws", |_| "draw"),
-            Work::ClearBuffer(_) | Work::ClearImage(..) => "clear",
+            Work::ClearBuffer(..) | Work::ClearImage(..) => "clear",
             Work::CopyBuffer { .. } | Work::CopyImageToBuffer { .. } | Work::CopyBufferToImage { .. } => {
                 "copy"
             }

@@ -167,13 +167,14 @@ impl Tracker {
 mod tests {
     use super::*;
 
-    const USES: [Use; 11] = [
+    const USES: [Use; 12] = [
         Use::TransferRead,
         Use::TransferWrite,
         Use::HostRead,
         Use::FragmentSample,
         Use::FragmentRead,
         Use::FragmentReadWrite,
+        Use::Indirect,
         Use::ComputeSample,
         Use::ComputeRead,
         Use::ComputeReadWrite,

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::gpu::shader::{self, BLOCK, BRICK, BRICKS_MARK, BRICKS_MERGE};
+use crate::gpu::shader::{self, BRICK, BRICKS_COMPUTE};
 use crate::gpu::{Buffer, Commands, Gpu, Recorder};
 use crate::interface::BricksPush;
 use crate::num;
@@ -184,7 +184,7 @@ fn slack(min: f64, max: f64, terms: f64) -> f64 {
 #[derive(Clone, Debug)]
 pub(crate) struct BrickRanges {
     buffer: Arc<Buffer>,
-    count: [u32; 3],
+    count: u32,
 }
 
 impl BrickRanges {
@@ -192,11 +192,10 @@ impl BrickRanges {
     pub(crate) fn new(gpu: &Gpu, grid: &Grid) -> Result<Self> {
         let ranges = brick_ranges(grid);
         let buffer = Buffer::with_data(gpu, "bricks.ranges", bytemuck::cast_slice(&ranges))?;
-        Ok(Self { buffer, count: bricks_of(grid.dims()) })
+        Ok(Self { buffer, count: num::count(ranges.len()) })
     }
 
-    /// Returns one word for each brick: 0 where something is visible, with extinction smeared by `margin` scalars; else the side of the
-    /// empty block around it, in bricks.
+    /// Returns one word for each brick: 0 where nothing is visible, with extinction smeared by `margin` scalars.
     pub(crate) fn visible(
         self,
         gpu: &Gpu,
@@ -205,29 +204,24 @@ impl BrickRanges {
         margin: f32,
     ) -> Result<Arc<Buffer>> {
         let mut scalars = nonzero_ranges(transfer);
-        let push = BricksPush { count: self.count, ranges: num::count(scalars.len()), margin };
+        let push = BricksPush { bricks: self.count, ranges: num::count(scalars.len()), margin };
         if scalars.is_empty() {
             scalars.push([0.0; 2]);
         }
         let scalars = Buffer::with_data(gpu, "transfer.visible", bytemuck::cast_slice(&scalars))?;
-        let number: u32 = self.count.iter().product();
-        let bricks = buffer(gpu, "bricks", number.into())?;
-        let bound = BRICKS_MARK.with(&shader::BricksMark {
+        let bricks = buffer(gpu, "bricks", self.count.into())?;
+        let bound = BRICKS_COMPUTE.with(&shader::Bricks {
             ranges: self.buffer.read(),
             visible: scalars.read(),
             bricks: bricks.write(),
         });
         let mark = pass(gpu, "bricks.mark", &bound)?;
-        let bound = BRICKS_MERGE.with(&shader::BricksMerge { bricks: bricks.write() });
-        let merge = pass(gpu, "bricks.merge", &bound)?;
-        let blocks = self.count.map(|count| count.div_ceil(BLOCK)).iter().product();
-        // Their time is not that of a table.
-        gpu.build([&mark.pipeline, &merge.pipeline].into_iter())?;
+        // Its time is not that of a table.
+        gpu.build(std::iter::once(&mark.pipeline))?;
         clock.tables(|| {
             let mut commands = Commands::new(gpu)?;
             let mut recorder = Recorder::new(gpu, commands.begin()?, None);
-            mark.record(&mut recorder, &push, groups_of(number, 64));
-            merge.record(&mut recorder, &push, groups_of(blocks, 64));
+            mark.record(&mut recorder, &push, groups_of(self.count, 64));
             recorder.release_buffer(&bricks);
             let (_, keep) = recorder.finish()?;
             commands.submit(keep, "bricks.mark")

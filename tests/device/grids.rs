@@ -1105,7 +1105,7 @@ fn own_device_a_plain_scene_takes_what_it_needs() {
         (
             "slices-3d:",
             "f32",
-            &["bricks.mark", "bricks.merge", "slices-3d.march"],
+            &["bricks.mark", "slices-3d.march"],
             vec![("bricks", 64 * 4), ("bricks.ranges", 64 * 8), march, knots, volume],
         ),
         ("slices-3d:route=raster", "f32", &["slices-3d.draw"], vec![march, knots, volume]),
@@ -1296,9 +1296,9 @@ fn empty_space_beside_vacuum_changes_nothing() {
     }
 }
 
-/// Empty blocks of bricks, of which the grid's sides cut some, hide nothing: small spots in different blocks and at their edges.
+/// Empty bricks, of which the grid's sides cut some, hide nothing: small spots in different bricks and at their edges.
 #[test]
-fn empty_blocks_change_nothing() {
+fn empty_bricks_change_nothing() {
     let gpu = gpu();
     let dims = [70, 45, 101];
     let spots = [[33, 31, 30], [64, 32, 32], [2, 44, 100], [40, 7, 66], [69, 0, 97]];

@@ -170,6 +170,20 @@ fn pixels_are_redrawn_where_the_smaller_image_bends() {
     assert!(drawn >= 12, "{drawn}");
 }
 
+/// A plan turns where drawing all pixels would take several dispatches, and drawing fewer takes one.
+#[test]
+fn plans_of_several_dispatches_turn() {
+    let scene = GpuScene::new(&gpu(), scene(volraster::scene::Field::Blobs, 24, "f32", &FOG));
+    let view = view(perspective(), 1.0, 512, 512);
+    let spec = "raycast:step=0.008,resolution=quarter,refine=0.1";
+    let mut plan = Renderer::new(&scene, technique(spec)).prepare(&view, &TargetDesc::own()).unwrap();
+    let steps = plan.steps();
+    let times =
+        |pass: &str| steps.iter().find(|step| step.starts_with(pass)).map(|step| step.contains("(2 times)"));
+    assert_eq!([times("raycast.march:"), times("raycast.redraw:")], [Some(false), Some(true)], "{steps:?}");
+    assert!(plan.set_view(&view).unwrap());
+}
+
 /// `refine` needs fewer pixels, and a route that draws single ones.
 #[test]
 fn refinement_has_its_conditions() {

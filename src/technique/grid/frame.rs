@@ -11,7 +11,7 @@ use crate::frame::dry_run::{draws, dry_run, passes};
 use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
 use crate::gpu::shader::{MARCH_CONTINUES, RASTER_BACK_TO_FRONT, RASTER_FIRST_SHIFT};
-use crate::gpu::{Attachment, Image, Recorder, TargetImage};
+use crate::gpu::{Attachment, Groups, Image, Recorder, TargetImage};
 use crate::interface::GridPush;
 use crate::num;
 use crate::resident::GpuScene;
@@ -185,7 +185,10 @@ impl GridFrame {
                     push.count = (count - begin).min(*slabs_per_dispatch);
                     push.order = march_order(samples.axis, begin + push.count < count);
                     let pipeline = resume.as_ref().filter(|_| begin > 0).unwrap_or(first);
-                    let pass = format!("{name}.march");
+                    let pass = match groups {
+                        Groups::Fixed(_) => format!("{name}.march"),
+                        Groups::Counted(_) => format!("{name}.redraw"),
+                    };
                     recorder.dispatch(
                         &pass,
                         pipeline,
@@ -203,13 +206,14 @@ impl GridFrame {
     }
 }
 
-impl Prepared for GridFrame {
-    fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool> {
+impl GridFrame {
+    /// Returns the cut of a view and the place of its samples, if the frame can draw it with so many passes.
+    fn cut_of(&self, view: &View, most_passes: u32) -> Result<Option<(Cut, usize)>> {
         let grid = self.scene.grid()?;
         let in_use = self.samples.get(self.current).and_then(|samples| samples.axis);
         let axis = self.technique.stack_axis(grid, view, in_use);
         let Some(place) = self.samples.iter().position(|samples| samples.axis == axis) else {
-            return Ok(false);
+            return Ok(None);
         };
         let volume = &self.samples[place].volume;
         let cut = cut(self.name, &self.scene, self.technique.as_ref(), volume, &self.knots, view, axis)?;
@@ -219,10 +223,19 @@ impl Prepared for GridFrame {
         let passes = passes(&steps);
         let fits = passes <= most_passes
             && (passes == 1 || !matches!(self.path, Path::Compute { resume: None, .. }));
-        if fits {
-            (self.cut, self.current) = (cut, place);
-        }
-        Ok(fits)
+        Ok(fits.then_some((cut, place)))
+    }
+}
+
+impl Prepared for GridFrame {
+    fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool> {
+        let Some((cut, place)) = self.cut_of(view, most_passes)? else { return Ok(false) };
+        (self.cut, self.current) = (cut, place);
+        Ok(true)
+    }
+
+    fn suits(&self, view: &View, most_passes: u32) -> Result<bool> {
+        Ok(self.cut_of(view, most_passes)?.is_some())
     }
 
     fn measure(&self) -> DepthMeasure {

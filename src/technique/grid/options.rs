@@ -124,7 +124,7 @@ impl GridOptions {
         if self.refine.is_some() && self.resolution == Resolution::Full {
             return Err(refused(technique, "refine", "resolution must be half or quarter"));
         }
-        if self.refine.is_some() && (self.route == Route::Raster || self.takes_raster()) {
+        if self.refine.is_some() && !self.marches() {
             return Err(refused(
                 technique,
                 "refine",
@@ -142,9 +142,10 @@ impl GridOptions {
         Ok(())
     }
 
-    /// Returns whether an option is given that only raster has.
-    fn takes_raster(&self) -> bool {
-        self.target.is_some() || self.order.is_some() || self.dither != Dither::None
+    /// Returns whether these options take the route compute.
+    fn marches(&self) -> bool {
+        let for_raster = self.target.is_some() || self.order.is_some() || self.dither != Dither::None;
+        self.route == Route::Compute || (self.route == Route::Auto && !for_raster)
     }
 
     pub(crate) fn accumulation(&self) -> Accumulation {
@@ -157,7 +158,7 @@ impl GridOptions {
 
     /// Returns the route that these options take on a device.
     pub(crate) fn route_on(&self, gpu: &Gpu, technique: &str) -> Result<Route> {
-        if self.route == Route::Compute || (self.route == Route::Auto && !self.takes_raster()) {
+        if self.marches() {
             return Ok(Route::Compute);
         }
         let what = |option: &str| format!("{technique} {option}");
