@@ -217,7 +217,7 @@ impl Plan {
             if let Some(bounds) = &plan.bounds {
                 bounds.record_most(recorder, plan.surfaces.as_ref());
             }
-            plan.record_after(recorder, Some(target), Some(target));
+            plan.record_after(recorder, Some(target), true);
         });
         plan.most_passes += passes(&shared);
         gpu.build(own.iter().chain(&shared).filter_map(|step| step.work.pipeline()))?;
@@ -228,15 +228,10 @@ impl Plan {
     }
 
     /// Records the steps after the technique: upsampling of its image, opaque surfaces behind it, and the composite into the
-    /// caller's image. `most` is the placeholder for the target in a dry run of the view with most passes.
-    fn record_after(
-        &self,
-        recorder: &mut Recorder<'_>,
-        target: Option<&TargetImage>,
-        most: Option<&TargetImage>,
-    ) {
+    /// caller's image. `most` asks for the passes of the view that has most of them, for a dry run.
+    fn record_after(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>, most: bool) {
         if let Some(upsampling) = &self.upsampling {
-            upsampling.record(recorder, most);
+            upsampling.record(recorder, target.filter(|_| most));
         }
         if let Some(surfaces) = &self.surfaces {
             surfaces.record_behind(recorder);
@@ -298,7 +293,7 @@ impl Plan {
             bounds.record(&mut recorder, depth, self.surfaces.as_ref())?;
         }
         self.prepared.record(&mut recorder, target, self.target.mode() == TargetMode::Clear);
-        self.record_after(&mut recorder, target, None);
+        self.record_after(&mut recorder, target, false);
         let used = |resource: Used| last_use(recorder.steps(), resource.key());
         self.last_uses = [
             self.final_image().and_then(|image| used(Used::Image(Arc::clone(image)))),
@@ -385,7 +380,7 @@ impl Plan {
                 bounds.record_most(recorder, self.surfaces.as_ref());
             }
             self.prepared.record(recorder, Some(target), self.target.mode() == TargetMode::Clear);
-            self.record_after(recorder, Some(target), None);
+            self.record_after(recorder, Some(target), false);
         });
         let mut lines: Vec<(String, u32)> = Vec::new();
         for line in steps.iter().filter(|step| !step.leaves()).map(ToString::to_string) {

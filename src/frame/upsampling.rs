@@ -136,14 +136,16 @@ impl Upsampling {
     }
 
     /// Changes to another view, which [`Upsampling::suits`] has accepted.
-    pub(crate) fn set_view(&mut self, view: &View) -> Result<bool> {
+    pub(crate) fn set_view(&mut self, view: &View) -> Result<()> {
         let Some(Refinement { bounds, prepared, most_passes, .. }) = &mut self.refinement else {
-            return Ok(true);
+            return Ok(());
         };
+        let fits = prepared.set_view(view, *most_passes)?;
+        debug_assert!(fits, "the view was accepted");
         if let Some(bounds) = bounds {
             bounds.set_view(view);
         }
-        prepared.set_view(view, *most_passes)
+        Ok(())
     }
 
     /// The status of the pixels that are drawn once more.
