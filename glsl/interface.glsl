@@ -64,6 +64,8 @@
 #define BINDING_HITS 61         // storage block: pixels of its tile that each pair covers, or for 32 pairs and each pixel which cover it
 #define BINDING_MARKED 62       // storage block: a word per tile, not 0 where it has flagged pixels
 
+#define BINDING_PLANES 63       // storage block: plane of each face in the view
+
 #define BINDING_PIXELS 66       // storage block: pixels that are drawn once more
 
 #define BINDING_SCAN_WORDS 13   // storage block: words that are replaced by their prefix sums
@@ -181,6 +183,7 @@
 #define TILE 8        // pixels along each side of a tile
 #define BIN_PAIRS 16  // pairs of a tile and a primitive that an invocation emits
 #define TILE_PIXELS 64
+#define HIT_PAIRS 128 // pairs of which a pixel has a bit each in a vector of words
 #define FACE_AHEAD 2147483648  // bits of a face's first corner: there is a cell that the normal points to
 #define FACE_BEHIND 1073741824 // there is one on the other side
 #define CELL_WORDS 4  // corners

@@ -90,13 +90,13 @@ Source source_of(OwnPixel own) {
     source.pixel = gl_LocalInvocationIndex;
     source.walk = walk_through(own.in_band, source.pixel, push.first, push.number);
     source.line0 = line_at(vec2(pixel_of(own.tile, 0u)) + 0.5);
-    source.held = source.walk.bits != 0u ? HELD : 0u;
+    source.held = has_pair(source.walk) ? HELD : 0u;
     clear_window();
     return source;
 }
 
 bool has_next(Source source) {
-    return any(bvec2(source.walk.bits != 0u, source.held > 0u));
+    return any(bvec2(has_pair(source.walk), source.held > 0u));
 }
 
 bool ended_early(Source source) {
@@ -111,7 +111,7 @@ void count_drawn(Source source) {
 vec4 next_of(inout Source source, OwnPixel own, out float at) {
     vec4 piece = vec4(0.0);
     at = EVERYTHING;
-    if (source.walk.bits != 0u) {
+    if (has_pair(source.walk)) {
         uint id = next_primitive(source.walk, source.pixel);
         uvec2 number = uvec2(source.pixel % TILE, source.pixel / TILE);
         piece = piece_of(id, primitive_of(id, source.line0), number, line_at(vec2(own.pixel) + 0.5));

@@ -7,13 +7,16 @@
 
 #include "interface.glsl"
 #include "mesh/cell-scalars.glsl"
+#include "mesh/face-planes.glsl"
 #include "mesh/mesh.glsl"
+#include "mesh/own-pixel.glsl"
 
 layout(constant_id = SPEC_CELLS) const bool CELLS = false;
 
 layout(set = 0, binding = BINDING_PRIMITIVES, std430) readonly buffer Primitives { uint primitives[]; };
 layout(set = 0, binding = BINDING_MESH_SCALARS, std430) readonly buffer MeshScalars { float mesh_scalars[]; };
 layout(set = 0, binding = BINDING_VIEW_POINTS, std430) readonly buffer ViewPoints { vec4 view_points[]; };
+layout(set = 0, binding = BINDING_PLANES, std430) readonly buffer Planes { vec4 planes[]; };
 
 // The corner whose index is the word at a place of the primitives.
 vec4 corner(uint at) {
@@ -165,24 +168,50 @@ vec2 meet_at(vec2 pixel, Edge bc, Edge ac, Edge ab, bool left, vec4 a, vec4 b, v
     return on_face(side_at(bc, pixel), side_at(ac, pixel), side_at(ab, pixel), aside, a, b, c, turn);
 }
 
-// Returns depth and scalar of a face that covers a pixel, on the pixel's line, as bits. Two bits of the scalar tell on which sides of the
-// face there is a cell.
-uvec2 pair_of(uint id, Primitive p, uvec2 pixel, bool back_to_front) {
-    bool left = is_positive(p.bc, pixel);
-    vec2 met = meet_at(vec2(pixel), p.bc, p.ac, p.ab, left, p.a, p.b, p.c);
+// Whether a face that covers a pixel of the tile whose first line is `line0` turns left there.
+bool turns_left(uint id, vec2 line0, uvec2 pixel) {
+    uint at = id * FACE_WORDS;
+    Corner b = corner_of(corner(at + 1u), line0), c = corner_of(corner(at + 2u), line0);
+    return is_positive(edge_of(b, c), pixel);
+}
+
+// The line of a pixel that walks through faces, and what a meeting needs besides.
+struct FaceLine {
+    vec2 line, line0; // its own, and that of the tile's first pixel
+    vec2 ws;          // w0 and w1: software rasterisers gather a push constant again whenever it is read
+    uvec2 pixel;      // in the tile
+};
+
+FaceLine face_line(OwnPixel own) {
+    uint number = gl_LocalInvocationIndex;
+    return FaceLine(line_at(vec2(own.pixel) + 0.5), line_at(vec2(pixel_of(own.tile, 0u)) + 0.5), vec2(push.w0, push.w1),
+                    uvec2(number % TILE, number / TILE));
+}
+
+// On which sides of a face there is a cell, along a line that it covers.
+uint sides_on(uint id, FaceLine line) {
     uint first = primitives[id * FACE_WORDS];
     bool ahead = (first & FACE_AHEAD) != 0u, behind = (first & FACE_BEHIND) != 0u;
     // The view's axes are left-handed: a face that turns counterclockwise has its normal along the line's way back.
-    bool next = left ? behind : ahead, last = left ? ahead : behind;
-    float s = met.y;
-    if (CELL_SCALARS) {
-        // Back to front the line comes from behind.
-        bool exists = back_to_front ? last : next, on_normal = back_to_front == left;
-        uint entered = primitives[id * FACE_WORDS + (on_normal ? 3u : 4u)];
-        s = exists ? mesh_scalars[entered] : 0.0;
-    }
-    uint sides = uint(last) | uint(next) << 1;
-    return uvec2(floatBitsToUint(met.x), (floatBitsToUint(s) & 0xfffffffcu) | sides);
+    bool left = turns_left(id, line.line0, line.pixel);
+    return (left && ahead || !left && behind ? SIDE_BEFORE : 0u) | (left && behind || !left && ahead ? SIDE_BEHIND : 0u);
+}
+
+// The scalar of the cell that a line enters at a face with a cell on these sides; 0: it enters none.
+float scalar_entered(uint id, FaceLine line, uint sides, bool back_to_front) {
+    bool on_normal = turns_left(id, line.line0, line.pixel) == back_to_front;
+    uint entered = primitives[id * FACE_WORDS + (on_normal ? 3u : 4u)];
+    return (sides & (back_to_front ? SIDE_BEFORE : SIDE_BEHIND)) != 0u ? mesh_scalars[entered] : 0.0;
+}
+
+// Returns depth and scalar of a face on a line that it covers, as bits. Two bits of the scalar tell on which sides of the face there is a
+// cell. `known` are these sides where only the line tells them; SIDE_OF_LINE: they are not known yet.
+uvec2 pair_of(uint id, FaceLine line, uint known, bool back_to_front) {
+    FacePlane plane = unpacked_plane(planes[2u * id], planes[2u * id + 1u]);
+    vec2 met = meet_plane(plane, line.line, line.ws);
+    uint sides = plane.side | known;
+    if (CELL_SCALARS && sides != SIDE_OF_LINE) met.y = scalar_entered(id, line, sides, back_to_front);
+    return uvec2(floatBitsToUint(met.x), (floatBitsToUint(met.y) & 0xfffffffcu) | sides);
 }
 
 // Adds a face to a piece of a line, if the line passes through it.

@@ -30,6 +30,7 @@
 
 #include "interface.glsl"
 #include "mesh/cell-scalars.glsl"
+#include "mesh/face-planes.glsl"
 #include "shared/device.glsl"
 #include "mesh/mesh.glsl"
 
@@ -39,12 +40,15 @@ layout(set = 0, binding = BINDING_BOXES, std430) readonly buffer Boxes { uvec2 b
 layout(set = 0, binding = BINDING_PRIMITIVES, std430) readonly buffer Primitives { uint primitives[]; };
 layout(set = 0, binding = BINDING_VIEW_POINTS, std430) readonly buffer ViewPoints { vec4 view_points[]; };
 layout(set = 0, binding = BINDING_MESH_SCALARS, std430) readonly buffer MeshScalars { float mesh_scalars[]; };
+layout(set = 0, binding = BINDING_PLANES, std430) readonly buffer Planes { vec4 planes[]; };
 
 layout(location = 0) flat out vec4 corner_0;
 layout(location = 1) flat out vec4 corner_1;
 layout(location = 2) flat out vec4 corner_2;
 layout(location = 3) flat out vec2 cells; // scalars of the cells ahead and behind
 layout(location = 4) flat out uint sides; // 1: there is a cell ahead, 2: behind
+layout(location = 5) flat out vec4 place_of_plane; // as stored
+layout(location = 6) flat out vec4 change_of_plane;
 
 // How far beyond a face its triangle reaches, in pixels: rounding to the coarsest grid that is allowed moves it by half of that.
 const float REACH = 0.0625;
@@ -94,6 +98,8 @@ void main() {
         cells.x = ahead ? mesh_scalars[primitives[at + 3u]] : 0.0;
         cells.y = behind ? mesh_scalars[primitives[at + 4u]] : 0.0;
     }
+    place_of_plane = planes[2u * id];
+    change_of_plane = planes[2u * id + 1u];
     uvec2 box = boxes[id];
     vec3 w = push.w0 + push.w1 * vec3(corner_0.z, corner_1.z, corner_2.z);
     bool before = all(greaterThan(w, vec3(0.0))), after = all(lessThan(w, vec3(0.0)));
@@ -166,41 +172,32 @@ layout(location = 1) flat in vec4 corner_1;
 layout(location = 2) flat in vec4 corner_2;
 layout(location = 3) flat in vec2 cells;
 layout(location = 4) flat in uint sides;
+layout(location = 5) flat in vec4 place_of_plane;
+layout(location = 6) flat in vec4 change_of_plane;
 
 #ifdef INTERLOCK
 layout(pixel_interlock_ordered) in;
 #endif
 
-// On which side of an edge the line passes, as `side_of`; decided for the line moved aside, as the lists have it.
-struct Side {
-    float size, aside;
-    bool positive;
-};
-
-Side side(Corner a, Corner b) {
+// Whether the line passes on the positive side of an edge, as `side_of`; decided for the line moved aside, as the lists have it.
+bool is_positive(Corner a, Corner b) {
     precise float p = a.at.x * b.at.y;
     precise float q = a.at.y * b.at.x;
     precise float size = p - q;
-    float aside = aside_of(a.at, b.at);
-    return Side(size, aside, size + aside > 0.0);
+    return size + aside_of(a.at, b.at) > 0.0;
 }
 
 // Where the pixel's line meets the face; nothing where it does not.
 Pair arrival(vec2 line) {
     Corner a = corner_of(corner_0, line), b = corner_of(corner_1, line), c = corner_of(corner_2, line);
-    Side ab = side(a, b), bc = side(b, c), ac = side(a, c);
-    bool left = bc.positive && !ac.positive && ab.positive, right = !bc.positive && ac.positive && !ab.positive;
-    float turn = left ? 1.0 : -1.0;
-    vec3 weight = vec3(bc.size, -ac.size, ab.size) * turn;
-    bool passes = min(min(weight.x, weight.y), weight.z) >= 0.0;
-    weight = max(passes ? weight : weight + vec3(bc.aside, -ac.aside, ab.aside) * turn, 0.0);
-    float sum = weight.x + weight.y + weight.z;
-    weight = sum > 0.0 ? weight / sum : vec3(1.0 / 3.0);
-    float d = dot(weight, vec3(a.d, b.d, c.d)), s = scalar_between(weight, a.s, b.s, c.s);
+    bool ab = is_positive(a, b), bc = is_positive(b, c), ac = is_positive(a, c);
+    bool left = bc && !ac && ab, right = !bc && ac && !ab;
+    vec2 met = meet_plane(unpacked_plane(place_of_plane, change_of_plane), line, vec2(push.w0, push.w1));
+    float d = met.x, s = met.y;
     // Outside of the mesh a line begins with nothing behind it.
     if (!(left || right) || (push.number == 1u && d < push.forward.w)) return Pair(NOTHING, 0u);
     // The view's axes are left-handed: a face that turns counterclockwise has its normal along the line's way back.
-    bool ahead_next = turn < 0.0;
+    bool ahead_next = right;
     uint next = ahead_next ? sides & 1u : sides >> 1, last = ahead_next ? sides >> 1 : sides & 1u;
     if (CELL_SCALARS) {
         float s_next = ahead_next ? cells.x : cells.y, s_last = ahead_next ? cells.y : cells.x;

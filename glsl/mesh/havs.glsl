@@ -51,19 +51,24 @@ layout(constant_id = SPEC_LAST_CHUNK) const bool LAST_CHUNK = true;
 struct Source {
     Walk walk;
     uint pixel;
-    vec2 line0; // of the tile
+    FaceLine line;
+    bool waits; // for `ask_line` of the pair that came last
+    uint id;    // its face
+    uint sides; // of it, when the line has told
 };
 
 Source source_of(OwnPixel own) {
     Source source;
     source.pixel = gl_LocalInvocationIndex;
     source.walk = walk_through(own.in_band, source.pixel, push.first, push.number);
-    source.line0 = line_at(vec2(pixel_of(own.tile, 0u)) + 0.5);
+    source.line = face_line(own);
+    source.waits = false;
+    source.sides = SIDE_OF_LINE;
     return source;
 }
 
 bool has_next(Source source) {
-    return source.walk.bits != 0u;
+    return has_pair(source.walk) || source.sides != SIDE_OF_LINE;
 }
 
 bool ended_early(Source source) {
@@ -74,9 +79,19 @@ void count_drawn(Source source) {
     count_fragments(source.walk.met);
 }
 
+// Returns the next pair, unless that has to wait: then it is the next one again after `ask_line`.
 Pair next_of(inout Source source) {
-    uint id = next_primitive(source.walk, source.pixel);
-    return pair_in(pair_of(id, primitive_of(id, source.line0), uvec2(source.pixel % TILE, source.pixel / TILE), BACK_TO_FRONT));
+    if (source.sides == SIDE_OF_LINE) source.id = next_primitive(source.walk, source.pixel);
+    uvec2 pair = pair_of(source.id, source.line, source.sides, BACK_TO_FRONT);
+    source.waits = (pair.y & 3u) == SIDE_OF_LINE;
+    source.sides = SIDE_OF_LINE;
+    return pair_in(pair);
+}
+
+// Finds out what only the line tells of its face.
+void ask_line(inout Source source) {
+    source.sides = sides_on(source.id, source.line);
+    source.waits = false;
 }
 #endif
 
@@ -111,12 +126,13 @@ void sort_list(uint begin, uint end) {
 
 struct Source {
     uint next, end;
+    bool waits; // never
 };
 
 Source source_of(OwnPixel own) {
     PixelList list = list_of(own);
     sort_list(list.begin, list.end);
-    return Source(list.begin, list.end);
+    return Source(list.begin, list.end, false);
 }
 
 bool has_next(Source source) {
@@ -133,6 +149,8 @@ void count_drawn(Source source) {}
 Pair next_of(inout Source source) {
     return pair_in(lists[source.next++]);
 }
+
+void ask_line(inout Source source) {}
 #endif
 
 void main() {
@@ -160,23 +178,26 @@ void main() {
     bool more = has_next(source);
     bool goes_on = true;
     while (goes_on) {
-        while ((more || held > 0u || pending.len > 0.0 || is_uncut(rest)) && sweep.sum.a < opaque && !pending.waits) {
+        while ((more || held > 0u || pending.len > 0.0 || is_uncut(rest)) && sweep.sum.a < opaque && !pending.waits && !source.waits) {
             if (pending.len == 0.0 && !is_uncut(rest)) {
                 // From the last one on comes what is greater than all: it lets the least of the window out.
                 Pair pair = Pair(EVERYTHING, 0u);
                 if (more) pair = next_of(source); else --held;
-                more = has_next(source);
-                vec2 depths = leave(sweep, pending, pass_through(pair), drawn, own.world);
-                if (LAYERS) {
-                    rest = Uncut(pending.front, pending.back, depths);
-                    pending.len = 0.0;
+                more = has_next(source) || source.waits;
+                if (!source.waits) {
+                    vec2 depths = leave(sweep, pending, pass_through(pair), drawn, own.world);
+                    if (LAYERS) {
+                        rest = Uncut(pending.front, pending.back, depths);
+                        pending.len = 0.0;
+                    }
                 }
             }
             if (LAYERS && pending.len == 0.0 && is_uncut(rest)) begin_uncut(rest, pending, ahead, CELL_SCALARS, own.world, sweep.sum);
             if (pending.len > 0.0) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
         }
-        goes_on = pending.waits;
-        for (uint once = 0u; once < uint(goes_on); ++once) composite(sweep.sum, thickest_piece(pending, BACK_TO_FRONT), BACK_TO_FRONT);
+        goes_on = pending.waits || source.waits;
+        for (uint once = 0u; once < uint(source.waits); ++once) ask_line(source);
+        for (uint once = 0u; once < uint(pending.waits); ++once) composite(sweep.sum, thickest_piece(pending, BACK_TO_FRONT), BACK_TO_FRONT);
     }
     if (LAYERS && LAST_CHUNK && sweep.sum.a < opaque) pass_layers(ahead, 3e37, sweep.sum);
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)

@@ -9,7 +9,7 @@
 //
 //   in     bins of primitives by rank with their hits (mesh-tiles.glsl)
 //   out    lists, and where each ends
-//   cost   a word of hits for 32 pairs, twice; an intersection for each entry
+//   cost   four words of hits for 128 pairs, twice; an intersection for each entry
 //
 // Where pixels were drawn otherwise and only those that are flagged need lists (LISTED), the others have none. What has no room is counted,
 // and the frame repeated with more.
@@ -43,8 +43,11 @@ void main() {
     uint number = 0u;
     if (has_list(own)) {
         Walk walk = range_of(own.in_band, 0u, 0xffffffffu);
-        uint base = walk.begin & ~31u;
-        for (; base < walk.end; base += 32u) number += bitCount(hits_at(base, walk, gl_LocalInvocationIndex));
+        uint base = walk.begin / HIT_PAIRS * HIT_PAIRS;
+        for (; base < walk.end; base += HIT_PAIRS) {
+            ivec4 met = bitCount(hits_at(base, walk, gl_LocalInvocationIndex));
+            number += uint(met.x + met.y + met.z + met.w);
+        }
         // Devices may end a loop that takes too many turns.
         if (base < walk.end) atomicAdd(status[STATUS_CUT], 1u);
     }
@@ -59,23 +62,21 @@ void main() {
     OwnPixel own = own_pixel();
     if (!has_list(own)) return;
     uint pixel = gl_LocalInvocationIndex, cursor = own.in_band * TILE_PIXELS + pixel, slot = cursors[cursor];
-    uvec2 in_tile = uvec2(pixel % TILE, pixel / TILE);
-    vec2 line0 = line_at(vec2(pixel_of(own.tile, 0u)) + 0.5), line = line_at(vec2(own.pixel) + 0.5);
+    FaceLine line = face_line(own);
     Walk walk = walk_through(own.in_band, pixel, 0u, 0xffffffffu);
-    while (walk.bits != 0u && slot < push.capacity) {
+    while (has_pair(walk) && slot < push.capacity) {
         uint id = next_primitive(walk, pixel);
-        Primitive primitive = primitive_of(id, line0);
         if (CELLS) {
-            uvec4 piece = floatBitsToUint(piece_of(id, primitive, in_tile, line));
+            uvec4 piece = floatBitsToUint(piece_of(id, primitive_of(id, line.line0), line.pixel, line.line));
             lists[2u * slot] = piece.xy;
             lists[2u * slot + 1u] = piece.zw;
         } else {
-            lists[slot] = pair_of(id, primitive, in_tile, BACK_TO_FRONT);
+            lists[slot] = pair_of(id, line, sides_on(id, line), BACK_TO_FRONT);
         }
         ++slot;
     }
     cursors[cursor] = slot;
-    if (walk.bits != 0u) atomicAdd(status[slot < push.capacity ? STATUS_CUT : STATUS_LOST], 1u);
+    if (has_pair(walk)) atomicAdd(status[slot < push.capacity ? STATUS_CUT : STATUS_LOST], 1u);
     if (is_cut(walk)) atomicAdd(status[STATUS_CUT], 1u);
 }
 #endif

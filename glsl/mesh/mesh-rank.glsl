@@ -13,6 +13,7 @@
 #include "interface.glsl"
 #include "mesh/cell-scalars.glsl"
 #include "shared/device.glsl"
+#include "mesh/face-planes.glsl"
 #include "mesh/mesh.glsl"
 #include "shared/keys.glsl"
 
@@ -42,6 +43,7 @@ layout(set = 0, binding = BINDING_RANK_KEYS, std430) writeonly buffer SortKeys {
 layout(set = 0, binding = BINDING_ORDER, std430) writeonly buffer Order { uint order[]; };
 layout(set = 0, binding = BINDING_BOXES, std430) writeonly buffer Boxes { uvec2 boxes[]; };
 layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
+layout(set = 0, binding = BINDING_PLANES, std430) writeonly buffer Planes { vec4 planes[]; };
 
 // The part of a polygon before the eye, or behind it (`front` -1), as a box of places in the image. An edge that crosses the eye's
 // plane goes to infinity there.
@@ -64,7 +66,8 @@ void main() {
     uint i = INVOCATION_NUMBER;
     if (i >= push.count) return;
     uint at = i * (CELLS ? CELL_WORDS : FACE_WORDS);
-    vec4 a = view_points[primitives[at] & ~(FACE_AHEAD | FACE_BEHIND)], b = view_points[primitives[at + 1u]], c = view_points[primitives[at + 2u]];
+    uint first = primitives[at];
+    vec4 a = view_points[first & ~(FACE_AHEAD | FACE_BEHIND)], b = view_points[primitives[at + 1u]], c = view_points[primitives[at + 2u]];
     vec4 e = CELLS ? view_points[primitives[at + 3u]] : c;
     vec2 half_size = push.half_extent * push.pixel;
     vec4 covered = vec4(half_size, -half_size);
@@ -91,6 +94,12 @@ void main() {
     uvec2 high = uvec2(clamp(floor(places.zw + 0.5 + margin), vec2(0.0), 2.0 * push.half_extent));
     bool there = all(lessThan(low, high));
     boxes[i] = there ? uvec2(low.x | high.x << 16, low.y | high.y << 16) : uvec2(0u);
+
+    if (!CELLS) {
+        vec4 plane[2] = packed_plane(plane_of(a, b, c, (first & FACE_AHEAD) != 0u, (first & FACE_BEHIND) != 0u));
+        planes[2u * i] = plane[0];
+        planes[2u * i + 1u] = plane[1];
+    }
 
     // dist - |z| without the difference.
     vec3 middle = CELLS ? (a.xyz + b.xyz + c.xyz + e.xyz) * 0.25 : (a.xyz + b.xyz + c.xyz) * (1.0 / 3.0);

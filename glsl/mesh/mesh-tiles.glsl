@@ -84,14 +84,15 @@ void main() {
         low |= (uvec4(both.x) >> uvec4(0u, 8u, 16u, 24u) & 0xffu) << i;
         high |= (uvec4(both.y) >> uvec4(0u, 8u, 16u, 24u) & 0xffu) << i;
     }
-    // The invocations of a block are in one workgroup: when all have read, they write.
+    // The invocations of HIT_PAIRS are in one workgroup: when all have read, they write.
     memoryBarrierBuffer();
     barrier();
     if (!exists) return;
-    uint at = block * TILE_PIXELS + row * TILE;
+    const uint WORDS = HIT_PAIRS / 32u; // of a pixel, side by side
+    uint at = (block / WORDS * TILE_PIXELS + row * TILE) * WORDS + block % WORDS;
     for (uint i = 0u; i < 4u; ++i) {
-        hits[at + i] = low[i];
-        hits[at + 4u + i] = high[i];
+        hits[at + i * WORDS] = low[i];
+        hits[at + (i + 4u) * WORDS] = high[i];
     }
 }
 #endif

@@ -64,7 +64,7 @@ void main() {
     vec4 sum = RESUME ? imageLoad(accumulation, pixel) : vec4(0.0);
     bool unsorted = RESUME && flags[own.word] == OUT_OF_ORDER;
     float last = RESUME && !unsorted ? uintBitsToFloat(flags[own.word]) : -3e38;
-    while (walk.bits != 0u && sum.a < opaque) {
+    while (has_pair(walk) && sum.a < opaque) {
         uint id = next_primitive(walk, number);
         vec4 listed = piece_of(id, primitive_of(id, line0), uvec2(number % TILE, number / TILE), line);
         // What is left of a cell behind the eye has no place.
@@ -78,7 +78,7 @@ void main() {
         composite(sum, cell_segment(front, back, max(piece.d1 - piece.d0, 0.0) * own.world, knots), BACK_TO_FRONT);
     }
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)
-    if ((walk.bits != 0u || is_cut(walk)) && sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);
+    if ((has_pair(walk) || is_cut(walk)) && sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);
     flags[own.word] = LAST_CHUNK ? (unsorted ? FLAG_UNSORTED : 0u) : unsorted ? OUT_OF_ORDER : floatBitsToUint(last);
     if (LAST_CHUNK && unsorted) atomicAdd(status[STATUS_OVERFLOW_PIXELS], 1u);
     count_fragments(walk.met);

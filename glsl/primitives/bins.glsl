@@ -22,7 +22,7 @@
 #include "shared/integers.glsl"
 
 layout(constant_id = SPEC_FILL) const bool FILL = false;
-layout(constant_id = SPEC_FLAGGED) const bool FLAGGED = false; // only where a frame has flagged pixels
+layout(constant_id = SPEC_FLAGGED) const bool FLAGGED = false; // only primitives that touch a marked tile
 
 layout(push_constant) uniform BinsPush {
     uint across;   // tiles in a row of the image
@@ -60,13 +60,29 @@ Touched touched_by(uvec2 box) {
 layout(set = 0, binding = BINDING_ORDER, std430) readonly buffer Order { uint order[]; };
 layout(set = 0, binding = BINDING_BOXES, std430) readonly buffer Boxes { uvec2 boxes[]; };
 layout(set = 0, binding = BINDING_BIN_OFFSETS, std430) writeonly buffer Offsets { uint offsets[]; };
-layout(set = 0, binding = BINDING_STATUS, std430) readonly buffer Status { uint status[]; };
+layout(set = 0, binding = BINDING_MARKED, std430) readonly buffer Marked { uint marked[]; };
+
+// Whether one of the tiles is marked.
+bool is_marked(Touched tiles) {
+    uint tile = tiles.row * push.across + tiles.column + tiles.skipped - push.first, left = tiles.width - tiles.skipped;
+    bool found = false;
+    for (uint i = 0u; i < tiles.number && !found; ++i) {
+        if (left == 0u) {
+            tile += push.across - tiles.width;
+            left = tiles.width;
+        }
+        found = marked[tile] != 0u;
+        ++tile;
+        --left;
+    }
+    return found;
+}
 
 void main() {
     uint rank = INVOCATION_NUMBER;
     if (rank >= push.count) return;
-    bool needed = !FLAGGED || status[STATUS_OVERFLOW_PIXELS] != 0u;
-    offsets[rank] = needed ? touched_by(boxes[order[rank]]).number : 0u;
+    Touched touched = touched_by(boxes[order[rank]]);
+    offsets[rank] = !FLAGGED || is_marked(touched) ? touched.number : 0u;
 }
 #endif
 

@@ -6,7 +6,9 @@
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
-use crate::gpu::shader::{BIN_PAIRS, BINS_COUNT, BINS_EMIT, BINS_ENDS, BinsCount, BinsEmit, BinsEnds};
+use crate::gpu::shader::{
+    BIN_PAIRS, BINS_COUNT, BINS_EMIT, BINS_ENDS, BinsCount, BinsEmit, BinsEnds, HIT_PAIRS,
+};
 use crate::gpu::{Buffer, Commands, Gpu, Recorder};
 use crate::interface::BinsPush;
 use crate::num;
@@ -40,7 +42,7 @@ impl Pairs {
         ranked: &Ranked,
         [tiles, bins]: [&Arc<Buffer>; 2],
         fill: bool,
-        flagged: bool,
+        marked: Option<&Arc<Buffer>>,
     ) -> Result<Self> {
         let offsets = match &ranked.scratch {
             scratch if scratch.size() >= 4 * u64::from(ranked.count.max(1)) => Arc::clone(scratch),
@@ -50,8 +52,9 @@ impl Pairs {
             order: ranked.order.read(),
             boxes: ranked.boxes.read(),
             bin_offsets: offsets.write(),
-            status: ranked.status.read(),
-            flagged,
+            // A binding must hold something.
+            marked: marked.unwrap_or(&ranked.boxes).read(),
+            flagged: marked.is_some(),
         });
         let scan = Scan::new(gpu, &format!("{name}.bins"), &offsets, ranked.count, WorkSplit::of(gpu))?;
         let emit = BINS_EMIT.with(&BinsEmit {
@@ -86,6 +89,8 @@ pub(crate) struct Bins {
     pub(crate) entries: Arc<Buffer>,
     /// Tile of each entry.
     pub(crate) of_pairs: Arc<Buffer>,
+    /// A word for each tile, not 0 where its primitives are needed; without it they all are.
+    pub(crate) marked: Option<Arc<Buffer>>,
     count: u32,
     pairs: Pairs,
     sort: RadixSort,
@@ -93,8 +98,8 @@ pub(crate) struct Bins {
 }
 
 impl Bins {
-    /// Makes bins for up to `tiles` tiles at a time, with a capacity of `capacity` entries. With `flagged` they are empty in frames that
-    /// have flagged no pixel.
+    /// Makes bins for up to `tiles` tiles at a time, with a capacity of `capacity` entries. With `flagged` they hold only primitives that touch
+    /// a tile that is marked.
     ///
     /// # Errors
     ///
@@ -111,7 +116,8 @@ impl Bins {
         let of_pairs = buffer(gpu, "bins.tiles", capacity.into())?;
         let entries = buffer(gpu, "bins", capacity.into())?;
         let ends = buffer(gpu, "bins.ends", tiles.into())?;
-        let pairs = Pairs::new(gpu, name, ranked, [&of_pairs, &entries], true, flagged)?;
+        let marked = flagged.then(|| buffer(gpu, "bins.marked", tiles.into())).transpose()?;
+        let pairs = Pairs::new(gpu, name, ranked, [&of_pairs, &entries], true, marked.as_ref())?;
         let bits = (u32::BITS - tiles.saturating_sub(1).leading_zeros()).max(1);
         let sort = RadixSort::counted(
             gpu,
@@ -128,7 +134,7 @@ impl Bins {
             status: ranked.status.write(),
         });
         let end = pass(gpu, &format!("{name}.bins.ends"), &end)?;
-        Ok(Self { capacity, ends, entries, of_pairs, count: ranked.count, pairs, sort, end })
+        Ok(Self { capacity, ends, entries, of_pairs, marked, count: ranked.count, pairs, sort, end })
     }
 
     /// Records the passes that bin the primitives to tiles `[first, first + tiles)` of an image with `across` tiles in a row.
@@ -177,7 +183,7 @@ impl Fill {
     ) -> Result<Self> {
         let mut commands = Commands::new(gpu)?;
         let counts = buffer(gpu, "bins.counts", tiles.into())?;
-        let pairs = Pairs::new(gpu, name, ranked, [&counts, &counts], false, false)?;
+        let pairs = Pairs::new(gpu, name, ranked, [&counts, &counts], false, None)?;
         let push = BinsPush { across, first: 0, tiles, count: ranked.count, capacity: 0 };
         let entries = download(gpu, "bins.total", 8)?;
         commands.run(name, |recorder| {
@@ -209,10 +215,10 @@ impl Fill {
 /// Largest number of entries of bins, with room for the margin of nearby views: more cannot be sorted.
 pub(crate) const MOST_ENTRIES: u32 = MOST_PAIRS / 5 * 4 - 64;
 
-/// Adds a quarter and at least 64 entries, so that nearby views need no larger buffers. The sum is a multiple of 32 where it fits.
+/// Adds a quarter and at least 64 entries, so that nearby views need no larger buffers. The sum is a multiple of HIT_PAIRS where it fits.
 pub(crate) fn with_margin(need: u32) -> u32 {
     let more = need.saturating_add(need / 4).saturating_add(64);
-    more.checked_next_multiple_of(32).unwrap_or(more)
+    more.checked_next_multiple_of(HIT_PAIRS).unwrap_or(more)
 }
 
 #[cfg(test)]
@@ -294,6 +300,42 @@ mod tests {
             }
             let status = gpu.download(&ranked.status);
             assert_eq!(status[num::index(STATUS_LONGEST_BIN)], fill.longest());
+        }
+    }
+
+    /// A primitive that touches a marked tile is in all its tiles; others are in none.
+    #[test]
+    fn bins_with_marks_hold_what_touches_a_marked_tile() {
+        let gpu = TestGpu::new();
+        let (extent, across) = ([100, 52], 13);
+        let boxes = boxes(700, extent);
+        let order: Vec<u32> = (0..700).collect();
+        let ranked = ranked(&gpu, &order, &boxes);
+        let all = expected(&order, &boxes, across, 0..91);
+        let capacity = num::count(all.iter().map(Vec::len).sum::<usize>());
+        let bins = Bins::new(&gpu, "test", &ranked, 91, capacity, true).unwrap();
+        for ([first, tiles], marks) in [([0, 91], vec![17, 60]), ([5, 30], vec![0, 29]), ([20, 45], vec![])] {
+            let mut words = vec![0; num::index(tiles)];
+            for &mark in &marks {
+                words[mark] = 1;
+            }
+            let marked = gpu.upload(&words);
+            gpu.record(|recorder| {
+                let place = bins.marked.as_ref().unwrap();
+                recorder.copy_buffer("marked", &marked, place, 4 * u64::from(tiles));
+                bins.record(recorder, across, [first, tiles]);
+            });
+            let band = &all[num::index(first)..num::index(first + tiles)];
+            let needed = |id: &u32| marks.iter().any(|&mark| band[mark].contains(id));
+            let (ends, entries) = (gpu.download(&bins.ends), gpu.download(&bins.entries));
+            let mut begin = 0;
+            for (tile, bin) in band.iter().enumerate() {
+                let end = num::index(ends[tile]);
+                let wanted: Vec<u32> = bin.iter().copied().filter(needed).collect();
+                assert_eq!(entries[begin..end], wanted, "tile {tile} from {first}");
+                begin = end;
+            }
+            assert!(begin < num::index(capacity) && (begin > 0) == !marks.is_empty(), "{begin}");
         }
     }
 

@@ -47,6 +47,8 @@ pub(crate) struct Needs {
     pub(crate) longest_bin: u32,
     /// Repair passes.
     pub(crate) rounds: u32,
+    /// Whether so many pixels were unsorted that a larger k-buffer pays.
+    pub(crate) deep: bool,
     /// Whether a frame has met overlapping cells.
     pub(crate) overlaps: bool,
 }

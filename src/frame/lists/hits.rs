@@ -6,8 +6,8 @@ use crate::error::Result;
 use crate::frame::lists::bands::Band;
 use crate::frame::lists::ranking::Ranking;
 use crate::gpu::shader::{
-    MESH_TILES_HITS, MESH_TILES_MARK, MESH_TILES_MASKS, MeshTilesHits, MeshTilesMark, MeshTilesMasks, TILE,
-    TileWalk,
+    HIT_PAIRS, MESH_TILES_HITS, MESH_TILES_MARK, MESH_TILES_MASKS, MeshTilesHits, MeshTilesMark,
+    MeshTilesMasks, TILE, TileWalk,
 };
 use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::interface::MeshPush;
@@ -21,7 +21,7 @@ pub(crate) struct Hits {
     bins: Arc<Bins>,
     hits: Arc<Buffer>,
     /// Marks the tiles with flagged pixels, where only these have hits.
-    mark: Option<(Dispatch, Arc<Buffer>)>,
+    mark: Option<Dispatch>,
     masks_of: Dispatch,
     hits_of: Dispatch,
 }
@@ -38,26 +38,25 @@ impl Hits {
         flagged: Option<Flagged<'_>>,
     ) -> Result<Arc<Self>> {
         let name = |part: &str| format!("{}.{part}", ranking.name);
-        // Pairs are turned into words by the 32.
-        let words = 2 * u64::from(bins.capacity).next_multiple_of(32);
+        let words = 2 * u64::from(bins.capacity).next_multiple_of(HIT_PAIRS.into());
         // Where the sort of the pairs mixes keys and values, what it leaves between two digits has the size of the hits.
         let hits = match bins.scratch() {
             scratch if scratch.size() >= 4 * words => Arc::clone(scratch),
             _ => buffer(gpu, "hits", words)?,
         };
         let mark = |(flags, listed): Flagged<'_>| {
-            let marked = buffer(gpu, "marked", bins.ends.size() / 4)?;
+            let Some(marked) = &bins.marked else { return Ok(None) };
             let inputs = MeshTilesMark { flags: flags.read(), marked: marked.write(), listed };
-            Ok((pass(gpu, &name("mark"), &MESH_TILES_MARK.with(&inputs))?, marked))
+            pass(gpu, &name("mark"), &MESH_TILES_MARK.with(&inputs)).map(Some)
         };
-        let mark = flagged.map(mark).transpose()?;
+        let mark = flagged.map(mark).transpose()?.flatten();
         let masks_of = MESH_TILES_MASKS.with(&MeshTilesMasks {
             bins: bins.entries.read(),
             bin_ends: bins.ends.read(),
             bin_tiles: bins.of_pairs.read(),
             boxes: ranking.boxed.read(),
             // A binding must hold something.
-            marked: mark.as_ref().map_or(&bins.ends, |(_, marked)| marked).read(),
+            marked: bins.marked.as_ref().unwrap_or(&bins.ends).read(),
             hits: hits.write(),
             cell_scalars: ranking.cell_scalars,
             listed: flagged.map_or(0, |(_, listed)| listed),
@@ -84,7 +83,7 @@ impl Hits {
     ) {
         let across = tiles_across(push);
         let push = MeshPush { count: band.tiles, band: band.first, ..*push };
-        if let Some((mark, marked)) = &self.mark {
+        if let (Some(mark), Some(marked)) = (&self.mark, &self.bins.marked) {
             recorder.clear_buffer("marked.clear", marked);
             mark.record(recorder, &push, groups_of(band.tiles, 1));
         }

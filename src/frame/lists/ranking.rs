@@ -52,6 +52,8 @@ pub(crate) struct Ranking {
     pub(crate) order: Arc<Buffer>,
     /// Pixels that each primitive may cover.
     pub(crate) boxed: Arc<Buffer>,
+    /// Planes of faces; of cells nothing.
+    pub(crate) planes: Arc<Buffer>,
     /// Counters of the frame: see the `STATUS_` constants.
     pub(crate) status: Arc<Buffer>,
     pub(crate) count: u32,
@@ -84,6 +86,8 @@ impl Ranking {
         let keys = buffer(gpu, "order.keys", count.into())?;
         let order = buffer(gpu, "order", count.into())?;
         let boxed = buffer(gpu, "boxes", 2 * u64::from(count))?;
+        let faces = if kind == Primitives::Faces { count } else { 1 };
+        let planes = buffer(gpu, "planes", 8 * u64::from(faces))?;
         let status = buffer(gpu, "status", STATUS_WORDS.into())?;
         let points = MESH_RANK_POINTS.with(&MeshRankPoints {
             mesh_points: points.read(),
@@ -98,6 +102,7 @@ impl Ranking {
             order: order.write(),
             boxes: boxed.write(),
             status: status.write(),
+            planes: planes.write(),
             cell_scalars,
             cells: kind == Primitives::Cells,
             back_to_front,
@@ -116,6 +121,7 @@ impl Ranking {
             keys,
             order,
             boxed,
+            planes,
             status,
             count,
             point_count,
@@ -134,6 +140,7 @@ impl Ranking {
             mesh_scalars: self.scalars.read(),
             primitives: self.primitives.read(),
             view_points: self.view_points.read(),
+            planes: self.planes.read(),
             cells: self.kind == Primitives::Cells,
         }
     }

@@ -63,6 +63,7 @@ impl Draw for Options {
             options: self.mesh,
             draw: cell_lists::draw,
             k: 0,
+            deepens: false,
             chunk: None,
             repair: Some(cell_lists::repair),
             unsorted: "kbuffer_overflow_pixels",

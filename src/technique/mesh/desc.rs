@@ -19,6 +19,8 @@ pub(crate) struct MeshDesc {
     pub(crate) draw: TileShader,
     /// Entries of the k-buffer.
     pub(crate) k: u32,
+    /// Whether later frames get a larger k-buffer if the lists of unsorted pixels do not fit.
+    pub(crate) deepens: bool,
     /// Primitives of a tile that one dispatch takes; `None`: all.
     pub(crate) chunk: Option<u32>,
     /// Shader that sorts the lists of pixels that were drawn out of order, and draws them again.

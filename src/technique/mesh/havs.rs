@@ -20,7 +20,7 @@
 mod options;
 mod raster;
 
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 
 use crate::error::Result;
 use crate::frame::prepared::Prepared;
@@ -34,24 +34,31 @@ use crate::technique::declare::draw::{Draw, TechniqueOptions as _};
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::frame::MeshFrame;
 use crate::technique::mesh::havs::raster::RasterFrame;
-use crate::technique::mesh::list_inputs::{ListInputs, ListShader, TileInputs};
+use crate::technique::mesh::list_inputs::{ListInputs, ListShader, REPAIR_K, TileInputs};
 use crate::technique::mesh::options::Repair;
 
 pub use options::{KBufferRoute, Options};
 
+/// Pairs of the k-buffer, until many pixels of a mesh had to be drawn again.
+const FIRST_K: u32 = 7;
+
 impl Draw for Options {
     fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
+        let rasterises = self.route.rasterises();
+        let deep =
+            scene.mesh_data().needs(Primitives::Faces).lock().unwrap_or_else(PoisonError::into_inner).deep;
         let desc = MeshDesc {
             name: Self::NAME,
             primitives: Primitives::Faces,
             options: self.mesh,
             draw,
-            k: self.k,
+            k: self.k.unwrap_or(if deep && !rasterises { REPAIR_K } else { FIRST_K }),
+            deepens: self.k.is_none() && !deep && !rasterises,
             chunk: self.chunk,
             repair: (self.repair == Repair::Exact).then_some(repair as ListShader),
             unsorted: "kbuffer_overflow_pixels",
         };
-        if self.route.rasterises() {
+        if rasterises {
             return Ok(Box::new(RasterFrame::new(scene, view, target, desc, self.route)?));
         }
         Ok(Box::new(MeshFrame::new(scene, view, target, desc, None)?))

@@ -27,6 +27,8 @@ pub(crate) struct MeshOutcome {
     capacities: Needs,
     /// Whether a tile is drawn chunk by chunk, which its longest bin counts.
     chunked: bool,
+    /// Whether a larger k-buffer comes before larger lists.
+    deepens: bool,
     primitives: u32,
     /// Whether pixels in which cells overlap must be drawn again.
     repairs_overlaps: bool,
@@ -57,6 +59,7 @@ impl MeshOutcome {
             lists: (0..listed).map(|_| download(gpu, "lists.total", 8)).collect::<Result<_>>()?,
             capacities,
             chunked: desc.chunk.is_some(),
+            deepens: desc.deepens,
             primitives,
             repairs_overlaps: desc.repairs_overlaps(),
             walks: false,
@@ -93,11 +96,15 @@ impl Outcome for MeshOutcome {
         }
         let complete = fits && sorted && overlaps;
         needs.bins = needs.bins.max(u32::try_from(fullest_bins).unwrap_or(u32::MAX));
-        needs.lists = needs.lists.max(u32::try_from(fullest).unwrap_or(u32::MAX));
+        if self.deepens && fullest > u64::from(self.capacities.lists) {
+            needs.deep = true;
+        } else {
+            needs.lists = needs.lists.max(u32::try_from(fullest).unwrap_or(u32::MAX));
+        }
         needs.longest_bin = needs.longest_bin.max(at(STATUS_LONGEST_BIN));
         for (pairs, listed) in bins.iter().zip(&lists) {
             // Smaller bands, where the lists of one did not fit.
-            if *listed > u64::from(self.capacities.lists) {
+            if *listed > u64::from(self.capacities.lists) && !self.deepens {
                 let ratio = u32::try_from(listed.div_ceil((*pairs).max(1))).unwrap_or(u32::MAX);
                 needs.listed_per_pair = needs.listed_per_pair.max(ratio);
             }

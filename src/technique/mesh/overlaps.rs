@@ -33,11 +33,16 @@ impl Overlaps {
     pub(crate) fn new(frame: &FlaggedFrame<'_>) -> Result<Self> {
         let FlaggedFrame { scene, data, push, tiles, across, drawn, .. } = *frame;
         let gpu = scene.gpu();
-        let desc =
-            MeshDesc { name: "havs.overlaps", primitives: Primitives::Cells, chunk: None, ..*frame.desc };
+        let desc = MeshDesc {
+            name: "havs.overlaps",
+            primitives: Primitives::Cells,
+            chunk: None,
+            deepens: false,
+            ..*frame.desc
+        };
         let ranking = desc.rank_primitives(scene, data, None)?;
         let known = data.needs(Primitives::Cells);
-        let Measured { needs, bins, bands } = measure(gpu, &ranking, known, push, [tiles, across], false)?;
+        let Measured { needs, bins, bands } = measure(gpu, &ranking, known, push, [tiles, across], true)?;
         let status = download(gpu, "overlaps.status", 4 * u64::from(STATUS_WORDS))?;
         let outcome = MeshOutcome::new(gpu, data, &desc, status, [bands.len(); 2], needs, ranking.count)?;
         let hits = Hits::new(gpu, &ranking, bins, Some((drawn.flags, FLAG_OVERLAPS)))?;

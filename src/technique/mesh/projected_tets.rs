@@ -49,6 +49,7 @@ impl Draw for Options {
             options: self.mesh,
             draw,
             k: 0,
+            deepens: false,
             // A pixel meets few primitives of its tile, and takes some ten turns of loops for each.
             chunk: Some((scene.gpu().turns()? / 8).max(1)),
             repair: self.repairs_on(route).then_some(cell_lists::repair as ListShader),

@@ -33,8 +33,8 @@ option_set! {
     /// Options of `havs`.
     pub struct Options {
         /// Sets the pairs of the k-buffer: a face may come k places too early. The work for each fragment grows with k. Raster routes
-        /// take at most 7.
-        pub k: u32 = 7 => Rule::whole(1, 15),
+        /// take at most 7. auto is 7, and 15 once many pixels of a mesh had to be drawn again with 7.
+        pub k: Option<u32> = None => Rule::whole(1, 15).or("auto", None),
         /// Selects how faces reach the pixels; auto is compute. interlock rasterises the faces, and a Vulkan extension orders the
         /// fragments. implementation-ordered needs no extension but a driver that is known to keep their order, which Vulkan does not
         /// promise.
@@ -77,8 +77,8 @@ impl TechniqueOptions for Options {
     fn check(&self) -> Result<()> {
         if self.route.rasterises() {
             let route = self.route.word();
-            if self.k > MOST_K {
-                let why = format!("{}: must be 1 to {MOST_K} with route={route}", self.k);
+            if let Some(k) = self.k.filter(|&k| k > MOST_K) {
+                let why = format!("{k}: must be 1 to {MOST_K} with route={route}");
                 return Err(refused(Self::NAME, "k", why));
             }
             if self.chunk.is_some() {

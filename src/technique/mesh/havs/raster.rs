@@ -136,6 +136,7 @@ fn draw_shaders(route: KBufferRoute, ranking: &Ranking, list: &ListInputs<'_>) -
         boxes: ranking.boxed.read(),
         mesh_scalars: ranking.scalars.read(),
         order: ranking.order.read(),
+        planes: ranking.planes.read(),
         primitives: ranking.primitives.read(),
         view_points: ranking.view_points.read(),
         cell_scalars: list.cell_scalars,
