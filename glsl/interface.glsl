@@ -65,6 +65,7 @@
 #define BINDING_MARKED 62       // storage block: a word per tile, not 0 where it has flagged pixels
 
 #define BINDING_PLANES 63       // storage block: plane of each face in the view
+#define BINDING_RANKED_BOXES 64 // storage block: boxes by rank
 
 #define BINDING_PIXELS 66       // storage block: pixels that are drawn once more
 

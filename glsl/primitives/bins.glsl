@@ -5,7 +5,7 @@
 // Bins: the primitives of each tile, by rank, from which meshes and splats are drawn. Pairs of a tile and a primitive are emitted in order
 // of rank; a stable sort by tile (radix-sort.glsl) between EMIT and ENDS keeps that order in each tile.
 //
-//   COUNT  one invocation a rank: how many tiles the box of its primitive touches
+//   COUNT  one invocation a rank: the box of its primitive, and how many tiles it touches
 //   EMIT   one invocation for BIN_PAIRS pairs, so that a large primitive is split: finds their primitives in the prefix sums of the
 //          counts. Without FILL it only counts the pairs of each tile
 //   ENDS   one invocation a tile: where its sorted pairs end
@@ -39,10 +39,15 @@ struct Touched {
     uint number, row, column, width, skipped;
 };
 
-Touched touched_by(uvec2 box) {
+// First and last row of the tiles that are binned.
+uvec2 binned_rows() {
+    return uvec2(quotient(push.first, push.across), quotient(push.first + push.tiles - 1u, push.across));
+}
+
+Touched touched_by(uvec2 box, uvec2 binned) {
     uint x0 = (box.x & 0xffffu) / TILE, x1 = ((box.x >> 16) + TILE - 1u) / TILE;
     uint y0 = (box.y & 0xffffu) / TILE, y1 = ((box.y >> 16) + TILE - 1u) / TILE;
-    uint last = push.first + push.tiles - 1u, first_row = quotient(push.first, push.across), last_row = quotient(last, push.across);
+    uint last = push.first + push.tiles - 1u, first_row = binned.x, last_row = binned.y;
     Touched tiles;
     tiles.row = max(y0, first_row);
     tiles.column = x0;
@@ -60,6 +65,7 @@ Touched touched_by(uvec2 box) {
 layout(set = 0, binding = BINDING_ORDER, std430) readonly buffer Order { uint order[]; };
 layout(set = 0, binding = BINDING_BOXES, std430) readonly buffer Boxes { uvec2 boxes[]; };
 layout(set = 0, binding = BINDING_BIN_OFFSETS, std430) writeonly buffer Offsets { uint offsets[]; };
+layout(set = 0, binding = BINDING_RANKED_BOXES, std430) writeonly buffer RankedBoxes { uvec2 ranked_boxes[]; };
 layout(set = 0, binding = BINDING_MARKED, std430) readonly buffer Marked { uint marked[]; };
 
 // Whether one of the tiles is marked.
@@ -81,14 +87,16 @@ bool is_marked(Touched tiles) {
 void main() {
     uint rank = INVOCATION_NUMBER;
     if (rank >= push.count) return;
-    Touched touched = touched_by(boxes[order[rank]]);
+    uvec2 box = boxes[order[rank]];
+    Touched touched = touched_by(box, binned_rows());
+    ranked_boxes[rank] = box;
     offsets[rank] = !FLAGGED || is_marked(touched) ? touched.number : 0u;
 }
 #endif
 
 #ifdef EMIT
 layout(set = 0, binding = BINDING_ORDER, std430) readonly buffer Order { uint order[]; };
-layout(set = 0, binding = BINDING_BOXES, std430) readonly buffer Boxes { uvec2 boxes[]; };
+layout(set = 0, binding = BINDING_RANKED_BOXES, std430) readonly buffer RankedBoxes { uvec2 ranked_boxes[]; };
 layout(set = 0, binding = BINDING_BIN_OFFSETS, std430) readonly buffer Offsets { uint offsets[]; };
 layout(set = 0, binding = BINDING_SCAN_TOTAL, std430) readonly buffer Total { uint total[]; };
 layout(set = 0, binding = BINDING_BIN_TILES, std430) buffer Tiles { uint tiles[]; };
@@ -120,16 +128,16 @@ uint rank_of(uint rank, uint pair) {
 void main() {
     uint first = INVOCATION_NUMBER * BIN_PAIRS, end = min(first + BIN_PAIRS, min(total[0], push.capacity));
     uint rank = 0u;
+    uvec2 binned = binned_rows();
     for (uint pair = first; pair < end; ++pair) {
         rank = rank_of(rank, pair);
-        uint id = order[rank];
-        Touched touched = touched_by(boxes[id]);
+        Touched touched = touched_by(ranked_boxes[rank], binned);
         uint at = pair - offsets[rank] + touched.skipped;
         uint row = quotient(at, touched.width);
         uint tile = (touched.row + row) * push.across + touched.column + at - row * touched.width - push.first;
         if (FILL) {
             tiles[pair] = tile;
-            bins[pair] = id;
+            bins[pair] = order[rank];
         } else {
             atomicAdd(tiles[tile], 1u);
         }

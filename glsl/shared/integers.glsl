@@ -15,9 +15,9 @@ WHOLE_OF(ivec3, vec3)
 WHOLE_OF(ivec4, vec4)
 #undef WHOLE_OF
 
-// Returns a / b for a below 2^24. Processors have no division of vectors of integers, and GPUs take some twenty instructions.
+// Returns a / b for a below 2^23. Processors have no division of vectors of integers, and GPUs take some twenty instructions.
 uint quotient(uint a, uint b) {
-    uint q = uint(float(a) / float(b));
+    uint q = uint(whole_of(float(a) / float(b)));
     // Devices may be off by a few units in the last place, to either side of a whole number.
     q -= uint(q * b > a);
     return q + uint((q + 1u) * b <= a);

@@ -16,12 +16,14 @@ use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass, t
 use crate::primitives::radix_sort::{MOST_PAIRS, RadixSort};
 use crate::primitives::scan::{Scan, WorkSplit};
 
-/// Primitives by rank, the box of pixels of each, the status, and a buffer that is free once the primitives are ranked.
+/// Primitives by rank, the box of pixels of each, the status, and two buffers that are free once the primitives are ranked.
 #[derive(Clone, Debug)]
 pub(crate) struct Ranked {
     pub(crate) order: Arc<Buffer>,
     pub(crate) boxes: Arc<Buffer>,
     pub(crate) status: Arc<Buffer>,
+    /// A word for each primitive.
+    pub(crate) keys: Arc<Buffer>,
     pub(crate) scratch: Arc<Buffer>,
     pub(crate) count: u32,
 }
@@ -44,22 +46,24 @@ impl Pairs {
         fill: bool,
         marked: Option<&Arc<Buffer>>,
     ) -> Result<Self> {
-        let offsets = match &ranked.scratch {
-            scratch if scratch.size() >= 4 * u64::from(ranked.count.max(1)) => Arc::clone(scratch),
-            _ => buffer(gpu, "bins.offsets", ranked.count.into())?,
+        let offsets = &ranked.keys;
+        let boxes = match &ranked.scratch {
+            scratch if scratch.size() >= 8 * u64::from(ranked.count.max(1)) => Arc::clone(scratch),
+            _ => buffer(gpu, "boxes.ranked", 2 * u64::from(ranked.count))?,
         };
         let count = BINS_COUNT.with(&BinsCount {
             order: ranked.order.read(),
             boxes: ranked.boxes.read(),
             bin_offsets: offsets.write(),
+            ranked_boxes: boxes.write(),
             // A binding must hold something.
             marked: marked.unwrap_or(&ranked.boxes).read(),
             flagged: marked.is_some(),
         });
-        let scan = Scan::new(gpu, &format!("{name}.bins"), &offsets, ranked.count, WorkSplit::of(gpu))?;
+        let scan = Scan::new(gpu, &format!("{name}.bins"), offsets, ranked.count, WorkSplit::of(gpu))?;
         let emit = BINS_EMIT.with(&BinsEmit {
             order: ranked.order.read(),
-            boxes: ranked.boxes.read(),
+            ranked_boxes: boxes.read(),
             bin_offsets: offsets.read(),
             scan_total: scan.total().read(),
             bin_tiles: tiles.write(),
@@ -267,6 +271,7 @@ mod tests {
             order: gpu.upload(order),
             boxes: gpu.upload(&packed),
             status: gpu.upload(&vec![0; num::index(STATUS_WORDS)]),
+            keys: gpu.upload(&vec![0; order.len()]),
             scratch: gpu.upload(&[0]),
             count: num::count(order.len()),
         }

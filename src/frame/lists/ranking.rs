@@ -151,6 +151,7 @@ impl Ranking {
             order: Arc::clone(&self.order),
             boxes: Arc::clone(&self.boxed),
             status: Arc::clone(&self.status),
+            keys: Arc::clone(&self.keys),
             scratch: Arc::clone(&self.sort.scratch),
             count: self.count,
         }

@@ -230,7 +230,7 @@ impl SplatFrame {
 
         // 2. Bands whose bins fit a buffer.
         let (status_of, scratch) = (Arc::clone(&status), Arc::clone(&sort.scratch));
-        let ranked = Ranked { order, boxes, status: status_of, scratch, count: set.count };
+        let ranked = Ranked { order, boxes, status: status_of, keys, scratch, count: set.count };
         let fill = Fill::measure(gpu, name, &ranked, [tiles, across], |recorder| {
             project.record(recorder, &seen.project, groups_of(set.count, 64));
             sort.record(recorder);
