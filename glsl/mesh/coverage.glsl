@@ -146,7 +146,13 @@ uvec2 pixels_of(Primitive p) {
     return pixels;
 }
 
-// The pixels of a tile in a primitive's box. It keeps out what is behind the eye, and the image's edge.
+// Whether a primitive does not lie before the eye as a whole.
+bool crosses_eye(Primitive p) {
+    vec4 depth = vec4(p.a.z, p.b.z, p.c.z, CELLS ? p.e.z : p.c.z), w = push.w0 + push.w1 * depth;
+    return min(min(w.x, w.y), min(w.z, w.w)) <= 0.0;
+}
+
+// The pixels of a tile in a primitive's box. It keeps out what is behind the eye.
 uvec2 pixels_of_box(uvec2 box, uvec2 origin) {
     uvec2 low = clamp(uvec2(box.x & 0xffffu, box.y & 0xffffu), origin, origin + TILE) - origin;
     uvec2 high = clamp(uvec2(box.x >> 16, box.y >> 16), origin, origin + TILE) - origin;

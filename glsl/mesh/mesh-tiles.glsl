@@ -50,7 +50,12 @@ void main() {
     // (A loop: software rasterisers run through branches that no invocation takes.)
     for (uint once = 0u; once < uint(needed); ++once) {
         uvec2 origin = pixel_of(push.band + tile, 0u);
-        masks[pair] = pixels_of(primitive_of(id, line_at(vec2(origin) + 0.5))) & pixels_of_box(boxes[id], origin);
+        Primitive primitive = primitive_of(id, line_at(vec2(origin) + 0.5));
+        uvec2 pixels = pixels_of(primitive);
+        // Of what lies before the eye its edges tell all.
+        bool crosses = crosses_eye(primitive);
+        for (uint crossed = 0u; crossed < uint(crosses); ++crossed) pixels &= pixels_of_box(boxes[id], origin);
+        masks[pair] = pixels;
     }
 }
 #endif
