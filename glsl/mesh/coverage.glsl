@@ -147,7 +147,7 @@ uvec2 pixels_of(Primitive p) {
 }
 
 // Whether a primitive does not lie before the eye as a whole.
-bool crosses_eye(Primitive p) {
+bool reaches_behind_eye(Primitive p) {
     vec4 depth = vec4(p.a.z, p.b.z, p.c.z, CELLS ? p.e.z : p.c.z), w = push.w0 + push.w1 * depth;
     return min(min(w.x, w.y), min(w.z, w.w)) <= 0.0;
 }
@@ -174,13 +174,6 @@ vec2 meet_at(vec2 pixel, Edge bc, Edge ac, Edge ab, bool left, vec4 a, vec4 b, v
     return on_face(side_at(bc, pixel), side_at(ac, pixel), side_at(ab, pixel), aside, a, b, c, turn);
 }
 
-// Whether a face that covers a pixel of the tile whose first line is `line0` turns left there.
-bool turns_left(uint id, vec2 line0, uvec2 pixel) {
-    uint at = id * FACE_WORDS;
-    Corner b = corner_of(corner(at + 1u), line0), c = corner_of(corner(at + 2u), line0);
-    return is_positive(edge_of(b, c), pixel);
-}
-
 // The line of a pixel that walks through faces, and what a meeting needs besides.
 struct FaceLine {
     vec2 line, line0; // its own, and that of the tile's first pixel
@@ -194,30 +187,33 @@ FaceLine face_line(OwnPixel own) {
                     uvec2(number % TILE, number / TILE));
 }
 
-// On which sides of a face there is a cell, along a line that it covers.
-uint sides_on(uint id, FaceLine line) {
+uvec2 pair_bits(vec2 met, uint sides) {
+    return uvec2(floatBitsToUint(met.x), (floatBitsToUint(met.y) & 0xfffffffcu) | sides);
+}
+
+// Returns depth and scalar of a face that covers a line, as bits, from the face's plane. Two bits of the scalar tell on which sides of the
+// face there is a cell; SIDE_UNKNOWN: the line has to meet the corners.
+uvec2 pair_of(uint id, FaceLine line) {
+    FacePlane plane = unpacked_plane(planes[2u * id], planes[2u * id + 1u]);
+    return pair_bits(meet_plane(plane, line.line, line.ws), plane.side);
+}
+
+// The same from the face's corners, for every face.
+uvec2 pair_by_corners(uint id, FaceLine line, bool back_to_front) {
+    Primitive p = primitive_of(id, line.line0);
+    bool left = is_positive(p.bc, line.pixel);
+    vec2 met = meet_at(vec2(line.pixel), p.bc, p.ac, p.ab, left, p.a, p.b, p.c);
     uint first = primitives[id * FACE_WORDS];
     bool ahead = (first & FACE_AHEAD) != 0u, behind = (first & FACE_BEHIND) != 0u;
     // The view's axes are left-handed: a face that turns counterclockwise has its normal along the line's way back.
-    bool left = turns_left(id, line.line0, line.pixel);
-    return (left && ahead || !left && behind ? SIDE_BEFORE : 0u) | (left && behind || !left && ahead ? SIDE_BEHIND : 0u);
-}
-
-// The scalar of the cell that a line enters at a face with a cell on these sides; 0: it enters none.
-float scalar_entered(uint id, FaceLine line, uint sides, bool back_to_front) {
-    bool on_normal = turns_left(id, line.line0, line.pixel) == back_to_front;
-    uint entered = primitives[id * FACE_WORDS + (on_normal ? 3u : 4u)];
-    return (sides & (back_to_front ? SIDE_BEFORE : SIDE_BEHIND)) != 0u ? mesh_scalars[entered] : 0.0;
-}
-
-// Returns depth and scalar of a face on a line that it covers, as bits. Two bits of the scalar tell on which sides of the face there is a
-// cell. `known` are these sides where only the line tells them; SIDE_OF_LINE: they are not known yet.
-uvec2 pair_of(uint id, FaceLine line, uint known, bool back_to_front) {
-    FacePlane plane = unpacked_plane(planes[2u * id], planes[2u * id + 1u]);
-    vec2 met = meet_plane(plane, line.line, line.ws);
-    uint sides = plane.side | known;
-    if (CELL_SCALARS && sides != SIDE_OF_LINE) met.y = scalar_entered(id, line, sides, back_to_front);
-    return uvec2(floatBitsToUint(met.x), (floatBitsToUint(met.y) & 0xfffffffcu) | sides);
+    bool next = left ? behind : ahead, last = left ? ahead : behind;
+    if (CELL_SCALARS) {
+        // Back to front the line comes from behind.
+        bool exists = back_to_front ? last : next, on_normal = back_to_front == left;
+        uint entered = primitives[id * FACE_WORDS + (on_normal ? 3u : 4u)];
+        met.y = exists ? mesh_scalars[entered] : 0.0;
+    }
+    return pair_bits(met, (last ? SIDE_BEFORE : 0u) | (next ? SIDE_BEHIND : 0u));
 }
 
 // Adds a face to a piece of a line, if the line passes through it.

@@ -12,7 +12,7 @@
 #include "mesh/mesh.glsl"
 
 struct FacePlane {
-    vec2 at; // P: the line through the centroid, or through a corner
+    vec2 at; // P: the line through the centroid
     float d;
     float s;
     vec2 slope; // g: change of depth with P
@@ -21,19 +21,16 @@ struct FacePlane {
     uint axis;  // that the normal is nearest to
 };
 
-// On which sides of the face there is a cell, along lines: before it, behind it, on both sides; or only the single line tells.
-const uint SIDE_OF_LINE = 0u, SIDE_BEFORE = 1u, SIDE_BEHIND = 2u, SIDE_BOTH = 3u;
+// On which sides of the face there is a cell, along lines: before it, behind it, on both sides. Of slivers, of faces that are seen nearly
+// edge-on, and of those that cross the eye's plane, a plane tells too little: lines have to meet their corners.
+const uint SIDE_UNKNOWN = 0u, SIDE_BEFORE = 1u, SIDE_BEHIND = 2u, SIDE_BOTH = 3u;
 
-// Returns the plane of a face with a cell on the side of its normal, or on the other one, or both. A face that lines meet only from aside,
-// within rounding of its corners, is met nearer to the reference.
+// Returns the plane of a face with a cell on the side of its normal, or on the other one, or both.
 FacePlane plane_of(vec4 a, vec4 b, vec4 c, bool on_normal, bool beyond) {
-    vec3 w = push.w0 + push.w1 * vec3(a.z, b.z, c.z), far = abs(w);
-    // Of a face on both sides of the eye's plane the corner that is furthest from it.
-    vec4 furthest = far.x >= max(far.y, far.z) ? a : far.y >= far.z ? b : c;
-    bool ahead = min(min(w.x, w.y), w.z) > 0.0, behind = max(max(w.x, w.y), w.z) < 0.0;
-    vec4 middle = vec4((a.xyz + b.xyz + c.xyz) * (1.0 / 3.0), a.w + ((b.w - a.w) + (c.w - a.w)) * (1.0 / 3.0));
-    vec4 p = ahead || behind ? middle : furthest;
-    float depth = push.w0 + push.w1 * p.z;
+    vec3 w = push.w0 + push.w1 * vec3(a.z, b.z, c.z);
+    bool one_side = min(min(w.x, w.y), w.z) > 0.0 || max(max(w.x, w.y), w.z) < 0.0; // of the eye
+    vec4 p = vec4((a.xyz + b.xyz + c.xyz) * (1.0 / 3.0), a.w + ((b.w - a.w) + (c.w - a.w)) * (1.0 / 3.0));
+    float depth = one_side ? push.w0 + push.w1 * p.z : 1.0;
     vec2 at = p.xy / depth;
 
     // Edges in units of their own.
@@ -45,11 +42,6 @@ FacePlane plane_of(vec4 a, vec4 b, vec4 c, bool on_normal, bool beyond) {
     float along = dot(normal, line);
     vec3 reach = max(max(abs(a.xyz), abs(b.xyz)), abs(c.xyz));
     float rounding = 2.5e-7 * max(max(reach.x, reach.y), reach.z) * scale * length(line);
-    // Where no line can meet the face from its other side by rounding, the side is known.
-    bool certain = ahead && abs(along) > 32.0 * rounding;
-    uint side = on_normal && beyond ? SIDE_BOTH : !certain ? SIDE_OF_LINE : on_normal == (along > 0.0) ? SIDE_BEFORE : SIDE_BEHIND;
-    along = along < 0.0 ? min(along, -rounding) : max(along, rounding);
-
     vec3 size = abs(normal);
     uint axis = size.x > max(size.y, size.z) ? 0u : size.y > size.z ? 1u : 2u;
     // Changes of the scalar along the two edges; coordinates other than the axis.
@@ -57,7 +49,10 @@ FacePlane plane_of(vec4 a, vec4 b, vec4 c, bool on_normal, bool beyond) {
     vec2 e = axis == 0u ? ab.yz : axis == 1u ? ab.xz : ab.xy, f = axis == 0u ? ac.yz : axis == 1u ? ac.xz : ac.xy;
     float area = e.x * f.y - e.y * f.x;
     vec2 rise = vec2(change.x * f.y - change.y * e.y, change.y * e.x - change.x * f.x) / (area == 0.0 ? 1e30 : area);
-    return FacePlane(at, p.z, p.w, normal.xy * (-depth / along), rise, side, axis);
+    // Where the plane is good, no line can meet the face from its other side by rounding.
+    bool good = one_side && abs(along) > 64.0 * rounding && max(max(size.x, size.y), size.z) > 0.01;
+    uint side = !good ? SIDE_UNKNOWN : on_normal && beyond ? SIDE_BOTH : on_normal == (along > 0.0) ? SIDE_BEFORE : SIDE_BEHIND;
+    return FacePlane(at, p.z, p.w, normal.xy * (-depth / (good ? along : 1.0)), rise, side, axis);
 }
 
 // As stored: two bits of each slope make room for the side and the axis.

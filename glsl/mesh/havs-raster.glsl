@@ -6,7 +6,7 @@
 // Hardware-assisted visibility sorting by rasterisation: each face is drawn once, in the order of ranks, and each of its fragments
 // passes through the pixel's k-buffer, which is in four storage images.
 //
-//   VERTEX          one invocation a corner of a triangle that covers a face: reads which face has this rank, and its corners
+//   VERTEX          one invocation a corner of a triangle that covers a face: reads which face has this rank, its corners and its plane
 //   INTERLOCK       one invocation a fragment: reads the pixel's k-buffer, composites what leaves it, writes it back. Fragments of
 //                   one pixel exclude each other and come in the order of primitives.
 //   IMPLEMENTATION  the same without interlock, for drivers that are known to work so
@@ -179,25 +179,42 @@ layout(location = 6) flat in vec4 change_of_plane;
 layout(pixel_interlock_ordered) in;
 #endif
 
-// Whether the line passes on the positive side of an edge, as `side_of`; decided for the line moved aside, as the lists have it.
-bool is_positive(Corner a, Corner b) {
+// On which side of an edge the line passes, as `side_of`; decided for the line moved aside, as the lists have it.
+struct Side {
+    float size, aside;
+    bool positive;
+};
+
+Side side(Corner a, Corner b) {
     precise float p = a.at.x * b.at.y;
     precise float q = a.at.y * b.at.x;
     precise float size = p - q;
-    return size + aside_of(a.at, b.at) > 0.0;
+    float aside = aside_of(a.at, b.at);
+    return Side(size, aside, size + aside > 0.0);
 }
 
 // Where the pixel's line meets the face; nothing where it does not.
 Pair arrival(vec2 line) {
     Corner a = corner_of(corner_0, line), b = corner_of(corner_1, line), c = corner_of(corner_2, line);
-    bool ab = is_positive(a, b), bc = is_positive(b, c), ac = is_positive(a, c);
-    bool left = bc && !ac && ab, right = !bc && ac && !ab;
-    vec2 met = meet_plane(unpacked_plane(place_of_plane, change_of_plane), line, vec2(push.w0, push.w1));
-    float d = met.x, s = met.y;
+    Side ab = side(a, b), bc = side(b, c), ac = side(a, c);
+    bool left = bc.positive && !ac.positive && ab.positive, right = !bc.positive && ac.positive && !ab.positive;
+    float turn = left ? 1.0 : -1.0;
+    vec3 weight = vec3(bc.size, -ac.size, ab.size) * turn;
+    bool passes = min(min(weight.x, weight.y), weight.z) >= 0.0;
+    weight = max(passes ? weight : weight + vec3(bc.aside, -ac.aside, ab.aside) * turn, 0.0);
+    float sum = weight.x + weight.y + weight.z;
+    weight = sum > 0.0 ? weight / sum : vec3(1.0 / 3.0);
+    float d = dot(weight, vec3(a.d, b.d, c.d)), s = scalar_between(weight, a.s, b.s, c.s);
+    FacePlane plane = unpacked_plane(place_of_plane, change_of_plane);
+    if (!CELL_SCALARS && plane.side != SIDE_UNKNOWN) {
+        vec2 met = meet_plane(plane, line, vec2(push.w0, push.w1));
+        d = met.x;
+        s = met.y;
+    }
     // Outside of the mesh a line begins with nothing behind it.
     if (!(left || right) || (push.number == 1u && d < push.forward.w)) return Pair(NOTHING, 0u);
     // The view's axes are left-handed: a face that turns counterclockwise has its normal along the line's way back.
-    bool ahead_next = right;
+    bool ahead_next = turn < 0.0;
     uint next = ahead_next ? sides & 1u : sides >> 1, last = ahead_next ? sides >> 1 : sides & 1u;
     if (CELL_SCALARS) {
         float s_next = ahead_next ? cells.x : cells.y, s_last = ahead_next ? cells.y : cells.x;

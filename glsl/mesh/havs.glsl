@@ -52,9 +52,10 @@ struct Source {
     Walk walk;
     uint pixel;
     FaceLine line;
-    bool waits; // for `ask_line` of the pair that came last
-    uint id;    // its face
-    uint sides; // of it, when the line has told
+    bool waits;  // for `ask_corners`
+    bool asked;  // the next pair is there
+    uint id;     // of the face that came last
+    uvec2 pair;  // of it, from its corners
 };
 
 Source source_of(OwnPixel own) {
@@ -63,12 +64,12 @@ Source source_of(OwnPixel own) {
     source.walk = walk_through(own.in_band, source.pixel, push.first, push.number);
     source.line = face_line(own);
     source.waits = false;
-    source.sides = SIDE_OF_LINE;
+    source.asked = false;
     return source;
 }
 
 bool has_next(Source source) {
-    return has_pair(source.walk) || source.sides != SIDE_OF_LINE;
+    return has_pair(source.walk) || source.asked;
 }
 
 bool ended_early(Source source) {
@@ -79,18 +80,19 @@ void count_drawn(Source source) {
     count_fragments(source.walk.met);
 }
 
-// Returns the next pair, unless that has to wait: then it is the next one again after `ask_line`.
+// Returns the next pair, unless it has to wait: then it comes after `ask_corners`.
 Pair next_of(inout Source source) {
-    if (source.sides == SIDE_OF_LINE) source.id = next_primitive(source.walk, source.pixel);
-    uvec2 pair = pair_of(source.id, source.line, source.sides, BACK_TO_FRONT);
-    source.waits = (pair.y & 3u) == SIDE_OF_LINE;
-    source.sides = SIDE_OF_LINE;
+    if (!source.asked) source.id = next_primitive(source.walk, source.pixel);
+    uvec2 pair = CELL_SCALARS ? pair_by_corners(source.id, source.line, BACK_TO_FRONT) : pair_of(source.id, source.line);
+    source.waits = !source.asked && (pair.y & 3u) == SIDE_UNKNOWN;
+    if (source.asked) pair = source.pair;
+    source.asked = false;
     return pair_in(pair);
 }
 
-// Finds out what only the line tells of its face.
-void ask_line(inout Source source) {
-    source.sides = sides_on(source.id, source.line);
+void ask_corners(inout Source source) {
+    source.pair = pair_by_corners(source.id, source.line, BACK_TO_FRONT);
+    source.asked = true;
     source.waits = false;
 }
 #endif
@@ -150,7 +152,7 @@ Pair next_of(inout Source source) {
     return pair_in(lists[source.next++]);
 }
 
-void ask_line(inout Source source) {}
+void ask_corners(inout Source source) {}
 #endif
 
 void main() {
@@ -196,12 +198,12 @@ void main() {
             if (pending.len > 0.0) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
         }
         goes_on = pending.waits || source.waits;
-        for (uint once = 0u; once < uint(source.waits); ++once) ask_line(source);
+        for (uint once = 0u; once < uint(source.waits); ++once) ask_corners(source);
         for (uint once = 0u; once < uint(pending.waits); ++once) composite(sweep.sum, thickest_piece(pending, BACK_TO_FRONT), BACK_TO_FRONT);
     }
     if (LAYERS && LAST_CHUNK && sweep.sum.a < opaque) pass_layers(ahead, 3e37, sweep.sum);
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)
-    uint left = uint(has_next(source) || ended_early(source)) + held + uint(pending.len != 0.0 || is_uncut(rest));
+    uint left = uint(has_next(source) || source.waits || ended_early(source)) + held + uint(pending.len != 0.0 || is_uncut(rest));
     if (left != 0u && sweep.sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);
 
     count_drawn(source);

@@ -5,7 +5,7 @@
 // (bins.glsl).
 //
 //   POINTS  one invocation a point: as the view sees it
-//   BOXES   one invocation a primitive: the pixels that it may cover, and a key of visibility, the signed distance of its centroid
+//   BOXES   one invocation a primitive: the pixels that it may cover, the plane of a face, and a key of visibility, the signed distance of its centroid
 //           from the eye less the depth of the plane through the mesh's centre
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -71,10 +71,12 @@ void main() {
     vec4 e = CELLS ? view_points[primitives[at + 3u]] : c;
     vec2 half_size = push.half_extent * push.pixel;
     vec4 covered = vec4(half_size, -half_size);
+    vec4 w = push.w0 + push.w1 * vec4(a.z, b.z, c.z, e.z);
+    bool all_before = min(min(w.x, w.y), min(w.z, w.w)) > 0.0;
     for (uint lobe = 0u; lobe < 2u; ++lobe) {
         // Cells behind the eye are not listed. Faces are: they tell whether the eye is inside the mesh.
         float front = lobe == 0u ? 1.0 : -1.0;
-        if (lobe == 1u && (CELLS || push.w1 == 0.0)) break;
+        if (lobe == 1u && (CELLS || all_before)) break;
         vec4 box = vec4(vec2(1e30), vec2(-1e30));
         extend(box, a, b, front);
         extend(box, b, c, front);

@@ -8,7 +8,7 @@
 //   MARK   one invocation a pixel: marks the tiles of the band that have flagged pixels, where only these are drawn again
 //   MASKS  one invocation a pair of a tile and a primitive: the pixels of the tile that it covers
 //   HITS   one invocation for a row of pixels and 32 pairs: turns masks of pixels, in place, into a word for each pixel, whose bits are
-//          pairs
+//          pairs; the words of a pixel for HIT_PAIRS pairs lie side by side
 //
 //   cost   finds the pixels that a primitive covers from where its edges cross rows, once; 8 bytes a pair
 #version 460
@@ -48,13 +48,13 @@ void main() {
     uint id = bins[pair], tile = tiles[pair];
     bool needed = LISTED == 0u || marked[tile] != 0u;
     // (A loop: software rasterisers run through branches that no invocation takes.)
-    for (uint once = 0u; once < uint(needed); ++once) {
+    for (uint needs = 0u; needs < uint(needed); ++needs) {
         uvec2 origin = pixel_of(push.band + tile, 0u);
         Primitive primitive = primitive_of(id, line_at(vec2(origin) + 0.5));
         uvec2 pixels = pixels_of(primitive);
         // Of what lies before the eye its edges tell all.
-        bool crosses = crosses_eye(primitive);
-        for (uint crossed = 0u; crossed < uint(crosses); ++crossed) pixels &= pixels_of_box(boxes[id], origin);
+        bool behind = reaches_behind_eye(primitive);
+        for (uint once = 0u; once < uint(behind); ++once) pixels &= pixels_of_box(boxes[id], origin);
         masks[pair] = pixels;
     }
 }

@@ -15,7 +15,7 @@ WHOLE_OF(ivec3, vec3)
 WHOLE_OF(ivec4, vec4)
 #undef WHOLE_OF
 
-// Returns a / b for a below 2^23. Processors have no division of vectors of integers, and GPUs take some twenty instructions.
+// Returns a / b for a below 2^24 and a quotient below 2^23. Processors have no division of vectors of integers, and GPUs take some twenty instructions.
 uint quotient(uint a, uint b) {
     uint q = uint(whole_of(float(a) / float(b)));
     // Devices may be off by a few units in the last place, to either side of a whole number.

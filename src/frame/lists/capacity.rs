@@ -32,7 +32,7 @@ const FLAGGED_ENTRIES: u32 = 1 << 14;
 /// Largest number of entries of the lists of a band. A fifth of the buffer and 96 entries stay free for the margin of nearby views.
 fn most_entries(gpu: &Gpu, ranking: &Ranking) -> u64 {
     let most = u64::from(gpu.limits().max_storage_buffer_range) / 4 / entry_words(ranking.kind);
-    (most - most / 5).saturating_sub(96)
+    (most - most / 5).saturating_sub(192)
 }
 
 /// Measures what a view needs: bins are made band by band. How many fragments of flagged pixels are listed is known from earlier frames:
@@ -57,7 +57,7 @@ pub(crate) fn measure(
     needs.rounds = needs.rounds.max(1);
     let bytes = u64::from(gpu.limits().max_storage_buffer_range);
     // Masks and hits take 8 bytes a pair.
-    let hard = (bytes / 8 - bytes / 40).saturating_sub(96).min(MOST_ENTRIES.into());
+    let hard = (bytes / 8 - bytes / 40).saturating_sub(192).min(MOST_ENTRIES.into());
     let most_listed = most_entries(gpu, ranking);
     // Bands are as large as bins allow, until a frame has had more fragments to list than fit a buffer.
     let too_many = u64::from(needs.lists) > most_listed;

@@ -129,7 +129,7 @@ impl Ranking {
         })
     }
 
-    /// Makes bins of the ranked primitives for an image of `tiles` tiles. With `flagged` they are empty in frames that have flagged no pixel.
+    /// Makes bins of the ranked primitives for an image of `tiles` tiles. With `flagged` they hold only primitives that touch a marked tile.
     pub(crate) fn bins(&self, gpu: &Gpu, tiles: u32, capacity: u32, flagged: bool) -> Result<Arc<Bins>> {
         Bins::new(gpu, self.name, &self.ranked(), tiles, capacity, flagged).map(Arc::new)
     }

@@ -14,7 +14,7 @@
 //! 4. With `repair=exact`, pixels in which cells overlap are drawn again from lists of cells (`mesh/overlaps.rs`).
 //!
 //! Error: that of the integrator; sorting adds none with `repair=exact`. Cost: a mask of 64 pixels for each tile that a
-//! face's box touches; an intersection, `k` comparisons and an integration for each fragment. Needs: core Vulkan 1.3; the route `interlock` needs
+//! face's box touches; a meeting with a plane, `k` comparisons and an integration for each fragment. Needs: core Vulkan 1.3; the route `interlock` needs
 //! `VK_EXT_fragment_shader_interlock`, `implementation-ordered` a driver that is known to keep the order of stores.
 
 mod options;
@@ -45,6 +45,8 @@ const FIRST_K: u32 = 7;
 impl Draw for Options {
     fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
         let rasterises = self.route.rasterises();
+        // Images of a k-buffer hold seven pairs in a texel.
+        let may_deepen = self.k.is_none() && !rasterises && self.chunk.is_none();
         let deep =
             scene.mesh_data().needs(Primitives::Faces).lock().unwrap_or_else(PoisonError::into_inner).deep;
         let desc = MeshDesc {
@@ -52,8 +54,8 @@ impl Draw for Options {
             primitives: Primitives::Faces,
             options: self.mesh,
             draw,
-            k: self.k.unwrap_or(if deep && !rasterises { REPAIR_K } else { FIRST_K }),
-            deepens: self.k.is_none() && !deep && !rasterises,
+            k: self.k.unwrap_or(if deep && may_deepen { REPAIR_K } else { FIRST_K }),
+            deepens: may_deepen && !deep,
             chunk: self.chunk,
             repair: (self.repair == Repair::Exact).then_some(repair as ListShader),
             unsorted: "kbuffer_overflow_pixels",

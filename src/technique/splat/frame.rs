@@ -186,8 +186,8 @@ fn upload_domain(gpu: &Gpu, set: &SplatSet, axis: usize, scale: [f32; 4]) -> Res
 /// Returns the bands whose bins fit a buffer, and the capacity that the fullest needs.
 fn bands_of(gpu: &Gpu, desc: &SplatDesc, fill: &Fill, known: u32) -> Result<(Vec<Band>, u32)> {
     let most = u64::from(gpu.limits().max_storage_buffer_range) / 4;
-    // A fifth of the buffer and 96 entries stay free for the margin of nearby views.
-    let room = (most - most / 5).saturating_sub(96);
+    // A fifth of the buffer and 192 entries stay free for the margin of nearby views.
+    let room = (most - most / 5).saturating_sub(192);
     let most = desc.options.pairs.map_or(room, |pairs| room.min(pairs.into()));
     let most = most.min(MOST_ENTRIES.into());
     let entries = fill.tiles.iter().map(|&entries| u64::from(entries));
