@@ -47,15 +47,17 @@ const bool REPAIRS = false;
 layout(constant_id = SPEC_RESUME) const bool RESUME = false;
 layout(constant_id = SPEC_LAST_CHUNK) const bool LAST_CHUNK = true;
 
+// Whether the last pair waits for its corners, or has been asked for and comes next.
+const uint CORNERS_NONE = 0u, CORNERS_WAIT = 1u, CORNERS_ASKED = 2u;
+
 // The faces of a pixel's line that are still to come.
 struct Source {
     Walk walk;
     uint pixel;
     FaceLine line;
-    bool waits;  // for `ask_corners`
-    bool asked;  // the next pair is there
-    uint id;     // of the face that came last
-    uvec2 pair;  // of it, from its corners
+    uint asks;  // CORNERS_*
+    uint id;    // of the face that came last
+    uvec2 pair; // of it, from its corners
 };
 
 Source source_of(OwnPixel own) {
@@ -63,13 +65,12 @@ Source source_of(OwnPixel own) {
     source.pixel = gl_LocalInvocationIndex;
     source.walk = walk_through(own.in_band, source.pixel, push.first, push.number);
     source.line = face_line(own);
-    source.waits = false;
-    source.asked = false;
+    source.asks = CORNERS_NONE;
     return source;
 }
 
 bool has_next(Source source) {
-    return has_pair(source.walk) || source.asked;
+    return has_pair(source.walk) || source.asks != CORNERS_NONE;
 }
 
 bool ended_early(Source source) {
@@ -82,18 +83,21 @@ void count_drawn(Source source) {
 
 // Returns the next pair, unless it has to wait: then it comes after `ask_corners`.
 Pair next_of(inout Source source) {
-    if (!source.asked) source.id = next_primitive(source.walk, source.pixel);
+    bool asked = source.asks == CORNERS_ASKED;
+    if (!asked) source.id = next_primitive(source.walk, source.pixel);
     uvec2 pair = CELL_SCALARS ? pair_by_corners(source.id, source.line, BACK_TO_FRONT) : pair_of(source.id, source.line);
-    source.waits = !source.asked && (pair.y & 3u) == SIDE_UNKNOWN;
-    if (source.asked) pair = source.pair;
-    source.asked = false;
+    if (asked) pair = source.pair;
+    source.asks = !asked && (pair.y & 3u) == SIDE_UNKNOWN ? CORNERS_WAIT : CORNERS_NONE;
     return pair_in(pair);
+}
+
+bool waits(Source source) {
+    return source.asks == CORNERS_WAIT;
 }
 
 void ask_corners(inout Source source) {
     source.pair = pair_by_corners(source.id, source.line, BACK_TO_FRONT);
-    source.asked = true;
-    source.waits = false;
+    source.asks = CORNERS_ASKED;
 }
 #endif
 
@@ -128,13 +132,12 @@ void sort_list(uint begin, uint end) {
 
 struct Source {
     uint next, end;
-    bool waits; // never
 };
 
 Source source_of(OwnPixel own) {
     PixelList list = list_of(own);
     sort_list(list.begin, list.end);
-    return Source(list.begin, list.end, false);
+    return Source(list.begin, list.end);
 }
 
 bool has_next(Source source) {
@@ -150,6 +153,10 @@ void count_drawn(Source source) {}
 
 Pair next_of(inout Source source) {
     return pair_in(lists[source.next++]);
+}
+
+bool waits(Source source) {
+    return false;
 }
 
 void ask_corners(inout Source source) {}
@@ -180,13 +187,13 @@ void main() {
     bool more = has_next(source);
     bool goes_on = true;
     while (goes_on) {
-        while ((more || held > 0u || pending.len > 0.0 || is_uncut(rest)) && sweep.sum.a < opaque && !pending.waits && !source.waits) {
+        while ((more || held > 0u || pending.len > 0.0 || is_uncut(rest)) && sweep.sum.a < opaque && !pending.waits && !waits(source)) {
             if (pending.len == 0.0 && !is_uncut(rest)) {
                 // From the last one on comes what is greater than all: it lets the least of the window out.
                 Pair pair = Pair(EVERYTHING, 0u);
                 if (more) pair = next_of(source); else --held;
-                more = has_next(source) || source.waits;
-                if (!source.waits) {
+                more = has_next(source);
+                if (!waits(source)) {
                     vec2 depths = leave(sweep, pending, pass_through(pair), drawn, own.world);
                     if (LAYERS) {
                         rest = Uncut(pending.front, pending.back, depths);
@@ -197,13 +204,13 @@ void main() {
             if (LAYERS && pending.len == 0.0 && is_uncut(rest)) begin_uncut(rest, pending, ahead, CELL_SCALARS, own.world, sweep.sum);
             if (pending.len > 0.0) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
         }
-        goes_on = pending.waits || source.waits;
-        for (uint once = 0u; once < uint(source.waits); ++once) ask_corners(source);
+        goes_on = pending.waits || waits(source);
+        for (uint once = 0u; once < uint(waits(source)); ++once) ask_corners(source);
         for (uint once = 0u; once < uint(pending.waits); ++once) composite(sweep.sum, thickest_piece(pending, BACK_TO_FRONT), BACK_TO_FRONT);
     }
     if (LAYERS && LAST_CHUNK && sweep.sum.a < opaque) pass_layers(ahead, 3e37, sweep.sum);
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)
-    uint left = uint(has_next(source) || source.waits || ended_early(source)) + held + uint(pending.len != 0.0 || is_uncut(rest));
+    uint left = uint(has_next(source) || ended_early(source)) + held + uint(pending.len != 0.0 || is_uncut(rest));
     if (left != 0u && sweep.sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);
 
     count_drawn(source);
