@@ -340,7 +340,7 @@ mod tests {
                 assert_eq!(entries[begin..end], wanted, "tile {tile} from {first}");
                 begin = end;
             }
-            assert!(begin < num::index(capacity) && (begin > 0) == !marks.is_empty(), "{begin}");
+            assert!(begin < num::index(capacity) && (begin > 0) != marks.is_empty(), "{begin}");
         }
     }
 
