@@ -29,7 +29,7 @@ const MOST_TILES: u32 = 1 << 21;
 /// Entries of the lists of flagged pixels before a frame has told how many there are.
 const FLAGGED_ENTRIES: u32 = 1 << 14;
 
-/// Largest number of entries of the lists of a band. A fifth of the buffer and 96 entries stay free for the margin of nearby views.
+/// Largest number of entries of the lists of a band. A fifth of the buffer and 192 entries stay free for the margin of nearby views.
 fn most_entries(gpu: &Gpu, ranking: &Ranking) -> u64 {
     let most = u64::from(gpu.limits().max_storage_buffer_range) / 4 / entry_words(ranking.kind);
     (most - most / 5).saturating_sub(192)

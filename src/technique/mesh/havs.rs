@@ -45,7 +45,7 @@ const FIRST_K: u32 = 7;
 impl Draw for Options {
     fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
         let rasterises = self.route.rasterises();
-        // Images of a k-buffer hold seven pairs in a texel.
+        // A larger k-buffer would take two texels of its images, which only chunks have.
         let may_deepen = self.k.is_none() && !rasterises && self.chunk.is_none();
         let deep =
             scene.mesh_data().needs(Primitives::Faces).lock().unwrap_or_else(PoisonError::into_inner).deep;
