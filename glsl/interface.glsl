@@ -111,6 +111,7 @@
 #define SPEC_SPLAT_ORDER 28   // uint: sort key of splats, one of ORDER_*
 #define SPEC_SPLAT_AXIS 29    // uint: axis that sheets are stacked along
 #define SPEC_SPLAT_LOWPASS 30 // uint: filter of footprints below a pixel, one of LOWPASS_*
+#define SPEC_SPLAT_BY_PIXEL 9 // bool: each pixel blends splats in an order of its own
 #define SPEC_SPLAT_TABULATED 31 // bool: footprints come from a table
 
 #define SPEC_WARP 33          // uint: the warp's filter, one of WARP_*
@@ -160,7 +161,6 @@
 #define PIXELS_FIRST 4
 
 #define SHEETS 4          // slabs of splats that are accumulated at a time
-#define SPLAT_WINDOW 8    // capacity of the window that sorts splats
 #define FOOTPRINT_PARTS 8 // intervals of a ray integral without a closed form, two points each
 
 #define TABLE_BINS_PER_ROW 256 // bins of a cumulative table in one row of its texture

@@ -16,6 +16,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
+#include "frame/listed.glsl"
 #include "shared/device.glsl"
 
 layout(constant_id = SPEC_REFINES) const bool REFINES = false;
@@ -23,8 +24,6 @@ layout(constant_id = SPEC_REFINES) const bool REFINES = false;
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(set = 0, binding = BINDING_SOURCE) uniform sampler2D source;
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform writeonly image2D accumulation;
-
-layout(set = 0, binding = BINDING_PIXELS, std430) buffer Pixels { uint pixels[]; };
 
 layout(push_constant, std430) uniform UpsamplingPush {
     vec2 half_extent; // half the target, pixels
@@ -97,18 +96,9 @@ void main() {
     barrier();
     uint at = size.x * size.y > 0u ? atomicAdd(group_count, size.x * size.y) : 0u;
     barrier();
-    if (gl_LocalInvocationIndex == 0u) {
-        group_begin = group_count > 0u ? atomicAdd(pixels[PIXELS_COUNT], group_count) : 0u;
-        if (group_count > 0u) {
-            // Every device has 65,535 workgroups in a dimension.
-            uint groups = (group_begin + group_count + TILE_PIXELS - 1u) / TILE_PIXELS;
-            atomicMax(pixels[0], min(groups, 65535u));
-            atomicMax(pixels[1], (groups + 65534u) / 65535u);
-            atomicMax(pixels[2], 1u);
-        }
-    }
+    if (gl_LocalInvocationIndex == 0u) group_begin = group_count > 0u ? room_for(group_count) : 0u;
     barrier();
-    at += PIXELS_FIRST + group_begin;
+    at += group_begin;
     for (uint y = 0u; y < size.y; ++y) {
         for (uint x = 0u; x < size.x; ++x) pixels[at++] = first.x + x | first.y + y << 16;
     }

@@ -11,6 +11,9 @@
 
 #include "splat/splats.glsl"
 
+#define WAITING 2u // places of a row's window
+#define EACH_WAITING(f, r) f(r * 2) f(r * 2 + 1)
+#define AS_MANY(f, r) f(r) f(r)
 #define ROWS 8
 #define EACH_ROW(f) f(0) f(1) f(2) f(3) f(4) f(5) f(6) f(7)
 #define LANE gl_SubgroupInvocationID

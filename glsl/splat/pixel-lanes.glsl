@@ -4,6 +4,9 @@
 
 #include "splat/splats.glsl"
 
+#define WAITING 4u // places of a row's window
+#define EACH_WAITING(f, r) f(r * 4) f(r * 4 + 1) f(r * 4 + 2) f(r * 4 + 3)
+#define AS_MANY(f, r) f(r) f(r) f(r) f(r)
 #define ROWS 1
 #define EACH_ROW(f) f(0)
 #define LANE gl_LocalInvocationID.x

@@ -1,16 +1,19 @@
-// entry compute CENTRE
-// entry compute CENTRE_WIDE
-// entry compute WINDOW
+// entry compute DRAW
+// entry compute DRAW_WIDE
+// entry compute REPAIR
 //
-// Gaussians splatted in the order of their centres, each composited as a whole: elliptical weighted average splats, or with the
-// integral along each pixel's own line.
+// Gaussians splatted whole, front to back: elliptical weighted average splats, or with the integral along each pixel's own line.
 //
-//   CENTRE       one invocation owns a column of a tile and blends in registers, front to back, the bin's splats as they come
-//   CENTRE_WIDE  one invocation a pixel, for devices whose workgroups should be wide
-//   WINDOW       one invocation a pixel; splats pass through a window that sorts them by where the pixel's own line is nearest to them
+//   DRAW       one invocation owns a column of a tile and blends the splats of its bin in registers, in the order of their centres
+//   DRAW_WIDE  one invocation a pixel, for devices whose workgroups should be wide
+//   REPAIR     one invocation for each listed pixel, in whose line the order by centres is too far from its own
+//
+// BY_PIXEL: splats are blended in the order of the places where the pixel's own line is nearest to their centres. They come nearly so. Each passes
+// through a window of WAITING places, which the nearest leaves. A splat that should have come before one that has left lists the pixel.
+// REPAIR draws it by sweeps through the bin: each finds the SWEPT nearest of those that are left.
 //
 //   in    bins of splats by distance of their centres, records of the view (splat-project.glsl)
-//   out   accumulation image: premultiplied linear RGBA
+//   out   accumulation image: premultiplied linear RGBA; BY_PIXEL: listed pixels
 //   error opacity does not depend on the order: its only error is that of footprints. Colour mixes as if kernels did not overlap: two that do are wrong by at most the
 //         product of their opacities times the difference of their colours
 //   cost  per splat and pixel one exponential for the footprint and a series for opacity
@@ -21,18 +24,23 @@
 
 #include "interface.glsl"
 #include "shared/device.glsl"
-#ifdef CENTRE
+#ifdef DRAW
 #include "splat/column-lanes.glsl"
 #else
 #include "splat/pixel-lanes.glsl"
 #endif
+#include "frame/listed.glsl"
 #include "shared/optics.glsl"
 #include "splat/splats.glsl"
 
 layout(constant_id = SPEC_SPLAT_EWA) const bool EWA = false;
+layout(constant_id = SPEC_SPLAT_BY_PIXEL) const bool BY_PIXEL = false;
 
 layout(local_size_x = 64 / ROWS) in;
 layout(set = 0, binding = BINDING_SPLAT_RECORDS, std430) readonly buffer SplatRecords { vec4 splat_records[]; };
+
+
+const float BEHIND_ALL = 3e38;
 
 // Returns minus the logarithm to base 2 of an ellipse's optical depth at a pixel: a quadratic form less the logarithm of the peak.
 float form_of(vec4 record0, vec4 record1, vec2 pixel) {
@@ -48,52 +56,99 @@ float drawn_share(Meeting met, vec2 drawn) {
     return max(error_function(ends.y) - error_function(ends.x), 0.0) / (2.0 * error_function(most));
 }
 
-#ifndef WINDOW
+// Returns whether a footprint covers a pixel; `form` is that of its ellipse, which ends at `end`.
+bool covers(Meeting met, float form, float end) {
+    return mix(met.beyond, end - form, EWA) > 0.0;
+}
+
+// Returns the optical depth of a splat whose footprint covers the pixel, between the depths that are drawn.
+float optical_depth(Meeting met, float form, Line line, float extinction, vec2 drawn) {
+    if (!EWA) return extinction * push.amplitude * line.unit * footprint(met, drawn);
+    return exp2(-form) * (BOUNDED ? drawn_share(met, drawn) : 1.0);
+}
+
+// Returns the depth at which a line meets a splat in its order: where it is nearest to the centre. An ellipse covers lines that pass the kernel, and
+// may be nearest to it anywhere.
+float place_of(Meeting met, vec3 centre) {
+    if (!EWA) return met.u;
+    float z = dot(push.forward_reach.xyz, centre);
+    return clamp(met.u, z - push.h, z + push.h);
+}
+
+#ifndef REPAIR
+// A splat that waits to be blended: where the line is nearest to it, and what it adds.
+struct Piece {
+    float at;
+    float depth;
+    vec3 colour;
+};
+
+Piece waiting[ROWS * WAITING];
+
+// Swaps a piece with one that waits and is nearer.
+#define SWAP(j) { \
+        Piece other = waiting[j]; \
+        bool swaps = other.at < piece.at; \
+        waiting[j].at = swaps ? piece.at : other.at; \
+        waiting[j].depth = swaps ? piece.depth : other.depth; \
+        waiting[j].colour = mix(other.colour, piece.colour, bvec3(swaps)); \
+        piece.at = swaps ? other.at : piece.at; \
+        piece.depth = swaps ? other.depth : piece.depth; \
+        piece.colour = mix(piece.colour, other.colour, bvec3(swaps)); \
+    }
+#define EMPTY(j) waiting[j] = none;
+
 void main() {
     uint lane = LANE;
     uint in_band = WORKGROUP_NUMBER;
     if (in_band >= push.tiles) return;
     uvec2 bin = bin_of(in_band);
-    uint place = in_band * (64u / ROWS) + lane;
+    uint place = in_band * TILE_PIXELS + lane;
     uint i = RESUME ? splat_state[place].x : bin.x;
     uint end = bin.y, stop = min(end, i + MOST);
+    if (RESUME && i >= end) return;
     uvec2 origin = first_pixel(in_band, lane);
     vec2 from = vec2(origin) + 0.5 - push.half_extent;
     Line lines[ROWS];
     vec2 drawn[ROWS];
     vec4 sum[ROWS];
     float transmittance[ROWS];
+    float last[ROWS]; // BY_PIXEL: the farthest piece that is blended; BEHIND_ALL once one came too late
     float opaque = push.opaque;
 #define BEGIN(r) { \
         lines[r] = line_of(vec2(origin + uvec2(0, r)) + 0.5); \
         drawn[r] = drawn_depths(origin + uvec2(0, r)); \
         load_pixel(origin + uvec2(0, r), sum[r], transmittance[r]); \
+        if (BY_PIXEL) { \
+            last[r] = RESUME ? uintBitsToFloat(splat_state[place + r * TILE].y) : -BEHIND_ALL; \
+            Piece none = Piece(last[r], 0.0, vec3(0.0)); \
+            EACH_WAITING(EMPTY, r) \
+        } \
     }
     EACH_ROW(BEGIN)
+    // Puts a piece among those that wait, and blends the nearest of them all.
+#define BLEND_NEAREST(r, added) { \
+        Piece piece = added; \
+        EACH_WAITING(SWAP, r) \
+        last[r] = piece.at < last[r] ? BEHIND_ALL : piece.at; \
+        add_piece_behind(sum[r], transmittance[r], piece.colour, piece.depth); \
+    }
+#define BLEND_LAST(r) BLEND_NEAREST(r, Piece(BEHIND_ALL, 0.0, vec3(0.0)))
     float live = 1.0;
     for (; i < stop && ANY(live > opaque); ++i) {
         uint id = bins[i];
-        vec4 value, record0 = vec4(0.0), record1 = vec4(0.0);
-        Splat splat;
-        if (EWA) {
-            FETCH_TWO(splat_records, 2u * id, record0, record1)
-            value = FETCH(splat_points, 2u * id + 1u);
-            if (BOUNDED) splat = splat_of(id, FETCH(splat_points, 2u * id));
-        } else {
-            Read read = read_splat(id);
-            value = read.value;
-            splat = splat_of(id, read.point);
-        }
+        Read read = read_splat(id);
+        Splat splat = splat_of(id, read.point);
+        vec4 value = read.value, record0 = vec4(0.0), record1 = vec4(0.0);
+        if (EWA) FETCH_TWO(splat_records, 2u * id, record0, record1)
         live = 0.0;
 #define BLEND(r) { \
-            if (EWA) { \
-                float form = form_of(record0, record1, from + vec2(0.0, float(r))); \
-                float share = 1.0; \
-                if (BOUNDED) share = drawn_share(meet(lines[r], splat), drawn[r]); \
-                if (form < record1.z) add_piece_behind(sum[r], transmittance[r], value.rgb, share * exp2(-form)); \
-            } else { \
-                Meeting met = meet(lines[r], splat); \
-                if (met.beyond > 0.0) add_piece_behind(sum[r], transmittance[r], value.rgb, value.a * push.amplitude * lines[r].unit * footprint(met, drawn[r])); \
+            Meeting met = meet(lines[r], splat); \
+            float form = form_of(record0, record1, from + vec2(0.0, float(r))); \
+            if (covers(met, form, record1.z)) { \
+                float depth = optical_depth(met, form, lines[r], value.a, drawn[r]); \
+                if (BY_PIXEL) BLEND_NEAREST(r, Piece(place_of(met, splat.centre), depth, value.rgb)) \
+                else add_piece_behind(sum[r], transmittance[r], value.rgb, depth); \
             } \
             live = max(live, transmittance[r]); \
         }
@@ -101,89 +156,107 @@ void main() {
     }
     // Opaque pixels have ended; all invocations of a subgroup agree.
     bool unfinished = i < end && ANY(live > opaque);
-    splat_state[place] = uvec2(unfinished ? i : end, 0u);
+    splat_state[place].x = unfinished ? i : end;
     if (unfinished && IS_LAST) atomicAdd(status[STATUS_UNFINISHED], 1u);
-#define END(r) store_pixel(origin + uvec2(0, r), sum[r]);
+    // What waits is blended: what another dispatch puts before it lists the pixel.
+#define END(r) { \
+        uvec2 pixel = origin + uvec2(0, r); \
+        if (BY_PIXEL) { \
+            AS_MANY(BLEND_LAST, r) \
+            splat_state[place + r * TILE].y = floatBitsToUint(last[r]); \
+            if (!unfinished && last[r] == BEHIND_ALL && in_image(pixel)) pixels[room_for(1u)] = pixel.x | pixel.y << 16; \
+        } \
+        store_pixel(pixel, sum[r]); \
+    }
     EACH_ROW(END)
 }
 #else
-// Splats that wait, nearest first: depth on the line, optical depth, number.
-const uint HELD = SPLAT_WINDOW;
-float held_at[HELD];
-float held_depth[HELD];
-uint held_id[HELD];
+// The nearest splats that are left, nearest first: where the line is nearest to them, and their place in the bin.
+const uint SWEPT = 16;
+float swept_at[SWEPT];
+uint swept[SWEPT];
+
+// Written out: drivers that limit a shader's iterations count those of inner loops, too.
+#define EACH_SWEPT(f) f(0) f(1) f(2) f(3) f(4) f(5) f(6) f(7) f(8) f(9) f(10) f(11) f(12) f(13) f(14) f(15)
+
+// Puts a splat in its place among the swept ones; the farthest is left over.
+#define SWEEP(j) { \
+        bool before = at < swept_at[j]; \
+        float other_at = swept_at[j]; \
+        uint other = swept[j]; \
+        swept_at[j] = before ? at : other_at; \
+        swept[j] = before ? which : other; \
+        at = before ? other_at : at; \
+        which = before ? other : which; \
+    }
+#define EMPTY(j) swept_at[j] = BEHIND_ALL;
 
 void main() {
-    uint lane = LANE;
-    uint in_band = WORKGROUP_NUMBER;
-    if (in_band >= push.tiles) return;
-    uvec2 bin = bin_of(in_band);
-    uint place = in_band * 64u + lane;
-    uint first = RESUME ? splat_state[place].x : bin.x, end = bin.y;
-    uint stop = min(end, first + MOST);
-    uvec2 pixel = first_pixel(in_band, lane);
+    uint number = INVOCATION_NUMBER;
+    if (number >= pixels[PIXELS_COUNT]) return;
+    uint word = pixels[PIXELS_FIRST + number];
+    uvec2 pixel = uvec2(word & 0xffffu, word >> 16);
+    uint across = (uint(2.0 * push.half_extent.x) + TILE - 1u) / TILE;
+    uvec2 bin = bin_of(pixel.y / TILE * across + pixel.x / TILE - push.band);
     vec2 from = vec2(pixel) + 0.5 - push.half_extent;
     Line line = line_of(vec2(pixel) + 0.5);
     vec2 drawn = drawn_depths(pixel);
     vec4 sum;
     float transmittance, opaque = push.opaque;
     load_pixel(pixel, sum, transmittance);
-    for (uint j = 0u; j < HELD; ++j) {
-        held_at[j] = 3e38;
-        held_depth[j] = 0.0;
-        held_id[j] = 0u;
-    }
-    // The window is emptied at the end of a dispatch, and does not correct the order between the splats of two.
-    uint i = first, through = stop + HELD;
-    for (; i < through && transmittance > opaque; ++i) {
-        bool more = i < stop;
-        uint id = bins[more ? i : max(stop, 1u) - 1u];
-        vec4 record0 = vec4(0.0), record1 = vec4(0.0);
-        Read read = read_splat(id);
-        Splat splat = splat_of(id, read.point);
-        if (EWA) {
-            record0 = splat_records[2u * id];
-            record1 = splat_records[2u * id + 1u];
-        }
-        Meeting met = meet(line, splat);
-        float depth = 0.0;
-        if (EWA) {
-            float form = form_of(record0, record1, from);
-            if (more && form < record1.z) depth = exp2(-form) * (BOUNDED ? drawn_share(met, drawn) : 1.0);
-        } else if (more && met.beyond > 0.0) {
-            depth = read.value.a * push.amplitude * line.unit * footprint(met, drawn);
-        }
-        // Splats that the line misses must not push others out.
-        float at = more ? (depth > 0.0 ? met.u : -3e38) : 3e38;
-        for (uint j = 0u; j < HELD; ++j) {
-            bool before = at < held_at[j];
-            float kept_at = held_at[j], kept_depth = held_depth[j];
-            uint kept_id = held_id[j];
-            held_at[j] = before ? at : kept_at;
-            held_depth[j] = before ? depth : kept_depth;
-            held_id[j] = before ? id : kept_id;
-            at = before ? kept_at : at;
-            depth = before ? kept_depth : depth;
-            id = before ? kept_id : id;
-        }
-        // The nearest leaves when the window is full, or with a splat that is missed, which is nothing.
-        bool full = at < 3e38 || !more || held_depth[0] == 0.0;
-        if (full) {
-            vec3 colour = splat_points[2u * held_id[0] + 1u].rgb;
-            add_piece_behind(sum, transmittance, colour, held_depth[0]);
-            for (uint j = 1u; j < HELD; ++j) {
-                held_at[j - 1u] = held_at[j];
-                held_depth[j - 1u] = held_depth[j];
-                held_id[j - 1u] = held_id[j];
+    // The last that is blended; by its place among those as near.
+    float last_at = RESUME ? uintBitsToFloat(splat_state[number].x) : -BEHIND_ALL;
+    uint last = RESUME ? splat_state[number].y : 0u;
+    uint begin = bin.x, room = MOST;
+    bool left = begin < bin.y;
+    while (left && transmittance > opaque) {
+        EACH_SWEPT(EMPTY)
+        uint first_left = bin.y, i = begin, stop = begin + min(bin.y - begin, room);
+        bool passed = false;
+        for (; i < stop && !passed; ++i) {
+            uint id = bins[i];
+            vec4 record0 = vec4(0.0), record1 = vec4(0.0);
+            if (EWA) {
+                record0 = splat_records[2u * id];
+                record1 = splat_records[2u * id + 1u];
             }
-            held_at[HELD - 1u] = at;
-            held_depth[HELD - 1u] = depth;
-            held_id[HELD - 1u] = id;
+            Meeting met = meet(line, splat_of(id, splat_points[2u * id]));
+            bool there = covers(met, form_of(record0, record1, from), record1.z);
+            float at = place_of(met, splat_points[2u * id].xyz);
+            // Bins ascend by distance, and a line is nearest to a centre within its reach: those that follow are no nearer than this one less twice
+            // the reach.
+            passed = there && at - 2.0 * push.h > swept_at[SWEPT - 1u];
+            at = there && (at > last_at || (at == last_at && i >= last)) ? at : BEHIND_ALL;
+            uint which = i;
+            EACH_SWEPT(SWEEP)
+            if (at < BEHIND_ALL) first_left = min(first_left, which);
         }
+        // A sweep that this dispatch cannot finish is nothing.
+        if (i == stop && stop < bin.y && !passed) break;
+        room -= i - begin;
+        for (uint j = 0u; j < SWEPT; ++j) {
+            if (swept_at[j] == BEHIND_ALL) break;
+            uint id = bins[swept[j]];
+            Read read = read_splat(id);
+            vec4 record0 = vec4(0.0), record1 = vec4(0.0);
+            if (EWA) {
+                record0 = splat_records[2u * id];
+                record1 = splat_records[2u * id + 1u];
+            }
+            Meeting met = meet(line, splat_of(id, read.point));
+            float form = form_of(record0, record1, from);
+            add_piece_behind(sum, transmittance, read.value.rgb, optical_depth(met, form, line, read.value.a, drawn));
+            last_at = swept_at[j];
+            last = swept[j] + 1u;
+        }
+        begin = min(first_left, i);
+        left = begin < bin.y;
     }
-    bool unfinished = stop < end && transmittance > opaque;
-    splat_state[place] = uvec2(unfinished ? stop : end, 0u);
-    if (unfinished && IS_LAST) atomicAdd(status[STATUS_UNFINISHED], 1u);
+    left = left && transmittance > opaque;
+    // A first sweep that no dispatch can finish.
+    if (left && room == MOST) atomicAdd(status[STATUS_CUT], 1u);
+    if (left && IS_LAST) atomicAdd(status[STATUS_UNFINISHED], 1u);
+    splat_state[number] = uvec2(floatBitsToUint(left ? last_at : BEHIND_ALL), last);
     store_pixel(pixel, sum);
 }
 #endif

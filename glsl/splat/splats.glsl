@@ -31,7 +31,7 @@ layout(push_constant) uniform SplatPush {
     vec4 forward_reach; // depth of a centre: dot of it with xyz; w: half the depth that a kernel spans, of sigma 1
     vec2 half_extent;   // of the image, pixels
     float unit;         // world length of a unit of depth
-    float h;            // thickness of a slab, in depth
+    float h;            // in depth: thickness of a slab, or reach of the largest footprint
     float cut;          // distance at which kernels end, in sigmas
     float least;        // sum of weights that shows anything
     float amplitude;    // weight of a kernel on a lattice, times its integral's unit

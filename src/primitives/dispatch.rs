@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bytemuck::Pod;
 
 use crate::error::Result;
-use crate::gpu::{Bound, Buffer, BufferUse, Descriptors, Gpu, Pipeline, Recorder};
+use crate::gpu::{Bound, Buffer, BufferUse, Descriptors, Gpu, Groups, Pipeline, Recorder};
 
 /// A compute pipeline with the resources bound to it, ready to be recorded as a pass of its name.
 #[derive(Debug)]
@@ -17,7 +17,7 @@ pub(crate) struct Dispatch {
 
 impl Dispatch {
     /// Records a dispatch of `groups` workgroups with these push constants. Barriers follow from the bound resources.
-    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, push: &impl Pod, groups: [u32; 3]) {
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, push: &impl Pod, groups: impl Into<Groups>) {
         recorder.dispatch(&self.name, &self.pipeline, &self.descriptors, bytemuck::bytes_of(push), groups);
     }
 }

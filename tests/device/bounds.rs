@@ -146,10 +146,10 @@ fn scenes(gpu: &Gpu) -> Vec<Case> {
         ("splat-sheets:sheets=image,step=0.05", 3e-5),
         ("splat-sheets:sheets=axis", OWN),
         ("splat-ewa:footprint=exact", OWN),
-        ("splat-ewa:footprint=exact,order=window", OWN),
+        ("splat-ewa:footprint=exact,order=pixel", OWN),
         ("splat-ewa:footprint=exact,order=slabs,step=0.05", 3e-5),
         ("splat-ewa:footprint=ewa", OWN),
-        ("splat-ewa:footprint=ewa,order=window", OWN),
+        ("splat-ewa:footprint=ewa,order=pixel", OWN),
     ];
     let of_kernels = [("splat-sheets:sheets=axis,template=64", OWN), ("splat-sheets:sheets=axis", OWN)];
     let kernels = Kernels { kernel: Kernel::Gaussian, model: Model::Density, ..Kernels::of_samples() };

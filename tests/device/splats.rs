@@ -4,15 +4,17 @@
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small numbers of test images")]
 
 use crate::common::*;
-use glam::{DVec2, DVec3};
-use volraster::GpuScene;
+use glam::{DMat3, DVec2, DVec3};
+use std::collections::BTreeMap;
 use volraster::Image;
+use volraster::gpu::GpuOptions;
 use volraster::measure::ImageErrors;
 use volraster::reference::ReferenceOptions;
 use volraster::scene::{
     Camera, Field, Kernel, KernelSize, Kernels, Model, Points, Projection, Scene, TransferFunction, View,
 };
 use volraster::technique::Renderer;
+use volraster::{Gpu, GpuScene};
 
 /// Optical depth along a ray of a Gaussian of peak `tau` that is cut at `cut` sigmas.
 fn gaussian(view: &View, pixel: DVec2, centre: DVec3, sigma: f64, cut: f64, tau: f64) -> f64 {
@@ -46,7 +48,7 @@ fn single_gaussians_are_their_closed_form() {
                 let points = points.with_size(KernelSize::Radius(3.0 * sigma)).unwrap();
                 let scene = Scene::new(points, constant(2.0 / sigma));
                 let view = view(projection, distance, 48, 32);
-                for spec in ["order=center,stop=0", "order=window,stop=0", "order=slabs,step=0.7,stop=0"] {
+                for spec in ["order=center,stop=0", "order=pixel,stop=0", "order=slabs,step=0.7,stop=0"] {
                     let image = draw(&gpu, &scene, &view, &format!("splat-ewa:{spec}"));
                     let mut worst = 0.0_f64;
                     for (i, pixel) in pixels(&view) {
@@ -189,6 +191,93 @@ fn slabs_converge_to_the_reference_of_the_same_kernels() {
     }
 }
 
+/// Whole splats of a pixel's line in the order of the places where it is nearest to their centres, in float64.
+fn in_order_of_the_line(scene: &Scene, view: &View, pixel: DVec2) -> [f64; 4] {
+    let points = scene.points().unwrap();
+    let (origin, direction) = view.ray(pixel);
+    let (scalars, weights) = (points.scalars().unwrap(), points.weights().unwrap());
+    let mut met = Vec::new();
+    for (i, centre) in points.centres().iter().enumerate() {
+        let inverse = match points.size() {
+            KernelSize::Radii(radii) => {
+                DMat3::from_diagonal(DVec3::splat((3.0 / f64::from(radii[i])).powi(2)))
+            }
+            KernelSize::Covariances(all) => {
+                let [xx, xy, xz, yy, yz, zz] = all[i].map(f64::from);
+                DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]).inverse()
+            }
+            _ => unreachable!(),
+        };
+        let from = *centre - origin;
+        let a = direction.dot(inverse * direction);
+        let at = from.dot(inverse * direction) / a;
+        let aside = from - direction * at;
+        let beyond = 9.0 - aside.dot(inverse * aside);
+        if beyond <= 0.0 {
+            continue;
+        }
+        let (colour, tau) = scene.transfer.at(f64::from(scalars[i]));
+        let depth = tau * f64::from(weights[i]) * (std::f64::consts::TAU / a).sqrt();
+        let depth = depth * (0.5 * (beyond - 9.0)).exp() * erf((0.5 * beyond).sqrt());
+        met.push((at, colour, -(-depth).exp_m1()));
+    }
+    met.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut sum, mut left) = (DVec3::ZERO, 1.0);
+    for (_, colour, alpha) in met {
+        sum += left * alpha * colour;
+        left *= 1.0 - alpha;
+    }
+    [sum.x, sum.y, sum.z, 1.0 - left]
+}
+
+/// Two splats may be met so near to each other that float32 takes them in the other order: few pixels, each wrong by a product of
+/// opacities.
+#[test]
+fn each_pixel_has_an_order_of_its_own() {
+    let gpu = gpu();
+    let limited = gpu_with(GpuOptions { loop_limit: Some(350), ..GpuOptions::default() });
+    let rows = [[0.0, 1.0, 0.1, 0.0, 9.0], [0.5, 0.0, 1.0, 0.2, 2.0], [1.0, 0.1, 0.0, 1.0, 9.0]];
+    for (what, size) in [("radii", radii(300)), ("covariances", covariances(300))] {
+        let points = cloud(300, 8).with_size(size).unwrap();
+        let scene = Scene::new(points, TransferFunction::from_rows(&rows).unwrap());
+        let scene = with(scene, Kernel::Gaussian, Model::Density);
+        for projection in [perspective(), orthographic()] {
+            let view = view(projection, 1.0, 40, 28);
+            let truth: Vec<_> =
+                pixels(&view).map(|(_, pixel)| in_order_of_the_line(&scene, &view, pixel)).collect();
+            let wrong = |gpu: &Gpu, spec: &str| {
+                let renderer = Renderer::new(
+                    &GpuScene::new(gpu, scene.clone()),
+                    technique(&format!("splat-ewa:{spec},stop=0")),
+                );
+                let mut frames = renderer.frames(&view).unwrap();
+                let counters: BTreeMap<_, _> = frames.draw(&view).unwrap().counters.into_iter().collect();
+                let image = frames.read_back().unwrap();
+                let apart =
+                    |(a, b): (&[f32; 4], &[f64; 4])| (0..4).any(|c| (f64::from(a[c]) - b[c]).abs() > 1e-5);
+                let wrong = image.pixels().iter().zip(&truth).filter(|pair| apart(*pair)).count();
+                println!(
+                    "{what} {spec}: {wrong} of {} pixels, {counters:?}, {:?}",
+                    truth.len(),
+                    frames.plan().counters()
+                );
+                (wrong, counters)
+            };
+            // Parallel lines meet balls in the order of their centres.
+            if what == "covariances" || view.is_perspective() {
+                let (by_centres, _) = wrong(&gpu, "order=center");
+                assert!(by_centres > truth.len() / 4, "{by_centres}");
+            }
+            for (gpu, spec) in [(&gpu, "spread=columns"), (&gpu, "spread=pixels"), (&limited, "spread=auto")]
+            {
+                let (wrong, counters) = wrong(gpu, &format!("order=pixel,{spec}"));
+                assert!(wrong <= 4, "{wrong}");
+                assert!(counters["repaired_pixels"] > 0 || (what == "radii" && !view.is_perspective()));
+            }
+        }
+    }
+}
+
 fn turned(angle: f64, side: u32) -> View {
     let eye = DVec3::new(angle.sin() * 4.0, 0.8, angle.cos() * 4.0);
     View::new(Camera { eye, ..camera(perspective(), 1.0) }, side, side).unwrap()
@@ -317,6 +406,7 @@ fn columns_and_pixels_are_the_same_image() {
         }
         if gaussian && density {
             specs.extend(["splat-ewa:order=center", "splat-ewa:order=center,footprint=ewa"]);
+            specs.extend(["splat-ewa:order=pixel", "splat-ewa:order=pixel,footprint=ewa"]);
         }
         for spec in specs {
             let [columns, pixels] = ["columns", "pixels"]

@@ -288,7 +288,7 @@ fn child_draws_pass_by_pass() {
                 [
                     "splat-ewa:order=center",
                     "splat-ewa:order=center,pairs=500",
-                    "splat-ewa:order=window",
+                    "splat-ewa:order=pixel",
                     "splat-ewa:order=slabs",
                     "splat-ewa:footprint=ewa",
                     "splat-sheets:sheets=image",

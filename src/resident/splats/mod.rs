@@ -44,6 +44,8 @@ pub(crate) struct SplatSet {
     pub(crate) shapes: Arc<Buffer>,
     /// Distance at which kernels end: in sigmas, or for products along each axis.
     pub(crate) cut: f64,
+    /// World distance at which the largest kernel ends.
+    pub(crate) reach: f64,
     /// Factor of every kernel.
     pub(crate) amplitude: f64,
 }
@@ -91,7 +93,11 @@ impl SplatSet {
         let cut = if gaussian { kernels.cut } else { reach };
         // The peak of a product along the axes is its own.
         let amplitude = if gaussian { kernels.peak_on_grid() } else { 1.0 };
-        Self::upload(gpu, *kernels, Shape::Alike, space, [points, vec![]], cut, amplitude)
+        // A bound of the matrix' norm, its largest scale where it scales the axes.
+        let largest =
+            |m: DMat3| [0, 1, 2].map(|i| m.col(i).abs().element_sum()).into_iter().fold(0.0, f64::max);
+        let reach = cut * (largest(to_world) * largest(to_world.transpose())).sqrt();
+        Self::upload(gpu, *kernels, Shape::Alike, space, [points, vec![]], [cut, reach], amplitude)
     }
 
     fn of_points(gpu: &Gpu, points: &Points, transfer: &TransferFunction, kernels: &Kernels) -> Result<Self> {
@@ -128,7 +134,7 @@ impl SplatSet {
             step,
         };
         let lists = scattered(points, transfer, kernels, &space);
-        Self::upload(gpu, *kernels, shape, space, lists, cut, 1.0)
+        Self::upload(gpu, *kernels, shape, space, lists, [cut, reach], 1.0)
     }
 
     /// Uploads the lists of points and of shapes, four floats an entry.
@@ -138,7 +144,7 @@ impl SplatSet {
         shape: Shape,
         space: Space,
         mut lists: [Vec<[f32; 4]>; 2],
-        cut: f64,
+        [cut, reach]: [f64; 2],
         amplitude: f64,
     ) -> Result<Self> {
         let each = if shape == Shape::Alike && kernels.model == Model::Interpolate { 1 } else { 2 };
@@ -166,6 +172,7 @@ impl SplatSet {
             points: buffer("splats.points", &lists[0])?,
             shapes: buffer("splats.shapes", &lists[1])?,
             cut,
+            reach,
             amplitude,
         })
     }

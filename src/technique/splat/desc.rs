@@ -4,7 +4,6 @@ use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::gpu::shader::{
     LOWPASS_AUTO, LOWPASS_FULL, LOWPASS_NONE, ORDER_CENTRES, ORDER_NEAREST, ORDER_SHEETS, SHEETS,
-    SPLAT_WINDOW,
 };
 use crate::scene::Kernels;
 use crate::technique::declare::words;
@@ -15,8 +14,8 @@ use crate::technique::splat::options::{SplatOptions, TileSplit};
 pub(crate) enum Accumulation {
     /// Blends each splat as a whole, by the distance of its centre.
     Centres,
-    /// Blends each splat as a whole; a window in each pixel corrects the order.
-    Window,
+    /// Blends each splat as a whole, in an order of each pixel's own.
+    ByPixel,
     /// Adds up the parts of splats in slabs parallel to the image, and composites the slabs.
     Slabs,
     /// Adds up whole splats in layers along an axis of the data, and composites the layers.
@@ -27,7 +26,7 @@ impl Accumulation {
     /// Returns the shader's code of the sort key.
     pub(crate) fn key_code(self) -> u32 {
         match self {
-            Self::Centres | Self::Window => ORDER_CENTRES,
+            Self::Centres | Self::ByPixel => ORDER_CENTRES,
             Self::Slabs => ORDER_NEAREST,
             Self::Sheets => ORDER_SHEETS,
         }
@@ -76,22 +75,13 @@ pub(crate) struct SplatDesc {
 }
 
 impl SplatDesc {
-    /// Returns the iterations that one dispatch may make.
-    pub(crate) fn iterations(&self) -> u32 {
-        match self.accumulation {
-            // Each splat also takes an iteration of the window's own loop for each of its places.
-            Accumulation::Window => (self.turns / (2 * SPLAT_WINDOW + 2)).max(1),
-            _ => self.turns,
-        }
-    }
-
     /// Estimates the dispatches that a bin of `longest` entries takes.
     pub(crate) fn rounds(&self, longest: u32) -> u32 {
         let rounds = match self.accumulation {
-            Accumulation::Centres | Accumulation::Window => longest.div_ceil(self.iterations()),
+            Accumulation::Centres | Accumulation::ByPixel => longest.div_ceil(self.turns),
             // Half of the iterations are reserved for the sheet in which a dispatch ends.
-            Accumulation::Sheets => longest.div_ceil(self.iterations() / 2),
-            Accumulation::Slabs => longest.saturating_mul(2 + SHEETS).div_ceil(self.iterations() / 2),
+            Accumulation::Sheets => longest.div_ceil(self.turns / 2),
+            Accumulation::Slabs => longest.saturating_mul(2 + SHEETS).div_ceil(self.turns / 2),
         };
         rounds.max(1)
     }

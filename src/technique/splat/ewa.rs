@@ -34,8 +34,8 @@ words! {
     pub enum EwaOrder {
         /// By the distance of centres.
         Center = "center",
-        /// By the distance of centres, corrected by a small window in each pixel.
-        Window = "window",
+        /// By the place where each pixel's ray is nearest to the centres.
+        Pixel = "pixel",
         /// No order among splats: their parts in each slab are added up, and slabs are blended.
         Slabs = "slabs",
     }
@@ -58,8 +58,8 @@ option_set! {
     /// Options of `splat-ewa`.
     pub struct Options {
         /// Selects the order of blending. center takes whole splats by the distance of their centres: fastest, may jump when the camera
-        /// turns. window also sorts in each pixel by a window of 8 places, in 3 to 5 times the time. slabs adds up parts of splats in
-        /// slabs: no jumps, converges with step.
+        /// turns. pixel takes them in each pixel by the place where its ray is nearest to their centres: no jumps but those of crossing
+        /// splats. slabs adds up parts of splats in slabs: no jumps, converges with step.
         pub order: Option<EwaOrder> = None
             => Rule::words().unset("center for model=density, slabs for interpolate"),
         /// Selects how the contribution of a kernel to a pixel is computed. ewa takes an ellipse, filtered as the option filter says;
@@ -87,7 +87,7 @@ impl TechniqueOptions for Options {
         splits_rays: false,
         samples: &[
             ("points", "order=slabs,step=0.25", [4e-5, 4e-4]),
-            ("points", "order=window", [6e-3, 3e-2]),
+            ("points", "order=pixel", [6e-3, 3e-2]),
             ("points", "order=center,pairs=500", [6e-3, 3e-2]),
             ("gaussians", "footprint=ewa,filter=none", [0.2, 0.5]),
             ("gaussians", "order=slabs,step=0.25", [2e-4, 7e-4]),
@@ -95,7 +95,7 @@ impl TechniqueOptions for Options {
         families: &[
             (Of::Densities, "order=center,footprint=ewa", &[""]),
             (Of::Densities, "order=center,footprint=exact", &[""]),
-            (Of::Densities, "order=window,footprint=exact", &[""]),
+            (Of::Densities, "order=pixel,footprint=exact", &[""]),
             (Of::Gaussians, "order=slabs,step=", &["8", "4", "2", "1", "0.5", "0.25", "0.125"]),
         ],
     };
@@ -134,7 +134,7 @@ impl Draw for Options {
             kernels,
             accumulation: match order {
                 EwaOrder::Center => Accumulation::Centres,
-                EwaOrder::Window => Accumulation::Window,
+                EwaOrder::Pixel => Accumulation::ByPixel,
                 EwaOrder::Slabs => Accumulation::Slabs,
             },
             ewa,

@@ -19,11 +19,11 @@ use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
 use crate::gpu::shader::{
     Bounded, FOOTPRINT_PARTS, KERNEL_BSPLINE, KERNEL_GAUSSIAN, KERNEL_SINC, KERNEL_TENT, Optics,
-    SPLAT_EWA_CENTRE, SPLAT_EWA_CENTRE_WIDE, SPLAT_EWA_WINDOW, SPLAT_PROJECT_COMPUTE, SPLAT_SHEETS_AXIS,
-    SPLAT_SHEETS_AXIS_WIDE, SPLAT_SHEETS_IMAGE, SPLAT_SHEETS_IMAGE_WIDE, STATUS_WORDS, SplatEwa,
-    SplatProject, SplatSheetsAxis, SplatSheetsImage, Splats, TILE, TILE_PIXELS,
+    PIXELS_FIRST, SPLAT_EWA_DRAW, SPLAT_EWA_DRAW_WIDE, SPLAT_EWA_REPAIR, SPLAT_PROJECT_COMPUTE,
+    SPLAT_SHEETS_AXIS, SPLAT_SHEETS_AXIS_WIDE, SPLAT_SHEETS_IMAGE, SPLAT_SHEETS_IMAGE_WIDE, STATUS_WORDS,
+    SplatEwaDraw, SplatEwaRepair, SplatProject, SplatSheetsAxis, SplatSheetsImage, Splats, TILE, TILE_PIXELS,
 };
-use crate::gpu::{Bound, Buffer, Gpu, Image, Recorder, Sampled, TargetImage};
+use crate::gpu::{Bound, Buffer, Gpu, Groups, Image, Recorder, Sampled, TargetImage};
 use crate::interface::SplatPush;
 use crate::num::{self, f32_of};
 use crate::primitives::bins::{Bins, Fill, MOST_ENTRIES, Ranked, with_margin};
@@ -55,14 +55,48 @@ pub(crate) struct SplatFrame {
     bins: Bins,
     bands: Vec<Band>,
     /// Draws bins from their beginning.
-    first: Dispatch,
-    /// Draws bins from where the dispatch before ended.
-    resume: Option<Dispatch>,
-    /// Dispatches for each band.
+    draw: Rounds,
+    /// Draws again the pixels that are listed.
+    repair: Option<Repair>,
+    /// Dispatches for each band, and for its listed pixels.
     rounds: u32,
     image: Arc<Image>,
     status: Arc<Buffer>,
     outcome: Arc<SplatOutcome>,
+}
+
+/// A pass that may take several dispatches.
+#[derive(Debug)]
+struct Rounds {
+    /// Draws from the beginning.
+    first: Dispatch,
+    /// Draws from where the dispatch before ended.
+    resume: Option<Dispatch>,
+}
+
+impl Rounds {
+    fn new(gpu: &Gpu, name: &str, rounds: u32, bind: impl Fn(bool) -> Bound) -> Result<Self> {
+        let first = pass(gpu, name, &bind(false))?;
+        let resume = if rounds > 1 { Some(pass(gpu, &format!("{name}.resume"), &bind(true))?) } else { None };
+        Ok(Self { first, resume })
+    }
+
+    /// Records the dispatches; only the last counts what is unfinished.
+    fn record(&self, recorder: &mut Recorder<'_>, push: SplatPush, rounds: u32, groups: &Groups) {
+        for round in 0..rounds {
+            let pass = self.resume.as_ref().filter(|_| round > 0).unwrap_or(&self.first);
+            let push = SplatPush { turns: push.turns | u32::from(round + 1 == rounds) << 31, ..push };
+            pass.record(recorder, &push, groups.clone());
+        }
+    }
+}
+
+/// The pixels of a band whose splats did not come nearly in order, and the pass that draws them again.
+#[derive(Debug)]
+struct Repair {
+    /// Workgroups, number and places.
+    pixels: Arc<Buffer>,
+    draw: Rounds,
 }
 
 /// The kernels as a view sees them.
@@ -112,6 +146,8 @@ impl Projected {
 struct DrawInputs {
     splats: Splats,
     records: Arc<Buffer>,
+    /// Pixels that are listed to be drawn again.
+    pixels: Arc<Buffer>,
     /// The table of footprints.
     template: Sampled,
     tabulated: bool,
@@ -122,19 +158,33 @@ struct DrawInputs {
 }
 
 impl DrawInputs {
+    /// Binds the shader that draws listed pixels.
+    fn repair(&self, resume: bool) -> Bound {
+        SPLAT_EWA_REPAIR.with(&SplatEwaRepair {
+            pixels: self.pixels.write(),
+            splat_records: self.records.read(),
+            splat_ewa: self.ewa,
+            bounded: self.bounded.clone(),
+            splats: Splats { resume, ..self.splats.clone() },
+        })
+    }
+
     /// Binds the shader that draws bins, in columns or in pixels; with `resume` from where the dispatch before ended.
     fn shader(&self, accumulation: Accumulation, columns: bool, resume: bool) -> Bound {
         let splats = Splats { resume, ..self.splats.clone() };
         let (optics, bounded) = (self.optics.clone(), self.bounded.clone());
         let splat_records = self.records.read();
         match accumulation {
-            Accumulation::Centres | Accumulation::Window => {
-                let shader = match (accumulation, columns) {
-                    (Accumulation::Window, _) => SPLAT_EWA_WINDOW,
-                    (_, true) => SPLAT_EWA_CENTRE,
-                    (_, false) => SPLAT_EWA_CENTRE_WIDE,
-                };
-                shader.with(&SplatEwa { splat_records, splat_ewa: self.ewa, bounded, splats })
+            Accumulation::Centres | Accumulation::ByPixel => {
+                let shader = if columns { SPLAT_EWA_DRAW } else { SPLAT_EWA_DRAW_WIDE };
+                shader.with(&SplatEwaDraw {
+                    pixels: self.pixels.write(),
+                    splat_records,
+                    splat_by_pixel: accumulation == Accumulation::ByPixel,
+                    splat_ewa: self.ewa,
+                    bounded,
+                    splats,
+                })
             }
             Accumulation::Slabs => {
                 let shader = if columns { SPLAT_SHEETS_IMAGE } else { SPLAT_SHEETS_IMAGE_WIDE };
@@ -154,16 +204,18 @@ impl DrawInputs {
         }
     }
 
-    /// Builds the passes that draw bins: from their beginning, and with several rounds from where the one before ended.
-    fn passes(&self, gpu: &Gpu, desc: &SplatDesc, rounds: u32) -> Result<(Dispatch, Option<Dispatch>)> {
+    /// Builds the pass that draws bins, and the one that draws listed pixels again.
+    fn passes(&self, gpu: &Gpu, desc: &SplatDesc, rounds: u32) -> Result<(Rounds, Option<Repair>)> {
         let columns = desc.columns(gpu)?;
-        let draw = |part: &str, resume: bool| {
-            let bound = self.shader(desc.accumulation, columns, resume);
-            pass(gpu, &format!("{}.{part}", desc.name), &bound)
-        };
-        let first = draw("draw", false)?;
-        let resume = if rounds > 1 { Some(draw("draw.resume", true)?) } else { None };
-        Ok((first, resume))
+        let name = |part: &str| format!("{}.{part}", desc.name);
+        let draw = Rounds::new(gpu, &name("draw"), rounds, |resume| {
+            self.shader(desc.accumulation, columns, resume)
+        })?;
+        if desc.accumulation != Accumulation::ByPixel {
+            return Ok((draw, None));
+        }
+        let repair = Rounds::new(gpu, &name("repair"), rounds, |resume| self.repair(resume))?;
+        Ok((draw, Some(Repair { pixels: Arc::clone(&self.pixels), draw: repair })))
     }
 }
 
@@ -242,7 +294,10 @@ impl SplatFrame {
 
         // 3. Passes that draw bins.
         let image = own_image(gpu, name, FORMAT, vk::ImageUsageFlags::STORAGE, view, target)?;
-        let state = buffer(gpu, "state", 2 * u64::from(widest) * u64::from(TILE_PIXELS))?;
+        let in_band = u64::from(widest) * u64::from(TILE_PIXELS);
+        let state = buffer(gpu, "state", 2 * in_band)?;
+        let listed = if desc.accumulation == Accumulation::ByPixel { in_band } else { 0 };
+        let pixels = buffer(gpu, "pixels", u64::from(PIXELS_FIRST) + listed)?;
         let inputs = DrawInputs {
             splats: Splats {
                 accumulation: image.stored(),
@@ -260,6 +315,7 @@ impl SplatFrame {
                 splat_shape: set.shape.code(),
             },
             records,
+            pixels,
             template: template.image.sampled(vk::Filter::LINEAR),
             tabulated: desc.template.is_some(),
             ewa: desc.ewa,
@@ -268,13 +324,17 @@ impl SplatFrame {
             optics: knots.optics(),
         };
         let rounds = desc.rounds(fill.longest()).max(known.rounds);
-        let (first, resume) = inputs.passes(gpu, &desc, rounds)?;
+        let (draw, repair) = inputs.passes(gpu, &desc, rounds)?;
 
+        let host = |name: &str, words: u32, wanted: bool| -> Result<Vec<_>> {
+            bands.iter().filter(|_| wanted).map(|_| download(gpu, name, 4 * u64::from(words))).collect()
+        };
         let outcome = SplatOutcome {
             scene: Arc::clone(scene),
             name,
             status: download(gpu, "status", 4 * u64::from(STATUS_WORDS))?,
-            bins: bands.iter().map(|_| download(gpu, "bins.total", 8)).collect::<Result<_>>()?,
+            bins: host("bins.total", 2, true)?,
+            repaired: host("pixels.count", PIXELS_FIRST, repair.is_some())?,
             capacity,
             rounds,
             splats: set.count,
@@ -288,8 +348,8 @@ impl SplatFrame {
             sort,
             bins,
             bands,
-            first,
-            resume,
+            draw,
+            repair,
             rounds,
             image,
             status,
@@ -339,18 +399,23 @@ impl Prepared for SplatFrame {
         recorder.clear_buffer("status.clear", &self.status);
         self.project.record(recorder, &self.view.project, groups_of(self.set.count, 64));
         self.sort.record(recorder);
-        for (band, host) in self.bands.iter().zip(&self.outcome.bins) {
+        let outcome = &self.outcome;
+        for (i, (band, total)) in self.bands.iter().zip(&outcome.bins).enumerate() {
             self.bins.record(recorder, self.across, [band.first, band.tiles]);
-            recorder.copy_buffer("bins.total", self.bins.total(), host, 8);
-            recorder.release_to_host(host);
-            let iterations = self.desc.iterations();
-            let push = SplatPush { band: band.first, tiles: band.tiles, ..self.view.draw };
-            for round in 0..self.rounds {
-                let pass = self.resume.as_ref().filter(|_| round > 0).unwrap_or(&self.first);
-                // Only the last round counts the tiles that are unfinished.
-                let last = u32::from(round + 1 == self.rounds) << 31;
-                let push = SplatPush { turns: iterations | last, ..push };
-                pass.record(recorder, &push, groups_of(band.tiles, 1));
+            recorder.copy_buffer("bins.total", self.bins.total(), total, 8);
+            recorder.release_to_host(total);
+            let push =
+                SplatPush { band: band.first, tiles: band.tiles, turns: self.desc.turns, ..self.view.draw };
+            let tiles = Groups::Fixed(groups_of(band.tiles, 1));
+            if let Some((repair, count)) = self.repair.as_ref().zip(outcome.repaired.get(i)) {
+                recorder.clear_start("pixels.clear", &repair.pixels, count.size());
+                self.draw.record(recorder, push, self.rounds, &tiles);
+                recorder.copy_buffer("pixels.count", &repair.pixels, count, count.size());
+                recorder.release_to_host(count);
+                let listed = Groups::Counted(Arc::clone(&repair.pixels));
+                repair.draw.record(recorder, push, self.rounds, &listed);
+            } else {
+                self.draw.record(recorder, push, self.rounds, &tiles);
             }
         }
         recorder.copy_buffer("status", &self.status, &self.outcome.status, self.outcome.status.size());

@@ -5,7 +5,7 @@ use std::sync::{Arc, PoisonError};
 use crate::error::{Error, Result};
 use crate::frame::prepared::Outcome;
 use crate::gpu::Buffer;
-use crate::gpu::shader::{STATUS_CUT, STATUS_LOST, STATUS_UNFINISHED};
+use crate::gpu::shader::{PIXELS_COUNT, STATUS_CUT, STATUS_LOST, STATUS_UNFINISHED};
 use crate::num;
 use crate::primitives::dispatch::{total, words};
 use crate::resident::GpuScene;
@@ -18,6 +18,8 @@ pub(crate) struct SplatOutcome {
     pub(crate) status: Arc<Buffer>,
     /// Entries of the bins of each band.
     pub(crate) bins: Vec<Arc<Buffer>>,
+    /// Heads of the lists of pixels that are drawn again, of each band.
+    pub(crate) repaired: Vec<Arc<Buffer>>,
     /// Entries that the bins of a band may have.
     pub(crate) capacity: u32,
     /// Dispatches for each band.
@@ -44,6 +46,14 @@ impl Outcome for SplatOutcome {
             pairs += band;
             fullest = band.max(fullest);
         }
+        let mut counters = vec![("splats", self.splats.into()), ("pairs", pairs)];
+        if !self.repaired.is_empty() {
+            let counts = self.repaired.iter().map(|head| {
+                let head = words(&head.host_copy()?);
+                Ok(head.get(num::index(PIXELS_COUNT)).map_or(0, |&count| u64::from(count)))
+            });
+            counters.push(("repaired_pixels", counts.sum::<Result<_>>()?));
+        }
         let fits = fullest <= u64::from(self.capacity) && at(STATUS_LOST) == 0;
         let finished = at(STATUS_UNFINISHED) == 0;
         let mut needs = self.scene.splat_needs.lock().unwrap_or_else(PoisonError::into_inner);
@@ -51,6 +61,6 @@ impl Outcome for SplatOutcome {
         if fits && !finished {
             needs.rounds = self.rounds * 2;
         }
-        Ok((fits && finished, vec![("splats", self.splats.into()), ("pairs", pairs)]))
+        Ok((fits && finished, counters))
     }
 }

@@ -47,12 +47,13 @@ impl SplatView {
         let thickness = sheet_thickness(set, desc)?;
         let near = rays.near / space.unit;
         let project = project_push(set, desc, view, &local, thickness, axis);
-        let draw = SplatPush {
-            h: f32_of(thickness),
-            opaque: f32_of(opaque),
-            knots,
-            ..ray_push(set, &local, &rays, view)
+        let h = if desc.accumulation == Accumulation::ByPixel {
+            reach_of_footprints(set, desc, &local)
+        } else {
+            thickness
         };
+        let draw =
+            SplatPush { h: f32_of(h), opaque: f32_of(opaque), knots, ..ray_push(set, &local, &rays, view) };
         let numbers =
             [project.right, project.up, project.forward, draw.q0_kq, draw.px_kd, draw.py_scale, draw.d0_near];
         let finite = numbers.iter().flatten().all(|number| number.is_finite());
@@ -96,6 +97,19 @@ fn sheet_thickness(set: &SplatSet, desc: &SplatDesc) -> Result<f64> {
         ));
     }
     Ok(thickness)
+}
+
+/// Returns a bound of the distance between a kernel's centre and where it is met by the lines that its footprint
+/// covers, in units of depth.
+fn reach_of_footprints(set: &SplatSet, desc: &SplatDesc, local: &LocalView) -> f64 {
+    let kernel = set.reach / set.space.unit;
+    // An ellipse is met at most the kernel's reach before or behind the centre, and as far aside, wider by the pixel's filter at most.
+    let ellipse = || {
+        let filter = set.cut * desc.variance.sqrt() * local.pixel * (local.w0 + local.w1).abs();
+        1.5 * (kernel + filter)
+    };
+    // Depths in float32 have less rounding than this.
+    1.001 * if desc.ewa { ellipse() } else { kernel } + 1e-5
 }
 
 /// Returns the push constants of the pass that projects kernels.

@@ -1,0 +1,19 @@
+// Lists pixels that are drawn once more (redrawn.glsl reads such a list).
+#ifndef LISTED_GLSL
+#define LISTED_GLSL
+
+#include "interface.glsl"
+
+layout(set = 0, binding = BINDING_PIXELS, std430) buffer Pixels { uint pixels[]; };
+
+// Makes room for pixels and workgroups that draw them; returns where the first is to be written.
+uint room_for(uint count) {
+    uint first = atomicAdd(pixels[PIXELS_COUNT], count), groups = (first + count + TILE_PIXELS - 1u) / TILE_PIXELS;
+    // Every device has 65,535 workgroups in a dimension.
+    atomicMax(pixels[0], min(groups, 65535u));
+    atomicMax(pixels[1], (groups + 65534u) / 65535u);
+    atomicMax(pixels[2], 1u);
+    return PIXELS_FIRST + first;
+}
+
+#endif
