@@ -111,6 +111,8 @@
 #define SPEC_SPLAT_ORDER 28   // uint: sort key of splats, one of ORDER_*
 #define SPEC_SPLAT_AXIS 29    // uint: axis that sheets are stacked along
 #define SPEC_SPLAT_LOWPASS 30 // uint: filter of footprints below a pixel, one of LOWPASS_*
+#define SPEC_BY_PLANES 10     // bool: lines meet faces by their planes, where these tell enough; else by their corners
+
 #define SPEC_SPLAT_BY_PIXEL 9 // bool: each pixel blends splats in an order of its own
 #define SPEC_SPLAT_TABULATED 31 // bool: footprints come from a table
 

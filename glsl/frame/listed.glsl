@@ -1,4 +1,4 @@
-// Lists pixels that are drawn once more (redrawn.glsl reads such a list).
+// Lists pixels that are drawn once more (redrawn.glsl and REPAIR of splat-ewa.glsl read such a list).
 #ifndef LISTED_GLSL
 #define LISTED_GLSL
 

@@ -11,6 +11,8 @@
 #include "interface.glsl"
 #include "mesh/mesh.glsl"
 
+layout(constant_id = SPEC_BY_PLANES) const bool BY_PLANES = false; // faces have planes: scalars belong to points, and a buffer holds all
+
 struct FacePlane {
     vec2 at; // P: the line through the centroid
     float d;

@@ -98,8 +98,8 @@ void main() {
         cells.x = ahead ? mesh_scalars[primitives[at + 3u]] : 0.0;
         cells.y = behind ? mesh_scalars[primitives[at + 4u]] : 0.0;
     }
-    place_of_plane = planes[2u * id];
-    change_of_plane = planes[2u * id + 1u];
+    place_of_plane = BY_PLANES ? planes[2u * id] : vec4(0.0);
+    change_of_plane = BY_PLANES ? planes[2u * id + 1u] : vec4(0.0);
     uvec2 box = boxes[id];
     vec3 w = push.w0 + push.w1 * vec3(corner_0.z, corner_1.z, corner_2.z);
     bool before = all(greaterThan(w, vec3(0.0))), after = all(lessThan(w, vec3(0.0)));
@@ -206,7 +206,7 @@ Pair arrival(vec2 line) {
     weight = sum > 0.0 ? weight / sum : vec3(1.0 / 3.0);
     float d = dot(weight, vec3(a.d, b.d, c.d)), s = scalar_between(weight, a.s, b.s, c.s);
     FacePlane plane = unpacked_plane(place_of_plane, change_of_plane);
-    if (!CELL_SCALARS && plane.side != SIDE_UNKNOWN) {
+    if (BY_PLANES && plane.side != SIDE_UNKNOWN) {
         vec2 met = meet_plane(plane, line, vec2(push.w0, push.w1));
         d = met.x;
         s = met.y;

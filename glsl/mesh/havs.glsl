@@ -85,7 +85,7 @@ void count_drawn(Source source) {
 Pair next_of(inout Source source) {
     bool asked = source.asks == CORNERS_ASKED;
     if (!asked) source.id = next_primitive(source.walk, source.pixel);
-    uvec2 pair = CELL_SCALARS ? pair_by_corners(source.id, source.line, BACK_TO_FRONT) : pair_of(source.id, source.line);
+    uvec2 pair = BY_PLANES ? pair_of(source.id, source.line) : pair_by_corners(source.id, source.line, BACK_TO_FRONT);
     if (asked) pair = source.pair;
     source.asks = !asked && (pair.y & 3u) == SIDE_UNKNOWN ? CORNERS_WAIT : CORNERS_NONE;
     return pair_in(pair);

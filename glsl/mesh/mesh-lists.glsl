@@ -71,7 +71,7 @@ void main() {
             lists[2u * slot] = piece.xy;
             lists[2u * slot + 1u] = piece.zw;
         } else {
-            uvec2 pair = CELL_SCALARS ? uvec2(0u) : pair_of(id, line);
+            uvec2 pair = BY_PLANES ? pair_of(id, line) : uvec2(0u);
             bool asks = (pair.y & 3u) == SIDE_UNKNOWN;
             for (uint once = 0u; once < uint(asks); ++once) pair = pair_by_corners(id, line, BACK_TO_FRONT);
             lists[slot] = pair;

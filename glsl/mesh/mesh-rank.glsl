@@ -97,7 +97,7 @@ void main() {
     bool there = all(lessThan(low, high));
     boxes[i] = there ? uvec2(low.x | high.x << 16, low.y | high.y << 16) : uvec2(0u);
 
-    if (!CELLS) {
+    if (BY_PLANES) {
         vec4 plane[2] = packed_plane(plane_of(a, b, c, (first & FACE_AHEAD) != 0u, (first & FACE_BEHIND) != 0u));
         planes[2u * i] = plane[0];
         planes[2u * i + 1u] = plane[1];

@@ -6,7 +6,7 @@
 // (X, Y) - w P, and the line passes between two of them on the side that the sign of a x b tells: the same number for all faces
 // that share the edge, so that they neither overlap nor leave gaps. The three numbers of a face, if their signs agree, are
 // its barycentric coordinates on the line, perspective included (Olano and Greer, 1997); points behind the eye need no case
-// of their own.
+// of their own. Where a face's plane tells its place well, covered pixels are met by it (face-planes.glsl) instead.
 #ifndef MESH_GLSL
 #define MESH_GLSL
 

@@ -13,7 +13,7 @@
 // REPAIR draws it by sweeps through the bin: each finds the SWEPT nearest of those that are left.
 //
 //   in    bins of splats by distance of their centres, records of the view (splat-project.glsl)
-//   out   accumulation image: premultiplied linear RGBA; BY_PIXEL: listed pixels
+//   out   accumulation image: premultiplied linear RGBA; BY_PIXEL: listed pixels, then for each the place of its bin at which REPAIR goes on
 //   error opacity does not depend on the order: its only error is that of footprints. Colour mixes as if kernels did not overlap: two that do are wrong by at most the
 //         product of their opacities times the difference of their colours
 //   cost  per splat and pixel one exponential for the footprint and a series for opacity
@@ -71,8 +71,15 @@ float optical_depth(Meeting met, float form, Line line, float extinction, vec2 d
 // may be nearest to it anywhere.
 float place_of(Meeting met, vec3 centre) {
     if (!EWA) return met.u;
-    float z = dot(push.forward_reach.xyz, centre);
-    return clamp(met.u, z - push.h, z + push.h);
+    float z = dot(push.forward_reach.xyz, centre), most = 0.4 * push.h;
+    return clamp(met.u, z - most, z + most);
+}
+
+// Returns the least depth at which the line may meet what follows in its bin a splat that it meets `at`. Bins ascend by the distance of centres, for
+// parallel lines by their depth, and the line meets each within its reach: in distance along the line they are no nearer than twice the reach
+// before, and depths differ by less. Ellipses near an eye inside have no bound.
+float followed_from(float at) {
+    return EWA && EYE_INSIDE ? -BEHIND_ALL : at - 2.0 * push.h;
 }
 
 #ifndef REPAIR
@@ -85,10 +92,10 @@ struct Piece {
 
 Piece waiting[ROWS * WAITING];
 
-// Swaps a piece with one that waits and is nearer.
+// Swaps a piece with one that waits and is nearer, or as near: those that wait are sorted, the farthest first, and of equals the last of the bin.
 #define SWAP(j) { \
         Piece other = waiting[j]; \
-        bool swaps = other.at < piece.at; \
+        bool swaps = other.at <= piece.at; \
         waiting[j].at = swaps ? piece.at : other.at; \
         waiting[j].depth = swaps ? piece.depth : other.depth; \
         waiting[j].colour = mix(other.colour, piece.colour, bvec3(swaps)); \
@@ -115,6 +122,8 @@ void main() {
     float transmittance[ROWS];
     float last[ROWS]; // BY_PIXEL: the farthest piece that is blended; BEHIND_ALL once one came too late
     float opaque = push.opaque;
+    // BY_PIXEL: rows that are opaque and lie behind nothing that follows, or are listed; bit by bit.
+    uint ended = 0u;
 #define BEGIN(r) { \
         lines[r] = line_of(vec2(origin + uvec2(0, r)) + 0.5); \
         drawn[r] = drawn_depths(origin + uvec2(0, r)); \
@@ -123,6 +132,7 @@ void main() {
             last[r] = RESUME ? uintBitsToFloat(splat_state[place + r * TILE].y) : -BEHIND_ALL; \
             Piece none = Piece(last[r], 0.0, vec3(0.0)); \
             EACH_WAITING(EMPTY, r) \
+            if (!in_image(origin + uvec2(0, r))) ended |= 1u << r; \
         } \
     }
     EACH_ROW(BEGIN)
@@ -135,7 +145,8 @@ void main() {
     }
 #define BLEND_LAST(r) BLEND_NEAREST(r, Piece(BEHIND_ALL, 0.0, vec3(0.0)))
     float live = 1.0;
-    for (; i < stop && ANY(live > opaque); ++i) {
+#define IS_LIVE ANY(BY_PIXEL ? ended != (1u << ROWS) - 1u : live > opaque)
+    for (; i < stop && IS_LIVE; ++i) {
         uint id = bins[i];
         Read read = read_splat(id);
         Splat splat = splat_of(id, read.point);
@@ -147,15 +158,19 @@ void main() {
             float form = form_of(record0, record1, from + vec2(0.0, float(r))); \
             if (covers(met, form, record1.z)) { \
                 float depth = optical_depth(met, form, lines[r], value.a, drawn[r]); \
-                if (BY_PIXEL) BLEND_NEAREST(r, Piece(place_of(met, splat.centre), depth, value.rgb)) \
-                else add_piece_behind(sum[r], transmittance[r], value.rgb, depth); \
+                if (BY_PIXEL) { \
+                    float at = place_of(met, splat.centre); \
+                    BLEND_NEAREST(r, Piece(at, depth, value.rgb)) \
+                    bool over = transmittance[r] <= opaque && followed_from(at) > last[r]; \
+                    ended |= uint(over || last[r] == BEHIND_ALL) << r; \
+                } else add_piece_behind(sum[r], transmittance[r], value.rgb, depth); \
             } \
             live = max(live, transmittance[r]); \
         }
         EACH_ROW(BLEND)
     }
     // Opaque pixels have ended; all invocations of a subgroup agree.
-    bool unfinished = i < end && ANY(live > opaque);
+    bool unfinished = i < end && IS_LIVE;
     splat_state[place].x = unfinished ? i : end;
     if (unfinished && IS_LAST) atomicAdd(status[STATUS_UNFINISHED], 1u);
     // What waits is blended: what another dispatch puts before it lists the pixel.
@@ -171,6 +186,9 @@ void main() {
     EACH_ROW(END)
 }
 #else
+// Whether this dispatch continues where another has ended. One pipeline does both: it meets a splat at the same depth, to the bit.
+#define RESUMES ((push.turns >> 30 & 1u) != 0u)
+
 // The nearest splats that are left, nearest first: where the line is nearest to them, and their place in the bin.
 const uint SWEPT = 16;
 float swept_at[SWEPT];
@@ -179,9 +197,9 @@ uint swept[SWEPT];
 // Written out: drivers that limit a shader's iterations count those of inner loops, too.
 #define EACH_SWEPT(f) f(0) f(1) f(2) f(3) f(4) f(5) f(6) f(7) f(8) f(9) f(10) f(11) f(12) f(13) f(14) f(15)
 
-// Puts a splat in its place among the swept ones; the farthest is left over.
+// Puts a splat in its place among the swept ones, of equals the last; those behind it move on, and the farthest is left over.
 #define SWEEP(j) { \
-        bool before = at < swept_at[j]; \
+        before = before || at < swept_at[j]; \
         float other_at = swept_at[j]; \
         uint other = swept[j]; \
         swept_at[j] = before ? at : other_at; \
@@ -189,7 +207,11 @@ uint swept[SWEPT];
         at = before ? other_at : at; \
         which = before ? other : which; \
     }
-#define EMPTY(j) swept_at[j] = BEHIND_ALL;
+#define EMPTY(j) { \
+        swept_at[j] = BEHIND_ALL; \
+        swept[j] = 0u; \
+    }
+#define FIRST_SWEPT(j) if (swept_at[j] < BEHIND_ALL) begin = min(begin, swept[j]);
 
 void main() {
     uint number = INVOCATION_NUMBER;
@@ -201,17 +223,20 @@ void main() {
     vec2 from = vec2(pixel) + 0.5 - push.half_extent;
     Line line = line_of(vec2(pixel) + 0.5);
     vec2 drawn = drawn_depths(pixel);
-    vec4 sum;
-    float transmittance, opaque = push.opaque;
-    load_pixel(pixel, sum, transmittance);
-    // The last that is blended; by its place among those as near.
-    float last_at = RESUME ? uintBitsToFloat(splat_state[number].x) : -BEHIND_ALL;
-    uint last = RESUME ? splat_state[number].y : 0u;
-    uint begin = bin.x, room = MOST;
-    bool left = begin < bin.y;
-    while (left && transmittance > opaque) {
+    // The last that is blended, by its place among those as near, and the first that is left.
+    uint begin_at = PIXELS_FIRST + push.tiles * TILE_PIXELS + number;
+    float last_at = RESUMES ? uintBitsToFloat(splat_state[number].x) : -BEHIND_ALL;
+    uint last = RESUMES ? splat_state[number].y : 0u, begin = RESUMES ? pixels[begin_at] : bin.x;
+    vec4 sum = RESUMES ? imageLoad(accumulation, ivec2(pixel)) : vec4(0.0);
+    float transmittance = 1.0 - sum.a, opaque = push.opaque;
+    if (last_at == BEHIND_ALL) return;
+    // Iterations that are left, of which a sweep's other loops take some.
+    const uint OTHERS = SWEPT + 2u;
+    uint room = MOST;
+    bool left = begin < bin.y, stuck = false;
+    while (left && transmittance > opaque && room > OTHERS) {
         EACH_SWEPT(EMPTY)
-        uint first_left = bin.y, i = begin, stop = begin + min(bin.y - begin, room);
+        uint first_left = bin.y, i = begin, stop = begin + min(bin.y - begin, room - OTHERS);
         bool passed = false;
         for (; i < stop && !passed; ++i) {
             uint id = bins[i];
@@ -223,17 +248,22 @@ void main() {
             Meeting met = meet(line, splat_of(id, splat_points[2u * id]));
             bool there = covers(met, form_of(record0, record1, from), record1.z);
             float at = place_of(met, splat_points[2u * id].xyz);
-            // Bins ascend by distance, and a line is nearest to a centre within its reach: those that follow are no nearer than this one less twice
-            // the reach.
-            passed = there && at - 2.0 * push.h > swept_at[SWEPT - 1u];
+            passed = there && followed_from(at) > swept_at[SWEPT - 1u];
             at = there && (at > last_at || (at == last_at && i >= last)) ? at : BEHIND_ALL;
             uint which = i;
+            bool before = false;
             EACH_SWEPT(SWEEP)
             if (at < BEHIND_ALL) first_left = min(first_left, which);
         }
-        // A sweep that this dispatch cannot finish is nothing.
-        if (i == stop && stop < bin.y && !passed) break;
-        room -= i - begin;
+        if (i < bin.y && !passed) {
+            // This dispatch cannot finish the sweep. The next one begins with the first that is left.
+            uint began = begin;
+            begin = min(first_left, i);
+            EACH_SWEPT(FIRST_SWEPT)
+            stuck = room == MOST && begin == began;
+            break;
+        }
+        room -= i - begin + OTHERS;
         for (uint j = 0u; j < SWEPT; ++j) {
             if (swept_at[j] == BEHIND_ALL) break;
             uint id = bins[swept[j]];
@@ -253,10 +283,11 @@ void main() {
         left = begin < bin.y;
     }
     left = left && transmittance > opaque;
-    // A first sweep that no dispatch can finish.
-    if (left && room == MOST) atomicAdd(status[STATUS_CUT], 1u);
+    // A sweep that no dispatch can finish.
+    if (stuck) atomicAdd(status[STATUS_CUT], 1u);
     if (left && IS_LAST) atomicAdd(status[STATUS_UNFINISHED], 1u);
     splat_state[number] = uvec2(floatBitsToUint(left ? last_at : BEHIND_ALL), last);
+    pixels[begin_at] = begin;
     store_pixel(pixel, sum);
 }
 #endif

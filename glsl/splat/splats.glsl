@@ -39,7 +39,7 @@ layout(push_constant) uniform SplatPush {
     uint knots;
     uint band;          // first tile of the band
     uint tiles;         // their number
-    uint turns;         // of a dispatch's loops; the highest bit where no other follows
+    uint turns;         // of a dispatch's loops; the highest bit where no other follows, the next where another came before
 } push;
 
 // Each splat's centre with its scalar, on a lattice whose scalars are interpolated; else two: centre and 1 / sigma, then colour and
@@ -53,7 +53,7 @@ layout(set = 0, binding = BINDING_SPLAT_STATE, std430) buffer SplatState { uvec2
 layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
 
-#define MOST (push.turns & 0x7fffffffu)
+#define MOST (push.turns & 0x3fffffffu)
 #define IS_LAST ((push.turns >> 31) != 0u)
 
 // What is read of a splat.

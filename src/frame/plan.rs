@@ -1,5 +1,6 @@
 //! The plan of a frame: pipelines, buffers and images of one view, which are recorded into command buffers.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
@@ -11,7 +12,7 @@ use crate::frame::target::{Canvas, Composite, TargetDesc, TargetMode};
 use crate::frame::upsampling::{Drawn, Upsampling};
 use crate::gpu::sync::Use;
 use crate::gpu::{
-    Buffer, CommandBuffer, DepthImage, Gpu, Image, Keep, PassTime, Recorder, TargetImage, Timers, Used,
+    Buffer, CommandBuffer, DepthImage, Gpu, Image, Keep, PassTime, Recorder, Step, TargetImage, Timers, Used,
 };
 use crate::resident::surfaces::SurfaceData;
 use crate::scene::View;
@@ -375,13 +376,7 @@ impl Plan {
     /// writes. Of equal passes in a row there is one line with their number.
     #[must_use]
     pub fn steps(&self) -> Vec<String> {
-        let steps = dry_run(&self.gpu, |recorder, target| {
-            if let Some(bounds) = &self.bounds {
-                bounds.record_most(recorder, self.surfaces.as_ref());
-            }
-            self.prepared.record(recorder, Some(target), self.target.mode() == TargetMode::Clear);
-            self.record_after(recorder, Some(target), false);
-        });
+        let steps = self.dry_steps();
         let mut lines: Vec<(String, u32)> = Vec::new();
         for line in steps.iter().filter(|step| !step.leaves()).map(ToString::to_string) {
             match lines.last_mut() {
@@ -391,6 +386,32 @@ impl Plan {
         }
         let counted = |(line, times)| if times == 1 { line } else { format!("{line} ({times} times)") };
         lines.into_iter().map(counted).collect()
+    }
+
+    /// Returns the bytes that each pass of a frame of the present view reads and writes, those of passes of one name summed.
+    ///
+    /// They are the sizes of the buffers and images that a pass is given, each once: what must be moved where nothing is read twice and all is
+    /// needed; less where a buffer has room that a frame leaves. What a shader may write counts as written only; the caller's image does not count. Over the time of the pass they are a bandwidth to compare with the device's.
+    #[must_use]
+    pub fn pass_bytes(&self) -> BTreeMap<String, [u64; 2]> {
+        let mut passes: BTreeMap<String, [u64; 2]> = BTreeMap::new();
+        for step in self.dry_steps().iter().filter(|step| step.is_pass()) {
+            let sum = passes.entry(step.name.clone()).or_default();
+            for (sum, bytes) in sum.iter_mut().zip(step.bytes()) {
+                *sum += bytes;
+            }
+        }
+        passes
+    }
+
+    fn dry_steps(&self) -> Vec<Step> {
+        dry_run(&self.gpu, |recorder, target| {
+            if let Some(bounds) = &self.bounds {
+                bounds.record_most(recorder, self.surfaces.as_ref());
+            }
+            self.prepared.record(recorder, Some(target), self.target.mode() == TargetMode::Clear);
+            self.record_after(recorder, Some(target), false);
+        })
     }
 
     /// The route that the technique takes on this device.

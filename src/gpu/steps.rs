@@ -1,6 +1,7 @@
 //! The steps of a recording as data: named passes with the resources that they use. Barriers, timestamps, the number of passes and
 //! the recording itself follow from the list, and it can be printed.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
@@ -10,7 +11,7 @@ use ash::vk::Handle as _;
 use super::buffer::Buffer;
 use super::descriptors::Descriptors;
 use super::external::TargetImage;
-use super::image::Image;
+use super::image::{Image, format_bytes};
 use super::inputs::Resource;
 use super::pipeline::Pipeline;
 use super::sync::{Key, Use};
@@ -31,6 +32,17 @@ impl Used {
             Self::Buffer(buffer) => &buffer.name,
             Self::Image(image) => &image.name,
             Self::Target(_) => "target",
+        }
+    }
+
+    /// Returns the bytes of its contents.
+    fn bytes(&self) -> u64 {
+        match self {
+            Self::Buffer(buffer) => buffer.size(),
+            Self::Image(image) => image.desc().texel_bytes(),
+            Self::Target(target) => {
+                target.extent.map(u64::from).iter().product::<u64>() * format_bytes(target.format)
+            }
         }
     }
 
@@ -187,6 +199,20 @@ impl Step {
     /// Returns whether the step only makes resources ready for later.
     pub(crate) fn leaves(&self) -> bool {
         matches!(self.work, Work::Leave)
+    }
+
+    /// Returns the bytes of the resources that the step reads, and of those that it writes or may write.
+    pub(crate) fn bytes(&self) -> [u64; 2] {
+        let mut resources = BTreeMap::new();
+        for (used, usage) in &self.uses {
+            resources.entry(used.key()).or_insert([used.bytes(), 0])[1] |= u64::from(usage.writes());
+        }
+        let sum = |writes| resources.values().filter(|of| of[1] == writes).map(|of| of[0]).sum();
+        match self.work {
+            Work::ClearBuffer(_, bytes) if bytes != vk::WHOLE_SIZE => [0, bytes],
+            Work::CopyBuffer { bytes, .. } => [bytes; 2],
+            _ => [sum(0), sum(1)],
+        }
     }
 
     /// Returns whether the step is a pass, which has a timestamp.

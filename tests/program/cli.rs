@@ -193,6 +193,9 @@ fn stats_follow_the_schema_and_the_picture_of_an_orbit_is_that_of_angle_0() {
             assert!(!passes.is_empty());
             let sum: f64 = passes.values().map(|ms| ms.as_f64().unwrap()).sum();
             assert!((sum - gpu_ms).abs() <= 1e-9 * gpu_ms, "{frame}");
+            // All but what follows the frame, for the image that is written.
+            let moved = stats["pass_bytes"].as_object().unwrap();
+            assert!(moved.keys().all(|pass| passes.contains_key(pass)), "{moved:?}, {passes:?}");
         } else {
             assert!(frame.get("passes").is_none());
         }
@@ -202,6 +205,8 @@ fn stats_follow_the_schema_and_the_picture_of_an_orbit_is_that_of_angle_0() {
     }
     // 16^3 samples of 4 bytes at least.
     assert!(stats["device_bytes"]["volume"].as_u64().unwrap() >= 16384, "{stats}");
+    let drawn = &stats["pass_bytes"]["slices-3d.march"];
+    assert!(drawn[0].as_u64().unwrap() >= 16384 && drawn[1] == 64 * 48 * 16, "{stats}");
     assert!(!stats["pipelines"].as_array().unwrap().is_empty());
     assert!(stats["counters"]["slices"].as_u64().unwrap() > 16, "{stats}");
     assert_eq!(stats["validation_messages"], 0);

@@ -204,6 +204,7 @@ impl Args {
         let (route, counters) = (drawing.plan().route(), drawing.plan().counters());
         let counters = counters.into_iter().chain(first.counters.iter().copied());
         let counters: Vec<_> = counters.collect();
+        let pass_bytes = drawing.plan().pass_bytes();
         let frames: Vec<FrameTime> = timed.iter().map(|view| plans.draw(view)).collect::<Result<_>>()?;
         let map = overflow.map(|overflow| {
             let Some(overflow) = overflow else {
@@ -236,6 +237,7 @@ impl Args {
                 "load": load_ms, "device": open_ms, "upload": times.upload, "tables": times.tables,
                 "pipelines": pipelines, "prepare": rest,
             },
+            "pass_bytes": pass_bytes,
             "device_bytes": summed(gpu.memory_report()),
             "peak_rss_bytes": peak_rss_bytes(),
             "pipelines": gpu.pipelines(),

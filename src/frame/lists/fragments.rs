@@ -59,6 +59,7 @@ impl Lists {
             lists: entries.write(),
             status: ranking.status.write(),
             back_to_front: ranking.back_to_front,
+            by_planes: ranking.by_planes,
             cell_scalars: ranking.cell_scalars,
             listed,
             coverage: ranking.coverage(),

@@ -52,8 +52,10 @@ pub(crate) struct Ranking {
     pub(crate) order: Arc<Buffer>,
     /// Pixels that each primitive may cover.
     pub(crate) boxed: Arc<Buffer>,
-    /// Planes of faces; of cells nothing.
+    /// Planes of faces, with `by_planes`.
     pub(crate) planes: Arc<Buffer>,
+    /// Whether lines meet faces by their planes.
+    pub(crate) by_planes: bool,
     /// Counters of the frame: see the `STATUS_` constants.
     pub(crate) status: Arc<Buffer>,
     pub(crate) count: u32,
@@ -86,8 +88,11 @@ impl Ranking {
         let keys = buffer(gpu, "order.keys", count.into())?;
         let order = buffer(gpu, "order", count.into())?;
         let boxed = buffer(gpu, "boxes", 2 * u64::from(count))?;
-        let faces = if kind == Primitives::Faces { count } else { 1 };
-        let planes = buffer(gpu, "planes", 8 * u64::from(faces))?;
+        // Scalars of cells are met at corners. So are the faces of a mesh whose planes exceed a buffer.
+        let words = 8 * u64::from(count);
+        let fit = 4 * words <= u64::from(gpu.limits().max_storage_buffer_range);
+        let by_planes = kind == Primitives::Faces && !cell_scalars && fit;
+        let planes = buffer(gpu, "planes", if by_planes { words } else { 0 })?;
         let status = buffer(gpu, "status", STATUS_WORDS.into())?;
         let points = MESH_RANK_POINTS.with(&MeshRankPoints {
             mesh_points: points.read(),
@@ -103,6 +108,7 @@ impl Ranking {
             boxes: boxed.write(),
             status: status.write(),
             planes: planes.write(),
+            by_planes,
             cell_scalars,
             cells: kind == Primitives::Cells,
             back_to_front,
@@ -122,6 +128,7 @@ impl Ranking {
             order,
             boxed,
             planes,
+            by_planes,
             status,
             count,
             point_count,

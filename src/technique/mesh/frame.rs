@@ -112,6 +112,7 @@ impl MeshFrame {
             image: &image,
             kbuffer: &kbuffer,
             cell_scalars: ranking.cell_scalars,
+            by_planes: ranking.by_planes,
             back_to_front: desc.options.back_to_front(),
             eye_inside: eye_inside(&push),
             k: desc.k,

@@ -75,6 +75,7 @@ fn draw(TileInputs { list, coverage, tile_walk, resume, last_chunk }: &TileInput
         last_chunk: *last_chunk,
         resume: *resume,
         k: list.k,
+        by_planes: list.by_planes,
         cell_scalars: list.cell_scalars,
         bounded: list.shading.bounded.clone(),
         coverage: coverage.clone(),

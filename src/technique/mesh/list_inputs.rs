@@ -55,6 +55,7 @@ pub(crate) struct ListInputs<'a> {
     /// Images that keep the k-buffer between chunks: up to four; one of a texel where a list is resolved at once, none for cells.
     pub(crate) kbuffer: &'a [Arc<Image>],
     pub(crate) cell_scalars: bool,
+    pub(crate) by_planes: bool,
     pub(crate) back_to_front: bool,
     /// Whether the mesh may reach behind the eye.
     pub(crate) eye_inside: bool,

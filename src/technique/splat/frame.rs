@@ -2,7 +2,8 @@
 //!
 //! 1. Each kernel is projected: the pixels that it may cover, its sort key, its ellipse (`splat-project.glsl`).
 //! 2. Kernels are sorted by key, and binned to tiles (`bins.glsl`).
-//! 3. Each tile draws its bin in that order, in one dispatch or several.
+//! 3. Each tile draws its bin in that order, in one dispatch or several. Pixels whose own order is another one are listed,
+//!    and drawn again.
 //!
 //! Bins and step 3 run for one band of tiles after the other, because the bins of a band must fit one buffer. Nothing
 //! is dropped: a frame whose bins exceed their capacity, or whose tiles need more dispatches, is incomplete, and is
@@ -70,7 +71,7 @@ pub(crate) struct SplatFrame {
 struct Rounds {
     /// Draws from the beginning.
     first: Dispatch,
-    /// Draws from where the dispatch before ended.
+    /// Draws from where the dispatch before ended, where that takes another pipeline.
     resume: Option<Dispatch>,
 }
 
@@ -85,7 +86,8 @@ impl Rounds {
     fn record(&self, recorder: &mut Recorder<'_>, push: SplatPush, rounds: u32, groups: &Groups) {
         for round in 0..rounds {
             let pass = self.resume.as_ref().filter(|_| round > 0).unwrap_or(&self.first);
-            let push = SplatPush { turns: push.turns | u32::from(round + 1 == rounds) << 31, ..push };
+            let marks = u32::from(round + 1 == rounds) << 31 | u32::from(round > 0) << 30;
+            let push = SplatPush { turns: push.turns | marks, ..push };
             pass.record(recorder, &push, groups.clone());
         }
     }
@@ -94,7 +96,7 @@ impl Rounds {
 /// The pixels of a band whose splats did not come nearly in order, and the pass that draws them again.
 #[derive(Debug)]
 struct Repair {
-    /// Workgroups, number and places.
+    /// Workgroups, number and places; then where each goes on.
     pixels: Arc<Buffer>,
     draw: Rounds,
 }
@@ -159,13 +161,13 @@ struct DrawInputs {
 
 impl DrawInputs {
     /// Binds the shader that draws listed pixels.
-    fn repair(&self, resume: bool) -> Bound {
+    fn repair(&self) -> Bound {
         SPLAT_EWA_REPAIR.with(&SplatEwaRepair {
             pixels: self.pixels.write(),
             splat_records: self.records.read(),
             splat_ewa: self.ewa,
             bounded: self.bounded.clone(),
-            splats: Splats { resume, ..self.splats.clone() },
+            splats: self.splats.clone(),
         })
     }
 
@@ -214,7 +216,7 @@ impl DrawInputs {
         if desc.accumulation != Accumulation::ByPixel {
             return Ok((draw, None));
         }
-        let repair = Rounds::new(gpu, &name("repair"), rounds, |resume| self.repair(resume))?;
+        let repair = Rounds::new(gpu, &name("repair"), 1, |_| self.repair())?;
         Ok((draw, Some(Repair { pixels: Arc::clone(&self.pixels), draw: repair })))
     }
 }
@@ -296,7 +298,7 @@ impl SplatFrame {
         let image = own_image(gpu, name, FORMAT, vk::ImageUsageFlags::STORAGE, view, target)?;
         let in_band = u64::from(widest) * u64::from(TILE_PIXELS);
         let state = buffer(gpu, "state", 2 * in_band)?;
-        let listed = if desc.accumulation == Accumulation::ByPixel { in_band } else { 0 };
+        let listed = if desc.accumulation == Accumulation::ByPixel { 2 * in_band } else { 0 };
         let pixels = buffer(gpu, "pixels", u64::from(PIXELS_FIRST) + listed)?;
         let inputs = DrawInputs {
             splats: Splats {

@@ -35,7 +35,7 @@ impl Outcome for SplatOutcome {
             return Err(Error::unsupported(
                 format!("{} of this view", self.name),
                 format!(
-                    "{} invocations need more loop iterations than devices make: thinner slabs or a larger image need fewer in one dispatch",
+                    "{} invocations need more loop iterations than devices make: thinner slabs, smaller kernels or a larger image need fewer in one dispatch",
                     at(STATUS_CUT)
                 ),
             ));

@@ -103,10 +103,11 @@ fn sheet_thickness(set: &SplatSet, desc: &SplatDesc) -> Result<f64> {
 /// covers, in units of depth.
 fn reach_of_footprints(set: &SplatSet, desc: &SplatDesc, local: &LocalView) -> f64 {
     let kernel = set.reach / set.space.unit;
-    // An ellipse is met at most the kernel's reach before or behind the centre, and as far aside, wider by the pixel's filter at most.
+    // An ellipse is met at most as far before or behind the centre as aside, and aside at most the kernel's reach, wider by the pixel's filter. A
+    // quarter more is for lines off the axis.
     let ellipse = || {
         let filter = set.cut * desc.variance.sqrt() * local.pixel * (local.w0 + local.w1).abs();
-        1.5 * (kernel + filter)
+        2.5 * (kernel + filter)
     };
     // Depths in float32 have less rounding than this.
     1.001 * if desc.ewa { ellipse() } else { kernel } + 1e-5

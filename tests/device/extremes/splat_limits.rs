@@ -240,8 +240,8 @@ fn below_a_pixel(run: &mut Run<'_>) {
     }
 }
 
-/// Seventy thousand splats in one tile: more than a loop has turns on some devices, which draw them in several rounds. Others need one, or
-/// two where a splat passes through a window.
+/// Seventy thousand splats in one tile: more than a loop has turns on some devices, which draw them in several rounds. Others need one
+/// or two.
 fn crowded(run: &mut Run<'_>) {
     let count = 70_000;
     let mut next = random(31);

@@ -20,7 +20,7 @@ pub type Mode = (Method, &'static [(&'static str, &'static str)]);
 /// Integrals along each pixel's own line; opacity is exact in all of them.
 pub const EXACT: [Mode; 5] = [
     (Method::SplatEwa, &[("order", "center")]),
-    (Method::SplatEwa, &[("order", "window")]),
+    (Method::SplatEwa, &[("order", "pixel")]),
     (Method::SplatEwa, &[("order", "slabs")]),
     (Method::SplatSheets, &[("sheets", "image")]),
     (Method::SplatSheets, &[("sheets", "axis")]),

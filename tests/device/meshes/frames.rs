@@ -1,9 +1,10 @@
 //! Frame after frame: the same image each time, other views, scalars and transfer functions, little room.
 
 use volraster::gpu::GpuOptions;
+use volraster::measure::ImageErrors;
 use volraster::scene::{Camera, Field, Projection, Scene, TetScalars, View};
 use volraster::technique::Renderer;
-use volraster::{GpuScene, TargetDesc};
+use volraster::{Gpu, GpuScene, TargetDesc};
 
 use crate::common::*;
 use crate::meshes::support::*;
@@ -148,6 +149,23 @@ fn own_device_bands_change_nothing() {
         }
     }
     assert!(whole[1].overflows() > 100);
+}
+
+/// A mesh whose faces fit a buffer, and their planes do not, is drawn from the corners alone.
+#[test]
+fn own_device_faces_need_no_planes() {
+    let scene = Scene::new(Field::Blobs.tets(12).unwrap(), transfer(&HAZE));
+    let view = view(perspective(), 1.0, 96, 72);
+    let image = |gpu: &Gpu, spec: &str| Drawn::new(&GpuScene::new(gpu, scene.clone()), &view, spec).image;
+    let specs = ["havs", "havs:k=1", "havs:repair=none,k=12"];
+    let by_planes = specs.map(|spec| image(&gpu(), spec));
+    let gpu = gpu_with(GpuOptions { storage_range: Some(300 << 10), ..GpuOptions::default() });
+    for (spec, by_planes) in specs.iter().zip(by_planes) {
+        let apart = ImageErrors::between(&image(&gpu, spec), &by_planes).unwrap().all;
+        println!("{spec}: {apart:?}");
+        // Two roundings of the same places.
+        assert!(apart.rmse < 3e-7 && apart.max_abs > 0.0, "{spec}: {apart:?}");
+    }
 }
 
 /// A mesh whose faces come far out of order gets a larger k-buffer once a frame has told, unless the options give one. The image is the same.

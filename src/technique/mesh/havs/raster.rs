@@ -139,11 +139,13 @@ fn draw_shaders(route: KBufferRoute, ranking: &Ranking, list: &ListInputs<'_>) -
         planes: ranking.planes.read(),
         primitives: ranking.primitives.read(),
         view_points: ranking.view_points.read(),
+        by_planes: list.by_planes,
         cell_scalars: list.cell_scalars,
     });
     vertex.and(fragment.with(&HavsRasterInterlock {
         flags: list.flags.write(),
         k: list.k,
+        by_planes: list.by_planes,
         cell_scalars: list.cell_scalars,
         bounded: list.shading.bounded.clone(),
         havs_sweep: list.sweep(),
@@ -208,6 +210,7 @@ impl RasterFrame {
             image: &image,
             kbuffer: &kbuffer,
             cell_scalars: ranking.cell_scalars,
+            by_planes: ranking.by_planes,
             back_to_front: desc.options.back_to_front(),
             eye_inside: true,
             k: desc.k,
