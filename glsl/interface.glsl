@@ -103,6 +103,7 @@
 #define SPEC_SPACE 22       // bool: fans of triangles lie in space, not in the image
 #define SPEC_FLAGGED 23     // bool: bins for flagged pixels only
 #define SPEC_LISTED 32       // uint: FLAG_* of the pixels that are drawn again, from lists; 0: all
+#define SPEC_BY_PLANES 10     // bool: lines meet faces by their planes, where these tell enough; else by their corners
 
 #define SPEC_SPLAT_SHAPE 24   // uint: sizes of splats, one of SHAPE_*
 #define SPEC_SPLAT_KERNEL 25  // uint: one of KERNEL_*
@@ -111,10 +112,8 @@
 #define SPEC_SPLAT_ORDER 28   // uint: sort key of splats, one of ORDER_*
 #define SPEC_SPLAT_AXIS 29    // uint: axis that sheets are stacked along
 #define SPEC_SPLAT_LOWPASS 30 // uint: filter of footprints below a pixel, one of LOWPASS_*
-#define SPEC_BY_PLANES 10     // bool: lines meet faces by their planes, where these tell enough; else by their corners
-
-#define SPEC_SPLAT_BY_PIXEL 9 // bool: each pixel blends splats in an order of its own
 #define SPEC_SPLAT_TABULATED 31 // bool: footprints come from a table
+#define SPEC_SPLAT_BY_PIXEL 9 // bool: each pixel blends splats in an order of its own
 
 #define SPEC_WARP 33          // uint: the warp's filter, one of WARP_*
 #define SPEC_EVERY 34         // bool: a slab holds several slices of the stack

@@ -39,7 +39,6 @@ layout(constant_id = SPEC_SPLAT_BY_PIXEL) const bool BY_PIXEL = false;
 layout(local_size_x = 64 / ROWS) in;
 layout(set = 0, binding = BINDING_SPLAT_RECORDS, std430) readonly buffer SplatRecords { vec4 splat_records[]; };
 
-
 const float BEHIND_ALL = 3e38;
 
 // Returns minus the logarithm to base 2 of an ellipse's optical depth at a pixel: a quadratic form less the logarithm of the peak.

@@ -391,7 +391,8 @@ impl Plan {
     /// Returns the bytes that each pass of a frame of the present view reads and writes, those of passes of one name summed.
     ///
     /// They are the sizes of the buffers and images that a pass is given, each once: what must be moved where nothing is read twice and all is
-    /// needed; less where a buffer has room that a frame leaves. What a shader may write counts as written only; the caller's image does not count. Over the time of the pass they are a bandwidth to compare with the device's.
+    /// needed; less where a buffer has room that a frame leaves. What a shader may write counts as written only; the caller's image does not
+    /// count. Over the time of the pass they are a bandwidth to compare with the device's.
     #[must_use]
     pub fn pass_bytes(&self) -> BTreeMap<String, [u64; 2]> {
         let mut passes: BTreeMap<String, [u64; 2]> = BTreeMap::new();
