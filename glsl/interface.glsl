@@ -62,7 +62,7 @@
 #define BINDING_BIN_OFFSETS 59  // storage block: where the pairs of each rank begin
 #define BINDING_BIN_TILES 60    // storage block: tile of each pair
 #define BINDING_HITS 61         // storage block: pixels of its tile that each pair covers, or for 128 pairs and each pixel which cover it
-#define BINDING_MARKED 62       // storage block: a word per tile, not 0 where it has flagged pixels
+#define BINDING_MARKED 62       // storage block: flagged pixels of each tile, a bit each
 
 #define BINDING_PLANES 63       // storage block: plane of each face in the view
 #define BINDING_RANKED_BOXES 64 // storage block: boxes by rank

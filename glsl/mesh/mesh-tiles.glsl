@@ -5,7 +5,7 @@
 // A bit tells for each pixel and each primitive of its tile's bin (bins.glsl, the bins of a band) whether the pixel's line meets the
 // primitive. Techniques walk through the bits in order of rank (tile-walk.glsl), and find the place when they come to it.
 //
-//   MARK   one invocation a pixel: marks the tiles of the band that have flagged pixels, where only these are drawn again
+//   MARK   one invocation a pixel: marks the flagged pixels of the band's tiles, where only these are drawn again
 //   MASKS  one invocation a pair of a tile and a primitive: the pixels of the tile that it covers
 //   HITS   one invocation for a row of pixels and 32 pairs: turns masks of pixels, in place, into a word for each pixel, whose bits are
 //          pairs; the words of a pixel for HIT_PAIRS pairs lie side by side
@@ -19,6 +19,7 @@
 #include "mesh/mesh.glsl"
 #include "mesh/coverage.glsl"
 #include "mesh/own-pixel.glsl"
+#include "shared/tile-pixels.glsl"
 
 layout(constant_id = SPEC_LISTED) const uint LISTED = 0; // FLAG_* of the pixels whose tiles need hits; 0: all tiles do
 
@@ -30,13 +31,14 @@ layout(set = 0, binding = BINDING_MARKED, std430) buffer Marked { uint marked[];
 
 void main() {
     OwnPixel own = own_pixel();
-    if (own.exists && (flags[own.word] & LISTED) != 0u) atomicOr(marked[own.in_band], 1u);
+    uint bit = gl_LocalInvocationIndex;
+    if (own.exists && (flags[own.word] & LISTED) != 0u) atomicOr(marked[2u * own.in_band + bit / 32u], 1u << bit % 32u);
 }
 #endif
 
 #ifdef MASKS
 layout(set = 0, binding = BINDING_BIN_ENDS, std430) readonly buffer BinEnds { uint bin_ends[]; };
-layout(set = 0, binding = BINDING_MARKED, std430) readonly buffer Marked { uint marked[]; };
+layout(set = 0, binding = BINDING_MARKED, std430) readonly buffer Marked { uvec2 marked[]; };
 layout(set = 0, binding = BINDING_BOXES, std430) readonly buffer Boxes { uvec2 boxes[]; };
 layout(set = 0, binding = BINDING_BIN_TILES, std430) readonly buffer Tiles { uint tiles[]; };
 layout(set = 0, binding = BINDING_BINS, std430) readonly buffer Bins { uint bins[]; };
@@ -46,13 +48,13 @@ void main() {
     uint pair = INVOCATION_NUMBER;
     if (pair >= bin_ends[push.count - 1u]) return;
     uint id = bins[pair], tile = tiles[pair];
-    bool needed = LISTED == 0u || marked[tile] != 0u;
+    bool needed = LISTED == 0u || marked[tile] != uvec2(0u);
     // (A loop: software rasterisers run through branches that no invocation takes.)
     for (uint needs = 0u; needs < uint(needed); ++needs) {
         uvec2 origin = pixel_of(push.band + tile, 0u);
         Primitive primitive = primitive_of(id, line_at(vec2(origin) + 0.5));
         uvec2 pixels = pixels_of(primitive);
-        // Of what lies before the eye its edges tell all.
+        // Of what lies before the eye its edges tell all; the box keeps out what is behind.
         bool behind = reaches_behind_eye(primitive);
         for (uint once = 0u; once < uint(behind); ++once) pixels &= pixels_of_box(boxes[id], origin);
         masks[pair] = pixels;

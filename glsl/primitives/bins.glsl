@@ -20,9 +20,10 @@
 #include "interface.glsl"
 #include "shared/device.glsl"
 #include "shared/integers.glsl"
+#include "shared/tile-pixels.glsl"
 
 layout(constant_id = SPEC_FILL) const bool FILL = false;
-layout(constant_id = SPEC_FLAGGED) const bool FLAGGED = false; // only primitives that touch a marked tile
+layout(constant_id = SPEC_FLAGGED) const bool FLAGGED = false; // only primitives whose box contains a marked pixel
 
 layout(push_constant) uniform BinsPush {
     uint across;   // tiles in a row of the image
@@ -66,20 +67,16 @@ layout(set = 0, binding = BINDING_ORDER, std430) readonly buffer Order { uint or
 layout(set = 0, binding = BINDING_BOXES, std430) readonly buffer Boxes { uvec2 boxes[]; };
 layout(set = 0, binding = BINDING_BIN_OFFSETS, std430) writeonly buffer Offsets { uint offsets[]; };
 layout(set = 0, binding = BINDING_RANKED_BOXES, std430) writeonly buffer RankedBoxes { uvec2 ranked_boxes[]; };
-layout(set = 0, binding = BINDING_MARKED, std430) readonly buffer Marked { uint marked[]; };
+layout(set = 0, binding = BINDING_MARKED, std430) readonly buffer Marked { uvec2 marked[]; };
 
-// Whether one of the tiles is marked.
-bool is_marked(Touched tiles) {
-    uint tile = tiles.row * push.across + tiles.column + tiles.skipped - push.first, left = tiles.width - tiles.skipped;
+// Whether a box contains a marked pixel of the tiles that it touches.
+bool is_marked(uvec2 box, Touched tiles) {
+    uvec2 at = uvec2(tiles.column + tiles.skipped, tiles.row);
     bool found = false;
     for (uint i = 0u; i < tiles.number && !found; ++i) {
-        if (left == 0u) {
-            tile += push.across - tiles.width;
-            left = tiles.width;
-        }
-        found = marked[tile] != 0u;
-        ++tile;
-        --left;
+        if (at.x == tiles.column + tiles.width) at = uvec2(tiles.column, at.y + 1u);
+        found = (marked[at.y * push.across + at.x - push.first] & pixels_of_box(box, at * TILE)) != uvec2(0u);
+        ++at.x;
     }
     return found;
 }
@@ -90,7 +87,7 @@ void main() {
     uvec2 box = boxes[order[rank]];
     Touched touched = touched_by(box, binned_rows());
     ranked_boxes[rank] = box;
-    offsets[rank] = !FLAGGED || is_marked(touched) ? touched.number : 0u;
+    offsets[rank] = !FLAGGED || is_marked(box, touched) ? touched.number : 0u;
 }
 #endif
 

@@ -93,7 +93,7 @@ pub(crate) struct Bins {
     pub(crate) entries: Arc<Buffer>,
     /// Tile of each entry.
     pub(crate) of_pairs: Arc<Buffer>,
-    /// A word for each tile, not 0 where its primitives are needed; without it they all are.
+    /// The pixels of each tile whose primitives are needed, a bit each; without it all are.
     pub(crate) marked: Option<Arc<Buffer>>,
     count: u32,
     pairs: Pairs,
@@ -102,8 +102,8 @@ pub(crate) struct Bins {
 }
 
 impl Bins {
-    /// Makes bins for up to `tiles` tiles at a time, with a capacity of `capacity` entries. With `flagged` they hold only primitives that touch
-    /// a tile that is marked.
+    /// Makes bins for up to `tiles` tiles at a time, with a capacity of `capacity` entries. With `flagged` they hold only primitives whose
+    /// box contains a marked pixel.
     ///
     /// # Errors
     ///
@@ -120,7 +120,7 @@ impl Bins {
         let of_pairs = buffer(gpu, "bins.tiles", capacity.into())?;
         let entries = buffer(gpu, "bins", capacity.into())?;
         let ends = buffer(gpu, "bins.ends", tiles.into())?;
-        let marked = flagged.then(|| buffer(gpu, "bins.marked", tiles.into())).transpose()?;
+        let marked = flagged.then(|| buffer(gpu, "bins.marked", 2 * u64::from(tiles))).transpose()?;
         let pairs = Pairs::new(gpu, name, ranked, [&of_pairs, &entries], true, marked.as_ref())?;
         let bits = (u32::BITS - tiles.saturating_sub(1).leading_zeros()).max(1);
         let sort = RadixSort::counted(
@@ -308,9 +308,9 @@ mod tests {
         }
     }
 
-    /// A primitive that touches a marked tile is in all its tiles; others are in none.
+    /// A primitive whose box contains a marked pixel of the band is in all its tiles; others are in none.
     #[test]
-    fn bins_with_marks_hold_what_touches_a_marked_tile() {
+    fn bins_with_marks_hold_what_contains_a_marked_pixel() {
         let gpu = TestGpu::new();
         let (extent, across) = ([100, 52], 13);
         let boxes = boxes(700, extent);
@@ -319,19 +319,24 @@ mod tests {
         let all = expected(&order, &boxes, across, 0..91);
         let capacity = num::count(all.iter().map(Vec::len).sum::<usize>());
         let bins = Bins::new(&gpu, "test", &ranked, 91, capacity, true).unwrap();
-        for ([first, tiles], marks) in [([0, 91], vec![17, 60]), ([5, 30], vec![0, 29]), ([20, 45], vec![])] {
-            let mut words = vec![0; num::index(tiles)];
-            for &mark in &marks {
-                words[mark] = 1;
+        let bands = [([0, 91], vec![[37, 12], [64, 39], [65, 40]]), ([5, 30], vec![[40, 0], [66, 23]])];
+        for ([first, tiles], marks) in bands.into_iter().chain([([20, 45], vec![])]) {
+            let mut words = vec![0; num::index(2 * tiles)];
+            for [x, y] in &marks {
+                let (tile, bit) = (y / TILE * across + x / TILE - first, y % TILE * TILE + x % TILE);
+                words[num::index(2 * tile + bit / 32)] |= 1 << (bit % 32);
             }
             let marked = gpu.upload(&words);
             gpu.record(|recorder| {
                 let place = bins.marked.as_ref().unwrap();
-                recorder.copy_buffer("marked", &marked, place, 4 * u64::from(tiles));
+                recorder.copy_buffer("marked", &marked, place, 8 * u64::from(tiles));
                 bins.record(recorder, across, [first, tiles]);
             });
             let band = &all[num::index(first)..num::index(first + tiles)];
-            let needed = |id: &u32| marks.iter().any(|&mark| band[mark].contains(id));
+            let needed = |id: &u32| {
+                let [x0, x1, y0, y1] = boxes[num::index(*id)];
+                marks.iter().any(|[x, y]| (x0..x1).contains(x) && (y0..y1).contains(y))
+            };
             let (ends, entries) = (gpu.download(&bins.ends), gpu.download(&bins.entries));
             let mut begin = 0;
             for (tile, bin) in band.iter().enumerate() {

@@ -20,7 +20,7 @@ use crate::primitives::dispatch::{Dispatch, buffer, groups_of, pass};
 pub(crate) struct Hits {
     bins: Arc<Bins>,
     hits: Arc<Buffer>,
-    /// Marks the tiles with flagged pixels, where only these have hits.
+    /// Marks the flagged pixels, where only their tiles have hits.
     mark: Option<Dispatch>,
     masks_of: Dispatch,
     hits_of: Dispatch,

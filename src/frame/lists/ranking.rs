@@ -136,7 +136,8 @@ impl Ranking {
         })
     }
 
-    /// Makes bins of the ranked primitives for an image of `tiles` tiles. With `flagged` they hold only primitives that touch a marked tile.
+    /// Makes bins of the ranked primitives for an image of `tiles` tiles. With `flagged` they hold only primitives whose box
+    /// contains a marked pixel.
     pub(crate) fn bins(&self, gpu: &Gpu, tiles: u32, capacity: u32, flagged: bool) -> Result<Arc<Bins>> {
         Bins::new(gpu, self.name, &self.ranked(), tiles, capacity, flagged).map(Arc::new)
     }
