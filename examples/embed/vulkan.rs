@@ -94,7 +94,9 @@ impl Vulkan {
             [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
         let features = vk::PhysicalDeviceFeatures::default()
             .fragment_stores_and_atomics(enabled.fragment_stores_and_atomics);
-        let mut features12 = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
+        let mut features12 = vk::PhysicalDeviceVulkan12Features::default()
+            .timeline_semaphore(true)
+            .buffer_device_address(enabled.buffer_device_address);
         let mut features13 = vk::PhysicalDeviceVulkan13Features::default()
             .synchronization2(enabled.synchronization2)
             .dynamic_rendering(enabled.dynamic_rendering);

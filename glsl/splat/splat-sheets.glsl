@@ -148,8 +148,7 @@ void main() {
     // Planes are counted from the centre of the data: they stay with it when the camera turns.
     float k = RESUME ? uintBitsToFloat(splat_state[place].y) : -3e38;
     float live = 1.0;
-    bool through = i >= end;
-    while (!through && turn < budget && ANY(live > opaque)) {
+    while (i < end && turn < budget && ANY(live > opaque)) {
         // Splats that end before the next slab.
         uint id = bins[i];
         Read read = read_splat(id);
@@ -161,10 +160,7 @@ void main() {
             read = read_splat(id);
             span = span_of(id, read.point);
         }
-        if (i >= end) {
-            through = true;
-            break;
-        }
+        if (i >= end) break;
         // Where nothing is, slabs are passed over.
         k = max(k, floor(max(span.x, push.d0_near.w) / h));
         float z0 = k * h, z1 = fma(float(SHEETS), h, z0);
@@ -209,7 +205,7 @@ void main() {
     // The device ended a loop before it was through.
     if (turn >= MOST) atomicAdd(status[STATUS_CUT], 1u);
     // The same for all that go on together.
-    bool unfinished = !through && ANY(live > opaque);
+    bool unfinished = i < end && ANY(live > opaque);
     splat_state[place] = uvec2(unfinished ? i : end, floatBitsToUint(k));
     if (unfinished && IS_LAST) atomicAdd(status[STATUS_UNFINISHED], 1u);
 #define END(r) store_pixel(origin + uvec2(0, r), rows[r].sum);

@@ -14,6 +14,8 @@ pub(crate) enum BufferUse {
     ShaderRead,
     /// Shaders write and read it, it can be copied, and dispatches read their workgroups from it; in device memory.
     ShaderWrite,
+    /// Shaders read the addresses of other buffers in it, which the host writes.
+    Addresses,
     /// The host writes it, as staging memory for uploads.
     Upload,
     /// The host reads it, as staging memory for downloads.
@@ -52,7 +54,7 @@ impl Buffer {
         }
         gpu.check_allocation(name, size)?;
         gpu.inner.budget.check(name, size)?;
-        let (usage, location) = match purpose {
+        let (mut usage, location) = match purpose {
             BufferUse::ShaderRead => {
                 (U::UNIFORM_BUFFER | U::STORAGE_BUFFER | U::TRANSFER_DST, MemoryLocation::GpuOnly)
             }
@@ -60,9 +62,13 @@ impl Buffer {
                 U::STORAGE_BUFFER | U::INDIRECT_BUFFER | U::TRANSFER_SRC | U::TRANSFER_DST,
                 MemoryLocation::GpuOnly,
             ),
+            BufferUse::Addresses => (U::UNIFORM_BUFFER, MemoryLocation::CpuToGpu),
             BufferUse::Upload => (U::TRANSFER_SRC, MemoryLocation::CpuToGpu),
             BufferUse::Download => (U::TRANSFER_DST, MemoryLocation::GpuToCpu),
         };
+        if usage.contains(U::STORAGE_BUFFER) && gpu.is_addressed(size) {
+            usage |= U::SHADER_DEVICE_ADDRESS;
+        }
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);
         // SAFETY: the device is alive; `info` points at nothing; the size is not 0
         // (VUID-VkBufferCreateInfo-size-00912).
@@ -81,6 +87,14 @@ impl Buffer {
         Ok(buffer)
     }
 
+    /// Returns the address of a buffer that [`Gpu::is_addressed`].
+    pub(super) fn address(&self) -> u64 {
+        let info = vk::BufferDeviceAddressInfo::default().buffer(self.raw);
+        // SAFETY: the feature is enabled, the buffer was made with SHADER_DEVICE_ADDRESS and has its memory
+        // (VUID-VkBufferDeviceAddressInfo-buffer-02601).
+        unsafe { self.gpu.device().get_buffer_device_address(&info) }
+    }
+
     pub(crate) fn size(&self) -> u64 {
         self.size
     }
@@ -94,6 +108,13 @@ impl Buffer {
     /// Returns the mapped memory for writing.
     pub(crate) fn bytes_mut(&mut self) -> Option<&mut [u8]> {
         self.memory.as_mut()?.allocation.mapped_slice_mut()
+    }
+}
+
+impl Gpu {
+    /// Returns whether shaders find a storage block of this size by its address: it exceeds what a descriptor shows.
+    pub(super) fn is_addressed(&self, size: u64) -> bool {
+        size > u64::from(self.limits().max_storage_buffer_range)
     }
 }
 

@@ -4,11 +4,14 @@ use std::sync::PoisonError;
 
 use ash::vk;
 
+use super::addressing::ADDRESSES;
+use super::buffer::{Buffer, BufferUse};
 use super::depth::DepthImage;
 use super::device::Gpu;
 use super::inputs::{Bound, Resource};
 use super::pipeline::Pipeline;
 use crate::error::{Error, Result};
+use crate::num;
 
 /// Filter for images of the caller.
 const EXTERNAL_FILTER: vk::Filter = vk::Filter::NEAREST;
@@ -21,6 +24,8 @@ pub(crate) struct Descriptors {
     pub(super) set: vk::DescriptorSet,
     /// The resources by binding.
     pub(super) resources: Vec<(u32, Resource)>,
+    /// The addresses of buffers that have no descriptor.
+    addresses: Option<Buffer>,
 }
 
 impl Descriptors {
@@ -31,21 +36,29 @@ impl Descriptors {
     /// [`Error::Invalid`] when `bound` belongs to another pipeline; the errors of Vulkan.
     pub(crate) fn new(gpu: &Gpu, pipeline: &Pipeline, bound: &Bound) -> Result<Self> {
         gpu.alive()?;
+        let given = |binding: u32| {
+            bound.resources.iter().find(|(number, _)| *number == binding).cloned().ok_or_else(|| {
+                let what = format!("descriptors of {}", pipeline.name);
+                Error::invalid(what, format!("binding {binding} is not given"))
+            })
+        };
         let (mut resources, mut sizes) = (Vec::new(), Vec::new());
         for &(binding, ty) in &pipeline.bindings {
-            let Some(given) = bound.resources.iter().find(|(number, _)| *number == binding) else {
-                let what = format!("descriptors of {}", pipeline.name);
-                return Err(Error::invalid(what, format!("binding {binding} is not given")));
-            };
-            resources.push(given.clone());
+            if binding != ADDRESSES {
+                resources.push(given(binding)?);
+            }
             sizes.push(vk::DescriptorPoolSize { ty, descriptor_count: 1 });
         }
+        let addressed = pipeline.key.addressed.iter().map(|&binding| given(binding));
+        let addressed = addressed.collect::<Result<Vec<_>>>()?;
+        let addresses = (!addressed.is_empty()).then(|| addresses(gpu, &addressed)).transpose()?;
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
         // SAFETY: the device is alive; every pipeline of this crate has at least one binding, so the sizes
         // are not empty.
         let pool = unsafe { gpu.device().create_descriptor_pool(&info, None) }
             .map_err(|result| gpu.failed("vkCreateDescriptorPool", result))?;
-        let mut descriptors = Self { gpu: gpu.clone(), pool, set: vk::DescriptorSet::null(), resources };
+        let set = vk::DescriptorSet::null();
+        let mut descriptors = Self { gpu: gpu.clone(), pool, set, resources, addresses };
         let layouts = [pipeline.set_layout];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: the pool has the capacity for one set of this layout.
@@ -84,6 +97,14 @@ impl Descriptors {
             };
             descriptors.update(write.image_info(&[image]));
         }
+        if let Some(addresses) = &descriptors.addresses {
+            let write = vk::WriteDescriptorSet::default()
+                .dst_binding(ADDRESSES)
+                .descriptor_type(vk::DescriptorType::UNIFORM_BUFFER);
+            let info = vk::DescriptorBufferInfo { buffer: addresses.raw, offset: 0, range: addresses.size() };
+            descriptors.update(write.buffer_info(&[info]));
+        }
+        descriptors.resources.extend(addressed);
         Ok(descriptors)
     }
 
@@ -118,7 +139,40 @@ impl Drop for Descriptors {
     }
 }
 
+/// Makes the block of the addresses of buffers.
+fn addresses(gpu: &Gpu, addressed: &[(u32, Resource)]) -> Result<Buffer> {
+    let address = |(_, resource): &(u32, Resource)| match resource {
+        Resource::Read(buffer) | Resource::Write(buffer) => buffer.address(),
+        _ => 0,
+    };
+    let words: Vec<u64> = addressed.iter().map(address).collect();
+    let bytes: &[u8] = bytemuck::cast_slice(&words);
+    let mut table = Buffer::new(gpu, "addresses", num::wide(bytes.len()), BufferUse::Addresses)?;
+    if let Some(place) = table.bytes_mut().and_then(|place| place.get_mut(..bytes.len())) {
+        place.copy_from_slice(bytes);
+    }
+    Ok(table)
+}
+
 impl Gpu {
+    /// Returns the bindings of storage blocks that shaders find by address, ascending.
+    pub(super) fn addressed(&self, bound: &Bound) -> Vec<u32> {
+        let blocks = bound.shaders.iter().flat_map(|shader| shader.bindings);
+        let blocks = blocks.filter(|(_, kind)| *kind == vk::DescriptorType::STORAGE_BUFFER);
+        let is_large = |binding: &u32| {
+            bound.resources.iter().any(|(number, resource)| match resource {
+                Resource::Read(buffer) | Resource::Write(buffer) => {
+                    number == binding && self.is_addressed(buffer.size())
+                }
+                _ => false,
+            })
+        };
+        let mut addressed: Vec<u32> = blocks.map(|&(binding, _)| binding).filter(is_large).collect();
+        addressed.sort_unstable();
+        addressed.dedup();
+        addressed
+    }
+
     /// Returns the sampler of a filter, clamped to the edge. With `mips` it blends mip levels, else it reads only the
     /// first.
     pub(crate) fn sampler(&self, filter: vk::Filter, mips: bool) -> Result<vk::Sampler> {

@@ -61,6 +61,8 @@ pub(crate) struct Inner {
     /// Bytes of one allocation that the options allow.
     pub(super) allocation_size: u64,
     pub(super) max_buffer: u64,
+    /// Whether buffers get no addresses, although the device offers them.
+    pub(super) no_addresses: bool,
     pub(super) as_hardware: bool,
     /// Whether new memory is filled with bytes 0xFF.
     pub(super) poison: bool,

@@ -23,6 +23,8 @@ pub enum OptionalFeature {
     /// A driver known to order the stores of fragments by primitive, which Vulkan does not promise. Only the route
     /// `implementation-ordered` uses it. Fallback: that route is not offered.
     OrderedStores,
+    /// Buffers that shaders find by address, of any size (`bufferDeviceAddress`). Fallback: those that a descriptor shows whole.
+    BufferAddresses,
     /// The free device memory, reported by the driver. Fallback: nine tenths of the heap.
     MemoryBudget,
     /// Timestamps. Fallback: wall time only.
@@ -33,13 +35,14 @@ pub enum OptionalFeature {
 
 impl OptionalFeature {
     /// All features.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::LinearFilterR32f,
         Self::LinearFilterR16,
         Self::BlendRgba32f,
         Self::FragmentStores,
         Self::FragmentInterlock,
         Self::OrderedStores,
+        Self::BufferAddresses,
         Self::MemoryBudget,
         Self::Timestamps,
         Self::DebugNames,
@@ -66,6 +69,7 @@ impl OptionalFeature {
             Self::FragmentStores => ["fragment-stores", "no dithering"],
             Self::FragmentInterlock => ["fragment-interlock", "havs by compute"],
             Self::OrderedStores => ["ordered-stores", "no route implementation-ordered"],
+            Self::BufferAddresses => ["buffer-addresses", "buffers that a descriptor shows whole"],
             Self::MemoryBudget => ["memory-budget", "nine tenths of the device-local heap"],
             Self::Timestamps => ["timestamps", "wall time only"],
             Self::DebugNames => ["debug-names", "no names or labels"],
@@ -86,6 +90,8 @@ pub struct Enabled {
     pub synchronization2: bool,
     /// The feature `dynamicRendering`, which is required.
     pub dynamic_rendering: bool,
+    /// The feature `bufferDeviceAddress`: [`OptionalFeature::BufferAddresses`].
+    pub buffer_device_address: bool,
     /// The feature `fragmentStoresAndAtomics`: [`OptionalFeature::FragmentStores`].
     pub fragment_stores_and_atomics: bool,
     /// The feature `fragmentShaderPixelInterlock`; together with its extension [`OptionalFeature::FragmentInterlock`].
@@ -110,7 +116,9 @@ impl Enabled {
         let has_interlock = has(ext::fragment_shader_interlock::NAME);
         let mut interlock = vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default();
         let mut features13 = vk::PhysicalDeviceVulkan13Features::default();
-        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut features13);
+        let mut features12 = vk::PhysicalDeviceVulkan12Features::default();
+        let mut features =
+            vk::PhysicalDeviceFeatures2::default().push_next(&mut features13).push_next(&mut features12);
         if has_interlock {
             features = features.push_next(&mut interlock);
         }
@@ -132,6 +140,7 @@ impl Enabled {
             extensions,
             synchronization2: features13.synchronization2 == vk::TRUE,
             dynamic_rendering: features13.dynamic_rendering == vk::TRUE,
+            buffer_device_address: features12.buffer_device_address == vk::TRUE,
             fragment_stores_and_atomics: stores,
             fragment_shader_pixel_interlock: pixel_interlock,
         })
@@ -167,6 +176,12 @@ impl Enabled {
                 enabled.synchronization2 |= it.synchronization2 == vk::TRUE;
                 enabled.dynamic_rendering |= it.dynamic_rendering == vk::TRUE;
             }
+            if let Some(it) = link.get::<vk::PhysicalDeviceVulkan12Features<'_>>() {
+                enabled.buffer_device_address |= it.buffer_device_address == vk::TRUE;
+            }
+            if let Some(it) = link.get::<vk::PhysicalDeviceBufferDeviceAddressFeatures<'_>>() {
+                enabled.buffer_device_address |= it.buffer_device_address == vk::TRUE;
+            }
             if let Some(it) = link.get::<vk::PhysicalDeviceSynchronization2Features<'_>>() {
                 enabled.synchronization2 |= it.synchronization2 == vk::TRUE;
             }
@@ -193,6 +208,7 @@ impl Enabled {
                 ("VK_EXT_memory_budget", of.has(ext::memory_budget::NAME)),
                 ("synchronization2", of.synchronization2),
                 ("dynamicRendering", of.dynamic_rendering),
+                ("bufferDeviceAddress", of.buffer_device_address),
                 ("fragmentStoresAndAtomics", of.fragment_stores_and_atomics),
                 ("fragmentShaderPixelInterlock", of.fragment_shader_pixel_interlock),
             ]
@@ -229,6 +245,9 @@ mod tests {
         let mut dynamic = vk::PhysicalDeviceDynamicRenderingFeatures::default().dynamic_rendering(true);
         let mut core = vk::PhysicalDeviceVulkan13Features::default().synchronization2(true);
         let mut other = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
+        let mut addresses =
+            vk::PhysicalDeviceBufferDeviceAddressFeatures::default().buffer_device_address(true);
+        let mut core12 = vk::PhysicalDeviceVulkan12Features::default().buffer_device_address(true);
         let mut interlock = vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default()
             .fragment_shader_pixel_interlock(true);
         // SAFETY: every pointer refers to a local.
@@ -244,6 +263,9 @@ mod tests {
         let synchronization2 = Enabled { synchronization2: true, ..none.clone() };
         assert_eq!(read(info().push_next(&mut core)), synchronization2);
         assert_eq!(read(info().push_next(&mut sync)), synchronization2);
+        let buffer_device_address = Enabled { buffer_device_address: true, ..none.clone() };
+        assert_eq!(read(info().push_next(&mut addresses)), buffer_device_address);
+        assert_eq!(read(info().push_next(&mut core12)), buffer_device_address);
         // In one chain, behind a structure that is ignored.
         let all = info()
             .push_next(&mut dynamic)
@@ -261,6 +283,7 @@ mod tests {
             extensions: vec![ext::memory_budget::NAME.to_owned()],
             synchronization2: true,
             dynamic_rendering: true,
+            buffer_device_address: true,
             fragment_stores_and_atomics: true,
             fragment_shader_pixel_interlock: true,
         };
@@ -269,6 +292,7 @@ mod tests {
         for (offered, want) in [
             (Enabled { extensions: Vec::new(), ..all.clone() }, "VK_EXT_memory_budget"),
             (Enabled { synchronization2: false, ..all.clone() }, "synchronization2"),
+            (Enabled { buffer_device_address: false, ..all.clone() }, "bufferDeviceAddress"),
             (Enabled { dynamic_rendering: false, ..all.clone() }, "dynamicRendering"),
             (Enabled { fragment_stores_and_atomics: false, ..all.clone() }, "fragmentStoresAndAtomics"),
             (

@@ -6,13 +6,22 @@ use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 
 use super::budget::Reservation;
 use super::device::Gpu;
+use super::feature::OptionalFeature;
 use crate::error::{Error, Result};
 
 impl Gpu {
-    /// Returns how many bytes of a buffer shaders can access.
-    pub(crate) fn most_buffer_bytes(&self) -> u64 {
+    /// Returns how many bytes of a buffer a descriptor shows shaders.
+    pub(crate) fn most_bound_bytes(&self) -> u64 {
         let inner = &self.inner;
         u64::from(self.limits().max_storage_buffer_range).min(inner.max_allocation).min(inner.max_buffer)
+    }
+
+    /// Returns how many bytes of a buffer shaders can access, by a descriptor or by an address.
+    pub(crate) fn most_buffer_bytes(&self) -> u64 {
+        match self.has(OptionalFeature::BufferAddresses) {
+            true => self.inner.max_buffer,
+            false => self.most_bound_bytes(),
+        }
     }
 
     /// Checks the size of an allocation against the limit of the options.

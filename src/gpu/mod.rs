@@ -8,6 +8,7 @@
 
 #![expect(unsafe_code, reason = "calls Vulkan")]
 
+mod addressing;
 mod adopt;
 mod budget;
 mod buffer;

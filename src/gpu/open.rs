@@ -108,6 +108,8 @@ impl Gpu {
         let mut features13 = vk::PhysicalDeviceVulkan13Features::default()
             .synchronization2(enabled.synchronization2)
             .dynamic_rendering(enabled.dynamic_rendering);
+        let mut features12 = vk::PhysicalDeviceVulkan12Features::default()
+            .buffer_device_address(enabled.buffer_device_address);
         let priorities = [1.0];
         let queues = [vk::DeviceQueueCreateInfo::default()
             .queue_family_index(candidate.queue_family)
@@ -116,7 +118,8 @@ impl Gpu {
             .queue_create_infos(&queues)
             .enabled_extension_names(&names)
             .enabled_features(&features)
-            .push_next(&mut features13);
+            .push_next(&mut features13)
+            .push_next(&mut features12);
         if enabled.fragment_shader_pixel_interlock {
             info = info.push_next(&mut interlock);
         }
@@ -151,6 +154,7 @@ impl Gpu {
             .flatten();
         let range = &mut candidate.properties.limits.max_storage_buffer_range;
         *range = options.storage_range.unwrap_or(u32::MAX).min(*range);
+        let buffer_device_address = enabled.buffer_device_address;
         let mut inner = Inner {
             device,
             candidate,
@@ -160,6 +164,7 @@ impl Gpu {
             max_allocation,
             allocation_size,
             max_buffer: buffer,
+            no_addresses: options.no_buffer_addresses,
             as_hardware: options.as_hardware,
             poison: options.poison,
             emulates_weights: options.emulate_filter_weights,
@@ -192,7 +197,7 @@ impl Gpu {
             device: inner.device.clone(),
             physical_device: physical,
             debug_settings: gpu_allocator::AllocatorDebugSettings::default(),
-            buffer_device_address: false,
+            buffer_device_address,
             // Blocks grow with use, so that a small scene allocates little more than it needs.
             allocation_sizes: gpu_allocator::AllocationSizes::new(BLOCK_BYTES, BLOCK_BYTES)
                 .with_max_device_memblock_size(max_allocation.min(16 * BLOCK_BYTES))

@@ -24,8 +24,10 @@ pub struct GpuOptions {
     pub memory_budget: Option<u64>,
     /// Loop iterations that one shader invocation may make, instead of the number that the start-up probe finds.
     pub loop_limit: Option<u32>,
-    /// Bytes of a buffer that a shader may access; lowers the driver's limit.
+    /// Bytes of a buffer that a descriptor shows shaders; lowers the driver's limit.
     pub storage_range: Option<u32>,
+    /// Whether shaders find no buffer by its address, so that `storage_range` limits all buffers. For tests.
+    pub no_buffer_addresses: bool,
     /// Bytes of one allocation of device memory. Without it the driver is asked for every size, also above the one that it
     /// promises.
     pub allocation_size: Option<u64>,

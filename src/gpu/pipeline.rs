@@ -59,6 +59,13 @@ pub(crate) struct GraphicsState {
     pub(crate) format: Option<vk::Format>,
 }
 
+impl Shader {
+    /// Returns the words of the module.
+    pub(super) fn words(&self) -> Vec<u32> {
+        self.code.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
+    }
+}
+
 impl PartialEq for Shader {
     fn eq(&self, other: &Self) -> bool {
         self.name == other.name
@@ -78,6 +85,8 @@ impl Hash for Shader {
 pub(crate) struct PipelineKey {
     pub(super) shaders: Vec<&'static Shader>,
     pub(super) constants: Vec<SpecConstant>,
+    /// Bindings of storage blocks that shaders find by address, ascending.
+    pub(super) addressed: Vec<u32>,
     pub(super) state: Option<GraphicsState>,
 }
 

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use ash::vk;
 
+use super::addressing::{ADDRESSES, by_address};
 use super::device::Gpu;
 use super::inputs::Bound;
 use super::pipeline::{Blend, GraphicsState, Pipeline, PipelineKey, Shader, SpecConstant};
@@ -29,7 +30,8 @@ impl Gpu {
     }
 
     fn key(&self, bound: &Bound, state: Option<GraphicsState>) -> Result<PipelineKey> {
-        Ok(PipelineKey { shaders: bound.shaders.clone(), constants: self.constants(bound)?, state })
+        let constants = self.constants(bound)?;
+        Ok(PipelineKey { shaders: bound.shaders.clone(), constants, addressed: self.addressed(bound), state })
     }
 
     /// Returns the pipeline of a key with its layouts. [`Gpu::build`] builds it.
@@ -116,6 +118,17 @@ impl Gpu {
         pipeline.bindings = shaders.iter().flat_map(|s| s.bindings.iter().copied()).collect();
         pipeline.bindings.sort_unstable_by_key(|&(binding, _)| binding);
         pipeline.bindings.dedup();
+        let addressed = &pipeline.key.addressed;
+        if !addressed.is_empty() {
+            let refuses = |shader: &&&Shader| by_address(&shader.words(), addressed).is_none();
+            if let Some(shader) = shaders.iter().find(refuses) {
+                let most = self.limits().max_storage_buffer_range;
+                let why = format!("a buffer of more than the {most} bytes that a descriptor shows it");
+                return Err(Error::unsupported(shader.name, why));
+            }
+            pipeline.bindings.retain(|(binding, _)| !addressed.contains(binding));
+            pipeline.bindings.push((ADDRESSES, vk::DescriptorType::UNIFORM_BUFFER));
+        }
         let stages = shaders.iter().fold(vk::ShaderStageFlags::empty(), |all, s| all | s.stage);
         pipeline.stages = stages;
         pipeline.bind_point = if stages == vk::ShaderStageFlags::COMPUTE {
@@ -159,7 +172,7 @@ impl Gpu {
         let (entries, data) = specialisation(&key.constants);
         let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
         let modules: Vec<Module<'_>> =
-            key.shaders.iter().map(|shader| Module::new(self, shader)).collect::<Result<_>>()?;
+            key.shaders.iter().map(|shader| Module::new(self, shader, key)).collect::<Result<_>>()?;
         let stages: Vec<_> = modules.iter().map(|module| module.stage(&constants)).collect();
         let vertex_input = vk::PipelineVertexInputStateCreateInfo::default();
         let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(state.topology);
@@ -215,7 +228,7 @@ impl Gpu {
         let [shader] = key.shaders[..] else {
             return Err(Error::invalid("compute pipeline", "has one shader"));
         };
-        let module = Module::new(self, shader)?;
+        let module = Module::new(self, shader, key)?;
         let info = vk::ComputePipelineCreateInfo::default()
             .flags(self.flags())
             .stage(module.stage(&constants))
@@ -246,11 +259,15 @@ struct Module<'a> {
 }
 
 impl<'a> Module<'a> {
-    fn new(gpu: &'a Gpu, shader: &'static Shader) -> Result<Self> {
-        let words: Vec<u32> =
-            shader.code.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+    fn new(gpu: &'a Gpu, shader: &'static Shader, key: &PipelineKey) -> Result<Self> {
+        let mut words = shader.words();
+        if !key.addressed.is_empty() {
+            // It was rewritten for the layouts, too.
+            words = by_address(&words, &key.addressed).unwrap_or(words);
+        }
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
-        // SAFETY: the device is alive; the code was compiled for this version of Vulkan at build time.
+        // SAFETY: the device is alive; the code was compiled for this version of Vulkan at build time. Where it was rewritten,
+        // the device has buffers with addresses.
         let raw = unsafe { gpu.device().create_shader_module(&info, None) }
             .map_err(|result| gpu.failed("vkCreateShaderModule", result))?;
         gpu.name(raw, shader.name);

@@ -67,6 +67,7 @@ impl Gpu {
             OptionalFeature::FragmentStores => enabled.fragment_stores_and_atomics,
             OptionalFeature::FragmentInterlock => enabled.fragment_shader_pixel_interlock,
             OptionalFeature::OrderedStores => enabled.fragment_stores_and_atomics && candidate.orders_stores,
+            OptionalFeature::BufferAddresses => enabled.buffer_device_address && !self.inner.no_addresses,
             OptionalFeature::MemoryBudget => enabled.has(ext::memory_budget::NAME),
             OptionalFeature::Timestamps => candidate.timestamp_bits > 0,
             OptionalFeature::DebugNames => self.inner.debug.is_some(),

@@ -41,8 +41,7 @@ mod tests {
             SLICES_3D_COMPUTE.shader(),
         ];
         for shader in marches {
-            let words: Vec<u32> =
-                shader.code.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+            let words = shader.words();
             let (mut kept, mut arithmetic, mut at) = (Vec::new(), Vec::new(), 5);
             while at < words.len() {
                 match words[at] & 0xffff {

@@ -296,6 +296,28 @@ fn each_pixel_has_an_order_of_its_own() {
     }
 }
 
+/// Buffers of which a descriptor shows a part are found by address: the image is the same to the bit.
+#[test]
+fn own_device_splats_beyond_a_descriptor_are_found_by_address() {
+    let gpu = gpu();
+    let narrow = gpu_with(GpuOptions { storage_range: Some(1 << 10), ..GpuOptions::default() });
+    let view = view(perspective(), 1.0, 40, 28);
+    let rest = [("radii", radii(300)), ("covariances", covariances(300))].map(|(name, size)| {
+        let scene =
+            Scene::new(cloud(300, 8).with_size(size).unwrap(), TransferFunction::from_rows(&SMOOTH).unwrap());
+        (name, with(scene, Kernel::Gaussian, Model::Density))
+    });
+    for (what, scene) in rest {
+        let [whole, parts] = [&gpu, &narrow].map(|gpu| GpuScene::new(gpu, scene.clone()));
+        for spec in
+            ["splat-ewa", "splat-ewa:footprint=ewa,spread=pixels", "splat-ewa:order=pixel", "splat-sheets"]
+        {
+            let draw = |on_gpu| Renderer::new(on_gpu, technique(spec)).render(&view).unwrap();
+            assert!(draw(&whole) == draw(&parts), "{what}, {spec}");
+        }
+    }
+}
+
 fn turned(angle: f64, side: u32) -> View {
     let eye = DVec3::new(angle.sin() * 4.0, 0.8, angle.cos() * 4.0);
     View::new(Camera { eye, ..camera(perspective(), 1.0) }, side, side).unwrap()

@@ -56,12 +56,14 @@ pub(crate) fn measure(
     needs.longest_bin = with_margin(fill.longest().max(needs.longest_bin));
     needs.rounds = needs.rounds.max(1);
     let bytes = u64::from(gpu.limits().max_storage_buffer_range);
-    // Masks and hits take 8 bytes a pair.
-    let hard = (bytes / 8 - bytes / 40).saturating_sub(192).min(MOST_ENTRIES.into());
+    // Masks and hits take 8 bytes a pair. Bands fit what a descriptor shows; one tile may need more.
+    let room = |bytes: u64| (bytes / 8 - bytes / 40).saturating_sub(192).min(MOST_ENTRIES.into());
+    let (bound, hard) = (room(bytes), room(gpu.most_buffer_bytes()));
     let most_listed = most_entries(gpu, ranking);
     // Bands are as large as bins allow, until a frame has had more fragments to list than fit a buffer.
     let too_many = u64::from(needs.lists) > most_listed;
-    let soft = if too_many { hard.min(most_listed / u64::from(needs.listed_per_pair.max(1))) } else { hard };
+    let soft =
+        if too_many { bound.min(most_listed / u64::from(needs.listed_per_pair.max(1))) } else { bound };
     let widest =
         u32::try_from(bytes / 4 / u64::from(TILE_PIXELS)).unwrap_or(u32::MAX).min(MOST_TILES).min(tiles);
     let entries = fill.tiles.iter().map(|&entries| u64::from(entries));

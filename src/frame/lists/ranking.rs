@@ -90,7 +90,7 @@ impl Ranking {
         let boxed = buffer(gpu, "boxes", 2 * u64::from(count))?;
         // Scalars of cells are met at corners. So are the faces of a mesh whose planes exceed a buffer.
         let words = 8 * u64::from(count);
-        let fit = 4 * words <= u64::from(gpu.limits().max_storage_buffer_range);
+        let fit = 4 * words <= gpu.most_buffer_bytes();
         let by_planes = kind == Primitives::Faces && !cell_scalars && fit;
         let planes = buffer(gpu, "planes", if by_planes { words } else { 0 })?;
         let status = buffer(gpu, "status", STATUS_WORDS.into())?;

@@ -149,7 +149,7 @@ impl SplatSet {
     ) -> Result<Self> {
         let each = if shape == Shape::Alike && kernels.model == Model::Interpolate { 1 } else { 2 };
         let count = lists[0].len() / each;
-        let most = u64::from(gpu.limits().max_storage_buffer_range);
+        let most = gpu.most_buffer_bytes();
         let widest = if shape == Shape::Covariances { 64 } else { 16 * num::wide(each) };
         if num::wide(count) * widest > most || count >= 1 << 27 {
             return Err(Error::unsupported(

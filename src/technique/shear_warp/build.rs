@@ -186,7 +186,7 @@ impl Sampling {
 
 impl Intermediate {
     fn new(gpu: &Gpu, drawn: &DrawnPlanes, raster: bool) -> Result<Self> {
-        let most = gpu.most_buffer_bytes() / TEXEL;
+        let most = gpu.most_bound_bytes() / TEXEL;
         let atlas = drawn.atlas.map(|side| {
             let with_margin = num::u32_of(f64::from(side.max(1)) * 1.3);
             with_margin.min(gpu.max_image_2d()).max(side)

@@ -71,7 +71,7 @@ pub(crate) fn choose_planes(
 ) -> Result<ChosenPlanes> {
     // Smaller levels take a third more. Raster's planes lie below each other in one image, and do not fill it.
     let share = if raster { 0.3 } else { 0.7 };
-    let texels = num::f64_of_u64(gpu.most_buffer_bytes() / TEXEL) * FILL * share;
+    let texels = num::f64_of_u64(gpu.most_bound_bytes() / TEXEL) * FILL * share;
     let side = f64::from(if raster { gpu.max_image_2d() } else { MOST_SIDE });
     let capacity = Capacity { texels, side, rows: if raster { side } else { f64::INFINITY } };
     let planes = base_planes(grid, view, current, options.hysteresis, options.intermediate, capacity)?;

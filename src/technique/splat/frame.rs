@@ -239,16 +239,17 @@ fn upload_domain(gpu: &Gpu, set: &SplatSet, axis: usize, scale: [f32; 4]) -> Res
 
 /// Returns the bands whose bins fit a buffer, and the capacity that the fullest needs.
 fn bands_of(gpu: &Gpu, desc: &SplatDesc, fill: &Fill, known: u32) -> Result<(Vec<Band>, u32)> {
-    let most = u64::from(gpu.limits().max_storage_buffer_range) / 4;
     // A fifth of the buffer and 192 entries stay free for the margin of nearby views.
-    let room = (most - most / 5).saturating_sub(192);
-    let most = desc.options.pairs.map_or(room, |pairs| room.min(pairs.into()));
-    let most = most.min(MOST_ENTRIES.into());
+    let room = |bytes: u64| (bytes / 4 - bytes / 20).saturating_sub(192);
+    let given = desc.options.pairs.unwrap_or(u32::MAX).min(MOST_ENTRIES);
+    // Bands fit what a descriptor shows; one tile may need more.
+    let [most, in_tile] = [gpu.limits().max_storage_buffer_range.into(), gpu.most_buffer_bytes()]
+        .map(|bytes| room(bytes).min(given.into()));
     let entries = fill.tiles.iter().map(|&entries| u64::from(entries));
-    let (bands, fullest) = cut_into_bands(entries, [most; 2], u32::MAX).map_err(|entries| {
+    let (bands, fullest) = cut_into_bands(entries, [most, in_tile], u32::MAX).map_err(|entries| {
         Error::unsupported(
             format!("{} of this view", desc.name),
-            format!("{entries} splats in one tile of {TILE} pixels; {most} fit"),
+            format!("{entries} splats in one tile of {TILE} pixels; {in_tile} fit"),
         )
     })?;
     let fullest = u32::try_from(fullest).unwrap_or(u32::MAX);

@@ -159,12 +159,39 @@ fn own_device_faces_need_no_planes() {
     let image = |gpu: &Gpu, spec: &str| Drawn::new(&GpuScene::new(gpu, scene.clone()), &view, spec).image;
     let specs = ["havs", "havs:k=1", "havs:repair=none,k=12"];
     let by_planes = specs.map(|spec| image(&gpu(), spec));
-    let gpu = gpu_with(GpuOptions { storage_range: Some(300 << 10), ..GpuOptions::default() });
+    let range = Some(300 << 10);
+    let gpu =
+        gpu_with(GpuOptions { storage_range: range, no_buffer_addresses: true, ..GpuOptions::default() });
     for (spec, by_planes) in specs.iter().zip(by_planes) {
         let apart = ImageErrors::between(&image(&gpu, spec), &by_planes).unwrap().all;
         println!("{spec}: {apart:?}");
         // Two roundings of the same places.
         assert!(apart.rmse < 3e-7 && apart.max_abs > 0.0, "{spec}: {apart:?}");
+    }
+}
+
+/// Buffers of which a descriptor shows a part are found by address: the image is the same to the bit.
+#[test]
+fn own_device_buffers_beyond_a_descriptor_are_found_by_address() {
+    let scenes = [
+        (
+            cubes(Field::Blobs, 12, &FOG),
+            ["havs", "havs:k=2,repair=none", "abuffer", "projected-tets:route=raster"],
+        ),
+        (
+            Scene::new(Field::Blobs.tets(12).unwrap(), transfer(&HAZE)),
+            ["havs:k=1", "havs:k=2,chunk=16", "projected-tets", "projected-tets:shade=vertex"],
+        ),
+    ];
+    let view = view(perspective(), 1.0, 64, 64);
+    let gpu = gpu();
+    let narrow = gpu_with(GpuOptions { storage_range: Some(16 << 10), ..GpuOptions::default() });
+    for (scene, specs) in scenes {
+        let [whole, parts] = [&gpu, &narrow].map(|gpu| GpuScene::new(gpu, scene.clone()));
+        for spec in specs {
+            let draw = |on_gpu| Renderer::new(on_gpu, technique(spec)).render(&view).unwrap();
+            assert!(draw(&whole) == draw(&parts), "{spec}");
+        }
     }
 }
 
@@ -189,8 +216,9 @@ fn a_k_buffer_grows_where_it_pays() {
 fn own_device_what_the_device_cannot_hold_is_refused() {
     let scene = cubes(Field::Blobs, 12, &FOG);
     let view = view(perspective(), 1.0, 64, 64);
+    let narrow = GpuOptions { storage_range: Some(64 << 10), ..GpuOptions::default() };
     for (options, part) in [
-        (GpuOptions { storage_range: Some(64 << 10), ..GpuOptions::default() }, "limit of 65536"),
+        (GpuOptions { no_buffer_addresses: true, ..narrow }, "limit of 65536"),
         (GpuOptions { memory_budget: Some(500_000), ..GpuOptions::default() }, "budget"),
     ] {
         let gpu = gpu_with(options);
