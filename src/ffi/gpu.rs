@@ -246,8 +246,9 @@ pub struct vr_device_info {
     pub device: VkDevice,
     /// The structure that the device was made with, or one that names the extensions and features that the library may use.
     /// The library reads extensions, and features in any structure of the chain that may have them. Required are
-    /// synchronization2 and dynamicRendering; optional are fragmentStoresAndAtomics, VK_EXT_memory_budget, and
-    /// VK_EXT_fragment_shader_interlock with fragmentShaderPixelInterlock.
+    /// synchronization2 and dynamicRendering; optional are fragmentStoresAndAtomics, bufferDeviceAddress for buffers beyond
+    /// maxStorageBufferRange, VK_EXT_memory_budget, and VK_EXT_fragment_shader_interlock with
+    /// fragmentShaderPixelInterlock.
     pub device_create_info: *const VkDeviceCreateInfo,
     /// A queue for graphics and compute.
     pub queue: VkQueue,

@@ -1,8 +1,10 @@
 //! Rewrites shaders so that they find large buffers by address. A descriptor shows a shader `maxStorageBufferRange` bytes of a buffer,
 //! 128 MiB with some drivers; an address shows all of it (`bufferDeviceAddress`).
 //!
-//! A storage block `B` of the module becomes a pointer in the class `PhysicalStorageBuffer`, which each function reads from a uniform
-//! block of addresses at [`ADDRESSES`]; pointers into the block, and alignments of loads and stores, follow from that.
+//! The variable of a storage block becomes a pointer of the class `PhysicalStorageBuffer`, which each function reads from a uniform block
+//! of addresses. Pointers into the block change their class with it, and loads and stores by them get an alignment.
+//!
+//! Source: the SPIR-V specification 1.5, with `SPV_KHR_physical_storage_buffer`, which is part of it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::iter;
@@ -21,8 +23,10 @@ const OP_TYPE_INT: u32 = 21;
 const OP_TYPE_VECTOR: u32 = 23;
 const OP_TYPE_STRUCT: u32 = 30;
 const OP_TYPE_POINTER: u32 = 32;
+const OP_TYPE_FUNCTION: u32 = 33;
 const OP_CONSTANT: u32 = 43;
 const OP_FUNCTION: u32 = 54;
+const OP_FUNCTION_END: u32 = 56;
 const OP_FUNCTION_CALL: u32 = 57;
 const OP_VARIABLE: u32 = 59;
 const OP_LOAD: u32 = 61;
@@ -92,14 +96,14 @@ struct Rewriting {
     bound: u32,
     /// Blocks by the variables that they were.
     blocks: BTreeMap<u32, Block>,
-    /// Types in the order of their identifiers' declaration, by identifier.
+    /// Operation and operands of each type.
     types: BTreeMap<u32, Instruction>,
-    /// The pointer type of a block's parts that takes the place of another.
+    /// Types of pointers into storage blocks, and those of the same parts by address.
     moved: BTreeMap<u32, u32>,
     /// Number of addresses.
     addresses: u32,
+    /// The uniform block of addresses, each a pair of words; the type of a pair and of a pointer to one; the constants 0, 1, ...
     table: u32,
-    words: u32,
     pair: u32,
     pair_pointer: u32,
     indices: Vec<u32>,
@@ -114,7 +118,6 @@ impl Rewriting {
             moved: BTreeMap::new(),
             addresses: u32::try_from(bindings.len()).unwrap_or(u32::MAX),
             table: 0,
-            words: 0,
             pair: 0,
             pair_pointer: 0,
             indices: Vec::new(),
@@ -126,7 +129,9 @@ impl Rewriting {
                     let place = bindings.iter().position(|other| other == binding);
                     places.extend(place.and_then(|place| Some((*id, u32::try_from(place).ok()?))));
                 }
-                (19..=33, [id, rest @ ..]) => drop(module.types.insert(*id, (*op, rest.to_vec()))),
+                (OP_TYPE_VOID..=OP_TYPE_FUNCTION, [id, rest @ ..]) => {
+                    drop(module.types.insert(*id, (*op, rest.to_vec())))
+                }
                 (OP_VARIABLE, [pointer, id, CLASS_STORAGE_BUFFER, ..]) => {
                     if let Some(&place) = places.get(id) {
                         module.blocks.insert(*id, Block { place, pointer: *pointer });
@@ -159,7 +164,7 @@ impl Rewriting {
     fn rewrite(&mut self, body: &[Instruction]) -> Option<Vec<Instruction>> {
         self.table = self.make();
         let layout = self.make();
-        let first_type = body.iter().position(|(op, _)| (OP_TYPE_VOID..=33).contains(op))?;
+        let first_type = body.iter().position(|(op, _)| (OP_TYPE_VOID..=OP_TYPE_FUNCTION).contains(op))?;
         let first_function = body.iter().position(|(op, _)| *op == OP_FUNCTION)?;
         let mut to: Vec<Instruction> = vec![(OP_CAPABILITY, vec![PHYSICAL_STORAGE_BUFFER_ADDRESSES])];
         for (op, operands) in &body[..first_type] {
@@ -191,8 +196,8 @@ impl Rewriting {
                 self.moved.insert(*id, moved);
             }
         }
-        self.words = self.type_of(OP_TYPE_INT, &[32, 0], &mut to);
-        self.pair = self.type_of(OP_TYPE_VECTOR, &[self.words, 2], &mut to);
+        let word = self.type_of(OP_TYPE_INT, &[32, 0], &mut to);
+        self.pair = self.type_of(OP_TYPE_VECTOR, &[word, 2], &mut to);
         self.pair_pointer = self.type_of(OP_TYPE_POINTER, &[CLASS_UNIFORM, self.pair], &mut to);
         let members = iter::repeat_n(self.pair, usize::try_from(self.addresses).ok()?);
         to.push((OP_TYPE_STRUCT, iter::once(layout).chain(members).collect()));
@@ -200,10 +205,10 @@ impl Rewriting {
         to.push((OP_VARIABLE, vec![pointer, self.table, CLASS_UNIFORM]));
         for place in 0..self.addresses {
             let index = self.make();
-            to.push((OP_CONSTANT, vec![self.words, index, place]));
+            to.push((OP_CONSTANT, vec![word, index, place]));
             self.indices.push(index);
         }
-        let functions = body[first_function..].split_inclusive(|(op, _)| *op == 56); // OpFunctionEnd
+        let functions = body[first_function..].split_inclusive(|(op, _)| *op == OP_FUNCTION_END);
         for function in functions {
             self.rewrite_function(function, &mut to)?;
         }
@@ -280,5 +285,58 @@ impl Rewriting {
         };
         operands.extend([ALIGNED, alignment]);
         Some(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::shader::{BINS_EMIT, HAVS_TILES, RAYCAST_COMPUTE};
+
+    /// BINDING_LINE_BOUNDS, of which shaders ask for the length.
+    const LINE_BOUNDS: u32 = 49;
+
+    /// Returns the storage classes of the variables of a module.
+    fn classes(words: &[u32]) -> Vec<u32> {
+        let (mut classes, mut at) = (Vec::new(), 5);
+        while at < words.len() {
+            if words[at] & 0xffff == OP_VARIABLE {
+                classes.push(words[at + 3]);
+            }
+            at += (words[at] >> 16) as usize;
+        }
+        classes
+    }
+
+    /// The blocks that are named are no variables any more, others are. (That drivers take the modules, and draw the same, is tested by
+    /// the techniques.)
+    #[test]
+    fn named_blocks_are_found_by_address() {
+        for shader in [BINS_EMIT.shader(), HAVS_TILES.shader()] {
+            let words = shader.words();
+            let storage =
+                |words: &[u32]| classes(words).iter().filter(|c| **c == CLASS_STORAGE_BUFFER).count();
+            let blocks: Vec<u32> = shader
+                .bindings
+                .iter()
+                .filter(|(_, kind)| *kind == ash::vk::DescriptorType::STORAGE_BUFFER)
+                .map(|&(binding, _)| binding)
+                .filter(|&binding| binding != LINE_BOUNDS)
+                .collect();
+            assert_eq!(by_address(&words, &[]).unwrap(), words);
+            let rewritten = by_address(&words, &blocks[1..]).unwrap();
+            assert!(storage(&words) >= blocks.len() && blocks.len() > 3);
+            assert_eq!(storage(&rewritten), storage(&words) - (blocks.len() - 1), "{}", shader.name);
+            let uniform = |words: &[u32]| classes(words).iter().filter(|c| **c == CLASS_UNIFORM).count();
+            assert_eq!(uniform(&rewritten), uniform(&words) + 1, "{}", shader.name);
+        }
+    }
+
+    /// An address does not tell how long a buffer is.
+    #[test]
+    fn a_block_whose_length_is_asked_for_is_refused() {
+        let words = RAYCAST_COMPUTE.shader().words();
+        assert!(RAYCAST_COMPUTE.shader().bindings.iter().any(|(binding, _)| *binding == LINE_BOUNDS));
+        assert_eq!(by_address(&words, &[LINE_BOUNDS]), None);
     }
 }

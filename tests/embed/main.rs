@@ -86,6 +86,7 @@ fn the_least_device_draws_everything() {
         OptionalFeature::FragmentStores,
         OptionalFeature::FragmentInterlock,
         OptionalFeature::OrderedStores,
+        OptionalFeature::BufferAddresses,
         OptionalFeature::MemoryBudget,
         OptionalFeature::DebugNames,
     ] {

@@ -88,9 +88,9 @@ impl Ranking {
         let keys = buffer(gpu, "order.keys", count.into())?;
         let order = buffer(gpu, "order", count.into())?;
         let boxed = buffer(gpu, "boxes", 2 * u64::from(count))?;
-        // Scalars of cells are met at corners. So are the faces of a mesh whose planes exceed a buffer.
+        // Scalars of cells are met at corners. So are faces so many that planes take much memory: each covers few pixels.
         let words = 8 * u64::from(count);
-        let fit = 4 * words <= gpu.most_buffer_bytes();
+        let fit = 4 * words <= gpu.most_bound_bytes();
         let by_planes = kind == Primitives::Faces && !cell_scalars && fit;
         let planes = buffer(gpu, "planes", if by_planes { words } else { 0 })?;
         let status = buffer(gpu, "status", STATUS_WORDS.into())?;
