@@ -424,8 +424,9 @@ typedef struct vr_device_info {
     /**
      * The structure that the device was made with, or one that names the extensions and features that the library may use.
      * The library reads extensions, and features in any structure of the chain that may have them. Required are
-     * synchronization2 and dynamicRendering; optional are fragmentStoresAndAtomics, bufferDeviceAddress (for
-     * data beyond maxStorageBufferRange), VK_EXT_memory_budget, and VK_EXT_fragment_shader_interlock with fragmentShaderPixelInterlock.
+     * synchronization2 and dynamicRendering; optional are fragmentStoresAndAtomics, bufferDeviceAddress for buffers beyond
+     * maxStorageBufferRange, VK_EXT_memory_budget, and VK_EXT_fragment_shader_interlock with
+     * fragmentShaderPixelInterlock.
      */
     const VkDeviceCreateInfo *device_create_info;
     /**
@@ -1498,4 +1499,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: 41158d11d10ec101 */
+/* Checksum of the sources: 568930543087c722 */

@@ -169,7 +169,7 @@ fn own_device_faces_need_no_planes() {
     }
 }
 
-/// Buffers of which a descriptor shows a part are found by address: the image is the same to the bit.
+/// Buffers of which a descriptor shows a part are found by address: the image is the same to the bit, but for the faces of `havs`, which then have no planes.
 #[test]
 fn own_device_buffers_beyond_a_descriptor_are_found_by_address() {
     let scenes = [
@@ -189,7 +189,10 @@ fn own_device_buffers_beyond_a_descriptor_are_found_by_address() {
         let [whole, parts] = [&gpu, &narrow].map(|gpu| GpuScene::new(gpu, scene.clone()));
         for spec in specs {
             let draw = |on_gpu| Renderer::new(on_gpu, technique(spec)).render(&view).unwrap();
-            assert!(draw(&whole) == draw(&parts), "{spec}");
+            let (whole, parts) = (draw(&whole), draw(&parts));
+            let apart = ImageErrors::between(&parts, &whole).unwrap().all;
+            let two_roundings = spec.starts_with("havs") && apart.rmse < 3e-7;
+            assert!(whole == parts || two_roundings, "{spec}: {apart:?}");
         }
     }
 }
