@@ -15,7 +15,7 @@
 #define BINDING_RESULT 5        // storage block: results of the start-up probes
 #define BINDING_TABLE_HEAD 6    // storage block: head of a pre-integration table
 #define BINDING_TABLE 7         // sampler3D: its bins or nodes
-#define BINDING_BRICKS 8        // storage block: one word per brick, 0 where nothing is visible
+#define BINDING_BRICKS 8        // storage block: one word per brick: 0 where nothing is visible, or its greatest scalar
 #define BINDING_RANGES 9        // storage block: least and greatest scalar of each brick
 #define BINDING_VISIBLE 10      // storage block: ranges of scalars with extinction
 #define BINDING_TEXELS 11       // storage block: packed texels of the image that the shader blends into
@@ -68,6 +68,7 @@
 #define BINDING_RANKED_BOXES 64 // storage block: boxes by rank
 
 #define BINDING_PIXELS 66       // storage block: pixels that are drawn once more
+#define BINDING_LIGHT 67        // uniform block: the light of a lit grid
 
 #define BINDING_SCAN_WORDS 13   // storage block: words that are replaced by their prefix sums
 #define BINDING_SCAN_SUMS 14    // storage block: 64-bit sums of chunks of them
@@ -122,6 +123,9 @@
 #define SPEC_LAYERED 36       // bool: the volume contains translucent surfaces
 #define SPEC_REDRAWN 37       // bool: only the pixels of BINDING_PIXELS are drawn
 #define SPEC_REFINES 38       // bool: pixels for which fewer do not suffice are listed in BINDING_PIXELS
+#define SPEC_LIT 39           // bool: emitted colours are lit
+#define SPEC_PLACED 40        // bool: segments tell where they emit
+#define SPEC_GREATEST 41      // bool: bricks hold their greatest scalars
 
 // Values of SPEC_INTEGRATOR.
 #define INTEGRATOR_MIDPOINT 0

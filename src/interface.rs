@@ -36,6 +36,25 @@ pub(crate) struct TableHead {
     pub(crate) size: [f32; 4],
 }
 
+/// The light of a lit grid (`lighting.glsl`). A is the matrix from index to world, in voxel spacings, and l points to the light.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct Light {
+    /// Diagonal of the inverse of the products of A's columns; ambient share.
+    pub(crate) squares: [f32; 4],
+    /// Its elements yz, zx, xy; diffuse share.
+    pub(crate) products: [f32; 4],
+    /// Cosine to the light per gradient: inverse of A times l; brightness of the highlight.
+    pub(crate) of_gradient: [f32; 4],
+    /// Cosine to the light per ray: transposed A times l; shininess.
+    pub(crate) of_ray: [f32; 4],
+    /// Length of the gradient, in scalars per voxel spacing, up to which nothing is lit.
+    pub(crate) least: f32,
+    /// 1: l points to the eye, along each ray.
+    pub(crate) from_eye: f32,
+    pub(crate) pad: [f32; 2],
+}
+
 /// A bin of a cumulative table (`segments.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

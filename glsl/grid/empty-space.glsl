@@ -1,4 +1,4 @@
-// Empty-space skipping: a march skips bricks in which nothing is visible (bricks.glsl).
+// Empty-space skipping: a march skips bricks in which nothing is visible (bricks.glsl), or no scalar exceeds the greatest so far.
 #ifndef EMPTY_SPACE_GLSL
 #define EMPTY_SPACE_GLSL
 
@@ -7,15 +7,17 @@
 #include "grid/ray.glsl"
 
 layout(constant_id = SPEC_EMPTY_SPACE) const bool EMPTY_SPACE = false;
+layout(constant_id = SPEC_GREATEST) const bool GREATEST = false;
 
 layout(set = 0, binding = BINDING_BRICKS, std430) readonly buffer Bricks {
-    uint visible[];
+    uint words[]; // 0 where nothing is visible; GREATEST: bits of the greatest scalar
 } bricks;
 
 struct BrickGrid {
     ivec3 count;
     ivec3 stride;
     vec3 half_size; // half the domain, indices
+    float reached;  // GREATEST: the greatest scalar of the ray so far
 };
 
 // Returns the bricks of a domain in whose index space z is axis `axis` of the grid, and the other two follow cyclically.
@@ -25,7 +27,7 @@ BrickGrid bricks_of(vec3 half_size, uint axis) {
     ivec3 stride = axis == 2u ? ivec3(1, count.x, count.x * count.y)
                  : axis == 0u ? ivec3(count.z, count.z * count.x, 1)
                                    : ivec3(count.y * count.z, 1, count.y);
-    return BrickGrid(count, stride, half_size);
+    return BrickGrid(count, stride, half_size, -3e38);
 }
 
 // Returns the number of slabs, h cells thick, to march before the next look at the bricks: about two bricks. It is the same for all
@@ -47,7 +49,8 @@ float empty_until(Ray ray, float z, float far, BrickGrid grid) {
         vec3 place = (fma(vec3(at + nudge), ray.d, ray.q) + grid.half_size) / float(BRICK);
         ivec3 brick = min(whole_of(max(place, vec3(0.0))), grid.count - 1);
         ivec3 word = brick * grid.stride;
-        if (bricks.visible[word.x + word.y + word.z] != 0u) break;
+        uint brick_word = bricks.words[word.x + word.y + word.z];
+        if (GREATEST ? uintBitsToFloat(brick_word) > grid.reached : brick_word != 0u) break;
         vec3 face = (vec3(brick) + mix(vec3(0.0), vec3(1.0), greaterThan(ray.inverse, vec3(0.0)))) * float(BRICK);
         vec3 leave = (face - grid.half_size - ray.q) * ray.inverse;
         at = max(min(min(leave.x, leave.y), leave.z), at + nudge);

@@ -24,6 +24,7 @@
 #include "grid/grid.glsl"
 #include "grid/volume.glsl"
 #include "grid/faces.glsl"
+#include "grid/lighting.glsl"
 #include "grid/march.glsl"
 
 void main() {
@@ -70,6 +71,7 @@ void main() {
                 emission = between_faces(front, back, len, knots);
                 front = back;
             }
+            if (LIT) emission = lit(emission, ray, mix(begin, end, emitted_at), lattice);
             add_behind(sum, transmittance, emission);
         }
     }

@@ -33,7 +33,14 @@
 #include "grid/grid.glsl"
 #include "grid/volume.glsl"
 #include "grid/faces.glsl"
+#include "grid/lighting.glsl"
 #include "grid/slab.glsl"
+
+// Returns premultiplied colour and opacity of a piece of the ray between two faces, lit where the scene is.
+vec4 slab_emission(Ray ray, vec2 piece, Face front, Face back, Lattice lattice, uint knots) {
+    vec4 emission = between_faces(front, back, (piece.y - piece.x) * ray.length_per_depth, knots);
+    return LIT ? lit(emission, ray, mix(piece.x, piece.y, emitted_at), lattice) : emission;
+}
 
 #ifdef VERTEX
 #include "grid/slab-outline.glsl"
@@ -64,7 +71,7 @@ void main() {
     if (piece.x < piece.y) {
         Face front = face_of(stored_at(ray, piece.x, lattice), lattice);
         Face back = face_of(stored_at(ray, piece.y, lattice), lattice);
-        emission = between_faces(front, back, (piece.y - piece.x) * ray.length_per_depth, push.knots);
+        emission = slab_emission(ray, piece, front, back, lattice, push.knots);
     }
     blend(emission, slab_in);
 }
@@ -104,8 +111,7 @@ void main() {
             if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --slab;
             Face back = face_of(stored_at(ray, piece.y, lattice), lattice);
             if (piece.x < piece.y) {
-                float len = (piece.y - piece.x) * ray.length_per_depth;
-                add_behind(sum, transmittance, between_faces(front, back, len, knots));
+                add_behind(sum, transmittance, slab_emission(ray, piece, front, back, lattice, knots));
                 front = back;
             }
         }

@@ -28,15 +28,18 @@
 #include "shared/optics.glsl"
 #include "grid/grid.glsl"
 #include "grid/volume.glsl"
+#include "grid/lighting.glsl"
 #include "grid/slab.glsl"
 
-// Returns premultiplied colour and opacity of a piece of the ray, classified in its middle.
+// Returns premultiplied colour and opacity of a piece of the ray, classified in its middle, lit where the scene is.
 vec4 slice_emission(Ray ray, vec2 piece, Lattice lattice, uint knots) {
-    float texel = stored_at(ray, 0.5 * (piece.x + piece.y), lattice);
+    float middle = 0.5 * (piece.x + piece.y);
+    float texel = stored_at(ray, middle, lattice);
     vec4 optics = classify(scalar_of(texel, lattice), knots);
     float tau = HAS_NAN && is_nan(texel) ? 0.0 : optics.a;
     // Multiply the lengths first, then the extinction: 0 * tau must stay 0.
-    return emission_of(optics.rgb, tau * (max(piece.y - piece.x, 0.0) * ray.length_per_depth));
+    vec4 emission = emission_of(optics.rgb, tau * (max(piece.y - piece.x, 0.0) * ray.length_per_depth));
+    return LIT ? lit(emission, ray, middle, lattice) : emission;
 }
 
 #ifdef VERTEX

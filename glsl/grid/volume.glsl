@@ -34,10 +34,8 @@ float fetched(vec3 index, int level) {
     return interpolated(low, high, w.z);
 }
 
-// Returns the stored value at depth z of the ray; NaN in a cell that touches a NaN sample.
-float stored_at(Ray ray, float z, Lattice lattice) {
-    vec3 position = fma(vec3(z), ray.d, ray.q);
-    float level = PREFILTER ? level_at(z, lattice) : 0.0;
+// Returns the stored value at a position, at a mip level; NaN in a cell that touches a NaN sample.
+float stored_in(vec3 position, float level, Lattice lattice) {
     if (!FILTER_EXACT) {
         vec3 coordinate = position / (2.0 * lattice.half_size + 1.0) + 0.5;
         return textureLod(volume, sampled_at(coordinate, vec3(textureSize(volume, int(level)))), level).r;
@@ -48,6 +46,11 @@ float stored_at(Ray ray, float z, Lattice lattice) {
     int below = whole_of(level);
     float fine = fetched(index, below);
     return level == float(below) ? fine : interpolated(fine, fetched(index, below + 1), level - float(below));
+}
+
+// Returns the stored value at depth z of the ray.
+float stored_at(Ray ray, float z, Lattice lattice) {
+    return stored_in(fma(vec3(z), ray.d, ray.q), PREFILTER ? level_at(z, lattice) : 0.0, lattice);
 }
 
 #endif

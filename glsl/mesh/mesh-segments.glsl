@@ -43,10 +43,10 @@ vec4 exact_piece(inout Pending pending, bool back_to_front, bool any_depth) {
     vec4 optics = thick ? mix(front.optics, after, part) : after;
     x = thick ? thin : x;
     vec4 ahead = back_to_front ? optics : front.optics, behind_it = back_to_front ? front.optics : optics;
-    vec4 piece = thin_piece(ahead, behind_it, len * x);
+    vec4 piece = thin_piece(ahead, behind_it, len * x).emission;
     bool opaque = max(ahead.a, behind_it.a) * (len * x) > 0.51;
     // (A loop: software rasterisers run through branches that no invocation takes.)
-    if (any_depth) for (uint once = 0u; once < uint(opaque); ++once) piece = thick_piece(ahead, behind_it, len * x);
+    if (any_depth) for (uint once = 0u; once < uint(opaque); ++once) piece = thick_piece(ahead, behind_it, len * x).emission;
     pending.waits = opaque && !any_depth;
     if (pending.waits) {
         piece = vec4(0.0);

@@ -19,6 +19,7 @@
 
 layout(constant_id = SPEC_INTEGRATOR) const uint INTEGRATOR = 0;
 layout(constant_id = SPEC_TABLE_FILTER) const bool TABLE_FILTER = false;
+layout(constant_id = SPEC_PLACED) const bool PLACED = false;
 
 struct TableHead {
     vec4 range;  // first and last scalar, bins or node spacings per unit of scalar, their width
@@ -48,6 +49,10 @@ TableHead head;
 
 // Index of the last knot.
 int last_knot;
+
+// Registers: where the last segment that was integrated emits, from 0 in front to 1 at the back: the mean place, weighted by emission.
+// Set where PLACED, except by FULL.
+float emitted_at = 0.5;
 
 // Loads the transfer function of `knots` knots and the table's head. Call it once, before the first segment, outside of loops.
 void load_segments(uint knots) {
@@ -255,22 +260,38 @@ float alpha_of_half(float od) {
     return od * fma(od, fma(od, series, -0.49999982), 1.0);
 }
 
-// Returns premultiplied colour and opacity of a piece along which colour and extinction are linear, for optical depths up to 1/2.
-// Gauss-Legendre with three points replaces `front_weight`: 1 - exp(-od(t)) is within 2e-7 of a polynomial of degree 5 there.
-vec4 thin_piece(vec4 ahead, vec4 after, float len) {
+// A piece along which colour and extinction are linear.
+struct LinearPiece {
+    vec4 emission; // premultiplied colour and opacity
+    float weight;  // of the front colour; the back colour has the rest of the opacity
+};
+
+// Returns a piece for optical depths up to 1/2. Gauss-Legendre with three points replaces `front_weight`: 1 - exp(-od(t)) is within 2e-7
+// of a polynomial of degree 5 there.
+LinearPiece thin_piece(vec4 ahead, vec4 after, float len) {
     float a = ahead.a * len, slope = 0.5 * (after.a - ahead.a) * len;
     float alpha = alpha_of_half(a + slope);
     const float NODE[3] = float[](0.1127016653792583, 0.5, 0.8872983346207417);
     float outer = alpha_of_half(NODE[0] * fma(slope, NODE[0], a)) + alpha_of_half(NODE[2] * fma(slope, NODE[2], a));
     float weight = fma(8.0 / 18.0, alpha_of_half(NODE[1] * fma(slope, NODE[1], a)), (5.0 / 18.0) * outer);
-    return vec4(fma(ahead.rgb, vec3(weight), after.rgb * (alpha - weight)), alpha);
+    return LinearPiece(vec4(fma(ahead.rgb, vec3(weight), after.rgb * (alpha - weight)), alpha), weight);
 }
 
 // The same for any optical depth.
-vec4 thick_piece(vec4 ahead, vec4 after, float len) {
+LinearPiece thick_piece(vec4 ahead, vec4 after, float len) {
     float alpha = alpha_of(len * 0.5 * (ahead.a + after.a));
     float weight = front_weight(len * ahead.a, len * after.a);
-    return vec4(fma(ahead.rgb, vec3(weight), after.rgb * max(alpha - weight, 0.0)), alpha);
+    return LinearPiece(vec4(fma(ahead.rgb, vec3(weight), after.rgb * max(alpha - weight, 0.0)), alpha), weight);
+}
+
+// Returns the place of a piece's emission times its opacity, where it reaches from one place of the segment to another.
+float moment_of(LinearPiece piece, float from, float to) {
+    return fma(piece.weight, from - to, piece.emission.a * to);
+}
+
+// Sets where a segment emits from the sum of the moments of its pieces.
+void set_emitted_at(float moment, float alpha) {
+    emitted_at = alpha > 0.0 ? clamp(moment / alpha, 0.0, 1.0) : 0.5;
 }
 
 // Looks up the knot of an index.
@@ -294,6 +315,7 @@ vec4 exact_pieces(End front, End back, float len) {
     uint crossings = uint(abs(back.knot - front.knot));
     float scale = crossings == 0u ? 0.0 : 1.0 / (back.s - front.s), done = 0.0;
     vec4 ahead = front.optics, all = vec4(0.0);
+    float moment = 0.0;
     for (uint turn = 0u; turn <= crossings; ++turn) {
         bool at_back = turn == crossings;
         int crossed = rising ? front.knot + 1 + int(turn) : front.knot - int(turn);
@@ -313,12 +335,14 @@ vec4 exact_pieces(End front, End back, float len) {
         float x = at_back ? 1.0 : clamp((s - front.s) * scale, done, 1.0);
         float piece_len = (x - done) * len;
         bool thick = max(ahead.a, after.a) * piece_len > 0.5;
-        vec4 piece = thin_piece(ahead, after, piece_len);
+        LinearPiece piece = thin_piece(ahead, after, piece_len);
         for (uint once = 0u; once < uint(thick); ++once) piece = thick_piece(ahead, after, piece_len);
-        all = behind(all, piece);
+        if (PLACED) moment = fma(1.0 - all.a, moment_of(piece, done, x), moment);
+        all = behind(all, piece.emission);
         ahead = after;
         done = x;
     }
+    if (PLACED) set_emitted_at(moment, all.a);
     return all;
 }
 
@@ -331,16 +355,37 @@ vec4 exact_between(End front, End back, float len) {
     if (KNOT_WALK != 0) knot_at(max(front.knot, back.knot), s, knot);
     vec4 middle = crossings == 0u ? back.optics : knot;
     float x = crossings == 0u ? 1.0 : clamp((s - front.s) / (back.s - front.s), 0.0, 1.0);
-    vec4 all = behind(thin_piece(front.optics, middle, len * x), thin_piece(middle, back.optics, len * (1.0 - x)));
+    LinearPiece first = thin_piece(front.optics, middle, len * x), second = thin_piece(middle, back.optics, len * (1.0 - x));
+    vec4 all = behind(first.emission, second.emission);
+    if (PLACED) set_emitted_at(fma(1.0 - first.emission.a, moment_of(second, x, 1.0), moment_of(first, 0.0, x)), all.a);
     bool thin = max(max(front.optics.a, back.optics.a), middle.a) * len <= 0.5;
     bool simple = thin && crossings <= (KNOT_WALK == 0 ? 0u : 1u);
     for (uint once = 0u; once < uint(!simple); ++once) all = exact_pieces(front, back, len);
     return all;
 }
 
+// Returns a piece of constant extinction, without its colour.
+LinearPiece even_piece(float od) {
+    float alpha = alpha_of(od);
+    return LinearPiece(vec4(0.0, 0.0, 0.0, alpha), od < 0.05 ? od * fma(od, fma(od, 1.0 / 24.0, -1.0 / 6.0), 0.5) : 1.0 - alpha / od);
+}
+
+// Sets where a segment emits from its mean extinction, as if the extinction jumped from that of its front to that of its back: then the
+// mean tells where. This is exact for one jump.
+void set_emitted_at_jump(float ahead, float after, float mean, float len) {
+    float x = ahead == after ? 0.5 : clamp((after - mean) / (after - ahead), 0.0, 1.0);
+    LinearPiece first = even_piece(ahead * (len * x)), second = even_piece(after * (len * (1.0 - x)));
+    float moment = fma(1.0 - first.emission.a, moment_of(second, x, 1.0), moment_of(first, 0.0, x));
+    set_emitted_at(moment, behind(first.emission, second.emission).a);
+}
+
 // Returns premultiplied colour and opacity of a segment of world length `len`.
 vec4 segment(End front, End back, float len, uint knots) {
-    if (INTEGRATOR == INTEGRATOR_INTEGRAL) return emission_of_density(integral_density(front, back, knots), len);
+    if (INTEGRATOR == INTEGRATOR_INTEGRAL) {
+        vec4 density = integral_density(front, back, knots);
+        if (PLACED) set_emitted_at_jump(classify(front.s, knots).a, classify(back.s, knots).a, density.a, len);
+        return emission_of_density(density, len);
+    }
     if (INTEGRATOR == INTEGRATOR_FULL) return full_segment(front.s, back.s, len, knots);
     return exact_between(front, back, len);
 }

@@ -41,7 +41,7 @@ const SOURCES: &[(&str, &[u8])] = sources! {
     "reference/": "cover.rs", "draw.rs", "grid.rs", "image.rs", "kernels.rs", "march.rs", "mod.rs", "polynomial.rs",
         "surfaces.rs", "tets.rs", "tree.rs", "view_ray.rs";
     "reference/kernels/": "density.rs", "hits.rs", "interpolate.rs", "lattice.rs", "scattered.rs", "values.rs";
-    "scene/": "camera.rs", "clip.rs", "grid.rs", "kernel.rs", "points.rs", "samples.rs", "tets.rs",
+    "scene/": "camera.rs", "clip.rs", "grid.rs", "kernel.rs", "mode.rs", "points.rs", "samples.rs", "tets.rs",
         "transfer.rs";
 };
 
@@ -151,7 +151,7 @@ fn key(scene: &Scene, view: &View) -> Option<[u8; HASH]> {
     // `{:?}` of a float is exact: it reads back as the same value.
     put(format!("{:?} {:?} {:?}", view.camera(), view.extent(), view.clip()).as_bytes());
     put(format!("{:?}", scene.transfer.knots()).as_bytes());
-    put(format!("{:?}", scene.kernels).as_bytes());
+    put(format!("{:?} {:?}", scene.kernels, scene.mode).as_bytes());
     for surface in &scene.surfaces {
         put(format!("surface {:?} {:?}", surface.colour(), surface.shading()).as_bytes());
         put(bytemuck::cast_slice(surface.points()));
@@ -247,7 +247,8 @@ mod tests {
     use std::sync::atomic::{AtomicU32, Ordering};
     use volraster::glam::DVec3;
     use volraster::scene::{
-        Camera, Clip, Field, Kernel, Kernels, Model, Points, Projection, Shading, Surface, TransferFunction,
+        Camera, Clip, Field, Kernel, Kernels, Lighting, Mode, Model, Points, Projection, Shading, Surface,
+        TransferFunction,
     };
 
     fn scene(name: &str, cubes: bool, extinction: f64) -> Scene {
@@ -344,6 +345,7 @@ mod tests {
         };
         let corners = [DVec3::X, DVec3::Y, DVec3::Z];
         let with = |surface: Surface| key(&grid.clone().with_surfaces(vec![surface]), &view(2.0, 8));
+        let shown = |mode: Mode| key(&grid.clone().with_mode(mode).unwrap(), &view(2.0, 8));
         let keys = [
             plain,
             key(&grid, &clip(0.1)),
@@ -353,9 +355,12 @@ mod tests {
             with(surface(corners, [0, 2, 1], 0.5)),
             with(surface([DVec3::X, DVec3::Y, -DVec3::Z], [0, 1, 2], 0.5)),
             with(surface(corners, [0, 1, 2], 0.5).with_shading(Shading::Headlight)),
+            shown(Mode::Maximum),
+            shown(Mode::Lit(Lighting::default())),
+            shown(Mode::Lit(Lighting { specular: 0.3, ..Lighting::default() })),
         ];
         for (i, key) in keys.iter().enumerate() {
-            assert!(key.is_some() && !keys[..i].contains(key), "clips and surfaces {i}");
+            assert!(key.is_some() && !keys[..i].contains(key), "clips, surfaces and modes {i}");
         }
         grid = grid.with_kernels(Kernels::of_samples()).unwrap();
         assert_ne!(key(&grid, &view(2.0, 8)), plain);

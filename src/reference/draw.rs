@@ -25,10 +25,13 @@ pub(super) enum Rays<'a> {
 
 impl<'a> Rays<'a> {
     pub(super) fn new(scene: &'a Scene) -> Result<Self> {
+        scene.check_mode()?;
         let kernels = match (&scene.data, scene.kernels) {
             (_, Some(kernels)) => kernels,
             (Data::Points(_), None) => Kernels::of_points(),
-            (Data::Grid(grid), None) => return Ok(Self::Grid(GridRays::new(grid, &scene.transfer))),
+            (Data::Grid(grid), None) => {
+                return Ok(Self::Grid(GridRays::new(grid, &scene.transfer, scene.mode)));
+            }
             (Data::Mesh(mesh), None) => return Ok(Self::Mesh(TetRays::new(mesh, &scene.transfer))),
         };
         Ok(Self::Kernels(Box::new(KernelRays::new(scene, &kernels)?)))

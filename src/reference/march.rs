@@ -23,6 +23,10 @@ pub(super) fn finite(scalar: f64, [low, high]: [f64; 2]) -> f64 {
     }
 }
 
+/// How the light shows the colour emitted at a place of a segment, from 0 to 1: the factor of the colour, and the white that is
+/// added.
+pub(super) type Shade<'a> = &'a dyn Fn(f64) -> [f64; 2];
+
 /// A transfer function, prepared for integration along rays.
 #[derive(Debug)]
 pub(super) struct Classes {
@@ -87,18 +91,31 @@ impl March {
 
     /// Adds a segment along which the scalar is a cubic on [0, 1].
     ///
-    /// It is cut at the knots and integrated piece by piece.
-    pub(super) fn add_cubic(&mut self, classes: &Classes, scalar: &Cubic, length: f64) {
+    /// It is cut at the knots and integrated piece by piece; `shade` lights its colours.
+    pub(super) fn add_cubic(
+        &mut self,
+        classes: &Classes,
+        scalar: &Cubic,
+        length: f64,
+        shade: Option<Shade<'_>>,
+    ) {
         // Between turning points the scalar is monotone and crosses each knot at most once.
         let mut from = 0.0;
         let turns = polynomial::turning_points(scalar);
         for to in turns.into_iter().filter(|x| !x.is_nan()).chain([1.0]) {
-            self.add_monotone(classes, scalar, length, from, to);
+            self.add_monotone(classes, scalar, length, [from, to], shade);
             from = to;
         }
     }
 
-    fn add_monotone(&mut self, classes: &Classes, scalar: &Cubic, length: f64, from: f64, to: f64) {
+    fn add_monotone(
+        &mut self,
+        classes: &Classes,
+        scalar: &Cubic,
+        length: f64,
+        [from, to]: [f64; 2],
+        shade: Option<Shade<'_>>,
+    ) {
         let (start, end) = (polynomial::value(scalar, from), polynomial::value(scalar, to));
         let (first, last) = (classes.interval(start.min(end)), classes.interval(start.max(end)));
         if classes.is_vacuum(first, last) {
@@ -116,17 +133,24 @@ impl March {
             }
             crossed = Some(s);
             let cut = polynomial::crossing(scalar, s, here, to);
-            self.add_piece(classes, scalar, length, here, cut);
+            self.add_piece(classes, scalar, length, [here, cut], shade);
             if self.is_opaque() {
                 return;
             }
             here = cut;
         }
-        self.add_piece(classes, scalar, length, here, to);
+        self.add_piece(classes, scalar, length, [here, to], shade);
     }
 
     /// Adds a piece inside one interval of the transfer function.
-    fn add_piece(&mut self, classes: &Classes, scalar: &Cubic, length: f64, from: f64, to: f64) {
+    fn add_piece(
+        &mut self,
+        classes: &Classes,
+        scalar: &Cubic,
+        length: f64,
+        [from, to]: [f64; 2],
+        shade: Option<Shade<'_>>,
+    ) {
         let width = to - from;
         if width <= 0.0 {
             return;
@@ -149,7 +173,12 @@ impl March {
                 place = [((middle - a.s) / range).clamp(0.0, 1.0), 0.0, 0.0, 0.0];
             }
         }
-        self.add_linear(&classes.rules, &place, length * width, a, b);
+        match shade {
+            None => self.add_linear(&classes.rules, &place, length * width, a, b),
+            Some(shade) => {
+                self.add_lit(&classes.rules, &place, length * width, [a, b], &|u| shade(from + u * width));
+            }
+        }
     }
 
     /// Adds a piece whose extinction and colour are linear between two knots, at positions given by a cubic.
@@ -208,6 +237,41 @@ impl March {
         }
     }
 
+    /// Adds a piece as [`Self::add_linear`] does, with its colour lit: panels are halved until their emission is exact to
+    /// 1e-11, because light has kinks where it grazes a surface.
+    fn add_lit(
+        &mut self,
+        rules: &[(f64, Vec<Node>)],
+        place: &Cubic,
+        length: f64,
+        [a, b]: [&Knot; 2],
+        shade: Shade<'_>,
+    ) {
+        let Some((limit, rule)) = rules.last() else { return };
+        let mut extinction = place.map(|c| (b.tau - a.tau) * c * length);
+        extinction[0] += a.tau * length;
+        let colour = |u: f64| {
+            let [seen, white] = shade(u);
+            let emitted = a.colour + (b.colour - a.colour) * polynomial::value(place, u);
+            (emitted * seen + white).to_array()
+        };
+        let glow = Glow { rule, extinction: &extinction, colour: &colour };
+        let mut from = 0.0;
+        while from < 1.0 && !self.is_opaque() {
+            let mut width = 1.0 - from;
+            while glow.depth(from, width) > *limit {
+                width *= 0.5;
+            }
+            let emitted = glow.refined(from, width, glow.emission(from, width), 40);
+            let transmittance = (-self.depth).exp();
+            for (sum, emitted) in self.colour.iter_mut().zip(emitted) {
+                *sum += transmittance * emitted;
+            }
+            self.depth += glow.depth(from, width);
+            from += width;
+        }
+    }
+
     /// Adds one panel. `extinction` is optical depth per unit of the parameter, `total` its integral.
     fn add_panel(
         &mut self,
@@ -233,6 +297,49 @@ impl March {
             *sum += transmittance * (c * near + d * far);
         }
         self.depth += total;
+    }
+}
+
+/// A lit piece: optical depth per unit of its parameter, and its colour.
+struct Glow<'a> {
+    rule: &'a [Node],
+    extinction: &'a Cubic,
+    colour: &'a dyn Fn(f64) -> [f64; 3],
+}
+
+impl Glow<'_> {
+    /// Returns the optical depth of a panel.
+    fn depth(&self, from: f64, width: f64) -> f64 {
+        (polynomial::integral(&polynomial::part(self.extinction, from, width), 1.0) * width).max(0.0)
+    }
+
+    /// Returns the emission of a panel by one quadrature.
+    fn emission(&self, from: f64, width: f64) -> [f64; 3] {
+        let part = polynomial::part(self.extinction, from, width).map(|c| c * width);
+        let mut sum = [0.0; 3];
+        for node in self.rule {
+            let absorbed = (-polynomial::integral(&part, node.x)).exp();
+            let emitted = node.weight * polynomial::value(&part, node.x) * absorbed;
+            for (sum, colour) in sum.iter_mut().zip((self.colour)(from + node.x * width)) {
+                *sum += emitted * colour;
+            }
+        }
+        sum
+    }
+
+    /// Returns the emission of a panel from its halves, halved again while that changes it. `whole` is the emission by one
+    /// quadrature.
+    fn refined(&self, from: f64, width: f64, whole: [f64; 3], levels: u32) -> [f64; 3] {
+        let half = 0.5 * width;
+        let (near, far) = (self.emission(from, half), self.emission(from + half, half));
+        let through = (-self.depth(from, half)).exp();
+        let both = |near: [f64; 3], far: [f64; 3]| std::array::from_fn(|i| near[i] + through * far[i]);
+        let sum: [f64; 3] = both(near, far);
+        let change = sum.iter().zip(whole).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        if change <= 1e-11 || levels == 0 {
+            return sum;
+        }
+        both(self.refined(from, half, near, levels - 1), self.refined(from + half, half, far, levels - 1))
     }
 }
 
@@ -306,7 +413,7 @@ mod tests {
         let rows = [[0.0, 1.0, 0.0, 0.0, 2.0], [5e-324, 0.0, 1.0, 0.0, 1e6], [1.0, 0.0, 1.0, 0.0, 2.0]];
         let classes = Classes::new(&TransferFunction::from_rows(&rows).unwrap());
         let mut march = March::default();
-        march.add_piece(&classes, &[-1e-9, 2e-9, 0.0, 0.0], 1.5, 0.0, 1.0);
+        march.add_piece(&classes, &[-1e-9, 2e-9, 0.0, 0.0], 1.5, [0.0, 1.0], None);
         let alpha = -(-3.0_f64).exp_m1();
         assert_eq!(march.pixel(), [alpha, 0.0, 0.0, alpha]);
     }

@@ -175,7 +175,7 @@ impl<'a> TetRays<'a> {
         sort(pieces);
         let mut march = March::default();
         for Piece { t, s, .. } in pieces {
-            march.add_cubic(&self.classes, &[s[0], s[1] - s[0], 0.0, 0.0], t[1] - t[0]);
+            march.add_cubic(&self.classes, &[s[0], s[1] - s[0], 0.0, 0.0], t[1] - t[0], None);
             if march.is_opaque() {
                 break;
             }

@@ -180,6 +180,12 @@ fn slack(min: f64, max: f64, terms: f64) -> f64 {
     (max - min) / 512.0 + 4.0 * unit
 }
 
+/// Uploads one word for each brick of a grid: the bits of its greatest scalar.
+pub(crate) fn greatest_scalars(gpu: &Gpu, grid: &Grid) -> Result<Arc<Buffer>> {
+    let greatest: Vec<f32> = brick_ranges(grid).into_iter().map(|[_, greatest]| greatest).collect();
+    Buffer::with_data(gpu, "bricks.greatest", bytemuck::cast_slice(&greatest))
+}
+
 /// The smallest and largest scalar of each brick on the device, and the number of bricks.
 #[derive(Clone, Debug)]
 pub(crate) struct BrickRanges {

@@ -5,12 +5,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use ash::vk;
 
 use crate::error::{Error, Result};
-use crate::gpu::shader::Segments;
+use crate::gpu::shader::{self, Segments};
 use crate::gpu::{Buffer, Gpu, Image, Sampled};
 use crate::num::f32_of;
-use crate::resident::bricks::BrickRanges;
+use crate::resident::bricks::{BrickRanges, greatest_scalars};
 use crate::resident::cache::Cache;
 use crate::resident::clock::{Clock, UploadTimes};
+use crate::resident::light;
 use crate::resident::mesh::{DrawnPrimitives, MeshData, Primitives};
 use crate::resident::splats::{SplatNeeds, SplatSet};
 use crate::resident::surfaces::SurfaceData;
@@ -18,7 +19,7 @@ use crate::resident::tables::{Integrator, Knots, SegmentOptions, TABLE_FORMAT, T
 use crate::resident::volume::{Form, Layout, Volume};
 use crate::scene::grid::diagonal;
 use crate::scene::{
-    Grid, Kernel, Kernels, Model, Samples, Scene, Surface, TetScalars, Tets, TransferFunction,
+    Grid, Kernel, Kernels, Mode, Model, Samples, Scene, Surface, TetScalars, Tets, TransferFunction,
 };
 
 /// A scene with its data on the device.
@@ -37,6 +38,7 @@ pub struct GpuScene {
     pub(crate) splat_needs: Mutex<SplatNeeds>,
     /// Surfaces; `None` where no triangle has an area.
     surfaces: Cache<(), Option<Arc<SurfaceData>>>,
+    light: Cache<(), Arc<Buffer>>,
     clock: Clock,
 }
 
@@ -45,6 +47,8 @@ pub struct GpuScene {
 struct GridData {
     volumes: Cache<Form, Arc<Volume>>,
     ranges: Cache<(), BrickRanges>,
+    /// The greatest scalar of each brick.
+    greatest: Cache<(), Arc<Buffer>>,
 }
 
 /// Data that depends on the transfer function and the longest segment.
@@ -84,6 +88,7 @@ impl GpuScene {
             visible: VisibleData::default(),
             splat_needs: Mutex::default(),
             surfaces: Cache::default(),
+            light: Cache::default(),
             clock: Clock::default(),
         }
     }
@@ -142,14 +147,30 @@ impl GpuScene {
     /// plans must be prepared for the new scene.
     #[must_use]
     pub fn with_surfaces(&self, surfaces: Vec<Surface>) -> Arc<Self> {
-        Arc::new(Self {
+        Arc::new(self.sharing(Scene { surfaces, ..self.scene.clone() }))
+    }
+
+    /// Returns the same scene with another mode, such as a light that moves. All data on the device is shared; plans must be
+    /// prepared for the new scene.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::with_mode`].
+    pub fn with_mode(&self, mode: Mode) -> Result<Arc<Self>> {
+        let scene = self.scene.clone().with_mode(mode)?;
+        Ok(Arc::new(Self { surfaces: self.surfaces.clone(), ..self.sharing(scene) }))
+    }
+
+    /// Returns a scene of the same data and transfer function, which shares what is on the device but surfaces.
+    fn sharing(&self, scene: Scene) -> Self {
+        Self {
             grid: self.grid.clone(),
             mesh: Arc::clone(&self.mesh),
             tables: self.tables.clone(),
             visible: self.visible.clone(),
             splat_needs: Mutex::new(*self.splat_needs.lock().unwrap_or_else(PoisonError::into_inner)),
-            ..Self::unshared(&self.gpu, Scene { surfaces, ..self.scene.clone() })
-        })
+            ..Self::unshared(&self.gpu, scene)
+        }
     }
 
     /// Returns the data of the mesh on the device.
@@ -246,7 +267,8 @@ impl GpuScene {
                 (unread.sampled(filter), self.knots()?.buffer.read())
             }
         };
-        Ok(Segments { table, table_head, integrator: options.integrator.code(), table_filter })
+        let (integrator, placed) = (options.integrator.code(), matches!(self.scene.mode, Mode::Lit(_)));
+        Ok(Segments { table, table_head, integrator, table_filter, placed })
     }
 
     /// Returns the knots of the transfer function.
@@ -264,6 +286,21 @@ impl GpuScene {
         })
     }
 
+    /// Returns one word for each brick: the bits of its greatest scalar.
+    pub(crate) fn greatest_scalars(&self) -> Result<Arc<Buffer>> {
+        let grid = self.grid()?;
+        self.grid.greatest.get((), || self.clock.upload(|| greatest_scalars(&self.gpu, grid)))
+    }
+
+    /// Returns the light of the scene for the shaders of grids; `unread` stands in where it is not lit.
+    pub(crate) fn lighting(&self, unread: &Arc<Buffer>) -> Result<shader::Lighting> {
+        let Mode::Lit(lighting) = &self.scene.mode else {
+            return Ok(shader::Lighting { light: unread.uniform(), lit: false });
+        };
+        let light = self.light.get((), || light::upload(&self.gpu, self.grid()?, lighting))?;
+        Ok(shader::Lighting { light: light.uniform(), lit: true })
+    }
+
     /// Returns the surfaces of the scene; `None` where no triangle has an area.
     pub(crate) fn surfaces(&self) -> Result<Option<Arc<SurfaceData>>> {
         let Scene { surfaces, data, .. } = &self.scene;
@@ -274,7 +311,10 @@ impl GpuScene {
     /// ends early.
     pub(crate) fn max_colour(&self) -> f64 {
         let surfaces = self.scene.surfaces.iter().flat_map(|surface| surface.colour()[..3].to_vec());
-        surfaces.fold(self.scene.transfer.max_colour().max(1.0), f64::max)
+        let emitted = self.scene.transfer.max_colour();
+        let seen =
+            if let Mode::Lit(lighting) = &self.scene.mode { lighting.brightest(emitted) } else { emitted };
+        surfaces.fold(seen.max(1.0), f64::max)
     }
 
     /// Returns the scene.

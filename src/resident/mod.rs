@@ -8,6 +8,7 @@ mod bricks;
 mod cache;
 pub(crate) mod clock;
 mod gpu_scene;
+mod light;
 pub(crate) mod local_space;
 pub(crate) mod mesh;
 mod mips;

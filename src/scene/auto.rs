@@ -10,8 +10,13 @@ mod statistics;
 
 pub use framing::camera;
 
-use super::{Data, Kernels, TransferFunction};
-use crate::error::Result;
+use glam::DVec3;
+
+use super::{Data, Kernels, Knot, TransferFunction};
+use crate::error::{Error, Result};
+
+/// The colour of an isosurface that none is chosen for: linear RGB, bone.
+pub const ISOSURFACE_COLOUR: DVec3 = DVec3::new(0.9, 0.84, 0.7);
 
 /// Derives a transfer function that shows the data's structure from the distribution of its values alone.
 ///
@@ -47,4 +52,23 @@ pub fn transfer_of(data: &Data, kernels: Option<&Kernels>) -> Result<TransferFun
         Data::Mesh(mesh) => mesh::transfer(mesh),
         Data::Points(points) => points::transfer(points, kernels.unwrap_or(&Kernels::of_points())),
     }
+}
+
+/// Makes the transfer function of an isosurface: vacuum below a scalar, one colour from it on, which is opaque within a
+/// hundred-thousandth of the diagonal of the data's box.
+///
+/// # Errors
+///
+/// [`Error::Invalid`] if no scalar of the data lies below `s` or none above it, or the colour is negative or not finite.
+pub fn isosurface(data: &Data, s: f64, colour: DVec3) -> Result<TransferFunction> {
+    let [least, greatest] = data.range();
+    if !(s > least && s <= greatest) {
+        let why = format!("{s}: the data has scalars from {least} to {greatest}, and no surface there");
+        return Err(Error::invalid("isosurface", why));
+    }
+    let corners = data.corners();
+    let diagonal = corners.iter().map(|corner| corner.distance(corners[0])).fold(0.0, f64::max);
+    // exp(-12) is below a step of 16 bits.
+    let tau = if diagonal > 0.0 { 12e5 / diagonal } else { 1.0 };
+    TransferFunction::new([0.0, tau].map(|tau| Knot { s, colour, tau }).to_vec())
 }

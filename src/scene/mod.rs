@@ -17,6 +17,7 @@ mod data;
 pub(crate) mod field;
 pub(crate) mod grid;
 mod kernel;
+mod mode;
 mod points;
 pub(crate) mod predicates;
 pub mod presets;
@@ -34,6 +35,7 @@ pub use data::Data;
 pub use field::Field;
 pub use grid::{Anatomy, Grid, Rescale};
 pub use kernel::{Kernel, Kernels, Model};
+pub use mode::{Lighting, Mode};
 pub use points::{KernelSize, Points};
 pub use samples::Samples;
 pub use surface::{Shading, Surface};
@@ -57,13 +59,15 @@ pub struct Scene {
     pub kernels: Option<Kernels>,
     /// Opaque and translucent triangle meshes inside the volume.
     pub surfaces: Vec<Surface>,
+    /// What the ray of a pixel shows.
+    pub mode: Mode,
 }
 
 impl Scene {
-    /// Makes a scene of a grid, a mesh or points, without kernels and surfaces.
+    /// Makes a scene of a grid, a mesh or points, without kernels and surfaces, that shows emission and absorption.
     #[must_use]
     pub fn new(data: impl Into<Data>, transfer: TransferFunction) -> Self {
-        Self { data: data.into(), transfer, kernels: None, surfaces: Vec::new() }
+        Self { data: data.into(), transfer, kernels: None, surfaces: Vec::new(), mode: Mode::Emission }
     }
 
     /// Returns the scene with its field reconstructed by kernels: at the samples of a grid, the points of a
@@ -90,6 +94,31 @@ impl Scene {
     #[must_use]
     pub fn with_surfaces(self, surfaces: Vec<Surface>) -> Self {
         Self { surfaces, ..self }
+    }
+
+    /// Returns the scene with another mode.
+    ///
+    /// # Errors
+    ///
+    /// As [`Mode::check`]; [`Error::Invalid`] for a mode other than [`Mode::Emission`] unless the scene holds a grid without
+    /// kernels.
+    pub fn with_mode(self, mode: Mode) -> Result<Self> {
+        let scene = Self { mode, ..self };
+        scene.check_mode().map(|()| scene)
+    }
+
+    /// Checks the mode, as [`Self::with_mode`] does.
+    pub(crate) fn check_mode(&self) -> Result<()> {
+        self.mode.check()?;
+        if self.mode != Mode::Emission && (self.grid().is_none() || self.kernels.is_some()) {
+            let kernels = if self.kernels.is_some() { " of kernels" } else { "" };
+            let (mode, kind) = (self.mode.name(), self.data.kind());
+            return Err(Error::invalid(
+                "mode",
+                format!("{mode}: requires a grid, the scene holds a {kind}{kernels}"),
+            ));
+        }
+        Ok(())
     }
 
     /// Returns the grid if the data is one.

@@ -8,7 +8,7 @@ use crate::frame::target::Canvas;
 use crate::frame::upsampling::Drawn;
 use crate::resident::GpuScene;
 use crate::resident::surfaces::SurfaceData;
-use crate::scene::{Data, Kernel, Scene, Surface, View};
+use crate::scene::{Data, Kernel, Mode, Scene, Surface, View};
 use crate::technique::declare::draw::{self, Draw as _, Facts, Family, Sample, TechniqueOptions as _};
 use crate::technique::declare::{self, OptionInfo};
 use crate::technique::grid::{raycast, slabs, slices_2d, slices_3d};
@@ -151,12 +151,13 @@ impl Method {
         self.data().contains(&data.kind())
     }
 
-    /// Whether it draws a scene: its data, its kernels if it has any, and its translucent surfaces. Techniques with kernels of their own
+    /// Whether it draws a scene: its data, its kernels if it has any, its translucent surfaces and its mode. Techniques with kernels of their own
     /// also draw a scene without kernels, blurred by them.
     #[must_use]
     pub fn draws_scene(self, scene: &Scene) -> bool {
         self.draws(&scene.data)
             && (self.draws_translucent_surfaces() || !scene.surfaces.iter().any(Surface::is_translucent))
+            && self.check_mode(scene).is_ok()
             && scene.kernels.is_none_or(|kernels| self.facts().kernels.contains(&kernels.kernel))
     }
 
@@ -193,6 +194,27 @@ impl Method {
         Err(Error::invalid("technique", why))
     }
 
+    /// Refuses a scene of a mode that it does not draw.
+    fn check_mode(self, scene: &Scene) -> Result<()> {
+        scene.check_mode()?;
+        let mode = scene.mode;
+        let refuse = |why: String| Err(Error::invalid("technique", why));
+        let draws = |method: Self| mode == Mode::Emission || method.facts().modes.contains(&mode.name());
+        if !draws(self) {
+            let others: Vec<&str> = Self::ALL.into_iter().filter(|&m| draws(m)).map(Self::name).collect();
+            return refuse(format!(
+                "{} does not draw mode {}: {} do",
+                self.name(),
+                mode.name(),
+                others.join(", ")
+            ));
+        }
+        if mode == Mode::Maximum && scene.surfaces.iter().any(Surface::is_translucent) {
+            return refuse("mode maximum has no translucent surfaces; opaque ones are drawn".to_string());
+        }
+        Ok(())
+    }
+
     /// The default technique of a scene; `None` where no technique draws it.
     #[must_use]
     pub fn default_for(scene: &Scene) -> Option<Self> {
@@ -200,6 +222,8 @@ impl Method {
         let first = match (&scene.data, &scene.kernels) {
             (Data::Points(_), _) | (_, Some(_)) => Self::SplatEwa,
             (Data::Mesh(_), None) => Self::Havs,
+            // A slab knows where in it an isosurface lies.
+            (Data::Grid(_), None) if matches!(scene.mode, Mode::Lit(_)) => Self::Slabs,
             (Data::Grid(_), None) => Self::Slices3d,
         };
         std::iter::once(first).chain(Self::ALL).find(|method| method.draws_scene(scene))
@@ -249,6 +273,7 @@ impl Technique {
         view: &View,
         target: &Canvas,
     ) -> Result<Box<dyn Prepared>> {
+        self.method().check_mode(scene.scene())?;
         let splats = !self.method().facts().kernels.is_empty();
         if splats && !self.method().draws(&scene.scene().data) {
             let (name, kind) = (self.method().name(), scene.scene().data.kind());

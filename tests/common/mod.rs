@@ -23,7 +23,7 @@ use volraster::Image;
 use volraster::gpu::{Gpu, OptionalFeature};
 use volraster::measure::ImageErrors;
 use volraster::reference::{self, ReferenceOptions};
-use volraster::scene::{Camera, Field, Projection, Scene, TransferFunction, View};
+use volraster::scene::{Camera, Field, Lighting, Mode, Projection, Scene, TransferFunction, View};
 use volraster::technique::{Method, Renderer, Technique};
 
 /// Whether this run takes every case (`make test-all`), and not a selection of each kind (`make test`).
@@ -147,11 +147,14 @@ pub fn all_specs(gpu: &Gpu) -> Vec<String> {
     specs
 }
 
-/// A small scene of each kind, with every technique that draws it by every route that the device offers.
+/// A small scene of each kind and mode, with every technique that draws it by every route that the device offers.
 pub fn every_kind(gpu: &Gpu) -> Vec<(std::sync::Arc<GpuScene>, Vec<String>)> {
     let transfer = TransferFunction::from_rows(&FOG).unwrap();
+    let shown = |mode| scene(Field::Blobs, 16, "u8", &FOG).with_mode(mode).unwrap();
     let scenes = [
-        scene(Field::Blobs, 16, "u8", &FOG),
+        shown(Mode::Emission),
+        shown(Mode::Lit(Lighting::default())),
+        shown(Mode::Maximum),
         Scene::new(Field::Blobs.tets(5).unwrap(), transfer.clone()),
         Scene::new(Field::Blobs.points(300).unwrap().with_estimated_radius(), transfer),
     ];

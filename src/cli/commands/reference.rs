@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use volraster::reference::{self, ReferenceOptions};
 
-use crate::cli::input::{ArraysArgs, Input, Size};
+use crate::cli::input::{ArraysArgs, Input, LookArgs, Size};
 use crate::cli::outcome::Outcome;
 use crate::cli::output;
 
@@ -17,6 +17,8 @@ pub(crate) struct Args {
     scene: PathBuf,
     #[command(flatten)]
     arrays: ArraysArgs,
+    #[command(flatten)]
+    look: LookArgs,
     /// Output image: .exr (rounded to 32-bit float) or .png.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -33,6 +35,7 @@ impl Args {
     pub(crate) fn run(&self, quiet: bool) -> Outcome {
         output::check_image(&self.output)?;
         let Input { scene, settings } = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
+        let scene = self.look.apply(scene)?;
         let start = Instant::now();
         let options = ReferenceOptions { samples: self.samples };
         let image = output::counting_rows(&settings.view, |rows| {

@@ -11,7 +11,7 @@ use volraster::technique::FrameTime;
 use volraster::{Error, GpuScene, Image, Result, Technique, choice};
 
 use crate::cli::in_flight::InFlight;
-use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, Request, Size};
+use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, LookArgs, Request, Size};
 use crate::cli::memory::{peak_rss_bytes, summed};
 use crate::cli::outcome::{Outcome, check_validation};
 use crate::cli::output;
@@ -25,6 +25,8 @@ pub(crate) struct Args {
     scene: PathBuf,
     #[command(flatten)]
     arrays: ArraysArgs,
+    #[command(flatten)]
+    look: LookArgs,
     /// Output image: .exr (32-bit float, linear) or .png (for viewing).
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -81,6 +83,7 @@ impl Args {
         self.check_paths()?;
         let request = self.technique.as_deref().map(Request::parse).transpose()?;
         let Input { scene, settings } = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
+        let scene = self.look.apply(scene)?;
         let mut technique = settings.choose(request, &scene)?;
         let views = self.views(&settings.view)?;
 

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use volraster::io::scene_file::{LoadedScene, TechniqueChoice};
 use volraster::io::{ReadOptions, Report};
-use volraster::scene::{Scene, Surface, View};
+use volraster::scene::{Mode, Scene, Surface, View};
 use volraster::technique::Method;
 use volraster::{Error, Result, Technique};
 
@@ -110,13 +110,15 @@ impl Settings {
     }
 }
 
-/// Describes what decides which techniques draw a scene: kind of data, kernels, translucent surfaces.
+/// Describes what decides which techniques draw a scene: kind of data, kernels, mode, translucent surfaces.
 fn described(scene: &Scene) -> String {
     let kind = scene.data.kind();
     let translucent = scene.surfaces.iter().any(Surface::is_translucent);
     let surfaces = if translucent { " with translucent surfaces" } else { "" };
     let of = scene.kernels.map_or_else(String::new, |of| format!(" of {} kernels", of.kernel.name()));
-    format!("{kind}{of}{surfaces}")
+    let mode =
+        if scene.mode == Mode::Emission { String::new() } else { format!(" of mode {}", scene.mode.name()) };
+    format!("{kind}{of}{mode}{surfaces}")
 }
 
 /// Returns the default technique for a scene. An error says that no technique draws it.

@@ -8,6 +8,7 @@ use serde::Deserialize;
 use crate::error::{Error, Result};
 use crate::io::scene_file::kernels::{KernelsSpec, Kind};
 use crate::io::scene_file::mesh::MeshSpec;
+use crate::io::scene_file::mode::LightingSpec;
 use crate::io::scene_file::points::PointsSpec;
 use crate::io::scene_file::surfaces::SurfaceSpec;
 use crate::io::scene_file::technique::TechniqueChoice;
@@ -23,6 +24,8 @@ pub(crate) struct Document {
     pub(crate) points: Option<PointsSpec>,
     pub(crate) kernels: Option<KernelsSpec>,
     pub(crate) transfer: Option<TransferSpec>,
+    pub(crate) mode: Option<String>,
+    pub(crate) lighting: Option<LightingSpec>,
     pub(crate) camera: Option<CameraSpec>,
     pub(crate) image: Option<ImageSpec>,
     pub(crate) background: Option<[f64; 4]>,

@@ -12,10 +12,12 @@ use crate::io::read_data;
 use crate::io::report::{Loaded, Report};
 use crate::io::scene_file::data::SceneData;
 use crate::io::scene_file::document::{DataSpec, Document};
-use crate::io::scene_file::surfaces;
 use crate::io::scene_file::technique::TechniqueChoice;
 use crate::io::scene_file::transfer::Recipe;
-use crate::scene::{Camera, Clip, Kernels, Scene, Surface, TransferFunction, View, auto};
+use crate::io::scene_file::{mode, surfaces};
+use crate::scene::{
+    Camera, Clip, Data, Kernels, Lighting, Mode, Scene, Surface, TransferFunction, View, auto,
+};
 
 /// Everything that an image needs, read and checked.
 #[derive(Clone, Debug)]
@@ -118,6 +120,7 @@ impl LoadedScene {
         if let Some(kernels) = rest.kernels {
             scene = scene.with_kernels(kernels).map_err(located)?;
         }
+        let scene = scene.with_mode(rest.mode).map_err(|error| error.at_place(path, "mode"))?;
         Ok(Self {
             scene: scene.with_surfaces(rest.surfaces),
             clip: rest.clip,
@@ -138,6 +141,7 @@ impl LoadedScene {
 struct Rest {
     kernels: Option<Kernels>,
     transfer: Option<TransferFunction>,
+    mode: Mode,
     camera: Option<Camera>,
     extent: Option<[u32; 2]>,
     background: Option<[f64; 4]>,
@@ -196,6 +200,7 @@ impl SceneFile {
         }
         let recipe = document.transfer.map(|spec| Recipe::new(path, spec, options)).transpose()?;
         let kernels = source.kernels(path, document.kernels)?;
+        let mode = mode::mode(path, document.mode.as_deref(), document.lighting.as_ref())?;
         let clip = document.clip.map(|clip| clip.check(path)).transpose()?.unwrap_or_default();
         let surfaces = surfaces::load(&document.opaque.unwrap_or_default(), path, options)?;
         let source = match source {
@@ -203,9 +208,14 @@ impl SceneFile {
             DataSpec::Mesh(mesh) => mesh.load(path, options)?,
             DataSpec::Points(points) => points.load(path, options)?,
         };
-        let transfer = recipe.map(|recipe| recipe.build(source.data.range())).transpose()?;
+        // An isosurface of a grid is lit unless the file says otherwise.
+        let lit = recipe.as_ref().is_some_and(Recipe::is_isosurface)
+            && matches!(source.data, Data::Grid(_))
+            && kernels.is_none();
+        let mode = mode.unwrap_or(if lit { Mode::Lit(Lighting::default()) } else { Mode::Emission });
+        let transfer = recipe.map(|recipe| recipe.build(&source.data)).transpose()?;
         let Document { background, technique, .. } = document;
-        let rest = Rest { kernels, transfer, camera, extent, background, technique, surfaces, clip };
+        let rest = Rest { kernels, transfer, mode, camera, extent, background, technique, surfaces, clip };
         LoadedScene::assemble(path, source, rest)
     }
 }

@@ -8,6 +8,7 @@ mod document;
 mod kernels;
 mod load;
 mod mesh;
+mod mode;
 mod points;
 mod surfaces;
 mod technique;

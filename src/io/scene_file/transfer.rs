@@ -1,8 +1,9 @@
-//! The transfer function that a scene file gives: knots, a preset, or a file.
+//! The transfer function that a scene file gives: knots, a preset, an isosurface, or a file.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
 use serde::de::{MapAccess, SeqAccess, Visitor, value};
 use serde::{Deserialize, Deserializer};
 
@@ -10,10 +11,10 @@ use crate::error::{Error, Result};
 use crate::io::file::json::parse_file;
 use crate::io::options::ReadOptions;
 use crate::io::scene_file::data::beside;
-use crate::scene::TransferFunction;
 use crate::scene::presets::{PRESETS, stretch};
+use crate::scene::{Data, TransferFunction, auto};
 
-/// The value of `transfer`: knots, a preset, or a file that holds either.
+/// The value of `transfer`: knots, a preset, an isosurface, or a file that holds one of them.
 pub(crate) enum TransferSpec {
     Rows(Vec<[f64; 5]>),
     Preset(PresetSpec),
@@ -26,6 +27,8 @@ pub(crate) struct PresetSpec {
     range: Option<[f64; 2]>,
     tau_scale: Option<f64>,
     file: Option<String>,
+    isosurface: Option<f64>,
+    colour: Option<[f64; 3]>,
 }
 
 impl<'de> Deserialize<'de> for TransferSpec {
@@ -35,7 +38,9 @@ impl<'de> Deserialize<'de> for TransferSpec {
             type Value = TransferSpec;
 
             fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                f.write_str("a list of knots [s, r, g, b, tau], or an object with `preset` or `file`")
+                f.write_str(
+                    "a list of knots [s, r, g, b, tau], or an object with `preset`, `isosurface` or `file`",
+                )
             }
 
             fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> std::result::Result<TransferSpec, A::Error> {
@@ -50,10 +55,11 @@ impl<'de> Deserialize<'de> for TransferSpec {
     }
 }
 
-/// A transfer function that may still need the range of the data.
+/// A transfer function that may still need the data.
 pub(crate) enum Recipe {
     Ready(TransferFunction),
     Stretched { path: PathBuf, rows: &'static [[f64; 5]], range: Option<[f64; 2]>, tau_scale: f64 },
+    Isosurface { path: PathBuf, s: f64, colour: DVec3 },
 }
 
 impl Recipe {
@@ -68,7 +74,20 @@ impl Recipe {
                 preset: None,
                 range: None,
                 tau_scale: None,
+                file: None,
+                isosurface: Some(s),
+                colour,
+            }) => {
+                let colour = colour.map_or(auto::ISOSURFACE_COLOUR, DVec3::from);
+                return Ok(Self::Isosurface { path: path.to_path_buf(), s, colour });
+            }
+            TransferSpec::Preset(PresetSpec {
+                preset: None,
+                range: None,
+                tau_scale: None,
                 file: Some(file),
+                isosurface: None,
+                colour: None,
             }) => {
                 let path = beside(path, &file);
                 return match parse_file(&path, options)? {
@@ -78,11 +97,16 @@ impl Recipe {
                     spec => Self::new(&path, spec, options),
                 };
             }
-            TransferSpec::Preset(PresetSpec { preset: Some(name), range, tau_scale, file: None }) => {
-                (name, range, tau_scale.unwrap_or(1.0))
-            }
+            TransferSpec::Preset(PresetSpec {
+                preset: Some(name),
+                range,
+                tau_scale,
+                file: None,
+                isosurface: None,
+                colour: None,
+            }) => (name, range, tau_scale.unwrap_or(1.0)),
             TransferSpec::Preset(_) => {
-                let rule = "must have either `preset`, `range` and `tau_scale`, or `file`";
+                let rule = "must have either `preset`, `range` and `tau_scale`, or `isosurface` and `colour`, or `file`";
                 return refuse("transfer", rule.to_owned());
             }
         };
@@ -101,14 +125,21 @@ impl Recipe {
         Ok(Self::Stretched { path: path.to_path_buf(), rows: preset.rows, range, tau_scale })
     }
 
-    /// Builds the transfer function for data with this range.
-    pub(crate) fn build(self, data: [f64; 2]) -> Result<TransferFunction> {
+    /// Returns whether it shows an isosurface.
+    pub(crate) fn is_isosurface(&self) -> bool {
+        matches!(self, Self::Isosurface { .. })
+    }
+
+    /// Builds the transfer function for data.
+    pub(crate) fn build(self, data: &Data) -> Result<TransferFunction> {
         match self {
             Self::Ready(transfer) => Ok(transfer),
             Self::Stretched { path, rows, range, tau_scale } => {
-                let range = range.unwrap_or(data);
+                let range = range.unwrap_or_else(|| data.range());
                 stretch(rows, range, tau_scale).map_err(|error| error.in_file(&path))
             }
+            Self::Isosurface { path, s, colour } => auto::isosurface(data, s, colour)
+                .map_err(|error| error.at_place(&path, "transfer.isosurface")),
         }
     }
 }

@@ -95,7 +95,7 @@ impl<'a> Interpolate<'a> {
                 self.follow(half, true, bisections - 1, sums);
             } else {
                 let cubic = through(half.sums.map(scalar));
-                self.march.add_cubic(self.classes, &cubic, half.to - half.from);
+                self.march.add_cubic(self.classes, &cubic, half.to - half.from, None);
             }
         }
     }

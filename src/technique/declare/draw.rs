@@ -27,6 +27,8 @@ pub(crate) struct Facts {
     pub(crate) routes: &'static [&'static str],
     /// Whether it splits rays at translucent surfaces, instead of blending whole splats or cells, or rays that several pixels share.
     pub(crate) splits_rays: bool,
+    /// Modes of scenes that it draws beside emission, as [`crate::scene::Mode::name`] names them.
+    pub(crate) modes: &'static [&'static str],
     /// Settings, each with a test scene and the errors that it keeps there.
     pub(crate) samples: &'static [Sample],
     /// Settings among which one is chosen for a goal.

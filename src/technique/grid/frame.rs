@@ -15,12 +15,12 @@ use crate::gpu::{Attachment, Groups, Image, Recorder, TargetImage};
 use crate::interface::GridPush;
 use crate::num;
 use crate::resident::GpuScene;
-use crate::resident::tables::Knots;
+use crate::resident::tables::{Integrator, Knots, SegmentOptions};
 use crate::resident::volume::{Layout, Volume};
-use crate::scene::View;
+use crate::scene::{Mode, View};
 use crate::technique::declare::Value as _;
 use crate::technique::declare::draw::{Draw, TechniqueOptions};
-use crate::technique::declare::{BlendOrder, Route};
+use crate::technique::declare::{BlendOrder, Route, refused};
 use crate::technique::grid::cut::{Cut, cut};
 use crate::technique::grid::options::{Filter, Prefilter};
 use crate::technique::grid::route::{Path, RouteDesc, Routed, Samples};
@@ -93,6 +93,11 @@ impl GridFrame {
         let route = options.route_on(scene.gpu(), name)?;
         if route == Route::Raster {
             target.refuse_layers(&format!("{name} route=raster"), "route=compute")?;
+        }
+        let full = |segments: SegmentOptions| segments.integrator == Integrator::Full;
+        if matches!(scene.scene().mode, Mode::Lit(_)) && technique.segments().is_some_and(full) {
+            let why = "full: its table does not tell where a lit segment emits; integral and exact do";
+            return Err(refused(name, "integrator", why));
         }
         let has_nan = grid.nan_count() > 0;
         if has_nan && options.prefilter == Prefilter::Mip {

@@ -11,10 +11,10 @@
 
 use crate::error::Result;
 use crate::gpu::Bound;
-use crate::gpu::shader::{RAYCAST_COMPUTE, Raycast};
+use crate::gpu::shader::{MAXIMUM_COMPUTE, Maximum, RAYCAST_COMPUTE, Raycast};
 use crate::resident::tables::{Integrator, SegmentOptions};
-use crate::scene::Grid;
 use crate::scene::grid::diagonal;
+use crate::scene::{Grid, Mode};
 use crate::technique::declare::draw::{Facts, Of, STEPS, TechniqueOptions};
 use crate::technique::declare::{Group, option_set, refused};
 use crate::technique::declare::{Route, Segments};
@@ -45,6 +45,7 @@ impl TechniqueOptions for Options {
         kernels: &[],
         routes: &["compute"],
         splits_rays: true,
+        modes: &["lit", "maximum"],
         samples: &[
             ("f32", "step=0.25", [3e-4, 5e-3]),
             ("f32", "step=0.5,integrator=integral", [3e-3, 4e-2]),
@@ -73,9 +74,22 @@ impl GridTechnique for Options {
     }
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
-        let segments = grid.segments(&self.segments)?;
-        let GridInputs { volume, lattice, optics, bounded, .. } = grid;
         let MarchInputs { accumulation, resume, empty_space, layers, redrawn } = march;
+        if grid.scene.scene().mode == Mode::Maximum {
+            let GridInputs { volume, lattice, optics, bounded, .. } = grid;
+            return Ok(MAXIMUM_COMPUTE.with(&Maximum {
+                accumulation,
+                resume,
+                volume,
+                bounded,
+                empty_space,
+                lattice,
+                redrawn,
+                optics,
+            }));
+        }
+        let segments = grid.segments(&self.segments)?;
+        let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
         Ok(RAYCAST_COMPUTE.with(&Raycast {
             accumulation,
             resume,
@@ -83,6 +97,7 @@ impl GridTechnique for Options {
             bounded,
             empty_space,
             lattice,
+            lighting,
             layers,
             redrawn,
             optics,

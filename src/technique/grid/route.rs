@@ -16,10 +16,10 @@ use crate::primitives::dispatch::tiles_of;
 use crate::resident::GpuScene;
 use crate::resident::tables::Knots;
 use crate::resident::volume::Volume;
-use crate::scene::View;
+use crate::scene::{Mode, View};
 use crate::technique::declare::{BlendOrder, EmptySpace};
 use crate::technique::grid::blue_noise;
-use crate::technique::grid::dispatch_limits::{check_loops, slabs_per_dispatch};
+use crate::technique::grid::dispatch_limits::{Loops, check_loops, slabs_per_dispatch};
 use crate::technique::grid::options::{Dither, Filter, Prefilter};
 use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Polygons};
 
@@ -92,8 +92,15 @@ impl RouteDesc<'_> {
             },
             optics: self.knots.optics(),
             bounded: self.target.bounded(&self.knots.buffer),
+            lighting: self.scene.lighting(&self.knots.buffer)?,
             hardware: options.filter == Filter::Hardware,
         })
+    }
+
+    /// Returns the loop iterations of a slab.
+    fn loops(&self) -> Loops {
+        let lit = matches!(self.scene.scene().mode, Mode::Lit(_));
+        Loops::new(self.knots, self.technique.segments().as_ref(), lit)
     }
 
     /// Sets the constants of shaders that take the values of options.
@@ -129,21 +136,25 @@ impl RouteDesc<'_> {
         let format = vk::Format::R32G32B32A32_SFLOAT;
         let image = own_image(gpu, name, format, vk::ImageUsageFlags::STORAGE, self.view, self.target)?;
         let skips = options.empty_space == EmptySpace::Skip && options.prefilter != Prefilter::Mip;
-        // A variant that reads no bricks binds the knots in their place.
-        let bricks =
-            if skips { scene.bricks(scene.margin(segments.as_ref()))? } else { Arc::clone(&knots.buffer) };
+        let greatest = scene.scene().mode == Mode::Maximum;
+        let bricks = match skips {
+            // A variant that reads no bricks binds the knots in their place.
+            false => Arc::clone(&knots.buffer),
+            true if greatest => scene.greatest_scalars()?,
+            true => scene.bricks(scene.margin(segments.as_ref()))?,
+        };
         let bind = |grid: GridInputs<'_>, resume: bool| {
             let march = MarchInputs {
                 accumulation: image.stored(),
                 resume,
-                empty_space: Skipping { bricks: bricks.read(), empty_space: skips },
+                empty_space: Skipping { bricks: bricks.read(), empty_space: skips, greatest },
                 layers: self.target.layered(&knots.buffer),
                 redrawn: self.target.redrawn(&knots.buffer),
             };
             self.with_options(technique.march(grid, march)?)
         };
         let rays = self.view.extent().map(u64::from).iter().product();
-        let most = slabs_per_dispatch(gpu, name, slabs, knots, segments.as_ref(), scene.grid()?, rays)?;
+        let most = slabs_per_dispatch(gpu, name, slabs, &self.loops(), scene.grid()?, rays)?;
         // Translucent surfaces take loop iterations of their own.
         let slabs_per_dispatch = match self.target.layers {
             Some(_) => (most / 2).max(1),
@@ -169,7 +180,7 @@ impl RouteDesc<'_> {
     /// Builds the route `raster`, by fixed function or, with dithering, by the shader.
     pub(super) fn raster(&self) -> Result<Routed> {
         let options = self.technique.options();
-        check_loops(self.gpu(), self.name, self.knots, self.technique.segments().as_ref())?;
+        check_loops(self.gpu(), self.name, &self.loops())?;
         if options.dither == Dither::None { self.fixed_function() } else { self.shader_blend() }
     }
 

@@ -54,6 +54,7 @@ impl TechniqueOptions for Options {
         kernels: &[],
         routes: &["raster", "compute"],
         splits_rays: true,
+        modes: &["lit"],
         samples: &[
             ("f32", "route=compute,step=0.5", [4e-3, 3e-2]),
             ("f32", "route=raster,step=0.5", [4e-3, 3e-2]),
@@ -85,7 +86,7 @@ impl GridTechnique for Options {
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
         let segments = grid.segments(&self.segments)?;
-        let GridInputs { volume, lattice, optics, bounded, .. } = grid;
+        let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
         let MarchInputs { accumulation, resume, empty_space, layers, redrawn } = march;
         let clip_ends = true;
         Ok(SLABS_COMPUTE.with(&SlabsCompute {
@@ -96,6 +97,7 @@ impl GridTechnique for Options {
             bounded,
             empty_space,
             lattice,
+            lighting,
             layers,
             redrawn,
             optics,
@@ -105,7 +107,7 @@ impl GridTechnique for Options {
 
     fn polygons(&self, grid: GridInputs<'_>, blend: Option<Blend>) -> Result<Option<Polygons>> {
         let segments = grid.segments(&self.segments)?;
-        let GridInputs { volume, lattice, optics, bounded, .. } = grid;
+        let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
         let clip_ends = true;
         let vertex = SLABS_VERTEX.with(&SlabsVertex { clip_ends });
         let fragment = match blend {
@@ -115,12 +117,19 @@ impl GridTechnique for Options {
                 blend,
                 bounded,
                 lattice,
+                lighting,
                 optics,
                 segments,
             }),
-            None => {
-                SLABS_FRAGMENT.with(&SlabsFragment { clip_ends, volume, bounded, lattice, optics, segments })
-            }
+            None => SLABS_FRAGMENT.with(&SlabsFragment {
+                clip_ends,
+                volume,
+                bounded,
+                lattice,
+                lighting,
+                optics,
+                segments,
+            }),
         };
         let topology = vk::PrimitiveTopology::TRIANGLE_STRIP;
         Ok(Some(Polygons { bound: vertex.and(fragment), topology, vertices: 6 }))

@@ -72,6 +72,7 @@ impl TechniqueOptions for Options {
         kernels: &[],
         routes: &["raster", "compute"],
         splits_rays: true,
+        modes: &[],
         samples: &[
             ("f32", "route=compute,step=0.25", [1e-3, 2e-2]),
             ("f32", "route=raster,step=0.25", [1e-3, 2e-2]),

@@ -57,6 +57,7 @@ impl TechniqueOptions for Options {
         kernels: &[],
         routes: &["raster", "compute"],
         splits_rays: true,
+        modes: &["lit"],
         samples: &[
             ("f32", "route=compute,step=0.25", [3e-4, 4e-3]),
             ("f32", "route=compute,step=0.25,empty-space=march,stop=0", [3e-4, 4e-3]),
@@ -84,7 +85,7 @@ impl GridTechnique for Options {
     }
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
-        let GridInputs { volume, lattice, optics, bounded, .. } = grid;
+        let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
         let MarchInputs { accumulation, resume, empty_space, layers, redrawn } = march;
         let clip_ends = self.ends == Ends::Clip;
         Ok(SLICES_3D_COMPUTE.with(&Slices3dCompute {
@@ -95,6 +96,7 @@ impl GridTechnique for Options {
             bounded,
             empty_space,
             lattice,
+            lighting,
             layers,
             redrawn,
             optics,
@@ -102,7 +104,7 @@ impl GridTechnique for Options {
     }
 
     fn polygons(&self, grid: GridInputs<'_>, blend: Option<Blend>) -> Result<Option<Polygons>> {
-        let GridInputs { volume, lattice, optics, bounded, .. } = grid;
+        let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
         let clip_ends = self.ends == Ends::Clip;
         let vertex = SLICES_3D_VERTEX.with(&Slices3dVertex { clip_ends });
         let fragment = match blend {
@@ -112,11 +114,17 @@ impl GridTechnique for Options {
                 blend,
                 bounded,
                 lattice,
+                lighting,
                 optics,
             }),
-            None => {
-                SLICES_3D_FRAGMENT.with(&Slices3dFragment { clip_ends, volume, bounded, lattice, optics })
-            }
+            None => SLICES_3D_FRAGMENT.with(&Slices3dFragment {
+                clip_ends,
+                volume,
+                bounded,
+                lattice,
+                lighting,
+                optics,
+            }),
         };
         let topology = vk::PrimitiveTopology::TRIANGLE_STRIP;
         Ok(Some(Polygons { bound: vertex.and(fragment), topology, vertices: 6 }))

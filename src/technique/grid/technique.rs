@@ -4,7 +4,7 @@ use ash::vk;
 
 use crate::error::Result;
 use crate::gpu::inputs::Stored;
-use crate::gpu::shader::{Blend, Bounded, EmptySpace, Lattice, Layers, Optics, Redrawn, Segments};
+use crate::gpu::shader::{Blend, Bounded, EmptySpace, Lattice, Layers, Lighting, Optics, Redrawn, Segments};
 use crate::gpu::{Bound, Sampled};
 use crate::resident::GpuScene;
 use crate::resident::tables::SegmentOptions;
@@ -22,6 +22,7 @@ pub(crate) struct GridInputs<'a> {
     pub(crate) lattice: Lattice,
     pub(crate) optics: Optics,
     pub(crate) bounded: Bounded,
+    pub(crate) lighting: Lighting,
     /// Whether samplers may interpolate.
     pub(crate) hardware: bool,
 }

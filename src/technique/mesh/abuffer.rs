@@ -43,6 +43,7 @@ impl TechniqueOptions for Options {
         kernels: &[],
         routes: &["compute"],
         splits_rays: true,
+        modes: &[],
         samples: &[
             ("mesh", "", [1e-6, 4e-6]),
             ("mesh", "integrator=integral,empty-space=march", [2e-2, 0.2]),

@@ -22,7 +22,7 @@ use crate::resident::tables::{Integrator, Knots, SegmentOptions};
 use crate::resident::volume::{Layout, Volume};
 use crate::scene::View;
 use crate::technique::declare::{BlendOrder, EmptySpace, Route};
-use crate::technique::grid::dispatch_limits::{check_loops, slabs_per_dispatch};
+use crate::technique::grid::dispatch_limits::{Loops, check_loops, slabs_per_dispatch};
 use crate::technique::grid::options::Filter;
 use crate::technique::grid::slices_2d::Stacks;
 use crate::technique::shear_warp::bounds::ShearBounds;
@@ -239,7 +239,7 @@ impl Build<'_> {
         texel_bounds: &Arc<Buffer>,
     ) -> Result<(Path, Vec<Stack>)> {
         let (gpu, sampling) = (self.gpu, self.sampling);
-        check_loops(gpu, NAME, &sampling.knots, sampling.segments.as_ref())?;
+        check_loops(gpu, NAME, &Loops::new(&sampling.knots, sampling.segments.as_ref(), false))?;
         let bind = |volume: &Volume| {
             SHEAR_WARP_VERTEX.with(&ShearWarpVertex {}).and(SHEAR_WARP_FRAGMENT.with(&ShearWarpFragment {
                 texel_bounds: texel_bounds.read(),
@@ -270,8 +270,8 @@ impl Build<'_> {
     /// Slabs that one dispatch of so many rays may walk.
     fn slabs_per_dispatch(&self, rays: u64) -> Result<u32> {
         let Sampling { knots, segments, .. } = self.sampling;
-        let grid = self.scene.grid()?;
-        slabs_per_dispatch(self.gpu, NAME, self.most_slabs, knots, segments.as_ref(), grid, rays)
+        let (grid, loops) = (self.scene.grid()?, Loops::new(knots, segments.as_ref(), false));
+        slabs_per_dispatch(self.gpu, NAME, self.most_slabs, &loops, grid, rays)
     }
 
     /// Route `compute`: marches the ray of each texel.
@@ -296,7 +296,7 @@ impl Build<'_> {
                 bounded: self.target.bounds.is_some(),
                 every: self.sampling.every,
                 resume,
-                empty_space: Skipping { bricks: bricks.read(), empty_space: skips },
+                empty_space: Skipping { bricks: bricks.read(), empty_space: skips, greatest: false },
                 lattice: self.sampling.lattice.clone(),
                 optics: self.sampling.optics.clone(),
                 segments: self.sampling.integration.clone(),
@@ -385,7 +385,11 @@ impl Build<'_> {
                     every: sampling.every,
                     resume,
                     // A single ray skips no bricks.
-                    empty_space: Skipping { bricks: sampling.knots.buffer.read(), empty_space: false },
+                    empty_space: Skipping {
+                        bricks: sampling.knots.buffer.read(),
+                        empty_space: false,
+                        greatest: false,
+                    },
                     lattice: sampling.lattice.clone(),
                     optics: sampling.optics.clone(),
                     segments: sampling.integration.clone(),

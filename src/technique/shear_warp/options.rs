@@ -108,6 +108,7 @@ impl TechniqueOptions for Options {
         kernels: &[],
         routes: &["raster", "compute"],
         splits_rays: false,
+        modes: &[],
         samples: &[
             ("f32", "route=compute,step=0.5,intermediate=pixel", [2e-2, 0.3]),
             ("f32", "route=raster,step=0.5,intermediate=pixel", [2e-2, 0.3]),

@@ -85,6 +85,7 @@ impl TechniqueOptions for Options {
         kernels: &[Kernel::Gaussian],
         routes: &["compute"],
         splits_rays: false,
+        modes: &[],
         samples: &[
             ("points", "order=slabs,step=0.25", [4e-5, 4e-4]),
             ("points", "order=pixel", [6e-3, 3e-2]),

@@ -60,6 +60,7 @@ impl TechniqueOptions for Options {
         kernels: &[Kernel::Gaussian, Kernel::BSpline, Kernel::Tent, Kernel::Sinc],
         routes: &["compute"],
         splits_rays: false,
+        modes: &[],
         samples: &[
             ("points", "sheets=image,step=0.25", [4e-5, 4e-4]),
             ("points", "sheets=image,step=0.5,spread=pixels,pairs=1500", [2e-4, 2e-3]),

@@ -426,7 +426,8 @@ impl Run<'_> {
         self.pairs_by(|_| true, scenes, views, options, check);
     }
 
-    fn pairs_by(
+    /// The same by those that claim the case.
+    pub fn pairs_by(
         &mut self,
         claims: impl Fn(&Spec) -> bool,
         scenes: [&Scene; 2],

@@ -21,6 +21,7 @@ mod integrals;
 mod limits;
 mod meshes;
 mod metamorphic;
+mod modes;
 mod refusals;
 mod samples;
 mod sizes;
@@ -33,7 +34,7 @@ mod transfer;
 use catalogue::{Family, Results};
 
 /// Every family, in the order of the document.
-static FAMILIES: [&Family; 13] = [
+static FAMILIES: [&Family; 14] = [
     &integrals::FAMILY,
     &transfer::FAMILY,
     &targets::FAMILY,
@@ -45,6 +46,7 @@ static FAMILIES: [&Family; 13] = [
     &splats::FAMILY,
     &splat_limits::FAMILY,
     &metamorphic::FAMILY,
+    &modes::FAMILY,
     &limits::FAMILY,
     &refusals::FAMILY,
 ];
@@ -82,6 +84,7 @@ families!(
     splats,
     splat_limits,
     metamorphic,
+    modes,
     refusals
 );
 

@@ -21,7 +21,7 @@ use self::entry::{Entry, FRAMES, draw, read};
 use self::page::Page;
 use self::row::{HEADING, Row};
 use crate::cli::cache::{Cache, Origin};
-use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, Size, Wanted};
+use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, LookArgs, Size, Wanted};
 use crate::cli::outcome::{Outcome, check_validation};
 use crate::cli::{output, table};
 
@@ -33,6 +33,8 @@ pub(crate) struct Args {
     scene: PathBuf,
     #[command(flatten)]
     arrays: ArraysArgs,
+    #[command(flatten)]
+    look: LookArgs,
     /// Folder for images, heat maps, errors.json and report.html, which contains all of it in one file.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
@@ -66,6 +68,7 @@ impl Args {
         let wanted = lists.concat();
         let given = self.given_truth()?;
         let Input { scene, settings } = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
+        let scene = self.look.apply(scene)?;
         let [width, height] = settings.view.extent();
         if let Some((has_width, has_height)) = given.as_ref().map(|truth| (truth.width(), truth.height()))
             && (has_width, has_height) != (width, height)

@@ -59,6 +59,7 @@ impl TechniqueOptions for Options {
         kernels: &[],
         routes: &["compute", "interlock", "implementation-ordered"],
         splits_rays: true,
+        modes: &[],
         samples: &[
             ("mesh", "route=compute", [1e-6, 4e-6]),
             ("mesh", "route=compute,k=2,chunk=9", [1e-6, 4e-6]),

@@ -63,6 +63,7 @@ impl TechniqueOptions for Options {
         kernels: &[],
         routes: &["raster", "compute"],
         splits_rays: false,
+        modes: &[],
         samples: &[
             ("mesh", "route=compute", [1e-6, 4e-6]),
             ("mesh", "route=compute,integrator=full,table=128", [4e-4, 9e-3]),
