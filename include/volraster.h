@@ -761,6 +761,42 @@ typedef struct vr_surface_info {
 } vr_surface_info;
 
 /**
+ * Illumination of a grid by one directional light, from both sides. The emitted colour c becomes
+ * c (ambient + diffuse |n.l|) + specular |n.h|^shininess, where n is the normalised central difference of the scalars, l points to the
+ * light, and h halves the angle between l and the direction to the eye.
+ */
+typedef struct vr_lighting {
+    /**
+     * sizeof(vr_lighting).
+     */
+    size_t struct_size;
+    /**
+     * Share of the colour that is seen whatever the direction of the light, at least 0.
+     */
+    double ambient;
+    /**
+     * Share of the colour that is seen where n points to the light, at least 0.
+     */
+    double diffuse;
+    /**
+     * Brightness of the white highlight, at least 0.
+     */
+    double specular;
+    /**
+     * Exponent of the highlight, 1 to 1024.
+     */
+    double shininess;
+    /**
+     * Direction to the light, in world coordinates, of any length; 0, 0, 0: to the eye.
+     */
+    double direction[3];
+    /**
+     * Length of the gradient, in scalars per unit of world length, up to which nothing is lit; negative: chosen for the data.
+     */
+    double least_gradient;
+} vr_lighting;
+
+/**
  * Receives the number of bytes read so far and of all bytes, now and then, on any thread; `all` is 0 if it is unknown.
  */
 typedef void (*vr_progress_callback)(uint64_t done, uint64_t all, void *user);
@@ -1325,6 +1361,23 @@ enum vr_result vr_scene_with_surfaces(const struct vr_scene *source,
                                       struct vr_scene **scene);
 
 /**
+ * Makes a scene of the same data in another mode, a vr_mode. The scenes share the data on the device; `source` is unchanged. Techniques
+ * that do not draw a mode are refused by vr_plan_create().
+ *
+ * `lighting` is for VR_MODE_LIT; NULL stands for a light at the eye. Fails with VR_ERROR_INVALID.
+ *
+ * Threads: any.
+ *
+ * # Safety
+ *
+ * Pointers are NULL or valid.
+ */
+enum vr_result vr_scene_with_mode(const struct vr_scene *source,
+                                  uint32_t mode,
+                                  const struct vr_lighting *lighting,
+                                  struct vr_scene **scene);
+
+/**
  * Makes a scene from a scene file (.json), a data file of any supported format, or a folder of slices. For a data file the
  * library chooses a camera and a transfer function. `info` may be NULL.
  *
@@ -1499,4 +1552,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: 568930543087c722 */
+/* Checksum of the sources: dfe1aa6040bf016a */

@@ -8,6 +8,8 @@
 #     blue.png        the same with thresholds of blue noise: dither=blue
 #     clipped.png, opaque.png, translucent.png
 #                     shells cut by a plane and a crop box, with opaque surfaces in them, with translucent ones
+#     lit.png, isosurface.png, maximum.png
+#                     the MR head in three modes
 #
 # The device is the program's choice, as always. The dithered pictures are the same on every device that
 # agrees on the slices; the quantised one shows how the device rounds.
@@ -83,3 +85,11 @@ cut translucent '"opaque": [
     {"sphere": {"centre": [0.45, 0.3, 0.85], "radius": 0.5}, "colour": [0.9, 0.4, 0.3], "opacity": 0.5},
     {"box": {"low": [-0.6, -1.2, -0.3], "high": [-0.2, 1.2, 1.3]}, "colour": [0.3, 0.5, 0.9], "opacity": 0.4}
   ]'
+
+# The MR head.
+mode() { # NAME OPTION VALUE
+    "$program" render assets/head.json -o "docs/images/$1.png" --size 256x256 "$2" "$3"
+}
+mode lit --mode lit
+mode isosurface --isosurface 40
+mode maximum --mode maximum

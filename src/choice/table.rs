@@ -27,20 +27,20 @@ impl Candidate {
 
 /// Returns the candidates for a scene.
 pub(crate) fn candidates(scene: &Scene) -> Vec<Candidate> {
-    all(|of| of.is(scene))
+    all(|of, method| of.is(scene) && method.draws_scene(scene))
 }
 
 /// Returns the candidates for all kinds of scenes.
 pub(crate) fn every() -> Vec<Candidate> {
-    all(|_| true)
+    all(|_, _| true)
 }
 
-fn all(is: impl Fn(Of) -> bool) -> Vec<Candidate> {
+fn all(is: impl Fn(Of, Method) -> bool) -> Vec<Candidate> {
     let families =
         Method::ALL.into_iter().flat_map(|method| method.families().iter().map(move |f| (method, f)));
     let mut candidates = Vec::new();
     for (family, (method, (of, options, values))) in families.enumerate() {
-        for (place, value) in values.iter().enumerate().filter(|_| is(*of)) {
+        for (place, value) in values.iter().enumerate().filter(|_| is(*of, method)) {
             let spec = format!("{}:{options}{value}", method.name());
             candidates.push(Candidate { spec: spec.trim_end_matches(':').to_string(), family, place });
         }
@@ -51,7 +51,7 @@ fn all(is: impl Fn(Of) -> bool) -> Vec<Candidate> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Field, Kernel, Kernels, Model, TransferFunction};
+    use crate::scene::{Field, Kernel, Kernels, Lighting, Mode, Model, TransferFunction};
 
     /// Every candidate draws its scene as the reference does, and every kind of scene has candidates.
     #[test]
@@ -65,6 +65,8 @@ mod tests {
         };
         for (scene, least) in [
             (grid(), 30),
+            (grid().with_mode(Mode::Lit(Lighting::default())).unwrap(), 29),
+            (grid().with_mode(Mode::Maximum).unwrap(), 8),
             (mesh(), 6),
             (points(), 9),
             (with(points(), Kernel::Gaussian, Model::Interpolate), 6),

@@ -10,7 +10,8 @@ use crate::error::{Error, Result};
 use crate::io::SampleType;
 use crate::num;
 use crate::scene::{
-    Grid, KernelSize, Knot, Points, Rescale, Samples, Shading, Surface, TetScalars, Tets, TransferFunction,
+    Grid, KernelSize, Knot, Lighting, Mode, Points, Rescale, Samples, Shading, Surface, TetScalars, Tets,
+    TransferFunction,
 };
 
 /// Type of samples.
@@ -190,6 +191,43 @@ pub struct vr_surface_info {
 
 // SAFETY: repr(C), numbers and pointers, the first its size.
 unsafe impl Structure for vr_surface_info {}
+
+/// What the ray of a pixel shows.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum vr_mode {
+    /// Emission and absorption of the transfer function along the ray.
+    VR_MODE_EMISSION = 0,
+    /// The same, with the emitted colour lit; for grids.
+    VR_MODE_LIT = 1,
+    /// Maximum intensity projection: colour and opacity of the greatest scalar along the ray, with the path of one voxel; for grids.
+    VR_MODE_MAXIMUM = 2,
+}
+
+/// Illumination of a grid by one directional light, from both sides. The emitted colour c becomes
+/// c (ambient + diffuse |n.l|) + specular |n.h|^shininess, where n is the normalised central difference of the scalars, l points to the
+/// light, and h halves the angle between l and the direction to the eye.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct vr_lighting {
+    /// sizeof(vr_lighting).
+    pub struct_size: usize,
+    /// Share of the colour that is seen whatever the direction of the light, at least 0.
+    pub ambient: f64,
+    /// Share of the colour that is seen where n points to the light, at least 0.
+    pub diffuse: f64,
+    /// Brightness of the white highlight, at least 0.
+    pub specular: f64,
+    /// Exponent of the highlight, 1 to 1024.
+    pub shininess: f64,
+    /// Direction to the light, in world coordinates, of any length; 0, 0, 0: to the eye.
+    pub direction: [f64; 3],
+    /// Length of the gradient, in scalars per unit of world length, up to which nothing is lit; negative: chosen for the data.
+    pub least_gradient: f64,
+}
+
+// SAFETY: repr(C), numbers, the first its size.
+unsafe impl Structure for vr_lighting {}
 
 /// Scattered points with kernels. Arrays may be NULL; others have one element per point.
 #[repr(C)]
@@ -377,4 +415,26 @@ mod tests {
             assert_eq!(SAMPLE_TYPES.iter().filter(|known| **known == kind).count(), 1, "{kind:?}");
         }
     }
+}
+
+pub(super) fn mode(caller: &Caller, mode: u32, lighting: *const vr_lighting) -> Result<Mode> {
+    let mode = choice(mode, 0, &[Mode::Emission, Mode::Lit(Lighting::default()), Mode::Maximum], "mode")?;
+    if lighting.is_null() {
+        return Ok(mode);
+    }
+    if !matches!(mode, Mode::Lit(_)) {
+        return Err(Error::invalid(
+            "lighting",
+            format!("belongs to mode lit, not to {}: must be NULL", mode.name()),
+        ));
+    }
+    let info = caller.structure(lighting, "vr_lighting")?;
+    Ok(Mode::Lit(Lighting {
+        ambient: info.ambient,
+        diffuse: info.diffuse,
+        specular: info.specular,
+        shininess: info.shininess,
+        direction: (info.direction != [0.0; 3]).then(|| info.direction.into()),
+        least_gradient: (!info.least_gradient.is_sign_negative()).then_some(info.least_gradient),
+    }))
 }

@@ -74,6 +74,15 @@ impl vr_scene {
         Self { scene, technique: self.technique.clone(), view: self.view, warnings: self.warnings.clone() }
     }
 
+    /// Makes a handle as [`Self::with`] does. The default technique depends on surfaces and mode; the technique of a file is kept.
+    pub(super) fn with_other_default(&self, scene: Arc<GpuScene>) -> Self {
+        let mut made = self.with(scene);
+        if self.technique == default_technique(self.scene.scene()) {
+            made.technique = default_technique(made.scene.scene());
+        }
+        made
+    }
+
     /// Returns the scene's view, with a camera chosen for the data if it has none; with sides of 0 also the size.
     fn view(&self, width: u32, height: u32) -> Result<View> {
         let SceneView { camera, clip, extent } = self.view;

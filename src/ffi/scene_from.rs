@@ -3,7 +3,7 @@
 use std::ffi::{c_char, c_void};
 
 use super::argument::{Caller, Structure, User, given};
-use super::data::{self, vr_knot, vr_surface_info};
+use super::data::{self, vr_knot, vr_lighting, vr_surface_info};
 use super::gpu::vr_gpu;
 use super::result::{c_text, make, vr_result};
 use super::scene::{SceneView, default_technique, vr_scene};
@@ -132,12 +132,32 @@ pub unsafe extern "C" fn vr_scene_with_surfaces(
             })
         };
         let surfaces = given.iter().enumerate().map(surface).collect::<Result<Vec<_>>>()?;
-        let mut made = source.with(source.scene.with_surfaces(surfaces));
-        // The default technique depends on the surfaces; the technique of a file is kept.
-        if source.technique == default_technique(source.scene.scene()) {
-            made.technique = default_technique(made.scene.scene());
-        }
-        Ok(made)
+        Ok(source.with_other_default(source.scene.with_surfaces(surfaces)))
+    })
+}
+
+/// Makes a scene of the same data in another mode, a vr_mode. The scenes share the data on the device; `source` is unchanged. Techniques
+/// that do not draw a mode are refused by vr_plan_create().
+///
+/// `lighting` is for VR_MODE_LIT; NULL stands for a light at the eye. Fails with VR_ERROR_INVALID.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// Pointers are NULL or valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_scene_with_mode(
+    source: *const vr_scene,
+    mode: u32,
+    lighting: *const vr_lighting,
+    scene: *mut *mut vr_scene,
+) -> vr_result {
+    // SAFETY: the caller's promise.
+    make(unsafe { Caller::trusted() }, (scene, "scene"), |caller| {
+        let source = caller.reference(source, "source")?;
+        let mode = data::mode(caller, mode, lighting)?;
+        Ok(source.with_other_default(source.scene.with_mode(mode)?))
     })
 }
 

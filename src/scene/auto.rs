@@ -54,6 +54,26 @@ pub fn transfer_of(data: &Data, kernels: Option<&Kernels>) -> Result<TransferFun
     }
 }
 
+/// Derives a transfer function for maximum intensity projection: white, with an opacity over one voxel that rises linearly
+/// over the scalars that [`transfer`] shows, from 0 to 0.98.
+///
+/// # Errors
+///
+/// As [`transfer`]; [`Error::Invalid`] for data that is not a grid.
+pub fn maximum(data: &Data) -> Result<TransferFunction> {
+    const STEPS: u32 = 16;
+    let Data::Grid(grid) = data else {
+        return Err(Error::invalid("maximum", format!("requires a grid, not a {}", data.kind())));
+    };
+    let [low, high] = transfer(data)?.domain();
+    let voxel = grid.spacing().min_element();
+    let knot = |i: u32| {
+        let share = f64::from(i) / f64::from(STEPS);
+        Knot { s: low + (high - low) * share, colour: DVec3::ONE, tau: -(-0.98 * share).ln_1p() / voxel }
+    };
+    TransferFunction::new((0..=STEPS).map(knot).collect())
+}
+
 /// Makes the transfer function of an isosurface: vacuum below a scalar, one colour from it on, which is opaque within a
 /// hundred-thousandth of the diagonal of the data's box.
 ///

@@ -8,7 +8,9 @@ use std::sync::Mutex;
 use volraster::ash::vk;
 use volraster::ffi::*;
 use volraster::gpu::DepthProjection;
-use volraster::scene::{Clip, Field, Samples, Scene, Shading, Surface, TetScalars, TransferFunction};
+use volraster::scene::{
+    Clip, Field, Lighting, Mode, Samples, Scene, Shading, Surface, TetScalars, TransferFunction,
+};
 use volraster::technique::Renderer;
 use volraster::{GpuScene, TargetDesc, TargetMode};
 
@@ -171,6 +173,27 @@ fn scenes_are_those_of_rust() {
         done!(vr_scene_with_surfaces(first, infos.as_ptr(), infos.len(), &mut made));
         same(made, Scene::new(grid.clone(), fog.clone()).with_surfaces(surfaces), spec);
         handles.push(made);
+    }
+    let lighting = Lighting { direction: Some(glam::DVec3::new(1.0, 2.0, 0.5)), ..Lighting::default() };
+    let c_lighting = sized!(vr_lighting {
+        ambient: lighting.ambient,
+        diffuse: lighting.diffuse,
+        specular: lighting.specular,
+        shininess: lighting.shininess,
+        direction: [1.0, 2.0, 0.5],
+        least_gradient: -1.0,
+    });
+    let (lit, maximum) = (vr_mode::VR_MODE_LIT as u32, vr_mode::VR_MODE_MAXIMUM as u32);
+    for (mode, c_lighting, want, spec) in [
+        (lit, &raw const c_lighting, Mode::Lit(lighting), c"slabs"),
+        (lit, null(), Mode::Lit(Lighting::default()), c"raycast"),
+        (maximum, null(), Mode::Maximum, c"raycast"),
+    ] {
+        done!(vr_scene_with_mode(first, mode, c_lighting, &mut made));
+        same(made, Scene::new(grid.clone(), fog.clone()).with_mode(want).unwrap(), spec);
+        // SAFETY: a scene.
+        assert_ne!(text(unsafe { vr_scene_technique(made) }), "slices-3d");
+        end_scene(made);
     }
     // The last has none, and draws from what the first has uploaded.
     for handle in handles.drain(handles.len() - 3..handles.len() - 1) {

@@ -63,6 +63,10 @@ fn wrong_arguments_are_refused() {
     // SAFETY: the same.
     let scalars = unsafe { vr_scene_with_scalars(scene, 1, [0_f32; 8].as_ptr(), 8, null(), 0, &mut out) };
     refused(scalars, INVALID, "grid");
+    refused!(vr_scene_with_mode(scene, 3, null(), &mut out), INVALID, "mode: 3: must be one of 0, 1, 2");
+    let light = sized!(vr_lighting { shininess: 0.5 });
+    refused!(vr_scene_with_mode(scene, 1, &light, &mut out), INVALID, "shininess: 0.5");
+    refused!(vr_scene_with_mode(scene, 2, &light, &mut out), INVALID, "lighting: belongs to mode lit");
     let surface = Surface::cuboid([-0.5; 3].into(), [0.5; 3].into(), [1.0, 0.5, 0.2, 0.5]).unwrap();
     let (surface, _points) = c_surface(&surface);
     let wrong = |change: &dyn Fn(&mut vr_surface_info), words: &str| {

@@ -153,10 +153,10 @@ pub fn every_kind(gpu: &Gpu) -> Vec<(std::sync::Arc<GpuScene>, Vec<String>)> {
     let shown = |mode| scene(Field::Blobs, 16, "u8", &FOG).with_mode(mode).unwrap();
     let scenes = [
         shown(Mode::Emission),
-        shown(Mode::Lit(Lighting::default())),
-        shown(Mode::Maximum),
         Scene::new(Field::Blobs.tets(5).unwrap(), transfer.clone()),
         Scene::new(Field::Blobs.points(300).unwrap().with_estimated_radius(), transfer),
+        shown(Mode::Lit(Lighting::default())),
+        shown(Mode::Maximum),
     ];
     let specs = |scene: &Scene| {
         let methods = Method::ALL.into_iter().filter(|method| method.draws_scene(scene));

@@ -34,8 +34,8 @@ impl Args {
     /// Runs the command.
     pub(crate) fn run(&self, quiet: bool) -> Outcome {
         output::check_image(&self.output)?;
-        let Input { scene, settings } = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
-        let scene = self.look.apply(scene)?;
+        let input = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
+        let Input { scene, settings } = self.look.apply(input)?;
         let start = Instant::now();
         let options = ReferenceOptions { samples: self.samples };
         let image = output::counting_rows(&settings.view, |rows| {

@@ -82,8 +82,8 @@ impl Args {
     pub(crate) fn run(&self, quiet: bool) -> Outcome {
         self.check_paths()?;
         let request = self.technique.as_deref().map(Request::parse).transpose()?;
-        let Input { scene, settings } = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
-        let scene = self.look.apply(scene)?;
+        let input = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
+        let Input { scene, settings } = self.look.apply(input)?;
         let mut technique = settings.choose(request, &scene)?;
         let views = self.views(&settings.view)?;
 

@@ -4,9 +4,8 @@ use std::sync::Arc;
 
 use volraster::gpu::{GpuOptions, Validation, ValidationLog};
 use volraster::io::ReadOptions;
-use volraster::scene::{Lighting, Mode, Scene, View, auto};
+use volraster::scene::View;
 use volraster::{Gpu, Result};
-
 /// The device to draw with.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct DeviceArgs {
@@ -103,34 +102,6 @@ impl ArraysArgs {
             ("weight", &self.weight),
         ];
         all.into_iter().find_map(|(name, array)| Some((name, array.as_deref()?)))
-    }
-}
-
-/// What to show of the data, in place of what a scene file says.
-#[derive(Clone, Debug, clap::Args)]
-pub(crate) struct LookArgs {
-    /// Show the surface where the data has this scalar, lit on a grid. Overrides the transfer function.
-    #[arg(long, value_name = "SCALAR", allow_negative_numbers = true)]
-    isosurface: Option<f64>,
-    /// Show emission and absorption (emission), the same with light on it (lit), or the maximum intensity projection
-    /// (maximum). The last two are for grids.
-    #[arg(long, value_name = "emission|lit|maximum", value_parser = |name: &str| Mode::from_name(name).map_err(|error| error.to_string()))]
-    mode: Option<Mode>,
-}
-
-impl LookArgs {
-    /// Returns the scene with this look.
-    pub(crate) fn apply(&self, mut scene: Scene) -> Result<Scene> {
-        let mut mode = self.mode;
-        if let Some(s) = self.isosurface {
-            scene.transfer = auto::isosurface(&scene.data, s, auto::ISOSURFACE_COLOUR)?;
-            let lit = scene.grid().is_some() && scene.kernels.is_none() && scene.mode == Mode::Emission;
-            mode = mode.or(lit.then(|| Mode::Lit(Lighting::default())));
-        }
-        match (mode, scene.mode) {
-            (None, _) | (Some(Mode::Lit(_)), Mode::Lit(_)) => Ok(scene),
-            (Some(mode), _) => scene.with_mode(mode),
-        }
     }
 }
 

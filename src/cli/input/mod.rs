@@ -3,10 +3,12 @@
 //! Uses `output` and `timing`. Every command that draws uses it.
 
 mod args;
+mod look;
 mod scene;
 mod technique;
 
-pub(crate) use args::{ArraysArgs, DeviceArgs, LookArgs, Size};
+pub(crate) use args::{ArraysArgs, DeviceArgs, Size};
+pub(crate) use look::LookArgs;
 pub(crate) use scene::{Input, Settings, drawn};
 pub(crate) use technique::{
     Request, Wanted, all_routes, by_route, is_refusal, options_json, options_text, too_many_splats,

@@ -36,6 +36,8 @@ pub(crate) struct Settings {
     pub(crate) view: View,
     /// Whether the camera was chosen automatically.
     pub(crate) camera_is_automatic: bool,
+    /// Whether the transfer function was chosen automatically.
+    pub(crate) transfer_is_automatic: bool,
     /// Background colour of PNG output.
     pub(crate) background: [f64; 4],
     /// The technique that the scene file names.
@@ -61,13 +63,15 @@ impl Input {
         let loaded = LoadedScene::load_any(path, options)?;
         let Size { width, height } = size.unwrap_or(Size { width: loaded.width, height: loaded.height });
         let view = loaded.view(width, height).map_err(|error| error.in_file(path))?;
-        let LoadedScene { scene, camera_is_automatic, background, technique, file, report, .. } = loaded;
+        let LoadedScene { scene, camera_is_automatic, transfer_is_automatic, .. } = loaded;
+        let LoadedScene { background, technique, file, report, .. } = loaded;
         let settings = Settings {
             path: path.to_path_buf(),
             data: file,
             report,
             view,
             camera_is_automatic,
+            transfer_is_automatic,
             background,
             choice: technique,
             load_ms: milliseconds_since(start),

@@ -31,6 +31,9 @@ pub struct LoadedScene {
     /// Whether the camera was chosen automatically; for another image size it should be chosen again with
     /// [`auto::camera`].
     pub camera_is_automatic: bool,
+    /// Whether the transfer function was chosen automatically; for another mode it should be chosen again with
+    /// [`auto::transfer`] or [`auto::maximum`].
+    pub transfer_is_automatic: bool,
     /// Width of the image, in pixels.
     pub width: u32,
     /// Height of the image, in pixels.
@@ -106,8 +109,10 @@ impl LoadedScene {
         let SceneData { data, file, report } = source;
         let [width, height] = rest.extent.unwrap_or([Self::DEFAULT_SIDE; 2]);
         let located = |error: Error| error.in_file(path);
+        let transfer_is_automatic = rest.transfer.is_none();
         let transfer = match rest.transfer {
             Some(transfer) => transfer,
+            None if rest.mode == Mode::Maximum => auto::maximum(&data).map_err(located)?,
             None => auto::transfer_of(&data, rest.kernels.as_ref()).map_err(located)?,
         };
         let camera_is_automatic = rest.camera.is_none();
@@ -126,6 +131,7 @@ impl LoadedScene {
             clip: rest.clip,
             camera,
             camera_is_automatic,
+            transfer_is_automatic,
             width,
             height,
             background: rest.background.unwrap_or(Self::DEFAULT_BACKGROUND),

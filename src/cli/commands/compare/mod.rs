@@ -67,8 +67,8 @@ impl Args {
             self.techniques.iter().map(|list| Wanted::parse_list(list)).collect::<Result<Vec<_>>>()?;
         let wanted = lists.concat();
         let given = self.given_truth()?;
-        let Input { scene, settings } = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
-        let scene = self.look.apply(scene)?;
+        let input = Input::load(&self.scene, self.size, &self.arrays, quiet)?;
+        let Input { scene, settings } = self.look.apply(input)?;
         let [width, height] = settings.view.extent();
         if let Some((has_width, has_height)) = given.as_ref().map(|truth| (truth.width(), truth.height()))
             && (has_width, has_height) != (width, height)
