@@ -15,7 +15,7 @@ use volraster::io::{
     Endian, RawLayout, ReadOptions, SampleType, known_formats, read_exr, read_grid, read_raw, write_exr,
     write_image, write_png,
 };
-use volraster::scene::{Anatomy, Field, Grid, Projection, Samples};
+use volraster::scene::{Anatomy, Field, Grid, Lighting, Mode, Projection, Samples};
 
 /// The message, after checking that it is one line and names the file.
 #[track_caller]
@@ -816,6 +816,42 @@ fn presets_stretch_and_scale() {
 }
 
 #[test]
+fn modes_and_isosurfaces_are_read() {
+    let folder = Folder::new();
+    let of = |rest: &str| scene(&folder, rest).1.unwrap().scene;
+    let (lit, usual) = (Mode::Lit(Lighting::default()), Lighting::default());
+    assert_eq!(of("").mode, Mode::Emission);
+    assert_eq!(of(r#", "mode": "emission""#).mode, Mode::Emission);
+    assert_eq!(of(r#", "mode": "lit""#).mode, lit);
+    assert_eq!(of(r#", "lighting": {}"#).mode, lit);
+    let keys = r#", "mode": "lit", "lighting": {"ambient": 0.1, "diffuse": 0.9, "specular": 0, "shininess": 5,
+        "direction": [0, 3, 4], "least_gradient": 2}"#;
+    let want = Lighting {
+        ambient: 0.1,
+        diffuse: 0.9,
+        specular: 0.0,
+        shininess: 5.0,
+        direction: Some(DVec3::new(0.0, 3.0, 4.0)),
+        least_gradient: Some(2.0),
+    };
+    assert_eq!(of(keys).mode, Mode::Lit(want));
+    // An isosurface is lit, and opaque within a small part of a voxel.
+    let iso = of(r#", "transfer": {"isosurface": 10.5, "colour": [1, 0.5, 0]}"#);
+    assert_eq!(iso.mode, lit);
+    assert_eq!((iso.transfer.at(10.49).1, iso.transfer.at(10.5).0), (0.0, DVec3::new(1.0, 0.5, 0.0)));
+    assert!(iso.transfer.at(10.5).1 * iso.grid().unwrap().spacing().min_element() > 100.0);
+    assert_eq!(of(r#", "transfer": {"isosurface": 10.5}, "mode": "emission""#).mode, Mode::Emission);
+    let specular = of(r#", "transfer": {"isosurface": 10.5}, "lighting": {"specular": 1}"#).mode;
+    assert_eq!(specular, Mode::Lit(Lighting { specular: 1.0, ..usual }));
+    // The automatic transfer function of a maximum is transparent at its least scalar and opaque at its greatest.
+    let maximum = of(r#", "mode": "maximum""#);
+    let ([low, high], voxel) = (maximum.transfer.domain(), maximum.grid().unwrap().spacing().min_element());
+    assert_eq!((maximum.mode, maximum.transfer.at(low).1), (Mode::Maximum, 0.0));
+    let opacity = |s: f64| -(-maximum.transfer.at(s).1 * voxel).exp_m1();
+    assert!((opacity(high) - 0.98).abs() < 1e-12 && (opacity(0.5 * (low + high)) - 0.49).abs() < 1e-12);
+}
+
+#[test]
 fn scene_files_are_refused_by_place_and_rule() {
     let folder = Folder::new();
     folder.write("a.raw", ramp());
@@ -863,7 +899,24 @@ fn scene_files_are_refused_by_place_and_rule() {
     check(r#", "transfer": {"preset": "nice"}"#, &["transfer.preset", "nice", "fog", "shells"]);
     check(r#", "transfer": {"preset": "fog", "range": [1, 1]}"#, &["transfer.range", "[1, 1]"]);
     check(r#", "transfer": {"preset": "fog", "tau_scale": -1}"#, &["transfer.tau_scale", "-1"]);
-    check(r#", "transfer": {"preset": "fog", "colour": 1}"#, &["transfer", "colour", "`tau_scale`"]);
+    check(
+        r#", "transfer": {"preset": "fog", "hue": 1}"#,
+        &["transfer", "hue", "`tau_scale`", "`isosurface`"],
+    );
+    check(
+        r#", "transfer": {"preset": "fog", "colour": [1, 1, 1]}"#,
+        &["transfer", "`isosurface` and `colour`"],
+    );
+    check(
+        r#", "transfer": {"isosurface": 3e9}"#,
+        &["transfer.isosurface: 3000000000: the data has scalars from"],
+    );
+    check(r#", "mode": "mip""#, &["mode: \"mip\": must be one of emission, lit, maximum"]);
+    check(r#", "mode": "maximum", "lighting": {}"#, &["lighting: belongs to mode lit, not to maximum"]);
+    check(r#", "lighting": {"shine": 1}"#, &["lighting.shine", "`shininess`"]);
+    check(r#", "lighting": {"shininess": 0}"#, &["lighting.shininess: 0: must be 1 to 1024"]);
+    check(r#", "lighting": {"direction": [0, 0, 0]}"#, &["lighting.direction: ", "length above 0"]);
+    check(r#", "mode": "lit", "kernels": {"kernel": "tent"}"#, &["mode: lit: requires a grid", "of kernels"]);
     check(r#", "transfer": {"range": [0, 1]}"#, &["transfer", "preset"]);
     check(r#", "transfer": {"file": "x.json", "preset": "fog"}"#, &["either"]);
     check(r#", "technique": {"step": 1}"#, &["technique", "name"]);

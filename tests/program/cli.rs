@@ -164,6 +164,41 @@ fn a_render_is_the_library_s_and_goes_to_exr_and_png() {
     assert_eq!(folder.names(""), ["coarse.exr", "named.exr", "out.exr", "out.png", "scene.json"]);
 }
 
+/// Options replace mode and transfer function of a scene file, and its technique, which is for its own look.
+#[test]
+fn modes_and_isosurfaces_are_drawn() {
+    let folder = with_scene();
+    for (options, keys, technique) in [
+        ("--mode lit", r#""mode": "lit""#, "slabs"),
+        ("--mode maximum", r#""mode": "maximum""#, "raycast"),
+        ("--isosurface 0.3", r#""mode": "lit""#, "slabs"),
+        ("--isosurface 0.3 --mode emission", r#""mode": "emission""#, "slices-3d"),
+    ] {
+        let run = folder.run(&format!("render scene.json -o out.exr --validate {options}")).done();
+        assert!(run.out.contains(&format!("{technique} (compute)")), "{options}: {}", run.out);
+        let mut scene: serde_json::Value = folder.json("scene.json");
+        let keys: serde_json::Value = serde_json::from_str(&format!("{{{keys}}}")).unwrap();
+        scene["mode"] = keys["mode"].clone();
+        if options.starts_with("--isosurface") {
+            scene["transfer"] = serde_json::json!({"isosurface": 0.3});
+        }
+        folder.write("shown.json", scene.to_string());
+        assert_eq!(
+            folder.exr("out.exr"),
+            drawn_by_the_library(&folder.path("shown.json"), technique),
+            "{options}"
+        );
+    }
+    folder.run("render scene.json -o out.exr --mode mip").fails(2, &["mode", "emission, lit, maximum"]);
+    folder.run("render scene.json -o out.exr --isosurface 9").fails(2, &["isosurface: 9", "scalars from"]);
+    let slabs = "render scene.json -o out.exr --mode maximum --technique slabs";
+    folder.run(slabs).fails(2, &["slabs", "grid of mode maximum", "raycast would"]);
+    let errors =
+        folder.run("compare scene.json -o compared --mode lit --techniques slices-3d:step=0.25").done();
+    assert!(errors.out.contains("slices-3d"), "{}", errors.out);
+    assert!(folder.json("compared/errors.json")[0]["rmse"].as_f64().unwrap() < 2e-3);
+}
+
 #[test]
 fn stats_follow_the_schema_and_the_picture_of_an_orbit_is_that_of_angle_0() {
     let folder = with_scene();
