@@ -69,6 +69,8 @@
 
 #define BINDING_PIXELS 66       // storage block: pixels that are drawn once more
 #define BINDING_LIGHT 67        // uniform block: the light of a lit grid
+#define BINDING_AROUND 68       // storage block: one word per brick: 0 where nothing is visible in it and the bricks around it
+#define BINDING_TILE_INTERVALS 69 // storage block: the two depths between which each tile of the image shows anything
 
 #define BINDING_SCAN_WORDS 13   // storage block: words that are replaced by their prefix sums
 #define BINDING_SCAN_SUMS 14    // storage block: 64-bit sums of chunks of them
@@ -126,6 +128,7 @@
 #define SPEC_LIT 39           // bool: emitted colours are lit
 #define SPEC_PLACED 40        // bool: segments tell where they emit
 #define SPEC_GREATEST 41      // bool: bricks hold their greatest scalars
+#define SPEC_BY_TILES 42      // bool: BINDING_TILE_INTERVALS bounds what rays show
 
 // Values of SPEC_INTEGRATOR.
 #define INTEGRATOR_MIDPOINT 0

@@ -135,6 +135,8 @@ pub(crate) struct BricksPush {
     pub(crate) bricks: u32,
     pub(crate) ranges: u32,
     pub(crate) margin: f32,
+    pub(crate) across: u32,
+    pub(crate) rows: u32,
 }
 
 /// The push constants of every technique for meshes (`mesh.glsl`).

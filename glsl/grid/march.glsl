@@ -12,12 +12,13 @@
 #include "grid/empty-space.glsl"
 #include "grid/interval.glsl"
 #include "grid/resume.glsl"
+#include "grid/shown.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
 
 // Finds the pixel of an invocation: by its place in the dispatch, or in the list of those that are drawn once more. Returns whether there
-// is one.
+// is one that shows anything.
 bool own_pixel(out ivec2 pixel) {
     if (REDRAWN) {
         pixel = ivec2(0);
@@ -25,10 +26,18 @@ bool own_pixel(out ivec2 pixel) {
         if (number >= pixels[PIXELS_COUNT]) return false;
         uint word = pixels[PIXELS_FIRST + number];
         pixel = ivec2(word & 0xffffu, word >> 16);
-        return true;
+    } else {
+        pixel = ivec2(INVOCATION.xy);
+        if (any(greaterThanEqual(pixel, ivec2(2.0 * push.half_extent + 0.5)))) return false;
     }
-    pixel = ivec2(INVOCATION.xy);
-    return all(lessThan(pixel, ivec2(2.0 * push.half_extent + 0.5)));
+    if (BY_TILES && !LAYERS) {
+        vec2 tile = tile_interval_of(pixel);
+        if (tile.x > tile.y) {
+            if (!RESUME) imageStore(accumulation, pixel, vec4(0.0));
+            return false;
+        }
+    }
+    return true;
 }
 
 // Begins the march, or continues with what the dispatch before has stored: returns colour and opacity so far, and the transmittance.

@@ -45,7 +45,9 @@ void main() {
     float h = push.d0_h.w * push.unit / ray.length_per_depth;
     float z0 = interval.x;
     float segments = interval.x < interval.y ? ceil((interval.y - z0) / h) : 0.0;
-    uint first = push.first, last = uint(min(segments, float(push.first + push.count)));
+    vec2 shown = shown_of(interval, pixel);
+    float begin_at = floor((shown.x - z0) / h) - 1.0, end_at = min(segments, ceil((shown.y - z0) / h) + 1.0);
+    uint first = uint(max(begin_at, float(push.first))), last = uint(clamp(end_at, 0.0, float(push.first + push.count)));
 
     float transmittance;
     vec4 sum = begin_march(pixel, transmittance);

@@ -133,11 +133,12 @@ void main() {
     // The slabs from where the ray enters to where it leaves, up or down the stack, with one more at each end against rounding: it
     // has no length on the ray. `turn` counts slabs along the ray.
     float slabs = ceil((lattice.half_size.z - z0) / h);
-    vec2 place = (fma(interval, vec2(ray.d.z), vec2(ray.q.z)) - z0) / h;
+    vec2 shown = shown_of(interval, pixel);
+    vec2 place = (fma(shown, vec2(ray.d.z), vec2(ray.q.z)) - z0) / h;
     bool down = ray.d.z < 0.0;
     float begin = clamp(floor(place.x) + (down ? 1.0 : -1.0), 0.0, slabs - 1.0);
     float end = clamp(floor(place.y) + (down ? -1.0 : 1.0), 0.0, slabs - 1.0);
-    uint turns = interval.x < interval.y ? uint(abs(end - begin)) + 1u : 0u;
+    uint turns = shown.x < shown.y ? uint(abs(end - begin)) + 1u : 0u;
     uint turn = push.first, last = min(turns, push.first + push.count);
     uint first_slab = uint(begin);
 

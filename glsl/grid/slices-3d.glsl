@@ -78,7 +78,7 @@ void main() {
     if (!own_pixel(pixel)) return;
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray, vec2(pixel));
-    uvec2 slabs = slabs_of(interval);
+    uvec2 slabs = slabs_of(shown_of(interval, pixel));
 
     // Load these before the loop: drivers do not hoist them.
     Lattice lattice = load_lattice();

@@ -353,6 +353,28 @@ pub(super) fn transfer(
     TransferFunction::new(knots.iter().map(knot).collect()).map(Some)
 }
 
+pub(super) fn mode(caller: &Caller, mode: u32, lighting: *const vr_lighting) -> Result<Mode> {
+    let mode = choice(mode, 0, &[Mode::Emission, Mode::Lit(Lighting::default()), Mode::Maximum], "mode")?;
+    if lighting.is_null() {
+        return Ok(mode);
+    }
+    if !matches!(mode, Mode::Lit(_)) {
+        return Err(Error::invalid(
+            "lighting",
+            format!("belongs to mode lit, not to {}: must be NULL", mode.name()),
+        ));
+    }
+    let info = caller.structure(lighting, "vr_lighting")?;
+    Ok(Mode::Lit(Lighting {
+        ambient: info.ambient,
+        diffuse: info.diffuse,
+        specular: info.specular,
+        shininess: info.shininess,
+        direction: (info.direction != [0.0; 3]).then(|| info.direction.into()),
+        least_gradient: (!info.least_gradient.is_sign_negative()).then_some(info.least_gradient),
+    }))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -415,26 +437,4 @@ mod tests {
             assert_eq!(SAMPLE_TYPES.iter().filter(|known| **known == kind).count(), 1, "{kind:?}");
         }
     }
-}
-
-pub(super) fn mode(caller: &Caller, mode: u32, lighting: *const vr_lighting) -> Result<Mode> {
-    let mode = choice(mode, 0, &[Mode::Emission, Mode::Lit(Lighting::default()), Mode::Maximum], "mode")?;
-    if lighting.is_null() {
-        return Ok(mode);
-    }
-    if !matches!(mode, Mode::Lit(_)) {
-        return Err(Error::invalid(
-            "lighting",
-            format!("belongs to mode lit, not to {}: must be NULL", mode.name()),
-        ));
-    }
-    let info = caller.structure(lighting, "vr_lighting")?;
-    Ok(Mode::Lit(Lighting {
-        ambient: info.ambient,
-        diffuse: info.diffuse,
-        specular: info.specular,
-        shininess: info.shininess,
-        direction: (info.direction != [0.0; 3]).then(|| info.direction.into()),
-        least_gradient: (!info.least_gradient.is_sign_negative()).then_some(info.least_gradient),
-    }))
 }

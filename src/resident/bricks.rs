@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::gpu::shader::{self, BRICK, BRICKS_COMPUTE};
+use crate::gpu::shader::{self, BRICK, BRICKS_AROUND, BRICKS_COMPUTE};
 use crate::gpu::{Buffer, Commands, Gpu, Recorder};
 use crate::interface::BricksPush;
 use crate::num;
@@ -17,8 +17,8 @@ use crate::scene::{Grid, Samples, TransferFunction};
 /// So the range still holds for a position that rounding puts into the neighbouring cell.
 const APRON: usize = 1;
 
-/// Bytes of a brick on the device: its range, and a word that says whether it is visible.
-pub(crate) const BRICK_BYTES: u64 = 8 + 4;
+/// Bytes of a brick on the device: its range, and two words that say whether it is visible, alone and with those around it.
+pub(crate) const BRICK_BYTES: u64 = 8 + 4 + 4;
 
 /// Returns the number of bricks along each axis of a grid.
 pub(crate) fn bricks_of(dims: [u32; 3]) -> [u32; 3] {
@@ -190,7 +190,15 @@ pub(crate) fn greatest_scalars(gpu: &Gpu, grid: &Grid) -> Result<Arc<Buffer>> {
 #[derive(Clone, Debug)]
 pub(crate) struct BrickRanges {
     buffer: Arc<Buffer>,
-    count: u32,
+    counts: [u32; 3],
+}
+
+/// One word for each brick of a grid: 0 where nothing is visible.
+#[derive(Clone, Debug)]
+pub(crate) struct VisibleBricks {
+    pub(crate) alone: Arc<Buffer>,
+    /// 0 where nothing is visible in the brick and the 26 around it.
+    pub(crate) around: Arc<Buffer>,
 }
 
 impl BrickRanges {
@@ -198,41 +206,48 @@ impl BrickRanges {
     pub(crate) fn new(gpu: &Gpu, grid: &Grid) -> Result<Self> {
         let ranges = brick_ranges(grid);
         let buffer = Buffer::with_data(gpu, "bricks.ranges", bytemuck::cast_slice(&ranges))?;
-        Ok(Self { buffer, count: num::count(ranges.len()) })
+        Ok(Self { buffer, counts: bricks_of(grid.dims()) })
     }
 
-    /// Returns one word for each brick: 0 where nothing is visible, with extinction smeared by `margin` scalars.
+    /// Finds the visible bricks, with extinction smeared by `margin` scalars.
     pub(crate) fn visible(
         self,
         gpu: &Gpu,
         clock: &Clock,
         transfer: &TransferFunction,
         margin: f32,
-    ) -> Result<Arc<Buffer>> {
+    ) -> Result<VisibleBricks> {
         let mut scalars = nonzero_ranges(transfer);
-        let push = BricksPush { bricks: self.count, ranges: num::count(scalars.len()), margin };
+        let [across, rows, _] = self.counts;
+        let count = self.counts.iter().product();
+        let push = BricksPush { bricks: count, ranges: num::count(scalars.len()), margin, across, rows };
         if scalars.is_empty() {
             scalars.push([0.0; 2]);
         }
         let scalars = Buffer::with_data(gpu, "transfer.visible", bytemuck::cast_slice(&scalars))?;
-        let bricks = buffer(gpu, "bricks", self.count.into())?;
-        let bound = BRICKS_COMPUTE.with(&shader::Bricks {
+        let [alone, around] = ["bricks", "bricks.around"].map(|name| buffer(gpu, name, count.into()));
+        let (alone, around) = (alone?, around?);
+        let bound = BRICKS_COMPUTE.with(&shader::BricksCompute {
             ranges: self.buffer.read(),
             visible: scalars.read(),
-            bricks: bricks.write(),
+            bricks: alone.write(),
         });
-        let mark = pass(gpu, "bricks.mark", &bound)?;
-        // Its time is not that of a table.
-        gpu.build(std::iter::once(&mark.pipeline))?;
+        let look = BRICKS_AROUND.with(&shader::BricksAround { bricks: alone.read(), around: around.write() });
+        let (mark, look) = (pass(gpu, "bricks.mark", &bound)?, pass(gpu, "bricks.around", &look)?);
+        // Their time is not that of a table.
+        gpu.build([&mark.pipeline, &look.pipeline].into_iter())?;
         clock.tables(|| {
             let mut commands = Commands::new(gpu)?;
             let mut recorder = Recorder::new(gpu, commands.begin()?, None);
-            mark.record(&mut recorder, &push, groups_of(self.count, 64));
-            recorder.release_buffer(&bricks);
+            for dispatch in [&mark, &look] {
+                dispatch.record(&mut recorder, &push, groups_of(count, 64));
+            }
+            recorder.release_buffer(&alone);
+            recorder.release_buffer(&around);
             let (_, keep) = recorder.finish()?;
             commands.submit(keep, "bricks.mark")
         })?;
-        Ok(bricks)
+        Ok(VisibleBricks { alone, around })
     }
 }
 

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::gpu::shader::{self, Segments};
 use crate::gpu::{Buffer, Gpu, Image, Sampled};
 use crate::num::f32_of;
-use crate::resident::bricks::{BrickRanges, greatest_scalars};
+use crate::resident::bricks::{BrickRanges, VisibleBricks, greatest_scalars};
 use crate::resident::cache::Cache;
 use crate::resident::clock::{Clock, UploadTimes};
 use crate::resident::light;
@@ -64,7 +64,7 @@ struct Tables {
 #[derive(Clone, Debug, Default)]
 struct VisibleData {
     /// Visible bricks, by margin.
-    bricks: Cache<u32, Arc<Buffer>>,
+    bricks: Cache<u32, VisibleBricks>,
     /// Faces or cells that are drawn; with a margin only those of visible cells.
     primitives: Cache<(Primitives, Option<u32>), DrawnPrimitives>,
     /// Visible kernels, by kernel and the largest thickness of sheets in steps of the data.
@@ -276,8 +276,8 @@ impl GpuScene {
         self.tables.knots.get((), || self.clock.tables(|| Knots::new(&self.gpu, &self.scene.transfer)))
     }
 
-    /// Returns one word for each brick: 0 where nothing is visible, with extinction smeared by `margin` scalars.
-    pub(crate) fn bricks(&self, margin: f32) -> Result<Arc<Buffer>> {
+    /// Returns the visible bricks, with extinction smeared by `margin` scalars.
+    pub(crate) fn bricks(&self, margin: f32) -> Result<VisibleBricks> {
         let grid = self.grid()?;
         self.visible.bricks.get(margin.to_bits(), || {
             let ranges =

@@ -4,7 +4,7 @@
 //! kernels, surfaces, tables of the transfer function. This module uses `scene`, `optics`, `gpu` and `primitives`; `frame` and the
 //! techniques use it.
 
-mod bricks;
+pub(crate) mod bricks;
 mod cache;
 pub(crate) mod clock;
 mod gpu_scene;

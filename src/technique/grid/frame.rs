@@ -183,7 +183,11 @@ impl GridFrame {
                 );
                 recorder.copy_buffer_to_image(&format!("{name}.resolve"), texels, image, 0, [0, 1]);
             }
-            Path::Compute { first, resume, slabs_per_dispatch, groups } => {
+            Path::Compute { tiles, first, resume, slabs_per_dispatch, groups } => {
+                push.order = march_order(samples.axis, false);
+                if let Some(tiles) = tiles {
+                    tiles.find.record(recorder, &push, tiles.groups);
+                }
                 let mut begin = 0;
                 loop {
                     push.first = begin;
@@ -226,8 +230,12 @@ impl GridFrame {
             self.record_cut(recorder, &self.samples[place], &cut, Some(target), true);
         });
         let passes = passes(&steps);
-        let fits = passes <= most_passes
-            && (passes == 1 || !matches!(self.path, Path::Compute { resume: None, .. }));
+        // A march that did not need to resume cannot.
+        let marches = match &self.path {
+            Path::Compute { resume: None, slabs_per_dispatch, .. } => cut.count <= *slabs_per_dispatch,
+            _ => true,
+        };
+        let fits = passes <= most_passes && marches;
         Ok(fits.then_some((cut, place)))
     }
 }

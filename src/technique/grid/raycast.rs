@@ -74,7 +74,7 @@ impl GridTechnique for Options {
     }
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
-        let MarchInputs { accumulation, resume, empty_space, layers, redrawn } = march;
+        let MarchInputs { accumulation, resume, empty_space, layers, redrawn, shown } = march;
         if grid.scene.scene().mode == Mode::Maximum {
             let GridInputs { volume, lattice, optics, bounded, .. } = grid;
             return Ok(MAXIMUM_COMPUTE.with(&Maximum {
@@ -84,7 +84,9 @@ impl GridTechnique for Options {
                 bounded,
                 empty_space,
                 lattice,
+                layers,
                 redrawn,
+                shown,
                 optics,
             }));
         }
@@ -100,6 +102,7 @@ impl GridTechnique for Options {
             lighting,
             layers,
             redrawn,
+            shown,
             optics,
             segments,
         }))

@@ -10,10 +10,11 @@ use ash::vk;
 
 use crate::error::{Error, Result};
 use crate::frame::target::{Canvas, draws_directly, own_image};
-use crate::gpu::shader::{self, EmptySpace as Skipping};
+use crate::gpu::shader::{self, EmptySpace as Skipping, Shown, TILE_INTERVALS_COMPUTE};
 use crate::gpu::{Blend, Bound, Buffer, BufferUse, Descriptors, Gpu, GraphicsState, Groups, Image, Pipeline};
-use crate::primitives::dispatch::tiles_of;
+use crate::primitives::dispatch::{Dispatch, buffer, groups_of, pass, tiles_of};
 use crate::resident::GpuScene;
+use crate::resident::bricks::VisibleBricks;
 use crate::resident::tables::Knots;
 use crate::resident::volume::Volume;
 use crate::scene::{Mode, View};
@@ -32,6 +33,8 @@ pub(super) enum Path {
     ShaderBlend { pipeline: Arc<Pipeline>, vertices: u32, texels: Arc<Buffer> },
     /// A march along each pixel's ray.
     Compute {
+        /// Finds where tiles show anything; only where empty space is skipped.
+        tiles: Option<TileIntervals>,
         first: Arc<Pipeline>,
         /// Continues where the dispatch before stopped; only where the march is split.
         resume: Option<Arc<Pipeline>>,
@@ -40,6 +43,25 @@ pub(super) enum Path {
         /// Workgroups: one invocation for each pixel of the image, or of a list.
         groups: Groups,
     },
+}
+
+/// The depths between which each tile of the image shows anything (`glsl/grid/tile-intervals.glsl`).
+#[derive(Debug)]
+pub(super) struct TileIntervals {
+    intervals: Arc<Buffer>,
+    pub(super) find: Dispatch,
+    pub(super) groups: [u32; 3],
+}
+
+impl TileIntervals {
+    fn new(gpu: &Gpu, name: &str, visible: &VisibleBricks, view: &View) -> Result<Self> {
+        let [across, rows, _] = tiles_of(view.extent());
+        let intervals = buffer(gpu, &format!("{name}.tiles"), 2 * u64::from(across * rows))?;
+        let inputs =
+            shader::TileIntervals { around: visible.around.read(), tile_intervals: intervals.write() };
+        let find = pass(gpu, &format!("{name}.tiles"), &TILE_INTERVALS_COMPUTE.with(&inputs))?;
+        Ok(Self { intervals, find, groups: groups_of(across * rows, 64) })
+    }
 }
 
 /// Samples of the grid with the descriptors that name them.
@@ -137,12 +159,16 @@ impl RouteDesc<'_> {
         let image = own_image(gpu, name, format, vk::ImageUsageFlags::STORAGE, self.view, self.target)?;
         let skips = options.empty_space == EmptySpace::Skip && options.prefilter != Prefilter::Mip;
         let greatest = scene.scene().mode == Mode::Maximum;
-        let bricks = match skips {
-            // A variant that reads no bricks binds the knots in their place.
-            false => Arc::clone(&knots.buffer),
-            true if greatest => scene.greatest_scalars()?,
-            true => scene.bricks(scene.margin(segments.as_ref()))?,
-        };
+        // A variant that reads no bricks binds the knots in their place.
+        let (mut bricks, mut tiles) = (Arc::clone(&knots.buffer), None);
+        if skips && greatest {
+            bricks = scene.greatest_scalars()?;
+        } else if skips {
+            let visible = scene.bricks(scene.margin(segments.as_ref()))?;
+            tiles = Some(TileIntervals::new(gpu, name, &visible, self.view)?);
+            bricks = visible.alone;
+        }
+        let intervals = tiles.as_ref().map_or(&knots.buffer, |tiles| &tiles.intervals);
         let bind = |grid: GridInputs<'_>, resume: bool| {
             let march = MarchInputs {
                 accumulation: image.stored(),
@@ -150,6 +176,7 @@ impl RouteDesc<'_> {
                 empty_space: Skipping { bricks: bricks.read(), empty_space: skips, greatest },
                 layers: self.target.layered(&knots.buffer),
                 redrawn: self.target.redrawn(&knots.buffer),
+                shown: Shown { tile_intervals: intervals.read(), by_tiles: tiles.is_some() },
             };
             self.with_options(technique.march(grid, march)?)
         };
@@ -173,7 +200,7 @@ impl RouteDesc<'_> {
             Some(redrawn) => Groups::Counted(Arc::clone(&redrawn.pixels)),
             None => tiles_of(self.view.extent()).into(),
         };
-        let path = Path::Compute { first, resume, slabs_per_dispatch, groups };
+        let path = Path::Compute { tiles, first, resume, slabs_per_dispatch, groups };
         Ok(Routed { path, samples, image: Some(image) })
     }
 

@@ -4,7 +4,9 @@ use ash::vk;
 
 use crate::error::Result;
 use crate::gpu::inputs::Stored;
-use crate::gpu::shader::{Blend, Bounded, EmptySpace, Lattice, Layers, Lighting, Optics, Redrawn, Segments};
+use crate::gpu::shader::{
+    Blend, Bounded, EmptySpace, Lattice, Layers, Lighting, Optics, Redrawn, Segments, Shown,
+};
 use crate::gpu::{Bound, Sampled};
 use crate::resident::GpuScene;
 use crate::resident::tables::SegmentOptions;
@@ -43,6 +45,7 @@ pub(crate) struct MarchInputs {
     pub(crate) empty_space: EmptySpace,
     pub(crate) layers: Layers,
     pub(crate) redrawn: Redrawn,
+    pub(crate) shown: Shown,
 }
 
 /// Shaders that draw slabs as polygons.

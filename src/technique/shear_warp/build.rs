@@ -285,7 +285,7 @@ impl Build<'_> {
         let skips = self.options.grid.empty_space == EmptySpace::Skip;
         // A variant that reads no bricks binds the knots in their place.
         let bricks = if skips {
-            self.scene.bricks(self.scene.margin(segments.as_ref()))?
+            self.scene.bricks(self.scene.margin(segments.as_ref()))?.alone
         } else {
             Arc::clone(&knots.buffer)
         };

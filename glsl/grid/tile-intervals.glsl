@@ -1,0 +1,60 @@
+// entry compute COMPUTE
+//
+// Finds the depths between which each tile of 8 x 8 pixels shows anything, so that the marches of its pixels begin and end there.
+//
+// The ray of a tile's centre walks through the bricks, and looks at those around each as well. At equal depth the rays of the tile's
+// pixels lie within a brick's side of it along each axis, so they are in bricks that it has looked at. Where that does not hold, because
+// pixels are that large, the whole ray is shown.
+//
+//   in    words of the bricks and those around (bricks.glsl)
+//   out   two depths per tile, the first greater where it shows nothing
+//   cost  a brick per 8 voxels along each tile's ray
+#version 460
+#extension GL_GOOGLE_include_directive : require
+
+#include "interface.glsl"
+#include "shared/device.glsl"
+#include "shared/integers.glsl"
+#include "grid/grid.glsl"
+#include "grid/empty-space.glsl"
+
+layout(set = 0, binding = BINDING_AROUND, std430) readonly buffer Around {
+    uint words[];
+} around;
+
+layout(set = 0, binding = BINDING_TILE_INTERVALS, std430) buffer TileIntervals {
+    vec2 of_tile[];
+} intervals;
+
+layout(local_size_x = 64) in;
+
+void main() {
+    uint tile = INVOCATION_NUMBER;
+    uvec2 tiles = (uvec2(2.0 * push.half_extent + 0.5) + TILE - 1u) / TILE;
+    if (tile >= tiles.x * tiles.y) return;
+    Ray ray = ray_of((vec2(tile % tiles.x, tile / tiles.x) + 0.5) * float(TILE));
+    BrickGrid grid = bricks_of(push.half_scale.xyz, push.order & MARCH_AXIS);
+
+    const float SIDE = float(BRICK), NUDGE = 0.01; // cells
+    vec2 interval = domain_of(ray, grid.half_size + SIDE, push.near);
+    vec3 apart = (0.5 * float(TILE) * max(fma(push.px_kd.w, interval.y, push.q0_kq.w), 0.0)) * (abs(push.px_kd.xyz) + abs(push.py_z0.xyz));
+    if (max(max(apart.x, apart.y), apart.z) > SIDE - 0.1) {
+        intervals.of_tile[tile] = vec2(-3e38, 3e38);
+        return;
+    }
+    float speed = max(max(abs(ray.d.x), abs(ray.d.y)), abs(ray.d.z));
+    float nudge = NUDGE / max(speed, 1e-30), at = interval.x;
+    vec2 shown = vec2(3e38, -3e38);
+    while (at < interval.y) {
+        vec3 place = (fma(vec3(at + nudge), ray.d, ray.q) + grid.half_size) / SIDE;
+        // Outside of the grid the nearest brick stands for its neighbours there.
+        vec3 brick = floor(place);
+        ivec3 word = clamp(whole_of(brick), ivec3(0), grid.count - 1) * grid.stride;
+        vec3 face = (brick + mix(vec3(0.0), vec3(1.0), greaterThan(ray.inverse, vec3(0.0)))) * SIDE;
+        vec3 leave = (face - grid.half_size - ray.q) * ray.inverse;
+        float next = max(min(min(leave.x, leave.y), leave.z), at + nudge);
+        if (around.words[word.x + word.y + word.z] != 0u) shown = vec2(min(shown.x, at), next + nudge);
+        at = next;
+    }
+    intervals.of_tile[tile] = shown;
+}
