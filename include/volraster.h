@@ -1552,4 +1552,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: dfe1aa6040bf016a */
+/* Checksum of the sources: d78dceede608e4a0 */

@@ -73,7 +73,7 @@ void main() {
                 emission = between_faces(front, back, len, knots);
                 front = back;
             }
-            if (LIT) emission = lit(emission, ray, mix(begin, end, emitted_at), lattice);
+            if (LIT) emission = lit(emission, ray, fma(emitted_at, end - begin, begin), lattice);
             add_behind(sum, transmittance, emission);
         }
     }

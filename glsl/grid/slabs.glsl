@@ -39,7 +39,7 @@
 // Returns premultiplied colour and opacity of a piece of the ray between two faces, lit where the scene is.
 vec4 slab_emission(Ray ray, vec2 piece, Face front, Face back, Lattice lattice, uint knots) {
     vec4 emission = between_faces(front, back, (piece.y - piece.x) * ray.length_per_depth, knots);
-    return LIT ? lit(emission, ray, mix(piece.x, piece.y, emitted_at), lattice) : emission;
+    return LIT ? lit(emission, ray, fma(emitted_at, piece.y - piece.x, piece.x), lattice) : emission;
 }
 
 #ifdef VERTEX

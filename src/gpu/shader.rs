@@ -34,6 +34,7 @@ mod tests {
     #[test]
     fn no_march_of_a_grid_is_contracted() {
         let marches = [
+            MAXIMUM_COMPUTE.shader(),
             RAYCAST_COMPUTE.shader(),
             SHEAR_WARP_COMPUTE.shader(),
             SLABS_COMPUTE.shader(),

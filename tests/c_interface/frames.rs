@@ -174,6 +174,11 @@ fn scenes_are_those_of_rust() {
         same(made, Scene::new(grid.clone(), fog.clone()).with_surfaces(surfaces), spec);
         handles.push(made);
     }
+    // The last has none, and draws from what the first has uploaded.
+    for handle in handles.drain(handles.len() - 3..handles.len() - 1) {
+        end_scene(handle);
+    }
+    assert_eq!(volumes(), held);
     let lighting = Lighting { direction: Some(glam::DVec3::new(1.0, 2.0, 0.5)), ..Lighting::default() };
     let c_lighting = sized!(vr_lighting {
         ambient: lighting.ambient,
@@ -195,11 +200,6 @@ fn scenes_are_those_of_rust() {
         assert_ne!(text(unsafe { vr_scene_technique(made) }), "slices-3d");
         end_scene(made);
     }
-    // The last has none, and draws from what the first has uploaded.
-    for handle in handles.drain(handles.len() - 3..handles.len() - 1) {
-        end_scene(handle);
-    }
-    assert_eq!(volumes(), held);
     handles.push(first);
 
     let mesh = Field::Blobs.tets(4).unwrap();

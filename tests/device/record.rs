@@ -233,7 +233,7 @@ fn what_does_not_fit_the_plan_is_refused() {
     let passes: Vec<String> =
         recorded.completed().unwrap().passes.into_iter().map(|pass| pass.name).collect();
     let timed = gpu.has(volraster::gpu::OptionalFeature::Timestamps);
-    let want = if timed { ["slices-3d.march", "composite.draw"].as_slice() } else { &[] };
+    let want = if timed { ["slices-3d.tiles", "slices-3d.march", "composite.draw"].as_slice() } else { &[] };
     assert_eq!(passes, want);
     // Completed, the plan can be recorded again.
     caller.begin([0.0; 4]);

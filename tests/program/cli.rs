@@ -573,15 +573,15 @@ fn devices_techniques_and_info_say_the_same_as_json() {
     assert!((spacing - 2.0 / 15.0).abs() < 1e-15);
     assert_eq!(scene["camera"]["automatic"], false);
     assert_eq!(scene["transfer"].as_array().unwrap().len(), 7);
-    assert_eq!(scene["technique"]["step"], "0.5");
+    assert_eq!((&scene["technique"]["step"], &scene["mode"]), (&"0.5".into(), &"emission".into()));
     let counted: u64 =
         scene["histogram"]["counts"].as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).sum();
     assert_eq!(counted, 4096);
 
     assert_eq!((&scene["kind"], &scene["format"]), (&"grid".into(), &"analytic field".into()));
     assert_eq!((&scene["arrays"], &scene["shown"]), (&serde_json::json!([]), &Value::Null));
-    // 2 x 2 x 2 bricks of 12 bytes.
-    let device = serde_json::json!({"volume": 16384, "stack": 16384, "stacks": 49152, "bricks": 96});
+    // 2 x 2 x 2 bricks of 16 bytes.
+    let device = serde_json::json!({"volume": 16384, "stack": 16384, "stacks": 49152, "bricks": 128});
     assert_eq!(scene["device_bytes"], device);
 
     let head = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/head.nrrd");

@@ -58,6 +58,7 @@ impl Args {
         facts.remarks(&settings.report);
         facts.camera(settings.view.camera(), settings.camera_is_automatic);
         facts.transfer(&scene.transfer);
+        facts.mode(scene.mode);
         let extent @ [width, height] = settings.view.extent();
         facts.put(json!({"image": extent, "background": settings.background}));
         facts.line("image", format!("{width} x {height}"));

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use serde_json::{Map, Value, json};
 use volraster::glam::DVec3;
 use volraster::scene::{
-    Camera, Clip, Kernel, Kernels, Model, Projection, Shading, Surface, TransferFunction,
+    Camera, Clip, Kernel, Kernels, Lighting, Mode, Model, Projection, Shading, Surface, TransferFunction,
 };
 
 use super::facts::Facts;
@@ -39,6 +39,27 @@ impl Facts {
         }
         self.put(json!({"kernels": json}));
         self.line("field", text);
+    }
+
+    /// Adds the mode.
+    pub(super) fn mode(&mut self, mode: Mode) {
+        let Mode::Lit(lighting) = mode else {
+            self.put(json!({"mode": mode.name()}));
+            if mode != Mode::Emission {
+                self.line("mode", mode.name().to_string());
+            }
+            return;
+        };
+        let Lighting { ambient, diffuse, specular, shininess, direction, least_gradient } = lighting;
+        self.put(json!({"mode": mode.name(), "lighting": {
+            "ambient": ambient, "diffuse": diffuse, "specular": specular, "shininess": shininess,
+            "direction": direction.map(|d| d.to_array()), "least_gradient": least_gradient,
+        }}));
+        let from = direction.map_or_else(|| "from the eye".to_string(), |d| format!("from {}", triple(d)));
+        let [ambient, diffuse, specular, shininess] = [ambient, diffuse, specular, shininess].map(number);
+        let shares =
+            format!("ambient {ambient}, diffuse {diffuse}, specular {specular}, shininess {shininess}");
+        self.line("mode", format!("lit {from}, {shares}"));
     }
 
     /// Adds the surfaces.
