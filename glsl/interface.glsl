@@ -228,6 +228,7 @@
 // GridPush.order in compute routes, and the lower bits of BasePlanePush.order.
 #define MARCH_AXIS 3      // mask: the grid's axis that index space calls z; the other two follow it cyclically
 #define MARCH_CONTINUES 4 // another dispatch resumes the march
+#define MARCH_WIDE 8      // the rays of a tile lie more than a brick apart
 
 // Further bits of BasePlanePush.order.
 #define PLANE_DOWN 8           // rays go down the stack

@@ -4,7 +4,7 @@
 //
 // The ray of a tile's centre walks through the bricks, and looks at those around each as well. At equal depth the rays of the tile's
 // pixels lie within a brick's side of it along each axis, so they are in bricks that it has looked at. Where that does not hold, because
-// pixels are that large, the whole ray is shown.
+// pixels are that large (MARCH_WIDE), the whole ray is shown.
 //
 //   in    words of the bricks and those around (bricks.glsl)
 //   out   two depths per tile, the first greater where it shows nothing
@@ -37,8 +37,7 @@ void main() {
 
     const float SIDE = float(BRICK), NUDGE = 0.01; // cells
     vec2 interval = domain_of(ray, grid.half_size + SIDE, push.near);
-    vec3 apart = (0.5 * float(TILE) * max(fma(push.px_kd.w, interval.y, push.q0_kq.w), 0.0)) * (abs(push.px_kd.xyz) + abs(push.py_z0.xyz));
-    if (max(max(apart.x, apart.y), apart.z) > SIDE - 0.1) {
+    if ((push.order & MARCH_WIDE) != 0u) {
         intervals.of_tile[tile] = vec2(-3e38, 3e38);
         return;
     }
@@ -49,7 +48,7 @@ void main() {
         vec3 place = (fma(vec3(at + nudge), ray.d, ray.q) + grid.half_size) / SIDE;
         // Outside of the grid the nearest brick stands for its neighbours there.
         vec3 brick = floor(place);
-        ivec3 word = clamp(whole_of(brick), ivec3(0), grid.count - 1) * grid.stride;
+        ivec3 word = whole_of(clamp(brick, vec3(0.0), vec3(grid.count - 1))) * grid.stride;
         vec3 face = (brick + mix(vec3(0.0), vec3(1.0), greaterThan(ray.inverse, vec3(0.0)))) * SIDE;
         vec3 leave = (face - grid.half_size - ray.q) * ray.inverse;
         float next = max(min(min(leave.x, leave.y), leave.z), at + nudge);

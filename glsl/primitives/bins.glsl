@@ -69,8 +69,9 @@ layout(set = 0, binding = BINDING_BIN_OFFSETS, std430) writeonly buffer Offsets 
 layout(set = 0, binding = BINDING_RANKED_BOXES, std430) writeonly buffer RankedBoxes { uvec2 ranked_boxes[]; };
 layout(set = 0, binding = BINDING_MARKED, std430) readonly buffer Marked { uvec2 marked[]; };
 
-// Whether a box contains a marked pixel of the tiles that it touches.
+// Whether a box contains a marked pixel of the tiles that it touches; boxes of many tiles may without.
 bool is_marked(uvec2 box, Touched tiles) {
+    if (tiles.number > 4096u) return true;
     uvec2 at = uvec2(tiles.column + tiles.skipped, tiles.row);
     bool found = false;
     for (uint i = 0u; i < tiles.number && !found; ++i) {

@@ -543,6 +543,52 @@ fn own_device_long_marches_are_split() {
     }
 }
 
+/// Marches that begin and end where their tile shows anything draw what others draw, to the bit, also where a pixel is larger than a brick,
+/// where the eye is inside, and in sheared cells.
+#[test]
+fn tiles_show_what_their_pixels_show() {
+    let gpu = gpu();
+    let rows = [[0.5, 1.0, 0.5, 0.2, 0.0], [0.55, 1.0, 0.5, 0.2, 40.0], [0.6, 1.0, 0.5, 0.2, 0.0]];
+    let plain = scene(Field::MarschnerLobb, 72, "f32", &rows);
+    let shear = DMat3::from_cols(DVec3::X, DVec3::new(0.6, 0.8, 0.0), DVec3::new(0.0, 0.5, 1.0).normalize());
+    let grid = plain.grid().unwrap().clone();
+    let sheared =
+        grid.clone().with_placement(DVec3::new(0.02, 0.05, 0.03), DVec3::splat(-0.8), shear).unwrap();
+    // Visible beside one face of the grid alone.
+    let beside = |axis: usize, far: bool| {
+        let place = |i: usize| [i % 72, i / 72 % 72, i / 72 / 72][axis];
+        let at = |i: usize| if far { 71 - place(i) } else { place(i) };
+        let samples = (0..72 * 72 * 72).map(|i| if at(i) < 3 { 0.55 } else { 0.0 }).collect();
+        Scene::new(grid.with_samples(Samples::F32(samples)).unwrap(), plain.transfer.clone())
+    };
+    let faces = (0..6).map(|i| beside(i / 2, i % 2 == 1));
+    let both = [plain.clone(), Scene::new(sheared, plain.transfer.clone())];
+    for scene in both.into_iter().chain(taken(2, faces)) {
+        let scene = GpuScene::new(&gpu, scene);
+        let mut shown = 0;
+        for (projection, distance, width, height) in [
+            (perspective(), 1.0, 61, 43),
+            (perspective(), 1.0, 9, 7),
+            (perspective(), 0.1, 43, 29),
+            (perspective(), 0.4, 30, 70),
+            (perspective(), 8.0, 61, 43),
+            (perspective(), 30.0, 17, 13),
+            (orthographic(), 1.0, 61, 43),
+            (orthographic(), 1.0, 5, 6),
+        ] {
+            let view = view(projection, distance, width, height);
+            for technique in ["slices-2d", "slices-2d:step=0.7", "slices-3d", "slabs", "raycast"] {
+                let joint = if technique.contains(':') { ',' } else { ':' };
+                let [skip, march] = ["skip", "march"]
+                    .map(|word| draw_on(&scene, &view, &format!("{technique}{joint}empty-space={word}")));
+                assert!(skip == march, "{technique} {projection:?} x {distance}, {width} x {height}");
+                shown += skip.pixels().iter().filter(|pixel| pixel[3] > 0.0).count();
+            }
+        }
+        assert!(shown > 2000, "{shown}");
+    }
+}
+
 /// What the device cannot hold is said before the driver is asked, with both numbers.
 #[test]
 fn own_device_limits_are_reported_with_both_numbers() {

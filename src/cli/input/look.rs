@@ -24,13 +24,13 @@ impl LookArgs {
         let mut mode = self.mode;
         if let Some(s) = self.isosurface {
             scene.transfer = auto::isosurface(&scene.data, s, auto::ISOSURFACE_COLOUR)?;
-            let lit = scene.grid().is_some() && scene.kernels.is_none() && scene.mode == Mode::Emission;
-            mode = mode.or(lit.then(|| Mode::Lit(Lighting::default())));
-        }
-        if let (Some(Mode::Maximum), true) =
-            (mode, settings.transfer_is_automatic && self.isosurface.is_none())
-        {
-            scene.transfer = auto::maximum(&scene.data)?;
+            let can_be_lit = scene.grid().is_some() && scene.kernels.is_none();
+            mode = mode.or(can_be_lit.then(|| Mode::Lit(Lighting::default())));
+        } else if let (Some(mode), true) = (mode, settings.transfer_is_automatic) {
+            scene.transfer = match mode {
+                Mode::Maximum => auto::maximum(&scene.data)?,
+                _ => auto::transfer_of(&scene.data, scene.kernels.as_ref())?,
+            };
         }
         if self.isosurface.is_some() || mode.is_some() {
             settings.choice = None;

@@ -1,6 +1,7 @@
 //! The slabs of a view with the push constants that draw them.
 
 use crate::error::{Error, Result};
+use crate::gpu::shader::{BRICK, TILE};
 use crate::interface::GridPush;
 use crate::num::{self, f32_of};
 use crate::resident::GpuScene;
@@ -26,6 +27,9 @@ pub(super) struct Cut {
     pub(super) count: u32,
     /// The slab at which front-to-back order begins.
     pub(super) first: u32,
+    /// Whether rays of a tile lie so far from the ray of its centre, where the domain is farthest, that they may be beyond the bricks
+    /// around it.
+    pub(super) wide: bool,
 }
 
 /// Cuts the domain into the slabs of a view, and derives the push constants that draw them.
@@ -82,5 +86,9 @@ pub(super) fn cut(
             "the camera is so far from the grid, or its voxels so large or small, that float32 cannot hold the rays",
         ));
     }
-    Ok(Cut { push, count: num::u32_of(slabs.count), first: slabs.first.min(num::u32_of(slabs.count)) })
+    let side =
+        (rays.px.abs() + rays.py.abs()) * (0.5 * f64::from(TILE) * (rays.kq + rays.kd * rays.depths[1]));
+    // A tenth of a cell for rounding.
+    let wide = side.max_element() > f64::from(BRICK) - 0.1;
+    Ok(Cut { wide, push, count: num::u32_of(slabs.count), first: slabs.first.min(num::u32_of(slabs.count)) })
 }

@@ -10,7 +10,7 @@ use crate::frame::depth_measure::DepthMeasure;
 use crate::frame::dry_run::{draws, dry_run, passes};
 use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
-use crate::gpu::shader::{MARCH_CONTINUES, RASTER_BACK_TO_FRONT, RASTER_FIRST_SHIFT};
+use crate::gpu::shader::{MARCH_CONTINUES, MARCH_WIDE, RASTER_BACK_TO_FRONT, RASTER_FIRST_SHIFT};
 use crate::gpu::{Attachment, Groups, Image, Recorder, TargetImage};
 use crate::interface::GridPush;
 use crate::num;
@@ -184,8 +184,8 @@ impl GridFrame {
                 recorder.copy_buffer_to_image(&format!("{name}.resolve"), texels, image, 0, [0, 1]);
             }
             Path::Compute { tiles, first, resume, slabs_per_dispatch, groups } => {
-                push.order = march_order(samples.axis, false);
                 if let Some(tiles) = tiles {
+                    push.order = march_order(samples.axis, false) | if cut.wide { MARCH_WIDE } else { 0 };
                     tiles.find.record(recorder, &push, tiles.groups);
                 }
                 let mut begin = 0;
