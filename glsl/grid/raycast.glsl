@@ -27,6 +27,8 @@
 #include "grid/lighting.glsl"
 #include "grid/march.glsl"
 
+const uint AT_ONCE = LAYERS || LIT || INTEGRATOR != INTEGRATOR_MIDPOINT ? 1u : MOST_AT_ONCE;
+
 void main() {
     ivec2 pixel;
     if (!own_pixel(pixel)) return;
@@ -58,23 +60,30 @@ void main() {
         uint stop = skip_empty(i, last, fma(float(i), h, z0), z0, h, walk, ray, interval.y, brick_grid);
         Face front;
         if (INTEGRATOR != INTEGRATOR_MIDPOINT) front = face_of(stored_at(ray, fma(float(i), h, z0), lattice), lattice);
-        for (; i < stop && transmittance > opaque; ++i) {
-            vec2 piece = vec2(fma(float(i), h, z0), min(fma(float(i + 1u), h, z0), interval.y));
-            if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --i;
-            float begin = piece.x, end = piece.y;
-            float len = max(end - begin, 0.0) * ray.length_per_depth;
-            vec4 emission;
-            if (INTEGRATOR == INTEGRATOR_MIDPOINT) {
-                float texel = stored_at(ray, 0.5 * (begin + end), lattice);
-                vec4 optics = classify(scalar_of(texel, lattice), knots);
-                emission = emission_of(optics.rgb, HAS_NAN && is_nan(texel) ? 0.0 : optics.a * len);
-            } else {
-                Face back = face_of(stored_at(ray, end, lattice), lattice);
-                emission = between_faces(front, back, len, knots);
-                front = back;
+        for (; i < stop && transmittance > opaque; i += AT_ONCE) {
+            vec2 pieces[MOST_AT_ONCE];
+            float texels[MOST_AT_ONCE];
+            for (uint k = 0u; k < AT_ONCE; ++k) {
+                vec2 piece = vec2(fma(float(i + k), h, z0), min(fma(float(min(i + k + 1u, last)), h, z0), interval.y));
+                if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --i;
+                pieces[k] = piece;
+                texels[k] = stored_at(ray, INTEGRATOR == INTEGRATOR_MIDPOINT ? 0.5 * (piece.x + piece.y) : piece.y, lattice);
             }
-            if (LIT) emission = lit(emission, ray, fma(emitted_at, end - begin, begin), lattice);
-            add_behind(sum, transmittance, emission);
+            for (uint k = 0u; k < AT_ONCE; ++k) {
+                float begin = pieces[k].x, end = AT_ONCE == 1u || transmittance > opaque ? pieces[k].y : begin;
+                float len = max(end - begin, 0.0) * ray.length_per_depth;
+                vec4 emission;
+                if (INTEGRATOR == INTEGRATOR_MIDPOINT) {
+                    vec4 optics = classify(scalar_of(texels[k], lattice), knots);
+                    emission = emission_of(optics.rgb, HAS_NAN && is_nan(texels[k]) ? 0.0 : optics.a * len);
+                } else {
+                    Face back = face_of(texels[k], lattice);
+                    emission = between_faces(front, back, len, knots);
+                    front = back;
+                }
+                if (LIT) emission = lit(emission, ray, fma(emitted_at, end - begin, begin), lattice);
+                add_behind(sum, transmittance, emission);
+            }
         }
     }
     if (LAYERS) end_layers(ahead, layers_until, opaque, sum, transmittance);

@@ -31,15 +31,18 @@
 #include "grid/lighting.glsl"
 #include "grid/slab.glsl"
 
-// Returns premultiplied colour and opacity of a piece of the ray, classified in its middle, lit where the scene is.
-vec4 slice_emission(Ray ray, vec2 piece, Lattice lattice, uint knots) {
-    float middle = 0.5 * (piece.x + piece.y);
-    float texel = stored_at(ray, middle, lattice);
+// Returns the stored value in the middle of a piece of the ray.
+float slice_texel(Ray ray, vec2 piece, Lattice lattice) {
+    return stored_at(ray, 0.5 * (piece.x + piece.y), lattice);
+}
+
+// Returns premultiplied colour and opacity of a piece of the ray with the stored value of its middle, lit where the scene is.
+vec4 slice_emission(float texel, Ray ray, vec2 piece, Lattice lattice, uint knots) {
     vec4 optics = classify(scalar_of(texel, lattice), knots);
     float tau = HAS_NAN && is_nan(texel) ? 0.0 : optics.a;
     // Multiply the lengths first, then the extinction: 0 * tau must stay 0.
     vec4 emission = emission_of(optics.rgb, tau * (max(piece.y - piece.x, 0.0) * ray.length_per_depth));
-    return LIT ? lit(emission, ray, middle, lattice) : emission;
+    return LIT ? lit(emission, ray, 0.5 * (piece.x + piece.y), lattice) : emission;
 }
 
 #ifdef VERTEX
@@ -66,12 +69,15 @@ void main() {
     load_knots();
     Ray ray = ray_of(gl_FragCoord.xy);
     vec2 piece = slab_piece(slab_begin(slab_in), slab_begin(slab_in + 1u), interval_of(ray, gl_FragCoord.xy));
-    blend(slice_emission(ray, piece, load_lattice(), push.knots), slab_in);
+    Lattice lattice = load_lattice();
+    blend(slice_emission(slice_texel(ray, piece, lattice), ray, piece, lattice, push.knots), slab_in);
 }
 #endif
 
 #ifdef COMPUTE
 #include "grid/march.glsl"
+
+const uint AT_ONCE = LAYERS || LIT ? 1u : MOST_AT_ONCE;
 
 void main() {
     ivec2 pixel;
@@ -97,10 +103,20 @@ void main() {
     while (slab < slabs.y && transmittance > opaque) {
         float z = max(fma(float(slab), h, z0), interval.x);
         uint stop = skip_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
-        for (; slab < stop && transmittance > opaque; ++slab) {
-            vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
-            if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --slab;
-            add_behind(sum, transmittance, slice_emission(ray, piece, lattice, knots));
+        for (; slab < stop && transmittance > opaque; slab += AT_ONCE) {
+            vec2 pieces[MOST_AT_ONCE];
+            float texels[MOST_AT_ONCE];
+            for (uint k = 0u; k < AT_ONCE; ++k) {
+                vec2 piece = slab_piece(fma(float(slab + k), h, z0), fma(float(slab + k + 1u), h, z0), interval);
+                if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --slab;
+                pieces[k] = piece;
+                texels[k] = slice_texel(ray, piece, lattice);
+            }
+            for (uint k = 0u; k < AT_ONCE; ++k) {
+                bool drawn = AT_ONCE == 1u || slab + k < slabs.y && transmittance > opaque;
+                vec2 piece = drawn ? pieces[k] : pieces[k].xx;
+                add_behind(sum, transmittance, slice_emission(texels[k], ray, piece, lattice, knots));
+            }
         }
     }
     if (LAYERS) end_layers(ahead, layers_until, opaque, sum, transmittance);
