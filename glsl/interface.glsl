@@ -72,6 +72,10 @@
 #define BINDING_AROUND 68       // storage block: one word per brick: 0 where nothing is visible in it and the bricks around it
 #define BINDING_TILE_INTERVALS 69 // storage block: the two depths between which each tile of the image shows anything
 
+#define BINDING_PILOTS 70       // storage block: colours of the ray of each tile's centre at several steps
+#define BINDING_ERRORS 71       // storage block: number of tiles by the error of the greatest step
+#define BINDING_TILE_STEPS 72   // storage block: step of each tile of the image
+
 #define BINDING_SCAN_WORDS 13   // storage block: words that are replaced by their prefix sums
 #define BINDING_SCAN_SUMS 14    // storage block: 64-bit sums of chunks of them
 #define BINDING_SCAN_TOTAL 15   // storage block: the sum of all, lower and upper word
@@ -129,6 +133,7 @@
 #define SPEC_PLACED 40        // bool: segments tell where they emit
 #define SPEC_GREATEST 41      // bool: bricks hold their greatest scalars
 #define SPEC_BY_TILES 42      // bool: BINDING_TILE_INTERVALS bounds what rays show
+#define SPEC_BY_STEPS 43      // bool: tiles have steps of their own, BINDING_TILE_STEPS
 
 // Values of SPEC_INTEGRATOR.
 #define INTEGRATOR_MIDPOINT 0
@@ -188,6 +193,11 @@
 #define SORT_TILE 2048        // pairs that a workgroup ranks
 
 #define UNIFORM_KNOTS 16
+
+// Steps of the rays of tiles' centres (steps.glsl), each half the one before.
+#define PILOT_COARSEST 8 // voxel spacings
+#define PILOT_LEVELS 8
+#define ERROR_BINS 256 // of the squared errors of tiles
 
 #define TILE 8        // pixels along each side of a tile
 #define BIN_PAIRS 16  // pairs of a tile and a primitive that an invocation emits

@@ -281,6 +281,25 @@ pub(crate) struct UpsamplingPush {
     pub(crate) pad0: u32,
 }
 
+/// The changes of the colour of a tile's centre (`pilots.glsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct Pilot {
+    pub(crate) colour: [f32; 4],
+    pub(crate) changes: [f32; 8],
+    pub(crate) levels: u32,
+    pub(crate) pad0: [u32; 3],
+}
+
+/// The push constants of `steps.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct StepsPush {
+    pub(crate) tiles: [u32; 2],
+    pub(crate) bound: f32,
+    pub(crate) pad0: u32,
+}
+
 /// The push constants of `shear-bounds.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

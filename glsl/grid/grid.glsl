@@ -29,7 +29,7 @@ layout(push_constant, std430) uniform GridPush {
     uint order;       // raster: RASTER_*; compute: MARCH_*
     float unit;       // world length of one unit of depth: the smallest voxel spacing
     float opaque;     // transmittance at which a ray ends
-    uint seed;        // of dithering
+    uint seed;        // of dithering; PILOT: bits of the squared change of colour that ends a ray
 } push;
 
 // Returns the ray through a point of the image, in pixels.

@@ -1,4 +1,5 @@
 // entry compute COMPUTE precise
+// entry compute PILOT precise
 //
 // Image-order ray casting, the baseline of the object-order techniques: the same reconstruction, the same integrators, the same early
 // ray termination.
@@ -7,9 +8,11 @@
 // shorter. MIDPOINT classifies the scalar in the middle of a segment, the other integrators integrate between its ends.
 //
 //   COMPUTE   one invocation owns a pixel and marches its ray front to back in registers
+//   PILOT     one invocation owns a tile of 8 x 8 pixels and marches the ray of its centre, with the step of this dispatch: twice as
+//             fine as that of the dispatch before, until the colour hardly changes (steps.glsl)
 //
-//   in    volume, transfer function or its table
-//   out   accumulation image: premultiplied linear RGBA
+//   in    volume, transfer function or its table; COMPUTE: the step of each tile, where these differ
+//   out   COMPUTE: accumulation image, premultiplied linear RGBA; PILOT: that colour for each step
 //   error that of slices-3d (MIDPOINT) or slabs (others) with the same spacing along the ray
 //   cost  one fetch and one classification or integration per segment
 //
@@ -26,45 +29,32 @@
 #include "grid/faces.glsl"
 #include "grid/lighting.glsl"
 #include "grid/march.glsl"
+#include "grid/tile-step.glsl"
+#include "grid/pilots.glsl"
 
 const uint AT_ONCE = LAYERS || LIT || INTEGRATOR != INTEGRATOR_MIDPOINT ? 1u : MOST_AT_ONCE;
 
-void main() {
-    ivec2 pixel;
-    if (!own_pixel(pixel)) return;
-    Ray ray = ray_of(vec2(pixel) + 0.5);
-    vec2 interval = interval_of(ray, vec2(pixel));
-
+// Marches the segments of a ray from `first` to before `last`. Segment i begins at depth z0 + i h, and the last ends at depth `far`.
+void march(Ray ray, float z0, float far, float h, uint walk, uint first, uint last, inout LayersAhead ahead, inout vec4 sum,
+           inout float transmittance) {
     // Load these before the loop: drivers do not hoist them.
     Lattice lattice = load_lattice();
     BrickGrid brick_grid = load_bricks();
     uint knots = push.knots;
     float opaque = push.opaque;
-    uint walk = slabs_between_looks(push.d0_h.w);
     load_segments(knots);
 
-    // The depth of a segment: push.d0_h.w is its length in units of the smallest voxel spacing.
-    float h = push.d0_h.w * push.unit / ray.length_per_depth;
-    float z0 = interval.x;
-    float segments = interval.x < interval.y ? ceil((interval.y - z0) / h) : 0.0;
-    vec2 shown = shown_of(interval, pixel);
-    float begin_at = floor((shown.x - z0) / h) - 1.0, end_at = min(segments, ceil((shown.y - z0) / h) + 1.0);
-    uint first = uint(max(begin_at, float(push.first))), last = uint(clamp(end_at, 0.0, float(push.first + push.count)));
-
-    float transmittance;
-    vec4 sum = begin_march(pixel, transmittance);
-    LayersAhead ahead = begin_layers(pixel, fma(float(first), h, z0));
-    float reached = -3e38, layers_until = layers_end(fma(float(push.first + push.count), h, z0));
+    float reached = -3e38;
     uint i = first;
     while (i < last && transmittance > opaque) {
-        uint stop = skip_empty(i, last, fma(float(i), h, z0), z0, h, walk, ray, interval.y, brick_grid);
+        uint stop = skip_empty(i, last, fma(float(i), h, z0), z0, h, walk, ray, far, brick_grid);
         Face front;
         if (INTEGRATOR != INTEGRATOR_MIDPOINT) front = face_of(stored_at(ray, fma(float(i), h, z0), lattice), lattice);
         for (; i < stop && transmittance > opaque; i += AT_ONCE) {
             vec2 pieces[MOST_AT_ONCE];
             float texels[MOST_AT_ONCE];
             for (uint k = 0u; k < AT_ONCE; ++k) {
-                vec2 piece = vec2(fma(float(i + k), h, z0), min(fma(float(min(i + k + 1u, last)), h, z0), interval.y));
+                vec2 piece = vec2(fma(float(i + k), h, z0), min(fma(float(min(i + k + 1u, last)), h, z0), far));
                 if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --i;
                 pieces[k] = piece;
                 texels[k] = stored_at(ray, INTEGRATOR == INTEGRATOR_MIDPOINT ? 0.5 * (piece.x + piece.y) : piece.y, lattice);
@@ -86,6 +76,76 @@ void main() {
             }
         }
     }
-    if (LAYERS) end_layers(ahead, layers_until, opaque, sum, transmittance);
+}
+
+// The segments of a ray: where the first begins, their depth, and the first of those that show anything and the last.
+struct Segments {
+    float begin;
+    float depth;
+    float first;
+    float last;
+};
+
+// Divides an interval of a pixel's ray into segments of length `spacing`, in units of the smallest voxel spacing.
+Segments segments_of(Ray ray, vec2 interval, ivec2 pixel, float spacing) {
+    float h = spacing * push.unit / ray.length_per_depth;
+    float z0 = interval.x;
+    float segments = interval.x < interval.y ? ceil((interval.y - z0) / h) : 0.0;
+    vec2 shown = shown_of(interval, pixel);
+    return Segments(z0, h, floor((shown.x - z0) / h) - 1.0, min(segments, ceil((shown.y - z0) / h) + 1.0));
+}
+
+#ifdef COMPUTE
+void main() {
+    ivec2 pixel;
+    if (!own_pixel(pixel)) return;
+    Ray ray = ray_of(vec2(pixel) + 0.5);
+    vec2 interval = interval_of(ray, vec2(pixel));
+    float spacing = step_of(pixel);
+    Segments of = segments_of(ray, interval, pixel, spacing);
+    uint begin = push.first, end = push.first + push.count;
+    uint first = uint(max(of.first, float(begin))), last = uint(clamp(of.last, 0.0, float(end)));
+
+    float transmittance;
+    vec4 sum = begin_march(pixel, transmittance);
+    LayersAhead ahead = begin_layers(pixel, fma(float(first), of.depth, of.begin));
+    float layers_until = layers_end(fma(float(end), of.depth, of.begin));
+    march(ray, of.begin, interval.y, of.depth, slabs_between_looks(spacing), first, last, ahead, sum, transmittance);
+    if (LAYERS) end_layers(ahead, layers_until, push.opaque, sum, transmittance);
     end_march(pixel, sum, transmittance);
 }
+#endif
+
+#ifdef PILOT
+void main() {
+    uint tile = WORKGROUP_NUMBER * TILE_PIXELS + gl_LocalInvocationIndex;
+    ivec2 extent = ivec2(2.0 * push.half_extent + 0.5), tiles = (extent + int(TILE) - 1) / int(TILE);
+    if (tile >= uint(tiles.x * tiles.y)) return;
+    float spacing = push.d0_h.w;
+    uint level = level_of(spacing);
+    if (level > 0u && pilots[tile].levels < level) return;
+    if (level > 2u) {
+        float change = max(pilots[tile].changes[level - 1u], pilots[tile].changes[level - 2u] / 16.0);
+        if (change <= uintBitsToFloat(push.seed)) return;
+    }
+
+    ivec2 pixel = min(ivec2(int(tile) % tiles.x, int(tile) / tiles.x) * int(TILE) + int(TILE) / 2, extent - 1);
+    Ray ray = ray_of(vec2(pixel) + 0.5);
+    vec2 interval = interval_of(ray, vec2(pixel));
+    Segments of = segments_of(ray, interval, pixel, spacing);
+
+    float transmittance = 1.0;
+    vec4 sum = vec4(0.0);
+    LayersAhead ahead;
+    march(ray, of.begin, interval.y, of.depth, slabs_between_looks(spacing), uint(max(of.first, 0.0)), uint(max(of.last, 0.0)), ahead, sum,
+          transmittance);
+    if (level > 0u) {
+        vec4 difference = sum - pilots[tile].colour;
+        float change = 0.25 * dot(difference, difference);
+        pilots[tile].changes[level] = change;
+        pilots[tile].changes[0] = level == 1u ? change : max(pilots[tile].changes[0], change);
+    }
+    pilots[tile].colour = sum;
+    pilots[tile].levels = level + 1u;
+}
+#endif

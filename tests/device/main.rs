@@ -34,4 +34,5 @@ mod splats;
 mod stacks;
 mod steps;
 mod threads;
+mod tolerance;
 mod validation;

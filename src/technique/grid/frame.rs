@@ -183,10 +183,14 @@ impl GridFrame {
                 );
                 recorder.copy_buffer_to_image(&format!("{name}.resolve"), texels, image, 0, [0, 1]);
             }
-            Path::Compute { tiles, first, resume, slabs_per_dispatch, groups } => {
+            Path::Compute { tiles, steps, first, resume, slabs_per_dispatch, groups } => {
                 if let Some(tiles) = tiles {
                     push.order = march_order(samples.axis, false) | if cut.wide { MARCH_WIDE } else { 0 };
                     tiles.find.record(recorder, &push, tiles.groups);
+                }
+                if let Some(steps) = steps {
+                    push.order = march_order(samples.axis, false);
+                    steps.record(recorder, push);
                 }
                 let mut begin = 0;
                 loop {

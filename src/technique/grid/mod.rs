@@ -15,4 +15,5 @@ mod route;
 pub mod slabs;
 pub mod slices_2d;
 pub mod slices_3d;
+mod steps;
 pub(crate) mod technique;

@@ -10,7 +10,7 @@ use ash::vk;
 
 use crate::error::{Error, Result};
 use crate::frame::target::{Canvas, draws_directly, own_image};
-use crate::gpu::shader::{self, EmptySpace as Skipping, Shown, TILE_INTERVALS_COMPUTE};
+use crate::gpu::shader::{self, EmptySpace as Skipping, Shown, TILE_INTERVALS_COMPUTE, TileStep};
 use crate::gpu::{Blend, Bound, Buffer, BufferUse, Descriptors, Gpu, GraphicsState, Groups, Image, Pipeline};
 use crate::primitives::dispatch::{Dispatch, buffer, groups_of, pass, tiles_of};
 use crate::resident::GpuScene;
@@ -18,10 +18,11 @@ use crate::resident::bricks::VisibleBricks;
 use crate::resident::tables::Knots;
 use crate::resident::volume::Volume;
 use crate::scene::{Mode, View};
-use crate::technique::declare::{BlendOrder, EmptySpace};
+use crate::technique::declare::{BlendOrder, EmptySpace, refused};
 use crate::technique::grid::blue_noise;
 use crate::technique::grid::dispatch_limits::{Loops, check_loops, slabs_per_dispatch};
 use crate::technique::grid::options::{Dither, Filter, Prefilter};
+use crate::technique::grid::steps::TileSteps;
 use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Polygons};
 
 /// How a frame's slabs are composited.
@@ -35,6 +36,8 @@ pub(super) enum Path {
     Compute {
         /// Finds where tiles show anything; only where empty space is skipped.
         tiles: Option<TileIntervals>,
+        /// Chooses the steps of tiles; only for a tolerance.
+        steps: Option<TileSteps>,
         first: Arc<Pipeline>,
         /// Continues where the dispatch before stopped; only where the march is split.
         resume: Option<Arc<Pipeline>>,
@@ -169,16 +172,35 @@ impl RouteDesc<'_> {
             bricks = visible.alone;
         }
         let intervals = tiles.as_ref().map_or(&knots.buffer, |tiles| &tiles.intervals);
+        let inputs = |steps: Option<&TileSteps>, resume: bool| MarchInputs {
+            accumulation: image.stored(),
+            resume,
+            empty_space: Skipping { bricks: bricks.read(), empty_space: skips, greatest },
+            layers: self.target.layered(&knots.buffer),
+            redrawn: self.target.redrawn(&knots.buffer),
+            shown: Shown { tile_intervals: intervals.read(), by_tiles: tiles.is_some() },
+            tile_step: TileStep {
+                tile_steps: steps.map_or(&knots.buffer, |steps| &steps.steps).read(),
+                by_steps: steps.is_some(),
+            },
+        };
+        let steps = match technique.tolerance() {
+            Some(_) if greatest => {
+                return Err(refused(name, "tolerance", "the greatest scalar has no integral: set step"));
+            }
+            Some(tolerance) => {
+                let layers = Canvas { layers: None, ..self.target.clone() }.layered(&knots.buffer);
+                let bind = |pilots| {
+                    let march = MarchInputs { layers, ..inputs(None, false) };
+                    technique.pilot(self.inputs(self.first()?)?, march, pilots)
+                };
+                let most = |rays| slabs_per_dispatch(gpu, name, slabs, &self.loops(), scene.grid()?, rays);
+                Some(TileSteps::new(gpu, name, tolerance, self.view, slabs, most, bind)?)
+            }
+            None => None,
+        };
         let bind = |grid: GridInputs<'_>, resume: bool| {
-            let march = MarchInputs {
-                accumulation: image.stored(),
-                resume,
-                empty_space: Skipping { bricks: bricks.read(), empty_space: skips, greatest },
-                layers: self.target.layered(&knots.buffer),
-                redrawn: self.target.redrawn(&knots.buffer),
-                shown: Shown { tile_intervals: intervals.read(), by_tiles: tiles.is_some() },
-            };
-            self.with_options(technique.march(grid, march)?)
+            self.with_options(technique.march(grid, inputs(steps.as_ref(), resume))?)
         };
         let rays = self.view.extent().map(u64::from).iter().product();
         let most = slabs_per_dispatch(gpu, name, slabs, &self.loops(), scene.grid()?, rays)?;
@@ -200,7 +222,7 @@ impl RouteDesc<'_> {
             Some(redrawn) => Groups::Counted(Arc::clone(&redrawn.pixels)),
             None => tiles_of(self.view.extent()).into(),
         };
-        let path = Path::Compute { tiles, first, resume, slabs_per_dispatch, groups };
+        let path = Path::Compute { tiles, steps, first, resume, slabs_per_dispatch, groups };
         Ok(Routed { path, samples, image: Some(image) })
     }
 

@@ -87,7 +87,7 @@ impl GridTechnique for Options {
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
         let segments = grid.segments(&self.segments)?;
         let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
-        let MarchInputs { accumulation, resume, empty_space, layers, redrawn, shown } = march;
+        let MarchInputs { accumulation, resume, empty_space, layers, redrawn, shown, .. } = march;
         let clip_ends = true;
         Ok(SLABS_COMPUTE.with(&SlabsCompute {
             accumulation,

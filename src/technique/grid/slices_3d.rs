@@ -86,7 +86,7 @@ impl GridTechnique for Options {
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
         let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
-        let MarchInputs { accumulation, resume, empty_space, layers, redrawn, shown } = march;
+        let MarchInputs { accumulation, resume, empty_space, layers, redrawn, shown, .. } = march;
         let clip_ends = self.ends == Ends::Clip;
         Ok(SLICES_3D_COMPUTE.with(&Slices3dCompute {
             accumulation,

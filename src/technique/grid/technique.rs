@@ -2,10 +2,10 @@
 
 use ash::vk;
 
-use crate::error::Result;
-use crate::gpu::inputs::Stored;
+use crate::error::{Error, Result};
+use crate::gpu::inputs::{Stored, Write};
 use crate::gpu::shader::{
-    Blend, Bounded, EmptySpace, Lattice, Layers, Lighting, Optics, Redrawn, Segments, Shown,
+    Blend, Bounded, EmptySpace, Lattice, Layers, Lighting, Optics, Redrawn, Segments, Shown, TileStep,
 };
 use crate::gpu::{Bound, Sampled};
 use crate::resident::GpuScene;
@@ -46,6 +46,7 @@ pub(crate) struct MarchInputs {
     pub(crate) layers: Layers,
     pub(crate) redrawn: Redrawn,
     pub(crate) shown: Shown,
+    pub(crate) tile_step: TileStep,
 }
 
 /// Shaders that draw slabs as polygons.
@@ -90,6 +91,14 @@ pub(crate) trait GridTechnique: OptionBits + std::fmt::Debug + Send + Sync {
     }
     /// Binds the shader that marches along rays.
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound>;
+    /// The RMSE for which the tiles of the image take steps of their own; `None` where all take the same.
+    fn tolerance(&self) -> Option<f64> {
+        None
+    }
+    /// Binds the shader that marches along the rays of tiles' centres for `tolerance`, and writes to `pilots`.
+    fn pilot(&self, _grid: GridInputs<'_>, _march: MarchInputs, _pilots: Write) -> Result<Bound> {
+        Err(Error::unsupported("tolerance", "the technique raycast"))
+    }
     /// Binds the shaders that draw slabs as polygons, blended by the shader with `blend`, else by fixed function. `None` where the
     /// technique has no polygons.
     fn polygons(&self, _grid: GridInputs<'_>, _blend: Option<Blend>) -> Result<Option<Polygons>> {
