@@ -37,7 +37,7 @@ pub(super) enum Path {
         /// Finds where tiles show anything; only where empty space is skipped.
         tiles: Option<TileIntervals>,
         /// Chooses the steps of tiles; only for a tolerance.
-        steps: Option<TileSteps>,
+        steps: Option<Box<TileSteps>>,
         first: Arc<Pipeline>,
         /// Continues where the dispatch before stopped; only where the march is split.
         resume: Option<Arc<Pipeline>>,
@@ -222,7 +222,8 @@ impl RouteDesc<'_> {
             Some(redrawn) => Groups::Counted(Arc::clone(&redrawn.pixels)),
             None => tiles_of(self.view.extent()).into(),
         };
-        let path = Path::Compute { tiles, steps, first, resume, slabs_per_dispatch, groups };
+        let path =
+            Path::Compute { tiles, steps: steps.map(Box::new), first, resume, slabs_per_dispatch, groups };
         Ok(Routed { path, samples, image: Some(image) })
     }
 

@@ -76,7 +76,7 @@ impl TileSteps {
         let pass = |what: &str, bound: &Bound| pass(gpu, &format!("{name}.{what}"), bound);
         // Each level has twice the segments of the one before.
         let most = f64::from(most(tiles)?);
-        let levels = (3..PILOT_LEVELS).filter(|&level| f64::from(slabs) * FINEST / step_of(level) <= most);
+        let fits = |&level: &u32| f64::from(slabs) * FINEST / step_of(level) <= most;
         Ok(Self {
             pilot: pass("pilot", &bind(pilots.write())?)?,
             count: pass("errors", &STEPS_ERRORS.with(&counting))?,
@@ -84,7 +84,7 @@ impl TileSteps {
             steps,
             errors,
             tolerance,
-            levels: levels.last().map_or(3, |level| level + 1),
+            levels: (3..PILOT_LEVELS).take_while(fits).last().unwrap_or(2) + 1,
             tiles: [across, rows],
         })
     }
