@@ -134,6 +134,7 @@
 #define SPEC_GREATEST 41      // bool: bricks hold their greatest scalars
 #define SPEC_BY_TILES 42      // bool: BINDING_TILE_INTERVALS bounds what rays show
 #define SPEC_BY_STEPS 43      // bool: tiles have steps of their own, BINDING_TILE_STEPS
+#define SPEC_BY_TILE_LIST 44  // bool: only the tiles of BINDING_PIXELS are drawn
 
 // Values of SPEC_INTEGRATOR.
 #define INTEGRATOR_MIDPOINT 0

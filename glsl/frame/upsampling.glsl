@@ -96,7 +96,7 @@ void main() {
     barrier();
     uint at = size.x * size.y > 0u ? atomicAdd(group_count, size.x * size.y) : 0u;
     barrier();
-    if (gl_LocalInvocationIndex == 0u) group_begin = group_count > 0u ? room_for(group_count) : 0u;
+    if (gl_LocalInvocationIndex == 0u) group_begin = group_count > 0u ? room_for(group_count, TILE_PIXELS) : 0u;
     barrier();
     at += group_begin;
     for (uint y = 0u; y < size.y; ++y) {

@@ -7,7 +7,7 @@
 #include "shared/device.glsl"
 #include "shared/optics.glsl"
 #include "frame/layers.glsl"
-#include "frame/redrawn.glsl"
+#include "frame/by-list.glsl"
 #include "grid/grid.glsl"
 #include "grid/empty-space.glsl"
 #include "grid/interval.glsl"
@@ -23,8 +23,8 @@ const uint MOST_AT_ONCE = 2u;
 
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
 
-// Finds the pixel of an invocation: by its place in the dispatch, or in the list of those that are drawn once more. Returns whether there
-// is one that shows anything.
+// Finds the pixel of an invocation: by its place in the dispatch, or in a list of tiles or pixels. Returns whether there is one that shows
+// anything.
 bool own_pixel(out ivec2 pixel) {
     if (REDRAWN) {
         pixel = ivec2(0);
@@ -32,11 +32,18 @@ bool own_pixel(out ivec2 pixel) {
         if (number >= pixels[PIXELS_COUNT]) return false;
         uint word = pixels[PIXELS_FIRST + number];
         pixel = ivec2(word & 0xffffu, word >> 16);
+    } else if (BY_TILE_LIST) {
+        pixel = ivec2(0);
+        uint number = WORKGROUP_NUMBER;
+        if (number >= pixels[PIXELS_COUNT]) return false;
+        uint word = pixels[PIXELS_FIRST + number];
+        pixel = ivec2(uvec2(word & 0xffffu, word >> 16) * TILE + gl_LocalInvocationID.xy);
+        return all(lessThan(pixel, ivec2(2.0 * push.half_extent + 0.5)));
     } else {
         pixel = ivec2(INVOCATION.xy);
         if (any(greaterThanEqual(pixel, ivec2(2.0 * push.half_extent + 0.5)))) return false;
     }
-    if (BY_TILES && !LAYERS) {
+    if (REDRAWN && BY_TILES && !LAYERS) {
         vec2 tile = tile_interval_of(pixel);
         if (tile.x > tile.y) {
             if (!RESUME) imageStore(accumulation, pixel, vec4(0.0));

@@ -7,7 +7,7 @@
 // pixels are that large (MARCH_WIDE), the whole ray is shown.
 //
 //   in    words of the bricks and those around (bricks.glsl)
-//   out   two depths per tile, the first greater where it shows nothing
+//   out   two depths per tile, the first greater where it shows nothing; LISTS: a list of those that do, with the workgroups that draw them
 //   cost  a brick per 8 voxels along each tile's ray
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -15,6 +15,7 @@
 #include "interface.glsl"
 #include "shared/device.glsl"
 #include "shared/integers.glsl"
+#include "frame/listed.glsl"
 #include "grid/grid.glsl"
 #include "grid/empty-space.glsl"
 
@@ -26,21 +27,18 @@ layout(set = 0, binding = BINDING_TILE_INTERVALS, std430) buffer TileIntervals {
     vec2 of_tile[];
 } intervals;
 
-layout(local_size_x = 64) in;
+layout(constant_id = SPEC_BY_TILE_LIST) const bool LISTS = false;
 
-void main() {
-    uint tile = INVOCATION_NUMBER;
-    uvec2 tiles = (uvec2(2.0 * push.half_extent + 0.5) + TILE - 1u) / TILE;
-    if (tile >= tiles.x * tiles.y) return;
-    Ray ray = ray_of((vec2(tile % tiles.x, tile / tiles.x) + 0.5) * float(TILE));
+layout(local_size_x = TILE, local_size_y = TILE) in;
+
+// Returns the depths between which a tile shows anything, the first greater where it shows nothing.
+vec2 shown_by(uvec2 tile) {
+    Ray ray = ray_of((vec2(tile) + 0.5) * float(TILE));
     BrickGrid grid = bricks_of(push.half_scale.xyz, push.order & MARCH_AXIS);
 
     const float SIDE = float(BRICK), NUDGE = 0.01; // cells
     vec2 interval = domain_of(ray, grid.half_size + SIDE, push.near);
-    if ((push.order & MARCH_WIDE) != 0u) {
-        intervals.of_tile[tile] = vec2(-3e38, 3e38);
-        return;
-    }
+    if ((push.order & MARCH_WIDE) != 0u) return vec2(-3e38, 3e38);
     float speed = max(max(abs(ray.d.x), abs(ray.d.y)), abs(ray.d.z));
     float nudge = NUDGE / max(speed, 1e-30), at = interval.x;
     vec2 shown = vec2(3e38, -3e38);
@@ -55,5 +53,27 @@ void main() {
         if (around.words[word.x + word.y + word.z] != 0u) shown = vec2(min(shown.x, at), next + nudge);
         at = next;
     }
-    intervals.of_tile[tile] = shown;
+    return shown;
+}
+
+shared uint group_count, group_begin;
+
+void main() {
+    // A workgroup has a square of tiles, which follow each other in the list: tiles side by side share cache lines of the volume.
+    uvec2 tiles = (uvec2(2.0 * push.half_extent + 0.5) + TILE - 1u) / TILE;
+    uvec2 tile = INVOCATION.xy;
+    bool is_listed = false;
+    if (all(lessThan(tile, tiles))) {
+        vec2 shown = shown_by(tile);
+        intervals.of_tile[tile.y * tiles.x + tile.x] = shown;
+        is_listed = shown.x <= shown.y;
+    }
+    if (!LISTS) return;
+    if (gl_LocalInvocationIndex == 0u) group_count = 0u;
+    barrier();
+    uint place = is_listed ? atomicAdd(group_count, 1u) : 0u;
+    barrier();
+    if (gl_LocalInvocationIndex == 0u && group_count > 0u) group_begin = room_for(group_count, 1u);
+    barrier();
+    if (is_listed) pixels[group_begin + place] = tile.x | tile.y << 16;
 }

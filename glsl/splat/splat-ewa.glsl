@@ -178,7 +178,7 @@ void main() {
         if (BY_PIXEL) { \
             AS_MANY(BLEND_LAST, r) \
             splat_state[place + r * TILE].y = floatBitsToUint(last[r]); \
-            if (!unfinished && last[r] == BEHIND_ALL && in_image(pixel)) pixels[room_for(1u)] = pixel.x | pixel.y << 16; \
+            if (!unfinished && last[r] == BEHIND_ALL && in_image(pixel)) pixels[room_for(1u, TILE_PIXELS)] = pixel.x | pixel.y << 16; \
         } \
         store_pixel(pixel, sum[r]); \
     }

@@ -113,10 +113,12 @@ impl Canvas {
         }
     }
 
-    /// The pixels that are drawn once more, with the same stand-in.
-    pub(crate) fn redrawn(&self, unread: &Arc<Buffer>) -> shader::Redrawn {
-        let pixels = self.redrawn.as_ref().map_or(unread, |redrawn| &redrawn.pixels).read();
-        shader::Redrawn { pixels, redrawn: self.redrawn.is_some() }
+    /// The list of what is drawn: pixels that are drawn once more, else `tiles` where that is a list, else everything with the same
+    /// stand-in.
+    pub(crate) fn by_list(&self, tiles: Option<&Arc<Buffer>>, unread: &Arc<Buffer>) -> shader::ByList {
+        let list = self.redrawn.as_ref().map(|redrawn| &redrawn.pixels);
+        let pixels = list.or(tiles).unwrap_or(unread).read();
+        shader::ByList { pixels, redrawn: list.is_some(), by_tile_list: list.is_none() && tiles.is_some() }
     }
 
     /// Refuses a route or order, `what`, that cannot split rays at translucent surfaces.

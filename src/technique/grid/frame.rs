@@ -11,7 +11,7 @@ use crate::frame::dry_run::{draws, dry_run, passes};
 use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
 use crate::gpu::shader::{MARCH_CONTINUES, MARCH_WIDE, RASTER_BACK_TO_FRONT, RASTER_FIRST_SHIFT};
-use crate::gpu::{Attachment, Groups, Image, Recorder, TargetImage};
+use crate::gpu::{Attachment, Image, Recorder, TargetImage};
 use crate::interface::GridPush;
 use crate::num;
 use crate::resident::GpuScene;
@@ -183,10 +183,10 @@ impl GridFrame {
                 );
                 recorder.copy_buffer_to_image(&format!("{name}.resolve"), texels, image, 0, [0, 1]);
             }
-            Path::Compute { tiles, steps, first, resume, slabs_per_dispatch, groups } => {
+            Path::Compute { tiles, steps, first, resume, slabs_per_dispatch, groups, redraws } => {
                 if let Some(tiles) = tiles {
                     push.order = march_order(samples.axis, false) | if cut.wide { MARCH_WIDE } else { 0 };
-                    tiles.find.record(recorder, &push, tiles.groups);
+                    tiles.record(recorder, &push, self.image.as_ref());
                 }
                 if let Some(steps) = steps {
                     push.order = march_order(samples.axis, false);
@@ -198,10 +198,7 @@ impl GridFrame {
                     push.count = (count - begin).min(*slabs_per_dispatch);
                     push.order = march_order(samples.axis, begin + push.count < count);
                     let pipeline = resume.as_ref().filter(|_| begin > 0).unwrap_or(first);
-                    let pass = match groups {
-                        Groups::Fixed(_) => format!("{name}.march"),
-                        Groups::Counted(_) => format!("{name}.redraw"),
-                    };
+                    let pass = format!("{name}.{}", if *redraws { "redraw" } else { "march" });
                     recorder.dispatch(
                         &pass,
                         pipeline,

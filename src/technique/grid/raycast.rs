@@ -86,7 +86,7 @@ impl GridTechnique for Options {
     }
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
-        let MarchInputs { accumulation, resume, empty_space, layers, redrawn, shown, tile_step } = march;
+        let MarchInputs { accumulation, resume, empty_space, layers, by_list, shown, tile_step } = march;
         if grid.scene.scene().mode == Mode::Maximum {
             let GridInputs { volume, lattice, optics, bounded, .. } = grid;
             return Ok(MAXIMUM_COMPUTE.with(&Maximum {
@@ -97,7 +97,7 @@ impl GridTechnique for Options {
                 empty_space,
                 lattice,
                 layers,
-                redrawn,
+                by_list,
                 shown,
                 optics,
             }));
@@ -113,7 +113,7 @@ impl GridTechnique for Options {
             lattice,
             lighting,
             layers,
-            redrawn,
+            by_list,
             shown,
             tile_step,
             optics,

@@ -10,9 +10,14 @@ use ash::vk;
 
 use crate::error::{Error, Result};
 use crate::frame::target::{Canvas, draws_directly, own_image};
-use crate::gpu::shader::{self, EmptySpace as Skipping, Shown, TILE_INTERVALS_COMPUTE, TileStep};
-use crate::gpu::{Blend, Bound, Buffer, BufferUse, Descriptors, Gpu, GraphicsState, Groups, Image, Pipeline};
-use crate::primitives::dispatch::{Dispatch, buffer, groups_of, pass, tiles_of};
+use crate::gpu::shader::{
+    self, EmptySpace as Skipping, PIXELS_FIRST, Shown, TILE_INTERVALS_COMPUTE, TileStep,
+};
+use crate::gpu::{
+    Blend, Bound, Buffer, BufferUse, Descriptors, Gpu, GraphicsState, Groups, Image, Pipeline, Recorder,
+};
+use crate::interface::GridPush;
+use crate::primitives::dispatch::{Dispatch, buffer, pass, tiles_of};
 use crate::resident::GpuScene;
 use crate::resident::bricks::VisibleBricks;
 use crate::resident::tables::Knots;
@@ -43,8 +48,10 @@ pub(super) enum Path {
         resume: Option<Arc<Pipeline>>,
         /// Slabs that one dispatch may walk.
         slabs_per_dispatch: u32,
-        /// Workgroups: one invocation for each pixel of the image, or of a list.
+        /// Workgroups: one invocation for each pixel of the image, of a list of tiles or of a list of pixels.
         groups: Groups,
+        /// Whether pixels are drawn once more.
+        redraws: bool,
     },
 }
 
@@ -52,18 +59,37 @@ pub(super) enum Path {
 #[derive(Debug)]
 pub(super) struct TileIntervals {
     intervals: Arc<Buffer>,
-    pub(super) find: Dispatch,
-    pub(super) groups: [u32; 3],
+    /// The tiles that do, of which alone the march has workgroups.
+    list: Option<Arc<Buffer>>,
+    find: Dispatch,
+    groups: [u32; 3],
 }
 
 impl TileIntervals {
-    fn new(gpu: &Gpu, name: &str, visible: &VisibleBricks, view: &View) -> Result<Self> {
+    fn new(gpu: &Gpu, name: &str, visible: &VisibleBricks, view: &View, lists: bool) -> Result<Self> {
         let [across, rows, _] = tiles_of(view.extent());
-        let intervals = buffer(gpu, &format!("{name}.tiles"), 2 * u64::from(across * rows))?;
-        let inputs =
-            shader::TileIntervals { around: visible.around.read(), tile_intervals: intervals.write() };
+        let tiles = u64::from(across) * u64::from(rows);
+        let intervals = buffer(gpu, &format!("{name}.tiles"), 2 * tiles)?;
+        let list = || buffer(gpu, &format!("{name}.tiles.list"), u64::from(PIXELS_FIRST) + tiles);
+        let list = lists.then(list).transpose()?;
+        let inputs = shader::TileIntervals {
+            around: visible.around.read(),
+            tile_intervals: intervals.write(),
+            // A binding must hold something.
+            pixels: list.as_ref().unwrap_or(&intervals).write(),
+            by_tile_list: lists,
+        };
         let find = pass(gpu, &format!("{name}.tiles"), &TILE_INTERVALS_COMPUTE.with(&inputs))?;
-        Ok(Self { intervals, find, groups: groups_of(across * rows, 64) })
+        Ok(Self { intervals, list, find, groups: tiles_of([across, rows]) })
+    }
+
+    /// Records the pass, and clears the image, of which only tiles that show anything are drawn.
+    pub(super) fn record(&self, recorder: &mut Recorder<'_>, push: &GridPush, image: Option<&Arc<Image>>) {
+        if let (Some(list), Some(image)) = (&self.list, image) {
+            recorder.clear_start(&format!("{}.clear", self.find.name), list, 4 * u64::from(PIXELS_FIRST));
+            recorder.clear_image(&format!("{}.clear", self.find.name), image, [0.0; 4]);
+        }
+        self.find.record(recorder, push, self.groups);
     }
 }
 
@@ -159,7 +185,14 @@ impl RouteDesc<'_> {
         let (gpu, name, options) = (self.gpu(), self.name, technique.options());
         let segments = technique.segments();
         let format = vk::Format::R32G32B32A32_SFLOAT;
-        let image = own_image(gpu, name, format, vk::ImageUsageFlags::STORAGE, self.view, self.target)?;
+        let image = own_image(
+            gpu,
+            name,
+            format,
+            vk::ImageUsageFlags::STORAGE | vk::ImageUsageFlags::TRANSFER_DST,
+            self.view,
+            self.target,
+        )?;
         let skips = options.empty_space == EmptySpace::Skip && options.prefilter != Prefilter::Mip;
         let greatest = scene.scene().mode == Mode::Maximum;
         // A variant that reads no bricks binds the knots in their place.
@@ -168,16 +201,19 @@ impl RouteDesc<'_> {
             bricks = scene.greatest_scalars()?;
         } else if skips {
             let visible = scene.bricks(scene.margin(segments.as_ref()))?;
-            tiles = Some(TileIntervals::new(gpu, name, &visible, self.view)?);
+            // Surfaces are drawn in all tiles.
+            let lists = self.target.layers.is_none() && self.target.redrawn.is_none();
+            tiles = Some(TileIntervals::new(gpu, name, &visible, self.view, lists)?);
             bricks = visible.alone;
         }
+        let list = tiles.as_ref().and_then(|tiles| tiles.list.as_ref());
         let intervals = tiles.as_ref().map_or(&knots.buffer, |tiles| &tiles.intervals);
         let inputs = |steps: Option<&TileSteps>, resume: bool| MarchInputs {
             accumulation: image.stored(),
             resume,
             empty_space: Skipping { bricks: bricks.read(), empty_space: skips, greatest },
             layers: self.target.layered(&knots.buffer),
-            redrawn: self.target.redrawn(&knots.buffer),
+            by_list: self.target.by_list(list, &knots.buffer),
             shown: Shown { tile_intervals: intervals.read(), by_tiles: tiles.is_some() },
             tile_step: TileStep {
                 tile_steps: steps.map_or(&knots.buffer, |steps| &steps.steps).read(),
@@ -218,12 +254,21 @@ impl RouteDesc<'_> {
             None
         };
         let samples = self.samples(&first, |grid| bind(grid, false))?;
-        let groups = match &self.target.redrawn {
-            Some(redrawn) => Groups::Counted(Arc::clone(&redrawn.pixels)),
+        let redrawn = self.target.redrawn.as_ref().map(|redrawn| &redrawn.pixels);
+        let groups = match redrawn.or(list) {
+            Some(list) => Groups::Counted(Arc::clone(list)),
             None => tiles_of(self.view.extent()).into(),
         };
-        let path =
-            Path::Compute { tiles, steps: steps.map(Box::new), first, resume, slabs_per_dispatch, groups };
+        let redraws = redrawn.is_some();
+        let path = Path::Compute {
+            tiles,
+            steps: steps.map(Box::new),
+            first,
+            resume,
+            slabs_per_dispatch,
+            groups,
+            redraws,
+        };
         Ok(Routed { path, samples, image: Some(image) })
     }
 

@@ -95,7 +95,7 @@ impl GridTechnique for Options {
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
         let GridInputs { volume, lattice, optics, bounded, .. } = grid;
-        let MarchInputs { accumulation, resume, empty_space, layers, redrawn, shown, .. } = march;
+        let MarchInputs { accumulation, resume, empty_space, layers, by_list, shown, .. } = march;
         let stack = Stack { volume, between: self.between };
         Ok(SLICES_2D_COMPUTE.with(&Slices2dCompute {
             accumulation,
@@ -104,7 +104,7 @@ impl GridTechnique for Options {
             empty_space,
             lattice,
             layers,
-            redrawn,
+            by_list,
             shown,
             optics,
             stack,

@@ -86,7 +86,7 @@ impl GridTechnique for Options {
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
         let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
-        let MarchInputs { accumulation, resume, empty_space, layers, redrawn, shown, .. } = march;
+        let MarchInputs { accumulation, resume, empty_space, layers, by_list, shown, .. } = march;
         let clip_ends = self.ends == Ends::Clip;
         Ok(SLICES_3D_COMPUTE.with(&Slices3dCompute {
             accumulation,
@@ -98,7 +98,7 @@ impl GridTechnique for Options {
             lattice,
             lighting,
             layers,
-            redrawn,
+            by_list,
             shown,
             optics,
         }))

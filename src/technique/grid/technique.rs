@@ -5,7 +5,7 @@ use ash::vk;
 use crate::error::{Error, Result};
 use crate::gpu::inputs::{Stored, Write};
 use crate::gpu::shader::{
-    Blend, Bounded, EmptySpace, Lattice, Layers, Lighting, Optics, Redrawn, Segments, Shown, TileStep,
+    Blend, Bounded, ByList, EmptySpace, Lattice, Layers, Lighting, Optics, Segments, Shown, TileStep,
 };
 use crate::gpu::{Bound, Sampled};
 use crate::resident::GpuScene;
@@ -44,7 +44,7 @@ pub(crate) struct MarchInputs {
     pub(crate) resume: bool,
     pub(crate) empty_space: EmptySpace,
     pub(crate) layers: Layers,
-    pub(crate) redrawn: Redrawn,
+    pub(crate) by_list: ByList,
     pub(crate) shown: Shown,
     pub(crate) tile_step: TileStep,
 }
