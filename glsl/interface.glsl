@@ -67,7 +67,7 @@
 #define BINDING_PLANES 63       // storage block: plane of each face in the view
 #define BINDING_RANKED_BOXES 64 // storage block: boxes by rank
 
-#define BINDING_PIXELS 66       // storage block: pixels that are drawn once more
+#define BINDING_PIXELS 66       // storage block: list of pixels that are drawn once more, or of tiles
 #define BINDING_LIGHT 67        // uniform block: the light of a lit grid
 #define BINDING_AROUND 68       // storage block: one word per brick: 0 where nothing is visible in it and the bricks around it
 #define BINDING_TILE_INTERVALS 69 // storage block: the two depths between which each tile of the image shows anything

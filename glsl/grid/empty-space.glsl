@@ -31,7 +31,7 @@ BrickGrid bricks_of(vec3 half_size, uint axis) {
 }
 
 // Returns the number of slabs, h cells thick, to march before the next look at the bricks: about two bricks. It is the same for all
-// invocations, so that those which run in lockstep do not wait for each other.
+// invocations of a tile, so that those which run in lockstep do not wait for each other.
 uint slabs_between_looks(float h) {
     return uint(clamp(2.0 * float(BRICK) / h, 4.0, 64.0));
 }

@@ -26,31 +26,20 @@ layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumul
 // Finds the pixel of an invocation: by its place in the dispatch, or in a list of tiles or pixels. Returns whether there is one that shows
 // anything.
 bool own_pixel(out ivec2 pixel) {
-    if (REDRAWN) {
-        pixel = ivec2(0);
-        uint number = WORKGROUP_NUMBER * TILE_PIXELS + gl_LocalInvocationIndex;
+    pixel = ivec2(INVOCATION.xy);
+    if (REDRAWN || BY_TILE_LIST) {
+        uint number = REDRAWN ? WORKGROUP_NUMBER * TILE_PIXELS + gl_LocalInvocationIndex : WORKGROUP_NUMBER;
         if (number >= pixels[PIXELS_COUNT]) return false;
         uint word = pixels[PIXELS_FIRST + number];
         pixel = ivec2(word & 0xffffu, word >> 16);
-    } else if (BY_TILE_LIST) {
-        pixel = ivec2(0);
-        uint number = WORKGROUP_NUMBER;
-        if (number >= pixels[PIXELS_COUNT]) return false;
-        uint word = pixels[PIXELS_FIRST + number];
-        pixel = ivec2(uvec2(word & 0xffffu, word >> 16) * TILE + gl_LocalInvocationID.xy);
-        return all(lessThan(pixel, ivec2(2.0 * push.half_extent + 0.5)));
-    } else {
-        pixel = ivec2(INVOCATION.xy);
-        if (any(greaterThanEqual(pixel, ivec2(2.0 * push.half_extent + 0.5)))) return false;
     }
-    if (REDRAWN && BY_TILES && !LAYERS) {
+    if (REDRAWN) {
         vec2 tile = tile_interval_of(pixel);
-        if (tile.x > tile.y) {
-            if (!RESUME) imageStore(accumulation, pixel, vec4(0.0));
-            return false;
-        }
+        if (tile.x > tile.y && !RESUME) imageStore(accumulation, pixel, vec4(0.0));
+        return tile.x <= tile.y;
     }
-    return true;
+    if (BY_TILE_LIST) pixel = pixel * TILE + ivec2(gl_LocalInvocationID.xy);
+    return all(lessThan(pixel, ivec2(2.0 * push.half_extent + 0.5)));
 }
 
 // Begins the march, or continues with what the dispatch before has stored: returns colour and opacity so far, and the transmittance.

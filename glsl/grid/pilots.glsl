@@ -12,9 +12,4 @@ struct Pilot {
 
 layout(set = 0, binding = BINDING_PILOTS, std430) buffer Pilots { Pilot pilots[]; };
 
-// Returns the level of a step.
-uint level_of(float spacing) {
-    return uint(log2(float(PILOT_COARSEST) / spacing) + 0.5);
-}
-
 #endif

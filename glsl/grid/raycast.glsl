@@ -78,12 +78,10 @@ void march(Ray ray, float z0, float far, float h, uint walk, uint first, uint la
     }
 }
 
-// The segments of a ray: where the first begins, their depth, and the first of those that show anything and the last.
+// The segments of a ray: segment i begins at depth z0 + i h. Those from `first` to before `end` show anything; `first` may be -1.
 struct Segments {
-    float begin;
-    float depth;
-    float first;
-    float last;
+    float z0, h;
+    float first, end;
 };
 
 // Divides an interval of a pixel's ray into segments of length `spacing`, in units of the smallest voxel spacing.
@@ -102,15 +100,15 @@ void main() {
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray, vec2(pixel));
     float spacing = step_of(pixel);
-    Segments of = segments_of(ray, interval, pixel, spacing);
-    uint begin = push.first, end = push.first + push.count;
-    uint first = uint(max(of.first, float(begin))), last = uint(clamp(of.last, 0.0, float(end)));
+    Segments all = segments_of(ray, interval, pixel, spacing);
+    float begin = float(push.first), end = float(push.first + push.count);
+    uint first = uint(max(all.first, begin)), last = uint(clamp(all.end, 0.0, end));
 
     float transmittance;
     vec4 sum = begin_march(pixel, transmittance);
-    LayersAhead ahead = begin_layers(pixel, fma(float(first), of.depth, of.begin));
-    float layers_until = layers_end(fma(float(end), of.depth, of.begin));
-    march(ray, of.begin, interval.y, of.depth, slabs_between_looks(spacing), first, last, ahead, sum, transmittance);
+    LayersAhead ahead = begin_layers(pixel, fma(begin, all.h, all.z0));
+    float layers_until = layers_end(fma(end, all.h, all.z0));
+    march(ray, all.z0, interval.y, all.h, slabs_between_looks(spacing), first, last, ahead, sum, transmittance);
     if (LAYERS) end_layers(ahead, layers_until, push.opaque, sum, transmittance);
     end_march(pixel, sum, transmittance);
 }
@@ -119,29 +117,29 @@ void main() {
 #ifdef PILOT
 void main() {
     uint tile = WORKGROUP_NUMBER * TILE_PIXELS + gl_LocalInvocationIndex;
-    ivec2 extent = ivec2(2.0 * push.half_extent + 0.5), tiles = (extent + int(TILE) - 1) / int(TILE);
+    ivec2 extent = ivec2(2.0 * push.half_extent + 0.5), tiles = (extent + TILE - 1) / TILE;
     if (tile >= uint(tiles.x * tiles.y)) return;
     float spacing = push.d0_h.w;
-    uint level = level_of(spacing);
+    uint level = push.first;
     if (level > 0u && pilots[tile].levels < level) return;
     if (level > 2u) {
         float change = max(pilots[tile].changes[level - 1u], pilots[tile].changes[level - 2u] / 16.0);
         if (change <= uintBitsToFloat(push.seed)) return;
     }
 
-    ivec2 pixel = min(ivec2(int(tile) % tiles.x, int(tile) / tiles.x) * int(TILE) + int(TILE) / 2, extent - 1);
+    ivec2 pixel = min(ivec2(int(tile) % tiles.x, int(tile) / tiles.x) * TILE + TILE / 2, extent - 1);
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray, vec2(pixel));
-    Segments of = segments_of(ray, interval, pixel, spacing);
+    Segments all = segments_of(ray, interval, pixel, spacing);
 
     float transmittance = 1.0;
     vec4 sum = vec4(0.0);
     LayersAhead ahead;
-    march(ray, of.begin, interval.y, of.depth, slabs_between_looks(spacing), uint(max(of.first, 0.0)), uint(max(of.last, 0.0)), ahead, sum,
+    march(ray, all.z0, interval.y, all.h, slabs_between_looks(spacing), uint(max(all.first, 0.0)), uint(max(all.end, 0.0)), ahead, sum,
           transmittance);
     if (level > 0u) {
         vec4 difference = sum - pilots[tile].colour;
-        float change = 0.25 * dot(difference, difference);
+        float change = min(0.25 * dot(difference, difference), 1e30);
         pilots[tile].changes[level] = change;
         pilots[tile].changes[0] = level == 1u ? change : max(pilots[tile].changes[0], change);
     }

@@ -48,7 +48,7 @@ float error_of(uint bin) {
     return exp2((float(bin) + 0.5) / BINS_PER_OCTAVE + FIRST_OCTAVE);
 }
 
-// Returns the number of a neighbour of a tile, or of a tile at the border itself.
+// Returns the number of a neighbour of a tile; beyond the border, of the nearest tile inside.
 uint neighbour(uint tile, uint i) {
     ivec2 place = ivec2(tile % push.tiles.x, tile / push.tiles.x) + ivec2(i % 3u, i / 3u) - 1;
     place = clamp(place, ivec2(0), ivec2(push.tiles) - 1);
@@ -71,10 +71,10 @@ const uint BINS_EACH = ERROR_BINS / 64u;
 
 shared uint counts[64]; // of the bins of each invocation
 shared float sums[64];  // of their squared errors
-shared uint theta_2;    // bits
+shared uint theta_2_bits;
 
 // Returns theta^2, with which the mean over tiles is the bound: the greatest, over bins, of what the bins before leave for each other tile.
-float find_theta() {
+float find_theta_2() {
     uint own = gl_LocalInvocationIndex, count = 0u;
     float sum = 0.0;
     for (uint bin = own * BINS_EACH; bin < (own + 1u) * BINS_EACH; ++bin) {
@@ -83,7 +83,7 @@ float find_theta() {
     }
     counts[own] = count;
     sums[own] = sum;
-    if (own == 0u) theta_2 = floatBitsToUint(push.bound);
+    if (own == 0u) theta_2_bits = floatBitsToUint(push.bound);
     barrier();
     float left = push.bound * float(push.tiles.x * push.tiles.y), greatest = 0.0;
     uint others = 0u;
@@ -96,13 +96,13 @@ float find_theta() {
         left -= error_of(bin) * float(errors.count[bin]);
         others -= errors.count[bin];
     }
-    atomicMax(theta_2, floatBitsToUint(greatest));
+    atomicMax(theta_2_bits, floatBitsToUint(greatest));
     barrier();
-    return uintBitsToFloat(theta_2);
+    return uintBitsToFloat(theta_2_bits);
 }
 
 void main() {
-    float theta = find_theta();
+    float theta_2 = find_theta_2();
     uint tile = INVOCATION_NUMBER;
     if (tile >= push.tiles.x * push.tiles.y) return;
 
@@ -117,13 +117,14 @@ void main() {
         }
     }
 
-    // From the finest level to the first whose error is above theta. An error does not grow from a level to the next.
+    // From the finest level to the first whose squared error is above theta^2. An error does not grow from a level to the next. Where the
+    // finer level has none, it is taken.
     float chosen = float(LEVELS - 1u), finer = 0.0;
     for (uint i = 0u; i < LEVELS; ++i) {
         uint level = LEVELS - 1u - i;
         float error = max(finer, max(changes[level + 1u], changes[level] / 16.0));
-        if (error > theta) {
-            if (i > 0u) chosen = float(level) + log2(error / theta) / log2(error / finer);
+        if (error > theta_2) {
+            if (finer > 0.0) chosen = float(level) + clamp(log2(error / theta_2) / log2(error / finer), 0.0, 1.0);
             break;
         }
         finer = error;

@@ -81,7 +81,7 @@ pub(crate) struct Canvas {
 /// Pixels that are drawn once more.
 #[derive(Clone, Debug)]
 pub(crate) struct Redrawn {
-    /// Workgroups, number and places (`glsl/frame/redrawn.glsl`).
+    /// Workgroups, number and places (`glsl/frame/by-list.glsl`).
     pub(crate) pixels: Arc<Buffer>,
     pub(crate) image: Arc<Image>,
 }

@@ -8,7 +8,9 @@ use glam::{DMat3, DVec2, DVec3};
 use volraster::GpuScene;
 use volraster::gpu::GpuOptions;
 use volraster::measure::ImageErrors;
-use volraster::scene::{Camera, Field, Grid, Projection, Rescale, Samples, Scene, TransferFunction, View};
+use volraster::scene::{
+    Camera, Field, Grid, Projection, Rescale, Samples, Scene, Surface, TransferFunction, View,
+};
 use volraster::technique::{Renderer, Technique};
 use volraster::{Gpu, TargetDesc};
 
@@ -1093,6 +1095,30 @@ fn own_device_split_marches_resume_where_they_stopped() {
             let count = frames.plan().counters().iter().find(|c| c.0 == "dispatches_or_draws").unwrap().1;
             assert!(count > 3, "{spec}: {count} dispatches");
             let errors = ImageErrors::between(&frames.read_back().unwrap(), &want).unwrap();
+            assert!(errors.all.max_abs <= 2e-6, "{spec}: {errors}");
+        }
+    }
+}
+
+/// A translucent surface where nothing else is visible is drawn by whichever dispatch reaches it.
+#[test]
+fn own_device_split_marches_draw_surfaces_in_empty_space() {
+    let whole = gpu();
+    let split = gpu_with(GpuOptions { loop_limit: Some(1500), ..GpuOptions::default() });
+    // Only the lower end of the ramp is visible, behind most of the surface or before it. Pixels are small enough for intervals of tiles.
+    let rows = [[0.0, 1.0, 0.5, 0.1, 1.0], [0.2, 0.2, 0.6, 1.0, 0.0], [1.0, 0.2, 0.6, 1.0, 0.0]];
+    let make = || {
+        let ball = Surface::sphere(DVec3::ZERO, 0.9, [0.9, 0.4, 0.3, 0.5], 3).unwrap();
+        scene(Field::Ramp, 33, "f32", &rows).with_surfaces(vec![ball])
+    };
+    for view in [1.0, -1.0].map(|side| view(perspective(), side, 80, 68)) {
+        for spec in
+            specs(&whole).iter().filter(|spec| spec.contains("compute") && !spec.contains("shear-warp"))
+        {
+            let t = technique(&format!("{spec},step=0.05"));
+            let want = Renderer::new(&GpuScene::new(&whole, make()), t).render(&view).unwrap();
+            let found = Renderer::new(&GpuScene::new(&split, make()), t).render(&view).unwrap();
+            let errors = ImageErrors::between(&found, &want).unwrap();
             assert!(errors.all.max_abs <= 2e-6, "{spec}: {errors}");
         }
     }

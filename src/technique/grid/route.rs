@@ -83,7 +83,7 @@ impl TileIntervals {
         Ok(Self { intervals, list, find, groups: tiles_of([across, rows]) })
     }
 
-    /// Records the pass, and clears the image, of which only tiles that show anything are drawn.
+    /// Records the pass. With a list the image is cleared, of which only tiles that show anything are drawn.
     pub(super) fn record(&self, recorder: &mut Recorder<'_>, push: &GridPush, image: Option<&Arc<Image>>) {
         if let (Some(list), Some(image)) = (&self.list, image) {
             recorder.clear_start(&format!("{}.clear", self.find.name), list, 4 * u64::from(PIXELS_FIRST));
@@ -228,7 +228,7 @@ impl RouteDesc<'_> {
                 let layers = Canvas { layers: None, ..self.target.clone() }.layered(&knots.buffer);
                 let bind = |pilots| {
                     let march = MarchInputs { layers, ..inputs(None, false) };
-                    technique.pilot(self.inputs(self.first()?)?, march, pilots)
+                    self.with_options(technique.pilot(self.inputs(self.first()?)?, march, pilots)?)
                 };
                 let most = |rays| slabs_per_dispatch(gpu, name, slabs, &self.loops(), scene.grid()?, rays);
                 Some(TileSteps::new(gpu, name, tolerance, self.view, slabs, most, bind)?)

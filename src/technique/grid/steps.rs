@@ -5,15 +5,16 @@
 //! 2. `steps.glsl` counts tiles by their error, finds the error that all may have, and chooses the steps.
 //!
 //! Accuracy: over 16 scenes and targets from 1e-3 to 1e-2 the RMSE that steps cause is 0.55 to 0.95 times the target, or less where a
-//! step of 8 voxels has less; up to 1.3 times for an eye among thin shells, where the ray of a tile's centre misses what its tile shows.
-//! Loop limits that leave out the finest steps add a fifth. Cost: a sixty-fourth of the rays, with about four times the samples of
-//! their neighbours.
+//! step of 8 voxels has less; up to 1.3 times for an eye among thin shells, where the ray of a tile's centre misses what its tile shows,
+//! as it also does where clip planes or depths hide the centres of tiles. Loop limits that leave out the finest steps add a fifth. Cost:
+//! a sixty-fourth of the rays, with about four times the samples of their neighbours; images for which one dispatch cannot march the
+//! finest step take as many dispatches as that.
 //!
 //! Source: error control along rays: Novins and Arvo, "Controlled precision volume integration", 1992.
 
 use std::sync::Arc;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::inputs::Write;
 use crate::gpu::shader::{
     ERROR_BINS, PILOT_COARSEST, PILOT_LEVELS, STEPS_CHOICE, STEPS_ERRORS, StepsChoice, StepsErrors,
@@ -32,6 +33,9 @@ const fn step_of(level: u32) -> f64 {
     PILOT_COARSEST as f64 / (1u32 << level) as f64
 }
 
+/// Levels without which no error is known.
+const LEAST_LEVELS: u32 = 3;
+
 /// Words of a tile in `pilots.glsl`.
 const PILOT_WORDS: u64 = size_of::<Pilot>() as u64 / 4;
 
@@ -48,7 +52,7 @@ pub(super) struct TileSteps {
     count: Dispatch,
     choose: Dispatch,
     tolerance: f64,
-    /// Levels that one dispatch each can march.
+    /// Number of levels, each of which one dispatch can march.
     levels: u32,
     tiles: [u32; 2],
 }
@@ -77,6 +81,12 @@ impl TileSteps {
         // Each level has twice the segments of the one before.
         let most = f64::from(most(tiles)?);
         let fits = |&level: &u32| f64::from(slabs) * FINEST / step_of(level) <= most;
+        let levels = (0..PILOT_LEVELS).take_while(fits).last().map_or(0, |level| level + 1);
+        if levels < LEAST_LEVELS {
+            let step = step_of(LEAST_LEVELS - 1);
+            let why = format!("a ray of step {step} exceeds the loop limit of this device; integral works");
+            return Err(Error::unsupported(format!("{name} tolerance"), why));
+        }
         Ok(Self {
             pilot: pass("pilot", &bind(pilots.write())?)?,
             count: pass("errors", &STEPS_ERRORS.with(&counting))?,
@@ -84,7 +94,7 @@ impl TileSteps {
             steps,
             errors,
             tolerance,
-            levels: (3..PILOT_LEVELS).take_while(fits).last().unwrap_or(2) + 1,
+            levels,
             tiles: [across, rows],
         })
     }
@@ -99,6 +109,7 @@ impl TileSteps {
         for level in 0..self.levels {
             let mut push = push;
             push.d0_h[3] = f32_of(step_of(level));
+            push.first = level;
             let ends = level > 0 && step_of(level - 1) <= enough;
             push.seed = f32_of(if ends { bound } else { -1.0 }).to_bits();
             self.pilot.record(recorder, &push, groups);
