@@ -19,7 +19,7 @@ use super::ratios::Ratios;
 use super::record::Record;
 use super::required_k::RequiredK;
 use super::results::Results;
-use super::scenes::SUITES;
+use super::scenes::{SUITES, Suite};
 use super::sweeps::{self, Sweep};
 use super::workload::{Opened, ViewCases, Workload, files_in};
 use crate::cli::cache::Cache;
@@ -34,7 +34,8 @@ const FRAMES: usize = 9;
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The suite `smoke` (a little of everything, in less than a minute), `standard` (the scenes of the published
-    /// figures) or `full` (more scenes, views and frames); or a scene file, a data file, or a folder of scene files.
+    /// figures), `peers` (the fastest settings, on scenes that other renderers were timed on) or `full` (more scenes, views
+    /// and frames); or a scene file, a data file, or a folder of scene files.
     #[arg(value_name = "SUITE", default_value = "standard")]
     suite: PathBuf,
     #[command(flatten)]
@@ -135,7 +136,8 @@ impl Args {
     fn workloads(&self, quiet: bool) -> Result<Vec<Workload>> {
         let mut workloads = self.suite_workloads(quiet)?;
         if let Some(folder) = &self.data {
-            workloads.extend(Workload::of_files(files_in(folder, true)?, folder, sweeps::DATA));
+            let sweeps = self.known_suite().map_or(sweeps::DATA, |suite| suite.data);
+            workloads.extend(Workload::of_files(files_in(folder, true)?, folder, sweeps));
         }
         workloads.retain(|workload| {
             let is_named = |text: &String| workload.name().contains(text.as_str());
@@ -147,9 +149,14 @@ impl Args {
         Ok(workloads)
     }
 
+    /// Returns the suite that the argument SUITE names.
+    fn known_suite(&self) -> Option<&'static Suite> {
+        SUITES.iter().find(|suite| self.suite == Path::new(suite.name))
+    }
+
     /// Lists the scenes of the argument SUITE.
     fn suite_workloads(&self, quiet: bool) -> Result<Vec<Workload>> {
-        if let Some(suite) = SUITES.iter().find(|suite| self.suite == Path::new(suite.name)) {
+        if let Some(suite) = self.known_suite() {
             if let Some((option, array)) = self.arrays.first() {
                 let why = format!("\"{array}\": the scenes of {} have no arrays", suite.name);
                 return Err(invalid(&format!("--{option}"), why));

@@ -8,7 +8,7 @@ use volraster::scene::{
     TransferFunction, View,
 };
 
-use super::sweeps::{SMOKE, STANDARD, Sweep};
+use super::sweeps::{DATA, PEERS, SMOKE, STANDARD, Sweep};
 use crate::cli::input::Size;
 
 use Cut::{Clipped, Opaque, Translucent, Whole};
@@ -182,6 +182,18 @@ pub(super) const SMOKE_SCENES: &[StandardScene] = &[
     StandardScene { name: "blobs-points-10k", family: "blobs-points", field: "blobs", shape: Points(10_000, RADIUS_SMALL), look: FOG, cut: Whole, views: 1, sides: &[96] },
 ];
 
+/// The scenes of the suite `peers`, on which other renderers were timed.
+#[rustfmt::skip]
+const PEER_SCENES: &[StandardScene] = &[
+    StandardScene { views: 1, sides: &[], ..SCENES[1] },
+    StandardScene { views: 1, sides: &[], ..SCENES[2] },
+    StandardScene { views: 1, ..SCENES[3] },
+    SCENES[5],
+    SCENES[12],
+    StandardScene { views: 1, sides: &[], ..SCENES[7] },
+    StandardScene { views: 1, ..SCENES[8] },
+];
+
 /// A list of scenes with the sweeps that are measured on each.
 #[derive(Debug)]
 pub(super) struct Suite {
@@ -189,6 +201,8 @@ pub(super) struct Suite {
     /// Lists of scenes, measured in this order.
     scenes: &'static [&'static [StandardScene]],
     pub(super) sweeps: &'static [Sweep],
+    /// The sweeps that are measured on files of a folder.
+    pub(super) data: &'static [Sweep],
     pub(super) size: Size,
     /// Timed frames per case.
     pub(super) frames: usize,
@@ -196,9 +210,17 @@ pub(super) struct Suite {
 
 /// All suites.
 pub(super) const SUITES: &[Suite] = &[
-    Suite { name: "smoke", scenes: &[SMOKE_SCENES], sweeps: SMOKE, size: SMALL, frames: 5 },
-    Suite { name: "standard", scenes: &[SCENES], sweeps: STANDARD, size: SIZE, frames: 9 },
-    Suite { name: "full", scenes: &[SCENES, MORE_SCENES], sweeps: STANDARD, size: SIZE, frames: 15 },
+    Suite { name: "smoke", scenes: &[SMOKE_SCENES], sweeps: SMOKE, data: DATA, size: SMALL, frames: 5 },
+    Suite { name: "standard", scenes: &[SCENES], sweeps: STANDARD, data: DATA, size: SIZE, frames: 9 },
+    Suite { name: "peers", scenes: &[PEER_SCENES], sweeps: PEERS, data: PEERS, size: SIZE, frames: 9 },
+    Suite {
+        name: "full",
+        scenes: &[SCENES, MORE_SCENES],
+        sweeps: STANDARD,
+        data: DATA,
+        size: SIZE,
+        frames: 15,
+    },
 ];
 
 impl Suite {

@@ -149,6 +149,17 @@ pub(super) const SMOKE: &[Sweep] = &[
     Sweep { name: "sheets", methods: &[SplatSheets], routes: COMPUTE, options: &[("sheets", &["axis"])] },
 ];
 
+/// The sweep of `peers`: the settings that are fastest at the errors of other renderers.
+#[rustfmt::skip]
+pub(super) const PEERS: &[Sweep] = &[
+    Sweep { name: "step", methods: &[Slices3d, Slabs, Raycast], routes: COMPUTE, options: &[("step", &["4", "3", "2", "1.5", "1", "0.5", "0.25"]), ("stop", &["1e-3"])] },
+    Sweep { name: "refine", methods: &[Slabs, Raycast], routes: COMPUTE, options: &[("step", &["3", "2", "1.5", "1"]), ("stop", &["1e-3"]), ("resolution", &["half", "quarter"]), ("refine", &["0.1", "0.3"])] },
+    Sweep { name: "tolerance", methods: &[Raycast], routes: COMPUTE, options: &[("tolerance", &["1e-2", "3e-3", "1e-3"])] },
+    Sweep { name: "slices", methods: &[Slices2d], routes: COMPUTE, options: &[("step", &["slices"])] },
+    Sweep { name: "preview", methods: &[ShearWarp], routes: COMPUTE, options: &[("intermediate", &["voxel", "0.4"]), ("every", EACH), ("stop", &["1e-2"])] },
+    Sweep { name: "resolution", methods: MESHES, routes: COMPUTE, options: &[("resolution", &["full", "half", "quarter"])] },
+];
+
 /// Settings for time over image size: every technique by every route.
 #[rustfmt::skip]
 pub(super) const SIZES: &[Sweep] = &[
