@@ -84,10 +84,16 @@ impl TileIntervals {
     }
 
     /// Records the pass. With a list the image is cleared, of which only tiles that show anything are drawn.
-    pub(super) fn record(&self, recorder: &mut Recorder<'_>, push: &GridPush, image: Option<&Arc<Image>>) {
+    pub(super) fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        name: &str,
+        push: &GridPush,
+        image: Option<&Arc<Image>>,
+    ) {
         if let (Some(list), Some(image)) = (&self.list, image) {
-            recorder.clear_start(&format!("{}.clear", self.find.name), list, 4 * u64::from(PIXELS_FIRST));
-            recorder.clear_image(&format!("{}.clear", self.find.name), image, [0.0; 4]);
+            recorder.clear_start(&format!("{name}.tiles.clear"), list, 4 * u64::from(PIXELS_FIRST));
+            recorder.clear_image(&format!("{name}.clear"), image, [0.0; 4]);
         }
         self.find.record(recorder, push, self.groups);
     }
