@@ -61,7 +61,7 @@ impl TechniqueOptions for Options {
             ("f32", "step=0.5,integrator=full,table=128", [4e-3, 4e-2]),
             ("f32", "step=0.25,integrator=exact", [9e-4, 2e-2]),
             ("u8", "step=0.25,integrator=exact", [9e-4, 2e-2]),
-            ("f32", "tolerance=1e-3", [1e-3, 4e-2]),
+            ("f32", "tolerance=1e-3", [2e-3, 4e-2]),
         ],
         families: &[(Of::Grids, "step=", STEPS)],
     };
