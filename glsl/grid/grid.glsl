@@ -24,13 +24,19 @@ layout(push_constant, std430) uniform GridPush {
     float value_scale; // scalar = value_scale * texel + value_offset
     float value_offset;
     uint knots;       // number of knots
-    uint first;       // first slab of this draw or dispatch
+    uint first;       // first slab of this draw or dispatch; PILOT: number of the level
     uint count;       // number of slabs of this draw or dispatch
     uint order;       // raster: RASTER_*; compute: MARCH_*
     float unit;       // world length of one unit of depth: the smallest voxel spacing
     float opaque;     // transmittance at which a ray ends
     uint seed;        // of dithering; PILOT: bits of the squared change of colour that ends a ray
 } push;
+
+// Returns the number of a pixel's tile in the image.
+uint tile_of(ivec2 pixel) {
+    uint across = (uint(2.0 * push.half_extent.x + 0.5) + TILE - 1u) / TILE;
+    return uint(pixel.y) / TILE * across + uint(pixel.x) / TILE;
+}
 
 // Returns the ray through a point of the image, in pixels.
 Ray ray_of(vec2 pixel) {

@@ -14,8 +14,7 @@ layout(set = 0, binding = BINDING_TILE_INTERVALS, std430) readonly buffer TileIn
 // Returns the depths of the tile of a pixel; the first is greater where it shows nothing.
 vec2 tile_interval_of(ivec2 pixel) {
     if (!BY_TILES) return vec2(-3e38, 3e38);
-    uint across = (uint(2.0 * push.half_extent.x + 0.5) + TILE - 1u) / TILE;
-    return tile_intervals[uint(pixel.y) / TILE * across + uint(pixel.x) / TILE];
+    return tile_intervals[tile_of(pixel)];
 }
 
 // Returns the part of an interval of depths in which a pixel shows anything; x is not below y where that is none. What lies outside need

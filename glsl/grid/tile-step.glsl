@@ -14,8 +14,7 @@ layout(set = 0, binding = BINDING_TILE_STEPS, std430) readonly buffer TileSteps 
 // Returns the step of the tile of a pixel, in units of the smallest voxel spacing.
 float step_of(ivec2 pixel) {
     if (!BY_STEPS) return push.d0_h.w;
-    uint across = (uint(2.0 * push.half_extent.x + 0.5) + TILE - 1u) / TILE;
-    return tile_steps[uint(pixel.y) / TILE * across + uint(pixel.x) / TILE];
+    return tile_steps[tile_of(pixel)];
 }
 
 #endif
