@@ -76,6 +76,8 @@
 #define BINDING_ERRORS 71       // storage block: number of tiles by the error of the greatest step
 #define BINDING_TILE_STEPS 72   // storage block: step of each tile of the image
 
+#define BINDING_COUNTS 73       // storage block: COUNTS_* words
+
 #define BINDING_SCAN_WORDS 13   // storage block: words that are replaced by their prefix sums
 #define BINDING_SCAN_SUMS 14    // storage block: 64-bit sums of chunks of them
 #define BINDING_SCAN_TOTAL 15   // storage block: the sum of all, lower and upper word
@@ -135,6 +137,7 @@
 #define SPEC_BY_TILES 42      // bool: BINDING_TILE_INTERVALS bounds what rays show
 #define SPEC_BY_STEPS 43      // bool: tiles have steps of their own, BINDING_TILE_STEPS
 #define SPEC_BY_TILE_LIST 44  // bool: only the tiles of BINDING_PIXELS are drawn
+#define SPEC_COUNTED 45       // bool: samples and fetches are counted
 
 // Values of SPEC_INTEGRATOR.
 #define INTEGRATOR_MIDPOINT 0
@@ -173,6 +176,11 @@
 // each, and y in the upper half.
 #define PIXELS_COUNT 3
 #define PIXELS_FIRST 4
+
+// Words of BINDING_COUNTS: sums, the lower word first.
+#define COUNTS_SAMPLES 0
+#define COUNTS_FETCHES 2
+#define COUNTS_WORDS 4
 
 #define SHEETS 4          // slabs of splats that are accumulated at a time
 #define FOOTPRINT_PARTS 8 // intervals of a ray integral without a closed form, two points each

@@ -8,6 +8,7 @@
 #include "shared/optics.glsl"
 #include "frame/layers.glsl"
 #include "frame/by-list.glsl"
+#include "frame/counts.glsl"
 #include "grid/grid.glsl"
 #include "grid/empty-space.glsl"
 #include "grid/interval.glsl"
@@ -50,6 +51,7 @@ vec4 begin_march(ivec2 pixel, out float transmittance) {
 // Stores the result, or the state for the next dispatch.
 void end_march(ivec2 pixel, vec4 sum, float transmittance) {
     imageStore(accumulation, pixel, packed_state(sum, transmittance, (push.order & MARCH_CONTINUES) != 0u));
+    add_counts();
 }
 
 BrickGrid load_bricks() {

@@ -56,4 +56,5 @@ void main() {
         shown = brick_grid.reached > -3e38 ? emission_of(optics.rgb, optics.a * push.unit) : vec4(0.0);
     }
     imageStore(accumulation, pixel, shown);
+    add_counts();
 }

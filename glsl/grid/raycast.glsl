@@ -145,5 +145,6 @@ void main() {
     }
     pilots[tile].colour = sum;
     pilots[tile].levels = level + 1u;
+    add_counts();
 }
 #endif

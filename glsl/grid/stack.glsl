@@ -7,6 +7,7 @@
 #include "shared/integers.glsl"
 #include "shared/interpolated.glsl"
 #include "shared/optics.glsl"
+#include "frame/counts.glsl"
 #include "grid/ray.glsl"
 #include "grid/lattice.glsl"
 
@@ -16,6 +17,7 @@ layout(set = 0, binding = BINDING_VOLUME) uniform sampler2DArray stack;
 
 // Interpolates on a slice at one level, with four fetches, around an index of level 0.
 float fetched(vec2 index, int slice, int level) {
+    taken_fetches += 4u;
     vec2 size = vec2(textureSize(stack, level).xy);
     if (PREFILTER) index = (index + 0.5) * (size / vec2(textureSize(stack, 0).xy)) - 0.5;
     index = clamp(index, vec2(0.0), size - 1.0);
@@ -32,6 +34,7 @@ float fetched(vec2 index, int slice, int level) {
 // Returns the stored value on a slice, bilinear.
 float on_slice(vec2 index, float slice, float level, Lattice lattice) {
     if (!FILTER_EXACT) {
+        ++taken_fetches;
         vec2 coordinate = (index + 0.5) / (2.0 * lattice.half_size.xy + 1.0);
         vec3 size = vec3(textureSize(stack, int(level)).xy, 1.0);
         return textureLod(stack, vec3(sampled_at(vec3(coordinate, 0.5), size).xy, slice), level).r;
@@ -54,6 +57,7 @@ float between_slices(vec3 index, float level, Lattice lattice) {
 
 // Returns the stored value at depth z of the ray, on a slice or (BETWEEN) between two; NaN in a cell that touches a NaN sample.
 float stored_at(Ray ray, float z, float slice, Lattice lattice) {
+    ++taken_samples;
     vec3 index = fma(vec3(z), ray.d, ray.q) + lattice.half_size;
     float level = PREFILTER ? level_at(z, lattice) : 0.0;
     if (!BETWEEN) return on_slice(index.xy, slice, level, lattice);

@@ -5,6 +5,7 @@
 #include "shared/device.glsl"
 #include "shared/integers.glsl"
 #include "shared/interpolated.glsl"
+#include "frame/counts.glsl"
 #include "grid/grid.glsl"
 
 layout(set = 0, binding = BINDING_VOLUME) uniform sampler3D volume;
@@ -15,6 +16,7 @@ Lattice load_lattice() {
 
 // Interpolates at one level, with eight fetches, around an index of level 0.
 float fetched(vec3 index, int level) {
+    taken_fetches += 8u;
     vec3 size = vec3(textureSize(volume, level));
     if (PREFILTER) index = (index + 0.5) * (size / vec3(textureSize(volume, 0))) - 0.5;
     index = clamp(index, vec3(0.0), size - 1.0);
@@ -36,7 +38,9 @@ float fetched(vec3 index, int level) {
 
 // Returns the stored value at a position, at a mip level; NaN in a cell that touches a NaN sample.
 float stored_in(vec3 position, float level, Lattice lattice) {
+    ++taken_samples;
     if (!FILTER_EXACT) {
+        ++taken_fetches;
         vec3 coordinate = position / (2.0 * lattice.half_size + 1.0) + 0.5;
         return textureLod(volume, sampled_at(coordinate, vec3(textureSize(volume, int(level)))), level).r;
     }

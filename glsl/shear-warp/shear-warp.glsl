@@ -30,6 +30,7 @@
 #include "shared/interpolated.glsl"
 #include "shared/optics.glsl"
 #include "shared/segments.glsl"
+#include "frame/counts.glsl"
 #include "grid/stack.glsl"
 #include "grid/faces.glsl"
 #include "shear-warp/base-plane.glsl"
@@ -71,6 +72,7 @@ vec2 slab_piece(float slab, float z0, float h, vec2 interval) {
 
 // Returns the stored value at depth z of the ray, trilinear; on a slice itself it reads that slice only.
 float stored_at(Ray ray, float z, Lattice lattice) {
+    ++taken_samples;
     vec3 index = fma(vec3(z), ray.d, ray.q) + lattice.half_size;
     float last = 2.0 * lattice.half_size.z;
     float place = clamp(index.z, 0.0, last);
@@ -256,5 +258,6 @@ void main() {
         }
     }
     store_state(texel, packed_state(sum, transmittance, (push.order & MARCH_CONTINUES) != 0u));
+    add_counts();
 }
 #endif

@@ -4,6 +4,7 @@
 //! It uses `scene`, `resident`, `primitives` and `gpu`, and no technique: a technique implements [`prepared::Prepared`]. `technique`
 //! builds plans; `cli`, `ffi` and engines record them.
 
+pub(crate) mod counts;
 pub(crate) mod depth_measure;
 pub(crate) mod dry_run;
 pub(crate) mod lists;

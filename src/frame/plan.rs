@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
+use crate::frame::counts::Counts;
 use crate::frame::dry_run::{dry_run, last_use, passes};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::ray_bounds::{RayBounds, bounds_buffer};
@@ -65,6 +66,7 @@ pub struct Plan {
     bounds: Option<RayBounds>,
     surfaces: Option<SurfaceFrame>,
     upsampling: Option<Upsampling>,
+    counts: Option<Counts>,
     /// Side of the squares of pixels that are drawn as one.
     side: u32,
     /// The size of the image that the technique draws.
@@ -174,7 +176,9 @@ impl Plan {
         let bounds = bounded.then(|| bounds_buffer(gpu, &drawn)).transpose()?;
         let layers = lists.as_ref().and_then(SurfaceLists::layers);
         let sampled = lists.is_some() || side > 1;
-        let canvas = Canvas { target: *target, bounds, layers, sampled, redrawn: None };
+        let counts = target.counted.then(|| Counts::new(gpu)).transpose()?;
+        let sums = counts.as_ref().map(|counts| Arc::clone(&counts.sums));
+        let canvas = Canvas { target: *target, bounds, layers, sampled, redrawn: None, counts: sums };
         let prepared = prepare(&drawn, &canvas)?;
         let measure = prepared.measure();
         let surfaces = match (lists, &canvas.bounds, prepared.image()) {
@@ -187,9 +191,8 @@ impl Plan {
         let bounds =
             bounds.map(|bounds| RayBounds::new(gpu, bounds, target.depth, measure, &drawn)).transpose()?;
         let smaller = prepared.image().filter(|_| side > 1);
-        let upsampling = smaller
-            .map(|image| Upsampling::new(gpu, image, view, target, refine, bounded, prepare))
-            .transpose()?;
+        let upsampling =
+            smaller.map(|image| Upsampling::new(gpu, image, view, &canvas, refine, prepare)).transpose()?;
         let image = final_image(surfaces.as_ref(), upsampling.as_ref(), &*prepared);
         let composite = match (image, target.caller) {
             (Some(image), Some((format, mode))) => Some(Composite::new(gpu, image, format, mode)?),
@@ -202,6 +205,7 @@ impl Plan {
             bounds,
             surfaces,
             upsampling,
+            counts: counts.filter(|_| prepared.counts()),
             side,
             drawn: drawn.extent(),
             timers: None,
@@ -215,9 +219,7 @@ impl Plan {
             in_flight: Arc::new(()),
         };
         let shared = dry_run(gpu, |recorder, target| {
-            if let Some(bounds) = &plan.bounds {
-                bounds.record_most(recorder, plan.surfaces.as_ref());
-            }
+            plan.record_most_before(recorder);
             plan.record_after(recorder, Some(target), true);
         });
         plan.most_passes += passes(&shared);
@@ -226,6 +228,16 @@ impl Plan {
             plan.timers = Timers::new(gpu, plan.most_passes)?;
         }
         Ok(plan)
+    }
+
+    /// Records the steps before the technique for a dry run, of the view that has most of them.
+    fn record_most_before(&self, recorder: &mut Recorder<'_>) {
+        if let Some(counts) = &self.counts {
+            counts.record_begin(recorder);
+        }
+        if let Some(bounds) = &self.bounds {
+            bounds.record_most(recorder, self.surfaces.as_ref());
+        }
     }
 
     /// Records the steps after the technique: upsampling of its image, opaque surfaces behind it, and the composite into the
@@ -239,6 +251,9 @@ impl Plan {
         }
         if let (Some(composite), Some(target)) = (&self.composite, target) {
             composite.record(recorder, target);
+        }
+        if let Some(counts) = &self.counts {
+            counts.record_end(recorder);
         }
     }
 
@@ -290,6 +305,9 @@ impl Plan {
             (None, _) => {}
         }
         let mut recorder = Recorder::new(&self.gpu, commands, self.timers.clone());
+        if let Some(counts) = &self.counts {
+            counts.record_begin(&mut recorder);
+        }
         if let Some(bounds) = &self.bounds {
             bounds.record(&mut recorder, depth, self.surfaces.as_ref())?;
         }
@@ -313,12 +331,20 @@ impl Plan {
         let (passes, keep) = recorder.finish()?;
         let surfaces = self.surfaces.as_ref().map(SurfaceFrame::outcome);
         let refined = self.upsampling.as_ref().and_then(Upsampling::outcome);
+        let counts = self.counts.as_ref().map(Counts::outcome);
         let held = Held {
             gpu: self.gpu.clone(),
             keep,
             timers: self.timers.clone(),
             passes,
-            outcomes: self.prepared.outcome().into_iter().chain(surfaces).chain(refined).collect(),
+            outcomes: self
+                .prepared
+                .outcome()
+                .into_iter()
+                .chain(surfaces)
+                .chain(refined)
+                .chain(counts)
+                .collect(),
             _in_flight: Arc::clone(&self.in_flight),
         };
         Ok(Recorded { held: std::mem::ManuallyDrop::new(held) })
@@ -407,9 +433,7 @@ impl Plan {
 
     fn dry_steps(&self) -> Vec<Step> {
         dry_run(&self.gpu, |recorder, target| {
-            if let Some(bounds) = &self.bounds {
-                bounds.record_most(recorder, self.surfaces.as_ref());
-            }
+            self.record_most_before(recorder);
             self.prepared.record(recorder, Some(target), self.target.mode() == TargetMode::Clear);
             self.record_after(recorder, Some(target), false);
         })

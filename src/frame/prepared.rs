@@ -29,6 +29,10 @@ pub(crate) trait Prepared: std::fmt::Debug + Send + Sync {
     fn route(&self) -> &'static str;
     /// Counts of work that are known before a frame is drawn.
     fn counters(&self) -> Vec<(&'static str, u64)>;
+    /// Whether its shaders count what they sample ([`Counts`](crate::frame::counts::Counts)).
+    fn counts(&self) -> bool {
+        false
+    }
     /// Records a frame into its own image, or into `target` where it has none. `clear` replaces the contents of `target`.
     fn record(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>, clear: bool);
     /// Records the frame with the most passes that [`Prepared::set_view`] may lead to, for a dry run; changes nothing.

@@ -28,13 +28,14 @@ pub struct TargetDesc {
     pub(crate) caller: Option<(vk::Format, TargetMode)>,
     pub(crate) depth: bool,
     pub(crate) untimed: bool,
+    pub(crate) counted: bool,
 }
 
 impl TargetDesc {
     /// An image of the plan's own, to be read back.
     #[must_use]
     pub fn own() -> Self {
-        Self { caller: None, depth: false, untimed: false }
+        Self { caller: None, depth: false, untimed: false, counted: false }
     }
 
     /// A colour image of the caller, of the view's extent. Values are premultiplied linear RGBA; an sRGB format encodes them.
@@ -53,6 +54,14 @@ impl TargetDesc {
     #[must_use]
     pub fn without_times(self) -> Self {
         Self { untimed: true, ..self }
+    }
+
+    /// The same target with counts of samples and of the fetches that they took in [`Status::counters`](crate::frame::Status::counters),
+    /// for grids by compute; other routes count none. The image is the same to the bit. Each ray adds to sums in memory, so that a frame
+    /// takes longer than one without.
+    #[must_use]
+    pub fn with_counts(self) -> Self {
+        Self { counted: true, ..self }
     }
 
     pub(crate) fn format(&self) -> Option<vk::Format> {
@@ -76,6 +85,8 @@ pub(crate) struct Canvas {
     pub(crate) sampled: bool,
     /// The pixels to draw, and the image that shows the others already; `None`: all, into an image of the technique's own.
     pub(crate) redrawn: Option<Redrawn>,
+    /// Sums of samples and fetches, where they are counted.
+    pub(crate) counts: Option<Arc<Buffer>>,
 }
 
 /// Pixels that are drawn once more.
@@ -119,6 +130,12 @@ impl Canvas {
         let list = self.redrawn.as_ref().map(|redrawn| &redrawn.pixels);
         let pixels = list.or(tiles).unwrap_or(unread).read();
         shader::ByList { pixels, redrawn: list.is_some(), by_tile_list: list.is_none() && tiles.is_some() }
+    }
+
+    /// The sums of samples and fetches, with the same stand-in.
+    pub(crate) fn counts(&self, unread: &Arc<Buffer>) -> shader::Counts {
+        let counts = self.counts.as_ref().unwrap_or(unread).write();
+        shader::Counts { counts, counted: self.counts.is_some() }
     }
 
     /// Refuses a route or order, `what`, that cannot split rays at translucent surfaces.

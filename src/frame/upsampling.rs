@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::frame::dry_run::{dry_run, passes};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::ray_bounds::{RayBounds, bounds_buffer};
-use crate::frame::target::{Canvas, Redrawn, TargetDesc, usage_after};
+use crate::frame::target::{Canvas, Redrawn, usage_after};
 use crate::gpu::shader::{PIXELS_COUNT, PIXELS_FIRST, UPSAMPLING_COMPUTE, Upsampling as Inputs};
 use crate::gpu::{Buffer, Gpu, Image, ImageDesc, Recorder, TargetImage};
 use crate::interface::UpsamplingPush;
@@ -68,13 +68,12 @@ impl Refinement {
         gpu: &Gpu,
         redrawn: Redrawn,
         view: &View,
-        target: &TargetDesc,
-        bounded: bool,
+        smaller: &Canvas,
         prepare: impl FnOnce(&View, &Canvas) -> Result<Box<dyn Prepared>>,
     ) -> Result<Self> {
-        let bounds = bounded.then(|| bounds_buffer(gpu, view)).transpose()?;
+        let bounds = smaller.bounds.is_some().then(|| bounds_buffer(gpu, view)).transpose()?;
         let list = Some(redrawn.clone());
-        let canvas = Canvas { target: *target, bounds, layers: None, sampled: false, redrawn: list };
+        let canvas = Canvas { bounds, sampled: false, redrawn: list, ..smaller.clone() };
         let prepared = prepare(view, &canvas)?;
         let bounds = canvas.bounds.as_ref();
         let bounds = bounds.map(|bounds| RayBounds::new(gpu, bounds, false, prepared.measure(), view));
@@ -86,17 +85,16 @@ impl Refinement {
 
 impl Upsampling {
     /// Builds the pass that reads `source`, which shows `view` with fewer pixels; with `refine` also what draws pixels once more, which
-    /// `prepare` makes. `bounded` says that clip planes may bound rays.
+    /// `prepare` makes. `smaller` is what the technique drew `source` for.
     pub(crate) fn new(
         gpu: &Gpu,
         source: &Arc<Image>,
         view: &View,
-        target: &TargetDesc,
+        smaller: &Canvas,
         refine: Option<f32>,
-        bounded: bool,
         prepare: impl FnOnce(&View, &Canvas) -> Result<Box<dyn Prepared>>,
     ) -> Result<Self> {
-        let usage = vk::ImageUsageFlags::STORAGE | usage_after(target, false);
+        let usage = vk::ImageUsageFlags::STORAGE | usage_after(&smaller.target, false);
         let desc = ImageDesc::flat(vk::Format::R32G32B32A32_SFLOAT, view.extent(), usage);
         let image = Arc::new(Image::new(gpu, "upsampling", &desc)?);
         let places = refine.map_or(0, |_| view.extent().map(u64::from).iter().product());
@@ -121,7 +119,7 @@ impl Upsampling {
         let refinement = match refine {
             Some(_) => {
                 let redrawn = Redrawn { pixels, image: Arc::clone(&image) };
-                Some(Refinement::new(gpu, redrawn, view, target, bounded, prepare)?)
+                Some(Refinement::new(gpu, redrawn, view, smaller, prepare)?)
             }
             None => None,
         };

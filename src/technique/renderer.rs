@@ -88,9 +88,22 @@ impl Renderer {
     ///
     /// Those of [`Renderer::prepare`].
     pub fn frames(&self, view: &View) -> Result<Frames> {
-        let plan = self.prepare(view, &TargetDesc::own())?;
+        self.frames_with(view, TargetDesc::own())
+    }
+
+    /// Draws one frame that counts what it samples ([`TargetDesc::with_counts`]), and returns its counters.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Renderer::render`].
+    pub fn count(&self, view: &View) -> Result<Vec<(&'static str, u64)>> {
+        Ok(self.frames_with(view, TargetDesc::own().with_counts())?.draw(view)?.counters)
+    }
+
+    fn frames_with(&self, view: &View, target: TargetDesc) -> Result<Frames> {
+        let plan = self.prepare(view, &target)?;
         let commands = Commands::new(self.scene.gpu())?;
-        Ok(Frames { commands, renderer: self.clone(), plan, drawn: false, started: None })
+        Ok(Frames { commands, renderer: self.clone(), target, plan, drawn: false, started: None })
     }
 }
 
@@ -112,6 +125,7 @@ const MOST_TRIES: u32 = 12;
 #[derive(Debug)]
 pub struct Frames {
     renderer: Renderer,
+    target: TargetDesc,
     plan: Plan,
     commands: Commands,
     /// Whether the plan's image holds a frame.
@@ -161,7 +175,7 @@ impl Frames {
         // After an error the last frame may still run, and it reads buffers that a new view changes.
         self.commands.settle()?;
         if !self.plan.set_view(view)? {
-            self.plan = self.renderer.prepare(view, &TargetDesc::own())?;
+            self.plan = self.renderer.prepare(view, &self.target)?;
         }
         self.submit(view)
     }
@@ -186,7 +200,7 @@ impl Frames {
                 self.drawn = true;
                 return Ok(FrameTime { wall_ms, passes: status.passes, counters: status.counters });
             }
-            self.plan = self.renderer.prepare(&view, &TargetDesc::own())?;
+            self.plan = self.renderer.prepare(&view, &self.target)?;
             self.submit(&view)?;
         }
         Err(Error::unsupported(

@@ -17,6 +17,7 @@ mod folder;
 mod accumulation;
 mod bounds;
 mod choice;
+mod counts;
 mod extremes;
 mod grids;
 mod hardware;

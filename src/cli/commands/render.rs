@@ -6,9 +6,9 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 use volraster::choice::{Choice, Estimate, Goal, Profile, Source, Trial, TrialOutcome};
-use volraster::scene::View;
+use volraster::scene::{Data, View};
 use volraster::technique::FrameTime;
-use volraster::{Error, GpuScene, Image, Result, Technique, choice};
+use volraster::{Error, GpuScene, Image, Renderer, Result, Technique, choice};
 
 use crate::cli::in_flight::InFlight;
 use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, LookArgs, Request, Size};
@@ -203,10 +203,7 @@ impl Args {
         let image = drawing.read_back()?;
         let (width, height) = (image.width(), image.height());
         let overflow = if self.overflow_map.is_some() { Some(drawing.overflow_map()?) } else { None };
-        // Counters known from the plan, and those that the device counted in the first frame.
-        let (route, counters) = (drawing.plan().route(), drawing.plan().counters());
-        let counters = counters.into_iter().chain(first.counters.iter().copied());
-        let counters: Vec<_> = counters.collect();
+        let (route, known) = (drawing.plan().route(), drawing.plan().counters());
         let pass_bytes = drawing.plan().pass_bytes();
         let frames: Vec<FrameTime> = timed.iter().map(|view| plans.draw(view)).collect::<Result<_>>()?;
         let map = overflow.map(|overflow| {
@@ -228,7 +225,7 @@ impl Args {
         // `prepare` excludes the parts that are reported separately.
         let (times, pipelines) = (scene.times(), gpu.pipeline_ms());
         let rest = (prepare_ms - times.upload - times.tables - prepared_pipelines).max(0.0);
-        let stats = output::without_nulls(json!({
+        let mut stats = output::without_nulls(json!({
             "schema": 1,
             "technique": name,
             "route": route,
@@ -244,8 +241,11 @@ impl Args {
             "device_bytes": summed(gpu.memory_report()),
             "peak_rss_bytes": peak_rss_bytes(),
             "pipelines": gpu.pipelines(),
-            "counters": counters.into_iter().collect::<Value>(),
         }));
+        // Counters known from the plan, and those of the device. A frame that counts samples takes longer, so it is none of the timed ones.
+        let counts = self.stats.is_some() && matches!(scene.scene().data, Data::Grid(_));
+        let counted = if counts { Renderer::new(scene, technique).count(view)? } else { first.counters };
+        stats["counters"] = known.into_iter().chain(counted).collect::<Value>();
         let line = format!("{name} ({route}) on {}: {width} x {height}, {time}", report.name);
         Ok(Drawn { image, map: map.transpose()?, stats, line })
     }

@@ -267,6 +267,10 @@ impl Prepared for GridFrame {
         }
     }
 
+    fn counts(&self) -> bool {
+        matches!(self.path, Path::Compute { .. })
+    }
+
     fn counters(&self) -> Vec<(&'static str, u64)> {
         let steps = dry_run(self.scene.gpu(), |recorder, target| self.record(recorder, Some(target), true));
         let draws = draws(&steps);

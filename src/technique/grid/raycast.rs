@@ -87,7 +87,8 @@ impl GridTechnique for Options {
     }
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
-        let MarchInputs { accumulation, resume, empty_space, layers, by_list, shown, tile_step } = march;
+        let MarchInputs { accumulation, resume, empty_space, layers, by_list, shown, tile_step, counts } =
+            march;
         if grid.scene.scene().mode == Mode::Maximum {
             let GridInputs { volume, lattice, optics, bounded, .. } = grid;
             return Ok(MAXIMUM_COMPUTE.with(&Maximum {
@@ -99,6 +100,7 @@ impl GridTechnique for Options {
                 lattice,
                 by_list,
                 shown,
+                counts,
                 optics,
             }));
         }
@@ -116,6 +118,7 @@ impl GridTechnique for Options {
             by_list,
             shown,
             tile_step,
+            counts,
             optics,
             segments,
         }))
@@ -127,7 +130,7 @@ impl GridTechnique for Options {
 
     fn pilot(&self, grid: GridInputs<'_>, march: MarchInputs, pilots: Write) -> Result<Bound> {
         let segments = grid.segments(&self.segments)?;
-        let MarchInputs { empty_space, layers, shown, .. } = march;
+        let MarchInputs { empty_space, layers, shown, counts, .. } = march;
         let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
         Ok(RAYCAST_PILOT.with(&RaycastPilot {
             volume,
@@ -138,6 +141,7 @@ impl GridTechnique for Options {
             layers,
             pilots,
             shown,
+            counts,
             optics,
             segments,
         }))

@@ -225,6 +225,7 @@ impl RouteDesc<'_> {
                 tile_steps: steps.map_or(&knots.buffer, |steps| &steps.steps).read(),
                 by_steps: steps.is_some(),
             },
+            counts: self.target.counts(&knots.buffer),
         };
         let steps = match technique.tolerance() {
             Some(_) if greatest => {

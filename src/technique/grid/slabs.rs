@@ -87,7 +87,7 @@ impl GridTechnique for Options {
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
         let segments = grid.segments(&self.segments)?;
         let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
-        let MarchInputs { accumulation, resume, empty_space, layers, by_list, shown, .. } = march;
+        let MarchInputs { accumulation, resume, empty_space, layers, by_list, shown, counts, .. } = march;
         let clip_ends = true;
         Ok(SLABS_COMPUTE.with(&SlabsCompute {
             accumulation,
@@ -101,6 +101,7 @@ impl GridTechnique for Options {
             layers,
             by_list,
             shown,
+            counts,
             optics,
             segments,
         }))

@@ -95,7 +95,7 @@ impl GridTechnique for Options {
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
         let GridInputs { volume, lattice, optics, bounded, .. } = grid;
-        let MarchInputs { accumulation, resume, empty_space, layers, by_list, shown, .. } = march;
+        let MarchInputs { accumulation, resume, empty_space, layers, by_list, shown, counts, .. } = march;
         let stack = Stack { volume, between: self.between };
         Ok(SLICES_2D_COMPUTE.with(&Slices2dCompute {
             accumulation,
@@ -106,6 +106,7 @@ impl GridTechnique for Options {
             layers,
             by_list,
             shown,
+            counts,
             optics,
             stack,
         }))

@@ -86,7 +86,7 @@ impl GridTechnique for Options {
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
         let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
-        let MarchInputs { accumulation, resume, empty_space, layers, by_list, shown, .. } = march;
+        let MarchInputs { accumulation, resume, empty_space, layers, by_list, shown, counts, .. } = march;
         let clip_ends = self.ends == Ends::Clip;
         Ok(SLICES_3D_COMPUTE.with(&Slices3dCompute {
             accumulation,
@@ -100,6 +100,7 @@ impl GridTechnique for Options {
             layers,
             by_list,
             shown,
+            counts,
             optics,
         }))
     }

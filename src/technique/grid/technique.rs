@@ -5,7 +5,7 @@ use ash::vk;
 use crate::error::{Error, Result};
 use crate::gpu::inputs::{Stored, Write};
 use crate::gpu::shader::{
-    Blend, Bounded, ByList, EmptySpace, Lattice, Layers, Lighting, Optics, Segments, Shown, TileStep,
+    Blend, Bounded, ByList, Counts, EmptySpace, Lattice, Layers, Lighting, Optics, Segments, Shown, TileStep,
 };
 use crate::gpu::{Bound, Sampled};
 use crate::resident::GpuScene;
@@ -47,6 +47,7 @@ pub(crate) struct MarchInputs {
     pub(crate) by_list: ByList,
     pub(crate) shown: Shown,
     pub(crate) tile_step: TileStep,
+    pub(crate) counts: Counts,
 }
 
 /// Shaders that draw slabs as polygons.

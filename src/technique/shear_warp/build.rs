@@ -296,6 +296,7 @@ impl Build<'_> {
                 bounded: self.target.bounds.is_some(),
                 every: self.sampling.every,
                 resume,
+                counts: self.target.counts(&knots.buffer),
                 empty_space: Skipping { bricks: bricks.read(), empty_space: skips, greatest: false },
                 lattice: self.sampling.lattice.clone(),
                 optics: self.sampling.optics.clone(),
@@ -384,6 +385,7 @@ impl Build<'_> {
                     edges: bounds.edge_pixels.read(),
                     every: sampling.every,
                     resume,
+                    counts: self.target.counts(&sampling.knots.buffer),
                     // A single ray skips no bricks.
                     empty_space: Skipping {
                         bricks: sampling.knots.buffer.read(),

@@ -127,6 +127,10 @@ impl Prepared for ShearFrame {
         }
     }
 
+    fn counts(&self) -> bool {
+        matches!(self.path, Path::Compute(_))
+    }
+
     fn counters(&self) -> Vec<(&'static str, u64)> {
         let drawn = &self.drawn;
         let steps = dry_run(self.scene.gpu(), |recorder, target| self.record(recorder, Some(target), true));

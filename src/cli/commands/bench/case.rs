@@ -7,7 +7,7 @@ use volraster::measure::ImageErrors;
 use volraster::reference::ReferenceImage;
 use volraster::scene::{Data, View};
 use volraster::technique::{FrameTime, Method};
-use volraster::{GpuScene, Result, Technique};
+use volraster::{GpuScene, Renderer, Result, Technique};
 
 use super::record::Record;
 use super::required_k::RequiredK;
@@ -33,6 +33,8 @@ pub(super) struct Case {
     /// target format.
     drawing: Option<Box<InFlight>>,
     frames: Vec<FrameTime>,
+    /// Counters of a frame that was drawn to count.
+    counts: Vec<(&'static str, u64)>,
     /// Frames in flight, one or two.
     in_flight: u8,
     record: Record,
@@ -54,7 +56,7 @@ impl Case {
             options,
             ..view.clone()
         };
-        Self { technique, drawing: None, frames: Vec::new(), in_flight, record }
+        Self { technique, drawing: None, frames: Vec::new(), counts: Vec::new(), in_flight, record }
     }
 
     /// Returns technique and route; after the check, the route is that of the plan.
@@ -115,6 +117,14 @@ impl Case {
         }
     }
 
+    /// Counts samples and fetches of a grid, in a frame that is not timed.
+    pub(super) fn count(&mut self, scene: &Arc<GpuScene>, view: &View) -> Result<()> {
+        if self.drawing.is_some() && matches!(scene.scene().data, Data::Grid(_)) {
+            self.counts = Renderer::new(scene, self.technique).count(view)?;
+        }
+        Ok(())
+    }
+
     /// Times one frame, unless the case has taken enough time.
     pub(super) fn time(&mut self, view: &View) -> Result<()> {
         if let Some(drawing) = &mut self.drawing {
@@ -130,7 +140,9 @@ impl Case {
     pub(super) fn finish(mut self, required_k: Option<&RequiredK>) -> Record {
         let of_plan = self.drawing.iter_mut().flat_map(|drawing| drawing.first().plan().counters());
         let of_frame = self.frames.last().into_iter().flat_map(|frame| frame.counters.iter().copied());
-        let counters = of_plan.chain(of_frame).map(|(name, n)| (name.to_string(), json!(n))).collect();
+        let counted = self.counts.into_iter();
+        let counters =
+            of_plan.chain(of_frame).chain(counted).map(|(name, n)| (name.to_string(), json!(n))).collect();
         let passes = pass_medians(&self.frames).into_iter().map(|(name, ms)| (name, json!(ms)));
         let required_k = required_k.filter(|_| self.technique.method() == Method::Havs);
         Record {

@@ -272,6 +272,7 @@ impl Args {
                 weighed.push(case.kind());
                 case.measure_memory(scene, view);
             }
+            case.count(scene, view)?;
             bar.inc(1);
         }
         time(&mut cases, view, frames, bar)?;

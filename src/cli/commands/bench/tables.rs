@@ -85,9 +85,10 @@ fn cases(view: &[&Record]) -> String {
         (Some(number), Some(spread)) => count(number / spread.median * 1e3),
         _ => dash(),
     };
-    let is_mesh = view[0].data == "mesh";
+    let (is_grid, is_mesh) = (view[0].data == "grid", view[0].data == "mesh");
     let has_splats = view.iter().any(|record| record.counter("pairs").is_some());
     let mut heading = vec!["technique", "route", "options", "RMSE", "max", "ms", "95 %", "gpu ms", "MiB"];
+    heading.extend(is_grid.then_some(["samples", "fetches", "samples/s"]).into_iter().flatten());
     heading.extend(is_mesh.then_some(["tets/s", "fragments/s"]).into_iter().flatten());
     heading.extend(has_splats.then_some(["pairs/s", "evaluations/s"]).into_iter().flatten());
     let mut rows = vec![heading.into_iter().map(str::to_string).collect::<Vec<_>>()];
@@ -97,6 +98,11 @@ fn cases(view: &[&Record]) -> String {
         row.extend([median(&record.wall_ms), record.wall_ms.as_ref().map_or_else(dash, interval)]);
         row.extend([median(&record.gpu_ms), record.device_bytes.map_or_else(dash, mebibytes)]);
         let rate = |number| per_second(record, number);
+        if is_grid {
+            let [samples, fetches] = ["samples", "fetches"].map(|name| record.counter(name));
+            row.extend([samples, fetches].map(|number| number.map_or_else(dash, count)));
+            row.push(rate(samples));
+        }
         if is_mesh {
             row.extend([Some(record.elements as f64), record.counter("fragments")].map(rate));
         }
@@ -229,8 +235,13 @@ mod tests {
         assert!(text.contains("1000 points.") && text.contains("| pairs/s | evaluations/s |"), "{text}");
         assert!(text.contains("| splat-ewa | compute | order=center | 1.00e-3 | 2.00e-3 | 10.0 |"), "{text}");
         assert!(text.contains("| - | - | 5M | 320M |"), "{text}");
-        let grid = [case("slabs", "compute", "", 1e-3, &[10.0])];
-        assert!(!markdown(&grid, &charts(&grid), false).contains("pairs/s"));
+        let mut grid = case("slabs", "compute", "", 1e-3, &[10.0]);
+        for (name, number) in [("samples", 20_000), ("fetches", 160_000)] {
+            grid.counters.insert(name.to_string(), serde_json::json!(number));
+        }
+        let text = markdown(std::slice::from_ref(&grid), &charts(std::slice::from_ref(&grid)), false);
+        assert!(!text.contains("pairs/s") && text.contains("| samples | fetches | samples/s |"), "{text}");
+        assert!(text.contains("| 20k | 160k | 2M |"), "{text}");
     }
 
     #[test]

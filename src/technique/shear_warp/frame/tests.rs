@@ -83,6 +83,7 @@ fn frame(scene: &Arc<GpuScene>, view: &View, options: &str) -> ShearFrame {
         layers: None,
         sampled: false,
         redrawn: None,
+        counts: None,
     };
     ShearFrame::new(scene, view, &canvas, options).unwrap()
 }
