@@ -34,9 +34,26 @@
 
 const uint AT_ONCE = LAYERS || LIT || INTEGRATOR != INTEGRATOR_MIDPOINT ? 1u : MOST_AT_ONCE;
 
-// Marches the segments of a ray from `first` to before `last`. Segment i begins at depth z0 + i h, and the last ends at depth `far`.
-void march(Ray ray, float z0, float far, float h, uint walk, uint first, uint last, inout LayersAhead ahead, inout vec4 sum,
+// The segments of a ray: segment i begins at depth z0 + i h. Those from `first` to before `end` show anything; `first` may be -1.
+struct Segments {
+    float z0, h;
+    float first, end;
+    float begin; // the depth up to which the tile shows nothing
+};
+
+// Divides an interval of a pixel's ray into segments of length `spacing`, in units of the smallest voxel spacing.
+Segments segments_of(Ray ray, vec2 interval, ivec2 pixel, float spacing) {
+    float h = spacing * push.unit / ray.length_per_depth;
+    float z0 = interval.x;
+    float segments = interval.x < interval.y ? ceil((interval.y - z0) / h) : 0.0;
+    vec2 shown = shown_of(interval, pixel);
+    return Segments(z0, h, floor((shown.x - z0) / h) - 1.0, min(segments, ceil((shown.y - z0) / h) + 1.0), shown.x);
+}
+
+// Marches the segments of a ray from `first` to before `last`. The last of all ends at depth `far`.
+void march(Ray ray, Segments all, float far, uint walk, uint first, uint last, inout LayersAhead ahead, inout vec4 sum,
            inout float transmittance) {
+    float z0 = all.z0, h = all.h;
     // Load these before the loop: drivers do not hoist them.
     Lattice lattice = load_lattice();
     BrickGrid brick_grid = load_bricks();
@@ -47,7 +64,7 @@ void march(Ray ray, float z0, float far, float h, uint walk, uint first, uint la
     float reached = -3e38;
     uint i = first;
     while (i < last && transmittance > opaque) {
-        uint stop = skip_empty(i, last, fma(float(i), h, z0), z0, h, walk, ray, far, brick_grid);
+        uint stop = skip_empty(i, last, max(fma(float(i), h, z0), all.begin), z0, h, walk, ray, far, brick_grid);
         Face front;
         if (INTEGRATOR != INTEGRATOR_MIDPOINT) front = face_of(stored_at(ray, fma(float(i), h, z0), lattice), lattice);
         for (; i < stop && transmittance > opaque; i += AT_ONCE) {
@@ -78,21 +95,6 @@ void march(Ray ray, float z0, float far, float h, uint walk, uint first, uint la
     }
 }
 
-// The segments of a ray: segment i begins at depth z0 + i h. Those from `first` to before `end` show anything; `first` may be -1.
-struct Segments {
-    float z0, h;
-    float first, end;
-};
-
-// Divides an interval of a pixel's ray into segments of length `spacing`, in units of the smallest voxel spacing.
-Segments segments_of(Ray ray, vec2 interval, ivec2 pixel, float spacing) {
-    float h = spacing * push.unit / ray.length_per_depth;
-    float z0 = interval.x;
-    float segments = interval.x < interval.y ? ceil((interval.y - z0) / h) : 0.0;
-    vec2 shown = shown_of(interval, pixel);
-    return Segments(z0, h, floor((shown.x - z0) / h) - 1.0, min(segments, ceil((shown.y - z0) / h) + 1.0));
-}
-
 #ifdef COMPUTE
 void main() {
     ivec2 pixel;
@@ -108,7 +110,7 @@ void main() {
     vec4 sum = begin_march(pixel, transmittance);
     LayersAhead ahead = begin_layers(pixel, fma(begin, all.h, all.z0));
     float layers_until = layers_end(fma(end, all.h, all.z0));
-    march(ray, all.z0, interval.y, all.h, slabs_between_looks(spacing), first, last, ahead, sum, transmittance);
+    march(ray, all, interval.y, slabs_between_looks(spacing), first, last, ahead, sum, transmittance);
     if (LAYERS) end_layers(ahead, layers_until, push.opaque, sum, transmittance);
     end_march(pixel, sum, transmittance);
 }
@@ -135,7 +137,7 @@ void main() {
     float transmittance = 1.0;
     vec4 sum = vec4(0.0);
     LayersAhead ahead;
-    march(ray, all.z0, interval.y, all.h, slabs_between_looks(spacing), uint(max(all.first, 0.0)), uint(max(all.end, 0.0)), ahead, sum,
+    march(ray, all, interval.y, slabs_between_looks(spacing), uint(max(all.first, 0.0)), uint(max(all.end, 0.0)), ahead, sum,
           transmittance);
     if (level > 0u) {
         vec4 difference = sum - pilots[tile].colour;
