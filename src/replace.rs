@@ -2,44 +2,133 @@
 //! killed processes have left there: a lock tells whether a part is being written.
 
 use std::ffi::{OsStr, OsString};
-use std::fs::{File, OpenOptions};
-use std::io::{BufWriter, Write};
+use std::fs::{File, FileType, OpenOptions, Permissions};
+use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use crate::error::{Error, Result};
 
-/// Writes a file beside `path` and renames it onto `path` when it is complete.
+/// Where a file goes.
+enum Place {
+    /// Beside this path and then onto it: a regular file, or none yet. Symbolic links are followed, so that they stay.
+    Onto(PathBuf, Option<Permissions>),
+    /// Into what is there: a terminal, the null device, a pipe.
+    Into,
+}
+
+/// Returns where a file of this path goes.
+fn place_of(path: &Path) -> Result<Place> {
+    const MOST_LINKS: usize = 40;
+    if path.file_name().is_none() {
+        return Err(Error::file(path, "file name", "must not be empty or a folder's"));
+    }
+    let unwritable = |e| Error::io(path, "cannot write", e);
+    let metadata = match std::fs::metadata(path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            // Perhaps links to a file that is not there yet.
+            let mut target = path.to_path_buf();
+            for _ in 0..MOST_LINKS {
+                let Ok(next) = std::fs::read_link(&target) else { return Ok(Place::Onto(target, None)) };
+                target = target.with_file_name("").join(next);
+            }
+            return Err(unwritable(ErrorKind::NotFound.into()));
+        }
+        metadata => metadata.map_err(unwritable)?,
+    };
+    // The system's own names of open files, for example /dev/stdout: others write into the same file.
+    let open_elsewhere = ["/dev", "/proc"].iter().any(|folder| path.starts_with(folder));
+    if metadata.is_file() && !open_elsewhere {
+        if metadata.permissions().readonly() {
+            return Err(Error::file(path, "permissions", "must allow writing"));
+        }
+        let target = path.canonicalize().map_err(unwritable)?;
+        return Ok(Place::Onto(target, Some(metadata.permissions())));
+    }
+    if metadata.is_file() || is_stream(metadata.file_type()) {
+        return Ok(Place::Into);
+    }
+    let rule = "must name a regular file, a pipe, a character device, or nothing yet";
+    Err(Error::file(path, "file type", rule))
+}
+
+#[cfg(unix)]
+fn is_stream(kind: FileType) -> bool {
+    use std::os::unix::fs::FileTypeExt as _;
+    kind.is_char_device() || kind.is_fifo()
+}
+
+#[cfg(not(unix))]
+fn is_stream(_: FileType) -> bool {
+    false
+}
+
+/// Checks that [`replace`] can write a file of this path, by creating and removing an empty one beside it.
+///
+/// # Errors
+///
+/// [`Error::File`] for a folder, a write-protected file, a block device and the like; [`Error::Io`] where no file can be made.
+pub fn check_writable(path: impl AsRef<Path>) -> Result<()> {
+    let path = path.as_ref();
+    if let Place::Onto(target, _) = place_of(path)? {
+        let (part, _) = create_beside(&target).map_err(|e| Error::io(path, "cannot write", e))?;
+        drop(Part { path: &part });
+    }
+    Ok(())
+}
+
+/// Creates an empty file beside `target`, of a name that nobody else has.
+fn create_beside(target: &Path) -> std::io::Result<(PathBuf, File)> {
+    static NEXT: AtomicU32 = AtomicU32::new(0);
+    let mut beside = start_of(target);
+    beside.push(format!("{}-{}.part", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed)));
+    let part = target.with_file_name(beside);
+    let file = OpenOptions::new().write(true).create_new(true).open(&part)?;
+    Ok((part, file))
+}
+
+/// Returns the begin of the names of parts of a file.
+fn start_of(target: &Path) -> OsString {
+    [OsStr::new("."), target.file_name().unwrap_or_default(), OsStr::new(".")].into_iter().collect()
+}
+
+/// Writes a file beside `path` and renames it onto `path` when it is complete. The new file has the permissions of the old one. A symbolic
+/// link stays, and its target is replaced; what is a pipe or a device is written into.
 pub(crate) fn replace(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
 ) -> Result<()> {
-    static NEXT: AtomicU32 = AtomicU32::new(0);
-    let Some(name) = path.file_name() else {
-        return Err(Error::file(path, "file name", "must not be empty or a folder's"));
+    let unwritable = |e| Error::io(path, "cannot write", e);
+    let (target, permissions) = match place_of(path)? {
+        Place::Onto(target, permissions) => (target, permissions),
+        Place::Into => {
+            let file = OpenOptions::new().append(true).open(path).map_err(unwritable)?;
+            let mut writer = BufWriter::new(file);
+            return write(&mut writer).and_then(|()| writer.flush()).map_err(unwritable);
+        }
     };
-    let start = [OsStr::new("."), name, OsStr::new(".")].into_iter().collect::<OsString>();
-    remove_left(path, &start);
-    let mut beside = start;
-    beside.push(format!("{}-{}.part", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed)));
-    let part = path.with_file_name(beside);
-    let file = OpenOptions::new().write(true).create_new(true).open(&part);
-    let file = file.map_err(|e| Error::io(path, "cannot write", e))?;
+    remove_left(&target);
+    let (part, file) = create_beside(&target).map_err(unwritable)?;
     let guard = Part { path: &part };
     // Some file systems have no locks: parts then stay.
     let _ = file.try_lock();
+    if let Some(permissions) = permissions {
+        // Some file systems have none.
+        let _ = file.set_permissions(permissions);
+    }
     let mut writer = BufWriter::new(file);
     write(&mut writer)
         .and_then(|()| writer.flush())
-        .and_then(|()| std::fs::rename(&part, path))
-        .map_err(|e| Error::io(path, "cannot write", e))?;
+        .and_then(|()| std::fs::rename(&part, &target))
+        .map_err(unwritable)?;
     std::mem::forget(guard);
     Ok(())
 }
 
-/// Removes parts of a file that nobody writes any longer. `start` begins their names. What cannot be removed stays.
-fn remove_left(path: &Path, start: &OsStr) {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+/// Removes parts of a file that nobody writes any longer. What cannot be removed stays.
+fn remove_left(target: &Path) {
+    let start = start_of(target);
+    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
         let name = entry.file_name();
@@ -108,6 +197,76 @@ mod tests {
         replace(&path, |writer| writer.write_all(b"new")).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"new");
         assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    /// A folder of its own for a test.
+    #[cfg(unix)]
+    fn folder(name: &str) -> PathBuf {
+        let folder = std::env::temp_dir().join(format!("volraster-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        folder
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_stay_and_their_targets_are_written() {
+        use std::os::unix::fs::{PermissionsExt as _, symlink};
+        let folder = folder("links");
+        let [real, link, dangling] = ["real.png", "link.png", "dangling.png"].map(|name| folder.join(name));
+        std::fs::write(&real, "old").unwrap();
+        std::fs::set_permissions(&real, Permissions::from_mode(0o640)).unwrap();
+        symlink("real.png", &link).unwrap();
+        symlink("later.png", &dangling).unwrap();
+        for path in [&link, &dangling] {
+            check_writable(path).unwrap();
+            replace(path, |writer| writer.write_all(b"new")).unwrap();
+            assert!(path.symlink_metadata().unwrap().is_symlink(), "{path:?}");
+            assert_eq!(std::fs::read(path).unwrap(), b"new");
+        }
+        assert_eq!(std::fs::read(&real).unwrap(), b"new");
+        assert_eq!(real.metadata().unwrap().permissions().mode() & 0o777, 0o640);
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 4);
+        // Links in a circle, and what must not be replaced.
+        symlink("circle", folder.join("circle")).unwrap();
+        std::fs::set_permissions(&real, Permissions::from_mode(0o440)).unwrap();
+        let socket = folder.join("socket");
+        let _listening = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+        for (path, part) in [
+            (folder.join("circle"), "cannot write"),
+            (real, "must allow writing"),
+            (link, "must allow writing"),
+            (socket, "must name a regular file"),
+            (folder.clone(), "must name a regular file"),
+        ] {
+            let errors = [check_writable(&path), replace(&path, |writer| writer.write_all(b"newer"))];
+            for error in errors.map(|done| done.unwrap_err().to_string()) {
+                assert!(error.contains(part) && error.contains(&path.display().to_string()), "{error}");
+            }
+        }
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn pipes_and_devices_are_written_into() {
+        use std::os::unix::fs::FileTypeExt as _;
+        let folder = folder("pipes");
+        let [pipe, null] = ["pipe", "null.png"].map(|name| folder.join(name));
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        std::os::unix::fs::symlink("/dev/null", &null).unwrap();
+        let reader = std::thread::spawn({
+            let pipe = pipe.clone();
+            move || std::fs::read(pipe).unwrap()
+        });
+        for path in [&pipe, &null] {
+            check_writable(path).unwrap();
+            replace(path, |writer| writer.write_all(b"through")).unwrap();
+        }
+        assert_eq!(reader.join().unwrap(), b"through");
+        assert!(pipe.symlink_metadata().unwrap().file_type().is_fifo());
+        assert!(null.metadata().unwrap().file_type().is_char_device());
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 2);
         std::fs::remove_dir_all(&folder).unwrap();
     }
 }

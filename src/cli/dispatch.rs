@@ -8,7 +8,7 @@ use clap::{Parser, Subcommand};
 use crate::cli::commands::{
     bench, calibrate, compare, convert, devices, info, reference, render, selftest, shaders, techniques,
 };
-use crate::cli::output;
+use crate::cli::{interrupt, output};
 
 /// Direct volume rendering on Vulkan, checked against a float64 reference.
 #[derive(Debug, Parser)]
@@ -58,6 +58,7 @@ pub(crate) fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => return usage(&error),
     };
+    interrupt::outlive_size_limits();
     let quiet = cli.quiet;
     let outcome = match &cli.command {
         Command::Render(args) => args.run(quiet),

@@ -1,4 +1,4 @@
-//! Ctrl-C: the first one requests a stop, which long work polls; the second one ends the program at once.
+//! Signals. Ctrl-C: the first one requests a stop, which long work polls; the second one ends the program at once.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -17,6 +17,12 @@ pub(crate) fn watch() {
         }
         output::complain("stopping; press Ctrl-C again to stop at once");
     });
+}
+
+/// Makes a file that exceeds the limit of file sizes an error of the write, which leaves no part of it, instead of the program's end.
+pub(crate) fn outlive_size_limits() {
+    #[cfg(unix)]
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
 }
 
 /// Returns whether the user has requested a stop.

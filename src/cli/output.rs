@@ -3,14 +3,13 @@
 //! Paths are checked before any work, so that a long run does not fail at its end. Files are written under a
 //! temporary name and renamed when complete.
 
-use std::fs::OpenOptions;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressFinish, ProgressStyle};
 use serde_json::Value;
-use volraster::io::{Progress, ReadOptions};
+use volraster::io::{Progress, ReadOptions, check_writable};
 use volraster::scene::View;
 use volraster::{Error, Result};
 
@@ -101,15 +100,7 @@ pub(crate) fn check_image(path: &Path) -> Result<()> {
     if !matches!(ending.as_deref(), Some("exr" | "png")) {
         return Err(refuse(path, "file name", "must end in .exr or .png"));
     }
-    check_file(path)
-}
-
-/// Checks that a file is writable, by creating and removing a temporary file beside it.
-pub(crate) fn check_file(path: &Path) -> Result<()> {
-    if path.file_name().is_none() || path.is_dir() {
-        return Err(refuse(path, "file name", "must not be empty or a folder"));
-    }
-    probe(path, path)
+    check_writable(path)
 }
 
 /// Checks that a folder is writable or can be created, by creating and removing a temporary file.
@@ -120,7 +111,10 @@ pub(crate) fn check_folder(path: &Path) -> Result<()> {
     if !nearest.is_dir() {
         return Err(refuse(path, "folder", &format!("{} is not a folder", nearest.display())));
     }
-    probe(&nearest.join("volraster"), path)
+    check_writable(nearest.join("volraster")).map_err(|error| match error {
+        Error::Io { action, source, .. } => Error::Io { path: path.to_path_buf(), action, source },
+        other => other,
+    })
 }
 
 /// Creates a folder and its parents.
@@ -139,14 +133,6 @@ pub(crate) fn without_nulls(mut object: Value) -> Value {
         members.retain(|_, value| !value.is_null());
     }
     object
-}
-
-/// Creates and removes a hidden file beside `file`; an error names `path`.
-fn probe(file: &Path, path: &Path) -> Result<()> {
-    let name = file.file_name().unwrap_or_default().to_string_lossy();
-    let hidden = file.with_file_name(format!(".{name}.{}.check", std::process::id()));
-    let created = OpenOptions::new().write(true).create_new(true).open(&hidden);
-    created.and_then(|_| std::fs::remove_file(hidden)).map_err(unwritable(path))
 }
 
 /// Makes the error of a file that cannot be written.

@@ -20,6 +20,7 @@ mod report;
 pub mod scene_file;
 mod write;
 
+pub use crate::replace::check_writable;
 pub use crate::scene::Data;
 pub use build::arrays::{ArrayInfo, Association};
 pub use file::sample_type::{Endian, Pick, SampleType};

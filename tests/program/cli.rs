@@ -35,6 +35,30 @@ fn with_scene() -> Folder {
     folder
 }
 
+/// What is no regular file is written into, links stay, and a file that becomes too large leaves nothing.
+#[cfg(unix)]
+#[test]
+fn outputs_harm_nothing() {
+    use std::os::unix::fs::symlink;
+    let folder = with_scene();
+    symlink("/dev/null", folder.path("null.nrrd")).unwrap();
+    symlink("real.nrrd", folder.path("link.nrrd")).unwrap();
+    symlink("/dev/stdout", folder.path("out.json")).unwrap();
+    let before = folder.names("");
+    folder.run("-q convert scene.json null.nrrd").done();
+    let stats = folder.run("-q render scene.json -o null.exr --stats out.json").done();
+    assert_eq!(stats.json()["technique"], "slices-3d");
+    assert!(folder.path("null.nrrd").is_symlink() && folder.path("out.json").is_symlink());
+    folder.run("-q convert scene.json link.nrrd").done();
+    assert!(folder.path("link.nrrd").is_symlink() && folder.path("real.nrrd").is_file());
+    // 16 KiB of samples, of which 4 may be written.
+    let program = env!("CARGO_BIN_EXE_volraster");
+    let limited = format!("ulimit -f 4; exec {program} convert scene.json large.nrrd");
+    let run = Command::new("bash").args(["-c", &limited]).current_dir(folder.root()).output().unwrap();
+    Run::of(run, &limited).fails(1, &["large.nrrd", "cannot write", "File too large"]);
+    assert_eq!(folder.names("").len(), before.len() + 2);
+}
+
 #[test]
 fn wrong_usage_and_input_are_exit_code_2_and_one_line() {
     let folder = with_scene();

@@ -31,7 +31,7 @@ impl Args {
         if !["nrrd", "vtu"].contains(&ending.as_str()) {
             return Err(refuse("must end in .nrrd (grids) or .vtu (meshes and points)").into());
         }
-        output::check_file(&self.output)?;
+        volraster::io::check_writable(&self.output)?;
         output::check_apart("output", &self.output, &[(&self.input, "the input")])?;
         let (data, report) = self.load()?;
         let written = match (&data, ending.as_str()) {

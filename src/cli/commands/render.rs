@@ -129,7 +129,7 @@ impl Args {
         output::check_image(&self.output)?;
         let mut taken = vec![(&self.output, "the image"), (&self.scene, "the input")];
         if let Some(stats) = &self.stats {
-            output::check_file(stats)?;
+            volraster::io::check_writable(stats)?;
             output::check_apart("--stats", stats, &taken)?;
             taken.push((stats, "the file of --stats"));
         }

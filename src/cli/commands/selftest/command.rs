@@ -88,7 +88,7 @@ impl Args {
             return sweeps::run(name, &Place { validation, ..self.device.options() }, self.every_call);
         }
         if let Some(path) = &self.output {
-            output::check_file(path)?;
+            volraster::io::check_writable(path)?;
         }
         let methods =
             self.technique.iter().map(|name| Method::from_name(name)).collect::<Result<Vec<_>>>()?;
