@@ -14,6 +14,8 @@ use crate::scene::{Data, Rescale};
 
 /// All formats, in the order in which they are tried.
 static READERS: &[&dyn Reader] = &[
+    // Its preamble may be the header of another format, of TIFF for example.
+    &dicom::Dicom,
     &nrrd::Nrrd,
     &nifti::Nifti,
     &metaimage::MetaImage,
@@ -24,7 +26,6 @@ static READERS: &[&dyn Reader] = &[
     &ply::Ply,
     &csv::Csv,
     &tiff::Tiff,
-    &dicom::Dicom,
     &raw::Raw,
 ];
 

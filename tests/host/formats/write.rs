@@ -351,7 +351,7 @@ fn what_cannot_be_written_leaves_nothing() {
     let data = mesh(TetScalars::Cell(vec![3.0, 4.0]));
     says(write_vtu(&gone, &data, "a").unwrap_err(), &["gone/out", "cannot write"]);
     std::fs::create_dir(folder.path("folder")).unwrap();
-    says(write_nrrd(folder.path("folder"), &grid).unwrap_err(), &["folder", "cannot write"]);
-    says(write_vtu(folder.path("folder"), &data, "a").unwrap_err(), &["folder", "cannot write"]);
+    says(write_nrrd(folder.path("folder"), &grid).unwrap_err(), &["folder", "file type", "regular file"]);
+    says(write_vtu(folder.path("folder"), &data, "a").unwrap_err(), &["folder", "file type", "regular file"]);
     assert_eq!(std::fs::read_dir(folder.path(".")).unwrap().count(), 1);
 }

@@ -37,11 +37,15 @@ pub(crate) fn assemble(
     let kind = frames::kind(first)?;
     let frame = Frame::of(first)?;
     let mut slices = collect(&headers, &frame)?;
-    let count = slices.len();
-    if count < 2 {
-        let rule = "1 slice: a volume needs at least 2, each in a file of its own or a frame of one";
-        return Err(source.error("series", rule));
+    let mut warnings = Vec::new();
+    if let [slice] = slices[..] {
+        let (faces, warning) = slab(slice, first, &frame);
+        slices = faces.to_vec();
+        warnings.push(warning);
+    } else {
+        notes.insert(0, format!("{} slices in the order of their positions", slices.len()));
     }
+    let count = slices.len();
     slices.sort_by(|a, b| a.height.total_cmp(&b.height));
     let line = Line::of(source, &headers, &slices, &frame)?;
 
@@ -61,7 +65,6 @@ pub(crate) fn assemble(
     values.reserve(total).map_err(|_| source.error("series", format!("{total} samples: memory is full")))?;
     append(&mut values, first, &slices, layout, same, open, &mut account)?;
 
-    let mut warnings = Vec::new();
     if first.table {
         warnings.push("ModalityLUTSequence is not applied: values are as stored".to_owned());
     }
@@ -96,10 +99,23 @@ pub(crate) fn assemble(
         grid = grid.with_rescale(rescale).map_err(located)?;
     }
     let mut loaded = Loaded::new(NAME, grid.with_anatomy(Anatomy::Lps));
-    notes.insert(0, format!("{count} slices in the order of their positions"));
     loaded.report.notes = notes;
     loaded.report.warnings = warnings;
     Ok(loaded)
+}
+
+/// Makes two slices of a single one, the faces of the slab that it stands for.
+fn slab(slice: Slice, header: &Header, frame: &Frame) -> ([Slice; 2], String) {
+    let known = header.plane_of(slice.frame).thickness.filter(|thickness| *thickness > 0.0);
+    let thickness = known.unwrap_or(frame.spacing[0].min(frame.spacing[1]));
+    let whence = if known.is_some() { "its SliceThickness" } else { "a pixel: it has no SliceThickness" };
+    let face = |side: f64| Slice {
+        position: slice.position + frame.normal * (side * thickness),
+        height: slice.height + side * thickness,
+        ..slice
+    };
+    let warning = format!("1 slice: it is drawn as a slab of {thickness} mm, {whence}");
+    ([face(-0.5), face(0.5)], warning)
 }
 
 /// Notes on the meaning of the samples.

@@ -17,6 +17,8 @@ pub(crate) struct Plane {
     pub(crate) orientation: Option<[f64; 6]>,
     /// Distance of rows, then of columns, in millimetres.
     pub(crate) spacing: Option<[f64; 2]>,
+    /// SliceThickness, in millimetres.
+    pub(crate) thickness: Option<f64>,
     pub(crate) slope: Option<f64>,
     pub(crate) intercept: Option<f64>,
 }
@@ -28,6 +30,7 @@ impl Plane {
             position: self.position.or(other.position),
             orientation: self.orientation.or(other.orientation),
             spacing: self.spacing.or(other.spacing),
+            thickness: self.thickness.or(other.thickness),
             slope: self.slope.or(other.slope),
             intercept: self.intercept.or(other.intercept),
         }
