@@ -25,6 +25,8 @@ pub const ISOSURFACE_COLOUR: DVec3 = DVec3::new(0.9, 0.84, 0.7);
 /// - Mesh: the background is a value that at least a tenth of the volume has, such as the free stream. It
 ///   becomes a haze that shows the shape of the mesh; values above it are warm, values below it cool.
 /// - Points: low scalars become a haze. Points without scalars have one colour.
+/// - Values of both signs, of which neither is a mere undershoot of the other: magnitudes count, with warm colours above zero and cool
+///   ones below it ([`diverges`]). A grid whose background is not zero, as in computed tomography, has one foreground as above.
 ///
 /// Knots are placed at quantiles of the foreground, by samples or by volume, so outliers have little
 /// influence and all data use the whole colour range. Extinction is scaled so that the densest tenth of the
@@ -65,13 +67,26 @@ pub fn maximum(data: &Data) -> Result<TransferFunction> {
     let Data::Grid(grid) = data else {
         return Err(Error::invalid("maximum", format!("requires a grid, not a {}", data.kind())));
     };
-    let [low, high] = transfer(data)?.domain();
+    let transfer = transfer(data)?;
+    let [low, high] = transfer.domain();
+    let low = if diverges(&transfer) { 0.0 } else { low };
     let voxel = grid.spacing().min_element();
     let knot = |i: u32| {
         let share = f64::from(i) / f64::from(STEPS);
         Knot { s: low + (high - low) * share, colour: DVec3::ONE, tau: -(-0.98 * share).ln_1p() / voxel }
     };
     TransferFunction::new((0..=STEPS).map(knot).collect())
+}
+
+/// Returns whether a transfer function shows values of equal magnitude and either sign equally opaque, as [`transfer`] makes it for data of
+/// both signs.
+#[must_use]
+pub fn diverges(transfer: &TransferFunction) -> bool {
+    let knots = transfer.knots();
+    let [low, high] = transfer.domain();
+    low < 0.0
+        && high > 0.0
+        && knots.iter().zip(knots.iter().rev()).all(|(a, b)| a.s == -b.s && a.tau == b.tau)
 }
 
 /// Makes the transfer function of an isosurface: vacuum below a scalar, one colour from it on, which is opaque within a

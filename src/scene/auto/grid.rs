@@ -1,7 +1,8 @@
 //! The automatic transfer function of a grid.
 
 use super::statistics::{
-    BINS, DEPTH, Histogram, RAYS, SAMPLES, WARM, knot, quantile, ramp, ramp_down, sorted, stride, substantial,
+    BINS, DEPTH, HALVES, Histogram, RAYS, SAMPLES, TAILS, WARM, diverging, knot, quantile, ramp, ramp_down,
+    signs, sorted, stride, substantial,
 };
 use crate::error::Result;
 use crate::num;
@@ -26,22 +27,44 @@ fn shape(grid: &Grid) -> Vec<Knot> {
     // The subset may have missed a tiny foreground; the range still shows that it exists.
     let or = |inside: Vec<f64>, rare: f64| if inside.is_empty() { vec![rare] } else { inside };
     match foreground(grid, &values) {
-        (foot, true) => ramp(foot, &or(values.into_iter().filter(|s| *s > foot).collect(), hi), &WARM),
-        (foot, false) => ramp_down(foot, &or(values.into_iter().filter(|s| *s < foot).collect(), lo), &WARM),
+        Foreground::Above(foot) => {
+            ramp(foot, &or(values.into_iter().filter(|s| *s > foot).collect(), hi), &WARM)
+        }
+        Foreground::Below(foot) => {
+            ramp_down(foot, &or(values.into_iter().filter(|s| *s < foot).collect(), lo), &WARM)
+        }
+        Foreground::Beside(foot) => diverging(&values, foot),
     }
 }
 
-/// Returns the scalar at which the foreground starts and whether the foreground lies above it.
-fn foreground(grid: &Grid, values: &[f64]) -> (f64, bool) {
+/// Where the foreground starts.
+enum Foreground {
+    Above(f64),
+    Below(f64),
+    /// Above this value and below its negative.
+    Beside(f64),
+}
+
+fn foreground(grid: &Grid, values: &[f64]) -> Foreground {
     let histogram = Histogram::new(values, grid.range());
     let peak = histogram.peak();
     let border = histogram.bin(quantile(&sorted(faces(grid)), 0.5));
     if border.abs_diff(peak) > BINS / 16 {
-        return (histogram.low, true); // no background to leave out
+        // There is no background to leave out.
+        return signs(values, HALVES).map_or(Foreground::Above(histogram.low), |_| Foreground::Beside(0.0));
+    }
+    // Where the background is zero, both signs are foreground. (That of computed tomography is air, and far from zero.)
+    let is_zero = peak.abs_diff(histogram.bin(0.0)) <= BINS / 64;
+    if let Some(magnitude) = signs(values, TAILS).filter(|_| is_zero) {
+        let feet = [true, false].map(|upwards| histogram.foot(peak, upwards).abs());
+        return Foreground::Beside(feet[0].min(feet[1]).min(0.5 * magnitude));
     }
     // The foreground is the longer tail.
-    let upwards = peak < BINS / 2;
-    (histogram.foot(peak, upwards), upwards)
+    if peak < BINS / 2 {
+        Foreground::Above(histogram.foot(peak, true))
+    } else {
+        Foreground::Below(histogram.foot(peak, false))
+    }
 }
 
 /// Returns the 90 % quantile of optical depth over index-aligned rays, leaving out nearly empty ones.
@@ -138,6 +161,46 @@ mod tests {
             assert!(depths[0] > 2.0 && depths[0] < 12.0, "{depths:?}");
             assert!((depths[0] - depths[1]).abs() < 1e-9 * depths[0]);
             assert!(transfer_metres.knots().len() <= 12);
+        }
+    }
+
+    /// A grid of 32 samples along each side, of a function of the place in [-1, 1].
+    fn made(of: impl Fn(DVec3) -> f64) -> Grid {
+        let place =
+            |i: u32| DVec3::new(f64::from(i % 32), f64::from(i / 32 % 32), f64::from(i / 1024)) / 15.5 - 1.0;
+        Grid::new([32; 3], Samples::F32((0..1 << 15).map(|i| num::f32_of(of(place(i)))).collect())).unwrap()
+    }
+
+    fn bump(place: DVec3, at: f64, width: f64) -> f64 {
+        (-(place - DVec3::splat(at)).length_squared() / (width * width)).exp()
+    }
+
+    #[test]
+    fn both_signs_of_a_map_are_shown() {
+        // Activation above and below zero, of another height and another share of the samples; a wave without a background.
+        let map = made(|p| 3.0 * bump(p, 0.3, 0.25) - 5.0 * bump(p, -0.3, 0.5));
+        let wave = made(|p| (7.0 * p.x).sin() * (5.0 * p.y).cos());
+        for (grid, some) in [(&map, 2.5), (&wave, 0.9)] {
+            let transfer = transfer(grid).unwrap();
+            assert!(crate::scene::auto::diverges(&transfer), "{transfer:?}");
+            let [(warm, above), (cool, below)] = [some, -some].map(|s| transfer.at(s));
+            assert!(above > 0.1 * transfer.max_tau() && above == below, "{above} {below}");
+            assert!(warm.x > warm.z && cool.z > cool.x && transfer.at(0.0).1 == 0.0, "{warm} {cool}");
+            let maximum = crate::scene::auto::maximum(&grid.clone().into()).unwrap();
+            assert_eq!(maximum.domain()[0], 0.0);
+        }
+    }
+
+    #[test]
+    fn values_around_another_background_or_with_an_undershoot_have_one_foreground() {
+        let air =
+            made(|p| -1000.0 + 1040.0 * f64::from(p.length() < 0.8) + 900.0 * f64::from(p.length() < 0.3));
+        let undershoot = made(|p| bump(p, 0.0, 0.3) - 0.04 * bump(p, 0.5, 0.3));
+        let wave = made(|p| 0.4 + (7.0 * p.x).sin() * (5.0 * p.y).cos() * 0.5);
+        for (grid, high) in [(air, 900.0), (undershoot, 0.9), (wave, 0.8)] {
+            let transfer = transfer(&grid).unwrap();
+            assert!(!crate::scene::auto::diverges(&transfer), "{transfer:?}");
+            assert!(transfer.at(high).1 > 0.5 * transfer.max_tau(), "{transfer:?}");
         }
     }
 

@@ -4,8 +4,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::statistics::{
-    BINS, Histogram, RAMP, RAYS, SAMPLES, WARM, hazy, knot, quantile, ramp, ramp_down, span, stride,
-    substantial,
+    BINS, COOL, HALVES, Histogram, RAYS, SAMPLES, WARM, diverging, hazy, knot, quantile, ramp, ramp_down,
+    signs, span, stride, substantial,
 };
 use crate::error::Result;
 use crate::num;
@@ -20,17 +20,6 @@ const BACKGROUND: f64 = 0.1;
 /// If the values on one side of the background have no more than this share of the volume, and those on the
 /// other side more, only the other side is shown.
 const NEGLIGIBLE: f64 = 0.002;
-
-/// Linear colours of values below the background.
-const COOL: [[f64; 3]; RAMP.len()] = [
-    [0.03, 0.08, 0.24],
-    [0.04, 0.12, 0.36],
-    [0.06, 0.23, 0.53],
-    [0.14, 0.40, 0.70],
-    [0.33, 0.62, 0.84],
-    [0.62, 0.86, 0.95],
-    [0.92, 0.98, 1.0],
-];
 
 pub(super) fn transfer(mesh: &Tets) -> Result<TransferFunction> {
     hazy(shape(mesh), |transfer| dense_depth(mesh, transfer))
@@ -48,7 +37,10 @@ fn shape(mesh: &Tets) -> Vec<Knot> {
     let about = peak.saturating_sub(BINS / 64)..=(peak + BINS / 64).min(BINS - 1);
     let size = num::f64_of(histogram.counts[about].iter().sum());
     if size < BACKGROUND * num::f64_of(values.len()) {
-        return ramp(histogram.low, &values, &WARM);
+        return match signs(&values, HALVES) {
+            Some(_) => diverging(&values, 0.0),
+            None => ramp(histogram.low, &values, &WARM),
+        };
     }
     let [foot_below, foot_above] = [false, true].map(|upwards| histogram.foot(peak, upwards));
     let mut below = values[..values.partition_point(|s| *s < foot_below)].to_vec();
@@ -186,6 +178,19 @@ mod tests {
     fn stream(p: DVec3) -> f64 {
         let ball = |x: f64| 1.0 - ((p - DVec3::new(x, 0.0, 0.0)).length() / 0.45).min(1.0);
         7.0 + 5.0 * ball(-0.5) - 2.0 * ball(0.5)
+    }
+
+    #[test]
+    fn displacements_of_both_signs_diverge() {
+        let mesh = Field::Ramp.tets(6).unwrap();
+        let scalars = mesh.points().iter().map(|p| num::f32_of(p.x + 0.3 * p.y)).collect();
+        let mesh =
+            Tets::new(mesh.points().to_vec(), mesh.cells().to_vec(), TetScalars::Point(scalars)).unwrap().0;
+        let transfer = transfer(&mesh).unwrap();
+        assert!(
+            crate::scene::auto::diverges(&transfer) && transfer.at(-0.9).1 > transfer.at(0.0).1,
+            "{transfer:?}"
+        );
     }
 
     #[test]

@@ -3,7 +3,10 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::statistics::{RAYS, SAMPLES, WARM, hazy, knot, quantile, ramp, sorted, span, stride, substantial};
+use super::statistics::{
+    RAYS, SAMPLES, TAILS, WARM, diverging, hazy, knot, quantile, ramp, signs, sorted, span, stride,
+    substantial,
+};
 use crate::error::Result;
 use crate::num;
 use crate::scene::{KernelSize, Kernels, Knot, Model, Points, TransferFunction};
@@ -34,6 +37,9 @@ fn shape(points: &Points) -> Vec<Knot> {
     if values.is_empty() || low >= high {
         let s = if values.is_empty() { points.range()[0] } else { low };
         return vec![knot(s, 1.0, WARM[3])];
+    }
+    if signs(&values, TAILS).is_some() {
+        return diverging(&values, 0.0);
     }
     // Low outliers would use up the colour range.
     let foot = quantile(&values, 0.001);
@@ -258,6 +264,18 @@ mod tests {
             points.centres().iter().enumerate().map(of).sum::<f64>()
         };
         sorted((0..400).map(ray).filter(|depth| *depth > 0.0).collect())
+    }
+
+    #[test]
+    fn charges_of_both_signs_diverge() {
+        let charges =
+            (0..3000_u32).map(|i| if i % 5 == 0 { 2.0 } else { -1.0 } * (0.5 + f32::from(i as u8) / 512.0));
+        let points = scattered(3000, 1.0).with_scalars(charges.collect()).unwrap();
+        let transfer = transfer(&points, &Kernels::of_points()).unwrap();
+        assert!(
+            crate::scene::auto::diverges(&transfer) && transfer.at(-0.9).1 > transfer.at(0.0).1,
+            "{transfer:?}"
+        );
     }
 
     #[test]

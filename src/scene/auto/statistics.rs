@@ -126,6 +126,37 @@ pub(super) const WARM: [[f64; 3]; RAMP.len()] = [
     [1.0, 0.98, 0.92],
 ];
 
+/// Linear colours of values below the background, or below zero.
+pub(super) const COOL: [[f64; 3]; RAMP.len()] = [
+    [0.03, 0.08, 0.24],
+    [0.04, 0.12, 0.36],
+    [0.06, 0.23, 0.53],
+    [0.14, 0.40, 0.70],
+    [0.33, 0.62, 0.84],
+    [0.62, 0.86, 0.95],
+    [0.92, 0.98, 1.0],
+];
+
+/// For [`signs`]: where zero is the background, and where nothing is.
+pub(super) const TAILS: f64 = 0.1;
+pub(super) const HALVES: f64 = 0.3;
+
+/// Returns the magnitude up to which ascending values of both signs reach, if the smaller one is at least `share` of the larger one:
+/// less is an undershoot of values that have one sign.
+pub(super) fn signs(values: &[f64], share: f64) -> Option<f64> {
+    let [least, greatest] = [0.001, 0.999].map(|rank| quantile(values, rank));
+    let both = greatest.min(-least);
+    (both > 0.0 && both >= share * greatest.max(-least)).then_some(both)
+}
+
+/// Returns knots from `foot` upwards and from its negative downwards, at quantiles of the magnitudes above it, so that values of equal
+/// magnitude are equally opaque.
+pub(super) fn diverging(values: &[f64], foot: f64) -> Vec<Knot> {
+    let magnitudes = sorted(values.iter().map(|s| s.abs()).filter(|s| *s > foot).collect());
+    let mirrored = ramp(foot, &magnitudes, &COOL).into_iter().rev().map(|knot| Knot { s: -knot.s, ..knot });
+    mirrored.chain(ramp(foot, &magnitudes, &WARM)).collect()
+}
+
 pub(super) fn knot(s: f64, tau: f64, [r, g, b]: [f64; 3]) -> Knot {
     Knot { s, colour: DVec3::new(r, g, b), tau }
 }

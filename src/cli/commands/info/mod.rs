@@ -57,7 +57,7 @@ impl Args {
         }
         facts.remarks(&settings.report);
         facts.camera(settings.view.camera(), settings.camera_is_automatic);
-        facts.transfer(&scene.transfer);
+        facts.transfer(&scene.transfer, settings.transfer_is_automatic);
         facts.mode(scene.mode);
         let extent @ [width, height] = settings.view.extent();
         facts.put(json!({"image": extent, "background": settings.background}));

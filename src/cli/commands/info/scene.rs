@@ -6,6 +6,7 @@ use serde_json::{Map, Value, json};
 use volraster::glam::DVec3;
 use volraster::scene::{
     Camera, Clip, Kernel, Kernels, Lighting, Mode, Model, Projection, Shading, Surface, TransferFunction,
+    auto,
 };
 
 use super::facts::Facts;
@@ -108,11 +109,15 @@ impl Facts {
     }
 
     /// Adds the transfer function; its text follows all lines.
-    pub(super) fn transfer(&mut self, transfer: &TransferFunction) {
+    pub(super) fn transfer(&mut self, transfer: &TransferFunction, is_automatic: bool) {
         let knots = transfer.knots();
         let knots: Vec<[f64; 5]> =
             knots.iter().map(|k| [k.s, k.colour.x, k.colour.y, k.colour.z, k.tau]).collect();
         self.put(json!({"transfer": knots}));
+        if is_automatic && auto::diverges(transfer) {
+            self.put(json!({"diverging": true}));
+            self.line("signs", "both: colour and extinction diverge around zero (automatic)".to_string());
+        }
         let heading = "value, red, green, blue, extinction";
         self.tail = format!("\n  transfer function of {} knots: {heading}", knots.len());
         let listed: Vec<[String; 5]> = knots.iter().take(LISTED_KNOTS).map(|row| row.map(number)).collect();
